@@ -1,7 +1,9 @@
--- A court with a two-storey arcade: columns, arches, chains with lamps, banners, and plants cut out by masks.
+-- A court with a two-storey arcade: columns, arches, chains with lamps, banners, and plants cut out
+-- by masks.
 --
--- In the place of the Sponza of the first source (5.1): large, deep, lit from above by a `skybox`, a `sun` or only by its
--- `lamps`; seen along the court (`atrium`), from under the arches (`gallery`) or from the upper floor (`balcony`).
+-- Replaces the Sponza of thesis S0 (docs/inside/transport.md, section 5.1): large and deep, lit from above
+-- by a `skybox`, a `sun`, or only by its `lamps`. Views: along the court (`atrium`), from under the
+-- arches (`gallery`), and from the upper floor (`balcony`).
 
 local s = scene { resolution = { 1280, 720 }, max_depth = 8 }
 local light = s:option("light", { "sun", "skybox", "lamps" })
@@ -34,7 +36,7 @@ local cloth = texture.paint { size = { 64, 192 }, color = function(u, v)
   if edge or sun then return clamp(0.86 + thread), clamp(0.66 + thread), clamp(0.26 + thread) end
   return clamp(0.58 + thread), clamp(0.09 + thread), clamp(0.10 + thread)
 end }
--- A leaf is what lies between two arcs; the mask holds a twig with seven of them.
+-- A leaf is the region between two arcs; the mask contains a twig with seven leaves.
 local function leaf_at(u, v)
   if math.abs(u - 0.5) < 0.012 and v < 0.9 then return true end
   for i = 0, 6 do
@@ -72,7 +74,7 @@ s:material("glass", { base_color = { 1, 0.97, 0.9 }, opacity = 0, roughness = 0,
 -- The arcade -----------------------------------------------------------------------------------------------------------
 
 local BAY, STOREY, WALL = 3, 4.5, 0.45
-local BAYS_X, BAYS_Z, DEPTH = 8, 3, 3.2 -- of the court, and how deep the galleries are
+local BAYS_X, BAYS_Z, DEPTH = 8, 3, 3.2 -- bays of the court, and depth of the galleries
 local X, Z = BAYS_X * BAY / 2, BAYS_Z * BAY / 2
 
 local profile = {
@@ -192,7 +194,7 @@ for i = 1, BAYS_X - 1, 2 do
     s:add { name = ("lamp_%d_%+d"):format(i, side), shape = lantern, at = { x + BAY / 2, 3.1, side * (Z + 1.5) } }
   end
 end
--- Over the court a cable carries three.
+-- Three more hang from a cable over the court.
 for i = -1, 1 do
   local x = i * 6
   local cable = {}
@@ -205,7 +207,7 @@ for i = -1, 1 do
   s:add { name = "court_lamp_" .. (i + 2), shape = lantern, scale = 1.8, at = { x, 3.05, 0 } }
 end
 
--- Banners, which hang a little uneven ----------------------------------------------------------------------------------
+-- Banners, slightly uneven -----------------------------------------------------------------------------------------------
 
 local r = random(5)
 for i = 1, BAYS_X - 1 do

@@ -1,7 +1,9 @@
--- A bedroom lit through two windows: wood, cloth, a mirror, and corners that only indirect light reaches.
+-- A bedroom lit through two windows: wood, cloth, a mirror, and corners that only indirect light
+-- reaches.
 --
--- In the place of the bedroom of the first source (5.1). The windows are lamps behind panes; `glass` says whether panes of
--- smooth glass stand before them, through which sampling lights finds nothing.
+-- Replaces the bedroom of thesis S0 (docs/inside/transport.md, section 5.1). The windows are area lights;
+-- `glass` chooses whether panes of smooth glass are in front of them, through which light sampling
+-- finds no light.
 
 local s = scene { resolution = { 1280, 720 }, max_depth = 9 }
 local glass = s:option("glass", { "none", "panes" })
@@ -52,7 +54,8 @@ s:material("vase", { base_color = { 0.16, 0.32, 0.42 }, roughness = 0.2, clearco
 s:material("pane", { base_color = { 1, 1, 1 }, opacity = 0, roughness = 0, ior = 1.5 })
 s:material("daylight", { emission = { 17, 19, 22 }, base_color = { 0, 0, 0 } })
 
--- The room: x from -2.6 to 2.6, z from -2.1 to 2.8, height 2.7; two windows in the wall on the left.
+-- The room: x from -2.6 to 2.6, z from -2.1 to 2.8, height 2.7; two windows in the wall on the
+-- left.
 local W, H, BACK, FRONT = 2.6, 2.7, -2.1, 2.8
 local function box(name, material, at, size, bevel)
   s:add { name = name, shape = shape.box { size = size, bevel = bevel or 0, segments = 3 }, material = material, at = at }
@@ -63,7 +66,7 @@ s:add { name = "ceiling", shape = shape.grid { size = { 2 * W, FRONT - BACK } },
 box("wall_back", "wall", { 0, H / 2, BACK - 0.05 }, { 2 * W, H, 0.1 })
 box("wall_front", "wall", { 0, H / 2, FRONT + 0.05 }, { 2 * W, H, 0.1 })
 box("wall_right", "wall", { W + 0.05, H / 2, middle }, { 0.1, H, FRONT - BACK })
--- The left wall is what two windows leave of it.
+-- The left wall consists of the parts around the two windows.
 local LOW, HIGH, HALF = 0.9, 2.2, 0.55
 local windows = { -0.95, 1.35 }
 box("wall_below", "wall", { -W - 0.1, LOW / 2, middle }, { 0.2, LOW, FRONT - BACK })

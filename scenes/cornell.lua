@@ -1,8 +1,8 @@
--- The Cornell box and its relatives: the same room and lamp, with something else inside.
+-- The Cornell box and variants: the same box and light with different contents.
 --
--- `inside` chooses: the `blocks` that were measured, a mirror and a glass ball (`spheres`), the same two as meshes of
--- triangles (`balls`), a ring of `metal` whose caustic is a curve on the floor, or nothing (`empty`). Geometry, paints
--- and light are those of cornell/cornell.scn.
+-- `inside` chooses the contents: the measured `blocks`, a mirror and a glass sphere (`spheres`),
+-- the same two as triangle meshes (`balls`), a ring of `metal` whose caustic is a curve on the
+-- floor, or nothing (`empty`). Geometry, paints and light are those of cornell/cornell.scn.
 
 local s = scene { resolution = { 512, 512 }, max_depth = 9 }
 local inside = s:option("inside", { "blocks", "spheres", "balls", "metal", "empty" })

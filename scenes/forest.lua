@@ -1,8 +1,10 @@
--- A glade: trees whose leaves are cut out by masks, all copies of three, on a rolling floor with grass.
+-- A glade: trees whose leaves are cut out by masks, all instances of three trees, on rolling ground
+-- with grass.
 --
--- For the forest of the third source (figure 6.8), whose leaves give light back late, and for questions about instances:
--- with `leaves = "chlorophyll"` they do. `trees` says how many: from some hundred on they are kept once for rendering too,
--- and ten thousand take little more memory than one. Every leaf has the material `leaf`, every needle of grass `grass`.
+-- For the forest of thesis S2 (docs/inside/transport.md, figure 6.8), whose leaves return light with a
+-- delay (`leaves = "chlorophyll"`), and for studies of instancing. `trees` is the number of trees:
+-- from some hundred on, the renderer shares their meshes, and ten thousand take little more memory
+-- than one. Every leaf has the material `leaf`, every blade of grass `grass`.
 
 local s = scene { resolution = { 1280, 720 }, max_depth = 8 }
 local count = s:option("trees", 60)
@@ -39,7 +41,7 @@ s:material("bark", { base_color_texture = bark, roughness = 0.95 })
 if leaves == "plain" then
   s:material("leaf", { base_color_texture = leaf, mask_texture = mask, roughness = 0.45, subsurface = 0.5 })
 else
-  -- Green at once, and red light two units of optical length later.
+  -- Green light without delay, red light after two units of optical length.
   s:material("leaf_green", { base_color_texture = leaf, roughness = 0.45, subsurface = 0.5 })
   s:material("leaf_red", { model = "lambert", base_color = { 0.8, 0.04, 0.03 }, delay = "constant", delay_constant = 2 })
   s:material("leaf", { parts = { "leaf_green", "leaf_red" }, weights = { 0.7, 0.3 }, mask_texture = mask })
@@ -47,7 +49,7 @@ end
 s:material("grass", { base_color = { 0.13, 0.25, 0.05 }, roughness = 0.6 })
 s:material("soil", { base_color = { 0.13, 0.09, 0.05 }, roughness = 1 })
 
--- More than 250 trees would stand too close: the wood grows with them.
+-- With more than 250 trees the wood becomes larger, so that they do not stand too close.
 local grown = math.max(1, math.sqrt(count / 250))
 local function ground(x, z) return 0.9 * noise(x * 0.08, z * 0.08, 4, 3) + 0.012 * math.min(x * x + z * z, 3200) * 0.15 end
 s:add {
@@ -56,7 +58,7 @@ s:add {
   material = "soil",
 }
 
--- A trunk that leans and thins, branches that leave it, and twigs of leaves at their ends.
+-- A leaning, tapered trunk, branches, and twigs of leaves at their ends.
 local sprig = shape.grid { size = { 0.5, 0.5 } }
 local function tree(seed)
   local r, parts, crown = random(seed), {}, {}
@@ -105,7 +107,7 @@ local r = random(11)
 local placed = 0
 for _, at in ipairs(scatter { size = { 44 * grown, 44 * grown }, count = 4 * count, seed = 2 }) do
   local x, z = at[1], at[3]
-  -- The glade is empty, and so is the way to the camera.
+  -- The glade and the line of sight to the camera stay empty.
   local clear = (x / 4.5) ^ 2 + ((z - 1) / 5) ^ 2 < 1 or (math.abs(x) < 2.2 and z > 0)
   if not clear and placed < count then
     placed = placed + 1
@@ -119,7 +121,7 @@ for _, at in ipairs(scatter { size = { 44 * grown, 44 * grown }, count = 4 * cou
   end
 end
 
--- Tufts of grass: one, many times.
+-- Tufts of grass: instances of one tuft.
 local blades = {}
 for _ = 1, 18 do
   local a, bend, high, x, z = r:between(0, 6.28), r:between(0.05, 0.2), r:between(0.12, 0.34), r:between(-0.1, 0.1), r:between(-0.1, 0.1)

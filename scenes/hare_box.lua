@@ -1,10 +1,13 @@
--- A white box with a hare in it, for light with a finite speed: after the scene of the third source's chapter 6.
+-- A white box with a hare, for transient rendering: after the scene of chapter 6 of thesis S2
+-- (docs/inside/transport.md).
 --
--- The box is two units wide, so that a flash of its lamp is seen after 2 to 3 units of optical length and has crossed
--- the room some units later. The hare has the material `hare`. Option `hare`: `plain`; `patches`, whose delay is a
--- pattern of black (0) and white (1), which a script gives a profile by `set`; `chlorophyll`, green at once and red later;
--- `complex`, blue and yellow, each delayed by the pattern (figure 6.7). Option `bunny`: a mesh to use in place of the hare,
--- such as the Stanford bunny, relative to this folder. For figures, the view `front`; `hare` is nearer.
+-- The box is two units wide, so that a flash of its light reaches the camera after 2 to 3 units of
+-- optical length and has crossed the box some units later. The hare has the material `hare`. Option
+-- `hare`: `plain`; `patches`, whose delay is a pattern of black (0) and white (1), to which a
+-- script adds a profile by `set`; `chlorophyll`, green without delay and red later; `complex`, blue
+-- and yellow, each delayed by the pattern (figure 6.7). Option `bunny`: a mesh that replaces the
+-- hare, such as the Stanford bunny, relative to this folder. View `front` is for figures; `hare` is
+-- closer.
 
 local s = scene { resolution = { 256, 256 }, max_depth = 6 }
 local kind = s:option("hare", { "plain", "patches", "chlorophyll", "complex" })
@@ -41,7 +44,7 @@ elseif kind == "chlorophyll" then
   s:material("hare_red", { model = "lambert", base_color = { 0.85, 0.06, 0.06 }, delay = "constant", delay_constant = 1 })
   s:material("hare", { parts = { "hare_green", "hare_red" }, weights = { 0.5, 0.5 } })
 else
-  -- Where the pattern is black: blue at once, yellow after 1; where it is white, the same 2 later.
+  -- Black parts of the pattern: blue without delay, yellow after 1; white parts: the same, 2 later.
   local late = { model = "lambert", delay = "constant", delay_constant = 2, delay_constant_texture = patches }
   late.base_color = { 0.1, 0.2, 0.85 }
   s:material("hare_blue", late)
@@ -51,7 +54,7 @@ else
 end
 
 if bunny ~= "" then
-  -- The Stanford bunny comes without texture coordinates.
+  -- The Stanford bunny has no texture coordinates.
   s:import(bunny, { material = "hare", project = "plane", place = { scale = 7, at = { 0.12, -1.23, 0.05 } } })
   return s
 end

@@ -1,8 +1,9 @@
--- A tray of little vases, every one a copy of one mesh: what copies cost.
+-- A tray of small vases, all instances of one mesh: the cost of instancing.
 --
--- `count` says how many (a square number is a full tray). The mesh is kept once whatever the count: in the description
--- always, and when it is rendered from some two thousand copies on, where each is a place in a hierarchy of two levels.
--- `accel = { instances = "always" }` or `"never"` in a render table compares the two at any count.
+-- `count` is the number of vases (a square number is a full tray). The description stores the mesh
+-- once, whatever the count. The renderer shares it from about two thousand vases on, in a two-level
+-- acceleration structure. `accel = { instances = "always" }` or `"never"` in a render table
+-- compares both at any count.
 
 local s = scene { resolution = { 960, 540 }, max_depth = 5 }
 local count = s:option("count", 400)

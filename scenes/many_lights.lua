@@ -1,7 +1,8 @@
--- A wall of small lamps over a row of balls: how choosing one light among many is paid.
+-- A wall of small lamps over a row of balls: the cost of sampling one light among many.
 --
--- `lights` says how many lamps there are, from ten to ten thousand. Together they always have the same power, so that
--- pictures stay alike while the choice gets harder; `kind` makes them spheres with a surface, or points.
+-- `lights` is the number of lamps, from ten to ten thousand. Their total power is constant, so that
+-- the picture stays similar while light sampling becomes harder; `kind` makes them spheres with a
+-- surface, or points.
 
 local s = scene { resolution = { 960, 540 }, max_depth = 4 }
 local count = s:option("lights", 1000)
@@ -22,7 +23,7 @@ for i, material in ipairs { "matte", "china", "gold" } do
   s:add { name = material, shape = shape.sphere { radius = 1.1 }, material = material, at = { 2.9 * (i - 2), 1.1, 0 } }
 end
 
--- Lamps in every colour, a third of them in front of the wall, the others above the camera.
+-- Lamps of random colours, a third of them in front of the wall, the others above the camera.
 local r = random(3)
 local radius = math.min(0.09, 1.2 / math.sqrt(count))
 local radiance = 480 / (count * math.pi * radius * radius * 4)

@@ -1,8 +1,8 @@
--- One object on a base in one light: what a material does.
+-- One object on a pedestal under fixed lights: the appearance of a material.
 --
--- `shape` chooses the object: a `ball`, a `knot` whose curvature changes everywhere, or a `cube` with round edges. Its
--- material is called `ball`, whatever it is; scripts set its parameters. Room and lamps are those of
--- material_ball/material_ball.scn.
+-- `shape` chooses the object: a `ball`, a `knot` of varying curvature, or a `cube` with rounded
+-- edges. Its material is always named `ball`; scripts set its parameters. Studio and lights are
+-- those of material_ball/material_ball.scn.
 
 local s = scene { resolution = { 256, 256 }, max_depth = 8 }
 local kind = s:option("shape", { "ball", "knot", "cube" })

@@ -1,9 +1,11 @@
--- One mesh under an even sky: for questions about how rays find what they hit.
+-- One mesh under a uniform sky, to compare acceleration structures.
 --
--- `model` chooses between the three of the second source's comparison of hierarchies. They are not part of this project:
--- `folder` names where suzanne.obj, stanford-bunny.obj and stanford-dragon-res2.ply are, as seen from this file or in
--- full. Without it each is a knot of about as many triangles (a thousand, seventy thousand, two hundred thousand).
--- `floor` puts it on a floor, whose large box a split by plane does not get over.
+-- `model` chooses one of the three models in the comparison of hierarchies of thesis S1
+-- (docs/inside/transport.md). They are not part of this project: `folder` is the folder of suzanne.obj,
+-- stanford-bunny.obj and stanford-dragon-res2.ply, relative to this file or absolute. Without it,
+-- each is replaced by a knot with about as many triangles (a thousand, seventy thousand, two
+-- hundred thousand). `floor` adds a floor, whose large bounding box is a hard case for splits by
+-- plane.
 
 local s = scene { resolution = { 512, 384 }, max_depth = 5 }
 local model = s:option("model", { "suzanne", "bunny", "dragon" })
@@ -17,7 +19,7 @@ s:material("floor", { base_color = { 0.4, 0.4, 0.42 }, roughness = 0.9 })
 if floor then s:add { name = "floor", shape = shape.grid { size = { 8, 8 } }, material = "floor" } end
 s:environment { color = { 1, 1, 1 } }
 
--- File, the middle of its foot, its height, and the cells of the knot that stands for it.
+-- File, centre of its base, its height, and the cells of the knot that replaces it.
 local known = {
   suzanne = { "suzanne.obj", { -2.494, 0.2673, 4.104 }, 1.9688, { 44, 11 } },
   bunny = { "stanford-bunny.obj", { -0.0168, 0.033, -0.0015 }, 0.1543, { 434, 80 } },

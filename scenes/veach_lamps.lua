@@ -1,7 +1,8 @@
--- A room lit by two lamps that hide their light: one shines up under the ceiling, one down on a table with a glass egg.
+-- A room lit by two enclosed lamps: one lights the ceiling, the other a table with a glass egg.
 --
--- After the scene of Veach 1997 that the first source takes up: nearly all light is indirect, and that through the egg is
--- a caustic. Meshes and lights are those of veach_lamps/veach_lamps.scn; `egg` says what the egg is made of.
+-- After the scene of Veach 1997, which thesis S0 (docs/inside/transport.md) uses as well: nearly all light
+-- is indirect, and light through the egg forms a caustic. Meshes and lights are those of
+-- veach_lamps/veach_lamps.scn; `egg` chooses the material of the egg.
 
 local s = scene { resolution = { 1280, 720 }, max_depth = 9 }
 local egg = s:option("egg", { "glass", "frosted", "steel", "clay" })

@@ -1,8 +1,9 @@
--- Plates of growing roughness under lamps of growing size: which strategy finds which highlight.
+-- Plates of increasing roughness under lights of increasing size: which strategy finds which
+-- highlight.
 --
--- After figure 9.2 of Veach 1997. Small lamps are found by sampling lamps, sharp highlights by sampling the BSDF, and
--- in between neither does well alone: what multiple importance sampling is for. The lamps have the same power, so that a
--- small one is a bright one.
+-- After figure 9.2 of Veach 1997. Light sampling works for small lights, BSDF sampling for sharp
+-- highlights, and neither alone works well between these cases, which multiple importance sampling
+-- covers. The lights have equal power, so that a small one is bright.
 
 local s = scene { resolution = { 768, 512 }, max_depth = 5 }
 
@@ -13,7 +14,7 @@ s:material("wall", { base_color = { 0.4, 0.4, 0.4 }, model = "lambert" })
 s:add { name = "floor", shape = shape.grid { size = { 80, 60 } }, material = "wall", at = { 0, -4.5, 0 } }
 s:add { name = "back", shape = shape.grid { size = { 80, 60 } }, material = "wall", at = { 0, 0, -3 }, rotate = { 90, 0, 0 } }
 
--- Each plate leans so that the middle of it mirrors the lamps into the camera.
+-- Each plate is tilted so that its centre reflects the lights into the camera.
 local plates = { { 0.07, -4.0, 3.7 }, { 0.14, -3.45, 2.4 }, { 0.22, -2.8, 1.4 }, { 0.32, -1.9, 0.4 } }
 local lamps_at, eye = { 0, 0, 0 }, { 0, 2, 15 }
 for i, plate in ipairs(plates) do
@@ -36,7 +37,7 @@ for i, plate in ipairs(plates) do
   }
 end
 
--- Four lamps of the same power: radiance falls with the area.
+-- Four lights of the same power: radiance is inversely proportional to the area.
 local tints = { { 1, 0.55, 0.4 }, { 1, 0.85, 0.45 }, { 0.55, 1, 0.6 }, { 0.5, 0.7, 1 } }
 for i, radius in ipairs { 0.033, 0.1, 0.3, 0.9 } do
   local radiance = 3 / (radius * radius)
@@ -50,7 +51,7 @@ for i, radius in ipairs { 0.033, 0.1, 0.3, 0.9 } do
   }
 end
 
--- A weak light from above, so that the plates are seen at all.
+-- A weak light from above makes the plates visible.
 s:material("above", { emission = { 6, 6, 6 }, base_color = { 0, 0, 0 } })
 s:add { name = "above", shape = shape.sphere { radius = 0.5 }, material = "above", at = { 0, 10, 6 } }
 

@@ -2,7 +2,7 @@
 --
 --     lumbre run scripts/antialiasing.lua
 --
--- After section 4.4.2 of the first source and its figure 4.7, which compares a picture without antialiasing with one
+-- After section 4.4.2 of thesis S0 (docs/bibliography.md) and its figure 4.7, which compares a picture without antialiasing with one
 -- whose rays are jittered by a Gaussian. Here are all filters, on a chart made for them: a star whose spokes become finer
 -- than the pixels, bars that do, and a square with slanted edges.
 --

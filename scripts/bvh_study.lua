@@ -3,12 +3,12 @@
 --     lumbre run scripts/bvh_study.lua                          meshes of this project
 --     lumbre run scripts/bvh_study.lua folder=/path/to/models   Suzanne, the Stanford bunny and the Stanford dragon
 --
--- After sections 4.2 and 5.1 of the second source, which compares testing every triangle with its hierarchy on these three
+-- After sections 4.2 and 5.1 of thesis S1 (docs/bibliography.md), which compares testing every triangle with its hierarchy on these three
 -- models, cuts boxes by a plane or by the surface area heuristic over bins, and chooses 14 bins where more gain nothing.
 -- `none`, `plane` and `sah` are its ways, `ploc` is what Lumbre uses otherwise and `cwbvh` the same builder's own
 -- traversal. All but the first and the last are traversed by the same code.
 --
--- Pictures have the same bits whoever builds, so only times differ: give it a quiet machine. `--backend vulkan-compute` builds
+-- Every builder gives the same bits, so only times differ: run it on an idle machine. `--backend vulkan-compute` builds
 -- the same trees for a device. Tables and figures:
 --
 --     rates     million paths per second; `none` and `sah` are the columns of the source's table of 5.1.1

@@ -3,7 +3,7 @@
 --     lumbre run scripts/chlorophyll.lua
 --     lumbre run scripts/chlorophyll.lua model=/path/to/stanford-bunny.obj   another mesh in place of the hare
 --
--- Figure 6.6 of the third source. The material is composed of two: { "hare_green", "hare_red" } with weights that are an
+-- Figure 6.6 of thesis S2 (docs/bibliography.md). The material is composed of two: { "hare_green", "hare_red" } with weights that are an
 -- axis here. A path sees one part of it at every vertex, with its weight as probability.
 
 local x = experiment("chlorophyll", { seed = 2 })

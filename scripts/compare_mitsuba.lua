@@ -1,4 +1,4 @@
--- The same picture by Lumbre's three techniques and by Mitsuba 3: section 5.4 of the first source in one script.
+-- The same picture by Lumbre's three techniques and by Mitsuba 3: section 5.4 of thesis S0 (docs/bibliography.md) in one script.
 --
 --     lumbre run scripts/compare_mitsuba.lua                              as the source did: 50 minutes each, five hours
 --     lumbre run scripts/compare_mitsuba.lua quick=true                   small and noisy, less than a minute

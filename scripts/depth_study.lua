@@ -2,7 +2,7 @@
 --
 --     lumbre run scripts/depth_study.lua
 --
--- After the depth study of the first source, its figures 5.6 and 5.7: the lamps of Veach with a limit of 5, 7 and 10
+-- After the depth study of thesis S0 (docs/bibliography.md), its figures 5.6 and 5.7: the lamps of Veach with a limit of 5, 7 and 10
 -- edges. There, longer paths were seen to brighten the picture and to let walls colour one another. Here the layer
 -- "depth" shows by how much: it keeps the light of each path length apart, and films/depths.png shows them in one row,
 -- brightened as their labels say. The lamps hide their bulbs in shades: one edge brings nothing, two a patch of ceiling and the lit

@@ -42,8 +42,8 @@ end)
 x:reference { stop = stop.samples(1024) }
 
 -- What is measured, at least every quarter of a second of rendering. Each key is a column and holds a metric.
--- RMSE and relMSE compare radiance itself; SSIM compares pictures as they are seen, so it is told how radiance
--- becomes something to see.
+-- RMSE and relMSE compare radiance itself; SSIM compares pictures as they are seen, so it needs a tone map
+-- that converts radiance to pixel values.
 local display = tonemap.srgb { exposure = 0 }
 x:measure {
   every = "0.25s",

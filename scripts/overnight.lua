@@ -4,7 +4,7 @@
 --     lumbre run scripts/overnight.lua quick=true        the same study in two minutes: small, noisy, and complete
 --     lumbre report out/latest                           its figures, tables and page, at any time
 --
--- The protocol is that of the first source, section 5, line by line:
+-- The protocol is that of thesis S0 (docs/bibliography.md), section 5, line by line:
 --
 --   5.1.2  1280x720, five path edges, the Disney model; every reference by its own technique in 50 minutes, since
 --          techniques need not make quite the same picture

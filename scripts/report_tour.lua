@@ -1,4 +1,4 @@
--- A small night with everything that `lumbre report` draws; docs/report.md shows what comes of it.
+-- A small night with everything that `lumbre report` draws; docs/reference/report.md shows what comes of it.
 --
 --     lumbre run scripts/report_tour.lua
 --     lumbre report out/latest

@@ -1,4 +1,4 @@
--- A picture of every scene of this project, as docs/scenes.md shows them.
+-- A picture of every scene of this project, as docs/gallery.md shows them.
 --
 --     lumbre run scripts/scenes.lua
 --

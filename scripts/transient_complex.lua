@@ -3,7 +3,7 @@
 --     lumbre run scripts/transient_complex.lua
 --     lumbre run scripts/transient_complex.lua model=/path/to/stanford-bunny.obj   another mesh in place of the hare
 --
--- Figure 6.7 of the third source: a composed material whose parts both take their delay from a texture.
+-- Figure 6.7 of thesis S2 (docs/bibliography.md): a composed material whose parts both take their delay from a texture.
 
 local x = experiment("transient_complex", { seed = 2 })
 

@@ -3,7 +3,7 @@
 --     lumbre run scripts/transient_constant.lua
 --     lumbre run scripts/transient_constant.lua model=/path/to/stanford-bunny.obj   another mesh in place of the hare
 --
--- Figure 6.2 of the third source. The walls are lit alike in all three; with c = 2 the hare is dark while they shine, and
+-- Figure 6.2 of thesis S2 (docs/bibliography.md). The walls are lit alike in all three; with c = 2 the hare is dark while they shine, and
 -- shows at an optical length of 2 + t what it shows at t without a delay. The still pictures are the same.
 --
 -- A film with a time axis leaves its bins under films/ in the run's folder: time-cube.npy for programs, and for people

@@ -3,7 +3,7 @@
 --     lumbre run scripts/transient_cost.lua
 --     lumbre run scripts/transient_cost.lua model=/path/to/stanford-bunny.obj   another mesh in place of the hare
 --
--- Figure 6.9 of the third source. `film` compares the picture alone with a film of 300 bins; `separable` and `composed` are
+-- Figure 6.9 of thesis S2 (docs/bibliography.md). `film` compares the picture alone with a film of 300 bins; `separable` and `composed` are
 -- films of the same bins with a hare that gives light back late. The curves should lie close to one another.
 
 local x = experiment("transient_cost", { seed = 2, repeats = 3 })

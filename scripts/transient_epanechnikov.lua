@@ -3,7 +3,7 @@
 --     lumbre run scripts/transient_epanechnikov.lua
 --     lumbre run scripts/transient_epanechnikov.lua model=/path/to/stanford-bunny.obj   another mesh in place of the hare
 --
--- Figure 6.4 of the third source: (0.5, 0.1) is nearly a constant delay, (0.5, 0.5) spreads it, (0.1, 0.1) is nearly none.
+-- Figure 6.4 of thesis S2 (docs/bibliography.md): (0.5, 0.1) is nearly a constant delay, (0.5, 0.5) spreads it, (0.1, 0.1) is nearly none.
 -- Its density is 3 / (4 sigma) (1 - ((x - mu) / sigma)^2); the source leaves out the sigma under the line.
 
 local x = experiment("transient_epanechnikov", { seed = 2 })

@@ -3,7 +3,7 @@
 --     lumbre run scripts/transient_exponential.lua
 --     lumbre run scripts/transient_exponential.lua model=/path/to/stanford-bunny.obj   another mesh in place of the hare
 --
--- Figure 6.3 of the third source: a high rate gives nearly all light back soon, a low one spreads it over the time after.
+-- Figure 6.3 of thesis S2 (docs/bibliography.md): a high rate gives nearly all light back soon, a low one spreads it over the time after.
 
 local x = experiment("transient_exponential", { seed = 2 })
 

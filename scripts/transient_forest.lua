@@ -2,7 +2,7 @@
 --
 --     lumbre run scripts/transient_forest.lua
 --
--- Figure 6.8 of the third source, with the forest of this project. The leaves of the scene become composed: the green leaf
+-- Figure 6.8 of thesis S2 (docs/bibliography.md), with the forest of this project. The leaves of the scene become composed: the green leaf
 -- as it is, and a red one that gives light back late. Grass, bark and soil stay as they are.
 
 local x = experiment("transient_forest", { seed = 2 })

@@ -3,7 +3,7 @@
 --     lumbre run scripts/transient_texture.lua
 --     lumbre run scripts/transient_texture.lua model=/path/to/stanford-bunny.obj   another mesh in place of the hare
 --
--- Figure 6.5 of the third source. In the still picture there are no patches: only time tells them apart.
+-- Figure 6.5 of thesis S2 (docs/bibliography.md). In the still picture there are no patches: only time tells them apart.
 
 local x = experiment("transient_texture", { seed = 2 })
 

@@ -2,7 +2,7 @@
 --
 --     lumbre run scripts/veach_pyramid.lua
 --
--- After figure 10.3 of Veach's thesis [1997] and figure 4.13 of the first source. A path of k edges from camera to light
+-- After figure 10.3 of Veach's thesis [1997] and figure 4.13 of thesis S0 (docs/bibliography.md). A path of k edges from camera to light
 -- can be found in k + 1 ways: by s vertices from the light and t = k + 1 - s from the camera. The layer "strategies"
 -- keeps a film for each way, twice. Raw is what the way alone would say: where it could find all light of its length, the
 -- films of a row agree in brightness and differ in noise alone. Weighted is its share in the picture, in which the row

@@ -1,4 +1,4 @@
-//! The `lumbre` program; everything is in the library.
+//! Entry point of the `lumbre` program. All code is in the library.
 
 fn main() -> std::process::ExitCode {
     lumbre::cli::main()

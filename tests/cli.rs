@@ -1,5 +1,10 @@
-//! The program end to end, mostly on the mock backend: what is printed, what is written, and how it exits.
-#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "helpers of tests may fail and talk as tests do")]
+//! The program end to end, mostly on the mock backend: what it prints, what it writes, and its exit
+//! status.
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "helpers of tests may fail and talk as tests do"
+)]
 
 mod common;
 
@@ -17,6 +22,8 @@ mod kill;
 mod nights;
 #[path = "cli/reading.rs"]
 mod reading;
+#[path = "cli/recipes.rs"]
+mod recipes;
 #[cfg(unix)]
 #[path = "cli/references.rs"]
 mod references;

@@ -1,25 +1,33 @@
-//! Nights of many workers: frozen plans, processes with skewed clocks on one folder, and a real Slurm where there is one.
+//! Nights of many workers: plan snapshots, processes with skewed clocks on one folder, and a real
+//! Slurm where there is one.
 #![cfg(unix)]
-#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "helpers of tests may fail and talk as tests do")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "helpers of tests may fail and talk as tests do"
+)]
 
 mod common;
 
-#[path = "cluster/frozen.rs"]
-mod frozen;
+#[path = "cluster/disk_full.rs"]
+mod disk_full;
 #[path = "cluster/night.rs"]
 mod night;
-#[path = "cluster/parts.rs"]
-mod parts;
+#[path = "cluster/plan_snapshot.rs"]
+mod plan_snapshot;
 #[path = "cluster/planner.rs"]
 mod planner;
 #[path = "cluster/queue.rs"]
 mod queue;
+#[path = "cluster/shards.rs"]
+mod shards;
 #[path = "cluster/slurm.rs"]
 mod slurm;
-#[path = "cluster/space.rs"]
-mod space;
 #[path = "cluster/workers.rs"]
 mod workers;
-#[allow(dead_code, reason = "the other binary that runs the program uses more of it")]
+#[allow(
+    dead_code,
+    reason = "the other binary that runs the program uses more of it"
+)]
 #[path = "cli/workplace.rs"]
 mod workplace;

@@ -1,6 +1,6 @@
-//! Tests that need a Vulkan device; a software driver is enough. Without one each prints `SKIPPED` with the reason and
-//! passes, unless the variable `REQUIRE_DEVICE` is `1`. Any message of the validation layer fails the test after which it
-//! is found.
+//! Tests that need a Vulkan device; a software driver is enough. Without one each test prints
+//! `SKIPPED` with the reason and passes, unless the variable `REQUIRE_DEVICE` is `1`. Any message
+//! of the validation layer fails the test after which it is found.
 #![cfg(feature = "vulkan")]
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
@@ -10,12 +10,12 @@ mod common;
 mod device {
     mod accel;
     mod ahead;
-    mod copies;
     mod corners;
     mod devices;
     mod faults;
     pub mod harness;
     mod images;
+    mod instances;
     mod night;
     mod parity;
     mod paths;

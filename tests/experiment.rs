@@ -1,7 +1,10 @@
-//! The experiment room through its public face: plans of sweeps, identities of runs, and whole nights on the mock
-//! backend's fake clock.
+//! The experiment module through its public interface: plans of sweeps, run ids, and whole nights
+//! on the fake clock of the mock backend.
 
-#![allow(clippy::unwrap_used, reason = "the helpers of a test may panic like the test itself")]
+#![allow(
+    clippy::unwrap_used,
+    reason = "the helpers of a test may panic like the test itself"
+)]
 
 #[path = "experiment/errors.rs"]
 mod errors;
@@ -13,8 +16,6 @@ mod fixtures;
 mod identity;
 #[path = "experiment/intervention.rs"]
 mod intervention;
-#[path = "experiment/lanes.rs"]
-mod lanes;
 #[path = "experiment/listeners.rs"]
 mod listeners;
 #[path = "experiment/lost.rs"]
@@ -27,3 +28,5 @@ mod references;
 mod survival;
 #[path = "experiment/sweep.rs"]
 mod sweep;
+#[path = "experiment/vectorised.rs"]
+mod vectorised;

@@ -1,4 +1,5 @@
-//! Laws of the code base: who may import whom, how large a file may be, what every table row owes its reader.
+//! Laws of the code base: imports between modules, sizes of files, and the documentation that every
+//! table row needs.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 #[cfg(feature = "vulkan")]
@@ -16,9 +17,16 @@ mod formats;
 mod imports;
 #[path = "laws/lanes.rs"]
 mod lanes;
+#[path = "laws/reference.rs"]
+mod reference;
+#[cfg(feature = "vulkan")]
+#[path = "laws/shaders.rs"]
+mod shaders;
 #[path = "laws/source.rs"]
 mod source;
 #[path = "laws/tables.rs"]
 mod tables;
 #[path = "laws/twins.rs"]
 mod twins;
+#[path = "laws/words.rs"]
+mod words;

@@ -1,4 +1,4 @@
-//! Metrics against scikit-image, and the laws that every row of the table obeys.
+//! Metrics compared with scikit-image, and the laws of every table row.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests may fail like tests")]
 

@@ -1,6 +1,11 @@
-//! What the CPU backend renders, against analytic truth, brute force and images made by others.
+//! Renders of the CPU backend, compared with analytic truth, brute force and images by other
+//! programs.
 
-#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "helpers of tests may fail and talk as tests do")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "helpers of tests may fail and talk as tests do"
+)]
 
 mod common;
 
@@ -32,14 +37,16 @@ mod bsdf_symmetry;
 mod builders;
 #[path = "render/camera.rs"]
 mod camera;
-#[path = "render/copies.rs"]
-mod copies;
 #[path = "render/determinism.rs"]
 mod determinism;
 #[path = "render/film.rs"]
 mod film;
 #[path = "render/furnace.rs"]
 mod furnace;
+#[path = "render/instances.rs"]
+mod instances;
+#[path = "render/instances_compile.rs"]
+mod instances_compile;
 #[path = "render/instructions.rs"]
 mod instructions;
 #[path = "render/intersection.rs"]
@@ -50,6 +57,8 @@ mod layers;
 mod lights;
 #[path = "render/lights_density.rs"]
 mod lights_density;
+#[path = "render/lights_emission.rs"]
+mod lights_emission;
 #[path = "render/lights_truth.rs"]
 mod lights_truth;
 #[path = "render/oracle.rs"]
@@ -58,7 +67,11 @@ mod oracle;
 mod references;
 #[path = "render/sampling.rs"]
 mod sampling;
-#[path = "render/streams.rs"]
-mod streams;
 #[path = "render/surface.rs"]
 mod surface;
+#[path = "render/surface_bumps.rs"]
+mod surface_bumps;
+#[path = "render/wavefront.rs"]
+mod wavefront;
+#[path = "render/wavefront_fixtures.rs"]
+mod wavefront_fixtures;

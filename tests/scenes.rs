@@ -1,6 +1,11 @@
-//! Scenes from file to compiled arrays: the files of others, the built-in ones, damaged ones, and edits.
+//! Scenes from file to compiled arrays: third-party files, the built-in scenes, damaged files, and
+//! edits.
 
-#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "helpers of tests may fail and talk as tests do")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "helpers of tests may fail and talk as tests do"
+)]
 
 mod common;
 
@@ -18,6 +23,8 @@ mod folder;
 mod gltf;
 #[path = "scenes/hostile.rs"]
 mod hostile;
+#[path = "scenes/hostile_cases.rs"]
+mod hostile_cases;
 #[path = "scenes/lights.rs"]
 mod lights;
 #[path = "scenes/meter.rs"]
@@ -51,7 +58,9 @@ struct Folder(tempfile::TempDir);
 impl Folder {
     fn new<B: AsRef<[u8]>>(files: &[(&str, B)]) -> Folder {
         let folder = Folder(tempfile::tempdir().unwrap());
-        files.iter().for_each(|(name, bytes)| folder.write(name, bytes));
+        files
+            .iter()
+            .for_each(|(name, bytes)| folder.write(name, bytes));
         folder
     }
 
@@ -70,20 +79,25 @@ impl Folder {
     }
 }
 
-/// Loads a scene whose whole text is given.
+/// Loads a scene from its text.
 fn scn(text: &str) -> Result<(SceneDesc, Vec<Note>), SceneError> {
     Folder::new(&[("a.scn", text)]).load("a.scn")
 }
 
 fn lines(notes: &[Note]) -> String {
-    notes.iter().map(|n| format!("{}: {}\n", n.place, n.message)).collect()
+    notes
+        .iter()
+        .map(|n| format!("{}: {}\n", n.place, n.message))
+        .collect()
 }
 
-/// A file or folder of the built-in scenes.
+/// Returns the path of a file or folder of the built-in scenes.
 fn builtin_path(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name)
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("scenes")
+        .join(name)
 }
 
-/// What a thread takes is known, for limits on memory.
+/// Counts the memory of each thread, for limits.
 #[global_allocator]
 static METER: meter::Meter = meter::Meter;

@@ -1,9 +1,17 @@
-//! Scripts: from the file to a `Spec`, and through their functions while the plan is made.
+//! Scripts: from the file to an `ExperimentSpec`, and through their functions while the plan is
+//! made.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests; a failure is the test's")]
+#![allow(
+    clippy::unwrap_used,
+    reason = "helpers of tests; a failure is the test's"
+)]
 
 #[path = "script/errors.rs"]
 mod errors;
+#[path = "script/errors_lua.rs"]
+mod errors_lua;
+#[path = "script/errors_results.rs"]
+mod errors_results;
 #[path = "script/hooks.rs"]
 mod hooks;
 #[path = "script/readme.rs"]
@@ -21,7 +29,7 @@ use std::path::PathBuf;
 
 use lumbre::script::{Limits, Script, ScriptError, load_with};
 
-/// A script that is right, nine lines long; tests change one of them.
+/// A correct script of nine lines; tests change one of them.
 const GOOD: &str = "\
 local x = experiment(\"t\", { seed = 1, repeats = 2 })
 x:axis(\"depth\", { 2, 5 })
@@ -34,8 +42,12 @@ x:stop(stop.samples(16))
 return x
 ";
 
-/// The default, but for a shorter time for functions, so that the test of it is quick.
-const LIMITS: Limits = Limits { load_s: 10.0, hook_s: 1.0, memory: 256 << 20 };
+/// The default limits, but with less time for functions, so that their test is quick.
+const LIMITS: Limits = Limits {
+    load_s: 10.0,
+    hook_s: 1.0,
+    memory: 256 << 20,
+};
 
 /// A temporary folder with a script `t.lua` and an empty scene `s.scn`.
 struct Folder(tempfile::TempDir);
@@ -67,8 +79,12 @@ impl Folder {
     }
 }
 
-/// The good script with one piece replaced, which must be there exactly once.
+/// Returns the good script with one piece replaced, which must occur exactly once.
 fn edited(from: &str, to: &str) -> String {
-    assert_eq!(GOOD.matches(from).count(), 1, "`{from}` stands once in the good script");
+    assert_eq!(
+        GOOD.matches(from).count(),
+        1,
+        "`{from}` stands once in the good script"
+    );
     GOOD.replace(from, to)
 }

@@ -1,8 +1,8 @@
-//! The dashboard in a real terminal, from outside: tmux holds the terminal, types, and tells what is on the screen.
-//! Skipped, and said so, where there is no tmux.
+//! The dashboard in a real terminal, from outside: tmux holds the terminal, types, and reports the
+//! screen. Skipped with a message if there is no tmux.
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-#![allow(clippy::print_stdout, reason = "what is skipped is said")]
+#![allow(clippy::print_stdout, reason = "skipped tests are reported")]
 
 #[path = "cli/workplace.rs"]
 #[allow(dead_code, reason = "every test binary uses its own part of this")]
@@ -13,30 +13,52 @@ use std::time::{Duration, Instant};
 
 use workplace::{SLOW, Workplace};
 
-/// Longest that a screen is waited for before the test gives up; nothing is expected to come near.
+/// Longest wait for a screen before the test fails; no wait is expected to come near it.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// A tmux server of its own with one terminal, ended with it.
+/// A tmux server with one terminal; killed on drop.
 struct Terminal {
     server: String,
 }
 
 impl Terminal {
-    /// Runs `lumbre` with these arguments in a terminal of this size, and after it a shell line that tells how it ended.
+    /// Runs `lumbre` with these arguments in a terminal of this size, and then a shell line that
+    /// prints its exit status.
     fn start(place: &Workplace, name: &str, size: (u16, u16), args: &str) -> Option<Terminal> {
         if Command::new("tmux").arg("-V").output().is_err() {
             println!("SKIPPED: there is no tmux");
             return None;
         }
-        let terminal = Terminal { server: format!("lumbre-test-{name}-{}", std::process::id()) };
+        let terminal = Terminal {
+            server: format!("lumbre-test-{name}-{}", std::process::id()),
+        };
         let program = env!("CARGO_BIN_EXE_lumbre");
         let line = format!("'{program}' {args}; echo ended with $?; sleep 600");
         let (width, height) = (size.0.to_string(), size.1.to_string());
         let folder = place.path(".");
         let started = Command::new("tmux")
-            .args(["-L", &terminal.server, "-f", "/dev/null", "new-session", "-d", "-x", &width, "-y", &height, "-c"])
+            .args([
+                "-L",
+                &terminal.server,
+                "-f",
+                "/dev/null",
+                "new-session",
+                "-d",
+                "-x",
+                &width,
+                "-y",
+                &height,
+                "-c",
+            ])
             .arg(&folder)
-            .args(["env", "LC_ALL=C.UTF-8", "COLORTERM=truecolor", "sh", "-c", &line])
+            .args([
+                "env",
+                "LC_ALL=C.UTF-8",
+                "COLORTERM=truecolor",
+                "sh",
+                "-c",
+                &line,
+            ])
             .status()
             .unwrap();
         assert!(started.success());
@@ -44,7 +66,11 @@ impl Terminal {
     }
 
     fn tmux(&self, args: &[&str]) -> String {
-        let output = Command::new("tmux").args(["-L", &self.server]).args(args).output().unwrap();
+        let output = Command::new("tmux")
+            .args(["-L", &self.server])
+            .args(args)
+            .output()
+            .unwrap();
         String::from_utf8_lossy(&output.stdout).into_owned()
     }
 
@@ -56,7 +82,7 @@ impl Terminal {
         self.tmux(&[&["send-keys"], keys].concat());
     }
 
-    /// Waits until the screen holds all of these texts, and returns it.
+    /// Waits until the screen holds all of these texts, and returns the screen.
     fn wait_for(&self, texts: &[&str]) -> String {
         let since = Instant::now();
         loop {
@@ -64,21 +90,31 @@ impl Terminal {
             if texts.iter().all(|text| screen.contains(text)) {
                 return screen;
             }
-            assert!(since.elapsed() < PATIENCE, "waited for {texts:?}, the screen is\n{screen}");
+            assert!(
+                since.elapsed() < PATIENCE,
+                "waited for {texts:?}, the screen is\n{screen}"
+            );
             std::thread::sleep(Duration::from_millis(50));
         }
     }
 
-    /// Whether a program has taken the whole screen.
+    /// Returns whether a program uses the alternate screen.
     fn is_taken(&self) -> bool {
-        self.tmux(&["display-message", "-p", "#{alternate_on}"]).trim() == "1"
+        self.tmux(&["display-message", "-p", "#{alternate_on}"])
+            .trim()
+            == "1"
     }
 
-    /// Waits until the program has ended, and checks that it gave the terminal back.
+    /// Waits until the program has ended, and checks that it restored the terminal.
     fn wait_for_end(&self, status: i32) {
         self.wait_for(&[&format!("ended with {status}")]);
         assert!(!self.is_taken(), "the screen was not given back");
-        assert_eq!(self.tmux(&["display-message", "-p", "#{cursor_flag}"]).trim(), "1", "the cursor is not back");
+        assert_eq!(
+            self.tmux(&["display-message", "-p", "#{cursor_flag}"])
+                .trim(),
+            "1",
+            "the cursor is not back"
+        );
     }
 }
 
@@ -88,10 +124,13 @@ impl Drop for Terminal {
     }
 }
 
-/// The process that a terminal's shell started.
+/// Returns the process that a terminal's shell started.
 fn program_of(terminal: &Terminal) -> String {
     let shell = terminal.tmux(&["display-message", "-p", "#{pane_pid}"]);
-    let output = Command::new("pgrep").args(["-P", shell.trim(), "lumbre"]).output().unwrap();
+    let output = Command::new("pgrep")
+        .args(["-P", shell.trim(), "lumbre"])
+        .output()
+        .unwrap();
     String::from_utf8_lossy(&output.stdout).trim().to_owned()
 }
 
@@ -99,22 +138,28 @@ fn program_of(terminal: &Terminal) -> String {
 fn a_night_is_lived_in_and_watched_from_beside() {
     let place = Workplace::new();
     place.write("slow.lua", &SLOW.replace("repeats = 24", "repeats = 900"));
-    let Some(night) = Terminal::start(&place, "run", (80, 24), "run slow.lua") else { return };
+    let Some(night) = Terminal::start(&place, "run", (80, 24), "run slow.lua") else {
+        return;
+    };
     let screen = night.wait_for(&["Lumbre", "slow-", "running", "Cell", "? help"]);
     assert!(night.is_taken());
-    assert_eq!(screen.trim_end_matches('\n').lines().count(), 24, "{screen}");
+    assert_eq!(
+        screen.trim_end_matches('\n').lines().count(),
+        24,
+        "{screen}"
+    );
 
     night.press(&["p"]);
-    night.wait_for(&["paused", "go on"]);
+    night.wait_for(&["paused", "resume"]);
     night.press(&["R"]);
     night.wait_for(&["rendered again on"]);
     night.press(&["?"]);
-    night.wait_for(&["Keys and signs"]);
+    night.wait_for(&["Keys and symbols"]);
     night.press(&["Escape"]);
     night.press(&["p"]);
     night.wait_for(&["running"]);
     night.press(&[":", "pause 2spp", "Enter"]);
-    night.wait_for(&["paused as asked"]);
+    night.wait_for(&["paused as requested"]);
     night.tmux(&["resize-window", "-x", "200", "-y", "60"]);
     let wide = night.wait_for(&["Device", "Plan 900 cells", "paused"]);
     assert_eq!(wide.trim_end_matches('\n').lines().count(), 60, "{wide}");
@@ -124,9 +169,9 @@ fn a_night_is_lived_in_and_watched_from_beside() {
     night.wait_for(&["Picture", "Log"]);
 
     let watcher = Terminal::start(&place, "watch", (100, 30), "watch").unwrap();
-    watcher.wait_for(&["slow-", "watching", "q leave", "mock"]);
+    watcher.wait_for(&["slow-", "watching", "q quit", "mock"]);
     watcher.press(&["p"]);
-    watcher.wait_for(&["it can only be watched from here"]);
+    watcher.wait_for(&["can only be watched here"]);
     watcher.press(&["q"]);
     watcher.wait_for_end(0);
 
@@ -142,20 +187,30 @@ fn a_night_is_lived_in_and_watched_from_beside() {
 fn the_terminal_is_given_back_to_those_who_end_the_program_from_outside() {
     let place = Workplace::new();
     place.write("slow.lua", &SLOW.replace("repeats = 24", "repeats = 900"));
-    let Some(night) = Terminal::start(&place, "term", (80, 24), "run slow.lua") else { return };
+    let Some(night) = Terminal::start(&place, "term", (80, 24), "run slow.lua") else {
+        return;
+    };
     night.wait_for(&["running", "Cell"]);
     let program = program_of(&night);
     assert!(!program.is_empty());
     let watcher = Terminal::start(&place, "watcher", (80, 24), "watch").unwrap();
     watcher.wait_for(&["watching"]);
-    let stop = |program: &str| assert!(Command::new("kill").args(["-TERM", program]).status().unwrap().success());
+    let stop = |program: &str| {
+        assert!(
+            Command::new("kill")
+                .args(["-TERM", program])
+                .status()
+                .unwrap()
+                .success()
+        )
+    };
     stop(&program_of(&watcher));
     watcher.wait_for_end(0);
     stop(&program);
     night.wait_for_end(75);
 }
 
-/// A night whose film has a time axis, with the light of a lamp beside a ball.
+/// A night whose film has a time axis, with an area light beside a ball.
 const LIGHT: &str = r#"
 local x = experiment("light", { seed = 1 })
 x:render(function(p)
@@ -171,19 +226,24 @@ fn light_of_a_night_that_is_over_plays_through_time() {
     let place = Workplace::new();
     place.write("light.lua", LIGHT);
     place.succeed(&["run", "light.lua", "-q", "--no-tui"]);
-    let Some(watcher) = Terminal::start(&place, "light", (120, 40), "watch") else { return };
+    let Some(watcher) = Terminal::start(&place, "light", (120, 40), "watch") else {
+        return;
+    };
     watcher.wait_for(&["light-", "finished", "Picture"]);
     watcher.press(&["t"]);
-    watcher.wait_for(&["Time plays"]);
+    watcher.wait_for(&["Time playing"]);
     watcher.press(&["t"]);
     watcher.press(&[":", "time 5.6", "Enter"]);
-    // Light comes from the lamp by the upper half of the ball, between 5.3 and 6.3 units of path.
+    // Light arrives by way of the upper half of the ball, between 5.3 and 6.3 units of path.
     let still = watcher.wait_for(&["5.50 to 5.75 at 18.3 ns"]);
-    assert!(still.contains("Time") && !still.contains("plays"), "{still}");
+    assert!(
+        still.contains("Time") && !still.contains("playing"),
+        "{still}"
+    );
     watcher.press(&["Right"]);
     watcher.wait_for(&["5.75 to 6.00"]);
     watcher.press(&["?"]);
-    watcher.wait_for(&["light through time"]);
+    watcher.wait_for(&["play time bins"]);
     watcher.press(&["q"]);
     watcher.wait_for_end(0);
 }

@@ -1,7 +1,11 @@
-//! Light with a finite speed, and materials that give it back later: against analytic truth, against each other, and
-//! against a film made by another program.
+//! Light with a finite speed, and materials that re-emit it later: compared with analytic truth,
+//! with each other, and with a film by another program.
 
-#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "helpers of tests may fail and talk as tests do")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "helpers of tests may fail and talk as tests do"
+)]
 
 mod common;
 

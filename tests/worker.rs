@@ -1,4 +1,5 @@
-//! Worker processes, on the mock backend: what goes through the pipe, and what becomes of a worker that dies.
+//! Worker processes, on the mock backend: messages through the pipe, and recovery when a worker
+//! dies.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 mod common;
@@ -13,17 +14,18 @@ use lumbre::film::time::{TimeAxis, TimeFilter};
 use lumbre::math::piecewise::Piecewise;
 use lumbre::render::cpu::renderer::CpuRenderer;
 use lumbre::render::mock::MockRenderer;
-use lumbre::render::worker::{BEAT, Launcher, Pool};
+use lumbre::render::worker::{HEARTBEAT, Launcher, WorkerPool};
 use lumbre::render::{Job, RenderError, Renderer};
 use lumbre::scene::CompiledScene;
 use lumbre::scene::compile::{
-    DelayParam, DelayProfile, Distribution, Interface, MaskMode, Material, Model, Part, Texture, UvMap,
+    DelayParam, DelayProfile, Distribution, Interface, MaskMode, Material, MaterialComponent,
+    Model, Texture, UvMap,
 };
 use lumbre::scene::desc::{DelayDesc, DelayKind};
 use lumbre::transport::camera::{FilterKind, FilterSpec};
 use lumbre::transport::delay::Profile;
-use lumbre::transport::flight::Timing;
 use lumbre::transport::integrator::integrator;
+use lumbre::transport::path_time::Timing;
 use lumbre::transport::sampler::SOBOL;
 use lumbre::value::Value;
 
@@ -34,27 +36,49 @@ fn scene() -> Arc<CompiledScene> {
     let texture = builder.texture(Texture::new(1, 2, vec![[0.5; 3], [0.1, 0.2, 0.3]]));
     let sky = Texture::new(1, 1, vec![[1.0, 2.0, 3.0]]);
     builder
-        .quad(Vec3::NEG_ONE, Vec3::X, Vec3::Y, Material { base_color_texture: texture, ..grey(0.5) })
+        .quad(
+            Vec3::NEG_ONE,
+            Vec3::X,
+            Vec3::Y,
+            Material {
+                base_color_texture: texture,
+                ..grey(0.5)
+            },
+        )
         .sphere(Vec3::ONE, 0.5, light(2.0))
         .point(Vec3::Y, Vec3::ONE)
         .directional(-Vec3::Y, Vec3::ONE)
         .environment(Some(sky), Vec3::ONE, 30.0)
-        // What shifts the mock's pattern, and what a worker knows a scene by.
+        // The hash shifts the mock's pattern, and identifies a scene to the worker.
         .with(|s| s.content_hash = [9; 32])
         .build()
 }
 
 fn request() -> Job {
     let params = [("mis".to_owned(), Value::from("balance"))].into();
-    Job { integrator: integrator("nee").unwrap(), params, rr_start: Some(3), ..job([12, 8], 4, 77) }
+    Job {
+        integrator: integrator("nee").unwrap(),
+        params,
+        rr_start: Some(3),
+        ..job([12, 8], 4, 77)
+    }
 }
 
-fn pool() -> Pool {
-    Pool::new(Launcher::new(env!("CARGO_BIN_EXE_lumbre").into(), ["worker"]))
+fn pool() -> WorkerPool {
+    WorkerPool::new(Launcher::new(
+        env!("CARGO_BIN_EXE_lumbre").into(),
+        ["worker"],
+    ))
 }
 
 fn kill(pid: u32) {
-    assert!(Command::new("kill").args(["-9", &pid.to_string()]).status().unwrap().success());
+    assert!(
+        Command::new("kill")
+            .args(["-9", &pid.to_string()])
+            .status()
+            .unwrap()
+            .success()
+    );
 }
 
 fn state(renderer: &dyn Renderer) -> Vec<u8> {
@@ -67,15 +91,25 @@ fn state(renderer: &dyn Renderer) -> Vec<u8> {
 fn a_run_in_a_worker_is_the_run_itself() {
     let mut here = MockRenderer::new(scene(), request());
     let pool = pool();
-    assert_eq!(pool.worker_id(), None, "nothing is started before it is needed");
+    assert_eq!(
+        pool.worker_id(),
+        None,
+        "nothing is started before it is needed"
+    );
     let mut there = pool.open("mock", &scene(), request()).unwrap();
-    assert_eq!((there.open_stats(), there.film().samples), (here.open_stats(), 0));
+    assert_eq!(
+        (there.open_stats(), there.film().samples),
+        (here.open_stats(), 0)
+    );
     for samples in [1, 2, 5] {
-        assert_eq!(there.advance(samples).unwrap(), here.advance(samples).unwrap());
+        assert_eq!(
+            there.advance(samples).unwrap(),
+            here.advance(samples).unwrap()
+        );
         assert!(there.film() == here.film());
     }
     assert_eq!(state(&there), state(&here));
-    // A second run in the same worker, on the scene that it keeps, goes on from there.
+    // A second run in the same worker continues there, on the scene that the worker holds.
     let worker = pool.worker_id();
     let mut again = pool.open("mock", &scene(), request()).unwrap();
     again.restore(&state(&there)).unwrap();
@@ -87,12 +121,17 @@ fn a_run_in_a_worker_is_the_run_itself() {
     assert_eq!(pool.worker_id(), worker, "one worker for all");
 }
 
-/// Sizes of the files without a name that this process has open in a folder.
+/// Returns the sizes of the unnamed files that this process has open in a folder.
 #[cfg(target_os = "linux")]
 fn unnamed_in(folder: &std::path::Path) -> Vec<u64> {
-    let open = std::fs::read_dir("/proc/self/fd").unwrap().map(|entry| entry.unwrap().path());
-    let here = |file: &std::path::PathBuf| std::fs::read_link(file).is_ok_and(|to| to.starts_with(folder));
-    open.filter(here).map(|file| std::fs::metadata(file).unwrap().len()).collect()
+    let open = std::fs::read_dir("/proc/self/fd")
+        .unwrap()
+        .map(|entry| entry.unwrap().path());
+    let here =
+        |file: &std::path::PathBuf| std::fs::read_link(file).is_ok_and(|to| to.starts_with(folder));
+    open.filter(here)
+        .map(|file| std::fs::metadata(file).unwrap().len())
+        .collect()
 }
 
 #[cfg(target_os = "linux")]
@@ -101,14 +140,23 @@ fn films_come_by_memory_that_both_see_or_through_the_pipe_with_the_same_bits() {
     let memory = tempfile::tempdir().unwrap();
     let launcher = Launcher::new(env!("CARGO_BIN_EXE_lumbre").into(), ["worker"]);
     let open = |films: Option<&std::path::Path>| {
-        let pool = Pool::new(Launcher { films: films.map(Into::into), ..launcher.clone() });
+        let pool = WorkerPool::new(Launcher {
+            films: films.map(Into::into),
+            ..launcher.clone()
+        });
         let run = pool.open("mock", &scene(), request()).unwrap();
         (pool, run)
     };
     let mut here = MockRenderer::new(scene(), request());
-    // Of a folder that is not there nothing is said: the pipe does as well.
-    let (nowhere, bytes) = (memory.path().join("nowhere"), 12 * 8 * size_of::<[f64; 6]>() as u64);
-    let (mut ways, mut sizes) = (vec![open(Some(memory.path())), open(None), open(Some(&nowhere))], vec![0, bytes]);
+    // A missing folder is not reported, since the pipe works as well.
+    let (nowhere, bytes) = (
+        memory.path().join("nowhere"),
+        12 * 8 * size_of::<[f64; 6]>() as u64,
+    );
+    let (mut ways, mut sizes) = (
+        vec![open(Some(memory.path())), open(None), open(Some(&nowhere))],
+        vec![0, bytes],
+    );
     for samples in [3, 4] {
         assert_eq!(unnamed_in(memory.path()), [sizes.remove(0)]);
         let stats = here.advance(samples).unwrap();
@@ -122,10 +170,12 @@ fn films_come_by_memory_that_both_see_or_through_the_pipe_with_the_same_bits() {
     assert_eq!(std::fs::read_dir(memory.path()).unwrap().count(), 0);
 }
 
-/// One of everything that a scene can have, and a job that asks for all of it.
+/// Returns one of everything that a scene can have, and a job that requests all of it.
 fn everything() -> (Arc<CompiledScene>, Job) {
     let mut builder = SceneBuilder::new(Vec3::new(0.2, 0.5, 3.0), Vec3::ZERO, 50.0);
-    let texels: Vec<[f32; 3]> = (0..6).map(|i| [0.15 * i as f32, 0.9 - 0.1 * i as f32, 0.4]).collect();
+    let texels: Vec<[f32; 3]> = (0..6)
+        .map(|i| [0.15 * i as f32, 0.9 - 0.1 * i as f32, 0.4])
+        .collect();
     let map = builder.texture(Texture::new(3, 2, texels));
     let disney = Material {
         model: Model::Disney,
@@ -139,51 +189,122 @@ fn everything() -> (Arc<CompiledScene>, Job) {
         normal_texture: map,
         bump_texture: map,
         bump_height: 0.25,
-        tiling: UvMap { scale: 2.0, offset: Vec2::new(0.25, 0.5) },
+        tiling: UvMap {
+            scale: 2.0,
+            offset: Vec2::new(0.25, 0.5),
+        },
         shadow_terminator: true,
         ..grey(0.8)
     };
-    let metal = Interface { distribution: Distribution::Beckmann, eta: Vec3::splat(0.2), ..Interface::PLAIN };
-    let leaf = Material { mask_texture: map, mask_threshold: 0.3, ..grey(0.6) };
-    let cloud = Material { mask_texture: map, mask_mode: MaskMode::Blend, opacity: 0.5, ior: 1.3, ..grey(0.9) };
+    let metal = Interface {
+        distribution: Distribution::Beckmann,
+        eta: Vec3::splat(0.2),
+        ..Interface::PLAIN
+    };
+    let leaf = Material {
+        mask_texture: map,
+        mask_threshold: 0.3,
+        ..grey(0.6)
+    };
+    let cloud = Material {
+        mask_texture: map,
+        mask_mode: MaskMode::Blend,
+        opacity: 0.5,
+        ior: 1.3,
+        ..grey(0.9)
+    };
     let sky = Texture::new(2, 1, vec![[1.0, 2.0, 3.0], [0.5; 3]]);
     let scene = builder
-        .quad(Vec3::new(-2.0, -1.0, 2.0), Vec3::X * 4.0, Vec3::Z * -4.0, disney)
+        .quad(
+            Vec3::new(-2.0, -1.0, 2.0),
+            Vec3::X * 4.0,
+            Vec3::Z * -4.0,
+            disney,
+        )
         .quad(Vec3::new(-1.0, -1.0, 0.5), Vec3::X, Vec3::Y, leaf)
         .quad(Vec3::new(0.2, -1.0, 0.3), Vec3::X, Vec3::Y, cloud)
         .quad(Vec3::new(-0.5, 1.5, -0.5), Vec3::X, Vec3::Z, light(4.0))
-        .sphere(Vec3::new(0.5, 0.0, -0.5), 0.4, Material { model: Model::Conductor, interface: metal, ..grey(0.9) })
+        .sphere(
+            Vec3::new(0.5, 0.0, -0.5),
+            0.4,
+            Material {
+                model: Model::Conductor,
+                interface: metal,
+                ..grey(0.9)
+            },
+        )
         .sphere(Vec3::new(-0.6, 0.4, -0.5), 0.2, light(2.0))
         .point(Vec3::new(0.0, 1.0, 1.0), Vec3::ONE)
         .directional(Vec3::new(0.3, -1.0, 0.1), Vec3::splat(0.5))
         .environment(Some(sky), Vec3::splat(0.3), 30.0)
         .with(|s| {
             (s.camera.aperture, s.camera.focus_distance) = (0.1, Some(2.5));
-            s.colors = (0..s.triangles.len()).map(|i| [Vec3::X, Vec3::splat(0.1 * i as f32), Vec3::ONE]).collect();
-            s.tangents =
-                vec![[Vec4::new(1.0, 0.0, 0.0, 1.0), Vec4::new(0.8, 0.6, 0.0, -1.0), Vec4::X]; s.triangles.len()];
-            // The first material is made of two parts, one of them delayed twice.
-            let table = DelayDesc { kind: DelayKind::Table, table: vec![0.0, 0.0, 1.0, 2.0], ..DelayDesc::default() };
-            let mut spread = DelayProfile::plain(&DelayDesc { kind: DelayKind::Epanechnikov, ..DelayDesc::default() });
-            spread.params[0].offset = 0.25;
-            spread.params[1] = DelayParam { value: 0.5, offset: 0.1, texture: map };
-            s.delays.profiles = vec![DelayProfile::plain(&table), spread];
-            s.delays.parts = vec![
-                Part { upto: 0.25, material: 1, profiles: [0, 2] },
-                Part { upto: 1.0, material: 0, profiles: [0, 0] },
+            s.colors = (0..s.triangles.len())
+                .map(|i| [Vec3::X, Vec3::splat(0.1 * i as f32), Vec3::ONE])
+                .collect();
+            s.tangents = vec![
+                [
+                    Vec4::new(1.0, 0.0, 0.0, 1.0),
+                    Vec4::new(0.8, 0.6, 0.0, -1.0),
+                    Vec4::X
+                ];
+                s.triangles.len()
             ];
-            s.delays.rows = (0..s.materials.len() as u32).map(|row| [0, if row == 0 { 2 } else { 0 }]).collect();
+            // The first material is made of two components, one of them delayed twice.
+            let table = DelayDesc {
+                kind: DelayKind::Table,
+                table: vec![0.0, 0.0, 1.0, 2.0],
+                ..DelayDesc::default()
+            };
+            let mut spread = DelayProfile::plain(&DelayDesc {
+                kind: DelayKind::Epanechnikov,
+                ..DelayDesc::default()
+            });
+            spread.params[0].offset = 0.25;
+            spread.params[1] = DelayParam {
+                value: 0.5,
+                offset: 0.1,
+                texture: map,
+            };
+            s.delays.profiles = vec![DelayProfile::plain(&table), spread];
+            s.delays.components = vec![
+                MaterialComponent {
+                    cumulative_weight: 0.25,
+                    material: 1,
+                    profiles: [0, 2],
+                },
+                MaterialComponent {
+                    cumulative_weight: 1.0,
+                    material: 0,
+                    profiles: [0, 0],
+                },
+            ];
+            s.delays.rows = (0..s.materials.len() as u32)
+                .map(|row| [0, if row == 0 { 2 } else { 0 }])
+                .collect();
         })
         .build();
     let timing = Timing {
-        axis: TimeAxis { start: 0.5, bin: 0.25, bins: 40 },
+        axis: TimeAxis {
+            start: 0.5,
+            bin: 0.25,
+            bins: 40,
+        },
         filter: TimeFilter::Gauss(0.5),
         camera: false,
         medium: 1.1,
-        emission: Profile::Table(Piecewise::new(&[[0.0, 1.0], [0.5, 3.0], [0.5, 0.5], [2.0, 0.0]])),
+        emission: Profile::Table(Piecewise::new(&[
+            [0.0, 1.0],
+            [0.5, 3.0],
+            [0.5, 0.5],
+            [2.0, 0.0],
+        ])),
         metres: 0.01,
     };
-    let filter = FilterSpec { kind: FilterKind::Gauss, radius: 1.25 };
+    let filter = FilterSpec {
+        kind: FilterKind::Gauss,
+        radius: 1.25,
+    };
     let params = [("mis".to_owned(), Value::from("balance"))].into();
     let layers = vec![Layer::Depth, Layer::Albedo, Layer::Normal];
     let integrator = integrator("bdpt").unwrap();
@@ -213,22 +334,41 @@ fn scene_and_job_arrive_as_they_were() {
     here.advance(3).unwrap();
     assert!(here.film().sum.iter().any(|s| s[0] > 0.0));
     assert!(there.film() == here.film(), "every bit of the picture");
-    assert!(here.times().is_some() && there.times() == here.times(), "every bit of every bin");
+    assert!(
+        here.times().is_some() && there.times() == here.times(),
+        "every bit of every bin"
+    );
     assert_eq!(there.layers(), here.layers());
     for i in 0..here.layers().len() {
-        assert!(there.layer(i).unwrap() == here.layer(i).unwrap(), "{}", here.layers()[i].name());
+        assert!(
+            there.layer(i).unwrap() == here.layer(i).unwrap(),
+            "{}",
+            here.layers()[i].name()
+        );
     }
 }
 
 #[test]
 fn what_cannot_be_done_is_refused_as_it_would_be_here_and_the_worker_lives_on() {
     let pool = pool();
-    let wanted = Job { layers: vec![Layer::Depth], ..request() };
+    let wanted = Job {
+        layers: vec![Layer::Depth],
+        ..request()
+    };
     let error = pool.open("mock", &scene(), wanted).err().unwrap();
-    assert_eq!(error, RenderError::Unsupported { backend: "mock", reason: "it has no layers".to_owned() });
+    assert_eq!(
+        error,
+        RenderError::Unsupported {
+            backend: "mock",
+            reason: "layers are not supported".to_owned()
+        }
+    );
     let worker = pool.worker_id().unwrap();
     let mut run = pool.open("mock", &scene(), request()).unwrap();
-    assert!(matches!(run.restore(&[1, 2, 3]), Err(RenderError::Failed { .. })));
+    assert!(matches!(
+        run.restore(&[1, 2, 3]),
+        Err(RenderError::Failed { .. })
+    ));
     assert!(run.layer(0).is_err());
     run.advance(1).unwrap();
     assert_eq!(pool.worker_id(), Some(worker));
@@ -245,10 +385,25 @@ fn a_worker_that_is_killed_loses_its_runs_and_the_next_run_has_another() {
     kill(worker);
     let error = first.advance(1).unwrap_err();
     let said = error.to_string();
-    assert!(matches!(error, RenderError::Lost { backend: "mock", .. }), "{error:?}");
-    assert!(said.contains("worker process was lost") && said.contains("signal: 9"), "{said}");
+    assert!(
+        matches!(
+            error,
+            RenderError::Lost {
+                backend: "mock",
+                ..
+            }
+        ),
+        "{error:?}"
+    );
+    assert!(
+        said.contains("worker process was lost") && said.contains("signal: 9"),
+        "{said}"
+    );
     assert_eq!(first.film().samples, 3, "what was there is still there");
-    assert!(second.save(&mut Vec::new()).is_err(), "the other run is lost too");
+    assert!(
+        second.save(&mut Vec::new()).is_err(),
+        "the other run is lost too"
+    );
     assert_eq!(pool.worker_id(), None);
     let mut third = pool.open("mock", &scene(), request()).unwrap();
     assert_ne!(pool.worker_id(), Some(worker));
@@ -257,28 +412,60 @@ fn a_worker_that_is_killed_loses_its_runs_and_the_next_run_has_another() {
     assert_eq!(third.film().samples, 4);
 }
 
-/// A process that is stopped, as by a debugger or a driver that hangs, is neither dead nor does it answer.
+/// Checks a process that is stopped, as by a debugger or a driver that hangs: it is not dead, but
+/// does not answer.
 #[cfg(unix)]
 #[test]
 fn a_worker_that_is_stopped_is_noticed_and_ended_and_its_run_goes_on_in_another() {
     let arguments = vec!["worker".to_owned()];
-    let silence = 4 * BEAT;
+    let heartbeat_timeout = 4 * HEARTBEAT;
     let program = env!("CARGO_BIN_EXE_lumbre").into();
-    let pool = Pool::new(Launcher { program, arguments, silence, films: None });
+    let pool = WorkerPool::new(Launcher {
+        program,
+        arguments,
+        heartbeat_timeout,
+        films: None,
+    });
     let mut first = pool.open("mock", &scene(), request()).unwrap();
     first.advance(3).unwrap();
     let saved = state(&first);
-    // Signs of life while nobody asks anything are no answers.
-    std::thread::sleep(3 * BEAT);
+    // Heartbeats while no request is open are not answers.
+    std::thread::sleep(3 * HEARTBEAT);
     first.advance(1).unwrap();
     let worker = pool.worker_id().unwrap();
-    assert!(Command::new("kill").args(["-STOP", &worker.to_string()]).status().unwrap().success());
+    assert!(
+        Command::new("kill")
+            .args(["-STOP", &worker.to_string()])
+            .status()
+            .unwrap()
+            .success()
+    );
     let start = Instant::now();
     let error = first.advance(1).unwrap_err();
-    assert!(matches!(error, RenderError::Lost { backend: "mock", .. }), "{error:?}");
-    assert!(error.to_string().contains("it gave no sign of life for 2 s"), "{error}");
-    assert!(start.elapsed() >= silence, "it was given up after {:?}", start.elapsed());
-    assert_eq!(pool.worker_id(), None, "it is ended, and not only left alone");
+    assert!(
+        matches!(
+            error,
+            RenderError::Lost {
+                backend: "mock",
+                ..
+            }
+        ),
+        "{error:?}"
+    );
+    assert!(
+        error.to_string().contains("it sent no heartbeat for 2 s"),
+        "{error}"
+    );
+    assert!(
+        start.elapsed() >= heartbeat_timeout,
+        "it was given up after {:?}",
+        start.elapsed()
+    );
+    assert_eq!(
+        pool.worker_id(),
+        None,
+        "it is ended, and not only left alone"
+    );
     let mut second = pool.open("mock", &scene(), request()).unwrap();
     second.restore(&saved).unwrap();
     second.advance(2).unwrap();
@@ -291,27 +478,50 @@ fn a_worker_ends_with_the_process_that_asked_it() {
     let run = pool.open("mock", &scene(), request()).unwrap();
     let worker = pool.worker_id().unwrap();
     drop((run, pool));
-    let alive = Command::new("kill").args(["-0", &worker.to_string()]).output().unwrap().status.success();
+    let alive = Command::new("kill")
+        .args(["-0", &worker.to_string()])
+        .output()
+        .unwrap()
+        .status
+        .success();
     assert!(!alive, "process {worker} is still there");
 }
 
 #[test]
 fn what_is_no_worker_is_said() {
-    // What never answers is given up soon; what does may take a while to start.
-    let open = |program: &str, arguments: &[&str], silence: Duration| {
+    // A worker that never answers is given up soon; one that does may take a while to start.
+    let open = |program: &str, arguments: &[&str], heartbeat_timeout: Duration| {
         let arguments = arguments.iter().map(|a| (*a).to_owned()).collect();
-        let pool = Pool::new(Launcher { program: program.into(), arguments, silence, films: None });
-        pool.open("mock", &scene(), request()).err().unwrap().to_string()
+        let pool = WorkerPool::new(Launcher {
+            program: program.into(),
+            arguments,
+            heartbeat_timeout,
+            films: None,
+        });
+        pool.open("mock", &scene(), request())
+            .err()
+            .unwrap()
+            .to_string()
     };
     #[cfg(unix)]
     {
-        let said = open("sleep", &["100"], 2 * BEAT);
-        assert!(said.contains("it gave no sign of life for 1 s"), "{said}");
+        let said = open("sleep", &["100"], 2 * HEARTBEAT);
+        assert!(said.contains("it sent no heartbeat for 1 s"), "{said}");
     }
-    let said = open("/nowhere/lumbre", &[], 2 * BEAT);
-    assert!(said.contains("/nowhere/lumbre does not start"), "{said}");
-    let said = open(env!("CARGO_BIN_EXE_lumbre"), &["--version"], 120 * BEAT);
-    assert!(said.contains("its answer broke off"), "{said}");
-    let said = open(env!("CARGO_BIN_EXE_lumbre"), &["sing"], 120 * BEAT);
-    assert!(said.contains("it ended") && said.contains("unrecognized subcommand"), "{said}");
+    let said = open("/nowhere/lumbre", &[], 2 * HEARTBEAT);
+    assert!(
+        said.contains("cannot start the worker process /nowhere/lumbre"),
+        "{said}"
+    );
+    let said = open(
+        env!("CARGO_BIN_EXE_lumbre"),
+        &["--version"],
+        120 * HEARTBEAT,
+    );
+    assert!(said.contains("its reply was cut off or corrupt"), "{said}");
+    let said = open(env!("CARGO_BIN_EXE_lumbre"), &["sing"], 120 * HEARTBEAT);
+    assert!(
+        said.contains("it exited") && said.contains("unrecognized subcommand"),
+        "{said}"
+    );
 }

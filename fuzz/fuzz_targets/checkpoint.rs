@@ -1,4 +1,4 @@
-//! The state of a renderer, as checkpoints hold it.
+//! Fuzz target: the state of a renderer in a checkpoint.
 
 #![no_main]
 

@@ -1,4 +1,4 @@
-//! The JSON of a scene folder.
+//! Fuzz target: the JSON of a scene folder.
 
 #![no_main]
 

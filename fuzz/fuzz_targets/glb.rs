@@ -1,4 +1,4 @@
-//! A binary glTF.
+//! Fuzz target: a binary glTF.
 
 #![no_main]
 

@@ -1,4 +1,4 @@
-//! The JSON of a glTF.
+//! Fuzz target: the JSON of a glTF.
 
 #![no_main]
 

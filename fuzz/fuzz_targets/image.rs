@@ -1,4 +1,4 @@
-//! A texture: TGA, or what its first bytes say.
+//! Fuzz target: a texture, as TGA or in the format of its first bytes.
 
 #![no_main]
 

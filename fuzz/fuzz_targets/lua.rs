@@ -1,4 +1,4 @@
-//! A scene in Lua.
+//! Fuzz target: a scene in Lua.
 
 #![no_main]
 

@@ -1,4 +1,4 @@
-//! Mitsuba's XML.
+//! Fuzz target: the XML of Mitsuba.
 
 #![no_main]
 

@@ -1,4 +1,4 @@
-//! The materials of an OBJ mesh.
+//! Fuzz target: the material file of an OBJ mesh.
 
 #![no_main]
 

@@ -1,4 +1,4 @@
-//! An OBJ mesh.
+//! Fuzz target: an OBJ mesh.
 
 #![no_main]
 

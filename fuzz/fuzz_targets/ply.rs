@@ -1,4 +1,4 @@
-//! A PLY mesh.
+//! Fuzz target: a PLY mesh.
 
 #![no_main]
 

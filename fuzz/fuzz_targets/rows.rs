@@ -1,4 +1,4 @@
-//! The measurements of a run.
+//! Fuzz target: the measurements of a run, `metrics.csv`.
 
 #![no_main]
 

@@ -1,4 +1,4 @@
-//! A `.scn`.
+//! Fuzz target: a `.scn` scene.
 
 #![no_main]
 

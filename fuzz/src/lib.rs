@@ -1,6 +1,11 @@
-//! What the targets share: a folder in which one file is replaced by what the fuzzer makes, and the limit on memory.
+//! Shared code of the fuzz targets: a sample folder in which one file is replaced by the fuzzer's
+//! input, and a limit on memory.
 
-#![allow(clippy::expect_used, clippy::print_stderr, reason = "a target that cannot begin has nobody to tell")]
+#![allow(
+    clippy::expect_used,
+    clippy::print_stderr,
+    reason = "a target that cannot start can only abort"
+)]
 
 #[path = "../../tests/scenes/meter.rs"]
 mod meter;
@@ -13,138 +18,180 @@ use std::sync::{Arc, OnceLock};
 
 use lumbre::film::time::TimeAxis;
 use lumbre::render::{self, Job, Renderer};
-use lumbre::scene::load::{self, Missing};
+use lumbre::scene::load::{self, MissingTextures};
 use lumbre::scene::{CompiledScene, compile};
 use lumbre::script::scene;
-use lumbre::store::rows;
-use lumbre::transport::flight::Timing;
+use lumbre::store::write::metrics_csv;
 use lumbre::transport::integrator::integrator;
+use lumbre::transport::path_time::Timing;
 use lumbre::transport::sampler::SOBOL;
 
 #[global_allocator]
 static METER: meter::Meter = meter::Meter;
 
-/// Bytes that reading may take whatever the size of the files. Less than the 384 MiB of `tests/scenes/hostile.rs`, which has room
-/// for what many pictures make: here one file of one small sample is another, and pictures have their room below.
+/// Bytes of memory that reading may take for files of any size. Less than the 384 MiB of
+/// `tests/scenes/hostile.rs`, which allows for many images: here only one file of a small sample is
+/// replaced, and images are covered by [`GROWTH`].
 const SMALL: usize = 96 << 20;
-/// How many times the size of the files reading may take beside that.
+/// Additional bytes of memory that reading may take per byte of the files.
 const GROWTH: usize = 8192;
 
-/// The folder of one target.
-struct Place {
-    folder: tempfile::TempDir,
-    /// The file that is read.
+/// The sample folder of one target.
+struct SampleFolder {
+    directory: tempfile::TempDir,
+    /// Path of the file that is read.
     main: PathBuf,
-    /// Bytes of all files but the replaced one.
-    beside: usize,
+    /// Size of all files except the replaced one, in bytes.
+    other_bytes: usize,
 }
 
-static PLACE: OnceLock<Place> = OnceLock::new();
+static SAMPLE_FOLDER: OnceLock<SampleFolder> = OnceLock::new();
 
-fn place(sample: &str, replaced: &str) -> &'static Place {
-    PLACE.get_or_init(|| {
+fn sample_folder(sample: &str, replaced: &str) -> &'static SampleFolder {
+    SAMPLE_FOLDER.get_or_init(|| {
         let folder = tempfile::tempdir().expect("a temporary folder");
-        let sample = samples::samples().into_iter().find(|s| s.name == sample).expect("a sample of this name");
+        let sample = samples::samples()
+            .into_iter()
+            .find(|s| s.name == sample)
+            .expect("a sample of this name");
         let main = folder.path().join(sample.files[0].0);
-        let mut beside = 0;
+        let mut other_bytes = 0;
         for (name, bytes) in &sample.files {
             write(folder.path(), name, bytes);
-            beside += if *name == replaced { 0 } else { bytes.len() };
+            other_bytes += if *name == replaced { 0 } else { bytes.len() };
         }
-        Place { folder, main, beside }
+        SampleFolder {
+            directory: folder,
+            main,
+            other_bytes,
+        }
     })
 }
 
 fn write(folder: &Path, name: &str, bytes: &[u8]) {
     let path = folder.join(name);
-    fs::create_dir_all(path.parent().expect("a name in a folder")).expect("a folder that can be written");
+    fs::create_dir_all(path.parent().expect("a name in a folder"))
+        .expect("a folder that can be written");
     fs::write(path, bytes).expect("a folder that can be written");
 }
 
-/// Runs what must neither panic nor take more memory than the files justify.
-fn within(bytes: usize, run: impl FnOnce()) {
+/// Runs a function that must neither panic nor take more memory than the size of the files justifies.
+fn check_memory(bytes: usize, run: impl FnOnce()) {
     let limit = SMALL + GROWTH * bytes;
     let ((), most) = meter::peak(run);
-    assert!(most <= limit, "{most} bytes taken for {bytes}: the limit is {limit}");
+    assert!(
+        most <= limit,
+        "{most} bytes allocated for {bytes} bytes of input: the limit is {limit}"
+    );
 }
 
 /// Reads and compiles the scene of a sample with one of its files replaced.
 pub fn scene(sample: &str, replaced: &str, bytes: &[u8]) {
-    let place = place(sample, replaced);
-    write(place.folder.path(), replaced, bytes);
-    within(place.beside + bytes.len(), || match scene::read(&place.main, &Default::default(), Missing::Noted) {
-        Ok((desc, _)) => drop(compile(&desc)),
-        Err(e) => assert!(e.to_string().len() < 20_000, "errors are short"),
+    let folder = sample_folder(sample, replaced);
+    write(folder.directory.path(), replaced, bytes);
+    check_memory(folder.other_bytes + bytes.len(), || {
+        match scene::read(&folder.main, &Default::default(), MissingTextures::Note) {
+            Ok((desc, _)) => drop(compile(&desc)),
+            Err(e) => assert!(e.to_string().len() < 20_000, "errors are short"),
+        }
     });
 }
 
-/// Reads a texture.
+/// Reads a texture file.
 pub fn texture(bytes: &[u8]) {
-    let place = place("tga", "a.tga");
-    write(place.folder.path(), "a.tga", bytes);
-    within(bytes.len(), || drop(load::texture(&place.main, &mut Vec::new())));
+    let folder = sample_folder("tga", "a.tga");
+    write(folder.directory.path(), "a.tga", bytes);
+    check_memory(bytes.len(), || {
+        drop(load::texture(&folder.main, &mut Vec::new()))
+    });
 }
 
-/// A scene that renderers of checkpoints have, and a state of each technique that fits.
+/// The scene of the checkpoint target, and a valid state of each technique.
 struct States {
     scene: Arc<CompiledScene>,
-    fitting: [Vec<u8>; 2],
+    valid: [Vec<u8>; 2],
 }
 
 static STATES: OnceLock<States> = OnceLock::new();
 
 fn renderer(scene: &Arc<CompiledScene>, technique: usize) -> Box<dyn Renderer> {
-    let timing = Timing::plain(TimeAxis { start: 2.0, bin: 0.5, bins: 5 });
+    let timing = Timing::plain(TimeAxis {
+        start: 2.0,
+        bin: 0.5,
+        bins: 5,
+    });
     let integrator = integrator(["bdpt", "nee"][technique]).expect("an integrator of this name");
-    let job = Job { timing: Some(timing), sampler: SOBOL, threads: 1, ..Job::plain(integrator, [4, 3], 4, 7) };
+    let job = Job {
+        timing: Some(timing),
+        sampler: SOBOL,
+        threads: 1,
+        ..Job::plain(integrator, [4, 3], 4, 7)
+    };
     render::open("cpu", scene.clone(), job).expect("a job that is possible")
 }
 
-fn saved(renderer: &dyn Renderer) -> Vec<u8> {
+fn save_state(renderer: &dyn Renderer) -> Vec<u8> {
     let mut state = Vec::new();
     renderer.save(&mut state).expect("a vector can be written");
     state
 }
 
-/// Hands a renderer with a time axis what a checkpoint holds; whatever it takes, it writes again. The first byte chooses
-/// the technique, and the second where a state that fits is overwritten by the rest; 0 is nowhere, and the rest is all.
+/// Restores a renderer with a time axis from a checkpoint; if it accepts the state, saves it again.
+/// The first byte selects the technique. The second is the offset, in units of 8 bytes, at which the
+/// rest overwrites a valid state; 0 means that the rest is the complete state.
 pub fn checkpoint(bytes: &[u8]) {
-    let [technique, at, rest @ ..] = bytes else { return };
+    let [technique, at, rest @ ..] = bytes else {
+        return;
+    };
     let technique = usize::from(technique % 2);
     let states = STATES.get_or_init(|| {
-        let (desc, _) = scene::read(&place("scn", "").main, &Default::default(), Missing::Refused).expect("a sample");
+        let (desc, _) = scene::read(
+            &sample_folder("scn", "").main,
+            &Default::default(),
+            MissingTextures::Fail,
+        )
+        .expect("a sample");
         let scene = Arc::new(compile(&desc).expect("a sample").0);
-        let fitting = [0, 1].map(|technique| {
+        let valid = [0, 1].map(|technique| {
             let mut renderer = renderer(&scene, technique);
             renderer.advance(2).expect("a scene that can be rendered");
-            saved(renderer.as_ref())
+            save_state(renderer.as_ref())
         });
-        States { scene, fitting }
+        States { scene, valid }
     });
     let state = match usize::from(*at) {
         0 => rest.to_vec(),
         at => {
-            let mut state = states.fitting[technique].clone();
-            state.iter_mut().skip(8 * at).zip(rest).for_each(|(to, from)| *to = *from);
+            let mut state = states.valid[technique].clone();
+            state
+                .iter_mut()
+                .skip(8 * at)
+                .zip(rest)
+                .for_each(|(to, from)| *to = *from);
             state
         }
     };
-    let mut taker = renderer(&states.scene, technique);
-    let mut fits = false;
-    within(state.len(), || fits = taker.restore(&state).is_ok());
-    if fits {
-        renderer(&states.scene, technique).restore(&saved(taker.as_ref())).expect("what was saved fits");
-        let _ = (taker.film(), taker.times());
+    let mut restored = renderer(&states.scene, technique);
+    let mut accepted = false;
+    check_memory(state.len(), || accepted = restored.restore(&state).is_ok());
+    if accepted {
+        renderer(&states.scene, technique)
+            .restore(&save_state(restored.as_ref()))
+            .expect("a saved state is accepted");
+        let _ = (restored.film(), restored.times());
     }
 }
 
-/// Reads the rows of a `metrics.csv`, and writes and reads them again.
+/// Reads the rows of a `metrics.csv`, writes them, and reads them again.
 pub fn rows(bytes: &[u8]) {
     let text = String::from_utf8_lossy(bytes);
-    let _ = rows::parse_more(&text);
-    let Ok((columns, read)) = rows::parse(&text) else { return };
-    let mut again = rows::header(columns.iter().map(String::as_str));
-    read.iter().for_each(|row| again.push_str(&rows::line(row)));
-    let (_, twice) = rows::parse(&again).expect("what was written can be read");
+    let _ = metrics_csv::parse_more(&text);
+    let Ok((columns, read)) = metrics_csv::parse(&text) else {
+        return;
+    };
+    let mut again = metrics_csv::header(columns.iter().map(String::as_str));
+    read.iter()
+        .for_each(|row| again.push_str(&metrics_csv::line(row)));
+    let (_, twice) = metrics_csv::parse(&again).expect("written rows can be read");
     assert_eq!(format!("{read:?}"), format!("{twice:?}"));
 }

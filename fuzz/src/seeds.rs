@@ -1,6 +1,10 @@
-//! Writes the samples of all formats as the first inputs of the targets: `seeds FOLDER` makes `FOLDER/<target>/`.
+//! Writes the samples of all formats as initial inputs of the targets: `seeds FOLDER` creates
+//! `FOLDER/<target>/`.
 
-#![allow(clippy::expect_used, reason = "a tool that cannot write has nothing else to do")]
+#![allow(
+    clippy::expect_used,
+    reason = "a tool that cannot write can only abort"
+)]
 
 use std::fs;
 use std::path::Path;
@@ -18,17 +22,18 @@ fn main() {
                 (kind, _) if i == 0 => kind,
                 _ => continue,
             };
-            let place = Path::new(&folder).join(target);
-            fs::create_dir_all(&place).expect("a folder that can be written");
-            fs::write(place.join(sample.name.replace(", ", "-")), bytes).expect("a folder that can be written");
+            let target_folder = Path::new(&folder).join(target);
+            fs::create_dir_all(&target_folder).expect("a folder that can be written");
+            fs::write(target_folder.join(sample.name.replace(", ", "-")), bytes)
+                .expect("a folder that can be written");
         }
     }
     for (target, bytes) in [
         ("rows", &b"wave,samples,render_s,wall_s,measure_s,paths,rays,invalid,rmse\n0,1,0.5,0.6,0.1,1,2,0,inf\n"[..]),
         ("checkpoint", &[0, 1, 0, 0]),
     ] {
-        let place = Path::new(&folder).join(target);
-        fs::create_dir_all(&place).expect("a folder that can be written");
-        fs::write(place.join("sample"), bytes).expect("a folder that can be written");
+        let target_folder = Path::new(&folder).join(target);
+        fs::create_dir_all(&target_folder).expect("a folder that can be written");
+        fs::write(target_folder.join("sample"), bytes).expect("a folder that can be written");
     }
 }

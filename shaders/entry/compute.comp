@@ -1,4 +1,4 @@
-// The program of `vulkan-compute`: one invocation for each pixel, over a hierarchy in buffers.
+// Entry point of `vulkan-compute`: one invocation per pixel, traversing a hierarchy in buffers.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 

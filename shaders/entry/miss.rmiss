@@ -1,4 +1,4 @@
-// A ray that meets nothing.
+// Miss shader: the ray hits nothing.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_ray_tracing : require

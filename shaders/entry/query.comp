@@ -1,4 +1,4 @@
-// The program of `vulkan-query`: one invocation for each pixel, with ray queries.
+// Entry point of `vulkan-query`: one invocation per pixel, with ray queries.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 

@@ -1,5 +1,5 @@
-// The loop over the samples of one pixel, which every backend shares. `generated/integrator.glsl` is made when a pipeline is
-// made: it includes the job's integrator and defines INTEGRATOR_SAMPLE.
+// The loop over the samples of one pixel, shared by all backends. `generated/integrator.glsl` is
+// generated with each pipeline: it includes the job's integrator and defines INTEGRATOR_SAMPLE.
 #ifndef ENTRY_SAMPLES_GLSL
 #define ENTRY_SAMPLES_GLSL
 
@@ -15,7 +15,7 @@ void render_pixel(uvec2 place) {
     }
     uint at = pixel.y * job.resolution.x + pixel.x;
     film_pixel = pixel;
-    Sums sums = pixel_sums[at];
+    SampleSums sums = pixel_sums[at];
     Invalid invalid = pixel_invalid[at];
     uint refused = invalid.count;
     uint rays = 0u;

@@ -1,4 +1,4 @@
-// The nearest hit of a ray is a sphere.
+// Closest-hit shader of spheres.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_ray_tracing : require

@@ -1,4 +1,4 @@
-// The nearest hit of a ray is a triangle.
+// Closest-hit shader of triangles.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_ray_tracing : require
@@ -11,7 +11,7 @@ hitAttributeEXT vec2 weights;
 
 void main() {
     payload.hit = hit_of_instance(
-        gl_WorldRayOriginEXT, gl_WorldRayDirectionEXT, gl_HitTEXT, uint(gl_InstanceCustomIndexEXT), gl_PrimitiveID,
-        weights
+        gl_WorldRayOriginEXT, gl_WorldRayDirectionEXT, gl_HitTEXT,
+        uint(gl_InstanceCustomIndexEXT), gl_PrimitiveID, weights
     );
 }

@@ -1,5 +1,6 @@
-// The film of a run: what `src/render/cpu/renderer.rs` and `layers.rs` do with contributions and rays. Defines the seams
-// `sink`, `trace_closest` and `trace_occluded`; a traversal must have defined `seam_closest` and `seam_occluded`.
+// The film of a run: accumulates contributions and rays as `src/render/cpu/renderer.rs` and
+// `layers.rs` do. Defines `sink`, `trace_closest` and `trace_occluded`; a traversal must have
+// defined `traversal_closest` and `traversal_occluded`.
 #ifndef FILM_FILM_GLSL
 #define FILM_FILM_GLSL
 
@@ -9,16 +10,16 @@
 #include "transport/ray.glsl"
 #include "transport/surface.glsl"
 
-layout(set = 0, binding = 20, scalar) buffer PixelSums { Sums pixel_sums[]; };
+layout(set = 0, binding = 20, scalar) buffer PixelSums { SampleSums pixel_sums[]; };
 layout(set = 0, binding = 21, scalar) buffer PixelInvalid { Invalid pixel_invalid[]; };
 layout(set = 0, binding = 22, scalar) buffer CountersBlock { Counters counters; };
-layout(push_constant, scalar) uniform WaveBlock { Wave wave; };
+layout(push_constant, scalar) uniform WaveBlock { WaveParams wave; };
 
-// The sample in progress: its pixel, what it has brought there, and what was refused.
+// The current sample: its pixel, its accumulated value, and the number of refused contributions.
 uvec2 film_pixel;
 vec3 film_value;
 uint film_invalid;
-// Rays so far, of this sample.
+// Number of rays of the current sample so far.
 uint film_rays;
 
 #include "film/layers.glsl"
@@ -26,7 +27,7 @@ uint film_rays;
 #include "film/paths.glsl"
 
 bool trace_closest(Ray ray, float t_max, out Hit hit) {
-    bool found = seam_closest(ray, t_max, hit);
+    bool found = traversal_closest(ray, t_max, hit);
     layers_trace(film_rays == 0u, ray, found, hit);
     film_rays++;
     paths_closest(ray, t_max, found, hit);
@@ -35,7 +36,7 @@ bool trace_closest(Ray ray, float t_max, out Hit hit) {
 
 bool trace_occluded(Ray ray, float t_max) {
     film_rays++;
-    bool blocked = seam_occluded(ray, t_max);
+    bool blocked = traversal_occluded(ray, t_max);
     paths_shadow(ray, t_max, blocked);
     return blocked;
 }
@@ -67,7 +68,7 @@ void film_begin() {
 }
 
 // Ends a sample and adds it to the sums of its pixel.
-void film_end(inout Sums sums, inout Invalid invalid, uint at, uvec2 index) {
+void film_end(inout SampleSums sums, inout Invalid invalid, uint at, uvec2 index) {
     bool counts = finite(film_value);
     if (counts) {
         add_sample(sums, film_value);

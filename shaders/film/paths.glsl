@@ -1,16 +1,17 @@
-// The steps of a sample, as src/render/paths.rs has them. Without PATHS nothing is left of it.
+// The recorded events of a sample's path: twin of src/render/path_trace.rs. Compiled out without
+// PATHS.
 #ifndef FILM_PATHS_GLSL
 #define FILM_PATHS_GLSL
 
 #ifdef PATHS
-// For each column of the row in progress MOST_STEPS steps; those that are not taken stay zero.
+// For each column of the current row a fixed number of events; unused ones stay zero.
 layout(set = 0, binding = 26, scalar) buffer PathSteps { PathStep path_steps[]; };
 
 uint path_count;
 
 void paths_add(PathStep s) {
-    if (path_count < MOST_STEPS) {
-        path_steps[film_pixel.x * MOST_STEPS + path_count] = s;
+    if (path_count < MAX_PATH_EVENTS) {
+        path_steps[film_pixel.x * MAX_PATH_EVENTS + path_count] = s;
         path_count++;
     }
 }

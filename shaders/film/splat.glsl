@@ -1,9 +1,11 @@
-// Splats: light for pixels other than the sample's own, to which any invocation adds. A slot holds three sums and three
-// sums of squares; the slots of the picture come first, and after them those of layers, `splat_films` for each pixel.
-// `splat_add` returns whether the splat can be counted, and is.
+// Splats: light for pixels other than the sample's own, which any invocation may add to. A slot
+// holds three sums and three sums of squares; the slots of the picture come first, then those of
+// layers, `splat_films` for each pixel. `splat_add` returns whether the splat was within range and
+// was added.
 //
-// With SPLAT_NONE there are none, and they are refused. With SPLAT_FLOAT, six floats that are added to atomically: fast, and the last bits depend on the order. Else six
-// 128-bit whole numbers, four words each, as in src/film/splat.rs: the same bits in any order.
+// With SPLAT_NONE all splats are refused. With SPLAT_FLOAT a slot is six floats with atomic
+// addition: fast, but the last bits depend on the order. Otherwise it is six 128-bit integers of
+// four words each, as in src/film/splat.rs: the same bits in any order.
 #ifndef FILM_SPLAT_GLSL
 #define FILM_SPLAT_GLSL
 
@@ -12,13 +14,15 @@
 #include "film/sums.glsl"
 
 #ifdef TIMES
-// Slots of a pixel's time axis: its bins, and what comes before and after them.
+// Returns the number of slots of a pixel's time axis: its bins, and one slot each before and after
+// them.
 uint time_slots() {
     return job.time_bins + 2u;
 }
 #endif
 
-// Slots of the picture: one for each pixel or, with a time axis, for each of its slots. Those of layers follow.
+// Returns the number of slots of the picture: one for each pixel or, with a time axis, for each of
+// its slots. Those of layers follow.
 uint splat_slots_of_picture() {
     uint pixels = job.resolution.x * job.resolution.y;
 #ifdef TIMES
@@ -27,7 +31,7 @@ uint splat_slots_of_picture() {
     return pixels;
 }
 
-// The greatest absolute value of one splat: 2^32.
+// Maximum absolute value of one splat: 2^32.
 const float MAX_SPLAT = 4294967296.0;
 
 #ifdef SPLAT_NONE
@@ -51,9 +55,9 @@ bool splat_add(uint slot, vec3 value) {
 #else
 layout(set = 0, binding = 23, scalar) buffer Splats { uint splats[]; };
 
-// Word `i` of `mantissa * 2^shift`; what lies below one is cut off.
+// Returns word `i` of `mantissa * 2^shift`; digits below one are truncated.
 uint wide_word(uvec2 mantissa, int shift, int i) {
-    // The word's lowest bit is this bit of the mantissa.
+    // Bit of the mantissa that is the word's lowest bit.
     int from = 32 * i - shift;
     if (from <= -32 || from >= 64) {
         return 0u;
@@ -67,8 +71,8 @@ uint wide_word(uvec2 mantissa, int shift, int i) {
     return part == 0u ? low : (low >> part) | (high << (32u - part));
 }
 
-// Compilers for processors write a loop for every atomic operation, and much of it: there is one here, in a loop over the
-// 24 words of a slot.
+// CPU drivers expand every atomic operation to a large loop; there is only one here, in a loop over
+// the 24 words of a slot.
 bool splat_add(uint slot, vec3 value) {
     bool fits = finite(value) && all(lessThanEqual(abs(value), vec3(MAX_SPLAT)));
     if (!fits) {
@@ -87,13 +91,13 @@ bool splat_add(uint slot, vec3 value) {
             int exponent = int((bits >> 23) & 0xffu);
             mantissa = uvec2((bits & 0x7fffffu) | (exponent == 0 ? 0u : 0x800000u), 0u);
             exponent = max(exponent, 1) - 150;
-            // Units of 2^-64 for sums, of 2^-44 for squares.
+            // Fixed-point units are 2^-64 for sums and 2^-44 for squares.
             shift = square ? 2 * exponent + 44 : exponent + 64;
             negative = !square && (bits >> 31) != 0u;
             if (square) {
                 umulExtended(mantissa.x, mantissa.x, mantissa.y, mantissa.x);
             }
-            // Going past the end is how a negative number is added: its complement, and one.
+            // A negative number is added in two's complement: its complement, plus one.
             carry = negative ? 1u : 0u;
         }
         uint digits = wide_word(mantissa, shift, int(i));

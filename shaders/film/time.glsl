@@ -1,28 +1,29 @@
-// Films with a time axis: twin of src/film/time.rs and of the gathering in src/render/cpu/times.rs. Without TIMES splats go to
-// the picture, and nothing else is left of it.
+// Films with a time axis: twin of src/film/time.rs and of src/render/cpu/films/time_film.rs.
+// Without TIMES splats are added to the picture, and everything else is compiled out.
 #ifndef FILM_TIME_GLSL
 #define FILM_TIME_GLSL
 
 #ifdef TIMES
-#include "math/elementary.glsl"
+#include "math/trig.glsl"
 #include "transport/bsdf/beckmann.glsl"
 
-// Sums, [pixel][slot].
-layout(set = 0, binding = 27, scalar) buffer TimeRows { TimeSums time_sums[]; };
-// What the sample in progress has brought to each slot of its own pixel, [pixel][slot]; black between samples.
+// Sums of the samples, [pixel][slot].
+layout(set = 0, binding = 27, scalar) buffer TimeRows { SlotSums time_sums[]; };
+// Value of the current sample for each slot of its own pixel, [pixel][slot]; black between samples.
 layout(set = 0, binding = 28, scalar) buffer TimeValues { vec3 time_values[]; };
 
-// Slots that the sample in progress has brought light to, as far as there is room; beyond it all are looked at.
-const uint MOST_TOUCHED = 24u;
-uint time_touched[MOST_TOUCHED];
+// The slots that received light from the current sample, up to a maximum; beyond it all slots are
+// visited.
+const uint MAX_TOUCHED = 24u;
+uint time_touched[MAX_TOUCHED];
 uint time_count;
 
-// Place of an optical length in bins from the start.
-double time_place(double optical) {
+// Returns the position of an optical length in bins from the start.
+double time_position(double optical) {
     return (optical - packDouble2x32(job.time_start)) / packDouble2x32(job.time_bin);
 }
 
-// The slot of a place in bins; what is not a number is late.
+// Returns the slot of a position in bins; NaN is in the overflow slot.
 uint time_slot(double place) {
     if (is_finite(place)) {
         if (place < 0.0lf) {
@@ -37,10 +38,10 @@ uint time_slot(double place) {
     return job.time_bins + 1u;
 }
 
-// erf(3 / sqrt 2): the part of a Gaussian within three standard deviations.
+// erf(3 / sqrt 2): the fraction of a Gaussian within three standard deviations.
 const float TIME_CUT = 0.9973002039367398;
 
-// The part of the filter about `place` that lies below `x`.
+// Returns the fraction of the filter about `place` that lies below `x`.
 double time_below(double x, double place, double reach) {
     double t = clamp(x - place, -reach, reach);
     if (job.time_filter == TIME_FILTER_BOX) {
@@ -50,9 +51,9 @@ double time_below(double x, double place, double reach) {
     return 0.5lf + 0.5lf * double(erf(s) / TIME_CUT);
 }
 
-void time_give(uint at, uint slot, vec3 value) {
+void time_add(uint at, uint slot, vec3 value) {
     if (time_values[at] == vec3(0.0)) {
-        if (time_count < MOST_TOUCHED) {
+        if (time_count < MAX_TOUCHED) {
             time_touched[time_count] = slot;
         }
         time_count += 1u;
@@ -60,10 +61,12 @@ void time_give(uint at, uint slot, vec3 value) {
     time_values[at] += value;
 }
 
-// Shares a contribution to a pixel among its slots; whether all was taken.
+// Spreads a contribution to a pixel over its slots; returns whether all of it was accepted.
 bool time_spread(bool own, uint pixel, Contribution c) {
-    double place = time_place(c.optical_length);
-    double reach = job.time_filter == TIME_FILTER_NONE || !is_finite(place) ? 0.0lf : packDouble2x32(job.time_radius);
+    double place = time_position(c.optical_length);
+    double reach = job.time_filter == TIME_FILTER_NONE || !is_finite(place)
+        ? 0.0lf
+        : packDouble2x32(job.time_radius);
     reach *= job.time_filter == TIME_FILTER_GAUSS ? 3.0lf : 1.0lf;
     uint first = time_slot(place - reach), last = time_slot(place + reach);
     double before = 0.0lf;
@@ -75,7 +78,7 @@ bool time_spread(bool own, uint pixel, Contribution c) {
             before = until;
             uint at = pixel * time_slots() + slot;
             if (own) {
-                time_give(at, slot, c.value * share);
+                time_add(at, slot, c.value * share);
             } else {
                 taken = splat_add(at, c.value * share) && taken;
             }
@@ -96,9 +99,10 @@ bool time_splat(uint pixel, Contribution c) {
     return time_spread(false, pixel, c);
 }
 
-// Ends a sample, which the picture took or not. Returns how many times there was no room for squares: once, or not.
+// Ends a sample; `counts` is whether the picture accepted it. Returns 1 if a sum of squares
+// overflowed, else 0.
 uint time_close(uint pixel, bool counts) {
-    bool all_slots = time_count > MOST_TOUCHED;
+    bool all_slots = time_count > MAX_TOUCHED;
     uint count = all_slots ? time_slots() : time_count;
     bool room = true;
     for (uint i = 0u; i < count; i++) {
@@ -106,7 +110,7 @@ uint time_close(uint pixel, bool counts) {
         vec3 value = time_values[at];
         time_values[at] = vec3(0.0);
         if (counts && value != vec3(0.0)) {
-            TimeSums sums = time_sums[at];
+            SlotSums sums = time_sums[at];
             add_exactly(sums.sum, sums.sum_rest, value);
             sums.square += value * value;
             room = room && finite(sums.square);

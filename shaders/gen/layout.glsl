@@ -1,4 +1,5 @@
-// Written by the test `the_committed_layouts_are_those_of_the_code` from src/render/vulkan/layout/: edit that.
+// Generated from src/render/vulkan/layout/ by the test
+// `the_committed_layouts_are_those_of_the_code`; do not edit.
 
 const uint NONE = 4294967295u;
 const uint MODEL_DISNEY = 0u;
@@ -34,20 +35,20 @@ const uint TIME_FILTER_GAUSS = 2u;
 const uint STEP_CLOSEST = 1u;
 const uint STEP_SHADOW = 2u;
 const uint STEP_LIGHT = 3u;
-const uint MOST_STEPS = 256u;
+const uint MAX_PATH_EVENTS = 256u;
 const uint INSTANCE_TRIANGLES = 0u;
 const uint INSTANCE_SPHERES = 1u;
-const uint INSTANCE_COPIES = 2u;
+const uint INSTANCE_MESHES = 2u;
 const uint BVH_STACK = 32u;
 
 // Corners of a triangle in world space, counter-clockwise seen from its front.
 struct Triangle {
-    vec3 a; // First corner.
-    vec3 b; // Second corner, weight `hit.uv.x`.
-    vec3 c; // Third corner, weight `hit.uv.y`.
+    vec3 a; // Position of the first corner.
+    vec3 b; // Position of the second corner, weight `hit.uv.x`.
+    vec3 c; // Position of the third corner, weight `hit.uv.y`.
 };
 
-// What shading needs of a triangle.
+// Shading attributes of a triangle.
 struct TriangleAttributes {
     vec3 na; // Unit shading normal at the first corner.
     vec3 nb; // Unit shading normal at the second corner.
@@ -61,42 +62,42 @@ struct TriangleAttributes {
 
 // MikkTSpace tangents of a triangle: a unit vector and in `w` the sign of the bitangent.
 struct Tangents {
-    vec4 a; // At the first corner.
-    vec4 b; // At the second corner.
-    vec4 c; // At the third corner.
+    vec4 a; // Tangent at the first corner.
+    vec4 b; // Tangent at the second corner.
+    vec4 c; // Tangent at the third corner.
 };
 
-// An analytic sphere; its front is the outside.
+// Analytic sphere; its front is the outside.
 struct Sphere {
     vec3 center; // Centre in world space.
-    float radius; // Radius, positive.
+    float radius; // Radius of the sphere, positive.
     uint material; // Index into `materials`.
     uint emitter; // Index into `emitters`, or NONE.
 };
 
-// A material, as `scene::compile::Material`.
+// Material, as `scene::compile::Material`.
 struct Material {
     vec3 base_color; // Base colour, linear.
     vec3 emission; // Emitted radiance of the front side.
     uint model; // MODEL_DISNEY and so on.
-    float roughness; // Perceptual roughness.
+    float roughness; // Perceptual roughness of the surface.
     float metallic; // 0 dielectric to 1 metal.
     float opacity; // 1 opaque to 0 refractive.
     float ior; // Index of refraction relative to the outside.
-    float subsurface; // Part of the flatter diffuse lobe.
+    float subsurface; // Fraction of the flatter diffuse lobe.
     float specular_tint; // Hue in the dielectric's reflectance at normal incidence.
     float anisotropic; // Stretch of highlights.
     vec3 anisotropic_direction; // World-space direction of the stretch; zero is the direction of growing u.
-    float sheen; // Sheen.
+    float sheen; // Strength of the sheen.
     float sheen_tint; // Hue of the sheen.
-    float clearcoat; // Clear coat.
+    float clearcoat; // Strength of the clear coat.
     float clearcoat_gloss; // Gloss of the clear coat.
     float smooth_below; // Roughness below which specular lobes are Dirac lobes.
     float normal_strength; // Factor on the slope of the normal map.
-    float bump_height; // How far 1 in the bump map stands out, in scene units.
+    float bump_height; // Displacement of the value 1 in the bump map, in scene units.
     float mask_threshold; // Mask values below this are holes.
     uint mask_mode; // MASK_THRESHOLD or MASK_BLEND.
-    uint shadow_terminator; // 1 where paths leave opaque triangles from the surface that their normals suggest, else 0.
+    uint shadow_terminator; // 1 if paths leave opaque triangles from the surface that their normals suggest, else 0.
     uint base_color_texture; // Texture that multiplies `base_color`, or NONE.
     uint emission_texture; // Texture that multiplies `emission`, or NONE.
     uint mask_texture; // Texture whose red channel is the mask, or NONE.
@@ -106,133 +107,133 @@ struct Material {
     uint anisotropic_texture; // Texture of directions in the tangent frame, or NONE.
     uint normal_texture; // Normal map, or NONE.
     uint bump_texture; // Texture whose red channel is a height, or NONE.
-    float tiling_scale; // Factor from texture coordinates to places in the textures.
-    vec2 tiling_offset; // Offset of the same, in repeats.
-    uint emitter_reflects; // 1 where the surface of a light also reflects, else 0.
-    vec3 specular; // Factor on what an interface reflects.
+    float tiling_scale; // Factor from texture coordinates to positions in the textures.
+    vec2 tiling_offset; // Offset of these positions, in repeats.
+    uint emitter_reflects; // 1 if the surface of a light also reflects, else 0.
+    vec3 specular; // Factor on the light that an interface reflects.
     vec3 eta; // Real part of a metal's index by channel.
     vec3 k; // Imaginary part of a metal's index by channel.
     uint distribution; // DISTRIBUTION_GGX or DISTRIBUTION_BECKMANN.
-    uint thin; // 1 where a dielectric is a thin pane, else 0.
-    uint nonlinear; // 1 where light that plastic reflects back inside takes on its colour each time, else 0.
-    float internal_reflectance; // Part of diffuse light that is reflected back at the inside of plastic.
-    uvec2 parts; // First row in `material_parts` of a composed or delayed material, and how many; none for a plain one.
+    uint thin; // 1 if a dielectric is a thin pane, else 0.
+    uint nonlinear; // 1 if light that is reflected back inside plastic is tinted each time, else 0.
+    float internal_reflectance; // Fraction of diffuse light that is reflected back at the inside of plastic.
+    uvec2 parts; // First row in `material_parts` of a composed or delayed material and number of rows; none for others.
 };
 
-// A part of a composed or delayed material.
+// Component of a composed or delayed material.
 struct MaterialPart {
-    float upto; // The sum of the weights up to this part; exactly 1 for the last one.
+    float upto; // Sum of the weights up to this component; exactly 1 for the last one.
     uint material; // Index into `materials`.
-    uvec2 profiles; // First row in `delay_profiles`, and how many: their delays add up.
+    uvec2 profiles; // First row in `delay_profiles` and number of rows: their delays add up.
 };
 
-// A profile in time: each of its one or two parameters is `offset + value * texture`.
+// Delay profile: each of its one or two parameters is `offset + value * texture`.
 struct DelayProfile {
     uint kind; // DELAY_NONE and so on.
-    vec2 value; // What textures multiply.
-    vec2 offset; // What is added.
-    uvec2 textures; // Textures whose red channel counts, or NONE.
-    float tiling_scale; // Factor from texture coordinates to places in the textures.
-    vec2 tiling_offset; // Offset of the same, in repeats.
-    uvec2 knots; // First row in `knots` of a table, and how many.
+    vec2 value; // Factors on the textures.
+    vec2 offset; // Offsets that are added.
+    uvec2 textures; // Textures whose red channel is used, or NONE.
+    float tiling_scale; // Factor from texture coordinates to positions in the textures.
+    vec2 tiling_offset; // Offset of these positions, in repeats.
+    uvec2 knots; // First row in `knots` of a table and number of rows.
 };
 
-// A point of the density of a table, as words of double precision, low word first.
+// Knot of a tabulated density, as words of double precision, low word first.
 struct Knot {
     uvec2 x; // Delay in scene units.
     uvec2 density; // Density in 1 / scene unit.
-    uvec2 below; // Probability of everything below.
+    uvec2 below; // Probability of smaller delays.
 };
 
-// A texture: texels `[y][x]` from `texel_at(first)`, linear, origin top-left.
+// Texture: texels `[y][x]` from `texel_at(first)`, linear, origin at the top left.
 struct Texture {
     uint first; // Index of the first texel.
-    uint width; // Columns.
-    uint height; // Rows.
-    uvec2 wrap; // What is beyond the edges along u and v: WRAP_REPEAT and so on.
-    uint second; // 1 where the second set of texture coordinates is meant, else 0.
-    uint moved; // 1 where coordinates are moved by the three below, else 0.
-    vec2 map_u; // Where the map takes growing u.
-    vec2 map_v; // Where the map takes growing v.
-    vec2 map_origin; // Where the map takes (0, 0).
+    uint width; // Width in texels.
+    uint height; // Height in texels.
+    uvec2 wrap; // Wrap mode along u and v: WRAP_REPEAT and so on.
+    uint second; // 1 if the second set of texture coordinates is used, else 0.
+    uint moved; // 1 if coordinates are transformed by the map below, else 0.
+    vec2 map_u; // Image of the u axis under the map.
+    vec2 map_v; // Image of the v axis under the map.
+    vec2 map_origin; // Image of (0, 0) under the map.
 };
 
-// One emissive primitive.
+// Emissive primitive of the scene.
 struct Emitter {
-    uint primitive; // Primitive id: triangles first, spheres after them.
-    uint instance; // The copy of a mesh that it belongs to, or NONE.
+    uint primitive; // Primitive index: triangles first, spheres after them.
+    uint instance; // Instance of a mesh that it belongs to, or NONE.
     float area; // Area in square scene units.
 };
 
-// Where a copy of a mesh stands: `scene::compile::Instance`. Words of doubles, low one first.
-struct Place {
-    uvec2 xx; // What the mesh's x axis is in the world, its x.
-    uvec2 xy; // Its y.
-    uvec2 xz; // Its z.
-    uvec2 yx; // What the mesh's y axis is in the world, its x.
-    uvec2 yy; // Its y.
-    uvec2 yz; // Its z.
-    uvec2 zx; // What the mesh's z axis is in the world, its x.
-    uvec2 zy; // Its y.
-    uvec2 zz; // Its z.
-    uvec2 tx; // Where the mesh's origin is in the world, its x.
-    uvec2 ty; // Its y.
-    uvec2 tz; // Its z.
-    vec3 normal_x; // From the mesh's normals to the world's, first column.
-    vec3 normal_y; // Second column.
-    vec3 normal_z; // Third column.
+// Placement of an instance of a mesh: `scene::compile::Instance`. Words of doubles, low one first.
+struct Placement {
+    uvec2 xx; // World-space image of the mesh's x axis: its x.
+    uvec2 xy; // Its y coordinate.
+    uvec2 xz; // Its z coordinate.
+    uvec2 yx; // World-space image of the mesh's y axis: its x.
+    uvec2 yy; // Its y coordinate.
+    uvec2 yz; // Its z coordinate.
+    uvec2 zx; // World-space image of the mesh's z axis: its x.
+    uvec2 zy; // Its y coordinate.
+    uvec2 zz; // Its z coordinate.
+    uvec2 tx; // World-space position of the mesh's origin: its x.
+    uvec2 ty; // Its y coordinate.
+    uvec2 tz; // Its z coordinate.
+    vec3 normal_x; // Maps the mesh's normals to world space: first column.
+    vec3 normal_y; // Second column of the matrix.
+    vec3 normal_z; // Third column of the matrix.
     uint start; // Row in `triangles` of the mesh's first triangle.
     uint materials; // First row in `place_materials`.
-    uint emitters; // Row in `emitters` of the first of its triangles that shine.
-    uint first; // The number of its first triangle where nothing is shared.
+    uint emitters; // Row in `emitters` of its first emissive triangle.
+    uint first; // Index of its first triangle in the flattened scene.
 };
 
-// How rays enter the space of a copy's mesh: `render::entrance::Entrance`.
-struct Entrance {
-    vec3 inverse_x; // From directions of the world to those of the mesh, first column.
-    vec3 inverse_y; // Second column.
-    vec3 inverse_z; // Third column.
-    vec3 pivot_world; // The middle of the mesh's box in the world.
-    vec3 pivot_own; // The same in the mesh's space.
-    uint root; // The first node of the mesh's tree.
+// Transform of rays into the space of an instance's mesh: `render::instance_transform::InstanceTransform`.
+struct InstanceTransform {
+    vec3 inverse_x; // Maps directions of the world to those of the mesh: first column.
+    vec3 inverse_y; // Second column of the matrix.
+    vec3 inverse_z; // Third column of the matrix.
+    vec3 pivot_world; // Middle of the mesh's box in world space.
+    vec3 pivot_own; // Middle of the mesh's box in the mesh's space.
+    uint root; // First node of the mesh's tree.
 };
 
-// A point that shines in all directions or into a cone.
+// Point light that shines in all directions or into a cone.
 struct PointLight {
     vec3 position; // Position in world space.
     vec3 intensity; // Radiant intensity along the axis.
     vec3 axis; // Axis of the cone, a unit vector.
-    float beam; // Angle in radians up to which the intensity is whole.
-    float cutoff; // Angle in radians from which on there is none.
+    float beam; // Angle in radians up to which the intensity is full.
+    float cutoff; // Angle in radians from which on the intensity is zero.
     float beam_height; // One minus the cosine of `beam`.
     float cutoff_height; // One minus the cosine of `cutoff`; 2 is all directions.
-    uint is_smooth; // 1 where it falls off with the square of what is linear in the cosine, 0 where linearly with the angle.
+    uint is_smooth; // 1 if the intensity falls off with the square of a term linear in the cosine, 0 if linearly with the angle.
 };
 
-// Parallel light.
+// Directional light from infinity.
 struct DirectionalLight {
     vec3 direction; // Unit direction in which the light travels.
     vec3 irradiance; // Irradiance on a surface that faces the light.
 };
 
-// A light as `transport::light::Lights` chooses it: a column of its alias table, and the light's own probability.
+// Column of the alias table that `transport::light::Lights` selects lights with, and a light's probability.
 struct LightChoice {
-    uint own; // How many of the column's steps mean its own light.
-    uint above; // The light that the others mean.
+    uint own; // Number of the column's steps that select its own light.
+    uint above; // Light that the other steps select.
     float pmf; // Probability of the light with this index; 0 for columns that have no light.
 };
 
-// A row of an environment's map, and its cumulative probability.
+// Row of an environment map with its cumulative probability.
 struct EnvironmentRow {
     float marginal; // Cumulative probability after this row.
     float upper; // Cosine of the polar angle at the upper edge.
     float step; // Cosine at the lower edge minus cosine at the upper one: negative.
     float upper_rest; // One minus the absolute cosine at the upper edge, exact near the poles.
-    float density; // Columns over the solid angle of the row: density per solid angle of a cell is its probability times this.
+    float density; // Number of columns divided by the solid angle of the row: the density of a cell per solid angle is its probability times this.
 };
 
-// Everything that stays the same from sample to sample: camera, limits, settings, lights.
-struct Job {
+// Everything that is constant over the samples: camera, limits, settings, lights.
+struct JobParams {
     vec3 camera_position; // Position of the camera in world space.
     vec3 camera_right; // Unit vector to the picture's right.
     vec3 camera_up; // Unit vector to the picture's top.
@@ -243,96 +244,96 @@ struct Job {
     float focus_distance; // Distance of the plane of focus.
     uint filter_kind; // FILTER_BOX and so on.
     float filter_radius; // Half width of the filter in pixels.
-    uint max_depth; // Greatest number of path edges.
+    uint max_depth; // Maximum number of path edges.
     uint rr_start; // First path edge after which roulette may end a path, or NONE.
     uint mis; // MIS_POWER, MIS_BALANCE, or NONE.
-    uint all_lights; // 1 where every light is asked at every vertex, else 0.
-    uvec2 one_strategy; // The strategy (s, t) that is kept or left out; NONE, NONE for all.
-    uint keep_strategy; // 1 where that strategy is kept, 0 where it is left out.
+    uint all_lights; // 1 if every light is sampled at every vertex, else 0.
+    uvec2 one_strategy; // Strategy (s, t) that is selected or left out; NONE, NONE for all.
+    uint keep_strategy; // 1 if only that strategy is used, 0 if it is left out.
     uint sampler_kind; // SAMPLER_INDEPENDENT or SAMPLER_SOBOL.
     uvec2 seed; // Low and high word of the seed.
-    uint triangle_count; // Number of triangles: primitive ids from here on are spheres.
+    uint triangle_count; // Number of triangles: primitive indices from here on are spheres.
     uint sphere_count; // Number of spheres.
     uint has_tangents; // 1 if `tangents` has a row for every triangle, else 0.
     uint first_color; // First of three texels for each triangle that multiply base colours at its corners, or NONE.
     uint first_second_uv; // First of three texels for each triangle that hold its second texture coordinates, or NONE.
     uint light_count; // Number of lights.
-    uvec3 light_first; // Index of the first point, direction, environment among the lights.
-    uint alias_shift; // Binary logarithm of the steps of a column in `light_choices`; NONE if nothing can be chosen.
+    uvec3 light_first; // Indices of the first point light, directional light and environment among the lights.
+    uint alias_shift; // Binary logarithm of the steps of a column in `light_choices`; NONE if there is nothing to select.
     vec3 ball_center; // Centre of the ball around all surfaces.
-    float ball_radius; // Its radius; 0 without surfaces.
+    float ball_radius; // Radius of that ball; 0 without surfaces.
     uint has_environment; // 1 if there is an environment, else 0.
-    uint environment_texture; // Texture of the environment, or NONE for the same colour from everywhere.
-    vec3 environment_radiance; // Colour, or factor on the texture.
+    uint environment_texture; // Texture of the environment, or NONE if it is constant.
+    vec3 environment_radiance; // Radiance, or factor on the texture.
     vec2 environment_turn; // Sine and cosine of its rotation about +y.
-    uint film_count; // Films of layers for each pixel.
-    uint light_films; // Those of them that are made of contributions; they stand first.
-    uint splat_films; // Those of them on which splats land.
-    uint layer_depth; // The first film of the layer `depth`, or NONE.
-    uint layer_strategies; // The first film of the layer `strategies`, or NONE.
-    uint layer_bounces; // The film of the layer `bounces`, or NONE.
-    uint layer_rays; // The film of the layer `rays`, or NONE.
-    uint layer_albedo; // The film of the layer `albedo`, or NONE.
-    uint layer_normal; // The film of the layer `normal`, or NONE.
-    uint layer_distance; // The film of the layer `distance`, or NONE.
-    uvec2 time_start; // Where the first bin of the time axis begins, in scene units: a double, low word first.
-    uvec2 time_bin; // Width of a bin, likewise.
+    uint film_count; // Number of layer films per pixel.
+    uint light_films; // Number of them that are made of contributions; they come first.
+    uint splat_films; // Number of them that receive splats.
+    uint layer_depth; // First film of the layer `depth`, or NONE.
+    uint layer_strategies; // First film of the layer `strategies`, or NONE.
+    uint layer_bounces; // Film of the layer `bounces`, or NONE.
+    uint layer_rays; // Film of the layer `rays`, or NONE.
+    uint layer_albedo; // Film of the layer `albedo`, or NONE.
+    uint layer_normal; // Film of the layer `normal`, or NONE.
+    uint layer_distance; // Film of the layer `distance`, or NONE.
+    uvec2 time_start; // Start of the first bin of the time axis, in scene units: a double, low word first.
+    uvec2 time_bin; // Width of a bin, in scene units: a double, low word first.
     uint time_bins; // Number of bins; 0 without a time axis.
     uint time_filter; // TIME_FILTER_NONE and so on.
     uvec2 time_radius; // Half width of the box or sigma of the Gaussian in bins: a double, low word first.
-    uint time_camera; // 1 where the segment between the camera and what it sees first counts, else 0.
+    uint time_camera; // 1 if the first path segment from the camera counts, else 0.
     float time_medium; // Index of refraction of the medium around the camera.
-    uint time_emission; // Row in `delay_profiles` of the pulse of lights, or NONE where they emit at once.
+    uint time_emission; // Row in `delay_profiles` of the emission profile of lights, or NONE if they emit instantaneously.
 };
 
-// Sums of a pixel's own samples. Each sum is `sum + rest`, where `rest` gathers what rounding took.
-struct Sums {
-    vec3 sum; // Sum.
-    vec3 sum_rest; // What rounding took from it.
-    vec3 sum2; // Sum of squares.
-    vec3 sum2_rest; // What rounding took from it.
+// Sums of a pixel's own samples. Each sum is `sum + rest`, where `rest` collects rounding errors.
+struct SampleSums {
+    vec3 sum; // Sum of the samples.
+    vec3 sum_rest; // Its rounding error.
+    vec3 sum2; // Sum of the squared samples.
+    vec3 sum2_rest; // Its rounding error.
 };
 
 // Sums of a pixel's own samples in one slot of its time axis.
-struct TimeSums {
-    vec3 sum; // Sum.
-    vec3 sum_rest; // What rounding took from it.
-    vec3 square; // Sum of squares.
+struct SlotSums {
+    vec3 sum; // Sum of the samples.
+    vec3 sum_rest; // Its rounding error.
+    vec3 square; // Sum of the squared samples.
 };
 
-// What else a pixel's samples leave.
+// Invalid samples of a pixel.
 struct Invalid {
-    uint count; // How many of its samples and of their splats were refused.
+    uint count; // Number of its samples and of their splats that were refused.
     uvec2 first; // Low and high word of the index of the first such sample.
 };
 
-// What the dispatches of one submission count.
+// Counters of the dispatches of one submission.
 struct Counters {
     uvec2 rays; // Low and high word of the number of rays.
-    uint invalid; // Samples and splats that were refused.
+    uint invalid; // Number of samples and splats that were refused.
 };
 
-// A step of a sample, as `render::paths::Step`.
+// Event of a sample, as `render::path_trace::PathEvent`.
 struct PathStep {
-    uint kind; // STEP_CLOSEST, STEP_SHADOW or STEP_LIGHT; 0 where there is none.
-    uint met; // The primitive that was met, or NONE; of a shadow ray 1 if it was blocked, else 0.
-    vec3 origin; // Where the ray starts.
-    vec3 dir; // Where it goes.
-    float t_max; // How far it is followed.
-    float t; // How far it came.
-    vec2 uv; // Barycentric weights of what it met.
-    uvec2 pixel; // Column and row that light is for.
-    vec3 value; // The light.
-    vec3 unweighted; // The same without its weight.
-    uint light_vertices; // Vertices found from the light.
-    uint camera_vertices; // Vertices found from the camera.
-    float optical_length; // When the light arrives, as an optical length; 0 without a time axis.
+    uint kind; // STEP_CLOSEST, STEP_SHADOW or STEP_LIGHT; 0 if there is none.
+    uint met; // Primitive that was hit, or NONE; for a shadow ray 1 if it was occluded, else 0.
+    vec3 origin; // Origin of the ray.
+    vec3 dir; // Direction of the ray.
+    float t_max; // Distance up to which it is traced.
+    float t; // Distance of the hit.
+    vec2 uv; // Barycentric weights of the hit.
+    uvec2 pixel; // Column and row of the pixel that receives light.
+    vec3 value; // Contribution with its weight.
+    vec3 unweighted; // Contribution without its weight.
+    uint light_vertices; // Number of vertices of the light subpath.
+    uint camera_vertices; // Number of vertices of the camera subpath.
+    float optical_length; // Optical length of the path; 0 without a time axis.
 };
 
-// Which samples a dispatch adds, as push constants.
-struct Wave {
+// Parameters of a dispatch, as push constants.
+struct WaveParams {
     uvec2 first_sample; // Low and high word of the first sample's index.
-    uint samples; // How many samples of every pixel.
-    uint first_row; // The first row of pixels.
-    uint rows; // The number of rows.
+    uint samples; // Number of samples of every pixel.
+    uint first_row; // First row of pixels.
+    uint rows; // Number of rows of pixels.
 };

@@ -1,21 +1,22 @@
-// Twin of the sampling half of src/math/distribution.rs: tables are made on the host.
+// Twin of the sampling half of src/math/distribution.rs: tables are built on the host.
 #ifndef MATH_DISTRIBUTION_GLSL
 #define MATH_DISTRIBUTION_GLSL
 
 #extension GL_EXT_control_flow_attributes : require
 
 #include "scene.glsl"
-#include "math/elementary.glsl"
+#include "math/trig.glsl"
 
-// Steps of a sample number: 2^24.
+// Number of distinct sample numbers: 2^24.
 const uint STEPS = 1u << 24;
 
-// The step that a number in [0, 1) stands for.
+// Returns the step of a number in [0, 1).
 uint step_of(float u) {
     return min(uint(u * float(STEPS)), STEPS - 1u);
 }
 
-// The light for `u` in [0, 1), and its probability. Not to be called where `job.alias_shift` is NONE.
+// Returns the light for `u` in [0, 1) and its probability. Must not be called if `job.alias_shift`
+// is NONE.
 uint alias_sample(float u, out float probability) {
     uint step = step_of(u);
     uint column = step >> job.alias_shift;
@@ -25,14 +26,14 @@ uint alias_sample(float u, out float probability) {
     return item;
 }
 
-// Probability of light `i`.
+// Returns the probability of light `i`.
 float alias_pmf(uint i) {
     return light_choices[i].pmf;
 }
 
-// A point drawn from the grid over the environment's map: column and row, the place inside the cell in [0, 1), what of the
-// cell lies beyond it (one minus the place, with the digits that a division on a device would cost), and the cell's
-// probability.
+// A sample of the grid over the environment map: column and row; position inside the cell in [0,
+// 1); its complement (one minus the position, with the digits that a subtraction would lose); and
+// the probability of the cell.
 struct GridSample {
     uvec2 cell;
     vec2 inside;
@@ -40,26 +41,29 @@ struct GridSample {
     float probability;
 };
 
-// Cumulative probability before item `i` of the rows (where `row` is NONE) or of the cells of a row.
+// Returns the cumulative probability before item `i` of the rows (if `row` is NONE) or of the cells
+// of a row.
 float grid_before(uint row, uint width, uint i) {
     if (i == 0u) {
         return 0.0;
     }
-    return row == NONE ? environment_rows[i - 1u].marginal : environment_cells[row * width + i - 1u];
+    return row == NONE
+        ? environment_rows[i - 1u].marginal
+        : environment_cells[row * width + i - 1u];
 }
 
-// Probability of the cell in a column and a row of a map of `width` columns.
+// Returns the probability of the cell in a column and a row of a map of `width` columns.
 float grid_probability(uint width, uint x, uint y) {
     float row = environment_rows[y].marginal - grid_before(NONE, width, y);
     return row * (environment_cells[y * width + x] - grid_before(y, width, x));
 }
 
-// A cell and a point in it for `u` in [0, 1)^2: the first number chooses the column, the second the row.
+// Samples a cell and a point in it for `u` in [0, 1)^2: `u.x` selects the column, `u.y` the row.
 GridSample grid_sample(uvec2 size, vec2 u) {
     GridSample s;
     s.probability = 1.0;
     uint row = NONE;
-    // Row first, then column: the same search.
+    // The row first, then the column, by the same search.
     [[dont_unroll]] for (int axis = 1; axis >= 0; --axis) {
         uint low = 0u, count = size[axis];
         while (count > 0u) {
@@ -75,7 +79,7 @@ GridSample grid_sample(uvec2 size, vec2 u) {
         float start = grid_before(row, size.x, i), end = grid_before(row, size.x, i + 1u);
         float width = end - start;
         s.cell[axis] = i;
-        // Exact in this order only.
+        // Exact in this order of operations only.
         precise float behind = u[axis] - start + 0.5 / float(STEPS);
         precise float ahead = end - u[axis] - 0.5 / float(STEPS);
         s.inside[axis] = clamp(behind / width, 0.0, 1.0 - F32_EPSILON);

@@ -2,7 +2,7 @@
 #ifndef MATH_FRAME_GLSL
 #define MATH_FRAME_GLSL
 
-#include "math/elementary.glsl"
+#include "math/trig.glsl"
 
 // A right-handed orthonormal frame whose third axis is a given unit vector.
 struct Frame {
@@ -11,13 +11,14 @@ struct Frame {
     vec3 n;
 };
 
-// The frame about a unit vector [Duff et al. 2017].
+// Returns a frame about a unit vector [Duff et al. 2017].
 Frame frame_from_normal(vec3 n) {
     float sign = copysign(1.0, n.z);
     float a = -1.0 / (sign + n.z);
     float b = n.x * n.y * a;
     return Frame(
-        vec3(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x), vec3(b, sign + n.y * n.y * a, -n.y), n
+        vec3(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x),
+        vec3(b, sign + n.y * n.y * a, -n.y), n
     );
 }
 

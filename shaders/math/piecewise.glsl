@@ -1,4 +1,4 @@
-// Twin of src/math/piecewise.rs: a density on the line of straight pieces between given points, as rows of `knots`.
+// Twin of src/math/piecewise.rs: a piecewise linear density, as rows of `knots`.
 #ifndef MATH_PIECEWISE_GLSL
 #define MATH_PIECEWISE_GLSL
 
@@ -16,7 +16,8 @@ double knot_below(uint i) {
     return packDouble2x32(knots[i].below);
 }
 
-// The place below which lies the probability `u`, of the density whose knots are `rows.y` from `rows.x`.
+// Returns the position at which the distribution function reaches `u`, for the density whose knots
+// are `rows.y` from `rows.x`.
 float piecewise_sample(uvec2 rows, float u) {
     uint next = 0u;
     while (next < rows.y && knot_below(rows.x + next) <= double(u)) {
@@ -28,7 +29,8 @@ float piecewise_sample(uvec2 rows, float u) {
     if (h <= 0.0lf || rest <= 0.0lf) {
         return float(knot_x(a));
     }
-    // The root of a.density t + (b.density - a.density) t^2 / 2h = rest in the form that does not cancel.
+    // The root of a.density t + (b.density - a.density) t^2 / 2h = rest, in the form without
+    // cancellation.
     double density = knot_density(a);
     double slope = (knot_density(b) - density) / h;
     double square = density * density + 2.0lf * slope * rest;

@@ -2,7 +2,7 @@
 #ifndef MATH_RNG_GLSL
 #define MATH_RNG_GLSL
 
-// Four well-mixed words from four words [Jarzynski & Olano 2020].
+// Hashes four words to four well-mixed words [Jarzynski & Olano 2020].
 uvec4 pcg4d(uvec4 v) {
     v = v * 1664525u + 1013904223u;
     v.x += v.y * v.w;
@@ -17,7 +17,7 @@ uvec4 pcg4d(uvec4 v) {
     return v;
 }
 
-// A number in [0, 1) from the 24 upper bits of a word.
+// Returns a number in [0, 1) from the 24 upper bits of a word.
 float unit(uint word) {
     return float(word >> 8) * (1.0 / 16777216.0);
 }

@@ -2,9 +2,9 @@
 #ifndef MATH_WARP_GLSL
 #define MATH_WARP_GLSL
 
-#include "math/elementary.glsl"
+#include "math/trig.glsl"
 
-// A point of the unit disk, area-preserving [Shirley & Chiu 1997].
+// Maps to the unit disk, area-preserving [Shirley & Chiu 1997].
 vec2 concentric_disk(vec2 u) {
     vec2 ab = 2.0 * u - 1.0;
     if (ab.x == 0.0 && ab.y == 0.0) {
@@ -16,25 +16,26 @@ vec2 concentric_disk(vec2 u) {
     return r * sin_cos(phi).yx;
 }
 
-// A direction of the upper hemisphere with density `cos / pi` per solid angle.
+// Returns a direction of the upper hemisphere with density `cos / pi` per solid angle.
 vec3 cosine_hemisphere(vec2 u) {
     vec2 d = concentric_disk(u);
     return vec3(d, sqrt(max(1.0 - dot(d, d), 0.0)));
 }
 
-// Density of `cosine_hemisphere` per solid angle.
+// Returns the density of `cosine_hemisphere` per solid angle.
 float cosine_hemisphere_pdf_w(float cos_theta) {
     return max(cos_theta, 0.0) / PI;
 }
 
-// A direction of the whole sphere with density `1 / (4 pi)`.
+// Returns a direction of the whole sphere with density `1 / (4 pi)` per solid angle.
 vec3 uniform_sphere(vec2 u) {
     float z = 1.0 - 2.0 * u.x;
     float r = sqrt(max(1.0 - z * z, 0.0));
     return vec3(r * sin_cos(TAU * u.y).yx, z);
 }
 
-// Barycentric weights of the second and third corner of a triangle, uniform over its area [Heitz 2019].
+// Returns barycentric weights of the second and third corner of a triangle, uniform over its area
+// [Heitz 2019].
 vec2 uniform_triangle(vec2 u) {
     if (u.y > u.x) {
         float x = u.x * 0.5;

@@ -1,10 +1,12 @@
-// The traversal of `vulkan-compute`: eight-wide nodes with compressed boxes [Ylitie et al. 2017], as src/render/vulkan/bvh.rs
-// copies them. A node is five uvec4:
-//   0: corner of its box (3 floats); exponents of the box's grid (3 bytes) and which children are nodes (1 byte)
+// The traversal of `vulkan-compute`: 8-wide nodes with compressed boxes [Ylitie et al. 2017], as
+// built by src/render/vulkan/accel/bvh.rs. A node is five uvec4:
+//   0: corner of its box (3 floats); exponents of the box's grid (3 bytes); which children are
+//      nodes (1 byte)
 //   1: first child node; first primitive; meta data of the eight children
-//   2, 3, 4: least and greatest grid coordinates of the eight children in x, in y, in z
-// Node 0 is the root of the scene's tree. With COPIES some of its primitives are copies of meshes: there the ray goes on in the
-// space of the mesh, through a tree of its own, on the same stack.
+//   2, 3, 4: lower and upper grid coordinates of the eight children in x, in y, in z
+// Node 0 is the root of the scene's tree. With COPIES some of its primitives are instances of
+// meshes: there the ray continues in the space of the mesh, through the mesh's own tree, on the
+// same stack.
 #ifndef TRACE_BVH_GLSL
 #define TRACE_BVH_GLSL
 
@@ -12,17 +14,19 @@
 #include "transport/surface.glsl"
 
 layout(set = 0, binding = 29, scalar) readonly buffer Nodes { uvec4 nodes[]; };
-// Triangles, then spheres, then copies.
+// Triangles, then spheres, then instances.
 layout(set = 0, binding = 30, scalar) readonly buffer LeafPrimitives { uint leaf_primitives[]; };
-layout(set = 0, binding = 31, scalar) readonly buffer Entrances { Entrance entrances[]; };
+layout(set = 0, binding = 31, scalar) readonly buffer Transforms {
+    InstanceTransform transforms[];
+};
 
-// A ray as nodes see it.
+// A ray prepared for box tests.
 struct BoxRay {
     vec3 origin;
     vec3 inverse;
-    // Which of the two planes of an axis the ray meets first: true for the greater one.
+    // Which of the two planes of an axis the ray hits first: true for the upper one.
     bvec3 backward;
-    // In every byte, the slot that the ray meets first.
+    // In every byte, the slot that the ray visits first.
     uint octant;
 };
 
@@ -30,13 +34,15 @@ uint byte_of(uint word, uint i) {
     return bitfieldExtract(word, int(8u * i), 8);
 }
 
-// The children of a node whose boxes the ray meets before t_max: in the upper byte the nodes, by the order in which to
-// visit them; below, the primitives of leaves.
+// Returns the children of a node whose boxes the ray hits before t_max: in the upper byte the
+// nodes, in visiting order; below, the primitives of leaves.
 uint node_hits(uvec4 n0, uvec4 n1, uint node, BoxRay ray, float t_max) {
-    vec3 grid = uintBitsToFloat(uvec3(byte_of(n0.w, 0u), byte_of(n0.w, 1u), byte_of(n0.w, 2u)) << 23);
+    vec3 grid = uintBitsToFloat(
+        uvec3(byte_of(n0.w, 0u), byte_of(n0.w, 1u), byte_of(n0.w, 2u)) << 23
+    );
     vec3 scale = grid * ray.inverse;
     vec3 start = (uintBitsToFloat(n0.xyz) - ray.origin) * ray.inverse;
-    // A bound on rounding: no box that the ray meets is lost.
+    // A bound on rounding errors, so that no box is missed.
     vec3 slack = 4e-7 * (abs(start) + 255.0 * abs(scale));
     vec3 first = start - slack;
     vec3 last = start + slack;
@@ -55,8 +61,10 @@ uint node_hits(uvec4 n0, uvec4 n1, uint node, BoxRay ray, float t_max) {
         uint bits = (meta >> 5) & 0x07070707u;
         uint places = (meta ^ (ray.octant & (inner * 0xffu))) & 0x1f1f1f1fu;
         for (uint i = 0u; i < 4u; i++) {
-            vec3 enter = vec3(byte_of(near.x, i), byte_of(near.y, i), byte_of(near.z, i)) * scale + first;
-            vec3 leave = vec3(byte_of(far.x, i), byte_of(far.y, i), byte_of(far.z, i)) * scale + last;
+            vec3 enter = vec3(byte_of(near.x, i), byte_of(near.y, i), byte_of(near.z, i)) * scale
+                + first;
+            vec3 leave = vec3(byte_of(far.x, i), byte_of(far.y, i), byte_of(far.z, i)) * scale
+                + last;
             float from = max(max(enter.x, enter.y), max(enter.z, 0.0));
             float to = min(min(leave.x, leave.y), min(leave.z, t_max));
             if (from <= to) {
@@ -70,7 +78,8 @@ uint node_hits(uvec4 n0, uvec4 n1, uint node, BoxRay ray, float t_max) {
 BoxRay box_ray(Ray ray) {
     BoxRay boxed;
     boxed.origin = ray.origin;
-    // A zero component would make 0 * inf = NaN on a box's plane; a tiny one is as good and stays finite.
+    // A zero component would give 0 * inf = NaN on a box's plane; a tiny one is equivalent and
+    // stays finite.
     vec3 dir = mix(ray.dir, mix(vec3(1e-20), vec3(-1e-20), lessThan(ray.dir, vec3(0.0))),
         lessThan(abs(ray.dir), vec3(1e-20)));
     boxed.inverse = 1.0 / dir;
@@ -81,18 +90,18 @@ BoxRay box_ray(Ray ray) {
 }
 
 #ifdef COPIES
-// Widens the distance beyond which nothing in the space of a copy matters: what that space says of a distance is not its last
-// word.
+// Widens the maximum distance in the space of an instance, since distances there are subject to
+// rounding.
 const float LIMIT_SLACK = 1.0 + 1.0 / 1048576.0;
 
-// The ray in the space of a copy's mesh, as src/render/entrance.rs has it.
-Ray entrance_enter(Entrance e, Ray ray) {
+// Transforms a ray to the space of an instance's mesh, as src/render/instance_transform.rs does.
+Ray transform_ray(InstanceTransform e, Ray ray) {
     mat3 inverse = mat3(e.inverse_x, e.inverse_y, e.inverse_z);
     return Ray(inverse * (ray.origin - e.pivot_world) + e.pivot_own, inverse * ray.dir);
 }
 #endif
 
-// The nearest hit with 0 < t < t_max, or with `any` some hit; masks applied.
+// Finds the nearest hit with 0 < t < t_max, or with `any` some hit; masks applied.
 bool traverse(Ray ray, float t_max, bool any, out Hit best) {
     best = Hit(t_max, NONE, NONE, vec2(0.0));
     ShearedRay shear = sheared_ray(ray);
@@ -100,8 +109,8 @@ bool traverse(Ray ray, float t_max, bool any, out Hit best) {
     uvec2 stack[BVH_STACK];
     uint depth = 0u;
     uint instance = NONE;
-    // A group of nodes: the first child, and above bit 24 which of them wait. A group of primitives: likewise below bit 24.
-    // Neither: the way back from a copy to the world.
+    // A group of nodes: the first child, and above bit 24 which of them are pending. A group of
+    // primitives: likewise below bit 24. Neither: return from an instance to world space.
     uvec2 group = uvec2(0u, 0x80000000u);
 #ifdef COPIES
     uint first_copy = job.triangle_count + job.sphere_count;
@@ -121,7 +130,9 @@ bool traverse(Ray ray, float t_max, bool any, out Hit best) {
             uvec4 n0 = nodes[node];
             uvec4 n1 = nodes[node + 1u];
 #ifdef COPIES
-            uint hits = node_hits(n0, n1, node, boxed, instance == NONE ? best.t : best.t * LIMIT_SLACK);
+            uint hits = node_hits(
+                n0, n1, node, boxed, instance == NONE ? best.t : best.t * LIMIT_SLACK
+            );
 #else
             uint hits = node_hits(n0, n1, node, boxed, best.t);
 #endif
@@ -143,7 +154,7 @@ bool traverse(Ray ray, float t_max, bool any, out Hit best) {
             hit.uv = vec2(0.0);
 #ifdef COPIES
             if (hit.primitive >= first_copy) {
-                // What else waits here is for later, in the world.
+                // Postpone everything else of this group until the ray is back in world space.
                 if ((group.y & 0xff000000u) != 0u) {
                     stack[depth++] = group;
                 }
@@ -152,10 +163,10 @@ bool traverse(Ray ray, float t_max, bool any, out Hit best) {
                 }
                 stack[depth++] = uvec2(0u);
                 instance = hit.primitive - first_copy;
-                Ray own = entrance_enter(entrances[instance], ray);
+                Ray own = transform_ray(transforms[instance], ray);
                 shear = sheared_ray(own);
                 boxed = box_ray(own);
-                group = uvec2(entrances[instance].root, 0x80000000u);
+                group = uvec2(transforms[instance].root, 0x80000000u);
                 break;
             }
 #endif
@@ -165,14 +176,16 @@ bool traverse(Ray ray, float t_max, bool any, out Hit best) {
                 float limit = instance == NONE ? best.t : best.t * LIMIT_SLACK;
                 found = intersect_triangle(shear, triangles[hit.primitive], limit, hit.t, hit.uv);
                 if (found && instance != NONE) {
-                    hit.t = copy_distance(ray.origin, ray.dir, hit.primitive, instance);
+                    hit.t = instance_distance(ray.origin, ray.dir, hit.primitive, instance);
                     found = hit.t > 0.0 && hit.t < best.t;
                 }
 #else
                 found = intersect_triangle(shear, triangles[hit.primitive], best.t, hit.t, hit.uv);
 #endif
             } else {
-                found = intersect_sphere(spheres[hit.primitive - job.triangle_count], ray, best.t, hit.t);
+                found = intersect_sphere(
+                    spheres[hit.primitive - job.triangle_count], ray, best.t, hit.t
+                );
             }
             if (found && !is_masked_out(ray, hit)) {
                 best = hit;
@@ -207,11 +220,11 @@ bool traverse(Ray ray, float t_max, bool any, out Hit best) {
     return false;
 }
 
-bool seam_closest(Ray ray, float t_max, out Hit hit) {
+bool traversal_closest(Ray ray, float t_max, out Hit hit) {
     return traverse(ray, t_max, false, hit);
 }
 
-bool seam_occluded(Ray ray, float t_max) {
+bool traversal_occluded(Ray ray, float t_max) {
     Hit hit;
     return traverse(ray, t_max, true, hit);
 }

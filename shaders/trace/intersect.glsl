@@ -1,11 +1,12 @@
-// Twin of src/render/cpu/intersect.rs: one triangle at a time, and double precision by pairs of floats.
+// Twin of src/render/cpu/bvh/intersect.rs: one triangle at a time, with double precision by pairs
+// of floats.
 #ifndef TRACE_INTERSECT_GLSL
 #define TRACE_INTERSECT_GLSL
 
 #include "scene.glsl"
 #include "transport/ray.glsl"
 
-// A ray with what every triangle test needs of it [Woop et al. 2013].
+// A ray prepared for triangle tests [Woop et al. 2013].
 struct ShearedRay {
     vec3 origin;
     uvec3 k;
@@ -38,7 +39,8 @@ vec3 sheared(ShearedRay ray, vec3 corner) {
     return vec3(x, y, d);
 }
 
-// What rounding took from the product of two floats [Dekker 1971]; no fused operations, which devices may not have.
+// Returns the rounding error of the product of two floats [Dekker 1971]; without fused operations,
+// which devices may lack.
 float product_rest(float a, float b, float product) {
     precise float ca = 4097.0 * a;
     precise float a_high = ca - (ca - a);
@@ -46,15 +48,17 @@ float product_rest(float a, float b, float product) {
     precise float cb = 4097.0 * b;
     precise float b_high = cb - (cb - b);
     precise float b_low = b - b_high;
-    precise float rest = ((a_high * b_high - product) + a_high * b_low + a_low * b_high) + a_low * b_low;
+    precise float rest = ((a_high * b_high - product) + a_high * b_low + a_low * b_high)
+        + a_low * b_low;
     return rest;
 }
 
-// An edge function whose sign is right where single precision says zero.
+// Returns an edge function whose sign is correct where single precision gives zero.
 float exact_edge(vec3 p, vec3 q) {
     precise float first = p.x * q.y;
     precise float second = p.y * q.x;
-    precise float edge = (first - second) + (product_rest(p.x, q.y, first) - product_rest(p.y, q.x, second));
+    precise float edge = (first - second)
+        + (product_rest(p.x, q.y, first) - product_rest(p.y, q.x, second));
     return edge;
 }
 
@@ -63,7 +67,7 @@ float edge(vec3 p, vec3 q) {
     return e;
 }
 
-// Whether a triangle is hit with 0 < t < t_max; watertight: a zero counts as inside.
+// Tests whether a triangle is hit with 0 < t < t_max; watertight: a zero counts as inside.
 bool intersect_triangle(ShearedRay ray, Triangle corners, float t_max, out float t, out vec2 uv) {
     vec3 a = sheared(ray, corners.a);
     vec3 b = sheared(ray, corners.b);
@@ -81,11 +85,12 @@ bool intersect_triangle(ShearedRay ray, Triangle corners, float t_max, out float
     t = distance;
     uv = vec2(v / det, w / det);
     bool outside = min(u, min(v, w)) < 0.0 && max(u, max(v, w)) > 0.0;
-    // Comparisons with what `det == 0` makes, infinite or NaN, must be false; devices may take NaN for what they like.
+    // Comparisons with the results of `det == 0`, infinite or NaN, must be false; compilers may
+    // assume that there is no NaN.
     return !outside && det != 0.0 && t > 0.0 && t < t_max;
 }
 
-// Whether a sphere is hit with 0 < t < t_max [Haines et al. 2019].
+// Tests whether a sphere is hit with 0 < t < t_max [Haines et al. 2019].
 bool intersect_sphere(Sphere sphere, Ray ray, float t_max, out float t) {
     vec3 f = ray.origin - sphere.center;
     float b = -dot(f, ray.dir);

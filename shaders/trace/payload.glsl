@@ -1,4 +1,4 @@
-// What a traced ray brings back: what was hit, and nothing else.
+// The payload of a traced ray: its hit.
 #ifndef TRACE_PAYLOAD_GLSL
 #define TRACE_PAYLOAD_GLSL
 

@@ -1,4 +1,5 @@
-// The traversal of `vulkan`: rays that the pipeline traces. Where one meets nothing, `miss.rmiss` says NONE.
+// The traversal of `vulkan`: rays traced by the pipeline. `miss.rmiss` reports NONE for rays that
+// hit nothing.
 #ifndef TRACE_PIPELINE_GLSL
 #define TRACE_PIPELINE_GLSL
 
@@ -10,15 +11,17 @@
 layout(set = 0, binding = 29) uniform accelerationStructureEXT structure;
 layout(location = 0) rayPayloadEXT Payload payload;
 
-bool seam_closest(Ray ray, float t_max, out Hit hit) {
+bool traversal_closest(Ray ray, float t_max, out Hit hit) {
     payload.hit = Hit(t_max, NONE, NONE, vec2(0.0));
-    traceRayEXT(structure, gl_RayFlagsNoneEXT, 0xffu, 0u, 0u, 0u, ray.origin, 0.0, ray.dir, t_max, 0);
+    traceRayEXT(
+        structure, gl_RayFlagsNoneEXT, 0xffu, 0u, 0u, 0u, ray.origin, 0.0, ray.dir, t_max, 0
+    );
     hit = payload.hit;
     return hit.primitive != NONE;
 }
 
-bool seam_occluded(Ray ray, float t_max) {
-    // Only the miss shader runs, and changes what stands here.
+bool traversal_occluded(Ray ray, float t_max) {
+    // Only the miss shader runs, which changes this value.
     payload.hit = Hit(t_max, 0u, NONE, vec2(0.0));
     const uint flags = gl_RayFlagsTerminateOnFirstHitEXT | gl_RayFlagsSkipClosestHitShaderEXT;
     traceRayEXT(structure, flags, 0xffu, 0u, 0u, 0u, ray.origin, 0.0, ray.dir, t_max, 0);

@@ -10,12 +10,13 @@
 
 layout(set = 0, binding = 29) uniform accelerationStructureEXT structure;
 
-bool seam_query(Ray ray, float t_max, uint flags, out Hit hit) {
+bool traversal_query(Ray ray, float t_max, uint flags, out Hit hit) {
     rayQueryEXT query;
     rayQueryInitializeEXT(query, structure, flags, 0xffu, ray.origin, 0.0, ray.dir, t_max);
     while (rayQueryProceedEXT(query)) {
         uint i = uint(rayQueryGetIntersectionPrimitiveIndexEXT(query, false));
-        if (rayQueryGetIntersectionTypeEXT(query, false) == gl_RayQueryCandidateIntersectionTriangleEXT) {
+        if (rayQueryGetIntersectionTypeEXT(query, false)
+            == gl_RayQueryCandidateIntersectionTriangleEXT) {
             vec2 uv = rayQueryGetIntersectionBarycentricsEXT(query, false);
             Hit candidate = hit_of_instance(
                 ray.origin, ray.dir, rayQueryGetIntersectionTEXT(query, false),
@@ -25,10 +26,13 @@ bool seam_query(Ray ray, float t_max, uint flags, out Hit hit) {
                 rayQueryConfirmIntersectionEXT(query);
             }
         } else {
-            bool nearer = rayQueryGetIntersectionTypeEXT(query, true) != gl_RayQueryCommittedIntersectionNoneEXT;
+            bool nearer =
+                rayQueryGetIntersectionTypeEXT(query, true)
+                != gl_RayQueryCommittedIntersectionNoneEXT;
             float before = nearer ? rayQueryGetIntersectionTEXT(query, true) : t_max;
             Hit candidate = Hit(0.0, job.triangle_count + i, NONE, vec2(0.0));
-            if (intersect_sphere(spheres[i], ray, before, candidate.t) && !is_masked_out(ray, candidate)) {
+            if (intersect_sphere(spheres[i], ray, before, candidate.t)
+                && !is_masked_out(ray, candidate)) {
                 rayQueryGenerateIntersectionEXT(query, candidate.t);
             }
         }
@@ -49,13 +53,13 @@ bool seam_query(Ray ray, float t_max, uint flags, out Hit hit) {
     return true;
 }
 
-bool seam_closest(Ray ray, float t_max, out Hit hit) {
-    return seam_query(ray, t_max, gl_RayFlagsNoneEXT, hit);
+bool traversal_closest(Ray ray, float t_max, out Hit hit) {
+    return traversal_query(ray, t_max, gl_RayFlagsNoneEXT, hit);
 }
 
-bool seam_occluded(Ray ray, float t_max) {
+bool traversal_occluded(Ray ray, float t_max) {
     Hit hit;
-    return seam_query(ray, t_max, gl_RayFlagsTerminateOnFirstHitEXT, hit);
+    return traversal_query(ray, t_max, gl_RayFlagsTerminateOnFirstHitEXT, hit);
 }
 
 #endif

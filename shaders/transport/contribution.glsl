@@ -2,14 +2,15 @@
 #ifndef TRANSPORT_CONTRIBUTION_GLSL
 #define TRANSPORT_CONTRIBUTION_GLSL
 
-// Optical lengths are doubles where there is a time axis, as in Rust; without one none is counted.
+// Optical lengths are doubles with a time axis, as in Rust; without one they are not computed.
 #ifdef TIMES
 #define Length double
 #else
 #define Length float
 #endif
 
-// Light that one path brings to one pixel; fields as in Rust, whose `length` is a word of GLSL.
+// Light of one path that reaches one pixel; fields as in Rust, whose `length` is a built-in of
+// GLSL.
 struct Contribution {
     uvec2 pixel;
     vec3 value;
@@ -19,13 +20,13 @@ struct Contribution {
     Length optical_length;
 };
 
-// Edges of the path.
+// Returns the number of edges of the path.
 uint contribution_depth(Contribution c) {
     return c.s + c.t - 1u;
 }
 
-// The seam to the film and its layers: whoever includes this defines it. An own sample is one with `t` above 1; others
-// may fall on any pixel.
+// Receives contributions: the film must define it. A contribution with `t` above 1 belongs to the
+// sample's own pixel; others may fall on any pixel.
 void sink(Contribution c);
 
 #endif

@@ -2,14 +2,15 @@
 #ifndef TRANSPORT_RAY_GLSL
 #define TRANSPORT_RAY_GLSL
 
-// A half-line: where it starts in world space, and a unit vector.
+// A ray: start in world space, and a unit direction.
 struct Ray {
     vec3 origin;
     vec3 dir;
 };
 
-// What a ray met first: distance; primitive id, triangles first and spheres after them; the copy of a mesh, or NONE;
-// barycentric weights of the second and third corner, zero for spheres.
+// The first intersection of a ray: distance; primitive id, triangles first and spheres after them;
+// the instance of a mesh, or NONE; barycentric weights of the second and third corner, zero for
+// spheres.
 struct Hit {
     float t;
     uint primitive;
@@ -17,10 +18,10 @@ struct Hit {
     vec2 uv;
 };
 
-// The seam to whatever intersects rays, masks included: whoever includes this defines both.
-// The nearest hit with 0 < t < t_max, if there is one.
+// The interface to ray traversal, masks included: the film must define both functions.
+// Returns the nearest hit with 0 < t < t_max, if there is one.
 bool trace_closest(Ray ray, float t_max, out Hit hit);
-// Whether anything is hit with 0 < t < t_max.
+// Returns whether anything is hit with 0 < t < t_max.
 bool trace_occluded(Ray ray, float t_max);
 
 float offset_axis(float p, float n) {
@@ -29,8 +30,8 @@ float offset_axis(float p, float n) {
     return abs(p) < 1.0 / 32.0 ? p + n * (1.0 / 65536.0) : moved;
 }
 
-// A point moved off its surface along `n` just far enough that a ray from there does not meet the surface again [Waechter
-// & Binder 2019].
+// Moves a point off its surface along `n` just far enough that a ray from there does not hit the
+// surface again [Waechter & Binder 2019].
 vec3 offset_origin(vec3 p, vec3 n) {
     return vec3(offset_axis(p.x, n.x), offset_axis(p.y, n.y), offset_axis(p.z, n.z));
 }

@@ -1,10 +1,10 @@
-//! How the program ends: exit codes, and errors shown to people.
+//! Exit codes of the program, errors that end it, and the functions that print.
 
 use std::io::Write;
 use std::process::ExitCode;
 
-/// What the help says below the options: how the program ends, and where its words go.
-pub const EXPLAINED: &str = "\
+/// Text below the options of `--help`: exit codes, signals and output streams.
+pub const EXIT_CODES_HELP: &str = "\
 Exit codes:
     0  all done
     1  internal error
@@ -13,39 +13,40 @@ Exit codes:
     4  a limit was reached with work left
     5  verification failed
     6  a second technique contradicts a reference
-   75  ended by SIGTERM or SIGUSR1 after the current wave; run again to go on
-  130  ended by Ctrl-C (128 plus the signal's number by a second signal, at once)
+   75  stopped by SIGTERM or SIGUSR1 after the current wave; run the same command to resume
+  130  stopped by Ctrl-C (a second signal exits at once with 128 plus its number)
 
-Every end but the last writes a checkpoint: the same command goes on to the same bytes.
-SIGHUP, from a terminal that closed, writes one now, and the night goes on.
+Every exit except the one by a second signal saves a checkpoint. Run the same command to resume; \
+the results are identical.
+If the terminal closes (SIGHUP), lumbre saves a checkpoint and keeps running without the dashboard.
 
-Data goes to stdout, talk to stderr. NO_COLOR switches colours off.";
+Results go to stdout, status messages to stderr. Set NO_COLOR to disable colours.";
 
-/// How the program ends.
+/// Reasons for which the program ends, each with its exit code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exit {
-    /// All done.
+    /// Everything was done.
     Done,
-    /// Something that should not happen did.
+    /// An internal error occurred, such as a bug or an unwritable file.
     Internal,
-    /// A usage, script or scene error, found before any work.
+    /// A usage, script or scene error was found before any work.
     Usage,
     /// Some cells failed.
     CellsFailed,
-    /// Work is left.
+    /// A limit was reached with work left.
     WorkLeft,
-    /// A check of `verify` failed.
+    /// A check of `verify` failed, or `reproduce` found a difference.
     NotVerified,
     /// A second technique contradicts a reference.
     Disagreement,
-    /// SIGTERM or SIGUSR1 ended the night between waves; the same command goes on.
+    /// SIGTERM or SIGUSR1 ended the night between waves; the same command resumes it.
     Checkpointed,
-    /// The user ended the night.
+    /// The user stopped the night.
     Interrupted,
 }
 
 impl Exit {
-    /// The process's status.
+    /// Returns the exit code of the process.
     pub fn code(self) -> u8 {
         match self {
             Exit::Done => 0,
@@ -67,55 +68,70 @@ impl From<Exit> for ExitCode {
     }
 }
 
-/// An error that ends the program, and the status it ends with.
+/// Error that ends the program, with its exit code.
 #[derive(Debug)]
 pub struct Failure {
-    /// The status.
+    /// Exit code of the program.
     pub exit: Exit,
-    /// What people read; a script's error carries the line it is about.
+    /// Message to print. An error in a script includes the source line.
     pub report: miette::Report,
 }
 
 impl Failure {
-    /// An error of the user's, found before any work.
+    /// Creates a usage error, found before any work.
     pub fn usage(error: impl std::fmt::Display) -> Failure {
-        Failure { exit: Exit::Usage, report: miette::Report::msg(error.to_string()) }
+        Failure {
+            exit: Exit::Usage,
+            report: miette::Report::msg(error.to_string()),
+        }
     }
 
-    /// The same, with a mark under the place in the source.
+    /// Creates a usage error that marks its position in the source.
     pub fn diagnostic(error: impl miette::Diagnostic + Send + Sync + 'static) -> Failure {
-        Failure { exit: Exit::Usage, report: miette::Report::new(error) }
+        Failure {
+            exit: Exit::Usage,
+            report: miette::Report::new(error),
+        }
     }
 
-    /// An error that is neither the user's nor a cell's.
+    /// Creates an error caused neither by the user nor by a cell, such as a failed write.
     pub fn internal(error: impl std::fmt::Display) -> Failure {
-        Failure { exit: Exit::Internal, report: miette::Report::msg(error.to_string()) }
+        Failure {
+            exit: Exit::Internal,
+            report: miette::Report::msg(error.to_string()),
+        }
     }
 
-    /// Shows the error on stderr.
-    pub fn show(&self) {
-        talk(&format!("{:?}", self.report));
+    /// Prints the error to stderr.
+    pub fn print(&self) {
+        print_status(&format!("{:?}", self.report));
     }
 }
 
-/// Shows errors without folding their lines, so that a path in one can be copied and a message searched for.
-pub fn hook_reports() {
-    // A hook that is set already shows errors too.
-    let _ = miette::set_hook(Box::new(|_| Box::new(miette::MietteHandlerOpts::new().wrap_lines(false).build())));
+/// Configures error reports without line wrapping, so that paths can be copied and messages can be
+/// searched for.
+pub fn install_report_hook() {
+    // If another hook is already installed, it prints the errors.
+    let _ = miette::set_hook(Box::new(|_| {
+        Box::new(miette::MietteHandlerOpts::new().wrap_lines(false).build())
+    }));
 }
 
-/// Writes a line for people to stderr. A closed stderr is nobody's loss.
-pub fn talk(line: &str) {
+/// Prints a status line to stderr. Write errors, such as a closed stderr, are ignored.
+pub fn print_status(line: &str) {
     let _ = writeln!(std::io::stderr().lock(), "{line}");
 }
 
-/// Writes data to stdout. A reader that has seen enough (`lumbre ls | head`) is no error.
+/// Writes result text to stdout. A closed pipe, as in `lumbre ls | head`, is not an error.
 ///
 /// # Errors
-/// When stdout cannot be written for another reason, such as a full disk.
-pub fn data(text: &str) -> Result<(), Failure> {
+/// Returns an error if stdout cannot be written for another reason, such as a full disk.
+pub fn print_result(text: &str) -> Result<(), Failure> {
     let mut stdout = std::io::stdout().lock();
-    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+    match stdout
+        .write_all(text.as_bytes())
+        .and_then(|()| stdout.flush())
+    {
         Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
             Err(Failure::internal(format!("cannot write to stdout: {e}")))
         }
@@ -123,20 +139,26 @@ pub fn data(text: &str) -> Result<(), Failure> {
     }
 }
 
-/// Makes a panic end with a short request instead of a backtrace. Tests and developers who set `RUST_BACKTRACE` still
-/// get the backtrace.
-pub fn hook_panics() {
+/// Makes a panic print a short bug report request instead of a backtrace. With `RUST_BACKTRACE` set
+/// the backtrace is printed as well.
+pub fn install_panic_hook() {
     let standard = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |info| {
         if std::env::var_os("RUST_BACKTRACE").is_some() {
             standard(info);
         }
-        let place = info.location().map(|l| format!(" at {}:{}", l.file(), l.line())).unwrap_or_default();
+        let place = info
+            .location()
+            .map(|l| format!(" at {}:{}", l.file(), l.line()))
+            .unwrap_or_default();
         let payload = info.payload();
-        let what = payload.downcast_ref::<&str>().copied().or(payload.downcast_ref::<String>().map(String::as_str));
-        talk(&format!(
-            "lumbre {} stopped because of a mistake of its own{place}: {}\n\
-             Finished runs are safe. Please report this with the script and the command.",
+        let what = payload
+            .downcast_ref::<&str>()
+            .copied()
+            .or(payload.downcast_ref::<String>().map(String::as_str));
+        print_status(&format!(
+            "lumbre {} crashed because of a bug{place}: {}\n\
+             Finished runs are safe. Please report this message with the script and the command.",
             env!("CARGO_PKG_VERSION"),
             what.unwrap_or("no message")
         ));
@@ -150,16 +172,37 @@ mod tests {
     #[test]
     fn every_exit_code_is_explained_in_the_help_and_in_the_readme() {
         use Exit::{
-            CellsFailed, Checkpointed, Disagreement, Done, Internal, Interrupted, NotVerified, Usage, WorkLeft,
+            CellsFailed, Checkpointed, Disagreement, Done, Internal, Interrupted, NotVerified,
+            Usage, WorkLeft,
         };
         let readme = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/README.md"));
-        let (_, told) = readme.split_once("Exit codes:").unwrap();
-        let told: Vec<&str> = told.split("\n\n").next().unwrap().split_whitespace().collect();
-        let all = [Done, Internal, Usage, CellsFailed, WorkLeft, NotVerified, Disagreement, Checkpointed, Interrupted];
+        let (_, codes) = readme.split_once("Exit codes:").unwrap();
+        let codes: Vec<&str> = codes
+            .split("\n\n")
+            .next()
+            .unwrap()
+            .split_whitespace()
+            .collect();
+        let all = [
+            Done,
+            Internal,
+            Usage,
+            CellsFailed,
+            WorkLeft,
+            NotVerified,
+            Disagreement,
+            Checkpointed,
+            Interrupted,
+        ];
         for code in all.map(|exit| exit.code().to_string()) {
             let line = format!("{code}  ");
-            assert!(EXPLAINED.lines().any(|l| l.trim_start().starts_with(&line)), "{code} in the help");
-            assert!(told.contains(&code.as_str()), "{code} in the README");
+            assert!(
+                EXIT_CODES_HELP
+                    .lines()
+                    .any(|l| l.trim_start().starts_with(&line)),
+                "{code} in the help"
+            );
+            assert!(codes.contains(&code.as_str()), "{code} in the README");
         }
     }
 }

@@ -1,121 +1,110 @@
-//! The command line: it joins the rooms of level 5, and is the only room that prints.
+//! The command line. Connects the modules of level 5 and is the only module that prints.
 //!
-//! Data goes to stdout, talk to stderr. Errors come here as values and are shown once, with the place in the script
-//! where there is one; [`exit::Exit`] has the program's statuses.
+//! Results go to stdout, status messages to stderr. Errors arrive here as values and are printed
+//! once, with their position in the script if they have one. [`exit::Exit`] lists the exit codes.
 
-mod again;
+pub mod about;
 mod args;
 mod bench;
-mod builtin;
-mod check;
 mod cluster;
-mod compare;
-mod docs;
-mod doctor;
 mod exit;
-mod explain;
-mod export;
+mod format;
 mod inspect;
-mod load;
-mod log;
-mod plan;
-mod recorder;
-mod report;
+pub mod night;
 mod reproduce;
-mod run;
-mod schema;
-mod signals;
-mod space;
-mod status;
-mod text;
-mod trace;
-mod until;
+pub mod scene;
 pub mod verify;
-mod view;
-mod watch;
 mod worker;
 
 use std::process::ExitCode;
 
 use clap::Parser;
 
-use args::{BenchArgs, Cli, Global, Verb};
-use exit::{Exit, Failure, data, talk};
+pub use about::reference::reference;
 
-/// Runs the command line of this process and says how it ended.
+use args::{BenchArgs, Cli, Global, Verb};
+use exit::{Exit, Failure, print_result, print_status};
+
+/// Parses the arguments of this process, runs the requested verb and returns the exit code.
 pub fn main() -> ExitCode {
-    exit::hook_panics();
-    exit::hook_reports();
-    // The hook has said what there is to say; a panic must not look like a result.
+    exit::install_panic_hook();
+    exit::install_report_hook();
+    // The panic hook has already printed the message; a panic must not look like a result.
     let ended = std::panic::catch_unwind(|| match Cli::try_parse() {
-        Ok(cli) => verb(&cli).unwrap_or_else(|failure| {
-            failure.show();
+        Ok(cli) => dispatch(&cli).unwrap_or_else(|failure| {
+            failure.print();
             failure.exit
         }),
-        Err(answer) => {
-            // Help and version are answers too; clap knows which of them go to stdout. A closed pipe is no error.
-            let _ = answer.print();
-            if answer.use_stderr() { Exit::Usage } else { Exit::Done }
+        Err(error) => {
+            // clap reports help and version this way too, and chooses stdout or stderr. A closed
+            // pipe is not an error.
+            let _ = error.print();
+            if error.use_stderr() {
+                Exit::Usage
+            } else {
+                Exit::Done
+            }
         }
     });
     ended.unwrap_or(Exit::Internal).into()
 }
 
-fn verb(cli: &Cli) -> Result<Exit, Failure> {
+/// Runs the verb of a parsed command line.
+fn dispatch(cli: &Cli) -> Result<Exit, Failure> {
     let global = &cli.global;
     if let Verb::Worker = cli.verb {
         return worker::main();
     }
-    let log = log::Log::install(global.quiet);
-    worker::employ();
+    let log = night::log::Log::install(global.quiet);
+    worker::enable_worker_processes();
     match &cli.verb {
-        Verb::Run(args) => run::main(args, global, &log),
-        Verb::Retry(args) => run::retry(args, global, &log),
+        Verb::Run(args) => night::run::main(args, global, &log),
+        Verb::Retry(args) => night::run::retry(args, global, &log),
         Verb::Work(args) => cluster::work(args, global, &log),
         Verb::Submit(args) => cluster::submit(args, global),
         Verb::Cancel(args) => cluster::cancel(args, global),
-        Verb::Explain(args) => explain::main(args, global),
-        Verb::Plan(args) => plan::main(args, global),
-        Verb::Check(args) => check::main(args, global),
-        Verb::Export(args) => export::main(args, global),
-        Verb::Watch(args) => watch::main(args, global, &log),
-        Verb::Status(args) => status::main(args, global),
-        Verb::Ls(args) => inspect::ls(args, global),
-        Verb::Show(args) => inspect::show(args, global),
-        Verb::Schema(args) => schema::main(args),
-        Verb::Doctor(args) => doctor::main(args, global),
+        Verb::Explain(args) => inspect::explain::main(args, global),
+        Verb::Plan(args) => night::plan::main(args, global),
+        Verb::Check(args) => scene::check::main(args, global),
+        Verb::Export(args) => scene::export::main(args, global),
+        Verb::Watch(args) => inspect::watch::main(args, global, &log),
+        Verb::Status(args) => inspect::status::main(args, global),
+        Verb::Ls(args) => inspect::list::ls(args, global),
+        Verb::Show(args) => inspect::list::show(args, global),
+        Verb::Schema(args) => about::schema::main(args),
+        Verb::Doctor(args) => about::doctor::main(args, global),
         Verb::Verify(args) => verify::main(args, global),
-        Verb::Bench(args) => measure(args, global),
-        Verb::Metric(args) => compare::metric(args, global),
-        Verb::Diff(args) => compare::diff(args, global),
+        Verb::Bench(args) => run_bench(args, global),
+        Verb::Metric(args) => inspect::compare::metric(args, global),
+        Verb::Diff(args) => inspect::compare::diff(args, global),
         Verb::Reproduce(args) => reproduce::main(args, global),
-        Verb::View(args) => view::main(args, global),
-        Verb::Report(args) => report::main(args, global),
-        Verb::Trace(args) => trace::main(args, global),
-        Verb::Completions { shell } => docs::completions(*shell),
-        Verb::Man => docs::man(),
+        Verb::View(args) => inspect::view::main(args, global),
+        Verb::Report(args) => inspect::report::main(args, global),
+        Verb::Trace(args) => scene::trace::main(args, global),
+        Verb::Completions { shell } => about::completions::completions(*shell),
+        Verb::Man => about::completions::man(),
         Verb::Worker => worker::main(),
     }
 }
 
-/// `lumbre bench`: prints the figures and writes `bench.json` where results live.
-fn measure(args: &BenchArgs, global: &Global) -> Result<Exit, Failure> {
+/// Runs `lumbre bench`: prints the measurements and writes `bench.json` to the results folder.
+fn run_bench(args: &BenchArgs, global: &Global) -> Result<Exit, Failure> {
     let file = global.out.join("bench.json");
     crate::store::probe(&global.out).map_err(Failure::usage)?;
-    let mut say = |line: &str| {
+    let mut print_progress = |line: &str| {
         if !global.quiet {
-            talk(line);
+            print_status(line);
         }
     };
     let report = if args.cluster_sim {
-        bench::cluster(&global.out, &mut say)
+        bench::cluster(&global.out, &mut print_progress)
     } else {
-        bench::measure(args, global.threads, global.missing(), &mut say)
+        bench::measure(args, global.threads, global.missing(), &mut print_progress)
     };
     let report = report.map_err(Failure::usage)?;
     let json = format!("{:#}\n", report.json());
-    crate::store::atomic(&file, json.as_bytes()).map_err(Failure::internal)?;
-    data(if args.json { &json } else { report.text() })?;
-    say(&format!("written to {}", load::shown(&file)));
+    crate::store::write_atomically(&file, json.as_bytes()).map_err(Failure::internal)?;
+    print_result(if args.json { &json } else { report.text() })?;
+    print_progress(&format!("written to {}", format::display_path(&file)));
     Ok(Exit::Done)
 }

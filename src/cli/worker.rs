@@ -1,44 +1,52 @@
-//! `lumbre worker`: the side of a worker process, which only this program starts.
+//! `lumbre worker`: the main function of a device worker process, which only lumbre itself starts.
 
 use std::path::{Path, PathBuf};
 
 use super::exit::{Exit, Failure};
-use super::log::Log;
+use super::night::log::Log;
 use crate::render;
 use crate::render::worker::{Launcher, serve};
 
-/// Renders on devices by worker processes from now on.
-pub fn employ() {
-    // The very program that runs, also where its file has been replaced since; where the system has no name for that,
-    // the file.
+/// Makes the device backends of this process render in worker processes.
+pub fn enable_worker_processes() {
+    // /proc/self/exe is the running program even if its file was replaced since. Systems without it
+    // use the path of the file.
     let itself = Path::new("/proc/self/exe");
-    let program = if itself.exists() { Ok(PathBuf::from(itself)) } else { std::env::current_exe() };
+    let program = if itself.exists() {
+        Ok(PathBuf::from(itself))
+    } else {
+        std::env::current_exe()
+    };
     if let Ok(program) = program {
-        render::worker::employ(Launcher::new(program, ["worker"]));
+        render::worker::use_workers(Launcher::new(program, ["worker"]));
     }
 }
 
-/// Works until the pipe ends. What this process says on stderr, the other one logs.
+/// Serves render requests from stdin until it closes. The parent process logs what this one writes
+/// to stderr.
 pub fn main() -> Result<Exit, Failure> {
     Log::install(true);
-    deaf().map_err(Failure::internal)?;
+    ignore_signals().map_err(Failure::internal)?;
     serve(std::io::stdin().lock(), std::io::stdout(), &render::open).map_err(Failure::internal)?;
     Ok(Exit::Done)
 }
 
-/// Leaves signals to the other process, which may get the same and still needs what is here: this one ends when the
-/// other has ended.
+/// Ignores signals that end a night. The parent process usually gets the same signal and still
+/// needs this worker for its checkpoint; the worker ends when its stdin closes.
 #[cfg(unix)]
-fn deaf() -> std::io::Result<()> {
+fn ignore_signals() -> std::io::Result<()> {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
 
-    [SIGINT, SIGTERM, SIGUSR1, SIGHUP].into_iter().try_for_each(|signal| {
-        let heard = std::sync::Arc::default();
-        signal_hook::flag::register(signal, heard).map(drop)
-    })
+    [SIGINT, SIGTERM, SIGUSR1, SIGHUP]
+        .into_iter()
+        .try_for_each(|signal| {
+            let flag = std::sync::Arc::default();
+            signal_hook::flag::register(signal, flag).map(drop)
+        })
 }
 
+/// Does nothing: there are no such signals on this system.
 #[cfg(not(unix))]
-fn deaf() -> std::io::Result<()> {
+fn ignore_signals() -> std::io::Result<()> {
     Ok(())
 }

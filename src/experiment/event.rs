@@ -1,16 +1,19 @@
-//! What happens during a night, told to everyone who listens.
+//! Events of a night and the interfaces through which it reaches the outside.
+//!
+//! A night emits [`Event`]s to its [`Sink`]s (recorder, dashboard, log), reads and stores results
+//! through a [`History`], and obeys the [`NightControls`] that the user and signal handlers set.
 
 use std::collections::BTreeSet;
 use std::io::{self, Write};
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::agree::Agreement;
-use super::floors::{Floors, HalfImages};
+use super::bias_check::BiasCheckResult;
 use super::forecast::Forecast;
-use super::parts::{Part, Piece};
+use super::noise_floor::{HalfImages, NoiseFloors};
 use super::plan::Plan;
-use super::standing::{Checkpoint, Claim, Settled, Standing};
+use super::run_progress::{Checkpoint, Claim, ReportedOutcome, RunProgress};
+use super::shards::{Shard, WorkUnit};
 use crate::film::layer::LayerImage;
 use crate::film::time::TimeCube;
 use crate::film::{Film, Image, SharedImage};
@@ -25,7 +28,7 @@ pub enum CellRef {
     Reference(usize),
 }
 
-/// One measurement: the state of a run at the end of a wave.
+/// One measurement: cumulative counters and metrics of a run at the end of a wave.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct WaveRow {
     /// Number of the wave, from 1.
@@ -34,9 +37,10 @@ pub struct WaveRow {
     pub samples: u64,
     /// Seconds inside the renderer so far.
     pub render_s: f64,
-    /// Seconds that the cell has taken, everything included; while it takes turns with others, its own turns alone.
+    /// Wall-clock seconds so far, measuring included. For an interleaved run only its own turns
+    /// count.
     pub wall_s: f64,
-    /// Seconds spent measuring so far, which are no part of `render_s`.
+    /// Seconds spent measuring so far; not included in `render_s`.
     pub measure_s: f64,
     /// Camera paths so far.
     pub paths: u64,
@@ -46,181 +50,196 @@ pub struct WaveRow {
     pub invalid: u64,
     /// Column, row and sample of the first invalid sample.
     pub first_invalid: Option<[u64; 3]>,
-    /// Metrics in the order of the plan's columns; empty for references, and without a reference.
+    /// Metrics in the order of the plan's columns; empty for references and for cells without one.
     pub metrics: Vec<f64>,
 }
 
 impl WaveRow {
-    /// The same as if there had been one wave.
-    pub fn alone(&self) -> WaveRow {
-        WaveRow { wave: 1, ..self.clone() }
+    /// Returns the same totals as a single wave, number 1.
+    pub fn as_single_wave(&self) -> WaveRow {
+        WaveRow {
+            wave: 1,
+            ..self.clone()
+        }
     }
 
-    /// Million camera paths per second of render time; zero before the first wave.
+    /// Millions of camera paths per second of render time; zero before the first wave.
     pub fn mpaths_per_s(&self) -> f64 {
-        if self.render_s > 0.0 { self.paths as f64 / self.render_s / 1e6 } else { 0.0 }
+        if self.render_s > 0.0 {
+            self.paths as f64 / self.render_s / 1e6
+        } else {
+            0.0
+        }
     }
 
-    /// Frames per second of render time, a frame being one sample of every pixel; zero before the first wave.
+    /// Frames per second of render time; zero before the first wave. A frame is one sample per
+    /// pixel.
     pub fn fps(&self) -> f64 {
-        if self.render_s > 0.0 { self.samples as f64 / self.render_s } else { 0.0 }
+        if self.render_s > 0.0 {
+            self.samples as f64 / self.render_s
+        } else {
+            0.0
+        }
     }
 }
 
-/// How a cell ended.
+/// Outcome of a cell or reference.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outcome {
-    /// Finished by its stop rule; the text says which part of it.
+    /// Finished by its stop rule; the text names the clause that held.
     Done(String),
-    /// It was there already, in this folder.
+    /// Found finished in this folder; nothing was rendered.
     Cached(std::path::PathBuf),
-    /// It failed; the night goes on.
+    /// Failed for this reason; the night continues.
     Failed(String),
-    /// The user or a signal ended the night first.
+    /// Ended early by the user, a signal or the deadline.
     Interrupted,
 }
 
-/// Importance of a message.
+/// Severity of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Level {
-    /// A few lines per cell.
+    /// Progress, a few lines per cell.
     Info,
-    /// Something was done otherwise than asked.
+    /// Something deviated from the request, without loss of results.
     Warn,
-    /// A result was lost.
+    /// A result was lost or is in doubt.
     Error,
 }
 
-/// Something that happened.
+/// One event of a night.
 #[derive(Clone, Debug)]
 pub enum Event {
-    /// The night begins.
+    /// The night begins; always the first event.
     NightStarted {
         /// The whole plan.
         plan: Arc<Plan>,
     },
-    /// A cell's renderer is open; the first wave follows.
+    /// The renderer of a cell or reference is open; the first wave follows.
     CellStarted {
-        /// Which.
+        /// The cell or reference.
         cell: CellRef,
-        /// What opening cost.
+        /// Cost of opening the renderer.
         open: OpenStats,
-        /// The image it will be measured against.
+        /// The image that it will be measured against.
         reference: Option<SharedImage>,
-        /// The measurements of an earlier process, if the run goes on from its checkpoint.
+        /// Measurements of an earlier process, if the run resumes from a checkpoint.
         resumed: Option<Arc<Vec<WaveRow>>>,
     },
-    /// What the noise of a reference leaves to be measured is known. Told once a night for a reference with halves,
-    /// before the first cell that is measured against it starts.
-    Floors {
+    /// The noise floors of a reference are known. Emitted once a night for each reference that has
+    /// halves, before the first cell that is measured against it starts.
+    NoiseFloors {
         /// Index into [`Plan::references`].
         reference: usize,
-        /// The value that the true picture would have, in the order of the plan's columns; `None` for metrics of which
-        /// that cannot be said. No run can be measured to be better.
-        floors: Floors,
+        /// The value that the true picture would measure against this reference, in the order of
+        /// the plan's columns; no run can be expected to measure better. `None` for metrics that
+        /// have no floor.
+        floors: NoiseFloors,
     },
     /// A wave ended and was measured.
     Wave {
-        /// Which.
+        /// The cell or reference.
         cell: CellRef,
-        /// The measurement.
+        /// Its latest measurement.
         row: WaveRow,
-        /// Seconds spent measuring it, outside the clock.
+        /// Seconds spent on this measurement, outside the render clock.
         measure_s: f64,
         /// The picture so far.
         image: SharedImage,
         /// Whether the samples per pixel have just reached a power of two.
         pow2: bool,
     },
-    /// The light by time so far of a run whose film has a time axis, where somebody shows it and it is small enough to be
-    /// copied: told after waves that have doubled its samples. See [`Sink::shows_times`].
+    /// The time-resolved film of a run so far. Emitted after waves that have doubled its samples,
+    /// if a sink [wants it](Sink::wants_times) and the film is small enough to copy.
     Times {
-        /// Which.
+        /// The cell or reference.
         cell: CellRef,
-        /// The light.
+        /// Radiance by pixel and time bin.
         times: Arc<TimeCube>,
     },
-    /// A reference was compared with the same picture by a second technique; see [`Plan::references`].
-    Agreement {
-        /// Index of the reference.
+    /// A reference was compared with the same picture by a second technique.
+    BiasCheck {
+        /// Index of the reference into [`Plan::references`].
         reference: usize,
         /// Index of the second picture.
         with: usize,
-        /// What was found.
-        found: Arc<Agreement>,
+        /// The result of the comparison.
+        found: Arc<BiasCheckResult>,
     },
-    /// A part of a reference opens. Waves of the reference follow, which count from the part's beginning; the reference itself
-    /// starts when all its parts are joined.
-    PartStarted {
-        /// Which.
-        part: Part,
-        /// What opening cost.
+    /// The renderer of a reference's shard is open. Waves of the reference follow, counted from the
+    /// beginning of the shard. The reference itself starts when all of its shards are joined.
+    ShardStarted {
+        /// Shard of the reference.
+        shard: Shard,
+        /// Cost of opening the renderer.
         open: OpenStats,
-        /// The measurements of an earlier process, if the part goes on from its checkpoint.
+        /// Measurements of an earlier process, if the shard resumes from a checkpoint.
         resumed: Option<Arc<Vec<WaveRow>>>,
     },
-    /// A part of a reference ended. Recorders keep it when they hear this.
-    PartFinished {
-        /// Which.
-        part: Part,
-        /// How.
+    /// A shard of a reference ended. Recorders store its sums when they receive this.
+    ShardFinished {
+        /// Shard of the reference.
+        shard: Shard,
+        /// Outcome of the shard.
         outcome: Outcome,
         /// Its last measurement.
         last: Option<WaveRow>,
-        /// Its sums, if it is done and this process's.
-        kept: Option<Arc<Checkpoint>>,
+        /// Its sums, if it is done and still claimed by this process.
+        sums: Option<Arc<Checkpoint>>,
     },
     /// A reference has been rendered; its [`Event::CellFinished`] follows.
     Halves {
         /// Index into [`Plan::references`].
         reference: usize,
-        /// Its two independent halves.
+        /// Films of its two independent halves.
         halves: [Arc<Film>; 2],
     },
-    /// A cell ended. Recorders write its results when they hear this, before the night goes on.
+    /// A cell or reference ended. Recorders write its results when they receive this, before the
+    /// night continues.
     CellFinished {
-        /// Which.
+        /// The cell or reference.
         cell: CellRef,
-        /// How.
+        /// Outcome of the run.
         outcome: Outcome,
-        /// The sums; none if it was cached, ended before its first wave, or panicked while rendering.
+        /// The film; `None` if it was cached, ended before its first wave, or panicked while
+        /// rendering.
         film: Option<Arc<Film>>,
-        /// The images of the layers that it was asked for; empty unless it is done.
+        /// Images of the requested layers; empty unless it is done.
         layers: Arc<Vec<LayerImage>>,
-        /// Its light by time, if it was asked for; none unless it is done.
+        /// The time-resolved film, if requested; `None` unless it is done.
         times: Option<Arc<TimeCube>>,
         /// Its measurements, oldest first.
         rows: Arc<Vec<WaveRow>>,
     },
-    /// What is left of the night was reckoned anew: told before the first run, and now and then between runs. No run is
-    /// in progress then.
+    /// A new estimate of the remaining time. Emitted before the first run and at intervals between
+    /// runs, never while a run is in progress.
     Forecast(Forecast),
-    /// A line for people.
+    /// A line of text for the user.
     Message {
-        /// Importance.
+        /// Severity of the message.
         level: Level,
-        /// The cell it is about, if any.
+        /// The cell or reference that it is about, if any.
         cell: Option<CellRef>,
-        /// The line.
+        /// Text of the line.
         text: String,
     },
-    /// The night is over.
+    /// The night is over; always the last event.
     NightFinished,
 }
 
 impl Event {
-    /// The cell or reference that it is about, if it is about one.
+    /// The cell or reference that the event is about, if any.
     pub fn cell(&self) -> Option<CellRef> {
         match self {
             Event::CellStarted { cell, .. }
             | Event::Wave { cell, .. }
             | Event::Times { cell, .. }
             | Event::CellFinished { cell, .. } => Some(*cell),
-            Event::Floors { reference, .. } | Event::Agreement { reference, .. } | Event::Halves { reference, .. } => {
-                Some(CellRef::Reference(*reference))
-            }
-            Event::PartStarted { part, .. } | Event::PartFinished { part, .. } => {
-                Some(CellRef::Reference(part.reference))
+            Event::NoiseFloors { reference, .. }
+            | Event::BiasCheck { reference, .. }
+            | Event::Halves { reference, .. } => Some(CellRef::Reference(*reference)),
+            Event::ShardStarted { shard, .. } | Event::ShardFinished { shard, .. } => {
+                Some(CellRef::Reference(shard.reference))
             }
             Event::Message { cell, .. } => *cell,
             Event::NightStarted { .. } | Event::Forecast(_) | Event::NightFinished => None,
@@ -228,133 +247,155 @@ impl Event {
     }
 }
 
-/// Why a listener could not do its part.
+/// Why a sink or a history could not carry out a request.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct SinkError(pub String);
 
-/// Someone who listens. Sinks are called in line on the control thread, between waves.
+/// A receiver of events. Sinks are called in line on the control thread, between waves.
 pub trait Sink {
-    /// Hears an event.
+    /// Receives an event.
     ///
     /// # Errors
     /// When a result could not be recorded; the cell then counts as failed.
-    fn hear(&mut self, event: &Event) -> Result<(), SinkError>;
+    fn receive(&mut self, event: &Event) -> Result<(), SinkError>;
 
-    /// Whether it wants to hear [`Event::Times`], which costs a copy of all bins.
-    fn shows_times(&self) -> bool {
+    /// Whether to emit [`Event::Times`], which costs a copy of all time bins.
+    fn wants_times(&self) -> bool {
         false
     }
 }
 
-/// Writes the state of a renderer, and says whether it could: [`Renderer::save`](crate::render::Renderer::save).
-pub type Save<'a> = &'a dyn Fn(&mut dyn Write) -> io::Result<bool>;
+/// Writes the state of a renderer and returns whether the renderer could save it:
+/// [`Renderer::save`](crate::render::Renderer::save).
+pub type SaveState<'a> = &'a dyn Fn(&mut dyn Write) -> io::Result<bool>;
 
-/// Finds what earlier nights left, keeps what this one must not lose, and knows who else is at work.
+/// Results of earlier nights, checkpoints of this one, and coordination with other processes.
 ///
-/// What only some keep has a default: nothing is kept, and nobody else is there.
+/// The default methods are those of a history that stores nothing and is used by one process.
 pub trait History {
-    /// The folder and final measurements of a finished run with this identity.
-    fn done(&self, plan: &Plan, cell: CellRef) -> Option<FinishedRun>;
+    /// The folder and final measurements of a finished run with the same identity.
+    fn finished_run(&self, plan: &Plan, cell: CellRef) -> Option<FinishedRun>;
 
-    /// What other workers say that they have made of a run, where that is enough: one of many does not read what
-    /// thousands of runs came to.
-    fn settled(&self, _plan: &Plan, _cell: CellRef) -> Option<Settled> {
+    /// The outcome that another worker has reported for a run. Reading it is cheaper than reading
+    /// the run itself, which matters to one of many workers that looks at thousands of runs.
+    fn reported_outcome(&self, _plan: &Plan, _cell: CellRef) -> Option<ReportedOutcome> {
         None
     }
 
     /// The image of a finished reference, or of an image file that a script named.
     ///
     /// # Errors
-    /// When it is there but cannot be read.
+    /// When it exists but cannot be read.
     fn image(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError>;
 
-    /// The standard error of every pixel of a finished reference, if it was kept with it.
+    /// The standard error of every pixel of a finished reference, if it was stored.
     ///
     /// # Errors
-    /// When it is there but cannot be read.
+    /// When it exists but cannot be read.
     fn noise(&self, _plan: &Plan, _reference: usize) -> Result<Option<Image>, SinkError> {
         Ok(None)
     }
 
-    /// The two halves of a finished reference, if it was kept with them.
+    /// The pictures of the two halves of a finished reference, if they were stored.
     ///
     /// # Errors
-    /// When they are there but cannot be read.
+    /// When they exist but cannot be read.
     fn halves(&self, _plan: &Plan, _reference: usize) -> Result<Option<HalfImages>, SinkError> {
         Ok(None)
     }
 
-    /// Makes a run or a part this process's own, so that no other one works on it, until [`History::release`].
+    /// Claims a run or shard for this process until [`History::release`], so that no other process
+    /// works on it.
     ///
     /// # Errors
-    /// When it cannot be known whether another process has it.
-    fn claim(&self, _plan: &Plan, _piece: Piece) -> Result<Claim, SinkError> {
-        Ok(Claim::Ours)
+    /// When it cannot be determined whether another process has claimed it.
+    fn claim(&self, _plan: &Plan, _unit: WorkUnit) -> Result<Claim, SinkError> {
+        Ok(Claim::Granted)
     }
 
-    /// Whether a claim that was granted still holds. It is lost when this process stood still for so long that others
-    /// took it for dead.
-    fn holds(&self, _plan: &Plan, _piece: Piece) -> bool {
+    /// Whether a granted claim is still valid. It is lost if this process was suspended for so long
+    /// that others took it for dead.
+    fn holds_claim(&self, _plan: &Plan, _unit: WorkUnit) -> bool {
         true
     }
 
-    /// Gives a claim back.
-    fn release(&self, _plan: &Plan, _piece: Piece) {}
+    /// Releases a claim.
+    fn release(&self, _plan: &Plan, _unit: WorkUnit) {}
 
-    /// The newest valid checkpoint of what is unfinished.
-    fn checkpoint(&self, _plan: &Plan, _piece: Piece) -> Option<Checkpoint> {
+    /// The newest valid checkpoint of an unfinished run or shard.
+    fn checkpoint(&self, _plan: &Plan, _unit: WorkUnit) -> Option<Checkpoint> {
         None
     }
 
-    /// The sums of the longest finished reference of which this one is a continuation: it has the same stem, and at most
-    /// so many samples per pixel.
-    fn beginning(&self, _plan: &Plan, _reference: usize, _most: u64) -> Option<Checkpoint> {
-        None
-    }
-
-    /// Keeps the sums of a finished reference, from which longer ones with its stem go on, and says whether it did.
-    ///
-    /// # Errors
-    /// When they could not be written; what was kept before is still there.
-    fn keep_sums(
+    /// The sums of the longest finished reference that this one can continue: one with the same
+    /// stem and at most `max_samples` samples per pixel.
+    fn shorter_reference(
         &self,
         _plan: &Plan,
         _reference: usize,
-        _standing: &Standing,
-        _save: Save<'_>,
+        _max_samples: u64,
+    ) -> Option<Checkpoint> {
+        None
+    }
+
+    /// Stores the sums of a finished reference, from which longer ones with its stem can continue,
+    /// and returns whether it did.
+    ///
+    /// # Errors
+    /// When they could not be written; sums stored before are still there.
+    fn save_sums(
+        &self,
+        _plan: &Plan,
+        _reference: usize,
+        _progress: &RunProgress,
+        _save: SaveState<'_>,
     ) -> Result<bool, SinkError> {
         Ok(false)
     }
 
-    /// Keeps a checkpoint of what is claimed, and says whether it did.
+    /// Stores a checkpoint of a claimed run or shard, and returns whether it did.
     ///
     /// # Errors
-    /// When it could not be written; the one before is still there.
-    fn keep(&self, _plan: &Plan, _piece: Piece, _standing: &Standing, _save: Save<'_>) -> Result<bool, SinkError> {
+    /// When it could not be written; the previous checkpoint is still there.
+    fn save_checkpoint(
+        &self,
+        _plan: &Plan,
+        _unit: WorkUnit,
+        _progress: &RunProgress,
+        _save: SaveState<'_>,
+    ) -> Result<bool, SinkError> {
         Ok(false)
     }
 
-    /// The numbers of those parts of a reference that need no more rendering: they are kept, alone or joined.
-    fn parts_there(&self, _plan: &Plan, _parts: &[Part]) -> BTreeSet<usize> {
+    /// The numbers of the given shards that are stored, alone or joined, and need no rendering.
+    fn available_shards(&self, _plan: &Plan, _shards: &[Shard]) -> BTreeSet<usize> {
         BTreeSet::new()
     }
 
-    /// The sums of a part that is kept alone. What is damaged is there no more from then on.
-    fn part(&self, _plan: &Plan, _part: &Part) -> Option<Checkpoint> {
+    /// The sums of a shard that is stored alone. A damaged one is removed and counts as missing
+    /// from then on.
+    fn shard(&self, _plan: &Plan, _shard: &Shard) -> Option<Checkpoint> {
         None
     }
 
-    /// The sums of as many of these parts, from the first on, as are kept joined.
-    fn joined(&self, _plan: &Plan, _parts: &[Part]) -> Option<Checkpoint> {
+    /// The joined sums of as many of the given shards, counted from the first, as are stored
+    /// joined.
+    fn joined_shards(&self, _plan: &Plan, _shards: &[Shard]) -> Option<Checkpoint> {
         None
     }
 
-    /// Keeps the sums of some first ones of these parts joined, if there are such, and lets go of all single ones.
+    /// Stores `joined`, the sums of the first few of the given shards, if any, and deletes all
+    /// shards that are stored alone.
     ///
     /// # Errors
-    /// When they could not be written; what was kept before is still there.
-    fn keep_joined(&self, _plan: &Plan, _parts: &[Part], _ground: Option<&Checkpoint>) -> Result<(), SinkError> {
+    /// When they could not be written; what was stored before is still there.
+    fn save_joined_shards(
+        &self,
+        _plan: &Plan,
+        _shards: &[Shard],
+        _joined: Option<&Checkpoint>,
+    ) -> Result<(), SinkError> {
         Ok(())
     }
 }
@@ -362,18 +403,18 @@ pub trait History {
 /// A run that an earlier night finished.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FinishedRun {
-    /// Its folder.
+    /// Folder of the run.
     pub folder: std::path::PathBuf,
     /// Its measurements, oldest first.
     pub rows: Vec<WaveRow>,
-    /// The noise floors of what it was measured against, if they were known.
-    pub floors: Floors,
-    /// What opening it cost.
+    /// The noise floors of its reference, if they were known.
+    pub floors: NoiseFloors,
+    /// Cost of opening its renderer.
     pub open: OpenStats,
 }
 
-/// A limit at which the night pauses by itself, for someone who wants to look. It is no stop rule: those decide what a
-/// run is, and cannot change while it renders.
+/// A limit at which the night pauses so that the user can look. Unlike a stop rule, it is not part
+/// of a run's identity and can be changed while the run renders.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PauseAt {
     /// Samples per pixel of the current cell.
@@ -383,7 +424,8 @@ pub enum PauseAt {
 }
 
 impl PauseAt {
-    /// Whether a cell that is so far has reached it.
+    /// Whether a cell with these samples per pixel and seconds of render time has reached the
+    /// limit.
     pub fn reached(self, samples: u64, render_s: f64) -> bool {
         match self {
             PauseAt::Samples(limit) => samples >= limit,
@@ -392,9 +434,11 @@ impl PauseAt {
     }
 }
 
-/// What the user and signals want, shared between threads. The night looks between waves.
+/// Requests of the user and of signal handlers, shared between threads. The night polls them
+/// between waves and slices of waves.
 #[derive(Debug, Default)]
-pub struct Control {
+pub struct NightControls {
+    /// Number of stop requests so far.
     stop: AtomicU8,
     after_cell: AtomicBool,
     paused: AtomicBool,
@@ -404,53 +448,55 @@ pub struct Control {
     checkpoint: AtomicBool,
 }
 
-impl Control {
-    /// Asks the night to end after this wave. Asked twice, callers may leave at once.
+impl NightControls {
+    /// Requests the night to stop as soon as the current slice is rendered, and returns the number
+    /// of such requests so far. After the second, callers may exit at once.
     pub fn request_stop(&self) -> u8 {
         self.stop.fetch_add(1, Ordering::SeqCst).saturating_add(1)
     }
 
-    /// Whether the night should end.
+    /// Whether the night should stop.
     pub fn stop_requested(&self) -> bool {
         self.stop.load(Ordering::SeqCst) > 0
     }
 
-    /// Asks the night to end after the current cell, or takes that back, and says which.
+    /// Requests the night to stop after the current cell, or withdraws the request, and returns
+    /// whether it is now set.
     pub fn toggle_stop_after_cell(&self) -> bool {
         !self.after_cell.fetch_xor(true, Ordering::SeqCst)
     }
 
-    /// Whether the night should end before it starts another cell.
+    /// Whether the night should stop before it starts another cell.
     pub fn stops_after_cell(&self) -> bool {
         self.after_cell.load(Ordering::SeqCst)
     }
 
-    /// Switches pause on or off and says which.
+    /// Pauses or resumes the night, and returns whether it is now paused.
     pub fn toggle_pause(&self) -> bool {
         !self.paused.fetch_xor(true, Ordering::SeqCst)
     }
 
-    /// Pauses, or goes on.
+    /// Pauses or resumes the night.
     pub fn set_paused(&self, paused: bool) {
         self.paused.store(paused, Ordering::SeqCst);
     }
 
-    /// Whether rendering should wait.
+    /// Whether the night is paused.
     pub fn paused(&self) -> bool {
         self.paused.load(Ordering::SeqCst)
     }
 
-    /// Sets or removes the limit at which the night pauses by itself; it holds once.
+    /// Sets or removes the limit at which the night pauses; it applies once.
     pub fn set_pause_at(&self, limit: Option<PauseAt>) {
         *self.pause_at.lock().unwrap_or_else(PoisonError::into_inner) = limit;
     }
 
-    /// The limit at which the night pauses by itself.
+    /// The limit at which the night pauses.
     pub fn pause_at(&self) -> Option<PauseAt> {
         *self.pause_at.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Pauses if a cell that is so far has reached the limit, and says whether it did; the limit is then gone.
+    /// Pauses if the current cell has reached the limit; then removes the limit and returns it.
     pub fn pause_if_reached(&self, samples: u64, render_s: f64) -> Option<PauseAt> {
         let mut limit = self.pause_at.lock().unwrap_or_else(PoisonError::into_inner);
         let reached = limit.take_if(|limit| limit.reached(samples, render_s))?;
@@ -458,32 +504,32 @@ impl Control {
         Some(reached)
     }
 
-    /// Asks the current cell to be given up.
+    /// Requests the current cell to be abandoned for this night.
     pub fn request_skip(&self) {
         self.skip.store(true, Ordering::SeqCst);
     }
 
-    /// Asks for a checkpoint at the next opportunity.
+    /// Requests a checkpoint at the next opportunity.
     pub fn request_checkpoint(&self) {
         self.checkpoint.store(true, Ordering::SeqCst);
     }
 
-    /// Takes the request for a checkpoint.
+    /// Returns whether a checkpoint was requested, and clears the request.
     pub fn take_checkpoint(&self) -> bool {
         self.checkpoint.swap(false, Ordering::SeqCst)
     }
 
-    /// Takes the request to give up the current cell.
+    /// Returns whether the current cell should be abandoned, and clears the request.
     pub fn take_skip(&self) -> bool {
         self.skip.swap(false, Ordering::SeqCst)
     }
 
-    /// Asks the current cell to be rendered again from its first sample.
+    /// Requests the current cell to be rendered again from its first sample.
     pub fn request_restart(&self) {
         self.restart.store(true, Ordering::SeqCst);
     }
 
-    /// Takes the request to render the current cell again.
+    /// Returns whether the current cell should be rendered again, and clears the request.
     pub fn take_restart(&self) -> bool {
         self.restart.swap(false, Ordering::SeqCst)
     }

@@ -1,8 +1,9 @@
-//! How long what is left of a night will take, from how fast its relatives were.
+//! Forecast of the remaining time of a night, from the throughput of similar runs.
 //!
-//! What is known of a run that has not started is how fast runs like it were: of the same technique on the same scene at
-//! the same depth, or the nearest of those; for want of any, one small sample of the smoke pass. A limit of time needs no
-//! relatives. Where other rules can end a run first, a relative that had the same rule says when they did.
+//! The time of a run that has not started is estimated from finished runs of the same technique on
+//! the same scene at the same or the nearest depth, else from its sample of the smoke pass, else
+//! from the same technique on other scenes. A time limit needs no such estimate. If other clauses
+//! of the stop rule can end a run earlier, a similar run with the same rule shows when they did.
 
 use std::collections::BTreeMap;
 
@@ -12,12 +13,12 @@ use super::plan::{Plan, ReferenceSource};
 use super::spec::CellConfig;
 use super::stop::StopRule;
 
-/// What decides how fast something renders, as far as that is looked at.
+/// Properties of a run by which throughputs are looked up.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Kind {
+pub struct WorkloadKey {
     /// Name of the integrator.
     pub integrator: String,
-    /// The scene as the script wrote it.
+    /// Scene as written in the script.
     pub scene: String,
     /// Name of the backend.
     pub backend: String,
@@ -25,35 +26,44 @@ pub struct Kind {
     pub max_depth: u32,
 }
 
-impl Kind {
-    /// The kind of a run.
-    pub fn of(config: &CellConfig) -> Kind {
-        Kind {
+impl WorkloadKey {
+    /// Returns the key of a run.
+    pub fn from_config(config: &CellConfig) -> WorkloadKey {
+        WorkloadKey {
             integrator: config.integrator.clone(),
             scene: config.scene.clone(),
             backend: config.backend.clone(),
             max_depth: config.max_depth.unwrap_or(0),
         }
     }
+
+    /// Distance of two keys in depth: the absolute logarithm of the quotient of their depths.
+    fn depth_distance(&self, other: &WorkloadKey) -> f64 {
+        (f64::from(self.max_depth.max(1)) / f64::from(other.max_depth.max(1)))
+            .ln()
+            .abs()
+    }
 }
 
-/// How fast one run was.
+/// Measured throughput of one run.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Pace {
+pub struct Throughput {
     /// Camera paths per second of render time.
     pub paths_per_s: f64,
-    /// Render time until it ended, and the rule that ended it; nothing for a try that only shows the speed.
+    /// Seconds of render time until the run ended, and a description of its stop rule. `None` for a
+    /// sample of the smoke pass.
     pub ended: Option<(f64, String)>,
-    /// Seconds of wall time for one of render time, at least 1.
+    /// Wall-clock seconds per second of render time, at least 1.
     pub overhead: f64,
 }
 
-impl Pace {
-    /// The pace of a finished run by its last measurement; `None` if it says nothing.
-    pub fn of(last: &WaveRow, rule: &StopRule) -> Option<Pace> {
+impl Throughput {
+    /// Returns the throughput of a finished run by its last measurement; `None` if that has no
+    /// paths or no render time.
+    pub fn from_last_row(last: &WaveRow, rule: &StopRule) -> Option<Throughput> {
         let paths_per_s = last.paths as f64 / last.render_s;
         let known = last.paths > 0 && last.render_s > 0.0;
-        known.then(|| Pace {
+        known.then(|| Throughput {
             paths_per_s,
             ended: Some((last.render_s, rule.describe())),
             overhead: (last.wall_s / last.render_s).clamp(1.0, 10.0),
@@ -61,70 +71,85 @@ impl Pace {
     }
 }
 
-/// How fast runs were, by kind.
+/// Throughputs of earlier runs by workload.
 #[derive(Clone, Debug, Default)]
-pub struct Paces {
-    runs: BTreeMap<Kind, Vec<Pace>>,
-    /// From the smoke pass.
-    tries: BTreeMap<Kind, Pace>,
+pub struct ThroughputHistory {
+    runs: BTreeMap<WorkloadKey, Vec<Throughput>>,
+    smoke_samples: BTreeMap<WorkloadKey, Throughput>,
 }
 
-/// Most runs of one kind that are remembered: the newest count.
-const MOST: usize = 16;
+/// Number of runs that are remembered for each workload, the newest ones.
+const RUNS_PER_WORKLOAD: usize = 16;
 
-impl Paces {
-    /// Takes in a finished run.
-    pub fn learn(&mut self, kind: Kind, pace: Pace) {
-        let runs = self.runs.entry(kind).or_default();
-        if runs.len() >= MOST {
+impl ThroughputHistory {
+    /// Adds a finished run.
+    pub fn record(&mut self, key: WorkloadKey, throughput: Throughput) {
+        let runs = self.runs.entry(key).or_default();
+        if runs.len() >= RUNS_PER_WORKLOAD {
             runs.remove(0);
         }
-        runs.push(pace);
+        runs.push(throughput);
     }
 
-    /// Takes in a try of the smoke pass.
-    pub fn tried(&mut self, kind: Kind, paths_per_s: f64) {
+    /// Adds a sample of the smoke pass, unless its rate is zero or not finite.
+    pub fn record_smoke_sample(&mut self, key: WorkloadKey, paths_per_s: f64) {
         if paths_per_s > 0.0 && paths_per_s.is_finite() {
-            self.tries.insert(kind, Pace { paths_per_s, ended: None, overhead: 1.0 });
+            self.smoke_samples.insert(
+                key,
+                Throughput {
+                    paths_per_s,
+                    ended: None,
+                    overhead: 1.0,
+                },
+            );
         }
     }
 
-    /// The runs that are nearest to a kind, and whether only a small try of it is known.
-    fn relatives(&self, wanted: &Kind) -> (&[Pace], bool) {
+    /// Returns the runs that are most similar to a workload, and whether the estimate is rough
+    /// because they are of another scene or of the smoke pass.
+    fn most_similar(&self, wanted: &WorkloadKey) -> (&[Throughput], bool) {
         if let Some(runs) = self.runs.get(wanted) {
             return (runs, false);
         }
-        let far = |kind: &Kind| (f64::from(kind.max_depth.max(1)) / f64::from(wanted.max_depth.max(1))).ln().abs();
-        let same_scene = |kind: &Kind| {
-            (&kind.integrator, &kind.scene, &kind.backend) == (&wanted.integrator, &wanted.scene, &wanted.backend)
+        let same_scene = |key: &WorkloadKey| {
+            (&key.integrator, &key.scene, &key.backend)
+                == (&wanted.integrator, &wanted.scene, &wanted.backend)
         };
-        let nearest = |fits: &dyn Fn(&Kind) -> bool| {
-            let fitting = self.runs.iter().filter(|(kind, _)| fits(kind));
-            fitting.min_by(|a, b| far(a.0).total_cmp(&far(b.0))).map(|(_, runs)| runs.as_slice())
+        let nearest = |fits: &dyn Fn(&WorkloadKey) -> bool| {
+            let fitting = self.runs.iter().filter(|(key, _)| fits(key));
+            fitting
+                .min_by(|a, b| {
+                    let [a, b] = [a.0, b.0].map(|key| key.depth_distance(wanted));
+                    a.total_cmp(&b)
+                })
+                .map(|(_, runs)| runs.as_slice())
         };
         if let Some(runs) = nearest(&same_scene) {
             return (runs, false);
         }
-        if let Some(pace) = self.tries.get(wanted) {
-            return (std::slice::from_ref(pace), true);
+        if let Some(sample) = self.smoke_samples.get(wanted) {
+            return (std::slice::from_ref(sample), true);
         }
-        let same_technique = |kind: &Kind| (&kind.integrator, &kind.backend) == (&wanted.integrator, &wanted.backend);
+        let same_technique = |key: &WorkloadKey| {
+            (&key.integrator, &key.backend) == (&wanted.integrator, &wanted.backend)
+        };
         (nearest(&same_technique).unwrap_or_default(), true)
     }
 }
 
-/// How long something takes.
+/// Estimated time of one run or of several.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Forecast {
-    /// Seconds of wall time, of the runs that are known.
+    /// Wall-clock seconds of the runs that can be estimated.
     pub seconds: f64,
-    /// Whether it may well be less: rules that cannot be foretold may end runs before their limits.
+    /// Whether this is an upper bound, because stop rules that cannot be predicted may end runs
+    /// before their limits.
     pub at_most: bool,
-    /// Whether part of it stands on runs of other scenes, or on small tries.
+    /// Whether part of it is estimated from runs of other scenes or from the smoke pass.
     pub rough: bool,
-    /// Runs that are in it.
+    /// Number of runs that are included.
     pub known: usize,
-    /// Runs of which nothing can be said.
+    /// Number of runs that cannot be estimated.
     pub unknown: usize,
 }
 
@@ -141,8 +166,8 @@ impl Forecast {
         }
     }
 
-    /// The reservations in words: `at most`, `roughly`, `about`.
-    pub fn sign(&self) -> &'static str {
+    /// Qualifier of the estimate for people: `at most`, `roughly` or `about`.
+    pub fn qualifier(&self) -> &'static str {
         match self {
             Forecast { at_most: true, .. } => "at most",
             Forecast { rough: true, .. } => "roughly",
@@ -151,72 +176,121 @@ impl Forecast {
     }
 }
 
-/// How long those cells and references take for which `open` is true, one after another.
-pub fn forecast(plan: &Plan, paces: &Paces, open: &dyn Fn(CellRef) -> bool) -> Forecast {
+/// Estimates the total time of those cells and references for which `is_open` is true, rendered one
+/// after another. References from files take no time.
+pub fn forecast(
+    plan: &Plan,
+    history: &ThroughputHistory,
+    is_open: &dyn Fn(CellRef) -> bool,
+) -> Forecast {
     let mut sum = Forecast::default();
-    for (_, reference) in plan.references.iter().enumerate().filter(|(i, _)| open(CellRef::Reference(*i))) {
+    for (_, reference) in plan
+        .references
+        .iter()
+        .enumerate()
+        .filter(|(i, _)| is_open(CellRef::Reference(*i)))
+    {
         if let ReferenceSource::Render { config, stop, .. } = &reference.source {
-            sum.add(run(config, stop, paces));
+            sum.add(forecast_run(config, stop, history));
         }
     }
-    for (_, cell) in plan.cells.iter().enumerate().filter(|(i, _)| open(CellRef::Cell(*i))) {
-        sum.add(run(&cell.config, &cell.stop, paces));
+    for (_, cell) in plan
+        .cells
+        .iter()
+        .enumerate()
+        .filter(|(i, _)| is_open(CellRef::Cell(*i)))
+    {
+        sum.add(forecast_run(&cell.config, &cell.stop, history));
     }
     sum
 }
 
-/// How long one run takes.
-fn run(config: &CellConfig, stop: &StopRule, paces: &Paces) -> Option<Forecast> {
-    let (relatives, rough) = paces.relatives(&Kind::of(config));
-    let mean = |of: &dyn Fn(&Pace) -> f64| relatives.iter().map(of).sum::<f64>() / relatives.len() as f64;
-    let overhead = if relatives.is_empty() { 1.0 } else { mean(&|pace| pace.overhead) };
-    let rate = (!relatives.is_empty()).then(|| {
+/// Estimates the time of one run; `None` if nothing is known of it.
+fn forecast_run(
+    config: &CellConfig,
+    stop: &StopRule,
+    history: &ThroughputHistory,
+) -> Option<Forecast> {
+    let (similar, rough) = history.most_similar(&WorkloadKey::from_config(config));
+    let mean = |value: &dyn Fn(&Throughput) -> f64| {
+        similar.iter().map(value).sum::<f64>() / similar.len() as f64
+    };
+    let overhead = if similar.is_empty() {
+        1.0
+    } else {
+        mean(&|run| run.overhead)
+    };
+    let rate = (!similar.is_empty()).then(|| {
         let [width, height] = config.resolution.unwrap_or([1, 1]);
-        // The mean of times, not of rates: a slow run takes long.
-        1.0 / mean(&|pace| 1.0 / pace.paths_per_s) / (f64::from(width) * f64::from(height))
+        // Average times, not rates, so that slow runs have their full weight.
+        1.0 / mean(&|run| 1.0 / run.paths_per_s) / (f64::from(width) * f64::from(height))
     });
     let (seconds, open) = limit_s(stop, rate)?;
-    let words = if open { stop.describe() } else { String::new() };
-    let same: Vec<f64> = relatives
+    let rule = if open { stop.describe() } else { String::new() };
+    let same_rule: Vec<f64> = similar
         .iter()
-        .filter_map(|pace| pace.ended.as_ref())
-        .filter(|(_, rule)| *rule == words)
+        .filter_map(|run| run.ended.as_ref())
+        .filter(|(_, other)| *other == rule)
         .map(|(s, _)| *s)
         .collect();
-    let at_most = open && same.is_empty();
+    let at_most = open && same_rule.is_empty();
     let seconds = match seconds {
-        _ if open && !same.is_empty() => same.iter().sum::<f64>() / same.len() as f64,
+        _ if open && !same_rule.is_empty() => {
+            same_rule.iter().sum::<f64>() / same_rule.len() as f64
+        }
         Some(seconds) => seconds,
         None => return None,
     };
     let rough = rough && rate.is_some() && stop.time_limit_s() != Some(seconds);
-    Some(Forecast { seconds: seconds * overhead, at_most, rough, known: 1, unknown: 0 })
+    Some(Forecast {
+        seconds: seconds * overhead,
+        at_most,
+        rough,
+        known: 1,
+        unknown: 0,
+    })
 }
 
-/// Render seconds after which a rule holds by its limits of time and samples, if they tell, and whether other parts of it
-/// may hold before. `None` if it is a rule that may never hold and of which nothing can be said.
+/// Returns the seconds of render time after which the time and sample limits of a rule end a run,
+/// if they do, and whether other clauses may end it earlier. `None` if a sample limit is needed but
+/// `samples_per_s` is not known.
 fn limit_s(rule: &StopRule, samples_per_s: Option<f64>) -> Option<(Option<f64>, bool)> {
     match rule {
         StopRule::Time(seconds) => Some((Some(*seconds), false)),
-        StopRule::Samples(samples) => samples_per_s.map(|rate| (Some(*samples as f64 / rate), false)),
+        StopRule::Samples(samples) => {
+            samples_per_s.map(|rate| (Some(*samples as f64 / rate), false))
+        }
         StopRule::Any(parts) => {
-            let known: Vec<(Option<f64>, bool)> =
-                parts.iter().filter_map(|part| limit_s(part, samples_per_s)).collect();
-            let least = known.iter().filter_map(|(seconds, _)| *seconds).reduce(f64::min);
-            // An invalid sample is an accident that nobody expects.
-            let expected = parts.iter().filter(|part| !matches!(part, StopRule::Nan(_))).count();
-            let sure = known.iter().filter(|(seconds, open)| seconds.is_some() && !open).count();
-            Some((least, sure < expected))
+            let known: Vec<(Option<f64>, bool)> = parts
+                .iter()
+                .filter_map(|part| limit_s(part, samples_per_s))
+                .collect();
+            let least = known
+                .iter()
+                .filter_map(|(seconds, _)| *seconds)
+                .reduce(f64::min);
+            // Invalid samples are not expected to occur.
+            let expected = parts
+                .iter()
+                .filter(|part| !matches!(part, StopRule::Nan(_)))
+                .count();
+            let certain = known
+                .iter()
+                .filter(|(seconds, open)| seconds.is_some() && !open)
+                .count();
+            Some((least, certain < expected))
         }
         StopRule::All(parts) => {
-            let known: Option<Vec<(Option<f64>, bool)>> =
-                parts.iter().map(|part| limit_s(part, samples_per_s)).collect();
+            let known: Option<Vec<(Option<f64>, bool)>> = parts
+                .iter()
+                .map(|part| limit_s(part, samples_per_s))
+                .collect();
             let known = known?;
             let all: Option<Vec<f64>> = known.iter().map(|(seconds, _)| *seconds).collect();
             let open = known.iter().any(|(_, open)| *open);
             Some((all.and_then(|all| all.into_iter().reduce(f64::max)), open))
         }
-        // A relative with the same rule may know.
+        // A similar run with the same rule may show when it holds.
         _ => Some((None, true)),
     }
 }
@@ -237,7 +311,10 @@ mod tests {
             max_depth: Some(max_depth),
             resolution: Some([100, 10]),
             rr_start: None,
-            filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
+            filter: FilterSpec {
+                kind: FilterKind::Box,
+                radius: 0.5,
+            },
             films: Vec::new(),
             timing: None,
             accel: Default::default(),
@@ -248,50 +325,114 @@ mod tests {
         }
     }
 
-    /// 1000 pixels, so many samples a second.
-    fn pace(samples_per_s: f64, ended: Option<(f64, &StopRule)>) -> Pace {
+    /// Throughput of a run of 1000 pixels with this many samples per pixel per second.
+    fn throughput(samples_per_s: f64, ended: Option<(f64, &StopRule)>) -> Throughput {
         let ended = ended.map(|(seconds, rule)| (seconds, rule.describe()));
-        Pace { paths_per_s: 1000.0 * samples_per_s, ended, overhead: 1.5 }
+        Throughput {
+            paths_per_s: 1000.0 * samples_per_s,
+            ended,
+            overhead: 1.5,
+        }
     }
 
-    fn seconds(paces: &Paces, config: &CellConfig, stop: &StopRule) -> Option<(f64, bool, bool)> {
-        run(config, stop, paces).map(|f| ((f.seconds * 1e6).round() / 1e6, f.at_most, f.rough))
+    fn seconds(
+        history: &ThroughputHistory,
+        config: &CellConfig,
+        stop: &StopRule,
+    ) -> Option<(f64, bool, bool)> {
+        forecast_run(config, stop, history)
+            .map(|f| ((f.seconds * 1e6).round() / 1e6, f.at_most, f.rough))
     }
 
     #[test]
-    fn the_nearest_relatives_count() {
-        let mut paces = Paces::default();
+    fn the_most_similar_runs_count() {
+        let mut history = ThroughputHistory::default();
         let wanted = config("bpt", "box", 5);
         let samples = StopRule::Samples(60);
-        assert_eq!(seconds(&paces, &wanted, &samples), None, "nobody knows");
-        assert_eq!(seconds(&paces, &wanted, &StopRule::Time(7.0)), Some((7.0, false, false)), "nobody has to");
-        paces.learn(Kind::of(&config("bpt", "lamps", 5)), pace(2.0, None));
-        assert_eq!(seconds(&paces, &wanted, &samples), Some((45.0, false, true)), "another scene, 60 / 2 * 1.5");
-        paces.tried(Kind::of(&wanted), 4000.0);
-        assert_eq!(seconds(&paces, &wanted, &samples), Some((15.0, false, true)), "a try has no overhead");
-        paces.learn(Kind::of(&config("bpt", "box", 50)), pace(3.0, None));
-        paces.learn(Kind::of(&config("bpt", "box", 7)), pace(5.0, None));
-        paces.learn(Kind::of(&config("nee", "box", 5)), pace(99.0, None));
-        assert_eq!(seconds(&paces, &wanted, &samples), Some((18.0, false, false)), "depth 7 is nearer than 50");
-        paces.learn(Kind::of(&wanted), pace(10.0, None));
-        paces.learn(Kind::of(&wanted), pace(30.0, None));
-        assert_eq!(seconds(&paces, &wanted, &samples), Some((6.0, false, false)), "the mean of 6 s and 2 s, times 1.5");
+        assert_eq!(
+            seconds(&history, &wanted, &samples),
+            None,
+            "nothing is known"
+        );
+        assert_eq!(
+            seconds(&history, &wanted, &StopRule::Time(7.0)),
+            Some((7.0, false, false)),
+            "a time limit needs no history"
+        );
+        history.record(
+            WorkloadKey::from_config(&config("bpt", "lights", 5)),
+            throughput(2.0, None),
+        );
+        assert_eq!(
+            seconds(&history, &wanted, &samples),
+            Some((45.0, false, true)),
+            "another scene, 60 / 2 * 1.5"
+        );
+        history.record_smoke_sample(WorkloadKey::from_config(&wanted), 4000.0);
+        assert_eq!(
+            seconds(&history, &wanted, &samples),
+            Some((15.0, false, true)),
+            "a smoke sample has no overhead"
+        );
+        history.record(
+            WorkloadKey::from_config(&config("bpt", "box", 50)),
+            throughput(3.0, None),
+        );
+        history.record(
+            WorkloadKey::from_config(&config("bpt", "box", 7)),
+            throughput(5.0, None),
+        );
+        history.record(
+            WorkloadKey::from_config(&config("nee", "box", 5)),
+            throughput(99.0, None),
+        );
+        assert_eq!(
+            seconds(&history, &wanted, &samples),
+            Some((18.0, false, false)),
+            "depth 7 is nearer than 50"
+        );
+        history.record(WorkloadKey::from_config(&wanted), throughput(10.0, None));
+        history.record(WorkloadKey::from_config(&wanted), throughput(30.0, None));
+        assert_eq!(
+            seconds(&history, &wanted, &samples),
+            Some((6.0, false, false)),
+            "the mean of 6 s and 2 s, times 1.5"
+        );
     }
 
     #[test]
-    fn rules_that_cannot_be_foretold_end_as_they_did_before() {
-        let when = StopRule::When { column: "rmse".into(), op: Comparison::Less, value: 0.1, hold: 1 };
+    fn unpredictable_rules_end_as_in_similar_runs() {
+        let when = StopRule::When {
+            column: "rmse".into(),
+            op: Comparison::Less,
+            value: 0.1,
+            hold: 1,
+        };
         let race = StopRule::Any(vec![when.clone(), StopRule::Time(60.0), StopRule::Nan(1)]);
         let wanted = config("bpt", "box", 5);
-        let mut paces = Paces::default();
-        assert_eq!(seconds(&paces, &wanted, &race), Some((60.0, true, false)));
-        assert_eq!(seconds(&paces, &wanted, &when), None);
-        paces.learn(Kind::of(&wanted), pace(1.0, Some((12.0, &race))));
-        assert_eq!(seconds(&paces, &wanted, &race), Some((18.0, false, false)), "as its relative, times its overhead");
-        assert_eq!(seconds(&paces, &wanted, &when), None, "another rule");
+        let mut history = ThroughputHistory::default();
+        assert_eq!(seconds(&history, &wanted, &race), Some((60.0, true, false)));
+        assert_eq!(seconds(&history, &wanted, &when), None);
+        history.record(
+            WorkloadKey::from_config(&wanted),
+            throughput(1.0, Some((12.0, &race))),
+        );
+        assert_eq!(
+            seconds(&history, &wanted, &race),
+            Some((18.0, false, false)),
+            "as the similar run, times its overhead"
+        );
+        assert_eq!(seconds(&history, &wanted, &when), None, "another rule");
         let both = StopRule::All(vec![StopRule::Samples(8), StopRule::Time(2.0)]);
-        assert_eq!(seconds(&paces, &wanted, &both), Some((12.0, false, false)), "eight samples at one a second");
+        assert_eq!(
+            seconds(&history, &wanted, &both),
+            Some((12.0, false, false)),
+            "eight samples at one a second"
+        );
         let guarded = StopRule::Any(vec![StopRule::Samples(8), StopRule::Nan(1)]);
-        assert_eq!(seconds(&paces, &wanted, &guarded), Some((12.0, false, false)));
+        assert_eq!(
+            seconds(&history, &wanted, &guarded),
+            Some((12.0, false, false))
+        );
     }
 }

@@ -1,79 +1,91 @@
-//! How much memory runs take, and how much the machine has.
+//! Memory requirements of runs, and the memory of the machine.
 
 use super::spec::CellConfig;
-use crate::film::layer::{BYTES_PER_PIXEL, Layout, SPLAT_BYTES_PER_PIXEL};
+use crate::film::layer::{BYTES_PER_PIXEL, LayerLayout, SPLAT_BYTES_PER_PIXEL};
 use crate::film::time;
 use crate::transport::integrator::integrator;
 
-/// Bytes for each pixel of what measuring keeps beside the sums: the picture, the reference, what tone maps make of both,
-/// and what FLIP sees of the reference.
+/// Bytes per pixel that measuring needs beside the film: the picture, the reference, tone-mapped
+/// copies of both, and FLIP's filtered reference.
 const MEASURING_BYTES: u64 = 80;
 
-/// The most bytes that the layers and bins of a run take.
-pub fn beside_bytes(config: &CellConfig) -> u64 {
+/// Upper bound of the bytes taken by the layers and time bins of a run.
+pub fn layer_and_bin_bytes(config: &CellConfig) -> u64 {
     let pixels = pixels(config);
-    // A plan has none that is refused.
-    let layers = Layout::new(&config.films, config.max_depth.unwrap_or(1), pixels).map_or(0, |layout| layout.bytes());
+    // The planner has already rejected layouts that are too large.
+    let layers = LayerLayout::new(&config.films, config.max_depth.unwrap_or(1), pixels)
+        .map_or(0, |layout| layout.bytes());
     let timing = config.timing.as_ref();
-    let bins = timing.and_then(|timing| time::bytes(&timing.axis, pixels, splats(config)).ok()).unwrap_or(0);
+    let bins = timing
+        .and_then(|timing| time::bytes(&timing.axis, pixels, splats(config)).ok())
+        .unwrap_or(0);
     layers + bins
 }
 
-/// The most bytes that a run takes while it renders, its scene aside, with its hierarchy and what is
-/// tabled of its surfaces and lamps: sums, layers, bins, and what measuring keeps.
+/// Upper bound of the bytes that a run takes while it renders: film, layers, time bins, and the
+/// buffers of measuring. The scene with its hierarchy, material and light tables is not included.
 pub fn run_bytes(config: &CellConfig) -> u64 {
-    let each = BYTES_PER_PIXEL + u64::from(splats(config)) * SPLAT_BYTES_PER_PIXEL + MEASURING_BYTES;
-    pixels(config) * each + beside_bytes(config)
+    let each =
+        BYTES_PER_PIXEL + u64::from(splats(config)) * SPLAT_BYTES_PER_PIXEL + MEASURING_BYTES;
+    pixels(config) * each + layer_and_bin_bytes(config)
 }
 
-/// Pixels of the picture; 0 where its size is still open.
+/// Number of pixels of the picture; 0 if its size is not set.
 pub(super) fn pixels(config: &CellConfig) -> u64 {
     let [width, height] = config.resolution.unwrap_or_default();
     u64::from(width) * u64::from(height)
 }
 
+/// Whether the integrator needs a splat buffer.
 fn splats(config: &CellConfig) -> bool {
     integrator(&config.integrator).is_some_and(|row| row.splats)
 }
 
-/// Bytes that there are for what is to be rendered.
+/// Memory available to interleaved runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Room {
-    /// Those that can still be had.
+pub enum MemoryLimit {
+    /// Bytes that are free now.
     Free(u64),
-    /// All of the machine's, whatever else is in them.
+    /// All bytes of the machine, used or not.
     Machine(u64),
 }
 
-/// Why runs that take turns, and so are in memory together, cannot be rendered where there is so much room; nothing where
-/// they can.
-pub fn refusal(runs: usize, need: u64, room: Room) -> Option<String> {
+/// Returns an error message if interleaved runs, which are in memory at the same time, need more
+/// bytes than the limit. `need` is the total of all `runs`.
+pub fn shortage(runs: usize, need: u64, limit: MemoryLimit) -> Option<String> {
     let gib = |bytes: u64| format!("{:.1} GiB", bytes as f64 / (1u64 << 30) as f64);
-    let (most, there) = match room {
-        Room::Free(bytes) => (bytes, format!("{} are free", gib(bytes))),
-        Room::Machine(bytes) => (bytes, format!("this machine has {}", gib(bytes))),
+    let (limit, available) = match limit {
+        MemoryLimit::Free(bytes) => (bytes, format!("{} are free", gib(bytes))),
+        MemoryLimit::Machine(bytes) => (bytes, format!("this machine has {}", gib(bytes))),
     };
-    (need > most).then(|| {
+    (need > limit).then(|| {
         format!(
-            "{runs} techniques that take turns on one picture need {} of memory together, and {there}: take another order \
-             than \"interleave\", a smaller picture, or fewer films",
+            "{runs} interleaved techniques need {} of memory together, and {available}: use \
+             another order than \"interleave\", a smaller picture, or fewer films",
             gib(need)
         )
     })
 }
 
-/// Bytes of memory that can still be had, and all that there are, on systems that tell it in a file.
-pub fn machine() -> Option<[u64; 2]> {
-    told(&std::fs::read_to_string("/proc/meminfo").ok()?)
+/// Available and total bytes of memory of the machine; `None` on systems without `/proc/meminfo`.
+pub fn available_and_total() -> Option<[u64; 2]> {
+    parse_meminfo(&std::fs::read_to_string("/proc/meminfo").ok()?)
 }
 
-/// Bytes that the system gives under a key such as `VmRSS:` for a process, a number or `self`, where it tells it in a file.
-pub fn of_process(process: &str, key: &str) -> Option<u64> {
-    bytes_after(&std::fs::read_to_string(format!("/proc/{process}/status")).ok()?, key)
+/// Bytes under a key such as `VmRSS:` of `/proc/<process>/status`, where `process` is a number or
+/// `self`; `None` on systems without that file.
+pub fn process_bytes(process: &str, key: &str) -> Option<u64> {
+    bytes_after(
+        &std::fs::read_to_string(format!("/proc/{process}/status")).ok()?,
+        key,
+    )
 }
 
-fn told(text: &str) -> Option<[u64; 2]> {
-    Some([bytes_after(text, "MemAvailable:")?, bytes_after(text, "MemTotal:")?])
+fn parse_meminfo(text: &str) -> Option<[u64; 2]> {
+    Some([
+        bytes_after(text, "MemAvailable:")?,
+        bytes_after(text, "MemTotal:")?,
+    ])
 }
 
 fn bytes_after(text: &str, key: &str) -> Option<u64> {
@@ -81,7 +93,12 @@ fn bytes_after(text: &str, key: &str) -> Option<u64> {
 }
 
 fn number_after(text: &str, key: &str) -> Option<u64> {
-    text.lines().find_map(|line| line.strip_prefix(key))?.split_whitespace().next()?.parse().ok()
+    text.lines()
+        .find_map(|line| line.strip_prefix(key))?
+        .split_whitespace()
+        .next()?
+        .parse()
+        .ok()
 }
 
 #[cfg(test)]
@@ -89,20 +106,30 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_does_not_fit_is_said_in_gibibytes() {
-        assert_eq!(refusal(3, 1 << 30, Room::Free(1 << 30)), None);
-        for (room, words) in [(Room::Free(1 << 30), "1.0 GiB are free"), (Room::Machine(1 << 30), "has 1.0 GiB")] {
-            let reason = refusal(3, 5 << 29, room).unwrap();
-            let words = ["3 techniques", "need 2.5 GiB", words];
+    fn a_shortage_is_reported_in_gibibytes() {
+        assert_eq!(shortage(3, 1 << 30, MemoryLimit::Free(1 << 30)), None);
+        for (limit, words) in [
+            (MemoryLimit::Free(1 << 30), "1.0 GiB are free"),
+            (MemoryLimit::Machine(1 << 30), "has 1.0 GiB"),
+        ] {
+            let reason = shortage(3, 5 << 29, limit).unwrap();
+            let words = ["3 interleaved techniques", "need 2.5 GiB", words];
             assert!(words.iter().all(|part| reason.contains(part)), "{reason}");
         }
     }
 
     #[test]
-    fn the_machine_is_read_as_it_says_it() {
-        let text = "MemTotal:       16316412 kB\nMemFree:         1 kB\nMemAvailable:    8158206 kB\n";
-        assert_eq!(told(text), Some([8_158_206 * 1024, 16_316_412 * 1024]));
-        assert_eq!(told("MemTotal: 1 kB\n"), None);
-        assert_eq!(number_after("VmPeak: 1 kB\nVmRSS:       16316412 kB\n", "VmRSS:"), Some(16_316_412));
+    fn meminfo_is_parsed() {
+        let text =
+            "MemTotal:       16316412 kB\nMemFree:         1 kB\nMemAvailable:    8158206 kB\n";
+        assert_eq!(
+            parse_meminfo(text),
+            Some([8_158_206 * 1024, 16_316_412 * 1024])
+        );
+        assert_eq!(parse_meminfo("MemTotal: 1 kB\n"), None);
+        assert_eq!(
+            number_after("VmPeak: 1 kB\nVmRSS:       16316412 kB\n", "VmRSS:"),
+            Some(16_316_412)
+        );
     }
 }

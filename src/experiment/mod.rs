@@ -1,28 +1,33 @@
-//! The experiment: what a script asks for, the plan it expands to, and the state machine that carries it out.
+//! Experiments: the request of a script, the plan that it expands to, and the night that renders
+//! it.
 //!
-//! Everything here is plain data or a trait: nothing knows Lua, files, or the terminal. [`Sink`]s listen to
-//! [`Event`]s and cannot disturb a timing; [`ScriptHooks`] are called between waves on the control thread.
+//! A script's [`ExperimentSpec`] is expanded to a [`Plan`] of cells and references, which [`run`]
+//! carries out. This module holds plain data and traits and does not depend on Lua, files or the
+//! terminal. [`Sink`]s receive [`Event`]s between waves, where they cannot disturb a timing;
+//! [`ScriptHooks`] are also called between waves, on the control thread.
 
-pub mod agree;
-pub mod control;
+pub mod aa_check;
+pub mod bias_check;
+pub mod comparison_groups;
 pub mod event;
-pub mod evidence;
-pub mod floors;
 pub mod forecast;
-pub mod groups;
 pub mod memory;
-pub mod outline;
-pub mod parts;
+pub mod night_results;
+pub mod noise_floor;
 pub mod plan;
-pub mod processor;
+pub mod plan_outline;
+pub mod processor_time;
 pub mod run;
+pub mod run_progress;
+pub mod shards;
 pub mod spec;
-pub mod standing;
 pub mod stop;
 
-pub use event::{CellRef, Control, Event, History, Outcome, PauseAt, Sink, SinkError, WaveRow};
-pub use outline::Outline;
+pub use event::{
+    CellRef, Event, History, NightControls, Outcome, PauseAt, Sink, SinkError, WaveRow,
+};
 pub use plan::{Cell, Overrides, Plan, PlanError, RunId};
+pub use plan_outline::PlanOutline;
 pub use run::{CellResult, NightSummary, RunError};
-pub use spec::{CellConfig, Point, ScriptHooks, Spec};
+pub use spec::{CellConfig, ExperimentSpec, Point, ScriptHooks};
 pub use stop::StopRule;

@@ -1,4 +1,5 @@
-//! What a script says, as typed plain data, and the hooks through which its functions are called.
+//! Specification of an experiment: a script as typed plain data, and the hooks that call its
+//! functions.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -9,97 +10,103 @@ use crate::film::layer::Layer;
 use crate::metrics::MetricSpec;
 use crate::render::hierarchy::AccelSpec;
 use crate::transport::camera::FilterSpec;
-use crate::transport::flight::Timing;
+use crate::transport::path_time::Timing;
 use crate::value::Value;
 use crate::value::schema::duration_s;
 
 /// A point of the sweep: axis names and values in the order in which the axes were declared.
 pub type Point = Vec<(String, Value)>;
 
-/// One script's experiment.
+/// The experiment of one script.
 #[derive(Clone, Debug)]
-pub struct Spec {
-    /// Its name: letters, digits, `_` and `-`.
+pub struct ExperimentSpec {
+    /// Name of the experiment: letters, digits, `_` and `-`.
     pub name: String,
-    /// Seed from which every run's seed follows.
+    /// Seed from which the seed of every run is derived.
     pub seed: u64,
-    /// How often every point is rendered, each time with another seed.
+    /// Number of times that every point is rendered, each with another seed.
     pub repeats: u32,
-    /// The script's file.
+    /// File of the script.
     pub script_file: PathBuf,
-    /// The script's text, kept in the run folder.
+    /// Text of the script, stored in the run folder.
     pub script_text: String,
-    /// blake3 of the script and everything it required: the identity of its predicates.
+    /// BLAKE3 hash of the script and all modules that it requires; identifies its predicates.
     pub script_hash: [u8; 32],
     /// The axes, slowest first.
     pub axes: Vec<Axis>,
-    /// Reasons of the skip rules, in order; the rule's number is its place here.
+    /// Reasons of the skip rules; a rule's number is its index here.
     pub skips: Vec<String>,
-    /// What is measured and kept.
-    pub measure: Measure,
-    /// How its nights go.
+    /// Metrics, their interval, and what is stored of each run.
+    pub measure: MeasureSpec,
+    /// Settings of its nights.
     pub night: NightSpec,
-    /// Whether some cells are rendered twice, to compare a technique with itself: see [`super::control`].
-    pub control: bool,
-    /// Figures.
+    /// Whether some cells are rendered twice, to compare a technique with itself: see
+    /// [`super::aa_check`].
+    pub aa_check: bool,
+    /// Figures to draw.
     pub figures: Vec<FigureSpec>,
-    /// Tables.
+    /// Tables to write.
     pub tables: Vec<TableSpec>,
 }
 
-/// One axis, or several that move together (`zip`).
+/// An axis of the sweep, or several that vary together (`zip`).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
-    /// Its names: one, or one for each zipped axis.
+    /// Axis names: one, or one for each zipped axis.
     pub names: Vec<String>,
-    /// Its steps: each holds one value for each name.
+    /// Steps of the axis; each has one value for each name.
     pub steps: Vec<Vec<Value>>,
 }
 
-/// How the nights of an experiment go; nothing of it changes a result.
+/// Settings of the nights of an experiment. None of them changes a result.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct NightSpec {
-    /// Seconds of render time between two checkpoints of a cell. Without it, 60 s, and more where writing one takes so
-    /// long that it would cost over 1 % of the time.
+    /// Seconds of render time between two checkpoints of a cell. The default is 60 s, or longer if
+    /// writing a checkpoint would otherwise take over 1 % of the time.
     pub checkpoint_s: Option<f64>,
     /// When a night ends, finished or not.
     pub deadline: Option<Deadline>,
-    /// The order of the cells.
+    /// Order in which cells are rendered.
     pub order: Order,
-    /// What every cell renders before its clock starts.
+    /// Warm-up of every cell before its clock starts.
     pub warmup: Option<Warmup>,
 }
 
-/// The order in which the cells of a night are rendered. What drifts while a night lasts, such as the speed of a machine
-/// that grows warm, falls on other cells in another order.
+/// The order in which the cells of a night are rendered.
+///
+/// It decides which cells are affected by drift during a night, such as a machine that slows down
+/// as it warms up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Order {
-    /// That of the plan.
+    /// The order of the plan.
     #[default]
     Sequential,
-    /// One that the experiment's seed decides, the same in every launch.
+    /// A random order derived from the experiment's seed, the same at every launch.
     Shuffled,
-    /// Techniques of the same picture take turns: see [`Plan::heats`](super::Plan::heats).
+    /// Techniques of the same picture take turns: see
+    /// [`Plan::interleave_groups`](super::Plan::interleave_groups).
     Interleave,
 }
 
 impl Order {
-    /// The words of scripts.
+    /// Names of the orders in scripts.
     pub const NAMES: [&'static str; 3] = ["sequential", "shuffled", "interleave"];
 
-    /// Its word.
+    /// Name of the order in scripts.
     pub fn name(self) -> &'static str {
         Order::NAMES[self as usize]
     }
 
-    /// The order that a word means.
+    /// Returns the order of this name.
     pub fn from_name(name: &str) -> Option<Order> {
-        [Order::Sequential, Order::Shuffled, Order::Interleave].into_iter().find(|order| order.name() == name)
+        [Order::Sequential, Order::Shuffled, Order::Interleave]
+            .into_iter()
+            .find(|order| order.name() == name)
     }
 }
 
-/// Rendering with other random numbers that comes before a cell's clock and is thrown away, so that what a device does
-/// only at first (to clock up, to fill its caches) counts for nobody.
+/// Rendering before a cell's clock starts, with a seed of its own and discarded afterwards, so that
+/// start-up effects of a device (rising clock rates, cold caches) are not measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Warmup {
     /// Seconds inside the renderer.
@@ -109,7 +116,7 @@ pub enum Warmup {
 }
 
 impl Warmup {
-    /// The warm-up in words.
+    /// Describes the warm-up for people.
     pub fn describe(self) -> String {
         match self {
             Warmup::Time(seconds) => format!("{seconds} s of rendering"),
@@ -122,62 +129,71 @@ impl Warmup {
 /// When a night ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Deadline {
-    /// At the next moment when local clocks show so many minutes after midnight, 0 to 1439.
+    /// The next time of day at which the local clock shows this.
     Clock {
-        /// Minutes after midnight.
+        /// Minutes after midnight, 0 to 1439.
         minutes: u16,
     },
-    /// So long after it began.
+    /// This long after the night began.
     After {
-        /// Milliseconds.
+        /// Duration in milliseconds.
         milliseconds: u64,
     },
 }
 
 impl Deadline {
-    /// Reads a deadline: text such as `08:00`, which is a time of day, or a duration.
+    /// Parses a deadline: a time of day such as `08:00`, or a duration. Returns `None` if the value
+    /// is neither.
     pub fn parse(value: &Value) -> Option<Deadline> {
         let clock = |text: &str| {
             let (hours, minutes) = text.trim().split_once(':')?;
-            let short = |part: &str| (1..=2).contains(&part.len()) && part.bytes().all(|b| b.is_ascii_digit());
+            let short = |part: &str| {
+                (1..=2).contains(&part.len()) && part.bytes().all(|b| b.is_ascii_digit())
+            };
             if !short(hours) || minutes.len() != 2 || !short(minutes) {
                 return None;
             }
             let (hours, minutes): (u16, u16) = (hours.parse().ok()?, minutes.parse().ok()?);
-            (hours < 24 && minutes < 60).then_some(Deadline::Clock { minutes: 60 * hours + minutes })
+            (hours < 24 && minutes < 60).then_some(Deadline::Clock {
+                minutes: 60 * hours + minutes,
+            })
         };
         let after = || {
-            duration_s(value).filter(|s| *s > 0.0).map(|s| Deadline::After { milliseconds: (s * 1e3).ceil() as u64 })
+            duration_s(value)
+                .filter(|s| *s > 0.0)
+                .map(|s| Deadline::After {
+                    milliseconds: (s * 1e3).ceil() as u64,
+                })
         };
         value.as_str().and_then(clock).or_else(after)
     }
 }
 
-/// What is measured during a run and what is kept of it.
+/// Measurements during a run, and what is stored of it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Measure {
-    /// Longest render time between two measurements in seconds.
+pub struct MeasureSpec {
+    /// Longest render time between two measurements, seconds.
     pub every_s: f64,
     /// The metrics, in the order of their columns.
     pub metrics: Vec<MetricSpec>,
-    /// Which snapshots are kept as EXR besides the final picture.
+    /// Snapshots that are stored as EXR besides the final picture.
     pub snapshots: Snapshots,
-    /// Whether every measurement also keeps the picture as PNG.
+    /// Whether the picture is stored as PNG at every measurement.
     pub captures: bool,
-    /// The tone map of PNG files and of the live picture.
+    /// Tone map of PNG files and of the live picture.
     pub display: crate::metrics::tonemap::Tonemap,
 }
 
-/// Which snapshots are kept besides the final picture.
+/// Snapshots that are stored besides the final picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Snapshots {
-    /// None.
+    /// No snapshots at all.
     Last,
-    /// After every power of two of samples per pixel.
+    /// One at every power of two of samples per pixel.
     Pow2,
 }
 
-/// The horizontal axis of a convergence figure.
+/// Horizontal axis of a convergence figure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FigureX {
     /// Seconds inside the renderer.
@@ -186,19 +202,19 @@ pub enum FigureX {
     Samples,
 }
 
-/// A figure: one picture for each combination of `facet` values.
+/// A figure: one image for each combination of `facet` values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FigureSpec {
-    /// Its name, which is its file's.
+    /// Name of the figure and of its file.
     pub name: String,
-    /// What is drawn against what.
+    /// Quantities that are drawn.
     pub kind: FigureKind,
-    /// The axis that distinguishes curves; `None` is one curve for every cell of the facet, of a sweep for every
-    /// combination of the other axes.
+    /// Axis that distinguishes curves. `None` draws one curve for every cell of the facet; in a
+    /// sweep figure, one for every combination of the other axes.
     pub by: Option<String>,
-    /// The axes that distinguish pictures.
+    /// Axes that distinguish images.
     pub facet: Vec<String>,
-    /// Axes with the values that are drawn; of other axes all are.
+    /// Axes that are restricted to some values; other axes are drawn whole.
     pub only: Vec<(String, Vec<Value>)>,
 }
 
@@ -206,12 +222,15 @@ impl FigureSpec {
     /// Whether a cell at this point of the sweep is drawn.
     pub fn shows(&self, point: &[(String, Value)]) -> bool {
         let kept = |(axis, values): &(String, Vec<Value>)| {
-            point.iter().find(|(name, _)| name == axis).is_some_and(|(_, value)| values.contains(value))
+            point
+                .iter()
+                .find(|(name, _)| name == axis)
+                .is_some_and(|(_, value)| values.contains(value))
         };
         self.only.iter().all(kept)
     }
 
-    /// Whether anything in it is read off a clock.
+    /// Whether the figure shows any measured time.
     pub fn is_timed(&self) -> bool {
         match &self.kind {
             FigureKind::Convergence { x, .. } => *x == FigureX::RenderS,
@@ -220,59 +239,59 @@ impl FigureSpec {
     }
 }
 
-/// What a figure draws against what.
+/// Quantities that a figure draws.
 #[derive(Clone, Debug, PartialEq)]
 pub enum FigureKind {
-    /// Measurements as a run goes on.
+    /// Metrics over the course of each run.
     Convergence {
-        /// Horizontal axis.
+        /// Quantity of the horizontal axis.
         x: FigureX,
-        /// Metric columns, one panel each.
+        /// Metric columns, one panel for each.
         y: Vec<String>,
     },
-    /// What finished runs have in the end, over the values of an axis.
+    /// Final values of finished runs over the values of an axis.
     Sweep {
-        /// The axis.
+        /// Axis of the sweep.
         over: String,
-        /// What is drawn, one panel each.
+        /// Quantities, one panel for each.
         y: Vec<TableValue>,
     },
 }
 
-/// What a table, or a figure over an axis, shows of each cell.
+/// Quantity of a cell that a table or a sweep figure shows.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TableValue {
-    /// The final value of a metric column.
+    /// Final value of a metric column.
     Metric(String),
-    /// Samples per pixel at the end.
+    /// Samples per pixel at the end of the run.
     Samples,
-    /// Render time at the end, seconds.
+    /// Render time at the end of the run, seconds.
     RenderS,
-    /// Million camera paths per second of render time.
+    /// Millions of camera paths per second of render time.
     MpathsPerS,
-    /// Frames per second of render time: samples of every pixel.
+    /// Frames (samples of every pixel) per second of render time.
     Fps,
-    /// Million rays per second of render time.
+    /// Millions of rays per second of render time.
     MraysPerS,
-    /// Seconds spent building the hierarchy.
+    /// Seconds spent building the bounding volume hierarchy.
     AccelBuildS,
-    /// Nodes of the hierarchy.
+    /// Number of nodes of the hierarchy.
     AccelNodes,
-    /// Mebibytes of the hierarchy and the primitives in it.
+    /// Mebibytes of the hierarchy and its primitives.
     AccelMib,
-    /// What a ray through the scene's box costs by the surface area heuristic.
+    /// Expected cost of a ray through the scene's bounding box by the surface area heuristic.
     AccelCost,
-    /// Render seconds until a metric column first reached a threshold.
+    /// Seconds of render time until a metric column first reached a threshold.
     TimeTo {
-        /// The column.
+        /// Column of the metric.
         column: String,
-        /// The threshold.
+        /// Threshold in units of the metric.
         threshold: f64,
     },
 }
 
 impl TableValue {
-    /// Those that need no metric, by the names that scripts use.
+    /// Quantities that need no metric, by their names in scripts.
     pub const PLAIN: &[(&str, TableValue)] = &[
         ("samples", TableValue::Samples),
         ("render_s", TableValue::RenderS),
@@ -285,8 +304,8 @@ impl TableValue {
         ("accel_cost", TableValue::AccelCost),
     ];
 
-    /// What scripts call it: `accel_nodes`, a metric's column, or `time_to(column, threshold)`.
-    pub fn word(&self) -> String {
+    /// Name in scripts: `accel_nodes`, a metric's column, or `time_to(column, threshold)`.
+    pub fn name(&self) -> String {
         match self {
             TableValue::Metric(column) => column.clone(),
             TableValue::TimeTo { column, threshold } => format!("time_to({column}, {threshold})"),
@@ -297,7 +316,7 @@ impl TableValue {
         }
     }
 
-    /// Whether it is read off a clock.
+    /// Whether the quantity is a measured time or depends on one.
     pub fn is_clock(&self) -> bool {
         match self {
             TableValue::RenderS
@@ -315,144 +334,151 @@ impl TableValue {
     }
 }
 
-/// File formats of tables.
+/// File format of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TableFormat {
-    /// Markdown.
+    /// A Markdown table.
     Md,
-    /// Comma-separated values.
+    /// Comma-separated values with a header.
     Csv,
 }
 
-/// A table over two axes; other axes and repeats are averaged, and the count is stated.
+/// A table over two groups of axes. Other axes and repeats are averaged, and their number is
+/// stated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TableSpec {
-    /// Its name, which is its file's.
+    /// Name of the table and of its file.
     pub name: String,
-    /// What it shows.
+    /// Quantity in the cells of the table.
     pub value: TableValue,
-    /// Axes whose values make the rows.
+    /// Axes whose values form the rows.
     pub rows: Vec<String>,
-    /// Axes whose values make the columns; empty is a single column.
+    /// Axes whose values form the columns; empty for a single column.
     pub cols: Vec<String>,
-    /// The files to write.
+    /// File formats to write.
     pub formats: Vec<TableFormat>,
 }
 
-/// What one cell renders: the script's `render` table, typed.
+/// Render settings of one cell: the script's `render` table, typed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CellConfig {
-    /// The scene as the script wrote it.
+    /// Scene as written in the script.
     pub scene: String,
-    /// The scene's file, found.
+    /// Resolved path of the scene file.
     pub scene_file: PathBuf,
-    /// What is chosen of the options that a scene written in Lua offers.
+    /// Values for the options that a Lua scene offers.
     pub scene_options: BTreeMap<String, Value>,
-    /// Name of a row of [`INTEGRATORS`](crate::transport::integrator::INTEGRATORS).
+    /// Name of a table row of [`INTEGRATORS`](crate::transport::integrator::INTEGRATORS).
     pub integrator: String,
-    /// Parameters of the integrator, checked against its row.
+    /// Parameters of the integrator, checked against its table row.
     pub params: BTreeMap<String, Value>,
-    /// Greatest number of path edges; `None` is the scene's own.
+    /// Greatest number of path edges; `None` for the value of the scene.
     pub max_depth: Option<u32>,
-    /// Width and height in pixels; `None` is the scene's own.
+    /// Width and height in pixels; `None` for the value of the scene.
     pub resolution: Option<[u32; 2]>,
-    /// Russian roulette from this edge on; `None` is never.
+    /// First path edge with Russian roulette; `None` for never.
     pub rr_start: Option<u32>,
-    /// Pixel filter.
+    /// Pixel reconstruction filter.
     pub filter: FilterSpec,
-    /// Layers that are kept beside the picture, in the order of [`LAYERS`](crate::film::layer::LAYERS), each once.
+    /// Layers that are stored beside the picture, in the order of
+    /// [`LAYERS`](crate::film::layer::LAYERS), without repetition.
     pub films: Vec<Layer>,
-    /// The time axis of its film.
+    /// Time axis of the film, if it is time-resolved.
     pub timing: Option<Timing>,
-    /// Name of a row of [`SAMPLERS`](crate::transport::sampler::SAMPLERS).
+    /// Name of a table row of [`SAMPLERS`](crate::transport::sampler::SAMPLERS).
     pub sampler: String,
-    /// How the hierarchy is built through which rays are traced.
+    /// Settings of the bounding volume hierarchy and its traversal.
     pub accel: AccelSpec,
-    /// Changes to the scene by path, `camera` ones included.
+    /// Changes to the scene by path, including those of `camera`.
     pub set: BTreeMap<String, Value>,
     /// Name of a backend, or `auto`.
     pub backend: String,
-    /// The backend that renders it where that one fails: there is one if the script has left the choice to the program.
+    /// Backend that takes over if `backend` fails; present if the script asked for `auto`.
     pub fallback: Option<&'static str>,
 }
 
-/// What a cell is measured against.
+/// The reference that a cell is measured against.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ReferenceRequest {
-    /// A picture that Lumbre renders first and keeps.
+    /// A picture that Lumbre renders first and stores.
     Render {
-        /// What to render.
+        /// Resolved render settings.
         config: Box<CellConfig>,
-        /// When it is good enough.
+        /// When the reference is finished.
         stop: StopRule,
-        /// The second technique that has to mean the same picture, if any.
-        agree: Option<Box<AgreeRequest>>,
-        /// How many [parts](super::parts) it is rendered in, at most; 1 is as a whole.
-        parts: u32,
+        /// Comparison with a second technique, if requested (`agree` in scripts).
+        bias_check: Option<Box<BiasCheckRequest>>,
+        /// Greatest number of [shards](super::shards) to split it into (`parts` in scripts); 1
+        /// renders it as a whole.
+        shards: u32,
     },
     /// An EXR file made elsewhere.
     File {
-        /// The file.
+        /// Path of the file.
         file: PathBuf,
-        /// Who made it and how, in the script's words; empty if it does not say.
+        /// Origin of the file as stated by the script; empty if not stated.
         source: String,
     },
 }
 
-/// A picture that a reference is compared with, so that a mistake of its integrator is found out.
+/// A second picture that a reference is compared with, to detect bias of its integrator.
 #[derive(Clone, Debug, PartialEq)]
-pub struct AgreeRequest {
-    /// What to render: the reference's own picture by another technique.
+pub struct BiasCheckRequest {
+    /// Render settings: the picture of the reference by another technique.
     pub config: CellConfig,
-    /// When it is good enough.
+    /// When the second picture is finished.
     pub stop: StopRule,
-    /// Of the blocks that are called different, the share that may be so by chance, above 0 and below 1.
+    /// False discovery rate: the expected share of blocks reported as different that differ only by
+    /// chance, in (0, 1).
     pub rate: f64,
 }
 
-/// An error from the script's side, already fit for people.
+/// An error of a script's function, formatted for the user.
 #[derive(Debug, thiserror::Error)]
 #[error(transparent)]
 pub struct HookError(pub Box<dyn std::error::Error + Send + Sync>);
 
-/// The script's functions, as seen from a room that knows no Lua.
+/// Functions of a script, independent of Lua.
 pub trait ScriptHooks {
-    /// Whether skip rule `rule` (an index of [`Spec::skips`]) leaves this point out.
+    /// Whether skip rule `rule`, an index into [`ExperimentSpec::skips`], leaves this point out.
     ///
     /// # Errors
     /// When the script's function fails or returns something other than true, false or nil.
     fn skip(&self, rule: usize, point: &Point) -> Result<bool, HookError>;
 
-    /// What to render at this point.
+    /// Render settings at this point.
     ///
     /// # Errors
     /// When the script's function fails or its table is wrong.
     fn render(&self, point: &Point) -> Result<CellConfig, HookError>;
 
-    /// What to measure this point against, if the script said so.
+    /// Reference of this point, if the script defines one.
     ///
     /// # Errors
     /// When the script's function fails or its table is wrong.
     fn reference(&self, point: &Point) -> Result<Option<ReferenceRequest>, HookError>;
 
-    /// When this point's cell is finished.
+    /// Stop rule of this point's cells.
     ///
     /// # Errors
     /// When the script's function fails or its rule is wrong.
     fn stop(&self, point: &Point) -> Result<StopRule, HookError>;
 
-    /// Whether the cells of this point are rendered twice for the A/A check, where a script with one says so; `None` is
-    /// the first technique of every picture.
+    /// Whether the cells of this point are rendered twice for the A/A check (`x:control`). `None`
+    /// if the script leaves the choice to the program, which takes the first technique of every
+    /// picture.
     ///
     /// # Errors
     /// When the script's function fails or returns something other than true, false or nil.
-    fn control(&self, _point: &Point) -> Result<Option<bool>, HookError> {
+    fn aa_check(&self, _point: &Point) -> Result<Option<bool>, HookError> {
         Ok(None)
     }
 
-    /// Whether predicate `id` (see [`StopRule::Predicate`]) says stop, given the columns of `rows` (oldest first).
+    /// Whether predicate `id` (see [`StopRule::Predicate`]) stops a run with the measurements
+    /// `rows`, oldest first, whose metrics are named by `columns`.
     ///
     /// # Errors
     /// When the script's function fails or returns something other than true, false or nil.
-    fn predicate(&self, id: usize, columns: &[String], rows: &[WaveRow]) -> Result<bool, HookError>;
+    fn predicate(&self, id: usize, columns: &[String], rows: &[WaveRow])
+    -> Result<bool, HookError>;
 }

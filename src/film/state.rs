@@ -1,24 +1,25 @@
-//! Sums as bytes, so that a run that was cut off goes on from them to the same bits.
+//! Serialisation of film sums, so that an interrupted run resumes from a checkpoint with identical
+//! bits.
 //!
-//! Numbers keep the machine's own byte order; who stores them says which that is.
+//! Numbers are stored in the machine's own byte order; the caller records which one that is.
 
 use std::io::{self, Write};
 
 use super::Film;
 
-/// Numbers that are gathered before they are written.
+/// Number of integers buffered for one write call.
 const CHUNK: usize = 8192;
 
-/// Why bytes are no state of the sums that were to take them.
+/// Error: the saved bytes do not belong to a state of this kind and size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the saved sums do not fit: they were made by another kind of run")]
-pub struct Misfit;
+#[error("the checkpoint does not match this run: it was written for other settings")]
+pub struct CheckpointMismatch;
 
-/// Writes whole numbers one after another.
+/// Writes integers one after another.
 ///
 /// # Errors
-/// As `to`.
-pub fn write_words(to: &mut dyn Write, words: impl IntoIterator<Item = u64>) -> io::Result<()> {
+/// Returns any error of the writer.
+pub fn write_u64s(to: &mut dyn Write, words: impl IntoIterator<Item = u64>) -> io::Result<()> {
     let mut words = words.into_iter();
     let mut chunk = Vec::with_capacity(CHUNK);
     loop {
@@ -34,85 +35,96 @@ pub fn write_words(to: &mut dyn Write, words: impl IntoIterator<Item = u64>) -> 
 /// Writes sums, `[pixel][rgb]`.
 ///
 /// # Errors
-/// As `to`.
+/// Returns any error of the writer.
 pub fn write_sums(to: &mut dyn Write, sums: &[[f64; 3]]) -> io::Result<()> {
     to.write_all(bytemuck::cast_slice(sums))
 }
 
-/// What is left to read of a saved state.
+/// Reader over the bytes of a saved state that have not been read yet.
 #[derive(Debug)]
-pub struct Saved<'a> {
+pub struct StateReader<'a> {
     bytes: &'a [u8],
 }
 
-impl<'a> Saved<'a> {
-    /// A state from its beginning.
-    pub fn new(bytes: &'a [u8]) -> Saved<'a> {
-        Saved { bytes }
+impl<'a> StateReader<'a> {
+    /// Starts at the first byte of a state.
+    pub fn new(bytes: &'a [u8]) -> StateReader<'a> {
+        StateReader { bytes }
     }
 
-    /// The next whole number.
+    /// Reads the next integer.
     ///
     /// # Errors
-    /// When nothing is left.
-    pub fn word(&mut self) -> Result<u64, Misfit> {
-        let (word, rest) = self.bytes.split_first_chunk().ok_or(Misfit)?;
+    /// Returns [`CheckpointMismatch`] if nothing is left.
+    pub fn read_u64(&mut self) -> Result<u64, CheckpointMismatch> {
+        let (word, rest) = self.bytes.split_first_chunk().ok_or(CheckpointMismatch)?;
         self.bytes = rest;
         Ok(u64::from_ne_bytes(*word))
     }
 
-    /// The next so many bytes.
+    /// Reads the next `length` bytes.
     ///
     /// # Errors
-    /// When fewer are left.
-    pub fn bytes(&mut self, length: u64) -> Result<&'a [u8], Misfit> {
-        let length = usize::try_from(length).map_err(|_| Misfit)?;
-        let (bytes, rest) = self.bytes.split_at_checked(length).ok_or(Misfit)?;
+    /// Returns [`CheckpointMismatch`] if fewer are left.
+    pub fn read_bytes(&mut self, length: u64) -> Result<&'a [u8], CheckpointMismatch> {
+        let length = usize::try_from(length).map_err(|_| CheckpointMismatch)?;
+        let (bytes, rest) = self
+            .bytes
+            .split_at_checked(length)
+            .ok_or(CheckpointMismatch)?;
         self.bytes = rest;
         Ok(bytes)
     }
 
-    /// Fills `sums` with the next ones.
+    /// Fills `sums` with the next values.
     ///
     /// # Errors
-    /// When fewer are left.
-    pub fn sums(&mut self, sums: &mut [[f64; 3]]) -> Result<(), Misfit> {
+    /// Returns [`CheckpointMismatch`] if fewer are left.
+    pub fn read_sums(&mut self, sums: &mut [[f64; 3]]) -> Result<(), CheckpointMismatch> {
         let target: &mut [u8] = bytemuck::cast_slice_mut(sums);
-        target.copy_from_slice(self.bytes(target.len() as u64)?);
+        target.copy_from_slice(self.read_bytes(target.len() as u64)?);
         Ok(())
     }
 
-    /// Ends the reading.
+    /// Finishes reading the state.
     ///
     /// # Errors
-    /// When something is left.
-    pub fn end(self) -> Result<(), Misfit> {
-        if self.bytes.is_empty() { Ok(()) } else { Err(Misfit) }
+    /// Returns [`CheckpointMismatch`] if bytes are left.
+    pub fn finish(self) -> Result<(), CheckpointMismatch> {
+        if self.bytes.is_empty() {
+            Ok(())
+        } else {
+            Err(CheckpointMismatch)
+        }
     }
 }
 
 impl Film {
-    /// Writes size and sums.
+    /// Writes the size, the number of samples and the sums.
     ///
     /// # Errors
-    /// As `to`.
+    /// Returns any error of the writer.
     pub fn save(&self, to: &mut dyn Write) -> io::Result<()> {
-        write_words(to, [u64::from(self.width), u64::from(self.height), self.samples])?;
+        write_u64s(
+            to,
+            [u64::from(self.width), u64::from(self.height), self.samples],
+        )?;
         write_sums(to, &self.sum)?;
         write_sums(to, &self.sum2)
     }
 
-    /// Takes the sums of a film of the same size.
+    /// Reads the sums of a film of the same size.
     ///
     /// # Errors
-    /// When they are not; this film is then worthless.
-    pub fn restore(&mut self, from: &mut Saved<'_>) -> Result<(), Misfit> {
-        if [from.word()?, from.word()?] != [u64::from(self.width), u64::from(self.height)] {
-            return Err(Misfit);
+    /// Returns [`CheckpointMismatch`] if the sizes differ or bytes are missing; the contents of
+    /// this film are then undefined.
+    pub fn restore(&mut self, from: &mut StateReader<'_>) -> Result<(), CheckpointMismatch> {
+        if [from.read_u64()?, from.read_u64()?] != [u64::from(self.width), u64::from(self.height)] {
+            return Err(CheckpointMismatch);
         }
-        self.samples = from.word()?;
-        from.sums(&mut self.sum)?;
-        from.sums(&mut self.sum2)
+        self.samples = from.read_u64()?;
+        from.read_sums(&mut self.sum)?;
+        from.read_sums(&mut self.sum2)
     }
 }
 
@@ -131,28 +143,34 @@ mod tests {
     }
 
     #[test]
-    fn a_film_comes_back_to_the_bit() {
+    fn a_restored_film_has_the_same_bits() {
         let mut bytes = Vec::new();
         film().save(&mut bytes).unwrap();
         let mut back = Film::new(3, 2);
-        let mut saved = Saved::new(&bytes);
+        let mut saved = StateReader::new(&bytes);
         back.restore(&mut saved).unwrap();
-        saved.end().unwrap();
+        saved.finish().unwrap();
         assert_eq!(back, film());
         assert!(back.sum[0][1].is_sign_negative());
     }
 
     #[test]
-    fn what_is_cut_off_too_long_or_of_another_size_does_not_fit() {
+    fn a_truncated_or_overlong_state_or_one_of_another_size_is_a_mismatch() {
         let mut bytes = Vec::new();
         film().save(&mut bytes).unwrap();
         for cut in [0, 8, 24, bytes.len() - 1] {
-            assert_eq!(Film::new(3, 2).restore(&mut Saved::new(&bytes[..cut])), Err(Misfit));
+            assert_eq!(
+                Film::new(3, 2).restore(&mut StateReader::new(&bytes[..cut])),
+                Err(CheckpointMismatch)
+            );
         }
-        assert_eq!(Film::new(2, 3).restore(&mut Saved::new(&bytes)), Err(Misfit));
+        assert_eq!(
+            Film::new(2, 3).restore(&mut StateReader::new(&bytes)),
+            Err(CheckpointMismatch)
+        );
         bytes.push(0);
-        let mut saved = Saved::new(&bytes);
+        let mut saved = StateReader::new(&bytes);
         Film::new(3, 2).restore(&mut saved).unwrap();
-        assert_eq!(saved.end(), Err(Misfit));
+        assert_eq!(saved.finish(), Err(CheckpointMismatch));
     }
 }

@@ -1,22 +1,24 @@
-//! Films with a time axis: for every pixel, light by the optical length of its path, in bins.
+//! Films with a time axis: for every pixel, light binned by the optical length of its path.
 //!
-//! Times are optical lengths in scene units: the distance that light would go in the same time in vacuum.
+//! Times are optical lengths in scene units: the distance that light travels in vacuum in that
+//! time.
 //!
-//! A slot is a bin or one of the two beside them: slot 0 holds what arrives before the first bin, slot `bins + 1` what
-//! arrives after the last. So nothing is lost, and the sum over all slots, in their order, *is* the picture.
+//! A slot is a bin or one of the two overflow bins: slot 0 holds what arrives before the first bin,
+//! slot `bins + 1` what arrives after the last. Nothing is lost, and the sum over all slots, in
+//! their order, equals the picture bit by bit.
 
 use std::borrow::Borrow;
 use std::ops::{Add, Div};
 
 use super::Image;
 
-/// The file in which a run leaves the mean radiance of every bin, an array of NumPy: [row][column][bin][rgb].
+/// Name of the file with the mean radiance of every bin, a NumPy array `[row][column][bin][rgb]`.
 pub const CUBE_FILE: &str = "time-cube.npy";
 
-/// Where bins lie on the axis of optical length.
+/// Layout of the bins on the axis of optical length.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimeAxis {
-    /// Where the first bin begins, in scene units.
+    /// Start of the first bin in scene units.
     pub start: f64,
     /// Width of a bin in scene units, positive.
     pub bin: f64,
@@ -25,65 +27,71 @@ pub struct TimeAxis {
 }
 
 impl TimeAxis {
-    /// Number of bins with the two slots beside them.
+    /// Returns the number of bins plus the two overflow slots.
     #[inline]
     pub fn slots(&self) -> usize {
         self.bins as usize + 2
     }
 
-    /// Place of an optical length in bins from the start: 1.5 is the middle of the second one.
+    /// Returns the position of an optical length in bins from the start: 1.5 is the middle of the
+    /// second bin.
     #[inline]
-    pub fn place(&self, length: f64) -> f64 {
-        self.places(length, |number| number)
+    pub fn bin_position(&self, length: f64) -> f64 {
+        self.bin_positions(length, |number| number)
     }
 
-    /// Places of many lengths at once, where `of` makes as many of one number.
+    /// Returns the positions of several lengths at once; `broadcast` turns a number into such a
+    /// vector.
     #[inline(always)]
-    pub fn places<T: Add<Output = T> + Div<Output = T>>(&self, lengths: T, of: impl Fn(f64) -> T) -> T {
-        (lengths + of(-self.start)) / of(self.bin)
+    pub fn bin_positions<T: Add<Output = T> + Div<Output = T>>(
+        &self,
+        lengths: T,
+        broadcast: impl Fn(f64) -> T,
+    ) -> T {
+        (lengths + broadcast(-self.start)) / broadcast(self.bin)
     }
 
-    /// The slot of a place in bins; what is not a number is late.
+    /// Returns the slot of a position in bins; NaN goes to the last slot.
     #[inline]
-    pub fn slot(&self, place: f64) -> usize {
-        if place < 0.0 {
+    pub fn slot(&self, position: f64) -> usize {
+        if position < 0.0 {
             0
-        } else if place < f64::from(self.bins) {
-            // There are fewer bins than such numbers, and to make them takes less than to make longer ones.
-            place as i32 as usize + 1
+        } else if position < f64::from(self.bins) {
+            // All bin indices fit into `i32`, and that conversion is cheaper than one to `usize`.
+            position as i32 as usize + 1
         } else {
             self.bins as usize + 1
         }
     }
 
-    /// Where bin `i` begins, from 0.
-    pub fn begin(&self, i: u32) -> f64 {
+    /// Returns where bin `i` begins, in scene units; `i` counts from 0.
+    pub fn bin_start(&self, i: u32) -> f64 {
         self.start + f64::from(i) * self.bin
     }
 
-    /// Where the last bin ends.
+    /// Returns where the last bin ends, in scene units.
     pub fn end(&self) -> f64 {
-        self.begin(self.bins)
+        self.bin_start(self.bins)
     }
 }
 
-/// How a contribution is spread over the bins about its time. Every kind keeps its light.
+/// Reconstruction filter along the time axis. Every filter conserves energy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum TimeFilter {
-    /// All goes to the bin in which it arrives.
+    /// The whole contribution goes to the bin in which it arrives.
     None,
-    /// Evenly over so many bins to either side.
+    /// Evenly over this number of bins to either side.
     Box(f64),
-    /// By a Gaussian of this standard deviation in bins, cut off at three of them.
+    /// By a Gaussian of this standard deviation in bins, truncated at three standard deviations.
     Gauss(f64),
 }
 
 impl TimeFilter {
-    /// The names of the kinds in scripts.
+    /// Names of the filters in scripts.
     pub const WORDS: &'static [&'static str] = &["none", "box", "gauss"];
 
-    /// The kind with a name, and its size in bins.
-    pub fn named(name: &str, radius: f64) -> Option<TimeFilter> {
+    /// Returns the filter with a name, and a size in bins.
+    pub fn from_name(name: &str, radius: f64) -> Option<TimeFilter> {
         match name {
             "none" => Some(TimeFilter::None),
             "box" => Some(TimeFilter::Box(radius)),
@@ -92,8 +100,8 @@ impl TimeFilter {
         }
     }
 
-    /// Its name and size; 0 for none.
-    pub fn parts(&self) -> (&'static str, f64) {
+    /// Returns its name and its size in bins; the size is 0 for [`TimeFilter::None`].
+    pub fn name_and_size(&self) -> (&'static str, f64) {
         match self {
             TimeFilter::None => ("none", 0.0),
             TimeFilter::Box(radius) => ("box", *radius),
@@ -101,112 +109,138 @@ impl TimeFilter {
         }
     }
 
-    /// Hands the slots of a place in bins to `give`, each with its share; the shares sum to one.
+    /// Calls `add` with each slot that a contribution at a position in bins reaches and its weight;
+    /// the weights sum to one.
     #[inline]
-    pub fn spread(&self, axis: &TimeAxis, place: f64, mut give: impl FnMut(usize, f64)) {
+    pub fn spread(&self, axis: &TimeAxis, position: f64, mut add: impl FnMut(usize, f64)) {
         let (reach, gauss) = match *self {
             TimeFilter::Box(radius) if radius > 0.0 => (radius, None),
             TimeFilter::Gauss(sigma) if sigma > 0.0 => (3.0 * sigma, Some(sigma)),
-            _ => return give(axis.slot(place), 1.0),
+            _ => return add(axis.slot(position), 1.0),
         };
-        if !place.is_finite() {
-            return give(axis.slot(place), 1.0);
+        if !position.is_finite() {
+            return add(axis.slot(position), 1.0);
         }
-        // The part of the filter below a place.
+        // Integral of the filter below a position.
         let below = |x: f64| {
-            let t = (x - place).clamp(-reach, reach);
+            let t = (x - position).clamp(-reach, reach);
             match gauss {
                 None => 0.5 + 0.5 * t / reach,
                 Some(sigma) => 0.5 + 0.5 * erf(t / sigma / std::f64::consts::SQRT_2) / CUT,
             }
         };
-        let (first, last) = (axis.slot(place - reach), axis.slot(place + reach));
+        let (first, last) = (axis.slot(position - reach), axis.slot(position + reach));
         let mut before = 0.0;
         for slot in first..=last {
-            let until = if slot == last { 1.0 } else { below(slot as f64) };
+            let until = if slot == last {
+                1.0
+            } else {
+                below(slot as f64)
+            };
             if until > before {
-                give(slot, until - before);
+                add(slot, until - before);
                 before = until;
             }
         }
     }
 }
 
-/// erf(3 / sqrt 2): the part of a Gaussian within three standard deviations.
+/// Fraction of a Gaussian within three standard deviations: erf(3 / sqrt 2).
 const CUT: f64 = 0.997_300_203_936_739_8;
 
-/// The error function to 1.2e-7 [Abramowitz and Stegun 1964, 7.1.26 has the form; a rational Chebyshev fit of `erfc`].
+/// Returns the error function to 1.2e-7 [Abramowitz and Stegun 1964, 7.1.26 has the form; a
+/// rational Chebyshev fit of `erfc`].
 fn erf(x: f64) -> f64 {
     let t = 1.0 / (1.0 + 0.327_591_1 * x.abs());
-    let poly =
-        t * (0.254_829_592 + t * (-0.284_496_736 + t * (1.421_413_741 + t * (-1.453_152_027 + t * 1.061_405_429))));
+    let poly = t
+        * (0.254_829_592
+            + t * (-0.284_496_736
+                + t * (1.421_413_741 + t * (-1.453_152_027 + t * 1.061_405_429))));
     (1.0 - poly * (-x * x).exp()).copysign(x)
 }
 
-/// Bytes of own sums for each pixel and slot: three sums in double, three sums of squares in single precision, and four that
-/// keep the next one's in line.
+/// Size of a film's own sums in bytes per pixel and slot: three sums in double precision, three
+/// sums of squares in single precision, and four bytes of padding.
 pub const BYTES_PER_SLOT: u64 = 40;
 
-/// Bytes of the sums of splats for each pixel and slot, where splats land.
+/// Size of the splat sums in bytes per pixel and slot, for films that receive splats.
 pub const SPLAT_BYTES_PER_SLOT: u64 = 96;
 
-/// The most bytes that the sums of one run with a time axis may take: 12 GiB.
+/// Maximum memory of the sums of one run with a time axis: 12 GiB.
 pub const MAX_BYTES: u64 = 12 << 30;
 
-/// Up to so many bytes of sums the CPU has in memory before a run's clock starts, and keeps for later runs: 1 GiB. Those of
-/// splats come second: they are had beforehand where all of it fits.
+/// Memory of sums, in bytes, that the CPU backend allocates before a run's clock starts and
+/// recycles for later runs: 1 GiB. Splat sums are second in line: they are allocated beforehand if
+/// everything fits.
 pub const MAX_KEPT_BYTES: u64 = 1 << 30;
 
-/// The most bytes that sums with a time axis take: beyond [`MAX_KEPT_BYTES`] those of slots that light never reaches are not
-/// touched, and an operating system gives no memory for them.
+/// Returns the maximum memory of the sums of a film with a time axis, in bytes. Beyond
+/// [`MAX_KEPT_BYTES`], slots that light never reaches are not touched, and the operating system
+/// provides no memory for them.
 ///
 /// # Errors
-/// In words, when they are more than [`MAX_BYTES`].
+/// Returns a message if they need more than [`MAX_BYTES`].
 pub fn bytes(axis: &TimeAxis, pixels: u64, splats: bool) -> Result<u64, String> {
     let each = BYTES_PER_SLOT + u64::from(splats) * SPLAT_BYTES_PER_SLOT;
-    let bytes = pixels.saturating_mul(axis.slots() as u64).saturating_mul(each);
+    let bytes = pixels
+        .saturating_mul(axis.slots() as u64)
+        .saturating_mul(each);
     if bytes <= MAX_BYTES && pixels.saturating_mul(axis.slots() as u64) < u64::from(u32::MAX) {
         return Ok(bytes);
     }
     Err(format!(
-        "{} bins for each of {pixels} pixels need {:.1} GiB at {each} bytes, more than {} GiB: take fewer or wider bins, a \
-         smaller picture, or another integrator than one that finds light for other pixels",
+        "{} bins for each of {pixels} pixels need {:.1} GiB at {each} bytes, more than {} GiB: use \
+         fewer or wider bins, a lower resolution, or an integrator without splats",
         axis.bins,
         bytes as f64 / (1u64 << 30) as f64,
         MAX_BYTES >> 30
     ))
 }
 
-/// The unit in which a time is read best, in seconds, and its name: femtoseconds to seconds.
-pub fn unit_of(seconds: f64) -> (f64, &'static str) {
-    const UNITS: [(f64, &str); 6] =
-        [(1.0, "s"), (1e-3, "ms"), (1e-6, "us"), (1e-9, "ns"), (1e-12, "ps"), (1e-15, "fs")];
-    *UNITS.iter().find(|(unit, _)| seconds.abs() >= *unit).unwrap_or(&UNITS[5])
+/// Returns the unit in which a time is read best, in seconds, and its name: femtoseconds to
+/// seconds.
+pub fn time_unit(seconds: f64) -> (f64, &'static str) {
+    const UNITS: [(f64, &str); 6] = [
+        (1.0, "s"),
+        (1e-3, "ms"),
+        (1e-6, "us"),
+        (1e-9, "ns"),
+        (1e-12, "ps"),
+        (1e-15, "fs"),
+    ];
+    *UNITS
+        .iter()
+        .find(|(unit, _)| seconds.abs() >= *unit)
+        .unwrap_or(&UNITS[5])
 }
 
-/// The light of every pixel by its time.
+/// Light of every pixel by its time of arrival.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimeCube {
-    /// The axis.
+    /// Time axis of the film.
     pub axis: TimeAxis,
-    /// Columns.
+    /// Width in pixels.
     pub width: u32,
-    /// Rows.
+    /// Height in pixels.
     pub height: u32,
-    /// Samples per pixel.
+    /// Number of samples per pixel.
     pub samples: u64,
     /// Sums over all samples, `[y][x][slot][rgb]`.
     pub sum: Vec<[f64; 3]>,
-    /// Sums of the squares of what each sample brought, as [`Film::sum2`](super::Film::sum2), in the same order.
+    /// Sums of squared samples as in [`Film::sum2`](super::Film::sum2), `[y][x][slot][rgb]`.
     pub square: Vec<[f32; 3]>,
 }
 
 impl TimeCube {
     fn scale(&self) -> f64 {
-        if self.samples == 0 { 0.0 } else { 1.0 / self.samples as f64 }
+        if self.samples == 0 {
+            0.0
+        } else {
+            1.0 / self.samples as f64
+        }
     }
 
-    /// The slots of a pixel.
+    /// Returns the sums of all slots of a pixel.
     #[inline]
     pub fn slots(&self, x: u32, y: u32) -> &[[f64; 3]] {
         let n = self.axis.slots();
@@ -214,41 +248,53 @@ impl TimeCube {
         &self.sum[first..first + n]
     }
 
-    /// The mean of a pixel in a slot: radiance, not divided by the width of the bin.
+    /// Returns the mean of a pixel in a slot: radiance, not divided by the width of the bin.
     #[inline]
     pub fn mean(&self, x: u32, y: u32, slot: usize) -> [f32; 3] {
         let scale = self.scale();
         self.slots(x, y)[slot].map(|v| (v * scale) as f32)
     }
 
-    /// The estimated variance of that mean; zero with fewer than two samples.
+    /// Returns the estimated variance of that mean; zero with fewer than two samples.
     pub fn variance_of_mean(&self, x: u32, y: u32, slot: usize) -> [f32; 3] {
         let n = self.samples as f64;
         let at = (y as usize * self.width as usize + x as usize) * self.axis.slots() + slot;
         let (s, q) = (self.sum[at], self.square[at]);
         [0, 1, 2].map(|c| {
             let spread = f64::from(q[c]) - s[c] * s[c] / n;
-            if n < 2.0 { 0.0 } else { (spread / (n - 1.0) / n).max(0.0) as f32 }
+            if n < 2.0 {
+                0.0
+            } else {
+                (spread / (n - 1.0) / n).max(0.0) as f32
+            }
         })
     }
 
-    /// The picture of one slot.
+    /// Returns the picture of one slot.
     pub fn frame(&self, slot: usize) -> Image {
         Image::from_fn(self.width, self.height, |x, y| self.mean(x, y, slot))
     }
 
-    /// The picture: the sum over all slots, the same bits as the film of the run.
+    /// Returns the picture, the sum over all slots, with the same bits as the film of the run.
     pub fn steady(&self) -> Image {
         let scale = self.scale();
-        let pixel = |sums: &[[f64; 3]]| total(sums).map(|v| (v * scale) as f32);
-        let data = self.sum.chunks_exact(self.axis.slots()).map(pixel).collect();
-        Image { width: self.width, height: self.height, data }
+        let pixel = |sums: &[[f64; 3]]| sum_slots(sums).map(|v| (v * scale) as f32);
+        let data = self
+            .sum
+            .chunks_exact(self.axis.slots())
+            .map(pixel)
+            .collect();
+        Image {
+            width: self.width,
+            height: self.height,
+            data,
+        }
     }
 }
 
-/// The sum over the slots of a pixel, in their order.
+/// Returns the sum over the slots of a pixel, in their order.
 #[inline]
-pub fn total(slots: impl IntoIterator<Item: Borrow<[f64; 3]>>) -> [f64; 3] {
+pub fn sum_slots(slots: impl IntoIterator<Item: Borrow<[f64; 3]>>) -> [f64; 3] {
     slots.into_iter().fold([0.0; 3], |sum, slot| {
         let v = slot.borrow();
         [sum[0] + v[0], sum[1] + v[1], sum[2] + v[2]]
@@ -259,48 +305,100 @@ pub fn total(slots: impl IntoIterator<Item: Borrow<[f64; 3]>>) -> [f64; 3] {
 mod tests {
     use super::*;
 
-    const AXIS: TimeAxis = TimeAxis { start: 2.0, bin: 0.25, bins: 8 };
+    const AXIS: TimeAxis = TimeAxis {
+        start: 2.0,
+        bin: 0.25,
+        bins: 8,
+    };
 
     #[test]
-    fn lengths_find_their_slots_and_the_ends_take_the_rest() {
-        let slot = |length: f64| AXIS.slot(AXIS.place(length));
-        assert_eq!([slot(1.99), slot(2.0), slot(2.249), slot(2.25), slot(3.99)], [0, 1, 1, 2, 8]);
-        assert_eq!([slot(4.0), slot(1e30), slot(f64::INFINITY), slot(f64::NAN), slot(-1e30)], [9, 9, 9, 9, 0]);
-        assert_eq!((AXIS.slots(), AXIS.begin(1), AXIS.end()), (10, 2.25, 4.0));
+    fn lengths_map_to_slots_and_the_rest_to_the_overflow_slots() {
+        let slot = |length: f64| AXIS.slot(AXIS.bin_position(length));
+        assert_eq!(
+            [slot(1.99), slot(2.0), slot(2.249), slot(2.25), slot(3.99)],
+            [0, 1, 1, 2, 8]
+        );
+        assert_eq!(
+            [
+                slot(4.0),
+                slot(1e30),
+                slot(f64::INFINITY),
+                slot(f64::NAN),
+                slot(-1e30)
+            ],
+            [9, 9, 9, 9, 0]
+        );
+        assert_eq!(
+            (AXIS.slots(), AXIS.bin_start(1), AXIS.end()),
+            (10, 2.25, 4.0)
+        );
         assert!((0..AXIS.slots()).all(|slot| AXIS.slot(slot as f64 - 0.5) == slot));
     }
 
     #[test]
-    fn filters_keep_all_light_and_have_their_shape() {
-        let spread = |filter: TimeFilter, place: f64| {
+    fn filters_conserve_light_and_have_their_shape() {
+        let spread = |filter: TimeFilter, position: f64| {
             let mut shares = vec![0.0; AXIS.slots()];
-            filter.spread(&AXIS, place, |slot, share| shares[slot] += share);
+            filter.spread(&AXIS, position, |slot, share| shares[slot] += share);
             shares
         };
-        for filter in [TimeFilter::None, TimeFilter::Box(0.5), TimeFilter::Box(1.7), TimeFilter::Gauss(0.8)] {
-            for place in [-3.0, -0.2, 0.0, 0.4, 3.5, 7.99, 8.3, 40.0, f64::INFINITY] {
-                let shares = spread(filter, place);
-                assert!((shares.iter().sum::<f64>() - 1.0).abs() < 1e-12, "{filter:?} at {place}");
+        for filter in [
+            TimeFilter::None,
+            TimeFilter::Box(0.5),
+            TimeFilter::Box(1.7),
+            TimeFilter::Gauss(0.8),
+        ] {
+            for position in [-3.0, -0.2, 0.0, 0.4, 3.5, 7.99, 8.3, 40.0, f64::INFINITY] {
+                let shares = spread(filter, position);
+                assert!(
+                    (shares.iter().sum::<f64>() - 1.0).abs() < 1e-12,
+                    "{filter:?} at {position}"
+                );
                 assert!(shares.iter().all(|s| *s >= 0.0));
             }
         }
-        // A bin to either side of 3.25: half of the second bin's, all of the third's.
+        // One bin to either side of 3.25: half of the second bin's share, all of the third's.
         let shares = spread(TimeFilter::Box(1.0), 3.25);
         let expected = [0.0, 0.0, 0.0, 0.375, 0.5, 0.125, 0.0];
-        assert!(shares.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{shares:?}");
+        assert!(
+            shares
+                .iter()
+                .zip(expected)
+                .all(|(a, b)| (a - b).abs() < 1e-12),
+            "{shares:?}"
+        );
         let shares = spread(TimeFilter::Gauss(1.0), 4.0);
-        // Within one standard deviation of a Gaussian cut at three.
-        assert!((shares[4] + shares[5] - 0.682_689_492 / CUT).abs() < 1e-6, "{shares:?}");
+        // Fraction within one standard deviation of a Gaussian truncated at three.
+        assert!(
+            (shares[4] + shares[5] - 0.682_689_492 / CUT).abs() < 1e-6,
+            "{shares:?}"
+        );
         let early = spread(TimeFilter::Box(1.0), 0.0);
-        assert!((early[0] - 0.5).abs() < 1e-12, "what is spread before the first bin is kept beside it");
+        assert!(
+            (early[0] - 0.5).abs() < 1e-12,
+            "what falls before the first bin is kept in the slot before it"
+        );
     }
 
     #[test]
-    fn memory_is_known_and_limited() {
-        let thousand = TimeAxis { start: 0.0, bin: 0.01, bins: 1000 };
-        assert_eq!(bytes(&thousand, 320 * 240, false), Ok(320 * 240 * 1002 * 40));
-        assert!(bytes(&thousand, 320 * 240, true).is_ok(), "bidirectional pictures of this size fit as well");
+    fn memory_is_computed_and_limited() {
+        let thousand = TimeAxis {
+            start: 0.0,
+            bin: 0.01,
+            bins: 1000,
+        };
+        assert_eq!(
+            bytes(&thousand, 320 * 240, false),
+            Ok(320 * 240 * 1002 * 40)
+        );
+        assert!(
+            bytes(&thousand, 320 * 240, true).is_ok(),
+            "bidirectional pictures of this size fit as well"
+        );
         let error = bytes(&thousand, 1920 * 1080, false).unwrap_err();
-        assert!(error.contains("77.4 GiB") && error.contains("fewer or wider bins"), "{error}");
+        assert!(
+            error.contains("77.4 GiB") && error.contains("fewer or wider bins"),
+            "{error}"
+        );
     }
 }

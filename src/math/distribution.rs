@@ -1,24 +1,33 @@
-//! Distributions over items and over the cells of a grid.
+//! Discrete distributions over items and over the cells of a grid.
 
-/// Steps of a sample number: those of [`unit`](crate::math::rng::unit) are whole multiples of one part in this many.
+/// Number of distinct sample numbers: [`unit`](crate::math::rng::unit) returns multiples of 2^-24.
 const STEPS: u32 = 1 << 24;
 
-/// For every item the end of its steps, one item's beginning where the one before ends: in proportion to the weights, but
-/// at least one for every item of positive weight, and none for others. `None` if no weight is positive, one is negative
-/// or not finite, or more are positive than there are steps.
+/// Assigns to every item an interval of the 2^24 sample numbers and returns the end of each; an
+/// interval starts where the previous one ends. Lengths are in proportion to the weights, but at
+/// least one step for every item of positive weight, and zero for others. Returns `None` if no
+/// weight is positive, one is negative or not finite, or more are positive than there are steps.
 ///
-/// What is a whole number of steps can be said exactly. A probability from the weight itself would differ from how often
-/// `u` meets the item, by a whole step, which is much to one of ten thousand items.
+/// Probabilities in whole steps are exact. One computed from the weight would differ from how often
+/// `u` selects the item by up to a step, which matters among ten thousand items.
 fn steps(weights: &[f64]) -> Option<Vec<u32>> {
     let total: f64 = weights.iter().sum();
     let last = weights.iter().rposition(|w| *w > 0.0)?;
     let positive = weights.iter().filter(|w| **w > 0.0).count();
-    if weights.iter().any(|w| !w.is_finite() || *w < 0.0) || !total.is_finite() || positive > STEPS as usize {
+    if weights.iter().any(|w| !w.is_finite() || *w < 0.0)
+        || !total.is_finite()
+        || positive > STEPS as usize
+    {
         return None;
     }
-    // One step each, and the rest in proportion to what is missing.
+    // One step each, and the rest in proportion to the missing share.
     let missing = |w: &f64| (w / total * f64::from(STEPS) - 1.0).max(0.0);
-    let shared = f64::from(STEPS - positive as u32) / weights.iter().map(missing).sum::<f64>().max(f64::MIN_POSITIVE);
+    let shared = f64::from(STEPS - positive as u32)
+        / weights
+            .iter()
+            .map(missing)
+            .sum::<f64>()
+            .max(f64::MIN_POSITIVE);
     let (mut sum, mut items) = (0.0, 0);
     let end = |w: &f64| {
         sum += missing(w);
@@ -30,22 +39,24 @@ fn steps(weights: &[f64]) -> Option<Vec<u32>> {
     Some(ends)
 }
 
-/// The step that a number in `[0, 1)` stands for.
+/// Returns the step of a number in `[0, 1)`.
 #[inline]
 fn step_of(u: f32) -> u32 {
     ((u * STEPS as f32) as u32).min(STEPS - 1)
 }
 
-/// A distribution over `0..n` proportional to given weights, sampled in constant time by an alias table
-/// [Walker 1977; Vose 1991].
+/// A distribution over `0..n` proportional to given weights, sampled in constant time by an alias
+/// table [Walker 1977; Vose 1991].
 ///
-/// A sample number has only 2^24 values, of which each item has a whole number, and each of positive weight at least one.
-/// Probabilities are these numbers rather than the weights that they come from: so [`Alias::pmf`] says exactly what
-/// [`Alias::sample`] does, for ten thousand items too, and for one that weighs a million times less than its neighbour.
+/// A sample number has only 2^24 values. Each item is assigned an integral number of them, at least
+/// one if its weight is positive. [`AliasTable::pmf`] returns these exact probabilities of
+/// [`AliasTable::sample`], even for ten thousand items or one a million times lighter than the
+/// rest.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Alias {
-    /// Of every column, how many of its steps mean its own item, and the item that the others mean. Their number is a
-    /// power of two, so that all have the same number of steps; what has no item has no steps of its own.
+pub struct AliasTable {
+    /// For every column, the number of steps that select its own item, and the item that the others
+    /// select. The number of columns is a power of two, so that all have the same number of steps;
+    /// columns without an item have no own steps.
     pub(crate) columns: Vec<(u32, u32)>,
     /// Binary logarithm of the number of steps of a column.
     pub(crate) shift: u32,
@@ -53,27 +64,31 @@ pub struct Alias {
     pub(crate) pmf: Vec<f32>,
 }
 
-impl Alias {
-    /// The greatest number of items: more could not all have a value of their own.
+impl AliasTable {
+    /// Maximum number of items: each needs at least one sample number.
     pub const MAX_ITEMS: usize = STEPS as usize;
 
-    /// Builds the table; `None` if no weight is positive, one is negative or not finite, or there are more than
-    /// [`Alias::MAX_ITEMS`].
-    pub fn new(weights: impl IntoIterator<Item = f64>) -> Option<Alias> {
+    /// Builds the table. Returns `None` if no weight is positive, one is negative or not finite, or
+    /// there are more than [`AliasTable::MAX_ITEMS`].
+    pub fn new(weights: impl IntoIterator<Item = f64>) -> Option<AliasTable> {
         let weights: Vec<f64> = weights.into_iter().collect();
-        if weights.len() > Alias::MAX_ITEMS {
+        if weights.len() > AliasTable::MAX_ITEMS {
             return None;
         }
         let ends = steps(&weights)?;
         let starts = std::iter::once(0).chain(ends.iter().copied());
-        let mut rest: Vec<u32> = ends.iter().zip(starts).map(|(end, start)| end - start).collect();
+        let mut rest: Vec<u32> = ends
+            .iter()
+            .zip(starts)
+            .map(|(end, start)| end - start)
+            .collect();
         let pmf = rest.iter().map(|n| *n as f32 / STEPS as f32).collect();
         rest.resize(weights.len().next_power_of_two(), 0);
         let capacity = STEPS / rest.len() as u32;
         let mut columns: Vec<(u32, u32)> = (0..rest.len() as u32).map(|i| (capacity, i)).collect();
         let (mut under, mut over): (Vec<u32>, Vec<u32>) =
             (0..rest.len() as u32).partition(|i| rest[*i as usize] < capacity);
-        // In whole numbers nothing is left over: the last column is full.
+        // Integral steps leave no remainder: the last column is full.
         while let (Some(small), Some(&large)) = (under.pop(), over.last()) {
             let own = rest[small as usize];
             columns[small as usize] = (own, large);
@@ -83,37 +98,47 @@ impl Alias {
                 under.push(large);
             }
         }
-        Some(Alias { columns, shift: capacity.trailing_zeros(), pmf })
+        Some(AliasTable {
+            columns,
+            shift: capacity.trailing_zeros(),
+            pmf,
+        })
     }
 
-    /// The item for `u` in `[0, 1)`, and its probability. Items of weight zero are never returned.
+    /// Returns the item for `u` in `[0, 1)` and its probability. Items of weight zero are never
+    /// returned.
     #[inline]
     pub fn sample(&self, u: f32) -> (usize, f32) {
         let step = step_of(u);
         let column = (step >> self.shift) as usize;
         let (own, above) = self.columns[column];
-        let item = if step & ((1 << self.shift) - 1) < own { column } else { above as usize };
+        let item = if step & ((1 << self.shift) - 1) < own {
+            column
+        } else {
+            above as usize
+        };
         (item, self.pmf[item])
     }
 
-    /// Probability of item `i`.
+    /// Returns the probability of item `i`.
     #[inline]
     pub fn pmf(&self, i: usize) -> f32 {
         self.pmf[i]
     }
 }
 
-/// A distribution over the cells of a grid, constant inside a cell: a row from the marginal distribution, a column from
-/// the row's conditional one.
+/// A distribution over the cells of a grid, constant inside a cell: a row is drawn from the
+/// marginal distribution, then a column from the row's conditional one.
 ///
-/// As in an [`Alias`] table, probabilities are whole numbers of the 2^24 values of a sample number, at least one for every
-/// row and cell of positive weight, so that [`Grid::probability`] says exactly what [`Grid::sample`] does.
+/// As in an [`AliasTable`], probabilities are integral multiples of 2^-24, at least one for every
+/// row and cell of positive weight, so that [`Grid::probability`] is exactly that of
+/// [`Grid::sample`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
     pub(crate) width: usize,
-    /// Cumulative probability after every row.
+    /// Cumulative probability at the end of every row.
     pub(crate) marginal: Vec<f32>,
-    /// Cumulative probability after every cell of a row, row by row.
+    /// Cumulative probability at the end of every cell within its row, `[row][column]`.
     pub(crate) conditional: Vec<f32>,
 }
 
@@ -129,10 +154,14 @@ pub struct GridSample {
 }
 
 impl Grid {
-    /// Builds the distribution from `[y][x]` weights; `None` if no weight is positive, one is negative or not finite, they
-    /// do not fill rows of `width`, or a side is longer than 2^23.
+    /// Builds the distribution from `[y][x]` weights. Returns `None` if no weight is positive, one
+    /// is negative or not finite, the weights do not fill rows of `width`, or a side is longer than
+    /// 2^23.
     pub fn new(width: usize, weights: &[f64]) -> Option<Grid> {
-        if width == 0 || !weights.len().is_multiple_of(width) || weights.iter().any(|w| !w.is_finite() || *w < 0.0) {
+        if width == 0
+            || !weights.len().is_multiple_of(width)
+            || weights.iter().any(|w| !w.is_finite() || *w < 0.0)
+        {
             return None;
         }
         let mut conditional = Vec::with_capacity(weights.len());
@@ -141,22 +170,31 @@ impl Grid {
             rows.push(row.iter().sum::<f64>());
             match cumulative(row) {
                 Some(sums) => conditional.extend(sums),
-                // Never chosen: the marginal distribution has no width there.
+                // Never sampled: the row has no marginal probability.
                 None => conditional.extend(std::iter::repeat_n(1.0, width)),
             }
         }
-        Some(Grid { width, marginal: cumulative(&rows)?, conditional })
+        Some(Grid {
+            width,
+            marginal: cumulative(&rows)?,
+            conditional,
+        })
     }
 
-    /// A cell and a point in it for `u` in `[0, 1)^2`: the first number chooses the column, the second the row.
+    /// Samples a cell and a point in it for `u` in `[0, 1)^2`: `u[0]` selects the column, `u[1]`
+    /// the row.
     #[inline]
     pub fn sample(&self, u: [f32; 2]) -> GridSample {
         let (y, fy, row) = invert(&self.marginal, u[1]);
         let (x, fx, column) = invert(self.row(y), u[0]);
-        GridSample { cell: [x, y], inside: [fx, fy], probability: row * column }
+        GridSample {
+            cell: [x, y],
+            inside: [fx, fy],
+            probability: row * column,
+        }
     }
 
-    /// Probability of the cell in a column and a row.
+    /// Returns the probability of the cell in a column and a row.
     #[inline]
     pub fn probability(&self, x: usize, y: usize) -> f32 {
         width_of(&self.marginal, y) * width_of(self.row(y), x)
@@ -167,9 +205,14 @@ impl Grid {
     }
 }
 
-/// Cumulative probabilities in whole steps; `None` as for [`steps`].
+/// Returns cumulative probabilities in whole steps; `None` as for [`steps`].
 fn cumulative(weights: &[f64]) -> Option<Vec<f32>> {
-    Some(steps(weights)?.into_iter().map(|end| end as f32 / STEPS as f32).collect())
+    Some(
+        steps(weights)?
+            .into_iter()
+            .map(|end| end as f32 / STEPS as f32)
+            .collect(),
+    )
 }
 
 #[inline]
@@ -177,14 +220,18 @@ fn width_of(cdf: &[f32], i: usize) -> f32 {
     cdf[i] - if i == 0 { 0.0 } else { cdf[i - 1] }
 }
 
-/// The item whose interval holds `u`, where in the interval, and how wide it is.
+/// Returns the item whose interval contains `u`, the position in the interval, and its width.
 #[inline]
 fn invert(cdf: &[f32], u: f32) -> (usize, f32, f32) {
     let i = cdf.partition_point(|c| *c <= u).min(cdf.len() - 1);
     let low = if i == 0 { 0.0 } else { cdf[i - 1] };
     let width = cdf[i] - low;
-    // The middle of the step that `u` stands for, so that few steps do not all lie at one edge.
-    (i, ((u - low + 0.5 / STEPS as f32) / width).clamp(0.0, 1.0 - f32::EPSILON), width)
+    // Use the middle of the step of `u`, so that items of few steps are not sampled at one edge.
+    (
+        i,
+        ((u - low + 0.5 / STEPS as f32) / width).clamp(0.0, 1.0 - f32::EPSILON),
+        width,
+    )
 }
 
 #[cfg(test)]
@@ -194,15 +241,18 @@ mod tests {
 
     #[test]
     fn an_alias_table_follows_its_weights_and_never_draws_zeros() {
-        // From one item to ten thousand, with zeros, ties and weights that differ by 10^6; four tests.
+        // From one item to ten thousand, with zeros, ties and weights that differ by 10^6; four
+        // tests.
         let cases: [Vec<f64>; 4] = [
             vec![3.0],
             vec![0.0, 1.0, 5.0, 0.0, 0.25, 3.0, 0.0],
             vec![1e-3, 1e3, 1.0, 1.0],
-            (0..10_000).map(|i| f64::from(i % 7) + if i == 77 { 5e3 } else { 0.0 }).collect(),
+            (0..10_000)
+                .map(|i| f64::from(i % 7) + if i == 77 { 5e3 } else { 0.0 })
+                .collect(),
         ];
         for weights in cases {
-            let a = Alias::new(weights.iter().copied()).unwrap();
+            let a = AliasTable::new(weights.iter().copied()).unwrap();
             let total: f64 = weights.iter().sum();
             let n = 400_000u32;
             let mut observed = vec![0.0; weights.len()];
@@ -215,51 +265,73 @@ mod tests {
             let p = stats::chi_square_p(&observed, &expected, 0);
             assert!(p > 0.001 / 4.0, "{} weights: p = {p}", weights.len());
         }
-        assert!(Alias::new([0.0, 0.0]).is_none() && Alias::new([1.0, -1.0]).is_none());
-        assert!(Alias::new([f64::NAN]).is_none() && Alias::new([]).is_none());
+        assert!(AliasTable::new([0.0, 0.0]).is_none() && AliasTable::new([1.0, -1.0]).is_none());
+        assert!(AliasTable::new([f64::NAN]).is_none() && AliasTable::new([]).is_none());
     }
 
     #[test]
     fn probabilities_of_an_alias_table_are_exact_counts_and_nothing_that_weighs_is_lost() {
-        let tiny = |i: usize| if i.is_multiple_of(3) { 1e-30 } else { 1.0 + (i % 11) as f64 };
-        let weights: Vec<f64> = (0..999).map(|i| if i == 500 { 0.0 } else { tiny(i) }).collect();
+        let tiny = |i: usize| {
+            if i.is_multiple_of(3) {
+                1e-30
+            } else {
+                1.0 + (i % 11) as f64
+            }
+        };
+        let weights: Vec<f64> = (0..999)
+            .map(|i| if i == 500 { 0.0 } else { tiny(i) })
+            .collect();
         let total: f64 = weights.iter().sum();
-        let a = Alias::new(weights.iter().copied()).unwrap();
+        let a = AliasTable::new(weights.iter().copied()).unwrap();
         let mut values = vec![0u32; weights.len()];
         for k in 0..STEPS {
             values[a.sample(k as f32 / STEPS as f32).0] += 1;
         }
         for (i, (v, w)) in values.iter().zip(&weights).enumerate() {
-            assert_eq!(f64::from(*v) / f64::from(STEPS), f64::from(a.pmf(i)), "item {i}");
+            assert_eq!(
+                f64::from(*v) / f64::from(STEPS),
+                f64::from(a.pmf(i)),
+                "item {i}"
+            );
             assert_eq!(*v > 0, *w > 0.0, "item {i}");
-            assert!((f64::from(a.pmf(i)) - w / total).abs() * f64::from(STEPS) < 2.0, "item {i}");
+            assert!(
+                (f64::from(a.pmf(i)) - w / total).abs() * f64::from(STEPS) < 2.0,
+                "item {i}"
+            );
         }
     }
 
     #[test]
     fn ten_thousand_items_take_one_look_each() {
-        // What makes the time constant: the item is one of the two of the column that `u` names.
+        // The item is one of the two in the column that `u` selects, hence constant time.
         let n = 10_000u32;
-        let a = Alias::new((0..n).map(|i| 1.0 + f64::from(i))).unwrap();
+        let a = AliasTable::new((0..n).map(|i| 1.0 + f64::from(i))).unwrap();
         assert_eq!((a.columns.len(), a.pmf.len()), (16_384, n as usize));
         for i in 0..100_000u32 {
             let u = rng::unit(rng::pcg4d([i, 1, 4, 9])[0]);
             let column = (u * 16_384.0) as usize;
             let item = a.sample(u).0;
-            assert!(item == column || item == a.columns[column].1 as usize, "{item} from column {column}");
+            assert!(
+                item == column || item == a.columns[column].1 as usize,
+                "{item} from column {column}"
+            );
         }
     }
 
     #[test]
     fn as_many_items_as_steps_have_one_each_and_more_are_none() {
-        let a = Alias::new(std::iter::repeat_n(1.0, Alias::MAX_ITEMS)).unwrap();
-        assert!([0, 1, 77, STEPS - 1].iter().all(|k| a.sample(*k as f32 / STEPS as f32).0 == *k as usize));
-        assert!(Alias::new(std::iter::repeat_n(1.0, Alias::MAX_ITEMS + 1)).is_none());
+        let a = AliasTable::new(std::iter::repeat_n(1.0, AliasTable::MAX_ITEMS)).unwrap();
+        assert!(
+            [0, 1, 77, STEPS - 1]
+                .iter()
+                .all(|k| a.sample(*k as f32 / STEPS as f32).0 == *k as usize)
+        );
+        assert!(AliasTable::new(std::iter::repeat_n(1.0, AliasTable::MAX_ITEMS + 1)).is_none());
     }
 
     #[test]
     fn a_grid_follows_its_weights_inside_cells_too() {
-        // 5 x 4 cells with a black row and a black corner; every cell cut into 3 x 3.
+        // 5 x 4 cells with a black row and a black corner; every cell is cut into 3 x 3.
         let weights: Vec<f64> = (0..20)
             .map(|i| match (i % 5, i / 5) {
                 (_, 1) | (0, 0) => 0.0,
@@ -278,8 +350,10 @@ mod tests {
             let [fx, fy] = s.inside.map(|f| (f * 3.0) as usize);
             observed[(s.cell[1] * 5 + s.cell[0]) * 9 + fy * 3 + fx] += 1.0;
         }
-        let expected: Vec<f64> =
-            weights.iter().flat_map(|w| std::iter::repeat_n(w / total * f64::from(n) / 9.0, 9)).collect();
+        let expected: Vec<f64> = weights
+            .iter()
+            .flat_map(|w| std::iter::repeat_n(w / total * f64::from(n) / 9.0, 9))
+            .collect();
         let p = stats::chi_square_p(&observed, &expected, 0);
         assert!(p > 0.001, "p = {p}");
         for (i, w) in weights.iter().enumerate() {
@@ -289,7 +363,11 @@ mod tests {
 
     #[test]
     fn grids_without_weight_or_with_nonsense_are_none_and_extremes_stay_inside() {
-        assert!(Grid::new(2, &[0.0; 4]).is_none() && Grid::new(0, &[]).is_none() && Grid::new(3, &[1.0; 4]).is_none());
+        assert!(
+            Grid::new(2, &[0.0; 4]).is_none()
+                && Grid::new(0, &[]).is_none()
+                && Grid::new(3, &[1.0; 4]).is_none()
+        );
         assert!(Grid::new(1, &[-1.0]).is_none() && Grid::new(1, &[f64::INFINITY]).is_none());
         let g = Grid::new(3, &[0.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 0.0]).unwrap();
         for u in [[0.0, 0.0], [0.999_999_94; 2]] {

@@ -1,4 +1,4 @@
-//! Orthonormal frames.
+//! Orthonormal frames about a unit vector.
 
 use glam::Vec3;
 
@@ -7,32 +7,37 @@ use super::real::{Real, Vector};
 /// A right-handed orthonormal frame whose third axis is a given unit vector.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame<V: Vector = Vec3> {
-    /// First tangent.
+    /// First unit tangent.
     pub s: V,
-    /// Second tangent.
+    /// Second unit tangent.
     pub t: V,
-    /// The given vector.
+    /// The given unit vector.
     pub n: V,
 }
 
 impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Frame<V> {
-    /// The frame about a unit vector, without branches and without a singular direction [Duff et al. 2017].
+    /// Builds a frame about a unit vector, without branches or a singular direction [Duff et al.
+    /// 2017].
     #[inline(always)]
     pub fn from_normal(n: V) -> Frame<V> {
         let [x, y, z] = [n.x(), n.y(), n.z()];
-        let sign = R::of(1.0).copysign(z);
-        let a = R::of(-1.0) / (sign + z);
+        let sign = R::splat(1.0).copysign(z);
+        let a = R::splat(-1.0) / (sign + z);
         let b = x * y * a;
-        Frame { s: V::new(R::of(1.0) + sign * x * x * a, sign * b, -sign * x), t: V::new(b, sign + y * y * a, -y), n }
+        Frame {
+            s: V::new(R::splat(1.0) + sign * x * x * a, sign * b, -sign * x),
+            t: V::new(b, sign + y * y * a, -y),
+            n,
+        }
     }
 
-    /// World to local.
+    /// Transforms a vector from world space to the local frame.
     #[inline(always)]
     pub fn to_local(&self, v: V) -> V {
         V::new(v.dot(self.s), v.dot(self.t), v.dot(self.n))
     }
 
-    /// Local to world.
+    /// Transforms a vector from the local frame to world space.
     #[inline(always)]
     pub fn to_world(&self, v: V) -> V {
         self.s * v.x() + self.t * v.y() + self.n * v.z()
@@ -53,7 +58,10 @@ mod tests {
         for n in normals {
             let f = Frame::from_normal(n);
             assert!((f.s.cross(f.t) - f.n).length() < 1e-5, "{n}");
-            assert!(f.s.dot(f.n).abs() < 1e-6 && (f.s.length() - 1.0).abs() < 1e-5, "{n}");
+            assert!(
+                f.s.dot(f.n).abs() < 1e-6 && (f.s.length() - 1.0).abs() < 1e-5,
+                "{n}"
+            );
             let v = Vec3::new(0.3, -0.7, 0.2);
             assert!((f.to_world(f.to_local(v)) - v).length() < 1e-5);
         }

@@ -1,16 +1,17 @@
-//! Mathematics without light: frames, warps, random numbers, distributions and the statistics of tests.
+//! Mathematics independent of light transport: frames, warps, random numbers, distributions, SIMD
+//! vectors, and statistical tests.
 
-pub mod discovery;
 pub mod distribution;
-pub mod elementary;
+pub mod false_discovery_rate;
 pub mod frame;
-#[cfg(target_arch = "x86_64")]
-pub(crate) mod lanes;
 pub mod piecewise;
 pub mod real;
 pub mod rng;
+#[cfg(target_arch = "x86_64")]
+pub(crate) mod simd;
 pub mod stats;
-pub mod student;
+pub mod t_test;
+pub mod trig;
 pub mod warp;
 
 pub use frame::Frame;

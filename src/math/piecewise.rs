@@ -1,14 +1,14 @@
-//! A density on the line of straight pieces between given points.
+//! A piecewise linear probability density on the line.
 
 use std::sync::Arc;
 
-/// A piecewise linear density, made to integrate to one. Cheap to copy.
+/// A piecewise linear density, normalised to integrate to one. Cloning is cheap.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Piecewise {
     knots: Arc<[Knot]>,
 }
 
-/// A point of the density with the probability of all before it.
+/// A point of the density, with the probability of everything before it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Knot {
     x: f64,
@@ -17,8 +17,8 @@ struct Knot {
 }
 
 impl Piecewise {
-    /// From pairs of place and density up to a factor: at least two, whose places do not fall and whose integral is
-    /// positive. Two pairs of one place are a step.
+    /// Builds the density from at least two pairs of position and unnormalised density. Positions
+    /// must not decrease and the integral must be positive. Two pairs at one position are a step.
     pub fn new(pairs: &[[f32; 2]]) -> Piecewise {
         let pairs: Vec<[f64; 2]> = pairs.iter().map(|p| p.map(f64::from)).collect();
         let area = |a: [f64; 2], b: [f64; 2]| 0.5 * (a[1] + b[1]) * (b[0] - a[0]);
@@ -29,40 +29,52 @@ impl Piecewise {
             if i > 0 {
                 below += area(pairs[i - 1], *pair) / total;
             }
-            knots.push(Knot { x: pair[0], density: pair[1] / total, below });
+            knots.push(Knot {
+                x: pair[0],
+                density: pair[1] / total,
+                below,
+            });
         }
-        Piecewise { knots: knots.into() }
+        Piecewise {
+            knots: knots.into(),
+        }
     }
 
-    /// The place below which lies the probability `u`.
+    /// Returns the position at which the distribution function reaches `u`.
     pub fn sample(&self, u: f32) -> f32 {
         let u = f64::from(u);
-        let next = self.knots.partition_point(|k| k.below <= u).clamp(1, self.knots.len() - 1);
+        let next = self
+            .knots
+            .partition_point(|k| k.below <= u)
+            .clamp(1, self.knots.len() - 1);
         let (a, b) = (self.knots[next - 1], self.knots[next]);
         let (h, rest) = (b.x - a.x, (u - a.below).max(0.0));
         if h <= 0.0 || rest <= 0.0 {
             return a.x as f32;
         }
-        // The root of a.density t + (b.density - a.density) t^2 / 2h = rest in the form that does not cancel.
+        // The root of a.density t + (b.density - a.density) t^2 / 2h = rest, in the form without
+        // cancellation.
         let slope = (b.density - a.density) / h;
         let root = (a.density * a.density + 2.0 * slope * rest).max(0.0).sqrt();
         (a.x + (2.0 * rest / (a.density + root)).min(h)) as f32
     }
 
-    /// The pairs of place and normalised density.
+    /// Returns the pairs of position and normalised density.
     pub fn pairs(&self) -> impl Iterator<Item = [f64; 2]> {
         self.knots.iter().map(|k| [k.x, k.density])
     }
 
-    /// Of every knot its place, its normalised density, and the probability of all before it.
+    /// Returns position, normalised density and cumulative probability of each knot.
     pub fn knots(&self) -> impl Iterator<Item = [f64; 3]> {
         self.knots.iter().map(|k| [k.x, k.density, k.below])
     }
 
-    /// From what [`Piecewise::knots`] gave.
-    pub fn of_knots(knots: impl IntoIterator<Item = [f64; 3]>) -> Piecewise {
+    /// Rebuilds a density from [`Piecewise::knots`].
+    pub fn from_knots(knots: impl IntoIterator<Item = [f64; 3]>) -> Piecewise {
         let knot = |[x, density, below]: [f64; 3]| Knot { x, density, below };
-        Piecewise { knots: knots.into_iter().map(knot).collect() }
+        Piecewise {
+            knots: knots.into_iter().map(knot).collect(),
+        }
     }
 
     fn segment(&self, x: f64) -> Option<(Knot, Knot)> {
@@ -70,12 +82,14 @@ impl Piecewise {
         (next >= 1 && next < self.knots.len()).then(|| (self.knots[next - 1], self.knots[next]))
     }
 
-    /// The density at a place.
+    /// Returns the density at a position.
     pub fn density(&self, x: f64) -> f64 {
-        self.segment(x).map_or(0.0, |(a, b)| a.density + (b.density - a.density) * (x - a.x) / (b.x - a.x))
+        self.segment(x).map_or(0.0, |(a, b)| {
+            a.density + (b.density - a.density) * (x - a.x) / (b.x - a.x)
+        })
     }
 
-    /// The probability of at most `x`.
+    /// Returns the probability of at most `x`.
     pub fn cdf(&self, x: f64) -> f64 {
         match self.segment(x) {
             Some((a, _)) => a.below + 0.5 * (a.density + self.density(x)) * (x - a.x),
@@ -83,12 +97,12 @@ impl Piecewise {
         }
     }
 
-    /// The mean.
+    /// Returns the mean.
     pub fn mean(&self) -> f64 {
-        let part = |a: &Knot, b: &Knot| {
+        let moment = |a: &Knot, b: &Knot| {
             let h = b.x - a.x;
             h * (a.density * (2.0 * a.x + b.x) + b.density * (a.x + 2.0 * b.x)) / 6.0
         };
-        self.knots.windows(2).map(|w| part(&w[0], &w[1])).sum()
+        self.knots.windows(2).map(|w| moment(&w[0], &w[1])).sum()
     }
 }

@@ -1,143 +1,154 @@
-//! Numbers, one or several at once: what equations are written in that are to be evaluated for one path, or for the paths
-//! in all lanes of a vector.
+//! Scalar and SIMD number traits: code generic over [`Real`] runs on `f32`, or on one `f32` per
+//! lane of a vector, and gives bit-identical results per lane.
 //!
-//! [`f32`] is one lane. Every operation is the correctly rounded one of IEEE 754 in every lane, without fused
-//! multiplication, so that an equation gives a lane the bits that it gives the number alone. What depends on a comparison
-//! is written with [`Real::select`], or behind [`Mask::any`] where no lane may need it; for one lane that is a branch.
+//! [`f32`] is the case of one lane. Every operation is the correctly rounded IEEE 754 operation in
+//! every lane, without fused multiply-add. Code that depends on a comparison uses [`Real::select`],
+//! and may skip work that no lane needs with [`Mask::any`]; for one lane that is a branch.
 //!
-//! Words are compared and mixed as they are for random numbers and for steps in the last place.
+//! [`Word`] holds the 32-bit integers of random numbers and of steps in units in the last place.
 
 use std::fmt::Debug;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
 use glam::Vec3;
 
-/// Numbers of single precision.
+/// A single-precision number in each lane.
 pub trait Real:
-    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
+    Copy
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
 {
-    /// What a comparison says of each.
+    /// A boolean per lane: the result of a comparison.
     type Mask: Mask;
-    /// As many words of 32 bits.
+    /// A 32-bit word per lane.
     type Word: Word<Real = Self>;
-    /// As many vectors.
+    /// A three-component vector per lane.
     type Vec3: Vector<Scalar = Self>;
-    /// As many numbers of double precision.
+    /// A double-precision number per lane.
     type Double: Double<Real = Self>;
 
-    /// The same number in every lane.
-    fn of(x: f32) -> Self;
-    /// Square root.
+    /// Returns the same number in every lane.
+    fn splat(x: f32) -> Self;
+    /// Returns the square root.
     fn sqrt(self) -> Self;
-    /// Without its sign.
+    /// Returns the absolute value.
     fn abs(self) -> Self;
-    /// With the sign of another.
+    /// Returns the number with the sign of `sign`.
     fn copysign(self, sign: Self) -> Self;
-    /// The lesser; `bound` where `self` is NaN, and `bound` must not be.
+    /// Returns the lesser number; `bound` if `self` is NaN. `bound` must not be NaN.
     fn min(self, bound: Self) -> Self;
-    /// The greater; `bound` where `self` is NaN, and `bound` must not be.
+    /// Returns the greater number; `bound` if `self` is NaN. `bound` must not be NaN.
     fn max(self, bound: Self) -> Self;
-    /// Between two bounds; NaN stays.
+    /// Clamps to `least..=most`; NaN stays NaN.
     fn clamp(self, least: f32, most: f32) -> Self;
-    /// Where it is less.
+    /// Returns where `self < other`.
     fn lt(self, other: Self) -> Self::Mask;
-    /// Where it is less or equal.
+    /// Returns where `self <= other`.
     fn le(self, other: Self) -> Self::Mask;
-    /// Where it is greater.
+    /// Returns where `self > other`.
     #[inline(always)]
     fn gt(self, other: Self) -> Self::Mask {
         other.lt(self)
     }
-    /// Where it is greater or equal.
+    /// Returns where `self >= other`.
     #[inline(always)]
     fn ge(self, other: Self) -> Self::Mask {
         other.le(self)
     }
-    /// Where it is equal.
+    /// Returns where `self == other`.
     fn eq(self, other: Self) -> Self::Mask;
-    /// Where it is neither infinite nor NaN.
+    /// Returns where the number is neither infinite nor NaN.
     #[inline(always)]
     fn is_finite(self) -> Self::Mask {
-        self.abs().lt(Self::of(f32::INFINITY))
+        self.abs().lt(Self::splat(f32::INFINITY))
     }
-    /// `yes` where the mask is set, else `no`.
+    /// Returns `yes` where the mask is set, else `no`.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
-    /// A function of a number, lane by lane: for what no vector instruction does.
-    fn each(self, f: impl Fn(f32) -> f32) -> Self;
-    /// A function of two.
-    fn each_with(self, other: Self, f: impl Fn(f32, f32) -> f32) -> Self;
-    /// The bits.
+    /// Applies a scalar function lane by lane, for functions without a vector instruction.
+    fn map_lanes(self, f: impl Fn(f32) -> f32) -> Self;
+    /// Applies a scalar function of two numbers lane by lane.
+    fn zip_lanes(self, other: Self, f: impl Fn(f32, f32) -> f32) -> Self;
+    /// Returns the bit pattern.
     fn bits(self) -> Self::Word;
-    /// The whole part of numbers within the range of 32 bits with sign.
+    /// Returns the integral part. The number must fit a 32-bit signed integer.
     fn truncated(self) -> Self::Word;
-    /// The same number in double precision.
+    /// Converts to double precision.
     fn double(self) -> Self::Double;
 }
 
-/// Numbers of double precision.
+/// A double-precision number in each lane.
 pub trait Double: Copy + Add<Output = Self> + Mul<Output = Self> + Div<Output = Self> {
-    /// Numbers of as many lanes.
+    /// The single-precision type of as many lanes.
     type Real: Real<Double = Self>;
 
-    /// The same number in every lane.
-    fn of(x: f64) -> Self;
-    /// The nearest number of single precision.
+    /// Returns the same number in every lane.
+    fn splat(x: f64) -> Self;
+    /// Rounds to the nearest single-precision number.
     fn single(self) -> Self::Real;
-    /// Where it is greater.
+    /// Returns where `self > other`.
     fn gt(self, other: Self) -> <Self::Real as Real>::Mask;
-    /// `yes` where the mask is set, else `no`.
+    /// Returns `yes` where the mask is set, else `no`.
     fn select(mask: <Self::Real as Real>::Mask, yes: Self, no: Self) -> Self;
 }
 
-/// Yes or no in every lane.
+/// A boolean in each lane.
 pub trait Mask:
-    Copy + Debug + Default + PartialEq + BitAnd<Output = Self> + BitOr<Output = Self> + Not<Output = Self>
+    Copy
+    + Debug
+    + Default
+    + PartialEq
+    + BitAnd<Output = Self>
+    + BitOr<Output = Self>
+    + Not<Output = Self>
 {
-    /// The same in every lane.
-    fn of(yes: bool) -> Self;
-    /// In the first so many lanes.
+    /// Returns the same boolean in every lane.
+    fn splat(yes: bool) -> Self;
+    /// Returns a mask whose first `count` lanes are set.
     fn first(count: usize) -> Self;
-    /// A bit for each lane, the first the lowest.
+    /// Returns one bit per lane; lane 0 is the lowest bit.
     fn bits(self) -> u32;
-    /// Whether it is yes in any lane.
+    /// Returns whether any lane is set.
     #[inline(always)]
     fn any(self) -> bool {
         self.bits() != 0
     }
 }
 
-/// Words of 32 bits; sums and products wrap around.
+/// A 32-bit word in each lane; sums and products wrap around.
 pub trait Word: Copy {
-    /// Numbers of as many lanes.
+    /// The single-precision type of as many lanes.
     type Real: Real<Word = Self>;
 
-    /// The same word in every lane.
-    fn of(x: u32) -> Self;
-    /// Sum.
+    /// Returns the same word in every lane.
+    fn splat(x: u32) -> Self;
+    /// Returns the wrapping sum.
     fn add(self, other: Self) -> Self;
-    /// Difference.
+    /// Returns the wrapping difference.
     fn sub(self, other: Self) -> Self;
-    /// Product.
+    /// Returns the wrapping product.
     fn mul(self, other: Self) -> Self;
-    /// Bits that are set in one of the two.
+    /// Returns the bitwise exclusive or.
     fn xor(self, other: Self) -> Self;
-    /// Bits that are set in both.
+    /// Returns the bitwise and.
     fn and(self, other: Self) -> Self;
-    /// Shifted right by so many bits; zeros come in.
+    /// Shifts right by `BITS`, filling with zeros.
     fn shr<const BITS: u32>(self) -> Self;
-    /// All bits set where the uppermost is, else none.
-    fn negative(self) -> Self;
-    /// Where it is equal.
+    /// Returns all ones where the highest bit is set, else zero.
+    fn sign_mask(self) -> Self;
+    /// Returns where the words are equal.
     fn eq(self, other: Self) -> <Self::Real as Real>::Mask;
-    /// `yes` where the mask is set, else `no`.
+    /// Returns `yes` where the mask is set, else `no`.
     fn select(mask: <Self::Real as Real>::Mask, yes: Self, no: Self) -> Self;
-    /// The number; words are at most 2^24.
-    fn number(self) -> Self::Real;
-    /// The number with these bits.
-    fn as_bits(self) -> Self::Real;
+    /// Converts to a number; the word must be at most 2^24.
+    fn to_float(self) -> Self::Real;
+    /// Reinterprets the bits as a number.
+    fn bits_to_float(self) -> Self::Real;
 }
 
-/// Vectors of three numbers, with sums in the order of `glam`.
+/// A three-component vector in each lane; components are summed in `glam`'s order.
 pub trait Vector:
     Copy
     + Add<Output = Self>
@@ -147,34 +158,38 @@ pub trait Vector:
     + Mul<Self, Output = Self>
     + Div<Self::Scalar, Output = Self>
 {
-    /// Its components.
+    /// The type of a component.
     type Scalar: Real<Vec3 = Self>;
 
-    /// From its components.
+    /// Builds a vector from its components.
     fn new(x: Self::Scalar, y: Self::Scalar, z: Self::Scalar) -> Self;
-    /// The first component.
+    /// Returns the first component.
     fn x(self) -> Self::Scalar;
-    /// The second component.
+    /// Returns the second component.
     fn y(self) -> Self::Scalar;
-    /// The third component.
+    /// Returns the third component.
     fn z(self) -> Self::Scalar;
 
-    /// The same vector in every lane.
+    /// Returns the same vector in every lane.
     #[inline(always)]
-    fn of(v: Vec3) -> Self {
-        Self::new(Self::Scalar::of(v.x), Self::Scalar::of(v.y), Self::Scalar::of(v.z))
+    fn broadcast(v: Vec3) -> Self {
+        Self::new(
+            Self::Scalar::splat(v.x),
+            Self::Scalar::splat(v.y),
+            Self::Scalar::splat(v.z),
+        )
     }
-    /// A vector whose components are all the same.
+    /// Returns a vector whose components are all `x`.
     #[inline(always)]
-    fn all(x: Self::Scalar) -> Self {
+    fn splat(x: Self::Scalar) -> Self {
         Self::new(x, x, x)
     }
-    /// Scalar product.
+    /// Returns the scalar product.
     #[inline(always)]
     fn dot(self, other: Self) -> Self::Scalar {
         self.x() * other.x() + self.y() * other.y() + self.z() * other.z()
     }
-    /// Vector product.
+    /// Returns the cross product.
     #[inline(always)]
     fn cross(self, other: Self) -> Self {
         Self::new(
@@ -183,23 +198,27 @@ pub trait Vector:
             self.x() * other.y() - other.x() * self.y(),
         )
     }
-    /// Squared length.
+    /// Returns the squared length.
     #[inline(always)]
     fn length_squared(self) -> Self::Scalar {
         self.dot(self)
     }
-    /// Length.
+    /// Returns the length.
     #[inline(always)]
     fn length(self) -> Self::Scalar {
         self.dot(self).sqrt()
     }
-    /// The unit vector of its direction, or `fallback` where it has none.
+    /// Returns the unit vector along this one, or `fallback` where that is not finite.
     #[inline(always)]
     fn normalize_or(self, fallback: Self) -> Self {
-        let scale = Self::Scalar::of(1.0) / self.length();
-        Self::select(scale.is_finite() & scale.gt(Self::Scalar::of(0.0)), self * scale, fallback)
+        let scale = Self::Scalar::splat(1.0) / self.length();
+        Self::select(
+            scale.is_finite() & scale.gt(Self::Scalar::splat(0.0)),
+            self * scale,
+            fallback,
+        )
     }
-    /// `yes` where the mask is set, else `no`.
+    /// Returns `yes` where the mask is set, else `no`.
     #[inline(always)]
     fn select(mask: <Self::Scalar as Real>::Mask, yes: Self, no: Self) -> Self {
         Self::new(
@@ -208,22 +227,22 @@ pub trait Vector:
             Self::Scalar::select(mask, yes.z(), no.z()),
         )
     }
-    /// Where all components are finite.
+    /// Returns where all components are finite.
     #[inline(always)]
     fn is_finite(self) -> <Self::Scalar as Real>::Mask {
         self.x().is_finite() & self.y().is_finite() & self.z().is_finite()
     }
-    /// Where all components are the other's.
+    /// Returns where all components equal those of `other`.
     #[inline(always)]
     fn same(self, other: Self) -> <Self::Scalar as Real>::Mask {
         self.x().eq(other.x()) & self.y().eq(other.y()) & self.z().eq(other.z())
     }
-    /// The sum of the components.
+    /// Returns the sum of the components.
     #[inline(always)]
     fn element_sum(self) -> Self::Scalar {
         self.x() + self.y() + self.z()
     }
-    /// A function of each component.
+    /// Applies a function to each component.
     #[inline(always)]
     fn map(self, f: impl Fn(Self::Scalar) -> Self::Scalar) -> Self {
         Self::new(f(self.x()), f(self.y()), f(self.z()))
@@ -232,7 +251,7 @@ pub trait Vector:
 
 impl Mask for bool {
     #[inline(always)]
-    fn of(yes: bool) -> bool {
+    fn splat(yes: bool) -> bool {
         yes
     }
     #[inline(always)]
@@ -249,7 +268,7 @@ impl Word for u32 {
     type Real = f32;
 
     #[inline(always)]
-    fn of(x: u32) -> u32 {
+    fn splat(x: u32) -> u32 {
         x
     }
     #[inline(always)]
@@ -277,7 +296,7 @@ impl Word for u32 {
         self >> BITS
     }
     #[inline(always)]
-    fn negative(self) -> u32 {
+    fn sign_mask(self) -> u32 {
         ((self as i32) >> 31) as u32
     }
     #[inline(always)]
@@ -289,11 +308,11 @@ impl Word for u32 {
         if mask { yes } else { no }
     }
     #[inline(always)]
-    fn number(self) -> f32 {
+    fn to_float(self) -> f32 {
         self as f32
     }
     #[inline(always)]
-    fn as_bits(self) -> f32 {
+    fn bits_to_float(self) -> f32 {
         f32::from_bits(self)
     }
 }
@@ -305,7 +324,7 @@ impl Real for f32 {
     type Double = f64;
 
     #[inline(always)]
-    fn of(x: f32) -> f32 {
+    fn splat(x: f32) -> f32 {
         x
     }
     #[inline(always)]
@@ -353,11 +372,11 @@ impl Real for f32 {
         if mask { yes } else { no }
     }
     #[inline(always)]
-    fn each(self, f: impl Fn(f32) -> f32) -> f32 {
+    fn map_lanes(self, f: impl Fn(f32) -> f32) -> f32 {
         f(self)
     }
     #[inline(always)]
-    fn each_with(self, other: f32, f: impl Fn(f32, f32) -> f32) -> f32 {
+    fn zip_lanes(self, other: f32, f: impl Fn(f32, f32) -> f32) -> f32 {
         f(self, other)
     }
     #[inline(always)]
@@ -378,7 +397,7 @@ impl Double for f64 {
     type Real = f32;
 
     #[inline(always)]
-    fn of(x: f64) -> f64 {
+    fn splat(x: f64) -> f64 {
         x
     }
     #[inline(always)]

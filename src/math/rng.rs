@@ -1,42 +1,46 @@
 //! Counter-based random numbers: a pure function of seed, pixel, sample and dimension.
 //!
-//! No state is carried from one sample to the next, so the numbers of a sample do not depend on the thread, the tile,
-//! the wave, or on whether a night was interrupted.
+//! No state is carried from one sample to the next. The numbers of a sample therefore do not depend
+//! on the thread, the tile, the wave, or on whether a night was interrupted.
 
 use super::real::{Real, Word};
 
-/// Four well-mixed words from four words [Jarzynski & Olano 2020, "Hash Functions for GPU Rendering", pcg4d].
+/// Hashes four words to four well-mixed words: pcg4d of [Jarzynski & Olano 2020, "Hash Functions
+/// for GPU Rendering"].
 #[inline(always)]
 pub fn pcg4d<W: Word>([x, y, z, w]: [W; 4]) -> [W; 4] {
-    let [x, y, z, w] = stirred([sown(x), sown(y), sown(z), sown(w)]);
-    stirred([folded(x), folded(y), folded(z), folded(w)])
+    let [x, y, z, w] = cross_mix([lcg(x), lcg(y), lcg(z), lcg(w)]);
+    cross_mix([xorshift(x), xorshift(y), xorshift(z), xorshift(w)])
 }
 
+/// Advances the linear congruential generator by one step.
 #[inline(always)]
-fn sown<W: Word>(a: W) -> W {
-    a.mul(W::of(1_664_525)).add(W::of(1_013_904_223))
+fn lcg<W: Word>(a: W) -> W {
+    a.mul(W::splat(1_664_525)).add(W::splat(1_013_904_223))
 }
 
+/// Xors a word with its upper half.
 #[inline(always)]
-fn folded<W: Word>(a: W) -> W {
+fn xorshift<W: Word>(a: W) -> W {
     a.xor(a.shr::<16>())
 }
 
+/// Mixes the four words with one another.
 #[inline(always)]
-fn stirred<W: Word>([x, y, z, w]: [W; 4]) -> [W; 4] {
+fn cross_mix<W: Word>([x, y, z, w]: [W; 4]) -> [W; 4] {
     let x = x.add(y.mul(w));
     let y = y.add(z.mul(x));
     let z = z.add(x.mul(y));
     [x, y, z, w.add(y.mul(z))]
 }
 
-/// A float in `[0, 1)` from the 24 upper bits of a word.
+/// Returns a number in `[0, 1)` from the 24 upper bits of a word.
 #[inline(always)]
 pub fn unit<W: Word>(word: W) -> W::Real {
-    word.shr::<8>().number() * W::Real::of(1.0 / 16_777_216.0)
+    word.shr::<8>().to_float() * W::Real::splat(1.0 / 16_777_216.0)
 }
 
-/// A standard normal number from two uniform ones by the Box-Muller transform.
+/// Returns a standard normal number from two uniform ones (Box-Muller transform).
 #[inline]
 pub fn normal(u: [f32; 2]) -> f32 {
     (-2.0 * (1.0 - u[0]).ln()).sqrt() * (std::f32::consts::TAU * u[1]).cos()
@@ -49,7 +53,8 @@ mod tests {
 
     #[test]
     fn words_are_uniform_in_every_component_for_consecutive_counters() {
-        // 4 components x 2 counter positions, each by chi-square over 64 bins; significance split over 8 tests.
+        // 4 components x 2 counter positions, each by chi-square over 64 bins; significance split
+        // over 8 tests.
         for position in 0..2 {
             let mut bins = [[0u64; 64]; 4];
             let n = 1 << 16;
@@ -71,7 +76,8 @@ mod tests {
 
     #[test]
     fn golden_words_never_change() {
-        // From an implementation in Python. A change here changes every picture and needs new integrator revisions.
+        // From an implementation in Python. A change here changes every picture and needs new
+        // integrator revisions.
         assert_eq!(pcg4d([1, 2, 3, 4]), GOLDEN);
     }
 

@@ -1,14 +1,14 @@
-//! The statistics with which tests and verification judge estimators.
+//! Statistical tests that judge estimators, for the test suite and for `lumbre verify`.
 
-/// Two-sided p-value of a standard normal deviate.
+/// Returns the two-sided p-value of a standard normal deviate.
 pub fn normal_two_sided_p(z: f64) -> f64 {
     upper_gamma_regularised(0.5, z * z / 2.0)
 }
 
-/// p-value of Pearson's chi-square test. Neighbouring cells are pooled until each expects at least five; `fitted` is
-/// the number of parameters that were estimated from the data.
+/// Returns the p-value of Pearson's chi-square test. Neighbouring cells are pooled until each
+/// expects at least five; `fitted` is the number of parameters that were estimated from the data.
 ///
-/// Returns 0 if something was observed where nothing can be, and 1 if there is nothing to test.
+/// Returns 0 if a cell with expectation 0 was observed, and 1 if no degree of freedom is left.
 pub fn chi_square_p(observed: &[f64], expected: &[f64], fitted: usize) -> f64 {
     let mut chi2 = 0.0;
     let mut cells = 0usize;
@@ -30,15 +30,20 @@ pub fn chi_square_p(observed: &[f64], expected: &[f64], fitted: usize) -> f64 {
         cells += 1;
     }
     let dof = cells.saturating_sub(1 + fitted);
-    if dof == 0 { 1.0 } else { upper_gamma_regularised(dof as f64 / 2.0, chi2 / 2.0) }
+    if dof == 0 {
+        1.0
+    } else {
+        upper_gamma_regularised(dof as f64 / 2.0, chi2 / 2.0)
+    }
 }
 
-/// The significance of each of `tests` independent tests so that all together have `alpha` [Sidak 1967].
+/// Returns the significance of each of `tests` independent tests for a joint significance `alpha`
+/// [Sidak 1967].
 pub fn sidak(alpha: f64, tests: usize) -> f64 {
     1.0 - (1.0 - alpha).powf(1.0 / tests.max(1) as f64)
 }
 
-/// The median of measurements; NaN of none.
+/// Returns the median; NaN if there are no values.
 pub fn median(values: impl IntoIterator<Item = f64>) -> f64 {
     let mut values: Vec<f64> = values.into_iter().collect();
     values.sort_by(f64::total_cmp);
@@ -49,7 +54,8 @@ pub fn median(values: impl IntoIterator<Item = f64>) -> f64 {
     }
 }
 
-/// Q(a, x), the regularised upper incomplete gamma function, by series or continued fraction.
+/// Computes Q(a, x), the regularised upper incomplete gamma function, by series or continued
+/// fraction.
 fn upper_gamma_regularised(a: f64, x: f64) -> f64 {
     if x <= 0.0 {
         return 1.0;
@@ -88,7 +94,7 @@ fn upper_gamma_regularised(a: f64, x: f64) -> f64 {
     }
 }
 
-/// ln Gamma(x) for x > 0 by Stirling's series after shifting x above 10.
+/// Computes ln Gamma(x) for x > 0 by Stirling's series after shifting x above 10.
 pub(super) fn ln_gamma(x: f64) -> f64 {
     let mut shift = 0.0;
     let mut y = x;
@@ -109,9 +115,17 @@ mod tests {
     fn tails_match_published_tables() {
         assert!((normal_two_sided_p(1.959_963_985) - 0.05).abs() < 1e-9);
         assert!((normal_two_sided_p(3.290_526_731) - 0.001).abs() < 1e-10);
-        // Upper 5 % points of chi-square: 1 degree 3.841459, 10 degrees 18.307038, 100 degrees 124.342113.
-        for (dof, x) in [(1.0, 3.841_458_821), (10.0, 18.307_038_053), (100.0, 124.342_113_4)] {
-            assert!((upper_gamma_regularised(dof / 2.0, x / 2.0) - 0.05).abs() < 1e-8, "{dof}");
+        // Upper 5 % points of chi-square: 1 degree 3.841459, 10 degrees 18.307038, 100 degrees
+        // 124.342113.
+        for (dof, x) in [
+            (1.0, 3.841_458_821),
+            (10.0, 18.307_038_053),
+            (100.0, 124.342_113_4),
+        ] {
+            assert!(
+                (upper_gamma_regularised(dof / 2.0, x / 2.0) - 0.05).abs() < 1e-8,
+                "{dof}"
+            );
         }
     }
 

@@ -4,57 +4,66 @@ use std::f32::consts::{FRAC_PI_4, PI, TAU};
 
 use glam::{Vec2, Vec3};
 
-use super::elementary;
 use super::real::{Real, Vector};
+use super::trig;
 
-/// A point of the unit disk, area-preserving and nearly conformal [Shirley & Chiu 1997].
+/// Maps to the unit disk, area-preserving and nearly conformal [Shirley & Chiu 1997].
 #[inline]
 pub fn concentric_disk(u: [f32; 2]) -> Vec2 {
-    Vec2::from_array(on_disk(u))
+    Vec2::from_array(concentric_disk_lanes(u))
 }
 
-/// [`concentric_disk`] for any number of points.
+/// Computes [`concentric_disk`], scalar or vectorised.
 #[inline(always)]
-pub fn on_disk<R: Real>(u: [R; 2]) -> [R; 2] {
-    let (zero, one, two) = (R::of(0.0), R::of(1.0), R::of(2.0));
+pub fn concentric_disk_lanes<R: Real>(u: [R; 2]) -> [R; 2] {
+    let (zero, one, two) = (R::splat(0.0), R::splat(1.0), R::splat(2.0));
     let a = two * u[0] - one;
     let b = two * u[1] - one;
-    // About the axis that is nearer, so that the angle is at most an eighth of a turn.
+    // Measure the angle from the nearer axis, so that it is at most an eighth of a turn.
     let about_x = a.abs().gt(b.abs());
     let (r, across) = (R::select(about_x, a, b), R::select(about_x, b, a));
-    let (sin, cos) = elementary::sin_cos_small(R::of(FRAC_PI_4) * (across / r));
+    let (sin, cos) = trig::sin_cos_small(R::splat(FRAC_PI_4) * (across / r));
     let (near, far) = (r * cos, r * sin);
     let middle = a.eq(zero) & b.eq(zero);
-    [R::select(middle, zero, R::select(about_x, near, far)), R::select(middle, zero, R::select(about_x, far, near))]
+    [
+        R::select(middle, zero, R::select(about_x, near, far)),
+        R::select(middle, zero, R::select(about_x, far, near)),
+    ]
 }
 
-/// A direction of the upper hemisphere with density `cos / pi` per solid angle (Malley's method).
+/// Returns a direction of the upper hemisphere with density `cos / pi` per solid angle (Malley's
+/// method).
 #[inline(always)]
 pub fn cosine_hemisphere<R: Real>(u: [R; 2]) -> R::Vec3 {
-    let [x, y] = on_disk(u);
-    R::Vec3::new(x, y, (R::of(1.0) - (x * x + y * y)).max(R::of(0.0)).sqrt())
+    let [x, y] = concentric_disk_lanes(u);
+    R::Vec3::new(
+        x,
+        y,
+        (R::splat(1.0) - (x * x + y * y)).max(R::splat(0.0)).sqrt(),
+    )
 }
 
-/// Density of [`cosine_hemisphere`] per solid angle.
+/// Returns the density of [`cosine_hemisphere`] per solid angle.
 #[inline(always)]
 pub fn cosine_hemisphere_pdf_w<R: Real>(cos_theta: R) -> R {
-    cos_theta.max(R::of(0.0)) / R::of(PI)
+    cos_theta.max(R::splat(0.0)) / R::splat(PI)
 }
 
-/// A direction of the whole sphere with density `1 / (4 pi)`.
+/// Returns a direction of the whole sphere with density `1 / (4 pi)` per solid angle.
 #[inline]
 pub fn uniform_sphere(u: [f32; 2]) -> Vec3 {
     let z = 1.0 - 2.0 * u[0];
     let r = (1.0 - z * z).max(0.0).sqrt();
-    let (sin, cos) = elementary::sin_cos(TAU * u[1]);
+    let (sin, cos) = trig::sin_cos(TAU * u[1]);
     Vec3::new(r * cos, r * sin, z)
 }
 
-/// Barycentric weights of the second and third corner of a triangle, uniform over its area [Heitz 2019].
+/// Returns barycentric weights of the second and third corner of a triangle, uniform over its area
+/// [Heitz 2019].
 #[inline(always)]
 pub fn uniform_triangle<R: Real>([u, v]: [R; 2]) -> [R; 2] {
     let upper = v.gt(u);
-    let half = R::select(upper, u, v) * R::of(0.5);
+    let half = R::select(upper, u, v) * R::splat(0.5);
     let rest = R::select(upper, v, u) - half;
     [R::select(upper, half, rest), R::select(upper, rest, half)]
 }
@@ -65,7 +74,8 @@ mod tests {
     use crate::math::rng;
     use crate::math::stats::chi_square_p;
 
-    /// Chi-square of a warp's points against expected cell masses; four tests here, significance 0.001 split.
+    /// Tests a warp's points by chi-square against expected cell masses; four tests share the
+    /// significance 0.001.
     fn check(n_cells: usize, cell_of: impl Fn([f32; 2]) -> usize, mass: impl Fn(usize) -> f64) {
         let n = 200_000u32;
         let mut observed = vec![0.0; n_cells];
@@ -91,7 +101,7 @@ mod tests {
 
     #[test]
     fn hemisphere_follows_the_cosine() {
-        // Mass of a band of cosines [a, b] is b^2 - a^2.
+        // The mass of a band of cosines [a, b] is b^2 - a^2.
         let cell = |u: [f32; 2]| {
             let w = cosine_hemisphere(u);
             let band = ((w.z * 10.0) as usize).min(9);
@@ -120,13 +130,13 @@ mod tests {
 
     #[test]
     fn triangle_is_uniform() {
-        // Cells: the 64 small triangles of an 8 x 8 subdivision.
+        // The cells are the 64 small triangles of an 8 x 8 subdivision.
         let cell = |u: [f32; 2]| {
             let [b1, b2] = uniform_triangle(u);
             let (x, y) = (b1 * 8.0, b2 * 8.0);
             let (i, j) = ((x as usize).min(7), (y as usize).min(7));
             let upper = usize::from(x.fract() + y.fract() > 1.0);
-            // Rows of shrinking length: row j has 2 * (8 - j) - 1 cells.
+            // Rows shrink: row j has 2 * (8 - j) - 1 cells.
             let before: usize = (0..j).map(|r| 2 * (8 - r) - 1).sum();
             before + (2 * i + upper).min(2 * (8 - j) - 2)
         };

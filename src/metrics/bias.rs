@@ -6,7 +6,7 @@ use super::{Better, MetricRow, MetricSpec, ON, pixels};
 use crate::film::Image;
 use crate::value::schema::{Field, Table, Ty};
 
-/// The row of `bias`.
+/// Table row of the metric `bias`.
 pub const ROW: MetricRow = MetricRow {
     name: "bias",
     label: "Bias",
@@ -15,7 +15,11 @@ pub const ROW: MetricRow = MetricRow {
     doc: "Mean over pixels and channels of i - r, with its sign.",
     better: Better::NearZero,
     perfect: 0.0,
-    options: Table { name: "BiasOptions", doc: "Options of `bias`.", fields: &[ON] },
+    options: Table {
+        name: "BiasOptions",
+        doc: "Options of `bias`.",
+        fields: &[ON],
+    },
     smallest: |_| 1,
     eval: |image, reference, _| pixels::mean(image, reference, |i, r| i - r),
     prepare: None,
@@ -28,7 +32,7 @@ pub const ROW: MetricRow = MetricRow {
     settle: None,
 };
 
-/// The row of `bias_se`.
+/// Table row of the metric `bias_se`.
 pub const ERROR_ROW: MetricRow = MetricRow {
     name: "bias_se",
     label: "SE of bias",
@@ -64,20 +68,29 @@ fn block(spec: &MetricSpec) -> usize {
     (spec.number("block") as usize).max(1)
 }
 
-/// With blocks of `n` pixels and mean differences `d`, all `N` pixels with mean difference `m`, and `k` blocks:
-/// sqrt(k / (k - 1) * sum (n (d - m))^2) / N. For blocks of one size it is the textbook's standard error of a mean.
+/// Standard error of the mean difference between two images, from block means.
+///
+/// For `k` blocks of `n` pixels with mean differences `d`, and `N` pixels in all with mean
+/// difference `m`: `sqrt(k / (k - 1) * sum (n (d - m))^2) / N`. For blocks of equal size this is
+/// the textbook standard error of a mean.
 fn standard_error(image: &Image, reference: &Image, spec: &MetricSpec) -> f64 {
     let (side, width) = (block(spec), image.width as usize);
     let columns = width.div_ceil(side);
     let mut blocks = vec![(0.0, 0u32); columns * (image.height as usize).div_ceil(side)];
     for (at, (i, r)) in image.data.iter().zip(&reference.data).enumerate() {
         let (sum, count) = &mut blocks[at / width / side * columns + at % width / side];
-        *sum += (0..3).map(|c| f64::from(i[c]) - f64::from(r[c])).sum::<f64>() / 3.0;
+        *sum += (0..3)
+            .map(|c| f64::from(i[c]) - f64::from(r[c]))
+            .sum::<f64>()
+            / 3.0;
         *count += 1;
     }
     let pixels = image.data.len() as f64;
     let mean = blocks.iter().map(|b| b.0).sum::<f64>() / pixels;
-    let scatter: f64 = blocks.iter().map(|(sum, count)| (sum - f64::from(*count) * mean).powi(2)).sum();
+    let scatter: f64 = blocks
+        .iter()
+        .map(|(sum, count)| (sum - f64::from(*count) * mean).powi(2))
+        .sum();
     let k = blocks.len() as f64;
     (k / (k - 1.0) * scatter).sqrt() / pixels
 }
@@ -98,7 +111,8 @@ mod tests {
         MetricSpec::new(name, name, options).unwrap()
     }
 
-    /// Noise of variance 0.04 in squares of `grain` pixels, alike within each and in all channels.
+    /// An image of noise with variance 0.04 that is constant over squares of `grain` pixels and
+    /// equal in all channels.
     fn noise(seed: u32, grain: u32) -> Image {
         Image::from_fn(67, 50, |x, y| {
             let w = pcg4d([x / grain, y / grain, 0, seed]);
@@ -117,7 +131,8 @@ mod tests {
     #[test]
     fn the_standard_error_is_that_of_the_bias() {
         let zero = Image::new(67, 50);
-        // Of 400 pictures of noise about 95 % lie within 1.96 standard errors; 4 standard deviations are 4.4 %.
+        // Of 400 pictures of noise about 95 % lie within 1.96 standard errors; 4 standard
+        // deviations are 4.4 %.
         for (grain, block) in [(1, 1), (1, 8), (2, 8)] {
             let within = (0..400)
                 .filter(|seed| {
@@ -126,9 +141,13 @@ mod tests {
                     bias.abs() < 1.96 * spec("bias_se", block).eval(&image, &zero).unwrap()
                 })
                 .count();
-            assert!((362..=397).contains(&within), "grain {grain}, block {block}: {within} of 400");
+            assert!(
+                (362..=397).contains(&within),
+                "grain {grain}, block {block}: {within} of 400"
+            );
         }
-        // Pixels that are alike in fours are too few observations; single pixels do not see that.
+        // Pixels are equal in groups of four, so they are fewer observations than there are pixels;
+        // blocks of a single pixel cannot detect that.
         let image = noise(1, 2);
         let [each, blocks] = [1, 8].map(|b| spec("bias_se", b).eval(&image, &zero).unwrap());
         assert!((1.5..2.6).contains(&(blocks / each)), "{each} {blocks}");

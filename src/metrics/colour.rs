@@ -1,14 +1,26 @@
-//! Colour spaces for differences that people see: linear sRGB, CIELAB, and the opponent colours of YCxCz, which are
-//! CIELAB without its curve.
+//! Colour spaces for perceptual differences: linear sRGB, CIELAB, and YCxCz, an opponent space that
+//! is CIELAB without its nonlinear curve.
 //!
-//! XYZ is divided by the white of sRGB throughout, so white is (1, 1, 1).
+//! XYZ is divided by the white point of sRGB throughout, so white is (1, 1, 1).
 
-/// XYZ from linear sRGB with D65, as exact fractions of the primaries' chromaticities, which are those of the paper's
-/// program.
+/// Matrix from linear sRGB (D65) to XYZ, from exact fractions of the primaries' chromaticities, as
+/// in the program of the FLIP authors.
 const XYZ_FROM_RGB: [[f64; 3]; 3] = [
-    [10_135_552.0 / 24_577_794.0, 8_788_810.0 / 24_577_794.0, 4_435_075.0 / 24_577_794.0],
-    [2_613_072.0 / 12_288_897.0, 8_788_810.0 / 12_288_897.0, 887_015.0 / 12_288_897.0],
-    [1_425_312.0 / 73_733_382.0, 8_788_810.0 / 73_733_382.0, 70_074_185.0 / 73_733_382.0],
+    [
+        10_135_552.0 / 24_577_794.0,
+        8_788_810.0 / 24_577_794.0,
+        4_435_075.0 / 24_577_794.0,
+    ],
+    [
+        2_613_072.0 / 12_288_897.0,
+        8_788_810.0 / 12_288_897.0,
+        887_015.0 / 12_288_897.0,
+    ],
+    [
+        1_425_312.0 / 73_733_382.0,
+        8_788_810.0 / 73_733_382.0,
+        70_074_185.0 / 73_733_382.0,
+    ],
 ];
 
 const TO_XYZ: [[f64; 3]; 3] = rows_sum_to_one(XYZ_FROM_RGB);
@@ -38,7 +50,8 @@ const fn inverse(m: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
         }
         r += 1;
     }
-    let determinant = m[0][0] * adjugate[0][0] + m[0][1] * adjugate[1][0] + m[0][2] * adjugate[2][0];
+    let determinant =
+        m[0][0] * adjugate[0][0] + m[0][1] * adjugate[1][0] + m[0][2] * adjugate[2][0];
     let mut i = 0;
     while i < 9 {
         adjugate[i / 3][i % 3] /= determinant;
@@ -61,36 +74,42 @@ fn times(m: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {
     m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
 }
 
-/// YCxCz of linear sRGB, unscaled: Y is in 0..=1 instead of -16..=100, Cx and Cz are X - Y and Y - Z.
+/// Converts linear sRGB to unscaled YCxCz: Y is in 0..=1 instead of -16..=100, Cx is X - Y and Cz
+/// is Y - Z.
 ///
-/// The scales and the offset of the published space change nothing where filters are linear and keep constants, but in
-/// single precision the offset costs dark pixels their last digits: they are what is left of a difference from 16.
+/// The scales and the offset of the published space have no effect on linear filters that preserve
+/// constants, but in single precision the offset of 16 would cost dark pixels their last digits.
 pub fn opponent(rgb: [f32; 3]) -> [f32; 3] {
     let [x, y, z] = times(&TO_XYZ_F32, rgb);
     [y, x - y, y - z]
 }
 
-/// Linear sRGB of an opponent colour; outside 0..=1 where a display cannot show it.
+/// Converts unscaled YCxCz to linear sRGB. Values outside 0..=1 cannot be displayed.
 pub fn from_opponent([y, cx, cz]: [f32; 3]) -> [f32; 3] {
     times(&TO_RGB_F32, [y + cx, y, y - cz])
 }
 
-/// Where CIELAB's curve turns from a line into a cube root.
+/// Argument at which the curve of CIELAB changes from linear to a cube root.
 const DELTA: f32 = 6.0 / 29.0;
 
-/// CIELAB of linear sRGB in 0..=1.
+/// Converts linear sRGB in 0..=1 to CIELAB.
 pub fn lab(rgb: [f32; 3]) -> [f32; 3] {
     let compress = |t: f32| {
-        if t > DELTA * DELTA * DELTA { cube_root(t) } else { t / (3.0 * DELTA * DELTA) + 4.0 / 29.0 }
+        if t > DELTA * DELTA * DELTA {
+            cube_root(t)
+        } else {
+            t / (3.0 * DELTA * DELTA) + 4.0 / 29.0
+        }
     };
     let [x, y, z] = times(&TO_XYZ_F32, rgb).map(compress);
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
 }
 
-/// The cube root of a positive normal number, within 3e-7 of it: a guess from the exponent and two steps of Halley's
-/// method, in a third of the library's time.
+/// Cube root of a positive normal number, with a relative error of at most 3e-7: an estimate from
+/// the exponent bits and two steps of Halley's method, three times as fast as the library's.
 fn cube_root(x: f32) -> f32 {
-    // Dividing the bits by three divides the exponent; the constant puts its bias back and evens out the error.
+    // Dividing the bits by three divides the exponent by three; the constant restores its bias and
+    // balances the error.
     let mut y = f32::from_bits(x.to_bits() / 3 + 709_921_077);
     for _ in 0..2 {
         let cube = y * y * y;
@@ -99,27 +118,34 @@ fn cube_root(x: f32) -> f32 {
     y
 }
 
-/// Linear sRGB of a CIELAB; outside 0..=1 where a display cannot show it.
+/// Converts CIELAB to linear sRGB. Values outside 0..=1 cannot be displayed.
 pub fn from_lab([l, a, b]: [f32; 3]) -> [f32; 3] {
     let y = (l + 16.0) / 116.0;
-    let expand = |t: f32| if t > DELTA { t * t * t } else { (t - 4.0 / 29.0) * 3.0 * DELTA * DELTA };
+    let expand = |t: f32| {
+        if t > DELTA {
+            t * t * t
+        } else {
+            (t - 4.0 / 29.0) * 3.0 * DELTA * DELTA
+        }
+    };
     times(&TO_RGB_F32, [y + a / 500.0, y, y - b / 200.0].map(expand))
 }
 
-/// CIELAB of linear sRGB in 0..=1 with a and b scaled by L / 100: colour differences matter less in the dark
-/// [Hunt 2004].
+/// Converts linear sRGB in 0..=1 to CIELAB with a and b scaled by L / 100, since colour differences
+/// matter less in the dark [Hunt 2004].
 pub fn hunt_lab(rgb: [f32; 3]) -> [f32; 3] {
     let [l, a, b] = lab(rgb);
     [l, 0.01 * l * a, 0.01 * l * b]
 }
 
-/// The HyAB distance: city-block in lightness, Euclidean in the other two [Abasi 2020].
+/// HyAB distance: city-block in lightness, Euclidean in a and b [Abasi 2020].
 pub fn hyab(a: [f32; 3], b: [f32; 3]) -> f32 {
     let [da, db] = [a[1] - b[1], a[2] - b[2]];
     (a[0] - b[0]).abs() + (da * da + db * db).sqrt()
 }
 
-/// The largest distance that two displayable colours have after Hunt's adjustment: green to blue.
+/// Largest HyAB distance of two displayable colours after Hunt's adjustment, which is that of green
+/// and blue.
 pub fn largest_distance() -> f32 {
     hyab(hunt_lab([0.0, 1.0, 0.0]), hunt_lab([0.0, 0.0, 1.0]))
 }
@@ -131,11 +157,22 @@ mod tests {
     #[test]
     fn colours_come_back_and_white_is_neutral() {
         for ([l, a, b], white) in [(opponent([1.0; 3]), 1.0), (lab([1.0; 3]), 100.0)] {
-            assert!((l - white).abs() < 1e-4 && a.abs() < 1e-4 && b.abs() < 1e-4, "{l} {a} {b}");
+            assert!(
+                (l - white).abs() < 1e-4 && a.abs() < 1e-4 && b.abs() < 1e-4,
+                "{l} {a} {b}"
+            );
         }
-        for rgb in [[0.2, 0.7, 0.1], [1.0, 0.0, 0.5], [0.01, 0.02, 0.9], [0.001; 3]] {
+        for rgb in [
+            [0.2, 0.7, 0.1],
+            [1.0, 0.0, 0.5],
+            [0.01, 0.02, 0.9],
+            [0.001; 3],
+        ] {
             for back in [from_opponent(opponent(rgb)), from_lab(lab(rgb))] {
-                assert!(back.iter().zip(rgb).all(|(a, b)| (a - b).abs() < 2e-6), "{back:?} {rgb:?}");
+                assert!(
+                    back.iter().zip(rgb).all(|(a, b)| (a - b).abs() < 2e-6),
+                    "{back:?} {rgb:?}"
+                );
             }
         }
     }
@@ -157,9 +194,11 @@ mod tests {
         for (value, expected) in blue.iter().zip([32.30, 79.19, -107.86]) {
             assert!((value - expected).abs() < 0.03, "{value} {expected}");
         }
-        // No corner pair of the display's cube lies further apart than green and blue.
+        // No two corners of the display's cube are further apart than green and blue.
         let corner = |i: u32| hunt_lab([0, 1, 2].map(|c| (i >> c & 1) as f32));
-        let furthest = (0..64).map(|i| hyab(corner(i / 8), corner(i % 8))).fold(0.0, f32::max);
+        let furthest = (0..64)
+            .map(|i| hyab(corner(i / 8), corner(i % 8)))
+            .fold(0.0, f32::max);
         assert_eq!(furthest, largest_distance());
     }
 }

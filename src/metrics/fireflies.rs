@@ -1,12 +1,13 @@
 //! Fireflies: pixels far brighter than the noise of their picture explains.
 //!
-//! With luminance `Y` and `f` the fraction `floor` of the reference's mean luminance, the relative excess of a pixel is
-//! `e = (Y(i) - Y(r)) / (Y(r) + f)`. The noise is judged by what outliers cannot move: the median `m` of `e` over the
-//! picture and `s = 1.4826 median |e - m|`, which is the standard deviation if `e` is normal. A pixel is a firefly if
-//! `e > max(m + deviations * s, excess)`. The second bound keeps a converged picture from having any.
+//! With luminance `Y` and `f` the fraction `floor` of the reference's mean luminance, the relative
+//! excess of a pixel is `e = (Y(i) - Y(r)) / (Y(r) + f)`. The noise is estimated robustly by the
+//! median `m` of `e` over the image and `s = 1.4826 median |e - m|` [Hampel 1974], which is the
+//! standard deviation if `e` is normal. A pixel is a firefly if
+//! `e > max(m + deviations * s, excess)`. The second bound prevents false positives in converged
+//! images.
 //!
-//! Where more than half of a picture is still black, `s` is zero and `excess` alone decides: its few lit pixels are
-//! fireflies as long as they shine more than that.
+//! If more than half of an image is still black, `s` is zero and `excess` alone decides.
 
 use super::floor::Noise;
 use super::map::{Colours, PixelMap};
@@ -15,7 +16,7 @@ use crate::film::Image;
 use crate::math::stats::median;
 use crate::value::schema::{Field, Table, Ty};
 
-/// The row of `fireflies`.
+/// Table row of the metric `fireflies`.
 pub const ROW: MetricRow = MetricRow {
     name: "fireflies",
     label: "Fireflies",
@@ -45,7 +46,10 @@ pub const ROW: MetricRow = MetricRow {
             },
             Field {
                 key: "floor",
-                ty: Ty::Num { min: 1e-6, max: 1e3 },
+                ty: Ty::Num {
+                    min: 1e-6,
+                    max: 1e3,
+                },
                 required: false,
                 default: "0.1",
                 doc: "added to the reference's luminance, as a fraction of its mean, so that black pixels can be compared",
@@ -62,17 +66,27 @@ pub const ROW: MetricRow = MetricRow {
         excess.iter().filter(|e| **e > 0.0).count() as f64
     },
     prepare: None,
-    map: Some(PixelMap { eval: excess, colours: Colours::Magma, top: None }),
+    map: Some(PixelMap {
+        eval: excess,
+        colours: Colours::Magma,
+        top: None,
+    }),
     noise: Noise::Silent,
     settle: None,
 };
 
-/// The relative excess of fireflies and 0 elsewhere; NaN where a pixel is.
+/// Relative excess of every firefly, 0 for all other pixels, NaN for pixels that are NaN.
 fn excess(image: &Image, reference: &Image, spec: &MetricSpec) -> Vec<f32> {
-    let luminance = |p: &[f32; 3]| 0.2126 * f64::from(p[0]) + 0.7152 * f64::from(p[1]) + 0.0722 * f64::from(p[2]);
-    let finite = reference.data.iter().map(luminance).filter(|y| y.is_finite());
+    let luminance = |p: &[f32; 3]| {
+        0.2126 * f64::from(p[0]) + 0.7152 * f64::from(p[1]) + 0.0722 * f64::from(p[2])
+    };
+    let finite = reference
+        .data
+        .iter()
+        .map(luminance)
+        .filter(|y| y.is_finite());
     let mean = finite.sum::<f64>() / reference.data.len() as f64;
-    // In a black reference everything that shines exceeds it without bound.
+    // Relative to a black reference every lit pixel has an infinite excess.
     let floor = (spec.number("floor") * mean).max(f64::MIN_POSITIVE);
     let pairs = image.data.iter().zip(&reference.data);
     let relative: Vec<f64> = pairs
@@ -85,7 +99,16 @@ fn excess(image: &Image, reference: &Image, spec: &MetricSpec) -> Vec<f32> {
     let middle = median(known.iter().copied());
     let spread = 1.4826 * median(known.iter().map(|e| (e - middle).abs()));
     let bound = (middle + spec.number("deviations") * spread).max(spec.number("excess"));
-    relative.iter().map(|e| if e.is_nan() || *e > bound { *e as f32 } else { 0.0 }).collect()
+    relative
+        .iter()
+        .map(|e| {
+            if e.is_nan() || *e > bound {
+                *e as f32
+            } else {
+                0.0
+            }
+        })
+        .collect()
 }
 
 #[cfg(test)]
@@ -97,16 +120,21 @@ mod tests {
     use crate::value::Value;
 
     fn count(image: &Image, reference: &Image, options: &[(&str, f64)]) -> f64 {
-        let options: BTreeMap<String, Value> =
-            options.iter().map(|(k, v)| ((*k).to_owned(), Value::number(*v))).collect();
-        MetricSpec::new("fireflies", "fireflies", options).unwrap().eval(image, reference).unwrap()
+        let options: BTreeMap<String, Value> = options
+            .iter()
+            .map(|(k, v)| ((*k).to_owned(), Value::number(*v)))
+            .collect();
+        MetricSpec::new("fireflies", "fireflies", options)
+            .unwrap()
+            .eval(image, reference)
+            .unwrap()
     }
 
     fn reference() -> Image {
         Image::from_fn(64, 48, |x, _| [0.1 + x as f32 / 64.0; 3])
     }
 
-    /// The reference with relative noise, and `fireflies` pixels of 20 times their reference.
+    /// The reference with relative noise added, and `fireflies` pixels set to 20 times their value.
     fn noisy(noise: f32, fireflies: usize) -> Image {
         let mut image = reference();
         for (i, p) in image.data.iter_mut().enumerate() {
@@ -122,12 +150,26 @@ mod tests {
     #[test]
     fn outliers_are_counted_and_noise_is_not() {
         for noise in [0.0, 0.02, 0.3] {
-            assert_eq!(count(&noisy(noise, 0), &reference(), &[]), 0.0, "noise {noise}");
-            assert_eq!(count(&noisy(noise, 23), &reference(), &[]), 23.0, "noise {noise}");
+            assert_eq!(
+                count(&noisy(noise, 0), &reference(), &[]),
+                0.0,
+                "noise {noise}"
+            );
+            assert_eq!(
+                count(&noisy(noise, 23), &reference(), &[]),
+                23.0,
+                "noise {noise}"
+            );
         }
-        // Strong noise hides them: none stands ten deviations out.
+        // Strong noise hides them: none is ten deviations above the median.
         assert_eq!(count(&noisy(3.0, 23), &reference(), &[]), 0.0);
-        assert!(count(&noisy(0.3, 23), &reference(), &[("deviations", 2.0), ("excess", 0.0)]) > 30.0);
+        assert!(
+            count(
+                &noisy(0.3, 23),
+                &reference(),
+                &[("deviations", 2.0), ("excess", 0.0)]
+            ) > 30.0
+        );
     }
 
     #[test]
@@ -137,7 +179,10 @@ mod tests {
             Image { data, ..image }
         };
         let [image, reference] = [noisy(0.2, 5), reference()];
-        assert_eq!(count(&scaled(image.clone()), &scaled(reference.clone()), &[]), count(&image, &reference, &[]));
+        assert_eq!(
+            count(&scaled(image.clone()), &scaled(reference.clone()), &[]),
+            count(&image, &reference, &[])
+        );
     }
 
     #[test]
@@ -147,7 +192,11 @@ mod tests {
         let mut spark = black.clone();
         spark.data[5] = [1.0; 3];
         assert_eq!(count(&spark, &black, &[]), 1.0);
-        assert_eq!(count(&black, &reference_of(0.5), &[]), 0.0, "darkness is no firefly");
+        assert_eq!(
+            count(&black, &reference_of(0.5), &[]),
+            0.0,
+            "darkness is no firefly"
+        );
         let mut few = black.clone();
         few.data[9] = [16.0; 3];
         assert_eq!(count(&few, &reference_of(0.5), &[]), 1.0);

@@ -1,68 +1,75 @@
-//! What the noise of a reference does to the errors that are measured against it.
+//! Noise floor: the error that a noisy reference adds to every measurement against it.
 //!
-//! A reference is an estimate. Even the true picture has an error against it, the floor (for a similarity, the
-//! ceiling), and no run can be measured to be better than that. Two independent halves `A` and `B` of the reference
-//! `R` tell it: with `a` and `b` samples, `D = (A - B) sqrt(a b) / (a + b)` has mean zero and just the variance of `R`,
-//! and it is not correlated with `R`. So the pictures `R + D` and `R - D` are as far from `R` as `R` is from the truth,
-//! and metrics of them against `R` are the floor, whatever the metric.
+//! A reference is an estimate. Even the true image has an error against it, the floor (for a
+//! similarity, the ceiling), and no run can be measured to be better. The floor follows from two
+//! independent halves `A` and `B` of the reference `R`: with `a` and `b` samples,
+//! `D = (A - B) sqrt(a b) / (a + b)` has mean zero, the variance of `R`, and no correlation with
+//! `R`. So the images `R + D` and `R - D` are as far from `R` as `R` is from the truth, and any
+//! metric of them against `R` is the floor.
 //!
-//! Only structural similarity needs more, since it also depends on how much there is to be seen: the noise of `R` takes
-//! part in the structure to which `D` is added. With `S` for structure and constant, `V` for the noise, the two pictures
-//! have the similarity `q = 2S / (2S + 4V)` to one another, the truth has `2S / (2S + V)` to `R`, and that is
-//! `4q / (1 + 3q)`; it is taken window by window.
+//! Structural similarity needs a correction, because the noise of `R` is part of the structure to
+//! which `D` is added. With `S` for structure plus constant and `V` for the noise, the two images
+//! have similarity `q = 2S / (2S + 4V)` to each other, the truth has `2S / (2S + V)` to `R`, which
+//! is `4q / (1 + 3q)`. It is computed window by window.
 //!
-//! Squared errors against `R` are on average squared errors against the truth plus the floor, because no run shares its
-//! noise with a reference. What is left after subtraction is the net error. It is an estimate too, and may come out
-//! below zero where there is nothing but noise.
+//! Squared errors against `R` are on average squared errors against the truth plus the floor,
+//! because no run shares its noise with a reference. The difference is the net error. It is an
+//! estimate and can be negative if the measured error is only noise.
 
 use super::{MetricError, MetricSpec};
 use crate::film::Image;
 
-/// What the noise of a reference does to a metric.
+/// Effect of the noise of a reference on the value of a metric.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Noise {
-    /// It adds its own value: mean squared errors.
+    /// Adds the floor to the value: mean squared errors.
     Adds,
-    /// It adds its square to the value's: roots of mean squared errors.
+    /// Adds the squared floor to the squared value: roots of mean squared errors.
     AddsSquared,
-    /// It adds to the squared error of which this is the level in decibels.
+    /// Adds to the squared error whose level in decibels the value is.
     Decibels,
-    /// It keeps a similarity below a ceiling.
+    /// Limits a similarity to a ceiling below 1.
     Similarity,
-    /// It keeps the value from zero, but what it adds is not known.
+    /// Keeps the value above zero by an amount that is not known.
     Bounds,
-    /// Nothing that can be said in one number.
+    /// Has an effect that no single number describes.
     Silent,
 }
 
-/// Two independent halves of a reference and their numbers of samples.
+/// Two independent halves of a reference with their sample counts.
 #[derive(Clone, Copy, Debug)]
 pub struct Halves<'a> {
-    /// Their pictures.
+    /// Images of the two halves, of equal size.
     pub means: [&'a Image; 2],
-    /// Their samples per pixel.
+    /// Samples per pixel of the two halves.
     pub samples: [u64; 2],
 }
 
 impl Halves<'_> {
-    /// The reference plus and minus a difference of its own variance.
+    /// Returns the reference plus and minus a difference image that has the variance of the
+    /// reference.
     fn beside(&self, reference: &Image) -> [Image; 2] {
         let [a, b] = self.samples.map(|n| n.max(1) as f64);
         let scale = (a * b).sqrt() / (a + b);
         [scale, -scale].map(|scale| {
             let halves = self.means[0].data.iter().zip(&self.means[1].data);
             let pixel = |(r, (a, b)): (&[f32; 3], (&[f32; 3], &[f32; 3]))| {
-                [0, 1, 2].map(|c| (f64::from(r[c]) + scale * (f64::from(a[c]) - f64::from(b[c]))) as f32)
+                [0, 1, 2]
+                    .map(|c| (f64::from(r[c]) + scale * (f64::from(a[c]) - f64::from(b[c]))) as f32)
             };
             let data = reference.data.iter().zip(halves).map(pixel).collect();
-            Image { width: reference.width, height: reference.height, data }
+            Image {
+                width: reference.width,
+                height: reference.height,
+                data,
+            }
         })
     }
 }
 
 impl MetricSpec {
-    /// The value that the true picture would have against this reference, as its halves tell; `None` for metrics of
-    /// which that cannot be said.
+    /// Estimates the value that the true image would have against this reference, from its halves.
+    /// Returns `None` for metrics without such an estimate.
     ///
     /// # Errors
     /// Those of [`MetricSpec::eval`].
@@ -70,7 +77,10 @@ impl MetricSpec {
         let size = [reference.width, reference.height];
         for half in halves.means {
             if [half.width, half.height] != size {
-                return Err(MetricError::Size { image: [half.width, half.height], reference: size });
+                return Err(MetricError::Size {
+                    image: [half.width, half.height],
+                    reference: size,
+                });
             }
         }
         let [over, under] = halves.beside(reference);
@@ -82,19 +92,27 @@ impl MetricSpec {
                     let q = (1.0 - f64::from(dissimilar)).max(0.0);
                     4.0 * q / (1.0 + 3.0 * q)
                 };
-                // At the border the map repeats the nearest window, which the metric counts once.
+                // At the border the map repeats the nearest window; the metric counts it once.
                 let (width, rim) = (map.width as usize, (self.row.smallest)(self) as usize / 2);
-                let rows = map.values.chunks_exact(width).take(map.height as usize - rim).skip(rim);
+                let rows = map
+                    .values
+                    .chunks_exact(width)
+                    .take(map.height as usize - rim)
+                    .skip(rim);
                 let windows = rows.flat_map(|row| &row[rim..width - rim]);
-                let (sum, count) = windows.fold((0.0, 0u64), |(sum, n), d| (sum + ceiling(*d), n + 1));
+                let (sum, count) =
+                    windows.fold((0.0, 0u64), |(sum, n), d| (sum + ceiling(*d), n + 1));
                 Ok(Some(sum / count as f64))
             }
-            _ => Ok(Some(0.5 * (self.eval(&over, reference)? + self.eval(&under, reference)?))),
+            _ => Ok(Some(
+                0.5 * (self.eval(&over, reference)? + self.eval(&under, reference)?),
+            )),
         }
     }
 
-    /// A measured value without what the reference's noise has added to it: an estimate of the error against the
-    /// truth. A squared error may come out below zero, and its root is then zero; `None` where it cannot be taken off.
+    /// Subtracts the contribution of the reference's noise from a measured value: an estimate of
+    /// the error against the truth. A squared error can become negative; its root is then zero.
+    /// Returns `None` for metrics from which it cannot be subtracted.
     pub fn net(&self, value: f64, floor: f64) -> Option<f64> {
         match self.row.noise {
             Noise::Adds => Some(value - floor),
@@ -104,14 +122,18 @@ impl MetricSpec {
             }
             Noise::Decibels => {
                 let own = 10f64.powf(-value / 10.0) - 10f64.powf(-floor / 10.0);
-                Some(if own.is_nan() { own } else { -10.0 * own.max(0.0).log10() })
+                Some(if own.is_nan() {
+                    own
+                } else {
+                    -10.0 * own.max(0.0).log10()
+                })
             }
             Noise::Similarity | Noise::Bounds | Noise::Silent => None,
         }
     }
 
-    /// Whether a value is so near to the floor that it says more of the reference than of the picture: where at least
-    /// half of a squared error is the reference's, or the value is beyond what the true picture would have.
+    /// Returns whether a value is dominated by the noise of the reference: at least half of a
+    /// squared error is the reference's own, or the value is better than that of the true image.
     pub fn is_at_floor(&self, value: f64, floor: f64) -> bool {
         match self.row.noise {
             Noise::Adds => value <= 2.0 * floor,
@@ -137,13 +159,21 @@ mod tests {
     /// A picture with flat parts, edges and fine grain.
     fn truth() -> Image {
         Image::from_fn(SIZE[0], SIZE[1], |x, y| {
-            let checks = if (x / 16 + y / 16) % 2 == 0 { 0.25 } else { 0.6 };
-            let grain = if y < 40 { 0.15 * unit(pcg4d([x, y, 0, 99])[0]) } else { 0.0 };
+            let checks = if (x / 16 + y / 16) % 2 == 0 {
+                0.25
+            } else {
+                0.6
+            };
+            let grain = if y < 40 {
+                0.15 * unit(pcg4d([x, y, 0, 99])[0])
+            } else {
+                0.0
+            };
             [0, 1, 2].map(|c| checks + grain * (1.0 + c as f32))
         })
     }
 
-    /// The truth under normal noise of a standard deviation.
+    /// The true image with normal noise of the given standard deviation.
     fn noisy(seed: u32, sigma: f32) -> Image {
         let mut image = truth();
         for (i, pixel) in image.data.iter_mut().enumerate() {
@@ -158,38 +188,72 @@ mod tests {
     /// A reference whose mean has noise `sigma`, from halves of `a` and `b` samples.
     fn reference(seed: u32, sigma: f32, [a, b]: [u64; 2]) -> (Image, [Image; 2]) {
         let n = (a + b) as f32;
-        let [first, second] = [(a, 0), (b, 1)].map(|(m, i)| noisy(2 * seed + i, sigma * (n / m as f32).sqrt()));
-        let mix = |i: usize, c: usize| (a as f32 * first.data[i][c] + b as f32 * second.data[i][c]) / n;
-        let data = (0..first.data.len()).map(|i| [0, 1, 2].map(|c| mix(i, c))).collect();
-        (Image { data, ..first.clone() }, [first, second])
+        let [first, second] =
+            [(a, 0), (b, 1)].map(|(m, i)| noisy(2 * seed + i, sigma * (n / m as f32).sqrt()));
+        let mix =
+            |i: usize, c: usize| (a as f32 * first.data[i][c] + b as f32 * second.data[i][c]) / n;
+        let data = (0..first.data.len())
+            .map(|i| [0, 1, 2].map(|c| mix(i, c)))
+            .collect();
+        (
+            Image {
+                data,
+                ..first.clone()
+            },
+            [first, second],
+        )
     }
 
     fn specs() -> Vec<MetricSpec> {
-        METRICS.iter().map(|m| MetricSpec::new(m.name, m.name, BTreeMap::new()).unwrap()).collect()
+        METRICS
+            .iter()
+            .map(|m| MetricSpec::new(m.name, m.name, BTreeMap::new()).unwrap())
+            .collect()
     }
 
     #[test]
     fn the_floor_is_what_the_truth_has_against_the_reference() {
         let truth = truth();
-        for (sigma, samples, tolerance) in [(0.004, [8, 8], 0.04), (0.03, [5, 4], 0.04), (0.08, [2, 1], 0.08)] {
+        for (sigma, samples, tolerance) in [
+            (0.004, [8, 8], 0.04),
+            (0.03, [5, 4], 0.04),
+            (0.08, [2, 1], 0.08),
+        ] {
             let (r, halves) = reference(3, sigma, samples);
-            let halves = Halves { means: [&halves[0], &halves[1]], samples };
-            for spec in specs().iter().filter(|s| s.row.noise != Noise::Silent && s.row.name != "hdr_flip") {
+            let halves = Halves {
+                means: [&halves[0], &halves[1]],
+                samples,
+            };
+            for spec in specs()
+                .iter()
+                .filter(|s| s.row.noise != Noise::Silent && s.row.name != "hdr_flip")
+            {
                 let floor = spec.floor(&r, halves).unwrap().unwrap();
                 let real = spec.eval(&truth, &r).unwrap();
                 // As distances from perfection; decibels are compared as what they are.
-                let away = |x: f64| if spec.row.perfect.is_finite() { (x - spec.row.perfect).abs() } else { x / 10.0 };
+                let away = |x: f64| {
+                    if spec.row.perfect.is_finite() {
+                        (x - spec.row.perfect).abs()
+                    } else {
+                        x / 10.0
+                    }
+                };
                 let tolerance = match spec.row.name {
-                    // Blocks are few, so what they scatter by is itself uncertain.
+                    // There are few blocks, so their standard deviation is itself uncertain.
                     "bias_se" => 0.2,
                     // Noise within windows of 49 pixels bends the ceiling a little.
                     "ssim" => 0.08,
-                    // The noise of the denominator is left out: good while the noise is small beside the picture.
+                    // The noise of the denominator is left out: good while the noise is small
+                    // beside the picture.
                     "relmse" if sigma > 0.05 => 0.3,
                     _ => tolerance,
                 };
                 let off = away(floor) / away(real) - 1.0;
-                assert!(off.abs() < tolerance, "{} at {sigma}: {floor} for {real}", spec.row.name);
+                assert!(
+                    off.abs() < tolerance,
+                    "{} at {sigma}: {floor} for {real}",
+                    spec.row.name
+                );
             }
         }
     }
@@ -198,28 +262,46 @@ mod tests {
     fn net_errors_are_those_against_the_truth() {
         let truth = truth();
         let (r, halves) = reference(5, 0.03, [8, 8]);
-        let halves = Halves { means: [&halves[0], &halves[1]], samples: [8, 8] };
+        let halves = Halves {
+            means: [&halves[0], &halves[1]],
+            samples: [8, 8],
+        };
         for name in ["mse", "rmse", "psnr", "relmse"] {
             let spec = MetricSpec::new(name, name, BTreeMap::new()).unwrap();
             let floor = spec.floor(&r, halves).unwrap().unwrap();
             // A run that is better than its reference.
             let image = noisy(77, 0.02);
-            let (gross, real) = (spec.eval(&image, &r).unwrap(), spec.eval(&image, &truth).unwrap());
+            let (gross, real) = (
+                spec.eval(&image, &r).unwrap(),
+                spec.eval(&image, &truth).unwrap(),
+            );
             let net = spec.net(gross, floor).unwrap();
             // 23,040 normal values: the net mean square has a standard error of 2.9 % here.
             let tolerance = if name == "psnr" { 0.01 } else { 0.09 };
-            assert!((net / real - 1.0).abs() < tolerance, "{name}: {net} for {real}");
-            assert!((gross / real - 1.0).abs() > 3.0 * tolerance, "{name}: subtracting is needed, {gross} for {real}");
+            assert!(
+                (net / real - 1.0).abs() < tolerance,
+                "{name}: {net} for {real}"
+            );
+            assert!(
+                (gross / real - 1.0).abs() > 3.0 * tolerance,
+                "{name}: subtracting is needed, {gross} for {real}"
+            );
             assert!(spec.is_at_floor(gross, floor), "{name}");
             let worse = spec.eval(&noisy(78, 0.1), &r).unwrap();
             assert!(!spec.is_at_floor(worse, floor), "{name}");
         }
         let rmse = MetricSpec::new("rmse", "rmse", BTreeMap::new()).unwrap();
         assert_eq!(rmse.net(0.5, 0.6), Some(0.0));
-        assert!(rmse.net(0.5, 0.4).is_some_and(|net| (net - 0.3).abs() < 1e-12));
+        assert!(
+            rmse.net(0.5, 0.4)
+                .is_some_and(|net| (net - 0.3).abs() < 1e-12)
+        );
         let psnr = MetricSpec::new("psnr", "psnr", BTreeMap::new()).unwrap();
         assert_eq!(psnr.net(40.0, 30.0), Some(f64::INFINITY));
-        assert!(rmse.net(f64::NAN, 0.1).is_some_and(f64::is_nan), "what is no number stays none");
+        assert!(
+            rmse.net(f64::NAN, 0.1).is_some_and(f64::is_nan),
+            "what is no number stays none"
+        );
         let ssim = MetricSpec::new("ssim", "ssim", BTreeMap::new()).unwrap();
         assert_eq!(ssim.net(0.5, 0.9), None);
     }
@@ -227,13 +309,30 @@ mod tests {
     #[test]
     fn an_exact_reference_has_no_floor_and_sizes_must_agree() {
         let truth = truth();
-        let same = Halves { means: [&truth, &truth], samples: [1, 1] };
+        let same = Halves {
+            means: [&truth, &truth],
+            samples: [1, 1],
+        };
         for spec in specs().iter().filter(|s| s.row.noise != Noise::Silent) {
-            assert_eq!(spec.floor(&truth, same).unwrap(), Some(spec.row.perfect), "{}", spec.row.name);
+            assert_eq!(
+                spec.floor(&truth, same).unwrap(),
+                Some(spec.row.perfect),
+                "{}",
+                spec.row.name
+            );
         }
         let small = Image::new(4, 4);
-        let halves = Halves { means: [&truth, &small], samples: [1, 1] };
+        let halves = Halves {
+            means: [&truth, &small],
+            samples: [1, 1],
+        };
         assert!(specs()[0].floor(&truth, halves).is_err());
-        assert_eq!(specs().iter().filter(|s| s.row.noise == Noise::Silent).count(), 2);
+        assert_eq!(
+            specs()
+                .iter()
+                .filter(|s| s.row.noise == Noise::Silent)
+                .count(),
+            2
+        );
     }
 }

@@ -5,7 +5,7 @@ use super::map::{Colours, PixelMap};
 use super::{Better, MetricRow, ON, pixels};
 use crate::value::schema::Table;
 
-/// The row of `mae`.
+/// Table row of the metric `mae`.
 pub const ROW: MetricRow = MetricRow {
     name: "mae",
     label: "MAE",
@@ -14,7 +14,11 @@ pub const ROW: MetricRow = MetricRow {
     doc: "Mean over pixels and channels of |i - r|.",
     better: Better::Lower,
     perfect: 0.0,
-    options: Table { name: "MaeOptions", doc: "Options of `mae`.", fields: &[ON] },
+    options: Table {
+        name: "MaeOptions",
+        doc: "Options of `mae`.",
+        fields: &[ON],
+    },
     smallest: |_| 1,
     eval: |image, reference, _| pixels::mean(image, reference, |i, r| (i - r).abs()),
     prepare: None,

@@ -1,4 +1,4 @@
-//! Errors per pixel, and the colours in which they are looked at.
+//! Error maps: one value per pixel, and the colour maps that display them.
 
 use std::sync::LazyLock;
 
@@ -6,31 +6,33 @@ use super::colour::{from_lab, lab};
 use super::{MetricSpec, tonemap};
 use crate::film::Image;
 
-/// How a metric gives a value to every pixel.
+/// Definition of a metric's error map.
 pub struct PixelMap {
-    /// Computes it, in row order: image, reference, options, as for [`super::MetricRow::eval`].
+    /// Computes one value per pixel in row order from image, reference and options, as
+    /// [`super::MetricRow::eval`].
     pub eval: fn(&Image, &Image, &MetricSpec) -> Vec<f32>,
-    /// The colours that suit it.
+    /// Colour map that suits the values.
     pub colours: Colours,
-    /// Its largest value, where it has one; the colours then always reach from 0 to there.
+    /// Largest possible value, if there is one; the colour scale then always covers 0 to it.
     pub top: Option<f32>,
 }
 
-/// Maps from numbers to colours, even to the eye: equal steps in value are about equal steps in appearance.
+/// Perceptually uniform colour maps: equal steps in value are about equal steps in appearance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Colours {
-    /// Black over violet and orange to a pale yellow, for values of at least 0; lightness rises evenly.
-    /// By N. Smith and S. van der Walt, released under CC0 with matplotlib; the colours of the paper on FLIP.
+    /// Black over violet and orange to a pale yellow, for values of at least 0; lightness rises
+    /// evenly. By N. Smith and S. van der Walt, released under CC0 with matplotlib; the colours of
+    /// the paper on FLIP.
     Magma,
     /// Blue over grey to red, for values of both signs; grey is 0 [Moreland 2009].
     CoolWarm,
 }
 
-/// The colour of NaN, which no map contains.
+/// 8-bit sRGB colour of NaN, which occurs in no colour map.
 pub const NAN_COLOUR: [u8; 3] = [0, 255, 0];
 
 impl Colours {
-    /// The name in words.
+    /// Name of the colour map for captions.
     pub fn name(self) -> &'static str {
         match self {
             Colours::Magma => "magma",
@@ -38,7 +40,7 @@ impl Colours {
         }
     }
 
-    /// The 8-bit sRGB colour of a position in 0..=1; positions outside are clamped.
+    /// Returns the 8-bit sRGB colour at a position, which is clamped to 0..=1.
     pub fn at(self, position: f32) -> [u8; 3] {
         if position.is_nan() {
             return NAN_COLOUR;
@@ -51,46 +53,72 @@ impl Colours {
     }
 }
 
-/// A value for every pixel of a picture.
+/// One value for every pixel of an image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ErrorMap {
-    /// Columns.
+    /// Width in pixels, that is, number of columns.
     pub width: u32,
-    /// Rows.
+    /// Height in pixels, that is, number of rows.
     pub height: u32,
-    /// `width * height` values in row order.
+    /// Values in row order, `width * height` of them.
     pub values: Vec<f32>,
-    /// The colours that suit the metric.
+    /// Colour map that suits the metric.
     pub colours: Colours,
-    /// The largest value that the metric can have, where there is one.
+    /// Largest value that the metric can have, if there is one.
     pub top: Option<f32>,
 }
 
 impl ErrorMap {
-    /// The values at both ends of the colours. The upper end is `top`, or else the metric's largest value, or else the
-    /// 99th percentile of the magnitudes, so that single outliers do not leave the rest black. Maps of both signs reach
-    /// from `-top` to `top`, others from 0.
+    /// Returns the values at both ends of the colour scale. The upper end is `top`, or else the
+    /// metric's largest value, or else the 99th percentile of the magnitudes, so that single
+    /// outliers do not make all other pixels black. Scales of signed values cover `-top..=top`,
+    /// others start at 0.
     pub fn scale(&self, top: Option<f32>) -> [f32; 2] {
         let top = top.or(self.top).unwrap_or_else(|| {
-            let mut sizes: Vec<f32> = self.values.iter().map(|v| v.abs()).filter(|v| v.is_finite()).collect();
+            let mut sizes: Vec<f32> = self
+                .values
+                .iter()
+                .map(|v| v.abs())
+                .filter(|v| v.is_finite())
+                .collect();
             sizes.sort_unstable_by(f32::total_cmp);
-            let percentile = sizes.get((sizes.len() * 99).div_ceil(100).max(1) - 1).copied().unwrap_or(0.0);
+            let percentile = sizes
+                .get((sizes.len() * 99).div_ceil(100).max(1) - 1)
+                .copied()
+                .unwrap_or(0.0);
             let largest = sizes.last().copied().unwrap_or(0.0);
-            [percentile, largest, 1.0].into_iter().find(|v| *v > 0.0).unwrap_or(1.0)
+            [percentile, largest, 1.0]
+                .into_iter()
+                .find(|v| *v > 0.0)
+                .unwrap_or(1.0)
         });
-        if self.colours == Colours::CoolWarm { [-top, top] } else { [0.0, top] }
+        if self.colours == Colours::CoolWarm {
+            [-top, top]
+        } else {
+            [0.0, top]
+        }
     }
 
-    /// The 8-bit sRGB colour of every pixel, with the colours stretched over `low..=high`.
+    /// Returns the 8-bit sRGB colour of every pixel in row order, with the scale over `low..=high`.
     pub fn coloured(&self, [low, high]: [f32; 2]) -> Vec<[u8; 3]> {
-        let position = |v: f32| if v == low { 0.0 } else { (v - low) / (high - low) };
-        self.values.iter().map(|v| self.colours.at(position(*v))).collect()
+        let position = |v: f32| {
+            if v == low {
+                0.0
+            } else {
+                (v - low) / (high - low)
+            }
+        };
+        self.values
+            .iter()
+            .map(|v| self.colours.at(position(*v)))
+            .collect()
     }
 
-    /// Column, row and value of the pixel with the largest magnitude that is a number; `None` if there is no such.
+    /// Returns column, row and value of the pixel with the largest magnitude, NaN excluded; `None`
+    /// if all pixels are NaN.
     pub fn worst(&self) -> Option<(u32, u32, f32)> {
         let numbers = self.values.iter().enumerate().filter(|(_, v)| !v.is_nan());
-        // The first of equal ones, so that the answer does not depend on how maxima are sought.
+        // The first of equal pixels, so that the result does not depend on the search order.
         let (at, value) = numbers.reduce(|a, b| if b.1.abs() > a.1.abs() { b } else { a })?;
         Some((at as u32 % self.width, at as u32 / self.width, *value))
     }
@@ -103,29 +131,39 @@ static MAGMA_TABLE: LazyLock<Table> = LazyLock::new(|| {
     std::array::from_fn(|i| [0, 1, 2].map(|c| 16 * digit(6 * i + 2 * c) + digit(6 * i + 2 * c + 1)))
 });
 
-static COOL_WARM_TABLE: LazyLock<Table> = LazyLock::new(|| std::array::from_fn(|i| cool_warm(i as f32 / 255.0)));
+static COOL_WARM_TABLE: LazyLock<Table> =
+    LazyLock::new(|| std::array::from_fn(|i| cool_warm(i as f32 / 255.0)));
 
-/// The ends of the diverging map in 8-bit sRGB, and the length of the Msh vector of its middle.
+/// Ends of the diverging map in 8-bit sRGB, and the magnitude of the Msh vector at its middle.
 const COOL: [u8; 3] = [59, 76, 192];
 const WARM: [u8; 3] = [180, 4, 38];
 const MIDDLE: f32 = 88.0;
 
-/// Moreland's diverging map: polar CIELAB (Msh) from either end to an unsaturated middle, with the hue spun while it
-/// loses saturation so that steps stay even.
+/// Evaluates the diverging map of [Moreland 2009]: polar CIELAB (Msh) from either end to an
+/// unsaturated middle, with a hue that rotates as saturation falls so that steps stay even.
 fn cool_warm(t: f32) -> [u8; 3] {
-    let (end, t) = if t < 0.5 { (COOL, 1.0 - 2.0 * t) } else { (WARM, 2.0 * t - 1.0) };
+    let (end, t) = if t < 0.5 {
+        (COOL, 1.0 - 2.0 * t)
+    } else {
+        (WARM, 2.0 * t - 1.0)
+    };
     let [l, a, b] = lab(end.map(|c| tonemap::srgb_light(f32::from(c) / 255.0)));
     let m = (l * l + a * a + b * b).sqrt();
     let (s, h) = ((l / m).acos(), b.atan2(a));
     let spin = s * (MIDDLE * MIDDLE - m * m).max(0.0).sqrt() / (m * s.sin());
-    let spun = if h > -std::f32::consts::FRAC_PI_3 { h + spin } else { h - spin };
+    let spun = if h > -std::f32::consts::FRAC_PI_3 {
+        h + spin
+    } else {
+        h - spin
+    };
     let mix = |middle: f32, end: f32| middle + t * (end - middle);
     let (m, s, h) = (mix(MIDDLE, m), mix(0.0, s), mix(spun, h));
     let rgb = from_lab([m * s.cos(), m * s.sin() * h.cos(), m * s.sin() * h.sin()]);
     rgb.map(|x| (tonemap::srgb(x) * 255.0).round() as u8)
 }
 
-/// Magma in 256 steps of 8-bit sRGB, six hexadecimal digits each, rounded from the table in matplotlib 3.11.
+/// Magma in 256 steps of 8-bit sRGB, six hexadecimal digits each, rounded from the table in
+/// matplotlib 3.11.
 const MAGMA: &str = "\
     00000401000501010601010802010902020b02020d03030f03031204041405041606051806051a07061c08071e090720\
     0a08220b09240c09260d0a290e0b2b100b2d110c2f120d31130d34140e36150e38160f3b180f3d19103f1a10421c1044\
@@ -157,16 +195,25 @@ mod tests {
             let colour = colours.at(i as f32 / 255.0);
             lab(colour.map(|c| tonemap::srgb_light(f32::from(c) / 255.0)))
         };
-        let distance = |a: [f32; 3], b: [f32; 3]| (0..3).map(|c| (a[c] - b[c]).powi(2)).sum::<f32>().sqrt();
-        // Sixteenths of the map: single steps are too near to the rounding to 8 bits.
-        (0..15).map(|i| distance(at(17 * i), at(17 * i + 17))).collect()
+        let distance =
+            |a: [f32; 3], b: [f32; 3]| (0..3).map(|c| (a[c] - b[c]).powi(2)).sum::<f32>().sqrt();
+        // Sixteenths of the map, since single steps are close to the rounding to 8 bits.
+        (0..15)
+            .map(|i| distance(at(17 * i), at(17 * i + 17)))
+            .collect()
     }
 
     #[test]
     fn lightness_of_magma_rises_evenly() {
-        let all: Vec<f32> = (0..256).map(|i| lightness(Colours::Magma.at(i as f32 / 255.0))).collect();
+        let all: Vec<f32> = (0..256)
+            .map(|i| lightness(Colours::Magma.at(i as f32 / 255.0)))
+            .collect();
         assert!(all[0] < 1.0 && all[255] > 97.0, "{all:?}");
-        assert!(all.windows(17).all(|w| (3.0..8.0).contains(&(w[16] - w[0]))), "{all:?}");
+        assert!(
+            all.windows(17)
+                .all(|w| (3.0..8.0).contains(&(w[16] - w[0]))),
+            "{all:?}"
+        );
         assert_eq!(Colours::Magma.at(0.0), [0, 0, 4]);
         assert_eq!(Colours::Magma.at(7.0), [252, 253, 191]);
     }
@@ -174,7 +221,9 @@ mod tests {
     #[test]
     fn the_diverging_map_is_even_and_equals_published_colours() {
         let all = steps(Colours::CoolWarm);
-        let (least, most) = all.iter().fold((f32::MAX, 0f32), |(l, m), s| (l.min(*s), m.max(*s)));
+        let (least, most) = all
+            .iter()
+            .fold((f32::MAX, 0f32), |(l, m), s| (l.min(*s), m.max(*s)));
         assert!(most / least < 2.0, "{all:?}");
         // Matplotlib's `coolwarm`, which samples the same map more coarsely.
         for (i, expected) in [
@@ -191,7 +240,13 @@ mod tests {
     }
 
     fn map(values: &[f32], colours: Colours, top: Option<f32>) -> ErrorMap {
-        ErrorMap { width: values.len() as u32, height: 1, values: values.to_vec(), colours, top }
+        ErrorMap {
+            width: values.len() as u32,
+            height: 1,
+            values: values.to_vec(),
+            colours,
+            top,
+        }
     }
 
     #[test]
@@ -199,23 +254,45 @@ mod tests {
         let mut values: Vec<f32> = (0..200).map(|i| i as f32 / 200.0).collect();
         values[3] = 1e9;
         assert_eq!(map(&values, Colours::Magma, None).scale(None), [0.0, 0.99]);
-        assert_eq!(map(&values, Colours::CoolWarm, None).scale(None), [-0.99, 0.99]);
-        assert_eq!(map(&values, Colours::Magma, Some(1.0)).scale(None), [0.0, 1.0]);
-        assert_eq!(map(&values, Colours::Magma, Some(1.0)).scale(Some(0.5)), [0.0, 0.5]);
+        assert_eq!(
+            map(&values, Colours::CoolWarm, None).scale(None),
+            [-0.99, 0.99]
+        );
+        assert_eq!(
+            map(&values, Colours::Magma, Some(1.0)).scale(None),
+            [0.0, 1.0]
+        );
+        assert_eq!(
+            map(&values, Colours::Magma, Some(1.0)).scale(Some(0.5)),
+            [0.0, 0.5]
+        );
         let mut one = vec![0.0; 200];
         one[0] = 3.0;
         assert_eq!(map(&one, Colours::Magma, None).scale(None), [0.0, 3.0]);
-        assert_eq!(map(&[0.0, f32::NAN], Colours::Magma, None).scale(None), [0.0, 1.0]);
+        assert_eq!(
+            map(&[0.0, f32::NAN], Colours::Magma, None).scale(None),
+            [0.0, 1.0]
+        );
     }
 
     #[test]
     fn pixels_get_their_colours_and_the_worst_is_found() {
-        let m = map(&[-2.0, 0.0, f32::NAN, 1.0, -2.0, f32::INFINITY], Colours::CoolWarm, None);
+        let m = map(
+            &[-2.0, 0.0, f32::NAN, 1.0, -2.0, f32::INFINITY],
+            Colours::CoolWarm,
+            None,
+        );
         let colours = m.coloured([-1.0, 1.0]);
-        assert_eq!((colours[0], colours[2], colours[3]), (COOL, NAN_COLOUR, WARM));
+        assert_eq!(
+            (colours[0], colours[2], colours[3]),
+            (COOL, NAN_COLOUR, WARM)
+        );
         assert_eq!(colours[5], WARM);
         assert_eq!(m.worst(), Some((5, 0, f32::INFINITY)));
-        assert_eq!(map(&[1.0, -2.0, 2.0], Colours::CoolWarm, None).worst(), Some((1, 0, -2.0)));
+        assert_eq!(
+            map(&[1.0, -2.0, 2.0], Colours::CoolWarm, None).worst(),
+            Some((1, 0, -2.0))
+        );
         assert_eq!(map(&[f32::NAN], Colours::Magma, None).worst(), None);
     }
 }

@@ -1,31 +1,35 @@
-//! Errors between an image and its reference. This room sees images only.
+//! Metrics: errors between an image and its reference. This module depends on images only.
 //!
-//! One file and one row of [`METRICS`] each; columns, curves, stop rules and documentation follow from the row.
-//! Every metric sums in `f64`, and a NaN in either image makes its value NaN: a broken pixel is never averaged away.
+//! Each metric is one file and one row of [`METRICS`]; columns, curves, stop rules and
+//! documentation follow from the row. Every metric sums in `f64`. A NaN in either image makes its
+//! value NaN, so a broken pixel is never averaged away.
 //!
-//! Every metric but `hdr_flip`, which maps tones itself, takes the option `on`, a tone map through which both images go
-//! first. Without it the metric sees linear radiance. Tone map, range and every other option are part of
-//! [`MetricSpec::identity`], since two values can be compared only when all of these agree.
+//! Every metric except `hdr_flip`, which has its own tone mapper, takes the option `on`, a tone map
+//! that is applied to both images first. Without it the metric receives linear radiance. Tone map,
+//! range and all other options are part of [`MetricSpec::identity`], since values are comparable
+//! only if all of them agree.
 //!
 //! # Bibliography
-//! [Wang 2004] Image Quality Assessment: From Error Visibility to Structural Similarity. [Rousselle 2011] Adaptive
-//! Sampling and Reconstruction using Greedy Error Minimization. [Andersson et al. 2020] FLIP: A Difference Evaluator for
-//! Alternating Images. [Andersson et al. 2021] Visualizing Errors in Rendered High Dynamic Range Images. [Abasi 2020]
-//! Distance Metrics for Very Large Color Differences. [Hunt 2004] The Reproduction of Colour. [Hampel 1974] The Influence
-//! Curve and Its Role in Robust Estimation. [Moreland 2009] Diverging Color Maps for Scientific Visualization.
+//! [Wang 2004] Image Quality Assessment: From Error Visibility to Structural Similarity. [Rousselle
+//! 2011] Adaptive Sampling and Reconstruction using Greedy Error Minimization. [Andersson et al.
+//! 2020] FLIP: A Difference Evaluator for Alternating Images. [Andersson et al. 2021] Visualizing
+//! Errors in Rendered High Dynamic Range Images. [Abasi 2020] Distance Metrics for Very Large Color
+//! Differences. [Hunt 2004] The Reproduction of Colour. [Hampel 1974] The Influence Curve and Its
+//! Role in Robust Estimation. [Moreland 2009] Diverging Color Maps for Scientific Visualization.
 //! [Reinhard 2002] Photographic Tone Reproduction for Digital Images.
 
 mod bias;
 mod colour;
+pub mod evaluator;
 mod fireflies;
 mod flip;
 pub mod floor;
-pub mod gauge;
 mod mae;
 pub mod map;
 mod mse;
 mod pixels;
 mod psnr;
+mod reference;
 mod relmse;
 mod rmse;
 mod ssim;
@@ -34,6 +38,8 @@ pub mod ztest;
 
 use std::collections::BTreeMap;
 
+pub use reference::reference;
+
 use crate::film::Image;
 use crate::value::Value;
 use crate::value::schema::{Field, SchemaError, Table, Ty, unknown_name};
@@ -41,19 +47,19 @@ use floor::Noise;
 use map::{ErrorMap, PixelMap};
 use tonemap::Tonemap;
 
-/// Whether a smaller or a larger value is the better one.
+/// Direction in which a metric improves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Better {
-    /// Zero is perfect.
+    /// Lower is better; zero is perfect.
     Lower,
-    /// One, or infinity, is perfect.
+    /// Higher is better; one, or infinity, is perfect.
     Higher,
-    /// Zero is perfect, and values have a sign.
+    /// Nearer to zero is better; values have a sign.
     NearZero,
 }
 
 impl std::fmt::Display for Better {
-    /// `lower`, `higher`, or `nearer to zero`.
+    /// Returns `lower`, `higher`, or `nearer to zero`.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
             Better::Lower => "lower",
@@ -66,17 +72,18 @@ impl std::fmt::Display for Better {
 /// A metric with its options, as a script asks for it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MetricSpec {
-    /// The name of its column: `rmse`, or what the script called it.
+    /// Name of the column: `rmse`, or the key that the script chose.
     pub column: String,
-    /// Its row.
+    /// Table row of the metric.
     pub row: &'static MetricRow,
-    /// Options, checked against the row's schema, with defaults not filled in.
+    /// Options that were given, checked against the row's schema; defaults are not filled in.
     pub options: BTreeMap<String, Value>,
 }
 
 impl MetricSpec {
-    /// A value of it as a number that falls to zero as pictures become alike: what is left to the best value, of decibels
-    /// the ratio that they stand for, of values with a sign their size. `None` where there is no such number.
+    /// Converts a value to a number that falls to zero as images become equal: the distance to the
+    /// best value, the ratio behind decibels, the magnitude of signed values. `None` if there is
+    /// none.
     pub fn distance(&self, value: f64) -> Option<f64> {
         let distance = match self.row.better {
             Better::Lower => value - self.row.perfect,
@@ -89,46 +96,47 @@ impl MetricSpec {
     }
 }
 
-/// One row of [`METRICS`].
+/// One row of [`METRICS`]: everything that the program knows of a metric.
 pub struct MetricRow {
-    /// The short name in scripts and columns.
+    /// Short name in scripts and columns.
     pub name: &'static str,
-    /// The short name as papers print it.
+    /// Short name as papers print it.
     pub label: &'static str,
-    /// The long name that stands beside it in plots.
+    /// Long name in plots.
     pub long_name: &'static str,
-    /// Unit of its value on linear images, empty if it has none: `radiance`, `radiance²`, `dB`.
+    /// Unit of the value on linear images: `radiance`, `radiance²`, `dB`; empty if it has none.
     pub unit: &'static str,
-    /// Definition and source in a sentence.
+    /// Definition and source in one sentence.
     pub doc: &'static str,
-    /// Direction.
+    /// Direction in which the metric improves.
     pub better: Better,
-    /// Its value for two equal images: 0 for errors, 1 or infinity where higher is better.
+    /// Value for two equal images: 0 for errors, 1 or infinity if higher is better.
     pub perfect: f64,
-    /// Options in scripts. A default is written as its value, so that it is also what runs.
+    /// Schema of the options in scripts. Documented defaults are the values that are used.
     pub options: Table,
-    /// Fewest pixels along each side of an image that it can measure, given the options.
+    /// Fewest pixels along each side of an image that can be measured, given the options.
     pub smallest: fn(&MetricSpec) -> u32,
-    /// Computes it: image, reference, options. The images are of one size, not too small, and already tone-mapped.
+    /// Computes the value from image, reference and options. The images have equal size, are not
+    /// too small, and are already tone-mapped.
     pub eval: fn(&Image, &Image, &MetricSpec) -> f64,
-    /// Does once what its value needs of the reference alone, where that is much: the value of images of the reference's
-    /// size follows, the same as `eval`'s.
+    /// Precomputes what depends on the reference alone, for metrics where that is expensive. The
+    /// returned function gives the same values as `eval`.
     pub prepare: Option<Prepare>,
-    /// How it shows where in the picture the error lies, if it can. The images are as for `eval`.
+    /// Error map, if the metric has one. The images are as for `eval`.
     pub map: Option<PixelMap>,
-    /// What the noise of a reference does to it.
+    /// Effect of the noise of a reference on the value.
     pub noise: Noise,
-    /// The options that are chosen by looking at the reference when they are `auto`, with what is chosen.
+    /// Chooses the values of `auto` options for a reference.
     pub settle: Option<Settle>,
 }
 
-/// What is left of a metric once its reference is known. Images are as for [`MetricRow::eval`].
+/// A metric with a fixed reference. Images are as for [`MetricRow::eval`].
 pub type Prepared = Box<dyn Fn(&Image) -> f64 + Send + Sync>;
 
-/// From a reference, as for [`MetricRow::eval`], to what is left of a metric.
+/// Prepares a metric for a reference, which is as for [`MetricRow::eval`].
 pub type Prepare = fn(&Image, &MetricSpec) -> Prepared;
 
-/// What `auto` options mean for a reference: the options that are chosen, with what is chosen.
+/// Returns the options that are `auto`, with the values chosen for a reference.
 pub type Settle = fn(&Image, &MetricSpec) -> BTreeMap<String, Value>;
 
 impl PartialEq for MetricRow {
@@ -143,7 +151,7 @@ impl std::fmt::Debug for MetricRow {
     }
 }
 
-/// Why a metric cannot be computed.
+/// Reasons why a metric cannot be computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MetricError {
     /// The two images differ in size.
@@ -154,7 +162,7 @@ pub enum MetricError {
         /// Width and height of the reference.
         reference: [u32; 2],
     },
-    /// The images are smaller than what the metric looks at together.
+    /// The images are smaller than the metric's window.
     #[error(
         "`{metric}` needs at least {smallest}x{smallest} pixels but the image is {}x{}: render a larger one or leave the metric out",
         image[0], image[1]
@@ -167,8 +175,10 @@ pub enum MetricError {
         /// Width and height of the image.
         image: [u32; 2],
     },
-    /// The metric has no value of single pixels.
-    #[error("`{metric}` has no value of single pixels to show as a map (metrics that have: {known})")]
+    /// The metric has no error map.
+    #[error(
+        "`{metric}` has no value of single pixels to show as a map (metrics that have: {known})"
+    )]
     NoMap {
         /// Name of the metric.
         metric: &'static str,
@@ -177,7 +187,7 @@ pub enum MetricError {
     },
 }
 
-/// Every metric there is.
+/// All metrics, in the order of documentation.
 pub const METRICS: &[MetricRow] = &[
     mse::ROW,
     rmse::ROW,
@@ -192,7 +202,7 @@ pub const METRICS: &[MetricRow] = &[
     fireflies::ROW,
 ];
 
-/// The option of every metric that does not map tones itself.
+/// Option of every metric without a tone mapper of its own.
 const ON: Field = Field {
     key: "on",
     ty: Ty::Any("Tonemap"),
@@ -201,35 +211,48 @@ const ON: Field = Field {
     doc: "tone map applied to the image and to the reference first",
 };
 
-/// The option of metrics that know a largest possible value.
+/// Option of metrics that depend on the largest possible value.
 const RANGE: Field = Field {
     key: "range",
-    ty: Ty::Num { min: 1e-6, max: f64::MAX },
+    ty: Ty::Num {
+        min: 1e-6,
+        max: f64::MAX,
+    },
     required: false,
     default: "1",
     doc: "largest value minus smallest value that a channel can have; 1 for display values",
 };
 
-/// The row with this name.
+/// Returns the row with this name.
 pub fn metric(name: &str) -> Option<&'static MetricRow> {
     METRICS.iter().find(|row| row.name == name)
 }
 
 impl MetricSpec {
-    /// The metric `name` with these options, shown in the column `column`.
+    /// Makes the metric `name` with these options, for the column `column`.
     ///
     /// # Errors
-    /// An unknown metric, or an option that its row does not know or does not allow; paths begin with the column.
-    pub fn new(column: &str, name: &str, options: BTreeMap<String, Value>) -> Result<MetricSpec, SchemaError> {
-        let row = metric(name).ok_or_else(|| unknown_name(column, name, "metric", METRICS.iter().map(|m| m.name)))?;
+    /// When the metric is unknown, or an option is unknown or out of range; error paths begin with
+    /// the column.
+    pub fn new(
+        column: &str,
+        name: &str,
+        options: BTreeMap<String, Value>,
+    ) -> Result<MetricSpec, SchemaError> {
+        let row = metric(name)
+            .ok_or_else(|| unknown_name(column, name, "metric", METRICS.iter().map(|m| m.name)))?;
         row.options.check(column, &options)?;
         if let Some(on) = options.get(ON.key) {
             Tonemap::from_value(&format!("{column}.{}", ON.key), on)?;
         }
-        Ok(MetricSpec { column: column.to_owned(), row, options })
+        Ok(MetricSpec {
+            column: column.to_owned(),
+            row,
+            options,
+        })
     }
 
-    /// Computes the metric, through its tone map if it has one.
+    /// Computes the metric, after its tone map if it has one.
     ///
     /// # Errors
     /// When the sizes differ, or the images are smaller than the metric's window.
@@ -241,47 +264,73 @@ impl MetricSpec {
         })
     }
 
-    /// The error of every pixel, through the metric's tone map if it has one.
+    /// Computes the error of every pixel, after the metric's tone map if it has one.
     ///
     /// # Errors
     /// Those of [`MetricSpec::eval`], and metrics that have no such map.
     pub fn error_map(&self, image: &Image, reference: &Image) -> Result<ErrorMap, MetricError> {
         self.check_sizes(image, reference)?;
         let Some(map) = &self.row.map else {
-            let known: Vec<&str> = METRICS.iter().filter(|m| m.map.is_some()).map(|m| m.name).collect();
-            return Err(MetricError::NoMap { metric: self.row.name, known: known.join(", ") });
+            let known: Vec<&str> = METRICS
+                .iter()
+                .filter(|m| m.map.is_some())
+                .map(|m| m.name)
+                .collect();
+            return Err(MetricError::NoMap {
+                metric: self.row.name,
+                known: known.join(", "),
+            });
         };
         let values = match self.tonemap() {
             Some(on) => (map.eval)(&on.apply(image), &on.apply(reference), self),
             None => (map.eval)(image, reference, self),
         };
         let (width, height) = (image.width, image.height);
-        Ok(ErrorMap { width, height, values, colours: map.colours, top: map.top })
+        Ok(ErrorMap {
+            width,
+            height,
+            values,
+            colours: map.colours,
+            top: map.top,
+        })
     }
 
-    /// What `auto` options mean for this reference; empty for metrics without such options.
+    /// Returns the values of `auto` options for this reference; empty for metrics without such
+    /// options.
     pub fn settled(&self, reference: &Image) -> BTreeMap<String, Value> {
-        self.row.settle.map_or_else(BTreeMap::new, |settle| settle(reference, self))
+        self.row
+            .settle
+            .map_or_else(BTreeMap::new, |settle| settle(reference, self))
     }
 
     fn check_sizes(&self, image: &Image, reference: &Image) -> Result<(), MetricError> {
         let size = [image.width, image.height];
         if size != [reference.width, reference.height] {
-            return Err(MetricError::Size { image: size, reference: [reference.width, reference.height] });
+            return Err(MetricError::Size {
+                image: size,
+                reference: [reference.width, reference.height],
+            });
         }
         let smallest = (self.row.smallest)(self);
         if size.into_iter().any(|side| side < smallest) {
-            return Err(MetricError::TooSmall { metric: self.row.name, smallest, image: size });
+            return Err(MetricError::TooSmall {
+                metric: self.row.name,
+                smallest,
+                image: size,
+            });
         }
         Ok(())
     }
 
-    /// The tone map of the option `on`; `None` is linear radiance.
+    /// Tone map of the option `on`; `None` is linear radiance.
     pub fn tonemap(&self) -> Option<Tonemap> {
-        self.options.get(ON.key).and_then(|on| Tonemap::from_value(ON.key, on).ok())
+        self.options
+            .get(ON.key)
+            .and_then(|on| Tonemap::from_value(ON.key, on).ok())
     }
 
-    /// Everything that decides the value, with defaults filled in. The column's name is not part of it.
+    /// Identity of the metric: everything that determines the value, with defaults filled in. The
+    /// name of the column is not part of it.
     pub fn identity(&self) -> Value {
         let mut options = BTreeMap::new();
         for field in self.row.options.fields.iter().filter(|f| f.key != ON.key) {
@@ -298,7 +347,7 @@ impl MetricSpec {
         ]))
     }
 
-    /// The unit of the value, empty if it has none; radiance becomes display value behind a tone map.
+    /// Unit of the value, empty if it has none; with a tone map, radiance becomes display value.
     pub fn unit(&self) -> String {
         match self.tonemap() {
             Some(_) => self.row.unit.replace("radiance", "display value"),
@@ -306,38 +355,45 @@ impl MetricSpec {
         }
     }
 
-    /// The options in words, for captions: `range 1, window uniform, on reinhard (exposure 0, gamma 2.2)`.
+    /// Options as text for captions:
+    /// `range 1, window uniform, on reinhard (exposure 0, gamma 2.2)`.
     pub fn describe_options(&self) -> String {
         let shown = self.row.options.fields.iter().filter(|f| f.key != ON.key);
-        let mut words: Vec<String> =
-            shown.filter_map(|f| self.option(f.key).map(|v| format!("{} {v}", f.key))).collect();
+        let mut words: Vec<String> = shown
+            .filter_map(|f| self.option(f.key).map(|v| format!("{} {v}", f.key)))
+            .collect();
         words.extend(self.tonemap().map(|on| format!("on {on}")));
         words.join(", ")
     }
 
-    /// The value of an option: what the script said, or else its row's default.
+    /// Value of an option: as given in the script, or else the default of its row.
     fn option(&self, key: &str) -> Option<Value> {
         let default = || default_of(self.row.options.fields.iter().find(|f| f.key == key)?);
         self.options.get(key).cloned().or_else(default)
     }
 
-    /// A numeric option; NaN if the row has none of this name.
+    /// Value of a numeric option; NaN if the row has no option of this name.
     fn number(&self, key: &str) -> f64 {
-        self.option(key).and_then(|v| v.as_f64()).unwrap_or(f64::NAN)
+        self.option(key)
+            .and_then(|v| v.as_f64())
+            .unwrap_or(f64::NAN)
     }
 
-    /// Whether an option of words is this one.
+    /// Returns whether a text option has this value.
     fn says(&self, key: &str, word: &str) -> bool {
         self.option(key).is_some_and(|v| v.as_str() == Some(word))
     }
 }
 
-/// The default that a field documents, as a value.
+/// Default that a field documents, as a value.
 fn default_of(field: &Field) -> Option<Value> {
     match field.ty {
         Ty::Num { .. } | Ty::Int { .. } => field.default.parse().ok().map(Value::number),
         Ty::OrAuto(_) => Some(Value::from(field.default)),
-        Ty::Word(words) => words.iter().find(|w| **w == field.default).map(|w| Value::from(*w)),
+        Ty::Word(words) => words
+            .iter()
+            .find(|w| **w == field.default)
+            .map(|w| Value::from(*w)),
         _ => None,
     }
 }
@@ -350,8 +406,8 @@ mod tests {
     fn every_documented_default_is_one_that_its_own_schema_allows() {
         for row in METRICS {
             for field in row.options.fields.iter().filter(|f| f.key != ON.key) {
-                let default =
-                    default_of(field).unwrap_or_else(|| panic!("{}.{}: {}", row.name, field.key, field.default));
+                let default = default_of(field)
+                    .unwrap_or_else(|| panic!("{}.{}: {}", row.name, field.key, field.default));
                 field.ty.check(row.name, field.key, &default).unwrap();
             }
         }
@@ -360,18 +416,36 @@ mod tests {
     #[test]
     fn unknown_names_get_the_nearest_one() {
         let e = MetricSpec::new("noise", "rmsee", BTreeMap::new()).unwrap_err();
-        assert_eq!(e.to_string(), "noise: unknown metric `rmsee` (did you mean `rmse`?)");
-        let e = MetricSpec::new("ssim", "ssim", BTreeMap::from([("rnage".to_owned(), Value::Int(1))])).unwrap_err();
-        assert_eq!((e.path.as_str(), e.help.as_deref()), ("ssim.rnage", Some("did you mean `range`?")));
+        assert_eq!(
+            e.to_string(),
+            "noise: unknown metric `rmsee` (did you mean `rmse`?)"
+        );
+        let e = MetricSpec::new(
+            "ssim",
+            "ssim",
+            BTreeMap::from([("rnage".to_owned(), Value::Int(1))]),
+        )
+        .unwrap_err();
+        assert_eq!(
+            (e.path.as_str(), e.help.as_deref()),
+            ("ssim.rnage", Some("did you mean `range`?"))
+        );
         let on = Value::Map(BTreeMap::from([("kind".to_owned(), "rienhard".into())]));
-        let e = MetricSpec::new("ssim", "ssim", BTreeMap::from([("on".to_owned(), on)])).unwrap_err();
-        assert_eq!((e.path.as_str(), e.help.as_deref()), ("ssim.on", Some("did you mean `reinhard`?")));
+        let e =
+            MetricSpec::new("ssim", "ssim", BTreeMap::from([("on".to_owned(), on)])).unwrap_err();
+        assert_eq!(
+            (e.path.as_str(), e.help.as_deref()),
+            ("ssim.on", Some("did you mean `reinhard`?"))
+        );
     }
 
     #[test]
     fn identity_fills_in_defaults_and_tells_options_apart_but_not_columns() {
         let spec = |column: &str, options: &[(&str, Value)]| {
-            let options = options.iter().map(|(k, v)| ((*k).to_owned(), v.clone())).collect();
+            let options = options
+                .iter()
+                .map(|(k, v)| ((*k).to_owned(), v.clone()))
+                .collect();
             MetricSpec::new(column, "ssim", options).unwrap().identity()
         };
         let srgb = |exposure: f64| {
@@ -381,11 +455,17 @@ mod tests {
             ]))
         };
         let plain = spec("a", &[]);
-        assert_eq!(plain.to_string(), "{metric = ssim, options = {range = 1, window = uniform}}");
+        assert_eq!(
+            plain.to_string(),
+            "{metric = ssim, options = {range = 1, window = uniform}}"
+        );
         assert_eq!(plain, spec("b", &[("range", Value::Int(1))]));
         assert_ne!(plain, spec("a", &[("range", Value::Int(2))]));
         assert_ne!(plain, spec("a", &[("on", srgb(0.0))]));
-        assert_ne!(spec("a", &[("on", srgb(0.0))]), spec("a", &[("on", srgb(1.0))]));
+        assert_ne!(
+            spec("a", &[("on", srgb(0.0))]),
+            spec("a", &[("on", srgb(1.0))])
+        );
     }
 
     #[test]
@@ -394,6 +474,9 @@ mod tests {
         let display = MetricSpec::new("m", "mse", BTreeMap::from([("on".to_owned(), on)])).unwrap();
         assert_eq!(display.unit(), "display value²");
         assert_eq!(display.describe_options(), "on srgb (exposure 0)");
-        assert_eq!(MetricSpec::new("m", "mse", BTreeMap::new()).unwrap().unit(), "radiance²");
+        assert_eq!(
+            MetricSpec::new("m", "mse", BTreeMap::new()).unwrap().unit(),
+            "radiance²"
+        );
     }
 }

@@ -5,7 +5,7 @@ use super::map::{Colours, PixelMap};
 use super::{Better, MetricRow, ON, pixels};
 use crate::value::schema::Table;
 
-/// The row of `mse`.
+/// Table row of the metric `mse`.
 pub const ROW: MetricRow = MetricRow {
     name: "mse",
     label: "MSE",
@@ -14,7 +14,11 @@ pub const ROW: MetricRow = MetricRow {
     doc: "Mean over pixels and channels of (i - r)².",
     better: Better::Lower,
     perfect: 0.0,
-    options: Table { name: "MseOptions", doc: "Options of `mse`.", fields: &[ON] },
+    options: Table {
+        name: "MseOptions",
+        doc: "Options of `mse`.",
+        fields: &[ON],
+    },
     smallest: |_| 1,
     eval: |image, reference, _| pixels::mean(image, reference, |i, r| (i - r) * (i - r)),
     prepare: None,

@@ -4,8 +4,9 @@ use rayon::prelude::*;
 
 use crate::film::Image;
 
-/// The mean of `f(image, reference)` over all pixels and channels. Rows are summed in parallel and added in order,
-/// so the value is the same on any number of threads. NaN for images without pixels.
+/// Mean of `f(image, reference)` over all pixels and channels. Rows are summed in parallel and
+/// added in order, so the value does not depend on the number of threads. NaN for images without
+/// pixels.
 pub fn mean(image: &Image, reference: &Image, f: impl Fn(f64, f64) -> f64 + Sync) -> f64 {
     let width = (image.width as usize).max(1);
     let rows: Vec<f64> = image
@@ -14,16 +15,27 @@ pub fn mean(image: &Image, reference: &Image, f: impl Fn(f64, f64) -> f64 + Sync
         .zip(reference.data.par_chunks(width))
         .map(|(a, b)| {
             let channels = a.as_flattened().iter().zip(b.as_flattened());
-            channels.map(|(x, y)| f(f64::from(*x), f64::from(*y))).sum::<f64>()
+            channels
+                .map(|(x, y)| f(f64::from(*x), f64::from(*y)))
+                .sum::<f64>()
         })
         .collect();
     rows.iter().sum::<f64>() / (3 * image.data.len()) as f64
 }
 
-/// The mean of `f(image, reference)` over the channels of each pixel, in row order.
+/// Mean of `f(image, reference)` over the channels of each pixel, in row order.
 pub fn each(image: &Image, reference: &Image, f: impl Fn(f64, f64) -> f64 + Sync) -> Vec<f32> {
     let pixel = |(a, b): (&[f32; 3], &[f32; 3])| {
-        ((0..3).map(|c| f(f64::from(a[c]), f64::from(b[c]))).sum::<f64>() / 3.0) as f32
+        ((0..3)
+            .map(|c| f(f64::from(a[c]), f64::from(b[c])))
+            .sum::<f64>()
+            / 3.0) as f32
     };
-    image.data.par_iter().zip(&reference.data).with_min_len(4096).map(pixel).collect()
+    image
+        .data
+        .par_iter()
+        .zip(&reference.data)
+        .with_min_len(4096)
+        .map(pixel)
+        .collect()
 }

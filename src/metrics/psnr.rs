@@ -4,7 +4,7 @@ use super::floor::Noise;
 use super::{Better, MetricRow, ON, RANGE, pixels};
 use crate::value::schema::Table;
 
-/// The row of `psnr`.
+/// Table row of the metric `psnr`.
 pub const ROW: MetricRow = MetricRow {
     name: "psnr",
     label: "PSNR",
@@ -13,7 +13,11 @@ pub const ROW: MetricRow = MetricRow {
     doc: "10 log10(range² / mse); infinite for equal images.",
     better: Better::Higher,
     perfect: f64::INFINITY,
-    options: Table { name: "PsnrOptions", doc: "Options of `psnr`.", fields: &[RANGE, ON] },
+    options: Table {
+        name: "PsnrOptions",
+        doc: "Options of `psnr`.",
+        fields: &[RANGE, ON],
+    },
     smallest: |_| 1,
     eval: |image, reference, spec| {
         let range = spec.number(RANGE.key);

@@ -5,7 +5,7 @@ use super::map::{Colours, PixelMap};
 use super::{Better, MetricRow, ON, pixels};
 use crate::value::schema::{Field, Table, Ty};
 
-/// The row of `relmse`.
+/// Table row of the metric `relmse`.
 pub const ROW: MetricRow = MetricRow {
     name: "relmse",
     label: "relMSE",
@@ -21,7 +21,10 @@ pub const ROW: MetricRow = MetricRow {
         fields: &[
             Field {
                 key: "eps",
-                ty: Ty::Num { min: 1e-9, max: f64::MAX },
+                ty: Ty::Num {
+                    min: 1e-9,
+                    max: f64::MAX,
+                },
                 required: false,
                 default: "0.01",
                 doc: "added to the squared reference, in squared radiance; bounds the weight of black pixels",

@@ -5,7 +5,7 @@ use super::map::{Colours, PixelMap};
 use super::{Better, MetricRow, ON, pixels};
 use crate::value::schema::Table;
 
-/// The row of `rmse`.
+/// Table row of the metric `rmse`.
 pub const ROW: MetricRow = MetricRow {
     name: "rmse",
     label: "RMSE",
@@ -14,7 +14,11 @@ pub const ROW: MetricRow = MetricRow {
     doc: "Square root of `mse`.",
     better: Better::Lower,
     perfect: 0.0,
-    options: Table { name: "RmseOptions", doc: "Options of `rmse`.", fields: &[ON] },
+    options: Table {
+        name: "RmseOptions",
+        doc: "Options of `rmse`.",
+        fields: &[ON],
+    },
     smallest: |_| 1,
     eval: |image, reference, _| pixels::mean(image, reference, |i, r| (i - r) * (i - r)).sqrt(),
     prepare: None,

@@ -14,28 +14,31 @@ use crate::value::schema::{Field, SchemaError, Table, Ty, unknown_name};
 pub enum Tonemap {
     /// `clamp(2^exposure * x)` with the sRGB transfer curve.
     Srgb {
-        /// Stops.
+        /// Exposure in stops.
         exposure: f32,
     },
-    /// `clamp(2^exposure * x)^(1/gamma)` per channel, as both sources show their pictures.
+    /// `clamp(2^exposure * x)^(1/gamma)` per channel.
     Gamma {
-        /// Stops.
+        /// Exposure in stops.
         exposure: f32,
-        /// Display gamma.
+        /// Gamma of the display.
         gamma: f32,
     },
     /// `y = 2^exposure * x; (y / (1 + y))^(1/gamma)` per channel [Reinhard 2002].
     Reinhard {
-        /// Stops.
+        /// Exposure in stops.
         exposure: f32,
-        /// Display gamma.
+        /// Gamma of the display.
         gamma: f32,
     },
 }
 
 const EXPOSURE: Field = Field {
     key: "exposure",
-    ty: Ty::Num { min: -64.0, max: 64.0 },
+    ty: Ty::Num {
+        min: -64.0,
+        max: 64.0,
+    },
     required: false,
     default: "0",
     doc: "stops: radiance is multiplied by 2^exposure first",
@@ -43,13 +46,16 @@ const EXPOSURE: Field = Field {
 
 const GAMMA: Field = Field {
     key: "gamma",
-    ty: Ty::Num { min: 0.1, max: 10.0 },
+    ty: Ty::Num {
+        min: 0.1,
+        max: 10.0,
+    },
     required: false,
     default: "2.2",
     doc: "display gamma: values are raised to 1 / gamma last",
 };
 
-/// Every tone map there is: its name in scripts, and its parameters there (the key `kind` is the name itself).
+/// All tone maps: name in scripts, and schema of the parameters (the key `kind` holds the name).
 pub const TONEMAPS: &[(&str, Table)] = &[
     (
         "srgb",
@@ -78,45 +84,71 @@ pub const TONEMAPS: &[(&str, Table)] = &[
 ];
 
 impl Tonemap {
-    /// The tone map that a map with the key `kind` and the tone map's parameters says.
+    /// Reads a tone map from a table with the key `kind` and the parameters of that kind.
     ///
     /// # Errors
-    /// Anything but such a map, an unknown kind, or a parameter that the kind does not know or allow; paths begin
-    /// with `path`.
+    /// When the value is no such table, the kind is unknown, or a parameter is unknown or out of
+    /// range; error paths begin with `path`.
     pub fn from_value(path: &str, value: &Value) -> Result<Tonemap, SchemaError> {
-        let kind = value.as_map().and_then(|map| map.get("kind")).and_then(Value::as_str);
+        let kind = value
+            .as_map()
+            .and_then(|map| map.get("kind"))
+            .and_then(Value::as_str);
         let (Some(map), Some(kind)) = (value.as_map(), kind) else {
             return Err(SchemaError {
                 path: path.to_owned(),
                 problem: format!("expected a tone map, found {} `{value}`", value.kind()),
-                help: Some(format!("known tone maps: {}", names().collect::<Vec<_>>().join(", "))),
+                help: Some(format!(
+                    "known tone maps: {}",
+                    names().collect::<Vec<_>>().join(", ")
+                )),
                 key: path.rsplit('.').next().unwrap_or(path).to_owned(),
             });
         };
         let Some((_, table)) = TONEMAPS.iter().find(|(name, _)| *name == kind) else {
             return Err(unknown_name(path, kind, "tone map", names()));
         };
-        let params: BTreeMap<String, Value> =
-            map.iter().filter(|(key, _)| *key != "kind").map(|(k, v)| (k.clone(), v.clone())).collect();
+        let params: BTreeMap<String, Value> = map
+            .iter()
+            .filter(|(key, _)| *key != "kind")
+            .map(|(k, v)| (k.clone(), v.clone()))
+            .collect();
         table.check(path, &params)?;
         let get = |field: Field| -> f32 {
-            let given = params.get(field.key).and_then(Value::as_f64).map(|x| x as f32);
-            given.or_else(|| field.default.parse().ok()).unwrap_or(f32::NAN)
+            let given = params
+                .get(field.key)
+                .and_then(Value::as_f64)
+                .map(|x| x as f32);
+            given
+                .or_else(|| field.default.parse().ok())
+                .unwrap_or(f32::NAN)
         };
         Ok(match kind {
-            "srgb" => Tonemap::Srgb { exposure: get(EXPOSURE) },
-            "gamma" => Tonemap::Gamma { exposure: get(EXPOSURE), gamma: get(GAMMA) },
-            _ => Tonemap::Reinhard { exposure: get(EXPOSURE), gamma: get(GAMMA) },
+            "srgb" => Tonemap::Srgb {
+                exposure: get(EXPOSURE),
+            },
+            "gamma" => Tonemap::Gamma {
+                exposure: get(EXPOSURE),
+                gamma: get(GAMMA),
+            },
+            _ => Tonemap::Reinhard {
+                exposure: get(EXPOSURE),
+                gamma: get(GAMMA),
+            },
         })
     }
 
-    /// Its name and all its parameters, as [`Tonemap::from_value`] reads them.
+    /// Returns name and all parameters in the form that [`Tonemap::from_value`] reads.
     pub fn to_value(&self) -> Value {
         let params = self.params().map(|(key, x)| (key.to_owned(), decimal(x)));
-        Value::Map(params.chain([("kind".to_owned(), self.name().into())]).collect())
+        Value::Map(
+            params
+                .chain([("kind".to_owned(), self.name().into())])
+                .collect(),
+        )
     }
 
-    /// Its name in scripts.
+    /// Name of the tone map in scripts.
     pub fn name(&self) -> &'static str {
         match self {
             Tonemap::Srgb { .. } => "srgb",
@@ -128,37 +160,59 @@ impl Tonemap {
     fn params(&self) -> impl Iterator<Item = (&'static str, f32)> {
         let (exposure, gamma) = match *self {
             Tonemap::Srgb { exposure } => (exposure, None),
-            Tonemap::Gamma { exposure, gamma } | Tonemap::Reinhard { exposure, gamma } => (exposure, Some(gamma)),
+            Tonemap::Gamma { exposure, gamma } | Tonemap::Reinhard { exposure, gamma } => {
+                (exposure, Some(gamma))
+            }
         };
-        [Some((EXPOSURE.key, exposure)), gamma.map(|g| (GAMMA.key, g))].into_iter().flatten()
+        [
+            Some((EXPOSURE.key, exposure)),
+            gamma.map(|g| (GAMMA.key, g)),
+        ]
+        .into_iter()
+        .flatten()
     }
 
-    /// Display values in 0..=1 of an image of linear radiance. Negative radiance becomes 0, infinite 1; NaN stays NaN.
+    /// Maps an image of linear radiance to display values in 0..=1. Negative radiance becomes 0,
+    /// infinite radiance 1; NaN stays NaN.
     pub fn apply(&self, image: &Image) -> Image {
         let mut data = image.data.clone();
         let rows = data.par_chunks_mut((image.width as usize).max(1));
         match *self {
             Tonemap::Srgb { exposure } => {
                 let scale = exposure.exp2();
-                rows.for_each(|row| row.as_flattened_mut().iter_mut().for_each(|x| *x = srgb(*x * scale)));
+                rows.for_each(|row| {
+                    row.as_flattened_mut()
+                        .iter_mut()
+                        .for_each(|x| *x = srgb(*x * scale))
+                });
             }
             Tonemap::Gamma { exposure, gamma } => {
                 let (scale, power) = (exposure.exp2(), 1.0 / gamma);
                 rows.for_each(|row| {
-                    row.as_flattened_mut().iter_mut().for_each(|x| *x = (*x * scale).clamp(0.0, 1.0).powf(power));
+                    row.as_flattened_mut()
+                        .iter_mut()
+                        .for_each(|x| *x = (*x * scale).clamp(0.0, 1.0).powf(power));
                 });
             }
             Tonemap::Reinhard { exposure, gamma } => {
                 let (scale, power) = (exposure.exp2(), 1.0 / gamma);
-                rows.for_each(|row| row.as_flattened_mut().iter_mut().for_each(|x| *x = reinhard(*x * scale, power)));
+                rows.for_each(|row| {
+                    row.as_flattened_mut()
+                        .iter_mut()
+                        .for_each(|x| *x = reinhard(*x * scale, power))
+                });
             }
         }
-        Image { width: image.width, height: image.height, data }
+        Image {
+            width: image.width,
+            height: image.height,
+            data,
+        }
     }
 }
 
 impl fmt::Display for Tonemap {
-    /// The form in captions: `reinhard (exposure 0, gamma 2.2)`.
+    /// Text for captions, such as `reinhard (exposure 0, gamma 2.2)`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let params: Vec<String> = self.params().map(|(key, x)| format!("{key} {x}")).collect();
         write!(f, "{} ({})", self.name(), params.join(", "))
@@ -169,21 +223,29 @@ fn names() -> impl Iterator<Item = &'static str> {
     TONEMAPS.iter().map(|(name, _)| *name)
 }
 
-/// The shortest decimal that means this `f32`, so that 2.2 is written 2.2 and not 2.200000047683716.
+/// Shortest decimal that denotes this `f32`, so that 2.2 is written 2.2 and not 2.200000047683716.
 fn decimal(x: f32) -> Value {
     Value::number(x.to_string().parse().unwrap_or(f64::from(x)))
 }
 
-/// The display value in 0..=1 of linear light: the sRGB transfer curve [IEC 61966-2-1] after a clamp to 0..=1.
+/// Applies the sRGB transfer curve [IEC 61966-2-1] to linear light, after a clamp to 0..=1.
 pub fn srgb(x: f32) -> f32 {
     let x = x.clamp(0.0, 1.0);
-    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
+    if x <= 0.003_130_8 {
+        12.92 * x
+    } else {
+        1.055 * x.powf(1.0 / 2.4) - 0.055
+    }
 }
 
-/// The linear light in 0..=1 of an sRGB display value, after a clamp to 0..=1: the inverse of [`srgb`].
+/// Returns the linear light of an sRGB display value clamped to 0..=1; the inverse of [`srgb`].
 pub fn srgb_light(v: f32) -> f32 {
     let v = v.clamp(0.0, 1.0);
-    if v <= 0.040_45 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+    if v <= 0.040_45 {
+        v / 12.92
+    } else {
+        ((v + 0.055) / 1.055).powf(2.4)
+    }
 }
 
 fn reinhard(x: f32, power: f32) -> f32 {
@@ -196,42 +258,81 @@ mod tests {
     use super::*;
 
     fn map(pairs: &[(&str, Value)]) -> Value {
-        Value::Map(pairs.iter().map(|(k, v)| ((*k).to_owned(), v.clone())).collect())
+        Value::Map(
+            pairs
+                .iter()
+                .map(|(k, v)| ((*k).to_owned(), v.clone()))
+                .collect(),
+        )
     }
 
     #[test]
     fn values_round_trip_with_defaults_filled_in() {
         let reinhard = Tonemap::from_value("on", &map(&[("kind", "reinhard".into())])).unwrap();
-        assert_eq!(reinhard, Tonemap::Reinhard { exposure: 0.0, gamma: 2.2 });
-        assert_eq!(reinhard.to_value().to_string(), "{exposure = 0, gamma = 2.2, kind = reinhard}");
+        assert_eq!(
+            reinhard,
+            Tonemap::Reinhard {
+                exposure: 0.0,
+                gamma: 2.2
+            }
+        );
+        assert_eq!(
+            reinhard.to_value().to_string(),
+            "{exposure = 0, gamma = 2.2, kind = reinhard}"
+        );
         for (name, _) in TONEMAPS {
-            let tonemap =
-                Tonemap::from_value("on", &map(&[("kind", (*name).into()), ("exposure", 0.1.into())])).unwrap();
+            let tonemap = Tonemap::from_value(
+                "on",
+                &map(&[("kind", (*name).into()), ("exposure", 0.1.into())]),
+            )
+            .unwrap();
             assert_eq!(tonemap.name(), *name);
-            assert_eq!(Tonemap::from_value("on", &tonemap.to_value()).unwrap(), tonemap);
+            assert_eq!(
+                Tonemap::from_value("on", &tonemap.to_value()).unwrap(),
+                tonemap
+            );
         }
     }
 
     #[test]
     fn wrong_tone_maps_are_explained() {
         let e = Tonemap::from_value("measure.display", &Value::Int(3)).unwrap_err();
-        assert_eq!((e.path.as_str(), e.key.as_str()), ("measure.display", "display"));
+        assert_eq!(
+            (e.path.as_str(), e.key.as_str()),
+            ("measure.display", "display")
+        );
         assert!(e.problem.contains("an integer `3`"), "{e}");
-        let e = Tonemap::from_value("on", &map(&[("kind", "srgb".into()), ("gamma", 2.2.into())])).unwrap_err();
+        let e = Tonemap::from_value(
+            "on",
+            &map(&[("kind", "srgb".into()), ("gamma", 2.2.into())]),
+        )
+        .unwrap_err();
         assert_eq!(e.path, "on.gamma");
-        let e = Tonemap::from_value("on", &map(&[("kind", "reinhard".into()), ("gamma", 0.0.into())])).unwrap_err();
+        let e = Tonemap::from_value(
+            "on",
+            &map(&[("kind", "reinhard".into()), ("gamma", 0.0.into())]),
+        )
+        .unwrap_err();
         assert!(e.problem.contains("between 0.1 and 10"), "{e}");
     }
 
     #[test]
     fn known_values_and_limits() {
-        let one = |tonemap: Tonemap, x: f32| tonemap.apply(&Image::from_fn(1, 1, |_, _| [x; 3])).at(0, 0)[1];
+        let one = |tonemap: Tonemap, x: f32| {
+            tonemap.apply(&Image::from_fn(1, 1, |_, _| [x; 3])).at(0, 0)[1]
+        };
         let srgb = Tonemap::Srgb { exposure: 1.0 };
         // Linear 0.5 is 0.735357 in sRGB.
         assert!((one(srgb, 0.25) - 0.735_357).abs() < 1e-5);
-        let reinhard = Tonemap::Reinhard { exposure: 0.0, gamma: 2.0 };
+        let reinhard = Tonemap::Reinhard {
+            exposure: 0.0,
+            gamma: 2.0,
+        };
         assert!((one(reinhard, 1.0) - 0.5f32.sqrt()).abs() < 1e-6);
-        let gamma = Tonemap::Gamma { exposure: 0.0, gamma: 2.0 };
+        let gamma = Tonemap::Gamma {
+            exposure: 0.0,
+            gamma: 2.0,
+        };
         assert!((one(gamma, 0.25) - 0.5).abs() < 1e-6 && one(gamma, 4.0) == 1.0);
         for tonemap in [srgb, gamma, reinhard] {
             assert_eq!(one(tonemap, -1.0), 0.0);

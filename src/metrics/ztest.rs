@@ -1,51 +1,52 @@
-//! Whether two estimates of one picture differ by more than their noise.
+//! Tests whether two estimates of one image differ by more than their noise.
 //!
-//! Pixels of a path tracer are far from normal: most samples are black and few are bright. Sums over square blocks are
-//! nearly normal once enough samples are expected to have found light, so blocks are compared and those too dark for a
-//! test of their own are taken together as one.
+//! Pixels of a path tracer are far from normally distributed: most samples are black and few are
+//! bright. Sums over square blocks are nearly normal once enough samples are expected to have found
+//! light, so blocks are compared, and blocks too dark for a test of their own are pooled into one.
 //!
-//! What remains of the skew is taken off by comparing square roots: a picture that found less light than it should have
-//! also believes in too small a variance, because both come from the same finds, and `(a - b) / sigma` would then cry
-//! wolf far too often at the small levels that many comparisons ask for. The square root of a sum of finds has nearly
-//! the same variance whatever their number; where the noise is small beside the mean nothing changes.
+//! The remaining skew is removed by comparing square roots. An image that found less light than it
+//! should have also underestimates its variance, because both come from the same samples, and
+//! `(a - b) / sigma` would give far too many false alarms at the small significance levels that
+//! many comparisons require. The square root of a sum of rare events has nearly constant variance;
+//! for noise that is small relative to the mean the result is unchanged.
 
 use crate::film::Image;
 use crate::math::stats::{normal_two_sided_p, sidak};
 
-/// An estimate of a picture: its mean, and the variance of that mean, both per pixel and channel.
+/// An estimate of an image: its mean, and the variance of that mean, per pixel and channel.
 #[derive(Clone, Copy, Debug)]
 pub struct Estimate<'a> {
-    /// The picture.
+    /// Mean image, linear radiance.
     pub mean: &'a Image,
-    /// The variance of the mean; zero where the picture is exact.
+    /// Variance of the mean; zero for exact pixels.
     pub variance: &'a Image,
 }
 
-/// What the comparison found.
+/// Summary of the comparison of two estimates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ZTest {
-    /// Blocks and channels that were compared.
+    /// Number of comparisons: blocks times channels.
     pub comparisons: usize,
-    /// The smallest p-value of a block.
+    /// Smallest p-value of all blocks.
     pub worst_p: f64,
-    /// Column and row of the first pixel of that block, or `None` for the dark rest.
+    /// Column and row of the first pixel of that block, or `None` for the pooled dark blocks.
     pub worst_at: Option<[u32; 2]>,
     /// Ratio of the sums over the whole picture, first over second; NaN where the second is black.
     pub ratio: f64,
-    /// Deviate of the difference of those sums, of the channel in which it is greatest: channels share their noise, so
-    /// they must not be added up as if each told something new.
+    /// Standard normal deviate of the difference of those sums, for the channel in which it is
+    /// greatest. Channels share their noise, so they are not combined as if independent.
     pub z: f64,
 }
 
 impl ZTest {
-    /// Whether the pictures agree at significance `alpha`, shared among `tests` such tests, over all blocks
-    /// [Sidak 1967]. The deviates of the three channels' sums are comparisons too.
+    /// Returns whether the images agree at significance `alpha`, shared among `tests` such tests
+    /// and all their blocks [Sidak 1967]. The three channel sums count as comparisons too.
     pub fn agrees(&self, alpha: f64, tests: usize) -> bool {
         let each = self.level(alpha, tests);
         self.worst_p > each && normal_two_sided_p(self.z) > each
     }
 
-    /// The significance of each comparison when `alpha` is shared among `tests` such tests.
+    /// Significance of each comparison when `alpha` is shared among `tests` such tests.
     pub fn level(&self, alpha: f64, tests: usize) -> f64 {
         sidak(alpha, (self.comparisons + 3) * tests.max(1))
     }
@@ -55,11 +56,11 @@ impl ZTest {
 struct Sums {
     first: f64,
     second: f64,
-    /// Of `first` and of `second`.
+    /// Sums of `first` and of `second`.
     variance: [f64; 2],
 }
 
-/// Two pictures without noise may still differ by the rounding of single precision.
+/// Relative difference that single-precision rounding explains in images without noise.
 const ROUNDING: f64 = 1e-5;
 
 impl Sums {
@@ -84,64 +85,85 @@ impl Sums {
     }
 }
 
-/// One comparison: a block of pixels, or the dark rest of the picture, in one channel.
+/// One comparison: a block of pixels, or all pooled dark blocks, in one channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Judged {
-    /// Column and row of the block's first pixel; `None` for the dark rest.
+    /// Column and row of the block's first pixel; `None` for the pooled dark blocks.
     pub at: Option<[u32; 2]>,
-    /// Channel, from 0.
+    /// Channel index, 0 for red.
     pub channel: usize,
-    /// The deviate of the difference, first minus second.
+    /// Standard normal deviate of the difference, first minus second.
     pub z: f64,
-    /// Its two-sided p-value.
+    /// Two-sided p-value of the deviate.
     pub p: f64,
 }
 
-/// Every comparison of two estimates, and those of the whole picture.
+/// All comparisons of two estimates, by block and for the whole image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Blocks {
-    /// The blocks that are bright enough, row by row, and at last the dark rest.
+    /// Blocks that are bright enough, row by row, then the pooled dark blocks.
     pub judged: Vec<Judged>,
-    /// The blocks of the dark rest, each for itself: where light is, but not what is significant.
+    /// Dark blocks one by one. They show where light is, but are not significant on their own.
     pub dark: Vec<Judged>,
-    /// The deviates of the differences of the channels' sums over the whole picture.
+    /// Deviates of the differences of the channel sums over the whole image.
     pub whole: [f64; 3],
     /// Ratio of the sums over the whole picture, first over second; NaN where the second is black.
     pub ratio: f64,
 }
 
-/// Compares two estimates of equal size by blocks of `block` pixels a side. Blocks whose sum in the second picture is
-/// below `bright_enough` are pooled; where all of them together are below it in both pictures, nothing is said of them.
+/// Compares two estimates of equal size by blocks of `block` pixels a side. Blocks whose sum in the
+/// second image is below `bright_enough` are pooled. If the pool is below it in both images, it is
+/// not tested.
 ///
-/// Blocks at the right and lower edge hold what is left.
+/// Blocks at the right and lower edge hold the remaining pixels.
 ///
 /// # Panics
 /// When the sizes differ.
 pub fn compare(first: Estimate, second: Estimate, block: u32, bright_enough: f64) -> ZTest {
-    let Blocks { judged, whole, ratio, .. } = blocks(first, second, block, bright_enough);
-    let worst = judged.iter().filter(|j| j.p < 1.0).reduce(|a, b| if b.p < a.p { b } else { a });
+    let Blocks {
+        judged,
+        whole,
+        ratio,
+        ..
+    } = blocks(first, second, block, bright_enough);
+    let worst = judged
+        .iter()
+        .filter(|j| j.p < 1.0)
+        .reduce(|a, b| if b.p < a.p { b } else { a });
     ZTest {
         comparisons: judged.len(),
         worst_p: worst.map_or(1.0, |j| j.p),
         worst_at: worst.and_then(|j| j.at),
         ratio,
-        z: whole.into_iter().max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or_default(),
+        z: whole
+            .into_iter()
+            .max_by(|a, b| a.abs().total_cmp(&b.abs()))
+            .unwrap_or_default(),
     }
 }
 
-/// The comparisons that [`compare`] sums up, one by one.
+/// Returns the single comparisons that [`compare`] summarises.
 ///
 /// # Panics
 /// When the sizes differ.
 pub fn blocks(first: Estimate, second: Estimate, block: u32, bright_enough: f64) -> Blocks {
-    assert_eq!([first.mean.width, first.mean.height], [second.mean.width, second.mean.height], "sizes differ");
+    assert_eq!(
+        [first.mean.width, first.mean.height],
+        [second.mean.width, second.mean.height],
+        "sizes differ"
+    );
     let [width, height] = [first.mean.width, first.mean.height];
     let [columns, rows] = [width, height].map(|side| side.div_ceil(block));
     let mut judged = Vec::new();
     let mut dark_blocks = Vec::new();
     let judge = |sums: &Sums, channel: usize, at: Option<[u32; 2]>| {
         let z = sums.z();
-        Judged { at, channel, z, p: normal_two_sided_p(z) }
+        Judged {
+            at,
+            channel,
+            z,
+            p: normal_two_sided_p(z),
+        }
     };
     let mut dark = [Sums::default(); 3];
     let mut whole = [Sums::default(); 3];
@@ -149,7 +171,10 @@ pub fn blocks(first: Estimate, second: Estimate, block: u32, bright_enough: f64)
         for (c, (dark, whole)) in dark.iter_mut().zip(&mut whole).enumerate() {
             let mut sums = Sums::default();
             let inside = |(x, y): &(u32, u32)| *x < width && *y < height;
-            for (x, y) in (0..block * block).map(|i| (bx * block + i % block, by * block + i / block)).filter(inside) {
+            for (x, y) in (0..block * block)
+                .map(|i| (bx * block + i % block, by * block + i / block))
+                .filter(inside)
+            {
                 sums.add(Sums {
                     first: f64::from(first.mean.at(x, y)[c]),
                     second: f64::from(second.mean.at(x, y)[c]),
@@ -165,11 +190,21 @@ pub fn blocks(first: Estimate, second: Estimate, block: u32, bright_enough: f64)
             }
         }
     }
-    for (c, sums) in dark.iter().enumerate().filter(|(_, sums)| sums.first.max(sums.second) >= bright_enough) {
+    for (c, sums) in dark
+        .iter()
+        .enumerate()
+        .filter(|(_, sums)| sums.first.max(sums.second) >= bright_enough)
+    {
         judged.push(judge(sums, c, None));
     }
-    let [first, second] = [|s: &Sums| s.first, |s: &Sums| s.second].map(|of| whole.iter().map(of).sum::<f64>());
-    Blocks { judged, dark: dark_blocks, whole: whole.map(|sums| sums.z()), ratio: first / second }
+    let [first, second] =
+        [|s: &Sums| s.first, |s: &Sums| s.second].map(|of| whole.iter().map(of).sum::<f64>());
+    Blocks {
+        judged,
+        dark: dark_blocks,
+        whole: whole.map(|sums| sums.z()),
+        ratio: first / second,
+    }
 }
 
 #[cfg(test)]
@@ -177,7 +212,7 @@ mod tests {
     use super::*;
     use crate::math::rng::{normal, pcg4d, unit};
 
-    /// A flat picture of 1 with normal noise of variance 0.01 in every pixel, and a bias.
+    /// A constant image of 1 with normal noise of variance 0.01 in every pixel, and a bias.
     fn noisy(seed: u32, bias: f32) -> Image {
         Image::from_fn(80, 60, |x, y| {
             [0, 1, 2].map(|c| {
@@ -194,14 +229,27 @@ mod tests {
     fn test(a: &Image, b: &Image, variance: f32) -> ZTest {
         let variance = constant(variance);
         let zero = constant(0.0);
-        compare(Estimate { mean: a, variance: &variance }, Estimate { mean: b, variance: &zero }, 10, 1.0)
+        compare(
+            Estimate {
+                mean: a,
+                variance: &variance,
+            },
+            Estimate {
+                mean: b,
+                variance: &zero,
+            },
+            10,
+            1.0,
+        )
     }
 
     #[test]
     fn noise_alone_agrees_and_p_values_are_honest() {
-        // Of 200 pictures with nothing but noise, about one in a hundred may be called different at 1 %.
+        // About one in a hundred of 200 unbiased images may be called different at 1 %.
         let truth = constant(1.0);
-        let alarms = (0..200).filter(|s| !test(&noisy(*s, 0.0), &truth, 0.01).agrees(0.01, 1)).count();
+        let alarms = (0..200)
+            .filter(|s| !test(&noisy(*s, 0.0), &truth, 0.01).agrees(0.01, 1))
+            .count();
         assert!(alarms <= 7, "{alarms} of 200");
     }
 
@@ -236,11 +284,16 @@ mod tests {
         assert_eq!(t.worst_at, Some([50, 20]));
     }
 
-    /// Pictures of finds of one size, `expected` on average in every block of 10 x 10 pixels.
+    /// An image of rare events of equal size, `expected` on average in every block of 10 x 10
+    /// pixels.
     fn found(seed: u32, expected: f32) -> (Image, Image) {
         let rate = expected / 100.0;
         let image = Image::from_fn(80, 60, |x, y| {
-            [0, 1, 2].map(|c| (0..64).filter(|i| unit(pcg4d([x, y, c * 64 + i, seed])[0]) < rate / 64.0).count() as f32)
+            [0, 1, 2].map(|c| {
+                (0..64)
+                    .filter(|i| unit(pcg4d([x, y, c * 64 + i, seed])[0]) < rate / 64.0)
+                    .count() as f32
+            })
         });
         let variance = image.clone();
         (image, variance)
@@ -248,15 +301,26 @@ mod tests {
 
     #[test]
     fn rare_finds_do_not_cry_wolf_at_small_levels() {
-        // 300 pictures of 144 blocks with 50 finds each: at 1e-4, 4.3 blocks of all should be called different. The
-        // plain deviate calls several times as many.
+        // 300 images of 144 blocks with 50 events each: at 1e-4, 4.3 of all blocks should be called
+        // different. The plain deviate calls several times as many.
         let truth = constant(0.5);
         let zero = constant(0.0);
         let mut alarms = 0;
         for seed in 0..300 {
             let (image, variance) = found(seed, 50.0);
-            let first = Estimate { mean: &image, variance: &variance };
-            let t = compare(first, Estimate { mean: &truth, variance: &zero }, 10, 1.0);
+            let first = Estimate {
+                mean: &image,
+                variance: &variance,
+            };
+            let t = compare(
+                first,
+                Estimate {
+                    mean: &truth,
+                    variance: &zero,
+                },
+                10,
+                1.0,
+            );
             alarms += usize::from(t.worst_p < 1e-4);
         }
         assert!(alarms <= 12, "{alarms} of 300");
@@ -266,12 +330,41 @@ mod tests {
     fn what_is_too_dark_to_be_judged_is_not() {
         let (image, variance) = found(3, 0.002);
         let zero = constant(0.0);
-        let first = Estimate { mean: &image, variance: &variance };
-        assert_eq!(compare(first, Estimate { mean: &zero, variance: &zero }, 10, 50.0).comparisons, 0);
+        let first = Estimate {
+            mean: &image,
+            variance: &variance,
+        };
+        assert_eq!(
+            compare(
+                first,
+                Estimate {
+                    mean: &zero,
+                    variance: &zero
+                },
+                10,
+                50.0
+            )
+            .comparisons,
+            0
+        );
         let bright = constant(1.0);
-        let first = Estimate { mean: &bright, variance: &bright };
-        let t = compare(first, Estimate { mean: &zero, variance: &zero }, 10, 50.0);
-        assert_eq!(t.comparisons, 3, "light where there should be none is judged");
+        let first = Estimate {
+            mean: &bright,
+            variance: &bright,
+        };
+        let t = compare(
+            first,
+            Estimate {
+                mean: &zero,
+                variance: &zero,
+            },
+            10,
+            50.0,
+        );
+        assert_eq!(
+            t.comparisons, 3,
+            "light where there should be none is judged"
+        );
         assert!(!t.agrees(0.01, 1), "{t:?}");
     }
 

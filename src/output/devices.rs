@@ -1,21 +1,27 @@
-//! The devices that the cells of a night were rendered on: times of different ones are not compared unasked.
+//! Devices that the cells of a night were rendered on. Times of different devices are compared only
+//! if the script requests it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::experiment::plan::Plan;
 use crate::experiment::{CellRef, CellResult};
 
-/// What tells figures and tables of several devices apart.
+/// Name of the additional facet of figures and tables of several devices.
 pub const DEVICE: &str = "device";
 
-/// The model of the device of every cell, as far as it is known.
+/// Device model of every cell, as far as it is known. Empty if the devices need not be told apart.
 #[derive(Clone, Debug, Default)]
 pub struct Devices(BTreeMap<usize, String>);
 
 impl Devices {
-    /// The devices of what was rendered, as `name` tells them. Where the script sweeps backends and each of them has one
-    /// device, it has asked for the comparison, and they count as one.
-    pub fn new(plan: &Plan, results: &[CellResult], name: impl Fn(&CellResult) -> Option<String>) -> Devices {
+    /// Collects the devices of rendered cells; `name` returns the device of a result. Returns an
+    /// empty map if every backend that the script sweeps has a single device: the comparison of
+    /// devices is then intended.
+    pub fn new(
+        plan: &Plan,
+        results: &[CellResult],
+        name: impl Fn(&CellResult) -> Option<String>,
+    ) -> Devices {
         let one = |result: &CellResult| match result.cell {
             CellRef::Cell(cell) => Some((cell, name(result)?)),
             CellRef::Reference(_) => None,
@@ -23,24 +29,33 @@ impl Devices {
         let known: BTreeMap<usize, String> = results.iter().filter_map(one).collect();
         let of_backends: BTreeSet<(&str, &str)> = known
             .iter()
-            .filter_map(|(cell, device)| Some((plan.cells.get(*cell)?.config.backend.as_str(), device.as_str())))
+            .filter_map(|(cell, device)| {
+                Some((
+                    plan.cells.get(*cell)?.config.backend.as_str(),
+                    device.as_str(),
+                ))
+            })
             .collect();
         let backends: BTreeSet<&str> = of_backends.iter().map(|(backend, _)| *backend).collect();
-        if backends.len() == of_backends.len() { Devices::default() } else { Devices(known) }
+        if backends.len() == of_backends.len() {
+            Devices::default()
+        } else {
+            Devices(known)
+        }
     }
 
-    /// The device of a cell, in words.
-    pub fn of(&self, cell: usize) -> &str {
+    /// Returns the device of a cell, or `unknown`.
+    pub fn device_of(&self, cell: usize) -> &str {
         self.0.get(&cell).map_or("unknown", String::as_str)
     }
 
-    /// Every one of them, once, in alphabetical order.
-    pub fn all(&self) -> BTreeSet<&str> {
+    /// Returns the distinct device names in alphabetical order.
+    pub fn names(&self) -> BTreeSet<&str> {
         self.0.values().map(String::as_str).collect()
     }
 
-    /// Whether there is more than one.
-    pub fn several(&self) -> bool {
-        self.all().len() > 1
+    /// Returns whether there is more than one device.
+    pub fn is_mixed(&self) -> bool {
+        self.names().len() > 1
     }
 }

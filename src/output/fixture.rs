@@ -1,4 +1,4 @@
-//! Hand-made plans and results for the unit tests of this room.
+//! Hand-made plans and results for the unit tests of this module.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use crate::experiment::plan::{Cell, Plan, RunId};
-use crate::experiment::spec::{CellConfig, Measure, Snapshots};
+use crate::experiment::spec::{CellConfig, MeasureSpec, Snapshots};
 use crate::experiment::{CellRef, CellResult, Outcome, StopRule, WaveRow};
 use crate::metrics::MetricSpec;
 use crate::metrics::tonemap::Tonemap;
@@ -17,23 +17,30 @@ use crate::scene::desc::CameraDesc;
 use crate::transport::camera::{FilterKind, FilterSpec};
 use crate::value::Value;
 
-/// An axis with its values.
+/// Name of an axis and its values.
 pub type AxisValues<'a> = (&'a str, Vec<Value>);
 
-/// A plan of every combination of the axes' values, each `repeats` times, measured by `rmse`, `ssim` and `psnr`.
-/// The axis `technique`, where there is one, chooses the integrator.
+/// Builds a plan with every combination of the axes' values and `repeats` repeats, measured by
+/// `rmse`, `ssim` and `psnr`. The axis `technique`, if there is one, selects the integrator.
 pub fn plan(axes: &[AxisValues], repeats: u32) -> Plan {
     let mut points = vec![Vec::new()];
     for (name, values) in axes {
         points = points
             .iter()
             .flat_map(|p: &Vec<(String, Value)>| {
-                values.iter().map(|v| [p.as_slice(), &[((*name).to_owned(), v.clone())]].concat())
+                values
+                    .iter()
+                    .map(|v| [p.as_slice(), &[((*name).to_owned(), v.clone())]].concat())
             })
             .collect();
     }
-    let cells = points.iter().flat_map(|point| (0..repeats).map(move |repeat| (point, repeat)));
-    let cells = cells.enumerate().map(|(i, (point, repeat))| cell(i, point.clone(), repeat)).collect();
+    let cells = points
+        .iter()
+        .flat_map(|point| (0..repeats).map(move |repeat| (point, repeat)));
+    let cells = cells
+        .enumerate()
+        .map(|(i, (point, repeat))| cell(i, point.clone(), repeat))
+        .collect();
     Plan {
         name: "night".to_owned(),
         hash: "3f9a5b".to_owned(),
@@ -44,9 +51,11 @@ pub fn plan(axes: &[AxisValues], repeats: u32) -> Plan {
         skipped: Vec::new(),
         notes: Vec::new(),
         warnings: Vec::new(),
-        measure: Measure {
+        measure: MeasureSpec {
             every_s: 0.5,
-            metrics: ["rmse", "ssim", "psnr"].map(|m| MetricSpec::new(m, m, BTreeMap::new()).unwrap()).to_vec(),
+            metrics: ["rmse", "ssim", "psnr"]
+                .map(|m| MetricSpec::new(m, m, BTreeMap::new()).unwrap())
+                .to_vec(),
             snapshots: Snapshots::Last,
             captures: false,
             display: Tonemap::Srgb { exposure: 0.0 },
@@ -60,16 +69,27 @@ pub fn plan(axes: &[AxisValues], repeats: u32) -> Plan {
 }
 
 fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
-    let technique = point.iter().find(|(axis, _)| axis == "technique").and_then(|(_, v)| v.as_str());
+    let technique = point
+        .iter()
+        .find(|(axis, _)| axis == "technique")
+        .and_then(|(_, v)| v.as_str());
     let integrator = technique.unwrap_or("bpt").to_owned();
-    let path: Vec<String> = point.iter().map(|(axis, v)| format!("{axis}={v}")).collect();
-    let camera = CameraDesc { position: Vec3::ZERO, target: Vec3::Z, fov_deg: 60.0, ..CameraDesc::default() };
+    let path: Vec<String> = point
+        .iter()
+        .map(|(axis, v)| format!("{axis}={v}"))
+        .collect();
+    let camera = CameraDesc {
+        position: Vec3::ZERO,
+        target: Vec3::Z,
+        fov_deg: 60.0,
+        ..CameraDesc::default()
+    };
     Cell {
         id: RunId(format!("run{index:02}")),
         path: format!("{}/rep={repeat}", path.join("/")),
         point,
         repeat,
-        control: None,
+        double_of: None,
         seed: 100 + index as u64,
         config: Arc::new(CellConfig {
             scene_options: BTreeMap::new(),
@@ -80,7 +100,10 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
             max_depth: Some(5),
             resolution: Some([64, 36]),
             rr_start: None,
-            filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
+            filter: FilterSpec {
+                kind: FilterKind::Box,
+                radius: 0.5,
+            },
             films: Vec::new(),
             accel: Default::default(),
             timing: None,
@@ -105,20 +128,24 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
     }
 }
 
-/// A finished cell whose waves took `render_s` and measured `rmse`; SSIM and PSNR follow from it by made-up formulas.
+/// Builds a finished cell from pairs of render time and RMSE of its waves. SSIM and PSNR are
+/// derived from the RMSE by made-up formulas.
 pub fn done(cell: usize, waves: &[(f64, f64)]) -> CellResult {
-    let rows = waves.iter().enumerate().map(|(i, (render_s, rmse))| WaveRow {
-        wave: i as u64 + 1,
-        samples: 1 << i,
-        render_s: *render_s,
-        wall_s: render_s * 1.5,
-        measure_s: render_s * 0.1,
-        paths: 2_000_000 << i,
-        rays: 8_000_000 << i,
-        invalid: 0,
-        first_invalid: None,
-        metrics: vec![*rmse, 1.0 - rmse / 2.0, 40.0 - 40.0 * rmse],
-    });
+    let rows = waves
+        .iter()
+        .enumerate()
+        .map(|(i, (render_s, rmse))| WaveRow {
+            wave: i as u64 + 1,
+            samples: 1 << i,
+            render_s: *render_s,
+            wall_s: render_s * 1.5,
+            measure_s: render_s * 0.1,
+            paths: 2_000_000 << i,
+            rays: 8_000_000 << i,
+            invalid: 0,
+            first_invalid: None,
+            metrics: vec![*rmse, 1.0 - rmse / 2.0, 40.0 - 40.0 * rmse],
+        });
     CellResult {
         cell: CellRef::Cell(cell),
         outcome: Outcome::Done("64 samples".to_owned()),
@@ -134,7 +161,7 @@ pub fn done(cell: usize, waves: &[(f64, f64)]) -> CellResult {
     }
 }
 
-/// A result with another outcome and no measurements.
+/// Builds a result with the given outcome and without measurements.
 pub fn ended(cell: usize, outcome: Outcome) -> CellResult {
     CellResult {
         cell: CellRef::Cell(cell),
@@ -145,12 +172,12 @@ pub fn ended(cell: usize, outcome: Outcome) -> CellResult {
     }
 }
 
-/// Text values.
-pub fn words(words: &[&str]) -> Vec<Value> {
+/// Converts strings to axis values.
+pub fn texts(words: &[&str]) -> Vec<Value> {
     words.iter().map(|w| Value::from(*w)).collect()
 }
 
-/// Numbers.
+/// Converts numbers to axis values.
 pub fn numbers(numbers: &[f64]) -> Vec<Value> {
     numbers.iter().map(|x| Value::number(*x)).collect()
 }

@@ -1,12 +1,12 @@
-//! Layers as pictures for people.
+//! Encodes layers as PNG for viewing.
 
 use super::{OutputError, check_shape, png};
 use crate::film::Image;
-use crate::film::layer::{LayerImage, Look};
+use crate::film::layer::{LayerDisplay, LayerImage};
 use crate::metrics::tonemap::Tonemap;
 
-/// Colours from nothing to the greatest value, evenly spaced, as 8-bit sRGB: black over violet, red and orange to white,
-/// lighter at every step, so that a print without colour still says which is more.
+/// Colour map from 0 to the maximum as evenly spaced 8-bit sRGB values: black, violet, red, orange,
+/// white. Lightness increases monotonically, so that a greyscale print preserves the order.
 const HEAT: [[f32; 3]; 7] = [
     [0.0, 0.0, 0.0],
     [44.0, 17.0, 95.0],
@@ -17,48 +17,65 @@ const HEAT: [[f32; 3]; 7] = [
     [255.0, 255.0, 236.0],
 ];
 
-/// The bytes of a PNG of a layer: radiance behind `display`, the tone map of the picture; numbers by a colour map from 0
-/// to their greatest, which the metadata names as `lumbre.scale`; reflectance by the sRGB transfer curve; directions as
-/// `0.5 n + 0.5`.
+/// Encodes a layer as PNG. Radiance is tone-mapped by `display`. Scalars use a colour map from 0 to
+/// their maximum, which is stored as `lumbre.scale` in the metadata. Reflectance uses the sRGB
+/// transfer curve. Directions are shown as `0.5 n + 0.5`.
 ///
 /// # Errors
-/// As [`png::encode`].
-pub fn encode(layer: &LayerImage, display: Tonemap, meta: &[(String, String)]) -> Result<Vec<u8>, OutputError> {
+/// Returns the errors of [`png::encode`].
+pub fn encode(
+    layer: &LayerImage,
+    display: Tonemap,
+    meta: &[(String, String)],
+) -> Result<Vec<u8>, OutputError> {
     check_shape(&layer.image)?;
-    let shown = shown(layer, display);
-    let bytes: Vec<u8> = shown.data.as_flattened().iter().map(|x| (x * 255.0).round() as u8).collect();
+    let shown = display_values(layer, display);
+    let bytes: Vec<u8> = shown
+        .data
+        .as_flattened()
+        .iter()
+        .map(|x| (x * 255.0).round() as u8)
+        .collect();
     let mut meta = meta.to_vec();
-    if layer.film.layer.row().look == Look::Heat {
-        meta.push(("scale".to_owned(), format!("0 to {}", greatest(&layer.image))));
+    if layer.film.layer.row().display == LayerDisplay::Heat {
+        meta.push((
+            "scale".to_owned(),
+            format!("0 to {}", maximum(&layer.image)),
+        ));
     }
-    png::encode_bytes([shown.width, shown.height], ::png::ColorType::Rgb, &bytes, &meta)
+    png::encode_bytes(
+        [shown.width, shown.height],
+        ::png::ColorType::Rgb,
+        &bytes,
+        &meta,
+    )
 }
 
-/// Display values in 0..=1, already in the transfer curve of a display.
-pub(super) fn shown(layer: &LayerImage, display: Tonemap) -> Image {
+/// Returns display values in 0..=1, with the transfer curve of the display applied.
+pub(super) fn display_values(layer: &LayerImage, display: Tonemap) -> Image {
     let image = &layer.image;
     let each = |f: &dyn Fn([f32; 3]) -> [f32; 3]| Image {
         width: image.width,
         height: image.height,
         data: image.data.iter().map(|p| f(*p)).collect(),
     };
-    match layer.film.layer.row().look {
-        Look::Radiance => display.apply(image),
-        Look::Reflectance => Tonemap::Srgb { exposure: 0.0 }.apply(image),
-        Look::Direction => each(&|p| p.map(|x| (0.5 * x + 0.5).clamp(0.0, 1.0))),
-        Look::Heat => {
-            let scale = greatest(image);
-            each(&|[x, ..]| heat(if scale > 0.0 { x / scale } else { 0.0 }))
+    match layer.film.layer.row().display {
+        LayerDisplay::Radiance => display.apply(image),
+        LayerDisplay::Reflectance => Tonemap::Srgb { exposure: 0.0 }.apply(image),
+        LayerDisplay::Direction => each(&|p| p.map(|x| (0.5 * x + 0.5).clamp(0.0, 1.0))),
+        LayerDisplay::Heat => {
+            let scale = maximum(image);
+            each(&|[x, ..]| heat_colour(if scale > 0.0 { x / scale } else { 0.0 }))
         }
     }
 }
 
-fn greatest(image: &Image) -> f32 {
+fn maximum(image: &Image) -> f32 {
     image.data.iter().map(|p| p[0]).fold(0.0, f32::max)
 }
 
-/// The colour of a share in 0..=1 of the greatest value.
-fn heat(share: f32) -> [f32; 3] {
+/// Returns the colour for a fraction in 0..=1 of the maximum.
+fn heat_colour(share: f32) -> [f32; 3] {
     let at = share.clamp(0.0, 1.0) * (HEAT.len() - 1) as f32;
     let i = (at as usize).min(HEAT.len() - 2);
     let part = at - i as f32;
@@ -68,47 +85,89 @@ fn heat(share: f32) -> [f32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::film::layer::{Layer, Layout};
+    use crate::film::layer::{Layer, LayerLayout};
 
     const SRGB: Tonemap = Tonemap::Srgb { exposure: 0.0 };
 
     fn layer(layer: Layer, data: &[[f32; 3]]) -> LayerImage {
-        let film = Layout::new(&[layer], 1, 1).unwrap().films()[0];
-        LayerImage { film, image: Image { width: data.len() as u32, height: 1, data: data.to_vec() } }
+        let film = LayerLayout::new(&[layer], 1, 1).unwrap().films()[0];
+        LayerImage {
+            film,
+            image: Image {
+                width: data.len() as u32,
+                height: 1,
+                data: data.to_vec(),
+            },
+        }
     }
 
     fn pixels(layer: &LayerImage) -> Vec<[u8; 3]> {
         let bytes = encode(layer, SRGB, &[]).unwrap();
-        let raw = image::load_from_memory(&bytes).unwrap().to_rgb8().into_raw();
+        let raw = image::load_from_memory(&bytes)
+            .unwrap()
+            .to_rgb8()
+            .into_raw();
         raw.as_chunks::<3>().0.to_vec()
     }
 
     #[test]
-    fn every_kind_has_its_look() {
-        assert_eq!(pixels(&layer(Layer::Depth, &[[0.0, 0.5, 9.0]])), [[0, 188, 255]]);
-        assert_eq!(pixels(&layer(Layer::Albedo, &[[0.0, 0.5, 1.0]])), [[0, 188, 255]]);
-        assert_eq!(pixels(&layer(Layer::Normal, &[[0.0, -1.0, 1.0]])), [[128, 0, 255]]);
-        let distances = [[0.0, 1.0, 0.0], [3.0, 1.0, 0.0], [6.0, 1.0, 0.0], [1.0, 1.0, 0.0]];
+    fn every_kind_has_its_display() {
+        assert_eq!(
+            pixels(&layer(Layer::Depth, &[[0.0, 0.5, 9.0]])),
+            [[0, 188, 255]]
+        );
+        assert_eq!(
+            pixels(&layer(Layer::Albedo, &[[0.0, 0.5, 1.0]])),
+            [[0, 188, 255]]
+        );
+        assert_eq!(
+            pixels(&layer(Layer::Normal, &[[0.0, -1.0, 1.0]])),
+            [[128, 0, 255]]
+        );
+        let distances = [
+            [0.0, 1.0, 0.0],
+            [3.0, 1.0, 0.0],
+            [6.0, 1.0, 0.0],
+            [1.0, 1.0, 0.0],
+        ];
         assert_eq!(
             pixels(&layer(Layer::Distance, &distances)),
             [[0, 0, 0], [201, 62, 71], [255, 255, 236], [44, 17, 95]]
         );
-        assert_eq!(pixels(&layer(Layer::Bounces, &[[0.0; 3]; 2])), [[0; 3]; 2], "without light there is no scale");
+        assert_eq!(
+            pixels(&layer(Layer::Bounces, &[[0.0; 3]; 2])),
+            [[0; 3]; 2],
+            "without light the scale is empty"
+        );
     }
 
     #[test]
-    fn more_is_lighter() {
-        let light = |i: i32| heat(i as f32 / 600.0).iter().zip([0.2126, 0.7152, 0.0722]).map(|(x, w)| x * w).sum();
+    fn larger_values_are_lighter() {
+        let light = |i: i32| {
+            heat_colour(i as f32 / 600.0)
+                .iter()
+                .zip([0.2126, 0.7152, 0.0722])
+                .map(|(x, w)| x * w)
+                .sum()
+        };
         let lightness: Vec<f32> = (0..=600).map(light).collect();
-        assert!(lightness.windows(2).all(|pair| pair[1] > pair[0]), "{lightness:?}");
+        assert!(
+            lightness.windows(2).all(|pair| pair[1] > pair[0]),
+            "{lightness:?}"
+        );
     }
 
     #[test]
     fn the_scale_of_a_heat_map_is_in_its_file() {
         let bytes = encode(&layer(Layer::Rays, &[[2.5; 3]]), SRGB, &[]).unwrap();
-        let mut reader = ::png::Decoder::new(std::io::Cursor::new(&bytes)).read_info().unwrap();
+        let mut reader = ::png::Decoder::new(std::io::Cursor::new(&bytes))
+            .read_info()
+            .unwrap();
         reader.finish().unwrap();
         let text = &reader.info().uncompressed_latin1_text[0];
-        assert_eq!((text.keyword.as_str(), text.text.as_str()), ("lumbre.scale", "0 to 2.5"));
+        assert_eq!(
+            (text.keyword.as_str(), text.text.as_str()),
+            ("lumbre.scale", "0 to 2.5")
+        );
     }
 }

@@ -1,12 +1,14 @@
-//! Evidence: pictures, figures, tables and summaries, as bytes or text. Nothing here touches the disk.
+//! Output files as bytes or text: pictures, figures, tables, summaries and reports. Nothing in this
+//! module accesses the disk.
 //!
-//! The same input gives the same bytes on every machine: no clock, no system font, no order of a hash map. Metadata
-//! comes from the caller as pairs of key and value and goes inside every file that has room for it.
+//! Equal input gives equal bytes on every machine: no clock, no system font and no hash-map order
+//! is used. The caller passes metadata as key-value pairs. They are embedded in every file format
+//! that supports it.
 
-mod bound;
+mod dependent_axes;
 pub mod devices;
 pub mod exr;
-mod labels;
+mod format;
 pub mod layer;
 pub mod pdf;
 pub mod picture;
@@ -21,59 +23,66 @@ pub mod time;
 #[cfg(test)]
 mod fixture;
 
-/// Why evidence could not be written or read.
+/// Errors of encoding and decoding output files.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum OutputError {
-    /// An EXR file that cannot be read.
+    /// The EXR file could not be decoded.
     #[error("cannot read this EXR: {reason}")]
     ExrRead {
-        /// What the decoder says.
+        /// Error message of the decoder.
         reason: String,
     },
-    /// A picture that cannot be read.
+    /// The picture file could not be decoded.
     #[error("cannot read this picture: {reason}")]
     PictureRead {
-        /// What is wrong with it.
+        /// Description of the defect.
         reason: String,
     },
-    /// An image that cannot become an EXR.
+    /// The image could not be encoded as EXR.
     #[error("cannot write an EXR: {reason}")]
     ExrWrite {
-        /// What the encoder says.
+        /// Error message of the encoder.
         reason: String,
     },
-    /// An image that cannot become a PNG.
+    /// The image could not be encoded as PNG.
     #[error("cannot write a PNG: {reason}")]
     PngWrite {
-        /// What the encoder says.
+        /// Error message of the encoder.
         reason: String,
     },
-    /// A figure that cannot become a picture.
+    /// The SVG figure could not be parsed or rendered.
     #[error("cannot draw this SVG: {reason}")]
     Svg {
-        /// What the renderer says.
+        /// Error message of the parser or renderer.
         reason: String,
     },
-    /// An image without pixels, or one whose buffer has another size than it says.
-    #[error("the image says {width}x{height} pixels but holds {pixels}; at least one is needed")]
+    /// The image has no pixels, or its buffer does not match its size.
+    #[error(
+        "the image is declared as {width}x{height} pixels but its buffer has {pixels}; the numbers \
+         must be equal and positive"
+    )]
     Shape {
-        /// Columns.
+        /// Declared width in pixels.
         width: u32,
-        /// Rows.
+        /// Declared height in pixels.
         height: u32,
-        /// Pixels in its buffer.
+        /// Number of pixels in the buffer.
         pixels: usize,
     },
 }
 
-/// Prefix of the names under which files carry our metadata, so that none is mistaken for one of a format's own.
+/// Prefix of the metadata keys in files. It avoids clashes with the keys of the file format.
 const PREFIX: &str = "lumbre.";
 
-/// Refuses images that no file format could hold.
+/// Returns an error if the image has no pixels or its buffer does not match its size.
 fn check_shape(image: &crate::film::Image) -> Result<(), OutputError> {
     let (width, height, pixels) = (image.width, image.height, image.data.len());
     if pixels == 0 || pixels != width as usize * height as usize {
-        return Err(OutputError::Shape { width, height, pixels });
+        return Err(OutputError::Shape {
+            width,
+            height,
+            pixels,
+        });
     }
     Ok(())
 }

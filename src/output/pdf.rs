@@ -1,7 +1,8 @@
-//! Our own SVG figures as PDF pages: one page, vector paths, text as outlines of the embedded font, pictures without loss.
+//! Converts Lumbre's SVG figures to single-page PDF files with vector paths and lossless pictures.
 //!
-//! The page is as large as the drawing's own coordinates, in points, so that a figure of 241 units fills a column of
-//! that width with text of the size that it says. What figures do not use is refused rather than dropped.
+//! Text becomes outlines of the embedded font. The page size equals the view box of the SVG in
+//! points, so that a figure of 241 units fills a column of 241 pt and its font sizes are in points.
+//! SVG features that the figures do not use are reported as errors.
 
 use std::io::Write;
 
@@ -9,45 +10,67 @@ use flate2::Compression;
 use flate2::write::ZlibEncoder;
 use pdf_writer::types::{LineCapStyle, LineJoinStyle};
 use pdf_writer::{Content, Filter, Finish, Name, Pdf, Rect, Ref, TextStr};
-use resvg::tiny_skia::PathSegment;
+use resvg::tiny_skia::{self, PathSegment};
 use resvg::usvg::{self, ImageKind, Node, Paint, Transform};
 
 use super::OutputError;
 use super::plot::raster;
 
-/// The PDF of an SVG. Its description becomes the document's subject.
+/// Converts an SVG to PDF. The description of the SVG becomes the subject of the document.
 ///
 /// # Errors
-/// When the SVG cannot be parsed, or uses what this cannot carry over: gradients, patterns, clips, masks, filters.
+/// Returns an error if the SVG cannot be parsed, or uses gradients, patterns, clips, masks or
+/// filters.
 pub fn from_svg(svg: &str) -> Result<Vec<u8>, OutputError> {
     let tree = raster::parse(svg)?;
     let (width, height) = view_box(svg).unwrap_or((tree.size().width(), tree.size().height()));
     let zoom = width / tree.size().width();
-    let mut page = Page { content: Content::new(), opacities: Vec::new(), images: Vec::new() };
+    let mut page = PageContent {
+        content: Content::new(),
+        opacities: Vec::new(),
+        images: Vec::new(),
+    };
     page.content.transform([zoom, 0.0, 0.0, -zoom, 0.0, height]);
     page.group(tree.root())?;
+    write_document(svg, page, width, height)
+}
 
+/// Writes the objects of the document: catalog, page, metadata, pictures and opacities.
+fn write_document(
+    svg: &str,
+    page: PageContent,
+    width: f32,
+    height: f32,
+) -> Result<Vec<u8>, OutputError> {
     let mut pdf = Pdf::new();
-    let (catalog, pages, page_id, content, info) = (Ref::new(1), Ref::new(2), Ref::new(3), Ref::new(4), Ref::new(5));
+    let (catalog, pages, page_id, content, info) = (
+        Ref::new(1),
+        Ref::new(2),
+        Ref::new(3),
+        Ref::new(4),
+        Ref::new(5),
+    );
     pdf.catalog(catalog).pages(pages);
     pdf.pages(pages).kids([page_id]).count(1);
-    let mut facts = pdf.document_info(info);
-    facts.producer(TextStr(super::report::PROGRAM));
-    facts.title(TextStr(&raster::element(svg, "title").unwrap_or_default()));
-    // One line: with line ends it would be written as UTF-16, which no search of the file finds.
-    let about = raster::element(svg, "desc").unwrap_or_default().replace('\n', "; ");
-    facts.subject(TextStr(&about));
-    facts.finish();
+    write_info(&mut pdf, info, svg);
     let mut next = 6;
-    let mut reference = || {
+    let mut new_id = || {
         next += 1;
         Ref::new(next - 1)
     };
-    let images: Vec<(Ref, &Pixels)> = page.images.iter().map(|image| (reference(), image)).collect();
-    let states: Vec<(Ref, f32)> = page.opacities.iter().map(|alpha| (reference(), *alpha)).collect();
-    let mut written = pdf.page(page_id);
-    written.parent(pages).media_box(Rect::new(0.0, 0.0, width, height)).contents(content);
-    let mut resources = written.resources();
+    let images: Vec<(Ref, &EmbeddedImage)> =
+        page.images.iter().map(|image| (new_id(), image)).collect();
+    let states: Vec<(Ref, f32)> = page
+        .opacities
+        .iter()
+        .map(|alpha| (new_id(), *alpha))
+        .collect();
+    let mut page_object = pdf.page(page_id);
+    page_object
+        .parent(pages)
+        .media_box(Rect::new(0.0, 0.0, width, height))
+        .contents(content);
+    let mut resources = page_object.resources();
     let mut objects = resources.x_objects();
     for (i, (id, _)) in images.iter().enumerate() {
         objects.pair(Name(format!("i{i}").as_bytes()), *id);
@@ -59,40 +82,61 @@ pub fn from_svg(svg: &str) -> Result<Vec<u8>, OutputError> {
     }
     graphics.finish();
     resources.finish();
-    written.finish();
+    page_object.finish();
     for (id, alpha) in states {
-        pdf.ext_graphics(id).non_stroking_alpha(alpha).stroking_alpha(alpha);
+        pdf.ext_graphics(id)
+            .non_stroking_alpha(alpha)
+            .stroking_alpha(alpha);
     }
-    for (id, pixels) in images {
-        let mut image = pdf.image_xobject(id, &pixels.deflated);
-        image.filter(Filter::FlateDecode);
-        image.width(pixels.width as i32).height(pixels.height as i32);
-        image.color_space().device_rgb();
-        image.bits_per_component(8).interpolate(false);
+    for (id, image) in images {
+        image.write(&mut pdf, id);
     }
-    let drawn = page.content.finish();
-    let packed = deflate(drawn.as_slice())?;
-    pdf.stream(content, &packed).filter(Filter::FlateDecode);
+    let commands = deflate(page.content.finish().as_slice())?;
+    pdf.stream(content, &commands).filter(Filter::FlateDecode);
     Ok(pdf.finish())
 }
 
-/// 8-bit RGB pixels, deflated.
-struct Pixels {
+/// Writes program, title and description.
+fn write_info(pdf: &mut Pdf, id: Ref, svg: &str) {
+    let mut info = pdf.document_info(id);
+    info.producer(TextStr(super::report::PROGRAM));
+    info.title(TextStr(&raster::element(svg, "title").unwrap_or_default()));
+    // Text with line breaks would be written as UTF-16, which text searches do not find.
+    let description = raster::element(svg, "desc")
+        .unwrap_or_default()
+        .replace('\n', "; ");
+    info.subject(TextStr(&description));
+    info.finish();
+}
+
+/// An 8-bit RGB picture with its pixels deflated.
+struct EmbeddedImage {
     width: u32,
     height: u32,
     deflated: Vec<u8>,
 }
 
-struct Page {
-    content: Content,
-    opacities: Vec<f32>,
-    images: Vec<Pixels>,
+impl EmbeddedImage {
+    fn write(&self, pdf: &mut Pdf, id: Ref) {
+        let mut object = pdf.image_xobject(id, &self.deflated);
+        object.filter(Filter::FlateDecode);
+        object.width(self.width as i32).height(self.height as i32);
+        object.color_space().device_rgb();
+        object.bits_per_component(8).interpolate(false);
+    }
 }
 
-impl Page {
+/// Drawing commands of the page, and the opacities and pictures that they refer to by index.
+struct PageContent {
+    content: Content,
+    opacities: Vec<f32>,
+    images: Vec<EmbeddedImage>,
+}
+
+impl PageContent {
     fn group(&mut self, group: &usvg::Group) -> Result<(), OutputError> {
         if group.clip_path().is_some() || group.mask().is_some() || !group.filters().is_empty() {
-            return Err(refused("clips, masks or filters"));
+            return Err(unsupported("clips, masks or filters"));
         }
         group.children().iter().try_for_each(|node| match node {
             Node::Group(group) => self.group(group),
@@ -108,59 +152,11 @@ impl Page {
         }
         self.content.save_state();
         self.transform(path.abs_transform());
-        let opacity = |x: usvg::Opacity| x.get();
-        let alpha = path.fill().map(|f| opacity(f.opacity())).or(path.stroke().map(|s| opacity(s.opacity())));
-        if let Some(alpha) = alpha.filter(|alpha| *alpha < 1.0) {
-            let state = self.opacities.iter().position(|a| *a == alpha).unwrap_or_else(|| {
-                self.opacities.push(alpha);
-                self.opacities.len() - 1
-            });
-            self.content.set_parameters(Name(format!("g{state}").as_bytes()));
-        }
-        if let Some(fill) = path.fill() {
-            let [r, g, b] = colour(fill.paint())?;
-            self.content.set_fill_rgb(r, g, b);
-        }
-        if let Some(stroke) = path.stroke() {
-            let [r, g, b] = colour(stroke.paint())?;
-            self.content.set_stroke_rgb(r, g, b).set_line_width(stroke.width().get());
-            self.content.set_line_cap(LineCapStyle::ButtCap);
-            self.content.set_line_join(match stroke.linejoin() {
-                usvg::LineJoin::Round => LineJoinStyle::RoundJoin,
-                usvg::LineJoin::Bevel => LineJoinStyle::BevelJoin,
-                _ => LineJoinStyle::MiterJoin,
-            });
-            let dashes = stroke.dasharray().unwrap_or(&[]);
-            self.content.set_dash_pattern(dashes.iter().copied(), stroke.dashoffset());
-        }
-        let mut at = (0.0, 0.0);
-        for segment in path.data().segments() {
-            match segment {
-                PathSegment::MoveTo(p) => {
-                    self.content.move_to(p.x, p.y);
-                    at = (p.x, p.y);
-                }
-                PathSegment::LineTo(p) => {
-                    self.content.line_to(p.x, p.y);
-                    at = (p.x, p.y);
-                }
-                PathSegment::QuadTo(c, p) => {
-                    // A quadratic curve is the cubic whose handles are two thirds of the way to its own.
-                    let third = |from: f32, to: f32| from + 2.0 / 3.0 * (to - from);
-                    let (x1, y1) = (third(at.0, c.x), third(at.1, c.y));
-                    self.content.cubic_to(x1, y1, third(p.x, c.x), third(p.y, c.y), p.x, p.y);
-                    at = (p.x, p.y);
-                }
-                PathSegment::CubicTo(a, b, p) => {
-                    self.content.cubic_to(a.x, a.y, b.x, b.y, p.x, p.y);
-                    at = (p.x, p.y);
-                }
-                PathSegment::Close => {
-                    self.content.close_path();
-                }
-            }
-        }
-        let even_odd = path.fill().is_some_and(|f| f.rule() == usvg::FillRule::EvenOdd);
+        self.paint_state(path)?;
+        self.segments(path.data());
+        let even_odd = path
+            .fill()
+            .is_some_and(|f| f.rule() == usvg::FillRule::EvenOdd);
         match (path.fill().is_some(), path.stroke().is_some(), even_odd) {
             (true, true, false) => self.content.fill_nonzero_and_stroke(),
             (true, true, true) => self.content.fill_even_odd_and_stroke(),
@@ -173,17 +169,103 @@ impl Page {
         Ok(())
     }
 
+    /// Sets opacity, fill colour and stroke of a path.
+    fn paint_state(&mut self, path: &usvg::Path) -> Result<(), OutputError> {
+        let opacity = |x: usvg::Opacity| x.get();
+        let alpha = path
+            .fill()
+            .map(|f| opacity(f.opacity()))
+            .or(path.stroke().map(|s| opacity(s.opacity())));
+        if let Some(alpha) = alpha.filter(|alpha| *alpha < 1.0) {
+            let state = self
+                .opacities
+                .iter()
+                .position(|a| *a == alpha)
+                .unwrap_or_else(|| {
+                    self.opacities.push(alpha);
+                    self.opacities.len() - 1
+                });
+            self.content
+                .set_parameters(Name(format!("g{state}").as_bytes()));
+        }
+        if let Some(fill) = path.fill() {
+            let [r, g, b] = colour(fill.paint())?;
+            self.content.set_fill_rgb(r, g, b);
+        }
+        if let Some(stroke) = path.stroke() {
+            let [r, g, b] = colour(stroke.paint())?;
+            self.content
+                .set_stroke_rgb(r, g, b)
+                .set_line_width(stroke.width().get());
+            self.content.set_line_cap(LineCapStyle::ButtCap);
+            self.content.set_line_join(match stroke.linejoin() {
+                usvg::LineJoin::Round => LineJoinStyle::RoundJoin,
+                usvg::LineJoin::Bevel => LineJoinStyle::BevelJoin,
+                _ => LineJoinStyle::MiterJoin,
+            });
+            let dashes = stroke.dasharray().unwrap_or(&[]);
+            self.content
+                .set_dash_pattern(dashes.iter().copied(), stroke.dashoffset());
+        }
+        Ok(())
+    }
+
+    /// Writes the segments of a path.
+    fn segments(&mut self, path: &tiny_skia::Path) {
+        let mut last = (0.0, 0.0);
+        for segment in path.segments() {
+            match segment {
+                PathSegment::MoveTo(p) => {
+                    self.content.move_to(p.x, p.y);
+                    last = (p.x, p.y);
+                }
+                PathSegment::LineTo(p) => {
+                    self.content.line_to(p.x, p.y);
+                    last = (p.x, p.y);
+                }
+                PathSegment::QuadTo(c, p) => {
+                    // PDF has no quadratic curves. The control points of the equal cubic curve lie
+                    // at two thirds of the way from each end to the quadratic control point.
+                    let third = |from: f32, to: f32| from + 2.0 / 3.0 * (to - from);
+                    let (x1, y1) = (third(last.0, c.x), third(last.1, c.y));
+                    self.content
+                        .cubic_to(x1, y1, third(p.x, c.x), third(p.y, c.y), p.x, p.y);
+                    last = (p.x, p.y);
+                }
+                PathSegment::CubicTo(a, b, p) => {
+                    self.content.cubic_to(a.x, a.y, b.x, b.y, p.x, p.y);
+                    last = (p.x, p.y);
+                }
+                PathSegment::Close => {
+                    self.content.close_path();
+                }
+            }
+        }
+    }
+
     fn image(&mut self, image: &usvg::Image) -> Result<(), OutputError> {
-        let ImageKind::PNG(bytes) = image.kind() else { return Err(refused("a picture that is no PNG")) };
-        let decoded = image::load_from_memory(bytes).map_err(|e| OutputError::Svg { reason: e.to_string() })?.to_rgb8();
+        let ImageKind::PNG(bytes) = image.kind() else {
+            return Err(unsupported("pictures other than PNG"));
+        };
+        let decoded = image::load_from_memory(bytes)
+            .map_err(|e| OutputError::Svg {
+                reason: e.to_string(),
+            })?
+            .to_rgb8();
         let deflated = deflate(decoded.as_raw())?;
-        self.images.push(Pixels { width: decoded.width(), height: decoded.height(), deflated });
+        self.images.push(EmbeddedImage {
+            width: decoded.width(),
+            height: decoded.height(),
+            deflated,
+        });
         self.content.save_state();
         self.transform(image.abs_transform());
-        // Pictures fill the unit square upwards.
+        // PDF pictures fill the unit square, with y upwards.
         let size = image.size();
-        self.content.transform([size.width(), 0.0, 0.0, -size.height(), 0.0, size.height()]);
-        self.content.x_object(Name(format!("i{}", self.images.len() - 1).as_bytes()));
+        self.content
+            .transform([size.width(), 0.0, 0.0, -size.height(), 0.0, size.height()]);
+        self.content
+            .x_object(Name(format!("i{}", self.images.len() - 1).as_bytes()));
         self.content.restore_state();
         Ok(())
     }
@@ -198,26 +280,35 @@ impl Page {
 fn colour(paint: &Paint) -> Result<[f32; 3], OutputError> {
     match paint {
         Paint::Color(c) => Ok([c.red, c.green, c.blue].map(|x| f32::from(x) / 255.0)),
-        _ => Err(refused("gradients or patterns")),
+        _ => Err(unsupported("gradients or patterns")),
     }
 }
 
-fn refused(what: &str) -> OutputError {
-    OutputError::Svg { reason: format!("it uses {what}, which are not carried over to PDF") }
+fn unsupported(feature: &str) -> OutputError {
+    OutputError::Svg {
+        reason: format!("it uses {feature}, which the PDF export does not support"),
+    }
 }
 
-/// Width and height of the drawing's own coordinates.
+/// Returns width and height of the SVG's view box.
 fn view_box(svg: &str) -> Option<(f32, f32)> {
     let (_, rest) = svg.split_once("viewBox=\"")?;
-    let numbers: Vec<f32> = rest.split_once('"')?.0.split(' ').filter_map(|n| n.parse().ok()).collect();
+    let numbers: Vec<f32> = rest
+        .split_once('"')?
+        .0
+        .split(' ')
+        .filter_map(|n| n.parse().ok())
+        .collect();
     Some((*numbers.get(2)?, *numbers.get(3)?))
 }
 
-/// Bytes in zlib's format.
+/// Compresses bytes to the zlib format.
 fn deflate(bytes: &[u8]) -> Result<Vec<u8>, OutputError> {
     let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());
     let written = encoder.write_all(bytes).and_then(|()| encoder.finish());
-    written.map_err(|e| OutputError::Svg { reason: e.to_string() })
+    written.map_err(|e| OutputError::Svg {
+        reason: e.to_string(),
+    })
 }
 
 #[cfg(test)]
@@ -231,25 +322,40 @@ mod tests {
         drawing.curve(&[(1.0, 2.0), (30.0, 40.0)], style(1), 1.5);
         drawing.area(&[(0.0, 0.0), (9.0, 0.0), (9.0, 9.0)], "#0072b2", 0.25);
         drawing.text((4.0, 16.0), Font::new(8.0, INK), Anchor::Start, "bdpt");
-        let png = crate::output::png::encode_bytes([2, 1], ::png::ColorType::Rgb, &[255, 0, 0, 0, 0, 255], &[]);
+        let png = crate::output::png::encode_bytes(
+            [2, 1],
+            ::png::ColorType::Rgb,
+            &[255, 0, 0, 0, 0, 255],
+            &[],
+        );
         drawing.image([10.0, 10.0, 8.0, 4.0], &png.unwrap());
         drawing.finish_scaled(241.0, 60.0, 1.6, "a title", "run 3f9a & more")
     }
 
     #[test]
-    fn a_page_is_as_large_as_the_drawing_says_and_carries_everything() {
+    fn the_page_has_the_size_of_the_view_box_and_all_content() {
         let bytes = from_svg(&drawing()).unwrap();
-        assert_eq!(bytes, from_svg(&drawing()).unwrap(), "equal input gives equal bytes");
+        assert_eq!(
+            bytes,
+            from_svg(&drawing()).unwrap(),
+            "equal input gives equal bytes"
+        );
         let text = String::from_utf8_lossy(&bytes);
-        for expected in ["%PDF-1.7", "/MediaBox [0 0 241 60]", "(run 3f9a & more)", "(a title)", "/ca 0.25", "/Width 2"]
-        {
+        for expected in [
+            "%PDF-1.7",
+            "/MediaBox [0 0 241 60]",
+            "(run 3f9a & more)",
+            "(a title)",
+            "/ca 0.25",
+            "/Width 2",
+        ] {
             assert!(text.contains(expected), "{expected} is missing");
         }
         assert!(!text.contains("/Font"), "text is outlines");
     }
 
     #[test]
-    fn what_cannot_be_carried_over_is_refused() {
+    fn unsupported_features_are_errors() {
         let svg = r##"<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9"><defs><linearGradient id="g"><stop offset="0" stop-color="#fff"/><stop offset="1"/></linearGradient></defs><rect width="5" height="5" fill="url(#g)"/></svg>"##;
         assert!(from_svg(svg).unwrap_err().to_string().contains("gradients"));
         assert!(from_svg("no svg").is_err());

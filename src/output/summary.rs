@@ -1,117 +1,205 @@
-//! `summary.csv`: one line for each cell of the plan, also for those that failed or were never reached.
+//! Writes `summary.csv`, `repeats.csv` and `control.csv`, the tables of results of a night.
 
 use std::collections::BTreeMap;
 
-use super::labels::{csv_line, exact};
-use crate::experiment::control::Finding;
-use crate::experiment::floors::net_columns;
-use crate::experiment::plan::Plan;
+use super::format::{csv_line, exact};
+use crate::experiment::aa_check::Finding;
+use crate::experiment::noise_floor::net_columns;
+use crate::experiment::plan::{Cell, Plan};
 use crate::experiment::{CellRef, CellResult, Outcome, Point, WaveRow};
-use crate::math::student::mean_and_interval;
+use crate::math::t_test::mean_and_interval;
 
+/// Columns of `summary.csv` before the axes.
 const BEFORE: [&str; 2] = ["cell", "run"];
-const AFTER: [&str; 8] =
-    ["repeat", "status", "reason", "samples_per_pixel", "render_s", "wall_s", "mpaths_per_s", "invalid_samples"];
+/// Columns of `summary.csv` between the axes and the metrics.
+const AFTER: [&str; 8] = [
+    "repeat",
+    "status",
+    "reason",
+    "samples_per_pixel",
+    "render_s",
+    "wall_s",
+    "mpaths_per_s",
+    "invalid_samples",
+];
 
-/// The text of `summary.csv`, cells in the order of the plan.
+/// Metrics with additional columns in `summary.csv`, as indices into the plan's metrics.
+struct ReferenceNoise {
+    /// Metrics with a known noise floor of the reference (`<column>_floor`).
+    floor: Vec<usize>,
+    /// Metrics from which the error of the reference can be subtracted (`<column>_net`).
+    net: Vec<usize>,
+}
+
+impl ReferenceNoise {
+    fn new(plan: &Plan, results: &[CellResult]) -> ReferenceNoise {
+        let mut known: Vec<Option<f64>> = vec![None; plan.measure.metrics.len()];
+        for result in results {
+            for (i, floor) in known.iter_mut().enumerate() {
+                *floor = floor.or(result.floors.get(i).copied().flatten());
+            }
+        }
+        ReferenceNoise {
+            floor: (0..known.len()).filter(|i| known[*i].is_some()).collect(),
+            net: net_columns(plan, &known)
+                .into_iter()
+                .map(|(i, _)| i)
+                .collect(),
+        }
+    }
+}
+
+/// Writes `summary.csv`: one line for each cell, in plan order, whether it finished or not.
 ///
-/// Columns: `cell` (index from 0), `run` (identity), one for each axis, `repeat` (from 0), with an A/A check `control_of`
-/// (the repeat whose double it is, empty for results), `status` (`done`, `cached`,
-/// `failed`, `interrupted`, `not reached`), `reason`, the last wave's `samples_per_pixel`, `render_s`, `wall_s`,
-/// `mpaths_per_s` and `invalid_samples`, then one for each metric by its column name, and at last, where the noise of a
-/// reference is known, `<column>_floor` (what the true picture would have) and `<column>_net` (the value without the
-/// reference's own error, where that can be taken off). What was not measured is empty; an axis or metric whose name is
-/// taken already is called `axis.<name>` or `metric.<name>`.
+/// Columns:
+/// - `cell` (index from 0) and `run` (identity);
+/// - one column for each axis;
+/// - `repeat` (from 0);
+/// - with an A/A check, `control_of`: the repeat that this run duplicates, empty for results;
+/// - `status` (`done`, `cached`, `failed`, `interrupted`, `not reached`) and `reason`;
+/// - of the last wave, `samples_per_pixel`, `render_s`, `wall_s`, `mpaths_per_s` and
+///   `invalid_samples`;
+/// - one column for each metric, by its column name;
+/// - where the noise of a reference is known, `<column>_floor` (the value that a perfect picture
+///   would have) and, where it can be computed, `<column>_net` (the value without the reference's
+///   error).
+///
+/// Values that were not measured are empty. An axis or metric whose name clashes with another
+/// column is called `axis.<name>` or `metric.<name>`.
 pub fn csv(plan: &Plan, results: &[CellResult]) -> String {
-    let known = results.iter().fold(vec![None; plan.measure.metrics.len()], |known: Vec<Option<f64>>, result| {
-        known.iter().enumerate().map(|(i, k)| k.or(result.floors.get(i).copied().flatten())).collect()
-    });
-    let floored: Vec<usize> = (0..known.len()).filter(|i| known[*i].is_some()).collect();
-    let net: Vec<usize> = net_columns(plan, &known).into_iter().map(|(i, _)| i).collect();
-    let mut text = csv_line(&header(plan, &floored, &net));
+    let noise = ReferenceNoise::new(plan, results);
+    let mut text = csv_line(&header(plan, &noise));
     let by_cell: BTreeMap<CellRef, &CellResult> = results.iter().map(|r| (r.cell, r)).collect();
     for (index, cell) in plan.cells.iter().enumerate() {
         let result = by_cell.get(&CellRef::Cell(index)).copied();
-        let (status, reason) = match result.map(|r| &r.outcome) {
-            Some(Outcome::Done(reason)) => ("done", reason.clone()),
-            Some(Outcome::Cached(folder)) => ("cached", folder.display().to_string()),
-            Some(Outcome::Failed(reason)) => ("failed", reason.clone()),
-            Some(Outcome::Interrupted) => ("interrupted", String::new()),
-            None => ("not reached", String::new()),
-        };
         let mut fields = vec![index.to_string(), cell.id.to_string()];
-        fields.extend(plan.axes.iter().map(|axis| {
-            let value = cell.point.iter().find(|(name, _)| name == axis);
-            value.map(|(_, v)| v.to_string()).unwrap_or_default()
-        }));
-        fields.push(cell.repeat.to_string());
-        if controlled(plan) {
-            fields.push(cell.control.map(|r| r.to_string()).unwrap_or_default());
-        }
-        fields.extend([status.to_owned(), reason]);
-        let metrics = plan.measure.metrics.len();
-        match result.and_then(|r| r.rows.last()) {
-            Some(row) => {
-                let times = [row.render_s, row.wall_s, row.mpaths_per_s()].map(exact);
-                fields.push(row.samples.to_string());
-                fields.extend(times);
-                fields.push(row.invalid.to_string());
-                fields.extend((0..metrics).map(|m| row.metrics.get(m).copied().map(exact).unwrap_or_default()));
-                let floor = |m: &usize| result.and_then(|r| r.floors.get(*m).copied().flatten());
-                fields.extend(floored.iter().map(|m| floor(m).map(exact).unwrap_or_default()));
-                let own = |m: &usize| plan.measure.metrics[*m].net(*row.metrics.get(*m)?, floor(m)?);
-                fields.extend(net.iter().map(|m| own(m).map(exact).unwrap_or_default()));
-            }
-            None => fields.resize(fields.len() + 5 + metrics + floored.len() + net.len(), String::new()),
-        }
+        fields.extend(identity_fields(plan, cell));
+        fields.extend(status_fields(result));
+        fields.extend(measured_fields(plan, result, &noise));
         text += &csv_line(&fields);
     }
     text
 }
 
-/// Whether any cell is a double of the A/A check.
-fn controlled(plan: &Plan) -> bool {
-    plan.cells.iter().any(|cell| cell.control.is_some())
+/// Returns the axis values, the repeat and, with an A/A check, the repeat that the run duplicates.
+fn identity_fields(plan: &Plan, cell: &Cell) -> Vec<String> {
+    let axis_value = |axis: &String| {
+        let value = cell.point.iter().find(|(name, _)| name == axis);
+        value.map(|(_, v)| v.to_string()).unwrap_or_default()
+    };
+    let mut fields: Vec<String> = plan.axes.iter().map(axis_value).collect();
+    fields.push(cell.repeat.to_string());
+    if has_doubles(plan) {
+        fields.push(cell.double_of.map(|r| r.to_string()).unwrap_or_default());
+    }
+    fields
 }
 
-fn header(plan: &Plan, floored: &[usize], net: &[usize]) -> Vec<String> {
+/// Returns the status of a cell and its reason.
+fn status_fields(result: Option<&CellResult>) -> [String; 2] {
+    let (status, reason) = match result.map(|r| &r.outcome) {
+        Some(Outcome::Done(reason)) => ("done", reason.clone()),
+        Some(Outcome::Cached(folder)) => ("cached", folder.display().to_string()),
+        Some(Outcome::Failed(reason)) => ("failed", reason.clone()),
+        Some(Outcome::Interrupted) => ("interrupted", String::new()),
+        None => ("not reached", String::new()),
+    };
+    [status.to_owned(), reason]
+}
+
+/// Returns the values of the last wave; empty fields if nothing was measured.
+fn measured_fields(
+    plan: &Plan,
+    result: Option<&CellResult>,
+    noise: &ReferenceNoise,
+) -> Vec<String> {
+    let metrics = &plan.measure.metrics;
+    let Some((result, row)) = result.and_then(|r| Some((r, r.rows.last()?))) else {
+        let count = 5 + metrics.len() + noise.floor.len() + noise.net.len();
+        return vec![String::new(); count];
+    };
+    let optional = |x: Option<f64>| x.map(exact).unwrap_or_default();
+    let mut fields = vec![row.samples.to_string()];
+    fields.extend([row.render_s, row.wall_s, row.mpaths_per_s()].map(exact));
+    fields.push(row.invalid.to_string());
+    fields.extend((0..metrics.len()).map(|m| optional(row.metrics.get(m).copied())));
+    let floor = |m: usize| result.floors.get(m).copied().flatten();
+    fields.extend(noise.floor.iter().map(|m| optional(floor(*m))));
+    let net = |m: usize| metrics[m].net(*row.metrics.get(m)?, floor(m)?);
+    fields.extend(noise.net.iter().map(|m| optional(net(*m))));
+    fields
+}
+
+/// Returns whether any cell is a duplicate run of the A/A check.
+fn has_doubles(plan: &Plan) -> bool {
+    plan.cells.iter().any(|cell| cell.double_of.is_some())
+}
+
+fn header(plan: &Plan, noise: &ReferenceNoise) -> Vec<String> {
     let mut header: Vec<String> = BEFORE.map(str::to_owned).to_vec();
     let taken = |name: &String| BEFORE.contains(&name.as_str()) || AFTER.contains(&name.as_str());
-    header.extend(plan.axes.iter().map(|a| if taken(a) { format!("axis.{a}") } else { a.clone() }));
+    header.extend(plan.axes.iter().map(|a| {
+        if taken(a) {
+            format!("axis.{a}")
+        } else {
+            a.clone()
+        }
+    }));
     header.extend(AFTER.map(str::to_owned));
-    if controlled(plan) {
-        let status = header.iter().position(|name| name == "status").unwrap_or(header.len());
+    if has_doubles(plan) {
+        let status = header
+            .iter()
+            .position(|name| name == "status")
+            .unwrap_or(header.len());
         header.insert(status, "control_of".to_owned());
     }
     for metric in &plan.measure.metrics {
         let column = &metric.column;
-        let name = if header.contains(column) { format!("metric.{column}") } else { column.clone() };
+        let name = if header.contains(column) {
+            format!("metric.{column}")
+        } else {
+            column.clone()
+        };
         header.push(name);
     }
-    for (places, kind) in [(floored, "floor"), (net, "net")] {
-        for metric in places.iter().map(|i| &plan.measure.metrics[*i]) {
-            let name = format!("{}_{kind}", metric.column);
-            header.push(if header.contains(&name) { format!("{kind}.{name}") } else { name });
+    for (metrics, suffix) in [(&noise.floor, "floor"), (&noise.net, "net")] {
+        for metric in metrics.iter().map(|i| &plan.measure.metrics[*i]) {
+            let name = format!("{}_{suffix}", metric.column);
+            header.push(if header.contains(&name) {
+                format!("{suffix}.{name}")
+            } else {
+                name
+            });
         }
     }
     header
 }
 
-/// The text of `repeats.csv`, empty where nothing was repeated: for each point of the sweep the mean over its finished
-/// repeats of samples per pixel, render time, speed, and of every metric at the end, each with the two ends of the 95 %
-/// confidence interval of that mean by Student's t (`<column>_low`, `<column>_high`; empty for a single run).
+/// Writes `repeats.csv`: for each point of the sweep, means over its finished repeats. Returns an
+/// empty text if no cell was repeated.
+///
+/// The means are those of samples per pixel, render time, speed and the final value of every
+/// metric. Each has the bounds of its 95 % confidence interval by Student's t (`<column>_low`,
+/// `<column>_high`; empty for a single run).
 pub fn repeats_csv(plan: &Plan, results: &[CellResult]) -> String {
     let by_cell: BTreeMap<CellRef, &CellResult> = results.iter().map(|r| (r.cell, r)).collect();
-    let settled = |index: usize| {
+    let last_row = |index: usize| {
         let result = by_cell.get(&CellRef::Cell(index))?;
-        matches!(result.outcome, Outcome::Done(_) | Outcome::Cached(_)).then(|| result.rows.last()).flatten()
+        matches!(result.outcome, Outcome::Done(_) | Outcome::Cached(_))
+            .then(|| result.rows.last())
+            .flatten()
     };
     let mut points: Vec<(&Point, Vec<&WaveRow>)> = Vec::new();
-    for (index, cell) in plan.cells.iter().enumerate().filter(|(_, cell)| cell.control.is_none()) {
+    for (index, cell) in plan
+        .cells
+        .iter()
+        .enumerate()
+        .filter(|(_, cell)| cell.double_of.is_none())
+    {
         if points.last().is_none_or(|(point, _)| **point != cell.point) {
             points.push((&cell.point, Vec::new()));
         }
-        if let (Some(row), Some((_, rows))) = (settled(index), points.last_mut()) {
+        if let (Some(row), Some((_, rows))) = (last_row(index), points.last_mut()) {
             rows.push(row);
         }
     }
@@ -129,30 +217,46 @@ pub fn repeats_csv(plan: &Plan, results: &[CellResult]) -> String {
         let mut fields: Vec<String> = point.iter().map(|(_, value)| value.to_string()).collect();
         fields.push(rows.len().to_string());
         let numbers = |row: &&WaveRow| [row.samples as f64, row.render_s, row.mpaths_per_s()];
-        let own = (0..3).map(|i| rows.iter().map(|row| numbers(row)[i]).collect::<Vec<f64>>());
-        let metrics = (0..plan.measure.metrics.len())
-            .map(|i| rows.iter().filter_map(|row| row.metrics.get(i).copied()).collect::<Vec<f64>>());
-        for values in own.chain(metrics) {
-            fields.extend(ends(&values));
+        let counts = (0..3).map(|i| rows.iter().map(|row| numbers(row)[i]).collect::<Vec<f64>>());
+        let metrics = (0..plan.measure.metrics.len()).map(|i| {
+            rows.iter()
+                .filter_map(|row| row.metrics.get(i).copied())
+                .collect::<Vec<f64>>()
+        });
+        for values in counts.chain(metrics) {
+            fields.extend(mean_fields(&values));
         }
         text += &csv_line(&fields);
     }
     text
 }
 
-/// The mean of values, and the two ends of its 95 % confidence interval.
-fn ends(values: &[f64]) -> [String; 3] {
+/// Returns the mean of values and the bounds of its 95 % confidence interval.
+fn mean_fields(values: &[f64]) -> [String; 3] {
     if values.is_empty() {
         return Default::default();
     }
     let (mean, half) = mean_and_interval(values);
-    let end = |sign: f64| half.map(|half| exact(mean + sign * half)).unwrap_or_default();
-    [exact(mean), end(-1.0), end(1.0)]
+    let bound = |sign: f64| {
+        half.map(|half| exact(mean + sign * half))
+            .unwrap_or_default()
+    };
+    [exact(mean), bound(-1.0), bound(1.0)]
 }
 
-/// The text of `control.csv`: a line for each finding of the A/A check, as [`Finding`] has them.
+/// Writes `control.csv`: one line for each [`Finding`] of the A/A check.
 pub fn control_csv(findings: &[Finding]) -> String {
-    let mut text = csv_line(&["technique", "measure", "pairs", "ratio", "low", "high", "p", "single_pair", "alarm"]);
+    let mut text = csv_line(&[
+        "technique",
+        "measure",
+        "pairs",
+        "ratio",
+        "low",
+        "high",
+        "p",
+        "single_pair",
+        "alarm",
+    ]);
     for finding in findings {
         let optional = |x: Option<f64>| x.map(exact).unwrap_or_default();
         text += &csv_line(&[
@@ -176,9 +280,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_cell_has_its_line() {
-        let plan =
-            fixture::plan(&[("scene", fixture::words(&["a, b", "c"])), ("depth", fixture::numbers(&[2.0, 5.0]))], 1);
+    fn every_cell_has_a_line() {
+        let plan = fixture::plan(
+            &[
+                ("scene", fixture::texts(&["a, b", "c"])),
+                ("depth", fixture::numbers(&[2.0, 5.0])),
+            ],
+            1,
+        );
         let mut partial = fixture::done(2, &[(0.5, f64::NAN)]);
         partial.outcome = Outcome::Failed("device said \"no\"".to_owned());
         let results = [
@@ -200,13 +309,22 @@ mod tests {
     fn repeats_have_their_mean_and_interval() {
         let mut plan = fixture::plan(&[("depth", fixture::numbers(&[2.0, 5.0]))], 3);
         plan.measure.metrics.truncate(1);
-        let results: Vec<_> =
-            [1.0, 2.0, 3.0, 0.5].iter().enumerate().map(|(i, e)| fixture::done(i, &[(1.0, *e)])).collect();
+        let results: Vec<_> = [1.0, 2.0, 3.0, 0.5]
+            .iter()
+            .enumerate()
+            .map(|(i, e)| fixture::done(i, &[(1.0, *e)]))
+            .collect();
         let text = repeats_csv(&plan, &results);
         let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
         assert_eq!(
             lines[0][..5],
-            ["depth", "runs", "samples_per_pixel", "samples_per_pixel_low", "samples_per_pixel_high"]
+            [
+                "depth",
+                "runs",
+                "samples_per_pixel",
+                "samples_per_pixel_low",
+                "samples_per_pixel_high"
+            ]
         );
         assert_eq!(lines[0][11..], ["rmse", "rmse_low", "rmse_high"]);
         let half = 4.302_652_73 / 3f64.sqrt();
@@ -214,15 +332,30 @@ mod tests {
         assert!(mean == 2.0 && (low - 2.0 + half).abs() < 1e-6 && (high - 2.0 - half).abs() < 1e-6);
         assert_eq!(lines[2][11..], ["0.5", "", ""], "one run has no interval");
         assert_eq!(repeats_csv(&plan, &results[..1]), "", "nothing is repeated");
-        plan.cells[1].control = Some(0);
-        assert_eq!(repeats_csv(&plan, &results).lines().nth(1).unwrap()[..4], *"2,2,");
+        plan.cells[1].double_of = Some(0);
+        assert_eq!(
+            repeats_csv(&plan, &results).lines().nth(1).unwrap()[..4],
+            *"2,2,"
+        );
         assert!(csv(&plan, &results).starts_with("cell,run,depth,repeat,control_of,status,"));
-        assert!(csv(&plan, &results).lines().nth(2).unwrap().starts_with("1,run01,2,1,0,done,"));
+        assert!(
+            csv(&plan, &results)
+                .lines()
+                .nth(2)
+                .unwrap()
+                .starts_with("1,run01,2,1,0,done,")
+        );
     }
 
     #[test]
-    fn names_that_are_taken_stay_apart() {
-        let mut plan = fixture::plan(&[("repeat", fixture::numbers(&[1.0])), ("rmse", fixture::numbers(&[1.0]))], 1);
+    fn names_that_clash_are_prefixed() {
+        let mut plan = fixture::plan(
+            &[
+                ("repeat", fixture::numbers(&[1.0])),
+                ("rmse", fixture::numbers(&[1.0])),
+            ],
+            1,
+        );
         plan.measure.metrics.truncate(1);
         let text = csv(&plan, &[]);
         let header: Vec<&str> = text.lines().next().unwrap().split(',').collect();

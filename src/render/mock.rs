@@ -1,11 +1,11 @@
 //! The mock backend: analytic convergence on a fake clock.
 //!
-//! After `n` samples a pixel holds `truth + sigma * z / sqrt(n)`, where `truth` is a smooth function of the position,
-//! `sigma` is proportional to it, and `z` is a standard normal number that is fixed for each seed, pixel and channel.
-//! Four times the samples therefore halve every root mean square error exactly, and what a run loop, a stop rule or a
-//! convergence curve makes of that can be tested without rendering. A run that begins at a later sample holds what is added
-//! from there on. The clock advances by [`SECONDS_PER_PATH`] for
-//! every camera path; nothing ever sleeps.
+//! After `n` samples a pixel holds `truth + sigma * z / sqrt(n)`, where `truth` is a smooth
+//! function of the position, `sigma` is proportional to it, and `z` is a standard normal number
+//! that is fixed for each seed, pixel and channel. Four times the samples therefore halve every
+//! root mean square error exactly, so run loops, stop rules and convergence curves can be tested
+//! without rendering. A run that begins at a later sample holds only what the samples from there on
+//! add. The clock advances by [`SECONDS_PER_PATH`] for every camera path; the backend never sleeps.
 
 use std::f64::consts::TAU;
 use std::io::{self, Write};
@@ -13,23 +13,23 @@ use std::sync::Arc;
 
 use super::{BackendRow, Job, OpenStats, RenderError, Renderer, WaveStats};
 use crate::film::Film;
-use crate::film::state::Saved;
+use crate::film::state::StateReader;
 use crate::scene::CompiledScene;
 use crate::scene::desc::Model;
 
-/// Fake render time of one camera path, in seconds.
+/// Simulated render time of one camera path, in seconds.
 pub const SECONDS_PER_PATH: f64 = 1e-7;
 
-/// Standard deviation of one sample as a fraction of the pixel's truth. Small enough that no picture is ever negative:
-/// the normal numbers stay below 9.
+/// Standard deviation of one sample as a fraction of the pixel's truth. Small enough that no
+/// picture is ever negative: the normal numbers stay below 9.
 pub const RELATIVE_SIGMA: f64 = 0.1;
 
-/// The row of this backend.
+/// Table row of this backend.
 pub const ROW: BackendRow = BackendRow {
     name: "mock",
     doc: "Analytic convergence on a fake clock, for testing experiments without rendering.",
     probe: || Ok("a fake clock of 10 million paths per second".into()),
-    // It knows neither paths nor surfaces.
+    // It simulates neither paths nor surfaces.
     layers: false,
     times: false,
     models: &Model::ALL,
@@ -38,17 +38,28 @@ pub const ROW: BackendRow = BackendRow {
     accel: true,
     open: |scene, job| {
         if job.timing.is_some() {
-            return Err(RenderError::Unsupported { backend: "mock", reason: "it counts no time".into() });
+            return Err(RenderError::Unsupported {
+                backend: "mock",
+                reason: "films with a time axis are not supported".into(),
+            });
         }
         if !job.layers.is_empty() {
-            return Err(RenderError::Unsupported { backend: "mock", reason: "it has no layers".into() });
+            return Err(RenderError::Unsupported {
+                backend: "mock",
+                reason: "layers are not supported".into(),
+            });
         }
         Ok(Box::new(MockRenderer::new(scene, job)))
     },
-    paths: |_, _, _| Err(RenderError::Unsupported { backend: "mock", reason: "it traces no paths".into() }),
+    paths: |_, _, _| {
+        Err(RenderError::Unsupported {
+            backend: "mock",
+            reason: "it traces no paths".into(),
+        })
+    },
 };
 
-/// A run of the mock backend.
+/// Run of the mock backend.
 #[derive(Debug)]
 pub struct MockRenderer {
     film: Film,
@@ -61,8 +72,8 @@ pub struct MockRenderer {
 }
 
 impl MockRenderer {
-    /// A run of `job`. Of the scene only the content hash matters: it shifts the pattern, so that other scenes are
-    /// other pictures.
+    /// Starts a run of `job`. Only the content hash of the scene is used: it shifts the pattern, so
+    /// that different scenes give different pictures.
     pub fn new(scene: Arc<CompiledScene>, job: Job) -> MockRenderer {
         let [width, height] = job.resolution;
         let phase = f64::from(scene.content_hash[0]) / 256.0;
@@ -76,7 +87,9 @@ impl MockRenderer {
                 light * (0.5 + 0.3 * wave)
             })
         };
-        let normal = |(i, _): (usize, (u32, u32))| [0, 1, 2].map(|c| standard_normal(job.seed, 3 * i as u64 + c));
+        let normal = |(i, _): (usize, (u32, u32))| {
+            [0, 1, 2].map(|c| standard_normal(job.seed, 3 * i as u64 + c))
+        };
         MockRenderer {
             film: Film::new(width, height),
             truth: pixels().map(truth).collect(),
@@ -84,11 +97,14 @@ impl MockRenderer {
             max_depth: job.max_depth,
             first_sample: job.first_sample,
             fail_after: None,
-            open_stats: OpenStats { device: "mock, on a fake clock".into(), ..OpenStats::default() },
+            open_stats: OpenStats {
+                device: "mock, on a fake clock".into(),
+                ..OpenStats::default()
+            },
         }
     }
 
-    /// The same run, except that the wave which would take it past `samples` samples fails.
+    /// Makes the wave fail that would exceed `samples` samples.
     pub fn failing_after(mut self, samples: u64) -> MockRenderer {
         self.fail_after = Some(samples);
         self
@@ -103,16 +119,21 @@ impl Renderer for MockRenderer {
         let total = self.film.samples + samples;
         if let Some(limit) = self.fail_after.filter(|limit| total > *limit) {
             let reason = format!("asked to fail after {limit} samples");
-            return Err(RenderError::Failed { backend: "mock", reason });
+            return Err(RenderError::Failed {
+                backend: "mock",
+                reason,
+            });
         }
         let n = total as f64;
-        let [before, after] = [self.first_sample, self.first_sample + total].map(|n| (n as f64).sqrt());
+        let [before, after] =
+            [self.first_sample, self.first_sample + total].map(|n| (n as f64).sqrt());
         for (i, (truth, z)) in self.truth.iter().zip(&self.normal).enumerate() {
             for c in 0..3 {
                 let sigma = RELATIVE_SIGMA * truth[c];
                 let sum = n * truth[c] + sigma * z[c] * (after - before);
                 self.film.sum[i][c] = sum;
-                // Chosen so that the sample variance, (sum2 - sum^2 / n) / (n - 1), is sigma squared.
+                // Chosen so that the sample variance, (sum2 - sum^2 / n) / (n - 1), is sigma
+                // squared.
                 self.film.sum2[i][c] = sum * sum / n + sigma * sigma * (n - 1.0);
             }
         }
@@ -137,9 +158,12 @@ impl Renderer for MockRenderer {
     }
 
     fn restore(&mut self, state: &[u8]) -> Result<(), RenderError> {
-        let mut from = Saved::new(state);
-        let taken = self.film.restore(&mut from).and_then(|()| from.end());
-        taken.map_err(|e| RenderError::Failed { backend: "mock", reason: e.to_string() })
+        let mut from = StateReader::new(state);
+        let restored = self.film.restore(&mut from).and_then(|()| from.finish());
+        restored.map_err(|e| RenderError::Failed {
+            backend: "mock",
+            reason: e.to_string(),
+        })
     }
 
     fn open_stats(&self) -> &OpenStats {
@@ -147,7 +171,8 @@ impl Renderer for MockRenderer {
     }
 }
 
-/// A standard normal number for a seed and an index, by the polar form of two hashed uniforms [Box and Muller 1958].
+/// Returns a standard normal number for a seed and an index, by the polar form of two hashed
+/// uniforms [Box and Muller 1958].
 fn standard_normal(seed: u64, index: u64) -> f64 {
     let a = mix(seed ^ mix(index));
     let b = mix(a ^ 0x6a09_e667_f3bc_c908);
@@ -158,7 +183,7 @@ fn standard_normal(seed: u64, index: u64) -> f64 {
     (-2.0 * radius_uniform.ln()).sqrt() * (TAU * angle_uniform).cos()
 }
 
-/// The finaliser of SplitMix64 after one step of its counter [Steele 2014].
+/// Returns the output of SplitMix64 after one step of its counter [Steele 2014].
 fn mix(x: u64) -> u64 {
     let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -191,7 +216,12 @@ mod tests {
             tangents: Vec::new(),
             colors: Vec::new(),
             second_uvs: Vec::new(),
-            camera: CameraDesc { position: Vec3::Z, target: Vec3::ZERO, fov_deg: 40.0, ..CameraDesc::default() },
+            camera: CameraDesc {
+                position: Vec3::Z,
+                target: Vec3::ZERO,
+                fov_deg: 40.0,
+                ..CameraDesc::default()
+            },
             bounds: [Vec3::ZERO; 2],
             resolution: [24, 16],
             max_depth: 5,
@@ -199,7 +229,10 @@ mod tests {
     }
 
     fn job(seed: u64) -> Job {
-        Job { threads: 1, ..Job::plain(&INTEGRATORS[0], [24, 16], 5, seed) }
+        Job {
+            threads: 1,
+            ..Job::plain(&INTEGRATORS[0], [24, 16], 5, seed)
+        }
     }
 
     fn film_of(seed: u64, waves: &[u64]) -> Film {
@@ -254,18 +287,27 @@ mod tests {
         let square = z.iter().map(|z| z * z).sum::<f64>() / z.len() as f64;
         // 1152 normals: three standard errors of their mean and of their second moment.
         assert!(mean.abs() < 3.0 / (z.len() as f64).sqrt(), "{mean}");
-        assert!((square - 1.0).abs() < 3.0 * (2.0 / z.len() as f64).sqrt(), "{square}");
+        assert!(
+            (square - 1.0).abs() < 3.0 * (2.0 / z.len() as f64).sqrt(),
+            "{square}"
+        );
     }
 
     #[test]
     fn the_clock_counts_paths_and_a_failure_leaves_the_film_alone() {
         let mut renderer = MockRenderer::new(scene(), job(1)).failing_after(4);
         let stats = renderer.advance(4).unwrap();
-        assert_eq!((stats.samples, stats.paths, stats.rays), (4, 4 * 384, 4 * 384 * 5));
+        assert_eq!(
+            (stats.samples, stats.paths, stats.rays),
+            (4, 4 * 384, 4 * 384 * 5)
+        );
         assert!((stats.render_s - 4.0 * 384.0 * SECONDS_PER_PATH).abs() < 1e-15);
         let before = renderer.film().clone();
         let error = renderer.advance(1).unwrap_err();
-        assert_eq!(error.to_string(), "backend `mock` failed: asked to fail after 4 samples");
+        assert_eq!(
+            error.to_string(),
+            "backend `mock` failed: asked to fail after 4 samples"
+        );
         assert_eq!(renderer.film(), &before);
     }
 

@@ -1,16 +1,18 @@
-//! Backends: what runs an integrator over a compiled scene, a wave of samples at a time.
+//! Backends, which run an integrator over a compiled scene, a wave of samples at a time. [`Job`] is
+//! what to render, [`Renderer`] a run in progress, and [`BACKENDS`] the table of all backends.
 //!
-//! This room knows no integrator by name: a [`Job`] carries a row of
-//! [`INTEGRATORS`](crate::transport::integrator::INTEGRATORS). Nothing above it knows a graphics interface.
+//! No integrator is named in this module: a [`Job`] carries a row of
+//! [`INTEGRATORS`](crate::transport::integrator::INTEGRATORS). Nothing above this module depends on
+//! a graphics API.
 
-pub mod choice;
+pub mod backend_choice;
 pub mod cpu;
-pub mod entrance;
 pub mod external;
-pub mod halves;
 pub mod hierarchy;
+pub mod instance_transform;
 pub mod mock;
-pub mod paths;
+pub mod path_trace;
+pub mod reference_halves;
 #[cfg(feature = "vulkan")]
 pub mod vulkan;
 pub mod worker;
@@ -20,55 +22,60 @@ use std::io::{self, Write};
 use std::sync::Arc;
 
 use self::hierarchy::AccelSpec;
-use self::paths::{SampleAt, Step};
 use crate::film::Film;
 use crate::film::layer::{Layer, LayerFilm};
 use crate::film::time::TimeCube;
 use crate::scene::CompiledScene;
 use crate::scene::desc::Model;
 use crate::transport::camera::FilterSpec;
-use crate::transport::flight::Timing;
 use crate::transport::integrator::IntegratorRow;
+use crate::transport::path_time::Timing;
 use crate::transport::sampler::{INDEPENDENT, SamplerRow};
 use crate::value::Value;
+use path_trace::{PathEvent, SampleAt};
 
-/// Everything besides the scene that decides a picture.
+/// Everything besides the scene that determines a picture.
 #[derive(Clone, Debug)]
 pub struct Job {
-    /// The technique.
+    /// Integrator to run.
     pub integrator: &'static IntegratorRow,
-    /// Parameters of the technique, checked against its row's schema.
+    /// Parameters of the integrator, checked against its row's schema.
     pub params: BTreeMap<String, Value>,
     /// Width and height in pixels.
     pub resolution: [u32; 2],
-    /// Greatest number of path edges: 1 = emission only, 2 = direct light.
+    /// Maximum number of path edges: 1 = emission only, 2 = direct light.
     pub max_depth: u32,
-    /// First path edge after which Russian roulette may end a path; `None` is never.
+    /// First path edge after which Russian roulette may end a path; `None` disables it.
     pub rr_start: Option<u32>,
-    /// Pixel filter.
+    /// Pixel reconstruction filter.
     pub filter: FilterSpec,
-    /// The layers to fill besides the picture; none cost nothing.
+    /// Layers to fill besides the picture.
     pub layers: Vec<Layer>,
-    /// The time axis of the film; without one nothing is counted, and nothing is paid.
+    /// Time axis of the film, if it has one.
     pub timing: Option<Timing>,
-    /// Where the numbers of samples come from.
+    /// Generator of the samples' random numbers.
     pub sampler: &'static SamplerRow,
-    /// How the hierarchy is built through which rays are traced, where the backend builds one itself. Never changes the
+    /// Settings of the acceleration structure, for backends that build their own. Never changes the
     /// picture.
     pub accel: AccelSpec,
-    /// Seed of every random number of the run.
+    /// Seed of all random numbers of the run.
     pub seed: u64,
-    /// Index of its first sample of every pixel; the film counts from there. Samples are known by their index, so films of
-    /// ranges that follow one another are films of one run.
+    /// Index of the first sample of every pixel. Samples are identified by their index, so films of
+    /// consecutive ranges are parts of one run.
     pub first_sample: u64,
-    /// Worker threads; 0 is one for each core. Never changes the picture.
+    /// Number of render threads; 0 means one for each core. Never changes the picture.
     pub threads: usize,
 }
 
 impl Job {
-    /// A job without anything special: default parameters, no roulette, the pixel as filter, independent numbers, one thread
-    /// for each core.
-    pub fn plain(integrator: &'static IntegratorRow, resolution: [u32; 2], max_depth: u32, seed: u64) -> Job {
+    /// Creates a job with defaults: default parameters, no roulette, box filter of one pixel,
+    /// independent sampler, one thread for each core.
+    pub fn plain(
+        integrator: &'static IntegratorRow,
+        resolution: [u32; 2],
+        max_depth: u32,
+        seed: u64,
+    ) -> Job {
         Job {
             integrator,
             params: BTreeMap::new(),
@@ -87,32 +94,35 @@ impl Job {
     }
 }
 
-/// What one wave did.
+/// Statistics of one wave.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct WaveStats {
-    /// Samples added to every pixel.
+    /// Number of samples added to every pixel.
     pub samples: u64,
-    /// Seconds that rendering took, monotonic; the only time that counts: the time inside `advance`, or on a device, by its own
-    /// clock, from the beginning of its work on this wave to the end of its samples. What copying the sums takes is not in it.
+    /// Render time in seconds on a monotonic clock; the only time that is compared. It is the time
+    /// inside `advance`, or on a device, by the device's clock, from the start of its work on this
+    /// wave to the end of its samples. Copying the sums is not included.
     pub render_s: f64,
-    /// Seconds that a device besides the processor worked, by its own clock; 0 without one.
+    /// Time that a device other than the CPU was busy, in seconds by its own clock; 0 without one.
     pub device_s: f64,
-    /// Seconds by its clock from the end of its work for this run before this wave to the beginning of this wave's: it waited for
-    /// the host, copied what the wave before had left, or worked for others. 0 without such a device, and for its first wave.
+    /// Time in seconds by the device's clock from the end of its work for this run before this wave
+    /// to the start of its work on this wave: it waited for the host, copied the previous film, or
+    /// worked for other runs. 0 without a device and for the first wave.
     pub idle_s: f64,
-    /// Camera paths traced.
+    /// Number of camera paths traced.
     pub paths: u64,
-    /// Rays traced.
+    /// Number of rays traced.
     pub rays: u64,
-    /// Samples and splats whose value was NaN or infinite, and splats that do not fit into their sums; they count as
-    /// black and are never silently dropped.
+    /// Number of samples and splats whose value was NaN or infinite, and of splats that overflow
+    /// their sums. They count as black and are always reported.
     pub invalid: u64,
-    /// Column, row and sample index of the first such sample, or of the first that traced such a splat.
+    /// Column, row and sample index of the first invalid sample, or of the sample that traced the
+    /// first invalid splat.
     pub first_invalid: Option<[u64; 3]>,
 }
 
 impl WaveStats {
-    /// Counts what was done after this.
+    /// Adds the statistics of a later wave.
     pub fn add(&mut self, later: &WaveStats) {
         self.samples += later.samples;
         self.render_s += later.render_s;
@@ -125,161 +135,173 @@ impl WaveStats {
     }
 }
 
-/// What a renderer did before its first wave.
+/// Statistics of opening a renderer, before its first wave.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OpenStats {
-    /// Seconds spent copying scene and job to a device; 0 without one.
+    /// Time spent on copying scene and job to a device, in seconds; 0 without one.
     pub upload_s: f64,
-    /// Seconds spent compiling shaders and making pipelines; 0 without any.
+    /// Time spent on compiling shaders and creating pipelines, in seconds; 0 without any.
     pub pipeline_s: f64,
-    /// Seconds spent building acceleration structures.
+    /// Time spent on building acceleration structures, in seconds.
     pub accel_build_s: f64,
-    /// Their number of nodes.
+    /// Number of nodes of the acceleration structures.
     pub accel_nodes: u64,
-    /// Bytes of nodes and primitives as traversal reads them; 0 if that is not known.
+    /// Size of nodes and primitives as traversal reads them, in bytes; 0 if unknown.
     pub accel_bytes: u64,
-    /// What a ray costs that meets the scene's box, by the surface area heuristic: the nodes that it visits plus the
-    /// primitives that it is tested with; 0 if that is not known.
+    /// Expected cost of a ray that meets the scene's box, by the surface area heuristic: visited
+    /// nodes plus tested primitives; 0 if unknown.
     pub accel_cost: f64,
-    /// A line for people: device, builder, threads.
+    /// Line for users: device, builder, threads.
     pub device: String,
 }
 
-/// Why a backend cannot render.
+/// Reason why a backend cannot render.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RenderError {
-    /// The backend lacks something the job needs.
+    /// The backend lacks a feature that the job needs.
     #[error("backend `{backend}` cannot do this: {reason}")]
     Unsupported {
-        /// The backend.
+        /// Name of the backend.
         backend: &'static str,
-        /// What is missing.
+        /// Description of what is missing.
         reason: String,
     },
-    /// The device or the process that rendered is gone, and with it all that was not saved. Another try, from the newest
-    /// checkpoint, may succeed.
+    /// The device or the rendering process is gone, and with it everything that was not saved. A
+    /// retry from the newest checkpoint may succeed.
     #[error("backend `{backend}` is lost: {reason}")]
     Lost {
-        /// The backend.
+        /// Name of the backend.
         backend: &'static str,
-        /// What happened.
+        /// Description of what happened.
         reason: String,
     },
-    /// Something went wrong while rendering; the cell is lost, the night is not.
+    /// Rendering failed. The cell is lost, the night continues.
     #[error("backend `{backend}` failed: {reason}")]
     Failed {
-        /// The backend.
+        /// Name of the backend.
         backend: &'static str,
-        /// What happened.
+        /// Description of what happened.
         reason: String,
     },
 }
 
-/// A run in progress.
+/// Run of a job in progress on a backend.
 pub trait Renderer: Send {
     /// Adds `samples` samples to every pixel.
     ///
     /// # Errors
-    /// When the backend fails; the film must then not be used any more.
+    /// Returns an error if the backend fails; the film must not be used any more then.
     fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError>;
 
-    /// As [`Renderer::advance`]; and some `more` samples are likely to be asked for next, of which a device may do as many as it
-    /// likes while the host looks at the film. Neither that nor what then is asked for changes any bit of what can be seen. The clock
-    /// of whoever uses the same device meanwhile would count it, so that only one may, and 0 has to be said where another's turn
-    /// follows.
+    /// Does the same as [`Renderer::advance`]. `more` is the number of samples that the device may
+    /// start speculatively while the host reads the film. It never affects results. Pass 0 if
+    /// another run uses the device next, since the speculative work would be charged to its time.
     ///
     /// # Errors
-    /// As [`Renderer::advance`].
-    fn advance_toward(&mut self, samples: u64, _more: u64) -> Result<WaveStats, RenderError> {
+    /// Returns an error in the cases of [`Renderer::advance`].
+    fn advance_with_lookahead(
+        &mut self,
+        samples: u64,
+        _more: u64,
+    ) -> Result<WaveStats, RenderError> {
         self.advance(samples)
     }
 
-    /// The sums so far.
+    /// Returns the film with all samples so far.
     fn film(&self) -> &Film;
 
-    /// The two independent halves of the film, where it is made of such and both have samples: see [`halves`].
+    /// Returns the two independent halves of the film, if it consists of two and both have samples;
+    /// see [`reference_halves`].
     fn halves(&self) -> Option<[Arc<Film>; 2]> {
         None
     }
 
-    /// The films of the layers that the job asked for, in the order of [`LAYERS`](crate::film::layer::LAYERS); empty
-    /// if it asked for none.
+    /// Returns the films of the layers that the job requests, in the order of
+    /// [`LAYERS`](crate::film::layer::LAYERS).
     fn layers(&self) -> &[LayerFilm] {
         &[]
     }
 
-    /// The sums so far of film `index` of [`Renderer::layers`].
+    /// Returns the current sums of film `index` of [`Renderer::layers`].
     ///
     /// # Errors
-    /// When there is no such film, or the backend fails.
+    /// Returns an error if there is no such film or the backend fails.
     fn layer(&self, index: usize) -> Result<Film, RenderError> {
-        Err(RenderError::Failed { backend: "this", reason: format!("it has no film {index} of layers") })
+        Err(RenderError::Failed {
+            backend: "this",
+            reason: format!("layer film {index} does not exist"),
+        })
     }
 
-    /// The light of every pixel by its time, if the job has a time axis.
+    /// Returns the time-resolved film, if the job has a time axis.
     fn times(&self) -> Option<TimeCube> {
         None
     }
 
-    /// Writes all that another renderer of the same job needs to go on to the same bits, and says whether it did: a
-    /// backend that cannot writes nothing, and what is cut off starts again.
+    /// Writes the state from which another renderer of the same job resumes with identical bits.
+    /// Returns `false` and writes nothing if the backend does not support checkpoints; an
+    /// interrupted run starts again then.
     ///
     /// # Errors
-    /// As `to`.
+    /// Returns any error of the writer.
     fn save(&self, _to: &mut dyn Write) -> io::Result<bool> {
         Ok(false)
     }
 
-    /// Takes what a renderer of the same job on the same backend has written by [`Renderer::save`], before the first
-    /// wave.
+    /// Restores the state that a renderer of the same job on the same backend wrote by
+    /// [`Renderer::save`]. Must be called before the first wave.
     ///
     /// # Errors
-    /// When it does not fit; this renderer is then worthless.
+    /// Returns an error if the state does not match; this renderer must not be used any more then.
     fn restore(&mut self, _state: &[u8]) -> Result<(), RenderError> {
-        Err(RenderError::Unsupported { backend: "this", reason: "it cannot go on from a checkpoint".to_owned() })
+        Err(RenderError::Unsupported {
+            backend: "this",
+            reason: "it cannot resume from a checkpoint".to_owned(),
+        })
     }
 
-    /// What opening cost.
+    /// Returns the statistics of opening the renderer.
     fn open_stats(&self) -> &OpenStats;
 }
 
-/// Starts a run of a job on a scene.
+/// Function that starts a run of a job on a scene.
 pub type OpenFn = fn(Arc<CompiledScene>, Job) -> Result<Box<dyn Renderer>, RenderError>;
 
-/// The steps of each of some samples of a job.
-pub type PathsFn = fn(&Arc<CompiledScene>, &Job, &[SampleAt]) -> Result<Vec<Vec<Step>>, RenderError>;
+/// Function that records the events of each of some samples of a job.
+pub type PathsFn =
+    fn(&Arc<CompiledScene>, &Job, &[SampleAt]) -> Result<Vec<Vec<PathEvent>>, RenderError>;
 
-/// One row of [`BACKENDS`].
+/// Table row of [`BACKENDS`].
 pub struct BackendRow {
-    /// The name in scripts and on the command line.
+    /// Name in scripts and on the command line.
     pub name: &'static str,
-    /// One sentence for people.
+    /// Description in one sentence.
     pub doc: &'static str,
-    /// Whether this machine can use it, and on what; the text is the device or the reason why not.
+    /// Checks whether this machine can use the backend. Returns the device, or the reason why not.
     pub probe: fn() -> Result<String, String>,
-    /// Whether it can fill layers. If not, a plan that asks it for some is refused.
+    /// Whether it supports layers. If not, plans that request layers on it are refused.
     pub layers: bool,
-    /// Whether it counts the time of light and knows composed materials. If not, a plan that asks it for a film with a time
-    /// axis, or for a scene with such materials, is refused.
+    /// Whether it supports time-resolved films and composed materials. If not, plans that request a
+    /// time axis or use a scene with such materials on it are refused.
     pub times: bool,
-    /// The models of materials that it knows. A plan that asks it for a scene with others is refused.
+    /// Material models that it supports. Plans that use a scene with others on it are refused.
     pub models: &'static [Model],
-    /// Why it cannot carry out an integrator with paths of so many edges, if it cannot: a plan that asks for it is refused
-    /// with these words. Must not touch a device.
+    /// Returns why it cannot run an integrator with paths of up to this number of edges, or `None`
+    /// if it can. Plans that request it are refused with this reason. Must not touch a device.
     pub refuses: fn(&IntegratorRow, u32) -> Option<String>,
-    /// A hash of what of it is not as it was built, if anything: part of the identity of runs. The error says what is wrong
-    /// with it.
+    /// Returns a hash of shaders that were modified after the build, which becomes part of a run's
+    /// identity, or `None` if there are none. The error describes an invalid modification.
     pub edited: fn() -> Result<Option<String>, String>,
-    /// Whether it builds its hierarchy as a run's `accel` says. If not, a plan that asks it for anything but the default is
-    /// refused.
+    /// Whether it builds its acceleration structure according to `accel`. If not, plans that
+    /// request anything but the default are refused.
     pub accel: bool,
-    /// Starts a run.
+    /// Starts a run of a job.
     pub open: OpenFn,
-    /// Says what single samples of a job do, in this process; layers are left out.
+    /// Records the events of single samples of a job, in this process; layers are left out.
     pub paths: PathsFn,
 }
 
-/// Every backend there is.
+/// Table of all backends.
 pub const BACKENDS: &[BackendRow] = &[
     cpu::ROW,
     #[cfg(feature = "vulkan")]
@@ -294,42 +316,52 @@ pub const BACKENDS: &[BackendRow] = &[
 /// Opens a run of the backend with this name.
 ///
 /// # Errors
-/// When there is none, or it cannot render this.
-pub fn open(name: &str, scene: Arc<CompiledScene>, job: Job) -> Result<Box<dyn Renderer>, RenderError> {
+/// Returns an error if there is no such backend or it cannot render this job.
+pub fn open(
+    name: &str,
+    scene: Arc<CompiledScene>,
+    job: Job,
+) -> Result<Box<dyn Renderer>, RenderError> {
     match backend(name) {
         Some(row) => (row.open)(scene, job),
-        None => Err(RenderError::Unsupported { backend: "none", reason: format!("there is no backend `{name}`") }),
+        None => Err(RenderError::Unsupported {
+            backend: "none",
+            reason: format!("there is no backend `{name}`"),
+        }),
     }
 }
 
-/// The name of the backend that `auto` means on this machine, and why: `vulkan` on a device that traces rays,
-/// `vulkan-compute` on another one, and `cpu` where there is none, or only a program that plays one.
-pub fn automatic() -> (&'static str, String) {
-    if let Some(name) = choice::auto() {
-        return (name, "it meant that when the plan was frozen".to_owned());
+/// Returns the name of the backend that `auto` selects on this machine, and why: `vulkan` on a
+/// device with hardware ray tracing, `vulkan-compute` on other devices, and `cpu` if there is no
+/// device or only a software implementation.
+pub fn auto_backend() -> (&'static str, String) {
+    if let Some(name) = backend_choice::auto_backend() {
+        return (name, "as recorded in the night's plan".to_owned());
     }
     #[cfg(feature = "vulkan")]
-    let found = vulkan::automatic();
+    let found = vulkan::auto_backend();
     #[cfg(not(feature = "vulkan"))]
-    let found: Result<(&'static str, String), String> = Err("this program was built without Vulkan".to_owned());
+    let found: Result<(&'static str, String), String> =
+        Err("this program was built without Vulkan".to_owned());
     found.unwrap_or_else(|reason| (cpu::ROW.name, reason))
 }
 
-/// Names the one device of this machine that a backend renders on, for programs: its place among those of its kind, or
-/// nothing for the processor.
-pub fn device_place(backend: &str) -> String {
+/// Returns an index that identifies the device of this machine that a backend renders on among
+/// those of its kind, or an empty string for the CPU.
+pub fn device_index(backend: &str) -> String {
     #[cfg(feature = "vulkan")]
-    if let Some(place) = vulkan::place(backend) {
+    if let Some(place) = vulkan::device_index(backend) {
         return place;
     }
     let _ = backend;
     String::new()
 }
 
-/// The places of further devices of this machine that are of the model that a backend renders on; none where one was named.
-pub fn devices_alike(backend: &str) -> Vec<String> {
+/// Returns the indices of further devices of this machine that are of the same model as the one a
+/// backend renders on; none if a device was selected explicitly.
+pub fn same_model_devices(backend: &str) -> Vec<String> {
     #[cfg(feature = "vulkan")]
-    return vulkan::alike(backend);
+    return vulkan::same_model_devices(backend);
     #[cfg(not(feature = "vulkan"))]
     {
         let _ = backend;
@@ -337,19 +369,26 @@ pub fn devices_alike(backend: &str) -> Vec<String> {
     }
 }
 
-/// The places of the graphics devices of these names, each an index or a part of a name.
+/// Resolves names of graphics devices, each an index or a part of a name, to indices.
 ///
 /// # Errors
-/// When there is none of a name, or two names mean one.
-pub fn device_places(names: &[String]) -> Result<Vec<String>, String> {
+/// Returns a message if a name matches no device, or two names match the same one.
+pub fn resolve_devices(names: &[String]) -> Result<Vec<String>, String> {
     #[cfg(feature = "vulkan")]
-    return vulkan::places(names);
+    return vulkan::resolve_devices(names);
     #[cfg(not(feature = "vulkan"))]
-    Err(format!("there is no device `{}`: this program was built without Vulkan", names.join(", ")))
+    Err(format!(
+        "device `{}` is not available: this program was built without Vulkan",
+        names.join(", ")
+    ))
 }
 
-/// The row that `name` means; `auto` is that of [`automatic`].
+/// Returns the table row of a backend; `auto` means that of [`auto_backend`].
 pub fn backend(name: &str) -> Option<&'static BackendRow> {
-    let name = if name == "auto" { automatic().0 } else { name };
+    let name = if name == "auto" {
+        auto_backend().0
+    } else {
+        name
+    };
     BACKENDS.iter().find(|b| b.name == name)
 }

@@ -1,8 +1,10 @@
-//! Scenes: what a file or a script says ([`desc`]), how files are read ([`load`]), how one value is changed
-//! ([`edit`]), the flat arrays that a backend renders ([`mod@compile`]), and files for another renderer ([`export`]).
+//! Scenes: the description ([`desc`]), file loaders ([`load`]), edits of single values ([`edit`]),
+//! compilation to the flat arrays that a backend renders ([`mod@compile`]), and export for another
+//! renderer ([`export`]).
 //!
-//! Paths inside a scene file resolve against the file that names them. What a loader cannot honour becomes a
-//! [`Note`]; what it cannot understand is a [`SceneError`]. Nothing here knows how light moves.
+//! Paths inside a scene file are relative to the file that contains them. A part of a file that a
+//! loader cannot represent becomes a [`Note`]; a file that it cannot parse is a [`SceneError`].
+//! This module contains no light transport.
 
 pub mod compile;
 pub mod desc;
@@ -18,14 +20,14 @@ use std::path::PathBuf;
 pub use compile::{CompiledScene, compile};
 pub use desc::SceneDesc;
 
-/// Something in a scene file that could not be honoured, or was done otherwise than it says.
+/// A part of a scene file that was ignored, or interpreted differently than the file specifies.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Note {
-    /// The file that says it; empty where a whole scene is meant, whatever file it came from.
+    /// File that the note refers to; empty if the note concerns a whole scene of any origin.
     pub file: PathBuf,
-    /// Where in it: a key path such as `materials[2].displacementtexture`, or a line.
+    /// Location in the file: a key path such as `materials[2].displacementtexture`, or a line.
     pub place: String,
-    /// What was done instead.
+    /// Description of the problem and of what was done instead.
     pub message: String,
 }
 
@@ -34,51 +36,57 @@ impl std::fmt::Display for Note {
         if self.file.as_os_str().is_empty() {
             return write!(f, "{}: {}", self.place, self.message);
         }
-        write!(f, "{}: {}: {}", self.file.display(), self.place, self.message)
+        write!(
+            f,
+            "{}: {}: {}",
+            self.file.display(),
+            self.place,
+            self.message
+        )
     }
 }
 
-/// Why a scene cannot be used.
+/// Reason why a scene cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SceneError {
     /// A file could not be read at all.
     #[error("cannot read {}: {reason}", file.display())]
     Unreadable {
-        /// The file.
+        /// File that could not be read.
         file: PathBuf,
-        /// What the system said.
+        /// Error message of the operating system.
         reason: String,
     },
     /// A file could not be written.
     #[error("cannot write {}: {reason}", file.display())]
     Unwritable {
-        /// The file.
+        /// File that could not be written.
         file: PathBuf,
-        /// What the system said.
+        /// Error message of the operating system.
         reason: String,
     },
-    /// A file is not what its format says.
+    /// A file violates its format.
     #[error("{}: {place}: {problem}", file.display())]
     Malformed {
-        /// The file.
+        /// File that violates its format.
         file: PathBuf,
-        /// Line and column, byte, or key path.
+        /// Line and column, byte offset, or key path.
         place: String,
-        /// What was found and what was expected.
+        /// Description of what was found and what was expected.
         problem: String,
     },
-    /// No format knows the file.
-    #[error("{}: not a scene format that Lumbre knows (known: {known})", file.display())]
+    /// The file's name matches no supported format.
+    #[error("{}: unknown scene format; supported: {known}", file.display())]
     UnknownFormat {
-        /// The file.
+        /// File with the unknown format.
         file: PathBuf,
-        /// The known extensions.
+        /// Supported file extensions.
         known: String,
     },
-    /// A scene written in Lua is wrong; the text names file and line.
+    /// A scene script in Lua failed; the text names file and line.
     #[error("{0}")]
     Script(String),
-    /// A change by path (`set`) names nothing in the scene, or has a value of the wrong kind.
+    /// A change by path (`set`) names nothing in the scene, or has a value of the wrong type.
     #[error(transparent)]
     Edit(#[from] crate::value::schema::SchemaError),
 }

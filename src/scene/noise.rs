@@ -1,9 +1,9 @@
-//! Smooth noise for procedural scenes.
+//! Gradient noise for procedural scenes.
 
 use crate::math::rng::pcg4d;
 
-/// Gradient noise [Perlin 2002]: zero on the integer lattice, between -1 and 1, with continuous second derivatives.
-/// Coordinates beyond 2^31 repeat.
+/// Returns gradient noise [Perlin 2002]: zero on the integer lattice, between -1 and 1, with
+/// continuous second derivatives. The noise repeats for coordinates beyond 2^31.
 pub fn gradient([x, y, z]: [f64; 3]) -> f64 {
     let cell = [x, y, z].map(f64::floor);
     let local = [x - cell[0], y - cell[1], z - cell[2]];
@@ -12,15 +12,24 @@ pub fn gradient([x, y, z]: [f64; 3]) -> f64 {
     for corner in 0..8u32 {
         let bit = |axis: usize| f64::from((corner >> axis) & 1);
         let lattice = [0, 1, 2].map(|axis| (cell[axis] + bit(axis)) as i64 as u32);
-        let weight: f64 =
-            [0, 1, 2].map(|axis| if bit(axis) > 0.0 { fade[axis] } else { 1.0 - fade[axis] }).iter().product();
+        let weight: f64 = [0, 1, 2]
+            .map(|axis| {
+                if bit(axis) > 0.0 {
+                    fade[axis]
+                } else {
+                    1.0 - fade[axis]
+                }
+            })
+            .iter()
+            .product();
         let offset = [0, 1, 2].map(|axis| local[axis] - bit(axis));
         sum += weight * slope(lattice, offset);
     }
     sum
 }
 
-/// One of twelve gradients towards the edges of a cube, times the offset.
+/// Returns the dot product of the offset and the lattice point's gradient, one of twelve that point
+/// to the edges of a cube.
 fn slope([x, y, z]: [u32; 3], offset: [f64; 3]) -> f64 {
     let [word, ..] = pcg4d([x, y, z, 0x6e6f_6973]);
     let edge = (word >> 8) % 12;
@@ -29,9 +38,13 @@ fn slope([x, y, z]: [u32; 3], offset: [f64; 3]) -> f64 {
     sign(1) * offset[a] + sign(2) * offset[b]
 }
 
-/// Octaves of [`gradient`] noise, each of half the size and half the strength of the one before.
+/// Returns a sum of octaves of [`gradient`] noise, each with half the feature size and half the
+/// amplitude of the previous one.
 pub fn fractal(point: [f64; 3], octaves: u32) -> f64 {
-    (0..octaves).map(|i| f64::from(2u32.pow(i.min(30)))).map(|f| gradient(point.map(|p| p * f + f)) / f).sum()
+    (0..octaves)
+        .map(|i| f64::from(2u32.pow(i.min(30))))
+        .map(|f| gradient(point.map(|p| p * f + f)) / f)
+        .sum()
 }
 
 #[cfg(test)]
@@ -39,7 +52,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_is_smooth_bounded_and_of_no_mean() {
+    fn gradient_noise_is_smooth_bounded_and_has_zero_mean() {
         let (mut sum, mut squares, n) = (0.0, 0.0, 20_000);
         for i in 0..n {
             let p = [0.137, 0.219, 0.173].map(|s| s * f64::from(i));
@@ -56,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_zero_on_the_lattice_also_where_coordinates_are_negative() {
+    fn gradient_noise_is_zero_on_the_lattice_also_at_negative_coordinates() {
         for p in [[0.0, 0.0, 0.0], [3.0, -7.0, 2.0], [-1.0, -1.0, -1.0]] {
             assert_eq!(gradient(p), 0.0);
         }

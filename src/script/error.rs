@@ -1,4 +1,5 @@
-//! What can be wrong with a script, with the place in its text.
+//! Errors of scripts, with their position in the source text: [`ScriptError`] and the list of
+//! causes, [`Problem`].
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -6,83 +7,83 @@ use std::sync::Arc;
 
 use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode, SourceSpan};
 
-/// What is wrong.
+/// Cause of a script error.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Problem {
-    /// The file cannot be read at all.
+    /// The file cannot be read.
     #[error("cannot read the script: {reason}")]
     Unreadable {
-        /// What the system said.
+        /// Reason reported by the operating system.
         reason: String,
     },
     /// The file is too large to be a script.
     #[error("the script has {bytes} bytes; at most {limit} are read")]
     TooLarge {
-        /// Its size, or as much of it as was looked at.
+        /// Size of the file in bytes.
         bytes: u64,
-        /// The limit.
+        /// Largest accepted size in bytes.
         limit: u64,
     },
-    /// The file is no Lua text.
+    /// The file is not Lua text.
     #[error("the script is not text: {found}")]
     NotText {
-        /// What it is instead.
+        /// Description of the actual content.
         found: String,
     },
-    /// Lua cannot parse it.
+    /// Lua cannot parse the text.
     #[error("{message}")]
     Syntax {
-        /// Lua's own words.
+        /// Message of the Lua parser.
         message: String,
     },
-    /// Lua stopped with an error.
+    /// Running the script raised an error.
     #[error("{message}")]
     Runtime {
-        /// Lua's own words.
+        /// Message of the Lua error.
         message: String,
     },
-    /// It ran too long.
+    /// The script exceeded its time limit.
     #[error("{what} ran longer than its limit of {seconds} s")]
     Time {
-        /// What ran: loading, or one of the script's functions.
+        /// Activity that ran: loading, or one of the script's functions.
         what: &'static str,
-        /// The limit.
+        /// Time limit in seconds.
         seconds: f64,
     },
-    /// It wanted too much memory.
-    #[error("the script wants more than its limit of {mib} MiB of memory")]
+    /// The script exceeded its memory limit.
+    #[error("the script exceeded its limit of {mib} MiB of memory")]
     Memory {
-        /// The limit.
+        /// Memory limit in MiB.
         mib: usize,
     },
-    /// It did not end with its experiment.
+    /// The script did not return its experiment.
     #[error("the script returned {found}: end it with `return x`")]
     NoExperiment {
-        /// What it returned.
+        /// Kind of the value that it returned.
         found: String,
     },
-    /// An experiment was expected, and it describes a scene.
+    /// An experiment was expected, but the file describes a scene.
     #[error("this is a scene, not an experiment")]
     IsScene,
-    /// A scene was expected, and it did not end with one.
+    /// A scene was expected, but the file did not return one.
     #[error("the file returned {found}: a scene ends with `return s`")]
     NoScene {
-        /// What it returned.
+        /// Kind of the value that it returned.
         found: String,
     },
-    /// A field or an argument is wrong.
+    /// A field or an argument is invalid.
     #[error("{path}: {problem}")]
     Field {
-        /// The path to the field, such as `render.aa.radius`.
+        /// Path to the field, such as `render.aa.radius`.
         path: String,
-        /// What was found and what was expected.
+        /// The actual value and the expected one.
         problem: String,
     },
 }
 
-/// A script's error: what is wrong, in which file and line, and what helps.
+/// Error in a script: cause, file, line and help.
 ///
-/// As a [`Diagnostic`] it shows the line itself; as text it starts with `file:line:`.
+/// The [`Diagnostic`] shows the source line; the text form starts with `file:line:`.
 #[derive(Clone)]
 pub struct ScriptError(Box<Inner>);
 
@@ -91,46 +92,59 @@ struct Inner {
     file: PathBuf,
     problem: Problem,
     help: Option<String>,
-    spot: Option<Spot>,
+    highlight: Option<Highlight>,
 }
 
-/// A place in a text that is at hand.
+/// Part of a source text that an error report marks.
 #[derive(Clone)]
-pub(super) struct Spot {
+pub(super) struct Highlight {
     pub(super) text: Arc<NamedSource<String>>,
     pub(super) span: SourceSpan,
     pub(super) line: usize,
 }
 
 impl ScriptError {
-    pub(super) fn new(file: &Path, problem: Problem, help: Option<String>, spot: Option<Spot>) -> ScriptError {
-        ScriptError(Box::new(Inner { file: file.to_owned(), problem, help, spot }))
+    pub(super) fn new(
+        file: &Path,
+        problem: Problem,
+        help: Option<String>,
+        highlight: Option<Highlight>,
+    ) -> ScriptError {
+        ScriptError(Box::new(Inner {
+            file: file.to_owned(),
+            problem,
+            help,
+            highlight,
+        }))
     }
 
-    /// The file it is about.
+    /// Returns the file that contains the error.
     pub fn file(&self) -> &Path {
         &self.0.file
     }
 
-    /// The line, from 1, unless the file could not be read or no line is to blame.
+    /// Returns the line, from 1; `None` if the file could not be read or the error has no line.
     pub fn line(&self) -> Option<usize> {
-        self.0.spot.as_ref().map(|s| s.line)
+        self.0.highlight.as_ref().map(|s| s.line)
     }
 
-    /// What is wrong.
+    /// Returns the cause of the error.
     pub fn problem(&self) -> &Problem {
         &self.0.problem
     }
 
-    /// What would help, if anything is known.
+    /// Returns the help text, if there is one.
     pub fn help_text(&self) -> Option<&str> {
         self.0.help.as_deref()
     }
 
-    /// The part of the text that the error points at.
+    /// Returns the part of the source text that the error marks.
     pub fn pointed_at(&self) -> Option<&str> {
-        let spot = self.0.spot.as_ref()?;
-        spot.text.inner().get(spot.span.offset()..spot.span.offset() + spot.span.len())
+        let highlight = self.0.highlight.as_ref()?;
+        highlight
+            .text
+            .inner()
+            .get(highlight.span.offset()..highlight.span.offset() + highlight.span.len())
     }
 }
 
@@ -156,7 +170,8 @@ impl fmt::Debug for ScriptError {
 
 impl std::error::Error for ScriptError {}
 
-/// The help stands in the message itself, which logs show too; given here again, a report would say it twice.
+/// Diagnostic without a help text: the message already contains the help, since logs print only the
+/// message.
 impl Diagnostic for ScriptError {
     fn code<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
         let code = match self.0.problem {
@@ -176,11 +191,17 @@ impl Diagnostic for ScriptError {
     }
 
     fn source_code(&self) -> Option<&dyn SourceCode> {
-        self.0.spot.as_ref().map(|s| s.text.as_ref() as &dyn SourceCode)
+        self.0
+            .highlight
+            .as_ref()
+            .map(|s| s.text.as_ref() as &dyn SourceCode)
     }
 
     fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
-        let spot = self.0.spot.as_ref()?;
-        Some(Box::new(std::iter::once(LabeledSpan::new_with_span(Some("here".to_owned()), spot.span))))
+        let highlight = self.0.highlight.as_ref()?;
+        Some(Box::new(std::iter::once(LabeledSpan::new_with_span(
+            Some("here".to_owned()),
+            highlight.span,
+        ))))
     }
 }

@@ -1,52 +1,72 @@
-//! The script's functions, called while the plan is made and between waves.
+//! Calls of the script's functions while the plan is made and between waves: the implementation of
+//! [`ScriptHooks`].
 
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
 use mlua::{Function, Lua, Value as LuaValue};
 
-use super::api::builder::{Reference, Stop};
-use super::api::stop::rule_of;
-use super::api::{experiment, kind, render};
+use super::api::builder::{Reference, RenderedReference, Stop};
+use super::api::stop_rule::{cell_rules, reference_rules, rule_from_value};
+use super::api::{kind, render};
 use super::error::ScriptError;
-use super::source::Place;
+use super::source::SourcePlace;
 use super::state::{Shared, missing_name};
 use super::{Script, strict};
-use crate::experiment::spec::{AgreeRequest, HookError, Point, ReferenceRequest, ScriptHooks};
+use crate::experiment::spec::{BiasCheckRequest, HookError, Point, ReferenceRequest, ScriptHooks};
 use crate::experiment::{CellConfig, StopRule, WaveRow};
 use crate::transport::integrator::{INTEGRATORS, integrator};
 use crate::value::Value;
 use crate::value::schema::{SchemaError, unknown_name};
 
-/// Makes reading an axis that does not exist, and changing a point, an error.
+/// Creates the metatable of points. Reading an axis that does not exist, and changing a point, are
+/// errors.
 ///
 /// # Errors
-/// When there is no memory.
+/// Returns an error if the memory limit is exceeded.
 pub fn point_metatable(lua: &Lua, shared: &Rc<Shared>) -> mlua::Result<mlua::Table> {
-    let names: Vec<String> = shared.builder.borrow().axis_names().into_iter().map(str::to_owned).collect();
+    let names: Vec<String> = shared
+        .builder
+        .borrow()
+        .axis_names()
+        .into_iter()
+        .map(str::to_owned)
+        .collect();
     let meta = lua.create_table()?;
     let reader = Rc::clone(shared);
     meta.raw_set(
         "__index",
-        lua.create_function(move |lua, (_, key): (LuaValue, LuaValue)| -> mlua::Result<()> {
-            Err(missing_name(&reader, lua, "p", &key, &names, "axis"))
-        })?,
+        lua.create_function(
+            move |lua, (_, key): (LuaValue, LuaValue)| -> mlua::Result<()> {
+                Err(missing_name(&reader, lua, "p", &key, &names, "axis"))
+            },
+        )?,
     )?;
     let writer = Rc::clone(shared);
     meta.raw_set(
         "__newindex",
-        lua.create_function(move |lua, (_, _, _): (LuaValue, LuaValue, LuaValue)| -> mlua::Result<()> {
-            let place = writer.here(lua);
-            let problem = "a point of the sweep cannot be changed";
-            Err(mlua::Error::external(writer.sources.borrow().field(&place, "p", problem, None)))
-        })?,
+        lua.create_function(
+            move |lua, (_, _, _): (LuaValue, LuaValue, LuaValue)| -> mlua::Result<()> {
+                let place = writer.call_site(lua);
+                let problem = "a point of the sweep cannot be changed";
+                Err(mlua::Error::external(
+                    writer.sources.borrow().field(&place, "p", problem, None),
+                ))
+            },
+        )?,
     )?;
     meta.raw_set("__metatable", false)?;
     Ok(meta)
 }
 
 impl Script {
-    fn call(&self, what: &'static str, function: &Function, point: &Point) -> Result<LuaValue, ScriptError> {
+    /// Calls a function of the script with a point; `what` names the function in errors.
+    fn call(
+        &self,
+        what: &'static str,
+        function: &Function,
+        point: &Point,
+    ) -> Result<LuaValue, ScriptError> {
         self.shared.run(what, self.shared.limits.hook_s, || {
             let table = self.lua.create_table()?;
             for (name, value) in point {
@@ -57,17 +77,33 @@ impl Script {
         })
     }
 
-    /// The render table of a point, and where its function stands.
-    fn render_table(&self, point: &Point) -> Result<(BTreeMap<String, Value>, Place), ScriptError> {
-        let function = self.shared.builder.borrow().render.as_ref().map(|(f, _)| f.clone());
-        let Some(function) = function else { return Err(self.gone("x:render")) };
+    /// Returns the render table of a point, and the position of the render function.
+    fn render_table(
+        &self,
+        point: &Point,
+    ) -> Result<(BTreeMap<String, Value>, SourcePlace), ScriptError> {
+        let function = self
+            .shared
+            .builder
+            .borrow()
+            .render
+            .as_ref()
+            .map(|(f, _)| f.clone());
+        let Some(function) = function else {
+            return Err(self.missing_declaration("x:render"));
+        };
         let place = self.shared.function_place(&function);
         let returned = self.call("the render function", &function, point)?;
-        Ok((self.table_of(&returned, "render", &place)?, place))
+        Ok((self.returned_fields(&returned, "render", &place)?, place))
     }
 
-    /// The named fields of a table that a function returned.
-    fn table_of(&self, value: &LuaValue, path: &str, place: &Place) -> Result<BTreeMap<String, Value>, ScriptError> {
+    /// Converts the table that a function returned to its named fields.
+    fn returned_fields(
+        &self,
+        value: &LuaValue,
+        path: &str,
+        place: &SourcePlace,
+    ) -> Result<BTreeMap<String, Value>, ScriptError> {
         let read = || match value {
             LuaValue::Table(_) => strict::read(value, path, ""),
             other => Err(SchemaError {
@@ -81,172 +117,307 @@ impl Script {
             Ok(Value::Map(map)) => Ok(map),
             Ok(Value::List(items)) if items.is_empty() => Ok(BTreeMap::new()),
             Ok(other) => {
-                let problem = format!("the function returned {}: expected named fields", other.kind());
-                Err(self.shared.sources.borrow().field(place, path, problem, None))
+                let problem = format!(
+                    "the function returned {}: expected named fields",
+                    other.kind()
+                );
+                Err(self
+                    .shared
+                    .sources
+                    .borrow()
+                    .field(place, path, problem, None))
             }
-            Err(e) => Err(self.blame(place, e)),
+            Err(e) => Err(self.locate_error(place, e)),
         }
     }
 
-    fn blame(&self, place: &Place, error: SchemaError) -> ScriptError {
-        self.shared.sources.borrow().blame(place, error)
+    fn locate_error(&self, place: &SourcePlace, error: SchemaError) -> ScriptError {
+        self.shared.sources.borrow().locate_error(place, error)
     }
 
-    /// What loading has made sure of is not there.
-    fn gone(&self, what: &str) -> ScriptError {
-        let place = Place { source: 0, line: 1, last: None };
-        self.shared.sources.borrow().field(&place, what, "was never said", None)
+    /// Returns the error for a declaration that is missing. Loading checks the declarations, so
+    /// this indicates a bug.
+    fn missing_declaration(&self, what: &str) -> ScriptError {
+        let place = SourcePlace {
+            source: 0,
+            line: 1,
+            last: None,
+        };
+        self.shared
+            .sources
+            .borrow()
+            .field(&place, what, "is not declared in the script", None)
     }
 
-    /// What a function that answers a question said: true, or false for false and nil.
-    fn answer(&self, value: &LuaValue, path: &str, function: &Function) -> Result<bool, ScriptError> {
+    /// Converts the result of a function that returns a boolean; nil counts as false.
+    fn returned_bool(
+        &self,
+        value: &LuaValue,
+        path: &str,
+        function: &Function,
+    ) -> Result<bool, ScriptError> {
         match value {
             LuaValue::Boolean(b) => Ok(*b),
             LuaValue::Nil => Ok(false),
             other => {
                 let place = self.shared.function_place(function);
-                let problem = format!("the function returned {}: expected true, false or nothing", kind(other));
-                Err(self.shared.sources.borrow().field(&place, path, problem, None))
+                let problem = format!(
+                    "the function returned {}: expected true, false or nothing",
+                    kind(other)
+                );
+                Err(self
+                    .shared
+                    .sources
+                    .borrow()
+                    .field(&place, path, problem, None))
             }
         }
     }
 
-    fn find_image(&self, file: &str, source: String, place: &Place) -> Result<ReferenceRequest, ScriptError> {
+    /// Returns the request for a reference image at `file`.
+    fn find_image(
+        &self,
+        file: &str,
+        source: String,
+        place: &SourcePlace,
+    ) -> Result<ReferenceRequest, ScriptError> {
         render::find_file(file, &self.shared.folder, "reference.image", "image")
             .map(|file| ReferenceRequest::File { file, source })
-            .map_err(|e| self.blame(place, e))
+            .map_err(|e| self.locate_error(place, e))
     }
 
-    fn reference_of(&self, point: &Point) -> Result<Option<ReferenceRequest>, ScriptError> {
-        let said = self.shared.builder.borrow().reference.clone();
-        match said {
+    /// Returns the reference of a point, or `None` if the script has none.
+    fn reference_request(&self, point: &Point) -> Result<Option<ReferenceRequest>, ScriptError> {
+        let reference = self.shared.builder.borrow().reference.clone();
+        match reference {
             None => Ok(None),
-            Some(Reference::Image { file, source, place }) => self.find_image(&file, source, &place).map(Some),
-            Some(Reference::ImageOf { file, source }) => {
+            Some(Reference::Image {
+                file,
+                source,
+                place,
+            }) => self.find_image(&file, source, &place).map(Some),
+            Some(Reference::ImageFunction { file, source }) => {
                 let place = self.shared.function_place(&file);
                 match self.call("the reference's image function", &file, point)? {
-                    LuaValue::String(s) => self.find_image(&s.to_string_lossy(), source, &place).map(Some),
+                    LuaValue::String(s) => self
+                        .find_image(&s.to_string_lossy(), source, &place)
+                        .map(Some),
                     other => {
-                        let problem = format!("the function returned {}: expected a file", kind(&other));
-                        Err(self.shared.sources.borrow().field(&place, "reference.image", problem, None))
+                        let problem =
+                            format!("the function returned {}: expected a file", kind(&other));
+                        Err(self.shared.sources.borrow().field(
+                            &place,
+                            "reference.image",
+                            problem,
+                            None,
+                        ))
                     }
                 }
             }
-            Some(Reference::Render { from, stop, agree, parts, place }) => {
-                let config = self.reference_config(from.as_ref(), point)?;
-                let stop = self.rule(&stop, &place, point, true)?;
-                let agree = match agree {
-                    None => None,
-                    Some(agree) if integrator(&agree.with).is_none() => {
-                        let known = INTEGRATORS.iter().map(|row| row.name);
-                        let mut error = unknown_name("reference.agree.with", &agree.with, "integrator", known);
-                        error.key = "with".to_owned();
-                        return Err(self.blame(&place, error));
-                    }
-                    Some(agree) => Some(Box::new(AgreeRequest {
-                        config: CellConfig {
-                            integrator: agree.with,
-                            params: BTreeMap::new(),
-                            films: Vec::new(),
-                            timing: None,
-                            ..config.clone()
-                        },
-                        stop: agree.stop.unwrap_or_else(|| stop.clone()),
-                        rate: agree.rate,
-                    })),
-                };
-                Ok(Some(ReferenceRequest::Render { config: Box::new(config), stop, agree, parts }))
-            }
+            Some(Reference::Render(render)) => self.render_request(&render, point).map(Some),
         }
     }
 
-    fn reference_config(&self, from: Option<&Function>, point: &Point) -> Result<CellConfig, ScriptError> {
+    /// Returns the request for a rendered reference of a point.
+    fn render_request(
+        &self,
+        reference: &RenderedReference,
+        point: &Point,
+    ) -> Result<ReferenceRequest, ScriptError> {
+        let place = &reference.place;
+        let config = self.reference_config(reference.from.as_ref(), point)?;
+        let stop = self.rule(&reference.stop, place, point, true)?;
+        let bias_check = match &reference.bias_check {
+            None => None,
+            Some(check) if integrator(&check.integrator).is_none() => {
+                let known = INTEGRATORS.iter().map(|row| row.name);
+                let mut error = unknown_name(
+                    "reference.agree.with",
+                    &check.integrator,
+                    "integrator",
+                    known,
+                );
+                error.key = "with".to_owned();
+                return Err(self.locate_error(place, error));
+            }
+            Some(check) => Some(Box::new(BiasCheckRequest {
+                config: CellConfig {
+                    integrator: check.integrator.clone(),
+                    params: BTreeMap::new(),
+                    films: Vec::new(),
+                    timing: None,
+                    ..config.clone()
+                },
+                stop: check.stop.clone().unwrap_or_else(|| stop.clone()),
+                rate: check.rate,
+            })),
+        };
+        Ok(ReferenceRequest::Render {
+            config: Box::new(config),
+            stop,
+            bias_check,
+            shards: reference.shards,
+        })
+    }
+
+    /// Returns the configuration of a rendered reference: the cell's render table with the
+    /// overrides of `from`.
+    fn reference_config(
+        &self,
+        from: Option<&Function>,
+        point: &Point,
+    ) -> Result<CellConfig, ScriptError> {
         const PATH: &str = "reference.from";
         let (own, own_place) = self.render_table(point)?;
         let Some(from) = from else {
             let own = render::merge(&own, &BTreeMap::new());
-            return render::cell(&own, &self.shared.folder, "render").map_err(|e| self.blame(&own_place, e));
+            return render::cell_config(&own, &self.shared.folder, "render")
+                .map_err(|e| self.locate_error(&own_place, e));
         };
         let place = self.shared.function_place(from);
-        let overrides = self.table_of(&self.call("the reference's from function", from, point)?, PATH, &place)?;
+        let overrides = self.returned_fields(
+            &self.call("the reference's from function", from, point)?,
+            PATH,
+            &place,
+        )?;
         let merged = render::merge(&own, &overrides);
-        render::cell(&merged, &self.shared.folder, PATH).map_err(|e| {
-            // A field that the overrides do not say is the render function's.
-            let field = e.path.strip_prefix(PATH).and_then(|p| p.strip_prefix('.')).and_then(|p| p.split('.').next());
-            let theirs = field.is_none_or(|f| overrides.contains_key(f) || overrides.contains_key(&e.key));
-            self.blame(if theirs { &place } else { &own_place }, e)
+        render::cell_config(&merged, &self.shared.folder, PATH).map_err(|e| {
+            // A field that is not in the overrides comes from the render function.
+            let field = e
+                .path
+                .strip_prefix(PATH)
+                .and_then(|p| p.strip_prefix('.'))
+                .and_then(|p| p.split('.').next());
+            let is_override =
+                field.is_none_or(|f| overrides.contains_key(f) || overrides.contains_key(&e.key));
+            self.locate_error(if is_override { &place } else { &own_place }, e)
         })
     }
 
-    fn stop_of(&self, point: &Point) -> Result<StopRule, ScriptError> {
-        let Some((stop, place)) = self.shared.builder.borrow().stop.clone() else { return Err(self.gone("x:stop")) };
+    /// Returns the stop rule of a cell.
+    fn stop_rule(&self, point: &Point) -> Result<StopRule, ScriptError> {
+        let Some((stop, place)) = self.shared.builder.borrow().stop.clone() else {
+            return Err(self.missing_declaration("x:stop"));
+        };
         self.rule(&stop, &place, point, false)
     }
 
-    /// The rule of a cell or of its reference as plain data, from the function that makes it if it is one; `place` is
-    /// where it was handed over.
-    fn rule(&self, stop: &Stop, place: &Place, point: &Point, reference: bool) -> Result<StopRule, ScriptError> {
+    /// Converts the stop rule of a cell or of its reference to plain data. If `stop` is a function,
+    /// it is called with the point. `place` is the position of the declaration.
+    fn rule(
+        &self,
+        stop: &Stop,
+        place: &SourcePlace,
+        point: &Point,
+        reference: bool,
+    ) -> Result<StopRule, ScriptError> {
         let function = match stop {
             Stop::Rule(rule) => return rule.lower(&self.shared, place),
             Stop::Function(function) => function,
         };
         let place = self.shared.function_place(function);
         let returned = self.call("the stop function", function, point)?;
-        let Some(rule) = rule_of(&returned) else {
-            let problem = format!("the function returned {}: expected a stop rule", kind(&returned));
+        let Some(rule) = rule_from_value(&returned) else {
+            let problem = format!(
+                "the function returned {}: expected a stop rule",
+                kind(&returned)
+            );
             let path = if reference { "reference.stop" } else { "stop" };
-            return Err(self.shared.sources.borrow().field(&place, path, problem, None));
+            return Err(self
+                .shared
+                .sources
+                .borrow()
+                .field(&place, path, problem, None));
         };
-        // Borrowed only now: the function may have tried to say more.
+        // Borrowed only after the call, since the function may call methods of the experiment.
         let builder = self.shared.builder.borrow();
         let columns = builder.columns();
-        let cells = experiment::cell_rules(&builder, &columns);
-        rule.check(&self.shared, &if reference { experiment::reference_rules(&columns) } else { cells })?;
+        let cells = cell_rules(&builder, &columns);
+        rule.check(
+            &self.shared,
+            &if reference {
+                reference_rules(&columns)
+            } else {
+                cells
+            },
+        )?;
         rule.lower(&self.shared, &place)
     }
 
-    fn ask(&self, id: usize, columns: &[String], rows: &[WaveRow]) -> Result<bool, ScriptError> {
-        let Some(function) = self.shared.predicates.borrow().get(id) else { return Err(self.gone("stop.predicate")) };
-        let answer = self.shared.run("a stop predicate", self.shared.limits.hook_s, || {
-            self.lua.scope(|scope| {
-                let meta = self.lua.create_table()?;
-                let known: Vec<String> = rows.last().map(|r| row_fields(columns, r)).unwrap_or_default();
-                let reader = Rc::clone(&self.shared);
-                meta.raw_set(
-                    "__index",
-                    self.lua.create_function(move |lua, (_, key): (LuaValue, LuaValue)| -> mlua::Result<()> {
-                        Err(missing_name(&reader, lua, "row", &key, &known, "column"))
-                    })?,
-                )?;
-                meta.raw_set("__metatable", false)?;
-                // Rows become tables only when they are looked at: a night has tens of thousands.
-                let history = self.lua.create_table()?;
-                let history_meta = self.lua.create_table()?;
-                let (length, row_meta) = (rows.len(), meta.clone());
-                let lookup = scope.create_function(move |lua, (table, key): (mlua::Table, LuaValue)| {
-                    let index = key.as_integer().and_then(|i| usize::try_from(i).ok()).unwrap_or(0);
-                    match index.checked_sub(1).and_then(|i| rows.get(i)) {
-                        Some(row) => {
-                            let row = row_table(lua, columns, row, &row_meta)?;
-                            table.raw_set(index, &row)?;
-                            Ok(LuaValue::Table(row))
-                        }
-                        None => Ok(LuaValue::Nil),
-                    }
-                })?;
-                history_meta.raw_set("__index", lookup)?;
-                history_meta.raw_set("__len", self.lua.create_function(move |_, ()| Ok(length))?)?;
-                history_meta.raw_set("__metatable", false)?;
-                history.set_metatable(Some(history_meta))?;
-                let newest = history.get::<LuaValue>(length)?;
-                function.call::<LuaValue>((newest, history))
-            })
-        })?;
-        self.answer(&answer, "stop.predicate", &function)
+    /// Calls the stop predicate `id` with the newest row and all rows so far.
+    fn evaluate_predicate(
+        &self,
+        id: usize,
+        columns: &[String],
+        rows: &[WaveRow],
+    ) -> Result<bool, ScriptError> {
+        let Some(function) = self.shared.predicates.borrow().get(id) else {
+            return Err(self.missing_declaration("stop.predicate"));
+        };
+        let answer = self
+            .shared
+            .run("a stop predicate", self.shared.limits.hook_s, || {
+                self.lua.scope(|scope| {
+                    let meta = self.lua.create_table()?;
+                    let known: Vec<String> = rows
+                        .last()
+                        .map(|r| row_fields(columns, r))
+                        .unwrap_or_default();
+                    let reader = Rc::clone(&self.shared);
+                    meta.raw_set(
+                        "__index",
+                        self.lua.create_function(
+                            move |lua, (_, key): (LuaValue, LuaValue)| -> mlua::Result<()> {
+                                Err(missing_name(&reader, lua, "row", &key, &known, "column"))
+                            },
+                        )?,
+                    )?;
+                    meta.raw_set("__metatable", false)?;
+                    let history = self.history_table(scope, columns, rows, &meta)?;
+                    let newest = history.get::<LuaValue>(rows.len())?;
+                    function.call::<LuaValue>((newest, history))
+                })
+            })?;
+        self.returned_bool(&answer, "stop.predicate", &function)
     }
 }
 
-/// A plain value as Lua has it.
+impl Script {
+    /// Creates the table of all rows that predicates receive. Rows become tables only when the
+    /// script reads them, since a run can have tens of thousands.
+    fn history_table<'scope, 'env>(
+        &'env self,
+        scope: &'scope mlua::Scope<'scope, 'env>,
+        columns: &'env [String],
+        rows: &'env [WaveRow],
+        row_meta: &mlua::Table,
+    ) -> mlua::Result<mlua::Table> {
+        let history = self.lua.create_table()?;
+        let meta = self.lua.create_table()?;
+        let (length, row_meta) = (rows.len(), row_meta.clone());
+        let lookup = scope.create_function(move |lua, (table, key): (mlua::Table, LuaValue)| {
+            let index = key
+                .as_integer()
+                .and_then(|i| usize::try_from(i).ok())
+                .unwrap_or(0);
+            match index.checked_sub(1).and_then(|i| rows.get(i)) {
+                Some(row) => {
+                    let row = row_table(lua, columns, row, &row_meta)?;
+                    table.raw_set(index, &row)?;
+                    Ok(LuaValue::Table(row))
+                }
+                None => Ok(LuaValue::Nil),
+            }
+        })?;
+        meta.raw_set("__index", lookup)?;
+        meta.raw_set("__len", self.lua.create_function(move |_, ()| Ok(length))?)?;
+        meta.raw_set("__metatable", false)?;
+        history.set_metatable(Some(meta))?;
+        Ok(history)
+    }
+}
+
+/// Converts a plain value to a Lua value.
 pub(super) fn to_lua(lua: &Lua, value: &Value) -> mlua::Result<LuaValue> {
     Ok(match value {
         Value::Nil => LuaValue::Nil,
@@ -255,7 +426,10 @@ pub(super) fn to_lua(lua: &Lua, value: &Value) -> mlua::Result<LuaValue> {
         Value::Num(x) => LuaValue::Number(*x),
         Value::Str(s) => LuaValue::String(lua.create_string(s)?),
         Value::List(items) => {
-            let items = items.iter().map(|v| to_lua(lua, v)).collect::<mlua::Result<Vec<_>>>()?;
+            let items = items
+                .iter()
+                .map(|v| to_lua(lua, v))
+                .collect::<mlua::Result<Vec<_>>>()?;
             LuaValue::Table(lua.create_sequence_from(items)?)
         }
         Value::Map(map) => {
@@ -268,7 +442,7 @@ pub(super) fn to_lua(lua: &Lua, value: &Value) -> mlua::Result<LuaValue> {
     })
 }
 
-/// The numbers of a measurement that every predicate can read.
+/// Returns the columns of a measurement that exist in every experiment.
 fn row_numbers(row: &WaveRow) -> [(&'static str, f64); 8] {
     [
         ("wave", row.wave as f64),
@@ -282,12 +456,26 @@ fn row_numbers(row: &WaveRow) -> [(&'static str, f64); 8] {
     ]
 }
 
+/// Returns the names of all columns of a measurement, including metrics.
 fn row_fields(columns: &[String], row: &WaveRow) -> Vec<String> {
-    let metrics = columns.iter().zip(&row.metrics).map(|(name, _)| name.clone());
-    row_numbers(row).iter().map(|(name, _)| (*name).to_owned()).chain(metrics).collect()
+    let metrics = columns
+        .iter()
+        .zip(&row.metrics)
+        .map(|(name, _)| name.clone());
+    row_numbers(row)
+        .iter()
+        .map(|(name, _)| (*name).to_owned())
+        .chain(metrics)
+        .collect()
 }
 
-fn row_table(lua: &Lua, columns: &[String], row: &WaveRow, meta: &mlua::Table) -> mlua::Result<mlua::Table> {
+/// Converts a measurement to the table that predicates receive.
+fn row_table(
+    lua: &Lua,
+    columns: &[String],
+    row: &WaveRow,
+    meta: &mlua::Table,
+) -> mlua::Result<mlua::Table> {
     let table = lua.create_table()?;
     for (name, value) in row_numbers(row) {
         table.raw_set(name, to_lua(lua, &Value::number(value))?)?;
@@ -299,43 +487,62 @@ fn row_table(lua: &Lua, columns: &[String], row: &WaveRow, meta: &mlua::Table) -
     Ok(table)
 }
 
-fn hook<T>(result: Result<T, ScriptError>) -> Result<T, HookError> {
+/// Converts a script error to the error type of [`ScriptHooks`].
+fn hook_result<T>(result: Result<T, ScriptError>) -> Result<T, HookError> {
     result.map_err(|e| HookError(Box::new(e)))
 }
 
 impl ScriptHooks for Script {
     fn skip(&self, rule: usize, point: &Point) -> Result<bool, HookError> {
-        let function = self.shared.builder.borrow().skips.get(rule).map(|(_, f)| f.clone());
-        hook(function.ok_or_else(|| self.gone("x:skip")).and_then(|function| {
-            let answer = self.call("a skip function", &function, point)?;
-            self.answer(&answer, "skip", &function)
-        }))
+        let function = self
+            .shared
+            .builder
+            .borrow()
+            .skips
+            .get(rule)
+            .map(|(_, f)| f.clone());
+        hook_result(
+            function
+                .ok_or_else(|| self.missing_declaration("x:skip"))
+                .and_then(|function| {
+                    let answer = self.call("a skip function", &function, point)?;
+                    self.returned_bool(&answer, "skip", &function)
+                }),
+        )
     }
 
     fn render(&self, point: &Point) -> Result<CellConfig, HookError> {
-        hook(self.render_table(point).and_then(|(map, place)| {
-            render::cell(&map, &self.shared.folder, "render").map_err(|e| self.blame(&place, e))
+        hook_result(self.render_table(point).and_then(|(map, place)| {
+            render::cell_config(&map, &self.shared.folder, "render")
+                .map_err(|e| self.locate_error(&place, e))
         }))
     }
 
     fn reference(&self, point: &Point) -> Result<Option<ReferenceRequest>, HookError> {
-        hook(self.reference_of(point))
+        hook_result(self.reference_request(point))
     }
 
     fn stop(&self, point: &Point) -> Result<StopRule, HookError> {
-        hook(self.stop_of(point))
+        hook_result(self.stop_rule(point))
     }
 
-    fn control(&self, point: &Point) -> Result<Option<bool>, HookError> {
-        let said = self.shared.builder.borrow().control.clone();
-        let Some(Some(function)) = said else { return Ok(None) };
-        hook(
+    fn aa_check(&self, point: &Point) -> Result<Option<bool>, HookError> {
+        let selection = self.shared.builder.borrow().aa_check.clone();
+        let Some(Some(function)) = selection else {
+            return Ok(None);
+        };
+        hook_result(
             self.call("the control function", &function, point)
-                .and_then(|answer| self.answer(&answer, "control", &function).map(Some)),
+                .and_then(|answer| self.returned_bool(&answer, "control", &function).map(Some)),
         )
     }
 
-    fn predicate(&self, id: usize, columns: &[String], rows: &[WaveRow]) -> Result<bool, HookError> {
-        hook(self.ask(id, columns, rows))
+    fn predicate(
+        &self,
+        id: usize,
+        columns: &[String],
+        rows: &[WaveRow],
+    ) -> Result<bool, HookError> {
+        hook_result(self.evaluate_predicate(id, columns, rows))
     }
 }

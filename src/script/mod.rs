@@ -1,16 +1,19 @@
-//! Scripts: Lua in, plain data out.
+//! Lua scripts: converts a script of an experiment or of a scene to plain data.
 //!
-//! A script runs once, in a sandbox, and returns its experiment; nothing renders meanwhile. [`load`] turns it into a
-//! [`Spec`] and keeps the Lua state, so that the functions it gave (`render`, `skip`, predicates ..) can be asked for
-//! each point of the sweep and between waves, as [`ScriptHooks`](crate::experiment::spec::ScriptHooks).
+//! A script runs once, in a sandbox, and returns its experiment; nothing is rendered meanwhile.
+//! [`load`] converts it to an [`ExperimentSpec`] and retains the Lua state, so that the script's
+//! functions (`render`, `skip`, predicates) can be called for each point of the sweep and between
+//! waves, through [`ScriptHooks`](crate::experiment::spec::ScriptHooks). [`scene`] loads scenes
+//! written in Lua.
 //!
-//! Everything is read strictly: an unknown key, a wrong type, a value out of range or a missing file is one
-//! [`ScriptError`] with the line, the path to the field and the nearest known name. The tables that check are the
-//! tables from which [`docgen`] writes the editor annotations.
+//! Validation is strict: an unknown key, a wrong type, a value out of range or a missing file is
+//! one [`ScriptError`] with the line, the path to the field and the most similar name. The tables
+//! that validate are also the source of the editor annotations ([`docgen`]) and of the reference
+//! page ([`reference`]).
 //!
-//! The sandbox has no files, no clock, no processes and no randomness; `require` reaches only below the script's
-//! folder; memory and time are limited ([`Limits`]). Iteration by `pairs` has a fixed order, because a plan must be
-//! the same every time.
+//! The sandbox has no files, clock, processes or random numbers; `require` reads only below the
+//! script's folder; memory and time are limited ([`Limits`]). Iteration with `pairs` has a fixed
+//! order, so that a plan is the same in every process.
 
 mod api;
 pub mod docgen;
@@ -18,6 +21,7 @@ mod error;
 mod hooks;
 mod limits;
 mod locate;
+pub mod reference;
 mod require;
 pub mod scene;
 mod source;
@@ -33,77 +37,101 @@ use mlua::{Lua, Value as LuaValue};
 
 pub use error::{Problem, ScriptError};
 pub use limits::Limits;
+pub use reference::reference;
 
-use crate::experiment::Spec;
+use crate::experiment::ExperimentSpec;
 use api::builder::Builder;
 use state::{Purpose, Shared};
 
-/// A script that was read: its experiment, and its functions.
+/// Loaded script: its experiment, and the Lua state with its functions.
 ///
-/// It belongs to the thread that loaded it.
+/// It can be used only on the thread that loaded it.
 #[derive(Debug)]
 pub struct Script {
-    /// What it says.
-    pub spec: Spec,
+    /// The experiment that the script describes.
+    pub spec: ExperimentSpec,
     shared: Rc<Shared>,
-    /// Metatable of the points that its functions get.
+    /// Metatable of the points that are passed to the script's functions.
     points: mlua::Table,
     lua: Lua,
 }
 
 impl Script {
-    /// The files of the modules that it requires.
+    /// Returns the files of the modules that the script requires.
     pub fn modules(&self) -> Vec<PathBuf> {
-        self.shared.sources.borrow().modules().map(Path::to_owned).collect()
+        self.shared
+            .sources
+            .borrow()
+            .modules()
+            .map(Path::to_owned)
+            .collect()
     }
 }
 
-/// Reads a script under the default [`Limits`].
+/// Loads a script under the default [`Limits`].
 ///
 /// # Errors
-/// Whatever is wrong with it; see [`Problem`].
+/// Returns the first error in the script; [`Problem`] lists them.
 pub fn load(path: &Path) -> Result<Script, ScriptError> {
     load_with(path, Limits::default())
 }
 
-/// Reads a script under the given limits.
+/// Loads a script under the given limits.
 ///
 /// # Errors
-/// Whatever is wrong with it; see [`Problem`].
+/// Returns the first error in the script; [`Problem`] lists them.
 pub fn load_with(path: &Path, limits: Limits) -> Result<Script, ScriptError> {
     load_text(path, source::read(path)?, limits)
 }
 
-/// Reads a script whose text was kept elsewhere, as if it still stood in its file: what lies beside that is found.
+/// Loads a script from `text` as if it were the content of the file at `path`: modules and other
+/// files are searched beside that path.
 ///
 /// # Errors
-/// Whatever is wrong with it; see [`Problem`].
+/// Returns the first error in the script; [`Problem`] lists them.
 pub fn load_text(path: &Path, text: String, limits: Limits) -> Result<Script, ScriptError> {
-    let Read { shared, lua, returned } = read(path, &text, limits, Purpose::Experiment)?;
+    let ExecutedFile {
+        shared,
+        lua,
+        returned,
+    } = run_file(path, &text, limits, Purpose::Experiment)?;
     let spec = finish(&shared, &returned, path, text)?;
     let points = hooks::point_metatable(&lua, &shared).map_err(|e| shared.convert(&e))?;
-    Ok(Script { spec, shared, points, lua })
+    Ok(Script {
+        spec,
+        shared,
+        points,
+        lua,
+    })
 }
 
-/// A file that has run, with what it returned.
-struct Read {
+/// Lua file that has run, with the value that it returned.
+struct ExecutedFile {
     shared: Rc<Shared>,
     lua: Lua,
     returned: LuaValue,
 }
 
-/// Runs a file for a purpose, in a state of its own.
-fn read(path: &Path, text: &str, limits: Limits, purpose: Purpose) -> Result<Read, ScriptError> {
-    let what = match purpose {
+/// Runs a file in a new Lua state.
+fn run_file(
+    path: &Path,
+    text: &str,
+    limits: Limits,
+    purpose: Purpose,
+) -> Result<ExecutedFile, ScriptError> {
+    let activity = match purpose {
         Purpose::Experiment => "loading the script",
         Purpose::Scene { .. } => "loading the scene",
     };
-    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let name = path
+        .file_name()
+        .map(|n| n.to_string_lossy().into_owned())
+        .unwrap_or_default();
     let mut sources = source::Sources::default();
     sources.add(&name, path, text.to_owned());
     let shared = Rc::new(Shared {
         limits,
-        watch: limits::Watch::default(),
+        watchdog: limits::Watchdog::default(),
         sources: RefCell::new(sources),
         folder: folder_of(path),
         loading: Cell::new(true),
@@ -116,13 +144,21 @@ fn read(path: &Path, text: &str, limits: Limits, purpose: Purpose) -> Result<Rea
     let lua = state::new_state(&shared).map_err(|e| shared.convert(&e))?;
     api::register(&lua, &shared).map_err(|e| shared.convert(&e))?;
     let chunk = format!("@{}", shared.sources.borrow().get(0).chunk);
-    let returned = shared
-        .run(what, limits.load_s, || lua.load(text).set_name(chunk).set_mode(ChunkMode::Text).call::<LuaValue>(()))?;
+    let returned = shared.run(activity, limits.load_s, || {
+        lua.load(text)
+            .set_name(chunk)
+            .set_mode(ChunkMode::Text)
+            .call::<LuaValue>(())
+    })?;
     shared.loading.set(false);
-    Ok(Read { shared, lua, returned })
+    Ok(ExecutedFile {
+        shared,
+        lua,
+        returned,
+    })
 }
 
-/// The folder of a script, from which its modules and files are found.
+/// Returns the folder of a script, in which its modules and files are searched.
 fn folder_of(path: &Path) -> PathBuf {
     match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
@@ -130,24 +166,39 @@ fn folder_of(path: &Path) -> PathBuf {
     }
 }
 
-/// Checks that the script returned its experiment and that its parts fit together, and makes the spec.
-fn finish(shared: &Shared, returned: &LuaValue, path: &Path, script_text: String) -> Result<Spec, ScriptError> {
+/// Checks that the script returned its experiment and that its declarations are consistent, and
+/// returns the spec.
+fn finish(
+    shared: &Shared,
+    returned: &LuaValue,
+    path: &Path,
+    script_text: String,
+) -> Result<ExperimentSpec, ScriptError> {
     let builder = shared.builder.borrow();
     let head = match (&builder.head, returned) {
         (Some(head), LuaValue::Table(t)) if *t == head.object => head,
         _ => {
             let help = match builder.head {
-                Some(_) => "x is what experiment(..) gave",
+                Some(_) => "return the value that experiment(..) returned",
                 None => "begin with: local x = experiment(\"name\", { seed = 1 })",
             };
             let line = locate::last_line(&script_text);
-            let place = source::Place { source: 0, line, last: None };
-            let problem = Problem::NoExperiment { found: api::kind(returned).to_owned() };
-            return Err(shared.sources.borrow().error(&place, problem, Some(help.to_owned())));
+            let place = source::SourcePlace {
+                source: 0,
+                line,
+                last: None,
+            };
+            let problem = Problem::NoExperiment {
+                found: api::kind(returned).to_owned(),
+            };
+            return Err(shared
+                .sources
+                .borrow()
+                .error(&place, problem, Some(help.to_owned())));
         }
     };
     api::experiment::check(&builder, head, shared)?;
-    Ok(Spec {
+    Ok(ExperimentSpec {
         name: head.name.clone(),
         seed: head.seed,
         repeats: head.repeats,
@@ -155,10 +206,17 @@ fn finish(shared: &Shared, returned: &LuaValue, path: &Path, script_text: String
         script_text,
         script_hash: shared.sources.borrow().hash(),
         axes: builder.axes.clone(),
-        skips: builder.skips.iter().map(|(reason, _)| reason.clone()).collect(),
-        measure: builder.measure.as_ref().map_or_else(api::measure::nothing, |(m, _)| m.clone()),
+        skips: builder
+            .skips
+            .iter()
+            .map(|(reason, _)| reason.clone())
+            .collect(),
+        measure: builder
+            .measure
+            .as_ref()
+            .map_or_else(api::measure::default_measure, |(m, _)| m.clone()),
         night: builder.night.clone(),
-        control: builder.control.is_some(),
+        aa_check: builder.aa_check.is_some(),
         figures: builder.figures.iter().map(|(f, _)| f.clone()).collect(),
         tables: builder.tables.iter().map(|(t, _)| t.clone()).collect(),
     })

@@ -1,7 +1,8 @@
--- Runs once in every new state, before any script, and leaves the globals that a script may use.
+-- Runs once in every new state, before any script, and removes all globals that scripts may not use.
 --
--- A debug hook counts instructions and ends what runs too long. It cannot count inside the C functions of Lua's own
--- libraries, nor inside finalizers and error handlers, so whatever could stay there for long is guarded here.
+-- A debug hook counts instructions and interrupts scripts that exceed their time limit. It is not called inside the C
+-- functions of Lua's libraries, nor inside finalizers and error handlers, so functions that could run there for a long
+-- time are guarded here.
 
 local native = ...
 
@@ -11,8 +12,8 @@ local error, getmetatable, next, rawget, tonumber, tostring, type =
 local concat, pack, sort = table.concat, table.pack, table.sort
 local within_limits, plain_table, quick_pattern = native.within_limits, native.plain_table, native.quick_pattern
 
-local MOST = 10000000 -- elements that one call may visit
-local LONGEST = 1 << 28 -- bytes that string.rep may make
+local MAX_ELEMENTS = 10000000 -- largest number of elements that one call may visit
+local MAX_STRING = 1 << 28 -- largest result of string.rep in bytes
 
 local allowed = {}
 for _, name in next, { "_G", "_VERSION", "assert", "error", "getmetatable", "ipairs", "math", "next", "pairs", "pcall",
@@ -25,28 +26,28 @@ for name in next, _G do
 end
 string.dump, math.random, math.randomseed = nil, nil, nil
 
--- An expired limit must not be caught: it is raised again outside the protected call.
-local function passed(...)
+-- Raises the error of a passed time limit again, outside the protected call, so that a script cannot catch it.
+local function check_limits(...)
   within_limits()
   return ...
 end
 
 function pcall(f, ...)
-  return passed(raw_pcall(f, ...))
+  return check_limits(raw_pcall(f, ...))
 end
 
--- Lua would run the handler before leaving the failed call, where no limit reaches it.
-local function handled(handler, ok, ...)
+-- Calls the handler after the failed call has returned. Lua would call it inside the failed call, where no limit applies.
+local function call_handler(handler, ok, ...)
   if ok then return ok, ... end
   return ok, handler(...)
 end
 
 function xpcall(f, handler, ...)
-  return handled(handler, passed(raw_pcall(f, ...)))
+  return call_handler(handler, check_limits(raw_pcall(f, ...)))
 end
 
--- Finalizers run where no limit reaches them. Functions that close variables are taken away when a limit has passed,
--- and for that every metatable is remembered as long as it lives.
+-- Finalizers would run where no limit applies, so they are refused. `__close` metamethods are removed when a limit has
+-- passed; for that, every metatable is recorded in a weak table.
 local metatables = raw_setmetatable({}, { __mode = "k" })
 native.metatables = metatables
 
@@ -58,7 +59,7 @@ function setmetatable(t, meta)
   return raw_setmetatable(t, meta)
 end
 
--- Lua's own order of named keys changes from run to run; a sweep built in a loop must not.
+-- Orders keys. Lua's own order of named keys changes from run to run; a sweep built in a loop must not.
 local function before(a, b)
   local ta, tb = type(a), type(b)
   if ta ~= tb then return ta < tb end
@@ -91,7 +92,7 @@ function print(...)
   native.log(concat(parts, "\t"))
 end
 
--- Library functions that loop in C as often as their arguments say.
+-- Adds a check of the arguments to a library function that loops in C as often as its arguments demand.
 local function guard(library, name, check)
   local raw = library[name]
   library[name] = function(...)
@@ -100,24 +101,24 @@ local function guard(library, name, check)
   end
 end
 
-local function few(from, to)
+local function check_range(from, to)
   from, to = tonumber(from), tonumber(to)
-  if from and to and to - from > MOST then
-    error("this would visit more than " .. MOST .. " elements", 4)
+  if from and to and to - from > MAX_ELEMENTS then
+    error("this would visit more than " .. MAX_ELEMENTS .. " elements", 4)
   end
 end
 
 guard(table, "insert", plain_table)
 guard(table, "remove", plain_table)
 guard(table, "sort", plain_table)
-guard(table, "unpack", function(t, from, to) plain_table(t) few(from or 1, to) end)
-guard(table, "concat", function(t, _, from, to) plain_table(t) few(from or 1, to) end)
-guard(table, "move", function(_, from, to) few(from, to) end)
+guard(table, "unpack", function(t, from, to) plain_table(t) check_range(from or 1, to) end)
+guard(table, "concat", function(t, _, from, to) plain_table(t) check_range(from or 1, to) end)
+guard(table, "move", function(_, from, to) check_range(from, to) end)
 guard(string, "rep", function(text, n, separator)
   local length = #tostring(text) + #tostring(separator or "")
   n = tonumber(n)
-  if n and n > 0 and (n > LONGEST or n * length > LONGEST) then
-    error("string.rep would make more than " .. (LONGEST >> 20) .. " MiB", 3)
+  if n and n > 0 and (n > MAX_STRING or n * length > MAX_STRING) then
+    error("string.rep would make more than " .. (MAX_STRING >> 20) .. " MiB", 3)
   end
 end)
 for _, name in next, { "match", "gmatch", "gsub" } do

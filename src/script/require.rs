@@ -1,4 +1,4 @@
-//! `require`: Lua modules below the script's own folder, and nowhere else.
+//! `require` for scripts: loads Lua modules from below the script's own folder only.
 
 use std::path::PathBuf;
 use std::rc::Rc;
@@ -11,43 +11,58 @@ use super::error::ScriptError;
 use super::source;
 use super::state::Shared;
 
-/// The parameters of `require`, for the editor annotations.
+/// Parameters of `require`, for the annotations and the reference page.
 pub const PARAMS: &[Param] = &[Param {
     name: "name",
     ty: "string",
-    doc: "The module: `lib.boxes` or `lib/boxes` is the file `lib/boxes.lua` beside the script.",
+    doc: "Name of the module: `lib.boxes` or `lib/boxes` is the file `lib/boxes.lua` beside the \
+          script.",
 }];
 
-/// Key of the table of loaded modules in Lua's registry.
+/// Key of the table of loaded modules in the Lua registry.
 const LOADED: &str = "lumbre.modules";
 
-/// Most modules of one script.
+/// Largest number of modules of one script.
 const MAX_MODULES: usize = 256;
 
-/// Loads a module once and returns what it returned, or `true` if that was nothing.
+/// Loads a module once and returns its value, or `true` if the module returned nothing.
 ///
 /// # Errors
-/// A name that leads out of the folder, a missing file, a cycle, or the module's own error.
+/// Returns an error for an invalid name, a path outside the script's folder, a missing file, a
+/// cycle, a call after loading, or an error in the module.
 pub fn require(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
     args.at_most(shared, 1)?;
     let name = args.text(shared, 0, "name")?;
     let steps: Vec<&str> = name.split(['.', '/']).collect();
-    let legal = |step: &&str| !step.is_empty() && step.chars().all(|c| c.is_alphanumeric() || c == '_' || c == '-');
+    let legal = |step: &&str| {
+        !step.is_empty()
+            && step
+                .chars()
+                .all(|c| c.is_alphanumeric() || c == '_' || c == '-')
+    };
     if !steps.iter().all(legal) {
-        let help = "modules lie below the script's own folder: `lib.boxes` is lib/boxes.lua".to_owned();
-        return Err(args.error(shared, format!("`{name}` is no name of a module"), Some(help)));
+        let help = "modules must be below the script's own folder: `lib.boxes` is \
+             lib/boxes.lua"
+            .to_owned();
+        return Err(args.error(
+            shared,
+            format!("`{name}` is not a valid module name"),
+            Some(help),
+        ));
     }
     let key = steps.join("/");
     let loaded = loaded_table(lua).map_err(|e| shared.convert(&e))?;
-    let known: LuaValue = loaded.raw_get(key.as_str()).map_err(|e| shared.convert(&e))?;
+    let known: LuaValue = loaded
+        .raw_get(key.as_str())
+        .map_err(|e| shared.convert(&e))?;
     if !known.is_nil() {
         return Ok(known);
     }
     if !shared.loading.get() {
-        let help = "require it at the top of the script".to_owned();
+        let help = "call require at the top of the script".to_owned();
         return Err(args.error(
             shared,
-            format!("`{name}` can no longer be loaded: the plan is being made"),
+            format!("`{name}` cannot be loaded after the script has ended"),
             Some(help),
         ));
     }
@@ -56,28 +71,55 @@ pub fn require(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, 
         chain.push(key);
         return Err(args.error(
             shared,
-            format!("modules require each other in a circle: {}", chain.join(" -> ")),
+            format!(
+                "modules require each other in a circle: {}",
+                chain.join(" -> ")
+            ),
             None,
         ));
     }
     if shared.sources.borrow().count() > MAX_MODULES {
-        return Err(args.error(shared, format!("more than {MAX_MODULES} modules"), None));
+        return Err(args.error(
+            shared,
+            format!("the script requires more than {MAX_MODULES} modules"),
+            None,
+        ));
     }
-    let file = find(shared, args, &key)?;
-    let text = source::read(&file)?;
-    let index = shared.sources.borrow_mut().add(&format!("{key}.lua"), &file, text.clone());
-    let chunk = format!("@{}", shared.sources.borrow().get(index).chunk);
-    shared.requiring.borrow_mut().push(key.clone());
-    let result = lua.load(text).set_name(chunk).set_mode(ChunkMode::Text).call::<LuaValue>(());
-    shared.requiring.borrow_mut().pop();
-    let value = match result.map_err(|e| shared.convert(&e))? {
-        LuaValue::Nil => LuaValue::Boolean(true),
-        value => value,
-    };
-    loaded.raw_set(key, value.clone()).map_err(|e| shared.convert(&e))?;
+    let value = run_module(shared, lua, args, &key)?;
+    loaded
+        .raw_set(key, value.clone())
+        .map_err(|e| shared.convert(&e))?;
     Ok(value)
 }
 
+/// Runs the module `key` and returns its value, or `true` if it returned nothing.
+fn run_module(
+    shared: &Rc<Shared>,
+    lua: &Lua,
+    args: &Args,
+    key: &str,
+) -> Result<LuaValue, ScriptError> {
+    let file = find(shared, args, key)?;
+    let text = source::read(&file)?;
+    let index = shared
+        .sources
+        .borrow_mut()
+        .add(&format!("{key}.lua"), &file, text.clone());
+    let chunk = format!("@{}", shared.sources.borrow().get(index).chunk);
+    shared.requiring.borrow_mut().push(key.to_owned());
+    let result = lua
+        .load(text)
+        .set_name(chunk)
+        .set_mode(ChunkMode::Text)
+        .call::<LuaValue>(());
+    shared.requiring.borrow_mut().pop();
+    Ok(match result.map_err(|e| shared.convert(&e))? {
+        LuaValue::Nil => LuaValue::Boolean(true),
+        value => value,
+    })
+}
+
+/// Returns the table of loaded modules, which is created on first use.
 fn loaded_table(lua: &Lua) -> mlua::Result<mlua::Table> {
     match lua.named_registry_value::<LuaValue>(LOADED)? {
         LuaValue::Table(t) => Ok(t),
@@ -89,15 +131,20 @@ fn loaded_table(lua: &Lua) -> mlua::Result<mlua::Table> {
     }
 }
 
-/// The module's file, which must lie below the folder even when links are followed.
+/// Returns the module's file. It must be below the script's folder even after symbolic links are
+/// resolved.
 fn find(shared: &Shared, args: &Args, key: &str) -> Result<PathBuf, ScriptError> {
     let file = shared.folder.join(format!("{key}.lua"));
     let real = |path: &PathBuf| path.canonicalize();
     match (real(&file), real(&shared.folder)) {
         (Ok(found), Ok(folder)) if found.starts_with(&folder) => Ok(file),
         (Ok(_), Ok(_)) => {
-            let help = "modules lie below the script's own folder".to_owned();
-            Err(args.error(shared, format!("{} leads out of the script's folder", file.display()), Some(help)))
+            let help = "modules must be below the script's own folder".to_owned();
+            Err(args.error(
+                shared,
+                format!("{} is outside the script's folder", file.display()),
+                Some(help),
+            ))
         }
         _ => Err(args.error(shared, format!("there is no file {}", file.display()), None)),
     }

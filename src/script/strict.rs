@@ -1,8 +1,9 @@
-//! Strict reading: from Lua to plain data.
+//! Strict conversion of Lua values to plain data.
 //!
-//! What has no plain meaning is an error with its path: functions and other objects where data is expected, NaN,
-//! text that is not UTF-8, keys that are neither names nor a list's places, lists with holes, tables that are a
-//! list and a record at once, tables that contain themselves. Metatables are ignored: only what a table holds counts.
+//! Values without a plain form are errors with their path: functions and other objects where data
+//! is expected, NaN, text that is not UTF-8, keys that are neither names nor list indices, lists
+//! with holes, tables that are a list and a record at once, tables that contain themselves.
+//! Metatables are ignored: only the entries of a table count.
 
 use std::collections::BTreeMap;
 use std::ffi::c_void;
@@ -13,60 +14,73 @@ use super::api::kind;
 use crate::value::Value;
 use crate::value::schema::{SchemaError, Table, Ty, unknown_key};
 
-/// Most values that one reading takes in; a table that is met twice counts twice.
+/// Largest number of values in one conversion; a table that occurs twice counts twice.
 const MAX_VALUES: usize = 500_000;
 
-/// Most bytes of text that one reading takes in.
+/// Largest number of bytes of text in one conversion.
 const MAX_TEXT: usize = 16 << 20;
 
 /// Deepest nesting of tables.
 const MAX_DEPTH: usize = 24;
 
-/// A table read against a schema whose fields of type [`Ty::Object`] stay Lua values.
+/// Table that was checked against a schema; fields of type [`Ty::Object`] remain Lua values.
 #[derive(Debug, Default)]
 pub struct Fields {
-    /// The plain fields, checked.
+    /// Plain fields, checked against the schema.
     pub values: BTreeMap<String, Value>,
-    /// The fields whose schema type is an object.
+    /// Fields whose schema type is an object.
     pub objects: BTreeMap<String, Lua>,
-    /// Fields that the schema does not know, if they were allowed; ordered by name.
+    /// Fields that are not in the schema, if they are allowed; ordered by name.
     pub extra: Vec<(String, Lua)>,
 }
 
-/// What the reading has taken in so far, and the tables it is inside of.
+/// State of one conversion.
 #[derive(Default)]
 struct Reader {
+    /// Number of values so far.
     values: usize,
+    /// Bytes of text so far.
     text: usize,
+    /// Addresses of the tables that enclose the current value.
     inside: Vec<*const c_void>,
 }
 
-/// Reads one value. `key` is the last name on `path`, for finding its line.
+/// Converts one value. `key` is the last name on `path`, for finding its line.
 ///
 /// # Errors
-/// Whatever is not plain data; see the module.
+/// Returns an error for a value that is not plain data, as listed in the module documentation.
 pub fn read(value: &Lua, path: &str, key: &str) -> Result<Value, SchemaError> {
     Reader::default().value(value, path, key)
 }
 
-/// Reads a table whose keys are all names, in the order of the names.
+/// Returns the entries of a table whose keys are all names, ordered by name.
 ///
 /// # Errors
-/// A key that is no name.
+/// Returns an error for a key that is not a name.
 pub fn entries(table: &mlua::Table, path: &str) -> Result<Vec<(String, Lua)>, SchemaError> {
     let key = path.rsplit('.').next().unwrap_or(path);
-    match Reader::default().shape(table, path, key)? {
-        Shape::List(items) if items.is_empty() => Ok(Vec::new()),
-        Shape::List(_) => Err(problem(path, key, "expected a table of named fields, found a list".to_owned())),
-        Shape::Record(fields) => Ok(fields),
+    match Reader::default().entries(table, path, key)? {
+        TableEntries::List(items) if items.is_empty() => Ok(Vec::new()),
+        TableEntries::List(_) => Err(problem(
+            path,
+            key,
+            "expected a table of named fields, found a list".to_owned(),
+        )),
+        TableEntries::Record(fields) => Ok(fields),
     }
 }
 
-/// Reads a table against its schema. Keys that the schema does not know are errors unless `extra`.
+/// Converts a table and checks it against its schema. Keys that are not in the schema are errors
+/// unless `extra`.
 ///
 /// # Errors
-/// Whatever is not plain data, and whatever the schema rejects.
-pub fn fields(table: &mlua::Table, schema: &Table, path: &str, extra: bool) -> Result<Fields, SchemaError> {
+/// Returns an error for a value that is not plain data or that the schema rejects.
+pub fn fields(
+    table: &mlua::Table,
+    schema: &Table,
+    path: &str,
+    extra: bool,
+) -> Result<Fields, SchemaError> {
     let mut out = Fields::default();
     let mut check = BTreeMap::new();
     for (key, value) in entries(table, path)? {
@@ -81,21 +95,32 @@ pub fn fields(table: &mlua::Table, schema: &Table, path: &str, extra: bool) -> R
                 out.values.insert(key, value);
             }
             None if extra => out.extra.push((key, value)),
-            None => return Err(unknown_key(&format!("{path}.{key}"), &key, schema.fields.iter().map(|f| f.key))),
+            None => {
+                return Err(unknown_key(
+                    &format!("{path}.{key}"),
+                    &key,
+                    schema.fields.iter().map(|f| f.key),
+                ));
+            }
         }
     }
     schema.check(path, &check)?;
     Ok(out)
 }
 
-/// A table is one of these, never both.
-enum Shape {
+/// Entries of a Lua table, which is a list or a record but never both.
+enum TableEntries {
     List(Vec<Lua>),
     Record(Vec<(String, Lua)>),
 }
 
 fn problem(path: &str, key: &str, problem: String) -> SchemaError {
-    SchemaError { path: path.to_owned(), problem, help: None, key: key.to_owned() }
+    SchemaError {
+        path: path.to_owned(),
+        problem,
+        help: None,
+        key: key.to_owned(),
+    }
 }
 
 impl Reader {
@@ -104,25 +129,44 @@ impl Reader {
             Lua::Nil => Ok(Value::Nil),
             Lua::Boolean(b) => Ok(Value::Bool(*b)),
             Lua::Integer(i) => Ok(Value::Int(*i)),
-            Lua::Number(x) if x.is_nan() => {
-                Err(problem(path, key, "the number is NaN (0/0, or the root of something negative)".to_owned()))
-            }
+            Lua::Number(x) if x.is_nan() => Err(problem(
+                path,
+                key,
+                "the number is NaN (0/0, or the square root of a negative number)".to_owned(),
+            )),
             Lua::Number(x) => Ok(Value::number(*x)),
             Lua::String(s) => self.text(s, path, key).map(Value::Str),
             Lua::Table(t) => self.table(t, path, key),
-            other => Err(problem(path, key, format!("expected plain data, found {}", kind(other)))),
+            other => Err(problem(
+                path,
+                key,
+                format!("expected plain data, found {}", kind(other)),
+            )),
         }
     }
 
-    fn text(&mut self, text: &mlua::LuaString, path: &str, key: &str) -> Result<String, SchemaError> {
+    fn text(
+        &mut self,
+        text: &mlua::LuaString,
+        path: &str,
+        key: &str,
+    ) -> Result<String, SchemaError> {
         let bytes = text.as_bytes();
         self.text += bytes.len();
         if self.text > MAX_TEXT {
-            return Err(problem(path, key, format!("more than {} MiB of text in one table", MAX_TEXT >> 20)));
+            return Err(problem(
+                path,
+                key,
+                format!("more than {} MiB of text in one table", MAX_TEXT >> 20),
+            ));
         }
         match std::str::from_utf8(&bytes) {
             Ok(s) => Ok(s.to_owned()),
-            Err(e) => Err(problem(path, key, format!("the text is not UTF-8 (byte {})", e.valid_up_to() + 1))),
+            Err(e) => Err(problem(
+                path,
+                key,
+                format!("the text is not UTF-8 (byte {})", e.valid_up_to() + 1),
+            )),
         }
     }
 
@@ -132,15 +176,26 @@ impl Reader {
             return Err(problem(path, key, "the table contains itself".to_owned()));
         }
         if self.inside.len() >= MAX_DEPTH {
-            return Err(problem(path, key, format!("tables are nested more than {MAX_DEPTH} deep")));
+            return Err(problem(
+                path,
+                key,
+                format!("tables are nested more than {MAX_DEPTH} deep"),
+            ));
         }
         self.inside.push(identity);
-        let value = match self.shape(table, path, key)? {
-            Shape::List(items) => {
-                let item = |(i, v): (usize, &Lua)| self.value(v, &format!("{path}[{}]", i + 1), key);
-                Value::List(items.iter().enumerate().map(item).collect::<Result<_, _>>()?)
+        let value = match self.entries(table, path, key)? {
+            TableEntries::List(items) => {
+                let item =
+                    |(i, v): (usize, &Lua)| self.value(v, &format!("{path}[{}]", i + 1), key);
+                Value::List(
+                    items
+                        .iter()
+                        .enumerate()
+                        .map(item)
+                        .collect::<Result<_, _>>()?,
+                )
             }
-            Shape::Record(fields) => {
+            TableEntries::Record(fields) => {
                 let mut map = BTreeMap::new();
                 for (name, value) in fields {
                     let value = self.value(&value, &format!("{path}.{name}"), &name)?;
@@ -153,48 +208,70 @@ impl Reader {
         Ok(value)
     }
 
-    fn shape(&mut self, table: &mlua::Table, path: &str, key: &str) -> Result<Shape, SchemaError> {
-        let mut places: BTreeMap<i64, Lua> = BTreeMap::new();
+    /// Returns the entries of a table and checks that its keys make it a list or a record.
+    fn entries(
+        &mut self,
+        table: &mlua::Table,
+        path: &str,
+        key: &str,
+    ) -> Result<TableEntries, SchemaError> {
+        let mut items: BTreeMap<i64, Lua> = BTreeMap::new();
         let mut names: BTreeMap<String, Lua> = BTreeMap::new();
         for pair in table.pairs::<Lua, Lua>() {
             let (k, v) = pair.map_err(|e| problem(path, key, e.to_string()))?;
             match k {
                 Lua::Integer(i) => {
-                    places.insert(i, v);
+                    items.insert(i, v);
                 }
                 Lua::String(s) => {
                     names.insert(self.text(&s, path, key)?, v);
                 }
-                other => return Err(problem(path, key, format!("keys are names, found {} as a key", kind(&other)))),
+                other => {
+                    return Err(problem(
+                        path,
+                        key,
+                        format!("keys are names, found {} as a key", kind(&other)),
+                    ));
+                }
             }
             self.values += 1;
             if self.values > MAX_VALUES {
-                return Err(problem(path, key, format!("more than {MAX_VALUES} values in one table")));
+                return Err(problem(
+                    path,
+                    key,
+                    format!("more than {MAX_VALUES} values in one table"),
+                ));
             }
         }
-        if !places.is_empty() && !names.is_empty() {
+        if !items.is_empty() && !names.is_empty() {
             let name = names.keys().next().cloned().unwrap_or_default();
             return Err(problem(
                 path,
                 key,
-                format!("the table is a list and has the named field `{name}` as well; it must be one or the other"),
+                format!(
+                    "the table is a list and has the named field `{name}` as well; it must be one \
+                     or the other"
+                ),
             ));
         }
-        if places.is_empty() && !names.is_empty() {
-            return Ok(Shape::Record(names.into_iter().collect()));
+        if items.is_empty() && !names.is_empty() {
+            return Ok(TableEntries::Record(names.into_iter().collect()));
         }
-        for (expected, found) in (1i64..).zip(places.keys()) {
-            if expected != *found {
-                let what = if *found < 1 {
-                    format!("lists start at 1, found a value at [{found}]")
-                } else {
-                    format!("the list has nothing at [{expected}], but a value at [{found}]")
-                };
-                return Err(problem(path, key, what));
-            }
+        if let Some(hole) = find_hole(items.keys()) {
+            return Err(problem(path, key, hole));
         }
-        Ok(Shape::List(places.into_values().collect()))
+        Ok(TableEntries::List(items.into_values().collect()))
     }
+}
+
+/// Describes the first index that makes a table not a list, if there is one.
+fn find_hole<'a>(indices: impl Iterator<Item = &'a i64>) -> Option<String> {
+    let (expected, found) = (1i64..).zip(indices).find(|(i, found)| i != *found)?;
+    Some(if *found < 1 {
+        format!("lists start at 1, found a value at [{found}]")
+    } else {
+        format!("the list has nothing at [{expected}], but a value at [{found}]")
+    })
 }
 
 #[cfg(test)]
@@ -215,32 +292,55 @@ mod tests {
 
     #[test]
     fn plain_data_keeps_its_shape_and_numbers_are_normal() {
-        let (_lua, value) =
-            eval("return { n = 3.0, x = 0.1, list = { 1, 'two', true }, empty = {}, m = { k = -0.0 } }");
+        let (_lua, value) = eval(
+            "return { n = 3.0, x = 0.1, list = { 1, 'two', true }, empty = {}, m = { k = -0.0 } }",
+        );
         let json = read(&value, "", "").unwrap().to_json().to_string();
-        assert_eq!(json, r#"{"empty":[],"list":[1,"two",true],"m":{"k":0},"n":3,"x":0.1}"#);
+        assert_eq!(
+            json,
+            r#"{"empty":[],"list":[1,"two",true],"m":{"k":0},"n":3,"x":0.1}"#
+        );
     }
 
     #[test]
-    fn what_is_not_data_is_an_error_with_its_path() {
+    fn values_that_are_not_data_are_errors_with_their_path() {
         for (code, path, words) in [
             ("return { b = { c = print } }", "a.b.c", "found a function"),
             ("return { b = { 1, 0/0 } }", "a.b[2]", "NaN"),
-            ("return { 1, 2, k = 3 }", "a", "list and has the named field `k`"),
+            (
+                "return { 1, 2, k = 3 }",
+                "a",
+                "list and has the named field `k`",
+            ),
             ("return { 1, nil, 3 }", "a", "nothing at [2]"),
             ("return { [0] = 1 }", "a", "start at 1"),
             ("return { [true] = 1 }", "a", "found a boolean as a key"),
             ("return { [1.5] = 1 }", "a", "found a number as a key"),
             ("return { s = '\\xff' }", "a.s", "not UTF-8"),
-            ("local t = { u = {} }; t.u.t = t; return t", "a.u.t", "contains itself"),
-            ("local t = 1; for i = 1, 30 do t = { t } end; return t", "", "more than 24 deep"),
-            ("local t = {}; for i = 1, 22 do t = { t, t } end; return t", "", "more than 500000 values"),
+            (
+                "local t = { u = {} }; t.u.t = t; return t",
+                "a.u.t",
+                "contains itself",
+            ),
+            (
+                "local t = 1; for i = 1, 30 do t = { t } end; return t",
+                "",
+                "more than 24 deep",
+            ),
+            (
+                "local t = {}; for i = 1, 22 do t = { t, t } end; return t",
+                "",
+                "more than 500000 values",
+            ),
         ] {
             let e = fails(code);
             assert!(e.problem.contains(words), "{code}: {e}");
             assert!(path.is_empty() || e.path == path, "{code}: {}", e.path);
         }
-        let e = fails("local s = string.rep('x', 1 << 20); local t = {}; for i = 1, 40 do t[i] = s end; return t");
+        let e = fails(
+            "local s = string.rep('x', 1 << 20); local t = {}; for i = 1, 40 do t[i] = s end; \
+             return t",
+        );
         assert!(e.problem.contains("16 MiB"), "{e}");
     }
 
@@ -250,8 +350,20 @@ mod tests {
             name: "T",
             doc: "",
             fields: &[
-                Field { key: "from", ty: Ty::Object("fun()"), required: true, default: "", doc: "a function" },
-                Field { key: "n", ty: Ty::Int { min: 1, max: 9 }, required: false, default: "", doc: "" },
+                Field {
+                    key: "from",
+                    ty: Ty::Object("fun()"),
+                    required: true,
+                    default: "",
+                    doc: "a function",
+                },
+                Field {
+                    key: "n",
+                    ty: Ty::Int { min: 1, max: 9 },
+                    required: false,
+                    default: "",
+                    doc: "",
+                },
             ],
         };
         let table = |code: &str| match eval(code) {
@@ -264,7 +376,12 @@ mod tests {
         let e = fields(&t, &SCHEMA, "t", false).unwrap_err();
         assert_eq!(e.path, "t.rmse");
         let (_lua, t) = table("return { n = 2 }");
-        assert!(fields(&t, &SCHEMA, "t", false).unwrap_err().problem.contains("`from` is missing"));
+        assert!(
+            fields(&t, &SCHEMA, "t", false)
+                .unwrap_err()
+                .problem
+                .contains("`from` is missing")
+        );
         let (_lua, t) = table("return { from = print, n = 20 }");
         assert_eq!(fields(&t, &SCHEMA, "t", false).unwrap_err().path, "t.n");
     }

@@ -1,4 +1,6 @@
-//! The store on real folders, with a decoder that knows one toy format.
+//! Tests of the store on real folders, with a decoder of a trivial image format.
+
+mod processes;
 
 use std::fs;
 use std::path::Path;
@@ -10,8 +12,8 @@ use serde_json::json;
 use super::*;
 use crate::experiment::event::History;
 use crate::experiment::plan::{Cell, Reference, ReferenceSource};
-use crate::experiment::spec::{CellConfig, Measure, Snapshots};
-use crate::experiment::standing::Claim;
+use crate::experiment::run_progress::Claim;
+use crate::experiment::spec::{CellConfig, MeasureSpec, Snapshots};
 use crate::experiment::{CellRef, Plan, RunId, StopRule, WaveRow};
 use crate::film::Image;
 use crate::metrics::tonemap::Tonemap;
@@ -37,7 +39,10 @@ fn config() -> Arc<CellConfig> {
         max_depth: Some(5),
         resolution: Some([8, 8]),
         rr_start: None,
-        filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
+        filter: FilterSpec {
+            kind: FilterKind::Box,
+            radius: 0.5,
+        },
         films: Vec::new(),
         accel: Default::default(),
         timing: None,
@@ -49,7 +54,12 @@ fn config() -> Arc<CellConfig> {
 }
 
 fn scene() -> Arc<SceneDesc> {
-    let camera = CameraDesc { position: Vec3::Z, target: Vec3::ZERO, fov_deg: 40.0, ..CameraDesc::default() };
+    let camera = CameraDesc {
+        position: Vec3::Z,
+        target: Vec3::ZERO,
+        fov_deg: 40.0,
+        ..CameraDesc::default()
+    };
     Arc::new(SceneDesc {
         views: Vec::new(),
         resolution: [8, 8],
@@ -62,13 +72,13 @@ fn scene() -> Arc<SceneDesc> {
     })
 }
 
-/// A plan whose cells have the given ids, none with a reference, and one rendered reference.
+/// A plan of cells with the given ids, without references, and one rendered reference.
 pub(super) fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
     let cell = |(i, id): (usize, &&str)| Cell {
         id: RunId((*id).to_owned()),
         point: vec![("depth".into(), Value::Int(i as i64))],
         repeat: 0,
-        control: None,
+        double_of: None,
         seed: i as u64,
         config: config(),
         scene: scene(),
@@ -83,7 +93,7 @@ pub(super) fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
         seeds: [98, 99],
         stem: RunId("ee".into()),
         stop: StopRule::Samples(64),
-        part: None,
+        shard_samples: None,
     };
     Plan {
         name: name.into(),
@@ -91,11 +101,16 @@ pub(super) fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
         seed: 1,
         axes: vec!["depth".into()],
         cells: ids.iter().enumerate().map(cell).collect(),
-        references: vec![Reference { id: RunId("ee00".into()), source, identity: Value::Nil, agree: None }],
+        references: vec![Reference {
+            id: RunId("ee00".into()),
+            source,
+            identity: Value::Nil,
+            bias_check: None,
+        }],
         skipped: vec![],
         notes: vec![],
         warnings: vec![],
-        measure: Measure {
+        measure: MeasureSpec {
             every_s: 1.0,
             metrics: vec![],
             snapshots: Snapshots::Last,
@@ -127,10 +142,16 @@ pub(super) fn finish_run(store: &Store, plan: &Plan, i: usize) {
     let mut run = store.start(plan, CellRef::Cell(i), None).unwrap();
     run.open_metrics(&[], &[]).unwrap();
     run.append_row(&row(1, 0)).unwrap();
-    run.append_row(&WaveRow { first_invalid: Some([1, 2, 3]), ..row(2, 1) }).unwrap();
+    run.append_row(&WaveRow {
+        first_invalid: Some([1, 2, 3]),
+        ..row(2, 1)
+    })
+    .unwrap();
     run.write("final.exr", b"I\x07").unwrap();
-    let done = json!({"run": plan.cells[i].id.0, "samples": 4, "render_s": 0.25, "reason": "samples",
-                      "first_invalid": [1, 2, 3]});
+    let done = json!({
+        "run": plan.cells[i].id.0, "samples": 4, "render_s": 0.25, "reason": "samples",
+        "first_invalid": [1, 2, 3],
+    });
     run.finish(&done).unwrap();
 }
 
@@ -146,7 +167,10 @@ fn a_finished_run_is_found_with_its_rows_and_an_unfinished_one_is_not() {
     let plan = plan("night", "3f9a00", &["aa11", "bb22"]);
     let store = Store::open(dir.path(), &plan, decode).unwrap();
     assert_eq!(store.folder(), dir.path().join("night-3f9a"));
-    assert_eq!(fs::read_to_string(store.folder().join("experiment.lua")).unwrap(), "-- a script\n");
+    assert_eq!(
+        fs::read_to_string(store.folder().join("experiment.lua")).unwrap(),
+        "-- a script\n"
+    );
     finish_run(&store, &plan, 0);
     let mut half = store.start(&plan, CellRef::Cell(1), None).unwrap();
     half.open_metrics(&[], &[]).unwrap();
@@ -154,24 +178,37 @@ fn a_finished_run_is_found_with_its_rows_and_an_unfinished_one_is_not() {
     half.write("final.exr", b"I\x01").unwrap();
     drop(half);
 
-    let found = store.done(&plan, CellRef::Cell(0)).unwrap();
-    assert_eq!(found.rows, [row(1, 0), WaveRow { first_invalid: Some([1, 2, 3]), ..row(2, 1) }]);
-    assert_eq!(store.done(&plan, CellRef::Cell(1)), None);
+    let found = store.finished_run(&plan, CellRef::Cell(0)).unwrap();
+    assert_eq!(
+        found.rows,
+        [
+            row(1, 0),
+            WaveRow {
+                first_invalid: Some([1, 2, 3]),
+                ..row(2, 1)
+            }
+        ]
+    );
+    assert_eq!(store.finished_run(&plan, CellRef::Cell(1)), None);
 
     let run = only_run_of(&store, "aa11");
     for damage in ["done.json", "final.exr", "metrics.csv"] {
         let kept = fs::read(run.join(damage)).unwrap();
         fs::remove_file(run.join(damage)).unwrap();
-        assert_eq!(store.done(&plan, CellRef::Cell(0)), None, "without {damage}");
+        assert_eq!(
+            store.finished_run(&plan, CellRef::Cell(0)),
+            None,
+            "without {damage}"
+        );
         fs::write(run.join(damage), kept).unwrap();
-        assert!(store.done(&plan, CellRef::Cell(0)).is_some());
+        assert!(store.finished_run(&plan, CellRef::Cell(0)).is_some());
     }
     fs::write(run.join("done.json"), "{\"run\": \"aa1").unwrap();
-    assert_eq!(store.done(&plan, CellRef::Cell(0)), None);
+    assert_eq!(store.finished_run(&plan, CellRef::Cell(0)), None);
 }
 
 #[test]
-fn films_belong_to_a_run_and_go_with_it() {
+fn layer_images_belong_to_their_run() {
     let dir = tempfile::tempdir().unwrap();
     let plan = plan("night", "3f9a00", &["aa11"]);
     let store = Store::open(dir.path(), &plan, decode).unwrap();
@@ -182,21 +219,39 @@ fn films_belong_to_a_run_and_go_with_it() {
         run
     };
     let run = start();
-    run.write("films/depth-9.exr", b"of a run that was cut off").unwrap();
+    run.write("films/depth-9.exr", b"of an interrupted run")
+        .unwrap();
     drop(run);
     let run = start();
     run.write("films/depth-1.exr", b"I\x01").unwrap();
     let folder = run.folder().to_owned();
-    run.finish(&serde_json::json!({ "run": "aa11", "films": ["depth-1"] })).unwrap();
+    run.finish(&serde_json::json!({ "run": "aa11", "films": ["depth-1"] }))
+        .unwrap();
 
     let shown = read_run(dir.path(), &folder.to_string_lossy()).unwrap();
-    let films: Vec<&str> = shown.files.iter().map(|(name, _)| name.as_str()).filter(|n| n.contains('/')).collect();
-    assert_eq!(films, ["films/depth-1.exr"], "what the first try left is gone");
-    assert!(!shown.files.iter().any(|(name, _)| name == "films"), "a folder is no file");
+    let films: Vec<&str> = shown
+        .files
+        .iter()
+        .map(|(name, _)| name.as_str())
+        .filter(|n| n.contains('/'))
+        .collect();
+    assert_eq!(
+        films,
+        ["films/depth-1.exr"],
+        "the film of the first attempt was removed"
+    );
+    assert!(
+        !shown.files.iter().any(|(name, _)| name == "films"),
+        "folders are not listed as files"
+    );
 
-    assert!(store.done(&plan, CellRef::Cell(0)).is_some());
+    assert!(store.finished_run(&plan, CellRef::Cell(0)).is_some());
     fs::remove_file(folder.join("films/depth-1.exr")).unwrap();
-    assert_eq!(store.done(&plan, CellRef::Cell(0)), None, "a film is missing");
+    assert_eq!(
+        store.finished_run(&plan, CellRef::Cell(0)),
+        None,
+        "a film is missing"
+    );
 }
 
 pub(super) fn only_run_of(store: &Store, id: &str) -> PathBuf {
@@ -205,7 +260,7 @@ pub(super) fn only_run_of(store: &Store, id: &str) -> PathBuf {
 }
 
 #[test]
-fn starting_again_removes_stale_results_and_keeps_what_people_put_there() {
+fn starting_again_removes_old_results_and_keeps_other_files() {
     let dir = tempfile::tempdir().unwrap();
     let plan = plan("night", "3f9a00", &["aa11"]);
     let store = Store::open(dir.path(), &plan, decode).unwrap();
@@ -215,7 +270,10 @@ fn starting_again_removes_stale_results_and_keeps_what_people_put_there() {
     fs::write(folder.join("my notes.txt"), b"keep").unwrap();
     let run = store.start(&plan, CellRef::Cell(0), None).unwrap();
     assert_eq!(run.folder(), folder);
-    let mut names: Vec<_> = fs::read_dir(&folder).unwrap().map(|e| e.unwrap().file_name()).collect();
+    let mut names: Vec<_> = fs::read_dir(&folder)
+        .unwrap()
+        .map(|e| e.unwrap().file_name())
+        .collect();
     names.sort();
     assert_eq!(names, ["config.json", "my notes.txt"]);
 }
@@ -229,25 +287,45 @@ fn runs_of_a_sibling_folder_count_and_those_of_another_experiment_do_not() {
     drop(store);
     let second = plan("night", "77770", &["cc33", "aa11"]);
     let store = Store::open(dir.path(), &second, decode).unwrap();
-    assert_eq!(store.done(&second, CellRef::Cell(0)), None);
-    let found = store.done(&second, CellRef::Cell(1)).unwrap();
+    assert_eq!(store.finished_run(&second, CellRef::Cell(0)), None);
+    let found = store.finished_run(&second, CellRef::Cell(1)).unwrap();
     assert!(found.folder.starts_with(dir.path().join("night-3f9a")));
     let other = plan("day", "3f9a00", &["aa11"]);
-    assert_eq!(Archive::new(dir.path(), decode).done(&other, CellRef::Cell(0)), None);
-    assert!(Archive::new(dir.path(), decode).done(&first, CellRef::Cell(0)).is_some());
-    let listed = list(dir.path());
-    let states: Vec<_> = listed.iter().flat_map(|e| &e.runs).map(|r| (r.run.as_str(), r.state.word())).collect();
-    assert_eq!(states, [("aa11", "done"), ("cc33", "pending"), ("aa11", "elsewhere")]);
+    assert_eq!(
+        Archive::new(dir.path(), decode).finished_run(&other, CellRef::Cell(0)),
+        None
+    );
+    assert!(
+        Archive::new(dir.path(), decode)
+            .finished_run(&first, CellRef::Cell(0))
+            .is_some()
+    );
+    let listed = list_experiments(dir.path());
+    let states: Vec<_> = listed
+        .iter()
+        .flat_map(|e| &e.runs)
+        .map(|r| (r.run.as_str(), r.state.name()))
+        .collect();
+    assert_eq!(
+        states,
+        [("aa11", "done"), ("cc33", "pending"), ("aa11", "elsewhere")]
+    );
 }
 
 #[test]
-fn a_twin_in_the_same_plan_finds_the_run_that_was_just_finished() {
+fn a_cell_with_the_same_id_finds_the_run_that_was_just_finished() {
     let dir = tempfile::tempdir().unwrap();
     let plan = plan("night", "3f9a00", &["aa11", "aa11"]);
     let store = Store::open(dir.path(), &plan, decode).unwrap();
-    assert_eq!(store.done(&plan, CellRef::Cell(1)), None);
+    assert_eq!(store.finished_run(&plan, CellRef::Cell(1)), None);
     finish_run(&store, &plan, 0);
-    assert!(store.done(&plan, CellRef::Cell(1)).unwrap().folder.ends_with("depth=0/rep=0/aa11"));
+    assert!(
+        store
+            .finished_run(&plan, CellRef::Cell(1))
+            .unwrap()
+            .folder
+            .ends_with("depth=0/rep=0/aa11")
+    );
 }
 
 #[test]
@@ -256,51 +334,31 @@ fn another_plan_with_the_same_digits_gets_more_of_them() {
     let first = plan("night", "3f9a00", &[]);
     let second = plan("night", "3f9a11", &[]);
     Store::open(dir.path(), &first, decode).unwrap();
-    assert_eq!(Store::open(dir.path(), &second, decode).unwrap().folder(), dir.path().join("night-3f9a1"));
-    assert_eq!(Store::open(dir.path(), &first, decode).unwrap().folder(), dir.path().join("night-3f9a"));
-    assert_eq!(Store::open(dir.path(), &second, decode).unwrap().folder(), dir.path().join("night-3f9a1"));
+    assert_eq!(
+        Store::open(dir.path(), &second, decode).unwrap().folder(),
+        dir.path().join("night-3f9a1")
+    );
+    assert_eq!(
+        Store::open(dir.path(), &first, decode).unwrap().folder(),
+        dir.path().join("night-3f9a")
+    );
+    assert_eq!(
+        Store::open(dir.path(), &second, decode).unwrap().folder(),
+        dir.path().join("night-3f9a1")
+    );
 }
 
-/// Asks for a claim whose owner has just let go of it. Other tests start programs meanwhile, and a program that is being
-/// started holds whatever its parent had open for a moment, a lock as well.
-pub fn at_last(mut ask: impl FnMut() -> Claim) -> Claim {
+/// Repeats a claim whose owner has just released it until it is granted. A child process that
+/// another test starts inherits open files for a moment, and their locks with them.
+pub fn eventually(mut ask: impl FnMut() -> Claim) -> Claim {
     let since = std::time::Instant::now();
     loop {
         let claim = ask();
-        if claim == Claim::Ours || since.elapsed() > std::time::Duration::from_secs(20) {
+        if claim == Claim::Granted || since.elapsed() > std::time::Duration::from_secs(20) {
             return claim;
         }
         std::thread::sleep(std::time::Duration::from_millis(5));
     }
-}
-
-#[test]
-fn a_second_process_works_on_what_the_first_does_not() {
-    let dir = tempfile::tempdir().unwrap();
-    let plan = plan("night", "3f9a00", &["aa11", "bb22"]);
-    let (first, second) =
-        (Store::open(dir.path(), &plan, decode).unwrap(), Store::open(dir.path(), &plan, decode).unwrap());
-    assert_eq!(first.folder(), second.folder());
-    assert_eq!(first.claim(&plan, CellRef::Cell(0).into()).unwrap(), Claim::Ours);
-    assert!(matches!(second.claim(&plan, CellRef::Cell(0).into()).unwrap(), Claim::Theirs(_)));
-    assert_eq!(second.claim(&plan, CellRef::Cell(1).into()).unwrap(), Claim::Ours);
-    drop(first);
-    assert_eq!(at_last(|| second.claim(&plan, CellRef::Cell(0).into()).unwrap()), Claim::Ours);
-}
-
-#[test]
-fn a_claim_that_finds_no_space_is_asked_for_again() {
-    let dir = tempfile::tempdir().unwrap();
-    let store = Store::open(dir.path(), &plan("night", "3f9a00", &["aa11"]), decode).unwrap();
-    for kind in [ErrorKind::StorageFull, ErrorKind::QuotaExceeded] {
-        let full = StoreError::io("claim", dir.path(), &kind.into());
-        assert!(matches!(store.with_space(Err(full)).unwrap(), Claim::Theirs(_)));
-        assert!(store.full.get());
-        assert_eq!(store.with_space(Ok(Claim::Ours)).unwrap(), Claim::Ours);
-        assert!(!store.full.get());
-    }
-    let denied = StoreError::io("claim", dir.path(), &ErrorKind::PermissionDenied.into());
-    assert!(store.with_space(Err(denied)).is_err());
 }
 
 #[test]
@@ -312,74 +370,38 @@ fn references_are_shared_and_decoded() {
     let run = store.start(&plan, CellRef::Reference(0), None).unwrap();
     assert_eq!(run.folder(), dir.path().join("refs/ee/ee00"));
     run.write("ref.exr", b"I\x05").unwrap();
-    run.write_rows(&[WaveRow { metrics: vec![0.5], ..row(1, 0) }]).unwrap();
-    assert!(store.done(&plan, CellRef::Reference(0)).is_none());
+    run.write_rows(&[WaveRow {
+        metrics: vec![0.5],
+        ..row(1, 0)
+    }])
+    .unwrap();
+    assert!(store.finished_run(&plan, CellRef::Reference(0)).is_none());
     run.finish(&json!({"run": "ee00"})).unwrap();
-    assert_eq!(store.done(&plan, CellRef::Reference(0)).unwrap().rows, [row(1, 0)]);
+    assert_eq!(
+        store
+            .finished_run(&plan, CellRef::Reference(0))
+            .unwrap()
+            .rows,
+        [row(1, 0)]
+    );
     assert_eq!(store.image(&plan, 0).unwrap().unwrap().at(0, 0), [5.0; 3]);
-    // A reference that a script names is read from its own place; what cannot be read is an error that names it.
+    // An image file as reference is read from its own path; errors name the file.
     let file = dir.path().join("truth.exr");
-    plan.references[0].source = ReferenceSource::File { file: file.clone(), source: String::new() };
+    plan.references[0].source = ReferenceSource::File {
+        file: file.clone(),
+        source: String::new(),
+    };
     assert!(store.image(&plan, 0).unwrap_err().0.contains("truth.exr"));
     fs::write(&file, b"I\x09").unwrap();
     assert_eq!(store.image(&plan, 0).unwrap().unwrap().at(0, 0), [9.0; 3]);
     fs::write(&file, b"junk").unwrap();
-    assert!(store.image(&plan, 0).unwrap_err().0.contains("not a toy picture"));
-}
-
-#[test]
-fn what_died_beside_the_last_file_of_a_run_or_a_reference_goes() {
-    let dir = tempfile::tempdir().unwrap();
-    let plan = plan("night", "3f9a00", &["aa11"]);
-    let store = Store::open(dir.path(), &plan, decode).unwrap();
-    finish_run(&store, &plan, 0);
-    let reference = store.start(&plan, CellRef::Reference(0), None).unwrap();
-    reference.write("ref.exr", b"I\x05").unwrap();
-    reference.write_rows(&[row(1, 0)]).unwrap();
-    reference.finish(&json!({"run": "ee00"})).unwrap();
-    let home = store.folder().to_owned();
-    drop(store);
-    let folders = [layout::run_folder(&home, &plan.cells[0]), dir.path().join("refs/ee/ee00")];
-    let left: Vec<_> =
-        folders.iter().flat_map(|f| ["claim", "ckpt.a", "ckpt.b", "failed.json"].map(|name| f.join(name))).collect();
-    // A claim is free once nobody holds its lock; programs that other tests start may, for a moment.
-    let goes = |mut look: Box<dyn FnMut() + '_>| {
-        left.iter().for_each(|file| fs::write(file, "someone who died").unwrap());
-        let since = std::time::Instant::now();
-        while left.iter().any(|file| file.exists()) {
-            look();
-            let stays: Vec<_> = left.iter().filter(|file| file.exists()).collect();
-            assert!(since.elapsed() < std::time::Duration::from_secs(20), "{stays:?}");
-        }
-    };
-    goes(Box::new(|| drop(Store::open(dir.path(), &plan, decode).unwrap())));
-    let worker = Store::join(&home, &plan, &Frozen::default(), decode, &Me::default()).unwrap();
-    goes(Box::new(|| assert_eq!(worker.take_stock(&plan).open, 0)));
-}
-
-#[test]
-fn the_last_to_leave_removes_what_others_were_writing_when_they_died() {
-    let dir = tempfile::tempdir().unwrap();
-    let plan = plan("night", "3f9a00", &[]);
-    let open = || Store::open(dir.path(), &plan, decode).unwrap();
-    let (first, second) = (open(), open());
-    first.write("tables/errors.csv", b"rmse").unwrap();
-    let half = first.folder().join("tables/.lumbre-3kQ.tmp");
-    fs::write(&half, b"rm").unwrap();
-    drop(first);
-    assert!(half.exists(), "the second may be writing it");
-    let tables = half.parent().unwrap().to_owned();
-    drop(second);
-    assert_eq!(fs::read_dir(tables).unwrap().flatten().map(|e| e.file_name()).collect::<Vec<_>>(), ["errors.csv"]);
-}
-
-#[test]
-fn an_unwritable_place_is_found_at_once() {
-    let dir = tempfile::tempdir().unwrap();
-    fs::write(dir.path().join("out"), b"a file").unwrap();
-    let plan = plan("night", "3f9a00", &[]);
-    let error = Store::open(&dir.path().join("out"), &plan, decode).unwrap_err();
-    assert!(matches!(error, StoreError::Unwritable { .. }), "{error}");
+    assert!(
+        store
+            .image(&plan, 0)
+            .unwrap_err()
+            .0
+            .contains("not a toy picture")
+    );
 }
 
 #[test]
@@ -390,7 +412,12 @@ fn rows_of_another_width_than_the_header_are_refused() {
     let mut run = store.start(&plan, CellRef::Cell(0), None).unwrap();
     assert!(run.append_row(&row(1, 0)).is_err());
     run.open_metrics(&["rmse"], &[]).unwrap();
-    assert!(run.append_row(&row(1, 0)).unwrap_err().to_string().contains("0 metrics"));
+    assert!(
+        run.append_row(&row(1, 0))
+            .unwrap_err()
+            .to_string()
+            .contains("0 metrics")
+    );
 }
 
 #[test]
@@ -405,39 +432,78 @@ fn runs_are_found_by_folder_and_by_the_first_digits() {
     assert_eq!(record.config["render"]["aa"]["filter"], "box");
     assert_eq!(record.rows.len(), 2);
     assert_eq!(record.rows[1].first_invalid, Some([1, 2, 3]));
-    assert!(record.files.iter().any(|(name, size)| name == "final.exr" && *size == 2));
-    assert_eq!(read_run(dir.path(), record.folder.to_str().unwrap()).unwrap(), record);
-    assert!(matches!(read_run(dir.path(), "aa"), Err(StoreError::Ambiguous { .. })));
-    assert!(matches!(read_run(dir.path(), "ff"), Err(StoreError::NoSuchRun { .. })));
+    assert!(
+        record
+            .files
+            .iter()
+            .any(|(name, size)| name == "final.exr" && *size == 2)
+    );
+    assert_eq!(
+        read_run(dir.path(), record.folder.to_str().unwrap()).unwrap(),
+        record
+    );
+    assert!(matches!(
+        read_run(dir.path(), "aa"),
+        Err(StoreError::Ambiguous { .. })
+    ));
+    assert!(matches!(
+        read_run(dir.path(), "ff"),
+        Err(StoreError::NoSuchRun { .. })
+    ));
     let folder = store.folder().to_str().unwrap();
-    assert!(read_run(dir.path(), folder).unwrap_err().to_string().contains("lumbre ls"));
+    assert!(
+        read_run(dir.path(), folder)
+            .unwrap_err()
+            .to_string()
+            .contains("lumbre ls")
+    );
 }
 
 #[test]
-fn states_tell_failed_unfinished_and_pending_apart() {
+fn failed_unfinished_and_pending_runs_have_different_states() {
     let dir = tempfile::tempdir().unwrap();
     let plan = plan("night", "3f9a00", &["aa11", "bb22", "cc33"]);
     let store = Store::open(dir.path(), &plan, decode).unwrap();
     drop(store.start(&plan, CellRef::Cell(0), None).unwrap());
     drop(store.start(&plan, CellRef::Cell(1), None).unwrap());
-    store.fail(&plan, CellRef::Cell(0), "disk full").unwrap();
-    let listed = list(dir.path());
+    store
+        .record_failure(&plan, CellRef::Cell(0), "disk full")
+        .unwrap();
+    let listed = list_experiments(dir.path());
     let states: Vec<_> = listed[0].runs.iter().map(|r| r.state.clone()).collect();
-    assert_eq!(states, [RunState::Failed("disk full".into()), RunState::Unfinished, RunState::Pending]);
+    assert_eq!(
+        states,
+        [
+            RunState::Failed("disk full".into()),
+            RunState::Unfinished,
+            RunState::Pending
+        ]
+    );
     assert_eq!(listed[0].references[0].state, RunState::Pending);
-    assert!(list(&dir.path().join("nowhere")).is_empty());
+    assert!(list_experiments(&dir.path().join("nowhere")).is_empty());
 }
 
 #[cfg(unix)]
 #[test]
-fn latest_points_at_the_newest_and_results_are_ordinary_files() {
+fn latest_points_at_the_newest_night_and_results_are_ordinary_files() {
     use std::os::unix::fs::PermissionsExt;
     let dir = tempfile::tempdir().unwrap();
     for hash in ["1111aa", "2222bb"] {
         let plan = plan("night", hash, &[]);
         let store = Store::open(dir.path(), &plan, decode).unwrap();
-        assert_eq!(fs::read_link(dir.path().join("latest")).unwrap().as_os_str(), store.folder().file_name().unwrap());
-        let mode = |name: &str| fs::metadata(store.folder().join(name)).unwrap().permissions().mode() & 0o777;
+        assert_eq!(
+            fs::read_link(dir.path().join("latest"))
+                .unwrap()
+                .as_os_str(),
+            store.folder().file_name().unwrap()
+        );
+        let mode = |name: &str| {
+            fs::metadata(store.folder().join(name))
+                .unwrap()
+                .permissions()
+                .mode()
+                & 0o777
+        };
         assert_eq!(mode("plan.json"), mode("journal.jsonl"));
     }
 }

@@ -1,54 +1,56 @@
-//! Rays, hits, and the seam to whatever intersects them.
+//! Rays, hits, and the trait of ray intersectors.
 
 use glam::Vec3;
 
 use crate::math::real::{Real, Vector, Word};
 
-/// A half-line.
+/// A ray: a half-line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
-    /// Where it starts, in world space.
+    /// Start in world space.
     pub origin: Vec3,
-    /// Where it goes; a unit vector.
+    /// Direction; a unit vector.
     pub dir: Vec3,
 }
 
-/// What a ray met first.
+/// The first intersection of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// Distance in scene units.
+    /// Distance along the ray, in scene units.
     pub t: f32,
     /// Primitive id: triangles first, spheres after them.
     pub primitive: u32,
-    /// The copy of a shared mesh whose triangle it is, or [`NONE`](crate::scene::compile::NONE).
+    /// Instance of a shared mesh that the triangle belongs to, or
+    /// [`NONE`](crate::scene::compile::NONE).
     pub instance: u32,
     /// Barycentric weights of the second and third corner; zero for spheres.
     pub uv: [f32; 2],
 }
 
-/// Whatever intersects rays with a compiled scene, masks included.
+/// Intersects rays with a compiled scene, masks included.
 pub trait Trace {
-    /// The nearest hit with `0 < t < t_max`.
+    /// Returns the nearest hit with `0 < t < t_max`.
     fn closest(&self, ray: &Ray, t_max: f32) -> Option<Hit>;
 
-    /// Whether anything is hit with `0 < t < t_max`.
+    /// Returns whether anything is hit with `0 < t < t_max`.
     fn occluded(&self, ray: &Ray, t_max: f32) -> bool;
 
-    /// [`Trace::closest`] of each ray with its `t_max`, appended in their order.
+    /// Appends [`Trace::closest`] of each ray with its `t_max` to `hits`, in order.
     fn closest_each(&self, rays: &[(Ray, f32)], hits: &mut Vec<Option<Hit>>) {
         hits.extend(rays.iter().map(|(ray, t_max)| self.closest(ray, *t_max)));
     }
 
-    /// [`Trace::occluded`] of each ray with its `t_max`, appended in their order.
+    /// Appends [`Trace::occluded`] of each ray with its `t_max` to `hidden`, in order.
     fn occluded_each(&self, rays: &[(Ray, f32)], hidden: &mut Vec<bool>) {
         hidden.extend(rays.iter().map(|(ray, t_max)| self.occluded(ray, *t_max)));
     }
 }
 
-/// A point moved off its surface along `n` just far enough that a ray from there does not meet the surface again.
+/// Moves a point off its surface along `n` just far enough that a ray from there does not hit the
+/// surface again.
 ///
-/// The step is a fixed number of units in the last place, so it scales with the coordinates; near the origin, where
-/// those units vanish, it is a fixed length [Waechter & Binder 2019].
+/// The step is a fixed number of units in the last place, so it scales with the coordinates; near
+/// the origin, where those units vanish, it is a fixed length [Waechter & Binder 2019].
 #[inline]
 pub fn offset_origin(p: Vec3, n: Vec3) -> Vec3 {
     #[cfg(target_arch = "x86_64")]
@@ -57,34 +59,42 @@ pub fn offset_origin(p: Vec3, n: Vec3) -> Vec3 {
     offset_by_axis(p, n)
 }
 
-/// Closer to the origin than this the step is a fixed length.
+/// Absolute coordinate below which the step is a fixed length.
 const NEAR_ORIGIN: f32 = 1.0 / 32.0;
 
-/// That length.
+/// Fixed length of the step near the origin, per unit of the normal.
 const FLOAT_SCALE: f32 = 1.0 / 65_536.0;
 
-/// Units in the last place of a step.
+/// Number of units in the last place of a step, per unit of the normal.
 const INT_SCALE: f32 = 256.0;
 
-/// [`offset_origin`] one axis after the other, for any number of points.
+/// Computes [`offset_origin`] one axis after the other; scalar or vectorised.
 #[inline(always)]
 pub fn offset_by_axis<V: Vector>(p: V, n: V) -> V {
-    V::new(offset_axis(p.x(), n.x()), offset_axis(p.y(), n.y()), offset_axis(p.z(), n.z()))
+    V::new(
+        offset_axis(p.x(), n.x()),
+        offset_axis(p.y(), n.y()),
+        offset_axis(p.z(), n.z()),
+    )
 }
 
 #[inline(always)]
 fn offset_axis<R: Real>(p: R, n: R) -> R {
-    let steps = (R::of(INT_SCALE) * n).truncated();
+    let steps = (R::splat(INT_SCALE) * n).truncated();
     let bits = p.bits();
-    let negative = bits.negative();
-    let moved = bits.add(steps.xor(negative).sub(negative)).as_bits();
-    R::select(p.abs().lt(R::of(NEAR_ORIGIN)), p + R::of(FLOAT_SCALE) * n, moved)
+    let negative = bits.sign_mask();
+    let moved = bits.add(steps.xor(negative).sub(negative)).bits_to_float();
+    R::select(
+        p.abs().lt(R::splat(NEAR_ORIGIN)),
+        p + R::splat(FLOAT_SCALE) * n,
+        moved,
+    )
 }
 
-/// [`offset_origin`] with all axes at once, the same to the bit: it stands at both ends of every shadow ray, and a cast
-/// that minds its range costs more than all of this.
+/// Computes [`offset_origin`] for all axes at once, bit-identically. Both ends of every shadow ray
+/// are offset, and a range-checked cast costs more than all of this.
 #[cfg(target_arch = "x86_64")]
-#[expect(unsafe_code, reason = "vector instructions that glam has no names for")]
+#[expect(unsafe_code, reason = "vector instructions that glam does not expose")]
 #[inline]
 fn offset_by_vectors(p: Vec3, n: Vec3) -> Vec3 {
     use std::arch::x86_64::*;
@@ -92,7 +102,7 @@ fn offset_by_vectors(p: Vec3, n: Vec3) -> Vec3 {
     use glam::Vec4;
 
     let (p4, n4) = (p.extend(0.0), n.extend(0.0));
-    // SAFETY: SSE2, which every processor of this architecture has.
+    // SAFETY: every x86-64 processor has SSE2.
     let moved = Vec4::from(unsafe {
         let steps = _mm_cvttps_epi32((n4 * INT_SCALE).into());
         let bits = _mm_castps_si128(p4.into());
@@ -111,9 +121,14 @@ mod tests {
     #[test]
     #[cfg(target_arch = "x86_64")]
     fn offsets_have_the_same_bits_with_vectors() {
-        let mut points = vec![Vec3::ZERO, -Vec3::ZERO, Vec3::new(1.0 / 32.0, -1.0 / 32.0, 0.031_249)];
+        let mut points = vec![
+            Vec3::ZERO,
+            -Vec3::ZERO,
+            Vec3::new(1.0 / 32.0, -1.0 / 32.0, 0.031_249),
+        ];
         points.extend((0..2000u32).map(|i| {
-            let w = crate::math::rng::pcg4d([i, 1, 2, 3]).map(|w| crate::math::rng::unit(w) * 2.0 - 1.0);
+            let w = crate::math::rng::pcg4d([i, 1, 2, 3])
+                .map(|w| crate::math::rng::unit(w) * 2.0 - 1.0);
             Vec3::new(w[0], w[1], w[2]) * 10f32.powi(i as i32 % 9 - 4)
         }));
         for (i, p) in points.into_iter().enumerate() {
@@ -121,7 +136,11 @@ mod tests {
             let n = crate::math::warp::uniform_sphere([u[0], u[1]]);
             for n in [n, -n, Vec3::X, -Vec3::Z, Vec3::ZERO] {
                 let bits = |v: Vec3| v.to_array().map(f32::to_bits);
-                assert_eq!(bits(offset_by_vectors(p, n)), bits(offset_by_axis(p, n)), "{p} {n}");
+                assert_eq!(
+                    bits(offset_by_vectors(p, n)),
+                    bits(offset_by_axis(p, n)),
+                    "{p} {n}"
+                );
             }
         }
     }
@@ -133,7 +152,10 @@ mod tests {
                 let n = Vec3::new(0.6, -0.64, 0.48);
                 let q = offset_origin(p * scale, n);
                 let step = (q - p * scale).dot(n);
-                assert!(step > 0.0 && step < 1e-3 * scale.max(0.1), "scale {scale}: {step}");
+                assert!(
+                    step > 0.0 && step < 1e-3 * scale.max(0.1),
+                    "scale {scale}: {step}"
+                );
             }
         }
     }

@@ -1,4 +1,4 @@
-//! From a hit to the surface that was hit.
+//! The surface at a hit: position, normals, texture coordinates, material.
 
 use glam::{Vec2, Vec3};
 
@@ -9,37 +9,39 @@ use crate::math::rng::{pcg4d, unit};
 use crate::scene::CompiledScene;
 use crate::scene::compile::{MaskMode, Material, NONE, Texture, Uv, UvMap};
 
-/// A normal from a normal or bump map that points behind the real surface is tilted until its cosine with it is this.
+/// A mapped normal that points behind the geometric surface is tilted until its cosine with the
+/// geometric normal has this value.
 const GRAZING_COSINE: f32 = 1e-3;
 
-/// A point on a surface with what shading needs of it.
+/// A point of a surface with everything that shading needs.
 #[derive(Clone, Copy, Debug)]
 pub struct Surface<'a> {
-    /// Position in world space, computed from the primitive rather than from the ray.
+    /// Position in world space, computed from the primitive rather than along the ray.
     pub position: Vec3,
-    /// Unit normal of the primitive on its front side, whichever side was hit.
+    /// Unit normal of the primitive's front side, whichever side was hit.
     pub n_geometric: Vec3,
     /// Unit shading normal on the same side.
     pub n_shading: Vec3,
-    /// World-space direction of the stretch of anisotropic highlights; not a unit vector, not orthogonal to the normal,
-    /// and zero where the material does not say or does not need any.
+    /// World-space direction in which anisotropic highlights are stretched. Not normalised and not
+    /// orthogonal to the normal; zero if the material has no direction or needs none.
     pub tangent: Vec3,
     /// Texture coordinates before tiling.
     pub uv: Uv,
-    /// What the colours of vertices make of the base colour; white without any.
+    /// Product of the vertex colours and of the surface's tint, a factor on the base colour; white
+    /// without any.
     pub tint: Vec3,
-    /// The material row.
+    /// The material at this point.
     pub material: &'a Material,
     /// Index into the scene's emitters, or [`NONE`].
     pub emitter: u32,
-    /// Where edges towards light leave that the triangle itself would hide; `None` for all others, and where the material
-    /// does not ask for it.
-    pub overhang: Option<Overhang>,
+    /// Offset against the shadow terminator; `None` if the material does not enable it or this
+    /// point needs none.
+    pub terminator: Option<TerminatorOffset>,
 }
 
-/// Where a ray met a primitive, for any number of rays.
+/// Position and normals of a ray's intersection with a primitive; scalar or vectorised.
 #[derive(Clone, Copy, Debug)]
-pub struct Point<V> {
+pub struct SurfacePoint<V> {
     /// Position in world space.
     pub position: V,
     /// Unit normal of the primitive on its front side.
@@ -48,40 +50,69 @@ pub struct Point<V> {
     pub n_shading: V,
 }
 
-impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Point<V> {
-    /// On a triangle, with these weights of its second and third corner. One without an area faces the ray.
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> SurfacePoint<V> {
+    /// Computes a point of a triangle with these weights of its second and third corner. The normal
+    /// of a triangle without area faces the ray.
     #[inline(always)]
-    pub fn on_triangle([a, b, c]: [V; 3], [na, nb, nc]: [V; 3], [v, w]: [R; 2], dir: V) -> Point<V> {
-        let u = R::of(1.0) - v - w;
+    pub fn on_triangle(
+        [a, b, c]: [V; 3],
+        [na, nb, nc]: [V; 3],
+        [v, w]: [R; 2],
+        dir: V,
+    ) -> SurfacePoint<V> {
+        let u = R::splat(1.0) - v - w;
         let n_geometric = (b - a).cross(c - a).normalize_or(-dir);
         let n_shading = (na * u + nb * v + nc * w).normalize_or(n_geometric);
-        Point { position: a * u + b * v + c * w, n_geometric, n_shading }
+        SurfacePoint {
+            position: a * u + b * v + c * w,
+            n_geometric,
+            n_shading,
+        }
     }
 
-    /// On a sphere, near `at`.
+    /// Computes the point of a sphere nearest to `at`.
     #[inline(always)]
-    pub fn on_sphere(center: V, radius: R, at: V, dir: V) -> Point<V> {
+    pub fn on_sphere(center: V, radius: R, at: V, dir: V) -> SurfacePoint<V> {
         let n = (at - center).normalize_or(-dir);
-        Point { position: center + n * radius, n_geometric: n, n_shading: n }
+        SurfacePoint {
+            position: center + n * radius,
+            n_geometric: n,
+            n_shading: n,
+        }
     }
 }
 
 impl<'a> Surface<'a> {
-    /// The surface at a hit of `ray`. A composed material is shown as a whole, as layers of the first surface want it:
-    /// paths take [`Flight::arrive`](super::flight::Flight::arrive), which chooses a part.
+    /// Builds the surface at a hit of `ray`. A composed material is used as a whole, as for the
+    /// layers of the first surface; paths call
+    /// [`PathTime::arrive`](super::path_time::PathTime::arrive), which chooses a part.
     #[inline]
     pub fn at(scene: &'a CompiledScene, ray: &Ray, hit: &Hit) -> Surface<'a> {
-        Surface::of_material(scene, ray, hit, scene.material_of(hit.primitive, hit.instance))
+        Surface::with_material(
+            scene,
+            ray,
+            hit,
+            scene.material_of(hit.primitive, hit.instance),
+        )
     }
 
-    /// The surface at a hit of `ray` with the material of this row.
+    /// Builds the surface at a hit of `ray` with the given material row.
     #[inline]
-    pub fn of_material(scene: &'a CompiledScene, ray: &Ray, hit: &Hit, material: u32) -> Surface<'a> {
+    pub fn with_material(
+        scene: &'a CompiledScene,
+        ray: &Ray,
+        hit: &Hit,
+        material: u32,
+    ) -> Surface<'a> {
         let i = hit.primitive as usize;
         let material = &scene.materials[material as usize];
         let mut surface = if i < scene.triangles.len() {
             let (corners, normals) = scene.triangle(hit.primitive, hit.instance);
-            let Point { position, n_geometric, n_shading } = Point::on_triangle(corners, normals, hit.uv, ray.dir);
+            let SurfacePoint {
+                position,
+                n_geometric,
+                n_shading,
+            } = SurfacePoint::on_triangle(corners, normals, hit.uv, ray.dir);
             Surface {
                 position,
                 n_geometric,
@@ -91,12 +122,16 @@ impl<'a> Surface<'a> {
                 tint: scene.tint_at(hit.primitive, hit.uv),
                 material,
                 emitter: scene.emitter_of(hit.primitive, hit.instance),
-                overhang: None,
+                terminator: None,
             }
         } else {
             let sphere = &scene.spheres[i - scene.triangles.len()];
             let at = ray.origin + ray.dir * hit.t;
-            let Point { position, n_geometric: n, .. } = Point::on_sphere(sphere.center, sphere.radius, at, ray.dir);
+            let SurfacePoint {
+                position,
+                n_geometric: n,
+                ..
+            } = SurfacePoint::on_sphere(sphere.center, sphere.radius, at, ray.dir);
             Surface {
                 position,
                 n_geometric: n,
@@ -106,11 +141,11 @@ impl<'a> Surface<'a> {
                 tint: Vec3::ONE,
                 material,
                 emitter: sphere.emitter,
-                overhang: None,
+                terminator: None,
             }
         };
         if surface.material.shadow_terminator && i < scene.triangles.len() {
-            surface.overhang = surface.find_overhang(scene, ray, hit);
+            surface.terminator = surface.find_terminator_offset(scene, ray, hit);
         }
         let smooth = surface.n_shading;
         if surface.material.uses_tangents() {
@@ -122,11 +157,17 @@ impl<'a> Surface<'a> {
         surface
     }
 
-    /// The smooth surface above this point of a triangle, where the corner normals suggest one on the side the ray came
-    /// from: the point's projections onto the corners' tangent planes, interpolated [Vives]. Refractive materials have
-    /// none, since a path that goes on inside would meet the surface again.
+    /// Computes the terminator offset at this point of a triangle: the point's projections onto the
+    /// corners' tangent planes, interpolated [Vives], if they lie above the triangle on the side of
+    /// the ray. Refractive materials have none, since a path that continues inside would hit the
+    /// surface again.
     #[cold]
-    fn find_overhang(&self, scene: &CompiledScene, ray: &Ray, hit: &Hit) -> Option<Overhang> {
+    fn find_terminator_offset(
+        &self,
+        scene: &CompiledScene,
+        ray: &Ray,
+        hit: &Hit,
+    ) -> Option<TerminatorOffset> {
         let m = self.material;
         let opaque = m.opacity >= 1.0 && m.opacity_texture == NONE;
         if !opaque && (m.metallic < 1.0 || m.metallic_texture != NONE) {
@@ -139,36 +180,48 @@ impl<'a> Surface<'a> {
         for ((weight, corner), n) in weights.into_iter().zip(corners).zip(normals) {
             lift -= n * ((self.position - corner).dot(n) * weight);
         }
-        let up = if ray.dir.dot(self.n_geometric) < 0.0 { self.n_geometric } else { -self.n_geometric };
-        (lift.dot(up) > 0.0).then(|| Overhang {
+        let up = if ray.dir.dot(self.n_geometric) < 0.0 {
+            self.n_geometric
+        } else {
+            -self.n_geometric
+        };
+        (lift.dot(up) > 0.0).then(|| TerminatorOffset {
             base: self.position,
-            crest: offset_origin(self.position + lift, up),
+            lifted_point: offset_origin(self.position + lift, up),
             up,
-            raised: false,
+            lifted: false,
         })
     }
 
-    /// This surface as edges meet it that leave from the crest of its overhang, if it has one. They cannot be found from
-    /// their other end by chance, which the normal zero says: every density of arriving here is zero.
+    /// Returns this surface as the start of edges from the lifted point, if it has one. Such edges
+    /// cannot be found by chance from their other end; the zero normal makes every density of
+    /// arriving here zero.
     #[inline]
-    pub fn raised(&self) -> Option<Surface<'a>> {
-        let over = self.overhang?;
-        let overhang = Some(Overhang { raised: true, ..over });
-        Some(Surface { position: over.crest, n_geometric: Vec3::ZERO, overhang, ..*self })
+    pub fn lifted(&self) -> Option<Surface<'a>> {
+        let terminator = TerminatorOffset {
+            lifted: true,
+            ..self.terminator?
+        };
+        Some(Surface {
+            position: terminator.lifted_point,
+            n_geometric: Vec3::ZERO,
+            terminator: Some(terminator),
+            ..*self
+        })
     }
 
-    /// The edge on which a path that came here goes on into `dir`, if that is one from the crest.
+    /// Returns the terminator offset if an edge in direction `dir` leaves from the lifted point.
     #[inline]
-    pub fn overhang_into(&self, dir: Vec3) -> Option<Overhang> {
-        self.overhang.filter(|o| o.carries(dir))
+    pub fn terminator_into(&self, dir: Vec3) -> Option<TerminatorOffset> {
+        self.terminator.filter(|o| o.applies_to(dir))
     }
 
-    /// Applies the normal map and finds the direction of anisotropy.
+    /// Applies the normal map and determines the direction of anisotropy.
     #[cold]
     fn orient(&mut self, scene: &CompiledScene, hit: &Hit) {
         let m = self.material;
         let i = hit.primitive as usize;
-        // MikkTSpace decodes with interpolated vectors that are not made unit vectors again.
+        // MikkTSpace decodes with interpolated vectors that are not normalised.
         let mut n_axis = self.n_shading;
         let (u_axis, v_axis) = if i < scene.triangles.len() {
             let [v, w] = hit.uv;
@@ -178,7 +231,10 @@ impl<'a> Surface<'a> {
             n_axis = n[0] * u + n[1] * v + n[2] * w;
             let across = |k: usize| n[k].cross(t[k].truncate()) * t[k].w;
             let along = t[0] * u + t[1] * v + t[2] * w;
-            (along.truncate(), across(0) * u + across(1) * v + across(2) * w)
+            (
+                along.truncate(),
+                across(0) * u + across(1) * v + across(2) * w,
+            )
         } else {
             let n = self.n_shading;
             let east = Vec3::new(n.z, 0.0, -n.x).normalize_or_zero();
@@ -186,11 +242,14 @@ impl<'a> Surface<'a> {
         };
         if m.normal_texture != NONE && u_axis != Vec3::ZERO {
             let texel = lookup(&scene.textures, m.normal_texture, self.uv, m.tiling) * 2.0 - 1.0;
-            let n = u_axis * (texel.x * m.normal_strength) + v_axis * (texel.y * m.normal_strength) + n_axis * texel.z;
+            let n = u_axis * (texel.x * m.normal_strength)
+                + v_axis * (texel.y * m.normal_strength)
+                + n_axis * texel.z;
             self.n_shading = self.in_front(n.normalize_or(self.n_shading));
         }
         self.tangent = if m.anisotropic_texture != NONE {
-            let texel = lookup(&scene.textures, m.anisotropic_texture, self.uv, m.tiling) * 2.0 - 1.0;
+            let texel =
+                lookup(&scene.textures, m.anisotropic_texture, self.uv, m.tiling) * 2.0 - 1.0;
             u_axis * texel.x + v_axis * texel.y
         } else if m.anisotropic_direction != Vec3::ZERO {
             m.anisotropic_direction
@@ -199,23 +258,30 @@ impl<'a> Surface<'a> {
         };
     }
 
-    /// Tilts the normal by the slopes of the bump map, as if every point stood out along the smooth normal by what the map
-    /// says [Blinn 1978], small heights assumed: n - grad h, with the gradient along the surface [Mikkelsen 2010].
+    /// Tilts the normal by the slopes of the bump map, as if every point were displaced along the
+    /// smooth normal by the map's height [Blinn 1978], for small heights: n - grad h, with the
+    /// gradient along the surface [Mikkelsen 2010].
     ///
-    /// Heights are linear along the edges of the triangle as it lies in the world, so the gradient needs no tangents, and
-    /// stretched, sheared or mirrored texture coordinates are right. Slopes are differences over one texel about the point:
-    /// they are continuous, where the derivatives of the interpolated map jump at the middles of texels. Where there is a
-    /// normal map as well, the slopes of both add.
+    /// Heights are linear along the world-space edges of the triangle, so the gradient needs no
+    /// tangents, and stretched, sheared or mirrored texture coordinates are handled correctly.
+    /// Slopes are differences over one texel about the point: they are continuous, whereas the
+    /// derivatives of the interpolated map are discontinuous at the middles of texels. If there is
+    /// a normal map as well, the slopes of both add.
     #[cold]
     fn emboss(&mut self, scene: &CompiledScene, hit: &Hit, smooth: Vec3) {
         let m = self.material;
         let map = &scene.textures[m.bump_texture as usize];
-        let place = map.place(self.uv, m.tiling);
+        let place = map.image_uv(self.uv, m.tiling);
         let texel = Vec2::new(1.0 / map.width as f32, 1.0 / map.height as f32);
-        let rise = |step: Vec2| map.bilinear(place + step * 0.5).x - map.bilinear(place - step * 0.5).x;
-        let slopes = Vec2::new(rise(Vec2::new(texel.x, 0.0)), rise(Vec2::new(0.0, texel.y))) / texel;
-        // Along the map's own coordinates, then along those of the surface.
-        let slopes = map.lookup.map.map_or(slopes, |map| map.matrix2.transpose() * slopes);
+        let rise =
+            |step: Vec2| map.bilinear(place + step * 0.5).x - map.bilinear(place - step * 0.5).x;
+        let slopes =
+            Vec2::new(rise(Vec2::new(texel.x, 0.0)), rise(Vec2::new(0.0, texel.y))) / texel;
+        // Slopes along the map's own coordinates, then along those of the surface.
+        let slopes = map
+            .lookup
+            .map
+            .map_or(slopes, |map| map.matrix2.transpose() * slopes);
         let slopes = slopes * (m.tiling.scale * m.bump_height);
         let i = hit.primitive as usize;
         let (edges, rises) = if i < scene.triangles.len() {
@@ -229,120 +295,171 @@ impl<'a> Surface<'a> {
             let north = smooth.cross(east.normalize_or_zero());
             ([east * (2.0 * along), north * along], slopes.to_array())
         };
-        let gradient = (edges[1] * rises[0] - edges[0] * rises[1]).cross(smooth) / smooth.dot(edges[0].cross(edges[1]));
+        let gradient = (edges[1] * rises[0] - edges[0] * rises[1]).cross(smooth)
+            / smooth.dot(edges[0].cross(edges[1]));
         let n = self.n_shading - gradient * self.n_shading.dot(smooth).max(0.0);
         self.n_shading = self.in_front(n.normalize_or(self.n_shading));
     }
 
-    /// A unit normal, tilted until it is in front of the triangle.
+    /// Returns a unit normal tilted to the front of the triangle.
     fn in_front(&self, n: Vec3) -> Vec3 {
         let behind = n.dot(self.n_geometric) - GRAZING_COSINE;
-        if behind < 0.0 { (n - self.n_geometric * behind).normalize_or(self.n_geometric) } else { n }
+        if behind < 0.0 {
+            (n - self.n_geometric * behind).normalize_or(self.n_geometric)
+        } else {
+            n
+        }
     }
 
-    /// Radiance emitted towards `wo`: the material's emission on the front side, black behind.
+    /// Returns the radiance emitted towards `wo`: the material's emission on the front side, black
+    /// behind.
     #[inline]
     pub fn emitted(&self, textures: &[Texture], wo: Vec3) -> Vec3 {
         if self.emitter == NONE || self.n_geometric.dot(wo) <= 0.0 {
             return Vec3::ZERO;
         }
-        self.material.emission * lookup(textures, self.material.emission_texture, self.uv, self.material.tiling)
+        self.material.emission
+            * lookup(
+                textures,
+                self.material.emission_texture,
+                self.uv,
+                self.material.tiling,
+            )
     }
 
-    /// The base colour here.
+    /// Returns whether a path that hits this surface ends there: a light that does not reflect.
+    #[inline]
+    pub fn ends_paths(&self) -> bool {
+        self.emitter != NONE && !self.material.emitter_reflects
+    }
+
+    /// Returns the base colour.
     #[inline]
     pub fn base_color(&self, textures: &[Texture]) -> Vec3 {
         let m = self.material;
         m.base_color * self.tint * lookup(textures, m.base_color_texture, self.uv, m.tiling)
     }
 
-    /// A ray from here into `dir`, started off the surface on the side to which it goes.
+    /// Returns a ray in direction `dir`, started off the surface on the side of `dir`.
     #[inline]
     pub fn spawn(&self, dir: Vec3) -> Ray {
-        if let Some(over) = self.overhang_into(dir) {
-            return Ray { origin: over.crest, dir };
+        if let Some(terminator) = self.terminator_into(dir) {
+            return Ray {
+                origin: terminator.lifted_point,
+                dir,
+            };
         }
-        let side = if dir.dot(self.n_geometric) < 0.0 { -self.n_geometric } else { self.n_geometric };
-        Ray { origin: offset_origin(self.position, side), dir }
+        let side = if dir.dot(self.n_geometric) < 0.0 {
+            -self.n_geometric
+        } else {
+            self.n_geometric
+        };
+        Ray {
+            origin: offset_origin(self.position, side),
+            dir,
+        }
     }
 }
 
-/// The smooth surface that a triangle's corner normals suggest above one of its points, which hides the shadow terminator:
-/// the hard edge where light passes below the triangle's plane, but not below the tangent plane of the shading normal.
+/// An offset of shadow and path rays against the shadow terminator: the hard edge where light
+/// arrives from below the triangle's plane but above the tangent plane of the shading normal. The
+/// corner normals suggest a smooth surface above the triangle; rays towards such light start from
+/// the lifted point on that surface.
 ///
-/// The source moves every point up before it is shaded [Vives], so that an edge has other ends when it is traced from its
-/// other end: techniques that trace light from both sides disagree then. Here a path's points stay where they are, and only
-/// an edge towards light whose far end lies below the triangle's plane, which could carry nothing otherwise, leaves from
-/// the point above: the crest. All techniques agree on that, since
-/// - every other edge is as without an overhang, so that far ends above the plane are reached from the base only;
-/// - an edge from the crest is allowed towards light, at the vertex that is nearer to the camera, and not the other way;
-/// - no technique can find it from its far end by chance, so that this density is zero in all weights.
+/// The source lifts every point before it is shaded [Vives], so an edge has different ends when it
+/// is traced from its other end, and techniques that trace light from both sides disagree. Here the
+/// vertices of a path stay in place. Only an edge towards light whose far end lies below the
+/// triangle's plane, which could carry nothing otherwise, starts at the lifted point. All
+/// techniques agree on that, since
+/// - every other edge is the same as without the offset, so far ends above the plane are reached
+///   from the base only;
+/// - an edge from the lifted point is allowed towards light, at the vertex nearer to the camera,
+///   and not the other way;
+/// - no technique can find it from its far end by chance, so that this density is zero in all
+///   weights.
 ///
-/// What remains is the bias that is wanted: a surface that is lit where its triangles would hide the light.
+/// The remaining bias is intended: a surface is lit where its triangles would hide the light.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Overhang {
+pub struct TerminatorOffset {
     /// The point of the triangle.
     pub base: Vec3,
-    /// The point above it, already moved off the surface.
-    pub crest: Vec3,
-    /// Unit normal of the triangle on the side where the crest is.
+    /// The lifted point, already moved off the surface.
+    pub lifted_point: Vec3,
+    /// Unit normal of the triangle on the side of the lifted point.
     pub up: Vec3,
-    /// Whether edges from the crest are meant, or those from the base.
-    pub raised: bool,
+    /// Whether this describes edges from the lifted point rather than from the base.
+    pub lifted: bool,
 }
 
-impl Overhang {
-    /// Whether an edge in this direction leaves from the crest, if its far end [is below the plane](Self::reaches).
+impl TerminatorOffset {
+    /// Returns whether an edge in this direction leaves from the lifted point, provided that its
+    /// far end [is below the plane](Self::has_below).
     #[inline]
-    pub fn carries(&self, dir: Vec3) -> bool {
+    pub fn applies_to(&self, dir: Vec3) -> bool {
         dir.dot(self.up) <= 0.0
     }
 
-    /// Whether a point lies below the triangle's plane.
+    /// Returns whether a point lies below the triangle's plane.
     #[inline]
-    pub fn reaches(&self, point: Vec3) -> bool {
+    pub fn has_below(&self, point: Vec3) -> bool {
         (point - self.base).dot(self.up) <= 0.0
     }
 
-    /// Whether light sampled from here is for the other one of base and crest.
+    /// Returns whether a light sample belongs to the other one of base and lifted point.
     #[inline]
-    pub fn refuses(&self, direct: &DirectSample) -> bool {
-        let below =
-            if direct.distance.is_finite() { self.reaches(direct.point.position) } else { self.carries(direct.wi) };
-        below != self.raised
+    pub fn excludes(&self, direct: &DirectSample) -> bool {
+        let below = if direct.distance.is_finite() {
+            self.has_below(direct.point.position)
+        } else {
+            self.applies_to(direct.wi)
+        };
+        below != self.lifted
     }
 }
 
-/// A texture's colour at texture coordinates, or white where there is no texture.
+/// Returns a texture's colour at texture coordinates, or white without a texture.
 #[inline]
 pub fn lookup(textures: &[Texture], texture: u32, uv: Uv, tiling: UvMap) -> Vec3 {
     if texture == NONE {
         return Vec3::ONE;
     }
     let texture = &textures[texture as usize];
-    texture.bilinear(texture.place(uv, tiling))
+    texture.bilinear(texture.image_uv(uv, tiling))
 }
 
-/// A texture's red channel at texture coordinates, or `scalar` where there is no texture.
+/// Returns a texture's red channel at texture coordinates, or `scalar` without a texture.
 #[inline]
-pub fn lookup_scalar(textures: &[Texture], texture: u32, uv: Uv, tiling: UvMap, scalar: f32) -> f32 {
-    if texture == NONE { scalar } else { lookup(textures, texture, uv, tiling).x }
+pub fn lookup_scalar(
+    textures: &[Texture],
+    texture: u32,
+    uv: Uv,
+    tiling: UvMap,
+    scalar: f32,
+) -> f32 {
+    if texture == NONE {
+        scalar
+    } else {
+        lookup(textures, texture, uv, tiling).x
+    }
 }
 
-/// Texture coordinates at a hit of `ray`.
+/// Returns the texture coordinates at a hit of `ray`.
 #[inline]
 fn uv_at(scene: &CompiledScene, ray: &Ray, hit: &Hit) -> Uv {
     match (hit.primitive as usize).checked_sub(scene.attributes.len()) {
         None => scene.uv_at(hit.primitive, hit.uv),
         Some(i) => {
             let sphere = &scene.spheres[i];
-            Uv::same(sphere_uv((ray.origin + ray.dir * hit.t - sphere.center).normalize_or(-ray.dir)))
+            Uv::same(sphere_uv(
+                (ray.origin + ray.dir * hit.t - sphere.center).normalize_or(-ray.dir),
+            ))
         }
     }
 }
 
-/// How much of a material there is at texture coordinates: 0 or 1 where its mask is compared with a threshold, the mask
-/// itself where it is blended. What traversal decides for a ray, on average.
+/// Returns the coverage of a material's mask at texture coordinates: 0 or 1 if the mask is compared
+/// with a threshold, the mask itself if it is blended. Equals the expected result of
+/// [`is_masked_out`].
 #[inline]
 pub fn coverage(textures: &[Texture], m: &Material, uv: Uv) -> f32 {
     if m.mask_texture == NONE {
@@ -355,10 +472,10 @@ pub fn coverage(textures: &[Texture], m: &Material, uv: Uv) -> f32 {
     }
 }
 
-/// Whether the mask of the material that was hit says that there is nothing.
+/// Returns whether the mask of the hit material leaves a hole at the hit.
 ///
-/// In blend mode this is decided by a hash of the ray and of the primitive, so that the same ray always finds the same
-/// holes, whatever thread asks, while rays of different samples see the mask's value on average.
+/// In blend mode a hash of the ray and of the primitive decides, so that the same ray always finds
+/// the same holes on any thread, while rays of different samples see the mask's value on average.
 pub fn is_masked_out(scene: &CompiledScene, ray: &Ray, hit: &Hit) -> bool {
     let m = &scene.materials[scene.material_of(hit.primitive, hit.instance) as usize];
     if m.mask_texture == NONE {
@@ -369,14 +486,22 @@ pub fn is_masked_out(scene: &CompiledScene, ray: &Ray, hit: &Hit) -> bool {
         MaskMode::Threshold => covered == 0.0,
         MaskMode::Blend => {
             let [x, y, z] = ray.dir.to_array().map(f32::to_bits);
-            let directed = pcg4d([x, y, z, scene.number_of(hit.primitive, hit.instance)]);
+            let directed = pcg4d([x, y, z, scene.unique_id(hit.primitive, hit.instance)]);
             let [x, y, z] = ray.origin.to_array().map(f32::to_bits);
-            unit(pcg4d([x ^ directed[0], y ^ directed[1], z ^ directed[2], directed[3]])[0]) >= covered
+            unit(
+                pcg4d([
+                    x ^ directed[0],
+                    y ^ directed[1],
+                    z ^ directed[2],
+                    directed[3],
+                ])[0],
+            ) >= covered
         }
     }
 }
 
-/// Texture coordinates on a sphere: longitude about y in u, from the south pole to the north pole in v.
+/// Returns texture coordinates on a sphere: longitude about y in u, from the south pole to the
+/// north pole in v.
 #[inline]
 pub fn sphere_uv(n: Vec3) -> Vec2 {
     let longitude = n.x.atan2(n.z) / std::f32::consts::TAU + 0.5;

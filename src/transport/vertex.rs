@@ -1,35 +1,35 @@
-//! Between two vertices of a path: the only place where densities change their measure, and where rays between two
-//! surfaces are made.
+//! Edges between two vertices of a path: conversion of densities between measures, and shadow rays
+//! between surfaces.
 
 use glam::Vec3;
 
 use super::ray::{Ray, Trace, offset_origin};
 use crate::math::real::{Real, Vector};
 
-/// What turns a density per solid angle at `from` into one per area at `to`, where the unit normal is `n_to`:
-/// `|cos| / distance^2` [Veach 1997, 8.2.2.2]. Zero where the two coincide.
+/// Returns the factor from a density per solid angle at `from` to one per area at `to`, where the
+/// unit normal is `n_to`: `|cos| / distance^2` [Veach 1997, 8.2.2.2]. Zero if the points coincide.
 #[inline(always)]
 pub fn area_factor<V: Vector>(from: V, to: V, n_to: V) -> V::Scalar {
-    let zero = V::Scalar::of(0.0);
+    let zero = V::Scalar::splat(0.0);
     let edge = to - from;
     let d2 = edge.length_squared();
     V::Scalar::select(d2.gt(zero), edge.dot(n_to).abs() / (d2 * d2.sqrt()), zero)
 }
 
-/// The [`area_factor`]s of both directions of an edge: from `from` at `to`, and from `to` at `from`. Neither is a number
-/// where the two coincide.
+/// Returns the [`area_factor`]s of both directions of an edge: from `from` at `to`, and from `to`
+/// at `from`. Both are NaN if the points coincide.
 #[inline(always)]
 pub fn area_factors<V: Vector>([from, n_from]: [V; 2], [to, n_to]: [V; 2]) -> [V::Scalar; 2] {
     let edge = to - from;
     let d2 = edge.length_squared();
-    let scale = V::Scalar::of(1.0) / (d2 * d2.sqrt());
+    let scale = V::Scalar::splat(1.0) / (d2 * d2.sqrt());
     [edge.dot(n_to).abs() * scale, edge.dot(n_from).abs() * scale]
 }
 
-/// Whether nothing lies between two points of surfaces.
+/// Returns whether nothing lies between two surface points.
 ///
-/// Both ends are moved off their surfaces, each to the side of the other, so that neither surface hides the other's
-/// point from it. A point without a surface has the normal zero.
+/// Both ends are moved off their surfaces towards each other, so that neither surface hides the
+/// other point. A point without a surface has the normal zero.
 #[inline]
 pub fn visible(trace: &dyn Trace, from: Vec3, n_from: Vec3, to: Vec3, n_to: Vec3) -> bool {
     let edge = to - from;
@@ -40,25 +40,35 @@ pub fn visible(trace: &dyn Trace, from: Vec3, n_from: Vec3, to: Vec3, n_to: Vec3
     if distance <= 0.0 {
         return true;
     }
-    !trace.occluded(&Ray { origin, dir: edge / distance }, distance)
+    !trace.occluded(
+        &Ray {
+            origin,
+            dir: edge / distance,
+        },
+        distance,
+    )
 }
 
-/// A ray from a point of a surface into the unit direction `dir`, started off the surface on the side to which it goes.
+/// Returns a ray from a surface point in the unit direction `dir`, started off the surface on the
+/// side of `dir`.
 #[inline]
-pub fn leave(from: Vec3, n: Vec3, dir: Vec3) -> Ray {
-    Ray { origin: offset_origin(from, towards(n, dir)), dir }
+pub fn spawn_ray(from: Vec3, n: Vec3, dir: Vec3) -> Ray {
+    Ray {
+        origin: offset_origin(from, towards(n, dir)),
+        dir,
+    }
 }
 
-/// Whether nothing lies in the unit direction `dir` from a point of a surface.
+/// Returns whether nothing lies in the unit direction `dir` from a surface point.
 #[inline]
 pub fn unobstructed(trace: &dyn Trace, from: Vec3, n_from: Vec3, dir: Vec3) -> bool {
-    !trace.occluded(&leave(from, n_from, dir), f32::INFINITY)
+    !trace.occluded(&spawn_ray(from, n_from, dir), f32::INFINITY)
 }
 
-/// The normal on the side of `dir`.
+/// Returns the normal flipped to the side of `dir`.
 #[inline(always)]
 pub fn towards<V: Vector>(n: V, dir: V) -> V {
-    V::select(n.dot(dir).lt(V::Scalar::of(0.0)), -n, n)
+    V::select(n.dot(dir).lt(V::Scalar::splat(0.0)), -n, n)
 }
 
 #[cfg(test)]
@@ -73,7 +83,12 @@ mod tests {
     impl Trace for Plane {
         fn closest(&self, ray: &Ray, t_max: f32) -> Option<Hit> {
             let t = -ray.origin.z / ray.dir.z;
-            (t > 0.0 && t < t_max).then_some(Hit { t, primitive: 0, instance: NONE, uv: [0.0; 2] })
+            (t > 0.0 && t < t_max).then_some(Hit {
+                t,
+                primitive: 0,
+                instance: NONE,
+                uv: [0.0; 2],
+            })
         }
 
         fn occluded(&self, ray: &Ray, t_max: f32) -> bool {
@@ -95,7 +110,9 @@ mod tests {
     #[test]
     fn area_of_a_cap_seen_from_its_centre_and_from_an_angle() {
         assert!((area_factor(Vec3::ZERO, Vec3::Z * 2.0, -Vec3::Z) - 0.25).abs() < 1e-7);
-        assert!((area_factor(Vec3::ZERO, Vec3::new(3.0, 0.0, 4.0), Vec3::Z) - 0.8 / 25.0).abs() < 1e-7);
+        assert!(
+            (area_factor(Vec3::ZERO, Vec3::new(3.0, 0.0, 4.0), Vec3::Z) - 0.8 / 25.0).abs() < 1e-7
+        );
         assert_eq!(area_factor(Vec3::X, Vec3::X, Vec3::Z), 0.0);
     }
 }

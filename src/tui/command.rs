@@ -1,109 +1,142 @@
-//! The command bar: words for everything that keys do, and for what needs an argument.
+//! The command bar: commands for everything that keys do, and for what needs an argument.
 
+use super::model::night::NightModel;
 use crate::experiment::PauseAt;
-use crate::tui::model::Model;
-use crate::tui::view::{ChartX, Command, Picture};
+use crate::tui::view::{ChartX, NightRequest, PictureMode};
 use crate::value::suggest;
 
-/// What a line of the command bar asks for.
+/// A parsed line of the command bar.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Order {
-    /// Something of the night.
-    Night(Command),
-    /// Show only what contains these words in the plan; empty shows all.
+pub enum Action {
+    /// A request to the night.
+    Night(NightRequest),
+    /// Show only the cells that match these words in the plan; empty shows all.
     Filter(String),
-    /// The chart shows this metric, by its place.
+    /// Plot the metric with this index.
     Metric(usize),
-    /// The chart's horizontal axis.
-    Axis(ChartX),
-    /// The picture pane shows this.
-    Picture(Picture),
-    /// Light plays through time, or stops.
+    /// Set the chart's horizontal axis.
+    ChartX(ChartX),
+    /// Set what the picture pane shows.
+    Picture(PictureMode),
+    /// Start or stop the time animation.
     Play,
-    /// Light by time at this optical length.
-    Moment(f64),
-    /// Picture and reference in turn, or not.
+    /// Show the time-resolved film at this optical length, in scene units.
+    OpticalLength(f64),
+    /// Start or stop alternating between picture and reference.
     Flicker,
-    /// Stops that pictures are brightened by.
+    /// Set the exposure of pictures, in stops.
     Exposure(f32),
-    /// Bring this row of the plan into view, from 0.
+    /// Scroll the plan to the cell with this index, from 0.
     Cell(usize),
-    /// The help.
+    /// Show or hide the help.
     Help,
 }
 
-/// A command of the bar: its name, its argument, and what it does.
-pub type Row = (&'static str, &'static str, &'static str);
+/// A command of the bar: name, argument, description.
+pub type CommandInfo = (&'static str, &'static str, &'static str);
 
-/// Every command there is.
-pub const COMMANDS: &[Row] = &[
-    ("pause", "[64spp|30s]", "pause now, or when the cell has come so far"),
-    ("resume", "", "go on"),
-    ("restart", "", "render the cell from its first sample"),
-    ("skip", "", "give up this cell"),
-    ("stop", "[cell]", "end after this wave, or after this cell"),
-    ("filter", "[WORDS]", "show only cells with these words"),
-    ("cell", "N", "bring cell N into view"),
-    ("metric", "NAME", "metric of the chart"),
+/// All commands of the bar.
+pub const COMMANDS: &[CommandInfo] = &[
+    (
+        "pause",
+        "[64spp|30s]",
+        "pause now, or when the cell reaches this limit",
+    ),
+    ("resume", "", "resume rendering"),
+    ("restart", "", "restart the cell from its first sample"),
+    ("skip", "", "skip this cell"),
+    ("stop", "[cell]", "stop after this wave, or after this cell"),
+    (
+        "filter",
+        "[WORDS]",
+        "show only cells that match these words",
+    ),
+    ("cell", "N", "scroll to cell N"),
+    ("metric", "NAME", "plot this metric"),
     ("axis", "time|spp", "horizontal axis of the chart"),
-    ("show", "KIND", "live, reference, difference, flip, strategies, time"),
-    ("time", "LENGTH", "light that comes at this path length"),
-    ("play", "", "light through time, or stop"),
-    ("flicker", "", "live and reference in turn"),
-    ("exposure", "STOPS", "brightness of pictures"),
-    ("help", "", "keys and signs"),
+    (
+        "show",
+        "KIND",
+        "live, reference, difference, flip, strategies, time",
+    ),
+    ("time", "LENGTH", "show light of this optical path length"),
+    ("play", "", "play or stop the time animation"),
+    ("flicker", "", "alternate between picture and reference"),
+    ("exposure", "STOPS", "exposure of pictures"),
+    ("help", "", "keys and symbols"),
 ];
 
-/// Reads a line of the command bar. Names may be cut short as long as they stay clear.
+/// Parses a line of the command bar. Names may be abbreviated as long as they are unambiguous.
 ///
 /// # Errors
-/// In words, when there is no such command or its argument makes no sense.
-pub fn read(line: &str, model: &Model) -> Result<Order, String> {
-    let (name, argument) = line.trim().split_once(char::is_whitespace).unwrap_or((line.trim(), ""));
+/// A message for the user if the command does not exist or its argument is invalid.
+pub fn read(line: &str, model: &NightModel) -> Result<Action, String> {
+    let (name, argument) = line
+        .trim()
+        .split_once(char::is_whitespace)
+        .unwrap_or((line.trim(), ""));
     let argument = argument.trim();
     let order = match full_name(name)? {
-        "pause" if argument.is_empty() => Order::Night(Command::Pause(Some(true))),
-        "pause" => Order::Night(Command::PauseAt(Some(limit(argument)?))),
-        "resume" => Order::Night(Command::Pause(Some(false))),
-        "restart" => Order::Night(Command::Restart),
-        "skip" => Order::Night(Command::Skip),
-        "stop" if argument == "cell" => Order::Night(Command::StopAfterCell),
-        "stop" if argument.is_empty() => Order::Night(Command::Stop),
-        "stop" => return Err(format!("expected `stop` or `stop cell`, found `{argument}`")),
-        "filter" => Order::Filter(argument.to_lowercase()),
-        "cell" => Order::Cell(cell(argument, model)?),
-        "metric" => Order::Metric(metric(argument, model)?),
+        "pause" if argument.is_empty() => Action::Night(NightRequest::Pause(Some(true))),
+        "pause" => Action::Night(NightRequest::PauseAt(Some(limit(argument)?))),
+        "resume" => Action::Night(NightRequest::Pause(Some(false))),
+        "restart" => Action::Night(NightRequest::Restart),
+        "skip" => Action::Night(NightRequest::Skip),
+        "stop" if argument == "cell" => Action::Night(NightRequest::StopAfterCell),
+        "stop" if argument.is_empty() => Action::Night(NightRequest::Stop),
+        "stop" => {
+            return Err(format!(
+                "expected `stop` or `stop cell`, found `{argument}`"
+            ));
+        }
+        "filter" => Action::Filter(argument.to_lowercase()),
+        "cell" => Action::Cell(cell(argument, model)?),
+        "metric" => Action::Metric(metric(argument, model)?),
         "axis" => match argument {
-            "time" => Order::Axis(ChartX::RenderS),
-            "spp" | "samples" => Order::Axis(ChartX::Samples),
-            _ => return Err(format!("expected `axis time` or `axis spp`, found `{argument}`")),
+            "time" => Action::ChartX(ChartX::RenderS),
+            "spp" | "samples" => Action::ChartX(ChartX::Samples),
+            _ => {
+                return Err(format!(
+                    "expected `axis time` or `axis spp`, found `{argument}`"
+                ));
+            }
         },
-        "show" => Order::Picture(picture(argument)?),
-        "play" => Order::Play,
+        "show" => Action::Picture(picture(argument)?),
+        "play" => Action::Play,
         "time" => {
-            let length = argument.parse().ok().filter(|length: &f64| length.is_finite());
-            Order::Moment(length.ok_or_else(|| format!("expected a path length, found `{argument}`"))?)
+            let length = argument
+                .parse()
+                .ok()
+                .filter(|length: &f64| length.is_finite());
+            Action::OpticalLength(
+                length.ok_or_else(|| format!("expected a path length, found `{argument}`"))?,
+            )
         }
-        "flicker" => Order::Flicker,
+        "flicker" => Action::Flicker,
         "exposure" => {
-            let stops = argument.parse().ok().filter(|stops: &f32| stops.is_finite());
-            Order::Exposure(stops.ok_or_else(|| format!("expected a number of stops, found `{argument}`"))?)
+            let stops = argument
+                .parse()
+                .ok()
+                .filter(|stops: &f32| stops.is_finite());
+            Action::Exposure(
+                stops.ok_or_else(|| format!("expected a number of stops, found `{argument}`"))?,
+            )
         }
-        _ => Order::Help,
+        _ => Action::Help,
     };
     Ok(order)
 }
 
-/// The one command that begins with `name`.
+/// Returns the only command that begins with `name`.
 fn full_name(name: &str) -> Result<&'static str, String> {
     let names = || COMMANDS.iter().map(|(name, ..)| *name);
     let mut matching = names().filter(|known| known.starts_with(name));
     match (matching.next(), matching.next()) {
-        _ if name.is_empty() => Err("a command is missing; `help` lists them".to_owned()),
+        _ if name.is_empty() => Err("no command given; `help` lists them".to_owned()),
         (Some(only), None) => Ok(only),
-        (Some(first), Some(second)) => {
-            names().find(|known| *known == name).ok_or_else(|| format!("`{name}` may be `{first}` or `{second}`"))
-        }
+        (Some(first), Some(second)) => names()
+            .find(|known| *known == name)
+            .ok_or_else(|| format!("`{name}` is ambiguous: `{first}` or `{second}`")),
         (None, _) => Err(match suggest::nearest(name, names()) {
             Some(near) => format!("there is no command `{name}`; did you mean `{near}`?"),
             None => format!("there is no command `{name}`; `help` lists them"),
@@ -111,10 +144,13 @@ fn full_name(name: &str) -> Result<&'static str, String> {
     }
 }
 
-/// `64spp`, `64`, `30s`, `5m`, `2h`.
+/// Parses a pause limit: `64spp`, `64`, `30s`, `5m`, `2h`.
 fn limit(text: &str) -> Result<PauseAt, String> {
-    let wrong = || format!("expected samples or render time such as 64spp, 30s or 5m, found `{text}`");
-    let digits = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
+    let wrong =
+        || format!("expected samples or render time such as 64spp, 30s or 5m, found `{text}`");
+    let digits = text
+        .find(|c: char| !c.is_ascii_digit() && c != '.')
+        .unwrap_or(text.len());
     let (number, unit) = text.split_at(digits);
     let number: f64 = number.parse().map_err(|_| wrong())?;
     match unit.trim() {
@@ -126,25 +162,43 @@ fn limit(text: &str) -> Result<PauseAt, String> {
     }
 }
 
-fn cell(text: &str, model: &Model) -> Result<usize, String> {
+fn cell(text: &str, model: &NightModel) -> Result<usize, String> {
     let cells = model.cells.len();
-    let number = text.parse::<usize>().ok().filter(|n| (1..=cells).contains(n));
-    number.map(|n| n - 1).ok_or_else(|| format!("expected the number of a cell, 1 to {cells}, found `{text}`"))
+    let number = text
+        .parse::<usize>()
+        .ok()
+        .filter(|n| (1..=cells).contains(n));
+    number
+        .map(|n| n - 1)
+        .ok_or_else(|| format!("expected a cell number from 1 to {cells}, found `{text}`"))
 }
 
-fn metric(text: &str, model: &Model) -> Result<usize, String> {
-    let metrics = model.plan.as_ref().map_or(&[][..], |plan| &plan.metrics[..]);
+fn metric(text: &str, model: &NightModel) -> Result<usize, String> {
+    let metrics = model
+        .plan
+        .as_ref()
+        .map_or(&[][..], |plan| &plan.metrics[..]);
     let names = || metrics.iter().map(|m| m.column.as_str());
-    names().position(|name| name == text).ok_or_else(|| match suggest::nearest(text, names()) {
-        Some(near) => format!("there is no metric `{text}`; did you mean `{near}`?"),
-        None => format!("the metrics are {}", names().collect::<Vec<_>>().join(", ")),
-    })
+    names()
+        .position(|name| name == text)
+        .ok_or_else(|| match suggest::nearest(text, names()) {
+            Some(near) => format!("there is no metric `{text}`; did you mean `{near}`?"),
+            None => format!(
+                "there is no metric `{text}`; known: {}",
+                names().collect::<Vec<_>>().join(", ")
+            ),
+        })
 }
 
-fn picture(text: &str) -> Result<Picture, String> {
-    let mut matching = Picture::ALL.iter().filter(|kind| !text.is_empty() && kind.name().starts_with(text));
-    let names = || Picture::ALL.map(Picture::name).join(", ");
-    matching.next().copied().ok_or_else(|| format!("expected one of {}, found `{text}`", names()))
+fn picture(text: &str) -> Result<PictureMode, String> {
+    let mut matching = PictureMode::ALL
+        .iter()
+        .filter(|kind| !text.is_empty() && kind.name().starts_with(text));
+    let names = || PictureMode::ALL.map(PictureMode::name).join(", ");
+    matching
+        .next()
+        .copied()
+        .ok_or_else(|| format!("expected one of {}, found `{text}`", names()))
 }
 
 #[cfg(test)]
@@ -152,41 +206,74 @@ mod tests {
     use super::*;
     use crate::tui::tests::night::in_the_middle;
 
-    fn ordered(line: &str) -> Result<Order, String> {
+    fn ordered(line: &str) -> Result<Action, String> {
         read(line, &in_the_middle().model().0)
     }
 
     #[test]
-    fn every_command_can_be_said_and_cut_short() {
-        let said = |line: &str| ordered(line).unwrap();
-        assert_eq!(said("pause"), Order::Night(Command::Pause(Some(true))));
-        assert_eq!(said("pause 64spp"), Order::Night(Command::PauseAt(Some(PauseAt::Samples(64)))));
-        assert_eq!(said("pa 1.5m"), Order::Night(Command::PauseAt(Some(PauseAt::RenderS(90.0)))));
-        assert_eq!(said("resume"), Order::Night(Command::Pause(Some(false))));
-        assert_eq!(said("stop cell"), Order::Night(Command::StopAfterCell));
-        assert_eq!(said("stop"), Order::Night(Command::Stop));
-        assert_eq!(said("  filter  Depth=5 Failed "), Order::Filter("depth=5 failed".to_owned()));
-        assert_eq!(said("cell 3"), Order::Cell(2));
-        assert_eq!(said("m psnr"), Order::Metric(2));
-        assert_eq!(said("axis spp"), Order::Axis(ChartX::Samples));
-        assert_eq!(said("show diff"), Order::Picture(Picture::Difference));
-        assert_eq!(said("exp -1.5"), Order::Exposure(-1.5));
-        assert_eq!((said("time 6.25"), said("pl")), (Order::Moment(6.25), Order::Play));
+    fn every_command_can_be_typed_and_abbreviated() {
+        let parsed = |line: &str| ordered(line).unwrap();
+        assert_eq!(
+            parsed("pause"),
+            Action::Night(NightRequest::Pause(Some(true)))
+        );
+        assert_eq!(
+            parsed("pause 64spp"),
+            Action::Night(NightRequest::PauseAt(Some(PauseAt::Samples(64))))
+        );
+        assert_eq!(
+            parsed("pa 1.5m"),
+            Action::Night(NightRequest::PauseAt(Some(PauseAt::RenderS(90.0))))
+        );
+        assert_eq!(
+            parsed("resume"),
+            Action::Night(NightRequest::Pause(Some(false)))
+        );
+        assert_eq!(
+            parsed("stop cell"),
+            Action::Night(NightRequest::StopAfterCell)
+        );
+        assert_eq!(parsed("stop"), Action::Night(NightRequest::Stop));
+        assert_eq!(
+            parsed("  filter  Depth=5 Failed "),
+            Action::Filter("depth=5 failed".to_owned())
+        );
+        assert_eq!(parsed("cell 3"), Action::Cell(2));
+        assert_eq!(parsed("m psnr"), Action::Metric(2));
+        assert_eq!(parsed("axis spp"), Action::ChartX(ChartX::Samples));
+        assert_eq!(
+            parsed("show diff"),
+            Action::Picture(PictureMode::Difference)
+        );
+        assert_eq!(parsed("exp -1.5"), Action::Exposure(-1.5));
+        assert_eq!(
+            (parsed("time 6.25"), parsed("pl")),
+            (Action::OpticalLength(6.25), Action::Play)
+        );
         for (name, ..) in COMMANDS {
-            assert!(!matches!(ordered(name), Err(e) if e.contains("no command")), "{name}");
+            assert!(
+                !matches!(ordered(name), Err(e) if e.contains("no command")),
+                "{name}"
+            );
         }
     }
 
     #[test]
-    fn what_makes_no_sense_is_answered() {
+    fn invalid_lines_are_rejected_with_a_message() {
         let answer = |line: &str| ordered(line).unwrap_err();
-        assert!(answer("").contains("missing"));
-        assert_eq!(answer("s"), "`s` may be `skip` or `stop`");
-        assert_eq!(answer("pauze"), "there is no command `pauze`; did you mean `pause`?");
+        assert!(answer("").contains("no command given"));
+        assert_eq!(answer("s"), "`s` is ambiguous: `skip` or `stop`");
+        assert_eq!(
+            answer("pauze"),
+            "there is no command `pauze`; did you mean `pause`?"
+        );
         assert!(answer("pause soon").contains("64spp"));
         assert!(answer("pause 0").contains("64spp"));
         assert!(answer("cell 5").contains("1 to 4"));
-        assert_eq!(answer("metric rsme"), "there is no metric `rsme`; did you mean `rmse`?");
+        assert_eq!(
+            answer("metric rsme"),
+            "there is no metric `rsme`; did you mean `rmse`?"
+        );
         assert!(answer("show nothing").contains("difference"));
         assert!(answer("exposure bright").contains("stops"));
         assert!(answer("time late").contains("path length"));

@@ -1,11 +1,13 @@
-//! The dashboard: a sink that keeps the newest state, and a thread of its own that owns the terminal and draws it.
+//! The dashboard: a sink that stores the newest state, and a thread that owns the terminal and
+//! draws this state.
 //!
-//! The same dashboard shows a night that another process renders: then somebody tells the model what the files say, and
-//! no key reaches that night.
+//! It also shows a night that another process renders. A reader then updates the model from
+//! files, and keys cannot control the night.
 //!
-//! Rendering never waits for the terminal. [`Dashboard::hear`](crate::experiment::Sink::hear) folds an event into the
-//! shared model and returns; the thread copies out what changed at most ten times a second. A slow terminal loses
-//! frames, a terminal that has gone away ends the thread, and neither is an error of the night.
+//! Rendering never waits for the terminal. [`Dashboard::receive`](crate::experiment::Sink::receive)
+//! folds an event into the shared model and returns; the thread copies the model at most ten
+//! times per second. A slow terminal loses frames, and a terminal that is gone ends the thread;
+//! neither affects the night.
 
 use std::fs::File;
 use std::io::{self, BufWriter, IsTerminal, Stdout, Write};
@@ -19,54 +21,56 @@ use ratatui::Terminal;
 use ratatui::backend::CrosstermBackend;
 use ratatui::layout::Rect;
 
-use super::guard::Guard;
-use super::look::{Graphics, Look};
-use super::model::Model;
+use super::model::night::NightModel;
+use super::model::time_preview::TimePreview;
 use super::panes;
-use super::reel::Reel;
-use super::view::{Command, View, Wishes};
+use super::terminal::terminal_caps::{Graphics, TerminalCaps};
+use super::terminal::terminal_guard::TerminalGuard;
+use super::view::{NightRequest, PendingRequests, View};
 use crate::experiment::event::Level;
-use crate::experiment::{Control, Event, Sink, SinkError};
+use crate::experiment::{Event, NightControls, Sink, SinkError};
 
 /// Shortest time between two frames.
-pub(super) const FRAME: Duration = Duration::from_millis(100);
-/// Longest time until a key is seen.
-pub(super) const GLANCE: Duration = Duration::from_millis(40);
+pub(super) const FRAME_INTERVAL: Duration = Duration::from_millis(100);
+/// Interval at which keys are polled.
+pub(super) const POLL_INTERVAL: Duration = Duration::from_millis(40);
 
-/// What to do when the user wants to leave at once; the terminal has been given back before it is called.
+/// Called when the user quits at once, after the terminal has been restored.
 pub type LeaveNow = Box<dyn FnOnce() + Send>;
 
-/// What the listener and the drawing thread share.
+/// State shared by the event sink and the drawing thread.
 #[derive(Debug, Default)]
-struct Shared {
-    model: Mutex<Model>,
-    over: Mutex<bool>,
+struct SharedState {
+    model: Mutex<NightModel>,
+    closed: Mutex<bool>,
     wake: Condvar,
 }
 
-impl Shared {
-    fn model(&self) -> MutexGuard<'_, Model> {
+impl SharedState {
+    fn model(&self) -> MutexGuard<'_, NightModel> {
         self.model.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits a glance long, or until the dashboard is over; says which.
+    /// Waits one poll interval or until the dashboard ends; returns whether it has ended.
     fn wait(&self) -> bool {
-        let over = self.over.lock().unwrap_or_else(PoisonError::into_inner);
-        let waited = self.wake.wait_timeout_while(over, GLANCE, |over| !*over);
+        let closed = self.closed.lock().unwrap_or_else(PoisonError::into_inner);
+        let waited = self
+            .wake
+            .wait_timeout_while(closed, POLL_INTERVAL, |closed| !*closed);
         *waited.unwrap_or_else(PoisonError::into_inner).0
     }
 }
 
-/// Whose night it is.
+/// Origin of the night that is last.
 #[derive(Clone, Debug)]
 pub enum Role {
-    /// This process's; keys act through the control.
-    Run(Arc<Control>),
-    /// Another's; keys act on the screen alone. Times are seconds since 1970.
+    /// The night of this process; keys act through the control.
+    Run(Arc<NightControls>),
+    /// The night of another process; keys act on the screen only. Times are Unix times in seconds.
     Watch,
 }
 
-/// Seconds on the listener's clock.
+/// Clock of the received events, in seconds.
 #[derive(Clone, Copy, Debug)]
 enum Clock {
     Since(Instant),
@@ -77,53 +81,79 @@ impl Clock {
     fn now_s(self) -> f64 {
         match self {
             Clock::Since(start) => start.elapsed().as_secs_f64(),
-            Clock::Unix => SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0.0, |d| d.as_secs_f64()),
+            Clock::Unix => SystemTime::now()
+                .duration_since(SystemTime::UNIX_EPOCH)
+                .map_or(0.0, |d| d.as_secs_f64()),
         }
     }
 }
 
-/// The dashboard on the terminal that standard output is.
+/// The dashboard on the terminal of standard output.
 #[derive(Debug)]
 pub struct Dashboard {
-    shared: Arc<Shared>,
+    shared: Arc<SharedState>,
     clock: Clock,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Dashboard {
-    /// Takes the terminal (raw mode, alternate screen) and starts the thread `dashboard` that draws on it.
+    /// Acquires the terminal (raw mode, alternate screen) and starts the drawing thread
+    /// `dashboard`.
     ///
-    /// The second wish to stop a night of this process (the first to leave another's) gives the terminal back and calls
-    /// `leave_now` on that thread; if it returns, the night goes on without a dashboard.
+    /// The second request to stop a night of this process (the first when watching) restores the
+    /// terminal and calls `leave_now` on that thread; if it returns, the night continues without a
+    /// dashboard.
     ///
-    /// # Errors
-    /// When there is no terminal that can be taken, or no thread can be started; the terminal is then as before.
+    /// # Errors If the terminal cannot be acquired or the thread cannot be started; the terminal is
+    /// restored.
     pub fn start(role: Role, leave_now: LeaveNow) -> io::Result<Dashboard> {
-        let shared = Arc::new(Shared::default());
+        let shared = Arc::new(SharedState::default());
         let clock = match role {
             Role::Run(_) => Clock::Since(Instant::now()),
             Role::Watch => Clock::Unix,
         };
-        let guard = Guard::take(enter, restore)?;
-        let look = Look::from_env(&|name| std::env::var(name).ok());
+        let guard = TerminalGuard::acquire(enter, restore)?;
+        let caps = TerminalCaps::from_env(&|name| std::env::var(name).ok());
         let terminal = open_terminal()?;
-        let view = View { watching: matches!(role, Role::Watch), ..View::new(look) };
+        let view = View {
+            watching: matches!(role, Role::Watch),
+            ..View::new(caps)
+        };
         let graphics = Graphics::from_env(&|name| std::env::var(name).ok());
-        let screen = Screen { terminal, guard, keys: Keys::new(), view, graphics, role, shared: shared.clone(), clock };
-        let thread = std::thread::Builder::new().name("dashboard".to_owned()).spawn(move || {
-            // Tone mapping uses rayon. With this thread as a pool of its own it stays here, instead of queueing behind
-            // the tiles of a wave, where keys would wait with it. Without such a pool it is slower, not wrong.
-            let _pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build();
-            // A terminal that can no longer be written to is gone: nothing is lost by not drawing.
-            if let Ok(Exit::Leave) = screen.run() {
-                leave_now();
-            }
-        })?;
-        Ok(Dashboard { shared, clock, thread: Some(thread) })
+        let screen = Screen {
+            terminal,
+            guard,
+            keys: Keys::new(),
+            view,
+            graphics,
+            role,
+            shared: shared.clone(),
+            clock,
+        };
+        let thread = std::thread::Builder::new()
+            .name("dashboard".to_owned())
+            .spawn(move || {
+                // Tone mapping uses rayon. A pool that consists of this thread keeps it from
+                // queueing behind the tiles of a wave, which would delay keys. If the pool cannot
+                // be built, drawing is slower but correct.
+                let _pool = rayon::ThreadPoolBuilder::new()
+                    .num_threads(1)
+                    .use_current_thread()
+                    .build();
+                // An error means that the terminal is gone; the night does not depend on it.
+                if let Ok(ExitReason::Quit) = screen.run() {
+                    leave_now();
+                }
+            })?;
+        Ok(Dashboard {
+            shared,
+            clock,
+            thread: Some(thread),
+        })
     }
 
-    /// Changes the model of a night that is told by somebody else than its events.
-    pub fn tell(&self, change: impl FnOnce(&mut Model)) {
+    /// Changes the model directly, for a night that is read from files instead of events.
+    pub fn update_model(&self, change: impl FnOnce(&mut NightModel)) {
         change(&mut self.shared.model());
     }
 
@@ -132,38 +162,45 @@ impl Dashboard {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// What can put lines into the log pane, from any thread.
-    pub fn voice(&self) -> Voice {
-        Voice { shared: Arc::clone(&self.shared), clock: self.clock }
+    /// Returns a handle that appends messages to the log pane from any thread.
+    pub fn log_handle(&self) -> LogHandle {
+        LogHandle {
+            shared: Arc::clone(&self.shared),
+            clock: self.clock,
+        }
     }
 
-    /// Ends the thread and gives the terminal back.
+    /// Ends the thread and restores the terminal.
     pub fn finish(mut self) {
         self.close();
     }
 
     fn close(&mut self) {
-        *self.shared.over.lock().unwrap_or_else(PoisonError::into_inner) = true;
+        *self
+            .shared
+            .closed
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner) = true;
         self.shared.wake.notify_all();
         if let Some(thread) = self.thread.take() {
-            // A panic of the drawing thread has been reported by the panic hook; the night is not concerned.
+            // The panic hook has reported a panic of the drawing thread; the night is unaffected.
             let _ = thread.join();
         }
     }
 }
 
-/// Puts lines into the log pane.
+/// Handle that appends messages to the log pane.
 #[derive(Clone, Debug)]
-pub struct Voice {
-    shared: Arc<Shared>,
+pub struct LogHandle {
+    shared: Arc<SharedState>,
     clock: Clock,
 }
 
-impl Voice {
-    /// Says something that is not about a cell.
-    pub fn say(&self, level: Level, text: &str) {
+impl LogHandle {
+    /// Appends a message that does not concern a cell.
+    pub fn append(&self, level: Level, text: &str) {
         let at_s = self.clock.now_s();
-        self.shared.model().say(level, None, text, at_s);
+        self.shared.model().log(level, None, text, at_s);
     }
 }
 
@@ -174,28 +211,31 @@ impl Drop for Dashboard {
 }
 
 impl Sink for Dashboard {
-    fn hear(&mut self, event: &Event) -> Result<(), SinkError> {
+    fn receive(&mut self, event: &Event) -> Result<(), SinkError> {
         let at_s = self.clock.now_s();
-        // Before the model is locked: keys must not wait for it.
-        let reel = Reel::heard(event);
+        // Before locking the model, so that keys do not wait for it.
+        let time_preview = TimePreview::from_event(event);
         let mut model = self.shared.model();
-        model.hear(event, at_s);
-        if let Some(reel) = reel {
-            model.wound(reel);
+        model.receive(event, at_s);
+        if let Some(time_preview) = time_preview {
+            model.set_time_preview(time_preview);
         }
         Ok(())
     }
 
-    fn shows_times(&self) -> bool {
+    fn wants_times(&self) -> bool {
         true
     }
 }
 
-/// A whole frame is gathered before it is written.
-type Output = Terminal<CrosstermBackend<BufWriter<Stdout>>>;
+/// The terminal; a frame is buffered as a whole before it is written.
+type BufferedTerminal = Terminal<CrosstermBackend<BufWriter<Stdout>>>;
 
-fn open_terminal() -> io::Result<Output> {
-    Terminal::new(CrosstermBackend::new(BufWriter::with_capacity(1 << 16, io::stdout())))
+fn open_terminal() -> io::Result<BufferedTerminal> {
+    Terminal::new(CrosstermBackend::new(BufWriter::with_capacity(
+        1 << 16,
+        io::stdout(),
+    )))
 }
 
 fn enter() -> io::Result<()> {
@@ -203,141 +243,161 @@ fn enter() -> io::Result<()> {
     execute!(io::stdout(), terminal::EnterAlternateScreen, cursor::Hide)
 }
 
-/// Errors are of no use here: there is nobody left to tell.
+/// Restores the terminal. Errors are ignored, since they cannot be displayed.
 fn restore() {
-    let _ = execute!(io::stdout(), terminal::EndSynchronizedUpdate, terminal::LeaveAlternateScreen, cursor::Show);
+    let _ = execute!(
+        io::stdout(),
+        terminal::EndSynchronizedUpdate,
+        terminal::LeaveAlternateScreen,
+        cursor::Show
+    );
     let _ = terminal::disable_raw_mode();
 }
 
-/// Why the thread ended.
-enum Exit {
-    /// The night is over.
-    Over,
-    /// The user wants to leave at once.
-    Leave,
+/// Reason why the drawing thread ended.
+enum ExitReason {
+    /// The dashboard was closed.
+    Closed,
+    /// The user wants to quit at once.
+    Quit,
 }
 
-/// The drawing thread's own.
+/// State of the drawing thread.
 struct Screen {
-    terminal: Output,
-    guard: Guard,
+    terminal: BufferedTerminal,
+    guard: TerminalGuard,
     keys: Keys,
     view: View,
     graphics: Graphics,
     role: Role,
-    shared: Arc<Shared>,
+    shared: Arc<SharedState>,
     clock: Clock,
 }
 
-/// What a frame shows that can change without an event; a frame with the same facts needs no drawing.
+/// Everything that a frame depends on; a frame with an equal key is not drawn again.
 #[derive(Clone, Copy, PartialEq)]
-struct Shown {
+struct FrameKey {
     revision: u64,
     tick: u64,
     size: (u16, u16),
-    wishes: Wishes,
+    requests: PendingRequests,
 }
 
 impl Screen {
-    /// Draws and reads keys until the night is over.
+    /// Draws and handles keys until the dashboard is closed.
     ///
     /// # Errors
-    /// When the terminal can no longer be written to.
-    fn run(mut self) -> io::Result<Exit> {
-        let mut shown = None;
+    /// If the terminal can no longer be written to.
+    fn run(mut self) -> io::Result<ExitReason> {
+        let mut last = None;
         let mut drawn: Option<Instant> = None;
         let mut lost_at: Option<u64> = None;
         loop {
             if self.shared.wait() {
-                return Ok(Exit::Over);
+                return Ok(ExitReason::Closed);
             }
-            if !self.guard.holds() {
-                // A panic gave the terminal back. If events go on, it cost a cell and not the night.
+            if !self.guard.is_acquired() {
+                // A panic restored the terminal. If events continue, only a cell was affected.
                 let revision = self.shared.model().revision;
                 if *lost_at.get_or_insert(revision) == revision {
                     continue;
                 }
-                self.guard.take_again(enter)?;
-                // Not cleared: that would ask the terminal for its cursor and wait for the answer.
+                self.guard.reacquire(enter)?;
+                // Do not clear: that queries the terminal's cursor position and waits for a reply.
                 self.terminal = open_terminal()?;
-                (shown, lost_at) = (None, None);
+                (last, lost_at) = (None, None);
             }
             let mut touched = false;
             for key in self.keys.pressed()? {
                 touched = true;
-                if self.press(key)? {
-                    return Ok(Exit::Leave);
+                if self.handle_key(key)? {
+                    return Ok(ExitReason::Quit);
                 }
             }
             if touched {
-                shown = None;
+                last = None;
             }
-            if drawn.is_some_and(|at| at.elapsed() < FRAME) {
+            if drawn.is_some_and(|at| at.elapsed() < FRAME_INTERVAL) {
                 continue;
             }
-            let now = self.facts()?;
-            if shown != Some(now) {
+            let now = self.frame_key()?;
+            if last != Some(now) {
                 self.draw()?;
-                shown = Some(now);
+                last = Some(now);
                 drawn = Some(Instant::now());
             }
         }
     }
 
-    fn facts(&self) -> io::Result<Shown> {
+    fn frame_key(&self) -> io::Result<FrameKey> {
         let size = terminal::size()?;
         let now_s = self.clock.now_s();
         let model = self.shared.model();
-        Ok(Shown { revision: model.revision, tick: self.view.tick(&model, now_s), size, wishes: self.wishes() })
+        Ok(FrameKey {
+            revision: model.revision,
+            tick: self.view.tick(&model, now_s),
+            size,
+            requests: self.requests(),
+        })
     }
 
-    fn wishes(&self) -> Wishes {
+    fn requests(&self) -> PendingRequests {
         match &self.role {
-            Role::Run(control) => Wishes::of(control),
-            Role::Watch => Wishes::default(),
+            Role::Run(control) => PendingRequests::from_controls(control),
+            Role::Watch => PendingRequests::default(),
         }
     }
 
-    /// Acts on a key; whether to leave at once.
-    fn press(&mut self, key: KeyEvent) -> io::Result<bool> {
+    /// Handles a key; returns whether to quit at once.
+    fn handle_key(&mut self, key: KeyEvent) -> io::Result<bool> {
         let (width, height) = terminal::size()?;
         let area = Rect::new(0, 0, width, height);
         self.view.now_s = self.clock.now_s();
-        self.view.wishes = self.wishes();
-        let Some(command) = self.view.key(key, &self.shared.model(), area) else { return Ok(false) };
+        self.view.requests = self.requests();
+        let Some(command) = self.view.key(key, &self.shared.model(), area) else {
+            return Ok(false);
+        };
         let control = match &self.role {
             Role::Run(control) => control,
-            Role::Watch => return Ok(command == Command::Stop),
+            Role::Watch => return Ok(command == NightRequest::Stop),
         };
         match command {
-            Command::Stop => return Ok(control.request_stop() >= 2),
-            Command::StopAfterCell => {
+            NightRequest::Stop => return Ok(control.request_stop() >= 2),
+            NightRequest::StopAfterCell => {
                 control.toggle_stop_after_cell();
             }
-            Command::Pause(Some(paused)) => control.set_paused(paused),
-            Command::Pause(None) => {
+            NightRequest::Pause(Some(paused)) => control.set_paused(paused),
+            NightRequest::Pause(None) => {
                 control.toggle_pause();
             }
-            Command::PauseAt(limit) => control.set_pause_at(limit),
-            Command::Skip => control.request_skip(),
-            Command::Restart => control.request_restart(),
+            NightRequest::PauseAt(limit) => control.set_pause_at(limit),
+            NightRequest::Skip => control.request_skip(),
+            NightRequest::Restart => control.request_restart(),
         }
         Ok(false)
     }
 
     fn draw(&mut self) -> io::Result<()> {
         self.view.now_s = self.clock.now_s();
-        self.view.wishes = self.wishes();
-        // Reducing the picture takes a while, writing may take for ever: neither happens under the lock.
+        self.view.requests = self.requests();
+        // Reducing the picture is slow and writing may block: do neither while holding the lock.
         let model = self.shared.model().clone();
         if !self.view.watching {
-            let device = model.current.as_ref().map_or("", |current| current.open.device.as_str());
+            let device = model
+                .current
+                .as_ref()
+                .map_or("", |current| current.open.device.as_str());
             self.view.gauges.borrow_mut().refresh(device);
         }
         if self.graphics != Graphics::Blocks {
-            // Asked of the system, not of the terminal; without an answer pictures are blocks.
-            let cell = terminal::window_size().ok().filter(|s| s.columns > 0 && s.rows > 0);
-            self.view.graphics = (self.graphics, cell.map_or([0, 0], |s| [s.width / s.columns, s.height / s.rows]));
+            // This queries the operating system, not the terminal. Without a size, use blocks.
+            let cell = terminal::window_size()
+                .ok()
+                .filter(|s| s.columns > 0 && s.rows > 0);
+            self.view.graphics = (
+                self.graphics,
+                cell.map_or([0, 0], |s| [s.width / s.columns, s.height / s.rows]),
+            );
         }
         let (terminal, view) = (&mut self.terminal, &self.view);
         let written = self.guard.write(|| {
@@ -350,7 +410,7 @@ impl Screen {
     }
 }
 
-/// The keyboard.
+/// Source of key presses.
 struct Keys {
     /// Whether standard input is the keyboard; otherwise it is the controlling terminal.
     on_stdin: bool,
@@ -358,24 +418,33 @@ struct Keys {
 
 impl Keys {
     fn new() -> Keys {
-        Keys { on_stdin: io::stdin().is_terminal() }
+        Keys {
+            on_stdin: io::stdin().is_terminal(),
+        }
     }
 
-    /// Whether the terminal is still there. crossterm 0.29 reads in a loop without end from one that has hung up, so
-    /// it must not be asked for keys then.
+    /// Whether the terminal is still connected. crossterm 0.29 loops forever when it reads from a
+    /// terminal that has hung up, so it must not be polled then.
     fn connected(&self) -> bool {
-        if self.on_stdin { io::stdin().is_terminal() } else { cfg!(windows) || File::open("/dev/tty").is_ok() }
+        if self.on_stdin {
+            io::stdin().is_terminal()
+        } else {
+            cfg!(windows) || File::open("/dev/tty").is_ok()
+        }
     }
 
-    /// The keys pressed since the last call, without waiting for one.
+    /// Returns the keys pressed since the last call, without waiting.
     ///
     /// # Errors
-    /// When the terminal is gone.
+    /// If the terminal is gone.
     fn pressed(&self) -> io::Result<Vec<KeyEvent>> {
         let mut keys = Vec::new();
         loop {
             if !self.connected() {
-                return Err(io::Error::new(io::ErrorKind::BrokenPipe, "the terminal has hung up"));
+                return Err(io::Error::new(
+                    io::ErrorKind::BrokenPipe,
+                    "the terminal has hung up",
+                ));
             }
             if !event::poll(Duration::ZERO)? {
                 return Ok(keys);

@@ -1,36 +1,26 @@
-//! The terminal: a dashboard that lives on its own thread, and plain lines where there is no terminal.
+//! Terminal output of a night: the dashboard, which draws on a thread of its own, and plain
+//! progress lines for outputs that are not a capable terminal.
 //!
-//! Both listen to [`Event`](crate::experiment::Event)s, fold them into a [`model::Model`], and can neither disturb a
-//! timing nor lose a result: an event is taken in and the listener returns, whatever the terminal does. What is
-//! drawn is a pure function of the model and of a [`view::View`], so that whole screens are tested without a
-//! terminal.
+//! Both receive [`Event`](crate::experiment::Event)s, fold them into a [`model::NightModel`] and
+//! return at once, so neither can disturb a timing or lose a result. A frame is a pure function
+//! of the model and a [`view::View`]; tests therefore draw whole screens without a terminal.
 
 pub mod axis;
-pub mod column;
 mod command;
-pub mod curve;
 mod dashboard;
-pub mod device;
-pub mod entry;
-pub mod eta;
-pub mod guard;
-pub mod line;
-pub mod look;
+pub mod format;
 pub mod model;
-pub mod offscreen;
 pub mod panes;
 pub mod preview;
-pub mod reel;
-pub mod rows;
-pub mod sharp;
-pub mod thumbs;
+pub mod progress_lines;
+pub mod terminal;
 pub mod view;
-pub mod words;
-pub mod workers;
 
 #[cfg(test)]
 mod tests;
 
-pub use dashboard::{Dashboard, LeaveNow, Role, Voice};
-pub use line::{LineOptions, LineSink};
-pub use look::{Colors, Graphics, Look, Mode, colored, wanted};
+pub use dashboard::{Dashboard, LeaveNow, LogHandle, Role};
+pub use progress_lines::{ProgressLineOptions, ProgressLines};
+pub use terminal::terminal_caps::{
+    Colors, Graphics, OutputMode, TerminalCaps, output_mode, use_colors,
+};

@@ -1,82 +1,95 @@
-//! Pictures reduced to what a pane can show, kept as long as nothing that they are made of changes.
+//! Pictures reduced to the size of a pane, cached until their inputs change.
 //!
-//! Making one takes time that the renderer would like to have. So each remembers what it cost, and is not made anew
-//! before fifty times that has gone by: whatever the size of the picture, this stays below two per cent of one core.
+//! Reducing a picture costs time that the renderer could use. A cached preview is therefore
+//! rebuilt only after fifty times its cost has passed; this bounds the load to two per cent of
+//! one core for any size of picture.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::view::Picture;
+use super::view::PictureMode;
 use crate::film::{Image, SharedImage};
 use crate::metrics::{MetricError, MetricSpec};
 
-/// Previews that are kept: two that flicker, and one more.
-const KEPT: usize = 3;
-/// How long a preview is kept at least, in multiples of what it cost.
-const REST: u32 = 50;
+/// Number of cached previews: two that flicker, and one more.
+const CAPACITY: usize = 3;
+/// Shortest lifetime of a preview, in multiples of its cost.
+const LIFETIME_FACTOR: u32 = 50;
 
-/// What a preview shows.
+/// Content of a preview.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Content {
-    /// Linear radiance, still to be exposed and tone-mapped.
+pub enum PreviewContent {
+    /// Linear radiance, before exposure and tone map.
     Radiance(Image),
-    /// An error in colours: one for each pixel in row order, and the values at both ends of the colours.
+    /// False-colour map of an error.
     Map {
-        /// Columns.
+        /// Width in pixels.
         width: u32,
-        /// Rows.
+        /// Height in pixels.
         height: u32,
-        /// `width * height` sRGB colours.
+        /// `width * height` sRGB colours in row order.
         colours: Vec<[u8; 3]>,
-        /// What the first and the last colour stand for.
+        /// Errors that the first and the last colour represent.
         scale: [f32; 2],
     },
-    /// Why there is none.
-    Nothing(String),
+    /// Reason why there is no preview.
+    Unavailable(String),
 }
 
-/// A preview.
+/// A cached preview and the inputs from which it was built.
 #[derive(Debug)]
-struct Kept {
-    kind: Picture,
+struct CachedPreview {
+    kind: PictureMode,
     size: [u32; 2],
     source: SharedImage,
     reference: Option<SharedImage>,
-    content: Arc<Content>,
+    content: Arc<PreviewContent>,
     made: Instant,
     cost: Duration,
 }
 
-/// The previews that were made last.
+/// Cache of the previews built last.
 #[derive(Debug, Default)]
-pub struct Previews {
-    kept: Vec<Kept>,
+pub struct PreviewCache {
+    entries: Vec<CachedPreview>,
 }
 
-impl Previews {
-    /// A preview of a picture and its reference, of `size` pixels.
+impl PreviewCache {
+    /// Returns the preview of a picture and its reference in `size` pixels.
     pub fn get(
         &mut self,
-        kind: Picture,
+        kind: PictureMode,
         size: [u32; 2],
         source: &SharedImage,
         reference: Option<&SharedImage>,
         metrics: &[MetricSpec],
-    ) -> Arc<Content> {
-        let place = self.kept.iter().position(|k| k.kind == kind && k.size == size);
-        if let Some(kept) = place.map(|i| &self.kept[i]) {
-            let same_reference = match (&kept.reference, reference) {
+    ) -> Arc<PreviewContent> {
+        let index = self
+            .entries
+            .iter()
+            .position(|k| k.kind == kind && k.size == size);
+        if let Some(entry) = index.map(|i| &self.entries[i]) {
+            let same_reference = match (&entry.reference, reference) {
                 (Some(a), Some(b)) => Arc::ptr_eq(a, b),
                 (None, None) => true,
                 _ => false,
             };
-            if same_reference && (Arc::ptr_eq(&kept.source, source) || kept.made.elapsed() < kept.cost * REST) {
-                return Arc::clone(&kept.content);
+            if same_reference
+                && (Arc::ptr_eq(&entry.source, source)
+                    || entry.made.elapsed() < entry.cost * LIFETIME_FACTOR)
+            {
+                return Arc::clone(&entry.content);
             }
         }
         let start = Instant::now();
-        let content = Arc::new(made(kind, size, source, reference.map(Arc::as_ref), metrics));
-        let kept = Kept {
+        let content = Arc::new(build(
+            kind,
+            size,
+            source,
+            reference.map(Arc::as_ref),
+            metrics,
+        ));
+        let entry = CachedPreview {
             kind,
             size,
             source: Arc::clone(source),
@@ -85,70 +98,93 @@ impl Previews {
             made: Instant::now(),
             cost: start.elapsed(),
         };
-        if let Some(i) = place {
-            self.kept.remove(i);
-        } else if self.kept.len() >= KEPT {
-            self.kept.remove(0);
+        if let Some(i) = index {
+            self.entries.remove(i);
+        } else if self.entries.len() >= CAPACITY {
+            self.entries.remove(0);
         }
-        self.kept.push(kept);
+        self.entries.push(entry);
         content
     }
 }
 
-fn made(kind: Picture, size: [u32; 2], image: &Image, reference: Option<&Image>, metrics: &[MetricSpec]) -> Content {
+fn build(
+    kind: PictureMode,
+    size: [u32; 2],
+    image: &Image,
+    reference: Option<&Image>,
+    metrics: &[MetricSpec],
+) -> PreviewContent {
     let against = |metric: &str| match reference {
-        None => Content::Nothing("there is no reference to compare with".to_owned()),
-        Some(reference) => {
-            map(metric, size, image, reference, metrics).unwrap_or_else(|e| Content::Nothing(e.to_string()))
+        None => {
+            PreviewContent::Unavailable("this cell has no reference to compare with".to_owned())
         }
+        Some(reference) => error_map(metric, size, image, reference, metrics)
+            .unwrap_or_else(|e| PreviewContent::Unavailable(e.to_string())),
     };
     match kind {
-        Picture::Live | Picture::Strategies | Picture::Time => Content::Radiance(box_average(image, size[0], size[1])),
-        Picture::Reference => match reference {
-            Some(reference) => Content::Radiance(box_average(reference, size[0], size[1])),
-            None => Content::Nothing("this cell has no reference".to_owned()),
+        PictureMode::Live | PictureMode::Strategies | PictureMode::Time => {
+            PreviewContent::Radiance(box_average(image, size[0], size[1]))
+        }
+        PictureMode::Reference => match reference {
+            Some(reference) => PreviewContent::Radiance(box_average(reference, size[0], size[1])),
+            None => PreviewContent::Unavailable("this cell has no reference".to_owned()),
         },
-        Picture::Difference => against("mae"),
-        Picture::Flip => against("flip"),
+        PictureMode::Difference => against("mae"),
+        PictureMode::Flip => against("flip"),
     }
 }
 
-/// The errors of all pixels, computed at full size and then averaged, so that noise does not vanish by being reduced.
-/// A metric of the plan is taken with its options.
-fn map(
+/// Builds an error map. Errors are computed at full size and then averaged, so that reducing the
+/// picture does not remove noise. A metric of the plan is evaluated with the plan's options.
+fn error_map(
     metric: &str,
     size: [u32; 2],
     image: &Image,
     reference: &Image,
     metrics: &[MetricSpec],
-) -> Result<Content, MetricError> {
+) -> Result<PreviewContent, MetricError> {
     let own = metrics.iter().find(|m| m.row.name == metric).cloned();
     let spec = match own.map_or_else(|| MetricSpec::new(metric, metric, Default::default()), Ok) {
         Ok(spec) => spec,
-        Err(e) => return Ok(Content::Nothing(e.to_string())),
+        Err(e) => return Ok(PreviewContent::Unavailable(e.to_string())),
     };
     let mut errors = spec.error_map(image, reference)?;
     let scale = errors.scale(None);
     let pixels = errors.values.iter().map(|v| [*v; 3]).collect();
-    let full = Image { width: errors.width, height: errors.height, data: pixels };
+    let full = Image {
+        width: errors.width,
+        height: errors.height,
+        data: pixels,
+    };
     let reduced = box_average(&full, size[0], size[1]);
     [errors.width, errors.height] = size;
     errors.values = reduced.data.iter().map(|v| v[0]).collect();
-    Ok(Content::Map { width: size[0], height: size[1], colours: errors.coloured(scale), scale })
+    Ok(PreviewContent::Map {
+        width: size[0],
+        height: size[1],
+        colours: errors.coloured(scale),
+        scale,
+    })
 }
 
-/// The image at another size, every new pixel the mean of the radiance that it covers. Non-finite pixels count as
-/// black.
+/// Resizes an image: every new pixel is the mean radiance of the area it covers. Pixels that are
+/// not finite count as black.
 pub fn box_average(image: &Image, width: u32, height: u32) -> Image {
-    let columns: Vec<Vec<(u32, f32)>> = (0..width).map(|x| cover(x, width, image.width)).collect();
-    let rows: Vec<Vec<(u32, f32)>> = (0..height).map(|y| cover(y, height, image.height)).collect();
+    let columns: Vec<Vec<(u32, f32)>> = (0..width)
+        .map(|x| coverage(x, width, image.width))
+        .collect();
+    let rows: Vec<Vec<(u32, f32)>> = (0..height)
+        .map(|y| coverage(y, height, image.height))
+        .collect();
     Image::from_fn(width, height, |x, y| {
         let mut sum = [0.0f32; 3];
         for (row, row_weight) in &rows[y as usize] {
             for (column, weight) in &columns[x as usize] {
                 let pixel = image.at(*column, *row);
                 for c in 0..3 {
-                    sum[c] += row_weight * weight * if pixel[c].is_finite() { pixel[c] } else { 0.0 };
+                    sum[c] +=
+                        row_weight * weight * if pixel[c].is_finite() { pixel[c] } else { 0.0 };
                 }
             }
         }
@@ -156,11 +192,14 @@ pub fn box_average(image: &Image, width: u32, height: u32) -> Image {
     })
 }
 
-/// The old pixels that new pixel `i` of `new` covers along one side, with their shares, which add up to one.
-fn cover(i: u32, new: u32, old: u32) -> Vec<(u32, f32)> {
+/// Old pixels that new pixel `i` covers along one side, with weights that sum to one.
+fn coverage(i: u32, new: u32, old: u32) -> Vec<(u32, f32)> {
     let scale = f64::from(old) / f64::from(new);
     let (from, to) = (f64::from(i) * scale, f64::from(i + 1) * scale);
     let last = (to.ceil() as u32).min(old);
     let share = |k: u32| (f64::from(k + 1).min(to) - f64::from(k).max(from)) / scale;
-    (from.floor() as u32..last).map(|k| (k, share(k) as f32)).filter(|(_, share)| *share > 0.0).collect()
+    (from.floor() as u32..last)
+        .map(|k| (k, share(k) as f32))
+        .filter(|(_, share)| *share > 0.0)
+        .collect()
 }

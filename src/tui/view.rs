@@ -1,132 +1,138 @@
-//! How the night is looked at: which pane is large, what is scrolled where, and what the keys do.
+//! State of the screen: focus, scrolling, prompt and modes, and the keys that change it.
 
 use std::cell::RefCell;
 
 use crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use ratatui::layout::Rect;
 
-use super::command::{self, Order};
-use super::device::Gauges;
-use super::look::{Graphics, Look};
-use super::model::Model;
+use super::command::{self, Action};
+use super::model::night::NightModel;
+use super::model::plan_rows::PlanRows;
+use super::model::time_preview::TimePreview;
 use super::panes;
-use super::preview::Previews;
-use super::reel::Reel;
-use super::rows::Rows;
-use super::sharp::Sharp;
-use crate::experiment::{CellRef, Control, PauseAt};
+use super::preview::PreviewCache;
+use super::terminal::device_gauges::Gauges;
+use super::terminal::graphics_protocols::GraphicsCache;
+use super::terminal::terminal_caps::{Graphics, TerminalCaps};
+use crate::experiment::{CellRef, NightControls, PauseAt};
 
-/// The largest change of exposure, in stops, up or down.
+/// Largest change of exposure in stops, up or down.
 const MAX_STOPS: f32 = 12.0;
 
-/// Which pane is large.
+/// Pane that is enlarged.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Focus {
     /// All panes share the screen.
     #[default]
     Overview,
-    /// The picture.
+    /// The picture pane.
     Picture,
-    /// The chart.
+    /// The chart pane.
     Chart,
-    /// The log.
+    /// The log pane.
     Log,
-    /// The plan.
+    /// The plan pane.
     Plan,
 }
 
-/// The horizontal axis of the chart.
+/// Horizontal axis of the chart.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ChartX {
-    /// Seconds inside the renderer.
+    /// Render time in seconds.
     #[default]
     RenderS,
     /// Samples per pixel.
     Samples,
 }
 
-/// What the picture pane shows.
+/// Content of the picture pane.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Picture {
-    /// The picture as it renders.
+pub enum PictureMode {
+    /// The picture that is being rendered.
     #[default]
     Live,
-    /// What it is measured against.
+    /// The reference image of the cell.
     Reference,
-    /// The absolute error of every pixel.
+    /// Absolute error of every pixel.
     Difference,
-    /// The error as seen when the two are flickered between: FLIP.
+    /// FLIP error: the difference seen when alternating between picture and reference.
     Flip,
-    /// What each strategy found, of the last cell that kept it.
+    /// Thumbnails of the per-strategy films of the last cell that stored them.
     Strategies,
-    /// Light by its time, a frame of it.
+    /// One frame of the time-resolved film.
     Time,
 }
 
-impl Picture {
-    /// All of them, in the order in which a key goes through them.
-    pub const ALL: [Picture; 6] =
-        [Picture::Live, Picture::Reference, Picture::Difference, Picture::Flip, Picture::Strategies, Picture::Time];
+impl PictureMode {
+    /// All modes, in the order in which keys cycle through them.
+    pub const ALL: [PictureMode; 6] = [
+        PictureMode::Live,
+        PictureMode::Reference,
+        PictureMode::Difference,
+        PictureMode::Flip,
+        PictureMode::Strategies,
+        PictureMode::Time,
+    ];
 
-    /// Its name in the command bar.
+    /// Name of the mode in the command bar.
     pub fn name(self) -> &'static str {
         match self {
-            Picture::Live => "live",
-            Picture::Reference => "reference",
-            Picture::Difference => "difference",
-            Picture::Flip => "flip",
-            Picture::Strategies => "strategies",
-            Picture::Time => "time",
+            PictureMode::Live => "live",
+            PictureMode::Reference => "reference",
+            PictureMode::Difference => "difference",
+            PictureMode::Flip => "flip",
+            PictureMode::Strategies => "strategies",
+            PictureMode::Time => "time",
         }
     }
 }
 
-/// How cells are listed.
+/// Layout of the cells in the plan pane.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Listing {
-    /// A tree where that is shorter: the group at hand open, the others closed.
+pub enum PlanLayout {
+    /// A tree if that is shorter: only the group of the current cell is open.
     #[default]
     Follow,
     /// A tree with every group open.
     Open,
-    /// One row for each cell.
+    /// A list with one row for each cell.
     Flat,
 }
 
-/// What a key asks of the night, beyond the screen.
+/// A request of the user to the night.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Command {
-    /// End after this wave; asked again, leave now. Where a night is only watched: leave.
+pub enum NightRequest {
+    /// Stop after this wave; a second request quits at once. When watching: quit.
     Stop,
-    /// End after this cell, or not.
+    /// Toggle stopping after this cell.
     StopAfterCell,
-    /// Pause, go on, or the one that it is not.
+    /// Pause, resume, or toggle if `None`.
     Pause(Option<bool>),
-    /// Pause when the cell has come so far.
+    /// Pause when the cell reaches this limit.
     PauseAt(Option<PauseAt>),
-    /// Give up the current cell.
+    /// Skip the current cell.
     Skip,
-    /// Render the current cell from its first sample.
+    /// Restart the current cell from its first sample.
     Restart,
 }
 
-/// What the user wants of the night, as its [`Control`] says.
+/// Pending requests to the night, as read from its [`NightControls`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Wishes {
+pub struct PendingRequests {
     /// Whether rendering is paused.
     pub paused: bool,
-    /// Where it will pause.
+    /// Limit at which rendering will pause.
     pub pause_at: Option<PauseAt>,
-    /// Whether the night will end after this wave.
+    /// Whether the night stops after this wave.
     pub stopping: bool,
-    /// Whether it will end after this cell.
+    /// Whether the night stops after this cell.
     pub after_cell: bool,
 }
 
-impl Wishes {
-    /// What a control says.
-    pub fn of(control: &Control) -> Wishes {
-        Wishes {
+impl PendingRequests {
+    /// Reads the pending requests of a control.
+    pub fn from_controls(control: &NightControls) -> PendingRequests {
+        PendingRequests {
             paused: control.paused(),
             pause_at: control.pause_at(),
             stopping: control.stop_requested(),
@@ -135,135 +141,140 @@ impl Wishes {
     }
 }
 
-/// A line that is being typed.
+/// Text that is being typed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Prompt {
-    /// A command.
+    /// A line of the command bar.
     Command(String),
-    /// What the plan is to show; it does so while it is typed.
+    /// A filter of the plan, which is applied while it is typed.
     Filter(String),
 }
 
-/// An answer on the last line, until some time.
+/// A message on the last line, shown for a limited time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Notice {
-    /// What it says.
+    /// Text of the message.
     pub text: String,
-    /// Until when, in seconds on the model's clock.
+    /// End of its display, in seconds on the model's clock.
     pub until_s: f64,
 }
 
-/// Seconds for which an answer stays.
+/// Display time of a message in seconds.
 const NOTICE_S: f64 = 6.0;
-/// Frames that a leap through time passes over.
-const LEAP: isize = 10;
-/// Seconds for which each of two pictures shows when they flicker.
+/// Number of frames that a jump through time skips.
+const FRAME_JUMP: isize = 10;
+/// Display time in seconds of each of the two pictures that flicker.
 const FLICKER_S: f64 = 0.6;
-/// Seconds for which each frame shows when light plays through time: as often as the screen is drawn.
+/// Display time in seconds of each frame of the time animation, equal to the frame interval.
 const FRAME_S: f64 = 0.1;
 
-/// The state of the screen that is not the state of the night.
+/// State of the screen, as opposed to the state of the night in [`NightModel`].
 #[derive(Debug)]
 pub struct View {
-    /// What the terminal can show.
-    pub look: Look,
-    /// How pictures are shown, and the size of a character cell in pixels where that needs it.
+    /// Capabilities of the terminal.
+    pub caps: TerminalCaps,
+    /// Graphics protocol, and the size of a character cell in pixels if the protocol needs it.
     pub graphics: (Graphics, [u16; 2]),
-    /// Whether another process renders, so that keys cannot reach the night.
+    /// Whether another process renders the night, so that keys cannot control it.
     pub watching: bool,
-    /// Which pane is large.
+    /// Pane that is enlarged.
     pub focus: Focus,
-    /// Whether the help lies over everything.
+    /// Whether the help overlay is shown.
     pub help: bool,
-    /// Which of the plan's metrics the chart shows, from 0.
+    /// Index of the metric in the chart.
     pub metric: usize,
-    /// The chart's horizontal axis.
+    /// Horizontal axis of the chart.
     pub chart_x: ChartX,
-    /// What the picture pane shows.
-    pub picture: Picture,
-    /// Whether live picture and reference are shown in turn.
+    /// Content of the picture pane.
+    pub picture: PictureMode,
+    /// Whether picture and reference alternate.
     pub flicker: bool,
-    /// Whether the strategies are shown without their weights.
-    pub raw: bool,
-    /// The optical length whose frame is shown of light by time.
-    pub moment: f64,
-    /// When light began to play through time, and at which frame.
+    /// Whether the strategies are shown without their MIS weights.
+    pub unweighted: bool,
+    /// Optical length whose frame of the time-resolved film is shown, in scene units.
+    pub optical_length: f64,
+    /// Start of the time animation: time in seconds, and index of its first frame.
     pub playing: Option<(f64, usize)>,
-    /// Stops that pictures are brightened by, on top of the plan's tone map.
+    /// Exposure of pictures in stops, on top of the plan's tone map.
     pub exposure: f32,
-    /// How cells are listed.
-    pub listing: Listing,
-    /// Lower-case words that the cells of the list contain.
+    /// Layout of the cells in the plan pane.
+    pub layout: PlanLayout,
+    /// Lower-case words that the listed cells must contain.
     pub filter: String,
-    /// First row of the plan on screen; `None` follows the current cell.
+    /// First visible row of the plan; `None` follows the current cell.
     pub plan_top: Option<usize>,
-    /// Lines that the log is scrolled back from its end.
+    /// Number of lines by which the log is scrolled back from its end.
     pub log_back: usize,
-    /// The line that is being typed.
+    /// Text that is being typed.
     pub prompt: Option<Prompt>,
-    /// An answer to what was typed.
+    /// Reply to the last command.
     pub notice: Option<Notice>,
-    /// Seconds on the same clock as the model's.
+    /// Current time in seconds on the model's clock.
     pub now_s: f64,
-    /// What the user wants of the night.
-    pub wishes: Wishes,
-    /// The cell that was asked to be given up.
+    /// Pending requests to the night.
+    pub requests: PendingRequests,
+    /// Cell that the user requested to skip.
     pub skipping: Option<CellRef>,
-    /// The reduced picture of the last frame, so that an unchanged one is not reduced again.
-    pub(super) preview: RefCell<Previews>,
-    /// The pictures in full resolution of the last frames.
-    pub(super) sharp: RefCell<Sharp>,
-    /// The rows of the plan, so that an unchanged plan is not searched again.
-    pub(super) rows: RefCell<Rows>,
-    /// The device's gauges.
+    /// Cache of reduced pictures.
+    pub(super) preview: RefCell<PreviewCache>,
+    /// Cache of pictures in full resolution.
+    pub(super) graphics_cache: RefCell<GraphicsCache>,
+    /// Cache of the plan's rows.
+    pub(super) rows: RefCell<PlanRows>,
+    /// History of the device gauges.
     pub(super) gauges: RefCell<Gauges>,
 }
 
 impl View {
-    /// The view at the start.
-    pub fn new(look: Look) -> View {
+    /// Creates the initial view.
+    pub fn new(caps: TerminalCaps) -> View {
         View {
-            look,
+            caps,
             graphics: (Graphics::Blocks, [0, 0]),
             watching: false,
             focus: Focus::default(),
             help: false,
             metric: 0,
             chart_x: ChartX::default(),
-            picture: Picture::default(),
+            picture: PictureMode::default(),
             flicker: false,
-            raw: false,
-            moment: f64::NEG_INFINITY,
+            unweighted: false,
+            optical_length: f64::NEG_INFINITY,
             playing: None,
             exposure: 0.0,
-            listing: Listing::default(),
+            layout: PlanLayout::default(),
             filter: String::new(),
             plan_top: None,
             log_back: 0,
             prompt: None,
             notice: None,
             now_s: 0.0,
-            wishes: Wishes::default(),
+            requests: PendingRequests::default(),
             skipping: None,
             preview: RefCell::default(),
-            sharp: RefCell::default(),
+            graphics_cache: RefCell::default(),
             rows: RefCell::default(),
             gauges: RefCell::default(),
         }
     }
 
-    /// The time for estimates: while rendering is paused nothing of the rest goes by.
-    pub fn clock_s(&self, model: &Model) -> f64 {
+    /// Time for estimates; it stands still while rendering is paused.
+    pub fn clock_s(&self, model: &NightModel) -> f64 {
         match &model.current {
-            Some(current) if self.wishes.paused && current.running => current.heard_s.min(self.now_s),
+            Some(current) if self.requests.paused && current.running => {
+                current.updated_s.min(self.now_s)
+            }
             _ => self.now_s,
         }
     }
 
-    /// What changes by the clock alone, as a number: frames with the same one look the same. A night that is over has
-    /// no clock that ticks.
-    pub fn tick(&self, model: &Model, now_s: f64) -> u64 {
-        let notice = self.notice.as_ref().is_some_and(|notice| now_s < notice.until_s);
+    /// Number that changes when the screen changes by time alone: frames with equal numbers look
+    /// the same. It is constant after the end of the night.
+    pub fn tick(&self, model: &NightModel, now_s: f64) -> u64 {
+        let notice = self
+            .notice
+            .as_ref()
+            .is_some_and(|notice| now_s < notice.until_s);
         let step = match model.finished_s {
             _ if self.flicker => FLICKER_S,
             _ if self.playing.is_some() => FRAME_S,
@@ -274,128 +285,146 @@ impl View {
         (now_s / step) as u64 * 2 + u64::from(notice)
     }
 
-    /// What the picture pane shows now; two in turn when they flicker.
-    pub fn shown(&self) -> Picture {
+    /// Mode that the picture pane shows now; alternates while flickering.
+    pub fn visible_mode(&self) -> PictureMode {
         match self.flicker {
-            true if (self.now_s / FLICKER_S) as u64 % 2 == 1 => Picture::Reference,
-            true => Picture::Live,
+            true if (self.now_s / FLICKER_S) as u64 % 2 == 1 => PictureMode::Reference,
+            true => PictureMode::Live,
             false => self.picture,
         }
     }
 
-    /// The frame that shows of light by time.
-    pub fn frame(&self, reel: &Reel) -> usize {
+    /// Index of the visible frame of the time-resolved film.
+    pub fn frame(&self, time_preview: &TimePreview) -> usize {
         match self.playing {
-            Some((since_s, from)) => (from + ((self.now_s - since_s) / FRAME_S).max(0.0) as usize) % reel.count(),
-            None => reel.at(self.moment),
+            Some((since_s, from)) => {
+                (from + ((self.now_s - since_s) / FRAME_S).max(0.0) as usize)
+                    % time_preview.frame_count()
+            }
+            None => time_preview.frame_at(self.optical_length),
         }
     }
 
-    /// Light plays through time from the frame that shows, or from the first where that is the last; or stops.
-    fn play(&mut self, model: &Model) {
+    /// Starts the time animation at the visible frame, or at the first if the visible one is the
+    /// last; stops it if it is running.
+    fn toggle_animation(&mut self, model: &NightModel) {
         if self.playing.is_some() {
-            return self.halt(model);
+            return self.stop_animation(model);
         }
-        (self.picture, self.flicker) = (Picture::Time, false);
-        self.playing = model.reel.as_ref().map(|reel| {
-            let from = self.frame(reel);
-            (self.now_s, if from + 1 < reel.count() { from } else { 0 })
+        (self.picture, self.flicker) = (PictureMode::Time, false);
+        self.playing = model.time_preview.as_ref().map(|time_preview| {
+            let from = self.frame(time_preview);
+            (
+                self.now_s,
+                if from + 1 < time_preview.frame_count() {
+                    from
+                } else {
+                    0
+                },
+            )
         });
     }
 
-    /// Stops at the frame that shows.
-    fn halt(&mut self, model: &Model) {
-        match &model.reel {
-            Some(reel) if self.playing.is_some() => self.stay(reel, self.frame(reel)),
+    /// Stops the time animation at the visible frame.
+    fn stop_animation(&mut self, model: &NightModel) {
+        match &model.time_preview {
+            Some(time_preview) if self.playing.is_some() => {
+                self.select_frame(time_preview, self.frame(time_preview))
+            }
             _ => self.playing = None,
         }
     }
 
-    /// Some frames on or back.
-    fn step(&mut self, by: isize, model: &Model) {
-        (self.picture, self.flicker) = (Picture::Time, false);
-        if let Some(reel) = &model.reel {
-            self.stay(reel, self.frame(reel).saturating_add_signed(by).min(reel.count() - 1));
+    /// Moves by some frames, forwards or backwards.
+    fn step_frames(&mut self, by: isize, model: &NightModel) {
+        (self.picture, self.flicker) = (PictureMode::Time, false);
+        if let Some(time_preview) = &model.time_preview {
+            self.select_frame(
+                time_preview,
+                self.frame(time_preview)
+                    .saturating_add_signed(by)
+                    .min(time_preview.frame_count() - 1),
+            );
         }
     }
 
-    /// Shows a frame, wherever it will be among others once there is more light.
-    fn stay(&mut self, reel: &Reel, frame: usize) {
-        let [begin, end] = reel.span(frame);
-        (self.moment, self.playing) = (0.5 * (begin + end), None);
+    /// Selects a frame by its optical length, so that the selection survives new data.
+    fn select_frame(&mut self, time_preview: &TimePreview, frame: usize) {
+        let [begin, end] = time_preview.length_range(frame);
+        (self.optical_length, self.playing) = (0.5 * (begin + end), None);
     }
 
-    /// Takes in a key while the screen has the size of `area`; what concerns the night is handed back.
-    pub fn key(&mut self, key: KeyEvent, model: &Model, area: Rect) -> Option<Command> {
+    /// Handles a key on a screen of size `area`; returns the request to the night, if any.
+    pub fn key(&mut self, key: KeyEvent, model: &NightModel, area: Rect) -> Option<NightRequest> {
         if key.kind == KeyEventKind::Release {
             return None;
         }
         if key.modifiers.contains(KeyModifiers::CONTROL) {
-            return (key.code == KeyCode::Char('c')).then_some(Command::Stop);
+            return (key.code == KeyCode::Char('c')).then_some(NightRequest::Stop);
         }
         if key.modifiers.contains(KeyModifiers::ALT) {
-            // A terminal sends the same for Alt and a letter as for Escape and the letter right after it; nothing here
-            // wants Alt.
+            // A terminal sends the same bytes for Alt and a letter as for Escape followed by the
+            // letter. No key here uses Alt.
             self.key(KeyEvent::new(KeyCode::Esc, KeyModifiers::NONE), model, area);
         }
         if let Some(prompt) = self.prompt.take() {
-            let order = self.typed(prompt, key.code, model)?;
-            return self.obey(order, model, area);
+            let order = self.edit_prompt(prompt, key.code, model)?;
+            return self.execute(order, model, area);
         }
         let order = match key.code {
-            KeyCode::Char('q') => Order::Night(Command::Stop),
-            KeyCode::Char('Q') => Order::Night(Command::StopAfterCell),
-            KeyCode::Char('p' | ' ') => Order::Night(Command::Pause(None)),
-            KeyCode::Char('s') => Order::Night(Command::Skip),
-            KeyCode::Char('R') => Order::Night(Command::Restart),
-            KeyCode::Char('f') => Order::Flicker,
-            KeyCode::Char('v') => Order::Picture(self.picture_after(1)),
-            KeyCode::Char('V') => Order::Picture(self.picture_after(Picture::ALL.len() - 1)),
-            KeyCode::Char('e') => Order::Exposure(self.exposure - 0.5),
-            KeyCode::Char('E') => Order::Exposure(self.exposure + 0.5),
-            KeyCode::Char('0') => Order::Exposure(0.0),
-            KeyCode::Char(digit @ '1'..='9') => Order::Metric(digit as usize - '1' as usize),
-            KeyCode::Char('?') | KeyCode::F(1) => Order::Help,
+            KeyCode::Char('q') => Action::Night(NightRequest::Stop),
+            KeyCode::Char('Q') => Action::Night(NightRequest::StopAfterCell),
+            KeyCode::Char('p' | ' ') => Action::Night(NightRequest::Pause(None)),
+            KeyCode::Char('s') => Action::Night(NightRequest::Skip),
+            KeyCode::Char('R') => Action::Night(NightRequest::Restart),
+            KeyCode::Char('f') => Action::Flicker,
+            KeyCode::Char('v') => Action::Picture(self.picture_after(1)),
+            KeyCode::Char('V') => Action::Picture(self.picture_after(PictureMode::ALL.len() - 1)),
+            KeyCode::Char('e') => Action::Exposure(self.exposure - 0.5),
+            KeyCode::Char('E') => Action::Exposure(self.exposure + 0.5),
+            KeyCode::Char('0') => Action::Exposure(0.0),
+            KeyCode::Char(digit @ '1'..='9') => Action::Metric(digit as usize - '1' as usize),
+            KeyCode::Char('?') | KeyCode::F(1) => Action::Help,
             other => {
-                self.look_at(other, model, area);
+                self.screen_key(other, model, area);
                 return None;
             }
         };
-        self.obey(order, model, area)
+        self.execute(order, model, area)
     }
 
-    /// Keys that change the screen and nothing that a command could name.
-    fn look_at(&mut self, code: KeyCode, model: &Model, area: Rect) {
+    /// Handles keys that change the screen and have no command in the command bar.
+    fn screen_key(&mut self, code: KeyCode, model: &NightModel, area: Rect) {
         match code {
             KeyCode::Char(':') => self.prompt = Some(Prompt::Command(String::new())),
             KeyCode::Char('/') => self.prompt = Some(Prompt::Filter(self.filter.clone())),
             KeyCode::Esc if self.help => self.help = false,
             KeyCode::Esc => {
                 (self.focus, self.plan_top, self.log_back) = (Focus::Overview, None, 0);
-                self.halt(model);
+                self.stop_animation(model);
                 (self.flicker, self.notice) = (false, None);
                 self.filter.clear();
             }
-            KeyCode::Tab => self.turn(1),
-            KeyCode::BackTab => self.turn(4),
+            KeyCode::Tab => self.cycle_focus(1),
+            KeyCode::BackTab => self.cycle_focus(4),
             KeyCode::Char('x') => {
                 self.chart_x = match self.chart_x {
                     ChartX::RenderS => ChartX::Samples,
                     ChartX::Samples => ChartX::RenderS,
                 };
             }
-            KeyCode::Char('w') => self.raw = !self.raw,
-            KeyCode::Char('t') => self.play(model),
-            KeyCode::Left => self.step(-1, model),
-            KeyCode::Right => self.step(1, model),
-            KeyCode::Char('<') => self.step(-LEAP, model),
-            KeyCode::Char('>') => self.step(LEAP, model),
+            KeyCode::Char('w') => self.unweighted = !self.unweighted,
+            KeyCode::Char('t') => self.toggle_animation(model),
+            KeyCode::Left => self.step_frames(-1, model),
+            KeyCode::Right => self.step_frames(1, model),
+            KeyCode::Char('<') => self.step_frames(-FRAME_JUMP, model),
+            KeyCode::Char('>') => self.step_frames(FRAME_JUMP, model),
             KeyCode::Char('g') => {
                 self.plan_top = None;
-                self.listing = match self.listing {
-                    Listing::Follow => Listing::Open,
-                    Listing::Open => Listing::Flat,
-                    Listing::Flat => Listing::Follow,
+                self.layout = match self.layout {
+                    PlanLayout::Follow => PlanLayout::Open,
+                    PlanLayout::Open => PlanLayout::Flat,
+                    PlanLayout::Flat => PlanLayout::Follow,
                 };
             }
             KeyCode::Up | KeyCode::Char('k') => self.scroll(-1, model, area),
@@ -408,8 +437,13 @@ impl View {
         }
     }
 
-    /// Takes in a key while a line is typed; hands back what the line asks for, once it is whole.
-    fn typed(&mut self, mut prompt: Prompt, code: KeyCode, model: &Model) -> Option<Order> {
+    /// Handles a key while the prompt is open; returns the action once the line is complete.
+    fn edit_prompt(
+        &mut self,
+        mut prompt: Prompt,
+        code: KeyCode,
+        model: &NightModel,
+    ) -> Option<Action> {
         let (Prompt::Command(text) | Prompt::Filter(text)) = &mut prompt;
         match code {
             KeyCode::Esc => {
@@ -424,11 +458,11 @@ impl View {
             }
             KeyCode::Enter => {
                 return match prompt {
-                    Prompt::Filter(text) => Some(Order::Filter(text.to_lowercase())),
+                    Prompt::Filter(text) => Some(Action::Filter(text.to_lowercase())),
                     Prompt::Command(text) => match command::read(&text, model) {
                         Ok(order) => Some(order),
                         Err(answer) => {
-                            self.answer(answer);
+                            self.notify(answer);
                             None
                         }
                     },
@@ -444,70 +478,99 @@ impl View {
         None
     }
 
-    /// Carries out an order as far as it concerns the screen; what concerns the night is handed back.
-    fn obey(&mut self, order: Order, model: &Model, area: Rect) -> Option<Command> {
+    /// Executes an action on the screen; returns the request to the night, if it is one.
+    fn execute(&mut self, order: Action, model: &NightModel, area: Rect) -> Option<NightRequest> {
         match order {
-            Order::Night(Command::Stop) => return Some(Command::Stop),
-            Order::Night(_) if self.watching => {
-                self.answer("another process renders this night; it can only be watched from here".to_owned());
+            Action::Night(NightRequest::Stop) => return Some(NightRequest::Stop),
+            Action::Night(_) if self.watching => {
+                self.notify(
+                    "this night is rendered by another process and can only be watched here"
+                        .to_owned(),
+                );
             }
-            Order::Night(command @ (Command::Skip | Command::Restart)) => {
+            Action::Night(command @ (NightRequest::Skip | NightRequest::Restart)) => {
                 let current = model.current.as_ref().filter(|current| current.running)?;
-                if command == Command::Skip {
+                if command == NightRequest::Skip {
                     self.skipping = Some(current.cell);
                 }
                 return Some(command);
             }
-            Order::Night(command) => return Some(command),
-            Order::Filter(words) => (self.filter, self.plan_top) = (words, None),
-            Order::Metric(index) => {
-                if model.plan.as_ref().is_some_and(|plan| index < plan.metrics.len()) {
+            Action::Night(command) => return Some(command),
+            Action::Filter(words) => (self.filter, self.plan_top) = (words, None),
+            Action::Metric(index) => {
+                if model
+                    .plan
+                    .as_ref()
+                    .is_some_and(|plan| index < plan.metrics.len())
+                {
                     self.metric = index;
                 }
             }
-            Order::Axis(axis) => self.chart_x = axis,
-            Order::Picture(kind) => (self.picture, self.flicker, self.playing) = (kind, false, None),
-            Order::Play => self.play(model),
-            Order::Moment(length) => {
-                (self.picture, self.flicker, self.playing, self.moment) = (Picture::Time, false, None, length);
+            Action::ChartX(axis) => self.chart_x = axis,
+            Action::Picture(kind) => {
+                (self.picture, self.flicker, self.playing) = (kind, false, None)
             }
-            Order::Flicker => (self.flicker, self.playing) = (!self.flicker, None),
-            Order::Exposure(stops) => self.exposure = stops.clamp(-MAX_STOPS, MAX_STOPS),
-            Order::Cell(i) => {
+            Action::Play => self.toggle_animation(model),
+            Action::OpticalLength(length) => {
+                (
+                    self.picture,
+                    self.flicker,
+                    self.playing,
+                    self.optical_length,
+                ) = (PictureMode::Time, false, None, length);
+            }
+            Action::Flicker => (self.flicker, self.playing) = (!self.flicker, None),
+            Action::Exposure(stops) => self.exposure = stops.clamp(-MAX_STOPS, MAX_STOPS),
+            Action::Cell(i) => {
                 self.filter.clear();
-                if self.listing == Listing::Follow {
-                    self.listing = Listing::Open;
+                if self.layout == PlanLayout::Follow {
+                    self.layout = PlanLayout::Open;
                 }
                 let row = self.row_of(CellRef::Cell(i), model);
                 let page = panes::plan::page(panes::regions(area, self.focus, model).plan);
                 self.plan_top = Some(row.saturating_sub(page / 2));
             }
-            Order::Help => self.help = !self.help,
+            Action::Help => self.help = !self.help,
         }
         None
     }
 
-    fn answer(&mut self, text: String) {
-        self.notice = Some(Notice { text, until_s: self.now_s + NOTICE_S });
+    fn notify(&mut self, text: String) {
+        self.notice = Some(Notice {
+            text,
+            until_s: self.now_s + NOTICE_S,
+        });
     }
 
-    fn picture_after(&self, by: usize) -> Picture {
-        let now = Picture::ALL.iter().position(|kind| *kind == self.picture).unwrap_or(0);
-        Picture::ALL[(now + by) % Picture::ALL.len()]
+    fn picture_after(&self, by: usize) -> PictureMode {
+        let now = PictureMode::ALL
+            .iter()
+            .position(|kind| *kind == self.picture)
+            .unwrap_or(0);
+        PictureMode::ALL[(now + by) % PictureMode::ALL.len()]
     }
 
-    /// The row on which a cell or reference stands, or the group that it is in.
-    pub(super) fn row_of(&self, cell: CellRef, model: &Model) -> usize {
-        self.rows.borrow_mut().update(model, self).place(cell)
+    /// Index of the row of a cell or reference, or of its group.
+    pub(super) fn row_of(&self, cell: CellRef, model: &NightModel) -> usize {
+        self.rows.borrow_mut().update(model, self).index_of(cell)
     }
 
-    fn turn(&mut self, by: usize) {
-        const ORDER: [Focus; 5] = [Focus::Overview, Focus::Picture, Focus::Chart, Focus::Log, Focus::Plan];
-        let now = ORDER.iter().position(|focus| *focus == self.focus).unwrap_or(0);
+    fn cycle_focus(&mut self, by: usize) {
+        const ORDER: [Focus; 5] = [
+            Focus::Overview,
+            Focus::Picture,
+            Focus::Chart,
+            Focus::Log,
+            Focus::Plan,
+        ];
+        let now = ORDER
+            .iter()
+            .position(|focus| *focus == self.focus)
+            .unwrap_or(0);
         self.focus = ORDER[(now + by) % ORDER.len()];
     }
 
-    fn page(&self, model: &Model, area: Rect) -> isize {
+    fn page(&self, model: &NightModel, area: Rect) -> isize {
         let regions = panes::regions(area, self.focus, model);
         match self.focus {
             Focus::Log => isize::from(regions.log.height as i16 - 3).max(1),
@@ -515,12 +578,15 @@ impl View {
         }
     }
 
-    /// Scrolls the log where it is the large pane, and the plan everywhere else.
-    fn scroll(&mut self, by: isize, model: &Model, area: Rect) {
+    /// Scrolls the log if it is enlarged, otherwise the plan.
+    fn scroll(&mut self, by: isize, model: &NightModel, area: Rect) {
         let regions = panes::regions(area, self.focus, model);
         if self.focus == Focus::Log {
             let most = panes::log::lines_back(model, self, regions.log);
-            self.log_back = self.log_back.saturating_add_signed(by.saturating_neg()).min(most);
+            self.log_back = self
+                .log_back
+                .saturating_add_signed(by.saturating_neg())
+                .min(most);
             return;
         }
         let page = panes::plan::page(regions.plan);

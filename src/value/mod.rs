@@ -1,41 +1,48 @@
-//! Plain data between Lua, JSON and Rust, the schemas that check it, and near-name suggestions.
+//! Plain data exchanged between Lua, JSON and Rust, the schemas that check it, and suggestions of
+//! similar names.
 //!
-//! A [`Value`] is what a script's table, a `.scn` file or a command-line override becomes before it is typed.
-//! Numbers are normalised (an integral float is an integer), maps are ordered by key, so two ways of writing the
-//! same thing hash alike.
+//! A script's table, a `.scn` file or a command-line override is represented as a [`Value`] before
+//! it is typed. Numbers are normalised (an integral float is an integer) and maps are ordered by
+//! key, so equal data hashes equally, however it was written.
 
+pub mod markdown;
 pub mod schema;
 pub mod suggest;
 
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// A neutral, ordered, comparable value.
+/// A dynamically typed, ordered, comparable value.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
-    /// Absent.
+    /// The absence of a value.
     Nil,
-    /// `true` or `false`.
+    /// The value `true` or `false`.
     Bool(bool),
-    /// An integer; also every float with an integral value below 2^53.
+    /// An integer, or a float with an integral value below 2^53.
     Int(i64),
-    /// Any other finite or infinite float.
+    /// Any other float.
     Num(f64),
-    /// Text.
+    /// A string of text.
     Str(String),
     /// An ordered list.
     List(Vec<Value>),
-    /// Named values, ordered by name.
+    /// A map of named values, ordered by name.
     Map(BTreeMap<String, Value>),
 }
 
 impl Value {
-    /// A number in its normal form: integral values below 2^53 become [`Value::Int`], `-0.0` becomes `0`.
+    /// Returns a normalised number: integral values below 2^53 become [`Value::Int`], `-0.0`
+    /// becomes `0`.
     pub fn number(x: f64) -> Value {
-        if x.fract() == 0.0 && x.abs() < 9_007_199_254_740_992.0 { Value::Int(x as i64) } else { Value::Num(x) }
+        if x.fract() == 0.0 && x.abs() < 9_007_199_254_740_992.0 {
+            Value::Int(x as i64)
+        } else {
+            Value::Num(x)
+        }
     }
 
-    /// The value as a float, if it is a number.
+    /// Returns the value as a float if it is a number.
     pub fn as_f64(&self) -> Option<f64> {
         match self {
             Value::Int(i) => Some(*i as f64),
@@ -44,7 +51,7 @@ impl Value {
         }
     }
 
-    /// The value as an integer, if it is one.
+    /// Returns the value as an integer if it is one.
     pub fn as_i64(&self) -> Option<i64> {
         match self {
             Value::Int(i) => Some(*i),
@@ -52,7 +59,7 @@ impl Value {
         }
     }
 
-    /// The value as text, if it is text.
+    /// Returns the value as text if it is a string.
     pub fn as_str(&self) -> Option<&str> {
         match self {
             Value::Str(s) => Some(s),
@@ -60,7 +67,7 @@ impl Value {
         }
     }
 
-    /// The value as a list, if it is one.
+    /// Returns the value as a list if it is one.
     pub fn as_list(&self) -> Option<&[Value]> {
         match self {
             Value::List(l) => Some(l),
@@ -68,7 +75,7 @@ impl Value {
         }
     }
 
-    /// The value as a map, if it is one.
+    /// Returns the value as a map if it is one.
     pub fn as_map(&self) -> Option<&BTreeMap<String, Value>> {
         match self {
             Value::Map(m) => Some(m),
@@ -76,7 +83,7 @@ impl Value {
         }
     }
 
-    /// What a person would call the kind of this value, for error messages.
+    /// Returns the name of the value's type for error messages.
     pub fn kind(&self) -> &'static str {
         match self {
             Value::Nil => "nothing",
@@ -89,34 +96,43 @@ impl Value {
         }
     }
 
-    /// The value as JSON with ordered keys. Non-finite numbers become the strings `inf`, `-inf` and `nan`.
+    /// Converts to JSON with ordered keys. Non-finite numbers become the strings `inf`, `-inf` and
+    /// `NaN`.
     pub fn to_json(&self) -> serde_json::Value {
         use serde_json::Value as J;
         match self {
             Value::Nil => J::Null,
             Value::Bool(b) => J::Bool(*b),
             Value::Int(i) => J::from(*i),
-            Value::Num(x) => serde_json::Number::from_f64(*x).map_or_else(|| J::String(x.to_string()), J::Number),
+            Value::Num(x) => {
+                serde_json::Number::from_f64(*x).map_or_else(|| J::String(x.to_string()), J::Number)
+            }
             Value::Str(s) => J::String(s.clone()),
             Value::List(l) => J::Array(l.iter().map(Value::to_json).collect()),
             Value::Map(m) => J::Object(m.iter().map(|(k, v)| (k.clone(), v.to_json())).collect()),
         }
     }
 
-    /// The value that a JSON document says, with numbers normalised.
+    /// Converts from JSON, with numbers normalised.
     pub fn from_json(json: &serde_json::Value) -> Value {
         use serde_json::Value as J;
         match json {
             J::Null => Value::Nil,
             J::Bool(b) => Value::Bool(*b),
-            J::Number(n) => n.as_i64().map_or_else(|| Value::number(n.as_f64().unwrap_or(f64::NAN)), Value::Int),
+            J::Number(n) => n
+                .as_i64()
+                .map_or_else(|| Value::number(n.as_f64().unwrap_or(f64::NAN)), Value::Int),
             J::String(s) => Value::Str(s.clone()),
             J::Array(a) => Value::List(a.iter().map(Value::from_json).collect()),
-            J::Object(o) => Value::Map(o.iter().map(|(k, v)| (k.clone(), Value::from_json(v))).collect()),
+            J::Object(o) => Value::Map(
+                o.iter()
+                    .map(|(k, v)| (k.clone(), Value::from_json(v)))
+                    .collect(),
+            ),
         }
     }
 
-    /// Feeds an unambiguous encoding of the value to a hasher: the identity of runs rests on it.
+    /// Feeds an unambiguous encoding of the value to a hasher. Run ids depend on it.
     pub fn hash_into(&self, hasher: &mut blake3::Hasher) {
         match self {
             Value::Nil => hash_tagged(hasher, b'0', &[]),
@@ -146,7 +162,8 @@ fn hash_tagged(hasher: &mut blake3::Hasher, tag: u8, bytes: &[u8]) {
 }
 
 impl fmt::Display for Value {
-    /// The short form used in tables, figure legends and readable paths: `0.5`, `bpt`, `[1, 2]`.
+    /// Writes the short form used in tables, figure legends and readable paths: `0.5`, `bpt`, `[1,
+    /// 2]`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Value::Nil => write!(f, "nil"),

@@ -1,13 +1,15 @@
-//! Tables that say what a table may hold: one source for checking, for editor annotations and for documentation.
+//! Schemas of tables: the single source for validation, for editor annotations and for
+//! documentation.
 
 use std::collections::BTreeMap;
+use std::fmt;
 
 use super::{Value, suggest};
 
 /// The type of a field, with its range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Ty {
-    /// `true` or `false`.
+    /// The value `true` or `false`.
     Bool,
     /// An integer in `min..=max`.
     Int {
@@ -23,15 +25,15 @@ pub enum Ty {
         /// Largest allowed value.
         max: f64,
     },
-    /// Any text.
+    /// A string with any content.
     Str,
-    /// One of these words.
+    /// One of the given names.
     Word(&'static [&'static str]),
     /// A duration: a number of seconds, or text such as `"500ms"`, `"30s"`, `"5min"`, `"8h"`.
     Duration,
     /// Exactly `len` finite numbers in `min..=max`.
     Nums {
-        /// How many.
+        /// Number of items.
         len: usize,
         /// Smallest allowed value.
         min: f64,
@@ -42,76 +44,95 @@ pub enum Ty {
     List(&'static Ty),
     /// One item of the given type, or a list of them.
     OneOrMany(&'static Ty),
-    /// The word `auto`, or a value of the given type.
+    /// The name `auto`, or a value of the given type.
     OrAuto(&'static Ty),
     /// A nested table with its own schema.
     Table(&'static Table),
-    /// A function or another script object whose meaning the script room checks itself; the text is its LuaLS type.
+    /// A function or another script object that the script module validates; the text is its LuaLS
+    /// type.
     Object(&'static str),
-    /// Anything; the text is its LuaLS type.
+    /// Any value; the text is its LuaLS type.
     Any(&'static str),
 }
 
-/// The word of [`Ty::OrAuto`].
+/// The name accepted by [`Ty::OrAuto`].
 pub const AUTO: &str = "auto";
 
 /// One field of a table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Field {
-    /// The key as written.
+    /// Key in the table.
     pub key: &'static str,
-    /// Its type and range.
+    /// Type and range.
     pub ty: Ty,
-    /// Whether leaving it out is an error.
+    /// Whether omitting the field is an error.
     pub required: bool,
-    /// The default in words, empty if there is none.
+    /// Default as text; empty if there is none.
     pub default: &'static str,
-    /// One sentence for people: meaning, unit, source.
+    /// One sentence for users: meaning, unit, source.
     pub doc: &'static str,
 }
 
 impl Field {
-    /// A field that must be there.
+    /// Creates a required field.
     pub const fn required(key: &'static str, ty: Ty, doc: &'static str) -> Field {
-        Field { key, ty, required: true, default: "", doc }
+        Field {
+            key,
+            ty,
+            required: true,
+            default: "",
+            doc,
+        }
     }
 
-    /// A field that may be left out, with its default in words.
-    pub const fn optional(key: &'static str, ty: Ty, default: &'static str, doc: &'static str) -> Field {
-        Field { key, ty, required: false, default, doc }
+    /// Creates an optional field with its default as text.
+    pub const fn optional(
+        key: &'static str,
+        ty: Ty,
+        default: &'static str,
+        doc: &'static str,
+    ) -> Field {
+        Field {
+            key,
+            ty,
+            required: false,
+            default,
+            doc,
+        }
     }
 }
 
-/// A table of fields with a name and a sentence about it.
+/// A table schema.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Table {
-    /// The class name in the editor annotations.
+    /// Class name in the editor annotations.
     pub name: &'static str,
-    /// One sentence for people.
+    /// One sentence for users.
     pub doc: &'static str,
-    /// The fields, in the order of the documentation.
+    /// Fields in the order of the documentation.
     pub fields: &'static [Field],
 }
 
-/// What is wrong with a value, and where in it.
+/// A violation of a schema.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{path}: {problem}{}", help.as_ref().map(|h| format!(" ({h})")).unwrap_or_default())]
 pub struct SchemaError {
-    /// The path to the field, such as `render.aa.radius`.
+    /// Path to the field, such as `render.aa.radius`.
     pub path: String,
-    /// What was found and what was expected.
+    /// The actual value and the expected one.
     pub problem: String,
-    /// A near name or the list of what is known.
+    /// A similar name, or the list of valid ones.
     pub help: Option<String>,
-    /// The last key of the path as written, for finding its line in a script.
+    /// Last key of the path as written, for finding its line in a script.
     pub key: String,
 }
 
 impl Table {
-    /// Checks a map against this table, recursively; the first problem in key order is returned.
+    /// Checks a map against this table, recursively; returns the first problem in key order.
     ///
     /// # Errors
-    /// An unknown key, a missing required key, a wrong type or a value out of range.
+    /// Returns an error for an unknown key, a missing required key, a wrong type or a value out of
+    /// range.
     pub fn check(&self, path: &str, map: &BTreeMap<String, Value>) -> Result<(), SchemaError> {
         for (key, value) in map {
             let at = join(path, key);
@@ -120,7 +141,11 @@ impl Table {
             };
             field.ty.check(&at, key, value)?;
         }
-        match self.fields.iter().find(|f| f.required && !map.contains_key(f.key)) {
+        match self
+            .fields
+            .iter()
+            .find(|f| f.required && !map.contains_key(f.key))
+        {
             Some(f) => Err(SchemaError {
                 path: path.to_owned(),
                 problem: format!("`{}` is missing: {}", f.key, f.doc),
@@ -132,13 +157,23 @@ impl Table {
     }
 }
 
-/// The error for a key that nobody knows, with the nearest name or the list of known ones.
-pub fn unknown_key<'a>(path: &str, key: &str, known: impl IntoIterator<Item = &'a str>) -> SchemaError {
+/// Returns the error for an unknown key, with the most similar name or the list of valid ones.
+pub fn unknown_key<'a>(
+    path: &str,
+    key: &str,
+    known: impl IntoIterator<Item = &'a str>,
+) -> SchemaError {
     unknown_name(path, key, "key", known)
 }
 
-/// The error for a name (of a metric, an integrator, a material) that nobody knows.
-pub fn unknown_name<'a>(path: &str, name: &str, what: &str, known: impl IntoIterator<Item = &'a str>) -> SchemaError {
+/// Returns the error for an unknown name (of a metric, an integrator, a material), with the most
+/// similar name or the list of valid ones.
+pub fn unknown_name<'a>(
+    path: &str,
+    name: &str,
+    what: &str,
+    known: impl IntoIterator<Item = &'a str>,
+) -> SchemaError {
     let known: Vec<&str> = known.into_iter().collect();
     let help = match suggest::nearest(name, known.iter().copied()) {
         Some(near) => format!("did you mean `{near}`?"),
@@ -153,80 +188,105 @@ pub fn unknown_name<'a>(path: &str, name: &str, what: &str, known: impl IntoIter
 }
 
 fn join(path: &str, key: &str) -> String {
-    if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") }
+    if path.is_empty() {
+        key.to_owned()
+    } else {
+        format!("{path}.{key}")
+    }
 }
 
 impl Ty {
     /// Checks one value; `key` is the last name on the path, for finding its line.
     ///
     /// # Errors
-    /// A wrong type or a value out of range.
+    /// Returns an error for a wrong type or a value out of range.
     pub fn check(&self, path: &str, key: &str, value: &Value) -> Result<(), SchemaError> {
-        let fail =
-            |problem: String| Err(SchemaError { path: path.to_owned(), problem, help: None, key: key.to_owned() });
-        let wrong = || fail(format!("expected {}, found {} `{value}`", self.describe(), value.kind()));
+        let fail = |problem: String| {
+            Err(SchemaError {
+                path: path.to_owned(),
+                problem,
+                help: None,
+                key: key.to_owned(),
+            })
+        };
+        let out_of_range = |x: &dyn fmt::Display| {
+            fail(format!("{x} is out of range: expected {}", self.describe()))
+        };
         match (self, value) {
-            (Ty::Any(_) | Ty::Object(_), _) | (Ty::Bool, Value::Bool(_)) | (Ty::Str, Value::Str(_)) => Ok(()),
-            (Ty::Int { min, max }, Value::Int(i)) => {
-                if (min..=max).contains(&i) {
-                    Ok(())
-                } else {
-                    fail(format!("{i} is out of range: expected {}", self.describe()))
-                }
-            }
+            (Ty::Any(_) | Ty::Object(_), _)
+            | (Ty::Bool, Value::Bool(_))
+            | (Ty::Str, Value::Str(_)) => Ok(()),
+            (Ty::Int { min, max }, Value::Int(i)) if (min..=max).contains(&i) => Ok(()),
+            (Ty::Int { .. }, Value::Int(i)) => out_of_range(&i),
             (Ty::Num { min, max }, Value::Int(_) | Value::Num(_)) => {
                 let x = value.as_f64().unwrap_or(f64::NAN);
                 if x.is_finite() && (min..=max).contains(&&x) {
-                    Ok(())
-                } else {
-                    fail(format!("{x} is out of range: expected {}", self.describe()))
-                }
-            }
-            (Ty::Word(words), Value::Str(s)) => {
-                if words.contains(&s.as_str()) {
                     return Ok(());
                 }
-                let mut e = unknown_name(path, s, "word", words.iter().copied());
-                e.help = Some(match suggest::nearest(s, words.iter().copied()) {
-                    Some(near) => format!("did you mean `{near}`? known: {}", words.join(", ")),
-                    None => format!("known: {}", words.join(", ")),
-                });
-                e.key = key.to_owned();
-                Err(e)
+                out_of_range(&x)
             }
-            (Ty::Duration, Value::Int(_) | Value::Num(_) | Value::Str(_)) => match duration_s(value) {
-                Some(_) => Ok(()),
-                None => fail(format!("`{value}` is no duration: expected {}", self.describe())),
-            },
-            (Ty::Nums { len, min, max }, Value::List(items)) => {
-                if items.len() != *len {
-                    return fail(format!("expected {}, found {} items", self.describe(), items.len()));
+            (Ty::Word(names), Value::Str(s)) => check_name(path, key, s, names),
+            (Ty::Duration, Value::Int(_) | Value::Num(_) | Value::Str(_)) => {
+                if duration_s(value).is_some() {
+                    return Ok(());
                 }
-                let item = Ty::Num { min: *min, max: *max };
-                items.iter().enumerate().try_for_each(|(i, v)| item.check(&format!("{path}[{}]", i + 1), key, v))
+                let expected = self.describe();
+                fail(format!("`{value}` is not a duration: expected {expected}"))
+            }
+            (Ty::Nums { len, .. }, Value::List(items)) if items.len() != *len => fail(format!(
+                "expected {}, found {} items",
+                self.describe(),
+                items.len()
+            )),
+            (Ty::Nums { min, max, .. }, Value::List(items)) => {
+                let item = Ty::Num {
+                    min: *min,
+                    max: *max,
+                };
+                item.check_all(path, key, items)
             }
             (Ty::List(item) | Ty::OneOrMany(item), Value::List(items)) => {
-                items.iter().enumerate().try_for_each(|(i, v)| item.check(&format!("{path}[{}]", i + 1), key, v))
+                item.check_all(path, key, items)
             }
             (Ty::OneOrMany(item), _) => item.check(path, key, value),
             (Ty::OrAuto(_), Value::Str(word)) if word == AUTO => Ok(()),
             (Ty::OrAuto(item), Value::Int(_) | Value::Num(_)) => item.check(path, key, value),
             (Ty::Table(table), Value::Map(map)) => table.check(path, map),
-            // An empty Lua table is a list; it is also a table in which nothing was said.
-            (Ty::Table(table), Value::List(items)) if items.is_empty() => table.check(path, &BTreeMap::new()),
-            _ => wrong(),
+            // An empty Lua table is a list; it is also a table without entries.
+            (Ty::Table(table), Value::List(items)) if items.is_empty() => {
+                table.check(path, &BTreeMap::new())
+            }
+            _ => fail(format!(
+                "expected {}, found {} `{value}`",
+                self.describe(),
+                value.kind()
+            )),
         }
     }
 
-    /// What is expected, in words.
+    /// Checks every item of a list against this type.
+    fn check_all(&self, path: &str, key: &str, items: &[Value]) -> Result<(), SchemaError> {
+        items
+            .iter()
+            .enumerate()
+            .try_for_each(|(i, v)| self.check(&format!("{path}[{}]", i + 1), key, v))
+    }
+
+    /// Returns a description of the expected value.
     pub fn describe(&self) -> String {
         match self {
             Ty::Bool => "true or false".to_owned(),
-            Ty::Int { min, max } => format!("an integer{}", range(*min as f64, *max as f64, *max == i64::MAX)),
+            Ty::Int { min, max } => format!(
+                "an integer{}",
+                range(*min as f64, *max as f64, *max == i64::MAX)
+            ),
             Ty::Num { min, max } => format!("a number{}", range(*min, *max, *max >= f64::MAX)),
             Ty::Str => "a string".to_owned(),
             Ty::Word(words) => format!("one of {}", words.join(", ")),
-            Ty::Duration => "a duration in seconds or as text such as \"500ms\", \"30s\", \"5min\", \"8h\"".to_owned(),
+            Ty::Duration => {
+                "a duration in seconds or as text such as \"500ms\", \"30s\", \"5min\", \"8h\""
+                    .to_owned()
+            }
             Ty::Nums { len, min, max } => {
                 format!("{len} numbers{}", range(*min, *max, *max >= f64::MAX))
             }
@@ -239,6 +299,22 @@ impl Ty {
     }
 }
 
+/// Checks a string against a list of valid names.
+fn check_name(path: &str, key: &str, name: &str, names: &[&str]) -> Result<(), SchemaError> {
+    if names.contains(&name) {
+        return Ok(());
+    }
+    let mut e = unknown_name(path, name, "value", names.iter().copied());
+    let known = names.join(", ");
+    e.help = Some(match suggest::nearest(name, names.iter().copied()) {
+        Some(near) => format!("did you mean `{near}`? known: {known}"),
+        None => format!("known: {known}"),
+    });
+    e.key = key.to_owned();
+    Err(e)
+}
+
+/// Describes a range; `open` is whether it has no upper bound.
 fn range(min: f64, max: f64, open: bool) -> String {
     match (min <= f64::MIN, open) {
         (true, true) => String::new(),
@@ -248,12 +324,15 @@ fn range(min: f64, max: f64, open: bool) -> String {
     }
 }
 
-/// Seconds of a duration value: a non-negative number of seconds, or text with a unit of `ms`, `s`, `min` or `h`.
+/// Returns the seconds of a duration: a non-negative number of seconds, or text with a unit of
+/// `ms`, `s`, `min` or `h`.
 pub fn duration_s(value: &Value) -> Option<f64> {
     let seconds = match value {
         Value::Str(text) => {
             let text = text.trim();
-            let digits = text.find(|c: char| c.is_ascii_alphabetic()).unwrap_or(text.len());
+            let digits = text
+                .find(|c: char| c.is_ascii_alphabetic())
+                .unwrap_or(text.len());
             let number: f64 = text[..digits].trim().parse().ok()?;
             let unit = match &text[digits..] {
                 "ms" => 1e-3,
@@ -288,28 +367,58 @@ mod tests {
         name: "Outer",
         doc: "",
         fields: &[
-            Field { key: "scene", ty: Ty::Str, required: true, default: "", doc: "the scene" },
-            Field { key: "aa", ty: Ty::Table(&INNER), required: false, default: "", doc: "" },
-            Field { key: "kind", ty: Ty::Word(&["box", "gauss"]), required: false, default: "", doc: "" },
+            Field {
+                key: "scene",
+                ty: Ty::Str,
+                required: true,
+                default: "",
+                doc: "the scene",
+            },
+            Field {
+                key: "aa",
+                ty: Ty::Table(&INNER),
+                required: false,
+                default: "",
+                doc: "",
+            },
+            Field {
+                key: "kind",
+                ty: Ty::Word(&["box", "gauss"]),
+                required: false,
+                default: "",
+                doc: "",
+            },
         ],
     };
 
     fn map(pairs: &[(&str, Value)]) -> BTreeMap<String, Value> {
-        pairs.iter().map(|(k, v)| ((*k).to_owned(), v.clone())).collect()
+        pairs
+            .iter()
+            .map(|(k, v)| ((*k).to_owned(), v.clone()))
+            .collect()
     }
 
     #[test]
     fn errors_carry_path_and_nearest_name() {
         let aa = Value::Map(map(&[("raduis", Value::Num(0.5))]));
-        let e = OUTER.check("render", &map(&[("scene", "a".into()), ("aa", aa)])).unwrap_err();
+        let e = OUTER
+            .check("render", &map(&[("scene", "a".into()), ("aa", aa)]))
+            .unwrap_err();
         assert_eq!(e.path, "render.aa.raduis");
         assert_eq!(e.help.as_deref(), Some("did you mean `radius`?"));
         let aa = Value::Map(map(&[("radius", Value::Int(9))]));
-        let e = OUTER.check("render", &map(&[("scene", "a".into()), ("aa", aa)])).unwrap_err();
+        let e = OUTER
+            .check("render", &map(&[("scene", "a".into()), ("aa", aa)]))
+            .unwrap_err();
         assert!(e.problem.contains("between 0 and 4"), "{e}");
         let e = OUTER.check("render", &map(&[])).unwrap_err();
         assert!(e.problem.contains("`scene` is missing"), "{e}");
-        let e = OUTER.check("render", &map(&[("scene", "a".into()), ("kind", "gaus".into())])).unwrap_err();
+        let e = OUTER
+            .check(
+                "render",
+                &map(&[("scene", "a".into()), ("kind", "gaus".into())]),
+            )
+            .unwrap_err();
         assert!(e.help.unwrap().contains("gauss"));
     }
 

@@ -1,9 +1,10 @@
-//! The nearest known name to a misspelt one.
+//! Suggestions of the known name most similar to a misspelt one.
 
-/// The name in `known` closest to `given` by edit distance with transpositions, if it is close enough to be meant.
+/// Returns the name in `known` closest to `given` by edit distance with transpositions, if it is
+/// close enough to be meant.
 ///
-/// "Close enough" is at most a third of the longer name's letters, and at least one edit is always allowed. Case and
-/// the difference between `_` and `-` cost nothing.
+/// The distance may be at most a third of the longer name's letters, and at least one edit is
+/// always allowed. Differences of case and between `_` and `-` are ignored.
 pub fn nearest<'a>(given: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let fold = |s: &str| -> Vec<char> { s.to_lowercase().replace('-', "_").chars().collect() };
     let given_folded = fold(given);
@@ -15,7 +16,8 @@ pub fn nearest<'a>(given: &str, known: impl IntoIterator<Item = &'a str>) -> Opt
         .map(|(_, name)| name)
 }
 
-/// Optimal string alignment distance: insert, delete, replace, or swap two neighbours, each at cost 1.
+/// Computes the optimal string alignment distance: insert, delete, replace, or swap two neighbours,
+/// each at cost 1.
 fn distance(a: &[char], b: &[char]) -> usize {
     let mut before_last: Vec<usize> = Vec::new();
     let mut last: Vec<usize> = (0..=b.len()).collect();

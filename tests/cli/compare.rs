@@ -1,4 +1,4 @@
-//! `lumbre metric` and `lumbre diff`.
+//! Tests of `lumbre metric` and `lumbre diff`.
 
 use std::path::PathBuf;
 
@@ -9,7 +9,7 @@ use serde_json::Value as Json;
 
 use super::workplace::Workplace;
 
-/// A soft gradient, with one channel of the pixel at 5,3 raised.
+/// Returns a soft gradient with one channel of the pixel at 5,3 raised.
 fn picture(raised: f32) -> Image {
     Image::from_fn(24, 16, |x, y| {
         let g = 0.1 + x as f32 / 40.0;
@@ -17,18 +17,28 @@ fn picture(raised: f32) -> Image {
     })
 }
 
-/// A workplace with `a.exr`, `b.exr`, and the latter as `b.png`, as `b.hdr` and cut to 24x15 pixels.
+/// Returns a workplace with `a.exr`, `b.exr`, and the latter as `b.png`, as `b.hdr` and cropped to
+/// 24x15 pixels.
 fn place() -> Workplace {
     let place = Workplace::new();
     let write = |name: &str, bytes: Vec<u8>| std::fs::write(place.path(name), bytes).unwrap();
     let reference = picture(0.0);
     write("a.exr", exr::encode(&picture(0.25), &[]).unwrap());
     write("b.exr", exr::encode(&reference, &[]).unwrap());
-    write("b.png", png::encode(&reference, Tonemap::Srgb { exposure: 0.0 }, &[]).unwrap());
+    write(
+        "b.png",
+        png::encode(&reference, Tonemap::Srgb { exposure: 0.0 }, &[]).unwrap(),
+    );
     let texels: Vec<image::Rgb<f32>> = reference.data.iter().map(|p| image::Rgb(*p)).collect();
     let file = std::fs::File::create(place.path("b.hdr")).unwrap();
-    image::codecs::hdr::HdrEncoder::new(file).encode(&texels, 24, 16).unwrap();
-    let cut = Image { width: 24, height: 15, data: reference.data[..24 * 15].to_vec() };
+    image::codecs::hdr::HdrEncoder::new(file)
+        .encode(&texels, 24, 16)
+        .unwrap();
+    let cut = Image {
+        width: 24,
+        height: 15,
+        data: reference.data[..24 * 15].to_vec(),
+    };
     write("cut.exr", exr::encode(&cut, &[]).unwrap());
     place
 }
@@ -42,68 +52,152 @@ fn every_metric_is_printed_unless_some_are_named() {
     let place = place();
     let page = place.succeed(&["metric", "a.exr", "b.exr"]).stdout;
     for row in lumbre::metrics::METRICS {
-        assert!(page.lines().any(|l| l.split_whitespace().next() == Some(row.name)), "{} is missing: {page}", row.name);
+        assert!(
+            page.lines()
+                .any(|l| l.split_whitespace().next() == Some(row.name)),
+            "{} is missing: {page}",
+            row.name
+        );
     }
-    assert!(page.contains("ppd 67.0206") && page.contains("exposures 2"), "{page}");
-    let said = json(&place.succeed(&["metric", "a.exr", "b.exr", "--metric", "mse", "--json"]).stdout);
+    assert!(
+        page.contains("ppd 67.0206") && page.contains("exposures 2"),
+        "{page}"
+    );
+    let said = json(
+        &place
+            .succeed(&["metric", "a.exr", "b.exr", "--metric", "mse", "--json"])
+            .stdout,
+    );
     let metrics = said["metrics"].as_array().unwrap();
     // One channel of one pixel of 384 is off by 0.25.
     let expected = 0.25 * 0.25 / (3.0 * 384.0);
-    assert!((metrics[0]["value"].as_f64().unwrap() / expected - 1.0).abs() < 1e-5, "{said}");
-    assert_eq!((metrics.len(), &metrics[0]["better"], &metrics[0]["unit"]), (1, &"lower".into(), &"radiance²".into()));
-    assert_eq!((&said["image"]["width"], &said["reference"]["file"]), (&24.into(), &"b.exr".into()));
+    assert!(
+        (metrics[0]["value"].as_f64().unwrap() / expected - 1.0).abs() < 1e-5,
+        "{said}"
+    );
+    assert_eq!(
+        (metrics.len(), &metrics[0]["better"], &metrics[0]["unit"]),
+        (1, &"lower".into(), &"radiance²".into())
+    );
+    assert_eq!(
+        (&said["image"]["width"], &said["reference"]["file"]),
+        (&24.into(), &"b.exr".into())
+    );
 }
 
 #[test]
 fn options_are_part_of_the_answer() {
     let place = place();
-    let args = ["metric", "a.exr", "b.exr", "--json", "--metric", "flip:ppd=30,on=srgb", "--metric", "hdr_flip"];
+    let args = [
+        "metric",
+        "a.exr",
+        "b.exr",
+        "--json",
+        "--metric",
+        "flip:ppd=30,on=srgb",
+        "--metric",
+        "hdr_flip",
+    ];
     let said = json(&place.succeed(&args).stdout);
     let [flip, hdr] = [&said["metrics"][0], &said["metrics"][1]];
-    assert_eq!((&flip["options"]["ppd"], &flip["options"]["on"]["kind"]), (&30.into(), &"srgb".into()));
-    assert_eq!((&hdr["options"]["start"], &hdr["options"]["tonemapper"]), (&"auto".into(), &"aces".into()));
-    assert!(hdr["settled"]["start"].as_f64().unwrap() < hdr["settled"]["stop"].as_f64().unwrap(), "{hdr}");
+    assert_eq!(
+        (&flip["options"]["ppd"], &flip["options"]["on"]["kind"]),
+        (&30.into(), &"srgb".into())
+    );
+    assert_eq!(
+        (&hdr["options"]["start"], &hdr["options"]["tonemapper"]),
+        (&"auto".into(), &"aces".into())
+    );
+    assert!(
+        hdr["settled"]["start"].as_f64().unwrap() < hdr["settled"]["stop"].as_f64().unwrap(),
+        "{hdr}"
+    );
 }
 
 #[test]
 fn other_formats_hold_the_same_picture_within_their_precision() {
     let place = place();
-    for (file, format, tolerance) in [("b.exr", "exr", 0.0), ("b.hdr", "hdr", 3e-3), ("b.png", "png", 3e-3)] {
-        let said = json(&place.succeed(&["metric", file, "b.exr", "--metric", "mae", "--json"]).stdout);
+    for (file, format, tolerance) in [
+        ("b.exr", "exr", 0.0),
+        ("b.hdr", "hdr", 3e-3),
+        ("b.png", "png", 3e-3),
+    ] {
+        let said = json(
+            &place
+                .succeed(&["metric", file, "b.exr", "--metric", "mae", "--json"])
+                .stdout,
+        );
         assert_eq!(said["image"]["format"], format);
         let error = said["metrics"][0]["value"].as_f64().unwrap();
-        assert!(error <= tolerance && (error > 0.0) == (tolerance > 0.0), "{file}: {error}");
+        assert!(
+            error <= tolerance && (error > 0.0) == (tolerance > 0.0),
+            "{file}: {error}"
+        );
     }
 }
 
 #[test]
 fn a_difference_is_placed_and_drawn() {
     let place = place();
-    let page = place.succeed(&["diff", "a.exr", "b.exr", "--metric", "mae", "--out", "maps/map.png"]).stdout;
-    assert!(page.contains("1 of 384 differ") && page.contains("at 5,3") && page.contains("magma"), "{page}");
+    let page = place
+        .succeed(&[
+            "diff",
+            "a.exr",
+            "b.exr",
+            "--metric",
+            "mae",
+            "--out",
+            "maps/map.png",
+        ])
+        .stdout;
+    assert!(
+        page.contains("1 of 384 differ") && page.contains("at 5,3") && page.contains("magma"),
+        "{page}"
+    );
     let map = image::open(place.path("maps/map.png")).unwrap().to_rgb8();
     assert_eq!(
-        (map.dimensions(), map.get_pixel(0, 0).0, map.get_pixel(5, 3).0),
+        (
+            map.dimensions(),
+            map.get_pixel(0, 0).0,
+            map.get_pixel(5, 3).0
+        ),
         ((24, 16), [0, 0, 4], [252, 253, 191])
     );
 
-    let args = ["diff", "a.exr", "b.exr", "--metric", "bias", "--out", "map.exr", "--json", "--max", "0.5"];
+    let args = [
+        "diff", "a.exr", "b.exr", "--metric", "bias", "--out", "map.exr", "--json", "--max", "0.5",
+    ];
     let said = json(&place.succeed(&args).stdout);
-    assert_eq!((&said["identical"], &said["map"]["differing_pixels"]), (&false.into(), &1.into()));
-    assert_eq!((&said["map"]["worst"]["x"], &said["map"]["worst"]["y"]), (&5.into(), &3.into()));
+    assert_eq!(
+        (&said["identical"], &said["map"]["differing_pixels"]),
+        (&false.into(), &1.into())
+    );
+    assert_eq!(
+        (&said["map"]["worst"]["x"], &said["map"]["worst"]["y"]),
+        (&5.into(), &3.into())
+    );
     assert_eq!(said["map"]["scale"], serde_json::json!([-0.5, 0.5]));
     let (map, meta) = exr::decode(&std::fs::read(place.path("map.exr")).unwrap()).unwrap();
     assert!((map.at(5, 3)[1] - 0.25 / 3.0).abs() < 1e-6 && map.at(4, 3) == [0.0; 3]);
-    assert!(meta.contains(&("metric".to_owned(), "bias".to_owned())), "{meta:?}");
+    assert!(
+        meta.contains(&("metric".to_owned(), "bias".to_owned())),
+        "{meta:?}"
+    );
 }
 
 #[test]
 fn identical_pictures_are_called_so() {
     let place = place();
     let page = place.succeed(&["diff", "b.exr", "b.exr"]).stdout;
-    assert!(page.contains("identical") && !page.contains("worst"), "{page}");
+    assert!(
+        page.contains("identical") && !page.contains("worst"),
+        "{page}"
+    );
     let said = json(&place.succeed(&["diff", "b.exr", "b.exr", "--json"]).stdout);
-    assert_eq!((&said["identical"], &said["measured"]["metric"]), (&true.into(), &"flip".into()));
+    assert_eq!(
+        (&said["identical"], &said["measured"]["metric"]),
+        (&true.into(), &"flip".into())
+    );
     assert_eq!(said["measured"]["value"].as_f64(), Some(0.0));
 }
 
@@ -114,13 +208,19 @@ fn what_cannot_be_measured_is_refused_with_status_2() {
     let missing = PathBuf::from("nowhere").join("x.exr").display().to_string();
     for verb in ["metric", "diff"] {
         for (args, expected) in [
-            (["a.exr", "cut.exr"], &["a.exr is 24x16", "cut.exr is 24x15"][..]),
+            (
+                ["a.exr", "cut.exr"],
+                &["a.exr has 24x16", "cut.exr has 24x15"][..],
+            ),
             (["a.exr", &missing], &[missing.as_str()]),
             (["text.png", "b.exr"], &["text.png", "EXR, HDR, PNG"]),
             ([".", "b.exr"], &["not a regular file"]),
         ] {
             let said = place.fail(2, &[verb, args[0], args[1]]);
-            assert!(expected.iter().all(|words| said.contains(words)), "{verb} {args:?}: {said}");
+            assert!(
+                expected.iter().all(|words| said.contains(words)),
+                "{verb} {args:?}: {said}"
+            );
         }
         let said = place.fail(2, &[verb, "a.exr", "b.exr", "--metric", "filp"]);
         assert!(said.contains("did you mean `flip`?"), "{said}");
@@ -128,10 +228,17 @@ fn what_cannot_be_measured_is_refused_with_status_2() {
         assert!(said.contains("needs at least 25x25"), "{said}");
     }
     let said = place.fail(2, &["diff", "a.exr", "b.exr", "--metric", "psnr"]);
-    assert!(said.contains("no value of single pixels") && said.contains("flip"), "{said}");
+    assert!(
+        said.contains("no value of single pixels") && said.contains("flip"),
+        "{said}"
+    );
     let said = place.fail(2, &["diff", "a.exr", "b.exr", "--out", "map.jpg"]);
     assert!(said.contains(".png") && said.contains(".exr"), "{said}");
-    assert!(place.fail(2, &["diff", "a.exr", "b.exr", "--max", "0"]).contains("above 0"));
+    assert!(
+        place
+            .fail(2, &["diff", "a.exr", "b.exr", "--max", "0"])
+            .contains("above 0")
+    );
 }
 
 #[test]
@@ -140,8 +247,16 @@ fn too_small_for_one_metric_leaves_the_others() {
     let tiny = exr::encode(&Image::from_fn(5, 5, |x, _| [x as f32; 3]), &[]).unwrap();
     std::fs::write(place.path("tiny.exr"), tiny).unwrap();
     let ended = place.succeed(&["metric", "tiny.exr", "tiny.exr"]);
-    assert!(ended.stderr.contains("left out: `ssim` needs at least 7x7"), "{}", ended.stderr);
-    assert!(ended.stdout.contains("mse") && !ended.stdout.contains("ssim"), "{}", ended.stdout);
+    assert!(
+        ended.stderr.contains("omitted: `ssim` needs at least 7x7"),
+        "{}",
+        ended.stderr
+    );
+    assert!(
+        ended.stdout.contains("mse") && !ended.stdout.contains("ssim"),
+        "{}",
+        ended.stdout
+    );
 }
 
 #[test]
@@ -151,7 +266,20 @@ fn broken_pixels_are_named_and_make_every_number_nan() {
     broken.data[26] = [1.0, f32::NAN, 1.0];
     std::fs::write(place.path("nan.exr"), exr::encode(&broken, &[]).unwrap()).unwrap();
     let ended = place.succeed(&["metric", "nan.exr", "b.exr", "-q", "--json"]);
-    assert!(ended.stderr.contains("nan.exr: 1 pixel not finite, the first at 2,1"), "{}", ended.stderr);
+    assert!(
+        ended
+            .stderr
+            .contains("nan.exr: 1 pixel not finite, the first at 2,1"),
+        "{}",
+        ended.stderr
+    );
     let said = json(&ended.stdout);
-    assert!(said["metrics"].as_array().unwrap().iter().all(|m| m["value"] == "NaN"), "{said}");
+    assert!(
+        said["metrics"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .all(|m| m["value"] == "NaN"),
+        "{said}"
+    );
 }

@@ -1,27 +1,43 @@
-//! Files that were cut off or changed behind the program's back.
+//! Files that were truncated or changed after the program wrote them.
 
 use std::collections::BTreeMap;
 
 use super::workplace::Workplace;
 
-/// What must be the same after every repair: results without clocks, and what describes them.
+/// Returns the files that must be the same after every repair: results without times, and their
+/// descriptions.
 fn results(place: &Workplace) -> BTreeMap<String, Vec<u8>> {
     let wanted = |file: &String| {
         let name = file.rsplit('/').next().unwrap();
-        [".exr", ".png", ".md", ".svg", ".lua"].iter().any(|end| name.ends_with(end))
+        [".exr", ".png", ".md", ".svg", ".lua"]
+            .iter()
+            .any(|end| name.ends_with(end))
             || ["plan.json", "config.json"].contains(&name)
     };
     let read = |file: String| (file.clone(), std::fs::read(place.path(&file)).unwrap());
-    place.files("out").into_iter().filter(wanted).map(read).collect()
+    place
+        .files("out")
+        .into_iter()
+        .filter(wanted)
+        .map(read)
+        .collect()
 }
 
-/// One file of every kind that a night leaves.
+/// Returns one file of every kind that a night leaves.
 fn kinds(place: &Workplace) -> Vec<String> {
     let mut seen = BTreeMap::new();
     // `out/latest` is a link to a folder.
-    for file in place.files("out").into_iter().filter(|file| place.path(file).is_file()) {
+    for file in place
+        .files("out")
+        .into_iter()
+        .filter(|file| place.path(file).is_file())
+    {
         let name = file.rsplit('/').next().unwrap();
-        let kind = (name.trim_end_matches(|c: char| c.is_ascii_digit()).to_owned(), file.contains("/refs/"));
+        let kind = (
+            name.trim_end_matches(|c: char| c.is_ascii_digit())
+                .to_owned(),
+            file.contains("/refs/"),
+        );
         seen.entry(kind).or_insert_with(|| file.clone());
     }
     seen.into_values().collect()
@@ -56,25 +72,55 @@ fn every_kind_of_file_may_be_cut_or_changed_and_nothing_else_is_done_again() {
             let names = |map: &BTreeMap<String, Vec<u8>>| map.keys().cloned().collect::<Vec<_>>();
             assert_eq!(names(&after), names(&before), "{file} {how}");
             for (name, bytes) in &after {
-                assert!(*bytes == before[name], "{name} has other bytes after {file} was {how}: {}", night.stderr);
+                assert!(
+                    *bytes == before[name],
+                    "{name} has other bytes after {file} was {how}: {}",
+                    night.stderr
+                );
             }
-            let again = place.finished().iter().filter(|run| !finished.contains(run)).count();
+            let again = place
+                .finished()
+                .iter()
+                .filter(|run| !finished.contains(run))
+                .count();
             let folder = file.rsplit_once('/').unwrap().0;
-            let sealed = file.contains("/runs/") && !file.ends_with("config.json") && !file.ends_with("log.txt");
+            let sealed = file.contains("/runs/")
+                && !file.ends_with("config.json")
+                && !file.ends_with("log.txt");
             assert_eq!(again, usize::from(sealed), "{file} {how}: {}", night.stderr);
-            let said = night.stderr.lines().filter(|l| l.contains("damaged") || l.contains("cut off")).count();
-            // What a run is known by is told in one line, whatever it is; the rest is told at most once.
-            // Sums are read when a longer reference goes on from them, and by nobody else.
-            let refs = file.contains("/refs/") && !file.contains("/sums/") && !file.ends_with("log.txt");
+            let said = night
+                .stderr
+                .lines()
+                .filter(|l| {
+                    ["damaged", "cut off", "incomplete"]
+                        .iter()
+                        .any(|w| l.contains(w))
+                })
+                .count();
+            // A damaged file that identifies a run is reported in one line; other damage is
+            // reported at most once. Sums are read only when a longer reference continues from
+            // them.
+            let refs =
+                file.contains("/refs/") && !file.contains("/sums/") && !file.ends_with("log.txt");
             let told = sealed || file.ends_with("/config.json") || refs;
-            assert!(said == 1 || (said == 0 && !told), "{file} {how} in {folder}: {}", night.stderr);
+            assert!(
+                said == 1 || (said == 0 && !told),
+                "{file} {how} in {folder}: {}",
+                night.stderr
+            );
             if file.contains("/sums/") || file.contains("/bonds/") {
-                // Nobody mends what nobody reads: it would be told of when the next file is damaged.
+                // Restored by hand: no command repairs a file that none reads, and its damage would
+                // be reported together with the next file's.
                 std::fs::write(place.path(file), whole).unwrap();
             }
         }
     }
-    assert!(place.succeed(&["run", "night.lua"]).stderr.contains("nothing to do"));
+    assert!(
+        place
+            .succeed(&["run", "night.lua"])
+            .stderr
+            .contains("nothing to do")
+    );
 }
 
 #[test]
@@ -85,13 +131,28 @@ fn what_a_dead_process_left_is_no_obstacle() {
     let done = place.finished().remove(0).0;
     let folder = done.trim_end_matches("/done.json");
     std::fs::remove_file(place.path(&done)).unwrap();
-    for name in ["claim", "ckpt.a", "ckpt.b", "failed.json", ".lumbre-abc.tmp"] {
+    for name in [
+        "claim",
+        "ckpt.a",
+        "ckpt.b",
+        "failed.json",
+        ".lumbre-abc.tmp",
+    ] {
         place.write(&format!("{folder}/{name}"), "left by a process that died");
     }
     place.write("out/latest/lock", "12345");
     let night = place.succeed(&["run", "night.lua"]);
-    assert!(night.stderr.contains("ckpt.a is damaged"), "{}", night.stderr);
+    assert!(
+        night.stderr.contains("ckpt.a is damaged"),
+        "{}",
+        night.stderr
+    );
     assert_eq!(results(&place), before);
     let left = place.files(folder);
-    assert!(!left.iter().any(|f| f.contains("ckpt") || f.ends_with("claim") || f.ends_with("failed.json")), "{left:?}");
+    assert!(
+        !left
+            .iter()
+            .any(|f| f.contains("ckpt") || f.ends_with("claim") || f.ends_with("failed.json")),
+        "{left:?}"
+    );
 }

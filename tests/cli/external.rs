@@ -1,8 +1,8 @@
-//! Other programs inside an experiment.
+//! External renderers inside an experiment.
 
 use super::workplace::Workplace;
 
-/// A technique of ours and Mitsuba's, against a reference by ours.
+/// A technique of this project and one of Mitsuba's, compared with a reference of this project.
 const NIGHT: &str = r#"
 local x = experiment("peers", { seed = 3 })
 x:axis("python", { "python3" })
@@ -18,11 +18,16 @@ x:table("errors", { value = "rmse", rows = "technique" })
 return x
 "#;
 
-/// The interpreter that has Mitsuba, if this machine has one: `LUMBRE_MITSUBA_PYTHON`, or `python3`.
-fn interpreter() -> Option<String> {
+/// Returns the interpreter that has Mitsuba, if this machine has one: `LUMBRE_MITSUBA_PYTHON`, or
+/// `python3`.
+pub fn interpreter() -> Option<String> {
     let named = std::env::var("LUMBRE_MITSUBA_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let asked = std::process::Command::new(&named).args(["-c", "import mitsuba"]).output();
-    asked.is_ok_and(|output| output.status.success()).then_some(named)
+    let asked = std::process::Command::new(&named)
+        .args(["-c", "import mitsuba"])
+        .output();
+    asked
+        .is_ok_and(|output| output.status.success())
+        .then_some(named)
 }
 
 #[test]
@@ -30,18 +35,26 @@ fn without_the_other_program_its_cells_are_left_out_with_the_reason() {
     let place = Workplace::new();
     place.write("peers.lua", NIGHT);
     let planned = place.succeed(&["plan", "peers.lua", "python=/nowhere/python"]);
-    let reason = "external:mitsuba is not here: the interpreter `/nowhere/python` cannot be started";
-    assert!(planned.stdout.contains(reason) && planned.stdout.contains("1 cell"), "{}", planned.stdout);
+    let reason =
+        "external:mitsuba is not installed: the interpreter `/nowhere/python` cannot be started";
+    assert!(
+        planned.stdout.contains(reason) && planned.stdout.contains("1 cell"),
+        "{}",
+        planned.stdout
+    );
     place.succeed(&["run", "peers.lua", "python=/nowhere/python", "-q"]);
     let table = place.read("out/latest/tables/errors.md").replace('\n', " ");
-    assert!(table.contains(&format!("1 point is left out: {reason}")), "{table}");
+    assert!(
+        table.contains(&format!("1 point is left out: {reason}")),
+        "{table}"
+    );
     place.succeed(&["report", "out/latest", "-q"]);
     let page = place.read("out/latest/report/index.html");
     assert!(
-        page.contains("1 point of the sweep is left out: external:mitsuba is not here"),
+        page.contains("1 point of the sweep is left out: external:mitsuba is not installed"),
         "the page does not say so"
     );
-    // A reference by what is not there leaves nothing to be measured against it.
+    // A reference by an absent program leaves no run to measure.
     place.write(
         "all.lua",
         &NIGHT.replace(
@@ -50,27 +63,60 @@ fn without_the_other_program_its_cells_are_left_out_with_the_reason() {
         ),
     );
     let said = place.run(&["run", "all.lua", "python=/nowhere/python"]);
-    assert!(said.stderr.contains("nothing to do") && said.stderr.contains("is not here"), "{}", said.stderr);
+    assert!(
+        said.stderr.contains("nothing to do") && said.stderr.contains("is not installed"),
+        "{}",
+        said.stderr
+    );
 }
 
 #[test]
 fn mitsuba_renders_the_same_picture_with_a_clock_of_its_own() {
     let Some(python) = interpreter() else {
-        println!("SKIPPED: no interpreter with the package mitsuba; name one with LUMBRE_MITSUBA_PYTHON");
+        println!(
+            "SKIPPED: no interpreter with the package mitsuba; name one with LUMBRE_MITSUBA_PYTHON"
+        );
         return;
     };
     let place = Workplace::new();
     place.write("peers.lua", NIGHT);
     place.succeed(&["run", "peers.lua", &format!("python={python}"), "-q"]);
-    let finished: Vec<serde_json::Value> = place.finished().iter().map(|(done, _)| place.json(done)).collect();
-    let theirs = finished.iter().find(|done| done["device"].as_str().unwrap().contains("Mitsuba")).unwrap();
-    let ours = finished.iter().find(|done| done["run"] != theirs["run"]).unwrap();
-    assert!(theirs["samples"] == 64 && theirs["render_s"].as_f64().unwrap() > 0.0, "{theirs}");
+    let finished: Vec<serde_json::Value> = place
+        .finished()
+        .iter()
+        .map(|(done, _)| place.json(done))
+        .collect();
+    let theirs = finished
+        .iter()
+        .find(|done| done["device"].as_str().unwrap().contains("Mitsuba"))
+        .unwrap();
+    let ours = finished
+        .iter()
+        .find(|done| done["run"] != theirs["run"])
+        .unwrap();
+    assert!(
+        theirs["samples"] == 64 && theirs["render_s"].as_f64().unwrap() > 0.0,
+        "{theirs}"
+    );
     let rmse = |done: &serde_json::Value| done["metrics"]["rmse"].as_f64().unwrap();
-    // Both are unbiased for a matte ball under a lamp, and nee samples the lamp as theirs does.
+    // Both are unbiased for a matte ball under an area light, and `nee` samples the light as
+    // Mitsuba does.
     let ratio = rmse(theirs) / rmse(ours);
-    assert!((0.5..2.0).contains(&ratio), "{} and {}", rmse(theirs), rmse(ours));
+    assert!(
+        (0.5..2.0).contains(&ratio),
+        "{} and {}",
+        rmse(theirs),
+        rmse(ours)
+    );
     place.succeed(&["report", "out/latest", "-q"]);
-    assert!(place.read("out/latest/report/tables/fps-absolute.md").contains("external:mitsuba"));
-    assert!(place.read("out/latest/report/methods.md").contains("external:mitsuba was rendered by Mitsuba 3."));
+    assert!(
+        place
+            .read("out/latest/report/tables/fps-absolute.md")
+            .contains("external:mitsuba")
+    );
+    assert!(
+        place
+            .read("out/latest/report/methods.md")
+            .contains("external:mitsuba was rendered by Mitsuba 3.")
+    );
 }

@@ -1,4 +1,4 @@
-//! Whole nights: what they leave, and what a second one does.
+//! Whole nights: the files they leave, and the effect of a second one.
 
 use super::workplace::Workplace;
 
@@ -7,8 +7,16 @@ fn a_night_leaves_pictures_curves_tables_and_numbers() {
     let place = Workplace::new();
     let night = place.succeed(&["run", "night.lua"]);
     assert!(night.stdout.contains("| depth"), "{}", night.stdout);
-    assert!(night.stderr.contains("backend mock: a fake clock"), "{}", night.stderr);
-    assert!(night.stderr.contains("4 done") || night.stderr.contains("6 done"), "{}", night.stderr);
+    assert!(
+        night.stderr.contains("backend mock: a fake clock"),
+        "{}",
+        night.stderr
+    );
+    assert!(
+        night.stderr.contains("4 done") || night.stderr.contains("6 done"),
+        "{}",
+        night.stderr
+    );
     for said in ["out/night-", "/figures", "/tables", "/runs"] {
         assert!(night.stderr.contains(said), "{}", night.stderr);
     }
@@ -23,18 +31,30 @@ fn a_night_leaves_pictures_curves_tables_and_numbers() {
     assert_eq!(count("/snap-16.exr"), 4);
     assert_eq!(count("/summary.csv"), 1);
     assert_eq!(count(".svg"), 2);
-    assert_eq!(files.iter().filter(|f| f.contains("/figures/") && f.ends_with(".png")).count(), 2);
+    assert_eq!(
+        files
+            .iter()
+            .filter(|f| f.contains("/figures/") && f.ends_with(".png"))
+            .count(),
+        2
+    );
     assert_eq!(count("/tables/errors.md"), 1);
     assert_eq!(count("/tables/errors.csv"), 1);
     assert_eq!(count(".tmp"), 0);
     for name in ["experiment.lua", "plan.json", "env.json", "journal.jsonl"] {
         assert!(place.path("out/latest").join(name).is_file(), "{name}");
     }
-    assert_eq!(place.read("out/latest/experiment.lua"), place.read("night.lua"));
-    // A night of ten thousand runs must not become a burden for its file system.
+    assert_eq!(
+        place.read("out/latest/experiment.lua"),
+        place.read("night.lua")
+    );
+    // The number of files per run is bounded: a night may have ten thousand runs.
     for (done, _) in place.finished() {
         let folder = done.trim_end_matches("done.json");
-        let own: Vec<&String> = files.iter().filter(|f| f.starts_with(folder) && !f.contains("/snap-")).collect();
+        let own: Vec<&String> = files
+            .iter()
+            .filter(|f| f.starts_with(folder) && !f.contains("/snap-"))
+            .collect();
         assert!(own.len() <= 8, "{own:?}");
     }
 }
@@ -61,12 +81,19 @@ fn a_run_folder_describes_itself() {
     assert_eq!(done["device"], "mock, on a fake clock");
     assert_eq!(done["seed"], config["seed"]);
     assert!(done["program"].as_str().unwrap().starts_with("lumbre "));
-    assert!(done["reason"].as_str().unwrap().contains("16 samples"), "{}", done["reason"]);
+    assert!(
+        done["reason"].as_str().unwrap().contains("16 samples"),
+        "{}",
+        done["reason"]
+    );
     assert_eq!(done["scene_hash"].as_str().unwrap().len(), 64);
 
     let csv = place.read(&format!("{folder}/metrics.csv"));
     let (header, rows) = csv.split_once('\n').unwrap();
-    assert!(header.starts_with("wave,samples,render_s,wall_s,measure_s,paths,rays,invalid,"), "{header}");
+    assert!(
+        header.starts_with("wave,samples,render_s,wall_s,measure_s,paths,rays,invalid,"),
+        "{header}"
+    );
     let last: Vec<&str> = rows.lines().last().unwrap().split(',').collect();
     assert_eq!(last[1], "16");
     let column = header.split(',').position(|c| c == "rmse").unwrap();
@@ -75,12 +102,21 @@ fn a_run_folder_describes_itself() {
     assert!(rmse > 0.0 && rmse < 0.1, "{rmse}");
 
     let log = place.read(&format!("{folder}/log.txt"));
-    assert!(log.contains("started on mock") && log.contains("done: "), "{log}");
+    assert!(
+        log.contains("started on mock") && log.contains("done: "),
+        "{log}"
+    );
 
     let bytes = std::fs::read(place.path(&format!("{folder}/final.exr"))).unwrap();
     let (image, metadata) = lumbre::output::exr::decode(&bytes).unwrap();
     assert_eq!((image.width, image.height), (24, 16));
-    let said = |name: &str| metadata.iter().find(|(n, _)| n.ends_with(name)).map(|(_, v)| v.clone()).unwrap();
+    let said = |name: &str| {
+        metadata
+            .iter()
+            .find(|(n, _)| n.ends_with(name))
+            .map(|(_, v)| v.clone())
+            .unwrap()
+    };
     assert_eq!(said("run"), id);
     assert_eq!(said("samples"), "16");
     assert_eq!(said("scene_hash"), done["scene_hash"].as_str().unwrap());
@@ -91,17 +127,26 @@ fn a_second_night_renders_nothing_and_says_so() {
     let place = Workplace::new();
     let first = place.succeed(&["run", "night.lua"]);
     let before = place.finished();
-    let figure = place.files("out").into_iter().find(|f| f.ends_with(".svg")).unwrap();
+    let figure = place
+        .files("out")
+        .into_iter()
+        .find(|f| f.ends_with(".svg"))
+        .unwrap();
     std::fs::remove_file(place.path(&figure)).unwrap();
     let second = place.succeed(&["run", "night.lua"]);
     assert!(
-        second.stderr.contains("nothing to do: all 4 cells and 2 references were done in out/night-"),
+        second
+            .stderr
+            .contains("nothing to do: all 4 cells and 2 references are already done in out/night-"),
         "{}",
         second.stderr
     );
     assert_eq!(place.finished(), before);
     assert_eq!(second.stdout, first.stdout);
-    assert!(place.path(&figure).is_file(), "figures are made again from what is there");
+    assert!(
+        place.path(&figure).is_file(),
+        "figures are made again from what is there"
+    );
 }
 
 #[test]
@@ -112,7 +157,8 @@ fn overrides_and_selections_reuse_what_they_share() {
     place.succeed(&["run", "night.lua", "depth=4,6"]);
     let finished = place.finished();
     assert_eq!(finished.len(), 4, "depth 4 was there already: {finished:?}");
-    let listed: serde_json::Value = serde_json::from_str(&place.succeed(&["ls", "--json"]).stdout).unwrap();
+    let listed: serde_json::Value =
+        serde_json::from_str(&place.succeed(&["ls", "--json"]).stdout).unwrap();
     let states: Vec<&str> = listed
         .as_array()
         .unwrap()
@@ -149,10 +195,17 @@ fn a_cell_that_fails_is_recorded_and_the_night_goes_on() {
     let night = place.run(&["run", "night.lua"]);
     assert_eq!(night.status, 3, "{}", night.stderr);
     assert!(night.stderr.contains("lens fell off"), "{}", night.stderr);
-    assert_eq!(place.finished().len(), 2, "the cells of the other depth are done");
+    assert_eq!(
+        place.finished().len(),
+        2,
+        "the cells of the other depth are done"
+    );
     let listed = place.succeed(&["ls"]).stdout;
-    assert!(listed.contains("2 done, 2 failed") && listed.contains("lens fell off"), "{listed}");
-    // What is there is shown nonetheless, and the next night tries again.
+    assert!(
+        listed.contains("2 done, 2 failed") && listed.contains("lens fell off"),
+        "{listed}"
+    );
+    // Available results are reported nevertheless, and the next night tries again.
     assert!(place.path("out/latest/tables/errors.md").is_file());
     assert_eq!(place.run(&["run", "night.lua", "-q"]).status, 3);
 }
@@ -168,26 +221,48 @@ fn quiet_nights_print_tables_alone() {
 #[test]
 fn a_backend_of_the_command_line_wins() {
     let place = Workplace::new();
-    let script = place.read("night.lua").replace("backend = \"mock\"", "backend = \"cpu\"");
+    let script = place
+        .read("night.lua")
+        .replace("backend = \"mock\"", "backend = \"cpu\"");
     place.write("night.lua", &script);
-    let plan: serde_json::Value =
-        serde_json::from_str(&place.succeed(&["plan", "night.lua", "--backend", "mock", "--json"]).stdout).unwrap();
+    let plan: serde_json::Value = serde_json::from_str(
+        &place
+            .succeed(&["plan", "night.lua", "--backend", "mock", "--json"])
+            .stdout,
+    )
+    .unwrap();
     assert_eq!(plan["cells"][0]["backend"], "mock");
-    assert!(place.fail(2, &["plan", "night.lua", "--backend", "mok"]).contains("did you mean `mock`"));
+    assert!(
+        place
+            .fail(2, &["plan", "night.lua", "--backend", "mok"])
+            .contains("did you mean `mock`")
+    );
 }
 
-/// A limit on the size of files stands in for a full disk: pictures do not fit, everything small does.
+/// Simulates a full disk by a limit on file size: pictures do not fit, all small files do.
 #[cfg(unix)]
 #[test]
 fn a_full_disk_fails_cells_and_leaves_no_half_written_file() {
     let place = Workplace::new();
-    let script = place.read("night.lua").replace("resolution = { 24, 16 }", "resolution = { 160, 120 }");
+    let script = place
+        .read("night.lua")
+        .replace("resolution = { 24, 16 }", "resolution = { 160, 120 }");
     place.write("night.lua", &script);
-    let limited = format!("trap '' XFSZ; ulimit -f 60; exec '{}' run night.lua", env!("CARGO_BIN_EXE_lumbre"));
-    let output = std::process::Command::new("sh").args(["-c", &limited]).current_dir(place.path(".")).output().unwrap();
+    let limited = format!(
+        "trap '' XFSZ; ulimit -f 60; exec '{}' run night.lua",
+        env!("CARGO_BIN_EXE_lumbre")
+    );
+    let output = std::process::Command::new("sh")
+        .args(["-c", &limited])
+        .current_dir(place.path("."))
+        .output()
+        .unwrap();
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(3), "{said}");
-    assert!(said.contains("cannot write") && said.contains("half-a.exr"), "{said}");
+    assert!(
+        said.contains("cannot write") && said.contains("half-a.exr"),
+        "{said}"
+    );
     let files = place.files("out");
     let half = |f: &&String| f.ends_with(".tmp") || f.ends_with(".exr") || f.ends_with("done.json");
     assert_eq!(files.iter().find(half), None);
@@ -212,9 +287,16 @@ return x
 "#
         )
     };
-    place.write("layers.lua", &script(r#"{ "strategies", "depth", "normal", "depth" }"#));
+    place.write(
+        "layers.lua",
+        &script(r#"{ "strategies", "depth", "normal", "depth" }"#),
+    );
     let plan = place.succeed(&["plan", "layers.lua"]);
-    assert!(plan.stdout.contains("layers and bins take up to "), "{}", plan.stdout);
+    assert!(
+        plan.stdout.contains("layers and time bins take up to "),
+        "{}",
+        plan.stdout
+    );
     place.succeed(&["run", "layers.lua", "-q"]);
     let (done, _) = place.finished().remove(0);
     let folder = done.trim_end_matches("/done.json");
@@ -235,10 +317,22 @@ return x
     ];
     assert_eq!(place.json(&done)["films"], serde_json::json!(films));
     let files = place.files("out");
-    let kept = |end: &str| files.iter().filter(|f| f.contains("/films/") && f.ends_with(end)).count();
-    assert_eq!((kept(".exr"), kept(".png")), (13, 13 + 3), "and three sheets; the reference has none");
+    let kept = |end: &str| {
+        files
+            .iter()
+            .filter(|f| f.contains("/films/") && f.ends_with(end))
+            .count()
+    };
+    assert_eq!(
+        (kept(".exr"), kept(".png")),
+        (13, 13 + 3),
+        "and three sheets; the reference has none"
+    );
     let shown = place.succeed(&["show", folder]);
-    assert!(shown.stdout.contains("films/depth-2.exr") && shown.stdout.contains("films/pyramid-raw.png"));
+    assert!(
+        shown.stdout.contains("films/depth-2.exr")
+            && shown.stdout.contains("films/pyramid-raw.png")
+    );
 
     let read = |name: &str| {
         let bytes = std::fs::read(place.path(&format!("{folder}/{name}.exr"))).unwrap();
@@ -246,17 +340,36 @@ return x
     };
     let (whole, _) = read("final");
     let ((first, facts), (second, _)) = (read("films/depth-1"), read("films/depth-2"));
-    assert!(facts.contains(&("film".to_owned(), "depth-1".to_owned())), "{facts:?}");
+    assert!(
+        facts.contains(&("film".to_owned(), "depth-1".to_owned())),
+        "{facts:?}"
+    );
     for ((a, b), sum) in first.data.iter().zip(&second.data).zip(&whole.data) {
         assert!((0..3).all(|c| (a[c] + b[c] - sum[c]).abs() <= 1e-5 * sum[c]));
     }
 
-    // The same films in another order are the same run; other films are another run of the same reference.
-    place.write("layers.lua", &script(r#"{ "normal", "depth", "strategies" }"#));
-    assert!(place.succeed(&["run", "layers.lua"]).stderr.contains("nothing to do"));
+    // The same films in another order are the same run; other films are another run with the same
+    // reference.
+    place.write(
+        "layers.lua",
+        &script(r#"{ "normal", "depth", "strategies" }"#),
+    );
+    assert!(
+        place
+            .succeed(&["run", "layers.lua"])
+            .stderr
+            .contains("nothing to do")
+    );
     place.write("layers.lua", &script(r#""depth""#));
     place.succeed(&["run", "layers.lua", "-q"]);
-    assert_eq!(place.files("out").iter().filter(|f| f.ends_with("/ref.json")).count(), 1);
+    assert_eq!(
+        place
+            .files("out")
+            .iter()
+            .filter(|f| f.ends_with("/ref.json"))
+            .count(),
+        1
+    );
     assert_eq!(place.finished().len(), 2);
 }
 
@@ -273,40 +386,69 @@ fn layers_that_cannot_be_had_are_refused_while_planning() {
         );
         let ended = place.run(&["run", "t.lua"]);
         assert_eq!(ended.status, 2, "{}", ended.stderr);
-        // Lines are broken where the terminal ends.
-        ended.stderr.split_whitespace().collect::<Vec<_>>().join(" ")
+        // Lines are wrapped at the width of the terminal.
+        ended
+            .stderr
+            .split_whitespace()
+            .collect::<Vec<_>>()
+            .join(" ")
     };
     let error = with(r#"films = "depths""#);
     assert!(error.contains("did you mean `depth`"), "{error}");
     let error = with(r#"films = "depth", backend = "mock""#);
-    assert!(error.contains("cannot fill layers"), "{error}");
+    assert!(error.contains("does not support layers"), "{error}");
     let error = with(r#"films = "strategies", max_depth = 50, resolution = { 4096, 4096 }"#);
-    assert!(error.contains("8 GiB") && error.contains("lower max_depth"), "{error}");
+    assert!(
+        error.contains("8 GiB") && error.contains("lower max_depth"),
+        "{error}"
+    );
 }
 
 #[test]
 fn every_measurement_is_captured_where_the_script_asks_for_it() {
     let place = Workplace::new();
-    let script = place.read("night.lua").replace("exr = \"pow2\"", "png = \"every\"");
-    place.write("night.lua", &script.replace("rmse = ", "display = tonemap.gamma { gamma = 2.2 }, rmse = "));
+    let script = place
+        .read("night.lua")
+        .replace("exr = \"pow2\"", "png = \"every\"");
+    place.write(
+        "night.lua",
+        &script.replace(
+            "rmse = ",
+            "display = tonemap.gamma { gamma = 2.2 }, rmse = ",
+        ),
+    );
     place.succeed(&["run", "night.lua", "-q"]);
     for (done, _) in place.finished() {
         let folder = done.trim_end_matches("/done.json");
         let measured = place.read(&format!("{folder}/metrics.csv")).lines().count() - 1;
-        let captures: Vec<String> =
-            place.files(folder).into_iter().filter(|f| f.contains("/snap-") && f.ends_with(".png")).collect();
+        let captures: Vec<String> = place
+            .files(folder)
+            .into_iter()
+            .filter(|f| f.contains("/snap-") && f.ends_with(".png"))
+            .collect();
         assert!(measured > 1 && captures.len() == measured, "{captures:?}");
         assert!(
-            place.files(folder).iter().all(|f| !f.contains("/snap-") || f.ends_with(".png")),
+            place
+                .files(folder)
+                .iter()
+                .all(|f| !f.contains("/snap-") || f.ends_with(".png")),
             "no EXR was asked for"
         );
-        let capture = captures.iter().find(|f| !f.ends_with("snap-16.png")).unwrap();
-        // The gamma of the sources: the last capture is the final picture.
+        let capture = captures
+            .iter()
+            .find(|f| !f.ends_with("snap-16.png"))
+            .unwrap();
+        // The display gamma is that of the theses: the last capture is the final picture.
         assert_eq!(
             std::fs::read(place.path(&format!("{folder}/snap-16.png"))).unwrap(),
             std::fs::read(place.path(&format!("{folder}/final.png"))).unwrap()
         );
-        // A capture stands for its run, whose last picture is compared.
-        assert!(place.succeed(&["reproduce", capture]).stdout.ends_with("identical\n"));
+        // A capture identifies its run, whose last picture is compared.
+        assert!(
+            place
+                .succeed(&["reproduce", capture])
+                .stdout
+                .ends_with("identical\n")
+        );
     }
 }

@@ -1,4 +1,4 @@
-//! Verbs that only read.
+//! Commands that only read.
 
 use serde_json::Value as Json;
 
@@ -12,28 +12,48 @@ fn json(text: &str) -> Json {
 fn a_plan_tells_new_from_cached_and_writes_nothing() {
     let place = Workplace::new();
     let page = place.succeed(&["plan", "night.lua"]).stdout;
-    assert!(page.contains("4 cells (0 cached), 2 references (0 cached)"), "{page}");
+    assert!(
+        page.contains("4 cells (0 cached), 2 references (0 cached)"),
+        "{page}"
+    );
     assert!(page.contains("estimate: at most"), "{page}");
     assert!(!place.path("out").exists());
-    assert_eq!(place.succeed(&["run", "night.lua", "--dry-run"]).stdout, page);
+    assert_eq!(
+        place.succeed(&["run", "night.lua", "--dry-run"]).stdout,
+        page
+    );
     assert!(!place.path("out").exists());
 
     place.succeed(&["run", "night.lua", "-q", "--only", "depth=2"]);
     let plan = json(&place.succeed(&["plan", "night.lua", "--json"]).stdout);
-    let states: Vec<&str> = plan["cells"].as_array().unwrap().iter().map(|c| c["state"].as_str().unwrap()).collect();
+    let states: Vec<&str> = plan["cells"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|c| c["state"].as_str().unwrap())
+        .collect();
     assert_eq!(states, ["cached", "cached", "new", "new"]);
-    assert!(plan["cells"][0]["cached_in"].as_str().unwrap().starts_with("out/night-"));
+    assert!(
+        plan["cells"][0]["cached_in"]
+            .as_str()
+            .unwrap()
+            .starts_with("out/night-")
+    );
     assert_eq!(plan["cells"][2]["point"]["depth"], 4);
-    assert_eq!(plan["estimate"]["runs_by_samples"], 3, "two cells and a reference");
+    assert_eq!(
+        plan["estimate"]["runs_by_samples"], 3,
+        "two cells and a reference"
+    );
     assert_eq!(plan["metrics"].as_array().unwrap().len(), 2);
 }
 
 #[test]
 fn skipped_points_are_listed_with_their_reason() {
     let place = Workplace::new();
-    let script = place
-        .read("night.lua")
-        .replace("x:render", "x:skip(\"too shallow\", function(p) return p.depth < 4 end)\nx:render");
+    let script = place.read("night.lua").replace(
+        "x:render",
+        "x:skip(\"too shallow\", function(p) return p.depth < 4 end)\nx:render",
+    );
     place.write("night.lua", &script);
     let page = place.succeed(&["plan", "night.lua"]).stdout;
     assert!(page.contains("skipped depth=2: too shallow"), "{page}");
@@ -45,11 +65,22 @@ fn skipped_points_are_listed_with_their_reason() {
 #[test]
 fn check_reads_scripts_and_scenes_and_writes_nothing() {
     let place = Workplace::new();
-    place.write("quad.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n");
+    place.write(
+        "quad.obj",
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n",
+    );
     let before = place.files(".");
-    let said = place.succeed(&["check", "night.lua", "ball.scn", "quad.obj"]).stdout;
-    assert!(said.contains("ok  night.lua: experiment `night`, 4 cells, 2 references"), "{said}");
-    assert!(said.contains("ok  ball.scn: scene, 0 triangles, 2 spheres"), "{said}");
+    let said = place
+        .succeed(&["check", "night.lua", "ball.scn", "quad.obj"])
+        .stdout;
+    assert!(
+        said.contains("ok  night.lua: experiment `night`, 4 cells, 2 references"),
+        "{said}"
+    );
+    assert!(
+        said.contains("ok  ball.scn: scene, 0 triangles, 2 spheres"),
+        "{said}"
+    );
     assert!(said.contains("ok  quad.obj: scene, 2 triangles"), "{said}");
     assert_eq!(place.files("."), before);
 }
@@ -58,17 +89,31 @@ fn check_reads_scripts_and_scenes_and_writes_nothing() {
 fn ls_and_show_tell_what_is_there() {
     let place = Workplace::new();
     let nothing = place.succeed(&["ls"]);
-    assert!(nothing.stdout.is_empty() && nothing.stderr.contains("no experiments in out"), "{}", nothing.stderr);
+    assert!(
+        nothing.stdout.is_empty() && nothing.stderr.contains("no experiments in out"),
+        "{}",
+        nothing.stderr
+    );
     place.succeed(&["run", "night.lua", "-q"]);
     let page = place.succeed(&["ls"]).stdout;
-    assert!(page.contains("4 cells: 4 done") && page.contains("16 spp"), "{page}");
+    assert!(
+        page.contains("4 cells: 4 done") && page.contains("16 spp"),
+        "{page}"
+    );
     let listed = json(&place.succeed(&["ls", "--json"]).stdout);
     let run = &listed[0]["runs"][0];
     assert_eq!(run["state"], "done");
     let id = run["run"].as_str().unwrap();
 
     let page = place.succeed(&["show", &id[..12]]).stdout;
-    for expected in ["render.integrator", "bpt", "done: ", "rmse", "final.exr", "16 spp"] {
+    for expected in [
+        "render.integrator",
+        "bpt",
+        "done: ",
+        "rmse",
+        "final.exr",
+        "16 spp",
+    ] {
         assert!(page.contains(expected), "{expected}: {page}");
     }
     let folder = run["folder"].as_str().unwrap();
@@ -76,16 +121,26 @@ fn ls_and_show_tell_what_is_there() {
     assert_eq!(shown["config"]["run"], id);
     assert_eq!(shown["done"]["samples"], 16);
     assert_eq!(shown["last"]["samples"], 16);
-    assert_eq!(shown["columns"], serde_json::json!(["psnr", "rmse", "psnr_net", "rmse_net"]));
+    assert_eq!(
+        shown["columns"],
+        serde_json::json!(["psnr", "rmse", "psnr_net", "rmse_net"])
+    );
     assert!(place.fail(2, &["show", "zebra"]).contains("lumbre ls"));
-    assert!(place.fail(2, &["show", "0123456789abcdef"]).contains("no run matches"));
+    assert!(
+        place
+            .fail(2, &["show", "0123456789abcdef"])
+            .contains("no run matches")
+    );
 }
 
 #[test]
 fn ls_is_narrowed_by_words_states_and_the_latest() {
     let place = Workplace::new();
     place.succeed(&["run", "night.lua", "-q", "--only", "depth=2"]);
-    place.write("other.lua", &place.read("night.lua").replace("\"night\"", "\"other\""));
+    place.write(
+        "other.lua",
+        &place.read("night.lua").replace("\"night\"", "\"other\""),
+    );
     place.succeed(&["run", "other.lua", "-q"]);
     let runs = |args: &[&str]| -> Vec<String> {
         let all: Vec<&str> = ["ls", "--json"].iter().chain(args).copied().collect();
@@ -93,21 +148,42 @@ fn ls_is_narrowed_by_words_states_and_the_latest() {
         let runs = listed.as_array().unwrap().iter().flat_map(|e| {
             let name = e["name"].as_str().unwrap().to_owned();
             let runs = e["runs"].as_array().unwrap().iter();
-            runs.map(move |r| format!("{name} {} {}", r["path"].as_str().unwrap(), r["state"].as_str().unwrap()))
+            runs.map(move |r| {
+                format!(
+                    "{name} {} {}",
+                    r["path"].as_str().unwrap(),
+                    r["state"].as_str().unwrap()
+                )
+            })
         });
         runs.collect()
     };
     assert_eq!(runs(&[]).len(), 6);
     assert_eq!(runs(&["depth=4", "REP=1"]), ["other depth=4/rep=1 done"]);
     assert_eq!(runs(&["night", "--state", "done"]).len(), 2);
-    assert_eq!(runs(&["--state", "failed", "--state", "pending"]), Vec::<String>::new());
+    assert_eq!(
+        runs(&["--state", "failed", "--state", "pending"]),
+        Vec::<String>::new()
+    );
     assert_eq!(runs(&["--latest"]).len(), 4);
     let page = place.succeed(&["ls", "depth=4"]).stdout;
-    assert!(page.contains("2 matching cells: 2 done") && !page.contains("depth=2"), "{page}");
-    assert!(place.succeed(&["ls", "zebra"]).stderr.contains("no runs like that"));
+    assert!(
+        page.contains("2 matching cells: 2 done") && !page.contains("depth=2"),
+        "{page}"
+    );
+    assert!(
+        place
+            .succeed(&["ls", "zebra"])
+            .stderr
+            .contains("no runs like that")
+    );
     assert!(place.path("out/index.sqlite").exists());
     std::fs::remove_file(place.path("out/index.sqlite")).unwrap();
-    assert_eq!(runs(&["depth=4", "REP=1"]), ["other depth=4/rep=1 done"], "without the index too");
+    assert_eq!(
+        runs(&["depth=4", "REP=1"]),
+        ["other depth=4/rep=1 done"],
+        "without the index too"
+    );
     let latest = json(&place.succeed(&["show", "latest", "--json"]).stdout);
     assert_eq!(latest["config"]["experiment"], "other");
     assert_eq!(latest["config"]["path"], "depth=4/rep=1");
@@ -119,37 +195,73 @@ fn status_tells_how_far_a_night_is_from_its_files_alone() {
     assert!(place.fail(2, &["status"]).contains("no night in out"));
     place.succeed(&["run", "night.lua", "-q"]);
     let page = place.succeed(&["status"]).stdout;
-    assert!(page.contains("over") && page.contains("4: 4 done") && page.contains("2 of 2"), "{page}");
+    assert!(
+        page.contains("over") && page.contains("4: 4 done") && page.contains("2 of 2"),
+        "{page}"
+    );
     let facts = json(&place.succeed(&["status", "--json"]).stdout);
-    assert_eq!((facts["state"].as_str(), facts["cells"]["done"].as_u64()), (Some("over"), Some(4)));
+    assert_eq!(
+        (facts["state"].as_str(), facts["cells"]["done"].as_u64()),
+        (Some("over"), Some(4))
+    );
     assert_eq!(facts["current"], Json::Null);
-    // A run whose last file is gone is not done, whatever the journal says.
-    let done = place.files("out").into_iter().find(|f| f.ends_with("done.json")).unwrap();
+    // A run whose last file is missing is not done, whatever the journal records.
+    let done = place
+        .files("out")
+        .into_iter()
+        .find(|f| f.ends_with("done.json"))
+        .unwrap();
     std::fs::remove_file(place.path(&done)).unwrap();
     let facts = json(&place.succeed(&["status", "out/latest", "--json"]).stdout);
-    assert_eq!((facts["cells"]["done"].as_u64(), facts["cells"]["waiting"].as_u64()), (Some(3), Some(1)));
-    // A copy of the folder, such as from another machine, without anything beside it.
-    let night = place.files("out").into_iter().find(|f| f.ends_with("plan.json")).unwrap();
+    assert_eq!(
+        (
+            facts["cells"]["done"].as_u64(),
+            facts["cells"]["waiting"].as_u64()
+        ),
+        (Some(3), Some(1))
+    );
+    // A copy of the folder, for example from another machine, without any other file.
+    let night = place
+        .files("out")
+        .into_iter()
+        .find(|f| f.ends_with("plan.json"))
+        .unwrap();
     let night = night.trim_end_matches("/plan.json");
     std::fs::rename(place.path(night), place.path("copy")).unwrap();
     let facts = json(&place.succeed(&["status", "copy", "--json"]).stdout);
     assert_eq!(facts["cells"]["done"], 3);
-    // Without a terminal `watch` says the same, and a broken journal is read as far as it goes.
-    assert!(place.succeed(&["watch", "copy"]).stdout.contains("4: 3 done, 1 to go"));
+    // Without a terminal `watch` prints the same, and a damaged journal is read up to the damage.
+    assert!(
+        place
+            .succeed(&["watch", "copy"])
+            .stdout
+            .contains("4: 3 done, 1 to go")
+    );
     place.write("copy/journal.jsonl", "{\"event\": \"night_sta");
     let facts = json(&place.succeed(&["status", "copy", "--json"]).stdout);
-    assert_eq!((facts["state"].as_str(), facts["cells"]["done"].as_u64()), (Some("not started"), Some(3)));
+    assert_eq!(
+        (facts["state"].as_str(), facts["cells"]["done"].as_u64()),
+        (Some("not started"), Some(3))
+    );
 }
 
 #[test]
 fn a_finished_run_has_at_most_eight_files_beside_snapshots_and_films() {
     let place = Workplace::new();
     place.succeed(&["run", "night.lua", "-q"]);
-    for done in place.files("out").iter().filter(|f| f.ends_with("done.json") || f.ends_with("ref.json")) {
+    for done in place
+        .files("out")
+        .iter()
+        .filter(|f| f.ends_with("done.json") || f.ends_with("ref.json"))
+    {
         let folder = done.rsplit_once('/').unwrap().0;
         let files = place.files(folder);
-        // The halves of a reference are snapshots of it, too.
-        let beside = |f: &&String| !["/snap-", "/films/", "/half-"].iter().any(|part| f.contains(part));
+        // The halves of a reference are snapshots of it as well.
+        let beside = |f: &&String| {
+            !["/snap-", "/films/", "/half-"]
+                .iter()
+                .any(|part| f.contains(part))
+        };
         let counted: Vec<&String> = files.iter().filter(beside).collect();
         assert!(counted.len() <= 8, "{counted:?}");
     }
@@ -159,16 +271,35 @@ fn a_finished_run_has_at_most_eight_files_beside_snapshots_and_films() {
 fn the_schema_is_printed_for_editors_and_for_programs() {
     let place = Workplace::new();
     let lua = place.succeed(&["schema", "--lua"]).stdout;
-    assert!(lua.contains("---@meta") && lua.contains("experiment"), "{lua}");
+    assert!(
+        lua.contains("---@meta") && lua.contains("experiment"),
+        "{lua}"
+    );
     let tables = json(&place.succeed(&["schema", "--json"]).stdout);
-    for table in ["integrators", "metrics", "tonemaps", "backends", "material_params", "formats"] {
+    for table in [
+        "integrators",
+        "metrics",
+        "tonemaps",
+        "backends",
+        "material_params",
+        "formats",
+    ] {
         assert!(!tables[table].as_array().unwrap().is_empty(), "{table}");
     }
     assert_eq!(tables["integrators"][0]["name"], "bpt");
-    for row in tables["integrators"].as_array().unwrap().iter().filter(|row| row["name"] != "bpt") {
+    for row in tables["integrators"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter(|row| row["name"] != "bpt")
+    {
         let fields = row["params"]["fields"].as_array().unwrap();
         let select = fields.iter().find(|f| f["key"] == "select").unwrap();
-        assert_eq!(select["default"], "power", "{}: lights are chosen", row["name"]);
+        assert_eq!(
+            select["default"], "power",
+            "{}: lights are chosen",
+            row["name"]
+        );
     }
 }
 
@@ -176,7 +307,13 @@ fn the_schema_is_printed_for_editors_and_for_programs() {
 fn the_doctor_names_backends_cores_and_terminal() {
     let place = Workplace::new();
     let page = place.succeed(&["doctor"]).stdout;
-    for expected in ["backend cpu", "backend mock", "cores", "results in out", "standard output"] {
+    for expected in [
+        "backend cpu",
+        "backend mock",
+        "cores",
+        "results in out",
+        "standard output",
+    ] {
         assert!(page.contains(expected), "{expected}: {page}");
     }
     let facts = json(&place.succeed(&["doctor", "--json"]).stdout);
@@ -192,21 +329,47 @@ fn the_bench_measures_every_integrator_and_keeps_the_figures() {
     place.write("ball.scn", super::verify::SCENE);
     let ended = place.succeed(&["bench", "ball.scn", "--only", "--repeats", "3"]);
     let kept = place.json("out/bench.json");
-    assert_eq!((&kept["repeats"], &kept["relative_rmse"]), (&3.into(), &0.05.into()));
-    let [scene] = &kept["scenes"].as_array().unwrap()[..] else { panic!("{kept}") };
+    assert_eq!(
+        (&kept["repeats"], &kept["relative_rmse"]),
+        (&3.into(), &0.05.into())
+    );
+    let [scene] = &kept["scenes"].as_array().unwrap()[..] else {
+        panic!("{kept}")
+    };
     assert_eq!(scene["scene"], "ball.scn");
-    for name in lumbre::transport::integrator::INTEGRATORS.iter().map(|row| row.name) {
+    for name in lumbre::transport::integrator::INTEGRATORS
+        .iter()
+        .map(|row| row.name)
+    {
         let figures = &scene["integrators"][name];
         assert!(figures["mpaths_per_s_in_lanes"].as_f64().unwrap() > 0.0);
-        assert!(figures["mpaths_per_s"].as_f64().unwrap() > 0.0 && figures["spread"].as_f64().unwrap() >= 0.0);
+        assert!(
+            figures["mpaths_per_s"].as_f64().unwrap() > 0.0
+                && figures["spread"].as_f64().unwrap() >= 0.0
+        );
         let variance = figures["variance"].as_f64();
-        assert_eq!(figures["efficiency"].is_number(), variance.is_some(), "{figures}");
-        let row = ended.stdout.lines().find(|line| line.starts_with("ball") && line.contains(name)).unwrap();
+        assert_eq!(
+            figures["efficiency"].is_number(),
+            variance.is_some(),
+            "{figures}"
+        );
+        let row = ended
+            .stdout
+            .lines()
+            .find(|line| line.starts_with("ball") && line.contains(name))
+            .unwrap();
         assert_eq!(row.ends_with(" -"), variance.is_none(), "{row}");
     }
-    assert!(scene["integrators"]["nee"]["variance"].is_number(), "{scene}");
+    assert!(
+        scene["integrators"]["nee"]["variance"].is_number(),
+        "{scene}"
+    );
     assert!(place.fail(2, &["bench", "--only"]).contains("SCENE"));
-    assert!(place.fail(2, &["bench", "none.scn", "--only"]).contains("none.scn"));
+    assert!(
+        place
+            .fail(2, &["bench", "none.scn", "--only"])
+            .contains("none.scn")
+    );
 }
 
 #[test]
@@ -223,23 +386,43 @@ fn the_bench_measures_scenes_with_options_and_views() {
          s:view('aside', { position = { 5, 0, 0 }, target = { 20, 0, 0 }, fov = 40 })\n\
          return s\n",
     );
-    let bench = |scene: &str| ["bench", scene, "--only", "--mpaths", "--repeats", "1"].map(str::to_owned);
+    let bench =
+        |scene: &str| ["bench", scene, "--only", "--mpaths", "--repeats", "1"].map(str::to_owned);
     let mut variances = Vec::new();
-    for (scene, label) in
-        [("lit.lua", "lit "), ("lit.lua?lamp=off", "lit off "), ("lit.lua?lamp=off,camera=aside", "lit off aside ")]
-    {
+    for (scene, label) in [
+        ("lit.lua", "lit "),
+        ("lit.lua?lamp=off", "lit off "),
+        ("lit.lua?lamp=off,camera=aside", "lit off aside "),
+    ] {
         let ended = place.succeed(&bench(scene).each_ref().map(String::as_str));
-        assert!(ended.stdout.lines().any(|line| line.starts_with(label)), "{}", ended.stdout);
+        assert!(
+            ended.stdout.lines().any(|line| line.starts_with(label)),
+            "{}",
+            ended.stdout
+        );
         let kept = place.json("out/bench.json");
         assert_eq!(kept["scenes"][0]["scene"], scene);
         variances.push(kept["scenes"][0]["integrators"]["bpt"]["variance"].as_f64());
     }
-    // A tenth of the light, and then nothing but an even sky.
-    let [Some(on), Some(off), even] = variances[..] else { panic!("{variances:?}") };
-    assert!(on > 50.0 * off && off > 0.0 && even.is_none_or(|v| v < 1e-9), "{variances:?}");
-    for (scene, said) in [("lit.lua?lamp=dim", "dim"), ("lit.lua?camera=asid", "aside"), ("lit.lua?lamp", "NAME=VALUE")]
-    {
-        assert!(place.fail(2, &bench(scene).each_ref().map(String::as_str)).contains(said), "{scene}");
+    // One tenth of the light, then only an even sky.
+    let [Some(on), Some(off), even] = variances[..] else {
+        panic!("{variances:?}")
+    };
+    assert!(
+        on > 50.0 * off && off > 0.0 && even.is_none_or(|v| v < 1e-9),
+        "{variances:?}"
+    );
+    for (scene, said) in [
+        ("lit.lua?lamp=dim", "dim"),
+        ("lit.lua?camera=asid", "aside"),
+        ("lit.lua?lamp", "NAME=VALUE"),
+    ] {
+        assert!(
+            place
+                .fail(2, &bench(scene).each_ref().map(String::as_str))
+                .contains(said),
+            "{scene}"
+        );
     }
 }
 
@@ -247,7 +430,13 @@ fn the_bench_measures_scenes_with_options_and_views() {
 fn completions_and_the_manual_come_from_the_definitions() {
     let place = Workplace::new();
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
-        assert!(place.succeed(&["completions", shell]).stdout.contains("lumbre"), "{shell}");
+        assert!(
+            place
+                .succeed(&["completions", shell])
+                .stdout
+                .contains("lumbre"),
+            "{shell}"
+        );
     }
     let page = place.succeed(&["man"]).stdout;
     for expected in [".TH", "lumbre-run", "lumbre-doctor", "Exit codes"] {
@@ -259,30 +448,66 @@ fn completions_and_the_manual_come_from_the_definitions() {
 fn every_verb_explains_itself() {
     let place = Workplace::new();
     let whole = place.succeed(&["--help"]).stdout;
-    assert!(whole.contains("Exit codes") && whole.contains("NO_COLOR"), "{whole}");
-    let verbs = ["run", "plan", "check", "ls", "show", "schema", "doctor", "verify", "bench", "completions", "man"];
+    assert!(
+        whole.contains("Exit codes") && whole.contains("NO_COLOR"),
+        "{whole}"
+    );
+    let verbs = [
+        "run",
+        "plan",
+        "check",
+        "ls",
+        "show",
+        "schema",
+        "doctor",
+        "verify",
+        "bench",
+        "completions",
+        "man",
+    ];
     for verb in verbs {
-        assert!(whole.contains(&format!("\n  {verb} ")), "{verb} is not listed: {whole}");
+        assert!(
+            whole.contains(&format!("\n  {verb} ")),
+            "{verb} is not listed: {whole}"
+        );
         let help = place.succeed(&[verb, "--help"]).stdout;
         assert!(help.contains(&format!("Usage: lumbre {verb}")), "{help}");
         // Every argument and option has a sentence beside or below it.
         let lines: Vec<&str> = help.lines().collect();
         for (i, line) in lines.iter().enumerate() {
             let name = line.trim_start();
-            let names_one = line.starts_with(' ') && (name.starts_with(['-', '<', '[']) && !name.contains(": "));
-            let beside = line.trim_start().split("  ").filter(|part| !part.trim().is_empty()).count() > 1;
-            let below = lines.get(i + 1).is_some_and(|next| next.starts_with("          "));
-            assert!(!names_one || beside || below, "{verb}: `{line}` explains nothing");
+            let names_one = line.starts_with(' ')
+                && (name.starts_with(['-', '<', '[']) && !name.contains(": "));
+            let beside = line
+                .trim_start()
+                .split("  ")
+                .filter(|part| !part.trim().is_empty())
+                .count()
+                > 1;
+            let below = lines
+                .get(i + 1)
+                .is_some_and(|next| next.starts_with("          "));
+            assert!(
+                !names_one || beside || below,
+                "{verb}: `{line}` explains nothing"
+            );
         }
     }
     let version = place.succeed(&["--version"]).stdout;
-    assert_eq!(version.trim(), concat!("lumbre ", env!("CARGO_PKG_VERSION")));
+    assert_eq!(
+        version.trim(),
+        concat!("lumbre ", env!("CARGO_PKG_VERSION"))
+    );
 }
 
 #[test]
 fn a_reader_that_has_seen_enough_is_no_error() {
     let place = Workplace::new();
-    let mut child = place.command(&["man"]).stdout(std::process::Stdio::piped()).spawn().unwrap();
+    let mut child = place
+        .command(&["man"])
+        .stdout(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
     drop(child.stdout.take());
     assert_eq!(child.wait().unwrap().code(), Some(0));
 }

@@ -1,17 +1,32 @@
-//! References on disk: their halves, what is known of their noise, and who shares them.
+//! References on disk: their halves, their noise estimates, and sharing between experiments.
 
 use super::workplace::Workplace;
 
-/// The reference folder of a place, of which there has to be one.
+/// Returns the only reference folder of a workplace. Panics unless there is exactly one.
 fn reference(place: &Workplace) -> String {
-    let found: Vec<String> = place.files("out").into_iter().filter(|f| f.ends_with("/ref.json")).collect();
-    let [one] = found.as_slice() else { panic!("{found:?}") };
+    let found: Vec<String> = place
+        .files("out")
+        .into_iter()
+        .filter(|f| f.ends_with("/ref.json"))
+        .collect();
+    let [one] = found.as_slice() else {
+        panic!("{found:?}")
+    };
     one.trim_end_matches("/ref.json").to_owned()
 }
 
 fn column(csv: &str, name: &str) -> Vec<f64> {
-    let at = csv.lines().next().unwrap().split(',').position(|c| c == name).unwrap_or_else(|| panic!("{name}: {csv}"));
-    csv.lines().skip(1).map(|line| line.split(',').nth(at).unwrap().parse().unwrap()).collect()
+    let at = csv
+        .lines()
+        .next()
+        .unwrap()
+        .split(',')
+        .position(|c| c == name)
+        .unwrap_or_else(|| panic!("{name}: {csv}"));
+    csv.lines()
+        .skip(1)
+        .map(|line| line.split(',').nth(at).unwrap().parse().unwrap())
+        .collect()
 }
 
 #[test]
@@ -25,7 +40,12 @@ fn a_reference_keeps_its_halves_and_errors_come_without_its_own() {
         let bytes = std::fs::read(place.path(&format!("{folder}/{name}.exr"))).unwrap();
         lumbre::output::exr::decode(&bytes).unwrap().0
     };
-    let (whole, a, b, noise) = (image("ref"), image("half-a"), image("half-b"), image("noise"));
+    let (whole, a, b, noise) = (
+        image("ref"),
+        image("half-a"),
+        image("half-b"),
+        image("noise"),
+    );
     for i in 0..whole.data.len() {
         assert!((whole.data[i][0] - 0.5 * (a.data[i][0] + b.data[i][0])).abs() < 1e-6);
         // The mock's standard error is a tenth of the truth over the root of the samples.
@@ -37,14 +57,22 @@ fn a_reference_keeps_its_halves_and_errors_come_without_its_own() {
     let floor = done["floors"]["rmse"].as_f64().unwrap();
     let (gross, net) = (column(&metrics, "rmse"), column(&metrics, "rmse_net"));
     for (gross, net) in gross.iter().zip(&net) {
-        assert!((gross * gross - net * net - floor * floor).abs() < 1e-12, "{gross} {net} {floor}");
+        assert!(
+            (gross * gross - net * net - floor * floor).abs() < 1e-12,
+            "{gross} {net} {floor}"
+        );
     }
     assert_eq!(done["net"]["rmse_net"].as_f64(), net.last().copied());
     assert!(done["net"]["psnr_net"].as_f64().unwrap() > done["metrics"]["psnr"].as_f64().unwrap());
     let summary = place.read("out/latest/summary.csv");
     assert_eq!(column(&summary, "rmse_floor"), [floor; 2]);
-    assert!(column(&summary, "rmse_net").iter().zip(column(&summary, "rmse")).all(|(net, gross)| *net < gross));
-    // A second night reads it all back.
+    assert!(
+        column(&summary, "rmse_net")
+            .iter()
+            .zip(column(&summary, "rmse"))
+            .all(|(net, gross)| *net < gross)
+    );
+    // A second night reads all of it.
     place.succeed(&["run", "night.lua", "depth=4", "-q"]);
     let again = place.read("out/latest/summary.csv");
     let numbers = |text: &str| ["rmse_floor", "rmse_net", "psnr_floor"].map(|c| column(text, c));
@@ -55,7 +83,9 @@ fn a_reference_keeps_its_halves_and_errors_come_without_its_own() {
 fn experiments_with_other_names_and_seeds_share_a_reference() {
     let place = Workplace::new();
     place.succeed(&["run", "night.lua", "depth=4", "-q"]);
-    let script = place.read("night.lua").replace("\"night\", { seed = 7", "\"day\", { seed = 8");
+    let script = place
+        .read("night.lua")
+        .replace("\"night\", { seed = 7", "\"day\", { seed = 8");
     place.write("day.lua", &script);
     let said = place.succeed(&["run", "day.lua", "depth=4"]).stderr;
     assert!(said.contains("2 done, 1 cached"), "{said}");
@@ -69,18 +99,26 @@ fn a_threshold_below_the_floor_is_said_at_the_night_and_in_the_plan() {
     let script = place.read("night.lua").replace("stop.samples(16)", stop);
     place.write("night.lua", &script);
     let said = place.succeed(&["plan", "night.lua", "depth=4"]).stdout;
-    assert!(!said.contains("true picture"), "nothing is known yet: {said}");
-    let expected = "2 cells wait for `rmse < 0.00001`, but even the true picture has 0.000";
+    assert!(
+        !said.contains("true picture"),
+        "nothing is known yet: {said}"
+    );
+    let expected =
+        "2 cells stop at `rmse < 0.00001`, but even the true picture would measure 0.000";
     let said = place.succeed(&["run", "night.lua", "depth=4"]).stderr;
     assert!(said.contains(expected), "{said}");
     let said = place.succeed(&["plan", "night.lua", "depth=4"]).stdout;
     assert!(said.contains(&format!("warning: {expected}")), "{said}");
-    let json: serde_json::Value =
-        serde_json::from_str(&place.succeed(&["plan", "night.lua", "depth=4", "--json"]).stdout).unwrap();
+    let json: serde_json::Value = serde_json::from_str(
+        &place
+            .succeed(&["plan", "night.lua", "depth=4", "--json"])
+            .stdout,
+    )
+    .unwrap();
     assert_eq!(json["out_of_reach"].as_array().unwrap().len(), 1);
 }
 
-/// A point light over a ball: `bpt`, which only hits lights, cannot find it.
+/// A point light over a ball, which `bpt` cannot find because it only hits lights.
 const POINT: &str = r#"{
     "resolution": [48, 32],
     "camera": { "position": [0, 0, 4], "lookat": [0, 0, 0], "fov": 40 },
@@ -98,7 +136,10 @@ fn a_contradicted_reference_ends_the_night_with_its_own_code_and_leaves_a_map() 
     place.write("ball.scn", POINT);
     let script = place
         .read("night.lua")
-        .replace("resolution = { 24, 16 }, backend = \"mock\"", "resolution = { 48, 32 }, backend = \"cpu\"")
+        .replace(
+            "resolution = { 24, 16 }, backend = \"mock\"",
+            "resolution = { 48, 32 }, backend = \"cpu\"",
+        )
         .replace(
             "integrator = \"bpt\" } end, stop = stop.samples(4096)",
             "integrator = \"nee\" } end, \
@@ -110,31 +151,59 @@ fn a_contradicted_reference_ends_the_night_with_its_own_code_and_leaves_a_map() 
     place.write("night.lua", &script.replace("bdpt", "bpt"));
     for _ in 0..2 {
         let said = place.fail(6, &["run", "night.lua", "depth=4", "-q"]);
-        assert!(said.contains("alarm: reference ") && said.contains("DISAGREES with `bpt`"), "{said}");
+        assert!(
+            said.contains("alarm: reference ") && said.contains("DISAGREES with `bpt`"),
+            "{said}"
+        );
     }
-    let maps: Vec<String> = place.files("out").into_iter().filter(|f| f.ends_with("/agree-bpt.png")).collect();
+    let maps: Vec<String> = place
+        .files("out")
+        .into_iter()
+        .filter(|f| f.ends_with("/agree-bpt.png"))
+        .collect();
     assert_eq!(maps.len(), 1, "{maps:?}");
     let json = place.json(&maps[0].replace(".png", ".json"));
-    assert_eq!((json["agrees"].as_bool(), json["technique"].as_str()), (Some(false), Some("bpt")));
+    assert_eq!(
+        (json["agrees"].as_bool(), json["technique"].as_str()),
+        (Some(false), Some("bpt"))
+    );
     assert!(!json["differing"].as_array().unwrap().is_empty());
     place.write("night.lua", &script.replace("bdpt", "bdtp"));
-    assert!(place.fail(2, &["plan", "night.lua"]).contains("did you mean `bdpt`"));
+    assert!(
+        place
+            .fail(2, &["plan", "night.lua"])
+            .contains("did you mean `bdpt`")
+    );
 }
 
-/// The bytes of a reference's pictures.
+/// Returns the bytes of a reference's pictures.
 fn pictures(place: &Workplace, folder: &str) -> Vec<Vec<u8>> {
-    let names = ["ref.exr", "ref.png", "half-a.exr", "half-b.exr", "noise.exr"];
-    names.map(|name| std::fs::read(place.path(&format!("{folder}/{name}"))).unwrap()).into()
+    let names = [
+        "ref.exr",
+        "ref.png",
+        "half-a.exr",
+        "half-b.exr",
+        "noise.exr",
+    ];
+    names
+        .map(|name| std::fs::read(place.path(&format!("{folder}/{name}"))).unwrap())
+        .into()
 }
 
 #[test]
 fn a_longer_reference_goes_on_from_a_shorter_one_to_the_same_bytes() {
-    // Splats and the processor's own backend: what is kept has to be all of it.
+    // The CPU backend with splats: the stored state must be complete.
     let script = |samples: u32, place: &Workplace| {
-        let text = place.read("night.lua").replace("backend = \"mock\"", "backend = \"cpu\"");
-        let reference =
-            format!("integrator = \"bdpt\" }} end, stop = function(p) return stop.samples({samples} * p.depth) end }}");
-        let text = text.replace("integrator = \"bpt\" } end, stop = stop.samples(4096) }", &reference);
+        let text = place
+            .read("night.lua")
+            .replace("backend = \"mock\"", "backend = \"cpu\"");
+        let reference = format!(
+            "integrator = \"bdpt\" }} end, stop = function(p) return stop.samples({samples} * p.depth) end }}"
+        );
+        let text = text.replace(
+            "integrator = \"bpt\" } end, stop = stop.samples(4096) }",
+            &reference,
+        );
         place.write("long.lua", &text);
     };
     let whole = Workplace::new();
@@ -148,22 +217,50 @@ fn a_longer_reference_goes_on_from_a_shorter_one_to_the_same_bytes() {
     let short = reference(&place);
     script(10, &place);
     let plan = place.succeed(&["plan", "long.lua", "depth=4"]).stdout;
-    assert!(plan.contains("new, goes on from 16 samples per pixel"), "{plan}");
+    assert!(
+        plan.contains("new, resumes from 16 samples per pixel"),
+        "{plan}"
+    );
     let said = place.succeed(&["run", "long.lua", "depth=4"]).stderr;
-    assert!(said.contains("goes on from a shorter reference after 16 samples per pixel"), "{said}");
-    let refs: Vec<String> = place.files("out").into_iter().filter(|f| f.ends_with("/ref.json")).collect();
-    let long = refs.iter().map(|f| f.trim_end_matches("/ref.json")).find(|f| *f != short).unwrap();
+    assert!(
+        said.contains("continues a shorter reference after 16 samples per pixel"),
+        "{said}"
+    );
+    let refs: Vec<String> = place
+        .files("out")
+        .into_iter()
+        .filter(|f| f.ends_with("/ref.json"))
+        .collect();
+    let long = refs
+        .iter()
+        .map(|f| f.trim_end_matches("/ref.json"))
+        .find(|f| *f != short)
+        .unwrap();
     assert_eq!(pictures(&place, long), expected);
     let metrics = place.read(&format!("{long}/metrics.csv"));
     assert_eq!(column(&metrics, "samples").last(), Some(&40.0));
-    assert!(column(&metrics, "render_s").is_sorted(), "the clock counts both: {metrics}");
+    assert!(
+        column(&metrics, "render_s").is_sorted(),
+        "the clock counts both: {metrics}"
+    );
 
-    // A shorter one does not begin with a longer one; it is there already. What lies between starts anew.
+    // The shorter reference exists already and is no prefix of the longer one. A length in between
+    // starts from its first sample.
     script(6, &place);
     let said = place.succeed(&["run", "long.lua", "depth=4"]).stderr;
-    assert!(!said.contains("goes on from"), "{said}");
-    let kept: Vec<String> = place.files("out").into_iter().filter(|f| f.contains("/sums/")).collect();
-    assert!(kept.len() == 1 && kept[0].ends_with(".40"), "the longest is kept: {kept:?}");
+    assert!(
+        !said.contains("continues a shorter reference") && !said.contains("resumes from"),
+        "{said}"
+    );
+    let kept: Vec<String> = place
+        .files("out")
+        .into_iter()
+        .filter(|f| f.contains("/sums/"))
+        .collect();
+    assert!(
+        kept.len() == 1 && kept[0].ends_with(".40"),
+        "the longest is kept: {kept:?}"
+    );
     std::fs::write(place.path(&kept[0]), "damaged").unwrap();
     script(12, &place);
     let said = place.succeed(&["run", "long.lua", "depth=4"]).stderr;
@@ -184,19 +281,57 @@ fn an_image_from_elsewhere_is_copied_with_its_provenance_and_its_noise_is_said_t
     place.write("told.lua", &text);
     let plan = place.succeed(&["plan", "told.lua", "depth=4"]).stdout;
     let hash = blake3::hash(&bytes).to_hex().to_string();
-    let expected = format!("file, blake3 {}, Mitsuba 3.5, 65536 spp; its noise is unknown", &hash[..8]);
+    let expected = format!(
+        "file, blake3 {}, Mitsuba 3.5, 65536 spp; its noise is unknown",
+        &hash[..8]
+    );
     assert!(plan.contains(&expected), "{plan}");
     place.succeed(&["run", "told.lua", "depth=4", "-q"]);
-    let all: Vec<String> = place.files("out").into_iter().filter(|f| f.ends_with("/ref.json")).collect();
-    let copies: Vec<_> = all.iter().map(|f| (f, place.json(f))).filter(|(_, json)| json["kind"] == "file").collect();
-    let [(file, json)] = copies.as_slice() else { panic!("{all:?}") };
-    assert_eq!((json["made_by"].as_str(), json["noise"].as_str()), (Some("Mitsuba 3.5, 65536 spp"), Some("unknown")));
+    let all: Vec<String> = place
+        .files("out")
+        .into_iter()
+        .filter(|f| f.ends_with("/ref.json"))
+        .collect();
+    let copies: Vec<_> = all
+        .iter()
+        .map(|f| (f, place.json(f)))
+        .filter(|(_, json)| json["kind"] == "file")
+        .collect();
+    let [(file, json)] = copies.as_slice() else {
+        panic!("{all:?}")
+    };
+    assert_eq!(
+        (json["made_by"].as_str(), json["noise"].as_str()),
+        (Some("Mitsuba 3.5, 65536 spp"), Some("unknown"))
+    );
     assert_eq!(json["blake3"].as_str(), Some(hash.as_str()));
-    assert!(json["imported_from"].as_str().unwrap().ends_with("truth.exr"));
-    assert_eq!(std::fs::read(place.path(&file.replace("ref.json", "ref.exr"))).unwrap(), bytes);
+    assert!(
+        json["imported_from"]
+            .as_str()
+            .unwrap()
+            .ends_with("truth.exr")
+    );
+    assert_eq!(
+        std::fs::read(place.path(&file.replace("ref.json", "ref.exr"))).unwrap(),
+        bytes
+    );
     let (done, _) = place.finished().remove(0);
-    assert!(place.json(&done)["floors"].is_null(), "nothing is made up about its noise");
-    assert!(place.fail(2, &["plan", "told.lua", "depth=4", "--nonsense"]).contains("nonsense"));
-    place.write("told.lua", &text.replace("image = \"truth.exr\", ", "stop = stop.samples(4), "));
-    assert!(place.fail(2, &["plan", "told.lua"]).contains("there is none"));
+    assert!(
+        place.json(&done)["floors"].is_null(),
+        "nothing is made up about its noise"
+    );
+    assert!(
+        place
+            .fail(2, &["plan", "told.lua", "depth=4", "--nonsense"])
+            .contains("nonsense")
+    );
+    place.write(
+        "told.lua",
+        &text.replace("image = \"truth.exr\", ", "stop = stop.samples(4), "),
+    );
+    assert!(
+        place
+            .fail(2, &["plan", "told.lua"])
+            .contains("there is none")
+    );
 }

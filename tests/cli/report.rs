@@ -4,7 +4,8 @@ use std::process::Command;
 
 use super::workplace::Workplace;
 
-/// Two techniques with three repeats, snapshots, and everything that a report draws; the CPU, since films need it.
+/// Two techniques with three repeats, snapshots, and everything that a report draws; on the CPU
+/// backend, which films need.
 const NIGHT: &str = r#"
 local x = experiment("study", { seed = 3, repeats = 2 })
 x:axis("technique", { "bpt", "nee" })
@@ -41,14 +42,23 @@ fn a_report_is_made_of_files_alone_and_twice_the_same() {
         "data/waves.csv",
         "methods.tex",
     ] {
-        assert!(files.contains(&format!("{folder}/{expected}")), "{expected} is missing: {files:?}");
+        assert!(
+            files.contains(&format!("{folder}/{expected}")),
+            "{expected} is missing: {files:?}"
+        );
     }
-    let before: Vec<Vec<u8>> = files.iter().map(|f| std::fs::read(place.path(f)).unwrap()).collect();
-    // Without the script and the scene there is nothing that could be rendered.
+    let before: Vec<Vec<u8>> = files
+        .iter()
+        .map(|f| std::fs::read(place.path(f)).unwrap())
+        .collect();
+    // Without the script and the scene no run could be rendered.
     std::fs::remove_file(place.path("study.lua")).unwrap();
     std::fs::remove_file(place.path("ball.scn")).unwrap();
     place.succeed(&["report", "out/latest"]);
-    let after: Vec<Vec<u8>> = files.iter().map(|f| std::fs::read(place.path(f)).unwrap()).collect();
+    let after: Vec<Vec<u8>> = files
+        .iter()
+        .map(|f| std::fs::read(place.path(f)).unwrap())
+        .collect();
     assert!(before == after, "the same folders give the same bytes");
 }
 
@@ -56,8 +66,14 @@ fn a_report_is_made_of_files_alone_and_twice_the_same() {
 fn every_file_names_the_runs_behind_it() {
     let place = reported();
     place.succeed(&["report", "out/latest", "--to", "r"]);
-    let id = place.json(&place.finished()[0].0)["run"].as_str().unwrap().to_owned();
-    let plan = place.json("out/latest/plan.json")["hash"].as_str().unwrap().to_owned();
+    let id = place.json(&place.finished()[0].0)["run"]
+        .as_str()
+        .unwrap()
+        .to_owned();
+    let plan = place.json("out/latest/plan.json")["hash"]
+        .as_str()
+        .unwrap()
+        .to_owned();
     for file in [
         "figures/error-time-rmse.svg",
         "figures/error-time-rmse.tex",
@@ -69,11 +85,17 @@ fn every_file_names_the_runs_behind_it() {
         "index.html",
     ] {
         let text = place.read(&format!("r/{file}"));
-        assert!(text.contains(&id) && text.contains(&plan) && text.contains("lumbre 0."), "{file} lacks them");
+        assert!(
+            text.contains(&id) && text.contains(&plan) && text.contains("lumbre 0."),
+            "{file} lacks them"
+        );
     }
     for file in ["figures/error-time-rmse.png", "figures/error-time-rmse.pdf"] {
         let bytes = std::fs::read(place.path(&format!("r/{file}"))).unwrap();
-        assert!(bytes.windows(id.len()).any(|w| w == id.as_bytes()), "{file} lacks the run");
+        assert!(
+            bytes.windows(id.len()).any(|w| w == id.as_bytes()),
+            "{file} lacks the run"
+        );
     }
 }
 
@@ -83,35 +105,73 @@ fn what_is_no_night_or_names_nothing_is_refused() {
     let said = place.fail(2, &["report", "scenes"]);
     assert!(said.contains("cannot read"), "{said}");
     let said = place.fail(2, &["report", "out/latest", "--by", "tecnique"]);
-    assert!(said.contains("no axis is called `tecnique` (axes: technique)"), "{said}");
+    assert!(
+        said.contains("unknown axis `tecnique`; the axes are: technique"),
+        "{said}"
+    );
     let said = place.fail(2, &["report", "out/latest", "--crop", "1,2,3"]);
     assert!(said.contains("left, top, width and height"), "{said}");
     let said = place.fail(2, &["report", "out/latest", "--threshold", "mse=0.1"]);
-    assert!(said.contains("no metric column is called `mse`"), "{said}");
+    assert!(
+        said.contains("unknown metric column `mse`; the columns are: rmse, ssim"),
+        "{said}"
+    );
 }
 
 #[test]
 fn two_nights_need_the_names_of_both_devices() {
     let place = reported();
-    let night = place.files("out").into_iter().find(|f| f.ends_with("/plan.json")).unwrap();
+    let night = place
+        .files("out")
+        .into_iter()
+        .find(|f| f.ends_with("/plan.json"))
+        .unwrap();
     let night = night.trim_end_matches("/plan.json").to_owned();
     copy(&place.path(&night), &place.path("other/night"));
-    // Another machine: its device has another name, and its references are not here.
-    for done in place.files("other").iter().filter(|f| f.ends_with("/done.json")) {
+    // Simulates another machine: its device has another name, and its references are absent.
+    for done in place
+        .files("other")
+        .iter()
+        .filter(|f| f.ends_with("/done.json"))
+    {
         let mut facts = place.json(done);
         facts["device"] = "Another GPU".into();
-        // A changed file without its seal is one of an earlier version; with it, it is damaged.
-        facts.as_object_mut().unwrap().retain(|key, _| key != "files" && key != "check");
+        // A changed file without its checksum counts as one of an earlier version; with it, as
+        // damaged.
+        facts
+            .as_object_mut()
+            .unwrap()
+            .retain(|key, _| key != "files" && key != "check");
         place.write(done, &facts.to_string());
     }
     place.succeed(&["report", &night, "other/night", "--to", "both"]);
     let svg = place.read("both/figures/error-time-rmse.svg");
-    assert!(svg.contains("nee, Another GPU") && svg.contains("bpt, "), "both devices are named");
-    assert!(place.read("both/tables/fps-relative.md").contains("Another GPU / "));
+    assert!(
+        svg.contains("nee, Another GPU") && svg.contains("bpt, "),
+        "both devices are named"
+    );
+    assert!(
+        place
+            .read("both/tables/fps-relative.md")
+            .contains("Another GPU / ")
+    );
     std::fs::remove_file(place.path("other/night/env.json")).unwrap();
     let said = place.fail(2, &["report", &night, "other/night", "--to", "again"]);
-    assert!(said.contains("without naming both devices"), "{said}");
-    place.succeed(&["report", &night, "other/night", "--to", "again", "--name", "A", "--name", "B"]);
+    assert!(
+        said.contains("cannot be compared with those of another night"),
+        "{said}"
+    );
+    place.succeed(&[
+        "report",
+        &night,
+        "other/night",
+        "--to",
+        "again",
+        "--name",
+        "A",
+        "--name",
+        "B",
+    ]);
 }
 
 #[test]
@@ -122,7 +182,11 @@ fn a_damaged_run_does_not_count_as_finished() {
     let text = place.read(&csv);
     place.write(&csv, &text[..text.len() - 20]);
     let ended = place.succeed(&["report", "out/latest", "--to", "r"]);
-    assert!(ended.stderr.contains("does not count as finished"), "{}", ended.stderr);
+    assert!(
+        ended.stderr.contains("is treated as unfinished"),
+        "{}",
+        ended.stderr
+    );
     assert!(place.read("r/index.html").contains("3 of 4 runs finished"));
 }
 
@@ -138,21 +202,28 @@ fn copy(from: &std::path::Path, to: &std::path::Path) {
     }
 }
 
-/// What the page's own scripts do in a browser, told by its document after they ran.
+/// Runs the page's scripts in a browser and inspects the document afterwards.
 #[test]
 fn the_page_works_in_a_browser_without_a_network() {
     let browsers = ["chromium", "chromium-browser", "google-chrome"];
-    let Some(browser) =
-        browsers.iter().find(|b| Command::new(b).arg("--version").output().is_ok_and(|o| o.status.success()))
-    else {
+    let Some(browser) = browsers.iter().find(|b| {
+        Command::new(b)
+            .arg("--version")
+            .output()
+            .is_ok_and(|o| o.status.success())
+    }) else {
         println!("SKIPPED: no browser of {}", browsers.join(", "));
         return;
     };
     let place = reported();
     place.succeed(&["report", "out/latest", "--to", "r"]);
-    // A script of the test's own, after the page's: keys, sorting and narrowing, told in the title.
+    // A script of the test, after those of the page, reports keys, sorting and filtering in the
+    // title.
     let page = place.read("r/index.html");
-    let probe = format!("<script>{}</script></body>", include_str!("report_probe.js"));
+    let probe = format!(
+        "<script>{}</script></body>",
+        include_str!("report_probe.js")
+    );
     place.write("r/probe.html", &page.replace("</body>", &probe));
     let address = format!("file://{}", place.path("r/probe.html").display());
     let profile = format!("--user-data-dir={}", place.path("profile").display());
@@ -173,8 +244,12 @@ fn the_page_works_in_a_browser_without_a_network() {
         .split_once("data-probe=\"")
         .and_then(|(_, rest)| rest.split_once('"'))
         .map(|(told, _)| told.replace("&quot;", "\""));
-    let told = told
-        .unwrap_or_else(|| panic!("the scripts did not run to their end: {}", String::from_utf8_lossy(&output.stderr)));
+    let told = told.unwrap_or_else(|| {
+        panic!(
+            "the scripts did not run to their end: {}",
+            String::from_utf8_lossy(&output.stderr)
+        )
+    });
     let told: serde_json::Value = serde_json::from_str(&told).unwrap();
     let expected = serde_json::json!({
         "names": 3, "pressed": 2, "differs": 5, "zero": true, "sorted": true, "rows": 4, "narrowed": 2, "curves": 4,
@@ -182,10 +257,14 @@ fn the_page_works_in_a_browser_without_a_network() {
     assert_eq!(told, expected);
 }
 
-/// Everything that a report writes for LaTeX, in one document.
+/// Compiles everything that a report writes for LaTeX in one document.
 #[test]
 fn tables_figures_and_methods_compile_in_latex() {
-    if !Command::new("pdflatex").arg("--version").output().is_ok_and(|o| o.status.success()) {
+    if !Command::new("pdflatex")
+        .arg("--version")
+        .output()
+        .is_ok_and(|o| o.status.success())
+    {
         println!("SKIPPED: no pdflatex");
         return;
     }
@@ -201,7 +280,11 @@ fn tables_figures_and_methods_compile_in_latex() {
             false => format!("\\input{{{f}}}\n\n"),
         })
         .collect();
-    assert!(inputs.contains("figures/error-time-rmse") && inputs.contains("tables/") && inputs.contains("methods"));
+    assert!(
+        inputs.contains("figures/error-time-rmse")
+            && inputs.contains("tables/")
+            && inputs.contains("methods")
+    );
     let document = format!(
         "\\documentclass[twocolumn]{{article}}\n\\usepackage{{booktabs,pgfplots}}\n\
          \\usepgfplotslibrary{{groupplots,fillbetween}}\n\\pgfplotsset{{compat=1.18, table/search path={{figures}}}}\n\
@@ -214,6 +297,9 @@ fn tables_figures_and_methods_compile_in_latex() {
         .output()
         .unwrap();
     let said = String::from_utf8_lossy(&output.stdout);
-    assert!(output.status.success() && !said.contains("Missing character"), "{said}");
+    assert!(
+        output.status.success() && !said.contains("Missing character"),
+        "{said}"
+    );
     assert!(place.path("r/paper.pdf").is_file());
 }

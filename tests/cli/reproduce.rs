@@ -1,4 +1,4 @@
-//! `lumbre reproduce`: the three answers, and what cannot be answered.
+//! Tests of `lumbre reproduce`: the three verdicts, and the cases without a verdict.
 
 use super::workplace::Workplace;
 
@@ -19,22 +19,41 @@ return x
 fn night() -> (Workplace, String) {
     let place = Workplace::new();
     place.write("again.lua", NIGHT);
-    // A lamp so large that every pixel finds it: noise can be told from a change.
-    let scene = place.read("ball.scn").replace("[0, 3, 0], \"radius\": 0.5", "[0, 6, 3], \"radius\": 3.5");
+    // A light so large that every pixel finds it: noise can be told from a change.
+    let scene = place
+        .read("ball.scn")
+        .replace("[0, 3, 0], \"radius\": 0.5", "[0, 6, 3], \"radius\": 3.5");
     place.write("ball.scn", &scene);
     place.succeed(&["run", "again.lua", "-q"]);
-    let run = place.finished()[0].0.trim_end_matches("/done.json").to_owned();
+    let run = place.finished()[0]
+        .0
+        .trim_end_matches("/done.json")
+        .to_owned();
     (place, run)
 }
 
 #[test]
 fn pictures_figures_and_tables_are_identical_when_rendered_again() {
     let (place, run) = night();
-    for file in [format!("{run}/final.exr"), format!("{run}/snap-4.exr"), format!("{run}/final.png"), run.clone()] {
+    for file in [
+        format!("{run}/final.exr"),
+        format!("{run}/snap-4.exr"),
+        format!("{run}/final.png"),
+        run.clone(),
+    ] {
         let said = place.succeed(&["reproduce", &file]);
-        assert!(said.stdout.ends_with("  identical\n"), "{file}: {}", said.stdout);
+        assert!(
+            said.stdout.ends_with("  identical\n"),
+            "{file}: {}",
+            said.stdout
+        );
     }
-    assert!(place.succeed(&["reproduce", &format!("{run}/snap-4.exr")]).stderr.contains("4 samples per pixel"));
+    assert!(
+        place
+            .succeed(&["reproduce", &format!("{run}/snap-4.exr")])
+            .stderr
+            .contains("4 samples per pixel")
+    );
     place.succeed(&["report", "out/latest", "-q"]);
     let files = [
         "figures/error-samples-rmse.svg",
@@ -47,18 +66,43 @@ fn pictures_figures_and_tables_are_identical_when_rendered_again() {
         "index.html",
     ];
     for file in files {
-        let said = place.succeed(&["reproduce", &format!("out/latest/report/{file}"), "--json", "-q"]);
+        let said = place.succeed(&[
+            "reproduce",
+            &format!("out/latest/report/{file}"),
+            "--json",
+            "-q",
+        ]);
         let json: serde_json::Value = serde_json::from_str(&said.stdout).unwrap();
-        let answers: Vec<&str> =
-            json["runs"].as_array().unwrap().iter().map(|r| r["answer"].as_str().unwrap()).collect();
+        let answers: Vec<&str> = json["runs"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|r| r["answer"].as_str().unwrap())
+            .collect();
         assert_eq!(answers, ["identical", "identical"], "{file}: {json}");
     }
-    // From another folder the scene is found where the night was started.
-    let elsewhere =
-        place.command(&["reproduce", place.path(&run).to_str().unwrap(), "-q"]).current_dir("/").output().unwrap();
-    assert!(String::from_utf8(elsewhere.stdout).unwrap().ends_with("  identical\n"));
-    let reference = place.files("out/refs").into_iter().find(|f| f.ends_with("ref.exr")).unwrap();
-    assert!(place.succeed(&["reproduce", &reference]).stdout.ends_with("  identical\n"));
+    // From another folder the scene is found relative to where the night was started.
+    let elsewhere = place
+        .command(&["reproduce", place.path(&run).to_str().unwrap(), "-q"])
+        .current_dir("/")
+        .output()
+        .unwrap();
+    assert!(
+        String::from_utf8(elsewhere.stdout)
+            .unwrap()
+            .ends_with("  identical\n")
+    );
+    let reference = place
+        .files("out/refs")
+        .into_iter()
+        .find(|f| f.ends_with("ref.exr"))
+        .unwrap();
+    assert!(
+        place
+            .succeed(&["reproduce", &reference])
+            .stdout
+            .ends_with("  identical\n")
+    );
 }
 
 #[test]
@@ -67,15 +111,34 @@ fn noise_is_told_from_a_difference() {
     let config = place.read(&format!("{run}/config.json"));
     let seed = place.json(&format!("{run}/config.json"))["seed"].to_string();
     // Another seed is another picture of the same light.
-    place.write(&format!("{run}/config.json"), &config.replace(&format!("\"seed\": {seed}"), "\"seed\": 12345"));
+    place.write(
+        &format!("{run}/config.json"),
+        &config.replace(&format!("\"seed\": {seed}"), "\"seed\": 12345"),
+    );
     let said = place.succeed(&["reproduce", &run]);
-    assert!(said.stdout.contains("equal within noise, p = "), "{}", said.stdout);
-    // A brighter ball is another picture; its scene's hash is taken away, which would give it away before.
+    assert!(
+        said.stdout.contains("equal within noise, p = "),
+        "{}",
+        said.stdout
+    );
+    // A brighter ball gives another picture. The scene's hash is removed, since it would reveal the
+    // change earlier.
     let done = place.read(&format!("{run}/done.json"));
-    place.write(&format!("{run}/done.json"), &done.replace("scene_hash", "was_scene_hash"));
-    place.write(&format!("{run}/config.json"), &config.replace("[\n        0.25,", "[\n        0.95,"));
+    place.write(
+        &format!("{run}/done.json"),
+        &done.replace("scene_hash", "was_scene_hash"),
+    );
+    place.write(
+        &format!("{run}/config.json"),
+        &config.replace("[\n        0.25,", "[\n        0.95,"),
+    );
     let ended = place.run(&["reproduce", &run, "--maps", "maps"]);
-    assert!(ended.status == 5 && ended.stdout.contains("differs here"), "{} {}", ended.status, ended.stdout);
+    assert!(
+        ended.status == 5 && ended.stdout.contains("differs here"),
+        "{} {}",
+        ended.status,
+        ended.stdout
+    );
     assert_eq!(place.files("maps").len(), 1);
 }
 
@@ -85,7 +148,12 @@ fn what_cannot_be_rendered_again_says_why() {
     let scene = place.read("ball.scn");
     place.write("ball.scn", &scene.replace("\"fov\": 40", "\"fov\": 41"));
     let ended = place.run(&["reproduce", &run]);
-    assert!(ended.status == 3 && ended.stdout.contains("is not what it was"), "{} {}", ended.status, ended.stdout);
+    assert!(
+        ended.status == 3 && ended.stdout.contains("has changed (its hash is"),
+        "{} {}",
+        ended.status,
+        ended.stdout
+    );
     let said = place.fail(2, &["reproduce", "ball.scn"]);
     assert!(said.contains("names no run"), "{said}");
     place.write("stray.svg", &format!("<desc>run {}</desc>", "0".repeat(32)));

@@ -1,4 +1,4 @@
-//! `lumbre trace`: one sample, step by step.
+//! Tests of `lumbre trace`: one sample, step by step.
 
 use serde_json::Value as Json;
 
@@ -16,11 +16,21 @@ fn steps(place: &Workplace, args: &[&str]) -> Json {
     serde_json::from_str(&ended.stdout).unwrap()
 }
 
-/// Red, green and blue of all light that a sample brings to its own pixel.
+/// Returns the red, green and blue light that a sample contributes to its own pixel.
 fn light(traced: &Json) -> [f64; 3] {
     let own = |step: &&Json| step["step"] == "light" && step["pixel"] == traced["pixel"];
-    let lights: Vec<&Json> = traced["steps"].as_array().unwrap().iter().filter(own).collect();
-    [0, 1, 2].map(|c| lights.iter().map(|step| step["value"][c].as_f64().unwrap()).sum())
+    let lights: Vec<&Json> = traced["steps"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter(own)
+        .collect();
+    [0, 1, 2].map(|c| {
+        lights
+            .iter()
+            .map(|step| step["value"][c].as_f64().unwrap())
+            .sum()
+    })
 }
 
 #[test]
@@ -28,20 +38,34 @@ fn the_samples_of_a_pixel_step_by_step_are_the_pixel_of_the_picture() {
     let place = Workplace::new();
     place.write("steps.lua", NIGHT);
     place.succeed(&["run", "steps.lua", "-q"]);
-    let run = place.finished()[0].0.trim_end_matches("/done.json").to_owned();
+    let run = place.finished()[0]
+        .0
+        .trim_end_matches("/done.json")
+        .to_owned();
     let bytes = std::fs::read(place.path(&format!("{run}/final.exr"))).unwrap();
     let picture = lumbre::output::exr::decode(&bytes).unwrap().0;
     for [x, y] in [[8, 6], [7, 5], [2, 9]] {
         let pixel = format!("{x},{y}");
-        let samples = (0..4).map(|n| steps(&place, &[&run, "--pixel", &pixel, "--sample", &n.to_string()]));
+        let samples = (0..4).map(|n| {
+            steps(
+                &place,
+                &[&run, "--pixel", &pixel, "--sample", &n.to_string()],
+            )
+        });
         let sum = samples.fold([0.0; 3], |sum, traced| {
-            assert_eq!((traced["backend"].as_str(), traced["integrator"].as_str()), (Some("cpu"), Some("nee")));
+            assert_eq!(
+                (traced["backend"].as_str(), traced["integrator"].as_str()),
+                (Some("cpu"), Some("nee"))
+            );
             let light = light(&traced);
             [0, 1, 2].map(|c| sum[c] + light[c])
         });
         for (c, found) in picture.at(x, y).into_iter().enumerate() {
             let expected = sum[c] / 4.0;
-            assert!((f64::from(found) - expected).abs() <= 1e-5 * (1.0 + expected), "{pixel}: {found} {expected}");
+            assert!(
+                (f64::from(found) - expected).abs() <= 1e-5 * (1.0 + expected),
+                "{pixel}: {found} {expected}"
+            );
         }
     }
 }
@@ -49,18 +73,42 @@ fn the_samples_of_a_pixel_step_by_step_are_the_pixel_of_the_picture() {
 #[test]
 fn vertices_and_shadow_rays_of_a_scene_are_told_to_people_too() {
     let place = Workplace::new();
-    let args =
-        ["ball.scn", "--pixel", "8,2", "--size", "16x12", "--sample", "1", "--integrator", "bdpt", "--backend", "cpu"];
+    let args = [
+        "ball.scn",
+        "--pixel",
+        "8,2",
+        "--size",
+        "16x12",
+        "--sample",
+        "1",
+        "--integrator",
+        "bdpt",
+        "--backend",
+        "cpu",
+    ];
     let said = place.succeed(&[&["trace"], &args[..]].concat()).stdout;
-    assert!(said.starts_with("pixel 8,2 sample 1 of bdpt by cpu, seed 0\n"), "{said}");
-    for part in ["  0 ray    (0, 0, 4) -> vertex (", "sphere 0 (disney), t ", "shadow (", ": free", "light  s 1 t 2: ("]
-    {
+    assert!(
+        said.starts_with("pixel 8,2 sample 1 of bdpt by cpu, seed 0\n"),
+        "{said}"
+    );
+    for part in [
+        "  0 ray    (0, 0, 4) -> vertex (",
+        "sphere 0 (disney), t ",
+        "shadow (",
+        ": free",
+        "light  s 1 t 2: (",
+    ] {
         assert!(said.contains(part), "{part}: {said}");
     }
     let traced = steps(&place, &args);
     let first = &traced["steps"][0];
     assert_eq!(first["hit"]["what"], "sphere 0 (disney)");
-    let distance = first["hit"]["vertex"].as_array().unwrap().iter().map(|x| x.as_f64().unwrap().powi(2)).sum::<f64>();
+    let distance = first["hit"]["vertex"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|x| x.as_f64().unwrap().powi(2))
+        .sum::<f64>();
     assert!((distance.sqrt() - 1.0).abs() < 1e-4, "on the ball: {first}");
 }
 
@@ -68,9 +116,16 @@ fn vertices_and_shadow_rays_of_a_scene_are_told_to_people_too() {
 fn what_cannot_be_traced_is_said() {
     let place = Workplace::new();
     let fail = |args: &[&str]| place.fail(2, &[&["trace", "ball.scn"], args].concat());
-    assert!(fail(&["--pixel", "16,0", "--size", "16x12"]).contains("no pixel 16,0 in a picture of 16x12"));
+    assert!(
+        fail(&["--pixel", "16,0", "--size", "16x12"])
+            .contains("pixel 16,0 is outside the picture, which has 16 x 12 pixels")
+    );
     assert!(fail(&["--pixel", "1"]).contains("such as 12,7"));
     assert!(fail(&["--pixel", "1,1", "--integrator", "bdp"]).contains("did you mean `bdpt`"));
     assert!(fail(&["--pixel", "1,1", "--backend", "mock"]).contains("traces no paths"));
-    assert!(place.fail(2, &["trace", "nothing.scn", "--pixel", "1,1"]).contains("nothing.scn"));
+    assert!(
+        place
+            .fail(2, &["trace", "nothing.scn", "--pixel", "1,1"])
+            .contains("nothing.scn")
+    );
 }

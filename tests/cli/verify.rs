@@ -1,4 +1,4 @@
-//! `lumbre verify`: what passes, what is found out, and what is refused.
+//! Tests of `lumbre verify`: what passes, which errors it detects, and what it refuses.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use serde_json::{Value as Json, json};
 use super::workplace::Workplace;
 use crate::common::{job, render};
 
-/// A ball under a large lamp: little noise.
+/// A ball under a large light: little noise.
 pub const SCENE: &str = r#"{
     "resolution": [48, 32],
     "maxdepth": 4,
@@ -25,8 +25,8 @@ pub const SCENE: &str = r#"{
     ]
 }"#;
 
-/// A folder of scenes and one of references, which hold what the program itself renders with another seed and many
-/// samples, times a factor.
+/// Returns a folder of scenes and one of references, which hold the program's own renders with
+/// another seed and many samples, times a factor.
 fn with_reference(factor: f32) -> Workplace {
     let place = Workplace::new();
     std::fs::create_dir_all(place.path("given/scenes/deep")).unwrap();
@@ -34,15 +34,26 @@ fn with_reference(factor: f32) -> Workplace {
     place.write("given/scenes/deep/ball.scn", SCENE);
     let (mut desc, _) = load::load(&place.path("given/scenes/deep/ball.scn")).unwrap();
     set(&mut desc, "materials.*.model", &"lambert".into()).unwrap();
-    let job = Job { integrator: integrator("nee").unwrap(), ..job([24, 16], 4, 12_345) };
+    let job = Job {
+        integrator: integrator("nee").unwrap(),
+        ..job([24, 16], 4, 12_345)
+    };
     let film = render(&Arc::new(compile(&desc).unwrap().0), job, 4096);
     let write = |name: &str, image: &Image| {
-        std::fs::write(place.path(&format!("given/references/{name}")), exr::encode(image, &[]).unwrap()).unwrap();
+        std::fs::write(
+            place.path(&format!("given/references/{name}")),
+            exr::encode(image, &[]).unwrap(),
+        )
+        .unwrap();
     };
-    let changed =
-        |image: Image, f: &dyn Fn(f32) -> f32| Image::from_fn(image.width, image.height, |x, y| image.at(x, y).map(f));
+    let changed = |image: Image, f: &dyn Fn(f32) -> f32| {
+        Image::from_fn(image.width, image.height, |x, y| image.at(x, y).map(f))
+    };
     write("ball.exr", &changed(film.mean(), &|v| v * factor));
-    write("ball.stderr.exr", &changed(film.variance_of_mean(), &f32::sqrt));
+    write(
+        "ball.stderr.exr",
+        &changed(film.variance_of_mean(), &f32::sqrt),
+    );
     place.write("given/references/ball.json", &settings().to_string());
     place
 }
@@ -56,9 +67,14 @@ fn settings() -> Json {
 
 const GIVEN: [&str; 5] = ["verify", "--quick", "--scenes", "given/scenes", "--json"];
 
-/// The rows of one kind.
+/// Returns the results of one kind of check.
 fn rows<'a>(report: &'a Json, kind: &str) -> Vec<&'a Json> {
-    report["checks"].as_array().unwrap().iter().filter(|row| row["kind"] == kind).collect()
+    report["checks"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter(|row| row["kind"] == kind)
+        .collect()
 }
 
 #[test]
@@ -72,23 +88,42 @@ fn everything_agrees_with_theory_with_itself_and_with_a_true_reference() {
     assert_eq!(ended.status, 0, "{report:#}");
     assert_eq!(report["failed"], 0);
     assert_eq!(report["seed"], 1);
-    // Every integrator is in every kind, and nearly everything could be judged.
-    assert!(rows(&report, "density").iter().all(|row| row["verdict"] == "passed"), "{report:#}");
+    // Every integrator is in every kind of check, and nearly all checks have a verdict.
+    assert!(
+        rows(&report, "density")
+            .iter()
+            .all(|row| row["verdict"] == "passed"),
+        "{report:#}"
+    );
     for kind in ["analytic", "agreement", "reference"] {
-        for name in lumbre::transport::integrator::INTEGRATORS.iter().map(|row| row.name) {
-            let judged =
-                |row: &&&Json| row["compared"].as_str().unwrap().starts_with(name) && row["verdict"] == "passed";
+        for name in lumbre::transport::integrator::INTEGRATORS
+            .iter()
+            .map(|row| row.name)
+        {
+            let judged = |row: &&&Json| {
+                row["compared"].as_str().unwrap().starts_with(name) && row["verdict"] == "passed"
+            };
             let found = rows(&report, kind).iter().filter(judged).count();
-            // Nothing but itself is there for the judge of agreement to be compared with.
-            assert!(found > 0 || (kind == "agreement" && name == "bpt"), "{kind} {name}: {report:#}");
+            // The truth's own technique has no other to be compared with.
+            assert!(
+                found > 0 || (kind == "agreement" && name == "bpt"),
+                "{kind} {name}: {report:#}"
+            );
         }
     }
     assert!(report["skipped"].as_u64().unwrap() <= 6, "{report:#}");
-    let other = rows(&report, "reference").into_iter().find(|row| row["check"] == "other").unwrap();
+    let other = rows(&report, "reference")
+        .into_iter()
+        .find(|row| row["check"] == "other")
+        .unwrap();
     assert_eq!(other["verdict"], "skipped");
-    assert!(other["statement"].as_str().unwrap().contains("stderr_file"), "{other}");
-    let sharp =
-        rows(&report, "reference").iter().any(|row| row["figures"]["ratio_error"].as_f64().unwrap_or(1.0) < 0.02);
+    assert!(
+        other["statement"].as_str().unwrap().contains("stderr_file"),
+        "{other}"
+    );
+    let sharp = rows(&report, "reference")
+        .iter()
+        .any(|row| row["figures"]["ratio_error"].as_f64().unwrap_or(1.0) < 0.02);
     assert!(sharp, "{report:#}");
 }
 
@@ -97,12 +132,34 @@ fn a_reference_that_is_five_per_cent_too_bright_is_found_out() {
     let place = with_reference(1.05);
     let ended = place.run(&[&GIVEN[..4], &["--only", "reference"], &["--only", "ball"]].concat());
     assert_eq!(ended.status, 5, "{}\n{}", ended.stdout, ended.stderr);
-    let failed: Vec<&str> = ended.stdout.lines().filter(|line| line.contains("FAILED")).collect();
-    assert!(failed.len() >= 2 && failed.iter().all(|line| line.starts_with("reference")), "{}", ended.stdout);
-    let tail = ended.stdout.lines().find(|line| line.contains(" passed, ")).unwrap();
+    let failed: Vec<&str> = ended
+        .stdout
+        .lines()
+        .filter(|line| line.contains("FAILED"))
+        .collect();
+    assert!(
+        failed.len() >= 2 && failed.iter().all(|line| line.starts_with("reference")),
+        "{}",
+        ended.stdout
+    );
+    let tail = ended
+        .stdout
+        .lines()
+        .find(|line| line.contains(" passed, "))
+        .unwrap();
     assert!(tail.contains(&format!("{} failed", failed.len())), "{tail}");
-    assert!(ended.stdout.contains("seed 1, quick, significance 0.001"), "{}", ended.stdout);
-    assert!(ended.stderr.contains("reference ball: nee with diffuse surfaces"), "progress is told: {}", ended.stderr);
+    assert!(
+        ended.stdout.contains("seed 1, quick, significance 0.001"),
+        "{}",
+        ended.stdout
+    );
+    assert!(
+        ended
+            .stderr
+            .contains("reference ball: nee with diffuse surfaces"),
+        "progress is printed: {}",
+        ended.stderr
+    );
 }
 
 #[test]
@@ -110,7 +167,10 @@ fn what_cannot_be_read_is_named_before_any_work() {
     let place = with_reference(1.0);
     let refused = |expected: &[&str]| {
         let said = place.fail(2, &GIVEN);
-        assert!(expected.iter().all(|word| said.contains(word)), "{expected:?}: {said}");
+        assert!(
+            expected.iter().all(|word| said.contains(word)),
+            "{expected:?}: {said}"
+        );
     };
     let json = |change: &dyn Fn(&mut Json)| {
         let mut settings = settings();
@@ -118,21 +178,33 @@ fn what_cannot_be_read_is_named_before_any_work() {
         place.write("given/references/ball.json", &settings.to_string());
     };
     json(&|s| s["scene"] = "bowl.scn".into());
-    refused(&["ball.json", "bowl.scn is not below given/scenes"]);
+    refused(&["ball.json", "bowl.scn was not found below given/scenes"]);
     json(&|s| s["width"] = 25.into());
     refused(&["ball.json", "[24, 16]", "[25, 16]"]);
     json(&|s| s["file"] = "missing.exr".into());
     refused(&["missing.exr"]);
     json(&|s| s["max_depth_edges"] = "many".into());
-    refused(&["ball.json", "`max_depth_edges` is no whole number"]);
+    refused(&["ball.json", "`max_depth_edges` must be an integer"]);
     json(&|_| {});
     place.write("given/references/ball.exr", "no picture");
     refused(&["ball.exr"]);
     place.write("given/references/ball.json", "{");
-    refused(&["ball.json", "no valid JSON"]);
-    assert!(place.fail(2, &["verify", "--scenes", "nowhere"]).contains("no folder of scenes nowhere"));
-    assert!(place.fail(2, &["verify", "--only", "zebra"]).contains("no check contains `zebra`"));
-    assert!(place.fail(2, &["verify", "--references", "given/references"]).contains("needs --scenes"));
+    refused(&["ball.json", "invalid JSON"]);
+    assert!(
+        place
+            .fail(2, &["verify", "--scenes", "nowhere"])
+            .contains("the scenes folder nowhere does not exist")
+    );
+    assert!(
+        place
+            .fail(2, &["verify", "--only", "zebra"])
+            .contains("no check contains `zebra`")
+    );
+    assert!(
+        place
+            .fail(2, &["verify", "--references", "given/references"])
+            .contains("needs --scenes")
+    );
     std::fs::remove_dir_all(place.path("given/references")).unwrap();
     refused(&["cannot read the references in given/scenes/../references"]);
 }

@@ -7,19 +7,19 @@ use std::process::Command;
 
 use serde_json::Value as Json;
 
-/// A folder of its own for one test.
+/// A folder for one test.
 pub struct Workplace {
     dir: tempfile::TempDir,
 }
 
-/// How a command ended.
+/// Exit status and output of a command.
 pub struct Ended {
     pub status: i32,
     pub stdout: String,
     pub stderr: String,
 }
 
-/// A grey ball under a lamp.
+/// A grey ball under an area light.
 const SCENE: &str = include_str!("../common/ball.scn");
 
 /// Two depths, two seeds, a reference for each depth, metrics, a figure and a table.
@@ -37,7 +37,7 @@ x:table("errors", { value = "rmse", rows = "depth", format = { "md", "csv" } })
 return x
 "#;
 
-/// Many cells that each take a while: the predicate burns time, whatever the fake clock says.
+/// Many cells that each take a while: the predicate burns time, whatever the fake clock shows.
 pub const SLOW: &str = r#"
 local x = experiment("slow", { seed = 1, repeats = 24 })
 local function dawdle(row)
@@ -50,17 +50,21 @@ x:stop(function(p) return stop.any { stop.predicate(dawdle), stop.samples(4096) 
 return x
 "#;
 
-/// A small file system of its own, which a test can fill; it goes when this does.
+/// A small file system which a test can fill; it is unmounted on drop.
 pub struct Disk {
     folder: PathBuf,
 }
 
 impl Disk {
-    /// Mounts `megabytes` of memory as this folder, which is made. `None`, said as `SKIPPED`, where nothing can be mounted.
+    /// Mounts `megabytes` of memory as this folder, which is created. Returns `None`, and prints
+    /// `SKIPPED`, if it cannot be mounted.
     pub fn mount(folder: PathBuf, megabytes: u32) -> Option<Disk> {
         std::fs::create_dir(&folder).unwrap();
         let size = format!("size={megabytes}m");
-        let mount = Command::new("mount").args(["-t", "tmpfs", "-o", &size, "none"]).arg(&folder).output();
+        let mount = Command::new("mount")
+            .args(["-t", "tmpfs", "-o", &size, "none"])
+            .arg(&folder)
+            .output();
         if mount.is_ok_and(|ended| ended.status.success()) {
             return Some(Disk { folder });
         }
@@ -70,7 +74,11 @@ impl Disk {
 
     /// Writes a file until nothing more fits but `left` bytes.
     pub fn fill(&self, left: usize) {
-        let mut file = OpenOptions::new().create(true).append(true).open(self.folder.join("ballast")).unwrap();
+        let mut file = OpenOptions::new()
+            .create(true)
+            .append(true)
+            .open(self.folder.join("ballast"))
+            .unwrap();
         let mut filled = file.metadata().unwrap().len() as usize;
         while let Ok(some @ 1..) = file.write(&[7; 4096]) {
             filled += some;
@@ -78,7 +86,7 @@ impl Disk {
         file.set_len(filled.saturating_sub(left) as u64).unwrap();
     }
 
-    /// Takes the file away that fills it.
+    /// Removes the file that fills the disk.
     pub fn clear(&self) {
         std::fs::remove_file(self.folder.join("ballast")).unwrap();
     }
@@ -86,7 +94,7 @@ impl Disk {
 
 impl Drop for Disk {
     fn drop(&mut self) {
-        // Lazily: after a test that failed, a program may still look at it.
+        // Lazily: after a failed test a process may still have files open there.
         let _ = Command::new("umount").arg("-l").arg(&self.folder).status();
     }
 }
@@ -94,7 +102,9 @@ impl Drop for Disk {
 impl Workplace {
     /// A workplace with `ball.scn` and the script `night.lua`.
     pub fn new() -> Workplace {
-        let place = Workplace { dir: tempfile::tempdir().unwrap() };
+        let place = Workplace {
+            dir: tempfile::tempdir().unwrap(),
+        };
         place.write("ball.scn", SCENE);
         place.write("night.lua", SCRIPT);
         place
@@ -116,10 +126,13 @@ impl Workplace {
         serde_json::from_str(&self.read(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
     }
 
-    /// The program, about to run here, away from the tester's own settings.
+    /// Returns the program as a command in this folder, without the tester's own settings.
     pub fn command(&self, args: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_lumbre"));
-        command.current_dir(self.dir.path()).args(args).env("NO_COLOR", "1");
+        command
+            .current_dir(self.dir.path())
+            .args(args)
+            .env("NO_COLOR", "1");
         for name in ["LUMBRE_LOG", "RUST_BACKTRACE", "CLICOLOR_FORCE"] {
             command.env_remove(name);
         }
@@ -130,27 +143,42 @@ impl Workplace {
     pub fn run(&self, args: &[&str]) -> Ended {
         let output = self.command(args).output().unwrap();
         let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-        Ended { status: output.status.code().unwrap_or(-1), stdout: text(output.stdout), stderr: text(output.stderr) }
+        Ended {
+            status: output.status.code().unwrap_or(-1),
+            stdout: text(output.stdout),
+            stderr: text(output.stderr),
+        }
     }
 
     /// Runs the program and expects success.
     pub fn succeed(&self, args: &[&str]) -> Ended {
         let ended = self.run(args);
-        assert_eq!(ended.status, 0, "{args:?}\n{}\n{}", ended.stdout, ended.stderr);
+        assert_eq!(
+            ended.status, 0,
+            "{args:?}\n{}\n{}",
+            ended.stdout, ended.stderr
+        );
         ended
     }
 
-    /// Runs the program, expects this status, and returns what it said on stderr as one line of words, since where
-    /// an error's lines break depends on the width of the terminal.
+    /// Runs the program, expects this status, and returns its stderr with line breaks replaced by
+    /// spaces, since they depend on the width of the terminal.
     pub fn fail(&self, status: i32, args: &[&str]) -> String {
         let ended = self.run(args);
-        assert_eq!(ended.status, status, "{args:?}\n{}\n{}", ended.stdout, ended.stderr);
-        let words: Vec<&str> =
-            ended.stderr.split_whitespace().filter(|word| word.chars().any(|c| c.is_ascii_graphic())).collect();
+        assert_eq!(
+            ended.status, status,
+            "{args:?}\n{}\n{}",
+            ended.stdout, ended.stderr
+        );
+        let words: Vec<&str> = ended
+            .stderr
+            .split_whitespace()
+            .filter(|word| word.chars().any(|c| c.is_ascii_graphic()))
+            .collect();
         words.join(" ")
     }
 
-    /// Files below a folder, as relative paths, ordered.
+    /// Returns the files below a folder as sorted relative paths.
     pub fn files(&self, below: &str) -> Vec<String> {
         let mut found = Vec::new();
         let mut open = vec![self.path(below)];
@@ -168,12 +196,27 @@ impl Workplace {
     }
 
     fn relative(&self, path: &Path) -> String {
-        path.strip_prefix(self.dir.path()).unwrap().to_string_lossy().replace('\\', "/")
+        path.strip_prefix(self.dir.path())
+            .unwrap()
+            .to_string_lossy()
+            .replace('\\', "/")
     }
 
-    /// Every `done.json` of the experiments in `out`, with the time it was written.
+    /// Returns every `done.json` of the experiments in `out` with the time it was written.
     pub fn finished(&self) -> Vec<(String, std::time::SystemTime)> {
-        let done = self.files("out").into_iter().filter(|f| f.ends_with("/done.json"));
-        done.map(|f| (f.clone(), std::fs::metadata(self.path(&f)).unwrap().modified().unwrap())).collect()
+        let done = self
+            .files("out")
+            .into_iter()
+            .filter(|f| f.ends_with("/done.json"));
+        done.map(|f| {
+            (
+                f.clone(),
+                std::fs::metadata(self.path(&f))
+                    .unwrap()
+                    .modified()
+                    .unwrap(),
+            )
+        })
+        .collect()
     }
 }

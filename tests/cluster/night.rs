@@ -1,12 +1,14 @@
-//! The night that all of these tests render, and what of it must be the same wherever it was.
+//! The night that all of these tests render, and the part of its results that must not depend on
+//! the machine.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use super::workplace::Workplace;
 
-/// Two depths, three techniques, two seeds, a reference for each depth. Samples end every cell, and none takes long,
-/// but for `naps` thousand turns of a loop between waves.
+/// Returns a script with two depths, three techniques, two seeds and a reference for each depth.
+/// Samples end every cell, and none takes long, apart from `naps` thousand turns of a loop between
+/// waves.
 pub fn script(naps: u32) -> String {
     format!(
         r#"
@@ -32,42 +34,59 @@ return x
     )
 }
 
-/// Cells and references of it.
+/// Number of its cells and references.
 pub const RUNS: usize = 14;
 
-/// What a night leaves for its reader, by relative path: tables, figures, and every run's pictures and measurements
-/// without clocks.
+/// Returns the results of a night by relative path: tables, figures, and every run's pictures and
+/// measurements without times.
 pub fn evidence(place: &Workplace, out: &str) -> BTreeMap<String, Vec<u8>> {
     let home = format!("{out}/latest");
     let home = place.path(&home).canonicalize().unwrap();
-    let relative = home.strip_prefix(place.path("").canonicalize().unwrap()).unwrap().to_string_lossy().into_owned();
+    let relative = home
+        .strip_prefix(place.path("").canonicalize().unwrap())
+        .unwrap()
+        .to_string_lossy()
+        .into_owned();
     let mut found = BTreeMap::new();
     for file in place.files(&relative) {
-        let kept = ["/tables/", "/figures/"].iter().any(|part| file.contains(part)) || file.ends_with(".exr");
+        let kept = ["/tables/", "/figures/"]
+            .iter()
+            .any(|part| file.contains(part))
+            || file.ends_with(".exr");
         if kept {
             let name = file.strip_prefix(&relative).unwrap().to_owned();
             found.insert(name, std::fs::read(place.path(&file)).unwrap());
         }
     }
-    assert!(found.keys().any(|name| name.ends_with("errors.csv")), "{:?}", found.keys());
+    assert!(
+        found.keys().any(|name| name.ends_with("errors.csv")),
+        "{:?}",
+        found.keys()
+    );
     found
 }
 
-/// The names of what differs.
+/// Returns the names of the files that differ.
 pub fn differing(a: &BTreeMap<String, Vec<u8>>, b: &BTreeMap<String, Vec<u8>>) -> Vec<String> {
     let names = a.keys().chain(b.keys());
-    let mut odd: Vec<String> = names.filter(|name| a.get(*name) != b.get(*name)).cloned().collect();
+    let mut odd: Vec<String> = names
+        .filter(|name| a.get(*name) != b.get(*name))
+        .cloned()
+        .collect();
     odd.sort();
     odd.dedup();
     odd
 }
 
-/// How often each run was finished, by what the journals of a night's folder say.
+/// Returns how often each run was finished according to the journals of a night's folder.
 pub fn finished(place: &Workplace, home: &str) -> BTreeMap<String, usize> {
     let mut counts = BTreeMap::new();
     for file in place.files(home).iter().filter(|f| f.ends_with(".jsonl")) {
         let text = place.read(file);
-        for line in text.lines().filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok()) {
+        for line in text
+            .lines()
+            .filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok())
+        {
             if line["event"] == "cell_finished" && line["outcome"] == "done" {
                 *counts.entry(line["run"].to_string()).or_default() += 1;
             }
@@ -76,25 +95,33 @@ pub fn finished(place: &Workplace, home: &str) -> BTreeMap<String, usize> {
     counts
 }
 
-/// Fails where a run was recorded as finished more than once, or fewer were than can be. A process that is killed between
-/// the last file of a run and its line in the journal leaves the run done and the line unwritten.
+/// Panics if a run was recorded as finished more than once, or if fewer were than possible. A
+/// process that is killed between the last file of a run and its line in the journal leaves the run
+/// done and the line unwritten.
 pub fn finished_once(place: &Workplace, home: &str, killed: usize) {
     let counts = finished(place, home);
     assert!(counts.values().all(|n| *n == 1), "no run twice: {counts:?}");
-    assert!((RUNS - killed..=RUNS).contains(&counts.len()), "{} of {RUNS}: {counts:?}", counts.len());
+    assert!(
+        (RUNS - killed..=RUNS).contains(&counts.len()),
+        "{} of {RUNS}: {counts:?}",
+        counts.len()
+    );
 }
 
-/// The night's folder below `out`, relative to the workplace.
+/// Returns the night's folder below `out`, relative to the workplace.
 pub fn home(place: &Workplace, out: &str) -> String {
     let link = std::fs::read_link(place.path(&format!("{out}/latest"))).unwrap();
     format!("{out}/{}", link.display())
 }
 
-/// Waits until something is so. Long enough for a machine that does everything else at the same time.
+/// Waits until a condition holds. The limit allows for a busy machine.
 pub fn until(what: &str, mut is: impl FnMut() -> bool) {
     let start = Instant::now();
     while !is() {
-        assert!(start.elapsed() < Duration::from_secs(180), "waited too long for {what}");
+        assert!(
+            start.elapsed() < Duration::from_secs(180),
+            "waited too long for {what}"
+        );
         std::thread::sleep(Duration::from_millis(10));
     }
 }

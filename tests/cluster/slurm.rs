@@ -1,5 +1,6 @@
-//! A real Slurm on this machine, by the script beside this file: a night of three workers, one of which is killed, one
-//! taken off its node, and one at the end of its time, while the node is drained and resumed.
+//! A real Slurm on this machine, started by the script beside this file: a night of three workers,
+//! one of which is killed, one requeued, and one at its time limit, while the node is drained and
+//! resumed.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -12,7 +13,7 @@ use super::workplace::Workplace;
 /// Longest that the whole night may take.
 const PATIENCE: Duration = Duration::from_secs(180);
 
-/// A Slurm that ends with the test, however that ends.
+/// A Slurm that is stopped with the test, even if the test fails.
 struct Slurm {
     dir: tempfile::TempDir,
 }
@@ -22,7 +23,7 @@ impl Slurm {
         Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cluster/slurm.sh")
     }
 
-    /// Starts it; the error says why it cannot be.
+    /// Starts Slurm; the error states why it cannot be started.
     fn start() -> Result<Slurm, String> {
         let dir = tempfile::tempdir().map_err(|e| e.to_string())?;
         let port = 20_000 + std::process::id() % 20_000;
@@ -42,35 +43,56 @@ impl Slurm {
         self.dir.path().join("slurm.conf")
     }
 
-    /// Runs one of its programs.
+    /// Runs one of Slurm's programs.
     fn ask(&self, line: &str) -> String {
         let words: Vec<&str> = line.split(' ').collect();
-        let output = Command::new(words[0]).args(&words[1..]).env("SLURM_CONF", self.conf()).output().unwrap();
-        assert!(output.status.success(), "{line}: {}", String::from_utf8_lossy(&output.stderr));
+        let output = Command::new(words[0])
+            .args(&words[1..])
+            .env("SLURM_CONF", self.conf())
+            .output()
+            .unwrap();
+        assert!(
+            output.status.success(),
+            "{line}: {}",
+            String::from_utf8_lossy(&output.stderr)
+        );
         String::from_utf8_lossy(&output.stdout).into_owned()
     }
 
-    /// The state of every task of a job: `RUNNING`, `PENDING`, `COMPLETED`.
+    /// Returns the state of every task of a job: `RUNNING`, `PENDING`, `COMPLETED`.
     fn states(&self, id: &str) -> BTreeMap<String, String> {
-        let text = self.ask(&format!("squeue --noheader --array --states=all --format=%i|%T --jobs={id}"));
-        text.lines().filter_map(|line| line.split_once('|')).map(|(a, b)| (a.to_owned(), b.to_owned())).collect()
+        let text = self.ask(&format!(
+            "squeue --noheader --array --states=all --format=%i|%T --jobs={id}"
+        ));
+        text.lines()
+            .filter_map(|line| line.split_once('|'))
+            .map(|(a, b)| (a.to_owned(), b.to_owned()))
+            .collect()
     }
 }
 
 impl Drop for Slurm {
     fn drop(&mut self) {
-        // What does not end is ended by the script.
-        let _ = Command::new("bash").arg(Slurm::script()).args([Path::new("stop"), self.dir.path()]).status();
+        // The script ends all remaining processes.
+        let _ = Command::new("bash")
+            .arg(Slurm::script())
+            .args([Path::new("stop"), self.dir.path()])
+            .status();
     }
 }
 
-/// Waits until something is so; says what the jobs wrote when it never is.
+/// Waits until a condition holds; panics with the logs of the jobs after [`PATIENCE`].
 fn until(place: &Workplace, home: &str, what: &str, mut is: impl FnMut() -> bool) {
     let start = Instant::now();
     while !is() {
         if start.elapsed() > PATIENCE {
-            let logs = place.files(&format!("{home}/job")).into_iter().filter(|f| f.ends_with(".log"));
-            let logs: Vec<String> = logs.map(|log| format!("{log}:\n{}", place.read(&log))).collect();
+            let logs = place
+                .files(&format!("{home}/job"))
+                .into_iter()
+                .filter(|f| f.ends_with(".log"));
+            let logs: Vec<String> = logs
+                .map(|log| format!("{log}:\n{}", place.read(&log)))
+                .collect();
             panic!("waited too long for {what}\n{}", logs.join("\n"));
         }
         std::thread::sleep(Duration::from_millis(100));
@@ -81,66 +103,143 @@ fn until(place: &Workplace, home: &str, what: &str, mut is: impl FnMut() -> bool
 fn a_night_on_slurm_survives_what_happens_to_jobs() {
     let slurm = match Slurm::start() {
         Ok(slurm) => slurm,
-        Err(reason) if std::env::var("REQUIRE_SLURM").is_ok_and(|v| v == "1") => panic!("no Slurm here: {reason}"),
+        Err(reason) if std::env::var("REQUIRE_SLURM").is_ok_and(|v| v == "1") => {
+            panic!("no Slurm here: {reason}")
+        }
         Err(reason) => return println!("SKIPPED: no Slurm here: {reason}"),
     };
     let place = Workplace::new();
     place.write("crew.lua", &script(4000));
     let run = |args: &[&str]| {
-        let output = place.command(args).env("SLURM_CONF", slurm.conf()).output().unwrap();
-        assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
+        let output = place
+            .command(args)
+            .env("SLURM_CONF", slurm.conf())
+            .output()
+            .unwrap();
+        assert!(
+            output.status.success(),
+            "{args:?}: {}",
+            String::from_utf8_lossy(&output.stderr)
+        );
         String::from_utf8_lossy(&output.stdout).into_owned()
     };
-    let submit = ["submit", "slurm", "crew.lua", "--workers", "3", "--time", "00:10:00", "--affinity", "none"];
-    let id = run(&[&submit[..], &["--partition", "short", "--", "--mem=0"]].concat()).trim().to_owned();
+    let submit = [
+        "submit",
+        "slurm",
+        "crew.lua",
+        "--workers",
+        "3",
+        "--time",
+        "00:10:00",
+        "--affinity",
+        "none",
+    ];
+    let id = run(&[&submit[..], &["--partition", "short", "--", "--mem=0"]].concat())
+        .trim()
+        .to_owned();
     let home = home(&place, "out");
     let task = |n: u32| format!("{id}_{n}");
-    // The process of the worker of a task, while it renders.
+    // Returns the process of a task's worker while it renders.
     let rendering = |n: u32| -> Option<u64> {
-        let files = place.files(&format!("{home}/workers")).into_iter().filter(|f| f.ends_with(".json"));
-        let mut workers = files.filter_map(|f| serde_json::from_str::<serde_json::Value>(&place.read(&f)).ok());
-        workers.find(|w| w["job"] == task(n).as_str() && w["state"] == "rendering")?["process"].as_u64()
+        let files = place
+            .files(&format!("{home}/workers"))
+            .into_iter()
+            .filter(|f| f.ends_with(".json"));
+        let mut workers =
+            files.filter_map(|f| serde_json::from_str::<serde_json::Value>(&place.read(&f)).ok());
+        workers.find(|w| w["job"] == task(n).as_str() && w["state"] == "rendering")?["process"]
+            .as_u64()
     };
-    until(&place, &home, "three workers at work", || (0..3).all(|n| rendering(n).is_some()));
+    until(&place, &home, "three workers at work", || {
+        (0..3).all(|n| rendering(n).is_some())
+    });
     let status = run(&["status", &home]);
-    assert!(status.contains("3 here, 0 lost") && status.contains("RUNNING"), "{status}");
+    assert!(
+        status.contains("3 active, 0 lost") && status.contains("RUNNING"),
+        "{status}"
+    );
 
-    // One dies, one is taken from its node and queued again, one comes to the end of its time; and the node closes.
-    // Between two cells a worker renders nothing.
+    // One worker is killed, one is requeued by Slurm, one reaches its time limit; and the node is
+    // drained. Between two cells a worker renders nothing.
     until(&place, &home, "a victim", || {
-        rendering(0).is_some_and(|pid| Command::new("kill").args(["-9", &pid.to_string()]).status().unwrap().success())
+        rendering(0).is_some_and(|pid| {
+            Command::new("kill")
+                .args(["-9", &pid.to_string()])
+                .status()
+                .unwrap()
+                .success()
+        })
     });
     slurm.ask(&format!("scontrol requeue {}", task(1)));
     let host = slurm.ask("sinfo --noheader --format=%n").trim().to_owned();
-    slurm.ask(&format!("scontrol update nodename={host} state=drain reason=dust"));
+    slurm.ask(&format!(
+        "scontrol update nodename={host} state=drain reason=dust"
+    ));
     slurm.ask(&format!("scancel --batch --signal=USR1 {}", task(2)));
     until(&place, &home, "two tasks in the queue again", || {
         let states = slurm.states(&id);
-        [1, 2].iter().all(|n| states.get(&task(*n)).is_some_and(|state| state == "PENDING"))
+        [1, 2].iter().all(|n| {
+            states
+                .get(&task(*n))
+                .is_some_and(|state| state == "PENDING")
+        })
     });
     let status = run(&["status", &home]);
-    assert!(status.contains("FAILED") && status.contains("137:0") && status.contains("PENDING"), "{status}");
+    assert!(
+        status.contains("FAILED") && status.contains("137:0") && status.contains("PENDING"),
+        "{status}"
+    );
     let before = finished(&place, &home).len();
-    assert!(before < RUNS, "the night was over before anything happened to it");
+    assert!(
+        before < RUNS,
+        "the night was over before anything happened to it"
+    );
     slurm.ask(&format!("scontrol update nodename={host} state=resume"));
     until(&place, &home, "the end", || {
-        slurm.states(&id).values().all(|state| !["PENDING", "RUNNING", "COMPLETING"].contains(&state.as_str()))
+        slurm
+            .states(&id)
+            .values()
+            .all(|state| !["PENDING", "RUNNING", "COMPLETING"].contains(&state.as_str()))
     });
 
-    // One was killed, and Slurm may kill what it takes from a node.
+    // One was killed, and Slurm may kill a requeued worker.
     finished_once(&place, &home, 2);
     let states = slurm.states(&id);
-    assert_eq!((states[&task(1)].as_str(), states[&task(2)].as_str()), ("COMPLETED", "COMPLETED"));
+    assert_eq!(
+        (states[&task(1)].as_str(), states[&task(2)].as_str()),
+        ("COMPLETED", "COMPLETED")
+    );
     place.succeed(&["run", "crew.lua", "--out", "alone", "-q"]);
-    assert_eq!(differing(&evidence(&place, "out"), &evidence(&place, "alone")), Vec::<String>::new());
+    assert_eq!(
+        differing(&evidence(&place, "out"), &evidence(&place, "alone")),
+        Vec::<String>::new()
+    );
     let json: serde_json::Value = serde_json::from_str(&run(&["status", &home, "--json"])).unwrap();
-    assert_eq!((&json["state"], &json["cells"]["done"]), (&"over".into(), &12.into()), "{json:#}");
+    assert_eq!(
+        (&json["state"], &json["cells"]["done"]),
+        (&"over".into(), &12.into()),
+        "{json:#}"
+    );
 
-    // A job that nobody wants any more.
+    // A job that is cancelled.
     place.write("slow.lua", &script(400_000));
-    let id = run(&["submit", "slurm", "slow.lua", "--workers", "2", "--time", "00:10:00"]).trim().to_owned();
+    let id = run(&[
+        "submit",
+        "slurm",
+        "slow.lua",
+        "--workers",
+        "2",
+        "--time",
+        "00:10:00",
+    ])
+    .trim()
+    .to_owned();
     let home = super::night::home(&place, "out");
-    until(&place, &home, "its workers", || slurm.states(&id).values().any(|state| state == "RUNNING"));
+    until(&place, &home, "its workers", || {
+        slurm.states(&id).values().any(|state| state == "RUNNING")
+    });
     run(&["cancel", &home]);
-    until(&place, &home, "its end", || slurm.states(&id).values().all(|state| state == "CANCELLED"));
+    until(&place, &home, "its end", || {
+        slurm.states(&id).values().all(|state| state == "CANCELLED")
+    });
 }

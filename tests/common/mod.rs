@@ -9,8 +9,8 @@ use lumbre::film::Film;
 use lumbre::render::{Job, Renderer, cpu::renderer::CpuRenderer};
 use lumbre::scene::CompiledScene;
 use lumbre::scene::compile::{
-    Cone, DirectionalLight, Emitter, Environment, Instances, Interface, MaskMode, Material, Model, NONE, PointLight,
-    Sphere, Texture, TriangleAttributes, UvMap,
+    Cone, DirectionalLight, Emitter, Environment, Instances, Interface, MaskMode, Material, Model,
+    NONE, PointLight, Sphere, Texture, TriangleAttributes, UvMap,
 };
 use lumbre::scene::desc::{CameraDesc, ConeDesc};
 use lumbre::transport::integrator::integrator;
@@ -52,14 +52,22 @@ pub const WHITE: Material = Material {
     interface: Interface::PLAIN,
 };
 
-/// A grey material.
+/// Returns a grey material.
 pub fn grey(albedo: f32) -> Material {
-    Material { base_color: Vec3::splat(albedo), ..WHITE }
+    Material {
+        base_color: Vec3::splat(albedo),
+        ..WHITE
+    }
 }
 
-/// A black material that emits.
+/// Returns a black material that emits.
 pub fn light(radiance: f32) -> Material {
-    Material { base_color: Vec3::ZERO, emission: Vec3::splat(radiance), emitter_reflects: false, ..WHITE }
+    Material {
+        base_color: Vec3::ZERO,
+        emission: Vec3::splat(radiance),
+        emitter_reflects: false,
+        ..WHITE
+    }
 }
 
 /// A scene made of quads, triangles and spheres.
@@ -68,9 +76,14 @@ pub struct SceneBuilder {
 }
 
 impl SceneBuilder {
-    /// An empty scene seen from `position` towards `target`.
+    /// Returns an empty scene seen from `position` towards `target`.
     pub fn new(position: Vec3, target: Vec3, fov_deg: f32) -> SceneBuilder {
-        let camera = CameraDesc { position, target, fov_deg, ..CameraDesc::default() };
+        let camera = CameraDesc {
+            position,
+            target,
+            fov_deg,
+            ..CameraDesc::default()
+        };
         SceneBuilder {
             scene: CompiledScene {
                 content_hash: [0; 32],
@@ -96,7 +109,7 @@ impl SceneBuilder {
         }
     }
 
-    /// How many triangles there are so far.
+    /// Returns the number of triangles so far.
     pub fn triangle_count(&self) -> usize {
         self.scene.triangles.len()
     }
@@ -112,45 +125,69 @@ impl SceneBuilder {
         self.scene.materials.len() as u32 - 1
     }
 
-    /// A triangle whose front is where its corners run counter-clockwise.
-    pub fn triangle(mut self, corners: [Vec3; 3], uvs: [Vec2; 3], material: Material) -> SceneBuilder {
+    /// Adds a triangle whose front is where its corners run counter-clockwise.
+    pub fn triangle(
+        mut self,
+        corners: [Vec3; 3],
+        uvs: [Vec2; 3],
+        material: Material,
+    ) -> SceneBuilder {
         let row = self.material(material);
         let cross = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
         let primitive = self.scene.triangles.len() as u32;
         let mut emitter = NONE;
         if material.emission != Vec3::ZERO {
             emitter = self.scene.emitters.len() as u32;
-            self.scene.emitters.push(Emitter { primitive, instance: NONE, area: 0.5 * cross.length() });
+            self.scene.emitters.push(Emitter {
+                primitive,
+                instance: NONE,
+                area: 0.5 * cross.length(),
+            });
         }
         self.scene.triangles.push(corners);
         let normals = [cross.normalize_or_zero(); 3];
-        self.scene.attributes.push(TriangleAttributes { normals, uvs, material: row, emitter });
+        self.scene.attributes.push(TriangleAttributes {
+            normals,
+            uvs,
+            material: row,
+            emitter,
+        });
         self
     }
 
-    /// A parallelogram from `corner` along `a` and `b`; its front is `a x b`.
+    /// Adds a parallelogram from `corner` along `a` and `b`; its front is `a x b`.
     pub fn quad(self, corner: Vec3, a: Vec3, b: Vec3, material: Material) -> SceneBuilder {
         let uv = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
-        self.triangle([corner, corner + a, corner + a + b], [uv[0], uv[1], uv[2]], material).triangle(
+        self.triangle(
+            [corner, corner + a, corner + a + b],
+            [uv[0], uv[1], uv[2]],
+            material,
+        )
+        .triangle(
             [corner, corner + a + b, corner + b],
             [uv[0], uv[2], uv[3]],
             material,
         )
     }
 
-    /// An axis-aligned cube about the origin whose fronts look inwards.
+    /// Adds an axis-aligned cube about the origin whose fronts face inwards.
     pub fn room(mut self, half: f32, material: Material) -> SceneBuilder {
         for (n, a) in [(Vec3::X, Vec3::Y), (Vec3::Y, Vec3::Z), (Vec3::Z, Vec3::X)] {
             for side in [-1.0, 1.0] {
                 let inward = -n * side;
                 let b = inward.cross(a);
-                self = self.quad(n * side * half - (a + b) * half, a * 2.0 * half, b * 2.0 * half, material);
+                self = self.quad(
+                    n * side * half - (a + b) * half,
+                    a * 2.0 * half,
+                    b * 2.0 * half,
+                    material,
+                );
             }
         }
         self
     }
 
-    /// A sphere; spheres must be added after all triangles.
+    /// Adds a sphere; spheres must be added after all triangles.
     pub fn sphere(mut self, center: Vec3, radius: f32, material: Material) -> SceneBuilder {
         let row = self.material(material);
         let mut emitter = NONE;
@@ -163,45 +200,78 @@ impl SceneBuilder {
                 area: 4.0 * std::f32::consts::PI * radius * radius,
             });
         }
-        self.scene.spheres.push(Sphere { center, radius, material: row, emitter });
+        self.scene.spheres.push(Sphere {
+            center,
+            radius,
+            material: row,
+            emitter,
+        });
         self
     }
 
-    /// A change to what is there so far.
+    /// Changes the scene built so far.
     pub fn with(mut self, change: impl FnOnce(&mut CompiledScene)) -> SceneBuilder {
         change(&mut self.scene);
         self
     }
 
-    /// A point that shines.
+    /// Adds a point light.
     pub fn point(self, position: Vec3, intensity: Vec3) -> SceneBuilder {
-        self.with(|s| s.points.push(PointLight { position, intensity, cone: Cone::WHOLE }))
+        self.with(|s| {
+            s.points.push(PointLight {
+                position,
+                intensity,
+                cone: Cone::WHOLE,
+            })
+        })
     }
 
-    /// A spot that falls off between two angles in degrees.
+    /// Adds a spot light that falls off between two angles in degrees.
     pub fn spot(self, position: Vec3, axis: Vec3, intensity: Vec3, cone: ConeDesc) -> SceneBuilder {
-        self.with(|s| s.points.push(PointLight { position, intensity, cone: Cone::new(axis, &cone) }))
+        self.with(|s| {
+            s.points.push(PointLight {
+                position,
+                intensity,
+                cone: Cone::new(axis, &cone),
+            })
+        })
     }
 
-    /// Parallel light that travels in a direction.
+    /// Adds parallel light that travels in `direction`.
     pub fn directional(self, direction: Vec3, irradiance: Vec3) -> SceneBuilder {
         let direction = direction.try_normalize().expect("a direction");
-        self.with(|s| s.directionals.push(DirectionalLight { direction, irradiance }))
+        self.with(|s| {
+            s.directionals.push(DirectionalLight {
+                direction,
+                irradiance,
+            })
+        })
     }
 
-    /// Light from outside: a map turned by an angle, or the colour from everywhere.
-    pub fn environment(self, map: Option<Texture>, radiance: Vec3, rotation_deg: f32) -> SceneBuilder {
+    /// Adds an environment: a map turned by an angle, or a constant colour.
+    pub fn environment(
+        self,
+        map: Option<Texture>,
+        radiance: Vec3,
+        rotation_deg: f32,
+    ) -> SceneBuilder {
         let rotation_rad = rotation_deg.to_radians();
-        self.with(|s| s.environment = Some(Environment { map: map.map(Arc::new), radiance, rotation_rad }))
+        self.with(|s| {
+            s.environment = Some(Environment {
+                map: map.map(Arc::new),
+                radiance,
+                rotation_rad,
+            })
+        })
     }
 
-    /// The finished scene.
+    /// Returns the finished scene.
     pub fn build(self) -> Arc<CompiledScene> {
         Arc::new(self.scene)
     }
 }
 
-/// A job for `bpt` without Russian roulette and with the pixel as filter.
+/// Returns a job for `bpt` without Russian roulette and with the pixel as filter.
 pub fn job(resolution: [u32; 2], max_depth: u32, seed: u64) -> Job {
     Job::plain(integrator("bpt").unwrap(), resolution, max_depth, seed)
 }
@@ -210,11 +280,16 @@ pub fn job(resolution: [u32; 2], max_depth: u32, seed: u64) -> Job {
 pub fn render(scene: &Arc<CompiledScene>, job: Job, samples: u64) -> Film {
     let mut renderer = CpuRenderer::new(Arc::clone(scene), job).unwrap();
     let stats = renderer.advance(samples).unwrap();
-    assert_eq!(stats.invalid, 0, "invalid samples, first at {:?}", stats.first_invalid);
+    assert_eq!(
+        stats.invalid, 0,
+        "invalid samples, first at {:?}",
+        stats.first_invalid
+    );
     renderer.film().clone()
 }
 
-/// Mean of one channel over the whole film, and its standard error from the spread of all samples within pixels.
+/// Returns the mean of one channel over the whole film, and its standard error from the spread of
+/// all samples within pixels.
 pub fn mean_and_error(film: &Film, channel: usize) -> (f64, f64) {
     let n = film.samples as f64;
     let pixels = film.sum.len() as f64;
@@ -228,9 +303,12 @@ pub fn mean_and_error(film: &Film, channel: usize) -> (f64, f64) {
     (mean, variance_of_sum.sqrt() / (n * pixels))
 }
 
-/// The folder of shared third-party scenes and references, if this checkout has one beside it.
+/// Returns the folder of shared third-party scenes and references, if this checkout has one beside
+/// it.
 pub fn shared() -> Option<PathBuf> {
-    let root = std::env::var_os("LUMBRE_SHARED")
-        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);
+    let root = std::env::var_os("LUMBRE_SHARED").map_or_else(
+        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared"),
+        PathBuf::from,
+    );
     root.join("scenes").is_dir().then_some(root)
 }

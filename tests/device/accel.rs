@@ -1,12 +1,12 @@
-//! `vulkan-compute` builds its hierarchy as it is asked to, says what became of it, and finds the same hits.
+//! `vulkan-compute` builds its hierarchy as requested, reports the result, and finds the same hits.
 
 use glam::{Vec2, Vec3};
 use lumbre::render::hierarchy::{AccelSpec, Builder, Quality};
-use lumbre::render::vulkan::device::Device;
+use lumbre::render::vulkan::context::device::Device;
 use lumbre::render::vulkan::layout::TriangleAttributes;
-use lumbre::render::vulkan::program::Kind;
+use lumbre::render::vulkan::pipelines::program::TracingMode;
+use lumbre::render::vulkan::pipelines::spirv::Sources;
 use lumbre::render::vulkan::renderer::VulkanRenderer;
-use lumbre::render::vulkan::spirv::Sources;
 use lumbre::render::{Job, OpenStats, Renderer};
 use lumbre::transport::integrator::integrator;
 
@@ -17,13 +17,16 @@ use crate::common::{SceneBuilder, grey, job};
 
 #[test]
 fn hierarchies_are_built_as_asked_and_every_one_shows_the_same_picture() {
-    let Some(device) = harness::exact() else { return };
-    if !kinds(&device).contains(&Kind::Compute) {
+    let Some(device) = harness::exact() else {
+        return;
+    };
+    if !kinds(&device).contains(&TracingMode::Compute) {
         return;
     }
-    // No room around it: where boxes of halves stay whole, the cut in the middle divides nothing more.
+    // No room around it: half-precision boxes stay whole, and the median cut divides nothing more.
     let sky = Vec3::new(0.5, 1.0, 1.5);
-    let mut b = SceneBuilder::new(Vec3::new(0.0, 0.0, 2.9), Vec3::ZERO, 60.0).environment(None, sky, 0.0);
+    let mut b =
+        SceneBuilder::new(Vec3::new(0.0, 0.0, 2.9), Vec3::ZERO, 60.0).environment(None, sky, 0.0);
     let mut corners = Vec::new();
     Dice::rows(400, |d, _| {
         let a = d.vector(1.5);
@@ -35,48 +38,112 @@ fn hierarchies_are_built_as_asked_and_every_one_shows_the_same_picture() {
     let scene = b.build();
     let plain = AccelSpec::default();
     let with = |spec: AccelSpec| -> (OpenStats, Vec<[f64; 3]>) {
-        let job = Job { integrator: integrator("bpt").unwrap(), accel: spec, ..job([24, 16], 3, 5) };
-        let mut renderer = VulkanRenderer::new(&device, Kind::Compute, &Sources::Embedded, &scene, &job).unwrap();
+        let job = Job {
+            integrator: integrator("bpt").unwrap(),
+            accel: spec,
+            ..job([24, 16], 3, 5)
+        };
+        let mut renderer = VulkanRenderer::new(
+            &device,
+            TracingMode::Compute,
+            &Sources::Embedded,
+            &scene,
+            &job,
+        )
+        .unwrap();
         renderer.advance(2).unwrap();
         (renderer.open_stats().clone(), renderer.film().sum.clone())
     };
-    let by = |builder: Builder, max_leaf: u32| with(AccelSpec { builder, max_leaf, ..plain });
+    let by = |builder: Builder, max_leaf: u32| {
+        with(AccelSpec {
+            builder,
+            max_leaf,
+            ..plain
+        })
+    };
     let (stats, picture) = with(plain);
     assert!(picture.iter().flatten().sum::<f64>() > 0.0);
     let none = by(Builder::None, 8);
-    let [plane, sah, ploc, cwbvh] = [Builder::Plane, Builder::Sah, Builder::Ploc, Builder::Cwbvh].map(|b| by(b, 2));
+    let [plane, sah, ploc, cwbvh] =
+        [Builder::Plane, Builder::Sah, Builder::Ploc, Builder::Cwbvh].map(|b| by(b, 2));
     let fine = by(Builder::Sah, 1);
     let coarse = by(Builder::Sah, 32);
-    let shallow = with(AccelSpec { builder: Builder::Sah, max_depth: 2, ..plain });
-    let bins = with(AccelSpec { builder: Builder::Sah, bins: 2, max_leaf: 2, ..plain });
-    let fast = with(AccelSpec { quality: Quality::Fastest, ..plain });
-    let all = [&none, &plane, &sah, &ploc, &cwbvh, &fine, &coarse, &shallow, &bins, &fast];
+    let shallow = with(AccelSpec {
+        builder: Builder::Sah,
+        max_depth: 2,
+        ..plain
+    });
+    let bins = with(AccelSpec {
+        builder: Builder::Sah,
+        bins: 2,
+        max_leaf: 2,
+        ..plain
+    });
+    let fast = with(AccelSpec {
+        quality: Quality::Fastest,
+        ..plain
+    });
+    let all = [
+        &none, &plane, &sah, &ploc, &cwbvh, &fine, &coarse, &shallow, &bins, &fast,
+    ];
     for (i, (found, film)) in all.into_iter().enumerate() {
-        assert!(found.accel_build_s > 0.0 && found.accel_nodes > 0 && found.accel_bytes > 0, "{i}: {found:?}");
-        assert!(found.accel_cost > 1.0 && found.accel_cost.is_finite(), "{i}: {found:?}");
+        assert!(
+            found.accel_build_s > 0.0 && found.accel_nodes > 0 && found.accel_bytes > 0,
+            "{i}: {found:?}"
+        );
+        assert!(
+            found.accel_cost > 1.0 && found.accel_cost.is_finite(),
+            "{i}: {found:?}"
+        );
         assert!(*film == picture, "{i}: another picture");
     }
     let cost = |of: &(OpenStats, Vec<[f64; 3]>)| of.0.accel_cost;
-    assert!(cost(&none) > 400.0 && cost(&none) > 3.0 * cost(&plane), "{} {}", cost(&none), cost(&plane));
-    assert!(cost(&none) > 3.0 * cost(&sah) && cost(&shallow) > 1.5 * cost(&sah), "{}", cost(&shallow));
-    assert!(cost(&bins) != cost(&sah) && cost(&fine) != cost(&coarse), "bins and leaves count");
-    assert_eq!((ploc.0.accel_nodes, cost(&ploc)), (cwbvh.0.accel_nodes, cost(&cwbvh)), "the same by this backend");
+    assert!(
+        cost(&none) > 400.0 && cost(&none) > 3.0 * cost(&plane),
+        "{} {}",
+        cost(&none),
+        cost(&plane)
+    );
+    assert!(
+        cost(&none) > 3.0 * cost(&sah) && cost(&shallow) > 1.5 * cost(&sah),
+        "{}",
+        cost(&shallow)
+    );
+    assert!(
+        cost(&bins) != cost(&sah) && cost(&fine) != cost(&coarse),
+        "bins and leaves count"
+    );
+    assert_eq!(
+        (ploc.0.accel_nodes, cost(&ploc)),
+        (cwbvh.0.accel_nodes, cost(&cwbvh)),
+        "the same by this backend"
+    );
     assert!(cost(&fast) != stats.accel_cost, "quality counts");
     harness::silent();
 }
 
 #[test]
 fn a_structure_may_be_larger_than_what_shaders_see_of_an_array() {
-    let Some(device) = harness::device() else { return };
+    let Some(device) = harness::device() else {
+        return;
+    };
     let kind = harness::quick(&device);
-    if kind == Kind::Compute {
-        println!("SKIPPED: {} has no structures of its own", device.info.line());
+    if kind == TracingMode::Compute {
+        println!(
+            "SKIPPED: {} has no structures of its own",
+            device.info.line()
+        );
         return;
     }
-    let mut b = SceneBuilder::new(Vec3::Z * 3.0, Vec3::ZERO, 60.0).environment(None, Vec3::ONE, 0.0);
+    let mut b =
+        SceneBuilder::new(Vec3::Z * 3.0, Vec3::ZERO, 60.0).environment(None, Vec3::ONE, 0.0);
     for i in 0..4096 {
         let a = Vec3::new((i % 64) as f32, (i / 64) as f32, 0.0) / 32.0 - 1.0;
-        b = b.triangle([a, a + Vec3::X / 40.0, a + Vec3::Y / 40.0], [Vec2::ZERO; 3], grey(0.5));
+        b = b.triangle(
+            [a, a + Vec3::X / 40.0, a + Vec3::Y / 40.0],
+            [Vec2::ZERO; 3],
+            grey(0.5),
+        );
     }
     let scene = b.with(|s| {
         s.attributes.iter_mut().for_each(|a| a.material = 0);
@@ -86,9 +153,16 @@ fn a_structure_may_be_larger_than_what_shaders_see_of_an_array() {
     let mut info = device.info.clone();
     // Room for the largest of its arrays and no more.
     info.limits.storage_range = (scene.triangles.len() * size_of::<TriangleAttributes>()) as u64;
-    let (range, narrow) = (info.limits.storage_range, Device::open(info, device.info.caps).unwrap());
-    let job = Job { integrator: integrator("bpt").unwrap(), ..job([24, 16], 3, 5) };
-    let mut renderer = VulkanRenderer::new(&narrow, kind, &Sources::Embedded, &scene, &job).unwrap();
+    let (range, narrow) = (
+        info.limits.storage_range,
+        Device::open(info, device.info.caps).unwrap(),
+    );
+    let job = Job {
+        integrator: integrator("bpt").unwrap(),
+        ..job([24, 16], 3, 5)
+    };
+    let mut renderer =
+        VulkanRenderer::new(&narrow, kind, &Sources::Embedded, &scene, &job).unwrap();
     let bytes = renderer.open_stats().accel_bytes;
     renderer.advance(1).unwrap();
     println!("structures of {bytes} bytes where an array may have {range}");

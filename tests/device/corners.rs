@@ -1,7 +1,9 @@
-//! Every integrator with every corner of materials, every kind of light, camera and filter, depth by depth.
+//! Every integrator with every corner of materials, every kind of light, camera and filter, depth
+//! by depth.
 //!
-//! The same seed on both sides is far sharper than two seeds and their noise: nearly every sample is the same. Only where
-//! a mask is blended do the very bits of a ray decide, so there the pictures are compared by their noise.
+//! The same seed on both sides is far sharper than two seeds and their noise: nearly every sample
+//! is the same. Only a blended mask depends on the very bits of a ray, so those pictures are
+//! compared by their noise.
 
 use std::sync::Arc;
 
@@ -10,10 +12,10 @@ use lumbre::film::Film;
 use lumbre::film::layer::Layer;
 use lumbre::metrics::ztest::{self, Estimate};
 use lumbre::render::cpu::renderer::CpuRenderer;
-use lumbre::render::vulkan::device::Device;
-use lumbre::render::vulkan::program::Kind;
+use lumbre::render::vulkan::context::device::Device;
+use lumbre::render::vulkan::pipelines::program::TracingMode;
+use lumbre::render::vulkan::pipelines::spirv::Sources;
 use lumbre::render::vulkan::renderer::VulkanRenderer;
-use lumbre::render::vulkan::spirv::Sources;
 use lumbre::render::{Job, Renderer};
 use lumbre::scene::CompiledScene;
 use lumbre::scene::compile::{Distribution, Interface, MaskMode, Material, Model, Texture};
@@ -25,13 +27,33 @@ use super::harness;
 use super::images::{kinds, render, with};
 use crate::common::{self, SceneBuilder, WHITE, grey, light};
 
-/// One of every corner of the models.
+/// Returns one material for every corner of the models.
 fn corners() -> Vec<Material> {
-    let disney = Material { model: Model::Disney, base_color: Vec3::new(0.8, 0.5, 0.3), roughness: 0.4, ..WHITE };
-    let gold = Interface { eta: Vec3::new(0.14, 0.37, 1.44), k: Vec3::new(3.98, 2.39, 1.6), ..Interface::PLAIN };
-    let beckmann = Interface { distribution: Distribution::Beckmann, ..Interface::PLAIN };
-    let conductor = Material { model: Model::Conductor, roughness: 0.4, interface: gold, ..WHITE };
-    let body = Interface { internal_reflectance: 0.6, ..beckmann };
+    let disney = Material {
+        model: Model::Disney,
+        base_color: Vec3::new(0.8, 0.5, 0.3),
+        roughness: 0.4,
+        ..WHITE
+    };
+    let gold = Interface {
+        eta: Vec3::new(0.14, 0.37, 1.44),
+        k: Vec3::new(3.98, 2.39, 1.6),
+        ..Interface::PLAIN
+    };
+    let beckmann = Interface {
+        distribution: Distribution::Beckmann,
+        ..Interface::PLAIN
+    };
+    let conductor = Material {
+        model: Model::Conductor,
+        roughness: 0.4,
+        interface: gold,
+        ..WHITE
+    };
+    let body = Interface {
+        internal_reflectance: 0.6,
+        ..beckmann
+    };
     let plastic = Material {
         model: Model::Plastic,
         base_color: Vec3::new(0.2, 0.5, 0.7),
@@ -39,44 +61,111 @@ fn corners() -> Vec<Material> {
         interface: body,
         ..WHITE
     };
-    let glass = Material { model: Model::Dielectric, base_color: Vec3::new(0.9, 1.0, 0.8), roughness: 0.3, ..WHITE };
+    let glass = Material {
+        model: Model::Dielectric,
+        base_color: Vec3::new(0.9, 1.0, 0.8),
+        roughness: 0.3,
+        ..WHITE
+    };
     vec![
         grey(0.6),
-        Material { metallic: 1.0, ..grey(0.9) },
-        Material { opacity: 0.0, ..WHITE },
-        Material { subsurface: 0.5, sheen: 0.5, sheen_tint: 0.5, specular_tint: 0.5, ..disney },
-        Material { metallic: 1.0, anisotropic: 0.7, roughness: 0.3, ..disney },
-        Material { opacity: 0.0, roughness: 0.3, ..disney },
-        Material { clearcoat: 1.0, clearcoat_gloss: 0.7, ..disney },
-        conductor,
-        Material { roughness: 0.0, ..conductor },
         Material {
-            interface: Interface { distribution: Distribution::Beckmann, ..gold },
+            metallic: 1.0,
+            ..grey(0.9)
+        },
+        Material {
+            opacity: 0.0,
+            ..WHITE
+        },
+        Material {
+            subsurface: 0.5,
+            sheen: 0.5,
+            sheen_tint: 0.5,
+            specular_tint: 0.5,
+            ..disney
+        },
+        Material {
+            metallic: 1.0,
+            anisotropic: 0.7,
+            roughness: 0.3,
+            ..disney
+        },
+        Material {
+            opacity: 0.0,
+            roughness: 0.3,
+            ..disney
+        },
+        Material {
+            clearcoat: 1.0,
+            clearcoat_gloss: 0.7,
+            ..disney
+        },
+        conductor,
+        Material {
+            roughness: 0.0,
+            ..conductor
+        },
+        Material {
+            interface: Interface {
+                distribution: Distribution::Beckmann,
+                ..gold
+            },
             anisotropic: 0.5,
             ..conductor
         },
         plastic,
-        Material { roughness: 0.0, interface: Interface { nonlinear: true, ..body }, ..plastic },
+        Material {
+            roughness: 0.0,
+            interface: Interface {
+                nonlinear: true,
+                ..body
+            },
+            ..plastic
+        },
         glass,
-        Material { interface: beckmann, ..glass },
-        Material { roughness: 0.0, ..glass },
-        Material { interface: Interface { thin: true, ..Interface::PLAIN }, ..glass },
+        Material {
+            interface: beckmann,
+            ..glass
+        },
+        Material {
+            roughness: 0.0,
+            ..glass
+        },
+        Material {
+            interface: Interface {
+                thin: true,
+                ..Interface::PLAIN
+            },
+            ..glass
+        },
     ]
 }
 
-/// The lights of a scene, one kind each.
-const LIGHTS: [&str; 5] = ["triangles", "spheres", "points", "directions", "environment"];
+/// Kinds of light, one for each scene.
+const LIGHTS: [&str; 5] = [
+    "triangles",
+    "spheres",
+    "points",
+    "directions",
+    "environment",
+];
 
-/// A ball of every corner over a floor, under one kind of light.
+/// Returns a scene with a ball of every corner over a floor, under one kind of light.
 pub fn balls(lamp: &str) -> Arc<CompiledScene> {
-    let mut builder = SceneBuilder::new(Vec3::new(0.0, 2.2, 4.4), Vec3::new(0.0, 0.1, -0.2), 50.0).quad(
-        Vec3::new(-3.0, 0.0, 3.0),
-        Vec3::X * 6.0,
-        Vec3::Z * -6.0,
-        grey(0.5),
-    );
+    let mut builder = SceneBuilder::new(Vec3::new(0.0, 2.2, 4.4), Vec3::new(0.0, 0.1, -0.2), 50.0)
+        .quad(
+            Vec3::new(-3.0, 0.0, 3.0),
+            Vec3::X * 6.0,
+            Vec3::Z * -6.0,
+            grey(0.5),
+        );
     if lamp == "triangles" {
-        builder = builder.quad(Vec3::new(-1.0, 3.0, -1.0), Vec3::X * 2.0, Vec3::Z * 2.0, light(4.0));
+        builder = builder.quad(
+            Vec3::new(-1.0, 3.0, -1.0),
+            Vec3::X * 2.0,
+            Vec3::Z * 2.0,
+            light(4.0),
+        );
     }
     for (i, material) in corners().into_iter().enumerate() {
         let place = Vec3::new(i as f32 % 4.0 - 1.5, 0.4, (i / 4) as f32 - 2.0);
@@ -88,23 +177,31 @@ pub fn balls(lamp: &str) -> Arc<CompiledScene> {
         "points" => builder.point(Vec3::new(-1.0, 2.5, 1.0), Vec3::splat(8.0)),
         "directions" => builder.directional(Vec3::new(0.4, -1.0, -0.2), Vec3::splat(2.0)),
         _ => {
-            let sky: Vec<[f32; 3]> = (0..8).map(|i| [0.2 * i as f32, 0.5, 1.6 - 0.2 * i as f32]).collect();
+            let sky: Vec<[f32; 3]> = (0..8)
+                .map(|i| [0.2 * i as f32, 0.5, 1.6 - 0.2 * i as f32])
+                .collect();
             builder.environment(Some(Texture::new(4, 2, sky)), Vec3::ONE, 40.0)
         }
     }
     .build()
 }
 
-/// Total of a film, over its samples.
+/// Returns the total of a film over its samples.
 fn total(film: &Film) -> f64 {
     film.sum.as_flattened().iter().sum::<f64>() / film.samples as f64
 }
 
 #[test]
 fn every_integrator_material_light_camera_and_filter_is_the_same_at_every_depth() {
-    let Some(device) = harness::device() else { return };
-    let filters =
-        [(FilterKind::Box, 0.5), (FilterKind::Gauss, 1.0), (FilterKind::BlackmanHarris, 1.5), (FilterKind::Tent, 1.0)];
+    let Some(device) = harness::device() else {
+        return;
+    };
+    let filters = [
+        (FilterKind::Box, 0.5),
+        (FilterKind::Gauss, 1.0),
+        (FilterKind::BlackmanHarris, 1.5),
+        (FilterKind::Tent, 1.0),
+    ];
     for (i, lamp) in LIGHTS.into_iter().enumerate() {
         let mut scene = balls(lamp);
         if i % 2 == 1 {
@@ -114,85 +211,179 @@ fn every_integrator_material_light_camera_and_filter_is_the_same_at_every_depth(
         for row in INTEGRATORS {
             let (kind, radius) = filters[i % filters.len()];
             let filter = FilterSpec { kind, radius };
-            // One pipeline for each integrator: what changes from lamp to lamp is data.
-            let sampler = if row.name == "bdpt" { SOBOL } else { INDEPENDENT };
+            // One pipeline for each integrator: only data changes from light to light.
+            let sampler = if row.name == "bdpt" {
+                SOBOL
+            } else {
+                INDEPENDENT
+            };
             let plain = with(row.name, 20 + i as u64);
-            let job = Job { filter, sampler, layers: vec![Layer::Depth], resolution: [32, 20], ..plain };
+            let job = Job {
+                filter,
+                sampler,
+                layers: vec![Layer::Depth],
+                resolution: [32, 20],
+                ..plain
+            };
             let name = format!("{} under {lamp}", row.name);
             let (found, expected) = both(&device, &scene, &job, 8);
             if matches!(lamp, "points" | "directions") && row.name == "bpt" {
-                assert!(total(&expected[0]) == 0.0 && total(&found[0]) == 0.0, "{name}: nothing can find that light");
+                assert!(
+                    total(&expected[0]) == 0.0 && total(&found[0]) == 0.0,
+                    "{name}: nothing can find that light"
+                );
                 continue;
             }
             loosely(&name, &found[0], &expected[0]);
             let whole = total(&expected[0]);
             for (depth, (found, expected)) in found.iter().zip(&expected).enumerate().skip(1) {
                 let (a, b) = (total(found), total(expected));
-                assert!((a - b).abs() <= 2e-3 * whole.abs(), "{name}, depth {depth}: {a} instead of {b} of {whole}");
+                assert!(
+                    (a - b).abs() <= 2e-3 * whole.abs(),
+                    "{name}, depth {depth}: {a} instead of {b} of {whole}"
+                );
             }
         }
     }
     harness::silent();
 }
 
-/// Picture and films by depth of a device, and of the CPU.
-fn both(device: &Arc<Device>, scene: &Arc<CompiledScene>, job: &Job, samples: u64) -> (Vec<Film>, Vec<Film>) {
+/// Returns the picture and the films by depth of a device, and of the CPU.
+fn both(
+    device: &Arc<Device>,
+    scene: &Arc<CompiledScene>,
+    job: &Job,
+    samples: u64,
+) -> (Vec<Film>, Vec<Film>) {
     let kind = harness::quick(device);
     let films = |renderer: &mut dyn Renderer| {
         let stats = renderer.advance(samples).unwrap();
         assert_eq!(stats.invalid, 0, "first at {:?}", stats.first_invalid);
         let layers = (0..renderer.layers().len()).map(|i| renderer.layer(i).unwrap());
-        std::iter::once(renderer.film().clone()).chain(layers).collect::<Vec<Film>>()
+        std::iter::once(renderer.film().clone())
+            .chain(layers)
+            .collect::<Vec<Film>>()
     };
-    let found = films(&mut VulkanRenderer::new(device, kind, &Sources::Embedded, scene, job).unwrap());
-    (found, films(&mut CpuRenderer::new(Arc::clone(scene), job.clone()).unwrap()))
+    let found =
+        films(&mut VulkanRenderer::new(device, kind, &Sources::Embedded, scene, job).unwrap());
+    (
+        found,
+        films(&mut CpuRenderer::new(Arc::clone(scene), job.clone()).unwrap()),
+    )
 }
 
-/// Small lobes and small pictures: a path that goes another way shows more than in [`compare`].
+/// Compares films with small lobes and few pixels, where a diverging path shows more than in
+/// [`compare`].
 pub fn loosely(name: &str, found: &Film, expected: &Film) {
     let (a, b) = (found.mean(), expected.mean());
-    let mean = b.data.as_flattened().iter().map(|x| f64::from(*x)).sum::<f64>() / (3 * b.data.len()) as f64;
-    let far = |(x, y): &(&f32, &f32)| f64::from((*x - *y).abs()) > 0.01 * f64::from(y.abs()).max(mean);
-    let off = a.data.as_flattened().iter().zip(b.data.as_flattened()).filter(far).count();
-    println!("{name}: mean {mean:.4}, {off} of {} values off by more than 1 %", 3 * b.data.len());
+    let mean = b
+        .data
+        .as_flattened()
+        .iter()
+        .map(|x| f64::from(*x))
+        .sum::<f64>()
+        / (3 * b.data.len()) as f64;
+    let far =
+        |(x, y): &(&f32, &f32)| f64::from((*x - *y).abs()) > 0.01 * f64::from(y.abs()).max(mean);
+    let off = a
+        .data
+        .as_flattened()
+        .iter()
+        .zip(b.data.as_flattened())
+        .filter(far)
+        .count();
+    println!(
+        "{name}: mean {mean:.4}, {off} of {} values off by more than 1 %",
+        3 * b.data.len()
+    );
     assert!(mean > 0.0, "{name}: black");
-    assert!(off as f64 <= 0.01 * (3 * b.data.len()) as f64, "{name}: {off} values are off");
+    assert!(
+        off as f64 <= 0.01 * (3 * b.data.len()) as f64,
+        "{name}: {off} values are off"
+    );
 }
 
 #[test]
 fn models_of_one_interface_are_the_same_in_compute_shaders() {
-    let Some(device) = harness::device() else { return };
+    let Some(device) = harness::device() else {
+        return;
+    };
     let (scene, job) = (balls("triangles"), with("bpt", 31));
     let expected = common::render(&scene, job.clone(), 8);
-    loosely("interfaces in a compute shader", &render(&device, Kind::Compute, &scene, &job, 8), &expected);
+    loosely(
+        "interfaces in a compute shader",
+        &render(&device, TracingMode::Compute, &scene, &job, 8),
+        &expected,
+    );
     harness::silent();
 }
 
 #[test]
 fn blended_masks_agree_within_their_noise() {
-    let Some(device) = harness::device() else { return };
+    let Some(device) = harness::device() else {
+        return;
+    };
     let mut builder = SceneBuilder::new(Vec3::new(0.0, 0.5, 3.0), Vec3::new(0.0, 0.4, 0.0), 45.0);
     let texels = vec![[0.2; 3], [0.8; 3], [0.5; 3], [0.35; 3]];
     let half = builder.texture(Texture::new(2, 2, texels));
-    let leaf = Material { mask_texture: half, mask_mode: MaskMode::Blend, ..grey(0.7) };
+    let leaf = Material {
+        mask_texture: half,
+        mask_mode: MaskMode::Blend,
+        ..grey(0.7)
+    };
     let scene = builder
-        .quad(Vec3::new(-2.0, 0.0, 2.0), Vec3::X * 4.0, Vec3::Z * -4.0, grey(0.5))
+        .quad(
+            Vec3::new(-2.0, 0.0, 2.0),
+            Vec3::X * 4.0,
+            Vec3::Z * -4.0,
+            grey(0.5),
+        )
         .quad(Vec3::new(-1.0, 0.0, 0.6), Vec3::X * 2.0, Vec3::Y, leaf)
-        .quad(Vec3::new(-1.0, 1.8, 0.4), Vec3::X * 2.0, Vec3::Z * -1.0, leaf)
+        .quad(
+            Vec3::new(-1.0, 1.8, 0.4),
+            Vec3::X * 2.0,
+            Vec3::Z * -1.0,
+            leaf,
+        )
         .directional(Vec3::new(0.1, -1.0, -0.4), Vec3::splat(1.5))
         .environment(None, Vec3::splat(0.4), 0.0)
         .build();
-    let job = Job { integrator: integrator("nee").unwrap(), ..common::job([24, 16], 4, 5) };
+    let job = Job {
+        integrator: integrator("nee").unwrap(),
+        ..common::job([24, 16], 4, 5)
+    };
     let expected = common::render(&scene, job.clone(), 256);
-    let kinds: Vec<Kind> = kinds(&device).into_iter().filter(|kind| *kind != Kind::Query).collect();
+    let kinds: Vec<TracingMode> = kinds(&device)
+        .into_iter()
+        .filter(|kind| *kind != TracingMode::Query)
+        .collect();
     for kind in &kinds {
         // Another seed, so that the two are independent where the bits of rays do not decide.
-        let found = render(&device, *kind, &scene, &Job { seed: 6, ..job.clone() }, 256);
-        let (a, b) = ([found.mean(), expected.mean()], [found.variance_of_mean(), expected.variance_of_mean()]);
-        let estimate = |i: usize| Estimate { mean: &a[i], variance: &b[i] };
+        let found = render(
+            &device,
+            *kind,
+            &scene,
+            &Job {
+                seed: 6,
+                ..job.clone()
+            },
+            256,
+        );
+        let (a, b) = (
+            [found.mean(), expected.mean()],
+            [found.variance_of_mean(), expected.variance_of_mean()],
+        );
+        let estimate = |i: usize| Estimate {
+            mean: &a[i],
+            variance: &b[i],
+        };
         let test = ztest::compare(estimate(0), estimate(1), 4, 0.0);
         println!("blended masks by {}: {test:?}", kind.backend());
-        assert!(test.agrees(1e-3, kinds.len()), "{}: {test:?}", kind.backend());
+        assert!(
+            test.agrees(1e-3, kinds.len()),
+            "{}: {test:?}",
+            kind.backend()
+        );
     }
     harness::silent();
 }

@@ -1,13 +1,14 @@
-//! Nights on several devices of one machine: a worker for each, a comparison on one of them, and references in parts.
+//! Nights on several devices of one machine: a worker for each, a comparison group on one of them,
+//! and references in shards.
 #![cfg(unix)]
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use lumbre::render::vulkan::program::Kind;
+use lumbre::render::vulkan::pipelines::program::TracingMode;
+use lumbre::render::vulkan::pipelines::spirv::Sources;
 use lumbre::render::vulkan::renderer::VulkanRenderer;
-use lumbre::render::vulkan::spirv::Sources;
 use lumbre::render::{Job, Renderer};
 
 use super::{harness, images};
@@ -15,8 +16,8 @@ use crate::common;
 
 const SCENE: &str = include_str!("../common/ball.scn");
 
-/// Two comparisons of two repeats, with references in parts. One technique: a software driver compiles its shader for
-/// seconds, in every process.
+/// Two comparison groups of two repeats, with references in shards. One technique only: a software
+/// driver compiles its shader for seconds, in every process.
 const SCRIPT: &str = r#"
 local x = experiment("devices", { seed = 5, repeats = 2 })
 x:axis("depth", { 2, 3 })
@@ -30,12 +31,20 @@ x:stop(stop.samples(16))
 return x
 "#;
 
-/// The program in a folder, with two devices: the loader lists a driver that is named twice as two.
+/// Returns the program in a folder, with two devices: the loader lists a driver that is named twice
+/// as two.
 fn program(place: &Path, args: &[&str]) -> Command {
-    let named = std::env::var("VK_DRIVER_FILES").ok().filter(|files| !files.is_empty() && !files.contains(':'));
+    let named = std::env::var("VK_DRIVER_FILES")
+        .ok()
+        .filter(|files| !files.is_empty() && !files.contains(':'));
     let driver = named.unwrap_or_else(|| {
-        let listed = std::fs::read_dir("/usr/share/vulkan/icd.d").into_iter().flatten().flatten();
-        let mut files: Vec<String> = listed.map(|entry| entry.path().display().to_string()).collect();
+        let listed = std::fs::read_dir("/usr/share/vulkan/icd.d")
+            .into_iter()
+            .flatten()
+            .flatten();
+        let mut files: Vec<String> = listed
+            .map(|entry| entry.path().display().to_string())
+            .collect();
         files.retain(|file| file.contains("lvp_icd"));
         files.pop().unwrap_or_default()
     });
@@ -44,7 +53,11 @@ fn program(place: &Path, args: &[&str]) -> Command {
         std::fs::write(&second, text).unwrap();
     }
     let mut command = Command::new(env!("CARGO_BIN_EXE_lumbre"));
-    command.current_dir(place).args(args).env("NO_COLOR", "1").env_remove("LUMBRE_DEVICE");
+    command
+        .current_dir(place)
+        .args(args)
+        .env("NO_COLOR", "1")
+        .env_remove("LUMBRE_DEVICE");
     command.env("VK_DRIVER_FILES", format!("{driver}:{}", second.display()));
     command
 }
@@ -53,7 +66,7 @@ fn text(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// A folder with the night, and whether there are two devices in it; `None` where there is none at all.
+/// Returns a folder with the night, and whether there are two devices; `None` if there is none.
 fn workplace() -> Option<(tempfile::TempDir, bool)> {
     harness::device()?;
     let place = tempfile::tempdir().unwrap();
@@ -65,11 +78,15 @@ fn workplace() -> Option<(tempfile::TempDir, bool)> {
     Some((place, two))
 }
 
-/// Files below a folder by relative path.
+/// Returns the files below a folder by relative path.
 fn files(root: &Path) -> BTreeMap<String, PathBuf> {
     let (mut open, mut found) = (vec![root.to_owned()], BTreeMap::new());
     while let Some(folder) = open.pop() {
-        for path in std::fs::read_dir(folder).into_iter().flatten().map(|entry| entry.unwrap().path()) {
+        for path in std::fs::read_dir(folder)
+            .into_iter()
+            .flatten()
+            .map(|entry| entry.unwrap().path())
+        {
             if path.is_dir() && !path.is_symlink() {
                 open.push(path);
             } else {
@@ -80,10 +97,13 @@ fn files(root: &Path) -> BTreeMap<String, PathBuf> {
     found
 }
 
-/// Every picture that is not of the middle of a run, by relative path.
+/// Returns every picture, except snapshots of unfinished runs, by relative path.
 fn pictures(out: &Path) -> BTreeMap<String, Vec<u8>> {
-    let all = files(out).into_iter().filter(|(name, _)| name.ends_with(".exr") && !name.contains("snap-"));
-    all.map(|(name, path)| (name, std::fs::read(path).unwrap())).collect()
+    let all = files(out)
+        .into_iter()
+        .filter(|(name, _)| name.ends_with(".exr") && !name.contains("snap-"));
+    all.map(|(name, path)| (name, std::fs::read(path).unwrap()))
+        .collect()
 }
 
 fn alike(a: &BTreeMap<String, Vec<u8>>, b: &BTreeMap<String, Vec<u8>>) {
@@ -94,102 +114,218 @@ fn alike(a: &BTreeMap<String, Vec<u8>>, b: &BTreeMap<String, Vec<u8>>) {
 
 #[test]
 fn a_worker_for_a_device_that_is_missing_names_those_that_are_and_renders_nothing() {
-    let Some((place, _)) = workplace() else { return };
+    let Some((place, _)) = workplace() else {
+        return;
+    };
     let place = place.path();
-    // Where no queue is, the plan is frozen all the same.
-    program(place, &["submit", "hq", "night.lua"]).output().unwrap();
+    // Without a queue the plan snapshot is written all the same.
+    program(place, &["submit", "hq", "night.lua"])
+        .output()
+        .unwrap();
     let before = files(&place.join("out/latest/"));
     assert!(before.contains_key("frozen.json"));
     for name in ["7", "no such card"] {
-        let output = program(place, &["work", "out/latest", "--device", name]).output().unwrap();
-        let said = text(&output).split_whitespace().collect::<Vec<_>>().join(" ");
+        let output = program(place, &["work", "out/latest", "--device", name])
+            .output()
+            .unwrap();
+        let said = text(&output)
+            .split_whitespace()
+            .collect::<Vec<_>>()
+            .join(" ");
         assert_eq!(output.status.code(), Some(2), "{said}");
-        assert!(said.contains(&format!("`{name}` was asked for")) && said.contains("there are: 0 "), "{said}");
+        assert!(
+            said.contains(&format!("`{name}` (from ")) && said.contains("matches none of: 0 "),
+            "{said}"
+        );
     }
     assert_eq!(files(&place.join("out/latest/")), before);
-    // On a plan that renders on none, the same word has no meaning, and that is said.
-    std::fs::write(place.join("night.lua"), SCRIPT.replace("vulkan-compute", "mock")).unwrap();
-    program(place, &["submit", "hq", "night.lua"]).output().unwrap();
-    let output = program(place, &["work", "out/latest", "--device", "7"]).output().unwrap();
-    assert!(output.status.success() && text(&output).contains("--device 7 is not looked at"), "{}", text(&output));
+    // On a plan that renders on no device the option has no meaning, and that is reported.
+    std::fs::write(
+        place.join("night.lua"),
+        SCRIPT.replace("vulkan-compute", "mock"),
+    )
+    .unwrap();
+    program(place, &["submit", "hq", "night.lua"])
+        .output()
+        .unwrap();
+    let output = program(place, &["work", "out/latest", "--device", "7"])
+        .output()
+        .unwrap();
+    assert!(
+        output.status.success() && text(&output).contains("--device 7 is ignored"),
+        "{}",
+        text(&output)
+    );
 }
 
 #[test]
 fn every_device_has_a_worker_every_comparison_one_device_and_parts_the_same_bits_on_any() {
-    let Some((place, two)) = workplace() else { return };
+    let Some((place, two)) = workplace() else {
+        return;
+    };
     let place = place.path();
-    let alone = program(place, &["run", "night.lua", "-q", "--no-smoke", "--out", "alone"]).output().unwrap();
+    let alone = program(
+        place,
+        &["run", "night.lua", "-q", "--no-smoke", "--out", "alone"],
+    )
+    .output()
+    .unwrap();
     assert!(alone.status.success(), "{}", text(&alone));
     let whole = pictures(&place.join("alone"));
-    assert_eq!(whole.len(), 2 * 4 + 4, "two references with their halves and noise, four cells");
+    assert_eq!(
+        whole.len(),
+        2 * 4 + 4,
+        "two references with their halves and noise, four cells"
+    );
 
-    // The same references as on the processor: every part has samples of its own.
-    let there = program(place, &["run", "night.lua", "-q", "--no-smoke", "--backend", "cpu", "--out", "cpu"]).output();
+    // The same references as on the CPU: every shard has its own range of samples.
+    let there = program(
+        place,
+        &[
+            "run",
+            "night.lua",
+            "-q",
+            "--no-smoke",
+            "--backend",
+            "cpu",
+            "--out",
+            "cpu",
+        ],
+    )
+    .output();
     assert!(there.unwrap().status.success());
     let means = |out: &str| -> Vec<Vec<f32>> {
-        let refs = pictures(&place.join(out)).into_iter().filter(|(name, _)| name.ends_with("/ref.exr"));
-        let mut means: Vec<Vec<f32>> =
-            refs.map(|(_, bytes)| lumbre::output::exr::decode(&bytes).unwrap().0.data.concat()).collect();
+        let refs = pictures(&place.join(out))
+            .into_iter()
+            .filter(|(name, _)| name.ends_with("/ref.exr"));
+        let mut means: Vec<Vec<f32>> = refs
+            .map(|(_, bytes)| lumbre::output::exr::decode(&bytes).unwrap().0.data.concat())
+            .collect();
         means.sort_by(|a, b| a.iter().sum::<f32>().total_cmp(&b.iter().sum()));
         means
     };
     for (found, expected) in means("alone").iter().zip(&means("cpu")) {
-        let off = found.iter().zip(expected).filter(|(a, b)| (**a - **b).abs() > 1e-3 * b.abs().max(1e-3)).count();
-        assert!(off <= 3 && found.len() == 16 * 12 * 3, "{off} of {} values differ", found.len());
+        let off = found
+            .iter()
+            .zip(expected)
+            .filter(|(a, b)| (**a - **b).abs() > 1e-3 * b.abs().max(1e-3))
+            .count();
+        assert!(
+            off <= 3 && found.len() == 16 * 12 * 3,
+            "{off} of {} values differ",
+            found.len()
+        );
     }
     if !two {
         return println!("SKIPPED: the loader lists no driver twice");
     }
-    let said = program(place, &["run", "night.lua", "--devices", "0,7"]).output().unwrap();
+    let said = program(place, &["run", "night.lua", "--devices", "0,7"])
+        .output()
+        .unwrap();
     assert_eq!(said.status.code(), Some(2), "{}", text(&said));
-    assert!(text(&said).contains("`7` was asked for") && text(&said).contains("there are: 0 "), "{}", text(&said));
-    let said = program(place, &["run", "night.lua", "--devices", "1,1"]).output().unwrap();
+    assert!(
+        text(&said).contains("`7` (from ") && text(&said).contains("matches none of: 0 "),
+        "{}",
+        text(&said)
+    );
+    let said = program(place, &["run", "night.lua", "--devices", "1,1"])
+        .output()
+        .unwrap();
     assert_eq!(said.status.code(), Some(2), "{}", text(&said));
 
-    let night = program(place, &["run", "night.lua", "--no-tui", "--no-smoke", "--devices", "0,1"]).output().unwrap();
+    let night = program(
+        place,
+        &[
+            "run",
+            "night.lua",
+            "--no-tui",
+            "--no-smoke",
+            "--devices",
+            "0,1",
+        ],
+    )
+    .output()
+    .unwrap();
     let said = text(&night);
     assert!(night.status.success(), "{said}");
-    assert!(said.contains("device 1 has a worker of its own"), "{said}");
+    assert!(
+        said.contains("started a worker process for device 1"),
+        "{said}"
+    );
     alike(&pictures(&place.join("out")), &whole);
     let found = files(&place.join("out"));
     let named = |part: &str, end: &str| -> Vec<String> {
-        let fits = found.iter().filter(|(name, _)| name.contains(part) && name.ends_with(end));
-        fits.map(|(_, path)| std::fs::read_to_string(path).unwrap()).collect()
+        let fits = found
+            .iter()
+            .filter(|(name, _)| name.contains(part) && name.ends_with(end));
+        fits.map(|(_, path)| std::fs::read_to_string(path).unwrap())
+            .collect()
     };
     let worker = named("/workers/", ".json").concat();
-    assert!(worker.contains(", device 1\"") && worker.contains("\"state\":\"left\""), "{worker}");
-    // Parts of references are for whoever comes.
-    let parts = [named("journal", ".jsonl"), named("/workers/", ".jsonl")].concat().concat();
+    assert!(
+        worker.contains(", device 1\"") && worker.contains("\"state\":\"left\""),
+        "{worker}"
+    );
+    // Any worker renders shards of references.
+    let parts = [named("journal", ".jsonl"), named("/workers/", ".jsonl")]
+        .concat()
+        .concat();
     assert_eq!(parts.matches("part_finished").count(), 8, "{parts}");
-    // Each comparison has one device, whoever was quicker.
+    // Each comparison group has one device, whichever worker was quicker.
     let bonds: BTreeSet<String> = named("/bonds/", ".json").into_iter().collect();
-    assert!(bonds.iter().all(|bond| bond.contains(", device 0") || bond.contains(", device 1")), "{bonds:?}");
+    assert!(
+        bonds
+            .iter()
+            .all(|bond| bond.contains(", device 0") || bond.contains(", device 1")),
+        "{bonds:?}"
+    );
     assert_eq!(named("/bonds/", ".json").len(), 2);
 }
 
-/// Splats in whole numbers have no order, and a part's other sums begin at its first sample, whoever renders it.
+/// Checks that a shard does not depend on its waves: integer splats have no order, and a shard's
+/// other sums begin at its first sample, whichever worker renders it.
 #[test]
 fn a_part_with_splats_has_the_same_bits_in_any_waves_and_the_samples_of_the_processor() {
-    let Some(device) = harness::exact() else { return };
+    let Some(device) = harness::exact() else {
+        return;
+    };
     let scene = images::room();
-    // The pipeline is one that the test of pictures makes.
-    let part = Job { first_sample: 4, ..images::with("bdpt", 3) };
-    let once = images::render(&device, Kind::Compute, &scene, &part, 4);
-    let mut waves = VulkanRenderer::new(&device, Kind::Compute, &Sources::Embedded, &scene, &part).unwrap();
+    // The pipeline is that of the test of pictures.
+    let part = Job {
+        first_sample: 4,
+        ..images::with("bdpt", 3)
+    };
+    let once = images::render(&device, TracingMode::Compute, &scene, &part, 4);
+    let mut waves = VulkanRenderer::new(
+        &device,
+        TracingMode::Compute,
+        &Sources::Embedded,
+        &scene,
+        &part,
+    )
+    .unwrap();
     for samples in [3, 1] {
         waves.advance(samples).unwrap();
     }
-    assert!(*waves.film() == once, "the same part in other waves gives the same bits");
+    assert!(
+        *waves.film() == once,
+        "the same part in other waves gives the same bits"
+    );
     images::compare("samples 4 to 7", &once, &common::render(&scene, part, 4));
     harness::silent();
 }
 
 #[test]
 fn whole_splats_can_be_asked_for() {
-    let Some((place, _)) = workplace() else { return };
+    let Some((place, _)) = workplace() else {
+        return;
+    };
     let splats = |word: &str| {
-        let doctor = program(place.path(), &["doctor"]).env("LUMBRE_SPLATS", word).output().unwrap();
-        String::from_utf8_lossy(&doctor.stdout).contains("splats in whole numbers")
+        let doctor = program(place.path(), &["doctor"])
+            .env("LUMBRE_SPLATS", word)
+            .output()
+            .unwrap();
+        String::from_utf8_lossy(&doctor.stdout).contains("splats in fixed point")
     };
     assert!(splats("whole"), "a device that adds floats leaves that");
     let adds = harness::device().is_some_and(|device| device.info.caps.float_atomics);

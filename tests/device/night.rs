@@ -29,10 +29,13 @@ x:stop(function(p) return stop.samples(1024) end)
 return x
 "#;
 
-/// The numbers of an array in the format of numpy, single precision.
+/// Returns the numbers of an array in NumPy's format, single precision.
 fn numbers(file: &[u8]) -> Vec<f32> {
     let head = 10 + usize::from(u16::from_le_bytes([file[8], file[9]]));
-    file[head..].chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect()
+    file[head..]
+        .chunks_exact(4)
+        .map(|b| f32::from_le_bytes(b.try_into().unwrap()))
+        .collect()
 }
 
 #[test]
@@ -44,37 +47,64 @@ fn a_script_sweeps_over_backends_and_both_render_the_same() {
     std::fs::write(place.path().join("ball.scn"), SCENE).unwrap();
     std::fs::write(place.path().join("night.lua"), SCRIPT).unwrap();
     let mut command = Command::cargo_bin("lumbre").unwrap();
-    let ended = command.current_dir(place.path()).args(["run", "night.lua"]).output().unwrap();
+    let ended = command
+        .current_dir(place.path())
+        .args(["run", "night.lua"])
+        .output()
+        .unwrap();
     let said = String::from_utf8_lossy(&ended.stderr);
     assert!(ended.status.success(), "{said}");
     assert!(said.contains("backend vulkan-compute: "), "{said}");
     let (mut pictures, mut cubes, mut built) = (Vec::new(), Vec::new(), 0);
     let mut open = vec![place.path().join("out")];
     while let Some(folder) = open.pop() {
-        for path in std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()) {
+        for path in std::fs::read_dir(folder)
+            .unwrap()
+            .map(|e| e.unwrap().path())
+        {
             if path.is_dir() && !path.is_symlink() {
                 open.push(path);
             } else if path.file_name().is_some_and(|n| n == "final.exr") {
-                pictures.push(lumbre::output::exr::decode(&std::fs::read(path).unwrap()).unwrap().0);
+                pictures.push(
+                    lumbre::output::exr::decode(&std::fs::read(path).unwrap())
+                        .unwrap()
+                        .0,
+                );
             } else if path.file_name().is_some_and(|n| n == "time-cube.npy") {
                 cubes.push(numbers(&std::fs::read(path).unwrap()));
             } else if path.file_name().is_some_and(|n| n == "done.json") {
-                let done: serde_json::Value = serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
-                let said = ["accel_build_s", "accel_bytes", "accel_cost"].map(|key| done[key].as_f64().unwrap());
+                let done: serde_json::Value =
+                    serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
+                let said = ["accel_build_s", "accel_bytes", "accel_cost"]
+                    .map(|key| done[key].as_f64().unwrap());
                 assert!(said.iter().all(|x| *x > 0.0), "{done}");
                 built += 1;
             }
         }
     }
     assert_eq!((pictures.len(), built), (2, 2));
-    let far = pictures[0].data.as_flattened().iter().zip(pictures[1].data.as_flattened());
-    let off = far.filter(|(a, b)| (**a - **b).abs() > 1e-3 * a.abs().max(1e-3)).count();
+    let far = pictures[0]
+        .data
+        .as_flattened()
+        .iter()
+        .zip(pictures[1].data.as_flattened());
+    let off = far
+        .filter(|(a, b)| (**a - **b).abs() > 1e-3 * a.abs().max(1e-3))
+        .count();
     assert!(off <= 3, "{off} values differ");
     assert!(pictures[0].mean()[0] > 0.0);
     assert_eq!(cubes.len(), 2);
     let lit = cubes[0].iter().filter(|x| **x != 0.0).count();
-    let off = cubes[0].iter().zip(&cubes[1]).filter(|(a, b)| (**a - **b).abs() > 1e-3 * a.abs().max(1e-3)).count();
-    assert!(lit > 300 && cubes[0].len() == 24 * 16 * 24 * 3, "{lit} of {} are lit", cubes[0].len());
-    // A path that rounding sends to the other side of an edge between bins changes both.
+    let off = cubes[0]
+        .iter()
+        .zip(&cubes[1])
+        .filter(|(a, b)| (**a - **b).abs() > 1e-3 * a.abs().max(1e-3))
+        .count();
+    assert!(
+        lit > 300 && cubes[0].len() == 24 * 16 * 24 * 3,
+        "{lit} of {} are lit",
+        cubes[0].len()
+    );
+    // A path that rounding moves across an edge between bins changes both.
     assert!(off * 100 <= lit, "{off} of {lit} values in bins differ");
 }

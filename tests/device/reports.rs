@@ -1,4 +1,5 @@
-//! The same script on the processor and on a device: `lumbre report` puts both nights side by side, and its tables agree.
+//! The same script on the CPU and on a device: `lumbre report` puts both nights side by side, and
+//! its tables agree.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -6,7 +7,7 @@ use std::process::Command;
 
 use super::harness;
 
-/// Balls that light one another, so that every depth brings something.
+/// Balls that illuminate one another, so that every depth contributes.
 const SCENE: &str = r#"{
     "resolution": [20, 14], "maxdepth": 4,
     "camera": { "position": [0, 0.3, 4], "lookat": [0, 0, 0], "fov": 45 },
@@ -36,30 +37,55 @@ return x
 
 /// Runs the program in a folder.
 fn lumbre(place: &Path, arguments: &[&str]) {
-    let ended = Command::new(env!("CARGO_BIN_EXE_lumbre")).current_dir(place).args(arguments).output().unwrap();
-    assert!(ended.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&ended.stderr));
+    let ended = Command::new(env!("CARGO_BIN_EXE_lumbre"))
+        .current_dir(place)
+        .args(arguments)
+        .output()
+        .unwrap();
+    assert!(
+        ended.status.success(),
+        "{arguments:?}: {}",
+        String::from_utf8_lossy(&ended.stderr)
+    );
 }
 
-/// A line of a report's table: depth and technique, then the night, the mean over repeats, half of its interval.
+/// A line of a report's table: depth and technique, then the night, the mean over repeats, and half
+/// of its interval.
 type Entry = ((String, String), (String, f64, f64));
 
-/// The lines of a report's table as CSV. Names of devices may hold commas, and are in quotes then.
+/// Returns the lines of a report's table as CSV. Device names may hold commas, and are quoted then.
 fn entries(table: &str) -> Vec<Entry> {
     let fields = |line: &str| {
         let quoted: Vec<String> = line
             .split('"')
             .enumerate()
-            .map(|(i, part)| if i % 2 == 1 { part.replace(',', ";") } else { part.to_owned() })
+            .map(|(i, part)| {
+                if i % 2 == 1 {
+                    part.replace(',', ";")
+                } else {
+                    part.to_owned()
+                }
+            })
             .collect();
-        quoted.concat().split(',').map(str::to_owned).collect::<Vec<_>>()
+        quoted
+            .concat()
+            .split(',')
+            .map(str::to_owned)
+            .collect::<Vec<_>>()
     };
     let mut lines = table.lines().map(fields);
     let header = lines.next().unwrap();
     let at = |name: &str| header.iter().position(|n| n == name).unwrap();
-    let [depth, group, column, value, half] = ["depth", "group", "column", "value", "ci95_half"].map(at);
+    let [depth, group, column, value, half] =
+        ["depth", "group", "column", "value", "ci95_half"].map(at);
     let number = |field: &str| field.parse::<f64>().unwrap();
     lines
-        .map(|f| ((f[depth].clone(), f[column].clone()), (f[group].clone(), number(&f[value]), number(&f[half]))))
+        .map(|f| {
+            (
+                (f[depth].clone(), f[column].clone()),
+                (f[group].clone(), number(&f[value]), number(&f[half])),
+            )
+        })
         .collect()
 }
 
@@ -73,26 +99,70 @@ fn reports_of_the_same_script_on_the_processor_and_on_a_device_agree() {
     std::fs::write(place.join("balls.scn"), SCENE).unwrap();
     std::fs::write(place.join("agree.lua"), SCRIPT).unwrap();
     for backend in ["cpu", "vulkan"] {
-        lumbre(place, &["run", "agree.lua", "--backend", backend, "--out", backend, "-q"]);
+        lumbre(
+            place,
+            &[
+                "run",
+                "agree.lua",
+                "--backend",
+                backend,
+                "--out",
+                backend,
+                "-q",
+            ],
+        );
     }
-    lumbre(place, &["report", "cpu/latest", "vulkan/latest", "--name", "cpu", "--name", "vulkan", "--to", "both"]);
+    lumbre(
+        place,
+        &[
+            "report",
+            "cpu/latest",
+            "vulkan/latest",
+            "--name",
+            "cpu",
+            "--name",
+            "vulkan",
+            "--to",
+            "both",
+        ],
+    );
     let mut depths = BTreeMap::new();
     for metric in ["rmse", "ssim"] {
-        let table = std::fs::read_to_string(place.join(format!("both/tables/final-{metric}.csv"))).unwrap();
+        let table =
+            std::fs::read_to_string(place.join(format!("both/tables/final-{metric}.csv"))).unwrap();
         let mut cells = BTreeMap::<_, Vec<_>>::new();
-        entries(&table).into_iter().for_each(|(cell, entry)| cells.entry(cell).or_default().push(entry));
+        entries(&table)
+            .into_iter()
+            .for_each(|(cell, entry)| cells.entry(cell).or_default().push(entry));
         assert_eq!(cells.len(), 4, "{table}");
         for (cell, nights) in &cells {
-            let [(first, a, a_half), (second, b, b_half)] = &nights[..] else { panic!("{cell:?}: {table}") };
-            assert!(first.contains("cpu") && second.contains("vulkan"), "{table}");
-            // Within what repeats say of the noise; and, since seeds are the same, far closer.
-            assert!((a - b).abs() <= a_half + b_half, "{metric} of {cell:?}: {a} and {b}");
-            assert!((a - b).abs() <= 1e-3 * a.abs(), "{metric} of {cell:?}: {a} and {b}");
+            let [(first, a, a_half), (second, b, b_half)] = &nights[..] else {
+                panic!("{cell:?}: {table}")
+            };
+            assert!(
+                first.contains("cpu") && second.contains("vulkan"),
+                "{table}"
+            );
+            // Within the noise that the repeats show; and, since seeds are the same, far closer.
+            assert!(
+                (a - b).abs() <= a_half + b_half,
+                "{metric} of {cell:?}: {a} and {b}"
+            );
+            assert!(
+                (a - b).abs() <= 1e-3 * a.abs(),
+                "{metric} of {cell:?}: {a} and {b}"
+            );
             assert!(*a > 0.0 && *a_half > 0.0, "{table}");
-            depths.entry((metric, cell.1.clone())).or_insert_with(Vec::new).push(*a);
+            depths
+                .entry((metric, cell.1.clone()))
+                .or_insert_with(Vec::new)
+                .push(*a);
         }
     }
     for (of, values) in &depths {
-        assert!((values[0] / values[1] - 1.0).abs() > 1e-3, "{of:?}: depth makes no difference, {values:?}");
+        assert!(
+            (values[0] / values[1] - 1.0).abs() > 1e-3,
+            "{of:?}: depth makes no difference, {values:?}"
+        );
     }
 }

@@ -1,16 +1,21 @@
-//! Texels that are more than one buffer may hold: they lie in blocks by address, and nobody sees a difference.
+//! Texels beyond the size of one buffer: they are stored in blocks by address, with the same
+//! results.
 
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use lumbre::film::layer::Layout;
-use lumbre::render::vulkan::device::{Caps, Device, Limits};
+use lumbre::film::layer::LayerLayout;
+use lumbre::render::vulkan::context::{
+    device::Device,
+    physical_device::{Caps, Limits},
+};
 use lumbre::render::vulkan::error::VulkanError;
-use lumbre::render::vulkan::kernel::{self, Stage};
-use lumbre::render::vulkan::program::Kind;
+use lumbre::render::vulkan::memory::upload::{JobBuffers, SceneBuffers};
+use lumbre::render::vulkan::pipelines::program::TracingMode;
+use lumbre::render::vulkan::pipelines::spirv::Sources;
+use lumbre::render::vulkan::pipelines::test_kernel;
+use lumbre::render::vulkan::pipelines::test_kernel::KernelStage;
 use lumbre::render::vulkan::renderer::into_render_error;
-use lumbre::render::vulkan::spirv::Sources;
-use lumbre::render::vulkan::upload::{JobBuffers, SceneBuffers};
 use lumbre::render::{Job, RenderError};
 use lumbre::scene::CompiledScene;
 use lumbre::scene::compile::Texture;
@@ -20,59 +25,101 @@ use super::harness;
 use super::images::{compare, kinds, lamps, render};
 use crate::common::{self, SceneBuilder, grey, job};
 
-/// The device with other limits and capabilities.
+/// Returns the device with other limits and capabilities.
 fn with(device: &Device, change: impl FnOnce(&mut Limits, &mut Caps)) -> Arc<Device> {
     let (mut info, mut caps) = (device.info.clone(), device.info.caps);
     change(&mut info.limits, &mut caps);
     Device::open(info, caps).unwrap()
 }
 
-/// The device with room for so many texels in a buffer.
+/// Returns the device with room for so many texels in a buffer.
 fn cut(device: &Device, texels: u64) -> Arc<Device> {
     with(device, |limits, _| limits.texels = texels * 12)
 }
 
-/// Textures, a mask and an environment's map, with colours and second coordinates at the corners of triangles.
+/// Returns a scene with textures, a mask and an environment map, with colours and second
+/// coordinates at triangle corners.
 fn scene() -> Arc<CompiledScene> {
     let mut scene = (*lamps()).clone();
     let part = |i: usize, k: usize| (7 * i + 3 * k) as f32 % 10.0 / 10.0;
     let triangles = 0..scene.triangles.len();
-    scene.colors = triangles.clone().map(|i| [0, 1, 2].map(|k| Vec3::new(1.0, part(i, k), 0.5))).collect();
-    scene.second_uvs = triangles.map(|i| [0, 1, 2].map(|k| Vec2::new(part(i, k), part(k, i)))).collect();
+    scene.colors = triangles
+        .clone()
+        .map(|i| [0, 1, 2].map(|k| Vec3::new(1.0, part(i, k), 0.5)))
+        .collect();
+    scene.second_uvs = triangles
+        .map(|i| [0, 1, 2].map(|k| Vec2::new(part(i, k), part(k, i))))
+        .collect();
     scene.textures[0].lookup.second = true;
     Arc::new(scene)
 }
 
-/// All texels of [`scene`] as they lie on a device: pictures, the environment's map, colours, second coordinates.
+/// Returns all texels of [`scene`] in device order: pictures, the environment map, colours, second
+/// coordinates.
 fn all_texels(scene: &CompiledScene) -> Vec<[f32; 3]> {
-    let maps = scene.textures.iter().chain(scene.environment.as_ref().and_then(|e| e.map.as_deref()));
+    let maps = scene
+        .textures
+        .iter()
+        .chain(scene.environment.as_ref().and_then(|e| e.map.as_deref()));
     let colors = scene.colors.as_flattened().iter().map(Vec3::to_array);
-    let second = scene.second_uvs.as_flattened().iter().map(|uv| [uv.x, uv.y, 0.0]);
-    maps.flat_map(|t| t.texels.iter().copied()).chain(colors).chain(second).collect()
+    let second = scene
+        .second_uvs
+        .as_flattened()
+        .iter()
+        .map(|uv| [uv.x, uv.y, 0.0]);
+    maps.flat_map(|t| t.texels.iter().copied())
+        .chain(colors)
+        .chain(second)
+        .collect()
 }
 
 #[test]
 fn every_texel_of_every_block_is_where_shaders_look_for_it() {
-    let Some(device) = harness::device() else { return };
+    let Some(device) = harness::device() else {
+        return;
+    };
     if !device.info.caps.addresses {
-        println!("SKIPPED: {} has no addresses of buffers", device.info.line());
+        println!(
+            "SKIPPED: {} has no addresses of buffers",
+            device.info.line()
+        );
         return;
     }
     let (scene, job) = (scene(), job([8, 8], 2, 1));
-    let expected: Vec<u32> = all_texels(&scene).as_flattened().iter().map(|x| x.to_bits()).collect();
+    let expected: Vec<u32> = all_texels(&scene)
+        .as_flattened()
+        .iter()
+        .map(|x| x.to_bits())
+        .collect();
     let count = expected.len() as u64 / 3;
-    // Blocks of two, of eight whose last is not full, as few as there may be, and one that just holds everything.
-    for (room, shift) in [(3, Some(1)), (15, Some(3)), (count - 1, Some((count - 1).ilog2())), (count, None)] {
+    // Blocks of two; of eight with a partial last one; the fewest possible; and one that just holds
+    // everything.
+    for (room, shift) in [
+        (3, Some(1)),
+        (15, Some(3)),
+        (count - 1, Some((count - 1).ilog2())),
+        (count, None),
+    ] {
         let device = cut(&device, room);
         let buffers = SceneBuffers::new(&device, &scene).unwrap();
         assert_eq!(buffers.texel_shift(), shift, "{room} texels");
-        let rest = JobBuffers::new(&device, &scene, &job, &Layout::default()).unwrap();
-        let defines: Vec<_> = shift.map(|shift| ("TEXEL_SHIFT", format!("{shift}u"))).into_iter().collect();
+        let rest = JobBuffers::new(&device, &scene, &job, &LayerLayout::default()).unwrap();
+        let defines: Vec<_> = shift
+            .map(|shift| ("TEXEL_SHIFT", format!("{shift}u")))
+            .into_iter()
+            .collect();
         let text = "void twin() { out_vec3(texel_at(in_word())); }";
         let inputs: Vec<u32> = (0..count as u32).collect();
-        for stage in [Stage::Compute, Stage::of(&device)] {
-            let spirv = kernel::compile(stage, &Sources::Embedded, "texels", text, [1, 3], &defines).unwrap();
-            let found = kernel::run(&device, stage, (&buffers, &rest), &spirv, &inputs, [1, 3]).unwrap();
+        for stage in [
+            KernelStage::Compute,
+            KernelStage::fastest_to_compile(&device),
+        ] {
+            let spirv =
+                test_kernel::compile(stage, &Sources::Embedded, "texels", text, [1, 3], &defines)
+                    .unwrap();
+            let found =
+                test_kernel::run(&device, stage, (&buffers, &rest), &spirv, &inputs, [1, 3])
+                    .unwrap();
             assert!(found == expected, "{room} texels, {stage:?}");
         }
     }
@@ -81,44 +128,78 @@ fn every_texel_of_every_block_is_where_shaders_look_for_it() {
 
 #[test]
 fn a_scene_whose_texels_lie_in_blocks_is_the_same_on_every_kind() {
-    let Some(device) = harness::device() else { return };
+    let Some(device) = harness::device() else {
+        return;
+    };
     if !device.info.caps.addresses {
-        println!("SKIPPED: {} has no addresses of buffers", device.info.line());
+        println!(
+            "SKIPPED: {} has no addresses of buffers",
+            device.info.line()
+        );
         return;
     }
     let (scene, blocks) = (scene(), cut(&device, 5));
-    let with = |name: &str| Job { integrator: integrator(name).unwrap(), ..job([48, 27], 4, 8) };
+    let with = |name: &str| Job {
+        integrator: integrator(name).unwrap(),
+        ..job([48, 27], 4, 8)
+    };
     let kind = harness::quick(&device);
     let whole = render(&device, kind, &scene, &with("nee"), 4);
     let parts = render(&blocks, kind, &scene, &with("nee"), 4);
     assert!(whole == parts, "other bits than of one buffer");
-    compare("texels in blocks", &parts, &common::render(&scene, with("nee"), 4));
+    compare(
+        "texels in blocks",
+        &parts,
+        &common::render(&scene, with("nee"), 4),
+    );
     let expected = common::render(&scene, with("bpt"), 4);
     for kind in kinds(&device).into_iter().filter(|other| *other != kind) {
         let found = render(&blocks, kind, &scene, &with("bpt"), 4);
-        compare(&format!("texels in blocks by {}", kind.backend()), &found, &expected);
+        compare(
+            &format!("texels in blocks by {}", kind.backend()),
+            &found,
+            &expected,
+        );
     }
     harness::silent();
 }
 
 #[test]
 fn texels_that_fit_nowhere_are_refused_with_both_sizes() {
-    let Some(device) = harness::device() else { return };
+    let Some(device) = harness::device() else {
+        return;
+    };
     let mut builder = SceneBuilder::new(Vec3::Z * 3.0, Vec3::ZERO, 50.0);
     builder.texture(Texture::new(1024, 512, vec![[0.5; 3]; 1024 * 512]));
-    let scene = builder.quad(Vec3::new(-1.0, -1.0, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0, grey(0.5)).build();
+    let scene = builder
+        .quad(
+            Vec3::new(-1.0, -1.0, 0.0),
+            Vec3::X * 2.0,
+            Vec3::Y * 2.0,
+            grey(0.5),
+        )
+        .build();
     let refused = |device: Arc<Device>, found: &str| {
         let error = SceneBuffers::new(&device, &scene).err().unwrap();
         let said = error.to_string();
         assert!(matches!(error, VulkanError::TooLarge { .. }), "{error:?}");
-        assert!(said.starts_with("texels takes 6 MiB") && said.contains(found), "{said}");
-        assert!(matches!(into_render_error(Kind::Compute, error), RenderError::Unsupported { .. }));
+        assert!(
+            said.starts_with("texels takes 6 MiB") && said.contains(found),
+            "{said}"
+        );
+        assert!(matches!(
+            into_render_error(TracingMode::Compute, error),
+            RenderError::Unsupported { .. }
+        ));
     };
     let narrow = |limits: &mut Limits| (limits.storage_range, limits.texels) = (1 << 20, 1 << 20);
-    // Without addresses there are no blocks.
+    // Without buffer addresses there are no blocks.
     let plain = |limits: &mut Limits, caps: &mut Caps| {
         narrow(limits);
-        *caps = Caps { scalar_layout: true, ..Caps::default() };
+        *caps = Caps {
+            scalar_layout: true,
+            ..Caps::default()
+        };
     };
     refused(with(&device, plain), "offers 1 MiB: one array");
     let small = |limits: &mut Limits, _: &mut Caps| {
@@ -128,7 +209,11 @@ fn texels_that_fit_nowhere_are_refused_with_both_sizes() {
     if device.info.caps.addresses {
         refused(with(&device, small), "offers 3 MiB: the scene");
         let blocks = SceneBuffers::new(&with(&device, |limits, _| narrow(limits)), &scene).unwrap();
-        assert_eq!(blocks.texel_shift(), Some(16), "64 Ki texels of twelve bytes in a MiB");
+        assert_eq!(
+            blocks.texel_shift(),
+            Some(16),
+            "64 Ki texels of twelve bytes in a MiB"
+        );
     }
     harness::silent();
 }

@@ -1,4 +1,5 @@
-//! Workers of devices that are killed at random instants: the night goes on, and leaves the same pictures.
+//! Device workers that are killed at random instants: the night continues and leaves the same
+//! pictures.
 #![cfg(target_os = "linux")]
 
 use std::path::{Path, PathBuf};
@@ -12,9 +13,10 @@ use super::harness;
 
 const SCENE: &str = include_str!("../common/ball.scn");
 
-/// Two cells of a second or so each, with a checkpoint many times a second: one with films by depth, and one in which the device
-/// goes on while waves are measured. One technique, whose shader every new worker finds
-/// in the cache of a software driver, so that it is killed while it renders and not while it compiles.
+/// Two cells of about a second each, with a checkpoint many times a second: one with films by
+/// depth, and one in which the device continues while waves are measured. One technique, whose
+/// shader every new worker finds in the cache of a software driver, so that it is killed while it
+/// renders and not while it compiles.
 const SCRIPT: &str = r#"
 local x = experiment("frail", { seed = 7 })
 x:axis("depth", { 3, 4 })
@@ -30,19 +32,32 @@ fn start(place: &Path) -> Child {
     std::fs::write(place.join("ball.scn"), SCENE).unwrap();
     std::fs::write(place.join("night.lua"), SCRIPT).unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_lumbre"));
-    command.current_dir(place).args(["run", "night.lua", "--no-tui"]);
-    command.stdout(Stdio::null()).stderr(std::fs::File::create(place.join("said")).unwrap()).spawn().unwrap()
+    command
+        .current_dir(place)
+        .args(["run", "night.lua", "--no-tui"]);
+    command
+        .stdout(Stdio::null())
+        .stderr(std::fs::File::create(place.join("said")).unwrap())
+        .spawn()
+        .unwrap()
 }
 
-/// The pictures that a night has left: of every cell the final one, and its films by depth.
+/// Returns the pictures that a night has left: of every cell the final one, and its films by depth.
 fn pictures(place: &Path) -> Vec<(PathBuf, Image)> {
     let (mut open, mut found) = (vec![place.join("out")], Vec::new());
     while let Some(folder) = open.pop() {
-        for path in std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()) {
+        for path in std::fs::read_dir(folder)
+            .unwrap()
+            .map(|e| e.unwrap().path())
+        {
             if path.is_dir() && !path.is_symlink() {
                 open.push(path);
-            } else if path.extension().is_some_and(|e| e == "exr") && !path.to_string_lossy().contains("snap-") {
-                let image = lumbre::output::exr::decode(&std::fs::read(&path).unwrap()).unwrap().0;
+            } else if path.extension().is_some_and(|e| e == "exr")
+                && !path.to_string_lossy().contains("snap-")
+            {
+                let image = lumbre::output::exr::decode(&std::fs::read(&path).unwrap())
+                    .unwrap()
+                    .0;
                 found.push((path.strip_prefix(place).unwrap().to_owned(), image));
             }
         }
@@ -51,14 +66,23 @@ fn pictures(place: &Path) -> Vec<(PathBuf, Image)> {
     found
 }
 
-/// The process id of the worker that a process has, if it has one.
+/// Returns the process id of a process's worker, if it has one.
 fn worker_of(pid: u32) -> Option<u32> {
-    let threads = std::fs::read_dir(format!("/proc/{pid}/task")).ok()?.flatten();
-    let lists = threads.filter_map(|thread| std::fs::read_to_string(thread.path().join("children")).ok());
-    let children: Vec<u32> =
-        lists.flat_map(|list| list.split_whitespace().filter_map(|pid| pid.parse().ok()).collect::<Vec<_>>()).collect();
+    let threads = std::fs::read_dir(format!("/proc/{pid}/task"))
+        .ok()?
+        .flatten();
+    let lists =
+        threads.filter_map(|thread| std::fs::read_to_string(thread.path().join("children")).ok());
+    let children: Vec<u32> = lists
+        .flat_map(|list| {
+            list.split_whitespace()
+                .filter_map(|pid| pid.parse().ok())
+                .collect::<Vec<_>>()
+        })
+        .collect();
     let works = |pid: &u32| {
-        std::fs::read_to_string(format!("/proc/{pid}/cmdline")).is_ok_and(|line| line.ends_with("worker\0"))
+        std::fs::read_to_string(format!("/proc/{pid}/cmdline"))
+            .is_ok_and(|line| line.ends_with("worker\0"))
     };
     children.into_iter().find(works)
 }
@@ -69,7 +93,11 @@ fn a_night_whose_worker_is_killed_at_random_instants_leaves_the_same_pictures() 
         return;
     }
     let whole = tempfile::tempdir().unwrap();
-    assert!(start(whole.path()).wait().unwrap().success(), "{:?}", std::fs::read_to_string(whole.path().join("said")));
+    assert!(
+        start(whole.path()).wait().unwrap().success(),
+        "{:?}",
+        std::fs::read_to_string(whole.path().join("said"))
+    );
     let expected = pictures(whole.path());
     assert_eq!(expected.len(), 1 + (1 + 4), "{expected:?}");
     let frail = tempfile::tempdir().unwrap();
@@ -79,18 +107,28 @@ fn a_night_whose_worker_is_killed_at_random_instants_leaves_the_same_pictures() 
         if let Some(status) = night.try_wait().unwrap() {
             break status;
         }
-        // Bounded, so that no run is lost for good: each is tried four times, and so is the smoke pass.
+        // Bounded, so that no run exhausts its retries: each run and each smoke pass is tried four
+        // times.
         pause += 1;
         let wait = 0.1 + 0.9 * unit(pcg4d([pause, 3, 1, 4])[0]);
         std::thread::sleep(Duration::from_secs_f32(wait));
         if let (Some(worker), true) = (worker_of(night.id()), kills < 3) {
-            kills += u32::from(Command::new("kill").args(["-9", &worker.to_string()]).status().unwrap().success());
+            kills += u32::from(
+                Command::new("kill")
+                    .args(["-9", &worker.to_string()])
+                    .status()
+                    .unwrap()
+                    .success(),
+            );
         }
     };
     let said = std::fs::read_to_string(frail.path().join("said")).unwrap();
     assert!(status.success(), "{said}");
     assert!(kills > 0, "nothing was killed: {said}");
-    println!("{kills} workers killed; {}", said.matches("it is tried again from its newest checkpoint").count());
+    println!(
+        "{kills} workers killed; {}",
+        said.matches("retrying from the newest checkpoint").count()
+    );
     let found = pictures(frail.path());
     assert_eq!(found.len(), expected.len());
     for ((path, image), (_, other)) in found.iter().zip(&expected) {

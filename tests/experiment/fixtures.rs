@@ -1,4 +1,5 @@
-//! A small experiment without a script: its parts are plain closures that a test replaces one by one.
+//! A small experiment without a script: its hooks are plain closures that a test replaces one by
+//! one.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -7,13 +8,15 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use lumbre::experiment::event::{FinishedRun, History, Level};
-use lumbre::experiment::floors::HalfImages;
+use lumbre::experiment::noise_floor::HalfImages;
 use lumbre::experiment::plan::{LoadedScene, expand};
 use lumbre::experiment::run::{Open, Seams, run_with};
-use lumbre::experiment::spec::{Axis, CellConfig, HookError, Measure, ReferenceRequest, Snapshots};
+use lumbre::experiment::spec::{
+    Axis, CellConfig, HookError, MeasureSpec, ReferenceRequest, Snapshots,
+};
 use lumbre::experiment::{
-    CellRef, Control, Event, NightSummary, Outcome, Overrides, Plan, PlanError, Point, RunError, RunId, ScriptHooks,
-    Sink, SinkError, Spec, StopRule, WaveRow,
+    CellRef, Event, ExperimentSpec, NightControls, NightSummary, Outcome, Overrides, Plan,
+    PlanError, Point, RunError, RunId, ScriptHooks, Sink, SinkError, StopRule, WaveRow,
 };
 use lumbre::film::{Film, Image};
 use lumbre::metrics::MetricSpec;
@@ -28,16 +31,16 @@ pub type Hook<T> = Box<dyn Fn(&Point) -> Result<T, HookError>>;
 pub type SkipHook = Box<dyn Fn(usize, &Point) -> Result<bool, HookError>>;
 pub type PredicateHook = Box<dyn Fn(usize, &[String], &[WaveRow]) -> Result<bool, HookError>>;
 
-/// An experiment whose every part can be exchanged.
+/// An experiment whose every hook can be replaced.
 pub struct Lab {
-    pub spec: Spec,
+    pub spec: ExperimentSpec,
     pub overrides: Overrides,
     pub skip: SkipHook,
     pub render: Hook<CellConfig>,
     pub reference: Hook<Option<ReferenceRequest>>,
     pub stop: Hook<StopRule>,
     pub predicate: PredicateHook,
-    /// Files asked for, in order.
+    /// Requested files, in order.
     pub loads: RefCell<Vec<PathBuf>>,
 }
 
@@ -58,13 +61,19 @@ impl ScriptHooks for Lab {
         (self.stop)(point)
     }
 
-    fn predicate(&self, id: usize, columns: &[String], rows: &[WaveRow]) -> Result<bool, HookError> {
+    fn predicate(
+        &self,
+        id: usize,
+        columns: &[String],
+        rows: &[WaveRow],
+    ) -> Result<bool, HookError> {
         (self.predicate)(id, columns, rows)
     }
 }
 
 impl Lab {
-    /// No axes, one repeat, 8x4 pixels on the mock, 16 samples per cell, no metrics and no reference.
+    /// Creates an experiment with no axes, one repeat, 8x4 pixels on the mock, 16 samples per cell,
+    /// no metrics and no reference.
     pub fn new() -> Lab {
         Lab {
             spec: spec(),
@@ -73,7 +82,9 @@ impl Lab {
             render: Box::new(|_| Ok(config())),
             reference: Box::new(|_| Ok(None)),
             stop: Box::new(|_| Ok(StopRule::Samples(16))),
-            predicate: Box::new(|id, _, _| Err(HookError(format!("nobody wrote predicate {id}").into()))),
+            predicate: Box::new(|id, _, _| {
+                Err(HookError(format!("no predicate for run {id}").into()))
+            }),
             loads: RefCell::default(),
         }
     }
@@ -81,14 +92,20 @@ impl Lab {
     /// Adds an axis.
     pub fn axis(mut self, name: &str, values: impl IntoIterator<Item = impl Into<Value>>) -> Lab {
         let steps = values.into_iter().map(|v| vec![v.into()]).collect();
-        self.spec.axes.push(Axis { names: vec![name.to_owned()], steps });
+        self.spec.axes.push(Axis {
+            names: vec![name.to_owned()],
+            steps,
+        });
         self
     }
 
     /// Adds axes that move together.
     pub fn zip<const N: usize>(mut self, names: [&str; N], steps: &[[Value; N]]) -> Lab {
         let steps = steps.iter().map(|step| step.to_vec()).collect();
-        self.spec.axes.push(Axis { names: names.map(str::to_owned).to_vec(), steps });
+        self.spec.axes.push(Axis {
+            names: names.map(str::to_owned).to_vec(),
+            steps,
+        });
         self
     }
 
@@ -103,14 +120,14 @@ impl Lab {
             Ok(Some(ReferenceRequest::Render {
                 config: Box::new(again(p)?),
                 stop: StopRule::Samples(4096),
-                agree: None,
-                parts: 1,
+                bias_check: None,
+                shards: 1,
             }))
         });
         self
     }
 
-    /// The plan, or why there is none.
+    /// Returns the plan, or the reason why there is none.
     pub fn try_plan(&self) -> Result<Plan, PlanError> {
         let mut load = |file: &Path, _: &BTreeMap<String, Value>| {
             self.loads.borrow_mut().push(file.to_owned());
@@ -119,14 +136,14 @@ impl Lab {
         expand(&self.spec, self, &self.overrides, &mut load)
     }
 
-    /// The plan.
+    /// Returns the plan.
     pub fn plan(&self) -> Plan {
         self.try_plan().unwrap()
     }
 }
 
-fn spec() -> Spec {
-    Spec {
+fn spec() -> ExperimentSpec {
+    ExperimentSpec {
         name: "lab".into(),
         seed: 1,
         repeats: 1,
@@ -135,7 +152,7 @@ fn spec() -> Spec {
         script_hash: [5; 32],
         axes: Vec::new(),
         skips: Vec::new(),
-        measure: Measure {
+        measure: MeasureSpec {
             every_s: 1e6,
             metrics: Vec::new(),
             snapshots: Snapshots::Last,
@@ -143,13 +160,13 @@ fn spec() -> Spec {
             display: Tonemap::Srgb { exposure: 0.0 },
         },
         night: Default::default(),
-        control: false,
+        aa_check: false,
         figures: Vec::new(),
         tables: Vec::new(),
     }
 }
 
-/// What a cell renders unless a test says otherwise.
+/// Returns the configuration of a cell unless a test changes it.
 pub fn config() -> CellConfig {
     CellConfig {
         scene_options: Default::default(),
@@ -160,7 +177,10 @@ pub fn config() -> CellConfig {
         max_depth: Some(5),
         resolution: Some([8, 4]),
         rr_start: None,
-        filter: FilterSpec { kind: FilterKind::Box, radius: 0.5 },
+        filter: FilterSpec {
+            kind: FilterKind::Box,
+            radius: 0.5,
+        },
         films: Vec::new(),
         accel: Default::default(),
         timing: None,
@@ -171,11 +191,14 @@ pub fn config() -> CellConfig {
     }
 }
 
-/// A sphere of material `egg` for every file name; files called `missing` are, and every file has one thing that
-/// cannot be honoured.
+/// Returns a sphere of material `egg` for every file name, with one unsupported feature; files
+/// called `missing` do not exist.
 pub fn load_scene(file: &Path) -> LoadedScene {
     if file.ends_with("missing.scn") {
-        return Err(SceneError::Unreadable { file: file.to_owned(), reason: "no such file".into() });
+        return Err(SceneError::Unreadable {
+            file: file.to_owned(),
+            reason: "no such file".into(),
+        });
     }
     let mut egg = MaterialDesc::new("egg");
     egg.roughness = file.to_string_lossy().len() as f32 / 100.0;
@@ -203,44 +226,57 @@ pub fn load_scene(file: &Path) -> LoadedScene {
         lights: vec![],
         environment: None,
     };
-    let note = Note { file: file.to_owned(), place: "fog".into(), message: "left out".into() };
+    let note = Note {
+        file: file.to_owned(),
+        place: "fog".into(),
+        message: "left out".into(),
+    };
     Ok((scene, vec![note]))
 }
 
-/// A cell for each depth, so that points differ in what they render.
+/// Returns an experiment with a cell for each depth, so that points render different pictures.
 pub fn depths(values: impl IntoIterator<Item = i64>) -> Lab {
     let mut lab = Lab::new().axis("depth", values.into_iter().map(Value::Int));
-    lab.render = Box::new(|p| Ok(CellConfig { max_depth: Some(whole_at(p, "depth")), ..config() }));
+    lab.render = Box::new(|p| {
+        Ok(CellConfig {
+            max_depth: Some(whole_at(p, "depth")),
+            ..config()
+        })
+    });
     lab
 }
 
-/// The value of an axis at a point.
+/// Returns the value of an axis at a point.
 pub fn at(point: &Point, axis: &str) -> Value {
-    point.iter().find(|(name, _)| name == axis).map(|(_, value)| value.clone()).unwrap()
+    point
+        .iter()
+        .find(|(name, _)| name == axis)
+        .map(|(_, value)| value.clone())
+        .unwrap()
 }
 
-/// A whole number from an axis at a point.
+/// Returns an integer from an axis at a point.
 pub fn whole_at(point: &Point, axis: &str) -> u32 {
     u32::try_from(at(point, axis).as_i64().unwrap()).unwrap()
 }
 
-/// Integers as values.
+/// Returns integers as values.
 pub fn ints<const N: usize>(numbers: [i64; N]) -> [Value; N] {
     numbers.map(Value::Int)
 }
 
-/// What a listener heard, in short words, and the events themselves.
+/// Events that a listener received, in short form and in full.
 #[derive(Default)]
 pub struct Recorder {
-    /// Whether it shows light by time.
-    pub shows_times: bool,
+    /// Whether the listener wants pictures by time.
+    pub wants_times: bool,
     pub words: Vec<String>,
     pub events: Vec<Event>,
 }
 
 impl Sink for Recorder {
-    fn hear(&mut self, event: &Event) -> Result<(), SinkError> {
-        // When the rest of a night is reckoned again depends on how long it takes.
+    fn receive(&mut self, event: &Event) -> Result<(), SinkError> {
+        // When the forecast of a night is computed again depends on the time it takes.
         if !matches!(event, Event::Forecast(_)) {
             self.words.push(words(event));
         }
@@ -248,13 +284,13 @@ impl Sink for Recorder {
         Ok(())
     }
 
-    fn shows_times(&self) -> bool {
-        self.shows_times
+    fn wants_times(&self) -> bool {
+        self.wants_times
     }
 }
 
 impl Recorder {
-    /// The measurements of a cell as they were told.
+    /// Returns the measurements of a cell in the order of their events.
     pub fn rows(&self, wanted: CellRef) -> Vec<&WaveRow> {
         let mut rows = Vec::new();
         for event in &self.events {
@@ -266,12 +302,12 @@ impl Recorder {
         rows
     }
 
-    /// The samples per pixel after each wave of a cell.
+    /// Returns the samples per pixel after each wave of a cell.
     pub fn totals(&self, wanted: CellRef) -> Vec<u64> {
         self.rows(wanted).iter().map(|row| row.samples).collect()
     }
 
-    /// The final sums of a cell, if it ended with any.
+    /// Returns the final sums of a cell, if it ended with any.
     pub fn film(&self, wanted: CellRef) -> Option<Arc<Film>> {
         self.events.iter().find_map(|event| match event {
             Event::CellFinished { cell, film, .. } if *cell == wanted => film.clone(),
@@ -279,7 +315,7 @@ impl Recorder {
         })
     }
 
-    /// The texts of all messages of a level.
+    /// Returns the texts of all messages of a level.
     pub fn messages(&self, wanted: Level) -> Vec<String> {
         let text = |event: &Event| match event {
             Event::Message { level, text, .. } if *level == wanted => Some(text.clone()),
@@ -289,7 +325,7 @@ impl Recorder {
     }
 }
 
-/// An event in a few words: `wave c0 4`, `done r0`.
+/// Returns an event in short form: `wave c0 4`, `done r0`.
 pub fn words(event: &Event) -> String {
     let name = |cell: &CellRef| match cell {
         CellRef::Cell(i) => format!("c{i}"),
@@ -308,22 +344,32 @@ pub fn words(event: &Event) -> String {
             };
             format!("{how} {}", name(cell))
         }
-        Event::Message { cell, .. } => format!("message {}", cell.as_ref().map(name).unwrap_or_default()),
-        Event::Floors { reference, .. } => format!("floors r{reference}"),
-        Event::Agreement { reference, with, .. } => format!("compared r{reference} r{with}"),
+        Event::Message { cell, .. } => {
+            format!("message {}", cell.as_ref().map(name).unwrap_or_default())
+        }
+        Event::NoiseFloors { reference, .. } => format!("floors r{reference}"),
+        Event::BiasCheck {
+            reference, with, ..
+        } => format!("compared r{reference} r{with}"),
         Event::Times { cell, .. } => format!("times {}", name(cell)),
         Event::Halves { reference, .. } => format!("halves r{reference}"),
-        Event::PartStarted { part, .. } => format!("start r{} {}", part.reference, part.number),
-        Event::PartFinished { part, outcome: Outcome::Done(_), .. } => {
-            format!("there r{} {}", part.reference, part.number)
+        Event::ShardStarted { shard, .. } => format!("start r{} {}", shard.reference, shard.number),
+        Event::ShardFinished {
+            shard,
+            outcome: Outcome::Done(_),
+            ..
+        } => {
+            format!("there r{} {}", shard.reference, shard.number)
         }
-        Event::PartFinished { part, .. } => format!("cut off r{} {}", part.reference, part.number),
+        Event::ShardFinished { shard, .. } => {
+            format!("cut off r{} {}", shard.reference, shard.number)
+        }
         Event::Forecast(_) => "forecast".into(),
         Event::NightFinished => "morning".into(),
     }
 }
 
-/// What earlier nights left, in memory.
+/// Results of earlier nights, in memory.
 #[derive(Default)]
 pub struct Memory {
     pub done: BTreeMap<RunId, FinishedRun>,
@@ -333,7 +379,7 @@ pub struct Memory {
 }
 
 impl History for Memory {
-    fn done(&self, plan: &Plan, cell: CellRef) -> Option<FinishedRun> {
+    fn finished_run(&self, plan: &Plan, cell: CellRef) -> Option<FinishedRun> {
         self.done.get(plan.id(cell)).cloned()
     }
 
@@ -343,7 +389,10 @@ impl History for Memory {
     }
 
     fn noise(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError> {
-        Ok(self.noise.get(plan.id(CellRef::Reference(reference))).cloned())
+        Ok(self
+            .noise
+            .get(plan.id(CellRef::Reference(reference)))
+            .cloned())
     }
 
     fn halves(&self, plan: &Plan, reference: usize) -> Result<Option<HalfImages>, SinkError> {
@@ -352,10 +401,10 @@ impl History for Memory {
     }
 }
 
-/// A night on the mock backend with its listeners, its past and its user.
+/// A night on the mock backend with its listeners, its history and its user.
 pub struct Night<'a> {
     pub history: Memory,
-    pub control: Control,
+    pub control: NightControls,
     pub open: Open<'a>,
     pub wait: &'a dyn Fn(),
 }
@@ -364,29 +413,34 @@ impl Default for Night<'_> {
     fn default() -> Self {
         Night {
             history: Memory::default(),
-            control: Control::default(),
+            control: NightControls::default(),
             open: &|_, scene, job| Ok(Box::new(MockRenderer::new(scene, job))),
-            wait: &|| panic!("nobody asked for a pause"),
+            wait: &|| panic!("unexpected pause"),
         }
     }
 }
 
 impl Night<'_> {
-    /// Carries out a plan before the given listeners.
+    /// Renders a plan with the given listeners.
     pub fn carry_out(
         &self,
         lab: &Lab,
         plan: &Arc<Plan>,
         sinks: &mut [&mut dyn Sink],
     ) -> Result<NightSummary, RunError> {
-        let seams = Seams { open: self.open, wait: self.wait };
+        let seams = Seams {
+            open: self.open,
+            wait: self.wait,
+        };
         run_with(&seams, plan, lab, &self.history, sinks, &self.control, 1)
     }
 
-    /// Plans, carries out, and records.
+    /// Plans, renders and records a night.
     pub fn record(&self, lab: &Lab) -> (NightSummary, Recorder) {
         let mut recorder = Recorder::default();
-        let summary = self.carry_out(lab, &Arc::new(lab.plan()), &mut [&mut recorder]).unwrap();
+        let summary = self
+            .carry_out(lab, &Arc::new(lab.plan()), &mut [&mut recorder])
+            .unwrap();
         (summary, recorder)
     }
 }

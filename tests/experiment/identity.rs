@@ -1,10 +1,11 @@
-//! What decides a run's id, and what does not.
+//! Inputs that decide a run's id, and those that do not.
 
 use std::collections::BTreeMap;
 
 use lumbre::experiment::plan::{Overrides, ReferenceSource};
 use lumbre::experiment::spec::{
-    CellConfig, FigureKind, FigureSpec, FigureX, ReferenceRequest, Snapshots, TableFormat, TableSpec, TableValue,
+    CellConfig, FigureKind, FigureSpec, FigureX, ReferenceRequest, Snapshots, TableFormat,
+    TableSpec, TableValue,
 };
 use lumbre::experiment::{Plan, StopRule, stop::Comparison};
 use lumbre::film::layer::Layer;
@@ -27,12 +28,27 @@ struct Parts {
 }
 
 fn figure() -> FigureSpec {
-    let kind = FigureKind::Convergence { x: FigureX::Samples, y: vec![] };
-    FigureSpec { name: "f".into(), kind, by: None, facet: vec![], only: vec![] }
+    let kind = FigureKind::Convergence {
+        x: FigureX::Samples,
+        y: vec![],
+    };
+    FigureSpec {
+        name: "f".into(),
+        kind,
+        by: None,
+        facet: vec![],
+        only: vec![],
+    }
 }
 
 fn over(y: Vec<TableValue>, axis: &str) -> FigureSpec {
-    FigureSpec { kind: FigureKind::Sweep { over: axis.into(), y }, ..figure() }
+    FigureSpec {
+        kind: FigureKind::Sweep {
+            over: axis.into(),
+            y,
+        },
+        ..figure()
+    }
 }
 
 impl Parts {
@@ -47,12 +63,23 @@ impl Parts {
     }
 
     fn plan(self) -> Plan {
-        let Parts { mut lab, config, stop, reference_config, reference_stop } = self;
+        let Parts {
+            mut lab,
+            config,
+            stop,
+            reference_config,
+            reference_stop,
+        } = self;
         lab.render = Box::new(move |_| Ok(config.clone()));
         lab.stop = Box::new(move |_| Ok(stop.clone()));
         lab.reference = Box::new(move |_| {
             let config = Box::new(reference_config.clone());
-            Ok(Some(ReferenceRequest::Render { config, stop: reference_stop.clone(), agree: None, parts: 1 }))
+            Ok(Some(ReferenceRequest::Render {
+                config,
+                stop: reference_stop.clone(),
+                bias_check: None,
+                shards: 1,
+            }))
         });
         lab.plan()
     }
@@ -73,22 +100,35 @@ fn both(parts: &mut Parts, change: fn(&mut CellConfig)) {
 }
 
 fn rmse_below(hold: u32) -> StopRule {
-    StopRule::When { column: "rmse".into(), op: Comparison::Less, value: 0.1, hold }
+    StopRule::When {
+        column: "rmse".into(),
+        op: Comparison::Less,
+        value: 0.1,
+        hold,
+    }
 }
 
 #[test]
 fn every_field_that_decides_a_picture_or_its_measurement_changes_the_id() {
     let changes: &[(&str, Change)] = &[
         ("nothing", |_| {}),
-        ("scene file", |p| p.config.scene_file = "scenes/other_box.scn".into()),
+        ("scene file", |p| {
+            p.config.scene_file = "scenes/other_box.scn".into()
+        }),
         ("scene change", |p| {
-            p.config.set.insert("materials.egg.roughness".into(), Value::Num(0.5));
+            p.config
+                .set
+                .insert("materials.egg.roughness".into(), Value::Num(0.5));
         }),
         ("another scene change", |p| {
-            p.config.set.insert("materials.egg.ior".into(), Value::Num(1.25));
+            p.config
+                .set
+                .insert("materials.egg.ior".into(), Value::Num(1.25));
         }),
         ("camera", |p| {
-            p.config.set.insert("camera.aperture".into(), Value::Num(0.5));
+            p.config
+                .set
+                .insert("camera.aperture".into(), Value::Num(0.5));
         }),
         ("integrator's parameters", |p| {
             p.config.params.insert("mis".into(), "balance".into());
@@ -99,7 +139,9 @@ fn every_field_that_decides_a_picture_or_its_measurement_changes_the_id() {
         ("depth", |p| p.config.max_depth = Some(6)),
         ("depth of the scene", |p| p.config.max_depth = None),
         ("resolution", |p| both(p, |c| c.resolution = Some([4, 8]))),
-        ("resolution of the scene", |p| both(p, |c| c.resolution = None)),
+        ("resolution of the scene", |p| {
+            both(p, |c| c.resolution = None)
+        }),
         ("roulette", |p| p.config.rr_start = Some(3)),
         ("roulette at once", |p| p.config.rr_start = Some(0)),
         ("filter", |p| p.config.filter.kind = FilterKind::Gauss),
@@ -107,15 +149,19 @@ fn every_field_that_decides_a_picture_or_its_measurement_changes_the_id() {
         ("sampler", |p| p.config.sampler = "sobol".into()),
         ("backend", |p| p.config.backend = "cpu".into()),
         ("layers", |p| {
-            // The mock has none.
+            // The mock backend has no films.
             (p.config.backend, p.config.films) = ("cpu".into(), vec![Layer::Depth]);
         }),
         ("other layers", |p| {
             (p.config.backend, p.config.films) = ("cpu".into(), vec![Layer::Depth, Layer::Albedo]);
         }),
         ("builder", |p| p.config.accel.builder = Builder::Sah),
-        ("bins", |p| (p.config.accel.builder, p.config.accel.bins) = (Builder::Sah, 8)),
-        ("quality of building", |p| p.config.accel.quality = Quality::Fast),
+        ("bins", |p| {
+            (p.config.accel.builder, p.config.accel.bins) = (Builder::Sah, 8)
+        }),
+        ("quality of building", |p| {
+            p.config.accel.quality = Quality::Fast
+        }),
         ("copies", |p| p.config.accel.instances = Sharing::Always),
         ("seed", |p| p.lab.spec.seed = 2),
         ("stop", |p| p.stop = StopRule::Samples(17)),
@@ -133,21 +179,40 @@ fn every_field_that_decides_a_picture_or_its_measurement_changes_the_id() {
         }),
         ("measuring interval", |p| p.lab.spec.measure.every_s = 0.5),
         ("metrics", |p| p.lab.spec.measure.metrics.clear()),
-        ("column", |p| p.lab.spec.measure.metrics[0].column = "error".into()),
+        ("column", |p| {
+            p.lab.spec.measure.metrics[0].column = "error".into()
+        }),
         ("another metric", |p| {
             let relative = MetricSpec::new("rmse", "relmse", BTreeMap::new()).unwrap();
             p.lab.spec.measure.metrics = vec![relative];
         }),
-        ("snapshots", |p| p.lab.spec.measure.snapshots = Snapshots::Pow2),
-        ("reference's depth", |p| p.reference_config.max_depth = Some(9)),
-        ("reference's filter", |p| p.reference_config.filter.radius = 0.75),
-        ("reference's sampler", |p| p.reference_config.sampler = "sobol".into()),
-        ("reference's stop", |p| p.reference_stop = StopRule::Samples(8192)),
+        ("snapshots", |p| {
+            p.lab.spec.measure.snapshots = Snapshots::Pow2
+        }),
+        ("reference's depth", |p| {
+            p.reference_config.max_depth = Some(9)
+        }),
+        ("reference's filter", |p| {
+            p.reference_config.filter.radius = 0.75
+        }),
+        ("reference's sampler", |p| {
+            p.reference_config.sampler = "sobol".into()
+        }),
+        ("reference's stop", |p| {
+            p.reference_stop = StopRule::Samples(8192)
+        }),
     ];
-    let ids: Vec<(&str, String)> = changes.iter().map(|(name, change)| (*name, ids(*change).0)).collect();
+    let ids: Vec<(&str, String)> = changes
+        .iter()
+        .map(|(name, change)| (*name, ids(*change).0))
+        .collect();
     for (i, (name, id)) in ids.iter().enumerate() {
         assert_eq!(id.len(), 32);
-        assert!(id.chars().all(|c| c.is_ascii_digit() || ('a'..='f').contains(&c)), "{id}");
+        assert!(
+            id.chars()
+                .all(|c| c.is_ascii_digit() || ('a'..='f').contains(&c)),
+            "{id}"
+        );
         for (other, other_id) in &ids[i + 1..] {
             assert_ne!(id, other_id, "`{name}` and `{other}` have the same id");
         }
@@ -159,15 +224,31 @@ fn names_places_and_looks_do_not_change_the_id() {
     let changes: &[(&str, Change)] = &[
         ("bins that its builder has not", |p| p.config.accel.bins = 8),
         ("experiment's name", |p| p.lab.spec.name = "other".into()),
-        ("axis name", |p| p.lab.spec.axes[0].names = vec!["label".into()]),
-        ("axis value that is not used", |p| p.lab.spec.axes[0].steps[0] = vec!["y".into()]),
-        ("script's place", |p| p.lab.spec.script_file = "elsewhere/night.lua".into()),
-        ("script's text", |p| p.lab.spec.script_text = "-- lab, with a remark".into()),
-        ("script's hash without predicates", |p| p.lab.spec.script_hash = [6; 32]),
+        ("axis name", |p| {
+            p.lab.spec.axes[0].names = vec!["label".into()]
+        }),
+        ("axis value that is not used", |p| {
+            p.lab.spec.axes[0].steps[0] = vec!["y".into()]
+        }),
+        ("script's place", |p| {
+            p.lab.spec.script_file = "elsewhere/night.lua".into()
+        }),
+        ("script's text", |p| {
+            p.lab.spec.script_text = "-- lab, with a remark".into()
+        }),
+        ("script's hash without predicates", |p| {
+            p.lab.spec.script_hash = [6; 32]
+        }),
         ("scene as written", |p| p.config.scene = "./box".into()),
-        ("scene file of the same content", |p| p.config.scene_file = "szenen/box.scn".into()),
-        ("tone map of the PNG", |p| p.lab.spec.measure.display = Tonemap::Srgb { exposure: 2.0 }),
-        ("depth equal to the scene's", |p| p.config.max_depth = Some(5)),
+        ("scene file of the same content", |p| {
+            p.config.scene_file = "szenen/box.scn".into()
+        }),
+        ("tone map of the PNG", |p| {
+            p.lab.spec.measure.display = Tonemap::Srgb { exposure: 2.0 }
+        }),
+        ("depth equal to the scene's", |p| {
+            p.config.max_depth = Some(5)
+        }),
         ("number of repeats", |p| p.lab.spec.repeats = 4),
         ("backend by override", |p| {
             p.config.backend = "auto".into();
@@ -188,7 +269,10 @@ fn names_places_and_looks_do_not_change_the_id() {
 fn a_scene_change_that_changes_nothing_is_the_same_scene() {
     let with = |set: &[(&'static str, f64)]| {
         let mut parts = Parts::new();
-        parts.config.set = set.iter().map(|(path, x)| ((*path).to_owned(), Value::number(*x))).collect();
+        parts.config.set = set
+            .iter()
+            .map(|(path, x)| ((*path).to_owned(), Value::number(*x)))
+            .collect();
         parts.plan().cells[0].id.clone()
     };
     assert_eq!(with(&[]), with(&[("camera.aperture", 0.0)]));
@@ -202,7 +286,9 @@ fn a_reference_does_not_know_who_asks_for_it() {
         ("cell's stop", |p| p.stop = StopRule::Samples(99)),
         ("measuring interval", |p| p.lab.spec.measure.every_s = 0.5),
         ("metrics", |p| p.lab.spec.measure.metrics.clear()),
-        ("snapshots", |p| p.lab.spec.measure.snapshots = Snapshots::Pow2),
+        ("snapshots", |p| {
+            p.lab.spec.measure.snapshots = Snapshots::Pow2
+        }),
         ("repeats", |p| p.lab.spec.repeats = 3),
     ];
     let unchanged = ids(|_| {}).1;
@@ -212,7 +298,9 @@ fn a_reference_does_not_know_who_asks_for_it() {
     let changes: &[(&str, Change)] = &[
         ("its depth", |p| p.reference_config.max_depth = Some(6)),
         ("its stop", |p| p.reference_stop = StopRule::Samples(99)),
-        ("its predicate", |p| p.reference_stop = StopRule::Predicate(0)),
+        ("its predicate", |p| {
+            p.reference_stop = StopRule::Predicate(0)
+        }),
     ];
     for (name, change) in changes {
         assert_ne!(ids(*change).1, unchanged, "{name}");
@@ -226,11 +314,16 @@ fn references_that_differ_only_in_their_end_have_one_stem() {
     let stem = |change: Change| {
         let mut parts = Parts::new();
         change(&mut parts);
-        let ReferenceSource::Render { stem, .. } = parts.plan().references.remove(0).source else { panic!("a file") };
+        let ReferenceSource::Render { stem, .. } = parts.plan().references.remove(0).source else {
+            panic!("a file")
+        };
         stem
     };
     let unchanged = stem(|_| {});
-    assert_eq!(stem(|p| p.reference_stop = StopRule::Samples(99)), unchanged);
+    assert_eq!(
+        stem(|p| p.reference_stop = StopRule::Samples(99)),
+        unchanged
+    );
     assert_ne!(stem(|p| p.reference_config.max_depth = Some(6)), unchanged);
 }
 
@@ -239,7 +332,9 @@ fn a_reference_is_never_the_run_it_measures() {
     let mut parts = Parts::new();
     parts.stop = StopRule::Samples(4096);
     let plan = parts.plan();
-    let ReferenceSource::Render { seeds, .. } = &plan.references[0].source else { panic!("not rendered") };
+    let ReferenceSource::Render { seeds, .. } = &plan.references[0].source else {
+        panic!("not rendered")
+    };
     assert!(!seeds.contains(&plan.cells[0].seed));
     assert_ne!(plan.cells[0].id, plan.references[0].id);
 }
@@ -286,10 +381,25 @@ fn the_plans_hash_follows_its_cells_points_figures_and_tables() {
         |_, _| {},
         |lab, _| lab.spec.name = "other".into(),
         |lab, _| lab.spec.axes[0].steps.reverse(),
-        |lab, _| lab.overrides = Overrides { only: vec![("depth".into(), Value::Int(3))], ..Overrides::default() },
+        |lab, _| {
+            lab.overrides = Overrides {
+                only: vec![("depth".into(), Value::Int(3))],
+                ..Overrides::default()
+            }
+        },
         |lab, table| lab.spec.tables = vec![table],
-        |lab, table| lab.spec.tables = vec![TableSpec { value: TableValue::RenderS, ..table }],
-        |lab, table| lab.spec.tables = vec![TableSpec { formats: vec![TableFormat::Csv], ..table }],
+        |lab, table| {
+            lab.spec.tables = vec![TableSpec {
+                value: TableValue::RenderS,
+                ..table
+            }]
+        },
+        |lab, table| {
+            lab.spec.tables = vec![TableSpec {
+                formats: vec![TableFormat::Csv],
+                ..table
+            }]
+        },
         |lab, _| lab.spec.figures = vec![figure()],
         |lab, _| lab.spec.figures = vec![over(vec![TableValue::Samples], "depth")],
         |lab, _| lab.spec.figures = vec![over(vec![TableValue::RenderS], "depth")],

@@ -9,14 +9,14 @@ use lumbre::experiment::{CellRef, Event, Outcome, Sink, SinkError, StopRule};
 use lumbre::film::Film;
 use lumbre::render::mock::MockRenderer;
 use lumbre::render::{OpenStats, RenderError, Renderer, WaveStats};
-use lumbre::transport::flight::Timing;
+use lumbre::transport::path_time::Timing;
 use lumbre::value::Value;
 
 use crate::fixtures::{Lab, Night, Recorder, config, depths, whole_at, words};
 
 const CELL: CellRef = CellRef::Cell(0);
 
-/// A mock that does something else once it has some samples.
+/// A mock renderer that misbehaves once it has some samples.
 struct Odd {
     inner: MockRenderer,
     act: fn(&WaveStats, &Film) -> WaveStats,
@@ -50,11 +50,22 @@ fn a_failing_renderer_fails_its_cell_and_keeps_the_last_good_film() {
         let limit = if job.max_depth == 2 { 3 } else { 1000 };
         Ok(Box::new(MockRenderer::new(scene, job).failing_after(limit)))
     };
-    let (summary, heard) = Night { open, ..Night::default() }.record(&depths([1, 2, 3]));
-    assert_eq!(failed(&summary.results[1].outcome), "backend `mock` failed: asked to fail after 3 samples");
+    let (summary, heard) = Night {
+        open,
+        ..Night::default()
+    }
+    .record(&depths([1, 2, 3]));
+    assert_eq!(
+        failed(&summary.results[1].outcome),
+        "backend `mock` failed: asked to fail after 3 samples"
+    );
     assert_eq!(heard.film(CellRef::Cell(1)).unwrap().samples, 3);
     assert_eq!(summary.results[1].rows.len(), 2);
-    assert!([0, 2].iter().all(|i| matches!(summary.results[*i].outcome, Outcome::Done(_))));
+    assert!(
+        [0, 2]
+            .iter()
+            .all(|i| matches!(summary.results[*i].outcome, Outcome::Done(_)))
+    );
     assert_eq!(heard.words.last().unwrap(), "morning");
     assert!(!summary.interrupted);
 }
@@ -62,13 +73,26 @@ fn a_failing_renderer_fails_its_cell_and_keeps_the_last_good_film() {
 #[test]
 fn a_renderer_that_does_not_open_fails_its_cell() {
     let open: Open<'_> = &|_, scene, job| match job.max_depth {
-        1 => Err(RenderError::Unsupported { backend: "mock", reason: "no such depth".into() }),
+        1 => Err(RenderError::Unsupported {
+            backend: "mock",
+            reason: "no such depth".into(),
+        }),
         2 => panic!("out of {}", "memory"),
         _ => Ok(Box::new(MockRenderer::new(scene, job))),
     };
-    let (summary, heard) = Night { open, ..Night::default() }.record(&depths([1, 2, 3]));
-    assert_eq!(failed(&summary.results[0].outcome), "backend `mock` cannot do this: no such depth");
-    assert_eq!(failed(&summary.results[1].outcome), "panic while opening the backend: out of memory");
+    let (summary, heard) = Night {
+        open,
+        ..Night::default()
+    }
+    .record(&depths([1, 2, 3]));
+    assert_eq!(
+        failed(&summary.results[0].outcome),
+        "backend `mock` cannot do this: no such depth"
+    );
+    assert_eq!(
+        failed(&summary.results[1].outcome),
+        "panic while opening the backend: out of memory"
+    );
     assert!(matches!(summary.results[2].outcome, Outcome::Done(_)));
     assert!(heard.film(CELL).is_none());
     assert!(!heard.words.contains(&"start c0".to_owned()));
@@ -78,13 +102,29 @@ fn a_renderer_that_does_not_open_fails_its_cell() {
 fn a_panicking_renderer_fails_its_cell_and_its_film_is_not_trusted() {
     let open: Open<'_> = &|_, scene, job| {
         let act: fn(&WaveStats, &Film) -> WaveStats = match job.max_depth {
-            2 => |stats, film| if film.samples > 1 { panic!("index out of bounds") } else { stats.clone() },
+            2 => |stats, film| {
+                if film.samples > 1 {
+                    panic!("index out of bounds")
+                } else {
+                    stats.clone()
+                }
+            },
             _ => |stats, _| stats.clone(),
         };
-        Ok(Box::new(Odd { inner: MockRenderer::new(scene, job), act }))
+        Ok(Box::new(Odd {
+            inner: MockRenderer::new(scene, job),
+            act,
+        }))
     };
-    let (summary, heard) = Night { open, ..Night::default() }.record(&depths([1, 2, 3]));
-    assert_eq!(failed(&summary.results[1].outcome), "panic while rendering: index out of bounds");
+    let (summary, heard) = Night {
+        open,
+        ..Night::default()
+    }
+    .record(&depths([1, 2, 3]));
+    assert_eq!(
+        failed(&summary.results[1].outcome),
+        "panic while rendering: index out of bounds"
+    );
     assert_eq!(summary.results[1].rows.len(), 1);
     assert!(heard.film(CellRef::Cell(1)).is_none());
     assert!(matches!(summary.results[2].outcome, Outcome::Done(_)));
@@ -92,34 +132,79 @@ fn a_panicking_renderer_fails_its_cell_and_its_film_is_not_trusted() {
 
 #[test]
 fn a_renderer_that_adds_nothing_does_not_hang_the_night() {
-    let open: Open<'_> =
-        &|_, scene, job| Ok(Box::new(Odd { inner: MockRenderer::new(scene, job), act: |_, _| WaveStats::default() }));
-    let (summary, _) = Night { open, ..Night::default() }.record(&Lab::new());
-    assert_eq!(failed(&summary.results[0].outcome), "the renderer added none of 1 samples");
+    let open: Open<'_> = &|_, scene, job| {
+        Ok(Box::new(Odd {
+            inner: MockRenderer::new(scene, job),
+            act: |_, _| WaveStats::default(),
+        }))
+    };
+    let (summary, _) = Night {
+        open,
+        ..Night::default()
+    }
+    .record(&Lab::new());
+    assert_eq!(
+        failed(&summary.results[0].outcome),
+        "the renderer returned none of 1 requested samples"
+    );
 }
 
 #[test]
 fn invalid_samples_are_counted_and_told_once_with_their_place() {
     let act = |stats: &WaveStats, film: &Film| {
         let late = film.samples >= 3;
-        WaveStats { invalid: 2 * u64::from(late), first_invalid: late.then_some([5, 2, film.samples]), ..stats.clone() }
+        WaveStats {
+            invalid: 2 * u64::from(late),
+            first_invalid: late.then_some([5, 2, film.samples]),
+            ..stats.clone()
+        }
     };
-    let open: Open<'_> = &|_, scene, job| Ok(Box::new(Odd { inner: MockRenderer::new(scene, job), act }));
-    let (_, heard) = Night { open, ..Night::default() }.record(&Lab::new());
+    let open: Open<'_> = &|_, scene, job| {
+        Ok(Box::new(Odd {
+            inner: MockRenderer::new(scene, job),
+            act,
+        }))
+    };
+    let (_, heard) = Night {
+        open,
+        ..Night::default()
+    }
+    .record(&Lab::new());
     let warnings = heard.messages(Level::Warn);
     let told: Vec<&String> = warnings.iter().filter(|w| w.contains("invalid")).collect();
     assert_eq!(
         told,
-        ["2 invalid samples (NaN or infinite) in wave 2, the first at column 5, row 2, sample 3; they count as black"]
+        [
+            "2 invalid samples (NaN or infinite) in wave 2, the first at column 5, row 2, sample 3; they count as black"
+        ]
     );
     let rows = heard.rows(CELL);
-    assert_eq!(rows.iter().map(|row| row.invalid).collect::<Vec<_>>(), [0, 2, 4, 6, 8]);
-    assert!(rows[1..].iter().all(|row| row.first_invalid == Some([5, 2, 3])));
+    assert_eq!(
+        rows.iter().map(|row| row.invalid).collect::<Vec<_>>(),
+        [0, 2, 4, 6, 8]
+    );
+    assert!(
+        rows[1..]
+            .iter()
+            .all(|row| row.first_invalid == Some([5, 2, 3]))
+    );
 
     let mut lab = Lab::new();
-    lab.stop = Box::new(|_| Ok(StopRule::Any(vec![StopRule::Nan(3), StopRule::Samples(1000)])));
-    let (summary, _) = Night { open, ..Night::default() }.record(&lab);
-    assert_eq!(summary.results[0].outcome, Outcome::Done("3 invalid samples".into()));
+    lab.stop = Box::new(|_| {
+        Ok(StopRule::Any(vec![
+            StopRule::Nan(3),
+            StopRule::Samples(1000),
+        ]))
+    });
+    let (summary, _) = Night {
+        open,
+        ..Night::default()
+    }
+    .record(&lab);
+    assert_eq!(
+        summary.results[0].outcome,
+        Outcome::Done("3 invalid samples".into())
+    );
 }
 
 #[test]
@@ -127,15 +212,33 @@ fn a_failed_reference_fails_its_cells_with_its_reason() {
     let lab = depths([1, 2, 3]).measured();
     let reference_seeds = lumbre::experiment::plan::identity::reference_seeds();
     let open: Open<'_> = &move |_, scene, job| {
-        let limit = if reference_seeds.contains(&job.seed) && job.max_depth == 2 { 100 } else { 1 << 20 };
+        let limit = if reference_seeds.contains(&job.seed) && job.max_depth == 2 {
+            100
+        } else {
+            1 << 20
+        };
         Ok(Box::new(MockRenderer::new(scene, job).failing_after(limit)))
     };
-    let (summary, heard) = Night { open, ..Night::default() }.record(&lab);
+    let (summary, heard) = Night {
+        open,
+        ..Night::default()
+    }
+    .record(&lab);
     let reason = "backend `mock` failed: asked to fail after 100 samples";
     assert_eq!(failed(&summary.results[1].outcome), reason);
-    assert_eq!(failed(&summary.results[4].outcome), format!("its reference is missing: {reason}"));
-    assert!(heard.words.contains(&"failed c1".to_owned()) && !heard.words.contains(&"start c1".to_owned()));
-    assert!([0, 2, 3, 5].iter().all(|i| matches!(summary.results[*i].outcome, Outcome::Done(_))));
+    assert_eq!(
+        failed(&summary.results[4].outcome),
+        format!("its reference is not available: {reason}")
+    );
+    assert!(
+        heard.words.contains(&"failed c1".to_owned())
+            && !heard.words.contains(&"start c1".to_owned())
+    );
+    assert!(
+        [0, 2, 3, 5]
+            .iter()
+            .all(|i| matches!(summary.results[*i].outcome, Outcome::Done(_)))
+    );
 }
 
 #[test]
@@ -145,7 +248,13 @@ fn a_failing_predicate_fails_its_cell() {
         let predicate = StopRule::Predicate(whole_at(p, "depth") as usize);
         Ok(StopRule::Any(vec![predicate, StopRule::Samples(4)]))
     });
-    lab.predicate = Box::new(|id, _, _| if id == 2 { Err(HookError("line 12: nil".into())) } else { Ok(false) });
+    lab.predicate = Box::new(|id, _, _| {
+        if id == 2 {
+            Err(HookError("line 12: nil".into()))
+        } else {
+            Ok(false)
+        }
+    });
     let (summary, heard) = Night::default().record(&lab);
     assert_eq!(failed(&summary.results[1].outcome), "line 12: nil");
     assert_eq!(heard.film(CellRef::Cell(1)).unwrap().samples, 1);
@@ -160,17 +269,24 @@ struct Full {
 
 impl Full {
     fn at(at: &'static str) -> Full {
-        Full { at, heard: Vec::new() }
+        Full {
+            at,
+            heard: Vec::new(),
+        }
     }
 }
 
 impl Sink for Full {
-    fn hear(&mut self, event: &Event) -> Result<(), SinkError> {
+    fn receive(&mut self, event: &Event) -> Result<(), SinkError> {
         let words = words(event);
         if !matches!(event, Event::Forecast(_)) {
             self.heard.push(words.clone());
         }
-        if words == self.at { Err(SinkError("no space left on device".into())) } else { Ok(()) }
+        if words == self.at {
+            Err(SinkError("no space left on device".into()))
+        } else {
+            Ok(())
+        }
     }
 }
 
@@ -180,9 +296,18 @@ fn a_listener_that_cannot_record_fails_the_cell_and_the_others_still_hear() {
         let lab = depths([1, 2, 3]);
         let (mut full, mut after) = (Full::at(at), Recorder::default());
         let night = Night::default();
-        let summary = night.carry_out(&lab, &Arc::new(lab.plan()), &mut [&mut full, &mut after]).unwrap();
-        assert_eq!(failed(&summary.results[1].outcome), "no space left on device", "{at}");
-        assert!(matches!(summary.results[2].outcome, Outcome::Done(_)), "{at}");
+        let summary = night
+            .carry_out(&lab, &Arc::new(lab.plan()), &mut [&mut full, &mut after])
+            .unwrap();
+        assert_eq!(
+            failed(&summary.results[1].outcome),
+            "no space left on device",
+            "{at}"
+        );
+        assert!(
+            matches!(summary.results[2].outcome, Outcome::Done(_)),
+            "{at}"
+        );
         assert_eq!(full.heard, after.words, "{at}");
         assert!(after.words.contains(&"failed c1".to_owned()), "{at}");
     }
@@ -193,10 +318,19 @@ fn a_result_that_cannot_be_recorded_is_a_failure_and_is_not_announced_twice() {
     let lab = depths([1, 2, 3]);
     let (mut full, mut after) = (Full::at("done c1"), Recorder::default());
     let night = Night::default();
-    let summary = night.carry_out(&lab, &Arc::new(lab.plan()), &mut [&mut full, &mut after]).unwrap();
-    let reason = "it could not be recorded: no space left on device";
+    let summary = night
+        .carry_out(&lab, &Arc::new(lab.plan()), &mut [&mut full, &mut after])
+        .unwrap();
+    let reason = "the result could not be recorded: no space left on device";
     assert_eq!(failed(&summary.results[1].outcome), reason);
-    assert_eq!(after.words.iter().filter(|w| w.ends_with(" c1") && !w.starts_with("start")).count(), 2);
+    assert_eq!(
+        after
+            .words
+            .iter()
+            .filter(|w| w.ends_with(" c1") && !w.starts_with("start"))
+            .count(),
+        2
+    );
     assert_eq!(after.messages(Level::Error), [reason]);
     assert!(matches!(summary.results[2].outcome, Outcome::Done(_)));
 }
@@ -206,12 +340,18 @@ fn a_listener_that_cannot_prepare_or_close_fails_the_night() {
     let lab = depths([1, 2, 3]);
     let plan = Arc::new(lab.plan());
     let mut full = Full::at("night");
-    let error = Night::default().carry_out(&lab, &plan, &mut [&mut full]).unwrap_err();
+    let error = Night::default()
+        .carry_out(&lab, &plan, &mut [&mut full])
+        .unwrap_err();
     assert_eq!(error.to_string(), "cannot start: no space left on device");
     assert_eq!(full.heard, ["night"]);
     let mut full = Full::at("morning");
-    let error = Night::default().carry_out(&lab, &plan, &mut [&mut full]).unwrap_err();
-    let RunError::Finish { reason, summary } = error else { panic!("{error}") };
+    let error = Night::default()
+        .carry_out(&lab, &plan, &mut [&mut full])
+        .unwrap_err();
+    let RunError::Finish { reason, summary } = error else {
+        panic!("{error}")
+    };
     assert_eq!(reason, "no space left on device");
     assert_eq!(summary.results.len(), 3);
 }
@@ -220,15 +360,26 @@ fn a_listener_that_cannot_prepare_or_close_fails_the_night() {
 fn light_by_time_is_told_to_those_who_show_it_when_samples_have_doubled() {
     let mut lab = Lab::new();
     lab.render = Box::new(|_| {
-        let film = Value::from_json(&serde_json::json!({ "time": { "start": 0, "bin": 0.5, "bins": 8 } }));
+        let film =
+            Value::from_json(&serde_json::json!({ "time": { "start": 0, "bin": 0.5, "bins": 8 } }));
         let timing = Timing::from_film(film.as_map().unwrap(), "film").unwrap();
-        Ok(CellConfig { timing, backend: "cpu".into(), ..config() })
+        Ok(CellConfig {
+            timing,
+            backend: "cpu".into(),
+            ..config()
+        })
     });
     lab.stop = Box::new(|_| Ok(StopRule::Samples(20)));
     let plan = Arc::new(lab.plan());
-    let heard = |shows_times: bool| {
-        let mut recorder = Recorder { shows_times, ..Recorder::default() };
-        let night = Night { open: &lumbre::render::open, ..Night::default() };
+    let heard = |wants_times: bool| {
+        let mut recorder = Recorder {
+            wants_times,
+            ..Recorder::default()
+        };
+        let night = Night {
+            open: &lumbre::render::open,
+            ..Night::default()
+        };
         night.carry_out(&lab, &plan, &mut [&mut recorder]).unwrap();
         recorder
     };
@@ -242,5 +393,9 @@ fn light_by_time_is_told_to_those_who_show_it_when_samples_have_doubled() {
     };
     assert_eq!(shown.totals(CellRef::Cell(0)), [1, 3, 7, 15, 20]);
     assert_eq!(times(&shown), [1, 3, 7, 15], "20 is less than twice 15");
-    assert_eq!(times(&heard(false)), [0u64; 0], "nobody pays for what nobody sees");
+    assert_eq!(
+        times(&heard(false)),
+        [0u64; 0],
+        "previews are not computed without a listener"
+    );
 }

@@ -1,4 +1,5 @@
-//! Devices that are lost in the middle of a run, and backends that fail where the script has left the choice.
+//! Devices that are lost in the middle of a run, and backends that fail where the script leaves the
+//! choice open.
 
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
@@ -7,11 +8,13 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 
-use lumbre::experiment::event::{FinishedRun, History, Level, Save};
-use lumbre::experiment::parts::Piece;
+use lumbre::experiment::event::{FinishedRun, History, Level, SaveState};
 use lumbre::experiment::run::{Options, Seams, run_with};
-use lumbre::experiment::standing::{Checkpoint, Standing};
-use lumbre::experiment::{CellRef, Control, NightSummary, Outcome, Plan, RunId, Sink, SinkError};
+use lumbre::experiment::run_progress::{Checkpoint, RunProgress};
+use lumbre::experiment::shards::WorkUnit;
+use lumbre::experiment::{
+    CellRef, NightControls, NightSummary, Outcome, Plan, RunId, Sink, SinkError,
+};
 use lumbre::film::{Film, Image};
 use lumbre::render::mock::MockRenderer;
 use lumbre::render::{OpenStats, RenderError, Renderer, WaveStats};
@@ -23,7 +26,7 @@ use crate::fixtures::{Lab, Recorder, config};
 struct Kept(RefCell<BTreeMap<RunId, Checkpoint>>);
 
 impl History for Kept {
-    fn done(&self, _: &Plan, _: CellRef) -> Option<FinishedRun> {
+    fn finished_run(&self, _: &Plan, _: CellRef) -> Option<FinishedRun> {
         None
     }
 
@@ -31,19 +34,31 @@ impl History for Kept {
         Ok(None)
     }
 
-    fn checkpoint(&self, plan: &Plan, piece: Piece) -> Option<Checkpoint> {
-        self.0.borrow().get(plan.id(piece.cell())).cloned()
+    fn checkpoint(&self, plan: &Plan, unit: WorkUnit) -> Option<Checkpoint> {
+        self.0.borrow().get(plan.id(unit.cell())).cloned()
     }
 
-    fn keep(&self, plan: &Plan, piece: Piece, standing: &Standing, save: Save<'_>) -> Result<bool, SinkError> {
+    fn save_checkpoint(
+        &self,
+        plan: &Plan,
+        unit: WorkUnit,
+        progress: &RunProgress,
+        save: SaveState<'_>,
+    ) -> Result<bool, SinkError> {
         let mut state = Vec::new();
         let saved = save(&mut state).map_err(|e: io::Error| SinkError(e.to_string()))?;
-        self.0.borrow_mut().insert(plan.id(piece.cell()).clone(), Checkpoint { standing: standing.clone(), state });
+        self.0.borrow_mut().insert(
+            plan.id(unit.cell()).clone(),
+            Checkpoint {
+                progress: progress.clone(),
+                state,
+            },
+        );
         Ok(saved)
     }
 }
 
-/// The mock on a device that is lost when so many waves more have been rendered; once lost, nothing works any more.
+/// A mock renderer on a device that is lost after a number of waves; once lost, every call fails.
 struct Frail {
     mock: MockRenderer,
     left: Arc<AtomicI64>,
@@ -51,13 +66,20 @@ struct Frail {
 }
 
 fn gone() -> RenderError {
-    RenderError::Lost { backend: "mock", reason: "somebody pulled the plug".to_owned() }
+    RenderError::Lost {
+        backend: "mock",
+        reason: "the power was cut".to_owned(),
+    }
 }
 
 impl Renderer for Frail {
     fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
         self.lost |= self.left.fetch_sub(1, Ordering::Relaxed) == 0;
-        if self.lost { Err(gone()) } else { self.mock.advance(samples) }
+        if self.lost {
+            Err(gone())
+        } else {
+            self.mock.advance(samples)
+        }
     }
 
     fn film(&self) -> &Film {
@@ -65,7 +87,11 @@ impl Renderer for Frail {
     }
 
     fn save(&self, to: &mut dyn Write) -> io::Result<bool> {
-        if self.lost { Err(io::Error::other(gone())) } else { self.mock.save(to) }
+        if self.lost {
+            Err(io::Error::other(gone()))
+        } else {
+            self.mock.save(to)
+        }
     }
 
     fn restore(&mut self, state: &[u8]) -> Result<(), RenderError> {
@@ -77,7 +103,8 @@ impl Renderer for Frail {
     }
 }
 
-/// A night whose device is lost after each of these numbers of waves, counted from the loss before.
+/// Renders a night whose device is lost after each of these numbers of waves, counted from the
+/// previous loss.
 fn night(lab: &Lab, losses: &[i64]) -> (NightSummary, Recorder) {
     let mut losses = losses.iter().copied();
     let left = Arc::new(AtomicI64::new(losses.next().unwrap_or(i64::MAX)));
@@ -85,9 +112,16 @@ fn night(lab: &Lab, losses: &[i64]) -> (NightSummary, Recorder) {
     let opened = Cell::new(0);
     let open = |_: &str, scene, job| -> Result<Box<dyn Renderer>, RenderError> {
         if opened.replace(opened.get() + 1) > 0 && left.load(Ordering::Relaxed) < 0 {
-            left.store(losses.borrow_mut().next().unwrap_or(i64::MAX), Ordering::Relaxed);
+            left.store(
+                losses.borrow_mut().next().unwrap_or(i64::MAX),
+                Ordering::Relaxed,
+            );
         }
-        Ok(Box::new(Frail { mock: MockRenderer::new(scene, job), left: Arc::clone(&left), lost: false }))
+        Ok(Box::new(Frail {
+            mock: MockRenderer::new(scene, job),
+            left: Arc::clone(&left),
+            lost: false,
+        }))
     };
     go(lab, &open)
 }
@@ -97,7 +131,7 @@ fn go(lab: &Lab, open: lumbre::experiment::run::Open<'_>) -> (NightSummary, Reco
     let seams = Seams { open, wait: &|| {} };
     let plan = Arc::new(lab.plan());
     let sinks: &mut [&mut dyn Sink] = &mut [&mut heard];
-    let (kept, control) = (Kept::default(), Control::default());
+    let (kept, control) = (Kept::default(), NightControls::default());
     let summary = run_with(&seams, &plan, lab, &kept, sinks, &control, Options::from(1)).unwrap();
     (summary, heard)
 }
@@ -117,13 +151,30 @@ fn a_run_goes_on_from_its_newest_checkpoint_wherever_its_device_was_lost() {
         for losses in [&[0][..], &[1], &[2], &[4], &[1, 1, 1], &[3, 0, 0]] {
             let (summary, heard) = night(&lab, losses);
             let outcome = &summary.results[0].outcome;
-            assert!(matches!(outcome, Outcome::Done(_)), "{losses:?}: {outcome:?}");
+            assert!(
+                matches!(outcome, Outcome::Done(_)),
+                "{losses:?}: {outcome:?}"
+            );
             assert_eq!(heard.film(CELL), whole.film(CELL), "{losses:?}");
-            let totals = |rows: &[lumbre::experiment::WaveRow]| rows.iter().map(|r| r.samples).collect::<Vec<_>>();
-            assert_eq!(totals(&summary.results[0].rows), [1, 3, 7, 15, 16], "{losses:?}");
+            let totals = |rows: &[lumbre::experiment::WaveRow]| {
+                rows.iter().map(|r| r.samples).collect::<Vec<_>>()
+            };
+            assert_eq!(
+                totals(&summary.results[0].rows),
+                [1, 3, 7, 15, 16],
+                "{losses:?}"
+            );
             let said = warnings(&heard);
-            assert_eq!(said.matches("somebody pulled the plug; it is tried again").count(), losses.len(), "{said}");
-            let goes_on = heard.messages(Level::Info).iter().any(|text| text.starts_with("goes on from"));
+            assert_eq!(
+                said.matches("the power was cut; retrying from the newest checkpoint")
+                    .count(),
+                losses.len(),
+                "{said}"
+            );
+            let goes_on = heard
+                .messages(Level::Info)
+                .iter()
+                .any(|text| text.starts_with("resumes from"));
             assert_eq!(goes_on, keeps && losses != [0], "{losses:?}");
         }
     }
@@ -134,9 +185,12 @@ fn a_device_that_is_lost_again_and_again_fails_its_run_and_the_night_goes_on() {
     let lab = Lab::new().axis("n", crate::fixtures::ints([1, 2]));
     let (summary, heard) = night(&lab, &[1, 0, 0, 0]);
     let outcomes: Vec<&Outcome> = summary.results.iter().map(|r| &r.outcome).collect();
-    assert!(matches!(outcomes[0], Outcome::Failed(why) if why.contains("pulled the plug")), "{outcomes:?}");
+    assert!(
+        matches!(outcomes[0], Outcome::Failed(why) if why.contains("pulled the plug")),
+        "{outcomes:?}"
+    );
     assert!(matches!(outcomes[1], Outcome::Done(_)), "{outcomes:?}");
-    assert!(warnings(&heard).contains("(3 of 3)"));
+    assert!(warnings(&heard).contains("(retry 3 of 3)"));
 }
 
 #[test]
@@ -157,12 +211,25 @@ fn another_backend_takes_over_where_the_script_has_left_the_choice_and_nowhere_e
         lab
     };
     let (strict, _) = go(&lab(None), &open);
-    assert!(matches!(&strict.results[0].outcome, Outcome::Failed(why) if why.contains("asked to fail after 3")));
+    assert!(
+        matches!(&strict.results[0].outcome, Outcome::Failed(why) if why.contains("asked to fail after 3"))
+    );
     let (loose, heard) = go(&lab(Some("spare")), &open);
     assert!(matches!(loose.results[0].outcome, Outcome::Done(_)));
-    assert!(warnings(&heard).contains("as its backend is `auto`, it is rendered by `spare` instead"));
+    assert!(warnings(&heard).contains("rendering by `spare` instead, since the backend is `auto`"));
     // From its first sample: the two clocks do not add up.
-    assert_eq!(loose.results[0].rows.iter().map(|r| r.samples).collect::<Vec<_>>(), [1, 3, 7, 15, 16]);
+    assert_eq!(
+        loose.results[0]
+            .rows
+            .iter()
+            .map(|r| r.samples)
+            .collect::<Vec<_>>(),
+        [1, 3, 7, 15, 16]
+    );
     let id = |fallback| lab(fallback).plan().id(CELL).clone();
-    assert_ne!(id(None), id(Some("spare")), "its record must not pass for one of the backend that failed");
+    assert_ne!(
+        id(None),
+        id(Some("spare")),
+        "its record must not pass for one of the backend that failed"
+    );
 }

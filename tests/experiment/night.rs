@@ -1,4 +1,4 @@
-//! Nights that go as planned: what is rendered, in which order, and what is told of it.
+//! Nights that run as planned: their renders, the order of these, and the events reported.
 
 use std::cell::RefCell;
 use std::sync::Arc;
@@ -27,30 +27,57 @@ fn references_come_first_and_then_the_cells_in_order() {
         Ok(Some(ReferenceRequest::Render {
             config: Box::new(config),
             stop: reference_stop.clone(),
-            agree: None,
-            parts: 1,
+            bias_check: None,
+            shards: 1,
         }))
     });
     let (summary, heard) = Night::default().record(&lab);
-    let cell = |i: usize| [format!("start c{i}"), format!("wave c{i} 1"), format!("wave c{i} 3"), format!("done c{i}")];
+    let cell = |i: usize| {
+        [
+            format!("start c{i}"),
+            format!("wave c{i} 1"),
+            format!("wave c{i} 3"),
+            format!("done c{i}"),
+        ]
+    };
     let reference = |i: usize| {
-        let told = ["start", "wave", "wave", "halves", "floors", "done"].map(|what| format!("{what} r{i}"));
+        let told = ["start", "wave", "wave", "halves", "floors", "done"]
+            .map(|what| format!("{what} r{i}"));
         let mut waves = 0..;
-        told.map(
-            |what| if what.starts_with("wave") { format!("{what} {}", waves.next().unwrap_or(0) + 1) } else { what },
-        )
+        told.map(|what| {
+            if what.starts_with("wave") {
+                format!("{what} {}", waves.next().unwrap_or(0) + 1)
+            } else {
+                what
+            }
+        })
     };
     let mut expected = vec!["night".to_owned()];
     expected.extend((0..2).flat_map(reference));
     expected.extend((0..4).flat_map(cell));
     expected.push("morning".to_owned());
-    // The scene has no light, which compiling may remark on.
-    let heard: Vec<String> = heard.words.into_iter().filter(|w| !w.starts_with("message")).collect();
+    // The scene has no light, which the compiler may report.
+    let heard: Vec<String> = heard
+        .words
+        .into_iter()
+        .filter(|w| !w.starts_with("message"))
+        .collect();
     assert_eq!(heard, expected);
     let cells: Vec<CellRef> = summary.results.iter().map(|r| r.cell).collect();
     let references = [0, 1].map(CellRef::Reference);
-    assert_eq!(cells, references.into_iter().chain([0, 1, 2, 3].map(CellRef::Cell)).collect::<Vec<_>>());
-    assert!(summary.results.iter().all(|r| matches!(r.outcome, Outcome::Done(_))));
+    assert_eq!(
+        cells,
+        references
+            .into_iter()
+            .chain([0, 1, 2, 3].map(CellRef::Cell))
+            .collect::<Vec<_>>()
+    );
+    assert!(
+        summary
+            .results
+            .iter()
+            .all(|r| matches!(r.outcome, Outcome::Done(_)))
+    );
     assert!(!summary.interrupted);
 }
 
@@ -73,12 +100,24 @@ fn waves_double_and_sample_limits_are_exact() {
         lab.stop = Box::new(move |_| Ok(stop.clone()));
         Night::default().record(&lab).1.totals(CELL)
     };
-    assert_eq!(totals(StopRule::Samples(20), Snapshots::Last, 1e6), [1, 3, 7, 15, 20]);
-    assert_eq!(totals(StopRule::Samples(20), Snapshots::Pow2, 1e6), [1, 2, 4, 8, 16, 20]);
-    assert_eq!(totals(StopRule::Waves(4), Snapshots::Last, 1e6), [1, 3, 7, 15]);
-    // 32 pixels on the fake clock: four samples and a half fit between two measurements.
+    assert_eq!(
+        totals(StopRule::Samples(20), Snapshots::Last, 1e6),
+        [1, 3, 7, 15, 20]
+    );
+    assert_eq!(
+        totals(StopRule::Samples(20), Snapshots::Pow2, 1e6),
+        [1, 2, 4, 8, 16, 20]
+    );
+    assert_eq!(
+        totals(StopRule::Waves(4), Snapshots::Last, 1e6),
+        [1, 3, 7, 15]
+    );
+    // 32 pixels on the fake clock: four and a half samples fit between two measurements.
     let every_s = 4.5 * 32.0 * SECONDS_PER_PATH;
-    assert_eq!(totals(StopRule::Samples(20), Snapshots::Last, every_s), [1, 3, 7, 11, 15, 19, 20]);
+    assert_eq!(
+        totals(StopRule::Samples(20), Snapshots::Last, every_s),
+        [1, 3, 7, 11, 15, 19, 20]
+    );
     let time = StopRule::Time(9.75 * 32.0 * SECONDS_PER_PATH);
     assert_eq!(totals(time, Snapshots::Last, 1e6), [1, 3, 7, 10]);
 }
@@ -92,7 +131,13 @@ fn powers_of_two_are_announced() {
     let flags: Vec<(u64, bool)> = heard
         .events
         .iter()
-        .filter_map(|e| if let Event::Wave { row, pow2, .. } = e { Some((row.samples, *pow2)) } else { None })
+        .filter_map(|e| {
+            if let Event::Wave { row, pow2, .. } = e {
+                Some((row.samples, *pow2))
+            } else {
+                None
+            }
+        })
         .collect();
     assert_eq!(flags, [(1, true), (2, true), (4, true), (5, false)]);
 }
@@ -112,13 +157,20 @@ fn measurements_count_render_time_alone_and_add_up() {
         assert!(row.wall_s >= i.checked_sub(1).map_or(0.0, |before| rows[before].wall_s));
     }
     assert_eq!(summary.results[1].rows.iter().collect::<Vec<_>>(), rows);
-    assert!(heard.rows(CellRef::Reference(0)).iter().all(|row| row.metrics.is_empty()));
-    // The mock halves its error with four times the samples; the reference has little of its own.
+    assert!(
+        heard
+            .rows(CellRef::Reference(0))
+            .iter()
+            .all(|row| row.metrics.is_empty())
+    );
+    // The mock halves its error with four times the samples; the reference has little noise.
     let error = |i: usize| rows[i].metrics[0];
     let rate = (error(0) / error(4)).ln() / 16f64.ln();
     assert!((rate - 0.5).abs() < 0.03, "{rate}");
-    let Some(Event::CellStarted { reference, .. }) =
-        heard.events.iter().find(|e| matches!(e, Event::CellStarted { cell: CELL, .. }))
+    let Some(Event::CellStarted { reference, .. }) = heard
+        .events
+        .iter()
+        .find(|e| matches!(e, Event::CellStarted { cell: CELL, .. }))
     else {
         panic!("the cell never started")
     };
@@ -129,7 +181,10 @@ fn measurements_count_render_time_alone_and_add_up() {
 fn the_film_and_the_reason_come_with_the_end() {
     let (summary, heard) = Night::default().record(&Lab::new());
     assert_eq!(heard.film(CELL).unwrap().samples, 16);
-    assert_eq!(summary.results[0].outcome, Outcome::Done("16 samples per pixel".into()));
+    assert_eq!(
+        summary.results[0].outcome,
+        Outcome::Done("16 samples per pixel".into())
+    );
 }
 
 #[test]
@@ -139,24 +194,44 @@ fn a_metric_has_to_hold_for_consecutive_measurements() {
         lab.spec.measure.every_s = 0.0;
         lab.stop = Box::new(move |_| {
             let value = 0.02;
-            let when = StopRule::When { column: "rmse".into(), op: Comparison::Less, value, hold };
+            let when = StopRule::When {
+                column: "rmse".into(),
+                op: Comparison::Less,
+                value,
+                hold,
+            };
             Ok(StopRule::Any(vec![when, StopRule::Samples(200)]))
         });
         let (summary, heard) = Night::default().record(&lab);
-        (*heard.totals(CELL).last().unwrap(), summary.results[1].outcome.clone())
+        (
+            *heard.totals(CELL).last().unwrap(),
+            summary.results[1].outcome.clone(),
+        )
     };
     let (first, reason) = stop_at(1);
     assert!((2..100).contains(&first), "{first}");
     assert_eq!(reason, Outcome::Done("rmse < 0.02".into()));
     let (later, reason) = stop_at(4);
-    assert_eq!(later, first + 3, "one sample a wave, and the mock's error only falls");
-    assert_eq!(reason, Outcome::Done("rmse < 0.02 held for 4 measurements".into()));
+    assert_eq!(
+        later,
+        first + 3,
+        "one sample a wave, and the mock's error only falls"
+    );
+    assert_eq!(
+        reason,
+        Outcome::Done("rmse < 0.02 held for 4 measurements".into())
+    );
 }
 
 #[test]
 fn predicates_see_the_rows_and_columns() {
     let mut lab = Lab::new().measured();
-    lab.stop = Box::new(|_| Ok(StopRule::Any(vec![StopRule::Predicate(7), StopRule::Samples(1000)])));
+    lab.stop = Box::new(|_| {
+        Ok(StopRule::Any(vec![
+            StopRule::Predicate(7),
+            StopRule::Samples(1000),
+        ]))
+    });
     lab.predicate = Box::new(|id, columns, rows| {
         assert_eq!((id, columns), (7, &["rmse".to_owned()][..]));
         assert!(rows.iter().all(|row| row.metrics.len() == 1));
@@ -164,7 +239,10 @@ fn predicates_see_the_rows_and_columns() {
     });
     let (summary, heard) = Night::default().record(&lab);
     assert_eq!(heard.totals(CELL), [1, 3, 7]);
-    assert_eq!(summary.results[1].outcome, Outcome::Done("a function of the script".into()));
+    assert_eq!(
+        summary.results[1].outcome,
+        Outcome::Done("a function of the script".into())
+    );
 }
 
 #[test]
@@ -174,7 +252,11 @@ fn equal_seeds_give_equal_films_however_waves_are_cut() {
         lab.spec.repeats = 2;
         lab.spec.seed = seed;
         lab.spec.measure.every_s = every_s;
-        Night::default().record(&lab).1.film(CellRef::Cell(repeat)).unwrap()
+        Night::default()
+            .record(&lab)
+            .1
+            .film(CellRef::Cell(repeat))
+            .unwrap()
     };
     assert_eq!(film(1, 1e6, 0), film(1, 1e6, 0));
     assert_eq!(film(1, 1e6, 0), film(1, 0.0, 0));
@@ -186,9 +268,20 @@ fn equal_seeds_give_equal_films_however_waves_are_cut() {
 fn finished_cells_and_references_are_not_rendered_again() {
     let lab = depths([3, 5]).measured();
     let plan = lab.plan();
-    let mut night = Night { open: &|_, _, _| panic!("nothing is to be rendered"), ..Night::default() };
-    let rows = vec![WaveRow { wave: 1, samples: 16, ..WaveRow::default() }];
-    for cell in [0, 1].map(CellRef::Cell).into_iter().chain([0, 1].map(CellRef::Reference)) {
+    let mut night = Night {
+        open: &|_, _, _| panic!("nothing is to be rendered"),
+        ..Night::default()
+    };
+    let rows = vec![WaveRow {
+        wave: 1,
+        samples: 16,
+        ..WaveRow::default()
+    }];
+    for cell in [0, 1]
+        .map(CellRef::Cell)
+        .into_iter()
+        .chain([0, 1].map(CellRef::Reference))
+    {
         let run = FinishedRun {
             folder: format!("out/{cell:?}").into(),
             rows: rows.clone(),
@@ -198,11 +291,27 @@ fn finished_cells_and_references_are_not_rendered_again() {
         night.history.done.insert(plan.id(cell).clone(), run);
     }
     for i in 0..2 {
-        night.history.images.insert(plan.references[i].id.clone(), Ok(Image::new(8, 4)));
+        night
+            .history
+            .images
+            .insert(plan.references[i].id.clone(), Ok(Image::new(8, 4)));
     }
     let (summary, heard) = night.record(&lab);
-    assert_eq!(heard.words, ["night", "cached r0", "cached r1", "cached c0", "cached c1", "morning"]);
-    assert_eq!(summary.results[3].outcome, Outcome::Cached("out/Cell(1)".into()));
+    assert_eq!(
+        heard.words,
+        [
+            "night",
+            "cached r0",
+            "cached r1",
+            "cached c0",
+            "cached c1",
+            "morning"
+        ]
+    );
+    assert_eq!(
+        summary.results[3].outcome,
+        Outcome::Cached("out/Cell(1)".into())
+    );
     assert_eq!(*summary.results[3].rows, rows);
 }
 
@@ -214,14 +323,25 @@ fn only_what_is_missing_is_rendered_against_the_kept_reference() {
     let id = plan.references[0].id.clone();
     night.history.done.insert(
         id.clone(),
-        FinishedRun { folder: "refs".into(), rows: vec![], floors: Default::default(), open: Default::default() },
+        FinishedRun {
+            folder: "refs".into(),
+            rows: vec![],
+            floors: Default::default(),
+            open: Default::default(),
+        },
     );
     night.history.images.insert(id, Ok(Image::new(8, 4)));
     let (_, heard) = night.record(&lab);
     assert!(!heard.words.contains(&"start r0".to_owned()));
     // Against black the error is the picture itself.
     let film = heard.film(CELL).unwrap();
-    let squares: f64 = film.mean().data.iter().flatten().map(|x| f64::from(*x).powi(2)).sum();
+    let squares: f64 = film
+        .mean()
+        .data
+        .iter()
+        .flatten()
+        .map(|x| f64::from(*x).powi(2))
+        .sum();
     let expected = (squares / (32.0 * 3.0)).sqrt();
     assert!((heard.rows(CELL).last().unwrap().metrics[0] / expected - 1.0).abs() < 1e-6);
 }
@@ -233,25 +353,46 @@ fn a_reference_that_cannot_be_read_is_rendered_again() {
     let id = lab.plan().references[0].id.clone();
     night.history.done.insert(
         id.clone(),
-        FinishedRun { folder: "refs".into(), rows: vec![], floors: Default::default(), open: Default::default() },
+        FinishedRun {
+            folder: "refs".into(),
+            rows: vec![],
+            floors: Default::default(),
+            open: Default::default(),
+        },
     );
-    night.history.images.insert(id, Err("ref.exr is cut off".into()));
+    night
+        .history
+        .images
+        .insert(id, Err("ref.exr is cut off".into()));
     let (summary, heard) = night.record(&lab);
-    assert!(heard.words.contains(&"done r0".to_owned()), "{:?}", heard.words);
+    assert!(
+        heard.words.contains(&"done r0".to_owned()),
+        "{:?}",
+        heard.words
+    );
     let warnings = heard.messages(Level::Warn);
-    assert!(warnings.iter().any(|w| w.contains("rendered again: ref.exr is cut off")), "{warnings:?}");
+    assert!(
+        warnings
+            .iter()
+            .any(|w| w.contains("rendered again: ref.exr is cut off")),
+        "{warnings:?}"
+    );
     assert!(matches!(summary.results[1].outcome, Outcome::Done(_)));
 }
 
-/// A history that finds what was recorded a moment ago, as files would.
+/// A history that finds results recorded a moment ago, like files.
 struct Shelf(RefCell<Memory>);
 
 impl History for Shelf {
-    fn done(&self, plan: &Plan, cell: CellRef) -> Option<FinishedRun> {
-        self.0.borrow().done(plan, cell)
+    fn finished_run(&self, plan: &Plan, cell: CellRef) -> Option<FinishedRun> {
+        self.0.borrow().finished_run(plan, cell)
     }
 
-    fn image(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, lumbre::experiment::SinkError> {
+    fn image(
+        &self,
+        plan: &Plan,
+        reference: usize,
+    ) -> Result<Option<Image>, lumbre::experiment::SinkError> {
         self.0.borrow().image(plan, reference)
     }
 }
@@ -260,12 +401,17 @@ impl History for Shelf {
 fn the_second_of_two_equal_runs_is_found_in_the_same_night() {
     struct Writer<'a>(&'a Shelf, Vec<String>);
     impl lumbre::experiment::Sink for Writer<'_> {
-        fn hear(&mut self, event: &Event) -> Result<(), lumbre::experiment::SinkError> {
+        fn receive(&mut self, event: &Event) -> Result<(), lumbre::experiment::SinkError> {
             self.1.push(crate::fixtures::words(event));
             if let Event::NightStarted { plan } = event {
                 self.1.push(plan.cells[0].id.0.clone());
             }
-            if let Event::CellFinished { outcome: Outcome::Done(_), rows, .. } = event {
+            if let Event::CellFinished {
+                outcome: Outcome::Done(_),
+                rows,
+                ..
+            } = event
+            {
                 let id = lumbre::experiment::RunId(self.1[1].clone());
                 let run = FinishedRun {
                     folder: "here".into(),
@@ -281,8 +427,16 @@ fn the_second_of_two_equal_runs_is_found_in_the_same_night() {
     let shelf = Shelf(RefCell::default());
     let lab = Lab::new().axis("idle", ints([1, 2]));
     let mut writer = Writer(&shelf, Vec::new());
-    let control = lumbre::experiment::Control::default();
-    let summary = run::run(&Arc::new(lab.plan()), &lab, &shelf, &mut [&mut writer], &control, 1).unwrap();
+    let control = lumbre::experiment::NightControls::default();
+    let summary = run::run(
+        &Arc::new(lab.plan()),
+        &lab,
+        &shelf,
+        &mut [&mut writer],
+        &control,
+        1,
+    )
+    .unwrap();
     assert!(matches!(summary.results[0].outcome, Outcome::Done(_)));
     assert_eq!(summary.results[1].outcome, Outcome::Cached("here".into()));
 }
@@ -294,33 +448,58 @@ fn a_reference_from_a_file_is_the_historys_to_read() {
     std::fs::write(&file, b"truth").unwrap();
     let mut lab = Lab::new().measured();
     let named = file.clone();
-    lab.reference = Box::new(move |_| Ok(Some(ReferenceRequest::File { file: named.clone(), source: String::new() })));
+    lab.reference = Box::new(move |_| {
+        Ok(Some(ReferenceRequest::File {
+            file: named.clone(),
+            source: String::new(),
+        }))
+    });
     let id = lab.plan().references[0].id.clone();
     let mut night = Night::default();
-    night.history.images.insert(id.clone(), Ok(Image::new(8, 4)));
+    night
+        .history
+        .images
+        .insert(id.clone(), Ok(Image::new(8, 4)));
     let (summary, _) = night.record(&lab);
     assert_eq!(summary.results[0].outcome, Outcome::Cached(file));
     assert_eq!(summary.results[1].rows.last().unwrap().metrics.len(), 1);
 
-    night.history.images.insert(id.clone(), Ok(Image::new(4, 8)));
+    night
+        .history
+        .images
+        .insert(id.clone(), Ok(Image::new(4, 8)));
     let (summary, _) = night.record(&lab);
     let size = "the picture has 8x4 pixels but its reference 4x8";
     assert_eq!(summary.results[1].outcome, Outcome::Failed(size.into()));
 
-    night.history.images.insert(id, Err("not an EXR file".into()));
+    night
+        .history
+        .images
+        .insert(id, Err("not an EXR file".into()));
     let (summary, _) = night.record(&lab);
-    assert_eq!(summary.results[0].outcome, Outcome::Failed("not an EXR file".into()));
-    assert_eq!(summary.results[1].outcome, Outcome::Failed("its reference is missing: not an EXR file".into()));
+    assert_eq!(
+        summary.results[0].outcome,
+        Outcome::Failed("not an EXR file".into())
+    );
+    assert_eq!(
+        summary.results[1].outcome,
+        Outcome::Failed("its reference is not available: not an EXR file".into())
+    );
 }
 
 #[test]
 fn neighbouring_cells_share_a_compiled_scene() {
-    let mut lab = Lab::new().axis("rough", [0.25, 0.75]).axis("depth", ints([1, 2]));
+    let mut lab = Lab::new()
+        .axis("rough", [0.25, 0.75])
+        .axis("depth", ints([1, 2]));
     lab.spec.repeats = 2;
     lab.render = Box::new(|p| {
         let mut config = config();
         config.max_depth = Some(whole_at(p, "depth"));
-        config.set.insert("materials.egg.roughness".into(), crate::fixtures::at(p, "rough"));
+        config.set.insert(
+            "materials.egg.roughness".into(),
+            crate::fixtures::at(p, "rough"),
+        );
         Ok(config)
     });
     let scenes = RefCell::new(Vec::new());
@@ -328,7 +507,11 @@ fn neighbouring_cells_share_a_compiled_scene() {
         scenes.borrow_mut().push(Arc::clone(&scene));
         Ok(Box::new(MockRenderer::new(scene, job)))
     };
-    Night { open, ..Night::default() }.record(&lab);
+    Night {
+        open,
+        ..Night::default()
+    }
+    .record(&lab);
     let scenes = scenes.into_inner();
     assert_eq!(scenes.len(), 8);
     assert!((0..3).all(|i| Arc::ptr_eq(&scenes[i], &scenes[i + 1])));
@@ -355,11 +538,21 @@ fn a_renderer_gets_the_job_of_its_cell() {
         Ok(Box::new(MockRenderer::new(scene, job)))
     };
     let plan = lab.plan();
-    Night { open, ..Night::default() }.record(&lab);
+    Night {
+        open,
+        ..Night::default()
+    }
+    .record(&lab);
     let (name, job) = jobs.into_inner().remove(0);
     assert_eq!(name, "mock");
-    assert_eq!((job.integrator.name, job.resolution, job.max_depth), ("bpt", [32, 16], 7));
-    assert_eq!((job.rr_start, job.filter.radius, job.seed, job.threads), (Some(4), 0.75, plan.cells[0].seed, 1));
+    assert_eq!(
+        (job.integrator.name, job.resolution, job.max_depth),
+        ("bpt", [32, 16], 7)
+    );
+    assert_eq!(
+        (job.rr_start, job.filter.radius, job.seed, job.threads),
+        (Some(4), 0.75, plan.cells[0].seed, 1)
+    );
     assert_eq!(job.sampler.name, "sobol");
     assert_eq!(job.params["x"], Value::Int(1));
 }
@@ -368,8 +561,19 @@ fn a_renderer_gets_the_job_of_its_cell() {
 fn the_public_door_opens_the_backend_by_name() {
     let lab = Lab::new();
     let mut heard = Recorder::default();
-    let control = lumbre::experiment::Control::default();
+    let control = lumbre::experiment::NightControls::default();
     let history = Memory::default();
-    let summary = run::run(&Arc::new(lab.plan()), &lab, &history, &mut [&mut heard], &control, 1).unwrap();
-    assert_eq!(summary.results[0].outcome, Outcome::Done("16 samples per pixel".into()));
+    let summary = run::run(
+        &Arc::new(lab.plan()),
+        &lab,
+        &history,
+        &mut [&mut heard],
+        &control,
+        1,
+    )
+    .unwrap();
+    assert_eq!(
+        summary.results[0].outcome,
+        Outcome::Done("16 samples per pixel".into())
+    );
 }

@@ -1,14 +1,15 @@
-//! References that know their error: halves, floors, and what they put out of reach.
+//! References with known error: halves, noise floors, and the errors that cannot be measured with
+//! them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use lumbre::experiment::event::{FinishedRun, History, Level};
-use lumbre::experiment::floors::{HalfImages, floors};
-use lumbre::experiment::parts::Part;
+use lumbre::experiment::noise_floor::{HalfImages, floors};
 use lumbre::experiment::run::{Seams, run_with};
-use lumbre::experiment::spec::{AgreeRequest, CellConfig, ReferenceRequest};
-use lumbre::experiment::standing::{Checkpoint, Standing};
+use lumbre::experiment::run_progress::{Checkpoint, RunProgress};
+use lumbre::experiment::shards::Shard;
+use lumbre::experiment::spec::{BiasCheckRequest, CellConfig, ReferenceRequest};
 use lumbre::experiment::stop::Comparison;
 use lumbre::experiment::{CellRef, Event, Outcome, Plan, SinkError, StopRule};
 use lumbre::film::Image;
@@ -21,7 +22,7 @@ use crate::fixtures::{Lab, Night, Recorder, config, ints};
 
 const CELL: CellRef = CellRef::Cell(0);
 
-/// 64x48 pixels against a reference of so many samples.
+/// Returns an experiment of 64x48 pixels with a reference of so many samples.
 fn lab(reference: u64) -> Lab {
     let mut lab = Lab::new().measured();
     let picture = || {
@@ -32,13 +33,24 @@ fn lab(reference: u64) -> Lab {
     lab.render = Box::new(move |_| Ok(picture()));
     lab.reference = Box::new(move |_| {
         let stop = StopRule::Samples(reference);
-        Ok(Some(ReferenceRequest::Render { config: Box::new(picture()), stop, agree: None, parts: 1 }))
+        Ok(Some(ReferenceRequest::Render {
+            config: Box::new(picture()),
+            stop,
+            bias_check: None,
+            shards: 1,
+        }))
     });
     lab
 }
 
 fn floors_told(heard: &Recorder) -> Vec<Vec<Option<f64>>> {
-    let told = |e: &Event| if let Event::Floors { floors, .. } = e { Some(floors.to_vec()) } else { None };
+    let told = |e: &Event| {
+        if let Event::NoiseFloors { floors, .. } = e {
+            Some(floors.to_vec())
+        } else {
+            None
+        }
+    };
     heard.events.iter().filter_map(told).collect()
 }
 
@@ -46,7 +58,10 @@ fn floors_told(heard: &Recorder) -> Vec<Vec<Option<f64>>> {
 fn a_reference_is_made_of_two_halves_and_its_floor_is_its_own_error() {
     let (summary, heard) = Night::default().record(&lab(400));
     let start = heard.words.iter().position(|w| w == "start c0").unwrap();
-    assert_eq!(heard.words[start - 3..start], ["halves r0", "floors r0", "done r0"]);
+    assert_eq!(
+        heard.words[start - 3..start],
+        ["halves r0", "floors r0", "done r0"]
+    );
     let halves = heard.events.iter().find_map(|e| match e {
         Event::Halves { halves, .. } => Some(halves.clone()),
         _ => None,
@@ -56,14 +71,30 @@ fn a_reference_is_made_of_two_halves_and_its_floor_is_its_own_error() {
     assert_ne!(halves[0].mean(), halves[1].mean());
     let film = heard.film(CellRef::Reference(0)).unwrap();
     assert_eq!(film.samples, 400);
-    // The mock's noise is a known part of the truth, of which the mean is a good picture.
-    let mean_square = film.mean().data.iter().flatten().map(|x| f64::from(*x).powi(2)).sum::<f64>() / 9216.0;
+    // The mock's noise is a known fraction of the truth, which the mean approximates well.
+    let mean_square = film
+        .mean()
+        .data
+        .iter()
+        .flatten()
+        .map(|x| f64::from(*x).powi(2))
+        .sum::<f64>()
+        / 9216.0;
     let expected = RELATIVE_SIGMA * (mean_square / 400.0).sqrt();
     let told = floors_told(&heard);
-    let [floor] = told[0][..] else { panic!("{told:?}") };
-    // 9216 normal values: the square root of their mean square is within 3 % at four standard errors.
-    assert!((floor.unwrap() / expected - 1.0).abs() < 0.03, "{floor:?} {expected}");
-    assert_eq!((told.len(), summary.results[1].floors.to_vec()), (1, told[0].clone()));
+    let [floor] = told[0][..] else {
+        panic!("{told:?}")
+    };
+    // 9216 normal values: the square root of their mean square is within 3 % at four standard
+    // errors.
+    assert!(
+        (floor.unwrap() / expected - 1.0).abs() < 0.03,
+        "{floor:?} {expected}"
+    );
+    assert_eq!(
+        (told.len(), summary.results[1].floors.to_vec()),
+        (1, told[0].clone())
+    );
     assert!(summary.results[0].floors.is_empty());
 }
 
@@ -85,35 +116,75 @@ fn a_reference_in_parts_has_the_samples_of_the_whole_and_is_joined_once() {
     let (_, whole) = Night::default().record(&lab);
     lab.reference = Box::new(move |_| {
         let (config, stop) = (Box::new(picture()), StopRule::Samples(400));
-        Ok(Some(ReferenceRequest::Render { config, stop, agree: None, parts: 3 }))
+        Ok(Some(ReferenceRequest::Render {
+            config,
+            stop,
+            bias_check: None,
+            shards: 3,
+        }))
     });
-    assert_ne!(lab.plan().references[0].id.0, self::lab(400).plan().references[0].id.0, "their last bits may differ");
-    // Nobody keeps the parts, so the night holds them.
+    assert_ne!(
+        lab.plan().references[0].id.0,
+        self::lab(400).plan().references[0].id.0,
+        "their last bits may differ"
+    );
+    // No process stores the shards, so the night keeps them in memory.
     let (summary, heard) = Night::default().record(&lab);
-    let told: Vec<&str> = heard.words.iter().map(String::as_str).filter(|w| !w.starts_with("wave")).collect();
+    let told: Vec<&str> = heard
+        .words
+        .iter()
+        .map(String::as_str)
+        .filter(|w| !w.starts_with("wave"))
+        .collect();
     let start = told.iter().position(|w| *w == "start r0 1").unwrap();
-    let wanted = ["start r0 1", "there r0 1", "start r0 2", "there r0 2", "start r0 3", "there r0 3"];
+    let wanted = [
+        "start r0 1",
+        "there r0 1",
+        "start r0 2",
+        "there r0 2",
+        "start r0 3",
+        "there r0 3",
+    ];
     assert_eq!(told[start..start + 6], wanted);
-    assert_eq!(told[start + 6..start + 11], ["start r0", "message r0", "halves r0", "floors r0", "done r0"]);
+    assert_eq!(
+        told[start + 6..start + 11],
+        [
+            "start r0",
+            "message r0",
+            "halves r0",
+            "floors r0",
+            "done r0"
+        ]
+    );
     let [joined, one] = [&heard, &whole].map(|heard| heard.film(CellRef::Reference(0)).unwrap());
     assert_eq!((joined.samples, one.samples), (400, 400));
     for (a, b) in joined.sum.iter().flatten().zip(one.sum.iter().flatten()) {
         assert!((a / b - 1.0).abs() < 1e-12, "{a} {b}");
     }
-    for (a, b) in joined.variance_of_mean().data.iter().flatten().zip(one.variance_of_mean().data.iter().flatten()) {
+    for (a, b) in joined
+        .variance_of_mean()
+        .data
+        .iter()
+        .flatten()
+        .zip(one.variance_of_mean().data.iter().flatten())
+    {
         assert!((a / b - 1.0).abs() < 0.02, "{a} {b}");
     }
-    let rows = summary.results[0].rows.iter().map(|row| (row.wave, row.samples)).collect::<Vec<_>>();
+    let rows = summary.results[0]
+        .rows
+        .iter()
+        .map(|row| (row.wave, row.samples))
+        .collect::<Vec<_>>();
     assert_eq!(rows, [(1, 134), (2, 268), (3, 400)]);
     let paths = summary.results[0].rows.last().unwrap().paths;
     assert_eq!(paths, 400 * 64 * 48, "both halves' paths, each once");
 }
 
-/// All parts are there by name; what is kept of them is this.
+/// A store in which all shards are listed, and which returns this for each of them.
 struct Unread(Option<Checkpoint>);
 
 impl History for Unread {
-    fn done(&self, _: &Plan, _: CellRef) -> Option<FinishedRun> {
+    fn finished_run(&self, _: &Plan, _: CellRef) -> Option<FinishedRun> {
         None
     }
 
@@ -121,11 +192,11 @@ impl History for Unread {
         Ok(None)
     }
 
-    fn parts_there(&self, _: &Plan, parts: &[Part]) -> BTreeSet<usize> {
+    fn available_shards(&self, _: &Plan, parts: &[Shard]) -> BTreeSet<usize> {
         parts.iter().map(|part| part.number).collect()
     }
 
-    fn joined(&self, _: &Plan, _: &[Part]) -> Option<Checkpoint> {
+    fn joined_shards(&self, _: &Plan, _: &[Shard]) -> Option<Checkpoint> {
         self.0.clone()
     }
 }
@@ -134,21 +205,58 @@ impl History for Unread {
 fn parts_that_are_kept_and_cannot_be_read_fail_instead_of_being_looked_for_for_ever() {
     let mut lab = lab(400);
     lab.reference = Box::new(|_| {
-        let config = Box::new(CellConfig { resolution: Some([64, 48]), ..config() });
-        Ok(Some(ReferenceRequest::Render { config, stop: StopRule::Samples(400), agree: None, parts: 4 }))
+        let config = Box::new(CellConfig {
+            resolution: Some([64, 48]),
+            ..config()
+        });
+        Ok(Some(ReferenceRequest::Render {
+            config,
+            stop: StopRule::Samples(400),
+            bias_check: None,
+            shards: 4,
+        }))
     });
     let plan = Arc::new(lab.plan());
-    let Night { open, wait, control, .. } = Night::default();
-    let foreign = Checkpoint { standing: Standing::default(), state: vec![1; 64] };
+    let Night {
+        open,
+        wait,
+        control,
+        ..
+    } = Night::default();
+    let foreign = Checkpoint {
+        progress: RunProgress::default(),
+        state: vec![1; 64],
+    };
     for kept in [None, Some(foreign)] {
         let mut heard = Recorder::default();
         let seams = Seams { open, wait };
-        let night = run_with(&seams, &plan, &lab, &Unread(kept), &mut [&mut heard], &control, 1).unwrap();
-        let [reference, cell] = &night.results[..] else { panic!("{:?}", night.results) };
-        let Outcome::Failed(why) = &reference.outcome else { panic!("{:?}", reference.outcome) };
-        assert!(why.contains("part 1 of 4 is kept") && why.contains("`refs/sums`"), "{why}");
+        let night = run_with(
+            &seams,
+            &plan,
+            &lab,
+            &Unread(kept),
+            &mut [&mut heard],
+            &control,
+            1,
+        )
+        .unwrap();
+        let [reference, cell] = &night.results[..] else {
+            panic!("{:?}", night.results)
+        };
+        let Outcome::Failed(why) = &reference.outcome else {
+            panic!("{:?}", reference.outcome)
+        };
+        assert!(
+            why.contains("shard 1 of 4 is stored but cannot be read")
+                && why.contains("`refs/sums`"),
+            "{why}"
+        );
         assert!(matches!(cell.outcome, Outcome::Failed(_)));
-        assert!(!heard.words.iter().any(|word| word.starts_with("start")), "{:?}", heard.words);
+        assert!(
+            !heard.words.iter().any(|word| word.starts_with("start")),
+            "{:?}",
+            heard.words
+        );
     }
 }
 
@@ -156,12 +264,23 @@ fn parts_that_are_kept_and_cannot_be_read_fail_instead_of_being_looked_for_for_e
 fn only_samples_can_be_divided() {
     let mut lab = lab(64);
     lab.reference = Box::new(move |_| {
-        let config = Box::new(CellConfig { resolution: Some([64, 48]), ..config() });
+        let config = Box::new(CellConfig {
+            resolution: Some([64, 48]),
+            ..config()
+        });
         let stop = StopRule::Time(1.0);
-        Ok(Some(ReferenceRequest::Render { config, stop, agree: None, parts: 4 }))
+        Ok(Some(ReferenceRequest::Render {
+            config,
+            stop,
+            bias_check: None,
+            shards: 4,
+        }))
     });
     let said = lab.try_plan().unwrap_err().to_string();
-    assert!(said.contains("only a number of samples can be divided"), "{said}");
+    assert!(
+        said.contains("a reference in parts needs a number of samples"),
+        "{said}"
+    );
 }
 
 #[test]
@@ -171,20 +290,34 @@ fn kept_halves_give_the_floors_once_and_broken_ones_a_warning() {
     let id = plan.references[0].id.clone();
     let flat = |x: f32| Image::from_fn(64, 48, |_, _| [x; 3]);
     let mut night = Night::default();
-    let run = FinishedRun { folder: "refs".into(), rows: vec![], floors: Default::default(), open: Default::default() };
+    let run = FinishedRun {
+        folder: "refs".into(),
+        rows: vec![],
+        floors: Default::default(),
+        open: Default::default(),
+    };
     night.history.done.insert(id.clone(), run);
     night.history.images.insert(id.clone(), Ok(flat(0.5)));
-    let halves = HalfImages { means: [flat(0.4), flat(0.6)], samples: [32, 32] };
+    let halves = HalfImages {
+        means: [flat(0.4), flat(0.6)],
+        samples: [32, 32],
+    };
     night.history.halves.insert(id.clone(), Ok(halves));
     let (_, heard) = night.record(&lab);
     let told = floors_told(&heard);
     assert_eq!(told.len(), 1, "both cells share it");
     assert!((told[0][0].unwrap() - 0.1).abs() < 1e-6);
-    night.history.halves.insert(id, Err("half-a.exr is cut off".into()));
+    night
+        .history
+        .halves
+        .insert(id, Err("half-a.exr is cut off".into()));
     let (summary, heard) = night.record(&lab);
     assert!(floors_told(&heard).is_empty() && summary.results[1].floors.is_empty());
     let warnings = heard.messages(Level::Warn);
-    assert!(warnings.iter().any(|w| w.contains("half-a.exr is cut off")), "{warnings:?}");
+    assert!(
+        warnings.iter().any(|w| w.contains("half-a.exr is cut off")),
+        "{warnings:?}"
+    );
 }
 
 #[test]
@@ -192,46 +325,83 @@ fn thresholds_below_the_floor_are_warned_of() {
     let warnings = |op: Comparison, value: f64| {
         let mut lab = lab(100).axis("idle", ints([1, 2]));
         lab.stop = Box::new(move |_| {
-            let when = StopRule::When { column: "rmse".into(), op, value, hold: 1 };
+            let when = StopRule::When {
+                column: "rmse".into(),
+                op,
+                value,
+                hold: 1,
+            };
             let inner = StopRule::All(vec![when, StopRule::Waves(1)]);
             Ok(StopRule::Any(vec![StopRule::Samples(4), inner]))
         });
         Night::default().record(&lab).1.messages(Level::Warn)
     };
-    // The floor is near 0.1 * 0.5 / 10.
+    // The noise floor is near 0.1 * 0.5 / 10.
     let found = warnings(Comparison::Less, 0.001);
     assert_eq!(found.len(), 2, "the scene's note and this: {found:?}");
     let said = found.iter().find(|w| w.contains("rmse")).unwrap();
-    assert!(said.starts_with("2 cells wait for `rmse < 0.001`, but even the true picture has 0.00"), "{said}");
-    assert!(warnings(Comparison::Less, 0.01).iter().all(|w| !w.contains("rmse")));
-    assert!(warnings(Comparison::Greater, 0.001).iter().all(|w| !w.contains("rmse")));
+    assert!(
+        said.starts_with(
+            "2 cells stop at `rmse < 0.001`, but even the true picture would measure 0.00"
+        ),
+        "{said}"
+    );
+    assert!(
+        warnings(Comparison::Less, 0.01)
+            .iter()
+            .all(|w| !w.contains("rmse"))
+    );
+    assert!(
+        warnings(Comparison::Greater, 0.001)
+            .iter()
+            .all(|w| !w.contains("rmse"))
+    );
 }
 
 #[test]
 fn a_metric_that_cannot_be_computed_has_no_floor() {
     let metrics = ["rmse", "ssim"].map(|m| MetricSpec::new(m, m, BTreeMap::new()).unwrap());
     let image = Image::from_fn(4, 4, |_, _| [0.5; 3]);
-    let halves = HalfImages { means: [image.clone(), image.clone()], samples: [1, 1] };
+    let halves = HalfImages {
+        means: [image.clone(), image.clone()],
+        samples: [1, 1],
+    };
     assert_eq!(floors(&metrics, &image, &halves), [Some(0.0), None]);
 }
 
-/// A lab whose references are compared with the same picture by `nee`.
+/// Returns an experiment whose references are compared with the same picture by `nee`.
 fn compared() -> Lab {
     let mut lab = lab(256);
     lab.reference = Box::new(|_| {
         let mut config = config();
         config.resolution = Some([64, 48]);
-        let second = CellConfig { integrator: "nee".into(), ..config.clone() };
-        let agree = AgreeRequest { config: second, stop: StopRule::Samples(64), rate: 0.01 };
+        let second = CellConfig {
+            integrator: "nee".into(),
+            ..config.clone()
+        };
+        let agree = BiasCheckRequest {
+            config: second,
+            stop: StopRule::Samples(64),
+            rate: 0.01,
+        };
         let stop = StopRule::Samples(256);
-        Ok(Some(ReferenceRequest::Render { config: Box::new(config), stop, agree: Some(Box::new(agree)), parts: 1 }))
+        Ok(Some(ReferenceRequest::Render {
+            config: Box::new(config),
+            stop,
+            bias_check: Some(Box::new(agree)),
+            shards: 1,
+        }))
     });
     lab
 }
 
-/// `nee` finds other light than the rest: paths of six edges have more.
+/// Renders more light with `nee` than with the others: with paths of six edges.
 fn biased(_: &str, scene: Arc<CompiledScene>, job: Job) -> Result<Box<dyn Renderer>, RenderError> {
-    let max_depth = if job.integrator.name == "nee" { job.max_depth + 1 } else { job.max_depth };
+    let max_depth = if job.integrator.name == "nee" {
+        job.max_depth + 1
+    } else {
+        job.max_depth
+    };
     Ok(Box::new(MockRenderer::new(scene, Job { max_depth, ..job })))
 }
 
@@ -240,32 +410,62 @@ fn a_second_technique_agrees_with_its_own_noise_and_does_not_count_as_a_cells_re
     let lab = compared();
     let plan = lab.plan();
     assert_eq!(plan.references.len(), 2);
-    assert_eq!((plan.references[0].agree.unwrap().with, plan.references[1].agree), (1, None));
+    assert_eq!(
+        (
+            plan.references[0].bias_check.unwrap().with,
+            plan.references[1].bias_check
+        ),
+        (1, None)
+    );
     assert_eq!(plan.cells[0].reference, Some(0));
     let (summary, heard) = Night::default().record(&lab);
     assert!(summary.disagreements.is_empty());
-    let at = |word: &str| heard.words.iter().position(|w| w == word).unwrap_or_else(|| panic!("{word}"));
+    let at = |word: &str| {
+        heard
+            .words
+            .iter()
+            .position(|w| w == word)
+            .unwrap_or_else(|| panic!("{word}"))
+    };
     assert!(at("done r1") < at("compared r0 r1") && at("compared r0 r1") < at("start c0"));
     let said = heard.messages(Level::Info);
-    assert!(said.iter().any(|w| w.starts_with("agrees with `nee`: none of ")), "{said:?}");
+    assert!(
+        said.iter()
+            .any(|w| w.starts_with("agrees with `nee`: none of ")),
+        "{said:?}"
+    );
 }
 
 #[test]
 fn a_second_technique_that_contradicts_is_an_alarm_with_a_map() {
-    let (summary, heard) = Night { open: &biased, ..Night::default() }.record(&compared());
-    let [found] = summary.disagreements.as_slice() else { panic!("{:?}", summary.disagreements) };
+    let (summary, heard) = Night {
+        open: &biased,
+        ..Night::default()
+    }
+    .record(&compared());
+    let [found] = summary.disagreements.as_slice() else {
+        panic!("{:?}", summary.disagreements)
+    };
     assert_eq!((found.reference, found.with), (0, 1));
-    assert!(found.found.starts_with("DISAGREES with `nee`: "), "{}", found.found);
+    assert!(
+        found.found.starts_with("DISAGREES with `nee`: "),
+        "{}",
+        found.found
+    );
     assert!(heard.messages(Level::Error).contains(&found.found));
     let agreement = heard.events.iter().find_map(|e| match e {
-        Event::Agreement { found, .. } => Some(found.clone()),
+        Event::BiasCheck { found, .. } => Some(found.clone()),
         _ => None,
     });
     let agreement = agreement.unwrap();
-    // 31/32 of the light against 63/64.
-    assert!((agreement.ratio / (62.0 / 63.0) - 1.0).abs() < 0.001, "{}", agreement.ratio);
+    // 31/32 of the light compared with 63/64.
+    assert!(
+        (agreement.ratio / (62.0 / 63.0) - 1.0).abs() < 0.001,
+        "{}",
+        agreement.ratio
+    );
     assert!(agreement.map.values.iter().filter(|z| **z < -2.0).count() > 64 * 48 / 2);
-    // The night goes on: its cells are rendered.
+    // The night continues: its cells are rendered.
     assert!(heard.words.contains(&"done c0".to_owned()));
 }
 
@@ -275,11 +475,18 @@ fn kept_pictures_are_compared_and_missing_noise_is_said() {
     let plan = lab.plan();
     let mut night = Night::default();
     for (reference, light) in plan.references.iter().zip([0.5, 0.6]) {
-        let run =
-            FinishedRun { folder: "refs".into(), rows: vec![], floors: Default::default(), open: Default::default() };
+        let run = FinishedRun {
+            folder: "refs".into(),
+            rows: vec![],
+            floors: Default::default(),
+            open: Default::default(),
+        };
         night.history.done.insert(reference.id.clone(), run);
         let flat = |x: f32| Image::from_fn(64, 48, |_, _| [x; 3]);
-        night.history.images.insert(reference.id.clone(), Ok(flat(light)));
+        night
+            .history
+            .images
+            .insert(reference.id.clone(), Ok(flat(light)));
         night.history.noise.insert(reference.id.clone(), flat(0.02));
     }
     let (summary, _) = night.record(&lab);
@@ -289,7 +496,8 @@ fn kept_pictures_are_compared_and_missing_noise_is_said() {
     assert!(summary.disagreements.is_empty());
     let said = heard.messages(Level::Warn);
     assert!(
-        said.iter().any(|w| w.contains("cannot be compared with `nee`: the noise of `bpt` is not known")),
+        said.iter()
+            .any(|w| w.contains("cannot be compared with `nee`: the noise of `bpt` is not known")),
         "{said:?}"
     );
 }
@@ -298,6 +506,12 @@ fn kept_pictures_are_compared_and_missing_noise_is_said() {
 fn time_spent_measuring_is_told_and_adds_up() {
     let (_, heard) = Night::default().record(&lab(16));
     let rows = heard.rows(CELL);
-    assert!(rows.iter().all(|row| row.measure_s > 0.0 && row.measure_s <= row.wall_s));
-    assert!(rows.windows(2).all(|pair| pair[1].measure_s > pair[0].measure_s));
+    assert!(
+        rows.iter()
+            .all(|row| row.measure_s > 0.0 && row.measure_s <= row.wall_s)
+    );
+    assert!(
+        rows.windows(2)
+            .all(|pair| pair[1].measure_s > pair[0].measure_s)
+    );
 }

@@ -1,4 +1,4 @@
-//! Nights that are cut off, share their cells with others, or end early.
+//! Nights that are interrupted, share their cells with other processes, or end early.
 
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
@@ -6,32 +6,34 @@ use std::io;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
-use lumbre::experiment::event::{FinishedRun, History, Level, Save};
-use lumbre::experiment::parts::Piece;
+use lumbre::experiment::event::{FinishedRun, History, Level, SaveState};
 use lumbre::experiment::run::{Options, Seams, run_with};
+use lumbre::experiment::run_progress::{Checkpoint, Claim, RunProgress};
+use lumbre::experiment::shards::WorkUnit;
 use lumbre::experiment::spec::Order;
-use lumbre::experiment::standing::{Checkpoint, Claim, Standing};
-use lumbre::experiment::{CellRef, Control, Event, NightSummary, Outcome, Plan, RunId, Sink, SinkError};
+use lumbre::experiment::{
+    CellRef, Event, NightControls, NightSummary, Outcome, Plan, RunId, Sink, SinkError,
+};
 use lumbre::film::Image;
 use lumbre::render::mock::MockRenderer;
 use lumbre::render::{RenderError, Renderer};
 
 use crate::fixtures::{Lab, Recorder, at, config, depths, ints, whole_at, words};
 
-/// What outlives a process, in memory, and who else is there.
+/// State that outlives a process, in memory, and the other processes.
 #[derive(Default)]
 struct Kept {
     checkpoints: RefCell<BTreeMap<RunId, Checkpoint>>,
-    /// Writing fails.
+    /// Whether writing fails.
     full: Cell<bool>,
-    /// For how many looks more another process has the cells.
+    /// Number of further attempts at which another process has the cells.
     theirs: Cell<u32>,
-    /// What that process has finished by then.
+    /// Runs that the other process has finished by then.
     finished: RefCell<BTreeMap<RunId, FinishedRun>>,
 }
 
 impl History for Kept {
-    fn done(&self, plan: &Plan, cell: CellRef) -> Option<FinishedRun> {
+    fn finished_run(&self, plan: &Plan, cell: CellRef) -> Option<FinishedRun> {
         self.finished.borrow().get(plan.id(cell)).cloned()
     }
 
@@ -39,10 +41,10 @@ impl History for Kept {
         Ok(None)
     }
 
-    fn claim(&self, plan: &Plan, piece: Piece) -> Result<Claim, SinkError> {
-        let cell = piece.cell();
+    fn claim(&self, plan: &Plan, unit: WorkUnit) -> Result<Claim, SinkError> {
+        let cell = unit.cell();
         if cell != CellRef::Cell(0) || self.theirs.get() == 0 {
-            return Ok(Claim::Ours);
+            return Ok(Claim::Granted);
         }
         self.theirs.set(self.theirs.get() - 1);
         if self.theirs.get() == 0 {
@@ -52,35 +54,48 @@ impl History for Kept {
                 floors: Default::default(),
                 open: Default::default(),
             };
-            self.finished.borrow_mut().insert(plan.id(cell).clone(), run);
+            self.finished
+                .borrow_mut()
+                .insert(plan.id(cell).clone(), run);
         }
-        Ok(Claim::Theirs("process 7".to_owned()))
+        Ok(Claim::HeldBy("process 7".to_owned()))
     }
 
-    fn checkpoint(&self, plan: &Plan, piece: Piece) -> Option<Checkpoint> {
-        self.checkpoints.borrow().get(plan.id(piece.cell())).cloned()
+    fn checkpoint(&self, plan: &Plan, unit: WorkUnit) -> Option<Checkpoint> {
+        self.checkpoints.borrow().get(plan.id(unit.cell())).cloned()
     }
 
-    fn keep(&self, plan: &Plan, piece: Piece, standing: &Standing, save: Save<'_>) -> Result<bool, SinkError> {
+    fn save_checkpoint(
+        &self,
+        plan: &Plan,
+        unit: WorkUnit,
+        progress: &RunProgress,
+        save: SaveState<'_>,
+    ) -> Result<bool, SinkError> {
         if self.full.get() {
             return Err(SinkError("no space".to_owned()));
         }
         let mut state = Vec::new();
         let saved = save(&mut state).map_err(|e: io::Error| SinkError(e.to_string()))?;
-        let checkpoint = Checkpoint { standing: standing.clone(), state };
-        self.checkpoints.borrow_mut().insert(plan.id(piece.cell()).clone(), checkpoint);
+        let checkpoint = Checkpoint {
+            progress: progress.clone(),
+            state,
+        };
+        self.checkpoints
+            .borrow_mut()
+            .insert(plan.id(unit.cell()).clone(), checkpoint);
         Ok(saved)
     }
 }
 
-/// Ends the night after so many events of a kind.
+/// A listener that ends the night after so many events of a kind.
 struct Ends<'a> {
-    control: &'a Control,
+    control: &'a NightControls,
     waves: Cell<u32>,
 }
 
 impl Sink for Ends<'_> {
-    fn hear(&mut self, event: &Event) -> Result<(), SinkError> {
+    fn receive(&mut self, event: &Event) -> Result<(), SinkError> {
         if let Event::Wave { .. } = event {
             let left = self.waves.get();
             if left == 0 {
@@ -93,16 +108,26 @@ impl Sink for Ends<'_> {
 }
 
 fn go(lab: &Lab, history: &Kept, options: Options, stop_after: u32) -> (NightSummary, Recorder) {
-    let control = Control::default();
-    let mut ends = Ends { control: &control, waves: Cell::new(stop_after) };
-    let mut heard = Recorder::default();
-    let open = |_: &str, scene, job: lumbre::render::Job| -> Result<Box<dyn Renderer>, RenderError> {
-        if job.max_depth == 2 && job.rr_start == Some(7) {
-            return Err(RenderError::Failed { backend: "mock", reason: "the lens fell off".to_owned() });
-        }
-        Ok(Box::new(MockRenderer::new(scene, job)))
+    let control = NightControls::default();
+    let mut ends = Ends {
+        control: &control,
+        waves: Cell::new(stop_after),
     };
-    let seams = Seams { open: &open, wait: &|| {} };
+    let mut heard = Recorder::default();
+    let open =
+        |_: &str, scene, job: lumbre::render::Job| -> Result<Box<dyn Renderer>, RenderError> {
+            if job.max_depth == 2 && job.rr_start == Some(7) {
+                return Err(RenderError::Failed {
+                    backend: "mock",
+                    reason: "the lens fell off".to_owned(),
+                });
+            }
+            Ok(Box::new(MockRenderer::new(scene, job)))
+        };
+    let seams = Seams {
+        open: &open,
+        wait: &|| {},
+    };
     let plan = Arc::new(lab.plan());
     let sinks: &mut [&mut dyn Sink] = &mut [&mut ends, &mut heard];
     let summary = run_with(&seams, &plan, lab, history, sinks, &control, options).unwrap();
@@ -115,17 +140,30 @@ fn a_cell_that_is_cut_off_after_any_wave_goes_on_to_the_same_film_and_rows() {
     for cut in 0..3 {
         let kept = Kept::default();
         let (summary, _) = go(&Lab::new(), &kept, Options::from(1), cut);
-        assert_eq!(summary.results[0].outcome, Outcome::Interrupted, "after {cut} waves");
+        assert_eq!(
+            summary.results[0].outcome,
+            Outcome::Interrupted,
+            "after {cut} waves"
+        );
         let (again, heard) = go(&Lab::new(), &kept, Options::from(1), u32::MAX);
         assert!(matches!(again.results[0].outcome, Outcome::Done(_)));
         assert_eq!(heard.film(CellRef::Cell(0)), whole.film(CellRef::Cell(0)));
         let clockless = |rows: &[lumbre::experiment::WaveRow]| -> Vec<_> {
-            rows.iter().map(|r| (r.wave, r.samples, r.render_s.to_bits(), r.paths, r.rays)).collect()
+            rows.iter()
+                .map(|r| (r.wave, r.samples, r.render_s.to_bits(), r.paths, r.rays))
+                .collect()
         };
         let expected: Vec<_> = whole.rows(CellRef::Cell(0)).into_iter().cloned().collect();
-        assert_eq!(clockless(&again.results[0].rows), clockless(&expected), "the clock goes on where it was");
-        assert!(heard.messages(Level::Info)[0].starts_with("goes on from its checkpoint after"));
-        assert!(heard.rows(CellRef::Cell(0)).len() < expected.len(), "what was measured is not measured again");
+        assert_eq!(
+            clockless(&again.results[0].rows),
+            clockless(&expected),
+            "the clock goes on where it was"
+        );
+        assert!(heard.messages(Level::Info)[0].starts_with("resumes from its checkpoint after"));
+        assert!(
+            heard.rows(CellRef::Cell(0)).len() < expected.len(),
+            "what was measured is not measured again"
+        );
     }
 }
 
@@ -133,10 +171,18 @@ fn a_cell_that_is_cut_off_after_any_wave_goes_on_to_the_same_film_and_rows() {
 fn a_checkpoint_that_does_not_fit_is_said_and_passed_over() {
     let kept = Kept::default();
     go(&Lab::new(), &kept, Options::from(1), 1);
-    kept.checkpoints.borrow_mut().values_mut().for_each(|checkpoint| checkpoint.state.truncate(40));
+    kept.checkpoints
+        .borrow_mut()
+        .values_mut()
+        .for_each(|checkpoint| checkpoint.state.truncate(40));
     let (summary, heard) = go(&Lab::new(), &kept, Options::from(1), u32::MAX);
     assert!(matches!(summary.results[0].outcome, Outcome::Done(_)));
-    assert!(heard.messages(Level::Warn).iter().any(|text| text.contains("does not fit")));
+    assert!(
+        heard
+            .messages(Level::Warn)
+            .iter()
+            .any(|text| text.contains("does not match"))
+    );
     assert_eq!(heard.totals(CellRef::Cell(0)), [1, 3, 7, 15, 16]);
 }
 
@@ -149,7 +195,14 @@ fn checkpoints_that_cannot_be_written_cost_nothing_but_a_warning() {
     let (summary, heard) = go(&lab, &kept, Options::from(1), u32::MAX);
     assert!(matches!(summary.results[0].outcome, Outcome::Done(_)));
     let warnings = heard.messages(Level::Warn);
-    assert_eq!(warnings.iter().filter(|text| text.contains("no space")).count(), 1, "{warnings:?}");
+    assert_eq!(
+        warnings
+            .iter()
+            .filter(|text| text.contains("no space"))
+            .count(),
+        1,
+        "{warnings:?}"
+    );
 }
 
 #[test]
@@ -159,10 +212,18 @@ fn cells_of_other_processes_are_put_off_and_waited_for() {
     let (summary, heard) = go(&depths([1, 2, 3]), &kept, Options::from(1), u32::MAX);
     let outcomes: Vec<&Outcome> = summary.results.iter().map(|r| &r.outcome).collect();
     assert_eq!(*outcomes[0], Outcome::Cached("theirs".into()));
-    assert!(matches!(outcomes[1..], [Outcome::Done(_), Outcome::Done(_)]));
+    assert!(matches!(
+        outcomes[1..],
+        [Outcome::Done(_), Outcome::Done(_)]
+    ));
     let place = |word: &str| heard.words.iter().position(|w| w == word).unwrap();
     assert!(place("done c2") < place("cached c0"), "{:?}", heard.words);
-    assert!(heard.messages(Level::Info).iter().any(|text| text.contains("process 7")));
+    assert!(
+        heard
+            .messages(Level::Info)
+            .iter()
+            .any(|text| text.contains("process 7"))
+    );
 }
 
 fn broken_at_depth_2() -> Lab {
@@ -178,9 +239,18 @@ fn broken_at_depth_2() -> Lab {
 
 #[test]
 fn the_smoke_pass_finds_a_broken_cell_before_anything_is_rendered() {
-    let options = Options { smoke: true, ..Options::from(1) };
+    let options = Options {
+        smoke: true,
+        ..Options::from(1)
+    };
     let (summary, heard) = go(&broken_at_depth_2(), &Kept::default(), options, u32::MAX);
-    let told: Vec<&str> = heard.words.iter().map(String::as_str).filter(|w| *w != "message c0").take(3).collect();
+    let told: Vec<&str> = heard
+        .words
+        .iter()
+        .map(String::as_str)
+        .filter(|w| *w != "message c0")
+        .take(3)
+        .collect();
     assert_eq!(told, ["night", "message ", "failed c1"]);
     assert!(
         matches!(&summary.results[1].outcome, Outcome::Failed(why) if why.contains("in the smoke pass") && why.contains("lens"))
@@ -189,34 +259,65 @@ fn the_smoke_pass_finds_a_broken_cell_before_anything_is_rendered() {
         matches!(summary.results[0].outcome, Outcome::Done(_))
             && matches!(summary.results[2].outcome, Outcome::Done(_))
     );
-    assert_eq!(heard.words.iter().filter(|w| w.starts_with("start ")).count(), 2);
+    assert_eq!(
+        heard
+            .words
+            .iter()
+            .filter(|w| w.starts_with("start "))
+            .count(),
+        2
+    );
 }
 
 #[test]
 fn a_night_ends_at_its_number_of_failures() {
-    let options = Options { max_fails: Some(1), ..Options::from(1) };
+    let options = Options {
+        max_fails: Some(1),
+        ..Options::from(1)
+    };
     let (summary, heard) = go(&broken_at_depth_2(), &Kept::default(), options, u32::MAX);
     assert_eq!(summary.results.len(), 2, "the third cell was never reached");
-    assert!(heard.messages(Level::Warn).iter().any(|text| text.contains("1 runs have failed")));
+    assert!(
+        heard
+            .messages(Level::Warn)
+            .iter()
+            .any(|text| text.contains("1 runs have failed"))
+    );
     assert!(!summary.interrupted);
 }
 
 #[test]
 fn a_deadline_ends_the_night_and_orders_its_cells_from_coarse_to_fine() {
-    let past = Options { deadline: Some(SystemTime::now() - Duration::from_secs(1)), ..Options::from(1) };
+    let past = Options {
+        deadline: Some(SystemTime::now() - Duration::from_secs(1)),
+        ..Options::from(1)
+    };
     let (summary, heard) = go(&depths([1, 2, 3]), &Kept::default(), past, u32::MAX);
     assert!(summary.results.is_empty() && !summary.interrupted);
     assert!(heard.messages(Level::Warn)[0].contains("deadline"));
-    let far = Options { deadline: Some(SystemTime::now() + Duration::from_secs(9999)), ..Options::from(1) };
+    let far = Options {
+        deadline: Some(SystemTime::now() + Duration::from_secs(9999)),
+        ..Options::from(1)
+    };
     let (_, heard) = go(&depths([1, 2, 3]), &Kept::default(), far, u32::MAX);
-    let starts: Vec<&String> = heard.words.iter().filter(|w| w.starts_with("start ")).collect();
-    assert_eq!(starts, ["start c0", "start c2", "start c1"], "the ends of an axis come before its middle");
+    let starts: Vec<&String> = heard
+        .words
+        .iter()
+        .filter(|w| w.starts_with("start "))
+        .collect();
+    assert_eq!(
+        starts,
+        ["start c0", "start c2", "start c1"],
+        "the ends of an axis come before its middle"
+    );
     assert_eq!(words(heard.events.last().unwrap()), "morning");
 }
 
 #[test]
 fn coarse_grids_are_complete_for_every_technique() {
-    let mut lab = Lab::new().axis("technique", ["bpt", "nee"]).axis("depth", ints([1, 2, 3, 4, 5]));
+    let mut lab = Lab::new()
+        .axis("technique", ["bpt", "nee"])
+        .axis("depth", ints([1, 2, 3, 4, 5]));
     lab.render = Box::new(|p| {
         let mut config = config();
         config.max_depth = Some(whole_at(p, "depth"));
@@ -226,17 +327,33 @@ fn coarse_grids_are_complete_for_every_technique() {
     lab.spec.repeats = 2;
     let plan = lab.plan();
     let order = plan.coarse_to_fine();
-    let key = |i: &usize| (whole_at(&plan.cells[*i].point, "depth"), plan.cells[*i].repeat);
+    let key = |i: &usize| {
+        (
+            whole_at(&plan.cells[*i].point, "depth"),
+            plan.cells[*i].repeat,
+        )
+    };
     let first: Vec<_> = order[..4].iter().map(key).collect();
-    assert_eq!(first, [(1, 0), (5, 0), (1, 0), (5, 0)], "both techniques at both ends");
+    assert_eq!(
+        first,
+        [(1, 0), (5, 0), (1, 0), (5, 0)],
+        "both techniques at both ends"
+    );
     let mut all = order.clone();
     all.sort_unstable();
     assert_eq!(all, (0..20).collect::<Vec<_>>());
-    // Round 1 has the middle of the axis and the second repeat of what is there.
-    assert_eq!(order[4..12].iter().map(key).filter(|(depth, repeat)| *depth == 3 || *repeat == 1).count(), 8);
+    // Round 1 has the middle of the axis and the second repeat of the existing cells.
+    assert_eq!(
+        order[4..12]
+            .iter()
+            .map(key)
+            .filter(|(depth, repeat)| *depth == 3 || *repeat == 1)
+            .count(),
+        8
+    );
 }
 
-/// Three techniques of one picture that take turns.
+/// Returns three techniques of one picture, interleaved.
 fn heat() -> Lab {
     let mut lab = Lab::new().axis("technique", ["bpt", "nee", "bdpt"]);
     lab.spec.night.order = Order::Interleave;
@@ -254,15 +371,37 @@ fn runs_that_take_turns_go_on_from_their_checkpoints_wherever_they_were_cut_off(
     for cut in 0..9 {
         let kept = Kept::default();
         let (summary, _) = go(&heat(), &kept, Options::from(1), cut);
-        assert!(summary.interrupted && summary.results.iter().any(|r| r.outcome == Outcome::Interrupted), "{cut}");
-        let begun = summary.results.iter().filter(|r| r.outcome == Outcome::Interrupted && !r.rows.is_empty()).count();
-        assert!(kept.checkpoints.borrow().len() >= begun, "each has its own checkpoint");
+        assert!(
+            summary.interrupted
+                && summary
+                    .results
+                    .iter()
+                    .any(|r| r.outcome == Outcome::Interrupted),
+            "{cut}"
+        );
+        let begun = summary
+            .results
+            .iter()
+            .filter(|r| r.outcome == Outcome::Interrupted && !r.rows.is_empty())
+            .count();
+        assert!(
+            kept.checkpoints.borrow().len() >= begun,
+            "each has its own checkpoint"
+        );
         let (again, heard) = go(&heat(), &kept, Options::from(1), u32::MAX);
-        assert!(again.results.iter().all(|r| matches!(r.outcome, Outcome::Done(_))));
+        assert!(
+            again
+                .results
+                .iter()
+                .all(|r| matches!(r.outcome, Outcome::Done(_)))
+        );
         for i in (0..3).map(CellRef::Cell) {
             assert_eq!(heard.film(i), whole.film(i), "cut after {cut} waves");
-            let clock =
-                |result: &[lumbre::experiment::WaveRow]| result.last().map(|row| (row.samples, row.render_s.to_bits()));
+            let clock = |result: &[lumbre::experiment::WaveRow]| {
+                result
+                    .last()
+                    .map(|row| (row.samples, row.render_s.to_bits()))
+            };
             let rows: Vec<_> = whole.rows(i).into_iter().cloned().collect();
             let place = match i {
                 CellRef::Cell(place) | CellRef::Reference(place) => place,
@@ -274,20 +413,31 @@ fn runs_that_take_turns_go_on_from_their_checkpoints_wherever_they_were_cut_off(
 
 #[test]
 fn a_checkpoint_that_is_asked_for_is_kept_of_every_run_that_takes_turns() {
-    struct Asks<'a>(&'a Control, bool);
+    struct Asks<'a>(&'a NightControls, bool);
     impl Sink for Asks<'_> {
-        fn hear(&mut self, event: &Event) -> Result<(), SinkError> {
-            if matches!(event, Event::Wave { cell: CellRef::Cell(2), .. }) && !std::mem::replace(&mut self.1, true) {
+        fn receive(&mut self, event: &Event) -> Result<(), SinkError> {
+            if matches!(
+                event,
+                Event::Wave {
+                    cell: CellRef::Cell(2),
+                    ..
+                }
+            ) && !std::mem::replace(&mut self.1, true)
+            {
                 self.0.request_checkpoint();
             }
             Ok(())
         }
     }
-    let (control, kept) = (Control::default(), Kept::default());
+    let (control, kept) = (NightControls::default(), Kept::default());
     let mut asks = Asks(&control, false);
-    let open =
-        |_: &str, scene, job| -> Result<Box<dyn Renderer>, RenderError> { Ok(Box::new(MockRenderer::new(scene, job))) };
-    let seams = Seams { open: &open, wait: &|| {} };
+    let open = |_: &str, scene, job| -> Result<Box<dyn Renderer>, RenderError> {
+        Ok(Box::new(MockRenderer::new(scene, job)))
+    };
+    let seams = Seams {
+        open: &open,
+        wait: &|| {},
+    };
     let lab = heat();
     let plan = Arc::new(lab.plan());
     run_with(&seams, &plan, &lab, &kept, &mut [&mut asks], &control, 1).unwrap();

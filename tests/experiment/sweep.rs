@@ -1,4 +1,4 @@
-//! Which cells a sweep has, in which order, and what they share.
+//! Cells of a sweep, their order, and the runs they share.
 
 use std::sync::Arc;
 
@@ -15,7 +15,9 @@ fn paths(plan: &Plan) -> Vec<&str> {
 
 #[test]
 fn axes_vary_slowest_first_and_repeats_fastest() {
-    let mut lab = Lab::new().axis("scene", ["a", "b"]).axis("depth", ints([3, 5, 9]));
+    let mut lab = Lab::new()
+        .axis("scene", ["a", "b"])
+        .axis("depth", ints([3, 5, 9]));
     lab.spec.repeats = 2;
     let plan = lab.plan();
     assert_eq!(plan.axes, ["scene", "depth"]);
@@ -36,7 +38,13 @@ fn axes_vary_slowest_first_and_repeats_fastest() {
             "scene=b/depth=9/rep=1",
         ]
     );
-    assert_eq!(plan.cells[3].point, vec![("scene".into(), "a".into()), ("depth".into(), Value::Int(5))]);
+    assert_eq!(
+        plan.cells[3].point,
+        vec![
+            ("scene".into(), "a".into()),
+            ("depth".into(), Value::Int(5))
+        ]
+    );
     assert_eq!(plan.cells[3].repeat, 1);
 }
 
@@ -48,7 +56,10 @@ fn no_axes_are_one_cell() {
 #[test]
 fn zipped_axes_move_together() {
     let steps = [["a".into(), Value::Int(1)], ["b".into(), Value::Int(2)]];
-    let plan = Lab::new().zip(["scene", "depth"], &steps).axis("z", ints([0, 1])).plan();
+    let plan = Lab::new()
+        .zip(["scene", "depth"], &steps)
+        .axis("z", ints([0, 1]))
+        .plan();
     assert_eq!(plan.axes, ["scene", "depth", "z"]);
     assert_eq!(
         paths(&plan),
@@ -66,14 +77,29 @@ fn the_first_skip_rule_that_holds_is_recorded_once_a_point() {
     let mut lab = depths([1, 2, 3, 4]);
     lab.spec.repeats = 3;
     lab.spec.skips = vec!["odd ones are dark".into(), "three is too many".into()];
-    lab.skip =
-        Box::new(|rule, p| Ok(if rule == 0 { whole_at(p, "depth") % 2 == 1 } else { whole_at(p, "depth") >= 3 }));
+    lab.skip = Box::new(|rule, p| {
+        Ok(if rule == 0 {
+            whole_at(p, "depth") % 2 == 1
+        } else {
+            whole_at(p, "depth") >= 3
+        })
+    });
     let plan = lab.plan();
     assert_eq!(plan.cells.len(), 3);
-    let skipped: Vec<(String, &str)> =
-        plan.skipped.iter().map(|s| (at(&s.point, "depth").to_string(), s.reason.as_str())).collect();
-    let expected = [("1", "odd ones are dark"), ("3", "odd ones are dark"), ("4", "three is too many")];
-    assert_eq!(skipped, expected.map(|(depth, reason)| (depth.to_owned(), reason)));
+    let skipped: Vec<(String, &str)> = plan
+        .skipped
+        .iter()
+        .map(|s| (at(&s.point, "depth").to_string(), s.reason.as_str()))
+        .collect();
+    let expected = [
+        ("1", "odd ones are dark"),
+        ("3", "odd ones are dark"),
+        ("4", "three is too many"),
+    ];
+    assert_eq!(
+        skipped,
+        expected.map(|(depth, reason)| (depth.to_owned(), reason))
+    );
 }
 
 #[test]
@@ -91,37 +117,76 @@ fn skipped_points_are_not_asked_for_what_they_render() {
 #[test]
 fn overrides_replace_the_values_of_an_axis() {
     let mut lab = depths([1, 2]).axis("tag", ["1", "x"]);
-    lab.overrides.axes = vec![("depth".into(), ints([7, 2, 9]).into()), ("tag".into(), vec![Value::Int(1)])];
+    lab.overrides.axes = vec![
+        ("depth".into(), ints([7, 2, 9]).into()),
+        ("tag".into(), vec![Value::Int(1)]),
+    ];
     let plan = lab.plan();
-    assert_eq!(paths(&plan), ["depth=7/tag=1/rep=0", "depth=2/tag=1/rep=0", "depth=9/tag=1/rep=0"]);
-    assert_eq!(at(&plan.cells[0].point, "tag"), "1".into(), "a value of the script keeps its kind");
+    assert_eq!(
+        paths(&plan),
+        [
+            "depth=7/tag=1/rep=0",
+            "depth=2/tag=1/rep=0",
+            "depth=9/tag=1/rep=0"
+        ]
+    );
+    assert_eq!(
+        at(&plan.cells[0].point, "tag"),
+        "1".into(),
+        "a value of the script keeps its kind"
+    );
     assert_eq!(plan.cells[2].config.max_depth, Some(9));
 }
 
 #[test]
 fn overrides_of_zipped_axes_keep_matching_steps() {
-    let steps = [["a".into(), Value::Int(1)], ["b".into(), Value::Int(2)], ["c".into(), Value::Int(1)]];
+    let steps = [
+        ["a".into(), Value::Int(1)],
+        ["b".into(), Value::Int(2)],
+        ["c".into(), Value::Int(1)],
+    ];
     let mut lab = Lab::new().zip(["scene", "depth"], &steps);
     lab.overrides.axes = vec![("depth".into(), vec![Value::Int(1)])];
-    assert_eq!(paths(&lab.plan()), ["scene=a/depth=1/rep=0", "scene=c/depth=1/rep=0"]);
+    assert_eq!(
+        paths(&lab.plan()),
+        ["scene=a/depth=1/rep=0", "scene=c/depth=1/rep=0"]
+    );
 }
 
 #[test]
 fn selections_keep_any_value_of_an_axis_and_all_axes() {
-    let mut lab = Lab::new().axis("scene", ["a", "b", "c"]).axis("depth", ints([3, 5]));
-    lab.overrides.only =
-        vec![("scene".into(), "a".into()), ("scene".into(), "c".into()), ("depth".into(), Value::Int(5))];
-    assert_eq!(paths(&lab.plan()), ["scene=a/depth=5/rep=0", "scene=c/depth=5/rep=0"]);
+    let mut lab = Lab::new()
+        .axis("scene", ["a", "b", "c"])
+        .axis("depth", ints([3, 5]));
+    lab.overrides.only = vec![
+        ("scene".into(), "a".into()),
+        ("scene".into(), "c".into()),
+        ("depth".into(), Value::Int(5)),
+    ];
+    assert_eq!(
+        paths(&lab.plan()),
+        ["scene=a/depth=5/rep=0", "scene=c/depth=5/rep=0"]
+    );
 }
 
 #[test]
 fn a_selected_cell_is_the_same_run_as_in_the_whole_sweep() {
     let mut lab = depths([3, 5, 9]).measured();
-    lab.stop = Box::new(|_| Ok(StopRule::Any(vec![StopRule::Predicate(2), StopRule::Samples(16)])));
+    lab.stop = Box::new(|_| {
+        Ok(StopRule::Any(vec![
+            StopRule::Predicate(2),
+            StopRule::Samples(16),
+        ]))
+    });
     let whole = lab.plan();
     lab.overrides.only = vec![("depth".into(), Value::Int(5))];
-    // A script numbers its predicates as they come up; the number says nothing about the run.
-    lab.stop = Box::new(|_| Ok(StopRule::Any(vec![StopRule::Predicate(0), StopRule::Samples(16)])));
+    // Predicates are numbered in the order of their creation; the number is not part of the run.
+    lab.stop = Box::new(|_| {
+        Ok(StopRule::Any(vec![
+            StopRule::Predicate(0),
+            StopRule::Samples(16),
+        ]))
+    });
     let one = lab.plan();
     assert_eq!(one.cells.len(), 1);
     assert_eq!(one.cells[0].id, whole.cells[1].id);
@@ -141,7 +206,9 @@ fn a_backend_override_reaches_cells_and_references() {
     lab.overrides.backend = Some("mock".into());
     let plan = lab.plan();
     assert_eq!(plan.cells[0].config.backend, "mock");
-    let ReferenceSource::Render { config, .. } = &plan.references[0].source else { panic!("not rendered") };
+    let ReferenceSource::Render { config, .. } = &plan.references[0].source else {
+        panic!("not rendered")
+    };
     assert_eq!(config.backend, "mock");
 }
 
@@ -156,7 +223,10 @@ fn auto_becomes_a_concrete_backend() {
     let plan = lab.plan();
     let first = lumbre::render::backend("auto").unwrap().name;
     assert_eq!(plan.cells[0].config.backend, first);
-    assert_eq!(plan.cells[0].identity.as_map().unwrap()["backend"], first.into());
+    assert_eq!(
+        plan.cells[0].identity.as_map().unwrap()["backend"],
+        first.into()
+    );
 }
 
 #[test]
@@ -178,23 +248,42 @@ fn resolution_and_depth_fall_back_to_the_scene_and_enter_the_identity() {
 
 #[test]
 fn a_scene_file_is_read_once_and_shared_by_equal_changes() {
-    let mut lab = Lab::new().axis("scene", ["a", "b"]).axis("rough", [0.25, 0.75]).axis("unused", ints([1, 2]));
+    let mut lab = Lab::new()
+        .axis("scene", ["a", "b"])
+        .axis("rough", [0.25, 0.75])
+        .axis("unused", ints([1, 2]));
     lab.spec.repeats = 2;
     lab.render = Box::new(|p| {
         let mut config = config();
         config.scene_file = format!("{}.scn", at(p, "scene")).into();
-        config.set.insert("materials.egg.roughness".into(), at(p, "rough"));
+        config
+            .set
+            .insert("materials.egg.roughness".into(), at(p, "rough"));
         Ok(config)
     });
     let plan = lab.plan();
     assert_eq!(plan.cells.len(), 16);
-    assert_eq!(*lab.loads.borrow(), ["a.scn", "b.scn"].map(std::path::PathBuf::from));
-    assert_eq!(plan.notes.len(), 2, "one note for each file: {:?}", plan.notes);
+    assert_eq!(
+        *lab.loads.borrow(),
+        ["a.scn", "b.scn"].map(std::path::PathBuf::from)
+    );
+    assert_eq!(
+        plan.notes.len(),
+        2,
+        "one note for each file: {:?}",
+        plan.notes
+    );
     let shared = |i: usize, j: usize| Arc::ptr_eq(&plan.cells[i].scene, &plan.cells[j].scene);
-    assert!(shared(0, 1) && shared(0, 3), "repeats and unused axes share a scene");
+    assert!(
+        shared(0, 1) && shared(0, 3),
+        "repeats and unused axes share a scene"
+    );
     assert!(!shared(0, 4) && !shared(0, 8));
     let roughness = |i: usize| plan.cells[i].scene.materials[0].roughness;
-    assert_eq!([roughness(0), roughness(4), roughness(8)], [0.25, 0.75, 0.25]);
+    assert_eq!(
+        [roughness(0), roughness(4), roughness(8)],
+        [0.25, 0.75, 0.25]
+    );
 }
 
 #[test]
@@ -206,7 +295,9 @@ fn cells_share_references_and_none_has_a_cells_seed() {
     assert_eq!(places, [0, 0, 0, 0, 1, 1, 1, 1].map(Some));
     assert_eq!(plan.references.len(), 2);
     for reference in &plan.references {
-        let ReferenceSource::Render { seeds, .. } = &reference.source else { panic!("not rendered") };
+        let ReferenceSource::Render { seeds, .. } = &reference.source else {
+            panic!("not rendered")
+        };
         assert!(seeds[0] != seeds[1] && plan.cells.iter().all(|cell| !seeds.contains(&cell.seed)));
     }
     let seeds: Vec<u64> = plan.cells.iter().map(|cell| cell.seed).collect();
@@ -224,10 +315,19 @@ fn a_reference_file_is_known_by_its_content() {
     let mut lab = Lab::new().axis("file", ["a.exr", "b.exr", "c.exr"]);
     let root = folder.path().to_owned();
     lab.reference = Box::new(move |p| {
-        Ok(Some(ReferenceRequest::File { file: root.join(at(p, "file").to_string()), source: String::new() }))
+        Ok(Some(ReferenceRequest::File {
+            file: root.join(at(p, "file").to_string()),
+            source: String::new(),
+        }))
     });
     let plan = lab.plan();
-    assert_eq!(plan.cells.iter().map(|cell| cell.reference).collect::<Vec<_>>(), [0, 0, 1].map(Some));
+    assert_eq!(
+        plan.cells
+            .iter()
+            .map(|cell| cell.reference)
+            .collect::<Vec<_>>(),
+        [0, 0, 1].map(Some)
+    );
     assert_eq!(plan.references.len(), 2);
 }
 
@@ -235,20 +335,35 @@ fn a_reference_file_is_known_by_its_content() {
 fn what_may_never_end_and_what_is_not_measured_is_a_warning() {
     let mut lab = depths([3, 5]).measured();
     assert_eq!(lab.plan().warnings, Vec::<String>::new());
-    lab.stop = Box::new(|p| Ok(if whole_at(p, "depth") == 3 { StopRule::Nan(1) } else { StopRule::Samples(4) }));
+    lab.stop = Box::new(|p| {
+        Ok(if whole_at(p, "depth") == 3 {
+            StopRule::Nan(1)
+        } else {
+            StopRule::Samples(4)
+        })
+    });
     let warnings = lab.plan().warnings;
     assert_eq!(warnings.len(), 1);
-    assert!(warnings[0].starts_with("1 runs end only when `1 invalid sample`, which may never be"), "{warnings:?}");
+    assert!(
+        warnings[0].starts_with("1 run stops only at `1 invalid sample`, which may never hold"),
+        "{warnings:?}"
+    );
     lab.stop = Box::new(|_| Ok(StopRule::Samples(4)));
     lab.reference = Box::new(|_| Ok(None));
-    assert_eq!(lab.plan().warnings, ["2 cells have no reference, so rmse will not be measured"]);
+    assert_eq!(
+        lab.plan().warnings,
+        ["2 cells have no reference, so rmse will not be measured"]
+    );
 }
 
 #[test]
 fn an_axis_that_changes_nothing_is_a_warning_and_keeps_its_folders() {
     let lab = depths([3, 5]).axis("idle", ints([1, 2, 3]));
     let plan = lab.plan();
-    assert_eq!(plan.warnings, ["axis `idle` changes nothing in 6 of 6 cells, which share 2 run ids"]);
+    assert_eq!(
+        plan.warnings,
+        ["axis `idle` has no effect in 6 of 6 cells, which share 2 run ids"]
+    );
     assert_eq!(plan.cells[0].id, plan.cells[1].id);
     let mut paths = paths(&plan);
     paths.dedup();
@@ -265,7 +380,9 @@ fn ten_thousand_cells_are_planned() {
     lab.render = Box::new(|p| {
         let mut config = config();
         config.max_depth = Some(whole_at(p, "depth"));
-        config.set.insert("materials.egg.roughness".into(), at(p, "rough"));
+        config
+            .set
+            .insert("materials.egg.roughness".into(), at(p, "rough"));
         Ok(config)
     });
     let plan = lab.plan();
@@ -298,5 +415,12 @@ fn an_estimate_counts_every_run_once() {
     };
     assert_eq!(whole, expected);
     let left = plan.estimate(&|cell| cell == CellRef::Cell(1));
-    assert_eq!(left, Estimate { by_samples: 1, paths: 3200.0, ..Estimate::default() });
+    assert_eq!(
+        left,
+        Estimate {
+            by_samples: 1,
+            paths: 3200.0,
+            ..Estimate::default()
+        }
+    );
 }

@@ -1,4 +1,4 @@
-//! The table of docs/backends.md is what the code says.
+//! The table of docs/reference/backends.md agrees with the code.
 
 use lumbre::film::layer::LAYERS;
 use lumbre::render::BACKENDS;
@@ -15,9 +15,16 @@ fn table() -> String {
         vec!["| backend | integrators | samplers | materials | layers | time axis | `accel` | what it is |".to_owned()];
     lines.push("|---|---|---|---|---|---|---|---|".to_owned());
     for row in BACKENDS {
-        let able = INTEGRATORS.iter().filter(|i| (row.refuses)(i, 1).is_none()).map(|i| i.name);
+        let able = INTEGRATORS
+            .iter()
+            .filter(|i| (row.refuses)(i, 1).is_none())
+            .map(|i| i.name);
         let samplers = SAMPLERS.iter().map(|s| s.name);
-        let layers = if row.layers { format!("all {}", LAYERS.len()) } else { "none".to_owned() };
+        let layers = if row.layers {
+            format!("all {}", LAYERS.len())
+        } else {
+            "none".to_owned()
+        };
         let times = if row.times { "yes" } else { "no" };
         let accel = if row.accel { "as asked" } else { "its own" };
         let list = |names: Vec<&str>| names.join(", ");
@@ -26,7 +33,7 @@ fn table() -> String {
             row.name,
             list(able.collect()),
             list(samplers.collect()),
-            list(row.models.iter().map(|m| m.word()).collect()),
+            list(row.models.iter().map(|m| m.name()).collect()),
             row.doc
         ));
     }
@@ -35,11 +42,17 @@ fn table() -> String {
 
 #[test]
 fn the_table_of_backends_is_what_the_code_says() {
-    let page = text("docs/backends.md");
+    let page = text("docs/reference/backends.md");
     let (before, rest) = page.split_once(BEGIN).expect("the page has a table");
     let (committed, after) = rest.split_once(END).expect("the table ends");
     if committed != table() {
-        std::fs::write(root().join("docs/backends.md"), format!("{before}{BEGIN}{}{END}{after}", table())).unwrap();
-        panic!("docs/backends.md was not up to date: it has been written again, commit it");
+        std::fs::write(
+            root().join("docs/reference/backends.md"),
+            format!("{before}{BEGIN}{}{END}{after}", table()),
+        )
+        .unwrap();
+        panic!(
+            "docs/reference/backends.md was not up to date: it has been written again, commit it"
+        );
     }
 }

@@ -1,10 +1,10 @@
-//! The import law: the table in `src/lib.rs` is what the code does.
+//! The import law: the table in `src/lib.rs` agrees with the code.
 
 use std::collections::BTreeMap;
 
 use super::source::{code_only, rust_files, text, words};
 
-/// Crates that only some rooms may name, as paths below `src/`.
+/// Crates that only some modules may name, as paths below `src/`.
 const CONFINED: &[(&str, &[&str])] = &[
     ("mlua", &["script"]),
     ("ratatui", &["tui"]),
@@ -30,12 +30,17 @@ const CONFINED: &[(&str, &[&str])] = &[
     ("tobj", &["scene"]),
 ];
 
-/// Rooms and their levels, read from the table.
+/// Returns the modules and their levels, read from the table.
 fn levels() -> BTreeMap<String, u32> {
     let mut levels = BTreeMap::new();
-    for line in text("src/lib.rs").lines().filter_map(|l| l.strip_prefix("//! |")) {
+    for line in text("src/lib.rs")
+        .lines()
+        .filter_map(|l| l.strip_prefix("//! |"))
+    {
         let cells: Vec<&str> = line.split('|').map(str::trim).collect();
-        let Ok(level) = cells[0].parse::<u32>() else { continue };
+        let Ok(level) = cells[0].parse::<u32>() else {
+            continue;
+        };
         for room in cells[1].split(',') {
             levels.insert(room.trim().trim_matches(['[', ']', '`']).to_owned(), level);
         }
@@ -43,11 +48,13 @@ fn levels() -> BTreeMap<String, u32> {
     levels
 }
 
-/// The rooms that a piece of code names by `crate::room` or `crate::{room, ..}`.
+/// Returns the modules that code names by `crate::module` or `crate::{module, ..}`.
 fn rooms_named(code: &str) -> Vec<String> {
     let mut named = Vec::new();
     for at in words(code, "crate") {
-        let Some(rest) = code[at + "crate".len()..].trim_start().strip_prefix("::") else { continue };
+        let Some(rest) = code[at + "crate".len()..].trim_start().strip_prefix("::") else {
+            continue;
+        };
         let rest = rest.trim_start();
         match rest.strip_prefix('{') {
             None => named.push(first_word(rest)),
@@ -59,7 +66,9 @@ fn rooms_named(code: &str) -> Vec<String> {
                         '{' => depth += 1,
                         '}' if depth == 0 => break,
                         '}' => depth -= 1,
-                        ',' if depth == 0 => named.push(first_word(std::mem::take(&mut item).trim_start())),
+                        ',' if depth == 0 => {
+                            named.push(first_word(std::mem::take(&mut item).trim_start()))
+                        }
                         _ if depth == 0 => item.push(c),
                         _ => {}
                     }
@@ -73,22 +82,33 @@ fn rooms_named(code: &str) -> Vec<String> {
 }
 
 fn first_word(text: &str) -> String {
-    text.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()
+    text.chars()
+        .take_while(|c| c.is_alphanumeric() || *c == '_')
+        .collect()
 }
 
 #[test]
 fn rooms_import_only_rooms_of_a_lower_level() {
     let levels = levels();
-    assert!(levels.len() >= 12, "the table of src/lib.rs was not understood: {levels:?}");
+    assert!(
+        levels.len() >= 12,
+        "the table of src/lib.rs was not understood: {levels:?}"
+    );
     let mut broken = Vec::new();
     for file in rust_files("src") {
-        let Some((room, _)) = file.trim_start_matches("src/").split_once('/') else { continue };
-        let level = *levels.get(room).unwrap_or_else(|| panic!("src/{room} is not in the table of src/lib.rs"));
+        let Some((room, _)) = file.trim_start_matches("src/").split_once('/') else {
+            continue;
+        };
+        let level = *levels
+            .get(room)
+            .unwrap_or_else(|| panic!("src/{room} is not in the table of src/lib.rs"));
         for target in rooms_named(&code_only(&text(&file))) {
             match levels.get(&target) {
                 _ if target == room => {}
                 Some(other) if *other < level => {}
-                Some(other) => broken.push(format!("{file} (level {level}) imports {target} (level {other})")),
+                Some(other) => broken.push(format!(
+                    "{file} (level {level}) imports {target} (level {other})"
+                )),
                 None => broken.push(format!("{file} imports crate::{target}, which is no room")),
             }
         }
@@ -100,17 +120,31 @@ fn rooms_import_only_rooms_of_a_lower_level() {
 fn every_room_of_the_table_exists_and_is_declared() {
     let library = text("src/lib.rs");
     for room in levels().keys() {
-        assert!(library.contains(&format!("pub mod {room};")), "{room} is in the table but not declared");
+        assert!(
+            library.contains(&format!("pub mod {room};")),
+            "{room} is in the table but not declared"
+        );
     }
-    let declared = library.lines().filter(|l| l.starts_with("pub mod ")).count();
-    assert_eq!(declared, levels().len(), "a declared room is missing in the table");
+    let declared = library
+        .lines()
+        .filter(|l| l.starts_with("pub mod "))
+        .count();
+    assert_eq!(
+        declared,
+        levels().len(),
+        "a declared room is missing in the table"
+    );
 }
 
 #[test]
 fn super_does_not_lead_out_of_a_room() {
     let mut broken = Vec::new();
     for file in rust_files("src") {
-        let parts: Vec<&str> = file.trim_start_matches("src/").trim_end_matches(".rs").split('/').collect();
+        let parts: Vec<&str> = file
+            .trim_start_matches("src/")
+            .trim_end_matches(".rs")
+            .split('/')
+            .collect();
         if parts.len() < 2 {
             continue;
         }
@@ -126,7 +160,10 @@ fn super_does_not_lead_out_of_a_room() {
                 chain += 1;
             }
             if chain >= depth + usize::from(at > inline) {
-                broken.push(format!("{file}: {}", code[at..].lines().next().unwrap_or_default()));
+                broken.push(format!(
+                    "{file}: {}",
+                    code[at..].lines().next().unwrap_or_default()
+                ));
             }
         }
     }
@@ -142,33 +179,53 @@ fn dependencies_stay_in_their_rooms() {
             if is_local_module(&code, name) {
                 continue;
             }
-            let allowed = rooms.iter().any(|room| file.starts_with(&format!("src/{room}/")));
+            let allowed = rooms
+                .iter()
+                .any(|room| file.starts_with(&format!("src/{room}/")));
             let used = words(&code, name).any(|at| {
-                // `obvhs::..` or `use obvhs;`, but not the end of a path such as `crate::output::exr::..`.
+                // `obvhs::..` or `use obvhs;`, but not the end of a path such as
+                // `crate::output::exr::..`.
                 let path = code[at + name.len()..].starts_with("::") && !code[..at].ends_with("::");
                 path || code[..at].trim_end().ends_with("use")
             });
             if used && !allowed {
-                broken.push(format!("{file} uses {name}, which belongs to {}", rooms.join(" and ")));
+                broken.push(format!(
+                    "{file} uses {name}, which belongs to {}",
+                    rooms.join(" and ")
+                ));
             }
         }
     }
     assert!(broken.is_empty(), "{}", broken.join("\n"));
 }
 
-/// Whether a name means one of our own modules in this file: one of the room `output` is called like the crate `exr`.
+/// Returns whether a name means a local module in this file: one of the module `output` is called
+/// like the crate `exr`.
 fn is_local_module(code: &str, name: &str) -> bool {
     let ours = |statement: &&str| {
-        let path = statement.trim_start().trim_start_matches("pub ").trim_start();
-        ["use crate::", "use super::", "use self::"].iter().any(|start| path.starts_with(start))
+        let path = statement
+            .trim_start()
+            .trim_start_matches("pub ")
+            .trim_start();
+        ["use crate::", "use super::", "use self::"]
+            .iter()
+            .any(|start| path.starts_with(start))
     };
-    code.split(';').filter(ours).any(|statement| words(statement, name).next().is_some())
+    code.split(';')
+        .filter(ours)
+        .any(|statement| words(statement, name).next().is_some())
 }
 
 #[test]
 fn a_module_of_our_own_may_be_called_like_a_crate() {
-    assert!(is_local_module("use std::fs;\nuse crate::output::{exr, png};", "exr"));
-    assert!(!is_local_module("use exr::prelude::*;\nuse crate::output::png;", "exr"));
+    assert!(is_local_module(
+        "use std::fs;\nuse crate::output::{exr, png};",
+        "exr"
+    ));
+    assert!(!is_local_module(
+        "use exr::prelude::*;\nuse crate::output::png;",
+        "exr"
+    ));
 }
 
 #[test]

@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-/// The root of the package.
+/// Returns the root of the package.
 pub fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Every Rust file below a folder of the package, as paths from the root with `/`, ordered.
+/// Returns every Rust file below a folder of the package, as sorted paths from the root with `/`.
 pub fn rust_files(folder: &str) -> Vec<String> {
     let mut found = Vec::new();
     let mut open = vec![root().join(folder)];
@@ -26,26 +26,48 @@ pub fn rust_files(folder: &str) -> Vec<String> {
 }
 
 fn from_root(path: &Path) -> String {
-    path.strip_prefix(root()).unwrap().to_string_lossy().replace('\\', "/")
+    path.strip_prefix(root())
+        .unwrap()
+        .to_string_lossy()
+        .replace('\\', "/")
 }
 
-/// The text of a file, by its path from the root.
+/// Returns the text of a file, by its path from the root.
 pub fn text(path: &str) -> String {
     std::fs::read_to_string(root().join(path)).unwrap_or_else(|e| panic!("{path}: {e}"))
 }
 
-/// Files that belong to the project: those git tracks, or, in a copy without git, those in the known places.
+/// Returns the files of the project: those that git tracks, or, in a copy without git, those in the
+/// known places.
 pub fn project_files() -> Vec<PathBuf> {
-    let git = std::process::Command::new("git").args(["ls-files", "-z"]).current_dir(root()).output();
+    let git = std::process::Command::new("git")
+        .args(["ls-files", "-z"])
+        .current_dir(root())
+        .output();
     if let Ok(listed) = git
         && listed.status.success()
         && !listed.stdout.is_empty()
     {
         let names = String::from_utf8(listed.stdout).unwrap();
-        return names.split('\0').filter(|n| !n.is_empty()).map(|n| root().join(n)).filter(|p| p.is_file()).collect();
+        return names
+            .split('\0')
+            .filter(|n| !n.is_empty())
+            .map(|n| root().join(n))
+            .filter(|p| p.is_file())
+            .collect();
     }
-    let mut open: Vec<PathBuf> =
-        ["src", "tests", "docs", "scripts", "scenes", ".ci", "Cargo.toml", "README.md"].map(|n| root().join(n)).into();
+    let mut open: Vec<PathBuf> = [
+        "src",
+        "tests",
+        "docs",
+        "scripts",
+        "scenes",
+        ".ci",
+        "Cargo.toml",
+        "README.md",
+    ]
+    .map(|n| root().join(n))
+    .into();
     let mut found = Vec::new();
     while let Some(next) = open.pop() {
         match std::fs::read_dir(&next) {
@@ -57,13 +79,16 @@ pub fn project_files() -> Vec<PathBuf> {
     found
 }
 
-/// Code with comments and the contents of strings and character literals replaced by spaces; line ends stay.
+/// Returns code with comments and the contents of strings and character literals replaced by
+/// spaces; line breaks stay.
 pub fn code_only(text: &str) -> String {
     let chars: Vec<char> = text.chars().collect();
     let mut out = String::with_capacity(text.len());
     let mut i = 0;
     let blank = |out: &mut String, from: usize, to: usize| {
-        chars[from..to].iter().for_each(|c| out.push(if *c == '\n' { '\n' } else { ' ' }));
+        chars[from..to]
+            .iter()
+            .for_each(|c| out.push(if *c == '\n' { '\n' } else { ' ' }));
     };
     while i < chars.len() {
         let end = match chars[i] {
@@ -72,7 +97,9 @@ pub fn code_only(text: &str) -> String {
             '"' => string_end(&chars, i),
             'r' if !after_word(&chars, i) && raw_hashes(&chars, i).is_some() => {
                 let hashes = raw_hashes(&chars, i).unwrap();
-                let closing: Vec<char> = std::iter::once('"').chain(std::iter::repeat_n('#', hashes)).collect();
+                let closing: Vec<char> = std::iter::once('"')
+                    .chain(std::iter::repeat_n('#', hashes))
+                    .collect();
                 find(&chars, i + hashes + 2, |c, j| c[j..].starts_with(&closing)) + closing.len()
             }
             '\'' if chars.get(i + 1) == Some(&'\\') => find(&chars, i + 3, |c, j| c[j] == '\'') + 1,
@@ -91,7 +118,9 @@ pub fn code_only(text: &str) -> String {
 }
 
 fn find(chars: &[char], from: usize, found: impl Fn(&[char], usize) -> bool) -> usize {
-    (from..chars.len()).find(|j| found(chars, *j)).unwrap_or(chars.len())
+    (from..chars.len())
+        .find(|j| found(chars, *j))
+        .unwrap_or(chars.len())
 }
 
 fn after_word(chars: &[char], i: usize) -> bool {
@@ -123,12 +152,15 @@ fn comment_end(chars: &[char], start: usize) -> usize {
     i
 }
 
-/// Whether `word` stands in `code` as a whole word; yields the byte offsets.
+/// Yields the byte offsets at which `word` stands in `code` as a whole word.
 pub fn words<'a>(code: &'a str, word: &'a str) -> impl Iterator<Item = usize> + 'a {
     let part = |c: char| c.is_alphanumeric() || c == '_';
-    code.match_indices(word).map(|(at, _)| at).filter(move |at| {
-        !code[..*at].chars().next_back().is_some_and(part) && !code[at + word.len()..].chars().next().is_some_and(part)
-    })
+    code.match_indices(word)
+        .map(|(at, _)| at)
+        .filter(move |at| {
+            !code[..*at].chars().next_back().is_some_and(part)
+                && !code[at + word.len()..].chars().next().is_some_and(part)
+        })
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Laws over the tables: what makes a row findable and understandable.
+//! Laws over the tables: what makes a table row findable and understandable.
 
 use std::collections::BTreeSet;
 
@@ -13,23 +13,37 @@ use lumbre::value::schema::{Field, Table, Ty};
 
 fn snake_case(name: &str) -> bool {
     name.starts_with(|c: char| c.is_ascii_lowercase())
-        && name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
+        && name
+            .chars()
+            .all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
 }
 
 fn check_rows<'a>(table: &str, rows: impl IntoIterator<Item = (&'a str, &'a str)>) {
     let mut seen = BTreeSet::new();
     for (name, doc) in rows {
-        // A backend's name says of which family it is: `vulkan-query`.
-        assert!(snake_case(&name.replacen('-', "_", 1)), "{table}: `{name}` is not snake_case");
-        assert!(seen.insert(name.to_owned()), "{table}: `{name}` stands there twice");
+        // The name of a backend starts with its family: `vulkan-query`.
+        assert!(
+            snake_case(&name.replacen('-', "_", 1)),
+            "{table}: `{name}` is not snake_case"
+        );
+        assert!(
+            seen.insert(name.to_owned()),
+            "{table}: `{name}` stands there twice"
+        );
         check_doc(&format!("{table}.{name}"), doc);
     }
     assert!(!seen.is_empty(), "{table} is empty");
 }
 
 fn check_doc(place: &str, doc: &str) {
-    assert!(doc.split_whitespace().count() >= 2, "{place}: `{doc}` explains nothing");
-    assert!(doc.trim() == doc && doc.ends_with(['.', ')', ']']), "{place}: `{doc}` is no sentence");
+    assert!(
+        doc.split_whitespace().count() >= 2,
+        "{place}: `{doc}` explains nothing"
+    );
+    assert!(
+        doc.trim() == doc && doc.ends_with(['.', ')', ']']),
+        "{place}: `{doc}` is no sentence"
+    );
 }
 
 fn check_schema(place: &str, table: &Table) {
@@ -51,7 +65,12 @@ fn check_schema(place: &str, table: &Table) {
 fn integrators_have_names_long_names_and_manuals() {
     check_rows("INTEGRATORS", INTEGRATORS.iter().map(|r| (r.name, r.doc)));
     for row in INTEGRATORS {
-        assert!(row.long_name.contains(' '), "{}: the long name `{}` is not long", row.name, row.long_name);
+        assert!(
+            row.long_name.contains(' '),
+            "{}: the long name `{}` is not long",
+            row.name,
+            row.long_name
+        );
         assert!(row.revision >= 1);
         check_schema(row.name, &row.params);
     }
@@ -72,9 +91,16 @@ fn backends_have_names_and_docs_and_answer_a_probe() {
     check_rows("BACKENDS", BACKENDS.iter().map(|r| (r.name, r.doc)));
     for row in BACKENDS {
         let (Ok(answer) | Err(answer)) = (row.probe)();
-        assert!(!answer.trim().is_empty(), "{}: the probe says nothing", row.name);
+        assert!(
+            !answer.trim().is_empty(),
+            "{}: the probe returned no text",
+            row.name
+        );
     }
-    assert!(BACKENDS.iter().all(|r| r.name != "auto"), "`auto` means the choice, not a backend");
+    assert!(
+        BACKENDS.iter().all(|r| r.name != "auto"),
+        "`auto` means the choice, not a backend"
+    );
 }
 
 #[test]
@@ -88,9 +114,19 @@ fn metrics_have_long_names_and_definitions() {
 
 #[test]
 fn material_parameters_have_keys_and_meanings() {
-    check_rows("MATERIAL_PARAMS", MATERIAL_PARAMS.iter().map(|r| (r.name, r.doc)));
-    let keys: BTreeSet<_> = MATERIAL_PARAMS.iter().map(|r| r.scn_key.to_lowercase()).collect();
-    assert_eq!(keys.len(), MATERIAL_PARAMS.len(), "two parameters share a .scn key");
+    check_rows(
+        "MATERIAL_PARAMS",
+        MATERIAL_PARAMS.iter().map(|r| (r.name, r.doc)),
+    );
+    let keys: BTreeSet<_> = MATERIAL_PARAMS
+        .iter()
+        .map(|r| r.scn_key.to_lowercase())
+        .collect();
+    assert_eq!(
+        keys.len(),
+        MATERIAL_PARAMS.len(),
+        "two parameters share a .scn key"
+    );
 }
 
 #[test]
@@ -98,13 +134,23 @@ fn scene_formats_have_extensions_that_no_other_has() {
     check_rows("FORMATS", FORMATS.iter().map(|r| (r.name, r.doc)));
     let mut seen = BTreeSet::new();
     for extension in FORMATS.iter().flat_map(|r| r.extensions) {
-        assert!(extension.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit()), "`{extension}`");
+        assert!(
+            extension
+                .chars()
+                .all(|c| c.is_ascii_lowercase() || c.is_ascii_digit()),
+            "`{extension}`"
+        );
         assert!(seen.insert(extension), "two formats claim `.{extension}`");
     }
 }
 
 #[test]
 fn tone_maps_have_names_and_options() {
-    check_rows("TONEMAPS", TONEMAPS.iter().map(|(name, table)| (*name, table.doc)));
-    TONEMAPS.iter().for_each(|(name, table)| check_schema(name, table));
+    check_rows(
+        "TONEMAPS",
+        TONEMAPS.iter().map(|(name, table)| (*name, table.doc)),
+    );
+    TONEMAPS
+        .iter()
+        .for_each(|(name, table)| check_schema(name, table));
 }

@@ -1,4 +1,4 @@
-//! Laws that every row of the table obeys, so that a new row is checked from the day it is added.
+//! Laws of every table row, so that a new one is checked from the day it is added.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -19,7 +19,8 @@ fn scene() -> Image {
     })
 }
 
-/// The scene with noise of the given amplitude; the pattern is fixed, so a larger amplitude is worse everywhere.
+/// Returns the scene with noise of the given amplitude; the pattern is fixed, so a larger amplitude
+/// is worse everywhere.
 fn noisy(amplitude: f32) -> Image {
     let mut state = 0x9e37_79b9_u32;
     let mut image = scene();
@@ -35,15 +36,33 @@ fn names_are_unique_snake_case_and_documented() {
     let names: BTreeSet<&str> = METRICS.iter().map(|m| m.name).collect();
     assert_eq!(names.len(), METRICS.len());
     for row in METRICS {
-        let snake = |s: &str| s.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
+        let snake = |s: &str| {
+            s.chars()
+                .all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
+        };
         assert!(!row.name.is_empty() && snake(row.name), "{}", row.name);
-        for text in [row.label, row.long_name, row.doc, row.options.name, row.options.doc] {
+        for text in [
+            row.label,
+            row.long_name,
+            row.doc,
+            row.options.name,
+            row.options.doc,
+        ] {
             assert!(!text.trim().is_empty(), "{} lacks a text", row.name);
         }
         for field in row.options.fields {
-            assert!(snake(field.key) && !field.doc.is_empty(), "{}.{}", row.name, field.key);
+            assert!(
+                snake(field.key) && !field.doc.is_empty(),
+                "{}.{}",
+                row.name,
+                field.key
+            );
         }
-        let maps_tones = row.options.fields.iter().any(|f| f.key == "on" || f.key == "tonemapper");
+        let maps_tones = row
+            .options
+            .fields
+            .iter()
+            .any(|f| f.key == "on" || f.key == "tonemapper");
         assert!(maps_tones, "{} has no tone map", row.name);
     }
 }
@@ -54,15 +73,22 @@ fn equal_images_are_perfect() {
         let value = spec(row).eval(&scene(), &scene()).unwrap();
         let near = value == row.perfect || (value - row.perfect).abs() < 1e-12;
         assert!(near, "{}: {value}, perfect is {}", row.name, row.perfect);
-        assert_eq!(row.better != Better::Higher, row.perfect == 0.0, "{}", row.name);
+        assert_eq!(
+            row.better != Better::Higher,
+            row.perfect == 0.0,
+            "{}",
+            row.name
+        );
     }
 }
 
 #[test]
 fn more_noise_is_worse_in_the_direction_of_the_row() {
     for row in METRICS {
-        let values: Vec<f64> =
-            [0.01, 0.05, 0.2].iter().map(|a| spec(row).eval(&noisy(*a), &scene()).unwrap()).collect();
+        let values: Vec<f64> = [0.01, 0.05, 0.2]
+            .iter()
+            .map(|a| spec(row).eval(&noisy(*a), &scene()).unwrap())
+            .collect();
         let worse = |a: &f64, b: &f64| match row.better {
             // Counts of pixels need not change.
             Better::Lower if row.unit == "pixels" => a <= b,
@@ -79,16 +105,32 @@ fn a_nan_anywhere_makes_the_value_nan() {
     let mut broken = scene();
     broken.data[100][2] = f32::NAN;
     for row in METRICS {
-        assert!(spec(row).eval(&broken, &scene()).unwrap().is_nan(), "{} hides a NaN of the image", row.name);
-        assert!(spec(row).eval(&scene(), &broken).unwrap().is_nan(), "{} hides a NaN of the reference", row.name);
+        assert!(
+            spec(row).eval(&broken, &scene()).unwrap().is_nan(),
+            "{} hides a NaN of the image",
+            row.name
+        );
+        assert!(
+            spec(row).eval(&scene(), &broken).unwrap().is_nan(),
+            "{} hides a NaN of the reference",
+            row.name
+        );
     }
 }
 
 #[test]
 fn sizes_must_agree() {
     for row in METRICS {
-        let e = spec(row).eval(&Image::new(16, 12), &Image::new(12, 16)).unwrap_err();
-        assert_eq!(e, MetricError::Size { image: [16, 12], reference: [12, 16] });
+        let e = spec(row)
+            .eval(&Image::new(16, 12), &Image::new(12, 16))
+            .unwrap_err();
+        assert_eq!(
+            e,
+            MetricError::Size {
+                image: [16, 12],
+                reference: [12, 16]
+            }
+        );
         assert_eq!(e.to_string(), "image is 16x12 but reference is 12x16");
     }
 }
@@ -99,14 +141,30 @@ fn maps_are_zero_where_images_agree_and_have_the_metric_as_their_mean() {
     for row in METRICS.iter().filter(|row| row.map.is_some()) {
         let spec = spec(row);
         let perfect = spec.error_map(&scene(), &scene()).unwrap();
-        assert_eq!((perfect.width, perfect.height, perfect.values.len()), (WIDTH, HEIGHT, (WIDTH * HEIGHT) as usize));
-        assert!(perfect.values.iter().all(|v| v.abs() < 1e-6), "{}", row.name);
+        assert_eq!(
+            (perfect.width, perfect.height, perfect.values.len()),
+            (WIDTH, HEIGHT, (WIDTH * HEIGHT) as usize)
+        );
+        assert!(
+            perfect.values.iter().all(|v| v.abs() < 1e-6),
+            "{}",
+            row.name
+        );
         let map = spec.error_map(&noisy(0.2), &scene()).unwrap();
-        assert!(map.worst().is_some_and(|(_, _, value)| value != 0.0) || row.unit == "pixels", "{}", row.name);
+        assert!(
+            map.worst().is_some_and(|(_, _, value)| value != 0.0) || row.unit == "pixels",
+            "{}",
+            row.name
+        );
         if ["mse", "mae", "relmse", "bias", "flip", "hdr_flip"].contains(&row.name) {
-            let mean = map.values.iter().map(|v| f64::from(*v)).sum::<f64>() / map.values.len() as f64;
+            let mean =
+                map.values.iter().map(|v| f64::from(*v)).sum::<f64>() / map.values.len() as f64;
             let value = spec.eval(&noisy(0.2), &scene()).unwrap();
-            assert!((mean - value).abs() < 1e-6 * value.abs().max(1e-3), "{}: {mean} {value}", row.name);
+            assert!(
+                (mean - value).abs() < 1e-6 * value.abs().max(1e-3),
+                "{}: {mean} {value}",
+                row.name
+            );
             found += 1;
         }
     }
@@ -120,13 +178,20 @@ fn a_nan_is_seen_in_the_map() {
     for row in METRICS.iter().filter(|row| row.map.is_some()) {
         let map = spec(row).error_map(&broken, &scene()).unwrap();
         assert!(map.values[100].is_nan(), "{}", row.name);
-        assert!(map.values.iter().any(|v| v.is_finite()), "{}: nothing is left", row.name);
+        assert!(
+            map.values.iter().any(|v| v.is_finite()),
+            "{}: nothing is left",
+            row.name
+        );
     }
 }
 
 #[test]
 fn metrics_without_a_map_say_which_have_one() {
-    let e = spec(metric("psnr").unwrap()).error_map(&scene(), &scene()).unwrap_err().to_string();
+    let e = spec(metric("psnr").unwrap())
+        .error_map(&scene(), &scene())
+        .unwrap_err()
+        .to_string();
     assert!(e.contains("`psnr`") && e.contains("flip"), "{e}");
 }
 
@@ -134,7 +199,8 @@ fn metrics_without_a_map_say_which_have_one() {
 fn automatic_options_can_be_replaced_by_what_they_settle_to() {
     for row in METRICS.iter().filter(|row| row.settle.is_some()) {
         let settled = MetricSpec::new(row.name, row.name, spec(row).settled(&scene())).unwrap();
-        let [chosen, given] = [spec(row), settled.clone()].map(|s| s.eval(&noisy(0.2), &scene()).unwrap());
+        let [chosen, given] =
+            [spec(row), settled.clone()].map(|s| s.eval(&noisy(0.2), &scene()).unwrap());
         assert_eq!(chosen, given, "{}", row.name);
         assert_ne!(settled.identity(), spec(row).identity());
     }

@@ -1,4 +1,4 @@
-//! FLIP against the authors' program on pictures that are made here.
+//! FLIP compared with the authors' program on generated pictures.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ use lumbre::value::Value;
 const WIDTH: u32 = 150;
 const HEIGHT: u32 = 101;
 
-/// 8-bit sRGB values: patches of several sizes, and noise.
+/// Returns 8-bit sRGB values: patches of several sizes, and noise.
 fn picture(seed: u32, noise: f32) -> Vec<u8> {
     let pixels = (0..HEIGHT).flat_map(|y| (0..WIDTH).map(move |x| (x, y)));
     let values = pixels.flat_map(|(x, y)| {
@@ -26,8 +26,17 @@ fn picture(seed: u32, noise: f32) -> Vec<u8> {
 }
 
 fn linear(bytes: &[u8]) -> Image {
-    let data = bytes.as_chunks::<3>().0.iter().map(|p| p.map(|v| srgb_light(f32::from(v) / 255.0))).collect();
-    Image { width: WIDTH, height: HEIGHT, data }
+    let data = bytes
+        .as_chunks::<3>()
+        .0
+        .iter()
+        .map(|p| p.map(|v| srgb_light(f32::from(v) / 255.0)))
+        .collect();
+    Image {
+        width: WIDTH,
+        height: HEIGHT,
+        data,
+    }
 }
 
 #[test]
@@ -39,12 +48,24 @@ fn ldr_flip_equals_the_authors_program_at_several_distances() {
         let theirs = nv_flip::flip(of(&reference), of(&image), ppd).to_vec();
         let options = BTreeMap::from([("ppd".to_owned(), Value::number(f64::from(ppd)))]);
         let spec = MetricSpec::new("flip", "flip", options).unwrap();
-        let ours = spec.error_map(&linear(&image), &linear(&reference)).unwrap().values;
+        let ours = spec
+            .error_map(&linear(&image), &linear(&reference))
+            .unwrap()
+            .values;
         // Single precision before a root and a power below one, as in `golden.rs`.
-        let worst = ours.iter().zip(&theirs).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        let worst = ours
+            .iter()
+            .zip(&theirs)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f32::max);
         assert!(worst < 2e-4, "noise {noise}, {ppd} ppd: {worst}");
         let mean = |of: &[f32]| of.iter().map(|v| f64::from(*v)).sum::<f64>() / of.len() as f64;
-        assert!((mean(&ours) - mean(&theirs)).abs() < 1e-5, "{} {}", mean(&ours), mean(&theirs));
+        assert!(
+            (mean(&ours) - mean(&theirs)).abs() < 1e-5,
+            "{} {}",
+            mean(&ours),
+            mean(&theirs)
+        );
         assert!(mean(&ours) > 0.01, "nothing was compared");
     }
 }

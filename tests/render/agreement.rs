@@ -1,4 +1,5 @@
-//! All integrators render the same picture: each against a long run of `bpt`, in blocks of pixels and as a whole.
+//! All integrators render the same picture: each compared with a long run of `bpt`, in blocks of
+//! pixels and as a whole.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -20,7 +21,7 @@ use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
 pub const SIDE: usize = 12;
 const BLOCK: usize = 4;
 
-/// The probability that all comparisons of one scene pass by chance alone is one minus this.
+/// Probability that any comparison of one scene fails by chance alone.
 const SIGNIFICANCE: f64 = 0.001;
 
 /// Parameters of an integrator.
@@ -28,19 +29,22 @@ pub type Params = BTreeMap<String, Value>;
 
 /// Parameters by name.
 pub fn params(pairs: &[(&str, Value)]) -> Params {
-    pairs.iter().map(|(k, v)| ((*k).to_owned(), v.clone())).collect()
+    pairs
+        .iter()
+        .map(|(k, v)| ((*k).to_owned(), v.clone()))
+        .collect()
 }
 
 /// An integrator with its parameters.
 pub type Technique = (&'static IntegratorRow, Params);
 
-/// A technique by the name of its row.
+/// Returns a technique by the name of its table row.
 pub fn technique(name: &str, pairs: &[(&str, Value)]) -> Technique {
     (integrator(name).unwrap(), params(pairs))
 }
 
-/// Every way of rendering a picture that must agree with `bpt`, and with `nee` where there is light that `bpt` cannot
-/// find.
+/// Returns every configuration that must agree with `bpt`, and with `nee` for light that `bpt`
+/// cannot find.
 pub fn variants() -> Vec<Technique> {
     let mut all = vec![technique("nee", &[("lights", "all".into())])];
     for mis in ["power", "balance", "none"] {
@@ -51,29 +55,35 @@ pub fn variants() -> Vec<Technique> {
     all
 }
 
-/// What every technique of one comparison has in common.
+/// Settings that all techniques of one comparison share.
 #[derive(Clone, Copy)]
 pub struct Setting<'a> {
-    /// The scene.
+    /// Scene to render.
     pub scene: &'a Arc<CompiledScene>,
     /// Greatest number of edges.
     pub depth: u32,
-    /// First edge of roulette.
+    /// First edge with Russian roulette.
     pub rr_start: Option<u32>,
     /// Samples for each pixel.
     pub samples: u64,
-    /// Greatest relative error of the truth's mean, so that the test says something.
+    /// Greatest relative error of the truth's mean that makes the test meaningful.
     pub noise: f64,
 }
 
 /// Renders with a technique.
-fn picture(setting: &Setting, (row, params): &Technique, seed: u64, samples: u64) -> Vec<(f64, f64)> {
+fn picture(
+    setting: &Setting,
+    (row, params): &Technique,
+    seed: u64,
+    samples: u64,
+) -> Vec<(f64, f64)> {
     let mut j = job([SIDE as u32; 2], setting.depth, seed);
     (j.integrator, j.params, j.rr_start) = (row, params.clone(), setting.rr_start);
     blocks(&render(setting.scene, j, samples))
 }
 
-/// Mean and squared standard error of every block and of the whole film, channel by channel.
+/// Returns the mean and squared standard error of every block and of the whole film, channel by
+/// channel.
 fn blocks(film: &Film) -> Vec<(f64, f64)> {
     let n = film.samples as f64;
     let cells = SIDE / BLOCK;
@@ -92,28 +102,45 @@ fn blocks(film: &Film) -> Vec<(f64, f64)> {
     sums.iter()
         .enumerate()
         .flat_map(|(i, cell)| {
-            let pixels = if i == cells * cells { (SIDE * SIDE) as f64 } else { (BLOCK * BLOCK) as f64 };
+            let pixels = if i == cells * cells {
+                (SIDE * SIDE) as f64
+            } else {
+                (BLOCK * BLOCK) as f64
+            };
             cell.map(|(mean, variance)| (mean / pixels, variance / (pixels * pixels)))
         })
         .collect()
 }
 
-/// Renders a scene with `truth`, for eight times as long, and with every other technique, and compares.
+/// Renders a scene with `truth`, for eight times as long, and with every other technique, and
+/// compares.
 pub fn agree(setting: Setting, truth: &Technique, others: &[Technique]) {
     let expected = picture(&setting, truth, 1, 8 * setting.samples);
     let whole = expected[expected.len() - 2];
-    assert!(whole.0 > 0.0 && whole.1.sqrt() / whole.0 < setting.noise, "the reference is too noisy to tell: {whole:?}");
+    assert!(
+        whole.0 > 0.0 && whole.1.sqrt() / whole.0 < setting.noise,
+        "the reference is too noisy to tell: {whole:?}"
+    );
     let level = sidak(SIGNIFICANCE, others.len() * expected.len());
     let mut failures = Vec::new();
     for (i, other) in others.iter().enumerate() {
         let image = picture(&setting, other, 2 + i as u64, setting.samples);
         failures.extend(differences(other, &image, &expected, level));
     }
-    assert!(failures.is_empty(), "level {level:e}:\n{}", failures.join("\n"));
+    assert!(
+        failures.is_empty(),
+        "level {level:e}:\n{}",
+        failures.join("\n")
+    );
 }
 
-/// Where two pictures differ by more than their noise.
-fn differences(who: &Technique, image: &[(f64, f64)], expected: &[(f64, f64)], level: f64) -> Vec<String> {
+/// Returns the places where two pictures differ by more than their noise.
+fn differences(
+    who: &Technique,
+    image: &[(f64, f64)],
+    expected: &[(f64, f64)],
+    level: f64,
+) -> Vec<String> {
     let mut failures = Vec::new();
     for (place, (a, b)) in image.iter().zip(expected).enumerate() {
         // Images without any noise still differ by rounding.
@@ -121,20 +148,38 @@ fn differences(who: &Technique, image: &[(f64, f64)], expected: &[(f64, f64)], l
         let z = (a.0 - b.0) / sigma;
         if a.0 != b.0 && normal_two_sided_p(z) < level {
             let (row, params) = who;
-            failures.push(format!("{} {params:?}, cell {place}: {} instead of {}, z = {z:.1}", row.name, a.0, b.0));
+            failures.push(format!(
+                "{} {params:?}, cell {place}: {} instead of {}, z = {z:.1}",
+                row.name, a.0, b.0
+            ));
         }
     }
     failures
 }
 
-/// Every technique against `bpt`.
+/// Compares every technique with `bpt`.
 pub fn agree_with_bpt(scene: &Arc<CompiledScene>, depth: u32, rr_start: Option<u32>, samples: u64) {
-    agree(Setting { scene, depth, rr_start, samples, noise: 0.01 }, &technique("bpt", &[]), &variants());
+    agree(
+        Setting {
+            scene,
+            depth,
+            rr_start,
+            samples,
+            noise: 0.01,
+        },
+        &technique("bpt", &[]),
+        &variants(),
+    );
 }
 
-/// `bpt`, of which only paths of just the greatest depth count.
+/// Returns `bpt` restricted to paths of the greatest depth.
 fn bpt_at_depth() -> Technique {
-    fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut dyn FnMut(Contribution)) {
+    fn sample(
+        context: &Context,
+        pixel: [u32; 2],
+        sampler: &mut Sampler,
+        sink: &mut dyn FnMut(Contribution),
+    ) {
         let mut keep = |c: Contribution| {
             if c.depth() == context.max_depth {
                 sink(c);
@@ -142,67 +187,142 @@ fn bpt_at_depth() -> Technique {
         };
         (integrator("bpt").unwrap().sample)(context, pixel, sampler, &mut keep);
     }
-    let row = IntegratorRow { name: "bpt of one depth", sample, ..*integrator("bpt").unwrap() };
+    let row = IntegratorRow {
+        name: "bpt of one depth",
+        sample,
+        ..*integrator("bpt").unwrap()
+    };
     (Box::leak(Box::new(row)), Params::new())
 }
 
-/// The strategy of `s` light vertices and `t` camera vertices alone, not weighted.
+/// Returns the unweighted strategy of `s` light vertices and `t` camera vertices.
 fn raw(s: u32, t: u32) -> Technique {
     let pair = Value::List(vec![Value::Int(i64::from(s)), Value::Int(i64::from(t))]);
     technique("bdpt", &[("mis", "none".into()), ("strategies", pair)])
 }
 
-/// A room with a floor, a wall, and lights of very unequal areas: two triangles and a sphere.
+/// Returns a room with a floor, a wall, and lights of very unequal areas: two triangles and a
+/// sphere.
 pub fn room(eye: Vec3) -> SceneBuilder {
-    let big = [Vec3::new(-1.0, 2.0, -1.0), Vec3::new(1.0, 2.0, -1.0), Vec3::new(-1.0, 2.0, 1.0)];
-    let small = [Vec3::new(0.5, 1.6, 0.5), Vec3::new(0.9, 1.6, 0.5), Vec3::new(0.5, 1.6, 1.0)];
-    let red = Material { base_color: Vec3::new(0.8, 0.3, 0.2), ..WHITE };
+    let big = [
+        Vec3::new(-1.0, 2.0, -1.0),
+        Vec3::new(1.0, 2.0, -1.0),
+        Vec3::new(-1.0, 2.0, 1.0),
+    ];
+    let small = [
+        Vec3::new(0.5, 1.6, 0.5),
+        Vec3::new(0.9, 1.6, 0.5),
+        Vec3::new(0.5, 1.6, 1.0),
+    ];
+    let red = Material {
+        base_color: Vec3::new(0.8, 0.3, 0.2),
+        ..WHITE
+    };
     SceneBuilder::new(eye, Vec3::new(0.0, 0.7, 0.0), 50.0)
-        .quad(Vec3::new(-2.0, 0.0, 2.0), Vec3::X * 4.0, Vec3::Z * -4.0, grey(0.7))
-        .quad(Vec3::new(-2.0, 0.0, -1.5), Vec3::X * 4.0, Vec3::Y * 2.5, red)
+        .quad(
+            Vec3::new(-2.0, 0.0, 2.0),
+            Vec3::X * 4.0,
+            Vec3::Z * -4.0,
+            grey(0.7),
+        )
+        .quad(
+            Vec3::new(-2.0, 0.0, -1.5),
+            Vec3::X * 4.0,
+            Vec3::Y * 2.5,
+            red,
+        )
         .triangle(big, [Vec2::ZERO; 3], light(2.0))
         .triangle(small, [Vec2::ZERO; 3], light(9.0))
 }
 
-/// Where the room is seen from.
+/// Position from which the room is seen.
 pub const EYE: Vec3 = Vec3::new(0.2, 1.2, 3.5);
 
 #[test]
 fn diffuse_surfaces_under_unequal_lights() {
-    let scene = room(EYE).sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0)).build();
+    let scene = room(EYE)
+        .sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0))
+        .build();
     agree_with_bpt(&scene, 5, None, 1000);
 }
 
-/// Panels that do not touch: where surfaces meet, the geometry of a connection has no bound, and no test of its mean
-/// would be honest.
+/// Uses panels that do not touch: where surfaces meet, the geometry term of a connection is
+/// unbounded, and a test of its mean would not be honest.
 #[test]
 fn every_strategy_alone_is_all_of_its_depth() {
-    let red = Material { base_color: Vec3::new(0.8, 0.3, 0.2), ..WHITE };
+    let red = Material {
+        base_color: Vec3::new(0.8, 0.3, 0.2),
+        ..WHITE
+    };
     let panel = |stage: SceneBuilder, corner: Vec3, a: Vec3, b: Vec3, m: Material| {
         stage.quad(corner * 0.8 + a.cross(b) * -1.0, a * 1.6, b * 1.6, m)
     };
     let mut stage = SceneBuilder::new(Vec3::new(0.1, 0.2, 3.6), Vec3::ZERO, 40.0);
-    stage = panel(stage, Vec3::new(-1.0, 0.0, 1.0), Vec3::X, Vec3::NEG_Z, grey(0.8));
-    stage = panel(stage, Vec3::new(-1.0, 0.0, -1.0), Vec3::X, Vec3::Z, grey(0.9));
+    stage = panel(
+        stage,
+        Vec3::new(-1.0, 0.0, 1.0),
+        Vec3::X,
+        Vec3::NEG_Z,
+        grey(0.8),
+    );
+    stage = panel(
+        stage,
+        Vec3::new(-1.0, 0.0, -1.0),
+        Vec3::X,
+        Vec3::Z,
+        grey(0.9),
+    );
     stage = panel(stage, Vec3::new(-1.0, -1.0, 0.0), Vec3::X, Vec3::Y, red);
-    stage = panel(stage, Vec3::new(0.0, -1.0, 1.0), Vec3::NEG_Z, Vec3::Y, grey(0.8));
-    stage = panel(stage, Vec3::new(0.0, -1.0, -1.0), Vec3::Z, Vec3::Y, grey(0.9));
+    stage = panel(
+        stage,
+        Vec3::new(0.0, -1.0, 1.0),
+        Vec3::NEG_Z,
+        Vec3::Y,
+        grey(0.8),
+    );
+    stage = panel(
+        stage,
+        Vec3::new(0.0, -1.0, -1.0),
+        Vec3::Z,
+        Vec3::Y,
+        grey(0.9),
+    );
     let scene = stage
-        .quad(Vec3::new(-0.4, 0.65, -0.4), Vec3::X, Vec3::Z * 0.8, light(4.0))
+        .quad(
+            Vec3::new(-0.4, 0.65, -0.4),
+            Vec3::X,
+            Vec3::Z * 0.8,
+            light(4.0),
+        )
         .sphere(Vec3::new(-0.3, -0.4, 0.0), 0.3, light(3.0))
         .build();
     for depth in 1..=4 {
         let strategies: Vec<Technique> = (0..=depth).map(|s| raw(s, depth + 1 - s)).collect();
-        // Light rarely comes back from so few panels: at four edges it is known to three parts in a hundred.
-        let setting = Setting { scene: &scene, depth, rr_start: None, samples: 700, noise: 0.03 };
+        // Light rarely returns from so few panels: at four edges the error is three parts in a
+        // hundred.
+        let setting = Setting {
+            scene: &scene,
+            depth,
+            rr_start: None,
+            samples: 700,
+            noise: 0.03,
+        };
         agree(setting, &bpt_at_depth(), &strategies);
     }
 }
 
 #[test]
 fn mirror_and_glass_with_caustics() {
-    let mirror = Material { metallic: 1.0, base_color: Vec3::new(0.9, 0.8, 0.7), ..WHITE };
-    let glass = Material { opacity: 0.0, base_color: Vec3::new(0.9, 1.0, 0.9), ..WHITE };
+    let mirror = Material {
+        metallic: 1.0,
+        base_color: Vec3::new(0.9, 0.8, 0.7),
+        ..WHITE
+    };
+    let glass = Material {
+        opacity: 0.0,
+        base_color: Vec3::new(0.9, 1.0, 0.9),
+        ..WHITE
+    };
     let scene = room(EYE)
         .sphere(Vec3::new(-0.6, 0.5, 0.0), 0.45, glass)
         .sphere(Vec3::new(0.6, 0.45, 0.2), 0.4, mirror)
@@ -213,7 +333,12 @@ fn mirror_and_glass_with_caustics() {
 
 #[test]
 fn mixed_lobes_with_roulette() {
-    let mixed = Material { metallic: 0.3, opacity: 0.4, base_color: Vec3::new(0.9, 0.7, 0.5), ..WHITE };
+    let mixed = Material {
+        metallic: 0.3,
+        opacity: 0.4,
+        base_color: Vec3::new(0.9, 0.7, 0.5),
+        ..WHITE
+    };
     let scene = room(EYE)
         .sphere(Vec3::new(-0.5, 0.5, 0.0), 0.5, mixed)
         .sphere(Vec3::new(0.6, 1.0, 0.2), 0.25, light(5.0))
@@ -223,50 +348,105 @@ fn mixed_lobes_with_roulette() {
 
 #[test]
 fn thin_lens() {
-    let mut scene = Arc::unwrap_or_clone(room(EYE).sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0)).build());
+    let mut scene = Arc::unwrap_or_clone(
+        room(EYE)
+            .sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0))
+            .build(),
+    );
     (scene.camera.aperture, scene.camera.focus_distance) = (0.4, Some(2.5));
     agree_with_bpt(&Arc::new(scene), 4, None, 1000);
 }
 
 #[test]
 fn emitters_that_reflect() {
-    let lamp = Material { emission: Vec3::new(3.0, 2.0, 1.0), ..grey(0.6) };
+    let lamp = Material {
+        emission: Vec3::new(3.0, 2.0, 1.0),
+        ..grey(0.6)
+    };
     let scene = room(EYE)
-        .quad(Vec3::new(-1.9, 0.2, -1.0), Vec3::Z * 1.5, Vec3::Y * 1.5, Material { emission: Vec3::ONE, ..grey(0.5) })
+        .quad(
+            Vec3::new(-1.9, 0.2, -1.0),
+            Vec3::Z * 1.5,
+            Vec3::Y * 1.5,
+            Material {
+                emission: Vec3::ONE,
+                ..grey(0.5)
+            },
+        )
         .sphere(Vec3::new(0.5, 0.5, 0.3), 0.4, lamp)
         .build();
     agree_with_bpt(&scene, 6, None, 1000);
 }
 
-/// A sky with a bright spot, over mirror and glass.
+/// Renders a sky with a bright spot, over mirror and glass.
 #[test]
 fn environment_with_caustics() {
-    let texels: Vec<[f32; 3]> =
-        (0..16 * 8).map(|i| if (36..39).contains(&i) { [9.0, 8.0, 6.0] } else { [0.3, 0.4, 0.6] }).collect();
+    let texels: Vec<[f32; 3]> = (0..16 * 8)
+        .map(|i| {
+            if (36..39).contains(&i) {
+                [9.0, 8.0, 6.0]
+            } else {
+                [0.3, 0.4, 0.6]
+            }
+        })
+        .collect();
     let map = Some(Arc::new(Texture::new(16, 8, texels)));
-    let glass = Material { opacity: 0.0, ..WHITE };
+    let glass = Material {
+        opacity: 0.0,
+        ..WHITE
+    };
     let mut scene = Arc::unwrap_or_clone(
         room(EYE)
             .sphere(Vec3::new(-0.6, 0.5, 0.0), 0.45, glass)
             .sphere(Vec3::new(0.6, 0.45, 0.2), 0.4, grey(0.5))
             .build(),
     );
-    scene.environment = Some(Environment { radiance: Vec3::ONE, map, rotation_rad: 2.5 });
+    scene.environment = Some(Environment {
+        radiance: Vec3::ONE,
+        map,
+        rotation_rad: 2.5,
+    });
     (scene.camera.aperture, scene.camera.focus_distance) = (0.2, Some(2.5));
     agree_with_bpt(&Arc::new(scene), 6, None, 800);
 }
 
-/// Light that `bpt` cannot find: `nee` is the judge, and finds it wherever no glass lies between.
+/// Renders light that `bpt` cannot find: `nee` is the truth, and finds it wherever no glass lies
+/// between.
 #[test]
 fn points_and_parallel_light() {
-    let mut scene = Arc::unwrap_or_clone(room(EYE).sphere(Vec3::new(0.6, 0.45, 0.2), 0.4, grey(0.5)).build());
+    let mut scene = Arc::unwrap_or_clone(
+        room(EYE)
+            .sphere(Vec3::new(0.6, 0.45, 0.2), 0.4, grey(0.5))
+            .build(),
+    );
     let (position, intensity) = (Vec3::new(0.3, 1.5, 0.5), Vec3::splat(1.5));
-    scene.points.push(PointLight { position, intensity, cone: Cone::WHOLE });
-    let desc = ConeDesc { beam_deg: 30.0, cutoff_deg: 60.0, edge: ConeEdge::Smooth };
+    scene.points.push(PointLight {
+        position,
+        intensity,
+        cone: Cone::WHOLE,
+    });
+    let desc = ConeDesc {
+        beam_deg: 30.0,
+        cutoff_deg: 60.0,
+        edge: ConeEdge::Smooth,
+    };
     let cone = Cone::new(Vec3::new(-0.2, -1.0, 0.1), &desc);
-    scene.points.push(PointLight { position: Vec3::new(-0.6, 1.4, 0.2), intensity: 3.0 * intensity, cone });
+    scene.points.push(PointLight {
+        position: Vec3::new(-0.6, 1.4, 0.2),
+        intensity: 3.0 * intensity,
+        cone,
+    });
     let direction = Vec3::new(-0.3, -1.0, -0.4).normalize_or_zero();
-    scene.directionals.push(DirectionalLight { direction, irradiance: Vec3::splat(2.0) });
-    let setting = Setting { scene: &Arc::new(scene), depth: 4, rr_start: None, samples: 500, noise: 0.01 };
+    scene.directionals.push(DirectionalLight {
+        direction,
+        irradiance: Vec3::splat(2.0),
+    });
+    let setting = Setting {
+        scene: &Arc::new(scene),
+        depth: 4,
+        rr_start: None,
+        samples: 500,
+        noise: 0.01,
+    };
     agree(setting, &technique("nee", &[]), &variants());
 }

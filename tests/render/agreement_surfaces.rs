@@ -1,9 +1,9 @@
-//! All integrators render the same picture where surfaces are mapped, cut out or smoothed.
+//! All integrators render the same picture of mapped, masked and smoothed surfaces.
 
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3, Vec4};
-use lumbre::render::cpu::accel::Accel;
+use lumbre::render::cpu::bvh::accel::Accel;
 use lumbre::scene::CompiledScene;
 use lumbre::scene::compile::{DirectionalLight, MaskMode, Material, Model, Texture, UvMap};
 use lumbre::transport::integrator::integrator;
@@ -13,17 +13,25 @@ use lumbre::transport::surface::Surface;
 use crate::agreement::{EYE, agree_with_bpt, room};
 use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
 
-/// A map of bumps: normals tilted by up to 45 degrees in every direction.
+/// Returns a normal map: normals tilted by up to 45 degrees in every direction.
 fn bumps() -> Texture {
     let n = |i: u32, side: u32| {
-        let (x, y) = ((i % side) as f32 / side as f32, (i / side) as f32 / side as f32);
-        let tilt = Vec3::new((x * std::f32::consts::TAU).sin(), (y * std::f32::consts::TAU).cos(), 1.0);
+        let (x, y) = (
+            (i % side) as f32 / side as f32,
+            (i / side) as f32 / side as f32,
+        );
+        let tilt = Vec3::new(
+            (x * std::f32::consts::TAU).sin(),
+            (y * std::f32::consts::TAU).cos(),
+            1.0,
+        );
         (tilt.normalize_or(Vec3::Z) * 0.5 + 0.5).to_array()
     };
     Texture::new(8, 8, (0..64).map(|i| n(i, 8)).collect::<Vec<_>>())
 }
 
-/// The room with a floor of another material, whose tangents are those of its texture coordinates.
+/// Returns the room with a floor of another material, whose tangents are those of its texture
+/// coordinates.
 fn floored(builder: SceneBuilder, floor: Material) -> Arc<CompiledScene> {
     let mut scene = Arc::unwrap_or_clone(builder.build());
     scene.tangents = vec![[Vec4::ZERO; 3]; scene.triangles.len()];
@@ -39,8 +47,17 @@ fn normal_mapped_floor() {
     for model in [Model::Lambert, Model::Disney] {
         let mut builder = room(EYE).sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0));
         let map = builder.texture(bumps());
-        let tiling = UvMap { scale: 5.0, offset: Vec2::new(0.1, 0.2) };
-        let floor = Material { normal_texture: map, tiling, model, roughness: 0.4, ..grey(0.7) };
+        let tiling = UvMap {
+            scale: 5.0,
+            offset: Vec2::new(0.1, 0.2),
+        };
+        let floor = Material {
+            normal_texture: map,
+            tiling,
+            model,
+            roughness: 0.4,
+            ..grey(0.7)
+        };
         agree_with_bpt(&floored(builder, floor), 5, None, 1200);
     }
 }
@@ -50,15 +67,31 @@ fn embossed_floor() {
     for model in [Model::Lambert, Model::Disney] {
         let mut builder = room(EYE).sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0));
         let map = builder.texture(bumps());
-        let tiling = UvMap { scale: 5.0, offset: Vec2::new(0.1, 0.2) };
-        let floor = Material { bump_texture: map, bump_height: 0.3, tiling, model, roughness: 0.4, ..grey(0.7) };
+        let tiling = UvMap {
+            scale: 5.0,
+            offset: Vec2::new(0.1, 0.2),
+        };
+        let floor = Material {
+            bump_texture: map,
+            bump_height: 0.3,
+            tiling,
+            model,
+            roughness: 0.4,
+            ..grey(0.7)
+        };
         agree_with_bpt(&floored(builder, floor), 5, None, 1200);
     }
 }
 
-/// A leaf of four by four texels from nothing to all.
+/// Returns a leaf of four by four texels from transparent to opaque.
 fn leaf() -> Texture {
-    Texture::new(4, 4, (0..16).map(|i| [(i * 7 % 16) as f32 / 15.0; 3]).collect::<Vec<_>>())
+    Texture::new(
+        4,
+        4,
+        (0..16)
+            .map(|i| [(i * 7 % 16) as f32 / 15.0; 3])
+            .collect::<Vec<_>>(),
+    )
 }
 
 #[test]
@@ -66,12 +99,36 @@ fn masked_leaves() {
     for mask_mode in [MaskMode::Threshold, MaskMode::Blend] {
         let mut builder = room(EYE);
         let mask_texture = builder.texture(leaf());
-        let leaf = Material { mask_texture, mask_mode, base_color: Vec3::new(0.2, 0.7, 0.2), ..WHITE };
-        let lamp = Material { mask_texture, mask_mode, ..light(6.0) };
+        let leaf = Material {
+            mask_texture,
+            mask_mode,
+            base_color: Vec3::new(0.2, 0.7, 0.2),
+            ..WHITE
+        };
+        let lamp = Material {
+            mask_texture,
+            mask_mode,
+            ..light(6.0)
+        };
         let scene = builder
-            .quad(Vec3::new(-1.0, 0.5, 0.6), Vec3::X * 1.2, Vec3::new(0.0, 0.9, -0.5), leaf)
-            .quad(Vec3::new(0.1, 0.9, -0.3), Vec3::new(1.0, 0.3, 0.4), Vec3::new(0.0, 0.4, 0.8), leaf)
-            .quad(Vec3::new(-1.8, 0.4, -1.0), Vec3::Z * 1.2, Vec3::Y * 1.2, lamp)
+            .quad(
+                Vec3::new(-1.0, 0.5, 0.6),
+                Vec3::X * 1.2,
+                Vec3::new(0.0, 0.9, -0.5),
+                leaf,
+            )
+            .quad(
+                Vec3::new(0.1, 0.9, -0.3),
+                Vec3::new(1.0, 0.3, 0.4),
+                Vec3::new(0.0, 0.4, 0.8),
+                leaf,
+            )
+            .quad(
+                Vec3::new(-1.8, 0.4, -1.0),
+                Vec3::Z * 1.2,
+                Vec3::Y * 1.2,
+                lamp,
+            )
             .build();
         agree_with_bpt(&scene, 5, None, 1200);
     }
@@ -94,10 +151,23 @@ fn coarse_ball(
     let mut normals = Vec::new();
     for i in 0..slices {
         for j in 0..slices / 2 {
-            let [a, b, c, d] = [point(i, j), point(i, j + 1), point(i + 1, j + 1), point(i + 1, j)];
+            let [a, b, c, d] = [
+                point(i, j),
+                point(i, j + 1),
+                point(i + 1, j + 1),
+                point(i + 1, j),
+            ];
             for corners in [[a, b, c], [a, c, d]] {
-                if (corners[1] - corners[0]).cross(corners[2] - corners[0]).length() > 1e-3 {
-                    builder = builder.triangle(corners.map(|p| center + p * radius), [Vec2::ZERO; 3], material);
+                if (corners[1] - corners[0])
+                    .cross(corners[2] - corners[0])
+                    .length()
+                    > 1e-3
+                {
+                    builder = builder.triangle(
+                        corners.map(|p| center + p * radius),
+                        [Vec2::ZERO; 3],
+                        material,
+                    );
                     normals.push(corners);
                 }
             }
@@ -112,12 +182,32 @@ fn coarse_ball(
 
 #[test]
 fn overhangs_of_a_coarse_ball() {
-    // Metal in the second scene, with a mirror's Dirac lobe in the third.
-    let gold = Material { model: Model::Disney, metallic: 1.0, roughness: 0.4, ..WHITE };
-    for material in [grey(0.8), gold, Material { metallic: 0.5, ..grey(0.8) }] {
+    // Metal in the second scene, with the Dirac lobe of a mirror in the third.
+    let gold = Material {
+        model: Model::Disney,
+        metallic: 1.0,
+        roughness: 0.4,
+        ..WHITE
+    };
+    for material in [
+        grey(0.8),
+        gold,
+        Material {
+            metallic: 0.5,
+            ..grey(0.8)
+        },
+    ] {
         let builder = room(EYE);
-        let material = Material { shadow_terminator: true, ..material };
-        agree_with_bpt(&coarse_ball(8, builder, Vec3::new(0.1, 0.7, 0.3), 0.6, material), 5, None, 1200);
+        let material = Material {
+            shadow_terminator: true,
+            ..material
+        };
+        agree_with_bpt(
+            &coarse_ball(8, builder, Vec3::new(0.1, 0.7, 0.3), 0.6, material),
+            5,
+            None,
+            1200,
+        );
     }
 }
 
@@ -129,24 +219,46 @@ fn a_ball_lit_from_behind_which_is_nearly_all_overhang() {
         Vec3::Y * 6.0,
         grey(0.8),
     );
-    builder = builder.quad(Vec3::new(-1.6, -2.0, -2.5), Vec3::Y * 4.0, Vec3::Z * 2.3, light(3.0)).quad(
-        Vec3::new(1.6, -2.0, -2.5),
-        Vec3::Z * 2.3,
-        Vec3::Y * 4.0,
-        light(3.0),
+    builder = builder
+        .quad(
+            Vec3::new(-1.6, -2.0, -2.5),
+            Vec3::Y * 4.0,
+            Vec3::Z * 2.3,
+            light(3.0),
+        )
+        .quad(
+            Vec3::new(1.6, -2.0, -2.5),
+            Vec3::Z * 2.3,
+            Vec3::Y * 4.0,
+            light(3.0),
+        );
+    let material = Material {
+        shadow_terminator: true,
+        ..grey(0.8)
+    };
+    agree_with_bpt(
+        &coarse_ball(6, builder, Vec3::ZERO, 0.6, material),
+        4,
+        None,
+        2000,
     );
-    let material = Material { shadow_terminator: true, ..grey(0.8) };
-    agree_with_bpt(&coarse_ball(6, builder, Vec3::ZERO, 0.6, material), 4, None, 2000);
 }
 
-/// What a coarse ball of albedo 0.8 reflects of parallel light from the left, with and without overhangs: mean over the
-/// pixels in whose middle the shading normal faces the light, beside what a surface with that normal would reflect.
+/// Returns the light that a coarse ball of albedo 0.8 reflects of parallel light from the left,
+/// with and without the offset at shadow terminators: the mean over the pixels in whose middle the
+/// shading normal faces the light, beside the reflection of a surface with that normal.
 fn terminator(shadow_terminator: bool) -> (f64, f64, usize) {
-    let material = Material { shadow_terminator, ..grey(0.8) };
+    let material = Material {
+        shadow_terminator,
+        ..grey(0.8)
+    };
     let builder = SceneBuilder::new(Vec3::Z * 30.0, Vec3::ZERO, 4.2);
     let mut scene = Arc::unwrap_or_clone(coarse_ball(16, builder, Vec3::ZERO, 1.0, material));
     let direction = Vec3::new(1.0, -0.2, -0.1).normalize_or(Vec3::X);
-    scene.directionals.push(DirectionalLight { direction, irradiance: Vec3::splat(std::f32::consts::PI) });
+    scene.directionals.push(DirectionalLight {
+        direction,
+        irradiance: Vec3::splat(std::f32::consts::PI),
+    });
     let scene = Arc::new(scene);
     let side = 64;
     let mut j = job([side, side], 2, 1);
@@ -155,13 +267,20 @@ fn terminator(shadow_terminator: bool) -> (f64, f64, usize) {
     let accel = Accel::build(Arc::clone(&scene)).unwrap();
     let (mut found, mut expected, mut hidden) = (0.0, 0.0, 0);
     for (i, sum) in film.sum.iter().enumerate() {
-        let at = |k: usize| ((k as f32 + 0.5) / side as f32 * 2.0 - 1.0) * 2.1f32.to_radians().tan();
-        let dir = Vec3::new(at(i % side as usize), -at(i / side as usize), -1.0).normalize_or(Vec3::NEG_Z);
-        let ray = Ray { origin: Vec3::Z * 30.0, dir };
-        let Some(hit) = accel.closest(&ray, f32::INFINITY) else { continue };
+        let at =
+            |k: usize| ((k as f32 + 0.5) / side as f32 * 2.0 - 1.0) * 2.1f32.to_radians().tan();
+        let dir = Vec3::new(at(i % side as usize), -at(i / side as usize), -1.0)
+            .normalize_or(Vec3::NEG_Z);
+        let ray = Ray {
+            origin: Vec3::Z * 30.0,
+            dir,
+        };
+        let Some(hit) = accel.closest(&ray, f32::INFINITY) else {
+            continue;
+        };
         let surface = Surface::at(&scene, &ray, &hit);
         let cos = -surface.n_shading.dot(direction);
-        // Seen from behind its shading normal, a point is black with or without an overhang.
+        // Seen from behind its shading normal, a point is black with or without the offset.
         if cos > 0.0 && surface.n_shading.dot(dir) < 0.0 {
             found += sum[0];
             expected += 0.8 * f64::from(cos);
@@ -174,8 +293,14 @@ fn terminator(shadow_terminator: bool) -> (f64, f64, usize) {
 #[test]
 fn overhangs_light_all_that_the_shading_normals_show_to_the_light() {
     let (found, expected, hidden) = terminator(true);
-    assert!((found / expected - 1.0).abs() < 1e-4 && hidden == 0, "{found} instead of {expected}, black: {hidden}");
+    assert!(
+        (found / expected - 1.0).abs() < 1e-4 && hidden == 0,
+        "{found} instead of {expected}, black: {hidden}"
+    );
     let (less, same, black) = terminator(false);
     assert_eq!(same, expected);
-    assert!(less < 0.995 * expected && black > 50, "{less} of {expected}, black: {black}");
+    assert!(
+        less < 0.995 * expected && black > 50,
+        "{less} of {expected}, black: {black}"
+    );
 }

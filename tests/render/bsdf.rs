@@ -1,50 +1,65 @@
-//! Sampling of the BSDF against its density and its value.
+//! BSDF sampling compared with its density and value.
 
 use glam::Vec3;
 use lumbre::math::stats::{chi_square_p, sidak};
 use lumbre::math::warp::uniform_sphere;
 use lumbre::scene::compile::{Distribution, Material, Model};
-use lumbre::transport::bsdf::{Bsdf, Mode};
+use lumbre::transport::bsdf::{Bsdf, TransportMode};
 
 use crate::bsdf_grid::{
-    DISNEY, Mix, NORMAL, Sphere, albedo, bsdf, grid, grids, interfaces, narrowest, outgoing, surface, uniform,
+    DISNEY, Mix, NORMAL, Sphere, albedo, bsdf, grid, grids, interfaces, narrowest, outgoing,
+    surface, uniform,
 };
 use crate::common::WHITE;
 
-/// Significance of all chi-square tests of this file together, and how many there are at most: 4 mixtures of 20
-/// materials, 18 ideal ones and 32 interfaces from 5 directions.
+/// Significance of all chi-square tests of this file together, at most 4 mixtures of 20 materials,
+/// 18 ideal ones and 32 interfaces from 5 directions.
 const SIGNIFICANCE: f64 = 0.01;
 const TESTS: usize = (4 * 20 + 18 + 32) * 5;
 
 /// Samples of each test.
 const SAMPLES: u32 = 16_000;
 
-/// The ideal materials.
+/// Returns the ideal materials.
 fn ideal() -> Vec<Material> {
     let mut all = Vec::new();
     for metallic in [0.0, 0.4, 1.0] {
         for opacity in [0.0, 0.5, 1.0] {
             for ior in [1.2, 2.5] {
-                all.push(Material { model: Model::Lambert, metallic, opacity, ior, ..DISNEY });
+                all.push(Material {
+                    model: Model::Lambert,
+                    metallic,
+                    opacity,
+                    ior,
+                    ..DISNEY
+                });
             }
         }
     }
     all
 }
 
-/// Relative error that rounding of a direction makes of a density: the logarithm of GGX changes by up to 2 / alpha per
-/// radian of the half vector, which turns by 1 / (2 cos) of what a grazing direction turns by, and further where
-/// refraction bends little. The logarithm of Beckmann's distribution changes by up to 2 x / alpha, where x is four in the
-/// tails that are still sampled.
+/// Returns the relative error of a density from rounding a direction: the logarithm of GGX changes
+/// by up to 2 / alpha per radian of the half vector, which turns by 1 / (2 cos) of the turn of a
+/// grazing direction, and further where refraction bends little. The logarithm of Beckmann's
+/// distribution changes by up to 2 x / alpha, where x is four in the tails that are still sampled.
 fn rounding(m: &Material, wo: Vec3, wi: Vec3) -> f32 {
     let cos = wo.dot(NORMAL).abs().min(wi.dot(NORMAL).abs());
-    let bend = if m.opacity < 1.0 { (m.ior - 1.0).abs().min(1.0) } else { 1.0 };
-    let tails = if m.interface.distribution == Distribution::Beckmann { 4.0 } else { 1.0 };
+    let bend = if m.opacity < 1.0 {
+        (m.ior - 1.0).abs().min(1.0)
+    } else {
+        1.0
+    };
+    let tails = if m.interface.distribution == Distribution::Beckmann {
+        4.0
+    } else {
+        1.0
+    };
     1e-3 + tails * 5e-7 / (narrowest(m) as f32 * cos * bend)
 }
 
-/// Samples against the density integrated over cells. What has no density is one cell
-/// more: its probability is what the density leaves of one.
+/// Compares samples with the density integrated over cells. Samples without a density form one more
+/// cell, whose probability is one minus the integral of the density.
 fn follow_density(materials: &[Material]) {
     for material in materials {
         let b = bsdf(material);
@@ -52,17 +67,26 @@ fn follow_density(materials: &[Material]) {
             let samples: Vec<_> = (0..SAMPLES)
                 .map(|i| {
                     let u = uniform(i, 7);
-                    let s = b.sample(wo, u[0], [u[1], u[2]], Mode::Importance);
+                    let s = b.sample(wo, u[0], [u[1], u[2]], TransportMode::Importance);
                     s.filter(|s| !s.delta)
                 })
                 .collect();
             for s in samples.iter().flatten() {
-                let close = |a: f32, b: f32, relative: f32| (a - b).abs() <= relative * a.abs().max(b.abs()) + 1e-5;
+                let close = |a: f32, b: f32, relative: f32| {
+                    (a - b).abs() <= relative * a.abs().max(b.abs()) + 1e-5
+                };
                 assert!((s.wi.length() - 1.0).abs() < 1e-5);
                 let pdf_w = b.pdf_w(wo, s.wi);
-                assert!(close(s.pdf_w, pdf_w, rounding(material, wo, s.wi)), "{s:?} {pdf_w} {material:?}");
-                let weight = b.eval(wo, s.wi, Mode::Importance) * (s.wi.dot(NORMAL).abs() / pdf_w);
-                assert!((0..3).all(|c| close(weight[c], s.weight[c], 1e-3)), "{s:?} {weight} {material:?}");
+                assert!(
+                    close(s.pdf_w, pdf_w, rounding(material, wo, s.wi)),
+                    "{s:?} {pdf_w} {material:?}"
+                );
+                let weight =
+                    b.eval(wo, s.wi, TransportMode::Importance) * (s.wi.dot(NORMAL).abs() / pdf_w);
+                assert!(
+                    (0..3).all(|c| close(weight[c], s.weight[c], 1e-3)),
+                    "{s:?} {weight} {material:?}"
+                );
                 assert!((s.wi.dot(NORMAL) * wo.dot(NORMAL) > 0.0) == (s.eta == 1.0));
             }
             let sphere = Sphere::of(material, wo);
@@ -74,11 +98,18 @@ fn follow_density(materials: &[Material]) {
             let mass = sphere.integrate(|wi| [f64::from(b.pdf_w(wo, wi))]);
             let mut expected: Vec<f64> = mass.iter().map(|m| m[0] * n).collect();
             let total: f64 = expected.iter().sum();
-            assert!(total <= n * 1.001, "the density integrates to {}: {material:?} {wo}", total / n);
-            // An error of the quadrature must not take all of the chance that nothing is sampled.
+            assert!(
+                total <= n * 1.001,
+                "the density integrates to {}: {material:?} {wo}",
+                total / n
+            );
+            // An error of the quadrature must not take all of the probability of an empty sample.
             expected.push((n - total).max(1e-4 * n));
             let p = chi_square_p(&observed, &expected, 0);
-            assert!(p > sidak(SIGNIFICANCE, TESTS), "p = {p} for {material:?}, {wo}");
+            assert!(
+                p > sidak(SIGNIFICANCE, TESTS),
+                "p = {p} for {material:?}, {wo}"
+            );
         }
     }
 }
@@ -115,7 +146,7 @@ fn metals_plastic_and_glass_of_both_distributions_follow_their_density() {
 
 #[test]
 fn weights_average_to_the_integral_of_the_value() {
-    // What quadrature of the value finds, sampling must find: no direction is left out.
+    // Sampling must find all that the quadrature of the value finds: no direction is missing.
     let n = 8000;
     let cases: Vec<Material> = grids().into_iter().chain(interfaces()).step_by(3).collect();
     let level = sidak(0.01, cases.len() * outgoing().len() * 3);
@@ -126,7 +157,9 @@ fn weights_average_to_the_integral_of_the_value() {
             let (mut sum, mut sum2) = ([0.0f64; 3], [0.0f64; 3]);
             for i in 0..n {
                 let u = uniform(i, 8);
-                let Some(s) = b.sample(wo, u[0], [u[1], u[2]], Mode::Importance) else { continue };
+                let Some(s) = b.sample(wo, u[0], [u[1], u[2]], TransportMode::Importance) else {
+                    continue;
+                };
                 for c in 0..3 {
                     let w = if s.delta { 0.0 } else { f64::from(s.weight[c]) };
                     sum[c] += w;
@@ -138,7 +171,11 @@ fn weights_average_to_the_integral_of_the_value() {
                 let variance = (sum2[c] / f64::from(n) - mean * mean).max(0.0) / f64::from(n);
                 let sigma = variance.sqrt().max(1e-3 * expected[c]) + 1e-6;
                 let p = lumbre::math::stats::normal_two_sided_p((mean - expected[c]) / sigma);
-                assert!(p > level, "{mean} +- {sigma} instead of {} for {material:?}, {wo}", expected[c]);
+                assert!(
+                    p > level,
+                    "{mean} +- {sigma} instead of {} for {material:?}, {wo}",
+                    expected[c]
+                );
             }
         }
     }
@@ -148,12 +185,13 @@ fn weights_average_to_the_integral_of_the_value() {
 fn shading_normals_do_not_leak_light_through_the_surface() {
     let material = WHITE;
     let mut s = surface(&material);
-    s.n_shading = (s.n_geometric + s.n_geometric.any_orthonormal_vector() * 1.2).normalize_or(Vec3::Z);
+    s.n_shading =
+        (s.n_geometric + s.n_geometric.any_orthonormal_vector() * 1.2).normalize_or(Vec3::Z);
     let bsdf = Bsdf::new(&s, &[]);
     for i in 0..2000 {
         let u = uniform(i, 9);
         let wo = uniform_sphere([u[0], u[1]]);
-        if let Some(x) = bsdf.sample(wo, 0.3, [u[2], u[3]], Mode::Radiance) {
+        if let Some(x) = bsdf.sample(wo, 0.3, [u[2], u[3]], TransportMode::Radiance) {
             assert!(x.wi.dot(s.n_geometric) * wo.dot(s.n_geometric) > 0.0);
         }
     }

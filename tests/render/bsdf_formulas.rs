@@ -1,5 +1,5 @@
-//! Values of the BSDF against the sources' equations, written down once more in double precision and from other forms
-//! of them where there are any.
+//! Values of the BSDF compared with the published equations, written again in double precision and
+//! in other forms where there are any.
 
 use std::f64::consts::PI;
 
@@ -7,17 +7,23 @@ use glam::{DVec3, Vec3};
 use lumbre::math::Frame;
 use lumbre::math::warp::uniform_sphere;
 use lumbre::scene::compile::Material;
-use lumbre::transport::bsdf::{Bsdf, Mode};
+use lumbre::transport::bsdf::{Bsdf, TransportMode};
 use lumbre::transport::surface::Surface;
 
 use crate::bsdf_grid::{grids, surface, uniform};
 
-/// A point whose frame is that of the world.
+/// Returns a point whose frame is that of the world.
 fn upright(m: &Material) -> Surface<'_> {
-    Surface { n_geometric: Vec3::Z, n_shading: Vec3::Z, tangent: Vec3::X, ..surface(m) }
+    Surface {
+        n_geometric: Vec3::Z,
+        n_shading: Vec3::Z,
+        tangent: Vec3::X,
+        ..surface(m)
+    }
 }
 
-/// Fresnel's equations in the form of Cook and Torrance, without refracted angles; `eta` is far over near.
+/// Returns Fresnel's equations in the form of Cook and Torrance, without refracted angles; `eta` is
+/// far over near.
 fn fresnel(c: f64, eta: f64) -> f64 {
     let g2 = eta * eta - 1.0 + c * c;
     if g2 <= 0.0 {
@@ -32,13 +38,13 @@ fn schlick(c: f64) -> f64 {
     (1.0 - c).powi(5)
 }
 
-/// Smith's masking of GGX by its Lambda.
+/// Returns Smith's masking of GGX by its Lambda.
 fn g1(w: DVec3, [ax, ay]: [f64; 2]) -> f64 {
     let tan2 = (ax * ax * w.x * w.x + ay * ay * w.y * w.y) / (w.z * w.z);
     1.0 / (1.0 + 0.5 * ((1.0 + tan2).sqrt() - 1.0))
 }
 
-/// Equation 4.18 of the first document.
+/// Returns equation 4.18 of the thesis on bidirectional path tracing with Vulkan.
 fn d(h: DVec3, [ax, ay]: [f64; 2]) -> f64 {
     1.0 / (PI * ax * ay * ((h.x / ax).powi(2) + (h.y / ay).powi(2) + h.z * h.z).powi(2))
 }
@@ -49,7 +55,7 @@ fn alphas(m: &Material) -> [f64; 2] {
     [(alpha / aspect).max(0.001), (alpha * aspect).max(0.001)]
 }
 
-/// What is left of a coat's lower layer in one direction, and the coat's value.
+/// Returns the transmittance of a coat in one direction, and the coat's value.
 fn coat(m: &Material, o: DVec3, i: DVec3, h: DVec3) -> (f64, f64) {
     let strength = 0.25 * f64::from(m.clearcoat);
     let f = |c: f64| strength * (0.04 + 0.96 * schlick(c));
@@ -59,10 +65,15 @@ fn coat(m: &Material, o: DVec3, i: DVec3, h: DVec3) -> (f64, f64) {
     ((1.0 - f(o.z)) * (1.0 - f(i.z.abs())), value)
 }
 
-/// The value for radiance, with `z` the shading normal, and the share of it that has the tail of a narrow lobe.
+/// Returns the value for radiance, with `z` the shading normal, and the share of it in the tail of
+/// a narrow lobe.
 fn reference(m: &Material, mut o: DVec3, mut i: DVec3) -> DVec3 {
     let base = m.base_color.as_dvec3();
-    let (metallic, opacity, ior) = (f64::from(m.metallic), f64::from(m.opacity), f64::from(m.ior));
+    let (metallic, opacity, ior) = (
+        f64::from(m.metallic),
+        f64::from(m.opacity),
+        f64::from(m.ior),
+    );
     let mut eta = ior;
     if o.z < 0.0 {
         (o.z, i.z, eta) = (-o.z, -i.z, 1.0 / ior);
@@ -70,16 +81,20 @@ fn reference(m: &Material, mut o: DVec3, mut i: DVec3) -> DVec3 {
     let refractive = (1.0 - metallic) * (1.0 - opacity);
     let alpha = alphas(m);
     if i.z < 0.0 {
-        // [Walter et al. 2007, equation 21] with the near index 1 and the far index eta, for light from the far side.
+        // [Walter et al. 2007, equation 21] with the near index 1 and the far index eta, for light
+        // from the far side.
         let h = (o + eta * i).normalize();
         let h = if h.z < 0.0 { -h } else { h };
         let (oh, ih) = (o.dot(h), i.dot(h));
         if oh <= 0.0 || ih >= 0.0 {
             return DVec3::ZERO;
         }
-        let f =
-            (oh * ih).abs() / (o.z * i.z).abs() * (1.0 - fresnel(oh, eta)) * g1(o, alpha) * g1(-i, alpha) * d(h, alpha)
-                / (oh + eta * ih).powi(2);
+        let f = (oh * ih).abs() / (o.z * i.z).abs()
+            * (1.0 - fresnel(oh, eta))
+            * g1(o, alpha)
+            * g1(-i, alpha)
+            * d(h, alpha)
+            / (oh + eta * ih).powi(2);
         return base.powf(0.5) * (refractive * f * coat(m, o, i, h).0);
     }
     let h = (o + i).normalize();
@@ -96,13 +111,20 @@ fn reference(m: &Material, mut o: DVec3, mut i: DVec3) -> DVec3 {
     let microfacets = d(h, alpha) * g1(o, alpha) * g1(i, alpha) / (4.0 * o.z * i.z);
     let f0 = ((ior - 1.0) / (ior + 1.0)).powi(2);
     let exact = fresnel(cos, ior);
-    let dielectric = (tint(m.specular_tint) * f0).min(DVec3::ONE).lerp(DVec3::ONE, (exact - f0) / (1.0 - f0));
-    let dielectric = if m.specular_tint > 0.0 { dielectric.max(DVec3::ZERO) } else { DVec3::splat(exact) };
+    let dielectric = (tint(m.specular_tint) * f0)
+        .min(DVec3::ONE)
+        .lerp(DVec3::ONE, (exact - f0) / (1.0 - f0));
+    let dielectric = if m.specular_tint > 0.0 {
+        dielectric.max(DVec3::ZERO)
+    } else {
+        DVec3::splat(exact)
+    };
     let metal = base + (DVec3::ONE - base) * schlick(cos);
     // Figure 4.11.
     let opaque = diffuse + dielectric * microfacets;
     let refracting = DVec3::splat(fresnel(cos, eta) * microfacets);
-    let below = (opaque * opacity + refracting * (1.0 - opacity)) * (1.0 - metallic) + metal * (microfacets * metallic);
+    let below = (opaque * opacity + refracting * (1.0 - opacity)) * (1.0 - metallic)
+        + metal * (microfacets * metallic);
     let (passes, varnish) = coat(m, o, i, h);
     below * passes + varnish
 }
@@ -116,8 +138,8 @@ fn values_are_those_of_the_sources() {
         for i in 0..600 {
             let u = uniform(i, 11);
             let o = uniform_sphere([u[0], u[1]]);
-            // Half of the pairs are sampled, so that narrow lobes are met.
-            let w = match b.sample(o, u[2], [u[3], uniform(i, 12)[0]], Mode::Radiance) {
+            // Half of the pairs are sampled, so that narrow lobes are hit.
+            let w = match b.sample(o, u[2], [u[3], uniform(i, 12)[0]], TransportMode::Radiance) {
                 Some(s) if i % 2 == 0 && !s.delta => s.wi,
                 _ => uniform_sphere([u[2], u[3]]),
             };
@@ -125,13 +147,19 @@ fn values_are_those_of_the_sources() {
                 continue;
             }
             let exact = reference(&m, o.as_dvec3().normalize(), w.as_dvec3().normalize());
-            let got = b.eval(o, w, Mode::Radiance).as_dvec3();
+            let got = b.eval(o, w, TransportMode::Radiance).as_dvec3();
             let error = (got - exact).abs().max_element();
-            // Half vectors of grazing pairs lose digits, the more the narrower the lobe and the less refraction bends.
+            // Half vectors of grazing pairs lose digits, the more the narrower the lobe and the
+            // less refraction bends.
             let tolerance = 1e-3
                 + 1e-6
-                    / (alphas(&m)[1] * f64::from((m.ior - 1.0).abs().min(1.0)) * f64::from(o.z.abs().min(w.z.abs())));
-            assert!(error <= tolerance * exact.max_element() + 1e-6, "{got} instead of {exact} for {o} {w} {m:?}");
+                    / (alphas(&m)[1]
+                        * f64::from((m.ior - 1.0).abs().min(1.0))
+                        * f64::from(o.z.abs().min(w.z.abs())));
+            assert!(
+                error <= tolerance * exact.max_element() + 1e-6,
+                "{got} instead of {exact} for {o} {w} {m:?}"
+            );
             compared += 1;
         }
     }
@@ -140,12 +168,12 @@ fn values_are_those_of_the_sources() {
 
 #[test]
 fn refraction_has_the_jacobian_that_differences_find() {
-    // The density of refracted directions is that of visible normals times what the map from normals to directions
-    // does to solid angle, which is measured here by moving the normal a little.
-    for m in grids()
-        .into_iter()
-        .filter(|m| m.opacity == 0.0 && m.metallic == 0.0 && m.roughness >= 0.1 && m.clearcoat == 0.0)
-    {
+    // The density of refracted directions is that of visible normals times the change of solid
+    // angle by the map from normals to directions, which is measured here by moving the normal a
+    // little.
+    for m in grids().into_iter().filter(|m| {
+        m.opacity == 0.0 && m.metallic == 0.0 && m.roughness >= 0.1 && m.clearcoat == 0.0
+    }) {
         let s = upright(&m);
         let b = Bsdf::new(&s, &[]);
         let alpha = alphas(&m);
@@ -153,12 +181,16 @@ fn refraction_has_the_jacobian_that_differences_find() {
         for k in 0..300 {
             let u = uniform(k, 13);
             let wo = uniform_sphere([u[0], u[1]]);
-            let Some(x) = b.sample(wo, u[2], [u[3], uniform(k, 14)[0]], Mode::Radiance) else { continue };
+            let Some(x) = b.sample(wo, u[2], [u[3], uniform(k, 14)[0]], TransportMode::Radiance)
+            else {
+                continue;
+            };
             if x.eta == 1.0 || wo.z.abs() < 0.1 || x.wi.z.abs() < 0.1 {
                 continue;
             }
-            // Above the surface is the side of `wo`.
-            let up = |w: Vec3| w.as_dvec3().normalize() * DVec3::new(1.0, 1.0, f64::from(wo.z.signum()));
+            // The upper side of the surface is the side of `wo`.
+            let up =
+                |w: Vec3| w.as_dvec3().normalize() * DVec3::new(1.0, 1.0, f64::from(wo.z.signum()));
             let (o, i, eta) = (up(wo), up(x.wi), f64::from(x.eta));
             let h = -(o + eta * i).normalize() * (eta - 1.0).signum();
             let refract = |h: DVec3| {
@@ -169,12 +201,17 @@ fn refraction_has_the_jacobian_that_differences_find() {
             assert!((refract(h) - i).length() < 1e-4, "{h} {i} {}", refract(h));
             let (a, b2) = h.any_orthonormal_pair();
             let e = 1e-5;
-            let [da, db] = [a, b2].map(|t| refract((h + t * e).normalize()) - refract((h - t * e).normalize()));
+            let [da, db] = [a, b2]
+                .map(|t| refract((h + t * e).normalize()) - refract((h - t * e).normalize()));
             let stretch = da.cross(db).length() / (4.0 * e * e);
             let normals = d(h, alpha) * g1(o, alpha) * o.dot(h) / o.z;
             let expected = (1.0 - fresnel(o.dot(h), eta)) * normals / stretch;
             let got = f64::from(b.pdf_w(wo, x.wi));
-            assert!((got / expected - 1.0).abs() < 0.01, "{got} instead of {expected}: {wo} {} {m:?}", x.wi);
+            assert!(
+                (got / expected - 1.0).abs() < 0.01,
+                "{got} instead of {expected}: {wo} {} {m:?}",
+                x.wi
+            );
             tested += 1;
         }
         assert!(tested > 60, "{tested} {m:?}");
@@ -183,24 +220,55 @@ fn refraction_has_the_jacobian_that_differences_find() {
 
 #[test]
 fn stretched_highlights_lie_along_the_direction_of_anisotropy() {
-    // With the half vector tilted along the tangent the lobe is wider than across it, whatever the tangent's length.
-    let m = Material { metallic: 1.0, roughness: 0.4, anisotropic: 0.9, ..crate::bsdf_grid::DISNEY };
+    // With the half vector tilted along the tangent the lobe is wider than across it, whatever the
+    // tangent's length.
+    let m = Material {
+        metallic: 1.0,
+        roughness: 0.4,
+        anisotropic: 0.9,
+        ..crate::bsdf_grid::DISNEY
+    };
     for tangent in [Vec3::X * 0.01, Vec3::new(5.0, 0.0, 3.0)] {
-        let s = Surface { tangent, ..upright(&m) };
+        let s = Surface {
+            tangent,
+            ..upright(&m)
+        };
         let b = Bsdf::new(&s, &[]);
-        let towards = |v: Vec3| b.eval(Vec3::Z, (Vec3::Z + v).normalize_or(Vec3::Z), Mode::Radiance).y;
+        let towards = |v: Vec3| {
+            b.eval(
+                Vec3::Z,
+                (Vec3::Z + v).normalize_or(Vec3::Z),
+                TransportMode::Radiance,
+            )
+            .y
+        };
         assert!(towards(Vec3::X) > 20.0 * towards(Vec3::Y));
         assert!((towards(Vec3::X) / towards(-Vec3::X) - 1.0).abs() < 1e-5);
     }
-    // Without a tangent any frame does, and round lobes do not see it.
-    let round = Material { anisotropic: 0.0, ..m };
-    let (s, t) = (Surface { tangent: Vec3::ZERO, ..upright(&round) }, upright(&round));
+    // Without a tangent any frame serves, and isotropic lobes do not depend on it.
+    let round = Material {
+        anisotropic: 0.0,
+        ..m
+    };
+    let (s, t) = (
+        Surface {
+            tangent: Vec3::ZERO,
+            ..upright(&round)
+        },
+        upright(&round),
+    );
     let (s, t) = (Bsdf::new(&s, &[]), Bsdf::new(&t, &[]));
     let frame = Frame::from_normal(Vec3::Z);
     for k in 0..100 {
         let u = uniform(k, 15);
-        let (o, w) = (frame.to_world(uniform_sphere([u[0] * 0.5, u[1]])), uniform_sphere([u[2] * 0.5, u[3]]));
-        let (f, g) = (s.eval(o, w, Mode::Radiance), t.eval(o, w, Mode::Radiance));
+        let (o, w) = (
+            frame.to_world(uniform_sphere([u[0] * 0.5, u[1]])),
+            uniform_sphere([u[2] * 0.5, u[3]]),
+        );
+        let (f, g) = (
+            s.eval(o, w, TransportMode::Radiance),
+            t.eval(o, w, TransportMode::Radiance),
+        );
         assert!((f - g).abs().max_element() <= 1e-3 * f.max_element());
     }
 }

@@ -1,5 +1,5 @@
-//! What the tests of the BSDF share: a grid of materials, directions from normal to grazing, and a partition of the
-//! sphere that resolves a lobe however narrow it is.
+//! Shared parts of the BSDF tests: a grid of materials, directions from normal to grazing, and a
+//! partition of the sphere that resolves a lobe however narrow it is.
 
 use std::f64::consts::{PI, TAU};
 
@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 use lumbre::math::Frame;
 use lumbre::math::rng::{pcg4d, unit};
 use lumbre::scene::compile::{Distribution, Interface, Material, Model, NONE, diffuse_reflectance};
-use lumbre::transport::bsdf::{Bsdf, Mode};
+use lumbre::transport::bsdf::{Bsdf, TransportMode};
 use lumbre::transport::surface::Surface;
 
 use crate::common::WHITE;
@@ -19,12 +19,16 @@ pub const NORMAL: Vec3 = Vec3::new(0.36, 0.48, 0.8);
 const TANGENT: Vec3 = Vec3::new(0.9, -0.2, 0.4);
 
 /// The Disney material with every parameter at its default, and a colour.
-pub const DISNEY: Material = Material { model: Model::Disney, base_color: Vec3::new(0.8, 0.5, 0.2), ..WHITE };
+pub const DISNEY: Material = Material {
+    model: Model::Disney,
+    base_color: Vec3::new(0.8, 0.5, 0.2),
+    ..WHITE
+};
 
-/// Roughness from the narrowest lobe that is no Dirac to the widest.
+/// Roughness from the narrowest lobe that is not a Dirac to the widest.
 pub const ROUGHNESS: [f32; 4] = [0.01, 0.1, 0.5, 1.0];
 
-/// The point of a surface whose shading normal is the real one.
+/// Returns the point of a surface whose shading normal is the geometric one.
 pub fn surface(material: &Material) -> Surface<'_> {
     Surface {
         position: Vec3::ZERO,
@@ -35,27 +39,33 @@ pub fn surface(material: &Material) -> Surface<'_> {
         tint: Vec3::ONE,
         material,
         emitter: NONE,
-        overhang: None,
+        terminator: None,
     }
 }
 
-/// The BSDF there.
+/// Returns the BSDF at that point.
 pub fn bsdf(material: &Material) -> Bsdf {
     Bsdf::new(&surface(material), &[])
 }
 
-/// A direction by its cosine with the normal and its azimuth.
+/// Returns a direction by its cosine with the normal and its azimuth.
 pub fn direction(cos: f32, azimuth: f32) -> Vec3 {
     let r = (1.0 - cos * cos).sqrt();
     Frame::from_normal(NORMAL).to_world(Vec3::new(r * azimuth.cos(), r * azimuth.sin(), cos))
 }
 
-/// Normal, oblique and grazing directions, from the front and from behind.
+/// Returns normal, oblique and grazing directions, from the front and from behind.
 pub fn outgoing() -> [Vec3; 5] {
-    [direction(1.0, 0.0), direction(0.6, 0.7), direction(0.06, 2.0), direction(-0.7, 4.0), direction(-0.15, 5.5)]
+    [
+        direction(1.0, 0.0),
+        direction(0.6, 0.7),
+        direction(0.06, 2.0),
+        direction(-0.7, 4.0),
+        direction(-0.15, 5.5),
+    ]
 }
 
-/// How the dielectric, refractive and metallic parts are mixed.
+/// Mixture of the dielectric, refractive and metallic parts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mix {
     Opaque,
@@ -64,8 +74,8 @@ pub enum Mix {
     All,
 }
 
-/// Every roughness with every addition to a mixture: plain, stretched, coated by satin and gloss, cloth; and with an
-/// index below that of the outside.
+/// Returns every roughness with every addition to a mixture: plain, anisotropic, coated by satin
+/// and gloss, cloth; and with an index below that of the outside.
 pub fn grid(mix: Mix) -> Vec<Material> {
     let [metallic, opacity] = match mix {
         Mix::Opaque => [0.0, 1.0],
@@ -75,27 +85,57 @@ pub fn grid(mix: Mix) -> Vec<Material> {
     };
     let mut all = Vec::new();
     for roughness in ROUGHNESS {
-        let plain = Material { metallic, opacity, roughness, ..DISNEY };
+        let plain = Material {
+            metallic,
+            opacity,
+            roughness,
+            ..DISNEY
+        };
         all.push(plain);
-        all.push(Material { anisotropic: 1.0, ior: 2.5, ..plain });
-        all.push(Material { clearcoat: 1.0, clearcoat_gloss: 0.0, anisotropic: 0.6, ..plain });
-        all.push(Material { clearcoat: 1.0, clearcoat_gloss: 1.0, ior: 1.2, ..plain });
-        all.push(Material { subsurface: 0.7, sheen: 1.0, sheen_tint: 0.5, specular_tint: 0.8, ior: 0.7, ..plain });
+        all.push(Material {
+            anisotropic: 1.0,
+            ior: 2.5,
+            ..plain
+        });
+        all.push(Material {
+            clearcoat: 1.0,
+            clearcoat_gloss: 0.0,
+            anisotropic: 0.6,
+            ..plain
+        });
+        all.push(Material {
+            clearcoat: 1.0,
+            clearcoat_gloss: 1.0,
+            ior: 1.2,
+            ..plain
+        });
+        all.push(Material {
+            subsurface: 0.7,
+            sheen: 1.0,
+            sheen_tint: 0.5,
+            specular_tint: 0.8,
+            ior: 0.7,
+            ..plain
+        });
     }
     all
 }
 
-/// The same for every mixture.
+/// Returns the grid for every mixture.
 pub fn grids() -> Vec<Material> {
-    [Mix::Opaque, Mix::Metal, Mix::Glass, Mix::All].into_iter().flat_map(grid).collect()
+    [Mix::Opaque, Mix::Metal, Mix::Glass, Mix::All]
+        .into_iter()
+        .flat_map(grid)
+        .collect()
 }
 
-/// Metals, plastic and glass of both distributions, stretched and round. `opacity` says nothing to these models; glass
-/// has 0, by which the tests know that something passes.
+/// Returns metals, plastic and glass of both distributions, anisotropic and isotropic. `opacity`
+/// has no effect in these models; glass has 0, by which the tests recognise transmission.
 pub fn interfaces() -> Vec<Material> {
     let mut all = Vec::new();
-    for (distribution, roughness) in
-        [Distribution::Ggx, Distribution::Beckmann].into_iter().flat_map(|d| ROUGHNESS.map(|r| (d, r)))
+    for (distribution, roughness) in [Distribution::Ggx, Distribution::Beckmann]
+        .into_iter()
+        .flat_map(|d| ROUGHNESS.map(|r| (d, r)))
     {
         let interface = Interface {
             distribution,
@@ -103,37 +143,73 @@ pub fn interfaces() -> Vec<Material> {
             k: Vec3::new(3.9, 2.45, 2.14),
             ..Interface::PLAIN
         };
-        let plain = Material { roughness, interface, ..DISNEY };
-        all.push(Material { model: Model::Conductor, anisotropic: 0.8, ..plain });
+        let plain = Material {
+            roughness,
+            interface,
+            ..DISNEY
+        };
+        all.push(Material {
+            model: Model::Conductor,
+            anisotropic: 0.8,
+            ..plain
+        });
         let internal_reflectance = 1.0 - (1.0 - diffuse_reflectance(1.5)) / 2.25;
-        let interface = Interface { nonlinear: true, internal_reflectance, specular: Vec3::splat(0.7), ..interface };
-        all.push(Material { model: Model::Plastic, interface, ..plain });
-        all.push(Material { model: Model::Dielectric, opacity: 0.0, ..plain });
-        all.push(Material { model: Model::Dielectric, opacity: 0.0, ior: 0.7, ..plain });
+        let interface = Interface {
+            nonlinear: true,
+            internal_reflectance,
+            specular: Vec3::splat(0.7),
+            ..interface
+        };
+        all.push(Material {
+            model: Model::Plastic,
+            interface,
+            ..plain
+        });
+        all.push(Material {
+            model: Model::Dielectric,
+            opacity: 0.0,
+            ..plain
+        });
+        all.push(Material {
+            model: Model::Dielectric,
+            opacity: 0.0,
+            ior: 0.7,
+            ..plain
+        });
     }
     all
 }
 
-/// Four numbers in `[0, 1)` for a sample of a test.
+/// Returns four numbers in `[0, 1)` for a sample of a test.
 pub fn uniform(i: u32, test: u32) -> [f32; 4] {
     pcg4d([i, test, 42, 43]).map(unit)
 }
 
-/// What a Dirac would sample on the side of `wo` and on the other one: the directions about which lobes are narrow.
-/// Under total reflection it is the grazing direction about which refraction fades.
+/// Returns the directions that a Dirac lobe would sample on the side of `wo` and on the other one,
+/// about which lobes are narrow. Under total reflection it is the grazing direction at which
+/// refraction fades.
 fn poles(material: &Material, wo: Vec3) -> [Vec3; 2] {
     let frame = Frame::from_normal(NORMAL);
     let o = frame.to_local(wo);
-    let eta = if o.z > 0.0 { material.ior } else { 1.0 / material.ior };
+    let eta = if o.z > 0.0 {
+        material.ior
+    } else {
+        1.0 / material.ior
+    };
     let cos2 = (1.0 - (1.0 - o.z * o.z) / (eta * eta)).max(0.0);
-    let refracted = Vec3::new(-o.x / eta, -o.y / eta, cos2.sqrt().copysign(-o.z)).normalize_or(Vec3::Z);
+    let refracted =
+        Vec3::new(-o.x / eta, -o.y / eta, cos2.sqrt().copysign(-o.z)).normalize_or(Vec3::Z);
     [Vec3::new(-o.x, -o.y, o.z), refracted].map(|w| frame.to_world(w))
 }
 
-/// The width that the narrowest lobe of a material has, as an alpha.
+/// Returns the alpha of a material's narrowest lobe.
 pub fn narrowest(m: &Material) -> f64 {
     let base = f64::from(m.roughness).powi(2) * (1.0 - 0.9 * f64::from(m.anisotropic)).sqrt();
-    let coat = if m.clearcoat > 0.0 { 0.1 - 0.099 * f64::from(m.clearcoat_gloss) } else { 1.0 };
+    let coat = if m.clearcoat > 0.0 {
+        0.1 - 0.099 * f64::from(m.clearcoat_gloss)
+    } else {
+        1.0
+    };
     base.min(coat).max(0.001)
 }
 
@@ -144,12 +220,15 @@ pub struct Sphere {
 }
 
 impl Sphere {
-    /// The cells that resolve all lobes of a material seen from `wo`.
+    /// Returns the cells that resolve all lobes of a material seen from `wo`.
     pub fn of(material: &Material, wo: Vec3) -> Sphere {
-        Sphere { wo, sides: poles(material, wo).map(|pole| Rings::about(pole, narrowest(material))) }
+        Sphere {
+            wo,
+            sides: poles(material, wo).map(|pole| Rings::about(pole, narrowest(material))),
+        }
     }
 
-    /// Number of cells.
+    /// Returns the number of cells.
     pub fn cells(&self) -> usize {
         self.sides[0].cells() + self.sides[1].cells()
     }
@@ -158,15 +237,17 @@ impl Sphere {
         usize::from(w.dot(NORMAL) * self.wo.dot(NORMAL) < 0.0)
     }
 
-    /// The cell of a direction.
+    /// Returns the cell of a direction.
     pub fn cell(&self, w: Vec3) -> usize {
         let side = self.side(w);
         side * self.sides[0].cells() + self.sides[side].cell(w)
     }
 
-    /// The integral of a function over every cell.
+    /// Returns the integral of a function over every cell.
     pub fn integrate<const N: usize>(&self, f: impl Fn(Vec3) -> [f64; N]) -> Vec<[f64; N]> {
-        let half = |side: usize| self.sides[side].integrate(|w| if self.side(w) == side { f(w) } else { [0.0; N] });
+        let half = |side: usize| {
+            self.sides[side].integrate(|w| if self.side(w) == side { f(w) } else { [0.0; N] })
+        };
         [half(0), half(1)].concat()
     }
 }
@@ -181,33 +262,50 @@ struct Rings {
 const SECTORS: usize = 16;
 
 impl Rings {
-    /// Rings that resolve a lobe of a width.
+    /// Returns rings that resolve a lobe of a width.
     fn about(pole: Vec3, alpha: f64) -> Rings {
         let first = (alpha * alpha / 16.0).min(1.0 / 64.0);
         let count = (1.0 / first).log2().ceil().clamp(8.0, 24.0);
-        let edges = (0..=count as usize).map(|k| first.powf(1.0 - k as f64 / count)).collect();
-        Rings { frame: Frame::from_normal(pole), edges }
+        let edges = (0..=count as usize)
+            .map(|k| first.powf(1.0 - k as f64 / count))
+            .collect();
+        Rings {
+            frame: Frame::from_normal(pole),
+            edges,
+        }
     }
 
-    /// Number of cells.
+    /// Returns the number of cells.
     fn cells(&self) -> usize {
         self.edges.len() * SECTORS
     }
 
-    /// The cell of a direction.
+    /// Returns the cell of a direction.
     fn cell(&self, w: Vec3) -> usize {
         let g = f64::from((w - self.frame.n).length_squared()) / 4.0;
-        let ring = self.edges.partition_point(|e| *e < g).min(self.edges.len() - 1);
+        let ring = self
+            .edges
+            .partition_point(|e| *e < g)
+            .min(self.edges.len() - 1);
         let azimuth = f64::from(w.dot(self.frame.t).atan2(w.dot(self.frame.s))) / TAU;
         ring * SECTORS + ((azimuth.rem_euclid(1.0) * SECTORS as f64) as usize).min(SECTORS - 1)
     }
 
-    /// The integral of a function over every cell, per solid angle, by quadrature that refines itself.
+    /// Returns the integral of a function over every cell, per solid angle, by adaptive quadrature.
     fn integrate<const N: usize>(&self, f: impl Fn(Vec3) -> [f64; N]) -> Vec<[f64; N]> {
-        let (s, t, n) = (self.frame.s.as_dvec3(), self.frame.t.as_dvec3(), self.frame.n.as_dvec3());
-        // Within a ring the logarithm of g is the coordinate, within the cap g itself: d solid angle = 2 d phi d g.
+        let (s, t, n) = (
+            self.frame.s.as_dvec3(),
+            self.frame.t.as_dvec3(),
+            self.frame.n.as_dvec3(),
+        );
+        // Within a ring the logarithm of g is the coordinate, within the cap g itself: d solid
+        // angle = 2 d phi d g.
         let at = |cap: bool, x: f64, phi: f64| {
-            let (g, scale) = if cap { (x, 2.0) } else { (x.exp(), 2.0 * x.exp()) };
+            let (g, scale) = if cap {
+                (x, 2.0)
+            } else {
+                (x.exp(), 2.0 * x.exp())
+            };
             let r = 2.0 * (g * (1.0 - g)).max(0.0).sqrt();
             let w: DVec3 = n * (1.0 - 2.0 * g) + (s * phi.cos() + t * phi.sin()) * r;
             f(w.as_vec3()).map(|v| v * scale)
@@ -216,10 +314,14 @@ impl Rings {
             .map(|cell| {
                 let (ring, sector) = (cell / SECTORS, (cell % SECTORS) as f64);
                 let cap = ring == 0;
-                let x = if cap { [0.0, self.edges[0]] } else { [self.edges[ring - 1].ln(), self.edges[ring].ln()] };
+                let x = if cap {
+                    [0.0, self.edges[0]]
+                } else {
+                    [self.edges[ring - 1].ln(), self.edges[ring].ln()]
+                };
                 let phi = [sector, sector + 1.0].map(|k| k * TAU / SECTORS as f64);
                 let g = |x, phi| at(cap, x, phi);
-                // Wide rings are cut whatever they say at first: horizons cross them.
+                // Wide rings are always subdivided, since horizons cross them.
                 let forced = if self.edges[ring] > 0.02 { 3 } else { 0 };
                 refine(&g, x, phi, gauss(&g, x, phi), 6, forced)
             })
@@ -227,22 +329,31 @@ impl Rings {
     }
 }
 
-/// Three by three points of Gauss.
+/// Returns the Gauss quadrature with three by three points.
 fn gauss<const N: usize>(f: &impl Fn(f64, f64) -> [f64; N], x: [f64; 2], y: [f64; 2]) -> [f64; N] {
-    let points = [(-(0.6f64.sqrt()), 5.0 / 18.0), (0.0, 8.0 / 18.0), (0.6f64.sqrt(), 5.0 / 18.0)];
+    let points = [
+        (-(0.6f64.sqrt()), 5.0 / 18.0),
+        (0.0, 8.0 / 18.0),
+        (0.6f64.sqrt(), 5.0 / 18.0),
+    ];
     let area = (x[1] - x[0]) * (y[1] - y[0]);
     let mut sum = [0.0; N];
     for (u, wu) in points {
         for (v, wv) in points {
-            let value =
-                f(0.5 * (x[0] + x[1] + u * (x[1] - x[0])), 0.5 * (y[0] + y[1] + v * (y[1] - y[0]))).map(|a| a * area);
-            sum.iter_mut().zip(value).for_each(|(s, v)| *s += wu * wv * v);
+            let value = f(
+                0.5 * (x[0] + x[1] + u * (x[1] - x[0])),
+                0.5 * (y[0] + y[1] + v * (y[1] - y[0])),
+            )
+            .map(|a| a * area);
+            sum.iter_mut()
+                .zip(value)
+                .for_each(|(s, v)| *s += wu * wv * v);
         }
     }
     sum
 }
 
-/// Cuts a rectangle into four until that changes nothing.
+/// Subdivides a rectangle into four until the integral no longer changes.
 fn refine<const N: usize>(
     f: &impl Fn(f64, f64) -> [f64; N],
     x: [f64; 2],
@@ -252,11 +363,18 @@ fn refine<const N: usize>(
     forced: u32,
 ) -> [f64; N] {
     let (mx, my) = (0.5 * (x[0] + x[1]), 0.5 * (y[0] + y[1]));
-    let parts =
-        [([x[0], mx], [y[0], my]), ([x[0], mx], [my, y[1]]), ([mx, x[1]], [y[0], my]), ([mx, x[1]], [my, y[1]])];
+    let parts = [
+        ([x[0], mx], [y[0], my]),
+        ([x[0], mx], [my, y[1]]),
+        ([mx, x[1]], [y[0], my]),
+        ([mx, x[1]], [my, y[1]]),
+    ];
     let values = parts.map(|(x, y)| gauss(f, x, y));
     let sum: [f64; N] = std::array::from_fn(|k| values.iter().map(|v| v[k]).sum());
-    let settled = sum.iter().zip(whole).all(|(a, b)| (a - b).abs() <= 2e-3 * a.abs() + 4e-7);
+    let settled = sum
+        .iter()
+        .zip(whole)
+        .all(|(a, b)| (a - b).abs() <= 2e-3 * a.abs() + 4e-7);
     if depth == 0 || (settled && forced == 0) {
         return sum;
     }
@@ -268,12 +386,15 @@ fn refine<const N: usize>(
     std::array::from_fn(|k| values.iter().map(|v| v[k]).sum())
 }
 
-/// Directional albedo of the lobes that have a density: the integral of the value and the cosine, for a light that
-/// comes from `wo`, so that refraction is not scaled.
+/// Returns the directional albedo of the lobes with a density: the integral of the value and the
+/// cosine, for light from `wo`, so that refraction is not scaled.
 pub fn albedo(material: &Material, wo: Vec3) -> [f64; 3] {
     let b = bsdf(material);
-    let cells = Sphere::of(material, wo)
-        .integrate(|wi| (b.eval(wo, wi, Mode::Importance) * wi.dot(NORMAL).abs()).as_dvec3().to_array());
+    let cells = Sphere::of(material, wo).integrate(|wi| {
+        (b.eval(wo, wi, TransportMode::Importance) * wi.dot(NORMAL).abs())
+            .as_dvec3()
+            .to_array()
+    });
     std::array::from_fn(|k| cells.iter().map(|c| c[k]).sum())
 }
 
@@ -285,10 +406,14 @@ fn rings_cover_the_sphere_once_and_know_their_cells() {
         assert!((areas.iter().map(|a| a[0]).sum::<f64>() / (4.0 * PI) - 1.0).abs() < 1e-6);
         let band = rings.integrate(|w| [f64::from(u8::from(w.z > 0.5))]);
         assert!((band.iter().map(|a| a[0]).sum::<f64>() / PI - 1.0).abs() < 2e-3);
-        // Cells know their own directions: an indicator of one integrates to its area in it and nothing elsewhere.
+        // The indicator of a cell integrates to its area in that cell and to zero elsewhere.
         let k = rings.cells() / 2 + 3;
         let own = rings.integrate(|w| [f64::from(u8::from(rings.cell(w) == k))]);
         assert!((own[k][0] / areas[k][0] - 1.0).abs() < 1e-3);
-        assert!(own.iter().enumerate().all(|(i, a)| i == k || a[0] < 1e-3 * areas[k][0]));
+        assert!(
+            own.iter()
+                .enumerate()
+                .all(|(i, a)| i == k || a[0] < 1e-3 * areas[k][0])
+        );
     }
 }

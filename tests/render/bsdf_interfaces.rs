@@ -1,8 +1,8 @@
-//! Metals, plastic and glass with one interface: what they reflect, against closed forms.
+//! Metals, plastic and glass with one interface: their reflection compared with closed forms.
 
 use glam::Vec3;
 use lumbre::scene::compile::{Distribution, Interface, Material, Model, diffuse_reflectance};
-use lumbre::transport::bsdf::{Mode, fresnel};
+use lumbre::transport::bsdf::{TransportMode, fresnel};
 
 use crate::bsdf_grid::{NORMAL, albedo, bsdf, direction, interfaces, outgoing, uniform};
 use crate::common::WHITE;
@@ -12,20 +12,36 @@ fn diffuse_reflectance_is_the_mean_of_fresnel_over_the_projected_hemisphere() {
     let n = 20_000;
     for ior in [1.05f32, 1.33, 1.5, 2.4, 0.8, 1.0 / 1.5] {
         let at = |i: u32| {
-            f64::from(fresnel::dielectric(((f64::from(i) + 0.5) / f64::from(n)).sqrt() as f32, ior).reflectance)
+            f64::from(
+                fresnel::dielectric(((f64::from(i) + 0.5) / f64::from(n)).sqrt() as f32, ior)
+                    .reflectance,
+            )
         };
         let mean = (0..n).map(at).sum::<f64>() / f64::from(n);
         let found = f64::from(diffuse_reflectance(ior));
-        assert!((found - mean).abs() < 2e-4, "{ior}: {found} instead of {mean}");
+        assert!(
+            (found - mean).abs() < 2e-4,
+            "{ior}: {found} instead of {mean}"
+        );
     }
 }
 
 #[test]
 fn nothing_gives_more_than_it_gets_and_rough_plastic_little() {
     for m in interfaces() {
-        let white =
-            Material { base_color: Vec3::ONE, interface: Interface { specular: Vec3::ONE, ..m.interface }, ..m };
-        let bound = if m.model == Model::Plastic { 1.01 } else { 1.002 };
+        let white = Material {
+            base_color: Vec3::ONE,
+            interface: Interface {
+                specular: Vec3::ONE,
+                ..m.interface
+            },
+            ..m
+        };
+        let bound = if m.model == Model::Plastic {
+            1.01
+        } else {
+            1.002
+        };
         for wo in outgoing() {
             for a in albedo(&white, wo) {
                 assert!(a <= bound, "{a} from {wo}: {white:?}");
@@ -36,19 +52,43 @@ fn nothing_gives_more_than_it_gets_and_rough_plastic_little() {
 
 #[test]
 fn smooth_white_glass_panes_and_mirrors_lose_nothing() {
-    let mirror = Material { model: Model::Conductor, roughness: 0.0, ..WHITE };
-    let glass = Material { model: Model::Dielectric, opacity: 0.0, roughness: 0.0, ..WHITE };
-    let pane = Material { interface: Interface { thin: true, ..Interface::PLAIN }, roughness: 0.5, ..glass };
+    let mirror = Material {
+        model: Model::Conductor,
+        roughness: 0.0,
+        ..WHITE
+    };
+    let glass = Material {
+        model: Model::Dielectric,
+        opacity: 0.0,
+        roughness: 0.0,
+        ..WHITE
+    };
+    let pane = Material {
+        interface: Interface {
+            thin: true,
+            ..Interface::PLAIN
+        },
+        roughness: 0.5,
+        ..glass
+    };
     for m in [mirror, glass, pane] {
         let b = bsdf(&m);
         assert!(!b.has_density());
         for wo in outgoing() {
             for i in 0..50 {
                 let u = uniform(i, 51);
-                let s = b.sample(wo, u[0], [u[1], u[2]], Mode::Importance).unwrap();
-                assert!(s.delta && (s.weight - Vec3::ONE).abs().max_element() < 1e-5, "{s:?} {m:?}");
+                let s = b
+                    .sample(wo, u[0], [u[1], u[2]], TransportMode::Importance)
+                    .unwrap();
+                assert!(
+                    s.delta && (s.weight - Vec3::ONE).abs().max_element() < 1e-5,
+                    "{s:?} {m:?}"
+                );
                 let straight = m.interface.thin && s.wi.dot(NORMAL) * wo.dot(NORMAL) < 0.0;
-                assert!(!straight || (s.wi + wo).length() < 1e-5, "a pane bends nothing: {s:?}");
+                assert!(
+                    !straight || (s.wi + wo).length() < 1e-5,
+                    "a pane bends nothing: {s:?}"
+                );
             }
         }
     }
@@ -59,28 +99,45 @@ fn a_pane_reflects_the_sum_of_all_reflections_between_its_faces() {
     let pane = Material {
         model: Model::Dielectric,
         opacity: 0.0,
-        interface: Interface { thin: true, ..Interface::PLAIN },
+        interface: Interface {
+            thin: true,
+            ..Interface::PLAIN
+        },
         ..WHITE
     };
     for cos in [1.0f32, 0.5, 0.2, -0.5] {
         let wo = direction(cos, 0.3);
-        let s = bsdf(&pane).sample(wo, 0.0, [0.5; 2], Mode::Radiance).unwrap();
+        let s = bsdf(&pane)
+            .sample(wo, 0.0, [0.5; 2], TransportMode::Radiance)
+            .unwrap();
         let r = f64::from(fresnel::dielectric(cos.abs(), 1.5).reflectance);
-        let series: f64 = r + (0..60).map(|k| (1.0 - r).powi(2) * r.powi(2 * k + 1)).sum::<f64>();
-        assert!((f64::from(s.pdf_w) - series).abs() < 1e-5, "{cos}: {} instead of {series}", s.pdf_w);
+        let series: f64 = r
+            + (0..60)
+                .map(|k| (1.0 - r).powi(2) * r.powi(2 * k + 1))
+                .sum::<f64>();
+        assert!(
+            (f64::from(s.pdf_w) - series).abs() < 1e-5,
+            "{cos}: {} instead of {series}",
+            s.pdf_w
+        );
     }
 }
 
 #[test]
 fn smooth_plastic_is_a_mirror_over_the_body_that_light_leaves_after_any_number_of_turns() {
-    // What enters, (1 - F), leaves after turns that the body dims by its albedo each; none is lost for a white body.
+    // Light that enters, (1 - F), leaves after internal reflections that the body dims by its
+    // albedo each; a white body loses none.
     let fdr = 1.0 - (1.0 - diffuse_reflectance(1.5)) / 2.25;
     for (nonlinear, color) in [(true, 1.0f32), (true, 0.5), (false, 0.5)] {
         let m = Material {
             model: Model::Plastic,
             roughness: 0.0,
             base_color: Vec3::splat(color),
-            interface: Interface { nonlinear, internal_reflectance: fdr, ..Interface::PLAIN },
+            interface: Interface {
+                nonlinear,
+                internal_reflectance: fdr,
+                ..Interface::PLAIN
+            },
             ..WHITE
         };
         for cos in [1.0f32, 0.6, 0.1] {
@@ -88,7 +145,10 @@ fn smooth_plastic_is_a_mirror_over_the_body_that_light_leaves_after_any_number_o
             let (a, f) = (f64::from(color), f64::from(fdr));
             let expected = enters * a * (1.0 - f) / (1.0 - if nonlinear { a * f } else { f });
             let found = albedo(&m, direction(cos, 1.0))[1];
-            assert!((found - expected).abs() < 2e-3, "{cos} {color} {nonlinear}: {found} instead of {expected}");
+            assert!(
+                (found - expected).abs() < 2e-3,
+                "{cos} {color} {nonlinear}: {found} instead of {expected}"
+            );
         }
     }
 }
@@ -98,11 +158,20 @@ fn beckmann_lobes_are_narrower_in_their_tails_than_ggx() {
     let metal = |distribution| Material {
         model: Model::Conductor,
         roughness: 0.5,
-        interface: Interface { distribution, ..Interface::PLAIN },
+        interface: Interface {
+            distribution,
+            ..Interface::PLAIN
+        },
         ..WHITE
     };
     let at = |distribution, cos: f32| {
-        bsdf(&metal(distribution)).eval(direction(1.0, 0.0), direction(cos, 0.4), Mode::Radiance).x
+        bsdf(&metal(distribution))
+            .eval(
+                direction(1.0, 0.0),
+                direction(cos, 0.4),
+                TransportMode::Radiance,
+            )
+            .x
     };
     assert!(at(Distribution::Ggx, 0.3) > 5.0 * at(Distribution::Beckmann, 0.3));
     assert!(at(Distribution::Beckmann, 0.93) > at(Distribution::Ggx, 0.93));

@@ -1,4 +1,5 @@
-//! The BSDF at the ends of its parameters: Dirac lobes, matched indices, and whatever random numbers can make.
+//! The BSDF at the ends of its parameters: Dirac lobes, matched indices, and extreme random
+//! numbers.
 
 use std::sync::Arc;
 
@@ -7,17 +8,32 @@ use lumbre::math::rng::{pcg4d, unit};
 use lumbre::math::stats::{normal_two_sided_p, sidak};
 use lumbre::scene::CompiledScene;
 use lumbre::scene::compile::{Material, Model};
-use lumbre::transport::bsdf::{Bsdf, Mode};
+use lumbre::transport::bsdf::{Bsdf, TransportMode};
 
 use crate::bsdf_grid::{DISNEY, NORMAL, bsdf, outgoing, surface, uniform};
 use crate::common::{SceneBuilder, WHITE, grey, job, light, mean_and_error, render};
 
-/// A sphere over a floor of two shades, under a lamp.
+/// Returns a sphere over a floor of two shades, under an area light.
 fn scene(material: Option<Material>) -> Arc<CompiledScene> {
     let scene = SceneBuilder::new(Vec3::new(0.0, 1.4, 3.2), Vec3::new(0.0, 0.5, 0.0), 38.0)
-        .quad(Vec3::new(-3.0, 0.0, 3.0), Vec3::X * 3.0, Vec3::Z * -6.0, grey(0.8))
-        .quad(Vec3::new(0.0, 0.0, 3.0), Vec3::X * 3.0, Vec3::Z * -6.0, grey(0.3))
-        .quad(Vec3::new(-1.5, 2.5, -1.5), Vec3::X * 3.0, Vec3::Z * 3.0, light(2.0));
+        .quad(
+            Vec3::new(-3.0, 0.0, 3.0),
+            Vec3::X * 3.0,
+            Vec3::Z * -6.0,
+            grey(0.8),
+        )
+        .quad(
+            Vec3::new(0.0, 0.0, 3.0),
+            Vec3::X * 3.0,
+            Vec3::Z * -6.0,
+            grey(0.3),
+        )
+        .quad(
+            Vec3::new(-1.5, 2.5, -1.5),
+            Vec3::X * 3.0,
+            Vec3::Z * 3.0,
+            light(2.0),
+        );
     match material {
         Some(m) => scene.sphere(Vec3::new(0.0, 0.6, 0.0), 0.5, m),
         None => scene,
@@ -25,10 +41,15 @@ fn scene(material: Option<Material>) -> Arc<CompiledScene> {
     .build()
 }
 
-/// Two scenes look alike, in blocks and as a whole.
-fn look_alike(name: &str, first: &Arc<CompiledScene>, second: &Arc<CompiledScene>, depths: [u32; 2]) {
-    let films =
-        [(first, depths[0], 5), (second, depths[1], 6)].map(|(s, d, seed)| render(s, job([16, 16], d, seed), 1500));
+/// Checks that two scenes look alike, in blocks and as a whole.
+fn look_alike(
+    name: &str,
+    first: &Arc<CompiledScene>,
+    second: &Arc<CompiledScene>,
+    depths: [u32; 2],
+) {
+    let films = [(first, depths[0], 5), (second, depths[1], 6)]
+        .map(|(s, d, seed)| render(s, job([16, 16], d, seed), 1500));
     let level = sidak(0.001, 4 * 4 * 3);
     let n = films[0].samples as f64;
     for block in 0..16 {
@@ -43,23 +64,55 @@ fn look_alike(name: &str, first: &Arc<CompiledScene>, second: &Arc<CompiledScene
                 (sum, variance)
             });
             let sigma = (a.1 + b.1).sqrt().max(1e-5 * a.0 + 1e-12);
-            assert!(normal_two_sided_p((a.0 - b.0) / sigma) > level, "{name}, block {block}: {a:?} {b:?}");
+            assert!(
+                normal_two_sided_p((a.0 - b.0) / sigma) > level,
+                "{name}, block {block}: {a:?} {b:?}"
+            );
         }
     }
     let [a, b] = films.each_ref().map(|f| mean_and_error(f, 1));
-    assert!(a.0 > 0.0 && a.1 / a.0 < 0.02, "too noisy to tell: {a:?} {b:?}");
+    assert!(
+        a.0 > 0.0 && a.1 / a.0 < 0.02,
+        "too noisy to tell: {a:?} {b:?}"
+    );
 }
 
 #[test]
 fn a_lobe_just_wide_enough_to_have_a_density_looks_smooth() {
     let base_color = Vec3::new(0.9, 0.8, 0.6);
     for (name, m) in [
-        ("glass", Material { opacity: 0.0, ..DISNEY }),
-        ("metal", Material { metallic: 1.0, ..DISNEY }),
+        (
+            "glass",
+            Material {
+                opacity: 0.0,
+                ..DISNEY
+            },
+        ),
+        (
+            "metal",
+            Material {
+                metallic: 1.0,
+                ..DISNEY
+            },
+        ),
         ("plastic", Material { ior: 2.0, ..DISNEY }),
-        ("mixture", Material { metallic: 0.3, opacity: 0.5, clearcoat: 1.0, ..DISNEY }),
+        (
+            "mixture",
+            Material {
+                metallic: 0.3,
+                opacity: 0.5,
+                clearcoat: 1.0,
+                ..DISNEY
+            },
+        ),
     ] {
-        let with = |roughness| scene(Some(Material { base_color, roughness, ..m }));
+        let with = |roughness| {
+            scene(Some(Material {
+                base_color,
+                roughness,
+                ..m
+            }))
+        };
         look_alike(name, &with(0.010_001), &with(0.009_999), [6, 6]);
     }
 }
@@ -67,28 +120,49 @@ fn a_lobe_just_wide_enough_to_have_a_density_looks_smooth() {
 #[test]
 fn glass_of_the_outside_index_is_invisible() {
     for roughness in [0.0, 0.3, 1.0] {
-        let m = Material { opacity: 0.0, ior: 1.0, base_color: Vec3::ONE, roughness, ..DISNEY };
+        let m = Material {
+            opacity: 0.0,
+            ior: 1.0,
+            base_color: Vec3::ONE,
+            roughness,
+            ..DISNEY
+        };
         let b = bsdf(&m);
         for wo in outgoing() {
             for i in 0..100 {
                 let u = uniform(i, 31);
-                let s = b.sample(wo, u[0], [u[1], u[2]], Mode::Radiance).unwrap();
-                assert!(s.delta && (s.wi + wo).length() < 1e-5 && (s.weight - Vec3::ONE).length() < 1e-5, "{s:?}");
+                let s = b
+                    .sample(wo, u[0], [u[1], u[2]], TransportMode::Radiance)
+                    .unwrap();
+                assert!(
+                    s.delta
+                        && (s.wi + wo).length() < 1e-5
+                        && (s.weight - Vec3::ONE).length() < 1e-5,
+                    "{s:?}"
+                );
             }
         }
-        // Two edges more for the two surfaces that are crossed on the way to the floor, and two on the way to the lamp.
+        // Two edges more for the two surfaces that are crossed on the way to the floor, and two on
+        // the way to the light.
         look_alike("nothing", &scene(Some(m)), &scene(None), [6, 2]);
-        // A little beside it nearly so: the rough lobe is narrow, and reflects nothing.
+        // Nearby parameters nearly agree: the rough lobe is narrow, and reflects nothing.
         let nearly = Material { ior: 1.002, ..m };
         for i in 0..1000 {
             let u = uniform(i, 32);
-            let Some(s) = bsdf(&nearly).sample(outgoing()[1], u[0], [u[1], u[2]], Mode::Radiance) else { continue };
-            assert!(s.wi.dot(-outgoing()[1]) > 0.99 || u[0] < 1e-3, "{s:?} {roughness}");
+            let Some(s) =
+                bsdf(&nearly).sample(outgoing()[1], u[0], [u[1], u[2]], TransportMode::Radiance)
+            else {
+                continue;
+            };
+            assert!(
+                s.wi.dot(-outgoing()[1]) > 0.99 || u[0] < 1e-3,
+                "{s:?} {roughness}"
+            );
         }
     }
 }
 
-/// A number in 0..=1 that likes the ends, and what is next to them.
+/// Returns a number in 0..=1, often at the ends or next to them.
 fn extreme(word: u32) -> f32 {
     match word % 12 {
         0 | 1 => 0.0,
@@ -110,7 +184,11 @@ fn nothing_random_makes_a_nan() {
         let [e, f] = [word(4), word(5)];
         let iors = [1.0, 1.000_1, 1.001, 1.01, 1.5, 2.5, 100.0, 0.01, 0.5, 0.999];
         let m = Material {
-            model: if a[0] % 8 == 0 { Model::Lambert } else { Model::Disney },
+            model: if a[0] % 8 == 0 {
+                Model::Lambert
+            } else {
+                Model::Disney
+            },
             base_color: Vec3::new(extreme(a[1]), extreme(a[2]), extreme(a[3])),
             roughness: extreme(b[0]),
             metallic: extreme(b[1]),
@@ -147,15 +225,23 @@ fn nothing_random_makes_a_nan() {
         let wo = direction([unit(e[2]), unit(e[3])], e[0]);
         let wi = direction([unit(f[0]), unit(f[1])], f[2]);
         let bsdf = Bsdf::new(&s, &[]);
-        let fine = |v: Vec3, p: f32| v.is_finite() && v.min_element() >= 0.0 && p.is_finite() && p >= 0.0;
-        for mode in [Mode::Radiance, Mode::Importance] {
+        let fine =
+            |v: Vec3, p: f32| v.is_finite() && v.min_element() >= 0.0 && p.is_finite() && p >= 0.0;
+        for mode in [TransportMode::Radiance, TransportMode::Importance] {
             let (f1, p1) = (bsdf.eval(wo, wi, mode), bsdf.pdf_w(wo, wi));
             assert!(fine(f1, p1), "{f1} {p1}: {wo} {wi} {m:?}");
             assert!(bsdf.has_density() || (f1 == Vec3::ZERO && p1 == 0.0));
-            let u = [extreme(f[3]), extreme(f[0]), extreme(f[1])].map(|u| u.min(1.0 - f32::EPSILON / 2.0));
+            let u = [extreme(f[3]), extreme(f[0]), extreme(f[1])]
+                .map(|u| u.min(1.0 - f32::EPSILON / 2.0));
             if let Some(x) = bsdf.sample(wo, u[0], [u[1], u[2]], mode) {
-                assert!(fine(x.weight, x.pdf_w) && x.pdf_w > 0.0, "{x:?}: {wo} {m:?}");
-                assert!((x.wi.length() - 1.0).abs() < 1e-4 && x.eta.is_finite() && x.eta > 0.0, "{x:?}: {wo} {m:?}");
+                assert!(
+                    fine(x.weight, x.pdf_w) && x.pdf_w > 0.0,
+                    "{x:?}: {wo} {m:?}"
+                );
+                assert!(
+                    (x.wi.length() - 1.0).abs() < 1e-4 && x.eta.is_finite() && x.eta > 0.0,
+                    "{x:?}: {wo} {m:?}"
+                );
                 let (f2, p2) = (bsdf.eval(wo, x.wi, mode), bsdf.pdf_w(wo, x.wi));
                 assert!(fine(f2, p2), "{f2} {p2}: {x:?} {m:?}");
                 alive += 1;

@@ -1,11 +1,11 @@
-//! Whoever builds the hierarchy, hits and pictures have the same bits.
+//! Hits and pictures have the same bits with every hierarchy builder.
 
 use std::sync::Arc;
 
 use glam::Vec3;
 use lumbre::render::Job;
-use lumbre::render::cpu::accel::Accel;
-use lumbre::render::cpu::lanes::Isa;
+use lumbre::render::cpu::bvh::accel::Accel;
+use lumbre::render::cpu::bvh::simd::Isa;
 use lumbre::render::hierarchy::{AccelSpec, Builder, Quality};
 use lumbre::scene::CompiledScene;
 use lumbre::transport::integrator::integrator;
@@ -14,22 +14,43 @@ use crate::common::{SceneBuilder, grey, job, light, render};
 use crate::instructions::{rays, stack};
 use crate::intersection::soup;
 
-/// Every builder, with the ends of what it can be told.
+/// Returns every builder, with the ends of its parameters.
 fn specs() -> Vec<AccelSpec> {
     let plain = AccelSpec::default();
-    let mut specs: Vec<AccelSpec> = Builder::ALL.map(|builder| AccelSpec { builder, ..plain }).into();
+    let mut specs: Vec<AccelSpec> = Builder::ALL
+        .map(|builder| AccelSpec { builder, ..plain })
+        .into();
     for builder in [Builder::Plane, Builder::Sah] {
-        specs.push(AccelSpec { builder, max_depth: 3, ..plain });
-        specs.push(AccelSpec { builder, max_leaf: 1, ..plain });
+        specs.push(AccelSpec {
+            builder,
+            max_depth: 3,
+            ..plain
+        });
+        specs.push(AccelSpec {
+            builder,
+            max_leaf: 1,
+            ..plain
+        });
     }
     for bins in [2, 64] {
-        specs.push(AccelSpec { builder: Builder::Sah, bins, ..plain });
+        specs.push(AccelSpec {
+            builder: Builder::Sah,
+            bins,
+            ..plain
+        });
     }
     for quality in Quality::ALL {
         specs.push(AccelSpec { quality, ..plain });
-        specs.push(AccelSpec { builder: Builder::Cwbvh, quality, ..plain });
+        specs.push(AccelSpec {
+            builder: Builder::Cwbvh,
+            quality,
+            ..plain
+        });
     }
-    specs.push(AccelSpec { max_leaf: 1, ..plain });
+    specs.push(AccelSpec {
+        max_leaf: 1,
+        ..plain
+    });
     specs
 }
 
@@ -47,7 +68,13 @@ fn hits_have_the_same_bits_whoever_builds() {
         (stack(3e5), Vec3::new(3e5, 0.0, 3e5)),
     ];
     for (scene, center) in scenes {
-        let truth = accel(&scene, &AccelSpec { builder: Builder::None, ..AccelSpec::default() });
+        let truth = accel(
+            &scene,
+            &AccelSpec {
+                builder: Builder::None,
+                ..AccelSpec::default()
+            },
+        );
         assert_eq!(truth.node_count(), 0, "tests everything");
         assert_eq!(truth.cost(), scene.primitive_count() as f64);
         for spec in specs() {
@@ -55,23 +82,35 @@ fn hits_have_the_same_bits_whoever_builds() {
             for (i, ray) in rays(&scene, center, 8).into_iter().enumerate() {
                 let expected = truth.closest(&ray, f32::INFINITY);
                 hits += usize::from(expected.is_some());
-                // A ray that aims at a corner may pass a box's very edge by less than a triangle's test forgives; and the
-                // test of boxes in `obvhs` forgives nothing.
+                // A ray that aims at a corner may pass a box's edge by less than the tolerance of
+                // the triangle test; the box test in `obvhs` has none.
                 let own = spec.builder == Builder::Cwbvh;
                 if own || i < 3000 && i % 6 == 2 {
                     asked[usize::from(own)] += 1;
-                    lost[usize::from(own)] += usize::from(accel.closest(&ray, f32::INFINITY) != expected);
+                    lost[usize::from(own)] +=
+                        usize::from(accel.closest(&ray, f32::INFINITY) != expected);
                     continue;
                 }
-                assert_eq!(accel.closest(&ray, f32::INFINITY), expected, "{spec:?} {ray:?}");
+                assert_eq!(
+                    accel.closest(&ray, f32::INFINITY),
+                    expected,
+                    "{spec:?} {ray:?}"
+                );
                 for t_max in [f32::INFINITY, 0.7, expected.map_or(1.0, |h| h.t)] {
-                    assert_eq!(accel.occluded(&ray, t_max), truth.occluded(&ray, t_max), "{spec:?} {ray:?} {t_max}");
+                    assert_eq!(
+                        accel.occluded(&ray, t_max),
+                        truth.occluded(&ray, t_max),
+                        "{spec:?} {ray:?} {t_max}"
+                    );
                 }
             }
         }
     }
     assert!(hits > 40_000, "{hits}");
-    assert!(asked[0] > 20_000 && lost[0] * 200 < asked[0], "{lost:?} of {asked:?}");
+    assert!(
+        asked[0] > 20_000 && lost[0] * 200 < asked[0],
+        "{lost:?} of {asked:?}"
+    );
     assert!(lost[1] * 50 < asked[1], "{lost:?} of {asked:?}");
 }
 
@@ -79,7 +118,12 @@ fn hits_have_the_same_bits_whoever_builds() {
 fn pictures_have_the_same_bits_whoever_builds() {
     let scene = SceneBuilder::new(Vec3::new(0.0, 0.0, 2.9), Vec3::ZERO, 50.0)
         .room(3.0, grey(0.6))
-        .quad(Vec3::new(-1.0, 2.9, 1.0), Vec3::X * 2.0, Vec3::NEG_Z * 2.0, light(6.0))
+        .quad(
+            Vec3::new(-1.0, 2.9, 1.0),
+            Vec3::X * 2.0,
+            Vec3::NEG_Z * 2.0,
+            light(6.0),
+        )
         .with(|s| {
             let mut own = (*soup(11)).clone();
             let first = s.materials.len() as u32;
@@ -90,14 +134,24 @@ fn pictures_have_the_same_bits_whoever_builds() {
         })
         .build();
     let with = |spec: AccelSpec| {
-        let bdpt = Job { integrator: integrator("bdpt").unwrap(), accel: spec, ..job([24, 24], 4, 5) };
+        let bdpt = Job {
+            integrator: integrator("bdpt").unwrap(),
+            accel: spec,
+            ..job([24, 24], 4, 5)
+        };
         render(&scene, bdpt, 2)
     };
     let expected = with(AccelSpec::default());
     assert!(expected.sum.iter().flatten().sum::<f64>() > 0.0);
     for builder in Builder::ALL {
-        let film = with(AccelSpec { builder, ..AccelSpec::default() });
-        assert!(film.sum == expected.sum && film.sum2 == expected.sum2, "{builder:?}");
+        let film = with(AccelSpec {
+            builder,
+            ..AccelSpec::default()
+        });
+        assert!(
+            film.sum == expected.sum && film.sum2 == expected.sum2,
+            "{builder:?}"
+        );
     }
 }
 
@@ -109,33 +163,79 @@ fn better_trees_have_lower_costs() {
     let by = |builder| cost(AccelSpec { builder, ..plain });
     let (plane, sah, ploc) = (by(Builder::Plane), by(Builder::Sah), by(Builder::Ploc));
     assert!(by(Builder::None) > 3.0 * plane, "{plane}");
-    assert!(plane > sah && sah < 1.3 * ploc && ploc < 1.3 * sah, "{plane} {sah} {ploc}");
-    let shallow = cost(AccelSpec { builder: Builder::Sah, max_depth: 2, ..plain });
+    assert!(
+        plane > sah && sah < 1.3 * ploc && ploc < 1.3 * sah,
+        "{plane} {sah} {ploc}"
+    );
+    let shallow = cost(AccelSpec {
+        builder: Builder::Sah,
+        max_depth: 2,
+        ..plain
+    });
     assert!(shallow > 1.5 * sah, "{shallow} {sah}");
-    assert!(cost(AccelSpec { builder: Builder::Sah, bins: 2, ..plain }) > sah);
+    assert!(
+        cost(AccelSpec {
+            builder: Builder::Sah,
+            bins: 2,
+            ..plain
+        }) > sah
+    );
 }
 
 #[test]
 fn the_size_of_leaves_that_are_not_divided_shapes_the_tree() {
-    // A lattice of small triangles, no side of which is as long as another: every builder can divide it to the end.
+    // A lattice of small triangles, all of different side lengths: every builder can divide it to
+    // the end.
     let mut b = SceneBuilder::new(Vec3::Z * 20.0, Vec3::ZERO, 40.0);
     for i in 0..512 {
-        let at = Vec3::new((i % 8) as f32, (i / 8 % 8) as f32 * 1.07, (i / 64) as f32 * 1.13);
-        b = b.triangle([at, at + Vec3::X * 0.3, at + Vec3::new(0.0, 0.3, 0.3)], [glam::Vec2::ZERO; 3], grey(0.5));
+        let at = Vec3::new(
+            (i % 8) as f32,
+            (i / 8 % 8) as f32 * 1.07,
+            (i / 64) as f32 * 1.13,
+        );
+        b = b.triangle(
+            [at, at + Vec3::X * 0.3, at + Vec3::new(0.0, 0.3, 0.3)],
+            [glam::Vec2::ZERO; 3],
+            grey(0.5),
+        );
     }
     let scene = b.build();
     for builder in [Builder::Plane, Builder::Sah] {
-        let of = |max_leaf: u32| accel(&scene, &AccelSpec { builder, max_leaf, ..AccelSpec::default() });
+        let of = |max_leaf: u32| {
+            accel(
+                &scene,
+                &AccelSpec {
+                    builder,
+                    max_leaf,
+                    ..AccelSpec::default()
+                },
+            )
+        };
         let (fine, plain, coarse) = (of(1), of(8), of(64));
         let nodes = [&fine, &plain, &coarse].map(Accel::node_count);
         assert!(nodes[0] > nodes[2] && nodes[2] > 0, "{builder:?} {nodes:?}");
-        assert!(coarse.cost() > 1.2 * plain.cost(), "{builder:?} {} {}", coarse.cost(), plain.cost());
+        assert!(
+            coarse.cost() > 1.2 * plain.cost(),
+            "{builder:?} {} {}",
+            coarse.cost(),
+            plain.cost()
+        );
     }
     let of = |max_leaf: u32| {
-        let spec = AccelSpec { builder: Builder::Cwbvh, max_leaf, ..AccelSpec::default() };
+        let spec = AccelSpec {
+            builder: Builder::Cwbvh,
+            max_leaf,
+            ..AccelSpec::default()
+        };
         accel(&scene, &spec).node_count()
     };
-    assert!(of(1) >= of(3) && of(3) == of(8), "{} {} {}", of(1), of(3), of(8));
+    assert!(
+        of(1) >= of(3) && of(3) == of(8),
+        "{} {} {}",
+        of(1),
+        of(3),
+        of(8)
+    );
 }
 
 #[test]
@@ -145,33 +245,70 @@ fn what_no_cut_divides_is_one_leaf_and_long_chains_are_walked() {
     for i in 0..40 {
         let size = 1.0 + i as f32;
         b = b.triangle(
-            [Vec3::new(-size, -size, 0.0), Vec3::new(size, -size, 0.0), Vec3::new(0.0, 2.0 * size, 0.0)],
+            [
+                Vec3::new(-size, -size, 0.0),
+                Vec3::new(size, -size, 0.0),
+                Vec3::new(0.0, 2.0 * size, 0.0),
+            ],
             [glam::Vec2::ZERO; 3],
             grey(0.5),
         );
     }
     let scene = b.build();
     for builder in [Builder::Plane, Builder::Sah] {
-        assert_eq!(accel(&scene, &AccelSpec { builder, ..AccelSpec::default() }).node_count(), 0);
+        assert_eq!(
+            accel(
+                &scene,
+                &AccelSpec {
+                    builder,
+                    ..AccelSpec::default()
+                }
+            )
+            .node_count(),
+            0
+        );
     }
     assert_eq!(
-        accel(&scene, &AccelSpec { builder: Builder::Sah, max_depth: 0, ..AccelSpec::default() }).node_count(),
+        accel(
+            &scene,
+            &AccelSpec {
+                builder: Builder::Sah,
+                max_depth: 0,
+                ..AccelSpec::default()
+            }
+        )
+        .node_count(),
         0
     );
-    // Each less than half of the one before: every cut in the middle takes one away.
+    // Each less than half of the previous one: every median cut separates one.
     let mut b = SceneBuilder::new(Vec3::Z, Vec3::ZERO, 40.0);
     for i in 0..100 {
         let x = 0.45f32.powi(i) * 1e10;
-        let corners = [Vec3::new(x, -1.0, -1.0), Vec3::new(x, 1.0, -1.0), Vec3::new(x, 0.0, 1.0)];
+        let corners = [
+            Vec3::new(x, -1.0, -1.0),
+            Vec3::new(x, 1.0, -1.0),
+            Vec3::new(x, 0.0, 1.0),
+        ];
         b = b.triangle(corners, [glam::Vec2::ZERO; 3], grey(0.5));
     }
     let scene = b.build();
-    let chain = AccelSpec { builder: Builder::Plane, max_leaf: 1, max_depth: 200, ..AccelSpec::default() };
+    let chain = AccelSpec {
+        builder: Builder::Plane,
+        max_leaf: 1,
+        max_depth: 200,
+        ..AccelSpec::default()
+    };
     let deep = accel(&scene, &chain);
     assert!(deep.node_count() >= 4, "{}", deep.node_count());
     for i in 0..99 {
         let origin = Vec3::X * (scene.triangles[i][0].x * 0.9);
-        let hit = deep.closest(&lumbre::transport::ray::Ray { origin, dir: Vec3::X }, f32::INFINITY);
+        let hit = deep.closest(
+            &lumbre::transport::ray::Ray {
+                origin,
+                dir: Vec3::X,
+            },
+            f32::INFINITY,
+        );
         assert_eq!(hit.map(|h| h.primitive), Some(i as u32));
     }
 }

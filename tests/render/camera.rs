@@ -1,4 +1,5 @@
-//! Cameras: light paths that end on the lens bring the same light as camera paths that start there.
+//! Cameras: light paths that end on the lens contribute the same light as camera paths that start
+//! there.
 
 use std::sync::Arc;
 
@@ -8,7 +9,7 @@ use lumbre::math::stats::{normal_two_sided_p, sidak};
 use lumbre::render::Job;
 use lumbre::scene::compile::NONE;
 use lumbre::scene::desc::{CameraDesc, Optics};
-use lumbre::transport::bsdf::{Bsdf, Mode};
+use lumbre::transport::bsdf::{Bsdf, TransportMode};
 use lumbre::transport::camera::filter::FILTERS;
 use lumbre::transport::camera::{Camera, FilterKind, FilterSpec};
 use lumbre::transport::contribution::Contribution;
@@ -37,13 +38,17 @@ fn camera(aperture: f32, filter: FilterSpec) -> Camera {
     Camera::new(&desc, SIZE, filter)
 }
 
-/// Radiance of the plane towards `wo`: a pattern with steps, black outside the square, more at grazing angles, so that
-/// a wrong place, a wrong cosine and a lost border all show.
+/// Returns the radiance of the plane towards `wo`: a pattern with steps, black outside the square,
+/// more at grazing angles, so that a wrong position, a wrong cosine and a lost border all show.
 fn radiance(p: Vec3, wo: Vec3) -> f64 {
     if p.x.abs() > HALF || p.y.abs() > HALF || wo.z <= 0.0 {
         return 0.0;
     }
-    let step = if (p.x * 2.3).floor() as i32 % 2 == 0 { 1.0 } else { 0.3 };
+    let step = if (p.x * 2.3).floor() as i32 % 2 == 0 {
+        1.0
+    } else {
+        0.3
+    };
     f64::from(step * (1.4 + p.y) * (1.2 - wo.z))
 }
 
@@ -51,7 +56,7 @@ fn uniform(i: u32, which: u32) -> [f32; 4] {
     pcg4d([i, which, 88, 99]).map(unit)
 }
 
-/// Mean and variance of the mean from sums.
+/// Returns the mean and the variance of the mean from sums.
 fn estimate(sum: f64, sum2: f64, n: f64) -> (f64, f64) {
     (sum / n, (sum2 - sum * sum / n) / (n - 1.0) / n)
 }
@@ -77,23 +82,28 @@ fn light_that_walks_to_the_camera_equals_light_that_it_looks_for() {
                 let [a, b, c, d] = uniform(i, 1);
                 let [e, f, ..] = uniform(i, 2);
                 let point = Vec3::new(2.0 * a - 1.0, 2.0 * b - 1.0, 0.0) * HALF;
-                let Some(to) = camera.connect(point, [c, d], [e, f]) else { continue };
+                let Some(to) = camera.connect(point, [c, d], [e, f]) else {
+                    continue;
+                };
                 assert!((to.lens + to.dir * to.distance - point).length() < 1e-5);
                 let area = f64::from(4.0 * HALF * HALF);
-                let value = area * radiance(point, -to.dir) * f64::from(to.dir.z.abs() * to.importance);
+                let value =
+                    area * radiance(point, -to.dir) * f64::from(to.dir.z.abs() * to.importance);
                 let at = &mut light[(to.pixel[1] * SIZE[0] + to.pixel[0]) as usize];
                 at.0 += value;
                 at.1 += value * value;
             }
             for (i, (sum, sum2)) in light.into_iter().enumerate() {
-                // One light path for each sample of each pixel: `n_light` paths are `n_light / pixels` samples.
+                // One light path for each sample of each pixel: `n_light` paths are `n_light /
+                // pixels` samples.
                 let (mean, variance) = estimate(sum, sum2, f64::from(n_light));
                 let (mean, variance) = (mean * pixels as f64, variance * (pixels * pixels) as f64);
                 let pixel = [i as u32 % SIZE[0], i as u32 / SIZE[0]];
                 let n = 12_000u32;
                 let (mut s, mut s2) = (0.0, 0.0);
                 for sample in 0..n {
-                    let ray = camera.sample_ray(pixel, &mut Sampler::new(5, pixel, u64::from(sample)));
+                    let ray =
+                        camera.sample_ray(pixel, &mut Sampler::new(5, pixel, u64::from(sample)));
                     let value = if ray.dir.z < 0.0 {
                         radiance(ray.origin - ray.dir * (ray.origin.z / ray.dir.z), -ray.dir)
                     } else {
@@ -106,7 +116,10 @@ fn light_that_walks_to_the_camera_equals_light_that_it_looks_for() {
                 // Some pixels see nothing but the plane's black surroundings.
                 let sigma = (variance + v).sqrt().max(1e-12);
                 let p = normal_two_sided_p((mean - expected) / sigma);
-                assert!(p > significance, "{kind:?} {radius}, lens {aperture}, pixel {pixel:?}: {mean} {expected}");
+                assert!(
+                    p > significance,
+                    "{kind:?} {radius}, lens {aperture}, pixel {pixel:?}: {mean} {expected}"
+                );
             }
         }
     }
@@ -114,8 +127,8 @@ fn light_that_walks_to_the_camera_equals_light_that_it_looks_for() {
 
 #[test]
 fn density_of_directions_integrates_to_one_over_the_film() {
-    // Directions uniform over the sphere, seen from the pinhole: those that meet the film have the density that camera
-    // rays are sent with, and the others none.
+    // Directions uniform over the sphere, seen from the pinhole: those that hit the film have the
+    // density of camera rays, and the others none.
     let camera = camera(0.0, FilterSpec::PIXEL);
     let n = 400_000u32;
     let (mut sum, mut sum2) = (0.0f64, 0.0f64);
@@ -132,13 +145,16 @@ fn density_of_directions_integrates_to_one_over_the_film() {
         sum2 += value * value;
     }
     let (mean, variance) = estimate(sum, sum2, f64::from(n));
-    assert!(variance.sqrt() < 0.01 && normal_two_sided_p((mean - 1.0) / variance.sqrt()) > 0.001, "{mean}");
+    assert!(
+        variance.sqrt() < 0.01 && normal_two_sided_p((mean - 1.0) / variance.sqrt()) > 0.001,
+        "{mean}"
+    );
 }
 
 #[test]
 fn camera_rays_have_the_density_that_pdf_w_says() {
-    // The mean of 1 / pdf_w over camera rays of the whole film is the film's solid angle, lens or not; so is that of
-    // one pixel its own, which checks the density's shape.
+    // The mean of 1 / pdf_w over camera rays of the whole film is the film's solid angle, with or
+    // without a lens; likewise for one pixel, which checks the density's shape.
     let solid_angle = |a: f64, b: f64| 4.0 * (a * b / (1.0 + a * a + b * b).sqrt()).atan();
     let y = 25.0f64.to_radians().tan();
     let x = y * 1.5;
@@ -154,16 +170,23 @@ fn camera_rays_have_the_density_that_pdf_w_says() {
             sum2 += value * value;
         }
         let (mean, variance) = estimate(sum, sum2, f64::from(n * SIZE[0] * SIZE[1]));
-        // A ray from the rim of the lens has another direction than one through its middle, and the plane of focus that
-        // the film fills is seen from there at another solid angle.
-        let expected = if aperture == 0.0 { solid_angle(x, y) } else { mean_solid_angle(x, y, 0.25 / 1.9) };
+        // A ray from the rim of the lens has another direction than one through its middle, and the
+        // part of the focal plane that the film covers has another solid angle from there.
+        let expected = if aperture == 0.0 {
+            solid_angle(x, y)
+        } else {
+            mean_solid_angle(x, y, 0.25 / 1.9)
+        };
         let p = normal_two_sided_p((mean - expected) / variance.sqrt());
-        assert!(p > sidak(0.001, 2), "lens {aperture}: {mean} instead of {expected}");
+        assert!(
+            p > sidak(0.001, 2),
+            "lens {aperture}: {mean} instead of {expected}"
+        );
     }
 }
 
-/// The solid angle of the rectangle of half sides `x` and `y` at distance one, averaged over the points of a disk of
-/// radius `r` at distance zero, by a fine grid.
+/// Returns the solid angle of the rectangle of half sides `x` and `y` at distance one, averaged
+/// over the points of a disk of radius `r` at distance zero, by a fine grid.
 fn mean_solid_angle(x: f64, y: f64, r: f64) -> f64 {
     let corner = |a: f64, b: f64| (a * b / (1.0 + a * a + b * b).sqrt()).atan();
     let (mut sum, mut count) = (0.0, 0.0);
@@ -172,7 +195,10 @@ fn mean_solid_angle(x: f64, y: f64, r: f64) -> f64 {
             let u = r * (f64::from(i) + 0.5) / 100.0 - r;
             let v = r * (f64::from(j) + 0.5) / 100.0 - r;
             if u * u + v * v < r * r {
-                sum += corner(x - u, y - v) + corner(x + u, y - v) + corner(x - u, y + v) + corner(x + u, y + v);
+                sum += corner(x - u, y - v)
+                    + corner(x + u, y - v)
+                    + corner(x - u, y + v)
+                    + corner(x + u, y + v);
                 count += 1.0;
             }
         }
@@ -181,24 +207,42 @@ fn mean_solid_angle(x: f64, y: f64, r: f64) -> f64 {
 }
 
 #[test]
-fn nothing_is_connected_from_behind_the_camera_from_outside_its_film_or_with_pixels_that_are_points() {
+fn nothing_is_connected_from_behind_the_camera_from_outside_its_film_or_with_pixels_that_are_points()
+ {
     let pixel = camera(0.0, FilterSpec::PIXEL);
     let (position, target) = (Vec3::new(0.7, -1.0, 2.5), Vec3::new(0.1, 0.1, 0.0));
     let connect = |camera: &Camera, point| camera.connect(point, [0.3, 0.6], [0.2, 0.7]);
     assert!(connect(&pixel, target).is_some());
     assert!(connect(&pixel, position * 2.0 - target).is_none());
-    assert_eq!(pixel.pdf_w((position - target).try_normalize().unwrap()), 0.0);
+    assert_eq!(
+        pixel.pdf_w((position - target).try_normalize().unwrap()),
+        0.0
+    );
     assert!(connect(&pixel, target + Vec3::X * 9.0).is_none());
     assert!(connect(&pixel, position).is_none());
     assert!(connect(&pixel, Vec3::splat(f32::NAN)).is_none());
-    let points = camera(0.0, FilterSpec { kind: FilterKind::Box, radius: 0.0 });
+    let points = camera(
+        0.0,
+        FilterSpec {
+            kind: FilterKind::Box,
+            radius: 0.0,
+        },
+    );
     assert!(connect(&points, target).is_none());
-    assert_eq!(points.pdf_w((target - position).try_normalize().unwrap()), 0.0);
+    assert_eq!(
+        points.pdf_w((target - position).try_normalize().unwrap()),
+        0.0
+    );
 }
 
-/// A camera with the lens and sensor of a small-format camera, looking along -z from the origin, that focuses at 2.
+/// Returns a camera with the lens and sensor of a small-format camera, looking along -z from the
+/// origin, focused at 2.
 fn photographer() -> CameraDesc {
-    let optics = Optics { f_number: Some(1.4), focal_length: Some(0.05), sensor_height: Some(0.024) };
+    let optics = Optics {
+        f_number: Some(1.4),
+        focal_length: Some(0.05),
+        sensor_height: Some(0.024),
+    };
     CameraDesc {
         position: Vec3::ZERO,
         target: -2.0 * Vec3::Z,
@@ -212,26 +256,46 @@ fn photographer() -> CameraDesc {
 
 #[test]
 fn the_sensor_and_the_focal_length_make_the_field_of_view() {
-    let points = FilterSpec { kind: FilterKind::Box, radius: 0.0 };
-    let pinhole =
-        CameraDesc { aperture: 0.0, optics: Optics { f_number: None, ..photographer().optics }, ..photographer() };
+    let points = FilterSpec {
+        kind: FilterKind::Box,
+        radius: 0.0,
+    };
+    let pinhole = CameraDesc {
+        aperture: 0.0,
+        optics: Optics {
+            f_number: None,
+            ..photographer().optics
+        },
+        ..photographer()
+    };
     let camera = Camera::new(&pinhole, [3, 1000], points);
-    // The centre of the top row is half a pixel below the sensor's edge, 12 mm from the axis and 50 mm away.
-    let dir = camera.sample_ray([1, 0], &mut Sampler::new(1, [1, 0], 0)).dir;
-    assert!((dir.y / -dir.z - 0.012 / 0.05 * 0.999).abs() < 1e-6, "{dir}");
+    // The centre of the top row is half a pixel below the sensor's edge, 12 mm from the axis and 50
+    // mm away.
+    let dir = camera
+        .sample_ray([1, 0], &mut Sampler::new(1, [1, 0], 0))
+        .dir;
+    assert!(
+        (dir.y / -dir.z - 0.012 / 0.05 * 0.999).abs() < 1e-6,
+        "{dir}"
+    );
 }
 
 #[test]
 fn a_point_out_of_focus_is_as_large_a_disk_as_the_lens_formula_says() {
-    // Diameter on the sensor: A |z - d| / z * f / d, where A = f / N is the lens, for a sensor that stands at f. So many
-    // rows of a picture that nobody could store, which makes one row a small error.
+    // Diameter on the sensor: A |z - d| / z * f / d, where A = f / N is the lens, for a sensor at
+    // distance f. So many rows, more than could be stored, that one row is a small error.
     let rows = 100_000u32;
     let camera = Camera::new(&photographer(), [rows, rows], FilterSpec::PIXEL);
     let (lens, focus, focal, height) = (0.05 / 1.4, 2.0, 0.05, 0.024);
-    for (depth, x, y) in
-        [(2.0f64, 0.0f64, 0.1f64), (4.0, 0.0, 0.0), (4.0, 0.3, -0.5), (1.2, 0.1, 0.1), (30.0, 2.0, 2.0)]
-    {
-        let expected = lens * (depth - focus).abs() / depth * focal / focus / height * f64::from(rows);
+    for (depth, x, y) in [
+        (2.0f64, 0.0f64, 0.1f64),
+        (4.0, 0.0, 0.0),
+        (4.0, 0.3, -0.5),
+        (1.2, 0.1, 0.1),
+        (30.0, 2.0, 2.0),
+    ] {
+        let expected =
+            lens * (depth - focus).abs() / depth * focal / focus / height * f64::from(rows);
         let (mut low, mut high) = ([f64::MAX; 2], [f64::MIN; 2]);
         let (mut sum, mut squares) = (0.0, 0.0);
         let n = 20_000u32;
@@ -250,23 +314,35 @@ fn a_point_out_of_focus_is_as_large_a_disk_as_the_lens_formula_says() {
             sum += r2;
             squares += r2 * r2;
         }
-        // Rounding of `f32` positions is a few rows; so many points miss the rim by about two parts in a thousand.
+        // Rounding of `f32` positions is a few rows; so many points miss the rim by about two parts
+        // in a thousand.
         for k in 0..2 {
             let diameter = high[k] - low[k];
-            assert!((diameter - expected).abs() < 3.0 + 5e-3 * expected, "depth {depth}: {diameter}, not {expected}");
+            assert!(
+                (diameter - expected).abs() < 3.0 + 5e-3 * expected,
+                "depth {depth}: {diameter}, not {expected}"
+            );
         }
-        // The disk is evenly filled: the mean squared distance from its middle is half the squared radius.
+        // The disk is evenly filled: the mean squared distance from its middle is half the squared
+        // radius.
         if expected > 100.0 {
             let (mean, variance) = estimate(sum, squares, f64::from(n));
             let p = normal_two_sided_p((mean - expected * expected / 8.0) / variance.sqrt());
-            assert!(p > sidak(0.001, 4), "depth {depth}: {mean}, not {}", expected * expected / 8.0);
+            assert!(
+                p > sidak(0.001, 4),
+                "depth {depth}: {mean}, not {}",
+                expected * expected / 8.0
+            );
         }
     }
 }
 
 #[test]
 fn rays_of_one_pixel_spread_as_the_lens_formula_says() {
-    let points = FilterSpec { kind: FilterKind::Box, radius: 0.0 };
+    let points = FilterSpec {
+        kind: FilterKind::Box,
+        radius: 0.0,
+    };
     let camera = Camera::new(&photographer(), [64, 64], points);
     let lens = 0.05 / 1.4f32;
     for depth in [0.5, 2.0, 3.0, 10.0] {
@@ -277,47 +353,93 @@ fn rays_of_one_pixel_spread_as_the_lens_formula_says() {
             (low, high) = (low.min(x), high.max(x));
         }
         let expected = lens * (depth - 2.0f32).abs() / 2.0;
-        assert!((high - low - expected).abs() < 1e-2 * expected + 1e-6, "depth {depth}: {} {expected}", high - low);
+        assert!(
+            (high - low - expected).abs() < 1e-2 * expected + 1e-6,
+            "depth {depth}: {} {expected}",
+            high - low
+        );
     }
 }
 
-/// Light that starts at a light and is joined to the camera at once, and after one surface.
-fn from_light(context: &Context, _: [u32; 2], sampler: &mut Sampler, sink: &mut dyn FnMut(Contribution)) {
+/// Renders light paths connected to the camera at once, and after one surface.
+fn from_light(
+    context: &Context,
+    _: [u32; 2],
+    sampler: &mut Sampler,
+    sink: &mut dyn FnMut(Contribution),
+) {
     let scene = context.scene;
     let (choice, u, v) = (sampler.next_1d(), sampler.next_2d(), sampler.next_2d());
-    let Some(e) = context.lights.sample_emission(scene, choice, u, v) else { return };
+    let Some(e) = context.lights.sample_emission(scene, choice, u, v) else {
+        return;
+    };
     let mut join = |position: Vec3, n: Vec3, s: u32, value: &dyn Fn(Vec3) -> Vec3| {
-        let Some(c) = context.camera.connect(position, sampler.next_2d(), sampler.next_2d()) else { return };
+        let Some(c) = context
+            .camera
+            .connect(position, sampler.next_2d(), sampler.next_2d())
+        else {
+            return;
+        };
         if vertex::visible(context.trace, position, n, c.lens, Vec3::ZERO) {
             let value = value(-c.dir) * c.dir.dot(n).abs() * c.importance;
-            sink(Contribution { pixel: c.pixel, value, unweighted: value, s, t: 1, length: 0.0 });
+            sink(Contribution {
+                pixel: c.pixel,
+                value,
+                unweighted: value,
+                s,
+                t: 1,
+                length: 0.0,
+            });
         }
     };
     // Lambertian light, one-sided.
     join(e.point.position, e.point.normal, 1, &|wo| {
-        if wo.dot(e.point.normal) > 0.0 { e.radiance / e.pdf_a } else { Vec3::ZERO }
+        if wo.dot(e.point.normal) > 0.0 {
+            e.radiance / e.pdf_a
+        } else {
+            Vec3::ZERO
+        }
     });
-    let ray = vertex::leave(e.point.position, e.point.normal, e.dir);
-    let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else { return };
+    let ray = vertex::spawn_ray(e.point.position, e.point.normal, e.dir);
+    let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else {
+        return;
+    };
     let surface = Surface::at(scene, &ray, &hit);
     let throughput = e.radiance * e.cos / (e.pdf_a * e.pdf_w);
     if !surface.material.emitter_reflects && surface.emitter != NONE {
         return;
     }
     let bsdf = Bsdf::new(&surface, &scene.textures);
-    join(surface.position, surface.n_geometric, 2, &|wo| throughput * bsdf.eval(-ray.dir, wo, Mode::Importance));
+    join(surface.position, surface.n_geometric, 2, &|wo| {
+        throughput * bsdf.eval(-ray.dir, wo, TransportMode::Importance)
+    });
 }
 
 #[test]
 fn splatting_through_every_filter_has_the_mean_of_tracing_rays() {
-    // Next event estimation, because paths that find light by chance find it too rarely here for a normal test.
+    // Next event estimation, because paths that find light by chance do so too rarely here for a
+    // normal test.
     let rays = integrator("nee").unwrap();
-    let splats = Box::leak(Box::new(IntegratorRow { name: "from_light", sample: from_light, ..*rays }));
+    let splats = Box::leak(Box::new(IntegratorRow {
+        name: "from_light",
+        sample: from_light,
+        ..*rays
+    }));
     let mut scene = Arc::unwrap_or_clone(
         SceneBuilder::new(Vec3::new(0.0, 0.0, 0.95), Vec3::new(0.1, 0.0, -0.4), 70.0)
             .room(1.0, grey(0.7))
-            .quad(Vec3::new(-0.5, 0.2, -0.95), Vec3::X * 0.8, Vec3::Y * 0.5, light(3.0))
-            .quad(Vec3::new(-0.2, -0.7, -0.4), Vec3::X * 0.6, Vec3::Y * 0.6, grey(0.4))
+            .quad(
+                Vec3::new(-0.5, 0.2, -0.95),
+                Vec3::X * 0.8,
+                Vec3::Y * 0.5,
+                light(3.0),
+            )
+            .quad(
+                Vec3::new(-0.2, -0.7, -0.4),
+                Vec3::X * 0.6,
+                Vec3::Y * 0.6,
+                grey(0.4),
+            )
             .build(),
     );
     scene.camera.focus_distance = Some(1.4);
@@ -328,14 +450,30 @@ fn splatting_through_every_filter_has_the_mean_of_tracing_rays() {
         for aperture in [0.0, 0.15] {
             scene.camera.aperture = aperture;
             let scene = Arc::new(scene.clone());
-            let filter = FilterSpec { kind, radius: if kind == FilterKind::AntialiasingRadius { 0.4 } else { 1.3 } };
+            let filter = FilterSpec {
+                kind,
+                radius: if kind == FilterKind::AntialiasingRadius {
+                    0.4
+                } else {
+                    1.3
+                },
+            };
             let film = |integrator, seed| {
-                let film = render(&scene, Job { integrator, filter, ..job(size, 2, seed) }, 3000);
+                let film = render(
+                    &scene,
+                    Job {
+                        integrator,
+                        filter,
+                        ..job(size, 2, seed)
+                    },
+                    3000,
+                );
                 (film.mean(), film.variance_of_mean())
             };
             let ((a, va), (b, vb)) = (film(rays, 40 + i as u64), film(splats, 60 + i as u64));
-            // Pixels that only the filter's tail lets see any light have too few such samples for a normal test; they
-            // count in the sum over the film, whose error is a few parts in a thousand.
+            // Pixels that only the filter's tail connects with light have too few such samples for
+            // a normal test; they count in the sum over the film, whose error is a few parts in a
+            // thousand.
             let dim = 0.2 * (a.mean()[0] + b.mean()[0]);
             let mut whole = [0.0f64; 2];
             for i in 0..a.data.len() {
@@ -344,10 +482,16 @@ fn splatting_through_every_filter_has_the_mean_of_tracing_rays() {
                 whole = [whole[0] + one - other, whole[1] + variance];
                 let p = normal_two_sided_p((one - other) / variance.sqrt());
                 let bright = one + other > dim;
-                assert!(!bright || p > significance, "{kind:?}, lens {aperture}, pixel {i}: {one} {other}");
+                assert!(
+                    !bright || p > significance,
+                    "{kind:?}, lens {aperture}, pixel {i}: {one} {other}"
+                );
             }
             let z = whole[0] / whole[1].sqrt();
-            assert!(normal_two_sided_p(z) > significance, "{kind:?}, lens {aperture}, all pixels: {whole:?}");
+            assert!(
+                normal_two_sided_p(z) > significance,
+                "{kind:?}, lens {aperture}, all pixels: {whole:?}"
+            );
             films.push(z);
         }
     }

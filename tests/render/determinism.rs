@@ -1,4 +1,4 @@
-//! Same run, same bits: whatever the threads and the waves.
+//! Same run, same bits: for any number of threads and any waves.
 
 use std::sync::Arc;
 
@@ -14,8 +14,20 @@ use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
 fn scene() -> Arc<CompiledScene> {
     SceneBuilder::new(Vec3::new(0.0, 0.0, 0.95), Vec3::ZERO, 60.0)
         .room(1.0, grey(0.7))
-        .quad(Vec3::new(-0.3, 0.99, -0.3), Vec3::X * 0.6, Vec3::Z * 0.6, light(10.0))
-        .sphere(Vec3::new(0.3, -0.6, 0.0), 0.4, Material { opacity: 0.0, ..WHITE })
+        .quad(
+            Vec3::new(-0.3, 0.99, -0.3),
+            Vec3::X * 0.6,
+            Vec3::Z * 0.6,
+            light(10.0),
+        )
+        .sphere(
+            Vec3::new(0.3, -0.6, 0.0),
+            0.4,
+            Material {
+                opacity: 0.0,
+                ..WHITE
+            },
+        )
         .build()
 }
 
@@ -23,7 +35,17 @@ fn scene() -> Arc<CompiledScene> {
 fn any_number_of_threads_gives_the_same_bits() {
     let scene = scene();
     for sampler in SAMPLERS {
-        let with = |threads| render(&scene, Job { threads, sampler, ..job([33, 17], 5, 11) }, 9);
+        let with = |threads| {
+            render(
+                &scene,
+                Job {
+                    threads,
+                    sampler,
+                    ..job([33, 17], 5, 11)
+                },
+                9,
+            )
+        };
         let one = with(1);
         assert_eq!(one, with(2), "{}", sampler.name);
         assert_eq!(one, with(5), "{}", sampler.name);
@@ -35,7 +57,10 @@ fn any_number_of_threads_gives_the_same_bits() {
 fn any_grouping_into_waves_gives_the_same_bits() {
     let scene = scene();
     for sampler in SAMPLERS {
-        let job = Job { sampler, ..job([16, 16], 5, 12) };
+        let job = Job {
+            sampler,
+            ..job([16, 16], 5, 12)
+        };
         let whole = render(&scene, job.clone(), 21);
         let mut renderer = CpuRenderer::new(Arc::clone(&scene), job).unwrap();
         for wave in [1, 2, 4, 8, 6] {
@@ -51,17 +76,33 @@ fn another_seed_gives_another_picture() {
     let a = render(&scene, job([16, 16], 5, 13), 4);
     let b = render(&scene, job([16, 16], 5, 14), 4);
     assert_ne!(a, b);
-    let [c, d] = [13, 14].map(|seed| render(&scene, Job { sampler: SOBOL, ..job([16, 16], 5, seed) }, 4));
+    let [c, d] = [13, 14].map(|seed| {
+        render(
+            &scene,
+            Job {
+                sampler: SOBOL,
+                ..job([16, 16], 5, seed)
+            },
+            4,
+        )
+    });
     assert!(c != d && c != a);
 }
 
 #[test]
 fn a_run_that_goes_on_from_saved_sums_has_the_same_bits() {
     let scene = scene();
-    let all = lumbre::film::layer::LAYERS.iter().map(|row| row.layer).collect::<Vec<_>>();
+    let all = lumbre::film::layer::LAYERS
+        .iter()
+        .map(|row| row.layer)
+        .collect::<Vec<_>>();
     for (name, layers) in [("bpt", vec![]), ("bdpt", vec![]), ("bdpt", all)] {
         let integrator = integrator(name).unwrap();
-        let job = Job { integrator, layers, ..job([12, 10], 3, 15) };
+        let job = Job {
+            integrator,
+            layers,
+            ..job([12, 10], 3, 15)
+        };
         let open = || CpuRenderer::new(Arc::clone(&scene), job.clone()).unwrap();
         let mut whole = open();
         whole.advance(6).unwrap();
@@ -77,7 +118,11 @@ fn a_run_that_goes_on_from_saved_sums_has_the_same_bits() {
             after.advance(6 - cut).unwrap();
             assert_eq!(after.film(), whole.film(), "{name} after {cut}");
             for film in 0..whole.layers().len() {
-                assert_eq!(after.layer(film), whole.layer(film), "{name} after {cut}, film {film}");
+                assert_eq!(
+                    after.layer(film),
+                    whole.layer(film),
+                    "{name} after {cut}, film {film}"
+                );
             }
             assert!(open().restore(&state[..state.len() - 8]).is_err());
         }
@@ -89,14 +134,28 @@ fn ranges_of_samples_are_what_the_whole_is_made_of() {
     let scene = scene();
     for name in ["nee", "bdpt"] {
         for sampler in SAMPLERS {
-            let whole = Job { integrator: integrator(name).unwrap(), sampler, ..job([16, 12], 4, 21) };
+            let whole = Job {
+                integrator: integrator(name).unwrap(),
+                sampler,
+                ..job([16, 12], 4, 21)
+            };
             let all = render(&scene, whole.clone(), 13);
             let first = render(&scene, whole.clone(), 5);
-            let rest = render(&scene, Job { first_sample: 5, ..whole }, 8);
+            let rest = render(
+                &scene,
+                Job {
+                    first_sample: 5,
+                    ..whole
+                },
+                8,
+            );
             assert_ne!(first.sum, rest.sum);
             let [all, first, rest] = [&all, &first, &rest].map(|film| film.sum.as_flattened());
             for ((whole, a), b) in all.iter().zip(first).zip(rest) {
-                assert!((a + b - whole).abs() <= 1e-13 * whole.abs(), "{name}: {a} + {b}, {whole}");
+                assert!(
+                    (a + b - whole).abs() <= 1e-13 * whole.abs(),
+                    "{name}: {a} + {b}, {whole}"
+                );
             }
         }
     }

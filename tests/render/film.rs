@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use lumbre::film::Film;
-use lumbre::film::splat::MAX_SPLAT;
+use lumbre::film::fixed_point::MAX_SPLAT;
 use lumbre::render::cpu::renderer::CpuRenderer;
 use lumbre::render::{Job, Renderer, WaveStats};
 use lumbre::scene::CompiledScene;
@@ -16,38 +16,92 @@ use crate::common::{SceneBuilder, job};
 
 pub const SIZE: [u32; 2] = [23, 11];
 
-/// Brings some light to the sample's own pixel and three splats of very different sizes to pixels anywhere.
-pub fn scatter(_: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut dyn FnMut(Contribution)) {
+/// Contributes light to the sample's own pixel and three splats of very different sizes to random
+/// pixels.
+pub fn scatter(
+    _: &Context,
+    pixel: [u32; 2],
+    sampler: &mut Sampler,
+    sink: &mut dyn FnMut(Contribution),
+) {
     let own = Vec3::new(sampler.next_1d(), 0.5, 2.0);
-    sink(Contribution { pixel, value: own, unweighted: own * 2.0, s: 0, t: 2, length: 0.0 });
+    sink(Contribution {
+        pixel,
+        value: own,
+        unweighted: own * 2.0,
+        s: 0,
+        t: 2,
+        length: 0.0,
+    });
     for (i, size) in [1e-6, 1.0, 3000.0].into_iter().enumerate() {
         let [u, v] = sampler.next_2d();
         let at = [(u * SIZE[0] as f32) as u32, (v * SIZE[1] as f32) as u32];
         let value = Vec3::new(1.0, u, v) * size;
-        sink(Contribution { pixel: at, value, unweighted: value * 3.0, s: 1 + i as u32, t: 1, length: 0.0 });
+        sink(Contribution {
+            pixel: at,
+            value,
+            unweighted: value * 3.0,
+            s: 1 + i as u32,
+            t: 1,
+            length: 0.0,
+        });
     }
 }
 
-/// One bad value of each kind at pixel 4, 5, sample 2.
-pub fn damaged(_: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut dyn FnMut(Contribution)) {
+/// Contributes one invalid value of each kind at pixel 4, 5, sample 2.
+pub fn damaged(
+    _: &Context,
+    pixel: [u32; 2],
+    sampler: &mut Sampler,
+    sink: &mut dyn FnMut(Contribution),
+) {
     let good = Vec3::splat(sampler.next_1d());
-    sink(Contribution { pixel, value: good, unweighted: good, s: 0, t: 2, length: 0.0 });
+    sink(Contribution {
+        pixel,
+        value: good,
+        unweighted: good,
+        s: 0,
+        t: 2,
+        length: 0.0,
+    });
     if pixel == [4, 5] {
         for bad in [f32::NAN, f32::INFINITY, 2.0 * MAX_SPLAT] {
             let value = Vec3::new(0.0, bad, 0.0);
-            sink(Contribution { pixel: [0, 0], value, unweighted: value, s: 1, t: 1, length: 0.0 });
+            sink(Contribution {
+                pixel: [0, 0],
+                value,
+                unweighted: value,
+                s: 1,
+                t: 1,
+                length: 0.0,
+            });
         }
-        sink(Contribution { pixel: SIZE, value: good, unweighted: good, s: 1, t: 1, length: 0.0 });
+        sink(Contribution {
+            pixel: SIZE,
+            value: good,
+            unweighted: good,
+            s: 1,
+            t: 1,
+            length: 0.0,
+        });
     }
 }
 
 pub fn row(sample: lumbre::transport::integrator::SampleFn) -> &'static IntegratorRow {
     let bpt = integrator("bpt").unwrap();
-    Box::leak(Box::new(IntegratorRow { name: "made_up", sample, ..*bpt }))
+    Box::leak(Box::new(IntegratorRow {
+        name: "made_up",
+        sample,
+        ..*bpt
+    }))
 }
 
 pub fn made_up(integrator: &'static IntegratorRow, threads: usize) -> Job {
-    Job { integrator, threads, ..job(SIZE, 5, 3) }
+    Job {
+        integrator,
+        threads,
+        ..job(SIZE, 5, 3)
+    }
 }
 
 pub fn empty() -> Arc<CompiledScene> {
@@ -56,7 +110,10 @@ pub fn empty() -> Arc<CompiledScene> {
 
 pub fn run(job: Job, waves: &[u64]) -> (Film, Vec<WaveStats>) {
     let mut renderer = CpuRenderer::new(empty(), job).unwrap();
-    let stats = waves.iter().map(|n| renderer.advance(*n).unwrap()).collect();
+    let stats = waves
+        .iter()
+        .map(|n| renderer.advance(*n).unwrap())
+        .collect();
     (renderer.film().clone(), stats)
 }
 
@@ -64,8 +121,18 @@ pub fn run(job: Job, waves: &[u64]) -> (Film, Vec<WaveStats>) {
 fn splats_have_the_same_bits_for_any_threads_and_waves() {
     let row = row(scatter);
     let (whole, _) = run(made_up(row, 1), &[21]);
-    for (threads, waves) in [(2, &[21][..]), (5, &[21]), (1, &[1, 2, 4, 8, 6]), (3, &[20, 1]), (2, &[7, 7, 7])] {
-        assert_eq!(whole, run(made_up(row, threads), waves).0, "{threads} threads, waves {waves:?}");
+    for (threads, waves) in [
+        (2, &[21][..]),
+        (5, &[21]),
+        (1, &[1, 2, 4, 8, 6]),
+        (3, &[20, 1]),
+        (2, &[7, 7, 7]),
+    ] {
+        assert_eq!(
+            whole,
+            run(made_up(row, threads), waves).0,
+            "{threads} threads, waves {waves:?}"
+        );
     }
 }
 
@@ -94,48 +161,91 @@ fn splats_add_up_to_what_was_sent() {
     }
     for c in 0..3 {
         let sum: f64 = film.sum.iter().map(|s| s[c]).sum();
-        assert!((sum / expected[c] - 1.0).abs() < 1e-11, "{sum} instead of {}", expected[c]);
+        assert!(
+            (sum / expected[c] - 1.0).abs() < 1e-11,
+            "{sum} instead of {}",
+            expected[c]
+        );
     }
 }
 
 #[test]
 fn variance_of_splats_is_that_of_repeated_films() {
-    // Films of other seeds scatter about each other as each film's own variance says.
+    // Films of other seeds scatter about each other as each film's own variance predicts.
     let row = row(scatter);
     let runs = 60u64;
-    let films: Vec<Film> = (0..runs).map(|seed| run(Job { seed, ..made_up(row, 0) }, &[16]).0).collect();
-    let means: Vec<f64> = films.iter().flat_map(|f| f.mean().data).map(|p| f64::from(p[0])).collect();
+    let films: Vec<Film> = (0..runs)
+        .map(|seed| {
+            run(
+                Job {
+                    seed,
+                    ..made_up(row, 0)
+                },
+                &[16],
+            )
+            .0
+        })
+        .collect();
+    let means: Vec<f64> = films
+        .iter()
+        .flat_map(|f| f.mean().data)
+        .map(|p| f64::from(p[0]))
+        .collect();
     let n = means.len() as f64;
     let mean = means.iter().sum::<f64>() / n;
     let spread = means.iter().map(|m| (m - mean) * (m - mean)).sum::<f64>() / n;
-    let said = films.iter().flat_map(|f| f.variance_of_mean().data).map(|p| f64::from(p[0])).sum::<f64>() / n;
-    // 15,180 nearly independent pixels: the spread is known to about two parts in a hundred.
+    let said = films
+        .iter()
+        .flat_map(|f| f.variance_of_mean().data)
+        .map(|p| f64::from(p[0]))
+        .sum::<f64>()
+        / n;
+    // 15,180 nearly independent pixels: the error of the spread is about two parts in a hundred.
     assert!((spread / said - 1.0).abs() < 0.06, "{spread} {said}");
 }
 
 #[test]
 fn deviates_of_splats_have_unit_variance() {
     let row = row(scatter);
-    let films: Vec<Film> = (0..20).map(|seed| run(Job { seed, ..made_up(row, 0) }, &[256]).0).collect();
+    let films: Vec<Film> = (0..20)
+        .map(|seed| {
+            run(
+                Job {
+                    seed,
+                    ..made_up(row, 0)
+                },
+                &[256],
+            )
+            .0
+        })
+        .collect();
     let mut squares = Vec::new();
     for film in films {
         for (mean, variance) in film.mean().data.iter().zip(film.variance_of_mean().data) {
-            // Own samples bring 1/2 in the mean, and of each of the three splats of a sample one lands here.
+            // Own samples contribute 1/2 in the mean, and one of the three splats of a sample lands
+            // here.
             let expected = 0.5 + 3_001.000_001;
             let deviate = (f64::from(mean[0]) - expected) / f64::from(variance[0]).sqrt();
             squares.push(deviate * deviate);
         }
     }
     let mean = squares.iter().sum::<f64>() / squares.len() as f64;
-    // 5060 squares of variance 2, and a little more for the variances being estimated: 256 splats on a pixel.
+    // 5060 squares of variance 2, and a little more since the variances are estimates: 256 splats
+    // on a pixel.
     assert!((mean - 1.0).abs() < 0.1, "{mean}");
 }
 
 #[test]
 fn splats_that_cannot_be_counted_are_reported_and_change_nothing() {
     let (film, stats) = run(made_up(row(damaged), 0), &[2, 3]);
-    assert_eq!((stats[0].invalid, stats[0].first_invalid), (8, Some([4, 5, 0])));
-    assert_eq!((stats[1].invalid, stats[1].first_invalid), (12, Some([4, 5, 2])));
+    assert_eq!(
+        (stats[0].invalid, stats[0].first_invalid),
+        (8, Some([4, 5, 0]))
+    );
+    assert_eq!(
+        (stats[1].invalid, stats[1].first_invalid),
+        (12, Some([4, 5, 2]))
+    );
     let all = film.sum.iter().flatten().chain(film.sum2.iter().flatten());
     assert!(all.into_iter().all(|x| x.is_finite() && *x <= 5.0));
 }

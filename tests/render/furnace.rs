@@ -7,16 +7,23 @@ use crate::common::{SceneBuilder, WHITE, grey, job, light, mean_and_error, rende
 
 const EYE: Vec3 = Vec3::new(0.1, 0.2, 0.3);
 
-/// A closed room whose walls emit `e` and reflect `a`.
+/// Returns a closed room whose walls emit `e` and reflect `a`.
 fn furnace(a: f32, e: f32) -> SceneBuilder {
-    SceneBuilder::new(EYE, Vec3::new(0.7, 0.1, -0.4), 70.0).room(1.0, Material { emission: Vec3::splat(e), ..grey(a) })
+    SceneBuilder::new(EYE, Vec3::new(0.7, 0.1, -0.4), 70.0).room(
+        1.0,
+        Material {
+            emission: Vec3::splat(e),
+            ..grey(a)
+        },
+    )
 }
 
 #[test]
 fn closed_furnace_is_a_geometric_series_at_every_depth() {
-    // Without roulette every path of k edges carries exactly e (1 + a + .. + a^(k-1)): no noise, so that a ray which
-    // leaks shows at once. A ray that starts within rounding of a second wall can be lost: about 5 in 10^8 hits were
-    // (measured over 6.7e7), so one pixel of the 300,000 hits here is forgiven.
+    // Without Russian roulette every path of k edges carries exactly e (1 + a + .. + a^(k-1)): no
+    // noise, so a leaking ray shows at once. A ray that starts within rounding of a second wall can
+    // be lost: about 5 in 10^8 hits were (measured over 6.7e7), so one pixel of the 300,000 hits
+    // here may differ.
     let scene = furnace(0.6, 0.5).build();
     for depth in [1u32, 2, 3, 8] {
         let film = render(&scene, job([48, 48], depth, 1), 16);
@@ -24,7 +31,10 @@ fn closed_furnace_is_a_geometric_series_at_every_depth() {
         let wrong = |p: &&[f32; 3]| p.iter().any(|c| (f64::from(*c) - expected).abs() > 1e-5);
         let image = film.mean();
         let lost: Vec<_> = image.data.iter().filter(wrong).collect();
-        assert!(lost.len() <= 1, "depth {depth}: {lost:?} instead of {expected}");
+        assert!(
+            lost.len() <= 1,
+            "depth {depth}: {lost:?} instead of {expected}"
+        );
     }
 }
 
@@ -36,13 +46,23 @@ fn russian_roulette_keeps_the_mean() {
     let film = render(&scene, j, 64);
     let (mean, error) = mean_and_error(&film, 0);
     assert!(error > 0.0 && error < 0.02, "{error}");
-    assert!((mean - 5.0).abs() < 3.0 * error, "{mean} +- {error} instead of 5");
+    assert!(
+        (mean - 5.0).abs() < 3.0 * error,
+        "{mean} +- {error} instead of 5"
+    );
 }
 
 #[test]
 fn glass_and_mirrors_without_loss_disappear_in_a_furnace() {
-    let glass = Material { opacity: 0.0, ior: 1.5, ..WHITE };
-    let mirror = Material { metallic: 1.0, ..WHITE };
+    let glass = Material {
+        opacity: 0.0,
+        ior: 1.5,
+        ..WHITE
+    };
+    let mirror = Material {
+        metallic: 1.0,
+        ..WHITE
+    };
     for (name, material) in [("glass", glass), ("mirror", mirror)] {
         let scene = SceneBuilder::new(Vec3::new(0.0, 0.0, 0.9), Vec3::ZERO, 60.0)
             .room(1.0, light(1.0))
@@ -50,27 +70,40 @@ fn glass_and_mirrors_without_loss_disappear_in_a_furnace() {
             .build();
         let film = render(&scene, job([64, 64], 64, 3), 16);
         for (i, pixel) in film.mean().data.iter().enumerate() {
-            assert!((pixel[1] - 1.0).abs() < 1e-4, "{name}, pixel {i}: {pixel:?}");
+            assert!(
+                (pixel[1] - 1.0).abs() < 1e-4,
+                "{name}, pixel {i}: {pixel:?}"
+            );
         }
     }
 }
 
 #[test]
 fn convex_diffuse_sphere_in_a_furnace_shows_its_albedo() {
-    let albedo = Material { base_color: Vec3::new(0.9, 0.5, 0.1), ..WHITE };
+    let albedo = Material {
+        base_color: Vec3::new(0.9, 0.5, 0.1),
+        ..WHITE
+    };
     let scene = SceneBuilder::new(Vec3::new(0.0, 0.0, 0.9), Vec3::ZERO, 20.0)
         .room(1.0, light(2.0))
         .sphere(Vec3::ZERO, 0.4, albedo)
         .build();
     let film = render(&scene, job([16, 16], 4, 4), 8);
     for pixel in &film.mean().data {
-        assert!((Vec3::from_array(*pixel) - Vec3::new(1.8, 1.0, 0.2)).length() < 1e-4, "{pixel:?}");
+        assert!(
+            (Vec3::from_array(*pixel) - Vec3::new(1.8, 1.0, 0.2)).length() < 1e-4,
+            "{pixel:?}"
+        );
     }
 }
 
 #[test]
 fn metal_at_normal_incidence_shows_its_colour() {
-    let gold = Material { base_color: Vec3::new(1.0, 0.7, 0.3), metallic: 1.0, ..WHITE };
+    let gold = Material {
+        base_color: Vec3::new(1.0, 0.7, 0.3),
+        metallic: 1.0,
+        ..WHITE
+    };
     let scene = SceneBuilder::new(Vec3::new(0.0, 0.0, 0.9), Vec3::ZERO, 0.5)
         .room(1.0, light(1.0))
         .sphere(Vec3::ZERO, 0.4, gold)
@@ -81,55 +114,94 @@ fn metal_at_normal_incidence_shows_its_colour() {
 
 #[test]
 fn mixture_of_lobes_loses_nothing() {
-    let mixed = Material { metallic: 0.3, opacity: 0.4, ..WHITE };
+    let mixed = Material {
+        metallic: 0.3,
+        opacity: 0.4,
+        ..WHITE
+    };
     let scene = SceneBuilder::new(Vec3::new(0.0, 0.0, 0.9), Vec3::ZERO, 40.0)
         .room(1.0, light(1.0))
         .sphere(Vec3::ZERO, 0.4, mixed)
         .build();
     let film = render(&scene, job([32, 32], 256, 6), 64);
     let (mean, error) = mean_and_error(&film, 1);
-    // Paths that refract once and are scattered diffusely inside carry weights other than one, so there is noise.
-    assert!((mean - 1.0).abs() < 3.0 * error.max(1e-5), "{mean} +- {error}");
+    // Paths that refract once and are scattered diffusely inside carry weights other than one, so
+    // there is noise.
+    assert!(
+        (mean - 1.0).abs() < 3.0 * error.max(1e-5),
+        "{mean} +- {error}"
+    );
 }
 
 #[test]
 fn sphere_light_over_a_floor_has_its_closed_form() {
-    // Irradiance under a sphere of radius r at height h is pi L (r / h)^2; the floor shows a L (r / h)^2.
+    // Irradiance under a sphere of radius r at height h is pi L (r / h)^2; the floor shows a L (r /
+    // h)^2.
     let (r, h, a, l) = (0.5f64, 2.0f64, 0.5f64, 3.0f64);
     let scene = SceneBuilder::new(Vec3::new(0.0, 1.0, 4.0), Vec3::ZERO, 0.2)
-        .quad(Vec3::new(-50.0, 0.0, 50.0), Vec3::X * 100.0, Vec3::Z * -100.0, grey(a as f32))
+        .quad(
+            Vec3::new(-50.0, 0.0, 50.0),
+            Vec3::X * 100.0,
+            Vec3::Z * -100.0,
+            grey(a as f32),
+        )
         .sphere(Vec3::Y * h as f32, r as f32, light(l as f32))
         .build();
     let film = render(&scene, job([16, 16], 2, 7), 2048);
     let (mean, error) = mean_and_error(&film, 0);
     let expected = a * l * (r / h) * (r / h);
     assert!(error / expected < 0.01);
-    assert!((mean - expected).abs() < 3.0 * error, "{mean} +- {error} instead of {expected}");
+    assert!(
+        (mean - expected).abs() < 3.0 * error,
+        "{mean} +- {error} instead of {expected}"
+    );
 }
 
 #[test]
 fn emission_is_one_sided_and_depth_counts_edges() {
     let panel = |flip: f32| {
         SceneBuilder::new(Vec3::Z * 2.0, Vec3::ZERO, 20.0)
-            .quad(Vec3::new(-flip, -1.0, 0.0), Vec3::X * 2.0 * flip, Vec3::Y * 2.0, light(4.0))
+            .quad(
+                Vec3::new(-flip, -1.0, 0.0),
+                Vec3::X * 2.0 * flip,
+                Vec3::Y * 2.0,
+                light(4.0),
+            )
             .build()
     };
-    assert_eq!(render(&panel(1.0), job([4, 4], 1, 8), 2).mean().at(2, 2), [4.0; 3]);
-    assert_eq!(render(&panel(-1.0), job([4, 4], 8, 8), 2).mean().at(2, 2), [0.0; 3]);
+    assert_eq!(
+        render(&panel(1.0), job([4, 4], 1, 8), 2).mean().at(2, 2),
+        [4.0; 3]
+    );
+    assert_eq!(
+        render(&panel(-1.0), job([4, 4], 8, 8), 2).mean().at(2, 2),
+        [0.0; 3]
+    );
     // Direct light needs two edges.
     let scene = SceneBuilder::new(Vec3::new(0.0, 0.0, 0.9), Vec3::ZERO, 20.0)
         .room(1.0, light(1.0))
         .sphere(Vec3::ZERO, 0.4, grey(0.5))
         .build();
-    assert_eq!(render(&scene, job([4, 4], 1, 8), 2).mean().at(2, 2), [0.0; 3]);
+    assert_eq!(
+        render(&scene, job([4, 4], 1, 8), 2).mean().at(2, 2),
+        [0.0; 3]
+    );
     assert!((render(&scene, job([4, 4], 2, 8), 2).mean().at(2, 2)[0] - 0.5).abs() < 1e-5);
 }
 
 #[test]
 fn a_scene_without_light_is_black_and_an_empty_one_too() {
-    let dark = SceneBuilder::new(EYE, Vec3::X, 60.0).room(1.0, grey(0.5)).build();
+    let dark = SceneBuilder::new(EYE, Vec3::X, 60.0)
+        .room(1.0, grey(0.5))
+        .build();
     let empty = SceneBuilder::new(EYE, Vec3::X, 60.0).build();
     for scene in [dark, empty] {
-        assert!(render(&scene, job([8, 8], 5, 9), 4).mean().data.iter().all(|p| *p == [0.0; 3]));
+        assert!(
+            render(&scene, job([8, 8], 5, 9), 4)
+                .mean()
+                .data
+                .iter()
+                .all(|p| *p == [0.0; 3])
+        );
     }
 }

@@ -1,9 +1,9 @@
-//! Layers: films that add up to the picture, strategies that agree, and what the camera sees first.
+//! Layers: films that add up to the picture, strategies that agree, and first-hit data.
 
 use std::sync::Arc;
 
 use glam::Vec3;
-use lumbre::film::layer::{LAYERS, Layer, LayerFilm, Part};
+use lumbre::film::layer::{LAYERS, Layer, LayerFilm, PathSubset};
 use lumbre::film::{Film, Image};
 use lumbre::metrics::ztest::{Estimate, compare};
 use lumbre::render::cpu::renderer::CpuRenderer;
@@ -23,24 +23,32 @@ fn all() -> Vec<Layer> {
     LAYERS.iter().map(|row| row.layer).collect()
 }
 
-/// A renderer after some waves.
+/// Returns a renderer after some waves.
 fn rendered(scene: &Arc<CompiledScene>, job: Job, waves: &[u64]) -> CpuRenderer {
     let mut renderer = CpuRenderer::new(Arc::clone(scene), job).unwrap();
-    waves.iter().for_each(|n| assert!(renderer.advance(*n).is_ok()));
+    waves
+        .iter()
+        .for_each(|n| assert!(renderer.advance(*n).is_ok()));
     renderer
 }
 
 fn with(name: &str, layers: &[Layer], depth: u32, seed: u64) -> Job {
-    Job { integrator: integrator(name).unwrap(), layers: layers.to_vec(), ..job([12; 2], depth, seed) }
+    Job {
+        integrator: integrator(name).unwrap(),
+        layers: layers.to_vec(),
+        ..job([12; 2], depth, seed)
+    }
 }
 
-/// Every film with its sums.
+/// Returns every film with its sums.
 fn films(renderer: &CpuRenderer) -> Vec<(LayerFilm, Film)> {
     let films = renderer.layers().iter().enumerate();
-    films.map(|(i, film)| (*film, renderer.layer(i).unwrap())).collect()
+    films
+        .map(|(i, film)| (*film, renderer.layer(i).unwrap()))
+        .collect()
 }
 
-/// The sum of the sums of the films for which `wanted` holds.
+/// Returns the sum of the films for which `wanted` holds.
 fn total(films: &[(LayerFilm, Film)], wanted: impl Fn(&LayerFilm) -> bool) -> Vec<[f64; 3]> {
     let mut total = vec![[0.0; 3]; films[0].1.sum.len()];
     for (_, film) in films.iter().filter(|(film, _)| wanted(film)) {
@@ -51,52 +59,101 @@ fn total(films: &[(LayerFilm, Film)], wanted: impl Fn(&LayerFilm) -> bool) -> Ve
     total
 }
 
-/// Films by depth and weighted films by strategy each add up to the picture, to the rounding of `f32` sums.
+/// Panics unless films by depth and weighted films by strategy each add up to the picture, to the
+/// rounding of `f32` sums.
 fn adds_up(renderer: &CpuRenderer) {
     let films = films(renderer);
     let by_depth = total(&films, |film| film.layer == Layer::Depth);
-    let by_strategy = total(&films, |film| matches!(film.part, Part::Strategy { weighted: true, .. }));
+    let by_strategy = total(&films, |film| {
+        matches!(film.subset, PathSubset::Strategy { weighted: true, .. })
+    });
     let film = renderer.film();
     assert!(film.sum.iter().any(|s| s[0] > 0.0), "there is light");
     for sums in [by_depth, by_strategy] {
         for (sum, whole) in sums.as_flattened().iter().zip(film.sum.as_flattened()) {
-            assert!((sum - whole).abs() <= 1e-6 * whole.abs(), "{sum} instead of {whole}");
+            assert!(
+                (sum - whole).abs() <= 1e-6 * whole.abs(),
+                "{sum} instead of {whole}"
+            );
         }
     }
 }
 
-/// Diffuse surfaces that do not touch, so that no connection is very short, under a light.
+/// Returns diffuse surfaces that do not touch, so that no connection is very short, under a light.
 fn open_room() -> SceneBuilder {
-    let red = Material { base_color: Vec3::new(0.9, 0.4, 0.3), ..WHITE };
+    let red = Material {
+        base_color: Vec3::new(0.9, 0.4, 0.3),
+        ..WHITE
+    };
     SceneBuilder::new(Vec3::new(0.2, 1.2, 3.5), Vec3::new(0.0, 0.7, 0.0), 50.0)
-        .quad(Vec3::new(-2.0, 0.0, 2.0), Vec3::X * 4.0, Vec3::Z * -3.0, grey(0.8))
-        .quad(Vec3::new(-2.0, 0.5, -1.8), Vec3::X * 4.0, Vec3::Y * 2.5, red)
-        .quad(Vec3::new(-0.8, 2.4, -0.8), Vec3::X * 1.6, Vec3::Z * 1.6, light(4.0))
+        .quad(
+            Vec3::new(-2.0, 0.0, 2.0),
+            Vec3::X * 4.0,
+            Vec3::Z * -3.0,
+            grey(0.8),
+        )
+        .quad(
+            Vec3::new(-2.0, 0.5, -1.8),
+            Vec3::X * 4.0,
+            Vec3::Y * 2.5,
+            red,
+        )
+        .quad(
+            Vec3::new(-0.8, 2.4, -0.8),
+            Vec3::X * 1.6,
+            Vec3::Z * 1.6,
+            light(4.0),
+        )
 }
 
 #[test]
 fn depths_and_strategies_add_up_to_the_picture() {
-    let glass = Material { opacity: 0.0, ..WHITE };
-    let mirror = Material { metallic: 1.0, base_color: Vec3::splat(0.9), ..WHITE };
-    let scene =
-        open_room().sphere(Vec3::new(-0.6, 0.6, 0.3), 0.4, glass).sphere(Vec3::new(0.7, 0.6, 0.3), 0.4, mirror).build();
+    let glass = Material {
+        opacity: 0.0,
+        ..WHITE
+    };
+    let mirror = Material {
+        metallic: 1.0,
+        base_color: Vec3::splat(0.9),
+        ..WHITE
+    };
+    let scene = open_room()
+        .sphere(Vec3::new(-0.6, 0.6, 0.3), 0.4, glass)
+        .sphere(Vec3::new(0.7, 0.6, 0.3), 0.4, mirror)
+        .build();
     for name in ["bpt", "nee", "bdpt"] {
         let plain = rendered(&scene, with(name, &[], 5, 7), &[8]);
-        let renderer = rendered(&scene, with(name, &[LIGHT[0], LIGHT[1], Layer::Bounces], 5, 7), &[3, 5]);
-        assert_eq!(renderer.film(), plain.film(), "{name}: layers change nothing");
+        let renderer = rendered(
+            &scene,
+            with(name, &[LIGHT[0], LIGHT[1], Layer::Bounces], 5, 7),
+            &[3, 5],
+        );
+        assert_eq!(
+            renderer.film(),
+            plain.film(),
+            "{name}: layers change nothing"
+        );
         assert!(plain.layers().is_empty() && plain.layer(0).is_err());
         adds_up(&renderer);
         let films = films(&renderer);
-        let (_, bounces) = films.iter().find(|(film, _)| film.layer == Layer::Bounces).unwrap();
+        let (_, bounces) = films
+            .iter()
+            .find(|(film, _)| film.layer == Layer::Bounces)
+            .unwrap();
         for (pixel, [weighted, weight, _]) in bounces.sum.iter().enumerate() {
             let (mut moment, mut light) = (0.0, 0.0);
             for (film, sums) in &films {
-                let Part::Depth(k) = film.part else { continue };
+                let PathSubset::Depth(k) = film.subset else {
+                    continue;
+                };
                 let [r, g, b] = sums.sum[pixel];
                 let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
                 (moment, light) = (moment + f64::from(k - 1) * luminance, light + luminance);
             }
-            assert!((weighted - moment).abs() <= 1e-5 * moment && (weight - light).abs() <= 1e-5 * light);
+            assert!(
+                (weighted - moment).abs() <= 1e-5 * moment
+                    && (weight - light).abs() <= 1e-5 * light
+            );
         }
     }
 }
@@ -105,32 +162,77 @@ fn depths_and_strategies_add_up_to_the_picture() {
 fn splats_add_up_too_and_have_the_same_bits_for_any_threads_and_waves() {
     let scene = empty();
     let row = row(scatter);
-    let with = |threads| Job { layers: all(), ..made_up(row, threads) };
+    let with = |threads| Job {
+        layers: all(),
+        ..made_up(row, threads)
+    };
     let whole = rendered(&scene, with(1), &[21]);
     adds_up(&whole);
     let expected = films(&whole);
-    let landed = expected.iter().find(|(film, _)| film.name() == "strategies-s2-t1-raw").unwrap();
+    let landed = expected
+        .iter()
+        .find(|(film, _)| film.name() == "strategies-s2-t1-raw")
+        .unwrap();
     assert!(landed.1.sum.iter().any(|s| s[0] > 0.0));
-    for (threads, waves) in [(2, &[21][..]), (4, &[21]), (1, &[1, 2, 4, 8, 6]), (3, &[7, 7, 7])] {
-        assert!(expected == films(&rendered(&scene, with(threads), waves)), "{threads} threads, waves {waves:?}");
+    for (threads, waves) in [
+        (2, &[21][..]),
+        (4, &[21]),
+        (1, &[1, 2, 4, 8, 6]),
+        (3, &[7, 7, 7]),
+    ] {
+        assert!(
+            expected == films(&rendered(&scene, with(threads), waves)),
+            "{threads} threads, waves {waves:?}"
+        );
     }
 }
 
-/// Light of one edge, and of two edges that is not a number in a corner of the picture.
+/// Contributes light of one edge, and of two edges with NaN in a corner of the picture.
 fn half_damaged(_: &Context, pixel: [u32; 2], _: &mut Sampler, sink: &mut dyn FnMut(Contribution)) {
-    for (t, value) in [(2, 1.0), (3, if pixel[0] < 5 && pixel[1] < 5 { f32::NAN } else { 2.0 })] {
+    for (t, value) in [
+        (2, 1.0),
+        (
+            3,
+            if pixel[0] < 5 && pixel[1] < 5 {
+                f32::NAN
+            } else {
+                2.0
+            },
+        ),
+    ] {
         let value = Vec3::splat(value);
-        sink(Contribution { pixel, value, unweighted: value, s: 0, t, length: 0.0 });
+        sink(Contribution {
+            pixel,
+            value,
+            unweighted: value,
+            s: 0,
+            t,
+            length: 0.0,
+        });
     }
 }
 
 #[test]
 fn what_the_picture_refuses_no_layer_takes() {
     for sample in [damaged as SampleFn, half_damaged] {
-        let renderer = rendered(&empty(), Job { layers: LIGHT.to_vec(), ..made_up(row(sample), 0) }, &[5]);
+        let renderer = rendered(
+            &empty(),
+            Job {
+                layers: LIGHT.to_vec(),
+                ..made_up(row(sample), 0)
+            },
+            &[5],
+        );
         adds_up(&renderer);
         for (film, sums) in films(&renderer) {
-            assert!(sums.sum.as_flattened().iter().all(|x| x.is_finite() && *x <= 10.0), "{}", film.name());
+            assert!(
+                sums.sum
+                    .as_flattened()
+                    .iter()
+                    .all(|x| x.is_finite() && *x <= 10.0),
+                "{}",
+                film.name()
+            );
         }
     }
 }
@@ -138,24 +240,51 @@ fn what_the_picture_refuses_no_layer_takes() {
 #[test]
 fn every_strategy_of_a_diffuse_scene_finds_all_the_light_of_its_depth() {
     let scene = open_room().build();
-    let truth = films(&rendered(&scene, with("bpt", &[Layer::Depth], 4, 1), &[12_000]));
-    let found = films(&rendered(&scene, with("bdpt", &[Layer::Strategies], 4, 2), &[3000]));
+    let truth = films(&rendered(
+        &scene,
+        with("bpt", &[Layer::Depth], 4, 1),
+        &[12_000],
+    ));
+    let found = films(&rendered(
+        &scene,
+        with("bdpt", &[Layer::Strategies], 4, 2),
+        &[3000],
+    ));
     let images = |film: &Film| -> (Image, Image) { (film.mean(), film.variance_of_mean()) };
     let raw: Vec<_> = found
         .iter()
-        .filter_map(|(film, sums)| match film.part {
+        .filter_map(|(film, sums)| match film.subset {
             // The light itself is out of sight, so there is nothing of a single edge.
-            Part::Strategy { s, t, weighted: false } if s + t >= 3 => Some((s, t, sums)),
+            PathSubset::Strategy {
+                s,
+                t,
+                weighted: false,
+            } if s + t >= 3 => Some((s, t, sums)),
             _ => None,
         })
         .collect();
     assert_eq!(raw.len(), 3 + 4 + 5);
     let mut failures = Vec::new();
     for (s, t, sums) in &raw {
-        let depth = &truth.iter().find(|(film, _)| film.part == Part::Depth(s + t - 1)).unwrap().1;
+        let depth = &truth
+            .iter()
+            .find(|(film, _)| film.subset == PathSubset::Depth(s + t - 1))
+            .unwrap()
+            .1;
         let ((mean, variance), (depth_mean, depth_variance)) = (images(sums), images(depth));
-        let first = Estimate { mean: &mean, variance: &variance };
-        let test = compare(first, Estimate { mean: &depth_mean, variance: &depth_variance }, 4, 0.02);
+        let first = Estimate {
+            mean: &mean,
+            variance: &variance,
+        };
+        let test = compare(
+            first,
+            Estimate {
+                mean: &depth_mean,
+                variance: &depth_variance,
+            },
+            4,
+            0.02,
+        );
         assert!(test.comparisons >= 9, "the test says something: {test:?}");
         if !test.agrees(0.001, raw.len()) {
             failures.push(format!("s = {s}, t = {t}: {test:?}"));
@@ -166,9 +295,15 @@ fn every_strategy_of_a_diffuse_scene_finds_all_the_light_of_its_depth() {
 
 #[test]
 fn a_furnace_has_a_geometric_series_of_depths() {
-    // Every wall emits 0.5 and reflects half: paths of k edges bring 0.5^k, without noise.
-    let wall = Material { emission: Vec3::splat(0.5), emitter_reflects: true, ..grey(0.5) };
-    let scene = SceneBuilder::new(Vec3::new(0.0, 0.0, 0.3), Vec3::ZERO, 60.0).room(1.0, wall).build();
+    // Every wall emits 0.5 and reflects half: paths of k edges contribute 0.5^k, without noise.
+    let wall = Material {
+        emission: Vec3::splat(0.5),
+        emitter_reflects: true,
+        ..grey(0.5)
+    };
+    let scene = SceneBuilder::new(Vec3::new(0.0, 0.0, 0.3), Vec3::ZERO, 60.0)
+        .room(1.0, wall)
+        .build();
     let films = films(&rendered(&scene, with("bpt", &all(), 4, 3), &[16]));
     let image = |name: &str| {
         let (film, sums) = films.iter().find(|(film, _)| film.name() == name).unwrap();
@@ -176,12 +311,18 @@ fn a_furnace_has_a_geometric_series_of_depths() {
     };
     let near = |image: &Image, expected: [f32; 3]| {
         for p in &image.data {
-            assert!((0..3).all(|c| (p[c] - expected[c]).abs() < 1e-5), "{p:?} instead of {expected:?}");
+            assert!(
+                (0..3).all(|c| (p[c] - expected[c]).abs() < 1e-5),
+                "{p:?} instead of {expected:?}"
+            );
         }
     };
     for k in 1..=4 {
         near(&image(&format!("depth-{k}")), [0.5f32.powi(k); 3]);
-        near(&image(&format!("strategies-s0-t{}-raw", k + 1)), [0.5f32.powi(k); 3]);
+        near(
+            &image(&format!("strategies-s0-t{}-raw", k + 1)),
+            [0.5f32.powi(k); 3],
+        );
     }
     // 0 * 1/2 + 1 * 1/4 + 2 * 1/8 + 3 * 1/16 over 15/16.
     near(&image("bounces"), [0.6875 / 0.9375, 0.9375, 0.0]);
@@ -192,35 +333,71 @@ fn a_furnace_has_a_geometric_series_of_depths() {
 #[test]
 fn the_first_surface_is_what_the_camera_sees() {
     // A square, seen from behind at distance 2, that fills the left half of the picture.
-    let ochre = Material { base_color: Vec3::new(0.6, 0.4, 0.1), ..WHITE };
+    let ochre = Material {
+        base_color: Vec3::new(0.6, 0.4, 0.1),
+        ..WHITE
+    };
     let scene = SceneBuilder::new(Vec3::new(0.0, 0.0, 2.0), Vec3::ZERO, 40.0)
-        .quad(Vec3::new(-5.0, -5.0, 0.0), Vec3::Y * 10.0, Vec3::X * 5.0, ochre)
+        .quad(
+            Vec3::new(-5.0, -5.0, 0.0),
+            Vec3::Y * 10.0,
+            Vec3::X * 5.0,
+            ochre,
+        )
         .build();
-    let job = Job { layers: vec![Layer::Distance, Layer::Normal, Layer::Albedo], ..job([12; 2], 3, 4) };
+    let job = Job {
+        layers: vec![Layer::Distance, Layer::Normal, Layer::Albedo],
+        ..job([12; 2], 3, 4)
+    };
     let renderer = rendered(&scene, job, &[64]);
-    let images: Vec<Image> = films(&renderer).iter().map(|(film, sums)| film.image(sums)).collect();
-    let [albedo, normal, distance] = images.as_slice() else { panic!("{} films", images.len()) };
+    let images: Vec<Image> = films(&renderer)
+        .iter()
+        .map(|(film, sums)| film.image(sums))
+        .collect();
+    let [albedo, normal, distance] = images.as_slice() else {
+        panic!("{} films", images.len())
+    };
     for (x, y) in (0..12).flat_map(|y| (0..12).map(move |x| (x, y))) {
         if x < 6 {
             assert!((0..3).all(|c| (albedo.at(x, y)[c] - [0.6, 0.4, 0.1][c]).abs() < 1e-6));
-            assert!((0..3).all(|c| (normal.at(x, y)[c] - [0.0, 0.0, 1.0][c]).abs() < 1e-6), "turned to the camera");
+            assert!(
+                (0..3).all(|c| (normal.at(x, y)[c] - [0.0, 0.0, 1.0][c]).abs() < 1e-6),
+                "turned to the camera"
+            );
             let [u, v] = [x, y].map(|i| (i as f32 - 5.5) / 6.0 * 20f32.to_radians().tan());
             let expected = 2.0 * (1.0 + u * u + v * v).sqrt();
             let [distance, hit, _] = distance.at(x, y);
-            assert!((distance - expected).abs() < 0.01 && hit == 1.0, "{x},{y}: {distance} instead of {expected}");
+            assert!(
+                (distance - expected).abs() < 0.01 && hit == 1.0,
+                "{x},{y}: {distance} instead of {expected}"
+            );
         } else {
-            assert_eq!([albedo, normal, distance].map(|image| image.at(x, y)), [[0.0; 3]; 3]);
+            assert_eq!(
+                [albedo, normal, distance].map(|image| image.at(x, y)),
+                [[0.0; 3]; 3]
+            );
         }
     }
 }
 
 #[test]
 fn layers_that_cannot_be_had_are_refused_before_rendering() {
-    let huge = Job { layers: vec![Layer::Strategies], max_depth: 40, resolution: [4096; 2], ..with("bdpt", &[], 1, 1) };
+    let huge = Job {
+        layers: vec![Layer::Strategies],
+        max_depth: 40,
+        resolution: [4096; 2],
+        ..with("bdpt", &[], 1, 1)
+    };
     let Err(RenderError::Unsupported { reason, .. }) = CpuRenderer::new(empty(), huge) else {
         panic!("8 GiB and more")
     };
     assert!(reason.contains("lower max_depth"), "{reason}");
     let mock = (backend("mock").unwrap().open)(empty(), with("bpt", &[Layer::Depth], 2, 1));
-    assert!(matches!(mock.err(), Some(RenderError::Unsupported { backend: "mock", .. })));
+    assert!(matches!(
+        mock.err(),
+        Some(RenderError::Unsupported {
+            backend: "mock",
+            ..
+        })
+    ));
 }

@@ -5,19 +5,32 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 use lumbre::math::rng::{pcg4d, unit};
 use lumbre::math::stats::chi_square_p;
-use lumbre::render::cpu::accel::Accel;
+use lumbre::render::cpu::bvh::accel::Accel;
 use lumbre::scene::CompiledScene;
-use lumbre::transport::light::{LightId, Lights, Select};
+use lumbre::transport::light::{LightId, LightSelection, Lights};
 use lumbre::transport::ray::Ray;
 
 use crate::common::{SceneBuilder, grey, job, light, mean_and_error, render};
 
-/// A floor under lights of very different areas: two triangles and a sphere.
+/// Returns a floor under lights of very different areas: two triangles and a sphere.
 fn scene() -> Arc<CompiledScene> {
-    let big = [Vec3::new(-1.0, 2.0, -1.0), Vec3::new(1.0, 2.0, -1.0), Vec3::new(-1.0, 2.0, 1.0)];
-    let small = [Vec3::new(0.5, 1.0, 0.5), Vec3::new(0.8, 1.0, 0.5), Vec3::new(0.5, 1.0, 0.9)];
+    let big = [
+        Vec3::new(-1.0, 2.0, -1.0),
+        Vec3::new(1.0, 2.0, -1.0),
+        Vec3::new(-1.0, 2.0, 1.0),
+    ];
+    let small = [
+        Vec3::new(0.5, 1.0, 0.5),
+        Vec3::new(0.8, 1.0, 0.5),
+        Vec3::new(0.5, 1.0, 0.9),
+    ];
     SceneBuilder::new(Vec3::new(0.0, 0.8, 2.5), Vec3::ZERO, 0.5)
-        .quad(Vec3::new(-20.0, 0.0, 20.0), Vec3::X * 40.0, Vec3::Z * -40.0, grey(0.8))
+        .quad(
+            Vec3::new(-20.0, 0.0, 20.0),
+            Vec3::X * 40.0,
+            Vec3::Z * -40.0,
+            grey(0.8),
+        )
         .triangle(big, [Vec2::ZERO; 3], light(2.0))
         .triangle(small, [Vec2::ZERO; 3], light(9.0))
         .sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0))
@@ -31,7 +44,7 @@ fn uniform(i: u32) -> [f32; 4] {
 #[test]
 fn emitters_are_chosen_by_exact_area() {
     let scene = scene();
-    let lights = Lights::with_select(&scene, Select::Area);
+    let lights = Lights::with_select(&scene, LightSelection::Area);
     let areas: Vec<f64> = scene.emitters.iter().map(|e| f64::from(e.area)).collect();
     let total: f64 = areas.iter().sum();
     assert!((lights.total_area() / total - 1.0).abs() < 1e-6);
@@ -39,9 +52,16 @@ fn emitters_are_chosen_by_exact_area() {
     let mut observed = vec![0.0; areas.len()];
     for i in 0..n {
         let u = uniform(i);
-        let e = lights.sample_emission(&scene, u[0], [u[1], u[2]], [u[3], 0.5]).unwrap();
-        assert!((f64::from(e.pdf_a) * total - 1.0).abs() < 1e-4, "density is 1 / total area everywhere");
-        let LightId::Emitter(which) = e.point.light else { panic!("{:?}", e.point) };
+        let e = lights
+            .sample_emission(&scene, u[0], [u[1], u[2]], [u[3], 0.5])
+            .unwrap();
+        assert!(
+            (f64::from(e.pdf_a) * total - 1.0).abs() < 1e-4,
+            "density is 1 / total area everywhere"
+        );
+        let LightId::Emitter(which) = e.point.light else {
+            panic!("{:?}", e.point)
+        };
         let again = lights.pdf_emission(&scene, which, e.cos);
         assert_eq!([again.pdf_a, again.pdf_w], [e.pdf_a, e.pdf_w]);
         observed[which as usize] += 1.0;
@@ -56,7 +76,8 @@ fn sampled_and_found_light_agree() {
     let film = render(&scene, job([8, 8], 2, 31), 40_000);
     let (found, found_error) = mean_and_error(&film, 0);
 
-    // The same radiance by connecting the point in the middle of the picture to points of the lights.
+    // The same radiance by connecting the point in the middle of the picture to points on the
+    // lights.
     let accel = Accel::build(Arc::clone(&scene)).unwrap();
     let lights = Lights::new(&scene);
     let origin = Vec3::Y * 1e-4;
@@ -65,9 +86,14 @@ fn sampled_and_found_light_agree() {
     for i in 0..n {
         let u = uniform(i);
         let value = match lights.sample_direct(&scene, origin, u[0], [u[1], u[2]]) {
-            Some(d) if d.wi.y > 0.0 && !accel.occluded(&Ray { origin, dir: d.wi }, d.distance * 0.999) => {
+            Some(d)
+                if d.wi.y > 0.0
+                    && !accel.occluded(&Ray { origin, dir: d.wi }, d.distance * 0.999) =>
+            {
                 let at = d.point;
-                let LightId::Emitter(i) = at.light else { panic!("{at:?}") };
+                let LightId::Emitter(i) = at.light else {
+                    panic!("{at:?}")
+                };
                 let again = lights.pdf_direct_w(&scene, origin, i, at.position, at.normal);
                 assert!((again / d.pdf_w - 1.0).abs() < 0.01, "{again} {}", d.pdf_w);
                 f64::from(0.8 / std::f32::consts::PI * d.radiance.x * d.wi.y / d.pdf_w)
@@ -81,5 +107,8 @@ fn sampled_and_found_light_agree() {
     let error = ((sum2 / f64::from(n) - mean * mean) / f64::from(n)).sqrt();
     let sigma = (error * error + found_error * found_error).sqrt();
     assert!(sigma / mean < 0.01);
-    assert!((mean - found).abs() < 3.0 * sigma, "{mean} and {found} +- {sigma}");
+    assert!(
+        (mean - found).abs() < 3.0 * sigma,
+        "{mean} and {found} +- {sigma}"
+    );
 }

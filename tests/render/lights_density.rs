@@ -1,4 +1,4 @@
-//! Densities of light sampling: chi-square tests of what is drawn against what the density says, cell by cell over
+//! Densities of light sampling: chi-square tests of samples against the density, cell by cell over
 //! directions and positions, and densities that integrate to one.
 
 use std::f64::consts::{PI, TAU};
@@ -8,49 +8,56 @@ use glam::{DVec3, Vec2, Vec3};
 use lumbre::math::rng::{pcg4d, unit};
 use lumbre::math::stats::{chi_square_p, sidak};
 use lumbre::math::{Frame, warp};
-use lumbre::render::cpu::accel::Accel;
+use lumbre::render::cpu::bvh::accel::Accel;
 use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{NONE, Texture, Uv};
-use lumbre::transport::light::{LightId, LightPoint, Lights, Select};
+use lumbre::scene::compile::{NONE, Texture};
+use lumbre::transport::light::{LightId, LightSelection, Lights};
 use lumbre::transport::ray::Ray;
 use lumbre::transport::surface::Surface;
 
-use lumbre::scene::desc::{ConeDesc, ConeEdge};
-
 use crate::common::{SceneBuilder, grey, light};
 
-/// The probability that all chi-square tests of one `#[test]` pass by chance alone is one minus this.
-const SIGNIFICANCE: f64 = 0.001;
+/// Probability that any chi-square test of one `#[test]` fails by chance alone.
+pub const SIGNIFICANCE: f64 = 0.001;
 
-fn uniform(i: u32, key: u32) -> [f32; 8] {
+pub fn uniform(i: u32, key: u32) -> [f32; 8] {
     let [a, b] = [0, 1].map(|half| pcg4d([i, key, 31, half]).map(unit));
     [a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]]
 }
 
-fn scene() -> SceneBuilder {
+pub fn scene() -> SceneBuilder {
     SceneBuilder::new(Vec3::Z * 9.0, Vec3::ZERO, 40.0)
 }
 
 /// A cap of directions about an axis, cut into cells of equal solid angle.
-struct Cap {
+pub struct Cap {
     frame: Frame,
     /// One minus the cosine of its half angle.
     height: f64,
-    side: usize,
+    pub side: usize,
     /// Midpoints along a side of a cell.
     steps: usize,
 }
 
 impl Cap {
-    fn new(axis: Vec3, height: f64) -> Cap {
-        Cap { frame: Frame::from_normal(axis.try_normalize().unwrap()), height: height.min(2.0), side: 16, steps: 24 }
+    pub fn new(axis: Vec3, height: f64) -> Cap {
+        Cap {
+            frame: Frame::from_normal(axis.try_normalize().unwrap()),
+            height: height.min(2.0),
+            side: 16,
+            steps: 24,
+        }
     }
 
-    /// The cell of a direction, if it lies in the cap. Exact for narrow caps too.
-    fn cell(&self, dir: Vec3) -> Option<usize> {
+    /// Returns the cell of a direction, if it lies in the cap. Exact for narrow caps too.
+    pub fn cell(&self, dir: Vec3) -> Option<usize> {
         let d = self.frame.to_local(dir).as_dvec3();
         let sin2 = d.x * d.x + d.y * d.y;
-        let q = if d.z > 0.0 { sin2 / (1.0 + d.z) } else { 1.0 - d.z };
+        let q = if d.z > 0.0 {
+            sin2 / (1.0 + d.z)
+        } else {
+            1.0 - d.z
+        };
         let down = q / self.height;
         let round = d.y.atan2(d.x) / TAU + 0.5;
         let at = |x: f64| ((x * self.side as f64) as usize).min(self.side - 1);
@@ -61,10 +68,11 @@ impl Cap {
         let q = down * self.height;
         let sin = (q * (2.0 - q)).max(0.0).sqrt();
         let phi = (round - 0.5) * TAU;
-        self.frame.to_world(DVec3::new(sin * phi.cos(), sin * phi.sin(), 1.0 - q).as_vec3())
+        self.frame
+            .to_world(DVec3::new(sin * phi.cos(), sin * phi.sin(), 1.0 - q).as_vec3())
     }
 
-    /// The integral of a density over every cell.
+    /// Returns the integral of a density over every cell.
     fn integrate(&self, density: impl Fn(Vec3) -> f64) -> Vec<f64> {
         let steps = self.steps;
         let n = self.side * steps;
@@ -80,9 +88,16 @@ impl Cap {
     }
 }
 
-/// p-value of `sample_direct` from a point against `pdf_direct_w`; what lies behind something else, or cannot shine
-/// there, makes a cell of its own. Asserts that both say the same at every sample, and how much of all is visible.
-fn p_of_direct(scene: &Arc<CompiledScene>, select: Select, from: Vec3, cap: &Cap, visible: [f64; 2]) -> f64 {
+/// Returns the p-value of `sample_direct` from a point against `pdf_direct_w`; samples that are
+/// occluded or face away form a cell of their own. Panics unless both agree at every sample, and
+/// unless the visible part lies in the range.
+fn p_of_direct(
+    scene: &Arc<CompiledScene>,
+    select: LightSelection,
+    from: Vec3,
+    cap: &Cap,
+    visible: [f64; 2],
+) -> f64 {
     let accel = Accel::build(Arc::clone(scene)).unwrap();
     let lights = Lights::with_select(scene, select);
     let found = |dir: Vec3| {
@@ -92,12 +107,17 @@ fn p_of_direct(scene: &Arc<CompiledScene>, select: Select, from: Vec3, cap: &Cap
         (s.emitter != NONE).then_some(s)
     };
     let density = |dir: Vec3| match found(dir) {
-        Some(s) => f64::from(lights.pdf_direct_w(scene, from, s.emitter, s.position, s.n_geometric)),
+        Some(s) => {
+            f64::from(lights.pdf_direct_w(scene, from, s.emitter, s.position, s.n_geometric))
+        }
         None => 0.0,
     };
     let mut expected = cap.integrate(density);
     let total: f64 = expected.iter().sum();
-    assert!((visible[0]..=visible[1]).contains(&total), "the density integrates to {total}");
+    assert!(
+        (visible[0]..=visible[1]).contains(&total),
+        "the density integrates to {total}"
+    );
     expected.push((1.0 - total).max(0.0));
     let n = 60_000u32;
     let mut observed = vec![0.0; expected.len()];
@@ -107,12 +127,21 @@ fn p_of_direct(scene: &Arc<CompiledScene>, select: Select, from: Vec3, cap: &Cap
         let mut cell = expected.len() - 1;
         if let Some(d) = lights.sample_direct(scene, from, u[0], [u[1], u[2]]) {
             assert!((d.wi.length() - 1.0).abs() < 1e-5 && d.distance > 0.0 && d.radiance.x > 0.0);
-            let LightId::Emitter(which) = d.point.light else { panic!("{:?}", d.point) };
+            let LightId::Emitter(which) = d.point.light else {
+                panic!("{:?}", d.point)
+            };
             let off = (from + d.wi * d.distance - d.point.position).length();
             let ulp = f32::EPSILON * (from.length() + d.distance);
-            assert!(off <= 1e-3 * d.distance + 8.0 * ulp, "the direction misses the point by {off}");
+            assert!(
+                off <= 1e-3 * d.distance + 8.0 * ulp,
+                "the direction misses the point by {off}"
+            );
             let again = lights.pdf_direct_w(scene, from, which, d.point.position, d.point.normal);
-            assert!((again / d.pdf_w - 1.0).abs() < 2e-3, "{again} is not {}", d.pdf_w);
+            assert!(
+                (again / d.pdf_w - 1.0).abs() < 2e-3,
+                "{again} is not {}",
+                d.pdf_w
+            );
             match found(d.wi) {
                 Some(s) if s.emitter == which => cell = cap.cell(d.wi).expect("inside the cap"),
                 _ => beside += 1,
@@ -121,13 +150,17 @@ fn p_of_direct(scene: &Arc<CompiledScene>, select: Select, from: Vec3, cap: &Cap
         observed[cell] += 1.0;
     }
     if visible[0] > 0.99 {
-        // Nothing is in the way: only rounding at an edge may look past the light, and that is no cell's share.
-        assert!(f64::from(beside) < 2e-3 * f64::from(n), "{beside} samples do not see their light");
+        // Nothing occludes the light: only rounding at an edge may miss it, and that is no cell's
+        // share.
+        assert!(
+            f64::from(beside) < 2e-3 * f64::from(n),
+            "{beside} samples do not see their light"
+        );
         expected.pop();
         observed.pop();
     }
     let scale = observed.iter().sum::<f64>() / expected.iter().sum::<f64>();
-    // A corner of the light that no midpoint met joins its neighbour.
+    // A corner of the light that no midpoint hit is merged with its neighbour.
     let (mut wide_observed, mut wide_expected) = (vec![0.0], vec![0.0]);
     for (o, e) in observed.iter().zip(expected) {
         if e * scale >= 5.0 {
@@ -145,8 +178,14 @@ const ALL: [f64; 2] = [0.995, 1.005];
 
 #[test]
 fn directions_to_triangles_follow_their_density() {
-    let corners = [Vec3::new(-1.0, 2.0, -1.0), Vec3::new(1.5, 2.2, -0.5), Vec3::new(-0.5, 1.7, 1.0)];
-    let one = scene().triangle(corners, [Vec2::ZERO; 3], light(1.0)).build();
+    let corners = [
+        Vec3::new(-1.0, 2.0, -1.0),
+        Vec3::new(1.5, 2.2, -0.5),
+        Vec3::new(-0.5, 1.7, 1.0),
+    ];
+    let one = scene()
+        .triangle(corners, [Vec2::ZERO; 3], light(1.0))
+        .build();
     let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
     // Below, from far away, at a grazing angle, and so near that it fills most of a hemisphere.
     let cases = [
@@ -157,12 +196,25 @@ fn directions_to_triangles_follow_their_density() {
     ];
     let level = sidak(SIGNIFICANCE, cases.len());
     for (from, height) in cases {
-        let p = p_of_direct(&one, Select::Power, from, &Cap { steps: 48, ..Cap::new(middle - from, height) }, ALL);
+        let p = p_of_direct(
+            &one,
+            LightSelection::Power,
+            from,
+            &Cap {
+                steps: 48,
+                ..Cap::new(middle - from, height)
+            },
+            ALL,
+        );
         assert!(p > level, "from {from}: p = {p}");
     }
-    // Its back shines nowhere.
+    // Its back does not emit.
     let lights = Lights::new(&one);
-    assert!((0..1000).all(|i| lights.sample_direct(&one, Vec3::Y * 5.0, 0.3, [uniform(i, 2)[0], 0.5]).is_none()));
+    assert!((0..1000).all(|i| {
+        lights
+            .sample_direct(&one, Vec3::Y * 5.0, 0.3, [uniform(i, 2)[0], 0.5])
+            .is_none()
+    }));
 }
 
 #[test]
@@ -175,22 +227,39 @@ fn directions_to_spheres_follow_their_density_at_every_distance() {
     for distance in distances {
         let from = center - along * (radius * distance);
         let sin2 = f64::from(1.0 / distance).powi(2);
-        // The cone with a rim in which nothing may fall; as wide as it can be found by rays of single precision.
+        // The cone with an empty rim; as wide as rays of single precision can find it.
         let height = sin2 / (1.0 + (1.0 - sin2).sqrt()) * 1.1;
-        let p = p_of_direct(&one, Select::Power, from, &Cap::new(along, height), [0.98, 1.02]);
+        let p = p_of_direct(
+            &one,
+            LightSelection::Power,
+            from,
+            &Cap::new(along, height),
+            [0.98, 1.02],
+        );
         assert!(p > level, "from {distance} radii: p = {p}");
     }
     let lights = Lights::new(&one);
     for from in [center, center + along * 0.5, center - Vec3::X * 0.699] {
-        assert!(lights.sample_direct(&one, from, 0.3, [0.4, 0.5]).is_none(), "the inside is dark");
-        assert_eq!(lights.pdf_direct_w(&one, from, 0, center + Vec3::Y * radius, Vec3::Y), 0.0);
+        assert!(
+            lights.sample_direct(&one, from, 0.3, [0.4, 0.5]).is_none(),
+            "the inside is dark"
+        );
+        assert_eq!(
+            lights.pdf_direct_w(&one, from, 0, center + Vec3::Y * radius, Vec3::Y),
+            0.0
+        );
     }
 }
 
 #[test]
 fn directions_to_several_lights_follow_every_way_of_choosing() {
     let up = |x: f32, y: f32, size: f32| {
-        [Vec3::new(x, y, 0.0), Vec3::new(x + size, y, 0.2), Vec3::new(x, y, size)].map(|p| p - Vec3::Z * 0.3)
+        [
+            Vec3::new(x, y, 0.0),
+            Vec3::new(x + size, y, 0.2),
+            Vec3::new(x, y, size),
+        ]
+        .map(|p| p - Vec3::Z * 0.3)
     };
     let lit = scene()
         .triangle(up(-1.0, 2.0, 1.4), [Vec2::ZERO; 3], light(1.0))
@@ -198,16 +267,19 @@ fn directions_to_several_lights_follow_every_way_of_choosing() {
         .triangle(up(-0.8, 0.9, 0.8), [Vec2::ZERO; 3], grey(0.5))
         .sphere(Vec3::new(1.2, 1.2, 0.3), 0.35, light(4.0))
         .build();
-    let level = sidak(SIGNIFICANCE, Select::NAMES.len());
-    for (name, select) in Select::NAMES {
+    let level = sidak(SIGNIFICANCE, LightSelection::NAMES.len());
+    for (name, select) in LightSelection::NAMES {
         // The grey triangle hides part of the first light.
-        let cap = Cap { steps: 64, ..Cap::new(Vec3::Y, 1.0) };
+        let cap = Cap {
+            steps: 64,
+            ..Cap::new(Vec3::Y, 1.0)
+        };
         let p = p_of_direct(&lit, select, Vec3::ZERO, &cap, [0.3, 0.99]);
         assert!(p > level, "{name}: p = {p}");
     }
 }
 
-/// A map of 16 x 8 texels with a sun, two black rows and a black column.
+/// Returns a map of 16 x 8 texels with a sun, two black rows and a black column.
 pub fn sunny() -> Texture {
     let texel = |i: usize| match (i % 16, i / 16) {
         (11, 2) => [9000.0, 8000.0, 7000.0],
@@ -217,43 +289,58 @@ pub fn sunny() -> Texture {
     Texture::new(16, 8, (0..128).map(texel).collect::<Vec<_>>())
 }
 
-/// Direction of a place of a map, both in 0..1 from its top left corner, from the words that define the format alone:
-/// the top is +y, the middle is +z, -x is right of it; turned counter-clockwise seen from above.
+/// Returns the direction of map coordinates, both in 0..1 from the top left corner, from the
+/// definition of the format alone: the top is +y, the middle is +z, -x is right of it; rotated
+/// counter-clockwise seen from above.
 pub fn direction(u: f64, v: f64, rotation_deg: f64) -> DVec3 {
     let right = TAU * (u - 0.5);
     let (sin, cos) = (PI * v).sin_cos();
-    glam::DQuat::from_rotation_y(rotation_deg.to_radians()) * DVec3::new(-right.sin() * sin, cos, right.cos() * sin)
+    glam::DQuat::from_rotation_y(rotation_deg.to_radians())
+        * DVec3::new(-right.sin() * sin, cos, right.cos() * sin)
 }
 
-/// Place in a map of a direction.
+/// Returns the map coordinates of a direction.
 fn place(dir: DVec3, rotation_deg: f64) -> [f64; 2] {
     let d = glam::DQuat::from_rotation_y(-rotation_deg.to_radians()) * dir;
-    [0.5 + (-d.x).atan2(d.z) / TAU, d.y.clamp(-1.0, 1.0).acos() / PI]
+    [
+        0.5 + (-d.x).atan2(d.z) / TAU,
+        d.y.clamp(-1.0, 1.0).acos() / PI,
+    ]
 }
 
 #[test]
 fn a_map_is_seen_as_its_definition_says() {
     for rotation in [0.0f32, 73.0, 275.5] {
-        let surrounded = scene().environment(Some(sunny()), Vec3::splat(0.5), rotation).build();
+        let surrounded = scene()
+            .environment(Some(sunny()), Vec3::splat(0.5), rotation)
+            .build();
         let lights = Lights::new(&surrounded);
         for (i, texel) in sunny().texels.iter().enumerate() {
-            let (u, v) = ((i % 16) as f64 / 16.0 + 1.0 / 32.0, (i / 16) as f64 / 8.0 + 1.0 / 16.0);
+            let (u, v) = (
+                (i % 16) as f64 / 16.0 + 1.0 / 32.0,
+                (i / 16) as f64 / 8.0 + 1.0 / 16.0,
+            );
             let dir = direction(u, v, rotation.into()).as_vec3();
             let (seen, own) = (lights.environment(dir), Vec3::from_array(*texel) * 0.5);
-            // A neighbour of the sun sees a millionth of it by rounding.
-            assert!((seen - own).abs().max_element() < 0.02, "texel {i}, {rotation}: {seen} instead of {own}");
+            // A neighbour of the sun receives a millionth of it by rounding.
+            assert!(
+                (seen - own).abs().max_element() < 0.02,
+                "texel {i}, {rotation}: {seen} instead of {own}"
+            );
         }
     }
 }
 
-/// Cells of a map's texels, each cut into 3 x 3, and the integral over each of a density per solid angle.
-fn map_cells(size: [usize; 2], rotation: f64, density: impl Fn(Vec3) -> f64) -> Vec<f64> {
+/// Returns the integral of a density per solid angle over cells of a map: its texels, each cut into
+/// 3 x 3.
+pub fn map_cells(size: [usize; 2], rotation: f64, density: impl Fn(Vec3) -> f64) -> Vec<f64> {
     let (cells, steps) = (size.map(|n| 3 * n), 4);
     let mut sums = vec![0.0; cells[0] * cells[1]];
     let [w, h] = cells.map(|c| c * steps);
     for y in 0..h {
         let v = (y as f64 + 0.5) / h as f64;
-        let band = TAU / w as f64 * ((PI * y as f64 / h as f64).cos() - (PI * (y + 1) as f64 / h as f64).cos());
+        let band = TAU / w as f64
+            * ((PI * y as f64 / h as f64).cos() - (PI * (y + 1) as f64 / h as f64).cos());
         for x in 0..w {
             let dir = direction((x as f64 + 0.5) / w as f64, v, rotation).as_vec3();
             sums[y / steps * cells[0] + x / steps] += band * density(dir);
@@ -262,7 +349,7 @@ fn map_cells(size: [usize; 2], rotation: f64, density: impl Fn(Vec3) -> f64) -> 
     sums
 }
 
-fn map_cell(size: [usize; 2], rotation: f64, dir: Vec3) -> usize {
+pub fn map_cell(size: [usize; 2], rotation: f64, dir: Vec3) -> usize {
     let [u, v] = place(dir.as_dvec3(), rotation);
     let at = |x: f64, n: usize| ((x * 3.0 * n as f64) as usize).min(3 * n - 1);
     at(v, size[1]) * 3 * size[0] + at(u, size[0])
@@ -272,23 +359,43 @@ fn map_cell(size: [usize; 2], rotation: f64, dir: Vec3) -> usize {
 fn directions_to_the_environment_follow_their_density() {
     let sky = Texture::new(4, 3, vec![[1.0, 2.0, 3.0]; 4 * 3]);
     let thin = Texture::new(1, 3, vec![[0.0; 3], [5.0; 3], [1.0; 3]]);
-    let cases = [(Some(sunny()), 73.0f32), (Some(sky), 200.0), (Some(thin), -10.0), (None, 0.0)];
+    let cases = [
+        (Some(sunny()), 73.0f32),
+        (Some(sky), 200.0),
+        (Some(thin), -10.0),
+        (None, 0.0),
+    ];
     let level = sidak(SIGNIFICANCE, cases.len());
     for (map, rotation) in cases {
-        let size = map.as_ref().map_or([4, 4], |m| [m.width as usize, m.height as usize]);
-        let surrounded = scene().sphere(Vec3::ZERO, 1.0, grey(0.5)).environment(map, Vec3::ONE, rotation).build();
+        let size = map
+            .as_ref()
+            .map_or([4, 4], |m| [m.width as usize, m.height as usize]);
+        let surrounded = scene()
+            .sphere(Vec3::ZERO, 1.0, grey(0.5))
+            .environment(map, Vec3::ONE, rotation)
+            .build();
         let lights = Lights::new(&surrounded);
-        let mut expected = map_cells(size, rotation.into(), |dir| f64::from(lights.pdf_environment_w(dir)));
+        let mut expected = map_cells(size, rotation.into(), |dir| {
+            f64::from(lights.pdf_environment_w(dir))
+        });
         let total: f64 = expected.iter().sum();
-        assert!((total - 1.0).abs() < 1e-4, "{size:?}: the density integrates to {total}");
+        assert!(
+            (total - 1.0).abs() < 1e-4,
+            "{size:?}: the density integrates to {total}"
+        );
         let n = 400_000u32;
         expected.iter_mut().for_each(|e| *e *= f64::from(n));
         let mut observed = vec![0.0; expected.len()];
         for i in 0..n {
             let u = uniform(i, 3);
-            let d = lights.sample_direct(&surrounded, Vec3::X * 3.0, u[0], [u[1], u[2]]).unwrap();
+            let d = lights
+                .sample_direct(&surrounded, Vec3::X * 3.0, u[0], [u[1], u[2]])
+                .unwrap();
             assert!((d.wi.length() - 1.0).abs() < 1e-5 && d.distance == f32::INFINITY && !d.delta);
-            assert_eq!((d.point.light, d.radiance), (LightId::Environment, lights.environment(d.wi)));
+            assert_eq!(
+                (d.point.light, d.radiance),
+                (LightId::Environment, lights.environment(d.wi))
+            );
             observed[map_cell(size, rotation.into(), d.wi)] += 1.0;
         }
         let p = chi_square_p(&observed, &expected, 0);
@@ -298,7 +405,10 @@ fn directions_to_the_environment_follow_their_density() {
 
 #[test]
 fn every_direction_that_shines_has_a_density_fit_for_it() {
-    let surrounded = scene().sphere(Vec3::ZERO, 1.0, grey(0.5)).environment(Some(sunny()), Vec3::ONE, 31.0).build();
+    let surrounded = scene()
+        .sphere(Vec3::ZERO, 1.0, grey(0.5))
+        .environment(Some(sunny()), Vec3::ONE, 31.0)
+        .build();
     let lights = Lights::new(&surrounded);
     let mut worst = 0.0f32;
     for i in 0..200_000u32 {
@@ -306,190 +416,25 @@ fn every_direction_that_shines_has_a_density_fit_for_it() {
         let dir = warp::uniform_sphere([u[0], u[1]]);
         let (radiance, pdf_w) = (lights.environment(dir), lights.pdf_environment_w(dir));
         assert!(pdf_w.is_finite() && pdf_w >= 0.0 && radiance.is_finite());
-        assert!(radiance == Vec3::ZERO || pdf_w > 0.0, "{dir} shines with {radiance} and is never found");
+        assert!(
+            radiance == Vec3::ZERO || pdf_w > 0.0,
+            "{dir} shines with {radiance} and is never found"
+        );
         if radiance != Vec3::ZERO {
             worst = worst.max(radiance.y / pdf_w);
         }
     }
-    // In the corner that a black cell shares with the sun's, radiance is a quarter of the sun's and the cell's mean is 1/64:
-    // 16 times more than a perfect density would give, which is the mean over all directions, and nowhere is it more.
+    // In the corner that a black cell shares with the sun's, radiance is a quarter of the sun's and
+    // the cell's mean is 1/64: 16 times more than a perfect density would have, which is the mean
+    // over all directions; no place has more.
     let perfect = 4.0 * std::f32::consts::PI * mean_radiance(&lights).y;
     assert!(worst < 1.2 * 16.0 * perfect, "{worst} of {perfect}");
 }
 
 fn mean_radiance(lights: &Lights) -> Vec3 {
     let n = 20_000;
-    (0..n).map(|i| lights.environment(warp::uniform_sphere([uniform(i, 5)[0], uniform(i, 5)[1]]))).sum::<Vec3>()
+    (0..n)
+        .map(|i| lights.environment(warp::uniform_sphere([uniform(i, 5)[0], uniform(i, 5)[1]])))
+        .sum::<Vec3>()
         / n as f32
-}
-
-/// Middle and radius of the ball around a scene made of one box of two corners.
-const BOX: [Vec3; 2] = [Vec3::new(-1.0, 0.0, -2.0), Vec3::new(2.0, 1.0, 1.0)];
-
-fn boxed() -> SceneBuilder {
-    let [a, b] = BOX;
-    scene().triangle([a, b, Vec3::new(a.x, b.y, b.z)], [Vec2::ZERO; 3], grey(0.5))
-}
-
-/// Cell of a point relative to a disk: rings of equal area times sectors, 3 x 4.
-fn disk_cell(local: Vec2, radius: f32) -> usize {
-    let ring = ((local.length_squared() / (radius * radius) * 3.0) as usize).min(2);
-    let sector = (((local.y.atan2(local.x) / std::f32::consts::TAU + 0.5) * 4.0) as usize).min(3);
-    ring * 4 + sector
-}
-
-#[test]
-fn paths_from_lights_without_a_place_start_as_their_densities_say() {
-    let [a, b] = BOX;
-    let (center, radius) = ((a + b) * 0.5, 0.5 * (b - a).length());
-    let size = [16, 8];
-    let n = 400_000u32;
-    let dark = boxed().environment(Some(sunny()), Vec3::ONE, 40.0).build();
-    let sun = boxed().directional(Vec3::new(1.0, -2.0, 0.5), Vec3::ONE).build();
-    let level = sidak(SIGNIFICANCE, 2);
-    for surrounded in [dark, sun] {
-        let lights = Lights::new(&surrounded);
-        let directions = surrounded.environment.is_some();
-        let mut observed = vec![0.0; if directions { 12 * 9 * 128 } else { 12 }];
-        for i in 0..n {
-            let u = uniform(i, 6);
-            let e = lights.sample_emission(&surrounded, u[0], [u[1], u[2]], [u[3], u[4]]).unwrap();
-            let own = lights.pdf_emission_at(&surrounded, &e.point, e.dir);
-            assert_eq!(own.pdf_a, e.pdf_a);
-            assert!((own.pdf_w / e.pdf_w - 1.0).abs() < 1e-4 || directions, "{own:?} {e:?}");
-            assert_eq!(lights.emitted(&surrounded, &e.point, e.dir), e.radiance);
-            let disk = PI * f64::from(radius).powi(2);
-            assert!((f64::from(e.pdf_a) * disk - 1.0).abs() < 1e-3, "one over the area of the disk");
-            let offset = e.point.position - center;
-            assert!((offset.dot(e.dir) + radius).abs() < 1e-3 * radius, "it starts before everything");
-            let local = Frame::from_normal(e.dir).to_local(offset);
-            let mut cell = disk_cell(local.truncate(), radius);
-            if directions {
-                cell += 12 * map_cell(size, 40.0, -e.dir);
-            }
-            observed[cell] += 1.0;
-        }
-        let directions = if directions {
-            map_cells(size, 40.0, |dir| f64::from(lights.pdf_environment_one_w(dir)))
-        } else {
-            vec![1.0]
-        };
-        let twelfth = f64::from(n) / 12.0;
-        let expected: Vec<f64> = directions.iter().flat_map(|d| std::iter::repeat_n(d * twelfth, 12)).collect();
-        let p = chi_square_p(&observed, &expected, 0);
-        assert!(p > level, "p = {p}");
-    }
-}
-
-#[test]
-fn paths_from_surfaces_and_points_start_as_their_densities_say() {
-    let corners = [Vec3::new(-1.0, 2.0, -1.0), Vec3::new(1.5, 2.2, -0.5), Vec3::new(-0.5, 1.7, 1.0)];
-    let (center, radius) = (Vec3::new(3.0, 1.0, 0.0), 0.6);
-    let lit = scene()
-        .triangle(corners, [Vec2::ZERO, Vec2::X, Vec2::Y], light(1.0))
-        .sphere(center, radius, light(3.0))
-        .point(Vec3::Y * 3.0, Vec3::splat(2.0))
-        .build();
-    let lights = Lights::new(&lit);
-    // Four places of every light, each with 4 x 4 directions of equal probability under a cosine; of the point, under none.
-    let mut observed = vec![0.0; 3 * 64];
-    let n = 400_000u32;
-    for i in 0..n {
-        let u = uniform(i, 7);
-        let e = lights.sample_emission(&lit, u[0], [u[1], u[2]], [u[3], u[4]]).unwrap();
-        let own = lights.pdf_emission_at(&lit, &e.point, e.dir);
-        assert_eq!(own.pdf_a, e.pdf_a);
-        assert!((own.pdf_w - e.pdf_w).abs() < 1e-5 * (1.0 + e.pdf_w), "{own:?} {e:?}");
-        let sector =
-            |x: f32, y: f32, n: f32| (((y.atan2(x) / std::f32::consts::TAU + 0.5) * n) as usize).min(n as usize - 1);
-        let local = Frame::from_normal(e.point.normal).to_local(e.dir);
-        let height = |h: f32| ((h * 4.0) as usize).min(3);
-        let (which, at, dir) = match e.point.light {
-            LightId::Emitter(0) => {
-                // Four triangles of a quarter of the area each.
-                let uv = e.point.uv.first;
-                let at = if uv.x > 0.5 {
-                    0
-                } else if uv.y > 0.5 {
-                    1
-                } else if uv.x + uv.y < 0.5 {
-                    2
-                } else {
-                    3
-                };
-                (0, at, height(1.0 - e.cos * e.cos) * 4 + sector(local.x, local.y, 4.0))
-            }
-            LightId::Emitter(_) => {
-                assert!(((e.point.position - center).length() - radius).abs() < 1e-5);
-                let at = height((e.point.normal.z + 1.0) * 0.5);
-                (1, at, height(1.0 - e.cos * e.cos) * 4 + sector(local.x, local.y, 4.0))
-            }
-            _ => (
-                2,
-                sector(e.dir.x, e.dir.y, 4.0),
-                height((e.dir.z + 1.0) * 0.5) * 4 + sector(e.dir.x, e.dir.y, 16.0) % 4,
-            ),
-        };
-        observed[which * 64 + at * 16 + dir] += 1.0;
-    }
-    let choice = [LightId::Emitter(0), LightId::Emitter(1), LightId::Point(0)].map(|l| f64::from(lights.pdf_choice(l)));
-    assert!((choice.iter().sum::<f64>() - 1.0).abs() < 1e-6);
-    let expected: Vec<f64> = choice.iter().flat_map(|c| std::iter::repeat_n(c * f64::from(n) / 64.0, 64)).collect();
-    let p = chi_square_p(&observed, &expected, 0);
-    assert!(p > SIGNIFICANCE, "p = {p}");
-    // What that presupposes: the densities are those of these cells.
-    for (i, cos) in [(0, 0.3f32), (1, 0.9)] {
-        let pdf = lights.pdf_emission(&lit, i, cos);
-        let area = lit.emitters[i as usize].area;
-        assert!((pdf.pdf_a * area - choice[i as usize] as f32).abs() < 1e-6);
-        assert!((pdf.pdf_w - cos / std::f32::consts::PI).abs() < 1e-7);
-        assert_eq!(lights.pdf_emission(&lit, i, -cos).pdf_w, 0.0);
-    }
-    let at = LightPoint { light: LightId::Point(0), position: Vec3::Y * 3.0, normal: Vec3::Y, uv: Uv::default() };
-    assert!((f64::from(lights.pdf_emission_at(&lit, &at, Vec3::X).pdf_w) * 4.0 * PI - 1.0).abs() < 1e-6);
-}
-
-#[test]
-fn paths_from_spots_start_uniform_over_their_cone_with_its_falloff() {
-    let axis = Vec3::new(0.4, -1.0, 0.3);
-    let mut p = Vec::new();
-    for (key, beam_deg, cutoff_deg) in [(0u32, 0.5f32, 1.0f32), (1, 20.0, 45.0), (2, 60.0, 60.0), (3, 0.0, 150.0)] {
-        for edge in [ConeEdge::Linear, ConeEdge::Smooth] {
-            let desc = ConeDesc { beam_deg, cutoff_deg, edge };
-            let scene = scene().spot(Vec3::ONE, axis, Vec3::splat(2.0), desc).build();
-            let lights = Lights::new(&scene);
-            let height = 2.0 * (f64::from(cutoff_deg).to_radians() / 2.0).sin().powi(2);
-            let cap = Cap::new(axis, height);
-            let (mut observed, mut power) = (vec![0.0; cap.side * cap.side], 0.0);
-            let n = 60_000;
-            for i in 0..n {
-                let u = uniform(i, 90 + key);
-                let Some(e) = lights.sample_emission(&scene, u[0], [u[1], u[2]], [u[3], u[4]]) else { continue };
-                assert!((f64::from(e.pdf_w) * TAU * height - 1.0).abs() < 1e-5, "{desc:?}: {}", e.pdf_w);
-                let again = lights.pdf_emission_at(&scene, &e.point, e.dir);
-                assert_eq!((again.pdf_w, lights.emitted(&scene, &e.point, e.dir)), (e.pdf_w, e.radiance), "{desc:?}");
-                // What arrives where it was sent is what was sent.
-                let from = e.point.position + e.dir * 3.0;
-                let arrives = lights.sample_direct_from(&scene, 0, from, [0.5; 2]).map_or(Vec3::ZERO, |d| d.radiance);
-                assert!((arrives * 9.0 - e.radiance).abs().max_element() < 2e-2, "{desc:?}: {arrives} {}", e.radiance);
-                if let Some(cell) = cap.cell(e.dir) {
-                    observed[cell] += 1.0;
-                }
-                power += f64::from(e.radiance.x / e.pdf_w) / f64::from(n);
-            }
-            let expected = vec![f64::from(n) / observed.len() as f64; observed.len()];
-            p.push(chi_square_p(&observed, &expected, 0));
-            // The closed form by which spots are chosen.
-            let share = scene.points[0].cone.share();
-            assert!((power / (4.0 * PI * 2.0 * share) - 1.0).abs() < 0.015, "{desc:?}: {power}, share {share}");
-            let outside = lights.pdf_emission_at(&scene, &LightPoint { normal: -axis, ..point(&lights) }, -axis);
-            assert_eq!(outside.pdf_w, 0.0);
-        }
-    }
-    let limit = sidak(SIGNIFICANCE, p.len());
-    assert!(p.iter().all(|p| *p > limit), "{p:?}");
-}
-
-fn point(lights: &Lights) -> LightPoint {
-    LightPoint { light: lights.id(0), position: Vec3::ONE, normal: Vec3::Y, uv: Uv::default() }
 }

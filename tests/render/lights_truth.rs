@@ -1,4 +1,5 @@
-//! Light against closed forms: irradiance, power, and where the light goes that leaves a source; choosing among many.
+//! Light compared with closed forms: irradiance, power, the distribution of emitted light, and
+//! selection among many lights.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -9,7 +10,7 @@ use lumbre::math::stats::{chi_square_p, normal_two_sided_p, sidak};
 use lumbre::math::warp;
 use lumbre::scene::CompiledScene;
 use lumbre::scene::compile::{Material, Texture, UvMap};
-use lumbre::transport::light::{DirectSample, LightId, Lights, Select};
+use lumbre::transport::light::{DirectSample, LightId, LightSelection, Lights};
 
 use crate::common::{SceneBuilder, grey, light};
 use crate::lights_density::{direction, sunny};
@@ -23,17 +24,17 @@ fn uniform(i: u32, key: u32) -> [f32; 8] {
     [a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]]
 }
 
-/// The middles of `n` x `n` cells of the unit square.
+/// Returns the midpoints of `n` x `n` cells of the unit square.
 fn grid(n: usize) -> impl Iterator<Item = [f32; 2]> {
     (0..n * n).map(move |i| [i % n, i / n].map(|x| (x as f32 + 0.5) / n as f32))
 }
 
-/// Irradiance on a surface from one sample.
+/// Returns the irradiance on a surface from one sample.
 fn irradiance(d: &DirectSample, n: Vec3) -> DVec3 {
     d.radiance.as_dvec3() * f64::from(d.wi.dot(n).max(0.0)) / f64::from(d.pdf_w)
 }
 
-/// Irradiance from all lights, every one of them sampled on a grid.
+/// Returns the irradiance from all lights, each of them sampled on a grid.
 fn irradiance_of_all(scene: &CompiledScene, from: Vec3, n: Vec3, side: usize) -> DVec3 {
     let lights = Lights::new(scene);
     let one = |index: u32| {
@@ -43,7 +44,7 @@ fn irradiance_of_all(scene: &CompiledScene, from: Vec3, n: Vec3, side: usize) ->
             .sum();
         sum / (side * side) as f64
     };
-    lights.each().map(one).sum()
+    lights.indices().map(one).sum()
 }
 
 #[test]
@@ -51,21 +52,33 @@ fn irradiance_of_a_sphere_is_its_inverse_square() {
     let (center, radius) = (Vec3::new(0.5, 3.0, -1.0), 0.8f32);
     let lit = scene().sphere(center, radius, light(2.5)).build();
     let tilted = Vec3::new(0.3, 0.9, 0.1).try_normalize().unwrap();
-    for from in [Vec3::ZERO, Vec3::new(0.5, 0.8, -1.0), Vec3::new(-60.0, -200.0, 10.0)] {
+    for from in [
+        Vec3::ZERO,
+        Vec3::new(0.5, 0.8, -1.0),
+        Vec3::new(-60.0, -200.0, 10.0),
+    ] {
         let to = (center - from).as_dvec3();
         let cos = tilted.as_dvec3().dot(to) / to.length();
         let exact = PI * 2.5 * f64::from(radius).powi(2) / to.length_squared() * cos;
         let found = irradiance_of_all(&lit, from, tilted, 64).x;
-        assert!((found / exact - 1.0).abs() < 1e-3, "from {from}: {found} instead of {exact}");
+        assert!(
+            (found / exact - 1.0).abs() < 1e-3,
+            "from {from}: {found} instead of {exact}"
+        );
     }
-    // So near that half of it lies below the horizon, the form factor to a facing sphere still holds.
+    // Even so near that half of it lies below the horizon, the form factor of a facing sphere
+    // holds.
     let from = center - Vec3::Y * radius * 1.0005;
     let found = irradiance_of_all(&lit, from, Vec3::Y, 256).x;
     let exact = PI * 2.5 / 1.0005f64.powi(2);
-    assert!((found / exact - 1.0).abs() < 1e-3, "{found} instead of {exact}");
+    assert!(
+        (found / exact - 1.0).abs() < 1e-3,
+        "{found} instead of {exact}"
+    );
 }
 
-/// Irradiance from a triangle of radiance one, all above the horizon, in Lambert's form.
+/// Returns the irradiance from a triangle of radiance one, all above the horizon, in Lambert's
+/// form.
 fn lambert(corners: [Vec3; 3], from: Vec3, n: Vec3) -> f64 {
     let to = corners.map(|c| (c - from).as_dvec3().normalize());
     let edge = |i: usize| {
@@ -77,13 +90,30 @@ fn lambert(corners: [Vec3; 3], from: Vec3, n: Vec3) -> f64 {
 
 #[test]
 fn irradiance_of_a_triangle_is_lamberts() {
-    let corners = [Vec3::new(-1.0, 2.0, -1.0), Vec3::new(1.5, 2.2, -0.5), Vec3::new(-0.5, 1.7, 1.0)];
-    let lit = scene().triangle(corners, [Vec2::ZERO; 3], light(3.0)).build();
-    for from in [Vec3::ZERO, Vec3::new(0.2, 1.2, -0.3), Vec3::new(3.0, -70.0, 20.0)] {
+    let corners = [
+        Vec3::new(-1.0, 2.0, -1.0),
+        Vec3::new(1.5, 2.2, -0.5),
+        Vec3::new(-0.5, 1.7, 1.0),
+    ];
+    let lit = scene()
+        .triangle(corners, [Vec2::ZERO; 3], light(3.0))
+        .build();
+    for from in [
+        Vec3::ZERO,
+        Vec3::new(0.2, 1.2, -0.3),
+        Vec3::new(3.0, -70.0, 20.0),
+    ] {
         let exact = 3.0 * lambert(corners, from, Vec3::Y);
         let found = irradiance_of_all(&lit, from, Vec3::Y, 128).x;
-        assert!((found / exact - 1.0).abs() < 1e-3, "from {from}: {found} instead of {exact}");
-        assert_eq!(irradiance_of_all(&lit, from + Vec3::Y * 300.0, Vec3::NEG_Y, 16).x, 0.0, "behind it");
+        assert!(
+            (found / exact - 1.0).abs() < 1e-3,
+            "from {from}: {found} instead of {exact}"
+        );
+        assert_eq!(
+            irradiance_of_all(&lit, from + Vec3::Y * 300.0, Vec3::NEG_Y, 16).x,
+            0.0,
+            "behind it"
+        );
     }
 }
 
@@ -97,26 +127,35 @@ fn irradiance_of_points_directions_and_a_constant_environment() {
     let point = i.as_dvec3() * (n.as_dvec3().dot(to) / to.length().powi(3));
     let direction = e.as_dvec3() * n.as_dvec3().dot(-way.as_dvec3().normalize());
     let sky = Vec3::new(0.1, 0.2, 0.4);
-    // A ball to give the scene a size: behind the point, so it hides nothing that is asked for.
+    // A ball that determines the size of the scene: behind the point, so it occludes nothing
+    // relevant.
     let dark = || scene().sphere(from - n * 9.0, 0.5, grey(0.5));
     let cases = [
         (dark().point(place, i), point),
         (dark().directional(way, e), direction),
         (dark().environment(None, sky, 0.0), sky.as_dvec3() * PI),
         (
-            dark().point(place, i).directional(way, e).environment(None, sky, 0.0),
+            dark()
+                .point(place, i)
+                .directional(way, e)
+                .environment(None, sky, 0.0),
             point + direction + sky.as_dvec3() * PI,
         ),
     ];
     for (k, (lit, exact)) in cases.into_iter().enumerate() {
         let found = irradiance_of_all(&lit.build(), from, n, 256);
-        assert!((found / exact - 1.0).abs().max_element() < 1e-3, "case {k}: {found} instead of {exact}");
+        assert!(
+            (found / exact - 1.0).abs().max_element() < 1e-3,
+            "case {k}: {found} instead of {exact}"
+        );
     }
 }
 
 #[test]
 fn irradiance_of_a_map_with_a_sun_is_its_integral() {
-    let lit = scene().environment(Some(sunny()), Vec3::new(1.0, 0.5, 2.0), 57.0).build();
+    let lit = scene()
+        .environment(Some(sunny()), Vec3::new(1.0, 0.5, 2.0), 57.0)
+        .build();
     let lights = Lights::new(&lit);
     let n = Vec3::new(-0.4, 0.8, 0.2).try_normalize().unwrap();
     let (w, h) = (1600, 800);
@@ -126,18 +165,25 @@ fn irradiance_of_a_map_with_a_sun_is_its_integral() {
         let area = 2.0 * PI * PI / f64::from(w * h) * (PI * v).sin();
         for x in 0..w {
             let dir = direction((f64::from(x) + 0.5) / f64::from(w), v, 57.0);
-            exact += lights.environment(dir.as_vec3()).as_dvec3() * area * dir.dot(n.as_dvec3()).max(0.0);
+            exact += lights.environment(dir.as_vec3()).as_dvec3()
+                * area
+                * dir.dot(n.as_dvec3()).max(0.0);
         }
     }
     let (found, error) = mean(4_000_000, |i| {
         let u = uniform(i, 9);
-        lights.sample_direct_from(&lit, 0, Vec3::ZERO, [u[0], u[1]]).map_or(0.0, |d| irradiance(&d, n).y)
+        lights
+            .sample_direct_from(&lit, 0, Vec3::ZERO, [u[0], u[1]])
+            .map_or(0.0, |d| irradiance(&d, n).y)
     });
     let z = (found - exact.y) / error;
-    assert!(error < 1e-3 * exact.y && normal_two_sided_p(z) > 0.001, "{found} +- {error} instead of {exact}");
+    assert!(
+        error < 1e-3 * exact.y && normal_two_sided_p(z) > 0.001,
+        "{found} +- {error} instead of {exact}"
+    );
 }
 
-/// Mean and its standard error of `n` values.
+/// Returns the mean and its standard error of `n` values.
 fn mean(n: u32, value: impl Fn(u32) -> f64) -> (f64, f64) {
     let (mut sum, mut sum2) = (0.0, 0.0);
     for i in 0..n {
@@ -151,23 +197,42 @@ fn mean(n: u32, value: impl Fn(u32) -> f64) -> (f64, f64) {
     (mean, ((sum2 / n - mean * mean).max(0.0) / (n - 1.0)).sqrt())
 }
 
-/// A quad whose corners go from dark to bright, with a mask that leaves out part of it.
+/// Returns a quad whose corners go from dark to bright, with a mask that leaves out part of it.
 fn textured() -> (Texture, Texture) {
     let bright = Texture::new(2, 2, vec![[0.0; 3], [1.0; 3], [4.0; 3], [12.0; 3]]);
     let mask = Texture::new(2, 1, vec![[0.2; 3], [1.0; 3]]);
     (bright, mask)
 }
 
-/// Every kind of light at once.
+/// Returns a scene with every kind of light.
 fn all_kinds() -> Arc<CompiledScene> {
     let mut builder = scene();
     let (bright, mask) = textured();
     let (bright, mask) = (builder.texture(bright), builder.texture(mask));
-    let lamp = Material { emission_texture: bright, mask_texture: mask, ..light(1.5) };
-    let lamp = Material { tiling: UvMap { scale: 1.5, offset: Vec2::new(0.1, 0.2) }, ..lamp };
-    let small = [Vec3::new(0.5, 1.0, 0.5), Vec3::new(0.8, 1.0, 0.5), Vec3::new(0.5, 1.1, 0.9)];
+    let lamp = Material {
+        emission_texture: bright,
+        mask_texture: mask,
+        ..light(1.5)
+    };
+    let lamp = Material {
+        tiling: UvMap {
+            scale: 1.5,
+            offset: Vec2::new(0.1, 0.2),
+        },
+        ..lamp
+    };
+    let small = [
+        Vec3::new(0.5, 1.0, 0.5),
+        Vec3::new(0.8, 1.0, 0.5),
+        Vec3::new(0.5, 1.1, 0.9),
+    ];
     builder
-        .quad(Vec3::new(-0.8, -0.5, 0.8), Vec3::X * 1.8, Vec3::Z * -1.6, grey(0.5))
+        .quad(
+            Vec3::new(-0.8, -0.5, 0.8),
+            Vec3::X * 1.8,
+            Vec3::Z * -1.6,
+            grey(0.5),
+        )
         .quad(Vec3::new(-1.0, 2.0, -1.0), Vec3::X, Vec3::Z * 1.5, lamp)
         .triangle(small, [Vec2::ZERO; 3], light(40.0))
         .sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0))
@@ -181,21 +246,39 @@ fn all_kinds() -> Arc<CompiledScene> {
 #[test]
 fn every_way_of_choosing_has_the_same_mean() {
     let lit = all_kinds();
-    let points = [(Vec3::ZERO, Vec3::Y), (Vec3::new(0.6, 0.9, 0.3), Vec3::X), (Vec3::new(-3.0, 0.5, 2.0), -Vec3::Z)];
-    let level = sidak(0.001, points.len() * Select::NAMES.len());
+    let points = [
+        (Vec3::ZERO, Vec3::Y),
+        (Vec3::new(0.6, 0.9, 0.3), Vec3::X),
+        (Vec3::new(-3.0, 0.5, 2.0), -Vec3::Z),
+    ];
+    let level = sidak(0.001, points.len() * LightSelection::NAMES.len());
     for (from, n) in points {
         let exact = irradiance_of_all(&lit, from, n, 400).x;
-        for (name, select) in Select::NAMES {
+        for (name, select) in LightSelection::NAMES {
             let lights = Lights::with_select(&lit, select);
-            let total: f64 = lights.each().map(|i| f64::from(lights.pdf_choice(lights.id(i)))).sum();
-            assert!((total - 1.0).abs() < 1e-6, "{name}: probabilities sum to {total}");
+            let total: f64 = lights
+                .indices()
+                .map(|i| f64::from(lights.pdf_choice(lights.id(i))))
+                .sum();
+            assert!(
+                (total - 1.0).abs() < 1e-6,
+                "{name}: probabilities sum to {total}"
+            );
             let (found, error) = mean(300_000, |i| {
                 let u = uniform(i, 1);
-                lights.sample_direct(&lit, from, u[0], [u[1], u[2]]).map_or(0.0, |d| irradiance(&d, n).x)
+                lights
+                    .sample_direct(&lit, from, u[0], [u[1], u[2]])
+                    .map_or(0.0, |d| irradiance(&d, n).x)
             });
             let z = (found - exact) / error;
-            assert!(error / exact < 0.05, "{name} from {from}: too noisy to tell, {error} of {exact}");
-            assert!(normal_two_sided_p(z) > level, "{name} from {from}: {found} instead of {exact}, z = {z}");
+            assert!(
+                error / exact < 0.05,
+                "{name} from {from}: too noisy to tell, {error} of {exact}"
+            );
+            assert!(
+                normal_two_sided_p(z) > level,
+                "{name} from {from}: {found} instead of {exact}, z = {z}"
+            );
         }
     }
 }
@@ -210,30 +293,64 @@ fn light_that_leaves_carries_the_power_of_its_source() {
         let lights = Lights::new(&lit);
         let n = 400_000;
         let w = |i: u32| grid_direction(i, n);
-        (0..n).map(|i| f64::from(lights.environment(w(i)).x)).sum::<f64>() / f64::from(n) * 4.0 * PI
+        (0..n)
+            .map(|i| f64::from(lights.environment(w(i)).x))
+            .sum::<f64>()
+            / f64::from(n)
+            * 4.0
+            * PI
     };
     let cases = [
-        ("triangle", scene().triangle(corners, [Vec2::ZERO; 3], light(3.0)), PI * 3.0),
-        ("sphere", scene().sphere(Vec3::Y, 0.5, light(2.0)), PI * 2.0 * PI),
-        ("point", ball(scene()).point(Vec3::X, Vec3::splat(5.0)), 4.0 * PI * 5.0),
-        ("direction", ball(scene()).directional(Vec3::Y, Vec3::splat(0.5)), 0.5 * disk),
-        ("sky", ball(scene()).environment(None, Vec3::splat(0.25), 0.0), 4.0 * PI * 0.25 * disk),
-        ("map", ball(scene()).environment(Some(sunny()), Vec3::ONE, 10.0), sun * disk),
+        (
+            "triangle",
+            scene().triangle(corners, [Vec2::ZERO; 3], light(3.0)),
+            PI * 3.0,
+        ),
+        (
+            "sphere",
+            scene().sphere(Vec3::Y, 0.5, light(2.0)),
+            PI * 2.0 * PI,
+        ),
+        (
+            "point",
+            ball(scene()).point(Vec3::X, Vec3::splat(5.0)),
+            4.0 * PI * 5.0,
+        ),
+        (
+            "direction",
+            ball(scene()).directional(Vec3::Y, Vec3::splat(0.5)),
+            0.5 * disk,
+        ),
+        (
+            "sky",
+            ball(scene()).environment(None, Vec3::splat(0.25), 0.0),
+            4.0 * PI * 0.25 * disk,
+        ),
+        (
+            "map",
+            ball(scene()).environment(Some(sunny()), Vec3::ONE, 10.0),
+            sun * disk,
+        ),
     ];
     for (name, lit, exact) in cases {
         let lit = lit.build();
         let lights = Lights::new(&lit);
         let (found, error) = mean(200_000, |i| {
             let u = uniform(i, 2);
-            let e = lights.sample_emission(&lit, u[0], [u[1], u[2]], [u[3], u[4]]).unwrap();
+            let e = lights
+                .sample_emission(&lit, u[0], [u[1], u[2]], [u[3], u[4]])
+                .unwrap();
             f64::from(e.radiance.x) * f64::from(e.cos) / (f64::from(e.pdf_a) * f64::from(e.pdf_w))
         });
         let close = (found - exact).abs() < 4.0 * error + 2e-3 * exact;
-        assert!(close && error < 0.01 * exact, "{name}: {found} +- {error} instead of {exact}");
+        assert!(
+            close && error < 0.01 * exact,
+            "{name}: {found} +- {error} instead of {exact}"
+        );
     }
 }
 
-/// Directions that fill the sphere evenly: a spiral.
+/// Returns directions that fill the sphere evenly: a spiral.
 fn grid_direction(i: u32, n: u32) -> Vec3 {
     let z = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(n);
     let (sin, cos) = (f64::from(i) * PI * (3.0 - 5f64.sqrt())).sin_cos();
@@ -243,8 +360,8 @@ fn grid_direction(i: u32, n: u32) -> Vec3 {
 
 #[test]
 fn light_arrives_where_it_is_sent_as_much_as_where_it_is_asked_for() {
-    // The power on a square: of paths from the lights that meet it, and of points on it that ask for light. Nothing is in
-    // the way of either, and the square is part of the floor, so that disks cover it.
+    // The power on a square: by light paths that hit it, and by light sampling from points on it.
+    // Nothing occludes either, and the square is part of the floor, so that disks cover it.
     let (corner, a, b) = (Vec3::new(-0.7, -0.5, -0.6), Vec3::X * 1.5, Vec3::Z * 1.2);
     let lit = all_kinds();
     let lights = Lights::new(&lit);
@@ -253,25 +370,37 @@ fn light_arrives_where_it_is_sent_as_much_as_where_it_is_asked_for() {
     let (asked, asked_error) = mean(300_000, |i| {
         let u = uniform(i, 3);
         let from = corner + a * u[3] + b * u[4];
-        lights.sample_direct(&lit, from, u[0], [u[1], u[2]]).map_or(0.0, |d| irradiance(&d, Vec3::Y).x) * area
+        lights
+            .sample_direct(&lit, from, u[0], [u[1], u[2]])
+            .map_or(0.0, |d| irradiance(&d, Vec3::Y).x)
+            * area
     });
     let (sent, sent_error) = mean(n, |i| {
         let u = uniform(i, 4);
-        let Some(e) = lights.sample_emission(&lit, u[0], [u[1], u[2]], [u[3], u[4]]) else { return 0.0 };
+        let Some(e) = lights.sample_emission(&lit, u[0], [u[1], u[2]], [u[3], u[4]]) else {
+            return 0.0;
+        };
         let t = (corner.y - e.point.position.y) / e.dir.y;
         let at = e.point.position + e.dir * t - corner;
         let (x, z) = (at.x / a.x, at.z / b.z);
         let met = t > 0.0 && e.dir.y < 0.0 && (0.0..1.0).contains(&x) && (0.0..1.0).contains(&z);
-        let power = f64::from(e.radiance.x) * f64::from(e.cos) / (f64::from(e.pdf_a) * f64::from(e.pdf_w));
+        let power =
+            f64::from(e.radiance.x) * f64::from(e.cos) / (f64::from(e.pdf_a) * f64::from(e.pdf_w));
         if met { power } else { 0.0 }
     });
     let sigma = asked_error.hypot(sent_error);
     let z = (asked - sent) / sigma;
-    assert!(sigma / asked < 0.01, "too noisy to tell: {asked} +- {sigma}");
-    assert!(normal_two_sided_p(z) > 0.001, "asked for {asked}, sent {sent}, z = {z}");
+    assert!(
+        sigma / asked < 0.01,
+        "too noisy to tell: {asked} +- {sigma}"
+    );
+    assert!(
+        normal_two_sided_p(z) > 0.001,
+        "asked for {asked}, sent {sent}, z = {z}"
+    );
 }
 
-/// Ten thousand triangles of very different sizes and radiances.
+/// Returns ten thousand triangles of very different sizes and radiances.
 fn many() -> SceneBuilder {
     (0..10_000u32).fold(scene(), |builder, i| {
         let u = uniform(i, 5);
@@ -288,41 +417,64 @@ fn many() -> SceneBuilder {
 fn ten_thousand_lights_are_chosen_as_their_probabilities_say() {
     let lit = many().build();
     assert_eq!(lit.emitters.len(), 10_000);
-    let weight = |select: Select, i: usize| match select {
-        Select::Uniform => 1.0,
-        Select::Area => f64::from(lit.emitters[i].area),
-        Select::Power => f64::from(lit.emitters[i].area) * f64::from(lit.materials[i].emission.x),
+    let weight = |select: LightSelection, i: usize| match select {
+        LightSelection::Uniform => 1.0,
+        LightSelection::Area => f64::from(lit.emitters[i].area),
+        LightSelection::Power => {
+            f64::from(lit.emitters[i].area) * f64::from(lit.materials[i].emission.x)
+        }
     };
-    let level = sidak(0.001, 2 * Select::NAMES.len());
-    for (name, select) in Select::NAMES {
+    let level = sidak(0.001, 2 * LightSelection::NAMES.len());
+    for (name, select) in LightSelection::NAMES {
         let lights = Lights::with_select(&lit, select);
         let total: f64 = (0..10_000).map(|i| weight(select, i)).sum();
         for i in 0..10_000 {
-            let (own, exact) = (f64::from(lights.pdf_choice(LightId::Emitter(i as u32))), weight(select, i) / total);
-            // Steps of the 24 bits of a sample number: see `Alias`.
-            assert!(own > 0.0 && (own - exact).abs() < 3.0 / 16_777_216.0, "{name}, light {i}: {own}, not {exact}");
+            let (own, exact) = (
+                f64::from(lights.pdf_choice(LightId::Emitter(i as u32))),
+                weight(select, i) / total,
+            );
+            // Steps of the 24 bits of a sample number: see `AliasTable`.
+            assert!(
+                own > 0.0 && (own - exact).abs() < 3.0 / 16_777_216.0,
+                "{name}, light {i}: {own}, not {exact}"
+            );
         }
         let n = 400_000;
         let mut observed = vec![0.0; 1000];
         for i in 0..n {
             let u = uniform(i, 6);
-            let e = lights.sample_emission(&lit, u[0], [u[1], u[2]], [u[3], 0.5]).unwrap();
-            let LightId::Emitter(which) = e.point.light else { panic!("{:?}", e.point) };
+            let e = lights
+                .sample_emission(&lit, u[0], [u[1], u[2]], [u[3], 0.5])
+                .unwrap();
+            let LightId::Emitter(which) = e.point.light else {
+                panic!("{:?}", e.point)
+            };
             observed[which as usize / 10] += 1.0;
         }
         let expected: Vec<f64> = (0..1000)
-            .map(|g| (g * 10..g * 10 + 10).map(|i| weight(select, i)).sum::<f64>() / total * f64::from(n))
+            .map(|g| {
+                (g * 10..g * 10 + 10)
+                    .map(|i| weight(select, i))
+                    .sum::<f64>()
+                    / total
+                    * f64::from(n)
+            })
             .collect();
         let p = chi_square_p(&observed, &expected, 0);
         assert!(p > level, "{name}: p = {p}");
-        // And the picture that they make is right.
+        // The resulting picture is right as well.
         let exact: f64 = irradiance_of_all(&lit, Vec3::ZERO, Vec3::Y, 3).x;
         let (found, error) = mean(400_000, |i| {
             let u = uniform(i, 7);
-            lights.sample_direct(&lit, Vec3::ZERO, u[0], [u[1], u[2]]).map_or(0.0, |d| irradiance(&d, Vec3::Y).x)
+            lights
+                .sample_direct(&lit, Vec3::ZERO, u[0], [u[1], u[2]])
+                .map_or(0.0, |d| irradiance(&d, Vec3::Y).x)
         });
         let z = (found - exact) / error;
-        assert!(error / exact < 0.02 && normal_two_sided_p(z) > level, "{name}: {found}, not {exact}, z = {z}");
+        assert!(
+            error / exact < 0.02 && normal_two_sided_p(z) > level,
+            "{name}: {found}, not {exact}, z = {z}"
+        );
     }
 }
 
@@ -332,22 +484,43 @@ fn what_cannot_shine_is_never_found_and_never_not_a_number() {
     let black = Texture::new(2, 1, vec![[0.0; 3]; 2]);
     let mut builder = scene();
     let row = builder.texture(black.clone());
-    let unlit = Material { emission_texture: row, ..light(1.0) };
+    let unlit = Material {
+        emission_texture: row,
+        ..light(1.0)
+    };
     let corners = [Vec3::Y, Vec3::Y + Vec3::X, Vec3::Y + Vec3::Z];
     let cases = [
         ("nothing", scene()),
-        ("a triangle without area", scene().triangle(flat, [Vec2::ZERO; 3], light(1.0))),
-        ("a point triangle", scene().triangle([Vec3::X; 3], [Vec2::ZERO; 3], light(1.0))),
-        ("a black texture", builder.triangle(corners, [Vec2::ZERO; 3], unlit)),
-        ("a black map", scene().environment(Some(black), Vec3::ONE, 0.0)),
+        (
+            "a triangle without area",
+            scene().triangle(flat, [Vec2::ZERO; 3], light(1.0)),
+        ),
+        (
+            "a point triangle",
+            scene().triangle([Vec3::X; 3], [Vec2::ZERO; 3], light(1.0)),
+        ),
+        (
+            "a black texture",
+            builder.triangle(corners, [Vec2::ZERO; 3], unlit),
+        ),
+        (
+            "a black map",
+            scene().environment(Some(black), Vec3::ONE, 0.0),
+        ),
         ("a black sky", scene().environment(None, Vec3::ZERO, 0.0)),
-        ("a sky around nothing", scene().environment(None, Vec3::ONE, 0.0)),
-        ("a direction around nothing", scene().directional(Vec3::Y, Vec3::ONE)),
+        (
+            "a sky around nothing",
+            scene().environment(None, Vec3::ONE, 0.0),
+        ),
+        (
+            "a direction around nothing",
+            scene().directional(Vec3::Y, Vec3::ONE),
+        ),
         ("a point", scene().point(Vec3::X, Vec3::ONE)),
     ];
     for (name, lit) in cases {
         let lit = lit.build();
-        for (_, select) in Select::NAMES {
+        for (_, select) in LightSelection::NAMES {
             let lights = Lights::with_select(&lit, select);
             for i in 0..2000 {
                 let u = uniform(i, 8);
@@ -355,7 +528,12 @@ fn what_cannot_shine_is_never_found_and_never_not_a_number() {
                 for from in [Vec3::X, Vec3::ZERO, Vec3::new(u[5], u[6], -2.0)] {
                     if let Some(d) = lights.sample_direct(&lit, from, u[0], [u[1], u[2]]) {
                         assert!(d.pdf_w > 0.0 && d.pdf_w.is_finite(), "{name}: {d:?}");
-                        assert!(d.wi.is_finite() && d.radiance.is_finite() && d.point.position.is_finite(), "{name}");
+                        assert!(
+                            d.wi.is_finite()
+                                && d.radiance.is_finite()
+                                && d.point.position.is_finite(),
+                            "{name}"
+                        );
                     }
                 }
                 if let Some(e) = lights.sample_emission(&lit, u[0], [u[1], u[2]], [u[3], u[4]]) {
@@ -363,7 +541,11 @@ fn what_cannot_shine_is_never_found_and_never_not_a_number() {
                     assert!(throughput.is_finite() && e.dir.is_finite(), "{name}: {e:?}");
                 }
                 let dir = warp::uniform_sphere([u[3], u[4]]);
-                assert!(lights.environment(dir).is_finite() && lights.pdf_environment_w(dir).is_finite(), "{name}");
+                assert!(
+                    lights.environment(dir).is_finite()
+                        && lights.pdf_environment_w(dir).is_finite(),
+                    "{name}"
+                );
             }
         }
     }

@@ -1,11 +1,13 @@
-//! The weights of `bdpt` against their definition, over paths that it found in scenes of every kind.
+//! The weights of `bdpt` compared with their definition, over its paths in scenes of every kind.
 
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use lumbre::render::cpu::accel::Accel;
+use lumbre::render::cpu::bvh::accel::Accel;
 use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{Cone, DirectionalLight, Environment, Material, Model, PointLight, Texture};
+use lumbre::scene::compile::{
+    Cone, DirectionalLight, Environment, Material, Model, PointLight, Texture,
+};
 use lumbre::scene::desc::{ConeDesc, ConeEdge};
 use lumbre::transport::camera::{Camera, FilterKind, FilterSpec};
 use lumbre::transport::integrator::oracle::{self, OracleReport};
@@ -22,7 +24,10 @@ fn judge(scene: &Arc<CompiledScene>, depth: u32) -> OracleReport {
         let samples = 8000;
         let report = check(scene, FilterSpec::PIXEL, mis, depth, samples, seed as u64);
         assert!(report.paths > samples, "too few paths to tell: {report:?}");
-        assert!(report.is_exact() && report.worst_weight < 1e-4, "{mis}: {report:?}");
+        assert!(
+            report.is_exact() && report.worst_weight < 1e-4,
+            "{mis}: {report:?}"
+        );
         last = report;
     }
     last
@@ -38,7 +43,10 @@ fn check(
 ) -> OracleReport {
     let accel = Accel::build(Arc::clone(scene)).unwrap();
     let camera = Camera::new(&scene.camera, [32, 24], filter);
-    let (lights, settings) = (Lights::new(scene), Settings::new(&params(&[("mis", mis.into())])));
+    let (lights, settings) = (
+        Lights::new(scene),
+        Settings::new(&params(&[("mis", mis.into())])),
+    );
     let context = Context {
         scene,
         camera: &camera,
@@ -52,44 +60,100 @@ fn check(
     oracle::check(&context, samples, seed)
 }
 
-/// An open box with a wall, a floor, and a triangle, a sphere and a textured quad that shine.
+/// Returns an open box with a wall, a floor, and an emitting triangle, sphere and textured quad.
 fn stage() -> SceneBuilder {
-    let corners = [Vec3::new(-1.0, 2.0, -1.0), Vec3::new(1.0, 2.0, -1.0), Vec3::new(-1.0, 2.0, 1.0)];
-    let red = Material { base_color: Vec3::new(0.8, 0.3, 0.2), ..WHITE };
+    let corners = [
+        Vec3::new(-1.0, 2.0, -1.0),
+        Vec3::new(1.0, 2.0, -1.0),
+        Vec3::new(-1.0, 2.0, 1.0),
+    ];
+    let red = Material {
+        base_color: Vec3::new(0.8, 0.3, 0.2),
+        ..WHITE
+    };
     let mut stage = SceneBuilder::new(Vec3::new(0.2, 1.2, 3.5), Vec3::new(0.0, 0.7, 0.0), 50.0)
-        .quad(Vec3::new(-2.0, 0.0, 2.0), Vec3::X * 4.0, Vec3::Z * -4.0, grey(0.7))
-        .quad(Vec3::new(-2.0, 0.0, -1.5), Vec3::X * 4.0, Vec3::Y * 2.5, red)
+        .quad(
+            Vec3::new(-2.0, 0.0, 2.0),
+            Vec3::X * 4.0,
+            Vec3::Z * -4.0,
+            grey(0.7),
+        )
+        .quad(
+            Vec3::new(-2.0, 0.0, -1.5),
+            Vec3::X * 4.0,
+            Vec3::Y * 2.5,
+            red,
+        )
         .triangle(corners, [Vec2::ZERO; 3], light(2.0));
-    let texels: Vec<[f32; 3]> = (0..64).map(|i| [0.1 + (i % 7) as f32, 1.0, 0.3 * (i % 5) as f32]).collect();
+    let texels: Vec<[f32; 3]> = (0..64)
+        .map(|i| [0.1 + (i % 7) as f32, 1.0, 0.3 * (i % 5) as f32])
+        .collect();
     let emission_texture = stage.texture(Texture::new(8, 8, texels));
-    let poster = Material { emission: Vec3::ONE, emission_texture, ..grey(0.3) };
-    stage.quad(Vec3::new(-1.9, 0.2, -1.0), Vec3::Z * 1.5, Vec3::Y * 1.5, poster)
+    let poster = Material {
+        emission: Vec3::ONE,
+        emission_texture,
+        ..grey(0.3)
+    };
+    stage.quad(
+        Vec3::new(-1.9, 0.2, -1.0),
+        Vec3::Z * 1.5,
+        Vec3::Y * 1.5,
+        poster,
+    )
 }
 
 fn glossy(roughness: f32) -> Material {
-    Material { model: Model::Disney, roughness, ..WHITE }
+    Material {
+        model: Model::Disney,
+        roughness,
+        ..WHITE
+    }
 }
 
 #[test]
 fn diffuse_surfaces_under_a_triangle_a_sphere_and_a_picture() {
     let scene = stage()
         .sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0))
-        .sphere(Vec3::new(0.6, 0.4, 0.2), 0.4, Material { emission: Vec3::ONE, ..grey(0.6) })
+        .sphere(
+            Vec3::new(0.6, 0.4, 0.2),
+            0.4,
+            Material {
+                emission: Vec3::ONE,
+                ..grey(0.6)
+            },
+        )
         .build();
     let report = judge(&scene, 6);
     assert_eq!(report.dirac_paths, 0);
     for s in 0..=6 {
         for t in 1.max(2 - s.min(1))..=7 - s {
-            assert!(report.strategies[s][t] > 0, "({s}, {t}) found nothing: {:?}", report.strategies);
+            assert!(
+                report.strategies[s][t] > 0,
+                "({s}, {t}) found nothing: {:?}",
+                report.strategies
+            );
         }
     }
 }
 
 #[test]
 fn mirror_and_glass() {
-    let mirror = Material { metallic: 1.0, base_color: Vec3::new(0.9, 0.8, 0.7), ..WHITE };
-    let glass = Material { opacity: 0.0, base_color: Vec3::new(0.9, 1.0, 0.9), ..WHITE };
-    let mixed = Material { metallic: 0.3, opacity: 0.4, base_color: Vec3::new(0.9, 0.7, 0.5), ..WHITE };
+    let mirror = Material {
+        metallic: 1.0,
+        base_color: Vec3::new(0.9, 0.8, 0.7),
+        ..WHITE
+    };
+    let glass = Material {
+        opacity: 0.0,
+        base_color: Vec3::new(0.9, 1.0, 0.9),
+        ..WHITE
+    };
+    let mixed = Material {
+        metallic: 0.3,
+        opacity: 0.4,
+        base_color: Vec3::new(0.9, 0.7, 0.5),
+        ..WHITE
+    };
     let scene = stage()
         .sphere(Vec3::new(-0.6, 0.5, 0.0), 0.45, glass)
         .sphere(Vec3::new(0.6, 0.45, 0.2), 0.4, mirror)
@@ -101,9 +165,22 @@ fn mirror_and_glass() {
 
 #[test]
 fn rough_glass_metal_and_coat() {
-    let glass = Material { opacity: 0.0, ..glossy(0.3) };
-    let metal = Material { metallic: 1.0, anisotropic: 0.7, base_color: Vec3::new(0.9, 0.8, 0.7), ..glossy(0.25) };
-    let coat = Material { clearcoat: 1.0, clearcoat_gloss: 0.9, base_color: Vec3::new(0.2, 0.3, 0.7), ..glossy(0.6) };
+    let glass = Material {
+        opacity: 0.0,
+        ..glossy(0.3)
+    };
+    let metal = Material {
+        metallic: 1.0,
+        anisotropic: 0.7,
+        base_color: Vec3::new(0.9, 0.8, 0.7),
+        ..glossy(0.25)
+    };
+    let coat = Material {
+        clearcoat: 1.0,
+        clearcoat_gloss: 0.9,
+        base_color: Vec3::new(0.2, 0.3, 0.7),
+        ..glossy(0.6)
+    };
     let scene = stage()
         .sphere(Vec3::new(-0.6, 0.5, 0.0), 0.45, glass)
         .sphere(Vec3::new(0.6, 0.45, 0.2), 0.4, metal)
@@ -113,17 +190,31 @@ fn rough_glass_metal_and_coat() {
     judge(&scene, 7);
 }
 
-/// A picture of a sky with a sun.
+/// Returns a picture of a sky with a sun.
 fn sky() -> Environment {
-    let texels: Vec<[f32; 3]> =
-        (0..32 * 16).map(|i| if i == 32 * 4 + 9 { [300.0, 280.0, 200.0] } else { [0.3, 0.4, 0.6] }).collect();
+    let texels: Vec<[f32; 3]> = (0..32 * 16)
+        .map(|i| {
+            if i == 32 * 4 + 9 {
+                [300.0, 280.0, 200.0]
+            } else {
+                [0.3, 0.4, 0.6]
+            }
+        })
+        .collect();
     let map = Some(Arc::new(Texture::new(32, 16, texels)));
-    Environment { radiance: Vec3::ONE, map, rotation_rad: 0.7 }
+    Environment {
+        radiance: Vec3::ONE,
+        map,
+        rotation_rad: 0.7,
+    }
 }
 
 #[test]
 fn lights_without_a_place_and_points() {
-    let glass = Material { opacity: 0.0, ..WHITE };
+    let glass = Material {
+        opacity: 0.0,
+        ..WHITE
+    };
     let mut scene = Arc::unwrap_or_clone(
         stage()
             .sphere(Vec3::new(-0.6, 0.5, 0.0), 0.45, glass)
@@ -131,19 +222,38 @@ fn lights_without_a_place_and_points() {
             .build(),
     );
     let (position, intensity) = (Vec3::new(0.3, 1.5, 0.5), Vec3::splat(3.0));
-    scene.points.push(PointLight { position, intensity, cone: Cone::WHOLE });
-    let desc = ConeDesc { beam_deg: 20.0, cutoff_deg: 55.0, edge: ConeEdge::Linear };
+    scene.points.push(PointLight {
+        position,
+        intensity,
+        cone: Cone::WHOLE,
+    });
+    let desc = ConeDesc {
+        beam_deg: 20.0,
+        cutoff_deg: 55.0,
+        edge: ConeEdge::Linear,
+    };
     let cone = Cone::new(Vec3::new(0.3, -1.0, -0.2), &desc);
-    scene.points.push(PointLight { position: position - Vec3::X, intensity, cone });
+    scene.points.push(PointLight {
+        position: position - Vec3::X,
+        intensity,
+        cone,
+    });
     let direction = Vec3::new(-0.3, -1.0, -0.4).normalize_or_zero();
-    scene.directionals.push(DirectionalLight { direction, irradiance: Vec3::splat(2.0) });
+    scene.directionals.push(DirectionalLight {
+        direction,
+        irradiance: Vec3::splat(2.0),
+    });
     scene.environment = Some(sky());
     judge(&Arc::new(scene), 6);
 }
 
 #[test]
 fn lens() {
-    let mut scene = Arc::unwrap_or_clone(stage().sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0)).build());
+    let mut scene = Arc::unwrap_or_clone(
+        stage()
+            .sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0))
+            .build(),
+    );
     (scene.camera.aperture, scene.camera.focus_distance) = (0.4, Some(2.5));
     scene.environment = Some(sky());
     judge(&Arc::new(scene), 5);
@@ -151,13 +261,22 @@ fn lens() {
 
 #[test]
 fn weights_do_not_depend_on_the_filter() {
-    let scene = stage().sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0)).build();
+    let scene = stage()
+        .sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0))
+        .build();
     for (kind, radius) in [(FilterKind::Gauss, 1.5), (FilterKind::Box, 0.0)] {
         let report = check(&scene, FilterSpec { kind, radius }, "power", 5, 3000, 7);
-        assert!(report.worst_weight < oracle::TOLERANCE && report.worst_sum < oracle::TOLERANCE, "{report:?}");
+        assert!(
+            report.worst_weight < oracle::TOLERANCE && report.worst_sum < oracle::TOLERANCE,
+            "{report:?}"
+        );
         assert!(report.paths > 3000);
-        // Pixels that are points have no strategy with one camera vertex.
-        let splats: u64 = report.strategies.iter().filter_map(|by_t| by_t.get(1)).sum();
+        // Pixels without extent have no strategy with one camera vertex.
+        let splats: u64 = report
+            .strategies
+            .iter()
+            .filter_map(|by_t| by_t.get(1))
+            .sum();
         assert_eq!(splats > 0, radius > 0.0, "{report:?}");
     }
 }

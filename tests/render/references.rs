@@ -1,21 +1,25 @@
-//! Images by Mitsuba 3 of scenes that nobody here made, by the check of `lumbre verify`. Skipped where the shared folder
-//! is absent.
+//! Third-party scenes rendered by Mitsuba 3, by the check of `lumbre verify`. Skipped if the shared
+//! folder is absent.
 
-use lumbre::cli::verify::references::{Entry, Reference, Surfaces, find};
+use lumbre::cli::verify::references::{Reference, ReferenceFile, Surfaces, find};
 use lumbre::cli::verify::technique::{self, Technique};
 use lumbre::transport::integrator::integrator;
 
 use crate::common::shared;
 
-/// The shared references that are bounded in depth, of these surfaces.
+/// Returns the shared references of bounded depth with these surfaces.
 fn references(surfaces: Surfaces) -> Option<Vec<Reference>> {
     let root = shared()?;
     let entries = find(&root.join("references"), &root.join("scenes")).unwrap();
     let usable = entries.into_iter().filter_map(|entry| match entry {
-        Entry::Usable(reference) => Some(*reference),
-        Entry::LeftOut { .. } => None,
+        ReferenceFile::Usable(reference) => Some(*reference),
+        ReferenceFile::Excluded { .. } => None,
     });
-    Some(usable.filter(|r| r.surfaces == surfaces && r.max_depth.is_some()).collect())
+    Some(
+        usable
+            .filter(|r| r.surfaces == surfaces && r.max_depth.is_some())
+            .collect(),
+    )
 }
 
 #[test]
@@ -28,30 +32,66 @@ fn diffuse_cornell_box_equals_mitsuba_at_every_depth() {
     let bpt = &technique::plain()[0];
     for reference in &references {
         let found = reference.compare(bpt, 48, 77, 0, references.len()).unwrap();
-        let least = if reference.max_depth == Some(1) { 3 } else { 100 };
-        assert!(found.opaque.found.comparisons > least, "{}: {}", reference.name, found.opaque.statement());
-        assert!(found.agrees(), "{}: {}", reference.name, found.opaque.statement());
+        let least = if reference.max_depth == Some(1) {
+            3
+        } else {
+            100
+        };
+        assert!(
+            found.opaque.result.comparisons > least,
+            "{}: {}",
+            reference.name,
+            found.opaque.statement()
+        );
+        assert!(
+            found.agrees(),
+            "{}: {}",
+            reference.name,
+            found.opaque.statement()
+        );
     }
 }
 
-/// The scene's own materials against Mitsuba's `principled`: walls of roughness 1 and index 1.5, a mirror-like metal, and
-/// a ball of glass of index 2.5.
+/// Compares the scene's own materials with Mitsuba's `principled`: walls of roughness 1 and index
+/// 1.5, a mirror-like metal, and a ball of glass of index 2.5.
 ///
-/// The formulas of the opaque lobes are the same, and the metal, of the least alpha there and a Dirac here, is narrower
-/// than a pixel: those parts pass a z-test, the ball's caustics included. The ball differs in principle: there it is a
-/// rough interface of alpha 0.001, evaluated in single precision, here a Dirac. So its mean is held within one per cent,
-/// which is about the noise of these samples; with 480 of them it was 1.0015 +- 0.0031 of the reference, and all the rest
-/// 1.0001 +- 0.0004. Light that comes through the ball is found by chance: with a quarter of the samples its bright
-/// finds are too rare for sums to be normal.
+/// The formulas of the opaque lobes are the same, and the metal, of the least alpha there and a
+/// Dirac here, is narrower than a pixel: those parts pass a z-test, the ball's caustics included.
+/// The ball differs in principle: there it is a rough interface of alpha 0.001, evaluated in single
+/// precision, here a Dirac. So its mean may differ by one per cent, which is about the noise of
+/// these samples; with 480 of them it was 1.0015 +- 0.0031 of the reference, and all the rest
+/// 1.0001 +- 0.0004. Light that comes through the ball is found by chance: with a quarter of the
+/// samples its bright finds are too rare for sums to be normal.
 #[test]
 fn disney_cornell_box_with_spheres_equals_mitsubas_principled() {
-    let Some(references) = references(Surfaces::Principled) else { return };
+    let Some(references) = references(Surfaces::Principled) else {
+        return;
+    };
     assert!(!references.is_empty());
     let nee = Technique::plain(integrator("nee").unwrap());
     for reference in &references {
-        let found = reference.compare(&nee, 128, 78, 0, references.len()).unwrap();
-        assert!(found.opaque.found.comparisons > 200, "{}: {}", reference.name, found.opaque.statement());
-        assert!(found.glass.as_ref().is_some_and(|glass| glass.error < 0.015), "{}: too noisy to tell", reference.name);
-        assert!(found.agrees(), "{}: {}", reference.name, found.outcome().statement);
+        let found = reference
+            .compare(&nee, 128, 78, 0, references.len())
+            .unwrap();
+        assert!(
+            found.opaque.result.comparisons > 200,
+            "{}: {}",
+            reference.name,
+            found.opaque.statement()
+        );
+        assert!(
+            found
+                .glass
+                .as_ref()
+                .is_some_and(|glass| glass.error < 0.015),
+            "{}: too noisy to tell",
+            reference.name
+        );
+        assert!(
+            found.agrees(),
+            "{}: {}",
+            reference.name,
+            found.outcome().statement
+        );
     }
 }

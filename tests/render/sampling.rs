@@ -1,4 +1,5 @@
-//! Samplers: pictures of the same scene by different numbers have the same mean, and some have less noise.
+//! Samplers: pictures of the same scene by different samplers have the same mean, and some have
+//! less noise.
 
 use std::sync::Arc;
 
@@ -16,13 +17,22 @@ use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
 const SEEDS: u64 = 48;
 const SIZE: [u32; 2] = [8, 8];
 
-/// A room with a lamp, glass and a lens: every kind of decision that a path makes.
+/// Returns a room with an area light, glass and a lens: every kind of decision of a path.
 fn scene() -> Arc<CompiledScene> {
-    let glass = Material { opacity: 0.0, roughness: 0.0, ..WHITE };
+    let glass = Material {
+        opacity: 0.0,
+        roughness: 0.0,
+        ..WHITE
+    };
     let mut scene = Arc::unwrap_or_clone(
         SceneBuilder::new(Vec3::new(0.0, 0.0, 0.95), Vec3::ZERO, 70.0)
             .room(1.0, grey(0.6))
-            .quad(Vec3::new(-0.6, 0.98, -0.6), Vec3::X * 1.2, Vec3::Z * 1.2, light(4.0))
+            .quad(
+                Vec3::new(-0.6, 0.98, -0.6),
+                Vec3::X * 1.2,
+                Vec3::Z * 1.2,
+                light(4.0),
+            )
             .sphere(Vec3::new(0.3, -0.5, -0.2), 0.4, glass)
             .build(),
     );
@@ -30,22 +40,42 @@ fn scene() -> Arc<CompiledScene> {
     Arc::new(scene)
 }
 
-fn films(scene: &Arc<CompiledScene>, integrator: &'static IntegratorRow, sampler: &'static SamplerRow) -> Vec<Film> {
-    let film = |seed| render(scene, Job { integrator, sampler, rr_start: Some(3), ..job(SIZE, 5, seed) }, 16);
+fn films(
+    scene: &Arc<CompiledScene>,
+    integrator: &'static IntegratorRow,
+    sampler: &'static SamplerRow,
+) -> Vec<Film> {
+    let film = |seed| {
+        render(
+            scene,
+            Job {
+                integrator,
+                sampler,
+                rr_start: Some(3),
+                ..job(SIZE, 5, seed)
+            },
+            16,
+        )
+    };
     (0..SEEDS).map(film).collect()
 }
 
-/// Mean and variance of the mean of numbers, one for each film.
+/// Returns the mean and the variance of the mean of numbers, one for each film.
 fn estimate(numbers: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
     let n = SEEDS as f64;
     let mean = numbers.clone().sum::<f64>() / n;
-    (mean, numbers.map(|x| (x - mean) * (x - mean)).sum::<f64>() / (n - 1.0) / n)
+    (
+        mean,
+        numbers.map(|x| (x - mean) * (x - mean)).sum::<f64>() / (n - 1.0) / n,
+    )
 }
 
-/// Variance over films of a pixel's mean, averaged over all pixels.
+/// Returns the variance over films of a pixel's mean, averaged over all pixels.
 fn spread(films: &[Film]) -> f64 {
     let pixels = films[0].sum.len();
-    let of = |i: usize| estimate(films.iter().map(move |f| f.sum[i][0] / f.samples as f64)).1 * SEEDS as f64;
+    let of = |i: usize| {
+        estimate(films.iter().map(move |f| f.sum[i][0] / f.samples as f64)).1 * SEEDS as f64
+    };
     (0..pixels).map(of).sum::<f64>() / pixels as f64
 }
 
@@ -54,19 +84,39 @@ fn every_integrator_has_the_same_mean_with_every_sampler_and_less_noise_with_sob
     let scene = scene();
     for row in INTEGRATORS {
         let (independent, sobol) = (films(&scene, row, INDEPENDENT), films(&scene, row, SOBOL));
-        // Independent films, so their own spread is the error, whatever happens within each.
+        // Independent films, so their own spread is the error, whatever the correlation within
+        // each.
         let means = |films: &[Film]| {
             let means: Vec<f64> = films.iter().map(|f| f.mean().mean()[0]).collect();
             estimate(means.into_iter())
         };
         let ((a, va), (b, vb)) = (means(&independent), means(&sobol));
         let p = normal_two_sided_p((a - b) / (va + vb).sqrt());
-        assert!(p > sidak(0.001, INTEGRATORS.len()), "{}: {a} and {b}: {p}", row.name);
+        assert!(
+            p > sidak(0.001, INTEGRATORS.len()),
+            "{}: {a} and {b}: {p}",
+            row.name
+        );
         let (noise, less) = (spread(&independent), spread(&sobol));
-        assert!(less < 0.9 * noise, "{}: {less} instead of {noise}", row.name);
-        // What the films say of themselves: right for independent samples, too much for the others.
-        let said = |films: &[Film]| films.iter().map(|f| f.variance_of_mean().mean()[0]).sum::<f64>() / SEEDS as f64;
-        assert!((said(&independent) / noise - 1.0).abs() < 0.15, "{}: {} {noise}", row.name, said(&independent));
+        assert!(
+            less < 0.9 * noise,
+            "{}: {less} instead of {noise}",
+            row.name
+        );
+        // The films' own error estimates: right for independent samples, too large for the others.
+        let said = |films: &[Film]| {
+            films
+                .iter()
+                .map(|f| f.variance_of_mean().mean()[0])
+                .sum::<f64>()
+                / SEEDS as f64
+        };
+        assert!(
+            (said(&independent) / noise - 1.0).abs() < 0.15,
+            "{}: {} {noise}",
+            row.name,
+            said(&independent)
+        );
         assert!(said(&sobol) > less, "{}: {} {less}", row.name, said(&sobol));
     }
 }

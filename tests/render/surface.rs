@@ -1,14 +1,15 @@
-//! From a hit to the surface that is shaded: normal maps in MikkTSpace, and masks, against closed forms.
+//! From a hit to the shaded surface: normal maps in MikkTSpace, and masks, compared with closed
+//! forms.
 
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use glam::{Affine2, Mat2, Vec2, Vec3, Vec4};
+use glam::{Mat2, Vec2, Vec3, Vec4};
 use lumbre::film::Film;
 use lumbre::scene::compile::{MaskMode, Material, NONE, Texture, UvMap};
 use lumbre::scene::desc::{
-    CameraDesc, EntityDesc, Lookup, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, Texels, TextureDesc, TextureSlot,
-    Transform, mesh_hash, texture_hash,
+    CameraDesc, EntityDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, Texels, TextureDesc,
+    TextureSlot, Transform, mesh_hash, texture_hash,
 };
 use lumbre::scene::{CompiledScene, compile};
 use lumbre::transport::integrator::integrator;
@@ -17,25 +18,36 @@ use lumbre::transport::surface::Surface;
 
 use crate::common::{SceneBuilder, WHITE, grey, job, light, mean_and_error, render};
 
-/// A texture of one texel.
+/// Returns a texture of one texel.
 fn texel(rgb: [f32; 3]) -> Arc<TextureDesc> {
     let texels = Texels::RgbaF32(vec![[rgb[0], rgb[1], rgb[2], 1.0]]);
     let content_hash = texture_hash(1, 1, &texels);
-    Arc::new(TextureDesc { file: PathBuf::from("n.exr"), width: 1, height: 1, texels, content_hash })
+    Arc::new(TextureDesc {
+        file: PathBuf::from("n.exr"),
+        width: 1,
+        height: 1,
+        texels,
+        content_hash,
+    })
 }
 
-/// A normal map that says the same normal everywhere.
-fn normal_map(n: Vec3) -> Arc<TextureDesc> {
+/// Returns a normal map with the same normal everywhere.
+pub fn normal_map(n: Vec3) -> Arc<TextureDesc> {
     texel((n * 0.5 + 0.5).to_array())
 }
 
-/// The triangles of one mesh with a material.
-fn mesh(positions: &[Vec3], normals: &[Vec3], uvs: &[Vec2], material: MaterialDesc) -> CompiledScene {
+/// Returns the triangles of one mesh with a material.
+pub fn mesh(
+    positions: &[Vec3],
+    normals: &[Vec3],
+    uvs: &[Vec2],
+    material: MaterialDesc,
+) -> CompiledScene {
     mesh_of(positions, normals, uvs, &[], material)
 }
 
-/// The same with a second set of texture coordinates.
-fn mesh_of(
+/// Does what [`mesh`] does, with a second set of texture coordinates.
+pub fn mesh_of(
     positions: &[Vec3],
     normals: &[Vec3],
     uvs: &[Vec2],
@@ -56,7 +68,12 @@ fn mesh_of(
         content_hash: [0; 32],
     };
     mesh.content_hash = mesh_hash(&mesh);
-    let camera = CameraDesc { position: Vec3::Z * 3.0, target: Vec3::ZERO, fov_deg: 40.0, ..CameraDesc::default() };
+    let camera = CameraDesc {
+        position: Vec3::Z * 3.0,
+        target: Vec3::ZERO,
+        fov_deg: 40.0,
+        ..CameraDesc::default()
+    };
     let entity = EntityDesc {
         name: "e".to_owned(),
         transform: Transform::default(),
@@ -69,7 +86,10 @@ fn mesh_of(
         resolution: [8, 8],
         max_depth: 3,
         camera,
-        materials: vec![MaterialDesc { name: "m".to_owned(), ..material }],
+        materials: vec![MaterialDesc {
+            name: "m".to_owned(),
+            ..material
+        }],
         entities: vec![entity],
         lights: vec![],
         environment: None,
@@ -83,20 +103,33 @@ fn mapped(n: Vec3) -> MaterialDesc {
     m
 }
 
-/// The surface at barycentric weights of a triangle, seen from `+z`.
-fn at(scene: &CompiledScene, primitive: u32, uv: [f32; 2]) -> Surface<'_> {
-    let ray = Ray { origin: Vec3::new(0.1, 0.1, 3.0), dir: Vec3::NEG_Z };
-    Surface::at(scene, &ray, &Hit { t: 3.0, primitive, instance: NONE, uv })
+/// Returns the surface at barycentric weights of a triangle, seen from `+z`.
+pub fn at(scene: &CompiledScene, primitive: u32, uv: [f32; 2]) -> Surface<'_> {
+    let ray = Ray {
+        origin: Vec3::new(0.1, 0.1, 3.0),
+        dir: Vec3::NEG_Z,
+    };
+    Surface::at(
+        scene,
+        &ray,
+        &Hit {
+            t: 3.0,
+            primitive,
+            instance: NONE,
+            uv,
+        },
+    )
 }
 
-const SQUARE: [Vec3; 4] = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y];
+pub const SQUARE: [Vec3; 4] = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y];
 
 #[test]
 fn mapped_normals_follow_turned_stretched_and_mirrored_coordinates() {
     let local = Vec3::new(0.48, 0.36, 0.8);
     for degrees in [0.0f32, 30.0, 90.0, 135.0, 180.0, 260.0] {
         for (mirror, stretch) in [(1.0f32, 1.0f32), (-1.0, 1.0), (1.0, 3.0), (-1.0, 0.5)] {
-            // The directions of growing u and v in the plane: turned, and v on the other side where mirrored.
+            // The directions of growing u and v in the plane: rotated, and v on the other side if
+            // mirrored.
             let u = Mat2::from_angle(degrees.to_radians()) * Vec2::X;
             let v = u.perp() * mirror;
             let uvs = SQUARE.map(|p| Vec2::new(p.truncate().dot(u) * stretch, p.truncate().dot(v)));
@@ -104,7 +137,10 @@ fn mapped_normals_follow_turned_stretched_and_mirrored_coordinates() {
             let expected = (u * local.x + v * local.y).extend(local.z);
             for primitive in [0, 1] {
                 let n = at(&scene, primitive, [0.2, 0.3]).n_shading;
-                assert!((n - expected).length() < 1e-5, "{degrees} {mirror} {stretch}: {n} instead of {expected}");
+                assert!(
+                    (n - expected).length() < 1e-5,
+                    "{degrees} {mirror} {stretch}: {n} instead of {expected}"
+                );
             }
         }
     }
@@ -114,32 +150,59 @@ fn mapped_normals_follow_turned_stretched_and_mirrored_coordinates() {
 fn on_smooth_normals_the_frame_is_interpolated_without_making_it_unit_again() {
     let local = Vec3::new(-0.36, 0.48, 0.8);
     let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
-    let normals =
-        [[0.3, 0.1, 0.9], [-0.2, 0.4, 0.8], [0.1, -0.5, 0.7]].map(|n| Vec3::from_array(n).normalize_or(Vec3::Z));
-    let scene = mesh(&corners, &normals, &[Vec2::ZERO, Vec2::X, Vec2::Y], mapped(local));
+    let normals = [[0.3, 0.1, 0.9], [-0.2, 0.4, 0.8], [0.1, -0.5, 0.7]]
+        .map(|n| Vec3::from_array(n).normalize_or(Vec3::Z));
+    let scene = mesh(
+        &corners,
+        &normals,
+        &[Vec2::ZERO, Vec2::X, Vec2::Y],
+        mapped(local),
+    );
     let weights = [0.2, 0.5, 0.3];
     let mut expected = Vec3::ZERO;
     for (n, w) in normals.into_iter().zip(weights) {
-        // The face's u direction in the tangent plane of the corner, and what completes it.
+        // The face's u direction in the tangent plane of the corner, and its orthogonal complement.
         let t = (Vec3::X - n * n.x).normalize_or(Vec3::ZERO);
         expected += (t * local.x + n.cross(t) * local.y + n * local.z) * w;
     }
     let n = at(&scene, 0, [weights[1], weights[2]]).n_shading;
-    assert!((n - expected.normalize_or(Vec3::Z)).length() < 1e-5, "{n} instead of {expected}");
+    assert!(
+        (n - expected.normalize_or(Vec3::Z)).length() < 1e-5,
+        "{n} instead of {expected}"
+    );
 }
 
 #[test]
 fn a_flat_map_and_a_map_without_strength_are_no_map() {
-    let normals = [[0.3, 0.1, 0.9], [-0.2, 0.4, 0.8], [0.1, -0.5, 0.7], [0.0, 0.2, 0.9]]
-        .map(|n| Vec3::from_array(n).normalize_or(Vec3::Z));
+    let normals = [
+        [0.3, 0.1, 0.9],
+        [-0.2, 0.4, 0.8],
+        [0.1, -0.5, 0.7],
+        [0.0, 0.2, 0.9],
+    ]
+    .map(|n| Vec3::from_array(n).normalize_or(Vec3::Z));
     let uvs = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
     let plain = mesh(&SQUARE, &normals, &uvs, MaterialDesc::new("m"));
     let flat = mesh(&SQUARE, &normals, &uvs, mapped(Vec3::Z));
-    let off = mesh(&SQUARE, &normals, &uvs, MaterialDesc { normal_strength: 0.0, ..mapped(Vec3::X) });
+    let off = mesh(
+        &SQUARE,
+        &normals,
+        &uvs,
+        MaterialDesc {
+            normal_strength: 0.0,
+            ..mapped(Vec3::X)
+        },
+    );
     let mut grey = MaterialDesc::new("m");
     let texels = Texels::Rgba8(vec![[128, 128, 255, 255]]);
     let content_hash = texture_hash(1, 1, &texels);
-    let bytes = TextureDesc { file: PathBuf::from("n.png"), width: 1, height: 1, texels, content_hash };
+    let bytes = TextureDesc {
+        file: PathBuf::from("n.png"),
+        width: 1,
+        height: 1,
+        texels,
+        content_hash,
+    };
     grey.set_texture(TextureSlot::Normal, Some(Arc::new(bytes)));
     let rounded = mesh(&SQUARE, &normals, &uvs, grey);
     for primitive in [0, 1] {
@@ -148,7 +211,9 @@ fn a_flat_map_and_a_map_without_strength_are_no_map() {
             assert!((at(&flat, primitive, uv).n_shading - n).length() < 1e-6);
             assert_eq!(at(&off, primitive, uv).n_shading, n);
             // Eight bits have no level for zero: 128 is 1 / 255 above it.
-            assert!((at(&rounded, primitive, uv).n_shading - n).length() < 1.5 / 255.0 * 2f32.sqrt());
+            assert!(
+                (at(&rounded, primitive, uv).n_shading - n).length() < 1.5 / 255.0 * 2f32.sqrt()
+            );
         }
     }
     assert_eq!(off.materials[0].normal_texture, NONE);
@@ -157,146 +222,49 @@ fn a_flat_map_and_a_map_without_strength_are_no_map() {
 #[test]
 fn a_map_never_turns_a_normal_behind_its_triangle() {
     let uvs = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
-    for local in [Vec3::NEG_Z, Vec3::new(0.8, 0.0, -0.6), Vec3::X, Vec3::new(-1.0, -1.0, -1.0)] {
+    for local in [
+        Vec3::NEG_Z,
+        Vec3::new(0.8, 0.0, -0.6),
+        Vec3::X,
+        Vec3::new(-1.0, -1.0, -1.0),
+    ] {
         let scene = mesh(&SQUARE, &[], &uvs, mapped(local));
         let s = at(&scene, 0, [0.2, 0.3]);
-        assert!(s.n_shading.dot(s.n_geometric) > 0.0 && (s.n_shading.length() - 1.0).abs() < 1e-5, "{local}");
+        assert!(
+            s.n_shading.dot(s.n_geometric) > 0.0 && (s.n_shading.length() - 1.0).abs() < 1e-5,
+            "{local}"
+        );
     }
 }
 
-/// A bump map of floats.
-fn heights(width: u32, values: Vec<f32>) -> Arc<TextureDesc> {
-    let texels = Texels::RgbaF32(values.iter().map(|h| [*h, *h, *h, 1.0]).collect());
-    let height = values.len() as u32 / width;
-    let content_hash = texture_hash(width, height, &texels);
-    Arc::new(TextureDesc { file: PathBuf::from("h.exr"), width, height, texels, content_hash })
-}
-
-fn embossed(map: Arc<TextureDesc>, bump_height: f32) -> MaterialDesc {
-    let mut m = MaterialDesc { bump_height, ..MaterialDesc::new("m") };
-    m.set_texture(TextureSlot::Bump, Some(map));
-    m
-}
-
-/// Heights that grow by 1 per repeat in u and by `rise` per repeat in v, but for the jump where the map repeats.
-fn ramp(rise: f32) -> Arc<TextureDesc> {
-    let at = |i: u32| ((i % 8) as f32 + 0.5) / 8.0 + rise * (1.0 - ((i / 8) as f32 + 0.5) / 8.0);
-    heights(8, (0..64).map(at).collect())
-}
-
-#[test]
-fn bumps_are_the_slopes_of_heights_in_the_world_however_coordinates_lie() {
-    // A height of 0.3 x + 0.2 y in the world, whatever u and v are: on any linear coordinates u = p . a, v = p . b it is
-    // a ramp of u and v whose slopes solve that.
-    let slope = Vec2::new(0.3, 0.2);
-    let expected = Vec3::new(-slope.x, -slope.y, 1.0).normalize_or(Vec3::Z);
-    for (a, b) in [
-        (Vec2::new(0.4, 0.0), Vec2::new(0.0, 0.4)),
-        (Vec2::new(0.1, 0.0), Vec2::new(0.0, 0.9)),
-        (Vec2::new(0.3, 0.1), Vec2::new(0.35, -0.2)),
-        (Vec2::new(-0.2, 0.3), Vec2::new(0.3, 0.25)),
-    ] {
-        // slope = height (a + rise b).
-        let det = a.perp_dot(b);
-        let (along_a, along_b) = (slope.perp_dot(b) / det, a.perp_dot(slope) / det);
-        let uvs =
-            SQUARE.map(|p| Vec2::new(0.5, 0.5) + Vec2::new((p.truncate() - 0.5).dot(a), (p.truncate() - 0.5).dot(b)));
-        for (tiling, map) in [(1.0, ramp(along_b / along_a)), (0.5, ramp(along_b / along_a))] {
-            let m = embossed(map, along_a / tiling);
-            let scene =
-                mesh(&SQUARE, &[], &uvs, MaterialDesc { tiling, uv_offset: Vec2::splat(0.5 - 0.5 * tiling), ..m });
-            for primitive in [0, 1] {
-                for uv in [[0.3, 0.3], [0.4, 0.2]] {
-                    let n = at(&scene, primitive, uv).n_shading;
-                    assert!((n - expected).length() < 1e-5, "{a} {b} {tiling}: {n} instead of {expected}");
-                }
-            }
-        }
-        // The same heights, whose coordinates only a map of their own makes, on the second set.
-        let map = Affine2::from_scale_angle_translation(Vec2::new(0.8, 1.3), 0.4, Vec2::new(0.2, -0.1));
-        let lookup = Lookup { second: true, map: Some(map), ..Lookup::default() };
-        let mut m = embossed(ramp(along_b / along_a), along_a);
-        m.set_lookup(TextureSlot::Bump, lookup);
-        let before = uvs.map(|uv| map.inverse().transform_point2(uv));
-        let scene = mesh_of(&SQUARE, &[], &[Vec2::ZERO; 4], &before, m);
-        for primitive in [0, 1] {
-            let n = at(&scene, primitive, [0.3, 0.3]).n_shading;
-            assert!((n - expected).length() < 1e-5, "{a} {b}: {n} instead of {expected}");
-        }
-    }
-}
-
-#[test]
-fn bumps_of_a_stretched_entity_are_measured_in_the_world() {
-    let uvs = [Vec2::splat(0.2), Vec2::new(0.8, 0.2), Vec2::splat(0.8), Vec2::new(0.2, 0.8)];
-    let flat = |scale: Vec3| SQUARE.map(|p| p * scale);
-    let n = at(&mesh(&flat(Vec3::new(4.0, 1.0, 1.0)), &[], &uvs, embossed(ramp(1.0), 0.5)), 0, [0.3, 0.3]).n_shading;
-    // 0.6 of a repeat, and so 0.3 of height, on 4 units along x and on 1 along y.
-    let expected = Vec3::new(-0.3 / 4.0, -0.3, 1.0).normalize_or(Vec3::Z);
-    assert!((n - expected).length() < 1e-5, "{n} instead of {expected}");
-}
-
-#[test]
-fn bumps_of_a_sphere_follow_its_longitude_and_latitude() {
-    let radius = 2.0;
-    for (rise, height) in [(0.0, 0.7), (1.0, 0.4), (-0.5, -0.3)] {
-        let mut builder = SceneBuilder::new(Vec3::Z * 9.0, Vec3::ZERO, 40.0);
-        let map = builder.texture(Texture::decode(&ramp(rise), false));
-        let m = Material { bump_texture: map, bump_height: height, ..WHITE };
-        let scene = builder.sphere(Vec3::ZERO, radius, m).build();
-        let n = Vec3::new(0.48, 0.36, 0.8);
-        let ray = Ray { origin: n * 5.0, dir: -n };
-        let s = Surface::at(&scene, &ray, &Hit { t: 3.0, primitive: 0, instance: NONE, uv: [0.0; 2] });
-        // One repeat around the circle of latitude, one repeat from pole to pole.
-        let around = std::f32::consts::TAU * radius * n.x.hypot(n.z);
-        let east = Vec3::new(n.z, 0.0, -n.x).normalize_or(Vec3::X);
-        let slope = east * (height / around) + n.cross(east) * (height * rise / (std::f32::consts::PI * radius));
-        let expected = (n - slope).normalize_or(n);
-        assert!((s.n_shading - expected).length() < 1e-5, "{} instead of {expected}", s.n_shading);
-    }
-}
-
-#[test]
-fn bumps_and_a_normal_map_add_their_slopes_and_flat_ones_change_nothing() {
-    let uvs = [Vec2::splat(0.2), Vec2::new(0.8, 0.2), Vec2::splat(0.8), Vec2::new(0.2, 0.8)];
-    let mut both = embossed(ramp(0.5), 0.5);
-    both.set_texture(TextureSlot::Normal, Some(normal_map(Vec3::new(0.48, -0.36, 0.8))));
-    let n = at(&mesh(&SQUARE, &[], &uvs, both.clone()), 0, [0.3, 0.3]).n_shading;
-    let expected = Vec3::new(0.6 - 0.3, -0.45 - 0.15, 1.0).normalize_or(Vec3::Z);
-    assert!((n - expected).length() < 1e-5, "{n} instead of {expected}");
-    for even in
-        [embossed(heights(4, vec![7.0; 16]), 3.0), embossed(ramp(0.5), 0.0), embossed(heights(1, vec![4.0]), 1.0)]
-    {
-        assert!((at(&mesh(&SQUARE, &[], &uvs, even), 0, [0.3, 0.3]).n_shading - Vec3::Z).length() < 1e-6);
-    }
-    assert_eq!(mesh(&SQUARE, &[], &uvs, embossed(ramp(0.5), 0.0)).materials[0].bump_texture, NONE);
-}
-
-#[test]
-fn bumps_never_turn_a_normal_behind_its_triangle_and_coordinates_without_area_have_none() {
-    let uvs = [Vec2::splat(0.2), Vec2::new(0.8, 0.2), Vec2::splat(0.8), Vec2::new(0.2, 0.8)];
-    let tilted = Vec3::new(0.9, 0.1, 0.3).normalize_or(Vec3::Z);
-    for height in [1e-3, 1.0, 1e3, 1e6] {
-        for normals in [vec![], vec![tilted; 4]] {
-            let scene = mesh(&SQUARE, &normals, &uvs, embossed(ramp(-2.0), height));
-            let s = at(&scene, 0, [0.2, 0.3]);
-            assert!(s.n_shading.dot(s.n_geometric) > 0.0 && (s.n_shading.length() - 1.0).abs() < 1e-5, "{height}");
-        }
-    }
-    for uvs in [vec![], vec![Vec2::splat(0.3); 4]] {
-        assert_eq!(at(&mesh(&SQUARE, &[], &uvs, embossed(ramp(1.0), 1.0)), 0, [0.2, 0.3]).n_shading, Vec3::Z);
-    }
-}
-
-/// A lit floor seen from above, with a sheet of even coverage at `height`.
+/// Returns a lit floor seen from above, with a sheet of even coverage at `height`.
 fn sheet(height: f32, value: f32, mode: MaskMode) -> Arc<CompiledScene> {
     let mut builder = SceneBuilder::new(Vec3::new(0.0, 2.0, 0.01), Vec3::ZERO, 30.0);
     let mask = builder.texture(Texture::new(1, 1, vec![[value, 1.0, 1.0]]));
-    let sheet = Material { mask_texture: mask, mask_mode: mode, ..grey(0.0) };
+    let sheet = Material {
+        mask_texture: mask,
+        mask_mode: mode,
+        ..grey(0.0)
+    };
     builder
-        .quad(Vec3::new(-5.0, 0.0, 5.0), Vec3::X * 10.0, Vec3::Z * -10.0, grey(0.5))
-        .quad(Vec3::new(-1.0, 3.0, -1.0), Vec3::X * 2.0, Vec3::Z * 2.0, light(4.0))
-        .quad(Vec3::new(-9.0, height, 9.0), Vec3::X * 18.0, Vec3::Z * -18.0, sheet)
+        .quad(
+            Vec3::new(-5.0, 0.0, 5.0),
+            Vec3::X * 10.0,
+            Vec3::Z * -10.0,
+            grey(0.5),
+        )
+        .quad(
+            Vec3::new(-1.0, 3.0, -1.0),
+            Vec3::X * 2.0,
+            Vec3::Z * 2.0,
+            light(4.0),
+        )
+        .quad(
+            Vec3::new(-9.0, height, 9.0),
+            Vec3::X * 18.0,
+            Vec3::Z * -18.0,
+            sheet,
+        )
         .build()
 }
 
@@ -308,17 +276,24 @@ fn picture(scene: &Arc<CompiledScene>, name: &str, threads: usize, samples: u64)
 
 #[test]
 fn a_blended_sheet_lets_its_transmittance_through_for_camera_and_shadow_rays() {
-    let open = mean_and_error(&picture(&sheet(1.0, 0.0, MaskMode::Blend), "nee", 0, 2000), 0);
+    let open = mean_and_error(
+        &picture(&sheet(1.0, 0.0, MaskMode::Blend), "nee", 0, 2000),
+        0,
+    );
     for name in ["nee", "bpt"] {
         for (height, value, passes) in [
-            // Between camera and floor each path crosses the sheet twice: to the floor and on to the light.
+            // Between camera and floor each path crosses the sheet twice: to the floor and on to
+            // the light.
             (1.0, 0.3, 0.49),
-            // Above the camera only the shadow ray does.
+            // Above the camera only the shadow ray crosses it.
             (2.5, 0.3, 0.7),
             (2.5, 0.0, 1.0),
             (2.5, 1.0, 0.0),
         ] {
-            let (mean, error) = mean_and_error(&picture(&sheet(height, value, MaskMode::Blend), name, 0, 2000), 0);
+            let (mean, error) = mean_and_error(
+                &picture(&sheet(height, value, MaskMode::Blend), name, 0, 2000),
+                0,
+            );
             let expected = open.0 * passes;
             let sigma = (error.powi(2) + (open.1 * passes).powi(2)).sqrt();
             assert!(
@@ -336,9 +311,17 @@ fn a_threshold_decides_once_and_for_all() {
     let through = picture(&sheet(1.0, 0.499, MaskMode::Threshold), "nee", 0, 4);
     assert_eq!(open.sum, through.sum);
     assert!(open.sum.iter().any(|p| p[0] > 0.0));
-    assert!(picture(&sheet(1.0, 0.5, MaskMode::Threshold), "nee", 0, 4).sum.iter().all(|p| *p == [0.0; 3]));
+    assert!(
+        picture(&sheet(1.0, 0.5, MaskMode::Threshold), "nee", 0, 4)
+            .sum
+            .iter()
+            .all(|p| *p == [0.0; 3])
+    );
     let mut swept = Arc::unwrap_or_clone(sheet(1.0, 0.5, MaskMode::Threshold));
-    swept.materials.iter_mut().for_each(|m| m.mask_threshold = 0.6);
+    swept
+        .materials
+        .iter_mut()
+        .for_each(|m| m.mask_threshold = 0.6);
     assert_eq!(picture(&Arc::new(swept), "nee", 0, 4).sum, open.sum);
 }
 
@@ -354,19 +337,44 @@ fn holes_do_not_depend_on_threads() {
 #[test]
 fn textures_of_every_role_are_looked_up_where_tiling_and_offset_say() {
     let uvs = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
-    // Left half dark, right half bright; the texture is repeated twice and moved by a quarter.
+    // Left half dark, right half bright; the texture is repeated twice and shifted by a quarter.
     let texels = Texels::RgbaF32(vec![[0.25, 0.25, 0.25, 1.0], [0.75, 0.75, 0.75, 1.0]]);
     let content_hash = texture_hash(2, 1, &texels);
-    let desc = Arc::new(TextureDesc { file: PathBuf::from("t.exr"), width: 2, height: 1, texels, content_hash });
-    let mut m = MaterialDesc { tiling: 2.0, uv_offset: Vec2::new(0.25, 0.0), ..MaterialDesc::new("m") };
+    let desc = Arc::new(TextureDesc {
+        file: PathBuf::from("t.exr"),
+        width: 2,
+        height: 1,
+        texels,
+        content_hash,
+    });
+    let mut m = MaterialDesc {
+        tiling: 2.0,
+        uv_offset: Vec2::new(0.25, 0.0),
+        ..MaterialDesc::new("m")
+    };
     m.set_texture(TextureSlot::BaseColor, Some(desc));
     m.base_color = Vec3::new(1.0, 0.5, 0.0);
     let scene = mesh(&SQUARE, &[], &uvs, m);
-    assert_eq!(scene.materials[0].tiling, UvMap { scale: 2.0, offset: Vec2::new(0.25, 0.0) });
-    for (x, expected) in [(0.0, 0.25), (0.25, 0.75), (0.125, 0.5), (0.5, 0.25), (0.75, 0.75)] {
+    assert_eq!(
+        scene.materials[0].tiling,
+        UvMap {
+            scale: 2.0,
+            offset: Vec2::new(0.25, 0.0)
+        }
+    );
+    for (x, expected) in [
+        (0.0, 0.25),
+        (0.25, 0.75),
+        (0.125, 0.5),
+        (0.5, 0.25),
+        (0.75, 0.75),
+    ] {
         // On the first triangle's edge along x.
         let found = at(&scene, 0, [x, 0.0]).base_color(&scene.textures);
-        assert!((found - Vec3::new(1.0, 0.5, 0.0) * expected).length() < 1e-6, "{x}: {found}");
+        assert!(
+            (found - Vec3::new(1.0, 0.5, 0.0) * expected).length() < 1e-6,
+            "{x}: {found}"
+        );
     }
 }
 
@@ -395,7 +403,10 @@ fn colours_of_vertices_multiply_the_base_colour_of_their_own_mesh() {
         }
     };
     let colors = [Vec3::X, Vec3::Y, Vec3::Z, Vec3::ONE];
-    let mut m = MaterialDesc { base_color: Vec3::new(0.8, 0.4, 1.0), ..MaterialDesc::new("m") };
+    let mut m = MaterialDesc {
+        base_color: Vec3::new(0.8, 0.4, 1.0),
+        ..MaterialDesc::new("m")
+    };
     m.set_texture(TextureSlot::BaseColor, Some(texel([0.5, 1.0, 0.25])));
     let base = Vec3::new(0.4, 0.4, 0.25);
     let plain = mesh(&SQUARE, &[], &[], MaterialDesc::new("m"));
@@ -409,11 +420,13 @@ fn colours_of_vertices_multiply_the_base_colour_of_their_own_mesh() {
         lights: vec![],
         environment: None,
     };
-    // The triangle without area is left out, and the meshes before and behind have no colours.
+    // The triangle without area is left out, and the meshes before and after it have no colours.
     let entities = vec![file(vec![]), file(colors.to_vec()), file(vec![])];
     let (scene, notes) = compile(&desc(entities)).unwrap();
     assert!(
-        notes.iter().all(|n| n.message.contains("without area") || n.message.contains("nothing emits")),
+        notes
+            .iter()
+            .all(|n| n.message.contains("without area") || n.message.contains("nothing emits")),
         "{notes:?}"
     );
     assert_eq!((scene.triangles.len(), scene.colors.len()), (6, 6));
@@ -424,24 +437,54 @@ fn colours_of_vertices_multiply_the_base_colour_of_their_own_mesh() {
         (5, Vec3::ONE),
     ] {
         let found = at(&scene, primitive, [0.2, 0.3]).base_color(&scene.textures);
-        assert!((found - base * expected).length() < 1e-6, "{primitive}: {found}");
+        assert!(
+            (found - base * expected).length() < 1e-6,
+            "{primitive}: {found}"
+        );
     }
-    assert!(compile(&desc(vec![file(vec![])])).unwrap().0.colors.is_empty(), "nothing is kept where none has any");
-    let e = compile(&desc(vec![file(vec![Vec3::ONE; 3])])).unwrap_err().to_string();
-    assert!(e.contains("4 positions and 3 colours"), "{e}");
+    assert!(
+        compile(&desc(vec![file(vec![])]))
+            .unwrap()
+            .0
+            .colors
+            .is_empty(),
+        "nothing is kept where none has any"
+    );
+    let e = compile(&desc(vec![file(vec![Vec3::ONE; 3])]))
+        .unwrap_err()
+        .to_string();
+    assert!(e.contains("4 positions but 3 colours"), "{e}");
 }
 
 #[test]
 fn a_texture_of_directions_turns_the_stretch_of_highlights() {
     let uvs = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
-    let mut m = MaterialDesc { anisotropic: 0.8, ..MaterialDesc::new("m") };
-    let along =
-        |m: &MaterialDesc| at(&mesh(&SQUARE, &[], &uvs, m.clone()), 0, [0.2, 0.3]).tangent.normalize_or(Vec3::ZERO);
-    assert!((along(&m) - Vec3::X).length() < 1e-6, "growing u where nothing is said");
+    let mut m = MaterialDesc {
+        anisotropic: 0.8,
+        ..MaterialDesc::new("m")
+    };
+    let along = |m: &MaterialDesc| {
+        at(&mesh(&SQUARE, &[], &uvs, m.clone()), 0, [0.2, 0.3])
+            .tangent
+            .normalize_or(Vec3::ZERO)
+    };
+    assert!(
+        (along(&m) - Vec3::X).length() < 1e-6,
+        "growing u by default"
+    );
     m.anisotropic_direction = Vec3::Y;
-    assert!((along(&m) - Vec3::Y).length() < 1e-6, "the material's direction");
-    m.set_texture(TextureSlot::AnisotropicDirection, Some(texel([0.2, 0.9, 0.0])));
-    assert!((along(&m) - Vec3::new(-0.6, 0.8, 0.0)).length() < 1e-6, "the texture's direction");
+    assert!(
+        (along(&m) - Vec3::Y).length() < 1e-6,
+        "the material's direction"
+    );
+    m.set_texture(
+        TextureSlot::AnisotropicDirection,
+        Some(texel([0.2, 0.9, 0.0])),
+    );
+    assert!(
+        (along(&m) - Vec3::new(-0.6, 0.8, 0.0)).length() < 1e-6,
+        "the texture's direction"
+    );
 }
 
 #[test]
@@ -459,13 +502,31 @@ fn bad_normals_tangents_and_coordinates_never_make_a_film_invalid() {
     let mut scene = Arc::unwrap_or_clone(
         builder
             .quad(Vec3::new(-1.0, -1.0, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0, m)
-            .quad(Vec3::new(-1.0, -1.0, 4.0), Vec3::Y * 2.0, Vec3::X * 2.0, light(1.0))
+            .quad(
+                Vec3::new(-1.0, -1.0, 4.0),
+                Vec3::Y * 2.0,
+                Vec3::X * 2.0,
+                light(1.0),
+            )
             .build(),
     );
     // render() asserts that no sample was invalid.
-    for normals in [[Vec3::ZERO; 3], [Vec3::X, Vec3::NEG_X, Vec3::ZERO], [Vec3::NEG_Z; 3]] {
-        for tangent in [Vec4::ZERO, Vec4::new(0.0, 0.0, 1.0, 1.0), Vec4::new(1.0, 0.0, 0.0, -1.0)] {
-            for uv in [Vec2::ZERO, Vec2::splat(f32::NAN), Vec2::splat(f32::INFINITY), Vec2::splat(1e30)] {
+    for normals in [
+        [Vec3::ZERO; 3],
+        [Vec3::X, Vec3::NEG_X, Vec3::ZERO],
+        [Vec3::NEG_Z; 3],
+    ] {
+        for tangent in [
+            Vec4::ZERO,
+            Vec4::new(0.0, 0.0, 1.0, 1.0),
+            Vec4::new(1.0, 0.0, 0.0, -1.0),
+        ] {
+            for uv in [
+                Vec2::ZERO,
+                Vec2::splat(f32::NAN),
+                Vec2::splat(f32::INFINITY),
+                Vec2::splat(1e30),
+            ] {
                 for i in 0..2 {
                     (scene.attributes[i].normals, scene.attributes[i].uvs) = (normals, [uv; 3]);
                 }

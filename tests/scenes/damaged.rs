@@ -1,4 +1,5 @@
-//! Truncated, flipped and hostile files: an error or a scene, never a panic, never an endless wait.
+//! Truncated, corrupted and hostile files: an error or a scene, never a panic, never an endless
+//! wait.
 
 use lumbre::scene::compile;
 use proptest::prelude::*;
@@ -6,7 +7,7 @@ use proptest::prelude::*;
 use super::samples::{SCN, picture, scn_mesh};
 use super::{Folder, builtin_path, scn};
 
-/// A small scene that uses every part of the format, and its files.
+/// Returns a small scene that uses every part of the format, and its files.
 fn folder() -> (Folder, String, String) {
     let (text, obj) = (SCN, scn_mesh());
     let folder = Folder::new(&[("a.scn", text), ("m.obj", &obj)]);
@@ -14,13 +15,16 @@ fn folder() -> (Folder, String, String) {
     (folder, text.to_owned(), obj)
 }
 
-/// Loads and compiles, whatever comes of it; an error must name a file of the folder.
+/// Loads and compiles, with any result; an error must name a file of the folder.
 fn survive(folder: &Folder, name: &str) -> bool {
     match folder.load(name) {
         Ok((desc, _)) => compile(&desc).is_ok(),
         Err(e) => {
             let text = e.to_string();
-            assert!(["a.scn", "m.obj", "t.png"].iter().any(|f| text.contains(f)), "{text}");
+            assert!(
+                ["a.scn", "m.obj", "t.png"].iter().any(|f| text.contains(f)),
+                "{text}"
+            );
             assert!(text.len() < 2000, "{text}");
             false
         }
@@ -38,7 +42,10 @@ fn every_truncation_of_a_scn_and_its_mesh_is_survived() {
     let (folder, text, obj) = folder();
     for cut in 0..text.len() {
         folder.write("a.scn", &text[..cut]);
-        assert!(!survive(&folder, "a.scn"), "half a document is an error: {cut}");
+        assert!(
+            !survive(&folder, "a.scn"),
+            "half a document is an error: {cut}"
+        );
     }
     folder.write("a.scn", &text);
     for cut in 0..obj.len() {
@@ -51,7 +58,11 @@ fn every_truncation_of_a_scn_and_its_mesh_is_survived() {
 fn flipped_bytes_are_survived() {
     let (folder, text, obj) = folder();
     let texture = std::fs::read(folder.path("t.png")).unwrap();
-    for (name, bytes) in [("a.scn", text.as_bytes()), ("m.obj", obj.as_bytes()), ("t.png", &texture)] {
+    for (name, bytes) in [
+        ("a.scn", text.as_bytes()),
+        ("m.obj", obj.as_bytes()),
+        ("t.png", &texture),
+    ] {
         for i in 0..bytes.len() {
             for flip in [0x01, 0x10, 0x80] {
                 let mut damaged = bytes.to_vec();
@@ -67,7 +78,10 @@ fn flipped_bytes_are_survived() {
 #[test]
 fn a_truncated_builtin_scene_is_one_error() {
     let text = std::fs::read(builtin_path("cornell/room.obj")).unwrap();
-    let folder = Folder::new(&[("a.scn", r#"{ "entities": [ { "type": "mesh", "file": "m.obj" } ] }"#)]);
+    let folder = Folder::new(&[(
+        "a.scn",
+        r#"{ "entities": [ { "type": "mesh", "file": "m.obj" } ] }"#,
+    )]);
     for cut in (0..text.len()).step_by(7) {
         folder.write("m.obj", &text[..cut]);
         survive(&folder, "a.scn");
@@ -95,8 +109,18 @@ fn deep_nesting_and_long_texts_are_short_errors() {
 
 #[test]
 fn hostile_numbers_and_encodings_are_errors() {
-    for number in ["1e999", "-1e999", "NaN", "Infinity", "0x10", "1e-400", "99999999999999999999999999"] {
-        if let Ok((desc, _)) = scn(&format!("{{ \"camera\": {{ \"position\": [{number}, 0, 0] }} }}")) {
+    for number in [
+        "1e999",
+        "-1e999",
+        "NaN",
+        "Infinity",
+        "0x10",
+        "1e-400",
+        "99999999999999999999999999",
+    ] {
+        if let Ok((desc, _)) = scn(&format!(
+            "{{ \"camera\": {{ \"position\": [{number}, 0, 0] }} }}"
+        )) {
             assert!(desc.camera.position.is_finite(), "{number}");
         }
         if let Ok((desc, _)) = scn(&format!("{{ \"maxdepth\": {number} }}")) {
@@ -106,21 +130,39 @@ fn hostile_numbers_and_encodings_are_errors() {
     let folder = Folder::new::<&str>(&[]);
     folder.write("a.scn", b"{ \"maxdepth\": 5, \"\xff\": 1 }");
     assert!(!survive(&folder, "a.scn"));
-    folder.write("a.scn", "{ }".encode_utf16().flat_map(u16::to_le_bytes).collect::<Vec<u8>>());
+    folder.write(
+        "a.scn",
+        "{ }"
+            .encode_utf16()
+            .flat_map(u16::to_le_bytes)
+            .collect::<Vec<u8>>(),
+    );
     assert!(!survive(&folder, "a.scn"));
 }
 
 #[test]
 fn a_scene_that_names_itself_or_a_folder_is_an_error() {
     let folder = Folder::new(&[
-        ("a.scn", r#"{ "entities": [ { "type": "mesh", "file": "a.scn" } ] }"#),
-        ("b.scn", r#"{ "entities": [ { "type": "mesh", "file": "." } ] }"#),
+        (
+            "a.scn",
+            r#"{ "entities": [ { "type": "mesh", "file": "a.scn" } ] }"#,
+        ),
+        (
+            "b.scn",
+            r#"{ "entities": [ { "type": "mesh", "file": "." } ] }"#,
+        ),
     ]);
-    // Read as an OBJ, its lines say nothing that an OBJ knows.
+    // Read as an OBJ, its lines have no meaning.
     let (desc, notes) = folder.load("a.scn").unwrap();
     assert!(notes.iter().any(|n| n.message.contains("no faces")));
     assert!(compile(&desc).is_ok());
-    assert!(folder.load("b.scn").unwrap_err().to_string().contains("not a regular file"));
+    assert!(
+        folder
+            .load("b.scn")
+            .unwrap_err()
+            .to_string()
+            .contains("not a regular file")
+    );
 }
 
 #[test]
@@ -131,9 +173,11 @@ fn more_triangles_than_a_scene_can_have_are_refused_before_they_are_made() {
     let text = format!("{{ \"entities\": [ {} ] }}", vec![entity; 4_000].join(","));
     let folder = Folder::new(&[("a.scn", &text), ("m.obj", &obj)]);
     let (desc, _) = folder.load("a.scn").unwrap();
-    let e = compile::compile_sharing(&desc, compile::Sharing::Never).unwrap_err().to_string();
+    let e = compile::compile_sharing(&desc, compile::Sharing::Never)
+        .unwrap_err()
+        .to_string();
     assert!(e.contains("80000000"), "{e}");
-    // Kept once, they are few.
+    // As one shared mesh, they are few.
     assert_eq!(compile(&desc).unwrap().0.triangles.len(), 20_000);
 }
 

@@ -1,4 +1,4 @@
-//! Edits by path, and what they do to the identity of a scene.
+//! Edits by path, and their effect on the identity of a scene.
 
 use std::collections::BTreeMap;
 
@@ -16,7 +16,10 @@ fn scene() -> SceneDesc {
         "materials": [ { "name": "egg", "opacity": 0 }, { "name": "wall.left" }, { "name": "lamp", "emission": [5, 5, 5] } ],
         "entities": [ { "type": "mesh", "file": "table.v2.obj", "material": "wall.left" },
                       { "type": "sphere", "radius": 1, "material": "egg" } ] }"#;
-    Folder::new(&[("a.scn", text), ("table.v2.obj", QUAD)]).load("a.scn").unwrap().0
+    Folder::new(&[("a.scn", text), ("table.v2.obj", QUAD)])
+        .load("a.scn")
+        .unwrap()
+        .0
 }
 
 fn nums(xs: &[f64]) -> Value {
@@ -27,17 +30,33 @@ fn nums(xs: &[f64]) -> Value {
 fn values_arrive_where_their_path_says() {
     let mut s = scene();
     set(&mut s, "materials.egg.ior", &Value::Num(1.33)).unwrap();
-    set(&mut s, "materials.wall.left.base_color", &nums(&[0.1, 0.2, 0.3])).unwrap();
+    set(
+        &mut s,
+        "materials.wall.left.base_color",
+        &nums(&[0.1, 0.2, 0.3]),
+    )
+    .unwrap();
     set(&mut s, "camera.fov", &Value::Int(30)).unwrap();
     set(&mut s, "camera.focus_distance", &Value::Num(2.5)).unwrap();
     set(&mut s, "camera.up", &nums(&[0.0, 0.0, 1.0])).unwrap();
     set(&mut s, "resolution", &nums(&[64.0, 32.0])).unwrap();
     set(&mut s, "max_depth", &Value::Int(9)).unwrap();
-    set(&mut s, "entities.table.v2.rotation_deg", &nums(&[0.0, 180.0, 0.0])).unwrap();
+    set(
+        &mut s,
+        "entities.table.v2.rotation_deg",
+        &nums(&[0.0, 180.0, 0.0]),
+    )
+    .unwrap();
     set(&mut s, "entities.table.v2.material", &"egg".into()).unwrap();
     set(&mut s, "entities.sphere.radius", &Value::Num(0.25)).unwrap();
-    assert_eq!((s.materials[0].ior, s.materials[1].base_color.z), (1.33, 0.3));
-    assert_eq!((s.camera.fov_deg, s.camera.focus_distance, s.camera.up.z), (30.0, Some(2.5), 1.0));
+    assert_eq!(
+        (s.materials[0].ior, s.materials[1].base_color.z),
+        (1.33, 0.3)
+    );
+    assert_eq!(
+        (s.camera.fov_deg, s.camera.focus_distance, s.camera.up.z),
+        (30.0, Some(2.5), 1.0)
+    );
     assert_eq!((s.resolution, s.max_depth), ([64, 32], 9));
     assert_eq!(s.entities[0].transform.rotate_rad.y, std::f32::consts::PI);
     assert_eq!(s.entities[0].material.as_deref(), Some("egg"));
@@ -48,8 +67,13 @@ fn values_arrive_where_their_path_says() {
 fn a_star_means_every_material_that_emits_nothing() {
     let mut s = scene();
     set(&mut s, "materials.*.metallic", &Value::Int(1)).unwrap();
-    assert_eq!(s.materials.iter().map(|m| m.metallic).collect::<Vec<_>>(), [1.0, 1.0, 0.0]);
-    let e = set(&mut s, "materials.*.metalic", &Value::Int(1)).unwrap_err().to_string();
+    assert_eq!(
+        s.materials.iter().map(|m| m.metallic).collect::<Vec<_>>(),
+        [1.0, 1.0, 0.0]
+    );
+    let e = set(&mut s, "materials.*.metalic", &Value::Int(1))
+        .unwrap_err()
+        .to_string();
     assert!(e.contains("did you mean `metallic`?"), "{e}");
     assert!(set(&mut s, "materials.*.metallic", &Value::Int(2)).is_err());
 }
@@ -57,39 +81,122 @@ fn a_star_means_every_material_that_emits_nothing() {
 #[test]
 fn every_level_suggests_the_nearest_name_and_a_failed_edit_changes_nothing() {
     let cases = [
-        ("material.egg.ior", Value::Int(1), "unknown setting `material`", "did you mean `materials`?"),
-        ("camera.fow", Value::Int(1), "unknown key `fow`", "did you mean `fov`?"),
+        (
+            "material.egg.ior",
+            Value::Int(1),
+            "unknown setting `material`",
+            "did you mean `materials`?",
+        ),
+        (
+            "camera.fow",
+            Value::Int(1),
+            "unknown key `fow`",
+            "did you mean `fov`?",
+        ),
         ("camera", Value::Int(1), "expected a string", ""),
         ("camera", "left".into(), "the scene has no views", ""),
-        ("materials.eg.ior", Value::Int(1), "unknown material `eg`", "did you mean `egg`?"),
-        ("materials.egg.rougness", Value::Int(1), "unknown material parameter", "did you mean `roughness`?"),
-        ("materials.egg", Value::Int(1), "expected `materials.NAME.PARAMETER`", ""),
-        ("entities.spere.radius", Value::Int(1), "unknown entity `spere`", "did you mean `sphere`?"),
-        ("entities.sphere.raduis", Value::Int(1), "unknown entity parameter", "did you mean `radius`?"),
+        (
+            "materials.eg.ior",
+            Value::Int(1),
+            "unknown material `eg`",
+            "did you mean `egg`?",
+        ),
+        (
+            "materials.egg.rougness",
+            Value::Int(1),
+            "unknown material parameter",
+            "did you mean `roughness`?",
+        ),
+        (
+            "materials.egg",
+            Value::Int(1),
+            "expected `materials.NAME.PARAMETER`",
+            "",
+        ),
+        (
+            "entities.spere.radius",
+            Value::Int(1),
+            "unknown entity `spere`",
+            "did you mean `sphere`?",
+        ),
+        (
+            "entities.sphere.raduis",
+            Value::Int(1),
+            "unknown entity parameter",
+            "did you mean `radius`?",
+        ),
         (
             "entities.sphere.scale",
             nums(&[1.0; 3]),
             "`sphere` is a sphere, which has no `scale`",
             "known: position, radius",
         ),
-        ("entities.table.v2.radius", Value::Int(1), "`table.v2` is a mesh, which has no `radius`", "rotation_deg"),
-        ("entities.sphere.material", "eggs".into(), "unknown material `eggs`", "did you mean `egg`?"),
-        ("materials.egg.opacity", Value::Num(1.5), "1.5 is out of range", ""),
-        ("materials.egg.opacity", "all".into(), "expected a number", ""),
-        ("materials.egg.emission", nums(&[1.0, 2.0]), "found 2 items", ""),
-        ("materials.egg.ior", Value::Num(f64::NAN), "out of range", ""),
-        ("resolution", nums(&[1.5, 2.0]), "expected whole numbers of pixels", ""),
+        (
+            "entities.table.v2.radius",
+            Value::Int(1),
+            "`table.v2` is a mesh, which has no `radius`",
+            "rotation_deg",
+        ),
+        (
+            "entities.sphere.material",
+            "eggs".into(),
+            "unknown material `eggs`",
+            "did you mean `egg`?",
+        ),
+        (
+            "materials.egg.opacity",
+            Value::Num(1.5),
+            "1.5 is out of range",
+            "",
+        ),
+        (
+            "materials.egg.opacity",
+            "all".into(),
+            "expected a number",
+            "",
+        ),
+        (
+            "materials.egg.emission",
+            nums(&[1.0, 2.0]),
+            "found 2 items",
+            "",
+        ),
+        (
+            "materials.egg.ior",
+            Value::Num(f64::NAN),
+            "out of range",
+            "",
+        ),
+        (
+            "resolution",
+            nums(&[1.5, 2.0]),
+            "expected whole numbers of pixels",
+            "",
+        ),
         ("resolution", nums(&[0.0, 2.0]), "out of range", ""),
         ("max_depth", Value::Int(0), "out of range", ""),
-        ("camera.position", nums(&[1e30, 0.0, 0.0]), "out of range", ""),
-        ("", Value::Int(1), "unknown setting ``", "known: camera, resolution, max_depth, materials, entities"),
+        (
+            "camera.position",
+            nums(&[1e30, 0.0, 0.0]),
+            "out of range",
+            "",
+        ),
+        (
+            "",
+            Value::Int(1),
+            "unknown setting ``",
+            "known: camera, resolution, max_depth, materials, entities",
+        ),
     ];
     for (path, value, problem, help) in cases {
         let before = scene();
         let mut s = before.clone();
         let e = set(&mut s, path, &value).unwrap_err();
         let text = e.to_string();
-        assert!(text.contains(problem) && text.contains(help), "{path}: {text}");
+        assert!(
+            text.contains(problem) && text.contains(help),
+            "{path}: {text}"
+        );
         assert!(e.path.starts_with(path), "{path}: {}", e.path);
         assert_eq!(s, before, "{path}");
     }
@@ -98,44 +205,90 @@ fn every_level_suggests_the_nearest_name_and_a_failed_edit_changes_nothing() {
 #[test]
 fn lenses_are_described_once() {
     let changes = |pairs: &[(&str, f64)]| -> BTreeMap<String, Value> {
-        pairs.iter().map(|(key, x)| (format!("camera.{key}"), Value::number(*x))).collect()
+        pairs
+            .iter()
+            .map(|(key, x)| (format!("camera.{key}"), Value::number(*x)))
+            .collect()
     };
     let plain = || Folder::new(&[("a.scn", "{}")]).load("a.scn").unwrap().0;
     let mut s = plain();
-    apply(&mut s, &changes(&[("f_number", 2.0), ("focal_length", 0.05), ("sensor_height", 0.024)])).unwrap();
+    apply(
+        &mut s,
+        &changes(&[
+            ("f_number", 2.0),
+            ("focal_length", 0.05),
+            ("sensor_height", 0.024),
+        ]),
+    )
+    .unwrap();
     assert!((s.camera.view_deg() - 26.99).abs() < 0.01 && s.camera.lens_diameter() == 0.025);
-    // The last word counts, in both directions.
+    // The last edit counts, in both directions.
     apply(&mut s, &changes(&[("aperture", 0.5)])).unwrap();
     assert_eq!(s.camera.lens_diameter(), 0.5);
     apply(&mut s, &changes(&[("f_number", 4.0)])).unwrap();
     assert_eq!(s.camera.lens_diameter(), 0.0125);
-    // The same lens by other words is the same scene.
+    // The same lens by other parameters is the same scene.
     let mut same = plain();
-    apply(&mut same, &changes(&[("aperture", 0.0125), ("fov", f64::from(s.camera.view_deg()))])).unwrap();
+    apply(
+        &mut same,
+        &changes(&[
+            ("aperture", 0.0125),
+            ("fov", f64::from(s.camera.view_deg())),
+        ]),
+    )
+    .unwrap();
     assert_eq!(content_hash(&s), content_hash(&same));
-    // A sensor and a field of view make a focal length.
+    // A sensor and a field of view determine a focal length.
     let mut zoom = plain();
-    apply(&mut zoom, &changes(&[("f_number", 1.0), ("sensor_height", 0.1), ("fov", 90.0)])).unwrap();
+    apply(
+        &mut zoom,
+        &changes(&[("f_number", 1.0), ("sensor_height", 0.1), ("fov", 90.0)]),
+    )
+    .unwrap();
     assert!((zoom.camera.lens_diameter() - 0.05).abs() < 1e-6);
     let refused: [(&[(&str, f64)], &str); 4] = [
-        (&[("aperture", 0.1), ("f_number", 2.0), ("focal_length", 0.05)], "camera.f_number: there is an `aperture`"),
-        (&[("fov", 40.0), ("focal_length", 0.05), ("sensor_height", 0.024)], "camera.fov: `sensor_height` and"),
-        (&[("f_number", 2.0)], "camera.f_number: it says nothing without a `focal_length`"),
-        (&[("f_number", 0.0), ("focal_length", 0.05)], "camera.f_number: 0 is out of range"),
+        (
+            &[("aperture", 0.1), ("f_number", 2.0), ("focal_length", 0.05)],
+            "camera.f_number: `aperture` is set as well",
+        ),
+        (
+            &[
+                ("fov", 40.0),
+                ("focal_length", 0.05),
+                ("sensor_height", 0.024),
+            ],
+            "camera.fov: the field of view is already determined by `sensor_height` and",
+        ),
+        (
+            &[("f_number", 2.0)],
+            "camera.f_number: an f-number has no effect without a `focal_length`",
+        ),
+        (
+            &[("f_number", 0.0), ("focal_length", 0.05)],
+            "camera.f_number: 0 is out of range",
+        ),
     ];
     for (pairs, text) in refused {
-        let e = apply(&mut plain(), &changes(pairs)).unwrap_err().to_string();
+        let e = apply(&mut plain(), &changes(pairs))
+            .unwrap_err()
+            .to_string();
         assert!(e.starts_with(text), "{pairs:?}: {e}");
     }
 }
 
-/// A value that no parameter has by default.
+/// Returns a value that no parameter has by default.
 fn other_value(path: &str) -> Value {
     let last = path.rsplit('.').next().unwrap();
     if TextureSlot::from_name(last).is_some() {
-        return builtin_path("material_ball/checks.png").to_str().unwrap().into();
+        return builtin_path("material_ball/checks.png")
+            .to_str()
+            .unwrap()
+            .into();
     }
-    if let Some(row) = MATERIAL_PARAMS.iter().find(|row| path.starts_with("materials.") && row.name == last) {
+    if let Some(row) = MATERIAL_PARAMS
+        .iter()
+        .find(|row| path.starts_with("materials.") && row.name == last)
+    {
         return match row.ty {
             Ty::Nums { len, .. } => nums(&[0.25, 0.75, 0.125][..len]),
             Ty::Word(words) => words[1].into(),
@@ -149,9 +302,8 @@ fn other_value(path: &str) -> Value {
         "resolution" => nums(&[12.0, 34.0]),
         "max_depth" => Value::Int(17),
         "material" => "lamp".into(),
-        "fov" | "aperture" | "f_number" | "focal_length" | "sensor_height" | "focus_distance" | "radius" => {
-            Value::Num(0.375)
-        }
+        "fov" | "aperture" | "f_number" | "focal_length" | "sensor_height" | "focus_distance"
+        | "radius" => Value::Num(0.375),
         _ => nums(&[0.25, 0.75, 0.125]),
     }
 }
@@ -161,7 +313,10 @@ fn every_path_can_be_set_and_changes_the_hash_to_one_of_its_own() {
     let base = content_hash(&scene());
     let mut seen = BTreeMap::from([(base, "nothing".to_owned())]);
     let all = paths(&scene());
-    assert_eq!(all.len(), 11 + 4 * (MATERIAL_PARAMS.len() + TextureSlot::ALL.len()) + 5 + 4);
+    assert_eq!(
+        all.len(),
+        11 + 4 * (MATERIAL_PARAMS.len() + TextureSlot::ALL.len()) + 5 + 4
+    );
     for path in all {
         let mut s = scene();
         set(&mut s, &path, &other_value(&path)).unwrap_or_else(|e| panic!("{e}"));
@@ -169,7 +324,10 @@ fn every_path_can_be_set_and_changes_the_hash_to_one_of_its_own() {
             panic!("{path} and {other} have the same hash");
         }
         set(&mut s, &path, &other_value(&path)).unwrap();
-        assert!(seen.contains_key(&content_hash(&s)), "setting twice changes nothing");
+        assert!(
+            seen.contains_key(&content_hash(&s)),
+            "setting twice changes nothing"
+        );
     }
 }
 
@@ -178,13 +336,27 @@ fn the_hash_does_not_depend_on_where_files_lie_or_what_they_are_called() {
     let original = builtin_path("cornell/cornell.scn");
     let text = std::fs::read_to_string(&original).unwrap();
     let folder = Folder::new(&[("moved.scn", &text.replace("room.obj", "chamber.obj"))]);
-    for (from, to) in [("room", "chamber"), ("short_block", "short_block"), ("tall_block", "tall_block")] {
-        std::fs::copy(builtin_path(&format!("cornell/{from}.obj")), folder.path(&format!("{to}.obj"))).unwrap();
+    for (from, to) in [
+        ("room", "chamber"),
+        ("short_block", "short_block"),
+        ("tall_block", "tall_block"),
+    ] {
+        std::fs::copy(
+            builtin_path(&format!("cornell/{from}.obj")),
+            folder.path(&format!("{to}.obj")),
+        )
+        .unwrap();
     }
-    let (here, there) = (load(&original).unwrap().0, folder.load("moved.scn").unwrap().0);
+    let (here, there) = (
+        load(&original).unwrap().0,
+        folder.load("moved.scn").unwrap().0,
+    );
     assert_ne!(here.entities[0].name, there.entities[0].name);
     assert_eq!(content_hash(&here), content_hash(&there));
     let obj = std::fs::read_to_string(folder.path("chamber.obj")).unwrap();
     folder.write("chamber.obj", obj.replacen("v 0.5528", "v 0.5529", 1));
-    assert_ne!(content_hash(&here), content_hash(&folder.load("moved.scn").unwrap().0));
+    assert_ne!(
+        content_hash(&here),
+        content_hash(&folder.load("moved.scn").unwrap().0)
+    );
 }

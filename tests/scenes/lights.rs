@@ -1,5 +1,5 @@
-//! Lights of a `.scn` that are no entities, environments from files, textured emitters, and what is said of those that
-//! cannot shine.
+//! Lights of a `.scn` that are not entities, environments from files, textured emitters, and the
+//! notes on lights that cannot emit.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -26,7 +26,9 @@ fn lit() -> SceneDesc {
 fn write_hdr(path: &Path, texels: &[[f32; 3]], width: usize) {
     let texels: Vec<image::Rgb<f32>> = texels.iter().map(|t| image::Rgb(*t)).collect();
     let file = std::fs::File::create(path).unwrap();
-    image::codecs::hdr::HdrEncoder::new(file).encode(&texels, width, texels.len() / width).unwrap();
+    image::codecs::hdr::HdrEncoder::new(file)
+        .encode(&texels, width, texels.len() / width)
+        .unwrap();
 }
 
 fn nums(xs: &[f64]) -> Value {
@@ -38,15 +40,25 @@ fn lights_and_a_constant_environment_are_read_and_compiled() {
     let desc = lit();
     let names: Vec<&str> = desc.lights.iter().map(|l| l.name.as_str()).collect();
     assert_eq!(names, ["point", "sun", "point_2"]);
-    let point = LightKind::Point { position: Vec3::new(1.0, 2.0, 3.0), intensity: Vec3::new(4.0, 5.0, 6.0) };
+    let point = LightKind::Point {
+        position: Vec3::new(1.0, 2.0, 3.0),
+        intensity: Vec3::new(4.0, 5.0, 6.0),
+    };
     assert_eq!(desc.lights[0].kind, point);
     let (scene, notes) = compile(&desc).unwrap();
     assert_eq!((scene.points.len(), scene.directionals.len()), (2, 1));
     assert_eq!(scene.directionals[0].direction, Vec3::NEG_Y);
     let environment = scene.environment.unwrap();
-    assert_eq!((environment.radiance, environment.map), (Vec3::new(1.0, 0.5, 2.0), None));
+    assert_eq!(
+        (environment.radiance, environment.map),
+        (Vec3::new(1.0, 0.5, 2.0), None)
+    );
     assert!((environment.rotation_rad - std::f32::consts::FRAC_PI_2).abs() < 1e-6);
-    assert!(!lines(&notes).contains("nothing emits"), "{}", lines(&notes));
+    assert!(
+        !lines(&notes).contains("nothing emits"),
+        "{}",
+        lines(&notes)
+    );
 }
 
 #[test]
@@ -54,32 +66,70 @@ fn faults_of_lights_name_their_place() {
     let light = |entry: &str| format!("{{ \"lights\": [ {entry} ] }}");
     let environment = |entry: &str| format!("{{ \"environment\": {entry} }}");
     let cases = [
-        (LIT.to_owned(), "lights[2].type: unknown type of light `Point` (did you mean `point`?)"),
-        (light("{}"), "lights[0]: a light needs a `type`: point, directional or spot"),
+        (
+            LIT.to_owned(),
+            "lights[2].type: unknown light type `Point` (did you mean `point`?)",
+        ),
+        (
+            light("{}"),
+            "lights[0]: a light needs a `type`: point, directional or spot",
+        ),
         (light("4"), "lights[0]: expected an object"),
         ("{ \"lights\": {} }".to_owned(), "lights: expected a list"),
-        (light(r#"{ "type": "area" }"#), "unknown type of light `area` (known: point, directional, spot)"),
-        (light(r#"{ "type": "point", "intensity": [1, 1, 1] }"#), "lights[0]: a point light needs `position`"),
-        (light(r#"{ "type": "point", "position": [1, 1, 1] }"#), "lights[0]: a point light needs `intensity`"),
+        (
+            light(r#"{ "type": "area" }"#),
+            "unknown light type `area` (known: point, directional, spot)",
+        ),
+        (
+            light(r#"{ "type": "point", "intensity": [1, 1, 1] }"#),
+            "lights[0]: a point light needs `position`",
+        ),
+        (
+            light(r#"{ "type": "point", "position": [1, 1, 1] }"#),
+            "lights[0]: a point light needs `intensity`",
+        ),
         (
             light(r#"{ "type": "point", "position": [1, 1, 1], "intensity": [1, -1, 1] }"#),
-            "lights[0].intensity: expected numbers that are not negative, found -1",
+            "lights[0].intensity: expected numbers of 0 or more, found -1",
         ),
         (
             light(r#"{ "type": "directional", "direction": [0, 0, 0], "irradiance": [1, 1, 1] }"#),
             "lights[0].direction: a direction needs a length above zero",
         ),
         (
-            light(r#"{ "type": "directional", "direction": [0, 1, 0], "irradiance": [1, 1e300, 1] }"#),
-            "lights[0].irradiance: expected numbers that are not negative",
+            light(
+                r#"{ "type": "directional", "direction": [0, 1, 0], "irradiance": [1, 1e300, 1] }"#,
+            ),
+            "lights[0].irradiance: expected numbers of 0 or more",
         ),
-        (environment("{}"), "environment: an environment needs a `file` or a `color`"),
-        (environment("[]"), "environment: expected an object, found a list"),
-        (environment(r#"{ "color": [1, 1, -1] }"#), "environment.color: expected numbers that are not negative"),
-        (environment(r#"{ "color": [1, 1, 1], "scale": -2 }"#), "environment.scale: expected a number that is not neg"),
-        (environment(r#"{ "color": [1, 1, 1], "rotation": "up" }"#), "environment.rotation: expected a number"),
-        (environment(r#"{ "file": "no.hdr" }"#), "environment.file: cannot read"),
-        (environment(r#"{ "file": 3 }"#), "environment.file: expected a string"),
+        (
+            environment("{}"),
+            "environment: an environment needs a `file` or a `color`",
+        ),
+        (
+            environment("[]"),
+            "environment: expected an object, found a list",
+        ),
+        (
+            environment(r#"{ "color": [1, 1, -1] }"#),
+            "environment.color: expected numbers of 0 or more",
+        ),
+        (
+            environment(r#"{ "color": [1, 1, 1], "scale": -2 }"#),
+            "environment.scale: expected a number of 0 or more",
+        ),
+        (
+            environment(r#"{ "color": [1, 1, 1], "rotation": "up" }"#),
+            "environment.rotation: expected a number",
+        ),
+        (
+            environment(r#"{ "file": "no.hdr" }"#),
+            "environment.file: cannot read",
+        ),
+        (
+            environment(r#"{ "file": 3 }"#),
+            "environment.file: expected a string",
+        ),
     ];
     for (text, part) in cases {
         let e = scn(&text).unwrap_err().to_string();
@@ -88,8 +138,14 @@ fn faults_of_lights_name_their_place() {
     let extra = r#"{ "lights": [ { "type": "point", "position": [0, 1, 0], "intensity": [1, 1, 1], "radius": 2 } ],
                      "environment": { "color": [1, 1, 1], "rotatoin": 5 } }"#;
     let notes = lines(&scn(extra).unwrap().1);
-    assert!(notes.contains("lights[0].radius: unknown key: ignored"), "{notes}");
-    assert!(notes.contains("environment.rotatoin: unknown key: ignored (did you mean `rotation`?)"), "{notes}");
+    assert!(
+        notes.contains("lights[0].radius: unknown key, ignored"),
+        "{notes}"
+    );
+    assert!(
+        notes.contains("environment.rotatoin: unknown key, ignored (did you mean `rotation`?)"),
+        "{notes}"
+    );
 }
 
 #[test]
@@ -97,18 +153,32 @@ fn environments_come_from_hdr_exr_and_png_files() {
     let folder = Folder::new::<&str>(&[]);
     let texels = [[4.0, 1.0, 0.25], [0.0; 3], [1.0; 3], [0.5, 0.5, 2.0]];
     write_hdr(&folder.path("sky.hdr"), &texels, 2);
-    exr::prelude::write_rgb_file(folder.path("sky.exr"), 2, 2, |x, y| texels[y * 2 + x].into()).unwrap();
-    image::RgbImage::from_pixel(2, 2, image::Rgb([188, 255, 0])).save(folder.path("sky.png")).unwrap();
+    exr::prelude::write_rgb_file(folder.path("sky.exr"), 2, 2, |x, y| {
+        texels[y * 2 + x].into()
+    })
+    .unwrap();
+    image::RgbImage::from_pixel(2, 2, image::Rgb([188, 255, 0]))
+        .save(folder.path("sky.png"))
+        .unwrap();
     for name in ["sky.hdr", "sky.exr", "sky.png"] {
-        folder.write("a.scn", format!("{{ \"environment\": {{ \"file\": \"{name}\", \"scale\": 0.5 }} }}"));
+        folder.write(
+            "a.scn",
+            format!("{{ \"environment\": {{ \"file\": \"{name}\", \"scale\": 0.5 }} }}"),
+        );
         let (desc, notes) = folder.load("a.scn").unwrap();
         assert!(notes.is_empty(), "{name}: {}", lines(&notes));
         let (scene, _) = compile(&desc).unwrap();
         let environment = scene.environment.as_ref().unwrap();
         let map = environment.map.as_ref().unwrap();
-        assert_eq!((map.width, map.height, environment.radiance), (2, 2, Vec3::splat(0.5)));
+        assert_eq!(
+            (map.width, map.height, environment.radiance),
+            (2, 2, Vec3::splat(0.5))
+        );
         if name == "sky.png" {
-            assert!((map.texels[0][0] - 0.5029).abs() < 1e-3, "a picture of eight bits is sRGB");
+            assert!(
+                (map.texels[0][0] - 0.5029).abs() < 1e-3,
+                "a picture of eight bits is sRGB"
+            );
         } else {
             assert_eq!(map.texels[..], texels, "{name}");
             // Straight up is the top row, straight down the bottom row.
@@ -124,13 +194,19 @@ fn damaged_environment_files_are_errors_that_name_them() {
     let folder = Folder::new(&[("a.scn", r#"{ "environment": { "file": "sky.hdr" } }"#)]);
     folder.write("b.scn", r#"{ "environment": { "file": "sky.exr" } }"#);
     write_hdr(&folder.path("sky.hdr"), &[[1.0, 2.0, 3.0]; 64], 16);
-    exr::prelude::write_rgb_file(folder.path("sky.exr"), 16, 4, |x, y| (x as f32, y as f32, 1.0)).unwrap();
+    exr::prelude::write_rgb_file(folder.path("sky.exr"), 16, 4, |x, y| {
+        (x as f32, y as f32, 1.0)
+    })
+    .unwrap();
     for (scene, name) in [("a.scn", "sky.hdr"), ("b.scn", "sky.exr")] {
         let good = std::fs::read(folder.path(name)).unwrap();
         for cut in 0..good.len() {
             folder.write(name, &good[..cut]);
             let e = folder.load(scene).unwrap_err().to_string();
-            assert!(e.contains(name) && e.contains("environment.file") && e.len() < 1000, "{cut}: {e}");
+            assert!(
+                e.contains(name) && e.contains("environment.file") && e.len() < 1000,
+                "{cut}: {e}"
+            );
         }
         for i in 0..good.len() {
             let mut damaged = good.clone();
@@ -143,15 +219,45 @@ fn damaged_environment_files_are_errors_that_name_them() {
         }
     }
     folder.write("sky.hdr", "hello");
-    assert!(folder.load("a.scn").unwrap_err().to_string().contains("sky.hdr: image: "));
-    folder.write("sky.hdr", "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 99999999 +X 99999999\n");
-    assert!(folder.load("a.scn").unwrap_err().to_string().contains("sky.hdr: image: "));
-    exr::prelude::write_rgb_file(folder.path("sky.exr"), 1, 1, |_, _| (f32::INFINITY, 0.0, 0.0)).unwrap();
-    assert!(folder.load("b.scn").unwrap_err().to_string().contains("not finite"));
-    // Less than nothing is finite: black, with a note.
-    exr::prelude::write_rgb_file(folder.path("sky.exr"), 2, 1, |x, _| (x as f32 * 2.0 - 1.0, 0.5, 0.5)).unwrap();
+    assert!(
+        folder
+            .load("a.scn")
+            .unwrap_err()
+            .to_string()
+            .contains("sky.hdr: image: ")
+    );
+    folder.write(
+        "sky.hdr",
+        "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 99999999 +X 99999999\n",
+    );
+    assert!(
+        folder
+            .load("a.scn")
+            .unwrap_err()
+            .to_string()
+            .contains("sky.hdr: image: ")
+    );
+    exr::prelude::write_rgb_file(folder.path("sky.exr"), 1, 1, |_, _| {
+        (f32::INFINITY, 0.0, 0.0)
+    })
+    .unwrap();
+    assert!(
+        folder
+            .load("b.scn")
+            .unwrap_err()
+            .to_string()
+            .contains("not finite")
+    );
+    // Negative values are finite: black, with a note.
+    exr::prelude::write_rgb_file(folder.path("sky.exr"), 2, 1, |x, _| {
+        (x as f32 * 2.0 - 1.0, 0.5, 0.5)
+    })
+    .unwrap();
     let (scene, notes) = compile(&folder.load("b.scn").unwrap().0).unwrap();
-    assert_eq!(scene.environment.unwrap().map.unwrap().texels[..], [[0.0, 0.5, 0.5], [1.0, 0.5, 0.5]]);
+    assert_eq!(
+        scene.environment.unwrap().map.unwrap().texels[..],
+        [[0.0, 0.5, 0.5], [1.0, 0.5, 0.5]]
+    );
     assert!(lines(&notes).contains("negative"), "{}", lines(&notes));
 }
 
@@ -171,8 +277,10 @@ fn the_hash_counts_what_a_map_shows_and_not_what_it_is_called() {
 fn every_setting_of_a_light_can_be_reached_and_counts() {
     let base = lit();
     let mut seen = BTreeMap::from([(content_hash(&base), "nothing".to_owned())]);
-    let all: Vec<String> =
-        paths(&base).into_iter().filter(|p| p.starts_with("lights.") || p.starts_with("env")).collect();
+    let all: Vec<String> = paths(&base)
+        .into_iter()
+        .filter(|p| p.starts_with("lights.") || p.starts_with("env"))
+        .collect();
     let expected = [
         "lights.point.position",
         "lights.point.intensity",
@@ -188,29 +296,86 @@ fn every_setting_of_a_light_can_be_reached_and_counts() {
     for path in all {
         let mut s = base.clone();
         let scalar = path.ends_with("rotation") || path.ends_with("scale");
-        set(&mut s, &path, &if scalar { Value::Num(7.5) } else { nums(&[0.25, 0.75, 0.125]) }).unwrap();
+        set(
+            &mut s,
+            &path,
+            &if scalar {
+                Value::Num(7.5)
+            } else {
+                nums(&[0.25, 0.75, 0.125])
+            },
+        )
+        .unwrap();
         if let Some(other) = seen.insert(content_hash(&s), path.clone()) {
             panic!("{path} and {other} have the same hash");
         }
     }
     let mut s = base;
     set(&mut s, "environment.color", &nums(&[1.0, 0.0, 0.0])).unwrap();
-    assert_eq!(s.environment.unwrap().source, EnvironmentSource::Color(Vec3::X));
+    assert_eq!(
+        s.environment.unwrap().source,
+        EnvironmentSource::Color(Vec3::X)
+    );
 }
 
 #[test]
 fn wrong_settings_of_lights_say_what_there_is() {
     let cases = [
-        ("lights.sum.irradiance", nums(&[1.0; 3]), "unknown light `sum`", "did you mean `sun`?"),
-        ("lights.sun.irradianc", nums(&[1.0; 3]), "unknown light parameter", "did you mean `irradiance`?"),
-        ("lights.sun.position", nums(&[1.0; 3]), "`sun` is a direction, which has no `position`", "irradiance"),
-        ("lights.point.direction", nums(&[1.0; 3]), "`point` is a point, which has no `direction`", "intensity"),
-        ("lights.sun.direction", nums(&[0.0; 3]), "found one of length zero", ""),
-        ("lights.sun.irradiance", nums(&[1.0, -1.0, 1.0]), "out of range", ""),
-        ("lights.sun", nums(&[1.0; 3]), "expected `lights.NAME.PARAMETER`", ""),
-        ("environment.rotatoin", Value::Num(1.0), "unknown key `rotatoin`", "did you mean `rotation`?"),
+        (
+            "lights.sum.irradiance",
+            nums(&[1.0; 3]),
+            "unknown light `sum`",
+            "did you mean `sun`?",
+        ),
+        (
+            "lights.sun.irradianc",
+            nums(&[1.0; 3]),
+            "unknown light parameter",
+            "did you mean `irradiance`?",
+        ),
+        (
+            "lights.sun.position",
+            nums(&[1.0; 3]),
+            "`sun` is a directional light, which has no `position`",
+            "irradiance",
+        ),
+        (
+            "lights.point.direction",
+            nums(&[1.0; 3]),
+            "`point` is a point light, which has no `direction`",
+            "intensity",
+        ),
+        (
+            "lights.sun.direction",
+            nums(&[0.0; 3]),
+            "found a vector of length zero",
+            "",
+        ),
+        (
+            "lights.sun.irradiance",
+            nums(&[1.0, -1.0, 1.0]),
+            "out of range",
+            "",
+        ),
+        (
+            "lights.sun",
+            nums(&[1.0; 3]),
+            "expected `lights.NAME.PARAMETER`",
+            "",
+        ),
+        (
+            "environment.rotatoin",
+            Value::Num(1.0),
+            "unknown key `rotatoin`",
+            "did you mean `rotation`?",
+        ),
         ("environment.scale", Value::Num(-1.0), "out of range", ""),
-        ("environment.scale", Value::Num(f64::NAN), "out of range", ""),
+        (
+            "environment.scale",
+            Value::Num(f64::NAN),
+            "out of range",
+            "",
+        ),
     ];
     for (path, value, problem, help) in cases {
         let mut s = lit();
@@ -219,11 +384,13 @@ fn wrong_settings_of_lights_say_what_there_is() {
         assert_eq!(s, lit(), "{path}");
     }
     let mut dark = scn("{}").unwrap().0;
-    let e = set(&mut dark, "environment.scale", &Value::Num(2.0)).unwrap_err().to_string();
+    let e = set(&mut dark, "environment.scale", &Value::Num(2.0))
+        .unwrap_err()
+        .to_string();
     assert!(e.contains("the scene has no environment"), "{e}");
 }
 
-/// A cube whose normals look inwards.
+/// A cube whose normals face inwards.
 const INWARD: &str = "v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\nv -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1\n\
     vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0 1\nvn 0 0 -1\nvn 1 0 0\nvn -1 0 0\nvn 0 1 0\nvn 0 -1 0\n\
     f 1/1/1 2/2/1 3/3/1 4/4/1\nf 5/1/2 6/2/2 7/3/2 8/4/2\nf 1/1/3 4/2/3 8/3/3 5/4/3\n\
@@ -242,14 +409,27 @@ fn a_skybox_shines_inwards_with_its_texture() {
     assert_eq!(scene.emitters.len(), 12);
     let lights = Lights::new(&scene);
     assert!((lights.total_area() / 6e6 - 1.0).abs() < 1e-6);
-    for (i, from) in [Vec3::ZERO, Vec3::new(400.0, -300.0, 10.0)].into_iter().enumerate() {
+    for (i, from) in [Vec3::ZERO, Vec3::new(400.0, -300.0, 10.0)]
+        .into_iter()
+        .enumerate()
+    {
         for k in 0..50 {
             let u = (k as f32 + 0.5) / 50.0;
-            let d = lights.sample_direct(&scene, from, u, [0.3, 0.6]).expect("it shines everywhere inside");
-            assert!((d.radiance - Vec3::new(0.5, 6.0, 2.0)).length() < 1e-5, "{i}: {}", d.radiance);
+            let d = lights
+                .sample_direct(&scene, from, u, [0.3, 0.6])
+                .expect("it shines everywhere inside");
+            assert!(
+                (d.radiance - Vec3::new(0.5, 6.0, 2.0)).length() < 1e-5,
+                "{i}: {}",
+                d.radiance
+            );
         }
         let outside = Vec3::new(0.0, 0.0, 2000.0);
-        assert!(lights.sample_direct(&scene, outside, 1.5 / 12.0, [0.3, 0.6]).is_none_or(|d| d.wi.z < 0.0));
+        assert!(
+            lights
+                .sample_direct(&scene, outside, 1.5 / 12.0, [0.3, 0.6])
+                .is_none_or(|d| d.wi.z < 0.0)
+        );
     }
 }
 
@@ -261,25 +441,53 @@ fn noted(text: &str, files: &[(&str, &str)]) -> String {
     let lights = Lights::new(&scene);
     for k in 0..100 {
         let u = (k as f32 + 0.5) / 100.0;
-        assert!(lights.sample_direct(&scene, Vec3::new(0.1, 0.2, 0.3), u, [u, 0.5]).is_none(), "{text}");
-        assert!(lights.sample_emission(&scene, u, [u, 0.5], [0.5, u]).is_none(), "{text}");
+        assert!(
+            lights
+                .sample_direct(&scene, Vec3::new(0.1, 0.2, 0.3), u, [u, 0.5])
+                .is_none(),
+            "{text}"
+        );
+        assert!(
+            lights
+                .sample_emission(&scene, u, [u, 0.5], [0.5, u])
+                .is_none(),
+            "{text}"
+        );
     }
-    notes.iter().chain(&compiled).map(Note::to_string).collect::<Vec<_>>().join("\n")
+    notes
+        .iter()
+        .chain(&compiled)
+        .map(Note::to_string)
+        .collect::<Vec<_>>()
+        .join("\n")
 }
 
 #[test]
 fn lights_that_cannot_shine_are_noted_and_left_out() {
     let black = noted(r#"{ "environment": { "color": [0, 0, 0] } }"#, &[]);
-    assert!(black.contains("environment: it is black: left out") && black.contains("will be black"), "{black}");
+    assert!(
+        black.contains("environment: the environment is black and has been left out")
+            && black.contains("will be black"),
+        "{black}"
+    );
     let dark = noted(
         r#"{ "lights": [ { "type": "point", "name": "dead", "position": [1, 1, 1], "intensity": [0, 0, 0] } ] }"#,
         &[],
     );
-    assert!(dark.contains("lights.dead: it is black: left out"), "{dark}");
+    assert!(
+        dark.contains("lights.dead: the light is black and has been left out"),
+        "{dark}"
+    );
     let lamp = r#"{ "materials": [ { "name": "lamp", "emission": [5, 5, 5] } ],
         "entities": [ { "type": "mesh", "file": "m.obj", "material": "lamp" } ] }"#;
-    let flat = noted(lamp, &[("m.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\nf 1 1 2\n")]);
-    assert!(flat.contains("triangles of a light without area: 2 left out"), "{flat}");
+    let flat = noted(
+        lamp,
+        &[("m.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\nf 1 1 2\n")],
+    );
+    assert!(
+        flat.contains("triangles of a light without area: 2 left out"),
+        "{flat}"
+    );
     let squeezed = lamp.replace("\"lamp\" }", "\"lamp\", \"scale\": [1, 1, 0] }");
     assert_ne!(squeezed, lamp);
     let squeezed = noted(&squeezed, &[("m.obj", QUAD)]);
@@ -287,5 +495,8 @@ fn lights_that_cannot_shine_are_noted_and_left_out() {
     let tiny = r#"{ "materials": [ { "name": "lamp", "emission": [5, 5, 5] } ],
         "entities": [ { "type": "sphere", "radius": 1e-30, "material": "lamp" } ] }"#;
     let tiny = noted(tiny, &[]);
-    assert!(tiny.contains("the sphere is too small to shine"), "{tiny}");
+    assert!(
+        tiny.contains("the sphere is too small to emit light"),
+        "{tiny}"
+    );
 }

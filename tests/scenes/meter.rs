@@ -1,15 +1,18 @@
-//! An allocator that knows what the thread at hand has taken, for limits on memory that a reader must keep.
+//! An allocator that counts the bytes of the current thread, for memory limits of readers.
 
-#![expect(unsafe_code, reason = "an allocator is an unsafe trait; this one only counts what passes on its way")]
+#![expect(
+    unsafe_code,
+    reason = "an allocator is an unsafe trait; this one only counts what passes on its way"
+)]
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-/// The system's allocator, counting.
+/// The system's allocator with counters.
 pub struct Meter;
 
 thread_local! {
-    /// Bytes that this thread has now, and the most that it had since [`peak`] began.
+    /// Bytes that this thread holds now, and the most that it held since [`peak`] began.
     static TAKEN: Cell<[isize; 2]> = const { Cell::new([0; 2]) };
 }
 
@@ -21,18 +24,19 @@ fn count(bytes: isize) {
     });
 }
 
-/// The result of a function, and the most bytes that this thread had at one time while it ran, over what it had before.
+/// Returns the result of a function, and the most bytes that this thread held while it ran, over
+/// those held before.
 pub fn peak<T>(run: impl FnOnce() -> T) -> (T, usize) {
     TAKEN.set([0; 2]);
     let result = run();
     (result, TAKEN.get()[1].max(0) as usize)
 }
 
-// SAFETY: every call goes to the system's allocator as it came.
+// SAFETY: every call is forwarded unchanged to the system's allocator.
 unsafe impl GlobalAlloc for Meter {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count(layout.size() as isize);
-        // SAFETY: what the caller promises is what the system's allocator asks for.
+        // SAFETY: the caller's guarantees are the requirements of the system's allocator.
         unsafe { System.alloc(layout) }
     }
 
@@ -49,7 +53,7 @@ unsafe impl GlobalAlloc for Meter {
     }
 
     unsafe fn realloc(&self, place: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        // Both may be there at once while one is copied to the other.
+        // Both may exist at once while one is copied to the other.
         count(size as isize);
         // SAFETY: as above.
         let moved = unsafe { System.realloc(place, layout, size) };

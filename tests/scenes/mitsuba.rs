@@ -1,16 +1,16 @@
-//! Scenes of Mitsuba: small ones of our own that use every plugin that is read, and what their parts become.
+//! Small Mitsuba scenes that use every supported plugin, and the resulting parts.
 
 use glam::{Vec2, Vec3};
 use lumbre::scene::compile;
 use lumbre::scene::compile::{Uv, Wrap};
 use lumbre::scene::desc::{
-    ConeEdge, Distribution, EnvironmentSource, LightKind, MaskMode, MaterialDesc, Model, SceneDesc, ShapeDesc,
-    TextureSlot,
+    ConeEdge, Distribution, EnvironmentSource, LightKind, MaskMode, MaterialDesc, Model, SceneDesc,
+    ShapeDesc, TextureSlot,
 };
 
 use super::{Folder, lines};
 
-/// A scene around some XML.
+/// Returns a scene around some XML.
 fn around(inner: &str) -> String {
     format!(
         r#"<scene version="3.0.0"><sensor type="perspective"><float name="fov" value="40"/>
@@ -21,18 +21,28 @@ fn around(inner: &str) -> String {
 }
 
 fn read(inner: &str) -> (SceneDesc, String) {
-    let (desc, notes) = Folder::new(&[("a.xml", &around(inner))]).load("a.xml").unwrap_or_else(|e| panic!("{e}"));
+    let (desc, notes) = Folder::new(&[("a.xml", &around(inner))])
+        .load("a.xml")
+        .unwrap_or_else(|e| panic!("{e}"));
     (desc, lines(&notes))
 }
 
 fn refused(inner: &str) -> String {
-    Folder::new(&[("a.xml", &around(inner))]).load("a.xml").unwrap_err().to_string()
+    Folder::new(&[("a.xml", &around(inner))])
+        .load("a.xml")
+        .unwrap_err()
+        .to_string()
 }
 
-/// The material of one surface.
+/// Returns the material of one surface.
 fn surface(xml: &str) -> (MaterialDesc, String) {
-    let (desc, notes) = read(&format!("{xml}<shape type=\"rectangle\"><ref id=\"s\"/></shape>"));
-    (desc.materials[desc.material_row("s").unwrap()].clone(), notes)
+    let (desc, notes) = read(&format!(
+        "{xml}<shape type=\"rectangle\"><ref id=\"s\"/></shape>"
+    ));
+    (
+        desc.materials[desc.material_index("s").unwrap()].clone(),
+        notes,
+    )
 }
 
 #[test]
@@ -43,7 +53,11 @@ fn a_camera_has_its_place_and_its_vertical_field_of_view() {
     assert!((desc.camera.target - desc.camera.position - Vec3::NEG_Z).length() < 1e-6);
     // tan(fov_y / 2) = tan(20 degrees) / 2 for a picture twice as wide as high.
     let expected = 2.0 * (20f32.to_radians().tan() / 2.0).atan().to_degrees();
-    assert!((desc.camera.fov_deg - expected).abs() < 1e-4, "{}", desc.camera.fov_deg);
+    assert!(
+        (desc.camera.fov_deg - expected).abs() < 1e-4,
+        "{}",
+        desc.camera.fov_deg
+    );
     assert!(notes.is_empty(), "{notes}");
     let lens = around("").replace("perspective", "thinlens").replace(
         "<float name=\"fov\" value=\"40\"/>",
@@ -51,7 +65,10 @@ fn a_camera_has_its_place_and_its_vertical_field_of_view() {
          <float name=\"focusDistance\" value=\"3\"/><string name=\"fovAxis\" value=\"x\"/>",
     );
     let (desc, _) = Folder::new(&[("a.xml", &lens)]).load("a.xml").unwrap();
-    assert_eq!((desc.camera.aperture, desc.camera.focus_distance), (1.0, Some(3.0)));
+    assert_eq!(
+        (desc.camera.aperture, desc.camera.focus_distance),
+        (1.0, Some(3.0))
+    );
     // The diagonal of 36 x 24 mm at 50 mm, of which the height is 1 / sqrt 5 here.
     let half = 36f32.hypot(24.0) / 100.0 / 5f32.sqrt();
     assert!((desc.camera.fov_deg - 2.0 * half.atan().to_degrees()).abs() < 1e-3);
@@ -66,11 +83,19 @@ fn transforms_apply_their_steps_one_after_the_other() {
     assert!(notes.contains("toWorld") || notes.is_empty(), "{notes}");
     let (scene, _) = compile(&desc).unwrap();
     // (1, 0, 0) -> (3, 0, 0) -> (0, 0, -3) -> (10, 0, -3).
-    assert!((scene.spheres[0].center - Vec3::new(10.0, 0.0, -3.0)).length() < 1e-4, "{}", scene.spheres[0].center);
+    assert!(
+        (scene.spheres[0].center - Vec3::new(10.0, 0.0, -3.0)).length() < 1e-4,
+        "{}",
+        scene.spheres[0].center
+    );
     assert!((scene.spheres[0].radius - 6.0).abs() < 1e-4);
-    let (desc, notes) =
-        read("<shape type=\"sphere\"><transform name=\"to_world\"><scale y=\"2\"/></transform></shape>");
-    assert!(matches!(desc.entities[0].shape, ShapeDesc::Mesh(_)) && notes.contains("becomes a mesh"), "{notes}");
+    let (desc, notes) = read(
+        "<shape type=\"sphere\"><transform name=\"to_world\"><scale y=\"2\"/></transform></shape>",
+    );
+    assert!(
+        matches!(desc.entities[0].shape, ShapeDesc::Mesh(_)) && notes.contains("becomes a mesh"),
+        "{notes}"
+    );
 }
 
 #[test]
@@ -78,35 +103,74 @@ fn surfaces_become_the_models_that_they_are() {
     let (m, notes) = surface(
         r##"<bsdf type="twosided" id="s"><bsdf type="diffuse"><rgb name="reflectance" value="#ff8000"/></bsdf></bsdf>"##,
     );
-    assert_eq!((m.model, m.base_color.x, m.base_color.z), (Model::Lambert, 1.0, 0.0));
-    assert!((m.base_color.y - 0.215_86).abs() < 1e-4 && notes.is_empty(), "{} {notes}", m.base_color);
+    assert_eq!(
+        (m.model, m.base_color.x, m.base_color.z),
+        (Model::Lambert, 1.0, 0.0)
+    );
+    assert!(
+        (m.base_color.y - 0.215_86).abs() < 1e-4 && notes.is_empty(),
+        "{} {notes}",
+        m.base_color
+    );
     let (m, notes) = surface(
         r#"<bsdf type="roughconductor" id="s"><string name="material" value="Cu"/><float name="alpha" value="0.25"/>
 <string name="distribution" value="ggx"/><rgb name="specular_reflectance" value="0.3"/></bsdf>"#,
     );
-    assert_eq!((m.model, m.roughness, m.distribution), (Model::Conductor, 0.5, Distribution::Ggx));
-    assert_eq!((m.eta, m.base_color), (Vec3::new(0.200438, 0.924033, 1.10221), Vec3::splat(0.3)));
+    assert_eq!(
+        (m.model, m.roughness, m.distribution),
+        (Model::Conductor, 0.5, Distribution::Ggx)
+    );
+    assert_eq!(
+        (m.eta, m.base_color),
+        (Vec3::new(0.200438, 0.924033, 1.10221), Vec3::splat(0.3))
+    );
     assert!(notes.contains("both sides"), "{notes}");
     let (m, _) = surface(r#"<bsdf type="conductor" id="s"/>"#);
-    assert_eq!((m.roughness, m.eta, m.k), (0.0, Vec3::ZERO, Vec3::ONE), "a perfect mirror");
+    assert_eq!(
+        (m.roughness, m.eta, m.k),
+        (0.0, Vec3::ZERO, Vec3::ONE),
+        "a perfect mirror"
+    );
     let (m, notes) = surface(
         r#"<bsdf type="roughdielectric" id="s"><float name="intIOR" value="2"/><string name="extIOR" value="water"/></bsdf>"#,
     );
-    assert_eq!((m.model, m.distribution, m.ior), (Model::Dielectric, Distribution::Beckmann, (2.0 / 1.333) as f32));
-    assert!((m.roughness - 0.1f32.sqrt()).abs() < 1e-6 && notes.is_empty(), "{notes}");
+    assert_eq!(
+        (m.model, m.distribution, m.ior),
+        (
+            Model::Dielectric,
+            Distribution::Beckmann,
+            (2.0 / 1.333) as f32
+        )
+    );
+    assert!(
+        (m.roughness - 0.1f32.sqrt()).abs() < 1e-6 && notes.is_empty(),
+        "{notes}"
+    );
     assert!(surface(r#"<bsdf type="thindielectric" id="s"/>"#).0.thin);
     let (m, _) = surface(
         r#"<bsdf type="roughplastic" id="s"><rgb name="diffuse_reflectance" value="0.1, 0.2, 0.3"/>
 <boolean name="nonlinear" value="true"/><float name="alpha_u" value="0.4"/><float name="alpha_v" value="0.1"/></bsdf>"#,
     );
-    assert_eq!((m.model, m.nonlinear, m.base_color), (Model::Plastic, true, Vec3::new(0.1, 0.2, 0.3)));
-    assert!((m.roughness - 0.2f32.sqrt()).abs() < 1e-6 && (m.anisotropic - 0.75 / 0.9).abs() < 1e-6);
+    assert_eq!(
+        (m.model, m.nonlinear, m.base_color),
+        (Model::Plastic, true, Vec3::new(0.1, 0.2, 0.3))
+    );
+    assert!(
+        (m.roughness - 0.2f32.sqrt()).abs() < 1e-6 && (m.anisotropic - 0.75 / 0.9).abs() < 1e-6
+    );
     let (m, notes) = surface(
         r#"<bsdf type="principled" id="s"><rgb name="base_color" value="0.2"/><float name="metallic" value="0.7"/>
 <float name="spec_trans" value="0.25"/><float name="specular" value="0.5"/><float name="sheen" value="2"/></bsdf>"#,
     );
-    assert_eq!((m.model, m.metallic, m.opacity, m.sheen), (Model::Disney, 0.7, 0.75, 1.0));
-    assert!((m.ior - 1.5).abs() < 1e-6 && notes.contains("`sheen` is 2"), "{} {notes}", m.ior);
+    assert_eq!(
+        (m.model, m.metallic, m.opacity, m.sheen),
+        (Model::Disney, 0.7, 0.75, 1.0)
+    );
+    assert!(
+        (m.ior - 1.5).abs() < 1e-6 && notes.contains("`sheen` is 2"),
+        "{} {notes}",
+        m.ior
+    );
     let (m, _) = surface(
         r#"<bsdf type="mask" id="s"><float name="opacity" value="0.25"/><bsdf type="twosided"><bsdf type="diffuse"/></bsdf></bsdf>"#,
     );
@@ -116,10 +180,19 @@ fn surfaces_become_the_models_that_they_are() {
         r#"<bsdf type="bumpmap" id="s"><texture type="checkerboard" name="any"><transform name="to_uv"><scale value="4"/></transform>
 </texture><float name="scale" value="0.02"/><bsdf type="twosided"><bsdf type="roughplastic"/></bsdf></bsdf>"#,
     );
-    assert_eq!((m.model, m.bump_height, m.tiling), (Model::Plastic, 0.02, 4.0));
-    assert!(m.texture(TextureSlot::Bump).is_some() && notes.is_empty(), "{notes}");
+    assert_eq!(
+        (m.model, m.bump_height, m.tiling),
+        (Model::Plastic, 0.02, 4.0)
+    );
+    assert!(
+        m.texture(TextureSlot::Bump).is_some() && notes.is_empty(),
+        "{notes}"
+    );
     let (m, notes) = surface(r#"<bsdf type="hair" id="s"><float name="x" value="1"/></bsdf>"#);
-    assert!(m.model == Model::Lambert && notes.contains("`hair` is not known"), "{notes}");
+    assert!(
+        m.model == Model::Lambert && notes.contains("`hair` is not supported"),
+        "{notes}"
+    );
 }
 
 #[test]
@@ -136,17 +209,42 @@ fn lights_shine_as_they_say() {
 <emitter type="projector"/>"#,
     );
     assert_eq!(desc.entities[0].material.as_deref(), Some("lamp_light"));
-    let lamp = &desc.materials[desc.material_row("lamp_light").unwrap()];
-    assert_eq!((lamp.emission, lamp.base_color), (Vec3::new(1.0, 2.0, 3.0), Vec3::splat(0.8)));
+    let lamp = &desc.materials[desc.material_index("lamp_light").unwrap()];
+    assert_eq!(
+        (lamp.emission, lamp.base_color),
+        (Vec3::new(1.0, 2.0, 3.0), Vec3::splat(0.8))
+    );
     assert_eq!(desc.entities[1].material.as_deref(), Some("white"));
-    assert_eq!(desc.environment.as_ref().unwrap().source, EnvironmentSource::Color(Vec3::splat(0.5)));
-    assert!(matches!(desc.lights[0].kind, LightKind::Point { position, .. } if position == Vec3::new(1.0, 2.0, 3.0)));
+    assert_eq!(
+        desc.environment.as_ref().unwrap().source,
+        EnvironmentSource::Color(Vec3::splat(0.5))
+    );
+    assert!(
+        matches!(desc.lights[0].kind, LightKind::Point { position, .. } if position == Vec3::new(1.0, 2.0, 3.0))
+    );
     assert_eq!(desc.lights[1].name, "sun");
-    assert!(notes.contains("the light `projector` is not known"), "{notes}");
-    let LightKind::Spot { position, direction, intensity, cone } = desc.lights[2].kind else { panic!() };
-    assert_eq!((position, intensity), (Vec3::new(1.0, 2.0, 3.0), Vec3::splat(5.0)));
+    assert!(
+        notes.contains("the light `projector` is not supported"),
+        "{notes}"
+    );
+    let LightKind::Spot {
+        position,
+        direction,
+        intensity,
+        cone,
+    } = desc.lights[2].kind
+    else {
+        panic!()
+    };
+    assert_eq!(
+        (position, intensity),
+        (Vec3::new(1.0, 2.0, 3.0), Vec3::splat(5.0))
+    );
     assert!((direction - Vec3::NEG_Y).length() < 1e-6);
-    assert_eq!((cone.beam_deg, cone.cutoff_deg, cone.edge), (30.0, 40.0, ConeEdge::Linear));
+    assert_eq!(
+        (cone.beam_deg, cone.cutoff_deg, cone.edge),
+        (30.0, 40.0, ConeEdge::Linear)
+    );
     let (scene, _) = compile(&desc).unwrap();
     assert_eq!((scene.emitters.len(), scene.triangles.len()), (2, 4));
     // The rectangle faces +z.
@@ -168,18 +266,33 @@ fn variables_includes_references_and_old_spellings_are_resolved() {
 <include filename="more/c.xml"/><integrator type="path"><integer name="max_depth" value="$depth"/></integrator>
 <alias id="red" as="rot"/><shape type="cube"><ref id="rot"/></shape></scene>"#,
         ),
-        ("round.xml", r#"<scene version="3.0.0"><include filename="round.xml"/></scene>"#),
+        (
+            "round.xml",
+            r#"<scene version="3.0.0"><include filename="round.xml"/></scene>"#,
+        ),
     ]);
     let e = folder.load("a.xml").unwrap_err().to_string();
-    assert!(e.contains("a.xml") && e.contains("line 2") && e.contains("$kind"), "{e}");
+    assert!(
+        e.contains("a.xml") && e.contains("line 2") && e.contains("$kind"),
+        "{e}"
+    );
     std::fs::create_dir(folder.path("more")).unwrap();
     folder.write("more/c.xml", r#"<scene version="3.0.0"><bsdf type="diffuse" id="red"/><shape type="obj"><string name="filename" value="q.obj"/></shape></scene>"#);
     folder.write("more/q.obj", super::QUAD);
     let (desc, _) = folder.load("b.xml").unwrap();
     assert_eq!((desc.max_depth, desc.entities.len()), (9, 2));
     assert_eq!(desc.entities[1].material.as_deref(), Some("red"));
-    assert_eq!(desc.entities[0].name, "q", "found beside the file that names it");
-    assert!(folder.load("round.xml").unwrap_err().to_string().contains("circle"));
+    assert_eq!(
+        desc.entities[0].name, "q",
+        "found beside the file that names it"
+    );
+    assert!(
+        folder
+            .load("round.xml")
+            .unwrap_err()
+            .to_string()
+            .contains("cycle")
+    );
 }
 
 #[test]
@@ -194,13 +307,20 @@ fn instances_share_their_meshes() {
     assert_eq!(desc.entities.len(), 4);
     let (scene, _) = compile(&desc).unwrap();
     assert_eq!((scene.triangles.len(), scene.spheres.len()), (24, 2));
-    assert_eq!((scene.spheres[0].center.x, scene.spheres[1].radius), (5.0, 2.0));
+    assert_eq!(
+        (scene.spheres[0].center.x, scene.spheres[1].radius),
+        (5.0, 2.0)
+    );
 }
 
 #[test]
 fn pictures_lie_on_shapes_as_mitsuba_lays_them() {
-    // Red on top, green below: a rectangle has the top of a picture where y is least, an OBJ where v is greatest.
-    let folder = Folder::new(&[("q.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n")]);
+    // Red on top, green below: the top of a picture is at the least y of a rectangle, and at the
+    // greatest v of an OBJ.
+    let folder = Folder::new(&[(
+        "q.obj",
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n",
+    )]);
     let mut image = image::RgbImage::from_pixel(2, 4, image::Rgb([255, 0, 0]));
     (0..2).for_each(|x| (2..4).for_each(|y| image.put_pixel(x, y, image::Rgb([0, 255, 0]))));
     image.save(folder.path("t.png")).unwrap();
@@ -210,28 +330,57 @@ fn pictures_lie_on_shapes_as_mitsuba_lays_them() {
         )
     };
     let color_at = |shape: &str, more: &str, corner: usize| {
-        let rest = if shape == "obj" { "<string name=\"filename\" value=\"q.obj\"/>" } else { "" };
-        folder.write("a.xml", around(&format!("<shape type=\"{shape}\">{rest}{}</shape>", texture(more))));
+        let rest = if shape == "obj" {
+            "<string name=\"filename\" value=\"q.obj\"/>"
+        } else {
+            ""
+        };
+        folder.write(
+            "a.xml",
+            around(&format!(
+                "<shape type=\"{shape}\">{rest}{}</shape>",
+                texture(more)
+            )),
+        );
         let (scene, _) = compile(&folder.load("a.xml").unwrap().0).unwrap();
         let m = &scene.materials[scene.attributes[0].material as usize];
         // A little inside the picture, where it does not repeat.
         let uvs = scene.attributes[0].uvs;
         let uv = uvs[corner].lerp((uvs[0] + uvs[1] + uvs[2]) / 3.0, 0.3);
         let texture = &scene.textures[m.base_color_texture as usize];
-        let c = texture.bilinear(texture.place(Uv::same(uv), m.tiling));
+        let c = texture.bilinear(texture.image_uv(Uv::same(uv), m.tiling));
         if c.x > c.y { "red" } else { "green" }
     };
-    assert_eq!((color_at("rectangle", "", 0), color_at("rectangle", "", 2)), ("red", "green"));
-    assert_eq!((color_at("obj", "", 0), color_at("obj", "", 2)), ("green", "red"));
-    // Turned over, by a factor on v alone, and by one on both.
-    let over = "<transform name=\"to_uv\"><scale x=\"1\" y=\"-1\"/><translate y=\"1\"/></transform>";
-    assert_eq!((color_at("rectangle", over, 0), color_at("rectangle", over, 2)), ("green", "red"));
+    assert_eq!(
+        (color_at("rectangle", "", 0), color_at("rectangle", "", 2)),
+        ("red", "green")
+    );
+    assert_eq!(
+        (color_at("obj", "", 0), color_at("obj", "", 2)),
+        ("green", "red")
+    );
+    // Flipped, by a factor on v alone, and by one on both.
+    let over =
+        "<transform name=\"to_uv\"><scale x=\"1\" y=\"-1\"/><translate y=\"1\"/></transform>";
+    assert_eq!(
+        (
+            color_at("rectangle", over, 0),
+            color_at("rectangle", over, 2)
+        ),
+        ("green", "red")
+    );
     let turned = "<transform name=\"to_uv\"><scale x=\"-1\" y=\"-1\"/></transform>";
-    assert_eq!((color_at("rectangle", turned, 0), color_at("rectangle", turned, 2)), ("green", "red"));
+    assert_eq!(
+        (
+            color_at("rectangle", turned, 0),
+            color_at("rectangle", turned, 2)
+        ),
+        ("green", "red")
+    );
 }
 
-/// Bitmaps of one surface, each with a map and edges of its own, against what Mitsuba does with coordinates that start at the
-/// top left.
+/// Compares bitmaps of one surface, each with its own transform and wrap mode, with Mitsuba's
+/// coordinates, which start at the top left.
 #[test]
 fn every_bitmap_lies_as_its_own_to_uv_and_wrap_mode_say() {
     let bitmap = |name: &str, steps: &str, more: &str| {
@@ -244,18 +393,29 @@ fn every_bitmap_lies_as_its_own_to_uv_and_wrap_mode_say() {
     let uneven = "<scale x=\"2\" y=\"3\"/><rotate z=\"1\" angle=\"90\"/><translate x=\"0.25\"/>";
     let clamp = "<string name=\"wrap_mode\" value=\"clamp\"/>";
     type Step = fn(Vec2) -> Vec2;
-    let steps: [Step; 2] = [|p| p * 2.0 + Vec2::new(0.25, 0.5), |p| Vec2::new(0.25 - 3.0 * p.y, 2.0 * p.x)];
-    for ([first, second], [one, other]) in
-        [([even, uneven], steps), ([uneven, even], [steps[1], steps[0]]), ([uneven, uneven], [steps[1]; 2])]
-    {
+    let steps: [Step; 2] = [
+        |p| p * 2.0 + Vec2::new(0.25, 0.5),
+        |p| Vec2::new(0.25 - 3.0 * p.y, 2.0 * p.x),
+    ];
+    for ([first, second], [one, other]) in [
+        ([even, uneven], steps),
+        ([uneven, even], [steps[1], steps[0]]),
+        ([uneven, uneven], [steps[1]; 2]),
+    ] {
         let xml = format!(
             "<bsdf type=\"principled\" id=\"s\">{}{}</bsdf>",
             bitmap("base_color", first, ""),
             bitmap("roughness", second, clamp)
         );
-        let folder =
-            Folder::new(&[("a.xml", &around(&format!("{xml}<shape type=\"rectangle\"><ref id=\"s\"/></shape>")))]);
-        image::RgbImage::new(2, 2).save(folder.path("t.png")).unwrap();
+        let folder = Folder::new(&[(
+            "a.xml",
+            &around(&format!(
+                "{xml}<shape type=\"rectangle\"><ref id=\"s\"/></shape>"
+            )),
+        )]);
+        image::RgbImage::new(2, 2)
+            .save(folder.path("t.png"))
+            .unwrap();
         let (desc, notes) = folder.load("a.xml").unwrap();
         assert!(!lines(&notes).contains("texture"), "{}", lines(&notes));
         let (scene, _) = compile(&desc).unwrap();
@@ -266,8 +426,14 @@ fn every_bitmap_lies_as_its_own_to_uv_and_wrap_mode_say() {
         for uv in [Vec2::ZERO, Vec2::new(0.3, 0.9), Vec2::new(-1.5, 2.0)] {
             let turned = |uv: Vec2| Vec2::new(uv.x, 1.0 - uv.y);
             for (texture, step) in [(m.base_color_texture, one), (m.roughness_texture, other)] {
-                let (found, expected) = (of(texture).place(Uv::same(uv), m.tiling), turned(step(turned(uv))));
-                assert!((found - expected).length() < 1e-5, "{first} {second}: {found} instead of {expected}");
+                let (found, expected) = (
+                    of(texture).image_uv(Uv::same(uv), m.tiling),
+                    turned(step(turned(uv))),
+                );
+                assert!(
+                    (found - expected).length() < 1e-5,
+                    "{first} {second}: {found} instead of {expected}"
+                );
             }
         }
     }
@@ -279,30 +445,70 @@ fn what_is_not_read_is_noted_and_what_is_wrong_is_refused_with_its_line() {
         r#"<shape type="cube"><float name="wobble" value="1"/><medium type="homogeneous" name="interior"/></shape>
 <shape type="hairball"/><integrator type="path"><boolean name="hide_emitters" value="true"/></integrator>"#,
     );
-    for expected in
-        ["`wobble` of the shape `cube`", "medium `homogeneous`", "shape `hairball`", "hide_emitters", "any length"]
-    {
+    for expected in [
+        "`wobble` of the shape `cube`",
+        "medium `homogeneous`",
+        "shape `hairball`",
+        "hide_emitters",
+        "unlimited path length",
+    ] {
         assert!(notes.contains(expected), "{expected}: {notes}");
     }
     for (xml, expected) in [
-        ("<shape type=\"cube\"><ref id=\"nobody\"/></shape>", "the id `nobody`"),
-        ("<shape type=\"sphere\"><float name=\"radius\" value=\"-1\"/></shape>", "positive radius"),
-        ("<shape type=\"sphere\"><float name=\"radius\" value=\"x\"/></shape>", "`x` is no number"),
-        ("<shape type=\"sphere\"><string name=\"radius\" value=\"1\"/></shape>", "expected a finite number"),
-        ("<shape type=\"obj\"><string name=\"filename\" value=\"../../etc/none.obj\"/></shape>", "none.obj"),
-        ("<bsdf type=\"conductor\"><string name=\"material\" value=\"Xx\"/></bsdf>", "Ag, Al, Au"),
+        (
+            "<shape type=\"cube\"><ref id=\"unknown\"/></shape>",
+            "the id `unknown`",
+        ),
+        (
+            "<shape type=\"sphere\"><float name=\"radius\" value=\"-1\"/></shape>",
+            "positive radius",
+        ),
+        (
+            "<shape type=\"sphere\"><float name=\"radius\" value=\"x\"/></shape>",
+            "`x` is not a number",
+        ),
+        (
+            "<shape type=\"sphere\"><string name=\"radius\" value=\"1\"/></shape>",
+            "expected a finite number",
+        ),
+        (
+            "<shape type=\"obj\"><string name=\"filename\" value=\"../../etc/none.obj\"/></shape>",
+            "none.obj",
+        ),
+        (
+            "<bsdf type=\"conductor\"><string name=\"material\" value=\"Xx\"/></bsdf>",
+            "Ag, Al, Au",
+        ),
         (
             "<bsdf type=\"diffuse\"><texture type=\"bitmap\" name=\"reflectance\"><string name=\"filename\" value=\"no.png\"/></texture></bsdf>",
-            "`--lenient` goes on without it",
+            "pass `--lenient` to use the material's constant value",
         ),
-        ("<bsdf type=\"dielectric\"><float name=\"int_ior\" value=\"0\"/></bsdf>", "int_ior"),
-        ("<bsdf type=\"diffuse\" id=\"a\"/><bsdf type=\"diffuse\" id=\"a\"/>", "two objects"),
-        ("<wobble/>", "`wobble` is no element"),
-        ("<shape type=\"cube\"><transform name=\"to_world\"><matrix value=\"1 2\"/></transform></shape>", "16 numbers"),
-        ("<emitter type=\"point\"><rgb name=\"intensity\" value=\"-1\"/></emitter>", "intensity"),
-        ("<shape type=\"cube\"><emitter type=\"point\"/></shape>", "as `area`"),
+        (
+            "<bsdf type=\"dielectric\"><float name=\"int_ior\" value=\"0\"/></bsdf>",
+            "int_ior",
+        ),
+        (
+            "<bsdf type=\"diffuse\" id=\"a\"/><bsdf type=\"diffuse\" id=\"a\"/>",
+            "two objects",
+        ),
+        ("<wobble/>", "`wobble` is not an element"),
+        (
+            "<shape type=\"cube\"><transform name=\"to_world\"><matrix value=\"1 2\"/></transform></shape>",
+            "16 numbers",
+        ),
+        (
+            "<emitter type=\"point\"><rgb name=\"intensity\" value=\"-1\"/></emitter>",
+            "intensity",
+        ),
+        (
+            "<shape type=\"cube\"><emitter type=\"point\"/></shape>",
+            "must be `area`",
+        ),
     ] {
         let e = refused(xml);
-        assert!(e.contains(expected) && e.contains("line 4") && e.contains("a.xml"), "{xml}: {e}");
+        assert!(
+            e.contains(expected) && e.contains("line 4") && e.contains("a.xml"),
+            "{xml}: {e}"
+        );
     }
 }

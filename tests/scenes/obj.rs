@@ -5,15 +5,23 @@ use lumbre::scene::{CompiledScene, compile};
 
 use super::{Folder, lines};
 
-/// Loads an OBJ named by a `.scn`; the compiled scene, and all notes but the one about darkness.
+/// Loads an OBJ named by a `.scn`; returns the compiled scene, and all notes but the one about
+/// darkness.
 fn through_scn(obj: &str) -> (CompiledScene, String) {
     let folder = Folder::new(&[
-        ("a.scn", r#"{ "materials": [ { "name": "m" } ], "entities": [ { "type": "mesh", "file": "m.obj" } ] }"#),
+        (
+            "a.scn",
+            r#"{ "materials": [ { "name": "m" } ], "entities": [ { "type": "mesh", "file": "m.obj" } ] }"#,
+        ),
         ("m.obj", obj),
     ]);
     let (desc, mut notes) = folder.load("a.scn").unwrap();
     let (scene, compiled) = compile(&desc).unwrap();
-    notes.extend(compiled.into_iter().filter(|n| !n.message.contains("black")));
+    notes.extend(
+        compiled
+            .into_iter()
+            .filter(|n| !n.message.contains("black")),
+    );
     (scene, lines(&notes))
 }
 
@@ -26,7 +34,8 @@ const CORNERS: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
 
 #[test]
 fn negative_indices_crlf_continuations_and_a_missing_mtl_are_fine() {
-    let text = format!("mtllib gone.mtl\n{CORNERS}vt 0 0\nvt 1 0.5\nf -4/-2 -3/-1 \\\n-2/-1 -1/-2\n");
+    let text =
+        format!("mtllib gone.mtl\n{CORNERS}vt 0 0\nvt 1 0.5\nf -4/-2 -3/-1 \\\n-2/-1 -1/-2\n");
     for text in [text.clone(), text.replace('\n', "\r\n")] {
         let (scene, notes) = through_scn(&text);
         assert_eq!(notes, "");
@@ -46,7 +55,9 @@ fn the_front_of_bare_faces_is_against_their_winding() {
 
 #[test]
 fn the_front_of_faces_with_normals_is_their_side() {
-    let (scene, _) = through_scn(&format!("{CORNERS}vn 0 0 1\nvn 0 0 -1\nf 1//1 2//1 3//1\nf 1//2 2//2 3//2\n"));
+    let (scene, _) = through_scn(&format!(
+        "{CORNERS}vn 0 0 1\nvn 0 0 -1\nf 1//1 2//1 3//1\nf 1//2 2//2 3//2\n"
+    ));
     assert_eq!((front(&scene, 0), front(&scene, 1)), (Vec3::Z, Vec3::NEG_Z));
     assert_eq!(scene.attributes[1].normals, [Vec3::NEG_Z; 3]);
 }
@@ -63,7 +74,11 @@ fn large_polygons_are_cut_and_cover_their_area() {
     (1..=n).for_each(|i| text += &format!(" {i}"));
     let (scene, notes) = through_scn(&text);
     assert_eq!((scene.triangles.len(), notes.as_str()), (38, ""));
-    let area: f32 = scene.triangles.iter().map(|[a, b, c]| (*b - *a).cross(*c - *a).length() / 2.0).sum();
+    let area: f32 = scene
+        .triangles
+        .iter()
+        .map(|[a, b, c]| (*b - *a).cross(*c - *a).length() / 2.0)
+        .sum();
     let exact = f64::from(n) / 2.0 * (std::f64::consts::TAU / f64::from(n)).sin();
     assert!((f64::from(area) - exact).abs() < 1e-5);
 }
@@ -72,21 +87,34 @@ fn large_polygons_are_cut_and_cover_their_area() {
 fn empty_meshes_and_degenerate_faces_are_noted() {
     let (scene, notes) = through_scn("");
     assert_eq!(scene.primitive_count(), 0);
-    assert!(notes.contains("whole file: it has no faces"), "{notes}");
+    assert!(
+        notes.contains("whole file: the mesh has no faces"),
+        "{notes}"
+    );
     let (scene, notes) = through_scn(&format!("{CORNERS}f 1 1 2\nf 1 2 2\nf 1 2 3\nf 1 2\n"));
     assert_eq!(scene.triangles.len(), 1);
-    assert!(notes.contains("entities.m: triangles without area: 2 left out"), "{notes}");
-    assert!(notes.contains("line 8: faces with fewer than three corners are left out: 1"), "{notes}");
+    assert!(
+        notes.contains("entities.m: triangles without area: 2 left out"),
+        "{notes}"
+    );
+    assert!(
+        notes.contains("line 8: faces with fewer than three vertices are left out: 1"),
+        "{notes}"
+    );
 }
 
 #[test]
 fn a_bare_mesh_is_seen_by_a_camera_that_frames_it() {
     let folder = Folder::new(&[("thing.obj", &format!("{CORNERS}f 1 2 3 4\n"))]);
     let (desc, notes) = folder.load("thing.obj").unwrap();
-    assert!(lines(&notes).contains("nothing in this mesh shines"));
+    assert!(lines(&notes).contains("nothing in this mesh emits light"));
     let (scene, notes) = compile(&desc).unwrap();
     assert!(lines(&notes).contains("nothing emits light"));
-    assert_eq!(front(&scene, 0), Vec3::Z, "a bare OBJ has the usual winding");
+    assert_eq!(
+        front(&scene, 0),
+        Vec3::Z,
+        "a bare OBJ has the usual winding"
+    );
     let half = (desc.camera.fov_deg / 2.0).to_radians().tan();
     for p in scene.triangles.iter().flatten() {
         let seen = *p - desc.camera.position;
@@ -96,7 +124,9 @@ fn a_bare_mesh_is_seen_by_a_camera_that_frames_it() {
 
 #[test]
 fn the_same_mesh_in_many_places_of_a_file_shares_no_vertices_wrongly() {
-    let text = format!("{CORNERS}vn 0 0 1\nusemtl m\nf 1//1 2//1 3//1\nf 1 3 4\nusemtl m\nf 1//1 3//1 4//1\n");
+    let text = format!(
+        "{CORNERS}vn 0 0 1\nusemtl m\nf 1//1 2//1 3//1\nf 1 3 4\nusemtl m\nf 1//1 3//1 4//1\n"
+    );
     let (scene, notes) = through_scn(&text);
     assert_eq!(notes, "");
     assert_eq!(scene.triangles.len(), 3);

@@ -13,16 +13,29 @@ fn colors(ty: &str, rows: [&str; 3]) -> Vec<Vec3> {
          0 0 0 {a}\n1 0 0 {b}\n0 1 0 {c}\n3 0 1 2\n"
     );
     let (desc, _) = Folder::new(&[("a.ply", &text)]).load("a.ply").unwrap();
-    let ShapeDesc::Mesh(mesh) = &desc.entities[0].shape else { panic!() };
+    let ShapeDesc::Mesh(mesh) = &desc.entities[0].shape else {
+        panic!()
+    };
     mesh.colors.clone()
 }
 
 #[test]
 fn colours_of_bytes_are_those_of_a_screen_and_colours_of_floats_are_linear() {
     let bytes = colors("uchar", ["255 0 0", "0 188 0", "10 10 255"]);
-    let close = |found: Vec3, expected: Vec3| assert!((found - expected).length() < 1e-5, "{found} is not {expected}");
+    let close = |found: Vec3, expected: Vec3| {
+        assert!(
+            (found - expected).length() < 1e-5,
+            "{found} is not {expected}"
+        )
+    };
     close(bytes[0], Vec3::X);
     close(bytes[1], Vec3::Y * 0.502_886_5);
-    close(bytes[2], Vec3::new(10.0 / 255.0 / 12.92, 10.0 / 255.0 / 12.92, 1.0));
-    assert_eq!(colors("float", ["1 0.5 0", "0.25 0 0", "0 0 3"]), [Vec3::new(1.0, 0.5, 0.0), Vec3::X * 0.25, Vec3::Z]);
+    close(
+        bytes[2],
+        Vec3::new(10.0 / 255.0 / 12.92, 10.0 / 255.0 / 12.92, 1.0),
+    );
+    assert_eq!(
+        colors("float", ["1 0.5 0", "0.25 0 0", "0 0 3"]),
+        [Vec3::new(1.0, 0.5, 0.0), Vec3::X * 0.25, Vec3::Z]
+    );
 }

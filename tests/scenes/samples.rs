@@ -1,20 +1,20 @@
-//! One valid file of every format that scenes are made of, with all that it names. Damaged and hostile files are made from
-//! them: by the tests here, and as the first inputs of the targets in `fuzz/`.
+//! One valid file of every scene format, with all files that it names. Damaged and hostile files
+//! are made from them: by the tests here, and as the first inputs of the targets in `fuzz/`.
 
 use std::io::Cursor;
 
-/// A file that can be read, and what it names.
+/// A readable file, and the files that it names.
 pub struct Sample {
-    /// Which format, and which form of it.
+    /// Name of the format, and of the variant of it.
     pub name: &'static str,
-    /// Names and bytes; the first is the one that is read.
+    /// Names and bytes; the first file is the one to read.
     pub files: Vec<(&'static str, Vec<u8>)>,
 }
 
 /// A mesh of two triangles with normals.
 pub const QUAD: &str = "v -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1\nvn 0 1 0\nf 1//1 2//1 3//1 4//1\n";
 
-/// Every part of `.scn`.
+/// A `.scn` with every part of the format.
 pub const SCN: &str = r#"{ "resolution": [16, 8], "maxdepth": 4,
   "camera": { "position": [0, 1, 4], "lookat": [0, 0.5, 0], "fov": 40.5, "antialiasing_radius": 0.2 },
   "materials": [ { "name": "a", "color": [0.5, 0.25, 1e-1], "albedotexture": "t.png", "tiling": 2 },
@@ -24,10 +24,12 @@ pub const SCN: &str = r#"{ "resolution": [16, 8], "maxdepth": 4,
 
 /// The mesh that [`SCN`] names.
 pub fn scn_mesh() -> String {
-    format!("# mesh\nmtllib x.mtl\no one\n{QUAD}vt 0 0\nvt 1 1\nusemtl a\nf 1/1/1 2/2/1 -2/1/1\nf 1 2 3\n")
+    format!(
+        "# mesh\nmtllib x.mtl\no one\n{QUAD}vt 0 0\nvt 1 1\nusemtl a\nf 1/1/1 2/2/1 -2/1/1\nf 1 2 3\n"
+    )
 }
 
-/// Light, time and composed materials of `.scn`, which [`SCN`] leaves out.
+/// A `.scn` with light, time and composed materials, which [`SCN`] leaves out.
 const SCN_MORE: &str = r#"{ "camera": { "position": [0, 1, 4], "f_number": 2.8, "focal_length": 0.05, "focus_distance": 3 },
   "materials": [ { "name": "now" }, { "name": "later", "delay": "epanechnikov", "delay_mean": 0.5, "delay_width": 0.25 },
                  { "name": "both", "parts": ["now", "later"], "weights": [0.25, 0.75], "masktexture": "t.png" } ],
@@ -40,7 +42,8 @@ const OBJ: &str = "mtllib a.mtl\nv 0 0 0\nv 1 0 0 \nv 1 1 0\nv 0 1 0 0.5\nvt 0 0
 const MTL: &str = "# ours\nnewmtl one\nKd 0.5 0.25 0.1\nKs 0.1 0.1 0.1\nNs 20\nmap_Kd -s 2 2 1 -o 0.5 0 0 t.png\nmap_d t.png\nillum 2\n\
                    newmtl two\nKe 1 2 3\nNi 1.5\nd 0.5\nPr 0.3\nPm 1\nPs 0.1\nPc 0.5\nPcr 0.2\naniso 0.5\nbump t.png\n";
 
-/// Interleaved positions and normals, quantised texture coordinates, a sparse part: see [`gltf_buffer`].
+/// Interleaved positions and normals, quantised texture coordinates, a sparse part: see
+/// [`gltf_buffer`].
 pub const GLTF: &str = r#"{ "asset": { "version": "2.0" }, "scene": 0, "scenes": [ { "nodes": [0, 3, 4] } ],
 "nodes": [ { "name": "arm", "translation": [1, 0, 0], "children": [1, 2] },
   { "mesh": 0, "scale": [2, 2, 2] }, { "mesh": 0, "rotation": [0, 1, 0, 0] },
@@ -64,40 +67,50 @@ pub const GLTF: &str = r#"{ "asset": { "version": "2.0" }, "scene": 0, "scenes":
   { "buffer": 0, "byteOffset": 84, "byteLength": 8 }, { "buffer": 0, "byteOffset": 92, "byteLength": 12 } ],
 "buffers": [ { "uri": "b.bin", "byteLength": 104 } ] }"#;
 
-/// Float positions and normals of a triangle, bytes as texture coordinates, and a change of the last position from
-/// (0, 1, 0) to (0, 2, 0).
+/// Returns float positions and normals of a triangle, bytes as texture coordinates, and a change of
+/// the last position from (0, 1, 0) to (0, 2, 0).
 pub fn gltf_buffer() -> Vec<u8> {
     let mut bytes = Vec::new();
     for p in [[0.0f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] {
-        p.iter().chain(&[0.0, 0.0, 1.0]).for_each(|x| bytes.extend(x.to_le_bytes()));
+        p.iter()
+            .chain(&[0.0, 0.0, 1.0])
+            .for_each(|x| bytes.extend(x.to_le_bytes()));
     }
     // At 72: unsigned bytes, two and two of padding for each vertex.
     bytes.extend([0, 0, 9, 9, 255, 0, 9, 9, 0, 51, 9, 9]);
     // At 84: indices, and the sparse part.
-    [0u16, 1, 2, 2].iter().for_each(|i| bytes.extend(i.to_le_bytes()));
-    [0.0f32, 2.0, 0.0].iter().for_each(|x| bytes.extend(x.to_le_bytes()));
+    [0u16, 1, 2, 2]
+        .iter()
+        .for_each(|i| bytes.extend(i.to_le_bytes()));
+    [0.0f32, 2.0, 0.0]
+        .iter()
+        .for_each(|x| bytes.extend(x.to_le_bytes()));
     bytes
 }
 
-/// A `.glb` of a JSON text and a binary chunk.
+/// Returns a `.glb` of a JSON text and a binary chunk.
 pub fn glb(json: &str, binary: &[u8]) -> Vec<u8> {
     let mut text = json.as_bytes().to_vec();
     text.resize(text.len().next_multiple_of(4), b' ');
     let mut bytes = b"glTF".to_vec();
     let total = 12 + 8 + text.len() + 8 + binary.len();
-    [2, total as u32, text.len() as u32, 0x4E4F_534A].iter().for_each(|x| bytes.extend(x.to_le_bytes()));
+    [2, total as u32, text.len() as u32, 0x4E4F_534A]
+        .iter()
+        .for_each(|x| bytes.extend(x.to_le_bytes()));
     bytes.extend(&text);
-    [binary.len() as u32, 0x004E_4942].iter().for_each(|x| bytes.extend(x.to_le_bytes()));
+    [binary.len() as u32, 0x004E_4942]
+        .iter()
+        .for_each(|x| bytes.extend(x.to_le_bytes()));
     bytes.extend(binary);
     bytes
 }
 
-/// [`GLTF`] as a `.glb`.
+/// Returns [`GLTF`] as a `.glb`.
 pub fn gltf_as_glb() -> Vec<u8> {
     glb(&GLTF.replace("\"uri\": \"b.bin\", ", ""), &gltf_buffer())
 }
 
-/// Many of the plugins that Mitsuba's XML has.
+/// Many of the plugins of Mitsuba's XML.
 pub const MITSUBA: &str = r##"<scene version="3.0.0"><default name="spp" value="4"/>
 <integrator type="path"><integer name="max_depth" value="5"/></integrator>
 <sensor type="thinlens"><float name="fov" value="40"/><float name="aperture_radius" value="0.1"/>
@@ -111,7 +124,7 @@ pub const MITSUBA: &str = r##"<scene version="3.0.0"><default name="spp" value="
 <shape type="shapegroup" id="g"><shape type="cube"/></shape><shape type="instance"><ref id="g"/></shape>
 <emitter type="constant"><spectrum name="radiance" value="400:1, 700:2"/></emitter></scene>"##;
 
-/// The rest of them.
+/// The other plugins of Mitsuba's XML.
 const MITSUBA_MORE: &str = r#"<scene version="0.6.0"><include filename="i.xml"/>
 <bsdf type="Composed" id="c"><bsdf type="Separable"><bsdf type="diffuse"><texture name="reflectance" type="bitmap"><string name="filename" value="t.png"/><boolean name="raw" value="true"/></texture></bsdf>
 <TemporalProfile type="PosEpanTP"><float name="mean" value="0.5"/><float name="sigma" value="0.2"/></TemporalProfile></bsdf><bsdf type="dielectric"/><float name="weight" value="0.5"/></bsdf>
@@ -126,7 +139,7 @@ const MITSUBA_MORE: &str = r#"<scene version="0.6.0"><include filename="i.xml"/>
 
 const INCLUDED: &str = r#"<scene version="3.0.0"><default name="turn" value="30"/><bsdf type="diffuse" id="d"/><alias id="d" as="e"/></scene>"#;
 
-/// The template of the second source with its quotes.
+/// The template of the thesis on a CUDA path tracer with its quotes.
 pub const FOLDER: &str = "{
   'camera' : {'xRes' : 1280, 'yRes' : 720, 'position' : {x : 0, y : 1, z : -2},
               'focalLength' : 0.05, 'focusDistance' : 1, 'aperture' : 2.8},
@@ -147,7 +160,7 @@ s:light { position = { 0, 4, 0 }, intensity = { 10, 10, 10 } }
 return s
 ";
 
-/// A quad with normals, in one of the encodings of PLY.
+/// Returns a quad with normals, in one of the encodings of PLY.
 pub fn ply(format: &str) -> Vec<u8> {
     let head = "element vertex 4\nproperty float x\nproperty double y\nproperty float z\nproperty float nz\nproperty uchar s\n\
                 element edge 1\nproperty list uchar short which\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
@@ -165,71 +178,129 @@ pub fn ply(format: &str) -> Vec<u8> {
     for [x, y] in [[0.0f32, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]] {
         put(x.to_le_bytes().to_vec());
         put(f64::from(y).to_le_bytes().to_vec());
-        [0.0f32, 1.0].iter().for_each(|z| put(z.to_le_bytes().to_vec()));
+        [0.0f32, 1.0]
+            .iter()
+            .for_each(|z| put(z.to_le_bytes().to_vec()));
         put(vec![7]);
     }
     put(vec![2]);
     [0i16, 1].iter().for_each(|i| put(i.to_le_bytes().to_vec()));
     put(vec![4]);
-    [0i32, 1, 2, 3].iter().for_each(|i| put(i.to_le_bytes().to_vec()));
+    [0i32, 1, 2, 3]
+        .iter()
+        .for_each(|i| put(i.to_le_bytes().to_vec()));
     bytes
 }
 
-/// A small picture in a format of the `image` crate.
+/// Returns a small picture in a format of the `image` crate.
 pub fn picture(format: image::ImageFormat) -> Vec<u8> {
     let small = image::RgbImage::from_fn(5, 4, |x, y| image::Rgb([x as u8 * 50, y as u8 * 60, 7]));
     let small = image::DynamicImage::from(small);
-    let small = if format == image::ImageFormat::Hdr { image::DynamicImage::from(small.into_rgb32f()) } else { small };
+    let small = if format == image::ImageFormat::Hdr {
+        image::DynamicImage::from(small.into_rgb32f())
+    } else {
+        small
+    };
     let mut bytes = Cursor::new(Vec::new());
-    small.write_to(&mut bytes, format).expect("every format is written that is read");
+    small
+        .write_to(&mut bytes, format)
+        .expect("every format is written that is read");
     bytes.into_inner()
 }
 
 fn exr() -> Vec<u8> {
-    let image = lumbre::film::Image { width: 5, height: 4, data: (0..20).map(|i| [i as f32, 0.5, 0.0]).collect() };
-    lumbre::output::exr::encode(&image, &[("spp".to_owned(), "4".to_owned())]).expect("an image of a few pixels")
+    let image = lumbre::film::Image {
+        width: 5,
+        height: 4,
+        data: (0..20).map(|i| [i as f32, 0.5, 0.0]).collect(),
+    };
+    lumbre::output::exr::encode(&image, &[("spp".to_owned(), "4".to_owned())])
+        .expect("an image of a few pixels")
 }
 
-/// All of them. A format with several forms has several.
+/// Returns all samples. A format with several variants has several.
 pub fn samples() -> Vec<Sample> {
     use image::ImageFormat::{Bmp, Hdr, Jpeg, Png, Tga};
     let png = picture(Png);
     let one = |name, file, bytes: &[u8], beside: &[(&'static str, &[u8])]| Sample {
         name,
-        files: [(file, bytes.to_vec())].into_iter().chain(beside.iter().map(|(n, b)| (*n, b.to_vec()))).collect(),
+        files: [(file, bytes.to_vec())]
+            .into_iter()
+            .chain(beside.iter().map(|(n, b)| (*n, b.to_vec())))
+            .collect(),
     };
     let (quad, mesh, plain) = (QUAD.as_bytes(), scn_mesh(), ply("ascii"));
     let mut all = vec![
-        one("scn", "a.scn", SCN.as_bytes(), &[("m.obj", mesh.as_bytes()), ("t.png", &png)]),
-        one("scn, more", "a.scn", SCN_MORE.as_bytes(), &[("m.obj", quad), ("t.png", &png)]),
-        one("obj", "a.obj", OBJ.as_bytes(), &[("a.mtl", MTL.as_bytes()), ("t.png", &png)]),
+        one(
+            "scn",
+            "a.scn",
+            SCN.as_bytes(),
+            &[("m.obj", mesh.as_bytes()), ("t.png", &png)],
+        ),
+        one(
+            "scn, more",
+            "a.scn",
+            SCN_MORE.as_bytes(),
+            &[("m.obj", quad), ("t.png", &png)],
+        ),
+        one(
+            "obj",
+            "a.obj",
+            OBJ.as_bytes(),
+            &[("a.mtl", MTL.as_bytes()), ("t.png", &png)],
+        ),
         one("ply", "a.ply", &plain, &[]),
         one("ply, little", "a.ply", &ply("binary_little_endian"), &[]),
         one("ply, big", "a.ply", &ply("binary_big_endian"), &[]),
-        one("gltf", "a.gltf", GLTF.as_bytes(), &[("b.bin", &gltf_buffer()), ("a t.png", &png)]),
+        one(
+            "gltf",
+            "a.gltf",
+            GLTF.as_bytes(),
+            &[("b.bin", &gltf_buffer()), ("a t.png", &png)],
+        ),
         one("glb", "a.glb", &gltf_as_glb(), &[("a t.png", &png)]),
         one("mitsuba", "a.xml", MITSUBA.as_bytes(), &[("m.obj", quad)]),
         one(
             "mitsuba, more",
             "a.xml",
             MITSUBA_MORE.as_bytes(),
-            &[("i.xml", INCLUDED.as_bytes()), ("m.ply", &plain), ("t.png", &png)],
+            &[
+                ("i.xml", INCLUDED.as_bytes()),
+                ("m.ply", &plain),
+                ("t.png", &png),
+            ],
         ),
         one(
             "folder",
             "scene.json",
-            FOLDER.replacen('{', "{ 'hdri' : {'name' : 'sky', 'xOffset' : 0.25},", 1).as_bytes(),
+            FOLDER
+                .replacen('{', "{ 'hdri' : {'name' : 'sky', 'xOffset' : 0.25},", 1)
+                .as_bytes(),
             &[
                 ("Objects/floor.obj", quad),
                 ("Textures/mat1_albedo.bmp", &picture(Bmp)),
                 ("HDRI/sky.hdr", &picture(Hdr)),
             ],
         ),
-        one("lua", "a.lua", LUA.as_bytes(), &[("m.obj", quad), ("t.png", &png)]),
+        one(
+            "lua",
+            "a.lua",
+            LUA.as_bytes(),
+            &[("m.obj", quad), ("t.png", &png)],
+        ),
         one("exr", "a.exr", &exr(), &[]),
     ];
-    let pictures = [("png", "a.png", Png), ("jpeg", "a.jpg", Jpeg), ("bmp", "a.bmp", Bmp), ("hdr", "a.hdr", Hdr)];
-    all.extend(pictures.into_iter().map(|(name, file, format)| one(name, file, &picture(format), &[])));
+    let pictures = [
+        ("png", "a.png", Png),
+        ("jpeg", "a.jpg", Jpeg),
+        ("bmp", "a.bmp", Bmp),
+        ("hdr", "a.hdr", Hdr),
+    ];
+    all.extend(
+        pictures
+            .into_iter()
+            .map(|(name, file, format)| one(name, file, &picture(format), &[])),
+    );
     all.push(one("tga", "a.tga", &picture(Tga), &[]));
     all
 }

@@ -1,4 +1,4 @@
-//! What `.scn` files mean.
+//! Meaning of `.scn` files.
 
 use std::sync::Arc;
 
@@ -13,7 +13,10 @@ fn an_empty_object_is_the_default_scene() {
     let (desc, notes) = scn("{}").unwrap();
     assert!(notes.is_empty());
     assert_eq!((desc.resolution, desc.max_depth), ([1280, 720], 5));
-    assert_eq!((desc.camera.position, desc.camera.target), (Vec3::ZERO, Vec3::new(0.0, 0.0, 2.0)));
+    assert_eq!(
+        (desc.camera.position, desc.camera.target),
+        (Vec3::ZERO, Vec3::new(0.0, 0.0, 2.0))
+    );
     assert_eq!(desc.camera.fov_deg, 45.0);
     let (_, notes) = compile(&desc).unwrap();
     assert!(lines(&notes).contains("no surfaces"));
@@ -21,27 +24,54 @@ fn an_empty_object_is_the_default_scene() {
 
 #[test]
 fn keys_ignore_case_and_a_byte_order_mark_is_no_error() {
-    let (desc, notes) = scn("\u{feff}{ \"MaxDepth\": 7, \"Camera\": { \"LookAt\": [0, 1, 0], \"FOV\": 30 } }").unwrap();
+    let (desc, notes) =
+        scn("\u{feff}{ \"MaxDepth\": 7, \"Camera\": { \"LookAt\": [0, 1, 0], \"FOV\": 30 } }")
+            .unwrap();
     assert!(notes.is_empty(), "{notes:?}");
-    assert_eq!((desc.max_depth, desc.camera.fov_deg, desc.camera.target), (7, 30.0, Vec3::Y));
+    assert_eq!(
+        (desc.max_depth, desc.camera.fov_deg, desc.camera.target),
+        (7, 30.0, Vec3::Y)
+    );
 }
 
 #[test]
 fn cameras_may_have_lenses() {
-    let camera = |text: &str| scn(&format!("{{ \"camera\": {{ {text} }} }}")).map(|(desc, _)| desc.camera);
+    let camera =
+        |text: &str| scn(&format!("{{ \"camera\": {{ {text} }} }}")).map(|(desc, _)| desc.camera);
     let c = camera(r#""aperture": 0.2, "focus_distance": 3"#).unwrap();
     assert_eq!((c.lens_diameter(), c.focus_distance), (0.2, Some(3.0)));
     let c = camera(r#""f_number": 2.8, "focal_length": 0.05, "sensor_height": 0.024"#).unwrap();
     assert!((c.lens_diameter() - 0.05 / 2.8).abs() < 1e-8 && (c.view_deg() - 26.99).abs() < 0.01);
     assert_eq!(c.focus_distance, None);
     for (text, problem) in [
-        (r#""aperture": 0, "f_number": 2, "focal_length": 0.05"#, "camera.aperture: the lens has either"),
-        (r#""FOV": 30, "focal_length": 0.05, "sensor_height": 0.024"#, "`sensor_height` and `focal_length` decide it"),
-        (r#""f_number": 2"#, "camera.f_number: it says nothing without"),
-        (r#""focus_distance": 0"#, "camera.focus_distance: expected a positive number"),
-        (r#""sensor_height": -1"#, "camera.sensor_height: expected a positive number"),
-        (r#""aperture": -1"#, "camera.aperture: expected a diameter of 0 or more"),
-        (r#""focal_length": "long""#, "camera.focal_length: expected a number"),
+        (
+            r#""aperture": 0, "f_number": 2, "focal_length": 0.05"#,
+            "camera.aperture: `aperture` and `f_number` exclude each other",
+        ),
+        (
+            r#""FOV": 30, "focal_length": 0.05, "sensor_height": 0.024"#,
+            "already determined by `sensor_height` and `focal_length`",
+        ),
+        (
+            r#""f_number": 2"#,
+            "camera.f_number: an f-number has no effect without",
+        ),
+        (
+            r#""focus_distance": 0"#,
+            "camera.focus_distance: expected a positive number",
+        ),
+        (
+            r#""sensor_height": -1"#,
+            "camera.sensor_height: expected a positive number",
+        ),
+        (
+            r#""aperture": -1"#,
+            "camera.aperture: expected a diameter of 0 or more",
+        ),
+        (
+            r#""focal_length": "long""#,
+            "camera.focal_length: expected a number",
+        ),
     ] {
         let e = camera(text).unwrap_err().to_string();
         assert!(e.contains(problem), "{text}: {e}");
@@ -59,7 +89,14 @@ fn radiance_is_emission_times_colour_and_emitters_do_not_reflect() {
     assert_eq!(desc.materials[1].emission, Vec3::splat(3.0));
     assert_eq!(desc.materials[2].base_color, Vec3::new(0.1, 0.2, 0.3));
     let (scene, _) = compile(&desc).unwrap();
-    assert_eq!(scene.materials.iter().map(|m| m.emitter_reflects).collect::<Vec<_>>(), [false, false, true]);
+    assert_eq!(
+        scene
+            .materials
+            .iter()
+            .map(|m| m.emitter_reflects)
+            .collect::<Vec<_>>(),
+        [false, false, true]
+    );
 }
 
 #[test]
@@ -74,24 +111,27 @@ fn what_is_not_honoured_is_noted_with_its_key_path() {
     assert!(notes.iter().all(|n| n.file.ends_with("a.scn")));
     let all = lines(&notes);
     for part in [
-        "camera.antialiasing_radius: the script's `aa`",
+        "camera.antialiasing_radius: the pixel filter is set by the script's `aa`",
         "camera.lens: unknown key",
         "wavelength: unknown key",
         "materials[0].displacementtexture: unknown key",
-        "materials[0].colour: unknown key: ignored (did you mean `color`?)",
-        "materials[0].roughness: 3 is outside 0 to 1: 1 is used",
+        "materials[0].colour: unknown key, ignored (did you mean `color`?)",
+        "materials[0].roughness: 3 is outside 0 to 1; 1 is used",
         "materials[0].ior: 0 is outside 0.01 to 100",
         "materials[0].color[0]: 2 is outside 0 to 1",
         "materials[0].color[2]: -1 is outside",
-        "materials[1].name: a material named `a` came before",
+        "materials[1].name: a material named `a` is already defined",
         "entities[0].inverted_normal: ",
         "entities[0]: `rotation` and `scale` do not apply to spheres",
-        "entities[0].file: a sphere has none",
+        "entities[0].file: a sphere has no `file`",
         "entities[0].colour: unknown key",
     ] {
         assert!(all.contains(part), "{part} in\n{all}");
     }
-    assert_eq!((desc.materials[0].sheen_tint, desc.materials[0].clearcoat), (1.0, 0.5));
+    assert_eq!(
+        (desc.materials[0].sheen_tint, desc.materials[0].clearcoat),
+        (1.0, 0.5)
+    );
     assert_eq!(notes.len(), 14, "{all}");
     assert_eq!(desc.materials[0].base_color, Vec3::new(1.0, 0.5, 0.0));
 }
@@ -99,26 +139,80 @@ fn what_is_not_honoured_is_noted_with_its_key_path() {
 #[test]
 fn faults_name_file_and_place() {
     let cases = [
-        ("{ \"maxdepth\": 5,\n  \"camera\" }", "line 2, column 12: no valid JSON"),
+        (
+            "{ \"maxdepth\": 5,\n  \"camera\" }",
+            "line 2, column 12: invalid JSON",
+        ),
         ("[1]", "document: expected an object, found a list"),
-        ("", "no valid JSON"),
-        ("{ \"resolution\": [0, 4] }", "resolution: expected two whole numbers from 1 to 32768, found 0 and 4"),
-        ("{ \"resolution\": [4] }", "resolution: expected 2 numbers, found 1 items"),
-        ("{ \"resolution\": [1.5, 2] }", "resolution: expected two whole"),
-        ("{ \"maxdepth\": \"deep\" }", "maxdepth: expected a number, found the string \"deep\""),
-        ("{ \"camera\": { \"fov\": null } }", "camera.fov: expected a number, found null"),
-        ("{ \"camera\": { \"position\": [0, 0, 2] } }", "camera: `position` and `lookat` are the same"),
-        ("{ \"camera\": { \"position\": [0, 1e300, 2] } }", "camera.position: (0, "),
-        ("{ \"camera\": 4 }", "camera: expected an object, found the number 4"),
-        ("{ \"materials\": {} }", "materials: expected a list, found an object"),
-        ("{ \"materials\": [ { \"color\": [1, 1, 1] } ] }", "materials[0]: a material needs a `name`"),
-        ("{ \"materials\": [ { \"name\": \"m\", \"color\": [1, \"1\", 1] } ] }", "materials[0].color[1]: expected a"),
-        ("{ \"materials\": [ { \"name\": \"m\", \"roughness\": true } ] }", "found the boolean true"),
-        ("{ \"entities\": [ {} ] }", "entities[0]: an entity needs a `type`"),
-        ("{ \"entities\": [ { \"type\": \"shpere\" } ] }", "entities[0].type: unknown type of entity `shpere` (did"),
-        ("{ \"entities\": [ { \"type\": \"sphere\" } ] }", "entities[0]: a sphere needs a `radius`"),
-        ("{ \"entities\": [ { \"type\": \"sphere\", \"radius\": -1 } ] }", "entities[0].radius: expected a positive"),
-        ("{ \"entities\": [ { \"type\": \"mesh\" } ] }", "entities[0]: a mesh needs a `file`"),
+        ("", "invalid JSON"),
+        (
+            "{ \"resolution\": [0, 4] }",
+            "resolution: expected two whole numbers from 1 to 32768, found 0 and 4",
+        ),
+        (
+            "{ \"resolution\": [4] }",
+            "resolution: expected 2 numbers, found 1 items",
+        ),
+        (
+            "{ \"resolution\": [1.5, 2] }",
+            "resolution: expected two whole",
+        ),
+        (
+            "{ \"maxdepth\": \"deep\" }",
+            "maxdepth: expected a number, found the string \"deep\"",
+        ),
+        (
+            "{ \"camera\": { \"fov\": null } }",
+            "camera.fov: expected a number, found null",
+        ),
+        (
+            "{ \"camera\": { \"position\": [0, 0, 2] } }",
+            "camera: `position` and `lookat` are the same",
+        ),
+        (
+            "{ \"camera\": { \"position\": [0, 1e300, 2] } }",
+            "camera.position: (0, ",
+        ),
+        (
+            "{ \"camera\": 4 }",
+            "camera: expected an object, found the number 4",
+        ),
+        (
+            "{ \"materials\": {} }",
+            "materials: expected a list, found an object",
+        ),
+        (
+            "{ \"materials\": [ { \"color\": [1, 1, 1] } ] }",
+            "materials[0]: a material needs a `name`",
+        ),
+        (
+            "{ \"materials\": [ { \"name\": \"m\", \"color\": [1, \"1\", 1] } ] }",
+            "materials[0].color[1]: expected a",
+        ),
+        (
+            "{ \"materials\": [ { \"name\": \"m\", \"roughness\": true } ] }",
+            "found the boolean true",
+        ),
+        (
+            "{ \"entities\": [ {} ] }",
+            "entities[0]: an entity needs a `type`",
+        ),
+        (
+            "{ \"entities\": [ { \"type\": \"shpere\" } ] }",
+            "entities[0].type: unknown entity type `shpere` (did",
+        ),
+        (
+            "{ \"entities\": [ { \"type\": \"sphere\" } ] }",
+            "entities[0]: a sphere needs a `radius`",
+        ),
+        (
+            "{ \"entities\": [ { \"type\": \"sphere\", \"radius\": -1 } ] }",
+            "entities[0].radius: expected a positive",
+        ),
+        (
+            "{ \"entities\": [ { \"type\": \"mesh\" } ] }",
+            "entities[0]: a mesh needs a `file`",
+        ),
         ("{ \"maxdepth\": 1e999 }", "line 1"),
     ];
     for (text, part) in cases {
@@ -131,7 +225,10 @@ fn faults_name_file_and_place() {
 fn missing_and_broken_files_are_one_error_that_names_all() {
     let mesh = r#"{ "entities": [ { "type": "mesh", "file": "sub\\no.obj" } ] }"#;
     let e = scn(mesh).unwrap_err().to_string();
-    assert!(e.contains("a.scn: entities[0].file: cannot read") && e.contains("no.obj"), "{e}");
+    assert!(
+        e.contains("a.scn: entities[0].file: cannot read") && e.contains("no.obj"),
+        "{e}"
+    );
     let texture = r#"{ "materials": [ { "name": "m", "albedotexture": "no.png" } ] }"#;
     let e = scn(texture).unwrap_err().to_string();
     assert!(
@@ -140,14 +237,26 @@ fn missing_and_broken_files_are_one_error_that_names_all() {
         "{e}"
     );
     let folder = Folder::new(&[
-        ("a.scn", r#"{ "entities": [ { "type": "mesh", "file": "m.obj" } ] }"#),
-        ("b.scn", r#"{ "materials": [ { "name": "m", "masktexture": "m.obj" } ] }"#),
+        (
+            "a.scn",
+            r#"{ "entities": [ { "type": "mesh", "file": "m.obj" } ] }"#,
+        ),
+        (
+            "b.scn",
+            r#"{ "materials": [ { "name": "m", "masktexture": "m.obj" } ] }"#,
+        ),
         ("m.obj", "v 0 0 0\nf 1 2 3\n"),
     ]);
     let e = folder.load("a.scn").unwrap_err().to_string();
-    assert!(e.contains("m.obj: line 2: ") && e.contains("a.scn: entities[0].file"), "{e}");
+    assert!(
+        e.contains("m.obj: line 2: ") && e.contains("a.scn: entities[0].file"),
+        "{e}"
+    );
     let e = folder.load("b.scn").unwrap_err().to_string();
-    assert!(e.contains("m.obj: image: ") && e.contains("b.scn: materials[0].masktexture"), "{e}");
+    assert!(
+        e.contains("m.obj: image: ") && e.contains("b.scn: materials[0].masktexture"),
+        "{e}"
+    );
 }
 
 #[test]
@@ -166,42 +275,77 @@ fn meshes_and_textures_named_twice_are_read_once() {
         ),
         ("m.obj", QUAD),
     ]);
-    image::RgbImage::from_pixel(1, 1, image::Rgb([128, 128, 128])).save(folder.path("t.png")).unwrap();
+    image::RgbImage::from_pixel(1, 1, image::Rgb([128, 128, 128]))
+        .save(folder.path("t.png"))
+        .unwrap();
     let (desc, notes) = folder.load("a.scn").unwrap();
-    let ShapeDesc::Mesh(a) = &desc.entities[0].shape else { panic!("a mesh") };
-    let ShapeDesc::Mesh(b) = &desc.entities[1].shape else { panic!("a mesh") };
+    let ShapeDesc::Mesh(a) = &desc.entities[0].shape else {
+        panic!("a mesh")
+    };
+    let ShapeDesc::Mesh(b) = &desc.entities[1].shape else {
+        panic!("a mesh")
+    };
     assert!(Arc::ptr_eq(a, b));
     let first = desc.materials[0].texture(TextureSlot::BaseColor).unwrap();
-    assert!(Arc::ptr_eq(first, desc.materials[0].texture(TextureSlot::Mask).unwrap()));
-    assert!(Arc::ptr_eq(first, desc.materials[1].texture(TextureSlot::Emission).unwrap()));
+    assert!(Arc::ptr_eq(
+        first,
+        desc.materials[0].texture(TextureSlot::Mask).unwrap()
+    ));
+    assert!(Arc::ptr_eq(
+        first,
+        desc.materials[1].texture(TextureSlot::Emission).unwrap()
+    ));
     let names: Vec<&str> = desc.entities.iter().map(|e| e.name.as_str()).collect();
-    assert_eq!(names, ["m", "m_2", "sphere", "sphere_2", "sphere_3", "sphere_4"]);
-    assert!(lines(&notes).contains("entities[5].name: taken: it is called `sphere_4`"));
-    assert_eq!(desc.materials.last().unwrap().name, DEFAULT_MATERIAL, "asked for by the quad and the spheres");
+    assert_eq!(
+        names,
+        ["m", "m_2", "sphere", "sphere_2", "sphere_3", "sphere_4"]
+    );
+    assert!(
+        lines(&notes)
+            .contains("entities[5].name: the name is taken; this one is called `sphere_4`")
+    );
+    assert_eq!(
+        desc.materials.last().unwrap().name,
+        DEFAULT_MATERIAL,
+        "asked for by the quad and the spheres"
+    );
 }
 
 #[test]
 fn materials_of_faces_follow_the_format() {
-    let obj = format!("{QUAD}usemtl nobody\nf 1//1 2//1 3//1\nusemtl b\nf 1//1 2//1 3//1\no next\nf 1//1 2//1 3//1\n");
+    let obj = format!(
+        "{QUAD}usemtl unknown\nf 1//1 2//1 3//1\nusemtl b\nf 1//1 2//1 3//1\no next\nf 1//1 2//1 3//1\n"
+    );
     let scene = |entity: &str, extra: &str| {
         let text = format!(
             r#"{{ "materials": [ {{ "name": "a" }}, {{ "name": "b" }} {extra} ],
                   "entities": [ {{ "type": "mesh", "file": "m.obj" {entity} }} ] }}"#
         );
-        let (desc, _) = Folder::new(&[("a.scn", &text), ("m.obj", &obj)]).load("a.scn").unwrap();
+        let (desc, _) = Folder::new(&[("a.scn", &text), ("m.obj", &obj)])
+            .load("a.scn")
+            .unwrap();
         let (compiled, notes) = compile(&desc).unwrap();
-        let names: Vec<String> =
-            compiled.attributes.iter().map(|t| desc.materials[t.material as usize].name.clone()).collect();
+        let names: Vec<String> = compiled
+            .attributes
+            .iter()
+            .map(|t| desc.materials[t.material as usize].name.clone())
+            .collect();
         (names.join(" "), lines(&notes))
     };
     let (names, notes) = scene("", "");
-    assert_eq!(names, "default_material default_material a b default_material");
-    assert!(notes.contains("entities.m: no material is named `nobody`: the first one is used"), "{notes}");
+    assert_eq!(
+        names,
+        "default_material default_material a b default_material"
+    );
+    assert!(
+        notes.contains("entities.m: no material is named `unknown`; the first material is used"),
+        "{notes}"
+    );
     assert_eq!(scene(r#", "default_material": "b""#, "").0, "b b a b b");
     assert_eq!(scene(r#", "material": "b""#, "").0, "b b b b b");
-    let (names, notes) = scene(r#", "material": "nobody""#, "");
+    let (names, notes) = scene(r#", "material": "unknown""#, "");
     assert_eq!(names, "a a a a a");
-    assert!(notes.contains("`nobody`"));
+    assert!(notes.contains("`unknown`"));
     assert_eq!(
         scene("", r#", { "name": "default_material" }"#).0,
         "default_material default_material a b default_material"
@@ -213,10 +357,16 @@ fn transforms_rotate_about_z_then_y_then_x_and_scale_last() {
     let text = r#"{ "materials": [ { "name": "m" } ], "entities": [ { "type": "mesh", "file": "m.obj",
         "position": [10, 0, 0], "rotation": [1.5707963267948966, 0, 1.5707963267948966], "scale": [1, 1, 3] } ] }"#;
     let obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3//1\n";
-    let (desc, _) = Folder::new(&[("a.scn", text), ("m.obj", obj)]).load("a.scn").unwrap();
+    let (desc, _) = Folder::new(&[("a.scn", text), ("m.obj", obj)])
+        .load("a.scn")
+        .unwrap();
     let (scene, _) = compile(&desc).unwrap();
     // x -> y -> z -> three times z; y -> -x.
-    let expected = [Vec3::new(10.0, 0.0, 0.0), Vec3::new(10.0, 0.0, 3.0), Vec3::new(9.0, 0.0, 0.0)];
+    let expected = [
+        Vec3::new(10.0, 0.0, 0.0),
+        Vec3::new(10.0, 0.0, 3.0),
+        Vec3::new(9.0, 0.0, 0.0),
+    ];
     for (p, e) in scene.triangles[0].iter().zip(expected) {
         assert!((*p - e).length() < 1e-6, "{p} is not {e}");
     }

@@ -1,25 +1,29 @@
-//! Textures from files to slots: by `.scn`, by `.mtl`, by path, and what is not there.
+//! Textures from files to slots: by `.scn`, by `.mtl`, by path, and missing files.
 
 use glam::{Vec2, Vec3};
 use lumbre::scene::compile;
-use lumbre::scene::desc::{Lookup, MATERIAL_PARAMS, MaterialDesc, SceneDesc, Texels, TextureSlot, Wrap};
+use lumbre::scene::desc::{
+    Lookup, MATERIAL_PARAMS, MaterialDesc, SceneDesc, Texels, TextureSlot, Wrap,
+};
 use lumbre::scene::edit::set;
-use lumbre::scene::load::{Missing, load_with};
+use lumbre::scene::load::{MissingTextures, load_with};
 use lumbre::value::Value;
 
 use super::{Folder, QUAD, lines};
 
-/// A folder with a texture of one texel, different for every slot, named after the slot.
+/// Returns a folder with a texture of one texel, different for every slot, named after the slot.
 fn folder(files: &[(&str, &str)]) -> Folder {
     let folder = Folder::new(files);
     for (i, slot) in TextureSlot::ALL.into_iter().enumerate() {
         let texel = image::Rgb([10 * i as u8 + 5, 100, 200]);
-        image::RgbImage::from_pixel(1, 1, texel).save(folder.path(&format!("{}.png", slot.name()))).unwrap();
+        image::RgbImage::from_pixel(1, 1, texel)
+            .save(folder.path(&format!("{}.png", slot.name())))
+            .unwrap();
     }
     folder
 }
 
-/// The red channel of the texture in a slot, as stored.
+/// Returns the red channel of the texture in a slot, as stored.
 fn stored(m: &MaterialDesc, slot: TextureSlot) -> Option<u8> {
     m.texture(slot).map(|t| match &t.texels {
         Texels::Rgba8(texels) => texels[0][0],
@@ -35,9 +39,16 @@ fn assert_all_slots_are_filled(m: &MaterialDesc) {
 
 #[test]
 fn every_slot_has_a_key_in_scn() {
-    let keys = MATERIAL_PARAMS.iter().filter_map(|row| Some((row.scn_texture_key, row.texture?)));
-    let texts: Vec<String> = keys.map(|(key, slot)| format!("\"{key}\": \"{}.png\"", slot.name())).collect();
-    let text = format!("{{ \"materials\": [ {{ \"name\": \"m\", {} }} ] }}", texts.join(", "));
+    let keys = MATERIAL_PARAMS
+        .iter()
+        .filter_map(|row| Some((row.scn_texture_key, row.texture?)));
+    let texts: Vec<String> = keys
+        .map(|(key, slot)| format!("\"{key}\": \"{}.png\"", slot.name()))
+        .collect();
+    let text = format!(
+        "{{ \"materials\": [ {{ \"name\": \"m\", {} }} ] }}",
+        texts.join(", ")
+    );
     let (desc, notes) = folder(&[("a.scn", &text)]).load("a.scn").unwrap();
     assert!(notes.is_empty(), "{}", lines(&notes));
     assert_all_slots_are_filled(&desc.materials[0]);
@@ -45,13 +56,21 @@ fn every_slot_has_a_key_in_scn() {
 
 #[test]
 fn every_slot_can_be_set_by_path_and_emptied() {
-    let folder = folder(&[("a.scn", r#"{ "materials": [ { "name": "m" }, { "name": "n" } ] }"#)]);
+    let folder = folder(&[(
+        "a.scn",
+        r#"{ "materials": [ { "name": "m" }, { "name": "n" } ] }"#,
+    )]);
     let mut desc = folder.load("a.scn").unwrap().0;
     let untouched = desc.clone();
     let paths = TextureSlot::ALL.map(|slot| format!("materials.m.{}", slot.name()));
     for (path, slot) in paths.iter().zip(TextureSlot::ALL) {
         let file = folder.path(&format!("{}.png", slot.name()));
-        set(&mut desc, path, &Value::Str(file.to_string_lossy().into_owned())).unwrap();
+        set(
+            &mut desc,
+            path,
+            &Value::Str(file.to_string_lossy().into_owned()),
+        )
+        .unwrap();
     }
     assert_all_slots_are_filled(&desc.materials[0]);
     assert!(desc.materials[1].textures.is_empty());
@@ -59,9 +78,16 @@ fn every_slot_can_be_set_by_path_and_emptied() {
         set(&mut desc, path, &"".into()).unwrap();
     }
     assert_eq!(desc, untouched);
-    let e = set(&mut desc, "materials.m.normal_texture", &"gone.png".into()).unwrap_err().to_string();
-    assert!(e.contains("materials.m.normal_texture") && e.contains("gone.png"), "{e}");
-    let e = set(&mut desc, "materials.m.normal_textur", &"gone.png".into()).unwrap_err().to_string();
+    let e = set(&mut desc, "materials.m.normal_texture", &"gone.png".into())
+        .unwrap_err()
+        .to_string();
+    assert!(
+        e.contains("materials.m.normal_texture") && e.contains("gone.png"),
+        "{e}"
+    );
+    let e = set(&mut desc, "materials.m.normal_textur", &"gone.png".into())
+        .unwrap_err()
+        .to_string();
     assert!(e.contains("did you mean `normal_texture`?"), "{e}");
     assert!(set(&mut desc, "materials.m.mask_texture", &Value::Int(1)).is_err());
     assert_eq!(desc, untouched);
@@ -73,29 +99,65 @@ fn a_missing_texture_names_material_and_file_or_is_a_note() {
         "entities": [ { "type": "sphere", "radius": 1, "material": "oak" } ] }"#;
     let folder = Folder::new(&[("a.scn", text)]);
     let e = folder.load("a.scn").unwrap_err().to_string();
-    for part in
-        ["a.scn: materials[0].roughnesstexture", "material `oak`", "gone.png", "(`--lenient` goes on without it)"]
-    {
+    for part in [
+        "a.scn: materials[0].roughnesstexture",
+        "material `oak`",
+        "gone.png",
+        "(pass `--lenient` to use the material's constant value instead)",
+    ] {
         assert!(e.contains(part), "{part} in {e}");
     }
-    let e = obj("newmtl a\nmap_Kd gone.png\n").load("m.obj").unwrap_err().to_string();
-    assert!(e.contains("m.mtl: line 2: texture of the material `a`") && e.contains("`--lenient`"), "{e}");
-    let (desc, notes) = load_with(&folder.path("a.scn"), Missing::Noted).unwrap();
+    let e = obj("newmtl a\nmap_Kd gone.png\n")
+        .load("m.obj")
+        .unwrap_err()
+        .to_string();
+    assert!(
+        e.contains("m.mtl: line 2: texture of the material `a`") && e.contains("`--lenient`"),
+        "{e}"
+    );
+    let (desc, notes) = load_with(&folder.path("a.scn"), MissingTextures::Note).unwrap();
     let all = lines(&notes);
-    for part in ["materials[0].roughnesstexture: ", "material `oak`", "gone.png", "the scalar value is used"] {
+    for part in [
+        "materials[0].roughnesstexture: ",
+        "material `oak`",
+        "gone.png",
+        "the material's constant value is used",
+    ] {
         assert!(all.contains(part), "{part} in {all}");
     }
-    assert_eq!((desc.materials[0].roughness, desc.materials[0].textures.len()), (0.25, 0));
+    assert_eq!(
+        (
+            desc.materials[0].roughness,
+            desc.materials[0].textures.len()
+        ),
+        (0.25, 0)
+    );
     assert!(compile(&desc).is_ok());
-    // A damaged file is as bad as none; a mesh or an environment cannot be left out.
+    // A damaged file counts as missing; a mesh or an environment cannot be left out.
     folder.write("gone.png", b"\x89PNG\r\n\x1a\n");
-    assert!(folder.load("a.scn").unwrap_err().to_string().contains("material `oak`"));
-    assert_eq!(load_with(&folder.path("a.scn"), Missing::Noted).unwrap().1.len(), 1);
-    for text in
-        [r#"{ "entities": [ { "type": "mesh", "file": "gone.obj" } ] }"#, r#"{ "environment": { "file": "g.hdr" } }"#]
-    {
+    assert!(
+        folder
+            .load("a.scn")
+            .unwrap_err()
+            .to_string()
+            .contains("material `oak`")
+    );
+    assert_eq!(
+        load_with(&folder.path("a.scn"), MissingTextures::Note)
+            .unwrap()
+            .1
+            .len(),
+        1
+    );
+    for text in [
+        r#"{ "entities": [ { "type": "mesh", "file": "gone.obj" } ] }"#,
+        r#"{ "environment": { "file": "g.hdr" } }"#,
+    ] {
         folder.write("b.scn", text);
-        assert!(load_with(&folder.path("b.scn"), Missing::Noted).is_err(), "{text}");
+        assert!(
+            load_with(&folder.path("b.scn"), MissingTextures::Note).is_err(),
+            "{text}"
+        );
     }
 }
 
@@ -118,38 +180,92 @@ fn mtl_materials_arrive_by_name() {
          norm normal_texture.png\n",
     );
     assert!(notes.is_empty(), "{notes}");
-    let [a, b] = &desc.materials[..] else { panic!("{:?}", desc.materials) };
+    let [a, b] = &desc.materials[..] else {
+        panic!("{:?}", desc.materials)
+    };
     assert_eq!((a.name.as_str(), b.name.as_str()), ("a", "b"));
-    assert_eq!((b.base_color, b.emission), (Vec3::new(0.1, 0.2, 0.3), Vec3::splat(5.0)));
-    assert_eq!((b.ior, b.opacity, b.roughness, b.metallic, b.sheen), (1.33, 0.25, 0.5, 0.75, 0.1));
-    assert_eq!((b.clearcoat, b.clearcoat_gloss, b.anisotropic), (0.2, 0.75, 0.3));
-    assert_eq!((a.opacity, a.tiling, a.uv_offset, a.emission), (0.0, 2.0, Vec2::new(0.5, 0.25), Vec3::ONE));
+    assert_eq!(
+        (b.base_color, b.emission),
+        (Vec3::new(0.1, 0.2, 0.3), Vec3::splat(5.0))
+    );
+    assert_eq!(
+        (b.ior, b.opacity, b.roughness, b.metallic, b.sheen),
+        (1.33, 0.25, 0.5, 0.75, 0.1)
+    );
+    assert_eq!(
+        (b.clearcoat, b.clearcoat_gloss, b.anisotropic),
+        (0.2, 0.75, 0.3)
+    );
+    assert_eq!(
+        (a.opacity, a.tiling, a.uv_offset, a.emission),
+        (0.0, 2.0, Vec2::new(0.5, 0.25), Vec3::ONE)
+    );
     // An exponent of 6 is an alpha of one half.
-    assert!((a.roughness - 0.5f32.sqrt()).abs() < 1e-6, "{}", a.roughness);
+    assert!(
+        (a.roughness - 0.5f32.sqrt()).abs() < 1e-6,
+        "{}",
+        a.roughness
+    );
     assert!(a.emitter_reflects && b.emitter_reflects);
-    let filled = TextureSlot::ALL.into_iter().filter(|slot| a.texture(*slot).is_some()).count();
-    assert_eq!((filled, stored(a, TextureSlot::Normal), stored(a, TextureSlot::Mask)), (6, Some(75), Some(25)));
+    let filled = TextureSlot::ALL
+        .into_iter()
+        .filter(|slot| a.texture(*slot).is_some())
+        .count();
+    assert_eq!(
+        (
+            filled,
+            stored(a, TextureSlot::Normal),
+            stored(a, TextureSlot::Mask)
+        ),
+        (6, Some(75), Some(25))
+    );
     assert!(compile(&desc).is_ok());
 }
 
 #[test]
 fn bumps_of_an_mtl_are_heights_or_normals_as_their_pictures_are() {
-    let folder =
-        obj("newmtl a\nmap_bump -bm 0.25 heights.png\nnewmtl b\nbump -bm 2 normals.png\nmap_bump -bm 2 normals.png\n\
-                      newmtl c\nbump heights.png\n");
-    image::GrayImage::from_pixel(2, 2, image::Luma([90])).save(folder.path("heights.png")).unwrap();
-    image::RgbImage::from_pixel(2, 2, image::Rgb([120, 140, 250])).save(folder.path("normals.png")).unwrap();
+    let folder = obj(
+        "newmtl a\nmap_bump -bm 0.25 heights.png\nnewmtl b\nbump -bm 2 normals.png\nmap_bump -bm 2 normals.png\n\
+                      newmtl c\nbump heights.png\n",
+    );
+    image::GrayImage::from_pixel(2, 2, image::Luma([90]))
+        .save(folder.path("heights.png"))
+        .unwrap();
+    image::RgbImage::from_pixel(2, 2, image::Rgb([120, 140, 250]))
+        .save(folder.path("normals.png"))
+        .unwrap();
     let (desc, notes) = folder.load("m.obj").unwrap();
-    let of = |name: &str| &desc.materials[desc.material_row(name).unwrap()];
+    let of = |name: &str| &desc.materials[desc.material_index(name).unwrap()];
     let (a, b) = (of("a"), of("b"));
-    assert_eq!((a.bump_height, stored(a, TextureSlot::Bump), stored(a, TextureSlot::Normal)), (0.25, Some(90), None));
     assert_eq!(
-        (b.normal_strength, stored(b, TextureSlot::Normal), stored(b, TextureSlot::Bump)),
+        (
+            a.bump_height,
+            stored(a, TextureSlot::Bump),
+            stored(a, TextureSlot::Normal)
+        ),
+        (0.25, Some(90), None)
+    );
+    assert_eq!(
+        (
+            b.normal_strength,
+            stored(b, TextureSlot::Normal),
+            stored(b, TextureSlot::Bump)
+        ),
         (2.0, Some(120), None)
     );
     let notes = lines(&notes);
-    assert_eq!(notes.matches("the bumps of `b` are normals").count(), 1, "{notes}");
-    assert!(notes.contains("the bumps of `c` are 1 scene unit high") && !notes.contains("bumps of `a`"), "{notes}");
+    assert_eq!(
+        notes
+            .matches("the bump map of `b` contains normals")
+            .count(),
+        1,
+        "{notes}"
+    );
+    assert!(
+        notes.contains("the bump map of `c` has no `-bm`, so its height is 1 scene unit")
+            && !notes.contains("bump map of `a`"),
+        "{notes}"
+    );
 }
 
 #[test]
@@ -158,28 +274,49 @@ fn maps_of_an_mtl_lie_each_as_its_options_say() {
         "newmtl a\nmap_Kd -s 2 2 1 -o 0.5 0 base_color_texture.png\nmap_Pr -s 1 3 -o 0 0.25 -clamp on roughness_texture.png\n\
          norm -clamp off normal_texture.png\nnewmtl b\nmap_Kd -s 4 1 1 base_color_texture.png\nmap_Pm -s 0 0 metallic_texture.png\n",
     );
-    assert!(notes.lines().count() == 1 && notes.contains("nothing in this mesh shines"), "{notes}");
-    let [a, b] = &desc.materials[..] else { panic!("{:?}", desc.materials) };
-    assert_eq!((a.tiling, a.uv_offset, b.tiling), (2.0, Vec2::new(0.5, 0.0), 1.0));
+    assert!(
+        notes.lines().count() == 1 && notes.contains("nothing in this mesh emits light"),
+        "{notes}"
+    );
+    let [a, b] = &desc.materials[..] else {
+        panic!("{:?}", desc.materials)
+    };
+    assert_eq!(
+        (a.tiling, a.uv_offset, b.tiling),
+        (2.0, Vec2::new(0.5, 0.0), 1.0)
+    );
     assert_eq!(a.lookup(TextureSlot::Roughness).wrap, [Wrap::Clamp; 2]);
     assert_eq!(a.lookup(TextureSlot::BaseColor), Lookup::default());
     let place = |m: &MaterialDesc, slot, uv: Vec2| {
         let uv = uv * m.tiling + m.uv_offset;
-        m.lookup(slot).map.map_or(uv, |map| map.transform_point2(uv))
+        m.lookup(slot)
+            .map
+            .map_or(uv, |map| map.transform_point2(uv))
     };
     for uv in [Vec2::ZERO, Vec2::new(0.3, -1.7), Vec2::ONE] {
         for (m, slot, expected) in [
-            (a, TextureSlot::Roughness, uv * Vec2::new(1.0, 3.0) + Vec2::new(0.0, 0.25)),
+            (
+                a,
+                TextureSlot::Roughness,
+                uv * Vec2::new(1.0, 3.0) + Vec2::new(0.0, 0.25),
+            ),
             (a, TextureSlot::Normal, uv),
             (b, TextureSlot::BaseColor, uv * Vec2::new(4.0, 1.0)),
             (b, TextureSlot::Metallic, Vec2::ZERO),
         ] {
-            assert!((place(m, slot, uv) - expected).length() < 1e-6, "{slot:?} {uv}");
+            assert!(
+                (place(m, slot, uv) - expected).length() < 1e-6,
+                "{slot:?} {uv}"
+            );
         }
     }
-    let (_, notes) =
-        materials("newmtl a\nmap_Kd -s 0 0 base_color_texture.png\nmap_Pm metallic_texture.png\nnewmtl b\n");
-    assert!(notes.contains("line 3: the first texture of the material is laid so that no other one"), "{notes}");
+    let (_, notes) = materials(
+        "newmtl a\nmap_Kd -s 0 0 base_color_texture.png\nmap_Pm metallic_texture.png\nnewmtl b\n",
+    );
+    assert!(
+        notes.contains("line 3: the map of the material's first texture is not invertible"),
+        "{notes}"
+    );
 }
 
 #[test]
@@ -188,10 +325,10 @@ fn what_an_mtl_cannot_say_is_noted_and_what_is_wrong_is_an_error() {
         "newmtl a\ndisp -bm 0.5 h.png\ndisp h.png\nNi 0\nKd 2 0 0\nmap_Kd -s 1 2 1 -clamp on base_color_texture.png\n",
     );
     for part in [
-        "line 2: statements `disp` are not read",
-        "line 4: 0 is outside 0.01 to 100: 0.01 is used",
+        "line 2: statements `disp` are not supported",
+        "line 4: 0 is outside 0.01 to 100; 0.01 is used",
         "line 5: 2 is outside 0 to 1",
-        "materials: nothing in this mesh shines",
+        "materials: nothing in this mesh emits light",
     ] {
         assert!(notes.contains(part), "{part} in\n{notes}");
     }
@@ -199,17 +336,23 @@ fn what_an_mtl_cannot_say_is_noted_and_what_is_wrong_is_an_error() {
     assert_eq!(desc.materials[0].base_color, Vec3::X);
     assert_eq!(desc.materials[1], MaterialDesc::new("b"));
     for (mtl, problem) in [
-        ("Kd 1 1 1\n", "line 1: `kd` before any `newmtl`"),
+        ("Kd 1 1 1\n", "line 1: `kd` precedes the first `newmtl`"),
         ("newmtl a\nKd 1 1\n", "line 2: expected 3 numbers"),
         ("newmtl a\nNi nan\n", "line 2: NaN"),
-        ("newmtl a\nNs high\n", "line 2: `high` is no number"),
+        ("newmtl a\nNs high\n", "line 2: `high` is not a number"),
         ("newmtl a\nmap_Kd\n", "line 2: a map needs a file"),
-        ("newmtl a\nmap_Kd gone.png\n", "line 2: texture of the material `a`: cannot read"),
+        (
+            "newmtl a\nmap_Kd gone.png\n",
+            "line 2: texture of the material `a`: cannot read",
+        ),
     ] {
         let e = obj(mtl).load("m.obj").unwrap_err().to_string();
-        assert!(e.contains("m.mtl") && e.contains(problem), "{problem} in {e}");
+        assert!(
+            e.contains("m.mtl") && e.contains(problem),
+            "{problem} in {e}"
+        );
     }
     let folder = obj("newmtl a\nKd 0.5 0.5 0.5\nmap_Kd gone.png\n");
-    let (desc, notes) = load_with(&folder.path("m.obj"), Missing::Noted).unwrap();
+    let (desc, notes) = load_with(&folder.path("m.obj"), MissingTextures::Note).unwrap();
     assert!(lines(&notes).contains("material `a`") && desc.materials[0].textures.is_empty());
 }

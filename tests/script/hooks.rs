@@ -1,4 +1,4 @@
-//! A script's functions, as the plan and the night call them.
+//! Functions of a script, as the plan and the night call them.
 
 use lumbre::experiment::spec::{HookError, Point, ReferenceRequest, ScriptHooks};
 use lumbre::experiment::stop::Comparison;
@@ -20,7 +20,12 @@ fn point(depth: i64) -> Point {
 }
 
 fn script_error<T: std::fmt::Debug>(result: Result<T, HookError>) -> ScriptError {
-    result.unwrap_err().0.downcast_ref::<ScriptError>().unwrap().clone()
+    result
+        .unwrap_err()
+        .0
+        .downcast_ref::<ScriptError>()
+        .unwrap()
+        .clone()
 }
 
 fn load(from: &str, to: &str) -> (Folder, Script) {
@@ -34,13 +39,29 @@ fn a_short_render_table_takes_the_defaults() {
     let folder = Folder::new(GOOD);
     let script = folder.load().unwrap();
     let cell = script.render(&point(5)).unwrap();
-    assert_eq!((cell.scene.as_str(), cell.scene_file.clone()), ("s.scn", folder.path("s.scn")));
-    assert_eq!((cell.integrator.as_str(), cell.backend.as_str()), ("bpt", "auto"));
-    assert_eq!((cell.max_depth, cell.resolution, cell.rr_start), (Some(5), None, None));
-    assert_eq!((cell.filter.kind, cell.filter.radius), (FilterKind::Box, 0.5));
+    assert_eq!(
+        (cell.scene.as_str(), cell.scene_file.clone()),
+        ("s.scn", folder.path("s.scn"))
+    );
+    assert_eq!(
+        (cell.integrator.as_str(), cell.backend.as_str()),
+        ("bpt", "auto")
+    );
+    assert_eq!(
+        (cell.max_depth, cell.resolution, cell.rr_start),
+        (Some(5), None, None)
+    );
+    assert_eq!(
+        (cell.filter.kind, cell.filter.radius),
+        (FilterKind::Box, 0.5)
+    );
     assert_eq!(cell.sampler, "independent");
     assert!(cell.set.is_empty() && cell.params.is_empty());
-    assert_eq!(script.render(&point(5)).unwrap(), cell, "asking twice changes nothing");
+    assert_eq!(
+        script.render(&point(5)).unwrap(),
+        cell,
+        "asking twice changes nothing"
+    );
 }
 
 #[test]
@@ -50,10 +71,20 @@ fn a_full_render_table_is_typed() {
       set = { [\"materials.egg.ior\"] = 1.5 }, rr = { start = 4 }, backend = \"cpu\", sampler = \"sobol\" }";
     let (_folder, script) = load(TABLE, table);
     let cell = script.render(&point(3)).unwrap();
-    assert_eq!((cell.resolution, cell.rr_start, cell.backend.as_str()), (Some([160, 120]), Some(4), "cpu"));
-    assert_eq!((cell.filter.kind, cell.filter.radius), (FilterKind::Gauss, 1.5));
+    assert_eq!(
+        (cell.resolution, cell.rr_start, cell.backend.as_str()),
+        (Some([160, 120]), Some(4), "cpu")
+    );
+    assert_eq!(
+        (cell.filter.kind, cell.filter.radius),
+        (FilterKind::Gauss, 1.5)
+    );
     assert_eq!(cell.sampler, "sobol");
-    let set: Vec<(&str, String)> = cell.set.iter().map(|(k, v)| (k.as_str(), v.to_string())).collect();
+    let set: Vec<(&str, String)> = cell
+        .set
+        .iter()
+        .map(|(k, v)| (k.as_str(), v.to_string()))
+        .collect();
     assert_eq!(
         set,
         [
@@ -75,7 +106,11 @@ fn skip_rules_answer_by_their_number() {
     assert!(script.skip(0, &point(5)).unwrap() && !script.skip(0, &point(2)).unwrap());
     assert!(!script.skip(1, &point(5)).unwrap());
     let e = script_error(script.skip(2, &point(5)));
-    assert!(e.to_string().contains("skip: the function returned an integer"), "{e}");
+    assert!(
+        e.to_string()
+            .contains("skip: the function returned an integer"),
+        "{e}"
+    );
     assert_eq!(e.line(), Some(11));
 }
 
@@ -90,18 +125,31 @@ end }";
     let text = edited(TABLE, table).replace(REFERENCE, from);
     let folder = Folder::new(text);
     let script = folder.load().unwrap();
-    let Some(ReferenceRequest::Render { config, stop, parts, .. }) = script.reference(&point(3)).unwrap() else {
+    let Some(ReferenceRequest::Render {
+        config,
+        stop,
+        shards,
+        ..
+    }) = script.reference(&point(3)).unwrap()
+    else {
         panic!("a rendered reference")
     };
-    assert_eq!((stop, parts), (StopRule::Samples(64), 4));
-    assert_eq!((config.filter.kind, config.filter.radius, config.max_depth), (FilterKind::Gauss, 2.0, Some(64)));
+    assert_eq!((stop, shards), (StopRule::Samples(64), 4));
+    assert_eq!(
+        (config.filter.kind, config.filter.radius, config.max_depth),
+        (FilterKind::Gauss, 2.0, Some(64))
+    );
     let set: Vec<String> = config.set.values().map(Value::to_string).collect();
     assert_eq!(set, ["2", "0.3"]);
     let (_folder, script) = load(REFERENCE, REFERENCE);
     let Some(ReferenceRequest::Render { config, .. }) = script.reference(&point(3)).unwrap() else {
         panic!("a rendered reference")
     };
-    assert_eq!(*config, script.render(&point(3)).unwrap(), "without `from` it is the cell's own");
+    assert_eq!(
+        *config,
+        script.render(&point(3)).unwrap(),
+        "without `from` it is the cell's own"
+    );
 }
 
 #[test]
@@ -111,47 +159,78 @@ fn references_have_the_usual_hierarchy_whatever_the_cell_has() {
     let folder = Folder::new(edited(TABLE, table));
     let script = folder.load().unwrap();
     let accel = script.render(&point(3)).unwrap().accel;
-    assert_eq!((accel.builder, accel.bins, accel.instances), (Builder::Sah, 8, Sharing::Always));
+    assert_eq!(
+        (accel.builder, accel.bins, accel.instances),
+        (Builder::Sah, 8, Sharing::Always)
+    );
     let Some(ReferenceRequest::Render { config, .. }) = script.reference(&point(3)).unwrap() else {
         panic!("a rendered reference")
     };
     assert_eq!(config.accel, AccelSpec::default());
-    let (_folder, script) = load("max_depth = p.depth", "max_depth = p.depth, accel = { builder = \"bvh\" }");
+    let (_folder, script) = load(
+        "max_depth = p.depth",
+        "max_depth = p.depth, accel = { builder = \"bvh\" }",
+    );
     let e = script_error(script.render(&point(3)));
     assert!(e.to_string().contains("accel.builder"), "{e}");
 }
 
 #[test]
 fn wrong_overrides_are_blamed_on_who_wrote_them() {
-    let from =
-        |body: &str| format!("x:reference {{ stop = stop.samples(64), from = function(p)\n  return {body}\nend }}");
+    let from = |body: &str| {
+        format!(
+            "x:reference {{ stop = stop.samples(64), from = function(p)\n  return {body}\nend }}"
+        )
+    };
     let (_folder, script) = load(REFERENCE, &from("{ max_dept = 3 }"));
     let e = script_error(script.reference(&point(3)));
-    assert!(e.to_string().contains("reference.from.max_dept: unknown key"), "{e}");
+    assert!(
+        e.to_string()
+            .contains("reference.from.max_dept: unknown key"),
+        "{e}"
+    );
     assert_eq!(e.line(), Some(7));
     let (_folder, script) = load(REFERENCE, &from("3"));
     assert_eq!(script_error(script.reference(&point(3))).line(), Some(6));
     let text = edited(REFERENCE, &from("{}")).replace("\"s.scn\"", "\"gone.scn\"");
     let folder = Folder::new(text);
     let script = folder.load().unwrap();
-    assert_eq!(script_error(script.reference(&point(3))).line(), Some(4), "the scene is the render function's");
+    assert_eq!(
+        script_error(script.reference(&point(3))).line(),
+        Some(4),
+        "the scene is the render function's"
+    );
 }
 
 #[test]
 fn images_may_be_references() {
     let (folder, script) = load(REFERENCE, "x:reference { image = \"truth.exr\" }");
     let e = script_error(script.reference(&point(3)));
-    assert!(e.to_string().contains("reference.image: there is no file `truth.exr`"), "{e}");
+    assert!(
+        e.to_string()
+            .contains("reference.image: there is no file `truth.exr`"),
+        "{e}"
+    );
     assert_eq!(e.line(), Some(6));
     folder.put("truth.exr", "");
     let found = script.reference(&point(3)).unwrap();
-    assert_eq!(found, Some(ReferenceRequest::File { file: folder.path("truth.exr"), source: String::new() }));
-    let by_point = "x:reference { image = function(p) return \"truth_\" .. p.depth .. \".exr\" end }";
+    assert_eq!(
+        found,
+        Some(ReferenceRequest::File {
+            file: folder.path("truth.exr"),
+            source: String::new()
+        })
+    );
+    let by_point =
+        "x:reference { image = function(p) return \"truth_\" .. p.depth .. \".exr\" end }";
     let (folder, script) = load(REFERENCE, by_point);
     folder.put("truth_3.exr", "");
     assert_eq!(
         script.reference(&point(3)).unwrap(),
-        Some(ReferenceRequest::File { file: folder.path("truth_3.exr"), source: String::new() })
+        Some(ReferenceRequest::File {
+            file: folder.path("truth_3.exr"),
+            source: String::new()
+        })
     );
     assert!(script.reference(&point(4)).is_err());
     let (_folder, script) = load(REFERENCE, "");
@@ -164,16 +243,31 @@ fn stop_rules_become_data() {
   stop.when(\"rmse\", \"<=\", 0.1, { hold = 3 }), stop.all(stop.time(\"5min\"), stop.waves(2)),
   stop.not_(stop.nan(1)), stop.samples(p.depth) } end)";
     let (_folder, script) = load(STOP, rule);
-    let when = StopRule::When { column: "rmse".into(), op: Comparison::LessEqual, value: 0.1, hold: 3 };
+    let when = StopRule::When {
+        column: "rmse".into(),
+        op: Comparison::LessEqual,
+        value: 0.1,
+        hold: 3,
+    };
     let both = StopRule::All(vec![StopRule::Time(300.0), StopRule::Waves(2)]);
     let not = StopRule::Not(Box::new(StopRule::Nan(1)));
-    assert_eq!(script.stop(&point(7)).unwrap(), StopRule::Any(vec![when, both, not, StopRule::Samples(7)]));
-    let (_folder, script) = load(STOP, "x:stop(function(p)\n  return stop.when(\"rsme\", \"<\", 1)\nend)");
+    assert_eq!(
+        script.stop(&point(7)).unwrap(),
+        StopRule::Any(vec![when, both, not, StopRule::Samples(7)])
+    );
+    let (_folder, script) = load(
+        STOP,
+        "x:stop(function(p)\n  return stop.when(\"rsme\", \"<\", 1)\nend)",
+    );
     let e = script_error(script.stop(&point(7)));
     assert!(e.to_string().contains("did you mean `rmse`?"), "{e}");
     assert_eq!(e.line(), Some(9));
     let (_folder, script) = load(STOP, "x:stop(function(p) end)");
-    assert!(script_error(script.stop(&point(7))).to_string().contains("stop: the function returned nothing"));
+    assert!(
+        script_error(script.stop(&point(7)))
+            .to_string()
+            .contains("stop: the function returned nothing")
+    );
 }
 
 fn rows(errors: &[f64]) -> Vec<WaveRow> {
@@ -188,8 +282,13 @@ fn rows(errors: &[f64]) -> Vec<WaveRow> {
 }
 
 fn predicate(body: &str) -> (Folder, Script, usize) {
-    let (folder, script) = load(STOP, &format!("x:stop(stop.predicate(function(row, history)\n  {body}\nend))"));
-    let StopRule::Predicate(id) = script.stop(&point(2)).unwrap() else { panic!("a predicate") };
+    let (folder, script) = load(
+        STOP,
+        &format!("x:stop(stop.predicate(function(row, history)\n  {body}\nend))"),
+    );
+    let StopRule::Predicate(id) = script.stop(&point(2)).unwrap() else {
+        panic!("a predicate")
+    };
     (folder, script, id)
 }
 
@@ -204,30 +303,64 @@ fn predicates_see_the_row_and_the_history() {
   return sum < 1 and row.render_s == 1.5 and row.wall_s == 0",
     );
     assert!(!script.predicate(id, &columns, &rows(&[0.5, 0.2])).unwrap());
-    assert!(script.predicate(id, &columns, &rows(&[0.5, 0.2, 0.1])).unwrap());
-    assert!(!script.predicate(id, &columns, &rows(&[0.9, 0.2, 0.1])).unwrap());
+    assert!(
+        script
+            .predicate(id, &columns, &rows(&[0.5, 0.2, 0.1]))
+            .unwrap()
+    );
+    assert!(
+        !script
+            .predicate(id, &columns, &rows(&[0.9, 0.2, 0.1]))
+            .unwrap()
+    );
 }
 
 #[test]
 fn predicates_are_read_as_strictly_as_everything_else() {
     let columns = ["rmse".to_owned()];
     for (body, line, words) in [
-        ("return row.rsme < 1", 9, "row.rsme: unknown column `rsme` (did you mean `rmse`?)"),
+        (
+            "return row.rsme < 1",
+            9,
+            "row.rsme: unknown column `rsme` (did you mean `rmse`?)",
+        ),
         ("return history[1].rsme < 1", 9, "did you mean `rmse`?"),
-        ("return row.samples", 8, "stop.predicate: the function returned an integer"),
+        (
+            "return row.samples",
+            8,
+            "stop.predicate: the function returned an integer",
+        ),
         ("return row < 1", 9, "attempt to compare"),
-        ("while true do end", 9, "a stop predicate ran longer than its limit of 1 s"),
-        ("local t = {}; for i = 1, 1e9 do t[i] = i end", 9, "wants more than its limit of 256 MiB"),
+        (
+            "while true do end",
+            9,
+            "a stop predicate ran longer than its limit of 1 s",
+        ),
+        (
+            "local t = {}; for i = 1, 1e9 do t[i] = i end",
+            9,
+            "wants more than its limit of 256 MiB",
+        ),
     ] {
         let (_folder, script, id) = predicate(body);
         let e = script_error(script.predicate(id, &columns, &rows(&[0.5])));
         assert!(e.to_string().contains(words), "{body}: {e}");
         assert_eq!(e.line(), Some(line), "{body}: {e}");
-        assert!(script.render(&point(2)).is_ok(), "the script goes on after {body}");
+        assert!(
+            script.render(&point(2)).is_ok(),
+            "the script goes on after {body}"
+        );
     }
     let (_folder, script, id) = predicate("return row.rmse < 1");
-    let unmeasured = vec![WaveRow { wave: 1, ..WaveRow::default() }];
-    assert!(script_error(script.predicate(id, &columns, &unmeasured)).to_string().contains("unknown column `rmse`"));
+    let unmeasured = vec![WaveRow {
+        wave: 1,
+        ..WaveRow::default()
+    }];
+    assert!(
+        script_error(script.predicate(id, &columns, &unmeasured))
+            .to_string()
+            .contains("unknown column `rmse`")
+    );
 }
 
 #[test]
@@ -236,14 +369,29 @@ fn the_same_predicate_has_the_same_number() {
 x:stop(function(p) return stop.any(stop.predicate(calm), stop.predicate(function(row) return p.depth > 1 end)) end)";
     let (_folder, script) = load(STOP, rule);
     let ids = |depth| match script.stop(&point(depth)).unwrap() {
-        StopRule::Any(parts) => parts.iter().map(|p| if let StopRule::Predicate(id) = p { *id } else { 99 }).collect(),
+        StopRule::Any(parts) => parts
+            .iter()
+            .map(|p| {
+                if let StopRule::Predicate(id) = p {
+                    *id
+                } else {
+                    99
+                }
+            })
+            .collect(),
         _ => Vec::new(),
     };
     let (first, second) = (ids(1), ids(2));
     assert_eq!(first[0], second[0]);
-    assert_ne!(first[1], second[1], "closures over different points stay apart");
+    assert_ne!(
+        first[1], second[1],
+        "closures over different points stay apart"
+    );
     assert!(!script.predicate(first[1], &[], &rows(&[])).unwrap() || first.is_empty());
-    let row = vec![WaveRow { samples: 8, ..WaveRow::default() }];
+    let row = vec![WaveRow {
+        samples: 8,
+        ..WaveRow::default()
+    }];
     assert!(script.predicate(first[0], &[], &row).unwrap());
     assert!(!script.predicate(first[1], &[], &row).unwrap());
     assert!(script.predicate(second[1], &[], &row).unwrap());
@@ -262,36 +410,76 @@ fn points_know_only_their_axes() {
 fn the_end_of_a_reference_may_depend_on_the_point() {
     let stop = "x:reference { stop = function(p)\n  return stop.samples(64 * p.depth)\nend }";
     let (_folder, script) = load(REFERENCE, stop);
-    let Some(ReferenceRequest::Render { stop, .. }) = script.reference(&point(3)).unwrap() else { panic!("rendered") };
+    let Some(ReferenceRequest::Render { stop, .. }) = script.reference(&point(3)).unwrap() else {
+        panic!("rendered")
+    };
     assert_eq!(stop, StopRule::Samples(192));
-    let (_folder, script) = load(REFERENCE, "x:reference { stop = function(p)\n  return 7\nend }");
+    let (_folder, script) = load(
+        REFERENCE,
+        "x:reference { stop = function(p)\n  return 7\nend }",
+    );
     let e = script_error(script.reference(&point(3)));
-    assert!(e.to_string().contains("reference.stop: the function returned an integer"), "{e}");
+    assert!(
+        e.to_string()
+            .contains("reference.stop: the function returned an integer"),
+        "{e}"
+    );
     assert_eq!(e.line(), Some(6));
-    let (_folder, script) =
-        load(REFERENCE, "x:reference { stop = function(p)\n  return stop.when(\"rmse\", \"<\", 1)\nend }");
+    let (_folder, script) = load(
+        REFERENCE,
+        "x:reference { stop = function(p)\n  return stop.when(\"rmse\", \"<\", 1)\nend }",
+    );
     let e = script_error(script.reference(&point(3)));
-    assert!(e.to_string().contains("a reference is not measured against anything"), "{e}");
+    assert!(
+        e.to_string()
+            .contains("a reference is not measured against anything"),
+        "{e}"
+    );
     assert_eq!(e.line(), Some(7));
 }
 
 #[test]
 fn a_function_chooses_what_the_control_doubles() {
     let (_folder, script) = load(REFERENCE, "x:control(function(p) return p.depth > 3 end)");
-    assert_eq!((script.control(&point(3)).unwrap(), script.control(&point(4)).unwrap()), (Some(false), Some(true)));
+    assert_eq!(
+        (
+            script.aa_check(&point(3)).unwrap(),
+            script.aa_check(&point(4)).unwrap()
+        ),
+        (Some(false), Some(true))
+    );
     let (_folder, script) = load(REFERENCE, "x:control()");
-    assert_eq!(script.control(&point(3)).unwrap(), None, "the plan chooses");
+    assert_eq!(
+        script.aa_check(&point(3)).unwrap(),
+        None,
+        "the plan chooses"
+    );
     let (_folder, script) = load(REFERENCE, "x:control(function(p) return 7 end)");
-    assert!(script_error(script.control(&point(3))).to_string().contains("control: the function returned an integer"));
+    assert!(
+        script_error(script.aa_check(&point(3)))
+            .to_string()
+            .contains("control: the function returned an integer")
+    );
 }
 
 #[test]
 fn a_plateau_is_a_rule_about_a_column() {
-    let text = edited("x:stop(stop.samples(16))", "x:stop(stop.plateau(\"rmse\", { slope = -0.2, over = 8 }))");
+    let text = edited(
+        "x:stop(stop.samples(16))",
+        "x:stop(stop.plateau(\"rmse\", { slope = -0.2, over = 8 }))",
+    );
     let script = Folder::new(text).load().unwrap();
-    let expected = StopRule::Plateau { column: "rmse".to_owned(), exponent: -0.2, over: 8.0, p: 0.01 };
+    let expected = StopRule::Plateau {
+        column: "rmse".to_owned(),
+        exponent: -0.2,
+        over: 8.0,
+        p: 0.01,
+    };
     assert_eq!(script.stop(&point(3)).unwrap(), expected);
     let unknown = edited("x:stop(stop.samples(16))", "x:stop(stop.plateau(\"rsme\"))");
     let e = Folder::new(unknown).load().unwrap_err();
-    assert!(e.to_string().contains("stop.plateau") && e.to_string().contains("rsme"), "{e}");
+    assert!(
+        e.to_string().contains("stop.plateau") && e.to_string().contains("rsme"),
+        "{e}"
+    );
 }

@@ -1,20 +1,28 @@
-//! The script in the README is one that works.
+//! The script in the README works.
 
 use lumbre::experiment::plan::{Overrides, expand};
-use lumbre::scene::load::Missing;
+use lumbre::scene::load::MissingTextures;
 use lumbre::script::scene;
 
 #[test]
 fn the_readme_shows_a_script_that_can_be_planned() {
-    let readme = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/README.md")).unwrap();
-    let text = readme.split("```lua\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+    let readme =
+        std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/README.md")).unwrap();
+    let text = readme
+        .split("```lua\n")
+        .nth(1)
+        .and_then(|rest| rest.split("```").next())
+        .unwrap();
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("readme.lua");
     std::fs::write(&file, text).unwrap();
     let script = lumbre::script::load(&file).unwrap();
-    let plan = expand(&script.spec, &script, &Overrides::default(), &mut |path, options| {
-        scene::read(path, options, Missing::Refused)
-    })
+    let plan = expand(
+        &script.spec,
+        &script,
+        &Overrides::default(),
+        &mut |path, options| scene::read(path, options, MissingTextures::Fail),
+    )
     .unwrap();
     // Two scenes, four depths, three repeats; glass below four edges is left out.
     assert_eq!(plan.cells.len(), (2 * 4 - 1) * 3);

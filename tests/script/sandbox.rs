@@ -1,4 +1,4 @@
-//! What a script cannot reach, and what ends it when it does not end itself.
+//! The sandbox: features a script cannot use, and the limits that stop it.
 
 use lumbre::script::{Limits, Problem, ScriptError};
 
@@ -22,19 +22,37 @@ fn fails_within(code: &str, limits: Limits) -> ScriptError {
 
 #[test]
 fn libraries_that_reach_outside_are_not_there() {
-    for name in ["os", "io", "debug", "package", "load", "loadfile", "dofile", "coroutine", "collectgarbage"] {
+    for name in [
+        "os",
+        "io",
+        "debug",
+        "package",
+        "load",
+        "loadfile",
+        "dofile",
+        "coroutine",
+        "collectgarbage",
+    ] {
         let e = fails(&format!("\nlocal y = {name}"));
         assert_eq!(e.line(), Some(2), "{e}");
         assert!(e.help_text().unwrap().contains("sandbox"), "{e}");
     }
     for name in ["loadstring", "warn", "module", "setfenv", "newproxy"] {
-        assert!(matches!(fails(&format!("local y = {name}")).problem(), Problem::Field { .. }));
+        assert!(matches!(
+            fails(&format!("local y = {name}")).problem(),
+            Problem::Field { .. }
+        ));
     }
     for name in ["string.dump", "math.random", "math.randomseed"] {
         let e = fails(&format!("\n\nlocal y = {name}"));
         assert_eq!(e.line(), Some(3), "{e}");
     }
-    assert!(fails("math.random()").help_text().unwrap().contains("use the experiment's seed"));
+    assert!(
+        fails("math.random()")
+            .help_text()
+            .unwrap()
+            .contains("use the experiment's seed")
+    );
     run("for _, n in ipairs { 'os', 'io', 'debug', 'package', 'load' } do assert(rawget(_G, n) == nil) end").unwrap();
 }
 
@@ -69,9 +87,19 @@ fn loops_without_end_are_ended() {
         "table.sort({ 1, 2, 3 }, function() while true do end end)",
         "string.gsub('abc', '.', function() while true do end end)",
     ] {
-        let e = fails_within(&format!("\n{code}"), Limits { load_s: 0.3, ..LIMITS });
+        let e = fails_within(
+            &format!("\n{code}"),
+            Limits {
+                load_s: 0.3,
+                ..LIMITS
+            },
+        );
         assert!(matches!(e.problem(), Problem::Time { .. }), "{code}: {e}");
-        assert!(e.to_string().contains("loading the script ran longer than its limit of 0.3 s"), "{e}");
+        assert!(
+            e.to_string()
+                .contains("loading the script ran longer than its limit of 0.3 s"),
+            "{e}"
+        );
         assert_eq!(e.line(), Some(2), "{code}: {e}");
     }
 }
@@ -79,19 +107,55 @@ fn loops_without_end_are_ended() {
 #[test]
 fn library_functions_that_loop_in_c_are_refused() {
     for (code, words) in [
-        ("table.move({}, 1, math.maxinteger - 1, 2)", "more than 10000000 elements"),
-        ("table.move({}, '1', '9e15', 2)", "more than 10000000 elements"),
-        ("table.concat({}, '', 1, 1 << 60)", "more than 10000000 elements"),
-        ("table.unpack({}, 1, 1 << 40)", "more than 10000000 elements"),
-        ("table.insert(setmetatable({}, { __len = function() return 1 << 60 end }), 1, 1)", "__len"),
-        ("table.remove(setmetatable({}, { __len = function() return 1 << 60 end, __metatable = false }), 1)", "__len"),
-        ("table.sort(setmetatable({}, { __len = function() return 1 << 30 end }), rawequal)", "__len"),
-        ("local s = string.rep('', 1 << 60)", "string.rep would make more"),
-        ("local s = string.rep('', '1e18')", "string.rep would make more"),
+        (
+            "table.move({}, 1, math.maxinteger - 1, 2)",
+            "more than 10000000 elements",
+        ),
+        (
+            "table.move({}, '1', '9e15', 2)",
+            "more than 10000000 elements",
+        ),
+        (
+            "table.concat({}, '', 1, 1 << 60)",
+            "more than 10000000 elements",
+        ),
+        (
+            "table.unpack({}, 1, 1 << 40)",
+            "more than 10000000 elements",
+        ),
+        (
+            "table.insert(setmetatable({}, { __len = function() return 1 << 60 end }), 1, 1)",
+            "__len",
+        ),
+        (
+            "table.remove(setmetatable({}, { __len = function() return 1 << 60 end, __metatable = false }), 1)",
+            "__len",
+        ),
+        (
+            "table.sort(setmetatable({}, { __len = function() return 1 << 30 end }), rawequal)",
+            "__len",
+        ),
+        (
+            "local s = string.rep('', 1 << 60)",
+            "string.rep would make more",
+        ),
+        (
+            "local s = string.rep('', '1e18')",
+            "string.rep would make more",
+        ),
         ("local s = ('x'):rep(1e10)", "string.rep would make more"),
-        ("local m = ('a'):rep(3000):find(('a-'):rep(30) .. 'b')", "could take very long"),
-        ("local m = ('a'):rep(3000):gsub(('.*'):rep(8) .. 'b', '')", "could take very long"),
-        ("for w in ('a'):rep(3000):gmatch(('.*'):rep(8) .. 'b') do end", "could take very long"),
+        (
+            "local m = ('a'):rep(3000):find(('a-'):rep(30) .. 'b')",
+            "could take very long",
+        ),
+        (
+            "local m = ('a'):rep(3000):gsub(('.*'):rep(8) .. 'b', '')",
+            "could take very long",
+        ),
+        (
+            "for w in ('a'):rep(3000):gmatch(('.*'):rep(8) .. 'b') do end",
+            "could take very long",
+        ),
     ] {
         let e = fails(&format!("\n{code}"));
         assert!(e.to_string().contains(words), "{code}: {e}");
@@ -107,13 +171,29 @@ fn memory_bombs_are_defused() {
         "local s = ('x'):rep(1 << 27)",
         "local t = {}; while true do t = { t } end",
     ] {
-        let e = fails_within(&format!("\n{code}"), Limits { memory: 48 << 20, ..LIMITS });
-        assert!(matches!(e.problem(), Problem::Memory { mib: 48 }), "{code}: {e}");
-        // One huge allocation can come before the first look at the line; everything else is found.
+        let e = fails_within(
+            &format!("\n{code}"),
+            Limits {
+                memory: 48 << 20,
+                ..LIMITS
+            },
+        );
+        assert!(
+            matches!(e.problem(), Problem::Memory { mib: 48 }),
+            "{code}: {e}"
+        );
+        // One huge allocation can come before the first check of the line; everything else is
+        // found.
         assert!(e.line().is_none_or(|l| l <= 2), "{code}: {e}");
     }
     let code = "\nlocal t = {}\nfor i = 1, 1e9 do\n  t[i] = i\nend";
-    let e = fails_within(code, Limits { memory: 48 << 20, ..LIMITS });
+    let e = fails_within(
+        code,
+        Limits {
+            memory: 48 << 20,
+            ..LIMITS
+        },
+    );
     assert!((3..=5).contains(&e.line().unwrap()), "{e}");
     assert!(
         matches!(fails("local s = ('error '):rep(200000); error(s)").problem(), Problem::Runtime { message } if message.len() < 3000)
@@ -130,7 +210,10 @@ fn deep_recursion_is_an_error_not_a_crash() {
         "local t = setmetatable({}, { __tostring = function(s) return tostring(s) end }); tostring(t)",
     ] {
         let e = fails(code);
-        assert!(matches!(e.problem(), Problem::Runtime { .. }), "{code}: {e}");
+        assert!(
+            matches!(e.problem(), Problem::Runtime { .. }),
+            "{code}: {e}"
+        );
     }
     let nested = format!("local t = {}1{}", "{".repeat(500), "}".repeat(500));
     let e = fails(&nested);
@@ -139,9 +222,24 @@ fn deep_recursion_is_an_error_not_a_crash() {
 
 #[test]
 fn require_stays_below_the_folder() {
-    for name in ["../x", "..", "/etc/passwd", "a//b", "a..b", "", "a b", "a\\\\b", "C:x", "./a", "a/"] {
+    for name in [
+        "../x",
+        "..",
+        "/etc/passwd",
+        "a//b",
+        "a..b",
+        "",
+        "a b",
+        "a\\\\b",
+        "C:x",
+        "./a",
+        "a/",
+    ] {
         let e = fails(&format!("\nrequire(\"{name}\")"));
-        assert!(e.to_string().contains("is no name of a module"), "{name}: {e}");
+        assert!(
+            e.to_string().contains("is no name of a module"),
+            "{name}: {e}"
+        );
         assert_eq!(e.line(), Some(2));
     }
     let e = fails("require(\"nowhere\")");
@@ -158,7 +256,10 @@ fn links_do_not_lead_out() {
     let folder = Folder::new(format!("require('link')\n{GOOD}"));
     std::os::unix::fs::symlink(outside.path("t.lua"), folder.path("link.lua")).unwrap();
     let e = folder.load().unwrap_err();
-    assert!(e.to_string().contains("leads out of the script's folder"), "{e}");
+    assert!(
+        e.to_string().contains("leads out of the script's folder"),
+        "{e}"
+    );
 }
 
 #[test]
@@ -167,7 +268,10 @@ fn modules_are_loaded_once_and_circles_are_found() {
         "local a, b = require('lib.a'), require('lib/a')\nassert(a == b and a.n == 1 and count == 1)\n\
          assert(require('none') == true)\n{GOOD}"
     ));
-    folder.put("lib/a.lua", "count = (rawget(_G, 'count') or 0) + 1\nreturn { n = 1 }");
+    folder.put(
+        "lib/a.lua",
+        "count = (rawget(_G, 'count') or 0) + 1\nreturn { n = 1 }",
+    );
     folder.put("none.lua", "");
     folder.load().unwrap();
     let folder = Folder::new("require('a')");
@@ -175,7 +279,10 @@ fn modules_are_loaded_once_and_circles_are_found() {
     folder.put("b.lua", "\nrequire('a')");
     let e = folder.load().unwrap_err();
     assert!(e.to_string().contains("in a circle: a -> b -> a"), "{e}");
-    assert_eq!((e.line(), e.file()), (Some(2), folder.path("b.lua").as_path()));
+    assert_eq!(
+        (e.line(), e.file()),
+        (Some(2), folder.path("b.lua").as_path())
+    );
 }
 
 #[test]

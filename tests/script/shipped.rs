@@ -1,25 +1,34 @@
-//! Every script in `scripts/` can be planned, and says in its header how it is run.
+//! Every script in `scripts/` can be planned, and its header states how to run it.
 
 use lumbre::experiment::plan::{Overrides, expand};
-use lumbre::scene::load::Missing;
+use lumbre::scene::load::MissingTextures;
 use lumbre::script::scene;
 
 #[test]
 fn every_shipped_script_is_planned_without_a_warning() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/scripts");
-    let mut scripts: Vec<_> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
+    let mut scripts: Vec<_> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|e| e.unwrap().path())
+        .collect();
     scripts.retain(|p| p.extension().is_some_and(|e| e == "lua"));
     assert!(scripts.len() >= 3);
     for file in scripts {
         let name = file.file_name().unwrap().to_string_lossy().into_owned();
         let text = std::fs::read_to_string(&file).unwrap();
-        assert!(text.starts_with("-- ") && text.contains(&format!("lumbre run scripts/{name}")), "{name}");
+        assert!(
+            text.starts_with("-- ") && text.contains(&format!("lumbre run scripts/{name}")),
+            "{name}"
+        );
         let script = lumbre::script::load(&file).unwrap_or_else(|e| panic!("{name}: {e}"));
-        let plan = expand(&script.spec, &script, &Overrides::default(), &mut |path, options| {
-            scene::read(path, options, Missing::Refused)
-        })
+        let plan = expand(
+            &script.spec,
+            &script,
+            &Overrides::default(),
+            &mut |path, options| scene::read(path, options, MissingTextures::Fail),
+        )
         .unwrap_or_else(|e| panic!("{name}: {e}"));
-        // What needs another program is left out where that is not installed.
+        // Cells that need a program which is not installed are left out.
         let planned = !plan.cells.is_empty() || !plan.absent().is_empty();
         assert!(planned && plan.notes.is_empty(), "{name}: {:?}", plan.notes);
         assert!(plan.warnings.is_empty(), "{name}: {:?}", plan.warnings);

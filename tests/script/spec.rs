@@ -1,6 +1,8 @@
-//! What a right script becomes.
+//! The experiment that a correct script describes.
 
-use lumbre::experiment::spec::{FigureKind, FigureX, Order, Snapshots, TableFormat, TableValue, Warmup};
+use lumbre::experiment::spec::{
+    FigureKind, FigureX, Order, Snapshots, TableFormat, TableValue, Warmup,
+};
 use lumbre::metrics::tonemap::Tonemap;
 use lumbre::script::Script;
 use lumbre::value::Value;
@@ -11,14 +13,22 @@ fn load(text: &str) -> Script {
     Folder::new(text).load().unwrap()
 }
 
-/// The values of the one axis of a script whose axis line is this.
+/// Returns the values of the only axis of a script with this axis line.
 fn axis(values: &str) -> Vec<Value> {
     let script = load(&edited("{ 2, 5 }", values));
-    script.spec.axes[0].steps.iter().map(|step| step[0].clone()).collect()
+    script.spec.axes[0]
+        .steps
+        .iter()
+        .map(|step| step[0].clone())
+        .collect()
 }
 
 fn shown(values: &[Value]) -> String {
-    values.iter().map(Value::to_string).collect::<Vec<_>>().join(" ")
+    values
+        .iter()
+        .map(Value::to_string)
+        .collect::<Vec<_>>()
+        .join(" ")
 }
 
 #[test]
@@ -38,14 +48,28 @@ fn the_head_and_the_text_are_kept() {
 #[test]
 fn ranges_are_exact_and_numbers_are_normal() {
     assert_eq!(shown(&axis("range(0.1, 0.5, 0.1)")), "0.1 0.2 0.3 0.4 0.5");
-    assert_eq!(axis("range(1, 3)"), [Value::Int(1), Value::Int(2), Value::Int(3)]);
+    assert_eq!(
+        axis("range(1, 3)"),
+        [Value::Int(1), Value::Int(2), Value::Int(3)]
+    );
     assert_eq!(shown(&axis("range(1, 0.25, -0.25)")), "1 0.75 0.5 0.25");
-    assert_eq!(shown(&axis("linspace(0, 1, 11)")), "0 0.1 0.2 0.3 0.4 0.5 0.6 0.7 0.8 0.9 1");
-    assert_eq!(shown(&axis("logspace(0.001, 1000, 7)")), "0.001 0.01 0.1 1 10 100 1000");
+    assert_eq!(
+        shown(&axis("linspace(0, 1, 11)")),
+        "0 0.1 0.2 0.3 0.4 0.5 0.6 0.7 0.8 0.9 1"
+    );
+    assert_eq!(
+        shown(&axis("logspace(0.001, 1000, 7)")),
+        "0.001 0.01 0.1 1 10 100 1000"
+    );
     assert_eq!(axis("range(1, 100000)").len(), 100_000);
     assert_eq!(
         axis("{ 2.0, 'bpt', true, { 64, 48 } }"),
-        [Value::Int(2), "bpt".into(), Value::Bool(true), Value::List(vec![Value::Int(64), Value::Int(48)]),]
+        [
+            Value::Int(2),
+            "bpt".into(),
+            Value::Bool(true),
+            Value::List(vec![Value::Int(64), Value::Int(48)]),
+        ]
     );
 }
 
@@ -55,9 +79,17 @@ fn zipped_axes_move_together_in_the_order_of_their_names() {
         "x:axis(\"depth\", { 2, 5 })",
         "x:axis({ \"depth\", \"radius\" }, zip({ 3, 5 }, range(0.5, 1, 0.5)))\nx:axis(\"scene\", { \"a\" })",
     ));
-    let [zipped, scene] = script.spec.axes.as_slice() else { panic!("two axes") };
+    let [zipped, scene] = script.spec.axes.as_slice() else {
+        panic!("two axes")
+    };
     assert_eq!(zipped.names, ["depth", "radius"]);
-    assert_eq!(zipped.steps, [vec![Value::Int(3), Value::Num(0.5)], vec![Value::Int(5), Value::Int(1)]]);
+    assert_eq!(
+        zipped.steps,
+        [
+            vec![Value::Int(3), Value::Num(0.5)],
+            vec![Value::Int(5), Value::Int(1)]
+        ]
+    );
     assert_eq!(scene.names, ["scene"]);
 }
 
@@ -72,31 +104,98 @@ x:figure(\"over\", { x = \"depth\", y = { \"fps\", \"rmse\", time_to(\"ssim\", 0
 x:table(\"time_to_0.95\", { value = time_to(\"ssim\", 0.95), rows = \"depth\", format = \"csv\" })
 x:table(\"final\", { value = \"rmse\", rows = { \"depth\" }, format = { \"csv\", \"md\" } })
 x:table(\"speed\", { value = \"mpaths_s\", rows = \"depth\", cols = {} })";
-    let spec = load(&edited("x:measure { rmse = metric.rmse(), every = \"1s\" }", more)).spec;
-    let columns: Vec<&str> = spec.measure.metrics.iter().map(|m| m.column.as_str()).collect();
+    let spec = load(&edited(
+        "x:measure { rmse = metric.rmse(), every = \"1s\" }",
+        more,
+    ))
+    .spec;
+    let columns: Vec<&str> = spec
+        .measure
+        .metrics
+        .iter()
+        .map(|m| m.column.as_str())
+        .collect();
     assert_eq!(columns, ["error", "rmse", "ssim"]);
     assert_eq!(spec.measure.metrics[0].row.name, "relmse");
-    assert_eq!(spec.measure.metrics[2].tonemap(), Some(Tonemap::Reinhard { exposure: 1.0, gamma: 2.2 }));
-    assert_eq!(spec.measure.display, Tonemap::Reinhard { exposure: 1.0, gamma: 2.2 });
-    assert_eq!((spec.measure.snapshots, spec.measure.every_s), (Snapshots::Pow2, 0.25));
-    let [convergence, plain, over] = spec.figures.as_slice() else { panic!("three figures") };
+    assert_eq!(
+        spec.measure.metrics[2].tonemap(),
+        Some(Tonemap::Reinhard {
+            exposure: 1.0,
+            gamma: 2.2
+        })
+    );
+    assert_eq!(
+        spec.measure.display,
+        Tonemap::Reinhard {
+            exposure: 1.0,
+            gamma: 2.2
+        }
+    );
+    assert_eq!(
+        (spec.measure.snapshots, spec.measure.every_s),
+        (Snapshots::Pow2, 0.25)
+    );
+    let [convergence, plain, over] = spec.figures.as_slice() else {
+        panic!("three figures")
+    };
     let y = vec!["rmse".to_owned(), "ssim".to_owned()];
-    assert_eq!(convergence.kind, FigureKind::Convergence { x: FigureX::Samples, y });
-    assert_eq!((convergence.by.as_deref(), convergence.only.len()), (Some("depth"), 0));
-    assert_eq!(plain.kind, FigureKind::Convergence { x: FigureX::RenderS, y: vec!["error".to_owned()] });
+    assert_eq!(
+        convergence.kind,
+        FigureKind::Convergence {
+            x: FigureX::Samples,
+            y
+        }
+    );
+    assert_eq!(
+        (convergence.by.as_deref(), convergence.only.len()),
+        (Some("depth"), 0)
+    );
+    assert_eq!(
+        plain.kind,
+        FigureKind::Convergence {
+            x: FigureX::RenderS,
+            y: vec!["error".to_owned()]
+        }
+    );
     assert_eq!(plain.facet, ["depth".to_owned()]);
     let y = vec![
         TableValue::Fps,
         TableValue::Metric("rmse".into()),
-        TableValue::TimeTo { column: "ssim".into(), threshold: 0.95 },
+        TableValue::TimeTo {
+            column: "ssim".into(),
+            threshold: 0.95,
+        },
     ];
-    assert_eq!(over.kind, FigureKind::Sweep { over: "depth".into(), y });
+    assert_eq!(
+        over.kind,
+        FigureKind::Sweep {
+            over: "depth".into(),
+            y
+        }
+    );
     assert_eq!(over.only, [("depth".to_owned(), vec![Value::Int(5)])]);
-    let [time, last, speed] = spec.tables.as_slice() else { panic!("three tables") };
-    assert_eq!(time.value, TableValue::TimeTo { column: "ssim".into(), threshold: 0.95 });
-    assert_eq!((time.formats.as_slice(), time.cols.len()), ([TableFormat::Csv].as_slice(), 0));
-    assert_eq!((&last.value, last.formats.len()), (&TableValue::Metric("rmse".into()), 2));
-    assert_eq!((&speed.value, speed.formats.len()), (&TableValue::MpathsPerS, 2));
+    let [time, last, speed] = spec.tables.as_slice() else {
+        panic!("three tables")
+    };
+    assert_eq!(
+        time.value,
+        TableValue::TimeTo {
+            column: "ssim".into(),
+            threshold: 0.95
+        }
+    );
+    assert_eq!(
+        (time.formats.as_slice(), time.cols.len()),
+        ([TableFormat::Csv].as_slice(), 0)
+    );
+    assert_eq!(
+        (&last.value, last.formats.len()),
+        (&TableValue::Metric("rmse".into()), 2)
+    );
+    assert_eq!(
+        (&speed.value, speed.formats.len()),
+        (&TableValue::MpathsPerS, 2)
+    );
 }
 
 #[test]
@@ -129,7 +228,15 @@ fn the_first_script_of_the_readme_is_right() {
     let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/first_light.lua");
     let script = lumbre::script::load(&file).unwrap();
     assert_eq!(script.spec.name, "first_light");
-    assert_eq!(script.spec.axes.iter().map(|a| a.steps.len()).product::<usize>(), 4);
+    assert_eq!(
+        script
+            .spec
+            .axes
+            .iter()
+            .map(|a| a.steps.len())
+            .product::<usize>(),
+        4
+    );
     assert_eq!(script.spec.figures.len(), 1);
     assert!(script.spec.tables.len() >= 2);
 }
@@ -138,14 +245,30 @@ fn the_first_script_of_the_readme_is_right() {
 fn order_warm_up_and_control_are_kept() {
     let with = |options: &str, more: &str| {
         let head = format!(", {{ seed = 1, repeats = 2, {options} }}");
-        load(&edited(", { seed = 1, repeats = 2 }", &head).replace("return x", &format!("{more}\nreturn x"))).spec
+        load(
+            &edited(", { seed = 1, repeats = 2 }", &head)
+                .replace("return x", &format!("{more}\nreturn x")),
+        )
+        .spec
     };
     let plain = with("", "");
-    assert_eq!((plain.night.order, plain.night.warmup, plain.control), (Order::Sequential, None, false));
-    let spec = with("order = \"interleave\", warmup = { time = \"500ms\" }", "x:control()");
-    assert_eq!((spec.night.order, spec.night.warmup, spec.control), (Order::Interleave, Some(Warmup::Time(0.5)), true));
+    assert_eq!(
+        (plain.night.order, plain.night.warmup, plain.aa_check),
+        (Order::Sequential, None, false)
+    );
+    let spec = with(
+        "order = \"interleave\", warmup = { time = \"500ms\" }",
+        "x:control()",
+    );
+    assert_eq!(
+        (spec.night.order, spec.night.warmup, spec.aa_check),
+        (Order::Interleave, Some(Warmup::Time(0.5)), true)
+    );
     let spec = with("order = \"shuffled\", warmup = { samples = 8 }", "");
-    assert_eq!((spec.night.order, spec.night.warmup), (Order::Shuffled, Some(Warmup::Samples(8))));
+    assert_eq!(
+        (spec.night.order, spec.night.warmup),
+        (Order::Shuffled, Some(Warmup::Samples(8)))
+    );
     let wrong = [
         ("order = \"random\"", "shuffled"),
         ("warmup = {}", "it says neither `time` nor `samples`"),
@@ -155,6 +278,9 @@ fn order_warm_up_and_control_are_kept() {
     for (options, said) in wrong {
         let text = edited(", { seed = 1, repeats = 2 }", &format!(", {{ {options} }}"));
         let error = Folder::new(text).load().unwrap_err();
-        assert!(error.to_string().contains(said) || format!("{error:?}").contains(said), "{options}: {error:?}");
+        assert!(
+            error.to_string().contains(said) || format!("{error:?}").contains(said),
+            "{options}: {error:?}"
+        );
     }
 }

@@ -1,4 +1,4 @@
-//! Materials composed of others, each with its own time.
+//! Composed materials, each component with its own delay.
 
 use std::fs;
 use std::sync::Arc;
@@ -19,7 +19,8 @@ use lumbre::value::Value;
 use crate::arrival::{differing, histogram, rendered, timing, with};
 use crate::common::job;
 
-/// Two balls under a lamp; `materials` goes into the list of materials, `ball` is what the large ball is made of.
+/// Returns two balls under an area light; `materials` extends the list of materials, `ball` is the
+/// material of the large ball.
 pub fn desc(materials: &str, ball: &str) -> SceneDesc {
     let scene = format!(
         r#"{{ "resolution": [12, 12], "maxdepth": 4,
@@ -56,40 +57,85 @@ fn compiled(ball: &str) -> Arc<CompiledScene> {
 #[test]
 fn nesting_is_flattened_and_delays_add_up() {
     let scene = compiled("nested");
-    let row = desc(PARTS, "nested").material_row("nested").unwrap() as u32;
-    let parts = scene.delays.parts(row);
-    let upto: Vec<f32> = parts.iter().map(|p| p.upto).collect();
-    assert!(upto.iter().zip([0.15, 0.5, 1.0]).all(|(a, b)| (a - b).abs() < 1e-6), "{upto:?}");
-    let profiles: Vec<usize> = parts.iter().map(|p| scene.delays.profiles(p).len()).collect();
-    assert_eq!(profiles, [1, 2, 2], "the outer delay, and with it those of red and gloss");
-    assert!(scene.delays.parts(0).is_empty(), "a plain material has no parts");
+    let row = desc(PARTS, "nested").material_index("nested").unwrap() as u32;
+    let parts = scene.delays.components(row);
+    let upto: Vec<f32> = parts.iter().map(|p| p.cumulative_weight).collect();
+    assert!(
+        upto.iter()
+            .zip([0.15, 0.5, 1.0])
+            .all(|(a, b)| (a - b).abs() < 1e-6),
+        "{upto:?}"
+    );
+    let profiles: Vec<usize> = parts
+        .iter()
+        .map(|p| scene.delays.profiles(p).len())
+        .collect();
+    assert_eq!(
+        profiles,
+        [1, 2, 2],
+        "the outer delay, and with it those of red and gloss"
+    );
+    assert!(
+        scene.delays.components(0).is_empty(),
+        "a plain material has no parts"
+    );
     let mean = scene.materials[row as usize].base_color;
-    assert!((mean - (0.5 * Vec3::new(0.66, 0.31, 0.17) + 0.5 * Vec3::ONE)).length() < 1e-5, "{mean}");
+    assert!(
+        (mean - (0.5 * Vec3::new(0.66, 0.31, 0.17) + 0.5 * Vec3::ONE)).length() < 1e-5,
+        "{mean}"
+    );
 }
 
 #[test]
 fn a_composed_material_looks_like_the_mean_of_its_parts_and_each_part_has_its_time() {
     for row in INTEGRATORS {
         let film = |ball: &str, seed: u64, samples: u64| {
-            let job = Job { integrator: row, ..job([12, 12], 4, seed) };
+            let job = Job {
+                integrator: row,
+                ..job([12, 12], 4, seed)
+            };
             rendered(&compiled(ball), job, &[samples]).film().clone()
         };
         let samples = if row.name == "bpt" { 4000 } else { 400 };
         let (leaf, mean) = (film("leaf", 1, samples), film("mean", 2, samples));
         let [a, b] = [&leaf, &mean].map(|f| (f.mean(), f.variance_of_mean()));
-        let test = compare(Estimate { mean: &a.0, variance: &a.1 }, Estimate { mean: &b.0, variance: &b.1 }, 4, 0.02);
-        assert!(test.comparisons >= 9 && test.agrees(1e-3, 3), "{}: {test:?}", row.name);
+        let test = compare(
+            Estimate {
+                mean: &a.0,
+                variance: &a.1,
+            },
+            Estimate {
+                mean: &b.0,
+                variance: &b.1,
+            },
+            4,
+            0.02,
+        );
+        assert!(
+            test.comparisons >= 9 && test.agrees(1e-3, 3),
+            "{}: {test:?}",
+            row.name
+        );
     }
-    // Direct light alone: what is late is red, what is not is green, by 7 to 3 times their colours.
-    let cube =
-        rendered(&compiled("leaf"), with("nee", timing(0.0, 0.05, 400), [12, 12], 2, 3), &[6000]).times().unwrap();
+    // Direct light alone: delayed light is red, the rest is green, in the ratio 7 to 3 times their
+    // colours.
+    let cube = rendered(
+        &compiled("leaf"),
+        with("nee", timing(0.0, 0.05, 400), [12, 12], 2, 3),
+        &[6000],
+    )
+    .times()
+    .unwrap();
     let slots = cube.slots(6, 6);
     let lit = slots.iter().position(|s| s[1] > 0.0).unwrap();
-    let sum = |range: std::ops::Range<usize>| lumbre::film::time::total(&slots[range]);
+    let sum = |range: std::ops::Range<usize>| lumbre::film::time::sum_slots(&slots[range]);
     let (early, late) = (sum(0..lit + 39), sum(lit + 39..slots.len()));
     for c in 0..3 {
         let expected = 0.7 * [0.9, 0.1, 0.2][c] / (0.3 * [0.1, 0.8, 0.1][c]);
-        assert!((late[c] / early[c] / expected - 1.0).abs() < 0.1, "channel {c}: {early:?} {late:?}");
+        assert!(
+            (late[c] / early[c] / expected - 1.0).abs() < 0.1,
+            "channel {c}: {early:?} {late:?}"
+        );
     }
 }
 
@@ -98,7 +144,15 @@ fn integrators_agree_about_composed_materials_in_time() {
     for ball in ["nested", "pane"] {
         let scene = compiled(ball);
         let run = |name: &str, samples: u64| {
-            histogram(&rendered(&scene, with(name, timing(4.0, 0.5, 20), [12, 12], 4, 77), &[samples]).times().unwrap())
+            histogram(
+                &rendered(
+                    &scene,
+                    with(name, timing(4.0, 0.5, 20), [12, 12], 4, 77),
+                    &[samples],
+                )
+                .times()
+                .unwrap(),
+            )
         };
         let (nee, bdpt, bpt) = (run("nee", 1200), run("bdpt", 500), run("bpt", 6000));
         for other in [bdpt, bpt] {
@@ -108,7 +162,7 @@ fn integrators_agree_about_composed_materials_in_time() {
     }
 }
 
-/// The balls, asked one by one.
+/// A traversal that tests the balls one by one.
 struct Brute(Arc<CompiledScene>);
 
 impl Trace for Brute {
@@ -116,12 +170,19 @@ impl Trace for Brute {
         let mut nearest: Option<Hit> = None;
         for (i, ball) in self.0.spheres.iter().enumerate() {
             let from = (ray.origin - ball.center).as_dvec3();
-            let (b, c) = (from.dot(ray.dir.as_dvec3()), from.length_squared() - f64::from(ball.radius).powi(2));
+            let (b, c) = (
+                from.dot(ray.dir.as_dvec3()),
+                from.length_squared() - f64::from(ball.radius).powi(2),
+            );
             let root = (b * b - c).sqrt();
             for t in [-b - root, -b + root].map(|t| t as f32) {
                 if t > 0.0 && t < nearest.map_or(t_max, |h| h.t) {
-                    nearest =
-                        Some(Hit { t, primitive: (self.0.triangles.len() + i) as u32, instance: NONE, uv: [0.0; 2] });
+                    nearest = Some(Hit {
+                        t,
+                        primitive: (self.0.triangles.len() + i) as u32,
+                        instance: NONE,
+                        uv: [0.0; 2],
+                    });
                 }
             }
         }
@@ -152,7 +213,10 @@ fn weights_and_densities_are_those_of_their_definition_with_parts_and_delays() {
             timing: Some(&timing),
         };
         let report = check(&context, 3000, 5);
-        assert!(report.paths > 1500 && report.is_exact(), "{ball}: {report:?}");
+        assert!(
+            report.paths > 1500 && report.is_exact(),
+            "{ball}: {report:?}"
+        );
     }
 }
 
@@ -161,48 +225,119 @@ fn what_means_nothing_is_refused_by_name() {
     let plain = desc(PARTS, "leaf");
     let list = |xs: &[f64]| Value::List(xs.iter().map(|x| Value::number(*x)).collect());
     let cases = [
-        ("red", vec![("delay_constant", Value::Num(-0.5))], "materials.red.delay_constant", "0 or more"),
-        ("gloss", vec![("delay_rate", Value::Int(0))], "materials.gloss.delay_rate", "positive"),
-        ("gloss", vec![("delay_rate", Value::Num(-2.0))], "materials.gloss.delay_rate", "positive"),
         (
             "red",
-            vec![("delay", "epanechnikov".into()), ("delay_mean", Value::Num(0.4)), ("delay_width", Value::Num(0.5))],
+            vec![("delay_constant", Value::Num(-0.5))],
+            "materials.red.delay_constant",
+            "0 or more",
+        ),
+        (
+            "gloss",
+            vec![("delay_rate", Value::Int(0))],
+            "materials.gloss.delay_rate",
+            "positive",
+        ),
+        (
+            "gloss",
+            vec![("delay_rate", Value::Num(-2.0))],
+            "materials.gloss.delay_rate",
+            "positive",
+        ),
+        (
+            "red",
+            vec![
+                ("delay", "epanechnikov".into()),
+                ("delay_mean", Value::Num(0.4)),
+                ("delay_width", Value::Num(0.5)),
+            ],
             "materials.red.delay_mean",
             "below the width",
         ),
         (
             "red",
-            vec![("delay", "epanechnikov".into()), ("delay_width", Value::Int(0))],
+            vec![
+                ("delay", "epanechnikov".into()),
+                ("delay_width", Value::Int(0)),
+            ],
             "materials.red.delay_width",
             "positive",
         ),
-        ("red", vec![("delay", "table".into())], "materials.red.delay_table", "two pairs"),
         (
             "red",
-            vec![("delay", "table".into()), ("delay_table", list(&[1.0, 1.0, 0.5, 1.0]))],
+            vec![("delay", "table".into())],
             "materials.red.delay_table",
-            "must not fall",
+            "two pairs",
         ),
         (
             "red",
-            vec![("delay", "table".into()), ("delay_table", list(&[1.0, 0.0, 2.0, 0.0]))],
+            vec![
+                ("delay", "table".into()),
+                ("delay_table", list(&[1.0, 1.0, 0.5, 1.0])),
+            ],
+            "materials.red.delay_table",
+            "must not decrease",
+        ),
+        (
+            "red",
+            vec![
+                ("delay", "table".into()),
+                ("delay_table", list(&[1.0, 0.0, 2.0, 0.0])),
+            ],
             "materials.red.delay_table",
             "zero everywhere",
         ),
-        ("leaf", vec![("weights", list(&[0.3, 0.6]))], "materials.leaf.weights", "sum to 0.9"),
-        ("leaf", vec![("weights", list(&[1.0]))], "materials.leaf.weights", "1 weights for 2 parts"),
-        ("leaf", vec![("parts", Value::List(vec!["green".into(), "nested".into()]))], "parts", "contains itself"),
-        ("leaf", vec![("parts", Value::List(vec!["green".into(), "rad".into()]))], "materials.leaf.parts", "`red`"),
-        ("leaf", vec![("parts", Value::List(vec!["green".into(), "lamp".into()]))], "materials.leaf.parts", "shines"),
-        ("leaf", vec![("emission", list(&[1.0, 0.0, 0.0]))], "materials.leaf.emission", "cannot shine"),
+        (
+            "leaf",
+            vec![("weights", list(&[0.3, 0.6]))],
+            "materials.leaf.weights",
+            "their sum is 0.9",
+        ),
+        (
+            "leaf",
+            vec![("weights", list(&[1.0]))],
+            "materials.leaf.weights",
+            "1 weights for 2 parts",
+        ),
+        (
+            "leaf",
+            vec![("parts", Value::List(vec!["green".into(), "nested".into()]))],
+            "parts",
+            "contains itself",
+        ),
+        (
+            "leaf",
+            vec![("parts", Value::List(vec!["green".into(), "rad".into()]))],
+            "materials.leaf.parts",
+            "`red`",
+        ),
+        (
+            "leaf",
+            vec![("parts", Value::List(vec!["green".into(), "lamp".into()]))],
+            "materials.leaf.parts",
+            "emits light",
+        ),
+        (
+            "leaf",
+            vec![("emission", list(&[1.0, 0.0, 0.0]))],
+            "materials.leaf.emission",
+            "cannot emit light",
+        ),
     ];
     for (material, changes, place, word) in cases {
         let mut changed = plain.clone();
         for (param, value) in &changes {
-            edit::set(&mut changed, &format!("materials.{material}.{param}"), value).unwrap();
+            edit::set(
+                &mut changed,
+                &format!("materials.{material}.{param}"),
+                value,
+            )
+            .unwrap();
         }
         let error = compile(&changed).unwrap_err().to_string();
-        assert!(error.contains(place) && error.contains(word), "{changes:?}: {error}");
+        assert!(
+            error.contains(place) && error.contains(word),
+            "{changes:?}: {error}"
+        );
     }
 }
 
@@ -221,7 +356,10 @@ fn an_unused_profile_word_is_not_judged_and_every_change_counts_in_the_identity(
         hash("materials.red.delay_constant", Value::Num(1.0)),
         hash("materials.red.delay_constant_offset", Value::Num(1.0)),
         hash("materials.red.delay", "none".into()),
-        hash("materials.leaf.parts", Value::List(vec!["green".into(), "mean".into()])),
+        hash(
+            "materials.leaf.parts",
+            Value::List(vec!["green".into(), "mean".into()]),
+        ),
         hash("materials.green.delay_rate", Value::Num(-1.0)),
     ];
     let mut seen = std::collections::BTreeSet::from([plain]);

@@ -1,13 +1,13 @@
-//! Delays and compositions as files and scripts say them.
+//! Delays and compositions in files and scripts.
 
 use std::fs;
 
 use lumbre::scene::desc::{DelayKind, SceneDesc, TextureSlot};
-use lumbre::scene::load::Missing;
+use lumbre::scene::load::MissingTextures;
 use lumbre::scene::{compile, load};
 use lumbre::script::scene;
 
-/// Figure B.3 of the third source, and what goes beyond it.
+/// Figure B.3 of the thesis on transient rendering, and features beyond it.
 const XML: &str = r#"<scene version="3.0.0">
   <sensor type="perspective"><float name="fov" value="40"/>
     <transform name="to_world"><lookat origin="0,0,4" target="0,0,0" up="0,1,0"/></transform>
@@ -41,7 +41,11 @@ fn mitsuba_scenes_say_profiles_and_compositions_as_the_source_does() {
         load::load(&file)
     };
     let (desc, notes) = read(XML).unwrap();
-    let loud: Vec<String> = notes.iter().map(ToString::to_string).filter(|n| !n.contains("both sides")).collect();
+    let loud: Vec<String> = notes
+        .iter()
+        .map(ToString::to_string)
+        .filter(|n| !n.contains("both sides"))
+        .collect();
     assert!(loud.is_empty(), "{loud:?}");
     let of = |name: &str| desc.materials.iter().find(|m| m.name == name).unwrap();
     let whole = of("Chlorophyll");
@@ -49,14 +53,17 @@ fn mitsuba_scenes_say_profiles_and_compositions_as_the_source_does() {
     assert!(whole.weights == [0.3, 0.7] && of("bsdf-2").delay.constant == [3.0, 0.0]);
     assert_eq!(of("bsdf-1").delay.kind, DelayKind::Constant);
     let late = of("late");
-    assert_eq!((late.delay.kind, late.delay.mean, late.delay.width), (DelayKind::Epanechnikov, [2.0, 0.0], [0.5, 0.0]));
+    assert_eq!(
+        (late.delay.kind, late.delay.mean, late.delay.width),
+        (DelayKind::Epanechnikov, [2.0, 0.0], [0.5, 0.0])
+    );
     assert_eq!(
         (late.parts.as_slice(), late.weights.as_slice()),
         (["Chlorophyll".to_owned()].as_slice(), [1.0].as_slice())
     );
     let (scene, _) = compile(&desc).unwrap();
-    let row = desc.material_row("late").unwrap() as u32;
-    let parts = scene.delays.parts(row);
+    let row = desc.material_index("late").unwrap() as u32;
+    let parts = scene.delays.components(row);
     assert!(parts.len() == 2 && parts.iter().all(|p| scene.delays.profiles(p).len() == 2));
 
     for (from, to, says) in [
@@ -70,9 +77,16 @@ fn mitsuba_scenes_say_profiles_and_compositions_as_the_source_does() {
         let error = read(&XML.replace(from, to)).unwrap_err().to_string();
         assert!(error.contains(says), "{error}");
     }
-    let (wrong, _) = read(&XML.replace("name=\"sigma\" value=\"0.5\"", "name=\"sigma\" value=\"2.5\"")).unwrap();
+    let (wrong, _) = read(&XML.replace(
+        "name=\"sigma\" value=\"0.5\"",
+        "name=\"sigma\" value=\"2.5\"",
+    ))
+    .unwrap();
     let error = compile(&wrong).unwrap_err().to_string();
-    assert!(error.contains("materials.late.delay_mean") && error.contains("below the width"), "{error}");
+    assert!(
+        error.contains("materials.late.delay_mean") && error.contains("below the width"),
+        "{error}"
+    );
 }
 
 fn lua(body: &str) -> Result<SceneDesc, String> {
@@ -80,7 +94,9 @@ fn lua(body: &str) -> Result<SceneDesc, String> {
     let file = folder.path().join("scene.lua");
     let head = "local s = scene { resolution = { 8, 8 } }\ns:camera { position = { 0, 0, 4 }, target = { 0, 0, 0 }, fov = 40 }\n";
     fs::write(&file, format!("{head}{body}\ns:add {{ name = \"ball\", shape = shape.sphere {{ radius = 1 }}, material = \"m\" }}\nreturn s\n")).unwrap();
-    scene::read(&file, &Default::default(), Missing::Refused).map(|(desc, _)| desc).map_err(|e| e.to_string())
+    scene::read(&file, &Default::default(), MissingTextures::Fail)
+        .map(|(desc, _)| desc)
+        .map_err(|e| e.to_string())
 }
 
 #[test]
@@ -92,21 +108,30 @@ fn scenes_in_lua_say_them_by_keys() {
         s:material("m", { parts = { "a", "b" }, weights = { 0.25, 0.75 } })"#)
     .unwrap();
     let (scene, _) = compile(&desc).unwrap();
-    let row = desc.material_row("m").unwrap() as u32;
-    let [a, b] = [0, 1].map(|i| &scene.delays.profiles(&scene.delays.parts(row)[i])[0]);
-    assert_eq!((a.kind, a.params[0].value, a.params[0].offset), (DelayKind::Exponential, 3.0, 0.5));
+    let row = desc.material_index("m").unwrap() as u32;
+    let [a, b] = [0, 1].map(|i| &scene.delays.profiles(&scene.delays.components(row)[i])[0]);
+    assert_eq!(
+        (a.kind, a.params[0].value, a.params[0].offset),
+        (DelayKind::Exponential, 3.0, 0.5)
+    );
     let texture = desc.materials[0].texture(TextureSlot::DelayRate).unwrap();
     assert_eq!(texture.width, 4);
     // Texels of data are not decoded: u of the last column is 7/8.
     let texel = scene.textures[a.params[0].texture as usize].texels[3][0];
     assert!((texel - 0.875).abs() < 3e-3, "{texel}");
     assert!((b.table.as_ref().unwrap().mean() - 2.0 / 3.0).abs() < 1e-6);
-    // A rate of zero where the texture is black, if nothing is added.
+    // A rate of zero where the texture is black, unless a constant is added.
     let black = lua(r#"
         local half = texture.paint { size = { 2, 1 }, color = function(u) return u > 0.5 and 1 or 0 end }
         s:material("m", { delay = "exponential", delay_rate = 3, delay_rate_texture = half })"#);
     let error = compile(&black.unwrap()).unwrap_err().to_string();
-    assert!(error.contains("materials.m.delay_rate") && error.contains("positive"), "{error}");
+    assert!(
+        error.contains("materials.m.delay_rate") && error.contains("positive"),
+        "{error}"
+    );
     let error = lua(r#"s:material("m", { delay = "slow" })"#).unwrap_err();
-    assert!(error.contains("slow") && error.contains("exponential"), "{error}");
+    assert!(
+        error.contains("slow") && error.contains("exponential"),
+        "{error}"
+    );
 }

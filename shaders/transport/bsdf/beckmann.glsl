@@ -4,22 +4,23 @@
 
 #extension GL_EXT_control_flow_attributes : require
 
-#include "math/elementary.glsl"
+#include "math/trig.glsl"
 
 // 1 / sqrt(pi).
 const float INV_SQRT_PI = 0.5641896;
-// Steps of the inversion of the slopes' distribution.
-const uint MOST_HALVINGS = 24u;
+// Maximum number of Newton steps when inverting the distribution of slopes.
+const uint MAX_STEPS = 24u;
 
 // The error function [Abramowitz & Stegun 1964, 7.1.26].
 float erf(float x) {
     float a = abs(x);
     float t = 1.0 / (1.0 + 0.3275911 * a);
-    float poly = ((((1.0614054 * t - 1.453152) * t + 1.4214138) * t - 0.28449674) * t + 0.2548296) * t;
+    float poly = ((((1.0614054 * t - 1.453152) * t + 1.4214138) * t - 0.28449674) * t + 0.2548296)
+        * t;
     return copysign(1.0 - poly * exp(-a * a), x);
 }
 
-// The inverse of the error function [Winitzki 2008], polished by one step of Halley's method.
+// The inverse of the error function [Winitzki 2008], refined by one step of Halley's method.
 float erf_inv(float y) {
     y = clamp(y, -0.999999, 0.999999);
     const float a = 0.147;
@@ -30,12 +31,14 @@ float erf_inv(float y) {
     return x - miss / (1.0 + x * miss);
 }
 
-// What the slopes' distribution has gathered up to `x`, for a viewer of the cotangent `cot`.
+// Returns the unnormalised distribution function of slopes at `x`, for a viewer with the cotangent
+// `cot`.
 float slopes_below(float cot, float x) {
     return 0.5 * cot * (1.0 + erf(x)) + 0.5 * INV_SQRT_PI * exp(-x * x);
 }
 
-// The slope along the viewer's direction with the density `max(0, cot - x) exp(-x^2)` over its integral.
+// Samples the slope along the viewer's direction with density proportional to `max(0, cot - x)
+// exp(-x^2)`.
 float visible_slope(float cot, float u) {
     // Beyond this the factor (cot - x) is constant over the Gaussian.
     if (cot > 1e4) {
@@ -44,7 +47,7 @@ float visible_slope(float cot, float u) {
     float goal = clamp(u, 0.0, 1.0 - 1e-7) * slopes_below(cot, cot);
     float low = -6.0, high = min(cot, 6.0);
     float x = clamp(erf_inv(clamp(2.0 * u - 1.0, -0.99999, 0.99999)), low, high);
-    [[dont_unroll]] for (uint i = 0u; i < MOST_HALVINGS; ++i) {
+    [[dont_unroll]] for (uint i = 0u; i < MAX_STEPS; ++i) {
         float miss = slopes_below(cot, x) - goal;
         if (miss > 0.0) {
             high = x;
@@ -52,7 +55,7 @@ float visible_slope(float cot, float u) {
             low = x;
         }
         float slope = max(cot - x, 0.0) * INV_SQRT_PI * exp(-x * x);
-        // Without a slope there is no step, and the next place is half way.
+        // If the slope is zero, bisect instead of a Newton step.
         float next = slope > 0.0 ? x - miss / slope : low;
         next = next > low && next < high ? next : 0.5 * (low + high);
         if (abs(next - x) < 1e-6 * (1.0 + abs(x))) {
@@ -63,7 +66,7 @@ float visible_slope(float cot, float u) {
     return x;
 }
 
-// Density of microfacet normals per solid angle and area of the macroscopic surface.
+// Returns the density of microfacet normals per solid angle and area of the macroscopic surface.
 float beckmann_d(vec2 alpha, vec3 h) {
     if (h.z <= 0.0) {
         return 0.0;
@@ -73,14 +76,15 @@ float beckmann_d(vec2 alpha, vec3 h) {
     return FRAC_1_PI * exp(-dot(xy, xy)) / (alpha.x * alpha.y * z2 * z2);
 }
 
-// Smith's masking over the cosine.
+// Returns Smith's masking over the cosine.
 float beckmann_masking_over_cos(vec2 alpha, vec3 w) {
     float r = length(alpha * w.xy);
     float a = w.z / max(r, 1e-20);
     return 2.0 / (w.z * (1.0 + erf(a)) + r * INV_SQRT_PI * exp(-a * a));
 }
 
-// A microfacet normal with the density of those visible from `wo`, on the upper side [Heitz & d'Eon 2014].
+// Samples a microfacet normal on the upper side with the density of those visible from `wo` [Heitz
+// & d'Eon 2014].
 vec3 beckmann_sample(vec2 alpha, vec3 wo, vec2 u) {
     vec3 stretched = normalize_or(vec3(alpha * wo.xy, wo.z), vec3(0.0, 0.0, 1.0));
     float across = length(stretched.xy);

@@ -5,7 +5,7 @@
 #include "transport/bsdf/facets.glsl"
 #include "transport/bsdf/lobe.glsl"
 
-// A metal at a point; fields as in Rust.
+// A metal at a point of a surface; fields as in Rust.
 struct Conductor {
     vec3 tint;
     vec3 eta;
@@ -13,12 +13,12 @@ struct Conductor {
     Facets facets;
 };
 
-// A fraction of what is not negative; 1 where index and cosine say that nothing is there.
+// Returns a non-negative fraction; 1 if its denominator vanishes.
 float conductor_part(float up, float down) {
     return down > 0.0 ? max(up / down, 0.0) : 1.0;
 }
 
-// Reflectance of unpolarised light at a conductor [Born & Wolf 1999, 14.4].
+// Returns the reflectance of unpolarised light at a conductor [Born & Wolf 1999, 14.4].
 float conductor_reflectance(float cos_theta, float eta, float k) {
     float cos2 = min(cos_theta * cos_theta, 1.0);
     float sin2 = 1.0 - cos2;
@@ -41,28 +41,32 @@ vec3 conductor_fresnel(Conductor c, float cos_theta) {
     );
 }
 
-// Value and densities of both directions, for two on the upper side.
+// Returns the value and the densities of both directions, for two directions on the upper side.
 Densities conductor_evaluate(Conductor c, vec3 o, vec3 i) {
     if (!c.facets.present || o.z <= 0.0 || i.z <= 0.0) {
         return NO_DENSITIES;
     }
     vec3 h = normalize_or(o + i, vec3(0.0, 0.0, 1.0));
     float d = 0.25 * facets_d(c.facets, h);
-    float seen_o = facets_masking_over_cos(c.facets, o), seen_i = facets_masking_over_cos(c.facets, i);
-    return Densities(conductor_fresnel(c, dot(o, h)) * (seen_o * d * seen_i), seen_o * d, seen_i * d);
+    float masking_o = facets_masking_over_cos(c.facets, o);
+    float masking_i = facets_masking_over_cos(c.facets, i);
+    return Densities(
+        conductor_fresnel(c, dot(o, h)) * (masking_o * d * masking_i), masking_o * d, masking_i * d
+    );
 }
 
-// A reflected direction for `o` on the upper side.
-bool conductor_sample(Conductor c, vec3 o, vec2 v, out Local s) {
+// Samples a reflected direction for `o` on the upper side.
+bool conductor_sample(Conductor c, vec3 o, vec2 v, out MixtureSample s) {
     if (!c.facets.present) {
-        s = Local(LobeSample(vec3(-o.xy, o.z), conductor_fresnel(c, o.z), 1.0), 1.0, true);
+        s = MixtureSample(LobeSample(vec3(-o.xy, o.z), conductor_fresnel(c, o.z), 1.0), 1.0, true);
         return true;
     }
     vec3 h = facets_sample(c.facets, o, v);
     vec3 wi = mirrored(o, h);
-    // From the direction, not from the normal, which narrow lobes know better than the direction can say.
+    // Use the half vector of both directions: for narrow lobes the sampled normal has digits that
+    // `wi` cannot represent.
     Densities d = conductor_evaluate(c, o, wi);
-    s = Local(LobeSample(wi, d.f * (wi.z / d.pdf_w), 1.0), d.pdf_w, false);
+    s = MixtureSample(LobeSample(wi, d.f * (wi.z / d.pdf_w), 1.0), d.pdf_w, false);
     return wi.z > 0.0 && dot(o, h) > 0.0 && d.pdf_w > 0.0 && is_finite(s.lobe.weight);
 }
 

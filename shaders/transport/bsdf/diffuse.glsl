@@ -2,10 +2,10 @@
 #ifndef TRANSPORT_BSDF_DIFFUSE_GLSL
 #define TRANSPORT_BSDF_DIFFUSE_GLSL
 
-#include "math/elementary.glsl"
+#include "math/trig.glsl"
 #include "transport/bsdf/fresnel.glsl"
 
-// What the lobe needs of a material; fields as in Rust.
+// The parameters of the diffuse lobe at a point; fields as in Rust.
 struct Diffuse {
     vec3 base_color;
     float roughness;
@@ -13,7 +13,7 @@ struct Diffuse {
     vec3 sheen;
 };
 
-// The value for two directions on the upper side [Burley 2012].
+// Evaluates the lobe for two directions on the upper side [Burley 2012].
 vec3 diffuse_eval(Diffuse d, vec3 wo, vec3 wi) {
     float l = schlick_weight(wi.z), v = schlick_weight(wo.z);
     float cos2_d = 0.5 + 0.5 * dot(wo, wi);

@@ -1,4 +1,4 @@
-// Twin of src/transport/bsdf/disney.rs.
+// Twin of src/transport/bsdf/disney.rs and src/transport/bsdf/disney/sampling.rs.
 #ifndef TRANSPORT_BSDF_DISNEY_GLSL
 #define TRANSPORT_BSDF_DISNEY_GLSL
 
@@ -12,12 +12,12 @@
 #include "transport/bsdf/glass.glsl"
 #include "transport/bsdf/lobe.glsl"
 
-// Where a refractive interface bends rays by less than this many radians, it is treated as smooth.
-const float LEAST_BEND = 1e-4;
-// A rough lobe is sampled at least this often relative to its weight.
-const float LEAST_ROUGH = 0.02;
+// Bend in radians below which a refractive interface is treated as smooth.
+const float MIN_BEND = 1e-4;
+// Minimum sampling probability of a rough lobe relative to its weight.
+const float MIN_ROUGH = 0.02;
 
-// The parameters of the BSDF at a point; fields as in Rust. `tinted_f0` counts where `tinted` is true.
+// The parameters of the Disney BSDF at a point; fields as in Rust. `tinted_f0` is used if `tinted`.
 struct Disney {
     vec3 base_color;
     float opaque;
@@ -32,21 +32,22 @@ struct Disney {
     Clearcoat coat;
 };
 
-// Probabilities of choosing the lobes: all zero where nothing reflects.
-struct Choice {
+// Sampling probabilities of the lobes: all zero if nothing is reflected.
+struct LobeProbabilities {
     float diffuse;
     float reflection;
     float glass;
     float coat;
 };
 
-// Reflectance at normal incidence of an index.
+// Returns the reflectance at normal incidence of an index.
 float f0_of(float ior) {
     float r = (ior - 1.0) / (ior + 1.0);
     return r * r;
 }
 
-// Reflectance of the opaque dielectric, tinted at normal incidence and blending to white as the exact reflectance does.
+// Returns the reflectance of the opaque dielectric, tinted at normal incidence and blending to
+// white as the exact reflectance does.
 vec3 disney_dielectric_reflectance(Disney k, float cos_theta) {
     float exact = fresnel_dielectric(abs(cos_theta), k.ior).reflectance;
     if (!k.tinted) {
@@ -57,7 +58,7 @@ vec3 disney_dielectric_reflectance(Disney k, float cos_theta) {
     return max(k.tinted_f0 + (vec3(1.0) - k.tinted_f0) * blend, vec3(0.0));
 }
 
-// Reflectance of the opaque dielectric and the metal together, by weight.
+// Returns the weighted sum of the reflectances of the opaque dielectric and the metal.
 vec3 disney_opaque_reflectance(Disney k, float cos_theta) {
     vec3 f = vec3(0.0);
     if (k.opaque > 0.0) {
@@ -69,36 +70,39 @@ vec3 disney_opaque_reflectance(Disney k, float cos_theta) {
     return f;
 }
 
-// Whether the refractive lobe is a Dirac lobe.
+// Returns whether the refractive lobe is a Dirac lobe.
 bool disney_smooth_glass(Disney k) {
-    return k.is_smooth || abs(k.ior - 1.0) * k.ggx.alpha.y < LEAST_BEND;
+    return k.is_smooth || abs(k.ior - 1.0) * k.ggx.alpha.y < MIN_BEND;
 }
 
-// Whether any lobe has a density.
+// Returns whether any lobe has a density.
 bool disney_has_density(Disney k) {
-    return k.opaque > 0.0 || (k.metallic > 0.0 && !k.is_smooth) || (k.refractive > 0.0 && !disney_smooth_glass(k))
+    return k.opaque > 0.0 || (k.metallic > 0.0 && !k.is_smooth)
+        || (k.refractive > 0.0 && !disney_smooth_glass(k))
         || k.coat.strength > 0.0;
 }
 
-// Probabilities in proportion to what each lobe is estimated to reflect, if anything does.
-bool disney_choice(Disney k, float cos_o, out Choice c) {
+// Computes sampling probabilities in proportion to the estimated reflectance of each lobe; false if
+// nothing is reflected.
+bool disney_lobe_probabilities(Disney k, float cos_o, out LobeProbabilities c) {
     float rise = schlick_weight(cos_o);
     float color = dot(k.base_color, vec3(1.0)) * (1.0 / 3.0);
     float f0 = f0_of(k.ior);
-    float reflection = k.opaque * (f0 + (1.0 - f0) * rise) + k.metallic * (color + (1.0 - color) * rise);
+    float reflection = k.opaque * (f0 + (1.0 - f0) * rise)
+        + k.metallic * (color + (1.0 - color) * rise);
     if (!k.is_smooth) {
-        reflection += LEAST_ROUGH * (k.opaque + k.metallic);
+        reflection += MIN_ROUGH * (k.opaque + k.metallic);
     }
     float diffuse = k.opaque * (color + 0.25 * (dot(k.diffuse.sheen, vec3(1.0)) * (1.0 / 3.0)));
     float coat = clearcoat_reflectance(k.coat, cos_o);
     float total = diffuse + reflection + k.refractive + coat;
     bool any_lobe = total > 0.0;
     float scale = any_lobe ? 1.0 / total : 0.0;
-    c = Choice(diffuse * scale, reflection * scale, k.refractive * scale, coat * scale);
+    c = LobeProbabilities(diffuse * scale, reflection * scale, k.refractive * scale, coat * scale);
     return any_lobe;
 }
 
-// Both directions mirrored so that `wo` is on the upper side; returns the index of the lower one.
+// Mirrors both directions so that `wo` is on the upper side; returns the index of the lower side.
 float disney_upper(Disney k, inout vec3 wo, inout vec3 wi) {
     if (wo.z >= 0.0) {
         return k.ior;
@@ -108,9 +112,11 @@ float disney_upper(Disney k, inout vec3 wo, inout vec3 wi) {
     return 1.0 / k.ior;
 }
 
-// Value and densities of reflection: of `i` given `o` and of `o` given `i`. Where the probabilities of the lobes are all
-// zero, so is the density.
-Densities disney_reflected(Disney k, vec3 o, vec3 i, float eta, Choice from_o, Choice from_i) {
+// Returns value and densities of reflection: of `i` given `o` and of `o` given `i`. Densities are
+// zero if the probabilities of the lobes are zero.
+Densities disney_reflected(
+    Disney k, vec3 o, vec3 i, float eta, LobeProbabilities from_o, LobeProbabilities from_i
+) {
     Densities d = NO_DENSITIES;
     if (k.opaque > 0.0) {
         d.f += diffuse_eval(k.diffuse, o, i) * k.opaque;
@@ -121,19 +127,21 @@ Densities disney_reflected(Disney k, vec3 o, vec3 i, float eta, Choice from_o, C
     float cos_h = dot(o, h);
     if (!k.is_smooth) {
         float quarter_d = 0.25 * ggx_d(k.ggx, h);
-        float seen_o = ggx_masking_over_cos(k.ggx, o), seen_i = ggx_masking_over_cos(k.ggx, i);
+        float masking_o = ggx_masking_over_cos(k.ggx, o);
+        float masking_i = ggx_masking_over_cos(k.ggx, i);
         vec3 reflectance = disney_opaque_reflectance(k, cos_h);
         float r = 0.0;
         if (k.refractive > 0.0 && !disney_smooth_glass(k)) {
             r = fresnel_dielectric(cos_h, eta).reflectance;
             reflectance += vec3(k.refractive * r);
         }
-        d.f += reflectance * (seen_o * quarter_d * seen_i);
-        d.pdf_w += (from_o.reflection + from_o.glass * r) * (seen_o * quarter_d);
-        d.reverse_pdf_w += (from_i.reflection + from_i.glass * r) * (seen_i * quarter_d);
+        d.f += reflectance * (masking_o * quarter_d * masking_i);
+        d.pdf_w += (from_o.reflection + from_o.glass * r) * (masking_o * quarter_d);
+        d.reverse_pdf_w += (from_i.reflection + from_i.glass * r) * (masking_i * quarter_d);
     }
     if (k.coat.strength > 0.0) {
-        d.f = d.f * clearcoat_passes(k.coat, o.z, i.z) + vec3(clearcoat_eval(k.coat, o, i, h));
+        d.f = d.f * clearcoat_transmittance(k.coat, o.z, i.z)
+            + vec3(clearcoat_eval(k.coat, o, i, h));
         float density = clearcoat_pdf_w(k.coat, o, h);
         d.pdf_w += from_o.coat * density;
         d.reverse_pdf_w += from_i.coat * density;
@@ -141,39 +149,46 @@ Densities disney_reflected(Disney k, vec3 o, vec3 i, float eta, Choice from_o, C
     return d;
 }
 
-// What passes through once: entering and leaving carries the base colour [Burley 2015, 5.3].
+// Returns the factor on light that passes once: entering and leaving together give the base colour
+// [Burley 2015, 5.3].
 vec3 disney_tint(Disney k) {
     return sqrt(k.base_color);
 }
 
-// Value and density of rough refraction; `eta` is the index of the side of `i` over that of the side of `o`.
-vec3 disney_transmitted(Disney k, vec3 o, vec3 i, float eta, uint mode, Choice choice, out float pdf_w) {
+// Returns value and density of rough refraction; `eta` is the index of the side of `i` over that of
+// the side of `o`.
+vec3 disney_transmitted(
+    Disney k, vec3 o, vec3 i, float eta, uint mode, LobeProbabilities choice, out float pdf_w
+) {
     pdf_w = 0.0;
     if (k.refractive <= 0.0 || disney_smooth_glass(k)) {
         return vec3(0.0);
     }
-    Passage passage;
-    if (!passage_between(o, i, eta, passage)) {
+    Refraction refraction;
+    if (!refraction_between(o, i, eta, refraction)) {
         return vec3(0.0);
     }
-    float spread = passage_spread(passage, passage.passes * ggx_pdf_over_dot(k.ggx, o, passage.h));
-    float scale = passage_scale(passage, mode);
+    float spread = refraction_direction_density(
+        refraction, refraction.transmittance * ggx_pdf_over_dot(k.ggx, o, refraction.h)
+    );
+    float scale = refraction_scale(refraction, mode);
     float masking = ggx_masking_over_cos(k.ggx, vec3(i.xy, -i.z));
     pdf_w = choice.glass * spread * eta * eta;
-    return disney_tint(k) * (k.refractive * spread * masking * scale * clearcoat_passes(k.coat, o.z, i.z));
+    return disney_tint(k)
+        * (k.refractive * spread * masking * scale * clearcoat_transmittance(k.coat, o.z, i.z));
 }
 
-// Value and both densities for `wo` and `wi` in the local frame. Where one is all that is needed, so is this: the lobes'
-// code is large, and what is not used costs little.
+// Returns value and both densities for `wo` and `wi` in the local frame. Also called if only one of
+// them is needed: the code of the lobes is large, and unused results cost little.
 Densities disney_evaluate(Disney k, vec3 wo, vec3 wi, uint mode) {
     vec3 o = wo, i = wi;
     float eta = disney_upper(k, o, i);
     if (o.z <= 0.0 || i.z == 0.0) {
         return NO_DENSITIES;
     }
-    Choice from_o, from_i;
-    disney_choice(k, o.z, from_o);
-    disney_choice(k, i.z, from_i);
+    LobeProbabilities from_o, from_i;
+    disney_lobe_probabilities(k, o.z, from_o);
+    disney_lobe_probabilities(k, i.z, from_i);
     if (i.z > 0.0) {
         return disney_reflected(k, o, i, eta, from_o, from_i);
     }
@@ -185,13 +200,14 @@ Densities disney_evaluate(Disney k, vec3 wo, vec3 wi, uint mode) {
     return d;
 }
 
-// Samples a direction: a lobe by `u`, a direction in it by `v`; the weight is that of the whole mixture.
-bool disney_sample(Disney k, vec3 wo, float u, vec2 v, uint mode, out Local s) {
+// Samples a direction: `u` selects a lobe, `v` a direction in it; the weight is that of the whole
+// mixture.
+bool disney_sample(Disney k, vec3 wo, float u, vec2 v, uint mode, out MixtureSample s) {
     vec3 o = wo, unused = wo;
     float eta = disney_upper(k, o, unused);
-    s = Local(LobeSample(o, vec3(0.0), 1.0), 0.0, false);
-    Choice c;
-    if (o.z <= 0.0 || !disney_choice(k, o.z, c)) {
+    s = MixtureSample(LobeSample(o, vec3(0.0), 1.0), 0.0, false);
+    LobeProbabilities c;
+    if (o.z <= 0.0 || !disney_lobe_probabilities(k, o.z, c)) {
         return false;
     }
     vec3 i;
@@ -200,8 +216,9 @@ bool disney_sample(Disney k, vec3 wo, float u, vec2 v, uint mode, out Local s) {
     } else if (u < c.diffuse + c.reflection) {
         i = mirrored(o, k.is_smooth ? vec3(0.0, 0.0, 1.0) : ggx_sample(k.ggx, o, v));
         if (k.is_smooth) {
-            vec3 weight = disney_opaque_reflectance(k, o.z) / c.reflection * clearcoat_passes(k.coat, o.z, o.z);
-            s = Local(LobeSample(vec3(-o.xy, o.z), weight, 1.0), c.reflection, true);
+            vec3 weight = disney_opaque_reflectance(k, o.z) / c.reflection
+                * clearcoat_transmittance(k.coat, o.z, o.z);
+            s = MixtureSample(LobeSample(vec3(-o.xy, o.z), weight, 1.0), c.reflection, true);
         } else if (i.z <= 0.0) {
             return false;
         }
@@ -212,7 +229,8 @@ bool disney_sample(Disney k, vec3 wo, float u, vec2 v, uint mode, out Local s) {
             if (!dielectric_sample(k.base_color, eta, o, rest, mode, s.lobe, probability)) {
                 return false;
             }
-            s.lobe.weight *= k.refractive / c.glass * clearcoat_passes(k.coat, o.z, s.lobe.wi.z);
+            s.lobe.weight *= k.refractive / c.glass
+                * clearcoat_transmittance(k.coat, o.z, s.lobe.wi.z);
             s.pdf_w = c.glass * probability;
             s.delta = true;
         } else {
@@ -234,14 +252,16 @@ bool disney_sample(Disney k, vec3 wo, float u, vec2 v, uint mode, out Local s) {
         }
     }
     if (!s.delta) {
-        // The weight and density of the whole mixture.
+        // Compute the weight and density of the whole mixture.
         Densities d = NO_DENSITIES;
         if (i.z > 0.0) {
-            d = disney_reflected(k, o, i, eta, c, Choice(0.0, 0.0, 0.0, 0.0));
+            d = disney_reflected(k, o, i, eta, c, LobeProbabilities(0.0, 0.0, 0.0, 0.0));
         } else if (i.z < 0.0) {
             d.f = disney_transmitted(k, o, i, eta, mode, c, d.pdf_w);
         }
-        s = Local(LobeSample(i, d.f * (abs(i.z) / d.pdf_w), i.z < 0.0 ? eta : 1.0), d.pdf_w, false);
+        s = MixtureSample(
+            LobeSample(i, d.f * (abs(i.z) / d.pdf_w), i.z < 0.0 ? eta : 1.0), d.pdf_w, false
+        );
         if (!(d.pdf_w > 0.0) || !is_finite(s.lobe.weight)) {
             return false;
         }

@@ -7,7 +7,7 @@
 #include "transport/bsdf/fresnel.glsl"
 #include "transport/bsdf/lobe.glsl"
 
-// Glass at a point; fields as in Rust.
+// Glass at a point of a surface; fields as in Rust.
 struct Glass {
     vec3 base_color;
     vec3 specular;
@@ -20,40 +20,44 @@ vec3 glass_tint(Glass g) {
     return sqrt(g.base_color);
 }
 
-// Whether directions have a density.
+// Returns whether sampled directions have a density.
 bool glass_has_density(Glass g) {
     return g.facets.present && !g.thin;
 }
 
-// Light that passes a facet; fields as in Rust.
-struct Passage {
+// Refraction at a microfacet; fields as in Rust.
+struct Refraction {
     vec3 h;
-    float passes;
+    float transmittance;
     vec2 dots;
     float eta;
 };
 
-// The one facet that bends `o` into `i`, if any does; `eta` is the index of the lower side relative to the upper one.
-bool passage_between(vec3 o, vec3 i, float eta, out Passage p) {
+// Finds the microfacet that refracts `o` into `i`, if there is one; `eta` is the index of the lower
+// side relative to the upper one.
+bool refraction_between(vec3 o, vec3 i, float eta, out Refraction p) {
     vec3 h = normalize_or(o + i * eta, vec3(0.0, 0.0, 1.0));
     h = h.z < 0.0 ? -h : h;
     vec2 dots = vec2(dot(o, h), dot(i, h));
-    p = Passage(h, 1.0 - fresnel_dielectric(dots.x, eta).reflectance, dots, eta);
+    p = Refraction(h, 1.0 - fresnel_dielectric(dots.x, eta).reflectance, dots, eta);
     return !(dots.x <= 0.0) && !(dots.y >= 0.0);
 }
 
-// A density over facets, over the cosine of `o`, as one over directions of `i`, but for `eta^2`.
-float passage_spread(Passage p, float density) {
+// Converts a density of facets over the cosine of `o` to a density of directions `i`, without the
+// factor `eta^2`.
+float refraction_direction_density(Refraction p, float density) {
     float bend = p.dots.x + p.eta * p.dots.y;
     return density * p.dots.x * -p.dots.y / (bend * bend);
 }
 
-// Radiance is compressed into `1 / eta^2` of the solid angle that importance is.
-float passage_scale(Passage p, uint mode) {
+// Returns the factor of the transport mode: radiance is compressed into `1 / eta^2` of the solid
+// angle of importance.
+float refraction_scale(Refraction p, uint mode) {
     return mode == RADIANCE ? 1.0 : p.eta * p.eta;
 }
 
-// The direction refracted at `h`, as a unit vector also near the normal, if there is one.
+// Computes the direction refracted at `h`, a unit vector even near the normal; false if there is
+// none.
 bool refracted(vec3 o, vec3 h, float eta, out vec3 wi) {
     vec3 along = (h * dot(o, h) - o) / eta;
     float cos2_t = 1.0 - length_squared(along);
@@ -61,7 +65,8 @@ bool refracted(vec3 o, vec3 h, float eta, out vec3 wi) {
     return cos2_t > 0.0;
 }
 
-// Value and density of `i` given `o`, for `o` on the upper side; `eta` is the index of the lower side relative to it.
+// Returns value and density of `i` given `o`, for `o` on the upper side; `eta` is the index of the
+// lower side relative to the upper one.
 vec3 glass_density(Glass g, vec3 o, vec3 i, float eta, uint mode, out float pdf_w) {
     pdf_w = 0.0;
     if (!glass_has_density(g) || o.z <= 0.0 || i.z == 0.0) {
@@ -73,28 +78,30 @@ vec3 glass_density(Glass g, vec3 o, vec3 i, float eta, uint mode, out float pdf_
         pdf_w = 0.25 * r * facets_pdf_over_dot(g.facets, o, h);
         return g.specular * (pdf_w * facets_masking_over_cos(g.facets, i));
     }
-    Passage passage;
-    if (!passage_between(o, i, eta, passage)) {
+    Refraction refraction;
+    if (!refraction_between(o, i, eta, refraction)) {
         return vec3(0.0);
     }
-    float joint = passage_spread(passage, passage.passes * facets_pdf_over_dot(g.facets, o, passage.h));
-    pdf_w = joint * eta * eta;
+    float facet_density = refraction_direction_density(
+        refraction, refraction.transmittance * facets_pdf_over_dot(g.facets, o, refraction.h)
+    );
+    pdf_w = facet_density * eta * eta;
     float masking = facets_masking_over_cos(g.facets, vec3(i.xy, -i.z));
-    return glass_tint(g) * (joint * masking * passage_scale(passage, mode));
+    return glass_tint(g) * (facet_density * masking * refraction_scale(refraction, mode));
 }
 
-// Reflected by either face of a pane, or let through it.
-Local glass_through_pane(Glass g, vec3 o, float u) {
+// Samples a thin pane: reflection by either face, or transmission.
+MixtureSample glass_through_pane(Glass g, vec3 o, float u) {
     float once = fresnel_dielectric(o.z, max(g.ior, 1.0 / g.ior)).reflectance;
     float r = 2.0 * once / (1.0 + once);
     if (u < r) {
-        return Local(LobeSample(vec3(-o.xy, o.z), g.specular, 1.0), r, true);
+        return MixtureSample(LobeSample(vec3(-o.xy, o.z), g.specular, 1.0), r, true);
     }
-    return Local(LobeSample(-o, glass_tint(g), 1.0), 1.0 - r, true);
+    return MixtureSample(LobeSample(-o, glass_tint(g), 1.0), 1.0 - r, true);
 }
 
-// A direction for `o` on the upper side.
-bool glass_sample(Glass g, vec3 o, float eta, float u, vec2 v, uint mode, out Local s) {
+// Samples a direction for `o` on the upper side.
+bool glass_sample(Glass g, vec3 o, float eta, float u, vec2 v, uint mode, out MixtureSample s) {
     if (g.thin) {
         s = glass_through_pane(g, o, u);
         return true;
@@ -113,7 +120,7 @@ bool glass_sample(Glass g, vec3 o, float eta, float u, vec2 v, uint mode, out Lo
     bool found = reflects || refracted(o, h, eta, wi);
     float pdf_w;
     vec3 f = glass_density(g, o, wi, eta, mode, pdf_w);
-    s = Local(LobeSample(wi, f * (abs(wi.z) / pdf_w), reflects ? 1.0 : eta), pdf_w, false);
+    s = MixtureSample(LobeSample(wi, f * (abs(wi.z) / pdf_w), reflects ? 1.0 : eta), pdf_w, false);
     return found && (wi.z > 0.0) == reflects && pdf_w > 0.0 && is_finite(s.lobe.weight);
 }
 

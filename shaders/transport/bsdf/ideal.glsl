@@ -6,26 +6,27 @@
 #include "transport/bsdf/lambert.glsl"
 #include "transport/bsdf/mirror.glsl"
 
-// An ideal surface: base colour, index of the inside, and the probabilities of Lambert, mirror and dielectric, which are
-// also the mixture's weights.
+// An ideal surface: base colour, index of the inside, and the probabilities of Lambert, mirror and
+// dielectric, which are also the weights of the mixture.
 struct Ideal {
     vec3 base_color;
     float ior;
     vec3 mixture;
 };
 
-// The value of the diffuse part.
+// Evaluates the diffuse part.
 vec3 ideal_eval(Ideal k, vec3 wo, vec3 wi) {
     return lambert_eval(k.base_color, wo, wi) * k.mixture.x;
 }
 
-// The density of the diffuse part.
+// Returns the density of the diffuse part.
 float ideal_pdf_w(Ideal k, vec3 wo, vec3 wi) {
     return lambert_pdf_w(wo, wi) * k.mixture.x;
 }
 
-// A direction of one lobe; the weight of one lobe of this mixture is the lobe's own.
-bool ideal_sample(Ideal k, vec3 wo, float u, vec2 v, uint mode, out Local s) {
+// Samples a direction of one lobe. Its weight equals that of the mixture, since probabilities and
+// weights coincide.
+bool ideal_sample(Ideal k, vec3 wo, float u, vec2 v, uint mode, out MixtureSample s) {
     float diffuse = k.mixture.x, metal = k.mixture.y, glass = k.mixture.z;
     if (u < diffuse) {
         s.delta = false;

@@ -8,38 +8,40 @@
 #include "transport/bsdf/lobe.glsl"
 #include "transport/bsdf/plastic.glsl"
 
-// A material of one interface at a point: its row, and what textures say of it.
-struct OneInterface {
+// A material with one interface at a point: its row, and the values of its textures.
+struct InterfaceBsdf {
     uint material;
     vec3 base_color;
     Facets facets;
 };
 
-Conductor interface_conductor(OneInterface k) {
+Conductor interface_conductor(InterfaceBsdf k) {
     Material m = materials[k.material];
     return Conductor(k.base_color * m.specular, m.eta, m.k, k.facets);
 }
 
-Plastic interface_plastic(OneInterface k) {
+Plastic interface_plastic(InterfaceBsdf k) {
     Material m = materials[k.material];
-    return Plastic(k.base_color, m.specular, m.ior, m.internal_reflectance, m.nonlinear != 0u, k.facets);
+    return Plastic(
+        k.base_color, m.specular, m.ior, m.internal_reflectance, m.nonlinear != 0u, k.facets
+    );
 }
 
-Glass interface_glass(OneInterface k) {
+Glass interface_glass(InterfaceBsdf k) {
     Material m = materials[k.material];
     Facets facets = k.facets;
     facets.present = facets.present && m.thin == 0u && m.ior != 1.0;
     return Glass(k.base_color, m.specular, m.ior, m.thin != 0u, facets);
 }
 
-// Index of what lies behind the surface relative to what lies before it; 1 where nothing is refracted.
-float interface_index_inside(OneInterface k) {
+// Returns the index of the inside relative to the outside; 1 if light is not refracted.
+float interface_index_inside(InterfaceBsdf k) {
     Material m = materials[k.material];
     return m.model == MODEL_DIELECTRIC && m.thin == 0u ? m.ior : 1.0;
 }
 
-// Index of the side that `wo` does not lie on, relative to the side that it does.
-float interface_eta_below(OneInterface k, vec3 wo) {
+// Returns the index of the side opposite to `wo` relative to the side of `wo`.
+float interface_eta_below(InterfaceBsdf k, vec3 wo) {
     float ior = materials[k.material].ior;
     return wo.z < 0.0 ? 1.0 / ior : ior;
 }
@@ -48,8 +50,8 @@ vec3 flipped(vec3 w) {
     return vec3(w.xy, -w.z);
 }
 
-// Value, and densities of `wi` given `wo` and of `wo` given `wi`.
-Densities interface_evaluate(OneInterface k, vec3 wo, vec3 wi, uint mode) {
+// Returns the value, and the densities of `wi` given `wo` and of `wo` given `wi`.
+Densities interface_evaluate(InterfaceBsdf k, vec3 wo, vec3 wi, uint mode) {
     uint model = materials[k.material].model;
     bool upper = wo.z >= 0.0;
     vec3 o = upper ? wo : flipped(wo), i = upper ? wi : flipped(wi);
@@ -68,8 +70,8 @@ Densities interface_evaluate(OneInterface k, vec3 wo, vec3 wi, uint mode) {
     return d;
 }
 
-// Whether any lobe has a density.
-bool interface_has_density(OneInterface k) {
+// Returns whether any lobe has a density.
+bool interface_has_density(InterfaceBsdf k) {
     uint model = materials[k.material].model;
     if (model == MODEL_DIELECTRIC) {
         return glass_has_density(interface_glass(k));
@@ -77,11 +79,11 @@ bool interface_has_density(OneInterface k) {
     return k.facets.present || (model == MODEL_PLASTIC && k.base_color != vec3(0.0));
 }
 
-// A direction: its lobe by `u`, within the lobe by `v`.
-bool interface_sample(OneInterface k, vec3 wo, float u, vec2 v, uint mode, out Local s) {
+// Samples a direction: `u` selects the lobe, `v` the direction within it.
+bool interface_sample(InterfaceBsdf k, vec3 wo, float u, vec2 v, uint mode, out MixtureSample s) {
     uint model = materials[k.material].model;
     vec3 o = wo.z >= 0.0 ? wo : flipped(wo);
-    s = Local(LobeSample(o, vec3(0.0), 1.0), 0.0, false);
+    s = MixtureSample(LobeSample(o, vec3(0.0), 1.0), 0.0, false);
     if (o.z <= 0.0) {
         return false;
     }

@@ -5,17 +5,18 @@
 #include "math/warp.glsl"
 #include "transport/bsdf/lobe.glsl"
 
-// `albedo / pi` where both directions are on one side, else black.
+// Returns `albedo / pi` if both directions are on the same side, else black.
 vec3 lambert_eval(vec3 albedo, vec3 wo, vec3 wi) {
     return wo.z * wi.z > 0.0 ? albedo * FRAC_1_PI : vec3(0.0);
 }
 
-// Density of `lambert_sample` per solid angle.
+// Returns the density of `lambert_sample` per solid angle.
 float lambert_pdf_w(vec3 wo, vec3 wi) {
     return wo.z * wi.z > 0.0 ? cosine_hemisphere_pdf_w(abs(wi.z)) : 0.0;
 }
 
-// A direction on the side of `wo` with the density of the cosine; none for a grazing one of no weight.
+// Samples a direction on the side of `wo` with cosine density; false for a grazing direction of
+// zero weight.
 bool lambert_sample(vec3 albedo, vec3 wo, vec2 u, out LobeSample s) {
     vec3 wi = cosine_hemisphere(u);
     s = LobeSample(vec3(wi.xy, copysign(wi.z, wo.z)), albedo, 1.0);

@@ -5,7 +5,7 @@
 #include "transport/bsdf/fresnel.glsl"
 #include "transport/bsdf/lobe.glsl"
 
-// The mirrored direction with Schlick's reflectance.
+// Returns the mirrored direction, weighted by Schlick's reflectance.
 LobeSample mirror_sample(vec3 f0, vec3 wo) {
     return LobeSample(vec3(-wo.x, -wo.y, wo.z), fresnel_schlick(f0, wo.z), 1.0);
 }

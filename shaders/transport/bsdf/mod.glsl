@@ -19,26 +19,28 @@ struct BsdfSample {
     float eta;
 };
 
-// A value with the densities of both directions in which a path may run through it; Dirac lobes are left out.
+// A BSDF value with the densities of both directions of the path; Dirac lobes are left out.
 struct BsdfValue {
     vec3 f;
     float pdf_w;
     float reverse_pdf_w;
 };
 
-// The models of the scene, one bit each: a pipeline is made without the others. All, where nothing is said.
+// Bit mask of the models of the scene, with which a pipeline omits the others; all models by
+// default.
 #ifndef MODELS
 #define MODELS 31
 #endif
 const bool HAS_DISNEY = (MODELS & (1 << int(MODEL_DISNEY))) != 0;
 const bool HAS_INTERFACE = (MODELS >> int(MODEL_CONDUCTOR)) != 0;
 
-// The BSDF at a point of a surface, where `disney` holds more models than its own: of an ideal one base colour, index and
-// weights; of an interface base colour, alpha and whether it is smooth, and the material's row says the rest.
+// The BSDF at a point of a surface. `disney` also stores the other models: base colour, index and
+// weights of an ideal surface; base colour, alpha and smoothness of an interface, whose other
+// parameters are in the material's row.
 struct Bsdf {
     Frame frame;
     vec3 n_geometric;
-    bool overhang;
+    bool terminator;
     uint model;
     uint material;
     Disney disney;
@@ -52,27 +54,32 @@ bool bsdf_is_interface(Bsdf b) {
     return HAS_INTERFACE && b.model >= MODEL_CONDUCTOR;
 }
 
-OneInterface bsdf_interface(Bsdf b) {
-    Facets facets = Facets(!b.disney.is_smooth, materials[b.material].distribution, b.disney.ggx.alpha);
-    return OneInterface(b.material, b.disney.base_color, facets);
+InterfaceBsdf bsdf_interface(Bsdf b) {
+    Facets facets = Facets(
+        !b.disney.is_smooth, materials[b.material].distribution, b.disney.ggx.alpha
+    );
+    return InterfaceBsdf(b.material, b.disney.base_color, facets);
 }
 
 Ideal bsdf_ideal(Bsdf b) {
-    return Ideal(b.disney.base_color, b.disney.ior, vec3(b.disney.opaque, b.disney.metallic, b.disney.refractive));
+    return Ideal(
+        b.disney.base_color, b.disney.ior,
+        vec3(b.disney.opaque, b.disney.metallic, b.disney.refractive)
+    );
 }
 
-// A colour of luminance 1 with the hue of the given one; white for black.
+// Returns a colour of luminance 1 with the hue of `c`; white for black.
 vec3 hue_of(vec3 c) {
     float luminance = dot(c, vec3(0.2126, 0.7152, 0.0722));
     return luminance > 0.0 ? c / luminance : vec3(1.0);
 }
 
-// White, or the colour's hue by that part.
-vec3 hue(vec3 base_color, float part) {
-    return part > 0.0 ? mix(vec3(1.0), hue_of(base_color), part) : vec3(1.0);
+// Returns white blended with the colour's hue by `amount`.
+vec3 hue(vec3 base_color, float amount) {
+    return amount > 0.0 ? mix(vec3(1.0), hue_of(base_color), amount) : vec3(1.0);
 }
 
-// The local frame: its x axis along the direction of anisotropy, where there is one.
+// Builds the local frame: its x axis is the direction of anisotropy, if there is one.
 Frame bsdf_frame(Surface s) {
     vec3 n = s.n_shading;
     if (s.tangent != vec3(0.0)) {
@@ -84,13 +91,13 @@ Frame bsdf_frame(Surface s) {
     return frame_from_normal(n);
 }
 
-// The BSDF of a surface.
+// Builds the BSDF of a surface.
 Bsdf bsdf_new(Surface s) {
     Material m = materials[s.material];
     Bsdf b;
     b.frame = bsdf_frame(s);
     b.n_geometric = s.n_geometric;
-    b.overhang = s.overhang.present;
+    b.terminator = s.terminator.present;
     b.model = m.model;
     b.material = s.material;
     vec3 base_color = surface_base_color(s);
@@ -118,17 +125,18 @@ Bsdf bsdf_new(Surface s) {
     return b;
 }
 
-// Whether a direction is on the same side of the real surface and of the one that the shading normal suggests.
-bool bsdf_agrees(Bsdf b, vec3 w, vec3 local) {
+// Returns whether a direction is on the same side of the geometric surface and of the surface that
+// the shading normal suggests.
+bool bsdf_same_side(Bsdf b, vec3 w, vec3 local) {
     return dot(w, b.n_geometric) * local.z > 0.0;
 }
 
-// Whether light may pass between `wi` and a direction that is allowed.
-bool bsdf_lets_in(Bsdf b, vec3 wi, vec3 i, vec3 o, uint mode) {
-    return bsdf_agrees(b, wi, i) || (b.overhang && mode == RADIANCE && o.z * i.z > 0.0);
+// Returns whether light may pass between `wi` and an allowed outgoing direction.
+bool bsdf_allows_incident(Bsdf b, vec3 wi, vec3 i, vec3 o, uint mode) {
+    return bsdf_same_side(b, wi, i) || (b.terminator && mode == RADIANCE && o.z * i.z > 0.0);
 }
 
-// |wo . n_s| |wi . n_g| / (|wo . n_g| |wi . n_s|) [Veach 1997, equation 5.19].
+// Returns |wo . n_s| |wi . n_g| / (|wo . n_g| |wi . n_s|) [Veach 1997, equation 5.19].
 float bsdf_adjoint(Bsdf b, vec3 wo, vec3 wi, vec3 o, vec3 i) {
     if (b.frame.n == b.n_geometric) {
         return 1.0;
@@ -137,7 +145,7 @@ float bsdf_adjoint(Bsdf b, vec3 wo, vec3 wi, vec3 o, vec3 i) {
     return is_finite(factor) ? abs(factor) : 0.0;
 }
 
-// Value and both densities at once; `bsdf_eval` and `bsdf_pdf_w` are its parts.
+// Returns value and both densities at once; `bsdf_eval` and `bsdf_pdf_w` return its parts.
 BsdfValue bsdf_evaluate(Bsdf b, vec3 wo, vec3 wi, uint mode) {
     vec3 o = frame_to_local(b.frame, wo), i = frame_to_local(b.frame, wi);
     Densities d;
@@ -152,25 +160,28 @@ BsdfValue bsdf_evaluate(Bsdf b, vec3 wo, vec3 wi, uint mode) {
     if (mode == IMPORTANCE) {
         d.f *= bsdf_adjoint(b, wo, wi, o, i);
     }
-    bool agrees = bsdf_agrees(b, wo, o);
+    bool same_side = bsdf_same_side(b, wo, o);
     return BsdfValue(
-        agrees && bsdf_lets_in(b, wi, i, o, mode) ? d.f : vec3(0.0),
-        agrees && bsdf_lets_in(b, wi, i, o, RADIANCE) ? d.pdf_w : 0.0,
-        bsdf_agrees(b, wi, i) && bsdf_lets_in(b, wo, o, i, RADIANCE) ? d.reverse_pdf_w : 0.0
+        same_side && bsdf_allows_incident(b, wi, i, o, mode) ? d.f : vec3(0.0),
+        same_side && bsdf_allows_incident(b, wi, i, o, RADIANCE) ? d.pdf_w : 0.0,
+        bsdf_same_side(b, wi, i) && bsdf_allows_incident(b, wo, o, i, RADIANCE)
+            ? d.reverse_pdf_w : 0.0
     );
 }
 
-// Value `f` without cosine, of the lobes that have one; for importance with the correction of shading normals.
+// Returns the value `f` without cosine, of the lobes that have a density; for importance with the
+// correction of shading normals.
 vec3 bsdf_eval(Bsdf b, vec3 wo, vec3 wi, uint mode) {
     return bsdf_evaluate(b, wo, wi, mode).f;
 }
 
-// Density per solid angle with which `bsdf_sample` returns `wi`, Dirac lobes left out.
+// Returns the density per solid angle with which `bsdf_sample` returns `wi`, without Dirac lobes.
 float bsdf_pdf_w(Bsdf b, vec3 wo, vec3 wi) {
     return bsdf_evaluate(b, wo, wi, RADIANCE).pdf_w;
 }
 
-// Index of the medium towards `wi` over that towards `wo`; 1 on one side of the surface.
+// Returns the index of the medium on the side of `wi` over that on the side of `wo`; 1 on the same
+// side of the surface.
 float bsdf_index_ratio(Bsdf b, vec3 wo, vec3 wi) {
     float o = dot(wo, b.frame.n);
     if (o * dot(wi, b.frame.n) >= 0.0) {
@@ -180,7 +191,7 @@ float bsdf_index_ratio(Bsdf b, vec3 wo, vec3 wi) {
     return o > 0.0 ? inside : 1.0 / inside;
 }
 
-// Whether any lobe has a density.
+// Returns whether any lobe has a density.
 bool bsdf_has_density(Bsdf b) {
     if (bsdf_is_disney(b)) {
         return disney_has_density(b.disney);
@@ -188,10 +199,10 @@ bool bsdf_has_density(Bsdf b) {
     return bsdf_is_interface(b) ? interface_has_density(bsdf_interface(b)) : b.disney.opaque > 0.0;
 }
 
-// Samples a direction, if anything is reflected; `u` and `v` as in Rust.
+// Samples a direction; false if nothing is reflected. `u` and `v` as in Rust.
 bool bsdf_sample(Bsdf b, vec3 wo, float u, vec2 v, uint mode, out BsdfSample s) {
     vec3 o = frame_to_local(b.frame, wo);
-    Local l;
+    MixtureSample l;
     bool found;
     if (bsdf_is_disney(b)) {
         found = disney_sample(b.disney, o, u, v, mode, l);
@@ -205,7 +216,8 @@ bool bsdf_sample(Bsdf b, vec3 wo, float u, vec2 v, uint mode, out BsdfSample s) 
         l.lobe.weight *= bsdf_adjoint(b, wo, wi, o, l.lobe.wi);
     }
     s = BsdfSample(wi, l.lobe.weight, l.pdf_w, l.delta, l.lobe.eta);
-    return found && l.pdf_w > 0.0 && bsdf_agrees(b, wo, o) && bsdf_lets_in(b, wi, l.lobe.wi, o, mode);
+    return found && l.pdf_w > 0.0 && bsdf_same_side(b, wo, o)
+        && bsdf_allows_incident(b, wi, l.lobe.wi, o, mode);
 }
 
 #endif

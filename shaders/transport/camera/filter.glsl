@@ -5,9 +5,9 @@
 #extension GL_EXT_control_flow_attributes : require
 
 #include "scene.glsl"
-#include "math/elementary.glsl"
+#include "math/trig.glsl"
 
-// A pixel filter: one of FILTER_BOX and so on, and its half width in pixels.
+// A pixel filter: its kind (FILTER_BOX and so on), and its half width in pixels.
 struct FilterSpec {
     uint kind;
     float radius;
@@ -15,21 +15,23 @@ struct FilterSpec {
 
 // Coefficients of the window [Harris 1978, table 1].
 const vec4 HARRIS = vec4(0.35875, 0.48829, 0.14128, 0.01168);
-// No 24-bit random number lies further out in a normal distribution, in standard deviations.
-const float WIDE = 5.5;
+// Maximum deviation of a normal distribution that a 24-bit random number can produce, in standard
+// deviations.
+const float MAX_SIGMAS = 5.5;
 // Radius of the truncated Gaussian in standard deviations.
 const float SIGMAS = 3.0;
 // Mass of the standard normal distribution outside three standard deviations, on one side.
 const float TAIL = 1.349898e-3;
 
-// A number in -1..=1 with a density that falls linearly from 0 to both ends, by inversion.
+// Samples a number in -1..=1 whose density falls linearly from 0 to both ends, by inversion.
 float tent(float u) {
     return u < 0.5 ? sqrt(2.0 * u) - 1.0 : 1.0 - sqrt(max(2.0 * (1.0 - u), 0.0));
 }
 
-// A number in -1..=1 with the density of the Blackman-Harris window, by inverting its distribution function: Newton's steps,
-// kept within the bracket that earlier steps left. In single precision, where Rust takes double; near the ends of the
-// window, where its density vanishes, a number is as far from Rust's as the function is flat there.
+// Samples a number in -1..=1 with the density of the Blackman-Harris window, by inverting its
+// distribution function: Newton steps safeguarded by bisection. In single precision, where Rust
+// uses double; near the ends of the window, where the density vanishes, the difference from Rust
+// grows as the function flattens.
 float blackman_harris(float u) {
     float target = abs(u - 0.5);
     float low = 0.0, high = 1.0;
@@ -39,7 +41,8 @@ float blackman_harris(float u) {
         // Sine and cosine of two and three times the angle.
         vec2 b = vec2(2.0 * a.x * a.y, a.y * a.y - a.x * a.x);
         vec2 c = vec2(b.x * a.y + b.y * a.x, b.y * a.y - b.x * a.x);
-        float mass = 0.5 * (x + (HARRIS.y * a.x + HARRIS.z * b.x / 2.0 + HARRIS.w * c.x / 3.0) / (PI * HARRIS.x)) - target;
+        float sines = HARRIS.y * a.x + HARRIS.z * b.x / 2.0 + HARRIS.w * c.x / 3.0;
+        float mass = 0.5 * (x + sines / (PI * HARRIS.x)) - target;
         float density = 0.5 * (1.0 + (HARRIS.y * a.y + HARRIS.z * b.y + HARRIS.w * c.y) / HARRIS.x);
         if (mass > 0.0) {
             high = x;
@@ -57,7 +60,7 @@ float blackman_harris(float u) {
     return copysign(x, u - 0.5);
 }
 
-// The quantile of the standard normal distribution for `p` in (0, 1) [Giles 2010, table 5].
+// Returns the quantile of the standard normal distribution for `p` in (0, 1) [Giles 2010, table 5].
 float inverse_normal_cdf(float p) {
     float x = 2.0 * p - 1.0;
     float w = -log((1.0 - x) * (1.0 + x));
@@ -75,17 +78,17 @@ float inverse_normal_cdf(float p) {
     return SQRT_2 * x * sum;
 }
 
-// A standard normal number conditioned on its absolute value being at most three, by inversion.
+// Samples a standard normal number truncated to an absolute value of at most three, by inversion.
 float truncated_normal(float u) {
     return clamp(inverse_normal_cdf(TAIL + u * (1.0 - 2.0 * TAIL)), -SIGMAS, SIGMAS);
 }
 
-// The middle of the 2^-24 wide step that a sample number stands for, kept in front of 1.
+// Returns the middle of the 2^-24 wide step of a sample number, kept below 1.
 float middle_of_step(float u) {
     return min(u + 0.5 / 16777216.0, 1.0 - 0.5 * F32_EPSILON);
 }
 
-// One coordinate of the offset from the pixel's centre in pixels.
+// Samples one coordinate of the offset from the pixel's centre, in pixels.
 float filter_sample_1d(FilterSpec f, float u) {
     switch (f.kind) {
         case FILTER_BOX:
@@ -97,11 +100,12 @@ float filter_sample_1d(FilterSpec f, float u) {
         case FILTER_BLACKMAN_HARRIS:
             return blackman_harris(u) * f.radius;
         default:
-            return clamp(inverse_normal_cdf(middle_of_step(u)), -WIDE, WIDE) * 2.0 * f.radius;
+            return clamp(inverse_normal_cdf(middle_of_step(u)), -MAX_SIGMAS, MAX_SIGMAS) * 2.0
+                * f.radius;
     }
 }
 
-// Offset from the pixel's centre in pixels.
+// Samples an offset from the pixel's centre, in pixels.
 vec2 filter_sample(FilterSpec f, vec2 u) {
     vec2 offset;
     [[dont_unroll]] for (uint i = 0u; i < 2u; ++i) {
@@ -110,16 +114,17 @@ vec2 filter_sample(FilterSpec f, vec2 u) {
     return offset;
 }
 
-// The largest absolute offset.
+// Returns the largest absolute offset in pixels.
 float filter_reach(FilterSpec f) {
-    return f.kind == FILTER_ANTIALIASING_RADIUS ? 2.0 * WIDE * f.radius : f.radius;
+    return f.kind == FILTER_ANTIALIASING_RADIUS ? 2.0 * MAX_SIGMAS * f.radius : f.radius;
 }
 
 float gauss(float x, float sigma) {
     return exp(-0.5 * (x / sigma) * (x / sigma)) / (sigma * sqrt(TAU));
 }
 
-// Density of one coordinate of `filter_sample` at an offset `x`, per pixel; zero for a filter of radius zero.
+// Returns the density of one coordinate of `filter_sample` at an offset `x`, per pixel; zero for a
+// filter of radius zero.
 float filter_density(FilterSpec f, float x) {
     float r = f.radius;
     if (r <= 0.0 || abs(x) > filter_reach(f)) {
@@ -133,16 +138,21 @@ float filter_density(FilterSpec f, float x) {
         case FILTER_GAUSS:
             return gauss(x, r / SIGMAS) / (1.0 - 2.0 * TAIL);
         case FILTER_BLACKMAN_HARRIS:
-            vec3 c = vec3(sin_cos(PI * x / r).y, sin_cos(2.0 * PI * x / r).y, sin_cos(3.0 * PI * x / r).y);
+            vec3 c = vec3(
+                sin_cos(PI * x / r).y, sin_cos(2.0 * PI * x / r).y, sin_cos(3.0 * PI * x / r).y
+            );
             return (HARRIS.x + dot(HARRIS.yzw, c)) / (2.0 * r * HARRIS.x);
         default:
             return gauss(x, 2.0 * r);
     }
 }
 
-// Chooses the column (or row) among `count` that a light path's place `q` on the film, in pixels from the edge, counts
-// for, with the sum of the densities as weight; none where no pixel wants this place.
-bool filter_choose(FilterSpec f, float q, uint count, float u, out uint chosen, out float weight) {
+// Chooses the column (or row) among `count` that receives a light path at the film position `q`, in
+// pixels from the edge, with the sum of the densities as weight; false if no pixel's filter covers
+// the position.
+bool filter_choose_pixel(
+    FilterSpec f, float q, uint count, float u, out uint chosen, out float weight
+) {
     chosen = 0u;
     weight = 1.0;
     if (f.kind == FILTER_BOX && f.radius == 0.5) {
@@ -157,7 +167,7 @@ bool filter_choose(FilterSpec f, float q, uint count, float u, out uint chosen, 
     uint end = uint(clamp(floor(q + reach - 0.5) + 1.0, 0.0, float(count)));
     float total = 0.0, rest = 0.0;
     bool found = false;
-    // Once for the sum, once to choose.
+    // The first pass sums, the second one chooses.
     [[dont_unroll]] for (uint pass = 0u; pass < 2u; ++pass) {
         [[dont_unroll]] for (uint i = first; i < end; ++i) {
             float d = filter_density(f, q - float(i) - 0.5);

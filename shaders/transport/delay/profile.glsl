@@ -3,19 +3,19 @@
 #define TRANSPORT_DELAY_PROFILE_GLSL
 
 #include "scene.glsl"
-#include "math/elementary.glsl"
+#include "math/trig.glsl"
 #include "math/piecewise.glsl"
 #include "transport/sampler/independent.glsl"
 #include "transport/surface.glsl"
 
-// A distribution of delays: which, its one or two parameters, and the rows of a table's knots.
+// A distribution of delays: its kind, its one or two parameters, and the rows of a table's knots.
 struct Profile {
     uint kind;
     vec2 params;
     uvec2 knots;
 };
 
-// The delay at which the distribution function reaches `u`, from [0, 1).
+// Returns the delay at which the distribution function reaches `u` in [0, 1).
 float profile_sample(Profile p, float u) {
     float delay = p.kind == DELAY_CONSTANT ? p.params.x : 0.0;
     if (p.kind == DELAY_EXPONENTIAL) {
@@ -29,8 +29,8 @@ float profile_sample(Profile p, float u) {
     return max(delay, 0.0);
 }
 
-// The profile in a row of `delay_profiles` where its textures are at these coordinates.
-Profile delay_at(uint row, Uv uv) {
+// Returns the profile in a row of `delay_profiles` at texture coordinates.
+Profile delay_profile_at(uint row, Uv uv) {
     DelayProfile d = delay_profiles[row];
     vec2 texels = vec2(1.0);
     [[dont_unroll]] for (uint i = 0u; i < 2u; ++i) {
@@ -42,11 +42,12 @@ Profile delay_at(uint row, Uv uv) {
     return Profile(d.kind, d.offset + d.value * texels, d.knots);
 }
 
-// The sum of one delay of each profile, `rows.y` from `rows.x`, at these texture coordinates.
-float delay_sample_all(uvec2 rows, Uv uv, inout Independent chance) {
+// Samples one delay of each profile, `rows.y` from `rows.x`, at texture coordinates and returns the
+// sum.
+float delay_sample_all(uvec2 rows, Uv uv, inout Independent aux_rng) {
     float sum = 0.0;
     [[dont_unroll]] for (uint i = 0u; i < rows.y; ++i) {
-        sum += profile_sample(delay_at(rows.x + i, uv), independent_next_1d(chance));
+        sum += profile_sample(delay_profile_at(rows.x + i, uv), independent_next_1d(aux_rng));
     }
     return sum;
 }

@@ -4,19 +4,20 @@
 
 #include "scene.glsl"
 
-// The heuristic of an integrator that must give every strategy its weight: all alike where none is asked for.
+// Returns the heuristic for integrators that weight every strategy: uniform if none is set.
 uint settings_heuristic() {
     return job.mis == NONE ? MIS_UNIFORM : job.mis;
 }
 
-// Whether every weight is one: a single strategy, not weighted.
-bool settings_raw() {
+// Returns whether a single strategy is kept with the weight one.
+bool settings_unweighted() {
     return job.mis == NONE && job.one_strategy.x != NONE && job.keep_strategy != 0u;
 }
 
-// Whether the strategy of `s` light vertices and `t` camera vertices counts.
-bool settings_wants(uint s, uint t) {
-    return job.one_strategy.x == NONE || (job.one_strategy == uvec2(s, t)) == (job.keep_strategy != 0u);
+// Returns whether the strategy of `s` light vertices and `t` camera vertices is enabled.
+bool settings_includes(uint s, uint t) {
+    return job.one_strategy.x == NONE
+        || (job.one_strategy == uvec2(s, t)) == (job.keep_strategy != 0u);
 }
 
 #endif

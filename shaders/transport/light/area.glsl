@@ -6,17 +6,17 @@
 #include "transport/light/types.glsl"
 #include "transport/surface.glsl"
 
-// Whether emitter `i` is a sphere.
+// Returns whether emitter `i` is a sphere.
 bool area_is_sphere(uint i) {
     return emitters[i].primitive >= job.triangle_count;
 }
 
-// The sphere that emitter `i` is.
+// Returns the sphere that emitter `i` is.
 Sphere area_sphere(uint i) {
     return spheres[emitters[i].primitive - job.triangle_count];
 }
 
-// A point uniform over the area of emitter `i`: its density is one over the area.
+// Samples a point uniform over the area of emitter `i`: its density is one over the area.
 LightPoint area_sample(uint i, vec2 u) {
     uint p = emitters[i].primitive;
     if (p < job.triangle_count) {
@@ -35,31 +35,32 @@ LightPoint area_sample(uint i, vec2 u) {
     return LightPoint(i, ball.center + normal * ball.radius, normal, uv_of(sphere_uv(normal)));
 }
 
-// Density per area with which `area_sample` finds any point of emitter `i`.
+// Returns the density per area with which `area_sample` samples any point of emitter `i`.
 float area_pdf_a(uint i) {
     return 1.0 / emitters[i].area;
 }
 
-// Density per solid angle of a point that is uniform over `area`, seen along `to`; zero from behind, and where it leaves the
-// range of numbers.
+// Returns the density per solid angle of a point uniform over `area` in direction `to`; zero from
+// behind, and if it is not a positive finite number.
 float area_density(vec3 to, float distance, vec3 normal, float area) {
     float pdf_w = distance * distance * distance / (-dot(to, normal) * area);
     return pdf_w > 0.0 && is_finite(pdf_w) ? pdf_w : 0.0;
 }
 
-// The material of emitter `i`.
+// Returns the material row of emitter `i`.
 uint area_material(uint i) {
     return material_of(emitters[i].primitive, emitters[i].instance);
 }
 
-// Radiance of the front of emitter `i` at texture coordinates, times how much of it the mask leaves.
+// Returns the radiance of the front of emitter `i` at texture coordinates, times the coverage of
+// its mask.
 vec3 area_emission(uint i, Uv uv) {
     uint m = area_material(i);
     return materials[m].emission * coverage(m, uv) * lookup(materials[m].emission_texture, uv, m);
 }
 
-// Light that arrives at `from` from a point uniform over the area, but for its radiance; none behind it. The choice is not
-// included.
+// Samples light that arrives at `from` from a point uniform over the area, without its radiance;
+// false from behind. The density does not include the choice of the light.
 bool area_sample_direct(uint i, vec3 from, vec2 u, out DirectSample s) {
     LightPoint point = area_sample(i, u);
     vec3 to = point.position - from;
@@ -69,7 +70,7 @@ bool area_sample_direct(uint i, vec3 from, vec2 u, out DirectSample s) {
     return pdf_w > 0.0;
 }
 
-// Density per solid angle at `from` of a point uniform over the area; zero behind it.
+// Returns the density per solid angle at `from` of a point uniform over the area; zero from behind.
 float area_pdf_direct_w(uint i, vec3 from, vec3 at, vec3 normal) {
     vec3 to = at - from;
     return area_density(to, length(to), normal, emitters[i].area);

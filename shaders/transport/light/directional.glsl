@@ -5,21 +5,21 @@
 #include "transport/light/bounds.glsl"
 #include "transport/light/types.glsl"
 
-// Light that arrives at `from` from direction `i`.
+// Returns light that arrives at `from` from directional light `i`.
 DirectSample directional_sample_direct(uint i, vec3 from) {
     vec3 wi = -directionals[i].direction;
     LightPoint point = ball_outside(job.light_first.y + i, from, wi);
     return DirectSample(wi, INFINITY, directionals[i].irradiance, 1.0, true, point);
 }
 
-// A ray through a point uniform over the disk that covers the scene.
+// Samples a ray through a point uniform over the disk that covers the scene.
 EmissionSample directional_sample_emission(uint i, vec2 u) {
     vec3 dir = directionals[i].direction;
     LightPoint point = ball_on_disk(job.light_first.y + i, dir, u);
     return EmissionSample(point, dir, directionals[i].irradiance, ball_pdf_a(), 1.0, 1.0);
 }
 
-// Whether a direction is the light's; the only one in which it shines.
+// Returns whether `dir` is the light's only direction of emission.
 bool directional_shines_into(uint i, vec3 dir) {
     return dot(dir, directionals[i].direction) > 1.0 - 1e-6;
 }

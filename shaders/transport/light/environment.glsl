@@ -1,5 +1,5 @@
-// Twin of src/transport/light/environment.rs: the map is texture `job.environment_texture`, its distribution lies in
-// `environment_rows` and `environment_cells`.
+// Twin of src/transport/light/environment.rs: the map is texture `job.environment_texture`, its
+// distribution is in `environment_rows` and `environment_cells`.
 #ifndef TRANSPORT_LIGHT_ENVIRONMENT_GLSL
 #define TRANSPORT_LIGHT_ENVIRONMENT_GLSL
 
@@ -11,7 +11,7 @@ uvec2 environment_size() {
     return uvec2(textures[job.environment_texture].width, textures[job.environment_texture].height);
 }
 
-// Column and row of a direction as parts of the width and height, both in 0..=1.
+// Returns column and row of a direction as fractions of width and height, both in 0..=1.
 vec2 environment_coordinates(vec3 dir) {
     float turn_sin = job.environment_turn.x, turn_cos = job.environment_turn.y;
     float x = dir.x * turn_cos - dir.z * turn_sin, z = dir.x * turn_sin + dir.z * turn_cos;
@@ -19,22 +19,27 @@ vec2 environment_coordinates(vec3 dir) {
     return vec2(u < 0.0 ? u + 1.0 : u, atan2(sqrt(x * x + z * z), dir.y) / PI);
 }
 
-// The colour between the centres of four texels, across the seam and up to the poles.
+// Returns the colour interpolated between the centres of four texels, across the seam and up to the
+// poles.
 vec3 environment_bilinear(vec2 uv) {
     uint first = textures[job.environment_texture].first;
     ivec2 size = ivec2(environment_size());
     vec2 xy = uv * vec2(size) - 0.5;
     ivec2 low = ivec2(floor(xy));
     vec2 f = xy - floor(xy);
-    // From -1 to the size, both included.
+    // Columns from -1 to the size, both included, wrap around.
     ivec2 columns = (ivec2(low.x, low.x + 1) + size.x) % size.x;
     ivec2 rows = clamp(ivec2(low.y, low.y + 1), 0, size.y - 1) * size.x;
-    vec3 upper = mix(texel_at(first + uint(rows.x + columns.x)), texel_at(first + uint(rows.x + columns.y)), f.x);
-    vec3 lower = mix(texel_at(first + uint(rows.y + columns.x)), texel_at(first + uint(rows.y + columns.y)), f.x);
+    vec3 upper = mix(
+        texel_at(first + uint(rows.x + columns.x)), texel_at(first + uint(rows.x + columns.y)), f.x
+    );
+    vec3 lower = mix(
+        texel_at(first + uint(rows.y + columns.x)), texel_at(first + uint(rows.y + columns.y)), f.x
+    );
     return mix(upper, lower, f.y);
 }
 
-// Radiance that arrives from direction `dir`, a unit vector; black without an environment.
+// Returns the radiance that arrives from the unit direction `dir`; black without an environment.
 vec3 environment_radiance(vec3 dir) {
     if (job.has_environment == 0u) {
         return vec3(0.0);
@@ -45,7 +50,7 @@ vec3 environment_radiance(vec3 dir) {
     return job.environment_radiance * environment_bilinear(environment_coordinates(dir));
 }
 
-// A direction to look into, and its density per solid angle.
+// Samples a direction towards the environment, with its density per solid angle.
 vec3 environment_sample(vec2 u, out float pdf_w) {
     if (job.environment_texture == NONE) {
         pdf_w = 1.0 / (4.0 * PI);
@@ -56,8 +61,8 @@ vec3 environment_sample(vec2 u, out float pdf_w) {
     EnvironmentRow row = environment_rows[s.cell.y];
     pdf_w = s.probability * row.density;
     vec2 phi = sin_cos(TAU * ((float(s.cell.x) + s.inside.x) / float(size.x)));
-    // What the absolute value of the cosine leaves of one, from the row's edge that is nearer to its pole: so it keeps its
-    // digits where Rust takes double precision.
+    // One minus the absolute value of the cosine, measured from the row's edge nearer to its pole:
+    // this keeps the digits for which Rust uses double precision.
     bool upper_half = row.upper >= 0.0;
     float edge = row.upper_rest;
     if (!upper_half) {
@@ -71,7 +76,7 @@ vec3 environment_sample(vec2 u, out float pdf_w) {
     return vec3(px * turn_cos + pz * turn_sin, cos_polar, pz * turn_cos - px * turn_sin);
 }
 
-// Density per solid angle with which `environment_sample` finds a direction.
+// Returns the density per solid angle with which `environment_sample` samples a direction.
 float environment_pdf_w(vec3 dir) {
     if (job.environment_texture == NONE) {
         return 1.0 / (4.0 * PI);

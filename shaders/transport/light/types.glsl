@@ -1,11 +1,11 @@
-// Twin of the types at the top of src/transport/light/mod.rs, which all kinds of lights share. A light is named by its
-// index among all: emissive primitives first, then points, directions, and the environment; `light_count` marks an
-// environment that is not there.
+// Twin of the types at the top of src/transport/light/mod.rs, shared by all kinds of lights. A
+// light is identified by its index: emissive primitives first, then points, directions, and the
+// environment; `light_count` stands for a missing environment.
 #ifndef TRANSPORT_LIGHT_TYPES_GLSL
 #define TRANSPORT_LIGHT_TYPES_GLSL
 
 #include "scene.glsl"
-#include "math/elementary.glsl"
+#include "math/trig.glsl"
 
 const uint LIGHT_EMITTER = 0u;
 const uint LIGHT_POINT = 1u;
@@ -20,7 +20,7 @@ struct LightPoint {
     Uv uv;
 };
 
-// Light that arrives at a point, not yet tested for shadow; fields as in Rust.
+// Light that arrives at a point, before the shadow test; fields as in Rust.
 struct DirectSample {
     vec3 wi;
     float distance;
@@ -40,13 +40,13 @@ struct EmissionSample {
     float cos_theta;
 };
 
-// The densities that light which a path hit would have had, had it been sampled.
+// The densities with which a light that a path hit would have been sampled.
 struct EmissionPdf {
     float pdf_a;
     float pdf_w;
 };
 
-// Which kind the light with an index is.
+// Returns the kind of the light with this index.
 uint light_kind(uint light) {
     return light < job.light_first.x ? LIGHT_EMITTER
         : (light < job.light_first.y ? LIGHT_POINT

@@ -4,7 +4,8 @@
 
 #include "math/rng.glsl"
 
-// The words that seed, pixel and upper word of the sample's index make of a key; words of 64-bit numbers are low, high.
+// Hashes seed, pixel, a third word and the upper word of the sample's index to a key; 64-bit
+// integers are low word first.
 uvec4 sample_key(uvec2 seed, uvec2 pixel, uint third, uint sample_high) {
     return pcg4d(uvec4(
         pixel.x | (pixel.y << 16),
@@ -14,7 +15,7 @@ uvec4 sample_key(uvec2 seed, uvec2 pixel, uint third, uint sample_high) {
     ));
 }
 
-// Independent uniform numbers: a key and a counter of dimensions.
+// A stream of independent uniform numbers: a key and a counter of dimensions.
 struct Independent {
     uvec4 key;
     uint block;
@@ -22,17 +23,17 @@ struct Independent {
     uint used;
 };
 
-// The numbers of a key, four random words.
-Independent independent_keyed(uvec4 key) {
+// Starts the numbers of a key of four random words.
+Independent independent_from_key(uvec4 key) {
     return Independent(key, 0u, uvec4(0u), 4u);
 }
 
-// The numbers of one sample of one pixel.
+// Starts the numbers of one sample of one pixel.
 Independent independent_new(uvec2 seed, uvec2 pixel, uvec2 index) {
-    return independent_keyed(sample_key(seed, pixel, index.x, index.y));
+    return independent_from_key(sample_key(seed, pixel, index.x, index.y));
 }
 
-// The next number, in [0, 1).
+// Returns the next number, in [0, 1).
 float independent_next_1d(inout Independent s) {
     if (s.used == 4u) {
         s.words = pcg4d(s.key + uvec4(0u, 0u, 0u, s.block));

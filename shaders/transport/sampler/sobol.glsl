@@ -6,7 +6,7 @@
 
 #include "transport/sampler/independent.glsl"
 
-// Single numbers in a group, before its pair.
+// Number of single numbers in a group, before its pair.
 const uint SINGLES = 2u;
 
 // The numbers of one sample of one pixel; fields as in Rust.
@@ -21,15 +21,19 @@ struct Sobol {
 };
 
 Sobol sobol_new(uvec2 seed, uvec2 pixel, uvec2 index) {
-    return Sobol(sample_key(seed, pixel, index.y, 0u), bitfieldReverse(index.x), 0u, uvec4(0u), 0u, SINGLES, false);
+    return Sobol(
+        sample_key(seed, pixel, index.y, 0u), bitfieldReverse(index.x), 0u, uvec4(0u), 0u, SINGLES,
+        false
+    );
 }
 
-// Random words of the pixel's sequence and of the place in it.
+// Returns random words that depend on the pixel's sequence and the sample's index in it.
 uvec4 sobol_key_of_sample(Sobol s) {
     return pcg4d(uvec4(s.key.xy, s.key.z ^ s.reversed, s.key.w));
 }
 
-// A permutation in which every bit depends on itself and the less significant ones only [Laine & Karras 2011].
+// Permutes words such that every bit depends on itself and the less significant ones only [Laine &
+// Karras 2011].
 uint permute(uint x, uint word) {
     x += word;
     x ^= x * 0xa666a200u;
@@ -38,13 +42,15 @@ uint permute(uint x, uint word) {
     return x ^ (x * 0xa418e192u);
 }
 
-// Owen's scrambling of a number whose most significant digit is the first behind the point.
+// Applies Owen scrambling to a number whose most significant digit is the first after the binary
+// point.
 uint scramble(uint x, uint word) {
     return bitfieldReverse(permute(bitfieldReverse(x), word));
 }
 
-// The product of a generator matrix and an index, in arithmetic modulo two: the third dimension, x^2 + x + 1, or the
-// fourth, x^3 + x + 1. Rust reads it from tables; here the columns follow from the polynomial as they are needed.
+// Returns the product of a generator matrix and an index, in arithmetic modulo two: for the third
+// dimension, x^2 + x + 1, or the fourth, x^3 + x + 1. Rust uses tables; here the columns are
+// computed from the polynomial.
 uint multiply(bool third, uint index) {
     uint product = 0u;
     // The next three columns.
@@ -62,7 +68,7 @@ uint multiply(bool third, uint index) {
     return product;
 }
 
-// The second dimension, x + 1: Pascal's triangle modulo two, in five steps.
+// Returns the second dimension, x + 1: Pascal's triangle modulo two, in five steps.
 uint dimension_1(uint index) {
     uint x = bitfieldReverse(index);
     x ^= (x & 0x55555555u) << 1;
@@ -72,7 +78,7 @@ uint dimension_1(uint index) {
     return x ^ (x << 16);
 }
 
-// Begins the next group.
+// Starts the next group.
 void sobol_open(inout Sobol s) {
     s.words = pcg4d(s.key + uvec4(0u, 0u, 0u, s.group));
     s.group += 1u;
@@ -81,7 +87,7 @@ void sobol_open(inout Sobol s) {
     s.pair = true;
 }
 
-// The next number, in [0, 1).
+// Returns the next number, in [0, 1).
 float sobol_next_1d(inout Sobol s) {
     if (s.singles == SINGLES) {
         sobol_open(s);
@@ -92,14 +98,17 @@ float sobol_next_1d(inout Sobol s) {
     return unit(scramble(multiply(third, s.point), word));
 }
 
-// The next two numbers, each in [0, 1).
+// Returns the next two numbers, each in [0, 1).
 vec2 sobol_next_2d(inout Sobol s) {
     if (!s.pair) {
         sobol_open(s);
     }
     s.singles = SINGLES;
     s.pair = false;
-    return vec2(unit(scramble(bitfieldReverse(s.point), s.words.y)), unit(scramble(dimension_1(s.point), s.words.z)));
+    return vec2(
+        unit(scramble(bitfieldReverse(s.point), s.words.y)),
+        unit(scramble(dimension_1(s.point), s.words.z))
+    );
 }
 
 #endif

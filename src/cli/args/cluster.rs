@@ -1,120 +1,152 @@
-//! What can be typed of nights on many machines.
+//! Options of the verbs for nights on many machines: `work`, `submit` and `cancel`.
 
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
-use super::{ScriptArgs, axis_values};
-use crate::experiment::groups::Affinity;
+use super::ScriptArgs;
+use super::typed::axis_values;
+use crate::experiment::comparison_groups::Affinity;
 use crate::experiment::spec::Deadline;
 use crate::value::Value;
 
-/// `lumbre work`.
+/// Options of `lumbre work`.
 #[derive(Args, Debug)]
 pub struct WorkArgs {
-    /// The folder of the night
+    /// Folder of the night.
     pub folder: PathBuf,
-    /// Render on this device: its index or a part of its name, as `lumbre doctor` lists them
+    /// Render on this device.
+    ///
+    /// Give its index or a part of its name, as listed by `lumbre doctor`.
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<String>,
-    /// Take only cells with this value of an axis; give it again for further values or axes
+    /// Render only cells with this value of an axis (repeatable).
     #[arg(long, value_name = "AXIS=VALUE", value_parser = axis_values)]
     pub only: Vec<(String, Vec<Value>)>,
-    /// Leave at this time of day, or after this long: 08:00, 90min, 7.5h. What is unfinished then has its checkpoint
-    #[arg(long, value_name = "TIME", value_parser = super::super::until::parse)]
+    /// Stop at a time of day or after a duration: 08:00, 90min, 7.5h.
+    ///
+    /// Unfinished runs are saved as checkpoints.
+    #[arg(long, value_name = "TIME", value_parser = crate::cli::night::deadline::parse)]
     pub until: Option<Deadline>,
-    /// Leave once so many runs have failed
+    /// Stop after this many failed runs.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub max_fails: Option<u32>,
-    /// What all techniques of a scene and depth share: one `device`, one `model` of device, or `none` of it
+    /// Set what all techniques of one scene and depth must share: `device`, `model` or `none`.
+    ///
+    /// `device` renders them on the same device, `model` on devices of the same model, and `none`
+    /// on any device.
     #[arg(long, value_name = "WHAT", default_value = "device", value_parser = affinity)]
     pub affinity: Affinity,
-    /// Leave with a checkpoint when standard input ends: with the process that started this one
+    /// Stop with a checkpoint when stdin closes, which happens if the parent process ends.
     #[arg(long, hide = true)]
     pub while_stdin: bool,
 }
 
-/// `lumbre submit`.
+/// Options of `lumbre submit`.
 #[derive(Args, Debug)]
 pub struct SubmitArgs {
-    /// To what.
+    /// Scheduler that runs the jobs.
     #[command(subcommand)]
-    pub to: To,
+    pub scheduler: Scheduler,
 }
 
-/// What hands out jobs.
+/// Job schedulers to which a night can be submitted.
 #[derive(Debug, Subcommand)]
-pub enum To {
-    /// Slurm: an array of workers, each of which goes on after its time limit
-    Slurm(SlurmArgs),
-    /// HyperQueue: the same array
-    Hq(SlurmArgs),
+pub enum Scheduler {
+    /// Submit to Slurm as a job array.
+    ///
+    /// Each job of the array is a worker. It saves a checkpoint before its time limit, and its job
+    /// is queued again until the night is done.
+    Slurm(JobArgs),
+    /// Submit to HyperQueue as a task array.
+    Hq(JobArgs),
 }
 
-impl To {
-    /// The job, whatever it goes to.
-    pub fn job(&self) -> &SlurmArgs {
-        let (To::Slurm(job) | To::Hq(job)) = self;
+impl Scheduler {
+    /// Returns the options of the job, which are the same for all schedulers.
+    pub fn job(&self) -> &JobArgs {
+        let (Scheduler::Slurm(job) | Scheduler::Hq(job)) = self;
         job
     }
 }
 
-/// A job of many workers.
+/// Options of a job array of workers.
 #[derive(Args, Debug)]
-pub struct SlurmArgs {
-    /// Which experiment.
+pub struct JobArgs {
+    /// Script of the experiment.
     #[command(flatten)]
     pub script: ScriptArgs,
-    /// Workers, each a job of its own
-    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    /// Number of workers, each of which is one job of the array.
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 8,
+        value_parser = clap::value_parser!(u32).range(1..=10_000)
+    )]
     pub workers: u32,
-    /// Graphics devices of each job, and processes on them [default: 1 if the plan renders on them, else 0]
+    /// Number of graphics devices per job, with one process each.
+    ///
+    /// Default: 1 if the plan uses a graphics backend, otherwise 0.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=64))]
     pub gpus: Option<u32>,
-    /// Time limit of each job; a worker leaves two minutes earlier with a checkpoint, and is queued again
+    /// Time limit of each job.
+    ///
+    /// Two minutes before the limit a worker saves a checkpoint and exits; its job is queued again.
     #[arg(long, value_name = "HH:MM:SS", default_value = "08:00:00", value_parser = time)]
     pub time: String,
-    /// The partition, or queue
+    /// Partition or queue of the jobs.
     #[arg(long, value_name = "NAME")]
     pub partition: Option<String>,
-    /// What all techniques of a scene and depth share: one `device`, one `model` of device, or `none` of it
+    /// Set what all techniques of one scene and depth must share: `device`, `model` or `none`.
+    ///
+    /// `device` renders them on the same device, `model` on devices of the same model, and `none`
+    /// on any device.
     #[arg(long, value_name = "WHAT", default_value = "device", value_parser = affinity)]
     pub affinity: Affinity,
-    /// What starts this program on the nodes, as a shell's words: "apptainer exec --nv /apps/lumbre.sif lumbre" [default: the
-    /// path of the program that submits]
+    /// Start lumbre on the nodes with this command [default: the path of this program].
+    ///
+    /// The command is parsed by the shell: "apptainer exec --nv /apps/lumbre.sif lumbre"
     #[arg(long, value_name = "COMMAND")]
     pub program: Option<String>,
-    /// Print the job's script; write and submit nothing
+    /// Print the job script and exit. Nothing is written or submitted.
     #[arg(long)]
     pub dry_run: bool,
-    /// Further options for the program that submits, behind `--`
+    /// Pass these options on to the submit command of the scheduler.
     #[arg(last = true, value_name = "OPTION")]
     pub extra: Vec<String>,
 }
 
-/// `lumbre cancel`.
+/// Options of `lumbre cancel`.
 #[derive(Args, Debug)]
 pub struct CancelArgs {
-    /// The folder of the night, or a folder of results, whose latest it is [default: --out]
+    /// Folder of the night, or a results folder to use its latest night [default: --out].
     pub folder: Option<PathBuf>,
 }
 
-/// What of a comparison stays together, as it is typed.
+/// Parses the value of `--affinity`.
 pub(super) fn affinity(text: &str) -> Result<Affinity, String> {
-    let known = Affinity::ALL.into_iter().find(|affinity| affinity.word() == text);
+    let known = Affinity::ALL
+        .into_iter()
+        .find(|affinity| affinity.name() == text);
     known.ok_or_else(|| format!("expected device, model or none, found `{text}`"))
 }
 
-/// A time as Slurm writes it: minutes, MM:SS, HH:MM:SS, D-HH, D-HH:MM or D-HH:MM:SS.
+/// Checks a Slurm time limit: minutes, MM:SS, HH:MM:SS, D-HH, D-HH:MM or D-HH:MM:SS.
 fn time(text: &str) -> Result<String, String> {
-    let (days, rest) = text.split_once('-').map_or((None, text), |(days, rest)| (Some(days), rest));
+    let (days, rest) = text
+        .split_once('-')
+        .map_or((None, text), |(days, rest)| (Some(days), rest));
     let parts: Vec<&str> = rest.split(':').collect();
     let numbers = days.into_iter().chain(parts.iter().copied());
-    let whole = numbers.into_iter().all(|part| !part.is_empty() && part.bytes().all(|b| b.is_ascii_digit()));
-    if whole && parts.len() <= 3 {
+    let all_digits = numbers
+        .into_iter()
+        .all(|part| !part.is_empty() && part.bytes().all(|b| b.is_ascii_digit()));
+    if all_digits && parts.len() <= 3 {
         Ok(text.to_owned())
     } else {
-        Err(format!("expected a time such as 08:00:00 or 2-12:00:00, found `{text}`"))
+        Err(format!(
+            "expected a time such as 08:00:00 or 2-12:00:00, found `{text}`"
+        ))
     }
 }
 
@@ -135,6 +167,10 @@ mod tests {
     #[test]
     fn affinities_have_names() {
         assert_eq!(affinity("model"), Ok(Affinity::Model));
-        assert!(affinity("nobody").unwrap_err().contains("device, model or none"));
+        assert!(
+            affinity("machine")
+                .unwrap_err()
+                .contains("device, model or none")
+        );
     }
 }

@@ -1,50 +1,67 @@
-//! Values as typed: of axes, options and scenes.
+//! Parsers for values on the command line: axis values, settings, and scene files with options.
 
 use std::path::PathBuf;
 
 use crate::value::Value;
 
-/// A scene file with what is set in it, as typed.
+/// Scene file with its options, from the command line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneArg {
-    /// As it was typed.
+    /// Text of the whole argument.
     pub text: String,
-    /// The file.
+    /// Path of the scene file.
     pub file: PathBuf,
-    /// Names and values behind the question mark.
+    /// Names and values of the options after the question mark.
     pub settings: Vec<(String, Value)>,
 }
 
-/// Reads `name=value`.
+/// Parses an option of the form `name=value`.
 pub(super) fn setting(text: &str) -> Result<(String, Value), String> {
-    let (name, said) = text.split_once('=').ok_or_else(|| format!("expected NAME=VALUE, found `{text}`"))?;
-    Ok((name.trim().to_owned(), value(said)?))
+    let (name, text) = text
+        .split_once('=')
+        .ok_or_else(|| format!("expected NAME=VALUE, found `{text}`"))?;
+    Ok((name.trim().to_owned(), value(text)?))
 }
 
-/// Reads `file` or `file?name=value,name=value`; a file whose name has a question mark is a file.
+/// Parses `file` or `file?name=value,name=value`. If a file with the whole text as its name exists,
+/// the text is a path.
 pub(super) fn scene_arg(text: &str) -> Result<SceneArg, String> {
     let (file, settings) = match text.rsplit_once('?') {
-        Some((file, rest)) if !PathBuf::from(text).exists() => {
-            (file, split(rest).into_iter().map(setting).collect::<Result<_, _>>()?)
-        }
+        Some((file, rest)) if !PathBuf::from(text).exists() => (
+            file,
+            split(rest)
+                .into_iter()
+                .map(setting)
+                .collect::<Result<_, _>>()?,
+        ),
         _ => (text, Vec::new()),
     };
-    Ok(SceneArg { text: text.to_owned(), file: file.into(), settings })
+    Ok(SceneArg {
+        text: text.to_owned(),
+        file: file.into(),
+        settings,
+    })
 }
 
-/// Reads `axis=value,value`.
+/// Parses a selection of the form `axis=value,value`.
 pub(super) fn axis_values(text: &str) -> Result<(String, Vec<Value>), String> {
-    let (axis, values) =
-        text.split_once('=').ok_or_else(|| format!("expected AXIS=VALUE such as depth=5,9, found `{text}`"))?;
+    let (axis, values) = text
+        .split_once('=')
+        .ok_or_else(|| format!("expected AXIS=VALUE such as depth=5,9, found `{text}`"))?;
     let axis = axis.trim();
     if axis.is_empty() {
-        return Err(format!("`{text}` names no axis"));
+        return Err(format!(
+            "expected AXIS=VALUE, but `{text}` has no axis before `=`"
+        ));
     }
-    let values: Vec<Value> = split(values).into_iter().map(value).collect::<Result<_, _>>()?;
+    let values: Vec<Value> = split(values)
+        .into_iter()
+        .map(value)
+        .collect::<Result<_, _>>()?;
     Ok((axis.to_owned(), values))
 }
 
-/// Cuts at commas that stand in no bracket, brace or quotes.
+/// Splits text at commas outside of brackets, braces and quotes.
 pub fn split(text: &str) -> Vec<&str> {
     let (mut depth, mut quoted, mut start) = (0, false, 0);
     let mut parts = Vec::new();
@@ -64,22 +81,24 @@ pub fn split(text: &str) -> Vec<&str> {
     parts
 }
 
-/// A value as typed: numbers, `true`, `false`, JSON in brackets, braces or quotes; anything else is text.
+/// Parses a value: a number, `true`, `false`, or JSON if it starts with a bracket, brace or quote.
+/// Everything else is a string.
 pub fn value(text: &str) -> Result<Value, String> {
     let text = text.trim();
     if text.is_empty() {
         return Err("a value is missing".to_owned());
     }
     if text.starts_with(['[', '{', '"']) {
-        let json = serde_json::from_str(text).map_err(|e| format!("`{text}` is no JSON value: {e}"))?;
+        let json =
+            serde_json::from_str(text).map_err(|e| format!("`{text}` is not valid JSON: {e}"))?;
         return Ok(Value::from_json(&json));
     }
     Ok(match text {
         "true" => Value::Bool(true),
         "false" => Value::Bool(false),
-        _ if text.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c)) => {
-            text.parse::<f64>().map_or_else(|_| Value::from(text), Value::number)
-        }
+        _ if text.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c)) => text
+            .parse::<f64>()
+            .map_or_else(|_| Value::from(text), Value::number),
         _ => Value::from(text),
     })
 }
@@ -89,29 +108,51 @@ mod tests {
     use super::*;
 
     #[test]
-    fn scenes_have_options_behind_a_question_mark() {
+    fn scene_options_follow_a_question_mark() {
         let read = |t: &str| scene_arg(t).unwrap();
         let plain = read("a/b.scn");
         assert_eq!((plain.file, plain.settings), ("a/b.scn".into(), vec![]));
-        let asked = read("a/b.lua?light=lamps,size=[2, 3],camera=gallery");
+        let with_options = read("a/b.lua?light=lamps,size=[2, 3],camera=gallery");
         assert_eq!(
-            (asked.text.as_str(), asked.file),
-            ("a/b.lua?light=lamps,size=[2, 3],camera=gallery", "a/b.lua".into())
+            (with_options.text.as_str(), with_options.file),
+            (
+                "a/b.lua?light=lamps,size=[2, 3],camera=gallery",
+                "a/b.lua".into()
+            )
         );
         let size = Value::List(vec![Value::Int(2), Value::Int(3)]);
-        let expected = [("light", Value::from("lamps")), ("size", size), ("camera", Value::from("gallery"))];
-        assert_eq!(asked.settings, expected.map(|(name, value)| (name.to_owned(), value)));
+        let expected = [
+            ("light", Value::from("lamps")),
+            ("size", size),
+            ("camera", Value::from("gallery")),
+        ];
+        assert_eq!(
+            with_options.settings,
+            expected.map(|(name, value)| (name.to_owned(), value))
+        );
         assert!(scene_arg("b.lua?lamps").unwrap_err().contains("NAME=VALUE"));
     }
 
     #[test]
     fn overrides_are_typed() {
         let read = |t: &str| axis_values(t).unwrap();
-        assert_eq!(read("depth=5,9"), ("depth".into(), vec![Value::Int(5), Value::Int(9)]));
-        assert_eq!(read("aa=0.5,1e-1").1, vec![Value::Num(0.5), Value::Num(0.1)]);
-        assert_eq!(read("technique=bpt,nee").1, vec![Value::from("bpt"), Value::from("nee")]);
+        assert_eq!(
+            read("depth=5,9"),
+            ("depth".into(), vec![Value::Int(5), Value::Int(9)])
+        );
+        assert_eq!(
+            read("aa=0.5,1e-1").1,
+            vec![Value::Num(0.5), Value::Num(0.1)]
+        );
+        assert_eq!(
+            read("technique=bpt,nee").1,
+            vec![Value::from("bpt"), Value::from("nee")]
+        );
         assert_eq!(read("mis=true").1, vec![Value::Bool(true)]);
-        assert_eq!(read("scene=infinity,nan").1, vec![Value::from("infinity"), Value::from("nan")]);
+        assert_eq!(
+            read("scene=infinity,nan").1,
+            vec![Value::from("infinity"), Value::from("nan")]
+        );
         assert_eq!(read("name=\"5,6\"").1, vec![Value::from("5,6")]);
         let pairs = read("res=[64, 32],[8,8]").1;
         assert_eq!(pairs[0], Value::List(vec![Value::Int(64), Value::Int(32)]));
@@ -119,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_override_is_refused() {
+    fn malformed_overrides_are_rejected() {
         for bad in ["depth", "=5", "depth=", "depth=5,,9", "res=[1,2"] {
             assert!(axis_values(bad).is_err(), "{bad}");
         }

@@ -1,88 +1,91 @@
-//! What backends cost and how fast they are: `lumbre bench --backend NAME`, once for each backend, in one run.
+//! Start-up cost and speed of backends: `lumbre bench --backend NAME`, repeatable.
 
 use std::sync::Arc;
 use std::time::Instant;
 
 use serde_json::{Value as Json, json};
 
-use super::metrics::of_a_night;
+use super::metrics::protocol_metrics;
 use super::subject::Subject;
-use crate::cli::text::aligned;
+use crate::cli::format::aligned;
 use crate::math::stats::median;
-use crate::metrics::gauge::Gauge;
-use crate::render::{Job, backend};
+use crate::metrics::evaluator::Evaluator;
+use crate::render::{Job, Renderer, backend};
 use crate::scene::{CompiledScene, compile};
 use crate::transport::integrator::{INTEGRATORS, IntegratorRow};
 
-/// Edges of the paths, as in the tables of the first source.
+/// Path depth in edges, as in the tables of thesis S0.
 const MAX_DEPTH: u32 = 5;
 
-/// The shortest wave that is measured, in seconds: as often as a night measures its errors.
+/// Shortest measured wave in seconds: the interval at which a night measures errors.
 const WAVE_S: f64 = 0.5;
 
-/// One scene, integrator and backend.
-pub struct Row {
+/// Figures of one scene, integrator and backend.
+pub struct BackendRates {
     scene: String,
     label: String,
     integrator: &'static str,
     backend: &'static str,
     device: String,
     resolution: [u32; 2],
-    /// Seconds from the job to the first wave: copies, hierarchies, shaders.
+    /// Seconds from creating the job to the first wave: uploads, acceleration structures, shaders.
     open_s: f64,
-    /// Seconds of it for copying scene and job.
+    /// Part of `open_s` for uploading scene and job, in seconds.
     upload_s: f64,
-    /// Seconds of it for what rays are traced through.
+    /// Part of `open_s` for building acceleration structures, in seconds.
     build_s: f64,
-    /// Seconds of it for shaders and pipelines.
+    /// Part of `open_s` for shaders and pipelines, in seconds.
     pipeline_s: f64,
-    /// Samples of pixels per second, in millions; median.
+    /// Median camera paths per second, in millions.
     mpaths_per_s: f64,
-    /// How long the device waited for the host; nothing for the processor itself.
-    host: Option<Host>,
+    /// Idle time of the device; `None` for the CPU.
+    host: Option<HostWait>,
 }
 
-/// The time of a device between waves in which it waited for the host, while the picture of each is measured by the metrics of a
-/// night. By the device's clock; medians.
-struct Host {
-    /// Share of its time where it goes on with the next wave meanwhile, as nights let it.
+/// Idle time of a device between waves, while the host evaluates the metrics of a night. Medians,
+/// measured by the device's clock.
+struct HostWait {
+    /// Fraction of the device's time if it starts the next wave speculatively, as in a night.
     share: f64,
-    /// Milliseconds of it for each wave.
+    /// Idle milliseconds per wave if it starts the next wave speculatively.
     ms: f64,
-    /// The same where it does not.
-    alone_ms: f64,
+    /// Idle milliseconds per wave without speculative waves.
+    sync_ms: f64,
 }
 
-/// Measures every integrator on some backends, at `resolution` and depth 5.
+/// Measures every integrator on each of `backends`, at `resolution` and depth 5.
 ///
 /// # Errors
-/// When a scene cannot be loaded, or a backend is unknown or fails, with a message for people.
+/// A message for the user if the scene cannot be loaded, or a backend is unknown or fails.
 pub fn measure(
     subject: &Subject,
     backends: &[String],
     resolution: [u32; 2],
     repeats: usize,
-) -> Result<Vec<Row>, String> {
+) -> Result<Vec<BackendRates>, String> {
     let desc = subject.load()?;
     let scene = Arc::new(compile(&desc).map_err(|e| e.to_string())?.0);
     let mut rows = Vec::new();
     for integrator in INTEGRATORS {
-        for wanted in backends {
-            rows.push(one(subject, &scene, integrator, wanted, resolution, repeats)?);
+        for name in backends {
+            rows.push(measure_one(
+                subject, &scene, integrator, name, resolution, repeats,
+            )?);
         }
     }
     Ok(rows)
 }
 
-fn one(
+fn measure_one(
     subject: &Subject,
     scene: &Arc<CompiledScene>,
     integrator: &'static IntegratorRow,
-    wanted: &str,
+    name: &str,
     resolution: [u32; 2],
     repeats: usize,
-) -> Result<Row, String> {
-    let row = backend(wanted).ok_or_else(|| format!("there is no backend `{wanted}`; `lumbre doctor` lists them"))?;
+) -> Result<BackendRates, String> {
+    let row = backend(name)
+        .ok_or_else(|| format!("there is no backend `{name}`; `lumbre doctor` lists them"))?;
     let job = Job::plain(integrator, resolution, MAX_DEPTH, 1);
     let start = Instant::now();
     let mut renderer = (row.open)(Arc::clone(scene), job).map_err(|e| e.to_string())?;
@@ -90,35 +93,31 @@ fn one(
     let stats = renderer.open_stats();
     let (upload_s, build_s, pipeline_s) = (stats.upload_s, stats.accel_build_s, stats.pipeline_s);
     let device = stats.device.clone();
-    // Waves grow until they take what a night's do.
-    let mut samples = 1;
-    loop {
-        let wave = renderer.advance(samples).map_err(|e| e.to_string())?;
-        if wave.render_s >= WAVE_S || samples >= 1 << 16 {
-            break;
-        }
-        samples *= 2;
-    }
-    let metrics = of_a_night();
-    let gauge = Gauge::new(&metrics, Arc::new(renderer.film().mean()));
+    let samples = wave_samples(renderer.as_mut())?;
+    let metrics = protocol_metrics();
+    let evaluator = Evaluator::new(&metrics, Arc::new(renderer.film().mean()));
     let mut rates = Vec::new();
     let (mut shares, mut idle) = ([Vec::new(), Vec::new()], [Vec::new(), Vec::new()]);
     let mut device_s = 0.0;
-    for (ahead, more) in [samples, 0].into_iter().enumerate() {
-        // The first of each kind follows one of the other.
+    for (mode, more) in [samples, 0].into_iter().enumerate() {
+        // Round 0 of each mode follows a wave of the other mode and is not counted.
         for round in 0..=repeats {
-            let wave = renderer.advance_toward(samples, more).map_err(|e| e.to_string())?;
-            gauge.eval(&renderer.film().mean()).map_err(|e| e.to_string())?;
+            let wave = renderer
+                .advance_with_lookahead(samples, more)
+                .map_err(|e| e.to_string())?;
+            evaluator
+                .eval(&renderer.film().mean())
+                .map_err(|e| e.to_string())?;
             if round > 0 {
-                shares[ahead].push(wave.idle_s / (wave.idle_s + wave.device_s));
-                idle[ahead].push(wave.idle_s * 1e3);
+                shares[mode].push(wave.idle_s / (wave.idle_s + wave.device_s));
+                idle[mode].push(wave.idle_s * 1e3);
                 rates.push(wave.paths as f64 / wave.render_s / 1e6);
                 device_s += wave.device_s;
             }
         }
     }
-    let ([share, _], [ms, alone_ms]) = (shares.map(median), idle.map(median));
-    Ok(Row {
+    let ([share, _], [ms, sync_ms]) = (shares.map(median), idle.map(median));
+    Ok(BackendRates {
         scene: subject.name.clone(),
         label: subject.label.clone(),
         integrator: integrator.name,
@@ -130,31 +129,46 @@ fn one(
         build_s,
         pipeline_s,
         mpaths_per_s: median(rates),
-        host: (device_s > 0.0).then_some(Host { share, ms, alone_ms }),
+        host: (device_s > 0.0).then_some(HostWait { share, ms, sync_ms }),
     })
 }
 
-impl Row {
-    /// Pictures of one sample per second.
+/// Doubles the wave until it takes as long as a wave of a night; returns its number of samples.
+fn wave_samples(renderer: &mut dyn Renderer) -> Result<u64, String> {
+    let mut samples = 1;
+    loop {
+        let wave = renderer.advance(samples).map_err(|e| e.to_string())?;
+        if wave.render_s >= WAVE_S || samples >= 1 << 16 {
+            return Ok(samples);
+        }
+        samples *= 2;
+    }
+}
+
+impl BackendRates {
+    /// Pictures of one sample per pixel, per second.
     fn frames_per_s(&self) -> f64 {
         self.mpaths_per_s * 1e6 / (f64::from(self.resolution[0]) * f64::from(self.resolution[1]))
     }
 
-    /// The figures by name.
+    /// Returns the figures by name.
     pub fn to_json(&self) -> Json {
         json!({
-            "scene": self.scene, "integrator": self.integrator, "backend": self.backend, "device": self.device,
-            "resolution": self.resolution, "max_depth": MAX_DEPTH, "open_s": self.open_s, "upload_s": self.upload_s,
+            "scene": self.scene, "integrator": self.integrator, "backend": self.backend,
+            "device": self.device,
+            "resolution": self.resolution, "max_depth": MAX_DEPTH, "open_s": self.open_s,
+            "upload_s": self.upload_s,
             "build_s": self.build_s, "pipeline_s": self.pipeline_s,
             "mpaths_per_s": self.mpaths_per_s, "frames_per_s": self.frames_per_s(),
-            "host_share": self.host.as_ref().map(|host| host.share), "host_ms": self.host.as_ref().map(|host| host.ms),
-            "host_ms_without_going_on": self.host.as_ref().map(|host| host.alone_ms),
+            "host_share": self.host.as_ref().map(|host| host.share),
+            "host_ms": self.host.as_ref().map(|host| host.ms),
+            "host_ms_without_going_on": self.host.as_ref().map(|host| host.sync_ms),
         })
     }
 }
 
-/// The table for people.
-pub fn table(rows: &[Row]) -> String {
+/// Formats the figures as a table.
+pub fn table(rows: &[BackendRates]) -> String {
     let head = [
         "scene",
         "integrator",
@@ -167,11 +181,12 @@ pub fn table(rows: &[Row]) -> String {
         "pipeline s",
         "host %",
         "host ms",
-        "alone ms",
+        "sync ms",
     ];
     let mut lines = vec![head.map(str::to_owned).to_vec()];
     for r in rows {
-        let of_host = |text: fn(&Host) -> String| r.host.as_ref().map_or_else(|| "-".to_owned(), text);
+        let host_column =
+            |text: fn(&HostWait) -> String| r.host.as_ref().map_or_else(|| "-".to_owned(), text);
         lines.push(vec![
             r.label.clone(),
             r.integrator.to_owned(),
@@ -182,12 +197,15 @@ pub fn table(rows: &[Row]) -> String {
             format!("{:.1}", r.upload_s * 1e3),
             format!("{:.1}", r.build_s * 1e3),
             format!("{:.2}", r.pipeline_s),
-            of_host(|host| format!("{:.2}", host.share * 100.0)),
-            of_host(|host| format!("{:.2}", host.ms)),
-            of_host(|host| format!("{:.2}", host.alone_ms)),
+            host_column(|host| format!("{:.2}", host.share * 100.0)),
+            host_column(|host| format!("{:.2}", host.ms)),
+            host_column(|host| format!("{:.2}", host.sync_ms)),
         ]);
     }
-    let mut devices: Vec<String> = rows.iter().map(|r| format!("{}: {}", r.backend, r.device)).collect();
+    let mut devices: Vec<String> = rows
+        .iter()
+        .map(|r| format!("{}: {}", r.backend, r.device))
+        .collect();
     devices.sort();
     devices.dedup();
     format!("{}\n{}\n", aligned(&lines), devices.join("\n"))

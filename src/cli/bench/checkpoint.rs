@@ -1,10 +1,10 @@
-//! What a checkpoint costs.
+//! Cost of a checkpoint.
 
 use std::time::Instant;
 
 use crate::experiment::event::History;
 use crate::experiment::plan::{Overrides, expand};
-use crate::experiment::standing::Standing;
+use crate::experiment::run_progress::RunProgress;
 use crate::experiment::{CellRef, Plan};
 use crate::film::Image;
 use crate::math::stats::median;
@@ -15,11 +15,16 @@ use crate::store::Store;
 use crate::transport::integrator::integrator;
 use crate::transport::sampler::sampler;
 
-/// Median seconds of writing a checkpoint of a 1280x720 cell of `bdpt`, which has splats, synced to disk.
+/// Median seconds for writing a checkpoint of a 1280x720 cell of `bdpt` (which has a splat film),
+/// synced to disk.
 ///
 /// # Errors
-/// When it cannot be rendered or written, with a message for people.
-pub fn checkpoint_s(scene: &std::path::Path, threads: usize, repeats: usize) -> Result<f64, String> {
+/// A message for the user if the cell cannot be rendered or the checkpoint cannot be written.
+pub fn checkpoint_s(
+    scene: &std::path::Path,
+    threads: usize,
+    repeats: usize,
+) -> Result<f64, String> {
     let scene = scene.canonicalize().map_err(|e| e.to_string())?;
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
     let plan = planned(&scene, folder.path())?;
@@ -41,12 +46,18 @@ pub fn checkpoint_s(scene: &std::path::Path, threads: usize, repeats: usize) -> 
     let row = backend("cpu").ok_or("no such backend")?;
     let mut renderer = (row.open)(compiled.into(), job).map_err(|e| e.to_string())?;
     renderer.advance(1).map_err(|e| e.to_string())?;
-    let store = Store::open(&folder.path().join("out"), &plan, no_picture).map_err(|e| e.to_string())?;
+    let store =
+        Store::open(&folder.path().join("out"), &plan, no_picture).map_err(|e| e.to_string())?;
     let mut seconds = Vec::new();
     for _ in 0..repeats.max(1) {
         let start = Instant::now();
         store
-            .keep(&plan, CellRef::Cell(0).into(), &Standing::default(), &|to| renderer.save(to))
+            .save_checkpoint(
+                &plan,
+                CellRef::Cell(0).into(),
+                &RunProgress::default(),
+                &|to| renderer.save(to),
+            )
             .map_err(|e| e.to_string())?;
         seconds.push(start.elapsed().as_secs_f64());
     }
@@ -65,9 +76,15 @@ fn planned(scene: &std::path::Path, folder: &std::path::Path) -> Result<Plan, St
     );
     std::fs::write(&file, text).map_err(|e| e.to_string())?;
     let script = script::load(&file).map_err(|e| e.to_string())?;
-    expand(&script.spec, &script, &Overrides::default(), &mut |path, _| load::load(path)).map_err(|e| e.to_string())
+    expand(
+        &script.spec,
+        &script,
+        &Overrides::default(),
+        &mut |path, _| load::load(path),
+    )
+    .map_err(|e| e.to_string())
 }
 
 fn no_picture(_: &[u8]) -> Result<Image, String> {
-    Err("no picture is read here".to_owned())
+    Err("the checkpoint benchmark does not read images".to_owned())
 }

@@ -1,14 +1,14 @@
-//! What many workers cost the folder that they share.
+//! Cost of many workers for the folder they share, from a simulated night.
 
 use std::path::Path;
 
 use serde_json::{Value as Json, json};
 
-use crate::store::rehearsal::{Rehearsal, Rehearsed, rehearse};
+use crate::store::worker::cluster_simulation::{ClusterSimulation, SimulationResult, simulate};
 
-/// The night that is rehearsed: ten thousand cells of two minutes, a thousand workers, every fiftieth cell the death of
-/// its worker, every two-hundredth a pause that is longer than a lease, and a folder that answers in half a millisecond.
-const NIGHT: Rehearsal = Rehearsal {
+/// The simulated night: 10,000 cells of two minutes on 1,000 workers. Every fiftieth cell kills its
+/// worker, every two-hundredth stalls for longer than a lease, and a file operation takes 0.5 ms.
+const NIGHT: ClusterSimulation = ClusterSimulation {
     cells: 10_000,
     workers: 1_000,
     cell_s: 120.0,
@@ -20,84 +20,98 @@ const NIGHT: Rehearsal = Rehearsal {
     seed: 20_260_427,
 };
 
-/// Operations in a second that a shared folder is taken to stand: what one common file server does with small files.
+/// Assumed capacity of a shared folder in operations per second: one common file server with
+/// small files.
 const SERVER: f64 = 10_000.0;
 
-/// What was found, and of what.
-pub struct Cluster {
-    plan: Rehearsal,
-    found: Rehearsed,
+/// Parameters and result of the simulation.
+pub struct ClusterCost {
+    plan: ClusterSimulation,
+    result: SimulationResult,
 }
 
-impl Cluster {
-    /// Rehearses the night in a folder of its own below another.
+impl ClusterCost {
+    /// Simulates the night in a temporary folder below `out`.
     ///
     /// # Errors
-    /// When files cannot be written there.
-    pub fn measure(out: &Path) -> Result<Cluster, String> {
-        let folder = tempfile::Builder::new().prefix("rehearsal-").tempdir_in(out).map_err(|e| e.to_string())?;
-        let found = rehearse(folder.path(), NIGHT).map_err(|e| e.to_string())?;
-        Ok(Cluster { plan: NIGHT, found })
+    /// If files cannot be written there.
+    pub fn measure(out: &Path) -> Result<ClusterCost, String> {
+        let folder = tempfile::Builder::new()
+            .prefix("rehearsal-")
+            .tempdir_in(out)
+            .map_err(|e| e.to_string())?;
+        let result = simulate(folder.path(), NIGHT).map_err(|e| e.to_string())?;
+        Ok(ClusterCost {
+            plan: NIGHT,
+            result,
+        })
     }
 
-    /// Operations of one cell, all included.
+    /// Number of file operations per cell.
     fn operations_per_cell(&self) -> f64 {
-        self.found.operations as f64 / self.plan.cells as f64
+        self.result.operations as f64 / self.plan.cells as f64
     }
 
-    /// Seconds of a cell below which a server of [`SERVER`] operations is the limit.
+    /// Cell duration in seconds below which a server of [`SERVER`] operations per second is
+    /// saturated.
     fn limit_s(&self) -> f64 {
         self.operations_per_cell() * self.plan.workers as f64 / SERVER
     }
 
-    /// For people.
+    /// Formats the result as text.
     pub fn table(&self) -> String {
-        let Cluster { plan, found } = self;
-        let share = |part: f64, whole: f64| part / whole.max(1e-9) * 100.0;
+        let ClusterCost { plan, result } = self;
+        let share = |part: f64, total: f64| part / total.max(1e-9) * 100.0;
         format!(
             "cells, workers                     {:>9} {:>9}\n\
-             mean cell                          {:>9.0} s\n\
-             time to finish                     {:>9.0} s\n\
-             ideal                              {:>9.0} s   ({:.0} % of it)\n\
-             died, stood still                  {:>9} {:>9}\n\
-             rendered for nothing               {:>9.2} %\n\
-             waited for others' last cells      {:>9.2} % of all workers' time\n\
-             finished twice                     {:>9}\n\
-             claims asked for, got              {:>9} {:>9}\n\
-             claims a second, one process       {:>9.0}\n\
-             operations for each cell           {:>9.1}\n\
-             operations a second, mean, most    {:>9.0} {:>9}\n\
-             a folder of {SERVER} operations a second is the limit where cells take less than {:.1} s\n",
+             mean duration of a cell            {:>9.0} s\n\
+             duration of the night              {:>9.0} s\n\
+             ideal duration                     {:>9.0} s   ({:.0} % of the actual one)\n\
+             workers died, stalled              {:>9} {:>9}\n\
+             discarded work                     {:>9.2} %\n\
+             idle at the end of the night       {:>9.2} % of worker time\n\
+             cells finished twice               {:>9}\n\
+             claims tried, acquired             {:>9} {:>9}\n\
+             claims per second, one process     {:>9.0}\n\
+             file operations per cell           {:>9.1}\n\
+             operations per second, mean, peak  {:>9.0} {:>9}\n\
+             a folder of {SERVER} operations per second is saturated if cells take less \
+             than {:.1} s\n",
             plan.cells,
             plan.workers,
             plan.cell_s,
-            found.night_s,
-            found.ideal_s,
-            share(found.ideal_s, found.night_s),
-            found.deaths,
-            found.stalls,
-            share(found.wasted_s, found.work_s),
-            share(found.idle_s, found.night_s * plan.workers as f64),
-            found.twice,
-            found.asked,
-            found.got,
-            found.claims_per_s(),
+            result.night_s,
+            result.ideal_s,
+            share(result.ideal_s, result.night_s),
+            result.deaths,
+            result.stalls,
+            share(result.wasted_s, result.work_s),
+            share(result.idle_s, result.night_s * plan.workers as f64),
+            result.finished_twice,
+            result.claims_requested,
+            result.claims_granted,
+            result.claims_per_s(),
             self.operations_per_cell(),
-            found.operations as f64 / found.night_s.max(1e-9),
-            found.busiest,
+            result.operations as f64 / result.night_s.max(1e-9),
+            result.busiest,
             self.limit_s(),
         )
     }
 
-    /// For programs.
+    /// Returns the figures as JSON.
     pub fn to_json(&self) -> Json {
-        let Cluster { plan, found } = self;
+        let ClusterCost { plan, result } = self;
         json!({
-            "cells": plan.cells, "workers": plan.workers, "cell_s": plan.cell_s, "operation_s": plan.operation_s,
-            "night_s": found.night_s, "ideal_s": found.ideal_s, "work_s": found.work_s, "wasted_s": found.wasted_s,
-            "idle_s": found.idle_s, "deaths": found.deaths, "stalls": found.stalls, "twice": found.twice,
-            "claims_asked": found.asked, "claims_got": found.got, "claims_per_s": found.claims_per_s(),
-            "operations": found.operations, "operations_busiest_s": found.busiest, "limit_cell_s": self.limit_s(),
+            "cells": plan.cells, "workers": plan.workers, "cell_s": plan.cell_s,
+            "operation_s": plan.operation_s,
+            "night_s": result.night_s, "ideal_s": result.ideal_s, "work_s": result.work_s,
+            "wasted_s": result.wasted_s,
+            "idle_s": result.idle_s, "deaths": result.deaths, "stalls": result.stalls,
+            "twice": result.finished_twice,
+            "claims_asked": result.claims_requested, "claims_got": result.claims_granted,
+            "claims_per_s": result.claims_per_s(),
+            "operations": result.operations, "operations_busiest_s": result.busiest,
+            "limit_cell_s": self.limit_s(),
         })
     }
 }

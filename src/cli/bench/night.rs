@@ -1,4 +1,4 @@
-//! What a night costs besides rendering.
+//! Cost of a night besides rendering.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -7,16 +7,16 @@ use std::time::Instant;
 use crate::experiment::event::FinishedRun;
 use crate::experiment::plan::{Overrides, expand};
 use crate::experiment::run::run;
-use crate::experiment::{CellRef, Control, Event, History, Plan, Sink, SinkError};
+use crate::experiment::{CellRef, Event, History, NightControls, Plan, Sink, SinkError};
 use crate::film::Image;
 use crate::scene::load;
 use crate::script;
 
-/// Remembers nothing.
-struct Forgetful;
+/// A history without finished runs.
+struct EmptyHistory;
 
-impl History for Forgetful {
-    fn done(&self, _: &Plan, _: CellRef) -> Option<FinishedRun> {
+impl History for EmptyHistory {
+    fn finished_run(&self, _: &Plan, _: CellRef) -> Option<FinishedRun> {
         None
     }
 
@@ -25,7 +25,7 @@ impl History for Forgetful {
     }
 }
 
-/// Keeps the clocks of the last measurement of the cell.
+/// Clocks of the latest measurement of the cell.
 #[derive(Default)]
 struct Clocks {
     render_s: f64,
@@ -33,8 +33,13 @@ struct Clocks {
 }
 
 impl Sink for Clocks {
-    fn hear(&mut self, event: &Event) -> Result<(), SinkError> {
-        if let Event::Wave { cell: CellRef::Cell(_), row, .. } = event {
+    fn receive(&mut self, event: &Event) -> Result<(), SinkError> {
+        if let Event::Wave {
+            cell: CellRef::Cell(_),
+            row,
+            ..
+        } = event
+        {
             self.render_s = row.render_s;
             self.wall_s = row.wall_s;
         }
@@ -42,23 +47,29 @@ impl Sink for Clocks {
     }
 }
 
-/// A script in a folder of its own, loaded and expanded.
-fn planned(text: &str) -> Result<(script::Script, Plan, f64), String> {
+/// Loads and plans a script from a temporary folder; returns the seconds this took.
+fn plan_script(text: &str) -> Result<(script::Script, Plan, f64), String> {
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
     let file = folder.path().join("bench.lua");
     std::fs::write(&file, text).map_err(|e| e.to_string())?;
     let start = Instant::now();
     let script = script::load(&file).map_err(|e| e.to_string())?;
-    let plan = expand(&script.spec, &script, &Overrides::default(), &mut |path, _| load::load(path))
-        .map_err(|e| e.to_string())?;
+    let plan = expand(
+        &script.spec,
+        &script,
+        &Overrides::default(),
+        &mut |path, _| load::load(path),
+    )
+    .map_err(|e| e.to_string())?;
     let seconds = start.elapsed().as_secs_f64();
     Ok((script, plan, seconds))
 }
 
-/// A plan of 10,000 cells, each with its own change to the scene, and the seconds from its script's file to it.
+/// Plans 10,000 cells, each with its own scene edit, and measures the seconds from the script file
+/// to the plan.
 ///
 /// # Errors
-/// When the plan cannot be made, with a message for people.
+/// A message for the user if the script cannot be planned.
 pub fn plan_10_000_cells() -> Result<(Plan, f64), String> {
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
     let scene = folder.path().join("ball.scn");
@@ -73,22 +84,33 @@ pub fn plan_10_000_cells() -> Result<(Plan, f64), String> {
          return x\n",
         scene.display().to_string()
     );
-    let (_, plan, seconds) = planned(&text)?;
-    if plan.cells.len() == 10_000 { Ok((plan, seconds)) } else { Err(format!("planned {} cells", plan.cells.len())) }
+    let (_, plan, seconds) = plan_script(&text)?;
+    if plan.cells.len() == 10_000 {
+        Ok((plan, seconds))
+    } else {
+        Err(format!("planned {} cells", plan.cells.len()))
+    }
 }
 
-/// A plan of one cell of a size, which is measured by these metrics.
+/// Plans one cell of the given size, measured by the given metrics.
 ///
 /// # Errors
-/// When the plan cannot be made, with a message for people.
-pub(super) fn plan_of_one_cell([width, height]: [u32; 2], metrics: &[&str]) -> Result<Plan, String> {
+/// A message for the user if the script cannot be planned.
+pub(super) fn plan_of_one_cell(
+    [width, height]: [u32; 2],
+    metrics: &[&str],
+) -> Result<Plan, String> {
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
     let scene = folder.path().join("ball.scn");
     std::fs::write(&scene, BALL).map_err(|e| e.to_string())?;
-    let metrics: String = metrics.iter().map(|name| format!("{name} = metric.{name}(), ")).collect();
+    let metrics: String = metrics
+        .iter()
+        .map(|name| format!("{name} = metric.{name}(), "))
+        .collect();
     let text = format!(
         "local x = experiment('bench', {{ seed = 1 }})\n\
-         x:render(function(p) return {{ scene = {:?}, integrator = 'bpt', resolution = {{ {width}, {height} }},\n\
+         x:render(function(p) return {{ scene = {:?}, integrator = 'bpt',\n\
+           resolution = {{ {width}, {height} }},\n\
            backend = 'cpu' }} end)\n\
          x:reference {{ stop = stop.samples(4) }}\n\
          x:measure {{ every = '0.5s', {metrics} }}\n\
@@ -96,21 +118,24 @@ pub(super) fn plan_of_one_cell([width, height]: [u32; 2], metrics: &[&str]) -> R
          return x\n",
         scene.display().to_string()
     );
-    Ok(planned(&text)?.1)
+    Ok(plan_script(&text)?.1)
 }
 
-/// A sphere that shines on another.
+/// A scene with a sphere lit by another.
 pub(super) const BALL: &str = r#"{ "resolution": [64, 64], "maxdepth": 5,
   "camera": { "position": [0, 0, 5], "lookat": [0, 0, 0], "fov": 40 },
-  "materials": [ { "name": "ball", "color": [0.8, 0.8, 0.8] }, { "name": "lamp", "emission": [5, 5, 5] } ],
+  "materials": [ { "name": "ball", "color": [0.8, 0.8, 0.8] },
+                 { "name": "lamp", "emission": [5, 5, 5] } ],
   "entities": [ { "type": "sphere", "position": [0, 0, 0], "radius": 1, "material": "ball" },
-                { "type": "sphere", "position": [2, 2, 1], "radius": 0.5, "material": "lamp" } ] }"#;
+                { "type": "sphere", "position": [2, 2, 1], "radius": 0.5,
+                  "material": "lamp" } ] }"#;
 
-/// The part of a four-second cell's time that is not spent inside `advance`: measuring three metrics every half second
-/// at 640x360, and telling listeners. The scene is compiled and its hierarchy built before the cell's clock starts.
+/// Fraction of a four-second cell that is not spent inside `advance`: evaluating three metrics
+/// every half second at 640x360, and sending events. Compiling the scene and building its
+/// acceleration structure happen before the clock of the cell starts.
 ///
 /// # Errors
-/// When the cell cannot be rendered, with a message for people.
+/// A message for the user if the cell cannot be rendered.
 pub fn share_outside_advance(scene: &Path, threads: usize) -> Result<f64, String> {
     let scene = scene.canonicalize().map_err(|e| e.to_string())?;
     let text = format!(
@@ -125,9 +150,20 @@ pub fn share_outside_advance(scene: &Path, threads: usize) -> Result<f64, String
          return x\n",
         scene.display().to_string()
     );
-    let (script, plan, _) = planned(&text)?;
+    let (script, plan, _) = plan_script(&text)?;
     let mut clocks = Clocks::default();
-    run(&Arc::new(plan), &script, &Forgetful, &mut [&mut clocks], &Control::default(), threads)
-        .map_err(|e| e.to_string())?;
-    if clocks.wall_s > 0.0 { Ok(1.0 - clocks.render_s / clocks.wall_s) } else { Err("nothing was rendered".to_owned()) }
+    run(
+        &Arc::new(plan),
+        &script,
+        &EmptyHistory,
+        &mut [&mut clocks],
+        &NightControls::default(),
+        threads,
+    )
+    .map_err(|e| e.to_string())?;
+    if clocks.wall_s > 0.0 {
+        Ok(1.0 - clocks.render_s / clocks.wall_s)
+    } else {
+        Err("the benchmark cell was not rendered".to_owned())
+    }
 }

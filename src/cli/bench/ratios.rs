@@ -1,42 +1,44 @@
-//! What masks, copies and many lights cost, and what a second thread brings: each beside the same without it, in turns.
+//! Cost ratios of masks, instances and many lights, and the gain of a second thread. Each variant
+//! is interleaved with its baseline.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use glam::Vec3;
 use serde_json::{Value as Json, json};
 
+use super::interleave::interleaved;
 use super::subject::Subject;
-use super::turns::in_turns;
-use crate::cli::text::aligned;
+use crate::cli::format::aligned;
 use crate::math::stats::median;
 use crate::render::cpu::renderer::CpuRenderer;
 use crate::render::{Job, Renderer, WaveStats, backend};
 use crate::scene::compile::{Sharing, compile_sharing};
 use crate::scene::desc::{MaterialDesc, SceneDesc, TextureSlot};
-use crate::scene::load::Missing;
+use crate::scene::load::MissingTextures;
 use crate::scene::{CompiledScene, compile};
 use crate::script::scene;
 use crate::transport::integrator::{INTEGRATORS, IntegratorRow};
 use crate::value::Value;
 
-/// Samples of one turn.
+/// Samples per pixel of one round.
 const SAMPLES: u64 = 2;
-/// Copies, and lights.
+/// Number of instances, and of lights.
 const MANY: i64 = 10_000;
-/// Most that masked geometry, copies and lights may cost in relation to the same without.
-const MOST: f64 = 1.5;
-/// Threads for which shared writes are counted.
+/// Largest acceptable cost ratio of masks, instances and lights.
+const MAX_RATIO: f64 = 1.5;
+/// Number of threads for which shared writes are counted.
 const THREADS: usize = 64;
-/// Samples of the wave in which they are.
+/// Samples of the wave in which shared writes are counted.
 const WAVE: u64 = 16;
-/// Least gain of a second thread.
-const GAIN: f64 = 1.9;
+/// Smallest acceptable gain of a second thread.
+const MIN_GAIN: f64 = 1.9;
 
-/// The scene of lamps, which lies with the others.
-const LAMPS: &str = include_str!("../../../scenes/many_lights.lua");
+/// The scene with many lights, one of the built-in scenes.
+const MANY_LIGHTS: &str = include_str!("../../../scenes/many_lights.lua");
 
-/// A tray of copies, small enough that triangles of their own fit into memory as well.
-const COPIES: &str = r#"
+/// A tray of instances, small enough that separate triangles fit into memory as well.
+const INSTANCES: &str = r#"
 local s = scene { resolution = { 480, 270 }, max_depth = 5 }
 local count = s:option("count", 100)
 s:camera { position = { 0, 9, 15 }, target = { 0, -0.4, 0.4 }, fov = 42 }
@@ -45,130 +47,112 @@ s:material("glaze", { base_color = { 0.55, 0.2, 0.12 }, roughness = 0.35 })
 s:environment { color = { 0.8, 0.84, 0.9 } }
 s:add { name = "tray", shape = shape.grid { size = { 17, 17 } }, material = "tray" }
 local vase = shape.lathe { segments = 16, profile = {
-  { 0, 0 }, { 0.22, 0.03 }, { 0.34, 0.42 }, { 0.18, 0.76 }, { 0.2, 0.97 }, { 0.11, 0.86 }, { 0, 0.08 } } }
+  { 0, 0 }, { 0.22, 0.03 }, { 0.34, 0.42 }, { 0.18, 0.76 }, { 0.2, 0.97 },
+  { 0.11, 0.86 }, { 0, 0.08 } } }
 local side = math.ceil(math.sqrt(count))
 local step = 16 / side
 local r = random(21)
 for i = 0, count - 1 do
   local x, z = (i % side + 0.5) * step - 8, (i // side + 0.5) * step - 8
-  s:add { name = "vase_" .. i, shape = vase, material = "glaze", at = { x, 0, z }, rotate = r:between(0, 360), scale = step }
+  s:add { name = "vase_" .. i, shape = vase, material = "glaze", at = { x, 0, z },
+    rotate = r:between(0, 360), scale = step }
 end
 return s
 "#;
 
-/// One comparison.
+/// Comparison of a variant with its baseline.
 pub struct Ratio {
-    what: &'static str,
-    beside: &'static str,
+    name: &'static str,
+    baseline: &'static str,
     integrator: &'static str,
-    /// What is compared: nanoseconds of all threads' clock.
-    each: &'static str,
-    /// Medians over the turns, of the thing and of what it stands beside.
+    /// Unit of work by which times are divided: "ray" or "path".
+    unit: &'static str,
+    /// Median nanoseconds per unit of work, summed over threads: variant and baseline.
     ns: [f64; 2],
-    /// The median of the ratios of the turns, and what is asked of it.
+    /// Median over the rounds of variant divided by baseline, and the target for it.
     ratio: f64,
-    aim: String,
+    target: String,
 }
 
-/// What threads write that others write to as well.
-pub struct Shared {
+/// Number of writes to memory that threads share.
+pub struct SharedWrites {
     integrator: &'static str,
-    /// Writes for each thousand paths, with one thread and with [`THREADS`].
+    /// Writes per thousand paths, with one thread and with [`THREADS`].
     writes: [f64; 2],
 }
 
-/// Everything that is measured here.
+/// All comparisons of this module.
 pub struct Ratios {
     rows: Vec<Ratio>,
-    shared: Vec<Shared>,
+    shared: Vec<SharedWrites>,
 }
 
 impl Ratios {
-    /// Measures all of it in `turns` turns; `masked` is a scene with masks, `plain` one for threads.
+    /// Measures all comparisons in `rounds` rounds; `masked` is a scene with masks, `plain` is used
+    /// for the thread comparison.
     ///
     /// # Errors
-    /// When a scene cannot be loaded or rendered, with a message for people.
+    /// A message for the user if a scene cannot be loaded or rendered.
     pub fn measure(
         masked: &Subject,
         plain: &Subject,
-        turns: usize,
-        say: &mut dyn FnMut(&str),
+        rounds: usize,
+        progress: &mut dyn FnMut(&str),
     ) -> Result<Ratios, String> {
-        let nee = INTEGRATORS.iter().find(|row| row.name == "nee").ok_or("no integrator `nee`")?;
-        let mut rows = Vec::new();
-        say("measuring masks");
-        let desc = masked.load()?;
-        let mut opaque = desc.clone();
-        opaque
-            .materials
-            .iter_mut()
-            .for_each(|material| material.textures.retain(|(slot, _)| *slot != TextureSlot::Mask));
-        let pair = [compiled(&desc)?, compiled(&opaque)?];
-        rows.push(Ratio::of(["masked leaves", "opaque ones"], nee, "ray", &pair, turns)?);
-
-        say("measuring ten thousand copies");
+        let nee = INTEGRATORS
+            .iter()
+            .find(|row| row.name == "nee")
+            .ok_or("no integrator `nee`")?;
+        progress("measuring masks");
+        let mut rows = vec![masks(masked, nee, rounds)?];
         let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
-        let read = |name: &str, text: &str, options: &[(&str, Value)]| -> Result<SceneDesc, String> {
-            let file = folder.path().join(name);
-            std::fs::write(&file, text).map_err(|e| e.to_string())?;
-            let options = options.iter().map(|(key, value)| ((*key).to_owned(), value.clone())).collect();
-            let (mut desc, _) = scene::read(&file, &options, Missing::Refused).map_err(|e| e.to_string())?;
-            desc.resolution = [480, 270];
-            Ok(desc)
-        };
-        let copies = read("copies.lua", COPIES, &[("count", Value::Int(MANY))])?;
-        let shared = |sharing| compile_sharing(&copies, sharing).map(|(scene, _)| Arc::new(scene));
-        let pair = [Sharing::Always, Sharing::Never].map(|sharing| shared(sharing).map_err(|e| e.to_string()));
-        let [own, flat] = pair;
-        rows.push(Ratio::of(["10,000 copies", "triangles of their own"], nee, "ray", &[own?, flat?], turns)?);
-
-        say("measuring ten thousand lights");
-        for (kind, what, beside) in [("spheres", "10,000 lamps", "one lamp"), ("points", "10,000 points", "one point")]
-        {
-            let lights = |count: i64| {
-                let options = [("lights", Value::Int(count)), ("kind", kind.into())];
-                read("many_lights.lua", LAMPS, &options)
-            };
-            let many = lights(MANY)?;
-            let pair = [compiled(&many)?, compiled(&lights(1)?)?];
-            rows.push(Ratio::of([what, beside], nee, "ray", &pair, turns)?);
-            if kind == "spheres" {
-                // The same rays meet the same spheres, so that what is left is what choosing among many costs.
-                let [all, _] = pair;
-                let pair = [all, compiled(&one_lit(many))?];
-                rows.push(Ratio::of([what, "one lit of as many"], nee, "ray", &pair, turns)?);
-            }
-        }
-
-        say("measuring threads");
-        let desc = plain.load()?;
-        let scene = compiled(&desc)?;
+        progress("measuring 10,000 instances");
+        rows.push(instances(folder.path(), nee, rounds)?);
+        progress("measuring 10,000 lights");
+        rows.extend(lights(folder.path(), nee, rounds)?);
+        progress("measuring threads");
+        let scene = compiled(&plain.load()?)?;
         for row in INTEGRATORS {
-            rows.push(threads(&scene, row, turns)?);
+            rows.push(threads(&scene, row, rounds)?);
         }
-        say("counting what threads share");
-        let shared = INTEGRATORS.iter().map(|row| Shared::of(&scene, row)).collect::<Result<_, _>>()?;
+        progress("counting writes to shared memory");
+        let shared = INTEGRATORS
+            .iter()
+            .map(|row| SharedWrites::count(&scene, row))
+            .collect::<Result<_, _>>()?;
         Ok(Ratios { rows, shared })
     }
 
-    /// The table for people.
+    /// Formats the figures as text.
     pub fn table(&self) -> String {
-        let head = ["", "beside", "integrator", "of each", "ns", "ns beside", "ratio", "aim"];
+        let head = [
+            "",
+            "baseline",
+            "integrator",
+            "per",
+            "ns",
+            "baseline ns",
+            "ratio",
+            "target",
+        ];
         let mut lines = vec![head.map(str::to_owned).to_vec()];
         for row in &self.rows {
             lines.push(vec![
-                row.what.to_owned(),
-                row.beside.to_owned(),
+                row.name.to_owned(),
+                row.baseline.to_owned(),
                 row.integrator.to_owned(),
-                row.each.to_owned(),
+                row.unit.to_owned(),
                 format!("{:.1}", row.ns[0]),
                 format!("{:.1}", row.ns[1]),
                 format!("{:.2}", row.ratio),
-                row.aim.clone(),
+                row.target.clone(),
             ]);
         }
         let mut text = aligned(&lines);
-        text += &format!("\n\nwrites to what threads share, for each 1000 paths, one thread and {THREADS}:\n");
+        text += &format!(
+            "\n\nwrites to memory shared by threads, per 1000 paths, with 1 and {THREADS} \
+             threads:\n"
+        );
         for shared in &self.shared {
             let [one, many] = shared.writes;
             text += &format!("{:<5} {one:>8.3} {many:>8.3}\n", shared.integrator);
@@ -176,82 +160,237 @@ impl Ratios {
         text
     }
 
-    /// The same figures as JSON.
+    /// Returns the figures as JSON.
     pub fn to_json(&self) -> Json {
         let rows = self.rows.iter().map(|row| {
             json!({
-                "what": row.what, "beside": row.beside, "integrator": row.integrator, "of_each": row.each, "ns": row.ns,
-                "ratio": row.ratio, "aim": row.aim,
+                "what": row.name, "beside": row.baseline, "integrator": row.integrator,
+                "of_each": row.unit, "ns": row.ns,
+                "ratio": row.ratio, "aim": row.target,
             })
         });
         let shared = self.shared.iter().map(|shared| {
-            json!({ "integrator": shared.integrator, "threads": [1, THREADS], "writes_per_1000_paths": shared.writes })
+            json!({
+                "integrator": shared.integrator, "threads": [1, THREADS],
+                "writes_per_1000_paths": shared.writes,
+            })
         });
         json!({ "rows": rows.collect::<Json>(), "shared": shared.collect::<Json>() })
     }
 }
 
-impl Shared {
-    /// Of a wave as long as those of a night, with as many threads as nobody has here: counted, not timed.
-    fn of(scene: &Arc<CompiledScene>, row: &'static IntegratorRow) -> Result<Shared, String> {
+/// Compares masked leaves with the same leaves without masks.
+fn masks(
+    masked: &Subject,
+    integrator: &'static IntegratorRow,
+    rounds: usize,
+) -> Result<Ratio, String> {
+    let desc = masked.load()?;
+    let mut opaque = desc.clone();
+    opaque.materials.iter_mut().for_each(|material| {
+        material
+            .textures
+            .retain(|(slot, _)| *slot != TextureSlot::Mask)
+    });
+    let pair = [compiled(&desc)?, compiled(&opaque)?];
+    let names = ["masked leaves", "opaque leaves"];
+    Ratio::measure(names, integrator, "ray", &pair, rounds)
+}
+
+/// Compares instances of a mesh with the same triangles without instancing.
+fn instances(
+    folder: &Path,
+    integrator: &'static IntegratorRow,
+    rounds: usize,
+) -> Result<Ratio, String> {
+    let desc = read_scene(
+        folder,
+        "copies.lua",
+        INSTANCES,
+        &[("count", Value::Int(MANY))],
+    )?;
+    let [instanced, flattened] = [Sharing::Always, Sharing::Never].map(|sharing| {
+        compile_sharing(&desc, sharing)
+            .map(|(scene, _)| Arc::new(scene))
+            .map_err(|e| e.to_string())
+    });
+    let names = ["10,000 instances", "separate triangles"];
+    Ratio::measure(names, integrator, "ray", &[instanced?, flattened?], rounds)
+}
+
+/// Compares many lights with one, and with as many spheres of which one emits light.
+fn lights(
+    folder: &Path,
+    integrator: &'static IntegratorRow,
+    rounds: usize,
+) -> Result<Vec<Ratio>, String> {
+    let mut rows = Vec::new();
+    for (kind, name, baseline) in [
+        ("spheres", "10,000 sphere lights", "1 sphere light"),
+        ("points", "10,000 point lights", "1 point light"),
+    ] {
+        let with_lights = |count: i64| {
+            let options = [("lights", Value::Int(count)), ("kind", kind.into())];
+            read_scene(folder, "many_lights.lua", MANY_LIGHTS, &options)
+        };
+        let many = with_lights(MANY)?;
+        let pair = [compiled(&many)?, compiled(&with_lights(1)?)?];
+        rows.push(Ratio::measure(
+            [name, baseline],
+            integrator,
+            "ray",
+            &pair,
+            rounds,
+        )?);
+        if kind == "spheres" {
+            // The rays intersect the same spheres, so the ratio is the cost of light selection.
+            let [all, _] = pair;
+            let pair = [all, compiled(&one_lit(many))?];
+            let names = [name, "1 lit of 10,000"];
+            rows.push(Ratio::measure(names, integrator, "ray", &pair, rounds)?);
+        }
+    }
+    Ok(rows)
+}
+
+/// Writes a Lua scene to a file and loads it with options, at 480x270.
+fn read_scene(
+    folder: &Path,
+    name: &str,
+    text: &str,
+    options: &[(&str, Value)],
+) -> Result<SceneDesc, String> {
+    let file = folder.join(name);
+    std::fs::write(&file, text).map_err(|e| e.to_string())?;
+    let options = options
+        .iter()
+        .map(|(key, value)| ((*key).to_owned(), value.clone()))
+        .collect();
+    let (mut desc, _) =
+        scene::read(&file, &options, MissingTextures::Fail).map_err(|e| e.to_string())?;
+    desc.resolution = [480, 270];
+    Ok(desc)
+}
+
+impl SharedWrites {
+    /// Counts the writes in a wave as long as those of a night. Nothing is timed, so there may be
+    /// more threads than cores.
+    fn count(
+        scene: &Arc<CompiledScene>,
+        row: &'static IntegratorRow,
+    ) -> Result<SharedWrites, String> {
         let writes = |threads: usize| {
-            let job = Job { threads, ..Job::plain(row, scene.resolution, scene.max_depth, 1) };
-            let mut renderer = CpuRenderer::new(Arc::clone(scene), job).map_err(|e| e.to_string())?;
+            let job = Job {
+                threads,
+                ..Job::plain(row, scene.resolution, scene.max_depth, 1)
+            };
+            let mut renderer =
+                CpuRenderer::new(Arc::clone(scene), job).map_err(|e| e.to_string())?;
             let wave = renderer.advance(WAVE).map_err(|e| e.to_string())?;
             Ok::<_, String>(renderer.shared_writes() as f64 * 1e3 / wave.paths as f64)
         };
-        Ok(Shared { integrator: row.name, writes: [writes(1)?, writes(THREADS)?] })
+        Ok(SharedWrites {
+            integrator: row.name,
+            writes: [writes(1)?, writes(THREADS)?],
+        })
     }
 }
 
-/// The same with but one of its lamps lit.
+/// Returns the scene with only one emissive entity left.
 fn one_lit(mut desc: SceneDesc) -> SceneDesc {
-    let lit: Vec<String> = desc.materials.iter().filter(|m| m.emission != Vec3::ZERO).map(|m| m.name.clone()).collect();
-    let shines = |material: &Option<String>| material.as_ref().is_some_and(|name| lit.contains(name));
+    let lit: Vec<String> = desc
+        .materials
+        .iter()
+        .filter(|m| m.emission != Vec3::ZERO)
+        .map(|m| m.name.clone())
+        .collect();
+    let emits =
+        |material: &Option<String>| material.as_ref().is_some_and(|name| lit.contains(name));
     let dark = "dark".to_owned();
-    for entity in desc.entities.iter_mut().filter(|entity| shines(&entity.material)).skip(1) {
+    for entity in desc
+        .entities
+        .iter_mut()
+        .filter(|entity| emits(&entity.material))
+        .skip(1)
+    {
         entity.material = Some(dark.clone());
     }
-    desc.materials.push(MaterialDesc { base_color: Vec3::ZERO, ..MaterialDesc::new(&dark) });
+    desc.materials.push(MaterialDesc {
+        base_color: Vec3::ZERO,
+        ..MaterialDesc::new(&dark)
+    });
     desc
 }
 
 impl Ratio {
-    /// What one of two scenes costs in relation to the other, which take turns on one thread.
-    fn of(
-        [what, beside]: [&'static str; 2],
+    /// Measures two scenes interleaved on one thread.
+    fn measure(
+        [name, baseline]: [&'static str; 2],
         row: &'static IntegratorRow,
-        each: &'static str,
+        unit: &'static str,
         scenes: &[Arc<CompiledScene>; 2],
-        turns: usize,
+        rounds: usize,
     ) -> Result<Ratio, String> {
-        let [thing, other] = scenes;
-        let mut both = [open(thing, row, 1)?, open(other, row, 1)?];
-        let count = |wave: &WaveStats| if each == "ray" { wave.rays } else { wave.paths };
-        let turns = in_turns(&mut both, turns, SAMPLES, |wave| wave.render_s * 1e9 / count(wave).max(1) as f64)?;
-        let ratio = median(turns.iter().map(|turn| turn[0] / turn[1]));
-        let ns = [0, 1].map(|i| median(turns.iter().map(|turn| turn[i])));
-        Ok(Ratio { what, beside, integrator: row.name, each, ns, ratio, aim: format!("<= {MOST}") })
+        let [variant, baseline_scene] = scenes;
+        let mut runs = [open(variant, row, 1)?, open(baseline_scene, row, 1)?];
+        let count = |wave: &WaveStats| if unit == "ray" { wave.rays } else { wave.paths };
+        let rounds = interleaved(&mut runs, rounds, SAMPLES, |wave| {
+            wave.render_s * 1e9 / count(wave).max(1) as f64
+        })?;
+        let ratio = median(rounds.iter().map(|round| round[0] / round[1]));
+        let ns = [0, 1].map(|i| median(rounds.iter().map(|round| round[i])));
+        Ok(Ratio {
+            name,
+            baseline,
+            integrator: row.name,
+            unit,
+            ns,
+            ratio,
+            target: format!("<= {MAX_RATIO}"),
+        })
     }
 }
 
-/// How much faster two threads are than one.
-fn threads(scene: &Arc<CompiledScene>, row: &'static IntegratorRow, turns: usize) -> Result<Ratio, String> {
-    let mut both = [open(scene, row, 1)?, open(scene, row, 2)?];
-    let turns = in_turns(&mut both, turns, SAMPLES, |wave| wave.render_s * 1e9 / wave.paths.max(1) as f64)?;
-    let ratio = median(turns.iter().map(|turn| turn[0] / turn[1]));
-    let ns = [0, 1].map(|i| median(turns.iter().map(|turn| turn[i])));
-    let (what, beside) = ("one thread", "two threads");
-    Ok(Ratio { what, beside, integrator: row.name, each: "path", ns, ratio, aim: format!(">= {GAIN}") })
+/// Measures the gain of two threads over one.
+fn threads(
+    scene: &Arc<CompiledScene>,
+    row: &'static IntegratorRow,
+    rounds: usize,
+) -> Result<Ratio, String> {
+    let mut runs = [open(scene, row, 1)?, open(scene, row, 2)?];
+    let rounds = interleaved(&mut runs, rounds, SAMPLES, |wave| {
+        wave.render_s * 1e9 / wave.paths.max(1) as f64
+    })?;
+    let ratio = median(rounds.iter().map(|round| round[0] / round[1]));
+    let ns = [0, 1].map(|i| median(rounds.iter().map(|round| round[i])));
+    let (name, baseline) = ("one thread", "two threads");
+    Ok(Ratio {
+        name,
+        baseline,
+        integrator: row.name,
+        unit: "path",
+        ns,
+        ratio,
+        target: format!(">= {MIN_GAIN}"),
+    })
 }
 
 fn compiled(desc: &SceneDesc) -> Result<Arc<CompiledScene>, String> {
-    compile(desc).map(|(scene, _)| Arc::new(scene)).map_err(|e| e.to_string())
+    compile(desc)
+        .map(|(scene, _)| Arc::new(scene))
+        .map_err(|e| e.to_string())
 }
 
-/// A run that has had its first sample.
-fn open(scene: &Arc<CompiledScene>, row: &'static IntegratorRow, threads: usize) -> Result<Box<dyn Renderer>, String> {
-    let job = Job { threads, ..Job::plain(row, scene.resolution, scene.max_depth, 1) };
+/// Opens a run and renders its first sample.
+fn open(
+    scene: &Arc<CompiledScene>,
+    row: &'static IntegratorRow,
+    threads: usize,
+) -> Result<Box<dyn Renderer>, String> {
+    let job = Job {
+        threads,
+        ..Job::plain(row, scene.resolution, scene.max_depth, 1)
+    };
     let cpu = backend("cpu").ok_or("no cpu backend")?;
     let mut renderer = (cpu.open)(Arc::clone(scene), job).map_err(|e| e.to_string())?;
     renderer.advance(1).map_err(|e| e.to_string())?;
@@ -261,60 +400,113 @@ fn open(scene: &Arc<CompiledScene>, row: &'static IntegratorRow, threads: usize)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::builtin::BuiltIn;
+    use crate::cli::scene::builtin::BuiltIn;
     use crate::scene::compile::NONE;
     use std::collections::BTreeMap;
 
     #[test]
-    fn scenes_of_lamps_and_copies_are_what_they_say() {
+    fn benchmark_scenes_have_the_stated_lights_and_instances() {
         let folder = tempfile::tempdir().unwrap();
         let read = |text: &str, key: &str, count: i64| {
             let file = folder.path().join("scene.lua");
             std::fs::write(&file, text).unwrap();
             let options = BTreeMap::from([(key.to_owned(), Value::Int(count))]);
-            scene::read(&file, &options, Missing::Refused).unwrap().0
+            scene::read(&file, &options, MissingTextures::Fail)
+                .unwrap()
+                .0
         };
-        let lamps = |count: i64| compiled(&read(LAMPS, "lights", count)).unwrap().spheres.len();
-        assert_eq!(lamps(50) - lamps(1), 49);
-        let shining = |desc: &SceneDesc| {
+        let spheres_with = |count: i64| {
+            compiled(&read(MANY_LIGHTS, "lights", count))
+                .unwrap()
+                .spheres
+                .len()
+        };
+        assert_eq!(spheres_with(50) - spheres_with(1), 49);
+        let spheres_and_emitters = |desc: &SceneDesc| {
             let scene = compiled(desc).unwrap();
-            [scene.spheres.len(), scene.spheres.iter().filter(|s| s.emitter != NONE).count()]
+            [
+                scene.spheres.len(),
+                scene.spheres.iter().filter(|s| s.emitter != NONE).count(),
+            ]
         };
-        let many = read(LAMPS, "lights", 50);
-        let [spheres, lit] = shining(&many);
-        assert_eq!((lit, shining(&one_lit(many))), (50, [spheres, 1]));
-        let copies = read(COPIES, "count", 30);
-        let of = |sharing| compile_sharing(&copies, sharing).unwrap().0;
-        let (own, flat) = (of(Sharing::Always), of(Sharing::Never));
-        assert_eq!((own.instances.places.len(), flat.instances.places.len()), (30, 0));
-        assert!(flat.triangles.len() > 20 * own.triangles.len());
+        let many = read(MANY_LIGHTS, "lights", 50);
+        let [spheres, lit] = spheres_and_emitters(&many);
+        assert_eq!(
+            (lit, spheres_and_emitters(&one_lit(many))),
+            (50, [spheres, 1])
+        );
+        let desc = read(INSTANCES, "count", 30);
+        let compile_as = |sharing| compile_sharing(&desc, sharing).unwrap().0;
+        let (instanced, flattened) = (compile_as(Sharing::Always), compile_as(Sharing::Never));
+        assert_eq!(
+            (
+                instanced.instances.placements.len(),
+                flattened.instances.placements.len()
+            ),
+            (30, 0)
+        );
+        assert!(flattened.triangles.len() > 20 * instanced.triangles.len());
     }
 
     #[test]
-    fn two_runs_take_turns_and_their_costs_are_compared() {
+    fn interleaved_runs_are_compared_by_cost() {
         let built_in = BuiltIn::unpack().unwrap();
-        let file = built_in.scenes().into_iter().find(|f| f.ends_with("cornell_spheres.scn")).unwrap();
-        let (mut desc, _) = scene::read(&file, &BTreeMap::new(), Missing::Refused).unwrap();
+        let file = built_in
+            .scenes()
+            .into_iter()
+            .find(|f| f.ends_with("cornell_spheres.scn"))
+            .unwrap();
+        let (mut desc, _) = scene::read(&file, &BTreeMap::new(), MissingTextures::Fail).unwrap();
         desc.resolution = [32, 24];
         let small = compiled(&desc).unwrap();
         let nee = INTEGRATORS.iter().find(|row| row.name == "nee").unwrap();
-        let mut both = [open(&small, nee, 1).unwrap(), open(&shallow(&small), nee, 1).unwrap()];
-        // What they trace stands in for what they take, which nobody can promise.
-        let turns = in_turns(&mut both, 3, SAMPLES, |wave| wave.rays as f64 / wave.paths as f64).unwrap();
-        assert_eq!(turns.len(), 3);
-        assert!(turns.iter().all(|turn| turn[1] == 1.0 && turn[0] > 2.0), "{turns:?}");
-        let ratio = Ratio::of(["twelve edges", "one"], nee, "path", &[Arc::clone(&small), shallow(&small)], 3).unwrap();
-        assert!(ratio.ns.iter().all(|ns| *ns > 0.0) && ratio.ratio > 0.0, "{:?}", ratio.ns);
-        let shared = vec![Shared::of(&small, nee).unwrap()];
-        let table = Ratios { rows: vec![ratio, threads(&small, nee, 1).unwrap()], shared };
-        assert!(table.table().contains("<= 1.5") && table.table().contains(">= 1.9"), "{}", table.table());
+        let mut runs = [
+            open(&small, nee, 1).unwrap(),
+            open(&shallow(&small), nee, 1).unwrap(),
+        ];
+        // Rays per path replace the time, which varies.
+        let rounds = interleaved(&mut runs, 3, SAMPLES, |wave| {
+            wave.rays as f64 / wave.paths as f64
+        })
+        .unwrap();
+        assert_eq!(rounds.len(), 3);
+        assert!(
+            rounds.iter().all(|round| round[1] == 1.0 && round[0] > 2.0),
+            "{rounds:?}"
+        );
+        let ratio = Ratio::measure(
+            ["twelve edges", "one"],
+            nee,
+            "path",
+            &[Arc::clone(&small), shallow(&small)],
+            3,
+        )
+        .unwrap();
+        assert!(
+            ratio.ns.iter().all(|ns| *ns > 0.0) && ratio.ratio > 0.0,
+            "{:?}",
+            ratio.ns
+        );
+        let shared = vec![SharedWrites::count(&small, nee).unwrap()];
+        let table = Ratios {
+            rows: vec![ratio, threads(&small, nee, 1).unwrap()],
+            shared,
+        };
+        assert!(
+            table.table().contains("<= 1.5") && table.table().contains(">= 1.9"),
+            "{}",
+            table.table()
+        );
         assert_eq!(table.to_json()["rows"][0]["of_each"], "path");
-        // Nothing but rows, however many threads there are.
+        // Only film rows are shared, for any number of threads.
         let paths = 32.0 * 24.0 * WAVE as f64;
         assert_eq!(table.shared[0].writes, [3.0 * 24.0 * 1e3 / paths; 2]);
     }
 
     fn shallow(scene: &CompiledScene) -> Arc<CompiledScene> {
-        Arc::new(CompiledScene { max_depth: 1, ..scene.clone() })
+        Arc::new(CompiledScene {
+            max_depth: 1,
+            ..scene.clone()
+        })
     }
 }

@@ -1,4 +1,4 @@
-//! What it costs to look at a night of ten thousand cells.
+//! Cost of listing and watching a night of ten thousand finished cells.
 
 use std::fs;
 use std::path::Path;
@@ -6,74 +6,98 @@ use std::time::{Instant, SystemTime};
 
 use serde_json::{Value as Json, json};
 
-use crate::cli::load::decode;
-use crate::cli::watch::{open, tell};
+use crate::cli::inspect::watch::{apply_event, begin_model};
+use crate::cli::night::load::decode_picture;
 use crate::experiment::{Plan, memory};
-use crate::store::{Follower, list, plan_json, utc};
-use crate::tui::model::Model;
+use crate::store::list_experiments;
+use crate::store::{Follower, plan_json, utc};
+use crate::tui::model::night::NightModel;
 
-/// Seconds, and bytes of memory.
-pub struct Scale {
-    /// The index is made from the folders.
+/// Durations in seconds, and memory in bytes.
+pub struct ListingCost {
+    /// First `ls`, which builds the index from the folders.
     pub index_s: f64,
-    /// `ls`, with the index.
+    /// `ls` with the index.
     pub ls_s: f64,
-    /// `status`, and `watch` before its first frame: the plan, the journal, the state of every cell.
+    /// `status`, and `watch` before its first frame: reads the plan, the journal and every cell.
     pub open_s: f64,
-    /// A further look at a night in which nothing happened.
+    /// One poll of a night without news.
     pub look_s: f64,
-    /// Memory that following takes, where the system tells.
+    /// Memory for watching, if the system reports it.
     pub memory: Option<u64>,
 }
 
-impl Scale {
-    /// Makes a folder in which all cells of the plan are done, and looks at it.
+impl ListingCost {
+    /// Creates a folder in which all cells of the plan are finished, and measures reading it.
     ///
     /// # Errors
-    /// When it cannot be written or read, with a message for people.
-    pub fn measure(plan: &Plan) -> Result<Scale, String> {
+    /// A message for the user if the folder cannot be written or read.
+    pub fn measure(plan: &Plan) -> Result<ListingCost, String> {
         let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
         let out = folder.path();
         let experiment = out.join("bench-0000");
         write_night(plan, &experiment).map_err(|e| e.to_string())?;
-        let timed = |what: &dyn Fn() -> usize| {
+        let timed = |action: &dyn Fn() -> usize| {
             let start = Instant::now();
-            let found = what();
-            (start.elapsed().as_secs_f64(), found)
+            let result = action();
+            (start.elapsed().as_secs_f64(), result)
         };
-        let done = || list(out).iter().flat_map(|e| &e.runs).filter(|run| run.state.word() == "done").count();
-        let (index_s, first) = timed(&done);
-        let (ls_s, second) = timed(&done);
+        let count_done = || {
+            list_experiments(out)
+                .iter()
+                .flat_map(|e| &e.runs)
+                .filter(|run| run.state.name() == "done")
+                .count()
+        };
+        let (index_s, first) = timed(&count_done);
+        let (ls_s, second) = timed(&count_done);
         if [first, second] != [plan.cells.len(); 2] {
-            return Err(format!("listed {first} and {second} of {} runs", plan.cells.len()));
+            return Err(format!(
+                "listed {first} and {second} of {} runs",
+                plan.cells.len()
+            ));
         }
         let before = resident();
         let start = Instant::now();
-        let mut follower = Follower::open(&experiment, decode).map_err(|e| e.to_string())?;
-        let mut model = Model::default();
-        open(&mut model, &follower);
-        follower.look().into_iter().for_each(|sight| tell(&mut model, sight));
-        let open_s = start.elapsed().as_secs_f64();
-        let memory = before.zip(resident()).map(|(before, after)| after.saturating_sub(before));
-        let start = Instant::now();
-        let nothing = follower.look().len();
-        let look_s = start.elapsed().as_secs_f64();
-        if model.cells.iter().any(|cell| cell.last.is_none()) || nothing > 0 {
-            return Err("the night was not followed to its end".to_owned());
+        let mut follower =
+            Follower::open(&experiment, decode_picture).map_err(|e| e.to_string())?;
+        let mut model = NightModel::default();
+        begin_model(&mut model, &follower);
+        for event in follower.poll() {
+            apply_event(&mut model, event);
         }
-        Ok(Scale { index_s, ls_s, open_s, look_s, memory })
+        let open_s = start.elapsed().as_secs_f64();
+        let memory = before
+            .zip(resident())
+            .map(|(before, after)| after.saturating_sub(before));
+        let start = Instant::now();
+        let later_events = follower.poll().len();
+        let look_s = start.elapsed().as_secs_f64();
+        if model.cells.iter().any(|cell| cell.last.is_none()) || later_events > 0 {
+            return Err("the simulated night was not read completely".to_owned());
+        }
+        Ok(ListingCost {
+            index_s,
+            ls_s,
+            open_s,
+            look_s,
+            memory,
+        })
     }
 
-    /// The rows for people.
+    /// Formats the figures as text.
     pub fn table(&self) -> String {
-        let memory = self.memory.map_or_else(|| "        -".to_owned(), |b| format!("{:>9.1}", b as f64 / 1e6));
+        let memory = self.memory.map_or_else(
+            || "        -".to_owned(),
+            |b| format!("{:>9.1}", b as f64 / 1e6),
+        );
         format!(
             "\n10,000 finished runs\n\
-             index made from the folders          {:>9.3} s\n\
+             ls, building the index               {:>9.3} s\n\
              ls with the index                    {:>9.3} s\n\
              status, and watch until it opens     {:>9.3} s\n\
-             a look without news                  {:>9.3} ms\n\
-             memory of watching                   {memory} MB\n",
+             poll of watch without news           {:>9.3} ms\n\
+             memory of watch                      {memory} MB\n",
             self.index_s,
             self.ls_s,
             self.open_s,
@@ -81,49 +105,55 @@ impl Scale {
         )
     }
 
-    /// The same figures as JSON.
+    /// Returns the figures as JSON.
     pub fn to_json(&self) -> Json {
         json!({
-            "index_s": self.index_s, "ls_s": self.ls_s, "open_s": self.open_s, "look_s": self.look_s,
+            "index_s": self.index_s, "ls_s": self.ls_s, "open_s": self.open_s,
+            "look_s": self.look_s,
             "memory_bytes": self.memory,
         })
     }
 }
 
-/// The files that reading needs, written without the care that results get.
+/// Writes only the files that reading needs, without checksums or syncing.
 fn write_night(plan: &Plan, folder: &Path) -> std::io::Result<()> {
-    let described = plan_json(plan);
+    let plan_json_value = plan_json(plan);
     let date = utc(SystemTime::now());
     let mut journal = format!("{}\n", json!({ "date": date, "event": "night_started" }));
-    for cell in described["cells"].as_array().into_iter().flatten() {
-        let (run, place) = (&cell["run"], cell["folder"].as_str().unwrap_or_default());
-        let place = folder.join("runs").join(place);
-        fs::create_dir_all(&place)?;
-        let facts = json!({
-            "run": run, "reason": "1 sample per pixel", "samples": 1, "render_s": 0.25, "wall_s": 0.3, "waves": 1,
-            "paths": 4096, "rays": 20480, "invalid": 0, "metrics": { "rmse": 0.125 }, "finished": date,
+    for cell in plan_json_value["cells"].as_array().into_iter().flatten() {
+        let (run, folder_of_run) = (&cell["run"], cell["folder"].as_str().unwrap_or_default());
+        let folder_of_run = folder.join("runs").join(folder_of_run);
+        fs::create_dir_all(&folder_of_run)?;
+        let results = json!({
+            "run": run, "reason": "1 sample per pixel", "samples": 1, "render_s": 0.25,
+            "wall_s": 0.3, "waves": 1,
+            "paths": 4096, "rays": 20480, "invalid": 0, "metrics": { "rmse": 0.125 },
+            "finished": date,
         });
-        fs::write(place.join("config.json"), json!({ "run": run, "path": cell["path"] }).to_string())?;
         fs::write(
-            place.join("metrics.csv"),
+            folder_of_run.join("config.json"),
+            json!({ "run": run, "path": cell["path"] }).to_string(),
+        )?;
+        fs::write(
+            folder_of_run.join("metrics.csv"),
             "wave,samples,render_s,wall_s,paths,rays,invalid\n1,1,0.25,0.3,4096,20480,0\n",
         )?;
-        fs::write(place.join("done.json"), facts.to_string())?;
+        fs::write(folder_of_run.join("done.json"), results.to_string())?;
         let started = json!({ "date": date, "event": "cell_started", "run": run, "device": "cpu" });
         let mut ended = json!({ "date": date, "event": "cell_finished", "outcome": "done" });
-        if let (Some(ended), Some(facts)) = (ended.as_object_mut(), facts.as_object()) {
-            ended.extend(facts.clone());
+        if let (Some(ended), Some(results)) = (ended.as_object_mut(), results.as_object()) {
+            ended.extend(results.clone());
         }
         journal += &format!("{started}\n{ended}\n");
     }
     journal += &format!("{}\n", json!({ "date": date, "event": "night_finished" }));
     fs::write(folder.join("journal.jsonl"), journal)?;
-    fs::write(folder.join("plan.json"), described.to_string())
+    fs::write(folder.join("plan.json"), plan_json_value.to_string())
 }
 
-/// Bytes of this process in memory, where the system tells.
+/// Resident memory of this process in bytes, if the system reports it.
 fn resident() -> Option<u64> {
-    memory::of_process("self", "VmRSS:")
+    memory::process_bytes("self", "VmRSS:")
 }
 
 #[cfg(test)]
@@ -135,8 +165,8 @@ mod tests {
     fn a_night_of_many_cells_is_listed_and_followed_to_its_end() {
         let (mut plan, _) = plan_10_000_cells().unwrap();
         plan.cells.truncate(300);
-        let scale = Scale::measure(&plan).unwrap();
-        assert!(scale.table().contains("index made from the folders"));
+        let scale = ListingCost::measure(&plan).unwrap();
+        assert!(scale.table().contains("ls, building the index"));
         assert!(scale.to_json()["open_s"].as_f64().unwrap() > 0.0);
     }
 }

@@ -1,56 +1,80 @@
-//! What is measured: a scene, as it was asked for.
+//! Scenes to measure, as given on the command line.
 
 use std::path::PathBuf;
 
 use crate::cli::args::SceneArg;
-use crate::cli::builtin::short;
-use crate::scene::load::Missing;
+use crate::cli::scene::builtin::scene_name;
+use crate::scene::load::MissingTextures;
 use crate::scene::{SceneDesc, edit};
 use crate::script;
 use crate::value::Value;
 
-/// What names the view of a scene besides its options, as in scripts.
+/// Setting that selects a view of the scene, as in scripts.
 const CAMERA: &str = "camera";
 
-/// A scene that is measured.
+/// A scene to measure.
 pub struct Subject {
-    /// What was typed.
+    /// Name as given on the command line.
     pub name: String,
-    /// What tables call it: the same without folders and the file's kind.
+    /// Name in tables: without folders and file extension.
     pub label: String,
-    /// Where it is.
+    /// Path of the scene file.
     pub file: PathBuf,
-    /// Options of a scene in Lua, and `camera` for one of its views.
+    /// Options of a Lua scene, and `camera` to select one of its views.
     settings: Vec<(String, Value)>,
-    missing: Missing,
+    missing: MissingTextures,
 }
 
 impl Subject {
-    /// A scene of this program, as it is.
+    /// Creates the subject for a built-in scene.
     pub fn built_in(file: PathBuf) -> Subject {
-        let name = short(&file);
-        Subject { label: name.clone(), name, file, settings: Vec::new(), missing: Missing::Refused }
+        let name = scene_name(&file);
+        Subject {
+            label: name.clone(),
+            name,
+            file,
+            settings: Vec::new(),
+            missing: MissingTextures::Fail,
+        }
     }
 
-    /// A scene that was asked for.
+    /// Creates the subject for a scene given on the command line.
     ///
     /// # Errors
-    /// When there is no such file, with a message for people: nobody wants to hear of a mistyped name after the other scenes.
-    pub fn asked(arg: &SceneArg, missing: Missing) -> Result<Subject, String> {
+    /// A message for the user if the file does not exist; checked early, before any measurement.
+    pub fn from_arg(arg: &SceneArg, missing: MissingTextures) -> Result<Subject, String> {
         let file = arg.file.clone();
-        file.metadata().map_err(|e| format!("cannot read {}: {e}", file.display()))?;
+        file.metadata()
+            .map_err(|e| format!("cannot read {}: {e}", file.display()))?;
         let settings = arg.settings.clone();
-        let values: Vec<String> = settings.iter().map(|(_, value)| value.to_string()).collect();
-        let label = [short(&file)].into_iter().chain(values).collect::<Vec<_>>().join(" ");
-        Ok(Subject { name: arg.text.clone(), label, file, settings, missing })
+        let values: Vec<String> = settings
+            .iter()
+            .map(|(_, value)| value.to_string())
+            .collect();
+        let label = [scene_name(&file)]
+            .into_iter()
+            .chain(values)
+            .collect::<Vec<_>>()
+            .join(" ");
+        Ok(Subject {
+            name: arg.text.clone(),
+            label,
+            file,
+            settings,
+            missing,
+        })
     }
 
-    /// The scene.
+    /// Loads the scene.
     ///
     /// # Errors
-    /// When it cannot be loaded or has no such option or view, with a message for people.
+    /// A message for the user if it cannot be loaded or has no such option or view.
     pub fn load(&self) -> Result<SceneDesc, String> {
-        let (views, options): (Vec<_>, Vec<_>) = self.settings.iter().cloned().partition(|(name, _)| name == CAMERA);
+        let (views, options): (Vec<_>, Vec<_>) = self
+            .settings
+            .iter()
+            .cloned()
+            .partition(|(name, _)| name == CAMERA);
         let read = script::scene::read(&self.file, &options.into_iter().collect(), self.missing);
         let (mut desc, _) = read.map_err(|e| e.to_string())?;
         for (path, view) in &views {

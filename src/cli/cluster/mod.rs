@@ -1,15 +1,16 @@
-//! Nights on many machines: plans that are frozen for others, workers that take part, and the jobs that start them.
+//! Nights on many machines: plan snapshots for workers, the workers, and the cluster jobs that
+//! start them.
 
-mod frozen;
-mod hands;
 mod job;
+mod local_workers;
+mod plan_snapshot;
 mod queue;
-mod roll;
 mod submit;
 mod work;
+mod worker_list;
 
-pub use frozen::freeze;
-pub use hands::Hands;
-pub use roll::Roll;
+pub use local_workers::LocalWorkers;
+pub use plan_snapshot::save_plan_snapshot;
 pub use submit::{cancel, submit};
-pub use work::{me, say_apart, work};
+pub use work::{work, worker_info};
+pub use worker_list::WorkerList;

@@ -7,108 +7,123 @@ use std::time::Duration;
 
 use serde_json::json;
 
-use super::frozen::{Thawed, thaw};
+use super::plan_snapshot::{RestoredPlan, restore_plan};
 use crate::cli::args::{Global, WorkArgs};
-use crate::cli::exit::{Exit, Failure, talk};
-use crate::cli::load::{decode, shown};
-use crate::cli::log::Log;
-use crate::cli::recorder::Recorder;
-use crate::cli::run::{
-    Watcher, counted, devices_of, exit_of, print_tables, say_disagreements, say_failures, write_evidence,
-};
-use crate::cli::signals::{self, Heard};
-use crate::cli::space::{self, patiently};
-use crate::cli::until;
+use crate::cli::exit::{Exit, Failure, print_status};
+use crate::cli::format::display_path;
+use crate::cli::night::deadline;
+use crate::cli::night::disk_full_retry::{retry_while_disk_full, sleep_before_retry};
+use crate::cli::night::load::decode_picture;
+use crate::cli::night::log::Log;
+use crate::cli::night::progress_view::ProgressView;
+use crate::cli::night::recorder::Recorder;
+use crate::cli::night::results;
+use crate::cli::night::signals::{self, StopSignal};
+use crate::experiment::comparison_groups::{Affinity, StartOffset};
 use crate::experiment::event::Event;
-use crate::experiment::forecast::Paces;
-use crate::experiment::groups::{Affinity, Begin};
+use crate::experiment::forecast::ThroughputHistory;
 use crate::experiment::run::Options;
-use crate::experiment::standing::Claim;
-use crate::experiment::{CellRef, CellResult, Control, NightSummary, Outcome, Plan, Sink, SinkError, run};
-use crate::render::{backend, choice, device_place};
+use crate::experiment::run_progress::Claim;
+use crate::experiment::{
+    CellRef, CellResult, NightControls, NightSummary, Outcome, Plan, Sink, SinkError, run,
+};
+use crate::render::backend_choice;
+use crate::render::{backend, device_index};
 use crate::script::Script;
-use crate::store::{Device, Host, Me, Stock, Store};
+use crate::store::{Host, PlanStatus, RenderDevice, Store, WorkerInfo};
 use crate::tui;
 
-/// How often a night that turns out not to be done is gone through again before its worker gives up.
-const ROUNDS: usize = 3;
-/// How often a worker looks whether another one has drawn the tables.
-const GLANCE: Duration = Duration::from_millis(200);
+/// Number of passes over the plan before a worker gives up on a night that is still not done.
+const MAX_PASSES: usize = 3;
+/// Time between two checks whether another worker has written the tables and figures.
+const POLL_INTERVAL: Duration = Duration::from_millis(200);
 
-/// Works on a night.
+/// Runs `lumbre work`: joins a night as one of its workers until no work is left for it.
 pub fn work(args: &WorkArgs, global: &Global, log: &Log) -> Result<Exit, Failure> {
     if global.backend.is_some() {
-        return Err(Failure::usage("the plan says on which backend each cell is rendered; leave --backend out"));
+        return Err(Failure::usage(
+            "--backend cannot be used with `lumbre work`: the plan sets the backend of each cell",
+        ));
     }
     if let Some(device) = &args.device {
-        choice::use_device(device);
+        backend_choice::use_device(device);
     }
     let home = args.folder.canonicalize().map_err(|e| {
         Failure::usage(format!(
-            "there is no folder {} on {}: {e} (workers need the folder of their night on a file system that they share)",
-            shown(&args.folder),
-            Host::here().name
+            "there is no folder {} on {}: {e} (all workers need access to the night's folder on a \
+             shared file system)",
+            display_path(&args.folder),
+            Host::detect().name
         ))
     })?;
-    let Thawed { script, plan, frozen } = thaw(&home, global)?;
-    let me = me(&plan, args.affinity);
-    if let (Some(device), true) = (&args.device, places_of(&plan).is_empty()) {
-        talk(&format!(
-            "note: nothing of this plan is rendered on a graphics device; --device {device} is not looked at"
+    let RestoredPlan {
+        script,
+        plan,
+        snapshot,
+    } = restore_plan(&home, global)?;
+    let info = worker_info(&plan, args.affinity);
+    if let (Some(device), true) = (&args.device, device_indices(&plan).is_empty()) {
+        print_status(&format!(
+            "note: --device {device} is ignored, because this plan does not use a graphics device"
         ));
     }
-    // Those that came before may have filled the disk, and wait as well.
-    let wait = || std::thread::sleep(space::STEP);
-    let store = patiently(&Control::default(), &wait, || Store::join(&home, &plan, &frozen, decode, &me));
+    // Other workers may have filled the disk already.
+    let store = retry_while_disk_full(&NightControls::default(), &sleep_before_retry, || {
+        Store::join(&home, &plan, &snapshot, decode_picture, &info)
+    });
     let store = store.map_err(Failure::usage)?;
-    let worker = Worker { script: &script, plan: &plan, store: &store, global, log, args };
-    let ended = worker.work();
-    store.leave(&match &ended {
-        Ok(exit) => reason(*exit).to_owned(),
+    let worker = ClusterWorker {
+        script: &script,
+        plan: &plan,
+        store: &store,
+        global,
+        log,
+        args,
+    };
+    let exit = worker.work();
+    store.leave(&match &exit {
+        Ok(exit) => exit_reason(*exit).to_owned(),
         Err(failure) => failure.report.to_string(),
     });
-    ended
+    exit
 }
 
-/// What this process says of itself to those that work on the same plan.
-pub fn me(plan: &Plan, affinity: Affinity) -> Me {
-    Me { device: device_of(plan), affinity, job: job() }
-}
-
-/// Says which cells a night left to workers with other devices.
-pub fn say_apart(plan: &Plan, night: &NightSummary) {
-    if let Some((cell, why)) = night.apart.first() {
-        let (cells, name) = (counted(night.apart.len(), "cell"), plan.id(*cell));
-        talk(&format!(
-            "{cells} left to others, the first of them {name}: {why} (--affinity none renders them all the same, where \
-             times are of no interest)"
-        ));
+/// Describes this process for the registry of workers.
+pub fn worker_info(plan: &Plan, affinity: Affinity) -> WorkerInfo {
+    WorkerInfo {
+        device: render_device(plan),
+        affinity,
+        job: job_id(),
     }
 }
 
-/// Asks a night to stop when standard input ends.
-fn stop_with_stdin(control: &Arc<Control>) -> std::io::Result<()> {
+/// Starts a thread that requests a stop when stdin closes.
+fn stop_with_stdin(control: &Arc<NightControls>) -> std::io::Result<()> {
     let control = Arc::clone(control);
-    let listen = move || {
-        // Nobody says anything; what cannot be read has ended too.
+    let wait_for_end = move || {
+        // The parent writes nothing. A read error counts as closed.
         let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
         control.request_stop();
     };
-    std::thread::Builder::new().name("stdin".to_owned()).spawn(listen).map(drop)
+    std::thread::Builder::new()
+        .name("stdin".to_owned())
+        .spawn(wait_for_end)
+        .map(drop)
 }
 
-/// Why a worker leaves.
-fn reason(exit: Exit) -> &'static str {
+/// Returns why a worker exited, for the registry of workers.
+fn exit_reason(exit: Exit) -> &'static str {
     match exit {
-        Exit::Done => "all is done",
-        Exit::Checkpointed | Exit::Interrupted => "it was asked to",
-        Exit::WorkLeft => "what is left is not for it",
-        _ => "all is done, and some of it failed",
+        Exit::Done => "all runs are done",
+        Exit::Checkpointed | Exit::Interrupted => "stopped on request",
+        Exit::WorkLeft => "the remaining runs are for other workers",
+        _ => "all runs have ended, some of them failed",
     }
 }
 
-/// The job that this process is part of, as the programs that start jobs tell it.
-fn job() -> String {
+/// Returns the job and task number of this process from the environment of Slurm or HyperQueue;
+/// empty outside of a job.
+fn job_id() -> String {
     let env = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());
     match (env("SLURM_ARRAY_JOB_ID"), env("SLURM_ARRAY_TASK_ID")) {
         (Some(job), Some(task)) => format!("{job}_{task}"),
@@ -119,41 +134,59 @@ fn job() -> String {
     }
 }
 
-/// The backends that a plan names.
-fn backends_of(plan: &Plan) -> BTreeSet<&str> {
-    plan.cells.iter().map(|cell| cell.config.backend.as_str()).collect()
+/// Returns the names of the backends of a plan's cells.
+fn backend_names(plan: &Plan) -> BTreeSet<&str> {
+    plan.cells
+        .iter()
+        .map(|cell| cell.config.backend.as_str())
+        .collect()
 }
 
-/// The graphics devices that this process renders a plan on, by their places.
-fn places_of(plan: &Plan) -> BTreeSet<String> {
-    backends_of(plan).into_iter().map(device_place).filter(|place| !place.is_empty()).collect()
+/// Returns the indices of the graphics devices on which this process renders a plan.
+fn device_indices(plan: &Plan) -> BTreeSet<String> {
+    backend_names(plan)
+        .into_iter()
+        .map(device_index)
+        .filter(|index| !index.is_empty())
+        .collect()
 }
 
-/// What this process renders the cells of a plan on.
-fn device_of(plan: &Plan) -> Device {
-    let host = Host::here();
-    let places = places_of(plan);
+/// Describes the device on which this process renders the cells of a plan.
+fn render_device(plan: &Plan) -> RenderDevice {
+    let host = Host::detect();
+    let indices = device_indices(plan);
     let mut key = host.name.clone();
-    if !places.is_empty() {
-        // Where each job sees its own devices only, each has a device 0: what it was given tells them apart.
-        let given = ["SLURM_STEP_GPUS", "SLURM_JOB_GPUS", "CUDA_VISIBLE_DEVICES"];
-        let given = given.iter().find_map(|name| std::env::var(name).ok().filter(|v| !v.is_empty()));
-        let places: Vec<String> = places.into_iter().collect();
-        key =
-            format!("{key}, device {}{}", places.join(" and "), given.map_or_else(String::new, |g| format!(" of {g}")));
+    if !indices.is_empty() {
+        // If each job sees only its own devices, each of them has a device 0. The devices that the
+        // scheduler assigned to the job distinguish them.
+        let variables = ["SLURM_STEP_GPUS", "SLURM_JOB_GPUS", "CUDA_VISIBLE_DEVICES"];
+        let assigned = variables
+            .iter()
+            .find_map(|name| std::env::var(name).ok().filter(|v| !v.is_empty()));
+        let indices: Vec<String> = indices.into_iter().collect();
+        key = format!(
+            "{key}, device {}{}",
+            indices.join(" and "),
+            assigned.map_or_else(String::new, |assigned| format!(" of {assigned}"))
+        );
     }
     let model = |name: &str| -> String {
         if name == "cpu" {
             return format!("{}, {} threads", host.cpu, host.cores);
         }
-        let (Ok(found) | Err(found)) = backend(name).map_or(Err(String::new()), |row| (row.probe)());
-        found
+        let (Ok(model) | Err(model)) =
+            backend(name).map_or(Err(String::new()), |row| (row.probe)());
+        model
     };
-    let models: BTreeSet<String> = backends_of(plan).into_iter().map(model).collect();
-    Device { key, model: models.into_iter().collect::<Vec<_>>().join("; ") }
+    let models: BTreeSet<String> = backend_names(plan).into_iter().map(model).collect();
+    RenderDevice {
+        key,
+        model: models.into_iter().collect::<Vec<_>>().join("; "),
+    }
 }
 
-struct Worker<'a> {
+/// One worker of a night.
+struct ClusterWorker<'a> {
     script: &'a Script,
     plan: &'a Arc<Plan>,
     store: &'a Store,
@@ -162,184 +195,306 @@ struct Worker<'a> {
     args: &'a WorkArgs,
 }
 
-impl Worker<'_> {
+impl ClusterWorker<'_> {
+    /// Renders until no work is left for this worker.
     fn work(&self) -> Result<Exit, Failure> {
-        let control = Arc::new(Control::default());
-        let heard = signals::listen(Arc::clone(&control), tui::guard::give_back_now)
-            .map_err(|e| Failure::internal(format!("cannot listen to signals: {e}")))?;
+        let control = Arc::new(NightControls::default());
+        let stop_signal = signals::install(
+            Arc::clone(&control),
+            tui::terminal::terminal_guard::restore_now,
+        )
+        .map_err(|e| Failure::internal(format!("cannot install signal handlers: {e}")))?;
         if self.args.while_stdin {
             stop_with_stdin(&control).map_err(Failure::internal)?;
         }
         let options = self.options()?;
-        // Cells whose scenes or devices this worker lacks would all fail one after the other.
-        for _ in 0..ROUNDS {
+        // The number of passes is limited, so that the worker ends if files of the night keep
+        // changing.
+        for _ in 0..MAX_PASSES {
             let night = self.render(&control, options.clone())?;
             if night.interrupted {
-                self.say(|| "leaves with a checkpoint; the same command goes on".to_owned());
-                return Ok(heard.exit());
+                self.print_unless_quiet(|| {
+                    "stopped with a checkpoint; run the same command to resume".to_owned()
+                });
+                return Ok(stop_signal.exit());
             }
-            if !night.apart.is_empty() {
-                say_apart(self.plan, &night);
+            if !night.other_workers.is_empty() {
+                results::print_left_to_others(self.plan, &night);
                 return Ok(Exit::WorkLeft);
             }
-            if night.results.len() < self.plan.cells.len() + self.plan.references.len() && self.is_narrowed(&options) {
-                self.say(|| "leaves with work left".to_owned());
+            if night.results.len() < self.plan.cells.len() + self.plan.references.len()
+                && self.is_limited(&options)
+            {
+                self.print_unless_quiet(|| "stopped with work left".to_owned());
                 return Ok(Exit::WorkLeft);
             }
-            if let Some(exit) = self.close(&control, &heard, &night)? {
+            if let Some(exit) = self.finish_night(&control, &stop_signal, &night)? {
                 return Ok(exit);
             }
         }
-        talk("runs that were finished are not any more, again and again: is something deleting them?");
+        print_status(&format!(
+            "stopped: after {MAX_PASSES} passes finished runs are still missing; check whether \
+             another program deletes files in {}",
+            display_path(self.store.folder())
+        ));
         Ok(Exit::WorkLeft)
     }
 
-    fn say(&self, line: impl FnOnce() -> String) {
+    /// Prints a status line unless `--quiet` was given.
+    fn print_unless_quiet(&self, line: impl FnOnce() -> String) {
         if !self.global.quiet {
-            talk(&line());
+            print_status(&line());
         }
     }
 
-    fn is_narrowed(&self, options: &Options) -> bool {
+    /// Returns whether the worker may end before the plan is done.
+    fn is_limited(&self, options: &Options) -> bool {
         options.only.is_some() || options.deadline.is_some() || options.max_fails.is_some()
     }
 
+    /// Combines the limits of the command line and of the plan.
     fn options(&self) -> Result<Options, Failure> {
         let plan = self.plan;
-        let chosen = (!self.args.only.is_empty()).then(|| self.chosen()).transpose()?;
-        let deadline =
-            self.args.until.or(plan.night.deadline).map(until::moment).transpose().map_err(Failure::usage)?;
-        let turn = self.store.turn();
+        let selected = (!self.args.only.is_empty())
+            .then(|| self.selected_cells())
+            .transpose()?;
+        let deadline = self
+            .args
+            .until
+            .or(plan.night.deadline)
+            .map(deadline::deadline_time)
+            .transpose()
+            .map_err(Failure::usage)?;
+        let offset = self.store.start_offset();
         Ok(Options {
             threads: self.global.threads,
             max_fails: self.args.max_fails.map(|n| n as usize),
             smoke: false,
             deadline,
-            only: chosen,
-            paces: Paces::default(),
+            only: selected,
+            throughput: ThroughputHistory::default(),
             done: BTreeSet::new(),
             memory: None,
-            begin: Some(if self.args.affinity == Affinity::None { Begin::Cell(turn) } else { Begin::Group(turn) }),
+            start: Some(if self.args.affinity == Affinity::None {
+                StartOffset::Cell(offset)
+            } else {
+                StartOffset::Group(offset)
+            }),
         })
     }
 
-    /// The cells that `--only` leaves; their references are rendered when they are needed.
-    fn chosen(&self) -> Result<BTreeSet<CellRef>, Failure> {
+    /// Returns the cells selected by `--only`. Their references are rendered when needed.
+    fn selected_cells(&self) -> Result<BTreeSet<CellRef>, Failure> {
         for (axis, _) in &self.args.only {
             if !self.plan.axes.contains(axis) {
                 let known = self.plan.axes.join(", ");
-                return Err(Failure::usage(format!("the plan has no axis `{axis}` (it has: {known})")));
+                return Err(Failure::usage(format!(
+                    "--only: the plan has no axis `{axis}` (axes: {known})"
+                )));
             }
         }
         let axes: BTreeSet<&String> = self.args.only.iter().map(|(axis, _)| axis).collect();
         let fits = |i: &usize| {
             let point = &self.plan.cells[*i].point;
             axes.iter().all(|axis| {
-                let value = point.iter().find(|(name, _)| name == *axis).map(|(_, value)| value);
-                self.args.only.iter().any(|(name, values)| name == *axis && value.is_some_and(|v| values.contains(v)))
+                let value = point
+                    .iter()
+                    .find(|(name, _)| name == *axis)
+                    .map(|(_, value)| value);
+                self.args.only.iter().any(|(name, values)| {
+                    name == *axis && value.is_some_and(|v| values.contains(v))
+                })
             })
         };
-        let cells: BTreeSet<CellRef> = (0..self.plan.cells.len()).filter(fits).map(CellRef::Cell).collect();
-        if cells.is_empty() { Err(Failure::usage("--only leaves no cell")) } else { Ok(cells) }
+        let cells: BTreeSet<CellRef> = (0..self.plan.cells.len())
+            .filter(fits)
+            .map(CellRef::Cell)
+            .collect();
+        if cells.is_empty() {
+            Err(Failure::usage("--only selects no cell of the plan"))
+        } else {
+            Ok(cells)
+        }
     }
 
-    fn render(&self, control: &Arc<Control>, options: Options) -> Result<NightSummary, Failure> {
-        let mut recorder = Recorder::new(self.store, Arc::clone(self.plan), self.log.clone(), Arc::clone(control));
-        let mut watcher = Watcher::new(control, self.global, self.log);
-        let sinks: &mut [&mut dyn Sink] = &mut [&mut recorder, watcher.sink()];
+    fn render(
+        &self,
+        control: &Arc<NightControls>,
+        options: Options,
+    ) -> Result<NightSummary, Failure> {
+        let mut recorder = Recorder::new(
+            self.store,
+            Arc::clone(self.plan),
+            self.log.clone(),
+            Arc::clone(control),
+        );
+        let mut view = ProgressView::new(control, self.global, self.log);
+        let sinks: &mut [&mut dyn Sink] = &mut [&mut recorder, view.sink()];
         let night = run::run(self.plan, self.script, self.store, sinks, control, options);
-        drop(watcher);
-        self.log.release();
+        drop(view);
+        self.log.resume_stderr();
         night.map_err(Failure::internal)
     }
 
-    /// Draws tables and figures, if nobody has: one of all workers does. `None` if the night is not done after all.
-    fn close(&self, control: &Arc<Control>, heard: &Heard, night: &NightSummary) -> Result<Option<Exit>, Failure> {
-        let what = self.what(night.results.iter().map(|result| (result.cell, &result.outcome)));
+    /// Writes tables and figures unless another worker does. Exactly one worker writes them; the
+    /// others wait for it. Returns `None` if the night turns out not to be done.
+    fn finish_night(
+        &self,
+        control: &Arc<NightControls>,
+        stop_signal: &StopSignal,
+        night: &NightSummary,
+    ) -> Result<Option<Exit>, Failure> {
+        let hash = self.results_hash(night);
         loop {
             if control.stop_requested() {
-                return Ok(Some(heard.exit()));
+                return Ok(Some(stop_signal.exit()));
             }
-            if self.store.closed_of().as_deref() == Some(&what) {
-                self.say(|| format!("all is done; tables and figures are in {}", shown(self.store.folder())));
-                return Ok(Some(exit_of(self.plan, night, heard.exit())));
+            if self.store.closed_results().as_deref() == Some(&hash) {
+                self.print_unless_quiet(|| {
+                    format!(
+                        "all runs are done; tables and figures are in {}",
+                        display_path(self.store.folder())
+                    )
+                });
+                return Ok(Some(results::night_exit(
+                    self.plan,
+                    night,
+                    stop_signal.exit(),
+                )));
             }
-            if self.store.close().map_err(Failure::internal)? == Claim::Ours {
+            if self.store.claim_closing().map_err(Failure::internal)? == Claim::Granted {
                 break;
             }
-            std::thread::sleep(GLANCE);
+            std::thread::sleep(POLL_INTERVAL);
         }
-        let drawn = self.draw(control);
-        let of = drawn.as_ref().ok().and_then(|drawn| Some(drawn.as_ref()?.1.as_str()));
-        self.store.closed(of).map_err(Failure::internal)?;
-        Ok(drawn?.map(|(exit, _)| exit))
+        let written = self.write_results(control);
+        let hash = written
+            .as_ref()
+            .ok()
+            .and_then(|written| Some(written.as_ref()?.1.as_str()));
+        self.store.end_closing(hash).map_err(Failure::internal)?;
+        Ok(written?.map(|(exit, _)| exit))
     }
 
-    /// What became of every run, as one hash.
-    fn what<'o>(&self, results: impl Iterator<Item = (CellRef, &'o Outcome)>) -> String {
-        let word = |outcome: &Outcome| if matches!(outcome, Outcome::Failed(_)) { "failed" } else { "done" };
-        let lines: BTreeSet<String> =
-            results.map(|(cell, outcome)| format!("{:?} {} {}", cell, self.plan.id(cell), word(outcome))).collect();
+    /// Returns a hash of the ids of all runs and whether each one failed.
+    fn results_hash(&self, night: &NightSummary) -> String {
+        let state = |outcome: &Outcome| {
+            if matches!(outcome, Outcome::Failed(_)) {
+                "failed"
+            } else {
+                "done"
+            }
+        };
+        let lines: BTreeSet<String> = night
+            .results
+            .iter()
+            .map(|CellResult { cell, outcome, .. }| {
+                format!("{cell:?} {} {}", self.plan.id(*cell), state(outcome))
+            })
+            .collect();
         let lines: Vec<String> = lines.into_iter().collect();
-        blake3::hash(lines.join("\n").as_bytes()).to_hex().to_string()
+        blake3::hash(lines.join("\n").as_bytes())
+            .to_hex()
+            .to_string()
     }
 
-    fn draw(&self, control: &Arc<Control>) -> Result<Option<(Exit, String)>, Failure> {
-        let Stock { done, failed, open } = self.store.take_stock(self.plan);
+    /// Writes and prints the results of the whole night. Returns the exit code and the hash of the
+    /// results, or `None` if some runs are not done.
+    fn write_results(
+        &self,
+        control: &Arc<NightControls>,
+    ) -> Result<Option<(Exit, String)>, Failure> {
+        let Some(night) = self.collect_results(control)? else {
+            return Ok(None);
+        };
+        let devices = results::timed_devices(self.store, self.plan, &night);
+        results::write_results(self.store, self.plan, &night, &devices)?;
+        results::print_tables(self.plan, &night, &devices)?;
+        results::print_failures(self.plan, &night);
+        results::print_disagreements(self.plan, &night);
+        self.print_unless_quiet(|| {
+            format!(
+                "all runs are done; tables and figures were written to {}",
+                display_path(self.store.folder())
+            )
+        });
+        // The entry is only informative: workers find out from other files that the night is done.
+        let _ = self.store.journal("night_closed", &json!({}));
+        let exit = results::night_exit(self.plan, &night, Exit::Interrupted);
+        Ok(Some((exit, self.results_hash(&night))))
+    }
+
+    /// Reads the results of all runs of the plan, and compares references with second techniques.
+    /// Returns `None` if some runs are not done.
+    fn collect_results(
+        &self,
+        control: &Arc<NightControls>,
+    ) -> Result<Option<NightSummary>, Failure> {
+        let PlanStatus { done, failed, open } = self.store.plan_status(self.plan);
         if open > 0 {
             return Ok(None);
         }
-        let mut comparisons =
-            Comparisons { to: Recorder::new(self.store, Arc::clone(self.plan), self.log.clone(), Arc::clone(control)) };
-        let options = Options { only: Some(done.into_iter().collect()), ..Options::from(self.global.threads) };
+        let mut bias_checks = BiasCheckSink {
+            recorder: Recorder::new(
+                self.store,
+                Arc::clone(self.plan),
+                self.log.clone(),
+                Arc::clone(control),
+            ),
+        };
+        let options = Options {
+            only: Some(done.into_iter().collect()),
+            ..Options::from(self.global.threads)
+        };
         let archive = self.store.archive();
-        let night = run::run(self.plan, self.script, archive, &mut [&mut comparisons], control, options);
+        let night = run::run(
+            self.plan,
+            self.script,
+            archive,
+            &mut [&mut bias_checks],
+            control,
+            options,
+        );
         let mut night = night.map_err(Failure::internal)?;
-        night.results.extend(failed.into_iter().map(|(cell, why)| CellResult {
-            cell,
-            outcome: Outcome::Failed(why),
-            rows: Arc::default(),
-            floors: Arc::default(),
-            open: Default::default(),
-        }));
+        night
+            .results
+            .extend(failed.into_iter().map(|(cell, reason)| CellResult {
+                cell,
+                outcome: Outcome::Failed(reason),
+                rows: Arc::default(),
+                floors: Arc::default(),
+                open: Default::default(),
+            }));
         night.results.sort_by_key(|result| match result.cell {
-            CellRef::Reference(place) => (0, place),
-            CellRef::Cell(place) => (1, place),
+            CellRef::Reference(index) => (0, index),
+            CellRef::Cell(index) => (1, index),
         });
-        let devices = devices_of(self.store, self.plan, &night);
-        write_evidence(self.store, self.plan, &night, &devices)?;
-        print_tables(self.plan, &night, &devices)?;
-        say_failures(self.plan, &night);
-        say_disagreements(self.plan, &night);
-        self.say(|| format!("all is done; tables and figures were written to {}", shown(self.store.folder())));
-        // Only for people: the folders say that all is done.
-        let _ = self.store.journal("night_closed", &json!({}));
-        let what = self.what(night.results.iter().map(|result| (result.cell, &result.outcome)));
-        Ok(Some((exit_of(self.plan, &night, Exit::Interrupted), what)))
+        Ok(Some(night))
     }
 }
 
-/// Keeps what comparisons of references find, when a night is gone through once more to draw its tables.
-struct Comparisons<'a> {
-    to: Recorder<'a>,
+/// Sink that records only bias checks of references, while the results of a finished night are
+/// collected.
+struct BiasCheckSink<'a> {
+    recorder: Recorder<'a>,
 }
 
-impl Sink for Comparisons<'_> {
-    fn hear(&mut self, event: &Event) -> Result<(), SinkError> {
+impl Sink for BiasCheckSink<'_> {
+    fn receive(&mut self, event: &Event) -> Result<(), SinkError> {
         match event {
-            Event::Agreement { .. } => self.to.hear(event),
+            Event::BiasCheck { .. } => self.recorder.receive(event),
             _ => Ok(()),
         }
     }
 }
 
-/// Whether a folder is one that other machines may not see, in words.
-pub(super) fn looks_local(home: &Path) -> Option<String> {
-    let kind = crate::store::mount::kind(home)?;
-    (!crate::store::mount::is_network(&kind)).then(|| {
+/// Returns a warning if a folder seems to be on a disk that other machines cannot access.
+pub(super) fn local_disk_warning(home: &Path) -> Option<String> {
+    let kind = crate::store::lock::filesystem_kind::detect(home)?;
+    (!crate::store::lock::filesystem_kind::is_network(&kind)).then(|| {
         format!(
-            "{} lies on {kind}, which looks like a disk of this machine: workers elsewhere will not see it",
-            shown(home)
+            "{} is on a local file system ({kind}); workers on other machines cannot access it",
+            display_path(home)
         )
     })
 }

@@ -1,73 +1,89 @@
-//! `lumbre reproduce`: what a file shows, rendered again.
+//! `lumbre reproduce`: renders the runs behind a result file again and compares the pictures.
 //!
-//! A file names runs ([`named`]), a run's folder says what was rendered ([`again`]), and the answer for each is one of
-//! three: the same bits, a difference that noise explains, or a place where it does not.
+//! [`run_ids`] finds the runs that a file names, and [`stored_run`] renders a run from the
+//! configuration in its folder. For each run the answer is one of three: identical bits, a
+//! difference that noise explains, or a difference that it does not.
 
-pub(super) mod again;
-mod named;
+mod run_ids;
+pub(super) mod stored_run;
 
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value as Json, json};
 
 use super::args::{Global, ReproduceArgs};
-use super::exit::{Exit, Failure, data, talk};
-use super::load::shown;
-use super::run::counted;
-use super::verify::picture::{Picture, judge};
+use super::exit::{Exit, Failure, print_result, print_status};
+use super::verify::picture::{NoisyPicture, judge};
+use crate::cli::format::{counted, display_path};
 use crate::film::Image;
 use crate::math::stats::normal_two_sided_p;
 use crate::metrics::MetricSpec;
 use crate::output::png;
 use crate::store;
-use again::Stored;
+use stored_run::StoredRun;
 
-/// What became of one run.
+/// Result of reproducing one run.
 enum Answer {
-    /// Every bit is the same.
+    /// Every bit of the picture is the same.
     Identical,
-    /// They differ by what noise explains; with the statistic.
+    /// The difference is explained by noise; with the p-value and a statement of the test.
     Noise { p: f64, statement: String },
-    /// They differ by more; with the first pixel of the worst block, and the map.
-    Differs { statement: String, at: Option<[u32; 2]>, map: Option<PathBuf> },
-    /// It cannot be rendered again, or not be judged.
+    /// The difference is not explained by noise.
+    Differs {
+        /// Statement of the test.
+        statement: String,
+        /// First pixel of the block that differs most.
+        at: Option<[u32; 2]>,
+        /// File of the error map.
+        map: Option<PathBuf>,
+    },
+    /// The run cannot be rendered again, or the pictures cannot be compared; with the reason.
     Impossible(String),
 }
 
-/// Renders again what a file shows.
+/// Runs `lumbre reproduce` for all runs that a file names.
 pub fn main(args: &ReproduceArgs, global: &Global) -> Result<Exit, Failure> {
-    let named = named::read(&args.file).map_err(Failure::usage)?;
-    let stored: Vec<Result<Stored, String>> =
-        named.runs.iter().map(|id| again::find(id, &args.file, &global.out, named.samples)).collect();
+    let ids = run_ids::read(&args.file).map_err(Failure::usage)?;
+    let stored: Vec<Result<StoredRun, String>> = ids
+        .runs
+        .iter()
+        .map(|id| stored_run::find(id, &args.file, &global.out, ids.samples))
+        .collect();
     if let [Err(reason)] = stored.as_slice() {
         return Err(Failure::usage(reason));
     }
     let tests = stored.len();
-    let mut lines = Vec::new();
+    let mut answers = Vec::new();
     let (mut differ, mut failed) = (0, 0);
-    for (id, stored) in named.runs.iter().zip(stored) {
+    for (id, stored) in ids.runs.iter().zip(stored) {
         let answer = match stored {
             Ok(stored) => {
                 if !global.quiet {
-                    talk(&format!("rendering {} again: {} samples per pixel", stored.name, stored.samples));
+                    print_status(&format!(
+                        "rendering {} again: {} samples per pixel",
+                        stored.name, stored.samples
+                    ));
                 }
-                answer(&stored, args, global, tests)
+                reproduce(&stored, args, global, tests)
             }
             Err(reason) => Answer::Impossible(reason),
         };
         differ += usize::from(matches!(answer, Answer::Differs { .. }));
         failed += usize::from(matches!(answer, Answer::Impossible(_)));
-        let line = if args.json { answer.json(id) } else { json!(answer.words(id)) };
-        if !args.json {
-            data(&format!("{}\n", answer.words(id)))?;
+        if args.json {
+            answers.push(answer.json(id));
+        } else {
+            print_result(&format!("{}\n", answer.line(id)))?;
         }
-        lines.push(line);
     }
     if args.json {
-        let whole = json!({ "file": shown(&args.file), "runs": lines });
-        data(&format!("{whole:#}\n"))?;
+        let json = json!({ "file": display_path(&args.file), "runs": answers });
+        print_result(&format!("{json:#}\n"))?;
     } else if tests > 1 && !global.quiet {
-        talk(&format!("{}: {differ} differ, {failed} have no answer", counted(tests, "run")));
+        print_status(&format!(
+            "{}: {differ} differ, {failed} cannot be compared",
+            counted(tests, "run")
+        ));
     }
     Ok(match (differ, failed) {
         (0, 0) => Exit::Done,
@@ -76,65 +92,105 @@ pub fn main(args: &ReproduceArgs, global: &Global) -> Result<Exit, Failure> {
     })
 }
 
-fn answer(stored: &Stored, args: &ReproduceArgs, global: &Global, tests: usize) -> Answer {
-    let film = match again::render(stored, global) {
+/// Renders a run again and compares the picture with the stored one. `tests` is the number of runs
+/// that are compared, for the correction of multiple tests.
+fn reproduce(stored: &StoredRun, args: &ReproduceArgs, global: &Global, tests: usize) -> Answer {
+    let film = match stored_run::render(stored, global) {
         Ok(film) => film,
         Err(reason) => return Answer::Impossible(reason),
     };
-    let now = film.mean();
-    let bits = |image: &Image| image.data.iter().flatten().map(|x| x.to_bits()).collect::<Vec<u32>>();
-    if [now.width, now.height] != [stored.image.width, stored.image.height] {
-        return Answer::Impossible(format!("it has become {}x{} pixels", now.width, now.height));
+    let image = film.mean();
+    let bits = |image: &Image| {
+        image
+            .data
+            .iter()
+            .flatten()
+            .map(|x| x.to_bits())
+            .collect::<Vec<u32>>()
+    };
+    if [image.width, image.height] != [stored.image.width, stored.image.height] {
+        return Answer::Impossible(format!(
+            "the stored picture has {}x{} pixels, but the new one has {}x{}",
+            stored.image.width, stored.image.height, image.width, image.height
+        ));
     }
-    if bits(&now) == bits(&stored.image) {
+    if bits(&image) == bits(&stored.image) {
         return Answer::Identical;
     }
-    // The stored picture has as many samples of the same kind, so its noise is that of the new one.
-    let new = Picture::of(&film);
-    let old = Picture { mean: stored.image.clone(), ..new.clone() };
-    let side = now.width.min(now.height).div_ceil(16).max(1);
+    // The stored picture has equally many samples of the same kind, so both have the same noise.
+    let new = NoisyPicture::from_film(&film);
+    let old = NoisyPicture {
+        mean: stored.image.clone(),
+        ..new.clone()
+    };
+    let side = image.width.min(image.height).div_ceil(16).max(1);
     let judged = judge(&new, &old, side, tests);
     let statement = judged.statement();
     if judged.too_dark() || film.samples < 2 {
-        return Answer::Impossible("it differs, and too little light was found to tell noise from a change".to_owned());
+        return Answer::Impossible(
+            "the pictures differ, but too few samples found light to distinguish noise from a \
+             change"
+                .to_owned(),
+        );
     }
     if judged.agrees {
-        // Of many p-values the least counts, as often as it was tried: once for each block, and for three channels.
-        let least = judged.found.worst_p.min(normal_two_sided_p(judged.found.z));
-        let p = (least * (judged.found.comparisons + 3) as f64).min(1.0);
+        // Bonferroni correction: the smallest p-value times the number of tests, one for each block
+        // and one for each of the three channels of the whole picture.
+        let least = judged
+            .result
+            .worst_p
+            .min(normal_two_sided_p(judged.result.z));
+        let p = (least * (judged.result.comparisons + 3) as f64).min(1.0);
         return Answer::Noise { p, statement };
     }
     let maps = args.maps.clone().unwrap_or_else(|| PathBuf::from("."));
-    Answer::Differs { statement, at: judged.found.worst_at, map: map(&now, &stored.image, &stored.run, &maps) }
+    Answer::Differs {
+        statement,
+        at: judged.result.worst_at,
+        map: write_map(&image, &stored.image, &stored.run, &maps),
+    }
 }
 
-/// Writes where two pictures differ, if that can be drawn and written.
-fn map(now: &Image, before: &Image, run: &str, folder: &Path) -> Option<PathBuf> {
+/// Writes a map of the relative squared error. Returns its path, or `None` if it cannot be computed
+/// or written.
+fn write_map(new: &Image, old: &Image, run: &str, folder: &Path) -> Option<PathBuf> {
     let metric = MetricSpec::new("relmse", "relmse", Default::default()).ok()?;
-    let map = metric.error_map(now, before).ok()?;
-    let meta = [("run".to_owned(), run.to_owned()), ("metric".to_owned(), "relmse".to_owned())];
+    let map = metric.error_map(new, old).ok()?;
+    let meta = [
+        ("run".to_owned(), run.to_owned()),
+        ("metric".to_owned(), "relmse".to_owned()),
+    ];
     let bytes = png::encode_map(&map, map.scale(None), &meta).ok()?;
     let path = folder.join(format!("differs-{}.png", run.get(..8).unwrap_or(run)));
     std::fs::create_dir_all(folder).ok()?;
-    store::atomic(&path, &bytes).map_err(|e| talk(&format!("warning: {e}"))).ok()?;
+    store::write_atomically(&path, &bytes)
+        .map_err(|e| print_status(&format!("warning: {e}")))
+        .ok()?;
     Some(path)
 }
 
 impl Answer {
-    fn words(&self, id: &str) -> String {
+    /// Formats the answer as one line that starts with the first digits of the run's id.
+    fn line(&self, id: &str) -> String {
         let id = id.get(..8).unwrap_or(id);
         match self {
             Answer::Identical => format!("{id}  identical"),
-            Answer::Noise { p, statement } => format!("{id}  equal within noise, p = {p:.2} ({statement})"),
+            Answer::Noise { p, statement } => {
+                format!("{id}  equal within noise, p = {p:.2} ({statement})")
+            }
             Answer::Differs { statement, at, map } => {
                 let place = at.map(|[x, y]| format!(" at {x},{y}")).unwrap_or_default();
-                let map = map.as_ref().map(|m| format!(", map: {}", shown(m))).unwrap_or_default();
+                let map = map
+                    .as_ref()
+                    .map(|m| format!(", map: {}", display_path(m)))
+                    .unwrap_or_default();
                 format!("{id}  differs here{place}{map} ({statement})")
             }
-            Answer::Impossible(reason) => format!("{id}  no answer: {reason}"),
+            Answer::Impossible(reason) => format!("{id}  cannot be compared: {reason}"),
         }
     }
 
+    /// Returns the answer as JSON.
     fn json(&self, id: &str) -> Json {
         match self {
             Answer::Identical => json!({ "run": id, "answer": "identical" }),
@@ -145,7 +201,9 @@ impl Answer {
                 "run": id, "answer": "differs here", "at": at, "statement": statement,
                 "map": map.as_ref().map(|m| m.display().to_string()),
             }),
-            Answer::Impossible(reason) => json!({ "run": id, "answer": "impossible", "reason": reason }),
+            Answer::Impossible(reason) => {
+                json!({ "run": id, "answer": "impossible", "reason": reason })
+            }
         }
     }
 }

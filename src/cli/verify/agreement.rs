@@ -1,93 +1,149 @@
-//! All techniques show the same picture of every built-in scene: integrators with their defaults in pairs, and every
-//! variant of one against its default; by blocks, or as a whole where variance has no bound.
+//! All techniques must render the same picture of every built-in scene. Integrators with default
+//! parameters are compared in pairs, and every variant with its default. Pictures are compared by
+//! blocks, or as a whole if the variance is unbounded.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::sync::Arc;
 
-use super::picture::{Picture, Setting, judge, render};
+use super::picture::{NoisyPicture, Setting, judge, render};
 use super::technique::{self, Technique};
-use super::{Check, Request};
-use crate::cli::builtin::{BuiltIn, short};
-use crate::cli::load;
-use crate::scene::load::Missing;
+use super::{Check, VerifyRequest};
+use crate::cli::night::load;
+use crate::cli::scene::builtin::{BuiltIn, scene_name};
+use crate::scene::load::MissingTextures;
 use crate::scene::{CompiledScene, compile};
 
-/// Marks the seeds of these checks.
-const KIND: u64 = 2;
+/// Identifies the seeds of these checks.
+const SEED_FAMILY: u64 = 2;
 
-/// One scene with every technique and the pictures that were rendered so far, of which several checks need the same.
-struct Stage {
+/// One scene, its techniques, and a cache of pictures that several checks share.
+struct SceneRenders {
     scene: Arc<CompiledScene>,
     techniques: Vec<Technique>,
     settings: Vec<Setting>,
-    pictures: RefCell<BTreeMap<usize, Rc<Picture>>>,
+    pictures: RefCell<BTreeMap<usize, Rc<NoisyPicture>>>,
 }
 
-impl Stage {
-    fn picture(&self, index: usize) -> Result<Rc<Picture>, String> {
+impl SceneRenders {
+    fn picture(&self, index: usize) -> Result<Rc<NoisyPicture>, String> {
         let known = self.pictures.borrow().get(&index).cloned();
         match known {
             Some(picture) => Ok(picture),
             None => {
-                let picture = Rc::new(render(&self.scene, &self.techniques[index], self.settings[index])?);
-                self.pictures.borrow_mut().insert(index, Rc::clone(&picture));
+                let picture = Rc::new(render(
+                    &self.scene,
+                    &self.techniques[index],
+                    self.settings[index],
+                )?);
+                self.pictures
+                    .borrow_mut()
+                    .insert(index, Rc::clone(&picture));
                 Ok(picture)
             }
         }
     }
 }
 
-/// Every pair to be compared, as indices of the techniques.
+/// Returns the pairs to compare, as indices of techniques.
 fn pairs(techniques: &[Technique]) -> Vec<(usize, usize)> {
-    let plain: Vec<usize> = (0..techniques.len()).filter(|i| techniques[*i].params.is_empty()).collect();
+    let plain: Vec<usize> = (0..techniques.len())
+        .filter(|i| techniques[*i].params.is_empty())
+        .collect();
     let mut pairs = Vec::new();
     for (n, first) in plain.iter().enumerate() {
         pairs.extend(plain[..n].iter().map(|second| (*first, *second)));
     }
-    for (i, technique) in techniques.iter().enumerate().filter(|(_, t)| !t.params.is_empty()) {
-        let default = plain.iter().find(|p| techniques[**p].row.name == technique.row.name);
+    for (i, technique) in techniques
+        .iter()
+        .enumerate()
+        .filter(|(_, t)| !t.params.is_empty())
+    {
+        let default = plain
+            .iter()
+            .find(|p| techniques[**p].row.name == technique.row.name);
         pairs.extend(default.map(|d| (i, *d)));
     }
     pairs
 }
 
-/// The checks of this kind.
+/// Lists the checks among techniques.
 ///
 /// # Errors
-/// When a built-in scene cannot be loaded.
-pub fn plan(request: &Request) -> Result<Vec<Check>, String> {
-    let (side, block, samples) = if request.quick { (24, 8, 64) } else { (96, 12, 256) };
+/// If a built-in scene cannot be loaded.
+pub fn plan(request: &VerifyRequest) -> Result<Vec<Check>, String> {
+    let (side, block, samples) = if request.quick {
+        (24, 8, 64)
+    } else {
+        (96, 12, 256)
+    };
     let built_in = BuiltIn::unpack()?;
     let mut checks = Vec::new();
     let mut seeds = 0;
     for file in built_in.scenes() {
-        let (desc, _) = load::scene(&file, Missing::Refused).map_err(|e| e.to_string())?;
+        let (desc, _) =
+            load::load_scene(&file, MissingTextures::Fail).map_err(|e| e.to_string())?;
         let (scene, _) = compile(&desc).map_err(|e| e.to_string())?;
         let longest = scene.resolution[0].max(scene.resolution[1]).max(1);
         let resolution = scene.resolution.map(|n| (n * side / longest).max(1));
-        let techniques: Vec<Technique> = technique::plain().into_iter().flat_map(with_variants).collect();
+        let techniques: Vec<Technique> = technique::plain()
+            .into_iter()
+            .flat_map(with_variants)
+            .collect();
         let settings = techniques.iter().map(|_| {
             seeds += 1;
-            let (seed, threads) = (request.seed(KIND, seeds), request.threads);
-            Setting { resolution, max_depth: scene.max_depth, rr_start: None, samples, seed, threads }
+            Setting {
+                resolution,
+                max_depth: scene.max_depth,
+                rr_start: None,
+                samples,
+                seed: request.seed(SEED_FAMILY, seeds),
+                threads: request.threads,
+            }
         });
         let settings = settings.collect();
-        let stage = Rc::new(Stage { scene: Arc::new(scene), techniques, settings, pictures: RefCell::default() });
-        for (first, second) in pairs(&stage.techniques) {
-            let compared = format!("{} with {}", stage.techniques[first], stage.techniques[second]);
-            let wild = [first, second].iter().any(|i| stage.techniques[*i].is_wild());
-            let block = if wild { resolution[0].max(resolution[1]) } else { block };
-            let stage = Rc::clone(&stage);
-            checks.push(Check::new(short(&file), compared, move |tests| {
-                Ok(judge(&*stage.picture(first)?, &*stage.picture(second)?, block, tests).outcome())
-            }));
-        }
+        let renders = Rc::new(SceneRenders {
+            scene: Arc::new(scene),
+            techniques,
+            settings,
+            pictures: RefCell::default(),
+        });
+        checks.extend(scene_checks(
+            &scene_name(&file),
+            &renders,
+            resolution,
+            block,
+        ));
     }
     Ok(checks)
 }
 
+/// Lists the checks of one scene. Techniques of unbounded variance are compared as a whole.
+fn scene_checks(
+    name: &str,
+    renders: &Rc<SceneRenders>,
+    resolution: [u32; 2],
+    block: u32,
+) -> Vec<Check> {
+    let check = |(first, second): (usize, usize)| {
+        let techniques = [first, second].map(|i| &renders.techniques[i]);
+        let compared = format!("{} with {}", techniques[0], techniques[1]);
+        let block = if techniques.iter().any(|t| t.has_unbounded_variance()) {
+            resolution[0].max(resolution[1])
+        } else {
+            block
+        };
+        let renders = Rc::clone(renders);
+        Check::new(name, compared, move |tests| {
+            let pictures = [renders.picture(first)?, renders.picture(second)?];
+            Ok(judge(&pictures[0], &pictures[1], block, tests).outcome())
+        })
+    };
+    pairs(&renders.techniques).into_iter().map(check).collect()
+}
+
+/// Returns a technique followed by its variants.
 fn with_variants(technique: Technique) -> Vec<Technique> {
     let mut all = technique.variants();
     all.insert(0, technique);

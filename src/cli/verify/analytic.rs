@@ -1,5 +1,6 @@
-//! Scenes whose radiance is known in closed form, by every integrator and every variant. Pictures are compared as a
-//! whole: in blocks, a few rare splats beside much that has no noise would look normal.
+//! Scenes with radiance known in closed form, rendered by every integrator and variant. Pictures
+//! are compared as a whole: in blocks, a few rare splats next to noise-free areas would not follow
+//! a normal distribution.
 
 use std::path::PathBuf;
 use std::rc::Rc;
@@ -7,44 +8,49 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::picture::{Picture, Setting, judge, render};
+use super::picture::{NoisyPicture, Setting, judge, render};
 use super::technique::{self, Technique};
-use super::{Check, Request};
+use super::{Check, VerifyRequest};
 use crate::film::Image;
 use crate::scene::compile;
 use crate::scene::desc::{
-    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, MeshDesc, Model, SceneDesc, ShapeDesc,
-    Transform, mesh_hash,
+    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, MeshDesc, Model,
+    SceneDesc, ShapeDesc, Transform, mesh_hash,
 };
 
-/// Marks the seeds of these checks.
-const KIND: u64 = 1;
+/// Identifies the seeds of these checks.
+const SEED_FAMILY: u64 = 1;
 
-/// A scene and what it shows.
-struct Known {
+/// A scene with known radiance.
+struct KnownScene {
     name: &'static str,
     formula: &'static str,
     scene: SceneDesc,
     max_depth: u32,
-    /// Radiance at a place of the picture: each coordinate from -1 to 1, up and to the right.
+    /// Radiance at a position in the picture; coordinates from -1 to 1, to the right and up.
     radiance: Box<dyn Fn(f64, f64) -> [f64; 3]>,
-    /// Samples per pixel; many where only chance finds the light.
+    /// Samples per pixel; large if light is only found by chance.
     samples: u64,
 }
 
-/// Every such scene.
-fn known() -> Vec<Known> {
-    vec![furnace(), glass(), surroundings(), lamp()]
+/// Returns all scenes with known radiance.
+fn known_scenes() -> Vec<KnownScene> {
+    vec![
+        furnace(),
+        glass(),
+        uniform_environment(),
+        sphere_over_floor(),
+    ]
 }
 
-/// The checks of this kind.
+/// Lists the checks against known radiance.
 ///
 /// # Errors
-/// Never; scenes made here compile.
-pub fn plan(request: &Request) -> Result<Vec<Check>, String> {
+/// Never: the scenes defined here compile.
+pub fn plan(request: &VerifyRequest) -> Result<Vec<Check>, String> {
     let mut checks = Vec::new();
     let mut seeds = 0;
-    for case in known() {
+    for case in known_scenes() {
         let side = if request.quick { 8 } else { 32 };
         let (scene, _) = compile(&case.scene).map_err(|e| format!("{}: {e}", case.name))?;
         let scene = Arc::new(scene);
@@ -59,7 +65,7 @@ pub fn plan(request: &Request) -> Result<Vec<Check>, String> {
                 max_depth: case.max_depth,
                 rr_start: None,
                 samples: case.samples,
-                seed: request.seed(KIND, seeds),
+                seed: request.seed(SEED_FAMILY, seeds),
                 threads: request.threads,
             };
             let truth = Rc::clone(&truth);
@@ -73,90 +79,140 @@ pub fn plan(request: &Request) -> Result<Vec<Check>, String> {
     Ok(checks)
 }
 
-/// The picture of `side` pixels a side, each the mean over a grid of places.
-fn truth(case: &Known, side: u32) -> Picture {
+/// Computes the exact picture of `side` pixels a side; each pixel is the mean over a grid.
+fn truth(case: &KnownScene, side: u32) -> NoisyPicture {
     const GRID: u32 = 8;
-    let place =
-        |pixel: u32, i: u32| (f64::from(pixel) + (f64::from(i) + 0.5) / f64::from(GRID)) / f64::from(side) * 2.0 - 1.0;
+    let coordinate = |pixel: u32, i: u32| {
+        (f64::from(pixel) + (f64::from(i) + 0.5) / f64::from(GRID)) / f64::from(side) * 2.0 - 1.0
+    };
     let mean = Image::from_fn(side, side, |x, y| {
         let mut sum = [0.0; 3];
         for (i, j) in (0..GRID * GRID).map(|n| (n % GRID, n / GRID)) {
-            let at = (case.radiance)(place(x, i), -place(y, j));
-            sum = [0, 1, 2].map(|c| sum[c] + at[c]);
+            let radiance = (case.radiance)(coordinate(x, i), -coordinate(y, j));
+            sum = [0, 1, 2].map(|c| sum[c] + radiance[c]);
         }
         sum.map(|s| (s / f64::from(GRID * GRID)) as f32)
     });
-    Picture::known(mean, Image::new(side, side))
+    NoisyPicture::from_values(mean, Image::new(side, side))
 }
 
-/// The same everywhere.
-fn flat(radiance: [f64; 3]) -> Box<dyn Fn(f64, f64) -> [f64; 3]> {
+/// Radiance that is constant over the picture.
+fn constant(radiance: [f64; 3]) -> Box<dyn Fn(f64, f64) -> [f64; 3]> {
     Box::new(move |_, _| radiance)
 }
 
 /// A closed room whose walls emit e and reflect a: e (1 + a + .. + a^(k-1)) after k edges.
-fn furnace() -> Known {
+fn furnace() -> KnownScene {
     let (albedo, emitted, edges) = (Vec3::new(0.8, 0.6, 0.3), 0.5, 5);
-    let walls = MaterialDesc { emission: Vec3::splat(emitted), ..lambert("walls", albedo) };
-    let series = |a: f32| f64::from(emitted) * (1.0 - f64::from(a).powi(edges)) / (1.0 - f64::from(a));
-    Known {
+    let walls = MaterialDesc {
+        emission: Vec3::splat(emitted),
+        ..lambert("walls", albedo)
+    };
+    let series =
+        |a: f32| f64::from(emitted) * (1.0 - f64::from(a).powi(edges)) / (1.0 - f64::from(a));
+    KnownScene {
         name: "furnace",
         formula: "e (1 - a^k) / (1 - a)",
-        scene: scene(Vec3::new(0.1, 0.2, 0.3), Vec3::new(0.7, 0.1, -0.4), 70.0, vec![walls], vec![room(1.0)]),
+        scene: scene(
+            Vec3::new(0.1, 0.2, 0.3),
+            Vec3::new(0.7, 0.1, -0.4),
+            70.0,
+            vec![walls],
+            vec![room(1.0)],
+        ),
         max_depth: edges as u32,
-        radiance: flat(albedo.to_array().map(series)),
+        radiance: constant(albedo.to_array().map(series)),
         samples: 128,
     }
 }
 
-/// Glass and a mirror that lose nothing, in a room that emits 1: they cannot be seen.
-fn glass() -> Known {
-    let walls = MaterialDesc { emission: Vec3::ONE, emitter_reflects: false, ..lambert("walls", Vec3::ZERO) };
-    let glass = MaterialDesc { opacity: 0.0, ..lambert("glass", Vec3::ONE) };
-    let mirror = MaterialDesc { metallic: 1.0, ..lambert("mirror", Vec3::ONE) };
-    let balls = [("glass", Vec3::new(-0.2, 0.0, 0.0)), ("mirror", Vec3::new(0.3, 0.1, -0.2))];
+/// Lossless glass and a mirror in a room that emits 1: they are invisible.
+fn glass() -> KnownScene {
+    let walls = MaterialDesc {
+        emission: Vec3::ONE,
+        emitter_reflects: false,
+        ..lambert("walls", Vec3::ZERO)
+    };
+    let glass = MaterialDesc {
+        opacity: 0.0,
+        ..lambert("glass", Vec3::ONE)
+    };
+    let mirror = MaterialDesc {
+        metallic: 1.0,
+        ..lambert("mirror", Vec3::ONE)
+    };
+    let balls = [
+        ("glass", Vec3::new(-0.2, 0.0, 0.0)),
+        ("mirror", Vec3::new(0.3, 0.1, -0.2)),
+    ];
     let mut entities = vec![room(1.0)];
     entities.extend(balls.map(|(material, center)| ball(material, center, 0.25)));
-    Known {
+    KnownScene {
         name: "lossless",
         formula: "1",
-        scene: scene(Vec3::Z * 0.9, Vec3::ZERO, 50.0, vec![walls, glass, mirror], entities),
+        scene: scene(
+            Vec3::Z * 0.9,
+            Vec3::ZERO,
+            50.0,
+            vec![walls, glass, mirror],
+            entities,
+        ),
         max_depth: 64,
-        radiance: flat([1.0; 3]),
+        radiance: constant([1.0; 3]),
         samples: 16,
     }
 }
 
-/// A convex diffuse body under the same light L from everywhere shows a L.
-fn surroundings() -> Known {
+/// A convex diffuse body under uniform radiance L has the radiance a L.
+fn uniform_environment() -> KnownScene {
     let albedo = Vec3::new(0.9, 0.5, 0.2);
-    let mut scene =
-        scene(Vec3::Z * 4.0, Vec3::ZERO, 10.0, vec![lambert("ball", albedo)], vec![ball("ball", Vec3::ZERO, 1.0)]);
-    scene.environment =
-        Some(EnvironmentDesc { source: EnvironmentSource::Color(Vec3::splat(2.0)), rotation_deg: 0.0, scale: 1.0 });
-    Known {
+    let mut scene = scene(
+        Vec3::Z * 4.0,
+        Vec3::ZERO,
+        10.0,
+        vec![lambert("ball", albedo)],
+        vec![ball("ball", Vec3::ZERO, 1.0)],
+    );
+    scene.environment = Some(EnvironmentDesc {
+        source: EnvironmentSource::Color(Vec3::splat(2.0)),
+        rotation_deg: 0.0,
+        scale: 1.0,
+    });
+    KnownScene {
         name: "environment",
         formula: "a L",
         scene,
         max_depth: 3,
-        radiance: flat(albedo.to_array().map(|a| 2.0 * f64::from(a))),
+        radiance: constant(albedo.to_array().map(|a| 2.0 * f64::from(a))),
         samples: 128,
     }
 }
 
-/// A floor under a sphere of radius r at height h, seen from below the sphere: at the distance x from its foot the floor
-/// shows a L r^2 h / (h^2 + x^2)^(3/2).
-fn lamp() -> Known {
+/// A floor under an emissive sphere of radius r at height h, seen from below the sphere. At the
+/// distance x from the foot of the sphere the floor has the radiance
+/// a L r^2 h / (h^2 + x^2)^(3/2).
+fn sphere_over_floor() -> KnownScene {
     let (albedo, radius, height, radiance, eye) = (0.5f32, 0.5f32, 2.0f32, 3.0f32, 1.0f32);
-    let lamp = MaterialDesc { emission: Vec3::splat(radiance), emitter_reflects: false, ..lambert("lamp", Vec3::ZERO) };
-    let floor = quad(Vec3::new(-50.0, 0.0, 50.0), Vec3::X * 100.0, Vec3::Z * -100.0);
+    let lamp = MaterialDesc {
+        emission: Vec3::splat(radiance),
+        emitter_reflects: false,
+        ..lambert("lamp", Vec3::ZERO)
+    };
+    let floor = quad(
+        Vec3::new(-50.0, 0.0, 50.0),
+        Vec3::X * 100.0,
+        Vec3::Z * -100.0,
+    );
     let materials = vec![lambert("floor", Vec3::splat(albedo)), lamp];
-    let entities = vec![mesh("floor", &[floor]), ball("lamp", Vec3::Y * height, radius)];
+    let entities = vec![
+        mesh("floor", &[floor]),
+        ball("lamp", Vec3::Y * height, radius),
+    ];
     let mut scene = scene(Vec3::Y * eye, Vec3::ZERO, 60.0, materials, entities);
     scene.camera.up = Vec3::Z;
     let [a, r, h, l] = [albedo, radius, height, radiance].map(f64::from);
     let extent = f64::from(eye) * 30f64.to_radians().tan();
-    Known {
+    KnownScene {
         name: "lamp over floor",
         formula: "a L r^2 h / d^3",
         scene,
@@ -170,7 +226,11 @@ fn lamp() -> Known {
 }
 
 fn lambert(name: &str, base_color: Vec3) -> MaterialDesc {
-    MaterialDesc { base_color, model: Model::Lambert, ..MaterialDesc::new(name) }
+    MaterialDesc {
+        base_color,
+        model: Model::Lambert,
+        ..MaterialDesc::new(name)
+    }
 }
 
 fn scene(
@@ -184,7 +244,12 @@ fn scene(
         views: Vec::new(),
         resolution: [1, 1],
         max_depth: 1,
-        camera: CameraDesc { position, target, fov_deg, ..CameraDesc::default() },
+        camera: CameraDesc {
+            position,
+            target,
+            fov_deg,
+            ..CameraDesc::default()
+        },
         materials,
         entities,
         lights: Vec::new(),
@@ -195,7 +260,10 @@ fn scene(
 fn entity(material: &str, center: Vec3, shape: ShapeDesc) -> EntityDesc {
     EntityDesc {
         name: material.to_owned(),
-        transform: Transform { translate: center, ..Transform::default() },
+        transform: Transform {
+            translate: center,
+            ..Transform::default()
+        },
         material: Some(material.to_owned()),
         anisotropic_direction: None,
         shape,
@@ -206,18 +274,22 @@ fn ball(material: &str, center: Vec3, radius: f32) -> EntityDesc {
     entity(material, center, ShapeDesc::Sphere { radius })
 }
 
-/// The corners of a parallelogram, counter-clockwise seen from its front `a x b`.
+/// Returns the corners of a parallelogram, counter-clockwise seen from its front `a x b`.
 fn quad(corner: Vec3, a: Vec3, b: Vec3) -> [Vec3; 4] {
     [corner, corner + a, corner + a + b, corner + b]
 }
 
-/// A cube about the origin whose fronts look inwards.
+/// Creates a cube around the origin whose fronts face inwards.
 fn room(half: f32) -> EntityDesc {
     let axes = [(Vec3::X, Vec3::Y), (Vec3::Y, Vec3::Z), (Vec3::Z, Vec3::X)];
     let walls = axes.iter().flat_map(|(n, a)| {
         [-1.0, 1.0].map(|side| {
             let b = (-*n * side).cross(*a);
-            quad(*n * side * half - (*a + b) * half, *a * 2.0 * half, b * 2.0 * half)
+            quad(
+                *n * side * half - (*a + b) * half,
+                *a * 2.0 * half,
+                b * 2.0 * half,
+            )
         })
     });
     mesh("walls", &walls.collect::<Vec<_>>())
@@ -231,7 +303,9 @@ fn mesh(material: &str, quads: &[[Vec3; 4]]) -> EntityDesc {
         uvs: Vec::new(),
         colors: Vec::new(),
         second_uvs: Vec::new(),
-        triangles: (0..quads.len() as u32).flat_map(|q| [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|i| 4 * q + i))).collect(),
+        triangles: (0..quads.len() as u32)
+            .flat_map(|q| [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|i| 4 * q + i)))
+            .collect(),
         slots: vec![material.to_owned()],
         triangle_slot: vec![0; 2 * quads.len()],
         content_hash: [0; 32],

@@ -1,8 +1,10 @@
-//! `lumbre verify`: the program checks its own light transport, and against images that others made.
+//! `lumbre verify`: checks of the program's light transport, among its techniques and against
+//! images of other programs.
 //!
-//! A check compares pictures and ends in a verdict. All checks of a run share one significance, [`SIGNIFICANCE`], which is
-//! split among them and, within each, among the blocks of the pictures [Sidak 1967]: a correct program fails somewhere
-//! with this probability, for all seeds together. The seed is fixed, so that a run can be repeated to the bit.
+//! A check compares pictures and ends in a verdict. All checks of a run share one significance
+//! level, [`SIGNIFICANCE`]. It is split among the checks and, within each check, among the blocks
+//! of the pictures [Sidak 1967]: this is the probability, over all seeds, that a correct program
+//! fails any check. The seed is fixed, so a run is reproducible to the bit.
 
 mod agreement;
 mod analytic;
@@ -18,68 +20,80 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use super::args::{Global, VerifyArgs};
-use super::exit::{Exit, Failure, data, talk};
-use super::text::duration;
-use report::Report;
+use super::exit::{Exit, Failure, print_result, print_status};
+use super::format::duration;
+use report::VerifyReport;
 
-/// The probability that some check of a run calls a correct program wrong.
+/// Probability that any check of a run fails for a correct program.
 pub const SIGNIFICANCE: f64 = 1e-3;
 
-/// What a run is asked for.
-pub struct Request {
-    /// Fewer samples, smaller pictures.
+/// Parameters of a run.
+pub struct VerifyRequest {
+    /// Use fewer samples and smaller pictures.
     pub quick: bool,
-    /// Decides all random numbers.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// Worker threads; 0 is one for each core.
+    /// Number of worker threads; 0 means one per core.
     pub threads: usize,
-    /// Where scenes lie that references were made of.
+    /// Folder of the scenes that belong to the references.
     pub scenes: Option<PathBuf>,
-    /// Where the references lie.
+    /// Folder of the references.
     pub references: Option<PathBuf>,
 }
 
-impl Request {
-    /// A seed of its own for picture `index` of a kind of check, the same whichever other checks run.
-    fn seed(&self, kind: u64, index: usize) -> u64 {
-        self.seed.wrapping_mul(1 << 32) ^ kind << 24 ^ index as u64
+impl VerifyRequest {
+    /// Seed of picture `index` in a family of checks; independent of which other checks run.
+    fn seed(&self, family: u64, index: usize) -> u64 {
+        self.seed.wrapping_mul(1 << 32) ^ family << 24 ^ index as u64
     }
 }
 
-/// How a check ended.
+/// Result of a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// As it should be.
+    /// The check passed.
     Passed,
-    /// Not as it should be.
+    /// The check failed.
     Failed,
-    /// Nothing could be said, or nothing was there.
+    /// The check was not possible, for lack of data or of significance.
     Skipped,
 }
 
-/// What a check found.
+/// Verdict of a check and the statistics behind it.
 pub struct Outcome {
-    /// The verdict.
+    /// Verdict of the check.
     pub verdict: Verdict,
-    /// The statistic in words, or why the check was skipped.
+    /// The statistic as text, or why the check was skipped.
     pub statement: String,
-    /// The same as numbers by name.
+    /// The statistic as numbers by name.
     pub figures: serde_json::Value,
 }
 
 impl Outcome {
     fn skipped(reason: impl Into<String>) -> Outcome {
-        Outcome { verdict: Verdict::Skipped, statement: reason.into(), figures: serde_json::Value::Null }
+        Outcome::without_figures(Verdict::Skipped, reason.into())
+    }
+
+    fn failed(error: String) -> Outcome {
+        Outcome::without_figures(Verdict::Failed, error)
+    }
+
+    fn without_figures(verdict: Verdict, statement: String) -> Outcome {
+        Outcome {
+            verdict,
+            statement,
+            figures: serde_json::Value::Null,
+        }
     }
 }
 
-/// One row of the printed table.
+/// One check, which prints one row of the table.
 pub struct Check {
-    /// What is checked.
+    /// Name of the scene or reference.
     pub name: String,
-    /// What is compared with what.
+    /// Description of what is compared.
     pub compared: String,
-    /// Does it, as one of so many checks that share [`SIGNIFICANCE`].
+    /// Runs the check; its argument is the number of checks that share [`SIGNIFICANCE`].
     run: Box<dyn FnOnce(usize) -> Result<Outcome, String>>,
 }
 
@@ -89,103 +103,171 @@ impl Check {
         compared: impl Into<String>,
         run: impl FnOnce(usize) -> Result<Outcome, String> + 'static,
     ) -> Check {
-        Check { name: name.into(), compared: compared.into(), run: Box::new(run) }
+        Check {
+            name: name.into(),
+            compared: compared.into(),
+            run: Box::new(run),
+        }
     }
 }
 
-/// One row of [`KINDS`].
-struct Kind {
+/// A family of checks.
+struct CheckFamily {
     name: &'static str,
-    /// Lists the checks; an error is the user's and ends the program before any work.
-    plan: fn(&Request) -> Result<Vec<Check>, String>,
+    /// Lists the checks. An error is reported to the user before any check runs.
+    plan: fn(&VerifyRequest) -> Result<Vec<Check>, String>,
 }
 
-/// Every kind of check there is.
-const KINDS: &[Kind] = &[
-    Kind { name: "analytic", plan: analytic::plan },
-    Kind { name: "density", plan: density::plan },
-    Kind { name: "agreement", plan: agreement::plan },
-    Kind { name: "reference", plan: references::plan },
-    Kind { name: "picture", plan: pictures::plan },
+/// All families of checks.
+const FAMILIES: &[CheckFamily] = &[
+    CheckFamily {
+        name: "analytic",
+        plan: analytic::plan,
+    },
+    CheckFamily {
+        name: "density",
+        plan: density::plan,
+    },
+    CheckFamily {
+        name: "agreement",
+        plan: agreement::plan,
+    },
+    CheckFamily {
+        name: "reference",
+        plan: references::plan,
+    },
+    CheckFamily {
+        name: "picture",
+        plan: pictures::plan,
+    },
 ];
 
-/// Kills nights and says what became of them.
-fn killed(kills: u32, args: &VerifyArgs, global: &Global) -> Result<Exit, Failure> {
+/// Runs the kill test and reports its result.
+fn run_kill_test(kills: u32, args: &VerifyArgs, global: &Global) -> Result<Exit, Failure> {
     let start = Instant::now();
-    let found =
-        kill::check(kills, args.processes, &args.order, args.seed, global.threads).map_err(Failure::internal)?;
-    let passed = found.problems.is_empty();
+    let result = kill::check(
+        kills,
+        args.processes,
+        &args.order,
+        args.seed,
+        global.threads,
+    )
+    .map_err(Failure::internal)?;
+    let passed = result.problems.is_empty();
     if args.json {
         let json = serde_json::json!({
-            "kills": found.kills, "nights": found.nights, "processes": args.processes, "order": args.order, "checkpoints": found.checkpoints,
-            "files": found.files, "problems": found.problems, "passed": passed, "seconds": start.elapsed().as_secs_f64(),
+            "kills": result.kills, "nights": result.nights, "processes": args.processes,
+            "order": args.order, "checkpoints": result.checkpoints,
+            "files": result.files, "problems": result.problems, "passed": passed,
+            "seconds": start.elapsed().as_secs_f64(),
         });
-        data(&format!("{json:#}\n"))?;
+        print_result(&format!("{json:#}\n"))?;
     } else {
-        let kill::Killed { kills, nights, checkpoints, files, .. } = found;
+        let kill::KillReport {
+            kills,
+            nights,
+            checkpoints,
+            files,
+            ..
+        } = result;
         let mut page = format!(
-            "{kills} kills in {nights} nights of {} processes, {checkpoints} of them with a checkpoint to go on from: \
-             {files} files of each night compared in {}, {}\n",
+            "{kills} kills in {nights} nights of {} processes, {checkpoints} of them with a \
+             checkpoint to resume from: {files} files per night compared in {}, {}\n",
             args.processes,
             duration(start.elapsed().as_secs_f64()),
-            if passed { "all the same" } else { "NOT the same" },
+            if passed {
+                "all identical"
+            } else {
+                "NOT identical"
+            },
         );
-        page.extend(found.problems.iter().map(|problem| format!("  {problem}\n")));
-        data(&page)?;
+        page.extend(
+            result
+                .problems
+                .iter()
+                .map(|problem| format!("  {problem}\n")),
+        );
+        print_result(&page)?;
     }
-    Ok(if passed { Exit::Done } else { Exit::NotVerified })
+    Ok(if passed {
+        Exit::Done
+    } else {
+        Exit::NotVerified
+    })
 }
 
-/// Runs every check and says what it found.
+/// Returns the checks whose rows contain all texts of `only`, with the names of their families.
+fn selected_checks(
+    request: &VerifyRequest,
+    only: &[String],
+) -> Result<Vec<(&'static str, Check)>, Failure> {
+    let mut checks = Vec::new();
+    for family in FAMILIES {
+        let planned = (family.plan)(request).map_err(Failure::usage)?;
+        checks.extend(planned.into_iter().map(|check| (family.name, check)));
+    }
+    checks.retain(|(family, check)| {
+        let row = format!("{family} {} {}", check.name, check.compared);
+        only.iter().all(|text| row.contains(text.as_str()))
+    });
+    if checks.is_empty() {
+        return Err(Failure::usage(format!(
+            "no check contains `{}`; --only matches text of a row, such as `analytic` or `bdpt`",
+            only.join("` and `")
+        )));
+    }
+    Ok(checks)
+}
+
+/// Runs all selected checks and prints their results.
 pub fn main(args: &VerifyArgs, global: &Global) -> Result<Exit, Failure> {
     if let Some(kills) = args.kill {
-        return killed(kills, args, global);
+        return run_kill_test(kills, args, global);
     }
-    let request = Request {
+    let request = VerifyRequest {
         quick: args.quick,
         seed: args.seed,
         threads: global.threads,
         scenes: args.scenes.clone(),
         references: args.references.clone(),
     };
-    let say = |line: &str| {
+    let progress = |line: &str| {
         if !global.quiet {
-            talk(line);
+            print_status(line);
         }
     };
-    let mut checks = Vec::new();
-    for kind in KINDS {
-        let planned = (kind.plan)(&request).map_err(Failure::usage)?;
-        checks.extend(planned.into_iter().map(|check| (kind.name, check)));
-    }
-    let wanted = |kind: &str, check: &Check| {
-        let row = format!("{kind} {} {}", check.name, check.compared);
-        args.only.iter().all(|text| row.contains(text.as_str()))
-    };
-    checks.retain(|(kind, check)| wanted(kind, check));
-    if checks.is_empty() {
-        return Err(Failure::usage(format!("no check contains `{}`", args.only.join("` and `"))));
-    }
+    let checks = selected_checks(&request, &args.only)?;
     let count = checks.len();
-    let mut report = Report::new(&request, checks.iter().map(|(kind, check)| (*kind, check)));
+    let mut report = VerifyReport::new(
+        &request,
+        checks.iter().map(|(family, check)| (*family, check)),
+    );
     if !args.json {
-        data(&report.head())?;
+        print_result(&report.head())?;
     }
-    for (number, (kind, check)) in checks.into_iter().enumerate() {
-        let Check { name, compared, run } = check;
-        say(&format!("{} of {count}: {kind} {name}: {compared}", number + 1));
+    for (number, (family, check)) in checks.into_iter().enumerate() {
+        let (name, compared) = (check.name, check.compared);
+        progress(&format!(
+            "{} of {count}: {family} {name}: {compared}",
+            number + 1
+        ));
         let start = Instant::now();
-        let outcome = run(count).unwrap_or_else(|problem| Outcome {
-            verdict: Verdict::Failed,
-            statement: problem,
-            figures: serde_json::Value::Null,
-        });
-        let line = report.add(kind, &name, &compared, outcome, start.elapsed().as_secs_f64());
+        let outcome = (check.run)(count).unwrap_or_else(Outcome::failed);
+        let seconds = start.elapsed().as_secs_f64();
+        let line = report.add(family, &name, &compared, outcome, seconds);
         if !args.json {
-            data(&line)?;
+            print_result(&line)?;
         }
     }
-    data(&if args.json { format!("{:#}\n", report.json()) } else { report.tail() })?;
-    say(&format!("took {}", duration(report.seconds())));
-    Ok(if report.failed() > 0 { Exit::NotVerified } else { Exit::Done })
+    print_result(&if args.json {
+        format!("{:#}\n", report.json())
+    } else {
+        report.tail()
+    })?;
+    progress(&format!("took {}", duration(report.seconds())));
+    Ok(if report.failed() > 0 {
+        Exit::NotVerified
+    } else {
+        Exit::Done
+    })
 }

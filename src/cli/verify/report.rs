@@ -1,11 +1,11 @@
-//! The table of checks, as text that grows line by line and as JSON.
+//! Table of check results, as text that is printed row by row, and as JSON.
 
 use serde_json::{Value as Json, json};
 
-use super::{Check, Outcome, Request, SIGNIFICANCE, Verdict};
+use super::{Check, Outcome, SIGNIFICANCE, Verdict, VerifyRequest};
 
-/// What was found so far.
-pub struct Report {
+/// Results so far.
+pub struct VerifyReport {
     quick: bool,
     seed: u64,
     checks: usize,
@@ -19,7 +19,7 @@ pub struct Report {
 const HEAD: [&str; 5] = ["kind", "check", "compared", "verdict", "statistic"];
 
 impl Verdict {
-    fn word(self) -> &'static str {
+    fn name(self) -> &'static str {
         match self {
             Verdict::Passed => "passed",
             Verdict::Failed => "FAILED",
@@ -28,9 +28,12 @@ impl Verdict {
     }
 }
 
-impl Report {
-    /// An empty report about these checks.
-    pub fn new<'a>(request: &Request, checks: impl Iterator<Item = (&'static str, &'a Check)>) -> Report {
+impl VerifyReport {
+    /// Creates an empty report for these checks.
+    pub fn new<'a>(
+        request: &VerifyRequest,
+        checks: impl Iterator<Item = (&'static str, &'a Check)>,
+    ) -> VerifyReport {
         let mut widths = [HEAD[0], HEAD[1], HEAD[2]].map(str::len);
         let mut count = 0;
         for (kind, check) in checks {
@@ -38,7 +41,7 @@ impl Report {
             let lengths = [kind, &check.name, &check.compared].map(|cell| cell.chars().count());
             widths = [0, 1, 2].map(|i| widths[i].max(lengths[i]));
         }
-        Report {
+        VerifyReport {
             quick: request.quick,
             seed: request.seed,
             checks: count,
@@ -53,10 +56,13 @@ impl Report {
     fn line(&self, cells: [&str; 5]) -> String {
         let [a, b, c] = self.widths;
         let [kind, name, compared, verdict, statistic] = cells;
-        format!("{kind:<a$}  {name:<b$}  {compared:<c$}  {verdict:<7}  {statistic}").trim_end().to_owned() + "\n"
+        format!("{kind:<a$}  {name:<b$}  {compared:<c$}  {verdict:<7}  {statistic}")
+            .trim_end()
+            .to_owned()
+            + "\n"
     }
 
-    /// What stands above the rows.
+    /// Returns the header above the rows.
     pub fn head(&self) -> String {
         format!(
             "{} checks, seed {}{}, significance {SIGNIFICANCE} shared by all\n{}",
@@ -67,34 +73,50 @@ impl Report {
         )
     }
 
-    /// Takes a result in; returns its row.
-    pub fn add(&mut self, kind: &str, name: &str, compared: &str, outcome: Outcome, seconds: f64) -> String {
-        let Outcome { verdict, statement, figures } = outcome;
+    /// Adds a result and returns its row.
+    pub fn add(
+        &mut self,
+        kind: &str,
+        name: &str,
+        compared: &str,
+        outcome: Outcome,
+        seconds: f64,
+    ) -> String {
+        let Outcome {
+            verdict,
+            statement,
+            figures,
+        } = outcome;
         self.counts[verdict as usize] += 1;
         self.seconds += seconds;
         if verdict == Verdict::Skipped {
-            self.skipped.push(format!("{kind} {name}, {compared}: {statement}"));
+            self.skipped
+                .push(format!("{kind} {name}, {compared}: {statement}"));
         }
         self.rows.push(json!({
             "kind": kind,
             "check": name,
             "compared": compared,
-            "verdict": verdict.word().to_lowercase(),
+            "verdict": verdict.name().to_lowercase(),
             "statement": statement,
             "figures": figures,
             "seconds": seconds,
         }));
-        self.line([kind, name, compared, verdict.word(), &statement])
+        self.line([kind, name, compared, verdict.name(), &statement])
     }
 
-    /// What stands below the rows.
+    /// Returns the summary below the rows.
     pub fn tail(&self) -> String {
         let [passed, failed, skipped] = self.counts;
-        let reasons: String = self.skipped.iter().map(|reason| format!("skipped {reason}\n")).collect();
+        let reasons: String = self
+            .skipped
+            .iter()
+            .map(|reason| format!("skipped {reason}\n"))
+            .collect();
         format!("{passed} passed, {failed} failed, {skipped} skipped\n{reasons}")
     }
 
-    /// Everything for programs.
+    /// Returns all results as JSON.
     pub fn json(&self) -> Json {
         let [passed, failed, skipped] = self.counts;
         json!({
@@ -109,12 +131,12 @@ impl Report {
         })
     }
 
-    /// How many checks failed.
+    /// Number of failed checks.
     pub fn failed(&self) -> usize {
         self.counts[Verdict::Failed as usize]
     }
 
-    /// Seconds that the checks took.
+    /// Total duration of the checks in seconds.
     pub fn seconds(&self) -> f64 {
         self.seconds
     }

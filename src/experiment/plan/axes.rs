@@ -1,4 +1,4 @@
-//! The axes of a sweep: overrides, selections, and the points in their order.
+//! Axes of a sweep: overrides, selections, and the sequence of points.
 
 use std::collections::BTreeSet;
 
@@ -6,24 +6,28 @@ use super::PlanError;
 use crate::experiment::spec::{Axis, Point};
 use crate::value::{Value, suggest};
 
-/// The most cells a plan may have.
+/// Greatest number of cells in a plan.
 pub const MAX_CELLS: u64 = 1_000_000;
 
-/// What the command line changes about a script's experiment.
+/// Changes to a script's experiment by the command line.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Overrides {
-    /// New values for axes. Axes that are zipped keep the steps that have one of the values.
+    /// New values for axes. Zipped axes are restricted to the steps that have one of the values.
     pub axes: Vec<(String, Vec<Value>)>,
-    /// Points to keep: of several values for one axis any, of several axes all must match.
+    /// Selected points: a point must match one of the values of every axis named here.
     pub only: Vec<(String, Value)>,
-    /// A backend that replaces the script's, for cells and references alike.
+    /// Backend that replaces the script's, for cells and references.
     pub backend: Option<String>,
-    /// Whether the plan is for other machines: backends then need not be usable on this one.
+    /// Whether the plan is for other machines, so that backends need not be usable on this one.
     pub elsewhere: bool,
 }
 
-/// The axes after overrides and selections, checked.
-pub(super) fn select(axes: &[Axis], overrides: &Overrides, repeats: u32) -> Result<Vec<Axis>, PlanError> {
+/// Applies overrides and selections to the axes and checks the result.
+pub(super) fn select(
+    axes: &[Axis],
+    overrides: &Overrides,
+    repeats: u32,
+) -> Result<Vec<Axis>, PlanError> {
     let mut axes = axes.to_vec();
     check_names(&axes)?;
     for (name, values) in &overrides.axes {
@@ -35,35 +39,46 @@ pub(super) fn select(axes: &[Axis], overrides: &Overrides, repeats: u32) -> Resu
     Ok(axes)
 }
 
-/// Every point of the sweep, the last axis varying fastest.
+/// All points of the sweep, with the last axis varying fastest.
 pub(super) fn points(axes: &[Axis]) -> impl Iterator<Item = Point> + '_ {
     let count: usize = axes.iter().map(|axis| axis.steps.len()).product();
     (0..count).map(move |index| {
         let mut rest = index;
-        let mut place = vec![0; axes.len()];
-        for (axis, place) in axes.iter().zip(&mut place).rev() {
-            *place = rest % axis.steps.len();
+        let mut steps = vec![0; axes.len()];
+        for (axis, step) in axes.iter().zip(&mut steps).rev() {
+            *step = rest % axis.steps.len();
             rest /= axis.steps.len();
         }
-        let values = |(axis, place): (&Axis, usize)| -> Point {
-            axis.names.iter().cloned().zip(axis.steps[place].iter().cloned()).collect()
+        let values = |(axis, step): (&Axis, usize)| -> Point {
+            axis.names
+                .iter()
+                .cloned()
+                .zip(axis.steps[step].iter().cloned())
+                .collect()
         };
-        axes.iter().zip(place).flat_map(values).collect()
+        axes.iter().zip(steps).flat_map(values).collect()
     })
 }
 
-/// A point in words, for messages.
+/// Describes a point for messages.
 pub(super) fn describe(point: &Point) -> String {
     if point.is_empty() {
         return "the only point".to_owned();
     }
-    let parts: Vec<String> = point.iter().map(|(name, value)| format!("{name} = {value}")).collect();
+    let parts: Vec<String> = point
+        .iter()
+        .map(|(name, value)| format!("{name} = {value}"))
+        .collect();
     parts.join(", ")
 }
 
 fn check_names(axes: &[Axis]) -> Result<(), PlanError> {
     let mut seen = BTreeSet::new();
-    match axes.iter().flat_map(|axis| &axis.names).find(|name| !seen.insert(name.as_str())) {
+    match axes
+        .iter()
+        .flat_map(|axis| &axis.names)
+        .find(|name| !seen.insert(name.as_str()))
+    {
         Some(axis) => Err(PlanError::DuplicateAxis { axis: axis.clone() }),
         None => Ok(()),
     }
@@ -82,7 +97,11 @@ fn check_steps(axis: &Axis) -> Result<(), PlanError> {
     });
     match twice {
         Some(step) => {
-            let value = step.iter().map(Value::to_string).collect::<Vec<_>>().join(", ");
+            let value = step
+                .iter()
+                .map(Value::to_string)
+                .collect::<Vec<_>>()
+                .join(", ");
             Err(PlanError::DuplicateValue { axis: name, value })
         }
         None => Ok(()),
@@ -93,18 +112,29 @@ fn replace(axes: &mut [Axis], name: &str, values: &[Value]) -> Result<(), PlanEr
     let (axis, column) = find(axes, name)?;
     let axis = &mut axes[axis];
     if values.is_empty() {
-        return Err(PlanError::EmptyAxis { axis: name.to_owned() });
+        return Err(PlanError::EmptyAxis {
+            axis: name.to_owned(),
+        });
     }
     if axis.names.len() > 1 {
         for value in values {
             expect_value(axis, column, value)?;
         }
-        axis.steps.retain(|step| values.iter().any(|value| same(value, &step[column])));
+        axis.steps
+            .retain(|step| values.iter().any(|value| same(value, &step[column])));
         return Ok(());
     }
-    // A value that the script has keeps the script's kind: on the command line `1` may mean the string "1".
-    let of_script = |value: &Value| axis.steps.iter().map(|step| &step[0]).find(|v| same(value, v));
-    let steps = values.iter().map(|value| vec![of_script(value).unwrap_or(value).clone()]).collect();
+    // Prefer the script's own value and its type: on the command line `1` may mean the string "1".
+    let of_script = |value: &Value| {
+        axis.steps
+            .iter()
+            .map(|step| &step[0])
+            .find(|v| same(value, v))
+    };
+    let steps = values
+        .iter()
+        .map(|value| vec![of_script(value).unwrap_or(value).clone()])
+        .collect();
     axis.steps = steps;
     Ok(())
 }
@@ -120,9 +150,17 @@ fn keep_only(axes: &mut [Axis], only: &[(String, Value)]) -> Result<(), PlanErro
         }
     }
     for (axis, wanted) in axes.iter_mut().zip(&kept) {
-        axis.steps.retain(|step| wanted.iter().all(|(c, values)| values.iter().any(|v| same(v, &step[*c]))));
+        axis.steps.retain(|step| {
+            wanted
+                .iter()
+                .all(|(c, values)| values.iter().any(|v| same(v, &step[*c])))
+        });
         if axis.steps.is_empty() {
-            let wanted = only.iter().map(|(name, value)| format!("{name} = {value}")).collect::<Vec<_>>().join(", ");
+            let wanted = only
+                .iter()
+                .map(|(name, value)| format!("{name} = {value}"))
+                .collect::<Vec<_>>()
+                .join(", ");
             return Err(PlanError::NothingSelected { wanted });
         }
     }
@@ -133,30 +171,53 @@ fn check_size(axes: &[Axis], repeats: u32) -> Result<(), PlanError> {
     if repeats == 0 {
         return Err(PlanError::NoRepeats);
     }
-    let cells = axes.iter().map(|axis| axis.steps.len() as f64).product::<f64>() * f64::from(repeats);
+    let cells = axes
+        .iter()
+        .map(|axis| axis.steps.len() as f64)
+        .product::<f64>()
+        * f64::from(repeats);
     if cells <= MAX_CELLS as f64 {
         return Ok(());
     }
     let factor = |axis: &Axis| format!("{} of `{}`", axis.steps.len(), axis.names.join(", "));
     let mut factors: Vec<String> = axes.iter().map(factor).collect();
     factors.push(format!("{repeats} repeats"));
-    Err(PlanError::TooManyCells { cells: format!("{cells}"), factors: factors.join(" x "), limit: MAX_CELLS })
+    Err(PlanError::TooManyCells {
+        cells: format!("{cells}"),
+        factors: factors.join(" x "),
+        limit: MAX_CELLS,
+    })
 }
 
-/// The place of an axis by name: which axis, and which of its zipped columns.
+/// Finds an axis by name: its index, and the index of the name among zipped axes.
 fn find(axes: &[Axis], name: &str) -> Result<(usize, usize), PlanError> {
-    let place = |(i, axis): (usize, &Axis)| axis.names.iter().position(|n| n == name).map(|column| (i, column));
-    axes.iter().enumerate().find_map(place).ok_or_else(|| PlanError::UnknownAxis {
-        axis: name.to_owned(),
-        help: help(name, axes.iter().flat_map(|axis| &axis.names).map(String::as_str)),
-    })
+    let position = |(i, axis): (usize, &Axis)| {
+        axis.names
+            .iter()
+            .position(|n| n == name)
+            .map(|column| (i, column))
+    };
+    axes.iter()
+        .enumerate()
+        .find_map(position)
+        .ok_or_else(|| PlanError::UnknownAxis {
+            axis: name.to_owned(),
+            help: help(
+                name,
+                axes.iter().flat_map(|axis| &axis.names).map(String::as_str),
+            ),
+        })
 }
 
 fn expect_value(axis: &Axis, column: usize, value: &Value) -> Result<(), PlanError> {
     if axis.steps.iter().any(|step| same(value, &step[column])) {
         return Ok(());
     }
-    let known: Vec<String> = axis.steps.iter().map(|step| step[column].to_string()).collect();
+    let known: Vec<String> = axis
+        .steps
+        .iter()
+        .map(|step| step[column].to_string())
+        .collect();
     Err(PlanError::UnknownValue {
         axis: axis.names[column].clone(),
         value: value.to_string(),
@@ -164,12 +225,12 @@ fn expect_value(axis: &Axis, column: usize, value: &Value) -> Result<(), PlanErr
     })
 }
 
-/// Whether a value from the command line means a value of the script.
+/// Whether a value from the command line stands for a value of the script.
 fn same(given: &Value, of_script: &Value) -> bool {
     given == of_script || given.to_string() == of_script.to_string()
 }
 
-/// The nearest known name, or the first few of them.
+/// Suggests the most similar known name, or lists the first few.
 pub(super) fn help<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     const SHOWN: usize = 12;
     let known: Vec<&str> = known.into_iter().collect();
@@ -177,7 +238,11 @@ pub(super) fn help<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> 
         Some(near) => format!("did you mean `{near}`?"),
         None if known.is_empty() => "there are none".to_owned(),
         None if known.len() > SHOWN => {
-            format!("known: {}, and {} more", known[..SHOWN].join(", "), known.len() - SHOWN)
+            format!(
+                "known: {}, and {} more",
+                known[..SHOWN].join(", "),
+                known.len() - SHOWN
+            )
         }
         None => format!("known: {}", known.join(", ")),
     }

@@ -1,4 +1,4 @@
-//! Why no plan can be made.
+//! Errors of planning an experiment.
 
 use std::path::PathBuf;
 
@@ -7,212 +7,227 @@ use crate::experiment::stop::StopError;
 use crate::scene::SceneError;
 use crate::value::schema::SchemaError;
 
-/// Why no plan can be made of an experiment. `point` is the point of the sweep in words.
+/// Why no plan can be made of an experiment.
+///
+/// `point` is a description of the point of the sweep where the error was found.
 #[derive(Debug, thiserror::Error)]
 pub enum PlanError {
-    /// An override or a selection names no axis.
+    /// An override or a selection names an axis that does not exist.
     #[error("there is no axis `{axis}` ({help})")]
     UnknownAxis {
-        /// The name as given.
+        /// Name as given.
         axis: String,
-        /// The nearest axis, or all of them.
+        /// The most similar axis, or the existing ones.
         help: String,
     },
-    /// A selection, or an override of zipped axes, names a value that the axis does not have.
+    /// A selection or an override of zipped axes names a value that the axis does not have.
     #[error("axis `{axis}` has no value `{value}` ({help})")]
     UnknownValue {
-        /// The axis.
+        /// Name of the axis.
         axis: String,
-        /// The value as given.
+        /// Value as given.
         value: String,
-        /// The nearest value, or all of them.
+        /// The most similar value, or the existing ones.
         help: String,
     },
-    /// An axis without values.
+    /// An axis has no values.
     #[error("axis `{axis}` has no values: give at least one")]
     EmptyAxis {
-        /// Its name.
+        /// Name of the axis.
         axis: String,
     },
-    /// Two axes of the same name.
+    /// Two axes have the same name.
     #[error("two axes are called `{axis}`: rename one of them")]
     DuplicateAxis {
-        /// The name.
+        /// The common name.
         axis: String,
     },
-    /// The same step twice in one axis.
-    #[error("axis `{axis}` has `{value}` twice: leave one out, or ask for `repeats`")]
+    /// An axis has the same step twice.
+    #[error("axis `{axis}` has the value `{value}` twice: remove one, or use `repeats`")]
     DuplicateValue {
-        /// The axis, or the zipped axes.
+        /// Name of the axis, or of the zipped axes.
         axis: String,
-        /// The value, or the values.
+        /// The value, or the values of zipped axes.
         value: String,
     },
-    /// Selections that together leave nothing.
-    #[error("no point of the sweep has all of {wanted}")]
+    /// Selections that no point fulfils together.
+    #[error("no point of the sweep matches all of {wanted}: select other values with `--only`")]
     NothingSelected {
-        /// What was asked for.
+        /// The selections as given.
         wanted: String,
     },
-    /// No repeats.
-    #[error("`repeats` is 0: every point needs at least one run")]
+    /// The number of repeats is zero.
+    #[error("`repeats` is 0: set it to at least 1")]
     NoRepeats,
-    /// More cells than a plan may have.
-    #[error("the sweep has {cells} cells ({factors}), more than {limit}: shorten an axis or select with `--only`")]
+    /// The sweep has more cells than a plan may have.
+    #[error(
+        "the sweep has {cells} cells ({factors}), more than the limit of {limit}: shorten an axis, \
+         or select points with `--only`"
+    )]
     TooManyCells {
-        /// How many, as a decimal number.
+        /// Number of cells, in decimal.
         cells: String,
-        /// The factors in words.
+        /// Description of the factors whose product it is.
         factors: String,
-        /// The most there may be.
+        /// Greatest number of cells.
         limit: u64,
     },
     /// A function of the script failed.
     #[error("{function} at {point}: {error}")]
     Hook {
-        /// Which function.
+        /// Name of the function.
         function: String,
-        /// Where in the sweep.
+        /// Description of the point.
         point: String,
-        /// What the script's side says.
+        /// Error of the script's function.
         error: HookError,
     },
     /// A scene cannot be loaded.
     #[error("scene at {point}: {error}")]
     Scene {
-        /// Where in the sweep.
+        /// Description of the point.
         point: String,
-        /// What is wrong.
+        /// Cause of the failure.
         error: Box<SceneError>,
     },
-    /// A change to the scene names nothing in it, or has a value of the wrong kind.
+    /// A change to the scene has an unknown path or a value of the wrong kind.
     #[error("`set` at {point}: {error}")]
     Set {
-        /// Where in the sweep.
+        /// Description of the point.
         point: String,
-        /// What is wrong.
+        /// Cause of the failure.
         error: Box<SchemaError>,
     },
-    /// No such integrator.
+    /// An integrator does not exist.
     #[error("at {point}: unknown integrator `{name}` ({help})")]
     UnknownIntegrator {
-        /// Where in the sweep.
+        /// Description of the point.
         point: String,
-        /// The name as written.
+        /// Name as written.
         name: String,
-        /// The nearest name, or all of them.
+        /// The most similar name, or the existing ones.
         help: String,
     },
-    /// No such sampler.
+    /// A sampler does not exist.
     #[error("at {point}: unknown sampler `{name}` ({help})")]
     UnknownSampler {
-        /// Where in the sweep.
+        /// Description of the point.
         point: String,
-        /// The name as written.
+        /// Name as written.
         name: String,
-        /// The nearest name, or all of them.
+        /// The most similar name, or the existing ones.
         help: String,
     },
-    /// No such backend.
+    /// A backend does not exist.
     #[error("at {point}: unknown backend `{name}` ({help})")]
     UnknownBackend {
-        /// Where in the sweep.
+        /// Description of the point.
         point: String,
-        /// The name as written.
+        /// Name as written.
         name: String,
-        /// The nearest name, or all of them.
+        /// The most similar name, or the existing ones.
         help: String,
     },
-    /// A backend that this machine cannot use.
+    /// A backend cannot be used on this machine.
     #[error("at {point}: backend `{name}` cannot be used on this machine: {reason}")]
     UnusableBackend {
-        /// Where in the sweep.
+        /// Description of the point.
         point: String,
-        /// The backend.
+        /// Name of the backend.
         name: String,
-        /// What its probe says.
+        /// Result of its probe.
         reason: String,
     },
-    /// A picture without pixels, or with too many.
-    #[error("at {point}: a picture of {width}x{height} pixels: each side is at least 1, and all are at most {limit}")]
+    /// A picture has no pixels, or too many.
+    #[error(
+        "at {point}: a picture of {width}x{height} pixels is not possible: use sides of at least 1 \
+         and at most {limit} pixels in all"
+    )]
     Resolution {
-        /// Where in the sweep.
+        /// Description of the point.
         point: String,
-        /// Columns.
+        /// Width in pixels.
         width: u32,
-        /// Rows.
+        /// Height in pixels.
         height: u32,
-        /// The most pixels there may be.
+        /// Greatest number of pixels.
         limit: u64,
     },
-    /// Layers that cannot be had.
+    /// Layers or time bins that the run cannot have.
     #[error("`films` at {point}: {reason}")]
     Films {
-        /// Where in the sweep.
+        /// Description of the point.
         point: String,
-        /// What is wrong, and what to do.
+        /// Cause and remedy.
         reason: String,
     },
-    /// What the backend cannot do.
+    /// The backend does not support something that the run needs.
     #[error("at {point}: backend `{backend}` cannot render this: {reason}")]
     Refused {
-        /// Where in the sweep.
+        /// Description of the point.
         point: String,
-        /// The backend.
+        /// Name of the backend.
         backend: String,
-        /// What it lacks.
+        /// The missing feature.
         reason: String,
     },
-    /// A path length of zero.
-    #[error("at {point}: `max_depth` is 0: a path from the camera to a light has at least 1 edge")]
+    /// The path length is limited to zero edges.
+    #[error(
+        "at {point}: `max_depth` is 0: set it to at least 1, the number of edges of a path from \
+         the camera to a light"
+    )]
     NoDepth {
-        /// Where in the sweep.
+        /// Description of the point.
         point: String,
     },
-    /// A stop rule that makes no sense.
-    #[error("{whose} at {point}: {error}")]
+    /// A stop rule is invalid.
+    #[error("{rule} at {point}: {error}")]
     Stop {
-        /// The cell's rule or the reference's.
-        whose: &'static str,
-        /// Where in the sweep.
+        /// Name of the rule: of the cell or of the reference.
+        rule: &'static str,
+        /// Description of the point.
         point: String,
-        /// What is wrong.
+        /// Cause of the failure.
         error: Box<StopError>,
     },
-    /// A reference of another size than the cell's picture.
-    #[error("at {point}: the picture has {}x{} pixels but its reference {}x{}", cell[0], cell[1], reference[0], reference[1])]
+    /// A reference has another size than the cell's picture.
+    #[error(
+        "at {point}: the picture has {}x{} pixels but its reference {}x{}: use the same \
+         `resolution`",
+        cell[0], cell[1], reference[0], reference[1]
+    )]
     ReferenceSize {
-        /// Where in the sweep.
+        /// Description of the point.
         point: String,
         /// Width and height of the cell.
         cell: [u32; 2],
         /// Width and height of the reference.
         reference: [u32; 2],
     },
-    /// A reference that cannot be rendered in parts.
+    /// A reference cannot be split into shards.
     #[error("`parts` of the reference at {point}: {reason}")]
-    Parts {
-        /// Where in the sweep.
+    Shards {
+        /// Description of the point.
         point: String,
-        /// Why not, and what to do.
+        /// Cause and remedy.
         reason: String,
     },
-    /// Another program that this machine does not have. The points that need it are left out instead.
-    #[error("{technique} is not here: {reason}")]
+    /// An external program is not installed. The points that need it are left out of the plan.
+    #[error("{technique} is not installed: {reason}")]
     Absent {
-        /// The technique that needs it.
+        /// Name of the technique that needs it.
         technique: &'static str,
-        /// What is missing.
+        /// Description of what is missing.
         reason: String,
     },
-    /// A reference file that cannot be read.
+    /// A reference file cannot be read.
     #[error("reference at {point}: cannot read {}: {reason}", file.display())]
     ReferenceFile {
-        /// Where in the sweep.
+        /// Description of the point.
         point: String,
-        /// The file.
+        /// Path of the file.
         file: PathBuf,
-        /// What the system says.
+        /// Error of the system.
         reason: String,
     },
 }

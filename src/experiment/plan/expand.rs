@@ -1,4 +1,4 @@
-//! From a script's experiment to its plan.
+//! Expansion of a script's experiment to its plan.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -6,23 +6,28 @@ use std::sync::Arc;
 use super::axes::{self, Overrides, describe};
 use super::path::Paths;
 use super::resolve::{LoadScene, Renderable, Resolver};
-use super::{Agree, Cell, Plan, PlanError, Reference, ReferenceSource, RunId, Skipped, identity};
-use crate::experiment::parts;
-use crate::experiment::spec::{AgreeRequest, CellConfig, HookError, Point, ReferenceRequest, ScriptHooks, Spec};
+use super::{
+    BiasCheck, Cell, Plan, PlanError, Reference, ReferenceSource, RunId, Skipped, identity,
+};
+use crate::experiment::shards;
+use crate::experiment::spec::{
+    BiasCheckRequest, CellConfig, ExperimentSpec, HookError, Point, ReferenceRequest, ScriptHooks,
+};
 use crate::experiment::stop::StopRule;
-use crate::render::hierarchy::InLanes;
+use crate::render::hierarchy::LaneMode;
 use crate::value::Value;
 
 /// Expands an experiment to its plan.
 ///
-/// Points come in the order of the axes, the first axis slowest; the repeats of a point follow one another. Skip rules
-/// are asked in their order and the first that says yes is recorded. Every scene file is read once through
-/// `load_scene`; points with the same file and the same changes share one scene.
+/// Points follow the order of the axes, with the first axis slowest; the repeats of a point follow
+/// one another. Skip rules are evaluated in their order, and the first one that applies is
+/// recorded. Every scene file is read once through `load_scene`; points with the same file and the
+/// same changes share one scene.
 ///
 /// # Errors
-/// Whatever keeps the night from being carried out as asked; nothing has been rendered or written then.
+/// When the night cannot be carried out as requested; nothing has been rendered or written then.
 pub fn expand(
-    spec: &Spec,
+    spec: &ExperimentSpec,
     hooks: &dyn ScriptHooks,
     overrides: &Overrides,
     load_scene: &mut LoadScene<'_>,
@@ -32,46 +37,49 @@ pub fn expand(
     for point in axes::points(&axes) {
         builder.add(point)?;
     }
-    builder.settle_lanes();
+    builder.unify_vectorization();
     Ok(builder.finish())
 }
 
-/// A point of which only its cells are still to be made.
-struct Ready {
+/// A resolved point whose cells are still to be made.
+struct PendingPoint {
     point: Point,
     renderable: Renderable,
     reference: Option<usize>,
     stop: StopRule,
+    /// Whether its cells have doubles for the A/A check.
     doubled: bool,
 }
 
-/// A plan in the making.
+/// A plan under construction.
 struct Builder<'a> {
-    spec: &'a Spec,
+    spec: &'a ExperimentSpec,
     hooks: &'a dyn ScriptHooks,
     overrides: &'a Overrides,
     resolver: Resolver<'a>,
     columns: Vec<String>,
-    /// The canonical measurements, without and with a reference.
+    /// Canonical forms of the measurements, without and with a reference.
     measure: [Value; 2],
     paths: Paths,
-    ready: Vec<Ready>,
+    pending: Vec<PendingPoint>,
     cells: Vec<Cell>,
     references: Vec<Reference>,
-    reference_places: BTreeMap<RunId, usize>,
+    /// Index of every reference by its id.
+    reference_indices: BTreeMap<RunId, usize>,
     skipped: Vec<Skipped>,
-    /// Stop rules that may never hold, with the number of runs that have them.
+    /// Descriptions of stop rules that may never hold, with the number of runs that have them.
     endless: BTreeMap<String, usize>,
+    /// Number of cells without a reference.
     unmeasured: usize,
-    /// The pictures of which one technique has its doubles already.
-    controlled: BTreeSet<RunId>,
-    /// The warning that runs have no lanes which could have them.
-    kept_alone: Option<String>,
+    /// Pictures that already have a technique with doubles.
+    pictures_with_doubles: BTreeSet<RunId>,
+    /// Warning that runs which could be vectorised use the scalar path.
+    scalar_warning: Option<String>,
 }
 
 impl<'a> Builder<'a> {
     fn new(
-        spec: &'a Spec,
+        spec: &'a ExperimentSpec,
         hooks: &'a dyn ScriptHooks,
         overrides: &'a Overrides,
         load: &'a mut LoadScene<'a>,
@@ -81,138 +89,204 @@ impl<'a> Builder<'a> {
             hooks,
             overrides,
             resolver: Resolver::new(load, overrides.elsewhere),
-            columns: spec.measure.metrics.iter().map(|metric| metric.column.clone()).collect(),
+            columns: spec
+                .measure
+                .metrics
+                .iter()
+                .map(|metric| metric.column.clone())
+                .collect(),
             measure: [false, true].map(|measured| identity::measure(&spec.measure, measured)),
             paths: Paths::default(),
-            ready: Vec::new(),
+            pending: Vec::new(),
             cells: Vec::new(),
             references: Vec::new(),
-            reference_places: BTreeMap::new(),
+            reference_indices: BTreeMap::new(),
             skipped: Vec::new(),
             endless: BTreeMap::new(),
             unmeasured: 0,
-            controlled: BTreeSet::new(),
-            kept_alone: None,
+            pictures_with_doubles: BTreeSet::new(),
+            scalar_warning: None,
         }
     }
 
+    /// Resolves a point and adds it to the plan, unless it is skipped or needs a program that is
+    /// not installed.
     fn add(&mut self, point: Point) -> Result<(), PlanError> {
         if let Some(reason) = self.skip_reason(&point)? {
-            self.skipped.push(Skipped { point, reason, absent: false });
+            self.skipped.push(Skipped {
+                point,
+                reason,
+                absent: false,
+            });
             return Ok(());
         }
-        let config = self.hooks.render(&point).map_err(|e| hook("`render`", &point, e))?;
+        let config = self
+            .hooks
+            .render(&point)
+            .map_err(|e| hook("`render`", &point, e))?;
         let (renderable, reference) = match self.with_reference(config, &point) {
             Err(absent @ PlanError::Absent { .. }) => {
-                self.skipped.push(Skipped { point, reason: absent.to_string(), absent: true });
+                self.skipped.push(Skipped {
+                    point,
+                    reason: absent.to_string(),
+                    absent: true,
+                });
                 return Ok(());
             }
-            found => found?,
+            resolved => resolved?,
         };
-        let stop = self.hooks.stop(&point).map_err(|e| hook("`stop`", &point, e))?;
-        stop.validate(&self.columns, reference.is_some()).map_err(|error| PlanError::Stop {
-            whose: "stop rule",
-            point: describe(&point),
-            error: Box::new(error),
-        })?;
+        let stop = self
+            .hooks
+            .stop(&point)
+            .map_err(|e| hook("`stop`", &point, e))?;
+        stop.validate(&self.columns, reference.is_some())
+            .map_err(|error| PlanError::Stop {
+                rule: "stop rule",
+                point: describe(&point),
+                error: Box::new(error),
+            })?;
         self.note_endless(&stop, self.spec.repeats as usize);
         if reference.is_none() {
             self.unmeasured += self.spec.repeats as usize;
         }
-        let doubled = self.doubled(&renderable, &point)?;
-        self.ready.push(Ready { point, renderable, reference, stop, doubled });
+        let doubled = self.is_doubled(&renderable, &point)?;
+        self.pending.push(PendingPoint {
+            point,
+            renderable,
+            reference,
+            stop,
+            doubled,
+        });
         Ok(())
     }
 
     /// Whether the cells of a point have doubles for the A/A check.
-    fn doubled(&mut self, renderable: &Renderable, point: &Point) -> Result<bool, PlanError> {
-        if !self.spec.control {
+    fn is_doubled(&mut self, renderable: &Renderable, point: &Point) -> Result<bool, PlanError> {
+        if !self.spec.aa_check {
             return Ok(false);
         }
-        let said = self.hooks.control(point).map_err(|e| hook("`control`", point, e))?;
-        Ok(said.unwrap_or_else(|| {
-            let mut others = renderable.picture.clone();
+        let requested = self
+            .hooks
+            .aa_check(point)
+            .map_err(|e| hook("`control`", point, e))?;
+        Ok(requested.unwrap_or_else(|| {
+            let mut picture = renderable.picture.clone();
             for technique in ["integrator", "sampler", "rr_start", "films"] {
-                others.remove(technique);
+                picture.remove(technique);
             }
-            self.controlled.insert(identity::run_id(&Value::Map(others)))
+            self.pictures_with_doubles
+                .insert(identity::run_id(&Value::Map(picture)))
         }))
     }
 
+    /// Returns the reason of the first skip rule that applies to a point.
     fn skip_reason(&self, point: &Point) -> Result<Option<String>, PlanError> {
         for (rule, reason) in self.spec.skips.iter().enumerate() {
-            let asked = self.hooks.skip(rule, point);
-            if asked.map_err(|e| hook(&format!("skip rule `{reason}`"), point, e))? {
+            let skipped = self.hooks.skip(rule, point);
+            if skipped.map_err(|e| hook(&format!("skip rule `{reason}`"), point, e))? {
                 return Ok(Some(reason.clone()));
             }
         }
         Ok(None)
     }
 
-    fn with_reference(&mut self, config: CellConfig, point: &Point) -> Result<(Renderable, Option<usize>), PlanError> {
+    /// Resolves the cell of a point and its reference.
+    fn with_reference(
+        &mut self,
+        config: CellConfig,
+        point: &Point,
+    ) -> Result<(Renderable, Option<usize>), PlanError> {
         let renderable = self.renderable(config, point)?;
         let reference = self.reference(&renderable, point)?;
         Ok((renderable, reference))
     }
 
-    fn renderable(&mut self, mut config: CellConfig, point: &Point) -> Result<Renderable, PlanError> {
+    fn renderable(
+        &mut self,
+        mut config: CellConfig,
+        point: &Point,
+    ) -> Result<Renderable, PlanError> {
         self.override_backend(&mut config);
         self.resolver.renderable(config, point)
     }
 
+    /// Resolves the reference of a point and adds it to the plan. Returns its index.
     fn reference(&mut self, cell: &Renderable, point: &Point) -> Result<Option<usize>, PlanError> {
-        let request = self.hooks.reference(point).map_err(|e| hook("`reference`", point, e))?;
-        let reference = match request {
+        let request = self
+            .hooks
+            .reference(point)
+            .map_err(|e| hook("`reference`", point, e))?;
+        let (config, stop, bias_check, shards) = match request {
             None => return Ok(None),
             Some(ReferenceRequest::File { file, source }) => {
                 let (id, identity) = self.resolver.reference_file(&file, point)?;
-                Reference { id, source: ReferenceSource::File { file, source }, identity, agree: None }
+                return Ok(Some(self.add_reference(Reference {
+                    id,
+                    source: ReferenceSource::File { file, source },
+                    identity,
+                    bias_check: None,
+                })));
             }
-            Some(ReferenceRequest::Render { config, stop, agree, parts }) => {
-                let seeds = identity::reference_seeds();
-                let reference = self.rendered_reference(*config, stop, parts, seeds, cell, point)?;
-                let place = self.place(reference);
-                if let Some(AgreeRequest { config, stop, rate }) = agree.map(|agree| *agree) {
-                    // Where time ends it, it has no parts.
-                    let parts = if let StopRule::Samples(_) = stop { parts } else { 1 };
-                    let seeds = identity::second_seeds();
-                    let second = self.rendered_reference(config, stop, parts, seeds, cell, point)?;
-                    let with = self.place(second);
-                    self.references[place].agree = Some(Agree { with, rate });
-                }
-                return Ok(Some(place));
-            }
+            Some(ReferenceRequest::Render {
+                config,
+                stop,
+                bias_check,
+                shards,
+            }) => (config, stop, bias_check, shards),
         };
-        Ok(Some(self.place(reference)))
+        let seeds = identity::reference_seeds();
+        let reference = self.rendered_reference(*config, stop, shards, seeds, cell, point)?;
+        let index = self.add_reference(reference);
+        if let Some(BiasCheckRequest { config, stop, rate }) = bias_check.map(|check| *check) {
+            // A second picture with a time limit cannot be split into shards.
+            let shards = if let StopRule::Samples(_) = stop {
+                shards
+            } else {
+                1
+            };
+            let seeds = identity::bias_check_seeds();
+            let second = self.rendered_reference(config, stop, shards, seeds, cell, point)?;
+            let with = self.add_reference(second);
+            self.references[index].bias_check = Some(BiasCheck { with, rate });
+        }
+        Ok(Some(index))
     }
 
-    /// The place of a reference in the plan, in which each stands once.
-    fn place(&mut self, reference: Reference) -> usize {
-        if let Some(place) = self.reference_places.get(&reference.id) {
-            return *place;
+    /// Adds a reference to the plan, unless it is already there, and returns its index.
+    fn add_reference(&mut self, reference: Reference) -> usize {
+        if let Some(index) = self.reference_indices.get(&reference.id) {
+            return *index;
         }
-        let place = self.references.len();
+        let index = self.references.len();
         if let ReferenceSource::Render { stop, .. } = &reference.source {
             self.note_endless(stop, 1);
         }
-        self.reference_places.insert(reference.id.clone(), place);
+        self.reference_indices.insert(reference.id.clone(), index);
         self.references.push(reference);
-        place
+        index
     }
 
+    /// Resolves a reference that Lumbre renders, split into at most `shards` shards.
     fn rendered_reference(
         &mut self,
         config: CellConfig,
         stop: StopRule,
-        parts: u32,
+        shards: u32,
         seeds: [u64; 2],
         cell: &Renderable,
         point: &Point,
     ) -> Result<Reference, PlanError> {
         let mut renderable = self.renderable(config, point)?;
-        // Its time is nobody's, so that nothing has to be equal: it has lanes wherever there are any, and says nothing of them.
-        renderable.go_alone();
-        let Renderable { config, scene, picture, resolution, .. } = renderable;
+        // Times of references are not compared. Their identity has no vectorisation setting; they
+        // are vectorised wherever possible when they are rendered.
+        renderable.use_scalar_path();
+        let Renderable {
+            config,
+            scene,
+            picture,
+            resolution,
+            ..
+        } = renderable;
         if resolution != cell.resolution {
             return Err(PlanError::ReferenceSize {
                 point: describe(point),
@@ -221,38 +295,58 @@ impl<'a> Builder<'a> {
             });
         }
         stop.validate(&[], false).map_err(|error| PlanError::Stop {
-            whose: "stop rule of the reference",
+            rule: "stop rule of the reference",
             point: describe(point),
             error: Box::new(error),
         })?;
         let end = identity::reference_stop(&stop, &self.spec.script_hash);
-        let part = part_of(&config, &stop, parts, point)?;
-        let stem = identity::stem(picture, seeds, part);
+        let shard_samples = shard_samples(&config, &stop, shards, point)?;
+        let stem = identity::stem(picture, seeds, shard_samples);
         let stem_id = identity::run_id(&Value::Map(stem.clone()));
         let identity = identity::reference(stem, end);
-        let source = ReferenceSource::Render { config, scene, seeds, stem: stem_id, stop, part };
-        Ok(Reference { id: identity::run_id(&identity), source, identity, agree: None })
+        let source = ReferenceSource::Render {
+            config,
+            scene,
+            seeds,
+            stem: stem_id,
+            stop,
+            shard_samples,
+        };
+        Ok(Reference {
+            id: identity::run_id(&identity),
+            source,
+            identity,
+            bias_check: None,
+        })
     }
 
-    fn add_cells(&mut self, ready: Ready) {
-        let Ready { point, renderable, reference, stop, doubled } = ready;
-        let base = self.paths.of(&point);
+    /// Makes the cells of a point: its repeats, and their doubles for the A/A check.
+    fn add_cells(&mut self, pending: PendingPoint) {
+        let PendingPoint {
+            point,
+            renderable,
+            reference,
+            stop,
+            doubled,
+        } = pending;
+        let base = self.paths.unique_path(&point);
         let separator = if base.is_empty() { "" } else { "/" };
         let end = identity::cell_stop(&stop, &self.spec.script_hash, &point);
         let measure = &self.measure[usize::from(reference.is_some())];
-        let truth = reference.map(|place| &self.references[place].id);
+        let reference_id = reference.map(|index| &self.references[index].id);
         let repeats = self.spec.repeats;
-        // Doubles count on where the repeats end, so that a script which later asks for more repeats has them already.
+        // Doubles are numbered after the repeats, so that they can serve as repeats if the script
+        // later requests more of them.
         let doubles = (0..if doubled { repeats } else { 0 }).map(|r| (repeats + r, Some(r)));
-        for (repeat, control) in (0..repeats).map(|r| (r, None)).chain(doubles) {
+        for (repeat, double_of) in (0..repeats).map(|r| (r, None)).chain(doubles) {
             let seed = identity::cell_seed(self.spec.seed, repeat);
             let run = identity::run(renderable.picture.clone(), seed, end.clone());
-            let identity = identity::cell(run, measure.clone(), truth);
+            let identity = identity::cell(run, measure.clone(), reference_id);
             self.cells.push(Cell {
                 id: identity::run_id(&identity),
                 point: point.clone(),
                 repeat,
-                control,
+                double_of,
                 seed,
                 config: Arc::clone(&renderable.config),
                 scene: Arc::clone(&renderable.scene),
@@ -264,46 +358,65 @@ impl<'a> Builder<'a> {
         }
     }
 
+    /// Records a stop rule that may never hold.
     fn note_endless(&mut self, stop: &StopRule, runs: usize) {
         if !stop.must_end() {
             *self.endless.entry(stop.describe()).or_default() += runs;
         }
     }
 
-    /// Lets the paths of all runs on the CPU go one by one where those of one have to, unless the script says for itself how
-    /// they go: times would compare who has lanes. All points of the night count, selected or not, so that a run stays the
-    /// same run whoever else is selected.
-    fn settle_lanes(&mut self) {
-        let reasons: BTreeSet<String> = self.ready.iter().filter_map(|ready| ready.renderable.alone.clone()).collect();
+    /// Switches all runs on the CPU to the scalar path if one of them cannot be vectorised, so that
+    /// times compare techniques and not their vectorisation. Runs whose script sets `lanes` are
+    /// left as they are. All points of the experiment count, selected or not, so that a run keeps
+    /// its id whatever else is selected.
+    fn unify_vectorization(&mut self) {
+        let reasons: BTreeSet<String> = self
+            .pending
+            .iter()
+            .filter_map(|pending| pending.renderable.scalar_reason.clone())
+            .collect();
         let mut reasons: Vec<String> = reasons.into_iter().collect();
         if reasons.is_empty() && !self.overrides.only.is_empty() {
-            reasons.extend(self.alone_elsewhere());
+            reasons.extend(self.unselected_scalar_reason());
         }
         if reasons.is_empty() {
             return;
         }
-        let left_open = |ready: &&mut Ready| ready.renderable.config.accel.lanes == InLanes::Auto;
-        let mut open: Vec<&mut Ready> = self.ready.iter_mut().filter(left_open).collect();
-        if open.iter().any(|ready| ready.renderable.alone.is_none()) {
-            let all = reasons.join(" and ");
-            self.kept_alone = Some(format!(
-                "paths go one by one in all runs on `cpu`, since those {all} have to: times compare techniques, not who has \
-                 lanes (accel = {{ lanes = \"always\" }} gives them to who can)"
+        let is_auto =
+            |pending: &&mut PendingPoint| pending.renderable.config.accel.lanes == LaneMode::Auto;
+        let mut auto: Vec<&mut PendingPoint> = self.pending.iter_mut().filter(is_auto).collect();
+        if auto
+            .iter()
+            .any(|pending| pending.renderable.scalar_reason.is_none())
+        {
+            let reasons = reasons.join(" and ");
+            self.scalar_warning = Some(format!(
+                "all runs on `cpu` use the scalar path, because those {reasons} cannot be \
+                 vectorised and times would not be comparable (accel = {{ lanes = \"always\" }} \
+                 vectorises the others)"
             ));
         }
-        open.iter_mut().for_each(|ready| ready.renderable.go_alone());
+        auto.iter_mut()
+            .for_each(|pending| pending.renderable.use_scalar_path());
     }
 
-    /// Why the paths of some run that is not selected have to go one by one, if they have to in any.
-    fn alone_elsewhere(&mut self) -> Option<String> {
-        let whole = Overrides { only: Vec::new(), ..self.overrides.clone() };
-        // What cannot be made a plan of has no runs beside the selected ones.
-        let axes = axes::select(&self.spec.axes, &whole, self.spec.repeats).ok()?;
+    /// Returns why some run that is not selected must use the scalar path, if any must. Points that
+    /// cannot be resolved are ignored.
+    fn unselected_scalar_reason(&mut self) -> Option<String> {
+        let unselected = Overrides {
+            only: Vec::new(),
+            ..self.overrides.clone()
+        };
+        let axes = axes::select(&self.spec.axes, &unselected, self.spec.repeats).ok()?;
         axes::points(&axes).find_map(|point| {
             let skipped = self.skip_reason(&point).ok()?;
-            let mut config = self.hooks.render(&point).ok().filter(|_| skipped.is_none())?;
+            let mut config = self
+                .hooks
+                .render(&point)
+                .ok()
+                .filter(|_| skipped.is_none())?;
             self.override_backend(&mut config);
-            self.resolver.alone(&config, &point)
+            self.resolver.scalar_reason(&config, &point)
         })
     }
 
@@ -314,18 +427,24 @@ impl<'a> Builder<'a> {
     }
 
     fn finish(mut self) -> Plan {
-        for ready in std::mem::take(&mut self.ready) {
-            self.add_cells(ready);
+        for pending in std::mem::take(&mut self.pending) {
+            self.add_cells(pending);
         }
         let mut warnings = self.warnings();
-        if self.spec.control && self.cells.iter().all(|cell| cell.control.is_none()) {
-            warnings.push("x:control has no cell to check: its function chose none".to_owned());
+        if self.spec.aa_check && self.cells.iter().all(|cell| cell.double_of.is_none()) {
+            warnings
+                .push("x:control checks no cell: its function returned true for none".to_owned());
         }
         let mut plan = Plan {
             name: self.spec.name.clone(),
             hash: String::new(),
             seed: self.spec.seed,
-            axes: self.spec.axes.iter().flat_map(|axis| axis.names.iter().cloned()).collect(),
+            axes: self
+                .spec
+                .axes
+                .iter()
+                .flat_map(|axis| axis.names.iter().cloned())
+                .collect(),
             cells: self.cells,
             references: self.references,
             skipped: self.skipped,
@@ -344,20 +463,32 @@ impl<'a> Builder<'a> {
 
     fn warnings(&self) -> Vec<String> {
         let endless = |(rule, runs): (&String, &usize)| {
-            format!("{runs} runs end only when `{rule}`, which may never be: add stop.time or stop.samples")
+            let runs = if *runs == 1 {
+                "1 run stops".to_owned()
+            } else {
+                format!("{runs} runs stop")
+            };
+            format!("{runs} only at `{rule}`, which may never hold: add stop.time or stop.samples")
         };
         let mut warnings: Vec<String> = self.endless.iter().map(endless).collect();
         if self.unmeasured > 0 && !self.columns.is_empty() {
+            let cells = if self.unmeasured == 1 {
+                "1 cell has".to_owned()
+            } else {
+                format!("{} cells have", self.unmeasured)
+            };
             let columns = self.columns.join(", ");
-            warnings.push(format!("{} cells have no reference, so {columns} will not be measured", self.unmeasured));
+            warnings.push(format!(
+                "{cells} no reference, so {columns} will not be measured"
+            ));
         }
-        warnings.extend(self.kept_alone.clone());
-        warnings.extend(self.twins());
+        warnings.extend(self.scalar_warning.clone());
+        warnings.extend(self.duplicate_warning());
         warnings
     }
 
-    /// The warning that several cells are the same run, if any are.
-    fn twins(&self) -> Option<String> {
+    /// Returns a warning if several cells are the same run, which means that axes have no effect.
+    fn duplicate_warning(&self) -> Option<String> {
         let mut by_id: BTreeMap<&RunId, Vec<&Cell>> = BTreeMap::new();
         for cell in &self.cells {
             by_id.entry(&cell.id).or_default().push(cell);
@@ -365,40 +496,62 @@ impl<'a> Builder<'a> {
         let groups: Vec<&Vec<&Cell>> = by_id.values().filter(|cells| cells.len() > 1).collect();
         let mut idle: BTreeSet<usize> = BTreeSet::new();
         for cells in &groups {
-            let differs = |axis: &usize| cells.iter().any(|cell| cell.point[*axis].1 != cells[0].point[*axis].1);
+            let differs = |axis: &usize| {
+                cells
+                    .iter()
+                    .any(|cell| cell.point[*axis].1 != cells[0].point[*axis].1)
+            };
             idle.extend((0..cells[0].point.len()).filter(differs));
         }
         let name = |axis: usize| format!("`{}`", self.cells[0].point[axis].0);
         let names: Vec<String> = idle.into_iter().map(name).collect();
         let subject = match names.as_slice() {
             [] => return None,
-            [one] => format!("axis {one} changes"),
-            _ => format!("axes {} change", names.join(", ")),
+            [one] => format!("axis {one} has"),
+            _ => format!("axes {} have", names.join(", ")),
         };
         let cells: usize = groups.iter().map(|cells| cells.len()).sum();
         Some(format!(
-            "{subject} nothing in {cells} of {} cells, which share {} run ids",
+            "{subject} no effect in {cells} of {} cells, which share {} run ids",
             self.cells.len(),
             groups.len()
         ))
     }
 }
 
+/// Makes a planning error of a failed script function.
 fn hook(function: &str, point: &Point, error: HookError) -> PlanError {
-    PlanError::Hook { function: function.to_owned(), point: describe(point), error }
+    PlanError::Hook {
+        function: function.to_owned(),
+        point: describe(point),
+        error,
+    }
 }
 
-/// Samples per pixel of a reference's parts, where it has several.
-fn part_of(config: &CellConfig, stop: &StopRule, parts: u32, point: &Point) -> Result<Option<u64>, PlanError> {
-    if parts <= 1 {
+/// Returns the samples per pixel of a reference's shards, if it is split into more than one.
+fn shard_samples(
+    config: &CellConfig,
+    stop: &StopRule,
+    max_shards: u32,
+    point: &Point,
+) -> Result<Option<u64>, PlanError> {
+    if max_shards <= 1 {
         return Ok(None);
     }
-    let refuse = |reason: &str| Err(PlanError::Parts { point: describe(point), reason: reason.to_owned() });
+    let refuse = |reason: &str| {
+        Err(PlanError::Shards {
+            point: describe(point),
+            reason: reason.to_owned(),
+        })
+    };
     match stop {
-        _ if !config.films.is_empty() || config.timing.is_some() => {
-            refuse("layers and time axes are not joined: leave `films` and `film` out of its render table")
+        _ if !config.films.is_empty() || config.timing.is_some() => refuse(
+            "layers and time axes cannot be joined from parts: remove `films` and `film` from its \
+             render table",
+        ),
+        StopRule::Samples(total) => Ok(shards::shard_size(*total, max_shards)),
+        _ => {
+            refuse("a reference in parts needs a number of samples: use stop = stop.samples(4096)")
         }
-        StopRule::Samples(total) => Ok(parts::size(*total, parts)),
-        _ => refuse("only a number of samples can be divided: stop = stop.samples(4096)"),
     }
 }

@@ -1,8 +1,9 @@
-//! The plan: cells in a defined order, each with an identity that says when it has to run again.
+//! The plan of a night: cells in a defined order, each with an identity that determines its run id.
 //!
-//! [`expand`] makes it from a script's [`Spec`](super::Spec). Axes vary slowest first in the order of their
-//! declaration, repeats fastest of all. Nothing is rendered here, but every scene is read and every name, size and
-//! stop rule checked, so that a night does not fail at four in the morning over something that was known at ten.
+//! [`expand`] makes the plan from an [`ExperimentSpec`](super::ExperimentSpec). Axes vary slowest
+//! first in the order of their declaration; repeats vary fastest. Planning renders nothing, but it
+//! reads every scene and checks every name, size and stop rule, so that a night does not fail after
+//! hours over an error that could have been reported at its start.
 
 mod axes;
 mod error;
@@ -22,16 +23,17 @@ pub use axes::{MAX_CELLS, Overrides};
 pub use error::PlanError;
 pub use estimate::Estimate;
 pub use expand::expand;
-pub use reach::unreachable;
+pub use reach::unreachable_thresholds;
 pub use resolve::{LoadScene, LoadedScene};
 
 use super::event::CellRef;
-use super::parts::{Part, split};
-use super::spec::{CellConfig, FigureSpec, Measure, NightSpec, Point, TableSpec};
+use super::shards::{Shard, split};
+use super::spec::{CellConfig, FigureSpec, MeasureSpec, NightSpec, Point, TableSpec};
 use super::stop::StopRule;
 use crate::scene::{Note, SceneDesc};
 
-/// The identity of a run: blake3 of everything that decides its picture and its measurements, as 32 hex digits.
+/// Id of a run: BLAKE3 hash of everything that determines its picture and its measurements, as 32
+/// hex digits.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct RunId(pub String);
 
@@ -41,67 +43,71 @@ impl std::fmt::Display for RunId {
     }
 }
 
-/// A cell: one point of the sweep, once.
+/// A cell: one repeat of one point of the sweep.
 #[derive(Clone, Debug)]
 pub struct Cell {
-    /// Its identity.
+    /// Id of its run.
     pub id: RunId,
     /// Axis values in the order of the axes.
     pub point: Point,
     /// Number of the repeat, from 0.
     pub repeat: u32,
-    /// In the A/A check, the repeat of the same point whose double this is. Such a cell stands in no table and no figure:
-    /// see [`control`](super::control).
-    pub control: Option<u32>,
-    /// Seed of all its random numbers.
+    /// For a double of the A/A check, the repeat of the same point that it doubles; otherwise
+    /// `None`. Doubles appear in no table and no figure: see [`aa_check`](super::aa_check).
+    pub double_of: Option<u32>,
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// What it renders, with nothing left open: resolution and depth are the script's or else the scene's, and the
-    /// backend is the one that `auto` stands for.
+    /// Resolved render settings: resolution and depth are those of the script or else of the scene,
+    /// and a backend replaces `auto`.
     pub config: Arc<CellConfig>,
-    /// The scene, with the cell's changes made; cells with the same file and changes share one.
+    /// Scene with the cell's changes applied; cells with the same file and changes share it.
     pub scene: Arc<SceneDesc>,
-    /// When it is finished.
+    /// When the cell is finished.
     pub stop: StopRule,
     /// Index into [`Plan::references`].
     pub reference: Option<usize>,
     /// Readable relative path: `scene=cornell/depth=5/rep=0`.
     pub path: String,
-    /// The canonical form whose hash is `id`, for people and for `config.json`.
+    /// Canonical form whose hash is `id`, for display and for `config.json`.
     pub identity: crate::value::Value,
 }
 
 impl Cell {
-    /// The repeat that it belongs to: its own, or that of the cell whose double it is.
-    pub fn pair(&self) -> u32 {
-        self.control.unwrap_or(self.repeat)
+    /// Returns the repeat that the cell is compared within: its own, or for a double that of its
+    /// original.
+    pub fn paired_repeat(&self) -> u32 {
+        self.double_of.unwrap_or(self.repeat)
     }
 }
 
 /// A reference that cells are measured against.
 #[derive(Clone, Debug)]
 pub struct Reference {
-    /// Its identity.
+    /// Id of the reference.
     pub id: RunId,
-    /// Where it comes from.
+    /// Origin of the picture.
     pub source: ReferenceSource,
-    /// The canonical form whose hash is `id`.
+    /// Canonical form whose hash is `id`.
     pub identity: crate::value::Value,
-    /// What it is compared with.
-    pub agree: Option<Agree>,
+    /// Comparison with a second technique, if requested.
+    pub bias_check: Option<BiasCheck>,
 }
 
 impl Reference {
-    /// Its parts in order, where it is rendered in several; `place` is its index in [`Plan::references`].
-    pub fn parts(&self, place: usize) -> Vec<Part> {
+    /// Returns its shards in order; empty if it is rendered as a whole. `index` is its index in
+    /// [`Plan::references`].
+    pub fn shards(&self, index: usize) -> Vec<Shard> {
         match &self.source {
-            ReferenceSource::Render { part: Some(size), stop: StopRule::Samples(total), .. } => {
-                split(place, *size, *total)
-            }
+            ReferenceSource::Render {
+                shard_samples: Some(size),
+                stop: StopRule::Samples(total),
+                ..
+            } => split(index, *size, *total),
             _ => Vec::new(),
         }
     }
 
-    /// What it shares with references that differ only in when they end, if it is rendered.
+    /// Returns its stem id (see [`ReferenceSource::Render`]), if it is rendered.
     pub fn stem(&self) -> Option<&str> {
         match &self.source {
             ReferenceSource::Render { stem, .. } => Some(&stem.0),
@@ -110,94 +116,103 @@ impl Reference {
     }
 }
 
-/// The comparison of a reference with the same picture by a second technique.
+/// Planned comparison of a reference with the same picture by a second technique.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Agree {
+pub struct BiasCheck {
     /// Index of the second picture into [`Plan::references`]; no cell is measured against it.
     pub with: usize,
-    /// Of the blocks that are called different, the share that may be so by chance.
+    /// False discovery rate: the expected share of blocks reported as different that differ only by
+    /// chance.
     pub rate: f64,
 }
 
-/// Where a reference comes from.
+/// Origin of a reference.
 #[derive(Clone, Debug)]
 pub enum ReferenceSource {
-    /// Lumbre renders it.
+    /// Rendered by Lumbre.
     Render {
-        /// What it renders, with nothing left open, as in [`Cell::config`].
+        /// Resolved render settings, as in [`Cell::config`].
         config: Arc<CellConfig>,
-        /// The scene, with the changes made.
+        /// Scene with all changes applied.
         scene: Arc<SceneDesc>,
-        /// The seeds of its two independent halves; never one of a cell's.
+        /// Seeds of its two independent halves; different from those of all cells.
         seeds: [u64; 2],
-        /// What it shares with references that differ only in when they end: one can be the beginning of another.
+        /// Id shared by references that differ only in their stop rule. A shorter one can be
+        /// continued to a longer one.
         stem: RunId,
-        /// When it is good enough.
+        /// When the reference is finished.
         stop: StopRule,
-        /// Samples per pixel of each of its [parts](super::parts), where it is rendered in several.
-        part: Option<u64>,
+        /// Samples per pixel of each of its [shards](super::shards), if it is split.
+        shard_samples: Option<u64>,
     },
-    /// A file; the hash of its content is its identity.
+    /// A file, identified by the hash of its content.
     File {
-        /// The file.
+        /// Path of the file.
         file: PathBuf,
-        /// Who made it and how, in the script's words; empty if it does not say.
+        /// Origin of the file as stated by the script; empty if not stated.
         source: String,
     },
 }
 
-/// A point that is left out.
+/// A point that is left out of the plan.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Skipped {
-    /// The point.
+    /// Axis values of the point.
     pub point: Point,
-    /// The skip rule's reason, or what this machine lacks.
+    /// Reason of the skip rule, or what is missing on this machine.
     pub reason: String,
-    /// Whether it is left out because of the machine, which does not have the other program that it needs.
+    /// Whether it is left out because an external program is not installed on this machine.
     pub absent: bool,
 }
 
-/// A whole night.
+/// Plan of a night.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// The experiment's name.
+    /// Name of the experiment.
     pub name: String,
-    /// Hash of all identities, figures and tables, hex; the folder's name carries its first digits.
+    /// Hash of all identities, figures and tables, hex. The name of the folder contains its first
+    /// digits.
     pub hash: String,
     /// Seed of the experiment.
     pub seed: u64,
-    /// Axis names in order.
+    /// Axis names, slowest first.
     pub axes: Vec<String>,
-    /// The cells in the order in which they run.
+    /// Cells in the order of the sweep.
     pub cells: Vec<Cell>,
-    /// The references that the cells need, each once.
+    /// References that the cells need, and second pictures of bias checks, without repetition.
     pub references: Vec<Reference>,
-    /// Points left out.
+    /// Points that are left out.
     pub skipped: Vec<Skipped>,
-    /// What scene files say that could not be honoured, each once.
+    /// Notes on contents of scene files that are not supported, without repetition.
     pub notes: Vec<Note>,
-    /// What is allowed but probably not meant: a stop rule that may never hold, an axis that changes nothing.
+    /// Warnings about probable mistakes, such as a stop rule that may never hold or an axis without
+    /// effect.
     pub warnings: Vec<String>,
-    /// What is measured and kept.
-    pub measure: Measure,
-    /// How its nights go.
+    /// Metrics, their interval, and what is stored of each run.
+    pub measure: MeasureSpec,
+    /// Settings of its nights.
     pub night: NightSpec,
     /// Figures to draw.
     pub figures: Vec<FigureSpec>,
     /// Tables to write.
     pub tables: Vec<TableSpec>,
-    /// The script's text.
+    /// Text of the script.
     pub script_text: String,
-    /// The files that its scenes were made of and the modules of its script, where whoever expanded it knows them.
+    /// Files of its scenes and modules of its script, if known to the caller that expanded
+    /// the plan.
     pub files: BTreeSet<PathBuf>,
 }
 
 impl Plan {
-    /// What this machine lacks and how many points are left out for that, each reason once.
+    /// Returns the reasons why points need a program that is not installed, each with its number of
+    /// points.
     pub fn absent(&self) -> Vec<(&str, usize)> {
         let mut reasons: Vec<(&str, usize)> = Vec::new();
         for skipped in self.skipped.iter().filter(|s| s.absent) {
-            match reasons.iter_mut().find(|(reason, _)| *reason == skipped.reason) {
+            match reasons
+                .iter_mut()
+                .find(|(reason, _)| *reason == skipped.reason)
+            {
                 Some((_, count)) => *count += 1,
                 None => reasons.push((&skipped.reason, 1)),
             }
@@ -205,15 +220,20 @@ impl Plan {
         reasons
     }
 
-    /// The names of the metric columns, in the order of [`WaveRow::metrics`](super::WaveRow::metrics).
+    /// Returns the names of the metric columns, in the order of
+    /// [`WaveRow::metrics`](super::WaveRow::metrics).
     pub fn columns(&self) -> Vec<String> {
-        self.measure.metrics.iter().map(|metric| metric.column.clone()).collect()
+        self.measure
+            .metrics
+            .iter()
+            .map(|metric| metric.column.clone())
+            .collect()
     }
 
-    /// The identity of a cell or a reference.
+    /// Returns the id of a cell or a reference.
     ///
     /// # Panics
-    /// When the index is not one of this plan's.
+    /// If the index is out of range.
     pub fn id(&self, cell: CellRef) -> &RunId {
         match cell {
             CellRef::Cell(i) => &self.cells[i].id,

@@ -1,113 +1,156 @@
-//! Checkpoints of the run in progress: when they are due, and what they may cost; and the sums of references that longer
-//! ones go on from.
+//! Checkpoints of active runs: when they are due and how much time they may take; and stored sums
+//! of references, which longer references continue.
 
 use std::time::Instant;
 
-use super::cell::{Progress, Work};
-use super::night::Night;
+use super::active_run::{Attempt, RunRequest};
+use super::night::NightRunner;
 use crate::experiment::event::{CellRef, Level};
-use crate::experiment::parts::Piece;
-use crate::experiment::standing::Checkpoint;
+use crate::experiment::run_progress::Checkpoint;
+use crate::experiment::shards::WorkUnit;
 
-/// Render time between two checkpoints in seconds, where nobody says otherwise.
-const EVERY_S: f64 = 60.0;
+/// Default render time between two checkpoints, seconds.
+const DEFAULT_INTERVAL_S: f64 = 60.0;
 
-/// A checkpoint that took a second is not written again before so many seconds have been rendered: at most 1 %.
-const DEAREST: f64 = 100.0;
+/// Smallest ratio of render time to the time of writing a checkpoint, so that writing takes at most
+/// 1 %.
+const MIN_INTERVAL_PER_COST: f64 = 100.0;
 
-/// What became of the checkpoints of a run.
+/// State of the checkpoints of one attempt.
 #[derive(Debug, Default)]
-pub(super) struct Kept {
-    /// Render time at the last one.
+pub(super) struct CheckpointState {
+    /// Render time at the last checkpoint, seconds.
     at_s: f64,
-    /// What it cost, in seconds.
+    /// Time that writing it took, seconds.
     cost_s: f64,
-    /// There is one of this try.
-    pub(super) any: bool,
-    /// The last one could not be written.
-    lost: bool,
-    /// Nobody keeps any, or the backend cannot be saved.
-    never: bool,
-    /// The last request for a checkpoint that was heard: requests are for all runs that take turns.
-    asked: u64,
+    /// Whether a checkpoint of this attempt is stored.
+    pub(super) stored: bool,
+    /// Whether the last checkpoint could not be written.
+    failed: bool,
+    /// Whether the history stores none or the backend cannot save its state.
+    unsupported: bool,
+    /// Number of requests for a checkpoint that were handled. A request applies to all interleaved
+    /// runs.
+    requests: u64,
 }
 
-impl Kept {
-    /// What there is when a run begins after so much render time and so many requests.
-    pub(super) fn at(render_s: f64, asked: u64) -> Kept {
-        Kept { at_s: render_s, asked, ..Kept::default() }
+impl CheckpointState {
+    /// State of an attempt that starts after this render time and this number of requests.
+    pub(super) fn new(render_s: f64, requests: u64) -> CheckpointState {
+        CheckpointState {
+            at_s: render_s,
+            requests,
+            ..CheckpointState::default()
+        }
     }
 }
 
-impl Night<'_, '_> {
-    /// Keeps a checkpoint if it is time for one or somebody asked for it.
-    pub(super) fn keep_if_due(&mut self, work: &Work<'_>, progress: &mut Progress) {
-        let every_s = match self.plan.night.checkpoint_s {
+impl NightRunner<'_, '_> {
+    /// Stores a checkpoint if one is due or was requested.
+    pub(super) fn save_checkpoint_if_due(
+        &mut self,
+        request: &RunRequest<'_>,
+        attempt: &mut Attempt,
+    ) {
+        let interval_s = match self.plan.night.checkpoint_s {
             Some(seconds) => seconds,
-            None => EVERY_S.max(DEAREST * progress.kept.cost_s),
+            None => DEFAULT_INTERVAL_S.max(MIN_INTERVAL_PER_COST * attempt.checkpoints.cost_s),
         };
-        self.asked += u64::from(self.control.take_checkpoint());
-        let asked = std::mem::replace(&mut progress.kept.asked, self.asked) != self.asked;
-        if asked || progress.standing.render_s() - progress.kept.at_s >= every_s {
-            let kept = self.keep(work, progress);
-            if asked {
-                let samples = progress.standing.samples();
-                let text = match (kept, progress.kept.never) {
-                    (true, _) => format!("checkpoint after {samples} samples per pixel, as asked"),
-                    (false, true) => "no checkpoint: this backend cannot be saved".to_owned(),
+        self.checkpoint_requests += u64::from(self.control.take_checkpoint());
+        let requests =
+            std::mem::replace(&mut attempt.checkpoints.requests, self.checkpoint_requests);
+        let requested = requests != self.checkpoint_requests;
+        if requested || attempt.progress.render_s() - attempt.checkpoints.at_s >= interval_s {
+            let stored = self.save_checkpoint(request, attempt);
+            if requested {
+                let samples = attempt.progress.samples();
+                let text = match (stored, attempt.checkpoints.unsupported) {
+                    (true, _) => {
+                        format!("wrote the requested checkpoint after {samples} samples per pixel")
+                    }
+                    (false, true) => {
+                        "no checkpoint: this backend does not support checkpoints".to_owned()
+                    }
                     (false, false) => return,
                 };
-                // The checkpoint is there whether or not it can be told.
-                let _ = self.say(Level::Info, work.cell, text);
+                // A failed message does not affect the checkpoint.
+                let _ = self.emit_message(Level::Info, request.cell, text);
             }
         }
     }
 
-    /// What a reference can go on from: a shorter one with its stem that its own rule would not have ended before.
-    pub(super) fn beginning(&self, work: &Work<'_>) -> Option<Checkpoint> {
-        let Piece::Run(CellRef::Reference(place)) = work.piece() else { return None };
-        let limit = work.stop.sample_limit();
-        let found = self.history.beginning(self.plan, place, limit.unwrap_or(u64::MAX))?;
-        let exact = limit == Some(found.standing.samples());
-        // What fails here fails again where it is told.
-        let early = !matches!(self.stops(&work.stop, &found.standing.rows), Ok(Some(_)));
-        (found.standing.between_waves() && (exact || early)).then_some(found)
+    /// Returns the sums of a shorter reference that this one can continue: one with the same stem
+    /// that its own stop rule would not have ended earlier.
+    pub(super) fn shorter_reference(&self, request: &RunRequest<'_>) -> Option<Checkpoint> {
+        let WorkUnit::Run(CellRef::Reference(reference)) = request.unit() else {
+            return None;
+        };
+        let limit = request.stop.sample_limit();
+        let shorter =
+            self.history
+                .shorter_reference(self.plan, reference, limit.unwrap_or(u64::MAX))?;
+        let exact = limit == Some(shorter.progress.samples());
+        // An error of a predicate occurs again when the run evaluates its stop rule.
+        let continues = !matches!(
+            self.stop_reason(&request.stop, &shorter.progress.rows),
+            Ok(Some(_))
+        );
+        (shorter.progress.between_waves() && (exact || continues)).then_some(shorter)
     }
 
-    /// Keeps the sums of a finished reference for longer ones. Nothing is lost where that fails, and it is said.
-    pub(super) fn keep_sums(&mut self, place: usize, progress: &Progress) {
-        let Some(renderer) = &progress.renderer else { return };
-        let kept = self.history.keep_sums(self.plan, place, &progress.standing, &|to| renderer.save(to));
-        if let Err(error) = kept {
-            let text = format!("its sums could not be kept, so that a longer one will start anew: {error}");
-            // The reference itself is not in danger.
-            let _ = self.say(Level::Warn, CellRef::Reference(place), text);
+    /// Stores the sums of a finished reference for longer ones. A failure is only reported.
+    pub(super) fn save_sums(&mut self, reference: usize, attempt: &Attempt) {
+        let Some(renderer) = &attempt.renderer else {
+            return;
+        };
+        let stored = self
+            .history
+            .save_sums(self.plan, reference, &attempt.progress, &|to| {
+                renderer.save(to)
+            });
+        if let Err(error) = stored {
+            let text = format!(
+                "its sums could not be stored, so longer references will start from zero: {error}"
+            );
+            // A failed message does not affect the reference.
+            let _ = self.emit_message(Level::Warn, CellRef::Reference(reference), text);
         }
     }
 
-    /// Keeps a checkpoint of what is rendered so far, and says whether it did. If it cannot be written the night goes
-    /// on, and says so once.
-    pub(super) fn keep(&mut self, work: &Work<'_>, progress: &mut Progress) -> bool {
-        let Some(renderer) = progress.renderer.as_ref().filter(|r| r.film().samples > 0) else { return false };
-        if progress.kept.never {
+    /// Stores a checkpoint and returns whether it did. A failure is reported once, and rendering
+    /// continues.
+    pub(super) fn save_checkpoint(
+        &mut self,
+        request: &RunRequest<'_>,
+        attempt: &mut Attempt,
+    ) -> bool {
+        let Some(renderer) = attempt.renderer.as_ref().filter(|r| r.film().samples > 0) else {
+            return false;
+        };
+        if attempt.checkpoints.unsupported {
             return false;
         }
         let start = Instant::now();
-        let kept = self.history.keep(self.plan, work.piece(), &progress.standing, &|to| renderer.save(to));
-        let state = &mut progress.kept;
-        (state.at_s, state.cost_s) = (progress.standing.render_s(), start.elapsed().as_secs_f64());
-        state.never = matches!(kept, Ok(false));
-        match kept {
-            Ok(kept) => {
-                state.lost = false;
-                state.any |= kept;
-                kept
+        let stored =
+            self.history
+                .save_checkpoint(self.plan, request.unit(), &attempt.progress, &|to| {
+                    renderer.save(to)
+                });
+        let state = &mut attempt.checkpoints;
+        (state.at_s, state.cost_s) = (attempt.progress.render_s(), start.elapsed().as_secs_f64());
+        state.unsupported = matches!(stored, Ok(false));
+        match stored {
+            Ok(stored) => {
+                state.failed = false;
+                state.stored |= stored;
+                stored
             }
             Err(error) => {
-                if !std::mem::replace(&mut state.lost, true) {
-                    let text = format!("no checkpoint could be written, and the night goes on: {error}");
-                    // Telling may fail as well; the run itself is not in danger.
-                    let _ = self.say(Level::Warn, work.cell, text);
+                if !std::mem::replace(&mut state.failed, true) {
+                    let text =
+                        format!("could not write a checkpoint; rendering continues: {error}");
+                    // A failed message does not affect the run.
+                    let _ = self.emit_message(Level::Warn, request.cell, text);
                 }
                 false
             }

@@ -1,173 +1,190 @@
-//! The state machine of a night.
+//! Execution of a plan: the state machine of a night.
 //!
-//! References come first, each once, then the cells in the order of the plan. What an earlier night finished is not
-//! rendered again. A wave is the only moment at which anything but rendering happens: measuring, telling the sinks,
-//! asking the stop rule, hearing the user. Of all this only the time inside the renderer counts as render time.
+//! References are rendered first, each once, then the cells in the order of the plan. Runs that an
+//! earlier night finished are not rendered again. Between two waves, and only then, the night
+//! measures, emits events, evaluates stop rules and handles requests of the user. Only the time
+//! inside the renderer counts as render time.
 //!
-//! Waves longer than a second are rendered in slices, between which the user is heard and checkpoints are written.
-//! What another process works on is put off until all else is done, and then waited for or taken over; the longer the
-//! wait, the rarer the looks.
+//! Waves longer than a second are rendered in slices, between which requests are handled and
+//! checkpoints are written. Runs that another process works on are deferred until all others have
+//! ended; then the night waits for them or takes them over, polling less and less often.
 //!
-//! A cell that fails (its scene does not compile, its renderer fails or panics, a sink cannot record it, its reference
-//! is missing) is recorded with the reason, and the night goes on.
+//! A failed cell (its scene does not compile, its renderer fails or panics, a sink cannot record
+//! it, its reference is not available) is recorded with the reason, and the night continues.
 
-mod agreement;
-mod cell;
+mod active_run;
+pub mod backoff;
+mod bias_check;
+mod cells;
 mod checkpoint;
-mod floors;
 mod night;
-mod parts;
-pub mod patience;
+mod noise_floor;
+mod open;
 mod references;
+mod retry;
 mod smoke;
-mod tries;
+mod turns;
 mod waves;
+mod work_units;
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
-use super::event::{CellRef, Control, History, Outcome, Sink, WaveRow};
-use super::floors::Floors;
-use super::forecast::Paces;
-use super::groups::Begin;
+use night::NightRunner;
+
+use super::comparison_groups::StartOffset;
+use super::event::{CellRef, History, NightControls, Outcome, Sink, WaveRow};
+use super::forecast::ThroughputHistory;
+use super::noise_floor::NoiseFloors;
 use super::plan::Plan;
 use super::spec::ScriptHooks;
 use crate::render::{self, Job, OpenStats, RenderError, Renderer};
 use crate::scene::CompiledScene;
 
-/// How one cell or reference of the plan ended.
+/// Result of one cell or reference of the plan.
 #[derive(Clone, Debug)]
 pub struct CellResult {
-    /// Which.
+    /// The cell or reference.
     pub cell: CellRef,
-    /// How.
+    /// Outcome of the run.
     pub outcome: Outcome,
-    /// Its measurements, oldest first.
+    /// Measurements, oldest first.
     pub rows: Arc<Vec<WaveRow>>,
-    /// The noise floors of what it was measured against, in the order of the plan's columns; empty if not known.
-    pub floors: Floors,
-    /// What opening it cost.
+    /// Noise floors of its reference, in the order of the plan's columns; empty if not known.
+    pub floors: NoiseFloors,
+    /// Cost of opening its renderer.
     pub open: OpenStats,
 }
 
-/// How the night ended.
+/// Summary of a night.
 #[derive(Clone, Debug, Default)]
 pub struct NightSummary {
-    /// References first, then cells, in the order of the plan; those never reached are missing.
+    /// Results of references, then of cells, in the order of the plan. Those that were not reached
+    /// are omitted.
     pub results: Vec<CellResult>,
-    /// Whether the user or a signal ended it before all was done. A cell that was given up alone does not count.
+    /// Whether the user or a signal ended the night early. Skipping a single cell does not count.
     pub interrupted: bool,
-    /// The references that a second technique contradicts, in the order of the plan.
+    /// References that disagree with a second technique, in the order of the plan.
     pub disagreements: Vec<Disagreement>,
-    /// Cells that are for another kind of worker, and why.
-    pub apart: Vec<(CellRef, String)>,
+    /// Cells that need another kind of worker, with the reason.
+    pub other_workers: Vec<(CellRef, String)>,
 }
 
-/// A reference that a second technique contradicts.
+/// A reference that disagrees with a second technique.
 #[derive(Clone, Debug)]
 pub struct Disagreement {
     /// Index of the reference into [`Plan::references`].
     pub reference: usize,
     /// Index of the second picture.
     pub with: usize,
-    /// What was found, in a sentence.
+    /// Description of the disagreement in one sentence.
     pub found: String,
 }
 
-/// Why a night as a whole failed.
+/// Failure of a night as a whole.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// A sink could not prepare; nothing was rendered.
+    /// A sink could not start; nothing was rendered.
     #[error("cannot start: {reason}")]
     Start {
-        /// What the sink said.
+        /// Error of the sink.
         reason: String,
     },
-    /// Everything was rendered and recorded, but a sink could not close the night.
-    #[error("all cells were recorded, but the night cannot be closed: {reason}")]
+    /// Everything was rendered and recorded, but a sink could not finish.
+    #[error("all cells were recorded, but the night could not be finished: {reason}")]
     Finish {
-        /// What the sink said.
+        /// Error of the sink.
         reason: String,
-        /// How the night ended otherwise.
+        /// Summary of the night.
         summary: NightSummary,
     },
 }
 
-/// Opens a backend by name.
-pub type Open<'a> = &'a dyn Fn(&str, Arc<CompiledScene>, Job) -> Result<Box<dyn Renderer>, RenderError>;
+/// Opens a renderer on the backend of this name.
+pub type Open<'a> =
+    &'a dyn Fn(&str, Arc<CompiledScene>, Job) -> Result<Box<dyn Renderer>, RenderError>;
 
-/// Where the outside world enters a night besides its sinks, so that tests can stand in for it.
+/// Access of a night to the outside world other than its sinks, which tests replace.
 pub struct Seams<'a> {
-    /// Opens a run.
+    /// Opens the renderer of a run.
     pub open: Open<'a>,
-    /// Waits a moment while the night is paused, or while all that is left is with other processes.
+    /// Waits one tick, while the night is paused or only runs of other processes remain.
     pub wait: &'a dyn Fn(),
 }
 
-/// How long a paused night sleeps before it looks again.
-const PAUSE_STEP: Duration = Duration::from_millis(50);
+/// Duration of one tick of waiting.
+const TICK: Duration = Duration::from_millis(50);
 
-/// How a night is carried out, where it is not as usual.
+/// Options of a night.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// Threads of every renderer; 0 is one for each core.
+    /// Number of threads of every renderer; 0 for one per core.
     pub threads: usize,
-    /// The night ends once so many cells have failed.
+    /// Number of failed runs after which the night ends.
     pub max_fails: Option<usize>,
-    /// Whether one sample of every cell is tried, at a small size, before the night begins.
+    /// Whether one small sample of every cell is rendered before the night begins.
     pub smoke: bool,
-    /// When the night ends, finished or not. References are then rendered when a cell first needs them, and cells come
-    /// from coarse to fine: [`Plan::coarse_to_fine`].
+    /// Time at which the night ends, finished or not. References are then rendered when a cell
+    /// first needs them, and cells come from coarse to fine: [`Plan::coarse_to_fine`].
     pub deadline: Option<SystemTime>,
-    /// Bytes of memory that runs which take turns may take together; where it is not said, what the machine has free.
+    /// Bytes of memory that interleaved runs may take together; `None` for the free memory of the
+    /// machine.
     pub memory: Option<u64>,
-    /// The cells and references to carry out, where it is not all of them.
+    /// Cells and references to render; `None` for all of them.
     pub only: Option<BTreeSet<CellRef>>,
-    /// How fast runs of earlier nights were, for the forecast.
-    pub paces: Paces,
-    /// What is known to be done already, for the forecast too.
+    /// Throughputs of earlier nights, for the forecast.
+    pub throughput: ThroughputHistory,
+    /// Cells and references that are known to be finished, for the forecast.
     pub done: BTreeSet<CellRef>,
-    /// Where this process begins, if it is one of many workers. Without a deadline, whose order is the same for all. What
-    /// takes all references, comparing them, is then left to whoever closes the night.
-    pub begin: Option<Begin>,
+    /// Offset at which to start in the order, if this process is one of many workers. Ignored with
+    /// a deadline, which has the same order for all workers. Bias checks, which need all
+    /// references, are then left to the worker that closes the night.
+    pub start: Option<StartOffset>,
 }
 
 impl From<usize> for Options {
-    /// As usual, on so many threads.
+    /// Default options with this number of threads.
     fn from(threads: usize) -> Options {
-        Options { threads, ..Options::default() }
+        Options {
+            threads,
+            ..Options::default()
+        }
     }
 }
 
-/// Carries out a plan. Options may be just the number of threads.
+/// Runs a night. The options may be just the number of threads.
 ///
 /// # Errors
-/// When a sink cannot hear the night's first or last event; everything in between is a cell's failure.
+/// When a sink fails to receive the first or the last event of the night. Other failures are those
+/// of cells.
 pub fn run(
     plan: &Arc<Plan>,
     hooks: &dyn ScriptHooks,
     history: &dyn History,
     sinks: &mut [&mut dyn Sink],
-    control: &Control,
+    control: &NightControls,
     options: impl Into<Options>,
 ) -> Result<NightSummary, RunError> {
-    let seams = Seams { open: &render::open, wait: &|| std::thread::sleep(PAUSE_STEP) };
+    let seams = Seams {
+        open: &render::open,
+        wait: &|| std::thread::sleep(TICK),
+    };
     run_with(&seams, plan, hooks, history, sinks, control, options)
 }
 
-/// [`run`] with the outside world exchanged.
+/// Runs a night like [`run`], with replaced access to the outside world.
 ///
 /// # Errors
-/// As [`run`].
+/// The same as for [`run`].
 pub fn run_with(
     seams: &Seams<'_>,
     plan: &Arc<Plan>,
     hooks: &dyn ScriptHooks,
     history: &dyn History,
     sinks: &mut [&mut dyn Sink],
-    control: &Control,
+    control: &NightControls,
     options: impl Into<Options>,
 ) -> Result<NightSummary, RunError> {
-    night::Night::new(seams, plan, hooks, history, sinks, control, options.into()).carry_out()
+    NightRunner::new(seams, plan, hooks, history, sinks, control, options.into()).run()
 }

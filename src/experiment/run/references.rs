@@ -1,216 +1,305 @@
-//! References: taken as they are found, rendered, or joined from their parts.
+//! References of a night: found in the history, rendered as a whole, or joined from shards.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::cell::{Ended, Work};
-use super::night::{Look, Night};
-use super::parts::Whole;
+use super::active_run::{EndedRun, RunRequest};
+use super::cells::Readiness;
+use super::night::NightRunner;
+use super::work_units::JoinResult;
 use crate::experiment::event::{CellRef, Event, Level, Outcome};
-use crate::experiment::floors::HalfImages;
-use crate::experiment::parts::Part;
+use crate::experiment::noise_floor::HalfImages;
 use crate::experiment::plan::ReferenceSource;
-use crate::experiment::standing::Claim;
+use crate::experiment::run_progress::Claim;
+use crate::experiment::shards::Shard;
 use crate::film::SharedImage;
 
-/// A reference as far as the night has come.
-pub(super) enum Truth {
-    /// Not looked at yet.
-    Ahead,
-    /// Recorded; the history gives its picture.
+/// State of a reference during a night.
+pub(super) enum ReferenceState {
+    /// Not processed yet.
+    Pending,
+    /// Recorded; its picture is read from the history.
     Recorded,
-    /// Rendered, but the history does not keep it.
-    Held(SharedImage),
-    /// Not to be had; the text says why.
-    Lost(String),
+    /// Rendered, but not stored by the history.
+    InMemory(SharedImage),
+    /// Failed or interrupted; the text is the reason.
+    Unavailable(String),
 }
 
-/// How long it is believed that another process has a reference while cells that need it are gone through.
-const BELIEF: Duration = Duration::from_secs(5);
+impl ReferenceState {
+    /// State of a reference that has ended without a picture.
+    pub(super) fn unavailable(outcome: &Outcome) -> ReferenceState {
+        ReferenceState::Unavailable(match outcome {
+            Outcome::Failed(reason) => reason.clone(),
+            Outcome::Interrupted => "it was interrupted".to_owned(),
+            Outcome::Done(_) | Outcome::Cached(_) => "it has no picture".to_owned(),
+        })
+    }
+}
 
-impl<'a> Night<'a, '_> {
-    /// Looks at a reference, and renders it if that is to be done here.
-    pub(super) fn reference(&mut self, place: usize) -> Look<'a> {
-        let cell = CellRef::Reference(place);
-        if self.is_settled(cell) {
-            return Look::Ended;
+/// Time for which another process is assumed to still hold a reference, while cells that need it
+/// are processed.
+const HELD_FOR: Duration = Duration::from_secs(5);
+
+impl<'a> NightRunner<'a, '_> {
+    /// Processes a reference: looks it up or renders it, unless another process works on it.
+    pub(super) fn process_reference(&mut self, index: usize) -> Readiness<'a> {
+        let cell = CellRef::Reference(index);
+        if self.is_finished(cell) {
+            return Readiness::Finished;
         }
-        if let Some((whose, at)) = self.away.get(&place)
-            && at.elapsed() < BELIEF
+        if let Some((owner, at)) = self.references_elsewhere.get(&index)
+            && at.elapsed() < HELD_FOR
         {
-            return Look::Elsewhere(whose.clone());
+            return Readiness::HeldBy(owner.clone());
         }
         let plan = self.plan;
-        match &plan.references[place].source {
+        match &plan.references[index].source {
             ReferenceSource::File { file, .. } => {
-                let ended = match self.history.image(plan, place) {
+                let ended = match self.history.image(plan, index) {
                     Ok(Some(image)) => {
-                        self.recent = Some((place, Arc::new(image)));
-                        Ended::only(Outcome::Cached(file.clone()))
+                        self.recent_reference = Some((index, Arc::new(image)));
+                        EndedRun::without_results(Outcome::Cached(file.clone()))
                     }
-                    Ok(None) => Ended::failed(format!("no image was found in {}", file.display())),
-                    Err(error) => Ended::failed(error.to_string()),
+                    Ok(None) => {
+                        EndedRun::failed(format!("no image was found in {}", file.display()))
+                    }
+                    Err(error) => EndedRun::failed(error.to_string()),
                 };
                 let outcome = self.finish(cell, ended);
-                self.truths[place] = if let Outcome::Cached(_) = outcome { Truth::Recorded } else { lost(&outcome) };
+                self.references[index] = if let Outcome::Cached(_) = outcome {
+                    ReferenceState::Recorded
+                } else {
+                    ReferenceState::unavailable(&outcome)
+                };
             }
-            ReferenceSource::Render { config, scene, seeds, stop, .. } => {
+            ReferenceSource::Render {
+                config,
+                scene,
+                seeds,
+                stop,
+                ..
+            } => {
                 let stop = stop.clone();
-                let work = Work { cell, config, scene, seeds, stop, part: None, reference: None, resolution: None };
-                match self.rendered_reference(place, &work) {
-                    Ok(truth) => {
-                        self.truths[place] = truth;
-                        self.compare(place);
+                let request = RunRequest {
+                    cell,
+                    config,
+                    scene,
+                    seeds,
+                    stop,
+                    shard: None,
+                    reference: None,
+                    resolution: None,
+                };
+                match self.rendered_reference(index, &request) {
+                    Ok(state) => {
+                        self.references[index] = state;
+                        self.check_bias(index);
                     }
-                    Err(whose) => {
-                        self.away.insert(place, (whose.clone(), Instant::now()));
-                        return Look::Elsewhere(whose);
+                    Err(owner) => {
+                        self.references_elsewhere
+                            .insert(index, (owner.clone(), Instant::now()));
+                        return Readiness::HeldBy(owner);
                     }
                 }
             }
         }
-        Look::Ended
+        Readiness::Finished
     }
 
-    /// The error says who else renders it.
-    fn rendered_reference(&mut self, place: usize, work: &Work<'a>) -> Result<Truth, String> {
-        if let Some(truth) = self.reference_that_is_there(place, work) {
-            return Ok(truth);
+    /// Looks up a reference that Lumbre renders, or renders it. The error names the process that
+    /// works on it.
+    fn rendered_reference(
+        &mut self,
+        index: usize,
+        request: &RunRequest<'a>,
+    ) -> Result<ReferenceState, String> {
+        if let Some(state) = self.stored_reference(index, request) {
+            return Ok(state);
         }
-        let parts = self.plan.references[place].parts(place);
+        let shards = self.plan.references[index].shards(index);
         loop {
-            if let Some(ended) = self.render_parts(work, &parts)? {
-                let outcome = self.finish(work.cell, ended);
+            if let Some(ended) = self.render_shards(request, &shards)? {
+                let outcome = self.finish(request.cell, ended);
                 if let Outcome::Failed(_) = outcome {
-                    // The others need not find out for themselves.
-                    self.history.release(self.plan, work.cell.into());
+                    // Reports the failure to other workers, which would fail in the same way.
+                    self.history.release(self.plan, request.cell.into());
                 }
-                return Ok(lost(&outcome));
+                return Ok(ReferenceState::unavailable(&outcome));
             }
-            match self.history.claim(self.plan, work.cell.into()) {
-                Ok(Claim::Ours) => {}
-                Ok(Claim::Theirs(whose) | Claim::Never(whose)) => return Err(whose),
-                Err(error) => return Ok(lost(&self.finish(work.cell, Ended::failed(error.to_string())))),
+            match self.history.claim(self.plan, request.cell.into()) {
+                Ok(Claim::Granted) => {}
+                Ok(Claim::HeldBy(owner) | Claim::WrongWorker(owner)) => return Err(owner),
+                Err(error) => {
+                    return Ok(ReferenceState::unavailable(
+                        &self.finish(request.cell, EndedRun::failed(error.to_string())),
+                    ));
+                }
             }
-            // Between the look and the claim, another process may have finished it.
-            let truth = match self.reference_that_is_there(place, work) {
-                Some(truth) => Some(truth),
-                None => self.new_reference(place, work, &parts),
+            // Another process may have finished it before the claim was granted.
+            let state = match self.stored_reference(index, request) {
+                Some(state) => Some(state),
+                None => self.new_reference(index, request, &shards),
             };
-            self.history.release(self.plan, work.cell.into());
-            if let Some(truth) = truth {
-                return Ok(truth);
+            self.history.release(self.plan, request.cell.into());
+            if let Some(state) = state {
+                return Ok(state);
             }
         }
     }
 
-    fn reference_that_is_there(&mut self, place: usize, work: &Work<'_>) -> Option<Truth> {
-        match self.recorded_reference(place) {
-            Ok(Some(ended)) => Some(match self.finish(work.cell, ended) {
-                Outcome::Cached(_) => Truth::Recorded,
-                outcome => lost(&outcome),
+    /// Records a reference that an earlier night or another process finished. Returns `None` if
+    /// there is none that can be read.
+    fn stored_reference(
+        &mut self,
+        index: usize,
+        request: &RunRequest<'_>,
+    ) -> Option<ReferenceState> {
+        match self.read_reference(index) {
+            Ok(Some(ended)) => Some(match self.finish(request.cell, ended) {
+                Outcome::Cached(_) => ReferenceState::Recorded,
+                outcome => ReferenceState::unavailable(&outcome),
             }),
             Ok(None) => None,
             Err(problem) => {
-                let text = format!("the reference that was there is rendered again: {problem}");
-                let reason = self.say(Level::Warn, work.cell, text).err()?;
-                Some(lost(&self.finish(work.cell, Ended::failed(reason))))
+                let text =
+                    format!("the stored reference cannot be read and is rendered again: {problem}");
+                let reason = self.emit_message(Level::Warn, request.cell, text).err()?;
+                Some(ReferenceState::unavailable(
+                    &self.finish(request.cell, EndedRun::failed(reason)),
+                ))
             }
         }
     }
 
-    /// A reference that is rendered now, or joined from its parts; nothing if one of those has to be rendered again.
-    fn new_reference(&mut self, place: usize, work: &Work<'a>, parts: &[Part]) -> Option<Truth> {
-        if parts.is_empty() {
-            let ended = self.perform(work.clone());
-            return Some(self.recorded(place, work, ended));
+    /// Renders a reference, or joins it from its shards. Returns `None` if a shard must be rendered
+    /// again.
+    fn new_reference(
+        &mut self,
+        index: usize,
+        request: &RunRequest<'a>,
+        shards: &[Shard],
+    ) -> Option<ReferenceState> {
+        if shards.is_empty() {
+            let ended = self.render_run(request.clone());
+            return Some(self.record_reference(index, request, ended));
         }
-        match self.join(work, parts) {
-            Whole::Missing(_) => None,
-            Whole::Failed(reason) => Some(lost(&self.finish(work.cell, Ended::failed(reason)))),
-            Whole::Joined(whole) => {
-                let (ended, ground) = *whole;
-                let truth = self.recorded(place, work, ended);
-                if !matches!(truth, Truth::Lost(_)) {
-                    self.keep_joined(work, parts, ground.as_ref());
+        match self.join(request, shards) {
+            JoinResult::Missing(_) => None,
+            JoinResult::Failed(reason) => Some(ReferenceState::unavailable(
+                &self.finish(request.cell, EndedRun::failed(reason)),
+            )),
+            JoinResult::Joined(joined) => {
+                let (ended, continuable) = *joined;
+                let state = self.record_reference(index, request, ended);
+                if !matches!(state, ReferenceState::Unavailable(_)) {
+                    self.save_joined_shards(request, shards, continuable.as_ref());
                 }
-                Some(truth)
+                Some(state)
             }
         }
     }
 
-    /// Has a reference recorded that has ended.
-    fn recorded(&mut self, place: usize, work: &Work<'a>, mut ended: Ended) -> Truth {
+    /// Records a reference that has ended.
+    fn record_reference(
+        &mut self,
+        index: usize,
+        request: &RunRequest<'a>,
+        mut ended: EndedRun,
+    ) -> ReferenceState {
         let image = ended.film.as_ref().map(|film| Arc::new(film.mean()));
         if let Some(film) = &ended.film {
-            self.remember(place, film);
+            self.store_estimate(index, film);
         }
         if let (Some(halves), Some(image)) = (ended.halves.take(), &image) {
             let images = HalfImages {
                 means: [halves[0].mean(), halves[1].mean()],
                 samples: [halves[0].samples, halves[1].samples],
             };
-            let told = self.emit(&Event::Halves { reference: place, halves });
-            if let Err(reason) = told.and_then(|()| self.learn_floors(place, image, &images)) {
-                return lost(&self.finish(work.cell, Ended::failed(reason)));
+            let emitted = self.emit(&Event::Halves {
+                reference: index,
+                halves,
+            });
+            if let Err(reason) =
+                emitted.and_then(|()| self.compute_noise_floors(index, image, &images))
+            {
+                return ReferenceState::unavailable(
+                    &self.finish(request.cell, EndedRun::failed(reason)),
+                );
             }
         }
-        let outcome = self.finish(work.cell, ended);
+        let outcome = self.finish(request.cell, ended);
         match (outcome, image) {
             (Outcome::Done(_), Some(image)) => {
-                self.recent = Some((place, Arc::clone(&image)));
-                // Many references of large pictures do not fit into memory, so one that can be read again is not held.
-                match self.history.image(self.plan, place) {
-                    Ok(Some(_)) => Truth::Recorded,
-                    _ => Truth::Held(image),
+                self.recent_reference = Some((index, Arc::clone(&image)));
+                // Many large references do not fit into memory; keep only those that the history
+                // does not store.
+                match self.history.image(self.plan, index) {
+                    Ok(Some(_)) => ReferenceState::Recorded,
+                    _ => ReferenceState::InMemory(image),
                 }
             }
-            (outcome, _) => lost(&outcome),
+            (outcome, _) => ReferenceState::unavailable(&outcome),
         }
     }
 
-    /// Whether a reference is there.
-    pub(super) fn is_ready(&self, place: usize) -> bool {
-        matches!(self.truths[place], Truth::Recorded | Truth::Held(_))
+    /// Whether the picture of a reference is available.
+    pub(super) fn is_available(&self, index: usize) -> bool {
+        matches!(
+            self.references[index],
+            ReferenceState::Recorded | ReferenceState::InMemory(_)
+        )
     }
 
-    /// A reference that an earlier night finished, if its picture can be read.
-    fn recorded_reference(&mut self, place: usize) -> Result<Option<Ended>, String> {
-        let Some(run) = self.history.done(self.plan, CellRef::Reference(place)) else { return Ok(None) };
-        let image = self.history.image(self.plan, place).map_err(|e| e.to_string())?;
+    /// Reads a reference that an earlier night finished, if there is one with a picture.
+    fn read_reference(&mut self, index: usize) -> Result<Option<EndedRun>, String> {
+        let Some(run) = self
+            .history
+            .finished_run(self.plan, CellRef::Reference(index))
+        else {
+            return Ok(None);
+        };
+        let image = self
+            .history
+            .image(self.plan, index)
+            .map_err(|e| e.to_string())?;
         let Some(image) = image else { return Ok(None) };
-        self.recent = Some((place, Arc::new(image)));
-        Ok(Some(Ended::cached(run)))
+        self.recent_reference = Some((index, Arc::new(image)));
+        Ok(Some(EndedRun::cached(run)))
     }
 
-    /// The picture of a reference, which must have the given size.
-    pub(super) fn truth(&mut self, place: usize, size: Option<[u32; 2]>) -> Result<SharedImage, String> {
-        let image = match (&self.truths[place], &self.recent) {
-            (Truth::Lost(reason), _) => return Err(format!("its reference is missing: {reason}")),
-            (Truth::Held(image), _) => Arc::clone(image),
-            (_, Some((recent, image))) if *recent == place => Arc::clone(image),
-            _ => match self.history.image(self.plan, place) {
+    /// Returns the picture of a reference, which must have the given size.
+    pub(super) fn reference_image(
+        &mut self,
+        index: usize,
+        size: Option<[u32; 2]>,
+    ) -> Result<SharedImage, String> {
+        let image = match (&self.references[index], &self.recent_reference) {
+            (ReferenceState::Unavailable(reason), _) => {
+                return Err(format!("its reference is not available: {reason}"));
+            }
+            (ReferenceState::InMemory(image), _) => Arc::clone(image),
+            (_, Some((recent, image))) if *recent == index => Arc::clone(image),
+            _ => match self.history.image(self.plan, index) {
                 Ok(Some(image)) => Arc::new(image),
-                Ok(None) => return Err("its reference is missing: it was there when the night began".to_owned()),
+                Ok(None) => {
+                    return Err(
+                        "its reference is not available: it was deleted during the night"
+                            .to_owned(),
+                    );
+                }
                 Err(error) => return Err(format!("its reference cannot be read: {error}")),
             },
         };
-        self.recent = Some((place, Arc::clone(&image)));
+        self.recent_reference = Some((index, Arc::clone(&image)));
         match size {
-            Some([width, height]) if [width, height] != [image.width, image.height] => Err(format!(
-                "the picture has {width}x{height} pixels but its reference {}x{}",
-                image.width, image.height
-            )),
+            Some([width, height]) if [width, height] != [image.width, image.height] => {
+                Err(format!(
+                    "the picture has {width}x{height} pixels but its reference {}x{}",
+                    image.width, image.height
+                ))
+            }
             _ => Ok(image),
         }
     }
-}
-
-/// A reference that has ended otherwise.
-pub(super) fn lost(outcome: &Outcome) -> Truth {
-    Truth::Lost(match outcome {
-        Outcome::Failed(reason) => reason.clone(),
-        Outcome::Interrupted => "it was given up".to_owned(),
-        Outcome::Done(_) | Outcome::Cached(_) => "it has no picture".to_owned(),
-    })
 }

@@ -1,75 +1,101 @@
-//! The smoke pass: one sample of every kind of cell before the night begins, so that what cannot work is known while
-//! the user still looks.
+//! The smoke pass: renders one small sample of every configuration before the night begins, so that
+//! errors are found while the user is still watching.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 
-use super::cell::{Work, advance, guard};
-use super::night::Night;
-use super::tries::Broken;
+use super::active_run::RunRequest;
+use super::night::NightRunner;
+use super::open::{advance, catch_panic};
+use super::retry::AttemptError;
 use crate::experiment::event::{CellRef, Event, Level};
-use crate::experiment::forecast::Kind;
+use crate::experiment::forecast::WorkloadKey;
 use crate::experiment::plan::ReferenceSource;
 
-/// Longest side of what the pass renders, in pixels. It finds what is broken, not what is slow or too large.
-const SIDE: u32 = 64;
+/// Greatest width and height of the rendered pictures in pixels. The pass detects errors, not slow
+/// runs or lack of memory.
+const MAX_SIDE: u32 = 64;
 
-/// Longest time that the pass takes before it leaves the rest to the night.
-const PATIENCE: Duration = Duration::from_secs(60);
+/// Time after which the rest is left to the night.
+const MAX_TIME: Duration = Duration::from_secs(60);
 
-impl Night<'_, '_> {
-    /// Renders one small sample of every cell and reference that is still open, repeats aside, and returns the reasons
-    /// of those that failed.
+impl NightRunner<'_, '_> {
+    /// Renders one small sample of every unfinished cell and reference, except for repeats, and
+    /// returns the cells that will fail, with their reasons.
     pub(super) fn smoke(&mut self, order: &[CellRef]) -> BTreeMap<CellRef, String> {
         let start = Instant::now();
         let mut failed = BTreeMap::new();
-        let mut tried = 0;
+        let mut tested = 0;
         let mut seen = BTreeSet::new();
-        let mut open: Vec<CellRef> = order.iter().copied().filter(|cell| seen.insert(self.kind(*cell))).collect();
-        open.retain(|cell| self.history.done(self.plan, *cell).is_none());
+        let mut open: Vec<CellRef> = order
+            .iter()
+            .copied()
+            .filter(|cell| seen.insert(self.configuration(*cell)))
+            .collect();
+        open.retain(|cell| self.history.finished_run(self.plan, *cell).is_none());
         for cell in &open {
-            if self.control.stop_requested() || start.elapsed() > PATIENCE {
+            if self.control.stop_requested() || start.elapsed() > MAX_TIME {
                 break;
             }
-            tried += 1;
-            let Err(broken) = self.try_one(*cell) else { continue };
-            // A device that was lost may come back, and where the script leaves the choice there is another backend: the
-            // night will see.
-            let again = match broken {
-                Broken::Lost(_) => true,
-                Broken::Backend(_) => self.fallback(*cell),
-                Broken::Other(_) => false,
+            tested += 1;
+            let Err(error) = self.render_smoke_sample(*cell) else {
+                continue;
             };
-            if !again {
-                let reason = broken.reason();
-                let kind = self.kind(*cell);
-                let alike = order.iter().filter(|other| self.kind(**other) == kind);
-                failed.extend(alike.map(|other| (*other, format!("in the smoke pass: {reason}"))));
+            // A lost device may recover, and a run may have a fallback: the night decides then.
+            let may_succeed = match error {
+                AttemptError::DeviceLost(_) => true,
+                AttemptError::Backend(_) => self.has_fallback(*cell),
+                AttemptError::Other(_) => false,
+            };
+            if !may_succeed {
+                let reason = error.into_reason();
+                let configuration = self.configuration(*cell);
+                let same = order
+                    .iter()
+                    .filter(|other| self.configuration(**other) == configuration);
+                failed.extend(
+                    same.map(|other| (*other, format!("failed in the smoke pass: {reason}"))),
+                );
             }
         }
         let seconds = start.elapsed().as_secs_f64();
-        let (all, broken) = (open.len(), failed.len());
-        let text = format!("smoke pass: {tried} of {all} kinds of runs tried in {seconds:.1} s, {broken} runs fail");
-        let level = if broken > 0 { Level::Warn } else { Level::Info };
-        // Listeners that cannot note it will fail where it matters.
-        let _ = self.emit(&Event::Message { level, cell: None, text });
+        let (all, failing) = (open.len(), failed.len());
+        let text = format!(
+            "smoke pass: tested {tested} of {all} configurations in {seconds:.1} s; {failing} runs \
+             would fail"
+        );
+        let level = if failing > 0 {
+            Level::Warn
+        } else {
+            Level::Info
+        };
+        // A sink that fails here fails again when a result is recorded.
+        let _ = self.emit(&Event::Message {
+            level,
+            cell: None,
+            text,
+        });
         failed
     }
 
-    /// What distinguishes cells but for their seeds. References are all different.
-    fn kind(&self, cell: CellRef) -> (bool, usize, String) {
+    /// Returns a key that distinguishes cells except for their seeds. All references are different.
+    fn configuration(&self, cell: CellRef) -> (bool, usize, String) {
         match cell {
             CellRef::Reference(i) => (true, i, String::new()),
             CellRef::Cell(i) => {
                 let cell = &self.plan.cells[i];
-                // Repeats of a point differ in nothing else, and share their scene.
-                (false, std::sync::Arc::as_ptr(&cell.scene) as usize, format!("{:?}", cell.config))
+                // Repeats of a point share their scene and differ only in their seeds.
+                (
+                    false,
+                    std::sync::Arc::as_ptr(&cell.scene) as usize,
+                    format!("{:?}", cell.config),
+                )
             }
         }
     }
 
-    /// Whether there is another backend for a run.
-    fn fallback(&self, cell: CellRef) -> bool {
+    /// Whether a run has a fallback backend.
+    fn has_fallback(&self, cell: CellRef) -> bool {
         match cell {
             CellRef::Cell(i) => self.plan.cells[i].config.fallback.is_some(),
             CellRef::Reference(i) => match &self.plan.references[i].source {
@@ -79,27 +105,46 @@ impl Night<'_, '_> {
         }
     }
 
-    fn try_one(&mut self, cell: CellRef) -> Result<(), Broken> {
+    /// Renders one sample of a cell or reference at a small size, and records its throughput.
+    fn render_smoke_sample(&mut self, cell: CellRef) -> Result<(), AttemptError> {
         let plan = self.plan;
         let (config, scene, seed, stop) = match cell {
             CellRef::Cell(i) => {
-                let it = &plan.cells[i];
-                (&it.config, &it.scene, it.seed, &it.stop)
+                let cell = &plan.cells[i];
+                (&cell.config, &cell.scene, cell.seed, &cell.stop)
             }
             CellRef::Reference(i) => match &plan.references[i].source {
-                ReferenceSource::Render { config, scene, seeds, stop, .. } => (config, scene, seeds[0], stop),
+                ReferenceSource::Render {
+                    config,
+                    scene,
+                    seeds,
+                    stop,
+                    ..
+                } => (config, scene, seeds[0], stop),
                 ReferenceSource::File { .. } => return Ok(()),
             },
         };
         let [width, height] = config.resolution.unwrap_or(scene.resolution);
-        let shrink = width.max(height).div_ceil(SIDE).max(1);
+        let shrink = width.max(height).div_ceil(MAX_SIDE).max(1);
         let resolution = Some([width.div_ceil(shrink), height.div_ceil(shrink)]);
         let seeds = &[seed];
-        let work = Work { cell, config, scene, seeds, stop: stop.clone(), part: None, reference: None, resolution };
-        let scene = self.compiled(&work)?;
-        let mut renderer = Some(self.open(&work, scene, None)?);
+        let request = RunRequest {
+            cell,
+            config,
+            scene,
+            seeds,
+            stop: stop.clone(),
+            shard: None,
+            reference: None,
+            resolution,
+        };
+        let scene = self.compiled(&request)?;
+        let mut renderer = Some(self.open(&request, scene, None)?);
         let stats = advance(&mut renderer, 1)?;
-        self.paces.tried(Kind::of(config), stats.paths as f64 / stats.render_s);
-        Ok(guard("closing the backend", || drop(renderer))?)
+        self.throughput.record_smoke_sample(
+            WorkloadKey::from_config(config),
+            stats.paths as f64 / stats.render_s,
+        );
+        Ok(catch_panic("closing the backend", || drop(renderer))?)
     }
 }

@@ -1,9 +1,10 @@
-//! Stop rules as data: what they mean, when they can be relied on to end ([`limits`]), and how they read ([`words`], [`read`]).
+//! Stop rules as data: evaluation, validation and guaranteed limits ([`limits`]), descriptions and
+//! the canonical form ([`format`](mod@format)), and reading that form ([`parse`]).
 
+mod format;
 mod limits;
+mod parse;
 mod plateau;
-mod read;
-mod words;
 
 pub use limits::StopError;
 
@@ -12,21 +13,21 @@ use super::spec::HookError;
 use crate::metrics::MetricSpec;
 use plateau::Slope;
 
-/// How a threshold is compared.
+/// Comparison of a metric with a threshold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Comparison {
-    /// `<`
+    /// Less than, `<`.
     Less,
-    /// `<=`
+    /// Less than or equal to, `<=`.
     LessEqual,
-    /// `>`
+    /// Greater than, `>`.
     Greater,
-    /// `>=`
+    /// Greater than or equal to, `>=`.
     GreaterEqual,
 }
 
 impl Comparison {
-    /// Whether `a` compares with `b` in this way; never when either is not a number.
+    /// Whether the comparison of `a` with `b` holds; false if either is NaN.
     pub fn holds(self, a: f64, b: f64) -> bool {
         match self {
             Comparison::Less => a < b,
@@ -36,7 +37,7 @@ impl Comparison {
         }
     }
 
-    /// The sign as scripts write it.
+    /// Operator as written in scripts.
     pub fn symbol(self) -> &'static str {
         match self {
             Comparison::Less => "<",
@@ -47,66 +48,72 @@ impl Comparison {
     }
 }
 
-/// When a cell is finished.
+/// Rule that determines when a run is finished.
 #[derive(Clone, Debug, PartialEq)]
 pub enum StopRule {
-    /// Render time in seconds has been spent.
+    /// At least this many seconds of render time were spent.
     Time(f64),
-    /// Every pixel has this many samples; waves are cut so that it is exact.
+    /// Every pixel has this many samples. Waves are sized so that the number is exact.
     Samples(u64),
     /// This many waves were rendered.
     Waves(u64),
-    /// A metric compares with a value in `hold` consecutive measurements.
+    /// A metric fulfils a comparison in `hold` consecutive measurements.
     When {
-        /// Metric column.
+        /// Column of the metric.
         column: String,
-        /// Comparison.
+        /// Comparison with the threshold.
         op: Comparison,
-        /// Threshold.
+        /// Threshold in units of the metric.
         value: f64,
-        /// Consecutive measurements.
+        /// Number of consecutive measurements.
         hold: u32,
     },
-    /// A metric's error has stopped falling: over the last factor `over` of render time, its exponent is significantly
-    /// greater than `exponent`.
+    /// The error of a metric has stopped falling. Over the last factor `over` of render time, its
+    /// exponent as a power of time is significantly greater than `exponent`.
     Plateau {
-        /// Metric column.
+        /// Column of the metric.
         column: String,
-        /// The exponent of render time below which an error still falls; a Monte Carlo error has -0.5.
+        /// Exponent of render time, below 0, that counts as still falling; a Monte Carlo error has
+        /// -0.5.
         exponent: f64,
-        /// How far back it is looked, as a factor of render time above 1.
+        /// Factor of render time, above 1, over which the exponent is estimated: 4 is the last
+        /// three quarters.
         over: f64,
-        /// The probability at which chance is ruled out, above 0 and below 1.
+        /// Significance level, above 0 and below 1.
         p: f64,
     },
-    /// At least this many invalid (NaN or infinite) samples were met.
+    /// At least this many invalid (NaN or infinite) samples occurred.
     Nan(u64),
-    /// A function of the script says so; the number is the script room's own.
+    /// A function of the script returns true. The number is assigned by the script module.
     Predicate(usize),
-    /// Any of these; the first that holds is the reason.
+    /// Any of these rules holds; the first one is the reason.
     Any(Vec<StopRule>),
-    /// All of these.
+    /// All of these rules hold.
     All(Vec<StopRule>),
-    /// Not this.
+    /// This rule does not hold.
     Not(Box<StopRule>),
 }
 
 impl StopRule {
-    /// Shows the rule and every part of it, parts after what they are part of.
-    pub fn visit<'a>(&'a self, see: &mut dyn FnMut(&'a StopRule)) {
-        see(self);
+    /// Calls a function on the rule and on every rule within it, outer rules first.
+    pub fn visit<'a>(&'a self, visitor: &mut dyn FnMut(&'a StopRule)) {
+        visitor(self);
         match self {
-            StopRule::Any(parts) | StopRule::All(parts) => parts.iter().for_each(|part| part.visit(see)),
-            StopRule::Not(part) => part.visit(see),
+            StopRule::Any(parts) | StopRule::All(parts) => {
+                parts.iter().for_each(|part| part.visit(visitor))
+            }
+            StopRule::Not(part) => part.visit(visitor),
             _ => {}
         }
     }
 
-    /// Whether the rule holds after the measurements `rows` (oldest first), and if so, why, in words.
+    /// Evaluates the rule after the measurements `rows`, oldest first. Returns the reason why it
+    /// holds, or `None` if it does not.
     ///
-    /// The answer depends on the rows alone, so a run that is read back from disk is judged like a live one. A metric
-    /// that was not measured, or is not a number, never compares. `metrics` are those of the rows; `ask` calls the
-    /// script's predicates, from left to right and only as long as the parts before leave the answer open.
+    /// The result depends on the rows alone, so a run that is read back from disk is treated like a
+    /// live one. A comparison with a metric that was not measured or is NaN is false. `metrics` are
+    /// those of the rows. `predicate` calls a predicate of the script; predicates are evaluated
+    /// from left to right with short-circuiting.
     ///
     /// # Errors
     /// When a predicate fails.
@@ -114,30 +121,47 @@ impl StopRule {
         &self,
         rows: &[WaveRow],
         metrics: &[MetricSpec],
-        ask: &mut dyn FnMut(usize) -> Result<bool, HookError>,
+        predicate: &mut dyn FnMut(usize) -> Result<bool, HookError>,
     ) -> Result<Option<String>, HookError> {
-        let Some(last) = rows.last() else { return Ok(None) };
+        let Some(last) = rows.last() else {
+            return Ok(None);
+        };
         let holds = match self {
             StopRule::Time(seconds) => last.render_s >= *seconds,
             StopRule::Samples(samples) => last.samples >= *samples,
             StopRule::Waves(waves) => last.wave >= *waves,
             StopRule::Nan(count) => last.invalid >= *count,
-            StopRule::Predicate(id) => ask(*id)?,
-            StopRule::When { column, op, value, hold } => {
-                let place = metrics.iter().position(|m| m.column == *column);
-                let measured = |row: &WaveRow| place.and_then(|i| row.metrics.get(i)).copied();
+            StopRule::Predicate(id) => predicate(*id)?,
+            StopRule::When {
+                column,
+                op,
+                value,
+                hold,
+            } => {
+                let index = metrics.iter().position(|m| m.column == *column);
+                let measured = |row: &WaveRow| index.and_then(|i| row.metrics.get(i)).copied();
                 let hold = *hold as usize;
                 let recent = &rows[rows.len().saturating_sub(hold)..];
-                recent.len() == hold && recent.iter().all(|row| measured(row).is_some_and(|x| op.holds(x, *value)))
+                recent.len() == hold
+                    && recent
+                        .iter()
+                        .all(|row| measured(row).is_some_and(|x| op.holds(x, *value)))
             }
-            StopRule::Plateau { column, exponent, over, p } => {
-                let place = metrics.iter().position(|m| m.column == *column);
-                let error = |row: &WaveRow| place.and_then(|i| metrics[i].distance(*row.metrics.get(i)?));
-                Slope::of(rows, *over, error).is_some_and(|slope| slope.p_steeper(*exponent) < *p)
+            StopRule::Plateau {
+                column,
+                exponent,
+                over,
+                p,
+            } => {
+                let index = metrics.iter().position(|m| m.column == *column);
+                let error =
+                    |row: &WaveRow| index.and_then(|i| metrics[i].distance(*row.metrics.get(i)?));
+                Slope::estimate(rows, *over, error)
+                    .is_some_and(|slope| slope.p_steeper(*exponent) < *p)
             }
             StopRule::Any(parts) => {
                 for part in parts {
-                    if let Some(reason) = part.check(rows, metrics, ask)? {
+                    if let Some(reason) = part.check(rows, metrics, predicate)? {
                         return Ok(Some(reason));
                     }
                 }
@@ -146,14 +170,14 @@ impl StopRule {
             StopRule::All(parts) => {
                 let mut reasons = Vec::new();
                 for part in parts {
-                    match part.check(rows, metrics, ask)? {
+                    match part.check(rows, metrics, predicate)? {
                         Some(reason) => reasons.push(reason),
                         None => return Ok(None),
                     }
                 }
                 return Ok((!reasons.is_empty()).then(|| reasons.join(", and ")));
             }
-            StopRule::Not(part) => part.check(rows, metrics, ask)?.is_none(),
+            StopRule::Not(part) => part.check(rows, metrics, predicate)?.is_none(),
         };
         Ok(holds.then(|| self.describe()))
     }
@@ -176,11 +200,18 @@ mod tests {
     }
 
     fn specs<const N: usize>(names: [&str; N]) -> Vec<MetricSpec> {
-        names.map(|name| MetricSpec::new(name, name, Default::default()).unwrap()).into()
+        names
+            .map(|name| MetricSpec::new(name, name, Default::default()).unwrap())
+            .into()
     }
 
     fn above(hold: u32) -> StopRule {
-        StopRule::When { column: "ssim".into(), op: Comparison::Greater, value: 0.95, hold }
+        StopRule::When {
+            column: "ssim".into(),
+            op: Comparison::Greater,
+            value: 0.95,
+            hold,
+        }
     }
 
     fn not(rule: StopRule) -> StopRule {
@@ -188,7 +219,8 @@ mod tests {
     }
 
     fn reason(rule: &StopRule, ssim: &[f64]) -> Option<String> {
-        rule.check(&rows(ssim), &specs(["rmse", "ssim"]), &mut |id| Ok(id == 1)).unwrap()
+        rule.check(&rows(ssim), &specs(["rmse", "ssim"]), &mut |id| Ok(id == 1))
+            .unwrap()
     }
 
     #[test]
@@ -230,44 +262,79 @@ mod tests {
             (not(Time(1.0)), &[], false),
         ];
         for (rule, ssim, expected) in cases {
-            assert_eq!(reason(rule, ssim).is_some(), *expected, "{rule:?} after {ssim:?}");
+            assert_eq!(
+                reason(rule, ssim).is_some(),
+                *expected,
+                "{rule:?} after {ssim:?}"
+            );
         }
     }
 
     #[test]
-    fn a_plateau_is_where_the_logarithm_of_the_error_stays() {
-        let plateau = StopRule::Plateau { column: "ssim".into(), exponent: -0.1, over: 4.0, p: 0.01 };
-        let ssim = |error: &dyn Fn(f64) -> f64| -> Vec<f64> {
-            // A ripple, so that there is something from which significance can be told.
-            (1..=64).map(|n| 1.0 - error(0.5 * f64::from(n)) * (1.0 + 0.001 * f64::from(n % 3))).collect()
+    fn a_plateau_is_where_the_error_stops_falling() {
+        let plateau = StopRule::Plateau {
+            column: "ssim".into(),
+            exponent: -0.1,
+            over: 4.0,
+            p: 0.01,
         };
-        let (falls, stays) = (ssim(&|t| 0.2 / t.sqrt()), ssim(&|t| (0.01 / t + 0.01).sqrt()));
+        let ssim = |error: &dyn Fn(f64) -> f64| -> Vec<f64> {
+            // A ripple provides the residuals from which significance is estimated.
+            (1..=64)
+                .map(|n| 1.0 - error(0.5 * f64::from(n)) * (1.0 + 0.001 * f64::from(n % 3)))
+                .collect()
+        };
+        let (falls, stays) = (
+            ssim(&|t| 0.2 / t.sqrt()),
+            ssim(&|t| (0.01 / t + 0.01).sqrt()),
+        );
         assert_eq!(reason(&plateau, &falls), None);
         assert_eq!(
             reason(&plateau, &stays).unwrap(),
-            "the error of ssim falls more slowly than time to the power -0.1 over the last factor 4 (p < 0.01)"
+            "the error of ssim falls more slowly than time^-0.1 over the last factor of 4 in \
+             render time (p < 0.01)"
         );
         assert_eq!(reason(&plateau, &stays[..6]), None, "too early to tell");
     }
 
     #[test]
-    fn the_reason_names_the_part_that_held() {
+    fn the_reason_names_the_clause_that_held() {
         let rule = StopRule::Any(vec![above(2), StopRule::Time(1.0), StopRule::Samples(8)]);
         assert_eq!(reason(&rule, &[0.1, 0.2]).unwrap(), "1 s of render time");
-        assert_eq!(reason(&rule, &[0.96, 0.97]).unwrap(), "ssim > 0.95 held for 2 measurements");
+        assert_eq!(
+            reason(&rule, &[0.96, 0.97]).unwrap(),
+            "ssim > 0.95 held for 2 measurements"
+        );
         let rule = StopRule::All(vec![StopRule::Samples(8), not(above(1))]);
-        assert_eq!(reason(&rule, &[0.1, 0.2]).unwrap(), "8 samples per pixel, and not (ssim > 0.95)");
+        assert_eq!(
+            reason(&rule, &[0.1, 0.2]).unwrap(),
+            "8 samples per pixel, and not (ssim > 0.95)"
+        );
     }
 
     #[test]
-    fn a_metric_that_was_not_measured_never_compares() {
-        let unmeasured = [WaveRow { wave: 1, samples: 1, ..WaveRow::default() }];
-        assert!(above(1).check(&unmeasured, &specs(["ssim"]), &mut |_| Ok(true)).unwrap().is_none());
-        assert!(above(1).check(&rows(&[0.99]), &specs(["psnr"]), &mut |_| Ok(true)).unwrap().is_none());
+    fn a_comparison_with_an_unmeasured_metric_is_false() {
+        let unmeasured = [WaveRow {
+            wave: 1,
+            samples: 1,
+            ..WaveRow::default()
+        }];
+        assert!(
+            above(1)
+                .check(&unmeasured, &specs(["ssim"]), &mut |_| Ok(true))
+                .unwrap()
+                .is_none()
+        );
+        assert!(
+            above(1)
+                .check(&rows(&[0.99]), &specs(["psnr"]), &mut |_| Ok(true))
+                .unwrap()
+                .is_none()
+        );
     }
 
     #[test]
-    fn predicates_are_asked_only_while_the_answer_is_open_and_their_errors_surface() {
+    fn predicates_are_short_circuited_and_their_errors_are_returned() {
         let mut asked = Vec::new();
         let rule = StopRule::Any(vec![StopRule::Time(0.5), StopRule::Predicate(4)]);
         rule.check(&rows(&[0.1]), &[], &mut |id| {
@@ -276,7 +343,9 @@ mod tests {
         })
         .unwrap();
         assert!(asked.is_empty());
-        let fails = StopRule::Predicate(4).check(&rows(&[0.1]), &[], &mut |_| Err(HookError("no such field".into())));
+        let fails = StopRule::Predicate(4).check(&rows(&[0.1]), &[], &mut |_| {
+            Err(HookError("no such field".into()))
+        });
         assert_eq!(fails.unwrap_err().to_string(), "no such field");
     }
 }

@@ -12,49 +12,62 @@ use crate::metrics::colour::{from_opponent, hunt_lab, hyab, largest_distance, op
 const COLOUR_POWER: f32 = 0.7;
 /// Fraction of the largest distance that maps to [`KNEE_VALUE`].
 const KNEE: f32 = 0.4;
-/// Value of the knee: differences beyond it share the rest.
+/// Value at the knee; larger differences share the remaining range.
 const KNEE_VALUE: f32 = 0.95;
 
-/// Values that are filtered together, so that they stay in registers.
+/// Number of values that are filtered together, so that they stay in registers.
 const LANES: usize = 16;
-/// Planes that filtering along rows leaves: Y, Cx, Cz twice, and the smoothed, edge and point responses of grey.
+/// Number of planes after filtering along rows: Y, Cx, Cz twice, and the smoothed, edge and point
+/// responses of the achromatic channel.
 const PLANES: usize = 7;
-/// Fewest rows that one task handles; it filters twice the filters' radius more than these.
+/// Fewest rows per task; a task also filters twice the filter radius of neighbouring rows.
 const SHORTEST_BAND: usize = 32;
 
-/// What is compared of one pixel: its filtered colour in CIELAB after Hunt's adjustment, and how strong edges and points
-/// are there.
+/// Features of one pixel that FLIP compares: its filtered colour in CIELAB after Hunt's adjustment,
+/// and the strength of edges and points.
 #[derive(Clone, Copy, Default)]
 struct Seen {
     lab: [f32; 3],
     detail: [f32; 2],
 }
 
-/// What is seen of a reference, from which pictures of its size can differ: 20 bytes for each pixel.
+/// Features of every pixel of a reference, 20 bytes per pixel.
 pub struct Target {
     ppd: f64,
     seen: Vec<Seen>,
 }
 
 impl Target {
-    /// Looks at a reference at `ppd` pixels per degree. `shown` says what linear light in 0..=1 a display emits for a
-    /// pixel. Pixels over the border are those at the border. NaN spreads as far as the filters reach.
-    pub fn new(reference: &Image, ppd: f64, shown: &(impl Fn([f32; 3]) -> [f32; 3] + Sync)) -> Target {
+    /// Computes the features of a reference at `ppd` pixels per degree. `shown` maps a pixel to the
+    /// linear light in 0..=1 that a display emits. Pixels beyond the border repeat the border. NaN
+    /// spreads as far as the filters reach.
+    pub fn new(
+        reference: &Image,
+        ppd: f64,
+        shown: &(impl Fn([f32; 3]) -> [f32; 3] + Sync),
+    ) -> Target {
         let mut seen = vec![Seen::default(); reference.data.len()];
         look(reference, ppd, shown, &mut seen, |_, seen| seen);
         Target { ppd, seen }
     }
 
-    /// The difference in 0..=1 of an image of the reference's size at every pixel, in row order.
-    pub fn difference(&self, image: &Image, shown: &(impl Fn([f32; 3]) -> [f32; 3] + Sync)) -> Vec<f32> {
+    /// Returns the difference in 0..=1 at every pixel of an image of the reference's size, in row
+    /// order.
+    pub fn difference(
+        &self,
+        image: &Image,
+        shown: &(impl Fn([f32; 3]) -> [f32; 3] + Sync),
+    ) -> Vec<f32> {
         let most = largest_distance().powf(COLOUR_POWER);
         let mut out = vec![0.0; self.seen.len()];
-        look(image, self.ppd, shown, &mut out, |i, seen| distance(&seen, &self.seen[i], most));
+        look(image, self.ppd, shown, &mut out, |i, seen| {
+            distance(&seen, &self.seen[i], most)
+        });
         out
     }
 }
 
-/// Fills `out` with what `of` makes of every pixel's place in row order and of what is seen there.
+/// Fills `out` in row order with `of(index, features)` of every pixel.
 fn look<T: Send>(
     image: &Image,
     ppd: f64,
@@ -66,31 +79,33 @@ fn look<T: Send>(
     let filters = Filters::new(ppd);
     let threads = rayon::current_num_threads().max(1);
     let band = height.div_ceil(2 * threads).max(SHORTEST_BAND);
-    out.par_chunks_mut((band * width).max(1)).enumerate().for_each(|(i, rows)| {
-        let first = i * band;
-        let mut side = Side::new(image, &filters);
-        let mut features = Features::new(width);
-        for (y, row) in (first..).zip(rows.chunks_exact_mut(width)) {
-            side.advance(y, shown);
-            features.compute(&side, y);
-            for (x, place) in row.iter_mut().enumerate() {
-                *place = of(y * width + x, features.seen(x));
+    out.par_chunks_mut((band * width).max(1))
+        .enumerate()
+        .for_each(|(i, rows)| {
+            let first = i * band;
+            let mut side = Side::new(image, &filters);
+            let mut features = Features::new(width);
+            for (y, row) in (first..).zip(rows.chunks_exact_mut(width)) {
+                side.advance(y, shown);
+                features.compute(&side, y);
+                for (x, place) in row.iter_mut().enumerate() {
+                    *place = of(y * width + x, features.seen(x));
+                }
             }
-        }
-    });
+        });
 }
 
-/// The last rows of one picture, filtered along rows.
+/// Ring buffer of the most recent rows of one image, filtered along rows.
 struct Side<'a> {
     image: &'a Image,
     filters: &'a Filters,
     radius: usize,
     stride: usize,
-    /// One converted row with its border repeated: Y, Cx, Cz.
+    /// Y, Cx and Cz of one row, with its border repeated.
     padded: [Vec<f32>; 3],
-    /// Filtered rows; row `y` is at `y % rows.len()`.
+    /// Filtered rows; row `y` is stored at `y % rows.len()`.
     rows: Vec<[Vec<f32>; PLANES]>,
-    /// Which rows have been filtered.
+    /// Range of the rows that have been filtered.
     done: Range<usize>,
 }
 
@@ -104,12 +119,14 @@ impl<'a> Side<'a> {
             radius,
             stride,
             padded: std::array::from_fn(|_| vec![0.0; stride + 2 * radius]),
-            rows: (0..2 * radius + 1).map(|_| std::array::from_fn(|_| vec![0.0; stride])).collect(),
+            rows: (0..2 * radius + 1)
+                .map(|_| std::array::from_fn(|_| vec![0.0; stride]))
+                .collect(),
             done: 0..0,
         }
     }
 
-    /// Filters all rows that row `y` needs and that are not there yet.
+    /// Filters all rows that row `y` depends on and that are missing.
     fn advance(&mut self, y: usize, shown: &impl Fn([f32; 3]) -> [f32; 3]) {
         let last = (y + self.radius + 1).min(self.image.height as usize);
         if self.done.is_empty() {
@@ -125,8 +142,15 @@ impl<'a> Side<'a> {
     fn filter_row(&mut self, y: usize, shown: &impl Fn([f32; 3]) -> [f32; 3]) {
         let width = self.image.width as usize;
         let [py, px, pz] = &mut self.padded;
-        for (i, pixel) in self.image.data[y * width..(y + 1) * width].iter().enumerate() {
-            [py[self.radius + i], px[self.radius + i], pz[self.radius + i]] = opponent(shown(*pixel));
+        for (i, pixel) in self.image.data[y * width..(y + 1) * width]
+            .iter()
+            .enumerate()
+        {
+            [
+                py[self.radius + i],
+                px[self.radius + i],
+                pz[self.radius + i],
+            ] = opponent(shown(*pixel));
         }
         for plane in [&mut *py, &mut *px, &mut *pz] {
             let (left, right) = (plane[self.radius], plane[self.radius + width - 1]);
@@ -145,17 +169,19 @@ impl<'a> Side<'a> {
         along_row(py, self.radius, &f.point, point);
     }
 
-    /// The rows around row `y` that a filter of this radius needs, those over the border repeated.
+    /// Returns the rows around row `y` for a filter of this radius, with border rows repeated.
     fn around(&self, y: usize, plane: usize, radius: usize) -> Vec<&[f32]> {
         let last = self.image.height as usize - 1;
         let row = |i: usize| (y + i).saturating_sub(radius).min(last) % self.rows.len();
-        (0..2 * radius + 1).map(|i| self.rows[row(i)][plane].as_slice()).collect()
+        (0..2 * radius + 1)
+            .map(|i| self.rows[row(i)][plane].as_slice())
+            .collect()
     }
 }
 
-/// What is compared of one row of a picture.
+/// Filtered features of one row of an image.
 struct Features {
-    /// Filtered Y, Cx, Cz.
+    /// Y, Cx and Cz after the contrast sensitivity filters.
     colour: [Vec<f32>; 3],
     /// Squared lengths of the edge and point responses.
     detail: [Vec<f32>; 2],
@@ -184,7 +210,9 @@ impl Features {
         columns(1, &f.cx, ox);
         columns(2, &f.cz[0], oz);
         columns(3, &f.cz[1], a);
-        oz.iter_mut().zip(a.iter()).for_each(|(z, second)| *z += second);
+        oz.iter_mut()
+            .zip(a.iter())
+            .for_each(|(z, second)| *z += second);
         for (out, plane, kernel) in [(0, 5, &f.edge), (1, 6, &f.point)] {
             columns(plane, &f.smooth, a);
             columns(4, kernel, b);
@@ -196,16 +224,23 @@ impl Features {
 
     fn seen(&self, x: usize) -> Seen {
         let colour = from_opponent([0, 1, 2].map(|c| self.colour[c][x])).map(|v| v.clamp(0.0, 1.0));
-        Seen { lab: hunt_lab(colour), detail: [0, 1].map(|d| self.detail[d][x].sqrt()) }
+        Seen {
+            lab: hunt_lab(colour),
+            detail: [0, 1].map(|d| self.detail[d][x].sqrt()),
+        }
     }
 }
 
-/// Filters a row; `padded` reaches `radius` values further to the left and at least as many to the right.
+/// Filters a row; `padded` reaches `radius` values further to the left and at least as many to the
+/// right.
 fn along_row(padded: &[f32], radius: usize, kernel: &Kernel, out: &mut [f32]) {
     let start = radius - kernel.radius();
     for (i, chunk) in out.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
         let mut sum = [0.0; LANES];
-        for (values, w) in padded[start + i * LANES..].windows(LANES).zip(kernel.weights()) {
+        for (values, w) in padded[start + i * LANES..]
+            .windows(LANES)
+            .zip(kernel.weights())
+        {
             for (s, v) in sum.iter_mut().zip(values) {
                 *s += w * v;
             }
@@ -214,7 +249,7 @@ fn along_row(padded: &[f32], radius: usize, kernel: &Kernel, out: &mut [f32]) {
     }
 }
 
-/// The sum of rows, weighted.
+/// Weighted sum of rows.
 fn along_columns(rows: &[&[f32]], kernel: &Kernel, out: &mut [f32]) {
     for (i, chunk) in out.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
         let mut sum = [0.0; LANES];
@@ -227,7 +262,7 @@ fn along_columns(rows: &[&[f32]], kernel: &Kernel, out: &mut [f32]) {
     }
 }
 
-/// FLIP of one pixel; `most` is the largest distance of colours, to the power that distances are raised to.
+/// FLIP of one pixel; `most` is the largest colour distance, raised to [`COLOUR_POWER`].
 fn distance(image: &Seen, reference: &Seen, most: f32) -> f32 {
     let knee = KNEE * most;
     let distance = hyab(image.lab, reference.lab).powf(COLOUR_POWER);

@@ -1,4 +1,4 @@
-//! The exposures at which HDR-FLIP looks at a picture [Andersson et al. 2021].
+//! Exposures and tone mappers of HDR-FLIP [Andersson et al. 2021].
 
 use crate::film::Image;
 
@@ -6,38 +6,58 @@ use crate::film::Image;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToneMapper {
     coefficients: [f32; 6],
-    /// Whether luminance is mapped, and the colour scaled along, rather than each channel.
+    /// Whether luminance is mapped and colours are scaled with it, rather than each channel mapped.
     on_luminance: bool,
 }
 
-/// The names in options, with what they mean.
+/// Tone mappers by their names in options.
 const TONE_MAPPERS: [(&str, ToneMapper); 3] = [
     // Narkowicz's fit of ACES, without its pre-exposure of 0.6.
     (
         "aces",
-        ToneMapper { coefficients: [0.36 * 2.51, 0.6 * 0.03, 0.0, 0.36 * 2.43, 0.6 * 0.59, 0.14], on_luminance: false },
+        ToneMapper {
+            coefficients: [0.36 * 2.51, 0.6 * 0.03, 0.0, 0.36 * 2.43, 0.6 * 0.59, 0.14],
+            on_luminance: false,
+        },
     ),
     // Hable's curve of Uncharted 2 with its white point divided out.
-    ("hable", ToneMapper { coefficients: [0.231_683, 0.013_791, 0.0, 0.18, 0.3, 0.018], on_luminance: false }),
-    ("reinhard", ToneMapper { coefficients: [0.0, 1.0, 0.0, 0.0, 1.0, 1.0], on_luminance: true }),
+    (
+        "hable",
+        ToneMapper {
+            coefficients: [0.231_683, 0.013_791, 0.0, 0.18, 0.3, 0.018],
+            on_luminance: false,
+        },
+    ),
+    (
+        "reinhard",
+        ToneMapper {
+            coefficients: [0.0, 1.0, 0.0, 0.0, 1.0, 1.0],
+            on_luminance: true,
+        },
+    ),
 ];
 
-/// The names of the tone mappers.
+/// Names of all tone mappers.
 pub const NAMES: &[&str] = &["aces", "hable", "reinhard"];
 
-/// The display value whose radiance decides the outermost exposures.
+/// Display value whose radiance determines the first and last exposure.
 const BRIGHT: f64 = 0.85;
 
-/// Radiance above which a tone mapper has long reached its limit; larger values would overflow when squared.
+/// Radiance to which input is clamped: tone mappers are saturated there, and larger values would
+/// overflow when squared.
 const LIMIT: f32 = 1e15;
 
 impl ToneMapper {
-    /// The tone mapper of this name; `aces` for any other.
+    /// Returns the tone mapper of this name, or `aces` for an unknown name.
     pub fn named(name: &str) -> ToneMapper {
-        TONE_MAPPERS.iter().find(|(n, _)| *n == name).map_or(TONE_MAPPERS[0].1, |(_, t)| *t)
+        TONE_MAPPERS
+            .iter()
+            .find(|(n, _)| *n == name)
+            .map_or(TONE_MAPPERS[0].1, |(_, t)| *t)
     }
 
-    /// Display values in 0..=1, linear in light, of linear radiance; negative radiance counts as black. NaN stays NaN.
+    /// Maps linear radiance to display values in 0..=1 that are linear in light. Negative radiance
+    /// counts as black; NaN stays NaN.
     pub fn apply(&self, rgb: [f32; 3]) -> [f32; 3] {
         let rgb = rgb.map(|x| x.clamp(0.0, LIMIT));
         if self.on_luminance {
@@ -48,7 +68,7 @@ impl ToneMapper {
         rgb.map(|x| (((a * x + b) * x + c) / ((d * x + e) * x + f)).clamp(0.0, 1.0))
     }
 
-    /// The radiance that becomes [`BRIGHT`].
+    /// Radiance that is mapped to [`BRIGHT`].
     fn bright(&self) -> f64 {
         let [a, b, c, d, e, f] = self.coefficients.map(f64::from);
         let [a, b, c] = [a - BRIGHT * d, b - BRIGHT * e, c - BRIGHT * f];
@@ -64,38 +84,58 @@ fn luminance([r, g, b]: [f32; 3]) -> f32 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
-/// From which exposure to which, in stops, and how many.
+/// Range of exposures in stops, and their number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Exposures {
-    /// The first, in stops.
+    /// First exposure in stops.
     pub start: f64,
-    /// The last, in stops.
+    /// Last exposure in stops.
     pub stop: f64,
-    /// How many, evenly spaced, at least 2.
+    /// Number of evenly spaced exposures, at least 2.
     pub count: usize,
 }
 
 impl Exposures {
-    /// What is given, and for the rest what suits the reference: at the first exposure its brightest pixel, at the
-    /// last its median luminance becomes 0.85; one exposure for every stop between, at least 2.
+    /// Returns the given values, with missing ones chosen for the reference: the first exposure
+    /// maps its brightest pixel to 0.85, the last its median luminance; one exposure per stop, at
+    /// least 2.
     ///
-    /// The median of an even number of pixels is the upper of the middle two, as in the authors' program from version
-    /// 1.7 on (earlier ones took their mean). Where half of the pixels are black the program's last exposure is infinite;
-    /// this takes the median of the pixels that are not. A black reference is shown as it is.
-    pub fn new(reference: &Image, tone: ToneMapper, given: [Option<f64>; 2], count: Option<usize>) -> Exposures {
+    /// The median of an even number of pixels is the upper of the middle two, as in the authors'
+    /// program since version 1.7 (earlier versions took their mean). If half of the pixels are
+    /// black, the authors' last exposure is infinite; here the median of the other pixels is taken.
+    /// A black reference has the single exposure 0.
+    pub fn new(
+        reference: &Image,
+        tone: ToneMapper,
+        given: [Option<f64>; 2],
+        count: Option<usize>,
+    ) -> Exposures {
         let [start, stop] = match given {
             [Some(start), Some(stop)] => [start, stop],
             _ => {
                 let [brightest, median] = brightness(reference);
-                let stops = |y: f64| if y > 0.0 { (tone.bright() / y).log2() } else { 0.0 };
-                [given[0].unwrap_or(stops(brightest)), given[1].unwrap_or(stops(median))]
+                let stops = |y: f64| {
+                    if y > 0.0 {
+                        (tone.bright() / y).log2()
+                    } else {
+                        0.0
+                    }
+                };
+                [
+                    given[0].unwrap_or(stops(brightest)),
+                    given[1].unwrap_or(stops(median)),
+                ]
             }
         };
         let count = count.unwrap_or_else(|| ((stop - start).ceil().max(2.0) as usize).min(MOST));
-        Exposures { start, stop, count: count.max(2) }
+        Exposures {
+            start,
+            stop,
+            count: count.max(2),
+        }
     }
 
-    /// The factors by which radiance is multiplied.
+    /// Factors by which radiance is multiplied, one per exposure.
     pub fn scales(&self) -> impl Iterator<Item = f32> {
         let Exposures { start, stop, count } = *self;
         let step = (stop - start) / (count - 1) as f64;
@@ -103,18 +143,25 @@ impl Exposures {
     }
 }
 
-/// Most exposures that are chosen without being asked for: an `f32` spans no more stops than these.
+/// Largest number of automatic exposures; an `f32` spans no more stops.
 const MOST: usize = 280;
 
-/// The largest finite luminance and the median.
+/// Returns the largest finite luminance and the median luminance.
 fn brightness(image: &Image) -> [f64; 2] {
-    let all = image.data.iter().map(|p| luminance(*p)).filter(|y| y.is_finite());
+    let all = image
+        .data
+        .iter()
+        .map(|p| luminance(*p))
+        .filter(|y| y.is_finite());
     let mut sorted: Vec<f32> = all.collect();
     sorted.sort_unstable_by(f32::total_cmp);
     let median = |of: &[f32]| of.get(of.len() / 2).map_or(0.0, |y| f64::from(*y));
     let lit = &sorted[sorted.partition_point(|y| *y <= 0.0)..];
     let middle = median(&sorted);
-    [sorted.last().map_or(0.0, |y| f64::from(*y)), if middle > 0.0 { middle } else { median(lit) }]
+    [
+        sorted.last().map_or(0.0, |y| f64::from(*y)),
+        if middle > 0.0 { middle } else { median(lit) },
+    ]
 }
 
 #[cfg(test)]
@@ -157,7 +204,10 @@ mod tests {
         let broken = Image::from_fn(2, 1, |i, _| [if i == 0 { f32::INFINITY } else { 1.0 }; 3]);
         for image in [mostly_black, broken, Image::new(3, 3), Image::new(1, 1)] {
             let e = Exposures::new(&image, tone, [None; 2], None);
-            assert!(e.start.is_finite() && e.stop.is_finite() && e.count == 2, "{e:?}");
+            assert!(
+                e.start.is_finite() && e.stop.is_finite() && e.count == 2,
+                "{e:?}"
+            );
         }
     }
 }

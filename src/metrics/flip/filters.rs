@@ -1,54 +1,64 @@
 //! The filters of FLIP for a number of pixels per degree: contrast sensitivity, edges and points.
 //!
-//! All are separable, or sums of two separable filters, and are cut where the paper's program cuts them.
+//! All are separable, or sums of two separable filters, and are cut where the paper's program cuts
+//! them.
 
 use std::f64::consts::PI;
 
-/// An odd number of weights around a pixel.
+/// Filter kernel with an odd number of weights.
 pub struct Kernel {
     weights: Vec<f32>,
 }
 
 impl Kernel {
-    /// The weights from left to right.
+    /// Weights from left to right.
     pub fn weights(&self) -> &[f32] {
         &self.weights
     }
 
-    /// Pixels that it reaches to either side.
+    /// Radius of the kernel in pixels.
     pub fn radius(&self) -> usize {
         self.weights.len() / 2
     }
 
-    /// From weights, without those at both ends that are too small to change a sum of `f32`.
+    /// Makes a kernel from weights, dropping those at both ends that are too small to change a sum
+    /// of `f32`.
     fn new(weights: &[f64]) -> Kernel {
         let largest = weights.iter().fold(0.0, |a: f64, w| a.max(w.abs()));
         let counts = |w: &f64| w.abs() > 1e-9 * largest;
         let centre = weights.len() / 2;
-        let radius = (0..=centre).rev().find(|r| counts(&weights[centre - r]) || counts(&weights[centre + r]));
+        let radius = (0..=centre)
+            .rev()
+            .find(|r| counts(&weights[centre - r]) || counts(&weights[centre + r]));
         let radius = radius.unwrap_or(0);
-        Kernel { weights: weights[centre - radius..=centre + radius].iter().map(|w| *w as f32).collect() }
+        Kernel {
+            weights: weights[centre - radius..=centre + radius]
+                .iter()
+                .map(|w| *w as f32)
+                .collect(),
+        }
     }
 }
 
-/// The filters of one viewing condition.
+/// All filters for one number of pixels per degree.
 pub struct Filters {
     /// Contrast sensitivity of the achromatic channel.
     pub y: Kernel,
-    /// Of the red-green channel.
+    /// Contrast sensitivity of the red-green channel.
     pub cx: Kernel,
-    /// Of the blue-yellow channel: the sum of both filters, each applied along both axes.
+    /// Contrast sensitivity of the blue-yellow channel: the sum of two filters, each applied along
+    /// both axes.
     pub cz: [Kernel; 2],
-    /// A Gaussian, which smooths across the direction of a derivative.
+    /// Gaussian that smooths across the direction of a derivative.
     pub smooth: Kernel,
-    /// Its first derivative, which answers to edges.
+    /// First derivative of the Gaussian, which detects edges.
     pub edge: Kernel,
-    /// Its second derivative, which answers to points.
+    /// Second derivative of the Gaussian, which detects points.
     pub point: Kernel,
 }
 
-/// Amplitude and width in squared degrees of the Gaussians that make up the contrast sensitivity functions
-/// [Andersson et al. 2020, table 1].
+/// Amplitude and width in squared degrees of the Gaussians that make up the contrast sensitivity
+/// functions [Andersson et al. 2020, table 1].
 const Y: [f64; 2] = [1.0, 0.0047];
 const CX: [f64; 2] = [1.0, 0.0053];
 const CZ: [[f64; 2]; 2] = [[34.1, 0.04], [13.5, 0.025]];
@@ -57,23 +67,37 @@ const CZ: [[f64; 2]; 2] = [[34.1, 0.04], [13.5, 0.025]];
 const FEATURE_WIDTH: f64 = 0.082;
 
 impl Filters {
-    /// The filters at `ppd` pixels per degree.
+    /// Computes the filters for `ppd` pixels per degree.
     pub fn new(ppd: f64) -> Filters {
         let radius = (3.0 * (CZ[0][1] / (2.0 * PI * PI)).sqrt() * ppd).ceil() as i32;
-        let along =
-            |f: &dyn Fn(f64) -> f64| -> Vec<f64> { (-radius..=radius).map(|i| f(f64::from(i) / ppd)).collect() };
+        let along = |f: &dyn Fn(f64) -> f64| -> Vec<f64> {
+            (-radius..=radius).map(|i| f(f64::from(i) / ppd)).collect()
+        };
         let gauss = |b: f64| along(&|x| (-PI * PI * x * x / b).exp());
         let unit_sum = |weights: Vec<f64>| {
             let sum: f64 = weights.iter().sum();
             Kernel::new(&weights.iter().map(|w| w / sum).collect::<Vec<_>>())
         };
-        // The amplitude belongs to the plane, so each axis gets its root; both planes together sum to one.
-        let parts = CZ.map(|[a, b]| gauss(b).iter().map(|g| (a * (PI / b).sqrt()).sqrt() * g).collect::<Vec<f64>>());
-        let both = parts.iter().map(|p| p.iter().sum::<f64>().powi(2)).sum::<f64>().sqrt();
+        // The amplitude belongs to the plane, so each axis gets its root; both planes together sum
+        // to one.
+        let parts = CZ.map(|[a, b]| {
+            gauss(b)
+                .iter()
+                .map(|g| (a * (PI / b).sqrt()).sqrt() * g)
+                .collect::<Vec<f64>>()
+        });
+        let both = parts
+            .iter()
+            .map(|p| p.iter().sum::<f64>().powi(2))
+            .sum::<f64>()
+            .sqrt();
         let sigma = 0.5 * FEATURE_WIDTH * ppd;
         let reach = (3.0 * sigma).ceil() as i32;
         let feature = |f: &dyn Fn(f64) -> f64| -> Vec<f64> {
-            (-reach..=reach).map(f64::from).map(|x| f(x) * (-x * x / (2.0 * sigma * sigma)).exp()).collect()
+            (-reach..=reach)
+                .map(f64::from)
+                .map(|x| f(x) * (-x * x / (2.0 * sigma * sigma)).exp())
+                .collect()
         };
         Filters {
             y: unit_sum(gauss(Y[1]).iter().map(|g| Y[0] * g).collect()),
@@ -85,10 +109,18 @@ impl Filters {
         }
     }
 
-    /// Pixels that the widest filter reaches to either side.
+    /// Radius of the widest filter in pixels.
     pub fn radius(&self) -> usize {
         let [a, b] = &self.cz;
-        let all = [&self.y, &self.cx, a, b, &self.smooth, &self.edge, &self.point];
+        let all = [
+            &self.y,
+            &self.cx,
+            a,
+            b,
+            &self.smooth,
+            &self.edge,
+            &self.point,
+        ];
         all.iter().map(|k| k.radius()).max().unwrap_or(0)
     }
 }
@@ -97,7 +129,13 @@ impl Filters {
 fn balanced(weights: &[f64]) -> Kernel {
     let side = |sign: f64| weights.iter().map(|w| (sign * w).max(0.0)).sum::<f64>();
     let [positive, negative] = [side(1.0), side(-1.0)];
-    let scaled = weights.iter().map(|w| w / if *w > 0.0 { positive } else { negative.max(f64::MIN_POSITIVE) });
+    let scaled = weights.iter().map(|w| {
+        w / if *w > 0.0 {
+            positive
+        } else {
+            negative.max(f64::MIN_POSITIVE)
+        }
+    });
     Kernel::new(&scaled.collect::<Vec<_>>())
 }
 
@@ -120,7 +158,10 @@ mod tests {
             assert!((plane - 1.0).abs() < 1e-5, "{ppd} {plane}");
             for kernel in [&f.edge, &f.point] {
                 let positive: f64 = kernel.weights().iter().map(|w| f64::from(w.max(0.0))).sum();
-                assert!((positive - 1.0).abs() < 1e-5 && sum(kernel).abs() < 1e-5, "{ppd}");
+                assert!(
+                    (positive - 1.0).abs() < 1e-5 && sum(kernel).abs() < 1e-5,
+                    "{ppd}"
+                );
             }
         }
     }

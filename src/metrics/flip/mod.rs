@@ -1,5 +1,5 @@
-//! FLIP: how much two pictures seem to differ when one looks back and forth between them on a display
-//! [Andersson et al. 2020], and the same for radiance, over all exposures that show something [Andersson et al. 2021].
+//! FLIP, the perceived difference of two images that alternate on a display [Andersson et al.
+//! 2020], and HDR-FLIP, its maximum over a range of exposures [Andersson et al. 2021].
 //!
 //! Both are implemented from the papers and equal the authors' program within single precision.
 
@@ -19,16 +19,19 @@ use crate::value::schema::{Field, Table, Ty};
 use difference::Target;
 use exposure::{Exposures, ToneMapper};
 
-/// How finely a display is seen.
+/// Option of the number of pixels per degree of visual angle.
 const PPD: Field = Field {
     key: "ppd",
-    ty: Ty::Num { min: 1.0, max: 1000.0 },
+    ty: Ty::Num {
+        min: 1.0,
+        max: 1000.0,
+    },
     required: false,
     default: "67.0206",
     doc: "pixels per degree of visual angle; the default is 3840 pixels over 0.7 m seen from 0.7 m",
 };
 
-/// The row of `flip`.
+/// Table row of the metric `flip`.
 pub const ROW: MetricRow = MetricRow {
     name: "flip",
     label: "FLIP",
@@ -38,7 +41,11 @@ pub const ROW: MetricRow = MetricRow {
           map, radiance clamped to 0..1 is what the display emits.",
     better: Better::Lower,
     perfect: 0.0,
-    options: Table { name: "FlipOptions", doc: "Options of `flip`.", fields: &[PPD, ON] },
+    options: Table {
+        name: "FlipOptions",
+        doc: "Options of `flip`.",
+        fields: &[PPD, ON],
+    },
     smallest: |_| 1,
     eval: |image, reference, spec| mean(&ldr(image, reference, spec)),
     prepare: Some(|reference, spec| {
@@ -46,12 +53,16 @@ pub const ROW: MetricRow = MetricRow {
         let target = Target::new(reference, spec.number(PPD.key), &shown);
         Box::new(move |image| mean(&target.difference(image, &shown)))
     }),
-    map: Some(PixelMap { eval: ldr, colours: Colours::Magma, top: Some(1.0) }),
+    map: Some(PixelMap {
+        eval: ldr,
+        colours: Colours::Magma,
+        top: Some(1.0),
+    }),
     noise: Noise::Bounds,
     settle: None,
 };
 
-/// The row of `hdr_flip`.
+/// Table row of the metric `hdr_flip`.
 pub const HDR_ROW: MetricRow = MetricRow {
     name: "hdr_flip",
     label: "HDR-FLIP",
@@ -71,35 +82,45 @@ pub const HDR_ROW: MetricRow = MetricRow {
                 ty: Ty::Word(exposure::NAMES),
                 required: false,
                 default: "aces",
-                doc: "what turns exposed radiance into display values",
+                doc: "tone mapper from exposed radiance to display values",
             },
             Field {
                 key: "start",
-                ty: Ty::OrAuto(&Ty::Num { min: -100.0, max: 100.0 }),
+                ty: Ty::OrAuto(&Ty::Num {
+                    min: -100.0,
+                    max: 100.0,
+                }),
                 required: false,
                 default: "auto",
-                doc: "first exposure in stops; `auto` shows the reference's brightest pixel at 0.85",
+                doc: "first exposure in stops; `auto` maps the reference's brightest pixel to 0.85",
             },
             Field {
                 key: "stop",
-                ty: Ty::OrAuto(&Ty::Num { min: -100.0, max: 100.0 }),
+                ty: Ty::OrAuto(&Ty::Num {
+                    min: -100.0,
+                    max: 100.0,
+                }),
                 required: false,
                 default: "auto",
-                doc: "last exposure in stops; `auto` shows the reference's median luminance at 0.85",
+                doc: "last exposure in stops; `auto` maps the reference's median luminance to 0.85",
             },
             Field {
                 key: "exposures",
                 ty: Ty::OrAuto(&Ty::Int { min: 2, max: 64 }),
                 required: false,
                 default: "auto",
-                doc: "how many exposures, evenly spaced; `auto` is one for every stop, at least 2",
+                doc: "number of evenly spaced exposures; `auto` is one per stop, at least 2",
             },
         ],
     },
     smallest: |_| 1,
     eval: |image, reference, spec| mean(&hdr(image, reference, spec)),
     prepare: None,
-    map: Some(PixelMap { eval: hdr, colours: Colours::Magma, top: Some(1.0) }),
+    map: Some(PixelMap {
+        eval: hdr,
+        colours: Colours::Magma,
+        top: Some(1.0),
+    }),
     noise: Noise::Bounds,
     settle: Some(|reference, spec| {
         let Exposures { start, stop, count } = exposures(reference, spec);
@@ -115,22 +136,36 @@ fn mean(values: &[f32]) -> f64 {
     values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len() as f64
 }
 
-/// FLIP of every pixel. Behind a tone map, values are sRGB display values; without one, they are light.
+/// FLIP of every pixel. Values are sRGB display values with a tone map, and linear light without.
 fn ldr(image: &Image, reference: &Image, spec: &MetricSpec) -> Vec<f32> {
     let (ppd, shown) = (spec.number(PPD.key), shown(spec));
     Target::new(reference, ppd, &shown).difference(image, &shown)
 }
 
-/// What an sRGB display emits for a pixel.
+/// Returns the function from a pixel to the linear light that an sRGB display emits.
 fn shown(spec: &MetricSpec) -> impl Fn([f32; 3]) -> [f32; 3] + Copy + Send + Sync + 'static {
     let values = spec.tonemap().is_some();
-    move |pixel| if values { pixel.map(srgb_light) } else { pixel.map(|x| x.clamp(0.0, 1.0)) }
+    move |pixel| {
+        if values {
+            pixel.map(srgb_light)
+        } else {
+            pixel.map(|x| x.clamp(0.0, 1.0))
+        }
+    }
 }
 
 fn exposures(reference: &Image, spec: &MetricSpec) -> Exposures {
     let given = |key: &str| spec.option(key).and_then(|v| v.as_f64());
-    let count = spec.option("exposures").and_then(|v| v.as_i64()).and_then(|n| usize::try_from(n).ok());
-    Exposures::new(reference, tone_mapper(spec), [given("start"), given("stop")], count)
+    let count = spec
+        .option("exposures")
+        .and_then(|v| v.as_i64())
+        .and_then(|n| usize::try_from(n).ok());
+    Exposures::new(
+        reference,
+        tone_mapper(spec),
+        [given("start"), given("stop")],
+        count,
+    )
 }
 
 fn tone_mapper(spec: &MetricSpec) -> ToneMapper {
@@ -138,7 +173,7 @@ fn tone_mapper(spec: &MetricSpec) -> ToneMapper {
     ToneMapper::named(name.as_ref().and_then(Value::as_str).unwrap_or_default())
 }
 
-/// HDR-FLIP of every pixel.
+/// HDR-FLIP of every pixel, in row order.
 fn hdr(image: &Image, reference: &Image, spec: &MetricSpec) -> Vec<f32> {
     let (ppd, tone) = (spec.number(PPD.key), tone_mapper(spec));
     let mut worst = vec![0.0f32; image.data.len()];

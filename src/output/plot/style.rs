@@ -1,7 +1,9 @@
-//! What distinguishes curves: colour, dash pattern and marker, each enough by itself.
+//! Styles of curves: colour, dash pattern and marker. Each of the three is sufficient to tell
+//! neighbouring curves apart.
 //!
-//! The colours are from the sets of Okabe and Ito [2008] and Tol [2021] for colour-blind readers, ordered so that
-//! neighbours also differ in lightness; in grey print, dashes and markers tell curves apart.
+//! The colours are from the palettes of Okabe and Ito [2008] and Tol [2021] for colour-blind
+//! readers. They are ordered so that neighbours differ in lightness too. In greyscale print, dashes
+//! and markers distinguish the curves.
 
 /// Colour of text.
 pub const INK: &str = "#1f1f1f";
@@ -14,25 +16,32 @@ pub const GRID: &str = "#d4d4d4";
 /// Colour of the fine grid.
 pub const FINE_GRID: &str = "#ededed";
 
-const COLOURS: [&str; 8] = ["#0072b2", "#d55e00", "#117733", "#cc79a7", "#332288", "#e69f00", "#882255", "#56b4e9"];
+const COLOURS: [&str; 8] = [
+    "#0072b2", "#d55e00", "#117733", "#cc79a7", "#332288", "#e69f00", "#882255", "#56b4e9",
+];
 const DASHES: [&str; 5] = ["", "7 3", "2 2.4", "9 3 2 3", "4 2 1 2 1 2"];
 
-/// The look of one curve.
+/// Style of one curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Style {
-    /// Stroke colour.
+    /// Colour of line and marker.
     pub colour: &'static str,
-    /// Stroke pattern as in SVG's `stroke-dasharray`, empty for a solid line.
+    /// Dash pattern as in SVG's `stroke-dasharray`; empty for a solid line.
     pub dash: &'static str,
     marker: usize,
 }
 
-/// The look of curve `index`. The combinations of colour, dash and marker repeat after 280 curves.
+/// Returns the style of curve `index`. The combinations of colour, dash and marker repeat after 280
+/// curves.
 pub fn style(index: usize) -> Style {
-    Style { colour: COLOURS[index % COLOURS.len()], dash: DASHES[index % DASHES.len()], marker: index % MARKERS.len() }
+    Style {
+        colour: COLOURS[index % COLOURS.len()],
+        dash: DASHES[index % DASHES.len()],
+        marker: index % MARKERS.len(),
+    }
 }
 
-/// A marker: corners of a polygon about the origin in pixels; `None` is a circle.
+/// Corners of a polygon about the origin in pixels; `None` is a circle.
 type Marker = Option<&'static [(f64, f64)]>;
 
 const MARKERS: [Marker; 7] = [
@@ -55,16 +64,23 @@ const MARKERS: [Marker; 7] = [
         (-4.0, -1.2),
         (-1.2, -1.2),
     ]),
-    Some(&[(-4.0, 0.0), (-2.0, -3.5), (2.0, -3.5), (4.0, 0.0), (2.0, 3.5), (-2.0, 3.5)]),
+    Some(&[
+        (-4.0, 0.0),
+        (-2.0, -3.5),
+        (2.0, -3.5),
+        (4.0, 0.0),
+        (2.0, 3.5),
+        (-2.0, 3.5),
+    ]),
 ];
 
 impl Style {
-    /// The same without dashes.
+    /// Returns the style with a solid line.
     pub fn solid(self) -> Style {
         Style { dash: "", ..self }
     }
 
-    /// The corners of the marker about the origin in pixels; `None` is a circle.
+    /// Returns the corners of the marker about the origin in pixels; `None` is a circle.
     pub fn marker(&self) -> Marker {
         MARKERS[self.marker]
     }
@@ -79,8 +95,13 @@ mod tests {
     /// Relative luminance of `#rrggbb` [WCAG 2.1].
     fn luminance(colour: &str) -> f64 {
         let channel = |i: usize| {
-            let x = f64::from(u8::from_str_radix(&colour[1 + 2 * i..3 + 2 * i], 16).unwrap()) / 255.0;
-            if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
+            let x =
+                f64::from(u8::from_str_radix(&colour[1 + 2 * i..3 + 2 * i], 16).unwrap()) / 255.0;
+            if x <= 0.04045 {
+                x / 12.92
+            } else {
+                ((x + 0.055) / 1.055).powf(2.4)
+            }
         };
         0.2126 * channel(0) + 0.7152 * channel(1) + 0.0722 * channel(2)
     }
@@ -89,16 +110,27 @@ mod tests {
     fn neighbouring_curves_differ_in_every_way_and_show_on_white() {
         for i in 0..40 {
             let (a, b) = (style(i), style(i + 1));
-            assert!(a.colour != b.colour && a.dash != b.dash && a.marker != b.marker, "{i}");
+            assert!(
+                a.colour != b.colour && a.dash != b.dash && a.marker != b.marker,
+                "{i}"
+            );
             let (la, lb) = (luminance(a.colour), luminance(b.colour));
-            assert!((la - lb).abs() > 0.05, "{} and {} are the same grey", a.colour, b.colour);
+            assert!(
+                (la - lb).abs() > 0.05,
+                "{} and {} are the same grey",
+                a.colour,
+                b.colour
+            );
             assert!(1.05 / (la + 0.05) > 2.0, "{} fades on white", a.colour);
         }
     }
 
     #[test]
     fn the_first_curves_are_all_different() {
-        let looks: BTreeSet<_> = (0..280).map(style).map(|s| (s.colour, s.dash, s.marker)).collect();
-        assert_eq!(looks.len(), 280);
+        let styles: BTreeSet<_> = (0..280)
+            .map(style)
+            .map(|s| (s.colour, s.dash, s.marker))
+            .collect();
+        assert_eq!(styles.len(), 280);
     }
 }

@@ -1,18 +1,18 @@
-//! The few SVG elements that figures need.
+//! Writes the SVG elements that figures use.
 
 use std::fmt::Write;
 
-use super::axis::Label;
+use super::axis::TickLabel;
 use super::style::{INK, Style};
 
-/// Where text stands relative to its point.
+/// Horizontal alignment of text at its point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
-    /// The point is its left end.
+    /// The point is the left end of the text.
     Start,
-    /// The point is its middle.
+    /// The point is the centre of the text.
     Middle,
-    /// The point is its right end.
+    /// The point is the right end of the text.
     End,
 }
 
@@ -26,30 +26,38 @@ impl Anchor {
     }
 }
 
-/// How a piece of text looks.
+/// Size, colour and weight of text.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Font {
-    /// Size in pixels.
+    /// Font size in pixels.
     pub size: f64,
-    /// Colour.
+    /// Colour of the text.
     pub fill: &'static str,
-    /// Whether it is a heading: the one light weight that is embedded is then outlined a little.
+    /// Whether the text is a heading. Only a light weight is embedded, so headings are outlined.
     pub strong: bool,
 }
 
 impl Font {
-    /// Body text of a size.
+    /// Creates the font of body text.
     pub const fn new(size: f64, fill: &'static str) -> Font {
-        Font { size, fill, strong: false }
+        Font {
+            size,
+            fill,
+            strong: false,
+        }
     }
 
-    /// A heading of a size.
+    /// Creates the font of a heading.
     pub const fn strong(size: f64) -> Font {
-        Font { size, fill: INK, strong: true }
+        Font {
+            size,
+            fill: INK,
+            strong: true,
+        }
     }
 }
 
-/// A drawing in progress; coordinates are pixels from the top left.
+/// An SVG document under construction. Coordinates are pixels from the top left corner.
 #[derive(Debug, Default)]
 pub struct Drawing {
     body: String,
@@ -62,7 +70,7 @@ impl Drawing {
         self.body.push('\n');
     }
 
-    /// A straight line.
+    /// Draws a line from `(x1, y1)` to `(x2, y2)`.
     pub fn line(&mut self, [x1, y1, x2, y2]: [f64; 4], colour: &str, width: f64) {
         let [x1, y1, x2, y2] = [x1, y1, x2, y2].map(number);
         self.push(format_args!(
@@ -70,7 +78,7 @@ impl Drawing {
         ));
     }
 
-    /// The outline of a rectangle: left, top, width, height.
+    /// Draws the outline of a rectangle, given as left, top, width, height.
     pub fn frame(&mut self, [x, y, w, h]: [f64; 4], colour: &str) {
         let [x, y, w, h] = [x, y, w, h].map(number);
         self.push(format_args!(
@@ -78,10 +86,17 @@ impl Drawing {
         ));
     }
 
-    /// A curve through points.
+    /// Draws a polyline through points in the colour and dash pattern of a style.
     pub fn curve(&mut self, points: &[(f64, f64)], style: Style, width: f64) {
-        let points: Vec<String> = points.iter().map(|(x, y)| format!("{},{}", number(*x), number(*y))).collect();
-        let dash = if style.dash.is_empty() { String::new() } else { format!(r#" stroke-dasharray="{}""#, style.dash) };
+        let points: Vec<String> = points
+            .iter()
+            .map(|(x, y)| format!("{},{}", number(*x), number(*y)))
+            .collect();
+        let dash = if style.dash.is_empty() {
+            String::new()
+        } else {
+            format!(r#" stroke-dasharray="{}""#, style.dash)
+        };
         self.push(format_args!(
             r#"<polyline points="{}" fill="none" stroke="{}" stroke-width="{width}" stroke-linejoin="round"{dash}/>"#,
             points.join(" "),
@@ -89,7 +104,7 @@ impl Drawing {
         ));
     }
 
-    /// A line of dashes.
+    /// Draws a dashed line; `dash` is as in SVG's `stroke-dasharray`.
     pub fn dashed(&mut self, [x1, y1, x2, y2]: [f64; 4], colour: &str, width: f64, dash: &str) {
         let [x1, y1, x2, y2] = [x1, y1, x2, y2].map(number);
         self.push(format_args!(
@@ -97,13 +112,15 @@ impl Drawing {
         ));
     }
 
-    /// A filled rectangle: left, top, width, height.
+    /// Fills a rectangle, given as left, top, width, height.
     pub fn fill(&mut self, [x, y, w, h]: [f64; 4], colour: &str) {
         let [x, y, w, h] = [x, y, w, h].map(number);
-        self.push(format_args!(r#"<rect x="{x}" y="{y}" width="{w}" height="{h}" fill="{colour}"/>"#));
+        self.push(format_args!(
+            r#"<rect x="{x}" y="{y}" width="{w}" height="{h}" fill="{colour}"/>"#
+        ));
     }
 
-    /// A rectangle's outline of a given width: left, top, width, height.
+    /// Draws the outline of a rectangle with the given line width.
     pub fn outline(&mut self, [x, y, w, h]: [f64; 4], colour: &str, stroke: f64) {
         let [x, y, w, h] = [x, y, w, h].map(number);
         self.push(format_args!(
@@ -111,16 +128,19 @@ impl Drawing {
         ));
     }
 
-    /// A translucent area within corners.
+    /// Fills a polygon with an opacity.
     pub fn area(&mut self, corners: &[(f64, f64)], colour: &str, opacity: f64) {
-        let corners: Vec<String> = corners.iter().map(|(x, y)| format!("{},{}", number(*x), number(*y))).collect();
+        let corners: Vec<String> = corners
+            .iter()
+            .map(|(x, y)| format!("{},{}", number(*x), number(*y)))
+            .collect();
         self.push(format_args!(
             r#"<polygon points="{}" fill="{colour}" fill-opacity="{opacity}"/>"#,
             corners.join(" ")
         ));
     }
 
-    /// A PNG in the place left, top, width, height, its pixels kept apart.
+    /// Embeds a PNG in the rectangle left, top, width, height, without interpolation.
     pub fn image(&mut self, [x, y, w, h]: [f64; 4], png: &[u8]) {
         let [x, y, w, h] = [x, y, w, h].map(number);
         let data = base64(png);
@@ -129,8 +149,15 @@ impl Drawing {
         ));
     }
 
-    /// A marker of a size relative to the usual, edged in a colour.
-    pub fn marker_of(&mut self, (x, y): (f64, f64), style: Style, size: f64, fill: &str, edge: &str) {
+    /// Draws a marker with its size relative to [`Drawing::marker`], and its fill and edge colours.
+    pub fn sized_marker(
+        &mut self,
+        (x, y): (f64, f64),
+        style: Style,
+        size: f64,
+        fill: &str,
+        edge: &str,
+    ) {
         let look = format!(r##"fill="{fill}" stroke="{edge}" stroke-width="0.7""##);
         match style.marker() {
             None => self.push(format_args!(
@@ -140,43 +167,63 @@ impl Drawing {
                 number(3.3 * size)
             )),
             Some(corners) => {
-                let corner = |(dx, dy): &(f64, f64)| format!("{},{}", number(x + dx * size), number(y + dy * size));
+                let corner = |(dx, dy): &(f64, f64)| {
+                    format!("{},{}", number(x + dx * size), number(y + dy * size))
+                };
                 let corners: Vec<String> = corners.iter().map(corner).collect();
-                self.push(format_args!(r#"<polygon points="{}" {look}/>"#, corners.join(" ")));
+                self.push(format_args!(
+                    r#"<polygon points="{}" {look}/>"#,
+                    corners.join(" ")
+                ));
             }
         }
     }
 
-    /// A marker at a point, edged in white so that it stands out from lines that cross.
+    /// Draws a marker with a white edge, so that it stands out from crossing lines.
     pub fn marker(&mut self, (x, y): (f64, f64), style: Style) {
-        let look = format!(r##"fill="{}" stroke="#ffffff" stroke-width="0.8""##, style.colour);
+        let look = format!(
+            r##"fill="{}" stroke="#ffffff" stroke-width="0.8""##,
+            style.colour
+        );
         match style.marker() {
-            None => self.push(format_args!(r#"<circle cx="{}" cy="{}" r="3.3" {look}/>"#, number(x), number(y))),
+            None => self.push(format_args!(
+                r#"<circle cx="{}" cy="{}" r="3.3" {look}/>"#,
+                number(x),
+                number(y)
+            )),
             Some(corners) => {
-                let corners: Vec<String> =
-                    corners.iter().map(|(dx, dy)| format!("{},{}", number(x + dx), number(y + dy))).collect();
-                self.push(format_args!(r#"<polygon points="{}" {look}/>"#, corners.join(" ")));
+                let corners: Vec<String> = corners
+                    .iter()
+                    .map(|(dx, dy)| format!("{},{}", number(x + dx), number(y + dy)))
+                    .collect();
+                self.push(format_args!(
+                    r#"<polygon points="{}" {look}/>"#,
+                    corners.join(" ")
+                ));
             }
         }
     }
 
-    /// A line of text whose baseline is at the point.
+    /// Writes a line of text with its baseline at the point.
     pub fn text(&mut self, at: (f64, f64), font: Font, anchor: Anchor, text: &str) {
         self.text_element(at, font, anchor, "", &escape(text));
     }
 
-    /// A line of text that reads upwards.
+    /// Writes a line of text that reads upwards.
     pub fn text_upwards(&mut self, (x, y): (f64, f64), font: Font, anchor: Anchor, text: &str) {
         let turn = format!(r#" transform="rotate(-90 {} {})""#, number(x), number(y));
         self.text_element((x, y), font, anchor, &turn, &escape(text));
     }
 
-    /// The label of a tick, with a raised exponent where it has one.
-    pub fn tick_label(&mut self, at: (f64, f64), font: Font, anchor: Anchor, label: &Label) {
+    /// Writes the label of a tick, with a raised exponent if it is a power of ten.
+    pub fn tick_label(&mut self, at: (f64, f64), font: Font, anchor: Anchor, label: &TickLabel) {
         let content = match label {
-            Label::Plain(text) => escape(text),
-            Label::Power { factor, exponent } => {
-                let factor = factor.as_ref().map(|f| format!("{}×", escape(f))).unwrap_or_default();
+            TickLabel::Plain(text) => escape(text),
+            TickLabel::Power { factor, exponent } => {
+                let factor = factor
+                    .as_ref()
+                    .map(|f| format!("{}×", escape(f)))
+                    .unwrap_or_default();
                 let (rise, small) = (number(font.size * 0.4), number(font.size * 0.75));
                 let exponent = exponent.to_string().replace('-', "−");
                 format!(r#"{factor}10<tspan dy="-{rise}" font-size="{small}">{exponent}</tspan>"#)
@@ -185,9 +232,20 @@ impl Drawing {
         self.text_element(at, font, anchor, "", &content);
     }
 
-    fn text_element(&mut self, (x, y): (f64, f64), font: Font, anchor: Anchor, attributes: &str, content: &str) {
+    fn text_element(
+        &mut self,
+        (x, y): (f64, f64),
+        font: Font,
+        anchor: Anchor,
+        attributes: &str,
+        content: &str,
+    ) {
         let strong = if font.strong {
-            format!(r#" stroke="{}" stroke-width="{}""#, font.fill, number(font.size * 0.025))
+            format!(
+                r#" stroke="{}" stroke-width="{}""#,
+                font.fill,
+                number(font.size * 0.025)
+            )
         } else {
             String::new()
         };
@@ -201,13 +259,20 @@ impl Drawing {
         ));
     }
 
-    /// The whole document on white, with a title and a description for readers and programs.
+    /// Returns the document on a white background, with a title and a description.
     pub fn finish(self, width: f64, height: f64, title: &str, description: &str) -> String {
         self.finish_scaled(width, height, 1.0, title, description)
     }
 
-    /// The same, shown `scale` times as large as its coordinates say.
-    pub fn finish_scaled(self, width: f64, height: f64, scale: f64, title: &str, description: &str) -> String {
+    /// Returns the document with its displayed size multiplied by `scale`.
+    pub fn finish_scaled(
+        self,
+        width: f64,
+        height: f64,
+        scale: f64,
+        title: &str,
+        description: &str,
+    ) -> String {
         let shown = [width, height].map(|side| number(side.ceil() * scale));
         let (width, height) = (number(width.ceil()), number(height.ceil()));
         format!(
@@ -224,20 +289,22 @@ impl Drawing {
     }
 }
 
-/// Fonts in the order of preference; the first is the one that is embedded for pictures.
+/// Fonts in order of preference. The first is the one embedded for PNG and PDF.
 const FONTS: &str = "Ubuntu, 'Ubuntu Light', 'Helvetica Neue', Arial, sans-serif";
 
-/// Widths of the printable ASCII characters of Ubuntu Light, from its `hmtx` table, in thousandths of its size.
+/// Widths of the printable ASCII characters of Ubuntu Light, from its `hmtx` table, in thousandths
+/// of the font size.
 #[rustfmt::skip]
 const WIDTHS: [u16; 95] = [
-    228, 274, 392, 653, 564, 831, 648, 240, 310, 310, 472, 564, 246, 282, 246, 359, 564, 564, 564, 564, 564, 564, 564,
-    564, 564, 564, 246, 246, 564, 564, 564, 380, 940, 641, 630, 609, 702, 555, 520, 658, 692, 248, 487, 599, 502, 865,
-    709, 774, 592, 774, 618, 517, 548, 680, 624, 921, 608, 569, 560, 310, 359, 310, 564, 490, 376, 509, 583, 460, 583,
-    548, 376, 573, 569, 237, 237, 495, 255, 863, 569, 582, 583, 583, 374, 428, 387, 569, 480, 775, 499, 474, 455, 319,
-    262, 319, 564,
+    228, 274, 392, 653, 564, 831, 648, 240, 310, 310, 472, 564, 246, 282, 246, 359, 564, 564,
+    564, 564, 564, 564, 564, 564, 564, 564, 246, 246, 564, 564, 564, 380, 940, 641, 630, 609,
+    702, 555, 520, 658, 692, 248, 487, 599, 502, 865, 709, 774, 592, 774, 618, 517, 548, 680,
+    624, 921, 608, 569, 560, 310, 359, 310, 564, 490, 376, 509, 583, 460, 583, 548, 376, 573,
+    569, 237, 237, 495, 255, 863, 569, 582, 583, 583, 374, 428, 387, 569, 480, 775, 499, 474,
+    455, 319, 262, 319, 564,
 ];
 
-/// Width of a line of text in pixels; letters outside ASCII count as wide ones.
+/// Returns the width of a line of text in pixels. Characters outside of ASCII count as wide ones.
 pub fn text_width(text: &str, size: f64) -> f64 {
     let width = |c: char| {
         let index = (c as usize).checked_sub(32);
@@ -246,12 +313,16 @@ pub fn text_width(text: &str, size: f64) -> f64 {
     text.chars().map(width).sum::<f64>() * size / 1000.0
 }
 
-/// Breaks text at spaces into lines no wider than `width` pixels where words allow.
+/// Breaks text at spaces into lines of at most `width` pixels, except for longer words.
 pub fn wrap(text: &str, size: f64, width: f64) -> Vec<String> {
     let mut lines = vec![String::new()];
     for word in text.split(' ').filter(|w| !w.is_empty()) {
         let last = lines.len() - 1;
-        let longer = if lines[last].is_empty() { word.to_owned() } else { format!("{} {word}", lines[last]) };
+        let longer = if lines[last].is_empty() {
+            word.to_owned()
+        } else {
+            format!("{} {word}", lines[last])
+        };
         if lines[last].is_empty() || text_width(&longer, size) <= width {
             lines[last] = longer;
         } else {
@@ -261,28 +332,39 @@ pub fn wrap(text: &str, size: f64, width: f64) -> Vec<String> {
     lines
 }
 
-/// A coordinate with at most two decimals.
+/// Formats a coordinate with at most two decimals.
 fn number(x: f64) -> String {
     let text = format!("{x:.2}");
     let text = text.trim_end_matches('0').trim_end_matches('.');
-    if text == "-0" { "0".to_owned() } else { text.to_owned() }
+    if text == "-0" {
+        "0".to_owned()
+    } else {
+        text.to_owned()
+    }
 }
 
-/// Bytes in base 64 with padding [RFC 4648].
+/// Encodes bytes in base 64 with padding [RFC 4648].
 pub fn base64(bytes: &[u8]) -> String {
     const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
     for chunk in bytes.chunks(3) {
-        let word = chunk.iter().fold(0u32, |word, byte| word << 8 | u32::from(*byte)) << (8 * (3 - chunk.len()));
+        let word = chunk
+            .iter()
+            .fold(0u32, |word, byte| word << 8 | u32::from(*byte))
+            << (8 * (3 - chunk.len()));
         for place in 0..4 {
             let letter = LETTERS[(word >> (18 - 6 * place) & 63) as usize];
-            out.push(if place <= chunk.len() { char::from(letter) } else { '=' });
+            out.push(if place <= chunk.len() {
+                char::from(letter)
+            } else {
+                '='
+            });
         }
     }
     out
 }
 
-/// Text as XML character data; control characters, which XML cannot hold, become spaces.
+/// Escapes text as XML character data. Control characters, which XML does not allow, become spaces.
 pub fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -299,9 +381,12 @@ pub fn escape(text: &str) -> String {
     out
 }
 
-/// The text that [`escape`] was given.
+/// Reverses the replacements of [`escape`].
 pub fn unescape(text: &str) -> String {
-    text.replace("&lt;", "<").replace("&gt;", ">").replace("&quot;", "\"").replace("&amp;", "&")
+    text.replace("&lt;", "<")
+        .replace("&gt;", ">")
+        .replace("&quot;", "\"")
+        .replace("&amp;", "&")
 }
 
 #[cfg(test)]
@@ -309,7 +394,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn text_is_escaped_and_comes_back() {
+    fn escaped_text_is_restored() {
         let hostile = "a<b> & \"c\" &lt;";
         assert_eq!(escape(hostile), "a&lt;b&gt; &amp; &quot;c&quot; &amp;lt;");
         assert_eq!(unescape(&escape(hostile)), hostile);
@@ -317,8 +402,14 @@ mod tests {
     }
 
     #[test]
-    fn base_64_has_the_vectors_of_its_standard() {
-        let cases = [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")];
+    fn base_64_matches_the_test_vectors_of_the_rfc() {
+        let cases = [
+            ("", ""),
+            ("f", "Zg=="),
+            ("fo", "Zm8="),
+            ("foo", "Zm9v"),
+            ("foobar", "Zm9vYmFy"),
+        ];
         for (plain, coded) in cases {
             assert_eq!(base64(plain.as_bytes()), coded);
         }
@@ -327,12 +418,19 @@ mod tests {
 
     #[test]
     fn numbers_are_short() {
-        assert_eq!([1.0, 0.126, -0.001, 12.5].map(number), ["1", "0.13", "0", "12.5"]);
+        assert_eq!(
+            [1.0, 0.126, -0.001, 12.5].map(number),
+            ["1", "0.13", "0", "12.5"]
+        );
     }
 
     #[test]
     fn long_lines_are_broken_at_spaces() {
-        let lines = wrap("one two three four", 10.0, text_width("one two three", 10.0));
+        let lines = wrap(
+            "one two three four",
+            10.0,
+            text_width("one two three", 10.0),
+        );
         assert_eq!(lines, ["one two three", "four"]);
         assert_eq!(wrap("", 10.0, 50.0), [""]);
         assert_eq!(wrap("unbreakable word", 10.0, 1.0), ["unbreakable", "word"]);

@@ -1,172 +1,291 @@
-//! Figures over an axis of the sweep: what finished runs have in the end, a line for each combination of the other axes but
-//! those that follow from it.
+//! Figures over an axis of the sweep: final values of finished runs, with one line for each
+//! combination of the other axes. Axes that are determined by the swept one are ignored.
 
 use super::axis::Scale;
 use super::style::style;
-use super::{Across, Curve, Figure, Gathered, Panel, panel, subtitle};
+use super::{Figure, FigureData, HorizontalAxis, MetricPanel, PlotCurve, metric_panel, subtitle};
 use crate::experiment::spec::{Point, TableValue};
-use crate::output::labels;
-use crate::output::quantity::{self, Sample};
-use crate::output::report::curve::{BandKind, Spread};
-use crate::output::report::study::Shown;
+use crate::output::format;
+use crate::output::quantity::{self, RunValue};
+use crate::output::report::metric_display::MetricDisplay;
+use crate::output::report::repeats::{BandKind, Spread};
 use crate::value::Value;
 
-/// The runs of one line: at each place on the horizontal axis the cells of its repeats.
-struct Line {
-    look: usize,
-    /// What they have in common: their point without the horizontal axis and what is bound to it.
-    rest: Point,
-    places: Vec<(usize, Vec<usize>)>,
+/// Runs of one line.
+struct SweepLine {
+    style_index: usize,
+    /// Point that its cells share: without the swept axis and the axes determined by it.
+    common: Point,
+    /// Indices of values of the swept axis, each with the cells of its repeats.
+    positions: Vec<(usize, Vec<usize>)>,
 }
 
 /// One point of a line.
-struct Mark {
-    place: usize,
+struct SweepPoint {
+    /// Index of the value on the swept axis.
+    position: usize,
     spread: Spread,
     runs: usize,
-    /// The first cell.
+    /// Index of the first cell.
     cell: usize,
 }
 
-/// The picture of these cells over the values of an axis, and its data as comma-separated values. Axes of `bound` tell no
-/// lines apart; `remarks` stand below the title.
+/// Values of the swept axis that anything was measured at, in plan order.
+struct SweptValues {
+    values: Vec<Value>,
+    /// The values as numbers, if all are finite numbers.
+    numbers: Option<Vec<f64>>,
+}
+
+impl SweptValues {
+    fn new(data: &FigureData, over: &str) -> SweptValues {
+        let mut values: Vec<Value> = Vec::new();
+        for (cell, _) in data.cells {
+            if let Some(value) =
+                format::axis_value(data.plan, *cell, over).filter(|value| !values.contains(value))
+            {
+                values.push(value.clone());
+            }
+        }
+        let numbers = values
+            .iter()
+            .map(|v| v.as_f64().filter(|x| x.is_finite()))
+            .collect();
+        SweptValues { values, numbers }
+    }
+
+    fn axis(&self) -> HorizontalAxis {
+        let Some(numbers) = &self.numbers else {
+            return HorizontalAxis::Names(self.values.iter().map(ToString::to_string).collect());
+        };
+        let scale = Scale::for_values(numbers.iter().copied());
+        if numbers.iter().all(|x| x.fract() == 0.0) {
+            HorizontalAxis::Integers(scale)
+        } else {
+            HorizontalAxis::Numbers(scale)
+        }
+    }
+
+    /// Returns the position on the horizontal axis: the number, or the index of a name.
+    fn x(&self, position: usize) -> f64 {
+        self.numbers
+            .as_ref()
+            .map_or(position as f64, |numbers| numbers[position])
+    }
+}
+
+/// Builds the figure of the cells over the axis `over`, and its data as CSV. Axes of `dependent` do
+/// not distinguish lines. `remarks` appear below the title.
 pub(super) fn figure(
-    night: &Gathered,
+    data: &FigureData,
     over: &str,
     y: &[TableValue],
-    bound: &[String],
+    dependent: &[String],
     remarks: &[String],
 ) -> (Figure, String) {
-    let values = values(night, over);
-    let lines = lines(night, over, bound, &values);
-    let numbers: Option<Vec<f64>> = values.iter().map(|v| v.as_f64().filter(|x| x.is_finite())).collect();
-    let across = match &numbers {
-        Some(numbers) => {
-            let scale = Scale::fitting(numbers.iter().copied());
-            let whole = numbers.iter().all(|x| x.fract() == 0.0);
-            if whole { Across::Whole(scale) } else { Across::Numbers(scale) }
-        }
-        None => Across::Names(values.iter().map(ToString::to_string).collect()),
-    };
-    let at = |place: usize| numbers.as_ref().map_or(place as f64, |numbers| numbers[place]);
-
-    let mut header = night.plan.axes.clone();
-    header.extend(["metric", "x", "mean", "low", "high", "runs"].map(str::to_owned));
-    let mut csv = labels::csv_line(&header);
+    let swept = SweptValues::new(data, over);
+    let lines = lines(data, over, dependent, &swept.values);
+    let mut csv = format::csv_line(&super::csv_header(data.plan));
     let mut panels = Vec::new();
     for value in y {
-        let Some((scale, marks)) = marks(night, value, &lines) else { continue };
-        let mut curves = Vec::new();
-        for (line, marks) in lines.iter().zip(marks) {
-            for mark in &marks {
-                csv += &row(night, &values[mark.place], value, mark);
-            }
-            let shared = lines.iter().filter(|other| other.look == line.look).count() > 1;
-            let kind = BandKind::of(marks.iter().map(|mark| mark.runs).min().unwrap_or(0));
-            let mut marks: Vec<(f64, Mark)> = marks.into_iter().map(|mark| (at(mark.place), mark)).collect();
-            marks.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let ends = marks.iter().map(|(_, mark)| mark.spread.ends);
-            curves.push(Curve {
-                style: style(line.look),
-                shared,
-                ends: if kind == BandKind::Single { Vec::new() } else { ends.collect() },
-                points: marks.iter().map(|(x, mark)| (*x, mark.spread.mean)).collect(),
-                kind,
-                cell: line.places[0].1[0],
-                runs: marks.iter().map(|(_, mark)| mark.runs).sum(),
-            });
+        let Some((scale, points)) = line_points(data, value, &lines) else {
+            continue;
+        };
+        for point in points.iter().flatten() {
+            csv += &csv_row(data, &swept.values[point.position], value, point);
         }
+        let curves = curves(&swept, &lines, points);
         panels.push(match value {
-            TableValue::Metric(column) => match labels::column(night.plan, column) {
-                Some((_, metric)) => panel(column, metric, curves),
+            TableValue::Metric(column) => match format::column(data.plan, column) {
+                Some((_, metric)) => metric_panel(column, metric, curves),
                 None => continue,
             },
-            other => Panel {
-                column: other.word(),
-                heading: quantity::title(night.plan, other),
+            other => MetricPanel {
+                column: other.name(),
+                heading: quantity::title(data.plan, other),
                 details: String::new(),
-                y_label: quantity::label(night.plan, other),
+                y_label: quantity::label(data.plan, other),
                 scale,
                 curves,
             },
         });
     }
-    let repeats = lines.iter().flat_map(|line| line.places.iter().map(|(_, cells)| (line.look, cells.clone())));
-    let subtitle = match subtitle(&repeats.collect::<Vec<_>>()) {
-        text if text.starts_with("mean")
-            && panels.iter().flat_map(|p| &p.curves).any(|c| c.kind == BandKind::Single) =>
-        {
-            text + "; none where a line has a single run at some place"
-        }
-        text if text.starts_with("mean") => text,
-        // One run at each point is no line of its own.
-        _ => String::new(),
-    };
-    let said: Vec<&str> =
-        remarks.iter().map(String::as_str).chain([subtitle.as_str()]).filter(|s| !s.is_empty()).collect();
-    (night.figure(panels, said.join("; "), over.to_owned(), across), csv)
+    let subtitle = sweep_subtitle(&lines, &panels);
+    let remarks: Vec<&str> = remarks
+        .iter()
+        .map(String::as_str)
+        .chain([subtitle.as_str()])
+        .filter(|s| !s.is_empty())
+        .collect();
+    let figure = data.figure(panels, remarks.join("; "), over.to_owned(), swept.axis());
+    (figure, csv)
 }
 
-/// The values of the horizontal axis that anything was measured at, in the order of the plan.
-fn values(night: &Gathered, over: &str) -> Vec<Value> {
-    let mut values: Vec<Value> = Vec::new();
-    for (cell, _) in night.cells {
-        if let Some(value) = labels::axis_value(night.plan, *cell, over).filter(|value| !values.contains(value)) {
-            values.push(value.clone());
-        }
+/// Describes what the lines average. Empty if every point is a single run.
+fn sweep_subtitle(lines: &[SweepLine], panels: &[MetricPanel]) -> String {
+    let repeats = lines.iter().flat_map(|line| {
+        line.positions
+            .iter()
+            .map(|(_, cells)| (line.style_index, cells.clone()))
+    });
+    let text = subtitle(&repeats.collect::<Vec<_>>());
+    if !text.starts_with("mean") {
+        return String::new();
     }
-    values
+    let has_line_without_band = panels
+        .iter()
+        .flat_map(|p| &p.curves)
+        .any(|c| c.kind == BandKind::Single);
+    if has_line_without_band {
+        text + "; no band for lines with a single run at any point"
+    } else {
+        text
+    }
 }
 
-fn lines(night: &Gathered, over: &str, bound: &[String], values: &[Value]) -> Vec<Line> {
-    let mut lines: Vec<Line> = Vec::new();
-    for (cell, look) in night.cells {
-        let point = &night.plan.cells[*cell].point;
-        let rest: Point = point.iter().filter(|(axis, _)| axis != over && !bound.contains(axis)).cloned().collect();
-        let own = labels::axis_value(night.plan, *cell, over);
-        let Some(place) = values.iter().position(|value| Some(value) == own) else { continue };
-        let line = lines.iter().position(|line| line.rest == rest).unwrap_or_else(|| {
-            lines.push(Line { look: *look, rest, places: Vec::new() });
-            lines.len() - 1
-        });
-        match lines[line].places.iter_mut().find(|(known, _)| *known == place) {
+/// Builds the curves of a panel from the points of every line.
+fn curves(
+    swept: &SweptValues,
+    lines: &[SweepLine],
+    points: Vec<Vec<SweepPoint>>,
+) -> Vec<PlotCurve> {
+    let curve = |(line, points): (&SweepLine, Vec<SweepPoint>)| {
+        let same_style = lines.iter().filter(|l| l.style_index == line.style_index);
+        let kind = BandKind::for_runs(points.iter().map(|point| point.runs).min().unwrap_or(0));
+        let mut points: Vec<(f64, SweepPoint)> = points
+            .into_iter()
+            .map(|point| (swept.x(point.position), point))
+            .collect();
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let ends = points.iter().map(|(_, point)| point.spread.ends);
+        PlotCurve {
+            style: style(line.style_index),
+            shared: same_style.count() > 1,
+            ends: if kind == BandKind::Single {
+                Vec::new()
+            } else {
+                ends.collect()
+            },
+            points: points
+                .iter()
+                .map(|(x, point)| (*x, point.spread.mean))
+                .collect(),
+            kind,
+            cell: line.positions[0].1[0],
+            runs: points.iter().map(|(_, point)| point.runs).sum(),
+        }
+    };
+    lines.iter().zip(points).map(curve).collect()
+}
+
+/// Groups the cells into lines.
+fn lines(data: &FigureData, over: &str, dependent: &[String], values: &[Value]) -> Vec<SweepLine> {
+    let mut lines: Vec<SweepLine> = Vec::new();
+    for (cell, style_index) in data.cells {
+        let point = &data.plan.cells[*cell].point;
+        let common: Point = point
+            .iter()
+            .filter(|(axis, _)| axis != over && !dependent.contains(axis))
+            .cloned()
+            .collect();
+        let own = format::axis_value(data.plan, *cell, over);
+        let Some(position) = values.iter().position(|value| Some(value) == own) else {
+            continue;
+        };
+        let line = lines
+            .iter()
+            .position(|line| line.common == common)
+            .unwrap_or_else(|| {
+                lines.push(SweepLine {
+                    style_index: *style_index,
+                    common,
+                    positions: Vec::new(),
+                });
+                lines.len() - 1
+            });
+        match lines[line]
+            .positions
+            .iter_mut()
+            .find(|(known, _)| *known == position)
+        {
             Some((_, cells)) => cells.push(*cell),
-            None => lines[line].places.push((place, vec![*cell])),
+            None => lines[line].positions.push((position, vec![*cell])),
         }
     }
     lines
 }
 
-/// The points of every line, and the scale on which they are drawn; `None` for a metric that is not measured. Where a
-/// repeat never reached a threshold there is no point, since no mean would be honest.
-fn marks(night: &Gathered, value: &TableValue, lines: &[Line]) -> Option<(Scale, Vec<Vec<Mark>>)> {
-    let shown = match value {
-        TableValue::Metric(column) => Some(Shown::of(labels::column(night.plan, column)?.1)),
+/// Computes the points of every line and the vertical scale. Returns `None` for a metric that is
+/// not measured. A position where any repeat did not reach the threshold has no point, since the
+/// mean of the others would be biased.
+fn line_points(
+    data: &FigureData,
+    value: &TableValue,
+    lines: &[SweepLine],
+) -> Option<(Scale, Vec<Vec<SweepPoint>>)> {
+    let display = match value {
+        TableValue::Metric(column) => {
+            let (_, metric) = format::column(data.plan, column)?;
+            Some(MetricDisplay::for_metric(metric))
+        }
         _ => None,
     };
-    let read = |cell: &usize| match quantity::sample(night.plan, value, night.measured[cell])? {
-        Sample::Value(x) => Some(shown.map_or(Some(x).filter(|x| x.is_finite()), |shown| shown.value(x))),
-        Sample::NeverIn(_) => Some(None),
+    // The inner `None` is a value that cannot be drawn, the outer one a run without the value.
+    let drawn = |cell: &usize| match quantity::run_value(data.plan, value, data.measured[cell])? {
+        RunValue::Exact(x) => Some(match display {
+            Some(display) => display.drawn_value(x),
+            None => Some(x).filter(|x| x.is_finite()),
+        }),
+        RunValue::LowerBound(_) => Some(None),
     };
-    let read = |(place, cells): &(usize, Vec<usize>)| -> (usize, usize, Vec<f64>) {
-        let all: Option<Vec<f64>> = cells.iter().filter_map(read).collect();
-        (*place, cells[0], all.unwrap_or_default())
+    let repeats = |(position, cells): &(usize, Vec<usize>)| -> (usize, usize, Vec<f64>) {
+        let values: Option<Vec<f64>> = cells.iter().filter_map(drawn).collect();
+        (*position, cells[0], values.unwrap_or_default())
     };
-    let all: Vec<Vec<_>> = lines.iter().map(|line| line.places.iter().map(read).collect()).collect();
-    let drawn = all.iter().flatten().flat_map(|(_, _, values)| values.iter().copied());
-    let scale = shown.map_or_else(|| Scale::fitting(drawn), |shown| shown.scale);
-    let mark = |(place, cell, values): &(usize, usize, Vec<f64>)| {
-        Some(Mark { place: *place, spread: Spread::of(scale, values)?, runs: values.len(), cell: *cell })
+    let all: Vec<Vec<_>> = lines
+        .iter()
+        .map(|line| line.positions.iter().map(repeats).collect())
+        .collect();
+    let values = all
+        .iter()
+        .flatten()
+        .flat_map(|(_, _, values)| values.iter().copied());
+    let scale = display.map_or_else(|| Scale::for_values(values), |display| display.scale);
+    let point = |(position, cell, values): &(usize, usize, Vec<f64>)| {
+        Some(SweepPoint {
+            position: *position,
+            spread: Spread::from_values(scale, values)?,
+            runs: values.len(),
+            cell: *cell,
+        })
     };
-    Some((scale, all.iter().map(|line| line.iter().filter_map(mark).collect()).collect()))
+    let points = all
+        .iter()
+        .map(|line| line.iter().filter_map(point).collect())
+        .collect();
+    Some((scale, points))
 }
 
-fn row(night: &Gathered, x: &Value, value: &TableValue, mark: &Mark) -> String {
-    let axis =
-        |axis: &String| labels::axis_value(night.plan, mark.cell, axis).map(ToString::to_string).unwrap_or_default();
-    let mut fields: Vec<String> = night.plan.axes.iter().map(axis).collect();
-    let Spread { mean, ends: (low, high) } = mark.spread;
-    let end = |end: f64| if mark.runs > 1 { labels::exact(end) } else { String::new() };
-    fields.extend([value.word(), x.to_string(), labels::exact(mean), end(low), end(high), mark.runs.to_string()]);
-    labels::csv_line(&fields)
+fn csv_row(data: &FigureData, x: &Value, value: &TableValue, point: &SweepPoint) -> String {
+    let mut fields = super::axis_fields(data.plan, point.cell);
+    let Spread {
+        mean,
+        ends: (low, high),
+    } = point.spread;
+    let bound = |bound: f64| {
+        if point.runs > 1 {
+            format::exact(bound)
+        } else {
+            String::new()
+        }
+    };
+    fields.extend([
+        value.name(),
+        x.to_string(),
+        format::exact(mean),
+        bound(low),
+        bound(high),
+        point.runs.to_string(),
+    ]);
+    format::csv_line(&fields)
 }

@@ -1,279 +1,492 @@
-//! Crops at equal time and at equal error: the reference with zoom boxes, the same windows of every series with the
-//! error of each below, and the FLIP map of every whole picture.
+//! Crops at equal time and at equal error: the reference with marked windows, the same windows of
+//! every series with their errors, and the FLIP map of every complete picture.
 
 use std::collections::BTreeMap;
 
 use super::Pictures;
 use super::convergence::{COLUMN, FULL, SCREEN};
-use super::films::{colour_bar, suffix};
-use super::item::{Item, Kind, Provenance};
-use super::shots::{self, Moment, Shot, Truths};
-use super::study::{Options, Shown, Study};
+use super::films::{colour_bar, file_suffix};
+use super::item::{Provenance, ReportItem};
+use super::metric_display::MetricDisplay;
+use super::snapshots;
+use super::snapshots::{FacetReferences, Moment, Snapshot};
+use super::study::{ReportOptions, Study};
 use super::tables::{common_error, common_time};
 use crate::film::Image;
 use crate::metrics::tonemap::Tonemap;
 use crate::metrics::{Better, MetricSpec};
-use crate::output::labels::significant;
+use crate::output::format::significant;
 use crate::output::plot::style::{FAINT, INK};
 use crate::output::plot::svg::{Anchor, Drawing, Font, text_width};
 use crate::output::{OutputError, png};
 
-/// Most series in one figure; more would be stamps.
+/// Maximum number of series in one figure; more crops would be too small.
 const MOST: usize = 7;
 
-/// Colours of the zoom boxes, told apart by lightness too, and the width of their lines.
+/// Colours of the marked windows, which differ in lightness too.
 const BOXES: [&str; 4] = ["#e69f00", "#56b4e9", "#cc79a7", "#f0e442"];
+/// Line width of the marked windows.
 const BOX: f64 = 1.3;
 
+/// Space between pictures.
 const GAP: f64 = 3.0;
+/// Space above the pictures for names and facts.
 const HEAD: f64 = 21.0;
+/// Space below a picture for its error.
 const UNDER: f64 = 10.5;
 
 const NAME: Font = Font::strong(8.0);
 const SMALL: Font = Font::new(7.0, FAINT);
 const NUMBER: Font = Font::new(7.2, INK);
 
-/// The figures of all facets that have a reference and kept pictures.
+/// Draws the figures of all facets that have a reference and stored pictures.
 pub fn all(
     study: &Study,
-    options: &Options,
+    options: &ReportOptions,
     pictures: &Pictures,
     notes: &mut Vec<String>,
-) -> Result<Vec<Item>, OutputError> {
+) -> Result<Vec<ReportItem>, OutputError> {
     let mut items = Vec::new();
-    let leading = leading(study);
+    let error_metric = error_metric(study);
     for facet in 0..study.facets.len() {
-        let Some(truths) = shots::references(study, facet, pictures, notes) else { continue };
+        let Some(references) = snapshots::references(study, facet, pictures, notes) else {
+            continue;
+        };
         let time = common_time(study, options, facet).map(|t| (Moment::Time(t), "equal-time"));
-        let error = leading.and_then(|m| Some((Moment::Error(m, common_error(study, facet, m)?), "equal-error")));
+        let error = error_metric.and_then(|m| {
+            Some((
+                Moment::Error(m, common_error(study, facet, m)?),
+                "equal-error",
+            ))
+        });
         for (moment, name) in [time, error].into_iter().flatten() {
-            let mut taken = shots::shots(study, facet, moment, &truths, pictures, notes);
-            if taken.len() > MOST {
-                notes.push(format!("crops show the first {MOST} of {} series", taken.len()));
-                taken.truncate(MOST);
+            let mut snapshots =
+                snapshots::nearest_snapshots(study, facet, moment, &references, pictures, notes);
+            if snapshots.len() > MOST {
+                notes.push(format!(
+                    "crops show only the first {MOST} of {} series",
+                    snapshots.len()
+                ));
+                snapshots.truncate(MOST);
             }
-            if taken.is_empty() {
+            if snapshots.is_empty() {
                 continue;
             }
-            let (truth, words) = &truths.all[0];
-            let sheet = Sheet { study, facet, truths: &truths, truth, words, shots: &taken, moment, leading };
-            items.push(sheet.item(options, name, notes)?);
+            let (reference, description) = &references.all[0];
+            let figure = CropFigure {
+                study,
+                facet,
+                references: &references,
+                reference,
+                description,
+                snapshots: &snapshots,
+                moment,
+                error_metric,
+            };
+            items.push(figure.item(options, name, notes)?);
         }
     }
     Ok(items)
 }
 
-/// The metric by which equal error is meant and whose value stands below crops: of what is measured the first of these,
-/// or else any error. FLIP has a row of its own.
-pub(super) fn leading(study: &Study) -> Option<usize> {
-    let named = |name: &&str| study.metrics.iter().position(|m| m.row.name == *name);
-    let known = ["relmse", "rmse", "mse", "mae"].iter().find_map(named);
-    known.or_else(|| study.metrics.iter().position(|m| m.row.better == Better::Lower))
+/// Returns the metric of equal-error comparisons and of the numbers below crops: the first of
+/// relative MSE, RMSE, MSE and MAE that is measured, or else any error. FLIP has a separate row.
+fn error_metric(study: &Study) -> Option<usize> {
+    let find = |name: &&str| study.metrics.iter().position(|m| m.row.name == *name);
+    let known = ["relmse", "rmse", "mse", "mae"].iter().find_map(find);
+    known.or_else(|| {
+        study
+            .metrics
+            .iter()
+            .position(|m| m.row.better == Better::Lower)
+    })
 }
 
-struct Sheet<'a> {
+/// Content of one figure.
+struct CropFigure<'a> {
     study: &'a Study<'a>,
     facet: usize,
-    truths: &'a Truths,
-    /// The reference that is shown, the first.
-    truth: &'a Image,
-    words: &'a str,
-    shots: &'a [Shot],
+    references: &'a FacetReferences,
+    /// Reference shown, which is the first one of the facet.
+    reference: &'a Image,
+    /// Description of the reference shown.
+    description: &'a str,
+    snapshots: &'a [Snapshot],
     moment: Moment,
-    leading: Option<usize>,
+    /// Metric of the numbers below crops, as index into the study's metrics.
+    error_metric: Option<usize>,
 }
 
-impl Sheet<'_> {
-    fn item(&self, options: &Options, name: &str, notes: &mut Vec<String>) -> Result<Item, OutputError> {
+/// Positions of the pictures of a figure, in points.
+struct CropLayout {
+    /// Width of the figure.
+    width: f64,
+    /// Width of the reference at the left.
+    left: f64,
+    /// Width of a column of crops.
+    column: f64,
+    /// Height of the reference picture divided by its width.
+    aspect: f64,
+}
+
+impl CropLayout {
+    fn new(reference: &Image, columns: usize) -> CropLayout {
+        // The reference is as large as the crops beside it allow, up to a third of the page.
+        let width = if columns <= 2 { COLUMN * 1.4 } else { FULL };
+        let left = if columns <= 4 {
+            0.3 * width
+        } else {
+            0.22 * width
+        };
+        CropLayout {
+            width,
+            left,
+            column: (width - left - 2.0 * GAP - (columns - 1) as f64 * GAP) / columns as f64,
+            aspect: f64::from(reference.height) / f64::from(reference.width),
+        }
+    }
+
+    /// Returns the left edge of a column of crops.
+    fn x(&self, column: usize) -> f64 {
+        self.left + 2.0 * GAP + column as f64 * (self.column + GAP)
+    }
+}
+
+impl CropFigure<'_> {
+    fn item(
+        &self,
+        options: &ReportOptions,
+        name: &str,
+        notes: &mut Vec<String>,
+    ) -> Result<ReportItem, OutputError> {
         let windows = self.windows(options, notes);
-        let tonemap = shots::exposure(self.truth);
-        let runs: Vec<&str> = self.shots.iter().map(|s| s.run.as_str()).collect();
+        let tonemap = snapshots::exposure(self.reference);
+        let runs: Vec<&str> = self.snapshots.iter().map(|s| s.run.as_str()).collect();
         let members = (0..self.study.series.len()).flat_map(|s| self.study.members(self.facet, s));
-        let provenance = Provenance::of(members.filter(|m| runs.contains(&m.run.id.as_str())));
+        let provenance =
+            Provenance::from_members(members.filter(|m| runs.contains(&m.run.id.as_str())));
         let label = self.study.facet_label(self.facet);
-        let what = if name == "equal-time" { "equal time" } else { "equal error" };
-        let title = if label.is_empty() { format!("Crops at {what}") } else { format!("{label} at {what}") };
+        let moment = if name == "equal-time" {
+            "equal time"
+        } else {
+            "equal error"
+        };
+        let title = if label.is_empty() {
+            format!("Crops at {moment}")
+        } else {
+            format!("{label} at {moment}")
+        };
         let svg = self.draw(&windows, tonemap, &title, &provenance.text())?;
-        let stem = format!("figures/crops-{name}{}", suffix(&label));
-        let caption = self.caption(tonemap);
-        Ok(Item { kind: Kind::Figure, stem, title, caption, svg: Some(svg), grid: None, extra: Vec::new(), provenance })
+        Ok(ReportItem::figure(
+            format!("figures/crops-{name}{}", file_suffix(&label)),
+            title,
+            self.caption(tonemap),
+            svg,
+            provenance,
+        ))
     }
 
     fn caption(&self, tonemap: Tonemap) -> String {
-        let at = match self.moment {
-            Moment::Time(t) => format!("Kept pictures nearest to {} s of render time", significant(t, 3)),
+        let mut sentences = vec![match self.moment {
+            Moment::Time(t) => format!(
+                "Stored pictures nearest to {} s of render time.",
+                significant(t, 3)
+            ),
             Moment::Error(metric, error) => {
                 let spec = &self.study.metrics[metric];
-                let value = significant(Shown::of(spec).back(error), 3);
-                format!("Kept pictures nearest to {} = {value}", spec.row.label)
+                let error = MetricDisplay::for_metric(spec).metric_value(error);
+                format!(
+                    "Stored pictures nearest to {} = {}.",
+                    spec.row.label,
+                    significant(error, 3)
+                )
             }
-            Moment::End => "Final pictures".to_owned(),
-        };
-        let number = self.leading.map_or(String::new(), |m| {
-            format!(" Below each crop: {} of that window.", self.study.metrics[m].row.label)
-        });
-        let own = self.truths.owner(0).map_or(String::new(), |series| {
-            let name = &self.study.series[series].label;
-            format!(" Each series is measured against the reference of its own; the one shown is that of {name}.")
-        });
-        let clock = self.study.clock();
-        let clock = if clock.is_empty() { String::new() } else { format!(" Rendered {clock}.") };
-        format!(
-            "{at}; samples and seconds of each are above it. Left: the reference ({}), {tonemap}. Right: windows of the first repeat.{number} Bottom: FLIP of the whole picture, from 0 (black) \
-             to 1 (pale yellow), with its mean.{own}{clock}",
-            self.words
-        )
-        .replace("Rendered times", "Times")
+            Moment::End => "Final pictures.".to_owned(),
+        }];
+        sentences.push("Above each: samples per pixel and render time.".to_owned());
+        sentences.push(format!("Left: reference ({}).", self.description));
+        sentences.push("Right: windows of the first repeat.".to_owned());
+        if let Some(metric) = self.error_metric {
+            sentences.push(format!(
+                "Below each crop: {} of the window.",
+                self.study.metrics[metric].row.label
+            ));
+        }
+        sentences.push(
+            "Bottom: FLIP map of the complete picture, from 0 (black) to 1 (pale yellow), with \
+             its mean."
+                .to_owned(),
+        );
+        sentences.push(format!("Tone map: {tonemap}."));
+        if let Some(series) = self.references.owner(0) {
+            sentences.push(format!(
+                "Each series is compared with its own reference; the one shown is that of {}.",
+                self.study.series[series].label
+            ));
+        }
+        sentences.extend(self.study.device_sentence("Rendered"));
+        sentences.join(" ")
     }
 
-    /// The windows that were asked for, as far as they are inside; or two, where the series differ most.
-    fn windows(&self, options: &Options, notes: &mut Vec<String>) -> Vec<[u32; 4]> {
-        let inside = |w: &[u32; 4]| shots::crop(self.truth, *w).is_some();
-        if let Some(outside) = options.crops.iter().find(|w| !inside(w)) {
+    /// Returns the requested windows that are inside of the picture, or two windows where the
+    /// series differ most.
+    fn windows(&self, options: &ReportOptions, notes: &mut Vec<String>) -> Vec<[u32; 4]> {
+        let is_inside = |w: &[u32; 4]| snapshots::crop(self.reference, *w).is_some();
+        if let Some(outside) = options.crops.iter().find(|w| !is_inside(w)) {
             notes.push(format!(
-                "the window {outside:?} is not inside the {}x{} pixels of {}",
-                self.truth.width,
-                self.truth.height,
+                "the crop {outside:?} is not inside of the {}x{} pixels of {}",
+                self.reference.width,
+                self.reference.height,
                 self.study.facet_label(self.facet)
             ));
         }
-        let asked: Vec<[u32; 4]> = options.crops.iter().filter(|w| inside(w)).copied().take(BOXES.len()).collect();
-        if asked.is_empty() { self.choose() } else { asked }
+        let requested: Vec<[u32; 4]> = options
+            .crops
+            .iter()
+            .filter(|w| is_inside(w))
+            .copied()
+            .take(BOXES.len())
+            .collect();
+        if requested.is_empty() {
+            self.select_windows()
+        } else {
+            requested
+        }
     }
 
-    /// Two windows of a fifth of the picture's width that do not overlap and in which the worst and the best series
-    /// differ most in relative error.
-    fn choose(&self) -> Vec<[u32; 4]> {
-        let (width, height) = (self.truth.width, self.truth.height);
+    /// Selects two separate windows, a fifth of the picture wide, in which the errors of the worst
+    /// and the best series differ most.
+    fn select_windows(&self) -> Vec<[u32; 4]> {
+        let (width, height) = (self.reference.width, self.reference.height);
         let w = (width / 5).max(8).min(width);
         let h = (w * 3 / 4).max(1).min(height);
         let (dx, dy) = ((w / 3).max(1), (h / 3).max(1));
-        let places = (0..=(height - h) / dy).flat_map(|j| (0..=(width - w) / dx).map(move |i| [i * dx, j * dy, w, h]));
-        let mut ranked: Vec<(f64, [u32; 4])> = places.map(|place| (self.spread(place), place)).collect();
+        let candidates = (0..=(height - h) / dy)
+            .flat_map(|j| (0..=(width - w) / dx).map(move |i| [i * dx, j * dy, w, h]));
+        let mut ranked: Vec<(f64, [u32; 4])> = candidates
+            .map(|window| (self.error_range(window), window))
+            .collect();
         ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let apart = |a: &[u32; 4], b: &[u32; 4]| a[0].abs_diff(b[0]) > w + w / 4 || a[1].abs_diff(b[1]) > h + h / 4;
-        let Some(first) = ranked.first().map(|(_, place)| *place) else { return Vec::new() };
-        let second = ranked.iter().map(|(_, place)| *place).find(|place| apart(place, &first));
+        let are_separate = |a: &[u32; 4], b: &[u32; 4]| {
+            a[0].abs_diff(b[0]) > w + w / 4 || a[1].abs_diff(b[1]) > h + h / 4
+        };
+        let Some(first) = ranked.first().map(|(_, window)| *window) else {
+            return Vec::new();
+        };
+        let second = ranked
+            .iter()
+            .map(|(_, window)| *window)
+            .find(|window| are_separate(window, &first));
         std::iter::once(first).chain(second).collect()
     }
 
-    /// How much the worst series' error in a window exceeds the best's: roots of mean squares, relative per pixel.
-    fn spread(&self, [x, y, w, h]: [u32; 4]) -> f64 {
-        let error = |shot: &Shot| {
+    /// Returns the difference between the errors of the worst and the best series in a window. The
+    /// error is the root of the mean squared relative error. For a single series, returns its
+    /// error.
+    fn error_range(&self, [x, y, w, h]: [u32; 4]) -> f64 {
+        let error = |snapshot: &Snapshot| {
+            let reference = self.references.for_snapshot(snapshot);
             let pixels = (y..y + h).flat_map(|j| (x..x + w).map(move |i| (i, j)));
             let square = |(i, j): (u32, u32)| -> f64 {
-                let (a, r) = (shot.image.at(i, j), self.truths.of(shot).at(i, j));
-                let one = |c: usize| {
+                let (a, r) = (snapshot.image.at(i, j), reference.at(i, j));
+                let channel = |c: usize| {
                     let (a, r) = (f64::from(a[c]), f64::from(r[c]));
-                    // A single wild sample must not choose the window.
+                    // The limit keeps a single outlier from selecting the window.
                     ((a - r).powi(2) / (r * r + 1e-2)).min(4.0)
                 };
-                (one(0) + one(1) + one(2)) / 3.0
+                (channel(0) + channel(1) + channel(2)) / 3.0
             };
             (pixels.map(square).sum::<f64>() / f64::from(w * h)).sqrt()
         };
-        let errors = self.shots.iter().map(error).filter(|e| e.is_finite());
+        let errors = self.snapshots.iter().map(error).filter(|e| e.is_finite());
         let (low, high) = errors.fold((f64::INFINITY, 0.0f64), |(a, b), e| (a.min(e), b.max(e)));
-        if self.shots.len() < 2 { high } else { high - low }
+        if self.snapshots.len() < 2 {
+            high
+        } else {
+            high - low
+        }
     }
 
-    /// The whole sheet; `about` becomes its description.
-    fn draw(&self, windows: &[[u32; 4]], tonemap: Tonemap, title: &str, about: &str) -> Result<String, OutputError> {
+    /// Draws the figure. `description` is the description of the SVG.
+    fn draw(
+        &self,
+        windows: &[[u32; 4]],
+        tonemap: Tonemap,
+        title: &str,
+        description: &str,
+    ) -> Result<String, OutputError> {
         let mut drawing = Drawing::default();
-        let columns = self.shots.len() + 1;
-        let whole = f64::from(self.truth.height) / f64::from(self.truth.width);
-        // The reference takes as much as the crops beside it leave, but not more than a third of the page.
-        let width = if columns <= 2 { COLUMN * 1.4 } else { FULL };
-        let left = if columns <= 4 { 0.3 * width } else { 0.22 * width };
-        let column = (width - left - 2.0 * GAP - (columns - 1) as f64 * GAP) / columns as f64;
-        let at = |i: usize| left + 2.0 * GAP + i as f64 * (column + GAP);
+        let layout = CropLayout::new(self.reference, self.snapshots.len() + 1);
+        let reference_height = layout.left * layout.aspect;
+        self.draw_reference(&mut drawing, &layout, windows, tonemap)?;
+        self.draw_column_heads(&mut drawing, &layout);
+        let mut y = HEAD;
+        for (number, window) in windows.iter().enumerate() {
+            let height = layout.column * f64::from(window[3]) / f64::from(window[2]);
+            self.draw_crops(&mut drawing, &layout, (number, *window), tonemap, y)?;
+            y += height + UNDER + GAP;
+        }
+        let bottom = self.draw_flip_row(&mut drawing, &layout, tonemap, y + 1.0)?;
+        let height = bottom.max(HEAD + reference_height + 2.0);
+        draw_flip_scale(
+            &mut drawing,
+            layout.left,
+            HEAD + reference_height,
+            y + 1.0,
+            layout.column * layout.aspect,
+        );
+        Ok(drawing.finish_scaled(layout.width, height, SCREEN, title, description))
+    }
+
+    /// Draws the reference with the marked windows.
+    fn draw_reference(
+        &self,
+        drawing: &mut Drawing,
+        layout: &CropLayout,
+        windows: &[[u32; 4]],
+        tonemap: Tonemap,
+    ) -> Result<(), OutputError> {
         drawing.text((0.0, 8.0), NAME, Anchor::Start, "reference");
-        drawing.text((0.0, 17.0), SMALL, Anchor::Start, &shorten(self.words, SMALL.size, left));
-        drawing.image([0.0, HEAD, left, left * whole], &png::encode(self.truth, tonemap, &[])?);
+        drawing.text(
+            (0.0, 17.0),
+            SMALL,
+            Anchor::Start,
+            &shorten(self.description, SMALL.size, layout.left),
+        );
+        drawing.image(
+            [0.0, HEAD, layout.left, layout.left * layout.aspect],
+            &png::encode(self.reference, tonemap, &[])?,
+        );
         for (i, window) in windows.iter().enumerate() {
-            let zoom = left / f64::from(self.truth.width);
+            let zoom = layout.left / f64::from(self.reference.width);
             let [x, y, w, h] = window.map(|v| f64::from(v) * zoom);
             drawing.outline([x, HEAD + y, w, h], BOXES[i], BOX);
         }
-        for (i, shot) in self.shots.iter().enumerate() {
-            let series = &self.study.series[shot.series];
-            drawing.text((at(i), 8.0), NAME, Anchor::Start, &shorten(&series.full(), NAME.size, column));
-            let facts = format!("{} spp, {} s", shot.samples, significant(shot.render_s, 2));
-            drawing.text((at(i), 17.0), SMALL, Anchor::Start, &facts);
-        }
-        drawing.text((at(columns - 1), 8.0), NAME, Anchor::Start, "reference");
-        let mut y = HEAD;
-        for (number, window) in windows.iter().enumerate() {
-            let height = column * f64::from(window[3]) / f64::from(window[2]);
-            let images = self.shots.iter().map(|s| &s.image).chain([self.truth]);
-            for (i, image) in images.enumerate() {
-                let Some(part) = shots::crop(image, *window) else { continue };
-                let place = [at(i), y, column, height];
-                drawing.image(place, &png::encode(&part, tonemap, &[])?);
-                let inset = BOX / 2.0;
-                let inner = [place[0] + inset, place[1] + inset, place[2] - BOX, place[3] - BOX];
-                drawing.outline(inner, BOXES[number], BOX);
-                let truth = self.shots.get(i).and_then(|shot| shots::crop(self.truths.of(shot), *window));
-                let value = self.leading.zip(truth).and_then(|(metric, truth)| {
-                    let spec = &self.study.metrics[metric];
-                    Some((spec, spec.eval(&part, &truth).ok()?))
-                });
-                if let Some((spec, value)) = value {
-                    let text = format!("{} {}", spec.row.label, significant(value, 3));
-                    drawing.text((at(i), y + height + 8.0), NUMBER, Anchor::Start, &text);
-                }
-            }
-            y += height + UNDER + GAP;
-        }
-        let bottom = self.flip_row(&mut drawing, tonemap, y + 1.0, &at, column, whole)?;
-        let height = bottom.max(HEAD + left * whole + 2.0);
-        self.colour_bar(&mut drawing, left, HEAD + left * whole, y + 1.0, column * whole);
-        Ok(drawing.finish_scaled(width, height, SCREEN, title, about))
+        Ok(())
     }
 
-    /// FLIP maps of the whole pictures, and where the row ends.
-    fn flip_row(
+    /// Writes name, samples and render time above each column.
+    fn draw_column_heads(&self, drawing: &mut Drawing, layout: &CropLayout) {
+        for (i, snapshot) in self.snapshots.iter().enumerate() {
+            let series = &self.study.series[snapshot.series];
+            drawing.text(
+                (layout.x(i), 8.0),
+                NAME,
+                Anchor::Start,
+                &shorten(&series.full_label(), NAME.size, layout.column),
+            );
+            let facts = format!(
+                "{} spp, {} s",
+                snapshot.samples,
+                significant(snapshot.render_s, 2)
+            );
+            drawing.text((layout.x(i), 17.0), SMALL, Anchor::Start, &facts);
+        }
+        let last = layout.x(self.snapshots.len());
+        drawing.text((last, 8.0), NAME, Anchor::Start, "reference");
+    }
+
+    /// Draws the crops of one window in all columns, with their errors.
+    fn draw_crops(
         &self,
         drawing: &mut Drawing,
+        layout: &CropLayout,
+        (number, window): (usize, [u32; 4]),
         tonemap: Tonemap,
         y: f64,
-        at: &impl Fn(usize) -> f64,
-        column: f64,
-        whole: f64,
+    ) -> Result<(), OutputError> {
+        let height = layout.column * f64::from(window[3]) / f64::from(window[2]);
+        let images = self
+            .snapshots
+            .iter()
+            .map(|s| &s.image)
+            .chain([self.reference]);
+        for (i, image) in images.enumerate() {
+            let Some(crop) = snapshots::crop(image, window) else {
+                continue;
+            };
+            let x = layout.x(i);
+            drawing.image(
+                [x, y, layout.column, height],
+                &png::encode(&crop, tonemap, &[])?,
+            );
+            let inset = BOX / 2.0;
+            let inner = [x + inset, y + inset, layout.column - BOX, height - BOX];
+            drawing.outline(inner, BOXES[number], BOX);
+            let reference = self.snapshots.get(i).and_then(|snapshot| {
+                snapshots::crop(self.references.for_snapshot(snapshot), window)
+            });
+            let value = self
+                .error_metric
+                .zip(reference)
+                .and_then(|(metric, reference)| {
+                    let spec = &self.study.metrics[metric];
+                    Some((spec, spec.eval(&crop, &reference).ok()?))
+                });
+            if let Some((spec, value)) = value {
+                let text = format!("{} {}", spec.row.label, significant(value, 3));
+                drawing.text((x, y + height + 8.0), NUMBER, Anchor::Start, &text);
+            }
+        }
+        Ok(())
+    }
+
+    /// Draws the FLIP maps of the complete pictures and returns the bottom of the row.
+    fn draw_flip_row(
+        &self,
+        drawing: &mut Drawing,
+        layout: &CropLayout,
+        tonemap: Tonemap,
+        y: f64,
     ) -> Result<f64, OutputError> {
-        let Some(flip) = flip(self.study, tonemap) else { return Ok(y) };
-        for (i, shot) in self.shots.iter().enumerate() {
-            let Ok(map) = flip.error_map(&shot.image, self.truths.of(shot)) else { continue };
-            drawing.image([at(i), y, column, column * whole], &png::encode_map(&map, [0.0, 1.0], &[])?);
-            let mean = map.values.iter().map(|v| f64::from(*v)).sum::<f64>() / map.values.len().max(1) as f64;
-            let text = format!("FLIP {}", significant(mean, 3));
-            drawing.text((at(i), y + column * whole + 8.0), NUMBER, Anchor::Start, &text);
+        let Some(flip) = flip_metric(self.study, tonemap) else {
+            return Ok(y);
+        };
+        let height = layout.column * layout.aspect;
+        for (i, snapshot) in self.snapshots.iter().enumerate() {
+            let reference = self.references.for_snapshot(snapshot);
+            let Ok(map) = flip.error_map(&snapshot.image, reference) else {
+                continue;
+            };
+            drawing.image(
+                [layout.x(i), y, layout.column, height],
+                &png::encode_map(&map, [0.0, 1.0], &[])?,
+            );
+            let mean = map.values.iter().map(|v| f64::from(*v)).sum::<f64>()
+                / map.values.len().max(1) as f64;
+            drawing.text(
+                (layout.x(i), y + height + 8.0),
+                NUMBER,
+                Anchor::Start,
+                &format!("FLIP {}", significant(mean, 3)),
+            );
         }
-        Ok(y + column * whole + UNDER)
-    }
-
-    /// The scale of the FLIP maps, left of them where the reference leaves room.
-    fn colour_bar(&self, drawing: &mut Drawing, left: f64, above: f64, y: f64, height: f64) {
-        let (x, width) = (left - 7.0, 5.0);
-        let top = y.max(above + 12.0);
-        let length = y + height - top;
-        if length < 18.0 {
-            return;
-        }
-        colour_bar(drawing, [x, top, width, length], [0.0, 1.0]);
-        drawing.text((x - 2.5, top + 5.5), SMALL, Anchor::End, "FLIP 1");
-        drawing.text((x - 2.5, top + length), SMALL, Anchor::End, "0");
+        Ok(y + height + UNDER)
     }
 }
 
-/// The FLIP that the study measures, or the one of what the figure shows.
-pub(super) fn flip(study: &Study, tonemap: Tonemap) -> Option<MetricSpec> {
-    let own = study.metrics.iter().find(|m| m.row.name == "flip").cloned();
-    let shown = || BTreeMap::from([("on".to_owned(), tonemap.to_value())]);
-    own.or_else(|| MetricSpec::new("flip", "flip", shown()).ok())
+/// Draws the colour scale of the FLIP maps to their left if there is space below the reference,
+/// which ends at `reference_bottom` and is `left` wide. The maps start at `y`.
+fn draw_flip_scale(drawing: &mut Drawing, left: f64, reference_bottom: f64, y: f64, height: f64) {
+    let (x, width) = (left - 7.0, 5.0);
+    let top = y.max(reference_bottom + 12.0);
+    let length = y + height - top;
+    if length < 18.0 {
+        return;
+    }
+    colour_bar(drawing, [x, top, width, length], [0.0, 1.0]);
+    drawing.text((x - 2.5, top + 5.5), SMALL, Anchor::End, "FLIP 1");
+    drawing.text((x - 2.5, top + length), SMALL, Anchor::End, "0");
 }
 
-/// Text that fits into a width, cut with an ellipsis.
+/// Returns the FLIP metric of the study, or FLIP under the given tone map if none is measured.
+pub(super) fn flip_metric(study: &Study, tonemap: Tonemap) -> Option<MetricSpec> {
+    let measured = study.metrics.iter().find(|m| m.row.name == "flip").cloned();
+    let options = || BTreeMap::from([("on".to_owned(), tonemap.to_value())]);
+    measured.or_else(|| MetricSpec::new("flip", "flip", options()).ok())
+}
+
+/// Cuts text with an ellipsis so that it fits into `width`.
 pub(super) fn shorten(text: &str, size: f64, width: f64) -> String {
     if text_width(text, size) <= width {
         return text.to_owned();
@@ -290,7 +503,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn long_names_are_cut_where_their_column_ends() {
+    fn long_names_are_cut_to_the_width_of_their_column() {
         assert_eq!(shorten("bdpt", 8.0, 100.0), "bdpt");
         let cut = shorten("a very long name of a series", 8.0, 60.0);
         assert!(cut.ends_with('…') && text_width(&cut, 8.0) <= 61.0, "{cut}");

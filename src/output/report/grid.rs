@@ -1,73 +1,74 @@
-//! Tables as Markdown, CSV and LaTeX (booktabs).
+//! Tables of the report as Markdown, CSV and LaTeX (booktabs).
 
-use super::item::{Item, Kind, Provenance};
+use super::item::{ItemKind, Provenance, ReportItem};
 use super::latex;
-use crate::output::labels::{csv_line, exact, significant};
+use crate::output::format::{csv_line, exact, significant};
+use crate::output::table::export::markdown_table;
 
-/// Columns that fit into one column of a page.
+/// Maximum number of table columns that fit into one column of a page.
 const NARROW: usize = 3;
 
-/// How the numbers of a table are written.
+/// Number format of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Digits {
-    /// So many significant digits; whole numbers are written whole.
+    /// Number of significant digits. Integers are written in full.
     Significant(usize),
-    /// Per cent of one, without digits after the point.
+    /// Percentage without decimals.
     Percent,
 }
 
-/// One entry.
+/// One number of a table, with its uncertainty and its runs.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Entry {
-    /// The number; `None` is a dash.
+pub struct GridCell {
+    /// The number; `None` is written as a dash.
     pub value: Option<f64>,
-    /// Whether the true value is larger: a threshold that was not reached.
-    pub more: bool,
-    /// Half width of the 95 % confidence interval.
-    pub half: Option<f64>,
-    /// Whether it is the best of its group by more than chance.
+    /// Whether the number is a lower bound, since a threshold was not reached.
+    pub is_lower_bound: bool,
+    /// Half-width of the 95 % confidence interval.
+    pub ci95_half: Option<f64>,
+    /// Whether the number is significantly better than all others of its group.
     pub best: bool,
-    /// How many runs are behind it.
+    /// Number of runs averaged.
     pub runs: usize,
-    /// Their ids.
-    pub of: Vec<String>,
+    /// Identities of the runs.
+    pub run_ids: Vec<String>,
 }
 
-/// A table.
+/// A table of the report.
 #[derive(Clone, Debug)]
 pub struct Grid {
-    /// Its files' name.
+    /// Name of the table's files.
     pub name: String,
-    /// A few words.
+    /// Short title of the table.
     pub title: String,
-    /// What the numbers are.
+    /// Description of the numbers.
     pub caption: String,
-    /// Unit of the numbers, for the headers of CSV files; empty if there is none.
+    /// Unit of the numbers, for CSV files; empty if there is none.
     pub unit: String,
     /// Headers of the label columns.
-    pub corner: Vec<String>,
-    /// Groups of columns: a heading, which may be empty, and how many columns it spans.
+    pub label_headers: Vec<String>,
+    /// Groups of columns: a heading, which may be empty, and the number of columns.
     pub groups: Vec<(String, usize)>,
     /// Headers of the number columns.
     pub columns: Vec<String>,
-    /// Labels and entries.
-    pub rows: Vec<(Vec<String>, Vec<Entry>)>,
-    /// How numbers are written.
+    /// Labels and cells of each row.
+    pub rows: Vec<(Vec<String>, Vec<GridCell>)>,
+    /// Format of the numbers.
     pub digits: Digits,
-    /// What it was made of.
+    /// Runs and plans that the table is made from.
     pub provenance: Provenance,
 }
 
 impl Grid {
-    /// Its files.
-    pub fn item(self) -> Item {
+    /// Converts the table to an item of the report with its files.
+    pub fn item(self) -> ReportItem {
         let extra = vec![
             ("md", self.to_markdown().into_bytes()),
             ("csv", self.to_csv().into_bytes()),
             ("tex", self.to_latex().into_bytes()),
         ];
-        Item {
-            kind: Kind::Table,
+        ReportItem {
+            kind: ItemKind::Table,
             stem: format!("tables/{}", self.name),
             title: self.title.clone(),
             caption: self.caption.clone(),
@@ -86,12 +87,15 @@ impl Grid {
         }
     }
 
-    /// Number, sign of a bound, and interval: `> 12.3`, `4.56 ± 0.07`.
-    pub fn entry(&self, entry: &Entry) -> String {
-        let Some(value) = entry.value else { return "–".to_owned() };
+    /// Formats a cell as number, lower bound or number with interval, such as `> 12.3` or
+    /// `4.56 ± 0.07`.
+    pub fn cell(&self, cell: &GridCell) -> String {
+        let Some(value) = cell.value else {
+            return "–".to_owned();
+        };
         let text = self.number(value);
-        let Some(half) = entry.half.filter(|_| !entry.more) else {
-            return format!("{}{text}", if entry.more { "> " } else { "" });
+        let Some(half) = cell.ci95_half.filter(|_| !cell.is_lower_bound) else {
+            return format!("{}{text}", if cell.is_lower_bound { "> " } else { "" });
         };
         if text.contains('e') {
             return format!("{text} ± {}", significant(half, 1));
@@ -99,130 +103,197 @@ impl Grid {
         if self.digits == Digits::Percent {
             return format!("{text} ± {:.0}", 100.0 * half);
         }
-        // Two digits of the interval, and the number as far as they go, but no more than the table has: what is beyond
-        // would say nothing.
-        let own = text.split_once('.').map_or(0, |(_, digits)| digits.len());
-        let of_half = if half > 0.0 { 1 - half.log10().floor() as i32 } else { own as i32 };
-        let after = own.min(usize::try_from(of_half).unwrap_or(0));
-        format!("{value:.after$} ± {half:.after$}")
+        // The interval has two significant digits. The number has the same decimals, but no more
+        // than the table's format allows.
+        let decimals = text.split_once('.').map_or(0, |(_, digits)| digits.len());
+        let half_decimals = if half > 0.0 {
+            1 - half.log10().floor() as i32
+        } else {
+            decimals as i32
+        };
+        let decimals = decimals.min(usize::try_from(half_decimals).unwrap_or(0));
+        format!("{value:.decimals$} ± {half:.decimals$}")
     }
 
-    /// Headers of number columns with their groups.
+    /// Returns the heading of the group of each number column.
+    fn column_groups(&self) -> impl Iterator<Item = &String> {
+        self.groups
+            .iter()
+            .flat_map(|(group, n)| std::iter::repeat_n(group, *n))
+    }
+
+    /// Returns the headers of the number columns with their groups.
     fn headers(&self) -> Vec<String> {
-        let groups = self.groups.iter().flat_map(|(group, n)| std::iter::repeat_n(group, *n));
-        let joined = groups.zip(&self.columns).map(|(group, column)| match (group.is_empty(), column.is_empty()) {
-            (true, _) => column.clone(),
-            (_, true) => group.clone(),
-            _ => format!("{group}: {column}"),
-        });
+        let joined = self
+            .column_groups()
+            .zip(&self.columns)
+            .map(
+                |(group, column)| match (group.is_empty(), column.is_empty()) {
+                    (true, _) => column.clone(),
+                    (_, true) => group.clone(),
+                    _ => format!("{group}: {column}"),
+                },
+            );
         joined.collect()
     }
 
-    /// Markdown with the caption above and the runs in a comment below; the best are in bold.
+    /// Formats the table as Markdown with the caption above and the provenance in a comment below.
+    /// Best values are bold.
     pub fn to_markdown(&self) -> String {
         let escaped = |s: &String| s.replace('|', "\\|").replace(['\n', '\r'], " ");
-        let header: Vec<String> = self.corner.iter().chain(&self.headers()).map(escaped).collect();
-        let body: Vec<Vec<String>> = self
-            .rows
-            .iter()
-            .map(|(labels, entries)| {
-                let number = |e: &Entry| if e.best { format!("**{}**", self.entry(e)) } else { self.entry(e) };
-                labels.iter().map(escaped).chain(entries.iter().map(number)).collect()
-            })
-            .collect();
-        let widths: Vec<usize> = (0..header.len())
-            .map(|i| {
-                let texts = std::iter::once(&header).chain(&body).filter_map(|row| row.get(i));
-                texts.map(|t| t.chars().count()).max().unwrap_or(0).max(3)
-            })
-            .collect();
-        let line = |row: &Vec<String>| {
-            let cell = |(i, text): (usize, &String)| {
-                let pad = " ".repeat(widths[i].saturating_sub(text.chars().count()));
-                if i < self.corner.len() { format!(" {text}{pad} ") } else { format!(" {pad}{text} ") }
-            };
-            format!("|{}|\n", row.iter().enumerate().map(cell).collect::<Vec<_>>().join("|"))
+        let number = |cell: &GridCell| {
+            if cell.best {
+                format!("**{}**", self.cell(cell))
+            } else {
+                self.cell(cell)
+            }
         };
-        let rule: Vec<String> = widths
+        let header: Vec<String> = self
+            .label_headers
             .iter()
-            .enumerate()
-            .map(|(i, w)| if i < self.corner.len() { "-".repeat(w + 2) } else { format!("{}:", "-".repeat(w + 1)) })
+            .chain(&self.headers())
+            .map(escaped)
             .collect();
-        let rows: String = body.iter().map(line).collect();
+        let row = |(labels, cells): &(Vec<String>, Vec<GridCell>)| -> Vec<String> {
+            let labels = labels.iter().map(escaped);
+            labels.chain(cells.iter().map(number)).collect()
+        };
+        let body: Vec<Vec<String>> = self.rows.iter().map(row).collect();
         format!(
-            "**{}.** {}\n\n{}|{}|\n{rows}\n<!--\n{}\n-->\n",
+            "**{}.** {}\n\n{}\n<!--\n{}\n-->\n",
             self.title,
             self.caption,
-            line(&header),
-            rule.join("|"),
+            markdown_table(&header, &body, self.label_headers.len()),
             self.provenance.text().replace("--", "- -")
         )
     }
 
-    /// One line for each entry: labels, group, column, value, half width of the interval, whether it is a lower bound,
-    /// whether it is the best, the number of runs, the unit, and the runs' ids. Full precision; what has no value is empty.
+    /// Formats the table as CSV in full precision, with one line for each cell: labels, group,
+    /// column, value, half-width of the interval, whether it is a lower bound, whether it is the
+    /// best, number of runs, unit, and identities of the runs. Missing values are empty.
     pub fn to_csv(&self) -> String {
-        let mut header = self.corner.clone();
+        let mut header = self.label_headers.clone();
         header.extend(
-            ["group", "column", "value", "ci95_half", "lower_bound", "best", "runs", "unit", "run_ids"]
-                .map(str::to_owned),
+            [
+                "group",
+                "column",
+                "value",
+                "ci95_half",
+                "lower_bound",
+                "best",
+                "runs",
+                "unit",
+                "run_ids",
+            ]
+            .map(str::to_owned),
         );
         let mut text = csv_line(&header);
-        let groups: Vec<&String> = self.groups.iter().flat_map(|(group, n)| std::iter::repeat_n(group, *n)).collect();
-        for (labels, entries) in &self.rows {
-            for ((column, group), entry) in self.columns.iter().zip(&groups).zip(entries) {
+        let groups: Vec<&String> = self.column_groups().collect();
+        for (labels, cells) in &self.rows {
+            for ((column, group), cell) in self.columns.iter().zip(&groups).zip(cells) {
                 let mut fields = labels.clone();
                 fields.extend([(*group).clone(), column.clone()]);
-                fields.push(entry.value.map(exact).unwrap_or_default());
-                fields.push(entry.half.map(exact).unwrap_or_default());
-                fields.extend([entry.more, entry.best].map(|b| u8::from(b).to_string()));
-                fields.extend([entry.runs.to_string(), self.unit.clone(), entry.of.join(" ")]);
+                fields.push(cell.value.map(exact).unwrap_or_default());
+                fields.push(cell.ci95_half.map(exact).unwrap_or_default());
+                fields.extend([cell.is_lower_bound, cell.best].map(|b| u8::from(b).to_string()));
+                fields.extend([
+                    cell.runs.to_string(),
+                    self.unit.clone(),
+                    cell.run_ids.join(" "),
+                ]);
                 text += &csv_line(&fields);
             }
         }
         text
     }
 
-    /// A `table` environment with booktabs' rules; groups span their columns.
+    /// Formats the table as a LaTeX `table` environment with booktabs rules.
     pub fn to_latex(&self) -> String {
-        let n = self.corner.len();
+        let labels = self.label_headers.len();
+        // Wide tables span both columns of a page.
+        let table = if labels + self.columns.len() > NARROW {
+            "table*"
+        } else {
+            "table"
+        };
         let mut out = self.provenance.comment("% ");
-        // What is wider than a column of a page takes both.
-        let table = if n + self.columns.len() > NARROW { "table*" } else { "table" };
         out += &format!(
-            "% Needs \\usepackage{{booktabs}}.\n\\begin{{{table}}}\n  \\centering\\small\\setlength{{\\belowcaptionskip}}{{4pt}}\n"
+            "% Needs \\usepackage{{booktabs}}.\n\\begin{{{table}}}\n  \
+             \\centering\\small\\setlength{{\\belowcaptionskip}}{{4pt}}\n"
         );
-        out += &format!("  \\caption{{{}. {}}}\n", latex::escape(&self.title), latex::escape(&self.caption));
+        out += &format!(
+            "  \\caption{{{}. {}}}\n",
+            latex::escape(&self.title),
+            latex::escape(&self.caption)
+        );
         out += &format!("  \\label{{tab:{}}}\n", self.name);
-        out += &format!("  \\begin{{tabular}}{{{}{}}}\n    \\toprule\n", "l".repeat(n), "r".repeat(self.columns.len()));
+        out += &format!(
+            "  \\begin{{tabular}}{{{}{}}}\n    \\toprule\n",
+            "l".repeat(labels),
+            "r".repeat(self.columns.len())
+        );
+        out += &self.latex_header();
+        for (labels, cells) in &self.rows {
+            let fields: Vec<String> = labels
+                .iter()
+                .map(|l| latex::escape(l))
+                .chain(cells.iter().map(|cell| self.latex_cell(cell)))
+                .collect();
+            out += &format!("    {} \\\\\n", fields.join(" & "));
+        }
+        out + &format!("    \\bottomrule\n  \\end{{tabular}}\n\\end{{{table}}}\n")
+    }
+
+    /// Formats the header rows. Groups span their columns.
+    fn latex_header(&self) -> String {
+        let mut out = String::new();
         if self.groups.iter().any(|(group, _)| !group.is_empty()) {
-            let (mut heads, mut rules, mut at) = (vec![String::new(); n], String::new(), n + 1);
+            let labels = self.label_headers.len();
+            let mut heads = vec![String::new(); labels];
+            let (mut rules, mut first) = (String::new(), labels + 1);
             for (group, span) in &self.groups {
-                heads.push(format!("\\multicolumn{{{span}}}{{c}}{{{}}}", latex::escape(group)));
-                rules += &format!("\\cmidrule(lr){{{at}-{}}}", at + span - 1);
-                at += span;
+                heads.push(format!(
+                    "\\multicolumn{{{span}}}{{c}}{{{}}}",
+                    latex::escape(group)
+                ));
+                rules += &format!("\\cmidrule(lr){{{first}-{}}}", first + span - 1);
+                first += span;
             }
             out += &format!("    {} \\\\\n    {rules}\n", heads.join(" & "));
         }
-        let header: Vec<String> = self.corner.iter().chain(&self.columns).map(|h| latex::escape(h)).collect();
-        out += &format!("    {} \\\\\n    \\midrule\n", header.join(" & "));
-        for (labels, entries) in &self.rows {
-            let number = |e: &Entry| {
-                let text = self.entry(e);
-                let text = match text.split_once('e') {
-                    Some((factor, power)) if e.value.is_some() => {
-                        let (power, rest) = power.split_once(' ').map_or((power, ""), |(p, rest)| (p, rest));
-                        let rest = if rest.is_empty() { String::new() } else { format!(" {}", latex::escape(rest)) };
-                        format!("${} \\times 10^{{{power}}}${rest}", factor.replace("> ", ">"))
-                    }
-                    _ => latex::escape(&text).replace("\\textgreater{} ", "$>$\\,"),
+        let header: Vec<String> = self
+            .label_headers
+            .iter()
+            .chain(&self.columns)
+            .map(|h| latex::escape(h))
+            .collect();
+        out + &format!("    {} \\\\\n    \\midrule\n", header.join(" & "))
+    }
+
+    /// Formats a cell, with powers of ten in math mode and the best value in bold.
+    fn latex_cell(&self, cell: &GridCell) -> String {
+        let text = self.cell(cell);
+        let text = match text.split_once('e') {
+            Some((factor, power)) if cell.value.is_some() => {
+                let (power, rest) = power
+                    .split_once(' ')
+                    .map_or((power, ""), |(p, rest)| (p, rest));
+                let rest = if rest.is_empty() {
+                    String::new()
+                } else {
+                    format!(" {}", latex::escape(rest))
                 };
-                if e.best { format!("\\textbf{{\\boldmath {text}}}") } else { text }
-            };
-            let cells: Vec<String> =
-                labels.iter().map(|l| latex::escape(l)).chain(entries.iter().map(number)).collect();
-            out += &format!("    {} \\\\\n", cells.join(" & "));
+                format!(
+                    "${} \\times 10^{{{power}}}${rest}",
+                    factor.replace("> ", ">")
+                )
+            }
+            _ => latex::escape(&text).replace("\\textgreater{} ", "$>$\\,"),
+        };
+        if cell.best {
+            format!("\\textbf{{\\boldmath {text}}}")
+        } else {
+            text
         }
-        out + &format!("    \\bottomrule\n  \\end{{tabular}}\n\\end{{{table}}}\n")
     }
 }

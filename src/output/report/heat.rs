@@ -1,127 +1,284 @@
-//! Heat maps over two axes: the final value of a metric at every combination, averaged over everything else.
+//! Heat maps over two axes: the final value of a metric for each combination of their values,
+//! averaged over all other axes and repeats.
 
 use super::ReportError;
-use super::convergence::{FULL, SCREEN};
+use super::convergence::{FULL, SCREEN, mean_name};
 use super::crops::shorten;
 use super::films::colour_bar;
-use super::item::{Item, Kind, Provenance};
-use super::study::{Options, Shown, Study};
+use super::item::{Provenance, ReportItem};
+use super::metric_display::MetricDisplay;
+use super::study::{ReportOptions, Study};
 use crate::metrics::map::Colours;
-use crate::output::labels::{self, significant};
+use crate::output::format;
+use crate::output::format::significant;
 use crate::output::plot::axis::Scale;
 use crate::output::plot::style::{FAINT, INK};
 use crate::output::plot::svg::{Anchor, Drawing, Font, text_width};
 
+/// Width and height of a cell in points. The width is up to 1.5 times as large if there is space.
 const CELL: (f64, f64) = (46.0, 22.0);
-/// The part of magma that cells use: its ends are so near black and white that cells would fade into text and paper.
+/// Space above the cells.
+const TOP: f64 = 34.0;
+/// Range of the colour map that cells use. Its ends are too close to black text and white paper.
 const RANGE: [f32; 2] = [0.12, 0.92];
 const LABEL: Font = Font::new(7.6, INK);
 const NAME: Font = Font::strong(8.0);
 const SMALL: Font = Font::new(7.0, FAINT);
 
-/// One map for each metric, if there are two axes that vary or were asked for.
+/// Draws one map for each metric if two axes vary or were requested.
 ///
 /// # Errors
-/// When an axis was asked for that is not there.
-pub fn all(study: &Study, options: &Options) -> Result<Vec<Item>, ReportError> {
+/// Returns an error if a requested axis does not exist.
+pub fn all(study: &Study, options: &ReportOptions) -> Result<Vec<ReportItem>, ReportError> {
     let axes = study.axes();
     let pair = match &options.heat {
         Some(pair) => {
             if let Some(missing) = pair.iter().find(|axis| !axes.contains(axis)) {
-                return Err(ReportError::NoAxis { axis: missing.clone(), known: axes.join(", ") });
+                return Err(ReportError::NoAxis {
+                    axis: missing.clone(),
+                    known: axes.join(", "),
+                });
             }
             Some(pair.clone())
         }
-        None => {
-            let varying: Vec<&String> = axes.iter().filter(|axis| study.values(axis).len() > 1).collect();
-            // What is compared across, what stands apart down.
-            let compared = varying.iter().position(|axis| study.by.contains(axis));
-            match (varying.as_slice(), compared) {
-                ([_, _, ..], Some(across)) => {
-                    Some([varying[across].clone(), varying[usize::from(across == 0)].clone()])
-                }
-                ([a, b, ..], None) => Some([(*b).clone(), (*a).clone()]),
-                _ => None,
-            }
-        }
+        None => default_axes(study, &axes),
     };
-    let Some(pair) = pair else { return Ok(Vec::new()) };
-    Ok((0..study.metrics.len()).filter_map(|metric| map(study, metric, &pair)).collect())
+    let Some(pair) = pair else {
+        return Ok(Vec::new());
+    };
+    Ok((0..study.metrics.len())
+        .filter_map(|metric| HeatMap::new(study, metric, &pair))
+        .map(|map| map.item(study))
+        .collect())
 }
 
-fn map(study: &Study, metric: usize, [across, down]: &[String; 2]) -> Option<Item> {
-    let spec = &study.metrics[metric];
-    let shown = Shown::of(spec);
-    let (columns, rows) = (study.values(across), study.values(down));
-    let mut counts = Vec::new();
-    let mut mean = |column: &String, row: &String| -> Option<f64> {
-        let here = study.all().filter(|m| {
-            m.run.done() && m.run.value(across).as_ref() == Some(column) && m.run.value(down).as_ref() == Some(row)
-        });
-        let finals: Vec<f64> = here.filter_map(|m| shown.value(m.value(m.run.rows.last()?, metric)?)).collect();
-        counts.push(finals.len());
-        let log = shown.scale == Scale::Log;
-        let sum: f64 = finals.iter().map(|v| if log { v.ln() } else { *v }).sum();
-        let mean = sum / finals.len() as f64;
-        (!finals.is_empty()).then(|| if log { mean.exp() } else { mean })
-    };
-    let cells: Vec<Vec<Option<f64>>> =
-        rows.iter().map(|row| columns.iter().map(|column| mean(column, row)).collect()).collect();
-    let place = |v: f64| if shown.scale == Scale::Log { v.ln() } else { v };
-    let all = || cells.iter().flatten().flatten().map(|v| place(*v));
-    let (low, high) = all().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
-    if low > high {
-        return None;
+/// Returns the horizontal and the vertical axis: the first compared axis and the first other one
+/// that varies.
+fn default_axes(study: &Study, axes: &[String]) -> Option<[String; 2]> {
+    let varying: Vec<&String> = axes
+        .iter()
+        .filter(|axis| study.values(axis).len() > 1)
+        .collect();
+    let compared = varying.iter().position(|axis| study.by.contains(axis));
+    match (varying.as_slice(), compared) {
+        ([_, _, ..], Some(across)) => Some([
+            varying[across].clone(),
+            varying[usize::from(across == 0)].clone(),
+        ]),
+        ([a, b, ..], None) => Some([(*b).clone(), (*a).clone()]),
+        _ => None,
     }
-    let title = format!("{} over {across} and {down}", shown.label(spec));
-    let provenance = Provenance::of(study.all().filter(|m| m.run.done()));
-    let left = rows.iter().map(|r| text_width(r, LABEL.size)).fold(30.0, f64::max).min(140.0) + 8.0;
-    let width = ((FULL - left - 52.0) / columns.len() as f64).clamp(18.0, CELL.0 * 1.5);
-    let top = 34.0;
-    let mut drawing = Drawing::default();
-    drawing.text((left, 8.0), NAME, Anchor::Start, &labels::with_unit(&shown.label(spec), &spec.unit()));
-    drawing.text((left, 18.5), SMALL, Anchor::Start, &format!("across: {across}, down: {down}"));
-    for (i, column) in columns.iter().enumerate() {
-        let x = left + (i as f64 + 0.5) * width;
-        drawing.text((x, top - 4.0), LABEL, Anchor::Middle, &shorten(column, LABEL.size, width - 1.0));
+}
+
+/// Data of one map.
+struct HeatMap<'a> {
+    /// Index of the metric in the study.
+    metric: usize,
+    /// Horizontal and vertical axis.
+    axes: &'a [String; 2],
+    columns: Vec<String>,
+    rows: Vec<String>,
+    /// Mean drawn value of each row and column.
+    cells: Vec<Vec<Option<f64>>>,
+    /// Fewest and most runs of a cell that has any.
+    runs: (usize, usize),
+    scale: Scale,
+    /// Smallest and largest value on the scale.
+    low: f64,
+    high: f64,
+}
+
+impl<'a> HeatMap<'a> {
+    /// Averages the final values. Returns `None` if there are none.
+    fn new(study: &Study, metric: usize, axes: &'a [String; 2]) -> Option<HeatMap<'a>> {
+        let [across, down] = axes;
+        let display = MetricDisplay::for_metric(&study.metrics[metric]);
+        let (columns, rows) = (study.values(across), study.values(down));
+        let mut counts = Vec::new();
+        let mut mean = |column: &String, row: &String| -> Option<f64> {
+            let runs = study.all().filter(|m| {
+                m.run.is_done()
+                    && m.run.axis_value(across).as_ref() == Some(column)
+                    && m.run.axis_value(down).as_ref() == Some(row)
+            });
+            let finals: Vec<f64> = runs
+                .filter_map(|m| display.drawn_value(m.value(m.run.rows.last()?, metric)?))
+                .collect();
+            counts.push(finals.len());
+            let sum: f64 = finals.iter().map(|v| forward(display.scale, *v)).sum();
+            let mean = sum / finals.len() as f64;
+            (!finals.is_empty()).then(|| back(display.scale, mean))
+        };
+        let cells: Vec<Vec<Option<f64>>> = rows
+            .iter()
+            .map(|row| columns.iter().map(|column| mean(column, row)).collect())
+            .collect();
+        let values = cells.iter().flatten().flatten();
+        let (low, high) = values
+            .map(|v| forward(display.scale, *v))
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| {
+                (a.min(v), b.max(v))
+            });
+        let counts = counts.iter().copied().filter(|n| *n > 0);
+        let runs = counts.fold((usize::MAX, 0), |(a, b), n| (a.min(n), b.max(n)));
+        (low <= high).then_some(HeatMap {
+            metric,
+            axes,
+            columns,
+            rows,
+            cells,
+            runs,
+            scale: display.scale,
+            low,
+            high,
+        })
     }
-    for (j, row) in rows.iter().enumerate() {
-        let y = top + j as f64 * CELL.1;
-        let label = shorten(row, LABEL.size, left - 6.0);
-        drawing.text((left - 5.0, y + CELL.1 / 2.0 + 2.6), LABEL, Anchor::End, &label);
-        for (i, value) in cells[j].iter().enumerate() {
-            let x = left + i as f64 * width;
-            let Some(value) = value else {
-                drawing.text((x + width / 2.0, y + CELL.1 / 2.0 + 2.6), SMALL, Anchor::Middle, "–");
-                continue;
-            };
-            let part = if high > low { (place(*value) - low) / (high - low) } else { 0.5 };
-            let [r, g, b] = Colours::Magma.at(RANGE[0] + (RANGE[1] - RANGE[0]) * part as f32);
-            drawing.fill([x, y, width - 0.7, CELL.1 - 0.7], &format!("#{r:02x}{g:02x}{b:02x}"));
-            let bright = 0.2126 * f64::from(r) + 0.7152 * f64::from(g) + 0.0722 * f64::from(b) > 120.0;
-            let font = Font::new(if width < 32.0 { 6.0 } else { 7.4 }, if bright { "#000000" } else { "#ffffff" });
-            let text = significant(*value, 3);
-            drawing.text((x + width / 2.0 - 0.3, y + CELL.1 / 2.0 + 2.4), font, Anchor::Middle, &text);
+
+    fn item(&self, study: &Study) -> ReportItem {
+        let spec = &study.metrics[self.metric];
+        let label = MetricDisplay::for_metric(spec).label(spec);
+        let title = format!("{label} over {} and {}", self.axes[0], self.axes[1]);
+        let provenance = Provenance::from_members(study.all().filter(|m| m.run.is_done()));
+        let heading = format::with_unit(&label, &spec.unit());
+        let svg = self.draw(&heading, &title, &provenance.text());
+        let count = if self.runs.0 == self.runs.1 {
+            self.runs.1.to_string()
+        } else {
+            format!("{} to {}", self.runs.0, self.runs.1)
+        };
+        let scale = if self.scale == Scale::Log {
+            " The colour scale is logarithmic."
+        } else {
+            ""
+        };
+        let caption = format!(
+            "{} at the end of each run. {} of {count} finished runs per cell, over all other axes \
+             and repeats.{scale}",
+            format::metric_description(spec),
+            mean_name(self.scale),
+        );
+        ReportItem::figure(
+            format!("figures/heat-{}", spec.column),
+            title,
+            caption,
+            svg,
+            provenance,
+        )
+    }
+
+    fn draw(&self, heading: &str, title: &str, description: &str) -> String {
+        let left = self
+            .rows
+            .iter()
+            .map(|r| text_width(r, LABEL.size))
+            .fold(30.0, f64::max)
+            .min(140.0)
+            + 8.0;
+        let width = ((FULL - left - 52.0) / self.columns.len() as f64).clamp(18.0, CELL.0 * 1.5);
+        let mut drawing = Drawing::default();
+        drawing.text((left, 8.0), NAME, Anchor::Start, heading);
+        drawing.text(
+            (left, 18.5),
+            SMALL,
+            Anchor::Start,
+            &format!("columns: {}, rows: {}", self.axes[0], self.axes[1]),
+        );
+        for (i, column) in self.columns.iter().enumerate() {
+            let x = left + (i as f64 + 0.5) * width;
+            drawing.text(
+                (x, TOP - 4.0),
+                LABEL,
+                Anchor::Middle,
+                &shorten(column, LABEL.size, width - 1.0),
+            );
         }
+        for (j, row) in self.rows.iter().enumerate() {
+            let y = TOP + j as f64 * CELL.1;
+            drawing.text(
+                (left - 5.0, y + CELL.1 / 2.0 + 2.6),
+                LABEL,
+                Anchor::End,
+                &shorten(row, LABEL.size, left - 6.0),
+            );
+            for (i, value) in self.cells[j].iter().enumerate() {
+                let x = left + i as f64 * width;
+                self.draw_cell(&mut drawing, (x, y), width, *value);
+            }
+        }
+        let x = left + self.columns.len() as f64 * width + 6.0;
+        let height = self.rows.len() as f64 * CELL.1 - 0.7;
+        self.draw_scale(&mut drawing, x, height);
+        drawing.finish_scaled(x + 44.0, TOP + height + 3.0, SCREEN, title, description)
     }
-    let (x, height) = (left + columns.len() as f64 * width + 6.0, rows.len() as f64 * CELL.1 - 0.7);
-    if high > low {
-        colour_bar(&mut drawing, [x, top, 5.0, height], RANGE);
-        let back = |v: f64| significant(if shown.scale == Scale::Log { v.exp() } else { v }, 2);
-        drawing.text((x + 8.0, top + 6.0), SMALL, Anchor::Start, &back(high));
-        drawing.text((x + 8.0, top + height), SMALL, Anchor::Start, &back(low));
+
+    fn draw_cell(&self, drawing: &mut Drawing, (x, y): (f64, f64), width: f64, value: Option<f64>) {
+        let Some(value) = value else {
+            drawing.text(
+                (x + width / 2.0, y + CELL.1 / 2.0 + 2.6),
+                SMALL,
+                Anchor::Middle,
+                "–",
+            );
+            return;
+        };
+        let fraction = if self.high > self.low {
+            (forward(self.scale, value) - self.low) / (self.high - self.low)
+        } else {
+            0.5
+        };
+        let [r, g, b] = Colours::Magma.at(RANGE[0] + (RANGE[1] - RANGE[0]) * fraction as f32);
+        drawing.fill(
+            [x, y, width - 0.7, CELL.1 - 0.7],
+            &format!("#{r:02x}{g:02x}{b:02x}"),
+        );
+        let is_light =
+            0.2126 * f64::from(r) + 0.7152 * f64::from(g) + 0.0722 * f64::from(b) > 120.0;
+        let font = Font::new(
+            if width < 32.0 { 6.0 } else { 7.4 },
+            if is_light { "#000000" } else { "#ffffff" },
+        );
+        drawing.text(
+            (x + width / 2.0 - 0.3, y + CELL.1 / 2.0 + 2.4),
+            font,
+            Anchor::Middle,
+            &significant(value, 3),
+        );
     }
-    let svg = drawing.finish_scaled(x + 44.0, top + height + 3.0, SCREEN, &title, &provenance.text());
-    let kind = if shown.scale == Scale::Log { "Geometric mean" } else { "Mean" };
-    let used = counts.iter().copied().filter(|n| *n > 0);
-    let (least, most) = used.fold((usize::MAX, 0), |(a, b), n| (a.min(n), b.max(n)));
-    let counted = if least == most { most.to_string() } else { format!("{least} to {most}") };
-    let options = spec.describe_options();
-    let options = if options.is_empty() { String::new() } else { format!(" with {options}") };
-    let caption = format!(
-        "{}{options} when runs stopped. {kind} of {counted} finished runs in each cell, over all other axes and repeats.",
-        labels::metric_title(spec)
-    );
-    let stem = format!("figures/heat-{}", spec.column);
-    Some(Item { kind: Kind::Figure, stem, title, caption, svg: Some(svg), grid: None, extra: Vec::new(), provenance })
+
+    /// Draws the colour scale right of the cells, unless all values are equal.
+    fn draw_scale(&self, drawing: &mut Drawing, x: f64, height: f64) {
+        if self.high <= self.low {
+            return;
+        }
+        colour_bar(drawing, [x, TOP, 5.0, height], RANGE);
+        let label = |v: f64| significant(back(self.scale, v), 2);
+        drawing.text(
+            (x + 8.0, TOP + 6.0),
+            SMALL,
+            Anchor::Start,
+            &label(self.high),
+        );
+        drawing.text(
+            (x + 8.0, TOP + height),
+            SMALL,
+            Anchor::Start,
+            &label(self.low),
+        );
+    }
+}
+
+fn forward(scale: Scale, value: f64) -> f64 {
+    if scale == Scale::Log {
+        value.ln()
+    } else {
+        value
+    }
+}
+
+fn back(scale: Scale, value: f64) -> f64 {
+    if scale == Scale::Log {
+        value.exp()
+    } else {
+        value
+    }
 }

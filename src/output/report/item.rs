@@ -1,53 +1,73 @@
-//! What a report consists of, and where each part of it comes from.
+//! Items of a report, and their provenance.
 
 use std::collections::BTreeSet;
 
 use super::grid::Grid;
 use super::study::Member;
-use crate::experiment::evidence::Night;
+use crate::experiment::night_results::NightResults;
 use crate::output::plot;
 use crate::output::{OutputError, pdf};
 
-/// The program that writes.
+/// Name and version of this program.
 pub const PROGRAM: &str = concat!("lumbre ", env!("CARGO_PKG_VERSION"));
 
-/// What kind of thing an item is.
+/// Kind of an item of a report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// A figure.
+pub enum ItemKind {
+    /// Figure, with a drawing.
     Figure,
-    /// A table.
+    /// Table, with its cells.
     Table,
     /// Data or text.
     Data,
 }
 
-/// One figure, table or text of a report.
+/// One figure, table or text of a report, with its files.
 #[derive(Clone, Debug)]
-pub struct Item {
-    /// What it is.
-    pub kind: Kind,
-    /// Its files' path without extension, relative to the report's folder, with `/`.
+pub struct ReportItem {
+    /// Kind of the item.
+    pub kind: ItemKind,
+    /// Path of its files without extension, relative to the report's folder, with `/` as separator.
     pub stem: String,
-    /// A few words.
+    /// Short title of the item.
     pub title: String,
-    /// What it shows, in sentences.
+    /// Caption in full sentences.
     pub caption: String,
-    /// The drawing, from which PNG and PDF are made; `None` where there is none.
+    /// Drawing, which is exported as SVG, PNG and PDF; `None` if there is none.
     pub svg: Option<String>,
-    /// The table, of which the page makes its own.
+    /// Table data, from which the HTML page builds its table.
     pub grid: Option<Box<Grid>>,
-    /// Further files: extension and content.
+    /// Further files as extension and content.
     pub extra: Vec<(&'static str, Vec<u8>)>,
-    /// What it was made of.
+    /// Runs and plans that the item is made from.
     pub provenance: Provenance,
 }
 
-impl Item {
-    /// Its files: path and content. A drawing is written as SVG, PNG and PDF.
+impl ReportItem {
+    /// Creates a figure without further files.
+    pub fn figure(
+        stem: String,
+        title: String,
+        caption: String,
+        svg: String,
+        provenance: Provenance,
+    ) -> ReportItem {
+        ReportItem {
+            kind: ItemKind::Figure,
+            stem,
+            title,
+            caption,
+            svg: Some(svg),
+            grid: None,
+            extra: Vec::new(),
+            provenance,
+        }
+    }
+
+    /// Returns path and content of all files. A drawing is exported as SVG, PNG and PDF.
     ///
     /// # Errors
-    /// When the drawing cannot become a PNG or PDF.
+    /// Returns an error if the drawing cannot be converted to PNG or PDF.
     pub fn files(&self) -> Result<Vec<(String, Vec<u8>)>, OutputError> {
         let mut files = Vec::new();
         if let Some(svg) = &self.svg {
@@ -55,25 +75,27 @@ impl Item {
             files.push((format!("{}.png", self.stem), plot::rasterize(svg)?));
             files.push((format!("{}.pdf", self.stem), pdf::from_svg(svg)?));
         }
-        let named =
-            |(extension, bytes): &(&'static str, Vec<u8>)| (format!("{}.{extension}", self.stem), bytes.clone());
+        let named = |(extension, bytes): &(&'static str, Vec<u8>)| {
+            (format!("{}.{extension}", self.stem), bytes.clone())
+        };
         files.extend(self.extra.iter().map(named));
         Ok(files)
     }
 }
 
-/// Which runs of which plans something shows, and which program made it of them.
+/// Plans and runs that an item is made from. They are embedded in its files.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Provenance {
     /// Name and hash of every plan.
     pub plans: Vec<(String, String)>,
-    /// Id and readable path of every run, in the order of the plans.
+    /// Identity and readable path of every run, in plan order.
     pub runs: Vec<(String, String)>,
 }
 
 impl Provenance {
-    /// That of some runs; a run counts once, and what has not been measured not at all.
-    pub fn of<'a>(members: impl IntoIterator<Item = Member<'a>>) -> Provenance {
+    /// Collects the provenance of some runs. Each run is listed once; runs without measurements are
+    /// skipped.
+    pub fn from_members<'a>(members: impl IntoIterator<Item = Member<'a>>) -> Provenance {
         let mut provenance = Provenance::default();
         let mut seen = BTreeSet::new();
         for Member { night, run, .. } in members {
@@ -85,31 +107,47 @@ impl Provenance {
         provenance
     }
 
-    fn add_plan(&mut self, night: &Night) {
+    fn add_plan(&mut self, night: &NightResults) {
         let plan = (night.name.clone(), night.plan.clone());
         if !self.plans.contains(&plan) {
             self.plans.push(plan);
         }
     }
 
-    /// One line for the program, one for each plan, and one for each run: what files carry inside and
-    /// [`Provenance::parse`] reads back.
+    /// Formats the provenance as text with one line each for the program, the plans and the runs.
+    /// [`Provenance::parse`] reads the run identities back.
     pub fn text(&self) -> String {
-        let plans = self.plans.iter().map(|(name, hash)| format!("\nplan {name} {hash}"));
-        let runs = self.runs.iter().map(|(id, path)| format!("\nrun {id} {path}"));
-        std::iter::once(PROGRAM.to_owned()).chain(plans).chain(runs).collect()
+        let plans = self
+            .plans
+            .iter()
+            .map(|(name, hash)| format!("\nplan {name} {hash}"));
+        let runs = self
+            .runs
+            .iter()
+            .map(|(id, path)| format!("\nrun {id} {path}"));
+        std::iter::once(PROGRAM.to_owned())
+            .chain(plans)
+            .chain(runs)
+            .collect()
     }
 
-    /// The same as comment lines that begin with `mark`.
+    /// Formats the provenance as comment lines that begin with `mark`.
     pub fn comment(&self, mark: &str) -> String {
-        self.text().lines().map(|line| format!("{mark}{line}\n")).collect()
+        self.text()
+            .lines()
+            .map(|line| format!("{mark}{line}\n"))
+            .collect()
     }
 
-    /// The ids of the runs that a text names in lines that contain `run <32 hex digits>`, each once, in order.
+    /// Parses the run identities in a text: each word `run` followed by 32 hexadecimal digits. Each
+    /// identity is returned once, in order.
     pub fn parse(text: &str) -> Vec<String> {
         let mut runs: Vec<String> = Vec::new();
         for line in text.lines() {
-            let mut words = line.split(|c: char| !c.is_ascii_alphanumeric()).filter(|w| !w.is_empty()).peekable();
+            let mut words = line
+                .split(|c: char| !c.is_ascii_alphanumeric())
+                .filter(|w| !w.is_empty())
+                .peekable();
             while let Some(word) = words.next() {
                 if word != "run" {
                     continue;
@@ -132,15 +170,24 @@ mod tests {
 
     #[test]
     fn runs_are_read_back_from_any_comment() {
-        let (a, b) = ("0123456789abcdef0123456789abcdef", "ffffffffffffffffffffffffffffffff");
+        let (a, b) = (
+            "0123456789abcdef0123456789abcdef",
+            "ffffffffffffffffffffffffffffffff",
+        );
         let provenance = Provenance {
             plans: vec![("night".to_owned(), "3f9a".to_owned())],
-            runs: vec![(a.to_owned(), "scene=box/rep=0".to_owned()), (b.to_owned(), String::new())],
+            runs: vec![
+                (a.to_owned(), "scene=box/rep=0".to_owned()),
+                (b.to_owned(), String::new()),
+            ],
         };
         for mark in ["", "% ", "# ", "<!-- "] {
             assert_eq!(Provenance::parse(&provenance.comment(mark)), [a, b]);
         }
-        assert_eq!(Provenance::parse(&format!("run 12ab\nrun {a}\nrun {a}")), [a]);
+        assert_eq!(
+            Provenance::parse(&format!("run 12ab\nrun {a}\nrun {a}")),
+            [a]
+        );
         assert!(Provenance::parse("a run of luck").is_empty());
     }
 }

@@ -1,9 +1,9 @@
-//! What LaTeX needs.
+//! Escapes text and formats line styles for LaTeX.
 
 use crate::output::plot::style::Style;
 
-/// Text as LaTeX prints it: special characters escaped, the signs that figures use as commands, so that the text also
-/// compiles without a Unicode engine.
+/// Escapes text for LaTeX. Special characters are escaped. Symbols that captions use become
+/// commands, so that the text compiles without a Unicode engine.
 pub fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -33,14 +33,25 @@ pub fn escape(text: &str) -> String {
     out
 }
 
-/// The dash pattern of a style as an option of TikZ, with a leading comma; empty for a solid line.
+/// Returns the dash pattern of a style as a TikZ option with a leading comma, or an empty text for
+/// a solid line.
 pub fn dash(style: &Style) -> String {
     let lengths: Vec<&str> = style.dash.split(' ').filter(|l| !l.is_empty()).collect();
     if lengths.is_empty() {
         return String::new();
     }
-    let part = |(i, length): (usize, &&str)| format!("{} {length}pt", if i % 2 == 0 { "on" } else { "off" });
-    format!(", dash pattern={{{}}}", lengths.iter().enumerate().map(part).collect::<Vec<_>>().join(" "))
+    let segment = |(i, length): (usize, &&str)| {
+        format!("{} {length}pt", if i % 2 == 0 { "on" } else { "off" })
+    };
+    format!(
+        ", dash pattern={{{}}}",
+        lengths
+            .iter()
+            .enumerate()
+            .map(segment)
+            .collect::<Vec<_>>()
+            .join(" ")
+    )
 }
 
 #[cfg(test)]
@@ -49,13 +60,16 @@ mod tests {
     use crate::output::plot::style::style;
 
     #[test]
-    fn what_latex_would_read_as_a_command_is_printed() {
-        assert_eq!(escape("a_b & 5 % of {x} ~ 1 − SSIM"), "a\\_b \\& 5 \\% of \\{x\\} \\textasciitilde{} 1 $-$ SSIM");
+    fn special_characters_are_printed() {
+        assert_eq!(
+            escape("a_b & 5 % of {x} ~ 1 − SSIM"),
+            "a\\_b \\& 5 \\% of \\{x\\} \\textasciitilde{} 1 $-$ SSIM"
+        );
         assert_eq!(escape("\\input"), "\\textbackslash{}input");
     }
 
     #[test]
-    fn dashes_are_those_of_the_figures() {
+    fn dashes_match_those_of_the_figures() {
         assert_eq!(dash(&style(0)), "");
         assert_eq!(dash(&style(1)), ", dash pattern={on 7pt off 3pt}");
     }

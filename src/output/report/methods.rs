@@ -1,18 +1,25 @@
-//! The paragraph of a paper that says how the numbers came about.
+//! Methods paragraph for a paper: how the numbers were obtained.
 
-use super::item::{Item, Kind, PROGRAM, Provenance};
+use super::item::{ItemKind, PROGRAM, Provenance, ReportItem};
 use super::latex;
 use super::study::Study;
+use crate::experiment::night_results::NightResults;
+use crate::metrics::MetricSpec;
 
-/// `methods.tex` and `methods.md`: hardware, versions, seeds, references and definitions of the metrics.
-pub fn item(study: &Study) -> Item {
-    let provenance = Provenance::of(study.all());
+/// Builds `methods.tex` and `methods.md`: hardware, versions, seeds, references and definitions of
+/// the metrics.
+pub fn item(study: &Study) -> ReportItem {
+    let provenance = Provenance::from_members(study.all());
     let sentences = sentences(study);
-    let markdown = format!("{}\n\n<!--\n{}\n-->\n", sentences.join(" "), provenance.text().replace("--", "- -"));
+    let markdown = format!(
+        "{}\n\n<!--\n{}\n-->\n",
+        sentences.join(" "),
+        provenance.text().replace("--", "- -")
+    );
     let tex: String = sentences.iter().map(|s| latex::escape(s) + "\n").collect();
     let tex = format!("{}{tex}", provenance.comment("% "));
-    Item {
-        kind: Kind::Data,
+    ReportItem {
+        kind: ItemKind::Data,
         stem: "methods".to_owned(),
         title: "Methods".to_owned(),
         caption: sentences.join(" "),
@@ -26,91 +33,146 @@ pub fn item(study: &Study) -> Item {
 fn sentences(study: &Study) -> Vec<String> {
     let mut out = Vec::new();
     for (night, name) in study.nights.iter().zip(&study.names) {
-        let devices = night.devices();
-        let on = if devices.is_empty() { String::new() } else { format!(" on {}", devices.join(" and ")) };
-        let of = if study.nights.len() > 1 { format!(" ({name})") } else { String::new() };
-        let (machine, program) = match &night.machine {
-            Some(m) => (format!(", {} with {} cores", m.os, m.cores), m.program.clone()),
-            None => (String::new(), "an unknown version of lumbre".to_owned()),
-        };
+        let name = (study.nights.len() > 1).then_some(name.as_str());
+        out.push(experiment(night, name));
         out.push(format!(
-            "Experiment {}{of}, plan {}, was rendered with {program}{on}{machine}.",
-            night.name,
-            short(&night.plan)
-        ));
-        out.push(format!(
-            "Seed {} of the experiment determines the seed of every run; the runs of one repeat share theirs, and \
-             references have one that no run has.",
+            "All seeds derive from experiment seed {}: configurations of the same repeat share a \
+             seed, and references use a separate seed.",
             night.seed
         ));
     }
-    let finished = study.all().filter(|m| m.run.done()).count();
-    let repeats = study.all().map(|m| m.run.repeat + 1).max().unwrap_or(1);
-    let runs = if repeats > 1 {
-        format!("{finished} runs finished, {repeats} repeats of each configuration with different seeds.")
-    } else {
-        format!("{finished} runs finished, one of each configuration.")
-    };
-    out.push(runs);
-    let mut peers: Vec<String> = Vec::new();
-    for (run, program) in study.all().filter_map(|m| Some((m.run, m.run.peer.as_ref()?))) {
-        let peer = format!("{} was rendered by {program}, whose clock is its own", run.integrator);
-        if !peers.contains(&peer) {
-            peers.push(peer);
-        }
+    out.push(run_count(study));
+    out.extend(external_renderers(study));
+    let references = study
+        .nights
+        .iter()
+        .flat_map(|n| &n.references)
+        .filter(|reference| reference.picture.is_some());
+    let references = merged_references(references.map(|r| r.description.as_str()));
+    if !references.is_empty() {
+        out.push(format!(
+            "Errors were measured against precomputed references: {}.",
+            references.join("; ")
+        ));
     }
-    out.extend(peers.into_iter().map(|peer| peer + "."));
-    let truths = study.nights.iter().flat_map(|n| &n.references).filter(|t| t.picture.is_some());
-    let truths = references(truths.map(|t| t.words.as_str()));
-    if !truths.is_empty() {
-        out.push(format!("Errors were measured against references made beforehand: {}.", truths.join("; ")));
-    }
-    for metric in &study.metrics {
-        let options = metric.describe_options();
-        let options = if options.is_empty() { String::new() } else { format!(" ({options})") };
-        let unit = metric.unit();
-        let unit = if unit.is_empty() { String::new() } else { format!(", in {unit}") };
-        let doc = metric.row.doc.trim_end_matches('.');
-        out.push(format!("{}{options}{unit}: {doc}.", metric.row.label));
-    }
+    out.extend(study.metrics.iter().map(definition));
+    out.push("Render time is the time spent inside the renderer.".to_owned());
+    out.push("Measuring, encoding and writing between its waves are excluded.".to_owned());
+    out.push("Curves are means over repeats with 95 % confidence intervals.".to_owned());
     out.push(
-        "Time is that spent inside the renderer; measuring, encoding and writing happen between its waves and are not \
-         counted."
+        "In tables, the best value of a row is bold only if it is significantly better than every \
+         other value at 5 % (Welch's test with Holm's correction)."
             .to_owned(),
     );
-    out.push(format!(
-        "Curves are means over repeats with 95 % confidence intervals; in tables the best value of a row is bold only \
-         if Welch's test against every other is significant at 5 % after Holm's correction. Figures and tables were \
-         made by {PROGRAM}."
-    ));
+    out.push(format!("Figures and tables were made with {PROGRAM}."));
     out
 }
 
-/// References in words, those of one technique together: `bpt, 16 to 1024 samples per pixel (12 pictures)`.
-fn references<'a>(words: impl Iterator<Item = &'a str>) -> Vec<String> {
+/// Describes the experiment of a night, its program and its devices. `name` is given if there are
+/// several nights.
+fn experiment(night: &NightResults, name: Option<&str>) -> String {
+    let devices = night.devices();
+    let on = if devices.is_empty() {
+        String::new()
+    } else {
+        format!(" on {}", devices.join(" and "))
+    };
+    let name = name.map_or(String::new(), |name| format!("{name}, "));
+    let (machine, program) = match &night.machine {
+        Some(m) => (
+            format!(", {} with {} cores", m.os, m.cores),
+            m.program.clone(),
+        ),
+        None => (String::new(), "an unknown version of lumbre".to_owned()),
+    };
+    format!(
+        "Experiment {} ({name}plan {}) was rendered with {program}{on}{machine}.",
+        night.name,
+        night.plan.get(..8).unwrap_or(&night.plan)
+    )
+}
+
+fn run_count(study: &Study) -> String {
+    let finished = study.all().filter(|m| m.run.is_done()).count();
+    let repeats = study.all().map(|m| m.run.repeat + 1).max().unwrap_or(1);
+    if repeats > 1 {
+        format!(
+            "{finished} runs finished, with {repeats} repeats of each configuration under \
+             different seeds."
+        )
+    } else {
+        format!("{finished} runs finished, one for each configuration.")
+    }
+}
+
+/// Returns a sentence for each technique that was rendered by an external program.
+fn external_renderers(study: &Study) -> Vec<String> {
+    let mut out: Vec<String> = Vec::new();
+    for (run, program) in study
+        .all()
+        .filter_map(|m| Some((m.run, m.run.peer.as_ref()?)))
+    {
+        let sentence = format!(
+            "{} was rendered by {program}, which measures its render time itself.",
+            run.integrator
+        );
+        if !out.contains(&sentence) {
+            out.push(sentence);
+        }
+    }
+    out
+}
+
+fn definition(metric: &MetricSpec) -> String {
+    let options = metric.describe_options();
+    let options = if options.is_empty() {
+        String::new()
+    } else {
+        format!(" ({options})")
+    };
+    let unit = metric.unit();
+    let unit = if unit.is_empty() {
+        String::new()
+    } else {
+        format!(", in {unit}")
+    };
+    let doc = metric.row.doc.trim_end_matches('.');
+    format!("{}{options}{unit}: {doc}.", metric.row.label)
+}
+
+/// Merges the descriptions of references that were rendered by the same technique, such as
+/// `bpt, 16 to 1024 samples per pixel (12 pictures)`. Other descriptions are listed once each.
+fn merged_references<'a>(descriptions: impl Iterator<Item = &'a str>) -> Vec<String> {
     let mut others: Vec<String> = Vec::new();
+    // Technique, fewest and most samples, number of pictures.
     let mut rendered: Vec<(&str, u64, u64, usize)> = Vec::new();
-    for words in words {
-        let samples = words.strip_suffix(" samples per pixel").and_then(|rest| rest.rsplit_once(", "));
+    for description in descriptions {
+        let samples = description
+            .strip_suffix(" samples per pixel")
+            .and_then(|rest| rest.rsplit_once(", "));
         match samples.and_then(|(technique, n)| Some((technique, n.parse::<u64>().ok()?))) {
             Some((technique, n)) => match rendered.iter_mut().find(|r| r.0 == technique) {
                 Some(known) => *known = (technique, known.1.min(n), known.2.max(n), known.3 + 1),
                 None => rendered.push((technique, n, n, 1)),
             },
-            None if !others.iter().any(|o| o == words) => others.push(words.to_owned()),
+            None if !others.iter().any(|o| o == description) => others.push(description.to_owned()),
             None => {}
         }
     }
-    let together = rendered.into_iter().map(|(technique, least, most, count)| {
-        let samples = if least == most { least.to_string() } else { format!("{least} to {most}") };
-        let pictures = if count > 1 { format!(" ({count} pictures)") } else { String::new() };
+    let merged = rendered.into_iter().map(|(technique, least, most, count)| {
+        let samples = if least == most {
+            least.to_string()
+        } else {
+            format!("{least} to {most}")
+        };
+        let pictures = if count > 1 {
+            format!(" ({count} pictures)")
+        } else {
+            String::new()
+        };
         format!("{technique}, {samples} samples per pixel{pictures}")
     });
-    together.chain(others).collect()
-}
-
-fn short(hash: &str) -> &str {
-    hash.get(..8).unwrap_or(hash)
+    merged.chain(others).collect()
 }
 
 #[cfg(test)]
@@ -118,15 +180,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn references_of_one_technique_are_said_together() {
-        let words = [
+    fn references_of_one_technique_are_merged() {
+        let descriptions = [
             "bpt, 16 samples per pixel",
             "nee, 8 samples per pixel",
             "sky.exr",
             "bpt, 64 samples per pixel",
             "sky.exr",
         ];
-        let said = references(words.into_iter());
-        assert_eq!(said, ["bpt, 16 to 64 samples per pixel (2 pictures)", "nee, 8 samples per pixel", "sky.exr"]);
+        assert_eq!(
+            merged_references(descriptions.into_iter()),
+            [
+                "bpt, 16 to 64 samples per pixel (2 pictures)",
+                "nee, 8 samples per pixel",
+                "sky.exr"
+            ]
+        );
     }
 }

@@ -1,20 +1,24 @@
-//! Reports: figures, tables and data of whole nights, made from what their folders say, without rendering.
+//! Reports of one or several nights: figures, tables and data, computed from the nights' folders
+//! without
+//! rendering.
 //!
-//! [`Study`] sorts runs; every other file here makes one kind of [`Item`] of it. Pictures are asked for through
-//! [`Pictures`], because nothing in this room touches the disk.
+//! A [`Study`] groups the runs of all nights. Each other module makes one kind of [`ReportItem`]
+//! from it. Pictures are read through the callback [`Pictures`], since nothing in this module
+//! accesses the disk.
 
 mod convergence;
 mod crops;
-pub(super) mod curve;
 mod films;
 mod grid;
 mod heat;
 mod item;
 mod latex;
 mod methods;
+pub(super) mod metric_display;
 mod page;
 mod pgfplots;
-mod shots;
+pub(super) mod repeats;
+mod snapshots;
 pub(super) mod study;
 mod sweep;
 mod tables;
@@ -23,78 +27,82 @@ mod times;
 
 use std::path::{Path, PathBuf};
 
-pub use item::{Item, Kind, PROGRAM, Provenance};
-pub use study::{Member, Options, Study};
+pub use item::{ItemKind, PROGRAM, Provenance, ReportItem};
+pub use study::{Member, ReportOptions, Study};
 
 use crate::experiment::spec::FigureX;
 use crate::film::Image;
 
-/// Why there is no report.
+/// Errors of building a report.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ReportError {
-    /// There is nothing to report on.
-    #[error("no night was given, or none has a run that was measured")]
+    /// No nights were given.
+    #[error("no night was given, so there is nothing to report")]
     Nothing,
-    /// An axis that is not there.
-    #[error("no axis is called `{axis}` (axes: {known})")]
+    /// An option names an axis that no night has.
+    #[error("unknown axis `{axis}`; the axes are: {known}")]
     NoAxis {
-        /// What was asked for.
+        /// Name of the requested axis.
         axis: String,
-        /// What there is.
+        /// Names of the axes.
         known: String,
     },
-    /// A column that is not measured.
-    #[error("no metric column is called `{column}` (columns: {known})")]
+    /// An option names a metric column that no night has.
+    #[error("unknown metric column `{column}`; the columns are: {known}")]
     NoColumn {
-        /// What was asked for.
+        /// Name of the requested column.
         column: String,
-        /// What there is.
+        /// Names of the columns.
         known: String,
     },
-    /// Times of unknown origin beside others.
+    /// The device of one of several nights is unknown, so its times cannot be compared.
     #[error(
-        "{} does not say on what device it rendered (it has no env.json, or no finished run with a device): its times \
-         cannot be drawn beside those of another night without naming both devices. Report it alone, or name every \
-         night with --name",
+        "the device of {} is unknown (it has no env.json, or no finished run with a device), so \
+         its times cannot be compared with those of another night. Report it alone, or name all \
+         nights with --name",
         folder.display()
     )]
     NoDevice {
-        /// The night's folder.
+        /// Folder of the night.
         folder: PathBuf,
     },
-    /// Something could not be drawn.
+    /// A figure could not be drawn.
     #[error(transparent)]
     Output(#[from] super::OutputError),
 }
 
-/// Where pictures come from: reads and decodes a file, or says for people why it cannot.
+/// Callback that reads and decodes a picture file, or returns an error message.
 pub type Pictures<'a> = dyn Fn(&Path) -> Result<Image, String> + 'a;
 
-/// What a report needs of the world around it.
-pub struct Surroundings<'a> {
-    /// Reads pictures.
+/// Callbacks to the program that a report needs.
+pub struct ReportContext<'a> {
+    /// Reads a picture.
     pub pictures: &'a Pictures<'a>,
-    /// The address of a folder or file as seen from the report's page.
+    /// Returns the relative URL of a file or folder as seen from the report's page.
     pub link: &'a dyn Fn(&Path) -> String,
-    /// The command that renders the run in a folder again.
+    /// Returns the command that renders the run in a folder again.
     pub command: &'a dyn Fn(&Path) -> String,
 }
 
-/// A whole report.
+/// A complete report.
 #[derive(Debug)]
 pub struct Report {
-    /// Its parts, in the order in which a reader wants them.
-    pub items: Vec<Item>,
-    /// What was left out and why, in sentences.
+    /// Items in reading order.
+    pub items: Vec<ReportItem>,
+    /// Notes on what was left out and why.
     pub notes: Vec<String>,
 }
 
-/// Makes a report of a study.
+/// Builds a report of a study.
 ///
 /// # Errors
-/// When an option names something that is not there, or a figure cannot be drawn. A picture that is missing becomes a
-/// note.
-pub fn build(study: &Study, options: &Options, around: &Surroundings) -> Result<Report, ReportError> {
+/// Returns an error if an option names an unknown axis or column, or a figure cannot be drawn. A
+/// missing picture becomes a note.
+pub fn build(
+    study: &Study,
+    options: &ReportOptions,
+    context: &ReportContext,
+) -> Result<Report, ReportError> {
     let mut notes = study.notes.clone();
     let mut items = Vec::new();
     for x in [FigureX::RenderS, FigureX::Samples] {
@@ -103,14 +111,14 @@ pub fn build(study: &Study, options: &Options, around: &Surroundings) -> Result<
         }
     }
     items.extend(sweep::all(study, options, &mut notes)?);
-    items.extend(crops::all(study, options, around.pictures, &mut notes)?);
-    items.extend(films::all(study, around.pictures, &mut notes)?);
-    items.extend(times::all(study, around.pictures, &mut notes)?);
+    items.extend(crops::all(study, options, context.pictures, &mut notes)?);
+    items.extend(films::all(study, context.pictures, &mut notes)?);
+    items.extend(times::all(study, context.pictures, &mut notes)?);
     items.extend(heat::all(study, options)?);
     items.extend(tables::all(study, options, &mut notes)?);
     items.extend(tidy::all(study));
     items.push(methods::item(study));
-    let page = page::item(study, &items, around, &mut notes);
+    let page = page::item(study, &items, context, &mut notes);
     items.push(page);
     Ok(Report { items, notes })
 }

@@ -1,190 +1,123 @@
-//! Nights as a study: which runs are repeats of one another, which are compared, and which stand in separate panels.
+//! Groups the runs of nights into a study: repeats, compared series, and facets in separate panels.
 
 use std::collections::BTreeMap;
 
 use super::ReportError;
-use crate::experiment::evidence::{Night, Run};
+use crate::experiment::night_results::{NightResults, RunResult};
 use crate::metrics::MetricSpec;
-use crate::output::bound;
-use crate::output::labels;
-use crate::output::plot::axis::Scale;
+use crate::output::dependent_axes;
+use crate::output::format;
 
-/// What a reader may choose about a report; the default chooses for him.
+/// Options of a report. All have defaults that suit most nights.
 #[derive(Clone, Debug, Default)]
-pub struct Options {
-    /// Axes whose values are compared: the curves of a figure, the columns of a table. Empty is the axis that chooses
-    /// the integrator, or else the last that varies.
+pub struct ReportOptions {
+    /// Axes whose values are compared, as curves of a figure and columns of a table. If empty, the
+    /// axis that selects the integrator, or else the last axis that varies.
     pub by: Vec<String>,
-    /// Axes whose values stand apart: panels and rows. `None` is all others that vary.
+    /// Facet axes, whose values are shown in separate panels and rows. `None` is all other axes
+    /// that vary.
     pub facet: Option<Vec<String>>,
-    /// Names of the nights, in their order; missing ones are named by their device or folder.
+    /// Names of the nights in order. Nights without a name are named after their device or folder.
     pub names: Vec<String>,
-    /// Windows of crops: left, top, width, height in pixels. Empty lets the report choose.
+    /// Windows of crops as left, top, width, height in pixels. If empty, they are selected
+    /// automatically.
     pub crops: Vec<[u32; 4]>,
-    /// Thresholds of time-to-threshold tables by column. Columns without one get the largest final error of a panel.
+    /// Metric columns and thresholds of time-to-threshold tables.
     pub thresholds: Vec<(String, f64)>,
-    /// The render time in seconds at which equal-time comparisons look; `None` is the longest that all runs of a panel
-    /// reached.
+    /// Render time in seconds of equal-time comparisons. `None` is the longest time that all runs
+    /// of a facet reached.
     pub at_time: Option<f64>,
-    /// The two axes of heat maps, across and down; `None` is the first that is compared and the first other that varies.
+    /// Horizontal and vertical axis of heat maps. `None` is the first compared axis and the first
+    /// other axis that varies.
     pub heat: Option<[String; 2]>,
-    /// Axes over whose values it is drawn what runs have in the end. Empty is all with three or more different numbers.
+    /// Axes over which final values are drawn. If empty, all axes with at least three different
+    /// numbers.
     pub sweep: Vec<String>,
 }
 
-/// One thing that is compared.
+/// One of the compared series: a curve of a figure, a column of a table.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Series {
-    /// What tells it apart within its group: `bdpt`, `mis = power`.
+    /// Label within its group, such as `bdpt` or `mis = power`.
     pub label: String,
-    /// The group of series that share clock and device: the night's name or the device; empty if there is only one.
+    /// Group of series of the same night and device, named after the night or the device. Empty if
+    /// there is only one group.
     pub group: String,
-    /// The device, if known.
+    /// Device, if known.
     pub device: Option<String>,
-    /// The long name of the integrator, where the label is its short one.
+    /// Long name of the integrator, if the label is its short name.
     pub long: Option<&'static str>,
 }
 
 impl Series {
-    /// Label and group.
-    pub fn full(&self) -> String {
-        if self.group.is_empty() { self.label.clone() } else { format!("{}, {}", self.label, self.group) }
+    /// Returns the label with the group.
+    pub fn full_label(&self) -> String {
+        if self.group.is_empty() {
+            self.label.clone()
+        } else {
+            format!("{}, {}", self.label, self.group)
+        }
     }
 }
 
-/// A run and the night it is of.
+/// A run and its night.
 #[derive(Clone, Copy, Debug)]
 pub struct Member<'a> {
-    /// The night.
-    pub night: &'a Night,
-    /// The run.
-    pub run: &'a Run,
-    /// For each of [`Study::metrics`], its place in the night's rows.
-    places: &'a [usize],
+    /// Night of the run.
+    pub night: &'a NightResults,
+    /// Run of the study.
+    pub run: &'a RunResult,
+    /// Index of each of [`Study::metrics`] in the night's rows.
+    metric_indices: &'a [usize],
 }
 
 impl Member<'_> {
-    /// The value of metric `metric` of the study in a row; `None` where the run was not measured.
+    /// Returns the value of metric `metric` of the study in a row, or `None` if it was not
+    /// measured.
     pub fn value(&self, row: &crate::experiment::WaveRow, metric: usize) -> Option<f64> {
-        row.metrics.get(self.places[metric]).copied()
+        row.metrics.get(self.metric_indices[metric]).copied()
     }
 }
 
-/// Nights, sorted for comparison.
+/// Nights with their runs grouped for comparison.
 #[derive(Debug)]
 pub struct Study<'a> {
-    /// The nights.
-    pub nights: &'a [Night],
-    /// The metrics that all nights define alike.
+    /// Nights of the study.
+    pub nights: &'a [NightResults],
+    /// Metrics that all nights define identically.
     pub metrics: Vec<MetricSpec>,
-    /// The axes that are compared.
+    /// Axes whose values are compared.
     pub by: Vec<String>,
-    /// The axes that stand apart.
+    /// Axes whose values form the facets.
     pub facet_axes: Vec<String>,
-    /// What is compared, in the order of nights and plans.
+    /// Compared series, in the order of nights and plans.
     pub series: Vec<Series>,
-    /// Values of the facet axes, in the order of the plans; one empty facet if there are no facet axes.
+    /// Values of the facet axes, in plan order. Without facet axes there is a single empty facet.
     pub facets: Vec<Vec<String>>,
-    /// Every device, in order.
+    /// Distinct devices in order.
     pub devices: Vec<String>,
-    /// Names of the nights.
+    /// Names of the nights, all different.
     pub names: Vec<String>,
-    /// What had to be left out.
+    /// Notes on what was left out.
     pub notes: Vec<String>,
-    places: Vec<Vec<usize>>,
+    /// For each night, the indices of the metrics in its rows.
+    metric_indices: Vec<Vec<usize>>,
+    /// Indices of night and run of the members of each facet and series.
     members: BTreeMap<(usize, usize), Vec<(usize, usize)>>,
 }
 
-/// How a metric is drawn: errors on a logarithmic axis, a metric whose best value is 1 as 1 - value.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Shown {
-    /// The axis.
-    pub scale: Scale,
-    complement: Option<f64>,
-    magnitude: bool,
-}
-
-impl Shown {
-    /// How this metric is drawn.
-    pub fn of(metric: &MetricSpec) -> Shown {
-        let (scale, complement) = match metric.row.perfect {
-            best if best == f64::INFINITY => (Scale::Linear, None),
-            0.0 => (Scale::Log, None),
-            best => (Scale::Log, Some(best)),
-        };
-        Shown { scale, complement, magnitude: metric.row.better == crate::metrics::Better::NearZero }
-    }
-
-    /// The drawn value; `None` if it has no place on its axis.
-    pub fn value(self, value: f64) -> Option<f64> {
-        let value = if self.magnitude { value.abs() } else { value };
-        let value = self.complement.map_or(value, |best| best - value);
-        self.scale.holds(value).then_some(value)
-    }
-
-    /// The best value, where what is drawn is the distance from it.
-    pub fn complement(self) -> Option<f64> {
-        self.complement
-    }
-
-    /// Whether the sign is not drawn.
-    pub fn is_magnitude(self) -> bool {
-        self.magnitude
-    }
-
-    /// The metric's value from the drawn one; the sign of a magnitude is lost.
-    pub fn back(self, drawn: f64) -> f64 {
-        self.complement.map_or(drawn, |best| best - drawn)
-    }
-
-    /// `RMSE`, `1 − SSIM`, `|bias|`.
-    pub fn label(self, metric: &MetricSpec) -> String {
-        let own = metric.column != metric.row.name;
-        let name = if own { format!("{} ({})", metric.row.label, metric.column) } else { metric.row.label.to_owned() };
-        match self.complement {
-            Some(best) => format!("{best} − {name}"),
-            None if self.magnitude => format!("|{name}|"),
-            None => name,
-        }
-    }
-}
-
 impl<'a> Study<'a> {
-    /// Sorts nights for comparison.
+    /// Groups the runs of some nights for comparison.
     ///
     /// # Errors
-    /// No night, an axis that no night has, or several nights of which one does not say on what device it rendered.
-    pub fn new(nights: &'a [Night], options: &Options) -> Result<Study<'a>, ReportError> {
+    /// Returns an error if there are no nights, an option names an unknown axis, or there are
+    /// several nights and the device of one is unknown.
+    pub fn new(
+        nights: &'a [NightResults],
+        options: &ReportOptions,
+    ) -> Result<Study<'a>, ReportError> {
         let first = nights.first().ok_or(ReportError::Nothing)?;
-        let mut axes: Vec<String> = Vec::new();
-        for axis in nights.iter().flat_map(|night| &night.axes) {
-            if !axes.contains(axis) {
-                axes.push(axis.clone());
-            }
-        }
-        let known = |axis: &String| match axes.contains(axis) {
-            true => Ok(axis.clone()),
-            false => Err(ReportError::NoAxis { axis: axis.clone(), known: axes.join(", ") }),
-        };
-        let varies = |axis: &&String| {
-            let mut values = nights.iter().flat_map(|n| &n.runs).map(|run| run.value(axis));
-            let first = values.next();
-            values.any(|value| Some(value) != first)
-        };
-        let chooses_integrator = |axis: &&String| {
-            let mut runs = nights.iter().flat_map(|n| &n.runs);
-            runs.all(|run| run.value(axis).as_deref() == Some(run.integrator.as_str()))
-        };
-        let by: Vec<String> = if options.by.is_empty() {
-            let integrator = axes.iter().find(chooses_integrator);
-            integrator.or_else(|| axes.iter().rev().find(varies)).cloned().into_iter().collect()
-        } else {
-            options.by.iter().map(known).collect::<Result<_, _>>()?
-        };
-        let facet_axes: Vec<String> = match &options.facet {
-            Some(facet) => facet.iter().map(known).collect::<Result<_, _>>()?,
-            None => axes.iter().filter(|axis| !by.contains(axis)).filter(varies).cloned().collect(),
-        };
+        let (by, facet_axes) = chosen_axes(nights, options)?;
         let devices = all_devices(nights, options)?;
         let names = names(nights, &devices, options);
         let mut study = Study {
@@ -194,22 +127,29 @@ impl<'a> Study<'a> {
             facets: Vec::new(),
             devices,
             names,
-            notes: nights.iter().flat_map(|night| night.notes.iter().cloned()).collect(),
-            places: Vec::new(),
+            notes: nights
+                .iter()
+                .flat_map(|night| night.notes.iter().cloned())
+                .collect(),
+            metric_indices: Vec::new(),
             members: BTreeMap::new(),
             by,
             facet_axes,
         };
-        study.agree_on_metrics(first);
-        let single = options.by.iter().filter(|axis| study.values(axis).len() < 2);
-        let alone: Vec<String> =
-            single.map(|axis| format!("`{axis}` has a single value, so there is nothing to compare by it")).collect();
-        study.notes.extend(alone);
-        study.sort();
+        study.keep_common_metrics(first);
+        let single = options
+            .by
+            .iter()
+            .filter(|axis| study.values(axis).len() < 2);
+        let notes: Vec<String> = single
+            .map(|axis| format!("nothing is compared by `{axis}`: it has a single value"))
+            .collect();
+        study.notes.extend(notes);
+        study.group_runs();
         Ok(study)
     }
 
-    /// The same nights with other axes compared and apart.
+    /// Groups the runs of the same nights by other axes.
     pub fn regrouped(&self, by: Vec<String>, facet_axes: Vec<String>) -> Study<'a> {
         let mut study = Study {
             nights: self.nights,
@@ -221,28 +161,22 @@ impl<'a> Study<'a> {
             devices: self.devices.clone(),
             names: self.names.clone(),
             notes: Vec::new(),
-            places: self.places.clone(),
+            metric_indices: self.metric_indices.clone(),
             members: BTreeMap::new(),
         };
-        study.sort();
+        study.group_runs();
         study
     }
 
-    /// Every axis of every night, in order.
+    /// Returns the distinct axes of all nights, in order.
     pub fn axes(&self) -> Vec<String> {
-        let mut axes: Vec<String> = Vec::new();
-        for axis in self.nights.iter().flat_map(|night| &night.axes) {
-            if !axes.contains(axis) {
-                axes.push(axis.clone());
-            }
-        }
-        axes
+        all_axes(self.nights)
     }
 
-    /// The values of an axis in the order of the plans.
+    /// Returns the distinct values of an axis, in plan order.
     pub fn values(&self, axis: &str) -> Vec<String> {
         let mut values: Vec<String> = Vec::new();
-        for value in self.all().filter_map(|m| m.run.value(axis)) {
+        for value in self.all().filter_map(|m| m.run.axis_value(axis)) {
             if !values.contains(&value) {
                 values.push(value);
             }
@@ -250,39 +184,53 @@ impl<'a> Study<'a> {
         values
     }
 
-    /// Whether the value of `axis` follows from that of `from` in all runs, as those of zipped axes do.
-    pub fn follows(&self, axis: &str, from: &str) -> bool {
-        bound::follows(self.all().map(|m| (m.run.value(from), m.run.value(axis))))
+    /// Returns whether the value of `from` determines that of `axis` in all runs, as for zipped
+    /// axes.
+    pub fn is_determined_by(&self, axis: &str, from: &str) -> bool {
+        dependent_axes::is_determined(
+            self.all()
+                .map(|m| (m.run.axis_value(from), m.run.axis_value(axis))),
+        )
     }
 
-    /// Keeps the metrics that every night defines as the first does.
-    fn agree_on_metrics(&mut self, first: &Night) {
+    /// Keeps the metrics that every night defines as the first one does.
+    fn keep_common_metrics(&mut self, first: &NightResults) {
         for metric in &first.metrics {
-            let agrees = |night: &Night| {
-                night.column(&metric.column).is_some_and(|at| night.metrics[at].identity() == metric.identity())
+            let is_same = |night: &NightResults| {
+                night
+                    .metric_index(&metric.column)
+                    .is_some_and(|index| night.metrics[index].identity() == metric.identity())
             };
-            if self.nights.iter().all(agrees) {
+            if self.nights.iter().all(is_same) {
                 self.metrics.push(metric.clone());
             } else {
-                self.notes.push(format!("`{}` is left out: the nights do not define it alike", metric.column));
+                self.notes.push(format!(
+                    "metric `{}` is left out: the nights define it differently",
+                    metric.column
+                ));
             }
         }
-        let place = |night: &Night| self.metrics.iter().filter_map(|m| night.column(&m.column)).collect();
-        self.places = self.nights.iter().map(place).collect();
+        let indices = |night: &NightResults| {
+            self.metrics
+                .iter()
+                .filter_map(|m| night.metric_index(&m.column))
+                .collect()
+        };
+        self.metric_indices = self.nights.iter().map(indices).collect();
     }
 
-    fn sort(&mut self) {
-        let chosen: Vec<bool> = self.by.iter().map(|axis| self.is_integrator_axis(axis)).collect();
+    /// Assigns every run to a facet and a series.
+    fn group_runs(&mut self) {
+        let integrator_axes: Vec<bool> = self
+            .by
+            .iter()
+            .map(|axis| is_integrator_axis(self.nights, axis))
+            .collect();
         for (n, night) in self.nights.iter().enumerate() {
             let several_devices = night.devices().len() > 1;
             let mut others = night.runs.iter().skip(1);
             let mixed = others.any(|run| run.integrator != night.runs[0].integrator);
             for (r, run) in night.runs.iter().enumerate() {
-                let part = |(axis, integrator): (&String, &bool)| {
-                    let value = run.value(axis)?;
-                    Some(if *integrator { value } else { format!("{axis} = {value}") })
-                };
-                let parts: Vec<String> = self.by.iter().zip(&chosen).filter_map(part).collect();
                 let device = night.device(run);
                 let mut group: Vec<String> = Vec::new();
                 if self.nights.len() > 1 {
@@ -292,52 +240,106 @@ impl<'a> Study<'a> {
                     group.extend(device.clone());
                 }
                 group.dedup();
-                let long = if parts.len() == 1 { labels::integrator_long_name(&parts[0]) } else { None };
-                let label = match parts.as_slice() {
-                    [] if mixed => "all techniques".to_owned(),
-                    [] => run.integrator.clone(),
-                    parts => parts.join(", "),
-                };
-                let series = Series { label, group: group.join(", "), device, long };
-                let facet: Vec<String> =
-                    self.facet_axes.iter().map(|axis| run.value(axis).unwrap_or_else(|| "–".to_owned())).collect();
-                // What has not finished does not know its device; it belongs to those that have its name.
-                let same = |s: &Series| {
-                    let devices = (s.device.as_ref(), series.device.as_ref());
-                    s.label == series.label
-                        && s.group == series.group
-                        && (devices.0 == devices.1 || devices.0.is_none() || devices.1.is_none())
-                };
-                let s = self.series.iter().position(same).unwrap_or_else(|| {
-                    self.series.push(series.clone());
-                    self.series.len() - 1
+                let (label, long) = self.series_label(run, &integrator_axes, mixed);
+                let series = self.find_or_add_series(Series {
+                    label,
+                    group: group.join(", "),
+                    device,
+                    long,
                 });
-                if self.series[s].device.is_none() {
-                    self.series[s].device.clone_from(&series.device);
-                }
-                let f = self.facets.iter().position(|known| *known == facet).unwrap_or_else(|| {
-                    self.facets.push(facet.clone());
-                    self.facets.len() - 1
-                });
-                self.members.entry((f, s)).or_default().push((n, r));
+                let facet = self.find_or_add_facet(run);
+                self.members
+                    .entry((facet, series))
+                    .or_default()
+                    .push((n, r));
             }
         }
-        // Series of one group stand side by side, as columns of one device.
+        self.sort_series();
+    }
+
+    /// Returns the label of a run's series, and the long name if the label is an integrator.
+    /// `mixed` is whether the night has several integrators.
+    fn series_label(
+        &self,
+        run: &RunResult,
+        integrator_axes: &[bool],
+        mixed: bool,
+    ) -> (String, Option<&'static str>) {
+        let part = |(axis, is_integrator): (&String, &bool)| {
+            let value = run.axis_value(axis)?;
+            Some(if *is_integrator {
+                value
+            } else {
+                format!("{axis} = {value}")
+            })
+        };
+        let parts: Vec<String> = self
+            .by
+            .iter()
+            .zip(integrator_axes)
+            .filter_map(part)
+            .collect();
+        let long = if parts.len() == 1 {
+            format::integrator_long_name(&parts[0])
+        } else {
+            None
+        };
+        let label = match parts.as_slice() {
+            [] if mixed => "all techniques".to_owned(),
+            [] => run.integrator.clone(),
+            parts => parts.join(", "),
+        };
+        (label, long)
+    }
+
+    /// Returns the index of a series. Runs that have not finished have no known device; they join
+    /// the series of the same label and group.
+    fn find_or_add_series(&mut self, series: Series) -> usize {
+        let is_same = |s: &Series| {
+            let devices = (s.device.as_ref(), series.device.as_ref());
+            s.label == series.label
+                && s.group == series.group
+                && (devices.0 == devices.1 || devices.0.is_none() || devices.1.is_none())
+        };
+        let Some(index) = self.series.iter().position(is_same) else {
+            self.series.push(series);
+            return self.series.len() - 1;
+        };
+        if self.series[index].device.is_none() {
+            self.series[index].device = series.device;
+        }
+        index
+    }
+
+    fn find_or_add_facet(&mut self, run: &RunResult) -> usize {
+        let facet: Vec<String> = self
+            .facet_axes
+            .iter()
+            .map(|axis| run.axis_value(axis).unwrap_or_else(|| "–".to_owned()))
+            .collect();
+        self.facets
+            .iter()
+            .position(|known| *known == facet)
+            .unwrap_or_else(|| {
+                self.facets.push(facet);
+                self.facets.len() - 1
+            })
+    }
+
+    /// Orders the series so that those of one group are adjacent, as columns of one device.
+    fn sort_series(&mut self) {
         let mut order: Vec<usize> = (0..self.series.len()).collect();
         let groups = self.groups();
         order.sort_by_key(|s| groups.iter().position(|g| *g == self.series[*s].group));
-        let place = |s: usize| order.iter().position(|o| *o == s).unwrap_or(s);
-        self.members = std::mem::take(&mut self.members).into_iter().map(|((f, s), m)| ((f, place(s)), m)).collect();
+        let new_index = |s: usize| order.iter().position(|o| *o == s).unwrap_or(s);
+        self.members = std::mem::take(&mut self.members)
+            .into_iter()
+            .map(|((f, s), m)| ((f, new_index(s)), m))
+            .collect();
         self.series = order.iter().map(|s| self.series[*s].clone()).collect();
     }
 
-    /// Whether an axis chooses the integrator.
-    fn is_integrator_axis(&self, axis: &str) -> bool {
-        let mut runs = self.nights.iter().flat_map(|n| &n.runs);
-        runs.all(|run| run.value(axis).as_deref() == Some(run.integrator.as_str()))
-    }
-
-    /// The groups of series, each once, in order.
+    /// Returns the distinct groups of series, in order.
     pub fn groups(&self) -> Vec<String> {
         let mut groups: Vec<String> = Vec::new();
         for series in &self.series {
@@ -348,35 +350,52 @@ impl<'a> Study<'a> {
         groups
     }
 
-    /// The runs of a series in a facet, whatever their state, repeats in order.
+    /// Returns the runs of a series in a facet, finished or not, with repeats in order.
     pub fn members(&'a self, facet: usize, series: usize) -> Vec<Member<'a>> {
-        let list = self.members.get(&(facet, series)).map_or(&[][..], Vec::as_slice);
+        let list = self
+            .members
+            .get(&(facet, series))
+            .map_or(&[][..], Vec::as_slice);
         list.iter()
-            .map(|(n, r)| Member { night: &self.nights[*n], run: &self.nights[*n].runs[*r], places: &self.places[*n] })
+            .map(|(n, r)| Member {
+                night: &self.nights[*n],
+                run: &self.nights[*n].runs[*r],
+                metric_indices: &self.metric_indices[*n],
+            })
             .collect()
     }
 
-    /// Every run.
+    /// Returns every run of all nights.
     pub fn all(&'a self) -> impl Iterator<Item = Member<'a>> {
         self.nights
             .iter()
-            .zip(&self.places)
-            .flat_map(|(night, places)| night.runs.iter().map(move |run| Member { night, run, places }))
+            .zip(&self.metric_indices)
+            .flat_map(|(night, metric_indices)| {
+                night.runs.iter().map(move |run| Member {
+                    night,
+                    run,
+                    metric_indices,
+                })
+            })
     }
 
-    /// Night, facet and series of every run, in the order of [`Study::all`].
-    pub fn places(&self) -> Vec<(usize, usize, usize)> {
-        let mut places: BTreeMap<(usize, usize), (usize, usize)> = BTreeMap::new();
+    /// Returns the indices of night, facet and series of every run, in the order of [`Study::all`].
+    pub fn run_positions(&self) -> Vec<(usize, usize, usize)> {
+        let mut positions: BTreeMap<(usize, usize), (usize, usize)> = BTreeMap::new();
         for ((facet, series), members) in &self.members {
-            places.extend(members.iter().map(|member| (*member, (*facet, *series))));
+            positions.extend(members.iter().map(|member| (*member, (*facet, *series))));
         }
-        places.into_iter().map(|((night, _), (facet, series))| (night, facet, series)).collect()
+        positions
+            .into_iter()
+            .map(|((night, _), (facet, series))| (night, facet, series))
+            .collect()
     }
 
-    /// `scene = box, depth = 5`, empty for the only facet.
+    /// Returns the label of a facet, such as `scene = box, depth = 5`. It is empty if there are no
+    /// facet axes.
     pub fn facet_label(&self, facet: usize) -> String {
         let pairs = self.facet_axes.iter().zip(&self.facets[facet]);
-        // A single axis of names needs no name itself; a number does.
+        // The values of a single axis of names are clear without the axis name, numbers are not.
         if let [value] = self.facets[facet].as_slice()
             && value.parse::<f64>().is_err()
             && value != "true"
@@ -384,20 +403,26 @@ impl<'a> Study<'a> {
         {
             return value.clone();
         }
-        pairs.map(|(axis, value)| format!("{axis} = {value}")).collect::<Vec<_>>().join(", ")
+        pairs
+            .map(|(axis, value)| format!("{axis} = {value}"))
+            .collect::<Vec<_>>()
+            .join(", ")
     }
 
-    /// What the clock's readings are of: `on D`, or of several devices each with its group's name. Empty if nothing
-    /// finished.
-    pub fn clock(&self) -> String {
+    /// Returns a sentence on the devices that times were measured on: `verb` with the device, such
+    /// as `Measured on D.`, or a list of several devices. Returns `None` if no device is known.
+    pub fn device_sentence(&self, verb: &str) -> Option<String> {
         match self.devices.as_slice() {
-            [] => String::new(),
-            [one] => format!("on {one}"),
+            [] => None,
+            [one] => Some(format!("{verb} on {one}.")),
             _ => {
                 let mut named: Vec<String> = Vec::new();
                 for series in &self.series {
-                    let Some(device) = &series.device else { continue };
-                    let text = if series.group.contains(device.as_str()) || series.group.is_empty() {
+                    let Some(device) = &series.device else {
+                        continue;
+                    };
+                    let in_group = series.group.contains(device.as_str());
+                    let text = if in_group || series.group.is_empty() {
                         device.clone()
                     } else {
                         format!("{}: {device}", series.group)
@@ -406,21 +431,97 @@ impl<'a> Study<'a> {
                         named.push(text);
                     }
                 }
-                format!("times are of {} devices: {}", self.devices.len(), named.join("; "))
+                Some(format!(
+                    "Times are from {} devices: {}.",
+                    self.devices.len(),
+                    named.join("; ")
+                ))
             }
         }
     }
 }
 
-/// Every device of all nights. Times of several nights on one axis need the name of the device behind each.
-fn all_devices(nights: &[Night], options: &Options) -> Result<Vec<String>, ReportError> {
+/// Returns whether an axis selects the integrator of all runs.
+fn is_integrator_axis(nights: &[NightResults], axis: &str) -> bool {
+    let mut runs = nights.iter().flat_map(|n| &n.runs);
+    runs.all(|run| run.axis_value(axis).as_deref() == Some(run.integrator.as_str()))
+}
+
+/// Returns the distinct axes of all nights, in order.
+fn all_axes(nights: &[NightResults]) -> Vec<String> {
+    let mut axes: Vec<String> = Vec::new();
+    for axis in nights.iter().flat_map(|night| &night.axes) {
+        if !axes.contains(axis) {
+            axes.push(axis.clone());
+        }
+    }
+    axes
+}
+
+/// Returns the axes that are compared and the facet axes: those of the options or the defaults.
+fn chosen_axes(
+    nights: &[NightResults],
+    options: &ReportOptions,
+) -> Result<(Vec<String>, Vec<String>), ReportError> {
+    let axes = all_axes(nights);
+    let known = |axis: &String| {
+        if axes.contains(axis) {
+            Ok(axis.clone())
+        } else {
+            Err(ReportError::NoAxis {
+                axis: axis.clone(),
+                known: axes.join(", "),
+            })
+        }
+    };
+    let varies = |axis: &&String| {
+        let mut values = nights
+            .iter()
+            .flat_map(|n| &n.runs)
+            .map(|run| run.axis_value(axis));
+        let first = values.next();
+        values.any(|value| Some(value) != first)
+    };
+    let by: Vec<String> = if options.by.is_empty() {
+        let integrator = axes.iter().find(|axis| is_integrator_axis(nights, axis));
+        integrator
+            .or_else(|| axes.iter().rev().find(varies))
+            .cloned()
+            .into_iter()
+            .collect()
+    } else {
+        options.by.iter().map(known).collect::<Result<_, _>>()?
+    };
+    let facet_axes: Vec<String> = match &options.facet {
+        Some(facet) => facet.iter().map(known).collect::<Result<_, _>>()?,
+        None => axes
+            .iter()
+            .filter(|axis| !by.contains(axis))
+            .filter(varies)
+            .cloned()
+            .collect(),
+    };
+    Ok((by, facet_axes))
+}
+
+/// Returns the distinct devices of all nights.
+///
+/// # Errors
+/// Returns an error if there are several nights and the device of one is unknown, since their times
+/// are drawn on one axis.
+fn all_devices(
+    nights: &[NightResults],
+    options: &ReportOptions,
+) -> Result<Vec<String>, ReportError> {
     let mut devices: Vec<String> = Vec::new();
     for (n, night) in nights.iter().enumerate() {
         let own = night.devices();
-        let finished = night.runs.iter().any(Run::done);
+        let finished = night.runs.iter().any(RunResult::is_done);
         let named = night.machine.is_some() || options.names.get(n).is_some();
         if nights.len() > 1 && finished && (own.is_empty() || !named) {
-            return Err(ReportError::NoDevice { folder: night.folder.clone() });
+            return Err(ReportError::NoDevice {
+                folder: night.folder.clone(),
+            });
         }
         for device in own {
             if !devices.contains(&device) {
@@ -431,16 +532,28 @@ fn all_devices(nights: &[Night], options: &Options) -> Result<Vec<String>, Repor
     Ok(devices)
 }
 
-/// Names of the nights, all different: as given, or the device where it tells them apart, or the folder's name.
-fn names(nights: &[Night], devices: &[String], options: &Options) -> Vec<String> {
-    let by_device = |night: &Night| match night.devices().as_slice() {
+/// Returns distinct names of the nights: the given name, or the device if it is different for each
+/// night, or the name of the folder.
+fn names(nights: &[NightResults], devices: &[String], options: &ReportOptions) -> Vec<String> {
+    let by_device = |night: &NightResults| match night.devices().as_slice() {
         [one] if devices.len() == nights.len() => Some(one.clone()),
         _ => None,
     };
-    let folder = |night: &Night| night.folder.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let folder = |night: &NightResults| {
+        night
+            .folder
+            .file_name()
+            .map(|n| n.to_string_lossy().into_owned())
+            .unwrap_or_default()
+    };
     let mut names: Vec<String> = Vec::new();
     for (n, night) in nights.iter().enumerate() {
-        let name = options.names.get(n).cloned().or_else(|| by_device(night)).unwrap_or_else(|| folder(night));
+        let name = options
+            .names
+            .get(n)
+            .cloned()
+            .or_else(|| by_device(night))
+            .unwrap_or_else(|| folder(night));
         let mut unique = name.clone();
         let mut number = 2;
         while names.contains(&unique) {

@@ -1,147 +1,259 @@
-//! What runs have in the end over an axis of the sweep: final errors, rates, and what was recorded of hierarchies.
+//! Figures of final values over an axis of the sweep: errors, rates, and properties of
+//! acceleration structures.
 
 use super::ReportError;
-use super::convergence::{Line, MOST_PANELS, Panel, draw, provenance};
-use super::curve::{Band, BandKind, Spread};
-use super::item::{Item, Kind};
-use super::pgfplots::Drawn;
-use super::study::{Member, Options, Shown, Study};
+use super::convergence::{
+    FacetPanel, MOST_PANELS, SeriesLine, draw, mean_name, provenance, separate_devices,
+};
+use super::item::{ItemKind, ReportItem};
+use super::metric_display::MetricDisplay;
+use super::pgfplots::PgfFigure;
+use super::repeats::{Band, BandKind, Spread};
+use super::study::{Member, ReportOptions, Study};
 use crate::experiment::spec::TableValue;
-use crate::output::bound;
-use crate::output::labels;
+use crate::output::dependent_axes;
+use crate::output::format;
 use crate::output::plot::axis::{Axis, Scale};
 use crate::output::quantity;
 use crate::render::OpenStats;
 
-/// Fewest numbers on an axis that make a figure unasked.
+/// Minimum number of different numbers on an axis for a figure that was not requested.
 const FEWEST: usize = 3;
 
-/// What is drawn of each run.
-enum Quantity {
-    /// The final value of one of the study's metrics.
+/// Value of a run that is drawn.
+enum SweepQuantity {
+    /// Final value of a metric, as index into the study's metrics.
     Metric(usize),
-    /// A value that needs no metric.
+    /// Value that needs no metric.
     Plain(TableValue),
 }
 
-/// An axis as it is drawn.
-struct Over<'a> {
-    name: &'a str,
-    values: Vec<String>,
-    /// The values as numbers, if all are; otherwise each stands at its number from zero.
-    numbers: Option<Vec<f64>>,
-    /// Axes that follow from it, and so tell nothing apart along it.
-    bound: Vec<String>,
+impl SweepQuantity {
+    /// Returns column name, axis label and description of the quantity.
+    fn describe(&self, study: &Study) -> (String, String, String) {
+        match self {
+            SweepQuantity::Metric(metric) => {
+                let spec = &study.metrics[*metric];
+                let display = MetricDisplay::for_metric(spec);
+                let description = format::metric_description(spec);
+                (
+                    spec.column.clone(),
+                    format::with_unit(&display.label(spec), &spec.unit()),
+                    format!("{description} at the end of each run"),
+                )
+            }
+            SweepQuantity::Plain(value) => {
+                let (label, description) = quantity::label_and_description(value);
+                (value.name(), label.to_owned(), description.to_owned())
+            }
+        }
+    }
 }
 
-impl Over<'_> {
-    fn at(&self, place: usize) -> f64 {
-        self.numbers.as_ref().map_or(place as f64, |numbers| numbers[place])
+/// The swept axis with its values.
+struct SweepAxis<'a> {
+    name: &'a str,
+    values: Vec<String>,
+    /// Values as numbers, if all are finite numbers. Otherwise each value is drawn at its index.
+    numbers: Option<Vec<f64>>,
+    /// Axes that are determined by this one. They do not distinguish lines.
+    dependent: Vec<String>,
+}
+
+impl<'a> SweepAxis<'a> {
+    fn new(study: &Study, name: &'a str) -> SweepAxis<'a> {
+        let values = study.values(name);
+        let numbers = values
+            .iter()
+            .map(|v| v.parse().ok().filter(|x: &f64| x.is_finite()))
+            .collect();
+        let dependent = study
+            .axes()
+            .into_iter()
+            .filter(|axis| axis != name && study.values(axis).len() > 1)
+            .filter(|axis| study.is_determined_by(axis, name))
+            .collect();
+        SweepAxis {
+            name,
+            values,
+            numbers,
+            dependent,
+        }
+    }
+
+    /// Returns the position of a value on the drawn axis.
+    fn x(&self, index: usize) -> f64 {
+        self.numbers
+            .as_ref()
+            .map_or(index as f64, |numbers| numbers[index])
     }
 
     fn scale(&self) -> Scale {
-        self.numbers.as_ref().map_or(Scale::Linear, |numbers| Scale::fitting(numbers.iter().copied()))
+        self.numbers.as_ref().map_or(Scale::Linear, |numbers| {
+            Scale::for_values(numbers.iter().copied())
+        })
     }
 
     fn axis(&self) -> Option<Axis> {
-        let Some(numbers) = &self.numbers else { return Axis::named(&self.values) };
+        let Some(numbers) = &self.numbers else {
+            return Axis::named(&self.values);
+        };
         let mut axis = Axis::new(self.scale(), numbers.iter().copied());
-        if let Some(axis) = axis.as_mut().filter(|_| numbers.iter().all(|x| x.fract() == 0.0)) {
-            axis.whole();
+        if let Some(axis) = axis
+            .as_mut()
+            .filter(|_| numbers.iter().all(|x| x.fract() == 0.0))
+        {
+            axis.keep_integer_ticks();
         }
         axis
     }
 }
 
-/// The figures over every axis that was asked for, or else over all with enough different numbers. Hierarchies are drawn
-/// where they differ along the axis. Of an axis that was asked for and shows nothing, a note says why.
+/// Draws the figures over every requested axis, or over all axes with enough different numbers if
+/// none is requested. Acceleration structures are drawn if they vary along the axis. A note
+/// explains why a requested axis has no figures.
 ///
 /// # Errors
-/// When an axis was asked for that is not there.
-pub fn all(study: &Study, options: &Options, notes: &mut Vec<String>) -> Result<Vec<Item>, ReportError> {
+/// Returns an error if a requested axis does not exist.
+pub fn all(
+    study: &Study,
+    options: &ReportOptions,
+    notes: &mut Vec<String>,
+) -> Result<Vec<ReportItem>, ReportError> {
     let axes = study.axes();
     if let Some(missing) = options.sweep.iter().find(|axis| !axes.contains(axis)) {
-        return Err(ReportError::NoAxis { axis: missing.clone(), known: axes.join(", ") });
+        return Err(ReportError::NoAxis {
+            axis: missing.clone(),
+            known: axes.join(", "),
+        });
     }
     let mut items = Vec::new();
     for name in &axes {
-        let values = study.values(name);
-        let numbers: Option<Vec<f64>> = values.iter().map(|v| v.parse().ok().filter(|x: &f64| x.is_finite())).collect();
-        let asked = options.sweep.contains(name);
-        let unasked = options.sweep.is_empty() && numbers.is_some() && values.len() >= FEWEST;
-        if asked && values.len() < 2 {
-            notes.push(format!("nothing is drawn over `{name}`: it has a single value"));
-        } else if asked || unasked {
-            let bound = axes.iter().filter(|axis| *axis != name && study.values(axis).len() > 1);
-            let bound = bound.filter(|axis| study.follows(axis, name)).cloned().collect();
-            let made = over(study, options, &Over { name, values, numbers, bound }, notes);
-            if asked && made.is_empty() {
-                notes.push(format!("nothing is drawn over `{name}`: no two of its values have finished runs to join"));
-            }
-            items.extend(made);
+        let requested = options.sweep.contains(name);
+        if !requested && !options.sweep.is_empty() {
+            continue;
         }
+        let axis = SweepAxis::new(study, name);
+        if requested && axis.values.len() < 2 {
+            notes.push(format!(
+                "nothing is drawn over `{name}`: it has a single value"
+            ));
+            continue;
+        }
+        if !requested && (axis.numbers.is_none() || axis.values.len() < FEWEST) {
+            continue;
+        }
+        let figures = axis_figures(study, options, &axis, notes);
+        if requested && figures.is_empty() {
+            notes.push(format!(
+                "nothing is drawn over `{name}`: no line has finished runs at two of its values"
+            ));
+        }
+        items.extend(figures);
     }
     Ok(items)
 }
 
-/// The figures over one axis.
-fn over(study: &Study, options: &Options, over: &Over, notes: &mut Vec<String>) -> Vec<Item> {
-    // What was asked for tells lines and panels apart, unless each of its values had a single place.
-    let mut without = |axes: &[String], asked: bool| -> Vec<String> {
-        let mut kept: Vec<String> = axes.iter().filter(|axis| *axis != over.name).cloned().collect();
-        kept.retain(|axis| {
-            let bound = over.bound.contains(axis) && (!asked || study.follows(over.name, axis));
-            if bound && asked {
-                notes.push(format!("over `{}` nothing is told apart by `{axis}`, which changes with it", over.name));
+/// Draws the figures over one axis.
+fn axis_figures(
+    study: &Study,
+    options: &ReportOptions,
+    over: &SweepAxis,
+    notes: &mut Vec<String>,
+) -> Vec<ReportItem> {
+    // A requested axis distinguishes lines unless it and the swept axis determine each other.
+    let mut independent = |axes: &[String], requested: bool| -> Vec<String> {
+        let mut axes: Vec<String> = axes
+            .iter()
+            .filter(|axis| *axis != over.name)
+            .cloned()
+            .collect();
+        axes.retain(|axis| {
+            let dependent = over.dependent.contains(axis)
+                && (!requested || study.is_determined_by(over.name, axis));
+            if dependent && requested {
+                notes.push(format!(
+                    "over `{}`, lines are not distinguished by `{axis}`, which changes with it",
+                    over.name
+                ));
             }
-            !bound
+            !dependent
         });
-        kept
+        axes
     };
-    let mut by = without(&study.by, !options.by.is_empty());
-    let mut facet = without(&study.facet_axes, options.facet.is_some());
+    let mut by = independent(&study.by, !options.by.is_empty());
+    let mut facet = independent(&study.facet_axes, options.facet.is_some());
     if by.is_empty() {
         by.extend(facet.pop());
     }
-    let apart = study.regrouped(by, facet);
-    let metrics = (0..study.metrics.len()).map(Quantity::Metric);
-    let built = [TableValue::AccelBuildS, TableValue::AccelNodes, TableValue::AccelMib, TableValue::AccelCost];
-    let built = if hierarchies_differ(&apart) { &built[..] } else { &[] };
-    let plain = [TableValue::MpathsPerS].iter().chain(built).cloned().map(Quantity::Plain);
-    metrics.chain(plain).flat_map(|quantity| figures(&apart, over, &quantity)).collect()
+    let regrouped = study.regrouped(by, facet);
+    let mut quantities: Vec<SweepQuantity> = (0..study.metrics.len())
+        .map(SweepQuantity::Metric)
+        .collect();
+    quantities.push(SweepQuantity::Plain(TableValue::MpathsPerS));
+    if structures_vary(&regrouped) {
+        let values = [
+            TableValue::AccelBuildS,
+            TableValue::AccelNodes,
+            TableValue::AccelMib,
+            TableValue::AccelCost,
+        ];
+        quantities.extend(values.map(SweepQuantity::Plain));
+    }
+    quantities
+        .iter()
+        .flat_map(|quantity| figures(&regrouped, over, quantity))
+        .collect()
 }
 
-/// Whether a series has more than one hierarchy in some facet.
-fn hierarchies_differ(study: &Study) -> bool {
-    let one = |m: Member| m.run.accel.map(|(_, nodes)| (nodes, m.run.accel_size.map(|(bytes, _)| bytes)));
-    let several = |(facet, series)| {
-        let mut all = study.members(facet, series).into_iter().filter_map(one);
+/// Returns whether the acceleration structures of any series vary within a facet.
+fn structures_vary(study: &Study) -> bool {
+    let size = |m: Member| {
+        m.run
+            .accel
+            .map(|(_, nodes)| (nodes, m.run.accel_size.map(|(bytes, _)| bytes)))
+    };
+    let varies = |(facet, series)| {
+        let mut all = study.members(facet, series).into_iter().filter_map(size);
         let first = all.next();
         all.any(|other| Some(other) != first)
     };
-    (0..study.facets.len()).any(|facet| (0..study.series.len()).any(|series| several((facet, series))))
+    (0..study.facets.len())
+        .any(|facet| (0..study.series.len()).any(|series| varies((facet, series))))
 }
 
-/// The figures of one quantity: pages of panels, and of a clock's readings one for each device of a night.
-fn figures(study: &Study, over: &Over, quantity: &Quantity) -> Vec<Item> {
-    let timed = matches!(quantity, Quantity::Plain(value) if value.is_clock());
-    let apart = timed && study.nights.len() == 1 && study.devices.len() > 1;
-    let clocks: Vec<Option<usize>> = if apart { (0..study.devices.len()).map(Some).collect() } else { vec![None] };
+/// Draws the figures of one quantity: pages of panels, and for times separate figures for each
+/// device of a night.
+fn figures(study: &Study, over: &SweepAxis, quantity: &SweepQuantity) -> Vec<ReportItem> {
+    let timed = matches!(quantity, SweepQuantity::Plain(value) if value.is_clock());
+    let scale = scale(study, quantity);
     let mut items = Vec::new();
-    for clock in clocks {
-        let device = clock.map(|i| study.devices[i].as_str());
-        let scale = scale(study, quantity);
-        let one = |facet: usize| Some((facet, panel(study, over, quantity, (facet, scale), device)?));
-        let panels: Vec<(usize, Panel)> = (0..study.facets.len()).filter_map(one).collect();
+    for device_index in separate_devices(study, timed) {
+        let device = device_index.map(|i| study.devices[i].as_str());
+        let panels: Vec<(usize, FacetPanel)> = (0..study.facets.len())
+            .filter_map(|facet| {
+                let panel = panel(study, over, quantity, (facet, scale), device)?;
+                Some((facet, panel))
+            })
+            .collect();
         let pages = panels.len().div_ceil(MOST_PANELS);
         let mut panels = panels.into_iter();
         for page in 0..pages {
-            let (facets, shown): (Vec<usize>, Vec<Panel>) = panels.by_ref().take(MOST_PANELS).unzip();
-            let mut suffix = clock.map_or_else(String::new, |i| format!("-device-{}", i + 1));
+            let (facets, panels): (Vec<usize>, Vec<FacetPanel>) =
+                panels.by_ref().take(MOST_PANELS).unzip();
+            let mut suffix =
+                device_index.map_or_else(String::new, |i| format!("-device-{}", i + 1));
             if pages > 1 {
                 suffix += &format!("-{}", page + 1);
             }
-            items.push(item(study, over, quantity, (&facets, &shown), (scale, &suffix), device));
+            items.push(item(
+                study,
+                over,
+                quantity,
+                (&facets, &panels),
+                (scale, &suffix),
+                device,
+            ));
         }
     }
     items
@@ -149,126 +261,186 @@ fn figures(study: &Study, over: &Over, quantity: &Quantity) -> Vec<Item> {
 
 fn item(
     study: &Study,
-    over: &Over,
-    quantity: &Quantity,
-    (facets, panels): (&[usize], &[Panel]),
+    over: &SweepAxis,
+    quantity: &SweepQuantity,
+    (facets, panels): (&[usize], &[FacetPanel]),
     (scale, suffix): (Scale, &str),
     device: Option<&str>,
-) -> Item {
-    let (column, label, what) = match quantity {
-        Quantity::Metric(metric) => {
-            let spec = &study.metrics[*metric];
-            let label = labels::with_unit(&Shown::of(spec).label(spec), &spec.unit());
-            let options = spec.describe_options();
-            let options = if options.is_empty() { String::new() } else { format!(" with {options}") };
-            (spec.column.clone(), label, format!("{}{options} when runs stopped", labels::metric_title(spec)))
-        }
-        Quantity::Plain(value) => {
-            let (label, what) = quantity::words(value);
-            (value.word(), label.to_owned(), what.to_owned())
-        }
-    };
+) -> ReportItem {
+    let (column, label, description) = quantity.describe(study);
     let title = format!("{label} over {}", over.name);
-    let change = bound::change(&over.bound).map_or_else(String::new, |change| format!(", with which {change}"));
-    let mut caption = format!("{what}, over {}{change}.", over.name);
-    let bands = || panels.iter().flat_map(|p| &p.lines).filter_map(|line| line.band.as_ref());
-    let mean = if scale == Scale::Log { "Geometric mean" } else { "Mean" };
-    let repeated = study.all().any(|m| m.run.repeat > 0);
-    match bands().map(|band| band.kind).max() {
-        Some(BandKind::Confidence) => {
-            caption += &format!(" {mean} of repeats; band: 95 % confidence interval of the mean by Student's t.");
-        }
-        Some(BandKind::Range) => caption += &format!(" {mean} of repeats; band: the range of the two."),
-        _ if repeated => caption += &format!(" {mean} of repeats."),
-        _ => caption += " One run each.",
+    let mut caption = format!("{description}, over {}.", over.name);
+    if let Some(change) = dependent_axes::change_phrase(&over.dependent) {
+        caption += &format!(" With it, {change}.");
     }
-    if repeated && bands().any(|band| band.kind == BandKind::Single) {
-        caption += " A line that has a single run at some place has no band.";
-    }
-    let clock = study.clock();
+    caption += &averaging(study, panels, scale);
     match (quantity, device) {
-        (Quantity::Plain(value), None) if value.is_clock() && !clock.is_empty() => {
-            caption += &format!(" Measured {clock}.").replace("Measured times", "Times");
+        (_, Some(device)) => caption += &format!(" Only runs on {device}."),
+        (SweepQuantity::Plain(value), None) if value.is_clock() => {
+            if let Some(sentence) = study.device_sentence("Measured") {
+                caption += &format!(" {sentence}");
+            }
         }
-        (_, Some(device)) => caption += &format!(" Shown are the runs on {device}."),
         _ => {}
     }
     let provenance = provenance(study, facets);
     let svg = draw(study, panels, &label, over.name, &title, &provenance.text());
     let stem = format!("figures/sweep-{}-{column}{suffix}", over.name);
-    let drawn = Drawn { study, panels, y_label: &label, x_label: over.name, scales: [over.scale(), scale] };
-    let extra = drawn.files(&stem, &caption, &provenance);
-    Item { kind: Kind::Figure, stem, title, caption, svg: Some(svg), grid: None, extra, provenance }
+    let latex = PgfFigure {
+        study,
+        panels,
+        y_label: &label,
+        x_label: over.name,
+        scales: [over.scale(), scale],
+    };
+    let extra = latex.files(&stem, &caption, &provenance);
+    ReportItem {
+        kind: ItemKind::Figure,
+        stem,
+        title,
+        caption,
+        svg: Some(svg),
+        grid: None,
+        extra,
+        provenance,
+    }
 }
 
-/// What a finished run has, as it is drawn.
-fn value(study: &Study, quantity: &Quantity, member: &Member) -> Option<f64> {
-    let last = member.run.rows.last().filter(|_| member.run.done())?;
+/// Describes what the lines average and what the bands show, with a leading space.
+fn averaging(study: &Study, panels: &[FacetPanel], scale: Scale) -> String {
+    let kinds = || {
+        panels
+            .iter()
+            .flat_map(|p| &p.lines)
+            .filter_map(|line| line.band.as_ref())
+            .map(|band| band.kind)
+    };
+    let mean = mean_name(scale);
+    let repeated = study.all().any(|m| m.run.repeat > 0);
+    let mut text = match kinds().max() {
+        Some(BandKind::Confidence) => {
+            format!(" {mean} of repeats. Band: 95 % confidence interval of the mean (Student's t).")
+        }
+        Some(BandKind::Range) => format!(" {mean} of repeats. Band: range of the two repeats."),
+        _ if repeated => format!(" {mean} of repeats."),
+        _ => " One run each.".to_owned(),
+    };
+    if repeated && kinds().any(|kind| kind == BandKind::Single) {
+        text += " Lines with a single run at any point have no band.";
+    }
+    text
+}
+
+/// Returns the drawn value of a finished run.
+fn value(study: &Study, quantity: &SweepQuantity, member: &Member) -> Option<f64> {
+    let last = member.run.rows.last().filter(|_| member.run.is_done())?;
     match quantity {
-        Quantity::Metric(metric) => Shown::of(&study.metrics[*metric]).value(member.value(last, *metric)?),
-        Quantity::Plain(value) => {
+        SweepQuantity::Metric(metric) => {
+            let display = MetricDisplay::for_metric(&study.metrics[*metric]);
+            display.drawn_value(member.value(last, *metric)?)
+        }
+        SweepQuantity::Plain(value) => {
             let (accel_build_s, accel_nodes) = member.run.accel.unwrap_or_default();
             let (accel_bytes, accel_cost) = member.run.accel_size.unwrap_or_default();
-            let open = OpenStats { accel_build_s, accel_nodes, accel_bytes, accel_cost, ..OpenStats::default() };
-            quantity::plain(value, last, &open).filter(|x| x.is_finite())
+            let open = OpenStats {
+                accel_build_s,
+                accel_nodes,
+                accel_bytes,
+                accel_cost,
+                ..OpenStats::default()
+            };
+            quantity::metric_free_value(value, last, &open).filter(|x| x.is_finite())
         }
     }
 }
 
-/// The vertical scale of all panels.
-fn scale(study: &Study, quantity: &Quantity) -> Scale {
+/// Returns the vertical scale of all panels.
+fn scale(study: &Study, quantity: &SweepQuantity) -> Scale {
     match quantity {
-        Quantity::Metric(metric) => Shown::of(&study.metrics[*metric]).scale,
-        Quantity::Plain(_) => Scale::fitting(study.all().filter_map(|m| value(study, quantity, &m))),
+        SweepQuantity::Metric(metric) => MetricDisplay::for_metric(&study.metrics[*metric]).scale,
+        SweepQuantity::Plain(_) => {
+            Scale::for_values(study.all().filter_map(|m| value(study, quantity, &m)))
+        }
     }
 }
 
-/// One facet, if it has two places or more on the axis.
+/// Collects the panel of one facet. Returns `None` if no line has two points.
 fn panel(
     study: &Study,
-    over: &Over,
-    quantity: &Quantity,
+    over: &SweepAxis,
+    quantity: &SweepQuantity,
     (facet, scale): (usize, Scale),
     device: Option<&str>,
-) -> Option<Panel> {
-    let mut lines = Vec::new();
-    let mut places = 0;
-    for series in 0..study.series.len() {
-        if device.is_some() && study.series[series].device.as_deref() != device {
-            continue;
-        }
-        let members = study.members(facet, series);
-        let mut marks: Vec<(f64, Spread)> = Vec::new();
-        let mut fewest = usize::MAX;
-        for (place, text) in over.values.iter().enumerate() {
-            let here = members.iter().filter(|m| m.run.value(over.name).as_ref() == Some(text));
-            // Where one of the repeats has no such value, a mean of the others would be none of them all.
-            let values: Option<Vec<f64>> = here.filter(|m| m.run.done()).map(|m| value(study, quantity, m)).collect();
-            if let Some((count, spread)) = values.and_then(|v| Some((v.len(), Spread::of(scale, &v)?))) {
-                fewest = fewest.min(count);
-                marks.push((over.at(place), spread));
-            }
-        }
-        places = places.max(marks.len());
-        if marks.is_empty() {
-            continue;
-        }
-        marks.sort_by(|a, b| a.0.total_cmp(&b.0));
-        // No band where a place has a single run, whose mean would look certain.
-        let kind = BandKind::of(fewest);
-        let ends = if kind == BandKind::Single { Vec::new() } else { marks.iter().map(|(_, s)| s.ends).collect() };
-        let mean = marks.iter().map(|(x, spread)| (*x, spread.mean)).collect();
-        lines.push(Line::of(series, Band { mean, ends, kind }));
-    }
-    if places < 2 {
+) -> Option<FacetPanel> {
+    let lines: Vec<SeriesLine> = (0..study.series.len())
+        .filter(|series| device.is_none() || study.series[*series].device.as_deref() == device)
+        .filter_map(|series| {
+            let members = study.members(facet, series);
+            let band = sweep_band(study, over, quantity, &members, scale)?;
+            Some(SeriesLine::from_band(series, band))
+        })
+        .collect();
+    let bands = || lines.iter().filter_map(|line| line.band.as_ref());
+    if bands().map(|band| band.mean.len()).max().unwrap_or(0) < 2 {
         return None;
     }
-    let bands = || lines.iter().filter_map(|line| line.band.as_ref());
     let mean = || bands().flat_map(|band| &band.mean).map(|(_, y)| *y);
-    // A band that reaches far below its line must not squeeze the others.
-    let (low, high) = mean().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), y| (a.min(y), b.max(y)));
-    let near = |y: &f64| scale == Scale::Linear || (*y > low / 1.6 && *y < high * 1.6);
-    let ends = bands().flat_map(|band| &band.ends).flat_map(|(a, b)| [*a, *b]).filter(near);
+    // Ends of bands far from the lines do not extend the range, since they would compress it.
+    let (low, high) = mean().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), y| {
+        (a.min(y), b.max(y))
+    });
+    let is_close = |y: &f64| scale == Scale::Linear || (*y > low / 1.6 && *y < high * 1.6);
+    let ends = bands()
+        .flat_map(|band| &band.ends)
+        .flat_map(|(a, b)| [*a, *b])
+        .filter(is_close);
     let axes = over.axis().zip(Axis::new(scale, mean().chain(ends)));
-    Some(Panel { heading: study.facet_label(facet), axes, lines, floor: None })
+    Some(FacetPanel {
+        heading: study.facet_label(facet),
+        axes,
+        lines,
+        floor: None,
+    })
+}
+
+/// Averages the repeats of a series at each value of the axis. A value where any repeat has no
+/// drawable value has no point, since the mean of the others would be biased. Returns `None` if
+/// there are no points.
+fn sweep_band(
+    study: &Study,
+    over: &SweepAxis,
+    quantity: &SweepQuantity,
+    members: &[Member],
+    scale: Scale,
+) -> Option<Band> {
+    let mut points: Vec<(f64, Spread)> = Vec::new();
+    let mut fewest = usize::MAX;
+    for (index, text) in over.values.iter().enumerate() {
+        let repeats = members
+            .iter()
+            .filter(|m| m.run.axis_value(over.name).as_ref() == Some(text));
+        let values: Option<Vec<f64>> = repeats
+            .filter(|m| m.run.is_done())
+            .map(|m| value(study, quantity, m))
+            .collect();
+        if let Some((count, spread)) =
+            values.and_then(|v| Some((v.len(), Spread::from_values(scale, &v)?)))
+        {
+            fewest = fewest.min(count);
+            points.push((over.x(index), spread));
+        }
+    }
+    if points.is_empty() {
+        return None;
+    }
+    points.sort_by(|a, b| a.0.total_cmp(&b.0));
+    // A line with a single run at any point has no band, since its mean there would look exact.
+    let kind = BandKind::for_runs(fewest);
+    let ends = if kind == BandKind::Single {
+        Vec::new()
+    } else {
+        points.iter().map(|(_, s)| s.ends).collect()
+    };
+    let mean = points.iter().map(|(x, spread)| (*x, spread.mean)).collect();
+    Some(Band { mean, ends, kind })
 }

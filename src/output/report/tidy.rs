@@ -1,19 +1,21 @@
-//! Everything that was measured, as tidy CSV: one observation per line, one variable per column, units in the names.
+//! Exports all measurements as tidy CSV: one observation per line, one variable per column, units
+//! in the column names.
 
-use super::item::{Item, Kind, PROGRAM, Provenance};
+use super::item::{ItemKind, PROGRAM, Provenance, ReportItem};
 use super::study::{Member, Study};
-use crate::experiment::evidence::State;
-use crate::output::labels::{csv_line, exact};
+use crate::experiment::night_results::RunState;
+use crate::output::format::{csv_line, exact};
 
-/// `data/runs.csv` with a line for each run, and `data/waves.csv` with a line for each measurement of each run.
+/// Builds `data/runs.csv` with one line for each run, `data/waves.csv` with one line for each
+/// measurement of each run, and `data/columns.csv` with meaning and unit of every column.
 ///
-/// Both begin with the same columns: night, plan, run, the axes (`axis.<name>`), repeat, seed, device. `data/columns.csv`
-/// says what every column is and its unit.
-pub fn all(study: &Study) -> Vec<Item> {
+/// The first two begin with the same columns: program, night, plan, run, the axes (`axis.<name>`),
+/// repeat, seed, integrator, scene and device.
+pub fn all(study: &Study) -> Vec<ReportItem> {
     let axes = study.axes();
-    let provenance = Provenance::of(study.all());
-    let item = |name: &str, title: &str, caption: &str, csv: String| Item {
-        kind: Kind::Data,
+    let provenance = Provenance::from_members(study.all());
+    let item = |name: &str, title: &str, caption: &str, csv: String| ReportItem {
+        kind: ItemKind::Data,
         stem: format!("data/{name}"),
         title: title.to_owned(),
         caption: caption.to_owned(),
@@ -23,9 +25,24 @@ pub fn all(study: &Study) -> Vec<Item> {
         provenance: provenance.clone(),
     };
     vec![
-        item("runs", "All runs", "One line for each run of every plan, whatever its state.", runs(study, &axes)),
-        item("waves", "All measurements", "One line for each measurement of each run.", waves(study, &axes)),
-        item("columns", "Columns of the data", "What every column is, and its unit.", columns(study, &axes)),
+        item(
+            "runs",
+            "All runs",
+            "One line for each run of every plan, finished or not.",
+            runs(study, &axes),
+        ),
+        item(
+            "waves",
+            "All measurements",
+            "One line for each measurement of each run.",
+            waves(study, &axes),
+        ),
+        item(
+            "columns",
+            "Columns of the data",
+            "Meaning and unit of every column.",
+            columns(study, &axes),
+        ),
     ]
 }
 
@@ -40,9 +57,22 @@ fn header(axes: &[String], rest: &[String]) -> String {
 }
 
 fn keys(m: &Member, axes: &[String]) -> Vec<String> {
-    let mut fields = vec![PROGRAM.to_owned(), m.night.name.clone(), m.night.plan.clone(), m.run.id.clone()];
-    fields.extend(axes.iter().map(|axis| m.run.value(axis).unwrap_or_default()));
-    fields.extend([m.run.repeat.to_string(), m.run.seed.to_string(), m.run.integrator.clone(), m.run.scene.clone()]);
+    let mut fields = vec![
+        PROGRAM.to_owned(),
+        m.night.name.clone(),
+        m.night.plan.clone(),
+        m.run.id.clone(),
+    ];
+    fields.extend(
+        axes.iter()
+            .map(|axis| m.run.axis_value(axis).unwrap_or_default()),
+    );
+    fields.extend([
+        m.run.repeat.to_string(),
+        m.run.seed.to_string(),
+        m.run.integrator.clone(),
+        m.run.scene.clone(),
+    ]);
     fields.push(m.night.device(m.run).unwrap_or_default());
     fields
 }
@@ -52,7 +82,11 @@ fn counts() -> [String; 5] {
 }
 
 fn values(m: &Member, row: &crate::experiment::WaveRow, metrics: usize) -> Vec<String> {
-    let mut fields = vec![row.samples.to_string(), exact(row.render_s), exact(row.wall_s)];
+    let mut fields = vec![
+        row.samples.to_string(),
+        exact(row.render_s),
+        exact(row.wall_s),
+    ];
     fields.extend([row.paths.to_string(), row.rays.to_string()]);
     fields.extend((0..metrics).map(|i| m.value(row, i).map(exact).unwrap_or_default()));
     fields
@@ -71,18 +105,26 @@ fn runs(study: &Study, axes: &[String]) -> String {
     for m in study.all() {
         let mut fields = keys(&m, axes);
         let (state, reason) = match &m.run.state {
-            State::Done(reason) => ("done", reason.clone()),
-            State::Unfinished => ("unfinished", String::new()),
-            State::Pending => ("pending", String::new()),
+            RunState::Done(reason) => ("done", reason.clone()),
+            RunState::Unfinished => ("unfinished", String::new()),
+            RunState::Pending => ("pending", String::new()),
         };
         fields.extend([state.to_owned(), reason]);
         match m.run.rows.last() {
             Some(row) => fields.extend(values(&m, row, study.metrics.len())),
-            None => fields.resize(fields.len() + counts().len() + study.metrics.len(), String::new()),
+            None => fields.resize(
+                fields.len() + counts().len() + study.metrics.len(),
+                String::new(),
+            ),
         }
         fields.push(m.run.accel.map(|a| exact(a.0)).unwrap_or_default());
         fields.push(m.run.accel.map(|a| a.1.to_string()).unwrap_or_default());
-        fields.push(m.run.accel_size.map(|a| a.0.to_string()).unwrap_or_default());
+        fields.push(
+            m.run
+                .accel_size
+                .map(|a| a.0.to_string())
+                .unwrap_or_default(),
+        );
         fields.push(m.run.accel_size.map(|a| exact(a.1)).unwrap_or_default());
         text += &csv_line(&fields);
     }
@@ -106,41 +148,85 @@ fn waves(study: &Study, axes: &[String]) -> String {
     text
 }
 
-fn columns(study: &Study, axes: &[String]) -> String {
-    let mut text = csv_line(&["column", "unit", "meaning"]);
-    let mut add = |column: &str, unit: &str, meaning: &str| text += &csv_line(&[column, unit, meaning]);
-    add("program", "", "what wrote the file");
-    add("night", "", "name of the experiment");
-    add("plan", "", "hash of its plan");
-    add("run", "", "identity of the run; its folder bears this name");
-    for axis in axes {
-        add(&format!("axis.{axis}"), "", "value of the axis that the script swept");
-    }
-    add("repeat", "", "number of the repeat, from 0");
-    add("seed", "", "seed of all random numbers of the run");
-    add("integrator", "", "technique");
-    add("scene", "", "scene as the script wrote it");
-    add("device", "", "what it was rendered on; empty if the run has not finished");
-    add("state", "", "done, unfinished or pending");
-    add("reason", "", "the part of the stop rule that ended the run");
-    add("wave", "", "number of the measurement, from 1");
-    add("samples_per_pixel", "1", "samples per pixel so far");
-    add("render_s", "s", "seconds inside the renderer so far; the only time that counts");
-    add("wall_s", "s", "seconds since the run started, everything included");
-    add("paths", "1", "camera paths so far");
-    add("rays", "1", "rays so far");
-    for metric in &study.metrics {
-        let options = metric.describe_options();
-        let options = if options.is_empty() { String::new() } else { format!(" with {options}") };
-        add(&format!("metric.{}", metric.column), &metric.unit(), &format!("{}{options}", metric.row.doc));
-    }
-    add("accel_build_s", "s", "seconds spent building acceleration structures, before the first sample");
-    add("accel_nodes", "1", "their nodes");
-    add("accel_bytes", "B", "their bytes with the primitives in them; 0 or empty if not known");
-    add(
+/// Describes the columns before those of the axes, as name, unit and meaning.
+const PLAN_COLUMNS: [[&str; 3]; 4] = [
+    ["program", "", "program that wrote the file"],
+    ["night", "", "name of the experiment"],
+    ["plan", "", "hash of the plan"],
+    ["run", "", "identity of the run and name of its folder"],
+];
+
+/// Describes the columns between those of the axes and those of the metrics.
+const RUN_COLUMNS: [[&str; 3]; 13] = [
+    ["repeat", "", "number of the repeat, from 0"],
+    ["seed", "", "seed of all random numbers of the run"],
+    ["integrator", "", "technique"],
+    ["scene", "", "scene as written in the script"],
+    [
+        "device",
+        "",
+        "device that rendered the run; empty if the run has not finished",
+    ],
+    ["state", "", "done, unfinished or pending"],
+    ["reason", "", "part of the stop rule that ended the run"],
+    ["wave", "", "number of the measurement, from 1"],
+    ["samples_per_pixel", "1", "samples per pixel so far"],
+    [
+        "render_s",
+        "s",
+        "seconds inside the renderer so far; all comparisons use this time",
+    ],
+    [
+        "wall_s",
+        "s",
+        "seconds since the start of the run, including everything",
+    ],
+    ["paths", "1", "camera paths so far"],
+    ["rays", "1", "rays so far"],
+];
+
+/// Describes the columns of acceleration structures.
+const ACCEL_COLUMNS: [[&str; 3]; 4] = [
+    [
+        "accel_build_s",
+        "s",
+        "seconds spent building acceleration structures, before the first sample",
+    ],
+    ["accel_nodes", "1", "nodes of the acceleration structures"],
+    [
+        "accel_bytes",
+        "B",
+        "size of the acceleration structures with their primitives; 0 or empty if unknown",
+    ],
+    [
         "accel_cost",
         "1",
-        "nodes and primitives that a ray meets by the surface area heuristic; 0 or empty if not known",
-    );
+        "expected number of nodes and primitives tested by a ray (surface area heuristic); 0 or \
+         empty if unknown",
+    ],
+];
+
+fn columns(study: &Study, axes: &[String]) -> String {
+    let mut text = csv_line(&["column", "unit", "meaning"]);
+    text.extend(PLAN_COLUMNS.iter().map(|row| csv_line(row)));
+    for axis in axes {
+        let name = format!("axis.{axis}");
+        text += &csv_line(&[name.as_str(), "", "value of the axis of the sweep"]);
+    }
+    text.extend(RUN_COLUMNS.iter().map(|row| csv_line(row)));
+    for metric in &study.metrics {
+        let options = metric.describe_options();
+        let options = if options.is_empty() {
+            String::new()
+        } else {
+            format!(" with {options}")
+        };
+        text += &csv_line(&[
+            format!("metric.{}", metric.column),
+            metric.unit(),
+            format!("{}{options}", metric.row.doc),
+        ]);
+    }
+    text.extend(ACCEL_COLUMNS.iter().map(|row| csv_line(row)));
     text
 }

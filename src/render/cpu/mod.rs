@@ -1,39 +1,29 @@
-//! The CPU backend: the default that needs nothing else, and the oracle of the others.
+//! The CPU backend. It is the default, has no dependencies, and is the reference that other
+//! backends are tested against.
 //!
-//! [`accel`] holds the hierarchy, `packed` its compressed form, which `vulkan-compute` walks as well, `traverse` the one loop through it, [`lanes`] the vectors that both use, [`renderer`] the one loop over pixels and samples, `layers`
-//! the sums of films beside the main one, `times` those of films with a time axis, `streams` paths in the lanes of vectors, `row` the sums of a row of pixels, `brought` what samples bring there, [`together`] whose paths these can be, `bins` the memory of these, and [`rates`] the measurement of both loops that `lumbre bench` prints.
+//! [`bvh`] holds the hierarchies and their traversal, [`renderer`] the loop over pixels and
+//! samples, [`films`] the sums that samples are added to, `wavefront` the SIMD path tracers,
+//! [`vectorizable`] the rule which runs can use them, and [`rates`] the ray rates that `lumbre
+//! bench` prints.
 
-pub mod accel;
-mod bins;
-#[cfg_attr(not(target_arch = "x86_64"), expect(dead_code, reason = "paths go alone"))]
-mod brought;
-pub(super) mod build;
-mod compressed;
-mod copies;
-mod intersect;
-pub mod lanes;
-mod layers;
-pub(super) mod packed;
-mod paths;
+pub mod bvh;
+pub mod films;
+mod path_trace;
 pub mod rates;
 pub mod renderer;
-mod row;
-#[cfg_attr(not(target_arch = "x86_64"), path = "streams/none.rs")]
-mod streams;
-mod times;
-pub mod together;
-mod traverse;
-mod wide;
+pub mod vectorizable;
+#[cfg_attr(not(target_arch = "x86_64"), path = "wavefront/unsupported.rs")]
+mod wavefront;
 
-pub use bins::kept_bytes;
+pub use films::bin_pool::kept_bytes;
 
 use super::BackendRow;
 use crate::scene::desc::Model;
 
-/// The row of this backend.
+/// Table row of this backend.
 pub const ROW: BackendRow = BackendRow {
     name: "cpu",
-    doc: "All cores of this machine; needs nothing else, and is the oracle of the others.",
+    doc: "Multi-threaded CPU renderer; needs no GPU, and is the reference for the other backends.",
     probe: || {
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
         Ok(format!("{threads} hardware threads"))
@@ -45,5 +35,5 @@ pub const ROW: BackendRow = BackendRow {
     edited: || Ok(None),
     accel: true,
     open: |scene, job| Ok(Box::new(renderer::CpuRenderer::new(scene, job)?)),
-    paths: paths::paths,
+    paths: path_trace::paths,
 };

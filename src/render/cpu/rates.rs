@@ -1,4 +1,4 @@
-//! How many rays of each kind the hierarchy answers per second: the measurement behind `lumbre bench`.
+//! Ray rates of the CPU hierarchy by kind of ray: the measurement behind `lumbre bench`.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -6,86 +6,97 @@ use std::time::Instant;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::accel::{Accel, Unusable};
+use super::bvh::accel::{Accel, AccelError};
 use crate::math::{Frame, stats::median, warp};
 use crate::scene::CompiledScene;
 use crate::transport::camera::{Camera, FilterKind, FilterSpec};
-use crate::transport::light::{Lights, Select};
+use crate::transport::light::{LightSelection, Lights};
 use crate::transport::ray::{Hit, Ray};
 use crate::transport::sampler::Sampler;
 use crate::transport::surface::Surface;
 
-/// Rates of one scene in million rays per second, all threads together; `None` where the scene has no such rays.
+/// Rates of one scene in million rays per second, all threads together; `None` if the scene has no
+/// such rays.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RayRates {
-    /// Seconds to build the hierarchy.
+    /// Time to build the hierarchy in seconds.
     pub build_s: f64,
-    /// Its eight-wide nodes.
+    /// Number of eight-wide nodes.
     pub nodes: usize,
-    /// Bytes of nodes and primitives as traversal reads them.
+    /// Size of nodes and primitives as traversal reads them, in bytes.
     pub bytes: usize,
-    /// Nearest hits of camera rays, in pixel order.
+    /// Nearest-hit queries of camera rays, in pixel order.
     pub primary: Option<f64>,
-    /// Nearest hits of cosine-distributed rays from where the camera rays hit.
+    /// Nearest-hit queries of cosine-distributed rays from the hits of the camera rays.
     pub bounce: Option<f64>,
-    /// Any hits between there and points of the lights.
+    /// Occlusion queries between those hits and points on the lights.
     pub shadow: Option<f64>,
 }
 
-/// A ray and how far it may go.
+/// Ray and its maximum distance.
 type Query = (Ray, f32);
 
-/// Builds the hierarchy `repeats` times and traces each kind of ray as often, on so many threads (0 is all there are);
-/// medians are returned.
+/// Builds the hierarchy `repeats` times and traces each kind of ray as often, on `threads` threads
+/// (0 means all); returns medians.
 ///
 /// # Errors
-/// When the threads cannot be started or the scene's hierarchy cannot be used; in words.
+/// Returns a message if threads cannot be started or the scene's hierarchy cannot be used.
 pub fn measure(
     scene: &Arc<CompiledScene>,
     resolution: [u32; 2],
     threads: usize,
     repeats: usize,
 ) -> Result<RayRates, String> {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|i| format!("rays-{i}")).build();
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .thread_name(|i| format!("rays-{i}"))
+        .build();
     let pool = pool.map_err(|e| format!("cannot start threads: {e}"))?;
-    pool.install(|| measure_here(scene, resolution, repeats)).map_err(|e| e.to_string())
+    pool.install(|| measure_here(scene, resolution, repeats))
+        .map_err(|e| e.to_string())
 }
 
-fn measure_here(scene: &Arc<CompiledScene>, resolution: [u32; 2], repeats: usize) -> Result<RayRates, Unusable> {
+fn measure_here(
+    scene: &Arc<CompiledScene>,
+    resolution: [u32; 2],
+    repeats: usize,
+) -> Result<RayRates, AccelError> {
     let mut builds = Vec::new();
     let mut accel = Accel::build(Arc::clone(scene))?;
     for _ in 0..repeats {
         accel = Accel::build(Arc::clone(scene))?;
         builds.push(accel.build_s);
     }
-    let camera = Camera::new(&scene.camera, resolution, FilterSpec { kind: FilterKind::Box, radius: 0.5 });
+    let camera = Camera::new(
+        &scene.camera,
+        resolution,
+        FilterSpec {
+            kind: FilterKind::Box,
+            radius: 0.5,
+        },
+    );
     let primary: Vec<Query> = (0..resolution[1])
         .flat_map(|y| (0..resolution[0]).map(move |x| [x, y]))
-        .map(|pixel| (camera.sample_ray(pixel, &mut Sampler::new(1, pixel, 0)), f32::INFINITY))
+        .map(|pixel| {
+            (
+                camera.sample_ray(pixel, &mut Sampler::new(1, pixel, 0)),
+                f32::INFINITY,
+            )
+        })
         .collect();
-    let hits: Vec<(Query, Hit)> = primary.iter().filter_map(|q| Some((*q, accel.closest(&q.0, q.1)?))).collect();
-    let lights = Lights::with_select(scene, Select::Area);
-    let mut bounce: Vec<Query> = Vec::with_capacity(hits.len());
-    let mut shadow: Vec<Query> = Vec::new();
-    for (i, ((ray, _), hit)) in hits.iter().enumerate() {
-        let mut sampler = Sampler::new(2, [i as u32, 0], 0);
-        let surface = Surface::at(scene, ray, hit);
-        let side = if ray.dir.dot(surface.n_geometric) > 0.0 { -surface.n_geometric } else { surface.n_geometric };
-        let wi = Frame::from_normal(side).to_world(warp::cosine_hemisphere(sampler.next_2d()));
-        bounce.push((surface.spawn(wi), f32::INFINITY));
-        if let Some(light) = lights.sample_emission(scene, sampler.next_1d(), sampler.next_2d(), [0.5; 2]) {
-            let to: Vec3 = light.point.position - surface.position;
-            let distance = to.length();
-            if let Some(dir) = to.try_normalize() {
-                shadow.push((surface.spawn(dir), distance * (1.0 - 1e-3)));
-            }
-        }
-    }
+    let hits: Vec<(Query, Hit)> = primary
+        .iter()
+        .filter_map(|q| Some((*q, accel.closest(&q.0, q.1)?)))
+        .collect();
+    let (bounce, shadow) = secondary_queries(scene, &hits);
     let rate = |queries: &[Query], any: bool| {
         (!queries.is_empty()).then(|| {
             median((0..repeats).map(|_| {
                 let start = Instant::now();
-                let hits: usize = queries.par_chunks(1024).map(|chunk| count_hits(&accel, chunk, any)).sum();
+                let hits: usize = queries
+                    .par_chunks(1024)
+                    .map(|chunk| count_hits(&accel, chunk, any))
+                    .sum();
                 std::hint::black_box(hits);
                 queries.len() as f64 / start.elapsed().as_secs_f64() / 1e6
             }))
@@ -101,9 +112,41 @@ fn measure_here(scene: &Arc<CompiledScene>, resolution: [u32; 2], repeats: usize
     })
 }
 
+/// Returns bounce rays and shadow rays that start at hits of camera rays.
+fn secondary_queries(scene: &CompiledScene, hits: &[(Query, Hit)]) -> (Vec<Query>, Vec<Query>) {
+    let lights = Lights::with_select(scene, LightSelection::Area);
+    let mut bounce: Vec<Query> = Vec::with_capacity(hits.len());
+    let mut shadow: Vec<Query> = Vec::new();
+    for (i, ((ray, _), hit)) in hits.iter().enumerate() {
+        let mut sampler = Sampler::new(2, [i as u32, 0], 0);
+        let surface = Surface::at(scene, ray, hit);
+        let side = if ray.dir.dot(surface.n_geometric) > 0.0 {
+            -surface.n_geometric
+        } else {
+            surface.n_geometric
+        };
+        let wi = Frame::from_normal(side).to_world(warp::cosine_hemisphere(sampler.next_2d()));
+        bounce.push((surface.spawn(wi), f32::INFINITY));
+        if let Some(light) =
+            lights.sample_emission(scene, sampler.next_1d(), sampler.next_2d(), [0.5; 2])
+        {
+            let to: Vec3 = light.point.position - surface.position;
+            let distance = to.length();
+            if let Some(dir) = to.try_normalize() {
+                shadow.push((surface.spawn(dir), distance * (1.0 - 1e-3)));
+            }
+        }
+    }
+    (bounce, shadow)
+}
+
 fn count_hits(accel: &Accel, queries: &[Query], any: bool) -> usize {
     let hit = |(ray, t_max): &&Query| {
-        if any { accel.occluded(ray, *t_max) } else { accel.closest(ray, *t_max).is_some() }
+        if any {
+            accel.occluded(ray, *t_max)
+        } else {
+            accel.closest(ray, *t_max).is_some()
+        }
     };
     queries.iter().filter(hit).count()
 }

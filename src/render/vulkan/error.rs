@@ -1,78 +1,81 @@
-//! What can go wrong with a device: every error names what was needed and what was found.
+//! Errors of devices. Each states what was needed and what was found.
 
 use ash::vk;
 
-use super::spirv::ShaderError;
+use super::pipelines::spirv::ShaderError;
 
-/// Why something could not be done on a device.
+/// Reason why an operation on a device failed.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum VulkanError {
-    /// There is no Vulkan on this machine.
-    #[error("no Vulkan loader: {0}")]
+    /// The Vulkan loader is not installed.
+    #[error("the Vulkan loader was not found: {0}")]
     NoLoader(String),
-    /// Nothing on this machine fits.
-    #[error("no device: {0}")]
+    /// No device of this machine is suitable.
+    #[error("no usable graphics device: {0}")]
     NoDevice(String),
-    /// The device lacks something.
-    #[error("{device} lacks {needed}")]
+    /// The device lacks a required feature.
+    #[error("{device} does not support {needed}")]
     Lacks {
-        /// The device.
+        /// Name of the device.
         device: String,
-        /// What is needed.
+        /// Feature that is required.
         needed: String,
     },
-    /// Something is larger than the device can hold.
-    #[error("{what} takes {needed_mib:.0} MiB, and {device} offers {found_mib:.0} MiB: {remedy}")]
+    /// The job exceeds a limit of the program, whatever the device.
+    #[error("{0}")]
+    OverLimit(String),
+    /// Data is larger than the device can hold.
+    #[error("{what} needs {needed_mib:.0} MiB, but {device} offers {found_mib:.0} MiB: {remedy}")]
     TooLarge {
-        /// The device.
+        /// Name of the device.
         device: String,
-        /// What was to be stored.
+        /// Description of the data.
         what: String,
-        /// Its size.
+        /// Required size in MiB.
         needed_mib: f64,
-        /// What there is.
+        /// Available size in MiB.
         found_mib: f64,
-        /// What the user can do.
+        /// Advice for the user.
         remedy: &'static str,
     },
-    /// The device is gone, and with it everything that was on it.
-    #[error("{device} was lost in the pass `{pass}`")]
+    /// The device was lost with all data on it.
+    #[error("{device} was lost during the pass `{pass}`")]
     Lost {
-        /// The device.
+        /// Name of the device.
         device: String,
-        /// The last pass that was handed to it.
+        /// Name of the last submitted pass.
         pass: String,
     },
     /// The device did not finish a pass in time.
     #[error("{device} did not finish the pass `{pass}` within {seconds} s")]
     Stuck {
-        /// The device.
+        /// Name of the device.
         device: String,
-        /// The pass.
+        /// Name of the pass.
         pass: String,
-        /// How long was waited.
+        /// Timeout in seconds.
         seconds: u64,
     },
-    /// A call failed.
-    #[error("{call} failed with {result:?} in the pass `{pass}`")]
+    /// A Vulkan call failed.
+    #[error("{call} failed with {result:?} during the pass `{pass}`")]
     Call {
-        /// The function.
+        /// Name of the function.
         call: &'static str,
-        /// Its answer.
+        /// Result code of the call.
         result: vk::Result,
-        /// The last pass that was handed to the device.
+        /// Name of the last submitted pass.
         pass: String,
     },
-    /// Device memory could not be had.
-    #[error("no memory on {device} for {what}, {needed_mib:.1} MiB: {problem}")]
+    /// Device memory could not be allocated.
+    #[error("cannot allocate {needed_mib:.1} MiB for {what} on {device}: {problem}")]
     NoMemory {
-        /// The device.
+        /// Name of the device.
         device: String,
-        /// What was to be stored.
+        /// Description of the data.
         what: String,
-        /// Its size.
+        /// Required size in MiB.
         needed_mib: f64,
-        /// What the allocator says.
+        /// Message of the allocator.
         problem: String,
     },
     /// A shader does not compile.
@@ -80,7 +83,7 @@ pub enum VulkanError {
     Shader(#[from] ShaderError),
 }
 
-/// Bytes as MiB.
+/// Converts bytes to MiB.
 pub fn mib(bytes: u64) -> f64 {
     bytes as f64 / (1u64 << 20) as f64
 }

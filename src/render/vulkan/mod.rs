@@ -1,192 +1,248 @@
-//! The Vulkan backends.
+//! The Vulkan backends: `vulkan` (ray-tracing pipelines), `vulkan-query` (ray queries) and
+//! `vulkan-compute` (a BVH traversed in a compute shader).
 //!
-//! `layout` and `spirv` need no device. `instance`, `device`, `buffer` and `pipeline` are a thin layer over Vulkan: each
-//! object owns what it was made from and goes when it is dropped, and every submission is waited for before what it uses goes, so
-//! that nothing is destroyed while it is in use.
-#![allow(unsafe_code, reason = "Vulkan is a C interface; each block says why it may be called")]
+//! [`renderer`] runs a job. [`context`] opens instance and device, [`memory`] holds buffers and the
+//! scene, [`films`] the sums, [`accel`] the acceleration structures, [`pipelines`] compiles
+//! shaders, [`schedule`] splits waves into dispatches, and [`layout`] defines the structs that Rust
+//! and GLSL share. `layout` and `pipelines::spirv` need no device. Each Vulkan object owns what it
+//! was made from and is destroyed when dropped, and every submission is waited for before the
+//! objects it uses are dropped, so nothing is destroyed while in use.
+#![allow(
+    unsafe_code,
+    reason = "Vulkan is a C interface; each block states why the call is sound"
+)]
 
-mod accel;
-pub mod buffer;
-pub mod bvh;
-mod cache;
-mod delays;
-pub mod device;
+pub mod accel;
+pub mod context;
 pub mod error;
-mod films;
-pub mod instance;
-pub mod kernel;
+pub mod films;
 pub mod layout;
-mod pace;
-pub mod pipeline;
-pub mod program;
+pub mod memory;
+pub mod pipelines;
+mod prepare;
 pub mod renderer;
-mod session;
-pub mod spirv;
-mod submission;
-mod texels;
-mod times;
-mod tracing;
-pub mod upload;
+pub mod schedule;
 
 use std::sync::Arc;
 
-use super::paths::{SampleAt, Step};
-use super::{BackendRow, Job, RenderError, Renderer, choice, worker};
+use super::backend_choice;
+use super::path_trace::{PathEvent, SampleAt};
+use super::{BackendRow, Job, RenderError, Renderer, worker};
 use crate::scene::CompiledScene;
 use crate::transport::integrator::IntegratorRow;
 use error::VulkanError;
-use program::{Kind, shader_of};
+use pipelines::program::{TracingMode, shader_of};
+use pipelines::spirv::Sources;
 use renderer::VulkanRenderer;
-use spirv::Sources;
 
-/// The row of ray-tracing pipelines.
+/// Table row of the backend with ray-tracing pipelines.
 pub const PIPELINE: BackendRow = BackendRow {
     name: "vulkan",
-    doc: "A graphics device that traces rays: ray-tracing pipelines.",
-    probe: || probe(Kind::Pipeline),
+    doc: "GPU with hardware ray tracing, by ray-tracing pipelines.",
+    probe: || probe(TracingMode::Pipeline),
     layers: true,
     times: true,
-    models: upload::MODELS,
+    models: memory::upload::MODELS,
     refuses,
     edited,
     accel: false,
-    open: |scene, job| open(Kind::Pipeline, &scene, job),
-    paths: |scene, job, samples| paths(Kind::Pipeline, scene, job, samples),
+    open: |scene, job| open(TracingMode::Pipeline, &scene, job),
+    paths: |scene, job, samples| paths(TracingMode::Pipeline, scene, job, samples),
 };
 
-/// The row of ray queries.
+/// Table row of the backend with ray queries.
 pub const QUERY: BackendRow = BackendRow {
     name: "vulkan-query",
-    doc: "The same device and the same code in a compute shader, by ray queries.",
-    probe: || probe(Kind::Query),
+    doc: "GPU with hardware ray tracing, by ray queries in a compute shader.",
+    probe: || probe(TracingMode::Query),
     layers: true,
     times: true,
-    models: upload::MODELS,
+    models: memory::upload::MODELS,
     refuses,
     edited,
     accel: false,
-    open: |scene, job| open(Kind::Query, &scene, job),
-    paths: |scene, job, samples| paths(Kind::Query, scene, job, samples),
+    open: |scene, job| open(TracingMode::Query, &scene, job),
+    paths: |scene, job, samples| paths(TracingMode::Query, scene, job, samples),
 };
 
-/// The row of hierarchies of our own.
+/// Table row of the backend with its own BVH.
 pub const COMPUTE: BackendRow = BackendRow {
     name: "vulkan-compute",
-    doc: "A graphics device that need not trace rays: a compute shader over a hierarchy of our own.",
-    probe: || probe(Kind::Compute),
+    doc: "Any GPU: a compute shader that traverses a BVH built on the CPU.",
+    probe: || probe(TracingMode::Compute),
     layers: true,
     times: true,
-    models: upload::MODELS,
+    models: memory::upload::MODELS,
     refuses,
     edited,
     accel: true,
-    open: |scene, job| open(Kind::Compute, &scene, job),
-    paths: |scene, job, samples| paths(Kind::Compute, scene, job, samples),
+    open: |scene, job| open(TracingMode::Compute, &scene, job),
+    paths: |scene, job, samples| paths(TracingMode::Compute, scene, job, samples),
 };
 
-/// The most path edges of integrators that keep both subpaths: their shaders hold two vertices of about 400 bytes for each
-/// edge in the private memory of every invocation, here 25 KiB.
-const MOST_KEPT: u32 = 32;
+/// Maximum number of path edges of bidirectional integrators: their shaders store two vertices of
+/// about 400 bytes for each edge in the private memory of every invocation, here 25 KiB.
+const MAX_BDPT_DEPTH: u32 = 32;
 
 fn refuses(integrator: &IntegratorRow, max_depth: u32) -> Option<String> {
     let name = integrator.name;
-    if shader_of(&Sources::chosen(), name).is_none() {
+    if shader_of(&Sources::from_env(), name).is_none() {
         return Some(format!("there is no shader for the integrator `{name}`"));
     }
-    (integrator.splats && max_depth > MOST_KEPT).then(|| {
-        format!("its shader of `{name}` keeps the vertices of both subpaths in private memory, which has room for max_depth {MOST_KEPT}, not {max_depth}")
+    (integrator.splats && max_depth > MAX_BDPT_DEPTH).then(|| {
+        format!(
+            "its `{name}` shader supports max_depth up to {MAX_BDPT_DEPTH}, not {max_depth}: it \
+             stores the vertices of both subpaths in private memory"
+        )
     })
 }
 
-/// What of the shaders is not as it was built.
+/// Returns a hash of the shaders if they were modified after the build.
 fn edited() -> Result<Option<String>, String> {
-    Sources::chosen().edited().map_err(|e| e.to_string())
+    Sources::from_env().edited().map_err(|e| e.to_string())
 }
 
-/// Opens a run: in a worker process, where this one has any.
-fn open(kind: Kind, scene: &Arc<CompiledScene>, job: Job) -> Result<Box<dyn Renderer>, RenderError> {
+/// Opens a run, in a worker process if this process uses any.
+fn open(
+    kind: TracingMode,
+    scene: &Arc<CompiledScene>,
+    job: Job,
+) -> Result<Box<dyn Renderer>, RenderError> {
     Ok(match worker::pool() {
         Some(pool) => Box::new(pool.open(kind.backend(), scene, job)?),
         None => Box::new(VulkanRenderer::open(kind, scene, &job)?),
     })
 }
 
-/// What samples do on the device of this process.
-fn paths(kind: Kind, scene: &CompiledScene, job: &Job, samples: &[SampleAt]) -> Result<Vec<Vec<Step>>, RenderError> {
-    let steps = || {
-        let device = session::device()?;
-        VulkanRenderer::stepwise(&device, kind, &Sources::chosen(), scene, job)?.paths(samples)
+/// Records the events of samples on the device of this process.
+fn paths(
+    kind: TracingMode,
+    scene: &CompiledScene,
+    job: &Job,
+    samples: &[SampleAt],
+) -> Result<Vec<Vec<PathEvent>>, RenderError> {
+    let events = || {
+        let device = context::session::device()?;
+        VulkanRenderer::recording(&device, kind, &Sources::from_env(), scene, job)?.paths(samples)
     };
-    steps().map_err(|e| renderer::into_render_error(kind, e))
+    events().map_err(|e| renderer::into_render_error(kind, e))
 }
 
-/// The device that a kind would run on, or why none can.
-fn probe(kind: Kind) -> Result<String, String> {
-    let device = device::choose().map_err(|e| e.to_string())?;
+/// Returns the device that a mode would run on, or why none can.
+fn probe(kind: TracingMode) -> Result<String, String> {
+    let device = context::physical_device::choose().map_err(|e| e.to_string())?;
     match kind.lacking(&device.caps) {
         None => Ok(device.line()),
-        Some(what) => Err(format!("{} has no {what}", device.line())),
+        Some(what) => Err(format!("{} does not support {what}", device.line())),
     }
 }
 
-/// The place of the device that one of these backends renders on in the list of devices; `None` for other backends.
-pub fn place(backend: &str) -> Option<String> {
-    Kind::ALL.iter().find(|kind| kind.backend() == backend)?;
-    device::choose().ok().map(|device| device.index.to_string())
+/// Returns the index, in the list of devices, of the device that one of these backends renders on;
+/// `None` for other backends.
+pub fn device_index(backend: &str) -> Option<String> {
+    TracingMode::ALL
+        .iter()
+        .find(|kind| kind.backend() == backend)?;
+    context::physical_device::choose()
+        .ok()
+        .map(|device| device.index.to_string())
 }
 
-/// The places of further devices of this machine of the model that one of these backends renders on. None where a device
-/// was named: that one is meant alone.
-pub fn alike(backend: &str) -> Vec<String> {
-    if Kind::ALL.iter().all(|kind| kind.backend() != backend) || choice::device(device::DEVICE_VARIABLE).is_some() {
+/// Returns the indices of further devices of this machine of the model that one of these backends
+/// renders on. None if a device was selected explicitly: only that one is used then.
+pub fn same_model_devices(backend: &str) -> Vec<String> {
+    if TracingMode::ALL
+        .iter()
+        .all(|kind| kind.backend() != backend)
+        || backend_choice::device(context::physical_device::DEVICE_VARIABLE).is_some()
+    {
         return Vec::new();
     }
-    let found = || Ok::<_, VulkanError>((device::choose()?, device::list()?));
-    found().map_or_else(|_| Vec::new(), |(chosen, all)| chosen.alike(&all).iter().map(usize::to_string).collect())
+    let found = || {
+        Ok::<_, VulkanError>((
+            context::physical_device::choose()?,
+            context::physical_device::list()?,
+        ))
+    };
+    found().map_or_else(
+        |_| Vec::new(),
+        |(chosen, all)| {
+            chosen
+                .others_of_model(&all)
+                .iter()
+                .map(usize::to_string)
+                .collect()
+        },
+    )
 }
 
-/// The places of the devices of these names, each once.
+/// Resolves names of devices to their indices.
 ///
 /// # Errors
-/// When there is none of a name, or two names mean one.
-pub fn places(names: &[String]) -> Result<Vec<String>, String> {
-    let all = device::list().map_err(|e| e.to_string())?;
-    let mut places: Vec<String> = Vec::new();
+/// Returns a message if a name matches no device, or two names match the same one.
+pub fn resolve_devices(names: &[String]) -> Result<Vec<String>, String> {
+    let all = context::physical_device::list().map_err(|e| e.to_string())?;
+    let mut indices: Vec<String> = Vec::new();
     for name in names {
-        let place = device::find(&all, name).map_err(|e| e.to_string())?.index.to_string();
-        if places.contains(&place) {
-            return Err(format!("device {place} is named twice"));
+        let index = context::physical_device::find(&all, name)
+            .map_err(|e| e.to_string())?
+            .index
+            .to_string();
+        if indices.contains(&index) {
+            return Err(format!("device {index} is selected twice"));
         }
-        places.push(place);
+        indices.push(index);
     }
-    Ok(places)
+    Ok(indices)
 }
 
-/// The backend that suits this machine's device, and why; where none does, why not.
-pub fn automatic() -> Result<(&'static str, String), String> {
-    let device = device::choose().map_err(|e| e.to_string())?;
+/// Returns the backend that suits this machine's device and why, or why none does.
+pub fn auto_backend() -> Result<(&'static str, String), String> {
+    let device = context::physical_device::choose().map_err(|e| e.to_string())?;
     if device.software {
-        return Err(format!("{} is a program on the processor", device.line()));
+        return Err(format!("{} is a software implementation", device.line()));
     }
-    let kind = [Kind::Pipeline, Kind::Compute].into_iter().find(|kind| kind.lacking(&device.caps).is_none());
-    let kind = kind.ok_or_else(|| format!("{} lacks what every backend needs", device.line()))?;
-    let why = if kind == Kind::Pipeline { "it traces rays" } else { "it computes, but does not trace rays" };
+    let kind = [TracingMode::Pipeline, TracingMode::Compute]
+        .into_iter()
+        .find(|kind| kind.lacking(&device.caps).is_none());
+    let kind =
+        kind.ok_or_else(|| format!("{} supports none of the Vulkan backends", device.line()))?;
+    let why = if kind == TracingMode::Pipeline {
+        "it supports hardware ray tracing"
+    } else {
+        "it has no hardware ray tracing"
+    };
     Ok((kind.backend(), format!("{}: {why}", device.line())))
 }
 
-/// Every device of this machine for people: its name and driver, and per kind of backend whether it can do it.
+/// Lists the devices of this machine for users: name and driver, and which backends each supports.
 pub fn devices() -> Vec<(String, String)> {
-    let listed = match device::list() {
+    let listed = match context::physical_device::list() {
         Ok(devices) => devices,
         Err(e) => return vec![("devices".to_owned(), e.to_string())],
     };
-    let line = |d: &device::DeviceInfo| {
-        let able = |kind: &Kind| kind.lacking(&d.caps).is_none();
-        let can: Vec<&str> = Kind::ALL.iter().filter(|kind| able(kind)).map(|kind| kind.backend()).collect();
-        let splats = if d.caps.float_atomics { "splats by float atomics" } else { "splats in whole numbers" };
-        let sort = if d.software { "a program" } else { "hardware" };
+    let line = |d: &context::physical_device::DeviceInfo| {
+        let able = |kind: &TracingMode| kind.lacking(&d.caps).is_none();
+        let backends: Vec<&str> = TracingMode::ALL
+            .iter()
+            .filter(|kind| able(kind))
+            .map(|kind| kind.backend())
+            .collect();
+        let splats = if d.caps.float_atomics {
+            "splats by float atomics"
+        } else {
+            "splats in fixed point"
+        };
+        let sort = if d.software { "software" } else { "hardware" };
         let heap = error::mib(d.limits.heap);
-        (format!("device {}", d.index), format!("{}: {sort}, {heap:.0} MiB, {splats}; {}", d.line(), can.join(", ")))
+        (
+            format!("device {}", d.index),
+            format!(
+                "{}: {sort}, {heap:.0} MiB, {splats}; {}",
+                d.line(),
+                backends.join(", ")
+            ),
+        )
     };
     listed.iter().map(line).collect()
 }

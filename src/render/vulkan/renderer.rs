@@ -4,73 +4,84 @@ use std::io::{self, Write};
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::delays::is_composed;
-use super::device::Device;
+use super::context::device::Device;
+use super::context::session;
 use super::error::VulkanError;
-use super::films::{Films, RestoreError, SplatMode};
-use super::layout::{PathStep, Wave};
-use super::pace::{AHEAD, Cut, Pace, Part, TARGET_S, TOGETHER};
-use super::pipeline::Bindings;
-use super::program::{Kind, Program, Traversal};
-use super::session;
-use super::spirv::Sources;
-use super::submission::{Span, Submission};
-use super::upload::{self, JobBuffers, SceneBuffers};
+use super::films::device_film::{DeviceFilms, RestoreError, SplatMode};
+use super::layout::{PathStep, WaveParams};
+use super::memory::upload;
+use super::memory::upload::{JobBuffers, SceneBuffers};
+use super::pipelines::compute::Bindings;
+use super::pipelines::program::{Program, TracingMode, Traversal};
+use super::pipelines::spirv::Sources;
+use super::prepare::{check_films, shader_defines, supported_scene};
+use super::schedule::dispatch_size::{
+    DISPATCHES_PER_SUBMISSION, DispatchPacer, DispatchRange, MAX_SPECULATIVE_DISPATCHES, TARGET_S,
+    WaveSplitter,
+};
+use super::schedule::submission::{Span, Submission};
 use crate::film::Film;
-use crate::film::layer::{LayerFilm, Layout};
-use crate::film::state::{Saved, write_words};
-use crate::film::time::{self, TimeCube};
-use crate::render::paths::{MOST_STEPS, SampleAt, Step};
+use crate::film::layer::LayerFilm;
+use crate::film::state::{StateReader, write_u64s};
+use crate::film::time::TimeCube;
+use crate::render::path_trace::{MAX_PATH_EVENTS, PathEvent, SampleAt};
 use crate::render::{Job, OpenStats, RenderError, Renderer, WaveStats};
 use crate::scene::CompiledScene;
-use crate::scene::compile::{MOST_UNFOLDED, NONE};
+use crate::scene::compile::NONE;
 use crate::transport::contribution::Contribution;
 use crate::transport::ray::{Hit, Ray};
 
-/// A run on a device. Its fields go in the order in which they are written: what uses others first.
+/// Run of a job on a device. Fields are dropped in the order of their declaration: users before
+/// what they use.
 pub struct VulkanRenderer {
-    /// What the device has begun of the next wave.
-    ahead: Option<Ahead>,
-    kind: Kind,
+    /// Speculative dispatches of the next wave.
+    speculative: Option<SpeculativeWave>,
+    kind: TracingMode,
     program: Program,
     bindings: Bindings,
-    films: Films,
+    films: DeviceFilms,
     _traversal: Traversal,
     _job_buffers: JobBuffers,
     _scene: Arc<SceneBuffers>,
     device: Arc<Device>,
-    pace: Pace,
-    /// The place of the counters of the last submission.
-    place: usize,
-    /// When the device worked on the last submission.
+    pacer: DispatchPacer,
+    /// Index of the last submission, which selects its counters.
+    slot: usize,
+    /// Interval in which the device worked on the last submission.
     last: Option<Span>,
-    /// When the last wave was handed out, and seconds from there to asking for the next one.
+    /// Time when the last wave was returned, and the host times in seconds between the last two
+    /// waves.
     away: (Option<Instant>, [f64; 2]),
     film: Film,
     /// Index of the first sample of the film.
     first_sample: u64,
     open_stats: OpenStats,
-    /// Whether some sample was refused so far.
-    refused: bool,
+    /// Whether any sample has been invalid so far.
+    any_invalid: bool,
 }
 
-/// The beginning of a wave that nobody has asked for yet: it runs while the host looks at the wave before.
-struct Ahead {
+/// Beginning of a wave that has not been requested yet; it runs while the host reads the previous
+/// wave.
+struct SpeculativeWave {
     submission: Submission,
-    parts: Vec<Part>,
-    place: usize,
-    /// The wave, after these parts.
-    cut: Cut,
+    dispatches: Vec<DispatchRange>,
+    slot: usize,
+    /// Rest of the wave after these dispatches.
+    rest: WaveSplitter,
 }
 
 impl VulkanRenderer {
     /// Opens a run on the device of this process.
     ///
     /// # Errors
-    /// When there is no device, it lacks something, or the scene does not fit.
-    pub fn open(kind: Kind, scene: &CompiledScene, job: &Job) -> Result<VulkanRenderer, RenderError> {
+    /// Returns an error if there is no device, it lacks a feature, or the scene does not fit.
+    pub fn open(
+        kind: TracingMode,
+        scene: &CompiledScene,
+        job: &Job,
+    ) -> Result<VulkanRenderer, RenderError> {
         let device = session::device().map_err(|e| into_render_error(kind, e))?;
-        VulkanRenderer::new(&device, kind, &Sources::chosen(), scene, job).map_err(|e| {
+        VulkanRenderer::new(&device, kind, &Sources::from_env(), scene, job).map_err(|e| {
             session::forget(&device);
             into_render_error(kind, e)
         })
@@ -79,10 +90,11 @@ impl VulkanRenderer {
     /// Opens a run on a device.
     ///
     /// # Errors
-    /// When the device lacks something, a shader does not compile, or the scene does not fit.
+    /// Returns an error if the device lacks a feature, a shader does not compile, or the scene does
+    /// not fit.
     pub fn new(
         device: &Arc<Device>,
-        kind: Kind,
+        kind: TracingMode,
         sources: &Sources,
         scene: &CompiledScene,
         job: &Job,
@@ -90,100 +102,67 @@ impl VulkanRenderer {
         VulkanRenderer::make(device, kind, sources, scene, job, false)
     }
 
-    /// Opens a run that can say what its samples do, step by step.
+    /// Opens a run that records the events of samples.
     ///
     /// # Errors
-    /// As [`VulkanRenderer::new`].
-    pub fn stepwise(
+    /// Returns an error in the cases of [`VulkanRenderer::new`].
+    pub fn recording(
         device: &Arc<Device>,
-        kind: Kind,
+        kind: TracingMode,
         sources: &Sources,
         scene: &CompiledScene,
         job: &Job,
     ) -> Result<VulkanRenderer, VulkanError> {
-        VulkanRenderer::make(device, kind, sources, scene, &Job { layers: Vec::new(), ..job.clone() }, true)
+        VulkanRenderer::make(
+            device,
+            kind,
+            sources,
+            scene,
+            &Job {
+                layers: Vec::new(),
+                ..job.clone()
+            },
+            true,
+        )
     }
 
     fn make(
         device: &Arc<Device>,
-        kind: Kind,
+        kind: TracingMode,
         sources: &Sources,
         scene: &CompiledScene,
         job: &Job,
-        steps: bool,
+        record_events: bool,
     ) -> Result<VulkanRenderer, VulkanError> {
-        let unfolded;
-        // Copies are placed in double precision, as on the CPU.
-        let scene = if scene.instances.places.is_empty() || device.info.caps.doubles {
-            scene
-        } else {
-            unfolded = scene.flattened(MOST_UNFOLDED).map_err(|found| VulkanError::Lacks {
-                device: device.info.line(),
-                needed: format!("numbers of double precision in shaders (shaderFloat64) for copies of meshes, which would be {found} triangles (at most {MOST_UNFOLDED} are unfolded)"),
-            })?;
-            &unfolded
-        };
-        let pixels = u64::from(job.resolution[0]) * u64::from(job.resolution[1]);
-        let layout = Layout::new(&job.layers, job.max_depth, pixels)
-            .map_err(|needed| VulkanError::Lacks { device: device.info.line(), needed })?;
-        if let Some(timing) = &job.timing {
-            time::bytes(&timing.axis, pixels, job.integrator.splats)
-                .map_err(|needed| VulkanError::Lacks { device: device.info.line(), needed })?;
-        }
-        let mode = match (job.integrator.splats, device.info.caps.float_atomics) {
-            (false, _) => SplatMode::None,
-            (true, true) => SplatMode::Float,
-            (true, false) => SplatMode::Fixed,
-        };
+        let scene = &*supported_scene(device, scene)?;
+        let layout = check_films(job)?;
+        let splat_mode = SplatMode::select(job.integrator.splats, device.info.caps.float_atomics);
         let start = Instant::now();
         let scene_buffers = session::scene(device, scene)?;
         let job_buffers = JobBuffers::new(device, scene, job, &layout)?;
         let upload_s = start.elapsed().as_secs_f64();
         let traversal = Traversal::new(device, kind, scene, &job.accel, &scene_buffers)?;
         let built = traversal.built();
-        let mut defines = vec![
-            ("SAMPLER_KIND", format!("{}u", u32::from(job.sampler.name == "sobol"))),
-            ("MODELS", upload::models(scene).to_string()),
-        ];
-        if !job.layers.is_empty() {
-            defines.push(("LAYERS", String::new()));
-        }
-        match mode {
-            SplatMode::None => defines.push(("SPLAT_NONE", String::new())),
-            SplatMode::Float => defines.push(("SPLAT_FLOAT", String::new())),
-            SplatMode::Fixed => {}
-        }
-        if job.timing.is_some() {
-            defines.push(("TIMES", String::new()));
-        }
-        if is_composed(scene) || (job.timing.is_some() && !scene.delays.is_empty()) {
-            defines.push(("PARTS", String::new()));
-        }
-        if !scene.instances.places.is_empty() {
-            defines.push(("COPIES", String::new()));
-        }
-        if !scene.second_uvs.is_empty() {
-            defines.push(("SECOND_UVS", String::new()));
-        }
-        if let Some(shift) = scene_buffers.texel_shift() {
-            defines.push(("TEXEL_SHIFT", format!("{shift}u")));
-        }
-        if steps {
-            defines.push(("PATHS", String::new()));
-        }
-        let films = Films::new(device, job.resolution, layout, job.timing.as_ref().map(|t| t.axis), mode, steps)?;
-        let mut bound = upload::bound(&scene_buffers, &job_buffers);
-        bound.extend(films.bound());
-        bound.extend(traversal.bound());
-        let bindings = Bindings::new(device, Program::stages(kind), &bound)?;
+        let shift = scene_buffers.texel_shift();
+        let defines = shader_defines(scene, job, splat_mode, shift, record_events);
+        let films = DeviceFilms::new(
+            device,
+            job.resolution,
+            layout,
+            job.timing.as_ref().map(|t| t.axis),
+            splat_mode,
+            record_events,
+        )?;
+        let mut resources = upload::bindings(&scene_buffers, &job_buffers);
+        resources.extend(films.bindings());
+        resources.extend(traversal.bindings());
+        let bindings = Bindings::new(device, Program::stages(kind), &resources)?;
         let start = Instant::now();
         let program = Program::new(device, kind, sources, job, &defines, &bindings)?;
-        // Software drivers compile at the first dispatch; an empty one leaves that out of the first wave's time.
-        let empty = Wave { first_sample: [0; 2], samples: 0, first_row: 0, rows: 0 };
-        device.run("warm up", |commands| program.dispatch(commands, &bindings, 1, &empty))?;
+        program.warm_up(device, &bindings)?;
         let pipeline_s = start.elapsed().as_secs_f64();
         Ok(VulkanRenderer {
-            ahead: None,
+            speculative: None,
             kind,
             program,
             bindings,
@@ -192,68 +171,105 @@ impl VulkanRenderer {
             _job_buffers: job_buffers,
             _scene: scene_buffers,
             device: Arc::clone(device),
-            pace: Pace::default(),
-            place: 0,
+            pacer: DispatchPacer::default(),
+            slot: 0,
             last: None,
             away: (None, [0.0; 2]),
             film: Film::new(job.resolution[0], job.resolution[1]),
             first_sample: job.first_sample,
-            open_stats: OpenStats { upload_s, pipeline_s, device: device.info.line(), ..built },
-            refused: false,
+            open_stats: OpenStats {
+                upload_s,
+                pipeline_s,
+                device: device.info.line(),
+                ..built
+            },
+            any_invalid: false,
         })
     }
 
-    /// Renders a wave, begins the next one where `more` samples are to follow, and brings the film here while that runs.
+    /// Renders a wave, starts the next one speculatively if `more` samples are expected, and copies
+    /// the film to the host while that runs.
     fn wave(&mut self, samples: u64, more: u64) -> Result<WaveStats, VulkanError> {
-        let mut stats = WaveStats { samples, paths: samples * self.film.sum.len() as u64, ..WaveStats::default() };
-        self.away.1 = [self.away.0.take().map_or(0.0, |since| since.elapsed().as_secs_f64()), self.away.1[0]];
-        let mut cut = self.take_ahead(samples, &mut stats)?;
-        let mut waited = true;
+        let mut stats = WaveStats {
+            samples,
+            paths: samples * self.film.sum.len() as u64,
+            ..WaveStats::default()
+        };
+        self.away.1 = [
+            self.away
+                .0
+                .take()
+                .map_or(0.0, |since| since.elapsed().as_secs_f64()),
+            self.away.1[0],
+        ];
+        let mut rest = self.take_speculative(samples, &mut stats)?;
+        let mut device_was_idle = true;
         loop {
-            let parts = cut.parts(&self.pace, TOGETHER);
-            let ends = cut.is_done();
-            // Where all of it was done ahead, its end is left.
-            let submission = self.submit(&parts, self.film.samples, ends)?;
-            let place = self.place;
+            let dispatches = rest.next_dispatches(&self.pacer, DISPATCHES_PER_SUBMISSION);
+            let ends = rest.is_done();
+            // If the whole wave was speculative, only its end is left.
+            let submission = self.submit(&dispatches, self.film.samples, ends)?;
+            let slot = self.slot;
             if ends {
-                self.begin_ahead(samples, more)?;
+                self.start_speculative(samples, more)?;
             }
-            self.book(&parts, submission.wait()?, place, waited, &mut stats);
+            self.record(
+                &dispatches,
+                submission.wait()?,
+                slot,
+                device_was_idle,
+                &mut stats,
+            );
             if ends {
                 break;
             }
-            waited = false;
+            device_was_idle = false;
         }
         self.away.0 = Some(Instant::now());
         self.film.samples += samples;
         self.films.end_wave();
         self.films.picture(&mut self.film)?;
-        if stats.invalid > 0 && !self.refused {
-            self.refused = true;
-            stats.first_invalid = self.films.first_invalid().map(|[sample, y, x]| [x, y, sample]);
+        if stats.invalid > 0 && !self.any_invalid {
+            self.any_invalid = true;
+            stats.first_invalid = self
+                .films
+                .first_invalid()
+                .map(|[sample, y, x]| [x, y, sample]);
         }
         Ok(stats)
     }
 
-    /// Hands parts of a wave to the device that follows so many samples, and its end where they are the last ones.
-    fn submit(&mut self, parts: &[Part], before: u64, ends: bool) -> Result<Submission, VulkanError> {
-        self.place += 1;
+    /// Submits dispatches of a wave that begins after `before` samples, and the end of the wave if
+    /// `ends`.
+    fn submit(
+        &mut self,
+        dispatches: &[DispatchRange],
+        before: u64,
+        ends: bool,
+    ) -> Result<Submission, VulkanError> {
+        self.slot += 1;
         let render = |commands| {
             self.films.start_counting(&self.device, commands);
-            for (i, part) in parts.iter().enumerate() {
+            for (i, part) in dispatches.iter().enumerate() {
                 if i > 0 {
-                    // The same rows may come again.
+                    // The same rows may be rendered again.
                     self.device.barrier_to_shaders(commands);
                 }
                 let first = self.first_sample + before + part.done;
                 let (first_sample, rows) = ([first as u32, (first >> 32) as u32], part.rows);
-                let wave = Wave { first_sample, samples: part.samples, first_row: part.row, rows };
-                self.program.dispatch(commands, &self.bindings, self.film.width, &wave);
+                let wave = WaveParams {
+                    first_sample,
+                    samples: part.samples,
+                    first_row: part.row,
+                    rows,
+                };
+                self.program
+                    .dispatch(commands, &self.bindings, self.film.width, &wave);
             }
-            self.films.stop_counting(&self.device, commands, self.place);
+            self.films.stop_counting(&self.device, commands, self.slot);
         };
-        // On no clock, as the bins of a time axis are not that are fetched later: what splats need to be copied, other
-        // techniques would not pay.
+        // Not timed, as the later copies of time bins are not: other techniques would not pay for
+        // the copies that splats need.
         let copy = |commands| {
             if ends {
                 self.films.record_end(&self.device, commands);
@@ -262,88 +278,141 @@ impl VulkanRenderer {
         self.device.submit("render", render, copy)
     }
 
-    /// Counts what a submission has done, and learns from it. All clocks are the device's: a wave takes from the beginning of its
-    /// first submission to the end of its last, but for the time in which the device `waited` to be asked for more.
-    fn book(&mut self, parts: &[Part], span: Span, place: usize, waited: bool, stats: &mut WaveStats) {
+    /// Adds the statistics of a submission and updates the pacer. All times are the device's: a
+    /// wave takes from the start of its first submission to the end of its last, except for the
+    /// time in which the device was idle between them if `device_was_idle`.
+    fn record(
+        &mut self,
+        dispatches: &[DispatchRange],
+        span: Span,
+        slot: usize,
+        device_was_idle: bool,
+        stats: &mut WaveStats,
+    ) {
         let (seconds, width) = (span.seconds(), self.film.width);
-        if !parts.is_empty() {
-            let work = parts.iter().map(|part| part.work(width)).sum::<f64>();
-            self.pace.record(work / parts.len() as f64, seconds / parts.len() as f64);
+        if !dispatches.is_empty() {
+            let work = dispatches.iter().map(|part| part.work(width)).sum::<f64>();
+            self.pacer.record(
+                work / dispatches.len() as f64,
+                seconds / dispatches.len() as f64,
+            );
         }
-        let counted = self.films.counted(place);
+        let counted = self.films.counted(slot);
         stats.rays += u64::from(counted.rays[1]) << 32 | u64::from(counted.rays[0]);
         stats.invalid += u64::from(counted.invalid);
         let before = self.last.map_or(0.0, |last| span.since(&last));
-        *if waited { &mut stats.idle_s } else { &mut stats.render_s } += before;
+        *if device_was_idle {
+            &mut stats.idle_s
+        } else {
+            &mut stats.render_s
+        } += before;
         stats.render_s += seconds;
         stats.device_s += seconds;
         self.last = Some(span);
     }
 
-    /// Begins the wave after the one in progress, of `samples`, as far as the host was away the last times, if so many samples are
-    /// to follow and the films let it.
-    fn begin_ahead(&mut self, samples: u64, more: u64) -> Result<(), VulkanError> {
-        // Without a clock of the device nobody could say how long it took.
-        if more == 0 || !self.films.may_go_on() || self.device.info.limits.timestamp_ns == 0.0 {
+    /// Starts the wave after the current one, of `samples`, speculatively for as long as the host
+    /// was away the last times, if `more` samples are expected and the films allow it.
+    fn start_speculative(&mut self, samples: u64, more: u64) -> Result<(), VulkanError> {
+        // Without a device clock its time could not be measured.
+        if more == 0
+            || !self.films.allows_speculation()
+            || self.device.info.limits.timestamp_ns == 0.0
+        {
             return Ok(());
         }
-        let mut cut = Cut::new([self.film.width, self.film.height], more);
-        let parts = cut.parts(&self.pace, ((self.away.1[0].max(self.away.1[1]) / TARGET_S) as usize + 1).min(AHEAD));
-        let submission = self.submit(&parts, self.film.samples + samples, false)?;
-        self.ahead = Some(Ahead { submission, parts, place: self.place, cut });
+        let mut rest = WaveSplitter::new([self.film.width, self.film.height], more);
+        let dispatches = rest.next_dispatches(
+            &self.pacer,
+            ((self.away.1[0].max(self.away.1[1]) / TARGET_S) as usize + 1)
+                .min(MAX_SPECULATIVE_DISPATCHES),
+        );
+        let submission = self.submit(&dispatches, self.film.samples + samples, false)?;
+        self.speculative = Some(SpeculativeWave {
+            submission,
+            dispatches,
+            slot: self.slot,
+            rest,
+        });
         Ok(())
     }
 
-    /// What is left of a wave of so many samples after what was done ahead. What was done of another wave is put back.
-    fn take_ahead(&mut self, samples: u64, stats: &mut WaveStats) -> Result<Cut, VulkanError> {
-        let whole = Cut::new([self.film.width, self.film.height], samples);
-        let Some(Ahead { submission, parts, place, cut }) = self.ahead.take() else { return Ok(whole) };
+    /// Returns the rest of a wave of `samples` samples after its speculative dispatches. Dispatches
+    /// of another wave are rolled back.
+    fn take_speculative(
+        &mut self,
+        samples: u64,
+        stats: &mut WaveStats,
+    ) -> Result<WaveSplitter, VulkanError> {
+        let whole = WaveSplitter::new([self.film.width, self.film.height], samples);
+        let Some(SpeculativeWave {
+            submission,
+            dispatches,
+            slot,
+            rest,
+        }) = self.speculative.take()
+        else {
+            return Ok(whole);
+        };
         let span = submission.wait()?;
-        if let Some(rest) = cut.of(samples) {
-            self.book(&parts, span, place, true, stats);
+        if let Some(rest) = rest.rest_of(samples) {
+            self.record(&dispatches, span, slot, true, stats);
             return Ok(rest);
         }
-        tracing::debug!("{:.3} s of the device were for a wave that nobody wants, and count for none", span.seconds());
+        tracing::debug!(
+            "discarded {:.3} s of speculative device work",
+            span.seconds()
+        );
         self.last = Some(span);
-        self.films.take_back()?;
+        self.films.roll_back()?;
         Ok(whole)
     }
 
-    /// What samples do, of a run that was opened [`VulkanRenderer::stepwise`]. Its film is worthless afterwards.
+    /// Records the events of samples, in a run opened by [`VulkanRenderer::recording`]. Its film
+    /// must not be used afterwards.
     ///
     /// # Errors
-    /// When the device fails.
-    pub fn paths(&mut self, samples: &[SampleAt]) -> Result<Vec<Vec<Step>>, VulkanError> {
+    /// Returns an error if the device fails.
+    pub fn paths(&mut self, samples: &[SampleAt]) -> Result<Vec<Vec<PathEvent>>, VulkanError> {
         let mut found = Vec::with_capacity(samples.len());
-        // A row at a time, as they come.
+        // One row at a time, in the given order.
         for row in samples.chunk_by(|a, b| (a.pixel[1], a.sample) == (b.pixel[1], b.sample)) {
             let (y, sample) = (row[0].pixel[1], row[0].sample);
             let first_sample = [sample as u32, (sample >> 32) as u32];
-            let wave = Wave { first_sample, samples: 1, first_row: y, rows: 1 };
-            self.films.clear_steps()?;
-            self.device.run("steps of samples", |commands| {
+            let wave = WaveParams {
+                first_sample,
+                samples: 1,
+                first_row: y,
+                rows: 1,
+            };
+            self.films.clear_events()?;
+            self.device.run("path events", |commands| {
                 self.device.barrier_to_shaders(commands);
-                self.program.dispatch(commands, &self.bindings, self.film.width, &wave);
+                self.program
+                    .dispatch(commands, &self.bindings, self.film.width, &wave);
                 self.device.barrier_to_copy(commands);
             })?;
-            let steps = self.films.steps()?;
+            let events = self.films.events()?;
             found.extend(row.iter().map(|at| {
-                let own = steps.chunks_exact(MOST_STEPS).nth(at.pixel[0] as usize).unwrap_or_default();
-                own.iter().map_while(step).collect()
+                let own = events
+                    .chunks_exact(MAX_PATH_EVENTS)
+                    .nth(at.pixel[0] as usize)
+                    .unwrap_or_default();
+                own.iter().map_while(to_event).collect()
             }));
         }
         Ok(found)
     }
 
-    fn take(&mut self, state: &[u8]) -> Result<(), RestoreError> {
-        if let Some(ahead) = self.ahead.take() {
-            ahead.submission.wait()?;
+    fn restore_state(&mut self, state: &[u8]) -> Result<(), RestoreError> {
+        if let Some(speculative) = self.speculative.take() {
+            speculative.submission.wait()?;
         }
-        let mut from = Saved::new(state);
-        let samples = from.word()?;
-        self.refused = from.word()? != 0;
+        let mut from = StateReader::new(state);
+        let samples = from.read_u64()?;
+        self.any_invalid = from.read_u64()? != 0;
         self.films.restore(&mut from)?;
-        from.end()?;
+        from.finish()?;
         self.film.samples = samples;
         Ok(self.films.picture(&mut self.film)?)
     }
@@ -351,24 +420,43 @@ impl VulkanRenderer {
 
 impl Drop for VulkanRenderer {
     fn drop(&mut self) {
-        let ended = self.ahead.take().map(|ahead| ahead.submission.wait());
+        let ended = self
+            .speculative
+            .take()
+            .map(|speculative| speculative.submission.wait());
         if let Some(Err(error)) = ended {
-            tracing::debug!("the device failed in a wave that nobody wanted any more: {error}");
+            tracing::debug!("the device failed in discarded speculative work: {error}");
             session::forget(&self.device);
         }
     }
 }
 
-/// A step as a shader has written it, if it has.
-fn step(s: &PathStep) -> Option<Step> {
-    let ray = Ray { origin: s.origin.into(), dir: s.dir.into() };
+/// Converts an event written by a shader, or returns `None` for an empty one.
+fn to_event(s: &PathStep) -> Option<PathEvent> {
+    let ray = Ray {
+        origin: s.origin.into(),
+        dir: s.dir.into(),
+    };
     match s.kind {
         1 => {
-            let hit = (s.met != NONE).then_some(Hit { t: s.t, primitive: s.met, instance: NONE, uv: s.uv });
-            Some(Step::Closest { ray, t_max: s.t_max, hit })
+            let hit = (s.met != NONE).then_some(Hit {
+                t: s.t,
+                primitive: s.met,
+                instance: NONE,
+                uv: s.uv,
+            });
+            Some(PathEvent::Closest {
+                ray,
+                t_max: s.t_max,
+                hit,
+            })
         }
-        2 => Some(Step::Shadow { ray, t_max: s.t_max, blocked: s.met != 0 }),
-        3 => Some(Step::Light(Contribution {
+        2 => Some(PathEvent::Shadow {
+            ray,
+            t_max: s.t_max,
+            blocked: s.met != 0,
+        }),
+        3 => Some(PathEvent::Light(Contribution {
             pixel: s.pixel,
             value: s.value.into(),
             unweighted: s.unweighted.into(),
@@ -380,25 +468,32 @@ fn step(s: &PathStep) -> Option<Step> {
     }
 }
 
-/// What the layers above are told.
-pub fn into_render_error(kind: Kind, error: VulkanError) -> RenderError {
+/// Converts a device error to a backend error.
+pub fn into_render_error(kind: TracingMode, error: VulkanError) -> RenderError {
     let (backend, reason) = (kind.backend(), error.to_string());
     match error {
         VulkanError::NoLoader(_)
         | VulkanError::NoDevice(_)
         | VulkanError::Lacks { .. }
+        | VulkanError::OverLimit(_)
         | VulkanError::TooLarge { .. } => RenderError::Unsupported { backend, reason },
-        VulkanError::Lost { .. } | VulkanError::Stuck { .. } => RenderError::Lost { backend, reason },
+        VulkanError::Lost { .. } | VulkanError::Stuck { .. } => {
+            RenderError::Lost { backend, reason }
+        }
         _ => RenderError::Failed { backend, reason },
     }
 }
 
 impl Renderer for VulkanRenderer {
     fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
-        self.advance_toward(samples, 0)
+        self.advance_with_lookahead(samples, 0)
     }
 
-    fn advance_toward(&mut self, samples: u64, more: u64) -> Result<WaveStats, RenderError> {
+    fn advance_with_lookahead(
+        &mut self,
+        samples: u64,
+        more: u64,
+    ) -> Result<WaveStats, RenderError> {
         self.wave(samples, more).map_err(|e| {
             session::forget(&self.device);
             into_render_error(self.kind, e)
@@ -415,32 +510,38 @@ impl Renderer for VulkanRenderer {
 
     fn layer(&self, index: usize) -> Result<Film, RenderError> {
         if index >= self.films.layers().len() {
-            let reason = format!("there is no film {index} of layers");
-            return Err(RenderError::Failed { backend: self.kind.backend(), reason });
+            let reason = format!("layer film {index} does not exist");
+            return Err(RenderError::Failed {
+                backend: self.kind.backend(),
+                reason,
+            });
         }
-        self.films.layer(index, self.film.samples).map_err(|e| into_render_error(self.kind, e))
+        self.films
+            .layer(index, self.film.samples)
+            .map_err(|e| into_render_error(self.kind, e))
     }
 
     fn times(&self) -> Option<TimeCube> {
         let found = self.films.times(self.film.samples);
         found.unwrap_or_else(|error| {
-            tracing::warn!("the light of this run by its time is lost: {error}");
+            tracing::warn!("the time-resolved film of this run is lost: {error}");
             session::forget(&self.device);
             None
         })
     }
 
     fn save(&self, to: &mut dyn Write) -> io::Result<bool> {
-        write_words(to, [self.film.samples, self.refused.into()])?;
+        write_u64s(to, [self.film.samples, self.any_invalid.into()])?;
         self.films.save(to)?;
         Ok(true)
     }
 
     fn restore(&mut self, state: &[u8]) -> Result<(), RenderError> {
-        self.take(state).map_err(|error| match error {
-            RestoreError::Misfit(misfit) => {
-                RenderError::Failed { backend: self.kind.backend(), reason: misfit.to_string() }
-            }
+        self.restore_state(state).map_err(|error| match error {
+            RestoreError::CheckpointMismatch(error) => RenderError::Failed {
+                backend: self.kind.backend(),
+                reason: error.to_string(),
+            },
             RestoreError::Device(error) => {
                 session::forget(&self.device);
                 into_render_error(self.kind, error)

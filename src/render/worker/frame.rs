@@ -1,4 +1,4 @@
-//! Frames: how messages follow each other in a pipe.
+//! Frames that delimit messages in a pipe:
 //!
 //! ```text
 //! length of the message, 64 bits | blake3 of it | the message
@@ -6,13 +6,13 @@
 
 use std::io::{self, Read, Write};
 
-/// The longest message, in bytes: longer ones are no messages.
-const LONGEST: u64 = 1 << 40;
+/// Maximum length of a message in bytes; longer ones are corrupt.
+const MAX_LENGTH: u64 = 1 << 40;
 
-/// Writes a message and everything before it.
+/// Writes a framed message and flushes the pipe.
 ///
 /// # Errors
-/// As `to`.
+/// Returns any error of the writer.
 pub fn write(to: &mut impl Write, message: &[u8]) -> io::Result<()> {
     to.write_all(&(message.len() as u64).to_ne_bytes())?;
     to.write_all(blake3::hash(message).as_bytes())?;
@@ -20,10 +20,10 @@ pub fn write(to: &mut impl Write, message: &[u8]) -> io::Result<()> {
     to.flush()
 }
 
-/// The next message; `None` where the pipe ends between two of them.
+/// Reads the next message, or returns `None` if the pipe ends between two messages.
 ///
 /// # Errors
-/// When the pipe fails, ends within a message, or brings another than was sent.
+/// Returns an error if the pipe fails, ends within a message, or the checksum does not match.
 pub fn read(from: &mut impl Read) -> io::Result<Option<Vec<u8>>> {
     let mut length = [0; 8];
     match from.read(&mut length)? {
@@ -33,8 +33,11 @@ pub fn read(from: &mut impl Read) -> io::Result<Option<Vec<u8>>> {
     let length = u64::from_ne_bytes(length);
     let mut sum = [0; blake3::OUT_LEN];
     from.read_exact(&mut sum)?;
-    if length > LONGEST {
-        return Err(io::Error::new(io::ErrorKind::InvalidData, format!("a message of {length} bytes")));
+    if length > MAX_LENGTH {
+        return Err(io::Error::new(
+            io::ErrorKind::InvalidData,
+            format!("invalid message length: {length} bytes"),
+        ));
     }
     let mut message = Vec::new();
     from.take(length).read_to_end(&mut message)?;
@@ -42,7 +45,10 @@ pub fn read(from: &mut impl Read) -> io::Result<Option<Vec<u8>>> {
         return Err(io::ErrorKind::UnexpectedEof.into());
     }
     if *blake3::hash(&message).as_bytes() != sum {
-        return Err(io::Error::new(io::ErrorKind::InvalidData, "a message is not the one that was sent"));
+        return Err(io::Error::new(
+            io::ErrorKind::InvalidData,
+            "message checksum mismatch",
+        ));
     }
     Ok(Some(message))
 }
@@ -77,7 +83,10 @@ mod tests {
         for at in 0..first {
             let mut changed = whole.clone();
             changed[at] ^= 0x10;
-            assert!(!matches!(read(&mut &changed[..]), Ok(Some(m)) if m == b"first"), "changed at {at}");
+            assert!(
+                !matches!(read(&mut &changed[..]), Ok(Some(m)) if m == b"first"),
+                "changed at {at}"
+            );
         }
     }
 }

@@ -1,75 +1,81 @@
-//! What is asked and answered.
+//! Messages between a process and its worker.
 
 use std::sync::Arc;
 
-use super::wire::{Blob, Garbled, Reader, Wire, decode, encode};
+use super::wire::{Blob, CorruptMessage, Reader, Wire, decode, encode};
 use crate::film::Film;
 use crate::film::time::TimeCube;
 use crate::render::{Job, OpenStats, RenderError, WaveStats};
 use crate::scene::CompiledScene;
 
-/// What this program asks a worker.
+/// Request to a worker.
 #[derive(Debug)]
 pub enum Request {
-    /// A scene to keep until the next one comes.
+    /// Caches a scene until the next one arrives.
     Scene(Arc<CompiledScene>),
-    /// To open a run of a backend on that scene, under a number, and where its film is to be left, by the name of a
-    /// [`SharedFilm`](super::shared::SharedFilm).
+    /// Opens a run of a backend on that scene, with a run number, and the name of the
+    /// [`SharedFilm`](super::shared::SharedFilm) for its film.
     Open(u64, String, Box<Job>, Option<String>),
-    /// To add so many samples, and how many are likely to follow.
+    /// Adds samples: run, number of samples, and number of samples that may be started
+    /// speculatively.
     Advance(u64, u64, u64),
-    /// The film of a layer.
+    /// Requests a layer's film: run and index.
     Layer(u64, usize),
-    /// The light of a run by its time.
+    /// Requests the time-resolved film of a run.
     Times(u64),
-    /// The state of a run.
+    /// Requests the checkpoint state of a run.
     Save(u64),
-    /// To take such a state.
+    /// Restores a checkpoint state.
     Restore(u64, Blob),
-    /// To end a run.
+    /// Ends a run; there is no reply.
     Close(u64),
 }
 
-/// What the worker answers.
+/// Reply of a worker.
 #[derive(Debug)]
 pub enum Reply {
-    /// The first word of a worker: its version.
+    /// First message of a worker: its version.
     Ready(String),
-    /// A run is open.
+    /// The run is open.
     Opened(OpenStats),
-    /// Samples were added, and this is the film now.
+    /// Samples were added; the current film is attached.
     Advanced(WaveStats, Film),
-    /// Samples were added, and the film now, of so many, is where it was to be left.
-    Left(WaveStats, u64),
-    /// A layer's film.
+    /// Samples were added; the film, whose number of samples is attached, is in shared memory.
+    AdvancedShared(WaveStats, u64),
+    /// Film of a layer.
     Layer(Film),
-    /// The light by its time, of a film with a time axis.
+    /// Time-resolved film, if the run has a time axis.
     Times(Option<TimeCube>),
-    /// A run's state.
+    /// Checkpoint state of a run, if its backend supports checkpoints.
     Saved(Option<Blob>),
-    /// A state was taken, and this is the film now.
+    /// The state was restored; the current film is attached.
     Restored(Film),
-    /// A state could not be written.
-    Unsaved(String),
-    /// It cannot be done.
+    /// The state could not be written.
+    SaveFailed(String),
+    /// The request failed.
     Failed(RenderError),
-    /// No answer, but a sign of life: one every [`BEAT`](super::process::BEAT).
-    Alive(),
+    /// Heartbeat, sent every [`HEARTBEAT`](super::process::HEARTBEAT); not a reply.
+    Heartbeat(),
 }
 
-/// Enums as a number and the fields of the variant.
+/// Implements [`Wire`] for enums as a number followed by the fields of the variant.
 macro_rules! enums {
-    ($($ty:ident { $($number:literal: $variant:ident($($field:ident),*)),+ $(,)? })+) => { $(impl Wire for $ty {
-        fn put(&self, to: &mut Vec<u8>) {
+    ($($ty:ident {
+        $($number:literal: $variant:ident($($field:ident),*)),+ $(,)?
+    })+) => { $(impl Wire for $ty {
+        fn write_to(&self, to: &mut Vec<u8>) {
             match self {
-                $($ty::$variant($($field),*) => { $number.put(to); $($field.put(to);)* })+
+                $($ty::$variant($($field),*) => { $number.write_to(to); $($field.write_to(to);)* })+
             }
         }
 
-        fn take(from: &mut Reader<'_>) -> Result<$ty, Garbled> {
-            match u8::take(from)? {
-                $($number => { $(let $field = Wire::take(from)?;)* Ok($ty::$variant($($field),*)) })+
-                _ => Err(Garbled),
+        fn read_from(from: &mut Reader<'_>) -> Result<$ty, CorruptMessage> {
+            match u8::read_from(from)? {
+                $($number => {
+                    $(let $field = Wire::read_from(from)?;)*
+                    Ok($ty::$variant($($field),*))
+                })+
+                _ => Err(CorruptMessage),
             }
         }
     })+ };
@@ -77,42 +83,44 @@ macro_rules! enums {
 
 enums! {
     Request {
-        0u8: Scene(scene), 1u8: Open(run, backend, job, film), 2u8: Advance(run, samples, more), 3u8: Layer(run, index),
-        4u8: Save(run), 5u8: Restore(run, state), 6u8: Close(run), 7u8: Times(run),
+        0u8: Scene(scene), 1u8: Open(run, backend, job, film), 2u8: Advance(run, samples, more),
+        3u8: Layer(run, index), 4u8: Save(run), 5u8: Restore(run, state), 6u8: Close(run),
+        7u8: Times(run),
     }
     Reply {
-        0u8: Ready(version), 1u8: Opened(stats), 2u8: Advanced(stats, film), 3u8: Layer(film), 4u8: Saved(state),
-        5u8: Restored(film), 6u8: Unsaved(problem), 7u8: Failed(error), 8u8: Times(cube), 9u8: Alive(),
-        10u8: Left(stats, samples),
+        0u8: Ready(version), 1u8: Opened(stats), 2u8: Advanced(stats, film), 3u8: Layer(film),
+        4u8: Saved(state), 5u8: Restored(film), 6u8: SaveFailed(problem), 7u8: Failed(error),
+        8u8: Times(cube), 9u8: Heartbeat(),
+        10u8: AdvancedShared(stats, samples),
     }
 }
 
 impl Request {
-    /// Its bytes.
+    /// Encodes the message.
     pub fn encode(&self) -> Vec<u8> {
         encode(self)
     }
 
-    /// From its bytes.
+    /// Decodes a message.
     ///
     /// # Errors
-    /// When they are none.
-    pub fn decode(bytes: &[u8]) -> Result<Request, Garbled> {
+    /// Returns [`CorruptMessage`] if the bytes are not a message.
+    pub fn decode(bytes: &[u8]) -> Result<Request, CorruptMessage> {
         decode(bytes)
     }
 }
 
 impl Reply {
-    /// Its bytes.
+    /// Encodes the message.
     pub fn encode(&self) -> Vec<u8> {
         encode(self)
     }
 
-    /// From its bytes.
+    /// Decodes a message.
     ///
     /// # Errors
-    /// When they are none.
-    pub fn decode(bytes: &[u8]) -> Result<Reply, Garbled> {
+    /// Returns [`CorruptMessage`] if the bytes are not a message.
+    pub fn decode(bytes: &[u8]) -> Result<Reply, CorruptMessage> {
         decode(bytes)
     }
 }

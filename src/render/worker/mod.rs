@@ -1,20 +1,22 @@
-//! Worker processes: a device that is lost is lost for its whole process, and a driver that crashes takes its process
-//! along. So backends of devices render in a child process of the same program, and what dies with it is one try of one
-//! run: the next try starts another worker, and goes on from the newest checkpoint.
+//! Worker processes. A lost device is lost for its whole process, and a crashing driver kills its
+//! process. Device backends therefore render in a child process of the same program. If it dies,
+//! one attempt of one run is lost; the retry starts another worker and resumes from the newest
+//! checkpoint.
 //!
-//! There is one worker for all runs of a process, as there is one device; it keeps the last scene, which cells that differ
-//! in technique share. Requests and answers are [`message`]s in [`frame`]s with a checksum. A worker that dies, hangs up,
-//! says what makes no sense, gives no sign of life or takes many times as long as before is ended, and its runs fail as
-//! [`RenderError::Lost`].
+//! There is one worker for all runs of a process, as there is one device. It caches the last scene,
+//! which cells that differ only in technique share. Requests and replies are [`message`]s in
+//! [`frame`]s with a checksum. A worker that exits, sends a corrupt message, sends no heartbeat or
+//! takes many times as long as before is killed, and its runs fail with [`RenderError::Lost`].
 //!
-//! The clock is the worker's: `render_s` is the time inside its renderer, and what goes through the pipe is none of it. Nor is
-//! the film after each wave, which the worker leaves in memory that both see ([`shared`]).
+//! Render times are measured in the worker: `render_s` is the time inside its renderer and excludes
+//! the pipe. The film after each wave does not go through the pipe either but through shared memory
+//! ([`shared`]).
 
+mod codec;
 mod frame;
 mod message;
 mod process;
 mod serve;
-mod shape;
 mod shared;
 mod wire;
 
@@ -22,7 +24,7 @@ use std::io::{self, Write};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
-pub use process::{BEAT, Launcher, Process, SILENCE};
+pub use process::{HEARTBEAT, HEARTBEAT_TIMEOUT, Launcher, WorkerProcess};
 pub use serve::serve;
 
 use self::message::{Reply, Request};
@@ -30,61 +32,66 @@ use self::shared::SharedFilm;
 use self::wire::Blob;
 use super::{Job, OpenStats, RenderError, Renderer, WaveStats};
 use crate::film::Film;
-use crate::film::layer::{LayerFilm, Layout};
+use crate::film::layer::{LayerFilm, LayerLayout};
 use crate::film::time::TimeCube;
 use crate::scene::CompiledScene;
 
-/// Both sides must be of the same build.
+/// Version that both processes must have.
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 
-/// What starts workers, and the one that runs.
+/// Launcher of workers and the worker that is running.
 #[derive(Debug)]
-pub struct Pool {
+pub struct WorkerPool {
     launcher: Launcher,
-    current: Mutex<Option<Arc<Mutex<Process>>>>,
+    current: Mutex<Option<Arc<Mutex<WorkerProcess>>>>,
 }
 
-static POOL: OnceLock<Pool> = OnceLock::new();
+static POOL: OnceLock<WorkerPool> = OnceLock::new();
 
-/// From now on this process renders on devices by workers that are started so. Programs say it once, at their start;
-/// without it, devices are used in this process itself.
-pub fn employ(launcher: Launcher) {
-    // Said twice, the first counts.
-    let _ = POOL.set(Pool::new(launcher));
+const PROTOCOL_ERROR: &str = "protocol error: the reply does not match the request";
+
+/// Makes this process render on devices in workers started by `launcher`. Programs call this once,
+/// at their start; without it, devices are used in this process itself.
+pub fn use_workers(launcher: Launcher) {
+    // The first call wins.
+    let _ = POOL.set(WorkerPool::new(launcher));
 }
 
-/// What starts workers, if this process has any.
-pub fn pool() -> Option<&'static Pool> {
+/// Returns the worker pool of this process, if it has one.
+pub fn pool() -> Option<&'static WorkerPool> {
     POOL.get()
 }
 
-impl Pool {
-    /// Starts workers when they are needed.
-    pub fn new(launcher: Launcher) -> Pool {
-        Pool { launcher, current: Mutex::new(None) }
+impl WorkerPool {
+    /// Creates a pool that starts its worker on demand.
+    pub fn new(launcher: Launcher) -> WorkerPool {
+        WorkerPool {
+            launcher,
+            current: Mutex::new(None),
+        }
     }
 
-    /// The process id of the worker that runs, if one does.
+    /// Returns the process id of the running worker, if there is one.
     pub fn worker_id(&self) -> Option<u32> {
         let current = lock(&self.current).clone()?;
         let process = lock(&current);
         (!process.is_dead()).then(|| process.id())
     }
 
-    fn worker(&self) -> Result<Arc<Mutex<Process>>, String> {
+    fn worker(&self) -> Result<Arc<Mutex<WorkerProcess>>, String> {
         let mut current = lock(&self.current);
         if let Some(process) = current.as_ref().filter(|process| !lock(process).is_dead()) {
             return Ok(Arc::clone(process));
         }
-        let process = Arc::new(Mutex::new(Process::start(&self.launcher)?));
+        let process = Arc::new(Mutex::new(WorkerProcess::start(&self.launcher)?));
         *current = Some(Arc::clone(&process));
         Ok(process)
     }
 
-    /// Opens a run of a backend in a worker.
+    /// Opens a run of a backend in the worker.
     ///
     /// # Errors
-    /// When the backend does not open there, or no worker lives long enough.
+    /// Returns an error if the backend cannot open the run, or the worker dies.
     pub fn open(
         &self,
         backend: &'static str,
@@ -93,27 +100,47 @@ impl Pool {
     ) -> Result<WorkerRenderer, RenderError> {
         let lost = |reason: String| RenderError::Lost { backend, reason };
         let pixels = u64::from(job.resolution[0]) * u64::from(job.resolution[1]);
-        let layout = Layout::new(&job.layers, job.max_depth, pixels)
+        let layout = LayerLayout::new(&job.layers, job.max_depth, pixels)
             .map_err(|reason| RenderError::Unsupported { backend, reason })?;
         let film = Film::new(job.resolution[0], job.resolution[1]);
         let process = self.worker().map_err(lost)?;
-        let mut there = lock(&process);
-        // Scenes made in code have no hash.
-        if there.scene != scene.content_hash || scene.content_hash == [0; 32] {
-            there.tell(&Request::Scene(Arc::clone(scene))).map_err(lost)?;
-            there.scene = scene.content_hash;
+        let mut worker = lock(&process);
+        // Scenes built in code have no hash.
+        if worker.scene != scene.content_hash || scene.content_hash == [0; 32] {
+            worker
+                .send(&Request::Scene(Arc::clone(scene)))
+                .map_err(lost)?;
+            worker.scene = scene.content_hash;
         }
-        let run = there.runs;
-        there.runs += 1;
-        let shared = self.launcher.films.as_deref().and_then(|folder| SharedFilm::new(folder).ok());
+        let run = worker.runs;
+        worker.runs += 1;
+        let shared = self
+            .launcher
+            .films
+            .as_deref()
+            .and_then(|folder| SharedFilm::new(folder).ok());
         let name = shared.as_ref().map(SharedFilm::name);
-        let reply = there.ask(&Request::Open(run, backend.to_owned(), Box::new(job), name), None).map_err(lost)?;
+        let reply = worker
+            .request(
+                &Request::Open(run, backend.to_owned(), Box::new(job), name),
+                None,
+            )
+            .map_err(lost)?;
         let open_stats = match reply {
             Reply::Opened(stats) => stats,
-            other => return Err(refused(&mut there, backend, other)),
+            other => return Err(refused(&mut worker, backend, other)),
         };
-        drop(there);
-        Ok(WorkerRenderer { backend, process, run, film, shared, layout, pace: None, open_stats })
+        drop(worker);
+        Ok(WorkerRenderer {
+            backend,
+            process,
+            run,
+            film,
+            shared,
+            layout,
+            slowest_sample_s: None,
+            open_stats,
+        })
     }
 }
 
@@ -121,87 +148,121 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// What an answer means that is not the one hoped for. A worker that has lost its device is ended.
-fn refused(process: &mut Process, backend: &'static str, reply: Reply) -> RenderError {
+/// Converts a reply of the wrong kind to an error. A worker that has lost its device is killed.
+fn refused(process: &mut WorkerProcess, backend: &'static str, reply: Reply) -> RenderError {
     match reply {
         Reply::Failed(RenderError::Lost { reason, .. }) => {
             process.end(&reason);
             RenderError::Lost { backend, reason }
         }
-        Reply::Failed(RenderError::Unsupported { reason, .. }) => RenderError::Unsupported { backend, reason },
-        Reply::Failed(RenderError::Failed { reason, .. }) => RenderError::Failed { backend, reason },
-        _ => RenderError::Lost { backend, reason: process.end("its answer is not to what it was asked") },
+        Reply::Failed(RenderError::Unsupported { reason, .. }) => {
+            RenderError::Unsupported { backend, reason }
+        }
+        Reply::Failed(RenderError::Failed { reason, .. }) => {
+            RenderError::Failed { backend, reason }
+        }
+        _ => RenderError::Lost {
+            backend,
+            reason: process.end(PROTOCOL_ERROR),
+        },
     }
 }
 
-/// A run in a worker.
+/// Run that renders in a worker.
 pub struct WorkerRenderer {
     backend: &'static str,
-    process: Arc<Mutex<Process>>,
+    process: Arc<Mutex<WorkerProcess>>,
     run: u64,
     film: Film,
-    /// Where the worker leaves the film, if it can.
+    /// Shared memory into which the worker writes the film, if available.
     shared: Option<SharedFilm>,
-    layout: Layout,
-    /// Seconds of a sample, of the slowest wave so far.
-    pace: Option<f64>,
+    layout: LayerLayout,
+    /// Time per sample of the slowest wave so far, in seconds.
+    slowest_sample_s: Option<f64>,
     open_stats: OpenStats,
 }
 
-/// By how much a wave may take longer than the slowest one before it, and how long it may take in any case, in seconds: far
-/// more than a loaded machine makes of it, and far less than a night.
-const PATIENCE: (f64, f64) = (20.0, 60.0);
+/// Factor by which a wave may take longer than the slowest one before it, and additional time in
+/// seconds: far more than load on a machine explains, and far less than a night.
+const WAVE_TIMEOUT: (f64, f64) = (20.0, 60.0);
 
-/// How long a wave of so many samples may take; the first one as long as its device says.
-fn limit(pace: Option<f64>, samples: u64) -> Option<Duration> {
-    let (factor, least_s) = PATIENCE;
-    pace.map(|pace| Duration::from_secs_f64((factor * pace * samples as f64 + least_s).min(1e9)))
+/// Returns the timeout of a wave of `samples` samples; the first wave has none.
+fn timeout(slowest_sample_s: Option<f64>, samples: u64) -> Option<Duration> {
+    let (factor, least_s) = WAVE_TIMEOUT;
+    slowest_sample_s.map(|slowest_sample_s| {
+        Duration::from_secs_f64((factor * slowest_sample_s * samples as f64 + least_s).min(1e9))
+    })
 }
 
 impl WorkerRenderer {
-    fn ask(&self, request: &Request) -> Result<Reply, RenderError> {
-        self.ask_within(request, None)
+    fn request(&self, request: &Request) -> Result<Reply, RenderError> {
+        self.request_within(request, None)
     }
 
-    fn ask_within(&self, request: &Request, limit: Option<Duration>) -> Result<Reply, RenderError> {
+    fn request_within(
+        &self,
+        request: &Request,
+        timeout: Option<Duration>,
+    ) -> Result<Reply, RenderError> {
         let mut process = lock(&self.process);
-        match process.ask(request, limit) {
-            Ok(Reply::Failed(error)) => Err(refused(&mut process, self.backend, Reply::Failed(error))),
+        match process.request(request, timeout) {
+            Ok(Reply::Failed(error)) => {
+                Err(refused(&mut process, self.backend, Reply::Failed(error)))
+            }
             Ok(reply) => Ok(reply),
-            Err(reason) => Err(RenderError::Lost { backend: self.backend, reason }),
+            Err(reason) => Err(RenderError::Lost {
+                backend: self.backend,
+                reason,
+            }),
         }
     }
 
-    fn astray(&self) -> RenderError {
-        let reason = lock(&self.process).end("its answer is not to what it was asked");
-        RenderError::Lost { backend: self.backend, reason }
+    fn protocol_error(&self) -> RenderError {
+        let reason = lock(&self.process).end(PROTOCOL_ERROR);
+        RenderError::Lost {
+            backend: self.backend,
+            reason,
+        }
     }
 }
 
 impl Renderer for WorkerRenderer {
     fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
-        self.advance_toward(samples, 0)
+        self.advance_with_lookahead(samples, 0)
     }
 
-    fn advance_toward(&mut self, samples: u64, more: u64) -> Result<WaveStats, RenderError> {
+    fn advance_with_lookahead(
+        &mut self,
+        samples: u64,
+        more: u64,
+    ) -> Result<WaveStats, RenderError> {
         let start = Instant::now();
-        let stats = match self.ask_within(&Request::Advance(self.run, samples, more), limit(self.pace, samples))? {
+        let stats = match self.request_within(
+            &Request::Advance(self.run, samples, more),
+            timeout(self.slowest_sample_s, samples),
+        )? {
             Reply::Advanced(stats, film) => {
                 self.film = film;
                 stats
             }
-            Reply::Left(stats, samples) => {
-                let taken = self.shared.as_ref().map(|shared| shared.take(&mut self.film));
-                if !matches!(taken, Some(Ok(()))) {
-                    return Err(self.astray());
+            Reply::AdvancedShared(stats, samples) => {
+                let read = self
+                    .shared
+                    .as_ref()
+                    .map(|shared| shared.read(&mut self.film));
+                if !matches!(read, Some(Ok(()))) {
+                    return Err(self.protocol_error());
                 }
                 self.film.samples = samples;
                 stats
             }
-            _ => return Err(self.astray()),
+            _ => return Err(self.protocol_error()),
         };
-        let pace = start.elapsed().as_secs_f64() / samples.max(1) as f64;
-        self.pace = Some(self.pace.map_or(pace, |slowest| slowest.max(pace)));
+        let slowest_sample_s = start.elapsed().as_secs_f64() / samples.max(1) as f64;
+        self.slowest_sample_s = Some(
+            self.slowest_sample_s
+                .map_or(slowest_sample_s, |slowest| slowest.max(slowest_sample_s)),
+        );
         Ok(stats)
     }
 
@@ -214,39 +275,42 @@ impl Renderer for WorkerRenderer {
     }
 
     fn layer(&self, index: usize) -> Result<Film, RenderError> {
-        match self.ask(&Request::Layer(self.run, index))? {
+        match self.request(&Request::Layer(self.run, index))? {
             Reply::Layer(film) => Ok(film),
-            _ => Err(self.astray()),
+            _ => Err(self.protocol_error()),
         }
     }
 
     fn times(&self) -> Option<TimeCube> {
-        match self.ask(&Request::Times(self.run)) {
+        match self.request(&Request::Times(self.run)) {
             Ok(Reply::Times(cube)) => cube,
             other => {
-                let error = other.err().unwrap_or_else(|| self.astray());
-                tracing::warn!("the light of this run by its time is lost: {error}");
+                let error = other.err().unwrap_or_else(|| self.protocol_error());
+                tracing::warn!("the time-resolved film of this run is lost: {error}");
                 None
             }
         }
     }
 
     fn save(&self, to: &mut dyn Write) -> io::Result<bool> {
-        match self.ask(&Request::Save(self.run)).map_err(io::Error::other)? {
+        match self
+            .request(&Request::Save(self.run))
+            .map_err(io::Error::other)?
+        {
             Reply::Saved(Some(Blob(state))) => to.write_all(&state).map(|()| true),
             Reply::Saved(None) => Ok(false),
-            Reply::Unsaved(problem) => Err(io::Error::other(problem)),
-            _ => Err(io::Error::other(self.astray())),
+            Reply::SaveFailed(problem) => Err(io::Error::other(problem)),
+            _ => Err(io::Error::other(self.protocol_error())),
         }
     }
 
     fn restore(&mut self, state: &[u8]) -> Result<(), RenderError> {
-        match self.ask(&Request::Restore(self.run, Blob(state.to_vec())))? {
+        match self.request(&Request::Restore(self.run, Blob(state.to_vec())))? {
             Reply::Restored(film) => {
                 self.film = film;
                 Ok(())
             }
-            _ => Err(self.astray()),
+            _ => Err(self.protocol_error()),
         }
     }
 
@@ -259,8 +323,8 @@ impl Drop for WorkerRenderer {
     fn drop(&mut self) {
         let mut process = lock(&self.process);
         if !process.is_dead() {
-            // Where that does not arrive the worker is gone, and the run with it.
-            let _ = process.tell(&Request::Close(self.run));
+            // If the request does not arrive, the worker is gone, and the run with it.
+            let _ = process.send(&Request::Close(self.run));
         }
     }
 }
@@ -270,10 +334,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_wave_may_take_many_times_as_long_as_before_and_the_first_one_as_long_as_it_takes() {
-        assert_eq!(limit(None, 1 << 40), None);
-        assert_eq!(limit(Some(0.0), 7), Some(Duration::from_secs(60)));
-        assert_eq!(limit(Some(0.5), 8), Some(Duration::from_secs(60 + 80)));
-        assert!(limit(Some(1e300), u64::MAX).is_some());
+    fn timeouts_follow_the_slowest_wave_and_the_first_has_none() {
+        assert_eq!(timeout(None, 1 << 40), None);
+        assert_eq!(timeout(Some(0.0), 7), Some(Duration::from_secs(60)));
+        assert_eq!(timeout(Some(0.5), 8), Some(Duration::from_secs(60 + 80)));
+        assert!(timeout(Some(1e300), u64::MAX).is_some());
     }
 }

@@ -1,81 +1,89 @@
-//! Values as bytes, for the pipes between this program and its workers, which are the same program on the same machine:
-//! numbers keep its byte order, and nothing says what it is.
+//! Serialisation of values for the pipes between a process and its workers. Both are the same
+//! program on the same machine, so numbers keep its byte order and nothing is tagged with its type.
 
 use std::sync::Arc;
 
 use glam::{Affine2, DAffine3, Mat3, Vec2, Vec3, Vec4};
 
-/// Why bytes are not what they should be.
+/// Error: bytes that are not the encoding of the expected type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("what came through the pipe makes no sense")]
-pub struct Garbled;
+#[error("corrupt message from worker")]
+pub struct CorruptMessage;
 
-/// Bytes that are being read.
+/// Reader over the bytes of a message.
 #[derive(Clone, Copy, Debug)]
 pub struct Reader<'a> {
     bytes: &'a [u8],
 }
 
 impl<'a> Reader<'a> {
-    /// From the first byte.
+    /// Starts at the first byte.
     pub fn new(bytes: &'a [u8]) -> Reader<'a> {
         Reader { bytes }
     }
 
-    /// The next so many bytes.
+    /// Reads the next `length` bytes.
     ///
     /// # Errors
-    /// When fewer are left.
-    pub fn take(&mut self, length: usize) -> Result<&'a [u8], Garbled> {
-        let (bytes, rest) = self.bytes.split_at_checked(length).ok_or(Garbled)?;
+    /// Returns [`CorruptMessage`] if fewer are left.
+    pub fn read_bytes(&mut self, length: usize) -> Result<&'a [u8], CorruptMessage> {
+        let (bytes, rest) = self.bytes.split_at_checked(length).ok_or(CorruptMessage)?;
         self.bytes = rest;
         Ok(bytes)
     }
 
-    /// A length of things, each of which takes at least one byte.
-    fn length(&mut self) -> Result<usize, Garbled> {
-        let length = usize::try_from(u64::take(self)?).map_err(|_| Garbled)?;
-        if length > self.bytes.len() { Err(Garbled) } else { Ok(length) }
+    /// Reads the length of a sequence, each of whose elements takes at least one byte.
+    fn length(&mut self) -> Result<usize, CorruptMessage> {
+        let length = usize::try_from(u64::read_from(self)?).map_err(|_| CorruptMessage)?;
+        if length > self.bytes.len() {
+            Err(CorruptMessage)
+        } else {
+            Ok(length)
+        }
     }
 }
 
-/// A type that goes through a pipe.
+/// Type that can be sent through a pipe.
 pub trait Wire: Sized {
-    /// Adds its bytes.
-    fn put(&self, to: &mut Vec<u8>);
+    /// Appends the encoding of the value.
+    fn write_to(&self, to: &mut Vec<u8>);
 
-    /// Reads it back.
+    /// Reads a value back.
     ///
     /// # Errors
-    /// When the bytes are not those of this type.
-    fn take(from: &mut Reader<'_>) -> Result<Self, Garbled>;
+    /// Returns [`CorruptMessage`] if the bytes do not encode a value of this type.
+    fn read_from(from: &mut Reader<'_>) -> Result<Self, CorruptMessage>;
 }
 
-/// All the bytes of a value.
+/// Encodes a value.
 pub fn encode(value: &impl Wire) -> Vec<u8> {
     let mut bytes = Vec::new();
-    value.put(&mut bytes);
+    value.write_to(&mut bytes);
     bytes
 }
 
-/// The value that is all of these bytes.
+/// Decodes a value from all of these bytes.
 ///
 /// # Errors
-/// When they are no such value, or more than one.
-pub fn decode<T: Wire>(bytes: &[u8]) -> Result<T, Garbled> {
+/// Returns [`CorruptMessage`] if they encode no such value, or more than one.
+pub fn decode<T: Wire>(bytes: &[u8]) -> Result<T, CorruptMessage> {
     let mut from = Reader::new(bytes);
-    let value = T::take(&mut from)?;
-    if from.bytes.is_empty() { Ok(value) } else { Err(Garbled) }
+    let value = T::read_from(&mut from)?;
+    if from.bytes.is_empty() {
+        Ok(value)
+    } else {
+        Err(CorruptMessage)
+    }
 }
 
 macro_rules! numbers {
     ($($ty:ty),+) => { $(impl Wire for $ty {
-        fn put(&self, to: &mut Vec<u8>) {
+        fn write_to(&self, to: &mut Vec<u8>) {
             to.extend_from_slice(&self.to_ne_bytes());
         }
 
-        fn take(from: &mut Reader<'_>) -> Result<$ty, Garbled> {
-            let bytes = from.take(size_of::<$ty>())?.try_into().map_err(|_| Garbled)?;
+        fn read_from(from: &mut Reader<'_>) -> Result<$ty, CorruptMessage> {
+            let bytes = from.read_bytes(size_of::<$ty>())?.try_into().map_err(|_| CorruptMessage)?;
             Ok(<$ty>::from_ne_bytes(bytes))
         }
     })+ };
@@ -85,12 +93,12 @@ numbers!(u8, u32, u64, f32, f64);
 
 macro_rules! vectors {
     ($($ty:ty),+) => { $(impl Wire for $ty {
-        fn put(&self, to: &mut Vec<u8>) {
-            self.to_array().put(to);
+        fn write_to(&self, to: &mut Vec<u8>) {
+            self.to_array().write_to(to);
         }
 
-        fn take(from: &mut Reader<'_>) -> Result<$ty, Garbled> {
-            Ok(<$ty>::from_array(Wire::take(from)?))
+        fn read_from(from: &mut Reader<'_>) -> Result<$ty, CorruptMessage> {
+            Ok(<$ty>::from_array(Wire::read_from(from)?))
         }
     })+ };
 }
@@ -99,12 +107,12 @@ vectors!(Vec2, Vec3, Vec4);
 
 macro_rules! matrices {
     ($($ty:ty: $n:literal),+) => { $(impl Wire for $ty {
-        fn put(&self, to: &mut Vec<u8>) {
-            self.to_cols_array().put(to);
+        fn write_to(&self, to: &mut Vec<u8>) {
+            self.to_cols_array().write_to(to);
         }
 
-        fn take(from: &mut Reader<'_>) -> Result<$ty, Garbled> {
-            let columns: [_; $n] = Wire::take(from)?;
+        fn read_from(from: &mut Reader<'_>) -> Result<$ty, CorruptMessage> {
+            let columns: [_; $n] = Wire::read_from(from)?;
             Ok(<$ty>::from_cols_array(&columns))
         }
     })+ };
@@ -113,189 +121,204 @@ macro_rules! matrices {
 matrices!(Affine2: 6, Mat3: 9, DAffine3: 12);
 
 impl Wire for bool {
-    fn put(&self, to: &mut Vec<u8>) {
+    fn write_to(&self, to: &mut Vec<u8>) {
         to.push(u8::from(*self));
     }
 
-    fn take(from: &mut Reader<'_>) -> Result<bool, Garbled> {
-        match u8::take(from)? {
+    fn read_from(from: &mut Reader<'_>) -> Result<bool, CorruptMessage> {
+        match u8::read_from(from)? {
             0 => Ok(false),
             1 => Ok(true),
-            _ => Err(Garbled),
+            _ => Err(CorruptMessage),
         }
     }
 }
 
 impl Wire for usize {
-    fn put(&self, to: &mut Vec<u8>) {
-        (*self as u64).put(to);
+    fn write_to(&self, to: &mut Vec<u8>) {
+        (*self as u64).write_to(to);
     }
 
-    fn take(from: &mut Reader<'_>) -> Result<usize, Garbled> {
-        usize::try_from(u64::take(from)?).map_err(|_| Garbled)
+    fn read_from(from: &mut Reader<'_>) -> Result<usize, CorruptMessage> {
+        usize::try_from(u64::read_from(from)?).map_err(|_| CorruptMessage)
     }
 }
 
 impl Wire for String {
-    fn put(&self, to: &mut Vec<u8>) {
-        self.len().put(to);
+    fn write_to(&self, to: &mut Vec<u8>) {
+        self.len().write_to(to);
         to.extend_from_slice(self.as_bytes());
     }
 
-    fn take(from: &mut Reader<'_>) -> Result<String, Garbled> {
+    fn read_from(from: &mut Reader<'_>) -> Result<String, CorruptMessage> {
         let length = from.length()?;
-        String::from_utf8(from.take(length)?.to_vec()).map_err(|_| Garbled)
+        String::from_utf8(from.read_bytes(length)?.to_vec()).map_err(|_| CorruptMessage)
     }
 }
 
 impl<T: Wire> Wire for Option<T> {
-    fn put(&self, to: &mut Vec<u8>) {
-        self.is_some().put(to);
+    fn write_to(&self, to: &mut Vec<u8>) {
+        self.is_some().write_to(to);
         if let Some(value) = self {
-            value.put(to);
+            value.write_to(to);
         }
     }
 
-    fn take(from: &mut Reader<'_>) -> Result<Option<T>, Garbled> {
-        bool::take(from)?.then(|| T::take(from)).transpose()
+    fn read_from(from: &mut Reader<'_>) -> Result<Option<T>, CorruptMessage> {
+        bool::read_from(from)?
+            .then(|| T::read_from(from))
+            .transpose()
     }
 }
 
 impl<T: Wire> Wire for Vec<T> {
-    fn put(&self, to: &mut Vec<u8>) {
-        self.len().put(to);
-        self.iter().for_each(|value| value.put(to));
+    fn write_to(&self, to: &mut Vec<u8>) {
+        self.len().write_to(to);
+        self.iter().for_each(|value| value.write_to(to));
     }
 
-    fn take(from: &mut Reader<'_>) -> Result<Vec<T>, Garbled> {
+    fn read_from(from: &mut Reader<'_>) -> Result<Vec<T>, CorruptMessage> {
         let length = from.length()?;
         let mut values = Vec::with_capacity(length);
         for _ in 0..length {
-            values.push(T::take(from)?);
+            values.push(T::read_from(from)?);
         }
         Ok(values)
     }
 }
 
 impl<T: Wire + Copy, const N: usize> Wire for [T; N] {
-    fn put(&self, to: &mut Vec<u8>) {
-        self.iter().for_each(|value| value.put(to));
+    fn write_to(&self, to: &mut Vec<u8>) {
+        self.iter().for_each(|value| value.write_to(to));
     }
 
-    fn take(from: &mut Reader<'_>) -> Result<[T; N], Garbled> {
+    fn read_from(from: &mut Reader<'_>) -> Result<[T; N], CorruptMessage> {
         const { assert!(N > 0) };
-        let mut values = [T::take(from)?; N];
+        let mut values = [T::read_from(from)?; N];
         for value in &mut values[1..] {
-            *value = T::take(from)?;
+            *value = T::read_from(from)?;
         }
         Ok(values)
     }
 }
 
 impl<T: Wire> Wire for Arc<T> {
-    fn put(&self, to: &mut Vec<u8>) {
-        T::put(self, to);
+    fn write_to(&self, to: &mut Vec<u8>) {
+        T::write_to(self, to);
     }
 
-    fn take(from: &mut Reader<'_>) -> Result<Arc<T>, Garbled> {
-        T::take(from).map(Arc::new)
+    fn read_from(from: &mut Reader<'_>) -> Result<Arc<T>, CorruptMessage> {
+        T::read_from(from).map(Arc::new)
     }
 }
 
 impl<T: Wire> Wire for Arc<[T]> {
-    fn put(&self, to: &mut Vec<u8>) {
-        self.len().put(to);
-        self.iter().for_each(|value| value.put(to));
+    fn write_to(&self, to: &mut Vec<u8>) {
+        self.len().write_to(to);
+        self.iter().for_each(|value| value.write_to(to));
     }
 
-    fn take(from: &mut Reader<'_>) -> Result<Arc<[T]>, Garbled> {
-        Vec::take(from).map(Arc::from)
+    fn read_from(from: &mut Reader<'_>) -> Result<Arc<[T]>, CorruptMessage> {
+        Vec::read_from(from).map(Arc::from)
     }
 }
 
 impl<T: Wire> Wire for Box<T> {
-    fn put(&self, to: &mut Vec<u8>) {
-        T::put(self, to);
+    fn write_to(&self, to: &mut Vec<u8>) {
+        T::write_to(self, to);
     }
 
-    fn take(from: &mut Reader<'_>) -> Result<Box<T>, Garbled> {
-        T::take(from).map(Box::new)
+    fn read_from(from: &mut Reader<'_>) -> Result<Box<T>, CorruptMessage> {
+        T::read_from(from).map(Box::new)
     }
 }
 
-/// Many bytes at once.
+/// Byte string that is copied as a whole.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Blob(pub Vec<u8>);
 
 impl Wire for Blob {
-    fn put(&self, to: &mut Vec<u8>) {
-        self.0.len().put(to);
+    fn write_to(&self, to: &mut Vec<u8>) {
+        self.0.len().write_to(to);
         to.extend_from_slice(&self.0);
     }
 
-    fn take(from: &mut Reader<'_>) -> Result<Blob, Garbled> {
+    fn read_from(from: &mut Reader<'_>) -> Result<Blob, CorruptMessage> {
         let length = from.length()?;
-        Ok(Blob(from.take(length)?.to_vec()))
+        Ok(Blob(from.read_bytes(length)?.to_vec()))
     }
 }
 
-/// Structs as their fields one after another. A field that is not named here does not compile.
+/// Implements [`Wire`] for structs field by field. A struct with an unlisted field does not
+/// compile.
 macro_rules! structs {
-    ($($ty:ident { $($field:ident),+ $(,)? })+) => { $(impl $crate::render::worker::wire::Wire for $ty {
-        fn put(&self, to: &mut Vec<u8>) {
+    ($($ty:ident {
+        $($field:ident),+ $(,)?
+    })+) => { $(impl $crate::render::worker::wire::Wire for $ty {
+        fn write_to(&self, to: &mut Vec<u8>) {
             let $ty { $($field),+ } = self;
-            $($crate::render::worker::wire::Wire::put($field, to);)+
+            $($crate::render::worker::wire::Wire::write_to($field, to);)+
         }
 
-        fn take(
+        fn read_from(
             from: &mut $crate::render::worker::wire::Reader<'_>,
-        ) -> Result<$ty, $crate::render::worker::wire::Garbled> {
-            Ok($ty { $($field: $crate::render::worker::wire::Wire::take(from)?),+ })
+        ) -> Result<$ty, $crate::render::worker::wire::CorruptMessage> {
+            Ok($ty { $($field: $crate::render::worker::wire::Wire::read_from(from)?),+ })
         }
     })+ };
 }
 
-/// Words as their place in a list of all of them.
-macro_rules! words {
+/// Implements [`Wire`] for values as their index in a list of all of them.
+macro_rules! indices {
     ($($ty:ty: $all:expr),+ $(,)?) => { $(impl $crate::render::worker::wire::Wire for $ty {
-        fn put(&self, to: &mut Vec<u8>) {
-            $crate::render::worker::wire::Wire::put(&$all.iter().position(|one| one == self).unwrap_or(usize::MAX), to);
+        fn write_to(&self, to: &mut Vec<u8>) {
+            let index = $all.iter().position(|one| one == self).unwrap_or(usize::MAX);
+            $crate::render::worker::wire::Wire::write_to(&index, to);
         }
 
-        fn take(
+        fn read_from(
             from: &mut $crate::render::worker::wire::Reader<'_>,
-        ) -> Result<$ty, $crate::render::worker::wire::Garbled> {
-            let place = <usize as $crate::render::worker::wire::Wire>::take(from)?;
-            $all.get(place).copied().ok_or($crate::render::worker::wire::Garbled)
+        ) -> Result<$ty, $crate::render::worker::wire::CorruptMessage> {
+            let index = <usize as $crate::render::worker::wire::Wire>::read_from(from)?;
+            $all.get(index).copied().ok_or($crate::render::worker::wire::CorruptMessage)
         }
     })+ };
 }
 
-pub(super) use {structs, words};
+pub(super) use {indices, structs};
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn values_come_back_and_half_of_one_does_not() {
+    fn values_round_trip_and_truncated_ones_are_corrupt() {
         type All = Vec<Option<(Vec3, String)>>;
         let _: Option<All> = None;
-        let value = (vec![Some(Vec3::new(1.0, -0.0, f32::NAN)), None], "è".to_owned());
-        let bytes = [encode(&value.0), encode(&value.1), encode(&Blob(vec![1, 2])), encode(&[7u64, u64::MAX])].concat();
+        let value = (
+            vec![Some(Vec3::new(1.0, -0.0, f32::NAN)), None],
+            "è".to_owned(),
+        );
+        let bytes = [
+            encode(&value.0),
+            encode(&value.1),
+            encode(&Blob(vec![1, 2])),
+            encode(&[7u64, u64::MAX]),
+        ]
+        .concat();
         let mut from = Reader::new(&bytes);
-        let back: Vec<Option<Vec3>> = Wire::take(&mut from).unwrap();
+        let back: Vec<Option<Vec3>> = Wire::read_from(&mut from).unwrap();
         assert_eq!(format!("{back:?}"), format!("{:?}", value.0));
-        assert_eq!(String::take(&mut from).unwrap(), value.1);
-        assert_eq!(Blob::take(&mut from).unwrap(), Blob(vec![1, 2]));
-        assert_eq!(<[u64; 2]>::take(&mut from).unwrap(), [7, u64::MAX]);
-        assert!(u8::take(&mut from).is_err());
+        assert_eq!(String::read_from(&mut from).unwrap(), value.1);
+        assert_eq!(Blob::read_from(&mut from).unwrap(), Blob(vec![1, 2]));
+        assert_eq!(<[u64; 2]>::read_from(&mut from).unwrap(), [7, u64::MAX]);
+        assert!(u8::read_from(&mut from).is_err());
         assert!(decode::<[u64; 2]>(&encode(&[1u64, 2])[..15]).is_err());
         assert!(decode::<u8>(&[1, 2]).is_err());
     }
 
     #[test]
-    fn a_length_that_cannot_be_is_refused_before_memory_is_asked_for() {
+    fn an_impossible_length_is_refused_before_allocation() {
         let mut bytes = encode(&u64::MAX);
         bytes.push(1);
         assert!(decode::<Vec<u8>>(&bytes).is_err() && decode::<String>(&bytes).is_err());

@@ -1,35 +1,54 @@
-//! The box and the ball around everything, without looking at every corner of every copy.
+//! Bounding box and bounding sphere of a scene, without visiting every vertex of every instance.
 
 use glam::Vec3;
 
 use super::{CompiledScene, Instance};
 
-/// Where a copy of a mesh lies at most: the corners of the mesh's box in the world.
-type Around = [Vec3; 8];
+/// Corners of the bounding box of a mesh, transformed to the world by an instance.
+type TransformedBox = [Vec3; 8];
 
-/// The box around everything; a point at the origin for nothing.
+/// Returns the bounding box of the scene; a point at the origin for an empty scene.
 pub(super) fn bounds(scene: &CompiledScene) -> [Vec3; 2] {
-    let points = scene.triangles[..scene.world_triangles()].iter().flatten().map(|p| (*p, *p));
-    let balls = scene.spheres.iter().map(|s| (s.center - s.radius, s.center + s.radius));
+    let points = scene.triangles[..scene.world_triangles()]
+        .iter()
+        .flatten()
+        .map(|p| (*p, *p));
+    let balls = scene
+        .spheres
+        .iter()
+        .map(|s| (s.center - s.radius, s.center + s.radius));
     let start = [Vec3::INFINITY, Vec3::NEG_INFINITY];
-    let [mut low, mut high] = points.chain(balls).fold(start, |[l, h], (low, high)| [l.min(low), h.max(high)]);
-    let copies = copies(scene);
+    let [mut low, mut high] = points
+        .chain(balls)
+        .fold(start, |[l, h], (low, high)| [l.min(low), h.max(high)]);
+    let instances = instances(scene);
     for axis in 0..3 {
-        high[axis] = farthest(scene, &copies, high[axis], &|p| p[axis]);
-        low[axis] = -farthest(scene, &copies, -low[axis], &|p| -p[axis]);
+        high[axis] = farthest(scene, &instances, high[axis], &|p| p[axis]);
+        low[axis] = -farthest(scene, &instances, -low[axis], &|p| -p[axis]);
     }
-    if low.is_finite() && high.is_finite() { [low, high] } else { [Vec3::ZERO; 2] }
+    if low.is_finite() && high.is_finite() {
+        [low, high]
+    } else {
+        [Vec3::ZERO; 2]
+    }
 }
 
-/// The greatest distance of a surface from a point; zero for nothing.
+/// Returns the greatest distance of a surface from a point; zero for an empty scene.
 pub(super) fn radius(scene: &CompiledScene, center: Vec3) -> f32 {
-    let spheres = scene.spheres.iter().map(|s| s.center.distance(center) + s.radius);
-    let points = scene.triangles[..scene.world_triangles()].iter().flatten().map(|p| p.distance(center));
+    let spheres = scene
+        .spheres
+        .iter()
+        .map(|s| s.center.distance(center) + s.radius);
+    let points = scene.triangles[..scene.world_triangles()]
+        .iter()
+        .flatten()
+        .map(|p| p.distance(center));
     let start = spheres.chain(points).fold(0.0, f32::max);
-    farthest(scene, &copies(scene), start, &|p| p.distance(center))
+    farthest(scene, &instances(scene), start, &|p| p.distance(center))
 }
 
-fn copies(scene: &CompiledScene) -> Vec<(&Instance, Around)> {
+/// Returns all instances with their transformed bounding boxes.
+fn instances(scene: &CompiledScene) -> Vec<(&Instance, TransformedBox)> {
     let boxes: Vec<[Vec3; 2]> = scene
         .instances
         .meshes
@@ -37,32 +56,57 @@ fn copies(scene: &CompiledScene) -> Vec<(&Instance, Around)> {
         .map(|mesh| {
             let rows = mesh.triangles.start as usize..mesh.triangles.end as usize;
             let start = [Vec3::INFINITY, Vec3::NEG_INFINITY];
-            scene.triangles[rows].iter().flatten().fold(start, |[low, high], p| [low.min(*p), high.max(*p)])
+            scene.triangles[rows]
+                .iter()
+                .flatten()
+                .fold(start, |[low, high], p| [low.min(*p), high.max(*p)])
         })
         .collect();
-    let around = |place: &Instance| {
-        let [low, high] = boxes[place.mesh as usize];
+    let transformed_box = |instance: &Instance| {
+        let [low, high] = boxes[instance.mesh as usize];
         let pick = |i: usize, bit: usize| if i & bit == 0 { low } else { high };
-        std::array::from_fn(|i| place.point(Vec3::new(pick(i, 1).x, pick(i, 2).y, pick(i, 4).z)))
+        std::array::from_fn(|i| instance.point(Vec3::new(pick(i, 1).x, pick(i, 2).y, pick(i, 4).z)))
     };
-    scene.instances.places.iter().map(|place| (place, around(place))).collect()
+    scene
+        .instances
+        .placements
+        .iter()
+        .map(|instance| (instance, transformed_box(instance)))
+        .collect()
 }
 
-/// The greatest value of a convex function over all corners of all copies, or `start` if that is greater. A convex function
-/// is nowhere in a box greater than at a corner of it, so copies are asked in the order of what their boxes allow, until
-/// none can add to what was found.
-fn farthest(scene: &CompiledScene, copies: &[(&Instance, Around)], start: f32, value: &dyn Fn(Vec3) -> f32) -> f32 {
-    let most = |around: &Around| around.iter().map(|p| value(*p)).fold(f32::NEG_INFINITY, f32::max);
-    let mut order: Vec<(f32, &Instance)> = copies.iter().map(|(place, around)| (most(around), *place)).collect();
+/// Returns the greatest value of a convex function over all vertices of all instances, or `start`
+/// if that is greater. A convex function on a box is greatest at a corner, so instances are visited
+/// in decreasing order of the bound from their boxes, until no other can exceed the maximum found.
+fn farthest(
+    scene: &CompiledScene,
+    instances: &[(&Instance, TransformedBox)],
+    start: f32,
+    value: &dyn Fn(Vec3) -> f32,
+) -> f32 {
+    let bound = |corners: &TransformedBox| {
+        corners
+            .iter()
+            .map(|p| value(*p))
+            .fold(f32::NEG_INFINITY, f32::max)
+    };
+    let mut order: Vec<(f32, &Instance)> = instances
+        .iter()
+        .map(|(instance, corners)| (bound(corners), *instance))
+        .collect();
     order.sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
     let mut best = start;
-    for (most, place) in order {
-        if most <= best {
+    for (bound, instance) in order {
+        if bound <= best {
             break;
         }
-        let mesh = &scene.instances.meshes[place.mesh as usize].triangles;
-        let corners = scene.triangles[mesh.start as usize..mesh.end as usize].iter().flatten();
-        best = corners.map(|p| value(place.point(*p))).fold(best, f32::max);
+        let mesh = &scene.instances.meshes[instance.mesh as usize].triangles;
+        let vertices = scene.triangles[mesh.start as usize..mesh.end as usize]
+            .iter()
+            .flatten();
+        best = vertices
+            .map(|p| value(instance.point(*p)))
+            .fold(best, f32::max);
     }
     best
 }

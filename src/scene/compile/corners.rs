@@ -1,17 +1,24 @@
-//! What some meshes have at the corners of their triangles, and others lack: colours, and a second set of texture
-//! coordinates.
+//! Optional vertex attributes of triangles: colours and the second set of texture coordinates.
 
 use glam::Vec3;
 
 use super::{CompiledScene, Uv};
 use crate::scene::desc::MeshDesc;
 
-/// Appends what the newest triangle of a scene has at its corners. Lists stay empty while no mesh has any; triangles without
-/// are white, and have their first coordinates again.
+/// Appends the optional attributes of the newest triangle. The arrays stay empty while no mesh has
+/// such attributes; triangles without them are white and repeat their first texture coordinates.
 pub(super) fn push(scene: &mut CompiledScene, mesh: &MeshDesc, corners: [u32; 3]) {
     let triangle = scene.triangles.len() - 1;
-    append(&mut scene.colors, triangle, &mesh.colors, corners, |_| [Vec3::ONE; 3]);
-    append(&mut scene.second_uvs, triangle, &mesh.second_uvs, corners, |i| scene.attributes[i].uvs);
+    append(&mut scene.colors, triangle, &mesh.colors, corners, |_| {
+        [Vec3::ONE; 3]
+    });
+    append(
+        &mut scene.second_uvs,
+        triangle,
+        &mesh.second_uvs,
+        corners,
+        |i| scene.attributes[i].uvs,
+    );
 }
 
 #[inline]
@@ -20,17 +27,22 @@ fn append<T: Copy>(
     triangle: usize,
     values: &[T],
     corners: [u32; 3],
-    lacking: impl Fn(usize) -> [T; 3],
+    default: impl Fn(usize) -> [T; 3],
 ) {
     if values.is_empty() && list.is_empty() {
         return;
     }
-    list.extend((list.len()..triangle).map(&lacking));
-    list.push(if values.is_empty() { lacking(triangle) } else { corners.map(|i| values[i as usize]) });
+    list.extend((list.len()..triangle).map(&default));
+    list.push(if values.is_empty() {
+        default(triangle)
+    } else {
+        corners.map(|i| values[i as usize])
+    });
 }
 
 impl CompiledScene {
-    /// What multiplies the base colour at barycentric coordinates of a triangle: see [`CompiledScene::colors`].
+    /// Returns the colour that multiplies the base colour at barycentric coordinates of a triangle;
+    /// see [`CompiledScene::colors`].
     #[inline]
     pub fn tint_at(&self, primitive: u32, [v, w]: [f32; 2]) -> Vec3 {
         match self.colors.get(primitive as usize) {
@@ -39,7 +51,7 @@ impl CompiledScene {
         }
     }
 
-    /// Texture coordinates at barycentric coordinates of a triangle.
+    /// Returns the texture coordinates at barycentric coordinates of a triangle.
     #[inline]
     pub fn uv_at(&self, primitive: u32, [v, w]: [f32; 2]) -> Uv {
         let first = self.attributes[primitive as usize].uv([v, w]);

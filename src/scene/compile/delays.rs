@@ -1,90 +1,97 @@
-//! Composed and delayed materials, flattened: for each a weighted list of surfaces with the profiles that delay them.
+//! Composed and delayed materials, flattened to weighted lists of plain materials with temporal
+//! profiles.
 
 use glam::Vec2;
 
-use super::materials::Bank;
+use super::materials::TextureBank;
 use super::{Material, NONE, Texture, UvMap};
 use crate::math::piecewise::Piecewise;
-use crate::scene::desc::delay::{mean_and_width, number};
+use crate::scene::desc::delay::{check_mean_and_width, check_value};
 use crate::scene::desc::{DelayKind, MaterialDesc, SceneDesc, delay};
 use crate::scene::{Note, SceneError};
 
-/// What the materials of a scene are composed of, and when they give light back. Empty where none is composed or delayed.
+/// Components and temporal profiles of the materials of a scene. Empty if no material is composed
+/// or delayed.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Delays {
-    /// By material row: where its parts begin, and how many there are; none for a plain material.
+    /// For each material, the index and the number of its components; zero components for a plain
+    /// material.
     pub rows: Vec<[u32; 2]>,
-    /// The parts of all materials.
-    pub parts: Vec<Part>,
-    /// The profiles of all parts.
+    /// Components of all materials.
+    pub components: Vec<MaterialComponent>,
+    /// Temporal profiles of all components.
     pub profiles: Vec<DelayProfile>,
 }
 
-/// A part of a material: a plain surface, and what delays its light.
+/// A component of a composed or delayed material: a plain material and the profiles that delay its
+/// light.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Part {
-    /// The sum of the weights up to this part; exactly 1 for the last one.
-    pub upto: f32,
-    /// Row of [`CompiledScene::materials`](super::CompiledScene::materials).
+pub struct MaterialComponent {
+    /// Sum of the weights up to and including this component; exactly 1 for the last one.
+    pub cumulative_weight: f32,
+    /// Index into [`CompiledScene::materials`](super::CompiledScene::materials).
     pub material: u32,
-    /// Where its profiles begin, and how many there are; their delays add up.
+    /// Index and number of its profiles, whose delays add up.
     pub profiles: [u32; 2],
 }
 
-/// A profile in time whose parameters may come from textures.
+/// A temporal profile whose parameters may come from textures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DelayProfile {
-    /// Which.
+    /// Type of the profile.
     pub kind: DelayKind,
-    /// Its one or two parameters, in the order of [`crate::scene::desc::DelayDesc::params`].
+    /// One or two parameters, in the order of [`crate::scene::desc::DelayDesc::params`].
     pub params: [DelayParam; 2],
-    /// From texture coordinates to places in the textures.
+    /// Map from surface texture coordinates to those of the textures.
     pub tiling: UvMap,
-    /// The density of a table.
+    /// Density of a table profile.
     pub table: Option<Piecewise>,
 }
 
 /// A parameter of a profile: `offset + value * texture`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DelayParam {
-    /// What a texture multiplies; itself without one.
+    /// Factor on the texture, or the value itself without a texture.
     pub value: f32,
-    /// What is added.
+    /// Offset, added last.
     pub offset: f32,
     /// Index of the texture, or [`NONE`].
     pub texture: u32,
 }
 
 impl Delays {
-    /// Whether no material is composed or delayed.
+    /// Returns whether no material is composed or delayed.
     #[inline]
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }
 
-    /// The parts of a material; none for a plain one.
+    /// Returns the components of a material; none for a plain one.
     #[inline]
-    pub fn parts(&self, material: u32) -> &[Part] {
-        self.rows.get(material as usize).map_or(&[], |[first, count]| {
-            let first = *first as usize;
-            &self.parts[first..first + *count as usize]
-        })
+    pub fn components(&self, material: u32) -> &[MaterialComponent] {
+        self.rows
+            .get(material as usize)
+            .map_or(&[], |[first, count]| {
+                let first = *first as usize;
+                &self.components[first..first + *count as usize]
+            })
     }
 
-    /// The profiles of a part.
+    /// Returns the profiles of a component.
     #[inline]
-    pub fn profiles(&self, part: &Part) -> &[DelayProfile] {
-        let [first, count] = part.profiles.map(|n| n as usize);
+    pub fn profiles(&self, component: &MaterialComponent) -> &[DelayProfile] {
+        let [first, count] = component.profiles.map(|n| n as usize);
         &self.profiles[first..first + count]
     }
 }
 
-/// Flattens all materials. The row of a composed material becomes one that shows the mean of its parts' base colours, for
-/// layers of the first surface; light is reflected by the parts alone.
+/// Flattens all materials. The base colour of a composed material becomes the mean of its
+/// components' base colours, which is used by layers of the first surface; only the components
+/// reflect light.
 pub(super) fn compile(
     desc: &SceneDesc,
-    rows: &mut [Material],
-    bank: &mut Bank,
+    materials: &mut [Material],
+    bank: &mut TextureBank,
     notes: &mut Vec<Note>,
 ) -> Result<Delays, SceneError> {
     delay::check(desc)?;
@@ -93,59 +100,78 @@ pub(super) fn compile(
     if desc.materials.iter().all(plain) {
         return Ok(delays);
     }
-    let own: Vec<Option<DelayProfile>> =
-        desc.materials.iter().map(|m| profile(m, bank, notes)).collect::<Result<_, _>>()?;
-    for (row, m) in desc.materials.iter().enumerate() {
-        let first = delays.parts.len();
+    let profiles: Vec<Option<DelayProfile>> = desc
+        .materials
+        .iter()
+        .map(|m| compile_profile(m, bank, notes))
+        .collect::<Result<_, _>>()?;
+    for (index, m) in desc.materials.iter().enumerate() {
+        let first = delays.components.len();
         if !plain(m) {
-            let mut flat = Flat { desc, own: &own, delays: &mut delays, sum: 0.0 };
-            flat.add(row, 1.0, &mut Vec::new());
-            let parts = &mut delays.parts[first..];
-            if let Some(last) = parts.last_mut() {
-                last.upto = 1.0;
+            let mut flattener = Flattener {
+                desc,
+                profiles: &profiles,
+                delays: &mut delays,
+                weight_sum: 0.0,
+            };
+            flattener.add(index, 1.0, &mut Vec::new());
+            let components = &mut delays.components[first..];
+            if let Some(last) = components.last_mut() {
+                last.cumulative_weight = 1.0;
             }
             if !m.parts.is_empty() {
                 let mut before = 0.0;
-                let mean = parts.iter().map(|part| {
-                    let weight = part.upto - std::mem::replace(&mut before, part.upto);
-                    rows[part.material as usize].base_color * weight
+                let mean = components.iter().map(|component| {
+                    let weight = component.cumulative_weight
+                        - std::mem::replace(&mut before, component.cumulative_weight);
+                    materials[component.material as usize].base_color * weight
                 });
-                rows[row].base_color = mean.sum();
-                rows[row].base_color_texture = NONE;
+                materials[index].base_color = mean.sum();
+                materials[index].base_color_texture = NONE;
             }
         }
-        delays.rows.push([first as u32, (delays.parts.len() - first) as u32]);
+        delays
+            .rows
+            .push([first as u32, (delays.components.len() - first) as u32]);
     }
     Ok(delays)
 }
 
-struct Flat<'a> {
+/// Recursive flattening of one composed material.
+struct Flattener<'a> {
     desc: &'a SceneDesc,
-    own: &'a [Option<DelayProfile>],
+    /// The material's own profile, for every material of the scene.
+    profiles: &'a [Option<DelayProfile>],
     delays: &'a mut Delays,
-    /// Of the weights so far.
-    sum: f64,
+    /// Sum of the weights of the components added so far.
+    weight_sum: f64,
 }
 
-impl Flat<'_> {
-    /// Adds a material of a weight behind the profiles of those that contain it.
-    fn add(&mut self, row: usize, weight: f64, outer: &mut Vec<usize>) {
-        let m = &self.desc.materials[row];
-        let delayed = self.own[row].is_some();
+impl Flattener<'_> {
+    /// Adds the components of a material. `outer` lists the delayed materials that contain it.
+    fn add(&mut self, index: usize, weight: f64, outer: &mut Vec<usize>) {
+        let m = &self.desc.materials[index];
+        let delayed = self.profiles[index].is_some();
         if delayed {
-            outer.push(row);
+            outer.push(index);
         }
         if m.parts.is_empty() && weight > 0.0 {
-            self.sum += weight;
+            self.weight_sum += weight;
             let first = self.delays.profiles.len() as u32;
-            self.delays.profiles.extend(outer.iter().filter_map(|row| self.own[*row].clone()));
+            self.delays
+                .profiles
+                .extend(outer.iter().filter_map(|i| self.profiles[*i].clone()));
             let profiles = [first, outer.len() as u32];
-            self.delays.parts.push(Part { upto: self.sum as f32, material: row as u32, profiles });
+            self.delays.components.push(MaterialComponent {
+                cumulative_weight: self.weight_sum as f32,
+                material: index as u32,
+                profiles,
+            });
         }
-        for (name, part) in m.parts.iter().zip(&m.weights) {
-            // The check has found every name.
-            if let Some(row) = self.desc.material_row(name) {
-                self.add(row, weight * f64::from(*part), outer);
+        for (name, share) in m.parts.iter().zip(&m.weights) {
+            // `delay::check` has found every name.
+            if let Some(component) = self.desc.material_index(name) {
+                self.add(component, weight * f64::from(*share), outer);
             }
         }
         if delayed {
@@ -154,53 +180,83 @@ impl Flat<'_> {
     }
 }
 
-fn profile(m: &MaterialDesc, bank: &mut Bank, notes: &mut Vec<Note>) -> Result<Option<DelayProfile>, SceneError> {
+/// Returns the compiled profile of a material, or `None` if it has no delay.
+fn compile_profile(
+    m: &MaterialDesc,
+    bank: &mut TextureBank,
+    notes: &mut Vec<Note>,
+) -> Result<Option<DelayProfile>, SceneError> {
     if m.delay.kind == DelayKind::None {
         return Ok(None);
     }
-    let tiling = UvMap { scale: m.tiling, offset: m.uv_offset };
-    let mut params = [DelayParam { value: 0.0, offset: 0.0, texture: NONE }; 2];
+    let tiling = UvMap {
+        scale: m.tiling,
+        offset: m.uv_offset,
+    };
+    let mut params = [DelayParam {
+        value: 0.0,
+        offset: 0.0,
+        texture: NONE,
+    }; 2];
     for (param, (_, get, slot)) in params.iter_mut().zip(m.delay.params()) {
         let [value, offset] = get(&m.delay);
         let texture = bank.index(m, *slot, notes);
-        *param = DelayParam { value, offset, texture };
+        *param = DelayParam {
+            value,
+            offset,
+            texture,
+        };
     }
     check_texels(m, &params, &bank.textures)?;
     let table = (m.delay.kind == DelayKind::Table).then(|| Piecewise::new(&m.delay.pairs()));
-    Ok(Some(DelayProfile { kind: m.delay.kind, params, tiling, table }))
+    Ok(Some(DelayProfile {
+        kind: m.delay.kind,
+        params,
+        tiling,
+        table,
+    }))
 }
 
-/// Whether parameters from textures are in range everywhere. Between the centres of texels a parameter is bilinear, so it
-/// is enough to look at the corners of the grid that the centres of all its textures make.
-fn check_texels(m: &MaterialDesc, params: &[DelayParam; 2], textures: &[Texture]) -> Result<(), SceneError> {
+/// Checks that parameters from textures are in range everywhere. Between texel centres a parameter
+/// is bilinear, so it is sufficient to check the grid of the texel centres of all its textures.
+fn check_texels(
+    m: &MaterialDesc,
+    params: &[DelayParam; 2],
+    textures: &[Texture],
+) -> Result<(), SceneError> {
     let named = m.delay.params();
-    let used: Vec<&Texture> =
-        params[..named.len()].iter().filter(|p| p.texture != NONE).map(|p| &textures[p.texture as usize]).collect();
+    let used: Vec<&Texture> = params[..named.len()]
+        .iter()
+        .filter(|p| p.texture != NONE)
+        .map(|p| &textures[p.texture as usize])
+        .collect();
     if used.is_empty() {
         return Ok(());
     }
     if let [mean, width] = used[..]
         && mean.lookup != width.lookup
     {
-        // Any two texels may meet.
+        // The mappings differ, so any two texels may coincide.
         for value in extremes(&params[0], mean) {
             for other in extremes(&params[1], width) {
-                number(m, named[0].0, value)?;
-                number(m, named[1].0, other)?;
-                mean_and_width(m, value, other)?;
+                check_value(m, named[0].0, value)?;
+                check_value(m, named[1].0, other)?;
+                check_mean_and_width(m, value, other)?;
             }
         }
         return Ok(());
     }
-    let centres = |size: fn(&Texture) -> u32| {
-        let mut all: Vec<f32> =
-            used.iter().flat_map(|t| (0..size(t)).map(move |i| (i as f32 + 0.5) / size(t) as f32)).collect();
+    let texel_centres = |size: fn(&Texture) -> u32| {
+        let mut all: Vec<f32> = used
+            .iter()
+            .flat_map(|t| (0..size(t)).map(move |i| (i as f32 + 0.5) / size(t) as f32))
+            .collect();
         all.sort_by(f32::total_cmp);
         all.dedup();
         all
     };
-    let columns = centres(|t| t.width);
-    for v in centres(|t| t.height) {
+    let columns = texel_centres(|t| t.width);
+    for v in texel_centres(|t| t.height) {
         for u in &columns {
             let at = |p: &DelayParam| match p.texture {
                 NONE => p.offset + p.value,
@@ -208,31 +264,49 @@ fn check_texels(m: &MaterialDesc, params: &[DelayParam; 2], textures: &[Texture]
             };
             let values = [at(&params[0]), at(&params[1])];
             for ((name, ..), value) in named.iter().zip(values) {
-                number(m, name, value)?;
+                check_value(m, name, value)?;
             }
             if named.len() == 2 {
-                mean_and_width(m, values[0], values[1])?;
+                check_mean_and_width(m, values[0], values[1])?;
             }
         }
     }
     Ok(())
 }
 
-/// The least and the greatest value of a parameter with a texture.
+/// Returns the least and the greatest value of a parameter with a texture.
 fn extremes(p: &DelayParam, texture: &Texture) -> [f32; 2] {
-    let values = texture.texels.iter().map(|[red, ..]| p.offset + p.value * red);
-    values.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
+    let values = texture
+        .texels
+        .iter()
+        .map(|[red, ..]| p.offset + p.value * red);
+    values.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], x| {
+        [low.min(x), high.max(x)]
+    })
 }
 
 impl DelayProfile {
-    /// The profile of a description that has no textures and obeys [`delay::check`].
+    /// Creates the profile of a description without textures that passes [`delay::check`].
     pub fn plain(desc: &crate::scene::desc::DelayDesc) -> DelayProfile {
-        let mut params = [DelayParam { value: 0.0, offset: 0.0, texture: NONE }; 2];
+        let mut params = [DelayParam {
+            value: 0.0,
+            offset: 0.0,
+            texture: NONE,
+        }; 2];
         for (param, (_, get, _)) in params.iter_mut().zip(desc.params()) {
             let [value, offset] = get(desc);
-            *param = DelayParam { value, offset, texture: NONE };
+            *param = DelayParam {
+                value,
+                offset,
+                texture: NONE,
+            };
         }
         let table = (desc.kind == DelayKind::Table).then(|| Piecewise::new(&desc.pairs()));
-        DelayProfile { kind: desc.kind, params, tiling: UvMap::IDENTITY, table }
+        DelayProfile {
+            kind: desc.kind,
+            params,
+            tiling: UvMap::IDENTITY,
+            table,
+        }
     }
 }

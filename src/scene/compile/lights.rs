@@ -1,4 +1,4 @@
-//! Lights without a surface, as the integrators read them.
+//! Compiled lights without a surface: point, spot and directional lights, and the environment.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -8,40 +8,42 @@ use glam::Vec3;
 use super::Texture;
 use crate::scene::desc::{
     ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightKind, MAX_COORDINATE, SceneDesc,
+    TextureDesc,
 };
 use crate::scene::{Note, SceneError};
 
-/// A point that shines in all directions or into a cone.
+/// A point or spot light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointLight {
     /// Position in world space.
     pub position: Vec3,
     /// Radiant intensity along the axis of the cone, not black.
     pub intensity: Vec3,
-    /// Where it shines.
+    /// Directions into which it emits.
     pub cone: Cone,
 }
 
-/// The directions into which a point shines. The height of a direction is one minus its cosine with the axis, which keeps
-/// its digits in narrow cones.
+/// Directions into which a point emits. Angles are stored as heights, one minus the cosine with the
+/// axis, which stays precise for narrow cones.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cone {
-    /// Its axis, a unit vector.
+    /// Axis of the cone, a unit vector.
     pub axis: Vec3,
-    /// Angle from the axis in radians up to which the intensity is whole.
+    /// Angle from the axis in radians up to which the intensity is that of the axis.
     pub beam: f32,
-    /// Angle from the axis in radians from which on there is none.
+    /// Angle from the axis in radians beyond which the intensity is zero.
     pub cutoff: f32,
-    /// Height of `beam`.
+    /// One minus the cosine of `beam`.
     pub beam_height: f32,
-    /// Height of `cutoff`; 2 is that of all directions, where nothing falls off.
+    /// One minus the cosine of `cutoff`; 2 means all directions, without falloff.
     pub cutoff_height: f32,
-    /// Whether intensity falls off with the square of what is linear in the cosine, instead of linearly with the angle.
+    /// Whether the falloff is the square of a ramp linear in the cosine, instead of linear in the
+    /// angle.
     pub smooth: bool,
 }
 
 impl Cone {
-    /// All directions.
+    /// Cone of all directions.
     pub const WHOLE: Cone = Cone {
         axis: Vec3::Z,
         beam: std::f32::consts::PI,
@@ -51,9 +53,10 @@ impl Cone {
         smooth: false,
     };
 
-    /// A cone about a direction of any length but zero.
+    /// Creates a cone about an axis of any non-zero length.
     pub fn new(axis: Vec3, desc: &ConeDesc) -> Cone {
-        let height = |degrees: f32| (2.0 * (f64::from(degrees).to_radians() / 2.0).sin().powi(2)) as f32;
+        let height =
+            |degrees: f32| (2.0 * (f64::from(degrees).to_radians() / 2.0).sin().powi(2)) as f32;
         Cone {
             axis: axis.as_dvec3().normalize_or(glam::DVec3::Z).as_vec3(),
             beam: desc.beam_deg.to_radians(),
@@ -64,20 +67,21 @@ impl Cone {
         }
     }
 
-    /// Whether it is all directions.
+    /// Returns whether the cone contains all directions.
     #[inline]
     pub fn is_whole(&self) -> bool {
         self.cutoff_height >= 2.0
     }
 
-    /// Mean over all directions of what is left of the intensity.
-    pub fn share(&self) -> f64 {
+    /// Returns the mean of the falloff over all directions.
+    pub fn mean_falloff(&self) -> f64 {
         let [beam, cutoff] = [self.beam, self.cutoff].map(f64::from);
         let [low, high] = [self.beam_height, self.cutoff_height].map(f64::from);
         if self.smooth || high - low < 1e-9 {
             return (low + (high - low) * if self.smooth { 1.0 / 3.0 } else { 0.5 }) / 2.0;
         }
-        // The integral of sin t (cutoff - t) / (cutoff - beam) from beam to cutoff, and of sin t before.
+        // The integral of sin t (cutoff - t) / (cutoff - beam) from beam to cutoff, plus that of
+        // sin t from 0 to beam.
         (1.0 - (cutoff.sin() - beam.sin()) / (cutoff - beam)) / 2.0
     }
 }
@@ -91,94 +95,162 @@ pub struct DirectionalLight {
     pub irradiance: Vec3,
 }
 
-/// What surrounds the scene; never black everywhere.
+/// Light that surrounds the scene; never black everywhere.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Environment {
-    /// Equirectangular map with texels that are finite and not negative; `None` is the same colour from everywhere.
-    /// Its orientation is that of [`EnvironmentDesc`].
+    /// Equirectangular map with finite texels of at least 0; `None` is a constant environment. Its
+    /// orientation is that of [`EnvironmentDesc`].
     pub map: Option<Arc<Texture>>,
-    /// Radiance of a constant environment, factor on a map.
+    /// Radiance of a constant environment, or factor on the map.
     pub radiance: Vec3,
-    /// Angle in radians by which the map is turned about +y, counter-clockwise seen from above.
+    /// Rotation of the map about +y in radians, counter-clockwise seen from above.
     pub rotation_rad: f32,
 }
 
-/// Everything of a description that shines without a surface.
-pub(super) struct Compiled {
+/// The lights of a scene that have no surface.
+pub(super) struct CompiledLights {
     pub points: Vec<PointLight>,
     pub directionals: Vec<DirectionalLight>,
     pub environment: Option<Environment>,
 }
 
-/// Checks and sorts the lights of a description; black ones are left out with a [`Note`].
+/// Checks the lights of a description and sorts them by type; black ones are left out with a
+/// [`Note`].
 ///
 /// # Errors
-/// A light with a value that is not finite or negative, out of range, or a direction of length zero.
-pub(super) fn compile(desc: &SceneDesc, notes: &mut Vec<Note>) -> Result<Compiled, SceneError> {
-    let mut compiled = Compiled { points: Vec::new(), directionals: Vec::new(), environment: None };
+/// Fails for a light with a value that is not finite, negative or out of range, or a direction of
+/// length zero.
+pub(super) fn compile(
+    desc: &SceneDesc,
+    notes: &mut Vec<Note>,
+) -> Result<CompiledLights, SceneError> {
+    let mut compiled = CompiledLights {
+        points: Vec::new(),
+        directionals: Vec::new(),
+        environment: None,
+    };
     for light in &desc.lights {
         let place = format!("lights.{}", light.name);
-        let fail = |problem: String| SceneError::Malformed { file: PathBuf::new(), place: place.clone(), problem };
-        let mut dark = |color: Vec3| {
-            if color == Vec3::ZERO {
-                notes.push(note(&place, "it is black: left out"));
-            }
-            color == Vec3::ZERO
+        let color = match light.kind {
+            LightKind::Point { intensity, .. } | LightKind::Spot { intensity, .. } => intensity,
+            LightKind::Directional { irradiance, .. } => irradiance,
         };
-        match light.kind {
-            LightKind::Point { position, intensity } | LightKind::Spot { position, intensity, .. } => {
-                if !position.is_finite() || position.abs().max_element() > MAX_COORDINATE {
-                    let problem =
-                        format!("its position {position} does not lie within {MAX_COORDINATE:e} of the origin");
-                    return Err(fail(problem));
-                }
-                check_color("intensity", intensity).map_err(fail)?;
-                let mut cone = Cone::WHOLE;
-                if let LightKind::Spot { direction, cone: desc, .. } = light.kind {
-                    if direction.as_dvec3().try_normalize().is_none() {
-                        return Err(fail(format!("its direction {direction} points nowhere")));
-                    }
-                    if !desc.is_possible() {
-                        let ConeDesc { beam_deg, cutoff_deg, .. } = desc;
-                        return Err(fail(format!(
-                            "a beam of {beam_deg} and a cutoff of {cutoff_deg} degrees are no cone"
-                        )));
-                    }
-                    cone = Cone::new(direction, &desc);
-                }
-                if !dark(intensity) {
-                    compiled.points.push(PointLight { position, intensity, cone });
-                }
-            }
-            LightKind::Directional { direction, irradiance } => {
-                let unit = direction.as_dvec3().try_normalize().map(|d| d.as_vec3());
-                let Some(direction) = unit else {
-                    return Err(fail(format!("its direction {direction} points nowhere")));
-                };
-                check_color("irradiance", irradiance).map_err(fail)?;
-                if !dark(irradiance) {
-                    compiled.directionals.push(DirectionalLight { direction, irradiance });
-                }
-            }
+        let result = match &light.kind {
+            LightKind::Directional {
+                direction,
+                irradiance,
+            } => directional_light(*direction, *irradiance)
+                .map(|light| compiled.directionals.push(light)),
+            kind => point_light(kind).map(|light| compiled.points.push(light)),
+        };
+        result.map_err(|problem| SceneError::Malformed {
+            file: PathBuf::new(),
+            place: place.clone(),
+            problem,
+        })?;
+        if color == Vec3::ZERO {
+            notes.push(note(&place, "the light is black and has been left out"));
         }
     }
+    compiled
+        .points
+        .retain(|light| light.intensity != Vec3::ZERO);
+    compiled
+        .directionals
+        .retain(|light| light.irradiance != Vec3::ZERO);
     if let Some(environment) = &desc.environment {
-        compiled.environment = surroundings(environment, notes)?;
+        compiled.environment = compile_environment(environment, notes)?;
     }
     Ok(compiled)
 }
 
-fn surroundings(desc: &EnvironmentDesc, notes: &mut Vec<Note>) -> Result<Option<Environment>, SceneError> {
+/// Returns a compiled point or spot light.
+fn point_light(kind: &LightKind) -> Result<PointLight, String> {
+    let (position, intensity, spot) = match *kind {
+        LightKind::Spot {
+            position,
+            direction,
+            intensity,
+            cone,
+        } => (position, intensity, Some((direction, cone))),
+        LightKind::Point {
+            position,
+            intensity,
+        } => (position, intensity, None),
+        LightKind::Directional { .. } => {
+            return Err("a directional light has no position".to_owned());
+        }
+    };
+    if !position.is_finite() || position.abs().max_element() > MAX_COORDINATE {
+        return Err(format!(
+            "the position is {position}; coordinates must be within {MAX_COORDINATE:e} of the \
+             origin"
+        ));
+    }
+    check_color("intensity", intensity)?;
+    let mut cone = Cone::WHOLE;
+    if let Some((direction, desc)) = spot {
+        if direction.as_dvec3().try_normalize().is_none() {
+            return Err(zero_direction(direction));
+        }
+        if !desc.is_possible() {
+            let ConeDesc {
+                beam_deg,
+                cutoff_deg,
+                ..
+            } = desc;
+            return Err(format!(
+                "a beam of {beam_deg} and a cutoff of {cutoff_deg} degrees form no cone; expected \
+                 0 <= beam <= cutoff < 180"
+            ));
+        }
+        cone = Cone::new(direction, &desc);
+    }
+    Ok(PointLight {
+        position,
+        intensity,
+        cone,
+    })
+}
+
+/// Returns a compiled directional light.
+fn directional_light(direction: Vec3, irradiance: Vec3) -> Result<DirectionalLight, String> {
+    let Some(unit) = direction.as_dvec3().try_normalize() else {
+        return Err(zero_direction(direction));
+    };
+    check_color("irradiance", irradiance)?;
+    Ok(DirectionalLight {
+        direction: unit.as_vec3(),
+        irradiance,
+    })
+}
+
+/// Returns the error message for a direction without a length.
+fn zero_direction(direction: Vec3) -> String {
+    format!("the direction {direction} must be finite and have a length above 0")
+}
+
+/// Checks and decodes an environment. Returns `None`, with a note, for a black one.
+fn compile_environment(
+    desc: &EnvironmentDesc,
+    notes: &mut Vec<Note>,
+) -> Result<Option<Environment>, SceneError> {
     let fail = |key: &str, problem: String| SceneError::Malformed {
         file: PathBuf::new(),
         place: format!("environment.{key}"),
         problem,
     };
     if !(desc.scale.is_finite() && desc.scale >= 0.0) {
-        return Err(fail("scale", format!("expected a number that is not negative, found {}", desc.scale)));
+        return Err(fail(
+            "scale",
+            format!("expected a number of 0 or more, found {}", desc.scale),
+        ));
     }
     if !desc.rotation_deg.is_finite() {
-        return Err(fail("rotation", format!("expected an angle in degrees, found {}", desc.rotation_deg)));
+        return Err(fail(
+            "rotation",
+            format!("expected an angle in degrees, found {}", desc.rotation_deg),
+        ));
     }
     let (map, color) = match &desc.source {
         EnvironmentSource::Color(color) => {
@@ -186,46 +258,79 @@ fn surroundings(desc: &EnvironmentDesc, notes: &mut Vec<Note>) -> Result<Option<
             (None, *color)
         }
         EnvironmentSource::Map(texture) => {
-            let mut map = Texture::decode(texture, true);
-            let repaired = repair(&mut map);
-            if repaired > 0 {
-                notes.push(Note {
-                    file: texture.file.clone(),
-                    place: "image".to_owned(),
-                    message: format!("values that are negative or not finite: {repaired} count as black"),
-                });
-            }
+            let map = decode_map(texture, notes);
             let black = map.texels.as_flattened().iter().all(|x| *x == 0.0);
-            (Some(Arc::new(map)), if black { Vec3::ZERO } else { Vec3::ONE })
+            (
+                Some(Arc::new(map)),
+                if black { Vec3::ZERO } else { Vec3::ONE },
+            )
         }
     };
     let radiance = color * desc.scale;
     if !radiance.is_finite() {
-        return Err(fail("scale", "the radiance leaves the range of numbers".to_owned()));
+        return Err(fail(
+            "scale",
+            "the radiance exceeds the range of 32-bit floats".to_owned(),
+        ));
     }
     if radiance == Vec3::ZERO {
-        notes.push(note("environment", "it is black: left out"));
+        notes.push(note(
+            "environment",
+            "the environment is black and has been left out",
+        ));
         return Ok(None);
     }
     let rotation_rad = f64::from(desc.rotation_deg).rem_euclid(360.0).to_radians() as f32;
-    Ok(Some(Environment { map, radiance, rotation_rad }))
+    Ok(Some(Environment {
+        map,
+        radiance,
+        rotation_rad,
+    }))
 }
 
+/// Decodes an environment map, with a note if it has invalid values.
+fn decode_map(texture: &TextureDesc, notes: &mut Vec<Note>) -> Texture {
+    let mut map = Texture::decode(texture, true);
+    let repaired = repair(&mut map);
+    if repaired > 0 {
+        notes.push(Note {
+            file: texture.file.clone(),
+            place: "image".to_owned(),
+            message: format!(
+                "found {repaired} values that are negative or not finite; they count as black"
+            ),
+        });
+    }
+    map
+}
+
+/// Creates a note about a scene without a file.
 fn note(place: &str, message: &str) -> Note {
-    Note { file: Path::new("").to_owned(), place: place.to_owned(), message: message.to_owned() }
+    Note {
+        file: Path::new("").to_owned(),
+        place: place.to_owned(),
+        message: message.to_owned(),
+    }
 }
 
+/// Checks that a colour is finite and not negative.
 fn check_color(key: &str, color: Vec3) -> Result<(), String> {
     if color.is_finite() && color.min_element() >= 0.0 {
         return Ok(());
     }
-    Err(format!("its {key} must be finite and not negative, found {color}"))
+    Err(format!(
+        "the {key} must be finite and not negative, found {color}"
+    ))
 }
 
-/// Makes values black that no light can have; returns how many.
+/// Replaces invalid radiances by black; returns their number.
 fn repair(map: &mut Texture) -> usize {
     let mut repaired = 0;
-    for x in Arc::make_mut(&mut map.texels).as_flattened_mut().iter_mut().filter(|x| !(x.is_finite() && **x >= 0.0)) {
+    for x in Arc::make_mut(&mut map.texels)
+        .as_flattened_mut()
+        .iter_mut()
+        .filter(|x| !(x.is_finite() && **x >= 0.0))
+    {
         *x = 0.0;
         repaired += 1;
     }
@@ -235,15 +340,22 @@ fn repair(map: &mut Texture) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::desc::{CameraDesc, LightDesc, Texels, TextureDesc, texture_hash};
+    use crate::scene::desc::{CameraDesc, LightDesc, Texels, texture_hash};
 
     fn scene(lights: Vec<LightKind>, environment: Option<EnvironmentDesc>) -> SceneDesc {
-        let named = |(i, kind)| LightDesc { name: format!("l{i}"), kind };
+        let named = |(i, kind)| LightDesc {
+            name: format!("l{i}"),
+            kind,
+        };
         SceneDesc {
             views: Vec::new(),
             resolution: [1, 1],
             max_depth: 1,
-            camera: CameraDesc { position: Vec3::Z, target: Vec3::ZERO, ..CameraDesc::default() },
+            camera: CameraDesc {
+                position: Vec3::Z,
+                target: Vec3::ZERO,
+                ..CameraDesc::default()
+            },
             materials: vec![],
             entities: vec![],
             lights: lights.into_iter().enumerate().map(named).collect(),
@@ -254,14 +366,29 @@ mod tests {
     fn map(texels: Vec<[f32; 4]>) -> EnvironmentSource {
         let (width, texels) = (texels.len() as u32, Texels::RgbaF32(texels));
         let content_hash = texture_hash(width, 1, &texels);
-        EnvironmentSource::Map(Arc::new(TextureDesc { file: "m.hdr".into(), width, height: 1, texels, content_hash }))
+        EnvironmentSource::Map(Arc::new(TextureDesc {
+            file: "m.hdr".into(),
+            width,
+            height: 1,
+            texels,
+            content_hash,
+        }))
     }
 
     #[test]
-    fn lights_are_sorted_by_kind_and_directions_become_unit() {
-        let point = LightKind::Point { position: Vec3::X, intensity: Vec3::ONE };
-        let sun = LightKind::Directional { direction: Vec3::new(0.0, -3e-30, 0.0), irradiance: Vec3::ONE };
-        let dark = LightKind::Point { position: Vec3::X, intensity: Vec3::ZERO };
+    fn lights_are_sorted_by_type_and_directions_are_normalised() {
+        let point = LightKind::Point {
+            position: Vec3::X,
+            intensity: Vec3::ONE,
+        };
+        let sun = LightKind::Directional {
+            direction: Vec3::new(0.0, -3e-30, 0.0),
+            irradiance: Vec3::ONE,
+        };
+        let dark = LightKind::Point {
+            position: Vec3::X,
+            intensity: Vec3::ZERO,
+        };
         let mut notes = Vec::new();
         let c = compile(&scene(vec![sun, dark, point], None), &mut notes).unwrap();
         assert_eq!((c.points.len(), c.directionals.len()), (1, 1));
@@ -271,26 +398,51 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_is_an_error_that_names_the_light() {
+    fn invalid_values_are_errors_that_name_the_light() {
         let bad = [
-            LightKind::Point { position: Vec3::NAN, intensity: Vec3::ONE },
-            LightKind::Point { position: Vec3::X, intensity: -Vec3::ONE },
-            LightKind::Directional { direction: Vec3::ZERO, irradiance: Vec3::ONE },
-            LightKind::Directional { direction: Vec3::X, irradiance: Vec3::INFINITY },
+            LightKind::Point {
+                position: Vec3::NAN,
+                intensity: Vec3::ONE,
+            },
+            LightKind::Point {
+                position: Vec3::X,
+                intensity: -Vec3::ONE,
+            },
+            LightKind::Directional {
+                direction: Vec3::ZERO,
+                irradiance: Vec3::ONE,
+            },
+            LightKind::Directional {
+                direction: Vec3::X,
+                irradiance: Vec3::INFINITY,
+            },
         ];
         for kind in bad {
-            let e = compile(&scene(vec![kind], None), &mut Vec::new()).err().unwrap().to_string();
+            let e = compile(&scene(vec![kind], None), &mut Vec::new())
+                .err()
+                .unwrap()
+                .to_string();
             assert!(e.contains("lights.l0"), "{e}");
         }
         for (rotation_deg, scale) in [(f32::NAN, 1.0), (0.0, -1.0), (0.0, f32::INFINITY)] {
-            let e = EnvironmentDesc { source: EnvironmentSource::Color(Vec3::ONE), rotation_deg, scale };
+            let e = EnvironmentDesc {
+                source: EnvironmentSource::Color(Vec3::ONE),
+                rotation_deg,
+                scale,
+            };
             assert!(compile(&scene(vec![], Some(e)), &mut Vec::new()).is_err());
         }
     }
 
     #[test]
-    fn a_black_environment_is_noted_and_left_out_and_bad_texels_are_black() {
-        let env = |source, scale| Some(EnvironmentDesc { source, rotation_deg: 370.0, scale });
+    fn a_black_environment_is_noted_and_left_out_and_invalid_texels_are_black() {
+        let env = |source, scale| {
+            Some(EnvironmentDesc {
+                source,
+                rotation_deg: 370.0,
+                scale,
+            })
+        };
         let black = [
             env(EnvironmentSource::Color(Vec3::ZERO), 1.0),
             env(EnvironmentSource::Color(Vec3::ONE), 0.0),
@@ -298,15 +450,26 @@ mod tests {
         ];
         for e in black {
             let mut notes = Vec::new();
-            assert!(compile(&scene(vec![], e), &mut notes).unwrap().environment.is_none());
+            assert!(
+                compile(&scene(vec![], e), &mut notes)
+                    .unwrap()
+                    .environment
+                    .is_none()
+            );
             assert!(notes.len() == 1 && notes[0].message.contains("black"));
         }
         let mut notes = Vec::new();
         let e = env(map(vec![[2.0, f32::NAN, -1.0, 1.0], [1.0; 4]]), 3.0);
-        let e = compile(&scene(vec![], e), &mut notes).unwrap().environment.unwrap();
+        let e = compile(&scene(vec![], e), &mut notes)
+            .unwrap()
+            .environment
+            .unwrap();
         assert_eq!(e.map.unwrap().texels[0], [2.0, 0.0, 0.0]);
         assert_eq!(e.radiance, Vec3::splat(3.0));
         assert!((e.rotation_rad - 10f32.to_radians()).abs() < 1e-6);
-        assert!(notes.len() == 1 && notes[0].message.contains('2'), "{notes:?}");
+        assert!(
+            notes.len() == 1 && notes[0].message.contains('2'),
+            "{notes:?}"
+        );
     }
 }

@@ -1,4 +1,4 @@
-//! Material rows and the textures they share.
+//! Compiled materials and the textures they share.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -8,42 +8,59 @@ use glam::Vec3;
 use super::delays::{self, Delays};
 use super::{Interface, Material, NONE, Texture, UvMap};
 use crate::scene::desc::{
-    DEFAULT_MATERIAL, MATERIAL_PARAMS, MaterialDesc, Model, SceneDesc, Texels, TextureDesc, TextureSlot,
+    DEFAULT_MATERIAL, MATERIAL_PARAMS, MaterialDesc, Model, SceneDesc, Texels, TextureDesc,
+    TextureSlot,
 };
 use crate::scene::{Note, SceneError};
 use crate::value::Value;
 use crate::value::schema::{SchemaError, Ty};
 
-/// Rows for every material of the scene, and one default row for a scene without any.
+/// Compiled materials, their textures, and their components and profiles.
+type CompiledMaterials = (Vec<Material>, Vec<Texture>, Delays);
+
+/// Compiles every material of the scene, or one default material for a scene without any.
 ///
 /// # Errors
-/// A parameter that is no finite number, or lies outside its range: loaders and edits leave none, code may.
-pub(super) fn rows(desc: &SceneDesc, notes: &mut Vec<Note>) -> Result<Compiled, SceneError> {
+/// Fails for a parameter that is not finite or out of range, which loaders and edits never produce.
+pub(super) fn compile(
+    desc: &SceneDesc,
+    notes: &mut Vec<Note>,
+) -> Result<CompiledMaterials, SceneError> {
     desc.materials.iter().try_for_each(check)?;
-    let mut bank = Bank::default();
-    let mut rows: Vec<Material> = desc.materials.iter().map(|m| row(m, &mut bank, notes)).collect();
-    if rows.is_empty() {
-        rows.push(row(&MaterialDesc::new(DEFAULT_MATERIAL), &mut bank, notes));
+    let mut bank = TextureBank::default();
+    let mut materials: Vec<Material> = desc
+        .materials
+        .iter()
+        .map(|m| compile_material(m, &mut bank, notes))
+        .collect();
+    if materials.is_empty() {
+        let default = MaterialDesc::new(DEFAULT_MATERIAL);
+        materials.push(compile_material(&default, &mut bank, notes));
     }
-    let delays = delays::compile(desc, &mut rows, &mut bank, notes)?;
-    Ok((rows, bank.textures, delays))
+    let delays = delays::compile(desc, &mut materials, &mut bank, notes)?;
+    Ok((materials, bank.textures, delays))
 }
 
-/// Rows, the textures that they name, and what they are composed of.
-type Compiled = (Vec<Material>, Vec<Texture>, Delays);
-
-/// Whether every number of a material means something.
+/// Checks that every number of a material is finite and in range.
 fn check(m: &MaterialDesc) -> Result<(), SchemaError> {
     for row in MATERIAL_PARAMS {
-        let (Ty::Num { min, max } | Ty::Nums { min, max, .. }) = row.ty else { continue };
+        let (Ty::Num { min, max } | Ty::Nums { min, max, .. }) = row.ty else {
+            continue;
+        };
         let value = (row.get)(m);
-        // A bound that `f32` cannot hold is met by the number next to it.
+        // A bound that `f32` cannot represent is satisfied by the nearest number.
         let slack = |bound: f64| f64::from(f32::EPSILON) * bound.abs();
-        let fits = |x: &Value| x.as_f64().is_some_and(|x| x >= min - slack(min) && x <= max + slack(max));
-        if !value.as_list().map_or_else(|| fits(&value), |items| items.iter().all(fits)) {
+        let fits = |x: &Value| {
+            x.as_f64()
+                .is_some_and(|x| x >= min - slack(min) && x <= max + slack(max))
+        };
+        if !value
+            .as_list()
+            .map_or_else(|| fits(&value), |items| items.iter().all(fits))
+        {
             return Err(SchemaError {
                 path: format!("materials.{}.{}", m.name, row.name),
-                problem: format!("{value} is out of range: expected {}", row.ty.describe()),
+                problem: format!("{value} is out of range; expected {}", row.ty.describe()),
                 help: None,
                 key: row.name.to_owned(),
             });
@@ -52,10 +69,16 @@ fn check(m: &MaterialDesc) -> Result<(), SchemaError> {
     Ok(())
 }
 
-fn row(m: &MaterialDesc, bank: &mut Bank, notes: &mut Vec<Note>) -> Material {
-    let shines = m.emission != Vec3::ZERO;
-    let reflects = !shines || m.emitter_reflects;
-    let mut texture = |slot: TextureSlot, used: bool| if used { bank.index(m, slot, notes) } else { NONE };
+fn compile_material(m: &MaterialDesc, bank: &mut TextureBank, notes: &mut Vec<Note>) -> Material {
+    let emits = m.emission != Vec3::ZERO;
+    let reflects = !emits || m.emitter_reflects;
+    let mut texture = |slot: TextureSlot, used: bool| {
+        if used {
+            bank.index(m, slot, notes)
+        } else {
+            NONE
+        }
+    };
     Material {
         base_color: m.base_color,
         emission: m.emission,
@@ -79,35 +102,50 @@ fn row(m: &MaterialDesc, bank: &mut Bank, notes: &mut Vec<Note>) -> Material {
         mask_mode: m.mask_mode,
         shadow_terminator: m.shadow_terminator,
         base_color_texture: texture(TextureSlot::BaseColor, reflects),
-        emission_texture: texture(TextureSlot::Emission, shines),
+        emission_texture: texture(TextureSlot::Emission, emits),
         mask_texture: texture(TextureSlot::Mask, true),
-        roughness_texture: texture(TextureSlot::Roughness, reflects && m.model != Model::Lambert),
+        roughness_texture: texture(
+            TextureSlot::Roughness,
+            reflects && m.model != Model::Lambert,
+        ),
         metallic_texture: texture(TextureSlot::Metallic, reflects),
         opacity_texture: texture(TextureSlot::Opacity, reflects),
-        anisotropic_texture: texture(TextureSlot::AnisotropicDirection, reflects && m.anisotropic > 0.0),
+        anisotropic_texture: texture(
+            TextureSlot::AnisotropicDirection,
+            reflects && m.anisotropic > 0.0,
+        ),
         normal_texture: texture(TextureSlot::Normal, reflects && m.normal_strength > 0.0),
         bump_texture: texture(TextureSlot::Bump, reflects && m.bump_height != 0.0),
-        tiling: UvMap { scale: m.tiling, offset: m.uv_offset },
+        tiling: UvMap {
+            scale: m.tiling,
+            offset: m.uv_offset,
+        },
         emitter_reflects: reflects,
-        interface: Interface {
-            specular: m.specular,
-            eta: m.eta,
-            k: m.k,
-            distribution: m.distribution,
-            thin: m.thin,
-            nonlinear: m.nonlinear,
-            // What passes inwards passes outwards as well, in 1 / ior^2 of the solid angle.
-            internal_reflectance: if m.model == Model::Plastic {
-                1.0 - (1.0 - diffuse_reflectance(m.ior)) / (m.ior * m.ior)
-            } else {
-                0.0
-            },
+        interface: compile_interface(m),
+    }
+}
+
+fn compile_interface(m: &MaterialDesc) -> Interface {
+    Interface {
+        specular: m.specular,
+        eta: m.eta,
+        k: m.k,
+        distribution: m.distribution,
+        thin: m.thin,
+        nonlinear: m.nonlinear,
+        // The interface transmits equally in both directions, but outwards only from 1 / ior^2 of
+        // the solid angle.
+        internal_reflectance: if m.model == Model::Plastic {
+            1.0 - (1.0 - diffuse_reflectance(m.ior)) / (m.ior * m.ior)
+        } else {
+            0.0
         },
     }
 }
 
-/// Part of diffuse light that a smooth dielectric of this index reflects from outside: the Fresnel equations' mean over
-/// the projected hemisphere, in closed form [Duntley 1942].
+/// Returns the fraction of diffuse light that a smooth dielectric of this index reflects from
+/// outside: the mean of the Fresnel equations over the projected hemisphere, in closed form
+/// [Duntley 1942].
 pub fn diffuse_reflectance(ior: f32) -> f32 {
     let n = f64::from(ior);
     if (n - 1.0).abs() < 1e-3 {
@@ -125,25 +163,33 @@ pub fn diffuse_reflectance(ior: f32) -> f32 {
     sum.clamp(0.0, 1.0) as f32
 }
 
-/// Textures, one per picture and way of lying.
+/// Textures of a scene, one for each decoded image and mapping.
 #[derive(Default)]
-pub(super) struct Bank {
+pub(super) struct TextureBank {
     pub(super) textures: Vec<Texture>,
-    /// Their rows, by picture and lookup.
+    /// Index of a texture, by image and mapping key.
     index: BTreeMap<(Decoding, [u32; 9]), u32>,
-    /// A row of each picture.
-    pictures: BTreeMap<Decoding, u32>,
+    /// Index of any texture with an image.
+    images: BTreeMap<Decoding, u32>,
 }
 
-/// A picture as a role decodes it: its content, whether from sRGB, and whether values below 0 and above 1 are moved.
+/// A decoded image: its content hash, whether it is decoded from sRGB, and whether values below 0
+/// and above 1 are clamped.
 type Decoding = ([u8; 32], bool, [bool; 2]);
 
-impl Bank {
-    /// The row of a material's texture, or [`NONE`].
-    pub(super) fn index(&mut self, material: &MaterialDesc, slot: TextureSlot, notes: &mut Vec<Note>) -> u32 {
-        let Some(desc) = material.texture(slot) else { return NONE };
+impl TextureBank {
+    /// Returns the index of a material's texture, or [`NONE`].
+    pub(super) fn index(
+        &mut self,
+        material: &MaterialDesc,
+        slot: TextureSlot,
+        notes: &mut Vec<Note>,
+    ) -> u32 {
+        let Some(desc) = material.texture(slot) else {
+            return NONE;
+        };
         let lookup = material.lookup(slot);
-        // Eight-bit texels are in range whatever their role, so that two colour roles share one copy.
+        // 8-bit texels are in range for every slot, so that two colour slots share one texture.
         let float = matches!(desc.texels, Texels::RgbaF32(_));
         let bounded = match slot {
             TextureSlot::Mask
@@ -155,45 +201,58 @@ impl Bank {
             TextureSlot::Emission => [float, false],
             _ => [float; 2],
         };
-        let picture = (desc.content_hash, slot.is_srgb(), bounded);
-        if let Some(row) = self.index.get(&(picture, lookup.key())) {
-            return *row;
+        let image = (desc.content_hash, slot.is_srgb(), bounded);
+        if let Some(index) = self.index.get(&(image, lookup.key())) {
+            return *index;
         }
-        let row = self.textures.len() as u32;
-        let texture = match self.pictures.get(&picture) {
+        let index = self.textures.len() as u32;
+        let texture = match self.images.get(&image) {
             Some(known) => self.textures[*known as usize].clone(),
             None => decoded(desc, slot, bounded, notes),
         };
         self.textures.push(Texture { lookup, ..texture });
-        self.pictures.entry(picture).or_insert(row);
-        self.index.insert((picture, lookup.key()), row);
-        row
+        self.images.entry(image).or_insert(index);
+        self.index.insert((image, lookup.key()), index);
+        index
     }
 }
 
-fn decoded(desc: &TextureDesc, slot: TextureSlot, bounded: [bool; 2], notes: &mut Vec<Note>) -> Texture {
+/// Decodes an image for a slot, clamping values as `bounded` demands, with a note if any changed.
+fn decoded(
+    desc: &TextureDesc,
+    slot: TextureSlot,
+    bounded: [bool; 2],
+    notes: &mut Vec<Note>,
+) -> Texture {
     let mut texture = Texture::decode(desc, slot.is_srgb());
     if clamp(&mut texture, bounded) {
         let message = match bounded {
-            [_, true] => "it holds values outside 0 to 1, which mean nothing to a surface: they are clamped",
-            _ => "it holds negative values, which no light can have: they count as black",
+            [_, true] => "the image has values outside 0 to 1; they are clamped",
+            _ => "the image has negative values; they count as black, since it is used as emission",
         };
         let message = message.to_owned();
-        notes.push(Note { file: desc.file.clone(), place: "image".to_owned(), message });
+        notes.push(Note {
+            file: desc.file.clone(),
+            place: "image".to_owned(),
+            message,
+        });
     }
     texture
 }
 
-/// Moves texels below 0 to 0 and above 1 to 1, where asked to; says whether any moved.
+/// Clamps texels to at least 0 and to at most 1, each on demand. Returns whether any changed.
 fn clamp(texture: &mut Texture, [below, above]: [bool; 2]) -> bool {
-    let (low, high) = (if below { 0.0 } else { f32::NEG_INFINITY }, if above { 1.0 } else { f32::INFINITY });
-    let mut moved = false;
+    let (low, high) = (
+        if below { 0.0 } else { f32::NEG_INFINITY },
+        if above { 1.0 } else { f32::INFINITY },
+    );
+    let mut changed = false;
     for x in Arc::make_mut(&mut texture.texels).as_flattened_mut() {
         let inside = x.clamp(low, high);
-        moved |= inside != *x;
+        changed |= inside != *x;
         *x = inside;
     }
-    moved
+    changed
 }
 
 #[cfg(test)]
@@ -205,11 +264,21 @@ mod tests {
 
     fn texture(texels: Texels) -> Arc<TextureDesc> {
         let content_hash = texture_hash(1, 1, &texels);
-        Arc::new(TextureDesc { file: PathBuf::from("t"), width: 1, height: 1, texels, content_hash })
+        Arc::new(TextureDesc {
+            file: PathBuf::from("t"),
+            width: 1,
+            height: 1,
+            texels,
+            content_hash,
+        })
     }
 
     fn scene(materials: Vec<MaterialDesc>) -> SceneDesc {
-        let camera = CameraDesc { position: Vec3::Z, target: Vec3::ZERO, ..CameraDesc::default() };
+        let camera = CameraDesc {
+            position: Vec3::Z,
+            target: Vec3::ZERO,
+            ..CameraDesc::default()
+        };
         SceneDesc {
             views: Vec::new(),
             resolution: [1, 1],
@@ -224,12 +293,12 @@ mod tests {
 
     fn compiled(materials: Vec<MaterialDesc>) -> (Vec<Material>, Vec<Texture>, Vec<Note>) {
         let mut notes = Vec::new();
-        let (rows, textures, _) = rows(&scene(materials), &mut notes).unwrap();
+        let (rows, textures, _) = compile(&scene(materials), &mut notes).unwrap();
         (rows, textures, notes)
     }
 
     #[test]
-    fn numbers_that_mean_nothing_are_errors_that_name_material_and_parameter() {
+    fn values_out_of_range_are_errors_that_name_material_and_parameter() {
         type Break = (&'static str, fn(&mut MaterialDesc));
         let breaks: [Break; 7] = [
             ("roughness", |m| m.roughness = f32::NAN),
@@ -243,17 +312,25 @@ mod tests {
         for (name, change) in breaks {
             let mut m = MaterialDesc::new("oak");
             change(&mut m);
-            let e = rows(&scene(vec![MaterialDesc::new("fine"), m]), &mut Vec::new()).unwrap_err().to_string();
+            let e = compile(&scene(vec![MaterialDesc::new("fine"), m]), &mut Vec::new())
+                .unwrap_err()
+                .to_string();
             assert!(e.contains(&format!("materials.oak.{name}")), "{e}");
         }
-        let edge = MaterialDesc { ior: crate::scene::desc::material::MIN_IOR as f32, ..MaterialDesc::new("m") };
-        assert!(rows(&scene(vec![edge]), &mut Vec::new()).is_ok());
+        let edge = MaterialDesc {
+            ior: crate::scene::desc::material_params::MIN_IOR as f32,
+            ..MaterialDesc::new("m")
+        };
+        assert!(compile(&scene(vec![edge]), &mut Vec::new()).is_ok());
     }
 
     #[test]
     fn data_textures_are_linear_and_share_their_texels() {
         let grey = || texture(Texels::Rgba8(vec![[128, 128, 128, 255]]));
-        let mut m = MaterialDesc { anisotropic: 0.5, ..MaterialDesc::new("m") };
+        let mut m = MaterialDesc {
+            anisotropic: 0.5,
+            ..MaterialDesc::new("m")
+        };
         m.textures = vec![
             (TextureSlot::Roughness, grey()),
             (TextureSlot::Metallic, grey()),
@@ -265,44 +342,90 @@ mod tests {
         assert_eq!(textures.len(), 1);
         assert_eq!(textures[0].texels[0], [128.0 / 255.0; 3]);
         let r = rows[0];
-        let used =
-            [r.roughness_texture, r.metallic_texture, r.opacity_texture, r.anisotropic_texture, r.normal_texture];
+        let used = [
+            r.roughness_texture,
+            r.metallic_texture,
+            r.opacity_texture,
+            r.anisotropic_texture,
+            r.normal_texture,
+        ];
         assert_eq!(used, [0; 5]);
     }
 
     #[test]
-    fn one_file_in_two_roles_is_decoded_for_each() {
+    fn a_file_in_two_slots_is_decoded_for_each() {
         let grey = || texture(Texels::Rgba8(vec![[128, 128, 128, 255]]));
         let mut a = MaterialDesc::new("a");
-        a.textures = vec![(TextureSlot::BaseColor, grey()), (TextureSlot::Mask, grey())];
-        let mut b = MaterialDesc { emission: Vec3::ONE, ..MaterialDesc::new("b") };
-        b.textures = vec![(TextureSlot::BaseColor, grey()), (TextureSlot::Emission, grey())];
+        a.textures = vec![
+            (TextureSlot::BaseColor, grey()),
+            (TextureSlot::Mask, grey()),
+        ];
+        let mut b = MaterialDesc {
+            emission: Vec3::ONE,
+            ..MaterialDesc::new("b")
+        };
+        b.textures = vec![
+            (TextureSlot::BaseColor, grey()),
+            (TextureSlot::Emission, grey()),
+        ];
         let (rows, textures, notes) = compiled(vec![a, b]);
         assert_eq!(textures.len(), 2);
-        assert!((textures[rows[0].base_color_texture as usize].texels[0][0] - 0.215_86).abs() < 1e-4);
-        assert_eq!(textures[rows[0].mask_texture as usize].texels[0][0], 128.0 / 255.0);
+        assert!(
+            (textures[rows[0].base_color_texture as usize].texels[0][0] - 0.215_86).abs() < 1e-4
+        );
+        assert_eq!(
+            textures[rows[0].mask_texture as usize].texels[0][0],
+            128.0 / 255.0
+        );
         assert_eq!(rows[1].emission_texture, rows[0].base_color_texture);
-        assert_eq!((rows[0].emission_texture, rows[1].mask_texture), (NONE, NONE));
+        assert_eq!(
+            (rows[0].emission_texture, rows[1].mask_texture),
+            (NONE, NONE)
+        );
         assert!(notes.is_empty());
     }
 
     #[test]
-    fn bright_texels_are_clamped_as_albedo_and_kept_as_light() {
+    fn bright_texels_are_clamped_as_base_color_but_not_as_emission() {
         let bright = || texture(Texels::RgbaF32(vec![[4.0, 0.5, 0.0, 1.0]]));
-        let mut m = MaterialDesc { emission: Vec3::ONE, ..MaterialDesc::new("m") };
-        m.textures = vec![(TextureSlot::BaseColor, bright()), (TextureSlot::Emission, bright())];
+        let mut m = MaterialDesc {
+            emission: Vec3::ONE,
+            ..MaterialDesc::new("m")
+        };
+        m.textures = vec![
+            (TextureSlot::BaseColor, bright()),
+            (TextureSlot::Emission, bright()),
+        ];
         let (rows, textures, notes) = compiled(vec![m]);
-        assert_eq!(textures[rows[0].base_color_texture as usize].texels[0], [1.0, 0.5, 0.0]);
-        assert_eq!(textures[rows[0].emission_texture as usize].texels[0], [4.0, 0.5, 0.0]);
+        assert_eq!(
+            textures[rows[0].base_color_texture as usize].texels[0],
+            [1.0, 0.5, 0.0]
+        );
+        assert_eq!(
+            textures[rows[0].emission_texture as usize].texels[0],
+            [4.0, 0.5, 0.0]
+        );
         assert_eq!(notes.len(), 1);
     }
 
     #[test]
-    fn negative_light_is_black_and_noted() {
-        let mut m = MaterialDesc { emission: Vec3::ONE, ..MaterialDesc::new("m") };
-        m.textures = vec![(TextureSlot::Emission, texture(Texels::RgbaF32(vec![[4.0, -0.5, 0.0, 1.0]])))];
+    fn negative_emission_is_black_and_noted() {
+        let mut m = MaterialDesc {
+            emission: Vec3::ONE,
+            ..MaterialDesc::new("m")
+        };
+        m.textures = vec![(
+            TextureSlot::Emission,
+            texture(Texels::RgbaF32(vec![[4.0, -0.5, 0.0, 1.0]])),
+        )];
         let (rows, textures, notes) = compiled(vec![m]);
-        assert_eq!(textures[rows[0].emission_texture as usize].texels[0], [4.0, 0.0, 0.0]);
-        assert!(notes.len() == 1 && notes[0].message.contains("negative"), "{notes:?}");
+        assert_eq!(
+            textures[rows[0].emission_texture as usize].texels[0],
+            [4.0, 0.0, 0.0]
+        );
+        assert!(
+            notes.len() == 1 && notes[0].message.contains("negative"),
+            "{notes:?}"
+        );
     }
 }

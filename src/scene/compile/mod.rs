@@ -1,95 +1,103 @@
-//! From a description to the flat arrays that a backend renders.
+//! Compilation of a scene description to the flat arrays that a backend renders: [`CompiledScene`].
 
 mod bounds;
 mod corners;
 mod delays;
 mod flatten;
 mod instance;
+mod instancing;
 mod lights;
 mod materials;
-mod share;
+mod mesh;
 mod tangents;
 mod texture;
 
 use glam::{Vec2, Vec3, Vec4};
 
-pub use delays::{DelayParam, DelayProfile, Delays, Part};
+pub use delays::{DelayParam, DelayProfile, Delays, MaterialComponent};
 pub use flatten::{MAX_PRIMITIVES, compile, compile_sharing};
-pub use instance::{Instance, Instances, MOST_UNFOLDED, SharedMesh};
+pub use instance::{Instance, Instances, MAX_FLATTENED_PRIMITIVES, SharedMesh};
 pub use lights::{Cone, DirectionalLight, Environment, PointLight};
 pub(in crate::scene) use texture::srgb_to_linear;
 pub use texture::{Texture, Uv, UvMap};
 
 use super::desc::CameraDesc;
 pub use super::desc::{DelayKind, Distribution, Lookup, MaskMode, Model, Wrap};
+pub use instancing::{SHARED_FROM, Sharing};
 pub use materials::diffuse_reflectance;
-pub use share::{SHARED_FROM, Sharing};
 
-/// Marks the absence of a texture or of a light in an index.
+/// Index that marks the absence of a texture, a light or an instance.
 pub const NONE: u32 = u32::MAX;
 
-/// A scene ready to be rendered. Primitive ids count triangles first, spheres after them; a triangle of a shared mesh is
-/// named by its id and the [`Instance`] that is meant.
+/// A scene that is ready to be rendered. Primitive ids count triangles first, then spheres; a
+/// triangle of a shared mesh is identified by its id and its [`Instance`].
 #[derive(Clone, Debug)]
 pub struct CompiledScene {
-    /// blake3 of the description: equal scenes have equal hashes, whatever file they came from.
+    /// blake3 hash of the description: equal scenes have equal hashes, whatever files they came
+    /// from.
     pub content_hash: [u8; 32],
-    /// Positions of every triangle, counter-clockwise seen from its front: in world space, and behind those the triangles of
-    /// shared meshes in spaces of their own.
+    /// Vertex positions of every triangle, counter-clockwise seen from its front: triangles in
+    /// world space first, then the triangles of shared meshes in object space.
     pub triangles: Vec<[Vec3; 3]>,
-    /// Everything else about the same triangle.
+    /// Shading attributes of the same triangles.
     pub attributes: Vec<TriangleAttributes>,
-    /// Tangents at the corners of every triangle in MikkTSpace: a unit vector along growing u, and in `w` the sign of
-    /// the bitangent `w (n x t)` that points along growing v. Empty if no material needs any; zero where there is none.
+    /// Tangents at the vertices of every triangle in MikkTSpace: a unit vector along increasing u,
+    /// and in `w` the sign of the bitangent `w (n x t)`, which points along increasing v. Empty if
+    /// no material needs tangents; zero for triangles without one.
     pub tangents: Vec<[Vec4; 3]>,
-    /// Linear colours at the corners of every triangle that multiply base colours. Empty if no mesh has any.
-    pub colors: Vec<[Vec3; 3]>,
-    /// The second set of texture coordinates at the corners of every triangle, of those without the first again. Empty if no
+    /// Linear colours at the vertices of every triangle that multiply base colours. Empty if no
     /// mesh has any.
+    pub colors: Vec<[Vec3; 3]>,
+    /// Second set of texture coordinates at the vertices of every triangle; triangles without one
+    /// repeat the first set. Empty if no mesh has any.
     pub second_uvs: Vec<[Vec2; 3]>,
-    /// Copies of meshes that are kept once.
+    /// Shared meshes and their instances.
     pub instances: Instances,
-    /// Analytic spheres.
+    /// Analytic spheres in world space.
     pub spheres: Vec<Sphere>,
-    /// Material rows; primitives index them.
+    /// Materials, indexed by primitives.
     pub materials: Vec<Material>,
-    /// What material rows are composed of, and when they give light back.
+    /// Components and temporal profiles of the materials.
     pub delays: Delays,
-    /// Textures; material rows index them.
+    /// Textures, indexed by materials.
     pub textures: Vec<Texture>,
-    /// Emissive primitives: triangles in the world in order of their id, those of each copy in turn, then spheres.
+    /// Emissive primitives: world-space triangles in order of id, then those of each instance in
+    /// turn, then spheres.
     pub emitters: Vec<Emitter>,
-    /// Lights that are points.
+    /// Point and spot lights.
     pub points: Vec<PointLight>,
-    /// Lights that are directions.
+    /// Directional lights, infinitely far away.
     pub directionals: Vec<DirectionalLight>,
     /// Light from outside the scene.
     pub environment: Option<Environment>,
-    /// The camera.
+    /// Camera of the scene.
     pub camera: CameraDesc,
-    /// The corners of the box around everything; both zero for an empty scene.
+    /// Corners of the bounding box; both zero for an empty scene.
     pub bounds: [Vec3; 2],
-    /// Width and height in pixels that the description asks for.
+    /// Width and height in pixels, as requested by the description.
     pub resolution: [u32; 2],
-    /// Greatest number of path edges that the description asks for.
+    /// Greatest number of path edges, as requested by the description.
     pub max_depth: u32,
 }
 
-/// What shading needs of a triangle.
+/// Shading attributes of a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TriangleAttributes {
-    /// Unit shading normals at the corners, on the front side.
+    /// Unit shading normals at the vertices, on the front side.
     pub normals: [Vec3; 3],
-    /// Texture coordinates at the corners.
+    /// Texture coordinates at the vertices.
     pub uvs: [Vec2; 3],
-    /// Row of [`CompiledScene::materials`]; of a shared mesh its slot: see [`Instances::materials`].
+    /// Index into [`CompiledScene::materials`]; for a shared mesh the slot, see
+    /// [`Instances::materials`].
     pub material: u32,
-    /// Row of [`CompiledScene::emitters`], or [`NONE`]; of a shared mesh see [`SharedMesh::shining`].
+    /// Index into [`CompiledScene::emitters`], or [`NONE`]; for a shared mesh see
+    /// [`SharedMesh::emissive`].
     pub emitter: u32,
 }
 
 impl TriangleAttributes {
-    /// Texture coordinates at a point with these weights of the second and third corner.
+    /// Returns the texture coordinates at a point, given the weights of the second and third
+    /// vertex.
     #[inline]
     pub fn uv(&self, [v, w]: [f32; 2]) -> Vec2 {
         let [a, b, c] = self.uvs;
@@ -102,24 +110,24 @@ impl TriangleAttributes {
 pub struct Sphere {
     /// Centre in world space.
     pub center: Vec3,
-    /// Radius, positive.
+    /// Radius in scene units, positive.
     pub radius: f32,
-    /// Row of [`CompiledScene::materials`].
+    /// Index into [`CompiledScene::materials`].
     pub material: u32,
-    /// Row of [`CompiledScene::emitters`], or [`NONE`].
+    /// Index into [`CompiledScene::emitters`], or [`NONE`].
     pub emitter: u32,
 }
 
-/// A material as compiled from its parameters; ranges as in [`super::desc::MATERIAL_PARAMS`].
+/// A compiled material; ranges as in [`super::desc::MATERIAL_PARAMS`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Material {
     /// Base colour, linear.
     pub base_color: Vec3,
-    /// Emitted radiance of the front side.
+    /// Radiance emitted by the front side.
     pub emission: Vec3,
-    /// Which BSDF the parameters describe.
+    /// Scattering model that the parameters describe.
     pub model: Model,
-    /// Perceptual roughness.
+    /// Perceptual roughness in 0..=1.
     pub roughness: f32,
     /// 0 dielectric to 1 metal.
     pub metallic: f32,
@@ -127,19 +135,19 @@ pub struct Material {
     pub opacity: f32,
     /// Index of refraction relative to the outside.
     pub ior: f32,
-    /// Part of the flatter diffuse lobe.
+    /// Share of the flatter, subsurface-like diffuse lobe.
     pub subsurface: f32,
-    /// Hue in the dielectric's reflectance at normal incidence.
+    /// Share of the base colour's hue in the dielectric's reflectance at normal incidence.
     pub specular_tint: f32,
-    /// Stretch of highlights.
+    /// Anisotropy of highlights.
     pub anisotropic: f32,
-    /// World-space direction of the stretch; zero is the direction of growing u.
+    /// World-space direction of the anisotropy; zero is the direction of increasing u.
     pub anisotropic_direction: Vec3,
-    /// Sheen.
+    /// Strength of the sheen.
     pub sheen: f32,
-    /// Hue of the sheen.
+    /// Share of the base colour's hue in the sheen.
     pub sheen_tint: f32,
-    /// Clear coat.
+    /// Strength of the clear coat.
     pub clearcoat: f32,
     /// Gloss of the clear coat.
     pub clearcoat_gloss: f32,
@@ -147,19 +155,19 @@ pub struct Material {
     pub smooth_below: f32,
     /// Factor on the slope of the normal map.
     pub normal_strength: f32,
-    /// How far 1 in the bump map stands out, in scene units.
+    /// Height of the value 1 of the bump map, in scene units.
     pub bump_height: f32,
-    /// Mask values below this are holes.
+    /// Mask value below which a hit is discarded.
     pub mask_threshold: f32,
-    /// How a mask decides.
+    /// Effect of a mask value on a hit.
     pub mask_mode: MaskMode,
-    /// Whether paths leave opaque triangles from the surface that their normals suggest.
+    /// Whether paths leave opaque triangles from the smooth surface that their normals suggest.
     pub shadow_terminator: bool,
     /// Texture that multiplies `base_color`, or [`NONE`].
     pub base_color_texture: u32,
     /// Texture that multiplies `emission`, or [`NONE`].
     pub emission_texture: u32,
-    /// Texture whose red channel below the mask threshold makes a hit a miss, or [`NONE`].
+    /// Texture whose red channel below the mask threshold discards a hit, or [`NONE`].
     pub mask_texture: u32,
     /// Texture whose red channel replaces `roughness`, or [`NONE`].
     pub roughness_texture: u32,
@@ -167,41 +175,42 @@ pub struct Material {
     pub metallic_texture: u32,
     /// Texture whose red channel replaces `opacity`, or [`NONE`].
     pub opacity_texture: u32,
-    /// Texture of directions in the tangent frame that replaces `anisotropic_direction`, or [`NONE`].
+    /// Texture of directions in the tangent frame that replaces `anisotropic_direction`, or
+    /// [`NONE`].
     pub anisotropic_texture: u32,
-    /// Normal map, or [`NONE`].
+    /// Normal map texture, or [`NONE`].
     pub normal_texture: u32,
     /// Texture whose red channel is a height, or [`NONE`].
     pub bump_texture: u32,
-    /// From texture coordinates to places in the textures.
+    /// Map from surface texture coordinates to those of the textures.
     pub tiling: UvMap,
-    /// Whether the surface of a light also reflects; where not, a path that hits it ends.
+    /// Whether the surface of a light also reflects; otherwise a path that hits it ends.
     pub emitter_reflects: bool,
-    /// What the models `conductor`, `plastic` and `dielectric` need beside the rest.
+    /// Parameters of the models `conductor`, `plastic` and `dielectric`.
     pub interface: Interface,
 }
 
-/// What only the models `conductor`, `plastic` and `dielectric` need of a material.
+/// Parameters used only by the models `conductor`, `plastic` and `dielectric`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interface {
-    /// Factor on what is reflected at the interface.
+    /// Factor on the reflection at the interface.
     pub specular: Vec3,
     /// Real part of a metal's index by channel, relative to the outside.
     pub eta: Vec3,
     /// Imaginary part of a metal's index by channel, relative to the outside.
     pub k: Vec3,
-    /// How the normals of microfacets are distributed.
+    /// Microfacet distribution of the interface.
     pub distribution: Distribution,
     /// Whether a dielectric is a thin pane.
     pub thin: bool,
-    /// Whether light that plastic reflects back inside takes on its colour each time.
+    /// Whether light that plastic reflects internally is coloured at each reflection.
     pub nonlinear: bool,
-    /// Part of diffuse light that is reflected back at the inside of plastic.
+    /// Fraction of diffuse light that the inside of plastic's interface reflects back.
     pub internal_reflectance: f32,
 }
 
 impl Interface {
-    /// White, of GGX microfacets: what materials have that ask for nothing else.
+    /// White interface with GGX microfacets: the default.
     pub const PLAIN: Interface = Interface {
         specular: Vec3::ONE,
         eta: Vec3::ZERO,
@@ -213,39 +222,45 @@ impl Interface {
     };
 }
 
-/// One emissive primitive and its part of the total emitting area.
+/// An emissive primitive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Emitter {
-    /// Primitive id.
+    /// Id of the primitive.
     pub primitive: u32,
-    /// The copy of a shared mesh that is meant, or [`NONE`].
+    /// Instance of a shared mesh, or [`NONE`].
     pub instance: u32,
     /// Area in world space, in square scene units, positive.
     pub area: f32,
 }
 
 impl Material {
-    /// Whether shading needs tangents.
+    /// Returns whether shading needs tangents.
     pub fn uses_tangents(&self) -> bool {
         self.normal_texture != NONE || (self.model != Model::Lambert && self.anisotropic > 0.0)
     }
 }
 
 impl CompiledScene {
-    /// Whether shading a material row, or a part of it, needs tangents.
+    /// Returns whether shading a material, or one of its components, needs tangents.
     pub fn uses_tangents(&self, material: u32) -> bool {
         let uses = |row: u32| self.materials[row as usize].uses_tangents();
-        uses(material) || self.delays.parts(material).iter().any(|part| uses(part.material))
+        uses(material)
+            || self
+                .delays
+                .components(material)
+                .iter()
+                .any(|component| uses(component.material))
     }
 
-    /// Number of primitives that are kept, those of a shared mesh once: see [`CompiledScene::flattened_count`].
+    /// Returns the number of stored primitives; a shared mesh counts once. See also
+    /// [`CompiledScene::flattened_count`].
     pub fn primitive_count(&self) -> usize {
         self.triangles.len() + self.spheres.len()
     }
 
-    /// The corners of the box around everything, and the greatest distance of a surface from its middle; all zero for
-    /// nothing.
-    pub fn around(&self) -> ([Vec3; 2], f32) {
+    /// Returns the corners of the scene's bounding box, and the greatest distance of a surface from
+    /// its centre; all zero for an empty scene.
+    pub fn bounds_and_radius(&self) -> ([Vec3; 2], f32) {
         let [low, high] = bounds::bounds(self);
         ([low, high], bounds::radius(self, low + (high - low) * 0.5))
     }

@@ -1,25 +1,28 @@
-//! Tangents for normal maps and anisotropy.
+//! Tangents in MikkTSpace, for normal maps and anisotropy.
 
 use bevy_mikktspace::{Geometry, TangentSpace, generate_tangents};
 use glam::Vec4;
 
 use super::CompiledScene;
 
-/// Gives tangents to the triangles from `first` on, which are one mesh, if a material of theirs needs any, as `uses` says.
+/// Computes the tangents of the triangles from `first` on, which form one mesh, if `needed` by one
+/// of their materials.
 ///
-/// Without texture coordinates no direction is that of growing u: the tangents are zero then, and shading takes an
-/// arbitrary frame.
-pub(super) fn add(scene: &mut CompiledScene, first: usize, uses: bool, has_uvs: bool) {
-    if uses || !scene.tangents.is_empty() {
-        scene.tangents.resize(scene.triangles.len(), [Vec4::ZERO; 3]);
+/// Without texture coordinates there is no direction of increasing u: the tangents are zero then,
+/// and shading uses an arbitrary frame.
+pub(super) fn add(scene: &mut CompiledScene, first: usize, needed: bool, has_uvs: bool) {
+    if needed || !scene.tangents.is_empty() {
+        scene
+            .tangents
+            .resize(scene.triangles.len(), [Vec4::ZERO; 3]);
     }
-    if uses && has_uvs {
+    if needed && has_uvs {
         // Infallible: its error type has no values.
         let _ = generate_tangents(&mut Mesh { scene, first });
     }
 }
 
-/// The triangles of one mesh as the crate reads them.
+/// The triangles of one mesh as an input of `bevy_mikktspace`.
 struct Mesh<'a> {
     scene: &'a mut CompiledScene,
     first: usize,
@@ -82,8 +85,16 @@ mod tests {
             views: Vec::new(),
             resolution: [4, 4],
             max_depth: 2,
-            camera: CameraDesc { position: Vec3::Z, target: Vec3::ZERO, fov_deg: 40.0, ..CameraDesc::default() },
-            materials: vec![MaterialDesc { anisotropic, ..MaterialDesc::new("m") }],
+            camera: CameraDesc {
+                position: Vec3::Z,
+                target: Vec3::ZERO,
+                fov_deg: 40.0,
+                ..CameraDesc::default()
+            },
+            materials: vec![MaterialDesc {
+                anisotropic,
+                ..MaterialDesc::new("m")
+            }],
             entities: vec![EntityDesc {
                 name: "quad".to_owned(),
                 transform: Transform::default(),
@@ -97,10 +108,13 @@ mod tests {
     }
 
     #[test]
-    fn tangents_follow_growing_u_and_their_sign_growing_v() {
+    fn tangents_follow_increasing_u_and_their_sign_increasing_v() {
         let straight = vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
         let turned = vec![Vec2::ZERO, Vec2::Y, Vec2::ONE, Vec2::X];
-        for (uvs, expected) in [(straight, Vec4::new(1.0, 0.0, 0.0, 1.0)), (turned, Vec4::new(0.0, 1.0, 0.0, -1.0))] {
+        for (uvs, expected) in [
+            (straight, Vec4::new(1.0, 0.0, 0.0, 1.0)),
+            (turned, Vec4::new(0.0, 1.0, 0.0, -1.0)),
+        ] {
             let (compiled, _) = compile(&scene(uvs, 0.5)).unwrap();
             for t in compiled.tangents.as_flattened() {
                 assert!((*t - expected).length() < 1e-6, "{t} instead of {expected}");
@@ -110,11 +124,17 @@ mod tests {
     }
 
     #[test]
-    fn none_are_made_where_nothing_needs_them_and_zeros_where_nothing_says_them() {
+    fn tangents_are_empty_if_unused_and_zero_without_texture_coordinates() {
         let uvs = vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
         assert!(compile(&scene(uvs, 0.0)).unwrap().0.tangents.is_empty());
         let (compiled, _) = compile(&scene(vec![], 0.5)).unwrap();
-        assert!(compiled.tangents.as_flattened().iter().all(|t| *t == Vec4::ZERO));
+        assert!(
+            compiled
+                .tangents
+                .as_flattened()
+                .iter()
+                .all(|t| *t == Vec4::ZERO)
+        );
         assert_eq!(compiled.tangents.len(), 2);
     }
 }

@@ -1,4 +1,4 @@
-//! Textures as the integrators read them.
+//! Decoded textures and their bilinear lookup.
 
 use std::sync::Arc;
 
@@ -6,63 +6,75 @@ use glam::{Vec2, Vec3};
 
 use crate::scene::desc::{Lookup, Texels, TextureDesc, Wrap};
 
-/// From texture coordinates to places in a texture: a factor, then an offset.
+/// Map from surface texture coordinates to those of a texture: a factor, then an offset.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UvMap {
-    /// The factor: how often a texture repeats.
+    /// Factor on the coordinates: number of repeats.
     pub scale: f32,
-    /// The offset in repeats.
+    /// Offset in repeats, added after the factor.
     pub offset: Vec2,
 }
 
 impl UvMap {
-    /// The map that changes nothing.
-    pub const IDENTITY: UvMap = UvMap { scale: 1.0, offset: Vec2::ZERO };
+    /// Map that changes nothing.
+    pub const IDENTITY: UvMap = UvMap {
+        scale: 1.0,
+        offset: Vec2::ZERO,
+    };
 
-    /// The place in a texture of texture coordinates.
+    /// Maps surface texture coordinates to those of a texture.
     #[inline]
     pub fn apply(self, uv: Vec2) -> Vec2 {
         uv * self.scale + self.offset
     }
 }
 
-/// Texture coordinates of a point.
+/// Texture coordinates of a surface point, both sets.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Uv {
-    /// Those of the first set.
+    /// Coordinates of the first set.
     pub first: Vec2,
-    /// Those of the second set, or the first ones again.
+    /// Coordinates of the second set; equal to the first if there is none.
     pub second: Vec2,
 }
 
 impl Uv {
-    /// Coordinates where there is one set.
+    /// Creates coordinates for a surface with a single set.
     pub fn same(uv: Vec2) -> Uv {
-        Uv { first: uv, second: uv }
+        Uv {
+            first: uv,
+            second: uv,
+        }
     }
 }
 
-/// A texture in linear colour, and how it lies.
+/// A texture in linear colour, and its mapping.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
-    /// Columns.
+    /// Number of columns.
     pub width: u32,
-    /// Rows.
+    /// Number of rows.
     pub height: u32,
-    /// Linear texels, `[y][x][rgb]`, origin top-left; textures that lie differently may share them.
+    /// Linear texels, `[y][x][rgb]`, origin top-left; shared between textures that differ only in
+    /// their mapping.
     pub texels: Arc<[[f32; 3]]>,
-    /// How it lies on surfaces.
+    /// Mapping onto surfaces.
     pub lookup: Lookup,
 }
 
 impl Texture {
-    /// A texture of these texels, that repeats.
+    /// Creates a repeating texture from texels.
     pub fn new(width: u32, height: u32, texels: impl Into<Arc<[[f32; 3]]>>) -> Texture {
-        Texture { width, height, texels: texels.into(), lookup: Lookup::default() }
+        Texture {
+            width,
+            height,
+            texels: texels.into(),
+            lookup: Lookup::default(),
+        }
     }
 
-    /// Decodes a texture for a role: eight-bit texels through the sRGB curve if `srgb`, else as fractions of 255;
-    /// floats are linear already. Alpha is dropped.
+    /// Decodes a texture for a slot: 8-bit texels through the sRGB curve if `srgb`, else as
+    /// fractions of 255; floats are linear already. Alpha is dropped.
     pub fn decode(desc: &TextureDesc, srgb: bool) -> Texture {
         let texels: Arc<[[f32; 3]]> = match &desc.texels {
             Texels::Rgba8(texels) => {
@@ -70,41 +82,55 @@ impl Texture {
                     .map(|b| f32::from(b) / 255.0)
                     .map(|x| if srgb { srgb_to_linear(x) } else { x })
                     .collect();
-                texels.iter().map(|[r, g, b, _]| [*r, *g, *b].map(|c| curve[usize::from(c)])).collect()
+                texels
+                    .iter()
+                    .map(|[r, g, b, _]| [*r, *g, *b].map(|c| curve[usize::from(c)]))
+                    .collect()
             }
             Texels::RgbaF32(texels) => texels.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect(),
         };
         Texture::new(desc.width, desc.height, texels)
     }
 
-    /// The place in the picture of texture coordinates on a surface with this tiling.
+    /// Returns image coordinates from the texture coordinates of a surface with this tiling.
     #[inline]
-    pub fn place(&self, uv: Uv, tiling: UvMap) -> Vec2 {
-        let own = tiling.apply(if self.lookup.second { uv.second } else { uv.first });
-        self.lookup.map.map_or(own, |map| map.transform_point2(own))
+    pub fn image_uv(&self, uv: Uv, tiling: UvMap) -> Vec2 {
+        let surface = tiling.apply(if self.lookup.second {
+            uv.second
+        } else {
+            uv.first
+        });
+        self.lookup
+            .map
+            .map_or(surface, |map| map.transform_point2(surface))
     }
 
-    /// The colour at a place, interpolated between the centres of four texels.
+    /// Returns the colour at image coordinates, interpolated between the centres of four texels.
     ///
-    /// (0, 0) is the bottom left corner and v grows upwards; beyond its edges it wraps as its lookup says. Coordinates that
-    /// are not finite count as 0.
-    pub fn bilinear(&self, place: Vec2) -> Vec3 {
+    /// (0, 0) is the bottom left corner and v points up; beyond the edges the wrap modes apply.
+    /// Coordinates that are not finite count as 0.
+    pub fn bilinear(&self, uv: Vec2) -> Vec3 {
         let [wrap_u, wrap_v] = self.lookup.wrap;
-        let (x0, x1, fx) = neighbours(place.x, self.width, wrap_u);
-        // Row 0 is the top of the picture, v = 0 its bottom; where it repeats these are one.
+        let (x0, x1, fx) = neighbours(uv.x, self.width, wrap_u);
+        // Row 0 is the top of the image, v = 0 its bottom; for repeated textures these coincide.
         let top = if wrap_v == Wrap::Repeat { 0.0 } else { 1.0 };
-        let (y0, y1, fy) = neighbours(top - place.y, self.height, wrap_v);
-        let at = |x: u32, y: u32| Vec3::from_array(self.texels[y as usize * self.width as usize + x as usize]);
-        at(x0, y0).lerp(at(x1, y0), fx).lerp(at(x0, y1).lerp(at(x1, y1), fx), fy)
+        let (y0, y1, fy) = neighbours(top - uv.y, self.height, wrap_v);
+        let at = |x: u32, y: u32| {
+            Vec3::from_array(self.texels[y as usize * self.width as usize + x as usize])
+        };
+        at(x0, y0)
+            .lerp(at(x1, y0), fx)
+            .lerp(at(x0, y1).lerp(at(x1, y1), fx), fy)
     }
 }
 
-/// The two texels around a coordinate in which the picture has length 1, and the weight of the second.
+/// Returns the two texels around a coordinate in which the image has length 1, and the weight of
+/// the second.
 #[inline]
 fn neighbours(coordinate: f32, size: u32, wrap: Wrap) -> (u32, u32, f32) {
     let wrapped = match wrap {
         Wrap::Repeat => coordinate - coordinate.floor(),
-        // Forth and back again.
+        // Forward, then backward.
         Wrap::Mirror => coordinate - 2.0 * (coordinate * 0.5).floor(),
         Wrap::Clamp if coordinate.is_finite() => coordinate.clamp(0.0, 1.0),
         Wrap::Clamp => 0.0,
@@ -121,9 +147,13 @@ fn neighbours(coordinate: f32, size: u32, wrap: Wrap) -> (u32, u32, f32) {
     (texel(at), texel(at + 1), x - low)
 }
 
-/// The decoding curve of sRGB [IEC 61966-2-1], from 0..=1 to 0..=1.
+/// Decodes sRGB [IEC 61966-2-1], from 0..=1 to 0..=1.
 pub(in crate::scene) fn srgb_to_linear(x: f32) -> f32 {
-    if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
+    if x <= 0.04045 {
+        x / 12.92
+    } else {
+        ((x + 0.055) / 1.055).powf(2.4)
+    }
 }
 
 #[cfg(test)]
@@ -134,7 +164,13 @@ mod tests {
 
     fn desc(width: u32, height: u32, texels: Texels) -> TextureDesc {
         let content_hash = texture_hash(width, height, &texels);
-        TextureDesc { file: PathBuf::new(), width, height, texels, content_hash }
+        TextureDesc {
+            file: PathBuf::new(),
+            width,
+            height,
+            texels,
+            content_hash,
+        }
     }
 
     fn grey(values: &[u8], width: u32) -> TextureDesc {
@@ -143,20 +179,24 @@ mod tests {
     }
 
     #[test]
-    fn roles_decide_the_curve() {
+    fn slots_decide_the_curve() {
         let d = grey(&[0, 10, 188, 255], 4);
         let colour = Texture::decode(&d, true);
         let data = Texture::decode(&d, false);
         assert_eq!((colour.texels[0][0], colour.texels[3][0]), (0.0, 1.0));
         assert!((colour.texels[1][0] - 10.0 / 255.0 / 12.92).abs() < 1e-7);
-        assert!((colour.texels[2][0] - 0.502_886_5).abs() < 1e-5, "{}", colour.texels[2][0]);
+        assert!(
+            (colour.texels[2][0] - 0.502_886_5).abs() < 1e-5,
+            "{}",
+            colour.texels[2][0]
+        );
         assert_eq!(data.texels[2][0], 188.0 / 255.0);
         let floats = desc(1, 1, Texels::RgbaF32(vec![[2.0, 0.5, 0.25, 0.0]]));
         assert_eq!(Texture::decode(&floats, true).texels[0], [2.0, 0.5, 0.25]);
     }
 
     #[test]
-    fn the_first_row_is_the_top_and_v_grows_upwards() {
+    fn the_first_row_is_the_top_and_v_points_up() {
         let t = Texture::decode(&grey(&[0, 51, 102, 255], 2), false);
         let near = |uv: [f32; 2], v: f32| {
             let found = t.bilinear(Vec2::from_array(uv)).x;
@@ -171,15 +211,17 @@ mod tests {
     }
 
     #[test]
-    fn beyond_its_edges_it_is_mirrored_or_clamped_as_asked() {
+    fn textures_wrap_beyond_their_edges() {
         let plain = Texture::decode(&grey(&[0, 51, 102, 255, 30, 60], 3), false);
-        // A picture of five by five copies, each laid by hand, in whose middle the coordinates are those of one.
-        let by_hand = |wrap: [Wrap; 2]| {
+        // An image of five by five copies, each built texel by texel; the test compares its centre.
+        let expected_image = |wrap: [Wrap; 2]| {
             let fold = |i: u32, size: u32, wrap: Wrap| match wrap {
                 Wrap::Repeat => i % size,
                 Wrap::Mirror if i / size % 2 == 1 => size - 1 - i % size,
                 Wrap::Mirror => i % size,
-                Wrap::Clamp => (i as i64 - 2 * i64::from(size)).clamp(0, i64::from(size) - 1) as u32,
+                Wrap::Clamp => {
+                    (i as i64 - 2 * i64::from(size)).clamp(0, i64::from(size) - 1) as u32
+                }
             };
             let at = |i: u32| {
                 let (x, y) = (fold(i % 15, 3, wrap[0]), fold(i / 15, 2, wrap[1]));
@@ -187,15 +229,38 @@ mod tests {
             };
             Texture::new(15, 10, (0..150).map(at).collect::<Vec<_>>())
         };
-        for wrap in Wrap::ALL.into_iter().flat_map(|u| Wrap::ALL.map(|v| [u, v])) {
-            let wrapped = Texture { lookup: Lookup { wrap, ..Lookup::default() }, ..plain.clone() };
-            let laid = by_hand(wrap);
+        for wrap in Wrap::ALL
+            .into_iter()
+            .flat_map(|u| Wrap::ALL.map(|v| [u, v]))
+        {
+            let wrapped = Texture {
+                lookup: Lookup {
+                    wrap,
+                    ..Lookup::default()
+                },
+                ..plain.clone()
+            };
+            let wrapped_image = expected_image(wrap);
             for i in 0..441 {
                 let uv = Vec2::new((i % 21) as f32, (i / 21) as f32) * 0.17 - Vec2::splat(1.4);
-                let (found, expected) = (wrapped.bilinear(uv), laid.bilinear((uv + 2.0) / 5.0));
-                assert!((found - expected).abs().max_element() < 1e-5, "{wrap:?} {uv}: {found} instead of {expected}");
+                let (found, expected) = (
+                    wrapped.bilinear(uv),
+                    wrapped_image.bilinear((uv + 2.0) / 5.0),
+                );
+                assert!(
+                    (found - expected).abs().max_element() < 1e-5,
+                    "{wrap:?} {uv}: {found} instead of {expected}"
+                );
             }
-            for x in [f32::NAN, f32::INFINITY, -1e30, 1e30, -f32::MIN_POSITIVE, 1.0, 2.0] {
+            for x in [
+                f32::NAN,
+                f32::INFINITY,
+                -1e30,
+                1e30,
+                -f32::MIN_POSITIVE,
+                1.0,
+                2.0,
+            ] {
                 let c = wrapped.bilinear(Vec2::new(x, -x));
                 assert!(c.is_finite() && c.max_element() <= 1.0, "{x}");
             }
@@ -203,14 +268,31 @@ mod tests {
     }
 
     #[test]
-    fn it_repeats_and_survives_any_coordinate() {
+    fn textures_repeat_and_accept_any_coordinate() {
         let t = Texture::decode(&grey(&[0, 51, 102, 255], 2), false);
-        for uv in [Vec2::new(0.3, 0.8), Vec2::new(0.0, 0.0), Vec2::new(0.99, 0.01)] {
+        for uv in [
+            Vec2::new(0.3, 0.8),
+            Vec2::new(0.0, 0.0),
+            Vec2::new(0.99, 0.01),
+        ] {
             for shift in [Vec2::new(1.0, 0.0), Vec2::new(-3.0, 7.0)] {
-                assert!((t.bilinear(uv) - t.bilinear(uv + shift)).abs().max_element() < 1e-5);
+                assert!(
+                    (t.bilinear(uv) - t.bilinear(uv + shift))
+                        .abs()
+                        .max_element()
+                        < 1e-5
+                );
             }
         }
-        for x in [f32::NAN, f32::INFINITY, -1e30, 1e30, f32::MIN_POSITIVE, -f32::MIN_POSITIVE, 1.0] {
+        for x in [
+            f32::NAN,
+            f32::INFINITY,
+            -1e30,
+            1e30,
+            f32::MIN_POSITIVE,
+            -f32::MIN_POSITIVE,
+            1.0,
+        ] {
             let c = t.bilinear(Vec2::new(x, -x));
             assert!(c.is_finite() && c.max_element() <= 1.0, "{x}");
         }

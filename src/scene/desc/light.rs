@@ -1,4 +1,4 @@
-//! Lights that are no surfaces: points, directions, and what surrounds the scene.
+//! Lights without a surface: point, spot and directional lights, and the environment.
 
 use std::sync::Arc;
 
@@ -9,93 +9,96 @@ use super::TextureDesc;
 /// A light without a surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightDesc {
-    /// The name by which edits reach it, unique among the lights.
+    /// Name used by edits, unique among the lights.
     pub name: String,
-    /// What it is.
+    /// Type and parameters of the light.
     pub kind: LightKind,
 }
 
-/// What a light without a surface is.
+/// Type and parameters of a light without a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LightKind {
-    /// Shines equally in all directions from one point.
+    /// Emits equally in all directions from one point.
     Point {
-        /// Where it is, in scene units.
+        /// Position in scene units.
         position: Vec3,
-        /// Radiant intensity: the irradiance on a surface that faces it is `intensity / distance^2`.
+        /// Radiant intensity: the irradiance on a surface that faces it is `intensity /
+        /// distance^2`.
         intensity: Vec3,
     },
-    /// Shines from one point into a cone.
+    /// Emits from one point into a cone.
     Spot {
-        /// Where it is, in scene units.
+        /// Position in scene units.
         position: Vec3,
-        /// The axis of the cone; any length but zero.
+        /// Axis of the cone; any non-zero length.
         direction: Vec3,
         /// Radiant intensity along the axis.
         intensity: Vec3,
-        /// How it falls off from there.
+        /// Falloff from the axis.
         cone: ConeDesc,
     },
-    /// Shines in one direction from infinitely far away.
+    /// Emits in one direction from infinitely far away.
     Directional {
-        /// The direction in which the light travels; any length but zero.
+        /// Direction in which the light travels; any non-zero length.
         direction: Vec3,
         /// Irradiance on a surface that faces it.
         irradiance: Vec3,
     },
 }
 
-/// The cone of a spot. Angles are from the axis, in degrees.
+/// Cone of a spot light. Angles are measured from the axis, in degrees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ConeDesc {
-    /// Up to here the intensity is that of the axis; at least 0, at most `cutoff_deg`.
+    /// Angle up to which the intensity is that of the axis; at least 0, at most `cutoff_deg`.
     pub beam_deg: f32,
-    /// From here on nothing shines; above 0, below 180.
+    /// Angle from which the intensity is zero; above 0, below 180.
     pub cutoff_deg: f32,
-    /// How it falls off between the two.
+    /// Falloff between the two angles.
     pub edge: ConeEdge,
 }
 
-/// How the intensity of a spot falls off at the edge of its cone.
+/// Falloff of a spot light's intensity between beam and cutoff angle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ConeEdge {
-    /// In proportion to the angle, as in Mitsuba.
+    /// Linear in the angle, as in Mitsuba.
     Linear,
-    /// With the square of what is linear in the cosine, as in glTF.
+    /// Square of a ramp that is linear in the cosine, as in glTF.
     Smooth,
 }
 
-/// The least and greatest cutoff of a spot in degrees.
+/// Least and greatest cutoff angle of a spot light in degrees.
 pub const CUTOFF_RANGE: [f64; 2] = [0.01, 179.0];
 
 impl ConeDesc {
-    /// Whether the angles are ones that a cone can have.
+    /// Returns whether the angles are in range and in order.
     pub fn is_possible(&self) -> bool {
         let [least, greatest] = CUTOFF_RANGE;
         let cutoff = f64::from(self.cutoff_deg);
-        (least * 0.999..=greatest).contains(&cutoff) && self.beam_deg >= 0.0 && self.beam_deg <= self.cutoff_deg
+        (least * 0.999..=greatest).contains(&cutoff)
+            && self.beam_deg >= 0.0
+            && self.beam_deg <= self.cutoff_deg
     }
 }
 
 /// Light that arrives from outside the scene.
 ///
-/// A map is equirectangular with +y up, as in Mitsuba: its top row is +y, its middle column +z, its left and right
-/// edge -z, and -x lies right of the middle, so that the map is seen unmirrored from inside. Radiance is the map or
-/// the colour times `scale`.
+/// A map is equirectangular with +y up, as in Mitsuba: its top row is +y, its middle column +z, its
+/// left and right edge -z, and -x lies right of the middle, so that it appears unmirrored from
+/// inside. Radiance is the map or the colour times `scale`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EnvironmentDesc {
-    /// Where its colours come from.
+    /// Source of the radiance.
     pub source: EnvironmentSource,
-    /// Turns the map about +y, in degrees, counter-clockwise seen from above.
+    /// Rotation of the map about +y, in degrees, counter-clockwise seen from above.
     pub rotation_deg: f32,
-    /// Factor on the radiance, not negative.
+    /// Factor on the radiance, at least 0.
     pub scale: f32,
 }
 
-/// The colours of an environment.
+/// Source of an environment's radiance.
 #[derive(Clone, Debug, PartialEq)]
 pub enum EnvironmentSource {
-    /// The same radiance from everywhere.
+    /// The same radiance from every direction.
     Color(Vec3),
     /// An equirectangular map; eight-bit maps are decoded from sRGB.
     Map(Arc<TextureDesc>),

@@ -1,4 +1,8 @@
-//! What a scene says, before anything is computed from it: plain data that loaders fill and sweeps edit.
+//! Scene description: plain data that loaders fill and that `set` edits, before anything is
+//! computed from it.
+//!
+//! [`SceneDesc`] holds the camera, materials, entities (meshes and spheres), lights and the
+//! environment. [`content_hash`] identifies the picture that a description produces.
 
 mod camera;
 pub mod delay;
@@ -6,6 +10,7 @@ mod hash;
 pub mod light;
 mod lookup;
 pub mod material;
+pub mod material_params;
 mod model;
 mod slot;
 
@@ -19,36 +24,39 @@ pub use delay::{DelayDesc, DelayKind};
 pub use hash::{content_hash, mesh_hash, texture_hash};
 pub use light::{ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind};
 pub use lookup::{Lookup, NoInverse, Wrap};
-pub use material::{MATERIAL_PARAMS, MaterialDesc};
+pub use material::MaterialDesc;
+pub use material_params::MATERIAL_PARAMS;
 pub use model::{Distribution, MaskMode, Model};
 pub use slot::TextureSlot;
 
-/// The name of the material for faces that say none; see [`SceneDesc::with_default_material`].
+/// Name of the material of faces that name none; see [`SceneDesc::with_default_material`].
 pub const DEFAULT_MATERIAL: &str = "default_material";
 
-/// The greatest width or height of a picture in pixels.
+/// Greatest width or height of an image in pixels.
 pub const MAX_SIDE: u32 = 32_768;
 
-/// The greatest number of path edges that can be asked for.
+/// Greatest supported number of path edges.
 pub const MAX_EDGES: u32 = 65_535;
 
-/// The greatest absolute coordinate, in scene units: beyond it products of coordinates leave the range of `f32`.
+/// Greatest absolute coordinate in scene units: products of larger coordinates overflow `f32`.
 pub const MAX_COORDINATE: f32 = 1e12;
 
-/// A whole scene. Lengths are in scene units, colours linear sRGB, angles as their names say.
+/// A complete scene. Lengths are in scene units, colours in linear sRGB, angles in the unit that
+/// the field's name states.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneDesc {
-    /// Width and height of the picture in pixels that the file asks for.
+    /// Width and height of the image in pixels, as requested by the file.
     pub resolution: [u32; 2],
-    /// Greatest number of path edges from camera to light that the file asks for: 1 = emission only.
+    /// Greatest number of path edges from camera to light, as requested by the file; 1 is emission
+    /// only.
     pub max_depth: u32,
-    /// The camera.
+    /// Camera that renders the scene.
     pub camera: CameraDesc,
-    /// Other cameras by name; setting `camera` to a name puts one in its place.
+    /// Other cameras by name. Setting `camera` to a name makes that view the camera.
     pub views: Vec<(String, CameraDesc)>,
-    /// The materials; faces that name none, or an unknown one, take the first.
+    /// Materials. Faces that name none, or an unknown one, use the first.
     pub materials: Vec<MaterialDesc>,
-    /// Everything that has a shape.
+    /// Objects with a shape.
     pub entities: Vec<EntityDesc>,
     /// Lights without a surface.
     pub lights: Vec<LightDesc>,
@@ -57,44 +65,49 @@ pub struct SceneDesc {
 }
 
 impl SceneDesc {
-    /// The row of the first material with this name.
-    pub fn material_row(&self, name: &str) -> Option<usize> {
+    /// Returns the index of the first material with this name.
+    pub fn material_index(&self, name: &str) -> Option<usize> {
         self.materials.iter().position(|m| m.name == name)
     }
 
-    /// Appends a white, rough material named [`DEFAULT_MATERIAL`] if some face or sphere asks for that name and no
-    /// material has it.
+    /// Appends a white, rough material named [`DEFAULT_MATERIAL`] if a face or sphere refers to
+    /// that name and no material has it.
     #[must_use]
     pub fn with_default_material(mut self, emitter_reflects: bool) -> SceneDesc {
-        let asks = |e: &EntityDesc| match (&e.material, &e.shape) {
+        let uses_default = |e: &EntityDesc| match (&e.material, &e.shape) {
             (Some(name), _) => name == DEFAULT_MATERIAL,
             (None, ShapeDesc::Mesh(mesh)) => mesh.slots.iter().any(|s| s == DEFAULT_MATERIAL),
             (None, ShapeDesc::Sphere { .. }) => false,
         };
-        if self.material_row(DEFAULT_MATERIAL).is_none() && self.entities.iter().any(asks) {
-            self.materials.push(MaterialDesc { emitter_reflects, ..MaterialDesc::new(DEFAULT_MATERIAL) });
+        if self.material_index(DEFAULT_MATERIAL).is_none() && self.entities.iter().any(uses_default)
+        {
+            self.materials.push(MaterialDesc {
+                emitter_reflects,
+                ..MaterialDesc::new(DEFAULT_MATERIAL)
+            });
         }
         self
     }
 }
 
-/// One object: a shape with a place and a material.
+/// An object: a shape with a transform and a material.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EntityDesc {
-    /// The name by which edits reach it, unique in the scene.
+    /// Name used by edits, unique in the scene.
     pub name: String,
-    /// Where it stands.
+    /// Transform from the shape's own space to the world.
     pub transform: Transform,
-    /// A material that replaces all the shape's own.
+    /// Material that replaces all materials of the shape.
     pub material: Option<String>,
     /// Replaces the material's `anisotropic_direction` on this entity, in world space.
     pub anisotropic_direction: Option<Vec3>,
-    /// What it is.
+    /// Shape of the object, in its own space.
     pub shape: ShapeDesc,
 }
 
-/// A place: `frame` * T * S * Rx * Ry * Rz. Translation, rotation and scale, in the order of `.scn`, are what edits change;
-/// the frame is whatever a format's nodes, groups and matrices put around them.
+/// An affine transform: `frame` * T * S * Rx * Ry * Rz. Translation, rotation and scale, in the
+/// order of `.scn`, are what edits change; `frame` holds the product of the nodes, groups and
+/// matrices that a format puts around them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Transform {
     /// Translation in scene units.
@@ -103,114 +116,136 @@ pub struct Transform {
     pub rotate_rad: Vec3,
     /// Scale along x, y and z, applied after the rotation.
     pub scale: Vec3,
-    /// Applied after all of these.
+    /// Affine map applied last.
     pub frame: Affine3A,
 }
 
 impl Default for Transform {
     fn default() -> Transform {
-        Transform { translate: Vec3::ZERO, rotate_rad: Vec3::ZERO, scale: Vec3::ONE, frame: Affine3A::IDENTITY }
+        Transform {
+            translate: Vec3::ZERO,
+            rotate_rad: Vec3::ZERO,
+            scale: Vec3::ONE,
+            frame: Affine3A::IDENTITY,
+        }
     }
 }
 
 impl Transform {
-    /// A place that an affine map says.
+    /// Returns a transform that consists of an affine map alone.
     pub fn framed(frame: Affine3A) -> Transform {
-        Transform { frame, ..Transform::default() }
+        Transform {
+            frame,
+            ..Transform::default()
+        }
     }
 
-    /// From the shape's own space to the world, in double precision so that whole turns and mirrored copies stay exact in
-    /// `f32`.
+    /// Returns the map from the shape's own space to the world, in double precision so that full
+    /// turns and mirrored instances stay exact in `f32`.
     pub fn to_world(&self) -> DAffine3 {
         let [x, y, z] = self.rotate_rad.as_dvec3().to_array();
-        let rotation = DMat3::from_rotation_x(x) * DMat3::from_rotation_y(y) * DMat3::from_rotation_z(z);
+        let rotation =
+            DMat3::from_rotation_x(x) * DMat3::from_rotation_y(y) * DMat3::from_rotation_z(z);
         let linear = DMat3::from_diagonal(self.scale.as_dvec3()) * rotation;
         let own = DAffine3::from_mat3_translation(linear, self.translate.as_dvec3());
-        DAffine3::from_mat3_translation(self.frame.matrix3.as_dmat3(), self.frame.translation.as_dvec3()) * own
+        DAffine3::from_mat3_translation(
+            self.frame.matrix3.as_dmat3(),
+            self.frame.translation.as_dvec3(),
+        ) * own
     }
 
-    /// By how much the frame scales a sphere, which must stay one; `None` if it would be an ellipsoid.
+    /// Returns the factor by which the frame scales a sphere, or `None` if it would make it an
+    /// ellipsoid.
     pub fn sphere_scale(&self) -> Option<f32> {
         let [x, y, z] = self.frame.matrix3.to_cols_array_2d().map(Vec3::from);
         let scale = x.length();
         let same = |a: f32| (a - scale).abs() <= 1e-4 * scale;
         let square = |a: Vec3, b: Vec3| a.dot(b).abs() <= 1e-4 * scale * scale;
-        (same(y.length()) && same(z.length()) && square(x, y) && square(y, z) && square(z, x)).then_some(scale)
+        (same(y.length()) && same(z.length()) && square(x, y) && square(y, z) && square(z, x))
+            .then_some(scale)
     }
 }
 
-/// A shape.
+/// The geometry of an entity.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ShapeDesc {
     /// A triangle mesh, shared between the scenes of a sweep.
     Mesh(Arc<MeshDesc>),
-    /// A sphere about the entity's translation; rotation and scale do not apply.
+    /// A sphere about the entity's translation. Rotation and scale do not apply.
     Sphere {
         /// Radius in scene units, positive.
         radius: f32,
     },
 }
 
-/// An indexed triangle mesh. The geometric normal follows the order of the corners (counter-clockwise seen from the
-/// front); loaders reorder corners so that this is the side which the file's convention makes the front.
+/// An indexed triangle mesh. The front is the side from which the corners appear counter-clockwise;
+/// loaders reorder corners so that it is the side that the file's convention makes the front.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeshDesc {
-    /// The file it came from.
+    /// File from which the mesh was read.
     pub file: PathBuf,
-    /// Vertex positions.
+    /// Vertex positions in the mesh's own space.
     pub positions: Vec<Vec3>,
     /// Unit vertex normals, one per position, or empty for flat shading.
     pub normals: Vec<Vec3>,
     /// Texture coordinates, one per position, or empty.
     pub uvs: Vec<Vec2>,
-    /// A second set of texture coordinates for textures whose [`Lookup`] asks for it, one per position, or empty: such
-    /// textures take the first set then.
+    /// Second set of texture coordinates, one per position, or empty. Textures whose [`Lookup`]
+    /// selects the second set use the first one if this is empty.
     pub second_uvs: Vec<Vec2>,
-    /// Linear colours, one per position, each channel in 0..=1, that multiply base colours; or empty.
+    /// Linear vertex colours that multiply base colours, one per position, each channel in 0..=1;
+    /// or empty.
     pub colors: Vec<Vec3>,
-    /// Corners of every triangle.
+    /// Vertex indices of the corners of every triangle.
     pub triangles: Vec<[u32; 3]>,
-    /// Names of the materials the mesh uses.
+    /// Names of the materials of the mesh.
     pub slots: Vec<String>,
-    /// Index into `slots` of every triangle.
+    /// Index into `slots` for every triangle.
     pub triangle_slot: Vec<u32>,
-    /// blake3 of all the above but `file`, so that a sweep hashes a mesh once.
+    /// blake3 hash of every field but `file`, stored so that a sweep hashes a mesh once.
     pub content_hash: [u8; 32],
 }
 
 /// A decoded image file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TextureDesc {
-    /// The file it came from.
+    /// File from which the image was read.
     pub file: PathBuf,
-    /// Columns.
+    /// Number of columns.
     pub width: u32,
-    /// Rows.
+    /// Number of rows.
     pub height: u32,
     /// Texels as stored in the file.
     pub texels: Texels,
-    /// blake3 of size and texels.
+    /// blake3 hash of size and texels.
     pub content_hash: [u8; 32],
 }
 
 impl TextureDesc {
-    /// A picture with these texels, one for each column of each row.
+    /// Creates a texture from texels in row-major order.
     pub fn new(file: impl Into<PathBuf>, width: u32, height: u32, texels: Texels) -> TextureDesc {
         let content_hash = texture_hash(width, height, &texels);
-        TextureDesc { file: file.into(), width, height, texels, content_hash }
+        TextureDesc {
+            file: file.into(),
+            width,
+            height,
+            texels,
+            content_hash,
+        }
     }
 
-    /// A picture of one grey texel, linear.
+    /// Creates a texture of one grey texel, linear.
     pub fn grey(value: f32) -> TextureDesc {
         TextureDesc::new("", 1, 1, Texels::RgbaF32(vec![[value, value, value, 1.0]]))
     }
 }
 
-/// Texels, `[y][x][rgba]`, origin top-left, as stored in the file (decoded to linear by role when compiled).
+/// Texels, `[y][x][rgba]`, origin top-left, as stored in the file. Compilation decodes them to
+/// linear values according to their slot.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Texels {
     /// Eight bits per channel.
     Rgba8(Vec<[u8; 4]>),
-    /// Linear floats.
+    /// Linear values, 32-bit floats.
     RgbaF32(Vec<[f32; 4]>),
 }

@@ -1,38 +1,39 @@
-//! The places where a material may have a texture.
+//! Texture slots: the parameters of a material that a texture can modulate.
 
-/// The places where a material may have a texture.
+/// A parameter of a material that a texture can modulate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum TextureSlot {
     /// Multiplies the base colour; sRGB.
     BaseColor,
     /// Multiplies the emission; sRGB.
     Emission,
-    /// Hits where its red channel is below the mask threshold are discarded; linear.
+    /// Discards hits where its red channel is below the mask threshold; linear.
     Mask,
-    /// Its red channel replaces the roughness; linear.
+    /// Replaces the roughness by its red channel; linear.
     Roughness,
-    /// Its red channel replaces the metallic parameter; linear.
+    /// Replaces the metallic parameter by its red channel; linear.
     Metallic,
-    /// Its red channel replaces the opacity; linear.
+    /// Replaces the opacity by its red channel; linear.
     Opacity,
-    /// Red and green, moved from 0..=1 to -1..=1, are the direction of anisotropy along u and v; linear.
+    /// Direction of anisotropy along u and v: red and green, mapped from 0..=1 to -1..=1; linear.
     AnisotropicDirection,
-    /// A normal in the tangent frame of MikkTSpace, each channel moved from 0..=1 to -1..=1, green up; linear.
+    /// Normal in the MikkTSpace tangent frame, each channel mapped from 0..=1 to -1..=1, green up;
+    /// linear.
     Normal,
-    /// Its red channel multiplies the delay of a constant profile; linear.
+    /// Multiplies the delay of a constant profile by its red channel; linear.
     DelayConstant,
-    /// Its red channel multiplies the rate of an exponential profile; linear.
+    /// Multiplies the rate of an exponential profile by its red channel; linear.
     DelayRate,
-    /// Its red channel multiplies the mean of an Epanechnikov profile; linear.
+    /// Multiplies the mean of an Epanechnikov profile by its red channel; linear.
     DelayMean,
-    /// Its red channel multiplies the width of an Epanechnikov profile; linear.
+    /// Multiplies the width of an Epanechnikov profile by its red channel; linear.
     DelayWidth,
-    /// Its red channel, times the bump height, is how far the surface stands out along its normal; linear.
+    /// Height of the surface along its normal: the red channel times the bump height; linear.
     Bump,
 }
 
 impl TextureSlot {
-    /// Every slot, in order.
+    /// Every slot, in declaration order.
     pub const ALL: [TextureSlot; 13] = [
         TextureSlot::BaseColor,
         TextureSlot::Emission,
@@ -49,7 +50,7 @@ impl TextureSlot {
         TextureSlot::Bump,
     ];
 
-    /// Name in scripts: `set = { ["materials.NAME.<name>"] = FILE }`.
+    /// Returns the slot's name in scripts: `set = { ["materials.NAME.<name>"] = FILE }`.
     pub fn name(self) -> &'static str {
         match self {
             TextureSlot::BaseColor => "base_color_texture",
@@ -68,12 +69,14 @@ impl TextureSlot {
         }
     }
 
-    /// The slot with this name in scripts.
+    /// Returns the slot with this name in scripts.
     pub fn from_name(name: &str) -> Option<TextureSlot> {
-        TextureSlot::ALL.into_iter().find(|slot| slot.name() == name)
+        TextureSlot::ALL
+            .into_iter()
+            .find(|slot| slot.name() == name)
     }
 
-    /// Whether eight-bit texels of this role are decoded from sRGB; data textures never are.
+    /// Returns whether 8-bit texels of this slot are decoded from sRGB; data textures never are.
     pub fn is_srgb(self) -> bool {
         matches!(self, TextureSlot::BaseColor | TextureSlot::Emission)
     }

@@ -1,62 +1,78 @@
-//! Materials as Mitsuba's surfaces.
+//! Export of materials as surfaces of Mitsuba.
 //!
-//! | here | there |
+//! | model | Mitsuba |
 //! |---|---|
 //! | `disney` | `principled`, with `spec_trans` = 1 - opacity |
-//! | `lambert` | `diffuse`, `conductor` without an index, `dielectric`, blended by `metallic` and opacity |
-//! | `conductor`, `plastic`, `dielectric` | the plugins of these names; their rough forms from `smooth_below` on |
+//! | `lambert` | `diffuse`, `conductor` without an index, `dielectric`, blended by weights |
+//! | `conductor`, `plastic`, `dielectric` | the plugins of these names; rough from `smooth_below` |
 //!
-//! Opaque ones are put into `twosided`, normal maps into `normalmap`, bump maps into `bumpmap`, masks into `mask`.
+//! The weights of `lambert` are `metallic` and opacity. Opaque surfaces are enclosed in `twosided`,
+//! those with normal maps in `normalmap`, with bump maps in `bumpmap`, with masks in `mask`.
 
 use glam::Vec3;
 
-use super::texture::{Textures, Use};
+use super::texture::{TexelConversion, TextureWriter};
 use super::xml::Xml;
-use super::{Folder, whole};
+use super::{OutputFolder, scene_note};
 use crate::scene::desc::{DelayKind, Distribution, MaskMode, MaterialDesc, Model, TextureSlot};
 use crate::scene::{Note, SceneError};
 
-/// Writes one material as a surface with an id.
-pub(super) struct Surface<'a> {
-    /// The material.
+/// Writer of one material as a surface with an id.
+pub(super) struct SurfaceWriter<'a> {
+    /// Material to be written.
     pub material: &'a MaterialDesc,
-    /// The document.
+    /// Document that is written.
     pub xml: &'a mut Xml,
-    /// Where textures are written.
-    pub folder: &'a mut Folder,
-    /// Those that were written.
-    pub textures: &'a mut Textures,
-    /// What has no counterpart.
+    /// Folder for texture files.
+    pub folder: &'a mut OutputFolder,
+    /// Textures written so far.
+    pub textures: &'a mut TextureWriter,
+    /// Features that could not be exported exactly.
     pub notes: &'a mut Vec<Note>,
 }
 
-impl Surface<'_> {
+impl SurfaceWriter<'_> {
+    /// Adds a note about the material.
     fn note(&mut self, message: impl Into<String>) {
-        self.notes.push(whole(&format!("materials.{}", self.material.name), message));
+        self.notes.push(scene_note(
+            &format!("materials.{}", self.material.name),
+            message,
+        ));
     }
 
-    /// Writes the surface with all that is put around it.
+    /// Writes the surface and the adapters around it.
     ///
     /// # Errors
-    /// A texture that cannot be written.
+    /// Fails if a texture cannot be written.
     pub fn write(mut self, id: &str) -> Result<(), SceneError> {
         let m = self.material;
         let reflects = m.emission == Vec3::ZERO || m.emitter_reflects;
         let mask = m.texture(TextureSlot::Mask);
-        let normal = m.texture(TextureSlot::Normal).filter(|_| reflects && m.normal_strength > 0.0);
-        let bump = m.texture(TextureSlot::Bump).filter(|_| reflects && m.bump_height != 0.0);
+        let normal = m
+            .texture(TextureSlot::Normal)
+            .filter(|_| reflects && m.normal_strength > 0.0);
+        let bump = m
+            .texture(TextureSlot::Bump)
+            .filter(|_| reflects && m.bump_height != 0.0);
         if normal.is_some() && bump.is_some() {
-            self.note("its normal map is turned with the bumps there, here their slopes add");
+            self.note(
+                "Mitsuba applies the normal map in the frame of the bump map; here their slopes \
+                 are added",
+            );
         }
-        let wraps = [("mask", mask), ("twosided", None), ("bumpmap", bump), ("normalmap", normal)];
-        let there = |(kind, texture): &(&str, Option<_>)| match *kind {
-            "twosided" => !reflects || self.is_opaque(),
-            _ => texture.is_some(),
-        };
-        let wraps: Vec<_> = wraps.into_iter().filter(there).collect();
+        let adapters = [
+            ("mask", mask.is_some()),
+            ("twosided", !reflects || self.is_opaque()),
+            ("bumpmap", bump.is_some()),
+            ("normalmap", normal.is_some()),
+        ];
+        let adapters: Vec<&str> = adapters
+            .into_iter()
+            .filter_map(|(plugin, used)| used.then_some(plugin))
+            .collect();
         let mut id = vec![("id", id)];
-        for (kind, _) in &wraps {
-            self.open(kind, &mut id);
+        for plugin in &adapters {
+            self.open(plugin, &mut id);
         }
         if reflects {
             self.model(&mut id)?;
@@ -65,64 +81,96 @@ impl Surface<'_> {
             self.xml.rgb("reflectance", Vec3::ZERO);
             self.xml.close();
         }
-        for (kind, _) in wraps.into_iter().rev() {
-            match kind {
-                "mask" => {
-                    let of = self.opacity();
-                    self.textures.write(self.xml, "opacity", m, TextureSlot::Mask, of, self.folder)?;
-                }
-                "bumpmap" => {
-                    self.textures.write(self.xml, "arbitrary", m, TextureSlot::Bump, Use::Height, self.folder)?;
-                    self.xml.value("float", "scale", m.bump_height);
-                }
-                "normalmap" => {
-                    let of = Use::Normal(m.normal_strength);
-                    self.textures.write(self.xml, "normalmap", m, TextureSlot::Normal, of, self.folder)?;
-                }
-                _ => {}
-            }
+        for plugin in adapters.into_iter().rev() {
+            self.adapter_texture(plugin)?;
             self.xml.close();
         }
-        let laid: Vec<_> = m.lookups.iter().filter(|(slot, _)| m.texture(*slot).is_some()).map(|(_, l)| *l).collect();
-        if laid.iter().any(|l| l.second) {
-            self.note("there is one set of texture coordinates there: what lies on the second lies on the first");
-        }
-        if laid.iter().any(|l| l.wrap[0] != l.wrap[1]) {
-            self.note("textures go on beyond their edges along v as along u there");
-        }
+        self.note_lookups();
         if m.shadow_terminator {
-            self.note("`shadow_terminator` has no counterpart: shadows end at the triangles");
+            self.note(
+                "`shadow_terminator` is not supported by Mitsuba; shadows end at the triangles",
+            );
         }
         if m.delay.kind != DelayKind::None {
-            self.note("it gives light back at once there");
+            self.note("delays are not supported by Mitsuba; light is returned without delay");
         }
         if !m.parts.is_empty() {
-            self.note("its parts are not written: it is there what its own parameters say");
+            self.note(
+                "composed materials are not exported; the material's own parameters are used",
+            );
         }
         Ok(())
     }
 
-    /// Opens a surface, which takes the id if no other one around it has.
-    fn open(&mut self, kind: &str, id: &mut Vec<(&str, &str)>) {
-        self.xml.open("bsdf", &[&[("type", kind)], id.as_slice()].concat());
+    /// Writes the texture of an adapter before it is closed.
+    fn adapter_texture(&mut self, plugin: &str) -> Result<(), SceneError> {
+        let m = self.material;
+        let (name, slot, conversion) = match plugin {
+            "mask" => ("opacity", TextureSlot::Mask, self.opacity()),
+            "bumpmap" => ("arbitrary", TextureSlot::Bump, TexelConversion::Height),
+            "normalmap" => (
+                "normalmap",
+                TextureSlot::Normal,
+                TexelConversion::Normal(m.normal_strength),
+            ),
+            _ => return Ok(()),
+        };
+        self.textures
+            .write(self.xml, name, m, slot, conversion, self.folder)?;
+        if plugin == "bumpmap" {
+            self.xml.value("float", "scale", m.bump_height);
+        }
+        Ok(())
+    }
+
+    /// Notes mappings of textures that Mitsuba does not support.
+    fn note_lookups(&mut self) {
+        let m = self.material;
+        let lookups: Vec<_> = m
+            .lookups
+            .iter()
+            .filter(|(slot, _)| m.texture(*slot).is_some())
+            .map(|(_, lookup)| *lookup)
+            .collect();
+        if lookups.iter().any(|lookup| lookup.second) {
+            self.note(
+            "Mitsuba supports one set of texture coordinates; textures on the second set use the \
+             first",
+        );
+        }
+        if lookups
+            .iter()
+            .any(|lookup| lookup.wrap[0] != lookup.wrap[1])
+        {
+            self.note("Mitsuba supports one wrap mode per texture; that of u is used for v");
+        }
+    }
+
+    /// Opens a surface; the outermost one gets the id.
+    fn open(&mut self, plugin: &str, id: &mut Vec<(&str, &str)>) {
+        self.xml
+            .open("bsdf", &[&[("type", plugin)], id.as_slice()].concat());
         id.clear();
     }
 
-    /// How the mask is used.
-    fn opacity(&mut self) -> Use {
+    /// Returns the conversion of mask texels to opacity.
+    fn opacity(&mut self) -> TexelConversion {
         if self.material.emission != Vec3::ZERO {
-            self.note("a mask does not cut what shines there");
+            self.note("Mitsuba does not apply masks to emission");
         }
         match self.material.mask_mode {
-            MaskMode::Blend => Use::Number,
+            MaskMode::Blend => TexelConversion::Number,
             MaskMode::Threshold => {
-                self.note("`mask_mode` is a threshold: texels are cut there, and edges between them are soft");
-                Use::Step(self.material.mask_threshold)
+                self.note(
+                    "`mask_mode` is a threshold, which is applied to texels; edges are soft in \
+                     Mitsuba",
+                );
+                TexelConversion::Threshold(self.material.mask_threshold)
             }
         }
     }
 
-    /// Whether nothing passes through, so that both sides may be alike.
+    /// Returns whether nothing is transmitted, so that both sides may be alike.
     fn is_opaque(&self) -> bool {
         let m = self.material;
         let glass = m.opacity < 1.0 || m.texture(TextureSlot::Opacity).is_some();
@@ -133,11 +181,13 @@ impl Surface<'_> {
         }
     }
 
+    /// Writes the plugin of the material's model.
     fn model(&mut self, id: &mut Vec<(&str, &str)>) -> Result<(), SceneError> {
         let m = self.material;
-        let turned = m.anisotropic_direction != Vec3::ZERO || m.texture(TextureSlot::AnisotropicDirection).is_some();
-        if m.anisotropic > 0.0 && m.model != Model::Lambert && turned {
-            self.note("highlights are stretched along growing u: their own direction has no counterpart");
+        let has_direction = m.anisotropic_direction != Vec3::ZERO
+            || m.texture(TextureSlot::AnisotropicDirection).is_some();
+        if m.anisotropic > 0.0 && m.model != Model::Lambert && has_direction {
+            self.note("anisotropy directions are not supported by Mitsuba; increasing u is used");
         }
         match m.model {
             Model::Disney => {
@@ -146,22 +196,18 @@ impl Surface<'_> {
             }
             Model::Lambert => return self.ideal(id),
             Model::Conductor => {
-                self.open(if self.is_rough() { "roughconductor" } else { "conductor" }, id);
+                self.open(
+                    if self.is_rough() {
+                        "roughconductor"
+                    } else {
+                        "conductor"
+                    },
+                    id,
+                );
                 self.metal(m.base_color * m.specular, m.eta, m.k)?;
                 self.facets(true)?;
             }
-            Model::Plastic => {
-                self.open(if self.is_rough() { "roughplastic" } else { "plastic" }, id);
-                self.xml.value("float", "int_ior", m.ior);
-                self.xml.value("float", "ext_ior", 1.0);
-                self.color("diffuse_reflectance", m.base_color, Use::Color)?;
-                self.xml.rgb("specular_reflectance", m.specular);
-                self.xml.value("boolean", "nonlinear", m.nonlinear);
-                self.facets(false)?;
-                if self.is_rough() {
-                    self.note("rough plastic lets through what its rough surface does, here what a smooth one does");
-                }
-            }
+            Model::Plastic => self.plastic(id)?,
             Model::Dielectric => {
                 let rough = self.is_rough() && !m.thin && m.ior != 1.0;
                 let kind = match (m.thin, rough) {
@@ -180,27 +226,74 @@ impl Surface<'_> {
         Ok(())
     }
 
-    fn is_rough(&self) -> bool {
-        self.material.texture(TextureSlot::Roughness).is_some() || self.material.roughness >= self.material.smooth_below
+    /// Writes a plastic, and opens its element.
+    fn plastic(&mut self, id: &mut Vec<(&str, &str)>) -> Result<(), SceneError> {
+        let m = self.material;
+        let rough = self.is_rough();
+        self.open(if rough { "roughplastic" } else { "plastic" }, id);
+        self.xml.value("float", "int_ior", m.ior);
+        self.xml.value("float", "ext_ior", 1.0);
+        self.color("diffuse_reflectance", m.base_color, TexelConversion::Color)?;
+        self.xml.rgb("specular_reflectance", m.specular);
+        self.xml.value("boolean", "nonlinear", m.nonlinear);
+        self.facets(false)?;
+        if rough {
+            self.note(
+                "rough plastic transmits through its rough interface in Mitsuba, through a smooth \
+                 one here",
+            );
+        }
+        Ok(())
     }
 
-    /// A colour, or the base colour's texture times it.
-    fn color(&mut self, name: &str, factor: Vec3, of: fn(Vec3) -> Use) -> Result<(), SceneError> {
+    /// Returns whether the specular lobe is rough.
+    fn is_rough(&self) -> bool {
+        self.material.texture(TextureSlot::Roughness).is_some()
+            || self.material.roughness >= self.material.smooth_below
+    }
+
+    /// Writes a colour, or the base colour texture times it.
+    fn color(
+        &mut self,
+        name: &str,
+        factor: Vec3,
+        conversion: fn(Vec3) -> TexelConversion,
+    ) -> Result<(), SceneError> {
         let slot = TextureSlot::BaseColor;
         match self.material.texture(slot) {
-            Some(_) => self.textures.write(self.xml, name, self.material, slot, of(factor), self.folder),
+            Some(_) => self.textures.write(
+                self.xml,
+                name,
+                self.material,
+                slot,
+                conversion(factor),
+                self.folder,
+            ),
             None => {
-                let plain = if of(factor) == Use::Root(factor) { factor.map(f32::sqrt) } else { factor };
-                self.xml.rgb(name, plain);
+                let value = if conversion(factor) == TexelConversion::SquareRoot(factor) {
+                    factor.map(f32::sqrt)
+                } else {
+                    factor
+                };
+                self.xml.rgb(name, value);
                 Ok(())
             }
         }
     }
 
-    /// A number or its texture.
-    fn number(&mut self, name: &str, value: f32, slot: TextureSlot, of: Use) -> Result<(), SceneError> {
+    /// Writes a number, or its texture.
+    fn number(
+        &mut self,
+        name: &str,
+        value: f32,
+        slot: TextureSlot,
+        conversion: TexelConversion,
+    ) -> Result<(), SceneError> {
         match self.material.texture(slot) {
-            Some(_) => self.textures.write(self.xml, name, self.material, slot, of, self.folder),
+            Some(_) => {
+                self.textures
+                    .write(self.xml, name, self.material, slot, conversion, self.folder)
+            }
             None => {
                 self.xml.value("float", name, value);
                 Ok(())
@@ -208,17 +301,33 @@ impl Surface<'_> {
         }
     }
 
+    /// Writes the parameters of `principled`.
     fn principled(&mut self) -> Result<(), SceneError> {
         let m = self.material;
-        self.color("base_color", m.base_color, Use::Color)?;
-        self.number("roughness", m.roughness, TextureSlot::Roughness, Use::Number)?;
+        self.color("base_color", m.base_color, TexelConversion::Color)?;
+        self.number(
+            "roughness",
+            m.roughness,
+            TextureSlot::Roughness,
+            TexelConversion::Number,
+        )?;
         if m.metallic > 0.0 || m.texture(TextureSlot::Metallic).is_some() {
-            self.number("metallic", m.metallic, TextureSlot::Metallic, Use::Number)?;
+            self.number(
+                "metallic",
+                m.metallic,
+                TextureSlot::Metallic,
+                TexelConversion::Number,
+            )?;
         }
         if !self.is_opaque() {
-            self.number("spec_trans", 1.0 - m.opacity, TextureSlot::Opacity, Use::Rest)?;
+            self.number(
+                "spec_trans",
+                1.0 - m.opacity,
+                TextureSlot::Opacity,
+                TexelConversion::OneMinus,
+            )?;
             if m.opacity > 0.0 || m.metallic > 0.0 {
-                self.note("its opaque part shows on the front side only");
+                self.note("the opaque part of `principled` reflects on the front side only");
             }
         }
         self.xml.value("float", "eta", m.ior);
@@ -235,23 +344,28 @@ impl Surface<'_> {
             }
         }
         if m.clearcoat > 0.0 {
-            self.xml.value("float", "clearcoat_gloss", m.clearcoat_gloss);
+            self.xml
+                .value("float", "clearcoat_gloss", m.clearcoat_gloss);
         }
         if m.roughness < m.smooth_below && m.texture(TextureSlot::Roughness).is_none() {
-            self.note("smooth lobes are microfacets of the least roughness that there is");
+            self.note("smooth lobes become rough ones of the least roughness in Mitsuba");
         }
         Ok(())
     }
 
-    /// Lambert, mirror and glass, as far as their weights are not zero.
+    /// Writes an ideal material: Lambertian, mirror and glass, those with non-zero weight.
     fn ideal(&mut self, id: &mut Vec<(&str, &str)>) -> Result<(), SceneError> {
         let m = self.material;
-        let (metal, opaque) = (m.texture(TextureSlot::Metallic), m.texture(TextureSlot::Opacity));
+        let (metal, opaque) = (
+            m.texture(TextureSlot::Metallic),
+            m.texture(TextureSlot::Opacity),
+        );
         let mut blends = 0;
-        let blend = |surface: &mut Self, id: &mut Vec<(&str, &str)>, slot: TextureSlot, value: f32| {
-            surface.open("blendbsdf", id);
-            surface.number("weight", value, slot, Use::Number)
-        };
+        let blend =
+            |surface: &mut Self, id: &mut Vec<(&str, &str)>, slot: TextureSlot, value: f32| {
+                surface.open("blendbsdf", id);
+                surface.number("weight", value, slot, TexelConversion::Number)
+            };
         let mixed = metal.is_some() || (m.metallic > 0.0 && m.metallic < 1.0);
         if mixed {
             blend(self, id, TextureSlot::Metallic, m.metallic)?;
@@ -269,7 +383,7 @@ impl Surface<'_> {
             }
             if both || m.opacity >= 1.0 {
                 let wrapped = self.open_inside(both, id, "diffuse");
-                self.color("reflectance", m.base_color, Use::Color)?;
+                self.color("reflectance", m.base_color, TexelConversion::Color)?;
                 (0..wrapped).for_each(|_| self.xml.close());
             }
             (0..usize::from(both)).for_each(|_| self.xml.close());
@@ -283,15 +397,17 @@ impl Surface<'_> {
         Ok(())
     }
 
-    /// Opens a part of a blend; one that is not two-sided as a whole has two-sided opaque parts.
-    fn open_inside(&mut self, alone: bool, id: &mut Vec<(&str, &str)>, kind: &str) -> usize {
-        if alone {
+    /// Opens a component of a blend; returns the number of elements opened. An opaque component of
+    /// a blend that is not two-sided as a whole is made `two_sided`.
+    fn open_inside(&mut self, two_sided: bool, id: &mut Vec<(&str, &str)>, plugin: &str) -> usize {
+        if two_sided {
             self.open("twosided", id);
         }
-        self.open(kind, id);
-        1 + usize::from(alone)
+        self.open(plugin, id);
+        1 + usize::from(two_sided)
     }
 
+    /// Writes the parameters of a conductor.
     fn metal(&mut self, factor: Vec3, eta: Vec3, k: Vec3) -> Result<(), SceneError> {
         if (eta, k) == (Vec3::ZERO, Vec3::ONE) {
             self.xml.value("string", "material", "none");
@@ -299,49 +415,62 @@ impl Surface<'_> {
             self.xml.rgb("eta", eta);
             self.xml.rgb("k", k);
         }
-        self.color("specular_reflectance", factor, Use::Color)
+        self.color("specular_reflectance", factor, TexelConversion::Color)
     }
 
+    /// Writes the parameters of a dielectric.
     fn glass(&mut self, specular: Vec3) -> Result<(), SceneError> {
         self.xml.value("float", "int_ior", self.material.ior);
         self.xml.value("float", "ext_ior", 1.0);
         self.xml.rgb("specular_reflectance", specular);
-        self.color("specular_transmittance", self.material.base_color, Use::Root)
+        self.color(
+            "specular_transmittance",
+            self.material.base_color,
+            TexelConversion::SquareRoot,
+        )
     }
 
-    /// Distribution and alpha of a rough interface; `full` ones may be stretched and have a texture.
+    /// Writes distribution and alpha of a rough interface. Only a `full` one supports anisotropy
+    /// and a texture.
     fn facets(&mut self, full: bool) -> Result<(), SceneError> {
         let m = self.material;
         if !self.is_rough() {
             return Ok(());
         }
-        let kind = match m.distribution {
+        let name = match m.distribution {
             Distribution::Ggx => "ggx",
             Distribution::Beckmann => "beckmann",
         };
-        self.xml.value("string", "distribution", kind);
+        self.xml.value("string", "distribution", name);
         let texture = m.texture(TextureSlot::Roughness);
         let alpha = m.roughness * m.roughness;
         if full && texture.is_some() {
             if m.anisotropic > 0.0 {
-                self.note("a roughness from a texture is not stretched");
+                self.note("anisotropy is not supported together with a roughness texture");
             }
-            return self.number("alpha", alpha, TextureSlot::Roughness, Use::Square);
+            return self.number(
+                "alpha",
+                alpha,
+                TextureSlot::Roughness,
+                TexelConversion::Square,
+            );
         }
         if texture.is_some() {
-            self.note("its roughness is that of the material, without the texture");
+            self.note(
+                "the roughness texture is not supported here; the material's roughness is used",
+            );
         }
         let aspect = (1.0 - 0.9 * m.anisotropic).sqrt();
         if m.anisotropic == 0.0 || !full {
             if m.anisotropic > 0.0 {
-                self.note("its highlights are not stretched");
+                self.note("anisotropy of rough plastic is not supported by Mitsuba");
             }
             self.xml.value("float", "alpha", alpha);
             return Ok(());
         }
         let (u, v) = (alpha / aspect, alpha * aspect);
         if u > 1.0 {
-            self.note("its highlights are stretched less: alpha is at most 1");
+            self.note("anisotropy is reduced, since alpha is at most 1");
         }
         self.xml.value("float", "alpha_u", u.min(1.0));
         self.xml.value("float", "alpha_v", v);

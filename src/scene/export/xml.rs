@@ -1,10 +1,10 @@
-//! The XML of Mitsuba, written element by element.
+//! Writer of XML, element by element.
 
 use std::fmt::Write;
 
 use glam::{DAffine3, Vec3};
 
-/// A document that grows.
+/// A document that is written.
 #[derive(Default)]
 pub(super) struct Xml {
     text: String,
@@ -12,7 +12,7 @@ pub(super) struct Xml {
 }
 
 impl Xml {
-    /// The text of a document with everything closed.
+    /// Returns the text of the document, with all elements closed.
     pub fn finish(mut self) -> String {
         while !self.open.is_empty() {
             self.close();
@@ -20,42 +20,51 @@ impl Xml {
         self.text
     }
 
-    /// Opens an element; what follows lies in it until [`Xml::close`].
+    /// Opens an element; what follows is inside until [`Xml::close`].
     pub fn open(&mut self, tag: &'static str, attributes: &[(&str, &str)]) {
         self.element(tag, attributes, ">");
         self.open.push(tag);
     }
 
-    /// Closes the element that was opened last.
+    /// Closes the innermost open element.
     pub fn close(&mut self) {
         if let Some(tag) = self.open.pop() {
-            let _ = writeln!(self.text, "{:indent$}</{tag}>", "", indent = 4 * self.open.len());
+            let _ = writeln!(
+                self.text,
+                "{:indent$}</{tag}>",
+                "",
+                indent = 4 * self.open.len()
+            );
         }
     }
 
-    /// An element without content.
+    /// Writes an element without content.
     pub fn leaf(&mut self, tag: &str, attributes: &[(&str, &str)]) {
         self.element(tag, attributes, "/>");
     }
 
-    /// A value by name: `<float name=".." value=".."/>` and its like.
+    /// Writes a named value, such as `<float name=".." value=".."/>`.
     pub fn value(&mut self, tag: &str, name: &str, value: impl std::fmt::Display) {
         self.leaf(tag, &[("name", name), ("value", &value.to_string())]);
     }
 
-    /// A colour or another triple of one attribute.
+    /// Writes a named colour.
     pub fn rgb(&mut self, name: &str, color: Vec3) {
-        self.value("rgb", name, format_args!("{}, {}, {}", color.x, color.y, color.z));
+        self.value(
+            "rgb",
+            name,
+            format_args!("{}, {}, {}", color.x, color.y, color.z),
+        );
     }
 
-    /// A point or a vector.
-    pub fn triple(&mut self, tag: &str, name: &str, v: Vec3) {
+    /// Writes a named point or vector.
+    pub fn vector(&mut self, tag: &str, name: &str, v: Vec3) {
         let [x, y, z] = v.to_array().map(|x| x.to_string());
         self.leaf(tag, &[("name", name), ("x", &x), ("y", &y), ("z", &z)]);
     }
 
-    /// A place; none where it changes nothing.
-    pub fn place(&mut self, name: &str, map: &DAffine3) {
+    /// Writes a named transform, unless it is the identity.
+    pub fn transform(&mut self, name: &str, map: &DAffine3) {
         if *map == DAffine3::IDENTITY {
             return;
         }
@@ -67,8 +76,14 @@ impl Xml {
         self.close();
     }
 
+    /// Writes the start of an element with its attributes.
     fn element(&mut self, tag: &str, attributes: &[(&str, &str)], end: &str) {
-        let _ = write!(self.text, "{:indent$}<{tag}", "", indent = 4 * self.open.len());
+        let _ = write!(
+            self.text,
+            "{:indent$}<{tag}",
+            "",
+            indent = 4 * self.open.len()
+        );
         for (name, value) in attributes {
             let _ = write!(self.text, " {name}=\"");
             for c in value.chars() {
@@ -91,14 +106,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn elements_nest_and_what_is_special_is_escaped() {
+    fn elements_nest_and_special_characters_are_escaped() {
         let mut xml = Xml::default();
         xml.open("scene", &[("version", "3.0.0")]);
         xml.value("string", "name", "a<\"&b");
         xml.open("shape", &[]);
         assert_eq!(
             xml.finish(),
-            "<scene version=\"3.0.0\">\n    <string name=\"name\" value=\"a&lt;&quot;&amp;b\"/>\n    <shape>\n    </shape>\n</scene>\n"
+            concat!(
+                "<scene version=\"3.0.0\">\n",
+                "    <string name=\"name\" value=\"a&lt;&quot;&amp;b\"/>\n",
+                "    <shape>\n    </shape>\n</scene>\n"
+            )
         );
     }
 }

@@ -1,4 +1,5 @@
-//! Textures: PNG, JPEG, BMP, TGA and Radiance HDR files through the `image` crate, and OpenEXR, within limits.
+//! Texture images: PNG, JPEG, BMP, TGA and Radiance HDR files through the `image` crate, and
+//! OpenEXR, within limits on their size.
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -8,112 +9,147 @@ use std::sync::Arc;
 use glam::Vec3;
 use image::{DynamicImage, ImageReader, Limits};
 
-use super::{openexr, place, read, unreadable};
+use super::{canonical, openexr, read_file, unreadable};
 use crate::scene::desc::{Texels, TextureDesc};
 use crate::scene::{Note, SceneError};
 
 /// Greatest width or height of a texture in pixels.
 const MAX_TEXTURE_SIDE: u32 = 16_384;
-/// Greatest memory that decoding one texture may take, in bytes.
+/// Greatest memory for decoding one texture, in bytes.
 const MAX_TEXTURE_BYTES: u64 = 1 << 30;
-/// How many times its file a decoded texture may be: twice what the best compression of these formats, that of PNG, makes
-/// of a picture of one colour.
+/// Greatest ratio of a decoded texture to its file: twice what PNG, which has the best compression
+/// of these formats, achieves for an image of one colour.
 const MAX_GROWTH: u64 = 2048;
-/// What decoding may take whatever the file's size, in bytes.
+/// Memory for decoding a texture that is allowed for a file of any size, in bytes.
 const SMALL_TEXTURE_BYTES: u64 = 16 << 20;
 
-/// Greatest memory that decoding a file of this size may take, in bytes.
-fn room(file_bytes: usize) -> u64 {
-    (file_bytes as u64).saturating_mul(MAX_GROWTH).saturating_add(SMALL_TEXTURE_BYTES).min(MAX_TEXTURE_BYTES)
+/// Returns the greatest memory for decoding a file of this size, in bytes.
+fn decode_budget(file_bytes: usize) -> u64 {
+    (file_bytes as u64)
+        .saturating_mul(MAX_GROWTH)
+        .saturating_add(SMALL_TEXTURE_BYTES)
+        .min(MAX_TEXTURE_BYTES)
 }
 
-/// How many times the pictures that were read those made from them may be together: a grey one of floats for every use of
-/// one with 8 bits is four times as large.
-const MAX_MADE: u64 = 64;
-/// What pictures made from others may take whatever those are, in bytes.
-const SMALL_MADE_BYTES: u64 = 256 << 20;
+/// Greatest ratio of all derived images to the images that were read: deriving a float image from
+/// an 8-bit one for every use multiplies its size by four.
+const MAX_DERIVED_RATIO: u64 = 64;
+/// Memory for derived images that is always allowed, in bytes.
+const SMALL_DERIVED_BYTES: u64 = 256 << 20;
 
-/// The pictures of one scene, each file read once however it is called, and those made from them.
+/// The images of one scene, each file read once, and images derived from them.
 #[derive(Default)]
-pub(super) struct Pictures {
-    /// By place on disk.
+pub(super) struct ImageCache {
+    /// Images by canonical path.
     files: BTreeMap<PathBuf, Arc<TextureDesc>>,
-    /// By the picture that it was made from, and how.
-    made: BTreeMap<([u8; 32], String), Arc<TextureDesc>>,
-    /// Bytes of what was read.
-    read: u64,
-    /// Bytes of what was made.
-    taken: u64,
+    /// Derived images by the content hash of their source and the name of the function.
+    derived: BTreeMap<([u8; 32], String), Arc<TextureDesc>>,
+    /// Size of all images read, in bytes.
+    read_bytes: u64,
+    /// Size of all derived images, in bytes.
+    derived_bytes: u64,
 }
 
-impl Pictures {
-    /// Reads a file as [`load`] does, unless it was read before.
+impl ImageCache {
+    /// Returns the image of a file, reading it like [`load`] unless it was read before.
     ///
     /// # Errors
-    /// As [`load`].
-    pub fn load(&mut self, path: &Path, notes: &mut Vec<Note>) -> Result<Arc<TextureDesc>, SceneError> {
-        let key = place(path);
+    /// Fails like [`load`].
+    pub fn load(
+        &mut self,
+        path: &Path,
+        notes: &mut Vec<Note>,
+    ) -> Result<Arc<TextureDesc>, SceneError> {
+        let key = canonical(path);
         if let Some(known) = self.files.get(&key) {
             return Ok(known.clone());
         }
         let texture = Arc::new(load(path, notes)?);
-        self.read += bytes_of(&texture.texels);
+        self.read_bytes += texel_bytes(&texture.texels);
         self.files.insert(key, texture.clone());
         Ok(texture)
     }
 
-    /// Decodes a part of a file with `whole` bytes in all, of which parts may overlap.
+    /// Decodes an image embedded in a file of `file_bytes` bytes; embedded images may overlap.
     ///
     /// # Errors
-    /// As [`load`], and where all parts together are larger than such a file may make them.
-    pub fn part(
+    /// Fails like [`load`], and if all embedded images together are too large for the file's size.
+    pub fn load_embedded(
         &mut self,
         path: &Path,
         bytes: Vec<u8>,
-        whole: u64,
+        file_bytes: u64,
         notes: &mut Vec<Note>,
     ) -> Result<Arc<TextureDesc>, SceneError> {
         let texture = Arc::new(decode(path, bytes, notes)?);
-        self.read += bytes_of(&texture.texels);
-        if self.read > whole.saturating_mul(MAX_GROWTH).saturating_add(SMALL_TEXTURE_BYTES) {
-            let problem = format!("its images take {} MiB, too much for the size of the file", self.read >> 20);
-            return Err(SceneError::Malformed { file: path.to_owned(), place: "images".to_owned(), problem });
+        self.read_bytes += texel_bytes(&texture.texels);
+        if self.read_bytes
+            > file_bytes
+                .saturating_mul(MAX_GROWTH)
+                .saturating_add(SMALL_TEXTURE_BYTES)
+        {
+            let problem = format!(
+                "the embedded images decode to {} MiB, too much for the size of the file",
+                self.read_bytes >> 20
+            );
+            return Err(SceneError::Malformed {
+                file: path.to_owned(),
+                place: "images".to_owned(),
+                problem,
+            });
         }
         Ok(texture)
     }
 
-    /// A picture of floats made from another one, texel by texel, unless it was made before; `how` names the function.
+    /// Returns a float image derived from another one texel by texel, computing it unless it was
+    /// derived before; `how` names the function.
     ///
     /// # Errors
-    /// When all that was made takes too much for what was read, in words.
-    pub fn made(
+    /// Returns a message if all derived images are too large for the images that were read.
+    pub fn derived(
         &mut self,
         from: &TextureDesc,
         how: &str,
         f: impl Fn([f32; 4]) -> [f32; 4],
     ) -> Result<Arc<TextureDesc>, String> {
         let key = (from.content_hash, how.to_owned());
-        if let Some(known) = self.made.get(&key) {
+        if let Some(known) = self.derived.get(&key) {
             return Ok(known.clone());
         }
-        self.taken += 16 * u64::from(from.width) * u64::from(from.height);
-        if self.taken > self.read.saturating_mul(MAX_MADE).saturating_add(SMALL_MADE_BYTES) {
-            let problem = "pictures made from others would take";
-            return Err(format!("{problem} {} MiB, too much for the size of those", self.taken >> 20));
+        self.derived_bytes += 16 * u64::from(from.width) * u64::from(from.height);
+        if self.derived_bytes
+            > self
+                .read_bytes
+                .saturating_mul(MAX_DERIVED_RATIO)
+                .saturating_add(SMALL_DERIVED_BYTES)
+        {
+            return Err(format!(
+                "converted textures would take {} MiB, too much for the size of their images",
+                self.derived_bytes >> 20
+            ));
         }
         let texels = match &from.texels {
-            Texels::Rgba8(t) => t.iter().map(|p| f(p.map(|c| f32::from(c) / 255.0))).collect(),
+            Texels::Rgba8(t) => t
+                .iter()
+                .map(|p| f(p.map(|c| f32::from(c) / 255.0)))
+                .collect(),
             Texels::RgbaF32(t) => t.iter().map(|p| f(*p)).collect(),
         };
-        let texture = Arc::new(TextureDesc::new(&from.file, from.width, from.height, Texels::RgbaF32(texels)));
-        self.made.insert(key, texture.clone());
+        let texture = Arc::new(TextureDesc::new(
+            &from.file,
+            from.width,
+            from.height,
+            Texels::RgbaF32(texels),
+        ));
+        self.derived.insert(key, texture.clone());
         Ok(texture)
     }
 
-    /// A picture of heights as one channel: the luminance of what is coloured [ITU-R BT.709].
+    /// Returns a height map of one channel: coloured images are converted to luminance [ITU-R
+    /// BT.709].
     ///
     /// # Errors
-    /// As [`Pictures::made`].
+    /// Fails like [`ImageCache::derived`].
     pub fn heights(&mut self, image: &Arc<TextureDesc>) -> Result<Arc<TextureDesc>, String> {
         let is_grey = match &image.texels {
             Texels::Rgba8(t) => t.iter().all(|[r, g, b, _]| r == g && g == b),
@@ -122,54 +158,59 @@ impl Pictures {
         if is_grey {
             return Ok(Arc::clone(image));
         }
-        self.made(image, "heights", |[r, g, b, _]| {
+        self.derived(image, "heights", |[r, g, b, _]| {
             let y = 0.2126 * r + 0.7152 * g + 0.0722 * b;
             [y, y, y, 1.0]
         })
     }
 }
 
-fn bytes_of(texels: &Texels) -> u64 {
+/// Returns the size of texels in bytes.
+fn texel_bytes(texels: &Texels) -> u64 {
     match texels {
         Texels::Rgba8(t) => 4 * t.len() as u64,
         Texels::RgbaF32(t) => 16 * t.len() as u64,
     }
 }
 
-/// Reads an image file. Its format is told from its first bytes, by its extension where they say nothing.
+/// Reads an image file. Its format is recognised by its first bytes or, if they are ambiguous, by
+/// its extension.
 ///
-/// Files with 8 bits per channel are kept as they are stored; Radiance HDR and OpenEXR files become floats. Files with 16 bits
-/// per channel are rounded to 8, which is a [`Note`].
+/// 8-bit channels are stored unchanged; Radiance HDR and OpenEXR files become floats. 16-bit
+/// channels are rounded to 8 bits, with a [`Note`].
 ///
 /// # Errors
-/// A file that cannot be read, is no image of a known format, is damaged, or exceeds the limits on its size.
+/// Fails for a file that cannot be read, has no supported format, is damaged, or exceeds the limits
+/// on its size.
 pub fn load(path: &Path, notes: &mut Vec<Note>) -> Result<TextureDesc, SceneError> {
-    decode(path, read(path, MAX_TEXTURE_BYTES)?, notes)
+    decode(path, read_file(path, MAX_TEXTURE_BYTES)?, notes)
 }
 
-/// The same for the bytes of a file, or of a part of one; the path is for messages, and tells formats without a mark.
+/// Decodes the bytes of an image like [`load`]. The path is for messages, and its extension
+/// identifies formats without a signature.
 ///
 /// # Errors
-/// As for [`load`].
-pub(super) fn decode(path: &Path, bytes: Vec<u8>, notes: &mut Vec<Note>) -> Result<TextureDesc, SceneError> {
+/// Fails like [`load`].
+pub(super) fn decode(
+    path: &Path,
+    bytes: Vec<u8>,
+    notes: &mut Vec<Note>,
+) -> Result<TextureDesc, SceneError> {
     let malformed = |problem: String| SceneError::Malformed {
         file: path.to_owned(),
         place: "image".to_owned(),
         problem: format!(
-            "{problem} (PNG, JPEG, BMP, TGA, HDR and EXR files up to {MAX_TEXTURE_SIDE} pixels a side are read)"
+            "{problem} (supported: PNG, JPEG, BMP, TGA, HDR and EXR files of at most \
+             {MAX_TEXTURE_SIDE} pixels per side)"
         ),
     };
     if bytes.starts_with(&openexr::MAGIC) {
-        // Four floats for each pixel.
-        let (image, _) = openexr::decode(&bytes, (room(bytes.len()) / 16) as usize).map_err(malformed)?;
-        if image.width.max(image.height) > MAX_TEXTURE_SIDE {
-            return Err(malformed(format!("it has {}x{} pixels", image.width, image.height)));
-        }
-        let texels = image.data.iter().map(|[r, g, b]| [*r, *g, *b, 1.0]).collect();
-        return Ok(TextureDesc::new(path, image.width, image.height, finite(texels).map_err(malformed)?));
+        return decode_exr(path, &bytes).map_err(malformed);
     }
-    let room = room(bytes.len());
-    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| unreadable(path, e))?;
+    let budget = decode_budget(bytes.len());
+    let mut reader = ImageReader::new(Cursor::new(bytes))
+        .with_guessed_format()
+        .map_err(|e| unreadable(path, e))?;
     if reader.format().is_none()
         && let Ok(format) = image::ImageFormat::from_path(path)
     {
@@ -178,16 +219,17 @@ pub(super) fn decode(path: &Path, bytes: Vec<u8>, notes: &mut Vec<Note>) -> Resu
     let mut limits = Limits::no_limits();
     limits.max_image_width = Some(MAX_TEXTURE_SIDE);
     limits.max_image_height = Some(MAX_TEXTURE_SIDE);
-    limits.max_alloc = Some(room);
+    limits.max_alloc = Some(budget);
     reader.limits(limits);
     let image = reader.decode().map_err(|e| malformed(e.to_string()))?;
     let (width, height) = (image.width(), image.height());
     if width == 0 || height == 0 {
-        return Err(malformed("it has no pixels".to_owned()));
+        return Err(malformed("the image has no pixels".to_owned()));
     }
     let texels = match image {
         DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => {
-            finite(image.into_rgba32f().pixels().map(|p| p.0).collect()).map_err(malformed)?
+            finite_texels(image.into_rgba32f().pixels().map(|p| p.0).collect())
+                .map_err(malformed)?
         }
         DynamicImage::ImageLuma8(_)
         | DynamicImage::ImageLumaA8(_)
@@ -197,7 +239,7 @@ pub(super) fn decode(path: &Path, bytes: Vec<u8>, notes: &mut Vec<Note>) -> Resu
             notes.push(Note {
                 file: path.to_owned(),
                 place: "image".to_owned(),
-                message: "its 16 bits per channel are rounded to 8".to_owned(),
+                message: "the image has 16 bits per channel; they are rounded to 8".to_owned(),
             });
             rgba8(image)
         }
@@ -205,25 +247,52 @@ pub(super) fn decode(path: &Path, bytes: Vec<u8>, notes: &mut Vec<Note>) -> Resu
     Ok(TextureDesc::new(path, width, height, texels))
 }
 
-/// Whether a picture holds normals rather than heights: in more than half of it the channels moved to -1..=1 are nearly a
-/// unit vector that looks outwards, and are not grey.
-pub(super) fn shows_normals(image: &TextureDesc) -> bool {
-    let Texels::Rgba8(texels) = &image.texels else { return false };
+/// Decodes an OpenEXR image.
+fn decode_exr(path: &Path, bytes: &[u8]) -> Result<TextureDesc, String> {
+    // A decoded pixel takes four floats.
+    let max_pixels = (decode_budget(bytes.len()) / 16) as usize;
+    let (image, _) = openexr::decode(bytes, max_pixels)?;
+    if image.width.max(image.height) > MAX_TEXTURE_SIDE {
+        return Err(format!(
+            "the image has {}x{} pixels",
+            image.width, image.height
+        ));
+    }
+    let texels = image
+        .data
+        .iter()
+        .map(|[r, g, b]| [*r, *g, *b, 1.0])
+        .collect();
+    Ok(TextureDesc::new(
+        path,
+        image.width,
+        image.height,
+        finite_texels(texels)?,
+    ))
+}
+
+/// Returns whether an image is a normal map rather than a height map: in more than half of it, the
+/// channels mapped to -1..=1 are nearly a unit vector that points outwards, and are not grey.
+pub(super) fn is_normal_map(image: &TextureDesc) -> bool {
+    let Texels::Rgba8(texels) = &image.texels else {
+        return false;
+    };
     let step = texels.len().div_ceil(4096).max(1);
-    let seen = texels.iter().step_by(step);
+    let sampled = texels.iter().step_by(step);
     let normal = |[r, g, b, _]: &&[u8; 4]| {
         let n = Vec3::new(f32::from(*r), f32::from(*g), f32::from(*b)) / 127.5 - 1.0;
         n.z > 0.2 && (n.length() - 1.0).abs() < 0.2 && !(r == g && g == b)
     };
-    let count = seen.clone().count();
-    seen.filter(normal).count() * 2 > count
+    let count = sampled.clone().count();
+    sampled.filter(normal).count() * 2 > count
 }
 
-fn finite(texels: Vec<[f32; 4]>) -> Result<Texels, String> {
+/// Returns float texels, or a message if any value is not finite.
+fn finite_texels(texels: Vec<[f32; 4]>) -> Result<Texels, String> {
     if texels.as_flattened().iter().all(|x| x.is_finite()) {
         return Ok(Texels::RgbaF32(texels));
     }
-    Err("it holds values that are not finite".to_owned())
+    Err("the image has values that are not finite".to_owned())
 }
 
 fn rgba8(image: DynamicImage) -> Texels {
@@ -234,28 +303,50 @@ fn rgba8(image: DynamicImage) -> Texels {
 mod tests {
     use super::*;
 
-    fn of(texels: Vec<[u8; 4]>) -> Arc<TextureDesc> {
-        Arc::new(TextureDesc::new("t", texels.len() as u32, 1, Texels::Rgba8(texels)))
+    fn image(texels: Vec<[u8; 4]>) -> Arc<TextureDesc> {
+        Arc::new(TextureDesc::new(
+            "t",
+            texels.len() as u32,
+            1,
+            Texels::Rgba8(texels),
+        ))
     }
 
     #[test]
-    fn heights_are_luminance_and_normals_are_told_from_them() {
-        let grey = of(vec![[7, 7, 7, 255], [200, 200, 200, 255]]);
-        assert!(Arc::ptr_eq(&Pictures::default().heights(&grey).unwrap(), &grey));
-        let Texels::RgbaF32(t) = Pictures::default().heights(&of(vec![[255, 0, 51, 255]])).unwrap().texels.clone()
+    fn height_maps_are_luminance_and_are_distinguished_from_normal_maps() {
+        let grey = image(vec![[7, 7, 7, 255], [200, 200, 200, 255]]);
+        assert!(Arc::ptr_eq(
+            &ImageCache::default().heights(&grey).unwrap(),
+            &grey
+        ));
+        let Texels::RgbaF32(t) = ImageCache::default()
+            .heights(&image(vec![[255, 0, 51, 255]]))
+            .unwrap()
+            .texels
+            .clone()
         else {
             panic!("floats expected")
         };
-        assert!((t[0][0] - 0.2126 - 0.0722 * 0.2).abs() < 1e-6 && t[0][0] == t[0][2], "{:?}", t[0]);
+        assert!(
+            (t[0][0] - 0.2126 - 0.0722 * 0.2).abs() < 1e-6 && t[0][0] == t[0][2],
+            "{:?}",
+            t[0]
+        );
         let n = Vec3::new(0.48, -0.36, 0.8) * 127.5 + 127.5;
         let slanted = [n.x as u8, n.y as u8, n.z as u8, 255];
-        assert!(shows_normals(&of(vec![[128, 128, 255, 255], slanted])));
-        // Every grey from black to white, of which one is of length one, and the colours of bricks and of a sky.
-        assert!(!shows_normals(&of((0..=255).map(|c| [c, c, c, 255]).collect())));
-        assert!(!shows_normals(&of(vec![[202, 202, 202, 255]; 4])));
-        assert!(!shows_normals(&of(vec![[150, 90, 60, 255], [160, 120, 100, 255]])));
-        assert!(!shows_normals(&of(vec![[200, 220, 255, 255]; 4])));
-        assert!(!shows_normals(&of(Vec::new())));
+        assert!(is_normal_map(&image(vec![[128, 128, 255, 255], slanted])));
+        // Every grey from black to white, one of which has length one, and the colours of bricks
+        // and of a sky.
+        assert!(!is_normal_map(&image(
+            (0..=255).map(|c| [c, c, c, 255]).collect()
+        )));
+        assert!(!is_normal_map(&image(vec![[202, 202, 202, 255]; 4])));
+        assert!(!is_normal_map(&image(vec![
+            [150, 90, 60, 255],
+            [160, 120, 100, 255]
+        ])));
+        assert!(!is_normal_map(&image(vec![[200, 220, 255, 255]; 4])));
+        assert!(!is_normal_map(&image(Vec::new())));
     }
 
     fn write_png(path: &Path) {
@@ -265,24 +356,29 @@ mod tests {
     }
 
     #[test]
-    fn eight_bit_texels_are_kept_as_stored_top_row_first() {
+    fn eight_bit_texels_are_stored_unchanged_top_row_first() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.png");
         write_png(&path);
         let mut notes = Vec::new();
         let t = load(&path, &mut notes).unwrap();
         assert_eq!((t.width, t.height), (3, 2));
-        let Texels::Rgba8(texels) = &t.texels else { panic!("eight bits expected") };
+        let Texels::Rgba8(texels) = &t.texels else {
+            panic!("eight bits expected")
+        };
         assert_eq!(texels[2], [255, 128, 0, 255]);
         assert_eq!(texels[5], [0, 0, 0, 255]);
         assert!(notes.is_empty());
         let moved = dir.path().join("wrong_extension.jpg");
         std::fs::copy(&path, &moved).unwrap();
-        assert_eq!(load(&moved, &mut notes).unwrap().content_hash, t.content_hash);
+        assert_eq!(
+            load(&moved, &mut notes).unwrap().content_hash,
+            t.content_hash
+        );
     }
 
     #[test]
-    fn targa_files_are_known_by_their_extension() {
+    fn targa_files_are_recognised_by_their_extension() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.tga");
         // Uncompressed, 2 x 1, 24 bits, from the top: blue, green, red.
@@ -290,46 +386,69 @@ mod tests {
         (bytes[2], bytes[12], bytes[14], bytes[16], bytes[17]) = (2, 2, 1, 24, 0x20);
         bytes.extend([0, 128, 255, 7, 8, 9]);
         std::fs::write(&path, bytes).unwrap();
-        let Texels::Rgba8(texels) = load(&path, &mut Vec::new()).unwrap().texels else { panic!("eight bits expected") };
+        let Texels::Rgba8(texels) = load(&path, &mut Vec::new()).unwrap().texels else {
+            panic!("eight bits expected")
+        };
         assert_eq!(texels, [[255, 128, 0, 255], [9, 8, 7, 255]]);
     }
 
     #[test]
-    fn high_dynamic_range_is_kept_and_sixteen_bits_are_noted() {
+    fn high_dynamic_range_is_preserved_and_sixteen_bits_are_noted() {
         let dir = tempfile::tempdir().unwrap();
         let hdr = dir.path().join("a.hdr");
         let texels = [image::Rgb([4.0f32, 1.0, 0.25]), image::Rgb([0.0, 0.0, 0.0])];
         let file = std::fs::File::create(&hdr).unwrap();
-        image::codecs::hdr::HdrEncoder::new(file).encode(&texels, 2, 1).unwrap();
+        image::codecs::hdr::HdrEncoder::new(file)
+            .encode(&texels, 2, 1)
+            .unwrap();
         let mut notes = Vec::new();
         let t = load(&hdr, &mut notes).unwrap();
-        let Texels::RgbaF32(texels) = &t.texels else { panic!("floats expected") };
+        let Texels::RgbaF32(texels) = &t.texels else {
+            panic!("floats expected")
+        };
         assert_eq!(texels[0], [4.0, 1.0, 0.25, 1.0]);
         assert!(notes.is_empty());
         let deep = dir.path().join("deep.png");
-        image::ImageBuffer::<image::Luma<u16>, _>::from_pixel(1, 1, image::Luma([65535u16])).save(&deep).unwrap();
-        assert!(matches!(load(&deep, &mut notes).unwrap().texels, Texels::Rgba8(_)));
+        image::ImageBuffer::<image::Luma<u16>, _>::from_pixel(1, 1, image::Luma([65535u16]))
+            .save(&deep)
+            .unwrap();
+        assert!(matches!(
+            load(&deep, &mut notes).unwrap().texels,
+            Texels::Rgba8(_)
+        ));
         assert!(notes[0].message.contains("16 bits"), "{}", notes[0]);
     }
 
     #[test]
-    fn open_exr_is_read_and_bad_ones_name_the_file() {
+    fn open_exr_is_read_and_errors_name_the_file() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.exr");
         exr::prelude::write_rgb_file(&path, 3, 2, |x, y| (x as f32, 0.25, 7.5 * y as f32)).unwrap();
         let t = load(&path, &mut Vec::new()).unwrap();
         assert_eq!((t.width, t.height), (3, 2));
-        let Texels::RgbaF32(texels) = &t.texels else { panic!("floats expected") };
+        let Texels::RgbaF32(texels) = &t.texels else {
+            panic!("floats expected")
+        };
         assert_eq!(texels[5], [2.0, 0.25, 7.5, 1.0]);
         let good = std::fs::read(&path).unwrap();
         std::fs::write(&path, &good[..good.len() / 2]).unwrap();
-        assert!(load(&path, &mut Vec::new()).unwrap_err().to_string().contains("a.exr"));
+        assert!(
+            load(&path, &mut Vec::new())
+                .unwrap_err()
+                .to_string()
+                .contains("a.exr")
+        );
         exr::prelude::write_rgb_file(&path, 1, 1, |_, _| (f32::NAN, 0.0, 0.0)).unwrap();
-        assert!(load(&path, &mut Vec::new()).unwrap_err().to_string().contains("not finite"));
+        assert!(
+            load(&path, &mut Vec::new())
+                .unwrap_err()
+                .to_string()
+                .contains("not finite")
+        );
     }
 
     #[test]
-    fn small_files_that_promise_large_pictures_are_refused_and_those_of_one_colour_are_not() {
+    fn small_files_that_decode_to_large_images_are_refused_except_plain_ones() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.bmp");
         image::RgbImage::new(1, 1).save(&path).unwrap();
@@ -337,9 +456,14 @@ mod tests {
         bytes[18..26].copy_from_slice(&[0, 0x40, 0, 0, 0, 0x40, 0, 0]);
         std::fs::write(&path, &bytes).unwrap();
         let e = load(&path, &mut Vec::new()).unwrap_err().to_string();
-        assert!(e.contains("a.bmp") && e.to_lowercase().contains("limit"), "{e}");
+        assert!(
+            e.contains("a.bmp") && e.to_lowercase().contains("limit"),
+            "{e}"
+        );
         let plain = dir.path().join("plain.png");
-        image::RgbImage::from_pixel(4096, 2048, image::Rgb([1, 2, 3])).save(&plain).unwrap();
+        image::RgbImage::from_pixel(4096, 2048, image::Rgb([1, 2, 3]))
+            .save(&plain)
+            .unwrap();
         assert!(std::fs::metadata(&plain).unwrap().len() < 200_000);
         assert_eq!(load(&plain, &mut Vec::new()).unwrap().width, 4096);
     }
@@ -355,7 +479,7 @@ mod tests {
             let e = load(&path, &mut Vec::new()).unwrap_err().to_string();
             assert!(e.contains("a.png"), "{e}");
         }
-        // A header that promises 2^31 columns must not be believed.
+        // A header that claims 2^31 columns must be refused.
         let mut huge = good.clone();
         huge[16] = 0x7f;
         std::fs::write(&path, &huge).unwrap();

@@ -1,9 +1,10 @@
-//! Scene formats: one file and one row of [`FORMATS`] each.
+//! Scene formats: one loader and one row of [`FORMATS`] each.
 //!
-//! Every loader returns a [`SceneDesc`] and [`Note`]s about what it could not honour. Sizes are checked before
-//! anything is read, and nothing is allocated that the size of a file does not justify.
+//! Every loader returns a [`SceneDesc`] and [`Note`]s about the parts of a file that it cannot
+//! represent. Sizes are checked before anything is read, and memory is bounded by the size of the
+//! files.
 
-mod bare;
+mod default_scene;
 pub mod files;
 mod folder;
 mod gltf;
@@ -22,139 +23,171 @@ use std::path::{Path, PathBuf};
 
 use super::{Note, SceneDesc, SceneError};
 
-/// One scene format.
+/// A row of [`FORMATS`]: one scene format.
 #[derive(Debug)]
 pub struct FormatRow {
-    /// Short name.
+    /// Short name of the format.
     pub name: &'static str,
     /// File extensions in lower case, without the dot.
     pub extensions: &'static [&'static str],
-    /// What it is and what is read of it, in a sentence.
+    /// Description of the format, in a sentence.
     pub doc: &'static str,
-    /// Whether the first bytes of a file without a known extension look like this format.
+    /// Returns whether the first bytes of a file without a known extension look like this format.
     pub sniff: fn(&[u8]) -> bool,
     /// Reads a file of this format.
     pub load: Loader,
-    /// What is read of it, a row for each element or key.
-    pub reads: &'static [Reads],
+    /// Supported elements or keys.
+    pub supported: &'static [SupportedElement],
 }
 
-/// What becomes of one element or key of a format.
+/// A row of a format's table of supported elements or keys.
 #[derive(Clone, Copy, Debug)]
-pub struct Reads {
-    /// The words of the format, each between grave accents, or a description of the rest.
+pub struct SupportedElement {
+    /// Names in the format, each between backticks, or a description of the remaining elements.
     pub name: &'static str,
-    /// What it becomes; empty where it is only noted.
-    pub read: &'static str,
-    /// What is a note instead, or an error.
-    pub noted: &'static str,
+    /// Result of loading the element; empty if it is not supported.
+    pub support: &'static str,
+    /// Parts that become a note or an error instead.
+    pub limits: &'static str,
 }
 
-/// Reads one scene file.
-pub type Loader = fn(&Path, Missing) -> Result<(SceneDesc, Vec<Note>), SceneError>;
+/// Loader of a scene file.
+pub type Loader = fn(&Path, MissingTextures) -> Result<(SceneDesc, Vec<Note>), SceneError>;
 
-/// What becomes of a material whose texture cannot be read.
+/// Policy for a material whose texture cannot be read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Missing {
-    /// The scene is an error that names the material and the file.
+pub enum MissingTextures {
+    /// Loading fails with an error that names the material and the file.
     #[default]
-    Refused,
-    /// The parameter keeps its scalar value, with a [`Note`] that names the material and the file.
-    Noted,
+    Fail,
+    /// The parameter keeps its constant value, with a [`Note`] that names the material and the
+    /// file.
+    Note,
 }
 
-/// An error about a texture, with what helps.
-fn missing_texture(e: SceneError) -> SceneError {
+/// Adds a hint at `--lenient` to an error about a texture.
+fn with_lenient_hint(e: SceneError) -> SceneError {
     match e {
-        SceneError::Malformed { file, place, problem } => {
-            SceneError::Malformed { file, place, problem: format!("{problem} (`--lenient` goes on without it)") }
-        }
+        SceneError::Malformed {
+            file,
+            place,
+            problem,
+        } => SceneError::Malformed {
+            file,
+            place,
+            problem: format!(
+                "{problem} (pass `--lenient` to use the material's constant value instead)"
+            ),
+        },
         other => other,
     }
 }
 
-/// Every scene format, in the order in which files are sniffed.
+/// Every scene format, in the order in which they are tried on files without a known extension.
 pub const FORMATS: &[FormatRow] = &[
     FormatRow {
         name: "gltf",
         extensions: &["gltf", "glb"],
-        doc: "glTF 2.0: nodes, meshes, cameras, point and directional lights, metallic-roughness materials with extensions.",
+        doc: "glTF 2.0: nodes, meshes, cameras, point, spot and directional lights, \
+              metallic-roughness materials with extensions.",
         sniff: gltf::sniff,
         load: gltf::load,
-        reads: gltf::READS,
+        supported: gltf::SUPPORTED,
     },
     FormatRow {
         name: "folder",
         extensions: &["json"],
-        doc: "Scene folders of the second source: scene.json with Objects/, Textures/ and HDRI/.",
+        doc: "Scene folders of thesis S1 (docs/inside/transport.md): scene.json with Objects/, Textures/ \
+              and HDRI/.",
         sniff: folder::sniff,
         load: folder::load,
-        reads: folder::READS,
+        supported: folder::SUPPORTED,
     },
     FormatRow {
         name: "scn",
         extensions: &["scn"],
-        doc: "JSON scenes of the vkraytracing program: camera, Disney materials, OBJ meshes and spheres.",
+        doc: "JSON scenes of the vkraytracing program: camera, Disney materials, OBJ meshes and \
+              spheres.",
         sniff: scn::sniff,
         load: scn::load,
-        reads: scn::READS,
+        supported: scn::SUPPORTED,
     },
     FormatRow {
         name: "obj",
         extensions: &["obj"],
-        doc: "A Wavefront OBJ mesh with the materials of its .mtl files, seen by a camera that frames its bounds.",
+        doc: "A Wavefront OBJ mesh with the materials of its .mtl files, viewed by a camera that \
+              frames it.",
         sniff: obj::sniff,
         load: obj::load,
-        reads: obj::READS,
+        supported: obj::SUPPORTED,
     },
     FormatRow {
         name: "ply",
         extensions: &["ply"],
-        doc: "A PLY mesh, ASCII or binary, seen by a camera that frames its bounds.",
+        doc: "A PLY mesh, ASCII or binary, viewed by a camera that frames it.",
         sniff: ply::sniff,
         load: ply::load,
-        reads: ply::READS,
+        supported: ply::SUPPORTED,
     },
     FormatRow {
         name: "mitsuba",
         extensions: &["xml"],
-        doc: "Scenes of Mitsuba 3 in XML, those of Mitsuba 0.5 and 0.6 too: cameras, shapes, surfaces, textures, lights.",
+        doc: "Scenes of Mitsuba 3 in XML, and of Mitsuba 0.5 and 0.6: cameras, shapes, surfaces, \
+              textures, lights.",
         sniff: mitsuba::sniff,
         load: mitsuba::load,
-        reads: mitsuba::READS,
+        supported: mitsuba::SUPPORTED,
     },
 ];
 
-/// The note on a file that is only a mesh and brings no light; what takes the mesh in may have its own.
-pub const DARK_MESH: &str = "nothing in this mesh shines: `set` the emission of a material (`materials.NAME.emission`), or \
-                             name the mesh in a `.scn` or a Lua scene";
+/// Note on a file that is only a mesh and contains no light. A scene that imports the mesh may have
+/// its own lights and drops the note.
+pub const DARK_MESH: &str = "nothing in this mesh emits light; set the emission of a material \
+                             (`materials.NAME.emission`), or use the mesh in a `.scn` or Lua scene";
 
-/// How much of a file is read to recognise its format.
+/// Number of bytes that are read to recognise the format of a file.
 const SNIFF_BYTES: u64 = 4096;
 
-/// Loads a scene file of any known format: by its extension, or by its first bytes where the extension is unknown.
+/// Loads a scene file of any supported format, selected by its extension or, if that is unknown, by
+/// its first bytes.
 ///
 /// # Errors
-/// A file that cannot be read, that no format knows, or that is not what its format says; also a mesh or texture
-/// that it names and that has one of these faults.
+/// Fails for a file that cannot be read, has no supported format, or violates its format, and for a
+/// mesh or texture that it refers to and that has one of these faults.
 pub fn load(path: &Path) -> Result<(SceneDesc, Vec<Note>), SceneError> {
-    load_with(path, Missing::Refused)
+    load_with(path, MissingTextures::Fail)
 }
 
-/// The same, with a choice of what becomes of textures that cannot be read.
+/// Loads a scene file like [`load`], with a policy for textures that cannot be read.
 ///
 /// # Errors
-/// As for [`load`], textures of materials left out where `missing` says so.
-pub fn load_with(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note>), SceneError> {
+/// Fails like [`load`]; `missing` may exempt textures of materials.
+pub fn load_with(
+    path: &Path,
+    missing: MissingTextures,
+) -> Result<(SceneDesc, Vec<Note>), SceneError> {
     let inside = path.join(folder::SCENE_FILE);
-    let path = if is_folder(path) { inside.as_path() } else { path };
-    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-    if let Some(row) = FORMATS.iter().find(|row| row.extensions.contains(&extension.as_str())) {
+    let path = if is_folder(path) {
+        inside.as_path()
+    } else {
+        path
+    };
+    let extension = path
+        .extension()
+        .and_then(|e| e.to_str())
+        .unwrap_or_default()
+        .to_ascii_lowercase();
+    if let Some(row) = FORMATS
+        .iter()
+        .find(|row| row.extensions.contains(&extension.as_str()))
+    {
         return (row.load)(path, missing);
     }
     let mut head = Vec::new();
     let (file, length) = open(path)?;
-    file.take(SNIFF_BYTES.min(length)).read_to_end(&mut head).map_err(|e| unreadable(path, e))?;
+    file.take(SNIFF_BYTES.min(length))
+        .read_to_end(&mut head)
+        .map_err(|e| unreadable(path, e))?;
     match FORMATS.iter().find(|row| (row.sniff)(&head)) {
         Some(row) => (row.load)(path, missing),
         None => Err(SceneError::UnknownFormat {
@@ -169,39 +202,54 @@ pub fn load_with(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note>)
     }
 }
 
-/// Whether a path is a folder that is a scene.
+/// Returns whether a path is a folder that contains a scene.
 pub fn is_folder(path: &Path) -> bool {
     path.is_dir() && path.join(folder::SCENE_FILE).is_file()
 }
 
 fn unreadable(path: &Path, reason: impl std::fmt::Display) -> SceneError {
-    SceneError::Unreadable { file: path.to_owned(), reason: reason.to_string() }
+    SceneError::Unreadable {
+        file: path.to_owned(),
+        reason: reason.to_string(),
+    }
 }
 
-/// The one path that a file has, whatever it is called; the path itself where there is no such file.
-fn place(path: &Path) -> PathBuf {
+/// Returns the canonical path of a file, or the path itself if there is no such file.
+fn canonical(path: &Path) -> PathBuf {
     path.canonicalize().unwrap_or_else(|_| path.to_owned())
 }
 
-/// Opens a regular file, with its length in bytes: pipes and devices would block or never end.
+/// Opens a regular file and returns its length in bytes. Pipes and devices are refused, since they
+/// could block or never end.
 fn open(path: &Path) -> Result<(File, u64), SceneError> {
     let meta = std::fs::metadata(path).map_err(|e| unreadable(path, e))?;
     if !meta.is_file() {
         return Err(unreadable(path, "it is not a regular file"));
     }
-    files::note(path);
-    Ok((File::open(path).map_err(|e| unreadable(path, e))?, meta.len()))
+    files::record(path);
+    Ok((
+        File::open(path).map_err(|e| unreadable(path, e))?,
+        meta.len(),
+    ))
 }
 
-/// The bytes of a file of at most `limit` bytes. No more is read than its length says: what the system shows as files of no
-/// length can block, or never end.
-fn read(path: &Path, limit: u64) -> Result<Vec<u8>, SceneError> {
+/// Reads a file of at most `limit` bytes. No more is read than its reported length, since special
+/// files of length zero could block or never end.
+fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, SceneError> {
     let (file, length) = open(path)?;
     if length > limit {
-        return Err(unreadable(path, format!("it is larger than the limit of {} MiB for such files", limit >> 20)));
+        return Err(unreadable(
+            path,
+            format!(
+                "the file is larger than {} MiB, the limit for files of this type",
+                limit >> 20
+            ),
+        ));
     }
     let mut bytes = Vec::new();
-    file.take(length).read_to_end(&mut bytes).map_err(|e| unreadable(path, e))?;
+    file.take(length)
+        .read_to_end(&mut bytes)
+        .map_err(|e| unreadable(path, e))?;
     Ok(bytes)
 }
 
@@ -210,10 +258,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_table_has_no_two_rows_for_one_name_or_extension() {
+    fn names_and_extensions_of_formats_are_unique() {
         let mut seen = std::collections::BTreeSet::new();
         for row in FORMATS {
-            assert!(seen.insert(row.name) || row.extensions.contains(&row.name), "{}", row.name);
+            assert!(
+                seen.insert(row.name) || row.extensions.contains(&row.name),
+                "{}",
+                row.name
+            );
             assert!(!row.doc.is_empty() && !row.extensions.is_empty());
             for e in row.extensions {
                 assert!(seen.insert(e) || *e == row.name);
@@ -223,12 +275,14 @@ mod tests {
     }
 
     #[test]
-    fn directories_and_missing_files_are_one_error_each() {
+    fn directories_and_missing_files_are_errors() {
         let dir = tempfile::tempdir().unwrap();
         let e = load(&dir.path().join("none.scn")).unwrap_err().to_string();
         assert!(e.contains("none.scn"), "{e}");
         std::fs::create_dir(dir.path().join("folder.obj")).unwrap();
-        let e = load(&dir.path().join("folder.obj")).unwrap_err().to_string();
+        let e = load(&dir.path().join("folder.obj"))
+            .unwrap_err()
+            .to_string();
         assert!(e.contains("not a regular file"), "{e}");
         let text = dir.path().join("text.txt");
         std::fs::write(&text, "hello").unwrap();
@@ -248,11 +302,11 @@ mod tests {
     }
 
     #[test]
-    fn a_file_over_its_limit_is_refused() {
+    fn a_file_over_the_limit_is_refused() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("big");
         std::fs::write(&path, vec![b' '; 100]).unwrap();
-        assert_eq!(read(&path, 100).unwrap().len(), 100);
-        assert!(read(&path, 99).is_err());
+        assert_eq!(read_file(&path, 100).unwrap().len(), 100);
+        assert!(read_file(&path, 99).is_err());
     }
 }

@@ -1,4 +1,5 @@
-//! OpenEXR files: any compression that the `exr` crate knows, half, float or integer samples, tiles and alpha.
+//! OpenEXR files: any compression that the `exr` crate supports; half, float or integer samples,
+//! tiles and alpha.
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -11,15 +12,29 @@ use crate::film::Image;
 /// The first bytes of every OpenEXR file.
 pub const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
-/// The first layer with channels R, G and B, and all text attributes by name.
+/// Decodes the first layer with channels R, G and B, and returns it with all text attributes by
+/// name.
 ///
 /// # Errors
-/// What is wrong, in words: anything that is not an EXR with RGB channels, is damaged, or has more than `max_pixels`.
-pub fn decode(bytes: &[u8], max_pixels: usize) -> Result<(Image, BTreeMap<String, String>), String> {
-    let headers = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|e| e.to_string())?.headers;
+/// Returns a message for data that is not an EXR with RGB channels, is damaged, or has more than
+/// `max_pixels`.
+pub fn decode(
+    bytes: &[u8],
+    max_pixels: usize,
+) -> Result<(Image, BTreeMap<String, String>), String> {
+    let headers = MetaData::read_from_buffered(Cursor::new(bytes), false)
+        .map_err(|e| e.to_string())?
+        .headers;
     for size in headers.iter().map(|h| h.layer_size) {
-        if size.0.checked_mul(size.1).is_none_or(|pixels| pixels > max_pixels) {
-            return Err(format!("{}x{} pixels are more than the limit of {max_pixels}", size.0, size.1));
+        if size
+            .0
+            .checked_mul(size.1)
+            .is_none_or(|pixels| pixels > max_pixels)
+        {
+            return Err(format!(
+                "the image has {}x{} pixels; at most {max_pixels} are supported here",
+                size.0, size.1
+            ));
         }
     }
     let file = read()
@@ -37,11 +52,15 @@ pub fn decode(bytes: &[u8], max_pixels: usize) -> Result<(Image, BTreeMap<String
         .non_parallel()
         .from_buffered(Cursor::new(bytes))
         .map_err(|e| e.to_string())?;
-    let attributes = file.attributes.other.iter().chain(&file.layer_data.attributes.other);
+    let attributes = file
+        .attributes
+        .other
+        .iter()
+        .chain(&file.layer_data.attributes.other);
     let texts = attributes.filter_map(|(name, value)| match value {
         AttributeValue::Text(text) => {
-            let words = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-            Some((words(name.as_slice()), words(text.as_slice())))
+            let decode = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+            Some((decode(name.as_slice()), decode(text.as_slice())))
         }
         _ => None,
     });

@@ -1,31 +1,33 @@
 //! PLY meshes: ASCII, and binary with either byte order.
 //!
-//! Read are the element `vertex` with `x y z`, normals `nx ny nz`, and texture coordinates (`u v`, `s t`, or
-//! `texture_u texture_v`), colours `red green blue`, and the element `face` with its list of corners; polygons are cut as
-//! fans from their first corner. All other elements and properties are stepped over. The front of a face with normals is the
-//! side to which they point, of one without where its corners run counter-clockwise. Colours of 8 and 16 bits are decoded
-//! from sRGB, as programs that scan and paint meshes show them; floats are linear.
+//! Supported are the element `vertex` with `x y z`, normals `nx ny nz`, texture coordinates (`u v`,
+//! `s t`, or `texture_u texture_v`) and colours `red green blue`, and the element `face` with its
+//! list of vertex indices; polygons are triangulated as fans from their first vertex. All other
+//! elements and properties are skipped. The front of a face is the side to which its normals point;
+//! without normals, the side from which its vertices run counter-clockwise. Integer colours are
+//! decoded from sRGB, as programs that scan and paint meshes display them; floats are linear.
 
-mod reads;
 mod source;
+mod supported;
 
-pub(super) use self::reads::READS;
+pub(super) use self::supported::SUPPORTED;
 
 use std::path::Path;
 
 use glam::{Vec2, Vec3};
 
-use self::source::{Source, Type};
-use super::{Missing, bare, read};
+use self::source::{NumberStream, NumberType};
+use super::default_scene;
+use super::{MissingTextures, read_file};
 use crate::scene::compile::srgb_to_linear;
 use crate::scene::desc::{DEFAULT_MATERIAL, MaterialDesc, MeshDesc, SceneDesc, mesh_hash};
 use crate::scene::{Note, SceneError};
 
 /// Greatest size of a PLY file in bytes.
 const MAX_PLY_BYTES: u64 = 1 << 30;
-/// Greatest number of elements and of properties that a header may name: more is no mesh.
+/// Greatest number of elements and properties in a header; larger headers are not those of meshes.
 const MAX_NAMES: usize = 256;
-/// Names of vertex properties that are read, in the order of [`Vertex`].
+/// Names of the supported vertex properties, in the order of [`Vertex`].
 const PROPERTIES: [&[&str]; 11] = [
     &["x"],
     &["y"],
@@ -40,25 +42,44 @@ const PROPERTIES: [&[&str]; 11] = [
     &["blue", "b", "diffuse_blue"],
 ];
 
-/// Position, normal, texture coordinates, colour.
+/// Position, normal, texture coordinates and colour of a vertex.
 type Vertex = [f32; 11];
 
-/// Whether the first bytes of a file are those of a PLY.
+/// Returns whether the first bytes of a file are those of a PLY.
 pub(super) fn sniff(head: &[u8]) -> bool {
     head.starts_with(b"ply\n") || head.starts_with(b"ply\r")
 }
 
-/// A bare PLY as a scene: white, with a camera that frames it.
-pub(super) fn load(path: &Path, _missing: Missing) -> Result<(SceneDesc, Vec<Note>), SceneError> {
+/// Loads a PLY file as a scene: a white mesh, viewed by a camera that frames it.
+pub(super) fn load(
+    path: &Path,
+    _missing: MissingTextures,
+) -> Result<(SceneDesc, Vec<Note>), SceneError> {
     let mut notes = Vec::new();
     let mesh = load_mesh(path, DEFAULT_MATERIAL, &mut notes)?;
-    Ok((bare::scene(path, mesh, vec![MaterialDesc::new(DEFAULT_MATERIAL)], &mut notes), notes))
+    Ok((
+        default_scene::scene(
+            path,
+            mesh,
+            vec![MaterialDesc::new(DEFAULT_MATERIAL)],
+            &mut notes,
+        ),
+        notes,
+    ))
 }
 
-/// Reads one mesh of the material `slot`.
-pub(super) fn load_mesh(path: &Path, slot: &str, notes: &mut Vec<Note>) -> Result<MeshDesc, SceneError> {
-    let bytes = read(path, MAX_PLY_BYTES)?;
-    let fail = |(place, problem)| SceneError::Malformed { file: path.to_owned(), place, problem };
+/// Loads a mesh whose triangles all have the material `slot`.
+pub(super) fn load_mesh(
+    path: &Path,
+    slot: &str,
+    notes: &mut Vec<Note>,
+) -> Result<MeshDesc, SceneError> {
+    let bytes = read_file(path, MAX_PLY_BYTES)?;
+    let fail = |(place, problem)| SceneError::Malformed {
+        file: path.to_owned(),
+        place,
+        problem,
+    };
     let (elements, mut source) = header(&bytes).map_err(fail)?;
     let mut mesh = MeshDesc {
         file: path.to_owned(),
@@ -74,7 +95,11 @@ pub(super) fn load_mesh(path: &Path, slot: &str, notes: &mut Vec<Note>) -> Resul
     };
     let mut note = |message: &str| {
         let message = message.to_owned();
-        notes.push(Note { file: path.to_owned(), place: "header".to_owned(), message });
+        notes.push(Note {
+            file: path.to_owned(),
+            place: "header".to_owned(),
+            message,
+        });
     };
     for element in &elements {
         match element.name.as_str() {
@@ -84,20 +109,29 @@ pub(super) fn load_mesh(path: &Path, slot: &str, notes: &mut Vec<Note>) -> Resul
         }
     }
     let count = mesh.positions.len();
-    if let Some(i) = mesh.triangles.as_flattened().iter().find(|i| **i as usize >= count) {
-        return Err(fail(("face".to_owned(), format!("a corner is vertex {i}, counted from 0, of {count}"))));
+    if let Some(i) = mesh
+        .triangles
+        .as_flattened()
+        .iter()
+        .find(|i| **i as usize >= count)
+    {
+        return Err(fail((
+            "face".to_owned(),
+            format!("a face refers to vertex {i}, counted from 0, but there are only {count}"),
+        )));
     }
     if mesh.triangles.is_empty() {
-        note("it has no faces");
+        note("the mesh has no faces");
     }
-    front(&mut mesh);
+    orient_by_normals(&mut mesh);
     mesh.triangle_slot = vec![0; mesh.triangles.len()];
     mesh.content_hash = mesh_hash(&mesh);
     Ok(mesh)
 }
 
-/// Turns every triangle to the side of its normals; normals without a direction become the triangle's own.
-fn front(mesh: &mut MeshDesc) {
+/// Orients every triangle to the side of its normals; normals without a direction become the
+/// triangle's own.
+fn orient_by_normals(mesh: &mut MeshDesc) {
     if mesh.normals.is_empty() {
         return;
     }
@@ -109,26 +143,31 @@ fn front(mesh: &mut MeshDesc) {
         if behind {
             t.swap(1, 2);
         }
-        let own = winding.try_normalize().map_or(Vec3::Y, |n| n.as_vec3()) * if behind { -1.0 } else { 1.0 };
+        let own = winding.try_normalize().map_or(Vec3::Y, |n| n.as_vec3())
+            * if behind { -1.0 } else { 1.0 };
         for i in *t {
             let n = &mut mesh.normals[i as usize];
             *n = n.try_normalize().unwrap_or(own);
         }
     }
-    // Vertices of no face.
-    mesh.normals.iter_mut().for_each(|n| *n = n.try_normalize().unwrap_or(Vec3::Y));
+    // Vertices without a face.
+    mesh.normals
+        .iter_mut()
+        .for_each(|n| *n = n.try_normalize().unwrap_or(Vec3::Y));
 }
 
-/// Where it is, and what is wrong.
-type Fault = (String, String);
+/// Location and description of a problem.
+type PlyError = (String, String);
 
+/// A property of an element.
 struct Property {
     name: String,
-    /// Type of the length where it is a list.
-    length: Option<Type>,
-    ty: Type,
+    /// Type of the length, if the property is a list.
+    length: Option<NumberType>,
+    ty: NumberType,
 }
 
+/// An element of the header: the type of a sequence of records.
 struct Element {
     name: String,
     count: usize,
@@ -136,8 +175,8 @@ struct Element {
 }
 
 impl Element {
-    /// Steps over one property.
-    fn skip_one(property: &Property, source: &mut Source) -> Result<(), String> {
+    /// Skips one property of a record.
+    fn skip_property(property: &Property, source: &mut NumberStream) -> Result<(), String> {
         let n = match property.length {
             Some(length) => source.length(length, property.ty)?,
             None => 1,
@@ -148,55 +187,83 @@ impl Element {
         Ok(())
     }
 
-    fn skip(&self, source: &mut Source) -> Result<(), Fault> {
+    /// Skips all records.
+    fn skip(&self, source: &mut NumberStream) -> Result<(), PlyError> {
         self.check(source)?;
         for i in 0..self.count {
             for property in &self.properties {
-                Element::skip_one(property, source).map_err(|e| self.fault(i, source, e))?;
+                Element::skip_property(property, source).map_err(|e| self.error(i, source, e))?;
             }
         }
         Ok(())
     }
 
-    fn fault(&self, i: usize, source: &Source, problem: String) -> Fault {
-        (format!("{} {i} of {}, byte {}", self.name, self.count, source.at()), problem)
+    /// Creates an error about record `i`.
+    fn error(&self, i: usize, source: &NumberStream, problem: String) -> PlyError {
+        (
+            format!("{} {i} of {}, byte {}", self.name, self.count, source.at()),
+            problem,
+        )
     }
 
-    /// Refuses counts that the rest of the file cannot hold.
-    fn check(&self, source: &Source) -> Result<(), Fault> {
-        let least: usize = self.properties.iter().map(|p| source.least(p.length.unwrap_or(p.ty))).sum();
-        let room = source.rest() / least.max(1) + 1;
-        if self.count > room {
-            let problem = format!("{} are announced, but the file has room for {room} at most", self.count);
+    /// Fails for a count that the rest of the file cannot hold.
+    fn check(&self, source: &NumberStream) -> Result<(), PlyError> {
+        let least: usize = self
+            .properties
+            .iter()
+            .map(|p| source.min_size(p.length.unwrap_or(p.ty)))
+            .sum();
+        let capacity = source.remaining() / least.max(1) + 1;
+        if self.count > capacity {
+            let problem = format!(
+                "the header announces {}, but the file holds at most {capacity}",
+                self.count
+            );
             return Err((format!("element {}", self.name), problem));
         }
         Ok(())
     }
 }
 
-fn vertices(element: &Element, source: &mut Source, mesh: &mut MeshDesc) -> Result<(), Fault> {
+/// Reads all vertices.
+fn vertices(
+    element: &Element,
+    source: &mut NumberStream,
+    mesh: &mut MeshDesc,
+) -> Result<(), PlyError> {
     element.check(source)?;
-    let slot_of = |p: &Property| PROPERTIES.iter().position(|names| names.contains(&p.name.as_str()));
+    let slot_of = |p: &Property| {
+        PROPERTIES
+            .iter()
+            .position(|names| names.contains(&p.name.as_str()))
+    };
     let slots: Vec<Option<usize>> = element.properties.iter().map(slot_of).collect();
     let has = |range: std::ops::Range<usize>| range.into_iter().all(|i| slots.contains(&Some(i)));
     if !has(0..3) {
-        return Err(("element vertex".to_owned(), "expected the properties x, y and z".to_owned()));
+        return Err((
+            "element vertex".to_owned(),
+            "expected the properties x, y and z".to_owned(),
+        ));
     }
     let (has_normals, has_uvs, has_colors) = (has(3..6), has(6..8), has(8..11));
-    let red = element.properties.iter().zip(&slots).find(|(_, slot)| **slot == Some(8));
-    let most = red.and_then(|(p, _)| p.ty.most());
+    let red = element
+        .properties
+        .iter()
+        .zip(&slots)
+        .find(|(_, slot)| **slot == Some(8));
+    let color_max = red.and_then(|(p, _)| p.ty.color_max());
     for i in 0..element.count {
         let mut vertex: Vertex = [0.0; 11];
         for (property, slot) in element.properties.iter().zip(&slots) {
             let done = match (slot, property.length) {
                 (Some(slot), None) => source.number(property.ty).map(|x| vertex[*slot] = x as f32),
-                _ => Element::skip_one(property, source),
+                _ => Element::skip_property(property, source),
             };
-            done.map_err(|e| element.fault(i, source, e))?;
+            done.map_err(|e| element.error(i, source, e))?;
         }
         let [x, y, z, nx, ny, nz, u, v, color @ ..] = vertex;
         if !vertex.iter().all(|x| x.is_finite()) {
-            return Err(element.fault(i, source, "its numbers must be finite".to_owned()));
+            return Err(element.error(i, source, "the numbers must be finite".to_owned()));
         }
         mesh.positions.push(Vec3::new(x, y, z));
         if has_normals {
@@ -206,18 +273,32 @@ fn vertices(element: &Element, source: &mut Source, mesh: &mut MeshDesc) -> Resu
             mesh.uvs.push(Vec2::new(u, v));
         }
         if has_colors {
-            let linear = |c: f32| most.map_or(c, |most| srgb_to_linear(c / most)).clamp(0.0, 1.0);
+            let linear = |c: f32| {
+                color_max
+                    .map_or(c, |max| srgb_to_linear(c / max))
+                    .clamp(0.0, 1.0)
+            };
             mesh.colors.push(Vec3::from_array(color.map(linear)));
         }
     }
     Ok(())
 }
 
-fn faces(element: &Element, source: &mut Source, mesh: &mut MeshDesc) -> Result<(), Fault> {
+/// Reads all faces, triangulated as fans.
+fn faces(
+    element: &Element,
+    source: &mut NumberStream,
+    mesh: &mut MeshDesc,
+) -> Result<(), PlyError> {
     element.check(source)?;
-    let is_corners = |p: &Property| p.length.is_some() && ["vertex_indices", "vertex_index"].contains(&p.name.as_str());
+    let is_corners = |p: &Property| {
+        p.length.is_some() && ["vertex_indices", "vertex_index"].contains(&p.name.as_str())
+    };
     let Some(corners) = element.properties.iter().position(is_corners) else {
-        return Err(("element face".to_owned(), "expected a list named vertex_indices".to_owned()));
+        return Err((
+            "element face".to_owned(),
+            "expected a list named vertex_indices".to_owned(),
+        ));
     };
     let mut polygon = Vec::new();
     for i in 0..element.count {
@@ -225,20 +306,25 @@ fn faces(element: &Element, source: &mut Source, mesh: &mut MeshDesc) -> Result<
             let done = match property.length {
                 Some(length) if k == corners => source.length(length, property.ty).and_then(|n| {
                     polygon.clear();
-                    (0..n).try_for_each(|_| source.index(property.ty).map(|index| polygon.push(index)))
+                    (0..n).try_for_each(|_| {
+                        source.index(property.ty).map(|index| polygon.push(index))
+                    })
                 }),
-                _ => Element::skip_one(property, source),
+                _ => Element::skip_property(property, source),
             };
-            done.map_err(|e| element.fault(i, source, e))?;
+            done.map_err(|e| element.error(i, source, e))?;
         }
-        let fan = polygon.windows(2).skip(1).map(|pair| [polygon[0], pair[0], pair[1]]);
+        let fan = polygon
+            .windows(2)
+            .skip(1)
+            .map(|pair| [polygon[0], pair[0], pair[1]]);
         mesh.triangles.extend(fan);
     }
     Ok(())
 }
 
-/// The elements that the header names, and what follows it.
-fn header(bytes: &[u8]) -> Result<(Vec<Element>, Source<'_>), Fault> {
+/// Reads the header; returns its elements and the stream of numbers that follows.
+fn header(bytes: &[u8]) -> Result<(Vec<Element>, NumberStream<'_>), PlyError> {
     let mut at = 0;
     let mut number = 0;
     let mut format = None;
@@ -247,9 +333,11 @@ fn header(bytes: &[u8]) -> Result<(Vec<Element>, Source<'_>), Fault> {
         number += 1;
         let fail = |problem: &str| Err((format!("line {number}"), problem.to_owned()));
         let Some(length) = bytes[at..].iter().take(4096).position(|b| *b == b'\n') else {
-            return fail("the header does not end: expected `end_header`");
+            return fail("the header has no end: expected `end_header`");
         };
-        let Ok(line) = std::str::from_utf8(&bytes[at..at + length]) else { return fail("the header is no text") };
+        let Ok(line) = std::str::from_utf8(&bytes[at..at + length]) else {
+            return fail("the header is not valid UTF-8");
+        };
         at += length + 1;
         let words: Vec<&str> = line.split_whitespace().collect();
         let many = elements.len() + elements.last().map_or(0, |e| e.properties.len());
@@ -259,36 +347,59 @@ fn header(bytes: &[u8]) -> Result<(Vec<Element>, Source<'_>), Fault> {
             ["comment" | "obj_info", ..] | [] => {}
             ["format", name, _] => format = Some((*name).to_owned()),
             ["element" | "property", ..] if many >= MAX_NAMES => {
-                return fail("it names too many elements or properties");
+                return fail("the header has too many elements or properties");
             }
             ["element", name, count] => match count.parse() {
-                Ok(count) => elements.push(Element { name: (*name).to_owned(), count, properties: Vec::new() }),
+                Ok(count) => elements.push(Element {
+                    name: (*name).to_owned(),
+                    count,
+                    properties: Vec::new(),
+                }),
                 Err(_) => return fail("expected a number of elements"),
             },
-            ["property", rest @ ..] => {
-                let Some(element) = elements.last_mut() else { return fail("a property before any element") };
-                let (length, ty, name) = match rest {
-                    ["list", length, ty, name] => (Some(Type::named(length)), Type::named(ty), name),
-                    [ty, name] => (None, Type::named(ty), name),
-                    _ => return fail("expected `property TYPE NAME` or `property list TYPE TYPE NAME`"),
+            ["property", definition @ ..] => {
+                let Some(element) = elements.last_mut() else {
+                    return fail("a property precedes all elements");
                 };
-                match (length, ty) {
-                    (Some(None), _) | (_, None) => return fail("an unknown type"),
-                    (length, Some(ty)) => {
-                        element.properties.push(Property { name: (*name).to_owned(), length: length.flatten(), ty });
-                    }
+                match property(definition) {
+                    Ok(property) => element.properties.push(property),
+                    Err(problem) => return fail(problem),
                 }
             }
             ["end_header"] => break,
             _ => return fail("expected format, element, property, comment or end_header"),
         }
     }
-    match format.as_deref().and_then(|name| Source::new(name, bytes, at)) {
+    match format
+        .as_deref()
+        .and_then(|name| NumberStream::new(name, bytes, at))
+    {
         Some(source) => Ok((elements, source)),
         None => Err((
             "header".to_owned(),
             "expected the format ascii, binary_little_endian or binary_big_endian".to_owned(),
         )),
+    }
+}
+
+/// Parses the definition of a property: `TYPE NAME`, or `list TYPE TYPE NAME`.
+fn property(definition: &[&str]) -> Result<Property, &'static str> {
+    let (length, ty, name) = match definition {
+        ["list", length, ty, name] => (
+            Some(NumberType::from_name(length)),
+            NumberType::from_name(ty),
+            name,
+        ),
+        [ty, name] => (None, NumberType::from_name(ty), name),
+        _ => return Err("expected `property TYPE NAME` or `property list TYPE TYPE NAME`"),
+    };
+    match (length, ty) {
+        (Some(None), _) | (_, None) => Err("an unknown type"),
+        (length, Some(ty)) => Ok(Property {
+            name: (*name).to_owned(),
+            length: length.flatten(),
+            ty,
+        }),
     }
 }
 

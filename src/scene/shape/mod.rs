@@ -1,11 +1,12 @@
-//! Procedural shapes: meshes that are made from a few numbers instead of being read from a file.
+//! Procedural shapes: meshes computed from a few parameters.
 //!
-//! All are in scene units with +y up, counter-clockwise seen from outside, with texture coordinates, and with normals
-//! where they are smooth. Whatever is asked for beyond [`MAX_VERTICES`], or is no surface at all, is a [`ShapeError`].
+//! All are in scene units with +y up, counter-clockwise seen from outside, with texture
+//! coordinates, and with normals where they are smooth. A request for more than [`MAX_VERTICES`]
+//! vertices, or for something that is not a surface, is a [`ShapeError`].
 
 mod curve;
+mod extrusion;
 mod flat;
-mod outline;
 mod solid;
 
 use std::path::PathBuf;
@@ -13,16 +14,16 @@ use std::path::PathBuf;
 use glam::{Affine3A, Vec2, Vec3};
 
 pub use curve::{lathe, torus, tube};
+pub use extrusion::extrude;
 pub use flat::{disk, grid, heightfield, projected};
-pub use outline::extrude;
 pub use solid::{cuboid, icosphere};
 
 use super::desc::{MeshDesc, mesh_hash};
 
-/// The greatest number of vertices of one shape.
+/// Greatest number of vertices of one shape.
 pub const MAX_VERTICES: usize = 1 << 24;
 
-/// Why a shape cannot be made: one sentence without a full stop.
+/// Reason why a shape cannot be created: one sentence without a full stop.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct ShapeError(String);
@@ -33,37 +34,38 @@ impl ShapeError {
     }
 }
 
-/// Triangles with what their corners share. Normals, texture coordinates of both sets and colours are one for each position, or none at
-/// all.
+/// An indexed triangle mesh. Normals, both sets of texture coordinates and colours have one element
+/// for each position, or are empty.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shape {
-    /// Vertex positions.
+    /// Vertex positions in scene units.
     pub positions: Vec<Vec3>,
     /// Unit vertex normals, or empty for flat shading.
     pub normals: Vec<Vec3>,
-    /// Texture coordinates.
+    /// Texture coordinates, or empty.
     pub uvs: Vec<Vec2>,
-    /// Texture coordinates of the second set.
+    /// Second set of texture coordinates, or empty.
     pub second_uvs: Vec<Vec2>,
-    /// Linear colours that multiply base colours.
+    /// Linear colours that multiply base colours, or empty.
     pub colors: Vec<Vec3>,
-    /// Corners, counter-clockwise seen from the front.
+    /// Vertex indices of the corners, counter-clockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,
 }
 
 impl Shape {
-    /// Takes a mesh that was made elsewhere.
+    /// Checks a mesh that was created elsewhere and returns it.
     ///
     /// # Errors
-    /// Lists of unequal length, corners that name no position, coordinates that are not finite, no triangles.
+    /// Fails for lists of unequal length, indices out of range, coordinates that are not finite, or
+    /// no triangles.
     pub fn checked(self) -> Result<Shape, ShapeError> {
         let count = self.positions.len();
         let fail = |problem: String| Err(ShapeError(problem));
         if self.triangles.is_empty() {
-            return fail("it has no triangles".to_owned());
+            return fail("the shape has no triangles".to_owned());
         }
-        room(count)?;
-        room(self.triangles.len())?;
+        check_vertex_count(count)?;
+        check_vertex_count(self.triangles.len())?;
         let lists = [
             ("normals", self.normals.len()),
             ("uvs", self.uvs.len()),
@@ -72,21 +74,36 @@ impl Shape {
         ];
         for (what, found) in lists {
             if found != 0 && found != count {
-                return fail(format!("it has {count} positions and {found} {what}"));
+                return fail(format!(
+                    "the shape has {count} positions but {found} {what}"
+                ));
             }
         }
-        if let Some((i, t)) = self.triangles.iter().enumerate().find(|(_, t)| t.iter().any(|c| *c as usize >= count)) {
-            return fail(format!("triangle {} has the corners {t:?}, counted from 0, of {count} positions", i + 1));
+        if let Some((i, t)) = self
+            .triangles
+            .iter()
+            .enumerate()
+            .find(|(_, t)| t.iter().any(|c| *c as usize >= count))
+        {
+            return fail(format!(
+                "triangle {} has the indices {t:?}, counted from 0, but there are only {count} \
+                 positions",
+                i + 1
+            ));
         }
         if let Some(i) = self.positions.iter().position(|p| !p.is_finite()) {
             return fail(format!("position {} is not finite", i + 1));
         }
         if let Some(i) = self.normals.iter().position(|n| !n.is_normalized()) {
-            return fail(format!("normal {} has the length {}, not 1", i + 1, self.normals[i].length()));
+            return fail(format!(
+                "normal {} has the length {}; expected 1",
+                i + 1,
+                self.normals[i].length()
+            ));
         }
-        let part = |c: &Vec3| c.min_element() >= 0.0 && c.max_element() <= 1.0;
-        if let Some(i) = self.colors.iter().position(|c| !part(c)) {
-            return fail(format!("colour {} lies outside 0 to 1", i + 1));
+        let in_range = |c: &Vec3| c.min_element() >= 0.0 && c.max_element() <= 1.0;
+        if let Some(i) = self.colors.iter().position(|c| !in_range(c)) {
+            return fail(format!("colour {} is outside the range 0 to 1", i + 1));
         }
         for uvs in [&self.uvs, &self.second_uvs] {
             if let Some(i) = uvs.iter().position(|uv| !uv.is_finite()) {
@@ -96,35 +113,43 @@ impl Shape {
         Ok(self)
     }
 
-    /// The shape moved by an affine map; a map that mirrors turns its triangles round, so that the front stays.
+    /// Returns the shape transformed by an affine map. A map that mirrors reverses the triangles,
+    /// so that the front stays outside.
     ///
     /// # Errors
-    /// A map that flattens the shape.
-    pub fn transformed(mut self, by: &Affine3A) -> Result<Shape, ShapeError> {
-        let determinant = by.matrix3.determinant();
+    /// Fails for a map that flattens the shape.
+    pub fn transformed(mut self, map: &Affine3A) -> Result<Shape, ShapeError> {
+        let determinant = map.matrix3.determinant();
         if !determinant.is_finite() || determinant == 0.0 {
-            return Err(ShapeError::new("it is scaled to nothing along some direction"));
+            return Err(ShapeError::new(
+                "its transform flattens the shape: the scale along some direction is zero",
+            ));
         }
-        let normal = by.matrix3.inverse().transpose();
-        self.positions.iter_mut().for_each(|p| *p = by.transform_point3(*p));
-        self.normals.iter_mut().for_each(|n| *n = (normal * *n).normalize_or(*n));
+        let normal = map.matrix3.inverse().transpose();
+        self.positions
+            .iter_mut()
+            .for_each(|p| *p = map.transform_point3(*p));
+        self.normals
+            .iter_mut()
+            .for_each(|n| *n = (normal * *n).normalize_or(*n));
         if determinant < 0.0 {
             self.triangles.iter_mut().for_each(|t| t.swap(1, 2));
         }
         Ok(self)
     }
 
-    /// Adds another shape. Where only one of the two is smooth, the flat one gets the normals of its faces.
+    /// Appends another shape. If only one of the two is smooth, the flat one gets face normals.
     ///
     /// # Errors
-    /// More vertices than allowed.
+    /// Fails if the result has more than [`MAX_VERTICES`] vertices.
     pub fn append(&mut self, other: Shape) -> Result<(), ShapeError> {
-        room(self.positions.len() + other.positions.len())?;
+        check_vertex_count(self.positions.len() + other.positions.len())?;
         self.merge(other);
         Ok(())
     }
 
-    /// Adds another shape, however many vertices they have: for files, which are bounded by their size.
+    /// Appends another shape without a limit on the number of vertices: for files, whose size
+    /// bounds it.
     pub(in crate::scene) fn merge(&mut self, mut other: Shape) {
         if self.positions.is_empty() {
             *self = other;
@@ -136,13 +161,20 @@ impl Shape {
             _ => {}
         }
         if self.uvs.is_empty() != other.uvs.is_empty() {
-            [&mut *self, &mut other].into_iter().for_each(|shape| shape.uvs.resize(shape.positions.len(), Vec2::ZERO));
+            [&mut *self, &mut other]
+                .into_iter()
+                .for_each(|shape| shape.uvs.resize(shape.positions.len(), Vec2::ZERO));
         }
         if self.second_uvs.is_empty() != other.second_uvs.is_empty() {
-            // Who lacks a second set has the first one again.
-            for lacking in [&mut *self, &mut other].into_iter().filter(|shape| shape.second_uvs.is_empty()) {
+            // A shape without a second set of texture coordinates uses its first set.
+            for lacking in [&mut *self, &mut other]
+                .into_iter()
+                .filter(|shape| shape.second_uvs.is_empty())
+            {
                 lacking.second_uvs = lacking.uvs.clone();
-                lacking.second_uvs.resize(lacking.positions.len(), Vec2::ZERO);
+                lacking
+                    .second_uvs
+                    .resize(lacking.positions.len(), Vec2::ZERO);
             }
         }
         if self.colors.is_empty() != other.colors.is_empty() {
@@ -156,12 +188,18 @@ impl Shape {
         self.uvs.append(&mut other.uvs);
         self.second_uvs.append(&mut other.second_uvs);
         self.colors.append(&mut other.colors);
-        self.triangles.extend(other.triangles.iter().map(|t| t.map(|c| c + first)));
+        self.triangles
+            .extend(other.triangles.iter().map(|t| t.map(|c| c + first)));
     }
 
-    /// Gives every triangle corners of its own with the normal of its face.
+    /// Gives every triangle its own three vertices with the normal of its face.
     pub fn facet(&mut self) {
-        let corners: Vec<usize> = self.triangles.iter().flatten().map(|c| *c as usize).collect();
+        let corners: Vec<usize> = self
+            .triangles
+            .iter()
+            .flatten()
+            .map(|c| *c as usize)
+            .collect();
         self.positions = at_corners(&self.positions, &corners);
         self.uvs = at_corners(&self.uvs, &corners);
         self.second_uvs = at_corners(&self.second_uvs, &corners);
@@ -171,10 +209,12 @@ impl Shape {
             .chunks_exact(3)
             .flat_map(|t| [(t[1] - t[0]).cross(t[2] - t[0]).normalize_or(Vec3::Y); 3])
             .collect();
-        self.triangles = (0..self.triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        self.triangles = (0..self.triangles.len() as u32)
+            .map(|t| [3 * t, 3 * t + 1, 3 * t + 2])
+            .collect();
     }
 
-    /// The mesh of this shape, all of the one material `slot`.
+    /// Returns the mesh of this shape with the single material `slot`.
     pub fn into_mesh(self, file: PathBuf, slot: &str) -> MeshDesc {
         let triangle_slot = vec![0; self.triangles.len()];
         let mut mesh = MeshDesc {
@@ -193,44 +233,56 @@ impl Shape {
         mesh
     }
 
-    /// Adds a grid of vertices, `rows` by `columns` in rows, as quads. With `turned`, the other side is the front.
-    fn lattice(&mut self, first: u32, columns: u32, rows: u32, turned: bool) {
+    /// Adds the quads of a vertex lattice with `rows` by `columns` vertices, stored in rows.
+    /// `reversed` makes the other side the front.
+    fn lattice(&mut self, first: u32, columns: u32, rows: u32, reversed: bool) {
         for row in 0..rows.saturating_sub(1) {
             for column in 0..columns.saturating_sub(1) {
                 let a = first + row * columns + column;
                 let (b, c, d) = (a + 1, a + columns + 1, a + columns);
                 let quad = [[a, b, c], [a, c, d]];
-                self.triangles.extend(quad.map(|[p, q, r]| if turned { [p, r, q] } else { [p, q, r] }));
+                self.triangles
+                    .extend(quad.map(|[p, q, r]| if reversed { [p, r, q] } else { [p, q, r] }));
             }
         }
     }
 }
 
-/// Values of corners, where there are any.
+/// Gathers the values at the given corners; returns an empty list if there are no values.
 fn at_corners<T: Copy>(values: &[T], corners: &[usize]) -> Vec<T> {
-    if values.is_empty() { Vec::new() } else { corners.iter().map(|c| values[*c]).collect() }
+    if values.is_empty() {
+        Vec::new()
+    } else {
+        corners.iter().map(|c| values[*c]).collect()
+    }
 }
 
-/// Refuses more vertices than allowed.
-fn room(vertices: usize) -> Result<(), ShapeError> {
+/// Fails if there are more vertices than allowed.
+fn check_vertex_count(vertices: usize) -> Result<(), ShapeError> {
     if vertices > MAX_VERTICES {
-        return Err(ShapeError(format!("it would have {vertices} vertices: at most {MAX_VERTICES} are made")));
+        return Err(ShapeError(format!(
+            "the shape would have {vertices} vertices; at most {MAX_VERTICES} are allowed"
+        )));
     }
     Ok(())
 }
 
-/// Refuses lengths that are not positive.
-fn positive(what: &str, lengths: &[f32]) -> Result<(), ShapeError> {
+/// Fails unless all lengths are positive and finite.
+fn check_positive(what: &str, lengths: &[f32]) -> Result<(), ShapeError> {
     match lengths.iter().find(|x| !(x.is_finite() && **x > 0.0)) {
-        Some(x) => Err(ShapeError(format!("{what} is {x}: expected a length above 0"))),
+        Some(x) => Err(ShapeError(format!(
+            "{what} is {x}; expected a length above 0"
+        ))),
         None => Ok(()),
     }
 }
 
-/// Refuses too few parts.
-fn at_least(what: &str, found: usize, least: usize) -> Result<(), ShapeError> {
+/// Fails if there are fewer than `least` elements.
+fn check_at_least(what: &str, found: usize, least: usize) -> Result<(), ShapeError> {
     if found < least {
-        return Err(ShapeError(format!("{what} is {found}: expected at least {least}")));
+        return Err(ShapeError(format!(
+            "the {what} is {found}; expected at least {least}"
+        )));
     }
     Ok(())
 }

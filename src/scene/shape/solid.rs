@@ -1,27 +1,31 @@
-//! Solids: boxes, with or without rounded edges, and balls of triangles.
+//! Solids: boxes with sharp or rounded edges, and geodesic spheres.
 
 use std::collections::BTreeMap;
 use std::f32::consts::{PI, TAU};
 
 use glam::{Vec2, Vec3};
 
-use super::{Shape, ShapeError, at_least, positive, room};
+use super::{Shape, ShapeError, check_at_least, check_positive, check_vertex_count};
 
-/// A box about the origin. With a `bevel` above 0 its edges and corners are rounded with that radius in `segments` steps
-/// and shaded smoothly; without, it is flat. Every side has the texture once.
+/// Returns a box about the origin. A `bevel` above 0 rounds edges and corners with that radius in
+/// `segments` steps, shaded smoothly; 0 makes the box flat shaded. The texture covers every side
+/// once.
 ///
 /// # Errors
-/// Sizes that are not positive, a bevel above half the smallest side, no or too many segments.
+/// Fails for sizes that are not positive, a bevel above half the smallest side, and no segments or
+/// too many.
 pub fn cuboid(size: Vec3, bevel: f32, segments: u32) -> Result<Shape, ShapeError> {
-    positive("its size", &size.to_array())?;
+    check_positive("the size", &size.to_array())?;
     if !(0.0..=0.5 * size.min_element()).contains(&bevel) {
-        return Err(ShapeError(format!("bevel is {bevel}: expected 0 to half of the smallest side")));
+        return Err(ShapeError(format!(
+            "the bevel is {bevel}; expected 0 to half of the smallest side"
+        )));
     }
     let round = bevel > 0.0;
     if round {
-        at_least("its number of segments", segments as usize, 1)?;
+        check_at_least("number of segments", segments as usize, 1)?;
     }
-    // Positions of the lattice lines of a side from one edge to the other, in directions of the cube [-1, 1].
+    // Lattice lines of a side from one edge to the other, as positions on the cube [-1, 1].
     let lines: Vec<(f32, f32)> = if round {
         let bend = |i: u32| (0.25 * PI * i as f32 / segments as f32).tan();
         let low = (0..=segments).rev().map(|i| (-1.0, -bend(i)));
@@ -29,7 +33,7 @@ pub fn cuboid(size: Vec3, bevel: f32, segments: u32) -> Result<Shape, ShapeError
     } else {
         vec![(-1.0, -1.0), (1.0, 1.0)]
     };
-    room(6 * lines.len() * lines.len())?;
+    check_vertex_count(6 * lines.len() * lines.len())?;
     let inner = 0.5 * size - bevel;
     let mut shape = Shape::default();
     for (normal, right) in [
@@ -46,7 +50,11 @@ pub fn cuboid(size: Vec3, bevel: f32, segments: u32) -> Result<Shape, ShapeError
             for (u_side, u) in &lines {
                 let corner = inner * (normal + right * *u_side + up * *v_side);
                 let outward = (normal + right * *u + up * *v).normalize_or(normal);
-                let position = if round { corner + bevel * outward } else { corner };
+                let position = if round {
+                    corner + bevel * outward
+                } else {
+                    corner
+                };
                 shape.positions.push(position);
                 if round {
                     shape.normals.push(outward);
@@ -60,33 +68,18 @@ pub fn cuboid(size: Vec3, bevel: f32, segments: u32) -> Result<Shape, ShapeError
     Ok(shape)
 }
 
-/// A ball about the origin: an icosahedron whose triangles are split in four `splits` times, shaded smoothly. The texture
-/// is wrapped round it once, equirectangular.
+/// Returns a geodesic sphere about the origin: an icosahedron whose triangles are split into four
+/// `splits` times, shaded smoothly. The texture covers it once, equirectangular.
 ///
 /// # Errors
-/// A radius that is not positive, too many vertices.
+/// Fails for a radius that is not positive, and for too many vertices.
 pub fn icosphere(radius: f32, splits: u32) -> Result<Shape, ShapeError> {
-    positive("its radius", &[radius])?;
-    room(20usize.saturating_mul(4usize.saturating_pow(splits)))?;
-    let golden = 0.5 * (1.0 + 5f32.sqrt());
-    let mut directions: Vec<Vec3> = Vec::new();
-    for (a, b) in [(-1.0, golden), (1.0, golden), (-1.0, -golden), (1.0, -golden)] {
-        directions.extend([Vec3::new(a, b, 0.0), Vec3::new(0.0, a, b), Vec3::new(b, 0.0, a)]);
-    }
-    let near = |a: usize, b: usize| (directions[a] - directions[b]).length_squared() < 4.1;
-    let mut triangles: Vec<[u32; 3]> = Vec::new();
-    for a in 0..12 {
-        for b in a + 1..12 {
-            for c in b + 1..12 {
-                if near(a, b) && near(b, c) && near(a, c) {
-                    let [p, q, r] = [a, b, c].map(|i| directions[i]);
-                    let out = (q - p).cross(r - p).dot(p) > 0.0;
-                    triangles.push(if out { [a, b, c] } else { [a, c, b] }.map(|i| i as u32));
-                }
-            }
-        }
-    }
-    directions.iter_mut().for_each(|d| *d = d.normalize_or(Vec3::Y));
+    check_positive("the radius", &[radius])?;
+    check_vertex_count(20usize.saturating_mul(4usize.saturating_pow(splits)))?;
+    let (mut directions, mut triangles) = icosahedron();
+    directions
+        .iter_mut()
+        .for_each(|d| *d = d.normalize_or(Vec3::Y));
     for _ in 0..splits {
         let mut middles: BTreeMap<[u32; 2], u32> = BTreeMap::new();
         let mut middle = |a: u32, b: u32| {
@@ -102,7 +95,12 @@ pub fn icosphere(radius: f32, splits: u32) -> Result<Shape, ShapeError> {
         };
         triangles = triangles.into_iter().flat_map(split).collect();
     }
-    let uv = |d: &Vec3| Vec2::new(0.5 + d.x.atan2(d.z) / TAU, 0.5 + d.y.clamp(-1.0, 1.0).asin() / PI);
+    let uv = |d: &Vec3| {
+        Vec2::new(
+            0.5 + d.x.atan2(d.z) / TAU,
+            0.5 + d.y.clamp(-1.0, 1.0).asin() / PI,
+        )
+    };
     let mut shape = Shape {
         positions: directions.iter().map(|d| *d * radius).collect(),
         uvs: directions.iter().map(uv).collect(),
@@ -114,8 +112,41 @@ pub fn icosphere(radius: f32, splits: u32) -> Result<Shape, ShapeError> {
     Ok(shape)
 }
 
-/// Triangles across the seam of the texture, and those at its poles, get corners of their own, so that it does not run
-/// backwards through them.
+/// Returns the vertices of an icosahedron, not normalised, and its triangles, counter-clockwise
+/// seen from outside.
+fn icosahedron() -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    let golden = 0.5 * (1.0 + 5f32.sqrt());
+    let mut directions: Vec<Vec3> = Vec::new();
+    for (a, b) in [
+        (-1.0, golden),
+        (1.0, golden),
+        (-1.0, -golden),
+        (1.0, -golden),
+    ] {
+        directions.extend([
+            Vec3::new(a, b, 0.0),
+            Vec3::new(0.0, a, b),
+            Vec3::new(b, 0.0, a),
+        ]);
+    }
+    let near = |a: usize, b: usize| (directions[a] - directions[b]).length_squared() < 4.1;
+    let mut triangles: Vec<[u32; 3]> = Vec::new();
+    for a in 0..12 {
+        for b in a + 1..12 {
+            for c in b + 1..12 {
+                if near(a, b) && near(b, c) && near(a, c) {
+                    let [p, q, r] = [a, b, c].map(|i| directions[i]);
+                    let out = (q - p).cross(r - p).dot(p) > 0.0;
+                    triangles.push(if out { [a, b, c] } else { [a, c, b] }.map(|i| i as u32));
+                }
+            }
+        }
+    }
+    (directions, triangles)
+}
+
+/// Duplicates vertices of triangles across the texture's seam and at its poles, so that texture
+/// coordinates do not jump within a triangle.
 fn unwrap_seam(shape: &mut Shape) {
     for t in 0..shape.triangles.len() {
         let corners = shape.triangles[t].map(|c| c as usize);
@@ -124,11 +155,23 @@ fn unwrap_seam(shape: &mut Shape) {
         let most = us.iter().fold(f32::MIN, |a, b| a.max(*b));
         let low = |u: f32| most - u > 0.5;
         let placed = corners.map(|c| !pole(c));
-        let unrolled: Vec<f32> = us.iter().map(|u| if low(*u) { u + 1.0 } else { *u }).collect();
-        let others: f32 = unrolled.iter().zip(placed).filter(|(_, p)| *p).map(|(u, _)| u).sum();
+        let unrolled: Vec<f32> = us
+            .iter()
+            .map(|u| if low(*u) { u + 1.0 } else { *u })
+            .collect();
+        let others: f32 = unrolled
+            .iter()
+            .zip(placed)
+            .filter(|(_, p)| *p)
+            .map(|(u, _)| u)
+            .sum();
         let count = placed.iter().filter(|p| **p).count().max(1);
         for i in 0..3 {
-            let u = if placed[i] { unrolled[i] } else { others / count as f32 };
+            let u = if placed[i] {
+                unrolled[i]
+            } else {
+                others / count as f32
+            };
             if u == us[i] {
                 continue;
             }

@@ -1,116 +1,127 @@
-//! What a script has said so far, each part with its place for errors that are found later.
+//! Declarations of a script so far, each with its position for errors that are found later.
 
 use mlua::Function;
 
-use super::stop::RuleObject;
+use super::stop_rule::RuleObject;
 use crate::experiment::StopRule;
-use crate::experiment::spec::{Axis, FigureSpec, Measure, NightSpec, TableSpec};
-use crate::script::source::Place;
+use crate::experiment::spec::{Axis, FigureSpec, MeasureSpec, NightSpec, TableSpec};
+use crate::script::source::SourcePlace;
 
-/// Everything a script said.
+/// Declarations of an experiment, collected while its script runs.
 #[derive(Debug, Default)]
 pub struct Builder {
-    /// `experiment(..)`.
+    /// Name, seed and repeats from `experiment(..)`.
     pub head: Option<Head>,
-    /// `x:axis(..)`, in order.
+    /// Axes from `x:axis(..)`, in order.
     pub axes: Vec<Axis>,
-    /// `x:skip(..)`: reason and rule, in order.
+    /// Reasons and rules from `x:skip(..)`, in order.
     pub skips: Vec<(String, Function)>,
-    /// `x:render(..)`.
-    pub render: Option<(Function, Place)>,
-    /// `x:reference(..)`.
+    /// Function passed to `x:render(..)`.
+    pub render: Option<(Function, SourcePlace)>,
+    /// Reference from `x:reference(..)`.
     pub reference: Option<Reference>,
-    /// `x:measure(..)`.
-    pub measure: Option<(Measure, Place)>,
-    /// `x:stop(..)`.
-    pub stop: Option<(Stop, Place)>,
-    /// `x:control(..)`, with the function that chooses its points.
-    pub control: Option<Option<Function>>,
-    /// `x:checkpoint(..)`, `x:deadline(..)`, and what `experiment(..)` said of order and warm-up.
+    /// Measurements from `x:measure(..)`.
+    pub measure: Option<(MeasureSpec, SourcePlace)>,
+    /// Stop rule from `x:stop(..)`.
+    pub stop: Option<(Stop, SourcePlace)>,
+    /// Selection of `x:control(..)`; the inner `None` selects the default points.
+    pub aa_check: Option<Option<Function>>,
+    /// Settings of nights: `x:checkpoint(..)`, `x:deadline(..)`, and order and warm-up from
+    /// `experiment(..)`.
     pub night: NightSpec,
-    /// `x:figure(..)`, in order.
-    pub figures: Vec<(FigureSpec, Place)>,
-    /// `x:table(..)`, in order.
-    pub tables: Vec<(TableSpec, Place)>,
+    /// Figures from `x:figure(..)`, in order.
+    pub figures: Vec<(FigureSpec, SourcePlace)>,
+    /// Tables from `x:table(..)`, in order.
+    pub tables: Vec<(TableSpec, SourcePlace)>,
 }
 
-/// What `experiment(..)` said.
+/// Values from `experiment(..)`.
 #[derive(Debug)]
 pub struct Head {
     /// Name of the experiment.
     pub name: String,
-    /// Its seed.
+    /// Seed of the experiment.
     pub seed: u64,
-    /// How often every point is rendered.
+    /// Number of runs of every point.
     pub repeats: u32,
-    /// The object that the script has to return.
+    /// Lua object that the script has to return.
     pub object: mlua::Table,
-    /// Where.
-    pub place: Place,
+    /// Position of the call.
+    pub place: SourcePlace,
 }
 
-/// What `x:reference(..)` said.
+/// Reference from `x:reference(..)`.
 #[derive(Clone, Debug)]
 pub enum Reference {
-    /// Render it.
-    Render {
-        /// Says how it differs from the cell.
-        from: Option<Function>,
-        /// When it is good enough.
-        stop: Stop,
-        /// What it is compared with.
-        agree: Option<Agree>,
-        /// In how many parts it is rendered.
-        parts: u32,
-        /// Where.
-        place: Place,
-    },
-    /// Always the same file.
+    /// A reference that is rendered.
+    Render(RenderedReference),
+    /// The same image file for every cell.
     Image {
-        /// As the script wrote it.
+        /// File name as written in the script.
         file: String,
-        /// Who made it; empty if that was not said.
+        /// Origin of the image; empty if not given.
         source: String,
-        /// Where.
-        place: Place,
+        /// Position of the call.
+        place: SourcePlace,
     },
-    /// A function says which file.
-    ImageOf {
-        /// Says which.
+    /// A function that returns the image file of each cell.
+    ImageFunction {
+        /// Function from a point to a file name.
         file: Function,
-        /// Who made them; empty if that was not said.
+        /// Origin of the images; empty if not given.
         source: String,
     },
 }
 
-/// What `agree` in `x:reference(..)` said.
+/// Reference that is rendered.
 #[derive(Clone, Debug)]
-pub struct Agree {
-    /// The second integrator.
-    pub with: String,
-    /// When its picture is good enough; `None` is when the reference is.
+pub struct RenderedReference {
+    /// Function that returns the differences from the cell's render table.
+    pub from: Option<Function>,
+    /// Stop rule of the reference.
+    pub stop: Stop,
+    /// Second technique with which the reference is compared.
+    pub bias_check: Option<BiasCheck>,
+    /// Number of shards in which the reference is rendered.
+    pub shards: u32,
+    /// Position of the call.
+    pub place: SourcePlace,
+}
+
+/// Option `agree` of `x:reference(..)`.
+#[derive(Clone, Debug)]
+pub struct BiasCheck {
+    /// Name of the second integrator.
+    pub integrator: String,
+    /// Stop rule of the second picture; `None` uses that of the reference.
     pub stop: Option<StopRule>,
-    /// The share of false discoveries.
+    /// Accepted rate of false discoveries.
     pub rate: f64,
 }
 
-/// What `x:stop(..)` said.
+/// Stop rule of cells or of references.
 #[derive(Clone, Debug)]
 pub enum Stop {
-    /// One rule for every cell.
+    /// One rule for all cells.
     Rule(RuleObject),
-    /// A function that makes the rule of each cell.
+    /// Function that returns the rule of each cell.
     Function(Function),
 }
 
 impl Builder {
-    /// The names of the axes, in order.
+    /// Returns the names of the axes, in order.
     pub fn axis_names(&self) -> Vec<&str> {
-        self.axes.iter().flat_map(|a| a.names.iter().map(String::as_str)).collect()
+        self.axes
+            .iter()
+            .flat_map(|a| a.names.iter().map(String::as_str))
+            .collect()
     }
 
-    /// The names of the metric columns, in order.
+    /// Returns the names of the metric columns, in order.
     pub fn columns(&self) -> Vec<&str> {
-        self.measure.iter().flat_map(|(m, _)| m.metrics.iter().map(|m| m.column.as_str())).collect()
+        self.measure
+            .iter()
+            .flat_map(|(m, _)| m.metrics.iter().map(|m| m.column.as_str()))
+            .collect()
     }
 }

@@ -1,4 +1,5 @@
-//! Measuring: metrics and tone maps from their tables, and `x:measure`.
+//! `x:measure`, and the constructors `metric.NAME` and `tonemap.NAME`, one for each row of their
+//! tables.
 
 use std::collections::BTreeMap;
 use std::rc::Rc;
@@ -7,23 +8,24 @@ use mlua::{Lua, MultiValue, UserData, Value as LuaValue};
 
 use super::axis::is_name;
 use super::{ApiFn, Args, Param, kind};
-use crate::experiment::spec::{Measure, Snapshots};
+use crate::experiment::spec::{MeasureSpec, Snapshots};
 use crate::metrics::tonemap::{TONEMAPS, Tonemap};
 use crate::metrics::{METRICS, MetricSpec};
 use crate::script::error::ScriptError;
-use crate::script::source::Place;
+use crate::script::source::SourcePlace;
 use crate::script::state::Shared;
 use crate::script::strict;
 use crate::value::schema::{Field, SchemaError, Table, Ty, duration_s, unknown_name};
 use crate::value::{Value, suggest};
 
-/// Most metric columns of one experiment.
+/// Largest number of metric columns of one experiment.
 const MAX_COLUMNS: usize = 64;
 
-/// Shortest time between two measurements in seconds: below it, measuring would take longer than rendering.
+/// Shortest time between two measurements in seconds. Shorter ones would take longer to measure
+/// than to render.
 const MIN_EVERY_S: f64 = 0.01;
 
-/// Names that other columns of the same files have.
+/// Names of the other columns in the same files.
 const RESERVED: &[&str] = &[
     "wave",
     "samples",
@@ -40,70 +42,85 @@ const RESERVED: &[&str] = &[
     "stop",
 ];
 
-/// `keep` in `x:measure`.
+/// Option `keep` of `x:measure`.
 pub const KEEP: Table = Table {
     name: "Keep",
-    doc: "Which pictures are kept of every run.",
+    doc: "Pictures that are stored for every run.",
     fields: &[
         Field {
             key: "exr",
             ty: Ty::Word(&["last", "pow2"]),
             required: false,
             default: "last",
-            doc: "`last` keeps the final picture, `pow2` also one at every power of two of samples per pixel",
+            doc: "OpenEXR pictures: `last` stores the final picture, `pow2` also one at every \
+                  power of two of samples per pixel",
         },
         Field {
             key: "png",
             ty: Ty::Word(&["last", "every"]),
             required: false,
             default: "last",
-            doc: "`last` keeps the final picture as it is displayed, `every` also one at every measurement",
+            doc: "PNG pictures, tone-mapped by `display`: `last` stores the final picture, `every` \
+                  also one at every measurement",
         },
     ],
 };
 
-/// The table that `x:measure` takes; every other key is a metric column.
+/// Argument of `x:measure`; every other key is a metric column.
 pub const MEASURE: Table = Table {
     name: "Measure",
-    doc: "What is measured while a cell renders. Every other key names a column and holds a metric: rmse = metric.rmse().",
+    doc: "Measurements of a cell while it renders. Every other key names a column and holds a \
+          metric: rmse = metric.rmse().",
     fields: &[
         Field {
             key: "every",
             ty: Ty::Duration,
             required: false,
             default: "\"0.5s\"",
-            doc: "longest render time between two measurements",
+            doc: "longest render time between two measurements, at least 0.01 s",
         },
-        Field { key: "keep", ty: Ty::Table(&KEEP), required: false, default: "", doc: "which pictures are kept" },
+        Field {
+            key: "keep",
+            ty: Ty::Table(&KEEP),
+            required: false,
+            default: "",
+            doc: "pictures that are stored for every run",
+        },
         Field {
             key: "display",
             ty: Ty::Any("Tonemap"),
             required: false,
             default: "tonemap.srgb()",
-            doc: "the tone map of PNG files and of the live picture",
+            doc: "tone map of PNG files and of the live picture",
         },
     ],
 };
 
-/// The method that declares the measurements.
+/// Method that declares the measurements.
 pub const METHODS: &[ApiFn] = &[ApiFn {
     name: "x:measure",
-    params: &[Param { name: "options", ty: "Measure", doc: "Metric columns, and how often they are computed." }],
+    params: &[Param {
+        name: "options",
+        ty: "Measure",
+        doc: "Metric columns, interval and stored pictures.",
+    }],
     returns: "",
-    doc: "Says what is measured against the reference while a cell renders, and which pictures are kept.",
+    doc: "Declares the metrics that compare a cell with its reference while it renders, and the \
+          pictures that are stored.",
     call: measure,
 }];
 
-/// A metric as scripts hold it before it has a column.
+/// Lua object of a metric that is not yet assigned to a column.
 #[derive(Clone, Debug)]
 pub struct MetricObject(MetricSpec);
 
 impl UserData for MetricObject {}
 
-/// Puts `metric.NAME` and `tonemap.NAME` into the globals, one for each row of their tables.
+/// Adds the functions `metric.NAME` and `tonemap.NAME` to the globals, one for each row of their
+/// tables.
 ///
 /// # Errors
-/// When there is no memory.
+/// Returns an error if the memory limit is exceeded.
 pub fn register(lua: &Lua, shared: &Rc<Shared>) -> mlua::Result<()> {
     let metrics = lua.create_table()?;
     for row in METRICS {
@@ -115,7 +132,7 @@ pub fn register(lua: &Lua, shared: &Rc<Shared>) -> mlua::Result<()> {
                 let made = options(values, &path).and_then(|o| MetricSpec::new(&path, row.name, o));
                 match made {
                     Ok(spec) => lua.create_userdata(MetricObject(spec)),
-                    Err(e) => Err(blame_here(&shared, lua, e)),
+                    Err(e) => Err(locate_error_here(&shared, lua, e)),
                 }
             })?,
         )?;
@@ -130,14 +147,22 @@ pub fn register(lua: &Lua, shared: &Rc<Shared>) -> mlua::Result<()> {
                 let path = format!("tonemap.{name}");
                 let made = options(values, &path).and_then(|mut map| {
                     if map.insert("kind".to_owned(), Value::from(*name)).is_some() {
-                        let known = TONEMAPS.iter().filter(|(n, _)| n == name).flat_map(|(_, t)| t.fields);
-                        return Err(unknown_name(&format!("{path}.kind"), "kind", "key", known.map(|f| f.key)));
+                        let known = TONEMAPS
+                            .iter()
+                            .filter(|(n, _)| n == name)
+                            .flat_map(|(_, t)| t.fields);
+                        return Err(unknown_name(
+                            &format!("{path}.kind"),
+                            "kind",
+                            "key",
+                            known.map(|f| f.key),
+                        ));
                     }
                     Tonemap::from_value(&path, &Value::Map(map.clone())).map(|_| map)
                 });
                 match made {
                     Ok(map) => data_table(lua, &map),
-                    Err(e) => Err(blame_here(&shared, lua, e)),
+                    Err(e) => Err(locate_error_here(&shared, lua, e)),
                 }
             })?,
         )?;
@@ -145,16 +170,27 @@ pub fn register(lua: &Lua, shared: &Rc<Shared>) -> mlua::Result<()> {
     lua.globals().raw_set("tonemap", tonemaps)
 }
 
-fn blame_here(shared: &Shared, lua: &Lua, error: SchemaError) -> mlua::Error {
-    let place = shared.here(lua);
-    mlua::Error::external(shared.sources.borrow().blame(&place, error))
+/// Converts a schema error to a Lua error at the current call.
+fn locate_error_here(shared: &Shared, lua: &Lua, error: SchemaError) -> mlua::Error {
+    let place = shared.call_site(lua);
+    mlua::Error::external(shared.sources.borrow().locate_error(&place, error))
 }
 
-/// The options that a constructor got: nothing, or one table.
+/// Returns the options of a constructor, which takes no argument or one table.
 fn options(values: MultiValue, path: &str) -> Result<BTreeMap<String, Value>, SchemaError> {
-    let fail = |problem: String| Err(SchemaError { path: path.to_owned(), problem, help: None, key: String::new() });
+    let fail = |problem: String| {
+        Err(SchemaError {
+            path: path.to_owned(),
+            problem,
+            help: None,
+            key: String::new(),
+        })
+    };
     if values.len() > 1 {
-        return fail(format!("expected one table of options, found {} arguments", values.len()));
+        return fail(format!(
+            "expected one table of options, found {} arguments",
+            values.len()
+        ));
     }
     match values.into_iter().next() {
         None | Some(LuaValue::Nil) => Ok(BTreeMap::new()),
@@ -166,11 +202,14 @@ fn options(values: MultiValue, path: &str) -> Result<BTreeMap<String, Value>, Sc
             }
             Ok(map)
         }
-        Some(other) => fail(format!("expected a table of options, found {}", kind(&other))),
+        Some(other) => fail(format!(
+            "expected a table of options, found {}",
+            kind(&other)
+        )),
     }
 }
 
-/// A flat map of numbers and text as a Lua table.
+/// Converts a flat map of numbers and text to a Lua table.
 fn data_table(lua: &Lua, map: &BTreeMap<String, Value>) -> mlua::Result<mlua::Table> {
     let table = lua.create_table()?;
     for (key, value) in map {
@@ -183,9 +222,9 @@ fn data_table(lua: &Lua, map: &BTreeMap<String, Value>) -> mlua::Result<mlua::Ta
     Ok(table)
 }
 
-/// What is measured when a script says nothing: the picture alone.
-pub fn nothing() -> Measure {
-    Measure {
+/// Returns the measurements of a script without `x:measure`: only the final picture is stored.
+pub fn default_measure() -> MeasureSpec {
+    MeasureSpec {
         every_s: 0.5,
         metrics: Vec::new(),
         snapshots: Snapshots::Last,
@@ -197,22 +236,32 @@ pub fn nothing() -> Measure {
 fn measure(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
     args.at_most(shared, 1)?;
     let table = args.table(shared, 0, "options")?;
-    let said = read(&table).map_err(|e| args.blame(shared, e))?;
+    let spec = read_measure(&table).map_err(|e| args.locate_error(shared, e))?;
     let mut builder = shared.builder.borrow_mut();
-    if let Some((_, Place { line, .. })) = &builder.measure {
-        return Err(args.error(shared, format!("said twice: the first is in line {line}"), None));
+    if let Some((_, SourcePlace { line, .. })) = &builder.measure {
+        return Err(args.error(
+            shared,
+            format!("called twice: the first call is in line {line}"),
+            None,
+        ));
     }
-    builder.measure = Some((said, args.place.clone()));
+    builder.measure = Some((spec, args.place.clone()));
     Ok(LuaValue::Nil)
 }
 
-fn read(table: &mlua::Table) -> Result<Measure, SchemaError> {
+/// Converts the argument of `x:measure`.
+fn read_measure(table: &mlua::Table) -> Result<MeasureSpec, SchemaError> {
     let fields = strict::fields(table, &MEASURE, "measure", true)?;
-    let mut measure = nothing();
+    let mut measure = default_measure();
     if let Some(every) = fields.values.get("every").and_then(duration_s) {
         if every < MIN_EVERY_S {
             let problem = format!("{every} s is too short: expected at least {MIN_EVERY_S} s");
-            return Err(SchemaError { path: "measure.every".to_owned(), problem, help: None, key: "every".to_owned() });
+            return Err(SchemaError {
+                path: "measure.every".to_owned(),
+                problem,
+                help: None,
+                key: "every".to_owned(),
+            });
         }
         measure.every_s = every;
     }
@@ -229,38 +278,52 @@ fn read(table: &mlua::Table) -> Result<Measure, SchemaError> {
     }
     if measure.metrics.len() > MAX_COLUMNS {
         let problem = format!("more than {MAX_COLUMNS} metric columns");
-        return Err(SchemaError { path: "measure".to_owned(), problem, help: None, key: String::new() });
+        return Err(SchemaError {
+            path: "measure".to_owned(),
+            problem,
+            help: None,
+            key: String::new(),
+        });
     }
     Ok(measure)
 }
 
+/// Converts an entry of `x:measure` to a metric column.
 fn metric_column(column: &str, value: &LuaValue) -> Result<MetricSpec, SchemaError> {
     let path = format!("measure.{column}");
     let fail = |problem: String, help: Option<String>| {
-        Err(SchemaError { path: path.clone(), problem, help, key: column.to_owned() })
+        Err(SchemaError {
+            path: path.clone(),
+            problem,
+            help,
+            key: column.to_owned(),
+        })
     };
     let object = match value {
         LuaValue::UserData(data) => data.borrow::<MetricObject>().ok().map(|m| m.0.clone()),
         _ => None,
     };
     let Some(mut spec) = object else {
-        // Whoever misspells an option writes no metric; whoever forgets the brackets writes a function.
+        // A misspelt option is not a metric; a metric without parentheses is a function.
         let options = MEASURE.fields.iter().map(|f| f.key);
         let help = match (value, suggest::nearest(column, options)) {
-            (LuaValue::Function(_), _) => Some("metrics are called: metric.rmse()".to_owned()),
+            (LuaValue::Function(_), _) => Some("add parentheses: metric.rmse()".to_owned()),
             (_, Some(near)) => Some(format!("did you mean `{near}`?")),
-            _ => Some("columns hold metrics, such as metric.rmse()".to_owned()),
+            _ => Some("a column holds a metric, such as metric.rmse()".to_owned()),
         };
         return fail(format!("expected a metric, found {}", kind(value)), help);
     };
     if !is_name(column) {
         return fail(
             "cannot name a column".to_owned(),
-            Some("letters, digits and `_`, not starting with a digit, at most 40".to_owned()),
+            Some("use at most 40 letters, digits and `_`, not starting with a digit".to_owned()),
         );
     }
     if RESERVED.contains(&column) {
-        return fail(format!("`{column}` is always recorded: choose another name for the metric"), None);
+        return fail(
+            format!("`{column}` is always recorded: choose another name for the metric"),
+            None,
+        );
     }
     spec.column = column.to_owned();
     Ok(spec)

@@ -1,4 +1,5 @@
-//! What a script says about how nights go, and how fair they are: checkpoints, deadline, warm-up, the A/A check.
+//! Declarations about nights and fair comparisons: checkpoints, deadline, warm-up and the A/A
+//! check.
 
 use std::collections::BTreeMap;
 use std::rc::Rc;
@@ -13,34 +14,45 @@ use crate::script::strict;
 use crate::value::Value;
 use crate::value::schema::{Field, SchemaError, Table, Ty, duration_s};
 
-/// The option `warmup` of `experiment`.
+/// Option `warmup` of `experiment`.
 pub const WARMUP: Table = Table {
     name: "Warmup",
-    doc: "What every cell renders before its clock starts, and throws away: one of these.",
+    doc: "Rendering before the clock of a cell starts; its result is discarded. Exactly one key is \
+          given.",
     fields: &[
-        Field { key: "time", ty: Ty::Duration, required: false, default: "", doc: "render time" },
         Field {
-            key: "samples",
-            ty: Ty::Int { min: 1, max: 1 << 53 },
+            key: "time",
+            ty: Ty::Duration,
             required: false,
             default: "",
-            doc: "samples per pixel",
+            doc: "render time before the clock starts, above 0",
+        },
+        Field {
+            key: "samples",
+            ty: Ty::Int {
+                min: 1,
+                max: 1 << 53,
+            },
+            required: false,
+            default: "",
+            doc: "samples per pixel before the clock starts",
         },
     ],
 };
 
-/// The methods that say how nights go.
+/// Methods that set how nights run.
 pub const METHODS: &[ApiFn] = &[
     ApiFn {
         name: "x:checkpoint",
         params: &[Param {
             name: "every",
             ty: "string|number",
-            doc: "Render time between two checkpoints: \"60s\", or seconds.",
+            doc: "Render time between two checkpoints, above 0: seconds, or text such as \"60s\".",
         }],
         returns: "",
-        doc: "Says how often an unfinished cell is saved, so that a night that was cut off goes on in its middle. Without \
-              it, every 60 s of render time, and more rarely where saving would cost over 1 % of it.",
+        doc: "Sets how often an unfinished cell is saved, so that an interrupted night resumes \
+              from its last checkpoint. Default: every 60 s of render time, and less often if \
+              saving would take more than 1 % of it.",
         call: checkpoint,
     },
     ApiFn {
@@ -48,11 +60,12 @@ pub const METHODS: &[ApiFn] = &[
         params: &[Param {
             name: "at",
             ty: "string",
-            doc: "A time of day such as \"08:00\", or a length such as \"7.5h\".",
+            doc: "Time of day such as \"08:00\", or duration such as \"7.5h\".",
         }],
         returns: "",
-        doc: "Says when a night ends, finished or not. Cells then come from coarse to fine, so that what is finished is a \
-              complete smaller grid. `--until` of the command line replaces it.",
+        doc: "Sets when a night ends, finished or not. Cells are then ordered from coarse to fine, \
+              so that the finished ones form a complete smaller grid. The option `--until` of the \
+              command line replaces it.",
         call: deadline,
     },
     ApiFn {
@@ -60,20 +73,23 @@ pub const METHODS: &[ApiFn] = &[
         params: &[Param {
             name: "which?",
             ty: "fun(p: Point): boolean?",
-            doc: "Returns true for the points to check; without it, the first technique of every picture.",
+            doc: "Function that returns true for the points to check. Default: the first technique \
+                  of every picture.",
         }],
         returns: "",
-        doc: "Asks for an A/A check: some cells are rendered twice, with two seeds, as if they were two techniques. Whatever \
-              differs between the two is false, and is reported with its confidence, so that one sees how large a difference \
-              has to be to mean something. The doubles stand in no table and no figure.",
+        doc: "Adds an A/A check: renders the chosen points twice, with two seeds, as if they were \
+              two techniques. Every difference between the two is a false discovery and is \
+              reported with its confidence interval, which shows how large a difference has to be \
+              to matter. The duplicates do not appear in tables or figures.",
         call: control,
     },
 ];
 
+/// Returns the only argument as plain data.
 fn one_value(args: &Args, shared: &Rc<Shared>) -> Result<Value, ScriptError> {
     args.at_most(shared, 1)?;
     let found = args.values.first().cloned().unwrap_or(LuaValue::Nil);
-    strict::read(&found, args.name, args.name).map_err(|e| args.blame(shared, e))
+    strict::read(&found, args.name, args.name).map_err(|e| args.locate_error(shared, e))
 }
 
 fn checkpoint(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
@@ -99,20 +115,31 @@ fn control(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, Script
     let which = match args.get(0) {
         LuaValue::Nil => None,
         LuaValue::Function(f) => Some(f),
-        _ => return Err(args.wrong(shared, 0, "which", "a function that returns true for the points to check")),
+        _ => {
+            return Err(args.wrong(
+                shared,
+                0,
+                "which",
+                "a function that returns true for the points to check",
+            ));
+        }
     };
     let mut builder = shared.builder.borrow_mut();
-    if builder.control.is_some() {
-        return Err(args.error(shared, "said twice", None));
+    if builder.aa_check.is_some() {
+        return Err(args.error(
+            shared,
+            "called twice; an experiment has one A/A check",
+            None,
+        ));
     }
-    builder.control = Some(which);
+    builder.aa_check = Some(which);
     Ok(LuaValue::Nil)
 }
 
-/// The warm-up that a checked table means.
+/// Converts a checked table to a warm-up.
 ///
 /// # Errors
-/// When it says both or neither, or a time of nothing.
+/// Returns an error if the table has both keys or none, or a time of 0.
 pub fn warmup(map: &BTreeMap<String, Value>) -> Result<Warmup, SchemaError> {
     let fail = |problem: &str| {
         let help = Some("warmup = { time = \"2s\" } or { samples = 16 }".to_owned());
@@ -123,12 +150,15 @@ pub fn warmup(map: &BTreeMap<String, Value>) -> Result<Warmup, SchemaError> {
             key: "warmup".to_owned(),
         })
     };
-    let samples = map.get("samples").and_then(Value::as_i64).map(|n| Warmup::Samples(n.unsigned_abs()));
+    let samples = map
+        .get("samples")
+        .and_then(Value::as_i64)
+        .map(|n| Warmup::Samples(n.unsigned_abs()));
     match (map.get("time").and_then(duration_s), samples) {
         (Some(seconds), None) if seconds > 0.0 => Ok(Warmup::Time(seconds)),
-        (Some(_), None) => fail("a time above 0 is needed"),
+        (Some(_), None) => fail("expected a time above 0"),
         (None, Some(samples)) => Ok(samples),
         (Some(_), Some(_)) => fail("`time` and `samples` exclude each other"),
-        (None, None) => fail("it says neither `time` nor `samples`"),
+        (None, None) => fail("expected `time` or `samples`, found neither"),
     }
 }

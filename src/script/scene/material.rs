@@ -1,4 +1,5 @@
-//! `s:material`: the rows of [`MATERIAL_PARAMS`] and the texture slots, by name, with inheritance.
+//! `s:material`: declares a material from the parameters of [`MATERIAL_PARAMS`] and the texture
+//! slots, optionally based on another material.
 
 use std::rc::Rc;
 
@@ -13,49 +14,62 @@ use crate::script::strict;
 use crate::value::Value;
 use crate::value::schema::{Field, SchemaError, Table, Ty, unknown_name};
 
-/// What `s:material` knows beside parameters and textures.
+/// Options of `s:material` besides parameters and textures.
 pub const MATERIAL_OPTIONS: Table = Table {
     name: "MaterialOptions",
-    doc: "What is no parameter of a material.",
+    doc: "Options of a material besides its parameters.",
     fields: &[
         Field {
             key: "from",
             ty: Ty::Str,
             required: false,
             default: "white and rough",
-            doc: "a material of the scene from which everything is taken that is not said here",
+            doc: "name of a material of the scene whose values are the defaults",
         },
         Field {
             key: "emitter_reflects",
             ty: Ty::Bool,
             required: false,
             default: "true",
-            doc: "whether a surface that shines also reflects",
+            doc: "whether an emitting surface also reflects light",
         },
     ],
 };
 
-/// Declares a material.
+/// Implements `s:material`: adds a material to the scene.
+///
+/// # Errors
+/// Returns an error for a duplicate name, an unknown parameter or base, or an invalid value.
 pub fn material(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
     args.at_most(shared, 2)?;
     let name = args.text(shared, 0, "name")?;
     let table = args.table(shared, 1, "options")?;
-    if name.is_empty() || shared.scene.borrow().desc.material_row(&name).is_some() {
-        let problem =
-            if name.is_empty() { "a material needs a name".to_owned() } else { format!("`{name}` is there already") };
+    if name.is_empty() || shared.scene.borrow().desc.material_index(&name).is_some() {
+        let problem = if name.is_empty() {
+            "a material needs a name".to_owned()
+        } else {
+            format!("a material `{name}` already exists")
+        };
         return Err(args.error(shared, problem, None));
     }
     let path = format!("materials.{name}");
-    let fields = strict::fields(&table, &MATERIAL_OPTIONS, &path, true).map_err(|e| args.blame(shared, e))?;
+    let fields = strict::fields(&table, &MATERIAL_OPTIONS, &path, true)
+        .map_err(|e| args.locate_error(shared, e))?;
     let mut made = match fields.values.get("from").and_then(Value::as_str) {
         None => MaterialDesc::new(&name),
         Some(base) => {
             let scene = shared.scene.borrow();
-            let Some(row) = scene.desc.material_row(base) else {
+            let Some(row) = scene.desc.material_index(base) else {
                 let known = scene.desc.materials.iter().map(|m| m.name.as_str());
-                return Err(args.blame(shared, unknown_name(&format!("{path}.from"), base, "material", known)));
+                return Err(args.locate_error(
+                    shared,
+                    unknown_name(&format!("{path}.from"), base, "material", known),
+                ));
             };
-            MaterialDesc { name: name.clone(), ..scene.desc.materials[row].clone() }
+            MaterialDesc {
+                name: name.clone(),
+                ..scene.desc.materials[row].clone()
+            }
         }
     };
     if let Some(Value::Bool(reflects)) = fields.values.get("emitter_reflects") {
@@ -68,6 +82,7 @@ pub fn material(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, S
     Ok(LuaValue::Nil)
 }
 
+/// Sets one parameter or texture of a material.
 fn set(
     shared: &Shared,
     args: &Args,
@@ -78,22 +93,43 @@ fn set(
 ) -> Result<(), ScriptError> {
     let at = format!("{path}.{key}");
     if let Some(row) = MATERIAL_PARAMS.iter().find(|row| row.name == key) {
-        let value = strict::read(value, &at, key).map_err(|e| args.blame(shared, e))?;
-        row.ty.check(&at, key, &value).map_err(|e| args.blame(shared, e))?;
-        return row.set(material, &at, &value).map_err(|e| args.blame(shared, e));
+        let value = strict::read(value, &at, key).map_err(|e| args.locate_error(shared, e))?;
+        row.ty
+            .check(&at, key, &value)
+            .map_err(|e| args.locate_error(shared, e))?;
+        return row
+            .set(material, &at, &value)
+            .map_err(|e| args.locate_error(shared, e));
     }
     let Some(slot) = TextureSlot::from_name(key) else {
         let slots = TextureSlot::ALL.into_iter().map(TextureSlot::name);
         let options = MATERIAL_OPTIONS.fields.iter().map(|f| f.key);
-        let known = MATERIAL_PARAMS.iter().map(|row| row.name).chain(slots).chain(options);
-        return Err(args.blame(shared, unknown_name(&at, key, "material parameter", known)));
+        let known = MATERIAL_PARAMS
+            .iter()
+            .map(|row| row.name)
+            .chain(slots)
+            .chain(options);
+        return Err(args.locate_error(shared, unknown_name(&at, key, "material parameter", known)));
     };
-    match texture::of(shared, args, value)? {
-        Some(texture::TextureObject { texture, lookup }) => material.lay_texture(slot, texture, lookup),
+    match texture::texture_from_value(shared, args, value)? {
+        Some(texture::TextureObject { texture, lookup }) => {
+            material.set_mapped_texture(slot, texture, lookup)
+        }
         None => {
-            let problem = format!("expected a texture or the name of an image, found {}", kind(value));
-            let help = Some("texture.file(\"wood.png\"), texture.paint { .. }".to_owned());
-            return Err(args.blame(shared, SchemaError { path: at, problem, help, key: key.to_owned() }));
+            let problem = format!(
+                "expected a texture or the name of an image, found {}",
+                kind(value)
+            );
+            let help = Some("use texture.file(\"wood.png\") or texture.paint { .. }".to_owned());
+            return Err(args.locate_error(
+                shared,
+                SchemaError {
+                    path: at,
+                    problem,
+                    help,
+                    key: key.to_owned(),
+                },
+            ));
         }
     }
     Ok(())

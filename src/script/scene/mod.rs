@@ -1,13 +1,19 @@
-//! Scenes written in Lua: a file that calls `scene {..}`, adds to what it gets, and returns it.
+//! Scenes written in Lua: a file that calls `scene {..}`, adds shapes, materials and lights to the
+//! returned object, and returns it.
 //!
-//! It runs in the same sandbox as an experiment, once for each set of options, and leaves a
-//! [`SceneDesc`] like any loader. Meshes come from [`crate::scene::shape`]; a shape that is added in many places is one
-//! mesh. Files that it names lie relative to its own folder.
+//! The file runs in the same sandbox as an experiment, once for each set of options, and yields a
+//! [`SceneDesc`] like any other loader. Meshes come from [`crate::scene::shape`]; a shape that is
+//! added several times is one mesh with several instances. File names are relative to the folder of
+//! the scene file.
 
 mod chance;
+mod import;
+mod lighting;
 mod material;
 mod object;
 mod part;
+mod schema;
+mod shape_schema;
 mod shapes;
 mod texture;
 
@@ -19,56 +25,71 @@ use mlua::{Lua, UserData, Value as LuaValue};
 
 pub use chance::SCATTER;
 pub use material::MATERIAL_OPTIONS;
-pub use object::{METHODS, TABLES as OBJECT_TABLES};
+pub use object::METHODS;
 pub use part::{PART, PLACE};
-pub use shapes::TABLES as SHAPE_TABLES;
+pub use schema::TABLES as OBJECT_TABLES;
+pub use shape_schema::TABLES as SHAPE_TABLES;
 pub use texture::{LAY, PAINT};
 
 use super::api::{self, ApiFn};
 use super::error::{Problem, ScriptError};
-use super::source::Place;
+use super::source::SourcePlace;
 use super::state::{Purpose, Shared};
-use super::{Limits, Read, locate, source};
+use super::{ExecutedFile, Limits, locate, source};
 use crate::scene::desc::{CameraDesc, SceneDesc};
-use crate::scene::load::{Missing, load_with};
-use crate::scene::names::Names;
+use crate::scene::load::{MissingTextures, load_with};
+use crate::scene::names::UniqueNames;
 use crate::scene::{Note, SceneError};
 use crate::value::Value;
 use crate::value::schema::unknown_name;
 
-/// The functions that describe scenes, beside the methods of the scene itself.
-pub const FUNCTIONS: &[&[ApiFn]] =
-    &[object::GLOBALS, shapes::GLOBALS, part::GLOBALS, texture::GLOBALS, chance::GLOBALS];
+/// Functions that describe scenes, besides the methods of the scene itself.
+pub const FUNCTIONS: &[&[ApiFn]] = &[
+    object::GLOBALS,
+    shapes::GLOBALS,
+    part::GLOBALS,
+    texture::GLOBALS,
+    chance::GLOBALS,
+];
 
-/// The kinds of values that scenes are made of, for messages.
+/// Returns the kind of a Lua object of a scene, for messages; `None` for other objects.
 pub fn kind(value: &mlua::AnyUserData) -> Option<&'static str> {
     let kinds: [(bool, &'static str); 4] = [
         (value.is::<shapes::ShapeObject>(), "a shape"),
         (value.is::<part::GroupObject>(), "a group"),
         (value.is::<texture::TextureObject>(), "a texture"),
-        (value.is::<chance::RandomObject>(), "a source of random numbers"),
+        (
+            value.is::<chance::RandomObject>(),
+            "a source of random numbers",
+        ),
     ];
     kinds.into_iter().find(|(is, _)| *is).map(|(_, name)| name)
 }
 
-/// A scene while its file runs.
+/// Scene under construction while its file runs.
 #[derive(Debug)]
 pub struct SceneBuilder {
+    /// Scene so far.
     desc: SceneDesc,
-    /// The object that the file has to return, and where it was made.
-    head: Option<(mlua::Table, Place)>,
-    camera: Option<Place>,
-    /// Options that the file knows, with the values they may have.
-    known: BTreeMap<String, String>,
-    /// Where materials were first asked for by name.
-    wanted: BTreeMap<String, Place>,
-    names: Names,
+    /// Lua object that the file has to return, and the position of its creation.
+    head: Option<(mlua::Table, SourcePlace)>,
+    /// Position of the call that set the camera.
+    camera: Option<SourcePlace>,
+    /// Declared options, with a description of their values.
+    options: BTreeMap<String, String>,
+    /// Positions where materials were first used, by name.
+    requested_materials: BTreeMap<String, SourcePlace>,
+    names: UniqueNames,
     notes: Vec<Note>,
 }
 
 impl Default for SceneBuilder {
     fn default() -> SceneBuilder {
-        let camera = CameraDesc { position: Vec3::Z, target: Vec3::ZERO, ..CameraDesc::default() };
+        let camera = CameraDesc {
+            position: Vec3::Z,
+            target: Vec3::ZERO,
+            ..CameraDesc::default()
+        };
         SceneBuilder {
             desc: SceneDesc {
                 resolution: [1280, 720],
@@ -82,58 +103,74 @@ impl Default for SceneBuilder {
             },
             head: None,
             camera: None,
-            known: BTreeMap::new(),
-            wanted: BTreeMap::new(),
-            names: Names::default(),
+            options: BTreeMap::new(),
+            requested_materials: BTreeMap::new(),
+            names: UniqueNames::default(),
             notes: Vec::new(),
         }
     }
 }
 
-/// Whether a file is written in Lua, by its extension.
+/// Returns whether a file has the extension of Lua files.
 pub fn is_lua(file: &Path) -> bool {
-    file.extension().is_some_and(|e| e.eq_ignore_ascii_case("lua"))
+    file.extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("lua"))
 }
 
-/// Reads a scene file of any format, Lua included, with the options that were chosen for it.
+/// Loads a scene file of any format, including Lua, with values for its options.
 ///
 /// # Errors
-/// Whatever is wrong with the file; options for a format that has none.
+/// Returns the first error in the file, or an error if options are given for a format without
+/// options.
 pub fn read(
     path: &Path,
     options: &BTreeMap<String, Value>,
-    missing: Missing,
+    missing: MissingTextures,
 ) -> Result<(SceneDesc, Vec<Note>), SceneError> {
     if is_lua(path) {
         return load(path, options, missing).map_err(|e| SceneError::Script(e.to_string()));
     }
     if let Some(option) = options.keys().next() {
-        let problem = format!("only scenes written in Lua have options, and this one is asked for `{option}`");
-        return Err(SceneError::Malformed { file: path.to_owned(), place: "scene_options".to_owned(), problem });
+        let problem =
+            format!("only scenes written in Lua have options, but the option `{option}` is given");
+        return Err(SceneError::Malformed {
+            file: path.to_owned(),
+            place: "scene_options".to_owned(),
+            problem,
+        });
     }
     load_with(path, missing)
 }
 
-/// Runs a scene file with the given options.
+/// Runs a scene file in Lua with the given options.
 ///
 /// # Errors
-/// Whatever is wrong with it, as for a script; an option that it does not know, or a value that the option cannot have.
+/// Returns the first error in the file, or an error for an undeclared option or an invalid value.
 pub fn load(
     path: &Path,
     options: &BTreeMap<String, Value>,
-    missing: Missing,
+    missing: MissingTextures,
 ) -> Result<(SceneDesc, Vec<Note>), ScriptError> {
     let text = source::read(path)?;
-    let purpose = Purpose::Scene { options: options.clone(), missing };
-    let Read { shared, returned, lua: _lua } = super::read(path, &text, Limits::default(), purpose)?;
+    let purpose = Purpose::Scene {
+        options: options.clone(),
+        missing,
+    };
+    let ExecutedFile {
+        shared,
+        returned,
+        lua: _lua,
+    } = super::run_file(path, &text, Limits::default(), purpose)?;
     finish(&shared, &returned, options, &text)
 }
 
-/// Whether what is wrong with a script is that it describes a scene.
+/// Returns whether loading failed because the file describes a scene instead of an experiment.
 pub fn is_scene(error: &ScriptError) -> bool {
     *error.problem() == Problem::IsScene
 }
 
+/// Checks that the file returned its scene and that its declarations are consistent, and returns
+/// the scene.
 fn finish(
     shared: &Shared,
     returned: &LuaValue,
@@ -146,25 +183,39 @@ fn finish(
         (Some(head), LuaValue::Table(t)) if *t == head.0 => head,
         (head, _) => {
             let help = match head {
-                Some(_) => "s is what scene {..} gave: end with `return s`",
+                Some(_) => "return the value that scene {..} returned: end with `return s`",
                 None => "begin with: local s = scene { resolution = { 1280, 720 } }",
             };
-            let place = Place { source: 0, line: locate::last_line(text), last: None };
-            let problem = Problem::NoScene { found: api::kind(returned).to_owned() };
+            let place = SourcePlace {
+                source: 0,
+                line: locate::last_line(text),
+                last: None,
+            };
+            let problem = Problem::NoScene {
+                found: api::kind(returned).to_owned(),
+            };
             return Err(sources.error(&place, problem, Some(help.to_owned())));
         }
     };
-    if let Some(unknown) = options.keys().find(|key| !builder.known.contains_key(*key)) {
+    if let Some(unknown) = options
+        .keys()
+        .find(|key| !builder.options.contains_key(*key))
+    {
         let path = format!("scene_options.{unknown}");
-        let error = unknown_name(&path, unknown, "option of this scene", builder.known.keys().map(String::as_str));
+        let error = unknown_name(
+            &path,
+            unknown,
+            "option of this scene",
+            builder.options.keys().map(String::as_str),
+        );
         return Err(sources.field(place, &error.path, error.problem, error.help));
     }
     if builder.camera.is_none() {
         let help = "add s:camera { position = {..}, target = {..}, fov = 45 }".to_owned();
-        return Err(sources.field(place, "scene", "it never says from where it is seen", Some(help)));
+        return Err(sources.field(place, "scene", "the scene has no camera", Some(help)));
     }
-    for (name, place) in &builder.wanted {
-        if builder.desc.material_row(name).is_none() {
+    for (name, place) in &builder.requested_materials {
+        if builder.desc.material_index(name).is_none() {
             let known = builder.desc.materials.iter().map(|m| m.name.as_str());
             let error = unknown_name("material", name, "material", known);
             return Err(sources.field(place, "material", error.problem, error.help));
@@ -174,18 +225,30 @@ fn finish(
     Ok((desc, notes))
 }
 
-/// A scene error inside a scene file, at the line of the call.
+/// Converts an error of the scene module to a script error at the line of the call.
 fn scene_error(shared: &Shared, args: &api::Args, error: &SceneError) -> ScriptError {
     args.error(shared, error.to_string(), None)
 }
 
-/// A new object of Lua.
-fn object<T: UserData + 'static>(shared: &Shared, lua: &Lua, value: T) -> Result<LuaValue, ScriptError> {
-    Ok(LuaValue::UserData(lua.create_userdata(value).map_err(|e| shared.convert(&e))?))
+/// Creates a Lua object.
+fn object<T: UserData + 'static>(
+    shared: &Shared,
+    lua: &Lua,
+    value: T,
+) -> Result<LuaValue, ScriptError> {
+    Ok(LuaValue::UserData(
+        lua.create_userdata(value).map_err(|e| shared.convert(&e))?,
+    ))
 }
 
-/// The numbers of a checked list.
+/// Returns the numbers of a list that was checked against its schema.
 fn numbers<const N: usize>(value: &Value) -> [f32; N] {
-    let item = |i: usize| value.as_list().and_then(|l| l.get(i)).and_then(Value::as_f64).unwrap_or_default();
+    let item = |i: usize| {
+        value
+            .as_list()
+            .and_then(|l| l.get(i))
+            .and_then(Value::as_f64)
+            .unwrap_or_default()
+    };
     std::array::from_fn(|i| item(i) as f32)
 }

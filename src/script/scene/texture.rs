@@ -1,4 +1,4 @@
-//! Textures of scenes: files, and pictures that a function paints.
+//! Textures of scenes: image files, and pictures that a Lua function computes.
 
 use std::rc::Rc;
 use std::sync::Arc;
@@ -16,14 +16,18 @@ use crate::script::strict;
 use crate::value::Value;
 use crate::value::schema::{Field, Table, Ty};
 
-/// The options of `texture.paint`.
+/// Options of `texture.paint`.
 pub const PAINT: Table = Table {
     name: "Paint",
-    doc: "A picture that a function paints.",
+    doc: "Picture that a function computes.",
     fields: &[
         Field {
             key: "size",
-            ty: Ty::Nums { len: 2, min: 1.0, max: 4096.0 },
+            ty: Ty::Nums {
+                len: 2,
+                min: 1.0,
+                max: 4096.0,
+            },
             required: true,
             default: "",
             doc: "width and height in texels",
@@ -33,107 +37,164 @@ pub const PAINT: Table = Table {
             ty: Ty::Object("fun(u: number, v: number): number, number?, number?"),
             required: true,
             default: "",
-            doc: "red, green and blue (or one number for all) at the middle of each texel; u grows to the right and v \
-                  upwards, both from 0 to 1",
+            doc: "function that returns red, green and blue, or one number for all three, at the \
+                  centre of each texel; u grows to the right and v upwards, both from 0 to 1",
         },
         Field {
             key: "linear",
             ty: Ty::Bool,
             required: false,
             default: "false",
-            doc: "true: linear light of any brightness, for environments and emission. false: as a painter sees it, from 0 \
-                  to 1, decoded from sRGB where the texture is a colour",
+            doc: "`true`: linear radiance without an upper bound, for environments and emission; \
+                  `false`: display values from 0 to 1, decoded from sRGB if the texture is a \
+                  colour",
         },
     ],
 };
 
-/// The options of `texture.lay`.
+/// Options of `texture.lay`.
 pub const LAY: Table = Table {
     name: "Lay",
-    doc: "How a texture lies on a surface, where not as the others of its material.",
+    doc: "Mapping of one texture on a surface, instead of that of its material.",
     fields: &[
         Field::optional(
             "wrap",
-            Ty::OneOrMany(&Ty::Word(Wrap::WORDS)),
+            Ty::OneOrMany(&Ty::Word(Wrap::NAMES)),
             "repeat",
-            "beyond its edges; one word, or those of u and v",
+            "treatment of coordinates outside 0 to 1; one word, or a list of those of u and v",
         ),
         Field::optional(
             "scale",
-            Ty::Nums { len: 2, min: -1e6, max: 1e6 },
+            Ty::Nums {
+                len: 2,
+                min: -1e6,
+                max: 1e6,
+            },
             "{ 1, 1 }",
-            "how often it lies along u and v",
+            "number of repetitions along u and v",
         ),
         Field::optional(
             "rotation",
-            Ty::Num { min: -1e6, max: 1e6 },
+            Ty::Num {
+                min: -1e6,
+                max: 1e6,
+            },
             "0",
-            "degrees by which it is turned, after the scale",
+            "rotation in degrees, applied after the scale",
         ),
-        Field::optional("offset", Ty::Nums { len: 2, min: -1e6, max: 1e6 }, "{ 0, 0 }", "what is added at last"),
-        Field::optional("second", Ty::Bool, "false", "whether it takes the mesh's `second_uvs`"),
+        Field::optional(
+            "offset",
+            Ty::Nums {
+                len: 2,
+                min: -1e6,
+                max: 1e6,
+            },
+            "{ 0, 0 }",
+            "offset of u and v, applied last",
+        ),
+        Field::optional(
+            "second",
+            Ty::Bool,
+            "false",
+            "whether it uses the mesh's `second_uvs`",
+        ),
     ],
 };
 
-/// The constructors of textures.
+/// Constructors of textures.
 pub const GLOBALS: &[ApiFn] = &[
     ApiFn {
         name: "texture.file",
-        params: &[Param { name: "path", ty: "string", doc: "An image, relative to the scene's own folder." }],
+        params: &[Param {
+            name: "path",
+            ty: "string",
+            doc: "Image file, relative to the scene's folder.",
+        }],
         returns: "Texture",
-        doc: "A texture from a file.",
+        doc: "Returns a texture from an image file.",
         call: file,
     },
     ApiFn {
         name: "texture.paint",
-        params: &[Param { name: "options", ty: "Paint", doc: "Its size and its colours." }],
+        params: &[Param {
+            name: "options",
+            ty: "Paint",
+            doc: "Size and colours.",
+        }],
         returns: "Texture",
-        doc: "A texture that a function paints.",
+        doc: "Returns a texture whose colours a function computes.",
         call: paint,
     },
     ApiFn {
         name: "texture.lay",
         params: &[
-            Param { name: "texture", ty: "Texture|string", doc: "The texture, or the name of an image." },
-            Param { name: "options", ty: "Lay", doc: "How it lies." },
+            Param {
+                name: "texture",
+                ty: "Texture|string",
+                doc: "Texture, or the name of an image file.",
+            },
+            Param {
+                name: "options",
+                ty: "Lay",
+                doc: "Mapping of the texture.",
+            },
         ],
         returns: "Texture",
-        doc: "The same texture that lies otherwise: in place of what an earlier `texture.lay` said.",
+        doc: "Returns the same texture with another mapping, which replaces that of an earlier \
+              `texture.lay`.",
         call: lay,
     },
 ];
 
-/// A texture in Lua, and how it lies.
+/// Lua object of a texture with its mapping.
 #[derive(Clone, Debug)]
 pub struct TextureObject {
-    /// The picture.
+    /// Picture of the texture.
     pub texture: Arc<TextureDesc>,
-    /// How it lies.
+    /// Mapping from texture coordinates to the picture.
     pub lookup: Lookup,
 }
 
 impl TextureObject {
-    /// A picture that lies as its material says.
+    /// Creates a texture with the mapping of its material.
     pub fn plain(texture: impl Into<Arc<TextureDesc>>) -> TextureObject {
-        TextureObject { texture: texture.into(), lookup: Lookup::default() }
+        TextureObject {
+            texture: texture.into(),
+            lookup: Lookup::default(),
+        }
     }
 }
 
 impl UserData for TextureObject {}
 
-/// The texture that a value is, or that it names.
-pub fn of(shared: &Shared, args: &Args, value: &LuaValue) -> Result<Option<TextureObject>, ScriptError> {
+/// Returns the texture of a Lua value: a texture object, or an image file named by a string. `None`
+/// for other values.
+///
+/// # Errors
+/// Returns an error if the image file cannot be read.
+pub fn texture_from_value(
+    shared: &Shared,
+    args: &Args,
+    value: &LuaValue,
+) -> Result<Option<TextureObject>, ScriptError> {
     match value {
         LuaValue::UserData(data) => Ok(data.borrow::<TextureObject>().ok().map(|t| t.clone())),
-        LuaValue::String(name) => Ok(Some(TextureObject::plain(read(shared, args, &name.to_string_lossy())?))),
+        LuaValue::String(name) => Ok(Some(TextureObject::plain(read_image(
+            shared,
+            args,
+            &name.to_string_lossy(),
+        )?))),
         _ => Ok(None),
     }
 }
 
-fn read(shared: &Shared, args: &Args, name: &str) -> Result<Arc<TextureDesc>, ScriptError> {
+/// Reads an image file below the scene's folder.
+fn read_image(shared: &Shared, args: &Args, name: &str) -> Result<Arc<TextureDesc>, ScriptError> {
     let path = shared.folder.join(name);
     let mut notes = Vec::new();
-    let read = shared.watch.excused(|| load::texture(&path, &mut notes));
+    let read = shared
+        .watchdog
+        .pause_for(|| load::texture(&path, &mut notes));
     let texture = read.map_err(|e| scene_error(shared, args, &e))?;
     shared.scene.borrow_mut().notes.append(&mut notes);
     Ok(Arc::new(texture))
@@ -142,44 +203,70 @@ fn read(shared: &Shared, args: &Args, name: &str) -> Result<Arc<TextureDesc>, Sc
 fn file(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
     args.at_most(shared, 1)?;
     let name = args.text(shared, 0, "path")?;
-    object(shared, lua, TextureObject::plain(read(shared, args, &name)?))
+    object(
+        shared,
+        lua,
+        TextureObject::plain(read_image(shared, args, &name)?),
+    )
 }
 
 fn lay(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
     args.at_most(shared, 2)?;
-    let Some(of) = of(shared, args, &args.get(0))? else {
+    let Some(texture) = texture_from_value(shared, args, &args.get(0))? else {
         return Err(args.wrong(shared, 0, "texture", "a texture or the name of an image"));
     };
     let table = args.table(shared, 1, "options")?;
-    let fields = strict::fields(&table, &LAY, "texture.lay", false).map_err(|e| args.blame(shared, e))?;
+    let fields = strict::fields(&table, &LAY, "texture.lay", false)
+        .map_err(|e| args.locate_error(shared, e))?;
     let value = |key: &str| fields.values.get(key);
-    let wrap = |v: &Value| Wrap::ALL.into_iter().find(|wrap| v.as_str() == Some(wrap.word())).unwrap_or_default();
+    let wrap = |v: &Value| {
+        Wrap::ALL
+            .into_iter()
+            .find(|wrap| v.as_str() == Some(wrap.name()))
+            .unwrap_or_default()
+    };
     let wrap = match value("wrap") {
         None => [Wrap::Repeat; 2],
         Some(Value::List(words)) => match words.as_slice() {
             [u, v] => [wrap(u), wrap(v)],
             other => {
-                let problem = format!("wrap: expected one word, or those of u and v, found {}", other.len());
+                let problem = format!(
+                    "wrap: expected one word, or a list of two for u and v, found {} words",
+                    other.len()
+                );
                 return Err(args.error(shared, problem, None));
             }
         },
         Some(word) => [wrap(word); 2],
     };
-    let pair =
-        |key: &str, default: f32| value(key).map_or(Vec2::splat(default), |v| Vec2::from(super::numbers::<2>(v)));
-    let angle = value("rotation").and_then(Value::as_f64).unwrap_or(0.0).to_radians() as f32;
+    let pair = |key: &str, default: f32| {
+        value(key).map_or(Vec2::splat(default), |v| Vec2::from(super::numbers::<2>(v)))
+    };
+    let angle = value("rotation")
+        .and_then(Value::as_f64)
+        .unwrap_or(0.0)
+        .to_radians() as f32;
     let map = Affine2::from_scale_angle_translation(Vec2::ONE, angle, pair("offset", 0.0))
         * Affine2::from_scale(pair("scale", 1.0));
     let second = value("second") == Some(&Value::Bool(true));
-    let lookup = Lookup { wrap, second, map: (map != Affine2::IDENTITY).then_some(map) };
-    object(shared, lua, TextureObject { lookup, ..of })
+    let lookup = Lookup {
+        wrap,
+        second,
+        map: (map != Affine2::IDENTITY).then_some(map),
+    };
+    object(shared, lua, TextureObject { lookup, ..texture })
 }
 
 fn paint(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
     args.at_most(shared, 1)?;
     let table = args.table(shared, 0, "options")?;
-    let fields = strict::fields(&table, &PAINT, "texture.paint", false).map_err(|e| args.blame(shared, e))?;
-    let [width, height] = fields.values.get("size").map_or([1.0; 2], super::numbers).map(|n| n as u32);
+    let fields = strict::fields(&table, &PAINT, "texture.paint", false)
+        .map_err(|e| args.locate_error(shared, e))?;
+    let [width, height] = fields
+        .values
+        .get("size")
+        .map_or([1.0; 2], super::numbers)
+        .map(|n| n as u32);
     let Some(LuaValue::Function(color)) = fields.objects.get("color") else {
         return Err(args.error(shared, "color: expected a function of u and v", None));
     };
@@ -193,13 +280,19 @@ fn paint(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, Script
                 [grey] => [*grey; 3],
                 [r, g, b] => [*r, *g, *b],
                 other => {
-                    let problem =
-                        format!("the function of a texture gave {} numbers: expected one or three", other.len());
+                    let problem = format!(
+                        "the colour function returned {} numbers: expected one or three",
+                        other.len()
+                    );
                     return Err(args.error(shared, problem, None));
                 }
             };
             if !rgb.iter().all(|c| c.is_finite()) {
-                return Err(args.error(shared, format!("its colour at u = {u}, v = {v} is not finite: {rgb:?}"), None));
+                return Err(args.error(
+                    shared,
+                    format!("the colour at u = {u}, v = {v} is not finite: {rgb:?}"),
+                    None,
+                ));
             }
             texels.push([rgb[0] as f32, rgb[1] as f32, rgb[2] as f32, 1.0]);
         }
@@ -210,5 +303,9 @@ fn paint(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, Script
         let byte = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
         Texels::Rgba8(texels.into_iter().map(|t| t.map(byte)).collect())
     };
-    object(shared, lua, TextureObject::plain(TextureDesc::new("", width, height, texels)))
+    object(
+        shared,
+        lua,
+        TextureObject::plain(TextureDesc::new("", width, height, texels)),
+    )
 }

@@ -1,116 +1,170 @@
-//! What is new of one run: its measurements, its newest picture, and the films that it left when it ended.
+//! Follows one run: its measurements, its newest image, and the layer images that it stored when it
+//! ended.
 
 use std::collections::VecDeque;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::Seen;
-use crate::experiment::{CellRef, Outline, WaveRow};
+use super::FollowEvent;
+use crate::experiment::{CellRef, PlanOutline, WaveRow};
 use crate::film::Image;
 use crate::film::time::{CUBE_FILE, TimeAxis};
-use crate::store::archive::Decode;
-use crate::store::tail::Tail;
-use crate::store::{FILMS, rows};
+use crate::store::FILMS;
+use crate::store::read::archive::Decode;
+use crate::store::read::tail::Tail;
+use crate::store::write::metrics_csv;
 
-/// A run at hand.
+/// A run that is shown.
 #[derive(Debug)]
-pub(super) struct Run {
+pub(super) struct FollowedRun {
     pub(super) cell: CellRef,
-    /// Who renders it; empty where nobody but the night does.
+    /// Name of the worker that renders it; empty if one process renders the night alone.
     pub(super) worker: String,
     pub(super) running: bool,
     folder: PathBuf,
     metrics: Tail,
-    /// For every metric of the outline its place in the rows of the file, once the header was read.
-    places: Option<Vec<Option<usize>>>,
-    /// Samples of the newest picture that was read.
-    pictured: u64,
-    /// Films of strategies that are still to be read.
-    films: VecDeque<PathBuf>,
-    /// Its bins, if its film has a time axis that was not told of yet.
+    /// Position of every metric of the outline in the rows of the file; `None` until the header was
+    /// read.
+    columns: Option<Vec<Option<usize>>>,
+    /// Samples per pixel of the newest image that was read; `u64::MAX` for the final one.
+    image_samples: u64,
+    /// Strategy images that are still to be read.
+    strategies: VecDeque<PathBuf>,
+    /// Time bins of its film, until the time-resolved film was reported.
     axis: Option<TimeAxis>,
 }
 
-impl Run {
-    /// A run that has just started.
-    pub(super) fn new(cell: CellRef, folder: PathBuf, worker: String, axis: Option<TimeAxis>) -> Run {
+impl FollowedRun {
+    /// Begins to follow a run that has just started.
+    pub(super) fn new(
+        cell: CellRef,
+        folder: PathBuf,
+        worker: String,
+        axis: Option<TimeAxis>,
+    ) -> FollowedRun {
         let metrics = Tail::new(folder.join("metrics.csv"));
-        let films = VecDeque::new();
-        Run { cell, worker, running: true, folder, metrics, places: None, pictured: 0, films, axis }
+        let strategies = VecDeque::new();
+        FollowedRun {
+            cell,
+            worker,
+            running: true,
+            folder,
+            metrics,
+            columns: None,
+            image_samples: 0,
+            strategies,
+            axis,
+        }
     }
 
-    /// The file of its measurements.
-    pub(super) fn measurements(&self) -> &Path {
+    /// Path of its measurements.
+    pub(super) fn metrics_path(&self) -> &Path {
         self.metrics.path()
     }
 
-    /// New rows and a newer picture; once it has ended, the films of its strategies, one at a look, and its light by time.
-    pub(super) fn look(&mut self, outline: &Outline, decode: Decode, see: &mut impl FnMut(Seen)) {
+    /// Reports new measurements and a newer image. After the end of the run, reports one strategy
+    /// image per call, and the time-resolved film.
+    pub(super) fn poll(
+        &mut self,
+        outline: &PlanOutline,
+        decode: Decode,
+        report: &mut impl FnMut(FollowEvent),
+    ) {
         let cell = self.cell;
         for row in self.new_rows(outline) {
-            see(Seen::Measured { cell, row });
+            report(FollowEvent::WaveMeasured { cell, row });
         }
-        let last = if self.running { self.pictured } else { u64::MAX };
-        if let Some((samples, file)) = newest_picture(&self.folder, self.running).filter(|(n, _)| *n > self.pictured)
-            && let Some(image) = image(&file, decode)
+        let newest = newest_image(&self.folder, self.running);
+        if let Some((samples, file)) = newest.filter(|(n, _)| *n > self.image_samples)
+            && let Some(image) = read_image(&file, decode)
         {
-            self.pictured = samples;
-            see(Seen::Pictured { cell, image: Arc::new(image) });
-            if !self.running && last == u64::MAX {
-                self.films = strategies(&self.folder).into();
+            self.image_samples = samples;
+            report(FollowEvent::ImageUpdated {
+                cell,
+                image: Arc::new(image),
+            });
+            if !self.running {
+                self.strategies = strategy_files(&self.folder).into();
             }
         }
-        if let Some(file) = self.films.pop_front()
-            && let (Some((s, t, weighted)), Some(image)) = (strategy(&file), image(&file, decode))
+        if let Some(file) = self.strategies.pop_front()
+            && let (Some((s, t, weighted)), Some(image)) =
+                (parse_strategy(&file), read_image(&file, decode))
         {
-            see(Seen::Strategy { cell, s, t, weighted, image: Arc::new(image) });
+            report(FollowEvent::StrategyImage {
+                cell,
+                s,
+                t,
+                weighted,
+                image: Arc::new(image),
+            });
         }
         let file = self.folder.join(FILMS).join(CUBE_FILE);
         if let Some(axis) = self.axis.take_if(|_| !self.running && file.is_file()) {
-            see(Seen::Timed { cell, file, axis });
+            report(FollowEvent::TimeCubeWritten { cell, file, axis });
         }
     }
 
-    fn new_rows(&mut self, outline: &Outline) -> Vec<WaveRow> {
-        let news = self.metrics.look();
-        if news.anew {
-            self.places = None;
+    /// Reads the rows that were appended since the last call.
+    fn new_rows(&mut self, outline: &PlanOutline) -> Vec<WaveRow> {
+        let update = self.metrics.poll();
+        if update.restarted {
+            self.columns = None;
         }
-        let Some(places) = &self.places else {
-            // The header comes with the first lines.
-            let Ok((columns, found)) = rows::parse(&news.text) else { return Vec::new() };
-            let place = |column: &str| columns.iter().position(|c| c == column);
-            let places: Vec<Option<usize>> = outline.metrics.iter().map(|m| place(&m.column)).collect();
-            let rows = found.into_iter().map(|row| placed(row, &places)).collect();
-            self.places = Some(places);
+        let Some(columns) = &self.columns else {
+            // The header arrives with the first lines.
+            let Ok((names, found)) = metrics_csv::parse(&update.text) else {
+                return Vec::new();
+            };
+            let index = |column: &str| names.iter().position(|c| c == column);
+            let columns: Vec<Option<usize>> =
+                outline.metrics.iter().map(|m| index(&m.column)).collect();
+            let rows = found
+                .into_iter()
+                .map(|row| reordered(row, &columns))
+                .collect();
+            self.columns = Some(columns);
             return rows;
         };
-        let rows = rows::parse_more(&news.text);
-        rows.into_iter().map(|row| placed(row, places)).collect()
+        let rows = metrics_csv::parse_more(&update.text);
+        rows.into_iter()
+            .map(|row| reordered(row, columns))
+            .collect()
     }
 }
 
-/// The picture in a file, if it is whole.
-pub(super) fn image(file: &Path, decode: Decode) -> Option<Image> {
+/// Reads an image file. Returns `None` if it is missing or damaged.
+pub(super) fn read_image(file: &Path, decode: Decode) -> Option<Image> {
     decode(&fs::read(file).ok()?).ok()
 }
 
-/// A row with its metrics in the order of the outline; none where none was measured.
-fn placed(row: WaveRow, places: &[Option<usize>]) -> WaveRow {
+/// Returns a row with its metrics in the order of the outline, or without metrics if none were
+/// measured.
+fn reordered(row: WaveRow, columns: &[Option<usize>]) -> WaveRow {
     let metrics = if row.metrics.is_empty() {
         Vec::new()
     } else {
-        places.iter().map(|p| p.and_then(|p| row.metrics.get(p)).copied().unwrap_or(f64::NAN)).collect()
+        columns
+            .iter()
+            .map(|p| {
+                p.and_then(|p| row.metrics.get(p))
+                    .copied()
+                    .unwrap_or(f64::NAN)
+            })
+            .collect()
     };
     WaveRow { metrics, ..row }
 }
 
-/// The newest picture in a run's folder, and how new it is: snapshots count by their samples, the final picture of a run
-/// that has ended counts more than any of them.
-fn newest_picture(folder: &Path, running: bool) -> Option<(u64, PathBuf)> {
+/// Finds the newest image in a run's folder, with its samples per pixel. The final image of a run
+/// that has ended counts as `u64::MAX` samples.
+fn newest_image(folder: &Path, running: bool) -> Option<(u64, PathBuf)> {
     if !running {
-        let last = ["final.exr", "ref.exr"].map(|name| folder.join(name)).into_iter().find(|file| file.is_file());
+        let last = ["final.exr", "ref.exr"]
+            .map(|name| folder.join(name))
+            .into_iter()
+            .find(|file| file.is_file());
         if let Some(file) = last {
             return Some((u64::MAX, file));
         }
@@ -118,23 +172,39 @@ fn newest_picture(folder: &Path, running: bool) -> Option<(u64, PathBuf)> {
     let entries = fs::read_dir(folder).ok()?.flatten();
     let snapshots = entries.filter_map(|entry| {
         let name = entry.file_name();
-        let samples = name.to_str()?.strip_prefix("snap-")?.strip_suffix(".exr")?.parse().ok()?;
+        let samples = name
+            .to_str()?
+            .strip_prefix("snap-")?
+            .strip_suffix(".exr")?
+            .parse()
+            .ok()?;
         Some((samples, entry.path()))
     });
     snapshots.max_by_key(|(samples, _)| *samples)
 }
 
-/// The films of strategies in a run's folder, ordered by name.
-fn strategies(folder: &Path) -> Vec<PathBuf> {
-    let entries = fs::read_dir(folder.join(FILMS)).into_iter().flatten().flatten();
-    let mut files: Vec<PathBuf> = entries.map(|e| e.path()).filter(|file| strategy(file).is_some()).collect();
+/// Lists the strategy images in a run's folder, ordered by name.
+fn strategy_files(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder.join(FILMS))
+        .into_iter()
+        .flatten()
+        .flatten();
+    let mut files: Vec<PathBuf> = entries
+        .map(|e| e.path())
+        .filter(|file| parse_strategy(file).is_some())
+        .collect();
     files.sort();
     files
 }
 
-/// Vertices from the light and from the camera, and whether it is weighted: `strategies-s2-t1-raw.exr`.
-fn strategy(file: &Path) -> Option<(u32, u32, bool)> {
-    let name = file.file_name()?.to_str()?.strip_suffix(".exr")?.strip_prefix("strategies-s")?;
+/// Parses the numbers of light and camera vertices, and whether the image is weighted, from a name
+/// such as `strategies-s2-t1-raw.exr`.
+fn parse_strategy(file: &Path) -> Option<(u32, u32, bool)> {
+    let name = file
+        .file_name()?
+        .to_str()?
+        .strip_suffix(".exr")?
+        .strip_prefix("strategies-s")?;
     let (s, rest) = name.split_once("-t")?;
     let (t, kind) = rest.split_once('-')?;
     Some((s.parse().ok()?, t.parse().ok()?, kind == "weighted"))

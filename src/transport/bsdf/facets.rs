@@ -1,4 +1,4 @@
-//! Microfacets of either distribution, as the models `conductor`, `plastic` and `dielectric` take them.
+//! Microfacets of either distribution, for the models `conductor`, `plastic` and `dielectric`.
 
 use glam::Vec3;
 
@@ -7,17 +7,18 @@ use super::ggx::Ggx;
 use crate::math::real::{Real, Vector};
 use crate::scene::compile::Distribution;
 
-/// Microfacets.
+/// A distribution of microfacets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Facets {
-    /// Trowbridge and Reitz's distribution.
+    /// The GGX (Trowbridge-Reitz) distribution.
     Ggx(Ggx),
-    /// Gaussian slopes.
+    /// The Beckmann distribution: Gaussian slopes.
     Beckmann(Beckmann),
 }
 
 impl Facets {
-    /// From the parameters `distribution`, `roughness` and `anisotropic`; alpha is the same for both distributions.
+    /// Builds microfacets from the parameters `distribution`, `roughness` and `anisotropic`; alpha
+    /// is the same for both distributions.
     #[inline]
     pub fn new(distribution: Distribution, roughness: f32, anisotropic: f32) -> Facets {
         let ggx = Ggx::new(roughness, anisotropic);
@@ -27,7 +28,7 @@ impl Facets {
         }
     }
 
-    /// Density of normals per solid angle and area.
+    /// Returns the density of normals per solid angle and area.
     #[inline]
     pub fn d(&self, h: Vec3) -> f32 {
         match self {
@@ -36,7 +37,7 @@ impl Facets {
         }
     }
 
-    /// Smith's masking over the cosine.
+    /// Returns Smith's masking over the cosine.
     #[inline]
     pub fn masking_over_cos(&self, w: Vec3) -> f32 {
         match self {
@@ -45,13 +46,13 @@ impl Facets {
         }
     }
 
-    /// Density of [`Facets::sample`] over `wo . h`.
+    /// Returns the density of [`Facets::sample`] over `wo . h`.
     #[inline]
     pub fn pdf_over_dot(&self, wo: Vec3, h: Vec3) -> f32 {
         self.masking_over_cos(wo) * self.d(h)
     }
 
-    /// A normal that is visible from `wo`.
+    /// Samples a normal that is visible from `wo`.
     #[inline]
     pub fn sample(&self, wo: Vec3, u: [f32; 2]) -> Vec3 {
         match self {
@@ -61,8 +62,8 @@ impl Facets {
     }
 }
 
-/// The reflection of `o` at `h`.
+/// Returns the mirror image of `o` about `h`.
 #[inline(always)]
 pub fn mirrored<V: Vector>(o: V, h: V) -> V {
-    h * (V::Scalar::of(2.0) * o.dot(h)) - o
+    h * (V::Scalar::splat(2.0) * o.dot(h)) - o
 }

@@ -1,11 +1,11 @@
-//! Fresnel reflectance.
+//! Fresnel reflectance of dielectrics, and Schlick's approximation for metals.
 
 use crate::math::real::{Mask, Real, Vector};
 
-/// What an interface between dielectrics does with unpolarised light.
+/// Reflection and refraction of unpolarised light at a dielectric interface.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Interface<R = f32> {
-    /// Reflected part, 0..=1.
+pub struct DielectricFresnel<R = f32> {
+    /// Reflectance in the range 0..=1.
     pub reflectance: R,
     /// Cosine of the refracted direction, positive; 0 under total internal reflection.
     pub cos_t: R,
@@ -13,39 +13,51 @@ pub struct Interface<R = f32> {
     pub eta: R,
 }
 
-/// The full Fresnel equations for `cos_i` (positive outside, negative inside) and the index `ior` of the inside
-/// relative to the outside.
+/// Evaluates the exact Fresnel equations for `cos_i` (positive outside, negative inside) and the
+/// index `ior` of the inside relative to the outside.
 #[inline(always)]
-pub fn dielectric<R: Real>(cos_i: R, ior: R) -> Interface<R> {
-    let (zero, one) = (R::of(0.0), R::of(1.0));
+pub fn dielectric<R: Real>(cos_i: R, ior: R) -> DielectricFresnel<R> {
+    let (zero, one) = (R::splat(0.0), R::splat(1.0));
     let outside = cos_i.ge(zero);
-    let eta = if (!outside).any() { R::select(outside, ior, one / ior) } else { ior };
+    let eta = if (!outside).any() {
+        R::select(outside, ior, one / ior)
+    } else {
+        ior
+    };
     let cos_i = cos_i.abs().min(one);
     let cos2_t = one - (one - cos_i * cos_i) / (eta * eta);
     let total = cos2_t.le(zero);
     if !(!total).any() {
-        return Interface { reflectance: one, cos_t: zero, eta };
+        return DielectricFresnel {
+            reflectance: one,
+            cos_t: zero,
+            eta,
+        };
     }
     let cos_t = cos2_t.sqrt();
-    // Both amplitudes with one division.
+    // Compute both amplitudes with one division.
     let (along, across) = (eta * cos_i + cos_t, cos_i + eta * cos_t);
     let scale = one / (along * across);
     let parallel = (eta * cos_i - cos_t) * across * scale;
     let perpendicular = (cos_i - eta * cos_t) * along * scale;
-    let reflectance = R::of(0.5) * (parallel * parallel + perpendicular * perpendicular);
-    Interface { reflectance: R::select(total, one, reflectance), cos_t: R::select(total, zero, cos_t), eta }
+    let reflectance = R::splat(0.5) * (parallel * parallel + perpendicular * perpendicular);
+    DielectricFresnel {
+        reflectance: R::select(total, one, reflectance),
+        cos_t: R::select(total, zero, cos_t),
+        eta,
+    }
 }
 
-/// Reflectance of a metal whose reflectance at normal incidence is `f0` [Schlick 1994].
+/// Returns the reflectance of a metal whose reflectance at normal incidence is `f0` [Schlick 1994].
 #[inline(always)]
 pub fn schlick<V: Vector>(f0: V, cos: V::Scalar) -> V {
-    f0 + (V::all(Real::of(1.0)) - f0) * schlick_weight(cos)
+    f0 + (V::splat(Real::splat(1.0)) - f0) * schlick_weight(cos)
 }
 
-/// `(1 - |cos|)^5`, how far Schlick's reflectance has gone from its value at normal incidence to white.
+/// Returns `(1 - |cos|)^5`, the blend of Schlick's reflectance from normal incidence to white.
 #[inline(always)]
 pub fn schlick_weight<R: Real>(cos: R) -> R {
-    let m = (R::of(1.0) - cos.abs()).clamp(0.0, 1.0);
+    let m = (R::splat(1.0) - cos.abs()).clamp(0.0, 1.0);
     let m2 = m * m;
     m2 * m2 * m
 }
@@ -65,7 +77,7 @@ mod tests {
         let r = dielectric(n.atan().cos(), n).reflectance;
         let expected = 0.5 * ((n * n - 1.0) / (n * n + 1.0)).powi(2);
         assert!((r - expected).abs() < 1e-6);
-        // Inside, beyond the critical angle.
+        // From inside, beyond the critical angle.
         assert_eq!(dielectric(-0.5, 1.5).reflectance, 1.0);
         assert!((dielectric(1e-6, 1.5).reflectance - 1.0).abs() < 1e-4);
     }
@@ -78,7 +90,10 @@ mod tests {
                 let outside = dielectric(cos, ior);
                 if outside.cos_t > 0.0 {
                     let inside = dielectric(-outside.cos_t, ior);
-                    assert!((outside.reflectance - inside.reflectance).abs() < 2e-5, "{ior} {cos}");
+                    assert!(
+                        (outside.reflectance - inside.reflectance).abs() < 2e-5,
+                        "{ior} {cos}"
+                    );
                     assert!((inside.cos_t - cos).abs() < 1e-4);
                 }
             }

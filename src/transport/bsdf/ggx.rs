@@ -1,49 +1,55 @@
-//! The anisotropic GGX distribution of microfacet normals with Smith's separable masking and shadowing.
+//! The anisotropic GGX distribution of microfacet normals with Smith's separable masking and
+//! shadowing.
 //!
-//! Directions are on the upper side: `z > 0`.
+//! All directions are on the upper side: `z > 0`.
 
 use std::f32::consts::{FRAC_1_PI, TAU};
 
 use glam::Vec3;
 
-use crate::math::elementary;
 use crate::math::real::{Mask, Real, Vector};
+use crate::math::trig;
 
-/// The least alpha: the same bound as the program of the first document and Mitsuba have.
+/// Minimum alpha, the bound that the program of S0 and Mitsuba use as well.
 pub const MIN_ALPHA: f32 = 0.001;
 
-/// A GGX surface.
+/// A surface of GGX microfacets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ggx<R = f32> {
     /// Roughness along the tangent and the bitangent.
     pub alpha: [R; 2],
 }
 
-/// The half vector of two directions, as far as densities of microfacets depend on it: all parts are of the unit vector.
+/// The components of a unit half vector that densities of microfacets depend on.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Half<R = f32> {
-    /// The cosine with the normal, squared.
+pub struct HalfVector<R = f32> {
+    /// Squared cosine with the normal.
     pub along2: R,
-    /// The squared part across the normal.
+    /// Squared length of the tangential part.
     pub across2: R,
-    /// The same with each axis times alpha of the other one.
+    /// Squared length of the tangential part with each axis times alpha of the other axis.
     pub stretched2: R,
 }
 
-impl<R: Real> Half<R> {
-    /// Of the sum of two unit vectors, given in those parts and with its squared length; and the cosine between it and
-    /// either of them. A sum of nothing has the normal for a half vector.
+impl<R: Real> HalfVector<R> {
+    /// Builds the half vector from the sum of two unit vectors, given by its normal component
+    /// `along`, the squared tangential parts, and its squared length. Also returns the cosine
+    /// between the half vector and either direction. For a zero sum the half vector is the normal.
     #[inline(always)]
-    pub fn of_sum(along: R, across2: R, stretched2: R, length2: R) -> (Half<R>, R) {
-        let (zero, one) = (R::of(0.0), R::of(1.0));
+    pub fn from_sum(along: R, across2: R, stretched2: R, length2: R) -> (HalfVector<R>, R) {
+        let (zero, one) = (R::splat(0.0), R::splat(1.0));
         let scale = one / length2;
-        let half = Half { along2: along * along * scale, across2: across2 * scale, stretched2: stretched2 * scale };
-        let cos = (R::of(0.5) * length2.sqrt()).min(one);
+        let half = HalfVector {
+            along2: along * along * scale,
+            across2: across2 * scale,
+            stretched2: stretched2 * scale,
+        };
+        let cos = (R::splat(0.5) * length2.sqrt()).min(one);
         let none = !scale.is_finite();
         if !none.any() {
             return (half, cos);
         }
-        let half = Half {
+        let half = HalfVector {
             along2: R::select(none, one, half.along2),
             across2: R::select(none, zero, half.across2),
             stretched2: R::select(none, zero, half.stretched2),
@@ -53,74 +59,94 @@ impl<R: Real> Half<R> {
 }
 
 impl Ggx<f32> {
-    /// From perceptual roughness and anisotropy: alpha = roughness^2, stretched by the aspect sqrt(1 - 0.9 anisotropic)
-    /// [Burley 2012].
+    /// Builds the surface from perceptual roughness and anisotropy: alpha = roughness^2, stretched
+    /// by the aspect sqrt(1 - 0.9 anisotropic) [Burley 2012].
     #[inline]
     pub fn new(roughness: f32, anisotropic: f32) -> Ggx {
         let alpha = roughness * roughness;
         if anisotropic == 0.0 {
-            return Ggx { alpha: [alpha.max(MIN_ALPHA); 2] };
+            return Ggx {
+                alpha: [alpha.max(MIN_ALPHA); 2],
+            };
         }
         let aspect = (1.0 - 0.9 * anisotropic).sqrt();
-        Ggx { alpha: [(alpha / aspect).max(MIN_ALPHA), (alpha * aspect).max(MIN_ALPHA)] }
+        Ggx {
+            alpha: [
+                (alpha / aspect).max(MIN_ALPHA),
+                (alpha * aspect).max(MIN_ALPHA),
+            ],
+        }
     }
 }
 
 impl<R: Real> Ggx<R> {
-    /// The parts of the half vector of two directions with this sum, and its cosine with them: see [`Half::of_sum`].
+    /// Returns the half vector of two directions with this sum, and its cosine with them: see
+    /// [`HalfVector::from_sum`].
     #[inline(always)]
-    pub fn half(&self, sum: R::Vec3) -> (Half<R>, R) {
+    pub fn half(&self, sum: R::Vec3) -> (HalfVector<R>, R) {
         let [ax, ay] = self.alpha;
         let (sx, sy) = (sum.x(), sum.y());
         let (x, y) = (sx * ay, sy * ax);
-        Half::of_sum(sum.z(), sx * sx + sy * sy, x * x + y * y, sum.length_squared())
+        HalfVector::from_sum(
+            sum.z(),
+            sx * sx + sy * sy,
+            x * x + y * y,
+            sum.length_squared(),
+        )
     }
 
-    /// Density D of microfacet normals per solid angle and area of the macroscopic surface [Walter et al. 2007].
+    /// Returns the density D of microfacet normals per solid angle and area of the macroscopic
+    /// surface [Walter et al. 2007].
     #[inline(always)]
     pub fn d(&self, h: R::Vec3) -> R {
         let [hx, hy, hz] = [h.x(), h.y(), h.z()];
         let (x, y) = (hx * self.alpha[1], hy * self.alpha[0]);
-        self.d_at(&Half { along2: hz * hz, across2: hx * hx + hy * hy, stretched2: x * x + y * y })
+        self.d_at(&HalfVector {
+            along2: hz * hz,
+            across2: hx * hx + hy * hy,
+            stretched2: x * x + y * y,
+        })
     }
 
-    /// The same for a half vector.
+    /// Returns the same density for a half vector.
     #[inline(always)]
-    pub fn d_at(&self, h: &Half<R>) -> R {
+    pub fn d_at(&self, h: &HalfVector<R>) -> R {
         // 1 / (pi ax ay ((x / ax)^2 + (y / ay)^2 + z^2)^2), with one division.
         let area = self.alpha[0] * self.alpha[1];
         let s = h.stretched2 + h.along2 * (area * area);
-        R::of(FRAC_1_PI) * area * area * area / (s * s)
+        R::splat(FRAC_1_PI) * area * area * area / (s * s)
     }
 
-    /// Smith's masking over the cosine, `G1(w) / z` [Heitz 2014], in a form that stays finite.
+    /// Returns Smith's masking over the cosine, `G1(w) / z` [Heitz 2014], in a form that stays
+    /// finite.
     #[inline(always)]
     pub fn masking_over_cos(&self, w: R::Vec3) -> R {
         let (x, y) = (self.alpha[0] * w.x(), self.alpha[1] * w.y());
         self.masking_at(w.z(), x * x + y * y)
     }
 
-    /// The same for a direction with this cosine, whose part across the normal has this square when each axis is
-    /// multiplied by its alpha.
+    /// Returns the same masking for a direction with cosine `cos` whose tangential part, each axis
+    /// times its alpha, has the squared length `spread2`.
     #[inline(always)]
     pub fn masking_at(&self, cos: R, spread2: R) -> R {
-        R::of(2.0) / (cos + (cos * cos + spread2).sqrt())
+        R::splat(2.0) / (cos + (cos * cos + spread2).sqrt())
     }
 
-    /// Density with which [`Ggx::sample`] finds the normal `h`, over `wo . h`: the Jacobian of a reflection cancels it.
+    /// Returns the density with which [`Ggx::sample`] samples the normal `h`, over `wo . h`: the
+    /// Jacobian of a reflection cancels that factor.
     #[inline(always)]
     pub fn pdf_over_dot(&self, wo: R::Vec3, h: R::Vec3) -> R {
         self.masking_over_cos(wo) * self.d(h)
     }
 
-    /// A microfacet normal with the density of those visible from `wo` [Heitz 2018], by spherical caps [Dupuy &
-    /// Benyoub 2023].
+    /// Samples a microfacet normal with the density of those visible from `wo` [Heitz 2018], by
+    /// spherical caps [Dupuy & Benyoub 2023].
     #[inline(always)]
     pub fn sample(&self, wo: R::Vec3, u: [R; 2]) -> R::Vec3 {
         let [ax, ay] = self.alpha;
-        let (zero, one, up) = (R::of(0.0), R::of(1.0), R::Vec3::of(Vec3::Z));
+        let (zero, one, up) = (R::splat(0.0), R::splat(1.0), R::Vec3::broadcast(Vec3::Z));
         let w = R::Vec3::new(ax * wo.x(), ay * wo.y(), wo.z()).normalize_or(up);
-        let (sin, cos) = elementary::sin_cos(R::of(TAU) * u[0]);
+        let (sin, cos) = trig::sin_cos(R::splat(TAU) * u[0]);
         let z = (one - u[1]) * (one + w.z()) - w.z();
         let r = (one - z * z).max(zero).sqrt();
         let h = R::Vec3::new(r * cos, r * sin, z) + w;
@@ -134,7 +160,7 @@ mod tests {
     use crate::math::rng::{pcg4d, unit};
     use crate::math::warp::uniform_sphere;
 
-    /// Integral over the upper hemisphere by uniform samples.
+    /// Integrates over the upper hemisphere with uniform samples.
     fn hemisphere(n: u32, f: impl Fn(Vec3) -> f32) -> f64 {
         let sum: f64 = (0..n)
             .map(|i| {
@@ -152,10 +178,20 @@ mod tests {
         for (roughness, anisotropic) in [(1.0, 0.0), (0.7, 0.0), (0.8, 0.8)] {
             let ggx = Ggx::new(roughness, anisotropic);
             let area = hemisphere(400_000, |h| ggx.d(h) * h.z);
-            assert!((area - 1.0).abs() < 0.02, "{roughness} {anisotropic}: {area}");
-            for wo in [Vec3::Z, Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.3, 0.9, 0.3).normalize_or(Vec3::Z)] {
+            assert!(
+                (area - 1.0).abs() < 0.02,
+                "{roughness} {anisotropic}: {area}"
+            );
+            for wo in [
+                Vec3::Z,
+                Vec3::new(0.6, 0.0, 0.8),
+                Vec3::new(0.3, 0.9, 0.3).normalize_or(Vec3::Z),
+            ] {
                 let seen = hemisphere(400_000, |h| ggx.pdf_over_dot(wo, h) * wo.dot(h).max(0.0));
-                assert!((seen - 1.0).abs() < 0.02, "{roughness} {anisotropic} {wo}: {seen}");
+                assert!(
+                    (seen - 1.0).abs() < 0.02,
+                    "{roughness} {anisotropic} {wo}: {seen}"
+                );
             }
         }
     }
@@ -167,7 +203,10 @@ mod tests {
                 let u = pcg4d([i, 1, 2, 9]).map(unit);
                 let wo = uniform_sphere([u[0] * 0.5, u[1]]);
                 let h = Ggx::new(roughness, 0.5).sample(wo, [u[2], u[3]]);
-                assert!((h.length() - 1.0).abs() < 1e-5 && h.z >= 0.0 && wo.dot(h) > -1e-4, "{wo} {h}");
+                assert!(
+                    (h.length() - 1.0).abs() < 1e-5 && h.z >= 0.0 && wo.dot(h) > -1e-4,
+                    "{wo} {h}"
+                );
             }
         }
     }

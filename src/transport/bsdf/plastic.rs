@@ -1,60 +1,71 @@
-//! Plastic: a diffuse body under a dielectric surface, smooth or rough, with all reflections between the two [Weidlich &
-//! Wilkie 2007, as simplified by Mitsuba and Tungsten].
+//! Plastic: a diffuse body under a smooth or rough dielectric surface, with all reflections between
+//! the two [Weidlich & Wilkie 2007, as simplified by Mitsuba and Tungsten].
 //!
-//! What passes the surface is taken from the exact Fresnel equations at the macroscopic cosine, also where the surface is
-//! rough, as Tungsten does; Mitsuba 3 tabulates what a rough surface lets through. With the smooth one a rough white
-//! plastic sends back up to 1 % more than it gets at some angles, and less than it gets at grazing ones; tests hold that.
+//! The transmittance of the surface is computed from the exact Fresnel equations at the macroscopic
+//! cosine, even if the surface is rough, as in Tungsten; Mitsuba 3 tabulates the rough
+//! transmittance. With the smooth one a rough white plastic reflects up to 1 % more than it
+//! receives at some angles, and less at grazing ones; tests bound this.
 
 use std::f32::consts::FRAC_1_PI;
 
 use glam::Vec3;
 
 use super::facets::{Facets, mirrored};
-use super::{LobeSample, Local, fresnel};
+use super::{LobeSample, MixtureSample, fresnel};
 use crate::math::warp;
 
-/// Plastic at a point.
+/// Plastic at a point of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plastic {
     /// Albedo of the body.
     pub diffuse: Vec3,
-    /// Factor on what the surface reflects.
+    /// Factor on the surface reflection.
     pub specular: Vec3,
     /// Index of the surface relative to the outside.
     pub ior: f32,
-    /// Part of the diffuse light from inside that the surface reflects back.
+    /// Fraction of the diffuse light from inside that the surface reflects back.
     pub internal: f32,
-    /// Whether that light takes on the body's colour again each time.
+    /// Whether internally reflected light is tinted by the body's colour at each bounce.
     pub nonlinear: bool,
-    /// Microfacets of the surface, or `None` where it is smooth.
+    /// Microfacets of the surface; `None` if it is smooth.
     pub facets: Option<Facets>,
 }
 
 impl Plastic {
+    /// Returns the albedo of the body with all internal reflections, over the squared index.
     #[inline]
     fn body(&self) -> Vec3 {
-        let again = if self.nonlinear { self.diffuse * self.internal } else { Vec3::splat(self.internal) };
-        self.diffuse / (Vec3::ONE - again).max(Vec3::splat(1e-6)) / (self.ior * self.ior)
+        let recurring = if self.nonlinear {
+            self.diffuse * self.internal
+        } else {
+            Vec3::splat(self.internal)
+        };
+        self.diffuse / (Vec3::ONE - recurring).max(Vec3::splat(1e-6)) / (self.ior * self.ior)
     }
 
-    /// Probability of the surface's reflection, seen from a cosine.
+    /// Returns the probability of sampling the surface reflection, for a cosine of `wo`.
     #[inline]
     fn surface_probability(&self, cos: f32) -> f32 {
         let mean = |c: Vec3| c.element_sum() * (1.0 / 3.0);
         let r = fresnel::dielectric(cos, self.ior).reflectance;
         let (surface, body) = (r * mean(self.specular), (1.0 - r) * mean(self.diffuse));
-        if surface + body > 0.0 { surface / (surface + body) } else { 0.5 }
+        if surface + body > 0.0 {
+            surface / (surface + body)
+        } else {
+            0.5
+        }
     }
 
-    /// Value and densities of both directions, for two on the upper side.
+    /// Returns the value and the densities of both directions, for two directions on the upper
+    /// side.
     #[inline]
     pub fn evaluate(&self, o: Vec3, i: Vec3) -> (Vec3, [f32; 2]) {
         if o.z <= 0.0 || i.z <= 0.0 {
             return (Vec3::ZERO, [0.0; 2]);
         }
-        let passes = |cos| 1.0 - fresnel::dielectric(cos, self.ior).reflectance;
+        let transmittance = |cos| 1.0 - fresnel::dielectric(cos, self.ior).reflectance;
         let surface = [o.z, i.z].map(|cos| self.surface_probability(cos));
-        let mut f = self.body() * (passes(o.z) * passes(i.z) * FRAC_1_PI);
+        let mut f = self.body() * (transmittance(o.z) * transmittance(i.z) * FRAC_1_PI);
         let mut pdf = [
             (1.0 - surface[0]) * warp::cosine_hemisphere_pdf_w(i.z),
             (1.0 - surface[1]) * warp::cosine_hemisphere_pdf_w(o.z),
@@ -62,25 +73,34 @@ impl Plastic {
         if let Some(facets) = &self.facets {
             let h = (o + i).normalize_or(Vec3::Z);
             let d = 0.25 * facets.d(h);
-            let seen = [o, i].map(|w| facets.masking_over_cos(w));
+            let masking = [o, i].map(|w| facets.masking_over_cos(w));
             let r = fresnel::dielectric(o.dot(h).max(0.0), self.ior).reflectance;
-            f += self.specular * (r * seen[0] * d * seen[1]);
-            pdf[0] += surface[0] * seen[0] * d;
-            pdf[1] += surface[1] * seen[1] * d;
+            f += self.specular * (r * masking[0] * d * masking[1]);
+            pdf[0] += surface[0] * masking[0] * d;
+            pdf[1] += surface[1] * masking[1] * d;
         }
         (f, pdf)
     }
 
-    /// A direction of the surface or of the body, for `o` on the upper side.
+    /// Samples a direction of the surface reflection or of the body, for `o` on the upper side.
     #[inline]
-    pub fn sample(&self, o: Vec3, u: f32, v: [f32; 2]) -> Option<Local> {
+    pub fn sample(&self, o: Vec3, u: f32, v: [f32; 2]) -> Option<MixtureSample> {
         let surface = self.surface_probability(o.z);
         let wi = match &self.facets {
             _ if u >= surface => warp::cosine_hemisphere(v),
             None => {
                 let wi = Vec3::new(-o.x, -o.y, o.z);
-                let weight = self.specular * (fresnel::dielectric(o.z, self.ior).reflectance / surface);
-                return Some(Local::new(LobeSample { wi, weight, eta: 1.0 }, surface, true));
+                let weight =
+                    self.specular * (fresnel::dielectric(o.z, self.ior).reflectance / surface);
+                return Some(MixtureSample::new(
+                    LobeSample {
+                        wi,
+                        weight,
+                        eta: 1.0,
+                    },
+                    surface,
+                    true,
+                ));
             }
             Some(facets) => mirrored(o, facets.sample(o, v)),
         };
@@ -89,6 +109,16 @@ impl Plastic {
         }
         let (f, [pdf_w, _]) = self.evaluate(o, wi);
         let weight = f * (wi.z / pdf_w);
-        (pdf_w > 0.0 && weight.is_finite()).then(|| Local::new(LobeSample { wi, weight, eta: 1.0 }, pdf_w, false))
+        (pdf_w > 0.0 && weight.is_finite()).then(|| {
+            MixtureSample::new(
+                LobeSample {
+                    wi,
+                    weight,
+                    eta: 1.0,
+                },
+                pdf_w,
+                false,
+            )
+        })
     }
 }

@@ -1,38 +1,40 @@
 //! Pixel filters, sampled by importance.
 //!
-//! Every filter is a product of one profile in x and the same in y, each integrating to one over the offset in pixels.
-//! A camera ray's offset is drawn with that density, so every camera sample has weight one. A light path asks the other
-//! way round, how much each pixel wants of a place on the film: [`FilterSpec::choose`] draws a pixel's column or row
-//! with probability proportional to the density at its centre's distance, and gives the sum of those densities as weight.
+//! Every filter is the product of one profile in x and the same profile in y, each integrating to
+//! one over the offset in pixels. A camera ray's offset is drawn with that density, so every camera
+//! sample has weight one. For light paths [`FilterSpec::choose_pixel`] draws a pixel's column or
+//! row with probability proportional to the density at the distance of its centre, and returns the
+//! sum of those densities as weight.
 
 use std::f32::consts::{PI, TAU};
 
 use crate::math::real::Real;
 
-/// A pixel filter, sampled by importance: every sample has weight one.
+/// A pixel filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FilterSpec {
-    /// Its shape.
+    /// The shape of the filter.
     pub kind: FilterKind,
-    /// Half width in pixels, where the filter ends: a box of radius 0.5 is the pixel. For
+    /// Half width in pixels, at which the filter ends: a box of radius 0.5 is the pixel. For
     /// [`FilterKind::AntialiasingRadius`] half a standard deviation.
     pub radius: f32,
 }
 
-/// The shapes of pixel filters.
+/// The shape of a pixel filter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FilterKind {
-    /// Constant.
+    /// Constant density up to the radius.
     Box,
-    /// Falls linearly from the centre to the radius.
+    /// Density that falls linearly from the centre to the radius.
     Tent,
     /// Gaussian with sigma a third of the radius, truncated at the radius in x and in y.
     Gauss,
     /// The minimum four-term window of [Harris 1978], which ends smoothly at the radius.
     BlackmanHarris,
-    /// The first source's filter under its own name: a Gaussian with sigma twice the radius, nowhere cut off (an offset
-    /// beyond 5.4 sigma has a probability below that of one 24-bit random number and is not drawn). The source also
-    /// shifts it, so that the offset lies about the pixel's corner; that shift moves the whole picture and is left out.
+    /// The filter of S0 under its own name: a Gaussian with sigma twice the radius, not
+    /// truncated (an offset beyond 5.4 sigma is less likely than one 24-bit random number and is
+    /// never drawn). The source also shifts the offset so that it is about the pixel's corner; that
+    /// shift moves the whole picture and is left out.
     AntialiasingRadius,
 }
 
@@ -57,42 +59,48 @@ pub const FILTER_NAMES: [&str; FILTERS.len()] = {
 };
 
 impl FilterKind {
-    /// The name in scripts.
+    /// Returns the name in scripts.
     pub fn name(self) -> &'static str {
         FILTER_NAMES[self as usize]
     }
 
-    /// The filter with this name.
+    /// Returns the filter with this name.
     pub fn from_name(name: &str) -> Option<FilterKind> {
-        FILTERS.iter().find(|(_, n)| *n == name).map(|(kind, _)| *kind)
+        FILTERS
+            .iter()
+            .find(|(_, n)| *n == name)
+            .map(|(kind, _)| *kind)
     }
 }
 
 impl FilterSpec {
     /// The filter that is the pixel's own square.
-    pub const PIXEL: FilterSpec = FilterSpec { kind: FilterKind::Box, radius: 0.5 };
+    pub const PIXEL: FilterSpec = FilterSpec {
+        kind: FilterKind::Box,
+        radius: 0.5,
+    };
 
-    /// Offset from the pixel's centre in pixels, for any number of samples.
+    /// Samples an offset from the pixel's centre, in pixels; scalar or vectorised.
     #[inline(always)]
     pub fn sample<R: Real>(&self, [u, v]: [R; 2]) -> [R; 2] {
         [self.offset(u), self.offset(v)]
     }
 
-    /// One coordinate of it.
+    /// Samples one coordinate of the offset.
     #[inline(always)]
     fn offset<R: Real>(&self, u: R) -> R {
-        let radius = R::of(self.radius);
+        let radius = R::splat(self.radius);
         match self.kind {
-            FilterKind::Box => (R::of(2.0) * u - R::of(1.0)) * radius,
-            FilterKind::Tent => u.each(tent) * radius,
-            FilterKind::Gauss => u.each(truncated_normal) * radius / R::of(SIGMAS),
-            FilterKind::BlackmanHarris => u.each(blackman_harris) * radius,
-            FilterKind::AntialiasingRadius => u.each(wide_normal) * R::of(2.0) * radius,
+            FilterKind::Box => (R::splat(2.0) * u - R::splat(1.0)) * radius,
+            FilterKind::Tent => u.map_lanes(tent) * radius,
+            FilterKind::Gauss => u.map_lanes(truncated_normal) * radius / R::splat(SIGMAS),
+            FilterKind::BlackmanHarris => u.map_lanes(blackman_harris) * radius,
+            FilterKind::AntialiasingRadius => u.map_lanes(wide_normal) * R::splat(2.0) * radius,
         }
     }
 
-    /// Density of one coordinate of [`FilterSpec::sample`] at an offset `x`, per pixel. Zero everywhere for a filter of
-    /// radius zero, which has no density.
+    /// Returns the density of one coordinate of [`FilterSpec::sample`] at an offset `x`, per pixel.
+    /// A filter of radius zero has no density: returns zero everywhere.
     #[inline]
     pub fn density(&self, x: f32) -> f32 {
         let r = self.radius;
@@ -106,25 +114,31 @@ impl FilterSpec {
             FilterKind::Gauss => gauss(r / SIGMAS) / (1.0 - 2.0 * TAIL),
             FilterKind::BlackmanHarris => {
                 let c = |k: f32| (k * PI * x / r).cos();
-                (HARRIS[0] + HARRIS[1] * c(1.0) + HARRIS[2] * c(2.0) + HARRIS[3] * c(3.0)) / (2.0 * r * HARRIS[0])
+                (HARRIS[0] + HARRIS[1] * c(1.0) + HARRIS[2] * c(2.0) + HARRIS[3] * c(3.0))
+                    / (2.0 * r * HARRIS[0])
             }
             FilterKind::AntialiasingRadius => gauss(2.0 * r),
         }
     }
 
-    /// The largest absolute offset.
+    /// Returns the largest absolute offset in pixels.
     #[inline]
     pub fn reach(&self) -> f32 {
-        if self.kind == FilterKind::AntialiasingRadius { 2.0 * WIDE * self.radius } else { self.radius }
+        if self.kind == FilterKind::AntialiasingRadius {
+            2.0 * MAX_SIGMAS * self.radius
+        } else {
+            self.radius
+        }
     }
 
-    /// Chooses the column (or row) among `count` that a light path's place `q` on the film, in pixels from the edge,
-    /// counts for: with probability proportional to [`FilterSpec::density`] at the distance to its centre. Also returns
-    /// the sum of the densities, which is the weight; `None` where no pixel wants this place, or none can (radius 0).
+    /// Chooses the column (or row) among `count` that receives a light path at the film position
+    /// `q`, in pixels from the edge, with probability proportional to [`FilterSpec::density`] at
+    /// the distance to its centre. Also returns the sum of the densities, which is the weight.
+    /// Returns `None` if no pixel's filter covers the position or the radius is 0.
     #[inline]
-    pub fn choose(&self, q: f32, count: u32, u: f32) -> Option<(u32, f32)> {
+    pub fn choose_pixel(&self, q: f32, count: u32, u: f32) -> Option<(u32, f32)> {
         if *self == FilterSpec::PIXEL {
-            // Exactly one pixel has its centre within half a pixel.
+            // Exactly one pixel's centre is within half a pixel.
             return (q >= 0.0 && q < count as f32).then(|| ((q as u32).min(count - 1), 1.0));
         }
         let reach = self.reach();
@@ -157,26 +171,31 @@ impl FilterSpec {
 /// Coefficients of the window [Harris 1978, table 1].
 const HARRIS: [f32; 4] = [0.358_75, 0.488_29, 0.141_28, 0.011_68];
 
-/// No 24-bit random number lies further out in a normal distribution, in standard deviations.
-const WIDE: f32 = 5.5;
+/// Maximum deviation of a normal distribution that a 24-bit random number can produce, in standard
+/// deviations.
+const MAX_SIGMAS: f32 = 5.5;
 
-/// A number in `-1..=1` with a density that falls linearly from 0 to both ends, by inversion.
+/// Samples a number in `-1..=1` whose density falls linearly from 0 to both ends, by inversion.
 fn tent(u: f32) -> f32 {
-    if u < 0.5 { (2.0 * u).sqrt() - 1.0 } else { 1.0 - (2.0 * (1.0 - u)).max(0.0).sqrt() }
+    if u < 0.5 {
+        (2.0 * u).sqrt() - 1.0
+    } else {
+        1.0 - (2.0 * (1.0 - u)).max(0.0).sqrt()
+    }
 }
 
-/// A number in `-1..=1` with the density of the Blackman-Harris window, by inverting its distribution function: Newton's
-/// steps, kept within the bracket that earlier steps left.
+/// Samples a number in `-1..=1` with the density of the Blackman-Harris window, by inverting its
+/// distribution function: Newton steps safeguarded by bisection.
 fn blackman_harris(u: f32) -> f32 {
     let [a0, a1, a2, a3] = HARRIS.map(f64::from);
     let pi = std::f64::consts::PI;
-    // Symmetric: only the upper half is inverted.
+    // The window is symmetric: only the upper half is inverted.
     let target = (f64::from(u) - 0.5).abs();
     let (mut low, mut high) = (0.0f64, 1.0f64);
     let mut x = (0.9 * target).min(0.5);
     for _ in 0..40 {
         let (s, c) = (pi * x).sin_cos();
-        // sin and cos of two and three times the angle.
+        // Sine and cosine of two and three times the angle.
         let (s2, c2) = (2.0 * s * c, c * c - s * s);
         let (s3, c3) = (s2 * c + c2 * s, c2 * c - s2 * s);
         let mass = 0.5 * (x + (a1 * s + a2 * s2 / 2.0 + a3 * s3 / 3.0) / (pi * a0)) - target;
@@ -187,7 +206,11 @@ fn blackman_harris(u: f32) -> f32 {
             low = x
         }
         let step = x - mass / density;
-        let next = if step > low && step < high { step } else { 0.5 * (low + high) };
+        let next = if step > low && step < high {
+            step
+        } else {
+            0.5 * (low + high)
+        };
         if (next - x).abs() < 1e-9 {
             break;
         }
@@ -202,25 +225,26 @@ const SIGMAS: f32 = 3.0;
 /// Mass of the standard normal distribution outside three standard deviations, on one side.
 const TAIL: f32 = 1.349_898e-3;
 
-/// A standard normal number conditioned on its absolute value being at most three, by inversion.
+/// Samples a standard normal number truncated to an absolute value of at most three, by inversion.
 fn truncated_normal(u: f32) -> f32 {
     let p = TAIL + u * (1.0 - 2.0 * TAIL);
     inverse_normal_cdf(p).clamp(-SIGMAS, SIGMAS)
 }
 
-/// A standard normal number, by inversion.
+/// Samples a standard normal number, by inversion.
 fn wide_normal(u: f32) -> f32 {
-    inverse_normal_cdf(middle_of_step(u)).clamp(-WIDE, WIDE)
+    inverse_normal_cdf(middle_of_step(u)).clamp(-MAX_SIGMAS, MAX_SIGMAS)
 }
 
-/// The middle of the 2^-24 wide step that a sample number stands for, so that 0 is not infinitely far. That of the last
-/// step would be rounded to 1, which is: it stays in front of it.
+/// Returns the middle of the 2^-24 wide step of a sample number, so that 0 is not mapped to
+/// infinity. The middle of the last step would round to 1, so it is kept below.
 fn middle_of_step(u: f32) -> f32 {
     (u + 0.5 / 16_777_216.0).min(1.0 - 0.5 * f32::EPSILON)
 }
 
-/// The quantile of the standard normal distribution for `p` in (0, 1): the single-precision polynomial for the inverse
-/// error function of [Giles 2010, table 5], relative error below 1e-6.
+/// Returns the quantile of the standard normal distribution for `p` in (0, 1), by the
+/// single-precision polynomial for the inverse error function of [Giles 2010, table 5]; relative
+/// error below 1e-6.
 fn inverse_normal_cdf(p: f32) -> f32 {
     const CENTRE: [f32; 9] = [
         2.810_226_4e-8,
@@ -246,7 +270,11 @@ fn inverse_normal_cdf(p: f32) -> f32 {
     ];
     let x = 2.0 * p - 1.0;
     let w = -((1.0 - x) * (1.0 + x)).ln();
-    let (coefficients, w) = if w < 5.0 { (CENTRE, w - 2.5) } else { (TAILS, w.sqrt() - 3.0) };
+    let (coefficients, w) = if w < 5.0 {
+        (CENTRE, w - 2.5)
+    } else {
+        (TAILS, w.sqrt() - 3.0)
+    };
     std::f32::consts::SQRT_2 * x * coefficients.iter().fold(0.0, |sum, c| sum * w + c)
 }
 
@@ -268,18 +296,33 @@ mod tests {
 
     #[test]
     fn quantiles_match_published_values() {
-        for (p, x) in [(0.5, 0.0), (0.975, 1.959_964), (0.01, -2.326_348), (0.998, 2.878_162)] {
-            assert!((inverse_normal_cdf(p) - x).abs() < 1e-4, "{p}: {}", inverse_normal_cdf(p));
+        for (p, x) in [
+            (0.5, 0.0),
+            (0.975, 1.959_964),
+            (0.01, -2.326_348),
+            (0.998, 2.878_162),
+        ] {
+            assert!(
+                (inverse_normal_cdf(p) - x).abs() < 1e-4,
+                "{p}: {}",
+                inverse_normal_cdf(p)
+            );
         }
         for i in 1..1000 {
             let p = i as f32 / 1000.0;
-            assert!((normal_cdf(f64::from(inverse_normal_cdf(p))) - f64::from(p)).abs() < 1e-6, "{p}");
+            assert!(
+                (normal_cdf(f64::from(inverse_normal_cdf(p))) - f64::from(p)).abs() < 1e-6,
+                "{p}"
+            );
         }
     }
 
     #[test]
     fn gaussian_has_its_density_and_stays_within_its_radius() {
-        let f = FilterSpec { kind: FilterKind::Gauss, radius: 1.5 };
+        let f = FilterSpec {
+            kind: FilterKind::Gauss,
+            radius: 1.5,
+        };
         let n = 100_000u32;
         let mut observed = vec![0.0; 30];
         for i in 0..n {
@@ -289,13 +332,15 @@ mod tests {
         }
         let cdf = |x: f64| (normal_cdf(x / 0.5) - f64::from(TAIL)) / (1.0 - 2.0 * f64::from(TAIL));
         let expected: Vec<f64> = (0..30)
-            .map(|i| f64::from(n) * (cdf(f64::from(i + 1) / 10.0 - 1.5) - cdf(f64::from(i) / 10.0 - 1.5)))
+            .map(|i| {
+                f64::from(n) * (cdf(f64::from(i + 1) / 10.0 - 1.5) - cdf(f64::from(i) / 10.0 - 1.5))
+            })
             .collect();
         assert!(stats::chi_square_p(&observed, &expected, 0) > 0.001);
     }
 
-    /// Chi-square of one coordinate against the integral of the density, and the mass of the density; significance
-    /// 0.001 split over five filters.
+    /// Tests one coordinate by chi-square against the integral of the density, and the density's
+    /// total mass; significance 0.001 is split over five filters.
     #[test]
     fn every_filter_has_the_density_that_it_says() {
         for (kind, name) in FILTERS {
@@ -310,7 +355,11 @@ mod tests {
             let step = 2.0 * reach / cells as f64;
             let mass = |c: usize| {
                 let at = |j: usize| -reach + step * (c as f64 + (j as f64 + 0.5) / 64.0);
-                (0..64).map(|j| f64::from(f.density(at(j) as f32))).sum::<f64>() * step / 64.0
+                (0..64)
+                    .map(|j| f64::from(f.density(at(j) as f32)))
+                    .sum::<f64>()
+                    * step
+                    / 64.0
             };
             let masses: Vec<f64> = (0..cells).map(mass).collect();
             let total: f64 = masses.iter().sum();
@@ -333,19 +382,31 @@ mod tests {
                 let n = 1000;
                 let mut counts = [0.0f32; 7];
                 for i in 0..n {
-                    let (pixel, weight) = f.choose(q, 7, (i as f32 + 0.5) / n as f32).unwrap();
+                    let (pixel, weight) =
+                        f.choose_pixel(q, 7, (i as f32 + 0.5) / n as f32).unwrap();
                     assert!((weight / total - 1.0).abs() < 1e-5, "{name}");
                     counts[pixel as usize] += 1.0;
                 }
                 for (count, wanted) in counts.iter().zip(&wanted) {
-                    assert!((count / n as f32 - wanted / total).abs() < 2.0 / n as f32, "{name} {counts:?} {wanted}");
+                    assert!(
+                        (count / n as f32 - wanted / total).abs() < 2.0 / n as f32,
+                        "{name} {counts:?} {wanted}"
+                    );
                 }
             }
-            assert_eq!(FilterSpec { kind, radius: 0.0 }.choose(1.5, 4, 0.5), None, "{name}");
-            assert_eq!(FilterSpec { kind, radius: 0.5 }.choose(f32::NAN, 4, 0.5), None, "{name}");
+            assert_eq!(
+                FilterSpec { kind, radius: 0.0 }.choose_pixel(1.5, 4, 0.5),
+                None,
+                "{name}"
+            );
+            assert_eq!(
+                FilterSpec { kind, radius: 0.5 }.choose_pixel(f32::NAN, 4, 0.5),
+                None,
+                "{name}"
+            );
         }
-        assert_eq!(FilterSpec::PIXEL.choose(-0.1, 4, 0.5), None);
-        assert_eq!(FilterSpec::PIXEL.choose(4.0, 4, 0.5), None);
+        assert_eq!(FilterSpec::PIXEL.choose_pixel(-0.1, 4, 0.5), None);
+        assert_eq!(FilterSpec::PIXEL.choose_pixel(4.0, 4, 0.5), None);
     }
 
     #[test]
@@ -354,14 +415,20 @@ mod tests {
             let f = FilterSpec { kind, radius: 1.25 };
             for u in [0.0, 1.0 - 0.5 * f32::EPSILON] {
                 let [x, y] = f.sample([u, u]);
-                assert!(x.abs() <= f.reach() && x == y && (x < 0.0) == (u == 0.0), "{name}: {x}");
+                assert!(
+                    x.abs() <= f.reach() && x == y && (x < 0.0) == (u == 0.0),
+                    "{name}: {x}"
+                );
             }
         }
     }
 
     #[test]
     fn box_covers_its_square() {
-        let f = FilterSpec { kind: FilterKind::Box, radius: 0.5 };
+        let f = FilterSpec {
+            kind: FilterKind::Box,
+            radius: 0.5,
+        };
         assert_eq!(f.sample([0.0, 0.5]), [-0.5, 0.0]);
         assert!(f.sample([0.999_999_9, 0.0])[0] < 0.5);
     }

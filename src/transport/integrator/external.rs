@@ -1,19 +1,20 @@
-//! Techniques of other programs, which an experiment may put beside our own. What carries them out is
-//! [`render::external`](crate::render::external); no backend of ours takes one.
+//! Techniques of other programs, which an experiment may compare with the integrators of this one.
+//! They are run by [`render::external`](crate::render::external); no backend of this program
+//! accepts them.
 
 use super::IntegratorRow;
 use crate::value::schema::{Field, Table, Ty};
 
-/// The key of the interpreter. Where it lies is no part of what a run is.
+/// The parameter of the Python interpreter. Its location is not part of a run's identity.
 pub const PYTHON: Field = Field {
     key: "python",
     ty: Ty::Str,
     required: false,
     default: "python3",
-    doc: "the Python interpreter that has the package: a path, or a name that is looked for on PATH",
+    doc: "the Python interpreter that has the package: a path, or a name to be found on PATH",
 };
 
-/// The key of the variant.
+/// The parameter of Mitsuba's variant.
 pub const VARIANT: Field = Field {
     key: "variant",
     ty: Ty::Str,
@@ -22,21 +23,23 @@ pub const VARIANT: Field = Field {
     doc: "Mitsuba's variant: scalar_rgb, llvm_ad_rgb, cuda_ad_rgb",
 };
 
-/// The key of the integrator inside.
+/// The parameter of Mitsuba's integrator.
 pub const METHOD: Field = Field {
     key: "method",
     ty: Ty::Str,
     required: false,
     default: "path",
-    doc: "Mitsuba's integrator: path, which joins light sampling and BSDF sampling, or another that takes a max_depth",
+    doc: "Mitsuba's integrator: path, which combines light sampling and BSDF sampling, or another \
+          that takes a max_depth",
 };
 
-/// Every technique of another program.
+/// All techniques of other programs.
 pub const EXTERNALS: &[IntegratorRow] = &[IntegratorRow {
     name: "external:mitsuba",
     long_name: "Mitsuba 3",
     revision: 1,
-    doc: "The scene is exported and rendered by Mitsuba 3 through its Python package; its own render time is the clock.",
+    doc: "The scene is exported and rendered by Mitsuba 3 through its Python package, which also \
+          measures the render time.",
     params: Table {
         name: "ExternalMitsubaParams",
         doc: "Parameters of `external:mitsuba`.",
@@ -46,7 +49,7 @@ pub const EXTERNALS: &[IntegratorRow] = &[IntegratorRow {
     sample: |_, _, _, _| {},
 }];
 
-/// Whether another program carries this technique out.
+/// Returns whether another program renders this technique.
 pub fn is_external(row: &IntegratorRow) -> bool {
     EXTERNALS.iter().any(|external| external.name == row.name)
 }

@@ -1,5 +1,5 @@
-//! Integrators: ways of finding the light that reaches a pixel, one file and one table row each; and the names of those
-//! of other programs.
+//! Integrators: algorithms that estimate the light reaching a pixel, one file and one table entry
+//! each; and the names of techniques of other programs.
 
 pub mod bdpt;
 pub mod bpt;
@@ -10,8 +10,8 @@ pub mod settings;
 
 use super::camera::Camera;
 use super::contribution::Contribution;
-use super::flight::Timing;
 use super::light::Lights;
+use super::path_time::Timing;
 use super::ray::Trace;
 use super::sampler::Sampler;
 use crate::scene::CompiledScene;
@@ -21,64 +21,68 @@ pub use settings::Settings;
 
 /// Everything that stays the same from sample to sample.
 pub struct Context<'a> {
-    /// The scene.
+    /// The compiled scene.
     pub scene: &'a CompiledScene,
-    /// The camera, ready for the picture's resolution and filter.
+    /// The camera, prepared for the picture's resolution and filter.
     pub camera: &'a Camera,
-    /// The lights.
+    /// The lights of the scene.
     pub lights: &'a Lights,
-    /// Whatever intersects rays.
+    /// The ray intersector.
     pub trace: &'a dyn Trace,
-    /// Greatest number of path edges: 1 = emission only, 2 = direct light.
+    /// Maximum number of path edges: 1 = emission only, 2 = direct light.
     pub max_depth: u32,
-    /// First path edge after which Russian roulette may end a path; `None` is never.
+    /// First path edge after which Russian roulette may end a path; `None` disables it.
     pub rr_start: Option<u32>,
     /// The integrator's own parameters.
     pub settings: &'a Settings,
-    /// What a film with a time axis asks; without one, lengths are not counted.
+    /// Settings of the film's time axis; without one, optical lengths are not computed.
     pub timing: Option<&'a Timing>,
 }
 
 impl Context<'_> {
-    /// Whether paths need a [`Flight`](super::flight::Flight): for a time axis, or for materials with parts.
+    /// Returns whether paths need a [`PathTime`](super::path_time::PathTime): for a time axis, or
+    /// for composed or delayed materials.
     #[inline]
     pub fn timed(&self) -> bool {
         self.timing.is_some() || !self.scene.delays.is_empty()
     }
 
-    /// The index of the medium around the camera.
+    /// Returns the index of the medium around the camera.
     #[inline]
     pub fn medium(&self) -> f32 {
         self.timing.map_or(1.0, |timing| timing.medium)
     }
 }
 
-/// Hands every contribution of one sample of one pixel to the sink.
+/// Computes one sample of one pixel and passes every contribution to the sink.
 pub type SampleFn = fn(&Context, pixel: [u32; 2], &mut Sampler, sink: &mut dyn FnMut(Contribution));
 
-/// One row of [`INTEGRATORS`].
+/// One entry of [`INTEGRATORS`].
 #[derive(Debug)]
 pub struct IntegratorRow {
-    /// The short name in scripts, columns and paths.
+    /// Short name in scripts, columns and paths.
     pub name: &'static str,
-    /// The long name that stands beside it in tables and plots.
+    /// Long name shown beside it in tables and plots.
     pub long_name: &'static str,
-    /// Raised whenever the pictures change; part of every run's identity.
+    /// Revision, raised whenever the pictures change; part of every run's identity.
     pub revision: u32,
-    /// What it does, in a sentence, with its source.
+    /// Description in one sentence, with its source.
     pub doc: &'static str,
-    /// Its own parameters in a script's `render` table.
+    /// Schema of its own parameters in a script's `render` table.
     pub params: Table,
-    /// Whether a sample can bring light to other pixels than its own.
+    /// Whether a sample can contribute to other pixels than its own.
     pub splats: bool,
-    /// One sample of one pixel on the CPU.
+    /// Computes one sample of one pixel on the CPU.
     pub sample: SampleFn,
 }
 
-/// Every integrator there is.
+/// All integrators of this program.
 pub const INTEGRATORS: &[IntegratorRow] = &[bpt::ROW, nee::ROW, bdpt::ROW];
 
-/// The row with this name, of our own or of [another program](external).
+/// Returns the integrator with this name, of this program or of [another one](external).
 pub fn integrator(name: &str) -> Option<&'static IntegratorRow> {
-    INTEGRATORS.iter().chain(external::EXTERNALS).find(|row| row.name == name)
+    INTEGRATORS
+        .iter()
+        .chain(external::EXTERNALS)
+        .find(|row| row.name == name)
 }

@@ -1,30 +1,33 @@
-//! Backward path tracing with next event estimation: at every vertex where the BSDF has a density the path is also
-//! connected to a sampled point of a light. Light that the path then meets by itself counts with its share.
+//! Backward path tracing with next event estimation: at every vertex whose BSDF has a density, the
+//! path is also connected to a sampled point of a light. Light that the path hits by itself is
+//! weighted against it.
 
 use glam::Vec3;
 
 use super::{Context, IntegratorRow, Settings, settings};
 use crate::scene::compile::NONE;
 use crate::transport::MAX_SURVIVAL;
-use crate::transport::bsdf::{Bsdf, BsdfSample, Mode, Outgoing};
+use crate::transport::bsdf::{Bsdf, BsdfSample, Outgoing, TransportMode};
 use crate::transport::contribution::Contribution;
-use crate::transport::flight::{self, Chance, Flight};
 use crate::transport::light::{DirectSample, SELECT_FIELD};
 use crate::transport::mis;
+use crate::transport::path_time;
+use crate::transport::path_time::{AuxRng, PathTime};
 use crate::transport::ray::{Hit, Ray};
 use crate::transport::sampler::Sampler;
-use crate::transport::surface::{Overhang, Surface};
+use crate::transport::surface::{Surface, TerminatorOffset};
 use crate::transport::vertex;
 use crate::value::schema::Table;
 
-/// The row of this integrator.
+/// The table entry of this integrator.
 pub const ROW: IntegratorRow = IntegratorRow {
     name: "nee",
     long_name: "backward path tracing with next event estimation",
     revision: 3,
-    doc: "Paths start at the camera and are connected to a light at every vertex that is not specular; light that they \
-          meet by themselves is weighted against it [Veach 1997, 9.2]. With `mis = \"none\"` such light counts only \
-          where no connection could find it: seen directly or after a specular event.",
+    doc: "Paths start at the camera and are connected to a light at every vertex that is not \
+          specular; light that they hit by themselves is weighted against it [Veach 1997, 9.2]. \
+          With `mis = \"none\"` such light counts only if no connection could find it: seen \
+          directly or after a specular event.",
     params: Table {
         name: "NeeParams",
         doc: "Parameters of `nee`.",
@@ -34,18 +37,23 @@ pub const ROW: IntegratorRow = IntegratorRow {
     sample,
 };
 
-/// The event that sent a path on its way, as far as light sampling could have done the same.
+/// The last event of a path that light sampling could have replaced.
 #[derive(Clone, Copy, Debug)]
-pub struct Last {
-    /// Where it went on.
+pub struct LastScatter {
+    /// Start of the edge after the event.
     pub from: Vec3,
-    /// Density per solid angle of the direction that it took.
+    /// Density per solid angle of the sampled direction.
     pub pdf_w: f32,
 }
 
-/// The weight of light that a path met by chance, given the density per solid angle with which light sampling finds it.
+/// Returns the weight of light that a path hit, given the density per solid angle with which light
+/// sampling samples it.
 #[inline]
-fn weight_of_hit(settings: &Settings, last: Option<Last>, pdf_w: impl FnOnce(Vec3) -> f32) -> f32 {
+fn hit_weight(
+    settings: &Settings,
+    last: Option<LastScatter>,
+    pdf_w: impl FnOnce(Vec3) -> f32,
+) -> f32 {
     match (last, settings.mis) {
         (None, _) => 1.0,
         (Some(_), None) => 0.0,
@@ -53,48 +61,60 @@ fn weight_of_hit(settings: &Settings, last: Option<Last>, pdf_w: impl FnOnce(Vec
     }
 }
 
-fn sample(context: &Context, pixel: [u32; 2], sampler: &mut Sampler, sink: &mut dyn FnMut(Contribution)) {
+fn sample(
+    context: &Context,
+    pixel: [u32; 2],
+    sampler: &mut Sampler,
+    sink: &mut dyn FnMut(Contribution),
+) {
     if context.timed() {
-        Walk::<true>::follow(context, pixel, sampler, sink, step);
+        PathWalk::<true>::follow(context, pixel, sampler, sink, step);
     } else {
-        Walk::<false>::follow(context, pixel, sampler, sink, step);
+        PathWalk::<false>::follow(context, pixel, sampler, sink, step);
     }
 }
 
-/// What a path brings to its next vertex, where neither time nor an overhang matters.
+/// The state of a path on an edge, if neither time nor a terminator offset matters.
 #[derive(Clone, Copy, Debug)]
-pub struct State {
-    /// The ray on which it is.
+pub struct PathState {
+    /// Ray of the current edge.
     pub ray: Ray,
-    /// What light counts that it meets.
+    /// Throughput: factor on light that the edge hits.
     pub throughput: Vec3,
-    /// Undoes the scaling of radiance by refraction, so that roulette judges what the path will bring back.
+    /// Product of the squared index ratios, which undoes the scaling of radiance by refraction so
+    /// that roulette judges the expected contribution.
     pub eta_scale: f32,
-    /// What sent it there; `None` from the camera, and after a specular event.
-    pub last: Option<Last>,
+    /// The last event; `None` from the camera, and after a specular event.
+    pub last: Option<LastScatter>,
 }
 
-impl State {
-    /// Of a path that begins.
+impl PathState {
+    /// Returns the state of a path that starts with a camera ray.
     #[inline]
-    pub fn of_camera(ray: Ray) -> State {
-        State { ray, throughput: Vec3::ONE, eta_scale: 1.0, last: None }
+    pub fn from_camera(ray: Ray) -> PathState {
+        PathState {
+            ray,
+            throughput: Vec3::ONE,
+            eta_scale: 1.0,
+            last: None,
+        }
     }
 }
 
-/// A path on its way, with a clock where it is `TIMED`.
-pub struct Walk<'a, const TIMED: bool> {
-    /// What it brings to its next vertex.
-    pub state: State,
-    pub(super) over: Option<Overhang>,
-    pub(super) chance: Chance,
-    /// The clock.
-    pub flight: Flight<'a, TIMED>,
+/// A path being traced; tracks its optical length if `TIMED`.
+pub struct PathWalk<'a, const TIMED: bool> {
+    /// The state on the current edge.
+    pub state: PathState,
+    pub(super) terminator: Option<TerminatorOffset>,
+    pub(super) aux_rng: AuxRng,
+    /// The optical length.
+    pub path_time: PathTime<'a, TIMED>,
 }
 
-/// One step of a path: what happens where the ray of this edge met something, or nothing; whether the path goes on from there.
+/// One step of a path: handles the hit (or miss) of edge number `depth` and returns whether the
+/// path continues.
 pub type StepFn<const TIMED: bool> = for<'a> fn(
-    &mut Walk<'a, TIMED>,
+    &mut PathWalk<'a, TIMED>,
     &Context<'a>,
     [u32; 2],
     &mut Sampler,
@@ -103,21 +123,37 @@ pub type StepFn<const TIMED: bool> = for<'a> fn(
     Option<Hit>,
 ) -> bool;
 
-impl<'a, const TIMED: bool> Walk<'a, TIMED> {
+impl<'a, const TIMED: bool> PathWalk<'a, TIMED> {
+    /// Starts a path with a camera ray.
     #[inline]
-    fn of_camera(context: &Context<'a>, ray: Ray, sampler: &Sampler) -> Walk<'a, TIMED> {
-        let mut chance = Chance::new::<TIMED>(sampler);
-        let flight = Flight::<TIMED>::of_camera(context, &ray, chance.emission(context));
-        Walk { state: State::of_camera(ray), over: None, chance, flight }
+    fn from_camera(context: &Context<'a>, ray: Ray, sampler: &Sampler) -> PathWalk<'a, TIMED> {
+        let mut aux_rng = AuxRng::new::<TIMED>(sampler);
+        let path_time = PathTime::<TIMED>::from_camera(context, &ray, aux_rng.emission(context));
+        PathWalk {
+            state: PathState::from_camera(ray),
+            terminator: None,
+            aux_rng,
+            path_time,
+        }
     }
 
-    /// A path between two steps, in a scene without overhangs, delays and composed materials.
+    /// Resumes a path between two steps, in a scene without terminator offsets, delays and composed
+    /// materials.
     #[inline]
-    pub fn resumed(state: State, flight: Flight<'a, TIMED>, sampler: &Sampler) -> Walk<'a, TIMED> {
-        Walk { state, over: None, chance: Chance::new::<TIMED>(sampler), flight }
+    pub fn resume(
+        state: PathState,
+        path_time: PathTime<'a, TIMED>,
+        sampler: &Sampler,
+    ) -> PathWalk<'a, TIMED> {
+        PathWalk {
+            state,
+            terminator: None,
+            aux_rng: AuxRng::new::<TIMED>(sampler),
+            path_time,
+        }
     }
 
-    /// Follows a path from the camera for as long as its steps, each a [`StepFn`], say that it goes on.
+    /// Traces a path from the camera for as long as its steps, each a [`StepFn`], return true.
     #[inline(always)]
     pub(super) fn follow(
         context: &Context<'a>,
@@ -125,7 +161,7 @@ impl<'a, const TIMED: bool> Walk<'a, TIMED> {
         sampler: &mut Sampler,
         sink: &mut dyn FnMut(Contribution),
         step: impl Fn(
-            &mut Walk<'a, TIMED>,
+            &mut PathWalk<'a, TIMED>,
             &Context<'a>,
             [u32; 2],
             &mut Sampler,
@@ -135,7 +171,7 @@ impl<'a, const TIMED: bool> Walk<'a, TIMED> {
         ) -> bool,
     ) {
         let ray = context.camera.sample_ray(pixel, sampler);
-        let mut walk = Walk::of_camera(context, ray, sampler);
+        let mut walk = PathWalk::from_camera(context, ray, sampler);
         for depth in 1..=context.max_depth {
             let hit = context.trace.closest(&walk.state.ray, f32::INFINITY);
             if !step(&mut walk, context, pixel, sampler, sink, depth, hit) {
@@ -144,10 +180,10 @@ impl<'a, const TIMED: bool> Walk<'a, TIMED> {
         }
     }
 
-    /// Goes on from a surface, at the end of edge `depth`, in a sampled direction, as far as Russian roulette lets it; whether it
-    /// does.
+    /// Continues from a surface, at the end of edge `depth`, in a sampled direction; returns false
+    /// if Russian roulette or a zero weight ends the path.
     #[inline(always)]
-    pub(super) fn leave(
+    pub(super) fn scatter(
         &mut self,
         context: &Context<'a>,
         sampler: &mut Sampler,
@@ -168,17 +204,144 @@ impl<'a, const TIMED: bool> Walk<'a, TIMED> {
         if state.throughput == Vec3::ZERO {
             return false;
         }
-        self.flight.leave(surface.position, s.eta);
+        self.path_time.scatter(surface.position, s.eta);
         self.state.ray = surface.spawn(s.wi);
-        self.over = surface.overhang_into(s.wi);
+        self.terminator = surface.terminator_into(s.wi);
         true
+    }
+
+    /// Contributes light that the path hit at the end of edge `depth`, with its MIS weight.
+    #[inline(always)]
+    pub(super) fn contribute_hit(
+        &self,
+        pixel: [u32; 2],
+        depth: u32,
+        radiance: Vec3,
+        weight: f32,
+        length: f64,
+        sink: &mut dyn FnMut(Contribution),
+    ) {
+        if radiance != Vec3::ZERO {
+            let unweighted = self.state.throughput * radiance;
+            sink(Contribution {
+                pixel,
+                value: unweighted * weight,
+                unweighted,
+                s: 0,
+                t: depth + 1,
+                length,
+            });
+        }
+    }
+
+    /// Contributes light from outside the scene, which the ray of edge `depth` reached.
+    #[inline(always)]
+    fn contribute_environment(
+        &self,
+        context: &Context<'a>,
+        pixel: [u32; 2],
+        depth: u32,
+        sink: &mut dyn FnMut(Contribution),
+    ) {
+        let (lights, dir) = (context.lights, self.state.ray.dir);
+        let radiance = lights.environment(dir);
+        if radiance != Vec3::ZERO {
+            let pdf_w = |_| {
+                if context.settings.all_lights {
+                    lights.pdf_environment_one_w(dir)
+                } else {
+                    lights.pdf_environment_w(dir)
+                }
+            };
+            let weight = hit_weight(context.settings, self.state.last, pdf_w);
+            let length = self.path_time.escape_length(context, dir);
+            self.contribute_hit(pixel, depth, radiance, weight, length, sink);
+        }
+    }
+
+    /// Contributes the emission of the surface at the end of edge `depth`.
+    #[inline(always)]
+    fn contribute_emission(
+        &self,
+        context: &Context<'a>,
+        surface: &Surface,
+        pixel: [u32; 2],
+        depth: u32,
+        sink: &mut dyn FnMut(Contribution),
+    ) {
+        let (scene, lights) = (context.scene, context.lights);
+        let emitted = surface.emitted(&scene.textures, -self.state.ray.dir);
+        if emitted != Vec3::ZERO {
+            let pdf_w = |from| {
+                let (i, at, n) = (surface.emitter, surface.position, surface.n_geometric);
+                if context.settings.all_lights {
+                    lights.pdf_direct_one_w(scene, from, i, at, n)
+                } else {
+                    lights.pdf_direct_w(scene, from, i, at, n)
+                }
+            };
+            let weight = hit_weight(context.settings, self.state.last, pdf_w);
+            let length = self.path_time.optical().arrival();
+            self.contribute_hit(pixel, depth, emitted, weight, length, sink);
+        }
+    }
+
+    /// Contributes sampled light at a surface: from its base and, if it has a terminator offset,
+    /// from its lifted point; from one light or from each in turn.
+    #[inline(always)]
+    fn sample_lights(
+        &self,
+        context: &Context<'a>,
+        (surface, bsdf, out): (&Surface<'a>, &Bsdf, &Outgoing),
+        pixel: [u32; 2],
+        depth: u32,
+        sampler: &mut Sampler,
+        sink: &mut dyn FnMut(Contribution),
+    ) {
+        let (scene, lights) = (context.scene, context.lights);
+        let mut connect = |surface: &Surface, direct: Option<DirectSample>| {
+            if let Some(direct) = direct
+                && let Some((radiance, weight)) =
+                    connect_light(context, surface, bsdf, out, &direct)
+            {
+                let unweighted = self.state.throughput * radiance;
+                let length = path_time::direct_length(
+                    context,
+                    &self.path_time.optical(),
+                    bsdf,
+                    out.wo,
+                    surface.position,
+                    (direct.wi, direct.distance),
+                );
+                sink(Contribution {
+                    pixel,
+                    value: unweighted * weight,
+                    unweighted,
+                    s: 1,
+                    t: depth + 1,
+                    length,
+                });
+            }
+        };
+        for surface in std::iter::once(*surface).chain(surface.lifted()) {
+            let from = surface.position;
+            if context.settings.all_lights {
+                for light in lights.indices() {
+                    let u = sampler.next_2d();
+                    connect(&surface, lights.sample_direct_from(scene, light, from, u));
+                }
+            } else {
+                let (choice, u) = (sampler.next_1d(), sampler.next_2d());
+                connect(&surface, lights.sample_direct(scene, from, choice, u));
+            }
+        }
     }
 }
 
-/// A [`StepFn`].
+/// One step of a path: see [`StepFn`].
 #[inline(always)]
 pub fn step<'a, const TIMED: bool>(
-    walk: &mut Walk<'a, TIMED>,
+    walk: &mut PathWalk<'a, TIMED>,
     context: &Context<'a>,
     pixel: [u32; 2],
     sampler: &mut Sampler,
@@ -186,107 +349,81 @@ pub fn step<'a, const TIMED: bool>(
     depth: u32,
     hit: Option<Hit>,
 ) -> bool {
-    let Context { scene, lights, settings, .. } = *context;
-    let Walk { state, over, chance, flight } = walk;
-    let State { ray, throughput, last, .. } = *state;
-    let mut found = |radiance: Vec3, weight: f32, length: f64| {
-        if radiance != Vec3::ZERO {
-            let unweighted = throughput * radiance;
-            sink(Contribution { pixel, value: unweighted * weight, unweighted, s: 0, t: depth + 1, length });
-        }
-    };
+    let scene = context.scene;
+    let ray = walk.state.ray;
     let Some(hit) = hit else {
-        let radiance = lights.environment(ray.dir);
-        if radiance != Vec3::ZERO {
-            let pdf_w = |_| {
-                if settings.all_lights {
-                    lights.pdf_environment_one_w(ray.dir)
-                } else {
-                    lights.pdf_environment_w(ray.dir)
-                }
-            };
-            found(radiance, weight_of_hit(settings, last, pdf_w), flight.escaped(context, ray.dir));
-        }
+        walk.contribute_environment(context, pixel, depth, sink);
         return false;
     };
-    // The last edge finds light or nothing.
+    // The last edge can only find light.
     if depth == context.max_depth && scene.emitter_of(hit.primitive, hit.instance) == NONE {
         return false;
     }
-    let surface = flight.arrive(context, &ray, &hit, chance);
-    if over.is_some_and(|o| !o.reaches(surface.position)) {
+    let surface = walk
+        .path_time
+        .arrive(context, &ray, &hit, &mut walk.aux_rng);
+    if walk
+        .terminator
+        .is_some_and(|o| !o.has_below(surface.position))
+    {
         return false;
     }
-    let wo = -ray.dir;
-    let emitted = surface.emitted(&scene.textures, wo);
-    if emitted != Vec3::ZERO {
-        let pdf_w = |from| {
-            let (i, at, n) = (surface.emitter, surface.position, surface.n_geometric);
-            if settings.all_lights {
-                lights.pdf_direct_one_w(scene, from, i, at, n)
-            } else {
-                lights.pdf_direct_w(scene, from, i, at, n)
-            }
-        };
-        found(emitted, weight_of_hit(settings, last, pdf_w), flight.stamp().arrived());
-    }
-    if depth == context.max_depth || (surface.emitter != NONE && !surface.material.emitter_reflects) {
+    walk.contribute_emission(context, &surface, pixel, depth, sink);
+    if depth == context.max_depth || surface.ends_paths() {
         return false;
     }
     let bsdf = Bsdf::new(&surface, &scene.textures);
-    let out = bsdf.outgoing(wo);
+    let out = bsdf.outgoing(-ray.dir);
     if bsdf.has_density() {
-        let mut join = |surface: &Surface, direct: Option<DirectSample>| {
-            if let Some(direct) = direct
-                && let Some((radiance, weight)) = connect(context, surface, &bsdf, &out, &direct)
-            {
-                let unweighted = throughput * radiance;
-                let to = (direct.wi, direct.distance);
-                let length = flight::of_direct(context, &flight.stamp(), &bsdf, wo, surface.position, to);
-                sink(Contribution { pixel, value: unweighted * weight, unweighted, s: 1, t: depth + 1, length });
-            }
-        };
-        for surface in std::iter::once(surface).chain(surface.raised()) {
-            let from = surface.position;
-            if settings.all_lights {
-                for light in lights.each() {
-                    join(&surface, lights.sample_direct_from(scene, light, from, sampler.next_2d()));
-                }
-            } else {
-                let choice = sampler.next_1d();
-                join(&surface, lights.sample_direct(scene, from, choice, sampler.next_2d()));
-            }
-        }
+        let at = (&surface, &bsdf, &out);
+        walk.sample_lights(context, at, pixel, depth, sampler, sink);
     }
     let choice = sampler.next_1d();
-    let Some(s) = bsdf.sample_from(&out, choice, sampler.next_2d(), Mode::Radiance) else { return false };
-    if !walk.leave(context, sampler, depth, &surface, &s) {
+    let Some(s) = bsdf.sample_from(&out, choice, sampler.next_2d(), TransportMode::Radiance) else {
+        return false;
+    };
+    if !walk.scatter(context, sampler, depth, &surface, &s) {
         return false;
     }
-    let from = walk.over.map_or(surface.position, |o| o.crest);
-    walk.state.last = (!s.delta).then_some(Last { from, pdf_w: s.pdf_w });
+    let from = walk.terminator.map_or(surface.position, |o| o.lifted_point);
+    walk.state.last = (!s.delta).then_some(LastScatter {
+        from,
+        pdf_w: s.pdf_w,
+    });
     true
 }
 
-/// Radiance that leaves along `out` for light that arrives from a sampled point, and its weight; `None` in shadow.
-fn connect(
+/// Returns the radiance that leaves along `out` for light that arrives from a sampled point, and
+/// its weight; `None` in shadow.
+fn connect_light(
     context: &Context,
     surface: &Surface,
     bsdf: &Bsdf,
     out: &Outgoing,
     direct: &DirectSample,
 ) -> Option<(Vec3, f32)> {
-    let (f, pdf_w) = bsdf.evaluate_forward(out, direct.wi, Mode::Radiance);
+    let (f, pdf_w) = bsdf.evaluate_forward(out, direct.wi, TransportMode::Radiance);
     let radiance = f * direct.wi.dot(surface.n_shading).abs() * direct.radiance / direct.pdf_w;
-    let refused = surface.overhang.is_some_and(|o| o.refuses(direct));
+    let refused = surface.terminator.is_some_and(|o| o.excludes(direct));
     if refused || radiance == Vec3::ZERO || direct.pdf_w <= 0.0 {
         return None;
     }
     let lit = if direct.distance.is_finite() {
         let light = direct.point;
-        vertex::visible(context.trace, surface.position, surface.n_geometric, light.position, light.normal)
+        vertex::visible(
+            context.trace,
+            surface.position,
+            surface.n_geometric,
+            light.position,
+            light.normal,
+        )
     } else {
-        vertex::unobstructed(context.trace, surface.position, surface.n_geometric, direct.wi)
+        vertex::unobstructed(
+            context.trace,
+            surface.position,
+            surface.n_geometric,
+            direct.wi,
+        )
     };
     lit.then(|| {
         let weight = match context.settings.mis {

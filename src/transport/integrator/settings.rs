@@ -1,4 +1,4 @@
-//! The parameters of integrators, typed once for a whole job.
+//! The parameters of integrators, parsed once per job.
 
 use std::collections::BTreeMap;
 
@@ -6,27 +6,32 @@ use crate::transport::mis::Heuristic;
 use crate::value::Value;
 use crate::value::schema::{Field, Ty};
 
-/// The key `lights` of integrators that ask lights from the vertices of camera paths.
+/// The parameter `lights` of integrators that sample lights from the vertices of camera paths.
 pub const LIGHTS: Field = Field {
     key: "lights",
     ty: Ty::Word(&["one", "all"]),
     required: false,
     default: "one",
-    doc: "whether a vertex is joined to one light, chosen at random, or to every light in turn, as the first source does; \
-          the latter costs as many shadow rays as there are emissive triangles, spheres and other lights",
+    doc: "whether a vertex is connected to one light, chosen at random, or to every light in \
+          turn, as in S0 (docs/inside/transport.md); the latter traces as many shadow rays as there are \
+          emissive triangles, spheres and other lights",
 };
 
-/// The key `strategies` of integrators that combine strategies.
+/// The parameter `strategies` of integrators that combine strategies.
 pub const STRATEGIES: Field = Field {
     key: "strategies",
-    ty: Ty::Nums { len: 2, min: 0.0, max: 10_000.0 },
+    ty: Ty::Nums {
+        len: 2,
+        min: 0.0,
+        max: 10_000.0,
+    },
     required: false,
     default: "all",
-    doc: "the one strategy { s, t } to keep: s vertices from the light, t from the camera, the lens included; with \
-          mis = \"none\" its weight is one",
+    doc: "the one strategy { s, t } to keep: s vertices from the light, t from the camera, the \
+          lens included; with mis = \"none\" its weight is one",
 };
 
-/// The key `contribution` of integrators that combine strategies.
+/// The parameter `contribution` of integrators that combine strategies.
 pub const CONTRIBUTION: Field = Field {
     key: "contribution",
     ty: Ty::Bool,
@@ -35,21 +40,21 @@ pub const CONTRIBUTION: Field = Field {
     doc: "false leaves the strategy of `strategies` out instead, and keeps all others",
 };
 
-/// Every parameter that an integrator may have; those that its row does not list have their default.
+/// The parameters of all integrators; those that an integrator does not have keep their default.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
-    /// How strategies are weighted; `None` is not by densities at all.
+    /// Heuristic of the weights; `None` if strategies are not weighted by densities.
     pub mis: Option<Heuristic>,
-    /// Whether every light is asked at every vertex.
+    /// Whether every light is sampled at every vertex.
     pub all_lights: bool,
-    /// The strategy that is kept or left out.
+    /// The strategy `[s, t]` that is kept or left out.
     pub one: Option<[u32; 2]>,
-    /// Whether it is kept.
+    /// Whether that strategy is kept rather than left out.
     pub keep: bool,
 }
 
 impl Settings {
-    /// From parameters that their schema has checked.
+    /// Parses parameters that satisfy their schema.
     pub fn new(params: &BTreeMap<String, Value>) -> Settings {
         let one = match params.get(STRATEGIES.key) {
             Some(Value::List(pair)) => {
@@ -66,21 +71,21 @@ impl Settings {
         }
     }
 
-    /// The heuristic of an integrator that must give every strategy its weight: all alike where none is asked for.
+    /// Returns the heuristic for integrators that weight every strategy: uniform if none is set.
     #[inline]
     pub fn heuristic(&self) -> Heuristic {
         self.mis.unwrap_or(Heuristic::Uniform)
     }
 
-    /// Whether every weight is one: a single strategy, not weighted.
+    /// Returns whether a single strategy is kept with the weight one.
     #[inline]
-    pub fn raw(&self) -> bool {
+    pub fn unweighted(&self) -> bool {
         self.mis.is_none() && self.one.is_some() && self.keep
     }
 
-    /// Whether the strategy of `s` light vertices and `t` camera vertices counts.
+    /// Returns whether the strategy of `s` light vertices and `t` camera vertices is enabled.
     #[inline]
-    pub fn wants(&self, s: u32, t: u32) -> bool {
+    pub fn includes(&self, s: u32, t: u32) -> bool {
         self.one.is_none_or(|one| (one == [s, t]) == self.keep)
     }
 }
@@ -92,16 +97,37 @@ mod tests {
     #[test]
     fn absent_keys_are_defaults_and_given_ones_are_read() {
         let plain = Settings::new(&BTreeMap::new());
-        assert_eq!(plain, Settings { mis: Some(Heuristic::Power), all_lights: false, one: None, keep: true });
-        assert!(plain.wants(3, 4) && !plain.raw());
+        assert_eq!(
+            plain,
+            Settings {
+                mis: Some(Heuristic::Power),
+                all_lights: false,
+                one: None,
+                keep: true
+            }
+        );
+        assert!(plain.includes(3, 4) && !plain.unweighted());
         let pair = Value::List(vec![Value::Int(2), Value::Int(3)]);
-        let given = [("mis", "none".into()), ("lights", "all".into()), ("strategies", pair)];
-        let mut params: BTreeMap<String, Value> = given.map(|(k, v): (&str, Value)| (k.to_owned(), v)).into();
+        let given = [
+            ("mis", "none".into()),
+            ("lights", "all".into()),
+            ("strategies", pair),
+        ];
+        let mut params: BTreeMap<String, Value> =
+            given.map(|(k, v): (&str, Value)| (k.to_owned(), v)).into();
         let one = Settings::new(&params);
-        assert_eq!(one, Settings { mis: None, all_lights: true, one: Some([2, 3]), keep: true });
-        assert!(one.raw() && one.wants(2, 3) && !one.wants(3, 2));
+        assert_eq!(
+            one,
+            Settings {
+                mis: None,
+                all_lights: true,
+                one: Some([2, 3]),
+                keep: true
+            }
+        );
+        assert!(one.unweighted() && one.includes(2, 3) && !one.includes(3, 2));
         params.insert("contribution".to_owned(), Value::Bool(false));
         let others = Settings::new(&params);
-        assert!(!others.raw() && !others.wants(2, 3) && others.wants(3, 2));
+        assert!(!others.unweighted() && !others.includes(2, 3) && others.includes(3, 2));
     }
 }

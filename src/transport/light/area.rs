@@ -1,4 +1,4 @@
-//! Emissive primitives: points uniform over their exact area, and what they emit there.
+//! Emissive primitives: points uniform over their exact area, and their emission.
 
 use glam::Vec3;
 
@@ -9,13 +9,15 @@ use crate::scene::CompiledScene;
 use crate::scene::compile::{Material, NONE, Sphere, Uv};
 use crate::transport::surface::{coverage, lookup, sphere_uv};
 
-/// The sphere that emitter `i` is, if it is one.
+/// Returns the sphere that emitter `i` is, if it is one.
 #[inline]
 pub(super) fn sphere(scene: &CompiledScene, i: u32) -> Option<&Sphere> {
-    (scene.emitters[i as usize].primitive as usize).checked_sub(scene.triangles.len()).map(|s| &scene.spheres[s])
+    (scene.emitters[i as usize].primitive as usize)
+        .checked_sub(scene.triangles.len())
+        .map(|s| &scene.spheres[s])
 }
 
-/// A point uniform over the area of emitter `i`: its density is one over the area.
+/// Samples a point uniform over the area of emitter `i`: its density is one over the area.
 #[inline]
 pub(super) fn sample(scene: &CompiledScene, i: u32, u: [f32; 2]) -> LightPoint {
     let light = LightId::Emitter(i);
@@ -25,7 +27,12 @@ pub(super) fn sample(scene: &CompiledScene, i: u32, u: [f32; 2]) -> LightPoint {
             let [a, b, c] = scene.corners(p, scene.emitters[i as usize].instance);
             let at = warp::uniform_triangle(u);
             let (position, normal) = on_triangle([a, b, c], at);
-            LightPoint { light, position, normal, uv: scene.uv_at(p, at) }
+            LightPoint {
+                light,
+                position,
+                normal,
+                uv: scene.uv_at(p, at),
+            }
         }
         Some(sphere) => {
             let normal = warp::uniform_sphere(u);
@@ -39,79 +46,118 @@ pub(super) fn sample(scene: &CompiledScene, i: u32, u: [f32; 2]) -> LightPoint {
     }
 }
 
-/// The point of a triangle with these weights of its second and third corner, and the unit normal there, zero for one
-/// without an area; for any number of triangles.
+/// Returns the point of a triangle with these weights of its second and third corner, and the unit
+/// normal there, zero for a triangle without area; scalar or vectorised.
 #[inline(always)]
-pub fn on_triangle<R: Real<Vec3 = V>, V: Vector<Scalar = R>>([a, b, c]: [V; 3], [v, w]: [R; 2]) -> (V, V) {
-    let normal = (b - a).cross(c - a).normalize_or(V::of(Vec3::ZERO));
-    (a * (R::of(1.0) - v - w) + b * v + c * w, normal)
+pub fn on_triangle<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(
+    [a, b, c]: [V; 3],
+    [v, w]: [R; 2],
+) -> (V, V) {
+    let normal = (b - a).cross(c - a).normalize_or(V::broadcast(Vec3::ZERO));
+    (a * (R::splat(1.0) - v - w) + b * v + c * w, normal)
 }
 
-/// How `from` sees a point that is uniform over `area`, where the unit normal is `normal`: unit direction, distance, and
-/// density per solid angle, zero from behind, and where it leaves the range of numbers; for any number of points.
+/// Returns unit direction, distance and density per solid angle from `from` to a point uniform over
+/// `area` with the unit normal `normal`. The density is zero from behind, and if it is not a
+/// positive finite number. Scalar or vectorised.
 #[inline(always)]
-pub fn seen<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(from: V, at: V, normal: V, area: R) -> (V, R, R) {
+pub fn direction_from<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(
+    from: V,
+    at: V,
+    normal: V,
+    area: R,
+) -> (V, R, R) {
     let to = at - from;
     let distance = to.length();
     (to / distance, distance, density(to, distance, normal, area))
 }
 
-/// Density per area with which [`sample`] finds any point of emitter `i`.
+/// Returns the density per area with which [`sample`] samples any point of emitter `i`.
 #[inline]
 pub(super) fn pdf_a(scene: &CompiledScene, i: u32) -> f32 {
     1.0 / scene.emitters[i as usize].area
 }
 
-/// Light that arrives at `from` from a point uniform over the area; `None` behind it. The choice is not included.
+/// Samples light that arrives at `from` from a point uniform over the area; `None` from behind. The
+/// density does not include the choice of the light.
 #[inline]
-pub(super) fn sample_direct(scene: &CompiledScene, i: u32, from: Vec3, u: [f32; 2]) -> Option<DirectSample> {
+pub(super) fn sample_direct(
+    scene: &CompiledScene,
+    i: u32,
+    from: Vec3,
+    u: [f32; 2],
+) -> Option<DirectSample> {
     let point = sample(scene, i, u);
-    let (wi, distance, pdf_w) = seen(from, point.position, point.normal, scene.emitters[i as usize].area);
+    let (wi, distance, pdf_w) = direction_from(
+        from,
+        point.position,
+        point.normal,
+        scene.emitters[i as usize].area,
+    );
     (pdf_w > 0.0).then(|| {
         let radiance = emission(scene, i, point.uv);
-        DirectSample { wi, distance, radiance, pdf_w, delta: false, point }
+        DirectSample {
+            wi,
+            distance,
+            radiance,
+            pdf_w,
+            delta: false,
+            point,
+        }
     })
 }
 
-/// Density per solid angle at `from` of a point uniform over the area; zero behind it.
+/// Returns the density per solid angle at `from` of a point uniform over the area; zero from
+/// behind.
 #[inline]
-pub(super) fn pdf_direct_w(scene: &CompiledScene, i: u32, from: Vec3, at: Vec3, normal: Vec3) -> f32 {
+pub(super) fn pdf_direct_w(
+    scene: &CompiledScene,
+    i: u32,
+    from: Vec3,
+    at: Vec3,
+    normal: Vec3,
+) -> f32 {
     direct_w(from, at, normal, scene.emitters[i as usize].area)
 }
 
-/// Density per solid angle at `from` of the point `at`, uniform over `area`, where the unit normal is `normal`; zero behind
-/// it; for any number of points.
+/// Returns the density per solid angle at `from` of the point `at`, uniform over `area` and with
+/// the unit normal `normal`; zero from behind. Scalar or vectorised.
 #[inline(always)]
 pub fn direct_w<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(from: V, at: V, normal: V, area: R) -> R {
     let to = at - from;
     density(to, to.length(), normal, area)
 }
 
-/// Density per solid angle of a point that is uniform over `area`, seen along `to`; zero from behind, and where it leaves
-/// the range of numbers.
+/// Returns the density per solid angle of a point uniform over `area` in direction `to`; zero from
+/// behind, and if it is not a positive finite number.
 #[inline(always)]
 fn density<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(to: V, distance: R, normal: V, area: R) -> R {
-    let zero = R::of(0.0);
+    let zero = R::splat(0.0);
     let pdf_w = distance * distance * distance / (-to.dot(normal) * area);
     R::select(pdf_w.gt(zero) & pdf_w.is_finite(), pdf_w, zero)
 }
 
-/// The corners and the radiance of emitter `i`, if it is a triangle that shines alike everywhere on its front.
-pub fn plain_triangle(scene: &CompiledScene, i: u32) -> Option<([Vec3; 3], Vec3)> {
+/// Returns the corners and the radiance of emitter `i` if it is a triangle without mask and
+/// emission texture.
+pub fn constant_triangle(scene: &CompiledScene, i: u32) -> Option<([Vec3; 3], Vec3)> {
     let m = material(scene, i);
-    let plain = sphere(scene, i).is_none() && m.mask_texture == NONE && m.emission_texture == NONE;
+    let constant =
+        sphere(scene, i).is_none() && m.mask_texture == NONE && m.emission_texture == NONE;
     let row = &scene.emitters[i as usize];
-    plain.then(|| (scene.corners(row.primitive, row.instance), m.emission))
+    constant.then(|| (scene.corners(row.primitive, row.instance), m.emission))
 }
 
-/// Radiance of the front of emitter `i` at texture coordinates, times how much of it the mask leaves.
+/// Returns the radiance of the front of emitter `i` at texture coordinates, times the coverage of
+/// its mask.
 #[inline]
 pub(super) fn emission(scene: &CompiledScene, i: u32, uv: Uv) -> Vec3 {
     let m = material(scene, i);
-    m.emission * coverage(&scene.textures, m, uv) * lookup(&scene.textures, m.emission_texture, uv, m.tiling)
+    m.emission
+        * coverage(&scene.textures, m, uv)
+        * lookup(&scene.textures, m.emission_texture, uv, m.tiling)
 }
 
-/// The material of emitter `i`.
+/// Returns the material of emitter `i`.
 #[inline]
 pub(super) fn material(scene: &CompiledScene, i: u32) -> &Material {
     let emitter = &scene.emitters[i as usize];

@@ -2,13 +2,18 @@
 
 use glam::Vec3;
 
-use super::bounds::Ball;
+use super::bounds::BoundingSphere;
 use super::{DirectSample, EmissionSample, LightId};
 use crate::scene::compile::DirectionalLight;
 
-/// Light that arrives at `from`.
+/// Returns light that arrives at `from`.
 #[inline]
-pub(super) fn sample_direct(light: &DirectionalLight, i: u32, from: Vec3, ball: &Ball) -> DirectSample {
+pub(super) fn sample_direct(
+    light: &DirectionalLight,
+    i: u32,
+    from: Vec3,
+    ball: &BoundingSphere,
+) -> DirectSample {
     DirectSample {
         wi: -light.direction,
         distance: f32::INFINITY,
@@ -19,9 +24,14 @@ pub(super) fn sample_direct(light: &DirectionalLight, i: u32, from: Vec3, ball: 
     }
 }
 
-/// A ray through a point uniform over the disk that covers the scene.
+/// Samples a ray through a point uniform over the disk that covers the scene.
 #[inline]
-pub(super) fn sample_emission(light: &DirectionalLight, i: u32, ball: &Ball, u: [f32; 2]) -> EmissionSample {
+pub(super) fn sample_emission(
+    light: &DirectionalLight,
+    i: u32,
+    ball: &BoundingSphere,
+    u: [f32; 2],
+) -> EmissionSample {
     EmissionSample {
         point: ball.on_disk(LightId::Directional(i), light.direction, u),
         dir: light.direction,
@@ -32,7 +42,7 @@ pub(super) fn sample_emission(light: &DirectionalLight, i: u32, ball: &Ball, u: 
     }
 }
 
-/// Whether a direction is the light's; the only one in which it shines.
+/// Returns whether `dir` is the light's only direction of emission.
 #[inline]
 pub(super) fn shines_into(light: &DirectionalLight, dir: Vec3) -> bool {
     dir.dot(light.direction) > 1.0 - 1e-6

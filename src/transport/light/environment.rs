@@ -1,9 +1,11 @@
-//! Light from outside the scene: a colour, or an equirectangular map that is sampled by its brightness.
+//! Light from outside the scene: a constant colour, or an equirectangular map that is sampled by
+//! its brightness.
 //!
-//! Radiance interpolates between the centres of four texels, across the seam and up to the poles. Directions are drawn
-//! from cells of one texel each with the cell's mean luminance of just this interpolation times its solid angle, and
-//! uniformly per solid angle inside the cell. So every direction that shines has a density, no density has the
-//! singularity that 1 / sin theta has at a pole, and none exceeds what 16 times its luminance would have.
+//! Radiance is interpolated between the centres of four texels, across the seam and up to the
+//! poles. Directions are sampled from cells of one texel each, in proportion to the cell's mean
+//! luminance of that same interpolation times its solid angle, and uniformly per solid angle inside
+//! the cell. So every direction with radiance has a density, no density has the singularity of 1 /
+//! sin theta at a pole, and none exceeds that of 16 times its luminance.
 
 use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
@@ -15,36 +17,44 @@ use crate::math::distribution::Grid;
 use crate::math::warp;
 use crate::scene::compile::{Environment, Texture};
 
-/// What surrounds a scene, ready to be looked at and sampled.
+/// The environment of a scene, prepared for evaluation and sampling.
 #[derive(Clone, Debug)]
-pub(crate) struct Surroundings {
+pub(crate) struct EnvironmentLight {
     /// Constant radiance, or factor on the map.
     pub(crate) radiance: Vec3,
-    pub(crate) map: Option<Map>,
+    pub(crate) map: Option<EnvironmentMap>,
     /// Luminance integrated over all directions.
     power: f64,
 }
 
+/// An equirectangular map with its sampling distribution.
 #[derive(Clone, Debug)]
-pub(crate) struct Map {
+pub(crate) struct EnvironmentMap {
     pub(crate) texture: Arc<Texture>,
     pub(crate) grid: Grid,
-    /// Cosine of the polar angle at the upper edge of every row, and at the lower edge of the last.
+    /// Cosine of the polar angle at the upper edge of every row, and at the lower edge of the last
+    /// one.
     pub(crate) row_cos: Vec<f64>,
-    /// Sine and cosine of the rotation.
+    /// Sine and cosine of the rotation about the vertical axis.
     pub(crate) turn: [f32; 2],
 }
 
-impl Surroundings {
-    /// `None` if it is black.
-    pub fn new(environment: &Environment) -> Option<Surroundings> {
+impl EnvironmentLight {
+    /// Prepares an environment; `None` if it is black.
+    pub fn new(environment: &Environment) -> Option<EnvironmentLight> {
         let radiance = environment.radiance;
         let Some(texture) = &environment.map else {
             let power = 4.0 * std::f64::consts::PI * luminance(radiance);
-            return (power > 0.0).then_some(Surroundings { radiance, map: None, power });
+            return (power > 0.0).then_some(EnvironmentLight {
+                radiance,
+                map: None,
+                power,
+            });
         };
         let (width, height) = (texture.width as usize, texture.height as usize);
-        let row_cos: Vec<f64> = (0..=height).map(|y| (std::f64::consts::PI * y as f64 / height as f64).cos()).collect();
+        let row_cos: Vec<f64> = (0..=height)
+            .map(|y| (std::f64::consts::PI * y as f64 / height as f64).cos())
+            .collect();
         let mut weights = cell_means(texture, radiance);
         let mut power = 0.0;
         for (row, edges) in weights.chunks_exact_mut(width).zip(row_cos.windows(2)) {
@@ -56,16 +66,25 @@ impl Surroundings {
         }
         let grid = Grid::new(width, &weights)?;
         let (sin, cos) = environment.rotation_rad.sin_cos();
-        let map = Map { texture: Arc::clone(texture), grid, row_cos, turn: [sin, cos] };
-        Some(Surroundings { radiance, map: Some(map), power })
+        let map = EnvironmentMap {
+            texture: Arc::clone(texture),
+            grid,
+            row_cos,
+            turn: [sin, cos],
+        };
+        Some(EnvironmentLight {
+            radiance,
+            map: Some(map),
+            power,
+        })
     }
 
-    /// Luminance integrated over all directions.
+    /// Returns the luminance integrated over all directions.
     pub fn power(&self) -> f64 {
         self.power
     }
 
-    /// Radiance that arrives from direction `dir`, a unit vector.
+    /// Returns the radiance that arrives from the unit direction `dir`.
     #[inline]
     pub fn radiance(&self, dir: Vec3) -> Vec3 {
         match &self.map {
@@ -74,7 +93,7 @@ impl Surroundings {
         }
     }
 
-    /// A direction to look into, and its density per solid angle.
+    /// Samples a direction towards the environment, with its density per solid angle.
     #[inline]
     pub fn sample(&self, u: [f32; 2]) -> (Vec3, f32) {
         match &self.map {
@@ -83,29 +102,35 @@ impl Surroundings {
         }
     }
 
-    /// Density per solid angle with which [`Surroundings::sample`] finds a direction.
+    /// Returns the density per solid angle with which [`EnvironmentLight::sample`] samples a
+    /// direction.
     #[inline]
     pub fn pdf_w(&self, dir: Vec3) -> f32 {
         match &self.map {
             None => 1.0 / (4.0 * PI),
             Some(map) => {
                 let [u, v] = map.coordinates(dir);
-                let x = ((u * map.texture.width as f32) as usize).min(map.texture.width as usize - 1);
-                let y = ((v * map.texture.height as f32) as usize).min(map.texture.height as usize - 1);
+                let x =
+                    ((u * map.texture.width as f32) as usize).min(map.texture.width as usize - 1);
+                let y =
+                    ((v * map.texture.height as f32) as usize).min(map.texture.height as usize - 1);
                 map.density(map.grid.probability(x, y), y)
             }
         }
     }
 }
 
-impl Map {
-    /// Column and row of a direction as parts of the width and height, both in 0..=1.
+impl EnvironmentMap {
+    /// Returns column and row of a direction as fractions of width and height, both in 0..=1.
     #[inline]
     fn coordinates(&self, dir: Vec3) -> [f32; 2] {
         let [sin, cos] = self.turn;
         let (x, z) = (dir.x * cos - dir.z * sin, dir.x * sin + dir.z * cos);
         let u = x.atan2(-z) / TAU;
-        [if u < 0.0 { u + 1.0 } else { u }, x.hypot(z).atan2(dir.y) / PI]
+        [
+            if u < 0.0 { u + 1.0 } else { u },
+            x.hypot(z).atan2(dir.y) / PI,
+        ]
     }
 
     #[inline]
@@ -119,7 +144,9 @@ impl Map {
             Vec3::from_array(self.texture.texels[(row * width + column) as usize])
         };
         let (fx, fy) = (x - left, y - top);
-        at(0, 0).lerp(at(1, 0), fx).lerp(at(0, 1).lerp(at(1, 1), fx), fy)
+        at(0, 0)
+            .lerp(at(1, 0), fx)
+            .lerp(at(0, 1).lerp(at(1, 1), fx), fy)
     }
 
     #[inline]
@@ -129,16 +156,20 @@ impl Map {
         let phi = TAU * ((x as f32 + s.inside[0]) / self.texture.width as f32);
         let (sin_phi, cos_phi) = phi.sin_cos();
         let (upper, lower) = (self.row_cos[y], self.row_cos[y + 1]);
-        // In double precision: near a pole the sine is the root of what is left of one.
+        // In double precision: near a pole the sine is the root of a small difference from one.
         let cos = upper + (lower - upper) * f64::from(s.inside[1]);
         let sin = ((1.0 - cos) * (1.0 + cos)).max(0.0).sqrt() as f32;
         let (px, pz) = (sin * sin_phi, -sin * cos_phi);
         let [turn_sin, turn_cos] = self.turn;
-        let dir = Vec3::new(px * turn_cos + pz * turn_sin, cos as f32, pz * turn_cos - px * turn_sin);
+        let dir = Vec3::new(
+            px * turn_cos + pz * turn_sin,
+            cos as f32,
+            pz * turn_cos - px * turn_sin,
+        );
         (dir, self.density(s.probability, y))
     }
 
-    /// Density per solid angle inside a cell of row `y` from the cell's probability.
+    /// Returns the density per solid angle inside a cell of row `y` with this probability.
     #[inline]
     fn density(&self, probability: f32, y: usize) -> f32 {
         let band = std::f64::consts::TAU * (self.row_cos[y] - self.row_cos[y + 1]);
@@ -146,18 +177,31 @@ impl Map {
     }
 }
 
-/// Mean luminance of the interpolated map over every texel's own cell: an eighth of the neighbours' on each side.
+/// Computes the mean luminance of the interpolated map over every texel's cell: an eighth of the
+/// weight goes to each neighbour.
 fn cell_means(texture: &Texture, factor: Vec3) -> Vec<f64> {
     let (width, height) = (texture.width as usize, texture.height as usize);
-    let texels: Vec<f64> = texture.texels.iter().map(|t| luminance(Vec3::from_array(*t) * factor)).collect();
+    let texels: Vec<f64> = texture
+        .texels
+        .iter()
+        .map(|t| luminance(Vec3::from_array(*t) * factor))
+        .collect();
     let blend = |before: f64, here: f64, after: f64| 0.125 * before + 0.75 * here + 0.125 * after;
     let mut rows = Vec::with_capacity(texels.len());
     for row in texels.chunks_exact(width) {
-        rows.extend((0..width).map(|x| blend(row[(x + width - 1) % width], row[x], row[(x + 1) % width])));
+        rows.extend(
+            (0..width).map(|x| blend(row[(x + width - 1) % width], row[x], row[(x + 1) % width])),
+        );
     }
     let at = |x: usize, y: usize| rows[y * width + x];
     (0..height)
         .flat_map(|y| (0..width).map(move |x| (x, y)))
-        .map(|(x, y)| blend(at(x, y.saturating_sub(1)), at(x, y), at(x, (y + 1).min(height - 1))))
+        .map(|(x, y)| {
+            blend(
+                at(x, y.saturating_sub(1)),
+                at(x, y),
+                at(x, (y + 1).min(height - 1)),
+            )
+        })
         .collect()
 }

@@ -1,37 +1,45 @@
 //! Light sources, and the choice among them.
 //!
-//! Three verbs serve every integrator: [`Lights::sample_direct`] finds light that arrives at a point,
-//! [`Lights::sample_emission`] starts a path at a light, and the densities of both answer for light that a path found
-//! by other means. Radiance itself is [`Surface::emitted`](super::surface::Surface::emitted) for surfaces and
+//! [`Lights::sample_direct`] samples light that arrives at a point, [`Lights::sample_emission`]
+//! starts a path at a light, and the densities of both serve paths that found light by other means.
+//! Radiance itself is [`Surface::emitted`](super::surface::Surface::emitted) for surfaces and
 //! [`Lights::environment`] for rays that leave the scene.
 //!
-//! A density includes the probability with which its light was chosen, except where a name says `one`: those serve
-//! integrators that ask every light in turn ([`Lights::each`]).
+//! A density includes the probability of choosing the light, except where a name contains `one`:
+//! those serve integrators that sample every light in turn ([`Lights::indices`]).
 //!
 //! | light | [`Lights::sample_direct`] | [`Lights::sample_emission`] |
 //! |---|---|---|
 //! | triangle | uniform over its area | uniform over its area, cosine about its normal |
-//! | sphere | uniform over the cone that it fills; nothing from inside | uniform over its area, cosine about its normal |
-//! | point | certain | `pdf_a` is the choice's probability, `pdf_w` is 1 / (4 pi), or uniform over the cone of a spot |
-//! | direction | certain | uniform over a disk that covers the scene, across the direction; `pdf_w` is 1 |
-//! | environment | its brightness times solid angle | the same, then uniform over a disk across the direction |
+//! | sphere | uniform over the subtended cone; none from inside | same as for a triangle |
+//! | point | certain | `pdf_a`: probability of the choice; `pdf_w`: uniform over all directions, |
+//! | | | 1 / (4 pi), or uniform over the cone of a spot |
+//! | direction | certain | uniform over a disk that covers the scene; `pdf_w` is 1 |
+//! | environment | its brightness times solid angle | the same, then uniform over a disk |
+//!
+//! Disks are perpendicular to the direction of emission.
 //!
 //! Throughput at the start of a light path is `radiance * cos / (pdf_a * pdf_w)` for every kind.
 //!
 //! # Densities of a path's last edge
 //!
-//! How the strategies of bidirectional methods find the last edge of a path, from the surface point x to the light
-//! [Veach 1997, 8.2 and 10.3]: `w` is the unit direction from x to the light, `c` the probability of choosing it
-//! ([`Lights::pdf_choice`]), `p(w)` the density with which the surface samples `w`, R the radius of the ball around all
-//! surfaces ([`Lights::pdf_emission_at`] has the disk's density). In a path that ends at a light without a place, the
-//! direction takes the part of the last vertex, and its density stays per solid angle: the disk is only a way of finding x.
+//! How the strategies of bidirectional methods find the last edge of a path, from the surface point
+//! x to the light [Veach 1997, 8.2 and 10.3]: `w` is the unit direction from x to the light, `c`
+//! the probability of choosing it ([`Lights::pdf_choice`]), `p(w)` the density with which the
+//! surface samples `w`, R the radius of the bounding sphere of all surfaces
+//! ([`Lights::pdf_emission_at`] has the disk's density). In a path that ends at an infinitely
+//! distant light, the direction takes the place of the last vertex, and its density stays per solid
+//! angle: the disk is only a way of sampling x.
 //!
-//! | light | met (s = 0) | sampled from x (s = 1) | start of a light path (s >= 2), then x |
-//! |---|---|---|---|
-//! | surface, at y | p(w) cos_y / d^2 per area of y | c [`Lights::pdf_direct_one_w`] cos_y / d^2 per area of y | c / area per area of y; then cos_y / pi per solid angle |
-//! | environment | p(w) per solid angle | c p_env(w) per solid angle | c p_env(w) per solid angle; then cos_x / (pi R^2) per area of x |
-//! | direction | never | c, a Dirac | c, a Dirac; then cos_x / (pi R^2) per area of x |
-//! | point | never | c, a Dirac | c, a Dirac; then 1 / (4 pi), or uniform over the cone, per solid angle |
+//! - Surface, at y. Hit (s = 0): p(w) cos_y / d^2 per area of y. Sampled from x (s = 1): c times
+//!   [`Lights::pdf_direct_one_w`] cos_y / d^2 per area of y. Start of a light path (s >= 2), then x:
+//!   c / area per area of y; then cos_y / pi per solid angle.
+//! - Environment. Hit: p(w) per solid angle. Sampled: c p_env(w) per solid angle. Start: c p_env(w)
+//!   per solid angle; then cos_x / (pi R^2) per area of x.
+//! - Direction. Hit: never. Sampled: c, a Dirac. Start: c, a Dirac; then cos_x / (pi R^2) per area
+//!   of x.
+//! - Point. Hit: never. Sampled: c, a Dirac. Start: c, a Dirac; then 1 / (4 pi), or uniform over
+//!   the cone, per solid angle.
 
 pub mod area;
 mod bounds;
@@ -45,156 +53,173 @@ use std::ops::Range;
 
 use glam::Vec3;
 
-use self::bounds::Ball;
-use self::environment::Surroundings;
+use self::bounds::BoundingSphere;
+use self::environment::EnvironmentLight;
 use super::surface::sphere_uv;
-use crate::math::distribution::Alias;
+use crate::math::distribution::AliasTable;
 use crate::math::real::{Real, Vector};
 use crate::math::{Frame, warp};
 use crate::scene::CompiledScene;
 use crate::scene::compile::Uv;
 
-pub use select::{FIELD as SELECT_FIELD, Select};
+pub use select::{FIELD as SELECT_FIELD, LightSelection};
 
-/// All light sources of a scene. They have indices: emissive primitives first, then points, directions, and the
-/// environment.
+/// All light sources of a scene, with indices: emissive primitives first, then points, directions,
+/// and the environment.
 #[derive(Clone, Debug)]
 pub struct Lights {
-    /// Over all indices; `None` if nothing shines.
-    pub(crate) choice: Option<Alias>,
+    /// Distribution over all indices; `None` if nothing emits.
+    pub(crate) choice: Option<AliasTable>,
     ids: Vec<LightId>,
     /// Index of the first light of a kind: points, directions, environment.
     pub(crate) first: [u32; 3],
-    pub(crate) surroundings: Option<Surroundings>,
-    pub(crate) ball: Ball,
+    pub(crate) environment_light: Option<EnvironmentLight>,
+    pub(crate) ball: BoundingSphere,
     total_area: f64,
 }
 
-/// Relative luminance of linear sRGB [IEC 61966-2-1].
+/// Returns the relative luminance of linear sRGB [IEC 61966-2-1].
 pub fn luminance(color: Vec3) -> f64 {
-    color.as_dvec3().dot(glam::DVec3::new(0.2126, 0.7152, 0.0722))
+    color
+        .as_dvec3()
+        .dot(glam::DVec3::new(0.2126, 0.7152, 0.0722))
 }
 
-/// Light that arrives at a point, not yet tested for shadow.
+/// Light that arrives at a point, before the shadow test.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DirectSample {
     /// Unit direction from the point to the light.
     pub wi: Vec3,
-    /// Distance to the light; infinite for lights without a place.
+    /// Distance to the light; infinite for infinitely distant lights.
     pub distance: f32,
-    /// Radiance that arrives along `-wi`; for a Dirac light the irradiance it makes on a surface facing it.
+    /// Radiance that arrives along `-wi`; for a Dirac light the irradiance on a surface facing it.
     pub radiance: Vec3,
     /// Density per solid angle at the point; for a Dirac light the probability of choosing it.
     pub pdf_w: f32,
     /// Whether no other technique can find this light (points, directions).
     pub delta: bool,
-    /// The point on the light, for techniques that go on from it.
+    /// The point on the light.
     pub point: LightPoint,
 }
 
 /// A point of a light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightPoint {
-    /// Which light.
+    /// Identity of the light.
     pub light: LightId,
-    /// Position in world space; for lights without a place, a point outside the scene's bounding sphere.
+    /// Position in world space; for infinitely distant lights, a point outside the scene's bounding
+    /// sphere.
     pub position: Vec3,
-    /// Unit normal on the emitting side; for lights without a surface, the direction of the emission.
+    /// Unit normal on the emitting side; for lights without a surface, the direction of emission.
     pub normal: Vec3,
     /// Texture coordinates before tiling; zero for lights without a surface.
     pub uv: Uv,
 }
 
-/// Names one light.
+/// Identifies one light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LightId {
-    /// Row of [`CompiledScene::emitters`].
+    /// An emissive primitive: index into [`CompiledScene::emitters`].
     Emitter(u32),
-    /// Row of [`CompiledScene::points`].
+    /// A point light: index into [`CompiledScene::points`].
     Point(u32),
-    /// Row of [`CompiledScene::directionals`].
+    /// A directional light: index into [`CompiledScene::directionals`].
     Directional(u32),
-    /// [`CompiledScene::environment`].
+    /// The environment: [`CompiledScene::environment`].
     Environment,
 }
 
 /// The start of a path at a light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EmissionSample {
-    /// Where it starts.
+    /// Start point of the path.
     pub point: LightPoint,
-    /// Unit direction in which it leaves.
+    /// Unit direction of emission.
     pub dir: Vec3,
     /// Emitted radiance in that direction (intensity for a point, irradiance for a direction).
     pub radiance: Vec3,
-    /// Density of the position per area, the choice of the light included; for a point the probability alone, for lights
-    /// without a place per area across the direction.
+    /// Density of the position per area, including the choice of the light. For a point the
+    /// probability alone; for infinitely distant lights per area perpendicular to the direction.
     pub pdf_a: f32,
-    /// Density of the direction per solid angle, given the position; for a direction 1.
+    /// Density of the direction per solid angle, given the position; 1 for a directional light.
     pub pdf_w: f32,
     /// Cosine between the normal and the direction; 1 for lights without a surface.
     pub cos: f32,
 }
 
-/// How the densities of a light that a path hit would have been, had it been sampled.
+/// The densities with which a light that a path hit would have been sampled.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EmissionPdf {
-    /// Density of the position as in [`EmissionSample::pdf_a`].
+    /// Density of the position: see [`EmissionSample::pdf_a`].
     pub pdf_a: f32,
-    /// Density of the direction as in [`EmissionSample::pdf_w`].
+    /// Density of the direction: see [`EmissionSample::pdf_w`].
     pub pdf_w: f32,
 }
 
 impl Lights {
-    /// Gathers the lights of a scene, chosen by their power.
+    /// Collects the lights of a scene, chosen by their power.
     pub fn new(scene: &CompiledScene) -> Lights {
-        Lights::with_select(scene, Select::default())
+        Lights::with_select(scene, LightSelection::default())
     }
 
-    /// Gathers the lights of a scene.
-    pub fn with_select(scene: &CompiledScene, select: Select) -> Lights {
-        let surroundings = scene.environment.as_ref().and_then(Surroundings::new);
-        let [emitters, points, directionals] =
-            [scene.emitters.len(), scene.points.len(), scene.directionals.len()].map(|n| n as u32);
+    /// Collects the lights of a scene.
+    pub fn with_select(scene: &CompiledScene, select: LightSelection) -> Lights {
+        let environment_light = scene.environment.as_ref().and_then(EnvironmentLight::new);
+        let [emitters, points, directionals] = [
+            scene.emitters.len(),
+            scene.points.len(),
+            scene.directionals.len(),
+        ]
+        .map(|n| n as u32);
         let ids: Vec<LightId> = (0..emitters)
             .map(LightId::Emitter)
             .chain((0..points).map(LightId::Point))
             .chain((0..directionals).map(LightId::Directional))
-            .chain(surroundings.is_some().then_some(LightId::Environment))
+            .chain(environment_light.is_some().then_some(LightId::Environment))
             .collect();
-        let ball = Ball::around(scene);
-        let weights = select::weights(scene, select, ids.iter().copied(), &ball, surroundings.as_ref());
+        let ball = BoundingSphere::for_scene(scene);
+        let weights = select::weights(
+            scene,
+            select,
+            ids.iter().copied(),
+            &ball,
+            environment_light.as_ref(),
+        );
         Lights {
-            choice: Alias::new(weights),
+            choice: AliasTable::new(weights),
             ids,
-            first: [emitters, emitters + points, emitters + points + directionals],
-            surroundings,
+            first: [
+                emitters,
+                emitters + points,
+                emitters + points + directionals,
+            ],
+            environment_light,
             ball,
             total_area: scene.emitters.iter().map(|e| f64::from(e.area)).sum(),
         }
     }
 
-    /// Number of lights.
+    /// Returns the number of lights.
     pub fn count(&self) -> usize {
         self.ids.len()
     }
 
-    /// The indices of all lights, for [`Lights::sample_direct_from`].
-    pub fn each(&self) -> Range<u32> {
+    /// Returns the indices of all lights, for [`Lights::sample_direct_from`].
+    pub fn indices(&self) -> Range<u32> {
         0..self.ids.len() as u32
     }
 
-    /// The light with an index below [`Lights::count`].
+    /// Returns the identity of the light with an index below [`Lights::count`].
     pub fn id(&self, index: u32) -> LightId {
         self.ids[index as usize]
     }
 
-    /// Total area of emissive surfaces in square scene units.
+    /// Returns the total area of emissive surfaces in square scene units.
     pub fn total_area(&self) -> f64 {
         self.total_area
     }
 
-    /// Probability with which a light is chosen; zero for one that the scene does not have.
+    /// Returns the probability of choosing a light; zero for one that the scene does not have.
     #[inline]
     pub fn pdf_choice(&self, light: LightId) -> f32 {
         let index = match light {
@@ -209,36 +234,48 @@ impl Lights {
         self.choice.as_ref().map_or(0.0, |c| c.pmf(index))
     }
 
-    /// Radiance that arrives along `-dir` from outside the scene.
+    /// Returns the radiance that arrives along `-dir` from outside the scene.
     #[inline]
     pub fn environment(&self, dir: Vec3) -> Vec3 {
-        self.surroundings.as_ref().map_or(Vec3::ZERO, |s| s.radiance(dir))
+        self.environment_light
+            .as_ref()
+            .map_or(Vec3::ZERO, |s| s.radiance(dir))
     }
 
-    /// How far the wave front of a light without a place, in the unit direction `wi`, still has to go to `from` when it
-    /// touches the ball around all surfaces; negative for points beyond it. For any number of points.
+    /// Returns the distance between `from` and the wave front of an infinitely distant light in the
+    /// unit direction `wi` at the moment when the front touches the bounding sphere of all
+    /// surfaces; negative for points beyond it. Scalar or vectorised.
     #[inline(always)]
-    pub fn lead<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(&self, from: V, wi: V) -> R {
-        R::of(self.ball.radius) - (from - V::of(self.ball.center)).dot(wi)
+    pub fn front_distance<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(&self, from: V, wi: V) -> R {
+        R::splat(self.ball.radius) - (from - V::broadcast(self.ball.center)).dot(wi)
     }
 
-    /// The index of a light and the probability with which it is chosen; `None` if nothing shines.
+    /// Chooses a light: returns its index and its probability, or `None` if nothing emits.
     #[inline]
     pub fn choose(&self, choice: f32) -> Option<(u32, f32)> {
         let (index, probability) = self.choice.as_ref()?.sample(choice);
         Some((index as u32, probability))
     }
 
-    /// Light that arrives at `from`; `None` where the drawn point cannot shine there.
+    /// Samples light that arrives at `from`; `None` if the sampled point does not emit towards it.
     #[inline]
-    pub fn sample_direct(&self, scene: &CompiledScene, from: Vec3, choice: f32, u: [f32; 2]) -> Option<DirectSample> {
+    pub fn sample_direct(
+        &self,
+        scene: &CompiledScene,
+        from: Vec3,
+        choice: f32,
+        u: [f32; 2],
+    ) -> Option<DirectSample> {
         let (index, probability) = self.choose(choice)?;
         let one = self.sample_direct_from(scene, index, from, u)?;
-        Some(DirectSample { pdf_w: one.pdf_w * probability, ..one })
+        Some(DirectSample {
+            pdf_w: one.pdf_w * probability,
+            ..one
+        })
     }
 
-    /// Light that arrives at `from` from the light with this index. Its density does not include the choice; for a Dirac
-    /// light it is 1.
+    /// Samples light that arrives at `from` from the light with this index. The density does not
+    /// include the choice; for a Dirac light it is 1.
     #[inline]
     pub fn sample_direct_from(
         &self,
@@ -261,52 +298,88 @@ impl Lights {
                     };
                     let radiance = area::emission(scene, i, point.uv);
                     let distance = position.distance(from);
-                    Some(DirectSample { wi: s.wi, distance, radiance, pdf_w: s.pdf_w, delta: false, point })
+                    Some(DirectSample {
+                        wi: s.wi,
+                        distance,
+                        radiance,
+                        pdf_w: s.pdf_w,
+                        delta: false,
+                        point,
+                    })
                 }
             },
             LightId::Point(i) => point::sample_direct(&scene.points[i as usize], i, from),
-            LightId::Directional(i) => {
-                Some(directional::sample_direct(&scene.directionals[i as usize], i, from, &self.ball))
-            }
+            LightId::Directional(i) => Some(directional::sample_direct(
+                &scene.directionals[i as usize],
+                i,
+                from,
+                &self.ball,
+            )),
             LightId::Environment => {
-                let (wi, pdf_w) = self.surroundings.as_ref()?.sample(u);
+                let (wi, pdf_w) = self.environment_light.as_ref()?.sample(u);
                 let point = self.ball.outside(LightId::Environment, from, wi);
                 let radiance = self.environment(wi);
                 let usable = pdf_w > 0.0;
-                usable.then_some(DirectSample { wi, distance: f32::INFINITY, radiance, pdf_w, delta: false, point })
+                usable.then_some(DirectSample {
+                    wi,
+                    distance: f32::INFINITY,
+                    radiance,
+                    pdf_w,
+                    delta: false,
+                    point,
+                })
             }
         }
     }
 
-    /// Density per solid angle at `from` with which [`Lights::sample_direct`] finds the point `at` of emitter `i`, whose
-    /// front side has the unit normal `normal` there; zero seen from behind.
+    /// Returns the density per solid angle at `from` with which [`Lights::sample_direct`] samples
+    /// the point `at` of emitter `i`, whose front side has the unit normal `normal` there; zero
+    /// from behind.
     #[inline]
-    pub fn pdf_direct_w(&self, scene: &CompiledScene, from: Vec3, i: u32, at: Vec3, normal: Vec3) -> f32 {
+    pub fn pdf_direct_w(
+        &self,
+        scene: &CompiledScene,
+        from: Vec3,
+        i: u32,
+        at: Vec3,
+        normal: Vec3,
+    ) -> f32 {
         self.pdf_choice(LightId::Emitter(i)) * self.pdf_direct_one_w(scene, from, i, at, normal)
     }
 
-    /// The same for [`Lights::sample_direct_from`]: the choice is not included.
+    /// Returns the same density for [`Lights::sample_direct_from`], without the choice.
     #[inline]
-    pub fn pdf_direct_one_w(&self, scene: &CompiledScene, from: Vec3, i: u32, at: Vec3, normal: Vec3) -> f32 {
+    pub fn pdf_direct_one_w(
+        &self,
+        scene: &CompiledScene,
+        from: Vec3,
+        i: u32,
+        at: Vec3,
+        normal: Vec3,
+    ) -> f32 {
         match area::sphere(scene, i) {
             None => area::pdf_direct_w(scene, i, from, at, normal),
             Some(ball) => sphere::pdf_w(ball, from, at, normal),
         }
     }
 
-    /// Density per solid angle with which [`Lights::sample_direct`] finds the environment in direction `dir`.
+    /// Returns the density per solid angle with which [`Lights::sample_direct`] samples the
+    /// environment in direction `dir`.
     #[inline]
     pub fn pdf_environment_w(&self, dir: Vec3) -> f32 {
         self.pdf_choice(LightId::Environment) * self.pdf_environment_one_w(dir)
     }
 
-    /// The same for [`Lights::sample_direct_from`]: the choice is not included.
+    /// Returns the same density for [`Lights::sample_direct_from`], without the choice.
     #[inline]
     pub fn pdf_environment_one_w(&self, dir: Vec3) -> f32 {
-        self.surroundings.as_ref().map_or(0.0, |s| s.pdf_w(dir))
+        self.environment_light
+            .as_ref()
+            .map_or(0.0, |s| s.pdf_w(dir))
     }
 
-    /// The start of a path at a light, with the measures of the table above; `None` where it would carry nothing.
+    /// Samples the start of a path at a light, in the measures of the table above; `None` if the
+    /// path would carry nothing.
     #[inline]
     pub fn sample_emission(
         &self,
@@ -330,9 +403,11 @@ impl Lights {
                 }
             }
             LightId::Point(i) => point::sample_emission(&scene.points[i as usize], i, v),
-            LightId::Directional(i) => directional::sample_emission(&scene.directionals[i as usize], i, &self.ball, u),
+            LightId::Directional(i) => {
+                directional::sample_emission(&scene.directionals[i as usize], i, &self.ball, u)
+            }
             LightId::Environment => {
-                let (from, pdf_w) = self.surroundings.as_ref()?.sample(v);
+                let (from, pdf_w) = self.environment_light.as_ref()?.sample(v);
                 EmissionSample {
                     point: self.ball.on_disk(LightId::Environment, -from, u),
                     dir: -from,
@@ -344,41 +419,60 @@ impl Lights {
             }
         };
         let usable = one.pdf_w > 0.0 && one.pdf_a > 0.0;
-        usable.then_some(EmissionSample { pdf_a: one.pdf_a * probability, ..one })
+        usable.then_some(EmissionSample {
+            pdf_a: one.pdf_a * probability,
+            ..one
+        })
     }
 
-    /// The densities with which [`Lights::sample_emission`] starts a path at a point of emitter `i` in a direction whose
-    /// cosine with the front normal is `cos`.
+    /// Returns the densities with which [`Lights::sample_emission`] starts a path at a point of
+    /// emitter `i` in a direction whose cosine with the front normal is `cos`.
     #[inline]
     pub fn pdf_emission(&self, scene: &CompiledScene, i: u32, cos: f32) -> EmissionPdf {
         let pdf_a = self.pdf_choice(LightId::Emitter(i)) * area::pdf_a(scene, i);
-        EmissionPdf { pdf_a, pdf_w: warp::cosine_hemisphere_pdf_w(cos) }
-    }
-
-    /// The densities with which [`Lights::sample_emission`] starts a path at a point of any light in the unit direction
-    /// `dir`. For a direction, `pdf_w` is 1 in its own direction and 0 in others.
-    pub fn pdf_emission_at(&self, scene: &CompiledScene, point: &LightPoint, dir: Vec3) -> EmissionPdf {
-        let choice = self.pdf_choice(point.light);
-        match point.light {
-            LightId::Emitter(i) => self.pdf_emission(scene, i, point.normal.dot(dir)),
-            LightId::Point(i) => {
-                EmissionPdf { pdf_a: choice, pdf_w: point::pdf_w(&scene.points[i as usize].cone, dir) }
-            }
-            LightId::Directional(i) => {
-                let own = directional::shines_into(&scene.directionals[i as usize], dir);
-                EmissionPdf { pdf_a: choice * self.ball.pdf_a(), pdf_w: if own { 1.0 } else { 0.0 } }
-            }
-            LightId::Environment => {
-                EmissionPdf { pdf_a: choice * self.ball.pdf_a(), pdf_w: self.pdf_environment_one_w(-dir) }
-            }
+        EmissionPdf {
+            pdf_a,
+            pdf_w: warp::cosine_hemisphere_pdf_w(cos),
         }
     }
 
-    /// What a light sends from a point into the unit direction `dir`: radiance, the intensity of a point, the irradiance
-    /// of a direction; black behind a surface.
+    /// Returns the densities with which [`Lights::sample_emission`] starts a path at a point of any
+    /// light in the unit direction `dir`. For a directional light, `pdf_w` is 1 in its own
+    /// direction and 0 in others.
+    pub fn pdf_emission_at(
+        &self,
+        scene: &CompiledScene,
+        point: &LightPoint,
+        dir: Vec3,
+    ) -> EmissionPdf {
+        let choice = self.pdf_choice(point.light);
+        match point.light {
+            LightId::Emitter(i) => self.pdf_emission(scene, i, point.normal.dot(dir)),
+            LightId::Point(i) => EmissionPdf {
+                pdf_a: choice,
+                pdf_w: point::pdf_w(&scene.points[i as usize].cone, dir),
+            },
+            LightId::Directional(i) => {
+                let own = directional::shines_into(&scene.directionals[i as usize], dir);
+                EmissionPdf {
+                    pdf_a: choice * self.ball.pdf_a(),
+                    pdf_w: if own { 1.0 } else { 0.0 },
+                }
+            }
+            LightId::Environment => EmissionPdf {
+                pdf_a: choice * self.ball.pdf_a(),
+                pdf_w: self.pdf_environment_one_w(-dir),
+            },
+        }
+    }
+
+    /// Returns the emission of a light point in the unit direction `dir`: radiance, the intensity
+    /// of a point light, the irradiance of a directional light; black behind a surface.
     pub fn emitted(&self, scene: &CompiledScene, point: &LightPoint, dir: Vec3) -> Vec3 {
         match point.light {
-            LightId::Emitter(i) if point.normal.dot(dir) > 0.0 => area::emission(scene, i, point.uv),
+            LightId::Emitter(i) if point.normal.dot(dir) > 0.0 => {
+                area::emission(scene, i, point.uv)
+            }
             LightId::Emitter(_) => Vec3::ZERO,
             LightId::Point(i) => {
                 let light = &scene.points[i as usize];
@@ -386,7 +480,11 @@ impl Lights {
             }
             LightId::Directional(i) => {
                 let light = &scene.directionals[i as usize];
-                if directional::shines_into(light, dir) { light.irradiance } else { Vec3::ZERO }
+                if directional::shines_into(light, dir) {
+                    light.irradiance
+                } else {
+                    Vec3::ZERO
+                }
             }
             LightId::Environment => self.environment(-dir),
         }

@@ -1,4 +1,5 @@
-//! Lights that are points: the same intensity in every direction, or that of a cone.
+//! Point lights: with the same intensity in every direction, or with the intensity of a spot
+//! light's cone.
 
 use std::f32::consts::{PI, TAU};
 
@@ -9,16 +10,21 @@ use crate::math::{Frame, warp};
 use crate::scene::compile::{Cone, PointLight, Uv};
 
 fn at(light: &PointLight, i: u32, normal: Vec3) -> LightPoint {
-    LightPoint { light: LightId::Point(i), position: light.position, normal, uv: Uv::default() }
+    LightPoint {
+        light: LightId::Point(i),
+        position: light.position,
+        normal,
+        uv: Uv::default(),
+    }
 }
 
-/// One minus the cosine of a unit direction with the axis.
+/// Returns one minus the cosine of a unit direction with the axis.
 #[inline]
 fn height(cone: &Cone, dir: Vec3) -> f32 {
     0.5 * (dir - cone.axis).length_squared()
 }
 
-/// What is left of the intensity in a unit direction, from 0 to 1.
+/// Returns the fraction of the intensity in a unit direction, from 0 to 1.
 #[inline]
 pub(super) fn falloff(cone: &Cone, dir: Vec3) -> f32 {
     if cone.is_whole() {
@@ -39,28 +45,39 @@ pub(super) fn falloff(cone: &Cone, dir: Vec3) -> f32 {
     ((cone.cutoff - angle) / (cone.cutoff - cone.beam)).clamp(0.0, 1.0)
 }
 
-/// Density per solid angle of a direction of emission: the same in the whole cone.
+/// Returns the density per solid angle of a direction of emission: uniform over the whole cone.
 #[inline]
 pub(super) fn pdf_w(cone: &Cone, dir: Vec3) -> f32 {
     if cone.is_whole() {
         return 1.0 / (4.0 * PI);
     }
-    if height(cone, dir) <= cone.cutoff_height { 1.0 / (TAU * cone.cutoff_height) } else { 0.0 }
+    if height(cone, dir) <= cone.cutoff_height {
+        1.0 / (TAU * cone.cutoff_height)
+    } else {
+        0.0
+    }
 }
 
-/// Light that arrives at `from`; `None` at the light itself, and outside its cone.
+/// Returns light that arrives at `from`; `None` at the light itself and outside its cone.
 #[inline]
 pub(super) fn sample_direct(light: &PointLight, i: u32, from: Vec3) -> Option<DirectSample> {
     let to = light.position - from;
     let distance = to.length();
     let wi = to / distance;
-    let left = falloff(&light.cone, -wi);
-    let radiance = light.intensity * left / (distance * distance);
-    let usable = distance > 0.0 && left > 0.0 && radiance.is_finite();
-    usable.then(|| DirectSample { wi, distance, radiance, pdf_w: 1.0, delta: true, point: at(light, i, -wi) })
+    let fraction = falloff(&light.cone, -wi);
+    let radiance = light.intensity * fraction / (distance * distance);
+    let usable = distance > 0.0 && fraction > 0.0 && radiance.is_finite();
+    usable.then(|| DirectSample {
+        wi,
+        distance,
+        radiance,
+        pdf_w: 1.0,
+        delta: true,
+        point: at(light, i, -wi),
+    })
 }
 
-/// A direction uniform over the cone.
+/// Samples a direction uniform over the cone.
 #[inline]
 pub(super) fn sample_emission(light: &PointLight, i: u32, v: [f32; 2]) -> EmissionSample {
     let cone = &light.cone;
@@ -73,5 +90,12 @@ pub(super) fn sample_emission(light: &PointLight, i: u32, v: [f32; 2]) -> Emissi
         Frame::from_normal(cone.axis).to_world(Vec3::new(r * cos, r * sin, 1.0 - height))
     };
     let radiance = light.intensity * falloff(cone, dir);
-    EmissionSample { point: at(light, i, dir), dir, radiance, pdf_a: 1.0, pdf_w: pdf_w(cone, dir), cos: 1.0 }
+    EmissionSample {
+        point: at(light, i, dir),
+        dir,
+        radiance,
+        pdf_a: 1.0,
+        pdf_w: pdf_w(cone, dir),
+        cos: 1.0,
+    }
 }

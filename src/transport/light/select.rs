@@ -1,9 +1,9 @@
-//! Which light a sample goes to.
+//! Strategies for choosing a light for a sample.
 
 use std::collections::BTreeMap;
 
-use super::bounds::Ball;
-use super::environment::Surroundings;
+use super::bounds::BoundingSphere;
+use super::environment::EnvironmentLight;
 use super::{LightId, area, luminance};
 use crate::scene::CompiledScene;
 use crate::scene::compile::{NONE, Texture};
@@ -11,84 +11,105 @@ use crate::transport::surface::lookup;
 use crate::value::Value;
 use crate::value::schema::{Field, Ty};
 
-/// The key `select` of every integrator that chooses among lights.
+/// The parameter `select` of every integrator that chooses among lights.
 pub const FIELD: Field = Field {
     key: "select",
     ty: Ty::Word(&["uniform", "area", "power"]),
     required: false,
     default: "power",
-    doc: "how likely each light is chosen: all alike, in proportion to its area (the first source's way), or to the \
-          power that it sends into the scene",
+    doc: "how likely each light is chosen: all alike, in proportion to its area (as in S0, see \
+          docs/inside/transport.md), or to the power that it sends into the scene",
 };
 
-/// How one light is chosen among all.
+/// The probability with which each light is chosen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Select {
-    /// Every light with the same probability.
+pub enum LightSelection {
+    /// Every light has the same probability.
     Uniform,
-    /// Emissive primitives in proportion to their area, so that all points of all of them are equally likely. A light
-    /// without an area counts as much as the mean primitive.
+    /// Emissive primitives in proportion to their area, so that all their points are equally
+    /// likely. A light without an area counts as the mean primitive.
     Area,
-    /// In proportion to the luminance of what each sends out; for a light from outside, of what enters the ball around
-    /// the scene.
+    /// In proportion to the luminance of the emitted power; for an infinitely distant light, of the
+    /// power that enters the bounding sphere of the scene.
     #[default]
     Power,
 }
 
-impl Select {
-    /// Names in scripts with what they mean.
-    pub const NAMES: [(&'static str, Select); 3] =
-        [("uniform", Select::Uniform), ("area", Select::Area), ("power", Select::Power)];
+impl LightSelection {
+    /// Names in scripts with their strategies.
+    pub const NAMES: [(&'static str, LightSelection); 3] = [
+        ("uniform", LightSelection::Uniform),
+        ("area", LightSelection::Area),
+        ("power", LightSelection::Power),
+    ];
 
-    /// The choice with this name.
-    pub fn named(name: &str) -> Option<Select> {
-        Select::NAMES.iter().find(|(n, _)| *n == name).map(|(_, s)| *s)
+    /// Returns the strategy with this name.
+    pub fn from_name(name: &str) -> Option<LightSelection> {
+        LightSelection::NAMES
+            .iter()
+            .find(|(n, _)| *n == name)
+            .map(|(_, s)| *s)
     }
 
-    /// The choice that the parameter `select` of an integrator asks for; the default where it has none.
-    pub fn of(params: &BTreeMap<String, Value>) -> Select {
-        params.get(FIELD.key).and_then(Value::as_str).and_then(Select::named).unwrap_or_default()
+    /// Returns the strategy that the parameter `select` of an integrator names, or the default.
+    pub fn from_params(params: &BTreeMap<String, Value>) -> LightSelection {
+        params
+            .get(FIELD.key)
+            .and_then(Value::as_str)
+            .and_then(LightSelection::from_name)
+            .unwrap_or_default()
     }
 }
 
-/// Points of a triangle's texture that are looked at to guess how brightly it shines.
+/// Number of texture lookups for estimating the emission of a textured primitive.
 const PROBES: u32 = 16;
 
-/// Part of the whole texture's brightness in the guess, so that a light whose bright spot no probe met is still chosen.
-const WHOLE: f64 = 0.1;
+/// Share of the whole texture's mean brightness in the estimate, so that a light whose bright spot
+/// no probe hit is still chosen.
+const MEAN_SHARE: f64 = 0.1;
 
-/// The weights of all lights, by index. Every light that shines has one above zero.
+/// Returns the weights of all lights, by index. Every light that emits has a positive weight.
 pub(super) fn weights(
     scene: &CompiledScene,
-    select: Select,
+    select: LightSelection,
     ids: impl Iterator<Item = LightId>,
-    ball: &Ball,
-    surroundings: Option<&Surroundings>,
+    ball: &BoundingSphere,
+    environment_light: Option<&EnvironmentLight>,
 ) -> Vec<f64> {
     let emitters = scene.emitters.len().max(1) as f64;
-    let mean_area = scene.emitters.iter().map(|e| f64::from(e.area)).sum::<f64>() / emitters;
+    let mean_area = scene
+        .emitters
+        .iter()
+        .map(|e| f64::from(e.area))
+        .sum::<f64>()
+        / emitters;
     let without_area = if mean_area > 0.0 { mean_area } else { 1.0 };
     let brightness: Vec<f64> = scene.textures.iter().map(mean_luminance).collect();
     let disk = f64::from(ball.disk_area());
     ids.map(|id| match (select, id) {
-        (Select::Uniform, _) => 1.0,
-        (Select::Area, LightId::Emitter(i)) => f64::from(scene.emitters[i as usize].area),
-        (Select::Area, _) => without_area,
-        (Select::Power, LightId::Emitter(i)) => emitter_power(scene, i, &brightness),
-        (Select::Power, LightId::Point(i)) => {
+        (LightSelection::Uniform, _) => 1.0,
+        (LightSelection::Area, LightId::Emitter(i)) => f64::from(scene.emitters[i as usize].area),
+        (LightSelection::Area, _) => without_area,
+        (LightSelection::Power, LightId::Emitter(i)) => emitter_power(scene, i, &brightness),
+        (LightSelection::Power, LightId::Point(i)) => {
             let light = &scene.points[i as usize];
-            4.0 * std::f64::consts::PI * light.cone.share() * luminance(light.intensity)
+            4.0 * std::f64::consts::PI * light.cone.mean_falloff() * luminance(light.intensity)
         }
-        (Select::Power, LightId::Directional(i)) => disk * luminance(scene.directionals[i as usize].irradiance),
-        (Select::Power, LightId::Environment) => disk * surroundings.map_or(0.0, Surroundings::power),
+        (LightSelection::Power, LightId::Directional(i)) => {
+            disk * luminance(scene.directionals[i as usize].irradiance)
+        }
+        (LightSelection::Power, LightId::Environment) => {
+            disk * environment_light.map_or(0.0, EnvironmentLight::power)
+        }
     })
     .collect()
 }
 
-/// Luminance that an emissive primitive sends out on its front.
+/// Estimates the luminance of the power that an emissive primitive emits on its front.
 fn emitter_power(scene: &CompiledScene, i: u32, brightness: &[f64]) -> f64 {
     let m = area::material(scene, i);
-    let plain = std::f64::consts::PI * f64::from(scene.emitters[i as usize].area) * luminance(m.emission);
+    let plain =
+        std::f64::consts::PI * f64::from(scene.emitters[i as usize].area) * luminance(m.emission);
     if m.emission_texture == NONE {
         return plain;
     }
@@ -98,11 +119,15 @@ fn emitter_power(scene: &CompiledScene, i: u32, brightness: &[f64]) -> f64 {
         let uv = area::sample(scene, i, u).uv;
         luminance(lookup(&scene.textures, m.emission_texture, uv, m.tiling))
     };
-    let seen = (0..PROBES).map(probe).sum::<f64>() / f64::from(PROBES);
-    plain * (seen + WHOLE * brightness[m.emission_texture as usize])
+    let probed = (0..PROBES).map(probe).sum::<f64>() / f64::from(PROBES);
+    plain * (probed + MEAN_SHARE * brightness[m.emission_texture as usize])
 }
 
 fn mean_luminance(texture: &Texture) -> f64 {
-    let sum: f64 = texture.texels.iter().map(|t| luminance(glam::Vec3::from_array(*t))).sum();
+    let sum: f64 = texture
+        .texels
+        .iter()
+        .map(|t| luminance(glam::Vec3::from_array(*t)))
+        .sum();
     sum / texture.texels.len().max(1) as f64
 }

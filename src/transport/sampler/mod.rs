@@ -1,8 +1,9 @@
-//! Sources of sample numbers, keyed by seed, pixel, sample and dimension.
+//! Samplers: sources of random numbers, keyed by seed, pixel, sample and dimension.
 //!
-//! A sampler is the numbers of one sample of one pixel. An integrator takes them in whatever order it needs them;
-//! numbers that one event needs together are best taken one after the other, single ones first and the pair last, as in
-//! "which lobe, then which direction": [`Sobol`] then spreads all three together over the samples of the pixel.
+//! A sampler holds the numbers of one sample of one pixel. An integrator takes them in the order in
+//! which it needs them. Numbers that one event needs together are best taken one after the other,
+//! single ones first and the pair last, such as "lobe, then direction": [`Sobol`] then stratifies
+//! all three together over the samples of the pixel.
 
 mod independent;
 mod sobol;
@@ -12,30 +13,31 @@ pub use sobol::Sobol;
 
 use crate::math::rng::pcg4d;
 
-/// The numbers of one sample of one pixel. Nothing but key and order decides a number, so that any range of samples has
-/// the same numbers in any grouping into waves and on any thread.
+/// The numbers of one sample of one pixel. A number depends only on the key and on how many were
+/// taken before, so any range of samples has the same numbers in any grouping into waves and on any
+/// thread.
 #[derive(Clone, Debug)]
 pub enum Sampler {
     /// Independent uniform numbers.
     Independent(Independent),
-    /// Numbers that are spread evenly over the samples of a pixel.
+    /// Numbers stratified over the samples of a pixel.
     Sobol(Sobol),
 }
 
 impl Sampler {
-    /// Independent numbers, those of [`INDEPENDENT`].
+    /// Starts independent numbers, those of [`INDEPENDENT`].
     #[inline]
     pub fn new(seed: u64, pixel: [u32; 2], sample: u64) -> Sampler {
         Sampler::Independent(Independent::new(seed, pixel, sample))
     }
 
-    /// Numbers of the Owen-scrambled sequence, those of [`SOBOL`].
+    /// Starts numbers of the Owen-scrambled Sobol sequence, those of [`SOBOL`].
     #[inline]
     pub fn sobol(seed: u64, pixel: [u32; 2], sample: u64) -> Sampler {
         Sampler::Sobol(Sobol::new(seed, pixel, sample))
     }
 
-    /// The next number, in `[0, 1)`.
+    /// Returns the next number, in `[0, 1)`.
     #[inline]
     pub fn next_1d(&mut self) -> f32 {
         match self {
@@ -44,7 +46,7 @@ impl Sampler {
         }
     }
 
-    /// The next two numbers, each in `[0, 1)`, for a decision in two dimensions.
+    /// Returns the next two numbers, each in `[0, 1)`, for a decision in two dimensions.
     #[inline]
     pub fn next_2d(&mut self) -> [f32; 2] {
         match self {
@@ -53,44 +55,45 @@ impl Sampler {
         }
     }
 
-    /// Numbers beside these, independent of them and of each other: what takes them changes none of the sampler's own. They
-    /// are those of the same sample wherever the sampler stands.
+    /// Returns an auxiliary stream, independent of this sampler's numbers and of each other; taking
+    /// from it changes none of the sampler's own numbers. It depends only on the sample, not on how
+    /// many numbers were taken.
     #[inline]
-    pub fn aside(&self) -> Independent {
+    pub fn auxiliary(&self) -> Independent {
         let key = match self {
             Sampler::Independent(s) => s.key(),
             Sampler::Sobol(s) => s.key_of_sample(),
         };
-        Independent::keyed(pcg4d([key[0] ^ ASIDE, key[1], key[2], key[3]]))
+        Independent::from_key(pcg4d([key[0] ^ AUXILIARY_KEY, key[1], key[2], key[3]]))
     }
 }
 
-/// Tells the numbers [beside](Sampler::aside) a sampler's own from them.
-const ASIDE: u32 = 0x7f4a_7c15;
+/// Distinguishes the key of the [auxiliary stream](Sampler::auxiliary) from the sampler's own.
+const AUXILIARY_KEY: u32 = 0x7f4a_7c15;
 
 /// Starts the numbers of one sample of one pixel.
 pub type StartFn = fn(seed: u64, pixel: [u32; 2], sample: u64) -> Sampler;
 
-/// One row of [`SAMPLERS`].
+/// One sampler of [`SAMPLERS`].
 #[derive(Debug)]
 pub struct SamplerRow {
-    /// The name in scripts and columns.
+    /// Name in scripts and columns.
     pub name: &'static str,
-    /// Raised whenever its numbers change; part of every run's identity.
+    /// Revision, raised whenever the numbers change; part of every run's identity.
     pub revision: u32,
-    /// What it does, in a sentence, with its source.
+    /// Description in one sentence, with its source.
     pub doc: &'static str,
-    /// Starts a sample.
+    /// Starts the numbers of a sample.
     pub start: StartFn,
 }
 
-/// The row of independent numbers.
+/// The sampler of independent numbers.
 pub const INDEPENDENT: &SamplerRow = &SAMPLERS[0];
 
-/// The row of the Owen-scrambled sequence.
+/// The sampler of the Owen-scrambled Sobol sequence.
 pub const SOBOL: &SamplerRow = &SAMPLERS[1];
 
-/// Every sampler there is; the first is what a script gets that asks for none.
+/// All samplers; the first is the default of scripts.
 pub const SAMPLERS: &[SamplerRow] = &[
     SamplerRow {
         name: "independent",
@@ -101,8 +104,9 @@ pub const SAMPLERS: &[SamplerRow] = &[
     SamplerRow {
         name: "sobol",
         revision: 1,
-        doc: "The Owen-scrambled Sobol sequence, padded by shuffling [Burley 2020]: mostly less error from the same \
-              number of samples. Standard errors of pixels take samples for independent, so they are mostly too large.",
+        doc: "The Owen-scrambled Sobol sequence, padded by shuffling [Burley 2020]: mostly less \
+              error from the same number of samples. Standard errors of pixels take samples for \
+              independent, so they are mostly too large.",
         start: Sampler::sobol,
     },
 ];
@@ -118,7 +122,7 @@ pub const SAMPLER_NAMES: [&str; SAMPLERS.len()] = {
     names
 };
 
-/// The row with this name.
+/// Returns the sampler with this name.
 pub fn sampler(name: &str) -> Option<&'static SamplerRow> {
     SAMPLERS.iter().find(|row| row.name == name)
 }

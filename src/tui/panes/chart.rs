@@ -1,4 +1,4 @@
-//! The error chart: a metric of the current cell over render time or samples, on logarithmic axes.
+//! The chart pane: a metric of the current cell over render time or samples, on log axes.
 
 use ratatui::Frame;
 use ratatui::layout::Rect;
@@ -6,131 +6,178 @@ use ratatui::style::{Color, Style};
 use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
-use ratatui::widgets::canvas::{Canvas, Line as Stroke, Points};
+use ratatui::widgets::canvas::{Canvas, Context, Line as Stroke, Points};
 
 use super::pane;
 use crate::experiment::{CellRef, StopRule, WaveRow};
 use crate::metrics::{Better, MetricSpec};
-use crate::tui::axis::{Axis, Scale};
-use crate::tui::curve::Curve;
-use crate::tui::look::Look;
-use crate::tui::model::{Current, Model};
+use crate::tui::axis::{AxisScale, ChartAxis};
+use crate::tui::format;
+use crate::tui::model::curve::Curve;
+use crate::tui::model::night::{CurrentRun, NightModel};
+use crate::tui::terminal::terminal_caps::TerminalCaps;
 use crate::tui::view::{ChartX, View};
-use crate::tui::words;
 
-/// Draws the pane.
-pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
-    let look = view.look;
-    let metrics = model.plan.as_ref().map_or(&[][..], |plan| &plan.metrics[..]);
+/// Draws the chart pane.
+pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
+    let caps = view.caps;
+    let metrics = model
+        .plan
+        .as_ref()
+        .map_or(&[][..], |plan| &plan.metrics[..]);
     let spec = metrics.get(view.metric);
     let current = model.current.as_ref();
-    let mut block = pane(look, headline(spec, current, view, area.width));
+    let mut block = pane(caps, headline(spec, current, view, area.width));
     if metrics.len() > 1 {
         block = block.title_bottom(tabs(metrics, view, area.width));
     }
     if spec.is_some() && current.is_some() {
-        let unit = Line::styled(format!(" over {} ", unit_of(view.chart_x)), look.dim());
+        let unit = Line::styled(format!(" over {} ", axis_unit(view.chart_x)), caps.dim());
         block = block.title_bottom(unit.right_aligned());
     }
     let inner = block.inner(area);
     frame.render_widget(block, area);
     let (Some(spec), Some(current)) = (spec, current) else {
-        let note =
-            if spec.is_none() && model.plan.is_some() { "the plan measures nothing" } else { "nothing to plot yet" };
-        frame.render_widget(Paragraph::new(note).style(look.dim()), inner);
+        let note = if spec.is_none() && model.plan.is_some() {
+            "this plan has no metrics"
+        } else {
+            "nothing to plot yet"
+        };
+        frame.render_widget(Paragraph::new(note).style(caps.dim()), inner);
         return;
     };
     let points = points(&current.curve, view);
     if points.is_empty() {
-        let width = usize::from(inner.width);
-        let lines: Vec<Line> = words::wrap(note(current), width).into_iter().map(Line::from).collect();
-        frame.render_widget(Paragraph::new(lines).style(look.dim()), inner);
+        super::draw_note(frame, inner, caps, note(current));
         return;
     }
-    let threshold = model.stop_rule(current.cell).and_then(|rule| threshold(rule, &spec.column));
-    // The cells before, and those that take turns with this one, stand behind, so that techniques can be compared while they render.
-    let past = model.past.iter().filter(|(cell, _)| *cell != current.cell);
-    let rivals = model.rivals.values().map(|rival| &rival.curve);
-    let others = past.map(|(_, curve)| curve.as_ref()).chain(rivals);
-    let past: Vec<Vec<(f64, f64)>> = others.map(|curve| self::points(curve, view)).collect();
-    plot(frame, inner, look, spec, &Lines { points, past, threshold, floor: model.floor_of(view.metric) });
+    let threshold = model
+        .stop_rule(current.cell)
+        .and_then(|rule| threshold(rule, &spec.column));
+    let lines = Lines {
+        points,
+        past: other_points(model, current, view),
+        threshold,
+        floor: model.noise_floor(view.metric),
+    };
+    plot(frame, inner, caps, spec, &lines);
 }
 
-/// What a chart shows.
+/// Returns the points of earlier and interleaved cells. They are drawn behind the current curve,
+/// so that techniques can be compared while they render.
+fn other_points(model: &NightModel, current: &CurrentRun, view: &View) -> Vec<Vec<(f64, f64)>> {
+    let past = model
+        .past_curves
+        .iter()
+        .filter(|(cell, _)| *cell != current.cell);
+    let interleaved = model.interleaved.values().map(|run| &run.curve);
+    let others = past.map(|(_, curve)| curve.as_ref()).chain(interleaved);
+    others.map(|curve| points(curve, view)).collect()
+}
+
+/// Curves and lines of the chart.
 struct Lines {
-    /// The current cell.
+    /// Points of the current cell.
     points: Vec<(f64, f64)>,
-    /// The cells before it.
+    /// Points of earlier and interleaved cells.
     past: Vec<Vec<(f64, f64)>>,
-    /// Where the stop rule holds.
+    /// Value at which the stop rule is met.
     threshold: Option<f64>,
-    /// Where only the noise of the reference is measured.
+    /// Noise floor of the reference.
     floor: Option<f64>,
 }
 
-/// Why there is no curve.
-fn note(current: &Current) -> &'static str {
+/// Explains why there is no curve.
+fn note(current: &CurrentRun) -> &'static str {
     match current.cell {
-        CellRef::Reference(_) => "This is a reference: cells are measured against it, so it has no error of its own.",
-        CellRef::Cell(_) if current.reference.is_none() && current.curve.rows().all(|r| r.metrics.is_empty()) => {
+        CellRef::Reference(_) => {
+            "This is a reference: cells are measured against it, so it has no error of its own."
+        }
+        CellRef::Cell(_)
+            if current.reference.is_none()
+                && current.curve.rows().all(|r| r.metrics.is_empty()) =>
+        {
             "This cell has no reference, so there is no error to show."
         }
-        CellRef::Cell(_) => "No measurement can be plotted yet.",
+        CellRef::Cell(_) => "There is no measurement to plot yet.",
     }
 }
 
-/// The metric, its newest value, and how it falls.
-fn headline(spec: Option<&MetricSpec>, current: Option<&Current>, view: &View, width: u16) -> Line<'static> {
-    let look = view.look;
-    let Some(spec) = spec else { return Line::styled(" Error ", look.strong()) };
-    let mut spans = vec![Span::styled(format!(" {} ", spec.column), look.strong())];
-    let mut room = usize::from(width).saturating_sub(words::width(&spec.column) + 6);
+/// Formats the metric, its newest value, and the slope of its error.
+fn headline(
+    spec: Option<&MetricSpec>,
+    current: Option<&CurrentRun>,
+    view: &View,
+    width: u16,
+) -> Line<'static> {
+    let caps = view.caps;
+    let Some(spec) = spec else {
+        return Line::styled(" Error ", caps.strong());
+    };
+    let mut spans = vec![Span::styled(format!(" {} ", spec.column), caps.strong())];
+    let mut room = usize::from(width).saturating_sub(format::width(&spec.column) + 6);
     let mut add = |text: String, style: Style| {
-        if words::width(&text) <= room {
-            room -= words::width(&text);
+        if format::width(&text) <= room {
+            room -= format::width(&text);
             spans.push(Span::styled(text, style));
         }
     };
     if let Some(current) = current {
-        if let Some(value) = current.curve.last().and_then(|row| row.metrics.get(view.metric)) {
-            add(format!("{} ", words::number(*value)), look.accent());
+        if let Some(value) = current
+            .curve
+            .last()
+            .and_then(|row| row.metrics.get(view.metric))
+        {
+            add(format!("{} ", format::number(*value)), caps.accent());
             if !spec.unit().is_empty() {
-                add(format!("{} ", spec.unit()), look.dim());
+                add(format!("{} ", spec.unit()), caps.dim());
             }
         }
         if spec.row.better == Better::Lower
-            && let Some(slope) = current.curve.slope(view.metric, |row| x_of(row, view.chart_x))
+            && let Some(slope) = current
+                .curve
+                .slope(view.metric, |row| x_of(row, view.chart_x))
         {
-            add(format!(" slope {slope:.2} "), look.strong());
+            add(format!(" slope {slope:.2} "), caps.strong());
         }
     }
     if spec.row.long_name != spec.column {
-        add(format!(" {} ", spec.row.long_name), look.dim());
+        add(format!(" {} ", spec.row.long_name), caps.dim());
     }
     Line::from(spans)
 }
 
-/// The keys of the metrics, as many as fit.
+/// Formats the number keys of the metrics, as many as fit.
 fn tabs(metrics: &[MetricSpec], view: &View, width: u16) -> Line<'static> {
     let mut line = Line::from(" ");
     for (i, spec) in metrics.iter().take(9).enumerate() {
         let text = format!("{} {} ", i + 1, spec.column);
-        // The unit of the other axis stands at the end of the line.
-        if line.width() + words::width(&text) + unit_of(view.chart_x).len() + 12 > usize::from(width) {
+        // The unit of the horizontal axis is written at the end of this line.
+        if line.width() + format::width(&text) + axis_unit(view.chart_x).len() + 12
+            > usize::from(width)
+        {
             break;
         }
-        line.push_span(Span::styled(text, if i == view.metric { view.look.accent() } else { view.look.dim() }));
+        line.push_span(Span::styled(
+            text,
+            if i == view.metric {
+                view.caps.accent()
+            } else {
+                view.caps.dim()
+            },
+        ));
     }
     line
 }
 
-fn unit_of(axis: ChartX) -> &'static str {
+fn axis_unit(axis: ChartX) -> &'static str {
     match axis {
         ChartX::RenderS => "render time, s",
         ChartX::Samples => "samples, spp",
     }
 }
 
+/// Horizontal coordinate of a measurement.
 fn x_of(row: &WaveRow, axis: ChartX) -> f64 {
     match axis {
         ChartX::RenderS => row.render_s,
@@ -138,7 +185,7 @@ fn x_of(row: &WaveRow, axis: ChartX) -> f64 {
     }
 }
 
-/// Finite points with a positive place on the horizontal axis.
+/// Returns the finite points with a positive horizontal coordinate.
 fn points(curve: &Curve, view: &View) -> Vec<(f64, f64)> {
     let point = |row: &WaveRow| {
         let (x, y) = (x_of(row, view.chart_x), *row.metrics.get(view.metric)?);
@@ -147,119 +194,216 @@ fn points(curve: &Curve, view: &View) -> Vec<(f64, f64)> {
     curve.rows().filter_map(point).collect()
 }
 
-/// The value of `column` at which the rule, or a part of it, holds.
+/// Returns the value of `column` at which the rule, or a part of it, is met.
 fn threshold(rule: &StopRule, column: &str) -> Option<f64> {
     match rule {
-        StopRule::When { column: c, value, .. } => (c == column && value.is_finite()).then_some(*value),
-        StopRule::Any(rules) | StopRule::All(rules) => rules.iter().find_map(|r| threshold(r, column)),
+        StopRule::When {
+            column: c, value, ..
+        } => (c == column && value.is_finite()).then_some(*value),
+        StopRule::Any(rules) | StopRule::All(rules) => {
+            rules.iter().find_map(|r| threshold(r, column))
+        }
         StopRule::Not(rule) => threshold(rule, column),
         _ => None,
     }
 }
 
-fn plot(frame: &mut Frame, area: Rect, look: Look, spec: &MetricSpec, lines: &Lines) {
+/// Draws axes, threshold, noise floor and curves.
+fn plot(frame: &mut Frame, area: Rect, caps: TerminalCaps, spec: &MetricSpec, lines: &Lines) {
     let points = &lines.points[..];
     if area.width < 16 || area.height < 4 {
         return;
     }
-    // Errors fall by powers; a quality such as SSIM or PSNR does not, and may be zero or negative.
+    // Errors follow power laws. A quality such as SSIM or PSNR does not, and may be <= 0.
     let log_y = spec.row.better == Better::Lower && points.iter().any(|p| p.1 > 0.0);
-    let scale_y = if log_y { Scale::Log } else { Scale::Linear };
+    let scale_y = if log_y {
+        AxisScale::Log
+    } else {
+        AxisScale::Linear
+    };
     let threshold = lines.threshold.filter(|t| near(*t, points, scale_y));
     let floor = lines.floor.filter(|f| near(*f, points, scale_y));
     let all = || points.iter().chain(lines.past.iter().flatten());
     let values = all().map(|p| p.1).chain(threshold).chain(floor);
-    let y = Axis::around(values, scale_y, usize::from(area.height - 2) / 2);
-    let x = Axis::around(all().map(|p| p.0), Scale::Log, usize::from(area.width) / 10);
-    let gutter = y.ticks.iter().map(|tick| tick.label.len()).max().unwrap_or(0) as u16;
+    let y = ChartAxis::covering(values, scale_y, usize::from(area.height - 2) / 2);
+    let x = ChartAxis::covering(
+        all().map(|p| p.0),
+        AxisScale::Log,
+        usize::from(area.width) / 10,
+    );
+    let gutter = y
+        .ticks
+        .iter()
+        .map(|tick| tick.label.len())
+        .max()
+        .unwrap_or(0) as u16;
     let plot = Rect {
         x: area.x + gutter + 1,
         y: area.y,
         width: area.width.saturating_sub(gutter + 2),
         height: area.height - 2,
     };
-    axes(frame, area, plot, look, &x, &y);
-    if let Some(row) = threshold.and_then(|t| y.place(t)).map(|share| row_at(plot, share)) {
-        let line = look.glyphs().threshold.repeat(usize::from(plot.width));
-        frame.buffer_mut().set_string(plot.x, row, line, look.warn());
+    axes(frame, area, plot, caps, &x, &y);
+    if let Some(share) = threshold.and_then(|t| y.position(t)) {
+        horizontal_line(frame, plot, share, caps, caps.warn());
     }
-    if let Some(row) = floor.and_then(|f| y.place(f)).map(|share| row_at(plot, share)) {
-        let line = look.glyphs().threshold.repeat(usize::from(plot.width));
-        frame.buffer_mut().set_string(plot.x, row, line, look.dim());
-        let label = " noise of the reference ";
+    if let Some(share) = floor.and_then(|f| y.position(f)) {
+        horizontal_line(frame, plot, share, caps, caps.dim());
+        let label = " reference noise floor ";
         if usize::from(plot.width) > label.len() + 8 {
-            frame.buffer_mut().set_string(plot.x + 2, row, label, look.dim());
+            let row = row_at(plot, share);
+            frame
+                .buffer_mut()
+                .set_string(plot.x + 2, row, label, caps.dim());
         }
     }
+    curves(frame, plot, caps, lines, &x, &y);
+}
+
+/// Draws a line across the plot at a fraction of its height from below.
+fn horizontal_line(frame: &mut Frame, plot: Rect, share: f64, caps: TerminalCaps, style: Style) {
+    let line = caps.glyphs().threshold.repeat(usize::from(plot.width));
+    frame
+        .buffer_mut()
+        .set_string(plot.x, row_at(plot, share), line, style);
+}
+
+/// Draws the current curve in front of the earlier and interleaved ones.
+fn curves(
+    frame: &mut Frame,
+    plot: Rect,
+    caps: TerminalCaps,
+    lines: &Lines,
+    x: &ChartAxis,
+    y: &ChartAxis,
+) {
     let placed = |points: &[(f64, f64)]| -> Vec<(f64, f64)> {
-        points.iter().filter_map(|p| Some((x.place(p.0)?, y.place(p.1)?))).collect()
+        points
+            .iter()
+            .filter_map(|p| Some((x.position(p.0)?, y.position(p.1)?)))
+            .collect()
     };
-    let dots = placed(points);
-    let ink = look.glow().fg.unwrap_or(Color::Reset);
-    // Without colours nothing would tell the curves apart.
-    let past: Vec<Vec<(f64, f64)>> = match look.behind() {
+    let dots = placed(&lines.points);
+    let ink = caps.glow().fg.unwrap_or(Color::Reset);
+    // Without colours the curves could not be distinguished.
+    let past: Vec<Vec<(f64, f64)>> = match caps.behind() {
         Some(_) => lines.past.iter().map(|points| placed(points)).collect(),
         None => Vec::new(),
     };
-    let behind = look.behind().unwrap_or(Color::Reset);
+    let behind = caps.behind().unwrap_or(Color::Reset);
     let canvas = Canvas::default()
-        .marker(if look.ascii { Marker::Custom('*') } else { Marker::Braille })
+        .marker(if caps.ascii {
+            Marker::Custom('*')
+        } else {
+            Marker::Braille
+        })
         .x_bounds([0.0, 1.0])
         .y_bounds([0.0, 1.0])
         .paint(|ctx| {
-            let mut draw = |dots: &[(f64, f64)], color| {
-                ctx.draw(&Points { coords: dots, color });
-                for pair in dots.windows(2) {
-                    ctx.draw(&Stroke { x1: pair[0].0, y1: pair[0].1, x2: pair[1].0, y2: pair[1].1, color });
-                }
-            };
-            past.iter().for_each(|dots| draw(dots, behind));
-            draw(&dots, ink);
+            past.iter().for_each(|dots| polyline(ctx, dots, behind));
+            polyline(ctx, &dots, ink);
         });
     frame.render_widget(canvas, plot);
 }
 
-/// Whether a threshold is so close to the curve that both can be seen on one chart: within two decades, or twice
-/// the height of the curve.
-fn near(threshold: f64, points: &[(f64, f64)], scale: Scale) -> bool {
-    let place = |y: f64| if scale == Scale::Log { y.log10() } else { y };
-    let ys = points.iter().map(|p| place(p.1)).filter(|y| y.is_finite());
-    let (low, high) = ys.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), y| (l.min(y), h.max(y)));
-    let reach = if scale == Scale::Log { 2.0 } else { 2.0 * (high - low) };
-    (low - reach..=high + reach).contains(&place(threshold))
+/// Draws points and the lines between them.
+fn polyline(ctx: &mut Context<'_>, dots: &[(f64, f64)], color: Color) {
+    ctx.draw(&Points {
+        coords: dots,
+        color,
+    });
+    for pair in dots.windows(2) {
+        ctx.draw(&Stroke {
+            x1: pair[0].0,
+            y1: pair[0].1,
+            x2: pair[1].0,
+            y2: pair[1].1,
+            color,
+        });
+    }
 }
 
-/// The row of characters in which a share of the height from below lies.
+/// Whether a threshold is close enough to the curve to share a chart with it: within two decades,
+/// or within twice the height of the curve on a linear axis.
+fn near(threshold: f64, points: &[(f64, f64)], scale: AxisScale) -> bool {
+    let position = |y: f64| {
+        if scale == AxisScale::Log {
+            y.log10()
+        } else {
+            y
+        }
+    };
+    let ys = points
+        .iter()
+        .map(|p| position(p.1))
+        .filter(|y| y.is_finite());
+    let (low, high) = ys.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), y| {
+        (l.min(y), h.max(y))
+    });
+    let reach = if scale == AxisScale::Log {
+        2.0
+    } else {
+        2.0 * (high - low)
+    };
+    (low - reach..=high + reach).contains(&position(threshold))
+}
+
+/// Character row at a fraction of the plot's height from below.
 fn row_at(plot: Rect, share: f64) -> u16 {
     let from_top = (1.0 - share) * f64::from(plot.height);
     plot.y + (from_top as u16).min(plot.height.saturating_sub(1))
 }
 
-fn axes(frame: &mut Frame, area: Rect, plot: Rect, look: Look, x: &Axis, y: &Axis) {
-    let glyphs = look.glyphs();
+/// Draws axes, grid lines, ticks and labels.
+fn axes(
+    frame: &mut Frame,
+    area: Rect,
+    plot: Rect,
+    caps: TerminalCaps,
+    x: &ChartAxis,
+    y: &ChartAxis,
+) {
+    let glyphs = caps.glyphs();
     let buffer = frame.buffer_mut();
     let (axis_column, axis_row) = (plot.x - 1, plot.bottom());
     for row in plot.top()..plot.bottom() {
-        buffer.set_string(axis_column, row, glyphs.axis_y[0], look.dim());
+        buffer.set_string(axis_column, row, glyphs.axis_y[0], caps.dim());
     }
-    buffer.set_string(axis_column, axis_row, glyphs.axis_x[2], look.dim());
-    buffer.set_string(plot.x, axis_row, glyphs.axis_x[0].repeat(usize::from(plot.width)), look.dim());
+    buffer.set_string(axis_column, axis_row, glyphs.axis_x[2], caps.dim());
+    buffer.set_string(
+        plot.x,
+        axis_row,
+        glyphs.axis_x[0].repeat(usize::from(plot.width)),
+        caps.dim(),
+    );
     for tick in &y.ticks {
-        let Some(share) = y.place(tick.value) else { continue };
+        let Some(share) = y.position(tick.value) else {
+            continue;
+        };
         let row = row_at(plot, share);
-        buffer.set_string(plot.x, row, glyphs.grid.repeat(usize::from(plot.width)), look.dim());
-        buffer.set_string(axis_column, row, glyphs.axis_y[1], look.dim());
+        buffer.set_string(
+            plot.x,
+            row,
+            glyphs.grid.repeat(usize::from(plot.width)),
+            caps.dim(),
+        );
+        buffer.set_string(axis_column, row, glyphs.axis_y[1], caps.dim());
         let label = &tick.label;
         let at = axis_column.saturating_sub(label.len() as u16).max(area.x);
         buffer.set_string(at, row, label, Style::new());
     }
     let mut free_from = area.x;
     for tick in &x.ticks {
-        let Some(share) = x.place(tick.value) else { continue };
-        let column = plot.x + ((share * f64::from(plot.width)) as u16).min(plot.width.saturating_sub(1));
-        buffer.set_string(column, axis_row, glyphs.axis_x[1], look.dim());
+        let Some(share) = x.position(tick.value) else {
+            continue;
+        };
+        let column =
+            plot.x + ((share * f64::from(plot.width)) as u16).min(plot.width.saturating_sub(1));
+        buffer.set_string(column, axis_row, glyphs.axis_x[1], caps.dim());
         let length = tick.label.len() as u16;
-        let at = column.saturating_sub(length / 2).min(area.right().saturating_sub(length));
+        let at = column
+            .saturating_sub(length / 2)
+            .min(area.right().saturating_sub(length));
         if at >= free_from && at + length <= area.right() {
             buffer.set_string(at, axis_row + 1, &tick.label, Style::new());
             free_from = at + length + 1;

@@ -1,4 +1,4 @@
-//! What each strategy found: one small picture for every pair (s, t), a row for each length of path.
+//! Per-strategy films: one thumbnail for every pair (s, t), one row for each path length.
 
 use ratatui::Frame;
 use ratatui::layout::Rect;
@@ -6,44 +6,83 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
 use super::{pane, picture};
-use crate::tui::model::Model;
-use crate::tui::thumbs::Thumb;
+use crate::experiment::PlanOutline;
+use crate::tui::format;
+use crate::tui::model::night::NightModel;
+use crate::tui::model::strategy_thumbnails::{StrategyThumbnail, StrategyThumbnails};
 use crate::tui::view::View;
-use crate::tui::words;
 
-/// Draws the pane. Strategies are vertices from the light and from the camera: a path of k edges has s + t = k + 1.
-pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
-    let look = view.look;
-    let mut title = vec![Span::styled(" Strategies ", look.strong())];
-    let (Some(thumbs), Some(plan)) = (&model.thumbs, &model.plan) else {
-        let block = pane(look, Line::from(title));
+/// Draws the pane. A strategy has s light vertices and t camera vertices; a path of k edges has
+/// s + t = k + 1.
+pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
+    let caps = view.caps;
+    let mut title = vec![Span::styled(" Strategies ", caps.strong())];
+    let (Some(thumbnails), Some(plan)) = (&model.thumbnails, &model.plan) else {
+        let block = pane(caps, Line::from(title));
         let inner = block.inner(area);
         frame.render_widget(block, area);
-        let note = "No cell has kept films of its strategies yet: they come when a cell ends whose script asks for \
+        let note = "No strategy films yet. They appear when a cell ends whose script sets \
                     films = { \"strategies\" }.";
-        let lines: Vec<Line> = words::wrap(note, usize::from(inner.width)).into_iter().map(Line::from).collect();
-        frame.render_widget(Paragraph::new(lines).style(look.dim()), inner);
+        super::draw_note(frame, inner, caps, note);
         return;
     };
-    title.push(Span::styled(if view.raw { "each alone " } else { "weighted " }, look.warn()));
-    let name = words::cell_name(plan, thumbs.cell);
+    title.push(Span::styled(
+        if view.unweighted {
+            "unweighted "
+        } else {
+            "weighted "
+        },
+        caps.warn(),
+    ));
+    let name = format::cell_name(plan, thumbnails.cell);
     let room = usize::from(area.width).saturating_sub(30);
-    title.push(Span::styled(format!("{} ", words::fit(&name, room, look.glyphs().ellipsis)), look.dim()));
-    let key = Line::from(vec![Span::styled(" w", look.accent()), Span::styled(" weights ", look.dim())]);
-    let block = pane(look, Line::from(title)).title_bottom(key.right_aligned());
+    title.push(Span::styled(
+        format!("{} ", format::fit(&name, room, caps.glyphs().ellipsis)),
+        caps.dim(),
+    ));
+    let key = Line::from(vec![
+        Span::styled(" w", caps.accent()),
+        Span::styled(" weights ", caps.dim()),
+    ]);
+    let block = pane(caps, Line::from(title)).title_bottom(key.right_aligned());
     let inner = block.inner(area);
     frame.render_widget(block, area);
-    let films: Vec<&Thumb> = thumbs.films.iter().filter(|film| film.weighted != view.raw).collect();
-    let longest = films.iter().map(|film| film.s + film.t).max().unwrap_or(2).saturating_sub(1).max(1);
+    pyramid(frame, inner, view, thumbnails, plan);
+}
+
+/// Draws the thumbnails with the selected weighting.
+fn pyramid(
+    frame: &mut Frame,
+    inner: Rect,
+    view: &View,
+    thumbnails: &StrategyThumbnails,
+    plan: &PlanOutline,
+) {
+    let caps = view.caps;
+    let films: Vec<&StrategyThumbnail> = thumbnails
+        .films
+        .iter()
+        .filter(|film| film.weighted != view.unweighted)
+        .collect();
+    let longest = films
+        .iter()
+        .map(|film| film.s + film.t)
+        .max()
+        .unwrap_or(2)
+        .saturating_sub(1)
+        .max(1);
     let (across, down) = (longest as u16 + 1, longest as u16);
     let (width, height) = (inner.width / across, inner.height / down);
     if width < 4 || height < 2 {
-        frame.render_widget(Paragraph::new("too small here; Tab makes room").style(look.dim()), inner);
+        frame.render_widget(
+            Paragraph::new("pane too small: press Tab to enlarge it").style(caps.dim()),
+            inner,
+        );
         return;
     }
     for film in films {
         let edges = film.s + film.t - 1;
-        // A row has one picture more than its paths have edges; each row is centred, so that they make a pyramid.
+        // A row has one thumbnail more than its paths have edges; centred rows form a pyramid.
         let left = (inner.width - width * (edges as u16 + 1)) / 2;
         let at = Rect {
             x: inner.x + left + width * film.s as u16,
@@ -51,9 +90,17 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
             width: width - 1,
             height: height - 1,
         };
-        picture::thumbnail(frame, at, look, &film.image, view.exposure, plan);
+        picture::thumbnail(frame, at, caps, &film.image, view.exposure, plan);
         let label = format!("s{} t{}", film.s, film.t);
-        let label = Line::styled(words::fit(&label, usize::from(at.width), ""), look.dim()).centered();
-        frame.render_widget(label, Rect { y: at.bottom(), height: 1, ..at });
+        let label =
+            Line::styled(format::fit(&label, usize::from(at.width), ""), caps.dim()).centered();
+        frame.render_widget(
+            label,
+            Rect {
+                y: at.bottom(),
+                height: 1,
+                ..at
+            },
+        );
     }
 }

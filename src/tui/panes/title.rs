@@ -1,4 +1,4 @@
-//! The line on top, the line of keys at the bottom, and the one line of a tiny terminal.
+//! The title line, the line of key hints, and the only line of a very small terminal.
 
 use ratatui::Frame;
 use ratatui::layout::Rect;
@@ -6,104 +6,129 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
 use crate::tui::command;
-use crate::tui::entry::Counts;
-use crate::tui::eta::Eta;
-use crate::tui::look::Look;
-use crate::tui::model::Model;
+use crate::tui::format;
+use crate::tui::model::entry::StateCounts;
+use crate::tui::model::eta::Eta;
+use crate::tui::model::night::NightModel;
+use crate::tui::terminal::terminal_caps::TerminalCaps;
 use crate::tui::view::{Focus, Prompt, View};
-use crate::tui::words;
 
-/// Seconds without news after which a night that is watched may have been cut off.
+/// Seconds without an event after which a watched night may have been terminated.
 const SILENCE_S: f64 = 60.0;
 
-/// The name of the night as its folder has it: the plan's name and the first digits of its hash.
-pub fn night_name(model: &Model) -> String {
+/// Name of the night's folder: the plan's name and the first digits of its hash.
+pub fn night_name(model: &NightModel) -> String {
     model.plan.as_ref().map_or_else(
         || "no plan yet".to_owned(),
         |plan| {
             let digits: String = plan.hash.chars().take(4).collect();
-            words::clean(&format!("{}-{digits}", plan.name))
+            format::clean(&format!("{}-{digits}", plan.name))
         },
     )
 }
 
-/// What the night is doing, in a word or two.
-fn status(model: &Model, view: &View) -> (&'static str, Style) {
-    let look = view.look;
-    match () {
-        () if model.plan.is_none() => ("starting", look.dim()),
-        () if model.finished_s.is_some() => ("finished", look.good()),
-        () if view.watching => ("watching", look.accent()),
-        () if view.wishes.stopping => ("stopping", look.warn()),
-        () if view.wishes.paused => ("paused", look.warn()),
-        () if view.wishes.after_cell => ("ends after this cell", look.warn()),
-        () => ("running", look.good()),
+/// State of the night in a few words.
+fn status(model: &NightModel, view: &View) -> (&'static str, Style) {
+    let caps = view.caps;
+    if model.plan.is_none() {
+        ("starting", caps.dim())
+    } else if model.finished_s.is_some() {
+        ("finished", caps.good())
+    } else if view.watching {
+        ("watching", caps.accent())
+    } else if view.requests.stopping {
+        ("stopping", caps.warn())
+    } else if view.requests.paused {
+        ("paused", caps.warn())
+    } else if view.requests.after_cell {
+        ("stops after this cell", caps.warn())
+    } else {
+        ("running", caps.good())
     }
 }
 
-/// Time that is left: `12.0 s left`, with a sign for `at most` and `about`.
-pub fn time_left(look: Look, eta: Eta) -> String {
+/// Formats the remaining time: `12.0 s left`, with a sign for "at most" or "about".
+pub fn time_left(caps: TerminalCaps, eta: Eta) -> String {
     let sign = match eta {
-        Eta { at_most: true, .. } => format!("{} ", look.glyphs().at_most),
-        Eta { forecast: true, .. } => format!("{} ", look.glyphs().about),
+        Eta { at_most: true, .. } => format!("{} ", caps.glyphs().at_most),
+        Eta { forecast: true, .. } => format!("{} ", caps.glyphs().about),
         _ => String::new(),
     };
-    format!("{sign}{} left", words::duration(eta.seconds))
+    format!("{sign}{} left", format::duration(eta.seconds))
 }
 
-/// The facts of the right-hand side, most important first.
-fn facts(model: &Model, view: &View) -> Vec<(String, Style)> {
-    let look = view.look;
+/// Facts of the right-hand side, most important first.
+fn facts(model: &NightModel, view: &View) -> Vec<(String, Style)> {
+    let caps = view.caps;
     let mut facts = Vec::new();
     if model.plan.is_none() {
         return facts;
     }
-    let cells = Counts::of(&model.cells);
-    let references = Counts::of(&model.references);
-    facts.push((format!("{}/{} cells", cells.settled(), cells.total()), look.strong()));
+    let cells = StateCounts::from_entries(&model.cells);
+    let references = StateCounts::from_entries(&model.references);
+    facts.push((
+        format!("{}/{} cells", cells.settled(), cells.total()),
+        caps.strong(),
+    ));
     let failed = cells.failed + references.failed;
     if failed > 0 {
-        facts.push((format!("{failed} failed"), look.bad()));
+        facts.push((format!("{failed} failed"), caps.bad()));
     }
     match model.contradicted.len() {
         0 => {}
-        1 => facts.push(("1 reference contradicted".to_owned(), look.bad())),
-        n => facts.push((format!("{n} references contradicted"), look.bad())),
+        1 => facts.push(("1 bias check failed".to_owned(), caps.bad())),
+        n => facts.push((format!("{n} bias checks failed"), caps.bad())),
     }
     if let Some(eta) = model.night_eta(view.clock_s(model)) {
-        facts.push((time_left(look, eta), look.strong()));
+        facts.push((time_left(caps, eta), caps.strong()));
     }
-    facts.push((format!("{} elapsed", words::duration(model.night_s(view.now_s))), look.dim()));
-    let silence = view.now_s - model.heard_s;
+    facts.push((
+        format!("{} elapsed", format::duration(model.night_s(view.now_s))),
+        caps.dim(),
+    ));
+    let silence = view.now_s - model.updated_s;
     if view.watching && model.finished_s.is_none() && silence >= SILENCE_S {
-        facts.push((format!("no news for {}", words::duration(silence)), look.warn()));
+        facts.push((
+            format!("no update for {}", format::duration(silence)),
+            caps.warn(),
+        ));
     }
     if model.invalid() > 0 {
-        facts.push((format!("{} invalid", words::count(model.invalid())), look.bad()));
+        facts.push((
+            format!("{} invalid", format::count(model.invalid())),
+            caps.bad(),
+        ));
     }
     if references.total() > 0 {
-        let noun = if references.total() == 1 { "reference" } else { "references" };
-        facts.push((format!("{}/{} {noun}", references.settled(), references.total()), look.dim()));
+        let noun = if references.total() == 1 {
+            "reference"
+        } else {
+            "references"
+        };
+        facts.push((
+            format!("{}/{} {noun}", references.settled(), references.total()),
+            caps.dim(),
+        ));
     }
     facts
 }
 
-/// Draws the line on top: who, what, how far.
-pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
-    let look = view.look;
+/// Draws the title line: name and state of the night, and its progress.
+pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
+    let caps = view.caps;
     let (word, style) = status(model, view);
     let facts = facts(model, view);
-    let mut left = Line::from(Span::styled(" Lumbre", look.accent()));
-    let first = facts.first().map_or(0, |(text, _)| words::width(text) + 2);
+    let mut left = Line::from(Span::styled(" Lumbre", caps.accent()));
+    let first = facts.first().map_or(0, |(text, _)| format::width(text) + 2);
     let name = night_name(model);
-    if left.width() + words::width(&name) + word.len() + first + 6 <= usize::from(area.width) {
-        left.extend([Span::raw("  "), Span::styled(name, look.strong())]);
+    if left.width() + format::width(&name) + word.len() + first + 6 <= usize::from(area.width) {
+        left.extend([Span::raw("  "), Span::styled(name, caps.strong())]);
     }
     left.extend([Span::raw("  "), Span::styled(word, style)]);
     let mut room = usize::from(area.width).saturating_sub(left.width() + 2);
     let mut right: Vec<Span> = Vec::new();
     for (text, style) in facts {
-        let needed = words::width(&text) + 2;
+        let needed = format::width(&text) + 2;
         if needed > room {
             break;
         }
@@ -116,45 +141,31 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
     frame.render_widget(Line::from(right).right_aligned(), area);
 }
 
-/// Draws the line of keys; while the night is stopping, what that means.
-pub fn hints(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
-    let look = view.look;
+/// Draws the line of key hints; while the night is stopping, how to quit at once.
+pub fn hints(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
+    let caps = view.caps;
     let mut spans = vec![Span::raw(" ")];
     if let Some(prompt) = &view.prompt {
         return self::prompt(frame, area, prompt, view);
     }
-    if let Some(notice) = view.notice.as_ref().filter(|notice| view.now_s < notice.until_s) {
-        spans.push(Span::styled(words::clean(&notice.text), look.warn()));
+    if let Some(notice) = view
+        .notice
+        .as_ref()
+        .filter(|notice| view.now_s < notice.until_s)
+    {
+        spans.push(Span::styled(format::clean(&notice.text), caps.warn()));
         frame.render_widget(Line::from(spans), area);
         return;
     }
-    if view.wishes.stopping && model.finished_s.is_none() {
-        spans.push(Span::styled("Ends after this wave. ", look.warn()));
-        spans.push(Span::styled("q", look.accent()));
-        spans.push(Span::styled(" again leaves now.", look.warn()));
+    if view.requests.stopping && model.finished_s.is_none() {
+        spans.push(Span::styled("Stopping after this wave. ", caps.warn()));
+        spans.push(Span::styled("q", caps.accent()));
+        spans.push(Span::styled(" again: quit now.", caps.warn()));
         frame.render_widget(Line::from(spans), area);
         return;
     }
-    let scroll = if view.focus == Focus::Log { "log" } else { "plan" };
-    let night: &[(&str, &str)] = if view.watching {
-        &[("q", "leave")]
-    } else {
-        let pause = if view.wishes.paused { "go on" } else { "pause" };
-        &[("q", "stop"), ("p", pause), ("s", "skip"), ("R", "restart")]
-    };
-    let screen = [
-        ("Tab", "larger pane"),
-        ("1-9", "metric"),
-        ("v", "picture"),
-        ("f", "flicker"),
-        ("/", "filter"),
-        (":", "command"),
-        ("j/k", scroll),
-        ("e/E", "exposure"),
-        ("g", "tree"),
-    ];
-    let keys: Vec<(&str, &str)> = night.iter().copied().chain(screen).collect();
-    // The way to the help is never left out.
+    let keys = key_hints(view);
+    // The key of the help is always shown.
     let help = [("?", "help")];
     let mut room = usize::from(area.width).saturating_sub(8);
     let fitting = keys.iter().take_while(|(key, text)| {
@@ -164,56 +175,108 @@ pub fn hints(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
         fits
     });
     for (key, text) in fitting.chain(&help) {
-        spans.push(Span::styled(*key, look.accent()));
-        spans.push(Span::styled(format!(" {text}  "), look.dim()));
+        spans.push(Span::styled(*key, caps.accent()));
+        spans.push(Span::styled(format!(" {text}  "), caps.dim()));
     }
     frame.render_widget(Line::from(spans), area);
 }
 
-/// Draws the line that is being typed, with its end in view.
+/// Returns the keys and their meaning, most important first.
+fn key_hints(view: &View) -> Vec<(&'static str, &'static str)> {
+    let scroll = if view.focus == Focus::Log {
+        "log"
+    } else {
+        "plan"
+    };
+    let night: &[(&'static str, &'static str)] = if view.watching {
+        &[("q", "quit")]
+    } else {
+        let pause = if view.requests.paused {
+            "resume"
+        } else {
+            "pause"
+        };
+        &[("q", "stop"), ("p", pause), ("s", "skip"), ("R", "restart")]
+    };
+    let screen = [
+        ("Tab", "zoom pane"),
+        ("1-9", "metric"),
+        ("v", "picture"),
+        ("f", "flicker"),
+        ("/", "filter"),
+        (":", "command"),
+        ("j/k", scroll),
+        ("e/E", "exposure"),
+        ("g", "tree"),
+    ];
+    night.iter().copied().chain(screen).collect()
+}
+
+/// Draws the prompt so that its end is visible.
 fn prompt(frame: &mut Frame, area: Rect, prompt: &Prompt, view: &View) {
-    let look = view.look;
+    let caps = view.caps;
     let (sign, text) = match prompt {
         Prompt::Command(text) => (":", text),
         Prompt::Filter(text) => ("/", text),
     };
     let room = usize::from(area.width).saturating_sub(3);
-    let mut shown = words::clean(&format!("|{text}|")).trim_matches('|').to_owned();
-    while words::width(&shown) > room {
+    let mut shown = format::clean(&format!("|{text}|"))
+        .trim_matches('|')
+        .to_owned();
+    while format::width(&shown) > room {
         shown.remove(0);
     }
-    let mut spans =
-        vec![Span::styled(sign, look.accent()), Span::raw(shown), Span::styled(look.glyphs().cursor, look.accent())];
+    let mut spans = vec![
+        Span::styled(sign, caps.accent()),
+        Span::raw(shown),
+        Span::styled(caps.glyphs().cursor, caps.accent()),
+    ];
     let hint = match prompt {
         Prompt::Command(text) => hint(text),
-        Prompt::Filter(_) => Some("words of a cell or its state; Enter keeps, Esc clears".to_owned()),
+        Prompt::Filter(_) => Some("axis values or a state; Enter applies, Esc clears".to_owned()),
     };
     let used: usize = spans.iter().map(Span::width).sum();
-    if let Some(hint) = hint.filter(|hint| used + words::width(hint) + 3 <= usize::from(area.width)) {
-        spans.push(Span::styled(format!("  {hint}"), look.dim()));
+    if let Some(hint) =
+        hint.filter(|hint| used + format::width(hint) + 3 <= usize::from(area.width))
+    {
+        spans.push(Span::styled(format!("  {hint}"), caps.dim()));
     }
     frame.render_widget(Line::from(spans), area);
 }
 
-/// The commands that what is typed may become, or what the only one is for.
+/// Returns the commands that match the typed name, or the description of the only match.
 fn hint(text: &str) -> Option<String> {
     let name = text.split_whitespace().next().unwrap_or("");
-    let matching: Vec<&command::Row> = command::COMMANDS.iter().filter(|(known, ..)| known.starts_with(name)).collect();
+    let matching: Vec<&command::CommandInfo> = command::COMMANDS
+        .iter()
+        .filter(|(known, ..)| known.starts_with(name))
+        .collect();
     match matching.as_slice() {
         [] => None,
-        [(name, argument, what)] => Some(format!("{name} {argument}: {what}").replace(" :", ":")),
-        several => Some(several.iter().map(|(name, ..)| *name).collect::<Vec<_>>().join(" ")),
+        [(name, argument, description)] => {
+            Some(format!("{name} {argument}: {description}").replace(" :", ":"))
+        }
+        several => Some(
+            several
+                .iter()
+                .map(|(name, ..)| *name)
+                .collect::<Vec<_>>()
+                .join(" "),
+        ),
     }
 }
 
-/// Draws the one line of a terminal that is too small for panes.
-pub fn one_line(frame: &mut Frame, area: Rect, model: &Model, view: &View) {
-    let look = view.look;
+/// Draws the only line of a terminal that is too small for panes.
+pub fn one_line(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
+    let caps = view.caps;
     let (word, style) = status(model, view);
-    let mut spans = vec![Span::styled("Lumbre ", look.accent()), Span::styled(word, style)];
+    let mut spans = vec![
+        Span::styled("Lumbre ", caps.accent()),
+        Span::styled(word, style),
+    ];
     let mut room = usize::from(area.width).saturating_sub(7 + word.len());
     for (text, style) in facts(model, view) {
-        let needed = words::width(&text) + 1;
+        let needed = format::width(&text) + 1;
         if needed > room {
             break;
         }

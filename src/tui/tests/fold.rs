@@ -1,24 +1,27 @@
-//! Laws of the model: whatever happens, counts add up, memory stays flat, and nothing panics.
+//! Properties of the model for any events: counts are consistent, memory is bounded, no panics.
 
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use proptest::prelude::*;
 
-use super::night::{self, Teller, in_the_middle};
+use super::night::{self, NightBuilder, in_the_middle};
 use super::screens::{RICH, screen};
 use crate::experiment::event::Level;
-use crate::experiment::parts::Part;
+use crate::experiment::shards::Shard;
 use crate::experiment::{CellRef, Event, Outcome};
 use crate::render::OpenStats;
-use crate::tui::curve::CAPACITY;
-use crate::tui::entry::{Counts, State};
-use crate::tui::model::{MESSAGES, Model};
+use crate::tui::model::curve::CAPACITY;
+use crate::tui::model::entry::{EntryState, StateCounts};
+use crate::tui::model::night::{MESSAGES, NightModel};
 use crate::tui::view::View;
 
-/// A plan of four cells and one reference, and references to one cell more than it has.
+/// References to cells of the plan, and to some that it does not have.
 fn any_cell() -> impl Strategy<Value = CellRef> {
-    prop_oneof![(0usize..6).prop_map(CellRef::Cell), (0usize..2).prop_map(CellRef::Reference)]
+    prop_oneof![
+        (0usize..6).prop_map(CellRef::Cell),
+        (0usize..2).prop_map(CellRef::Reference)
+    ]
 }
 
 fn any_outcome() -> impl Strategy<Value = Outcome> {
@@ -31,28 +34,42 @@ fn any_outcome() -> impl Strategy<Value = Outcome> {
 }
 
 fn any_event() -> impl Strategy<Value = Event> {
-    let number = prop_oneof![Just(f64::NAN), Just(f64::INFINITY), Just(0.0), Just(-1.0), 1e-9f64..1e3];
+    let number = prop_oneof![
+        Just(f64::NAN),
+        Just(f64::INFINITY),
+        Just(0.0),
+        Just(-1.0),
+        1e-9f64..1e3
+    ];
     let rows = (0u32..40, proptest::collection::vec(number, 0..5));
     prop_oneof![
         1 => Just(()).prop_map(|()| Event::NightStarted { plan: night::plan() }),
-        4 => any_cell().prop_map(|cell| Event::CellStarted { cell, open: OpenStats::default(), reference: None, resumed: Default::default() }),
+        4 => any_cell().prop_map(|cell| Event::CellStarted {
+            cell, open: OpenStats::default(), reference: None, resumed: Default::default(),
+        }),
         8 => (any_cell(), rows).prop_map(|(cell, (k, metrics))| {
             let mut row = night::row(k);
             row.metrics = metrics;
             Event::Wave { cell, row, measure_s: 0.0, image: night::picture(1), pow2: k % 2 == 0 }
         }),
-        4 => (any_cell(), any_outcome(), proptest::option::of(0u32..10)).prop_map(|(cell, outcome, last)| {
+        4 => (any_cell(), any_outcome(), proptest::option::of(0u32..10)).prop_map(|parts| {
+            let (cell, outcome, last) = parts;
             let rows = last.map_or_else(Vec::new, |k| vec![night::row(k)]);
-            Event::CellFinished { cell, outcome, film: None, layers: Arc::default(), times: None, rows: Arc::new(rows) }
+            Event::CellFinished {
+                cell, outcome, film: None, layers: Arc::default(), times: None,
+                rows: Arc::new(rows),
+            }
         }),
         2 => (any_cell(), ".{0,30}").prop_map(|(cell, text)| {
             Event::Message { level: Level::Warn, cell: Some(cell), text }
         }),
         2 => (0usize..3, 1usize..4, any_outcome()).prop_map(|(reference, number, outcome)| {
-            let part = Part { reference, first: 0, end: 2, number, of: 3 };
+            let shard = Shard { reference, first: 0, end: 2, number, count: 3 };
             match outcome {
-                Outcome::Cached(_) => Event::PartStarted { part, open: OpenStats::default(), resumed: None },
-                outcome => Event::PartFinished { part, outcome, last: None, kept: None },
+                Outcome::Cached(_) => {
+                    Event::ShardStarted { shard, open: OpenStats::default(), resumed: None }
+                }
+                outcome => Event::ShardFinished { shard, outcome, last: None, sums: None },
             }
         }),
         1 => Just(Event::NightFinished),
@@ -60,21 +77,26 @@ fn any_event() -> impl Strategy<Value = Event> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 96, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig {
+        cases: 96,
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
 
     #[test]
-    fn any_order_of_events_can_be_told_and_drawn(
+    fn any_order_of_events_can_be_applied_and_drawn(
         events in proptest::collection::vec(any_event(), 0..24),
         size in (1u16..210, 1u16..70),
     ) {
-        let mut model = Model::default();
+        let mut model = NightModel::default();
         for (i, event) in events.iter().enumerate() {
-            model.hear(event, i as f64);
+            model.receive(event, i as f64);
         }
         prop_assert_eq!(model.revision, events.len() as u64);
         if let Some(plan) = &model.plan {
-            prop_assert_eq!(Counts::of(&model.cells).total(), plan.cells.len());
-            prop_assert_eq!(Counts::of(&model.references).total(), plan.references.len());
+            prop_assert_eq!(StateCounts::from_entries(&model.cells).total(), plan.cells.len());
+            let references = StateCounts::from_entries(&model.references);
+            prop_assert_eq!(references.total(), plan.references.len());
         }
         for eta in [model.cell_eta(99.0), model.night_eta(99.0)].into_iter().flatten() {
             prop_assert!(eta.seconds >= 0.0, "{eta:?}");
@@ -85,37 +107,69 @@ proptest! {
 }
 
 #[test]
-fn a_night_in_the_middle_is_known_in_full() {
+fn a_night_in_the_middle_has_the_expected_state() {
     let (model, now_s) = in_the_middle().model();
-    let counts = Counts::of(&model.cells);
-    assert_eq!(counts, Counts { waiting: 1, running: 1, done: 1, cached: 1, ..Counts::default() });
-    assert_eq!(Counts::of(&model.references), Counts { done: 1, ..Counts::default() });
-    assert_eq!(model.entry(CellRef::Cell(0)).unwrap().state, State::Done("rmse < 0.01".into()));
+    let counts = StateCounts::from_entries(&model.cells);
+    assert_eq!(
+        counts,
+        StateCounts {
+            waiting: 1,
+            running: 1,
+            done: 1,
+            cached: 1,
+            ..StateCounts::default()
+        }
+    );
+    assert_eq!(
+        StateCounts::from_entries(&model.references),
+        StateCounts {
+            done: 1,
+            ..StateCounts::default()
+        }
+    );
+    assert_eq!(
+        model.entry(CellRef::Cell(0)).unwrap().state,
+        EntryState::Done("rmse < 0.01".into())
+    );
     let current = model.current.as_ref().unwrap();
-    assert_eq!((current.cell, current.running, current.curve.rows().len()), (CellRef::Cell(2), true, 8));
+    assert_eq!(
+        (current.cell, current.running, current.curve.rows().len()),
+        (CellRef::Cell(2), true, 8)
+    );
     assert_eq!(current.image.as_ref().unwrap(), &night::picture(128));
-    // 128 of 1024 samples took 8 s of render time and 8.5 s of wall time; the error, as it falls, is below 0.01 before.
+    // 128 of 1024 samples took 8 s of render time and 8.5 s of wall time; the error reaches 0.01
+    // before the sample limit.
     let eta = model.cell_eta(now_s).unwrap();
     let limit = 56.0 * 8.5 / 8.0;
-    assert!(eta.forecast && eta.seconds < limit && eta.seconds > 0.9 * limit, "{eta:?}");
-    // The one cell that waits is expected to take what the one that was done took.
+    assert!(
+        eta.forecast && eta.seconds < limit && eta.seconds > 0.9 * limit,
+        "{eta:?}"
+    );
+    // The waiting cell is expected to take as long as the finished one.
     let mean = night::row(9).wall_s;
     let night_eta = model.night_eta(now_s).unwrap();
-    assert!((night_eta.seconds - eta.seconds - mean).abs() < 1e-9, "{night_eta:?}");
+    assert!(
+        (night_eta.seconds - eta.seconds - mean).abs() < 1e-9,
+        "{night_eta:?}"
+    );
     assert!((model.cell_wall_s(now_s + 2.0) - 10.5).abs() < 1e-9);
 }
 
 #[test]
-fn before_any_cell_is_done_limits_of_time_give_the_estimate() {
+fn before_any_cell_is_done_time_limits_give_the_estimate() {
     let mut plan = night::plan_over(&[3], &[0.5, 1.0]);
     for cell in &mut plan.cells {
         cell.stop = crate::experiment::StopRule::Time(30.0);
     }
-    let (model, now_s) = Teller::new(Arc::new(plan)).model();
+    let (model, now_s) = NightBuilder::new(Arc::new(plan)).model();
     let eta = model.night_eta(now_s).unwrap();
     assert_eq!((eta.seconds, eta.at_most), (20.0 + 2.0 * 30.0, false));
-    let (model, now_s) = Teller::new(night::plan()).model();
-    assert_eq!(model.night_eta(now_s), None, "a limit of samples tells no time before the first wave");
+    let (model, now_s) = NightBuilder::new(night::plan()).model();
+    assert_eq!(
+        model.night_eta(now_s),
+        None,
+        "a sample limit gives no time before the first wave"
+    );
 }
 
 #[test]
@@ -126,8 +180,24 @@ fn memory_stays_flat() {
         let mut row = night::row(3);
         row.samples = i + 1000;
         let cell = CellRef::Cell(2);
-        model.hear(&Event::Wave { cell, row, measure_s: 0.0, image: image.clone(), pow2: false }, i as f64);
-        model.hear(&Event::Message { level: Level::Info, cell: None, text: format!("message {i}") }, i as f64);
+        model.receive(
+            &Event::Wave {
+                cell,
+                row,
+                measure_s: 0.0,
+                image: image.clone(),
+                pow2: false,
+            },
+            i as f64,
+        );
+        model.receive(
+            &Event::Message {
+                level: Level::Info,
+                cell: None,
+                text: format!("message {i}"),
+            },
+            i as f64,
+        );
     }
     assert_eq!(model.messages.len(), MESSAGES);
     assert_eq!(model.messages.back().unwrap().text, "message 19999");
@@ -135,10 +205,15 @@ fn memory_stays_flat() {
 }
 
 #[test]
-fn a_second_night_starts_afresh_but_keeps_the_log() {
+fn a_second_night_resets_the_state_except_the_log() {
     let (mut model, _) = in_the_middle().model();
     let messages = model.messages.len();
-    model.hear(&Event::NightStarted { plan: night::plan() }, 100.0);
-    assert_eq!(Counts::of(&model.cells).waiting, 4);
+    model.receive(
+        &Event::NightStarted {
+            plan: night::plan(),
+        },
+        100.0,
+    );
+    assert_eq!(StateCounts::from_entries(&model.cells).waiting, 4);
     assert!(model.current.is_none() && model.messages.len() == messages);
 }

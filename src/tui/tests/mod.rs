@@ -1,4 +1,4 @@
-//! Whole screens, whole nights, keys and lines, on a made-up experiment.
+//! Tests of screens, keys and progress lines with the events of a synthetic night.
 
 mod fold;
 mod keys;

@@ -1,4 +1,4 @@
-//! A made-up night: four cells over two axes, one reference, a picture that converges as Monte Carlo does.
+//! A synthetic night: four cells over two axes, one reference, and a picture with noise.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -8,9 +8,11 @@ use glam::Vec3;
 
 use crate::experiment::event::Level;
 use crate::experiment::plan::{Reference, ReferenceSource, Skipped};
-use crate::experiment::spec::{Measure, Snapshots};
+use crate::experiment::spec::{MeasureSpec, Snapshots};
 use crate::experiment::stop::Comparison;
-use crate::experiment::{Cell, CellConfig, CellRef, Event, Outcome, Plan, RunId, StopRule, WaveRow};
+use crate::experiment::{
+    Cell, CellConfig, CellRef, Event, Outcome, Plan, RunId, StopRule, WaveRow,
+};
 use crate::film::{Image, SharedImage};
 use crate::metrics::MetricSpec;
 use crate::metrics::tonemap::Tonemap;
@@ -18,7 +20,7 @@ use crate::render::OpenStats;
 use crate::scene::SceneDesc;
 use crate::scene::desc::CameraDesc;
 use crate::transport::camera::{FilterKind, FilterSpec};
-use crate::tui::model::Model;
+use crate::tui::model::night::NightModel;
 use crate::value::Value;
 
 fn scene() -> SceneDesc {
@@ -26,7 +28,12 @@ fn scene() -> SceneDesc {
         views: Vec::new(),
         resolution: [512, 512],
         max_depth: 5,
-        camera: CameraDesc { position: Vec3::Z, target: Vec3::ZERO, fov_deg: 40.0, ..CameraDesc::default() },
+        camera: CameraDesc {
+            position: Vec3::Z,
+            target: Vec3::ZERO,
+            fov_deg: 40.0,
+            ..CameraDesc::default()
+        },
         materials: Vec::new(),
         entities: Vec::new(),
         lights: Vec::new(),
@@ -44,7 +51,10 @@ fn config(depth: u32, radius: f32) -> CellConfig {
         max_depth: Some(depth),
         resolution: Some([512, 512]),
         rr_start: Some(3),
-        filter: FilterSpec { kind: FilterKind::Gauss, radius },
+        filter: FilterSpec {
+            kind: FilterKind::Gauss,
+            radius,
+        },
         films: Vec::new(),
         accel: Default::default(),
         timing: None,
@@ -55,11 +65,16 @@ fn config(depth: u32, radius: f32) -> CellConfig {
     }
 }
 
-/// A plan over `depths` x `radii`, measured by RMSE and SSIM.
+/// Plans cells over `depths` x `radii`, measured by RMSE, SSIM and PSNR.
 pub fn plan_over(depths: &[u32], radii: &[f32]) -> Plan {
     let stop = StopRule::Any(vec![
         StopRule::Samples(1024),
-        StopRule::When { column: "rmse".to_owned(), op: Comparison::Less, value: 0.01, hold: 1 },
+        StopRule::When {
+            column: "rmse".to_owned(),
+            op: Comparison::Less,
+            value: 0.01,
+            hold: 1,
+        },
         StopRule::Nan(1000),
     ]);
     let scene = Arc::new(scene());
@@ -73,7 +88,7 @@ pub fn plan_over(depths: &[u32], radii: &[f32]) -> Plan {
                     ("aa".to_owned(), Value::number(f64::from(*radius))),
                 ],
                 repeat: 0,
-                control: None,
+                double_of: None,
                 seed: 1,
                 config: Arc::new(config(*depth, *radius)),
                 scene: scene.clone(),
@@ -86,7 +101,10 @@ pub fn plan_over(depths: &[u32], radii: &[f32]) -> Plan {
     }
     let metric = |name: &str| MetricSpec::new(name, name, BTreeMap::new()).unwrap();
     let display = Value::Map(BTreeMap::from([("kind".to_owned(), "srgb".into())]));
-    let ssim = BTreeMap::from([("on".to_owned(), display), ("range".to_owned(), Value::Int(1))]);
+    let ssim = BTreeMap::from([
+        ("on".to_owned(), display),
+        ("range".to_owned(), Value::Int(1)),
+    ]);
     Plan {
         name: "first_light".to_owned(),
         hash: "3f9a2b1c00".to_owned(),
@@ -101,17 +119,25 @@ pub fn plan_over(depths: &[u32], radii: &[f32]) -> Plan {
                 seeds: [2, 3],
                 stem: RunId("fe".to_owned()),
                 stop: StopRule::Time(20.0),
-                part: None,
+                shard_samples: None,
             },
             identity: Value::Nil,
-            agree: None,
+            bias_check: None,
         }],
-        skipped: vec![Skipped { point: Vec::new(), reason: "black".to_owned(), absent: false }],
+        skipped: vec![Skipped {
+            point: Vec::new(),
+            reason: "black".to_owned(),
+            absent: false,
+        }],
         notes: Vec::new(),
         warnings: Vec::new(),
-        measure: Measure {
+        measure: MeasureSpec {
             every_s: 0.5,
-            metrics: vec![metric("rmse"), MetricSpec::new("ssim", "ssim", ssim).unwrap(), metric("psnr")],
+            metrics: vec![
+                metric("rmse"),
+                MetricSpec::new("ssim", "ssim", ssim).unwrap(),
+                metric("psnr"),
+            ],
             snapshots: Snapshots::Pow2,
             captures: false,
             display: Tonemap::Srgb { exposure: 0.0 },
@@ -124,12 +150,12 @@ pub fn plan_over(depths: &[u32], radii: &[f32]) -> Plan {
     }
 }
 
-/// The usual plan: two depths, two radii.
+/// Returns the default plan: two depths and two radii.
 pub fn plan() -> Arc<Plan> {
     Arc::new(plan_over(&[3, 5], &[0.5, 1.0]))
 }
 
-/// A box with a red and a green wall, a lamp and a ball, after `samples` samples for each pixel.
+/// Draws a box with coloured walls, a light and a ball, with the noise of `samples` samples.
 pub fn picture(samples: u64) -> SharedImage {
     let n = 64;
     let noise = 0.6 / (samples as f32).sqrt();
@@ -137,13 +163,18 @@ pub fn picture(samples: u64) -> SharedImage {
     Arc::new(Image::from_fn(n, n, |x, y| {
         let (u, v) = (x as f32 / n as f32, y as f32 / n as f32);
         let ball = (u - 0.6).powi(2) + (v - 0.7).powi(2) < 0.03;
-        let base = match () {
-            () if (0.35..0.65).contains(&u) && v < 0.08 => [4.0, 3.2, 2.2],
-            () if ball => [0.7, 0.65, 0.2],
-            () if u < 0.18 => [0.5, 0.06, 0.04],
-            () if u > 0.82 => [0.08, 0.4, 0.07],
-            () if v > 0.82 => [0.4, 0.36, 0.3],
-            () => [0.25, 0.23, 0.2],
+        let base = if (0.35..0.65).contains(&u) && v < 0.08 {
+            [4.0, 3.2, 2.2]
+        } else if ball {
+            [0.7, 0.65, 0.2]
+        } else if u < 0.18 {
+            [0.5, 0.06, 0.04]
+        } else if u > 0.82 {
+            [0.08, 0.4, 0.07]
+        } else if v > 0.82 {
+            [0.4, 0.36, 0.3]
+        } else {
+            [0.25, 0.23, 0.2]
         };
         base.map(|b: f32| {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -152,7 +183,7 @@ pub fn picture(samples: u64) -> SharedImage {
     }))
 }
 
-/// The row of a run after `2^k` samples.
+/// Returns the measurement of a run after `2^k` samples.
 pub fn row(k: u32) -> WaveRow {
     let samples = 1u64 << k;
     let render_s = samples as f64 * 0.0625;
@@ -172,27 +203,42 @@ pub fn row(k: u32) -> WaveRow {
     }
 }
 
-/// A night that is told event by event, on a clock that follows the rows.
-pub struct Teller {
-    /// What was told, with its time in seconds.
+/// Builds the events of a night, with a clock that follows the measurements.
+pub struct NightBuilder {
+    /// Events and their times in seconds.
     pub events: Vec<(Event, f64)>,
     clock_s: f64,
 }
 
-impl Teller {
-    /// The night of `plan` begins.
-    pub fn new(plan: Arc<Plan>) -> Teller {
-        Teller { events: vec![(Event::NightStarted { plan }, 0.2)], clock_s: 0.2 }
+impl NightBuilder {
+    /// Begins a night of `plan`.
+    pub fn new(plan: Arc<Plan>) -> NightBuilder {
+        NightBuilder {
+            events: vec![(Event::NightStarted { plan }, 0.2)],
+            clock_s: 0.2,
+        }
     }
 
-    /// Something is said.
-    pub fn say(&mut self, level: Level, cell: Option<CellRef>, text: &str) -> &mut Teller {
-        self.events.push((Event::Message { level, cell, text: text.to_owned() }, self.clock_s));
+    /// Adds a message.
+    pub fn message(
+        &mut self,
+        level: Level,
+        cell: Option<CellRef>,
+        text: &str,
+    ) -> &mut NightBuilder {
+        self.events.push((
+            Event::Message {
+                level,
+                cell,
+                text: text.to_owned(),
+            },
+            self.clock_s,
+        ));
         self
     }
 
-    /// A cell opens and renders `2^0` to `2^last` samples.
-    pub fn render(&mut self, cell: CellRef, last: u32) -> &mut Teller {
+    /// Opens a cell and renders `2^0` to `2^last` samples.
+    pub fn render(&mut self, cell: CellRef, last: u32) -> &mut NightBuilder {
         let open = OpenStats {
             accel_build_s: 0.0021,
             accel_nodes: 1234,
@@ -202,7 +248,12 @@ impl Teller {
         let reference = matches!(cell, CellRef::Cell(_)).then(|| picture(1 << 20));
         let start = self.clock_s;
         self.events.push((
-            Event::CellStarted { cell, open, reference: reference.clone(), resumed: Default::default() },
+            Event::CellStarted {
+                cell,
+                open,
+                reference: reference.clone(),
+                resumed: Default::default(),
+            },
             start,
         ));
         for k in 0..=last {
@@ -212,15 +263,27 @@ impl Teller {
             }
             self.clock_s = start + row.wall_s;
             let image = picture(row.samples);
-            let wave = Event::Wave { cell, row, measure_s: 0.001, image, pow2: true };
+            let wave = Event::Wave {
+                cell,
+                row,
+                measure_s: 0.001,
+                image,
+                pow2: true,
+            };
             self.events.push((wave, self.clock_s));
         }
         self
     }
 
-    /// A cell ends after `2^last` samples, if it rendered any.
-    pub fn finish(&mut self, cell: CellRef, last: Option<u32>, outcome: Outcome) -> &mut Teller {
-        let mut rows: Vec<WaveRow> = last.map_or_else(Vec::new, |last| (0..=last).map(row).collect());
+    /// Ends a cell after `2^last` samples, if it rendered any.
+    pub fn finish(
+        &mut self,
+        cell: CellRef,
+        last: Option<u32>,
+        outcome: Outcome,
+    ) -> &mut NightBuilder {
+        let mut rows: Vec<WaveRow> =
+            last.map_or_else(Vec::new, |last| (0..=last).map(row).collect());
         if matches!(cell, CellRef::Reference(_)) {
             rows.iter_mut().for_each(|row| row.metrics.clear());
         }
@@ -236,33 +299,49 @@ impl Teller {
         self
     }
 
-    /// The night ends.
-    pub fn end(&mut self) -> &mut Teller {
+    /// Ends the night.
+    pub fn end(&mut self) -> &mut NightBuilder {
         self.events.push((Event::NightFinished, self.clock_s));
         self
     }
 
-    /// The model and the time after all that.
-    pub fn model(&self) -> (Model, f64) {
-        let mut model = Model::default();
+    /// Returns the model after all events, and the time of the last one.
+    pub fn model(&self) -> (NightModel, f64) {
+        let mut model = NightModel::default();
         for (event, at_s) in &self.events {
-            model.hear(event, *at_s);
+            model.receive(event, *at_s);
         }
         (model, self.clock_s)
     }
 }
 
-/// The reference and the first cell are done, the second was there, the third is in the middle.
-pub fn in_the_middle() -> Teller {
-    let mut night = Teller::new(plan());
+/// Returns a night whose reference and first cell are done, the second is cached, the third runs.
+pub fn in_the_middle() -> NightBuilder {
+    let mut night = NightBuilder::new(plan());
     night
-        .say(Level::Warn, None, "cornell.scn: materials[2].displacementtexture: not supported, the surface stays flat")
+        .message(
+            Level::Warn,
+            None,
+            "cornell.scn: materials[2].displacementtexture: not supported, the surface stays flat",
+        )
         .render(CellRef::Reference(0), 8)
-        .finish(CellRef::Reference(0), Some(8), Outcome::Done("20 s of render time".to_owned()))
+        .finish(
+            CellRef::Reference(0),
+            Some(8),
+            Outcome::Done("20 s of render time".to_owned()),
+        )
         .render(CellRef::Cell(0), 9)
-        .finish(CellRef::Cell(0), Some(9), Outcome::Done("rmse < 0.01".to_owned()))
-        .finish(CellRef::Cell(1), Some(10), Outcome::Cached(PathBuf::from("out/first_light-3f9a/runs/b")))
-        .say(Level::Info, Some(CellRef::Cell(2)), "opened in 0.02 s")
+        .finish(
+            CellRef::Cell(0),
+            Some(9),
+            Outcome::Done("rmse < 0.01".to_owned()),
+        )
+        .finish(
+            CellRef::Cell(1),
+            Some(10),
+            Outcome::Cached(PathBuf::from("out/first_light-3f9a/runs/b")),
+        )
+        .message(Level::Info, Some(CellRef::Cell(2)), "opened in 0.02 s")
         .render(CellRef::Cell(2), 7);
     night
 }

@@ -11,7 +11,7 @@ void twin() {
     out_float(filter_reach(f));
     uint chosen;
     float weight;
-    bool found = filter_choose(f, q, 7u, pick, chosen, weight);
+    bool found = filter_choose_pixel(f, q, 7u, pick, chosen, weight);
     out_word(found ? 1u : 0u);
     out_word(found ? chosen : 0u);
     out_float(found ? weight : 0.0);

@@ -18,7 +18,9 @@ void twin() {
     bool found = lights_sample_direct(from, choice, u, d);
     out_word(found ? 1u : 0u);
     if (!found) {
-        d = DirectSample(vec3(0.0), 0.0, vec3(0.0), 0.0, false, LightPoint(0u, vec3(0.0), vec3(0.0), vec2(0.0)));
+        d = DirectSample(
+            vec3(0.0), 0.0, vec3(0.0), 0.0, false, LightPoint(0u, vec3(0.0), vec3(0.0), vec2(0.0))
+        );
     }
     out_vec3(d.wi);
     out_float(d.distance);
@@ -27,7 +29,9 @@ void twin() {
     out_word(d.delta ? 1u : 0u);
     put_point(d.point);
     bool emitter = found && d.point.light < job.light_first.x;
-    out_float(emitter ? lights_pdf_direct_w(from, d.point.light, d.point.position, d.point.normal) : 0.0);
+    out_float(
+        emitter ? lights_pdf_direct_w(from, d.point.light, d.point.position, d.point.normal) : 0.0
+    );
     EmissionSample e;
     found = lights_sample_emission(choice, u, v, e);
     out_word(found ? 1u : 0u);

@@ -1,5 +1,5 @@
 #include "math/distribution.glsl"
-#include "math/elementary.glsl"
+#include "math/trig.glsl"
 #include "math/frame.glsl"
 #include "math/rng.glsl"
 #include "math/warp.glsl"

@@ -19,17 +19,18 @@
 
 use std::sync::Arc;
 
-use lumbre::film::layer::Layout;
+use lumbre::film::layer::LayerLayout;
 use lumbre::render::Job;
-use lumbre::render::vulkan::kernel::{self, Stage};
-use lumbre::render::vulkan::spirv::Sources;
-use lumbre::render::vulkan::upload::{JobBuffers, SceneBuffers};
+use lumbre::render::vulkan::memory::upload::{JobBuffers, SceneBuffers};
+use lumbre::render::vulkan::pipelines::spirv::Sources;
+use lumbre::render::vulkan::pipelines::test_kernel;
+use lumbre::render::vulkan::pipelines::test_kernel::KernelStage;
 use lumbre::scene::CompiledScene;
 
 use super::harness;
 use super::twins::TWINS;
 
-/// How near a word of output must come to that of the original.
+/// Tolerance of an output word relative to that of the original.
 #[derive(Clone, Copy, Debug)]
 pub enum Near {
     /// The same bits.
@@ -45,23 +46,24 @@ pub enum Near {
 
 /// One row of [`TWINS`].
 pub struct Twin {
-    /// The shader `tests/device/parity/NAME.comp`.
+    /// Stem of the shader `tests/device/parity/NAME.comp`.
     pub name: &'static str,
-    /// Its text.
+    /// Source text of the shader.
     pub text: &'static str,
-    /// What is bound.
+    /// Scene and job that are bound.
     pub scene: fn() -> (Arc<CompiledScene>, Job),
-    /// Words of a row of inputs.
+    /// Number of words in a row of inputs.
     pub in_words: usize,
     /// The inputs, row after row.
     pub inputs: fn() -> Vec<u32>,
     /// The Rust original.
     pub original: fn(&CompiledScene, &Job, &mut Row),
-    /// How near each word of a row of output must come.
+    /// Tolerance of each word of a row of output.
     pub near: &'static [Near],
-    /// The largest share of rows that may be further off, because they fall on the other side of a branch.
+    /// The largest share of rows that may exceed it, because they fall on the other side of a
+    /// branch.
     pub strays: f64,
-    /// Why the tolerance is what it is.
+    /// Reason for the tolerance.
     pub why: &'static str,
 }
 
@@ -72,39 +74,45 @@ pub struct Row<'a> {
 }
 
 impl<'a> Row<'a> {
-    /// A row of these inputs.
+    /// Creates a row of these inputs.
     pub fn new(inputs: &'a [u32]) -> Row<'a> {
-        Row { inputs: inputs.iter(), outputs: Vec::new() }
+        Row {
+            inputs: inputs.iter(),
+            outputs: Vec::new(),
+        }
     }
 }
 
 impl Row<'_> {
-    /// The next word.
+    /// Returns the next word.
     pub fn word(&mut self) -> u32 {
-        *self.inputs.next().expect("more inputs are taken than a row has")
+        *self
+            .inputs
+            .next()
+            .expect("more inputs are taken than a row has")
     }
 
-    /// The next float.
+    /// Returns the next float.
     pub fn float(&mut self) -> f32 {
         f32::from_bits(self.word())
     }
 
-    /// The next floats.
+    /// Returns the next floats.
     pub fn floats<const N: usize>(&mut self) -> [f32; N] {
         std::array::from_fn(|_| self.float())
     }
 
-    /// Answers a word.
+    /// Appends a word of output.
     pub fn push(&mut self, word: u32) {
         self.outputs.push(word);
     }
 
-    /// Answers words.
+    /// Appends words of output.
     pub fn push_words(&mut self, words: impl IntoIterator<Item = u32>) {
         self.outputs.extend(words);
     }
 
-    /// Answers floats.
+    /// Appends floats of output.
     pub fn push_floats(&mut self, floats: impl IntoIterator<Item = f32>) {
         self.outputs.extend(floats.into_iter().map(f32::to_bits));
     }
@@ -131,20 +139,36 @@ impl Near {
     }
 }
 
-/// What is wrong with a twin, in lines for people; empty if nothing.
-fn differences(twin: &Twin, inputs: &[u32], answers: &[u32], scene: &CompiledScene, job: &Job) -> Vec<String> {
+/// Returns what is wrong with a twin, one line each; empty if nothing is.
+fn differences(
+    twin: &Twin,
+    inputs: &[u32],
+    answers: &[u32],
+    scene: &CompiledScene,
+    job: &Job,
+) -> Vec<String> {
     let rows = inputs.len() / twin.in_words;
     let mut wrong = Vec::new();
-    for (i, (input, answer)) in inputs.chunks(twin.in_words).zip(answers.chunks(twin.near.len())).enumerate() {
+    for (i, (input, answer)) in inputs
+        .chunks(twin.in_words)
+        .zip(answers.chunks(twin.near.len()))
+        .enumerate()
+    {
         let mut row = Row::new(input);
         (twin.original)(scene, job, &mut row);
         if row.outputs.len() != twin.near.len() {
-            return vec![format!("{} words of the original instead of {}", row.outputs.len(), twin.near.len())];
+            return vec![format!(
+                "{} words of the original instead of {}",
+                row.outputs.len(),
+                twin.near.len()
+            )];
         }
         let far = |((near, a), b): ((&Near, &u32), &u32)| !near.holds(*a, *b);
         if let Some(word) = twin.near.iter().zip(answer).zip(&row.outputs).position(far) {
-            let (shown, inputs) =
-                (|w: u32| twin.near[word].shown(w), input.iter().map(|w| format!("{:e}", f32::from_bits(*w))));
+            let (shown, inputs) = (
+                |w: u32| twin.near[word].shown(w),
+                input.iter().map(|w| format!("{:e}", f32::from_bits(*w))),
+            );
             wrong.push(format!(
                 "row {i}, word {word}: {} instead of {}; inputs {}",
                 shown(answer[word]),
@@ -161,28 +185,58 @@ fn differences(twin: &Twin, inputs: &[u32], answers: &[u32], scene: &CompiledSce
 
 #[test]
 fn every_twin_says_what_its_original_says() {
-    let Some(device) = harness::device() else { return };
+    let Some(device) = harness::device() else {
+        return;
+    };
     let mut failed = Vec::new();
     for &twin in TWINS {
         let (scene, job) = (twin.scene)();
         let buffers = (
             SceneBuffers::new(&device, &scene).unwrap(),
-            JobBuffers::new(&device, &scene, &job, &Layout::default()).unwrap(),
+            JobBuffers::new(&device, &scene, &job, &LayerLayout::default()).unwrap(),
         );
         let inputs = (twin.inputs)();
-        assert!(!inputs.is_empty() && inputs.len().is_multiple_of(twin.in_words), "{}: inputs", twin.name);
+        assert!(
+            !inputs.is_empty() && inputs.len().is_multiple_of(twin.in_words),
+            "{}: inputs",
+            twin.name
+        );
         let words = [twin.in_words, twin.near.len()];
         let second = ("SECOND_UVS", String::new());
-        let defines: Vec<_> = Some(second).into_iter().filter(|_| !scene.second_uvs.is_empty()).collect();
-        let stage = Stage::of(&device);
-        let answers = kernel::compile(stage, &Sources::Embedded, twin.name, twin.text, words, &defines)
-            .and_then(|spirv| kernel::run(&device, stage, (&buffers.0, &buffers.1), &spirv, &inputs, words))
-            .unwrap_or_else(|e| panic!("{}: {e}", twin.name));
+        let defines: Vec<_> = Some(second)
+            .into_iter()
+            .filter(|_| !scene.second_uvs.is_empty())
+            .collect();
+        let stage = KernelStage::fastest_to_compile(&device);
+        let answers = test_kernel::compile(
+            stage,
+            &Sources::Embedded,
+            twin.name,
+            twin.text,
+            words,
+            &defines,
+        )
+        .and_then(|spirv| {
+            test_kernel::run(
+                &device,
+                stage,
+                (&buffers.0, &buffers.1),
+                &spirv,
+                &inputs,
+                words,
+            )
+        })
+        .unwrap_or_else(|e| panic!("{}: {e}", twin.name));
         let wrong = differences(twin, &inputs, &answers, &scene, &job);
         if !wrong.is_empty() {
             let rows = inputs.len() / twin.in_words;
             let shown = wrong[..wrong.len().min(5)].join("\n  ");
-            failed.push(format!("{}: {} of {rows} rows ({}):\n  {shown}", twin.name, wrong.len(), twin.why));
+            failed.push(format!(
+                "{}: {} of {rows} rows ({}):\n  {shown}",
+                twin.name,
+                wrong.len(),
+                twin.why
+            ));
         }
     }
     assert!(failed.is_empty(), "{}", failed.join("\n"));
@@ -192,7 +246,9 @@ fn every_twin_says_what_its_original_says() {
 #[test]
 fn every_shader_of_the_folder_has_a_row_and_every_row_a_reason() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/device/parity");
-    let files = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
+    let files = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|e| e.unwrap().path());
     let mut shaders: Vec<String> = files
         .filter(|p| p.extension().is_some_and(|e| e == "comp"))
         .map(|p| p.file_stem().unwrap().to_string_lossy().into_owned())
@@ -202,25 +258,46 @@ fn every_shader_of_the_folder_has_a_row_and_every_row_a_reason() {
     rows.sort();
     rows.dedup();
     assert_eq!(shaders, rows);
-    assert!(TWINS.iter().all(|t| t.why.len() > 10 && (0.0..0.05).contains(&t.strays)));
+    assert!(
+        TWINS
+            .iter()
+            .all(|t| t.why.len() > 10 && (0.0..0.05).contains(&t.strays))
+    );
 }
 
 #[test]
 fn a_twin_that_is_wrong_is_found() {
-    let Some(device) = harness::device() else { return };
-    let twin = Twin { text: "void twin() { out_word(in_word() + 1u); }", ..ECHO };
+    let Some(device) = harness::device() else {
+        return;
+    };
+    let twin = Twin {
+        text: "void twin() { out_word(in_word() + 1u); }",
+        ..ECHO
+    };
     let (scene, job) = (twin.scene)();
     let buffers = (
         SceneBuffers::new(&device, &scene).unwrap(),
-        JobBuffers::new(&device, &scene, &job, &Layout::default()).unwrap(),
+        JobBuffers::new(&device, &scene, &job, &LayerLayout::default()).unwrap(),
     );
     let inputs = (twin.inputs)();
-    let wrong = |stage: Stage, text: &str| {
-        let spirv = kernel::compile(stage, &Sources::Embedded, "echo", text, [1, 1], &[]).unwrap();
-        let answers = kernel::run(&device, stage, (&buffers.0, &buffers.1), &spirv, &inputs, [1, 1]).unwrap();
+    let wrong = |stage: KernelStage, text: &str| {
+        let spirv =
+            test_kernel::compile(stage, &Sources::Embedded, "echo", text, [1, 1], &[]).unwrap();
+        let answers = test_kernel::run(
+            &device,
+            stage,
+            (&buffers.0, &buffers.1),
+            &spirv,
+            &inputs,
+            [1, 1],
+        )
+        .unwrap();
         differences(&twin, &inputs, &answers, &scene, &job).len()
     };
-    for stage in [Stage::Compute, Stage::of(&device)] {
+    for stage in [
+        KernelStage::Compute,
+        KernelStage::fastest_to_compile(&device),
+    ] {
         assert_eq!(wrong(stage, twin.text), inputs.len());
         assert_eq!(wrong(stage, "void twin() { out_word(in_word()); }"), 0);
     }
@@ -228,15 +305,26 @@ fn a_twin_that_is_wrong_is_found() {
 
 #[test]
 fn tolerances_are_absolute_or_relative_and_know_nan() {
-    let near = Near::Float { absolute: 0.1, relative: 0.01 };
+    let near = Near::Float {
+        absolute: 0.1,
+        relative: 0.01,
+    };
     let holds = |a: f32, b: f32| near.holds(a.to_bits(), b.to_bits());
     assert!(
-        holds(0.05, 0.0) && holds(100.9, 100.0) && holds(f32::NAN, f32::NAN) && holds(f32::INFINITY, f32::INFINITY)
+        holds(0.05, 0.0)
+            && holds(100.9, 100.0)
+            && holds(f32::NAN, f32::NAN)
+            && holds(f32::INFINITY, f32::INFINITY)
     );
-    assert!(!holds(0.2, 0.0) && !holds(102.0, 100.0) && !holds(f32::NAN, 0.0) && !holds(0.0, f32::INFINITY));
+    assert!(
+        !holds(0.2, 0.0)
+            && !holds(102.0, 100.0)
+            && !holds(f32::NAN, 0.0)
+            && !holds(0.0, f32::INFINITY)
+    );
 }
 
-/// A twin that answers what it is asked.
+/// A twin that returns its input.
 const ECHO: Twin = Twin {
     name: "echo",
     text: "",

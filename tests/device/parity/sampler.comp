@@ -1,7 +1,9 @@
 #include "transport/sampler/mod.glsl"
 
 void twin() {
-    uvec2 seed = uvec2(in_word(), in_word()), pixel = uvec2(in_word(), in_word()), index = uvec2(in_word(), in_word());
+    uvec2 seed = uvec2(in_word(), in_word());
+    uvec2 pixel = uvec2(in_word(), in_word());
+    uvec2 index = uvec2(in_word(), in_word());
     Independent independent = independent_new(seed, pixel, index);
     Sobol sobol = sobol_new(seed, pixel, index);
     // What is taken: 1d, 2d, 1d, 1d, 1d, 2d, 2d, and so on.

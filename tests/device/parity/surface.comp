@@ -15,13 +15,13 @@ void twin() {
     Surface s = surface_at(ray, hit);
     out_word(s.material);
     out_word(s.emitter);
-    out_word(s.overhang.present ? 1u : 0u);
+    out_word(s.terminator.present ? 1u : 0u);
     out_vec3(s.position);
     out_vec3(s.n_geometric);
     out_vec3(s.n_shading);
     out_vec3(s.tangent);
     out_vec2(s.uv.xy);
-    out_vec3(s.overhang.present ? s.overhang.crest : vec3(0.0));
+    out_vec3(s.terminator.present ? s.terminator.lifted_point : vec3(0.0));
     out_vec3(surface_base_color(s));
     out_vec3(surface_emitted(s, -ray.dir));
     out_vec3(surface_spawn(s, wi).origin);

@@ -11,12 +11,23 @@ use super::{CLOSE, Dice, SAME};
 use crate::common::{SceneBuilder, grey, job};
 use crate::device::parity::{Near, Row, Twin};
 
-const KINDS: [FilterKind; 5] =
-    [FilterKind::Box, FilterKind::Tent, FilterKind::Gauss, FilterKind::BlackmanHarris, FilterKind::AntialiasingRadius];
+const KINDS: [FilterKind; 5] = [
+    FilterKind::Box,
+    FilterKind::Tent,
+    FilterKind::Gauss,
+    FilterKind::BlackmanHarris,
+    FilterKind::AntialiasingRadius,
+];
 
-/// Offsets in pixels: a ten thousandth of one cannot be seen.
-const OFFSET: Near = Near::Float { absolute: 1e-4, relative: 1e-5 };
-const DENSITY: Near = Near::Float { absolute: 2e-6, relative: 1e-4 };
+/// Tolerance of offsets in pixels: one ten-thousandth of a pixel is invisible.
+const OFFSET: Near = Near::Float {
+    absolute: 1e-4,
+    relative: 1e-5,
+};
+const DENSITY: Near = Near::Float {
+    absolute: 2e-6,
+    relative: 1e-4,
+};
 
 /// All pixel filters.
 pub const FILTER: Twin = Twin {
@@ -32,7 +43,11 @@ pub const FILTER: Twin = Twin {
                 1 => [0.999_999_94, 5.960_464_5e-8],
                 _ => [d.unit(), d.unit()],
             };
-            let (x, q, pick) = (d.between(-3.0, 3.0) * radius, d.between(-3.0, 10.0), d.unit());
+            let (x, q, pick) = (
+                d.between(-3.0, 3.0) * radius,
+                d.between(-3.0, 10.0),
+                d.unit(),
+            );
             d.put_word(i % 5);
             d.put([radius]);
             d.put(u);
@@ -47,7 +62,7 @@ pub const FILTER: Twin = Twin {
         let [x, q, pick] = row.floats();
         row.push_floats(f.sample(u));
         row.push_floats([f.density(x), f.reach()]);
-        let chosen = f.choose(q, 7, pick);
+        let chosen = f.choose_pixel(q, 7, pick);
         row.push(u32::from(chosen.is_some()));
         row.push(chosen.map_or(0, |c| c.0));
         row.push_floats([chosen.map_or(0.0, |c| c.1)]);
@@ -58,15 +73,26 @@ pub const FILTER: Twin = Twin {
           ends of the Blackman-Harris window, where its density vanishes, single precision cannot tell places apart",
 };
 
-/// A lens, and a filter that reaches far.
+/// Returns a lens and a filter with a large radius.
 fn lens() -> (Arc<CompiledScene>, Job) {
     let builder = SceneBuilder::new(Vec3::new(0.5, 1.0, 3.0), Vec3::ZERO, 50.0).with(|s| {
         s.camera.aperture = 0.4;
         s.camera.focus_distance = Some(2.5);
     });
-    let scene = builder.quad(-Vec3::ONE, Vec3::X, Vec3::Y, grey(0.5)).build();
-    let filter = FilterSpec { kind: FilterKind::Tent, radius: 1.5 };
-    (scene, Job { filter, ..job([64, 36], 5, 3) })
+    let scene = builder
+        .quad(-Vec3::ONE, Vec3::X, Vec3::Y, grey(0.5))
+        .build();
+    let filter = FilterSpec {
+        kind: FilterKind::Tent,
+        radius: 1.5,
+    };
+    (
+        scene,
+        Job {
+            filter,
+            ..job([64, 36], 5, 3)
+        },
+    )
 }
 
 fn put(c: Option<CameraConnection>, row: &mut Row) {
@@ -78,7 +104,10 @@ fn put(c: Option<CameraConnection>, row: &mut Row) {
 }
 
 const NEAR: [Near; 31] = {
-    let mut near = [Near::Float { absolute: 2e-6, relative: 2e-4 }; 31];
+    let mut near = [Near::Float {
+        absolute: 2e-6,
+        relative: 2e-4,
+    }; 31];
     let whole = [7, 8, 9, 19, 20, 21];
     let mut i = 0;
     while i < whole.len() {
@@ -88,7 +117,7 @@ const NEAR: [Near; 31] = {
     near
 };
 
-/// Rays of a thin lens, and points joined to it.
+/// Rays of a thin lens, and points connected to it.
 pub const CAMERA: Twin = Twin {
     name: "camera",
     text: include_str!("../parity/camera.comp"),
@@ -99,7 +128,11 @@ pub const CAMERA: Twin = Twin {
             let pixel = [d.word() % 64, d.word() % 36];
             let point = d.vector(2.0);
             let towards = (point - Vec3::new(0.5, 1.0, 3.0)).normalize_or(Vec3::X);
-            let dir = if i.is_multiple_of(3) { d.direction() } else { towards };
+            let dir = if i.is_multiple_of(3) {
+                d.direction()
+            } else {
+                towards
+            };
             let numbers = [d.unit(), d.unit(), d.unit(), d.unit()];
             pixel.into_iter().for_each(|p| d.put_word(p));
             d.put_word(i);
@@ -114,7 +147,10 @@ pub const CAMERA: Twin = Twin {
         let [point, dir]: [Vec3; 2] = [(); 2].map(|()| Vec3::from_array(row.floats()));
         let (lens_u, filter_u) = (row.floats(), row.floats());
         let camera = Camera::new(&scene.camera, job.resolution, job.filter);
-        let ray = camera.sample_ray(pixel, &mut (job.sampler.start)(job.seed, pixel, u64::from(index)));
+        let ray = camera.sample_ray(
+            pixel,
+            &mut (job.sampler.start)(job.seed, pixel, u64::from(index)),
+        );
         row.push_floats(ray.origin.to_array());
         row.push_floats(ray.dir.to_array());
         row.push_floats([camera.pdf_w(dir)]);

@@ -1,5 +1,6 @@
-//! Whole samples of the integrators, over a traversal that asks every primitive: what one sample brings to all pixels,
-//! which strategies it took and how many rays, with the same sample numbers on both sides.
+//! Whole samples of the integrators, over a traversal that tests every primitive: contributions of
+//! one sample to all pixels, its strategies and its ray count, with the same sample numbers on both
+//! sides.
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -11,9 +12,9 @@ use lumbre::scene::CompiledScene;
 use lumbre::scene::compile::{MaskMode, Material, Model, NONE, Texture};
 use lumbre::transport::camera::{Camera, FilterKind, FilterSpec};
 use lumbre::transport::delay::Profile;
-use lumbre::transport::flight::Timing;
 use lumbre::transport::integrator::{Context, Settings, integrator};
-use lumbre::transport::light::{Lights, Select};
+use lumbre::transport::light::{LightSelection, Lights};
+use lumbre::transport::path_time::Timing;
 use lumbre::transport::ray::{Hit, Ray, Trace};
 use lumbre::transport::sampler::SOBOL;
 use lumbre::transport::surface::is_masked_out;
@@ -24,7 +25,7 @@ use crate::common::{SceneBuilder, WHITE, grey, job, light};
 use crate::device::harness::{slow, timing};
 use crate::device::parity::{Near, Row, Twin};
 
-/// Asks every primitive, with the formulas of tests/device/parity/brute.glsl.
+/// A traversal that tests every primitive, with the formulas of tests/device/parity/brute.glsl.
 struct Brute<'a> {
     scene: &'a CompiledScene,
     rays: Cell<u32>,
@@ -63,7 +64,12 @@ impl Brute<'_> {
                 }
             };
             let Some((t, uv)) = met else { continue };
-            let hit = Hit { t, primitive: i as u32, instance: NONE, uv };
+            let hit = Hit {
+                t,
+                primitive: i as u32,
+                instance: NONE,
+                uv,
+            };
             if t > 0.0 && t < best.map_or(t_max, |b| b.t) && !is_masked_out(self.scene, ray, &hit) {
                 best = Some(hit);
             }
@@ -85,11 +91,14 @@ impl Trace for Brute<'_> {
 fn original(scene: &CompiledScene, job: &Job, row: &mut Row) {
     let pixel = [row.word(), row.word()];
     let index = row.word();
-    let brute = Brute { scene, rays: Cell::new(0) };
+    let brute = Brute {
+        scene,
+        rays: Cell::new(0),
+    };
     let context = Context {
         scene,
         camera: &Camera::new(&scene.camera, job.resolution, job.filter),
-        lights: &Lights::with_select(scene, Select::of(&job.params)),
+        lights: &Lights::with_select(scene, LightSelection::from_params(&job.params)),
         trace: &brute,
         max_depth: job.max_depth,
         rr_start: job.rr_start,
@@ -113,17 +122,54 @@ fn original(scene: &CompiledScene, job: &Job, row: &mut Row) {
     row.push_floats([lengths as f32]);
 }
 
-/// A room with a lamp, rough and smooth metal, glass with a ball in it and a varnished ball, seen through a lens.
+/// Returns a room with an area light, rough and smooth metal, glass with a ball in it and a
+/// varnished ball, seen through a lens.
 fn closed() -> CompiledScene {
-    let disney = Material { model: Model::Disney, base_color: Vec3::new(0.8, 0.6, 0.3), ..WHITE };
-    let rough_glass = Material { opacity: 0.0, roughness: 0.4, ..disney };
-    let varnished = Material { clearcoat: 1.0, roughness: 0.5, sheen: 0.5, subsurface: 0.3, ..disney };
-    let metal = Material { metallic: 1.0, roughness: 0.3, anisotropic: 0.6, ..disney };
-    let glass = Material { opacity: 0.0, ..WHITE };
-    let mirror = Material { metallic: 1.0, ..grey(0.9) };
+    let disney = Material {
+        model: Model::Disney,
+        base_color: Vec3::new(0.8, 0.6, 0.3),
+        ..WHITE
+    };
+    let rough_glass = Material {
+        opacity: 0.0,
+        roughness: 0.4,
+        ..disney
+    };
+    let varnished = Material {
+        clearcoat: 1.0,
+        roughness: 0.5,
+        sheen: 0.5,
+        subsurface: 0.3,
+        ..disney
+    };
+    let metal = Material {
+        metallic: 1.0,
+        roughness: 0.3,
+        anisotropic: 0.6,
+        ..disney
+    };
+    let glass = Material {
+        opacity: 0.0,
+        ..WHITE
+    };
+    let mirror = Material {
+        metallic: 1.0,
+        ..grey(0.9)
+    };
     let builder = SceneBuilder::new(Vec3::new(0.0, 0.0, 0.9), Vec3::new(0.0, -0.2, 0.0), 70.0)
-        .room(1.0, Material { base_color: Vec3::new(0.7, 0.6, 0.5), ..WHITE })
-        .quad(Vec3::new(-0.3, 0.95, -0.3), Vec3::X * 0.6, Vec3::Z * 0.6, light(6.0))
+        .room(
+            1.0,
+            Material {
+                base_color: Vec3::new(0.7, 0.6, 0.5),
+                ..WHITE
+            },
+        )
+        .quad(
+            Vec3::new(-0.3, 0.95, -0.3),
+            Vec3::X * 0.6,
+            Vec3::Z * 0.6,
+            light(6.0),
+        )
         .sphere(Vec3::new(-0.5, -0.6, -0.4), 0.3, rough_glass)
         .sphere(Vec3::new(0.5, -0.7, -0.2), 0.25, varnished)
         .sphere(Vec3::new(0.0, -0.8, 0.2), 0.15, metal)
@@ -138,24 +184,54 @@ fn closed() -> CompiledScene {
     Arc::unwrap_or_clone(builder.build())
 }
 
-/// A floor under every kind of light, with a textured lamp, a mask and light from outside.
+/// Returns a floor under every kind of light, with a textured light, a mask and an environment.
 fn open() -> CompiledScene {
-    let mut d = Dice { count: 1 << 22, words: Vec::new() };
+    let mut d = Dice {
+        count: 1 << 22,
+        words: Vec::new(),
+    };
     let mut texture = |width: u32, height: u32| {
-        let texels: Vec<[f32; 3]> = (0..width * height).map(|_| std::array::from_fn(|_| d.unit())).collect();
+        let texels: Vec<[f32; 3]> = (0..width * height)
+            .map(|_| std::array::from_fn(|_| d.unit()))
+            .collect();
         Texture::new(width, height, texels)
     };
     let (sky, pattern) = (texture(8, 4), texture(4, 4));
     let mut builder = SceneBuilder::new(Vec3::new(0.0, 1.0, 4.0), Vec3::ZERO, 50.0);
     let index = builder.texture(pattern);
-    let shining = Material { emission: Vec3::new(4.0, 2.0, 1.0), emission_texture: index, ..WHITE };
-    let floor = Material { base_color_texture: index, ..grey(0.8) };
-    let masked = Material { mask_texture: index, mask_mode: MaskMode::Blend, ..grey(0.6) };
-    let plastic = Material { model: Model::Disney, roughness: 0.3, ..grey(0.6) };
+    let shining = Material {
+        emission: Vec3::new(4.0, 2.0, 1.0),
+        emission_texture: index,
+        ..WHITE
+    };
+    let floor = Material {
+        base_color_texture: index,
+        ..grey(0.8)
+    };
+    let masked = Material {
+        mask_texture: index,
+        mask_mode: MaskMode::Blend,
+        ..grey(0.6)
+    };
+    let plastic = Material {
+        model: Model::Disney,
+        roughness: 0.3,
+        ..grey(0.6)
+    };
     let builder = builder
-        .quad(Vec3::new(-3.0, -1.0, -3.0), Vec3::Z * 6.0, Vec3::X * 6.0, floor)
+        .quad(
+            Vec3::new(-3.0, -1.0, -3.0),
+            Vec3::Z * 6.0,
+            Vec3::X * 6.0,
+            floor,
+        )
         .quad(Vec3::new(-1.0, -0.9, 0.5), Vec3::X * 1.5, Vec3::Y, masked)
-        .quad(Vec3::new(1.0, 0.5, -1.0), Vec3::X * 0.5, Vec3::Y * 0.5, shining)
+        .quad(
+            Vec3::new(1.0, 0.5, -1.0),
+            Vec3::X * 0.5,
+            Vec3::Y * 0.5,
+            shining,
+        )
         .sphere(Vec3::new(-0.8, 0.0, -0.5), 0.6, plastic)
         .sphere(Vec3::new(0.8, -0.5, 0.8), 0.2, light(5.0))
         .point(Vec3::new(0.0, 2.0, 1.0), Vec3::splat(3.0))
@@ -164,25 +240,38 @@ fn open() -> CompiledScene {
     Arc::unwrap_or_clone(builder.build())
 }
 
-/// A faceted dome whose corners say that it is smooth.
+/// Returns a faceted dome with smooth vertex normals.
 fn dome() -> CompiledScene {
-    let material = Material { shadow_terminator: true, ..grey(0.7) };
+    let material = Material {
+        shadow_terminator: true,
+        ..grey(0.7)
+    };
     let mut builder = SceneBuilder::new(Vec3::new(0.0, 0.5, 3.0), Vec3::ZERO, 45.0);
     let ring = |i: u32| {
         let (sin, cos) = (std::f32::consts::TAU * i as f32 / 6.0).sin_cos();
         Vec3::new(cos, 0.0, sin)
     };
     for i in 0..6 {
-        builder = builder.triangle([ring(i + 1), ring(i), Vec3::Y * 0.8], [Vec2::ZERO; 3], material);
+        builder = builder.triangle(
+            [ring(i + 1), ring(i), Vec3::Y * 0.8],
+            [Vec2::ZERO; 3],
+            material,
+        );
     }
     let builder = builder
-        .quad(Vec3::new(-3.0, -0.01, -3.0), Vec3::Z * 6.0, Vec3::X * 6.0, grey(0.5))
+        .quad(
+            Vec3::new(-3.0, -0.01, -3.0),
+            Vec3::Z * 6.0,
+            Vec3::X * 6.0,
+            grey(0.5),
+        )
         .quad(Vec3::new(2.0, 0.5, -0.5), Vec3::Z, Vec3::Y, light(8.0))
         .sphere(Vec3::new(-2.0, 0.6, 0.0), 0.2, light(9.0))
         .with(|s| {
             for i in 0..6 {
                 let corners = s.triangles[i];
-                s.attributes[i].normals = corners.map(|p| (p * Vec3::new(1.0, 1.5, 1.0)).normalize_or(Vec3::Y));
+                s.attributes[i].normals =
+                    corners.map(|p| (p * Vec3::new(1.0, 1.5, 1.0)).normalize_or(Vec3::Y));
             }
         });
     Arc::unwrap_or_clone(builder.build())
@@ -191,16 +280,42 @@ fn dome() -> CompiledScene {
 type Params = &'static [(&'static str, &'static str)];
 
 fn with(scene: CompiledScene, name: &str, depth: u32, params: Params) -> (Arc<CompiledScene>, Job) {
-    let params: BTreeMap<String, Value> = params.iter().map(|(k, v)| ((*k).to_owned(), Value::from(*v))).collect();
+    let params: BTreeMap<String, Value> = params
+        .iter()
+        .map(|(k, v)| ((*k).to_owned(), Value::from(*v)))
+        .collect();
     let integrator = integrator(name).expect("an integrator");
-    let timing = Some(Timing { medium: 1.25, emission: Profile::Exponential(3.0), ..timing(0.0, 1.0, 1) });
-    (Arc::new(scene), Job { integrator, params, timing, ..job([32, 18], depth, 5) })
+    let timing = Some(Timing {
+        medium: 1.25,
+        emission: Profile::Exponential(3.0),
+        ..timing(0.0, 1.0, 1)
+    });
+    (
+        Arc::new(scene),
+        Job {
+            integrator,
+            params,
+            timing,
+            ..job([32, 18], depth, 5)
+        },
+    )
 }
 
-/// With a wide filter, roulette, and the sequence.
+/// Returns the scene with a wide filter, Russian roulette, and the Sobol sequence.
 fn soft((scene, job): (Arc<CompiledScene>, Job)) -> (Arc<CompiledScene>, Job) {
-    let filter = FilterSpec { kind: FilterKind::Gauss, radius: 1.5 };
-    (scene, Job { filter, rr_start: Some(2), sampler: SOBOL, ..job })
+    let filter = FilterSpec {
+        kind: FilterKind::Gauss,
+        radius: 1.5,
+    };
+    (
+        scene,
+        Job {
+            filter,
+            rr_start: Some(2),
+            sampler: SOBOL,
+            ..job
+        },
+    )
 }
 
 fn inputs() -> Vec<u32> {
@@ -211,13 +326,19 @@ fn inputs() -> Vec<u32> {
     })
 }
 
-const VALUE: Near = Near::Float { absolute: 1e-4, relative: 2e-3 };
+const VALUE: Near = Near::Float {
+    absolute: 1e-4,
+    relative: 2e-3,
+};
 const NEAR: [Near; 9] = [VALUE, VALUE, VALUE, VALUE, VALUE, VALUE, SAME, SAME, VALUE];
 
-/// Backward path tracing in the room.
+/// `bpt` in the room.
 pub const BPT: Twin = Twin {
     name: "bpt",
-    text: concat!(include_str!("../parity/bpt.comp"), include_str!("../parity/brute.glsl")),
+    text: concat!(
+        include_str!("../parity/bpt.comp"),
+        include_str!("../parity/brute.glsl")
+    ),
     scene: || soft(with(closed(), "bpt", 6, &[])),
     in_words: 3,
     inputs,
@@ -228,36 +349,60 @@ pub const BPT: Twin = Twin {
           edge or a decision, the path goes another way",
 };
 
-/// A mask that is blended decides by the bits of a ray: one rounding, another hole.
+/// Share of differing samples with a blended mask, which decides by the bits of a ray.
 const MASKED: f64 = 0.03;
 
-/// Under the sky.
-pub const BPT_OPEN: Twin = Twin { scene: || with(open(), "bpt", 4, &[]), strays: MASKED, ..BPT };
+/// `bpt` in the open scene.
+pub const BPT_OPEN: Twin = Twin {
+    scene: || with(open(), "bpt", 4, &[]),
+    strays: MASKED,
+    ..BPT
+};
 
-/// With next event estimation in the room.
+/// `nee` in the room.
 pub const NEE: Twin = Twin {
     name: "nee",
-    text: concat!(include_str!("../parity/nee.comp"), include_str!("../parity/brute.glsl")),
+    text: concat!(
+        include_str!("../parity/nee.comp"),
+        include_str!("../parity/brute.glsl")
+    ),
     scene: || soft(with(closed(), "nee", 6, &[("mis", "balance")])),
     ..BPT
 };
 
-/// Every light asked in turn.
-pub const NEE_OPEN: Twin = Twin { scene: || with(open(), "nee", 4, &[("lights", "all")]), strays: MASKED, ..NEE };
+/// `nee` with every light sampled in turn.
+pub const NEE_OPEN: Twin = Twin {
+    scene: || with(open(), "nee", 4, &[("lights", "all")]),
+    strays: MASKED,
+    ..NEE
+};
 
-/// From crests.
-pub const NEE_OVERHANG: Twin = Twin { scene: || with(dome(), "nee", 4, &[("mis", "none")]), ..NEE };
+/// `nee` with the offset at shadow terminators.
+pub const NEE_OVERHANG: Twin = Twin {
+    scene: || with(dome(), "nee", 4, &[("mis", "none")]),
+    ..NEE
+};
 
-/// Bidirectional in the room.
+/// `bdpt` in the room.
 pub const BDPT: Twin = Twin {
     name: "bdpt",
-    text: concat!(include_str!("../parity/bdpt.comp"), include_str!("../parity/brute.glsl")),
+    text: concat!(
+        include_str!("../parity/bdpt.comp"),
+        include_str!("../parity/brute.glsl")
+    ),
     scene: || soft(with(closed(), "bdpt", 6, &[])),
     ..BPT
 };
 
-/// Lights of every kind at the end of paths.
-pub const BDPT_OPEN: Twin = Twin { scene: || with(open(), "bdpt", 5, &[("mis", "balance")]), strays: MASKED, ..BDPT };
+/// `bdpt` with lights of every kind.
+pub const BDPT_OPEN: Twin = Twin {
+    scene: || with(open(), "bdpt", 5, &[("mis", "balance")]),
+    strays: MASKED,
+    ..BDPT
+};
 
-/// From crests, all strategies alike.
-pub const BDPT_OVERHANG: Twin = Twin { scene: || with(dome(), "bdpt", 4, &[("mis", "none")]), ..BDPT };
+/// `bdpt` with the offset at shadow terminators, all strategies weighted alike.
+pub const BDPT_OVERHANG: Twin = Twin {
+    scene: || with(dome(), "bdpt", 4, &[("mis", "none")]),
+    ..BDPT
+};

@@ -13,40 +13,84 @@ use super::{Dice, SAME};
 use crate::common::{SceneBuilder, WHITE, grey, job, light};
 use crate::device::parity::{Near, Row, Twin};
 
-/// Lights of every kind, textured and masked ones too, and an environment with or without a map.
+/// Returns a scene with lights of every kind, including textured and masked ones, and an
+/// environment with or without a map.
 fn lit(map: bool) -> (Arc<CompiledScene>, Job) {
-    let mut d = Dice { count: 1 << 21, words: Vec::new() };
+    let mut d = Dice {
+        count: 1 << 21,
+        words: Vec::new(),
+    };
     let mut texture = |width: u32, height: u32| {
-        let texels: Vec<[f32; 3]> = (0..width * height).map(|_| std::array::from_fn(|_| d.unit())).collect();
+        let texels: Vec<[f32; 3]> = (0..width * height)
+            .map(|_| std::array::from_fn(|_| d.unit()))
+            .collect();
         Texture::new(width, height, texels)
     };
     let (sky, pattern) = (texture(9, 5), texture(4, 4));
     let mut builder = SceneBuilder::new(Vec3::new(0.0, 0.0, 3.0), Vec3::ZERO, 60.0);
     let index = builder.texture(pattern);
-    let shining = Material { emission: Vec3::new(4.0, 2.0, 1.0), emission_texture: index, ..WHITE };
-    let masked = Material { mask_texture: index, mask_mode: MaskMode::Blend, ..shining };
+    let shining = Material {
+        emission: Vec3::new(4.0, 2.0, 1.0),
+        emission_texture: index,
+        ..WHITE
+    };
+    let masked = Material {
+        mask_texture: index,
+        mask_mode: MaskMode::Blend,
+        ..shining
+    };
     let scene = builder
         .quad(Vec3::new(-1.0, 2.0, -1.0), Vec3::X, Vec3::Z, shining)
-        .triangle([Vec3::ZERO, Vec3::X, Vec3::Y], [Vec2::ZERO, Vec2::X, Vec2::ONE], masked)
-        .quad(Vec3::new(-3.0, -2.0, -3.0), Vec3::Z * 6.0, Vec3::X * 6.0, grey(0.5))
+        .triangle(
+            [Vec3::ZERO, Vec3::X, Vec3::Y],
+            [Vec2::ZERO, Vec2::X, Vec2::ONE],
+            masked,
+        )
+        .quad(
+            Vec3::new(-3.0, -2.0, -3.0),
+            Vec3::Z * 6.0,
+            Vec3::X * 6.0,
+            grey(0.5),
+        )
         .sphere(Vec3::new(1.0, 2.0, 3.0), 0.5, shining)
         .sphere(Vec3::new(-1.0, -1.0, 0.0), 0.01, light(900.0))
         .point(Vec3::Y, Vec3::ONE)
         .point(Vec3::new(2.0, -1.0, 1.0), Vec3::new(0.0, 5.0, 1.0))
-        .spot(Vec3::new(0.5, 1.5, -0.5), Vec3::new(0.2, -1.0, 0.4), Vec3::ONE, cone(ConeEdge::Linear))
-        .spot(Vec3::new(-0.5, 1.0, 0.5), Vec3::new(-0.2, -1.0, 0.1), Vec3::ONE, cone(ConeEdge::Smooth))
+        .spot(
+            Vec3::new(0.5, 1.5, -0.5),
+            Vec3::new(0.2, -1.0, 0.4),
+            Vec3::ONE,
+            cone(ConeEdge::Linear),
+        )
+        .spot(
+            Vec3::new(-0.5, 1.0, 0.5),
+            Vec3::new(-0.2, -1.0, 0.1),
+            Vec3::ONE,
+            cone(ConeEdge::Smooth),
+        )
         .directional(Vec3::new(0.3, -1.0, 0.2), Vec3::ONE)
         .environment(map.then_some(sky), Vec3::new(0.5, 0.6, 0.7), 30.0);
     (scene.build(), job([64, 36], 5, 7))
 }
 
 fn cone(edge: ConeEdge) -> ConeDesc {
-    ConeDesc { beam_deg: 25.0, cutoff_deg: 70.0, edge }
+    ConeDesc {
+        beam_deg: 25.0,
+        cutoff_deg: 70.0,
+        edge,
+    }
 }
 
 fn put_point(lights: &Lights, point: Option<LightPoint>, row: &mut Row) {
-    let none = LightPoint { light: LightId::Point(0), position: Vec3::ZERO, normal: Vec3::ZERO, uv: Uv::default() };
-    let index = point.and_then(|p| lights.each().find(|i| lights.id(*i) == p.light)).unwrap_or(0);
+    let none = LightPoint {
+        light: LightId::Point(0),
+        position: Vec3::ZERO,
+        normal: Vec3::ZERO,
+        uv: Uv::default(),
+    };
+    let index = point
+        .and_then(|p| lights.indices().find(|i| lights.id(*i) == p.light))
+        .unwrap_or(0);
     let point = point.unwrap_or(none);
     row.push(index);
     row.push_floats(point.position.to_array());
@@ -86,11 +130,15 @@ fn original(scene: &CompiledScene, _: &Job, row: &mut Row) {
     row.push(u32::from(d.is_some_and(|d| d.delta)));
     put_point(&lights, d.map(|d| d.point), row);
     let again = d.map_or(0.0, |d| match d.point.light {
-        LightId::Emitter(i) => lights.pdf_direct_w(scene, from, i, d.point.position, d.point.normal),
+        LightId::Emitter(i) => {
+            lights.pdf_direct_w(scene, from, i, d.point.position, d.point.normal)
+        }
         _ => 0.0,
     });
     row.push_floats([again]);
-    let e = lights.sample_emission(scene, choice, u, v).expect("all lights shine everywhere");
+    let e = lights
+        .sample_emission(scene, choice, u, v)
+        .expect("all lights shine everywhere");
     row.push(1);
     row.push_floats(e.dir.to_array());
     row.push_floats(e.radiance.to_array());
@@ -104,12 +152,19 @@ fn original(scene: &CompiledScene, _: &Job, row: &mut Row) {
 }
 
 const NEAR: [Near; 48] = {
-    let mut near = [Near::Float { absolute: 2e-5, relative: 1e-4 }; 48];
-    // Positions outside the ball are a dozen units away, and up to a hundred from where light arrives.
+    let mut near = [Near::Float {
+        absolute: 2e-5,
+        relative: 1e-4,
+    }; 48];
+    // Positions outside the ball are a dozen units away, and up to a hundred from the receiving
+    // point.
     let places = [11, 12, 13, 31, 32, 33];
     let mut i = 0;
     while i < places.len() {
-        near[places[i]] = Near::Float { absolute: 1e-3, relative: 1e-5 };
+        near[places[i]] = Near::Float {
+            absolute: 1e-3,
+            relative: 1e-5,
+        };
         i += 1;
     }
     let whole = [0, 9, 10, 20, 30];
@@ -121,7 +176,7 @@ const NEAR: [Near; 48] = {
     near
 };
 
-/// With a map outside.
+/// Lights with an environment map.
 pub const LIGHT: Twin = Twin {
     name: "light",
     text: include_str!("../parity/light.comp"),
@@ -135,5 +190,8 @@ pub const LIGHT: Twin = Twin {
           a direction on the border of two of the map's cells may fall into either",
 };
 
-/// With the same colour from everywhere.
-pub const LIGHT_PLAIN: Twin = Twin { scene: || lit(false), ..LIGHT };
+/// Lights with a constant environment.
+pub const LIGHT_PLAIN: Twin = Twin {
+    scene: || lit(false),
+    ..LIGHT
+};

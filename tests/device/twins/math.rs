@@ -1,8 +1,8 @@
-//! `src/math`, the small functions of `src/transport`, and the samplers.
+//! Twins of `src/math`, of the small functions of `src/transport`, and of the samplers.
 
 use glam::Vec3;
 use lumbre::math::rng::{pcg4d, unit};
-use lumbre::math::{Frame, distribution::Alias, warp};
+use lumbre::math::{Frame, distribution::AliasTable, warp};
 use lumbre::scene::CompiledScene;
 use lumbre::transport::light::Lights;
 use lumbre::transport::mis::Heuristic;
@@ -13,7 +13,7 @@ use lumbre::transport::vertex::area_factor;
 use super::{CLOSE, Dice, SAME};
 use crate::device::parity::{Near, Twin};
 
-/// Words that are compared bit by bit, then floats.
+/// Tolerances: words that are compared bit by bit, then floats.
 const NEAR: [Near; 39] = {
     let mut near = [CLOSE; 39];
     let mut i = 0;
@@ -21,15 +21,24 @@ const NEAR: [Near; 39] = {
         near[i] = SAME;
         i += 1;
     }
-    // Angles up to a few thousand radians keep the error of a float of their size.
-    near[33] = Near::Float { absolute: 1e-6, relative: 0.0 };
-    near[34] = Near::Float { absolute: 1e-6, relative: 0.0 };
-    // The height over the rim of the disk is the root of what rounding leaves of one.
-    near[16] = Near::Float { absolute: 4e-4, relative: 2e-6 };
+    // Angles up to a few thousand radians have the rounding error of a float of their size.
+    near[33] = Near::Float {
+        absolute: 1e-6,
+        relative: 0.0,
+    };
+    near[34] = Near::Float {
+        absolute: 1e-6,
+        relative: 0.0,
+    };
+    // The height over the rim of the disk is the square root of a rounded difference from one.
+    near[16] = Near::Float {
+        absolute: 4e-4,
+        relative: 2e-6,
+    };
     near
 };
 
-/// The weights of the lights of a scene as probabilities.
+/// Returns the weights of the lights of a scene as probabilities.
 fn choice(scene: &CompiledScene) -> (Lights, u32) {
     let lights = Lights::new(scene);
     let count = lights.count() as u32;
@@ -56,8 +65,14 @@ pub const MATH: Twin = Twin {
             };
             let scale = [1e-3, 1.0, 7.0, 300.0][d.word() as usize % 4];
             let (p, n, q) = (d.vector(scale), d.direction(), d.vector(scale));
-            let pair =
-                [d.between(-9.0, 9.0).exp2(), if i.is_multiple_of(9) { 0.0 } else { d.between(-60.0, 60.0).exp2() }];
+            let pair = [
+                d.between(-9.0, 9.0).exp2(),
+                if i.is_multiple_of(9) {
+                    0.0
+                } else {
+                    d.between(-60.0, 60.0).exp2()
+                },
+            ];
             d.put(u);
             d.put(p.to_array());
             d.put(n.to_array());
@@ -76,7 +91,8 @@ pub const MATH: Twin = Twin {
         row.push_words(hashed);
         row.push_floats([unit(hashed[0])]);
         let (lights, count) = choice(scene);
-        let table = Alias::new((0..count).map(|i| f64::from(lights.pdf_choice(lights.id(i))))).unwrap();
+        let table = AliasTable::new((0..count).map(|i| f64::from(lights.pdf_choice(lights.id(i)))))
+            .unwrap();
         let (item, probability) = table.sample(u[0]);
         row.push(item as u32);
         row.push_floats([probability]);
@@ -110,7 +126,9 @@ pub const SAMPLER: Twin = Twin {
     in_words: 6,
     inputs: || {
         Dice::rows(3000, |d, i| {
-            SEEDS[i as usize % 3].into_iter().for_each(|w| d.put_word(w));
+            SEEDS[i as usize % 3]
+                .into_iter()
+                .for_each(|w| d.put_word(w));
             let big = if i.is_multiple_of(5) { 1 << 20 } else { 2000 };
             for _ in 0..2 {
                 let w = d.word() % big;

@@ -1,8 +1,8 @@
-//! The table of GLSL twins and their Rust originals, a file for every room.
+//! The table of GLSL twins and their Rust originals, with a file for every module.
 //!
-//! Floats differ because devices may join a product and a sum into one operation, divide and take roots to a few units in
-//! the last place, and because a few formulas say the same in another order. Where a function is steep that difference
-//! grows: each row says how far and why.
+//! Floats differ because devices may fuse a product and a sum, divide and take roots to a few units
+//! in the last place, and because a few formulas are evaluated in another order. The difference
+//! grows where a function is steep: each entry states how much and why.
 
 use std::sync::Arc;
 
@@ -25,7 +25,7 @@ mod time;
 
 const SAME: Near = Near::Bits;
 
-/// A scene with one of everything.
+/// Returns a scene with one of everything.
 pub fn plain() -> (Arc<CompiledScene>, Job) {
     let texture = Texture::new(2, 1, vec![[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]]);
     let sky = Texture::new(2, 2, vec![[1.0; 3], [0.5; 3], [0.25, 0.0, 0.75], [2.0; 3]]);
@@ -45,7 +45,7 @@ pub fn plain() -> (Arc<CompiledScene>, Job) {
     (scene, job([64, 36], 5, 7 | 1 << 40))
 }
 
-/// What was uploaded.
+/// Uploaded scene data.
 const SCENE: Twin = Twin {
     name: "scene",
     text: include_str!("../parity/scene.comp"),
@@ -71,7 +71,16 @@ const SCENE: Twin = Twin {
         row.push(last.normal_texture);
         row.push(u32::from(last.emitter_reflects));
         row.push_floats(scene.textures[0].texels[1]);
-        row.push_floats(scene.environment.as_ref().unwrap().map.as_ref().unwrap().texels[2]);
+        row.push_floats(
+            scene
+                .environment
+                .as_ref()
+                .unwrap()
+                .map
+                .as_ref()
+                .unwrap()
+                .texels[2],
+        );
         row.push_floats([scene.emitters[1].area]);
         row.push_floats(scene.points[0].position.to_array());
         row.push_floats(scene.directionals[0].direction.to_array());
@@ -87,8 +96,11 @@ const SCENE: Twin = Twin {
     why: "what was uploaded is read back as it was",
 };
 
-/// A whole number with the same bits, a float nearly so: a few roundings.
-const CLOSE: Near = Near::Float { absolute: 2e-6, relative: 2e-6 };
+/// Tolerance of a few roundings: integers have the same bits, floats nearly so.
+const CLOSE: Near = Near::Float {
+    absolute: 2e-6,
+    relative: 2e-6,
+};
 
 /// Every twin.
 pub const TWINS: &[&Twin] = &[
@@ -113,37 +125,40 @@ pub const TWINS: &[&Twin] = &[
     &integrator::BDPT_OVERHANG,
 ];
 
-/// Random numbers for inputs, and how many words they make.
+/// Random numbers for inputs, and the number of words generated.
 pub struct Dice {
     count: u32,
     words: Vec<u32>,
 }
 
 impl Dice {
-    /// Rows of inputs: `row` is called `rows` times and puts the words of one.
+    /// Returns `rows` rows of inputs: `row` is called for each and appends its words.
     pub fn rows(rows: u32, mut row: impl FnMut(&mut Dice, u32)) -> Vec<u32> {
-        let mut dice = Dice { count: 0, words: Vec::new() };
+        let mut dice = Dice {
+            count: 0,
+            words: Vec::new(),
+        };
         (0..rows).for_each(|i| row(&mut dice, i));
         dice.words
     }
 
-    /// A random word.
+    /// Returns a random word.
     pub fn word(&mut self) -> u32 {
         self.count += 1;
         pcg4d([self.count, 11, 22, 33])[0]
     }
 
-    /// A number in `[0, 1)` as samplers give them.
+    /// Returns a number in `[0, 1)` with the distribution of a sampler's.
     pub fn unit(&mut self) -> f32 {
         unit(self.word())
     }
 
-    /// A number of a range.
+    /// Returns a number of a range.
     pub fn between(&mut self, low: f32, high: f32) -> f32 {
         low + (high - low) * self.unit()
     }
 
-    /// A parameter in 0..=1, often at one of the ends.
+    /// Returns a parameter in 0..=1, often at one of the ends.
     pub fn part(&mut self) -> f32 {
         match self.word() % 4 {
             0 => 0.0,
@@ -152,27 +167,29 @@ impl Dice {
         }
     }
 
-    /// A unit vector, sometimes along an axis or close to it.
+    /// Returns a unit vector, sometimes along an axis or close to it.
     pub fn direction(&mut self) -> Vec3 {
         let w = uniform_sphere([self.unit(), self.unit()]);
         match self.word() % 12 {
-            0 => [Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y, -Vec3::Z][self.word() as usize % 6],
+            0 => {
+                [Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y, -Vec3::Z][self.word() as usize % 6]
+            }
             1 => Vec3::new(w.x * 1e-3, w.y * 1e-3, w.z.signum()).normalize_or(Vec3::Z),
             _ => w,
         }
     }
 
-    /// A vector in a cube about the origin.
+    /// Returns a vector in a cube about the origin.
     pub fn vector(&mut self, half: f32) -> Vec3 {
         Vec3::from_array(std::array::from_fn(|_| self.between(-half, half)))
     }
 
-    /// Puts a word.
+    /// Appends a word.
     pub fn put_word(&mut self, word: u32) {
         self.words.push(word);
     }
 
-    /// Puts floats.
+    /// Appends floats.
     pub fn put(&mut self, floats: impl IntoIterator<Item = f32>) {
         self.words.extend(floats.into_iter().map(f32::to_bits));
     }

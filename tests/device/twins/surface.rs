@@ -1,12 +1,14 @@
-//! Surfaces with all that textures do to them, and their BSDFs.
+//! Surfaces with all effects of textures, and their BSDFs.
 
 use std::sync::Arc;
 
 use glam::{Affine2, Mat2, Vec2, Vec3, Vec4};
 use lumbre::render::Job;
 use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{Distribution, Interface, Lookup, MaskMode, Material, Model, NONE, Texture, UvMap, Wrap};
-use lumbre::transport::bsdf::{Bsdf, Mode};
+use lumbre::scene::compile::{
+    Distribution, Interface, Lookup, MaskMode, Material, Model, NONE, Texture, UvMap, Wrap,
+};
+use lumbre::transport::bsdf::{Bsdf, TransportMode};
 use lumbre::transport::ray::{Hit, Ray};
 use lumbre::transport::surface::{Surface, coverage, is_masked_out};
 
@@ -14,16 +16,20 @@ use super::{CLOSE, Dice, SAME};
 use crate::common::{SceneBuilder, WHITE, job};
 use crate::device::parity::{Near, Row, Twin};
 
-/// Triangles, then spheres.
+/// Number of triangles; spheres follow them.
 const TRIANGLES: u32 = 480;
 const SPHERES: u32 = 24;
 
-/// A texture or none.
+/// Returns a texture or none.
 fn maybe(d: &mut Dice, texture: u32) -> u32 {
-    if d.word().is_multiple_of(4) { texture } else { NONE }
+    if d.word().is_multiple_of(4) {
+        texture
+    } else {
+        NONE
+    }
 }
 
-/// A material with parameters from all over their ranges, corners above all.
+/// Returns a material with parameters from all over their ranges, mostly from their ends.
 fn material(d: &mut Dice, textures: u32) -> Material {
     let model = match d.word() % 10 {
         0 | 1 => Model::Lambert,
@@ -39,7 +45,11 @@ fn material(d: &mut Dice, textures: u32) -> Material {
     Material {
         model,
         base_color: Vec3::from_array(std::array::from_fn(|_| d.part())),
-        emission: if d.word().is_multiple_of(4) { Vec3::new(1.0, 2.0, 3.0) } else { Vec3::ZERO },
+        emission: if d.word().is_multiple_of(4) {
+            Vec3::new(1.0, 2.0, 3.0)
+        } else {
+            Vec3::ZERO
+        },
         roughness: [d.part(), d.between(0.0, 0.1)][d.word() as usize % 2],
         metallic: d.part(),
         opacity: d.part(),
@@ -47,7 +57,11 @@ fn material(d: &mut Dice, textures: u32) -> Material {
         subsurface: d.part(),
         specular_tint: d.part(),
         anisotropic: d.part(),
-        anisotropic_direction: if d.word().is_multiple_of(3) { d.direction() } else { Vec3::ZERO },
+        anisotropic_direction: if d.word().is_multiple_of(3) {
+            d.direction()
+        } else {
+            Vec3::ZERO
+        },
         sheen: d.part(),
         sheen_tint: d.part(),
         clearcoat: d.part(),
@@ -55,7 +69,11 @@ fn material(d: &mut Dice, textures: u32) -> Material {
         normal_strength: d.between(0.2, 2.0),
         bump_height: d.between(-0.5, 0.5),
         mask_threshold: 0.4,
-        mask_mode: if d.word().is_multiple_of(2) { MaskMode::Threshold } else { MaskMode::Blend },
+        mask_mode: if d.word().is_multiple_of(2) {
+            MaskMode::Threshold
+        } else {
+            MaskMode::Blend
+        },
         shadow_terminator: d.word().is_multiple_of(2),
         base_color_texture: texture(d),
         emission_texture: texture(d),
@@ -75,7 +93,7 @@ fn material(d: &mut Dice, textures: u32) -> Material {
     }
 }
 
-/// What single interfaces are made of, metals of no index among them.
+/// Returns the parameters of a single interface, including metals without an index.
 fn interface(d: &mut Dice) -> Interface {
     let mut three = |most: f32| Vec3::from_array(std::array::from_fn(|_| most * d.part()));
     let (specular, eta, k) = (three(1.0), three(3.0), three(6.0));
@@ -90,24 +108,47 @@ fn interface(d: &mut Dice) -> Interface {
     }
 }
 
-/// A scene of one triangle or sphere for each of many materials.
+/// Returns a scene of one triangle or sphere for each of many materials.
 fn zoo() -> (Arc<CompiledScene>, Job) {
-    let mut d = Dice { count: 1 << 20, words: Vec::new() };
+    let mut d = Dice {
+        count: 1 << 20,
+        words: Vec::new(),
+    };
     let mut builder = SceneBuilder::new(Vec3::new(0.0, 0.0, 3.0), Vec3::ZERO, 60.0);
     for size in [[4, 3], [1, 1], [7, 2]] {
-        let texels: Vec<[f32; 3]> = (0..size[0] * size[1]).map(|_| std::array::from_fn(|_| d.unit())).collect();
+        let texels: Vec<[f32; 3]> = (0..size[0] * size[1])
+            .map(|_| std::array::from_fn(|_| d.unit()))
+            .collect();
         builder.texture(Texture::new(size[0], size[1], texels));
     }
-    // The same pictures again, as they lie otherwise.
-    let map = Affine2 { matrix2: Mat2::from_cols_array(&[0.8, -0.3, 0.4, 1.7]), translation: Vec2::new(0.3, -1.2) };
+    // The same pictures again, with other texture transforms.
+    let map = Affine2 {
+        matrix2: Mat2::from_cols_array(&[0.8, -0.3, 0.4, 1.7]),
+        translation: Vec2::new(0.3, -1.2),
+    };
     let lookups = [
-        Lookup { wrap: [Wrap::Mirror, Wrap::Clamp], second: false, map: None },
-        Lookup { wrap: [Wrap::Repeat; 2], second: true, map: Some(map) },
-        Lookup { wrap: [Wrap::Clamp, Wrap::Mirror], second: true, map: Some(map) },
+        Lookup {
+            wrap: [Wrap::Mirror, Wrap::Clamp],
+            second: false,
+            map: None,
+        },
+        Lookup {
+            wrap: [Wrap::Repeat; 2],
+            second: true,
+            map: Some(map),
+        },
+        Lookup {
+            wrap: [Wrap::Clamp, Wrap::Mirror],
+            second: true,
+            map: Some(map),
+        },
     ];
     builder = builder.with(|s| {
         for (i, lookup) in lookups.into_iter().enumerate() {
-            s.textures.push(Texture { lookup, ..s.textures[i].clone() });
+            s.textures.push(Texture {
+                lookup,
+                ..s.textures[i].clone()
+            });
         }
     });
     for _ in 0..TRIANGLES {
@@ -126,20 +167,36 @@ fn zoo() -> (Arc<CompiledScene>, Job) {
             a.normals = a.normals.map(|n| (n + d.vector(0.7)).normalize_or(n));
         }
         s.tangents = (0..TRIANGLES)
-            .map(|_| [(); 3].map(|()| d.direction().extend(if d.word().is_multiple_of(2) { 1.0 } else { -1.0 })))
+            .map(|_| {
+                [(); 3].map(|()| {
+                    d.direction().extend(if d.word().is_multiple_of(2) {
+                        1.0
+                    } else {
+                        -1.0
+                    })
+                })
+            })
             .collect();
         s.tangents[5] = [Vec4::ZERO; 3];
-        s.second_uvs = (0..TRIANGLES).map(|_| [(); 3].map(|()| Vec2::new(d.between(-1.5, 1.5), d.unit()))).collect();
-        s.colors = (0..TRIANGLES).map(|_| [(); 3].map(|()| Vec3::new(d.unit(), d.unit(), d.unit()))).collect();
+        s.second_uvs = (0..TRIANGLES)
+            .map(|_| [(); 3].map(|()| Vec2::new(d.between(-1.5, 1.5), d.unit())))
+            .collect();
+        s.colors = (0..TRIANGLES)
+            .map(|_| [(); 3].map(|()| Vec3::new(d.unit(), d.unit(), d.unit())))
+            .collect();
     });
     (scene.build(), job([8, 8], 3, 1))
 }
 
-/// Words of a hit and a direction that leaves it: primitive, uv, origin, dir, t, wi.
+/// Appends the words of a hit and an outgoing direction: primitive, uv, origin, dir, t, wi.
 fn put_hit(scene: &CompiledScene, d: &mut Dice) {
     let primitive = d.word() % (TRIANGLES + SPHERES);
     let (v, w) = (d.unit(), d.unit());
-    let uv = if v + w > 1.0 { [1.0 - v, 1.0 - w] } else { [v, w] };
+    let uv = if v + w > 1.0 {
+        [1.0 - v, 1.0 - w]
+    } else {
+        [v, w]
+    };
     let (dir, t, wi) = (d.direction(), d.between(0.1, 3.0), d.direction());
     let origin = match primitive.checked_sub(TRIANGLES) {
         Some(i) => {
@@ -159,13 +216,25 @@ fn put_hit(scene: &CompiledScene, d: &mut Dice) {
 fn take_hit(row: &mut Row) -> (Ray, Hit, Vec3) {
     let primitive = row.word();
     let uv = row.floats();
-    let ray = Ray { origin: Vec3::from_array(row.floats()), dir: Vec3::from_array(row.floats()) };
+    let ray = Ray {
+        origin: Vec3::from_array(row.floats()),
+        dir: Vec3::from_array(row.floats()),
+    };
     let [t] = row.floats();
-    (ray, Hit { t, primitive, instance: NONE, uv }, Vec3::from_array(row.floats()))
+    (
+        ray,
+        Hit {
+            t,
+            primitive,
+            instance: NONE,
+            uv,
+        },
+        Vec3::from_array(row.floats()),
+    )
 }
 
-/// Rows of a hit, a direction, a mode and three sample numbers. Every other direction is one that the BSDF samples, since
-/// others hardly meet a narrow lobe.
+/// Returns rows of a hit, a direction, a mode and three sample numbers. Every other direction is
+/// sampled from the BSDF, since others rarely hit a narrow lobe.
 fn scattering() -> Vec<u32> {
     let (scene, _) = zoo();
     Dice::rows(9000, |d, i| {
@@ -179,19 +248,31 @@ fn scattering() -> Vec<u32> {
             let mut row = Row::new(&d.words[start..]);
             let (ray, hit, _) = take_hit(&mut row);
             let bsdf = Bsdf::new(&Surface::at(&scene, &ray, &hit), &scene.textures);
-            if let Some(s) = bsdf.sample(-ray.dir, numbers[0], [numbers[1], numbers[2]], mode_of(mode)) {
+            if let Some(s) = bsdf.sample(
+                -ray.dir,
+                numbers[0],
+                [numbers[1], numbers[2]],
+                mode_of(mode),
+            ) {
                 d.words[start + 10..start + 13].copy_from_slice(&s.wi.to_array().map(f32::to_bits));
             }
         }
     })
 }
 
-fn mode_of(word: u32) -> Mode {
-    if word == 0 { Mode::Radiance } else { Mode::Importance }
+fn mode_of(word: u32) -> TransportMode {
+    if word == 0 {
+        TransportMode::Radiance
+    } else {
+        TransportMode::Importance
+    }
 }
 
-/// A few roundings of numbers of a few units.
-const ROUGHLY: Near = Near::Float { absolute: 1e-5, relative: 1e-5 };
+/// Tolerance of a few roundings of numbers of a few units.
+const ROUGHLY: Near = Near::Float {
+    absolute: 1e-5,
+    relative: 1e-5,
+};
 
 /// From a hit to its surface.
 pub const SURFACE: Twin = Twin {
@@ -208,12 +289,16 @@ pub const SURFACE: Twin = Twin {
         let s = Surface::at(scene, &ray, &hit);
         row.push(scene.material_of(hit.primitive, NONE));
         row.push(s.emitter);
-        row.push(u32::from(s.overhang.is_some()));
+        row.push(u32::from(s.terminator.is_some()));
         for v in [s.position, s.n_geometric, s.n_shading, s.tangent] {
             row.push_floats(v.to_array());
         }
         row.push_floats(s.uv.first.to_array());
-        row.push_floats(s.overhang.map_or(Vec3::ZERO, |o| o.crest).to_array());
+        row.push_floats(
+            s.terminator
+                .map_or(Vec3::ZERO, |o| o.lifted_point)
+                .to_array(),
+        );
         row.push_floats(s.base_color(&scene.textures).to_array());
         row.push_floats(s.emitted(&scene.textures, -ray.dir).to_array());
         row.push_floats(s.spawn(wi).origin.to_array());
@@ -221,16 +306,19 @@ pub const SURFACE: Twin = Twin {
         row.push(u32::from(is_masked_out(scene, &ray, &hit)));
     },
     near: &[
-        SAME, SAME, SAME, CLOSE, CLOSE, CLOSE, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY,
-        ROUGHLY, CLOSE, CLOSE, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY,
-        ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, SAME,
+        SAME, SAME, SAME, CLOSE, CLOSE, CLOSE, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY,
+        ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, CLOSE, CLOSE, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY,
+        ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, SAME,
     ],
     strays: 0.0005,
     why: "positions and colours are sums of three products; normals of thin triangles lose digits to cancellation, and a \
           mask or a side may be decided differently by one rounding",
 };
 
-const STEEP: Near = Near::Float { absolute: 1e-5, relative: 2e-3 };
+const STEEP: Near = Near::Float {
+    absolute: 1e-5,
+    relative: 2e-3,
+};
 
 /// Values and densities of BSDFs.
 pub const BSDF: Twin = Twin {
@@ -250,14 +338,22 @@ pub const BSDF: Twin = Twin {
         row.push_floats(bsdf.eval(-ray.dir, wi, mode).to_array());
         row.push_floats([bsdf.pdf_w(-ray.dir, wi)]);
     },
-    near: &[SAME, STEEP, STEEP, STEEP, STEEP, STEEP, STEEP, STEEP, STEEP, STEEP],
+    near: &[
+        SAME, STEEP, STEEP, STEEP, STEEP, STEEP, STEEP, STEEP, STEEP, STEEP,
+    ],
     strays: 0.0005,
     why: "the narrowest lobes turn one rounding of a direction into a thousandth of their density, and at the rim of a \
           surface one rounding decides which side a direction is on",
 };
 
-const DIRECTION: Near = Near::Float { absolute: 2e-4, relative: 0.0 };
-const WEIGHT: Near = Near::Float { absolute: 1e-3, relative: 5e-3 };
+const DIRECTION: Near = Near::Float {
+    absolute: 2e-4,
+    relative: 0.0,
+};
+const WEIGHT: Near = Near::Float {
+    absolute: 1e-3,
+    relative: 5e-3,
+};
 
 /// Directions sampled from BSDFs.
 pub const BSDF_SAMPLE: Twin = Twin {
@@ -278,7 +374,9 @@ pub const BSDF_SAMPLE: Twin = Twin {
         row.push_floats(sample.map_or(Vec3::ZERO, |s| s.weight).to_array());
         row.push_floats(sample.map_or([0.0; 2], |s| [s.pdf_w, s.eta]));
     },
-    near: &[SAME, SAME, DIRECTION, DIRECTION, DIRECTION, WEIGHT, WEIGHT, WEIGHT, WEIGHT, CLOSE],
+    near: &[
+        SAME, SAME, DIRECTION, DIRECTION, DIRECTION, WEIGHT, WEIGHT, WEIGHT, WEIGHT, CLOSE,
+    ],
     strays: 0.0005,
     why: "a direction is the root of what sample numbers leave of one, so a rounding of a number becomes the root of a \
           rounding where the root is near zero; densities of narrow lobes are steep about it",

@@ -1,4 +1,4 @@
-//! Profiles in time, the time axis, and what of flights is asked of lights and samplers.
+//! Profiles in time, the time axis, and the optical lengths that lights and samplers need.
 
 use std::sync::Arc;
 
@@ -8,8 +8,8 @@ use lumbre::render::Job;
 use lumbre::scene::CompiledScene;
 use lumbre::scene::compile::{DelayParam, Texture, Uv, UvMap};
 use lumbre::transport::delay;
-use lumbre::transport::flight::Timing;
 use lumbre::transport::light::Lights;
+use lumbre::transport::path_time::Timing;
 
 use super::{CLOSE, Dice, SAME};
 use crate::device::harness::{slow, timing};
@@ -20,7 +20,7 @@ const BIN: f64 = 0.3;
 const BINS: u32 = 20;
 const SIGMA: f64 = 0.75;
 
-/// A scene with every profile, one of them with textures.
+/// Returns a scene with every profile, one of them with textures.
 fn scene() -> (Arc<CompiledScene>, Job) {
     let (mut scene, job) = super::plain();
     let scene_mut = Arc::make_mut(&mut scene);
@@ -29,15 +29,37 @@ fn scene() -> (Arc<CompiledScene>, Job) {
     let texture = scene_mut.textures.len() as u32 - 1;
     slow(scene_mut);
     let mut textured = scene_mut.delays.profiles[2].clone();
-    textured.params =
-        [DelayParam { value: 0.5, offset: 1.0, texture }, DelayParam { value: 0.4, offset: 0.2, texture }];
-    textured.tiling = UvMap { scale: 2.0, offset: Vec2::new(0.25, 0.5) };
+    textured.params = [
+        DelayParam {
+            value: 0.5,
+            offset: 1.0,
+            texture,
+        },
+        DelayParam {
+            value: 0.4,
+            offset: 0.2,
+            texture,
+        },
+    ];
+    textured.tiling = UvMap {
+        scale: 2.0,
+        offset: Vec2::new(0.25, 0.5),
+    };
     scene_mut.delays.profiles.push(textured);
-    let timing = Timing { filter: TimeFilter::Gauss(SIGMA), ..timing(START, BIN, BINS) };
-    (scene, Job { timing: Some(timing), ..job })
+    let timing = Timing {
+        filter: TimeFilter::Gauss(SIGMA),
+        ..timing(START, BIN, BINS)
+    };
+    (
+        scene,
+        Job {
+            timing: Some(timing),
+            ..job
+        },
+    )
 }
 
-/// The part of the filter about `place` below `x`, added up from what each slot gets.
+/// Returns the part of the filter about `place` below `x`, summed from the shares of the slots.
 fn below(x: u32, place: f64) -> f64 {
     let axis = timing(START, BIN, BINS).axis;
     let mut sum = 0.0;
@@ -49,10 +71,16 @@ fn below(x: u32, place: f64) -> f64 {
     sum
 }
 
-/// A part of a filter, by a fit of the error function to 1.2e-7 in single precision.
-const SHARE: Near = Near::Float { absolute: 1e-6, relative: 0.0 };
-/// A delay, with the error of an arc sine near the ends.
-const DELAY: Near = Near::Float { absolute: 3e-6, relative: 3e-6 };
+/// Tolerance of a filter's share, from a fit of the error function to 1.2e-7 in single precision.
+const SHARE: Near = Near::Float {
+    absolute: 1e-6,
+    relative: 0.0,
+};
+/// Tolerance of a delay, with the error of an arc sine near the ends.
+const DELAY: Near = Near::Float {
+    absolute: 3e-6,
+    relative: 3e-6,
+};
 
 /// Delays, slots and shares.
 pub const DELAYS: Twin = Twin {
@@ -69,7 +97,11 @@ pub const DELAYS: Twin = Twin {
                 3 => 5.960_464_5e-8,
                 _ => d.unit(),
             };
-            let optical = [d.between(-2.0, 12.0), START as f32, 1.5 + 0.5 * (i % 7) as f32];
+            let optical = [
+                d.between(-2.0, 12.0),
+                START as f32,
+                1.5 + 0.5 * (i % 7) as f32,
+            ];
             let optical = optical[[0, 0, 0, 0, 0, 1, 2, 2][i as usize % 8]];
             let uv = [d.between(-2.0, 2.0), d.between(-2.0, 2.0)];
             d.put([u, optical]);
@@ -86,18 +118,22 @@ pub const DELAYS: Twin = Twin {
         let [u, optical]: [f32; 2] = row.floats();
         let uv = Vec2::from_array(row.floats());
         let index = row.word();
-        let profile = delay::at(&scene.delays.profiles[index as usize], &scene.textures, Uv::same(uv));
+        let profile = delay::profile_at(
+            &scene.delays.profiles[index as usize],
+            &scene.textures,
+            Uv::same(uv),
+        );
         row.push_floats([profile.sample(u)]);
         let axis = job.timing.as_ref().unwrap().axis;
-        let place = axis.place(f64::from(optical));
+        let place = axis.bin_position(f64::from(optical));
         row.push(axis.slot(place) as u32);
         let x = row.float();
         row.push_floats([below(x as u32, place) as f32]);
         row.push_floats([(-u).ln_1p(), (2.0 * u - 1.0).asin()]);
         let [from, wi]: [Vec3; 2] = [(); 2].map(|()| Vec3::from_array(row.floats()));
-        row.push_floats([Lights::new(scene).lead(from, wi)]);
-        let mut aside = (job.sampler.start)(job.seed, [index, 3], u64::from(index)).aside();
-        row.push_floats([aside.next_1d()]);
+        row.push_floats([Lights::new(scene).front_distance(from, wi)]);
+        let mut auxiliary = (job.sampler.start)(job.seed, [index, 3], u64::from(index)).auxiliary();
+        row.push_floats([auxiliary.next_1d()]);
     },
     near: &[DELAY, SAME, SHARE, CLOSE, CLOSE, CLOSE, SAME],
     strays: 0.0,

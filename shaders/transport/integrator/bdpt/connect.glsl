@@ -1,40 +1,43 @@
-// Twin of src/transport/integrator/bdpt/connect.rs, its strategies side by side: first where the edge goes that joins the
-// subpaths, then the BSDFs at its ends, then what light it carries and what the other strategies weigh.
+// Twin of src/transport/integrator/bdpt/connect.rs, with its strategies merged: first the
+// connecting edge, then the BSDFs at its ends, then the contribution and the MIS terms of the other
+// strategies.
 #ifndef TRANSPORT_INTEGRATOR_BDPT_CONNECT_GLSL
 #define TRANSPORT_INTEGRATOR_BDPT_CONNECT_GLSL
 
 #include "transport/integrator/bdpt/subpath.glsl"
 
-// Light found by one strategy unless something lies in the way; fields as in Rust, and the pixel that it counts for.
+// Light found by one strategy, before the shadow test; fields as in Rust, and the pixel that
+// receives it.
 struct Connection {
     uvec2 pixel;
     vec3 unweighted;
     double others;
-    // Whether `ray` must meet nothing up to `distance`.
+    // Whether light arrives only if `ray` hits nothing up to `distance`.
     bool shadowed;
     Ray ray;
     float distance;
     Length optical_length;
 };
 
-// Where the edge of a strategy goes that joins the subpaths.
+// The connecting edge of a strategy.
 struct Aim {
-    // From the camera's side towards the light.
+    // Unit direction from the camera's side towards the light.
     vec3 wi;
     float distance2;
-    // Of strategies with at most one light vertex: the point of the light, the unit direction from there to the next
-    // vertex, that vertex, and its normal.
+    // For strategies with at most one light vertex: the point of the light, the unit direction from
+    // there to the next vertex, that vertex, and its normal.
     LightPoint point;
     vec3 dir;
     vec3 next;
     vec3 n_next;
-    // Light that arrives without the BSDFs: what is multiplied by the values and throughputs of the vertices.
+    // Light that arrives, without the BSDFs: multiplied by the values and throughputs of the
+    // vertices.
     vec3 radiance;
-    // Of strategies with one camera vertex.
+    // For strategies with one camera vertex: the connection to the camera.
     CameraConnection camera;
 };
 
-// `s = 0`: the camera subpath `z` has met a light, or has left the scene.
+// Strategy `s = 0`: the camera subpath `z` has hit a light, or has left the scene.
 bool aim_at_hit(bool escaped, Departure escape, Vertex z, out Aim aim) {
     if (escaped) {
         vec3 dir = escape.edge.dir;
@@ -53,7 +56,7 @@ bool aim_at_hit(bool escaped, Departure escape, Vertex z, out Aim aim) {
     return aim.radiance != vec3(0.0);
 }
 
-// `s = 1`, `t >= 2`: a point of a light, sampled from the end of the camera subpath.
+// Strategy `s = 1`, `t >= 2`: a light point sampled from the end of the camera subpath.
 bool aim_at_light(Vertex z, inout Sampler numbers, out Aim aim, out DirectSample d) {
     float choice = next_1d(numbers);
     bool found = lights_sample_direct(z.position, choice, next_2d(numbers), d);
@@ -63,10 +66,10 @@ bool aim_at_light(Vertex z, inout Sampler numbers, out Aim aim, out DirectSample
     aim.next = z.position;
     aim.n_next = z.n_geometric;
     aim.radiance = d.radiance / d.pdf_w;
-    return found && !overhang_refuses(z.overhang, d) && !(d.pdf_w <= 0.0);
+    return found && !terminator_offset_excludes(z.terminator, d) && !(d.pdf_w <= 0.0);
 }
 
-// `s >= 2`, `t >= 2`: the ends of two subpaths.
+// Strategy `s >= 2`, `t >= 2`: the ends of two subpaths.
 bool aim_at_end(Vertex y, Vertex z, out Aim aim) {
     vec3 edge = y.position - z.position;
     aim.distance2 = length_squared(edge);
@@ -74,8 +77,8 @@ bool aim_at_end(Vertex y, Vertex z, out Aim aim) {
     return is_finite(aim.wi);
 }
 
-// `t = 1`: the start of the light subpath (`s = 1`) or its end `y`, seen by the camera. Points and parallel light are not
-// seen.
+// Strategy `t = 1`: the start of the light subpath (`s = 1`) or its end `y`, connected to the
+// camera. Point lights and directional lights are not connected.
 bool aim_at_lens(uint s, EmissionSample start, Vertex y, inout Sampler numbers, out Aim aim) {
     vec2 lens_u = next_2d(numbers);
     vec2 filter_u = next_2d(numbers);
@@ -91,38 +94,47 @@ bool aim_at_lens(uint s, EmissionSample start, Vertex y, inout Sampler numbers, 
     return met && (kind == LIGHT_EMITTER || far);
 }
 
-// When light arrives along the path of a strategy, as `connect.rs` says it for each.
+// Returns the optical length of the path of a strategy, as `connect.rs` computes it for each.
 Length connection_length(
     uint s, uint t, bool escaped, Subpaths paths, Vertex y, Vertex z, Aim aim, float direct_distance
 ) {
 #ifdef TIMES
     if (s == 0u) {
-        return escaped ? paths.escape_length : stamp_arrived(z.stamp);
+        return escaped ? paths.escape_length : optical_length_arrival(z.optical);
     }
     if (t == 1u) {
         float far = aim.camera.distance;
         if (!is_finite(far)) {
-            far = lights_lead(aim.camera.lens, aim.camera.dir);
+            far = lights_front_distance(aim.camera.lens, aim.camera.dir);
         }
-        Length length = Length(paths.emitted) + Length(job.time_camera != 0u ? job.time_medium * far : 0.0);
-        return s == 1u ? length : length + stamp_of_light(y.stamp, bsdf_index_ratio(y.bsdf, y.wo, -aim.wi), job.time_medium);
+        Length length = Length(paths.emitted)
+            + Length(job.time_camera != 0u ? job.time_medium * far : 0.0);
+        if (s == 1u) {
+            return length;
+        }
+        float ratio = bsdf_index_ratio(y.bsdf, y.wo, -aim.wi);
+        return length + optical_length_from_light(y.optical, ratio, job.time_medium);
     }
     if (s == 1u) {
-        return flight_of_direct(z.stamp, z.bsdf, z.wo, z.position, aim.wi, direct_distance);
+        return path_time_direct_length(
+            z.optical, z.bsdf, z.wo, z.position, aim.wi, direct_distance
+        );
     }
     float ratio = bsdf_index_ratio(z.bsdf, z.wo, aim.wi);
-    Length near = stamp_onward(z.stamp, ratio, sqrt(aim.distance2));
-    return near + stamp_of_light(y.stamp, bsdf_index_ratio(y.bsdf, y.wo, -aim.wi), z.stamp.index * ratio);
+    Length near = optical_length_after_segment(z.optical, ratio, sqrt(aim.distance2));
+    float far_ratio = bsdf_index_ratio(y.bsdf, y.wo, -aim.wi);
+    return near + optical_length_from_light(y.optical, far_ratio, z.optical.index * ratio);
 #else
     return Length(0.0);
 #endif
 }
 
-// What the strategy of `s` and `t` vertices finds; `y` and `z` are the ends of the subpaths, as far as there are any.
-// `escaped` is whether it is about light outside that the camera subpath met.
+// Computes the connection of the strategy of `s` and `t` vertices; `y` and `z` are the ends of the
+// subpaths, if there are any. `escaped` is whether the camera subpath reached light outside the
+// scene.
 bool connect(
-    uint h, uint s, uint t, uvec2 pixel, bool escaped, Subpaths paths, Vertex y, Vertex z, inout Sampler numbers,
-    out Connection c
+    uint h, uint s, uint t, uvec2 pixel, bool escaped, Subpaths paths, Vertex y, Vertex z,
+    inout Sampler numbers, out Connection c
 ) {
     Aim aim;
     DirectSample direct;
@@ -161,12 +173,12 @@ bool connect(
     c.shadowed = true;
     c.optical_length = connection_length(s, t, escaped, paths, y, z, aim, direct.distance);
     if (s == 0u) {
-        Chain chain = z.chain;
-        if (escaped && !edge_chain(paths.escape.edge, h, 1.0lf, chain)) {
+        MisPartials partials = z.partials;
+        if (escaped && !edge_partials_at(paths.escape.edge, h, 1.0lf, partials)) {
             return false;
         }
         c.unweighted = (escaped ? paths.escape.throughput : z.throughput) * aim.radiance;
-        c.others = others_of_hit(h, chain, end, t);
+        c.others = others_s0(h, partials, end, t);
         c.shadowed = false;
         return true;
     }
@@ -175,43 +187,53 @@ bool connect(
         if (s == 1u) {
             bool far = !is_finite(aim.camera.distance);
             float cos_light = far ? 1.0 : dot(aim.point.normal, aim.dir);
-            // What the light sends from this point to the lens is what it sent along the path: from a surface the same in
-            // all directions of its front, from outside the same direction.
+            // The light emits towards the lens what it emitted along the path: from a surface the
+            // same in all directions of its front, from the environment in the same direction.
             c.unweighted = paths.start.radiance * cos_light
                 * float(double(aim.camera.importance) / end.start);
-            c.others = others_of_seen(h, end, aim.camera.pdf_w);
+            c.others = others_s1_t1(h, end, aim.camera.pdf_w);
             if (cos_light <= 0.0) {
                 return false;
             }
             if (far) {
-                c.ray = leave(aim.camera.lens, vec3(0.0), aim.wi);
+                c.ray = spawn_ray(aim.camera.lens, vec3(0.0), aim.wi);
                 c.distance = INFINITY;
             } else {
-                c.shadowed = join(
-                    aim.point.position, aim.point.normal, aim.camera.lens, vec3(0.0), c.ray, c.distance
+                c.shadowed = connection_ray(
+                    aim.point.position, aim.point.normal, aim.camera.lens, vec3(0.0), c.ray,
+                    c.distance
                 );
             }
         } else {
             c.unweighted = y.throughput * at_y.f * vertex_cos(y, -aim.wi) * aim.camera.importance;
-            double here = double(aim.camera.pdf_w) * double(area_factor(aim.camera.lens, y.position, y.n_geometric));
-            c.others = chain_others(y.chain, h, here, before_y);
-            c.shadowed = join(y.position, y.n_geometric, aim.camera.lens, vec3(0.0), c.ray, c.distance);
+            double here = double(aim.camera.pdf_w)
+                * double(area_factor(aim.camera.lens, y.position, y.n_geometric));
+            c.others = mis_partials_others(y.partials, h, here, before_y);
+            c.shadowed = connection_ray(
+                y.position, y.n_geometric, aim.camera.lens, vec3(0.0), c.ray, c.distance
+            );
         }
     } else if (s == 1u) {
         c.unweighted = z.throughput * at_z.f * vertex_cos(z, aim.wi) * aim.radiance;
-        // At the rim of a sphere rounding may put the point on the side that is hidden, where no strategy has a density.
+        // Rounding may place a point at the rim of a sphere on its hidden side, where no strategy
+        // has a density.
         if (!(end.direct > 0.0lf)) {
             return false;
         }
-        c.others = others_of_next_event(h, z.chain, before_z, end, at_z);
+        c.others = others_s1(h, z.partials, before_z, end, at_z);
         c.shadowed = shadow_ray(z.position, z.n_geometric, direct, c.ray, c.distance);
     } else {
-        c.unweighted = y.throughput * at_y.f * vertex_cos(y, -aim.wi) * at_z.f * vertex_cos(z, aim.wi) * z.throughput
-            / aim.distance2;
-        double reaches_y = double(at_z.pdf_w) * double(abs(dot(aim.wi, y.n_geometric)) / aim.distance2);
-        double reaches_z = double(at_y.pdf_w) * double(abs(dot(aim.wi, z.n_geometric)) / aim.distance2);
-        c.others = chain_others(y.chain, h, reaches_y, before_y) + chain_others(z.chain, h, reaches_z, before_z);
-        c.shadowed = join(z.position, z.n_geometric, y.position, y.n_geometric, c.ray, c.distance);
+        c.unweighted = y.throughput * at_y.f * vertex_cos(y, -aim.wi) * at_z.f
+            * vertex_cos(z, aim.wi) * z.throughput / aim.distance2;
+        double density_y = double(at_z.pdf_w)
+            * double(abs(dot(aim.wi, y.n_geometric)) / aim.distance2);
+        double density_z = double(at_y.pdf_w)
+            * double(abs(dot(aim.wi, z.n_geometric)) / aim.distance2);
+        c.others = mis_partials_others(y.partials, h, density_y, before_y)
+            + mis_partials_others(z.partials, h, density_z, before_z);
+        c.shadowed = connection_ray(
+            z.position, z.n_geometric, y.position, y.n_geometric, c.ray, c.distance
+        );
     }
     return c.unweighted != vec3(0.0);
 }

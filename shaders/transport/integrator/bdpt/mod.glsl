@@ -6,12 +6,12 @@
 #include "transport/integrator/bdpt/connect.glsl"
 #include "transport/integrator/settings.glsl"
 
-// One sample of one pixel: makes both subpaths and joins them in every way.
+// Computes one sample of one pixel: traces both subpaths and connects them in every way.
 void bdpt_sample(uvec2 pixel, inout Sampler numbers) {
     uint h = settings_heuristic();
-    bool raw = settings_raw();
+    bool raw = settings_unweighted();
     Subpaths paths = trace_subpaths(h, pixel, job.max_depth, numbers);
-    // Light outside first, then every camera vertex, then the lens alone.
+    // Light outside the scene first, then every camera vertex, then the lens alone.
     for (uint row = 0u; row <= paths.camera + 1u; ++row) {
         bool escaped = row == 0u;
         uint t = escaped ? paths.camera + 2u : (row <= paths.camera ? row + 1u : 1u);
@@ -22,15 +22,19 @@ void bdpt_sample(uvec2 pixel, inout Sampler numbers) {
         if (!escaped && t >= 2u) {
             end_z = vertices[t - 2u];
         }
-        // No light vertex, one, one again from the crest of an overhang, then every vertex of the light subpath.
+        // No light vertex, one, one again from a lifted point, then every vertex of the light
+        // subpath.
         for (uint slot = 0u; slot < paths.light + 3u; ++slot) {
             uint s = slot < 2u ? slot : slot - 1u;
-            bool crest = slot == 2u;
-            if (slot > 0u && (escaped || s + t - 1u > job.max_depth || (t >= 2u && !end_z.connectible))) {
+            bool from_lifted = slot == 2u;
+            if (slot > 0u
+                && (escaped || s + t - 1u > job.max_depth || (t >= 2u && !end_z.connectible))) {
                 break;
             }
-            bool possible = t >= 2u ? !crest || end_z.overhang.present : s >= 2u || (slot == 1u && paths.started);
-            if (!possible || !settings_wants(s, t)) {
+            bool possible = t >= 2u
+                ? !from_lifted || end_z.terminator.present
+                : s >= 2u || (slot == 1u && paths.started);
+            if (!possible || !settings_includes(s, t)) {
                 continue;
             }
             Vertex y, z = end_z;
@@ -40,8 +44,10 @@ void bdpt_sample(uvec2 pixel, inout Sampler numbers) {
                     continue;
                 }
             }
-            if (t >= 2u && (crest || (s >= 2u && z.overhang.present && overhang_reaches(z.overhang, y.position)))) {
-                vertex_raised(end_z, z);
+            if (t >= 2u
+                && (from_lifted || (s >= 2u && z.terminator.present
+                    && terminator_offset_has_below(z.terminator, y.position)))) {
+                vertex_lifted(end_z, z);
             }
             Connection c;
             if (!connect(h, s, t, pixel, escaped, paths, y, z, numbers, c)) {
@@ -51,7 +57,9 @@ void bdpt_sample(uvec2 pixel, inout Sampler numbers) {
                 continue;
             }
             float weight = raw ? 1.0 : float(1.0lf / (1.0lf + c.others));
-            sink(Contribution(c.pixel, c.unweighted * weight, c.unweighted, s, t, c.optical_length));
+            sink(
+                Contribution(c.pixel, c.unweighted * weight, c.unweighted, s, t, c.optical_length)
+            );
         }
     }
 }

@@ -1,4 +1,5 @@
-// Curves that can be zoomed: drag a window, double click for all of it, click a curve for its run.
+// Chart with zoom: a drag selects a range, a double click resets it, a click on a curve lists its
+// run.
 function curves(data, showRuns) {
   if (!data.metrics.length) {
     document.getElementById("curves").hidden = true;
@@ -38,13 +39,15 @@ function curves(data, showRuns) {
     return made;
   }
 
-  // A value as it is drawn: errors as they are, what is best at 1 by its distance from that.
-  function shown(metric, y) {
+  // Converts a metric value to the drawn value: the absolute value for signed metrics, the distance
+  // from the best value for metrics such as SSIM.
+  function drawnValue(metric, y) {
     if (y === null || y === undefined) return NaN;
     if (metric.magnitude) y = Math.abs(y);
     return metric.complement !== null ? metric.complement - y : y;
   }
 
+  // Points of all runs of the selected facet whose series is not hidden.
   function lines() {
     const metric = data.metrics[pick("metric").value];
     const x = Number(pick("x").value) === 0 ? 1 : 0;
@@ -54,7 +57,7 @@ function curves(data, showRuns) {
       if (run.facet !== facet || hidden.has(run.series)) continue;
       const points = [];
       for (const row of run.rows) {
-        const y = shown(metric, row[2 + metric.index]);
+        const y = drawnValue(metric, row[2 + metric.index]);
         if (row[x] > 0 && Number.isFinite(y) && (!metric.log || y > 0)) points.push([row[x], y]);
       }
       if (points.length) found.push({ run, points });
@@ -62,6 +65,7 @@ function curves(data, showRuns) {
     return { metric, found };
   }
 
+  // About six labelled values between two ends.
   function ticks(low, high, log) {
     const out = [];
     if (log) {
@@ -92,7 +96,7 @@ function curves(data, showRuns) {
     const all = found.flatMap((l) => l.points);
     if (!all.length) {
       const none = element("text", { x: width / 2, y: height / 2, "text-anchor": "middle", fill: "#6b6b6b" });
-      none.textContent = "nothing measured here";
+      none.textContent = "no measurements";
       svg.append(none);
       return;
     }
@@ -124,8 +128,8 @@ function curves(data, showRuns) {
     svg.append(clip);
     const inside = element("g", { "clip-path": "url(#inside)" });
     svg.append(inside);
-    // Below the noise of the reference, curves measure the reference.
-    const floors = found.map((l) => [l.run.series, shown(metric, l.run.floors[metric.index])]).filter((f) => metric.log && f[1] > 0);
+    // Below the noise of the reference, curves measure the error of the reference.
+    const floors = found.map((l) => [l.run.series, drawnValue(metric, l.run.floors[metric.index])]).filter((f) => metric.log && f[1] > 0);
     const floor = Math.max(...floors.map((f) => f[1])), shared = floors.every((f) => f[1] > floor * (1 - 1e-9));
     for (const [series, own] of shared ? [] : floors) if (own > y0) inside.append(element("line", {
       x1: left, x2: width - right, y1: Y(own), y2: Y(own), stroke: data.series[series].colour, "stroke-dasharray": "2 3", class: "floor",
@@ -156,6 +160,7 @@ function curves(data, showRuns) {
     interact(svg, found, { X, Y, left, right, top, bottom, width, height, x0, x1, y0, y1, log: metric.log });
   }
 
+  // Adds zoom, tooltip and click handlers. `a` holds the geometry of the chart.
   function interact(svg, found, a) {
     const back = (p, low, high, log) => (log ? low * (high / low) ** p : low + p * (high - low));
     const at = (e) => {

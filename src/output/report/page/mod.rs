@@ -1,8 +1,8 @@
-//! The report as one HTML file that needs nothing else: no network, no server, no library.
+//! The report as a single self-contained HTML file: it needs no network, server or library.
 //!
-//! Data, pictures as half floats, style, script and font are inside. Figures are the same drawings as the files beside
-//! it. Every number of a table leads to the runs behind it, and every run to its folder and to the command that renders
-//! it again.
+//! Data, pictures as half floats, style, scripts and font are embedded. Figures are the same
+//! drawings as in the report's files. Every number of a table links to its runs. Every run links to
+//! its folder and shows the command that renders it again.
 
 mod views;
 
@@ -10,38 +10,55 @@ use std::collections::BTreeMap;
 
 use serde_json::{Value as Json, json};
 
-use super::Surroundings;
-use super::grid::Grid;
-use super::item::{Item, Kind, PROGRAM, Provenance};
-use super::study::{Shown, Study};
+use super::ReportContext;
+use super::grid::{Grid, GridCell};
+use super::item::{ItemKind, PROGRAM, Provenance, ReportItem};
+use super::metric_display::MetricDisplay;
+use super::study::{Member, Study};
 use super::tables::TEST;
-use crate::experiment::evidence::State;
+use crate::experiment::WaveRow;
+use crate::experiment::night_results::{NightResults, RunState};
 use crate::metrics::map::Colours;
-use crate::output::labels;
+use crate::output::format;
 use crate::output::plot::axis::Scale;
 use crate::output::plot::style::style;
 use crate::output::plot::svg::{base64, escape};
 
 const STYLE: &str = include_str!("page.css");
-const SCRIPTS: [&str; 3] = [include_str!("curves.js"), include_str!("viewer.js"), include_str!("runs.js")];
+const SCRIPTS: [&str; 3] = [
+    include_str!("curves.js"),
+    include_str!("viewer.js"),
+    include_str!("runs.js"),
+];
 
-/// The page, as the report's `index.html`.
-pub fn item(study: &Study, items: &[Item], around: &Surroundings, notes: &mut Vec<String>) -> Item {
-    let provenance = Provenance::of(study.all());
-    let title = study.nights.iter().map(|n| n.name.as_str()).collect::<Vec<_>>();
-    let title = match title.as_slice() {
+/// Only the embedded style, scripts, pictures and font are allowed, whatever names contain.
+const SECURITY_POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; \
+                               style-src 'unsafe-inline'; img-src data:; font-src data:";
+
+/// Builds the page as the report's `index.html`.
+pub fn item(
+    study: &Study,
+    items: &[ReportItem],
+    context: &ReportContext,
+    notes: &mut Vec<String>,
+) -> ReportItem {
+    let provenance = Provenance::from_members(study.all());
+    let names: Vec<&str> = study.nights.iter().map(|n| n.name.as_str()).collect();
+    let title = match names.as_slice() {
         [] => "report".to_owned(),
         [first, rest @ ..] if rest.iter().all(|name| name == first) => (*first).to_owned(),
         all => all.join(", "),
     };
-    let views = views::all(study, around.pictures, notes);
-    let data = data(study, around, views).to_string().replace('<', "\\u003c");
+    let views = views::all(study, context.pictures, notes);
+    let data = data(study, context, views)
+        .to_string()
+        .replace('<', "\\u003c");
     let html = document(study, items, &title, notes, &data, &provenance);
-    Item {
-        kind: Kind::Data,
+    ReportItem {
+        kind: ItemKind::Data,
         stem: "index".to_owned(),
         title,
-        caption: "The whole report on one page.".to_owned(),
+        caption: "Complete report on one page.".to_owned(),
         svg: None,
         grid: None,
         extra: vec![("html", html.into_bytes())],
@@ -49,129 +66,150 @@ pub fn item(study: &Study, items: &[Item], around: &Surroundings, notes: &mut Ve
     }
 }
 
-fn data(study: &Study, around: &Surroundings, views: Vec<Json>) -> Json {
-    let mut axes: Vec<String> = Vec::new();
-    for axis in study.nights.iter().flat_map(|n| &n.axes) {
-        if !axes.contains(axis) {
-            axes.push(axis.clone());
-        }
-    }
-    let metrics = study.metrics.iter().enumerate().map(|(index, metric)| {
-        let shown = Shown::of(metric);
-        json!({
-            "index": index, "column": metric.column, "name": metric.row.name, "shown": shown.label(metric),
-            "unit": metric.unit(), "log": shown.scale == Scale::Log, "complement": shown.complement(),
-            "magnitude": shown.is_magnitude(),
+/// Collects the data of the page's scripts.
+fn data(study: &Study, context: &ReportContext, views: Vec<Json>) -> Json {
+    let axes = study.axes();
+    let metrics: Vec<Json> = study
+        .metrics
+        .iter()
+        .enumerate()
+        .map(|(index, metric)| {
+            let display = MetricDisplay::for_metric(metric);
+            json!({
+                "index": index, "column": metric.column, "name": metric.row.name,
+                "shown": display.label(metric), "unit": metric.unit(),
+                "log": display.scale == Scale::Log, "complement": display.complement(),
+                "magnitude": display.is_magnitude(),
+            })
         })
-    });
-    let series =
-        study.series.iter().enumerate().map(
-            |(i, s)| json!({ "full": s.full(), "long": s.long, "colour": style(i).colour, "dash": style(i).dash }),
-        );
-    let nights = study
+        .collect();
+    let series: Vec<Json> = study
+        .series
+        .iter()
+        .enumerate()
+        .map(|(i, s)| {
+            json!({
+                "full": s.full_label(), "long": s.long, "colour": style(i).colour,
+                "dash": style(i).dash,
+            })
+        })
+        .collect();
+    let nights: Vec<Json> = study
         .nights
         .iter()
         .zip(&study.names)
-        .map(|(night, name)| json!({ "name": name, "folder": (around.link)(&night.folder) }));
-    let places = study.places();
-    let runs = study.all().zip(places).map(|(m, (night, facet, series))| {
-        let state = match &m.run.state {
-            State::Done(_) => "done",
-            State::Unfinished => "unfinished",
-            State::Pending => "pending",
-        };
-        let number = |x: Option<f64>| x.filter(|x| x.is_finite()).map_or(Json::Null, |x| json!(x));
-        let last = m.run.rows.last();
-        let values = |row: &crate::experiment::WaveRow| -> Vec<Json> {
-            (0..study.metrics.len()).map(|i| number(m.value(row, i))).collect()
-        };
-        let floor = |metric: &crate::metrics::MetricSpec| {
-            number(m.run.floors.iter().find(|(column, _)| *column == metric.column).map(|(_, value)| *value))
-        };
-        let rows = m.run.rows.iter().map(|row| [vec![json!(row.samples), json!(row.render_s)], values(row)].concat());
-        json!({
-            "id": m.run.id, "night": night, "facet": facet, "series": series, "repeat": m.run.repeat, "state": state,
-            "axes": axes.iter().map(|axis| m.run.value(axis).unwrap_or_default()).collect::<Vec<_>>(),
-            "samples": last.map(|row| row.samples), "render_s": number(last.map(|row| row.render_s)),
-            "rate": number(m.run.samples_per_s()),
-            "last": last.map(values).unwrap_or_default(),
-            "link": (around.link)(&m.run.folder), "command": (around.command)(&m.run.folder),
-            "rows": rows.collect::<Vec<_>>(), "floors": study.metrics.iter().map(floor).collect::<Vec<_>>(),
-        })
-    });
-    let magma = (0..=255u8).map(|i| Colours::Magma.at(f32::from(i) / 255.0)).collect::<Vec<_>>();
-    let clock = if study.devices.len() == 1 { format!(" on {}", study.devices[0]) } else { String::new() };
+        .map(|(night, name)| json!({ "name": name, "folder": (context.link)(&night.folder) }))
+        .collect();
+    let runs: Vec<Json> = study
+        .all()
+        .zip(study.run_positions())
+        .map(|(member, position)| run_data(study, context, &axes, &member, position))
+        .collect();
+    let facets: Vec<String> = (0..study.facets.len())
+        .map(|f| study.facet_label(f))
+        .collect();
+    let magma: Vec<[u8; 3]> = (0..=255u8)
+        .map(|i| Colours::Magma.at(f32::from(i) / 255.0))
+        .collect();
+    let clock = if study.devices.len() == 1 {
+        format!(" on {}", study.devices[0])
+    } else {
+        String::new()
+    };
     json!({
-        "program": PROGRAM, "axes": axes, "metrics": metrics.collect::<Vec<_>>(),
-        "series": series.collect::<Vec<_>>(), "nights": nights.collect::<Vec<_>>(),
-        "facets": (0..study.facets.len()).map(|f| study.facet_label(f)).collect::<Vec<_>>(),
-        "clock": clock, "magma": magma, "runs": runs.collect::<Vec<_>>(), "views": views,
+        "program": PROGRAM, "axes": axes, "metrics": metrics, "series": series, "nights": nights,
+        "facets": facets, "clock": clock, "magma": magma, "runs": runs, "views": views,
     })
 }
 
+/// Collects the data of one run. `position` holds the indices of night, facet and series.
+fn run_data(
+    study: &Study,
+    context: &ReportContext,
+    axes: &[String],
+    member: &Member,
+    position: (usize, usize, usize),
+) -> Json {
+    let run = member.run;
+    let (night, facet, series) = position;
+    let state = match &run.state {
+        RunState::Done(_) => "done",
+        RunState::Unfinished => "unfinished",
+        RunState::Pending => "pending",
+    };
+    let number = |x: Option<f64>| x.filter(|x| x.is_finite()).map_or(Json::Null, |x| json!(x));
+    let values = |row: &WaveRow| -> Vec<Json> {
+        (0..study.metrics.len())
+            .map(|i| number(member.value(row, i)))
+            .collect()
+    };
+    let floors: Vec<Json> = study
+        .metrics
+        .iter()
+        .map(|metric| {
+            let mut floors = run.floors.iter();
+            let floor = floors.find(|(column, _)| *column == metric.column);
+            number(floor.map(|(_, value)| *value))
+        })
+        .collect();
+    let rows: Vec<Vec<Json>> = run
+        .rows
+        .iter()
+        .map(|row| [vec![json!(row.samples), json!(row.render_s)], values(row)].concat())
+        .collect();
+    let axis_values: Vec<String> = axes
+        .iter()
+        .map(|axis| run.axis_value(axis).unwrap_or_default())
+        .collect();
+    let last = run.rows.last();
+    json!({
+        "id": run.id, "night": night, "facet": facet, "series": series, "repeat": run.repeat,
+        "state": state, "axes": axis_values, "samples": last.map(|row| row.samples),
+        "render_s": number(last.map(|row| row.render_s)), "rate": number(run.samples_per_s()),
+        "last": last.map(values).unwrap_or_default(), "link": (context.link)(&run.folder),
+        "command": (context.command)(&run.folder), "rows": rows, "floors": floors,
+    })
+}
+
+/// Writes the HTML document.
 fn document(
     study: &Study,
-    items: &[Item],
+    items: &[ReportItem],
     title: &str,
     notes: &[String],
     data: &str,
     provenance: &Provenance,
 ) -> String {
-    let index: BTreeMap<&str, usize> = study.all().enumerate().map(|(i, m)| (m.run.id.as_str(), i)).collect();
-    let font = base64(epaint_default_fonts::UBUNTU_LIGHT);
-    let mut out = String::new();
-    out += "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n";
-    out += "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n";
-    // Whatever a name may hold, the page loads nothing and runs nothing but its own script.
-    out += "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; script-src 'unsafe-inline'; \
-            style-src 'unsafe-inline'; img-src data:; font-src data:\">\n";
-    out += &format!("<meta name=\"generator\" content=\"{PROGRAM}\">\n");
-    out += &format!("<meta name=\"lumbre.provenance\" content=\"{}\">\n", escape(&provenance.text()));
-    out += &format!("<title>{} · Lumbre</title>\n", escape(title));
-    out += &format!(
-        "<style>\n@font-face {{ font-family: \"Lumbre\"; src: url(data:font/ttf;base64,{font}); }}\n{STYLE}</style>\n\
-         </head>\n<body>\n<h1>{}</h1>\n",
-        escape(title)
-    );
+    let mut out = head(title, provenance);
+    out += &format!("<body>\n<h1>{}</h1>\n", escape(title));
     for (night, name) in study.nights.iter().zip(&study.names) {
-        let done = night.runs.iter().filter(|r| r.done()).count();
-        let named = if study.nights.len() > 1 { format!("<b>{}</b>: ", escape(name)) } else { String::new() };
-        let (program, date) = night.machine.as_ref().map_or(("", ""), |m| (m.program.as_str(), m.date.as_str()));
-        let facts = [
-            format!("{done} of {} runs finished", night.runs.len()),
-            night.devices().join(", "),
-            format!("plan {}", night.plan.get(..8).unwrap_or(&night.plan)),
-            program.to_owned(),
-            date.to_owned(),
-        ];
-        let facts: Vec<String> = facts.iter().filter(|f| !f.is_empty()).map(|f| escape(f)).collect();
-        out += &format!("<p class=\"meta\">{named}{}</p>\n", facts.join(" · "));
+        let name = (study.nights.len() > 1).then_some(name.as_str());
+        out += &night_facts(night, name);
     }
-    out += "<nav><a href=\"#curves\">Curves</a><a href=\"#viewer\">Pictures</a><a href=\"#tables\">Tables</a>\
-            <a href=\"#figures\">Figures</a><a href=\"#run-table\">Runs</a><a href=\"#methods\">Methods</a></nav>\n";
+    out += "<nav><a href=\"#curves\">Curves</a><a href=\"#viewer\">Pictures</a>\
+            <a href=\"#tables\">Tables</a><a href=\"#figures\">Figures</a>\
+            <a href=\"#run-table\">Runs</a><a href=\"#methods\">Methods</a></nav>\n";
     out += include_str!("parts.html");
-    out += "<section id=\"tables\">\n<h2>Tables</h2>\n";
-    if items.iter().filter_map(|item| item.grid.as_deref()).any(|grid| grid.caption.contains(TEST)) {
-        out += &format!("<p class=\"note\">{} Every number leads to its runs.</p>\n", escape(TEST));
-    }
-    for grid in items.iter().filter_map(|item| item.grid.as_deref()) {
-        out += &table(grid, &index);
-    }
-    out += "</section>\n<section id=\"figures\">\n<h2>Figures</h2>\n";
-    for item in items.iter().filter(|item| item.kind == Kind::Figure) {
+    out += &tables_section(study, items);
+    out += "<section id=\"figures\">\n<h2>Figures</h2>\n";
+    for item in items.iter().filter(|item| item.kind == ItemKind::Figure) {
         out += &figure(item);
     }
-    out += "</section>\n<section id=\"run-table\">\n<h2>Runs</h2>\n<div class=\"bar\"><input id=\"words\" size=\"34\" \
-            placeholder=\"technique=bdpt repeat=0\" aria-label=\"show only runs that contain these words\">\
-            <span id=\"count\"></span><button id=\"every\" hidden>show every run</button></div>\n\
+    out += "</section>\n<section id=\"run-table\">\n<h2>Runs</h2>\n\
+            <div class=\"bar\"><input id=\"words\" size=\"34\" \
+            placeholder=\"technique=bdpt repeat=0\" aria-label=\"filter runs by words\">\
+            <span id=\"count\"></span><button id=\"every\" hidden>show all runs</button></div>\n\
             <div class=\"scroll\"><table id=\"runs\"></table></div>\n</section>\n";
     out += "<section id=\"methods\">\n<h2>Methods</h2>\n";
     if let Some(methods) = items.iter().find(|item| item.stem == "methods") {
         out += &format!("<p>{}</p>\n", escape(&methods.caption));
     }
     if !notes.is_empty() {
-        let list: String = notes.iter().map(|note| format!("<li>{}</li>\n", escape(note))).collect();
-        out += &format!("<h3>Left out</h3>\n<ul class=\"note\">\n{list}</ul>\n");
+        let list: String = notes
+            .iter()
+            .map(|note| format!("<li>{}</li>\n", escape(note)))
+            .collect();
+        out += &format!("<h3>Notes</h3>\n<ul class=\"note\">\n{list}</ul>\n");
     }
     out += "</section>\n";
     out += &format!(
@@ -181,27 +219,94 @@ fn document(
     out + "</body>\n</html>\n"
 }
 
-fn files(item: &Item) -> String {
+/// Writes the document up to the end of its head.
+fn head(title: &str, provenance: &Provenance) -> String {
+    let font = base64(epaint_default_fonts::UBUNTU_LIGHT);
+    let title = escape(title);
+    let provenance = escape(&provenance.text());
+    format!(
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <meta http-equiv=\"Content-Security-Policy\" content=\"{SECURITY_POLICY}\">\n\
+         <meta name=\"generator\" content=\"{PROGRAM}\">\n\
+         <meta name=\"lumbre.provenance\" content=\"{provenance}\">\n\
+         <title>{title} · Lumbre</title>\n\
+         <style>\n@font-face {{ font-family: \"Lumbre\"; \
+         src: url(data:font/ttf;base64,{font}); }}\n{STYLE}</style>\n</head>\n"
+    )
+}
+
+/// Writes a line of facts on a night. `name` is given if there are several nights.
+fn night_facts(night: &NightResults, name: Option<&str>) -> String {
+    let name = name.map_or(String::new(), |name| format!("<b>{}</b>: ", escape(name)));
+    let finished = night.runs.iter().filter(|r| r.is_done()).count();
+    let (program, date) = night
+        .machine
+        .as_ref()
+        .map_or(("", ""), |m| (m.program.as_str(), m.date.as_str()));
+    let facts = [
+        format!("{finished} of {} runs finished", night.runs.len()),
+        night.devices().join(", "),
+        format!("plan {}", night.plan.get(..8).unwrap_or(&night.plan)),
+        program.to_owned(),
+        date.to_owned(),
+    ];
+    let facts: Vec<String> = facts
+        .iter()
+        .filter(|f| !f.is_empty())
+        .map(|f| escape(f))
+        .collect();
+    format!("<p class=\"meta\">{name}{}</p>\n", facts.join(" · "))
+}
+
+fn tables_section(study: &Study, items: &[ReportItem]) -> String {
+    let run_index: BTreeMap<&str, usize> = study
+        .all()
+        .enumerate()
+        .map(|(i, m)| (m.run.id.as_str(), i))
+        .collect();
+    let grids = || items.iter().filter_map(|item| item.grid.as_deref());
+    let mut out = "<section id=\"tables\">\n<h2>Tables</h2>\n".to_owned();
+    if grids().any(|grid| grid.caption.contains(TEST)) {
+        out += &format!(
+            "<p class=\"note\">{} Click a number to list its runs.</p>\n",
+            escape(TEST)
+        );
+    }
+    for grid in grids() {
+        out += &table(grid, &run_index);
+    }
+    out + "</section>\n"
+}
+
+/// Returns links to the files of an item.
+fn file_links(item: &ReportItem) -> String {
     let drawn = item.svg.iter().flat_map(|_| ["svg", "png", "pdf"]);
     let all = drawn.chain(item.extra.iter().map(|(extension, _)| *extension));
-    let link = |extension: &str| format!("<a href=\"{}.{extension}\">{extension}</a>", escape(&item.stem));
+    let link = |extension: &str| {
+        format!(
+            "<a href=\"{}.{extension}\">{extension}</a>",
+            escape(&item.stem)
+        )
+    };
     all.map(link).collect::<Vec<_>>().join(" ")
 }
 
-fn figure(item: &Item) -> String {
+fn figure(item: &ReportItem) -> String {
     let svg = item.svg.as_deref().unwrap_or_default();
-    // The page has one font for all drawings.
+    // All drawings use the font embedded in the page.
     let svg = svg.replacen("font-family=\"Ubuntu,", "font-family=\"Lumbre, Ubuntu,", 1);
     format!(
         "<figure id=\"{}\">\n<h3>{}</h3>\n{svg}<figcaption>{} {}</figcaption>\n</figure>\n",
         escape(&item.stem),
         escape(&item.title),
         escape(&item.caption),
-        files(item)
+        file_links(item)
     )
 }
 
-fn table(grid: &Grid, index: &BTreeMap<&str, usize>) -> String {
+/// Writes a table. `run_index` maps identities of runs to their index in the page's data.
+fn table(grid: &Grid, run_index: &BTreeMap<&str, usize>) -> String {
     let mut out = format!(
         "<h3 id=\"tables/{}\">{}</h3>\n<div class=\"scroll\"><table><thead>",
         escape(&grid.name),
@@ -209,39 +314,65 @@ fn table(grid: &Grid, index: &BTreeMap<&str, usize>) -> String {
     );
     if grid.groups.iter().any(|(group, _)| !group.is_empty()) {
         out += "<tr>";
-        out += &"<th></th>".repeat(grid.corner.len());
+        out += &"<th></th>".repeat(grid.label_headers.len());
         for (group, span) in &grid.groups {
             out += &format!("<th class=\"g\" colspan=\"{span}\">{}</th>", escape(group));
         }
         out += "</tr>";
     }
     out += "<tr>";
-    out += &grid.corner.iter().map(|h| format!("<th>{}</th>", escape(h))).collect::<String>();
-    out += &grid.columns.iter().map(|h| format!("<th class=\"n\">{}</th>", escape(h))).collect::<String>();
+    for header in &grid.label_headers {
+        out += &format!("<th>{}</th>", escape(header));
+    }
+    for header in &grid.columns {
+        out += &format!("<th class=\"n\">{}</th>", escape(header));
+    }
     out += "</tr></thead><tbody>\n";
-    for (labels, entries) in &grid.rows {
+    for (labels, cells) in &grid.rows {
         out += "<tr>";
-        out += &labels.iter().map(|l| format!("<td>{}</td>", escape(l))).collect::<String>();
-        for entry in entries {
-            let text = escape(&grid.entry(entry));
-            let text = if entry.best { format!("<b>{text}</b>") } else { text };
-            let of: Vec<String> =
-                entry.of.iter().filter_map(|id| index.get(id.as_str())).map(usize::to_string).collect();
-            let text = match of.is_empty() {
-                true => text,
-                false => format!("<a href=\"#run-table\" data-runs=\"{}\">{text}</a>", of.join(" ")),
-            };
-            out += &format!("<td class=\"n\">{text}</td>");
+        for label in labels {
+            out += &format!("<td>{}</td>", escape(label));
+        }
+        for cell in cells {
+            out += &table_cell(grid, cell, run_index);
         }
         out += "</tr>\n";
     }
     let stem = format!("tables/{}", grid.name);
-    let links = ["md", "csv", "tex"].map(|e| format!("<a href=\"{}.{e}\">{e}</a>", escape(&stem))).join(" ");
+    let links = ["md", "csv", "tex"]
+        .map(|e| format!("<a href=\"{}.{e}\">{e}</a>", escape(&stem)))
+        .join(" ");
     let caption = grid.caption.replace(&format!(" {TEST}"), "");
-    out + &format!("</tbody></table></div>\n<p class=\"note\">{} {links}</p>\n", escape(&caption))
+    out + &format!(
+        "</tbody></table></div>\n<p class=\"note\">{} {links}</p>\n",
+        escape(&caption)
+    )
 }
 
-/// Significant digits of numbers below pictures.
+/// Writes a number with a link to its runs.
+fn table_cell(grid: &Grid, cell: &GridCell, run_index: &BTreeMap<&str, usize>) -> String {
+    let text = escape(&grid.cell(cell));
+    let text = if cell.best {
+        format!("<b>{text}</b>")
+    } else {
+        text
+    };
+    let runs: Vec<String> = cell
+        .run_ids
+        .iter()
+        .filter_map(|id| run_index.get(id.as_str()))
+        .map(usize::to_string)
+        .collect();
+    let text = if runs.is_empty() {
+        text
+    } else {
+        let runs = runs.join(" ");
+        format!("<a href=\"#run-table\" data-runs=\"{runs}\">{text}</a>")
+    };
+    format!("<td class=\"n\">{text}</td>")
+}
+
+/// Formats a number below a picture with three significant digits.
 pub(super) fn brief(x: f64) -> String {
-    labels::significant(x, 3)
+    format::significant(x, 3)
 }

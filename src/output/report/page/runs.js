@@ -1,4 +1,5 @@
-// The table of runs: sorted by any column, narrowed by words or by a click on a number elsewhere.
+// Table of runs. It can be sorted by any column, and filtered by words or by a click on a number
+// or curve.
 function runs(data) {
   const table = document.getElementById("runs"), words = document.getElementById("words");
   const columns = [
@@ -56,7 +57,7 @@ function runs(data) {
           const link = document.createElement("a");
           link.href = r.link;
           link.textContent = r.id.slice(0, 8);
-          link.title = "the run's folder";
+          link.title = "folder of the run";
           cell.append(link);
         } else if (column.name === "render again") {
           const button = document.createElement("button");

@@ -1,4 +1,4 @@
-// Pictures as measured: half floats, shown through an exposure that the reader chooses.
+// Picture viewer: linear half floats, shown with a selectable exposure.
 function viewer(data) {
   const section = document.getElementById("viewer");
   if (!data.views.length) { section.hidden = true; return; }
@@ -6,12 +6,14 @@ function viewer(data) {
   const stage = pick("stage"), canvas = stage.querySelector("canvas"), readout = pick("readout");
   const state = { view: 0, image: 1, mode: "picture", stops: 0, zoom: 0, x: 0, y: 0 };
 
+  // Values of all half floats by their bits.
   const half = new Float32Array(65536);
   for (let i = 0; i < 65536; i++) {
     const sign = i & 0x8000 ? -1 : 1, exponent = (i >> 10) & 31, fraction = i & 1023;
     half[i] = exponent === 0 ? sign * fraction * 2 ** -24
       : exponent === 31 ? (fraction ? NaN : sign * Infinity) : sign * (1 + fraction / 1024) * 2 ** (exponent - 15);
   }
+  // sRGB transfer curve from linear values in 0..=1 to bytes.
   const curve = new Uint8Array(4097);
   for (let i = 0; i <= 4096; i++) {
     const v = i / 4096;
@@ -59,10 +61,11 @@ function viewer(data) {
     for (const button of pick("modes").children) button.setAttribute("aria-pressed", button.dataset.mode === state.mode);
     pick("exposure").value = state.stops;
     pick("stops").textContent = (state.stops > 0 ? "+" : "") + state.stops + " stops";
-    say();
+    showReadout();
   }
 
-  function say(at) {
+  // Shows facts of the picture and, if given, the values of the pixel `at`.
+  function showReadout(at) {
     const image = shown(), numbers = image.metrics.map((m) => `${m[0]} ${m[1]}`).join("   ");
     let line = image.samples === null ? image.name + ": " + image.words
       : `${image.name}: ${image.samples} spp, ${image.render_s} s   ${numbers}`;
@@ -95,7 +98,7 @@ function viewer(data) {
       button.addEventListener("click", () => { state.image = i; paint(); });
       return button;
     }));
-    pick("smaller").textContent = view.shrunk > 1 ? `Shown at 1/${view.shrunk} of its width; the files beside this page are whole.` : "";
+    pick("smaller").textContent = view.shrunk > 1 ? `Reduced to 1/${view.shrunk} of its width. The files of the report have the full resolution.` : "";
     fit();
     paint();
   }
@@ -146,7 +149,7 @@ function viewer(data) {
     }
     const at = [Math.floor((px - state.x) / state.zoom), Math.floor((py - state.y) / state.zoom)];
     const { width, height } = current();
-    say(at[0] >= 0 && at[1] >= 0 && at[0] < width && at[1] < height ? at : null);
+    showReadout(at[0] >= 0 && at[1] >= 0 && at[0] < width && at[1] < height ? at : null);
   });
   choose(0);
 }

@@ -1,108 +1,176 @@
-//! The pictures of the page's viewer: linear radiance as half floats, and FLIP of every pixel as a byte.
+//! Data of the page's picture viewer: linear radiance as half floats, and FLIP of every pixel as a
+//! byte.
 
 use exr::prelude::f16;
 use serde_json::{Value as Json, json};
 
 use super::brief;
 use crate::film::Image;
+use crate::metrics::MetricSpec;
 use crate::metrics::tonemap::Tonemap;
 use crate::output::plot::svg::base64;
 use crate::output::report::Pictures;
-use crate::output::report::crops::flip;
-use crate::output::report::shots::{self, Moment, Shot, Truths};
+use crate::output::report::crops::flip_metric;
+use crate::output::report::snapshots;
+use crate::output::report::snapshots::{FacetReferences, Moment, Snapshot};
 use crate::output::report::study::Study;
 
-/// The most bytes that the half floats of all pictures take together.
+/// Maximum size of the half floats of all pictures together, in bytes.
 const MOST_BYTES: usize = 48 << 20;
 
-/// One view for each facet with a reference: its references and the final picture of every series.
+/// Builds one view for each facet with a reference: its references and the final picture of every
+/// series. All pictures are reduced by the same power of two if they would exceed [`MOST_BYTES`].
 pub fn all(study: &Study, pictures: &Pictures, notes: &mut Vec<String>) -> Vec<Json> {
-    let mut facets = Vec::new();
+    let mut views = Vec::new();
     for facet in 0..study.facets.len() {
-        let Some(truths) = shots::references(study, facet, pictures, notes) else { continue };
-        let taken = shots::shots(study, facet, Moment::End, &truths, pictures, notes);
-        if !taken.is_empty() {
-            facets.push((facet, truths, taken));
+        let Some(references) = snapshots::references(study, facet, pictures, notes) else {
+            continue;
+        };
+        let snapshots =
+            snapshots::nearest_snapshots(study, facet, Moment::End, &references, pictures, notes);
+        if !snapshots.is_empty() {
+            views.push(FacetView {
+                study,
+                facet,
+                references,
+                snapshots,
+            });
         }
     }
-    let size = |(_, truths, taken): &(usize, Truths, Vec<Shot>)| {
-        truths.all[0].0.data.len() * 6 * (taken.len() + truths.all.len())
-    };
-    let bytes: usize = facets.iter().map(size).sum();
+    let bytes: usize = views.iter().map(FacetView::half_float_bytes).sum();
     let mut shrink = 1u32;
     while bytes / (shrink * shrink) as usize > MOST_BYTES {
         shrink *= 2;
     }
-    facets.iter().map(|(facet, truths, taken)| view(study, *facet, truths, taken, shrink)).collect()
+    views.iter().map(|view| view.data(shrink)).collect()
 }
 
-/// The first reference, every series, and then the references of series that have others. `truth` is the place of what an
-/// image is compared with.
-fn view(study: &Study, facet: usize, truths: &Truths, taken: &[Shot], shrink: u32) -> Json {
-    let (first, words) = &truths.all[0];
-    let display = shots::exposure(first);
-    let Tonemap::Srgb { exposure } = display else { return Json::Null };
-    let flip = flip(study, display);
-    let small = smaller(first, shrink);
-    let reference = |name: String, words: &str, image: &Image, truth: usize| {
-        json!({
-            "name": name, "words": words, "samples": Json::Null, "metrics": [], "half": halves(image), "truth": truth,
-        })
-    };
-    let place = |truth: usize| if truth == 0 { 0 } else { taken.len() + truth };
-    let mut images = vec![reference("reference".to_owned(), words, &small, 0)];
-    for shot in taken {
-        let map = flip.as_ref().and_then(|flip| flip.error_map(&shot.image, truths.of(shot)).ok());
-        let map = map.map(|map| Image {
-            width: map.width,
-            height: map.height,
-            data: map.values.iter().map(|v| [*v; 3]).collect(),
-        });
-        let bytes = |map: Image| -> Vec<u8> {
-            smaller(&map, shrink).data.iter().map(|p| (p[0] * 255.0).round() as u8).collect()
+/// Pictures of one facet.
+struct FacetView<'a> {
+    study: &'a Study<'a>,
+    facet: usize,
+    references: FacetReferences,
+    snapshots: Vec<Snapshot>,
+}
+
+impl FacetView<'_> {
+    /// Returns the size of all pictures without reduction.
+    fn half_float_bytes(&self) -> usize {
+        let pixels = self.references.all[0].0.data.len();
+        pixels * 6 * (self.snapshots.len() + self.references.all.len())
+    }
+
+    /// Returns the data of the view: the first reference, every series, then the other references.
+    /// The key `truth` of an image is the index of the reference that it is compared with.
+    fn data(&self, shrink: u32) -> Json {
+        let display = snapshots::exposure(&self.references.all[0].0);
+        let Tonemap::Srgb { exposure } = display else {
+            return Json::Null;
         };
-        let metrics = study.metrics.iter().zip(&shot.metrics);
-        let metrics: Vec<Json> =
-            metrics.filter_map(|(spec, value)| Some(json!([spec.row.label, brief((*value)?)]))).collect();
-        images.push(json!({
-            "name": study.series[shot.series].full(), "run": shot.run, "samples": shot.samples,
-            "render_s": brief(shot.render_s), "metrics": metrics, "half": halves(&smaller(&shot.image, shrink)),
-            "flip": map.map(|map| base64(&bytes(map))), "truth": place(truths.of[shot.series].unwrap_or(0)),
-        }));
+        let flip = flip_metric(self.study, display);
+        let mut images = vec![self.reference_data(0, shrink)];
+        for snapshot in &self.snapshots {
+            images.push(self.snapshot_data(snapshot, flip.as_ref(), shrink));
+        }
+        for index in 1..self.references.all.len() {
+            images.push(self.reference_data(index, shrink));
+        }
+        let first = reduced(&self.references.all[0].0, shrink);
+        json!({
+            "name": self.study.facet_label(self.facet), "width": first.width,
+            "height": first.height, "exposure": exposure, "shrunk": shrink, "images": images,
+        })
     }
-    for (truth, (image, words)) in truths.all.iter().enumerate().skip(1) {
-        let owner = truths.owner(truth).map_or(String::new(), |series| format!(" of {}", study.series[series].full()));
-        images.push(reference(format!("reference{owner}"), words, &smaller(image, shrink), place(truth)));
+
+    /// Returns the index of a reference among the images of the view.
+    fn image_index(&self, reference: usize) -> usize {
+        if reference == 0 {
+            0
+        } else {
+            self.snapshots.len() + reference
+        }
     }
-    json!({
-        "name": study.facet_label(facet), "width": small.width, "height": small.height, "exposure": exposure,
-        "shrunk": shrink, "images": images,
-    })
+
+    fn reference_data(&self, index: usize, shrink: u32) -> Json {
+        let (image, description) = &self.references.all[index];
+        let owner = self.references.owner(index).filter(|_| index > 0);
+        let name = owner.map_or("reference".to_owned(), |series| {
+            format!("reference of {}", self.study.series[series].full_label())
+        });
+        json!({
+            "name": name, "words": description, "samples": Json::Null, "metrics": [],
+            "half": half_floats(&reduced(image, shrink)), "truth": self.image_index(index),
+        })
+    }
+
+    fn snapshot_data(&self, snapshot: &Snapshot, flip: Option<&MetricSpec>, shrink: u32) -> Json {
+        let reference = self.references.for_snapshot(snapshot);
+        let map = flip.and_then(|flip| flip.error_map(&snapshot.image, reference).ok());
+        let flip_bytes = map.map(|map| {
+            let map = Image {
+                width: map.width,
+                height: map.height,
+                data: map.values.iter().map(|v| [*v; 3]).collect(),
+            };
+            let byte = |p: &[f32; 3]| (p[0] * 255.0).round() as u8;
+            let bytes: Vec<u8> = reduced(&map, shrink).data.iter().map(byte).collect();
+            base64(&bytes)
+        });
+        let metrics = self.study.metrics.iter().zip(&snapshot.metrics);
+        let metrics: Vec<Json> = metrics
+            .filter_map(|(spec, value)| Some(json!([spec.row.label, brief((*value)?)])))
+            .collect();
+        let reference = self.references.by_series[snapshot.series].unwrap_or(0);
+        json!({
+            "name": self.study.series[snapshot.series].full_label(), "run": snapshot.run,
+            "samples": snapshot.samples, "render_s": brief(snapshot.render_s), "metrics": metrics,
+            "half": half_floats(&reduced(&snapshot.image, shrink)), "flip": flip_bytes,
+            "truth": self.image_index(reference),
+        })
+    }
 }
 
-/// Means over squares of pixels; what is left over at the edges is cut.
-fn smaller(image: &Image, n: u32) -> Image {
+/// Reduces an image by averaging squares of `n` by `n` pixels. Remaining pixels at the edges are
+/// dropped.
+fn reduced(image: &Image, n: u32) -> Image {
     if n == 1 {
         return image.clone();
     }
-    Image::from_fn((image.width / n).max(1), (image.height / n).max(1), |x, y| {
-        let mut sum = [0.0f64; 3];
-        let mut count = 0.0;
-        for j in y * n..(y * n + n).min(image.height) {
-            for i in x * n..(x * n + n).min(image.width) {
-                let pixel = image.at(i, j);
-                (0..3).for_each(|c| sum[c] += f64::from(pixel[c]));
-                count += 1.0;
+    Image::from_fn(
+        (image.width / n).max(1),
+        (image.height / n).max(1),
+        |x, y| {
+            let mut sum = [0.0f64; 3];
+            let mut count = 0.0;
+            for j in y * n..(y * n + n).min(image.height) {
+                for i in x * n..(x * n + n).min(image.width) {
+                    let pixel = image.at(i, j);
+                    (0..3).for_each(|c| sum[c] += f64::from(pixel[c]));
+                    count += 1.0;
+                }
             }
-        }
-        sum.map(|s| (s / count) as f32)
-    })
+            sum.map(|s| (s / count) as f32)
+        },
+    )
 }
 
-/// Pixels as little-endian half floats in base 64. What is too large for them is their largest number.
-fn halves(image: &Image) -> String {
-    let half = |x: &f32| f16::from_f32(if x.is_nan() { *x } else { x.clamp(-65504.0, 65504.0) }).to_bits();
-    let bytes: Vec<u8> = image.data.as_flattened().iter().flat_map(|x| half(x).to_le_bytes()).collect();
+/// Encodes pixels as little-endian half floats in base 64. Values are clamped to the range of half
+/// floats; NaN is preserved.
+fn half_floats(image: &Image) -> String {
+    let half = |x: &f32| {
+        f16::from_f32(if x.is_nan() {
+            *x
+        } else {
+            x.clamp(-65504.0, 65504.0)
+        })
+        .to_bits()
+    };
+    let bytes: Vec<u8> = image
+        .data
+        .as_flattened()
+        .iter()
+        .flat_map(|x| half(x).to_le_bytes())
+        .collect();
     base64(&bytes)
 }
 
@@ -111,16 +179,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pictures_are_half_floats_and_keep_what_is_too_bright() {
+    fn pictures_are_half_floats_clamped_to_their_range() {
         let image = Image::from_fn(1, 1, |_, _| [1.0, -2.0, 1e9]);
         // 0x3c00, 0xc000 and 0x7bff, little-endian.
-        assert_eq!(halves(&image), base64(&[0x00, 0x3c, 0x00, 0xc0, 0xff, 0x7b]));
+        assert_eq!(
+            half_floats(&image),
+            base64(&[0x00, 0x3c, 0x00, 0xc0, 0xff, 0x7b])
+        );
     }
 
     #[test]
-    fn smaller_pictures_are_means() {
+    fn reduced_pictures_are_means() {
         let image = Image::from_fn(5, 4, |x, y| [(x + 10 * y) as f32; 3]);
-        let half = smaller(&image, 2);
+        let half = reduced(&image, 2);
         assert_eq!((half.width, half.height, half.at(1, 1)), (2, 2, [27.5; 3]));
     }
 }

@@ -1,83 +1,84 @@
-//! What shaders write, and which samples they are to add.
+//! Structs that shaders write, and the parameters of a dispatch.
 
 super::gpu_structs! {
-    /// Sums of a pixel's own samples. Each sum is `sum + rest`, where `rest` gathers what rounding took.
-    pub struct Sums {
-        /// Sum.
+    /// Sums of a pixel's own samples. Each sum is `sum + rest`, where `rest` collects rounding
+    /// errors.
+    pub struct SampleSums {
+        /// Sum of the samples.
         sum: [f32; 3],
-        /// What rounding took from it.
+        /// Its rounding error.
         sum_rest: [f32; 3],
-        /// Sum of squares.
+        /// Sum of the squared samples.
         sum2: [f32; 3],
-        /// What rounding took from it.
+        /// Its rounding error.
         sum2_rest: [f32; 3],
     }
 
     /// Sums of a pixel's own samples in one slot of its time axis.
-    pub struct TimeSums {
-        /// Sum.
+    pub struct SlotSums {
+        /// Sum of the samples.
         sum: [f32; 3],
-        /// What rounding took from it.
+        /// Its rounding error.
         sum_rest: [f32; 3],
-        /// Sum of squares.
+        /// Sum of the squared samples.
         square: [f32; 3],
     }
 
-    /// What else a pixel's samples leave.
+    /// Invalid samples of a pixel.
     pub struct Invalid {
-        /// How many of its samples and of their splats were refused.
+        /// Number of its samples and of their splats that were refused.
         count: u32,
         /// Low and high word of the index of the first such sample.
         first: [u32; 2],
     }
 
-    /// What the dispatches of one submission count.
+    /// Counters of the dispatches of one submission.
     pub struct Counters {
         /// Low and high word of the number of rays.
         rays: [u32; 2],
-        /// Samples and splats that were refused.
+        /// Number of samples and splats that were refused.
         invalid: u32,
     }
 
-    /// A step of a sample, as `render::paths::Step`.
+    /// Event of a sample, as `render::path_trace::PathEvent`.
     pub struct PathStep {
-        /// STEP_CLOSEST, STEP_SHADOW or STEP_LIGHT; 0 where there is none.
+        /// STEP_CLOSEST, STEP_SHADOW or STEP_LIGHT; 0 if there is none.
         kind: u32,
-        /// The primitive that was met, or NONE; of a shadow ray 1 if it was blocked, else 0.
+        /// Primitive that was hit, or NONE; for a shadow ray 1 if it was occluded, else 0.
         met: u32,
-        /// Where the ray starts.
+        /// Origin of the ray.
         origin: [f32; 3],
-        /// Where it goes.
+        /// Direction of the ray.
         dir: [f32; 3],
-        /// How far it is followed.
+        /// Distance up to which it is traced.
         t_max: f32,
-        /// How far it came.
+        /// Distance of the hit.
         t: f32,
-        /// Barycentric weights of what it met.
+        /// Barycentric weights of the hit.
         uv: [f32; 2],
-        /// Column and row that light is for.
+        /// Column and row of the pixel that receives light.
         pixel: [u32; 2],
-        /// The light.
+        /// Contribution with its weight.
         value: [f32; 3],
-        /// The same without its weight.
+        /// Contribution without its weight.
         unweighted: [f32; 3],
-        /// Vertices found from the light.
+        /// Number of vertices of the light subpath.
         light_vertices: u32,
-        /// Vertices found from the camera.
+        /// Number of vertices of the camera subpath.
         camera_vertices: u32,
-        /// When the light arrives, as an optical length; 0 without a time axis.
+        /// Optical length of the path; 0 without a time axis.
         optical_length: f32,
     }
 
-    /// Which samples a dispatch adds, as push constants.
-    pub struct Wave {
+    /// Parameters of a dispatch, as push constants.
+    pub struct WaveParams {
         /// Low and high word of the first sample's index.
         first_sample: [u32; 2],
-        /// How many samples of every pixel.
+        /// Number of samples of every pixel.
         samples: u32,
-        /// The first row of pixels.
+        /// First row of pixels.
         first_row: u32,
-        /// The number of rows.
+        /// Number of rows of pixels.
         rows: u32,
     }
 }

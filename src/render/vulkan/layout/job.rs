@@ -1,17 +1,18 @@
-//! What shaders read of a job: everything that stays the same from sample to sample.
+//! Structs of a job that shaders read: everything that is constant over its samples.
 
 super::gpu_structs! {
-    /// A light as `transport::light::Lights` chooses it: a column of its alias table, and the light's own probability.
+    /// Column of the alias table that `transport::light::Lights` selects lights with, and a light's
+    /// probability.
     pub struct LightChoice {
-        /// How many of the column's steps mean its own light.
+        /// Number of the column's steps that select its own light.
         own: u32,
-        /// The light that the others mean.
+        /// Light that the other steps select.
         above: u32,
         /// Probability of the light with this index; 0 for columns that have no light.
         pmf: f32,
     }
 
-    /// A row of an environment's map, and its cumulative probability.
+    /// Row of an environment map with its cumulative probability.
     pub struct EnvironmentRow {
         /// Cumulative probability after this row.
         marginal: f32,
@@ -21,12 +22,13 @@ super::gpu_structs! {
         step: f32,
         /// One minus the absolute cosine at the upper edge, exact near the poles.
         upper_rest: f32,
-        /// Columns over the solid angle of the row: density per solid angle of a cell is its probability times this.
+        /// Number of columns divided by the solid angle of the row: the density of a cell per solid
+        /// angle is its probability times this.
         density: f32,
     }
 
-    /// Everything that stays the same from sample to sample: camera, limits, settings, lights.
-    pub struct Job {
+    /// Everything that is constant over the samples: camera, limits, settings, lights.
+    pub struct JobParams {
         /// Position of the camera in world space.
         camera_position: [f32; 3],
         /// Unit vector to the picture's right.
@@ -47,73 +49,76 @@ super::gpu_structs! {
         filter_kind: u32,
         /// Half width of the filter in pixels.
         filter_radius: f32,
-        /// Greatest number of path edges.
+        /// Maximum number of path edges.
         max_depth: u32,
         /// First path edge after which roulette may end a path, or NONE.
         rr_start: u32,
         /// MIS_POWER, MIS_BALANCE, or NONE.
         mis: u32,
-        /// 1 where every light is asked at every vertex, else 0.
+        /// 1 if every light is sampled at every vertex, else 0.
         all_lights: u32,
-        /// The strategy (s, t) that is kept or left out; NONE, NONE for all.
+        /// Strategy (s, t) that is selected or left out; NONE, NONE for all.
         one_strategy: [u32; 2],
-        /// 1 where that strategy is kept, 0 where it is left out.
+        /// 1 if only that strategy is used, 0 if it is left out.
         keep_strategy: u32,
         /// SAMPLER_INDEPENDENT or SAMPLER_SOBOL.
         sampler_kind: u32,
         /// Low and high word of the seed.
         seed: [u32; 2],
-        /// Number of triangles: primitive ids from here on are spheres.
+        /// Number of triangles: primitive indices from here on are spheres.
         triangle_count: u32,
         /// Number of spheres.
         sphere_count: u32,
         /// 1 if `tangents` has a row for every triangle, else 0.
         has_tangents: u32,
-        /// First of three texels for each triangle that multiply base colours at its corners, or NONE.
+        /// First of three texels for each triangle that multiply base colours at its corners, or
+        /// NONE.
         first_color: u32,
-        /// First of three texels for each triangle that hold its second texture coordinates, or NONE.
+        /// First of three texels for each triangle that hold its second texture coordinates, or
+        /// NONE.
         first_second_uv: u32,
         /// Number of lights.
         light_count: u32,
-        /// Index of the first point, direction, environment among the lights.
+        /// Indices of the first point light, directional light and environment among the lights.
         light_first: [u32; 3],
-        /// Binary logarithm of the steps of a column in `light_choices`; NONE if nothing can be chosen.
+        /// Binary logarithm of the steps of a column in `light_choices`; NONE if there is nothing
+        /// to select.
         alias_shift: u32,
         /// Centre of the ball around all surfaces.
         ball_center: [f32; 3],
-        /// Its radius; 0 without surfaces.
+        /// Radius of that ball; 0 without surfaces.
         ball_radius: f32,
         /// 1 if there is an environment, else 0.
         has_environment: u32,
-        /// Texture of the environment, or NONE for the same colour from everywhere.
+        /// Texture of the environment, or NONE if it is constant.
         environment_texture: u32,
-        /// Colour, or factor on the texture.
+        /// Radiance, or factor on the texture.
         environment_radiance: [f32; 3],
         /// Sine and cosine of its rotation about +y.
         environment_turn: [f32; 2],
-        /// Films of layers for each pixel.
+        /// Number of layer films per pixel.
         film_count: u32,
-        /// Those of them that are made of contributions; they stand first.
+        /// Number of them that are made of contributions; they come first.
         light_films: u32,
-        /// Those of them on which splats land.
+        /// Number of them that receive splats.
         splat_films: u32,
-        /// The first film of the layer `depth`, or NONE.
+        /// First film of the layer `depth`, or NONE.
         layer_depth: u32,
-        /// The first film of the layer `strategies`, or NONE.
+        /// First film of the layer `strategies`, or NONE.
         layer_strategies: u32,
-        /// The film of the layer `bounces`, or NONE.
+        /// Film of the layer `bounces`, or NONE.
         layer_bounces: u32,
-        /// The film of the layer `rays`, or NONE.
+        /// Film of the layer `rays`, or NONE.
         layer_rays: u32,
-        /// The film of the layer `albedo`, or NONE.
+        /// Film of the layer `albedo`, or NONE.
         layer_albedo: u32,
-        /// The film of the layer `normal`, or NONE.
+        /// Film of the layer `normal`, or NONE.
         layer_normal: u32,
-        /// The film of the layer `distance`, or NONE.
+        /// Film of the layer `distance`, or NONE.
         layer_distance: u32,
-        /// Where the first bin of the time axis begins, in scene units: a double, low word first.
+        /// Start of the first bin of the time axis, in scene units: a double, low word first.
         time_start: [u32; 2],
-        /// Width of a bin, likewise.
+        /// Width of a bin, in scene units: a double, low word first.
         time_bin: [u32; 2],
         /// Number of bins; 0 without a time axis.
         time_bins: u32,
@@ -121,11 +126,12 @@ super::gpu_structs! {
         time_filter: u32,
         /// Half width of the box or sigma of the Gaussian in bins: a double, low word first.
         time_radius: [u32; 2],
-        /// 1 where the segment between the camera and what it sees first counts, else 0.
+        /// 1 if the first path segment from the camera counts, else 0.
         time_camera: u32,
         /// Index of refraction of the medium around the camera.
         time_medium: f32,
-        /// Row in `delay_profiles` of the pulse of lights, or NONE where they emit at once.
+        /// Row in `delay_profiles` of the emission profile of lights, or NONE if they emit
+        /// instantaneously.
         time_emission: u32,
     }
 }

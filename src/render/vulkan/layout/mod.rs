@@ -1,30 +1,35 @@
-//! What the host writes and shaders read: every struct once, for both sides.
+//! Structs that the host and shaders share, each defined once for both sides.
 //!
-//! `gpu_structs!` makes a Rust struct and its GLSL text from one list of fields. Every field consists of 32-bit words and
-//! shaders use scalar block layout, so `#[repr(C)]` and GLSL place them alike; a test compiles the text and compares each
-//! offset that SPIR-V names with the Rust one. The texts lie in `shaders/gen/layout.glsl`.
+//! `gpu_structs!` generates a Rust struct and its GLSL text from one list of fields. Every field
+//! consists of 32-bit words and shaders use scalar block layout, so `#[repr(C)]` and GLSL lay it
+//! out alike; a test compiles the text and compares each offset in the SPIR-V with the Rust one.
+//! The text is `shaders/gen/layout.glsl`.
 
 mod film;
 mod job;
 mod scene;
 
-use crate::render::paths::MOST_STEPS;
+use crate::render::path_trace::MAX_PATH_EVENTS;
 
-pub use film::{Counters, Invalid, PathStep, Sums, TimeSums, Wave};
-pub use job::{EnvironmentRow, Job, LightChoice};
+pub use film::{Counters, Invalid, PathStep, SampleSums, SlotSums, WaveParams};
+pub use job::{EnvironmentRow, JobParams, LightChoice};
 pub use scene::{
-    DelayProfile, DirectionalLight, Emitter, Entrance, Knot, Material, MaterialPart, Place, PointLight, Sphere,
-    Tangents, Texture, Triangle, TriangleAttributes,
+    DelayProfile, DirectionalLight, Emitter, InstanceTransform, Knot, Material, MaterialPart,
+    Placement, PointLight, Sphere, Tangents, Texture, Triangle, TriangleAttributes,
 };
 
-/// A Rust type whose bytes are those of a GLSL type in scalar block layout.
+/// Rust type with the bytes of a GLSL type in scalar block layout.
 pub trait GlslType {
-    /// The name of the GLSL type.
+    /// Name of the GLSL type.
     const NAME: &'static str;
 }
 
 macro_rules! glsl_types {
-    ($($rust:ty => $glsl:literal),* $(,)?) => { $(impl GlslType for $rust { const NAME: &'static str = $glsl; })* };
+    ($($rust:ty => $glsl:literal),* $(,)?) => { $(
+        impl GlslType for $rust {
+            const NAME: &'static str = $glsl;
+        }
+    )* };
 }
 
 glsl_types! {
@@ -32,34 +37,39 @@ glsl_types! {
     u32 => "uint", [u32; 2] => "uvec2", [u32; 3] => "uvec3", [u32; 4] => "uvec4",
 }
 
-/// A field of a struct that both sides know.
+/// Field of a shared struct.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FieldLayout {
-    /// The name, the same on both sides.
+    /// Name, the same on both sides.
     pub name: &'static str,
-    /// The GLSL type.
+    /// Name of its GLSL type.
     pub glsl: &'static str,
-    /// Bytes from the start of the Rust struct.
+    /// Offset from the start of the Rust struct in bytes.
     pub offset: usize,
-    /// What it means.
+    /// Description of the field.
     pub doc: &'static str,
 }
 
-/// A struct that both sides know.
+/// Layout of a shared struct.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StructLayout {
-    /// The name, the same on both sides.
+    /// Name, the same on both sides.
     pub name: &'static str,
-    /// What it is.
+    /// Description of the struct.
     pub doc: &'static str,
-    /// Bytes of the Rust struct.
+    /// Size of the Rust struct in bytes.
     pub size: usize,
-    /// Its fields, in order.
+    /// Fields in their order.
     pub fields: &'static [FieldLayout],
 }
 
 macro_rules! gpu_structs {
-    ($($(#[doc = $doc:literal])+ pub struct $name:ident { $($(#[doc = $field_doc:literal])+ $field:ident: $ty:ty,)+ })+) => {
+    ($(
+        $(#[doc = $doc:literal])+
+        pub struct $name:ident {
+            $($(#[doc = $field_doc:literal])+ $field:ident: $ty:ty,)+
+        }
+    )+) => {
         $(
             $(#[doc = $doc])+
             #[repr(C)]
@@ -84,25 +94,27 @@ macro_rules! gpu_structs {
 
 use gpu_structs;
 
-/// Every struct that both sides know, in the order of `shaders/gen/layout.glsl`.
+/// Returns all shared structs, in the order of `shaders/gen/layout.glsl`.
 pub fn structs() -> impl Iterator<Item = &'static StructLayout> {
-    [scene::STRUCTS, job::STRUCTS, film::STRUCTS].into_iter().flatten()
+    [scene::STRUCTS, job::STRUCTS, film::STRUCTS]
+        .into_iter()
+        .flatten()
 }
 
-/// Custom index of the instance of the triangles that are no copies.
+/// Custom index of the instance of the triangles outside instanced meshes.
 pub const INSTANCE_TRIANGLES: u32 = 0;
 
 /// Custom index of the instance of the spheres.
 pub const INSTANCE_SPHERES: u32 = 1;
 
-/// Custom index of the first copy's instance; the others follow.
-pub const INSTANCE_COPIES: u32 = 2;
+/// Custom index of the first instance of a mesh; the others follow.
+pub const INSTANCE_MESHES: u32 = 2;
 
-/// Entries of the traversal stack of `shaders/trace/bvh.glsl`: one for each level of the scene's tree and, with copies, one
-/// for each level of a mesh's and two between them.
+/// Size of the traversal stack of `shaders/trace/bvh.glsl`: one entry for each level of the scene's
+/// tree and, with instances, one for each level of a mesh's tree and two between them.
 pub const BVH_STACK: u32 = 32;
 
-/// Numbers that both sides write by name.
+/// Constants that both sides refer to by name.
 pub const CONSTANTS: &[(&str, u32)] = &[
     ("NONE", u32::MAX),
     ("MODEL_DISNEY", 0),
@@ -138,17 +150,18 @@ pub const CONSTANTS: &[(&str, u32)] = &[
     ("STEP_CLOSEST", 1),
     ("STEP_SHADOW", 2),
     ("STEP_LIGHT", 3),
-    ("MOST_STEPS", MOST_STEPS as u32),
+    ("MAX_PATH_EVENTS", MAX_PATH_EVENTS as u32),
     ("INSTANCE_TRIANGLES", INSTANCE_TRIANGLES),
     ("INSTANCE_SPHERES", INSTANCE_SPHERES),
-    ("INSTANCE_COPIES", INSTANCE_COPIES),
+    ("INSTANCE_MESHES", INSTANCE_MESHES),
     ("BVH_STACK", BVH_STACK),
 ];
 
-/// The text of `shaders/gen/layout.glsl`.
+/// Returns the text of `shaders/gen/layout.glsl`.
 pub fn glsl() -> String {
     let mut text = String::from(
-        "// Written by the test `the_committed_layouts_are_those_of_the_code` from src/render/vulkan/layout/: edit that.\n\n",
+        "// Generated from src/render/vulkan/layout/ by the test\n\
+         // `the_committed_layouts_are_those_of_the_code`; do not edit.\n\n",
     );
     for (name, value) in CONSTANTS {
         text.push_str(&format!("const uint {name} = {value}u;\n"));
@@ -168,7 +181,8 @@ mod tests {
     use std::collections::BTreeMap;
 
     use super::*;
-    use crate::render::vulkan::spirv::{self, Sources};
+    use crate::render::vulkan::pipelines::spirv;
+    use crate::render::vulkan::pipelines::spirv::Sources;
 
     #[test]
     fn the_committed_layouts_are_those_of_the_code() {
@@ -176,7 +190,7 @@ mod tests {
         let committed = std::fs::read_to_string(&path).unwrap_or_default();
         if committed != glsl() {
             std::fs::write(&path, glsl()).unwrap();
-            panic!("shaders/gen/layout.glsl was not up to date: it has been written again, commit it");
+            panic!("shaders/gen/layout.glsl was outdated and has been regenerated: commit it");
         }
     }
 
@@ -195,27 +209,41 @@ mod tests {
         }
     }
 
-    /// Offset of every member of every struct that a module names: `(struct, member) -> bytes`.
+    /// Returns the offset in bytes of every struct member in a module: `(struct, member) -> bytes`.
     fn offsets(words: &[u32]) -> BTreeMap<(String, String), u32> {
         let text = |words: &[u32]| {
-            let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).take_while(|b| *b != 0).collect();
+            let bytes: Vec<u8> = words
+                .iter()
+                .flat_map(|w| w.to_le_bytes())
+                .take_while(|b| *b != 0)
+                .collect();
             String::from_utf8(bytes).unwrap()
         };
-        let (mut names, mut members, mut found) = (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
+        let (mut names, mut members, mut found) =
+            (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
         let mut rest = &words[5..];
         while let Some(first) = rest.first() {
             let (op, length) = (first & 0xffff, (first >> 16) as usize);
             let (instruction, next) = rest.split_at(length);
             match op {
-                5 => drop(names.insert(instruction[1], text(&instruction[2..]))),
-                6 => drop(members.insert((instruction[1], instruction[2]), text(&instruction[3..]))),
+                5 => {
+                    names.insert(instruction[1], text(&instruction[2..]));
+                }
+                6 => {
+                    members.insert((instruction[1], instruction[2]), text(&instruction[3..]));
+                }
                 // OpMemberDecorate with the decoration Offset.
-                72 if instruction[3] == 35 => drop(found.insert((instruction[1], instruction[2]), instruction[4])),
+                72 if instruction[3] == 35 => {
+                    found.insert((instruction[1], instruction[2]), instruction[4]);
+                }
                 _ => {}
             }
             rest = next;
         }
-        found.into_iter().map(|(key, at)| ((names[&key.0].clone(), members[&key].clone()), at)).collect()
+        found
+            .into_iter()
+            .map(|(key, at)| ((names[&key.0].clone(), members[&key].clone()), at))
+            .collect()
     }
 
     #[test]

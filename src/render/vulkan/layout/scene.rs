@@ -1,17 +1,17 @@
-//! What shaders read of a scene.
+//! Structs of a scene that shaders read.
 
 super::gpu_structs! {
     /// Corners of a triangle in world space, counter-clockwise seen from its front.
     pub struct Triangle {
-        /// First corner.
+        /// Position of the first corner.
         a: [f32; 3],
-        /// Second corner, weight `hit.uv.x`.
+        /// Position of the second corner, weight `hit.uv.x`.
         b: [f32; 3],
-        /// Third corner, weight `hit.uv.y`.
+        /// Position of the third corner, weight `hit.uv.y`.
         c: [f32; 3],
     }
 
-    /// What shading needs of a triangle.
+    /// Shading attributes of a triangle.
     pub struct TriangleAttributes {
         /// Unit shading normal at the first corner.
         na: [f32; 3],
@@ -33,19 +33,19 @@ super::gpu_structs! {
 
     /// MikkTSpace tangents of a triangle: a unit vector and in `w` the sign of the bitangent.
     pub struct Tangents {
-        /// At the first corner.
+        /// Tangent at the first corner.
         a: [f32; 4],
-        /// At the second corner.
+        /// Tangent at the second corner.
         b: [f32; 4],
-        /// At the third corner.
+        /// Tangent at the third corner.
         c: [f32; 4],
     }
 
-    /// An analytic sphere; its front is the outside.
+    /// Analytic sphere; its front is the outside.
     pub struct Sphere {
         /// Centre in world space.
         center: [f32; 3],
-        /// Radius, positive.
+        /// Radius of the sphere, positive.
         radius: f32,
         /// Index into `materials`.
         material: u32,
@@ -53,7 +53,7 @@ super::gpu_structs! {
         emitter: u32,
     }
 
-    /// A material, as `scene::compile::Material`.
+    /// Material, as `scene::compile::Material`.
     pub struct Material {
         /// Base colour, linear.
         base_color: [f32; 3],
@@ -61,7 +61,7 @@ super::gpu_structs! {
         emission: [f32; 3],
         /// MODEL_DISNEY and so on.
         model: u32,
-        /// Perceptual roughness.
+        /// Perceptual roughness of the surface.
         roughness: f32,
         /// 0 dielectric to 1 metal.
         metallic: f32,
@@ -69,7 +69,7 @@ super::gpu_structs! {
         opacity: f32,
         /// Index of refraction relative to the outside.
         ior: f32,
-        /// Part of the flatter diffuse lobe.
+        /// Fraction of the flatter diffuse lobe.
         subsurface: f32,
         /// Hue in the dielectric's reflectance at normal incidence.
         specular_tint: f32,
@@ -77,11 +77,11 @@ super::gpu_structs! {
         anisotropic: f32,
         /// World-space direction of the stretch; zero is the direction of growing u.
         anisotropic_direction: [f32; 3],
-        /// Sheen.
+        /// Strength of the sheen.
         sheen: f32,
         /// Hue of the sheen.
         sheen_tint: f32,
-        /// Clear coat.
+        /// Strength of the clear coat.
         clearcoat: f32,
         /// Gloss of the clear coat.
         clearcoat_gloss: f32,
@@ -89,13 +89,13 @@ super::gpu_structs! {
         smooth_below: f32,
         /// Factor on the slope of the normal map.
         normal_strength: f32,
-        /// How far 1 in the bump map stands out, in scene units.
+        /// Displacement of the value 1 in the bump map, in scene units.
         bump_height: f32,
         /// Mask values below this are holes.
         mask_threshold: f32,
         /// MASK_THRESHOLD or MASK_BLEND.
         mask_mode: u32,
-        /// 1 where paths leave opaque triangles from the surface that their normals suggest, else 0.
+        /// 1 if paths leave opaque triangles from the surface that their normals suggest, else 0.
         shadow_terminator: u32,
         /// Texture that multiplies `base_color`, or NONE.
         base_color_texture: u32,
@@ -115,13 +115,13 @@ super::gpu_structs! {
         normal_texture: u32,
         /// Texture whose red channel is a height, or NONE.
         bump_texture: u32,
-        /// Factor from texture coordinates to places in the textures.
+        /// Factor from texture coordinates to positions in the textures.
         tiling_scale: f32,
-        /// Offset of the same, in repeats.
+        /// Offset of these positions, in repeats.
         tiling_offset: [f32; 2],
-        /// 1 where the surface of a light also reflects, else 0.
+        /// 1 if the surface of a light also reflects, else 0.
         emitter_reflects: u32,
-        /// Factor on what an interface reflects.
+        /// Factor on the light that an interface reflects.
         specular: [f32; 3],
         /// Real part of a metal's index by channel.
         eta: [f32; 3],
@@ -129,145 +129,148 @@ super::gpu_structs! {
         k: [f32; 3],
         /// DISTRIBUTION_GGX or DISTRIBUTION_BECKMANN.
         distribution: u32,
-        /// 1 where a dielectric is a thin pane, else 0.
+        /// 1 if a dielectric is a thin pane, else 0.
         thin: u32,
-        /// 1 where light that plastic reflects back inside takes on its colour each time, else 0.
+        /// 1 if light that is reflected back inside plastic is tinted each time, else 0.
         nonlinear: u32,
-        /// Part of diffuse light that is reflected back at the inside of plastic.
+        /// Fraction of diffuse light that is reflected back at the inside of plastic.
         internal_reflectance: f32,
-        /// First row in `material_parts` of a composed or delayed material, and how many; none for a plain one.
+        /// First row in `material_parts` of a composed or delayed material and number of rows; none
+        /// for others.
         parts: [u32; 2],
     }
 
-    /// A part of a composed or delayed material.
+    /// Component of a composed or delayed material.
     pub struct MaterialPart {
-        /// The sum of the weights up to this part; exactly 1 for the last one.
+        /// Sum of the weights up to this component; exactly 1 for the last one.
         upto: f32,
         /// Index into `materials`.
         material: u32,
-        /// First row in `delay_profiles`, and how many: their delays add up.
+        /// First row in `delay_profiles` and number of rows: their delays add up.
         profiles: [u32; 2],
     }
 
-    /// A profile in time: each of its one or two parameters is `offset + value * texture`.
+    /// Delay profile: each of its one or two parameters is `offset + value * texture`.
     pub struct DelayProfile {
         /// DELAY_NONE and so on.
         kind: u32,
-        /// What textures multiply.
+        /// Factors on the textures.
         value: [f32; 2],
-        /// What is added.
+        /// Offsets that are added.
         offset: [f32; 2],
-        /// Textures whose red channel counts, or NONE.
+        /// Textures whose red channel is used, or NONE.
         textures: [u32; 2],
-        /// Factor from texture coordinates to places in the textures.
+        /// Factor from texture coordinates to positions in the textures.
         tiling_scale: f32,
-        /// Offset of the same, in repeats.
+        /// Offset of these positions, in repeats.
         tiling_offset: [f32; 2],
-        /// First row in `knots` of a table, and how many.
+        /// First row in `knots` of a table and number of rows.
         knots: [u32; 2],
     }
 
-    /// A point of the density of a table, as words of double precision, low word first.
+    /// Knot of a tabulated density, as words of double precision, low word first.
     pub struct Knot {
         /// Delay in scene units.
         x: [u32; 2],
         /// Density in 1 / scene unit.
         density: [u32; 2],
-        /// Probability of everything below.
+        /// Probability of smaller delays.
         below: [u32; 2],
     }
 
-    /// A texture: texels `[y][x]` from `texel_at(first)`, linear, origin top-left.
+    /// Texture: texels `[y][x]` from `texel_at(first)`, linear, origin at the top left.
     pub struct Texture {
         /// Index of the first texel.
         first: u32,
-        /// Columns.
+        /// Width in texels.
         width: u32,
-        /// Rows.
+        /// Height in texels.
         height: u32,
-        /// What is beyond the edges along u and v: WRAP_REPEAT and so on.
+        /// Wrap mode along u and v: WRAP_REPEAT and so on.
         wrap: [u32; 2],
-        /// 1 where the second set of texture coordinates is meant, else 0.
+        /// 1 if the second set of texture coordinates is used, else 0.
         second: u32,
-        /// 1 where coordinates are moved by the three below, else 0.
+        /// 1 if coordinates are transformed by the map below, else 0.
         moved: u32,
-        /// Where the map takes growing u.
+        /// Image of the u axis under the map.
         map_u: [f32; 2],
-        /// Where the map takes growing v.
+        /// Image of the v axis under the map.
         map_v: [f32; 2],
-        /// Where the map takes (0, 0).
+        /// Image of (0, 0) under the map.
         map_origin: [f32; 2],
     }
 
-    /// One emissive primitive.
+    /// Emissive primitive of the scene.
     pub struct Emitter {
-        /// Primitive id: triangles first, spheres after them.
+        /// Primitive index: triangles first, spheres after them.
         primitive: u32,
-        /// The copy of a mesh that it belongs to, or NONE.
+        /// Instance of a mesh that it belongs to, or NONE.
         instance: u32,
         /// Area in square scene units.
         area: f32,
     }
 
-    /// Where a copy of a mesh stands: `scene::compile::Instance`. Words of doubles, low one first.
-    pub struct Place {
-        /// What the mesh's x axis is in the world, its x.
+    /// Placement of an instance of a mesh: `scene::compile::Instance`. Words of doubles, low one
+    /// first.
+    pub struct Placement {
+        /// World-space image of the mesh's x axis: its x.
         xx: [u32; 2],
-        /// Its y.
+        /// Its y coordinate.
         xy: [u32; 2],
-        /// Its z.
+        /// Its z coordinate.
         xz: [u32; 2],
-        /// What the mesh's y axis is in the world, its x.
+        /// World-space image of the mesh's y axis: its x.
         yx: [u32; 2],
-        /// Its y.
+        /// Its y coordinate.
         yy: [u32; 2],
-        /// Its z.
+        /// Its z coordinate.
         yz: [u32; 2],
-        /// What the mesh's z axis is in the world, its x.
+        /// World-space image of the mesh's z axis: its x.
         zx: [u32; 2],
-        /// Its y.
+        /// Its y coordinate.
         zy: [u32; 2],
-        /// Its z.
+        /// Its z coordinate.
         zz: [u32; 2],
-        /// Where the mesh's origin is in the world, its x.
+        /// World-space position of the mesh's origin: its x.
         tx: [u32; 2],
-        /// Its y.
+        /// Its y coordinate.
         ty: [u32; 2],
-        /// Its z.
+        /// Its z coordinate.
         tz: [u32; 2],
-        /// From the mesh's normals to the world's, first column.
+        /// Maps the mesh's normals to world space: first column.
         normal_x: [f32; 3],
-        /// Second column.
+        /// Second column of the matrix.
         normal_y: [f32; 3],
-        /// Third column.
+        /// Third column of the matrix.
         normal_z: [f32; 3],
         /// Row in `triangles` of the mesh's first triangle.
         start: u32,
         /// First row in `place_materials`.
         materials: u32,
-        /// Row in `emitters` of the first of its triangles that shine.
+        /// Row in `emitters` of its first emissive triangle.
         emitters: u32,
-        /// The number of its first triangle where nothing is shared.
+        /// Index of its first triangle in the flattened scene.
         first: u32,
     }
 
-    /// How rays enter the space of a copy's mesh: `render::entrance::Entrance`.
-    pub struct Entrance {
-        /// From directions of the world to those of the mesh, first column.
+    /// Transform of rays into the space of an instance's mesh:
+    /// `render::instance_transform::InstanceTransform`.
+    pub struct InstanceTransform {
+        /// Maps directions of the world to those of the mesh: first column.
         inverse_x: [f32; 3],
-        /// Second column.
+        /// Second column of the matrix.
         inverse_y: [f32; 3],
-        /// Third column.
+        /// Third column of the matrix.
         inverse_z: [f32; 3],
-        /// The middle of the mesh's box in the world.
+        /// Middle of the mesh's box in world space.
         pivot_world: [f32; 3],
-        /// The same in the mesh's space.
+        /// Middle of the mesh's box in the mesh's space.
         pivot_own: [f32; 3],
-        /// The first node of the mesh's tree.
+        /// First node of the mesh's tree.
         root: u32,
     }
 
-    /// A point that shines in all directions or into a cone.
+    /// Point light that shines in all directions or into a cone.
     pub struct PointLight {
         /// Position in world space.
         position: [f32; 3],
@@ -275,19 +278,20 @@ super::gpu_structs! {
         intensity: [f32; 3],
         /// Axis of the cone, a unit vector.
         axis: [f32; 3],
-        /// Angle in radians up to which the intensity is whole.
+        /// Angle in radians up to which the intensity is full.
         beam: f32,
-        /// Angle in radians from which on there is none.
+        /// Angle in radians from which on the intensity is zero.
         cutoff: f32,
         /// One minus the cosine of `beam`.
         beam_height: f32,
         /// One minus the cosine of `cutoff`; 2 is all directions.
         cutoff_height: f32,
-        /// 1 where it falls off with the square of what is linear in the cosine, 0 where linearly with the angle.
+        /// 1 if the intensity falls off with the square of a term linear in the cosine, 0 if
+        /// linearly with the angle.
         is_smooth: u32,
     }
 
-    /// Parallel light.
+    /// Directional light from infinity.
     pub struct DirectionalLight {
         /// Unit direction in which the light travels.
         direction: [f32; 3],

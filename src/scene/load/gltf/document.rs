@@ -1,4 +1,5 @@
-//! The JSON of a glTF with its buffers: objects by index, and the numbers of accessors.
+//! The JSON document of a glTF file with its buffers: access to objects by index, and to the
+//! numbers of accessors.
 
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
@@ -8,42 +9,48 @@ use std::rc::Rc;
 use serde_json::Value as Json;
 
 use crate::scene::SceneError;
-use crate::scene::load::{place as one_place, read};
+use crate::scene::load::{canonical, read_file};
 
-/// Greatest size of the file, and of each buffer beside it, in bytes.
+/// Greatest size of the file, and of each external buffer, in bytes.
 const MAX_FILE_BYTES: u64 = 1 << 30;
-/// The first four bytes of a .glb.
+/// First four bytes of a .glb file.
 pub(super) const GLB_MAGIC: &[u8; 4] = b"glTF";
-/// Component types: their code, size, and greatest value as an integer.
-const COMPONENTS: &[(u64, usize, f64)] =
-    &[(5120, 1, 127.0), (5121, 1, 255.0), (5122, 2, 32767.0), (5123, 2, 65535.0), (5125, 4, 1.0), (5126, 4, 1.0)];
-/// How many numbers elements of a type have.
+/// Component types: code, size in bytes, and greatest value as an integer.
+const COMPONENTS: &[(u64, usize, f64)] = &[
+    (5120, 1, 127.0),
+    (5121, 1, 255.0),
+    (5122, 2, 32767.0),
+    (5123, 2, 65535.0),
+    (5125, 4, 1.0),
+    (5126, 4, 1.0),
+];
+/// Number of components of each element type.
 const TYPES: &[(&str, usize)] = &[("SCALAR", 1), ("VEC2", 2), ("VEC3", 3), ("VEC4", 4)];
 
-/// How many numbers may be made for each byte of the file and its buffers, of which accessors may overlap.
-const MAX_SHARING: u64 = 32;
-/// How many may be made whatever the size of the file.
-const SMALL_SHARING: u64 = 1 << 21;
+/// Greatest count of numbers read per byte of the file and its buffers; accessors may overlap.
+const MAX_NUMBERS_PER_BYTE: u64 = 32;
+/// Count of numbers that may be read from a file of any size.
+const MIN_NUMBER_BUDGET: u64 = 1 << 21;
 
-/// A document with all bytes that its buffers hold.
+/// A glTF document with the contents of its buffers.
 pub(super) struct Document {
-    /// The file.
+    /// Path of the file.
     pub path: PathBuf,
-    /// Its JSON.
+    /// JSON of the document.
     pub json: Json,
     buffers: Vec<Rc<Vec<u8>>>,
     /// Bytes of the file and of all buffers, each counted once.
     size: u64,
-    /// Numbers that were made so far.
-    given: Cell<u64>,
-    /// The numbers of accessors that were asked for.
-    known: RefCell<BTreeMap<usize, Rc<Vec<f64>>>>,
+    /// Count of numbers read so far.
+    numbers_read: Cell<u64>,
+    /// Numbers of the accessors read so far.
+    accessors: RefCell<BTreeMap<usize, Rc<Vec<f64>>>>,
 }
 
 impl Document {
-    /// Reads a .gltf with its buffers, or a .glb.
+    /// Reads a .gltf file with its buffers, or a .glb file.
     pub fn read(path: &Path) -> Result<Document, SceneError> {
-        let bytes = read(path, MAX_FILE_BYTES)?;
+        let bytes = read_file(path, MAX_FILE_BYTES)?;
         let malformed = |place: &str, problem: String| SceneError::Malformed {
             file: path.to_owned(),
             place: place.to_owned(),
@@ -55,7 +62,10 @@ impl Document {
             (&bytes[..], None)
         };
         let json: Json = serde_json::from_slice(text).map_err(|e| {
-            malformed(&format!("line {}, column {}", e.line(), e.column()), format!("no valid JSON: {e}"))
+            malformed(
+                &format!("line {}, column {}", e.line(), e.column()),
+                format!("invalid JSON: {e}"),
+            )
         })?;
         let size = bytes.len() as u64;
         let mut document = Document {
@@ -63,25 +73,31 @@ impl Document {
             json,
             buffers: Vec::new(),
             size,
-            given: Cell::new(0),
-            known: RefCell::default(),
+            numbers_read: Cell::new(0),
+            accessors: RefCell::default(),
         };
         let mut files: BTreeMap<PathBuf, Rc<Vec<u8>>> = BTreeMap::new();
         for i in 0..document.count("buffers") {
-            let (place, said) = (format!("buffers[{i}]"), document.at("buffers", i));
-            // One file can be several buffers.
-            let file = said["uri"].as_str().filter(|uri| !uri.starts_with("data:"));
-            let file = file.map(|uri| one_place(&document.beside(uri)));
+            let (place, buffer) = (format!("buffers[{i}]"), document.at("buffers", i));
+            // Several buffers may refer to one file.
+            let file = buffer["uri"]
+                .as_str()
+                .filter(|uri| !uri.starts_with("data:"));
+            let file = file.map(|uri| canonical(&document.relative_path(uri)));
             let known = file.as_ref().and_then(|file| files.get(file)).cloned();
             let bytes = match (known, binary) {
                 (Some(bytes), _) => bytes,
-                (None, _) if said["uri"].is_string() => {
-                    let bytes = Rc::new(document.uri(&place, said)?.unwrap_or_default());
+                (None, _) if buffer["uri"].is_string() => {
+                    let bytes = Rc::new(document.uri(&place, buffer)?.unwrap_or_default());
                     document.size += bytes.len() as u64;
                     bytes
                 }
                 (None, Some(chunk)) if i == 0 => Rc::new(chunk.to_vec()),
-                _ => return Err(document.error(&place, "it has neither a `uri` nor a binary chunk")),
+                _ => {
+                    return Err(
+                        document.error(&place, "the buffer has neither a `uri` nor a binary chunk")
+                    );
+                }
             };
             files.extend(file.map(|file| (file, bytes.clone())));
             document.buffers.push(bytes);
@@ -89,163 +105,272 @@ impl Document {
         Ok(document)
     }
 
-    /// Bytes of the file and of its buffers.
+    /// Returns the number of bytes of the file and of its buffers, each counted once.
     pub fn size(&self) -> u64 {
         self.size
     }
 
-    /// An error at a key path.
+    /// Creates an error about a key path.
     pub fn error(&self, place: &str, problem: impl Into<String>) -> SceneError {
-        SceneError::Malformed { file: self.path.clone(), place: place.to_owned(), problem: problem.into() }
+        SceneError::Malformed {
+            file: self.path.clone(),
+            place: place.to_owned(),
+            problem: problem.into(),
+        }
     }
 
-    /// How many objects a list of the document has.
+    /// Returns the number of objects in a list of the document.
     pub fn count(&self, list: &str) -> usize {
         self.json[list].as_array().map_or(0, Vec::len)
     }
 
-    /// An object of a list; null where there is none.
+    /// Returns an object of a list, or null if there is none.
     pub fn at(&self, list: &str, i: usize) -> &Json {
         &self.json[list][i]
     }
 
-    /// The object that an index names.
-    pub fn named<'a>(&'a self, place: &str, list: &str, index: &Json) -> Result<(usize, &'a Json), SceneError> {
+    /// Resolves an index into a list of the document.
+    pub fn resolve<'a>(
+        &'a self,
+        place: &str,
+        list: &str,
+        index: &Json,
+    ) -> Result<(usize, &'a Json), SceneError> {
         let count = self.count(list);
-        match index.as_u64().and_then(|i| usize::try_from(i).ok()).filter(|i| *i < count) {
+        match index
+            .as_u64()
+            .and_then(|i| usize::try_from(i).ok())
+            .filter(|i| *i < count)
+        {
             Some(i) => Ok((i, self.at(list, i))),
-            None => Err(self.error(place, format!("expected an index below {count} of `{list}`, found {index:.40}"))),
+            None => Err(self.error(
+                place,
+                format!("expected an index below {count} of `{list}`, found {index:.40}"),
+            )),
         }
     }
 
-    /// The bytes that a `uri` names, in the text itself or beside the file.
+    /// Returns the bytes that a `uri` refers to, embedded or in another file.
     pub fn uri(&self, place: &str, object: &Json) -> Result<Option<Vec<u8>>, SceneError> {
-        let Some(uri) = object["uri"].as_str() else { return Ok(None) };
+        let Some(uri) = object["uri"].as_str() else {
+            return Ok(None);
+        };
         if let Some(data) = uri.strip_prefix("data:") {
             let Some((_, coded)) = data.split_once(";base64,") else {
-                return Err(self.error(place, "data in a `uri` must be base64"));
+                return Err(self.error(place, "data in a `uri` must be encoded in base64"));
             };
-            return base64(coded).map(Some).ok_or_else(|| self.error(place, "its base64 is damaged"));
+            return decode_base64(coded)
+                .map(Some)
+                .ok_or_else(|| self.error(place, "the base64 data is damaged"));
         }
-        read(&self.beside(uri), MAX_FILE_BYTES).map(Some).map_err(|e| self.error(place, e.to_string()))
+        read_file(&self.relative_path(uri), MAX_FILE_BYTES)
+            .map(Some)
+            .map_err(|e| self.error(place, e.to_string()))
     }
 
-    /// The path of a relative `uri`.
-    pub fn beside(&self, uri: &str) -> PathBuf {
-        self.path.parent().unwrap_or(Path::new("")).join(percent_decoded(uri))
+    /// Returns the path of a relative `uri`.
+    pub fn relative_path(&self, uri: &str) -> PathBuf {
+        self.path
+            .parent()
+            .unwrap_or(Path::new(""))
+            .join(percent_decoded(uri))
     }
 
-    /// The bytes of a buffer view, and its stride.
+    /// Returns the bytes of a buffer view, and its stride.
     pub fn view(&self, place: &str, index: &Json) -> Result<(&[u8], Option<usize>), SceneError> {
-        let (i, view) = self.named(place, "bufferViews", index)?;
+        let (i, view) = self.resolve(place, "bufferViews", index)?;
         let place = format!("bufferViews[{i}]");
-        let (b, _) = self.named(&place, "buffers", &view["buffer"])?;
+        let (b, _) = self.resolve(&place, "buffers", &view["buffer"])?;
         let number = |key: &str| view[key].as_u64().unwrap_or(0) as usize;
         let (start, length) = (number("byteOffset"), number("byteLength"));
-        let bytes = start.checked_add(length).and_then(|end| self.buffers[b].get(start..end));
+        let bytes = start
+            .checked_add(length)
+            .and_then(|end| self.buffers[b].get(start..end));
         let stride = view["byteStride"].as_u64().map(|s| s as usize);
         match bytes {
             Some(bytes) => Ok((bytes, stride)),
-            None => Err(self.error(&place, format!("bytes {start} to {start}+{length} of {}", self.buffers[b].len()))),
+            None => Err(self.error(
+                &place,
+                format!(
+                    "bytes {start} to {start}+{length} exceed the buffer of {} bytes",
+                    self.buffers[b].len()
+                ),
+            )),
         }
     }
 
-    /// Says that so many numbers are made of what the file holds.
+    /// Adds to the count of numbers read from the document.
     ///
     /// # Errors
-    /// Where all of them together are more than its size justifies.
-    pub fn spend(&self, place: &str, numbers: u64) -> Result<(), SceneError> {
-        self.given.set(self.given.get().saturating_add(numbers));
-        if self.given.get() <= self.size.saturating_mul(MAX_SHARING).saturating_add(SMALL_SHARING) {
+    /// Fails if the count exceeds the budget for the document's size.
+    pub fn charge(&self, place: &str, numbers: u64) -> Result<(), SceneError> {
+        self.numbers_read
+            .set(self.numbers_read.get().saturating_add(numbers));
+        if self.numbers_read.get()
+            <= self
+                .size
+                .saturating_mul(MAX_NUMBERS_PER_BYTE)
+                .saturating_add(MIN_NUMBER_BUDGET)
+        {
             return Ok(());
         }
-        Err(self.error(place, "with all before it more numbers than the size of the file justifies"))
+        Err(self.error(
+            place,
+            "the accessors up to here contain more numbers than the size of the file justifies",
+        ))
     }
 
-    /// The elements of an accessor, each of `n` numbers; integers as they are unless they are normalised. Interleaved,
-    /// quantised and sparse ones are read. One that several primitives share is read once.
+    /// Returns the elements of an accessor as a flat list, `n` numbers each. Integers are converted
+    /// unchanged unless they are normalised. Interleaved, quantised and sparse accessors are
+    /// supported. An accessor that several primitives share is read once.
     pub fn numbers(&self, place: &str, index: &Json, n: usize) -> Result<Rc<Vec<f64>>, SceneError> {
-        let (i, accessor) = self.named(place, "accessors", index)?;
+        let (i, accessor) = self.resolve(place, "accessors", index)?;
         let place = format!("accessors[{i}]");
-        let width = TYPES.iter().find(|t| Some(t.0) == accessor["type"].as_str()).map(|t| t.1);
+        let width = TYPES
+            .iter()
+            .find(|t| Some(t.0) == accessor["type"].as_str())
+            .map(|t| t.1);
         if width != Some(n) {
-            return Err(
-                self.error(&place, format!("expected elements of {n} numbers, found `{:.20}`", accessor["type"]))
-            );
+            return Err(self.error(
+                &place,
+                format!(
+                    "expected elements of {n} numbers, found `{:.20}`",
+                    accessor["type"]
+                ),
+            ));
         }
-        if let Some(known) = self.known.borrow().get(&i) {
+        if let Some(known) = self.accessors.borrow().get(&i) {
             return Ok(known.clone());
         }
         let count = accessor["count"].as_u64().unwrap_or(0) as usize;
         let normalized = accessor["normalized"].as_bool().unwrap_or(false);
         let sparse = &accessor["sparse"];
         let mut out = if accessor["bufferView"].is_null() {
-            // Only a sparse accessor says something without bytes; its own elements bound its size.
+            // Only sparse accessors have no buffer view. Their size is bounded by the file's size.
             if count as u64 > self.size {
-                return Err(self.error(&place, format!("{count} elements, more than there are bytes")));
+                return Err(self.error(
+                    &place,
+                    format!("{count} elements are more than the file has bytes"),
+                ));
             }
-            self.spend(&place, (count * n) as u64)?;
+            self.charge(&place, (count * n) as u64)?;
             vec![0.0; count * n]
         } else {
-            self.packed(&place, accessor, &accessor["bufferView"], count, n, normalized)?
+            self.packed_numbers(
+                &place,
+                accessor,
+                &accessor["bufferView"],
+                count,
+                n,
+                normalized,
+            )?
         };
         if !sparse.is_null() {
-            let changed = sparse["count"].as_u64().unwrap_or(0) as usize;
-            let which = self.packed(&place, &sparse["indices"], &sparse["indices"]["bufferView"], changed, 1, false)?;
-            let mut values = sparse["values"].clone();
-            values["componentType"] = accessor["componentType"].clone();
-            let values = self.packed(&place, &values, &values["bufferView"], changed, n, normalized)?;
-            for (k, at) in which.iter().enumerate() {
-                let at = *at as usize;
-                if at >= count {
-                    return Err(self.error(&place, format!("its sparse part names element {at} of {count}")));
-                }
-                out[at * n..(at + 1) * n].copy_from_slice(&values[k * n..(k + 1) * n]);
-            }
+            self.replace_sparse(&place, accessor, n, &mut out)?;
         }
         if !out.iter().all(|x| x.is_finite()) {
-            return Err(self.error(&place, "its numbers must be finite"));
+            return Err(self.error(&place, "the numbers must be finite"));
         }
         let out = Rc::new(out);
-        self.known.borrow_mut().insert(i, out.clone());
+        self.accessors.borrow_mut().insert(i, out.clone());
         Ok(out)
     }
 
-    fn packed(
+    /// Replaces elements of `out` by the sparse elements of an accessor.
+    fn replace_sparse(
         &self,
         place: &str,
-        said: &Json,
+        accessor: &Json,
+        n: usize,
+        out: &mut [f64],
+    ) -> Result<(), SceneError> {
+        let count = out.len() / n;
+        let normalized = accessor["normalized"].as_bool().unwrap_or(false);
+        let sparse = &accessor["sparse"];
+        let changed = sparse["count"].as_u64().unwrap_or(0) as usize;
+        let indices = self.packed_numbers(
+            place,
+            &sparse["indices"],
+            &sparse["indices"]["bufferView"],
+            changed,
+            1,
+            false,
+        )?;
+        let mut values = sparse["values"].clone();
+        values["componentType"] = accessor["componentType"].clone();
+        let values = self.packed_numbers(
+            place,
+            &values,
+            &values["bufferView"],
+            changed,
+            n,
+            normalized,
+        )?;
+        for (k, at) in indices.iter().enumerate() {
+            let at = *at as usize;
+            if at >= count {
+                return Err(self.error(
+                    place,
+                    format!("a sparse index is {at}, but there are only {count} elements"),
+                ));
+            }
+            out[at * n..(at + 1) * n].copy_from_slice(&values[k * n..(k + 1) * n]);
+        }
+        Ok(())
+    }
+
+    /// Reads `count` elements of `n` numbers from a buffer view. `layout` has their component type
+    /// and byte offset.
+    fn packed_numbers(
+        &self,
+        place: &str,
+        layout: &Json,
         view: &Json,
         count: usize,
         n: usize,
         normalized: bool,
     ) -> Result<Vec<f64>, SceneError> {
         let (bytes, stride) = self.view(place, view)?;
-        let code = said["componentType"].as_u64().unwrap_or(0);
-        let Some((_, size, most)) = COMPONENTS.iter().find(|c| c.0 == code) else {
-            return Err(self.error(place, format!("{code} is no component type")));
+        let code = layout["componentType"].as_u64().unwrap_or(0);
+        let Some((_, size, greatest)) = COMPONENTS.iter().find(|c| c.0 == code) else {
+            return Err(self.error(place, format!("{code} is not a component type")));
         };
         let stride = stride.filter(|s| *s > 0).unwrap_or(size * n);
-        let start = said["byteOffset"].as_u64().unwrap_or(0) as usize;
-        let last =
-            count.checked_sub(1).and_then(|k| k.checked_mul(stride)).unwrap_or(if count == 0 { 0 } else { usize::MAX });
-        let end = start.checked_add(last).and_then(|at| at.checked_add(size * n));
+        let start = layout["byteOffset"].as_u64().unwrap_or(0) as usize;
+        let last = count
+            .checked_sub(1)
+            .and_then(|k| k.checked_mul(stride))
+            .unwrap_or(if count == 0 { 0 } else { usize::MAX });
+        let end = start
+            .checked_add(last)
+            .and_then(|at| at.checked_add(size * n));
         if count > 0 && end.is_none_or(|end| end > bytes.len()) {
-            return Err(self.error(place, format!("{count} elements do not fit its {} bytes", bytes.len())));
+            return Err(self.error(
+                place,
+                format!(
+                    "{count} elements exceed the {} bytes of the view",
+                    bytes.len()
+                ),
+            ));
         }
-        self.spend(place, (count * n) as u64)?;
+        self.charge(place, (count * n) as u64)?;
         let mut out = Vec::with_capacity(count * n);
         for k in 0..count {
             for c in 0..n {
                 let at = start + k * stride + c * size;
                 let x = component(code, &bytes[at..at + size]);
-                out.push(if normalized { (x / most).max(-1.0) } else { x });
+                out.push(if normalized {
+                    (x / greatest).max(-1.0)
+                } else {
+                    x
+                });
             }
         }
         Ok(out)
     }
 }
 
+/// Decodes one component of a type.
 fn component(code: u64, b: &[u8]) -> f64 {
     match (code, b) {
         (5120, [a]) => f64::from(*a as i8),
@@ -258,11 +383,14 @@ fn component(code: u64, b: &[u8]) -> f64 {
     }
 }
 
-/// The JSON and the binary chunk of a .glb.
+/// Returns the JSON and the binary chunk of a .glb file.
 fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), String> {
     let word = |at: usize| {
-        let raw = bytes.get(at..at + 4).and_then(|b| <[u8; 4]>::try_from(b).ok());
-        raw.map(|b| u32::from_le_bytes(b) as usize).ok_or_else(|| format!("the file ends at byte {}", bytes.len()))
+        let raw = bytes
+            .get(at..at + 4)
+            .and_then(|b| <[u8; 4]>::try_from(b).ok());
+        raw.map(|b| u32::from_le_bytes(b) as usize)
+            .ok_or_else(|| format!("the file ends early, after {} bytes", bytes.len()))
     };
     if word(4)? != 2 {
         return Err(format!("expected version 2, found {}", word(4)?));
@@ -270,7 +398,9 @@ fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), String> {
     let (mut at, mut found): (usize, [Option<&[u8]>; 2]) = (12, [None, None]);
     while at + 8 <= bytes.len() {
         let (length, kind) = (word(at)?, word(at + 4)?);
-        let chunk = bytes.get(at + 8..at + 8 + length).ok_or_else(|| format!("the chunk at byte {at} is cut off"))?;
+        let chunk = bytes
+            .get(at + 8..at + 8 + length)
+            .ok_or_else(|| format!("the chunk at byte {at} is truncated"))?;
         match kind {
             0x4E4F_534A => found[0] = found[0].or(Some(chunk)),
             0x004E_4942 => found[1] = found[1].or(Some(chunk)),
@@ -278,11 +408,13 @@ fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), String> {
         }
         at += 8 + length;
     }
-    found[0].map(|json| (json, found[1])).ok_or_else(|| "it has no JSON chunk".to_owned())
+    found[0]
+        .map(|json| (json, found[1]))
+        .ok_or_else(|| "the file has no JSON chunk".to_owned())
 }
 
-/// The bytes that base64 says [RFC 4648].
-fn base64(text: &str) -> Option<Vec<u8>> {
+/// Decodes base64 [RFC 4648]; returns `None` for invalid data.
+fn decode_base64(text: &str) -> Option<Vec<u8>> {
     let value = |c: u8| {
         Some(u32::from(match c {
             b'A'..=b'Z' => c - b'A',
@@ -310,7 +442,7 @@ fn base64(text: &str) -> Option<Vec<u8>> {
     Some(out)
 }
 
-/// A `uri` with its `%20` and the like as the characters that they mean.
+/// Returns a `uri` with its percent-encoded characters decoded.
 fn percent_decoded(uri: &str) -> String {
     let bytes = uri.as_bytes();
     let (mut out, mut at) = (Vec::with_capacity(bytes.len()), 0);
@@ -335,11 +467,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn base64_and_percent_signs_are_read() {
-        assert_eq!(base64("Zm9vYmFy").unwrap(), b"foobar");
-        assert_eq!(base64("Zm9vYg==").unwrap(), b"foob");
-        assert_eq!(base64("Zm9vYmE=").unwrap(), b"fooba");
-        assert!(base64("Zm9*").is_none() && base64("Z").is_none());
+    fn base64_and_percent_encoding_are_decoded() {
+        assert_eq!(decode_base64("Zm9vYmFy").unwrap(), b"foobar");
+        assert_eq!(decode_base64("Zm9vYg==").unwrap(), b"foob");
+        assert_eq!(decode_base64("Zm9vYmE=").unwrap(), b"fooba");
+        assert!(decode_base64("Zm9*").is_none() && decode_base64("Z").is_none());
         assert_eq!(percent_decoded("a%20b%2"), "a b%2");
     }
 }

@@ -1,4 +1,5 @@
-//! Materials of glTF: metallic-roughness with the extensions that the Disney model has a parameter for.
+//! glTF materials: metallic-roughness, with the extensions that have a parameter in the Disney
+//! model.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -7,14 +8,14 @@ use glam::{Affine2, Vec2, Vec3};
 use serde_json::Value as Json;
 
 use super::document::Document;
-use crate::scene::desc::material::MIN_IOR;
+use crate::scene::desc::material_params::MIN_IOR;
 use crate::scene::desc::{Lookup, MaskMode, MaterialDesc, TextureDesc, TextureSlot, Wrap};
-use crate::scene::load::images::Pictures;
-use crate::scene::load::{Missing, missing_texture};
+use crate::scene::load::images::ImageCache;
+use crate::scene::load::{MissingTextures, with_lenient_hint};
 use crate::scene::{Note, SceneError};
 
-/// Extensions that are read, in part or wholly.
-const READ: &[&str] = &[
+/// Material extensions that are supported, entirely or in part.
+const SUPPORTED_EXTENSIONS: &[&str] = &[
     "KHR_materials_emissive_strength",
     "KHR_materials_transmission",
     "KHR_materials_ior",
@@ -24,218 +25,347 @@ const READ: &[&str] = &[
     "KHR_materials_anisotropy",
 ];
 
-/// A material, and what it wants of the texture coordinates of meshes.
-pub(super) struct Read {
-    /// The material.
+/// A material, and the texture coordinate sets that it needs.
+pub(super) struct LoadedMaterial {
+    /// The material without a mesh.
     pub desc: MaterialDesc,
-    /// Them.
-    pub wanted: Coordinates,
+    /// Texture coordinate sets that meshes with this material must provide.
+    pub uv_sets: UvSets,
 }
 
-/// Which sets of texture coordinates a mesh takes from the file. The normal map decides about the first one, since
-/// tangents follow it, or else the first texture.
+/// Selection of texture coordinate sets from the file. The first set is that of the normal map,
+/// since tangents follow it, or else that of the first texture.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Coordinates {
-    /// The number of `TEXCOORD_n` that is the first set.
+pub(super) struct UvSets {
+    /// Number `n` of the `TEXCOORD_n` that becomes the mesh's first set.
     pub first: u64,
-    /// From the first set in the file to that of the mesh, both starting at the top left.
+    /// Map from that set to the mesh's first set; both start at the top left.
     pub map: Affine2,
-    /// The number of the set that is the second one.
+    /// Number of the set that becomes the mesh's second set.
     pub second: Option<u64>,
 }
 
-/// Where a texture lies: its set of coordinates, and from those to places in the picture, both starting at the top left.
+/// Coordinate set of a texture, and the map from it to image coordinates; both start at the top
+/// left.
 #[derive(Clone, Copy, PartialEq)]
-struct Place {
+struct TexturePlacement {
     set: u64,
     map: Affine2,
 }
 
-/// A picture, and what is beyond its edges.
-type Wrapped = (Arc<TextureDesc>, [Wrap; 2]);
+/// An image and its wrap modes.
+type WrappedImage = (Arc<TextureDesc>, [Wrap; 2]);
 
-/// Reads materials and the images that they name, each once.
-pub(super) struct Materials<'a> {
+/// Reader of materials and of the images that they refer to, each read once.
+pub(super) struct MaterialReader<'a> {
     document: &'a Document,
-    missing: Missing,
+    missing: MissingTextures,
     images: BTreeMap<usize, Option<Arc<TextureDesc>>>,
-    pictures: Pictures,
+    cache: ImageCache,
     notes: &'a mut Vec<Note>,
 }
 
-impl<'a> Materials<'a> {
-    /// None read yet.
-    pub fn new(document: &'a Document, missing: Missing, notes: &'a mut Vec<Note>) -> Materials<'a> {
-        Materials { document, missing, images: BTreeMap::new(), pictures: Pictures::default(), notes }
+impl<'a> MaterialReader<'a> {
+    /// Creates a reader that has read nothing yet.
+    pub fn new(
+        document: &'a Document,
+        missing: MissingTextures,
+        notes: &'a mut Vec<Note>,
+    ) -> MaterialReader<'a> {
+        MaterialReader {
+            document,
+            missing,
+            images: BTreeMap::new(),
+            cache: ImageCache::default(),
+            notes,
+        }
     }
 
-    /// The material of an index, under a name that is its own.
-    pub fn read(&mut self, i: usize, name: String) -> Result<Read, SceneError> {
+    /// Reads the material of an index. `name` is its unique name.
+    pub fn read(&mut self, i: usize, name: String) -> Result<LoadedMaterial, SceneError> {
         let m = self.document.at("materials", i).clone();
         let place = format!("materials[{i}]");
-        let mut read = Read { desc: MaterialDesc::new(&name), wanted: Coordinates::default() };
-        let d = &mut read.desc;
+        let mut loaded = LoadedMaterial {
+            desc: MaterialDesc::new(&name),
+            uv_sets: UvSets::default(),
+        };
+        let d = &mut loaded.desc;
         let pbr = &m["pbrMetallicRoughness"];
-        let part = |v: &Json, default: f64| v.as_f64().unwrap_or(default).clamp(0.0, 1.0) as f32;
         let factor = color(&pbr["baseColorFactor"], Vec3::ONE);
         d.base_color = factor.clamp(Vec3::ZERO, Vec3::ONE);
-        d.metallic = part(&pbr["metallicFactor"], 1.0);
-        d.roughness = part(&pbr["roughnessFactor"], 1.0);
-        let extension = |name: &str| m["extensions"][name].clone();
-        let strength = extension("KHR_materials_emissive_strength")["emissiveStrength"].as_f64().unwrap_or(1.0);
-        d.emission = (color(&m["emissiveFactor"], Vec3::ZERO) * strength as f32).clamp(Vec3::ZERO, Vec3::splat(1e9));
-        d.opacity = 1.0 - part(&extension("KHR_materials_transmission")["transmissionFactor"], 0.0);
-        d.ior = extension("KHR_materials_ior")["ior"].as_f64().unwrap_or(1.5).clamp(MIN_IOR, 100.0) as f32;
-        let specular = extension("KHR_materials_specular");
-        if specular.is_object() {
-            self.specular(&place, &specular, &mut read.desc);
-        }
-        let d = &mut read.desc;
-        let coat = extension("KHR_materials_clearcoat");
-        if coat.is_object() {
-            d.clearcoat = part(&coat["clearcoatFactor"], 0.0);
-            d.clearcoat_gloss = 1.0 - part(&coat["clearcoatRoughnessFactor"], 0.0);
-            self.note(&place, "a full clear coat is a quarter as strong as in glTF, and its textures are not read");
-        }
-        let sheen = extension("KHR_materials_sheen");
-        if sheen.is_object() {
-            let tint = color(&sheen["sheenColorFactor"], Vec3::ZERO);
-            let d = &mut read.desc;
-            (d.sheen, d.sheen_tint) = (tint.max_element().clamp(0.0, 1.0), 0.0);
-            self.note(&place, "sheen has Burley's form, white, without textures or a roughness of its own");
-        }
-        let stretched = extension("KHR_materials_anisotropy");
-        if stretched.is_object() {
-            read.desc.anisotropic = part(&stretched["anisotropyStrength"], 0.0);
-            self.note(&place, "anisotropy has Burley's form, along growing u, without its texture");
-        }
-        for name in
-            m["extensions"].as_object().into_iter().flat_map(|o| o.keys()).filter(|k| !READ.contains(&k.as_str()))
+        d.metallic = unit_number(&pbr["metallicFactor"], 1.0);
+        d.roughness = unit_number(&pbr["roughnessFactor"], 1.0);
+        let extension = |name: &str| &m["extensions"][name];
+        let strength = extension("KHR_materials_emissive_strength")["emissiveStrength"]
+            .as_f64()
+            .unwrap_or(1.0);
+        d.emission = (color(&m["emissiveFactor"], Vec3::ZERO) * strength as f32)
+            .clamp(Vec3::ZERO, Vec3::splat(1e9));
+        d.opacity = 1.0
+            - unit_number(
+                &extension("KHR_materials_transmission")["transmissionFactor"],
+                0.0,
+            );
+        d.ior = extension("KHR_materials_ior")["ior"]
+            .as_f64()
+            .unwrap_or(1.5)
+            .clamp(MIN_IOR, 100.0) as f32;
+        self.lobes(&place, &m, d);
+        for name in m["extensions"]
+            .as_object()
+            .into_iter()
+            .flat_map(|o| o.keys())
+            .filter(|k| !SUPPORTED_EXTENSIONS.contains(&k.as_str()))
         {
             let shown: String = name.chars().take(48).collect();
-            self.note(&place, format!("the extension `{shown}` is not read"));
+            self.note(&place, format!("the extension `{shown}` is not supported"));
         }
-        self.textures(&place, &m, &mut read)?;
-        Ok(read)
+        self.textures(&place, &m, &mut loaded)?;
+        Ok(loaded)
+    }
+
+    /// Reads the extensions that add or modify lobes of the Disney model.
+    fn lobes(&mut self, place: &str, m: &Json, d: &mut MaterialDesc) {
+        let extension = |name: &str| Some(&m["extensions"][name]).filter(|e| e.is_object());
+        if let Some(specular) = extension("KHR_materials_specular") {
+            self.specular(place, specular, d);
+        }
+        if let Some(coat) = extension("KHR_materials_clearcoat") {
+            d.clearcoat = unit_number(&coat["clearcoatFactor"], 0.0);
+            d.clearcoat_gloss = 1.0 - unit_number(&coat["clearcoatRoughnessFactor"], 0.0);
+            self.note(
+                place,
+                "a full clear coat is a quarter as strong as in glTF, and clear coat textures are \
+                 not supported",
+            );
+        }
+        if let Some(sheen) = extension("KHR_materials_sheen") {
+            let tint = color(&sheen["sheenColorFactor"], Vec3::ZERO);
+            (d.sheen, d.sheen_tint) = (tint.max_element().clamp(0.0, 1.0), 0.0);
+            self.note(
+                place,
+                "sheen uses Burley's model, white; its textures and roughness are not supported",
+            );
+        }
+        if let Some(anisotropy) = extension("KHR_materials_anisotropy") {
+            d.anisotropic = unit_number(&anisotropy["anisotropyStrength"], 0.0);
+            self.note(
+                place,
+                "anisotropy uses Burley's model, along increasing u; its texture and rotation are \
+                 not supported",
+            );
+        }
     }
 
     fn note(&mut self, place: &str, message: impl Into<String>) {
         let (file, place, message) = (self.document.path.clone(), place.to_owned(), message.into());
-        self.notes.push(Note { file, place, message });
+        self.notes.push(Note {
+            file,
+            place,
+            message,
+        });
     }
 
-    /// The factor on reflectance at normal incidence as an index.
-    fn specular(&mut self, place: &str, said: &Json, d: &mut MaterialDesc) {
-        let factor = said["specularFactor"].as_f64().unwrap_or(1.0).clamp(0.0, 1.0) as f32;
+    /// Reads the factor on the reflectance at normal incidence, expressed as an index of
+    /// refraction.
+    fn specular(&mut self, place: &str, extension: &Json, d: &mut MaterialDesc) {
+        let factor = extension["specularFactor"]
+            .as_f64()
+            .unwrap_or(1.0)
+            .clamp(0.0, 1.0) as f32;
         let f0 = ((d.ior - 1.0) / (d.ior + 1.0)).powi(2) * factor;
         if d.opacity == 1.0 {
             d.ior = (1.0 + f0.sqrt()) / (1.0 - f0.sqrt());
         }
-        if factor != 1.0 || said["specularColorFactor"].is_array() || said["specularTexture"].is_object() {
-            self.note(place, "`specular` sets the index of opaque materials; its colour and textures are not read");
+        if factor != 1.0
+            || extension["specularColorFactor"].is_array()
+            || extension["specularTexture"].is_object()
+        {
+            self.note(
+                place,
+                "`KHR_materials_specular` sets the index of opaque materials; its colour and \
+                 textures are not supported",
+            );
         }
     }
 
-    fn textures(&mut self, place: &str, m: &Json, read: &mut Read) -> Result<(), SceneError> {
+    /// Reads the textures of a material and selects the texture coordinate sets.
+    fn textures(
+        &mut self,
+        place: &str,
+        m: &Json,
+        loaded: &mut LoadedMaterial,
+    ) -> Result<(), SceneError> {
         let pbr = &m["pbrMetallicRoughness"];
-        let passes = &m["extensions"]["KHR_materials_transmission"]["transmissionTexture"];
-        let said = [
+        let transmission = &m["extensions"]["KHR_materials_transmission"]["transmissionTexture"];
+        let references = [
             ("baseColorTexture", &pbr["baseColorTexture"]),
             ("metallicRoughnessTexture", &pbr["metallicRoughnessTexture"]),
             ("normalTexture", &m["normalTexture"]),
             ("emissiveTexture", &m["emissiveTexture"]),
-            ("transmissionTexture", passes),
+            ("transmissionTexture", transmission),
         ];
-        let mut found = [const { None }; 5];
-        for ((key, said), found) in said.iter().zip(&mut found) {
-            if said.is_object() {
+        let mut textures = [const { None }; 5];
+        for ((key, reference), texture) in references.iter().zip(&mut textures) {
+            if reference.is_object() {
                 let place = format!("{place}.{key}");
-                let lies = self.lies(&place, said)?;
-                *found = self.texture(&place, said)?.map(|(image, wrap)| (image, wrap, lies, place));
+                let placement = self.placement(&place, reference)?;
+                *texture = self
+                    .texture(&place, reference)?
+                    .map(|(image, wrap)| (image, wrap, placement, place));
             }
         }
-        if let Some((_, _, lies, _)) = found[2].as_ref().or(found.iter().flatten().next()) {
-            read.wanted = Coordinates { first: lies.set, map: lies.map, second: None };
+        let normal = textures[2].as_ref();
+        if let Some((_, _, placement, _)) = normal.or(textures.iter().flatten().next()) {
+            loaded.uv_sets = UvSets {
+                first: placement.set,
+                map: placement.map,
+                second: None,
+            };
         }
-        let mut laid = [const { None }; 5];
-        for (found, laid) in found.into_iter().zip(&mut laid) {
-            if let Some((image, wrap, lies, place)) = found {
-                *laid = Some((image, Lookup { wrap, ..self.lookup(&place, lies, &mut read.wanted) }));
-            }
-        }
-        let [base, rough, normal, emissive, transmission] = laid;
-        let d = &mut read.desc;
-        let alpha = pbr["baseColorFactor"][3].as_f64().unwrap_or(1.0) as f32;
-        match m["alphaMode"].as_str().unwrap_or("OPAQUE") {
-            "OPAQUE" => {}
-            mode => {
-                d.mask_mode = if mode == "BLEND" { MaskMode::Blend } else { MaskMode::Threshold };
-                d.mask_threshold = m["alphaCutoff"].as_f64().unwrap_or(0.5).clamp(0.0, 1.0) as f32;
-                let (mask, lookup) = match &base {
-                    Some((image, lookup)) => (self.channel(place, image, 3, alpha)?, *lookup),
-                    None => (Arc::new(TextureDesc::grey(alpha)), Lookup::default()),
+        let mut mapped = [const { None }; 5];
+        for (texture, mapped) in textures.into_iter().zip(&mut mapped) {
+            if let Some((image, wrap, placement, place)) = texture {
+                let lookup = Lookup {
+                    wrap,
+                    ..self.lookup(&place, placement, &mut loaded.uv_sets)
                 };
-                d.lay_texture(TextureSlot::Mask, mask, lookup);
+                *mapped = Some((image, lookup));
             }
         }
+        self.set_textures(place, m, mapped, &mut loaded.desc)
+    }
+
+    /// Stores the textures in the material: base colour, metallic and roughness, normal map,
+    /// emission, transmission.
+    fn set_textures(
+        &mut self,
+        place: &str,
+        m: &Json,
+        textures: [Option<(Arc<TextureDesc>, Lookup)>; 5],
+        d: &mut MaterialDesc,
+    ) -> Result<(), SceneError> {
+        let [base, rough, normal, emissive, transmission] = textures;
+        self.set_mask(place, m, base.as_ref(), d)?;
         if let Some((image, lookup)) = base {
-            d.lay_texture(TextureSlot::BaseColor, image, lookup);
+            d.set_mapped_texture(TextureSlot::BaseColor, image, lookup);
         }
         if let Some((image, lookup)) = rough {
             let (roughness, metallic) = (d.roughness, d.metallic);
-            d.lay_texture(TextureSlot::Roughness, self.channel(place, &image, 1, roughness)?, lookup);
-            d.lay_texture(TextureSlot::Metallic, self.channel(place, &image, 2, metallic)?, lookup);
+            d.set_mapped_texture(
+                TextureSlot::Roughness,
+                self.channel(place, &image, 1, roughness)?,
+                lookup,
+            );
+            d.set_mapped_texture(
+                TextureSlot::Metallic,
+                self.channel(place, &image, 2, metallic)?,
+                lookup,
+            );
         }
         if let Some((image, lookup)) = normal {
             let scale = m["normalTexture"]["scale"].as_f64().unwrap_or(1.0);
             if scale < 0.0 {
-                self.note(place, "a negative scale of a normal map is not possible: it is switched off");
+                self.note(
+                    place,
+                    "a negative scale of a normal map is not supported; the map is disabled",
+                );
             }
             d.normal_strength = scale.clamp(0.0, 100.0) as f32;
-            d.lay_texture(TextureSlot::Normal, image, lookup);
+            d.set_mapped_texture(TextureSlot::Normal, image, lookup);
         }
         if let Some((image, lookup)) = emissive {
-            d.lay_texture(TextureSlot::Emission, image, lookup);
+            d.set_mapped_texture(TextureSlot::Emission, image, lookup);
         }
         if let Some((image, lookup)) = transmission {
-            // What passes is what is not opaque.
-            let through = 1.0 - d.opacity;
-            let opaque = self.mapped(place, &image, &format!("1 - r * {through}"), |[r, ..]| 1.0 - r * through)?;
-            d.lay_texture(TextureSlot::Opacity, opaque, lookup);
+            let transmission = 1.0 - d.opacity;
+            let opacity = self.derived(
+                place,
+                &image,
+                &format!("1 - r * {transmission}"),
+                |[r, ..]| 1.0 - r * transmission,
+            )?;
+            d.set_mapped_texture(TextureSlot::Opacity, opacity, lookup);
         }
         Ok(())
     }
 
-    /// Where a texture lies.
-    fn lies(&mut self, place: &str, said: &Json) -> Result<Place, SceneError> {
-        let transform = &said["extensions"]["KHR_texture_transform"];
-        let set = transform["texCoord"].as_u64().or(said["texCoord"].as_u64()).unwrap_or(0);
+    /// Sets the mask of a material that is not opaque: the alpha of its base colour.
+    fn set_mask(
+        &mut self,
+        place: &str,
+        m: &Json,
+        base: Option<&(Arc<TextureDesc>, Lookup)>,
+        d: &mut MaterialDesc,
+    ) -> Result<(), SceneError> {
+        let mode = m["alphaMode"].as_str().unwrap_or("OPAQUE");
+        if mode == "OPAQUE" {
+            return Ok(());
+        }
+        d.mask_mode = if mode == "BLEND" {
+            MaskMode::Blend
+        } else {
+            MaskMode::Threshold
+        };
+        d.mask_threshold = m["alphaCutoff"].as_f64().unwrap_or(0.5).clamp(0.0, 1.0) as f32;
+        let alpha = m["pbrMetallicRoughness"]["baseColorFactor"][3]
+            .as_f64()
+            .unwrap_or(1.0) as f32;
+        let (mask, lookup) = match base {
+            Some((image, lookup)) => (self.channel(place, image, 3, alpha)?, *lookup),
+            None => (Arc::new(TextureDesc::grey(alpha)), Lookup::default()),
+        };
+        d.set_mapped_texture(TextureSlot::Mask, mask, lookup);
+        Ok(())
+    }
+
+    /// Reads the coordinate set and the transform of a texture reference.
+    fn placement(&mut self, place: &str, reference: &Json) -> Result<TexturePlacement, SceneError> {
+        let transform = &reference["extensions"]["KHR_texture_transform"];
+        let set = transform["texCoord"]
+            .as_u64()
+            .or(reference["texCoord"].as_u64())
+            .unwrap_or(0);
         let pair = |v: &Json, default: f32| {
             let at = |i: usize| v[i].as_f64().map_or(default, |x| x as f32);
             Vec2::new(at(0), at(1))
         };
         let angle = transform["rotation"].as_f64().unwrap_or(0.0) as f32;
-        // Its rotation comes after the scale.
+        // The rotation is applied after the scale.
         let map = Affine2::from_translation(pair(&transform["offset"], 0.0))
             * Affine2::from_angle(-angle)
             * Affine2::from_scale(pair(&transform["scale"], 1.0));
         if !map.is_finite() {
-            return Err(self.document.error(place, "its transform must be finite"));
+            return Err(self
+                .document
+                .error(place, "the texture transform must be finite"));
         }
-        Ok(Place { set, map })
+        Ok(TexturePlacement { set, map })
     }
 
-    /// How a texture is laid on a mesh that has these coordinates; the second set is that of the first texture which
-    /// wants another one than the first set.
-    fn lookup(&mut self, place: &str, lies: Place, wanted: &mut Coordinates) -> Lookup {
-        let second = lies.set != wanted.first;
-        if second && *wanted.second.get_or_insert(lies.set) != lies.set {
-            self.note(place, "a material has textures on two sets of coordinates at most: this one lies as the first");
+    /// Returns the mapping of a texture relative to the material's coordinate sets. The first
+    /// texture with another set than the first determines the second set.
+    fn lookup(&mut self, place: &str, placement: TexturePlacement, uv_sets: &mut UvSets) -> Lookup {
+        let second = placement.set != uv_sets.first;
+        if second && *uv_sets.second.get_or_insert(placement.set) != placement.set {
+            self.note(
+                place,
+                "textures of a material can use at most two texture coordinate sets; this one is \
+                 mapped like the first texture",
+            );
             return Lookup::default();
         }
-        let around = if second { Affine2::IDENTITY } else { wanted.map };
-        match Lookup::beside(around, lies.map) {
-            Ok(map) => Lookup { second, map: map.map(turned_over), ..Lookup::default() },
+        let first = if second {
+            Affine2::IDENTITY
+        } else {
+            uv_sets.map
+        };
+        match Lookup::relative_to(first, placement.map) {
+            Ok(map) => Lookup {
+                second,
+                map: map.map(flipped_v),
+                ..Lookup::default()
+            },
             Err(e) => {
                 self.note(place, e.to_string());
                 Lookup::default()
@@ -243,14 +373,20 @@ impl<'a> Materials<'a> {
         }
     }
 
-    /// The image of a texture, and how it goes on beyond its edges.
-    fn texture(&mut self, place: &str, said: &Json) -> Result<Option<Wrapped>, SceneError> {
-        let (i, texture) = self.document.named(place, "textures", &said["index"])?;
+    /// Reads the image and the wrap modes of a texture reference.
+    fn texture(
+        &mut self,
+        place: &str,
+        reference: &Json,
+    ) -> Result<Option<WrappedImage>, SceneError> {
+        let (i, texture) = self
+            .document
+            .resolve(place, "textures", &reference["index"])?;
         let place = format!("textures[{i}]");
         let texture = texture.clone();
         let sampler = match &texture["sampler"] {
             Json::Null => Json::Null,
-            index => self.document.named(&place, "samplers", index)?.1.clone(),
+            index => self.document.resolve(&place, "samplers", index)?.1.clone(),
         };
         let wrap = |key: &str| match sampler[key].as_u64() {
             Some(33071) => Wrap::Clamp,
@@ -258,15 +394,21 @@ impl<'a> Materials<'a> {
             _ => Wrap::Repeat,
         };
         if sampler["magFilter"].as_u64() == Some(9728) {
-            self.note(&place, "textures are bilinear, whatever their sampler says");
+            self.note(
+                &place,
+                "the sampler asks for NEAREST, but all textures are bilinear",
+            );
         }
-        // Turning v over changes none of the three.
+        // Flipping v leaves every wrap mode unchanged.
         let wraps = [wrap("wrapS"), wrap("wrapT")];
-        Ok(self.image(&place, &texture["source"])?.map(|image| (image, wraps)))
+        Ok(self
+            .image(&place, &texture["source"])?
+            .map(|image| (image, wraps)))
     }
 
-    /// A grey picture by a function of every texel, whose channels are as stored from 0 to 1.
-    fn mapped(
+    /// Returns a grey image computed from every texel, with channels as stored, from 0 to 1. `how`
+    /// identifies the function.
+    fn derived(
         &mut self,
         place: &str,
         image: &TextureDesc,
@@ -277,10 +419,12 @@ impl<'a> Materials<'a> {
             let x = f(texel);
             [x, x, x, 1.0]
         };
-        self.pictures.made(image, how, grey).map_err(|problem| self.document.error(place, problem))
+        self.cache
+            .derived(image, how, grey)
+            .map_err(|problem| self.document.error(place, problem))
     }
 
-    /// One channel times a factor.
+    /// Returns one channel of an image times a factor, as a grey image.
     fn channel(
         &mut self,
         place: &str,
@@ -288,52 +432,77 @@ impl<'a> Materials<'a> {
         which: usize,
         factor: f32,
     ) -> Result<Arc<TextureDesc>, SceneError> {
-        self.mapped(place, image, &format!("{which} * {factor}"), |texel| texel[which] * factor)
+        self.derived(place, image, &format!("{which} * {factor}"), |texel| {
+            texel[which] * factor
+        })
     }
 
-    fn image(&mut self, place: &str, source: &Json) -> Result<Option<Arc<TextureDesc>>, SceneError> {
-        let (i, image) = self.document.named(place, "images", source)?;
+    /// Returns an image of the document, or `None` with a note if it cannot be read and the policy
+    /// allows it.
+    fn image(
+        &mut self,
+        place: &str,
+        source: &Json,
+    ) -> Result<Option<Arc<TextureDesc>>, SceneError> {
+        let (i, image) = self.document.resolve(place, "images", source)?;
         if let Some(known) = self.images.get(&i) {
             return Ok(known.clone());
         }
         let place = format!("images[{i}]");
-        let image = match self.picture(&place, image) {
+        let image = match self.read_image(&place, image) {
             Ok(image) => Some(image),
-            Err(e) if self.missing == Missing::Noted => {
-                self.note(&place, format!("{e}: left out"));
+            Err(e) if self.missing == MissingTextures::Note => {
+                self.note(
+                    &place,
+                    format!("{e}; the material's constant value is used"),
+                );
                 None
             }
-            Err(e) => return Err(missing_texture(e)),
+            Err(e) => return Err(with_lenient_hint(e)),
         };
         self.images.insert(i, image.clone());
         Ok(image)
     }
 
-    /// Reads an image of the document, which errors name.
-    fn picture(&mut self, place: &str, image: &Json) -> Result<Arc<TextureDesc>, SceneError> {
+    /// Reads an image of the document; errors name its place.
+    fn read_image(&mut self, place: &str, image: &Json) -> Result<Arc<TextureDesc>, SceneError> {
         let document = self.document;
-        if let Some(uri) = image["uri"].as_str().filter(|uri| !uri.starts_with("data:")) {
-            let read = self.pictures.load(&document.beside(uri), self.notes);
+        if let Some(uri) = image["uri"]
+            .as_str()
+            .filter(|uri| !uri.starts_with("data:"))
+        {
+            let read = self.cache.load(&document.relative_path(uri), self.notes);
             return read.map_err(|e| document.error(place, e.to_string()));
         }
         let bytes = match document.uri(place, image)? {
             Some(bytes) => bytes,
             None => document.view(place, &image["bufferView"])?.0.to_vec(),
         };
-        self.pictures.part(&document.path, bytes, document.size(), self.notes).map_err(|e| match e {
-            SceneError::Malformed { problem, .. } => document.error(place, problem),
-            other => other,
-        })
+        self.cache
+            .load_embedded(&document.path, bytes, document.size(), self.notes)
+            .map_err(|e| match e {
+                SceneError::Malformed { problem, .. } => document.error(place, problem),
+                other => other,
+            })
     }
 }
 
-/// A map of texture coordinates that start at the top left as one of those that start at the bottom left, and the other
-/// way round.
-fn turned_over(map: Affine2) -> Affine2 {
-    let turn = Affine2 { matrix2: glam::Mat2::from_diagonal(Vec2::new(1.0, -1.0)), translation: Vec2::Y };
-    turn * map * turn
+/// Converts a map of texture coordinates between those that start at the top left and those that
+/// start at the bottom left.
+fn flipped_v(map: Affine2) -> Affine2 {
+    let flip = Affine2 {
+        matrix2: glam::Mat2::from_diagonal(Vec2::new(1.0, -1.0)),
+        translation: Vec2::Y,
+    };
+    flip * map * flip
 }
 
+/// Returns a number clamped to 0..=1.
+fn unit_number(v: &Json, default: f64) -> f32 {
+    v.as_f64().unwrap_or(default).clamp(0.0, 1.0) as f32
+}
+
+/// Returns the first three elements of a list as a colour.
 fn color(v: &Json, default: Vec3) -> Vec3 {
     let at = |i: usize| v[i].as_f64().map_or(default[i], |x| x as f32);
     Vec3::new(at(0), at(1), at(2))

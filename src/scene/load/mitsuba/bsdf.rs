@@ -1,113 +1,161 @@
-//! Surfaces: plugins of the class `bsdf` as materials.
+//! Surfaces of Mitsuba scenes: plugins of the class `bsdf`, converted to materials.
 
 use std::rc::Rc;
 use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::texture::Textures;
-use super::tree::{Data, Item, Object};
-use super::{metals, texture};
-use crate::scene::desc::material::{MIN_IOR, SMOOTH_ROUGHNESS};
+use super::metals;
+use super::texture::{LoadedTexture, TextureReader};
+use super::tree::{Property, PropertyValue, XmlObject};
+use crate::scene::desc::material::SMOOTH_ROUGHNESS;
+use crate::scene::desc::material_params::MIN_IOR;
 use crate::scene::desc::{Distribution, MaskMode, MaterialDesc, Model, TextureDesc, TextureSlot};
 use crate::scene::{Note, SceneError};
 
-/// How deep surfaces may wrap one another.
-const MAX_WRAPS: usize = 8;
+/// Greatest nesting depth of surfaces.
+const MAX_NESTING: usize = 8;
 
-/// Reads a surface as a material of a name.
+/// Converts a surface to a material with the given name.
 pub(super) fn read(
-    object: &Rc<Object>,
+    object: &Rc<XmlObject>,
     name: &str,
-    textures: &mut Textures,
+    textures: &mut TextureReader,
     notes: &mut Vec<Note>,
 ) -> Result<MaterialDesc, SceneError> {
-    let mut reader = Reader { m: MaterialDesc::new(name), textures, notes };
-    reader.wrapped(object, false, 0)?;
+    let mut reader = BsdfReader {
+        m: MaterialDesc::new(name),
+        textures,
+        notes,
+    };
+    reader.surface(object, false, 0)?;
     Ok(reader.m)
 }
 
-/// The grey surface of shapes that name none.
-pub(super) fn plain(name: &str) -> MaterialDesc {
-    MaterialDesc { model: Model::Lambert, base_color: Vec3::splat(0.5), ..MaterialDesc::new(name) }
+/// Returns the grey surface of shapes without one.
+pub(super) fn default_surface(name: &str) -> MaterialDesc {
+    MaterialDesc {
+        model: Model::Lambert,
+        base_color: Vec3::splat(0.5),
+        ..MaterialDesc::new(name)
+    }
 }
 
-struct Reader<'a> {
+/// Conversion of one surface.
+struct BsdfReader<'a> {
     m: MaterialDesc,
-    textures: &'a mut Textures,
+    textures: &'a mut TextureReader,
     notes: &'a mut Vec<Note>,
 }
 
-impl Reader<'_> {
-    fn wrapped(&mut self, o: &Rc<Object>, two_sided: bool, depth: usize) -> Result<(), SceneError> {
-        if depth > MAX_WRAPS {
-            return Err(o.error("surfaces wrap one another too deep"));
+impl BsdfReader<'_> {
+    /// Converts a surface: either an adapter with a surface inside, or a plain plugin. `two_sided`
+    /// is set inside of `twosided`.
+    fn surface(
+        &mut self,
+        o: &Rc<XmlObject>,
+        two_sided: bool,
+        depth: usize,
+    ) -> Result<(), SceneError> {
+        if depth > MAX_NESTING {
+            return Err(o.error(format!(
+                "surfaces are nested more than {MAX_NESTING} levels deep"
+            )));
         }
-        let inner = |two_sided: bool, this: &mut Self| {
-            let inside: Vec<_> = o.children("bsdf").cloned().collect();
-            if inside.len() > 1 {
-                this.notes.push(o.note(format!(
-                    "the first of the {} surfaces of `{}` is used alone",
-                    inside.len(),
-                    o.kind
-                )));
-            }
-            match inside.first() {
-                Some(first) => this.wrapped(first, two_sided, depth + 1),
-                None => Err(o.error(format!("a `{}` needs a surface inside", o.kind))),
-            }
-        };
-        match o.kind.as_str() {
-            "twosided" => inner(true, self),
+        match o.plugin.as_str() {
+            "twosided" => self.nested(o, true, depth),
             "mask" => {
-                inner(two_sided, self)?;
+                self.nested(o, two_sided, depth)?;
                 self.mask(o)
             }
             "bumpmap" => {
-                inner(two_sided, self)?;
-                // Its texture may have any name.
-                let map = o.children("texture").next().cloned();
-                let height = o.number("scale", 1.0)?;
-                if height.abs() > 1e6 {
-                    return Err(o.error(format!("`scale` must lie between -1e6 and 1e6, found {height}")));
-                }
-                if let Some(read) = map.map(|t| self.textures.read(&t, self.notes)).transpose()?.flatten() {
-                    self.m.bump_height = height as f32;
-                    let read = self.textures.heights(o, read)?;
-                    self.slot(o, TextureSlot::Bump, read);
-                }
-                Ok(())
+                self.nested(o, two_sided, depth)?;
+                self.bump_map(o)
             }
             "normalmap" => {
-                inner(two_sided, self)?;
-                let map = o.item("normalmap").or_else(|| o.item(""));
-                let map = match map {
-                    Some(Item::Object(t)) if t.class == "texture" => Some(t.clone()),
-                    _ => o.children("texture").next().cloned(),
-                };
-                if let Some(read) = map.map(|t| self.textures.read(&t, self.notes)).transpose()?.flatten() {
-                    // Normals are stored as they are, whatever `raw` says.
-                    self.slot(o, TextureSlot::Normal, read);
-                }
-                Ok(())
+                self.nested(o, two_sided, depth)?;
+                self.normal_map(o)
             }
             "blendbsdf" => {
-                self.notes.push(o.note("surfaces are not blended"));
-                o.known(&["weight"]);
-                inner(two_sided, self)
+                self.notes
+                    .push(o.note("blending of surfaces is not supported"));
+                o.mark_read(&["weight"]);
+                self.nested(o, two_sided, depth)
             }
             _ => {
-                let opaque = !matches!(o.kind.as_str(), "dielectric" | "thindielectric" | "roughdielectric" | "null");
-                if !two_sided && opaque && o.kind != "principled" {
-                    self.notes.push(o.note("opaque surfaces reflect on both sides, as if they were `twosided`"));
+                let opaque = !matches!(
+                    o.plugin.as_str(),
+                    "dielectric" | "thindielectric" | "roughdielectric" | "null"
+                );
+                if !two_sided && opaque && o.plugin != "principled" {
+                    self.notes.push(
+                        o.note("opaque surfaces reflect on both sides, as if they were `twosided`"),
+                    );
                 }
                 self.plugin(o)
             }
         }
     }
 
-    fn plugin(&mut self, o: &Object) -> Result<(), SceneError> {
-        match o.kind.as_str() {
+    /// Converts the first surface inside an adapter.
+    fn nested(&mut self, o: &XmlObject, two_sided: bool, depth: usize) -> Result<(), SceneError> {
+        let inside: Vec<_> = o.children("bsdf").cloned().collect();
+        if inside.len() > 1 {
+            self.notes.push(o.note(format!(
+                "only the first of the {} surfaces of `{}` is used",
+                inside.len(),
+                o.plugin
+            )));
+        }
+        match inside.first() {
+            Some(first) => self.surface(first, two_sided, depth + 1),
+            None => Err(o.error(format!("a `{}` needs a surface inside", o.plugin))),
+        }
+    }
+
+    /// Reads the height map of a `bumpmap`, whose texture may have any name.
+    fn bump_map(&mut self, o: &XmlObject) -> Result<(), SceneError> {
+        let map = o.children("texture").next().cloned();
+        let height = o.number("scale", 1.0)?;
+        if height.abs() > 1e6 {
+            return Err(o.error(format!(
+                "`scale` must be between -1e6 and 1e6, found {height}"
+            )));
+        }
+        if let Some(texture) = self.optional_texture(map)? {
+            self.m.bump_height = height as f32;
+            let heights = self.textures.heights(o, texture)?;
+            self.set_texture(o, TextureSlot::Bump, heights);
+        }
+        Ok(())
+    }
+
+    /// Reads the texture of a `normalmap`. Its texels are used as stored, whatever `raw` is.
+    fn normal_map(&mut self, o: &XmlObject) -> Result<(), SceneError> {
+        let map = match o.property("normalmap").or_else(|| o.property("")) {
+            Some(Property::Object(t)) if t.class == "texture" => Some(t.clone()),
+            _ => o.children("texture").next().cloned(),
+        };
+        if let Some(texture) = self.optional_texture(map)? {
+            self.set_texture(o, TextureSlot::Normal, texture);
+        }
+        Ok(())
+    }
+
+    /// Reads a texture, if there is one.
+    fn optional_texture(
+        &mut self,
+        o: Option<Rc<XmlObject>>,
+    ) -> Result<Option<LoadedTexture>, SceneError> {
+        match o {
+            Some(o) => self.textures.read(&o, self.notes),
+            None => Ok(None),
+        }
+    }
+
+    /// Converts a plugin without a surface inside.
+    fn plugin(&mut self, o: &XmlObject) -> Result<(), SceneError> {
+        match o.plugin.as_str() {
             "diffuse" => {
                 self.m.model = Model::Lambert;
                 self.base(o, "reflectance", 0.5)
@@ -133,221 +181,279 @@ impl Reader<'_> {
             }
             "principled" => self.principled(o),
             "null" => {
-                // A pane of the outside's own index lets everything pass as it is.
+                // A pane with the index of the outside transmits everything unchanged.
                 (self.m.model, self.m.thin, self.m.ior) = (Model::Dielectric, true, 1.0);
                 Ok(())
             }
             other => {
-                let shown = super::values::shorten(other);
-                self.notes
-                    .push(o.note(format!("the surface `{shown}` is not known: a grey diffuse one takes its place")));
-                o.known(&o.items.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>());
-                self.m = plain(&self.m.name);
+                let shown = super::values::truncated(other);
+                self.notes.push(o.note(format!(
+                    "the surface `{shown}` is not supported; a grey diffuse one is used"
+                )));
+                o.mark_all_read();
+                self.m = default_surface(&self.m.name);
                 Ok(())
             }
         }
     }
 
-    /// Diffuse or reflected colour with its texture.
-    fn base(&mut self, o: &Object, key: &str, default: f32) -> Result<(), SceneError> {
+    /// Reads the base colour, or its texture.
+    fn base(&mut self, o: &XmlObject, key: &str, default: f32) -> Result<(), SceneError> {
         self.m.base_color = Vec3::splat(default);
-        if let Some(Item::Object(t)) = o.item(key) {
+        if let Some(Property::Object(t)) = o.property(key) {
             match self.textures.read(t, self.notes)? {
                 Some(read) => {
                     self.m.base_color = Vec3::ONE;
-                    self.slot(o, TextureSlot::BaseColor, read);
+                    self.set_texture(o, TextureSlot::BaseColor, read);
                 }
                 None => self.m.base_color = Vec3::splat(0.5),
             }
         } else if let Some(color) = o.color(key)? {
-            self.m.base_color = self.unit(o, key, color);
+            self.m.base_color = self.clamped_color(o, key, color);
         }
         Ok(())
     }
 
-    /// A colour that a texture cannot stand for here.
-    fn tint(&mut self, o: &Object, key: &str) -> Result<Vec3, SceneError> {
-        if let Some(Item::Object(t)) = o.item(key) {
-            self.notes.push(t.note(format!("`{key}` has no texture here: white is used")));
+    /// Reads a colour that cannot have a texture here.
+    fn constant_color(&mut self, o: &XmlObject, key: &str) -> Result<Vec3, SceneError> {
+        if let Some(Property::Object(t)) = o.property(key) {
+            self.notes.push(t.note(format!(
+                "textures of `{key}` are not supported; white is used"
+            )));
             return Ok(Vec3::ONE);
         }
         let color = o.color(key)?.unwrap_or(Vec3::ONE);
-        Ok(self.unit(o, key, color))
+        Ok(self.clamped_color(o, key, color))
     }
 
-    fn unit(&mut self, o: &Object, key: &str, color: Vec3) -> Vec3 {
+    /// Returns a colour clamped to 0..=1, with a note if it was outside.
+    fn clamped_color(&mut self, o: &XmlObject, key: &str, color: Vec3) -> Vec3 {
         let inside = color.clamp(Vec3::ZERO, Vec3::ONE);
         if inside != color {
-            self.notes.push(o.note(format!("`{key}` lies outside 0 to 1: it is clamped")));
+            self.notes
+                .push(o.note(format!("`{key}` is outside 0 to 1; it is clamped")));
         }
         inside
     }
 
-    fn slot(&mut self, o: &Object, slot: TextureSlot, read: texture::Read) {
-        if let Err(e) = read.lay(&mut self.m, slot) {
+    /// Sets the texture of a slot, with a note if its mapping is not supported.
+    fn set_texture(&mut self, o: &XmlObject, slot: TextureSlot, read: LoadedTexture) {
+        if let Err(e) = read.apply_to(&mut self.m, slot) {
             self.notes.push(o.note(e.to_string()));
         }
     }
 
-    /// `alpha`, or `alpha_u` and `alpha_v`, as roughness and anisotropy.
-    fn rough(&mut self, o: &Object) -> Result<(), SceneError> {
+    /// Reads `alpha`, or `alpha_u` and `alpha_v`, as roughness and anisotropy.
+    fn rough(&mut self, o: &XmlObject) -> Result<(), SceneError> {
         self.m.distribution = match o.text("distribution")? {
             Some("ggx") => Distribution::Ggx,
             None | Some("beckmann") => Distribution::Beckmann,
             Some(other) => {
-                let shown = super::values::shorten(other);
-                self.notes.push(o.note(format!("the distribution `{shown}` is not known: `beckmann` is used")));
+                let shown = super::values::truncated(other);
+                self.notes.push(o.note(format!(
+                    "the distribution `{shown}` is not supported; `beckmann` is used"
+                )));
                 Distribution::Beckmann
             }
         };
-        o.known(&["sample_visible"]);
-        if let Some(Item::Object(t)) = o.item("alpha") {
+        o.mark_read(&["sample_visible"]);
+        if let Some(Property::Object(t)) = o.property("alpha") {
             if let Some(read) = self.textures.read(t, self.notes)? {
-                // A texture says alpha; roughness is its square root.
+                // The texture contains alpha; roughness is its square root.
                 let read = self.textures.linear(t, read)?;
-                let read = self.textures.mapped(t, read, "root", |x| x.clamp(0.0, 1.0).sqrt())?;
-                self.slot(o, TextureSlot::Roughness, read);
+                let read = self
+                    .textures
+                    .mapped(t, read, "root", |x| x.clamp(0.0, 1.0).sqrt())?;
+                self.set_texture(o, TextureSlot::Roughness, read);
             }
             return Ok(());
         }
         let alpha = o.number("alpha", 0.1)?;
         let (u, v) = (o.number("alpha_u", alpha)?, o.number("alpha_v", alpha)?);
         if !(u > 0.0 && v > 0.0 && u <= 1.0 && v <= 1.0) {
-            return Err(o.error(format!("`alpha` must lie between 0 and 1, found {u} and {v}")));
+            return Err(o.error(format!(
+                "`alpha` must be above 0 and at most 1, found {u} and {v}"
+            )));
         }
-        self.m.roughness = (u * v).sqrt().sqrt().clamp(f64::from(SMOOTH_ROUGHNESS), 1.0) as f32;
+        self.m.roughness = (u * v)
+            .sqrt()
+            .sqrt()
+            .clamp(f64::from(SMOOTH_ROUGHNESS), 1.0) as f32;
         let stretch = (1.0 - v / u) / 0.9;
         if !(0.0..=1.0).contains(&stretch) {
-            self.notes.push(o.note("`alpha_u` is at least, and at most ten times, `alpha_v` here: it is moved there"));
+            self.notes.push(o.note(
+                "`alpha_u` must be at least `alpha_v` and at most ten times as large; it is \
+                 clamped",
+            ));
         }
         self.m.anisotropic = stretch.clamp(0.0, 1.0) as f32;
         Ok(())
     }
 
-    fn conductor(&mut self, o: &Object) -> Result<(), SceneError> {
+    /// Reads a conductor; a smooth one unless [`BsdfReader::rough`] follows.
+    fn conductor(&mut self, o: &XmlObject) -> Result<(), SceneError> {
         (self.m.model, self.m.roughness) = (Model::Conductor, 0.0);
         self.base(o, "specular_reflectance", 1.0)?;
         let material = o.text("material")?;
         let given = (o.color("eta")?, o.color("k")?);
-        // The one default that matters: Mitsuba 3 has a perfect mirror where 0.5 had copper.
+        // The default of Mitsuba 3, a perfect mirror, is used; that of Mitsuba 0.5 was copper.
         let named = material.unwrap_or("none");
         let (eta, k) = match given {
             (None, None) => metals::metal(named).ok_or_else(|| {
-                let shown = super::values::shorten(named);
-                o.error(format!("the metal `{shown}` is not known (known: {}, none)", metals::metal_names()))
+                let shown = super::values::truncated(named);
+                o.error(format!(
+                    "unknown metal `{shown}`; supported: {}, none",
+                    metals::metal_names()
+                ))
             })?,
             (eta, k) => (eta.unwrap_or(Vec3::ZERO), k.unwrap_or(Vec3::ONE)),
         };
-        let outside = match o.item("ext_ior").is_some() {
-            true => self.index(o, "ext_ior", 1.0)?,
-            false => self.index(o, "ext_eta", 1.0)?,
-        } as f32;
-        (self.m.eta, self.m.k) = ((eta / outside).max(Vec3::ZERO), (k / outside).max(Vec3::ZERO));
+        let exterior_key = if o.property("ext_ior").is_some() {
+            "ext_ior"
+        } else {
+            "ext_eta"
+        };
+        let outside = self.index(o, exterior_key, 1.0)? as f32;
+        (self.m.eta, self.m.k) = (
+            (eta / outside).max(Vec3::ZERO),
+            (k / outside).max(Vec3::ZERO),
+        );
         if self.m.eta.max(self.m.k).max_element() > 100.0 {
             return Err(o.error("`eta` and `k` must be at most 100"));
         }
         Ok(())
     }
 
-    fn index(&self, o: &Object, key: &str, default: f64) -> Result<f64, SceneError> {
-        let value = match o.item(key) {
+    /// Reads an index of refraction: a number or the name of a medium.
+    fn index(&self, o: &XmlObject, key: &str, default: f64) -> Result<f64, SceneError> {
+        let value = match o.property(key) {
             None => default,
-            Some(Item::Data(Data::Text(name))) => metals::dielectric(name)
-                .ok_or_else(|| o.error(format!("the medium `{}` is not known", super::values::shorten(name))))?,
+            Some(Property::Value(PropertyValue::Text(name))) => metals::dielectric(name)
+                .ok_or_else(|| {
+                    o.error(format!(
+                        "unknown medium `{}`",
+                        super::values::truncated(name)
+                    ))
+                })?,
             Some(_) => o.number(key, default)?,
         };
         if (MIN_IOR..=100.0).contains(&value) {
             return Ok(value);
         }
-        Err(o.error(format!("`{key}` must lie between {MIN_IOR} and 100, found {value}")))
+        Err(o.error(format!(
+            "`{key}` must be between {MIN_IOR} and 100, found {value}"
+        )))
     }
 
-    fn dielectric(&mut self, o: &Object) -> Result<(), SceneError> {
+    /// Reads a dielectric; a smooth one unless [`BsdfReader::rough`] follows.
+    fn dielectric(&mut self, o: &XmlObject) -> Result<(), SceneError> {
         (self.m.model, self.m.roughness) = (Model::Dielectric, 0.0);
         self.m.opacity = 0.0;
-        self.m.ior = (self.index(o, "int_ior", 1.5046)? / self.index(o, "ext_ior", 1.000_277)?) as f32;
-        self.m.specular = self.tint(o, "specular_reflectance")?;
-        let passes = self.tint(o, "specular_transmittance")?;
-        self.m.base_color = passes * passes;
+        self.m.ior =
+            (self.index(o, "int_ior", 1.5046)? / self.index(o, "ext_ior", 1.000_277)?) as f32;
+        self.m.specular = self.constant_color(o, "specular_reflectance")?;
+        let transmittance = self.constant_color(o, "specular_transmittance")?;
+        self.m.base_color = transmittance * transmittance;
         Ok(())
     }
 
-    fn plastic(&mut self, o: &Object) -> Result<(), SceneError> {
+    /// Reads a plastic; a smooth one unless [`BsdfReader::rough`] follows.
+    fn plastic(&mut self, o: &XmlObject) -> Result<(), SceneError> {
         (self.m.model, self.m.roughness) = (Model::Plastic, 0.0);
-        self.m.ior = (self.index(o, "int_ior", 1.49)? / self.index(o, "ext_ior", 1.000_277)?) as f32;
+        self.m.ior =
+            (self.index(o, "int_ior", 1.49)? / self.index(o, "ext_ior", 1.000_277)?) as f32;
         self.base(o, "diffuse_reflectance", 0.5)?;
-        self.m.specular = self.tint(o, "specular_reflectance")?;
+        self.m.specular = self.constant_color(o, "specular_reflectance")?;
         self.m.nonlinear = o.flag("nonlinear", false)?;
         Ok(())
     }
 
-    fn principled(&mut self, o: &Object) -> Result<(), SceneError> {
+    /// Reads the `principled` surface.
+    fn principled(&mut self, o: &XmlObject) -> Result<(), SceneError> {
         self.base(o, "base_color", 0.5)?;
-        self.m.metallic = self.part(o, "metallic", 0.0, Some(TextureSlot::Metallic))?;
-        self.m.roughness = self.part(o, "roughness", 0.5, Some(TextureSlot::Roughness))?;
+        self.m.metallic = self.unit_number(o, "metallic", 0.0, Some(TextureSlot::Metallic))?;
+        self.m.roughness = self.unit_number(o, "roughness", 0.5, Some(TextureSlot::Roughness))?;
         self.m.opacity = 1.0;
-        match o.item("spec_trans") {
-            Some(Item::Object(t)) => {
+        match o.property("spec_trans") {
+            Some(Property::Object(t)) => {
                 if let Some(read) = self.textures.read(t, self.notes)? {
                     let read = self.textures.linear(t, read)?;
                     let read = self.textures.mapped(t, read, "inverse", |x| 1.0 - x)?;
-                    self.slot(o, TextureSlot::Opacity, read);
+                    self.set_texture(o, TextureSlot::Opacity, read);
                 }
             }
-            _ => self.m.opacity = 1.0 - self.part(o, "spec_trans", 0.0, None)?,
+            _ => self.m.opacity = 1.0 - self.unit_number(o, "spec_trans", 0.0, None)?,
         }
-        self.m.anisotropic = self.part(o, "anisotropic", 0.0, None)?;
-        self.m.specular_tint = self.part(o, "spec_tint", 0.0, None)?;
-        self.m.sheen = self.part(o, "sheen", 0.0, None)?;
-        self.m.sheen_tint = self.part(o, "sheen_tint", 0.0, None)?;
-        self.m.subsurface = self.part(o, "flatness", 0.0, None)?;
-        self.m.clearcoat = self.part(o, "clearcoat", 0.0, None)?;
-        self.m.clearcoat_gloss = self.part(o, "clearcoat_gloss", 0.0, None)?;
-        if o.item("eta").is_some() {
+        self.m.anisotropic = self.unit_number(o, "anisotropic", 0.0, None)?;
+        self.m.specular_tint = self.unit_number(o, "spec_tint", 0.0, None)?;
+        self.m.sheen = self.unit_number(o, "sheen", 0.0, None)?;
+        self.m.sheen_tint = self.unit_number(o, "sheen_tint", 0.0, None)?;
+        self.m.subsurface = self.unit_number(o, "flatness", 0.0, None)?;
+        self.m.clearcoat = self.unit_number(o, "clearcoat", 0.0, None)?;
+        self.m.clearcoat_gloss = self.unit_number(o, "clearcoat_gloss", 0.0, None)?;
+        if o.property("eta").is_some() {
             self.m.ior = self.index(o, "eta", 1.5)? as f32;
         } else {
-            // F0 = 0.08 specular, and its index.
-            let root = (0.08 * self.part(o, "specular", 0.5, None)?).sqrt();
+            // F0 = 0.08 specular, as an index.
+            let root = (0.08 * self.unit_number(o, "specular", 0.5, None)?).sqrt();
             self.m.ior = (1.0 + root) / (1.0 - root);
         }
-        o.known(&["diffuse_reflectance_sampling_rate", "main_specular_sampling_rate", "clearcoat_sampling_rate"]);
+        o.mark_read(&[
+            "diffuse_reflectance_sampling_rate",
+            "main_specular_sampling_rate",
+            "clearcoat_sampling_rate",
+        ]);
         Ok(())
     }
 
-    fn part(&mut self, o: &Object, key: &str, default: f64, slot: Option<TextureSlot>) -> Result<f32, SceneError> {
-        if let Some(Item::Object(t)) = o.item(key) {
+    /// Reads a number clamped to 0..=1, or its texture if `slot` is given.
+    fn unit_number(
+        &mut self,
+        o: &XmlObject,
+        key: &str,
+        default: f64,
+        slot: Option<TextureSlot>,
+    ) -> Result<f32, SceneError> {
+        if let Some(Property::Object(t)) = o.property(key) {
             match (slot, self.textures.read(t, self.notes)?) {
                 (Some(slot), Some(read)) => {
                     let read = self.textures.linear(t, read)?;
-                    self.slot(o, slot, read);
+                    self.set_texture(o, slot, read);
                 }
-                _ => self.notes.push(t.note(format!("`{key}` has no texture here: {default} is used"))),
+                _ => self.notes.push(t.note(format!(
+                    "textures of `{key}` are not supported; {default} is used"
+                ))),
             }
             return Ok(default as f32);
         }
         let value = o.number(key, default)?;
         if !(0.0..=1.0).contains(&value) {
-            self.notes.push(o.note(format!("`{key}` is {value}, outside 0 to 1: it is clamped")));
+            self.notes
+                .push(o.note(format!("`{key}` is {value}, outside 0 to 1; it is clamped")));
         }
         Ok(value.clamp(0.0, 1.0) as f32)
     }
 
-    /// A constant opacity becomes a mask of one texel, which is as probable to be there as the opacity says.
-    fn mask(&mut self, o: &Object) -> Result<(), SceneError> {
+    /// Reads the opacity of a `mask`. A constant becomes a mask texture of one texel, which accepts
+    /// a hit with that probability.
+    fn mask(&mut self, o: &XmlObject) -> Result<(), SceneError> {
         self.m.mask_mode = MaskMode::Blend;
-        if let Some(Item::Object(t)) = o.item("opacity") {
+        if let Some(Property::Object(t)) = o.property("opacity") {
             if let Some(read) = self.textures.read(t, self.notes)? {
                 let read = self.textures.linear(t, read)?;
-                self.slot(o, TextureSlot::Mask, read);
+                self.set_texture(o, TextureSlot::Mask, read);
             }
             return Ok(());
         }
         let opacity = o.color("opacity")?.unwrap_or(Vec3::splat(0.5));
         if opacity.max_element() != opacity.min_element() {
-            self.notes.push(o.note("an opacity has no colour here: the mean of its channels is used"));
+            self.notes.push(
+                o.note("coloured opacity is not supported; the mean of its channels is used"),
+            );
         }
         let grey = (opacity.element_sum() / 3.0).clamp(0.0, 1.0);
-        self.m.set_texture(TextureSlot::Mask, Some(Arc::new(TextureDesc::grey(grey))));
+        self.m
+            .set_texture(TextureSlot::Mask, Some(Arc::new(TextureDesc::grey(grey))));
         Ok(())
     }
 }

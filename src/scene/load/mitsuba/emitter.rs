@@ -1,131 +1,174 @@
-//! Lights: `area` on shapes, `constant`, `envmap`, `point`, `spot` and `directional`.
+//! Lights of Mitsuba scenes: `area` on shapes, `constant`, `envmap`, `point`, `spot` and
+//! `directional`.
 
 use std::rc::Rc;
 
 use glam::{DAffine3, DVec3, Vec3};
 
-use super::texture::Textures;
-use super::texture_of;
-use super::tree::Object;
+use super::as_texture;
+use super::texture::TextureReader;
+use super::tree::XmlObject;
 use crate::scene::desc::{
     ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightKind, MaterialDesc, TextureSlot,
 };
 use crate::scene::{Note, SceneError};
 
 /// A light without a shape.
-pub(super) enum Light {
-    /// What surrounds the scene.
-    Around(EnvironmentDesc),
-    /// A point or a direction.
-    Unbound(LightKind),
+pub(super) enum SceneLight {
+    /// Light that surrounds the scene.
+    Environment(EnvironmentDesc),
+    /// A point, spot or directional light.
+    Light(LightKind),
 }
 
-/// Makes a material shine as an area light says.
-pub(super) fn shine(
+/// Sets the emission of a material to that of an area light.
+pub(super) fn set_emission(
     material: &mut MaterialDesc,
-    o: &Rc<Object>,
-    textures: &mut Textures,
+    o: &Rc<XmlObject>,
+    textures: &mut TextureReader,
     notes: &mut Vec<Note>,
 ) -> Result<(), SceneError> {
-    if let Some(t) = texture_of(o.item("radiance")) {
+    if let Some(t) = as_texture(o.property("radiance")) {
         if let Some(read) = textures.read(t, notes)? {
-            if let Err(e) = read.lay(material, TextureSlot::Emission) {
+            if let Err(e) = read.apply_to(material, TextureSlot::Emission) {
                 notes.push(t.note(e.to_string()));
             }
             material.emission = Vec3::ONE;
         }
         return Ok(());
     }
-    material.emission = light(o, "radiance")?;
+    material.emission = radiometric_color(o, "radiance")?;
     if material.emission == Vec3::ZERO {
-        notes.push(o.note("it is black: it does not shine"));
+        notes.push(o.note("the area light is black and emits nothing"));
     }
     Ok(())
 }
 
-/// A colour of light: not negative.
-fn light(o: &Object, key: &str) -> Result<Vec3, SceneError> {
+/// Reads a radiance, intensity or irradiance, which must not be negative.
+fn radiometric_color(o: &XmlObject, key: &str) -> Result<Vec3, SceneError> {
     let color = o.color(key)?.unwrap_or(Vec3::ONE);
     if color.min_element() < 0.0 || color.max_element() > 1e9 {
-        return Err(o.error(format!("`{key}` must lie between 0 and 1e9, found {color}")));
+        return Err(o.error(format!("`{key}` must be between 0 and 1e9, found {color}")));
     }
     Ok(color)
 }
 
-/// Reads a light of the scene; `None`, with a note, where it is not known.
+/// Reads a light of the scene; `None`, with a note, if it is not supported.
 pub(super) fn read(
-    o: &Rc<Object>,
-    textures: &mut Textures,
+    o: &Rc<XmlObject>,
+    textures: &mut TextureReader,
     notes: &mut Vec<Note>,
-) -> Result<Option<Light>, SceneError> {
-    o.known(&["sampling_weight"]);
-    match o.kind.as_str() {
+) -> Result<Option<SceneLight>, SceneError> {
+    o.mark_read(&["sampling_weight"]);
+    match o.plugin.as_str() {
         "constant" => {
-            let source = EnvironmentSource::Color(light(o, "radiance")?);
-            Ok(Some(Light::Around(EnvironmentDesc { source, rotation_deg: 0.0, scale: 1.0 })))
+            let source = EnvironmentSource::Color(radiometric_color(o, "radiance")?);
+            Ok(Some(SceneLight::Environment(EnvironmentDesc {
+                source,
+                rotation_deg: 0.0,
+                scale: 1.0,
+            })))
         }
-        "envmap" => {
-            let Some(file) = o.text("filename")? else { return Err(o.error("an `envmap` needs a `filename`")) };
-            let scale = o.number("scale", 1.0)?;
-            if !(0.0..=1e9).contains(&scale) {
-                return Err(o.error(format!("`scale` must lie between 0 and 1e9, found {scale}")));
-            }
-            let rotation_deg = turn(o, &o.map("to_world")?, notes) as f32;
-            let map = textures.image(o, file, false, notes)?;
-            Ok(map.map(|map| {
-                let source = EnvironmentSource::Map(map);
-                Light::Around(EnvironmentDesc { source, rotation_deg, scale: scale as f32 })
-            }))
-        }
+        "envmap" => environment_map(o, textures, notes),
         "point" => {
-            let at = match o.vector("position")? {
+            let position = match o.vector("position")? {
                 Some(position) => position,
-                None => o.map("to_world")?.translation.as_vec3(),
+                None => o.transform("to_world")?.translation.as_vec3(),
             };
-            Ok(Some(Light::Unbound(LightKind::Point { position: at, intensity: light(o, "intensity")? })))
+            Ok(Some(SceneLight::Light(LightKind::Point {
+                position,
+                intensity: radiometric_color(o, "intensity")?,
+            })))
         }
-        "spot" => {
-            let map = o.map("to_world")?;
-            let cutoff = o.number("cutoff_angle", 20.0)?;
-            let beam = o.number("beam_width", 0.75 * cutoff)?;
-            let cone = ConeDesc { beam_deg: beam as f32, cutoff_deg: cutoff as f32, edge: ConeEdge::Linear };
-            let direction = map.transform_vector3(DVec3::Z).as_vec3();
-            if !cone.is_possible() || direction.try_normalize().is_none() {
-                return Err(o.error(format!("a beam of {beam} and a cutoff of {cutoff} degrees are no cone")));
-            }
-            if let Some(t) = texture_of(o.item("texture")) {
-                notes.push(t.note("spots have no texture here: ignored"));
-            }
-            let (position, intensity) = (map.translation.as_vec3(), light(o, "intensity")?);
-            Ok(Some(Light::Unbound(LightKind::Spot { position, direction, intensity, cone })))
-        }
+        "spot" => spot(o, notes).map(|kind| Some(SceneLight::Light(kind))),
         "directional" => {
             let direction = match o.vector("direction")? {
                 Some(direction) => direction,
-                None => o.map("to_world")?.transform_vector3(DVec3::Z).as_vec3(),
+                None => o
+                    .transform("to_world")?
+                    .transform_vector3(DVec3::Z)
+                    .as_vec3(),
             };
             if direction.try_normalize().is_none() {
-                return Err(o.error("a `direction` must not be zero"));
+                return Err(o.error("a `direction` must have a length above 0"));
             }
-            Ok(Some(Light::Unbound(LightKind::Directional { direction, irradiance: light(o, "irradiance")? })))
+            Ok(Some(SceneLight::Light(LightKind::Directional {
+                direction,
+                irradiance: radiometric_color(o, "irradiance")?,
+            })))
         }
         other => {
-            let shown = super::values::shorten(other);
-            notes.push(o.note(format!("the light `{shown}` is not known: it is left out")));
-            o.known(&o.items.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>());
+            let shown = super::values::truncated(other);
+            notes.push(o.note(format!("the light `{shown}` is not supported; ignored")));
+            o.mark_all_read();
             Ok(None)
         }
     }
 }
 
-/// The angle about +y of a rotation, in degrees; a note where it is another one.
-fn turn(o: &Object, map: &DAffine3, notes: &mut Vec<Note>) -> f64 {
+/// Reads an environment map; `None` if its image cannot be read and the policy allows it.
+fn environment_map(
+    o: &XmlObject,
+    textures: &mut TextureReader,
+    notes: &mut Vec<Note>,
+) -> Result<Option<SceneLight>, SceneError> {
+    let Some(file) = o.text("filename")? else {
+        return Err(o.error("an `envmap` needs a `filename`"));
+    };
+    let scale = o.number("scale", 1.0)?;
+    if !(0.0..=1e9).contains(&scale) {
+        return Err(o.error(format!("`scale` must be between 0 and 1e9, found {scale}")));
+    }
+    let rotation_deg = rotation_about_y(o, &o.transform("to_world")?, notes) as f32;
+    let map = textures.image(o, file, false, notes)?;
+    Ok(map.map(|map| {
+        SceneLight::Environment(EnvironmentDesc {
+            source: EnvironmentSource::Map(map),
+            rotation_deg,
+            scale: scale as f32,
+        })
+    }))
+}
+
+/// Reads a spot light.
+fn spot(o: &XmlObject, notes: &mut Vec<Note>) -> Result<LightKind, SceneError> {
+    let map = o.transform("to_world")?;
+    let cutoff = o.number("cutoff_angle", 20.0)?;
+    let beam = o.number("beam_width", 0.75 * cutoff)?;
+    let cone = ConeDesc {
+        beam_deg: beam as f32,
+        cutoff_deg: cutoff as f32,
+        edge: ConeEdge::Linear,
+    };
+    let direction = map.transform_vector3(DVec3::Z).as_vec3();
+    if !cone.is_possible() || direction.try_normalize().is_none() {
+        return Err(o.error(format!(
+            "a beam of {beam} and a cutoff of {cutoff} degrees form no cone; expected 0 <= beam <= \
+             cutoff < 180 and an invertible `to_world`"
+        )));
+    }
+    if let Some(t) = as_texture(o.property("texture")) {
+        notes.push(t.note("textures of spot lights are not supported; ignored"));
+    }
+    Ok(LightKind::Spot {
+        position: map.translation.as_vec3(),
+        direction,
+        intensity: radiometric_color(o, "intensity")?,
+        cone,
+    })
+}
+
+/// Returns the angle of a rotation about +y in degrees, with a note if it is another rotation.
+fn rotation_about_y(o: &XmlObject, map: &DAffine3, notes: &mut Vec<Note>) -> f64 {
     let z = map.transform_vector3(DVec3::Z);
     let angle = z.x.atan2(z.z);
     let upright = DAffine3::from_rotation_y(angle);
     let straight = (0..3).all(|i| (upright.matrix3.col(i) - map.matrix3.col(i)).length() < 1e-4);
     if !straight {
-        notes.push(o.note("an environment turns about the vertical axis only: the rest of `to_world` is ignored"));
+        notes.push(o.note(
+            "an environment can be rotated about the vertical axis only; the rest of `to_world` is \
+             ignored",
+        ));
     }
     angle.to_degrees()
 }

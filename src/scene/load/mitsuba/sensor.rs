@@ -1,24 +1,27 @@
-//! Cameras: `perspective` and `thinlens`, with the size of their film.
+//! Cameras of Mitsuba scenes: `perspective` and `thinlens`, with the size of their film.
 
 use glam::DVec3;
 
 use super::DEFAULT_FILM;
-use super::tree::Object;
+use super::tree::XmlObject;
 use crate::scene::desc::{CameraDesc, MAX_SIDE, Optics};
 use crate::scene::{Note, SceneError};
 
-/// Width and height of the film that `focal_length` is meant for, in millimetres.
+/// Width and height in millimetres of the film to which `focal_length` refers.
 const FILM_35MM: [f64; 2] = [36.0, 24.0];
 
-/// Reads a camera, and the resolution of its film.
-pub(super) fn read(o: &Object, notes: &mut Vec<Note>) -> Result<(CameraDesc, [u32; 2]), SceneError> {
-    let thin = match o.kind.as_str() {
+/// Reads a camera and the resolution of its film.
+pub(super) fn read(
+    o: &XmlObject,
+    notes: &mut Vec<Note>,
+) -> Result<(CameraDesc, [u32; 2]), SceneError> {
+    let thin = match o.plugin.as_str() {
         "perspective" => false,
         "thinlens" => true,
         other => {
             return Err(o.error(format!(
-                "the sensor `{}` is not possible: `perspective` and `thinlens` are",
-                super::values::shorten(other)
+                "the sensor `{}` is not supported; expected `perspective` or `thinlens`",
+                super::values::truncated(other)
             )));
         }
     };
@@ -26,16 +29,16 @@ pub(super) fn read(o: &Object, notes: &mut Vec<Note>) -> Result<(CameraDesc, [u3
         None => DEFAULT_FILM,
         Some(film) => self::film(film)?,
     };
-    let map = o.map("to_world")?;
+    let map = o.transform("to_world")?;
     if map.matrix3.determinant() < 0.0 {
-        notes.push(
-            o.note("its `to_world` mirrors the picture, which cameras here do not: left and right are exchanged"),
-        );
+        notes.push(o.note(
+            "`to_world` mirrors the image, which is not supported; left and right are exchanged",
+        ));
     }
     let position = map.translation;
     let axis = |v: DVec3| map.transform_vector3(v).try_normalize();
     let (Some(forward), Some(up)) = (axis(DVec3::Z), axis(DVec3::Y)) else {
-        return Err(o.error("its `to_world` flattens space"));
+        return Err(o.error("`to_world` is not invertible"));
     };
     let mut camera = CameraDesc {
         position: position.as_vec3(),
@@ -47,28 +50,39 @@ pub(super) fn read(o: &Object, notes: &mut Vec<Note>) -> Result<(CameraDesc, [u3
         optics: Optics::default(),
     };
     if camera.position == camera.target {
-        return Err(o.error("it stands too far from the origin to look anywhere"));
+        return Err(o.error("the position is too far from the origin for a view direction"));
     }
-    o.known(&["near_clip", "far_clip", "shutter_open", "shutter_close"]);
-    o.children("sampler").for_each(|s| s.known(&["sample_count", "seed", "scramble", "jitter"]));
+    o.mark_read(&["near_clip", "far_clip", "shutter_open", "shutter_close"]);
+    o.children("sampler")
+        .for_each(|s| s.mark_read(&["sample_count", "seed", "scramble", "jitter"]));
     if thin {
-        let radius = o.number("aperture_radius", 1.0)?;
-        let focus = o.number("focus_distance", 1e6)?;
-        let possible = (0.0..=1e6).contains(&radius) && focus > 0.0 && focus <= 1e12;
-        if !possible {
-            return Err(o.error(format!("a lens of radius {radius} in focus at {focus} is none")));
-        }
-        camera.aperture = (2.0 * radius) as f32;
-        camera.focus_distance = Some(focus as f32);
+        lens(o, &mut camera)?;
     } else {
-        o.known(&["focus_distance"]);
+        o.mark_read(&["focus_distance"]);
     }
     Ok((camera, resolution))
 }
 
-fn film(film: &Object) -> Result<[u32; 2], SceneError> {
-    // What becomes of the picture is the script's to say.
-    film.known(&[
+/// Reads the aperture and the focus distance of a thin lens.
+fn lens(o: &XmlObject, camera: &mut CameraDesc) -> Result<(), SceneError> {
+    let radius = o.number("aperture_radius", 1.0)?;
+    let focus = o.number("focus_distance", 1e6)?;
+    let valid = (0.0..=1e6).contains(&radius) && focus > 0.0 && focus <= 1e12;
+    if !valid {
+        return Err(o.error(format!(
+            "a lens of radius {radius} with focus distance {focus} is invalid; expected a radius \
+             of 0 or more and a positive distance"
+        )));
+    }
+    camera.aperture = (2.0 * radius) as f32;
+    camera.focus_distance = Some(focus as f32);
+    Ok(())
+}
+
+/// Reads the resolution of a film.
+fn film(film: &XmlObject) -> Result<[u32; 2], SceneError> {
+    // Everything else about the film is set by the script.
+    film.mark_read(&[
         "file_format",
         "pixel_format",
         "component_format",
@@ -77,25 +91,29 @@ fn film(film: &Object) -> Result<[u32; 2], SceneError> {
         "high_quality_edges",
         "exposure",
     ]);
-    film.children("rfilter").for_each(|f| f.known(&["radius", "stddev"]));
+    film.children("rfilter")
+        .for_each(|f| f.mark_read(&["radius", "stddev"]));
     let mut size = DEFAULT_FILM;
     for (n, key) in size.iter_mut().zip(["width", "height"]) {
         let x = film.number(key, f64::from(*n))?;
         if x.fract() != 0.0 || x < 1.0 || x > f64::from(MAX_SIDE) {
-            return Err(film.error(format!("`{key}` must be a whole number from 1 to {MAX_SIDE}, found {x}")));
+            return Err(film.error(format!(
+                "`{key}` must be a whole number from 1 to {MAX_SIDE}, found {x}"
+            )));
         }
         *n = x as u32;
     }
     Ok(size)
 }
 
-/// The vertical field of view in degrees.
-fn fov(o: &Object, [width, height]: [u32; 2]) -> Result<f32, SceneError> {
+/// Returns the vertical field of view in degrees.
+fn fov(o: &XmlObject, [width, height]: [u32; 2]) -> Result<f32, SceneError> {
     let aspect = f64::from(width) / f64::from(height);
     let diagonal = |half_height: f64| half_height * aspect.hypot(1.0);
-    // Half the height of the picture at distance one.
+    // Half the height of the image at distance one.
     let half = if let Some(text) = o.text("focal_length")? {
-        let length = super::values::number(text.trim().trim_end_matches("mm")).map_err(|e| o.error(e))?;
+        let length =
+            super::values::number(text.trim().trim_end_matches("mm")).map_err(|e| o.error(e))?;
         if !(length > 0.0 && length < 1e6) {
             return Err(o.error(format!("`focal_length` must be positive, found {length}")));
         }
@@ -103,7 +121,9 @@ fn fov(o: &Object, [width, height]: [u32; 2]) -> Result<f32, SceneError> {
     } else {
         let degrees = o.number("fov", 50.0)?;
         if !(degrees > 0.0 && degrees < 179.9) {
-            return Err(o.error(format!("`fov` must lie between 0 and 180 degrees, found {degrees}")));
+            return Err(o.error(format!(
+                "`fov` must be between 0 and 180 degrees, found {degrees}"
+            )));
         }
         let extent = (0.5 * degrees.to_radians()).tan();
         match o.text("fov_axis")?.unwrap_or("x") {
@@ -116,7 +136,7 @@ fn fov(o: &Object, [width, height]: [u32; 2]) -> Result<f32, SceneError> {
             other => {
                 return Err(o.error(format!(
                     "`fov_axis` must be x, y, diagonal, smaller or larger, found `{}`",
-                    super::values::shorten(other)
+                    super::values::truncated(other)
                 )));
             }
         }

@@ -1,18 +1,20 @@
 //! Wavefront OBJ meshes, parsed by `tobj` after [`text`] has checked them.
 //!
-//! Read are `v`, `vt`, `vn`, `f`, `usemtl`, `o` and `g`, and of a mesh that is a scene by itself the `.mtl` files that it
-//! names ([`mtl`]). A face belongs to the material that
-//! the last `usemtl` named; an `o` or `g` that follows faces goes back to the default material. Polygons are cut as
-//! fans from their first corner. Smoothing groups, lines, points and free-form surfaces have no effect.
+//! Supported are `v`, `vt`, `vn`, `f`, `usemtl`, `o` and `g`, and, for a mesh that is loaded as a
+//! scene, the `.mtl` files that it refers to ([`mtl`]). A face has the material of the last
+//! `usemtl`; an `o` or `g` that follows faces resets it to the default material. Polygons are
+//! triangulated as fans from their first vertex. Smoothing groups, lines, points and free-form
+//! surfaces have no effect.
 //!
-//! The front of a face with normals is the side to which the mean of its corners' normals points, whatever its
-//! winding; the front of a face without normals follows from its winding as the caller says.
+//! The front of a face with normals is the side to which the mean of its vertex normals points,
+//! whatever its winding; the front of a face without normals follows from its winding by the
+//! caller's convention.
 
 mod mtl;
-mod reads;
+mod supported;
 mod text;
 
-pub(super) use self::reads::READS;
+pub(super) use self::supported::SUPPORTED;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read as _;
@@ -20,100 +22,126 @@ use std::path::Path;
 
 use glam::{Vec2, Vec3};
 
-use super::images::Pictures;
-use super::{Missing, bare, place, read};
+use super::default_scene;
+use super::images::ImageCache;
+use super::{MissingTextures, canonical, read_file};
 use crate::scene::desc::{DEFAULT_MATERIAL, MaterialDesc, MeshDesc, SceneDesc, mesh_hash};
 use crate::scene::{Note, SceneError};
 
 /// Greatest size of an OBJ file in bytes.
 const MAX_OBJ_BYTES: u64 = 1 << 30;
 
-/// Where the front of a face without normals is.
+/// Convention for the front of a face without normals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Front {
-    /// Where its corners run counter-clockwise: the usual convention of OBJ.
+    /// The vertices run counter-clockwise, seen from the front: the usual convention of OBJ.
     CounterClockwise,
-    /// Where its corners run clockwise: the convention of `.scn`.
+    /// The vertices run clockwise, seen from the front: the convention of `.scn`.
     Clockwise,
 }
 
-/// Whether the first bytes of a file look like an OBJ.
+/// Returns whether the first bytes of a file look like an OBJ.
 pub(super) fn sniff(head: &[u8]) -> bool {
     let text = String::from_utf8_lossy(head);
-    let first = text.lines().map(str::trim).find(|l| !l.is_empty() && !l.starts_with('#'));
-    first.and_then(|l| l.split_whitespace().next()).is_some_and(|k| ["v", "vn", "vt", "o", "g", "mtllib"].contains(&k))
+    let first = text
+        .lines()
+        .map(str::trim)
+        .find(|l| !l.is_empty() && !l.starts_with('#'));
+    first
+        .and_then(|l| l.split_whitespace().next())
+        .is_some_and(|k| ["v", "vn", "vt", "o", "g", "mtllib"].contains(&k))
 }
 
-/// A bare OBJ as a scene: the materials of its material files, white for names that they do not have, and a camera in
-/// front of it that frames its bounds.
-pub(super) fn load(path: &Path, missing: Missing) -> Result<(SceneDesc, Vec<Note>), SceneError> {
+/// Loads an OBJ file as a scene: with the materials of its material files, white ones for unknown
+/// names, and a camera that frames it.
+pub(super) fn load(
+    path: &Path,
+    missing: MissingTextures,
+) -> Result<(SceneDesc, Vec<Note>), SceneError> {
     let mut notes = Vec::new();
-    let (mesh, libraries) = load_parts(path, DEFAULT_MATERIAL, Front::CounterClockwise, &mut notes)?;
-    let mut pictures = Pictures::default();
-    // Of two materials with one name the first counts.
-    let mut known: BTreeMap<String, MaterialDesc> = BTreeMap::new();
-    let mut seen = BTreeSet::new();
+    let (mesh, libraries) =
+        load_with_libraries(path, DEFAULT_MATERIAL, Front::CounterClockwise, &mut notes)?;
+    let mut images = ImageCache::default();
+    // Of several materials with one name, the first is used.
+    let mut materials_by_name: BTreeMap<String, MaterialDesc> = BTreeMap::new();
+    let mut read_libraries = BTreeSet::new();
     for library in libraries {
-        let file = path.parent().unwrap_or(Path::new("")).join(library.replace('\\', "/"));
-        if !seen.insert(place(&file)) {
+        let file = path
+            .parent()
+            .unwrap_or(Path::new(""))
+            .join(library.replace('\\', "/"));
+        if !read_libraries.insert(canonical(&file)) {
             continue;
         }
-        match mtl::load(&file, missing, &mut pictures, &mut notes) {
+        match mtl::load(&file, missing, &mut images, &mut notes) {
             Ok(materials) => materials.into_iter().for_each(|m| {
-                known.entry(m.name.clone()).or_insert(m);
+                materials_by_name.entry(m.name.clone()).or_insert(m);
             }),
             Err(SceneError::Unreadable { reason, .. }) => notes.push(Note {
                 file: path.to_owned(),
                 place: "mtllib".to_owned(),
-                message: format!("cannot read {}: {reason}: its materials are white", file.display()),
+                message: format!(
+                    "cannot read {}: {reason}; its materials are white",
+                    file.display()
+                ),
             }),
             Err(other) => return Err(other),
         }
     }
-    let find = |name: &String| known.get(name).cloned().unwrap_or_else(|| MaterialDesc::new(name));
+    let find = |name: &String| {
+        materials_by_name
+            .get(name)
+            .cloned()
+            .unwrap_or_else(|| MaterialDesc::new(name))
+    };
     let materials: Vec<MaterialDesc> = mesh.slots.iter().map(find).collect();
-    Ok((bare::scene(path, mesh, materials, &mut notes), notes))
+    Ok((
+        default_scene::scene(path, mesh, materials, &mut notes),
+        notes,
+    ))
 }
 
-/// Reads one mesh; `default_slot` is the slot of faces that no `usemtl` names a material for.
+/// Loads a mesh; `default_slot` is the slot of faces without a `usemtl`.
 pub(super) fn load_mesh(
     path: &Path,
     default_slot: &str,
     front: Front,
     notes: &mut Vec<Note>,
 ) -> Result<MeshDesc, SceneError> {
-    load_parts(path, default_slot, front, notes).map(|(mesh, _)| mesh)
+    load_with_libraries(path, default_slot, front, notes).map(|(mesh, _)| mesh)
 }
 
-/// Reads one mesh, and the names of its material files.
-fn load_parts(
+/// Loads a mesh, and the names of its material files.
+fn load_with_libraries(
     path: &Path,
     default_slot: &str,
     front: Front,
     notes: &mut Vec<Note>,
 ) -> Result<(MeshDesc, Vec<String>), SceneError> {
-    let malformed = |place: String, problem: String| SceneError::Malformed { file: path.to_owned(), place, problem };
-    let bytes = read(path, MAX_OBJ_BYTES)?;
-    // Names and comments in other encodings are common and harmless; numbers are ASCII in all of them.
+    let malformed = |place: String, problem: String| SceneError::Malformed {
+        file: path.to_owned(),
+        place,
+        problem,
+    };
+    let bytes = read_file(path, MAX_OBJ_BYTES)?;
+    // Names and comments in other encodings are common and harmless; numbers are ASCII in all
+    // encodings.
     let checked = text::check(&String::from_utf8_lossy(&bytes))
-        .map_err(|fault| malformed(format!("line {}", fault.line), fault.problem))?;
+        .map_err(|error| malformed(format!("line {}", error.line), error.problem))?;
     drop(bytes);
     notes.extend(checked.notes.iter().map(|(place, message)| Note {
         file: path.to_owned(),
         place: place.clone(),
         message: message.clone(),
     }));
-    let options = tobj::LoadOptions { single_index: true, triangulate: true, ignore_points: true, ignore_lines: true };
-    let mut text = checked.vertices.as_bytes().chain(checked.faces.as_bytes());
-    let (models, _) = tobj::load_obj_buf(&mut text, &options, |_| Ok(Default::default()))
-        .map_err(|e| malformed("whole file".to_owned(), e.to_string()))?;
-    // Meshes of a million triangles: nothing is kept that is not needed any more.
+    let models = parse(&checked).map_err(|e| malformed("whole file".to_owned(), e.to_string()))?;
+    // Large meshes: release the text before the mesh is built.
     drop((checked.vertices, checked.faces));
-    let mut builder = Builder {
+    let mut builder = MeshBuilder {
         has_normals: checked.groups.iter().any(|g| g.normals),
         has_uvs: checked.groups.iter().any(|g| g.uvs),
         front,
-        slot_of: BTreeMap::new(),
+        slots_by_name: BTreeMap::new(),
         mesh: MeshDesc {
             file: path.to_owned(),
             positions: Vec::new(),
@@ -128,8 +156,13 @@ fn load_parts(
         },
     };
     for model in models {
-        // The one model without faces is that of a file without any.
-        if let Some(group) = model.name.parse::<usize>().ok().and_then(|i| checked.groups.get(i)) {
+        // A file without faces has one model, whose name is not a number.
+        if let Some(group) = model
+            .name
+            .parse::<usize>()
+            .ok()
+            .and_then(|i| checked.groups.get(i))
+        {
             let slot = builder.slot(group.material.as_deref().unwrap_or(default_slot));
             builder.add(&model.mesh, group.normals, slot);
         }
@@ -139,22 +172,40 @@ fn load_parts(
     Ok((mesh, checked.libraries))
 }
 
-struct Builder {
+/// Parses a checked text, one model for each run of faces.
+fn parse(checked: &text::CheckedObj) -> Result<Vec<tobj::Model>, tobj::LoadError> {
+    let options = tobj::LoadOptions {
+        single_index: true,
+        triangulate: true,
+        ignore_points: true,
+        ignore_lines: true,
+    };
+    let mut text = checked.vertices.as_bytes().chain(checked.faces.as_bytes());
+    tobj::load_obj_buf(&mut text, &options, |_| Ok(Default::default())).map(|(models, _)| models)
+}
+
+/// Builder of a mesh from models of `tobj`.
+struct MeshBuilder {
     has_normals: bool,
     has_uvs: bool,
     front: Front,
-    slot_of: BTreeMap<String, u32>,
+    slots_by_name: BTreeMap<String, u32>,
     mesh: MeshDesc,
 }
 
-impl Builder {
+impl MeshBuilder {
+    /// Returns the index of a material slot, which is added if it is new.
     fn slot(&mut self, name: &str) -> u32 {
-        *self.slot_of.entry(name.to_owned()).or_insert_with(|| {
-            self.mesh.slots.push(name.to_owned());
-            self.mesh.slots.len() as u32 - 1
-        })
+        *self
+            .slots_by_name
+            .entry(name.to_owned())
+            .or_insert_with(|| {
+                self.mesh.slots.push(name.to_owned());
+                self.mesh.slots.len() as u32 - 1
+            })
     }
 
+    /// Appends a vertex and returns its index.
     fn vertex(&mut self, position: Vec3, normal: Vec3, uv: Vec2) -> u32 {
         self.mesh.positions.push(position);
         if self.has_normals {
@@ -166,32 +217,46 @@ impl Builder {
         self.mesh.positions.len() as u32 - 1
     }
 
-    fn add(&mut self, part: &tobj::Mesh, normals: bool, slot: u32) {
-        let position = |i: usize| Vec3::from_slice(&part.positions[3 * i..3 * i + 3]);
-        let uv = |i: usize| part.texcoords.get(2 * i..2 * i + 2).map_or(Vec2::ZERO, Vec2::from_slice);
-        // Faces without normals in a mesh with some get vertices of their own, which carry the face's normal.
+    /// Appends the faces of a model, which have normals or not, with the material of `slot`.
+    fn add(&mut self, model: &tobj::Mesh, normals: bool, slot: u32) {
+        let position = |i: usize| Vec3::from_slice(&model.positions[3 * i..3 * i + 3]);
+        let uv = |i: usize| {
+            model
+                .texcoords
+                .get(2 * i..2 * i + 2)
+                .map_or(Vec2::ZERO, Vec2::from_slice)
+        };
+        // Faces without normals in a mesh with normals get their own vertices, with the normal of
+        // the face.
         let flat = self.has_normals && !normals;
         let base = self.mesh.positions.len() as u32;
         if !flat {
-            for i in 0..part.positions.len() / 3 {
-                let normal = part.normals.get(3 * i..3 * i + 3).map_or(Vec3::ZERO, Vec3::from_slice);
+            for i in 0..model.positions.len() / 3 {
+                let normal = model
+                    .normals
+                    .get(3 * i..3 * i + 3)
+                    .map_or(Vec3::ZERO, Vec3::from_slice);
                 self.vertex(position(i), normal, uv(i));
             }
         }
-        for corners in part.indices.chunks_exact(3) {
+        for corners in model.indices.chunks_exact(3) {
             let [a, b, c] = [corners[0], corners[1], corners[2]];
             let [pa, pb, pc] = [a, b, c].map(|i| position(i as usize).as_dvec3());
             let winding = (pb - pa).cross(pc - pa);
             let reversed = if normals {
-                let mean: Vec3 = [a, b, c].iter().map(|i| self.mesh.normals[(base + i) as usize]).sum();
+                let mean: Vec3 = [a, b, c]
+                    .iter()
+                    .map(|i| self.mesh.normals[(base + i) as usize])
+                    .sum();
                 winding.dot(mean.as_dvec3()) < 0.0
             } else {
                 self.front == Front::Clockwise
             };
             let order = if reversed { [a, c, b] } else { [a, b, c] };
-            let own = winding.try_normalize().unwrap_or(glam::DVec3::Y).as_vec3() * if reversed { -1.0 } else { 1.0 };
+            let face_normal = winding.try_normalize().unwrap_or(glam::DVec3::Y).as_vec3()
+                * if reversed { -1.0 } else { 1.0 };
             let triangle = if flat {
-                order.map(|i| self.vertex(position(i as usize), own, uv(i as usize)))
+                order.map(|i| self.vertex(position(i as usize), face_normal, uv(i as usize)))
             } else {
                 order.map(|i| base + i)
             };
@@ -199,7 +264,7 @@ impl Builder {
                 for i in triangle {
                     let n = &mut self.mesh.normals[i as usize];
                     if *n == Vec3::ZERO {
-                        *n = own;
+                        *n = face_normal;
                     }
                 }
             }
@@ -232,7 +297,10 @@ mod tests {
     #[test]
     fn without_normals_the_front_follows_the_convention() {
         let text = format!("{CORNERS}f 1 2 3\n");
-        assert_eq!(normal_of(&mesh(&text, Front::CounterClockwise).0, 0), Vec3::Z);
+        assert_eq!(
+            normal_of(&mesh(&text, Front::CounterClockwise).0, 0),
+            Vec3::Z
+        );
         assert_eq!(normal_of(&mesh(&text, Front::Clockwise).0, 0), Vec3::NEG_Z);
     }
 
@@ -248,14 +316,21 @@ mod tests {
     }
 
     #[test]
-    fn faces_with_and_without_normals_and_uvs_mix() {
-        let text = format!("{CORNERS}vn 0 0 1\nvt 0.25 0.75\nf 1/1/1 2/1/1 3/1/1\nf 1 3 4\nf 1/1 2/1 3/1\n");
+    fn faces_with_and_without_normals_and_uvs_can_be_mixed() {
+        let text = format!(
+            "{CORNERS}vn 0 0 1\nvt 0.25 0.75\nf 1/1/1 2/1/1 3/1/1\nf 1 3 4\nf 1/1 2/1 3/1\n"
+        );
         let (m, notes) = mesh(&text, Front::Clockwise);
         assert_eq!(m.triangles.len(), 3);
         assert_eq!(m.normals.len(), m.positions.len());
         assert_eq!(m.uvs.len(), m.positions.len());
-        for (t, (n, uv)) in
-            [(Vec3::Z, [0.25, 0.75]), (Vec3::NEG_Z, [0.0, 0.0]), (Vec3::NEG_Z, [0.25, 0.75])].iter().enumerate()
+        for (t, (n, uv)) in [
+            (Vec3::Z, [0.25, 0.75]),
+            (Vec3::NEG_Z, [0.0, 0.0]),
+            (Vec3::NEG_Z, [0.25, 0.75]),
+        ]
+        .iter()
+        .enumerate()
         {
             assert_eq!(normal_of(&m, t), *n);
             for i in m.triangles[t] {
@@ -267,7 +342,7 @@ mod tests {
     }
 
     #[test]
-    fn polygons_are_cut_and_slots_named() {
+    fn polygons_are_triangulated_and_slots_named() {
         let text = format!("{CORNERS}v 0.5 2 0\nf 1 2 3 5 4\nusemtl red\nf 1 2 3 4\n");
         let (m, _) = mesh(&text.replace('\n', "\r\n"), Front::CounterClockwise);
         assert_eq!(m.triangles.len(), 5);
@@ -278,22 +353,34 @@ mod tests {
 
     #[test]
     fn normals_without_a_direction_become_the_faces_own() {
-        let (m, notes) = mesh(&format!("{CORNERS}vn 0 0 0\nf 1//1 2//1 3//1\n"), Front::CounterClockwise);
+        let (m, notes) = mesh(
+            &format!("{CORNERS}vn 0 0 0\nf 1//1 2//1 3//1\n"),
+            Front::CounterClockwise,
+        );
         assert!(m.normals.iter().all(|n| *n == Vec3::Z), "{:?}", m.normals);
         assert_eq!(notes.len(), 1);
     }
 
     #[test]
-    fn an_empty_mesh_is_a_note_and_a_bare_mesh_a_scene() {
+    fn an_empty_mesh_is_noted_and_a_bare_mesh_is_a_scene() {
         let (m, notes) = mesh("# nothing\n", Front::CounterClockwise);
         assert!(m.triangles.is_empty() && notes[0].message.contains("no faces"));
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("quad.obj");
-        std::fs::write(&path, format!("mtllib none.mtl\n{CORNERS}usemtl a\nf 1 2 3 4\n")).unwrap();
-        let (desc, notes) = load(&path, Missing::Refused).unwrap();
+        std::fs::write(
+            &path,
+            format!("mtllib none.mtl\n{CORNERS}usemtl a\nf 1 2 3 4\n"),
+        )
+        .unwrap();
+        let (desc, notes) = load(&path, MissingTextures::Fail).unwrap();
         assert_eq!(desc.entities[0].name, "quad");
         assert_eq!(desc.materials[0].name, "a");
         assert_eq!(desc.camera.target, Vec3::new(0.5, 0.5, 0.0));
-        assert!(notes[0].message.contains("none.mtl") && notes[1].message.contains("nothing in this mesh shines"));
+        assert!(
+            notes[0].message.contains("none.mtl")
+                && notes[1]
+                    .message
+                    .contains("nothing in this mesh emits light")
+        );
     }
 }

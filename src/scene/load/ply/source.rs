@@ -1,8 +1,8 @@
-//! Numbers of a PLY after its header, in any of its three encodings.
+//! The numbers of a PLY file after its header, in any of its three encodings.
 
-/// The type of a number.
+/// Type of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Type {
+pub(super) enum NumberType {
     I8,
     U8,
     I16,
@@ -13,44 +13,46 @@ pub(super) enum Type {
     F64,
 }
 
-impl Type {
-    /// The type of either of its names.
-    pub(super) fn named(name: &str) -> Option<Type> {
+impl NumberType {
+    /// Returns the type with one of its two names.
+    pub(super) fn from_name(name: &str) -> Option<NumberType> {
         Some(match name {
-            "char" | "int8" => Type::I8,
-            "uchar" | "uint8" => Type::U8,
-            "short" | "int16" => Type::I16,
-            "ushort" | "uint16" => Type::U16,
-            "int" | "int32" => Type::I32,
-            "uint" | "uint32" => Type::U32,
-            "float" | "float32" => Type::F32,
-            "double" | "float64" => Type::F64,
+            "char" | "int8" => NumberType::I8,
+            "uchar" | "uint8" => NumberType::U8,
+            "short" | "int16" => NumberType::I16,
+            "ushort" | "uint16" => NumberType::U16,
+            "int" | "int32" => NumberType::I32,
+            "uint" | "uint32" => NumberType::U32,
+            "float" | "float32" => NumberType::F32,
+            "double" | "float64" => NumberType::F64,
             _ => return None,
         })
     }
 
-    /// What colours of this type are counted to, unless they are floats.
-    pub(super) fn most(self) -> Option<f32> {
+    /// Returns the value that means 1 in colours of this type; `None` for floats.
+    pub(super) fn color_max(self) -> Option<f32> {
         match self {
-            Type::I8 => Some(127.0),
-            Type::U8 => Some(255.0),
-            Type::I16 => Some(32_767.0),
-            Type::U16 => Some(65_535.0),
-            Type::I32 | Type::U32 => Some(255.0),
-            Type::F32 | Type::F64 => None,
+            NumberType::I8 => Some(127.0),
+            NumberType::U8 => Some(255.0),
+            NumberType::I16 => Some(32_767.0),
+            NumberType::U16 => Some(65_535.0),
+            NumberType::I32 | NumberType::U32 => Some(255.0),
+            NumberType::F32 | NumberType::F64 => None,
         }
     }
 
+    /// Returns the size in binary encodings, in bytes.
     fn size(self) -> usize {
         match self {
-            Type::I8 | Type::U8 => 1,
-            Type::I16 | Type::U16 => 2,
-            Type::I32 | Type::U32 | Type::F32 => 4,
-            Type::F64 => 8,
+            NumberType::I8 | NumberType::U8 => 1,
+            NumberType::I16 | NumberType::U16 => 2,
+            NumberType::I32 | NumberType::U32 | NumberType::F32 => 4,
+            NumberType::F64 => 8,
         }
     }
 }
 
+/// Encoding of the numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Encoding {
     Ascii,
@@ -58,48 +60,56 @@ enum Encoding {
     Big,
 }
 
-/// A place in the bytes of a file.
-pub(super) struct Source<'a> {
+/// A position in the bytes of a file.
+pub(super) struct NumberStream<'a> {
     bytes: &'a [u8],
     at: usize,
     encoding: Encoding,
 }
 
-impl<'a> Source<'a> {
-    /// The bytes from `at` on in the encoding of a format's name.
-    pub(super) fn new(format: &str, bytes: &'a [u8], at: usize) -> Option<Source<'a>> {
+impl<'a> NumberStream<'a> {
+    /// Creates a stream from `at` on, in the encoding with this name in the header.
+    pub(super) fn new(format: &str, bytes: &'a [u8], at: usize) -> Option<NumberStream<'a>> {
         let encoding = match format {
             "ascii" => Encoding::Ascii,
             "binary_little_endian" => Encoding::Little,
             "binary_big_endian" => Encoding::Big,
             _ => return None,
         };
-        Some(Source { bytes, at, encoding })
+        Some(NumberStream {
+            bytes,
+            at,
+            encoding,
+        })
     }
 
-    /// The next byte's place.
+    /// Returns the offset of the next byte.
     pub(super) fn at(&self) -> usize {
         self.at
     }
 
-    /// How many bytes are left.
-    pub(super) fn rest(&self) -> usize {
+    /// Returns the number of bytes left.
+    pub(super) fn remaining(&self) -> usize {
         self.bytes.len() - self.at
     }
 
-    /// The fewest bytes that a number of this type takes.
-    pub(super) fn least(&self, ty: Type) -> usize {
-        // A digit and a space.
-        if self.encoding == Encoding::Ascii { 2 } else { ty.size() }
+    /// Returns the least number of bytes of a number of this type.
+    pub(super) fn min_size(&self, ty: NumberType) -> usize {
+        // ASCII: a digit and a space.
+        if self.encoding == Encoding::Ascii {
+            2
+        } else {
+            ty.size()
+        }
     }
 
-    /// The next number.
-    pub(super) fn number(&mut self, ty: Type) -> Result<f64, String> {
+    /// Reads the next number.
+    pub(super) fn number(&mut self, ty: NumberType) -> Result<f64, String> {
         if self.encoding == Encoding::Ascii {
-            return self.word();
+            return self.ascii_number();
         }
         let Some(raw) = self.bytes.get(self.at..self.at + ty.size()) else {
-            return Err("the file ends in the middle of it".to_owned());
+            return Err("the file ends early".to_owned());
         };
         self.at += raw.len();
         let mut b = [0u8; 8];
@@ -109,44 +119,50 @@ impl<'a> Source<'a> {
         }
         let [b0, b1, b2, b3, ..] = b;
         Ok(match ty {
-            Type::I8 => f64::from(b0 as i8),
-            Type::U8 => f64::from(b0),
-            Type::I16 => f64::from(i16::from_le_bytes([b0, b1])),
-            Type::U16 => f64::from(u16::from_le_bytes([b0, b1])),
-            Type::I32 => f64::from(i32::from_le_bytes([b0, b1, b2, b3])),
-            Type::U32 => f64::from(u32::from_le_bytes([b0, b1, b2, b3])),
-            Type::F32 => f64::from(f32::from_le_bytes([b0, b1, b2, b3])),
-            Type::F64 => f64::from_le_bytes(b),
+            NumberType::I8 => f64::from(b0 as i8),
+            NumberType::U8 => f64::from(b0),
+            NumberType::I16 => f64::from(i16::from_le_bytes([b0, b1])),
+            NumberType::U16 => f64::from(u16::from_le_bytes([b0, b1])),
+            NumberType::I32 => f64::from(i32::from_le_bytes([b0, b1, b2, b3])),
+            NumberType::U32 => f64::from(u32::from_le_bytes([b0, b1, b2, b3])),
+            NumberType::F32 => f64::from(f32::from_le_bytes([b0, b1, b2, b3])),
+            NumberType::F64 => f64::from_le_bytes(b),
         })
     }
 
-    fn word(&mut self) -> Result<f64, String> {
+    /// Reads the next number of an ASCII file.
+    fn ascii_number(&mut self) -> Result<f64, String> {
         let rest = &self.bytes[self.at..];
         let Some(start) = rest.iter().position(|b| !b.is_ascii_whitespace()) else {
-            return Err("the file ends in the middle of it".to_owned());
+            return Err("the file ends early".to_owned());
         };
-        let length = rest[start..].iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len() - start);
+        let length = rest[start..]
+            .iter()
+            .position(u8::is_ascii_whitespace)
+            .unwrap_or(rest.len() - start);
         let word = &rest[start..start + length];
         self.at += start + length;
         let read = std::str::from_utf8(word).ok().and_then(|w| w.parse().ok());
         read.ok_or_else(|| {
             let shown: String = String::from_utf8_lossy(word).chars().take(24).collect();
-            format!("`{shown}` is no number")
+            format!("`{shown}` is not a number")
         })
     }
 
-    /// The length of a list of numbers of a type: no more than the rest of the file holds.
-    pub(super) fn length(&mut self, length: Type, ty: Type) -> Result<usize, String> {
+    /// Reads the length of a list of numbers of a type; it is bounded by the rest of the file.
+    pub(super) fn length(&mut self, length: NumberType, ty: NumberType) -> Result<usize, String> {
         let n = self.number(length)?;
-        let room = self.rest() / self.least(ty) + 1;
-        if n < 0.0 || n.fract() != 0.0 || n > room as f64 {
-            return Err(format!("a list of {n} numbers, where the file has room for {room} at most"));
+        let capacity = self.remaining() / self.min_size(ty) + 1;
+        if n < 0.0 || n.fract() != 0.0 || n > capacity as f64 {
+            return Err(format!(
+                "a list has {n} numbers, but the file holds at most {capacity}"
+            ));
         }
         Ok(n as usize)
     }
 
-    /// The next number as an index.
-    pub(super) fn index(&mut self, ty: Type) -> Result<u32, String> {
+    /// Reads the next number as an index.
+    pub(super) fn index(&mut self, ty: NumberType) -> Result<u32, String> {
         let n = self.number(ty)?;
         if n < 0.0 || n.fract() != 0.0 || n > f64::from(u32::MAX) {
             return Err(format!("expected an index, found {n}"));

@@ -1,5 +1,5 @@
-//! Typed reading of JSON objects: keys without regard to case, key paths in every error, and a memory of what was
-//! read so that the rest can be noted.
+//! Typed access to JSON objects: case-insensitive keys, key paths in every error, and a record of
+//! the keys that were read, so that the others can be noted.
 
 use std::path::{Path, PathBuf};
 
@@ -7,76 +7,106 @@ use glam::Vec3;
 use serde_json::Value as Json;
 
 use crate::scene::desc::MAX_COORDINATE;
-use crate::scene::load::Missing;
+use crate::scene::load::MissingTextures;
 use crate::scene::{Note, SceneError};
 use crate::value::suggest;
 
-/// Where errors and notes of one file go.
-pub(in crate::scene::load) struct Report {
-    /// The file that is read.
+/// Collector of the notes of one file, and constructor of its errors.
+pub(in crate::scene::load) struct Diagnostics {
+    /// File that is being read.
     pub file: PathBuf,
-    /// What becomes of textures that cannot be read.
-    pub missing: Missing,
-    /// What could not be honoured so far.
+    /// Policy for textures that cannot be read.
+    pub missing: MissingTextures,
+    /// Notes collected so far.
     pub notes: Vec<Note>,
 }
 
-impl Report {
+impl Diagnostics {
+    /// Adds a note about a key path.
     pub fn note(&mut self, place: impl Into<String>, message: impl Into<String>) {
-        self.notes.push(Note { file: self.file.clone(), place: place.into(), message: message.into() });
+        self.notes.push(Note {
+            file: self.file.clone(),
+            place: place.into(),
+            message: message.into(),
+        });
     }
 
+    /// Creates an error about a key path.
     pub fn error(&self, place: impl Into<String>, problem: impl Into<String>) -> SceneError {
-        SceneError::Malformed { file: self.file.clone(), place: place.into(), problem: problem.into() }
+        SceneError::Malformed {
+            file: self.file.clone(),
+            place: place.into(),
+            problem: problem.into(),
+        }
     }
 
-    /// The place on disk of a file that this one names; `/` and `\` both separate folders.
+    /// Returns the path of a file that this one refers to; both `/` and `\` separate folders.
     pub fn resolve(&self, name: &str) -> PathBuf {
-        self.file.parent().unwrap_or(Path::new("")).join(name.replace('\\', "/"))
+        self.file
+            .parent()
+            .unwrap_or(Path::new(""))
+            .join(name.replace('\\', "/"))
     }
 
-    /// Says of an error in a named file where the file was named.
-    pub fn named_at(&self, place: &str, error: SceneError) -> SceneError {
+    /// Adds the place that refers to a file to an error about that file.
+    pub fn at_reference(&self, place: &str, error: SceneError) -> SceneError {
         match error {
             SceneError::Unreadable { file, reason } => {
                 self.error(place, format!("cannot read {}: {reason}", file.display()))
             }
-            SceneError::Malformed { file, place: inner, problem } => SceneError::Malformed {
+            SceneError::Malformed {
                 file,
                 place: inner,
-                problem: format!("{problem} (named in {}: {place})", self.file.display()),
+                problem,
+            } => SceneError::Malformed {
+                file,
+                place: inner,
+                problem: format!("{problem} (referenced in {}: {place})", self.file.display()),
             },
             other => other,
         }
     }
 }
 
-/// One JSON object being read.
-pub(in crate::scene::load) struct Object<'a> {
-    /// The key path of the object, empty for the whole document.
+/// A JSON object that is being read.
+pub(in crate::scene::load) struct JsonObject<'a> {
+    /// Key path of the object; empty for the whole document.
     path: String,
-    /// Lower-case key, key as written, value, whether it has been asked for.
+    /// Lower-case key, key as written, value, and whether the key was read.
     entries: Vec<(String, &'a str, &'a Json, bool)>,
 }
 
-impl<'a> Object<'a> {
-    /// Wraps a JSON value that must be an object.
-    pub fn new(path: &str, json: &'a Json, report: &mut Report) -> Result<Object<'a>, SceneError> {
+impl<'a> JsonObject<'a> {
+    /// Wraps a JSON value, which must be an object.
+    pub fn new(
+        path: &str,
+        json: &'a Json,
+        diagnostics: &mut Diagnostics,
+    ) -> Result<JsonObject<'a>, SceneError> {
         let Json::Object(map) = json else {
             let place = if path.is_empty() { "document" } else { path };
-            return Err(report.error(place, format!("expected an object, found {}", kind(json))));
+            return Err(diagnostics.error(
+                place,
+                format!("expected an object, found {}", describe(json)),
+            ));
         };
-        let mut object = Object { path: path.to_owned(), entries: Vec::new() };
-        let mut row_of = std::collections::BTreeMap::new();
+        let mut object = JsonObject {
+            path: path.to_owned(),
+            entries: Vec::new(),
+        };
+        let mut entry_by_key = std::collections::BTreeMap::new();
         for (key, value) in map {
             let folded = key.to_lowercase();
-            match row_of.get(&folded) {
-                Some(&row) => {
-                    report.note(object.at(key), "said twice in different case: the last one counts");
-                    object.entries[row] = (folded, key.as_str(), value, false);
+            match entry_by_key.get(&folded) {
+                Some(&i) => {
+                    diagnostics.note(
+                        object.key_path(key),
+                        "the key is given twice in different case; the last one is used",
+                    );
+                    object.entries[i] = (folded, key.as_str(), value, false);
                 }
                 None => {
-                    row_of.insert(folded.clone(), object.entries.len());
+                    entry_by_key.insert(folded.clone(), object.entries.len());
                     object.entries.push((folded, key.as_str(), value, false));
                 }
             }
@@ -84,109 +114,162 @@ impl<'a> Object<'a> {
         Ok(object)
     }
 
-    /// The key path of a key.
-    pub fn at(&self, key: &str) -> String {
-        if self.path.is_empty() { shorten(key) } else { format!("{}.{}", self.path, shorten(key)) }
+    /// Returns the key path of a key.
+    pub fn key_path(&self, key: &str) -> String {
+        if self.path.is_empty() {
+            truncated(key)
+        } else {
+            format!("{}.{}", self.path, truncated(key))
+        }
     }
 
-    /// The value of a key, with its key path; from now on the key counts as known.
-    pub fn take(&mut self, key: &str) -> Option<(String, &'a Json)> {
+    /// Returns the value of a key with its key path, and marks the key as read.
+    pub fn get(&mut self, key: &str) -> Option<(String, &'a Json)> {
         let entry = self.entries.iter_mut().find(|e| e.0 == key)?;
         entry.3 = true;
         let (written, value) = (entry.1, entry.2);
-        Some((self.at(written), value))
+        Some((self.key_path(written), value))
     }
 
-    /// Notes every key that nobody asked for; `known` are the keys to suggest.
-    pub fn note_unknown<'k>(&self, known: impl IntoIterator<Item = &'k str> + Clone, report: &mut Report) {
+    /// Notes every key that was not read, with a suggestion from `known`.
+    pub fn note_unknown<'k>(
+        &self,
+        known: impl IntoIterator<Item = &'k str> + Clone,
+        diagnostics: &mut Diagnostics,
+    ) {
         for (_, key, _, _) in self.entries.iter().filter(|e| !e.3) {
-            let near = match suggest::nearest(&shorten(key), known.clone()) {
+            let near = match suggest::nearest(&truncated(key), known.clone()) {
                 Some(near) => format!(" (did you mean `{near}`?)"),
                 None => String::new(),
             };
-            report.note(self.at(key), format!("unknown key: ignored{near}"));
+            diagnostics.note(self.key_path(key), format!("unknown key, ignored{near}"));
         }
     }
 
-    /// The items of a list, each with its key path; nothing if the key is absent.
-    pub fn list(&mut self, key: &str, report: &Report) -> Result<Vec<(String, &'a Json)>, SceneError> {
-        match self.take(key) {
+    /// Returns the items of a list with their key paths; none if the key is absent.
+    pub fn list(
+        &mut self,
+        key: &str,
+        diagnostics: &Diagnostics,
+    ) -> Result<Vec<(String, &'a Json)>, SceneError> {
+        match self.get(key) {
             None => Ok(Vec::new()),
-            Some((path, Json::Array(items))) => {
-                Ok(items.iter().enumerate().map(|(i, v)| (format!("{path}[{i}]"), v)).collect())
+            Some((path, Json::Array(items))) => Ok(items
+                .iter()
+                .enumerate()
+                .map(|(i, v)| (format!("{path}[{i}]"), v))
+                .collect()),
+            Some((path, other)) => {
+                Err(diagnostics.error(path, format!("expected a list, found {}", describe(other))))
             }
-            Some((path, other)) => Err(report.error(path, format!("expected a list, found {}", kind(other)))),
         }
     }
 
-    /// A text, if the key is there.
-    pub fn string(&mut self, key: &str, report: &Report) -> Result<Option<(String, &'a str)>, SceneError> {
-        match self.take(key) {
+    /// Returns a string with its key path, if the key is present.
+    pub fn string(
+        &mut self,
+        key: &str,
+        diagnostics: &Diagnostics,
+    ) -> Result<Option<(String, &'a str)>, SceneError> {
+        match self.get(key) {
             None => Ok(None),
             Some((path, Json::String(s))) => Ok(Some((path, s))),
-            Some((path, other)) => Err(report.error(path, format!("expected a string, found {}", kind(other)))),
+            Some((path, other)) => Err(diagnostics.error(
+                path,
+                format!("expected a string, found {}", describe(other)),
+            )),
         }
     }
 
-    /// A number, if the key is there.
-    pub fn number(&mut self, key: &str, report: &Report) -> Result<Option<(String, f64)>, SceneError> {
-        self.take(key).map(|(path, json)| Ok((path.clone(), number(&path, json, report)?))).transpose()
+    /// Returns a number with its key path, if the key is present.
+    pub fn number(
+        &mut self,
+        key: &str,
+        diagnostics: &Diagnostics,
+    ) -> Result<Option<(String, f64)>, SceneError> {
+        self.get(key)
+            .map(|(path, json)| Ok((path.clone(), number(&path, json, diagnostics)?)))
+            .transpose()
     }
 
-    /// A point or direction with every coordinate in range, if the key is there.
-    pub fn vec3(&mut self, key: &str, report: &Report) -> Result<Option<Vec3>, SceneError> {
-        let Some((path, json)) = self.take(key) else { return Ok(None) };
-        let [x, y, z] = numbers::<3>(&path, json, report)?;
-        if [x, y, z].iter().any(|c| c.abs() > f64::from(MAX_COORDINATE)) {
-            return Err(report.error(path, format!("({x}, {y}, {z}) lies beyond {MAX_COORDINATE:e}")));
+    /// Returns a point or direction with coordinates in range, if the key is present.
+    pub fn vec3(
+        &mut self,
+        key: &str,
+        diagnostics: &Diagnostics,
+    ) -> Result<Option<Vec3>, SceneError> {
+        let Some((path, json)) = self.get(key) else {
+            return Ok(None);
+        };
+        let [x, y, z] = numbers::<3>(&path, json, diagnostics)?;
+        if [x, y, z]
+            .iter()
+            .any(|c| c.abs() > f64::from(MAX_COORDINATE))
+        {
+            return Err(diagnostics.error(
+                path,
+                format!(
+                    "({x}, {y}, {z}) is out of range; the greatest magnitude is {MAX_COORDINATE:e}"
+                ),
+            ));
         }
         Ok(Some(Vec3::new(x as f32, y as f32, z as f32)))
     }
 }
 
-/// A finite number.
-pub(in crate::scene::load) fn number(path: &str, json: &Json, report: &Report) -> Result<f64, SceneError> {
+/// Returns a finite number.
+pub(in crate::scene::load) fn number(
+    path: &str,
+    json: &Json,
+    diagnostics: &Diagnostics,
+) -> Result<f64, SceneError> {
     match json.as_f64() {
         Some(x) if x.is_finite() => Ok(x),
-        _ => Err(report.error(path, format!("expected a number, found {}", kind(json)))),
+        _ => Err(diagnostics.error(path, format!("expected a number, found {}", describe(json)))),
     }
 }
 
-/// A list of exactly `N` finite numbers.
+/// Returns a list of exactly `N` finite numbers.
 pub(in crate::scene::load) fn numbers<const N: usize>(
     path: &str,
     json: &Json,
-    report: &Report,
+    diagnostics: &Diagnostics,
 ) -> Result<[f64; N], SceneError> {
     let Json::Array(items) = json else {
-        return Err(report.error(path, format!("expected {N} numbers, found {}", kind(json))));
+        return Err(diagnostics.error(
+            path,
+            format!("expected {N} numbers, found {}", describe(json)),
+        ));
     };
     if items.len() != N {
-        return Err(report.error(path, format!("expected {N} numbers, found {} items", items.len())));
+        return Err(diagnostics.error(
+            path,
+            format!("expected {N} numbers, found {} items", items.len()),
+        ));
     }
     let mut out = [0.0; N];
     for (i, (x, item)) in out.iter_mut().zip(items).enumerate() {
-        *x = number(&format!("{path}[{i}]"), item, report)?;
+        *x = number(&format!("{path}[{i}]"), item, diagnostics)?;
     }
     Ok(out)
 }
 
-/// What a JSON value is, with its beginning, for messages.
-pub(in crate::scene::load) fn kind(json: &Json) -> String {
+/// Returns the type of a JSON value and its beginning, for messages.
+pub(in crate::scene::load) fn describe(json: &Json) -> String {
     match json {
         Json::Null => "null".to_owned(),
         Json::Bool(b) => format!("the boolean {b}"),
-        Json::Number(n) => format!("the number {}", shorten(&n.to_string())),
-        Json::String(s) => format!("the string \"{}\"", shorten(s)),
+        Json::Number(n) => format!("the number {}", truncated(&n.to_string())),
+        Json::String(s) => format!("the string \"{}\"", truncated(s)),
         Json::Array(_) => "a list".to_owned(),
         Json::Object(_) => "an object".to_owned(),
     }
 }
 
-/// The beginning of a text that may be of any length.
-pub(in crate::scene::load) fn shorten(text: &str) -> String {
-    const SHOWN: usize = 60;
-    match text.char_indices().nth(SHOWN) {
+/// Returns the beginning of a text of any length, for messages.
+pub(in crate::scene::load) fn truncated(text: &str) -> String {
+    const MAX_CHARS: usize = 60;
+    match text.char_indices().nth(MAX_CHARS) {
         Some((end, _)) => format!("{}...", &text[..end]),
         None => text.to_owned(),
     }

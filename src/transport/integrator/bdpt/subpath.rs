@@ -1,18 +1,18 @@
-//! The two subpaths of a sample.
+//! The camera and light subpaths of a sample.
 
 use glam::Vec3;
 
-use super::weights::{Chain, LightEnd, Link, Side};
+use super::weights::{EdgePartials, LightEnd, MisEndpoint, MisPartials};
 use crate::scene::compile::{NONE, Uv};
 use crate::transport::MAX_SURVIVAL;
-use crate::transport::bsdf::{Bsdf, BsdfSample, Mode, Outgoing};
-use crate::transport::flight::{Chance, Flight, Stamp};
+use crate::transport::bsdf::{Bsdf, BsdfSample, Outgoing, TransportMode};
 use crate::transport::integrator::Context;
 use crate::transport::light::{EmissionSample, LightPoint};
 use crate::transport::mis::Heuristic;
+use crate::transport::path_time::{AuxRng, OpticalLength, PathTime};
 use crate::transport::ray::Ray;
 use crate::transport::sampler::Sampler;
-use crate::transport::surface::{Overhang, Surface};
+use crate::transport::surface::{Surface, TerminatorOffset};
 use crate::transport::vertex;
 
 /// A vertex on a surface, generated from the camera or from a light.
@@ -24,52 +24,53 @@ pub struct Vertex {
     pub n_geometric: Vec3,
     /// Unit shading normal on the same side.
     pub n_shading: Vec3,
-    /// The direction to the vertex before, with what the BSDF knows of it.
+    /// Direction to the previous vertex, with everything that the BSDF derives from it.
     pub out: Outgoing,
-    /// Position of the vertex before; meaningless for a light without a place.
+    /// Position of the previous vertex; meaningless for an infinitely distant light.
     pub previous: Vec3,
-    /// Unit normal of the vertex before; zero for a point of the lens or of an overhang.
+    /// Unit normal of the previous vertex; zero for a lens point or a lifted point.
     pub n_previous: Vec3,
-    /// Turns a density per solid angle here into the other side's density of the vertex before; zero where the other
-    /// side cannot generate it.
+    /// Factor from a density per solid angle here to the other side's density of the previous
+    /// vertex; zero if the other side cannot generate it.
     pub back: f32,
-    /// The BSDF.
+    /// The BSDF at this vertex.
     pub bsdf: Bsdf,
-    /// Whether anything can be connected here: the BSDF has a density, and the surface does not end paths.
+    /// Whether connections are possible: the BSDF has a density, and the surface does not end
+    /// paths.
     pub connectible: bool,
-    /// Where edges towards light leave that the triangle itself would hide.
-    pub overhang: Option<Overhang>,
-    /// Row of the scene's emitters, or [`NONE`].
+    /// Offset against the shadow terminator for edges towards light.
+    pub terminator: Option<TerminatorOffset>,
+    /// Index into the scene's emitters, or [`NONE`].
     pub emitter: u32,
     /// Texture coordinates before tiling.
     pub uv: Uv,
-    /// Radiance emitted towards the vertex before, of a camera subpath.
+    /// Radiance emitted towards the previous vertex; black in a light subpath.
     pub emitted: Vec3,
-    /// What the path carries here, over the density with which it came here.
+    /// Throughput of the subpath up to this vertex, over the density of its generation.
     pub throughput: Vec3,
-    /// What weights need.
-    pub chain: Chain,
-    /// Whether the event that led to the next vertex was a Dirac.
+    /// Partial sums of MIS terms.
+    pub partials: MisPartials,
+    /// Whether the event that led to the next vertex was a Dirac event.
     pub delta: bool,
     /// Index ratio crossed by that event.
     pub eta: f32,
-    /// When the path is here.
-    pub stamp: Stamp,
+    /// Optical length of the subpath up to this vertex.
+    pub optical: OpticalLength,
 }
 
-/// Where an edge of a subpath comes from.
+/// The vertex that an edge of a subpath leaves.
 #[derive(Clone, Copy, Debug)]
 pub enum Origin {
-    /// The lens.
+    /// A point of the lens.
     Lens,
-    /// A light.
+    /// A point of a light.
     Light(LightPoint),
-    /// A surface with this unit normal; zero for the crest of an overhang, where no path can arrive.
+    /// A surface with this unit normal; zero for a lifted point, at which no path can arrive.
     Surface(Vec3),
 }
 
 impl Origin {
-    /// The unit normal there; zero for a point of the lens or of an overhang.
+    /// Returns the unit normal; zero for a lens point or a lifted point.
     #[inline]
     pub fn normal(&self) -> Vec3 {
         match self {
@@ -80,75 +81,76 @@ impl Origin {
     }
 }
 
-/// An edge of a subpath on its way to its next vertex.
+/// An edge of a subpath whose end vertex is not known yet.
 #[derive(Clone, Copy, Debug)]
 pub struct Edge {
-    /// What it leaves.
+    /// The vertex that the edge leaves.
     pub origin: Origin,
-    /// Where.
+    /// Position of that vertex.
     pub from: Vec3,
-    /// Unit direction.
+    /// Unit direction of the edge.
     pub dir: Vec3,
-    /// Density per solid angle of the direction; of no use where a light is left.
+    /// Density of the direction per solid angle; unused if the edge leaves a light.
     pub pdf_w: f64,
-    /// What weights need.
-    pub link: Link,
+    /// Partial sums of MIS terms.
+    pub partials: EdgePartials,
 }
 
-/// A camera subpath that left the scene.
+/// The end of a camera subpath that left the scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Escape {
-    /// Its last edge.
+    /// The last edge of the subpath.
     pub edge: Edge,
-    /// What the path carries, over the density with which it came.
+    /// Throughput of the subpath, over the density of its generation.
     pub throughput: Vec3,
-    /// When light along it arrives.
+    /// Optical length of light that arrives along it.
     pub length: f64,
 }
 
-/// Both subpaths of a sample, kept for the next one so that nothing is allocated per path.
+/// Both subpaths of a sample, reused for the next one so that nothing is allocated per path.
 #[derive(Debug, Default)]
 pub struct Subpaths {
-    /// Vertices of the light subpath behind the light's own: the vertex `y_i` is at `i - 1`.
+    /// Vertices of the light subpath after the light's own: the vertex `y_i` has index `i - 1`.
     pub light: Vec<Vertex>,
-    /// Where the light subpath starts, if there is one.
+    /// The start of the light subpath, if there is one.
     pub start: Option<EmissionSample>,
-    /// Vertices of the camera subpath behind the lens: the vertex `z_i` is at `i - 1`.
+    /// Vertices of the camera subpath after the lens: the vertex `z_i` has index `i - 1`.
     pub camera: Vec<Vertex>,
-    /// The edge behind them, if it met nothing.
+    /// The edge after them, if it hit nothing.
     pub escape: Option<Escape>,
     /// The point on the lens.
     pub lens: Vec3,
-    /// When the light of this sample was emitted.
+    /// Time of emission of this sample's light, as an optical length.
     pub emitted: f32,
 }
 
-/// The roulette of one subpath. The weights know nothing of it: see [`crate::transport::mis`].
-struct Roulette {
+/// Russian roulette of one subpath. Weights do not involve it: see [`crate::transport::mis`].
+struct RussianRoulette {
     start: Option<u32>,
-    /// What the path will bring back, as far as BSDFs tell.
-    promise: Vec3,
+    /// Product of the BSDF weights, by which the survival probability is chosen.
+    rr_throughput: Vec3,
 }
 
-impl Roulette {
-    /// By what to divide what goes on behind edge `edge`, if it does.
+impl RussianRoulette {
+    /// Returns the survival probability after edge number `edge`, or `None` if the path ends.
     #[inline]
-    fn play(&mut self, edge: u32, weight: Vec3, sampler: &mut Sampler) -> Option<f32> {
-        self.promise *= weight;
+    fn survival(&mut self, edge: u32, weight: Vec3, sampler: &mut Sampler) -> Option<f32> {
+        self.rr_throughput *= weight;
         if self.start.is_none_or(|start| edge < start) {
             return Some(1.0);
         }
-        let survival = self.promise.max_element().min(MAX_SURVIVAL);
+        let survival = self.rr_throughput.max_element().min(MAX_SURVIVAL);
         if sampler.next_1d() >= survival {
             return None;
         }
-        self.promise /= survival;
+        self.rr_throughput /= survival;
         Some(survival)
     }
 }
 
 impl Subpaths {
-    /// Both subpaths of a sample, of up to `context.max_depth` edges each; for `TIMED` see [`Flight`].
+    /// Traces both subpaths of a sample, with up to `context.max_depth` edges each; for `TIMED` see
+    /// [`PathTime`].
     pub fn trace<const TIMED: bool>(
         &mut self,
         context: &Context,
@@ -156,38 +158,54 @@ impl Subpaths {
         pixel: [u32; 2],
         sampler: &mut Sampler,
     ) {
-        let mut chance = self.trace_camera::<TIMED>(context, h, pixel, sampler);
-        self.trace_light::<TIMED>(context, h, sampler, &mut chance);
+        let mut aux_rng = self.trace_camera::<TIMED>(context, h, pixel, sampler);
+        self.trace_light::<TIMED>(context, h, sampler, &mut aux_rng);
     }
 
-    /// The subpath from the camera; what is left of the numbers of parts and delays goes to the light's.
+    /// Traces the camera subpath; returns the auxiliary numbers, which the light subpath continues.
     fn trace_camera<const TIMED: bool>(
         &mut self,
         context: &Context,
         h: Heuristic,
         pixel: [u32; 2],
         sampler: &mut Sampler,
-    ) -> Chance {
+    ) -> AuxRng {
         self.camera.clear();
         let ray = context.camera.sample_ray(pixel, sampler);
         self.lens = ray.origin;
         let edge = Edge::from_lens(context, ray.origin, ray.dir);
-        let departure = Departure { ray, edge, throughput: Vec3::ONE };
-        let mut chance = Chance::new::<TIMED>(sampler);
-        self.emitted = chance.emission(context);
-        let flight = Flight::<TIMED>::of_camera(context, &ray, self.emitted);
-        let mut going = Going { flight, sampler, chance: &mut chance };
-        self.escape = walk(context, h, Mode::Radiance, departure, context.max_depth, &mut going, &mut self.camera);
-        chance
+        let departure = Departure {
+            ray,
+            edge,
+            throughput: Vec3::ONE,
+        };
+        let mut aux_rng = AuxRng::new::<TIMED>(sampler);
+        self.emitted = aux_rng.emission(context);
+        let path_time = PathTime::<TIMED>::from_camera(context, &ray, self.emitted);
+        let mut state = WalkState {
+            path_time,
+            sampler,
+            aux_rng: &mut aux_rng,
+        };
+        self.escape = walk(
+            context,
+            h,
+            TransportMode::Radiance,
+            departure,
+            context.max_depth,
+            &mut state,
+            &mut self.camera,
+        );
+        aux_rng
     }
 
-    /// The subpath from a light.
+    /// Traces the light subpath.
     fn trace_light<const TIMED: bool>(
         &mut self,
         context: &Context,
         h: Heuristic,
         sampler: &mut Sampler,
-        chance: &mut Chance,
+        aux_rng: &mut AuxRng,
     ) {
         let max_edges = context.max_depth;
         self.light.clear();
@@ -203,124 +221,184 @@ impl Subpaths {
             return;
         }
         let edge = Edge::from_light(e.point, e.dir);
-        let ray = vertex::leave(e.point.position, e.point.normal, e.dir);
-        let departure = Departure { ray, edge, throughput };
-        let flight = Flight::<TIMED>::of_light(context, e.point.position);
-        let mut going = Going { flight, sampler, chance };
-        walk(context, h, Mode::Importance, departure, max_edges - 1, &mut going, &mut self.light);
+        let ray = vertex::spawn_ray(e.point.position, e.point.normal, e.dir);
+        let departure = Departure {
+            ray,
+            edge,
+            throughput,
+        };
+        let path_time = PathTime::<TIMED>::from_light(context, e.point.position);
+        let mut state = WalkState {
+            path_time,
+            sampler,
+            aux_rng,
+        };
+        walk(
+            context,
+            h,
+            TransportMode::Importance,
+            departure,
+            max_edges - 1,
+            &mut state,
+            &mut self.light,
+        );
     }
 }
 
-/// An edge with what is needed to follow it.
+/// An edge with its ray and throughput.
 struct Departure {
     ray: Ray,
     edge: Edge,
     throughput: Vec3,
 }
 
-/// What a subpath takes along: its clock and its random numbers.
-struct Going<'a, const TIMED: bool> {
-    flight: Flight<'a, TIMED>,
+/// The state that a subpath carries along: its optical length and its random numbers.
+struct WalkState<'a, const TIMED: bool> {
+    path_time: PathTime<'a, TIMED>,
     sampler: &'a mut Sampler,
-    chance: &'a mut Chance,
+    aux_rng: &'a mut AuxRng,
 }
 
-/// Follows a path until it ends. Returns the edge that left the scene, if one did.
+/// Traces a subpath until it ends. Returns its last edge if that left the scene.
 fn walk<const TIMED: bool>(
     context: &Context,
     h: Heuristic,
-    mode: Mode,
+    mode: TransportMode,
     mut departure: Departure,
     max_edges: u32,
-    going: &mut Going<TIMED>,
+    state: &mut WalkState<TIMED>,
     path: &mut Vec<Vertex>,
 ) -> Option<Escape> {
-    let mut roulette = Roulette { start: context.rr_start, promise: Vec3::ONE };
-    let mut over: Option<Overhang> = None;
+    let mut roulette = RussianRoulette {
+        start: context.rr_start,
+        rr_throughput: Vec3::ONE,
+    };
+    let mut terminator: Option<TerminatorOffset> = None;
     for count in 1..=max_edges {
-        let Departure { ray, edge, throughput } = departure;
+        let Departure {
+            ray,
+            edge,
+            throughput,
+        } = departure;
         let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else {
-            return Some(Escape { edge, throughput, length: going.flight.escaped(context, edge.dir) });
+            return Some(Escape {
+                edge,
+                throughput,
+                length: state.path_time.escape_length(context, edge.dir),
+            });
         };
-        // From the camera, the last edge finds light or nothing.
-        let only_light = mode == Mode::Radiance && count == max_edges;
+        // The last edge of a camera subpath can only find light.
+        let only_light = mode == TransportMode::Radiance && count == max_edges;
         if only_light && context.scene.emitter_of(hit.primitive, hit.instance) == NONE {
             return None;
         }
-        let surface = going.flight.arrive(context, &ray, &hit, going.chance);
-        if over.is_some_and(|o| !o.reaches(surface.position)) {
+        let surface = state.path_time.arrive(context, &ray, &hit, state.aux_rng);
+        if terminator.is_some_and(|o| !o.has_below(surface.position)) {
             return None;
         }
-        let (chain, back) = edge.meet(context, h, surface.position, surface.n_geometric)?;
-        path.push(edge.arrive(context, &surface, mode, throughput, chain, back));
+        let (partials, back) =
+            edge.partials_at_surface(context, h, surface.position, surface.n_geometric)?;
+        path.push(edge.vertex_at(context, &surface, mode, throughput, partials, back));
         let v = path.last_mut()?;
-        v.stamp = going.flight.stamp();
-        let ends = v.emitter != NONE && !surface.material.emitter_reflects;
+        v.optical = state.path_time.optical();
+        let ends = surface.ends_paths();
         if ends || count == max_edges {
             v.connectible &= !ends;
             return None;
         }
-        departure = v.depart(h, mode, &surface, count, &mut roulette, going.sampler)?;
-        going.flight.leave(v.position, v.eta);
-        over = surface.overhang_into(departure.ray.dir);
+        departure = v.depart(h, mode, &surface, count, &mut roulette, state.sampler)?;
+        state.path_time.scatter(v.position, v.eta);
+        terminator = surface.terminator_into(departure.ray.dir);
     }
     None
 }
 
 impl Edge {
-    /// An edge from a point of the lens.
+    /// Returns an edge that leaves a point of the lens.
     ///
-    /// Every strategy with two or more camera vertices generates it with the density of camera rays, and the one with a
-    /// single camera vertex can do without, unless the film's pixels are points: then no other strategy can find what
-    /// lies there, and the density, the same for all that can, does not matter.
+    /// Every strategy with two or more camera vertices generates it with the density of camera
+    /// rays, and the one with a single camera vertex does without it, unless the film's pixels are
+    /// points: then no other strategy can find the path, and the density, the same for all
+    /// strategies that can, does not matter.
     #[inline]
     pub fn from_lens(context: &Context, from: Vec3, dir: Vec3) -> Edge {
         let pdf_w = f64::from(context.camera.pdf_w(dir));
-        let (pdf_w, joint) = if pdf_w > 0.0 { (pdf_w, 1.0) } else { (1.0, 0.0) };
-        Edge { origin: Origin::Lens, from, dir, pdf_w, link: Link { joint, tail: 0.0 } }
+        let (pdf_w, d_vcm) = if pdf_w > 0.0 {
+            (pdf_w, 1.0)
+        } else {
+            (1.0, 0.0)
+        };
+        Edge {
+            origin: Origin::Lens,
+            from,
+            dir,
+            pdf_w,
+            partials: EdgePartials { d_vcm, d_vc: 0.0 },
+        }
     }
 
-    /// An edge from a point of a light. What weights need is known when it arrives.
+    /// Returns an edge that leaves a point of a light. Its partial sums are computed on arrival.
     #[inline]
     pub fn from_light(point: LightPoint, dir: Vec3) -> Edge {
-        let link = Link { joint: 0.0, tail: 0.0 };
-        Edge { origin: Origin::Light(point), from: point.position, dir, pdf_w: 0.0, link }
+        let partials = EdgePartials {
+            d_vcm: 0.0,
+            d_vc: 0.0,
+        };
+        Edge {
+            origin: Origin::Light(point),
+            from: point.position,
+            dir,
+            pdf_w: 0.0,
+            partials,
+        }
     }
 
-    /// What weights need of the point of a surface that this edge meets, and [`Vertex::back`] there; `None` where rounding
-    /// leaves the point without a density.
+    /// Returns the MIS partials of the surface point that this edge hits, and [`Vertex::back`]
+    /// there; `None` if rounding leaves the point without a density.
     #[inline]
-    pub fn meet(&self, context: &Context, h: Heuristic, position: Vec3, n: Vec3) -> Option<(Chain, f32)> {
+    pub fn partials_at_surface(
+        &self,
+        context: &Context,
+        h: Heuristic,
+        position: Vec3,
+        n: Vec3,
+    ) -> Option<(MisPartials, f32)> {
         if let Origin::Light(point) = self.origin {
             let end = LightEnd::new(context, &point, self.dir, position, n);
-            let (some, chain) = Chain::new(h, end.link(h), end.next);
-            return some.then_some((chain, end.back));
+            let (some, partials) = MisPartials::new(h, end.edge_partials(h), end.next);
+            return some.then_some((partials, end.back));
         }
         let [spread, back] = vertex::area_factors([self.from, self.origin.normal()], [position, n]);
-        Some((self.chain(h, f64::from(spread))?, back))
+        Some((self.partials_at(h, f64::from(spread))?, back))
     }
 
-    /// What weights need where this edge arrives; `spread` turns its density into one of that place.
+    /// Returns the MIS partials at the end of this edge; `spread` converts its density to that of
+    /// the end point.
     #[inline]
-    pub fn chain(&self, h: Heuristic, spread: f64) -> Option<Chain> {
-        let (some, chain) = Chain::new(h, self.link, self.pdf_w * spread);
-        some.then_some(chain)
+    pub fn partials_at(&self, h: Heuristic, spread: f64) -> Option<MisPartials> {
+        let (some, partials) = MisPartials::new(h, self.partials, self.pdf_w * spread);
+        some.then_some(partials)
     }
 
-    /// The vertex where the edge meets a surface, with what [`Edge::meet`] says of it.
+    /// Returns the vertex at the surface that this edge hits, given the results of
+    /// [`Edge::partials_at_surface`].
     #[inline]
-    pub fn arrive(
+    pub fn vertex_at(
         &self,
         context: &Context,
         surface: &Surface,
-        mode: Mode,
+        mode: TransportMode,
         throughput: Vec3,
-        chain: Chain,
+        partials: MisPartials,
         back: f32,
     ) -> Vertex {
         let wo = -self.dir;
         let bsdf = Bsdf::new(surface, &context.scene.textures);
-        let emitted = if mode == Mode::Radiance { surface.emitted(&context.scene.textures, wo) } else { Vec3::ZERO };
+        let emitted = if mode == TransportMode::Radiance {
+            surface.emitted(&context.scene.textures, wo)
+        } else {
+            Vec3::ZERO
+        };
         Vertex {
             position: surface.position,
             n_geometric: surface.n_geometric,
@@ -331,76 +409,124 @@ impl Edge {
             back,
             connectible: bsdf.has_density(),
             bsdf,
-            overhang: surface.overhang,
+            terminator: surface.terminator,
             emitter: surface.emitter,
             uv: surface.uv,
             emitted,
             throughput,
-            chain,
+            partials,
             delta: false,
             eta: 1.0,
-            stamp: Stamp::default(),
+            optical: OpticalLength::default(),
         }
     }
 }
 
 impl Vertex {
-    /// The cosine by which a BSDF value towards `wi` is multiplied.
+    /// Returns the cosine by which a BSDF value towards `wi` is multiplied.
     #[inline]
     pub fn cos(&self, wi: Vec3) -> f32 {
         wi.dot(self.n_shading).abs()
     }
 
-    /// This vertex as edges meet it that leave from the crest of its overhang: see [`Surface::raised`].
+    /// Returns this vertex as the start of edges from its lifted point: see [`Surface::lifted`].
     #[inline]
-    pub fn raised(&self) -> Option<Vertex> {
-        let over = self.overhang?;
-        let overhang = Some(Overhang { raised: true, ..over });
-        Some(Vertex { position: over.crest, n_geometric: Vec3::ZERO, overhang, ..*self })
+    pub fn lifted(&self) -> Option<Vertex> {
+        let terminator = TerminatorOffset {
+            lifted: true,
+            ..self.terminator?
+        };
+        Some(Vertex {
+            position: terminator.lifted_point,
+            n_geometric: Vec3::ZERO,
+            terminator: Some(terminator),
+            ..*self
+        })
     }
 
-    /// This vertex as weights see it.
+    /// Returns the quantities of this vertex that weights depend on.
     #[inline]
-    pub fn side(&self) -> Side {
-        Side { chain: self.chain, back: self.back }
+    pub fn mis_endpoint(&self) -> MisEndpoint {
+        MisEndpoint {
+            partials: self.partials,
+            back: self.back,
+        }
     }
 
-    /// The edge on which the path goes on into `wi`, which was found with density `pdf_w` (the way back has `reverse_pdf_w`)
-    /// or, if `self.delta`, by a Dirac event: see [`Side::onward`].
+    /// Returns the edge in direction `wi`, which was sampled with density `pdf_w` (and
+    /// `reverse_pdf_w` for the way back) or, if `self.delta`, by a Dirac event: see
+    /// [`MisEndpoint::next_edge`].
     #[inline]
-    pub fn onward(&self, h: Heuristic, mode: Mode, wi: Vec3, pdf_w: f32, reverse_pdf_w: f32) -> Edge {
+    pub fn next_edge(
+        &self,
+        h: Heuristic,
+        mode: TransportMode,
+        wi: Vec3,
+        pdf_w: f32,
+        reverse_pdf_w: f32,
+    ) -> Edge {
         let event = (self.delta, self.eta);
-        let (pdf_w, link) =
-            self.side().onward(h, mode, [self.out.wo, wi, self.n_geometric], [pdf_w, reverse_pdf_w], event);
-        let (n, from) = match self.overhang {
-            Some(over) if over.carries(wi) => (Vec3::ZERO, over.crest),
+        let (pdf_w, partials) = self.mis_endpoint().next_edge(
+            h,
+            mode,
+            [self.out.wo, wi, self.n_geometric],
+            [pdf_w, reverse_pdf_w],
+            event,
+        );
+        let (n, from) = match self.terminator {
+            Some(terminator) if terminator.applies_to(wi) => (Vec3::ZERO, terminator.lifted_point),
             _ => (self.n_geometric, self.position),
         };
-        Edge { origin: Origin::Surface(n), from, dir: wi, pdf_w, link }
+        Edge {
+            origin: Origin::Surface(n),
+            from,
+            dir: wi,
+            pdf_w,
+            partials,
+        }
     }
 
-    /// Samples where the path goes on.
+    /// Samples the next edge of the path.
     #[inline]
     fn depart(
         &mut self,
         h: Heuristic,
-        mode: Mode,
+        mode: TransportMode,
         surface: &Surface,
         edge: u32,
-        roulette: &mut Roulette,
+        roulette: &mut RussianRoulette,
         sampler: &mut Sampler,
     ) -> Option<Departure> {
         let choice = sampler.next_1d();
-        let (BsdfSample { wi, weight, pdf_w, delta, eta }, reverse) =
-            self.bsdf.sample_with_reverse(&self.out, choice, sampler.next_2d(), mode)?;
+        let (
+            BsdfSample {
+                wi,
+                weight,
+                pdf_w,
+                delta,
+                eta,
+            },
+            reverse,
+        ) = self
+            .bsdf
+            .sample_with_reverse(&self.out, choice, sampler.next_2d(), mode)?;
         (self.delta, self.eta) = (delta, eta);
-        // Undoes the scaling of radiance by refraction, so that roulette judges what the path will bring back.
-        let eta2 = if mode == Mode::Radiance { eta * eta } else { 1.0 };
-        let survival = roulette.play(edge, weight * eta2, sampler)?;
+        // Undo the scaling of radiance by refraction, so that roulette judges the expected
+        // contribution.
+        let eta2 = if mode == TransportMode::Radiance {
+            eta * eta
+        } else {
+            1.0
+        };
+        let survival = roulette.survival(edge, weight * eta2, sampler)?;
         let throughput = self.throughput * weight / survival;
         if throughput == Vec3::ZERO {
             return None;
         }
-        Some(Departure { ray: surface.spawn(wi), edge: self.onward(h, mode, wi, pdf_w, reverse), throughput })
+        Some(Departure {
+            ray: surface.spawn(wi),
+            edge: self.next_edge(h, mode, wi, pdf_w, reverse),
+            throughput,
+        })
     }
 }

@@ -1,67 +1,73 @@
-//! A whole path, and its densities from their definition.
+//! A complete path, and its densities from their definition.
 
 use glam::{DVec3, Vec3};
 
-use crate::transport::bsdf::{Bsdf, Mode};
+use crate::transport::bsdf::{Bsdf, TransportMode};
 use crate::transport::integrator::Context;
-use crate::transport::integrator::bdpt::Found;
+use crate::transport::integrator::bdpt::ConnectedPath;
 use crate::transport::integrator::bdpt::subpath::Vertex;
 use crate::transport::light::{LightId, LightPoint};
 use crate::transport::mis::Heuristic;
 
 /// A vertex between the light and the lens.
 #[derive(Clone, Copy, Debug)]
-pub struct Scatter {
+pub struct ScatterVertex {
     /// Position in world space.
     pub position: Vec3,
     /// Unit normal on the front side.
     pub n_geometric: Vec3,
     /// Unit shading normal on the same side.
     pub n_shading: Vec3,
-    /// The BSDF.
+    /// The BSDF at this vertex.
     pub bsdf: Bsdf,
-    /// Where the path turns by a Dirac event: the index on the light's side over that on the camera's.
+    /// For a Dirac event, the index on the light's side over that on the camera's side.
     pub dirac: Option<f32>,
 }
 
-impl Scatter {
-    /// From a vertex of a subpath, where `dirac` says how the path goes on there.
-    fn new(v: &Vertex, dirac: Option<f32>) -> Scatter {
-        Scatter { position: v.position, n_geometric: v.n_geometric, n_shading: v.n_shading, bsdf: v.bsdf, dirac }
+impl ScatterVertex {
+    /// Converts a vertex of a subpath; `dirac` describes the event at the vertex.
+    fn new(v: &Vertex, dirac: Option<f32>) -> ScatterVertex {
+        ScatterVertex {
+            position: v.position,
+            n_geometric: v.n_geometric,
+            n_shading: v.n_shading,
+            bsdf: v.bsdf,
+            dirac,
+        }
     }
 }
 
-/// A path `x_0 .. x_k` from a light to the lens.
+/// A complete path `x_0 .. x_k` from a light to the lens.
 #[derive(Clone, Debug)]
 pub struct Path {
-    /// `x_0`.
+    /// The light point `x_0`.
     pub light: LightPoint,
-    /// `x_1 .. x_(k-1)`.
-    pub surfaces: Vec<Scatter>,
-    /// `x_k`.
+    /// The surface vertices `x_1 .. x_(k-1)`.
+    pub surfaces: Vec<ScatterVertex>,
+    /// The lens point `x_k`.
     pub lens: Vec3,
-    /// Unit directions from `x_i` to `x_(i+1)` as they were traced: rays start a little off their surfaces, so positions
-    /// alone do not give them back to all digits.
+    /// Unit directions from `x_i` to `x_(i+1)` as they were traced: rays start a little off their
+    /// surfaces, so they cannot be recomputed exactly from the positions.
     pub dirs: Vec<Vec3>,
 }
 
 impl Path {
-    /// The path that a strategy of `bdpt` found; `None` only if it left out to say what it found.
-    pub fn new(found: &Found) -> Option<Path> {
+    /// Builds the path that a strategy of `bdpt` found; `None` if the record is incomplete.
+    pub fn new(found: &ConnectedPath) -> Option<Path> {
         let (s, t) = (found.contribution.s as usize, found.contribution.t as usize);
         let subpaths = found.subpaths;
         let light = match (found.point, subpaths.start) {
             (Some(point), _) => point,
             (None, start) => start?.point,
         };
-        let of_light = &subpaths.light[..s.saturating_sub(1)];
-        // What a camera subpath hits by chance is its last vertex, or lies behind it.
-        let of_camera = &subpaths.camera[..if s == 0 { t - 2 } else { t - 1 }];
+        let light_vertices = &subpaths.light[..s.saturating_sub(1)];
+        // A light that a camera subpath hits by chance is its last vertex, or outside the scene.
+        let camera_vertices = &subpaths.camera[..if s == 0 { t - 2 } else { t - 1 }];
         let mut surfaces = Vec::with_capacity(s + t);
         let mut dirs = Vec::with_capacity(s + t);
-        for (i, y) in of_light.iter().enumerate() {
-            let turns = y.delta && i + 1 < of_light.len();
-            surfaces.push(Scatter::new(y, turns.then_some(1.0 / y.eta)));
+        for (i, y) in light_vertices.iter().enumerate() {
+            let turns = y.delta && i + 1 < light_vertices.len();
+            surfaces.push(ScatterVertex::new(y, turns.then_some(1.0 / y.eta)));
             dirs.push(-y.out.wo);
         }
         dirs.push(match (s, subpaths.camera.get(t.saturating_sub(2))) {
@@ -69,30 +75,41 @@ impl Path {
             (0, None) => -subpaths.escape?.edge.dir,
             _ => -found.wi,
         });
-        for (i, z) in of_camera.iter().enumerate().rev() {
-            let turns = z.delta && (i + 1 < of_camera.len() || s == 0);
-            surfaces.push(Scatter::new(z, turns.then_some(z.eta)));
+        for (i, z) in camera_vertices.iter().enumerate().rev() {
+            let turns = z.delta && (i + 1 < camera_vertices.len() || s == 0);
+            surfaces.push(ScatterVertex::new(z, turns.then_some(z.eta)));
             dirs.push(z.out.wo);
         }
-        Some(Path { light, surfaces, lens: found.lens, dirs })
+        Some(Path {
+            light,
+            surfaces,
+            lens: found.lens,
+            dirs,
+        })
     }
 
-    /// Number of edges.
+    /// Returns the number of edges.
     pub fn depth(&self) -> usize {
         self.surfaces.len() + 1
     }
 
-    /// Whether the light is outside the scene and has a direction in place of a position.
+    /// Returns whether the light is infinitely distant and has a direction in place of a position.
     fn outside(&self) -> bool {
-        matches!(self.light.light, LightId::Environment | LightId::Directional(_))
+        matches!(
+            self.light.light,
+            LightId::Environment | LightId::Directional(_)
+        )
     }
 
-    /// Whether no path meets the light by chance.
+    /// Returns whether no path can hit the light by chance.
     pub fn light_is_dirac(&self) -> bool {
-        matches!(self.light.light, LightId::Point(_) | LightId::Directional(_))
+        matches!(
+            self.light.light,
+            LightId::Point(_) | LightId::Directional(_)
+        )
     }
 
-    /// Whether `x_i` turns the path by a Dirac event.
+    /// Returns whether the event at `x_i` is a Dirac event.
     pub fn is_dirac(&self, i: usize) -> bool {
         i >= 1 && i <= self.surfaces.len() && self.surfaces[i - 1].dirac.is_some()
     }
@@ -106,10 +123,14 @@ impl Path {
         .as_dvec3()
     }
 
-    /// What turns a density per solid angle at `x_from` into that of the neighbour `x_to` in its own measure.
+    /// Returns the factor from a density per solid angle at `x_from` to that of the neighbour
+    /// `x_to` in its own measure.
     fn spread(&self, from: usize, to: usize) -> f64 {
         if from == 0 && self.outside() {
-            return (self.dirs[0].as_dvec3().dot(self.surfaces[0].n_geometric.as_dvec3())).abs();
+            return (self.dirs[0]
+                .as_dvec3()
+                .dot(self.surfaces[0].n_geometric.as_dvec3()))
+            .abs();
         }
         let edge = self.position(to) - self.position(from);
         let cos = |n: Vec3| edge.dot(n.as_dvec3()).abs() / edge.length();
@@ -122,7 +143,7 @@ impl Path {
         }
     }
 
-    /// Density with which light paths start at `x_0`, in its measure.
+    /// Returns the density with which light paths start at `x_0`, in its measure.
     fn start(&self, context: &Context) -> f64 {
         let choice = f64::from(context.lights.pdf_choice(self.light.light));
         match self.light.light {
@@ -132,12 +153,17 @@ impl Path {
         }
     }
 
-    /// Density with which `x_0` is sampled as the light of `x_1`.
+    /// Returns the density with which `x_0` is sampled as the light of `x_1`.
     fn direct(&self, context: &Context) -> f64 {
         let scene = context.scene;
-        let LightId::Emitter(i) = self.light.light else { return self.start(context) };
+        let LightId::Emitter(i) = self.light.light else {
+            return self.start(context);
+        };
         let primitive = scene.emitters[i as usize].primitive as usize;
-        let Some(sphere) = primitive.checked_sub(scene.triangles.len()).map(|s| &scene.spheres[s]) else {
+        let Some(sphere) = primitive
+            .checked_sub(scene.triangles.len())
+            .map(|s| &scene.spheres[s])
+        else {
             return self.start(context);
         };
         let sin = f64::from(sphere.radius) / (self.position(1) - sphere.center.as_dvec3()).length();
@@ -149,12 +175,16 @@ impl Path {
         choice / (std::f64::consts::TAU * one_minus_cos) * self.spread(1, 0)
     }
 
-    /// Density with which a light path generates `x_i` after `x_(i-1)`, for `1 <= i < k`.
-    fn by_light(&self, context: &Context, i: usize) -> f64 {
+    /// Returns the density with which a light path generates `x_i` after `x_(i-1)`, for `1 <= i <
+    /// k`.
+    fn light_density(&self, context: &Context, i: usize) -> f64 {
         let per_solid_angle = if i == 1 {
-            let e = context.lights.pdf_emission_at(context.scene, &self.light, self.dirs[0]);
+            let e = context
+                .lights
+                .pdf_emission_at(context.scene, &self.light, self.dirs[0]);
             match self.light.light {
-                // Its start is uniform over a disk, and that alone is left once the direction is known.
+                // The start is uniform over a disk, the only density left once the direction is
+                // known.
                 LightId::Environment | LightId::Directional(_) => {
                     f64::from(e.pdf_a) / f64::from(context.lights.pdf_choice(self.light.light))
                 }
@@ -170,13 +200,14 @@ impl Path {
         per_solid_angle * self.spread(i - 1, i)
     }
 
-    /// Density with which a camera path generates `x_i` after `x_(i+1)`, for `i < k`.
-    fn by_camera(&self, context: &Context, i: usize) -> f64 {
+    /// Returns the density with which a camera path generates `x_i` after `x_(i+1)`, for `i < k`.
+    fn camera_density(&self, context: &Context, i: usize) -> f64 {
         if i == 0 && self.light_is_dirac() {
             return 0.0;
         }
         let per_solid_angle = if i + 1 == self.depth() {
-            // Where pixels are points there is no density, and no strategy can do without the camera's choice.
+            // If pixels are points there is no density, and no strategy can do without the camera's
+            // choice.
             match context.camera.pdf_w(-self.dirs[i]) {
                 0.0 => 1.0,
                 pdf_w => f64::from(pdf_w),
@@ -191,12 +222,12 @@ impl Path {
         per_solid_angle * self.spread(i + 1, i)
     }
 
-    /// Densities of the path under the strategies `s = 0 ..= k`: the product of the densities of its vertices, the first
-    /// `s` as light paths generate them and the others as camera paths do, the lens left out; zero for strategies that
-    /// cannot find it.
+    /// Returns the densities of the path under the strategies `s = 0 ..= k`: the product of the
+    /// densities of its vertices, the first `s` as light paths generate them and the others as
+    /// camera paths do, without the lens; zero for strategies that cannot find it.
     ///
-    /// A Dirac event has no density. What stands in its place is `|cos| eta^2` of the side to which it goes, which makes
-    /// the ratio of both directions right, so that ratios of strategies are.
+    /// A Dirac event has no density. Its place is taken by `|cos| eta^2` of the outgoing side,
+    /// which makes the ratio of both directions correct, and with it the ratios of strategies.
     pub fn densities(&self, context: &Context) -> Vec<f64> {
         let k = self.depth();
         let possible = |s: usize| match s {
@@ -209,18 +240,20 @@ impl Path {
             let mut p = 1.0;
             for i in 0..k {
                 p *= match i {
-                    i if i >= s => self.by_camera(context, i),
+                    i if i >= s => self.camera_density(context, i),
                     0 if s == 1 && k > 1 => self.direct(context),
                     0 => self.start(context),
-                    i => self.by_light(context, i),
+                    i => self.light_density(context, i),
                 };
             }
             p
         };
-        (0..=k).map(|s| if possible(s) { density(s) } else { 0.0 }).collect()
+        (0..=k)
+            .map(|s| if possible(s) { density(s) } else { 0.0 })
+            .collect()
     }
 
-    /// The weights of the strategies `s = 0 ..= k` [Veach 1997, 9.2].
+    /// Returns the weights of the strategies `s = 0 ..= k` [Veach 1997, 9.2].
     pub fn weights(&self, context: &Context, h: Heuristic) -> Vec<f64> {
         let densities = self.densities(context);
         let greatest = densities.iter().copied().fold(0.0, f64::max);
@@ -229,18 +262,24 @@ impl Path {
         terms.iter().map(|t| t / sum).collect()
     }
 
-    /// What the path carries to a pixel of a box filter, per unit of all its vertices' measures: emission, BSDFs,
-    /// geometry, and the importance of the lens [Veach 1997, equation 8.7]. `None` for a path with Dirac events.
+    /// Returns the contribution of the path to a pixel of a box filter, per unit of all its
+    /// vertices' measures: emission, BSDFs, geometry, and the importance of the lens [Veach 1997,
+    /// equation 8.7]. `None` for a path with Dirac events.
     pub fn contribution(&self, context: &Context) -> Option<DVec3> {
         let k = self.depth();
-        let mut value = context.lights.emitted(context.scene, &self.light, self.dirs[0]).as_dvec3();
+        let mut value = context
+            .lights
+            .emitted(context.scene, &self.light, self.dirs[0])
+            .as_dvec3();
         for (i, v) in self.surfaces.iter().enumerate() {
             if v.dirac.is_some() {
                 return None;
             }
             let (wo, wi) = (self.dirs[i + 1], -self.dirs[i]);
             let cos = wi.as_dvec3().dot(v.n_shading.as_dvec3()).abs();
-            value *= v.bsdf.eval(wo, wi, Mode::Radiance).as_dvec3() * cos * self.spread(i + 1, i);
+            value *= v.bsdf.eval(wo, wi, TransportMode::Radiance).as_dvec3()
+                * cos
+                * self.spread(i + 1, i);
         }
         Some(value * f64::from(context.camera.pdf_w(-self.dirs[k - 1])) * self.spread(k, k - 1))
     }

@@ -1,0 +1,34 @@
+-- scripts/recipes/choose_sampler.lua: independent random numbers against the Sobol sequence.
+
+local x = experiment("choose_sampler", { seed = 11, repeats = 3 })
+
+x:axis("depth", { 2, 6 })
+x:axis("sampler", { "independent", "sobol" })
+x:axis("size", { 64 })
+x:axis("samples", { 64 })
+
+x:render(function(p)
+  return {
+    scene = "scenes/cornell.lua",
+    integrator = "nee",
+    max_depth = p.depth,
+    resolution = { p.size, p.size },
+    sampler = p.sampler,
+    -- The same code path for both samplers, or times would compare vector instructions.
+    accel = { lanes = "never" },
+  }
+end)
+
+x:reference {
+  from = function() return { integrator = "bdpt", sampler = "independent" } end,
+  stop = function(p) return stop.samples(16 * p.samples) end,
+}
+
+x:measure { every = "10s", rmse = metric.rmse() }
+x:stop(function(p) return stop.samples(p.samples) end)
+
+x:figure("convergence", { x = "samples", y = "rmse", by = "sampler", facet = "depth" })
+x:table("rmse", { value = "rmse", rows = "depth", cols = "sampler" })
+x:table("seconds", { value = "render_s", rows = "depth", cols = "sampler" })
+
+return x

@@ -1,0 +1,222 @@
+//! Reference page of the command line, generated from its definition.
+
+use clap::{Arg, Command, CommandFactory};
+
+use crate::cli::args::Cli;
+use crate::cli::exit::EXIT_CODES_HELP;
+use crate::value::markdown::{row, sentence, table_head};
+
+/// Verbs in groups, in the order of the page.
+const GROUPS: &[(&str, &[&str])] = &[
+    ("Experiments", &["run", "retry", "plan", "check"]),
+    ("Progress", &["watch", "status", "ls", "show", "explain"]),
+    (
+        "Results",
+        &["report", "view", "metric", "diff", "reproduce"],
+    ),
+    ("Scenes", &["trace", "export"]),
+    ("Clusters", &["submit", "work", "cancel"]),
+    (
+        "The program itself",
+        &["doctor", "verify", "bench", "schema", "completions", "man"],
+    ),
+];
+
+/// Returns the generated part of docs/reference/command-line.md: verbs by group, the options of
+/// every verb, and the exit codes.
+pub fn reference() -> String {
+    let mut command = Cli::command();
+    command.build();
+    let mut out = table_head(["verb", "purpose"]);
+    for verb in GROUPS.iter().flat_map(|(_, verbs)| *verbs) {
+        let about = command.find_subcommand(verb).and_then(Command::get_about);
+        let about = about.map(ToString::to_string).unwrap_or_default();
+        out += &row([&format!("[`{verb}`](#lumbre-{verb})"), &sentence(&about)]);
+    }
+    for (title, verbs) in GROUPS {
+        out += &format!("\n## {title}\n");
+        for verb in *verbs {
+            if let Some(verb) = command.find_subcommand_mut(verb) {
+                out += &verb_section(verb, "lumbre");
+            }
+        }
+    }
+    out += "\n## Options of every verb\n\n";
+    let global: Vec<&Arg> = command
+        .get_arguments()
+        .filter(|arg| arg.is_global_set())
+        .collect();
+    out += &arguments(&global);
+    out += &format!("\n## Exit codes\n\n```text\n{EXIT_CODES_HELP}\n```\n");
+    out
+}
+
+/// Returns the section of a verb and of its subcommands; `parent` is the command before its name.
+fn verb_section(command: &mut Command, parent: &str) -> String {
+    let name = format!("{parent} {}", command.get_name());
+    let about = command.get_long_about().or(command.get_about());
+    let about = about.map(ToString::to_string).unwrap_or_default();
+    let usage = command.render_usage().to_string();
+    let usage = usage.trim_start_matches("Usage:").trim();
+    let mut out = format!(
+        "\n### `{name}`\n\n{}\n\n```text\n{usage}\n```\n",
+        paragraphs(&about)
+    );
+    let own = |arg: &&Arg| !arg.is_global_set() && !arg.is_hide_set() && arg.get_id() != "help";
+    let args: Vec<&Arg> = command.get_arguments().filter(own).collect();
+    if !args.is_empty() {
+        out += "\n";
+        out += &arguments(&args);
+    }
+    for inner in command.get_subcommands_mut() {
+        if inner.get_name() != "help" {
+            out += &verb_section(inner, &name);
+        }
+    }
+    out
+}
+
+/// Returns a help text as Markdown; indented lines become a code block.
+fn paragraphs(help: &str) -> String {
+    let mut blocks: Vec<String> = Vec::new();
+    for block in help.split("\n\n") {
+        let is_indented = block.lines().all(|line| line.starts_with("  "));
+        if is_indented && !block.trim().is_empty() {
+            let lines: Vec<&str> = block
+                .lines()
+                .map(|line| line.get(2..).unwrap_or(""))
+                .collect();
+            blocks.push(format!("```text\n{}\n```", lines.join("\n")));
+        } else {
+            blocks.push(sentence(block.trim()));
+        }
+    }
+    blocks.join("\n\n")
+}
+
+/// Returns the table of arguments and options.
+fn arguments(args: &[&Arg]) -> String {
+    let mut out = table_head(["argument", "default", "meaning"]);
+    for arg in args {
+        let help = arg.get_long_help().or(arg.get_help());
+        let help = help.map(ToString::to_string).unwrap_or_default();
+        let (help, default) = help_and_default(arg, &help);
+        out += &row([&format!("`{}`", spelling(arg)), &default, &help]);
+    }
+    out
+}
+
+/// Returns an argument as it is written on the command line.
+fn spelling(arg: &Arg) -> String {
+    let value = arg.get_value_names().map(|names| {
+        names
+            .iter()
+            .map(|name| name.as_str())
+            .collect::<Vec<_>>()
+            .join(" ")
+    });
+    let takes_value = arg.get_action().takes_values();
+    if arg.is_positional() {
+        let name = value.unwrap_or_else(|| arg.get_id().as_str().to_uppercase());
+        let many = arg.get_num_args().is_some_and(|n| n.max_values() > 1);
+        let dots = if many { ".." } else { "" };
+        return if arg.is_required_set() {
+            format!("{name}{dots}")
+        } else {
+            format!("[{name}{dots}]")
+        };
+    }
+    let short = arg.get_short().map(|c| format!("-{c}"));
+    let long = arg.get_long().map(|name| format!("--{name}"));
+    let names: Vec<String> = short.into_iter().chain(long).collect();
+    match value {
+        Some(value) if takes_value => format!("{} {value}", names.join(", ")),
+        _ => names.join(", "),
+    }
+}
+
+/// Splits the default off a help text, and adds the accepted values.
+fn help_and_default(arg: &Arg, help: &str) -> (String, String) {
+    let mut text = help
+        .split("\n\n")
+        .map(|paragraph| paragraph.replace('\n', " "))
+        .collect::<Vec<_>>()
+        .join("\n\n");
+    let mut default = String::new();
+    let given: Vec<String> = arg
+        .get_default_values()
+        .iter()
+        .map(|value| format!("`{}`", value.to_string_lossy()))
+        .collect();
+    if !given.is_empty() && arg.get_action().takes_values() {
+        default = given.join(", ");
+    }
+    if let Some((before, rest)) = text.clone().split_once(" [default: ")
+        && let Some((value, after)) = rest.split_once(']')
+    {
+        default = value.to_owned();
+        text = format!("{before}{after}");
+    }
+    let sentences: Vec<String> = text
+        .split("\n\n")
+        .filter(|paragraph| !paragraph.trim().is_empty())
+        .map(|paragraph| sentence(paragraph.trim()))
+        .collect();
+    let mut help = sentences.join(" ");
+    let values: Vec<String> = arg
+        .get_possible_values()
+        .iter()
+        .filter(|value| !value.is_hide_set())
+        .map(|value| format!("`{}`", value.get_name()))
+        .collect();
+    if !values.is_empty() && arg.get_action().takes_values() {
+        help += &format!(" One of {}.", values.join(", "));
+    }
+    if default.is_empty() {
+        default = "–".to_owned();
+    }
+    (help, default)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_verb_is_in_one_group() {
+        let command = Cli::command();
+        let mut verbs: Vec<&str> = command
+            .get_subcommands()
+            .filter(|verb| !verb.is_hide_set())
+            .map(Command::get_name)
+            .collect();
+        let mut grouped: Vec<&str> = GROUPS
+            .iter()
+            .flat_map(|(_, verbs)| *verbs)
+            .copied()
+            .collect();
+        verbs.sort_unstable();
+        grouped.sort_unstable();
+        assert_eq!(grouped, verbs);
+    }
+
+    #[test]
+    fn every_option_is_on_the_page() {
+        let page = reference();
+        let mut command = Cli::command();
+        command.build();
+        for verb in command.get_subcommands().filter(|verb| !verb.is_hide_set()) {
+            let options = verb.get_arguments().filter(|arg| !arg.is_hide_set());
+            for name in options
+                .filter_map(Arg::get_long)
+                .filter(|name| *name != "help")
+            {
+                assert!(
+                    page.contains(&format!("--{name}")),
+                    "{}: {name}",
+                    verb.get_name()
+                );
+            }
+        }
+    }
+}

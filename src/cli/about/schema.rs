@@ -1,0 +1,78 @@
+//! `lumbre schema`: the script interface, generated from the tables that validate scripts.
+
+use serde_json::{Value as Json, json};
+
+use crate::cli::args::SchemaArgs;
+use crate::cli::exit::{Exit, Failure, print_result};
+use crate::metrics::METRICS;
+use crate::metrics::tonemap::TONEMAPS;
+use crate::render::BACKENDS;
+use crate::scene::desc::{MATERIAL_PARAMS, TextureSlot};
+use crate::scene::load::FORMATS;
+use crate::script::docgen;
+use crate::transport::integrator::INTEGRATORS;
+use crate::transport::sampler::SAMPLERS;
+use crate::value::schema::{Field, Table, Ty};
+
+/// Runs `lumbre schema`: prints Lua annotations for editors, or the tables as JSON.
+pub fn main(args: &SchemaArgs) -> Result<Exit, Failure> {
+    if args.lua {
+        print_result(&docgen::lua())?;
+    } else {
+        print_result(&format!("{:#}\n", tables()))?;
+    }
+    Ok(Exit::Done)
+}
+
+/// Returns the tables of integrators, samplers, metrics, tone maps, backends, material parameters
+/// and formats.
+fn tables() -> Json {
+    json!({
+        "integrators": INTEGRATORS.iter().map(|r| json!({
+            "name": r.name, "long_name": r.long_name, "revision": r.revision, "doc": r.doc,
+            "params": table(&r.params),
+        })).collect::<Vec<_>>(),
+        "samplers": SAMPLERS.iter().map(|r| json!({ "name": r.name, "revision": r.revision,
+            "doc": r.doc }))
+            .collect::<Vec<_>>(),
+        "metrics": METRICS.iter().map(|r| json!({
+            "name": r.name, "long_name": r.long_name, "doc": r.doc, "options": table(&r.options),
+            "better": r.better.to_string(),
+        })).collect::<Vec<_>>(),
+        "tonemaps": TONEMAPS.iter().map(|(name, options)| json!({ "name": name,
+            "options": table(options) }))
+            .collect::<Vec<_>>(),
+        "backends": BACKENDS.iter().map(|r| json!({ "name": r.name,
+            "doc": r.doc })).collect::<Vec<_>>(),
+        "material_params": MATERIAL_PARAMS.iter().map(|r| json!({
+            "name": r.name, "type": r.ty.describe(), "doc": r.doc, "scn_key": r.scn_key,
+            "texture": r.texture.map(TextureSlot::name),
+        })).collect::<Vec<_>>(),
+        "formats": FORMATS.iter().map(|r| json!({ "name": r.name, "extensions": r.extensions,
+            "doc": r.doc }))
+            .collect::<Vec<_>>(),
+    })
+}
+
+/// Returns the description of a table and its fields.
+fn table(table: &Table) -> Json {
+    json!({ "name": table.name, "doc": table.doc,
+        "fields": table.fields.iter().map(field).collect::<Vec<_>>() })
+}
+
+/// Returns the description of a field, including the fields of a nested table.
+fn field(field: &Field) -> Json {
+    let mut json = json!({
+        "key": field.key, "type": field.ty.describe(), "required": field.required,
+        "default": field.default,
+        "doc": field.doc,
+    });
+    if let Ty::Table(inner) = field.ty {
+        json["fields"] = inner
+            .fields
+            .iter()
+            .map(crate::cli::about::schema::field)
+            .collect();
+    }
+    json
+}

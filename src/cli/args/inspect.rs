@@ -1,0 +1,77 @@
+//! Options of the verbs that inspect nights and runs: `explain`, `watch`, `status`, `ls`, `show`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+/// Options of `lumbre explain`.
+#[derive(Args, Debug)]
+pub struct ExplainArgs {
+    /// Folder of the run, or the first digits of its id.
+    pub run: String,
+    /// Script to compare the run with [default: the script its experiment was last run with].
+    pub script: Option<PathBuf>,
+    /// Print as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Options of `lumbre watch`.
+#[derive(Args, Debug)]
+pub struct WatchArgs {
+    /// Folder of an experiment, or a results folder to use its latest experiment [default: --out].
+    pub folder: Option<PathBuf>,
+}
+
+/// Options of `lumbre status`.
+#[derive(Args, Debug)]
+pub struct StatusArgs {
+    /// Folder of an experiment, or a results folder to use its latest experiment [default: --out].
+    pub folder: Option<PathBuf>,
+    /// Print as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// States of runs by which `lumbre ls` filters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum StateName {
+    /// Finished in its own folder.
+    Done,
+    /// Finished in another folder of the same experiment.
+    Elsewhere,
+    /// The last attempt failed.
+    Failed,
+    /// Started but not ended: running or interrupted.
+    Unfinished,
+    /// Not yet started.
+    Pending,
+}
+
+/// Options of `lumbre ls`.
+#[derive(Args, Debug)]
+pub struct LsArgs {
+    /// Show only runs that contain all these words in their experiment, path, id or reason.
+    ///
+    /// Examples: `depth=5`, `veach`
+    pub words: Vec<String>,
+    /// Show only runs in this state (repeatable).
+    #[arg(long, value_name = "STATE")]
+    pub state: Vec<StateName>,
+    /// Show only the latest experiment.
+    #[arg(long)]
+    pub latest: bool,
+    /// Print as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Options of `lumbre show`.
+#[derive(Args, Debug)]
+pub struct ShowArgs {
+    /// Folder of the run, the first digits of its id, or `latest` for the last run to start or end.
+    pub run: String,
+    /// Print as JSON.
+    #[arg(long)]
+    pub json: bool,
+}

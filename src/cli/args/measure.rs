@@ -1,0 +1,135 @@
+//! Options of the verbs that test and measure the program itself: `verify` and `bench`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::typed::{SceneArg, scene_arg};
+use crate::experiment::spec::Order;
+
+/// Options of `lumbre verify`.
+#[derive(Args, Debug)]
+pub struct VerifyArgs {
+    /// Folder that contains the scenes of the references. Without it, references are skipped.
+    #[arg(long, value_name = "DIR")]
+    pub scenes: Option<PathBuf>,
+    /// Folder of the references [default: `references` in the folder of the scenes].
+    ///
+    /// A reference is an EXR picture, an EXR of its standard errors, and a JSON file of its
+    /// settings.
+    #[arg(long, value_name = "DIR")]
+    pub references: Option<PathBuf>,
+    /// Run only checks whose kind, name or techniques contain this text (repeat to narrow further).
+    #[arg(long, value_name = "TEXT")]
+    pub only: Vec<String>,
+    /// Use few samples and small pictures.
+    ///
+    /// Takes seconds and finds only large errors.
+    #[arg(long)]
+    pub quick: bool,
+    /// Test crash recovery instead: kill a small night this many times.
+    ///
+    /// Kills the night at random moments, restarts it, and compares its files with those of an
+    /// undisturbed night.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub kill: Option<u32>,
+    /// Run each night with this many processes at once (with --kill).
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 1,
+        requires = "kill",
+        value_parser = clap::value_parser!(u32).range(1..=64)
+    )]
+    pub processes: u32,
+    /// Order the cells of each night this way (with --kill).
+    #[arg(
+        long,
+        value_name = "ORDER",
+        default_value = Order::NAMES[0],
+        requires = "kill",
+        value_parser = Order::NAMES
+    )]
+    pub order: String,
+    /// Seed of all random numbers. The same seed gives identical results.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Print as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Options of `lumbre bench`.
+#[derive(Args, Debug)]
+pub struct BenchArgs {
+    /// Scene files to measure besides the built-in scenes.
+    ///
+    /// A Lua scene may be followed by options and a view: `atrium.lua?light=lamps,camera=gallery`
+    #[arg(value_name = "SCENE", value_parser = scene_arg)]
+    pub scenes: Vec<SceneArg>,
+    /// Measure only the given scenes, without the built-in ones and the program's own overheads.
+    #[arg(long, requires = "scenes")]
+    pub only: bool,
+    /// Measure this backend with every integrator at depth 5 instead (repeat to compare backends).
+    #[arg(long, value_name = "NAME")]
+    pub backend: Vec<String>,
+    /// Width of the pictures (with --backend).
+    #[arg(
+        long,
+        value_name = "PIXELS",
+        default_value_t = 1280,
+        value_parser = clap::value_parser!(u32).range(1..=16384)
+    )]
+    pub width: u32,
+    /// Height of the pictures (with --backend).
+    #[arg(
+        long,
+        value_name = "PIXELS",
+        default_value_t = 720,
+        value_parser = clap::value_parser!(u32).range(1..=16384)
+    )]
+    pub height: u32,
+    /// Simulate a night of 10,000 cells on 1,000 cluster workers with failures instead.
+    ///
+    /// Time is simulated, but claims are real lock files in a folder below --out.
+    #[arg(long, conflicts_with_all = ["traversal", "mpaths", "only", "backend"])]
+    pub cluster_sim: bool,
+    /// Measure only the program's own overheads.
+    #[arg(long, conflicts_with_all = ["traversal", "mpaths", "only", "backend", "cluster_sim"])]
+    pub overheads: bool,
+    /// Measure only ray traversal.
+    #[arg(long, conflicts_with = "mpaths")]
+    pub traversal: bool,
+    /// Measure only the integrators.
+    #[arg(long)]
+    pub mpaths: bool,
+    /// Measure only the loading of a mesh of a million triangles.
+    #[arg(long, conflicts_with_all = ["traversal", "mpaths", "backend"])]
+    pub loading: bool,
+    /// Measure only the cost of time axes, delays and composed materials.
+    ///
+    /// Uses the first scene, on the backend of `--backend` if given.
+    #[arg(long, conflicts_with_all = ["traversal", "mpaths", "loading"])]
+    pub time: bool,
+    /// Measure only cost ratios: alpha masks, 10,000 instances, 10,000 lights, and a second thread.
+    ///
+    /// Each is measured beside the same scene without it.
+    #[arg(
+        long,
+        conflicts_with_all = [
+            "scenes", "traversal", "mpaths", "backend", "loading", "time", "overheads"
+        ]
+    )]
+    pub ratios: bool,
+    /// Repeat every measurement this many times and report medians and spreads.
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 5,
+        value_parser = clap::value_parser!(u32).range(1..=1000)
+    )]
+    pub repeats: u32,
+    /// Print as JSON.
+    #[arg(long)]
+    pub json: bool,
+}

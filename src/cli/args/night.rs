@@ -1,0 +1,112 @@
+//! Options of the verbs that plan and render nights: `run`, `retry` and `plan`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::cluster;
+use super::typed::axis_values;
+use crate::experiment::comparison_groups::Affinity;
+use crate::experiment::spec::Deadline;
+use crate::value::Value;
+
+/// Script of an experiment, with changes of its axes.
+#[derive(Args, Clone, Debug)]
+pub struct ScriptArgs {
+    /// Script of the experiment (.lua).
+    pub script: PathBuf,
+    /// Replace the values of an axis, as in `depth=5,9`.
+    #[arg(value_name = "AXIS=V,V", value_parser = axis_values)]
+    pub axes: Vec<(String, Vec<Value>)>,
+    /// Run only cells with this value of an axis (repeatable).
+    #[arg(long, value_name = "AXIS=VALUE", value_parser = axis_values)]
+    pub only: Vec<(String, Vec<Value>)>,
+}
+
+/// Options of `lumbre run`.
+#[derive(Args, Debug)]
+pub struct RunArgs {
+    /// Script of the experiment.
+    #[command(flatten)]
+    pub script: ScriptArgs,
+    /// Limits and devices of the night.
+    #[command(flatten)]
+    pub night: NightArgs,
+    /// Print the plan and exit.
+    #[arg(long)]
+    pub dry_run: bool,
+}
+
+/// Limits and devices of a night.
+#[derive(Args, Clone, Debug, Default)]
+pub struct NightArgs {
+    /// Stop at a time of day or after a duration: 08:00, 90min, 7.5h.
+    ///
+    /// Cells are then ordered from coarse to fine, so that the finished ones form a complete
+    /// smaller grid. Run the same command to resume.
+    #[arg(long, value_name = "TIME", value_parser = crate::cli::night::deadline::parse)]
+    pub until: Option<Deadline>,
+    /// Stop after this many failed runs.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub max_fails: Option<u32>,
+    /// Skip the smoke pass, which renders one small sample of every cell first.
+    #[arg(long)]
+    pub no_smoke: bool,
+    /// Render on these graphics devices, with one worker process each.
+    ///
+    /// Devices are given by index or by a part of their name, as listed by `lumbre doctor`.
+    /// Default: all devices of the same model as the first one, or the device named by
+    /// LUMBRE_DEVICE.
+    #[arg(long, value_name = "DEVICE,DEVICE", value_delimiter = ',')]
+    pub devices: Vec<String>,
+    /// Set what all techniques of one scene and depth must share: `device`, `model` or `none`.
+    ///
+    /// `device` renders them on the same device, `model` on devices of the same model, and `none`
+    /// on any device.
+    #[arg(long, value_name = "WHAT", default_value = "device", value_parser = cluster::affinity)]
+    pub affinity: Affinity,
+}
+
+/// Options of `lumbre retry`.
+#[derive(Args, Debug)]
+pub struct RetryArgs {
+    /// Script of the experiment [default: that of the last command].
+    script: Option<PathBuf>,
+    /// Replace the values of an axis, as in `depth=5,9`.
+    #[arg(value_name = "AXIS=V,V", value_parser = axis_values)]
+    axes: Vec<(String, Vec<Value>)>,
+    /// Run only cells with this value of an axis (repeatable).
+    #[arg(long, value_name = "AXIS=VALUE", value_parser = axis_values)]
+    only: Vec<(String, Vec<Value>)>,
+    /// Limits and devices of the night.
+    #[command(flatten)]
+    pub night: NightArgs,
+    /// Run only cells whose last attempt failed.
+    ///
+    /// Without it, everything that is not done is run, as by `lumbre run`.
+    #[arg(long)]
+    pub failed: bool,
+}
+
+impl RetryArgs {
+    /// Returns the script and its changes, or `None` if no script was given.
+    pub fn script(&self) -> Option<ScriptArgs> {
+        let script = self.script.clone()?;
+        Some(ScriptArgs {
+            script,
+            axes: self.axes.clone(),
+            only: self.only.clone(),
+        })
+    }
+}
+
+/// Options of `lumbre plan`.
+#[derive(Args, Debug)]
+pub struct PlanArgs {
+    /// Script of the experiment.
+    #[command(flatten)]
+    pub script: ScriptArgs,
+    /// Print as JSON.
+    #[arg(long)]
+    pub json: bool,
+}

@@ -1,0 +1,68 @@
+//! Options of the verbs about scenes: `check`, `export` and `trace`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::typed::setting;
+use crate::value::Value;
+
+/// Options of `lumbre check`.
+#[derive(Args, Debug)]
+pub struct CheckArgs {
+    /// Scripts (.lua) and scene files.
+    #[arg(required = true)]
+    pub files: Vec<PathBuf>,
+}
+
+/// Options of `lumbre export`.
+#[derive(Args, Debug)]
+pub struct ExportArgs {
+    /// Scene file of any known format, or a Lua file that returns a scene.
+    pub file: PathBuf,
+    /// Write an XML scene for Mitsuba 3.
+    #[arg(long, required = true)]
+    pub mitsuba: bool,
+    /// Write to this folder [default: NAME-mitsuba].
+    ///
+    /// The folder must be new, empty, or contain an earlier export.
+    #[arg(short = 'o', long = "folder", value_name = "DIR")]
+    pub folder: Option<PathBuf>,
+    /// Set an option of a Lua scene (repeatable).
+    #[arg(long, value_name = "NAME=VALUE", value_parser = setting)]
+    pub option: Vec<(String, Value)>,
+    /// Change a value in the scene (repeatable): `materials.egg.ior=1.3`, `camera=table`.
+    #[arg(long, value_name = "PATH=VALUE", value_parser = setting)]
+    pub set: Vec<(String, Value)>,
+}
+
+/// Options of `lumbre trace`.
+#[derive(Args, Debug)]
+pub struct TraceArgs {
+    /// Scene file, or the folder of a run.
+    pub file: PathBuf,
+    /// Column and row of the pixel, from the top left.
+    #[arg(long, value_name = "X,Y", value_parser = crate::cli::scene::trace::pixel)]
+    pub pixel: [u32; 2],
+    /// Index of the sample, from 0.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub sample: u64,
+    /// Integrator, if FILE is a scene.
+    #[arg(long, value_name = "NAME", default_value = "nee")]
+    pub integrator: String,
+    /// Sampler, if FILE is a scene.
+    #[arg(long, value_name = "NAME", default_value = "independent")]
+    pub sampler: String,
+    /// Seed of the sampler, if FILE is a scene.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Maximum number of path edges, if FILE is a scene [default: the scene's].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub depth: Option<u32>,
+    /// Width and height in pixels, if FILE is a scene [default: the scene's].
+    #[arg(long, value_name = "WxH", value_parser = crate::cli::scene::trace::size)]
+    pub size: Option<[u32; 2]>,
+    /// Print as JSON.
+    #[arg(long)]
+    pub json: bool,
+}

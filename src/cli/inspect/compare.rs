@@ -1,0 +1,495 @@
+//! `lumbre metric` and `lumbre diff`: comparison of two picture files of any origin.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use serde_json::{Map, Value as Json, json};
+
+use crate::cli::args::{DiffArgs, Global, MetricArgs, split, value};
+use crate::cli::exit::{Exit, Failure, print_result, print_status};
+use crate::cli::format::{self, counted, display_path};
+use crate::film::Image;
+use crate::metrics::map::ErrorMap;
+use crate::metrics::{METRICS, MetricError, MetricSpec};
+use crate::output::picture::{self, Picture};
+use crate::output::{exr, png};
+use crate::value::Value;
+
+/// Maximum number of bytes that are read of a picture file.
+const MAX_FILE_BYTES: u64 = 1 << 32;
+
+/// Runs `lumbre metric`: prints the error of a picture against a reference for one or more metrics.
+pub fn metric(args: &MetricArgs, global: &Global) -> Result<Exit, Failure> {
+    let requested: Vec<MetricSpec> = args
+        .metric
+        .iter()
+        .map(|text| parse_metric(text))
+        .collect::<Result<_, _>>()?;
+    let pair = PicturePair::load(&args.image, &args.reference, global)?;
+    let all = || {
+        METRICS
+            .iter()
+            .filter_map(|row| MetricSpec::new(row.name, row.name, BTreeMap::new()).ok())
+            .collect()
+    };
+    let mut measured = Vec::new();
+    for spec in if requested.is_empty() {
+        all()
+    } else {
+        requested
+    } {
+        match pair.eval(&spec) {
+            Ok(value) => measured.push((spec, value)),
+            // If no metric was requested by name, those that do not apply are omitted.
+            Err(e @ MetricError::TooSmall { .. }) if args.metric.is_empty() => {
+                pair.print_note(&format!("omitted: {e}"))
+            }
+            Err(e) => return Err(Failure::usage(e)),
+        }
+    }
+    if args.json {
+        let metrics: Vec<Json> = measured
+            .iter()
+            .map(|(spec, value)| pair.metric_json(spec, *value))
+            .collect();
+        let mut json = pair.json();
+        json.insert("metrics".to_owned(), metrics.into());
+        print_result(&format!("{:#}\n", Json::Object(json)))?;
+        return Ok(Exit::Done);
+    }
+    let line = |(spec, value): &(MetricSpec, f64)| {
+        vec![
+            spec.row.name.to_owned(),
+            number(*value),
+            spec.unit(),
+            format!("{} is better", spec.row.better),
+            pair.describe_options(spec),
+        ]
+    };
+    print_result(&format::aligned(
+        &measured.iter().map(line).collect::<Vec<_>>(),
+    ))?;
+    Ok(Exit::Done)
+}
+
+/// Runs `lumbre diff`: prints where and by how much two pictures differ, and writes the error map.
+pub fn diff(args: &DiffArgs, global: &Global) -> Result<Exit, Failure> {
+    let spec = parse_metric(&args.metric)?;
+    let format = args.map_file().map(MapFormat::from_path).transpose()?;
+    let pair = PicturePair::load(&args.a, &args.b, global)?;
+    let map = spec
+        .error_map(&pair.image.image, &pair.reference.image)
+        .map_err(Failure::usage)?;
+    let value = pair.eval(&spec).map_err(Failure::usage)?;
+    let difference = Difference {
+        identical: pair.is_identical(),
+        differing: map.values.iter().filter(|v| **v != 0.0).count(),
+        scale: map.scale(args.max),
+        pair,
+        spec,
+        value,
+        map,
+    };
+    if let (Some(path), Some(format)) = (args.map_file(), format) {
+        difference.write_map(path, format)?;
+    }
+    print_result(&if args.json {
+        difference.json(args.map_file())
+    } else {
+        difference.page(args.map_file())
+    })?;
+    Ok(Exit::Done)
+}
+
+/// Result of the comparison of two pictures with one metric.
+struct Difference {
+    pair: PicturePair,
+    spec: MetricSpec,
+    /// Error of the whole picture.
+    value: f64,
+    /// Error of every pixel.
+    map: ErrorMap,
+    /// Errors at the lower and upper end of the colours.
+    scale: [f32; 2],
+    /// Whether all values of the two pictures have the same bits.
+    identical: bool,
+    /// Number of pixels with an error other than 0.
+    differing: usize,
+}
+
+impl Difference {
+    /// Writes the error map with its parameters as metadata.
+    fn write_map(&self, path: &Path, format: MapFormat) -> Result<(), Failure> {
+        let [low, high] = self.scale.map(|x| x.to_string());
+        let [image, reference] = self.pair.files.each_ref().map(|file| display_path(file));
+        let metadata = [
+            ("metric", self.spec.row.name.to_owned()),
+            ("options", self.pair.describe_options(&self.spec)),
+            ("value", self.value.to_string()),
+            ("image", image),
+            ("reference", reference),
+            ("scale", format!("{low} to {high}")),
+            ("program", format!("lumbre {}", env!("CARGO_PKG_VERSION"))),
+        ];
+        let metadata = metadata.map(|(key, value)| (key.to_owned(), value));
+        let bytes = format.encode(&self.map, self.scale, &metadata)?;
+        crate::store::write_atomically(path, &bytes).map_err(Failure::usage)
+    }
+
+    /// Formats the result as JSON. `file` is the file of the error map.
+    fn json(&self, file: Option<&Path>) -> String {
+        let map = &self.map;
+        let percentiles = percentiles(map).into_iter().map(|(p, v)| (p, float(v)));
+        let mut json = self.pair.json();
+        json.insert("identical".to_owned(), self.identical.into());
+        json.insert(
+            "measured".to_owned(),
+            self.pair.metric_json(&self.spec, self.value),
+        );
+        json.insert(
+            "map".to_owned(),
+            json!({
+                "file": file.map(display_path),
+                "colours": map.colours.name(),
+                "scale": self.scale.map(float),
+                "differing_pixels": self.differing,
+                "pixels": map.values.len(),
+                "worst": map.worst().map(|(x, y, value)| json!({ "x": x, "y": y,
+                    "value": float(value) })),
+                "percentiles": Json::Object(percentiles.collect()),
+            }),
+        );
+        format!("{:#}\n", Json::Object(json))
+    }
+
+    /// Formats the result as text. `file` is the file of the error map.
+    fn page(&self, file: Option<&Path>) -> String {
+        let (spec, map) = (&self.spec, &self.map);
+        let line = |name: &str, value: String, detail: String| vec![name.to_owned(), value, detail];
+        let value = [number(self.value), spec.unit()].join(" ");
+        let pixels = if self.identical {
+            "the pictures are identical".to_owned()
+        } else {
+            format!("{} of {} differ", self.differing, map.values.len())
+        };
+        let mut lines = vec![
+            line(
+                spec.row.name,
+                value.trim_end().to_owned(),
+                self.pair.describe_options(spec),
+            ),
+            line("pixels", pixels, String::new()),
+        ];
+        if let Some((x, y, value)) = map.worst().filter(|(_, _, value)| *value != 0.0) {
+            let worst = format!("{} at {x},{y}", number(f64::from(value)));
+            lines.push(line("worst", worst, String::new()));
+            let percentiles = percentiles(map)
+                .into_iter()
+                .map(|(p, v)| format!("{p} {}", number(f64::from(v))));
+            let percentiles = percentiles.collect::<Vec<_>>().join(", ");
+            lines.push(line("percentiles", percentiles, String::new()));
+        }
+        if let Some(path) = file {
+            let [low, high] = self.scale.map(|x| number(f64::from(x)));
+            let colours = format!("{} from {low} to {high}", map.colours.name());
+            lines.push(line("map", display_path(path), colours));
+        }
+        format::aligned(&lines)
+    }
+}
+
+/// Two pictures of the same size.
+struct PicturePair {
+    files: [PathBuf; 2],
+    image: Picture,
+    reference: Picture,
+    quiet: bool,
+}
+
+impl PicturePair {
+    /// Reads two pictures and prints notes and warnings about them.
+    ///
+    /// # Errors
+    /// Returns an error if a file cannot be read, or the pictures differ in size.
+    fn load(image: &Path, reference: &Path, global: &Global) -> Result<PicturePair, Failure> {
+        let read = |path: &Path| {
+            read_picture(path).map_err(|e| Failure::usage(format!("{}: {e}", path.display())))
+        };
+        let pair = PicturePair {
+            files: [image.to_owned(), reference.to_owned()],
+            image: read(image)?,
+            reference: read(reference)?,
+            quiet: global.quiet,
+        };
+        let size = |p: &Picture| [p.image.width, p.image.height];
+        let (a, b) = (size(&pair.image), size(&pair.reference));
+        if a != b {
+            return Err(Failure::usage(format!(
+                "the pictures differ in size: {} has {}x{} pixels but {} has {}x{}",
+                display_path(image),
+                a[0],
+                a[1],
+                display_path(reference),
+                b[0],
+                b[1]
+            )));
+        }
+        for (path, picture) in pair.both() {
+            picture
+                .notes
+                .iter()
+                .for_each(|note| pair.print_note(&format!("{}: {note}", display_path(path))));
+            let not_finite = |p: &[f32; 3]| p.iter().any(|x| !x.is_finite());
+            if let Some(at) = picture.image.data.iter().position(not_finite) {
+                let n = picture.image.data.iter().filter(|p| not_finite(p)).count();
+                let (x, y) = (at % a[0] as usize, at / a[0] as usize);
+                // Printed even with `--quiet`, since it makes the measured values doubtful.
+                print_status(&format!(
+                    "warning: {}: {} not finite, the first at {x},{y}",
+                    display_path(path),
+                    counted(n, "pixel")
+                ));
+            }
+        }
+        Ok(pair)
+    }
+
+    /// Returns whether all values of the two pictures have the same bits.
+    fn is_identical(&self) -> bool {
+        fn bits(image: &Image) -> impl Iterator<Item = u32> {
+            image.data.as_flattened().iter().map(|x| x.to_bits())
+        }
+        bits(&self.image.image).eq(bits(&self.reference.image))
+    }
+
+    fn both(&self) -> [(&Path, &Picture); 2] {
+        [
+            (&self.files[0], &self.image),
+            (&self.files[1], &self.reference),
+        ]
+    }
+
+    /// Prints a note unless `--quiet` was given.
+    fn print_note(&self, note: &str) {
+        if !self.quiet {
+            print_status(&format!("note: {note}"));
+        }
+    }
+
+    fn eval(&self, spec: &MetricSpec) -> Result<f64, MetricError> {
+        spec.eval(&self.image.image, &self.reference.image)
+    }
+
+    /// Describes the options of a metric, including the values chosen for `auto` options.
+    fn describe_options(&self, spec: &MetricSpec) -> String {
+        let settled = spec.settled(&self.reference.image);
+        let settled: Vec<String> = settled
+            .iter()
+            .map(|(key, value)| format!("{key} {value}"))
+            .collect();
+        if settled.is_empty() {
+            spec.describe_options()
+        } else {
+            format!("{} ({})", spec.describe_options(), settled.join(", "))
+        }
+    }
+
+    fn json(&self) -> Map<String, Json> {
+        let [image, reference] = self.both().map(|(path, picture)| {
+            let Image { width, height, .. } = picture.image;
+            json!({ "file": display_path(path), "format": picture.format, "width": width,
+                "height": height, "notes": picture.notes })
+        });
+        Map::from_iter([
+            ("image".to_owned(), image),
+            ("reference".to_owned(), reference),
+        ])
+    }
+
+    fn metric_json(&self, spec: &MetricSpec, value: f64) -> Json {
+        let identity = spec.identity().to_json();
+        json!({
+            "metric": spec.row.name,
+            "label": spec.row.label,
+            "value": Value::Num(value).to_json(),
+            "unit": spec.unit(),
+            "better": spec.row.better.to_string(),
+            "options": identity["options"],
+            "settled": Value::Map(spec.settled(&self.reference.image)).to_json(),
+        })
+    }
+}
+
+/// Reads and decodes a picture file of any known format.
+fn read_picture(path: &Path) -> Result<Picture, String> {
+    let file = File::open(path).map_err(|e| e.to_string())?;
+    if !file.metadata().map_err(|e| e.to_string())?.is_file() {
+        return Err("not a regular file".to_owned());
+    }
+    let mut bytes = Vec::new();
+    file.take(MAX_FILE_BYTES)
+        .read_to_end(&mut bytes)
+        .map_err(|e| e.to_string())?;
+    picture::decode(&bytes).map_err(|e| e.to_string())
+}
+
+/// Parses a metric: `NAME` or `NAME:key=value,key=value`. `on=srgb` is short for
+/// `on={"kind":"srgb"}`.
+fn parse_metric(text: &str) -> Result<MetricSpec, Failure> {
+    let (name, rest) = text.split_once(':').unwrap_or((text, ""));
+    let mut options = BTreeMap::new();
+    for part in split(rest)
+        .into_iter()
+        .filter(|part| !part.trim().is_empty())
+    {
+        let fail = |problem: String| Failure::usage(format!("--metric {text}: {problem}"));
+        let (key, value_text) = part
+            .split_once('=')
+            .ok_or_else(|| fail(format!("expected key=value such as ppd=60, found `{part}`")))?;
+        let mut option = value(value_text).map_err(fail)?;
+        if key.trim() == "on" && option.as_str().is_some() {
+            option = Value::Map(BTreeMap::from([("kind".to_owned(), option)]));
+        }
+        if options.insert(key.trim().to_owned(), option).is_some() {
+            return Err(fail(format!("`{}` is given twice", key.trim())));
+        }
+    }
+    MetricSpec::new(name.trim(), name.trim(), options).map_err(Failure::usage)
+}
+
+/// File format of an error map.
+#[derive(Clone, Copy)]
+enum MapFormat {
+    /// Colours by error.
+    Png,
+    /// Errors as values.
+    Exr,
+}
+
+impl MapFormat {
+    /// Returns the format for the extension of a path.
+    fn from_path(path: &Path) -> Result<MapFormat, Failure> {
+        match path
+            .extension()
+            .and_then(|e| e.to_str())
+            .map(str::to_ascii_lowercase)
+            .as_deref()
+        {
+            Some("png") => Ok(MapFormat::Png),
+            Some("exr") => Ok(MapFormat::Exr),
+            _ => Err(Failure::usage(format!(
+                "{}: unknown format for an error map; use .png (colours) or .exr (values)",
+                path.display()
+            ))),
+        }
+    }
+
+    fn encode(
+        self,
+        map: &ErrorMap,
+        scale: [f32; 2],
+        meta: &[(String, String)],
+    ) -> Result<Vec<u8>, Failure> {
+        let encoded = match self {
+            MapFormat::Png => png::encode_map(map, scale, meta),
+            MapFormat::Exr => {
+                let data = map.values.iter().map(|v| [*v; 3]).collect();
+                exr::encode(
+                    &Image {
+                        width: map.width,
+                        height: map.height,
+                        data,
+                    },
+                    meta,
+                )
+            }
+        };
+        encoded.map_err(Failure::internal)
+    }
+}
+
+/// Returns the 50th, 95th and 99th percentile of the magnitudes of the errors by nearest rank,
+/// without NaNs.
+fn percentiles(map: &ErrorMap) -> Vec<(String, f32)> {
+    let mut sizes: Vec<f32> = map
+        .values
+        .iter()
+        .map(|v| v.abs())
+        .filter(|v| !v.is_nan())
+        .collect();
+    sizes.sort_unstable_by(f32::total_cmp);
+    let rank = |p: usize| {
+        sizes
+            .get((sizes.len() * p).div_ceil(100).max(1) - 1)
+            .copied()
+    };
+    [50, 95, 99]
+        .iter()
+        .filter_map(|p| Some((format!("{p}%"), rank(*p)?)))
+        .collect()
+}
+
+/// Formats a number with six significant digits, about the precision of an `f32`.
+fn number(x: f64) -> String {
+    if x == 0.0 || !x.is_finite() || (1e-3..1e6).contains(&x.abs()) {
+        let digits = if x == 0.0 || !x.is_finite() {
+            0
+        } else {
+            (5 - x.abs().log10().floor() as i32).max(0) as usize
+        };
+        let text = format!("{x:.digits$}");
+        return if text.contains('.') {
+            text.trim_end_matches('0').trim_end_matches('.').to_owned()
+        } else {
+            text
+        };
+    }
+    format!("{x:.5e}")
+}
+
+/// Converts a number to JSON; values that are not finite become strings.
+fn float(x: f32) -> Json {
+    Value::Num(f64::from(x)).to_json()
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::cli::inspect::compare::*;
+
+    #[test]
+    fn metrics_are_typed_with_their_options() {
+        let options = |text: &str| parse_metric(text).unwrap().describe_options();
+        assert_eq!(options("ssim"), "range 1, window uniform");
+        assert_eq!(
+            options("ssim:window=gauss,on=srgb"),
+            "range 1, window gauss, on srgb (exposure 0)"
+        );
+        assert_eq!(
+            options("flip: ppd=30 ,on={\"kind\":\"srgb\",\"exposure\":-1}"),
+            "ppd 30, on srgb (exposure -1)"
+        );
+        let wrong = |text: &str| parse_metric(text).unwrap_err().report.to_string();
+        assert!(wrong("filp").contains("did you mean `flip`?"));
+        assert!(wrong("flip:pdp=3").contains("did you mean `ppd`?"));
+        assert!(wrong("flip:ppd").contains("key=value"));
+        assert!(wrong("flip:ppd=1,ppd=2").contains("twice"));
+        assert!(wrong("hdr_flip:start=soon").contains("auto"));
+    }
+
+    #[test]
+    fn numbers_have_six_digits() {
+        for (x, expected) in [
+            (0.0, "0"),
+            (0.123_456_789, "0.123457"),
+            (48.0, "48"),
+            (0.000_012_345_678, "1.23457e-5"),
+            (-1_234.567_89, "-1234.57"),
+            (f64::INFINITY, "inf"),
+            (f64::NAN, "NaN"),
+        ] {
+            assert_eq!(number(x), expected);
+        }
+    }
+}

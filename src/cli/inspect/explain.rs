@@ -1,0 +1,239 @@
+//! `lumbre explain`: why a run would or would not be rendered again.
+
+use std::path::Path;
+
+use serde_json::{Value as Json, json};
+
+use crate::cli::args::{ExplainArgs, Global, ScriptArgs};
+use crate::cli::exit::{Exit, Failure, print_result};
+use crate::cli::format::display_path;
+use crate::cli::night::last_command::last_command;
+use crate::cli::night::load;
+use crate::experiment::{CellRef, Plan};
+use crate::store::check_integrity;
+use crate::store::{Integrity, RunRecord, read_run};
+
+/// Runs `lumbre explain` for one run.
+pub fn main(args: &ExplainArgs, global: &Global) -> Result<Exit, Failure> {
+    let record = read_run(&global.out, &args.run).map_err(Failure::usage)?;
+    let folder = std::path::absolute(&record.folder).map_err(Failure::usage)?;
+    let (script, global) = match &args.script {
+        Some(script) => (
+            ScriptArgs {
+                script: script.clone(),
+                axes: Vec::new(),
+                only: Vec::new(),
+            },
+            global.clone(),
+        ),
+        None => {
+            let experiment = folder.ancestors().find(|up| up.join("plan.json").is_file());
+            let Some(experiment) = experiment else {
+                return Err(Failure::usage(
+                    "references are shared by experiments: give the script as a second argument",
+                ));
+            };
+            last_command(experiment, global)?
+        }
+    };
+    let (_, plan) = load::load_plan(&script, &global)?;
+    let id = record.config["run"].as_str().unwrap_or_default();
+    let verdict = match find_run(&plan, id) {
+        Some(cell) => explain_planned_run(&plan, cell, &folder, id),
+        None => explain_missing_run(&plan, &record),
+    };
+    if args.json {
+        let fields = verdict
+            .fields
+            .iter()
+            .map(|[field, old, new]| json!({ "field": field, "run": old, "plan": new }));
+        let fields: Vec<Json> = fields.collect();
+        let json = json!({ "run": id, "again": verdict.again, "reasons": verdict.reasons,
+            "fields": fields });
+        print_result(&format!("{json:#}\n"))?;
+    } else {
+        let mut page = format!(
+            "{id}  {}\n",
+            record.config["path"].as_str().unwrap_or("reference")
+        );
+        for reason in &verdict.reasons {
+            page += &format!("  {reason}\n");
+        }
+        for [field, old, new] in &verdict.fields {
+            page += &format!("    {field}: {old} in the run, {new} in the script\n");
+        }
+        print_result(&page)?;
+    }
+    Ok(Exit::Done)
+}
+
+/// Answer of `lumbre explain`.
+struct Verdict {
+    /// Whether the current script would render this run, completely or from a checkpoint.
+    again: bool,
+    /// Lines of text.
+    reasons: Vec<String>,
+    /// Fields of the identity that differ: name, value in the run, value in the plan.
+    fields: Vec<[String; 3]>,
+}
+
+/// Returns the cell or reference of a plan with a run id.
+fn find_run(plan: &Plan, id: &str) -> Option<CellRef> {
+    let cell = plan
+        .cells
+        .iter()
+        .position(|cell| cell.id.0 == id)
+        .map(CellRef::Cell);
+    cell.or_else(|| {
+        plan.references
+            .iter()
+            .position(|r| r.id.0 == id)
+            .map(CellRef::Reference)
+    })
+}
+
+/// Explains a run that is part of the plan.
+fn explain_planned_run(plan: &Plan, cell: CellRef, folder: &Path, id: &str) -> Verdict {
+    let mut reasons = Vec::new();
+    let again = match check_integrity(folder, id) {
+        Integrity::Intact(reason) => {
+            reasons.push(format!(
+                "would not be rendered again: it is done ({reason}), and all its files are intact"
+            ));
+            false
+        }
+        Integrity::Damaged(problem) => {
+            reasons.push(format!("would be rendered again: {problem}"));
+            true
+        }
+        Integrity::Unfinished {
+            failure,
+            checkpoint,
+        } => {
+            match failure {
+                Some(failure) => {
+                    reasons.push(format!(
+                        "would be rendered again: its last attempt failed: {}",
+                        failure.reason
+                    ));
+                    reasons.extend(failure.log.iter().map(|line| format!("  | {line}")));
+                }
+                None => reasons.push("would be rendered: it was never finished".to_owned()),
+            }
+            reasons.extend(checkpoint.map(|n| {
+                format!("it would resume from its checkpoint after {n} samples per pixel")
+            }));
+            true
+        }
+    };
+    let path = match cell {
+        CellRef::Cell(i) => plan.cells[i].path.as_str(),
+        CellRef::Reference(_) => "a reference",
+    };
+    reasons.push(format!("it is part of the script's plan as {path}"));
+    Verdict {
+        again,
+        reasons,
+        fields: Vec::new(),
+    }
+}
+
+/// Explains a run that is no longer part of the plan: finds the most similar run and the
+/// differences.
+fn explain_missing_run(plan: &Plan, record: &RunRecord) -> Verdict {
+    let path = record.config["path"].as_str().unwrap_or_default();
+    let old = &record.config["identity"];
+    let candidates: Vec<(&str, Json)> = if path.is_empty() {
+        plan.references
+            .iter()
+            .map(|r| (r.id.0.as_str(), r.identity.to_json()))
+            .collect()
+    } else {
+        plan.cells
+            .iter()
+            .map(|cell| (cell.path.as_str(), cell.identity.to_json()))
+            .collect()
+    };
+    let nearest = candidates
+        .iter()
+        .min_by_key(|(name, new)| (*name != path, differences(old, new).len()));
+    let Some((name, new)) = nearest else {
+        let reasons = vec!["it is not part of the script's plan, which is empty".to_owned()];
+        return Verdict {
+            again: false,
+            reasons,
+            fields: Vec::new(),
+        };
+    };
+    let mut reasons = vec![format!(
+        "it is no longer part of the script's plan; the most similar run is {name}, which differs \
+         in:"
+    )];
+    let fields = differences(old, new);
+    if fields.iter().any(|[field, ..]| field == "scene") {
+        let file = record.config["render"]["scene_file"]
+            .as_str()
+            .unwrap_or("the scene's file");
+        let set = &record.config["render"]["set"];
+        reasons.push(format!(
+            "(`scene` is the hash of {} with the changes {set})",
+            display_path(Path::new(file))
+        ));
+    }
+    Verdict {
+        again: false,
+        reasons,
+        fields,
+    }
+}
+
+/// Returns the innermost fields in which two values differ: path, old value, new value.
+fn differences(old: &Json, new: &Json) -> Vec<[String; 3]> {
+    let mut found = Vec::new();
+    collect_differences("", old, new, &mut found);
+    found
+}
+
+/// Appends the innermost fields below `path` in which two values differ.
+fn collect_differences(path: &str, old: &Json, new: &Json, found: &mut Vec<[String; 3]>) {
+    match (old, new) {
+        (Json::Object(a), Json::Object(b)) => {
+            let mut keys: Vec<&String> = a.keys().chain(b.keys()).collect();
+            keys.sort();
+            keys.dedup();
+            for key in keys {
+                let inner = if path.is_empty() {
+                    key.clone()
+                } else {
+                    format!("{path}.{key}")
+                };
+                let missing = Json::Null;
+                collect_differences(
+                    &inner,
+                    a.get(key).unwrap_or(&missing),
+                    b.get(key).unwrap_or(&missing),
+                    found,
+                );
+            }
+        }
+        _ if old == new => {}
+        _ => found.push([path.to_owned(), old.to_string(), new.to_string()]),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::cli::inspect::explain::*;
+
+    #[test]
+    fn differences_are_named_by_their_innermost_field() {
+        let old = json!({ "a": { "b": 1, "c": [1, 2] }, "gone": true });
+        let new = json!({ "a": { "b": 2, "c": [1, 2] }, "new": "x" });
+        let found: Vec<String> = differences(&old, &new)
+            .into_iter()
+            .map(|fields| fields.join(" "))
+            .collect();
+        assert_eq!(found, ["a.b 1 2", "gone true null", "new null \"x\""]);
+        assert!(differences(&old, &old).is_empty());
+    }
+}

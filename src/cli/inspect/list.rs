@@ -1,0 +1,272 @@
+//! `lumbre ls` and `lumbre show`: lists of experiments and runs, read only from files.
+
+use std::fmt::Write as _;
+
+use clap::ValueEnum;
+use serde_json::{Value as Json, json};
+
+use crate::cli::args::{Global, LsArgs, ShowArgs};
+use crate::cli::exit::{Exit, Failure, print_result, print_status};
+use crate::cli::format::{self, counted, display_path};
+use crate::experiment::WaveRow;
+use crate::store::list_experiments;
+use crate::store::{ExperimentEntry, RunEntry, RunRecord, RunState, latest_experiment, read_run};
+
+/// Runs `lumbre ls`: lists experiments and their runs.
+pub fn ls(args: &LsArgs, global: &Global) -> Result<Exit, Failure> {
+    let mut experiments = list_experiments(&global.out);
+    let all = experiments.len();
+    if args.latest {
+        let newest = latest_experiment(&global.out).and_then(|folder| folder.canonicalize().ok());
+        experiments.retain(|e| newest.is_some() && e.folder.canonicalize().ok() == newest);
+    }
+    let filtered = filter_runs(&mut experiments, args);
+    if args.json {
+        print_result(&format!(
+            "{:#}\n",
+            Json::from(experiments.iter().map(experiment_json).collect::<Vec<_>>())
+        ))?;
+    } else if all == 0 {
+        if !global.quiet {
+            print_status(&format!(
+                "no experiments in {}; run one with `lumbre run SCRIPT`",
+                display_path(&global.out)
+            ));
+        }
+    } else if experiments.is_empty() {
+        if !global.quiet {
+            print_status(&format!(
+                "no runs like that in {}",
+                display_path(&global.out)
+            ));
+        }
+    } else {
+        print_result(
+            &experiments
+                .iter()
+                .map(|e| experiment_page(e, filtered))
+                .collect::<Vec<_>>()
+                .join("\n"),
+        )?;
+    }
+    Ok(Exit::Done)
+}
+
+/// Removes the runs that do not match the words and states of the arguments, and experiments
+/// without matching runs. Returns whether the arguments contain a filter.
+fn filter_runs(experiments: &mut Vec<ExperimentEntry>, args: &LsArgs) -> bool {
+    let words: Vec<String> = args.words.iter().map(|word| word.to_lowercase()).collect();
+    let states: Vec<String> = args
+        .state
+        .iter()
+        .filter_map(|s| Some(s.to_possible_value()?.get_name().to_owned()))
+        .collect();
+    if words.is_empty() && states.is_empty() {
+        return false;
+    }
+    for experiment in experiments.iter_mut() {
+        let folder = experiment
+            .folder
+            .file_name()
+            .map(|n| n.to_string_lossy().into_owned())
+            .unwrap_or_default();
+        let matches = |run: &RunEntry| {
+            let reason = match &run.state {
+                RunState::Done(reason) | RunState::Failed(reason) => reason.as_str(),
+                _ => "",
+            };
+            let path = if run.path.is_empty() {
+                "reference"
+            } else {
+                &run.path
+            };
+            let text = format!("{folder} {path} {} {reason}", run.run).to_lowercase();
+            (states.is_empty() || states.iter().any(|state| state == run.state.name()))
+                && words.iter().all(|word| text.contains(word))
+        };
+        experiment.runs.retain(&matches);
+        experiment.references.retain(matches);
+    }
+    experiments.retain(|e| !e.runs.is_empty() || !e.references.is_empty());
+    true
+}
+
+/// Formats an experiment with its runs. `filtered` means that these are not all of its runs.
+fn experiment_page(experiment: &ExperimentEntry, filtered: bool) -> String {
+    let mut counts = Vec::new();
+    for word in ["done", "elsewhere", "failed", "unfinished", "pending"] {
+        let n = experiment
+            .runs
+            .iter()
+            .filter(|r| r.state.name() == word)
+            .count();
+        if n > 0 {
+            counts.push(format!("{n} {word}"));
+        }
+    }
+    let cells = counted(
+        experiment.runs.len(),
+        if filtered { "matching cell" } else { "cell" },
+    );
+    let mut out = format!(
+        "{}  {cells}: {}\n",
+        display_path(&experiment.folder),
+        counts.join(", ")
+    );
+    let line = |run: &RunEntry, name: &str| {
+        let samples = run.samples.map(|n| format!("{n} spp")).unwrap_or_default();
+        let time = run.render_s.map(format::duration).unwrap_or_default();
+        let detail = match &run.state {
+            RunState::Failed(reason) => reason.clone(),
+            RunState::Elsewhere(folder) => format!("in {}", display_path(folder)),
+            RunState::Done(_) | RunState::Unfinished | RunState::Pending => String::new(),
+        };
+        let id = run.run[..run.run.len().min(8)].to_owned();
+        vec![
+            format!("  {}", run.state.name()),
+            id,
+            name.to_owned(),
+            samples,
+            time,
+            detail,
+        ]
+    };
+    let references = experiment.references.iter().map(|r| line(r, "(reference)"));
+    let lines: Vec<Vec<String>> = references
+        .chain(experiment.runs.iter().map(|r| line(r, &r.path)))
+        .collect();
+    out += &format::aligned(&lines);
+    out
+}
+
+/// Returns an experiment and its runs as JSON.
+fn experiment_json(experiment: &ExperimentEntry) -> Json {
+    let run = |run: &RunEntry| {
+        let reason = match &run.state {
+            RunState::Done(reason) | RunState::Failed(reason) => Some(reason.clone()),
+            RunState::Elsewhere(_) | RunState::Unfinished | RunState::Pending => None,
+        };
+        let folder = match &run.state {
+            RunState::Elsewhere(folder) => folder,
+            _ => &run.folder,
+        };
+        json!({
+            "run": run.run, "path": run.path, "state": run.state.name(), "reason": reason,
+            "samples": run.samples, "render_s": run.render_s, "folder": display_path(folder),
+        })
+    };
+    json!({
+        "name": experiment.name,
+        "folder": display_path(&experiment.folder),
+        "hash": experiment.hash,
+        "runs": experiment.runs.iter().map(run).collect::<Vec<_>>(),
+        "references": experiment.references.iter().map(run).collect::<Vec<_>>(),
+    })
+}
+
+/// Runs `lumbre show`: prints one run.
+pub fn show(args: &ShowArgs, global: &Global) -> Result<Exit, Failure> {
+    let run = read_run(&global.out, &args.run).map_err(Failure::usage)?;
+    if args.json {
+        print_result(&format!("{:#}\n", run_json(&run)))?;
+    } else {
+        print_result(&run_page(&run))?;
+    }
+    Ok(Exit::Done)
+}
+
+/// Formats the configuration, last measurements and files of a run.
+fn run_page(run: &RunRecord) -> String {
+    let mut out = format!("{}\n\n", display_path(&run.folder));
+    let mut lines = Vec::new();
+    flatten("", &run.config, &mut lines);
+    // The identity repeats the configuration in canonical form; it is printed only with `--json`.
+    lines.retain(|l| !l[0].starts_with("identity"));
+    out += &format::aligned(&lines);
+    let state = match &run.done {
+        Some(done) => format!("done: {}", done["reason"].as_str().unwrap_or_default()),
+        None => "not done".to_owned(),
+    };
+    // Writing to a String cannot fail.
+    let _ = writeln!(out, "\n{state}");
+    if let Some(row) = run.rows.last() {
+        let _ = writeln!(
+            out,
+            "after {}: {} spp, {} of render time, {} million paths per second, {} invalid",
+            counted(run.rows.len(), "wave"),
+            row.samples,
+            format::duration(row.render_s),
+            format::rounded(row.mpaths_per_s()),
+            row.invalid
+        );
+        if let Some([x, y, sample]) = row.first_invalid {
+            let _ = writeln!(
+                out,
+                "the first invalid sample is sample {sample} of pixel {x},{y}"
+            );
+        }
+        let metrics = run
+            .columns
+            .iter()
+            .zip(&row.metrics)
+            .map(|(c, v)| vec![c.clone(), v.to_string()]);
+        out += &format::aligned(&metrics.collect::<Vec<_>>());
+    }
+    out.push('\n');
+    let files = run
+        .files
+        .iter()
+        .map(|(name, bytes)| vec![name.clone(), format::size(*bytes)]);
+    out += &format::aligned(&files.collect::<Vec<_>>());
+    out
+}
+
+/// Appends a line of path and value for every leaf of a JSON value, except nulls.
+fn flatten(path: &str, json: &Json, lines: &mut Vec<Vec<String>>) {
+    match json {
+        Json::Object(map) => map.iter().for_each(|(key, value)| {
+            let at = if path.is_empty() {
+                key.clone()
+            } else {
+                format!("{path}.{key}")
+            };
+            flatten(&at, value, lines);
+        }),
+        Json::Null => {}
+        Json::String(text) => lines.push(vec![path.to_owned(), text.clone()]),
+        other => lines.push(vec![path.to_owned(), other.to_string()]),
+    }
+}
+
+/// Returns a run with its last measurements and files as JSON.
+fn run_json(run: &RunRecord) -> Json {
+    json!({
+        "folder": display_path(&run.folder),
+        "config": run.config,
+        "done": run.done,
+        "columns": run.columns,
+        "last": run.rows.last().map(|row| row_json(row, &run.columns)),
+        "waves": run.rows.len(),
+        "files": run.files.iter().map(|(name, bytes)| json!({ "name": name,
+            "bytes": bytes })).collect::<Vec<_>>(),
+    })
+}
+
+/// Returns the measurements after one wave as JSON. Values that are not finite become strings.
+fn row_json(row: &WaveRow, columns: &[String]) -> Json {
+    let number = |x: &f64| {
+        serde_json::Number::from_f64(*x).map_or_else(|| json!(x.to_string()), Json::Number)
+    };
+    let metrics: serde_json::Map<_, _> = columns
+        .iter()
+        .cloned()
+        .zip(row.metrics.iter().map(number))
+        .collect();
+    json!({
+        "wave": row.wave, "samples": row.samples, "render_s": row.render_s, "wall_s": row.wall_s,
+        "measure_s": row.measure_s,
+        "paths": row.paths, "rays": row.rays, "invalid": row.invalid,
+        "first_invalid": row.first_invalid,
+        "metrics": metrics,
+    })
+}

@@ -1,0 +1,10 @@
+//! Verbs that read results: `ls`, `show`, `status`, `watch`, `explain`, `report`, `view`, `metric`
+//! and `diff`.
+
+pub(in crate::cli) mod compare;
+pub(in crate::cli) mod explain;
+pub mod list;
+pub(in crate::cli) mod report;
+pub(in crate::cli) mod status;
+pub(in crate::cli) mod view;
+pub(in crate::cli) mod watch;

@@ -1,0 +1,193 @@
+//! `lumbre report`: figures, tables, data files and a page for nights, from their folders.
+
+use std::path::{Path, PathBuf};
+
+use crate::cli::args::{Global, ReportArgs};
+use crate::cli::exit::{Exit, Failure, print_result, print_status};
+use crate::cli::format::{counted, display_path};
+use crate::cli::night::load::decode_picture;
+use crate::experiment::night_results::NightResults;
+use crate::film::Image;
+use crate::output::picture;
+use crate::output::report::{
+    self, ItemKind, Report, ReportContext, ReportError, ReportOptions, Study,
+};
+use crate::store;
+
+/// Runs `lumbre report`: builds a report and writes its files.
+pub fn main(args: &ReportArgs, global: &Global) -> Result<Exit, Failure> {
+    let nights: Vec<NightResults> = args
+        .nights
+        .iter()
+        .map(|dir| store::read::night_reader::read_night(dir))
+        .collect::<Result<_, _>>()
+        .map_err(Failure::usage)?;
+    let to = match (&args.to, nights.as_slice()) {
+        (Some(to), _) => to.clone(),
+        (None, [first, ..]) => first.folder.join("report"),
+        (None, []) => return Err(Failure::usage("no night was given")),
+    };
+    let options = report_options(args);
+    if nights
+        .iter()
+        .all(|night| night.runs.iter().all(|run| run.rows.is_empty()))
+    {
+        return Err(Failure::usage(format!(
+            "{}: no run has been measured yet; render the experiment first",
+            display_path(&nights[0].folder)
+        )));
+    }
+    let study = Study::new(&nights, &options).map_err(report_failure)?;
+    store::probe(&to).map_err(Failure::usage)?;
+    let to = std::fs::canonicalize(&to).unwrap_or(to);
+    let link = |path: &Path| relative_url(&to, path);
+    let command = |run: &Path| {
+        format!(
+            "lumbre reproduce {}",
+            quoted(&display_path(&run.join("final.exr")))
+        )
+    };
+    let context = ReportContext {
+        pictures: &read_picture,
+        link: &link,
+        command: &command,
+    };
+    let report = report::build(&study, &options, &context).map_err(report_failure)?;
+    write_files(&report, &to)?;
+    if !global.quiet {
+        print_summary(&report, &nights);
+    }
+    print_result(&format!("{}\n", display_path(&to.join("index.html"))))?;
+    Ok(Exit::Done)
+}
+
+/// Converts the options of the command line.
+fn report_options(args: &ReportArgs) -> ReportOptions {
+    ReportOptions {
+        by: args.by.clone(),
+        facet: args
+            .facet
+            .clone()
+            .map(|f| f.into_iter().filter(|axis| !axis.is_empty()).collect()),
+        names: args.name.clone(),
+        crops: args.crop.clone(),
+        thresholds: args.threshold.clone(),
+        at_time: args.at_time,
+        heat: args.heat.clone(),
+        sweep: args.sweep.clone(),
+    }
+}
+
+/// Prints the notes of a report, and how many figures and tables it has.
+fn print_summary(report: &Report, nights: &[NightResults]) {
+    for note in &report.notes {
+        print_status(&format!("note: {note}"));
+    }
+    let count = |kind: ItemKind| report.items.iter().filter(|item| item.kind == kind).count();
+    print_status(&format!(
+        "wrote {} and {} of {}",
+        counted(count(ItemKind::Figure), "figure"),
+        counted(count(ItemKind::Table), "table"),
+        nights
+            .iter()
+            .map(|n| display_path(&n.folder))
+            .collect::<Vec<_>>()
+            .join(", ")
+    ));
+}
+
+/// Writes all files of a report below the folder `to`.
+fn write_files(report: &Report, to: &Path) -> Result<(), Failure> {
+    for item in &report.items {
+        for (name, bytes) in item.files().map_err(Failure::internal)? {
+            let path: PathBuf = to.join(name);
+            if let Some(folder) = path.parent() {
+                std::fs::create_dir_all(folder).map_err(|e| {
+                    Failure::internal(format!("cannot create {}: {e}", folder.display()))
+                })?;
+            }
+            store::write_atomically(&path, &bytes).map_err(Failure::internal)?;
+        }
+    }
+    Ok(())
+}
+
+/// Returns the relative URL of a path from a folder, with percent-encoding. Both paths are
+/// absolute.
+fn relative_url(from: &Path, to: &Path) -> String {
+    let (a, b): (Vec<_>, Vec<_>) = (from.components().collect(), to.components().collect());
+    let shared = a.iter().zip(&b).take_while(|(x, y)| x == y).count();
+    let up = std::iter::repeat_n("..".to_owned(), a.len() - shared);
+    let down = b[shared..]
+        .iter()
+        .map(|part| percent_encoded(&part.as_os_str().to_string_lossy()));
+    let parts: Vec<String> = up.chain(down).collect();
+    if parts.is_empty() {
+        ".".to_owned()
+    } else {
+        parts.join("/")
+    }
+}
+
+/// Percent-encodes one component of a URL.
+fn percent_encoded(part: &str) -> String {
+    let is_plain = |b: u8| b.is_ascii_alphanumeric() || b"-_.=+,~".contains(&b);
+    part.bytes()
+        .map(|b| {
+            if is_plain(b) {
+                char::from(b).to_string()
+            } else {
+                format!("%{b:02X}")
+            }
+        })
+        .collect()
+}
+
+/// Quotes a path for the shell if necessary.
+fn quoted(path: &str) -> String {
+    let plain = path
+        .chars()
+        .all(|c| c.is_ascii_alphanumeric() || "/._-=+,".contains(c));
+    if plain {
+        path.to_owned()
+    } else {
+        format!("'{}'", path.replace('\'', "'\\''"))
+    }
+}
+
+/// Reads a picture of a night, or a picture of any known format that a script uses as a reference.
+fn read_picture(path: &Path) -> Result<Image, String> {
+    let bytes = std::fs::read(path).map_err(|e| format!("{}: {e}", path.display()))?;
+    decode_picture(&bytes)
+        .or_else(|_| {
+            picture::decode(&bytes)
+                .map(|p| p.image)
+                .map_err(|e| e.to_string())
+        })
+        .map_err(|e| format!("{}: {e}", path.display()))
+}
+
+/// Converts an error of a report: failed output is internal, all else is a usage error.
+fn report_failure(error: ReportError) -> Failure {
+    match error {
+        ReportError::Output(e) => Failure::internal(e),
+        other => Failure::usage(other),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::cli::inspect::report::*;
+
+    #[test]
+    fn addresses_are_relative_and_escaped() {
+        let url = |from: &str, to: &str| relative_url(Path::new(from), Path::new(to));
+        assert_eq!(
+            url("/out/night/report", "/out/night/runs/a=1/x"),
+            "../runs/a=1/x"
+        );
+        assert_eq!(url("/out/report", "/out/report"), ".");
+        assert_eq!(url("/a", "/b c/d#e"), "../b%20c/d%23e");
+        assert_eq!(quoted("out/it's here"), "'out/it'\\''s here'");
+    }
+}

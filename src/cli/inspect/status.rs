@@ -1,0 +1,280 @@
+//! `lumbre status`: progress of a night, read only from its files.
+
+use std::fmt::Write as _;
+use std::time::SystemTime;
+
+use serde_json::{Value as Json, json};
+
+use super::watch::{apply_event, begin_model, open_follower};
+use crate::cli::args::{Global, StatusArgs};
+use crate::cli::cluster::WorkerList;
+use crate::cli::exit::{Exit, Failure, print_result};
+use crate::cli::format::{self, counted, display_path};
+use crate::experiment::CellRef;
+use crate::store::utc;
+use crate::tui::format as tui_format;
+use crate::tui::model::entry::{EntryState, PlanEntry, StateCounts};
+use crate::tui::model::eta::Eta;
+use crate::tui::model::night::NightModel;
+
+/// Time without changes of files after which a night is reported as silent, in seconds.
+const SILENCE_S: f64 = 60.0;
+/// Maximum number of failures that are listed.
+const MAX_FAILURES: usize = 10;
+
+/// Runs `lumbre status`: prints the progress of a night and its workers.
+pub fn main(args: &StatusArgs, global: &Global) -> Result<Exit, Failure> {
+    let mut follower = open_follower(args.folder.as_deref(), global)?;
+    let mut model = NightModel::default();
+    begin_model(&mut model, &follower);
+    for event in follower.poll() {
+        apply_event(&mut model, event);
+    }
+    let now_s = SystemTime::now()
+        .duration_since(SystemTime::UNIX_EPOCH)
+        .map_or(0.0, |d| d.as_secs_f64());
+    let silence_s = follower
+        .last_modified()
+        .and_then(|at| at.elapsed().ok())
+        .map(|d| d.as_secs_f64());
+    let night = NightStatus {
+        model: &model,
+        now_s,
+        silence_s,
+        folder: display_path(follower.folder()),
+    };
+    let workers = WorkerList::read(follower.folder());
+    if args.json {
+        let mut json = night.json();
+        if !workers.is_empty() {
+            json["cluster"] = workers.json();
+        }
+        print_result(&format!("{json:#}\n"))?;
+    } else {
+        let workers_page = if workers.is_empty() {
+            String::new()
+        } else {
+            workers.page()
+        };
+        print_result(&(night.page() + &workers_page))?;
+    }
+    Ok(Exit::Done)
+}
+
+/// State of a night at one point in time.
+struct NightStatus<'a> {
+    model: &'a NightModel,
+    /// Time of the status, in seconds since the Unix epoch.
+    now_s: f64,
+    /// Time since a file of the night was last written, in seconds.
+    silence_s: Option<f64>,
+    folder: String,
+}
+
+impl NightStatus<'_> {
+    /// Returns `running`, `silent`, `over` or `not started`.
+    fn state(&self) -> &'static str {
+        match (self.model.started_s, self.model.finished_s) {
+            (None, _) => "not started",
+            (_, Some(_)) => "over",
+            _ if self.silence_s.is_some_and(|s| s >= SILENCE_S) => "silent",
+            _ => "running",
+        }
+    }
+
+    fn eta(&self) -> Option<Eta> {
+        (self.state() == "running")
+            .then(|| self.model.night_eta(self.now_s))
+            .flatten()
+    }
+
+    fn name(&self, cell: CellRef) -> String {
+        self.model
+            .plan
+            .as_ref()
+            .map_or_else(String::new, |plan| tui_format::cell_name(plan, cell))
+    }
+
+    fn failures(&self) -> impl Iterator<Item = (CellRef, &str)> {
+        let reference = self
+            .model
+            .references
+            .iter()
+            .enumerate()
+            .map(|(i, e)| (CellRef::Reference(i), e));
+        let cells = self
+            .model
+            .cells
+            .iter()
+            .enumerate()
+            .map(|(i, e)| (CellRef::Cell(i), e));
+        reference
+            .chain(cells)
+            .filter_map(|(cell, entry): (CellRef, &PlanEntry)| match &entry.state {
+                EntryState::Failed(reason) => Some((cell, &**reason)),
+                _ => None,
+            })
+    }
+
+    /// Formats the status as text.
+    fn page(&self) -> String {
+        let mut lines = self.count_lines();
+        lines.extend(self.time_lines());
+        lines.extend(self.current_lines());
+        let mut out = format!("{}  {}\n", self.folder, self.state());
+        out += &format::aligned(&lines);
+        for (cell, reason) in self.failures().take(MAX_FAILURES) {
+            // Writing to a String cannot fail.
+            let _ = writeln!(out, "failed: {}: {reason}", self.name(cell));
+        }
+        let more = self.failures().count().saturating_sub(MAX_FAILURES);
+        if more > 0 {
+            let _ = writeln!(
+                out,
+                "and {} more (`lumbre ls --state failed`)",
+                counted(more, "failure")
+            );
+        }
+        out
+    }
+
+    /// Returns the lines with the numbers of cells and references by state.
+    fn count_lines(&self) -> Vec<Vec<String>> {
+        let model = self.model;
+        let counts = StateCounts::from_entries(&model.cells);
+        let parts = [
+            (counts.done + counts.cached, "done"),
+            (counts.failed, "failed"),
+            (counts.interrupted, "interrupted"),
+            (counts.running, "running"),
+            (counts.waiting, "to go"),
+        ];
+        let parts: Vec<String> = parts
+            .iter()
+            .filter(|(n, _)| *n > 0)
+            .map(|(n, word)| format!("{n} {word}"))
+            .collect();
+        let mut lines = vec![vec![
+            "cells".to_owned(),
+            format!("{}: {}", counts.total(), parts.join(", ")),
+        ]];
+        let references = StateCounts::from_entries(&model.references);
+        if references.total() > 0 {
+            let mut settled = format!("{} of {}", references.settled(), references.total());
+            if let Some((done, of)) = self.shards() {
+                settled += &format!("; {done} of {of} shards of the others are done");
+            }
+            lines.push(vec!["references".to_owned(), settled]);
+        }
+        lines
+    }
+
+    /// Returns the lines with the elapsed time, the estimated time left, and silence.
+    fn time_lines(&self) -> Vec<Vec<String>> {
+        let model = self.model;
+        let mut lines = Vec::new();
+        if self.state() != "not started" {
+            lines.push(vec![
+                "elapsed".to_owned(),
+                tui_format::duration(model.night_s(self.now_s)),
+            ]);
+        }
+        if let Some(eta) = self.eta() {
+            let qualifier = if eta.at_most { "at most" } else { "about" };
+            let end = SystemTime::UNIX_EPOCH
+                + std::time::Duration::from_secs_f64((self.now_s + eta.seconds).max(0.0));
+            lines.push(vec![
+                "left".to_owned(),
+                format!(
+                    "{qualifier} {}, until {}",
+                    tui_format::duration(eta.seconds),
+                    utc(end)
+                ),
+            ]);
+        }
+        if let Some(silence) = self.silence_s.filter(|_| self.state() == "silent") {
+            lines.push(vec![
+                "activity".to_owned(),
+                format!(
+                    "none for {} (the night was interrupted, or its waves are long)",
+                    tui_format::duration(silence)
+                ),
+            ]);
+        }
+        lines
+    }
+
+    /// Returns the lines with the current run and its last measurements.
+    fn current_lines(&self) -> Vec<Vec<String>> {
+        let model = self.model;
+        let mut lines = Vec::new();
+        if let Some(current) = model.current.as_ref().filter(|current| current.running) {
+            lines.push(vec!["now".to_owned(), self.name(current.cell)]);
+            if let Some(row) = current.curve.last() {
+                let metrics = model
+                    .plan
+                    .iter()
+                    .flat_map(|plan| plan.metrics.iter())
+                    .zip(&row.metrics);
+                let metrics: Vec<String> = metrics
+                    .map(|(m, v)| format!("  {} {}", m.column, tui_format::number(*v)))
+                    .collect();
+                let facts = format!(
+                    "{} spp  {}{}",
+                    row.samples,
+                    tui_format::duration(row.render_s),
+                    metrics.concat()
+                );
+                lines.push(vec![String::new(), facts]);
+            }
+        }
+        lines
+    }
+
+    /// Returns the numbers of finished shards and of all shards, summed over the unfinished
+    /// references that are rendered in shards; `None` if there are no such references.
+    fn shards(&self) -> Option<(usize, usize)> {
+        let open = (0..self.model.references.len())
+            .filter_map(|i| self.model.shard_progress(CellRef::Reference(i)));
+        open.reduce(|(done, of), more| (done + more.0, of + more.1))
+    }
+
+    /// Returns the status as JSON.
+    fn json(&self) -> Json {
+        let model = self.model;
+        let counts = StateCounts::from_entries(&model.cells);
+        let current = model
+            .current
+            .as_ref()
+            .filter(|current| current.running)
+            .map(|current| {
+                let row = current.curve.last();
+                json!({
+                    "name": self.name(current.cell), "device": current.open.device,
+                    "samples": row.map(|r| r.samples), "render_s": row.map(|r| r.render_s),
+                })
+            });
+        json!({
+            "folder": self.folder,
+            "state": self.state(),
+            "cells": {
+                "total": counts.total(), "done": counts.done + counts.cached,
+                "failed": counts.failed,
+                "interrupted": counts.interrupted, "running": counts.running,
+                "waiting": counts.waiting,
+            },
+            "references": {
+                "total": model.references.len(),
+                "settled": StateCounts::from_entries(&model.references).settled(),
+                "parts": self.shards().map(|(done, of)| json!({ "done": done, "total": of })),
+            },
+            "elapsed_s": (self.state() != "not started").then(|| model.night_s(self.now_s)),
+            "left_s": self.eta().map(|eta| eta.seconds),
+            "silent_s": self.silence_s,
+            "current": current,
+            "failures": self.failures().map(|(cell, reason)| json!({ "name": self.name(cell),
+                "reason": reason }))
+                .collect::<Vec<_>>(),
+        })
+    }
+}

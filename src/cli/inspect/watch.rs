@@ -1,0 +1,292 @@
+//! `lumbre watch`: the dashboard for a night that another process renders or has rendered.
+
+use std::fs::File;
+use std::io::{BufReader, IsTerminal};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+use super::status;
+use crate::cli::args::{Global, StatusArgs, WatchArgs};
+use crate::cli::exit::{Exit, Failure};
+use crate::cli::format::display_path;
+use crate::cli::night::load::decode_picture;
+use crate::cli::night::log::Log;
+use crate::cli::night::signals;
+use crate::experiment::NightControls;
+use crate::output::time;
+use crate::store::{
+    FollowEvent, Follower, TimedEvent, WorkerState, WorkerStatus, latest_experiment,
+};
+use crate::tui::model::night::NightModel;
+use crate::tui::model::strategy_thumbnails::StrategyThumbnail;
+use crate::tui::model::time_preview::{TimePreview, TimePreviewBuilder};
+use crate::tui::model::worker_list::WorkerLine;
+use crate::tui::{self, Dashboard, Role};
+
+/// Time between two reads of the files.
+const FILE_POLL_INTERVAL: Duration = Duration::from_millis(500);
+/// Time between two checks whether the dashboard was closed.
+const EXIT_POLL_INTERVAL: Duration = Duration::from_millis(50);
+
+/// Maximum width and height of a film with a time axis, in pixels. Larger sizes in a file are
+/// treated as damage.
+const MAX_SIDE: u32 = 1 << 16;
+
+/// Runs `lumbre watch`: shows a night in the dashboard, or prints its status without a terminal.
+pub fn main(args: &WatchArgs, global: &Global, log: &Log) -> Result<Exit, Failure> {
+    let env = |name: &str| std::env::var(name).ok();
+    let whole_screen =
+        tui::output_mode(std::io::stdout().is_terminal(), &env) == tui::OutputMode::Dashboard;
+    if !whole_screen || global.no_tui {
+        return status::main(
+            &StatusArgs {
+                folder: args.folder.clone(),
+                json: false,
+            },
+            global,
+        );
+    }
+    let mut follower = open_follower(args.folder.as_deref(), global)?;
+    // Signals end only this dashboard; the process that renders the night handles its own.
+    let control = Arc::new(NightControls::default());
+    signals::install(
+        Arc::clone(&control),
+        tui::terminal::terminal_guard::restore_now,
+    )
+    .map_err(|e| Failure::internal(format!("cannot install signal handlers: {e}")))?;
+    log.defer_stderr();
+    let dashboard = Dashboard::start(Role::Watch, Box::new(|| {})).map_err(Failure::internal)?;
+    dashboard.update_model(|model| begin_model(model, &follower));
+    let mut waited = FILE_POLL_INTERVAL;
+    while !dashboard.is_over() && !control.stop_requested() {
+        if waited >= FILE_POLL_INTERVAL {
+            // Read files before the model is locked, so that a slow disk does not block keys.
+            let events = follower.poll();
+            let preview = events
+                .iter()
+                .rev()
+                .find_map(|event| load_time_preview(&event.event));
+            if !events.is_empty() {
+                dashboard.update_model(|model| {
+                    for event in events {
+                        apply_event(model, event);
+                    }
+                    if let Some(preview) = preview {
+                        model.set_time_preview(preview);
+                    }
+                });
+            }
+            waited = Duration::ZERO;
+        }
+        std::thread::sleep(EXIT_POLL_INTERVAL);
+        waited += EXIT_POLL_INTERVAL;
+    }
+    drop(dashboard);
+    log.resume_stderr();
+    Ok(Exit::Done)
+}
+
+/// Opens a follower on the files of the night that [`find_night`] returns.
+pub(in crate::cli) fn open_follower(
+    folder: Option<&Path>,
+    global: &Global,
+) -> Result<Follower, Failure> {
+    Follower::open(&find_night(folder, global)?, decode_picture).map_err(Failure::usage)
+}
+
+/// Returns the folder of a night. `folder` is the folder itself, or a results folder whose latest
+/// night is used; the default is `--out`.
+///
+/// # Errors
+/// Returns an error if there is no night.
+pub(in crate::cli) fn find_night(
+    folder: Option<&Path>,
+    global: &Global,
+) -> Result<PathBuf, Failure> {
+    let given = folder.unwrap_or(&global.out);
+    if given.join("plan.json").is_file() {
+        return Ok(given.to_owned());
+    }
+    let missing = || {
+        format!(
+            "there is no night in {} (`lumbre ls` lists experiments)",
+            display_path(given)
+        )
+    };
+    latest_experiment(given)
+        .or_else(|| only_experiment(given))
+        .ok_or_else(missing)
+        .map_err(Failure::usage)
+}
+
+/// Returns the experiment of a folder that contains exactly one, but no `latest`, such as a copy.
+fn only_experiment(folder: &Path) -> Option<PathBuf> {
+    let entries = std::fs::read_dir(folder)
+        .ok()?
+        .flatten()
+        .map(|entry| entry.path());
+    let mut experiments = entries.filter(|path| path.join("plan.json").is_file());
+    experiments.next().filter(|_| experiments.next().is_none())
+}
+
+/// Initializes a model with the plan of a night, before any event.
+pub(in crate::cli) fn begin_model(model: &mut NightModel, follower: &Follower) {
+    model.begin_night(Arc::clone(follower.outline()), 0.0);
+    // The start time is set by an event of the journal, if the night was started.
+    model.started_s = None;
+}
+
+/// Applies an event that the follower found in the files to the model.
+pub(in crate::cli) fn apply_event(model: &mut NightModel, TimedEvent { at_s, event }: TimedEvent) {
+    match event {
+        FollowEvent::NightStarted => model.begin_next_night(at_s),
+        FollowEvent::RunStarted {
+            cell,
+            config,
+            open,
+            reference,
+        } => {
+            model.start_run(cell, open, reference, at_s);
+            if let Some(config) = config {
+                model.set_config(cell, Arc::new(*config));
+            }
+        }
+        FollowEvent::RunActive { cell } => model.mark_running(cell, at_s),
+        FollowEvent::ShardChanged {
+            reference,
+            finished,
+            total,
+        } => model.update_shards(reference, finished, total, at_s),
+        FollowEvent::Workers(workers) => model.set_workers(worker_lines(&workers)),
+        FollowEvent::WaveMeasured { cell, row } => model.add_wave(cell, &row, 0.0, at_s),
+        FollowEvent::ImageUpdated { cell, image } => model.set_image(cell, image),
+        FollowEvent::StrategyImage {
+            cell,
+            s,
+            t,
+            weighted,
+            image,
+        } => {
+            model.add_strategy_thumbnail(cell, StrategyThumbnail::from_film(s, t, weighted, &image))
+        }
+        FollowEvent::RunEnded {
+            cell,
+            outcome,
+            last,
+        } => model.finish_run(cell, &outcome, last.as_ref(), at_s),
+        FollowEvent::Message { level, cell, text } => model.log(level, cell, &text, at_s),
+        FollowEvent::BiasChecked { reference, agrees } => model.set_bias_check(reference, agrees),
+        FollowEvent::ForecastUpdated(left) => model.set_forecast(left, at_s),
+        FollowEvent::NightEnded => model.end_night(at_s),
+        // The preview is loaded before the model is locked.
+        FollowEvent::TimeCubeWritten { .. } => {}
+    }
+}
+
+/// Loads the preview of a run's time axis row by row. Returns `None` for other events, and if the
+/// file cannot be read or does not match the axis.
+fn load_time_preview(event: &FollowEvent) -> Option<TimePreview> {
+    let FollowEvent::TimeCubeWritten { cell, file, axis } = event else {
+        return None;
+    };
+    let mut reader = BufReader::new(File::open(file).ok()?);
+    let [height, width, bins, 3] = time::read_shape(&mut reader).ok()?[..] else {
+        return None;
+    };
+    let size = [u32::try_from(width).ok()?, u32::try_from(height).ok()?];
+    if bins != axis.bins as usize || size[0].max(size[1]) > MAX_SIDE {
+        return None;
+    }
+    let mut preview = TimePreviewBuilder::new(*cell, *axis, size);
+    for _ in 0..height {
+        let row = time::read_numbers(&mut reader, width * bins * 3).ok()?;
+        preview.add_row(row.as_chunks::<3>().0.iter().copied());
+    }
+    preview.finish()
+}
+
+/// Returns dashboard lines for the workers that have not exited.
+fn worker_lines(workers: &[WorkerStatus]) -> Vec<WorkerLine> {
+    let line = |worker: &WorkerStatus| WorkerLine {
+        node: if worker.job.is_empty() {
+            worker.host.clone()
+        } else {
+            format!("{} {}", worker.host, worker.job)
+        },
+        device: worker.device.model.clone(),
+        activity: describe_state(worker),
+        age_s: worker.age_s,
+        lost: worker.is_lost(),
+    };
+    workers
+        .iter()
+        .filter(|worker| !matches!(worker.state, WorkerState::Left(_)))
+        .map(line)
+        .collect()
+}
+
+/// Describes what a worker is doing: waiting, the path of the run it renders, or why it exited.
+pub(in crate::cli) fn describe_state(worker: &WorkerStatus) -> String {
+    match &worker.state {
+        WorkerState::Waiting => "waiting".to_owned(),
+        WorkerState::Rendering { path, .. } => path.clone(),
+        WorkerState::Left(reason) => format!("exited: {reason}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::cli::inspect::watch::*;
+    use crate::experiment::CellRef;
+    use crate::film::time::{TimeAxis, TimeCube};
+
+    #[test]
+    fn a_time_preview_from_a_file_equals_the_rendered_one() {
+        let axis = TimeAxis {
+            start: 1.0,
+            bin: 0.5,
+            bins: 5,
+        };
+        let (width, height) = (7, 3);
+        let slots = width * height * axis.slots();
+        let sum: Vec<[f64; 3]> = (0..slots)
+            .map(|i| [i as f64 % 5.0, 0.25 * i as f64, 1.0])
+            .collect();
+        let cube = TimeCube {
+            axis,
+            width: 7,
+            height: 3,
+            samples: 4,
+            square: vec![[0.0; 3]; slots],
+            sum,
+        };
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("time-cube.npy");
+        let files = time::files(&cube, None, &[]).unwrap();
+        let bytes = files
+            .iter()
+            .find(|f| f.name == "time-cube.npy")
+            .map(|f| f.bytes.clone())
+            .unwrap();
+        std::fs::write(&file, &bytes).unwrap();
+        let cell = CellRef::Cell(3);
+        let timed = |axis| FollowEvent::TimeCubeWritten {
+            cell,
+            file: file.clone(),
+            axis,
+        };
+        assert_eq!(
+            load_time_preview(&timed(axis)),
+            TimePreview::from_cube(cell, &cube)
+        );
+        assert!(load_time_preview(&timed(axis)).is_some());
+        assert_eq!(
+            load_time_preview(&timed(TimeAxis { bins: 6, ..axis })),
+            None,
+            "the file of another run"
+        );
+        std::fs::write(&file, &bytes[..bytes.len() - 1]).unwrap();
+        assert_eq!(load_time_preview(&timed(axis)), None, "a truncated file");
+    }
+}

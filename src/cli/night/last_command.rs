@@ -1,0 +1,96 @@
+//! Recovery of the last command of an experiment from the `env.json` in its folder.
+
+use std::path::{Path, PathBuf};
+
+use clap::Parser;
+use serde_json::Value as Json;
+
+use crate::cli::args::{Cli, Global, ScriptArgs, Verb};
+use crate::cli::exit::Failure;
+use crate::cli::format::display_path;
+
+/// Returns the script with its axis changes and the global options of the command that last ran an
+/// experiment. Changes the current folder to the one in which that command was given, since the
+/// paths in a script are relative to it.
+///
+/// # Errors
+/// Returns an error if the folder has no record of a command, or the command does not name a
+/// script.
+pub fn last_command(experiment: &Path, global: &Global) -> Result<(ScriptArgs, Global), Failure> {
+    let file = experiment.join("env.json");
+    let unknown = |why: &str| {
+        Failure::usage(format!(
+            "cannot find out how {} was run ({why}); give the script as an argument",
+            display_path(experiment)
+        ))
+    };
+    let text =
+        std::fs::read(&file).map_err(|e| unknown(&format!("{}: {e}", display_path(&file))))?;
+    let env: Json = serde_json::from_slice(&text)
+        .map_err(|e| unknown(&format!("{}: {e}", display_path(&file))))?;
+    let arguments = env["arguments"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .filter_map(Json::as_str);
+    let (script, recorded) = parse(arguments).map_err(unknown)?;
+    let out = std::path::absolute(&global.out).map_err(Failure::usage)?;
+    let folder = PathBuf::from(env["folder"].as_str().unwrap_or("."));
+    std::env::set_current_dir(&folder)
+        .map_err(|e| unknown(&format!("{}: {e}", folder.display())))?;
+    let backend = global.backend.clone().or(recorded.backend);
+    let lenient = global.lenient || recorded.lenient;
+    Ok((
+        script,
+        Global {
+            out,
+            backend,
+            lenient,
+            ..global.clone()
+        },
+    ))
+}
+
+/// Parses the arguments of a command that made a plan. Returns its script with the axis changes,
+/// and its global options.
+///
+/// # Errors
+/// Returns the reason if the arguments are not those of such a command.
+pub fn parse<'a>(
+    arguments: impl Iterator<Item = &'a str>,
+) -> Result<(ScriptArgs, Global), &'static str> {
+    let cli = Cli::try_parse_from(std::iter::once("lumbre").chain(arguments))
+        .map_err(|_| "the recorded command is invalid")?;
+    let script = match cli.verb {
+        Verb::Run(args) => args.script,
+        Verb::Submit(args) => args.scheduler.job().script.clone(),
+        Verb::Retry(args) => args
+            .script()
+            .ok_or("it was last run by `lumbre retry` without a script")?,
+        _ => return Err("it was not run by `lumbre run`"),
+    };
+    Ok((script, cli.global))
+}
+
+/// Returns the folder of the experiment that was run last below `out`.
+///
+/// # Errors
+/// Returns an error if there is none.
+pub fn latest(out: &Path) -> Result<PathBuf, Failure> {
+    let link = out.join("latest");
+    let folder = match std::fs::read_to_string(&link) {
+        // On systems without symbolic links, `latest` is a file that contains the name.
+        Ok(name) => out.join(name.trim()),
+        Err(_) => link,
+    };
+    // Resolve the link, so that messages name the folder itself.
+    let folder = std::fs::read_link(&folder).map_or(folder, |name| out.join(name));
+    if folder.is_dir() {
+        Ok(folder)
+    } else {
+        Err(Failure::usage(format!(
+            "no experiment was run in {} yet; give the script as an argument",
+            display_path(out)
+        )))
+    }
+}

@@ -1,0 +1,185 @@
+//! Loading of scripts, plans and scenes from the arguments of the command line.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use miette::{Report, WrapErr};
+
+use crate::cli::args::{Global, ScriptArgs};
+use crate::cli::exit::{Exit, Failure, print_status};
+use crate::cli::format::display_path;
+use crate::experiment::Plan;
+use crate::experiment::plan::{Overrides, PlanError, expand};
+use crate::film::Image;
+use crate::output::exr;
+use crate::scene::load::{MissingTextures, files};
+use crate::scene::{Note, SceneDesc, SceneError};
+use crate::script::{self, Script, ScriptError};
+use crate::value::{Value, suggest};
+
+/// Loads a script and expands its plan without rendering.
+///
+/// # Errors
+/// Returns an error if the script or one of its scenes cannot be read, or the plan is invalid.
+pub fn load_plan(args: &ScriptArgs, global: &Global) -> Result<(Script, Arc<Plan>), Failure> {
+    expect_script(&args.script)?;
+    let script = script::load(&args.script).map_err(Failure::diagnostic)?;
+    let plan = expand_plan(&script, args, global)?;
+    Ok((script, plan))
+}
+
+/// Loads a script and expands its plan for other machines, whose devices this one may lack.
+///
+/// # Errors
+/// Returns the same errors as [`load_plan`].
+pub fn load_plan_for_cluster(
+    args: &ScriptArgs,
+    global: &Global,
+) -> Result<(Script, Arc<Plan>), Failure> {
+    expect_script(&args.script)?;
+    let script = script::load(&args.script).map_err(Failure::diagnostic)?;
+    let plan = expand_plan_for(&script, args, global, true)?;
+    Ok((script, plan))
+}
+
+/// Expands the plan of a loaded script.
+///
+/// # Errors
+/// Returns an error if a scene cannot be read or the plan is invalid.
+pub fn expand_plan(
+    script: &Script,
+    args: &ScriptArgs,
+    global: &Global,
+) -> Result<Arc<Plan>, Failure> {
+    expand_plan_for(script, args, global, false)
+}
+
+/// Expands a plan. With `elsewhere`, its backends need not be available on this machine.
+fn expand_plan_for(
+    script: &Script,
+    args: &ScriptArgs,
+    global: &Global,
+    elsewhere: bool,
+) -> Result<Arc<Plan>, Failure> {
+    let pairs = |(axis, values): &(String, Vec<Value>)| -> Vec<(String, Value)> {
+        values
+            .iter()
+            .map(|value| (axis.clone(), value.clone()))
+            .collect()
+    };
+    let overrides = Overrides {
+        axes: args.axes.clone(),
+        only: args.only.iter().flat_map(pairs).collect(),
+        backend: global.backend.clone(),
+        elsewhere,
+    };
+    let mut load = |path: &Path, options: &BTreeMap<String, Value>| {
+        script::scene::read(path, options, global.missing())
+    };
+    let (plan, files) = files::opened_by(|| expand(&script.spec, script, &overrides, &mut load));
+    let files = files.into_iter().chain(script.modules()).collect();
+    plan.map(|plan| Arc::new(Plan { files, ..plan }))
+        .map_err(plan_failure)
+}
+
+/// Loads a scene file of any format, including Lua.
+///
+/// # Errors
+/// Returns an error if the file cannot be read or is invalid.
+pub fn load_scene(
+    path: &Path,
+    missing: MissingTextures,
+) -> Result<(SceneDesc, Vec<Note>), SceneError> {
+    script::scene::read(path, &BTreeMap::new(), missing)
+}
+
+/// Prints the notes and warnings of a plan, including the notes about its scene files.
+pub fn print_notes_and_warnings(plan: &Plan) {
+    for note in &plan.notes {
+        print_status(&format!("note: {note}"));
+    }
+    for warning in &plan.warnings {
+        print_status(&format!("warning: {warning}"));
+    }
+}
+
+/// Converts a plan error. An error inside a function of the script includes the source line.
+fn plan_failure(error: PlanError) -> Failure {
+    match error {
+        PlanError::Hook {
+            function,
+            point,
+            error,
+        } => match error.0.downcast::<ScriptError>() {
+            Ok(script) => {
+                let report: Result<(), Report> = Err(Report::new(*script));
+                let report = report.wrap_err(format!("{function} at {point}"));
+                report.map_or_else(
+                    |report| Failure {
+                        exit: Exit::Usage,
+                        report,
+                    },
+                    |()| Failure::usage(""),
+                )
+            }
+            Err(other) => Failure::usage(format!("{function} at {point}: {other}")),
+        },
+        other => Failure::usage(other),
+    }
+}
+
+/// Checks the path of a script before Lua reads it, and suggests a script with a similar name.
+pub fn expect_script(path: &Path) -> Result<(), Failure> {
+    if path.is_dir() {
+        let scripts = scripts_in(path);
+        let help = match scripts.as_slice() {
+            [] => "it contains no .lua files".to_owned(),
+            found => format!("scripts in it: {}", found.join(", ")),
+        };
+        return Err(Failure::usage(format!(
+            "{} is a folder, not a script ({help})",
+            path.display()
+        )));
+    }
+    if path.exists() {
+        return Ok(());
+    }
+    let folder = path
+        .parent()
+        .filter(|p| !p.as_os_str().is_empty())
+        .unwrap_or(Path::new("."));
+    let help = match path.file_name().and_then(|n| n.to_str()) {
+        _ if !folder.is_dir() => format!("there is no folder {}", folder.display()),
+        Some(name) => {
+            let scripts = scripts_in(folder);
+            match suggest::nearest(name, scripts.iter().map(String::as_str)) {
+                Some(near) => format!("did you mean `{}`?", display_path(&folder.join(near))),
+                None if scripts.is_empty() => "that folder contains no scripts".to_owned(),
+                None => format!("scripts in that folder: {}", scripts.join(", ")),
+            }
+        }
+        None => "expected the path of a .lua file".to_owned(),
+    };
+    Err(Failure::usage(format!(
+        "there is no script {} ({help})",
+        path.display()
+    )))
+}
+
+fn scripts_in(folder: &Path) -> Vec<String> {
+    let names = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut scripts: Vec<String> = names
+        .map(|e| e.file_name().to_string_lossy().into_owned())
+        .filter(|n| n.ends_with(".lua"))
+        .collect();
+    scripts.sort();
+    scripts
+}
+
+/// Decodes a stored picture (EXR). This is the decoder that [`crate::store`] uses.
+pub fn decode_picture(bytes: &[u8]) -> Result<Image, String> {
+    exr::decode(bytes)
+        .map(|(image, _)| image)
+        .map_err(|e| e.to_string())
+}

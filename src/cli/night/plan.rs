@@ -1,0 +1,397 @@
+//! `lumbre plan`: what a script would render, what is cached and what is skipped.
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+use std::path::Path;
+
+use serde_json::{Value as Json, json};
+
+use super::load::{self, decode_picture};
+use crate::cli::args::{Global, PlanArgs};
+use crate::cli::exit::{Exit, Failure, print_result};
+use crate::cli::format::{self, counted, display_path};
+use crate::experiment::event::{FinishedRun, History};
+use crate::experiment::forecast::{Forecast, Throughput, ThroughputHistory, WorkloadKey, forecast};
+use crate::experiment::memory;
+use crate::experiment::noise_floor::floors;
+use crate::experiment::plan::{Estimate, ReferenceSource, unreachable_thresholds};
+use crate::experiment::spec::Order;
+use crate::experiment::{Cell, CellRef, Plan, StopRule};
+use crate::store::{Archive, plan_json, throughput_history};
+
+/// Runs `lumbre plan`: prints the plan of a script.
+pub fn main(args: &PlanArgs, global: &Global) -> Result<Exit, Failure> {
+    let (_, plan) = load::load_plan(&args.script, global)?;
+    print(&plan, global, args.json)
+}
+
+/// Prints a plan with the states of its runs as text or JSON.
+pub(in crate::cli) fn print(plan: &Plan, global: &Global, as_json: bool) -> Result<Exit, Failure> {
+    let outlook = Outlook::new(plan, global);
+    if as_json {
+        print_result(&format!("{:#}\n", outlook.json()))?;
+    } else {
+        print_result(&outlook.page())?;
+    }
+    Ok(Exit::Done)
+}
+
+/// Plan with the states of its runs and estimates of the work left.
+struct Outlook<'a> {
+    plan: &'a Plan,
+    /// Folders of the finished cells; `None` for cells to render.
+    cells: Vec<Option<String>>,
+    /// Folders of the finished references; `None` for references to render.
+    references: Vec<Option<String>>,
+    estimate: Estimate,
+    forecast: Forecast,
+    /// For each reference, the samples per pixel of a shorter one from which it would resume.
+    resume_samples: Vec<Option<u64>>,
+    /// Warnings about thresholds below the noise of finished references.
+    unreachable: Vec<String>,
+}
+
+impl<'a> Outlook<'a> {
+    /// Compares a plan with the results on disk.
+    fn new(plan: &'a Plan, global: &Global) -> Outlook<'a> {
+        let archive = Archive::new(&global.out, decode_picture);
+        let runs: Vec<Option<FinishedRun>> = (0..plan.cells.len())
+            .map(|i| archive.finished_run(plan, CellRef::Cell(i)))
+            .collect();
+        let folder = |run: &FinishedRun| display_path(&run.folder);
+        let cells: Vec<Option<String>> = runs.iter().map(|run| run.as_ref().map(folder)).collect();
+        let references: Vec<Option<String>> = (0..plan.references.len())
+            .map(|i| archive.finished_run(plan, CellRef::Reference(i)))
+            .map(|run| run.as_ref().map(folder))
+            .collect();
+        let is_open = |cell: CellRef| match cell {
+            CellRef::Cell(i) => cells[i].is_none(),
+            CellRef::Reference(i) => references[i].is_none(),
+        };
+        Outlook {
+            estimate: plan.estimate(&is_open),
+            forecast: forecast(plan, &throughput(plan, &runs, &global.out), &is_open),
+            resume_samples: (0..plan.references.len())
+                .map(|i| archive.shorter_samples(plan, i))
+                .collect(),
+            unreachable: unreachable(plan, &archive),
+            plan,
+            cells,
+            references,
+        }
+    }
+
+    /// Returns the plan as JSON.
+    fn json(&self) -> Json {
+        let mut json = plan_json(self.plan);
+        for (key, found) in [("cells", &self.cells), ("references", &self.references)] {
+            for (entry, folder) in json[key].as_array_mut().into_iter().flatten().zip(found) {
+                let file = entry["kind"] == "file";
+                entry["state"] = if folder.is_some() || file {
+                    "cached"
+                } else {
+                    "new"
+                }
+                .into();
+                entry["cached_in"] = folder.as_deref().into();
+            }
+        }
+        let estimate = &self.estimate;
+        json["estimate"] = json!({
+            "runs_by_time": estimate.by_time, "seconds": estimate.seconds,
+            "runs_by_samples": estimate.by_samples, "paths": estimate.paths,
+            "runs_without_limit": estimate.unbounded, "layer_bytes": estimate.layer_bytes,
+            "heat_runs": estimate.interleaved_runs, "heat_bytes": estimate.interleaved_bytes,
+        });
+        let forecast = &self.forecast;
+        json["forecast"] = json!({
+            "seconds": forecast.seconds, "at_most": forecast.at_most, "rough": forecast.rough,
+            "runs": forecast.known, "unknown_runs": forecast.unknown,
+        });
+        json["goes_on_from"] = json!(self.resume_samples);
+        json["out_of_reach"] = json!(self.unreachable);
+        json
+    }
+
+    /// Formats the plan as text.
+    fn page(&self) -> String {
+        let plan = self.plan;
+        let mut out = format!("{}  plan {}\n\n", plan.name, short_id(&plan.hash));
+        if !plan.references.is_empty() {
+            out += &format::aligned(&self.reference_lines());
+            out.push('\n');
+        }
+        out += &format::aligned(&self.cell_lines());
+        for skipped in &plan.skipped {
+            let point: Vec<String> = skipped
+                .point
+                .iter()
+                .map(|(axis, value)| format!("{axis}={value}"))
+                .collect();
+            // Writing to a String cannot fail.
+            let _ = writeln!(out, "skipped {}: {}", point.join(" "), skipped.reason);
+        }
+        let count = |found: &[Option<String>]| found.iter().flatten().count();
+        let _ = writeln!(
+            out,
+            "\n{} ({} cached), {} ({} cached), {} skipped",
+            counted(self.cells.len(), "cell"),
+            count(&self.cells),
+            counted(self.references.len(), "reference"),
+            count(&self.references),
+            counted(plan.skipped.len(), "point")
+        );
+        let _ = writeln!(out, "estimate: {}", describe_estimate(&self.estimate));
+        if let Some(forecast) = describe_forecast(&self.forecast) {
+            let _ = writeln!(out, "{forecast}");
+        }
+        out += &self.order_line();
+        if let Some(warmup) = plan.night.warmup {
+            let _ = writeln!(
+                out,
+                "warm-up of every cell (discarded): {}",
+                warmup.describe()
+            );
+        }
+        let doubles = plan
+            .cells
+            .iter()
+            .filter(|cell| cell.double_of.is_some())
+            .count();
+        if doubles > 0 {
+            let cells = counted(doubles, "cell");
+            let _ = writeln!(out, "A/A check: {cells} repeat other cells");
+        }
+        for note in &plan.notes {
+            let _ = writeln!(out, "note: {note}");
+        }
+        let memory = self.memory_warning();
+        for warning in plan.warnings.iter().chain(&self.unreachable).chain(&memory) {
+            let _ = writeln!(out, "warning: {warning}");
+        }
+        out
+    }
+
+    /// Returns the table of references, with a header line.
+    fn reference_lines(&self) -> Vec<Vec<String>> {
+        let header = ["reference", "source", "stop", "state"];
+        let mut lines = vec![header.map(str::to_owned).to_vec()];
+        for (i, reference) in self.plan.references.iter().enumerate() {
+            let (source, stop, state) = match &reference.source {
+                ReferenceSource::Render {
+                    config,
+                    stop,
+                    shard_samples,
+                    ..
+                } => {
+                    let shards = shard_samples
+                        .map_or_else(String::new, |samples| format!(", in shards of {samples}"));
+                    let state = match (&self.references[i], self.resume_samples[i]) {
+                        (None, Some(samples)) => {
+                            format!("new, resumes from {samples} samples per pixel")
+                        }
+                        (folder, _) => describe_state(folder),
+                    };
+                    (
+                        format!("{} {}", config.integrator, config.scene),
+                        stop.describe() + &shards,
+                        state,
+                    )
+                }
+                ReferenceSource::File { file, source } => {
+                    let content = reference
+                        .identity
+                        .as_map()
+                        .and_then(|fields| fields.get("file")?.as_str());
+                    let digits = short_id(content.unwrap_or_default());
+                    let source = if source.is_empty() {
+                        "unknown source"
+                    } else {
+                        source
+                    };
+                    (
+                        display_path(file),
+                        String::new(),
+                        format!("file, blake3 {digits}, {source}; its noise is unknown"),
+                    )
+                }
+            };
+            lines.push(vec![short_id(&reference.id.0), source, stop, state]);
+        }
+        lines
+    }
+
+    /// Returns the table of cells, with a header line.
+    fn cell_lines(&self) -> Vec<Vec<String>> {
+        let axes = self
+            .plan
+            .cells
+            .first()
+            .map(|c| c.point.iter().map(|(name, _)| name.clone()))
+            .into_iter()
+            .flatten();
+        let mut header = vec!["cell".to_owned()];
+        header.extend(axes);
+        header.extend(["repeat", "run", "state"].map(str::to_owned));
+        let mut lines = vec![header];
+        for (i, (cell, folder)) in self.plan.cells.iter().zip(&self.cells).enumerate() {
+            let mut line = vec![(i + 1).to_string()];
+            line.extend(cell.point.iter().map(|(_, value)| value.to_string()));
+            line.extend([
+                cell.repeat.to_string(),
+                short_id(&cell.id.0),
+                describe_state(folder),
+            ]);
+            lines.push(line);
+        }
+        lines
+    }
+
+    /// Returns the line about the order of the runs; empty for sequential order.
+    fn order_line(&self) -> String {
+        match self.plan.night.order {
+            Order::Sequential => String::new(),
+            Order::Shuffled => "order: shuffled\n".to_owned(),
+            Order::Interleave => {
+                let groups = self
+                    .plan
+                    .interleave_groups(self.plan.night.deadline.is_some());
+                let largest = groups.iter().map(Vec::len).max().unwrap_or(0);
+                let memory = if self.estimate.interleaved_bytes > 0 {
+                    format!(
+                        "; a group needs up to {} of memory",
+                        format::size(self.estimate.interleaved_bytes)
+                    )
+                } else {
+                    String::new()
+                };
+                format!(
+                    "order: {} of up to {largest} interleaved runs{memory}\n",
+                    counted(groups.len(), "group")
+                )
+            }
+        }
+    }
+
+    /// Returns a warning if the runs of an interleave group do not fit into the memory of this
+    /// machine.
+    fn memory_warning(&self) -> Option<String> {
+        let [_, total] = memory::available_and_total()?;
+        memory::shortage(
+            self.estimate.interleaved_runs,
+            self.estimate.interleaved_bytes,
+            memory::MemoryLimit::Machine(total),
+        )
+    }
+}
+
+/// Returns the throughput of earlier runs: those of other nights below `out`, and the finished
+/// `runs` of this plan.
+fn throughput(plan: &Plan, runs: &[Option<FinishedRun>], out: &Path) -> ThroughputHistory {
+    let mut history = throughput_history(out);
+    for (cell, run) in plan.cells.iter().zip(runs) {
+        if let Some(throughput) = run
+            .as_ref()
+            .and_then(|run| Throughput::from_last_row(run.rows.last()?, &cell.stop))
+        {
+            history.record(WorkloadKey::from_config(&cell.config), throughput);
+        }
+    }
+    history
+}
+
+/// Returns warnings about thresholds of stop rules below the noise floor of finished references.
+/// Reads the halves of a reference only if a stop rule uses a metric against it, since reading
+/// takes time.
+fn unreachable(plan: &Plan, history: &dyn History) -> Vec<String> {
+    let has_threshold = |cell: &Cell| {
+        let mut found = false;
+        cell.stop
+            .visit(&mut |rule| found |= matches!(rule, StopRule::When { .. }));
+        found
+    };
+    let references: BTreeSet<usize> = plan
+        .cells
+        .iter()
+        .filter(|c| has_threshold(c))
+        .filter_map(|c| c.reference)
+        .collect();
+    let warnings = |i: usize| -> Vec<String> {
+        match (history.image(plan, i), history.halves(plan, i)) {
+            (Ok(Some(image)), Ok(Some(halves))) => {
+                unreachable_thresholds(plan, i, &floors(&plan.measure.metrics, &image, &halves))
+            }
+            (_, Err(error)) | (Err(error), _) => {
+                vec![format!("cannot estimate the noise of a reference: {error}")]
+            }
+            _ => Vec::new(),
+        }
+    };
+    references.into_iter().flat_map(warnings).collect()
+}
+
+/// Describes whether a run is cached.
+fn describe_state(folder: &Option<String>) -> String {
+    match folder {
+        Some(folder) => format!("cached in {folder}"),
+        None => "new".to_owned(),
+    }
+}
+
+/// Formats the forecast of the render time as a line; `None` without any earlier run to base it on.
+fn describe_forecast(forecast: &Forecast) -> Option<String> {
+    if forecast.known == 0 {
+        return None;
+    }
+    let unknown = match forecast.unknown {
+        0 => String::new(),
+        n => format!("; {} unknown before the smoke pass", counted(n, "run")),
+    };
+    Some(format!(
+        "forecast: {} {} for {}{unknown}",
+        forecast.qualifier(),
+        format::duration(forecast.seconds),
+        counted(forecast.known, "run")
+    ))
+}
+
+/// Formats the limits of the runs that are left, and their memory.
+fn describe_estimate(estimate: &Estimate) -> String {
+    let mut parts = Vec::new();
+    if estimate.by_time > 0 {
+        let runs = counted(estimate.by_time, "run");
+        parts.push(format!(
+            "at most {} of render time in {runs}",
+            format::duration(estimate.seconds)
+        ));
+    }
+    if estimate.by_samples > 0 {
+        let runs = counted(estimate.by_samples, "run");
+        parts.push(format!(
+            "at most {} million camera paths in {runs}",
+            format::rounded(estimate.paths / 1e6)
+        ));
+    }
+    if estimate.unbounded > 0 {
+        parts.push(format!(
+            "{} without a limit of time or samples",
+            counted(estimate.unbounded, "run")
+        ));
+    }
+    if estimate.layer_bytes > 0 {
+        parts.push(format!(
+            "layers and time bins take up to {} of memory",
+            format::size(estimate.layer_bytes)
+        ));
+    }
+    if parts.is_empty() {
+        "nothing to render".to_owned()
+    } else {
+        parts.join("; ")
+    }
+}
+
+/// Returns the first eight characters of an id or hash.
+fn short_id(id: &str) -> String {
+    id.chars().take(8).collect()
+}

@@ -1,0 +1,224 @@
+//! Results of a night: its files, tables, messages and exit code.
+
+use std::collections::BTreeSet;
+
+use crate::cli::exit::{Exit, Failure, print_result, print_status};
+use crate::cli::format::{counted, display_path};
+use crate::experiment::aa_check;
+use crate::experiment::plan::ReferenceSource;
+use crate::experiment::spec::{FigureSpec, TableFormat};
+use crate::experiment::{CellRef, NightSummary, Outcome, Plan};
+use crate::output::devices::Devices;
+use crate::output::{plot, summary, table};
+use crate::render;
+use crate::store::Store;
+
+/// Prints the backends of a plan with their devices, and why `auto` selects one of them.
+pub(super) fn print_backends(plan: &Plan) {
+    let rendered = plan.references.iter().filter_map(|r| match &r.source {
+        ReferenceSource::Render { config, .. } => Some(&config.backend),
+        ReferenceSource::File { .. } => None,
+    });
+    let names: BTreeSet<&String> = plan
+        .cells
+        .iter()
+        .map(|c| &c.config.backend)
+        .chain(rendered)
+        .collect();
+    let (auto, reason) = render::auto_backend();
+    for name in names
+        .into_iter()
+        .filter(|name| *name != render::external::BACKEND)
+    {
+        let device = render::backend(name).map(|row| (row.probe)());
+        let (Ok(device) | Err(device)) = device.unwrap_or_else(|| Err("unknown".to_owned()));
+        let selected = if auto == name.as_str() {
+            format!(" (auto selects {name}: {reason})")
+        } else {
+            String::new()
+        };
+        print_status(&format!("backend {name}: {device}{selected}"));
+    }
+}
+
+/// Writes `summary.csv`, tables, figures and the CSV files of repeats and of the A/A check. The
+/// night may be complete or partial.
+pub(in crate::cli) fn write_results(
+    store: &Store,
+    plan: &Plan,
+    night: &NightSummary,
+    devices: &Devices,
+) -> Result<(), Failure> {
+    let write = |name: &str, bytes: &[u8]| store.write(name, bytes).map_err(Failure::internal);
+    write("summary.csv", summary::csv(plan, &night.results).as_bytes())?;
+    for spec in &plan.tables {
+        for table in table::tables(plan, spec, &night.results, devices) {
+            for format in &spec.formats {
+                let (extension, text) = match format {
+                    TableFormat::Md => ("md", table.to_markdown()),
+                    TableFormat::Csv => ("csv", table.to_csv()),
+                };
+                write(
+                    &format!("tables/{}.{extension}", table.name),
+                    text.as_bytes(),
+                )?;
+            }
+        }
+    }
+    for spec in &plan.figures {
+        for figure in plot::figures(plan, spec, &night.results, devices) {
+            let stem = &figure.stem;
+            write(&format!("figures/{stem}.svg"), figure.svg.as_bytes())?;
+            write(&format!("figures/{stem}.csv"), figure.csv.as_bytes())?;
+            let png = plot::rasterize(&figure.svg).map_err(Failure::internal)?;
+            write(&format!("figures/{stem}.png"), &png)?;
+        }
+    }
+    let repeats = summary::repeats_csv(plan, &night.results);
+    if !repeats.is_empty() {
+        write("repeats.csv", repeats.as_bytes())?;
+    }
+    let findings = aa_check::check(plan, &night.results);
+    if !findings.is_empty() {
+        write("control.csv", summary::control_csv(&findings).as_bytes())?;
+    }
+    Ok(())
+}
+
+/// Returns the devices of all cells if a figure or table shows times, and none otherwise: only
+/// times depend on devices, and finding them reads a file of every run.
+pub(in crate::cli) fn timed_devices(store: &Store, plan: &Plan, night: &NightSummary) -> Devices {
+    let timed = plan.tables.iter().any(|spec| spec.value.is_clock())
+        || plan.figures.iter().any(FigureSpec::is_timed);
+    if !timed {
+        return Devices::default();
+    }
+    Devices::new(plan, &night.results, |result| store.device(plan, result))
+}
+
+/// Prints all tables of a plan to stdout as Markdown.
+pub(in crate::cli) fn print_tables(
+    plan: &Plan,
+    night: &NightSummary,
+    devices: &Devices,
+) -> Result<(), Failure> {
+    let tables = plan
+        .tables
+        .iter()
+        .flat_map(|spec| table::tables(plan, spec, &night.results, devices));
+    print_result(
+        &tables
+            .map(|table| table.to_markdown())
+            .collect::<Vec<_>>()
+            .join("\n"),
+    )
+}
+
+/// Prints the failed runs of a night and the reasons.
+pub(in crate::cli) fn print_failures(plan: &Plan, night: &NightSummary) {
+    for result in &night.results {
+        if let Outcome::Failed(reason) = &result.outcome {
+            let name = match result.cell {
+                CellRef::Cell(i) => plan.cells[i].path.clone(),
+                CellRef::Reference(i) => format!("reference {}", plan.references[i].id),
+            };
+            print_status(&format!("failed: {name}: {reason}"));
+        }
+    }
+}
+
+/// Prints how many cells were left to workers with other devices.
+pub(in crate::cli) fn print_left_to_others(plan: &Plan, night: &NightSummary) {
+    if let Some((cell, reason)) = night.other_workers.first() {
+        let (cells, id) = (counted(night.other_workers.len(), "cell"), plan.id(*cell));
+        print_status(&format!(
+            "{cells} left to workers with other devices; the first is {id}: {reason} (if times do \
+             not matter, --affinity none renders all cells on any device)"
+        ));
+    }
+}
+
+/// Prints the references that a second technique contradicts, also with `--quiet`.
+pub(in crate::cli) fn print_disagreements(plan: &Plan, night: &NightSummary) {
+    for found in &night.disagreements {
+        let id = &plan.references[found.reference].id;
+        print_status(&format!(
+            "alarm: reference {id} {}; see the map in its folder (exit code 6)",
+            found.found
+        ));
+    }
+}
+
+/// Prints the findings of the A/A check. With `quiet`, prints only those that chance does not
+/// explain.
+pub(super) fn print_aa_check(plan: &Plan, night: &NightSummary, quiet: bool) {
+    for finding in aa_check::check(plan, &night.results)
+        .iter()
+        .filter(|finding| finding.alarm || !quiet)
+    {
+        let alarm = if finding.alarm { "alarm: " } else { "" };
+        print_status(&format!("{alarm}A/A check: {}", finding.describe()));
+    }
+}
+
+/// Prints how many runs are done, cached, failed or left, and where the results are.
+pub(super) fn print_locations(store: &Store, plan: &Plan, night: &NightSummary) {
+    let folder = store.folder();
+    let count =
+        |wanted: fn(&Outcome) -> bool| night.results.iter().filter(|r| wanted(&r.outcome)).count();
+    let failed = count(|o| matches!(o, Outcome::Failed(_)));
+    let done = count(|o| matches!(o, Outcome::Done(_)));
+    let cached = count(|o| matches!(o, Outcome::Cached(_)));
+    let all = plan.cells.len() + plan.references.len();
+    print_status(&format!(
+        "{done} done, {cached} cached, {failed} failed, {} left of {all}",
+        all - done - cached - failed
+    ));
+    print_status(&format!(
+        "pictures   {}",
+        display_path(&folder.join("runs"))
+    ));
+    if !plan.figures.is_empty() {
+        print_status(&format!(
+            "curves     {}",
+            display_path(&folder.join("figures"))
+        ));
+    }
+    if !plan.tables.is_empty() {
+        print_status(&format!(
+            "tables     {}",
+            display_path(&folder.join("tables"))
+        ));
+    }
+    print_status(&format!(
+        "all values {}",
+        display_path(&folder.join("summary.csv"))
+    ));
+}
+
+/// Returns the exit code for a night. `interrupted` is the code if the night was interrupted.
+pub(in crate::cli) fn night_exit(plan: &Plan, night: &NightSummary, interrupted: Exit) -> Exit {
+    let settled = |o: &Outcome| matches!(o, Outcome::Done(_) | Outcome::Cached(_));
+    let settled_cells = night
+        .results
+        .iter()
+        .filter(|r| matches!(r.cell, CellRef::Cell(_)) && settled(&r.outcome))
+        .count();
+    if night.interrupted {
+        interrupted
+    } else if !night.disagreements.is_empty() {
+        // This outranks failed cells: errors measured against a wrong reference are worse than
+        // none.
+        Exit::Disagreement
+    } else if night
+        .results
+        .iter()
+        .any(|r| matches!(r.outcome, Outcome::Failed(_)))
+    {
+        Exit::CellsFailed
+    } else if settled_cells < plan.cells.len() {
+        Exit::WorkLeft
+    } else {
+        Exit::Done
+    }
+}

@@ -1,0 +1,350 @@
+//! `lumbre run` and `lumbre retry`: renders a whole night in this process.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::sync::Arc;
+
+use super::last_command::{last_command, latest};
+use super::load::{self, decode_picture};
+use super::log::Log;
+use super::progress_view::ProgressView;
+use super::recorder::Recorder;
+use super::{deadline, results, signals};
+use crate::cli::args::{Global, NightArgs, RetryArgs, RunArgs, ScriptArgs};
+use crate::cli::cluster::{LocalWorkers, save_plan_snapshot, worker_info};
+use crate::cli::exit::{Exit, Failure, print_status};
+use crate::cli::format::{counted, display_path};
+use crate::experiment::event::History;
+use crate::experiment::forecast::ThroughputHistory;
+use crate::experiment::plan::ReferenceSource;
+use crate::experiment::run::Options;
+use crate::experiment::{CellRef, CellResult, NightControls, NightSummary, Outcome, Plan, run};
+use crate::render;
+use crate::script::Script;
+use crate::store::{Store, throughput_history};
+use crate::tui;
+
+/// Runs `lumbre run`: renders an experiment and writes its results.
+pub fn main(args: &RunArgs, global: &Global, log: &Log) -> Result<Exit, Failure> {
+    use_first_device(&args.night);
+    let (script, plan) = load::load_plan(&args.script, global)?;
+    if args.dry_run {
+        return crate::cli::night::plan::print(&plan, global, false);
+    }
+    let request = NightRequest {
+        night: &args.night,
+        only_failed: false,
+        script: Some(&args.script),
+    };
+    run_night(&script, &plan, &request, global, log)
+}
+
+/// Runs `lumbre retry`: renders all unfinished runs of an experiment, or only those that failed.
+pub fn retry(args: &RetryArgs, global: &Global, log: &Log) -> Result<Exit, Failure> {
+    use_first_device(&args.night);
+    let (script_args, global) = match args.script() {
+        Some(script) => (script, global.clone()),
+        None => last_command(&latest(&global.out)?, global)?,
+    };
+    let (script, plan) = load::load_plan(&script_args, &global)?;
+    let named = args.script();
+    let request = NightRequest {
+        night: &args.night,
+        only_failed: args.failed,
+        script: named.as_ref(),
+    };
+    run_night(&script, &plan, &request, &global, log)
+}
+
+/// Makes this process render on the first device of `--devices`. The others get worker processes.
+fn use_first_device(night: &NightArgs) {
+    if let Some(first) = night.devices.first() {
+        render::backend_choice::use_device(first);
+    }
+}
+
+/// Night that was requested on the command line.
+struct NightRequest<'a> {
+    night: &'a NightArgs,
+    /// Whether only runs whose last attempt failed are rendered.
+    only_failed: bool,
+    /// Script as given on the command line. If there is one, the command and a snapshot of the plan
+    /// are saved, so that the night can be repeated and workers can join it.
+    script: Option<&'a ScriptArgs>,
+}
+
+/// Renders what is left of a plan and writes the results.
+fn run_night(
+    script: &Script,
+    plan: &Arc<Plan>,
+    request: &NightRequest<'_>,
+    global: &Global,
+    log: &Log,
+) -> Result<Exit, Failure> {
+    if !global.quiet {
+        load::print_notes_and_warnings(plan);
+    }
+    let devices = if request.only_failed {
+        Vec::new()
+    } else {
+        LocalWorkers::devices(plan, request.night)?
+    };
+    let mut store = Store::open(&global.out, plan, decode_picture).map_err(Failure::usage)?;
+    let failed = request.only_failed.then(|| failed_runs(plan, &store));
+    if failed.as_ref().is_some_and(BTreeSet::is_empty) {
+        if !global.quiet {
+            print_status(&format!(
+                "nothing to do: no run of {} has failed",
+                display_path(store.folder())
+            ));
+        }
+        return Ok(Exit::Done);
+    }
+    if let Some(script) = request.script {
+        store.write_env().map_err(Failure::usage)?;
+        save_plan_snapshot(&store, plan, script).map_err(Failure::usage)?;
+    }
+    let remaining = RemainingWork::new(plan, &store);
+    if remaining.is_empty() && !global.quiet {
+        print_status(&remaining.nothing_to_do(plan, store.folder()));
+    }
+    let options = night_options(plan, request.night, global, &remaining, failed)?;
+    let mut workers = LocalWorkers::default();
+    if !remaining.is_empty() {
+        store
+            .join_as_planner(plan, &worker_info(plan, request.night.affinity))
+            .map_err(Failure::usage)?;
+        let is_open = |cell: CellRef| !remaining.done.contains(&cell);
+        let folder = store.folder();
+        workers = LocalWorkers::start(&devices, plan, folder, request.night, global, &is_open)?;
+    }
+    let ended = render_night(script, plan, &store, global, log, &remaining, options)?;
+    // Local workers finish the runs that are reserved for their devices, unless the night ended
+    // early.
+    let night = &ended.night;
+    if !night.interrupted
+        && night.results.len() + night.other_workers.len()
+            == plan.cells.len() + plan.references.len()
+    {
+        workers.wait(&ended.control);
+    }
+    workers.stop();
+    finish_night(plan, &store, ended, request.only_failed, global)
+}
+
+/// Returns the runs of a plan whose last attempt failed.
+fn failed_runs(plan: &Plan, store: &Store) -> BTreeSet<CellRef> {
+    let references = (0..plan.references.len()).map(CellRef::Reference);
+    references
+        .chain((0..plan.cells.len()).map(CellRef::Cell))
+        .filter(|cell| store.failure(plan, *cell).is_some())
+        .collect()
+}
+
+/// Combines the limits of the command line and of the plan. With `only`, other runs are not
+/// rendered.
+fn night_options(
+    plan: &Plan,
+    night: &NightArgs,
+    global: &Global,
+    remaining: &RemainingWork,
+    only: Option<BTreeSet<CellRef>>,
+) -> Result<Options, Failure> {
+    let deadline = night
+        .until
+        .or(plan.night.deadline)
+        .map(deadline::deadline_time)
+        .transpose()
+        .map_err(Failure::usage)?;
+    Ok(Options {
+        threads: global.threads,
+        max_fails: night.max_fails.map(|n| n as usize),
+        smoke: !night.no_smoke,
+        deadline,
+        only,
+        throughput: if remaining.is_empty() {
+            ThroughputHistory::default()
+        } else {
+            throughput_history(&global.out)
+        },
+        done: remaining.done.clone(),
+        memory: None,
+        start: None,
+    })
+}
+
+/// Writes result files, prints tables and messages, and returns the exit code of a night.
+fn finish_night(
+    plan: &Plan,
+    store: &Store,
+    ended: EndedNight,
+    only_failed: bool,
+    global: &Global,
+) -> Result<Exit, Failure> {
+    // Finished runs that this night did not render, or left to workers with other devices, also
+    // belong in tables and figures.
+    let night = if only_failed || !ended.night.other_workers.is_empty() {
+        with_finished_runs(ended.night, plan, store)
+    } else {
+        ended.night
+    };
+    let devices = results::timed_devices(store, plan, &night);
+    let written = results::write_results(store, plan, &night, &devices);
+    results::print_tables(plan, &night, &devices)?;
+    if !ended.failures_printed {
+        results::print_failures(plan, &night);
+    }
+    results::print_left_to_others(plan, &night);
+    results::print_disagreements(plan, &night);
+    results::print_aa_check(plan, &night, global.quiet);
+    if !global.quiet {
+        results::print_locations(store, plan, &night);
+    }
+    written?;
+    Ok(results::night_exit(plan, &night, ended.exit))
+}
+
+/// Adds the finished runs of a plan that are missing in the results of a night.
+fn with_finished_runs(mut night: NightSummary, plan: &Plan, history: &dyn History) -> NightSummary {
+    let present: BTreeSet<CellRef> = night.results.iter().map(|result| result.cell).collect();
+    for cell in (0..plan.cells.len())
+        .map(CellRef::Cell)
+        .filter(|cell| !present.contains(cell))
+    {
+        if let Some(run) = history.finished_run(plan, cell) {
+            night.results.push(CellResult {
+                cell,
+                outcome: Outcome::Cached(run.folder),
+                rows: Arc::new(run.rows),
+                floors: run.floors,
+                open: run.open,
+            });
+            night.other_workers.retain(|(other, _)| *other != cell);
+        }
+    }
+    night
+}
+
+/// Work that is left of a plan.
+struct RemainingWork {
+    /// Number of cells that are not finished.
+    cells: usize,
+    /// Number of references that are not finished.
+    references: usize,
+    /// Finished cells and rendered references.
+    done: BTreeSet<CellRef>,
+}
+
+impl RemainingWork {
+    /// Compares a plan with the finished runs on disk.
+    fn new(plan: &Plan, history: &dyn History) -> RemainingWork {
+        let is_rendered =
+            |i: &usize| matches!(plan.references[*i].source, ReferenceSource::Render { .. });
+        let references: Vec<CellRef> = (0..plan.references.len())
+            .filter(is_rendered)
+            .map(CellRef::Reference)
+            .collect();
+        let all = (0..plan.cells.len())
+            .map(CellRef::Cell)
+            .chain(references.iter().copied());
+        let done: BTreeSet<CellRef> = all
+            .filter(|cell| history.finished_run(plan, *cell).is_some())
+            .collect();
+        let finished = done
+            .iter()
+            .filter(|cell| matches!(cell, CellRef::Reference(_)))
+            .count();
+        RemainingWork {
+            cells: plan.cells.len() + finished - done.len(),
+            references: references.len() - finished,
+            done,
+        }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.cells == 0 && self.references == 0
+    }
+
+    /// Explains why nothing is left to render.
+    fn nothing_to_do(&self, plan: &Plan, folder: &Path) -> String {
+        if plan.cells.is_empty() {
+            let reasons = plan
+                .absent()
+                .into_iter()
+                .map(|(reason, _)| format!("; {reason}"))
+                .collect::<String>();
+            return format!("nothing to do: every point of the sweep is skipped{reasons}");
+        }
+        format!(
+            "nothing to do: all {} and {} are already done in {}",
+            counted(plan.cells.len(), "cell"),
+            counted(plan.references.len(), "reference"),
+            display_path(folder)
+        )
+    }
+}
+
+/// Results of a night that has ended.
+struct EndedNight {
+    night: NightSummary,
+    /// Exit code if the night was stopped from outside.
+    exit: Exit,
+    /// Whether failures were printed as they happened and are still visible.
+    failures_printed: bool,
+    /// Controls of the night; report whether a stop was requested.
+    control: Arc<NightControls>,
+}
+
+/// Renders the remaining work and collects the results of runs that were done before.
+fn render_night(
+    script: &Script,
+    plan: &Arc<Plan>,
+    store: &Store,
+    global: &Global,
+    log: &Log,
+    remaining: &RemainingWork,
+    options: Options,
+) -> Result<EndedNight, Failure> {
+    let control = Arc::new(NightControls::default());
+    if remaining.is_empty() {
+        let options = Options {
+            smoke: false,
+            ..options
+        };
+        let night = run::run(plan, script, store, &mut [], &control, options);
+        return Ok(EndedNight {
+            night: night.map_err(Failure::internal)?,
+            exit: Exit::Interrupted,
+            failures_printed: false,
+            control,
+        });
+    }
+    if !global.quiet {
+        results::print_backends(plan);
+    }
+    let stop_signal = signals::install(
+        Arc::clone(&control),
+        tui::terminal::terminal_guard::restore_now,
+    )
+    .map_err(|e| Failure::internal(format!("cannot install signal handlers: {e}")))?;
+    let mut recorder = Recorder::new(store, Arc::clone(plan), log.clone(), Arc::clone(&control));
+    let mut view = ProgressView::new(&control, global, log);
+    let night = run::run(
+        plan,
+        script,
+        store,
+        &mut [&mut recorder, view.sink()],
+        &control,
+        options,
+    );
+    let failures_printed = matches!(view, ProgressView::Lines(_));
+    // Restore the terminal before anything is printed to it.
+    drop(view);
+    log.resume_stderr();
+    Ok(EndedNight {
+        night: night.map_err(Failure::internal)?,
+        exit: stop_signal.exit(),
+        failures_printed,
+        control,
+    })
+}

@@ -1,0 +1,70 @@
+//! Signal handling. The first Ctrl-C stops the night after the current wave, the second at once.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicI32, Ordering};
+
+use crate::cli::exit::Exit;
+use crate::experiment::NightControls;
+
+/// Number of the last signal that stopped the night; 0 if there was none.
+#[derive(Clone, Debug, Default)]
+pub struct StopSignal {
+    last: Arc<AtomicI32>,
+}
+
+impl StopSignal {
+    /// Returns the exit code for a night that was stopped from outside.
+    pub fn exit(&self) -> Exit {
+        match self.last.load(Ordering::SeqCst) {
+            #[cfg(unix)]
+            signal_hook::consts::SIGTERM | signal_hook::consts::SIGUSR1 => Exit::Checkpointed,
+            _ => Exit::Interrupted,
+        }
+    }
+}
+
+/// Starts a thread that handles signals. `before_exit` restores the terminal before an immediate
+/// exit.
+///
+/// SIGINT, SIGTERM and SIGUSR1 request a stop, which saves a checkpoint; a second one exits at once
+/// with 128 plus the number of the signal. Slurm sends SIGUSR1 before the time limit of a job.
+/// SIGHUP only requests a checkpoint, and the night continues without its terminal.
+///
+/// # Errors
+/// Returns an error if the system refuses the handlers or the thread.
+#[cfg(unix)]
+pub fn install(control: Arc<NightControls>, before_exit: fn()) -> std::io::Result<StopSignal> {
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
+
+    let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGUSR1, SIGHUP])?;
+    let stop_signal = StopSignal::default();
+    let last = Arc::clone(&stop_signal.last);
+    let handle_signals = move || {
+        for signal in signals.forever() {
+            if signal == SIGHUP {
+                tracing::info!("the terminal was closed; the night continues");
+                control.request_checkpoint();
+                continue;
+            }
+            last.store(signal, Ordering::SeqCst);
+            if control.request_stop() > 1 {
+                before_exit();
+                std::process::exit(128 + signal);
+            }
+            tracing::info!("stopping after this wave with a checkpoint; repeat to exit at once");
+        }
+    };
+    std::thread::Builder::new()
+        .name("signals".to_owned())
+        .spawn(handle_signals)?;
+    Ok(stop_signal)
+}
+
+/// Does nothing on systems without signals; there the night is stopped by the dashboard's keys.
+///
+/// # Errors
+/// Never returns an error on these systems.
+#[cfg(not(unix))]
+pub fn install(_: Arc<NightControls>, _: fn()) -> std::io::Result<StopSignal> {
+    Ok(StopSignal::default())
+}

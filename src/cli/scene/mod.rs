@@ -1,0 +1,6 @@
+//! Verbs about scenes: `check`, `export` and `trace`; and the built-in scenes.
+
+pub(in crate::cli) mod builtin;
+pub(in crate::cli) mod check;
+pub(in crate::cli) mod export;
+pub(in crate::cli) mod trace;

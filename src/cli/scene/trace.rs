@@ -1,0 +1,268 @@
+//! `lumbre trace`: the steps of one sample of one pixel, on any backend.
+
+use std::fmt::Write as _;
+use std::sync::Arc;
+
+use serde_json::{Value as Json, json};
+
+use crate::cli::args::{Global, TraceArgs};
+use crate::cli::exit::{Exit, Failure, print_result, print_status};
+use crate::cli::night::load;
+use crate::cli::reproduce::stored_run;
+use crate::render::path_trace::{MAX_PATH_EVENTS, PathEvent, SampleAt};
+use crate::render::{Job, backend};
+use crate::scene::compile::{MAX_FLATTENED_PRIMITIVES, NONE};
+use crate::scene::{CompiledScene, compile};
+use crate::transport::integrator::{INTEGRATORS, integrator};
+use crate::transport::sampler::{SAMPLER_NAMES, sampler};
+use crate::value::suggest;
+
+/// Runs `lumbre trace`: prints the steps of one sample.
+pub fn main(args: &TraceArgs, global: &Global) -> Result<Exit, Failure> {
+    let (scene, job, run_backend) = if args.file.join("config.json").is_file() {
+        let (scene, job, backend) =
+            stored_run::load_job(&args.file, global).map_err(Failure::usage)?;
+        (scene, job, Some(backend))
+    } else {
+        let (scene, job) = scene_job(args, global)?;
+        (scene, job, None)
+    };
+    let scene = without_instances(scene)?;
+    let [width, height] = job.resolution;
+    let [x, y] = args.pixel;
+    if x >= width || y >= height {
+        return Err(Failure::usage(format!(
+            "pixel {x},{y} is outside the picture, which has {width} x {height} pixels"
+        )));
+    }
+    let name = global
+        .backend
+        .clone()
+        .or(run_backend)
+        .unwrap_or_else(|| "auto".to_owned());
+    let row =
+        backend(&name).ok_or_else(|| Failure::usage(format!("there is no backend `{name}`")))?;
+    let sample = SampleAt {
+        pixel: args.pixel,
+        sample: args.sample,
+    };
+    let steps = (row.paths)(&scene, &job, &[sample])
+        .map_err(Failure::usage)?
+        .pop()
+        .unwrap_or_default();
+    if args.json {
+        let rows: Vec<Json> = steps.iter().map(|step| step_json(step, &scene)).collect();
+        let json = json!({
+            "backend": row.name, "integrator": job.integrator.name, "seed": job.seed,
+            "pixel": args.pixel,
+            "sample": args.sample, "steps": rows,
+        });
+        print_result(&format!("{json:#}\n"))?;
+    } else {
+        print_result(&format!(
+            "pixel {x},{y} sample {} of {} by {}, seed {}\n{}",
+            args.sample,
+            job.integrator.name,
+            row.name,
+            job.seed,
+            page(&steps, &scene, args.pixel)
+        ))?;
+    }
+    if steps.len() >= MAX_PATH_EVENTS && row.name != "cpu" {
+        print_status(&format!(
+            "note: a device records at most {MAX_PATH_EVENTS} steps; use --backend cpu for all \
+             steps"
+        ));
+    }
+    Ok(Exit::Done)
+}
+
+/// Flattens the instances of a scene, because backends number the triangles of instances
+/// differently.
+fn without_instances(scene: Arc<CompiledScene>) -> Result<Arc<CompiledScene>, Failure> {
+    if scene.instances.placements.is_empty() {
+        return Ok(scene);
+    }
+    let flattened = scene.flattened(MAX_FLATTENED_PRIMITIVES).map(Arc::new);
+    flattened.map_err(|found| {
+        Failure::usage(format!(
+            "the scene has {found} triangles with all instances, but at most \
+             {MAX_FLATTENED_PRIMITIVES} can be traced"
+        ))
+    })
+}
+
+/// Loads a scene file and creates a job with the options of the command line.
+fn scene_job(args: &TraceArgs, global: &Global) -> Result<(Arc<CompiledScene>, Job), Failure> {
+    let (desc, _) = load::load_scene(&args.file, global.missing()).map_err(Failure::usage)?;
+    let (scene, _) = compile(&desc).map_err(Failure::usage)?;
+    let unknown = |what: &str, name: &str, known: Vec<&'static str>| {
+        let near = suggest::nearest(name, known.iter().copied());
+        let help = near.map_or_else(
+            || format!("known: {}", known.join(", ")),
+            |n| format!("did you mean `{n}`?"),
+        );
+        Failure::usage(format!("there is no {what} `{name}` ({help})"))
+    };
+    let names = || INTEGRATORS.iter().map(|row| row.name).collect();
+    let technique = integrator(&args.integrator)
+        .ok_or_else(|| unknown("integrator", &args.integrator, names()))?;
+    let resolution = args.size.unwrap_or(scene.resolution);
+    let job = Job {
+        sampler: sampler(&args.sampler)
+            .ok_or_else(|| unknown("sampler", &args.sampler, SAMPLER_NAMES.to_vec()))?,
+        threads: global.threads,
+        ..Job::plain(
+            technique,
+            resolution,
+            args.depth.unwrap_or(scene.max_depth),
+            args.seed,
+        )
+    };
+    Ok((Arc::new(scene), job))
+}
+
+/// Returns the name of a primitive: its kind, number and the model of its material.
+fn primitive_name(scene: &CompiledScene, id: u32) -> String {
+    let material = &scene.materials[scene.material_of(id, NONE) as usize];
+    let i = id as usize;
+    let (kind, i) = if i < scene.triangles.len() {
+        ("triangle", i)
+    } else {
+        ("sphere", i - scene.triangles.len())
+    };
+    format!("{kind} {i} ({})", material.model.name())
+}
+
+/// Returns a step as JSON.
+fn step_json(step: &PathEvent, scene: &CompiledScene) -> Json {
+    match step {
+        PathEvent::Closest { ray, t_max, hit } => json!({
+            "step": "ray", "from": ray.origin.to_array(), "direction": ray.dir.to_array(),
+            "within": t_max.is_finite().then_some(t_max),
+            "hit": hit.map(|hit| json!({
+                "t": hit.t, "primitive": hit.primitive, "uv": hit.uv,
+                "what": primitive_name(scene, hit.primitive),
+                "vertex": (ray.origin + ray.dir * hit.t).to_array(),
+            })),
+        }),
+        PathEvent::Shadow {
+            ray,
+            t_max,
+            blocked,
+        } => json!({
+            "step": "shadow", "from": ray.origin.to_array(), "direction": ray.dir.to_array(),
+            "within": t_max.is_finite().then_some(t_max), "blocked": blocked,
+        }),
+        PathEvent::Light(c) => json!({
+            "step": "light", "pixel": c.pixel, "value": c.value.to_array(),
+            "unweighted": c.unweighted.to_array(),
+            "s": c.s, "t": c.t,
+        }),
+    }
+}
+
+/// Formats the steps as text, one per line.
+fn page(steps: &[PathEvent], scene: &CompiledScene, pixel: [u32; 2]) -> String {
+    let mut text = String::new();
+    for (i, step) in steps.iter().enumerate() {
+        // Writing to a String cannot fail.
+        let _ = writeln!(text, "{i:>3} {}", step_line(step, scene, pixel));
+    }
+    if steps.is_empty() {
+        "nothing\n".to_owned()
+    } else {
+        text
+    }
+}
+
+/// Formats a step as one line. `pixel` is the pixel of the sample.
+fn step_line(step: &PathEvent, scene: &CompiledScene, pixel: [u32; 2]) -> String {
+    let point = |v: glam::Vec3| format!("({}, {}, {})", v.x, v.y, v.z);
+    match step {
+        PathEvent::Closest { ray, hit: None, .. } => {
+            format!(
+                "ray    {} -> {}: nothing",
+                point(ray.origin),
+                point(ray.dir)
+            )
+        }
+        PathEvent::Closest {
+            ray,
+            hit: Some(hit),
+            ..
+        } => {
+            let vertex = point(ray.origin + ray.dir * hit.t);
+            format!(
+                "ray    {} -> vertex {vertex}: {}, t {}",
+                point(ray.origin),
+                primitive_name(scene, hit.primitive),
+                hit.t
+            )
+        }
+        PathEvent::Shadow {
+            ray,
+            t_max,
+            blocked,
+        } => {
+            let end = if t_max.is_finite() {
+                point(ray.origin + ray.dir * *t_max)
+            } else {
+                "outside".to_owned()
+            };
+            format!(
+                "shadow {} -> {end}: {}",
+                point(ray.origin),
+                if *blocked { "blocked" } else { "free" }
+            )
+        }
+        PathEvent::Light(c) => {
+            let target = if c.pixel == pixel {
+                String::new()
+            } else {
+                format!(" for pixel {},{}", c.pixel[0], c.pixel[1])
+            };
+            format!(
+                "light  s {} t {}: {} of {}{target}",
+                c.s,
+                c.t,
+                point(c.value),
+                point(c.unweighted)
+            )
+        }
+    }
+}
+
+/// Parses a pixel `x,y`.
+pub fn pixel(text: &str) -> Result<[u32; 2], String> {
+    let pair = text
+        .split_once(',')
+        .and_then(|(x, y)| Some([x.trim().parse().ok()?, y.trim().parse().ok()?]));
+    pair.ok_or_else(|| format!("expected column and row such as 12,7, found `{text}`"))
+}
+
+/// Parses a size `WxH` in pixels, each side between 1 and 16384.
+pub fn size(text: &str) -> Result<[u32; 2], String> {
+    let pair = text
+        .split_once('x')
+        .and_then(|(w, h)| Some([w.trim().parse().ok()?, h.trim().parse().ok()?]));
+    pair.filter(|size: &[u32; 2]| size.iter().all(|n| (1..=1 << 14).contains(n)))
+        .ok_or_else(|| format!("expected width and height such as 640x360, found `{text}`"))
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::cli::scene::trace::*;
+
+    #[test]
+    fn pixels_and_sizes_are_parsed_or_rejected() {
+        assert_eq!(pixel("3, 14"), Ok([3, 14]));
+        assert_eq!(size("640x360"), Ok([640, 360]));
+        for wrong in ["", "3", "3,", "3,-1", "a,b"] {
+            assert!(pixel(wrong).is_err(), "{wrong}");
+        }
+        for wrong in ["0x4", "4", "4x", "99999x1"] {
+            assert!(size(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,194 @@
+//! Results of nights, read back from their folders: the input of reports.
+//!
+//! Nothing here was planned in this process. A folder may come from another machine or another
+//! version, so every fact that it may lack is optional, and missing facts are not guessed.
+
+use std::path::PathBuf;
+
+use super::WaveRow;
+use crate::metrics::MetricSpec;
+use crate::value::Value;
+
+/// Contents of one night's folder.
+#[derive(Clone, Debug)]
+pub struct NightResults {
+    /// Path of the folder.
+    pub folder: PathBuf,
+    /// Name of the experiment.
+    pub name: String,
+    /// Hash of the plan, hex.
+    pub plan: String,
+    /// Seed of the experiment.
+    pub seed: u64,
+    /// Axis names, slowest first.
+    pub axes: Vec<String>,
+    /// Metrics with their definitions, in the order of [`WaveRow::metrics`] of every run here.
+    pub metrics: Vec<MetricSpec>,
+    /// The machine on which the night last rendered, if recorded.
+    pub machine: Option<Machine>,
+    /// Runs of all cells in the order of the plan, finished or not.
+    pub runs: Vec<RunResult>,
+    /// References in the order of the plan.
+    pub references: Vec<ReferenceResult>,
+    /// Messages about files that could not be read or do not belong here.
+    pub notes: Vec<String>,
+}
+
+/// A machine, as `env.json` describes it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Machine {
+    /// Host name; empty if unknown.
+    pub host: String,
+    /// Operating system and architecture.
+    pub os: String,
+    /// Model of the processor.
+    pub cpu: String,
+    /// Number of cores that the process could use.
+    pub cores: u64,
+    /// Program and version.
+    pub program: String,
+    /// Date when the night last rendered, UTC.
+    pub date: String,
+    /// Arguments of the command line.
+    pub arguments: Vec<String>,
+}
+
+/// State of a run.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum RunState {
+    /// Finished by its stop rule; the text names the clause that held.
+    Done(String),
+    /// Has measurements but is not finished.
+    Unfinished,
+    /// Has no measurements.
+    Pending,
+}
+
+/// Result of one run of a cell.
+#[derive(Clone, Debug)]
+pub struct RunResult {
+    /// Id of the run.
+    pub id: String,
+    /// Readable relative path.
+    pub path: String,
+    /// Folder of the run, which may not exist.
+    pub folder: PathBuf,
+    /// Axis values in the order of the axes.
+    pub point: Vec<(String, Value)>,
+    /// Number of the repeat, from 0.
+    pub repeat: u64,
+    /// Seed of the random numbers.
+    pub seed: u64,
+    /// Name of the integrator.
+    pub integrator: String,
+    /// Scene as written in the script.
+    pub scene: String,
+    /// Width and height in pixels, if known.
+    pub resolution: Option<[u32; 2]>,
+    /// Device that rendered the run, if it is finished.
+    pub device: Option<String>,
+    /// External program that rendered the run, with its version, if any.
+    pub peer: Option<String>,
+    /// State of the run.
+    pub state: RunState,
+    /// Measurements, oldest first.
+    pub rows: Vec<WaveRow>,
+    /// Index into [`NightResults::references`].
+    pub reference: Option<usize>,
+    /// Stored pictures in ascending order of samples per pixel. If the run is done, the last one is
+    /// its final picture.
+    pub pictures: Vec<(u64, PathBuf)>,
+    /// File names of the films, without extension.
+    pub films: Vec<String>,
+    /// Seconds spent building acceleration structures, and their number of nodes.
+    pub accel: Option<(f64, u64)>,
+    /// Bytes of the acceleration structures and their cost by the surface area heuristic, if
+    /// recorded.
+    pub accel_size: Option<(u64, f64)>,
+    /// Noise floors of its reference by column: the values that the true picture would measure.
+    /// Empty if unknown.
+    pub floors: Vec<(String, f64)>,
+}
+
+impl RunResult {
+    /// Whether the run is finished.
+    pub fn is_done(&self) -> bool {
+        matches!(self.state, RunState::Done(_))
+    }
+
+    /// Text of the run's value on an axis.
+    pub fn axis_value(&self, axis: &str) -> Option<String> {
+        self.point
+            .iter()
+            .find(|(name, _)| name == axis)
+            .map(|(_, value)| value.to_string())
+    }
+
+    /// Samples per pixel per second of render time over the whole run; `None` before the first
+    /// wave.
+    pub fn samples_per_s(&self) -> Option<f64> {
+        let last = self.rows.last().filter(|row| row.render_s > 0.0)?;
+        Some(last.samples as f64 / last.render_s)
+    }
+
+    /// Millions of rays per second of render time over the whole run.
+    pub fn mrays_per_s(&self) -> Option<f64> {
+        let last = self
+            .rows
+            .last()
+            .filter(|row| row.render_s > 0.0 && row.rays > 0)?;
+        Some(last.rays as f64 / last.render_s / 1e6)
+    }
+}
+
+/// A reference that runs were measured against.
+#[derive(Clone, Debug)]
+pub struct ReferenceResult {
+    /// Id of the reference.
+    pub id: String,
+    /// File of the picture, if it exists.
+    pub picture: Option<PathBuf>,
+    /// Description: integrator and samples per pixel, or the name of the file.
+    pub description: String,
+}
+
+impl NightResults {
+    /// Device of a run for people: the processor model and number of threads for the `cpu` backend,
+    /// otherwise the device name of the backend. `None` if not recorded.
+    pub fn device(&self, run: &RunResult) -> Option<String> {
+        let device = run.device.as_deref().filter(|d| !d.is_empty())?;
+        match (&self.machine, device.starts_with("cpu")) {
+            (Some(machine), true) if !machine.cpu.is_empty() => {
+                let threads = device
+                    .split(',')
+                    .map(str::trim)
+                    .find(|part| part.contains("thread"));
+                Some(threads.map_or(machine.cpu.clone(), |threads| {
+                    format!("{}, {threads}", machine.cpu)
+                }))
+            }
+            _ => Some(device.to_owned()),
+        }
+    }
+
+    /// Devices of all finished runs in the order of the plan, without repetition.
+    pub fn devices(&self) -> Vec<String> {
+        let mut devices: Vec<String> = Vec::new();
+        for device in self
+            .runs
+            .iter()
+            .filter(|run| run.is_done())
+            .filter_map(|run| self.device(run))
+        {
+            if !devices.contains(&device) {
+                devices.push(device);
+            }
+        }
+        devices
+    }
+
+    /// Index of a column in [`NightResults::metrics`].
+    pub fn metric_index(&self, name: &str) -> Option<usize> {
+        self.metrics.iter().position(|metric| metric.column == name)
+    }
+}

@@ -1,0 +1,67 @@
+//! Noise floors of references, and errors with the noise of the reference subtracted.
+
+use std::sync::Arc;
+
+use super::plan::Plan;
+use crate::film::Image;
+use crate::metrics::MetricSpec;
+use crate::metrics::floor::Halves;
+
+/// The value that the true picture would measure against one reference, for each metric in the
+/// order of the plan's columns; `None` for metrics without a floor. Empty if the noise of the
+/// reference is not known.
+pub type NoiseFloors = Arc<Vec<Option<f64>>>;
+
+/// Pictures of the two independent halves of a reference.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HalfImages {
+    /// Mean over the samples of each half.
+    pub means: [Image; 2],
+    /// Samples per pixel of each half.
+    pub samples: [u64; 2],
+}
+
+/// Returns the noise floor of each metric against a reference. A metric that cannot be computed has
+/// none; its error is reported when it is measured.
+pub fn floors(metrics: &[MetricSpec], reference: &Image, halves: &HalfImages) -> Vec<Option<f64>> {
+    let means = [&halves.means[0], &halves.means[1]];
+    let floor = |m: &MetricSpec| {
+        m.floor(
+            reference,
+            Halves {
+                means,
+                samples: halves.samples,
+            },
+        )
+        .ok()
+        .flatten()
+    };
+    metrics.iter().map(floor).collect()
+}
+
+/// Returns the columns of net errors, from which the noise of the reference is subtracted, such as
+/// `rmse_net` for `rmse`, each with the index of its metric. Omitted are metrics without a floor or
+/// without a net error, and columns whose name a script has given to another metric.
+pub fn net_columns(plan: &Plan, floors: &[Option<f64>]) -> Vec<(usize, String)> {
+    let metrics = &plan.measure.metrics;
+    let known = metrics
+        .iter()
+        .zip(floors)
+        .enumerate()
+        .filter(|(_, (m, f))| f.is_some_and(|f| m.net(1.0, f).is_some()));
+    let named = known.map(|(i, (m, _))| (i, format!("{}_net", m.column)));
+    named
+        .filter(|(_, name)| metrics.iter().all(|m| m.column != *name))
+        .collect()
+}
+
+/// Returns the values of [`net_columns`] for the given metric values; NaN where a value is missing.
+pub fn net_values(plan: &Plan, floors: &[Option<f64>], metrics: &[f64]) -> Vec<f64> {
+    let net = |(i, _): (usize, String)| {
+        let value = metrics.get(i).copied().zip(floors[i]);
+        value
+            .and_then(|(value, floor)| plan.measure.metrics[i].net(value, floor))
+            .unwrap_or(f64::NAN)
+    };
+    net_columns(plan, floors).into_iter().map(net).collect()
+}

@@ -1,0 +1,168 @@
+//! Outline of a plan: the part of it that a display needs.
+//!
+//! The rendering process makes it [from its plan](PlanOutline::from_plan). A process that only
+//! watches reads it from the files of the night's folder, which contain neither scenes nor script,
+//! so that many fields are optional.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use super::event::CellRef;
+use super::plan::{Plan, ReferenceSource};
+use super::spec::{CellConfig, Point};
+use super::stop::StopRule;
+use crate::metrics::MetricSpec;
+use crate::metrics::tonemap::Tonemap;
+use crate::scene::SceneDesc;
+
+/// A stop rule and its description.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StopOutline {
+    /// The rule; clauses that cannot be reconstructed from files are predicates.
+    pub rule: StopRule,
+    /// Description for people.
+    pub text: String,
+}
+
+impl StopOutline {
+    /// Describes a rule.
+    pub fn from_rule(rule: &StopRule) -> Arc<StopOutline> {
+        Arc::new(StopOutline {
+            rule: rule.clone(),
+            text: rule.describe(),
+        })
+    }
+}
+
+/// Outline of a cell.
+#[derive(Clone, Debug)]
+pub struct CellOutline {
+    /// Axis values in the order of the axes.
+    pub point: Point,
+    /// Number of the repeat, from 0.
+    pub repeat: u32,
+    /// Stop rule, if known.
+    pub stop: Option<Arc<StopOutline>>,
+    /// Index of the reference that the cell is measured against.
+    pub reference: Option<usize>,
+    /// Render settings, if known.
+    pub config: Option<Arc<CellConfig>>,
+    /// Scene with the cell's changes applied, if known.
+    pub scene: Option<Arc<SceneDesc>>,
+}
+
+/// Outline of a reference.
+#[derive(Clone, Debug, Default)]
+pub struct ReferenceOutline {
+    /// Image file, if it is not rendered.
+    pub file: Option<PathBuf>,
+    /// Render settings, if it is rendered.
+    pub config: Option<Arc<CellConfig>>,
+    /// Scene with all changes applied, if known.
+    pub scene: Option<Arc<SceneDesc>>,
+    /// Stop rule, if it is rendered.
+    pub stop: Option<Arc<StopOutline>>,
+}
+
+/// Outline of a plan.
+#[derive(Clone, Debug)]
+pub struct PlanOutline {
+    /// Name of the experiment.
+    pub name: String,
+    /// Hash of the plan, hex.
+    pub hash: String,
+    /// Axis names, slowest first.
+    pub axes: Vec<String>,
+    /// Cells in the order of the plan.
+    pub cells: Vec<CellOutline>,
+    /// References in the order of the plan.
+    pub references: Vec<ReferenceOutline>,
+    /// Whether any point is rendered more than once.
+    pub repeated: bool,
+    /// Number of points left out by skip rules or for lack of a program.
+    pub skipped: usize,
+    /// Metrics in the order of their columns.
+    pub metrics: Vec<MetricSpec>,
+    /// Tone map for displayed pictures.
+    pub display: Tonemap,
+}
+
+impl PlanOutline {
+    /// Makes the outline of a plan.
+    pub fn from_plan(plan: &Plan) -> PlanOutline {
+        let mut last: Option<(&StopRule, Arc<StopOutline>)> = None;
+        let mut outline_stop = |rule| match &last {
+            // Neighbouring cells mostly have the same rule; describe it once.
+            Some((same, stop)) if *same == rule => Arc::clone(stop),
+            _ => {
+                let stop = StopOutline::from_rule(rule);
+                last = Some((rule, Arc::clone(&stop)));
+                stop
+            }
+        };
+        let cells = plan.cells.iter().map(|cell| CellOutline {
+            point: cell.point.clone(),
+            repeat: cell.repeat,
+            stop: Some(outline_stop(&cell.stop)),
+            reference: cell.reference,
+            config: Some(Arc::clone(&cell.config)),
+            scene: Some(Arc::clone(&cell.scene)),
+        });
+        let cells: Vec<CellOutline> = cells.collect();
+        let references = plan
+            .references
+            .iter()
+            .map(|reference| match &reference.source {
+                ReferenceSource::Render {
+                    config,
+                    scene,
+                    stop,
+                    ..
+                } => ReferenceOutline {
+                    file: None,
+                    config: Some(Arc::clone(config)),
+                    scene: Some(Arc::clone(scene)),
+                    stop: Some(StopOutline::from_rule(stop)),
+                },
+                ReferenceSource::File { file, .. } => ReferenceOutline {
+                    file: Some(file.clone()),
+                    ..Default::default()
+                },
+            });
+        PlanOutline {
+            name: plan.name.clone(),
+            hash: plan.hash.clone(),
+            axes: plan.axes.clone(),
+            repeated: cells.iter().any(|cell| cell.repeat > 0),
+            references: references.collect(),
+            cells,
+            skipped: plan.skipped.len(),
+            metrics: plan.measure.metrics.clone(),
+            display: plan.measure.display,
+        }
+    }
+
+    /// Render settings of a cell or reference, if known.
+    pub fn config(&self, cell: CellRef) -> Option<&Arc<CellConfig>> {
+        match cell {
+            CellRef::Cell(i) => self.cells.get(i)?.config.as_ref(),
+            CellRef::Reference(i) => self.references.get(i)?.config.as_ref(),
+        }
+    }
+
+    /// Scene of a cell or reference, if known.
+    pub fn scene(&self, cell: CellRef) -> Option<&SceneDesc> {
+        match cell {
+            CellRef::Cell(i) => self.cells.get(i)?.scene.as_deref(),
+            CellRef::Reference(i) => self.references.get(i)?.scene.as_deref(),
+        }
+    }
+
+    /// Stop rule of a cell or reference, if known.
+    pub fn stop(&self, cell: CellRef) -> Option<&StopOutline> {
+        match cell {
+            CellRef::Cell(i) => self.cells.get(i)?.stop.as_deref(),
+            CellRef::Reference(i) => self.references.get(i)?.stop.as_deref(),
+        }
+    }
+}

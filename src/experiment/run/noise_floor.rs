@@ -1,0 +1,56 @@
+//! Noise floors of references, and warnings about thresholds below them.
+
+use std::sync::Arc;
+
+use super::night::NightRunner;
+use super::open::catch_panic;
+use crate::experiment::event::{CellRef, Event, Level};
+use crate::experiment::noise_floor::{HalfImages, NoiseFloors, floors};
+use crate::experiment::plan::unreachable_thresholds;
+use crate::film::{Image, SharedImage};
+
+impl NightRunner<'_, '_> {
+    /// Returns the noise floors of a reference, computed from its stored halves; empty if there are
+    /// none.
+    pub(super) fn noise_floors(
+        &mut self,
+        reference: Option<(usize, &SharedImage)>,
+    ) -> Result<NoiseFloors, String> {
+        let Some((reference, image)) = reference else {
+            return Ok(NoiseFloors::default());
+        };
+        if self.floors[reference].is_none() {
+            match self.history.halves(self.plan, reference) {
+                Ok(Some(halves)) => self.compute_noise_floors(reference, image, &halves)?,
+                Ok(None) => self.floors[reference] = Some(NoiseFloors::default()),
+                Err(error) => {
+                    self.floors[reference] = Some(NoiseFloors::default());
+                    let text = format!("the noise of the reference is not known: {error}");
+                    self.emit_message(Level::Warn, CellRef::Reference(reference), text)?;
+                }
+            }
+        }
+        Ok(self.floors[reference].clone().unwrap_or_default())
+    }
+
+    /// Computes the noise floors of a reference, and warns about thresholds below them.
+    pub(super) fn compute_noise_floors(
+        &mut self,
+        reference: usize,
+        image: &Image,
+        halves: &HalfImages,
+    ) -> Result<(), String> {
+        let metrics = &self.plan.measure.metrics;
+        if metrics.is_empty() {
+            return Ok(());
+        }
+        let floors = Arc::new(catch_panic("measuring the reference", || {
+            floors(metrics, image, halves)
+        })?);
+        self.floors[reference] = Some(Arc::clone(&floors));
+        for text in unreachable_thresholds(self.plan, reference, &floors) {
+            self.emit_message(Level::Warn, CellRef::Reference(reference), text)?;
+        }
+        self.emit(&Event::NoiseFloors { reference, floors })
+    }
+}

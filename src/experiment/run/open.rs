@@ -1,0 +1,271 @@
+//! Opening of renderers: scene compilation, warm-up, and resuming from checkpoints.
+
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+
+use super::active_run::RunRequest;
+use super::night::NightRunner;
+use super::retry::{AttemptError, RetryState};
+use super::turns::SLICE_S;
+use crate::experiment::event::{CellRef, Level};
+use crate::experiment::plan::identity;
+use crate::experiment::run_progress::RunProgress;
+use crate::experiment::spec::Warmup;
+use crate::render::hierarchy::{AccelSpec, LaneMode};
+use crate::render::reference_halves::ReferenceHalves;
+use crate::render::{Job, RenderError, Renderer, WaveStats, external};
+use crate::scene::CompiledScene;
+use crate::scene::compile::compile_sharing;
+use crate::transport::integrator::external::is_external;
+use crate::transport::integrator::integrator;
+use crate::transport::sampler::sampler;
+
+/// Point from which a newly opened run continues.
+#[derive(Default)]
+pub(super) struct ResumePoint {
+    /// Progress so far.
+    pub(super) progress: RunProgress,
+    /// Whether the run continues a checkpoint or a shorter reference.
+    pub(super) resumed: bool,
+    /// Message about it, if any.
+    pub(super) message: Option<(Level, String)>,
+}
+
+impl<'a> NightRunner<'a, '_> {
+    /// Renders the warm-up of a cell, if the plan has one, and discards it.
+    pub(super) fn warm_up(
+        &mut self,
+        request: &RunRequest<'a>,
+        scene: &Arc<CompiledScene>,
+        retry: &RetryState,
+    ) -> Result<(), AttemptError> {
+        let (Some(warmup), CellRef::Cell(_)) = (self.plan.night.warmup, request.cell) else {
+            return Ok(());
+        };
+        let seeds = [identity::warmup_seed()];
+        let request = RunRequest {
+            seeds: &seeds,
+            ..request.clone()
+        };
+        let mut renderer = Some(self.open(&request, Arc::clone(scene), retry.backend)?);
+        let mut done = WaveStats::default();
+        loop {
+            let rate = done.samples as f64 / done.render_s;
+            let max_samples = if rate.is_finite() {
+                ((SLICE_S * rate) as u64).max(1)
+            } else {
+                1
+            };
+            let next = match warmup {
+                Warmup::Time(seconds) if done.render_s < seconds => {
+                    max_samples.min(((seconds - done.render_s) * rate) as u64 + 1)
+                }
+                Warmup::Samples(samples) => max_samples.min(samples.saturating_sub(done.samples)),
+                Warmup::Time(_) => 0,
+            };
+            if next == 0 || self.control.stop_requested() || self.deadline_passed() {
+                break;
+            }
+            done.add(&advance(&mut renderer, next)?);
+        }
+        catch_panic("closing the backend", || drop(renderer))?;
+        let text = format!(
+            "warmed up for {:.2} s with {} samples per pixel, which are discarded",
+            done.render_s, done.samples
+        );
+        Ok(self.emit_message(Level::Info, request.cell, text)?)
+    }
+
+    /// Opens the renderer of a run. Resumes from its checkpoint or from a shorter reference, if
+    /// there is one that matches and the run is not to start from scratch.
+    pub(super) fn resume(
+        &mut self,
+        request: &RunRequest<'a>,
+        scene: Arc<CompiledScene>,
+        retry: &RetryState,
+    ) -> Result<(Box<dyn Renderer>, ResumePoint), AttemptError> {
+        let mut renderer = self.open(request, Arc::clone(&scene), retry.backend)?;
+        let own = if retry.from_scratch {
+            None
+        } else {
+            self.history.checkpoint(self.plan, request.unit())
+        };
+        let (checkpoint, origin) = match own {
+            Some(own) => (own, "resumes from its checkpoint after"),
+            None => match self
+                .shorter_reference(request)
+                .filter(|_| !retry.from_scratch)
+            {
+                Some(shorter) => (shorter, "continues a shorter reference after"),
+                None => return Ok((renderer, ResumePoint::default())),
+            },
+        };
+        let restored = catch_panic("reading a checkpoint", || {
+            renderer.restore(&checkpoint.state)
+        });
+        if let Ok(Err(lost @ RenderError::Lost { .. })) = restored {
+            return Err(lost.into());
+        }
+        if let Err(problem) = restored.and_then(|restored| restored.map_err(|e| e.to_string())) {
+            drop(renderer);
+            let text = format!(
+                "its checkpoint does not match, so it starts from the first sample: {problem}"
+            );
+            let start = ResumePoint {
+                message: Some((Level::Warn, text)),
+                ..ResumePoint::default()
+            };
+            return Ok((self.open(request, scene, retry.backend)?, start));
+        }
+        let progress = checkpoint.progress;
+        let text = format!("{origin} {} samples per pixel", progress.samples());
+        Ok((
+            renderer,
+            ResumePoint {
+                progress,
+                resumed: true,
+                message: Some((Level::Info, text)),
+            },
+        ))
+    }
+
+    /// Returns the compiled scene of a run. The last one is cached, for consecutive cells that
+    /// differ only in technique, depth or seed.
+    pub(super) fn compiled(
+        &mut self,
+        request: &RunRequest<'_>,
+    ) -> Result<Arc<CompiledScene>, String> {
+        let sharing = request.config.accel.instances;
+        if let Some((desc, cached_sharing, compiled)) = &self.compiled
+            && Arc::ptr_eq(desc, request.scene)
+            && *cached_sharing == sharing
+        {
+            return Ok(Arc::clone(compiled));
+        }
+        // Dropped first, so that two large scenes need not fit into memory.
+        self.compiled = None;
+        let (compiled, notes) = catch_panic("compiling the scene", || {
+            compile_sharing(request.scene, sharing)
+        })?
+        .map_err(|e| e.to_string())?;
+        let compiled = Arc::new(compiled);
+        self.compiled = Some((Arc::clone(request.scene), sharing, Arc::clone(&compiled)));
+        for note in notes {
+            if self.reported_notes.insert(note.clone()) {
+                self.emit_message(Level::Warn, request.cell, note.to_string())?;
+            }
+        }
+        Ok(compiled)
+    }
+
+    /// Opens the renderer of a run on `backend`, or on the run's own backend if that is `None`.
+    pub(super) fn open(
+        &self,
+        request: &RunRequest<'_>,
+        scene: Arc<CompiledScene>,
+        backend: Option<&str>,
+    ) -> Result<Box<dyn Renderer>, AttemptError> {
+        let backend = backend.unwrap_or(&request.config.backend);
+        let job = self.job(request, &scene)?;
+        let open = |seed: u64| -> Result<Box<dyn Renderer>, AttemptError> {
+            let job = Job {
+                seed,
+                ..job.clone()
+            };
+            let open = || {
+                if is_external(job.integrator) {
+                    external::open(request.scene, &job)
+                } else {
+                    (self.seams.open)(backend, Arc::clone(&scene), job.clone())
+                }
+            };
+            Ok(catch_panic("opening the backend", open)??)
+        };
+        match request.seeds {
+            [seed] => open(*seed),
+            [first, second] => Ok(Box::new(ReferenceHalves::new([
+                open(*first)?,
+                open(*second)?,
+            ]))),
+            _ => Err("a run has one seed, or those of two halves"
+                .to_owned()
+                .into()),
+        }
+    }
+
+    /// Makes the job of a run, with seed 0.
+    fn job(&self, request: &RunRequest<'_>, scene: &CompiledScene) -> Result<Job, String> {
+        let config = request.config;
+        let name = &config.integrator;
+        Ok(Job {
+            integrator: integrator(name)
+                .ok_or_else(|| format!("there is no integrator `{name}`"))?,
+            params: config.params.clone(),
+            resolution: request
+                .resolution
+                .or(config.resolution)
+                .unwrap_or(scene.resolution),
+            max_depth: config.max_depth.unwrap_or(scene.max_depth),
+            rr_start: config.rr_start,
+            filter: config.filter,
+            layers: config.films.clone(),
+            timing: config.timing.clone(),
+            sampler: sampler(&config.sampler)
+                .ok_or_else(|| format!("there is no sampler `{}`", config.sampler))?,
+            // Times of references are not compared, so they are vectorised wherever possible.
+            accel: match request.cell {
+                CellRef::Reference(_) => AccelSpec {
+                    lanes: LaneMode::Always,
+                    ..config.accel
+                },
+                CellRef::Cell(_) => config.accel,
+            },
+            seed: 0,
+            first_sample: request.shard.map_or(0, |shard| shard.first / 2),
+            threads: self.options.threads,
+        })
+    }
+}
+
+/// Renders samples per pixel. The slot is empty afterwards if the renderer panicked.
+pub(super) fn advance(
+    slot: &mut Option<Box<dyn Renderer>>,
+    samples: u64,
+) -> Result<WaveStats, AttemptError> {
+    advance_with_lookahead(slot, samples, 0)
+}
+
+/// Renders samples per pixel, like [`advance`]; `more` further samples are likely to be requested
+/// next.
+pub(super) fn advance_with_lookahead(
+    slot: &mut Option<Box<dyn Renderer>>,
+    samples: u64,
+    more: u64,
+) -> Result<WaveStats, AttemptError> {
+    let Some(mut renderer) = slot.take() else {
+        return Err("the renderer is not open".to_owned().into());
+    };
+    let stats = catch_panic("rendering", || {
+        renderer.advance_with_lookahead(samples, more)
+    })?;
+    *slot = Some(renderer);
+    match stats {
+        Ok(stats) if stats.samples == 0 => {
+            Err(format!("the renderer returned none of {samples} requested samples").into())
+        }
+        stats => Ok(stats?),
+    }
+}
+
+/// Calls a function and turns a panic into an error message; `doing` describes the activity.
+pub(super) fn catch_panic<T>(doing: &str, work: impl FnOnce() -> T) -> Result<T, String> {
+    catch_unwind(AssertUnwindSafe(work))
+        .map_err(|payload| format!("panic while {doing}: {}", panic_message(&*payload)))
+}
+
+fn panic_message(payload: &(dyn Any + Send)) -> &str {
+    let text = payload.downcast_ref::<&'static str>().copied();
+    text.or_else(|| payload.downcast_ref::<String>().map(String::as_str))
+        .unwrap_or("no message")
+}

@@ -1,0 +1,249 @@
+//! SIMD vectors of `f32`: 8 lanes of 256 bits (AVX2) or 16 lanes of 512 bits (AVX-512).
+//!
+//! Code is written once, generic over [`Lanes`], as a [`SimdKernel`]. [`dispatch`] runs it with the
+//! instruction set of a [`Width`]. The vector types carry no target feature of their own, so they
+//! may only be used by code that [`dispatch`] calls and that is inlined into it; see
+//! `tests/laws/lanes.rs`.
+#![expect(
+    unsafe_code,
+    reason = "kernels are compiled for vector instructions that not every processor has"
+)]
+
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+use super::real::{Real, Vector};
+
+/// Implements binary operators of a vector type by one instruction each.
+macro_rules! operators {
+    ($($of:ident: $trait:ident $name:ident $instruction:ident),*) => {$(
+        impl $trait for $of {
+            type Output = $of;
+            #[inline(always)]
+            fn $name(self, other: $of) -> $of {
+                // SAFETY: the caller enabled the instruction set, as the module requires.
+                $of(unsafe { $instruction(self.0, other.0) })
+            }
+        }
+    )*};
+}
+
+/// Implements binary operators of `F64xN` by one instruction for each half.
+macro_rules! by_halves {
+    ($($trait:ident $name:ident $instruction:ident),*) => {$(
+        impl $trait for F64xN {
+            type Output = F64xN;
+            #[inline(always)]
+            fn $name(self, other: F64xN) -> F64xN {
+                // SAFETY: the caller enabled the instruction set, as the module requires.
+                unsafe { F64xN($instruction(self.0, other.0), $instruction(self.1, other.1)) }
+            }
+        }
+    )*};
+}
+
+/// Implements methods whose body is an expression of intrinsics.
+macro_rules! methods {
+    ($($name:ident($($arg:tt)*) -> $out:ident = $body:expr;)*) => {$(
+        #[inline(always)]
+        fn $name($($arg)*) -> $out {
+            // SAFETY: the caller enabled the instruction set, as the module requires.
+            $out(unsafe { $body })
+        }
+    )*};
+}
+
+#[cfg(test)]
+mod tests;
+mod x16;
+mod x8;
+
+/// Eight `f32` in memory, aligned for vector loads.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(C, align(32))]
+pub struct F32x8(pub [f32; 8]);
+
+/// A vector of `N` lanes of `f32`, with loads and stores.
+pub trait Lanes<const N: usize>: Real {
+    /// Loads one number per lane.
+    fn load(numbers: &[f32; N]) -> Self;
+    /// Stores one number per lane.
+    fn store(self) -> [f32; N];
+    /// Loads one double-precision number per lane.
+    fn load_doubles(numbers: &[f64; N]) -> Self::Double;
+    /// Stores one double-precision number per lane.
+    fn store_doubles(numbers: Self::Double) -> [f64; N];
+    /// Loads one row of eight numbers per lane, transposed: vector `k` holds number `k` of each
+    /// row.
+    fn transpose_load(rows: [&F32x8; N]) -> [Self; 8];
+    /// Stores one row of eight numbers per lane: the inverse of [`Lanes::transpose_load`].
+    fn transpose_store(columns: [Self; 8]) -> [F32x8; N];
+}
+
+/// A three-component vector in each lane.
+#[derive(Clone, Copy, Debug)]
+pub struct Vec3xN<R> {
+    x: R,
+    y: R,
+    z: R,
+}
+
+/// A vector width that this processor supports.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Width(LaneCount);
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum LaneCount {
+    Eight,
+    Sixteen,
+}
+
+/// Work that runs on vectors of any width.
+pub trait SimdKernel {
+    /// The result of the kernel.
+    type Output;
+
+    /// Runs the kernel on vectors of `N` lanes. Must be `#[inline(always)]`, as must every function
+    /// that it passes vectors to.
+    fn run<R: Lanes<N>, const N: usize>(self) -> Self::Output;
+}
+
+impl Width {
+    /// Returns the width of 8 lanes if the processor has AVX2, BMI1, BMI2 and LZCNT.
+    pub fn eight() -> Option<Width> {
+        let has = std::arch::is_x86_feature_detected!("avx2")
+            && std::arch::is_x86_feature_detected!("bmi1")
+            && std::arch::is_x86_feature_detected!("bmi2")
+            && std::arch::is_x86_feature_detected!("lzcnt");
+        has.then_some(Width(LaneCount::Eight))
+    }
+
+    /// Returns the width of 16 lanes if the processor has AVX-512 F, VL, DQ and BW, the subset of
+    /// the first AVX-512 server processors.
+    pub fn sixteen() -> Option<Width> {
+        let has = Width::eight().is_some()
+            && std::arch::is_x86_feature_detected!("avx512f")
+            && std::arch::is_x86_feature_detected!("avx512vl")
+            && std::arch::is_x86_feature_detected!("avx512dq")
+            && std::arch::is_x86_feature_detected!("avx512bw");
+        has.then_some(Width(LaneCount::Sixteen))
+    }
+}
+
+/// Runs a kernel compiled for the instruction set of a vector width.
+#[inline]
+pub fn dispatch<K: SimdKernel>(width: Width, kernel: K) -> K::Output {
+    // SAFETY: a `Width` exists only if the processor has its instruction set.
+    unsafe {
+        match width.0 {
+            LaneCount::Eight => run_avx2(kernel),
+            LaneCount::Sixteen => run_avx512(kernel),
+        }
+    }
+}
+
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
+fn run_avx2<K: SimdKernel>(kernel: K) -> K::Output {
+    kernel.run::<x8::F32xN, 8>()
+}
+
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,avx512f,avx512vl,avx512dq,avx512bw")]
+fn run_avx512<K: SimdKernel>(kernel: K) -> K::Output {
+    kernel.run::<x16::F32xN, 16>()
+}
+
+/// Applies a function to each element of an array. Unlike `array::map` it is always inlined.
+#[inline(always)]
+pub fn map_array<T: Copy, U: Copy, const N: usize>(values: [T; N], f: impl Fn(T) -> U) -> [U; N] {
+    let mut mapped = [f(values[0]); N];
+    for i in 1..N {
+        mapped[i] = f(values[i]);
+    }
+    mapped
+}
+
+/// Returns the items of a group of 1 to `N` items, one per lane. Spare lanes repeat the first item;
+/// their results are discarded.
+#[inline(always)]
+pub fn padded<T: Copy, const N: usize>(group: &[T]) -> [T; N] {
+    let mut lanes = [group[0]; N];
+    for (lane, item) in lanes.iter_mut().zip(group) {
+        *lane = *item;
+    }
+    lanes
+}
+
+/// Returns the indices of the lanes whose bits are set, lowest first.
+#[inline(always)]
+pub fn active_lanes(mut bits: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let lane = bits.trailing_zeros() as usize;
+        bits &= bits.wrapping_sub(1);
+        (lane < u32::BITS as usize).then_some(lane)
+    })
+}
+
+impl<R: Real<Vec3 = Vec3xN<R>>> Vector for Vec3xN<R> {
+    type Scalar = R;
+
+    #[inline(always)]
+    fn new(x: R, y: R, z: R) -> Vec3xN<R> {
+        Vec3xN { x, y, z }
+    }
+    #[inline(always)]
+    fn x(self) -> R {
+        self.x
+    }
+    #[inline(always)]
+    fn y(self) -> R {
+        self.y
+    }
+    #[inline(always)]
+    fn z(self) -> R {
+        self.z
+    }
+}
+
+/// Implements binary operators of two vectors component by component.
+macro_rules! by_component {
+    ($($trait:ident $name:ident),*) => {$(
+        impl<R: Real> $trait for Vec3xN<R> {
+            type Output = Vec3xN<R>;
+            #[inline(always)]
+            fn $name(self, other: Vec3xN<R>) -> Vec3xN<R> {
+                Vec3xN {
+                    x: self.x.$name(other.x),
+                    y: self.y.$name(other.y),
+                    z: self.z.$name(other.z),
+                }
+            }
+        }
+    )*};
+}
+
+/// Implements binary operators of a vector and a scalar.
+macro_rules! by_number {
+    ($($trait:ident $name:ident),*) => {$(
+        impl<R: Real> $trait<R> for Vec3xN<R> {
+            type Output = Vec3xN<R>;
+            #[inline(always)]
+            fn $name(self, other: R) -> Vec3xN<R> {
+                Vec3xN { x: self.x.$name(other), y: self.y.$name(other), z: self.z.$name(other) }
+            }
+        }
+    )*};
+}
+
+by_component!(Add add, Sub sub, Mul mul);
+by_number!(Mul mul, Div div);
+
+impl<R: Real> Neg for Vec3xN<R> {
+    type Output = Vec3xN<R>;
+    #[inline(always)]
+    fn neg(self) -> Vec3xN<R> {
+        Vec3xN {
+            x: -self.x,
+            y: -self.y,
+            z: -self.z,
+        }
+    }
+}

@@ -1,0 +1,154 @@
+//! Formats names and numbers for tables, figures and CSV files.
+
+use crate::experiment::plan::Plan;
+use crate::metrics::MetricSpec;
+use crate::transport::integrator::integrator;
+use crate::value::Value;
+
+/// Returns the index of a metric column in the plan, and its metric.
+pub fn column<'a>(plan: &'a Plan, name: &str) -> Option<(usize, &'a MetricSpec)> {
+    plan.measure
+        .metrics
+        .iter()
+        .enumerate()
+        .find(|(_, m)| m.column == name)
+}
+
+/// Returns the value of cell `index` on an axis.
+pub fn axis_value<'a>(plan: &'a Plan, index: usize, axis: &str) -> Option<&'a Value> {
+    plan.cells
+        .get(index)?
+        .point
+        .iter()
+        .find(|(name, _)| name == axis)
+        .map(|(_, value)| value)
+}
+
+/// Returns whether an axis selects the integrator, that is, each cell renders with the integrator
+/// named by its value on the axis.
+pub fn is_integrator_axis(plan: &Plan, axis: &str) -> bool {
+    !plan.cells.is_empty()
+        && plan.cells.iter().enumerate().all(|(i, cell)| {
+            axis_value(plan, i, axis).and_then(Value::as_str)
+                == Some(cell.config.integrator.as_str())
+        })
+}
+
+/// Returns the long name of an integrator, or `None` if it is unknown.
+pub fn integrator_long_name(name: &str) -> Option<&'static str> {
+    integrator(name).map(|row| row.long_name)
+}
+
+/// Formats a metric, such as `RMSE (root mean square error)`. Appends the column name if it differs
+/// from the metric's.
+pub fn metric_title(spec: &MetricSpec) -> String {
+    let also = if spec.column == spec.row.name {
+        String::new()
+    } else {
+        format!(", column `{}`", spec.column)
+    };
+    format!("{} ({}{also})", spec.row.label, spec.row.long_name)
+}
+
+/// Formats a metric as [`metric_title`], followed by its options.
+pub fn metric_description(spec: &MetricSpec) -> String {
+    let options = spec.describe_options();
+    if options.is_empty() {
+        metric_title(spec)
+    } else {
+        format!("{} with {options}", metric_title(spec))
+    }
+}
+
+/// Appends a unit to a name, such as `time (s)`. An empty unit leaves the name unchanged.
+pub fn with_unit(name: &str, unit: &str) -> String {
+    if unit.is_empty() {
+        name.to_owned()
+    } else {
+        format!("{name} ({unit})")
+    }
+}
+
+/// Formats a number with `digits` significant digits. Uses an exponent only outside of 1e-4 to 1e7.
+/// Not-a-number is `NaN`.
+pub fn significant(x: f64, digits: usize) -> String {
+    if !x.is_finite() || x == 0.0 {
+        return if x == f64::INFINITY {
+            "inf".to_owned()
+        } else {
+            x.to_string()
+        };
+    }
+    let scientific = format!("{x:.*e}", digits.saturating_sub(1));
+    let exponent: i32 = scientific
+        .split_once('e')
+        .and_then(|(_, e)| e.parse().ok())
+        .unwrap_or(0);
+    match exponent {
+        -4..=6 => format!(
+            "{x:.*}",
+            usize::try_from(digits as i32 - 1 - exponent).unwrap_or(0)
+        ),
+        _ => scientific,
+    }
+}
+
+/// Formats a number for programs: the shortest text that parses to the same `f64`, or `nan`, `inf`,
+/// `-inf`.
+pub fn exact(x: f64) -> String {
+    if x.is_nan() {
+        "nan".to_owned()
+    } else {
+        x.to_string()
+    }
+}
+
+/// Formats one CSV field, quoted if necessary [RFC 4180].
+pub fn csv_field(text: &str) -> String {
+    if text.contains(['"', ',', '\n', '\r']) || text.trim() != text {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
+    }
+}
+
+/// Formats one CSV line, including its line feed.
+pub fn csv_line<S: AsRef<str>>(fields: &[S]) -> String {
+    let fields: Vec<String> = fields.iter().map(|f| csv_field(f.as_ref())).collect();
+    fields.join(",") + "\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::output::format::*;
+
+    #[test]
+    fn significant_digits() {
+        let cases = [
+            (0.012345, "0.01235"),
+            (12.0, "12.00"),
+            (1024.0, "1024"),
+            (123_456.0, "123456"),
+            (0.000_012_346, "1.235e-5"),
+            (9.9999, "10.00"),
+            (1e9, "1.000e9"),
+            (-0.5, "-0.5000"),
+            (0.0, "0"),
+            (f64::INFINITY, "inf"),
+            (f64::NAN, "NaN"),
+        ];
+        for (x, text) in cases {
+            assert_eq!(significant(x, 4), text);
+        }
+    }
+
+    #[test]
+    fn fields_are_quoted_where_they_must_be() {
+        assert_eq!(
+            csv_line(&["a", "b,c", "say \"hi\"", "two\nlines", " x"]),
+            "a,\"b,c\",\"say \"\"hi\"\"\",\"two\nlines\",\" x\"\n"
+        );
+        assert_eq!(exact(0.1), "0.1");
+        assert_eq!(exact(f64::NAN), "nan");
+    }
+}

@@ -1,0 +1,239 @@
+//! Figures of error against render time and against samples: one panel for each facet, one line
+//! with a band for each series.
+//!
+//! The module `panel` collects the data, `draw` draws it as SVG. Sweep figures use both.
+
+mod draw;
+mod panel;
+
+use super::item::{ItemKind, Provenance, ReportItem};
+use super::metric_display::MetricDisplay;
+use super::pgfplots::PgfFigure;
+use super::repeats::BandKind;
+use super::study::Study;
+use crate::experiment::spec::FigureX;
+use crate::metrics::MetricSpec;
+use crate::output::format;
+use crate::output::plot::axis::Scale;
+pub(super) use draw::{draw, labelled_ticks};
+use panel::panel;
+pub(super) use panel::{FacetPanel, SeriesLine};
+
+/// Width of a figure over both columns of a page, in points [ACM two-column format].
+pub const FULL: f64 = 506.0;
+/// Width of a figure in one column of a page, in points.
+pub const COLUMN: f64 = 241.0;
+/// Magnification of figures on screens relative to paper.
+pub const SCREEN: f64 = 1.6;
+
+/// Maximum number of panels of a figure.
+pub(super) const MOST_PANELS: usize = 6;
+/// Maximum number of panels in a row.
+pub(super) const MOST_COLUMNS: usize = 3;
+
+/// One figure of a metric: a page of facets, on all devices or on one.
+struct FigurePage<'a> {
+    x: FigureX,
+    /// Index of the metric in the study.
+    metric: usize,
+    /// Facets shown as panels.
+    facets: &'a [usize],
+    /// Number from 1, if there are several pages.
+    number: Option<usize>,
+    /// Index of the only device, if devices have separate figures.
+    device: Option<usize>,
+}
+
+/// Draws the figures of one metric. There are several if there are more facets than panels fit on a
+/// figure, or if a night used several devices: their times never share an axis.
+pub fn figures(study: &Study, metric: usize, x: FigureX) -> Vec<ReportItem> {
+    let facets: Vec<usize> = (0..study.facets.len()).collect();
+    let pages: Vec<&[usize]> = facets.chunks(MOST_PANELS).collect();
+    let mut items = Vec::new();
+    for device in separate_devices(study, x == FigureX::RenderS) {
+        for (i, facets) in pages.iter().enumerate() {
+            let page = FigurePage {
+                x,
+                metric,
+                facets,
+                number: (pages.len() > 1).then_some(i + 1),
+                device,
+            };
+            items.extend(page.item(study));
+        }
+    }
+    items
+}
+
+/// Returns the devices that need separate figures, or a single `None` if one figure shows all.
+/// `timed` is whether the figure shows times.
+pub(super) fn separate_devices(study: &Study, timed: bool) -> Vec<Option<usize>> {
+    if timed && study.nights.len() == 1 && study.devices.len() > 1 {
+        (0..study.devices.len()).map(Some).collect()
+    } else {
+        vec![None]
+    }
+}
+
+impl FigurePage<'_> {
+    /// Draws the figure. Returns `None` if nothing was measured.
+    fn item(&self, study: &Study) -> Option<ReportItem> {
+        let spec = &study.metrics[self.metric];
+        let display = MetricDisplay::for_metric(spec);
+        let device = self.device.map(|i| study.devices[i].as_str());
+        let panels: Vec<FacetPanel> = self
+            .facets
+            .iter()
+            .map(|facet| panel(study, *facet, self.metric, self.x, device))
+            .collect();
+        if panels.iter().all(|panel| panel.axes.is_none()) {
+            return None;
+        }
+        let mut suffix = self
+            .device
+            .map_or_else(String::new, |i| format!("-device-{}", i + 1));
+        suffix += &self.number.map_or_else(String::new, |n| format!("-{n}"));
+        let (file, quantity, x_name) = match self.x {
+            FigureX::RenderS => ("time", "render time", "render time (s)"),
+            FigureX::Samples => ("samples", "samples", "samples per pixel"),
+        };
+        let y_label = format::with_unit(&display.label(spec), &spec.unit());
+        let x_label = device.map_or_else(
+            || x_label(study, self.x),
+            |device| format!("render time (s) on {device}"),
+        );
+        let title = format!("{} against {quantity}", display.label(spec));
+        let mut caption = caption(study, spec, &panels, self.x);
+        if let Some(device) = device {
+            caption += &format!(" Only runs on {device}.");
+        }
+        let provenance = provenance(study, self.facets);
+        let svg = draw(
+            study,
+            &panels,
+            &y_label,
+            &x_label,
+            &title,
+            &provenance.text(),
+        );
+        let stem = format!("figures/error-{file}-{}{suffix}", spec.column);
+        let latex = PgfFigure {
+            study,
+            panels: &panels,
+            y_label: &y_label,
+            x_label: x_name,
+            scales: [Scale::Log, display.scale],
+        };
+        let extra = latex.files(&stem, &caption, &provenance);
+        Some(ReportItem {
+            kind: ItemKind::Figure,
+            stem,
+            title,
+            caption,
+            svg: Some(svg),
+            grid: None,
+            extra,
+            provenance,
+        })
+    }
+}
+
+/// Returns the provenance of all runs of some facets.
+pub(super) fn provenance(study: &Study, facets: &[usize]) -> Provenance {
+    let members = facets
+        .iter()
+        .flat_map(|f| (0..study.series.len()).map(move |s| (*f, s)));
+    Provenance::from_members(members.flat_map(|(f, s)| study.members(f, s)))
+}
+
+fn x_label(study: &Study, x: FigureX) -> String {
+    match x {
+        FigureX::Samples => "samples per pixel".to_owned(),
+        FigureX::RenderS if study.devices.len() == 1 => {
+            format!("render time (s) on {}", study.devices[0])
+        }
+        FigureX::RenderS => "render time (s)".to_owned(),
+    }
+}
+
+fn caption(study: &Study, spec: &MetricSpec, panels: &[FacetPanel], x: FigureX) -> String {
+    let x_name = if x == FigureX::RenderS {
+        "render time in seconds"
+    } else {
+        "samples per pixel"
+    };
+    let mut sentences = vec![
+        format!("{} against {x_name}.", format::metric_description(spec)),
+        averaging(spec, panels),
+        "Filled markers: ends of runs.".to_owned(),
+    ];
+    if panels.iter().any(|p| p.floor.is_some()) {
+        sentences.push(
+            "Grey: below the noise of the reference, where a curve measures the error of the \
+             reference."
+                .to_owned(),
+        );
+    }
+    if panels
+        .iter()
+        .flat_map(|p| &p.lines)
+        .any(|line| line.floor.is_some())
+    {
+        sentences.push(
+            "Dotted: noise of the reference of each series, below which its curve measures the \
+             error of the reference."
+                .to_owned(),
+        );
+    }
+    if x == FigureX::RenderS {
+        sentences.extend(study.device_sentence("Measured"));
+    }
+    let mut names: Vec<String> = study
+        .series
+        .iter()
+        .filter_map(|s| s.long.map(|long| format!("{}: {long}", s.label)))
+        .collect();
+    names.sort();
+    names.dedup();
+    if !names.is_empty() {
+        sentences.push(names.join("; ") + ".");
+    }
+    sentences.join(" ")
+}
+
+/// Describes what the lines average and what the bands show.
+fn averaging(spec: &MetricSpec, panels: &[FacetPanel]) -> String {
+    let bands = || {
+        panels
+            .iter()
+            .flat_map(|p| &p.lines)
+            .filter_map(|l| Some((l.band.as_ref()?, l.curves.len())))
+    };
+    let (least, most) = bands()
+        .map(|(_, n)| n)
+        .fold((usize::MAX, 0), |(a, b), n| (a.min(n), b.max(n)));
+    let count = if least == most {
+        most.to_string()
+    } else {
+        format!("{least} to {most}")
+    };
+    let mean = mean_name(MetricDisplay::for_metric(spec).scale);
+    match bands().map(|(band, _)| band.kind).max() {
+        Some(BandKind::Confidence) => format!(
+            "{mean} of {count} repeats. Band: 95 % confidence interval of the mean (Student's t)."
+        ),
+        Some(BandKind::Range) => {
+            format!("{mean} of {count} repeats. Band: range of the two repeats.")
+        }
+        _ => "One run each.".to_owned(),
+    }
+}
+
+/// Returns the name of the mean on an axis, as the beginning of a sentence.
+pub(super) fn mean_name(scale: Scale) -> &'static str {
+    if scale == Scale::Log {
+        "Geometric mean"
+    } else {
+        "Mean"
+    }
+}

@@ -1,0 +1,271 @@
+//! Selects stored pictures of runs at a given time or error, and reads their references.
+
+use std::path::Path;
+
+use super::Pictures;
+use super::metric_display::MetricDisplay;
+use super::study::{Member, Study};
+use crate::experiment::WaveRow;
+use crate::film::Image;
+use crate::metrics::tonemap::Tonemap;
+
+/// Stored picture of a run with its measurements.
+#[derive(Debug)]
+pub struct Snapshot {
+    /// Index of the series in the study.
+    pub series: usize,
+    /// Identity of the run.
+    pub run: String,
+    /// Samples per pixel of the picture.
+    pub samples: u64,
+    /// Render time of the picture in seconds.
+    pub render_s: f64,
+    /// Values of the study's metrics at the picture.
+    pub metrics: Vec<Option<f64>>,
+    /// Pixels in linear sRGB.
+    pub image: Image,
+}
+
+/// Moment at which a snapshot is selected.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Moment {
+    /// Render time in seconds.
+    Time(f64),
+    /// Metric of the study and its drawn value.
+    Error(usize, f64),
+    /// End of the run.
+    End,
+}
+
+/// References of a facet. Techniques may share one or have different ones.
+pub struct FacetReferences {
+    /// Pictures of equal size with their descriptions; at least one.
+    pub all: Vec<(Image, String)>,
+    /// For each series of the study, the index of its reference, if it could be read.
+    pub by_series: Vec<Option<usize>>,
+}
+
+impl FacetReferences {
+    /// Returns the reference that a snapshot is compared with.
+    pub fn for_snapshot(&self, snapshot: &Snapshot) -> &Image {
+        &self.all[self.by_series[snapshot.series].unwrap_or(0)].0
+    }
+
+    /// Returns the first series that uses a reference, or `None` if there is only one reference.
+    pub fn owner(&self, reference: usize) -> Option<usize> {
+        if self.all.len() > 1 {
+            self.by_series.iter().position(|of| *of == Some(reference))
+        } else {
+            None
+        }
+    }
+}
+
+/// Reads the references of a facet's series, taken from the first run of each series that has one.
+/// References whose size differs from the first one are left out. Returns `None` if no reference
+/// can be read.
+pub fn references(
+    study: &Study,
+    facet: usize,
+    pictures: &Pictures,
+    notes: &mut Vec<String>,
+) -> Option<FacetReferences> {
+    let mut references = FacetReferences {
+        all: Vec::new(),
+        by_series: vec![None; study.series.len()],
+    };
+    let mut paths: Vec<&Path> = Vec::new();
+    for series in 0..study.series.len() {
+        for member in study.members(facet, series) {
+            let Some(reference) = member
+                .run
+                .reference
+                .and_then(|r| member.night.references.get(r))
+            else {
+                continue;
+            };
+            let Some(path) = &reference.picture else {
+                continue;
+            };
+            references.by_series[series] = paths.iter().position(|known| known == path);
+            if references.by_series[series].is_none() {
+                let Some(image) = read_picture(path, pictures, notes) else {
+                    continue;
+                };
+                let size = references
+                    .all
+                    .first()
+                    .map(|(first, _)| [first.width, first.height]);
+                if size.is_some_and(|size| size != [image.width, image.height]) {
+                    notes.push(format!(
+                        "{} is left out: its size differs from that of the other references",
+                        path.display()
+                    ));
+                    continue;
+                }
+                references.by_series[series] = Some(references.all.len());
+                references.all.push((image, reference.description.clone()));
+                paths.push(path);
+            }
+            break;
+        }
+    }
+    (!references.all.is_empty()).then_some(references)
+}
+
+/// Selects, for each series of a facet with a reference, the stored picture of its first finished
+/// repeat that is nearest to a moment on a logarithmic scale. Pictures whose size differs from the
+/// reference are left out.
+pub fn nearest_snapshots(
+    study: &Study,
+    facet: usize,
+    moment: Moment,
+    references: &FacetReferences,
+    pictures: &Pictures,
+    notes: &mut Vec<String>,
+) -> Vec<Snapshot> {
+    let size = [references.all[0].0.width, references.all[0].0.height];
+    let mut snapshots = Vec::new();
+    for series in (0..study.series.len()).filter(|s| references.by_series[*s].is_some()) {
+        let members = study.members(facet, series);
+        let Some(member) = members
+            .iter()
+            .find(|m| m.run.is_done() && !m.run.pictures.is_empty())
+        else {
+            continue;
+        };
+        let Some((row, path)) = nearest(study, member, moment) else {
+            continue;
+        };
+        let Some(image) = read_picture(path, pictures, notes) else {
+            continue;
+        };
+        if size != [image.width, image.height] {
+            notes.push(format!(
+                "{} is left out: its size differs from that of its reference",
+                path.display()
+            ));
+            continue;
+        }
+        snapshots.push(Snapshot {
+            series,
+            run: member.run.id.clone(),
+            samples: row.samples,
+            render_s: row.render_s,
+            metrics: (0..study.metrics.len())
+                .map(|metric| member.value(row, metric))
+                .collect(),
+            image,
+        });
+    }
+    snapshots
+}
+
+/// Returns the measurement with a stored picture that is nearest to a moment.
+fn nearest<'a>(
+    study: &Study,
+    member: &Member<'a>,
+    moment: Moment,
+) -> Option<(&'a WaveRow, &'a Path)> {
+    let run = member.run;
+    let stored = run.pictures.iter().filter_map(|(samples, path)| {
+        let row = run.rows.iter().find(|row| row.samples == *samples)?;
+        Some((row, path.as_path()))
+    });
+    let distance = |row: &WaveRow| -> Option<f64> {
+        let (here, there) = match moment {
+            Moment::End => return Some(-(row.samples as f64)),
+            Moment::Time(t) => (row.render_s, t),
+            Moment::Error(metric, error) => (
+                MetricDisplay::for_metric(&study.metrics[metric])
+                    .drawn_value(member.value(row, metric)?)?,
+                error,
+            ),
+        };
+        Some((here / there).ln().abs()).filter(|d| d.is_finite())
+    };
+    let ranked = stored.filter_map(|(row, path)| Some((distance(row)?, row, path)));
+    ranked
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, row, path)| (row, path))
+}
+
+fn read_picture(path: &Path, pictures: &Pictures, notes: &mut Vec<String>) -> Option<Image> {
+    match pictures(path) {
+        Ok(image) => Some(image),
+        Err(reason) => {
+            notes.push(format!("a picture is left out: {reason}"));
+            None
+        }
+    }
+}
+
+/// Returns the sRGB tone map with a suitable exposure in whole stops, between -10 and 10. The 97th
+/// percentile of brightness becomes at most 0.9, but the median at least about 0.05, as for a room
+/// with bright windows.
+pub fn exposure(image: &Image) -> Tonemap {
+    let mut brightest: Vec<f32> = image
+        .data
+        .iter()
+        .map(|p| p[0].max(p[1]).max(p[2]))
+        .filter(|v| v.is_finite())
+        .collect();
+    brightest.sort_unstable_by(f32::total_cmp);
+    let stops = |percentile: usize, target: f64| {
+        let value = brightest
+            .get(brightest.len() * percentile / 100)
+            .copied()
+            .unwrap_or(1.0);
+        if value > 0.0 {
+            (target / f64::from(value)).log2().floor()
+        } else {
+            f64::NEG_INFINITY
+        }
+    };
+    let stops = stops(97, 0.9).max(stops(50, 0.1));
+    let stops = if stops.is_finite() {
+        stops.clamp(-10.0, 10.0)
+    } else {
+        0.0
+    };
+    Tonemap::Srgb {
+        exposure: stops as f32,
+    }
+}
+
+/// Returns the pixels in a window, given as left, top, width, height, or `None` if it is not inside
+/// of the image.
+pub fn crop(image: &Image, [x, y, w, h]: [u32; 4]) -> Option<Image> {
+    let inside =
+        x.checked_add(w)? <= image.width && y.checked_add(h)? <= image.height && w > 0 && h > 0;
+    inside.then(|| Image::from_fn(w, h, |i, j| image.at(x + i, y + j)))
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::output::report::snapshots::*;
+
+    #[test]
+    fn windows_must_be_inside_of_the_image() {
+        let image = Image::from_fn(8, 6, |x, y| [x as f32, y as f32, 0.0]);
+        assert_eq!(
+            crop(&image, [2, 1, 3, 2]).unwrap().at(2, 1),
+            [4.0, 2.0, 0.0]
+        );
+        assert!(
+            crop(&image, [6, 0, 3, 2]).is_none() && crop(&image, [u32::MAX, 0, 2, 2]).is_none()
+        );
+    }
+
+    #[test]
+    fn dark_pictures_are_brightened_by_whole_stops() {
+        let exposed = |value: f32| exposure(&Image::from_fn(10, 10, |_, _| [value; 3]));
+        assert_eq!(exposed(0.1), Tonemap::Srgb { exposure: 3.0 });
+        assert_eq!(exposed(0.9), Tonemap::Srgb { exposure: 0.0 });
+        assert_eq!(exposed(3.0), Tonemap::Srgb { exposure: -2.0 });
+        assert_eq!(exposed(0.0), Tonemap::Srgb { exposure: 0.0 });
+        // A tenth of the picture shows a window 64 times as bright as the room.
+        let room = Image::from_fn(10, 10, |x, _| [if x == 0 { 6.4 } else { 0.09 }; 3]);
+        assert_eq!(exposure(&room), Tonemap::Srgb { exposure: 0.0 });
+    }
+}

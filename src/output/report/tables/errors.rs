@@ -1,0 +1,255 @@
+//! Tables of errors and of times to reach an error.
+
+use super::ranking::Ranking;
+use super::{empty_grid, fill_grid, with_devices};
+use crate::experiment::WaveRow;
+use crate::metrics::Better;
+use crate::output::format;
+use crate::output::plot::axis::Scale;
+use crate::output::quantity::{self, RunValue};
+use crate::output::report::grid::{Digits, Grid};
+use crate::output::report::metric_display::MetricDisplay;
+use crate::output::report::repeats::MetricCurve;
+use crate::output::report::study::{Member, ReportOptions, Study};
+
+/// Returns how values of a metric are ranked.
+fn metric_ranking(study: &Study, metric: usize) -> Ranking {
+    match study.metrics[metric].row.better {
+        Better::NearZero => Ranking::Unranked,
+        _ => Ranking::LowerError(MetricDisplay::for_metric(&study.metrics[metric])),
+    }
+}
+
+/// Builds the table of a metric's final values.
+pub(super) fn final_values(study: &Study, metric: usize) -> Grid {
+    let spec = &study.metrics[metric];
+    let caption = format!(
+        "{} at the end of each run. Mean over repeats.",
+        format::metric_description(spec)
+    );
+    let grid = empty_grid(
+        study,
+        &format!("final-{}", spec.column),
+        &format!("Final {}", spec.row.label),
+        caption,
+        &spec.unit(),
+        Digits::Significant(4),
+    );
+    fill_grid(study, grid, metric_ranking(study, metric), |_, m| {
+        Some(RunValue::Exact(m.value(m.run.rows.last()?, metric)?))
+    })
+}
+
+/// Builds the table of efficiency, the reciprocal of squared error times render time. For an
+/// unbiased technique it does not depend on the render time [Veach 1997, 2.4.2]. The error of the
+/// reference is subtracted if it is known. Returns `None` if no squared error is measured.
+pub(super) fn efficiency(study: &Study) -> Option<Grid> {
+    let find = |name: &&str| study.metrics.iter().position(|m| m.row.name == *name);
+    let metric = ["mse", "rmse", "relmse"].iter().find_map(find)?;
+    let spec = &study.metrics[metric];
+    let is_root = spec.row.name == "rmse";
+    let error = if is_root {
+        format!("square of {}", spec.row.label)
+    } else {
+        spec.row.label.to_owned()
+    };
+    let caption = format!(
+        "1 / ({error} × render time) at the end of each run. The error of the reference is \
+         subtracted if it is known. Mean over repeats."
+    );
+    let unit = if is_root {
+        format!("({})²", spec.unit())
+    } else {
+        spec.unit()
+    };
+    let unit = if spec.unit().is_empty() {
+        "1/s".to_owned()
+    } else {
+        format!("1/({unit} s)")
+    };
+    let grid = empty_grid(
+        study,
+        "efficiency",
+        "Efficiency",
+        with_devices(study, &caption),
+        &unit,
+        Digits::Significant(3),
+    );
+    Some(fill_grid(study, grid, Ranking::HigherRate, |_, m| {
+        let last = m.run.rows.last()?;
+        let error = m.value(last, metric)?;
+        let floor = m
+            .run
+            .floors
+            .iter()
+            .find(|(column, _)| *column == spec.column)
+            .map(|(_, floor)| *floor);
+        let error = floor
+            .and_then(|floor| spec.net(error, floor))
+            .unwrap_or(error);
+        let error = if is_root { error * error } else { error };
+        Some(1.0 / (error * last.render_s))
+            .filter(|e| e.is_finite() && *e > 0.0)
+            .map(RunValue::Exact)
+    }))
+}
+
+/// Returns the curve of a run's metric over render time.
+fn curve_over_time(study: &Study, member: &Member, metric: usize) -> MetricCurve {
+    let point = |row: &WaveRow| Some((row.render_s, member.value(row, metric)?));
+    MetricCurve::new(
+        MetricDisplay::for_metric(&study.metrics[metric]),
+        member.run.rows.iter().filter_map(point),
+    )
+}
+
+/// Returns the render time in seconds at which the runs of a facet are compared: that of the
+/// options, or the longest that all finished runs reached.
+pub(in crate::output::report) fn common_time(
+    study: &Study,
+    options: &ReportOptions,
+    facet: usize,
+) -> Option<f64> {
+    options.at_time.or_else(|| {
+        let members = (0..study.series.len()).flat_map(|s| study.members(facet, s));
+        members
+            .filter(|m| m.run.is_done())
+            .filter_map(|m| Some(m.run.rows.last()?.render_s))
+            .reduce(f64::min)
+    })
+}
+
+/// Builds the table of a metric at equal render time.
+pub(super) fn equal_time(study: &Study, options: &ReportOptions, metric: usize) -> Option<Grid> {
+    let spec = &study.metrics[metric];
+    let times: Vec<Option<f64>> = (0..study.facets.len())
+        .map(|f| common_time(study, options, f))
+        .collect();
+    times.iter().flatten().next()?;
+    let caption = format!(
+        "{} after the render time in the row's label. Values between measurements are \
+         interpolated linearly on the scales of the plots. Mean over repeats.",
+        format::metric_description(spec)
+    );
+    let grid = empty_grid(
+        study,
+        &format!("equal-time-{}", spec.column),
+        &format!("{} at equal time", spec.row.label),
+        with_devices(study, &caption),
+        &spec.unit(),
+        Digits::Significant(4),
+    );
+    let display = MetricDisplay::for_metric(spec);
+    let ranking = metric_ranking(study, metric);
+    let mut grid = fill_grid(study, grid, ranking, |facet, m| {
+        let value = curve_over_time(study, m, metric).at(times[facet]?)?;
+        Some(RunValue::Exact(display.metric_value(value)))
+    });
+    grid.label_headers.push("time (s)".to_owned());
+    for ((labels, _), time) in grid.rows.iter_mut().zip(times) {
+        labels.push(time.map_or("–".to_owned(), |t| format::significant(t, 3)));
+    }
+    Some(grid)
+}
+
+/// Returns the drawn error at which the runs of a facet are compared: the largest final error of
+/// any run, which all runs reach.
+pub(in crate::output::report) fn common_error(
+    study: &Study,
+    facet: usize,
+    metric: usize,
+) -> Option<f64> {
+    let members = (0..study.series.len()).flat_map(|s| study.members(facet, s));
+    let last = |m: Member| {
+        let curve = curve_over_time(study, &m, metric);
+        curve.points.last().map(|p| p.1)
+    };
+    let finals = members.filter(|m| m.run.is_done()).filter_map(last);
+    match MetricDisplay::for_metric(&study.metrics[metric]).scale {
+        Scale::Log => finals.reduce(f64::max),
+        Scale::Linear => finals.reduce(f64::min),
+    }
+}
+
+/// Returns the first x at which a curve is at least as good as a drawn value.
+fn first_reached(curve: &MetricCurve, drawn: f64, scale: Scale) -> Option<f64> {
+    let is_reached = |(_, y): &&(f64, f64)| {
+        if scale == Scale::Log {
+            *y <= drawn
+        } else {
+            *y >= drawn
+        }
+    };
+    curve.points.iter().find(is_reached).map(|p| p.0)
+}
+
+/// Builds the table of render times to an equal value of a metric.
+pub(super) fn equal_error(study: &Study, metric: usize) -> Option<Grid> {
+    let spec = &study.metrics[metric];
+    if matches!(spec.row.better, Better::NearZero) {
+        return None;
+    }
+    let display = MetricDisplay::for_metric(spec);
+    let errors: Vec<Option<f64>> = (0..study.facets.len())
+        .map(|f| common_error(study, f, metric))
+        .collect();
+    errors.iter().flatten().next()?;
+    let caption = format!(
+        "Render time in seconds until {} first reached the value in the row's label, which is the \
+         worst final value of the row's runs. Mean over repeats.",
+        format::metric_description(spec)
+    );
+    let grid = empty_grid(
+        study,
+        &format!("equal-error-{}", spec.column),
+        &format!("Time to equal {}", spec.row.label),
+        with_devices(study, &caption),
+        "s",
+        Digits::Significant(3),
+    );
+    let mut grid = fill_grid(study, grid, Ranking::ShorterTime, |facet, m| {
+        let curve = curve_over_time(study, m, metric);
+        Some(match first_reached(&curve, errors[facet]?, display.scale) {
+            Some(time) => RunValue::Exact(time),
+            None => RunValue::LowerBound(curve.span()?.1),
+        })
+    });
+    grid.label_headers.push(spec.row.label.to_owned());
+    for ((labels, _), error) in grid.rows.iter_mut().zip(errors) {
+        labels.push(error.map_or("–".to_owned(), |e| {
+            format::significant(display.metric_value(e), 4)
+        }));
+    }
+    Some(grid)
+}
+
+/// Builds the table of render times to a threshold of a metric.
+pub(super) fn time_to(study: &Study, metric: usize, threshold: f64) -> Grid {
+    let spec = &study.metrics[metric];
+    let better = spec.row.better;
+    let sign = quantity::threshold_sign(better);
+    let caption = format!(
+        "Render time in seconds until the first measurement with {} {sign} {threshold}. Mean over \
+         repeats.",
+        format::metric_description(spec)
+    );
+    let grid = empty_grid(
+        study,
+        &format!("time-to-{}-{threshold}", spec.column),
+        &format!("Time to {} {sign} {threshold}", spec.row.label),
+        with_devices(study, &caption),
+        "s",
+        Digits::Significant(3),
+    );
+    fill_grid(study, grid, Ranking::ShorterTime, |_, m| {
+        m.value(m.run.rows.first()?, metric)?;
+        let reached = |row: &&WaveRow| {
+            m.value(row, metric)
+                .is_some_and(|x| quantity::reaches(better, x, threshold))
+        };
+        Some(match m.run.rows.iter().find(reached) {
+            Some(row) => RunValue::Exact(row.render_s),
+            None => RunValue::LowerBound(m.run.rows.last()?.render_s),
+        })
+    })
+}

@@ -1,0 +1,221 @@
+//! Tables of a report: sampling rates, errors at equal time, times to equal error or to a
+//! threshold, final values, efficiency, and acceleration structures.
+//!
+//! The best value of a row is bold only if it is significantly better than every other one. The
+//! module `ranking` describes the test.
+
+mod errors;
+mod ranking;
+mod rates;
+
+use super::ReportError;
+use super::grid::{Digits, Grid, GridCell};
+use super::item::{Provenance, ReportItem};
+use super::study::{Member, ReportOptions, Study};
+use crate::math::t_test::mean_and_interval;
+use crate::output::quantity::RunValue;
+pub(super) use errors::{common_error, common_time};
+use ranking::{Ranking, significant_best};
+
+/// Explanation of bold and ± at the end of captions. The HTML page shows it once.
+pub(super) const TEST: &str = "Bold: best value of its row and group, significantly better than \
+    every other at 5 % (Welch's test over repeats, Holm's correction). ±: half-width of the 95 % \
+    confidence interval of the mean.";
+
+/// SSIM threshold of the default time-to-threshold table [S0].
+const SSIM_THRESHOLD: f64 = 0.95;
+
+/// Builds every table that the study has data for.
+///
+/// # Errors
+/// Returns an error if an option names an unknown metric column.
+pub fn all(
+    study: &Study,
+    options: &ReportOptions,
+    notes: &mut Vec<String>,
+) -> Result<Vec<ReportItem>, ReportError> {
+    let mut grids = vec![rates::sampling_rates(study)];
+    grids.extend(rates::relative_rates(study));
+    for metric in 0..study.metrics.len() {
+        grids.push(errors::final_values(study, metric));
+    }
+    grids.extend(errors::efficiency(study));
+    for metric in 0..study.metrics.len() {
+        grids.extend(errors::equal_time(study, options, metric));
+        grids.extend(errors::equal_error(study, metric));
+    }
+    for (column, threshold) in thresholds(study, options)? {
+        let metric = study
+            .metrics
+            .iter()
+            .position(|m| m.column == column)
+            .unwrap_or(0);
+        grids.push(errors::time_to(study, metric, threshold));
+    }
+    grids.extend(rates::acceleration_structures(study));
+    let unfinished = study.all().filter(|m| !m.run.is_done()).count();
+    if unfinished > 0 {
+        notes.push(format!(
+            "{unfinished} of {} runs have not finished; tables leave them out",
+            study.all().count()
+        ));
+    }
+    let has_values = |grid: &Grid| {
+        grid.rows
+            .iter()
+            .flat_map(|(_, cells)| cells)
+            .any(|cell| cell.value.is_some())
+    };
+    Ok(grids
+        .into_iter()
+        .filter(has_values)
+        .map(Grid::item)
+        .collect())
+}
+
+/// Returns the thresholds of the options, and the default threshold of every SSIM column without
+/// one.
+fn thresholds(study: &Study, options: &ReportOptions) -> Result<Vec<(String, f64)>, ReportError> {
+    let known = |column: &String| study.metrics.iter().any(|m| m.column == *column);
+    let mut thresholds = options.thresholds.clone();
+    if let Some((column, _)) = thresholds.iter().find(|(column, _)| !known(column)) {
+        let all: Vec<&str> = study.metrics.iter().map(|m| m.column.as_str()).collect();
+        return Err(ReportError::NoColumn {
+            column: column.clone(),
+            known: all.join(", "),
+        });
+    }
+    for metric in study.metrics.iter().filter(|m| m.row.name == "ssim") {
+        if !thresholds
+            .iter()
+            .any(|(column, _)| *column == metric.column)
+        {
+            thresholds.push((metric.column.clone(), SSIM_THRESHOLD));
+        }
+    }
+    Ok(thresholds)
+}
+
+/// Creates a table over facets and series without rows.
+fn empty_grid(
+    study: &Study,
+    name: &str,
+    title: &str,
+    caption: String,
+    unit: &str,
+    digits: Digits,
+) -> Grid {
+    let groups = study.groups();
+    let span = |group: &String| study.series.iter().filter(|s| s.group == *group).count();
+    Grid {
+        name: name.to_owned(),
+        title: title.to_owned(),
+        caption,
+        unit: unit.to_owned(),
+        label_headers: study.facet_axes.clone(),
+        groups: groups
+            .iter()
+            .map(|group| (group.clone(), span(group)))
+            .collect(),
+        columns: study.series.iter().map(|s| s.label.clone()).collect(),
+        rows: Vec::new(),
+        digits,
+        provenance: Provenance::from_members(study.all().filter(|m| m.run.is_done())),
+    }
+}
+
+/// Fills a table with means over finished repeats. `value` returns the value of a run in a facet.
+fn fill_grid(
+    study: &Study,
+    mut grid: Grid,
+    ranking: Ranking,
+    value: impl Fn(usize, &Member) -> Option<RunValue>,
+) -> Grid {
+    for facet in 0..study.facets.len() {
+        let (mut samples, mut cells): (Vec<Vec<RunValue>>, Vec<GridCell>) = Default::default();
+        let mut complete = Vec::new();
+        for series in 0..study.series.len() {
+            let members = study.members(facet, series);
+            let finished = || members.iter().filter(|m| m.run.is_done());
+            let (run_ids, values): (Vec<String>, Vec<RunValue>) = finished()
+                .filter_map(|m| Some((m.run.id.clone(), value(facet, m)?)))
+                .unzip();
+            complete.push(values.len() == finished().count());
+            cells.push(GridCell {
+                run_ids,
+                ..mean_cell(&values)
+            });
+            samples.push(values);
+        }
+        let mut first = 0;
+        for (_, span) in &grid.groups {
+            // A finished run without a value might have been better, so no value is marked then.
+            let is_complete = complete[first..first + span].iter().all(|all| *all);
+            let best = significant_best(&samples[first..first + span], ranking);
+            if let Some(best) = best.filter(|_| is_complete) {
+                cells[first + best].best = true;
+            }
+            first += span;
+        }
+        grid.rows.push((study.facets[facet].clone(), cells));
+    }
+    let has_repeats = grid
+        .rows
+        .iter()
+        .flat_map(|(_, cells)| cells)
+        .any(|cell| cell.runs > 1);
+    if has_repeats && !matches!(ranking, Ranking::Unranked) {
+        grid.caption += " ";
+        grid.caption += TEST;
+    }
+    let has_bounds = grid
+        .rows
+        .iter()
+        .flat_map(|(_, cells)| cells)
+        .any(|cell| cell.is_lower_bound);
+    if has_bounds {
+        grid.caption += " `> t`: not reached within t seconds.";
+    }
+    grid
+}
+
+/// Averages the values of some runs. The mean is a lower bound if any value is one.
+fn mean_cell(samples: &[RunValue]) -> GridCell {
+    let values: Vec<f64> = samples
+        .iter()
+        .map(|s| match s {
+            RunValue::Exact(x) | RunValue::LowerBound(x) => *x,
+        })
+        .collect();
+    if values.is_empty() {
+        return GridCell::default();
+    }
+    let (mean, half) = mean_and_interval(&values);
+    GridCell {
+        value: Some(mean),
+        is_lower_bound: samples.iter().any(|s| matches!(s, RunValue::LowerBound(_))),
+        ci95_half: half.filter(|h| h.is_finite()),
+        runs: values.len(),
+        ..GridCell::default()
+    }
+}
+
+/// Appends the devices to a caption.
+fn with_devices(study: &Study, caption: &str) -> String {
+    match study.device_sentence("Measured") {
+        Some(devices) => format!("{caption} {devices}"),
+        None => caption.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mean_with_a_run_below_the_threshold_is_a_bound() {
+        let cell = mean_cell(&[RunValue::Exact(1.0), RunValue::LowerBound(3.0)]);
+        assert!(cell.is_lower_bound && cell.value == Some(2.0) && cell.runs == 2);
+        assert_eq!(mean_cell(&[]), GridCell::default());
+    }
+}

@@ -1,0 +1,98 @@
+//! Captions of tables.
+
+use std::collections::BTreeSet;
+
+use super::{CellValue, TableCell, TableRow};
+use crate::experiment::plan::Plan;
+use crate::experiment::spec::TableSpec;
+use crate::output::{format, quantity};
+
+/// Builds the caption: the value, the number of runs averaged, notation, runs and points that are
+/// left out, and long names. `unfinished` is the number of runs that have not finished.
+pub(super) fn caption(
+    plan: &Plan,
+    spec: &TableSpec,
+    rows: &[TableRow],
+    unfinished: usize,
+) -> String {
+    let mut sentences = vec![format!(
+        "{}, {}.",
+        quantity::title(plan, &spec.value),
+        averaging(plan, spec, rows)
+    )];
+    if cells(rows).any(|c| c.ci95_half.is_some()) {
+        sentences.push(
+            "±: half-width of the 95 % confidence interval of the mean over repeats (Student's t)."
+                .to_owned(),
+        );
+    }
+    if cells(rows).any(|c| matches!(c.value, CellValue::LowerBound(_))) {
+        sentences.push("`> t`: not reached within t seconds.".to_owned());
+    }
+    if unfinished > 0 {
+        sentences.push(match unfinished {
+            1 => "1 run has not finished and is left out.".to_owned(),
+            n => format!("{n} runs have not finished and are left out."),
+        });
+    }
+    sentences.extend(plan.absent().iter().map(|(reason, count)| match count {
+        1 => format!("1 point is left out: {reason}."),
+        _ => format!("{count} points are left out: {reason}."),
+    }));
+    sentences.extend(long_names(plan, spec));
+    sentences.join(" ")
+}
+
+fn cells(rows: &[TableRow]) -> impl Iterator<Item = &TableCell> {
+    rows.iter().flat_map(|r| &r.cells)
+}
+
+/// Describes what a cell averages, such as `mean of 4 runs (over radius, repeats)`.
+fn averaging(plan: &Plan, spec: &TableSpec, rows: &[TableRow]) -> String {
+    let runs = || cells(rows).map(|c| c.runs).filter(|n| *n > 0);
+    let (least, most) = (runs().min().unwrap_or(0), runs().max().unwrap_or(0));
+    let varies = |axis: &&String| {
+        let values = (0..plan.cells.len())
+            .map(|cell| format::axis_value(plan, cell, axis).map(ToString::to_string));
+        values.collect::<BTreeSet<_>>().len() > 1
+    };
+    let in_table = |axis: &&String| spec.rows.contains(axis) || spec.cols.contains(axis);
+    let mut over: Vec<&str> = plan
+        .axes
+        .iter()
+        .filter(|a| !in_table(a))
+        .filter(varies)
+        .map(String::as_str)
+        .collect();
+    if plan.cells.iter().any(|c| c.repeat > 0) {
+        over.push("repeats");
+    }
+    let over = if over.is_empty() || most < 2 {
+        String::new()
+    } else {
+        format!(" (over {})", over.join(", "))
+    };
+    match (least, most) {
+        (_, 0) => "no finished run yet".to_owned(),
+        (_, 1) => "one run each".to_owned(),
+        _ if least == most => format!("mean of {most} runs{over}"),
+        _ => format!("mean of {least} to {most} runs{over}"),
+    }
+}
+
+/// Returns long names such as `bpt: backward path tracing.` of the integrators in the labels.
+fn long_names(plan: &Plan, spec: &TableSpec) -> Option<String> {
+    let axis = spec
+        .rows
+        .iter()
+        .chain(&spec.cols)
+        .find(|axis| format::is_integrator_axis(plan, axis))?;
+    let mut seen = BTreeSet::new();
+    let values =
+        (0..plan.cells.len()).filter_map(|cell| format::axis_value(plan, cell, axis)?.as_str());
+    let named: Vec<String> = values
+        .filter(|name| seen.insert(*name))
+        .filter_map(|name| format::integrator_long_name(name).map(|long| format!("{name}: {long}")))
+        .collect();
+    (!named.is_empty()).then(|| named.join("; ") + ".")
+}

@@ -1,0 +1,293 @@
+//! Tables of hand-made nights.
+
+use super::*;
+use crate::experiment::spec::TableValue;
+use crate::output::fixture::{done, ended, numbers, plan, texts};
+
+fn spec(value: TableValue, rows: &[&str], cols: &[&str]) -> TableSpec {
+    let owned = |names: &[&str]| names.iter().map(|n| (*n).to_owned()).collect();
+    TableSpec {
+        name: "table".to_owned(),
+        value,
+        rows: owned(rows),
+        cols: owned(cols),
+        formats: Vec::new(),
+    }
+}
+
+fn night() -> Plan {
+    plan(
+        &[
+            ("technique", texts(&["bpt"])),
+            ("depth", numbers(&[3.0, 5.0])),
+            ("radius", numbers(&[0.5, 1.0])),
+        ],
+        2,
+    )
+}
+
+#[test]
+fn other_axes_and_repeats_are_averaged_and_counted() {
+    let errors = [0.1, 0.2, 0.3, 0.4, 0.01, 0.02, 0.03, 0.04];
+    let results: Vec<_> = errors
+        .iter()
+        .enumerate()
+        .map(|(i, e)| done(i, &[(1.0, 0.9), (2.0, *e)]))
+        .collect();
+    let table = build(
+        &night(),
+        &spec(
+            TableValue::Metric("rmse".to_owned()),
+            &["depth"],
+            &["technique"],
+        ),
+        &results,
+    );
+    assert_eq!(
+        table.to_markdown(),
+        "table: RMSE (root mean square error) in radiance after the last wave, mean of 4 runs (over radius,\n\
+         repeats). bpt: backward path tracing.\n\
+         \n\
+         | depth | technique = bpt |\n\
+         |-------|----------------:|\n\
+         | 3     |          0.2500 |\n\
+         | 5     |         0.02500 |\n"
+    );
+    assert_eq!(
+        table.to_csv(),
+        "depth,technique = bpt,runs: technique = bpt\n3,0.25,4\n5,0.025,4\n"
+    );
+}
+
+#[test]
+fn times_of_several_devices_have_separate_tables() {
+    let plan = night();
+    let results: Vec<_> = (0..7).map(|i| done(i, &[(1.0 + i as f64, 0.5)])).collect();
+    let name = |r: &CellResult| match r.cell {
+        CellRef::Cell(i) => Some(if i < 4 { "a lens" } else { "a prism" }.to_owned()),
+        CellRef::Reference(_) => None,
+    };
+    let devices = Devices::new(&plan, &results, name);
+    let both = tables(
+        &plan,
+        &spec(TableValue::RenderS, &["depth"], &[]),
+        &results,
+        &devices,
+    );
+    let names: Vec<&str> = both.iter().map(|table| table.name.as_str()).collect();
+    assert_eq!(names, ["table-device-1", "table-device-2"]);
+    assert_eq!(
+        both[0].to_csv().lines().skip(1).collect::<Vec<_>>(),
+        ["3,2.5,4"]
+    );
+    assert_eq!(
+        both[1].to_csv().lines().skip(1).collect::<Vec<_>>(),
+        ["5,6,3"]
+    );
+    assert!(
+        both[1].caption.ends_with("Only runs on a prism."),
+        "{}",
+        both[1].caption
+    );
+    assert!(
+        both[1].caption.contains("1 of 8") || both[1].caption.contains("1 run"),
+        "{}",
+        both[1].caption
+    );
+    // Errors are the same wherever they were computed.
+    let errors = spec(TableValue::Metric("rmse".to_owned()), &["depth"], &[]);
+    assert_eq!(
+        tables(&plan, &errors, &results, &devices),
+        [build(&plan, &errors, &results)]
+    );
+}
+
+#[test]
+fn means_of_repeats_have_an_interval_and_a_a_duplicates_are_left_out() {
+    let mut plan = plan(&[("depth", numbers(&[3.0, 5.0]))], 3);
+    let errors = [1.0, 2.0, 3.0, 0.5];
+    let results: Vec<_> = errors
+        .iter()
+        .enumerate()
+        .map(|(i, e)| done(i, &[(1.0, *e)]))
+        .collect();
+    let spec = spec(TableValue::Metric("rmse".to_owned()), &["depth"], &[]);
+    let table = build(&plan, &spec, &results);
+    // Standard deviation 1, three values, t = 4.30265.
+    let half = table.rows[0].cells[0].ci95_half.unwrap();
+    assert!((half - 4.302_652_73 / 3f64.sqrt()).abs() < 1e-6, "{half}");
+    assert_eq!(table.rows[1].cells[0].ci95_half, None, "one run");
+    assert!(
+        table.to_markdown().contains("| 3     |         2 ± 2.5 |"),
+        "{}",
+        table.to_markdown()
+    );
+    assert!(table.to_csv().starts_with(
+        "depth,RMSE (radiance),runs: RMSE (radiance),±95 %: RMSE (radiance)\n3,2,3,2.48"
+    ));
+    plan.cells[2].double_of = Some(0);
+    let table = build(&plan, &spec, &results);
+    assert_eq!(
+        (table.rows[0].cells[0].runs, table.rows[0].cells[0].value),
+        (2, CellValue::Mean(1.5))
+    );
+    assert!(
+        table.caption.contains("2 runs have not finished"),
+        "{}",
+        table.caption
+    );
+}
+
+#[test]
+fn gaps_show_as_dashes_and_unfinished_runs_are_left_out() {
+    let mut broken = done(2, &[(1.0, 0.5)]);
+    broken.outcome = Outcome::Failed("lost".to_owned());
+    let results = [
+        done(0, &[(1.0, 0.25)]),
+        done(1, &[(1.0, 0.75)]),
+        broken,
+        ended(3, Outcome::Interrupted),
+    ];
+    let table = build(
+        &night(),
+        &spec(
+            TableValue::Metric("rmse".to_owned()),
+            &["depth"],
+            &["radius"],
+        ),
+        &results,
+    );
+    assert_eq!(table.columns, ["radius = 0.5", "radius = 1"]);
+    let first = table.rows[0].cells[0];
+    assert_eq!(
+        (first.value, first.runs, first.ci95_half.is_some()),
+        (CellValue::Mean(0.5), 2, true)
+    );
+    assert_eq!(
+        table.rows[0].cells[1],
+        TableCell {
+            value: CellValue::Empty,
+            runs: 0,
+            ci95_half: None
+        }
+    );
+    let markdown = table.to_markdown();
+    assert!(
+        markdown.contains("| 5     |            – |          – |"),
+        "{markdown}"
+    );
+    assert!(
+        markdown.contains("mean of 2 runs (over repeats).\n±: half-width")
+            && markdown.contains("6 runs have\nnot finished"),
+        "{markdown}"
+    );
+    assert_eq!(table.to_csv().lines().nth(2), Some("5,,0,,,0,"));
+}
+
+#[test]
+fn time_to_follows_the_direction_of_the_metric() {
+    let waves = [(1.0, 0.5), (2.0, 0.2), (4.0, 0.05)];
+    let results: Vec<_> = (0..8).map(|i| done(i, &waves)).collect();
+    let time_to = |column: &str, threshold: f64| {
+        let value = TableValue::TimeTo {
+            column: column.to_owned(),
+            threshold,
+        };
+        build(&night(), &spec(value, &[], &[]), &results)
+    };
+    let table = time_to("rmse", 0.2);
+    assert_eq!(
+        table.rows[0].cells[0],
+        TableCell {
+            value: CellValue::Mean(2.0),
+            runs: 8,
+            ci95_half: None
+        }
+    );
+    assert!(table.caption.contains("≤ 0.2"), "{}", table.caption);
+    // ssim is 1 - rmse / 2 here: 0.75, 0.9, 0.975
+    assert_eq!(
+        time_to("ssim", 0.95).rows[0].cells[0].value,
+        CellValue::Mean(4.0)
+    );
+    let never = time_to("ssim", 0.99);
+    assert_eq!(never.rows[0].cells[0].value, CellValue::LowerBound(4.0));
+    assert!(
+        never.to_markdown().contains("> 4 |"),
+        "{}",
+        never.to_markdown()
+    );
+    assert!(
+        never.caption.contains("≥ 0.99") && never.caption.contains("`> t`"),
+        "{}",
+        never.caption
+    );
+    assert_eq!(never.to_csv().lines().nth(1), Some(",8"));
+}
+
+#[test]
+fn a_mean_with_a_run_below_the_threshold_is_a_lower_bound() {
+    let value = TableValue::TimeTo {
+        column: "rmse".to_owned(),
+        threshold: 0.1,
+    };
+    let results = [done(0, &[(1.0, 0.05)]), done(1, &[(3.0, 0.5)])];
+    let table = build(&night(), &spec(value, &["depth"], &[]), &results);
+    assert_eq!(
+        table.rows[0].cells[0],
+        TableCell {
+            value: CellValue::LowerBound(2.0),
+            runs: 2,
+            ci95_half: None
+        }
+    );
+}
+
+#[test]
+fn other_values_and_nan() {
+    let results = [done(0, &[(1.0, 0.5), (4.0, f64::NAN)])];
+    let value =
+        |v: TableValue| build(&night(), &spec(v, &[], &[]), &results).rows[0].cells[0].value;
+    assert_eq!(value(TableValue::Samples), CellValue::Mean(2.0));
+    assert_eq!(value(TableValue::RenderS), CellValue::Mean(4.0));
+    assert_eq!(value(TableValue::MpathsPerS), CellValue::Mean(1.0));
+    let CellValue::Mean(fps) = value(TableValue::Fps) else {
+        panic!()
+    };
+    let CellValue::Mean(samples) = value(TableValue::Samples) else {
+        panic!()
+    };
+    let CellValue::Mean(seconds) = value(TableValue::RenderS) else {
+        panic!()
+    };
+    assert!((fps - samples / seconds).abs() < 1e-9 * fps, "{fps}");
+    assert_eq!(value(TableValue::MraysPerS), CellValue::Mean(4.0));
+    assert_eq!(value(TableValue::AccelBuildS), CellValue::Mean(0.25));
+    assert_eq!(value(TableValue::AccelNodes), CellValue::Mean(100.0));
+    assert_eq!(value(TableValue::AccelMib), CellValue::Mean(3.0));
+    assert_eq!(value(TableValue::AccelCost), CellValue::Mean(12.5));
+    assert!(
+        matches!(value(TableValue::Metric("rmse".to_owned())), CellValue::Mean(x) if x.is_nan())
+    );
+    assert_eq!(
+        value(TableValue::Metric("nothing".to_owned())),
+        CellValue::Empty
+    );
+}
+
+#[test]
+fn bars_in_names_do_not_break_the_table() {
+    let plan = plan(&[("scene", texts(&["a|b"]))], 1);
+    let table = build(
+        &plan,
+        &spec(TableValue::Samples, &["scene"], &[]),
+        &[done(0, &[(1.0, 0.5)])],
+    );
+    assert!(
+        table
+            .to_markdown()
+            .ends_with("| a\\|b  |                 1 |\n"),
+        "{}",
+        table.to_markdown()
+    );
+}

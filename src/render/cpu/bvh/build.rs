@@ -1,0 +1,252 @@
+//! Builders of binary trees over boxes.
+//!
+//! All of them return a tree in the format of `obvhs`: the children of an inner node are adjacent,
+//! and a leaf refers to a range of the primitive indices.
+
+use std::time::Duration;
+
+use glam::Vec3A;
+use obvhs::BvhBuildParams;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::builder::build_bvh2;
+use obvhs::bvh2::node::Bvh2Node;
+
+use crate::render::hierarchy::{AccelSpec, Builder, Quality};
+
+/// Primitive as seen by the builders.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BuildPrimitive {
+    /// Bounding box of the primitive.
+    pub aabb: Aabb,
+    /// Decides on which side of a split the primitive lies: the mean of a triangle's corners, or
+    /// the middle of any other box.
+    pub centroid: Vec3A,
+}
+
+impl BuildPrimitive {
+    /// Bounds a triangle.
+    pub fn triangle(corners: &[glam::Vec3; 3]) -> BuildPrimitive {
+        let corners = corners.map(Vec3A::from);
+        let centroid = (corners[0] + corners[1] + corners[2]) / 3.0;
+        BuildPrimitive {
+            aabb: Aabb::from_points(&corners),
+            centroid,
+        }
+    }
+
+    /// Bounds a primitive by the least and greatest corner of its box.
+    pub fn from_box(low: Vec3A, high: Vec3A) -> BuildPrimitive {
+        BuildPrimitive {
+            aabb: Aabb::new(low, high),
+            centroid: low + (high - low) * 0.5,
+        }
+    }
+}
+
+/// Returns the `obvhs` preset of a quality, without splitting triangles into several boxes first.
+pub(crate) fn params(quality: Quality) -> BvhBuildParams {
+    let preset = match quality {
+        Quality::Fastest => BvhBuildParams::fastest_build(),
+        Quality::VeryFast => BvhBuildParams::very_fast_build(),
+        Quality::Fast => BvhBuildParams::fast_build(),
+        Quality::Medium => BvhBuildParams::medium_build(),
+        Quality::Slow => BvhBuildParams::slow_build(),
+        Quality::VerySlow => BvhBuildParams::very_slow_build(),
+    };
+    BvhBuildParams {
+        pre_split: false,
+        ..preset
+    }
+}
+
+/// Builds the binary tree over at least one primitive.
+pub(crate) fn build_binary(spec: &AccelSpec, primitives: &[BuildPrimitive], max_leaf: u32) -> Bvh2 {
+    match spec.builder {
+        Builder::None => TopDownBuilder::new(primitives, usize::MAX, 0).tree,
+        Builder::Plane => {
+            TopDownBuilder::new(primitives, max_leaf as usize, spec.max_depth).split_by(plane_split)
+        }
+        Builder::Sah => {
+            let bins = spec.bins as usize;
+            TopDownBuilder::new(primitives, max_leaf as usize, spec.max_depth)
+                .split_by(|primitives, members| sah_split(primitives, members, bins))
+        }
+        Builder::Ploc | Builder::Cwbvh => {
+            let boxes: Vec<Aabb> = primitives.iter().map(|b| b.aabb).collect();
+            let params = BvhBuildParams {
+                max_prims_per_leaf: max_leaf,
+                ..params(spec.quality)
+            };
+            build_bvh2(&boxes, params, &mut Duration::default())
+        }
+    }
+}
+
+/// Top-down builder: a tree that is divided from its root.
+struct TopDownBuilder<'a> {
+    primitives: &'a [BuildPrimitive],
+    tree: Bvh2,
+    max_leaf: usize,
+    max_depth: u32,
+}
+
+impl<'a> TopDownBuilder<'a> {
+    /// Starts with a single leaf.
+    fn new(
+        primitives: &'a [BuildPrimitive],
+        max_leaf: usize,
+        max_depth: u32,
+    ) -> TopDownBuilder<'a> {
+        let mut tree = Bvh2 {
+            primitive_indices: (0..primitives.len() as u32).collect(),
+            ..Bvh2::default()
+        };
+        tree.nodes.push(Bvh2Node::new(
+            bounding_box(primitives, &tree.primitive_indices),
+            primitives.len() as u32,
+            0,
+        ));
+        TopDownBuilder {
+            primitives,
+            tree,
+            max_leaf: max_leaf.max(1),
+            max_depth,
+        }
+    }
+
+    /// Splits leaves with `split` until they have at most `max_leaf` primitives, lie `max_depth`
+    /// levels deep, or `split` returns `None`. `split` reorders the members of a leaf and returns
+    /// the index at which the second half begins.
+    fn split_by(mut self, split: impl Fn(&[BuildPrimitive], &mut [u32]) -> Option<usize>) -> Bvh2 {
+        // A work list instead of recursion, so that any depth is possible.
+        let mut work = vec![(0usize, 0u32)];
+        while let Some((leaf, depth)) = work.pop() {
+            let Bvh2Node {
+                prim_count,
+                first_index,
+                ..
+            } = self.tree.nodes[leaf];
+            let (count, first) = (prim_count as usize, first_index as usize);
+            if count <= self.max_leaf || depth >= self.max_depth {
+                continue;
+            }
+            let members = &mut self.tree.primitive_indices[first..first + count];
+            let Some(middle) =
+                split(self.primitives, members).filter(|middle| (1..count).contains(middle))
+            else {
+                continue;
+            };
+            let halves = [(first, middle), (first + middle, count - middle)];
+            let children = self.tree.nodes.len();
+            for (first, count) in halves {
+                let aabb = bounding_box(
+                    self.primitives,
+                    &self.tree.primitive_indices[first..first + count],
+                );
+                self.tree
+                    .nodes
+                    .push(Bvh2Node::new(aabb, count as u32, first as u32));
+            }
+            self.tree.nodes[leaf].prim_count = 0;
+            self.tree.nodes[leaf].first_index = children as u32;
+            work.extend([(children + 1, depth + 1), (children, depth + 1)]);
+        }
+        self.tree
+    }
+}
+
+/// Returns the box around some primitives.
+fn bounding_box(primitives: &[BuildPrimitive], members: &[u32]) -> Aabb {
+    let boxes = members.iter().map(|i| primitives[*i as usize].aabb);
+    boxes.fold(Aabb::empty(), |all, aabb| all.union(&aabb))
+}
+
+/// Moves the members for which a predicate holds to the front and returns their number.
+fn partition(members: &mut [u32], first: impl Fn(u32) -> bool) -> usize {
+    let mut middle = 0;
+    for i in 0..members.len() {
+        if first(members[i]) {
+            members.swap(i, middle);
+            middle += 1;
+        }
+    }
+    middle
+}
+
+/// Splits at the middle of the box's longest side, by centroids, as listing 4.6 of thesis S1
+/// (docs/inside/transport.md).
+///
+/// Three deviations from the listing. Its extents use a comma operator where a constructor is
+/// meant, so that all three are that of z; here each axis has its own. Its comparisons take z if x
+/// and y are the longest alike; here it is the last of the longest axes. And if all centroids lie
+/// on one side, it divides nothing until the depth is used up; here that is a leaf.
+fn plane_split(primitives: &[BuildPrimitive], members: &mut [u32]) -> Option<usize> {
+    let aabb = bounding_box(primitives, members);
+    let size = aabb.max - aabb.min;
+    let axis = (0..3)
+        .max_by(|a, b| size[*a].total_cmp(&size[*b]))
+        .unwrap_or(2);
+    let middle = aabb.min[axis] + size[axis] / 2.0;
+    Some(partition(members, |i| {
+        primitives[i as usize].centroid[axis] > middle
+    }))
+}
+
+/// Splits at the bin border that is cheapest by the surface area heuristic: the sum over both
+/// halves of the surface of their box times their number of members.
+///
+/// As listing 4.7 of thesis S1 with three differences. Bins lie between the outermost centroids, as
+/// in [Wald 2007], where those of the listing cover the whole box and stay partly empty; empty bins
+/// have no box, where the listing uses the origin; and both sums are computed in two sweeps over
+/// the bins instead of again for every border.
+fn sah_split(primitives: &[BuildPrimitive], members: &mut [u32], bins: usize) -> Option<usize> {
+    let centroids = members.iter().map(|i| primitives[*i as usize].centroid);
+    let start = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+    let (low, high) = centroids.fold(start, |(low, high), c| (low.min(c), high.max(c)));
+    let mut best: Option<(f32, usize, usize)> = None;
+    let bin_of = |axis: usize, c: Vec3A| {
+        let bin = (c[axis] - low[axis]) / (high[axis] - low[axis]) * bins as f32;
+        (bin as usize).min(bins - 1)
+    };
+    let mut filled = vec![(0u32, Aabb::empty()); bins];
+    let mut before = vec![0.0f32; bins];
+    for axis in 0..3 {
+        if high[axis] <= low[axis] {
+            continue;
+        }
+        filled.fill((0, Aabb::empty()));
+        for i in members.iter() {
+            let BuildPrimitive { aabb, centroid } = primitives[*i as usize];
+            let bin = &mut filled[bin_of(axis, centroid)];
+            *bin = (bin.0 + 1, bin.1.union(&aabb));
+        }
+        let cost = |(count, aabb): &(u32, Aabb)| {
+            if *count > 0 {
+                aabb.half_area() * *count as f32
+            } else {
+                0.0
+            }
+        };
+        let join =
+            |sum: &mut (u32, Aabb), bin: &(u32, Aabb)| *sum = (sum.0 + bin.0, sum.1.union(&bin.1));
+        let mut sum = (0, Aabb::empty());
+        for (bin, before) in filled.iter().zip(&mut before) {
+            *before = cost(&sum);
+            join(&mut sum, bin);
+        }
+        let mut sum = (0, Aabb::empty());
+        for border in (1..bins).rev() {
+            join(&mut sum, &filled[border]);
+            let both = before[border] + cost(&sum);
+            let divides = sum.0 > 0 && (sum.0 as usize) < members.len();
+            if divides && best.is_none_or(|(least, ..)| both < least) {
+                best = Some((both, axis, border));
+            }
+        }
+    }
+    let (_, axis, border) = best?;
+    Some(partition(members, |i| {
+        bin_of(axis, primitives[i as usize].centroid) < border
+    }))
+}

@@ -1,0 +1,293 @@
+//! Films of a run's layers on the CPU. [`LayerFilms`] holds the sums, [`LayerRowFilm`] accumulates
+//! the samples of a row.
+//!
+//! As in the main film, the samples of a pixel are added in the order of their index by one thread,
+//! and splats in fixed point. What the main film refuses is refused here, so that films still add
+//! up to the picture.
+
+use std::io::{self, Write};
+use std::sync::OnceLock;
+
+use glam::Vec3;
+
+use crate::film::Film;
+use crate::film::layer::{Layer, LayerFilm, LayerLayout};
+use crate::film::splat::SplatSums;
+use crate::film::state::{CheckpointMismatch, StateReader, write_u64s};
+use crate::render::Job;
+use crate::transport::contribution::Contribution;
+use crate::transport::integrator::Context;
+use crate::transport::light::luminance;
+use crate::transport::sampler::Sampler;
+use crate::transport::surface::Surface;
+
+/// Sum and sum of squares of one film at one pixel.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Moments {
+    sum: [f64; 3],
+    sum2: [f64; 3],
+}
+
+/// Properties of the films that all rows share.
+pub(crate) struct LayerSpec {
+    layout: LayerLayout,
+    max_depth: u32,
+    pixels: usize,
+    /// Whether any layer needs the first surface.
+    surfaces: bool,
+    /// Number of films made of contributions; they precede all others.
+    contribution_films: usize,
+    /// Index of each film's splat sums among those of a pixel.
+    slots: Vec<Option<usize>>,
+    splat_films: usize,
+    /// Splat sums, `[y][x][film]`, allocated for the first splat.
+    splats: OnceLock<SplatSums>,
+}
+
+/// Films of all layers of a run.
+pub(crate) struct LayerFilms {
+    spec: LayerSpec,
+    /// Sums of samples, `[y][x][film]`.
+    own: Vec<Moments>,
+}
+
+impl LayerFilms {
+    /// Creates the films of the layers that a job requests, or returns `None` if it requests none.
+    ///
+    /// # Errors
+    /// Returns a message if they exceed the limits of [`LayerLayout::new`].
+    pub(crate) fn for_job(job: &Job) -> Result<Option<LayerFilms>, String> {
+        if job.layers.is_empty() {
+            return Ok(None);
+        }
+        let pixels = u64::from(job.resolution[0]) * u64::from(job.resolution[1]);
+        let layout = LayerLayout::new(&job.layers, job.max_depth, pixels)?;
+        let mut splat_films = 0;
+        let mut slot = |film: &LayerFilm| {
+            film.splats.then(|| {
+                splat_films += 1;
+                splat_films - 1
+            })
+        };
+        let slots = layout.films().iter().map(&mut slot).collect();
+        let own = vec![Moments::default(); layout.films().len() * pixels as usize];
+        let surfaces = [Layer::Albedo, Layer::Normal, Layer::Distance];
+        let spec = LayerSpec {
+            max_depth: job.max_depth,
+            pixels: pixels as usize,
+            surfaces: surfaces.iter().any(|layer| layout.single(*layer).is_some()),
+            contribution_films: layout
+                .films()
+                .iter()
+                .filter(|film| film.layer.row().splats)
+                .count(),
+            slots,
+            splat_films,
+            splats: OnceLock::new(),
+            layout,
+        };
+        Ok(Some(LayerFilms { spec, own }))
+    }
+
+    /// Splits the films into rows, one for each thread that renders a row, and returns the
+    /// properties that all rows share. Without layers every row is `None`.
+    pub(crate) fn rows(
+        layers: &mut Option<LayerFilms>,
+        height: u32,
+    ) -> (Vec<Option<&mut [Moments]>>, Option<&LayerSpec>) {
+        match layers {
+            None => ((0..height).map(|_| None).collect(), None),
+            Some(LayerFilms { spec, own }) => {
+                let row = own.len() / (height as usize).max(1);
+                (own.chunks_mut(row.max(1)).map(Some).collect(), Some(spec))
+            }
+        }
+    }
+
+    /// Returns the films.
+    pub(crate) fn films(&self) -> &[LayerFilm] {
+        self.spec.layout.films()
+    }
+
+    /// Writes all sums.
+    pub(crate) fn save(&self, to: &mut dyn Write) -> io::Result<()> {
+        let numbers = self
+            .own
+            .iter()
+            .flat_map(|sums| [sums.sum, sums.sum2])
+            .flatten();
+        write_u64s(to, numbers.map(f64::to_bits))?;
+        SplatSums::save(self.spec.splats.get(), to)
+    }
+
+    /// Reads the sums of the same films.
+    pub(crate) fn restore(&mut self, from: &mut StateReader<'_>) -> Result<(), CheckpointMismatch> {
+        for sums in &mut self.own {
+            for number in sums.sum.iter_mut().chain(&mut sums.sum2) {
+                *number = f64::from_bits(from.read_u64()?);
+            }
+        }
+        let splats = SplatSums::restore(self.spec.pixels * self.spec.splat_films, from)?;
+        self.spec.splats = splats.map_or_else(OnceLock::new, OnceLock::from);
+        Ok(())
+    }
+
+    /// Returns the sums of one film, splats included.
+    pub(crate) fn film(&self, index: usize, [width, height]: [u32; 2], samples: u64) -> Film {
+        let spec = &self.spec;
+        let mut film = Film {
+            samples,
+            ..Film::new(width, height)
+        };
+        let splats = spec.splats.get().zip(spec.slots[index]);
+        let own = self.own.iter().skip(index).step_by(self.films().len());
+        for (pixel, own) in own.enumerate() {
+            (film.sum[pixel], film.sum2[pixel]) = match splats {
+                None => (own.sum, own.sum2),
+                Some((splats, slot)) => {
+                    splats.combined(pixel * spec.splat_films + slot, own.sum, own.sum2, samples)
+                }
+            };
+        }
+        film
+    }
+}
+
+/// Accumulates the samples of one row of pixels in the films of all layers.
+pub(crate) struct LayerRowFilm<'a> {
+    spec: &'a LayerSpec,
+    row: &'a mut [Moments],
+    /// Contribution of the current sample to each film of its own pixel.
+    values: Vec<Vec3>,
+}
+
+impl<'a> LayerRowFilm<'a> {
+    /// Creates the accumulator of one row.
+    pub(crate) fn new(spec: &'a LayerSpec, row: &'a mut [Moments]) -> LayerRowFilm<'a> {
+        LayerRowFilm {
+            spec,
+            row,
+            values: vec![Vec3::ZERO; spec.layout.films().len()],
+        }
+    }
+
+    /// Adds a contribution to the sample's own pixel. Returns how many films refused it: one if its
+    /// path is longer than the limit.
+    pub(crate) fn add(&mut self, c: &Contribution) -> u64 {
+        let values = &mut self.values;
+        self.spec.for_each_film(c, |film, value| {
+            values[film] += value;
+            true
+        })
+    }
+
+    /// Adds a contribution to any pixel. Returns how many films refused it.
+    pub(crate) fn splat(&self, pixel: usize, c: &Contribution) -> u64 {
+        let spec = self.spec;
+        spec.for_each_film(c, |film, value| {
+            let Some(slot) = spec.slots[film] else {
+                return false;
+            };
+            let sums = spec
+                .splats
+                .get_or_init(|| SplatSums::new(spec.pixels * spec.splat_films));
+            sums.add(pixel * spec.splat_films + slot, value.to_array())
+        })
+    }
+
+    /// Ends a sample of `pixel`, which must be in this row. `counts` is whether the main film
+    /// accepted it, `rays` the number of rays it traced, and `sampler` creates its sampler again.
+    /// Returns how many films had to drop a value that was not finite.
+    pub(crate) fn finish_sample(
+        &mut self,
+        context: &Context,
+        pixel: [u32; 2],
+        counts: bool,
+        rays: u64,
+        sampler: impl FnOnce() -> Sampler,
+    ) -> u64 {
+        if !counts {
+            self.values[..self.spec.contribution_films].fill(Vec3::ZERO);
+        }
+        let layout = &self.spec.layout;
+        if let Some(film) = layout.single(Layer::Rays) {
+            self.values[film] = Vec3::splat(rays as f32);
+        }
+        if self.spec.surfaces {
+            self.first_surface(context, pixel, &mut sampler());
+        }
+        let start = pixel[0] as usize * self.values.len();
+        let mut refused = 0;
+        for (sums, value) in self.row[start..].iter_mut().zip(&mut self.values) {
+            let v = std::mem::take(value);
+            if !v.is_finite() {
+                refused += 1;
+            } else if v != Vec3::ZERO {
+                for c in 0..3 {
+                    let v = f64::from(v[c]);
+                    sums.sum[c] += v;
+                    sums.sum2[c] += v * v;
+                }
+            }
+        }
+        refused
+    }
+
+    /// Records the first hit of the sample's camera ray, which its integrator has already traced.
+    fn first_surface(&mut self, context: &Context, pixel: [u32; 2], sampler: &mut Sampler) {
+        let ray = context.camera.sample_ray(pixel, sampler);
+        let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else {
+            return;
+        };
+        let surface = Surface::at(context.scene, &ray, &hit);
+        let layout = &self.spec.layout;
+        let mut set = |layer: Layer, value: Vec3| {
+            if let Some(film) = layout.single(layer) {
+                self.values[film] = value;
+            }
+        };
+        set(Layer::Albedo, surface.base_color(&context.scene.textures));
+        let behind = surface.n_geometric.dot(ray.dir) > 0.0;
+        set(
+            Layer::Normal,
+            if behind {
+                -surface.n_shading
+            } else {
+                surface.n_shading
+            },
+        );
+        set(
+            Layer::Distance,
+            Vec3::new(ray.origin.distance(surface.position), 1.0, 0.0),
+        );
+    }
+}
+
+impl LayerSpec {
+    /// Calls `add` with each film that a contribution belongs to and the value to add; `add`
+    /// returns whether the film accepted it. Returns the number of refusals.
+    fn for_each_film(&self, c: &Contribution, mut add: impl FnMut(usize, Vec3) -> bool) -> u64 {
+        let k = c.depth();
+        if !(1..=self.max_depth).contains(&k) {
+            return 1;
+        }
+        let mut refused = 0;
+        let mut add_to = |film: Option<usize>, value: Vec3| {
+            if let Some(film) = film
+                && value != Vec3::ZERO
+            {
+                refused += u64::from(!add(film, value));
+            }
+        };
+        add_to(self.layout.depth(k), c.value);
+        let strategy = self.layout.strategy(c.s, c.t);
+        add_to(strategy, c.value);
+        add_to(strategy.map(|weighted| weighted + 1), c.unweighted);
+        let luminance = luminance(c.value) as f32;
+        add_to(
+            self.layout.single(Layer::Bounces),
+            Vec3::new((k - 1) as f32 * luminance, luminance, 0.0),
+        );
+        refused
+    }
+}

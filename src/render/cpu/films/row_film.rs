@@ -1,0 +1,230 @@
+//! Accumulation of the samples of one row of pixels.
+
+use std::sync::OnceLock;
+
+use glam::Vec3;
+
+use super::bin_pool;
+use super::contributions::{SampleId, TimedContributions};
+use super::time_film::{TimeRowFilm, TimedSplats};
+use crate::film::splat::{SplatBuffer, SplatSums};
+
+/// Number of slots that are prefetched ahead of additions, because films are larger than caches.
+const PREFETCH_DISTANCE: usize = 48;
+
+/// Statistics of a row, merged over all rows of a wave.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct RowStats {
+    /// Number of rays traced.
+    pub rays: u64,
+    /// Number of contributions that were refused.
+    pub invalid: u64,
+    /// Sample index, row and column of the first refused contribution; "first" is in this order.
+    pub first_invalid: Option<[u64; 3]>,
+}
+
+impl RowStats {
+    /// Returns the sums of both.
+    pub fn merge(self, other: RowStats) -> RowStats {
+        RowStats {
+            rays: self.rays + other.rays,
+            invalid: self.invalid + other.invalid,
+            first_invalid: [self.first_invalid, other.first_invalid]
+                .into_iter()
+                .flatten()
+                .min(),
+        }
+    }
+}
+
+/// Destination of splats, the contributions of samples to pixels other than their own.
+#[derive(Clone, Copy)]
+pub(crate) struct SplatTarget<'a> {
+    /// Width and height of the picture in pixels.
+    pub resolution: [u32; 2],
+    /// Sums of a film without a time axis, allocated for the first splat.
+    pub plain: &'a OnceLock<SplatSums>,
+    /// Sums of a film with a time axis, if it has one.
+    pub timed: Option<TimedSplats<'a>>,
+}
+
+impl<'a> SplatTarget<'a> {
+    /// Returns the sums, allocating them if needed.
+    pub fn sums(&self) -> &'a SplatSums {
+        match &self.timed {
+            Some(timed) => timed.sums(),
+            None => self.plain.get_or_init(|| SplatSums::new(self.size())),
+        }
+    }
+
+    /// Returns an empty buffer for splats.
+    pub fn buffer(&self) -> SplatBuffer {
+        bin_pool::take_buffer(self.timed.map_or(self.size(), |timed| timed.size()))
+    }
+
+    /// Returns the number of pixels of the picture.
+    fn size(&self) -> usize {
+        let [width, height] = self.resolution.map(|n| n as usize);
+        width * height
+    }
+
+    /// Returns the index of a pixel, or `None` if it is outside the picture.
+    pub fn pixel_index(&self, [x, y]: [u32; 2]) -> Option<usize> {
+        let [width, height] = self.resolution;
+        (x < width && y < height).then(|| y as usize * width as usize + x as usize)
+    }
+}
+
+/// Accumulates the samples of one row of pixels, which one thread adds in the order of their index.
+pub(crate) struct RowFilm<'a> {
+    y: u32,
+    sum: &'a mut [[f64; 3]],
+    sum2: &'a mut [[f64; 3]],
+    by_time: Option<TimeRowFilm<'a>>,
+    splats: SplatTarget<'a>,
+    buffer: SplatBuffer,
+    stats: RowStats,
+}
+
+impl<'a> RowFilm<'a> {
+    /// Creates the accumulator of row `y`; splats are collected in `buffer`.
+    pub fn new(
+        y: u32,
+        [sum, sum2]: [&'a mut [[f64; 3]]; 2],
+        by_time: Option<TimeRowFilm<'a>>,
+        splats: SplatTarget<'a>,
+        buffer: SplatBuffer,
+    ) -> RowFilm<'a> {
+        RowFilm {
+            y,
+            sum,
+            sum2,
+            by_time,
+            splats,
+            buffer,
+            stats: RowStats::default(),
+        }
+    }
+
+    /// Adds a contribution of a sample in column `x` to the time bins of its own pixel; `length` is
+    /// the optical length of the path. Does nothing without a time axis.
+    #[inline]
+    pub fn add_timed(&mut self, x: u32, value: Vec3, length: f64) {
+        if let Some(by_time) = &mut self.by_time {
+            by_time.add_timed(x, value, length);
+        }
+    }
+
+    /// Adds a contribution of a path to another pixel. Returns `None` if it was refused, which
+    /// never happens for zero radiance, and otherwise the pixel's index, if it is inside the
+    /// picture.
+    #[inline]
+    pub fn splat(&mut self, pixel: [u32; 2], value: Vec3, length: f64) -> Option<Option<usize>> {
+        let index = self.splats.pixel_index(pixel);
+        if value == Vec3::ZERO {
+            return Some(index);
+        }
+        let at = index?;
+        let buffer = &mut self.buffer;
+        let accepted = match &self.splats.timed {
+            Some(timed) => timed.splat(at, (value, length), |i, v| buffer.push(i, v)),
+            None => buffer.push(at, value.to_array()),
+        };
+        accepted.then_some(index)
+    }
+
+    /// Adds the radiance of a sample to its own pixel if it is finite, and returns whether it is.
+    /// With a time axis only the squares are added here, since the picture is the sum of its slots.
+    #[inline]
+    pub fn add_sample(&mut self, x: u32, value: Vec3) -> bool {
+        let finite = value.is_finite();
+        if finite {
+            let value = value.as_dvec3().to_array();
+            // With a time axis the picture is the sum of its slots.
+            if self.by_time.is_none() {
+                (0..3).for_each(|c| self.sum[x as usize][c] += value[c]);
+            }
+            (0..3).for_each(|c| self.sum2[x as usize][c] += value[c] * value[c]);
+        }
+        finite
+    }
+
+    /// Ends a sample whose contributions were passed to [`add_timed`](Self::add_timed); `counts` is
+    /// whether the picture accepted it. Returns whether its squares stayed finite.
+    #[inline]
+    pub fn finish_sample(&mut self, x: u32, counts: bool) -> bool {
+        self.by_time
+            .as_mut()
+            .is_none_or(|by_time| by_time.finish_sample(x, counts))
+    }
+
+    /// Counts `invalid` refused contributions of a sample. Also flushes the splat buffer if it is
+    /// full and counts splats whose squares overflowed.
+    #[inline]
+    pub fn record_invalid(&mut self, x: u32, sample: u64, mut invalid: u64) {
+        if self.buffer.is_full() {
+            invalid += self.buffer.flush(self.splats.sums());
+        }
+        if invalid > 0 {
+            let first_invalid = Some([sample, u64::from(self.y), u64::from(x)]);
+            self.stats = self.stats.merge(RowStats {
+                rays: 0,
+                invalid,
+                first_invalid,
+            });
+        }
+    }
+
+    /// Ends the row after `rays` rays. Returns its statistics and the splat buffer.
+    pub fn finish(self, rays: u64) -> (RowStats, SplatBuffer) {
+        (RowStats { rays, ..self.stats }, self.buffer)
+    }
+}
+
+/// Batches of vectorised samples.
+#[cfg_attr(
+    not(target_arch = "x86_64"),
+    expect(dead_code, reason = "the wavefront renderer needs x86-64")
+)]
+impl RowFilm<'_> {
+    /// Adds a contribution of a sample to the pixel with this column and row; `length` is the
+    /// optical length of its path.
+    #[inline]
+    pub fn splat_of(&mut self, (x, sample): SampleId, pixel: [u32; 2], value: Vec3, length: f64) {
+        let invalid = self.splat(pixel, value, length).is_none();
+        self.record_invalid(x, sample, u64::from(invalid));
+    }
+
+    /// Adds a batch of samples to their own pixels: their radiance `values` and, with a time axis,
+    /// the contributions `timed` that it is the sum of. Their splats must have been added before.
+    pub fn add_batch(
+        &mut self,
+        ids: &[SampleId],
+        values: &[Vec3],
+        timed: Option<&mut TimedContributions>,
+    ) {
+        let mut refused: Vec<u32> = Vec::new();
+        for (path, ((x, _), value)) in ids.iter().zip(values).enumerate() {
+            if !self.add_sample(*x, *value) {
+                refused.push(path as u32);
+            }
+        }
+        if let (Some(by_time), Some(timed)) = (&mut self.by_time, timed) {
+            refused.iter().for_each(|path| timed.discard(*path));
+            let column = |path: u32| ids[path as usize].0;
+            by_time.add_batch::<PREFETCH_DISTANCE>(
+                ids.len() as u32,
+                column,
+                timed.sorted(),
+                |path| {
+                    if refused.last() != Some(&path) {
+                        refused.push(path);
+                    }
+                },
+            );
+        }
+        for (x, sample) in refused.into_iter().map(|path| ids[path as usize]) {
+            self.record_invalid(x, sample, 1);
+        }
+    }
+}

@@ -1,0 +1,83 @@
+//! Recording of single samples on the CPU.
+
+use std::cell::RefCell;
+use std::sync::Arc;
+
+use super::bvh::accel::{Accel, AccelError};
+use super::bvh::simd::Isa;
+use crate::render::path_trace::{PathEvent, SampleAt};
+use crate::render::{Job, RenderError};
+use crate::scene::CompiledScene;
+use crate::transport::camera::Camera;
+use crate::transport::integrator::{Context, Settings};
+use crate::transport::light::{LightSelection, Lights};
+use crate::transport::ray::{Hit, Ray, Trace};
+
+/// Hierarchy that records every query and its answer.
+struct RecordingTrace<'a> {
+    accel: &'a Accel,
+    events: &'a RefCell<Vec<PathEvent>>,
+}
+
+impl Trace for RecordingTrace<'_> {
+    fn closest(&self, ray: &Ray, t_max: f32) -> Option<Hit> {
+        let hit = self.accel.closest(ray, t_max);
+        self.events.borrow_mut().push(PathEvent::Closest {
+            ray: *ray,
+            t_max,
+            hit,
+        });
+        hit
+    }
+
+    fn occluded(&self, ray: &Ray, t_max: f32) -> bool {
+        let blocked = self.accel.occluded(ray, t_max);
+        self.events.borrow_mut().push(PathEvent::Shadow {
+            ray: *ray,
+            t_max,
+            blocked,
+        });
+        blocked
+    }
+}
+
+/// Records the events of each of some samples.
+///
+/// # Errors
+/// Returns an error if the scene's hierarchy cannot be used.
+pub(super) fn paths(
+    scene: &Arc<CompiledScene>,
+    job: &Job,
+    samples: &[SampleAt],
+) -> Result<Vec<Vec<PathEvent>>, RenderError> {
+    let failed = |e: AccelError| RenderError::Failed {
+        backend: "cpu",
+        reason: e.to_string(),
+    };
+    let accel = Accel::build_as(Arc::clone(scene), &job.accel, Isa::detect()).map_err(failed)?;
+    let scene = &accel.scene;
+    let camera = Camera::new(&scene.camera, job.resolution, job.filter);
+    let lights = Lights::with_select(scene, LightSelection::from_params(&job.params));
+    let settings = Settings::new(&job.params);
+    let record_sample = |at: &SampleAt| {
+        let events = RefCell::default();
+        let context = Context {
+            scene,
+            camera: &camera,
+            lights: &lights,
+            trace: &RecordingTrace {
+                accel: &accel,
+                events: &events,
+            },
+            max_depth: job.max_depth,
+            rr_start: job.rr_start,
+            settings: &settings,
+            timing: job.timing.as_ref(),
+        };
+        let mut sampler = (job.sampler.start)(job.seed, at.pixel, at.sample);
+        let mut sink = |c| events.borrow_mut().push(PathEvent::Light(c));
+        (job.integrator.sample)(&context, at.pixel, &mut sampler, &mut sink);
+        events.take()
+    };
+    Ok(samples.iter().map(record_sample).collect())
+}

@@ -1,0 +1,91 @@
+//! Loading of vertices and samplers of subpaths into lanes.
+
+use crate::math::real::{Real, Vector};
+use crate::math::simd::{Lanes, map_array};
+use crate::render::cpu::wavefront::bdpt::{Node, Subpaths, TileContext};
+use crate::render::cpu::wavefront::vertices::Vertices;
+use crate::transport::integrator::bdpt::weights::{MisEndpoint, MisPartials};
+use crate::transport::path_time::OpticalLength;
+use crate::transport::surface::SurfacePoint;
+
+/// Vertices in all lanes, with throughput and MIS terms of their paths.
+pub(super) struct Loaded<R: Real> {
+    pub vertices: Vertices<R>,
+    pub throughput: R::Vec3,
+    pub endpoint: MisEndpoint<R>,
+}
+
+/// Loads points, directions to the previous vertices, throughputs, and MIS terms.
+#[inline(always)]
+pub(super) fn load_nodes<R: Lanes<N>, const N: usize>(
+    nodes: [&Node; N],
+) -> (SurfacePoint<R::Vec3>, R::Vec3, R::Vec3, MisEndpoint<R>) {
+    let a = R::transpose_load(map_array(nodes, |node| &node.rows[0]));
+    let b = R::transpose_load(map_array(nodes, |node| &node.rows[1]));
+    let last = R::load(&map_array(nodes, |node| node.rows[2].0[0]));
+    let (d_vcm, d_vc) = (
+        map_array(nodes, |node| node.partials[0]),
+        map_array(nodes, |node| node.partials[1]),
+    );
+    let point = SurfacePoint {
+        position: R::Vec3::new(a[0], a[1], a[2]),
+        n_geometric: R::Vec3::new(a[3], a[4], a[5]),
+        n_shading: R::Vec3::new(b[0], b[1], b[2]),
+    };
+    let partials = MisPartials {
+        d_vcm: R::load_doubles(&d_vcm),
+        d_vc: R::load_doubles(&d_vc),
+    };
+    (
+        point,
+        R::Vec3::new(b[3], b[4], b[5]),
+        R::Vec3::new(b[6], b[7], last),
+        MisEndpoint {
+            partials,
+            back: a[6],
+        },
+    )
+}
+
+/// Loads the optical lengths of paths at these vertices.
+#[inline(always)]
+pub(super) fn optical_lengths<R: Lanes<N>, const N: usize>(nodes: [&Node; N]) -> OpticalLength<R> {
+    let [_, path, delays, index, ..] = R::transpose_load(map_array(nodes, |node| &node.rows[2]));
+    OpticalLength {
+        path,
+        delays,
+        delay: R::splat(0.0),
+        index,
+    }
+}
+
+/// Loads vertices on surfaces of one class; nothing is visible outside `active`.
+#[inline(always)]
+pub(super) fn load_vertices<R: Lanes<N>, const N: usize, const TIMED: bool>(
+    tile: &TileContext<TIMED>,
+    class: usize,
+    nodes: [&Node; N],
+    active: R::Mask,
+) -> Loaded<R> {
+    let (point, wo, throughput, endpoint) = load_nodes::<R, N>(nodes);
+    let rows = map_array(nodes, |node| &tile.table.rows[node.material()]);
+    Loaded {
+        vertices: Vertices::<R>::new(point, wo, rows, &tile.table.traits(class), active),
+        throughput,
+        endpoint,
+    }
+}
+
+/// Loads the sampler keys of paths.
+#[inline(always)]
+pub fn sampler_keys<R: Lanes<N>, const N: usize>(paths: &Subpaths, ids: [u32; N]) -> [R::Word; 4] {
+    let [.., a, b, c, d] =
+        R::transpose_load(map_array(ids, |path| &paths.walkers[path as usize].rows[2]));
+    [a.bits(), b.bits(), c.bits(), d.bits()]
+}
+
+/// Loads one integer per lane.
+#[inline(always)]
+pub fn load_words<R: Lanes<N>, const N: usize>(ids: [u32; N]) -> R::Word {
+    R::load(&map_array(ids, f32::from_bits)).bits()
+}

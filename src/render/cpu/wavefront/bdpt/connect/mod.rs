@@ -1,0 +1,389 @@
+//! Connections of the subpaths of a tile: listed in the order of each sample's sum and evaluated by
+//! class of surface, as many at once as there are lanes.
+
+mod interior;
+mod lens;
+mod light;
+pub(super) mod load;
+
+use glam::Vec3;
+
+use self::interior::{connect_interior, evaluate_camera_ends};
+use self::lens::connect_t1;
+use self::light::connect_s1;
+use super::{CameraContributions, Node, Subpaths, TileContext};
+use crate::math::real::{Double, Vector};
+use crate::math::simd::{F32x8, Lanes, SimdKernel, dispatch};
+use crate::render::cpu::wavefront::shade::shadow_ray;
+use crate::transport::ray::Ray;
+
+/// Receiver of contributions to other pixels: path, pixel, value, and optical length.
+pub(super) type Splat<'a> = dyn FnMut(u32, [u32; 2], Vec3, f64) + 'a;
+
+/// Number of connections in the queue at which their shadow rays are traced.
+const MAX_QUEUED: usize = 64;
+
+/// Number of listed contributions at which connections are evaluated before the tile ends.
+const MAX_LISTED: usize = 1 << 13;
+
+/// Destination of a contribution.
+#[derive(Clone, Copy)]
+pub(super) enum Target {
+    /// Slot of [`ConnectionLists`] at this index.
+    Slot(u32),
+    /// Pixel, with the path that contributes to it.
+    Pixel(u32, [u32; 2]),
+}
+
+/// Contributions whose shadow rays are not traced yet.
+#[derive(Default)]
+pub(super) struct ShadowQueue {
+    rays: Vec<(Ray, f32)>,
+    lights: Vec<(Vec3, Target)>,
+    /// Optical lengths of the contributions; used only with a time axis.
+    pub lengths: Vec<f64>,
+    occluded: Vec<bool>,
+}
+
+impl ShadowQueue {
+    /// Appends a contribution: a row of [`shadow_rays`] and a row with its value.
+    #[inline]
+    pub fn push(&mut self, ray: &F32x8, value: &F32x8, to: Target) {
+        self.rays.push(shadow_ray(ray));
+        let [r, g, b, ..] = value.0;
+        self.lights.push((Vec3::new(r, g, b), to));
+    }
+}
+
+/// Pending connection of camera vertex `z` to a sampled point on a light (`s = 1`).
+#[derive(Clone, Copy)]
+struct LightConnection {
+    slot: u32,
+    path: u32,
+    z: u32,
+    /// Number of random numbers drawn before.
+    taken: u32,
+}
+
+/// Pending connection of light vertex `y` and camera vertex `z`.
+#[derive(Clone, Copy)]
+struct VertexPair {
+    slot: u32,
+    y: u32,
+    z: u32,
+}
+
+/// Vertex pair whose BSDF at the camera vertex is evaluated: value and both densities.
+#[derive(Clone, Copy)]
+struct EvaluatedPair {
+    pair: VertexPair,
+    at_z: [f32; 5],
+}
+
+/// Pending connection of light vertex `y` to the lens (`t = 1`).
+#[derive(Clone, Copy)]
+struct LensConnection {
+    path: u32,
+    y: u32,
+    /// Number of random numbers drawn before.
+    taken: u32,
+}
+
+/// Contributions to samples, in the order in which they are added.
+#[derive(Default)]
+pub(super) struct Slots {
+    /// Path and value of each contribution.
+    lights: Vec<(u32, Vec3)>,
+    /// Optical length of each contribution; used only with a time axis.
+    lengths: Vec<f64>,
+}
+
+/// Pending connections of a tile.
+#[derive(Default)]
+pub(super) struct ConnectionLists {
+    slots: Slots,
+    /// Lists by class of the camera vertex.
+    light_connections: Vec<Vec<LightConnection>>,
+    pairs: Vec<Vec<VertexPair>>,
+    /// Lists by class of the light vertex.
+    evaluated: Vec<Vec<EvaluatedPair>>,
+    lens_connections: Vec<Vec<LensConnection>>,
+    pub(super) queue: ShadowQueue,
+}
+
+impl ConnectionLists {
+    pub fn reset(&mut self, classes: usize) {
+        self.light_connections.resize_with(classes, Vec::new);
+        self.pairs.resize_with(classes, Vec::new);
+        self.evaluated.resize_with(classes, Vec::new);
+        self.lens_connections.resize_with(classes, Vec::new);
+    }
+
+    fn slot<const TIMED: bool>(&mut self, path: usize, value: Vec3, length: f64) -> u32 {
+        self.slots.lights.push((path as u32, value));
+        if TIMED {
+            self.slots.lengths.push(length);
+        }
+        self.slots.lights.len() as u32 - 1
+    }
+
+    /// Lists all contributions of a sample to its own pixel, and returns how many of its random
+    /// numbers are then drawn.
+    pub fn list_camera_path<const TIMED: bool>(
+        &mut self,
+        tile: &TileContext<TIMED>,
+        path: usize,
+        [light, camera]: [&Subpaths; 2],
+        (escaped, length): (Vec3, f64),
+    ) -> u32 {
+        let TileContext { table, context, .. } = *tile;
+        let (settings, max) = (context.settings, context.max_depth);
+        let mut taken = light.walkers[path].taken();
+        if escaped != Vec3::ZERO {
+            self.slot::<TIMED>(path, escaped, length);
+        }
+        for (z, t) in camera.path(path).zip(2..) {
+            let node = &camera.nodes[z as usize];
+            if node.emission != Vec3::ZERO {
+                self.slot::<TIMED>(
+                    path,
+                    node.emission,
+                    if TIMED { node.optical().arrival() } else { 0.0 },
+                );
+            }
+            let Some(class) = node
+                .class
+                .map(usize::from)
+                .filter(|class| table.traits(*class).connected)
+            else {
+                continue;
+            };
+            if settings.includes(1, t) {
+                let slot = self.slot::<TIMED>(path, Vec3::ZERO, 0.0);
+                self.light_connections[class].push(LightConnection {
+                    slot,
+                    path: path as u32,
+                    z,
+                    taken,
+                });
+                taken += 3;
+            }
+            for (y, s) in light
+                .path(path)
+                .zip(2..)
+                .take_while(|(_, s)| s + t - 1 <= max)
+            {
+                if settings.includes(s, t)
+                    && tile.connectible_class(&light.nodes[y as usize]).is_some()
+                {
+                    let slot = self.slot::<TIMED>(path, Vec3::ZERO, 0.0);
+                    self.pairs[class].push(VertexPair { slot, y, z });
+                }
+            }
+        }
+        taken
+    }
+
+    /// Lists the connections of a light subpath to the lens, after `taken` random numbers.
+    pub fn list_lens_connections<const TIMED: bool>(
+        &mut self,
+        tile: &TileContext<TIMED>,
+        path: usize,
+        light: &Subpaths,
+        mut taken: u32,
+    ) {
+        for (y, s) in light.path(path).zip(2..) {
+            if tile.context.settings.includes(s, 1)
+                && let Some(class) = tile.connectible_class(&light.nodes[y as usize])
+            {
+                self.lens_connections[class].push(LensConnection {
+                    path: path as u32,
+                    y,
+                    taken,
+                });
+                taken += 4;
+            }
+        }
+    }
+
+    /// Returns whether the lists should be evaluated now: deep paths have many connections.
+    pub fn are_full(&self) -> bool {
+        self.slots.lights.len() >= MAX_LISTED
+    }
+
+    /// Evaluates all listed connections, and adds the contributions to the samples' own pixels to
+    /// their values.
+    pub fn evaluate<const TIMED: bool>(
+        &mut self,
+        tile: &TileContext<TIMED>,
+        [light, camera]: [&Subpaths; 2],
+        sums: &mut CameraContributions,
+        splat: &mut Splat,
+    ) {
+        dispatch(
+            tile.table.width,
+            ConnectKernel {
+                lists: self,
+                tile,
+                light,
+                camera,
+                splat,
+            },
+        );
+        for (i, (path, value)) in self.slots.lights.drain(..).enumerate() {
+            sums.values[path as usize] += value;
+            if TIMED
+                && value != Vec3::ZERO
+                && let Some(timing) = tile.context.timing
+            {
+                sums.timed.push(
+                    timing,
+                    path,
+                    value,
+                    timing.axis.bin_position(self.slots.lengths[i]),
+                );
+            }
+        }
+        self.slots.lengths.clear();
+    }
+}
+
+/// Kernel of [`ConnectionLists::evaluate`].
+struct ConnectKernel<'a, 'b, const TIMED: bool> {
+    lists: &'a mut ConnectionLists,
+    tile: &'a TileContext<'a, TIMED>,
+    light: &'a Subpaths,
+    camera: &'a Subpaths,
+    splat: &'a mut Splat<'b>,
+}
+
+impl<const TIMED: bool> SimdKernel for ConnectKernel<'_, '_, TIMED> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<R: Lanes<N>, const N: usize>(self) {
+        let ConnectKernel {
+            lists,
+            tile,
+            light,
+            camera,
+            splat,
+        } = self;
+        let ConnectionLists {
+            slots,
+            light_connections,
+            pairs,
+            evaluated,
+            lens_connections,
+            queue,
+        } = lists;
+        for class in 0..light_connections.len() {
+            for group in light_connections[class].chunks(N) {
+                connect_s1::<R, N, TIMED>(tile, class, group, camera, queue);
+                if queue.lights.len() >= MAX_QUEUED {
+                    tile.resolve(queue, slots, splat);
+                }
+            }
+            light_connections[class].clear();
+            for group in pairs[class].chunks(N) {
+                evaluate_camera_ends::<R, N, TIMED>(tile, class, group, [light, camera], evaluated);
+            }
+            pairs[class].clear();
+            for group in lens_connections[class].chunks(N) {
+                connect_t1::<R, N, TIMED>(tile, class, group, light, queue);
+                if queue.lights.len() >= MAX_QUEUED {
+                    tile.resolve(queue, slots, splat);
+                }
+            }
+            lens_connections[class].clear();
+        }
+        for (class, list) in evaluated.iter_mut().enumerate() {
+            for group in list.chunks(N) {
+                connect_interior::<R, N, TIMED>(tile, class, group, [light, camera], queue);
+                if queue.lights.len() >= MAX_QUEUED {
+                    tile.resolve(queue, slots, splat);
+                }
+            }
+            list.clear();
+        }
+        tile.resolve(queue, slots, splat);
+    }
+}
+
+impl<const TIMED: bool> TileContext<'_, TIMED> {
+    /// Returns the class of a vertex, or `None` if it cannot be connected.
+    fn connectible_class(&self, node: &Node) -> Option<usize> {
+        node.class
+            .map(usize::from)
+            .filter(|class| self.table.traits(*class).connected)
+    }
+
+    /// Traces the queued shadow rays and stores or splats the unoccluded contributions.
+    pub(super) fn resolve(&self, queue: &mut ShadowQueue, slots: &mut Slots, splat: &mut Splat) {
+        let ShadowQueue {
+            rays,
+            lights,
+            lengths,
+            occluded,
+        } = queue;
+        occluded.clear();
+        // Coincident points are visible to each other.
+        if rays.iter().any(|(_, distance)| *distance <= 0.0) {
+            occluded.extend(
+                rays.iter().map(|(ray, d)| {
+                    (*d > 0.0 || d.is_nan()) && self.context.trace.occluded(ray, *d)
+                }),
+            );
+        } else {
+            self.context.trace.occluded_each(rays, occluded);
+        }
+        rays.clear();
+        for (i, ((value, to), _)) in lights
+            .drain(..)
+            .zip(&*occluded)
+            .enumerate()
+            .filter(|(_, (_, occluded))| !**occluded)
+        {
+            let length = if TIMED { lengths[i] } else { 0.0 };
+            match to {
+                Target::Slot(slot) => {
+                    slots.lights[slot as usize].1 = value;
+                    if TIMED {
+                        slots.lengths[slot as usize] = length;
+                    }
+                }
+                Target::Pixel(path, pixel) => splat(path, pixel, value, length),
+            }
+        }
+        lengths.clear();
+    }
+
+    /// Returns the contributions with MIS weight 1 / (1 + `others`), as rows; zero outside
+    /// `usable`.
+    #[inline(always)]
+    pub(super) fn mis_weighted<R: Lanes<N>, const N: usize>(
+        &self,
+        unweighted: R::Vec3,
+        others: R::Double,
+        usable: R::Mask,
+    ) -> [F32x8; N] {
+        let zero = R::splat(0.0);
+        let one = R::Double::splat(1.0);
+        let weight = if self.context.settings.unweighted() {
+            R::splat(1.0)
+        } else {
+            (one / (one + others)).single()
+        };
+        let value = R::Vec3::select(usable, unweighted * weight, R::Vec3::broadcast(Vec3::ZERO));
+        R::transpose_store([
+            value.x(),
+            value.y(),
+            value.z(),
+            zero,
+            zero,
+            zero,
+            zero,
+            zero,
+        ])
+    }
+}

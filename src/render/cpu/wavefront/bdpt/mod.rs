@@ -1,0 +1,377 @@
+//! Vectorised `bdpt`: all camera subpaths of a tile, then all light subpaths, then all connections.
+//!
+//! Subpaths advance step by step as those of other integrators do, and store a [`Node`] at each
+//! vertex. The number of random numbers of a connection does not depend on its result, and the
+//! order of a sample's sum is that of the scalar `bdpt`. Both are therefore known when connections
+//! are [listed](connect), and connections can be evaluated in any order, those at surfaces of one
+//! class together.
+
+mod connect;
+mod random_walk;
+mod ray_generation;
+
+use glam::Vec3;
+
+use super::material_classes::MaterialTable;
+use super::time_of_flight;
+use super::time_of_flight::EmissionDelays;
+use super::{PathRecord, add_to_film, ray_from_row, sampler_from_row, store_hit};
+use crate::math::simd::F32x8;
+use crate::render::Job;
+use crate::render::cpu::films::contributions::{SampleId, TimedContributions};
+use crate::render::cpu::films::row_film::RowFilm;
+use crate::scene::compile::NONE;
+use crate::transport::integrator::Context;
+use crate::transport::integrator::bdpt::connect::{
+    Connection, connect_s0_at_hit, connect_s0_escaped,
+};
+use crate::transport::integrator::bdpt::subpath::{Edge, Escape, Origin};
+use crate::transport::integrator::bdpt::weights::EdgePartials;
+use crate::transport::mis::Heuristic;
+use crate::transport::path_time::{OpticalLength, PathTime};
+use crate::transport::ray::{Hit, Ray};
+use crate::transport::sampler::Independent;
+use connect::ConnectionLists;
+use ray_generation::LightStarts;
+
+/// Number of samples in a tile.
+pub(super) const TILE_SAMPLES: usize = 128;
+
+/// Read-only state of a tile; `TIMED` if the film has a time axis.
+#[derive(Clone, Copy)]
+struct TileContext<'a, const TIMED: bool> {
+    table: &'a MaterialTable,
+    context: &'a Context<'a>,
+    /// Heuristic of the MIS weights.
+    h: Heuristic,
+    emission_delays: &'a EmissionDelays,
+}
+
+/// State of a subpath between two of its vertices, in four rows of eight numbers.
+///
+/// Row 0: ray and the first two components of the throughput. Row 1: the third; position and normal
+/// of the previous vertex; first component of the throughput for Russian roulette. Row 2: hit of
+/// the ray and key of the sampler. Row 3: the other two components for Russian roulette, the number
+/// of random numbers drawn, optical length and refractive index of the medium (with a time axis),
+/// and weighted emission at the hit. On the first edge of a light subpath, selection probability
+/// and area of the light replace length and index; both are zero unless the light is a triangle
+/// with uniform emission.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(C, align(32))]
+struct Walker {
+    rows: [F32x8; 4],
+    /// Density of the ray's direction, `d_vcm` and `d_vc`.
+    weights: [f64; 3],
+}
+
+/// Vertex of a subpath, in three rows of eight numbers.
+///
+/// Row 0: position, geometric normal, area factor of the reverse direction, and material index. Row
+/// 1: shading normal, direction to the previous vertex, and the first two components of the
+/// throughput. Row 2: the third; with a time axis also optical length of the path, emission delay,
+/// and refractive index of the medium of the last edge.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(C, align(32))]
+struct Node {
+    rows: [F32x8; 3],
+    partials: [f64; 2],
+    /// Material class of the surface; `None` if the path ended here and nothing is connected to it.
+    class: Option<u8>,
+    /// Weighted emission of the surface towards the path.
+    emission: Vec3,
+    /// Index of the next vertex of the path, or [`NONE`].
+    next: u32,
+}
+
+/// Subpaths of a tile from the camera or from lights.
+#[derive(Default)]
+struct Subpaths {
+    walkers: Vec<Walker>,
+    nodes: Vec<Node>,
+    /// First and last vertex of every path, or [`NONE`].
+    ends: Vec<[u32; 2]>,
+    /// Paths that have not ended.
+    active: Vec<u32>,
+}
+
+/// Buffers of a tile, which tiles reuse.
+#[derive(Default)]
+pub(super) struct TileBuffers {
+    records: Vec<PathRecord>,
+    camera: Subpaths,
+    light: Subpaths,
+    starts: LightStarts,
+    emission_delays: EmissionDelays,
+    /// Weighted light from the environment that camera subpaths found, and its optical length.
+    escaped: Vec<(Vec3, f64)>,
+    lists: ConnectionLists,
+    sums: CameraContributions,
+}
+
+/// Contributions of samples to their own pixels.
+#[derive(Default)]
+struct CameraContributions {
+    values: Vec<Vec3>,
+    /// Individual contributions that `values` is the sum of; used only with a time axis.
+    timed: TimedContributions,
+}
+
+impl Walker {
+    fn ray(&self) -> Ray {
+        ray_from_row(&self.rows[0])
+    }
+
+    fn throughput(&self) -> Vec3 {
+        let [.., x, y] = self.rows[0].0;
+        Vec3::new(x, y, self.rows[1].0[0])
+    }
+
+    fn edge(&self) -> Edge {
+        let [_, x, y, z, a, b, c, _] = self.rows[1].0;
+        let [pdf_w, d_vcm, d_vc] = self.weights;
+        let origin = Origin::Surface(Vec3::new(a, b, c));
+        Edge {
+            origin,
+            from: Vec3::new(x, y, z),
+            dir: self.ray().dir,
+            pdf_w,
+            partials: EdgePartials { d_vcm, d_vc },
+        }
+    }
+
+    fn taken(&self) -> u32 {
+        self.rows[3].0[2].to_bits()
+    }
+
+    fn sampler(&self, taken: u32) -> Independent {
+        sampler_from_row(&self.rows[2], taken)
+    }
+
+    fn set_hit(&mut self, hit: &Hit, emission: Vec3) {
+        store_hit(&mut self.rows[2], hit);
+        self.rows[3].0[5..].copy_from_slice(&emission.to_array());
+    }
+}
+
+impl Subpaths {
+    fn reset(&mut self, paths: usize) {
+        self.nodes.clear();
+        self.ends.clear();
+        self.ends.resize(paths, [NONE; 2]);
+        self.active.clear();
+    }
+
+    /// Appends a vertex to a path.
+    fn push(&mut self, path: usize, node: Node) {
+        let index = self.nodes.len() as u32;
+        let [first, last] = &mut self.ends[path];
+        match *last {
+            NONE => *first = index,
+            last => self.nodes[last as usize].next = index,
+        }
+        *last = index;
+        self.nodes.push(Node { next: NONE, ..node });
+    }
+
+    /// Returns the indices of the vertices of a path, in order.
+    fn path(&self, path: usize) -> impl Iterator<Item = u32> {
+        let some = |index: u32| (index != NONE).then_some(index);
+        std::iter::successors(some(self.ends[path][0]), move |i| {
+            some(self.nodes[*i as usize].next)
+        })
+    }
+}
+
+impl Node {
+    /// Returns the material index of the surface.
+    #[inline]
+    fn material(&self) -> usize {
+        self.rows[0].0[7].to_bits() as usize
+    }
+
+    /// Returns the optical length of the path up to this vertex; needs a time axis.
+    fn optical(&self) -> OpticalLength {
+        let [_, path, delays, index, ..] = self.rows[2].0;
+        OpticalLength {
+            path,
+            delays,
+            delay: 0.0,
+            index,
+        }
+    }
+
+    /// Sets the three numbers of [`Node::optical`].
+    #[inline]
+    fn set_optical(&mut self, [path, delays, index]: [f32; 3]) {
+        self.rows[2].0[1..4].copy_from_slice(&[path, delays, index]);
+    }
+}
+
+impl<const TIMED: bool> TileContext<'_, TIMED> {
+    /// Returns the weighted contribution of a connection.
+    fn weighted(&self, found: Option<Connection>) -> Vec3 {
+        found.map_or(Vec3::ZERO, |c| {
+            c.unweighted * c.weight(self.context.settings) as f32
+        })
+    }
+
+    /// Returns the path time of camera subpath `path` before edge number `edge` is added.
+    fn path_time(&self, walker: &Walker, path: usize, edge: u32) -> PathTime<'_, true> {
+        let [_, _, _, length, index, ..] = walker.rows[3].0;
+        let optical = OpticalLength {
+            path: length,
+            delays: self.emission_delays.for_path(path),
+            delay: 0.0,
+            index,
+        };
+        PathTime::resume(
+            self.context,
+            optical,
+            walker.edge().from,
+            !time_of_flight::edge_counts(self.context, edge),
+        )
+    }
+
+    /// Returns the weighted light from the environment that edge number `edge` of camera subpath
+    /// `path` found, and its optical length.
+    fn escaped(&self, camera: &Subpaths, path: usize, edge: u32) -> (Vec3, f64) {
+        let context = self.context;
+        if context.scene.environment.is_none() || !context.settings.includes(0, edge + 1) {
+            return (Vec3::ZERO, 0.0);
+        }
+        let walker = &camera.walkers[path];
+        let leaves = || {
+            self.path_time(walker, path, edge)
+                .escape_length(context, walker.ray().dir)
+        };
+        let length = if TIMED { leaves() } else { 0.0 };
+        let escape = Escape {
+            edge: walker.edge(),
+            throughput: walker.throughput(),
+            length,
+        };
+        (
+            self.weighted(connect_s0_escaped(context, self.h, &escape, edge + 1)),
+            length,
+        )
+    }
+
+    /// Returns the weighted emission of the surface hit by edge number `edge` of a camera subpath,
+    /// and the position of the hit.
+    fn emission_at(&self, walker: &Walker, hit: &Hit, edge: u32) -> Option<(Vec3, Vec3)> {
+        let TileContext { context, h, .. } = *self;
+        if context.scene.emitter_of(hit.primitive, NONE) == NONE
+            || !context.settings.includes(0, edge + 1)
+        {
+            return None;
+        }
+        let found = connect_s0_at_hit(
+            context,
+            h,
+            &walker.edge(),
+            &walker.ray(),
+            hit,
+            walker.throughput(),
+            edge + 1,
+        )?;
+        Some((self.weighted(Some(found)), found.point?.position))
+    }
+
+    /// Returns the camera subpath of a sample before its first edge.
+    fn camera(&self, record: &PathRecord) -> Walker {
+        let [ray_row, _, keys] = record.rows;
+        let [x, y, z, u, v, w, ..] = ray_row.0;
+        let edge = Edge::from_lens(self.context, Vec3::new(x, y, z), Vec3::new(u, v, w));
+        let origin_row = F32x8([1.0, x, y, z, 0.0, 0.0, 0.0, 1.0]);
+        let counters = F32x8([
+            1.0,
+            1.0,
+            record.rows[1].0[6],
+            0.0,
+            self.context.medium(),
+            0.0,
+            0.0,
+            0.0,
+        ]);
+        Walker {
+            rows: [ray_row, origin_row, keys, counters],
+            weights: [edge.pdf_w, edge.partials.d_vcm, edge.partials.d_vc],
+        }
+    }
+}
+
+/// Renders the given samples of row `y`: contributions to their own pixels, and splats.
+pub(super) fn render_tile<const TIMED: bool>(
+    table: &MaterialTable,
+    context: &Context,
+    job: &Job,
+    y: u32,
+    ids: &[SampleId],
+    buffers: &mut TileBuffers,
+    row: &mut RowFilm,
+) {
+    let TileBuffers {
+        records,
+        camera,
+        light,
+        starts,
+        emission_delays,
+        escaped,
+        lists,
+        sums,
+    } = buffers;
+    records.clear();
+    crate::render::cpu::wavefront::ray_generation::generate(
+        table.width,
+        job,
+        context.camera,
+        y,
+        ids,
+        records,
+    );
+    emission_delays.sample(context, records);
+    let tile = TileContext::<TIMED> {
+        table,
+        context,
+        h: context.settings.heuristic(),
+        emission_delays,
+    };
+    camera.reset(records.len());
+    camera.walkers.clear();
+    camera
+        .walkers
+        .extend(records.iter().map(|record| tile.camera(record)));
+    camera.active.extend(0..records.len() as u32);
+    escaped.clear();
+    escaped.resize(records.len(), (Vec3::ZERO, 0.0));
+    random_walk::trace_subpaths::<false, TIMED>(&tile, camera, context.max_depth, &[], escaped);
+    light.reset(records.len());
+    starts.sample(&tile, camera, light);
+    random_walk::trace_subpaths::<true, TIMED>(
+        &tile,
+        light,
+        context.max_depth.saturating_sub(1),
+        &starts.by_path,
+        escaped,
+    );
+    lists.reset(table.classes());
+    sums.values.clear();
+    sums.values.resize(records.len(), Vec3::ZERO);
+    sums.timed.clear();
+    let mut splat = |path: u32, pixel: [u32; 2], value: Vec3, length: f64| {
+        row.splat_of(ids[path as usize], pixel, value, length);
+    };
+    for (path, escaped) in escaped.iter().enumerate() {
+        let mut taken = lists.list_camera_path(&tile, path, [&*light, &*camera], *escaped);
+        if context.settings.includes(1, 1) {
+            taken = starts.list(path, taken);
+        }
+        lists.list_lens_connections(&tile, path, light, taken);
+        if lists.are_full() {
+            lists.evaluate(&tile, [light, camera], sums, &mut splat);
+        }
+    }
+    starts.connect_to_lens(&tile, light, &mut lists.queue, &mut splat);
+    lists.evaluate(&tile, [light, camera], sums, &mut splat);
+    add_to_film(context, ids, &sums.values, &mut sums.timed, row);
+}

@@ -1,0 +1,88 @@
+//! Hits of primitives with masks. Masks are evaluated ray by ray.
+
+use super::SmallScene;
+use super::nearest::{Candidates, NearestHits};
+use crate::math::real::Mask;
+use crate::math::simd::{Lanes, active_lanes};
+use crate::scene::compile::NONE;
+use crate::transport::ray::{Hit, Ray};
+use crate::transport::surface::is_masked_out;
+
+/// Nearest hits so far, as the mask test needs them.
+struct PreviousHits<const N: usize> {
+    t: [f32; N],
+    primitive: [f32; N],
+    /// Bit set of lanes with a hit.
+    lanes: u32,
+}
+
+impl SmallScene {
+    /// Updates the nearest hits with those of a primitive with a mask, where the mask admits them;
+    /// with `ANY` only in lanes without a hit.
+    #[inline(always)]
+    pub(super) fn update_masked<R: Lanes<N>, const N: usize, const ANY: bool>(
+        &self,
+        group: &[(Ray, f32)],
+        candidate: Candidates<R>,
+        primitive: u32,
+        best: &mut NearestHits<R>,
+    ) {
+        let mut near = candidate.t.le(best.t) & candidate.t.lt(best.limit);
+        if ANY {
+            near = near & best.without_hit();
+        }
+        if near.any() {
+            let hits = [
+                candidate.t.store(),
+                (candidate.v / candidate.divisor).store(),
+                (candidate.w / candidate.divisor).store(),
+            ];
+            let hit_lanes = best.hit_lanes().bits();
+            let previous = PreviousHits {
+                t: best.t.store(),
+                primitive: best.primitive.store(),
+                lanes: hit_lanes,
+            };
+            let admitted_lanes =
+                R::load(&self.admitted(group, primitive, &hits, near.bits(), &previous))
+                    .gt(R::splat(0.0));
+            best.update(
+                admitted_lanes,
+                Candidates {
+                    t: R::select(admitted_lanes, candidate.t, best.t),
+                    ..candidate
+                },
+                primitive,
+            );
+        }
+    }
+
+    /// Returns 1 for each given lane in which the mask admits the hit at `[t, u, v]` and it is
+    /// nearer than the previous one, or equally near with a lesser primitive index; otherwise 0.
+    #[inline(never)]
+    fn admitted<const N: usize>(
+        &self,
+        group: &[(Ray, f32)],
+        primitive: u32,
+        [t, u, v]: &[[f32; N]; 3],
+        lanes: u32,
+        previous: &PreviousHits<N>,
+    ) -> [f32; N] {
+        let mut admitted_lanes = [0.0; N];
+        for lane in active_lanes(lanes) {
+            let hit = Hit {
+                t: t[lane],
+                primitive,
+                instance: NONE,
+                uv: [u[lane], v[lane]],
+            };
+            let wins_tie =
+                previous.lanes & 1 << lane != 0 && primitive < previous.primitive[lane].to_bits();
+            let better = hit.t < previous.t[lane] || wins_tie;
+            if better && !is_masked_out(&self.scene, &group[lane].0, &hit) {
+                admitted_lanes[lane] = 1.0;
+            }
+        }
+        admitted_lanes
+    }
+}

@@ -1,0 +1,482 @@
+//! The material parameter table: one row per parameter. The field of the description, the sweep
+//! path in scripts, the `.scn` key, the range check and the documentation all follow from it.
+
+use super::delay::DELAY_PARAMS;
+use super::{Distribution, MaskMode, MaterialDesc, Model, TextureSlot};
+use crate::value::Value;
+use crate::value::schema::{SchemaError, Ty};
+
+/// A row of [`MATERIAL_PARAMS`](super::MATERIAL_PARAMS): one material parameter.
+#[derive(Clone, Copy, Debug)]
+pub struct MaterialParam {
+    /// Name in scripts: `set = { ["materials.NAME.<name>"] = .. }`.
+    pub name: &'static str,
+    /// Key in `.scn`, compared case-insensitively.
+    pub scn_key: &'static str,
+    /// Key of its texture in `.scn`; empty if the parameter takes no texture.
+    pub scn_texture_key: &'static str,
+    /// Type and range.
+    pub ty: Ty,
+    /// Unit of the value; empty for a pure number.
+    pub unit: &'static str,
+    /// Meaning and source, in a sentence.
+    pub doc: &'static str,
+    /// Returns the parameter's value.
+    pub get: fn(&MaterialDesc) -> Value,
+    /// Stores a value that has been checked against `ty`.
+    pub(super) set_checked: fn(&mut MaterialDesc, &Value),
+    /// Texture slot; `None` if the parameter takes no texture.
+    pub texture: Option<TextureSlot>,
+}
+
+impl MaterialParam {
+    /// Stores a value after checking its type and range; `path` appears in the error.
+    ///
+    /// # Errors
+    /// Fails if the value has the wrong type or is out of range.
+    pub fn set(
+        &self,
+        material: &mut MaterialDesc,
+        path: &str,
+        value: &Value,
+    ) -> Result<(), SchemaError> {
+        self.ty.check(path, self.name, value)?;
+        (self.set_checked)(material, value);
+        Ok(())
+    }
+}
+
+macro_rules! scalar {
+    ($name:ident, $scn:literal, $min:expr, $max:expr, $unit:literal, $doc:literal) => {
+        scalar!($name, $scn, $min, $max, "", None, $unit, $doc)
+    };
+    (
+        $name:ident, $scn:literal, $min:expr, $max:expr, $texture:literal, $slot:expr,
+        $unit:literal, $doc:literal
+    ) => {
+        MaterialParam {
+            name: stringify!($name),
+            scn_key: $scn,
+            scn_texture_key: $texture,
+            ty: Ty::Num {
+                min: $min,
+                max: $max,
+            },
+            unit: $unit,
+            doc: $doc,
+            get: |m| Value::number(f64::from(m.$name)),
+            set_checked: |m, v| m.$name = v.as_f64().unwrap_or_default() as f32,
+            texture: $slot,
+        }
+    };
+}
+
+macro_rules! vector {
+    (
+        $name:ident, $scn:literal, $len:literal, $min:expr, $max:expr, $texture:literal,
+        $slot:expr, $unit:literal, $doc:literal
+    ) => {
+        MaterialParam {
+            name: stringify!($name),
+            scn_key: $scn,
+            scn_texture_key: $texture,
+            ty: Ty::Nums {
+                len: $len,
+                min: $min,
+                max: $max,
+            },
+            unit: $unit,
+            doc: $doc,
+            get: |m| {
+                Value::List(
+                    m.$name
+                        .to_array()
+                        .iter()
+                        .map(|x| Value::number(f64::from(*x)))
+                        .collect(),
+                )
+            },
+            set_checked: |m, v| {
+                m.$name = std::array::from_fn::<f32, $len, _>(|i| item(v, i)).into()
+            },
+            texture: $slot,
+        }
+    };
+}
+
+macro_rules! choice {
+    ($name:ident, $kind:ident, $doc:literal) => {
+        MaterialParam {
+            name: stringify!($name),
+            scn_key: stringify!($name),
+            scn_texture_key: "",
+            ty: Ty::Word($kind::NAMES),
+            unit: "",
+            doc: $doc,
+            get: |m| Value::Str(m.$name.name().to_owned()),
+            set_checked: |m, v| {
+                let choice = $kind::ALL
+                    .into_iter()
+                    .find(|kind| v.as_str() == Some(kind.name()));
+                m.$name = choice.unwrap_or(m.$name);
+            },
+            texture: None,
+        }
+    };
+}
+
+macro_rules! flag {
+    ($name:ident, $doc:literal) => {
+        MaterialParam {
+            name: stringify!($name),
+            scn_key: stringify!($name),
+            scn_texture_key: "",
+            ty: Ty::Bool,
+            unit: "",
+            doc: $doc,
+            get: |m| Value::Bool(m.$name),
+            set_checked: |m, v| m.$name = *v == Value::Bool(true),
+            texture: None,
+        }
+    };
+}
+
+fn item(v: &Value, i: usize) -> f32 {
+    v.as_list()
+        .and_then(|l| l.get(i))
+        .and_then(Value::as_f64)
+        .unwrap_or_default() as f32
+}
+
+/// Smallest accepted index of refraction: smaller ones yield no useful image.
+pub const MIN_IOR: f64 = 0.01;
+
+/// Every material parameter. Defaults are those of [`MaterialDesc::new`]. The order is part of the
+/// content hash.
+pub const MATERIAL_PARAMS: &[MaterialParam] = &{
+    let mut params = [BUMP_HEIGHT; SURFACE.len() + DELAY_PARAMS.len() + 1];
+    let mut i = 0;
+    while i < params.len() - 1 {
+        params[i] = if i < SURFACE.len() {
+            SURFACE[i]
+        } else {
+            DELAY_PARAMS[i - SURFACE.len()]
+        };
+        i += 1;
+    }
+    params
+};
+
+/// Parameter of bump maps. It is the last one, since hashes depend on the positions of parameters.
+const BUMP_HEIGHT: MaterialParam = scalar!(
+    bump_height,
+    "bump_height",
+    -1e6,
+    1e6,
+    "bumptexture",
+    Some(TextureSlot::Bump),
+    "scene units",
+    "Height of the value 1 of the bump map along the normal; negative values make dents. Only \
+     normals are perturbed, by the gradient of the map on the surface, however texture coordinates \
+     are stretched [Blinn 1978; Mikkelsen 2010]."
+);
+
+/// Parameters of the surface's scattering; [`DELAY_PARAMS`] holds those of delays and compositions.
+pub(super) const SURFACE: &[MaterialParam] = &[
+    vector!(
+        base_color,
+        "color",
+        3,
+        0.0,
+        1.0,
+        "albedotexture",
+        Some(TextureSlot::BaseColor),
+        "",
+        "Linear base colour: albedo of the diffuse lobe, reflectance of the metal at normal \
+         incidence; transmission is tinted by its square root. A texture multiplies it."
+    ),
+    vector!(
+        emission,
+        "emission",
+        3,
+        0.0,
+        1e9,
+        "emissiontexture",
+        Some(TextureSlot::Emission),
+        "scene radiance",
+        "Radiance emitted by the front side. A texture multiplies it."
+    ),
+    scalar!(
+        roughness,
+        "roughness",
+        0.0,
+        1.0,
+        "roughnesstexture",
+        Some(TextureSlot::Roughness),
+        "",
+        "Perceptual roughness; the GGX alpha is its square. A texture replaces it."
+    ),
+    scalar!(
+        metallic,
+        "metallic",
+        0.0,
+        1.0,
+        "metallictexture",
+        Some(TextureSlot::Metallic),
+        "",
+        "Mix of dielectric (0) and metal (1). A texture replaces it."
+    ),
+    scalar!(
+        opacity,
+        "opacity",
+        0.0,
+        1.0,
+        "opacitytexture",
+        Some(TextureSlot::Opacity),
+        "",
+        "Mix of refractive (0) and opaque (1), for the dielectric part. A texture replaces it."
+    ),
+    scalar!(
+        ior,
+        "ior",
+        MIN_IOR,
+        100.0,
+        "",
+        "Index of refraction of the inside relative to the outside."
+    ),
+    scalar!(
+        subsurface,
+        "subsurface",
+        0.0,
+        1.0,
+        "",
+        "Share of the diffuse reflection that has the flatter falloff of subsurface scattering \
+         [Burley 2012]."
+    ),
+    scalar!(
+        specular_tint,
+        "speculartint",
+        0.0,
+        1.0,
+        "",
+        "Share of the base colour's hue in the dielectric's reflectance at normal incidence."
+    ),
+    scalar!(
+        anisotropic,
+        "anisotropic",
+        0.0,
+        1.0,
+        "",
+        "Stretches highlights: the aspect of the GGX lobe is sqrt(1 - 0.9 anisotropic)."
+    ),
+    vector!(
+        anisotropic_direction,
+        "anisotropic_direction",
+        3,
+        -1e6,
+        1e6,
+        "anisotropictexture",
+        Some(TextureSlot::AnisotropicDirection),
+        "",
+        "World-space direction along which highlights are stretched; zero is the direction of \
+         increasing u. A texture replaces it with directions in the tangent frame."
+    ),
+    scalar!(
+        sheen,
+        "sheen",
+        0.0,
+        1.0,
+        "",
+        "Strength of the cloth sheen at grazing angles [Burley 2012]."
+    ),
+    scalar!(
+        sheen_tint,
+        "sheentint",
+        0.0,
+        1.0,
+        "",
+        "Share of the base colour's hue in the sheen."
+    ),
+    scalar!(
+        clearcoat,
+        "clearcoat",
+        0.0,
+        1.0,
+        "",
+        "Strength of a clear coat of index 1.5 over all other lobes; 1 is a quarter of a full coat \
+         [Burley 2012]."
+    ),
+    scalar!(
+        clearcoat_gloss,
+        "clearcoatgloss",
+        0.0,
+        1.0,
+        "",
+        "Gloss of the clear coat: 0 is satin, 1 glossy [Burley 2012]."
+    ),
+    choice!(
+        model,
+        Model,
+        "`disney` is the adapted Disney BSDF. `lambert` makes surfaces ideal: the opaque part is \
+         Lambertian, metal a mirror, glass smooth; roughness and the parameters of the Disney \
+         lobes have no effect. `conductor` is a metal of the index `eta` + i `k`, `plastic` a \
+         diffuse base of the base colour under an interface of index `ior`, `dielectric` glass of \
+         that index; of the other parameters, these three use roughness, anisotropy, \
+         `distribution` and `specular`."
+    ),
+    vector!(
+        specular,
+        "specular",
+        3,
+        0.0,
+        1.0,
+        "",
+        None,
+        "",
+        "Factor on the interface reflection of the models `conductor`, `plastic` and `dielectric`."
+    ),
+    vector!(
+        eta,
+        "eta",
+        3,
+        0.0,
+        100.0,
+        "",
+        None,
+        "",
+        "Real part of the index of the model `conductor` by channel, relative to the outside; 0, \
+         with `k` of 1, is a perfect mirror."
+    ),
+    vector!(
+        k,
+        "k",
+        3,
+        0.0,
+        100.0,
+        "",
+        None,
+        "",
+        "Imaginary part of the index of the model `conductor` by channel, relative to the outside."
+    ),
+    choice!(
+        distribution,
+        Distribution,
+        "Microfacet distribution of the models `conductor`, `plastic` and `dielectric`; the other \
+         models use `ggx`."
+    ),
+    flag!(
+        thin,
+        "Whether the model `dielectric` is a thin pane: transmitted light is not refracted, and \
+         there is no inside."
+    ),
+    flag!(
+        nonlinear,
+        "Whether light that the model `plastic` reflects internally is multiplied by the base \
+         colour each time, which makes saturated colours more saturated."
+    ),
+    scalar!(
+        smooth_below,
+        "smooth_below",
+        0.0,
+        1.0,
+        "",
+        "Roughness below which specular lobes are perfectly smooth: they become Dirac lobes."
+    ),
+    scalar!(
+        normal_strength,
+        "normal_strength",
+        0.0,
+        100.0,
+        "normaltexture",
+        Some(TextureSlot::Normal),
+        "",
+        "Factor on the slope of the normal map; 0 disables it."
+    ),
+    scalar!(
+        mask_threshold,
+        "mask_threshold",
+        0.0,
+        1.0,
+        "masktexture",
+        Some(TextureSlot::Mask),
+        "",
+        "Hits where the mask's red channel is below this value are discarded."
+    ),
+    choice!(
+        mask_mode,
+        MaskMode,
+        "`threshold` discards hits below `mask_threshold`; `blend` accepts a hit with the mask's \
+         value as probability, decided by a hash of ray and hit."
+    ),
+    flag!(
+        shadow_terminator,
+        "Whether light that arrives below an opaque triangle still reaches the curved surface that \
+         its normals suggest, which hides the hard edge where smooth shading meets shadow [Vives]. \
+         It renders a surface that differs from the triangles, so it is off by default."
+    ),
+    scalar!(
+        tiling,
+        "tiling",
+        -1e6,
+        1e6,
+        "repeats",
+        "Factor on texture coordinates."
+    ),
+    vector!(
+        uv_offset,
+        "uv_offset",
+        2,
+        -1e6,
+        1e6,
+        "",
+        None,
+        "repeats",
+        "Offset of texture coordinates, added after the factor."
+    ),
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_slot_belongs_to_one_parameter_and_has_a_unique_name() {
+        for slot in TextureSlot::ALL {
+            assert_eq!(
+                MATERIAL_PARAMS
+                    .iter()
+                    .filter(|row| row.texture == Some(slot))
+                    .count(),
+                1,
+                "{slot:?}"
+            );
+            assert_eq!(TextureSlot::from_name(slot.name()), Some(slot));
+            assert!(MATERIAL_PARAMS.iter().all(|row| row.name != slot.name()));
+        }
+        let keyed = |row: &&MaterialParam| row.texture.is_some() == row.scn_texture_key.is_empty();
+        assert_eq!(MATERIAL_PARAMS.iter().filter(keyed).count(), 0);
+    }
+
+    #[test]
+    fn every_parameter_returns_what_was_set_and_defaults_are_in_range() {
+        for row in MATERIAL_PARAMS {
+            let mut m = MaterialDesc::new("m");
+            let default = (row.get)(&m);
+            row.ty.check("default", row.name, &default).unwrap();
+            let other = match row.ty {
+                Ty::Nums { len, .. } => {
+                    Value::List([Value::Num(0.25), Value::Num(0.5), Value::Int(0)][..len].to_vec())
+                }
+                Ty::Word(words) => Value::Str(words[1].to_owned()),
+                Ty::Bool => Value::Bool(true),
+                Ty::List(Ty::Str) => Value::List(vec!["a".into(), "b".into()]),
+                Ty::List(_) => Value::List(vec![Value::Num(0.25), Value::Num(0.75)]),
+                _ => Value::Num(0.25),
+            };
+            row.set(&mut m, "path", &other).unwrap();
+            assert_eq!((row.get)(&m), other, "{}", row.name);
+            assert!(row.set(&mut m, "path", &Value::Str("x".into())).is_err());
+            assert_ne!(default, other, "{}", row.name);
+        }
+    }
+}

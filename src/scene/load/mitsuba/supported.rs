@@ -1,0 +1,157 @@
+//! Supported elements of Mitsuba scenes.
+
+use crate::scene::load::SupportedElement;
+
+/// One row for each element or plugin, from which `docs/reference/formats.md` is generated.
+pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
+    SupportedElement {
+        name: "`default`, `include`, `alias`, `ref`",
+        support: "variables, included files, references",
+        limits: "document types and entities are refused",
+    },
+    SupportedElement {
+        name: "`integrator`",
+        support: "`max_depth`",
+        limits: "the script sets the integrator",
+    },
+    SupportedElement {
+        name: "`perspective`, `thinlens`",
+        support: "`to_world`, `fov`, `fov_axis`, `focal_length`, `aperture_radius`, \
+                  `focus_distance`; the size of the `film`",
+        limits: "mirrored cameras and further sensors are noted",
+    },
+    SupportedElement {
+        name: "`obj`, `ply`",
+        support: "meshes; `face_normals`, `flip_normals`, `flip_tex_coords`. Texture coordinates \
+                  start at the top left, those of OBJ files at the bottom left",
+        limits: "",
+    },
+    SupportedElement {
+        name: "`rectangle`, `cube`, `disk`, `cylinder`",
+        support: "meshes with the texture coordinates of Mitsuba",
+        limits: "",
+    },
+    SupportedElement {
+        name: "`sphere`",
+        support: "an analytic sphere, or a mesh if it is stretched or has `flip_normals`",
+        limits: "meshes are noted",
+    },
+    SupportedElement {
+        name: "`shapegroup`, `instance`",
+        support: "instances that share a mesh",
+        limits: "",
+    },
+    SupportedElement {
+        name: "other shapes",
+        support: "",
+        limits: "ignored, with a note",
+    },
+    SupportedElement {
+        name: "`diffuse`",
+        support: "`reflectance`",
+        limits: "",
+    },
+    SupportedElement {
+        name: "`conductor`, `roughconductor`",
+        support: "`material`, or `eta` and `k`; `specular_reflectance`, `distribution`, `alpha`, \
+                  `alpha_u`, `alpha_v`",
+        limits: "",
+    },
+    SupportedElement {
+        name: "`dielectric`, `thindielectric`, `roughdielectric`",
+        support: "`int_ior`, `ext_ior`, `specular_reflectance`, `specular_transmittance`, `alpha`",
+        limits: "textures of the two colours are noted",
+    },
+    SupportedElement {
+        name: "`plastic`, `roughplastic`",
+        support: "`diffuse_reflectance`, `int_ior`, `ext_ior`, `nonlinear`, `alpha`",
+        limits: "a texture of `specular_reflectance` is noted",
+    },
+    SupportedElement {
+        name: "`principled`",
+        support: "`base_color`, `roughness`, `metallic`, `spec_trans`, `eta` or `specular`, \
+                  `anisotropic`, `spec_tint`, `sheen`, `sheen_tint`, `flatness`, `clearcoat`, \
+                  `clearcoat_gloss`",
+        limits: "textures of parameters other than the first four are noted",
+    },
+    SupportedElement {
+        name: "`twosided`",
+        support: "no effect: opaque surfaces are always two-sided",
+        limits: "opaque surfaces without it are noted",
+    },
+    SupportedElement {
+        name: "`mask`",
+        support: "`opacity`, as a probability",
+        limits: "coloured opacity becomes grey, with a note",
+    },
+    SupportedElement {
+        name: "`bumpmap`",
+        support: "its texture as a height map times `scale`, in scene units",
+        limits: "",
+    },
+    SupportedElement {
+        name: "`normalmap`",
+        support: "the normal map",
+        limits: "",
+    },
+    SupportedElement {
+        name: "`null`",
+        support: "transmits everything",
+        limits: "",
+    },
+    SupportedElement {
+        name: "`blendbsdf`",
+        support: "",
+        limits: "its first surface is used, with a note",
+    },
+    SupportedElement {
+        name: "`Separable`, `Composed`, `TemporalProfile`",
+        support: "the transient extension: [transient.md](transient.md)",
+        limits: "",
+    },
+    SupportedElement {
+        name: "other surfaces",
+        support: "",
+        limits: "replaced by a grey one, with a note",
+    },
+    SupportedElement {
+        name: "`bitmap`",
+        support: "`filename`, `raw`, `to_uv`, `wrap_mode`",
+        limits: "other filters are noted",
+    },
+    SupportedElement {
+        name: "`checkerboard`",
+        support: "`color0`, `color1`, `to_uv`",
+        limits: "textures of its colours are noted",
+    },
+    SupportedElement {
+        name: "other textures",
+        support: "",
+        limits: "ignored, with a note",
+    },
+    SupportedElement {
+        name: "`area`",
+        support: "`radiance`, a colour or a texture",
+        limits: "",
+    },
+    SupportedElement {
+        name: "`constant`, `envmap`",
+        support: "`radiance`; `filename`, `scale`, and the rotation of `to_world` about +y",
+        limits: "other rotations and further environments are noted",
+    },
+    SupportedElement {
+        name: "`point`, `directional`",
+        support: "`position` and `intensity`, `direction` and `irradiance`",
+        limits: "",
+    },
+    SupportedElement {
+        name: "`spot`",
+        support: "`cutoff_angle`, `beam_width`, `intensity`, `to_world`",
+        limits: "its texture is noted",
+    },
+    SupportedElement {
+        name: "other emitters",
+        support: "",
+        limits: "ignored, with a note",
+    },
+];

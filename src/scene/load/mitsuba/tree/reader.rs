@@ -1,0 +1,432 @@
+//! Reading of XML files as a tree of [`XmlObject`]s.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+
+use glam::{DAffine3, Vec3};
+use roxmltree::Node;
+
+use super::{Property, PropertyValue, XmlObject};
+use crate::scene::load::mitsuba::values;
+use crate::scene::load::{canonical, read_file};
+use crate::scene::{Note, SceneError};
+
+/// Greatest size of a scene file in bytes.
+const MAX_XML_BYTES: u64 = 64 << 20;
+/// Greatest nesting depth of objects, and of includes.
+const MAX_DEPTH: usize = 32;
+/// Greatest number of bytes by which the variables in an attribute may lengthen it.
+const MAX_GROWTH: usize = 4096;
+/// Greatest ratio of the bytes read to the size of all files: how often files may be included on
+/// average.
+const MAX_READ_RATIO: usize = 16;
+/// Number of bytes that may be read from files of any size.
+const MIN_READ_BUDGET: usize = 1 << 20;
+
+/// Elements that are objects with a plugin.
+const CLASSES: &[&str] = &[
+    "scene",
+    "integrator",
+    "sensor",
+    "sampler",
+    "film",
+    "rfilter",
+    "bsdf",
+    "texture",
+    "shape",
+    "emitter",
+    "medium",
+    "phase",
+    "volume",
+    "subsurface",
+    "TemporalProfile",
+    "temporal_profile",
+];
+
+/// Reads a file and everything that it includes. Returns the root object and the size of these
+/// files in bytes.
+pub(in crate::scene::load::mitsuba) fn scene(
+    path: &Path,
+    notes: &mut Vec<Note>,
+) -> Result<(Rc<XmlObject>, usize), SceneError> {
+    let mut reader = XmlReader {
+        ids: BTreeMap::new(),
+        defaults: BTreeMap::new(),
+        longest_name: 0,
+        files: Vec::new(),
+        sizes: BTreeMap::new(),
+        bytes_read: 0,
+        notes,
+    };
+    let root = reader.file(path)?;
+    Ok((root, reader.sizes.values().sum()))
+}
+
+/// State while files are read.
+struct XmlReader<'n> {
+    ids: BTreeMap<String, Rc<XmlObject>>,
+    defaults: BTreeMap<String, String>,
+    /// Length of the longest name in `defaults`.
+    longest_name: usize,
+    /// Files that are being read, to detect cycles of includes.
+    files: Vec<PathBuf>,
+    /// Size of every file read, in bytes.
+    sizes: BTreeMap<PathBuf, usize>,
+    /// Number of bytes read in total, each inclusion counted.
+    bytes_read: usize,
+    notes: &'n mut Vec<Note>,
+}
+
+/// An element with its location.
+struct Element<'a, 'i> {
+    node: Node<'a, 'i>,
+    file: Rc<Path>,
+    /// Offsets of the line ends in the file, in bytes.
+    ends: &'a [usize],
+}
+
+impl Element<'_, '_> {
+    /// Returns the line of the element, counted from 1.
+    fn line(&self) -> u32 {
+        self.ends
+            .partition_point(|end| *end < self.node.range().start) as u32
+            + 1
+    }
+
+    /// Returns another element of the same file.
+    fn with_node<'b>(&self, node: Node<'b, 'b>) -> Element<'b, 'b>
+    where
+        Self: 'b,
+    {
+        Element {
+            node,
+            file: self.file.clone(),
+            ends: self.ends,
+        }
+    }
+
+    /// Creates an error about the element.
+    fn error(&self, problem: impl Into<String>) -> SceneError {
+        let place = format!("line {}, <{}>", self.line(), self.node.tag_name().name());
+        SceneError::Malformed {
+            file: self.file.to_path_buf(),
+            place,
+            problem: problem.into(),
+        }
+    }
+}
+
+impl XmlReader<'_> {
+    /// Reads a file as an object.
+    fn file(&mut self, path: &Path) -> Result<Rc<XmlObject>, SceneError> {
+        let malformed = |place: String, problem: String| SceneError::Malformed {
+            file: path.to_owned(),
+            place,
+            problem,
+        };
+        let canonical_path = canonical(path);
+        if self.files.len() >= MAX_DEPTH || self.files.contains(&canonical_path) {
+            return Err(malformed(
+                "include".to_owned(),
+                format!(
+                    "files include one another in a cycle, or more than {MAX_DEPTH} levels deep"
+                ),
+            ));
+        }
+        let bytes = read_file(path, MAX_XML_BYTES)?;
+        self.sizes.insert(canonical_path.clone(), bytes.len());
+        self.bytes_read += bytes.len();
+        if self.bytes_read > MIN_READ_BUDGET + MAX_READ_RATIO * self.sizes.values().sum::<usize>() {
+            let problem = "files are included too often for their size";
+            return Err(malformed("include".to_owned(), problem.to_owned()));
+        }
+        let text = std::str::from_utf8(&bytes).map_err(|e| {
+            malformed(
+                format!("byte {}", e.valid_up_to()),
+                "the file is not UTF-8 text".to_owned(),
+            )
+        })?;
+        if nesting(text) > MAX_DEPTH * 4 {
+            return Err(malformed(
+                "whole file".to_owned(),
+                "elements are nested too deep".to_owned(),
+            ));
+        }
+        // This parser refuses document types, and with them entities that expand.
+        let options = roxmltree::ParsingOptions {
+            nodes_limit: (bytes.len() as u32).saturating_add(16),
+            ..Default::default()
+        };
+        let document = roxmltree::Document::parse_with_options(text, options).map_err(|e| {
+            malformed(
+                format!("line {}, column {}", e.pos().row, e.pos().col),
+                format!("invalid XML: {e}"),
+            )
+        })?;
+        self.files.push(canonical_path);
+        let ends = line_ends(text);
+        let element = Element {
+            node: document.root_element(),
+            file: Rc::from(path),
+            ends: &ends,
+        };
+        let root = self.object(&element, 0);
+        self.files.pop();
+        root
+    }
+
+    /// Reads an element as an object.
+    fn object(&mut self, element: &Element, depth: usize) -> Result<Rc<XmlObject>, SceneError> {
+        if depth > MAX_DEPTH {
+            return Err(element.error(format!(
+                "objects are nested more than {MAX_DEPTH} levels deep"
+            )));
+        }
+        let node = element.node;
+        let id = self.attribute(element, "id")?;
+        let mut object = XmlObject {
+            class: node.tag_name().name().to_owned(),
+            plugin: self.attribute(element, "type")?.unwrap_or_default(),
+            id: id.clone(),
+            file: element.file.clone(),
+            line: element.line(),
+            properties: Vec::new(),
+            used: RefCell::default(),
+        };
+        for child in node.children().filter(Node::is_element) {
+            self.child(&element.with_node(child), &mut object, depth)?;
+        }
+        let object = Rc::new(object);
+        if let Some(id) = id
+            && self.ids.insert(id.clone(), object.clone()).is_some()
+        {
+            return Err(element.error(format!("two objects have the id `{id}`")));
+        }
+        Ok(object)
+    }
+
+    /// Reads a child element: a directive, a reference, an object or a value.
+    fn child(
+        &mut self,
+        child: &Element,
+        object: &mut XmlObject,
+        depth: usize,
+    ) -> Result<(), SceneError> {
+        let name = values::snake_case(&self.attribute(child, "name")?.unwrap_or_default());
+        match child.node.tag_name().name() {
+            "default" => {
+                let (name, value) = (
+                    self.required(child, "name")?,
+                    self.required(child, "value")?,
+                );
+                self.longest_name = self.longest_name.max(name.len());
+                self.defaults.entry(name).or_insert(value);
+            }
+            "include" => {
+                let file = self.required(child, "filename")?;
+                let folder = child.file.parent().unwrap_or(Path::new(""));
+                let included = self.file(&folder.join(file.replace('\\', "/")))?;
+                object
+                    .properties
+                    .extend(included.properties.iter().cloned());
+            }
+            "alias" => {
+                let (id, alias) = (self.required(child, "id")?, self.required(child, "as")?);
+                let target = self.target(child, &id)?;
+                self.ids.insert(alias, target);
+            }
+            "ref" => {
+                let id = self.required(child, "id")?;
+                let target = self.target(child, &id)?;
+                object.properties.push((name, Property::Object(target)));
+            }
+            "path" => self.notes.push(Note {
+                file: child.file.to_path_buf(),
+                place: format!("line {}", child.line()),
+                message: "files are searched in the folder of the scene only; `path` is ignored"
+                    .to_owned(),
+            }),
+            class if CLASSES.contains(&class) => {
+                let inner = self.object(child, depth + 1)?;
+                object.properties.push((name, Property::Object(inner)));
+            }
+            _ => {
+                let value = self.value(child)?;
+                object.properties.push((name, Property::Value(value)));
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns the object with an id.
+    fn target(&self, element: &Element, id: &str) -> Result<Rc<XmlObject>, SceneError> {
+        self.ids
+            .get(id)
+            .cloned()
+            .ok_or_else(|| element.error(format!("no earlier object has the id `{id}`")))
+    }
+
+    /// Reads an element as the value of a property.
+    fn value(&mut self, element: &Element) -> Result<PropertyValue, SceneError> {
+        let fail = |problem: String| element.error(problem);
+        let value = |reader: &Self| reader.required(element, "value");
+        Ok(match element.node.tag_name().name() {
+            "float" | "integer" => {
+                PropertyValue::Number(values::number(&value(self)?).map_err(fail)?)
+            }
+            "boolean" => match value(self)?.trim() {
+                "true" => PropertyValue::Flag(true),
+                "false" => PropertyValue::Flag(false),
+                other => {
+                    return Err(fail(format!(
+                        "expected true or false, found `{}`",
+                        values::truncated(other)
+                    )));
+                }
+            },
+            "string" => PropertyValue::Text(value(self)?),
+            "rgb" | "srgb" | "spectrum" => {
+                let (color, note) = values::color(&value(self)?).map_err(fail)?;
+                if let Some(message) = note {
+                    let place = format!("line {}", element.line());
+                    self.notes.push(Note {
+                        file: element.file.to_path_buf(),
+                        place,
+                        message: message.to_owned(),
+                    });
+                }
+                PropertyValue::Color(color)
+            }
+            "point" | "vector" => PropertyValue::Vector(self.vector(element, Vec3::ZERO)?),
+            "transform" => {
+                let mut map = DAffine3::IDENTITY;
+                for child in element.node.children().filter(Node::is_element) {
+                    map = self.transform_step(&element.with_node(child))? * map;
+                }
+                if !map.is_finite() {
+                    return Err(fail("the transform must be finite".to_owned()));
+                }
+                PropertyValue::Map(map)
+            }
+            other => {
+                return Err(fail(format!(
+                    "`{}` is not an element of Mitsuba scenes",
+                    values::truncated(other)
+                )));
+            }
+        })
+    }
+
+    /// Returns one step of a transform.
+    fn transform_step(&self, element: &Element) -> Result<DAffine3, SceneError> {
+        let fail = |problem: String| element.error(problem);
+        Ok(match element.node.tag_name().name() {
+            "translate" => DAffine3::from_translation(self.vector(element, Vec3::ZERO)?.as_dvec3()),
+            "scale" => DAffine3::from_scale(self.vector(element, Vec3::ONE)?.as_dvec3()),
+            "rotate" => {
+                let axis = self.vector(element, Vec3::ZERO)?.as_dvec3().try_normalize();
+                let axis = axis.ok_or_else(|| fail("a rotation needs an axis".to_owned()))?;
+                let degrees = values::number(&self.required(element, "angle")?).map_err(fail)?;
+                DAffine3::from_axis_angle(axis, degrees.to_radians())
+            }
+            "matrix" => values::matrix(&self.required(element, "value")?).map_err(fail)?,
+            "lookat" | "look_at" => {
+                let read =
+                    |name: &str| values::vector(&self.required(element, name)?).map_err(fail);
+                let up = if element.node.attribute("up").is_some() {
+                    read("up")?
+                } else {
+                    Vec3::Y
+                };
+                values::look_at(read("origin")?, read("target")?, up).map_err(fail)?
+            }
+            other => {
+                return Err(fail(format!(
+                    "`{}` is not a step of a transform",
+                    values::truncated(other)
+                )));
+            }
+        })
+    }
+
+    /// Reads a vector from `value`, or from `x`, `y` and `z`.
+    fn vector(&self, element: &Element, default: Vec3) -> Result<Vec3, SceneError> {
+        let fail = |problem: String| element.error(problem);
+        if let Some(all) = self.attribute(element, "value")? {
+            return values::vector(&all).map_err(fail);
+        }
+        let mut v = default;
+        for (i, axis) in ["x", "y", "z"].into_iter().enumerate() {
+            if let Some(text) = self.attribute(element, axis)? {
+                v[i] = values::number(&text).map_err(fail)? as f32;
+            }
+        }
+        Ok(v)
+    }
+
+    /// Returns an attribute that must be present.
+    fn required(&self, element: &Element, name: &str) -> Result<String, SceneError> {
+        self.attribute(element, name)?
+            .ok_or_else(|| element.error(format!("expected the attribute `{name}`")))
+    }
+
+    /// Returns an attribute with its `$variables` replaced; the longest matching name is used.
+    fn attribute(&self, element: &Element, name: &str) -> Result<Option<String>, SceneError> {
+        let Some(raw) = element.node.attribute(name) else {
+            return Ok(None);
+        };
+        if !raw.contains('$') {
+            return Ok(Some(raw.to_owned()));
+        }
+        let mut out = String::new();
+        let mut rest = raw;
+        while let Some(at) = rest.find('$') {
+            out.push_str(&rest[..at]);
+            rest = &rest[at + 1..];
+            let mut prefixes = (0..=rest.len().min(self.longest_name))
+                .rev()
+                .filter_map(|n| rest.get(..n));
+            let Some((name, value)) =
+                prefixes.find_map(|name| Some((name, self.defaults.get(name)?)))
+            else {
+                return Err(element.error(format!(
+                    "no `default` defines `${}`",
+                    values::truncated(rest)
+                )));
+            };
+            out.push_str(value);
+            if out.len() > raw.len() + MAX_GROWTH {
+                return Err(element.error(format!(
+                    "variables lengthen the attribute by more than {MAX_GROWTH} bytes"
+                )));
+            }
+            rest = &rest[name.len()..];
+        }
+        out.push_str(rest);
+        Ok(Some(out))
+    }
+}
+
+/// Returns the offsets of the line ends in a text, in bytes.
+fn line_ends(text: &str) -> Vec<usize> {
+    let bytes = text.bytes().enumerate();
+    bytes.filter(|(_, b)| *b == b'\n').map(|(i, _)| i).collect()
+}
+
+/// Returns the greatest nesting depth of elements, estimated from angle brackets.
+fn nesting(text: &str) -> usize {
+    let (mut depth, mut greatest) = (0usize, 0usize);
+    for tag in text.split('<').skip(1) {
+        if tag.starts_with('/') {
+            depth = depth.saturating_sub(1);
+        } else if !tag.starts_with(['!', '?'])
+            && !tag.split('>').next().is_some_and(|t| t.ends_with('/'))
+        {
+            depth += 1;
+            greatest = greatest.max(depth);
+        }
+    }
+    greatest
+}

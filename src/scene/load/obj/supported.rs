@@ -1,0 +1,100 @@
+//! Supported elements of OBJ and of its material files.
+
+use crate::scene::load::SupportedElement;
+
+/// One row for each statement, from which `docs/reference/formats.md` is generated.
+pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
+    SupportedElement {
+        name: "`v`, `vt`, `vn`",
+        support: "positions, texture coordinates, normals",
+        limits: "a fourth coordinate is the weight; colours after a position are ignored",
+    },
+    SupportedElement {
+        name: "`f`",
+        support: "polygons, triangulated as fans; negative indices count backwards",
+        limits: "concave polygons and faces with only some normals are noted",
+    },
+    SupportedElement {
+        name: "`usemtl`, `mtllib`",
+        support: "materials by name, from the files that the mesh refers to",
+        limits: "unreadable files are noted; unknown names are white",
+    },
+    SupportedElement {
+        name: "`o`, `g`",
+        support: "after faces, they reset the material to the default",
+        limits: "",
+    },
+    SupportedElement {
+        name: "`l`, `p`",
+        support: "",
+        limits: "ignored, with a note",
+    },
+    SupportedElement {
+        name: "`kd`, `map_kd`",
+        support: "base colour",
+        limits: "",
+    },
+    SupportedElement {
+        name: "`ke`, `map_ke`",
+        support: "emission; a texture without `Ke` emits with radiance 1",
+        limits: "",
+    },
+    SupportedElement {
+        name: "`ks`, `ns`",
+        support: "roughness from the exponent, if the highlight is not black and `Pr` is absent",
+        limits: "",
+    },
+    SupportedElement {
+        name: "`ni`",
+        support: "index of refraction",
+        limits: "",
+    },
+    SupportedElement {
+        name: "`d`, `tr`, `illum`",
+        support: "opacity; models 4, 6, 7 and 9 are glass",
+        limits: "",
+    },
+    SupportedElement {
+        name: "`map_d`",
+        support: "the mask",
+        limits: "",
+    },
+    SupportedElement {
+        name: "`pr`, `map_pr`, `pm`, `map_pm`",
+        support: "roughness and metallic",
+        limits: "",
+    },
+    SupportedElement {
+        name: "`ps`, `pc`, `pcr`, `aniso`",
+        support: "sheen, clear coat and its roughness, anisotropy",
+        limits: "",
+    },
+    SupportedElement {
+        name: "`norm`",
+        support: "the normal map; `-bm` is its strength",
+        limits: "",
+    },
+    SupportedElement {
+        name: "`bump`, `map_bump`",
+        support: "the bump map, in scene units times `-bm`; a normal map if the image contains \
+                  normals",
+        limits: "height maps without `-bm` and images of normals are noted",
+    },
+    SupportedElement {
+        name: "`-s`, `-o`, `-clamp`",
+        support: "factors, offset and wrap mode of each map; equal factors and the offset of the \
+                  first map become the material's `tiling` and `uv_offset`",
+        limits: "a material whose first map has factor 0 cannot have others mapped differently; \
+                 noted",
+    },
+    SupportedElement {
+        name: "`ka`, `tf`, `map_ka`, `map_ks`, `map_ns`",
+        support: "none: they belong to other material models",
+        limits: "",
+    },
+    SupportedElement {
+        name: "all other statements",
+        support: "",
+        limits: "noted by name, such as `disp`",
+    },
+];

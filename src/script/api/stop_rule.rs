@@ -1,0 +1,243 @@
+//! Stop rules as Lua objects, and their conversion to plain data ([`StopRule`]).
+
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
+use mlua::{Function, UserData, Value as LuaValue};
+
+use super::builder::Builder;
+use crate::experiment::StopRule;
+use crate::script::error::ScriptError;
+use crate::script::source::SourcePlace;
+use crate::script::state::Shared;
+use crate::value::schema::{Field, Table, Ty, unknown_name};
+
+/// Count without an upper limit.
+const INTEGER: Ty = Ty::Int {
+    min: i64::MIN,
+    max: i64::MAX,
+};
+
+/// Number without limits.
+const NUMBER: Ty = Ty::Num {
+    min: f64::MIN,
+    max: f64::MAX,
+};
+
+/// Columns of a measurement that exist in every experiment.
+pub const ROW: Table = Table {
+    name: "Row",
+    doc: "Measurement, as stop.predicate receives it. Metric columns are fields too if the \
+          experiment has a reference.",
+    fields: &[
+        Field::required("wave", INTEGER, "number of the wave, from 1"),
+        Field::required("samples", INTEGER, "samples per pixel so far"),
+        Field::required("render_s", NUMBER, "render time in seconds so far"),
+        Field::required("wall_s", NUMBER, "wall time of the cell in seconds so far"),
+        Field::required("measure_s", NUMBER, "time spent on measuring, in seconds"),
+        Field::required("paths", INTEGER, "camera paths so far"),
+        Field::required("rays", INTEGER, "rays so far"),
+        Field::required(
+            "invalid",
+            INTEGER,
+            "samples so far that were NaN or infinite",
+        ),
+    ],
+};
+
+/// Largest number of different predicate functions of one plan.
+const MAX_PREDICATES: usize = 100_000;
+
+/// Stop rule with the Lua functions and source positions that plain data cannot contain.
+#[derive(Debug)]
+pub enum Rule {
+    /// Rule without columns or functions.
+    Leaf(StopRule),
+    /// Rule about a metric column, with the column and the position of the call.
+    Column(StopRule, String, SourcePlace),
+    /// Function that returns whether to stop.
+    Predicate(Function),
+    /// Fulfilled if at least one of the rules is.
+    Any(Vec<RuleObject>),
+    /// Fulfilled if all of the rules are.
+    All(Vec<RuleObject>),
+    /// Fulfilled if the rule is not.
+    Not(RuleObject),
+}
+
+/// Lua object of a stop rule.
+#[derive(Clone, Debug)]
+pub struct RuleObject {
+    rule: Rc<Rule>,
+    size: usize,
+    depth: usize,
+}
+
+impl UserData for RuleObject {}
+
+/// Predicate functions of a plan. Stop rules refer to them by number.
+#[derive(Debug, Default)]
+pub struct Predicates {
+    functions: Vec<Function>,
+    numbers: BTreeMap<usize, usize>,
+}
+
+impl Predicates {
+    /// Returns the predicate with this number.
+    pub fn get(&self, number: usize) -> Option<Function> {
+        self.functions.get(number).cloned()
+    }
+
+    /// Returns the number of a function, which is new only for a new function; `None` if there are
+    /// too many.
+    fn number(&mut self, function: &Function) -> Option<usize> {
+        // The function is stored, so no other function can have its address.
+        let address = function.to_pointer() as usize;
+        if let Some(number) = self.numbers.get(&address) {
+            return Some(*number);
+        }
+        if self.functions.len() >= MAX_PREDICATES {
+            return None;
+        }
+        let number = self.functions.len();
+        self.functions.push(function.clone());
+        self.numbers.insert(address, number);
+        Some(number)
+    }
+}
+
+/// Metric columns that a stop rule may use.
+pub struct RuleColumns<'a> {
+    /// Names of the metric columns.
+    pub columns: &'a [&'a str],
+    /// Reason why no column can be used; `None` if all can.
+    pub unmeasured: Option<&'static str>,
+}
+
+impl RuleObject {
+    /// Creates the object of a rule.
+    pub fn new(rule: Rule) -> RuleObject {
+        let (size, depth) = match &rule {
+            Rule::Any(rules) | Rule::All(rules) => (
+                rules.iter().map(|r| r.size).fold(1, usize::saturating_add),
+                1 + rules.iter().map(|r| r.depth).max().unwrap_or(0),
+            ),
+            Rule::Not(inner) => (inner.size.saturating_add(1), inner.depth + 1),
+            _ => (1, 1),
+        };
+        RuleObject {
+            rule: Rc::new(rule),
+            size,
+            depth,
+        }
+    }
+
+    /// Returns the number of rules in this rule, including itself.
+    pub fn size(&self) -> usize {
+        self.size
+    }
+
+    /// Returns the depth of nesting; 1 for a rule without inner rules.
+    pub fn depth(&self) -> usize {
+        self.depth
+    }
+
+    /// Checks the metric columns in the rule.
+    ///
+    /// # Errors
+    /// Returns an error at the line of `stop.when` or `stop.plateau` for an unknown column, or if
+    /// no column can be used.
+    pub fn check(&self, shared: &Shared, allowed: &RuleColumns) -> Result<(), ScriptError> {
+        match &*self.rule {
+            Rule::Leaf(_) | Rule::Predicate(_) => Ok(()),
+            Rule::Any(rules) | Rule::All(rules) => {
+                rules.iter().try_for_each(|r| r.check(shared, allowed))
+            }
+            Rule::Not(inner) => inner.check(shared, allowed),
+            Rule::Column(rule, column, place) => {
+                let function = if let StopRule::Plateau { .. } = rule {
+                    "stop.plateau"
+                } else {
+                    "stop.when"
+                };
+                let fail = |problem: String, help: Option<String>| {
+                    Err(shared
+                        .sources
+                        .borrow()
+                        .field(place, function, problem, help))
+                };
+                if let Some(reason) = allowed.unmeasured {
+                    return fail(
+                        format!("`{column}` cannot be compared here: {reason}"),
+                        None,
+                    );
+                }
+                if allowed.columns.contains(&column.as_str()) {
+                    return Ok(());
+                }
+                let error =
+                    unknown_name("", column, "metric column", allowed.columns.iter().copied());
+                fail(error.problem, error.help)
+            }
+        }
+    }
+
+    /// Converts the rule to plain data. `place` is the position of its declaration.
+    ///
+    /// # Errors
+    /// Returns an error if the plan has too many predicates.
+    pub fn lower(&self, shared: &Shared, place: &SourcePlace) -> Result<StopRule, ScriptError> {
+        let many = |rules: &[RuleObject]| {
+            rules
+                .iter()
+                .map(|r| r.lower(shared, place))
+                .collect::<Result<Vec<_>, _>>()
+        };
+        Ok(match &*self.rule {
+            Rule::Leaf(rule) | Rule::Column(rule, ..) => rule.clone(),
+            Rule::Any(rules) => StopRule::Any(many(rules)?),
+            Rule::All(rules) => StopRule::All(many(rules)?),
+            Rule::Not(inner) => StopRule::Not(Box::new(inner.lower(shared, place)?)),
+            Rule::Predicate(function) => {
+                let number = shared.predicates.borrow_mut().number(function);
+                StopRule::Predicate(number.ok_or_else(|| {
+                    let problem =
+                        format!("the plan has more than {MAX_PREDICATES} different predicates");
+                    let help = "create the predicate once, outside the function".to_owned();
+                    shared
+                        .sources
+                        .borrow()
+                        .field(place, "stop.predicate", problem, Some(help))
+                })?)
+            }
+        })
+    }
+}
+
+/// Returns the rule behind a Lua value; `None` if the value is not a stop rule.
+pub fn rule_from_value(value: &LuaValue) -> Option<RuleObject> {
+    match value {
+        LuaValue::UserData(data) => data.borrow::<RuleObject>().ok().map(|r| r.clone()),
+        _ => None,
+    }
+}
+
+/// Returns the columns that the stop rule of a cell may use.
+pub fn cell_rules<'a>(builder: &Builder, columns: &'a [&'a str]) -> RuleColumns<'a> {
+    let unmeasured = match builder.reference {
+        Some(_) => None,
+        None => Some("metrics need a reference, and the script has no x:reference"),
+    };
+    RuleColumns {
+        columns,
+        unmeasured,
+    }
+}
+
+/// Returns the columns that the stop rule of a reference may use: none.
+pub fn reference_rules<'a>(columns: &'a [&'a str]) -> RuleColumns<'a> {
+    RuleColumns {
+        columns,
+        unmeasured: Some("a reference is not compared with anything"),
+    }
+}

@@ -1,0 +1,372 @@
+//! Access to finished runs and references of earlier nights. Nothing here writes.
+
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value as Json;
+
+use crate::experiment::event::{FinishedRun, History};
+use crate::experiment::noise_floor::HalfImages;
+use crate::experiment::plan::ReferenceSource;
+use crate::experiment::{CellRef, Plan, SinkError, WaveRow};
+use crate::film::Image;
+use crate::render::OpenStats;
+use crate::store::write::{manifest_checksum, metrics_csv, reference_sums};
+use crate::store::{FILMS, HALVES, NOISE, layout};
+
+/// Decodes the bytes of an image; the error is for users. Supplied by callers, since this module
+/// knows no image format.
+pub type Decode = fn(&[u8]) -> Result<Image, String>;
+
+/// The finished runs and references below one output folder.
+#[derive(Debug)]
+pub struct Archive {
+    out: PathBuf,
+    experiment: Option<PathBuf>,
+    /// Results of verifying all checksums of a finished run, by its folder and the hash in its last
+    /// file. `None` if only file sizes are checked.
+    verified: Option<RefCell<BTreeMap<(PathBuf, String), bool>>>,
+    /// Problems that were reported, so that each is reported once.
+    reported: RefCell<BTreeSet<(PathBuf, String)>>,
+    decode: Decode,
+    /// Folders of finished runs by experiment name and run id, filled when a name is first
+    /// requested.
+    index: RefCell<BTreeMap<String, BTreeMap<String, PathBuf>>>,
+}
+
+impl Archive {
+    /// Opens the archive of an output folder, which need not exist.
+    pub fn new(out: &Path, decode: Decode) -> Archive {
+        Archive {
+            out: out.to_owned(),
+            experiment: None,
+            verified: None,
+            reported: RefCell::default(),
+            decode,
+            index: RefCell::default(),
+        }
+    }
+
+    /// Opens the archive for an experiment. Its own folder is searched first and never from the
+    /// index, and finished runs count only if all their checksums match.
+    pub(crate) fn for_experiment(out: &Path, experiment: &Path, decode: Decode) -> Archive {
+        Archive {
+            experiment: Some(experiment.to_owned()),
+            verified: Some(RefCell::default()),
+            ..Archive::new(out, decode)
+        }
+    }
+
+    /// Opens the archive for a worker. A worker cannot scan all folders or read every byte of what
+    /// other workers finish, so it receives the finished runs of sibling folders and checks file
+    /// sizes only.
+    pub(crate) fn for_worker(
+        out: &Path,
+        experiment: &Path,
+        decode: Decode,
+        name: &str,
+        elsewhere: BTreeMap<String, PathBuf>,
+    ) -> Archive {
+        let index = RefCell::new(BTreeMap::from([(name.to_owned(), elsewhere)]));
+        Archive {
+            experiment: Some(experiment.to_owned()),
+            index,
+            ..Archive::new(out, decode)
+        }
+    }
+
+    /// Registers the folder of a run that is about to be written, so that other cells with its id
+    /// find it.
+    pub(crate) fn register(&self, name: &str, id: &str, folder: &Path) {
+        if self.indexed(name, id).is_none() {
+            let mut index = self.index.borrow_mut();
+            index
+                .entry(name.to_owned())
+                .or_default()
+                .insert(id.to_owned(), folder.to_owned());
+        }
+    }
+
+    /// Folder of a finished run in any experiment folder with this name.
+    fn indexed(&self, name: &str, id: &str) -> Option<PathBuf> {
+        let mut index = self.index.borrow_mut();
+        let runs = index
+            .entry(name.to_owned())
+            .or_insert_with(|| layout::finished_runs(layout::siblings(&self.out, name)));
+        runs.get(id).cloned()
+    }
+}
+
+impl Archive {
+    /// Samples per pixel of the stored shorter reference that an unfinished reference continues
+    /// from, if there is one.
+    pub fn shorter_samples(&self, plan: &Plan, reference: usize) -> Option<u64> {
+        let ReferenceSource::Render { stem, stop, .. } = &plan.references.get(reference)?.source
+        else {
+            return None;
+        };
+        reference_sums::samples(&self.out, &stem.0, stop.sample_limit()?)
+    }
+
+    fn read_image(&self, file: &Path) -> Result<Image, String> {
+        let bytes = fs::read(file).map_err(|e| format!("cannot read the file: {e}"))?;
+        (self.decode)(&bytes)
+    }
+
+    /// Returns a run that counts as finished. Warns once if it claims to be finished but is
+    /// damaged.
+    fn usable(
+        &self,
+        folder: &Path,
+        loaded: Result<Option<FinishedRun>, String>,
+    ) -> Option<FinishedRun> {
+        match loaded {
+            Ok(run) => run,
+            Err(problem) => {
+                if self.verified.is_some()
+                    && self
+                        .reported
+                        .borrow_mut()
+                        .insert((folder.to_owned(), problem.clone()))
+                {
+                    tracing::warn!(
+                        "{}: {problem}; the run will be rendered again",
+                        folder.display()
+                    );
+                }
+                None
+            }
+        }
+    }
+
+    /// Returns a finished run if its files match their checksums, or if checksums are not verified.
+    fn verify(&self, run: FinishedRun) -> Option<FinishedRun> {
+        let Some(verified) = &self.verified else {
+            return Some(run);
+        };
+        let marker = ["done.json", "ref.json"]
+            .iter()
+            .find_map(|name| read_json(&run.folder.join(name)))?;
+        let key = (
+            run.folder.clone(),
+            marker["check"].as_str().unwrap_or_default().to_owned(),
+        );
+        let known = verified.borrow().get(&key).copied();
+        let intact = known.unwrap_or_else(|| {
+            let problem = manifest_checksum::verify_hashes(&run.folder, &marker).err();
+            if let Some(problem) = &problem {
+                tracing::warn!(
+                    "{}: {problem}; the run will be rendered again",
+                    run.folder.display()
+                );
+            }
+            problem.is_none()
+        });
+        verified.borrow_mut().insert(key, intact);
+        intact.then_some(run)
+    }
+}
+
+impl History for Archive {
+    fn finished_run(&self, plan: &Plan, cell: CellRef) -> Option<FinishedRun> {
+        match cell {
+            CellRef::Cell(i) => {
+                let cell = plan.cells.get(i)?;
+                let columns = if cell.reference.is_some() {
+                    plan.columns()
+                } else {
+                    Vec::new()
+                };
+                let load = |folder: PathBuf| {
+                    let loaded =
+                        load_finished(&folder, &cell.id.0, "done.json", "final.exr", &columns);
+                    self.verify(self.usable(&folder, loaded)?)
+                };
+                let here = self
+                    .experiment
+                    .as_ref()
+                    .and_then(|experiment| load(layout::run_folder(experiment, cell)));
+                here.or_else(|| load(self.indexed(&plan.name, &cell.id.0)?))
+            }
+            CellRef::Reference(i) => {
+                // A reference that is an image file is no run; its folder holds a copy.
+                let reference = plan
+                    .references
+                    .get(i)
+                    .filter(|reference| reference.stem().is_some())?;
+                let folder = layout::reference_folder(&self.out, &reference.id);
+                let loaded = load_finished(&folder, &reference.id.0, "ref.json", "ref.exr", &[]);
+                self.verify(self.usable(&folder, loaded)?)
+            }
+        }
+    }
+
+    fn image(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError> {
+        let Some(wanted) = plan.references.get(reference) else {
+            return Ok(None);
+        };
+        let (file, advice) = match &wanted.source {
+            ReferenceSource::File { file, .. } => (file.clone(), ""),
+            ReferenceSource::Render { .. } => {
+                match self.finished_run(plan, CellRef::Reference(reference)) {
+                    Some(run) => (
+                        run.folder.join("ref.exr"),
+                        " (delete its folder, and it will be rendered again)",
+                    ),
+                    None => return Ok(None),
+                }
+            }
+        };
+        self.read_image(&file)
+            .map(Some)
+            .map_err(|problem| SinkError(format!("{}: {problem}{advice}", file.display())))
+    }
+
+    fn noise(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError> {
+        let Some(wanted) = plan.references.get(reference) else {
+            return Ok(None);
+        };
+        let file = layout::reference_folder(&self.out, &wanted.id).join(NOISE);
+        if !file.is_file() {
+            return Ok(None);
+        }
+        self.read_image(&file)
+            .map(Some)
+            .map_err(|problem| SinkError(format!("{}: {problem}", file.display())))
+    }
+
+    fn halves(&self, plan: &Plan, reference: usize) -> Result<Option<HalfImages>, SinkError> {
+        let Some(wanted) = plan.references.get(reference) else {
+            return Ok(None);
+        };
+        let folder = layout::reference_folder(&self.out, &wanted.id);
+        let known = read_json(&folder.join("ref.json"))
+            .filter(|done| done["run"].as_str() == Some(&wanted.id.0));
+        let samples =
+            |done: &Json| Some([0, 1].map(|i: usize| done["halves"].get(i).and_then(Json::as_u64)));
+        let Some([Some(first), Some(second)]) = known.as_ref().and_then(samples) else {
+            return Ok(None);
+        };
+        let read = |name: &str| {
+            let file = folder.join(name);
+            self.read_image(&file)
+                .map_err(|problem| SinkError(format!("{}: {problem}", file.display())))
+        };
+        Ok(Some(HalfImages {
+            means: [read(HALVES[0])?, read(HALVES[1])?],
+            samples: [first, second],
+        }))
+    }
+}
+
+/// Loads a finished run. Returns `None` if the folder holds none with this id. Checks that the
+/// image and all layer images exist, and that the measurements are readable and have the requested
+/// columns.
+///
+/// # Errors
+/// Description of the first problem of a run whose last file exists.
+fn load_finished(
+    folder: &Path,
+    id: &str,
+    marker: &str,
+    image: &str,
+    columns: &[String],
+) -> Result<Option<FinishedRun>, String> {
+    let Ok(bytes) = fs::read(folder.join(marker)) else {
+        return Ok(None);
+    };
+    let Ok(done) = serde_json::from_slice::<Json>(&bytes) else {
+        return Err(format!("{marker} is damaged"));
+    };
+    manifest_checksum::verify_sizes(folder, &done)?;
+    if done["run"].as_str() != Some(id) {
+        return Ok(None);
+    }
+    let missing = |file: &str| Err(format!("{file} is missing"));
+    if !folder.join(image).is_file() {
+        return missing(image);
+    }
+    for film in done["films"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .filter_map(Json::as_str)
+    {
+        let file = format!("{FILMS}/{film}.exr");
+        if !folder.join(&file).is_file() {
+            return missing(&file);
+        }
+    }
+    let rows = read_rows(folder, columns, first_invalid(&done))?;
+    let floor = |column: &String| done["floors"].get(column).and_then(number);
+    let floors = if done["floors"].is_object() {
+        columns.iter().map(floor).collect()
+    } else {
+        Vec::new()
+    };
+    let open = open_stats(&done);
+    Ok(Some(FinishedRun {
+        folder: folder.to_owned(),
+        rows,
+        floors: floors.into(),
+        open,
+    }))
+}
+
+/// Reads the measurements of a run, with the metrics of these columns.
+///
+/// # Errors
+/// When the file cannot be read, or lacks a column; the text is a description.
+fn read_rows(
+    folder: &Path,
+    columns: &[String],
+    first_invalid: Option<[u64; 3]>,
+) -> Result<Vec<WaveRow>, String> {
+    let text = fs::read_to_string(folder.join("metrics.csv"))
+        .map_err(|e| format!("cannot read metrics.csv: {e}"))?;
+    let (names, rows) = metrics_csv::parse(&text)
+        .map_err(|problem| format!("metrics.csv is damaged: {problem}"))?;
+    let index = |column: &String| {
+        names
+            .iter()
+            .position(|name| name == column)
+            .ok_or_else(|| format!("metrics.csv has no column {column}"))
+    };
+    let indices: Vec<usize> = columns.iter().map(index).collect::<Result<_, String>>()?;
+    let rows = rows.into_iter().map(|row| WaveRow {
+        metrics: indices.iter().map(|i| row.metrics[*i]).collect(),
+        first_invalid: first_invalid.filter(|_| row.invalid > 0),
+        ..row
+    });
+    Ok(rows.collect())
+}
+
+/// Statistics of opening a run, from its last file or from a journal line.
+pub(crate) fn open_stats(json: &Json) -> OpenStats {
+    OpenStats {
+        device: json["device"].as_str().unwrap_or_default().to_owned(),
+        accel_build_s: json["accel_build_s"].as_f64().unwrap_or(0.0),
+        accel_nodes: json["accel_nodes"].as_u64().unwrap_or(0),
+        accel_bytes: json["accel_bytes"].as_u64().unwrap_or(0),
+        accel_cost: json["accel_cost"].as_f64().unwrap_or(0.0),
+        ..OpenStats::default()
+    }
+}
+
+/// Reads a number that is written as text if it is infinite or NaN, which JSON cannot represent.
+fn number(json: &Json) -> Option<f64> {
+    json.as_f64().or_else(|| json.as_str()?.parse().ok())
+}
+
+/// Column, row and sample of the first invalid sample, from a `done.json`.
+pub(crate) fn first_invalid(done: &Json) -> Option<[u64; 3]> {
+    let at = |i: usize| done["first_invalid"].get(i).and_then(Json::as_u64);
+    Some([at(0)?, at(1)?, at(2)?])
+}
+
+/// Reads a JSON file. Returns `None` if it is missing or invalid.
+pub(crate) fn read_json(path: &Path) -> Option<Json> {
+    serde_json::from_slice(&fs::read(path).ok()?).ok()
+}

@@ -1,0 +1,176 @@
+//! Atomic file writes: a reader finds either the old file or the complete new one.
+
+use std::fs::{self, File};
+use std::io::Write;
+use std::path::Path;
+use std::time::{Duration, SystemTime};
+
+use crate::store::StoreError;
+
+/// Prefix of temporary files. The next owner of a folder removes those that a crash left.
+const TEMP_PREFIX: &str = ".lumbre-";
+/// Suffix of temporary files.
+const TEMP_SUFFIX: &str = ".tmp";
+
+/// Age after which a temporary file counts as abandoned.
+const ABANDONED: Duration = Duration::from_secs(3600);
+
+/// Writes a temporary file in the same folder, syncs it, and renames it to `path`. Creates the
+/// folder.
+///
+/// # Errors
+/// When the folder cannot be created or the file cannot be written; an existing file is then
+/// unchanged.
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+    // The parent of a bare file name is the empty path.
+    let folder = path
+        .parent()
+        .filter(|p| !p.as_os_str().is_empty())
+        .unwrap_or(Path::new("."));
+    fs::create_dir_all(folder).map_err(|e| StoreError::io("create", folder, &e))?;
+    let attempt = || -> std::io::Result<()> {
+        let mut file = temporary(folder)?;
+        file.write_all(bytes)?;
+        file.as_file().sync_all()?;
+        file.persist(path).map_err(|e| e.error)?;
+        sync_folder(folder)
+    };
+    attempt().map_err(|e| StoreError::io("write", path, &e))
+}
+
+/// Writes a file atomically if its content would change, so that a night with nothing to do leaves
+/// modification times unchanged.
+///
+/// # Errors
+/// As [`write_atomically`].
+pub(crate) fn write_if_changed(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+    match fs::read(path) {
+        Ok(old) if old == bytes => Ok(()),
+        _ => write_atomically(path, bytes),
+    }
+}
+
+/// Creates a folder and checks that it is writable, with an anonymous file that leaves nothing
+/// behind after a crash.
+///
+/// # Errors
+/// [`StoreError::Unwritable`] with the reason of the operating system.
+pub fn probe(folder: &Path) -> Result<(), StoreError> {
+    let attempt = || -> std::io::Result<()> {
+        fs::create_dir_all(folder)?;
+        let mut file = tempfile::tempfile_in(folder)?;
+        file.write_all(b"probe")?;
+        file.sync_all()
+    };
+    attempt().map_err(|e| StoreError::unwritable(folder, &e))
+}
+
+/// Removes all temporary files in a folder that no other process writes to.
+pub(crate) fn remove_temporaries(folder: &Path) {
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        if is_temporary(&name.to_string_lossy()) {
+            // A temporary file that cannot be removed does no harm.
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+}
+
+/// Current time by the clock of a folder's file system, which may differ from the machine's clock.
+pub(crate) fn now_in(folder: &Path) -> std::io::Result<SystemTime> {
+    tempfile::tempfile_in(folder)?.metadata()?.modified()
+}
+
+/// Removes abandoned temporary files in a folder to which other processes may be writing.
+pub(crate) fn remove_old_temporaries(folder: &Path) {
+    let Ok(now) = now_in(folder) else { return };
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let modified = entry.metadata().and_then(|facts| facts.modified());
+        let age = modified
+            .ok()
+            .and_then(|moment| now.duration_since(moment).ok())
+            .unwrap_or_default();
+        if is_temporary(&entry.file_name().to_string_lossy()) && age > ABANDONED {
+            // A temporary file that cannot be removed does no harm.
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+}
+
+/// Whether a file name is one of Lumbre's temporary files.
+pub(crate) fn is_temporary(name: &str) -> bool {
+    name.starts_with(TEMP_PREFIX) && name.ends_with(TEMP_SUFFIX)
+}
+
+/// Creates a temporary file with ordinary permissions in a folder.
+pub(crate) fn temporary(folder: &Path) -> std::io::Result<tempfile::NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(TEMP_PREFIX).suffix(TEMP_SUFFIX);
+    #[cfg(unix)]
+    {
+        // Results are ordinary files, so the user's umask decides instead of the default mode 0600.
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(fs::Permissions::from_mode(0o666));
+    }
+    builder.tempfile_in(folder)
+}
+
+/// Syncs a folder, so that a rename survives a power failure. Does nothing on systems other than
+/// Unix.
+pub(crate) fn sync_folder(folder: &Path) -> std::io::Result<()> {
+    if cfg!(unix) {
+        File::open(folder)?.sync_all()
+    } else {
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::store::write::atomic::*;
+
+    #[test]
+    fn replaces_whole_files_and_leaves_no_other() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a/b/file.json");
+        write_atomically(&path, b"first, and longer").unwrap();
+        write_atomically(&path, b"second").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"second");
+        assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_failed_write_leaves_the_old_file_and_nothing_beside_it() {
+        let dir = tempfile::tempdir().unwrap();
+        // The target is a folder with something in it: the rename must fail.
+        let path = dir.path().join("taken");
+        fs::create_dir_all(path.join("inner")).unwrap();
+        let error = write_atomically(&path, b"x").unwrap_err();
+        assert!(error.to_string().contains("taken"), "{error}");
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn unchanged_content_is_not_written_again() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("f");
+        write_atomically(&path, b"same").unwrap();
+        let before = fs::metadata(&path).unwrap().modified().unwrap();
+        write_if_changed(&path, b"same").unwrap();
+        assert_eq!(fs::metadata(&path).unwrap().modified().unwrap(), before);
+        write_if_changed(&path, b"other").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"other");
+    }
+
+    #[test]
+    fn the_probe_reports_the_folder_and_leaves_it_empty() {
+        let dir = tempfile::tempdir().unwrap();
+        probe(&dir.path().join("fresh")).unwrap();
+        assert_eq!(fs::read_dir(dir.path().join("fresh")).unwrap().count(), 0);
+        let file = dir.path().join("file");
+        fs::write(&file, b"").unwrap();
+        let error = probe(&file.join("below")).unwrap_err();
+        assert!(matches!(error, StoreError::Unwritable { .. }));
+        assert!(error.to_string().contains("--out"), "{error}");
+    }
+}

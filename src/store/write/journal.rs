@@ -1,0 +1,94 @@
+//! The journal of an experiment's folder: `journal.jsonl` has one JSON line for each event, over
+//! all nights and processes. It is informative; no decision depends on it.
+
+use std::fs::{File, OpenOptions};
+use std::io::{Read, Seek, SeekFrom, Write};
+use std::path::PathBuf;
+
+use serde_json::Value as Json;
+
+use crate::store::{StoreError, utc};
+
+/// Journal open for appending.
+#[derive(Debug)]
+pub(crate) struct Journal {
+    file: File,
+    path: PathBuf,
+}
+
+impl Journal {
+    /// Opens the journal for appending. Ends a line that a crash cut off, so that the next line is
+    /// separate.
+    pub(crate) fn open(path: PathBuf) -> Result<Journal, StoreError> {
+        let attempt = || -> std::io::Result<File> {
+            let mut file = OpenOptions::new()
+                .create(true)
+                .read(true)
+                .append(true)
+                .open(&path)?;
+            if file.metadata()?.len() > 0 {
+                let mut last = [0];
+                file.seek(SeekFrom::End(-1))?;
+                file.read_exact(&mut last)?;
+                if last != *b"\n" {
+                    tracing::warn!(
+                        "the last line of {} is incomplete and will be ignored",
+                        path.display()
+                    );
+                    file.write_all(b"\n")?;
+                }
+            }
+            Ok(file)
+        };
+        let file = attempt().map_err(|e| StoreError::io("write", &path, &e))?;
+        Ok(Journal { file, path })
+    }
+
+    /// Appends one line: the date, the event's name, and `fields`. It is a single write to the end
+    /// of the file, so that lines of several processes do not mix.
+    pub(crate) fn append(&mut self, event: &str, fields: &Json) -> Result<(), StoreError> {
+        let mut line = serde_json::Map::new();
+        line.insert("date".into(), utc(std::time::SystemTime::now()).into());
+        line.insert("event".into(), event.into());
+        line.extend(
+            fields
+                .as_object()
+                .into_iter()
+                .flatten()
+                .map(|(k, v)| (k.clone(), v.clone())),
+        );
+        let text = Json::Object(line).to_string() + "\n";
+        self.file
+            .write_all(text.as_bytes())
+            .map_err(|e| StoreError::io("write", &self.path, &e))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::store::write::journal::*;
+    use serde_json::json;
+
+    #[test]
+    fn a_cut_line_does_not_swallow_the_next_one() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("journal.jsonl");
+        std::fs::write(&path, "{\"event\":\"cell_fin").unwrap();
+        let fields = json!({"run": "ab", "reason": "lens fell off"});
+        Journal::open(path.clone())
+            .unwrap()
+            .append("cell_finished", &fields)
+            .unwrap();
+        Journal::open(path.clone())
+            .unwrap()
+            .append("cell_finished", &fields)
+            .unwrap();
+        let text = std::fs::read_to_string(&path).unwrap();
+        let intact =
+            |line: &&str| serde_json::from_str::<Json>(line).is_ok_and(|json| json["run"] == "ab");
+        assert_eq!(
+            (text.lines().count(), text.lines().filter(intact).count()),
+            (3, 2)
+        );
+    }
+}

@@ -1,0 +1,223 @@
+//! `metrics.csv`: one line per wave, with floats in the shortest form that reads back to the same
+//! bits.
+//!
+//! The columns are `wave,samples,render_s,wall_s,measure_s,paths,rays,invalid` and the plan's
+//! metrics. Samples are per pixel, `_s` columns are seconds, the rest are counts; all values are
+//! cumulative. Infinities and NaN are written as `inf`, `-inf` and `NaN`.
+
+use std::fmt::Write;
+
+use crate::experiment::WaveRow;
+
+/// Names of the columns before the metrics.
+pub const FIXED: [&str; 8] = [
+    "wave",
+    "samples",
+    "render_s",
+    "wall_s",
+    "measure_s",
+    "paths",
+    "rays",
+    "invalid",
+];
+
+/// Formats the header line, with its newline.
+pub fn header<'a>(metrics: impl IntoIterator<Item = &'a str>) -> String {
+    let mut line = FIXED.join(",");
+    for column in metrics {
+        line.push(',');
+        line.push_str(&quote(column));
+    }
+    line.push('\n');
+    line
+}
+
+/// Formats a row as a line, with its newline.
+pub fn line(row: &WaveRow) -> String {
+    let mut line = format!(
+        "{},{},{:?},{:?},{:?},{},{},{}",
+        row.wave,
+        row.samples,
+        row.render_s,
+        row.wall_s,
+        row.measure_s,
+        row.paths,
+        row.rays,
+        row.invalid
+    );
+    for value in &row.metrics {
+        // Writing to a String cannot fail.
+        let _ = write!(line, ",{value:?}");
+    }
+    line.push('\n');
+    line
+}
+
+/// Parses a whole file into its metric columns and rows. A last line without a newline is ignored.
+/// The position of the first invalid sample is not in this file but in `done.json`.
+///
+/// # Errors
+/// When the header or a line is invalid; the text contains the line number.
+pub fn parse(text: &str) -> Result<(Vec<String>, Vec<WaveRow>), String> {
+    let complete = &text[..text.rfind('\n').map_or(0, |end| end + 1)];
+    let mut lines = complete.lines();
+    let columns = split(lines.next().ok_or("the file is empty")?);
+    if columns.len() < FIXED.len()
+        || columns
+            .iter()
+            .zip(FIXED)
+            .any(|(found, expected)| found != expected)
+    {
+        return Err(format!(
+            "line 1: expected a header that starts with {}",
+            FIXED.join(",")
+        ));
+    }
+    let rows = lines.enumerate().map(|(i, line)| {
+        parse_row(line, columns.len()).map_err(|problem| format!("line {}: {problem}", i + 2))
+    });
+    let rows = rows.collect::<Result<_, _>>()?;
+    Ok((columns[FIXED.len()..].to_vec(), rows))
+}
+
+/// Parses further lines of a file whose header was read before. Skips lines that are no rows.
+pub fn parse_more(text: &str) -> Vec<WaveRow> {
+    text.lines()
+        .filter_map(|line| parse_row(line, line.split(',').count()).ok())
+        .collect()
+}
+
+fn parse_row(line: &str, width: usize) -> Result<WaveRow, String> {
+    let cells: Vec<&str> = line.split(',').collect();
+    if cells.len() != width {
+        return Err(format!("expected {width} values, found {}", cells.len()));
+    }
+    let count = |i: usize| {
+        cells[i]
+            .parse::<u64>()
+            .map_err(|_| format!("`{}` in column {} is not a count", cells[i], FIXED[i]))
+    };
+    if width < FIXED.len() {
+        return Err(format!(
+            "expected at least {} values, found {width}",
+            FIXED.len()
+        ));
+    }
+    let number = |i: usize| {
+        cells[i]
+            .parse::<f64>()
+            .map_err(|_| format!("`{}` is not a number", cells[i]))
+    };
+    Ok(WaveRow {
+        wave: count(0)?,
+        samples: count(1)?,
+        render_s: number(2)?,
+        wall_s: number(3)?,
+        measure_s: number(4)?,
+        paths: count(5)?,
+        rays: count(6)?,
+        invalid: count(7)?,
+        first_invalid: None,
+        metrics: (FIXED.len()..width).map(number).collect::<Result<_, _>>()?,
+    })
+}
+
+fn quote(cell: &str) -> String {
+    if cell.contains([',', '"', '\n', '\r']) {
+        format!(
+            "\"{}\"",
+            cell.replace('"', "\"\"").replace(['\n', '\r'], " ")
+        )
+    } else {
+        cell.to_owned()
+    }
+}
+
+fn split(line: &str) -> Vec<String> {
+    let mut cells = vec![String::new()];
+    let mut quoted = false;
+    let mut chars = line.chars().peekable();
+    while let Some(c) = chars.next() {
+        let cell = cells.len() - 1;
+        match c {
+            '"' if quoted && chars.peek() == Some(&'"') => {
+                chars.next();
+                cells[cell].push('"');
+            }
+            '"' => quoted = !quoted,
+            ',' if !quoted => cells.push(String::new()),
+            _ => cells[cell].push(c),
+        }
+    }
+    cells
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::store::write::metrics_csv::*;
+
+    fn sample_row(wave: u64, metrics: &[f64]) -> WaveRow {
+        WaveRow {
+            wave,
+            samples: 1 << wave,
+            render_s: 0.1 + wave as f64 / 3.0,
+            wall_s: 1e-9,
+            measure_s: 0.25 * wave as f64,
+            paths: u64::MAX,
+            rays: 7,
+            invalid: 0,
+            first_invalid: None,
+            metrics: metrics.to_vec(),
+        }
+    }
+
+    #[test]
+    fn rows_read_back_to_the_same_bits() {
+        let rows = [
+            sample_row(1, &[f64::MIN_POSITIVE, 1e300]),
+            sample_row(2, &[f64::INFINITY, 1.0 / 3.0]),
+        ];
+        let text = header(["rmse", "odd, \"name\""]) + &rows.iter().map(line).collect::<String>();
+        let (columns, back) = parse(&text).unwrap();
+        assert_eq!(columns, ["rmse", "odd, \"name\""]);
+        assert_eq!(back, rows);
+        let nan = header(["m"]) + &line(&sample_row(1, &[f64::NAN]));
+        assert!(parse(&nan).unwrap().1[0].metrics[0].is_nan());
+    }
+
+    #[test]
+    fn an_incomplete_last_line_is_ignored() {
+        let text =
+            header(["rmse"]) + &line(&sample_row(1, &[0.5])) + &line(&sample_row(2, &[0.25]));
+        for cut in 0..text.len() {
+            let kept = text[..cut].matches('\n').count();
+            match parse(&text[..cut]) {
+                Ok((_, rows)) => assert_eq!(rows.len(), kept - 1),
+                Err(_) => assert_eq!(kept, 0),
+            }
+        }
+    }
+
+    #[test]
+    fn further_lines_need_no_header() {
+        let (first, second) = (sample_row(1, &[0.5]), sample_row(2, &[0.25]));
+        let text = line(&first) + "torn,1\nx,1,2,3,4,5,6,7\n" + &line(&second);
+        assert_eq!(parse_more(&text), [first, second]);
+    }
+
+    #[test]
+    fn errors_name_the_line() {
+        let good = header(["rmse"]) + &line(&sample_row(1, &[0.5]));
+        assert!(
+            parse(&(good.clone() + "1,2,3\n"))
+                .unwrap_err()
+                .starts_with("line 3: expected 9 values")
+        );
+        assert!(
+            parse(&(good + "x,2,0.1,0.2,0.1,3,4,5,6\n"))
+                .unwrap_err()
+                .contains("`x` in column wave is not a count")
+        );
+        assert!(parse("time,error\n1,2\n").unwrap_err().contains("line 1"));
+    }
+}

@@ -1,0 +1,12 @@
+//! State of a night as the dashboard shows it, folded from events. Nothing here draws.
+
+pub mod column;
+pub mod curve;
+pub mod entry;
+pub mod eta;
+pub mod night;
+pub mod plan_rows;
+mod remaining;
+pub mod strategy_thumbnails;
+pub mod time_preview;
+pub mod worker_list;

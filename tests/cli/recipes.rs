@@ -1,0 +1,241 @@
+//! The recipes of the book: every page has its script, shows it as it is, and names files that it leaves.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use super::workplace::{Ended, Workplace};
+
+/// Values that replace those of the axes of the same names, so that every script takes a moment.
+const TINY: [(&str, &str); 4] = [
+    ("size", "16"),
+    ("samples", "2"),
+    ("seconds", "0.05"),
+    ("reference", "16"),
+];
+
+/// Root of the repository, from which the pages start their commands.
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Names of the files with this extension in a folder of the repository, without the extension.
+fn names(folder: &str, extension: &str) -> BTreeSet<String> {
+    let entries = std::fs::read_dir(root().join(folder)).unwrap();
+    entries
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.extension().is_some_and(|e| e == extension))
+        .map(|path| path.file_stem().unwrap().to_str().unwrap().to_owned())
+        .collect()
+}
+
+/// Text of a file of the repository.
+fn read(path: &str) -> String {
+    std::fs::read_to_string(root().join(path)).unwrap_or_else(|e| panic!("{path}: {e}"))
+}
+
+/// Text of a recipe's page.
+fn page(name: &str) -> String {
+    read(&format!("docs/recipes/{name}.md"))
+}
+
+/// Names of all recipes, after their pages.
+fn recipes() -> BTreeSet<String> {
+    let mut pages = names("docs/recipes", "md");
+    assert!(pages.remove("README"), "docs/recipes/README.md is missing");
+    pages
+}
+
+/// The Lua blocks of a page that start with a comment naming a file, as pairs of path and text.
+fn shown_files(page: &str) -> Vec<(String, String)> {
+    let blocks = page.split("\n```lua\n").skip(1);
+    let texts = blocks.filter_map(|rest| rest.split_once("\n```"));
+    texts
+        .filter_map(|(text, _)| {
+            let (path, _) = text.strip_prefix("-- ")?.split_once(": ")?;
+            path.starts_with("scripts/")
+                .then(|| (path.to_owned(), format!("{text}\n")))
+        })
+        .collect()
+}
+
+/// Paths that a page lists as left by its script: items of lists that start with `out/`.
+fn promised_files(page: &str) -> Vec<String> {
+    page.lines()
+        .filter_map(|line| line.strip_prefix("- `out/"))
+        .map(|rest| format!("out/{}", rest.split_once('`').unwrap().0))
+        .collect()
+}
+
+/// Whether some file fits a pattern, in which `**` stands for any number of folders.
+fn is_there(place: &Workplace, pattern: &str) -> bool {
+    match pattern.split_once("/**/") {
+        None => place.path(pattern).is_file(),
+        Some((below, tail)) => {
+            let tail = format!("/{tail}");
+            files_below(&place.path(below))
+                .iter()
+                .any(|file| file.to_string_lossy().replace('\\', "/").ends_with(&tail))
+        }
+    }
+}
+
+/// All files below a folder, which may be a link.
+fn files_below(folder: &Path) -> Vec<PathBuf> {
+    let (mut found, mut open) = (Vec::new(), vec![folder.to_owned()]);
+    while let Some(next) = open.pop() {
+        for entry in std::fs::read_dir(&next).into_iter().flatten().flatten() {
+            let path = entry.path();
+            if path.is_dir() {
+                open.push(path);
+            } else {
+                found.push(path);
+            }
+        }
+    }
+    found
+}
+
+/// The overrides of axes that make a recipe tiny: those of `TINY` that its script declares.
+fn overrides(script: &str) -> Vec<String> {
+    let declared = |name: &str| script.contains(&format!("x:axis(\"{name}\""));
+    let axes = TINY.iter().filter(|(name, _)| declared(name));
+    axes.map(|(name, value)| format!("{name}={value}"))
+        .collect()
+}
+
+/// Runs the program from the root of the repository, with results in the workplace.
+fn run(place: &Workplace, words: &[&str], recipe: &str, more: &[String]) -> Ended {
+    let script = format!("scripts/recipes/{recipe}.lua");
+    let out = place.path("out");
+    let mut command = place.command(words);
+    command.current_dir(root()).arg(script).args(more);
+    let output = command
+        .arg("--out")
+        .arg(out)
+        .args(["--backend", "cpu", "-q"])
+        .output()
+        .unwrap();
+    Ended {
+        status: output.status.code().unwrap_or(-1),
+        stdout: String::from_utf8(output.stdout).unwrap(),
+        stderr: String::from_utf8(output.stderr).unwrap(),
+    }
+}
+
+/// Runs a recipe at tiny size and checks that it leaves the files that its page lists.
+fn check_run(name: &str, more: &[String]) {
+    let place = Workplace::new();
+    let mut axes = overrides(&read(&format!("scripts/recipes/{name}.lua")));
+    assert!(axes.iter().any(|a| a == "size=16"), "{name} has no size");
+    axes.extend_from_slice(more);
+    let ended = run(&place, &["run"], name, &axes);
+    assert_eq!(
+        ended.status, 0,
+        "{name}\n{}\n{}",
+        ended.stdout, ended.stderr
+    );
+    let promised = promised_files(&page(name));
+    assert!(!promised.is_empty(), "{name} lists no files");
+    for pattern in promised {
+        assert!(
+            is_there(&place, &pattern),
+            "{name} leaves no {pattern}: {:?}",
+            place.files("out")
+        );
+    }
+}
+
+#[test]
+fn every_recipe_has_a_page_and_a_script() {
+    assert_eq!(recipes(), names("scripts/recipes", "lua"));
+    let index = read("docs/recipes/README.md");
+    for name in recipes() {
+        assert!(
+            index.contains(&format!("]({name}.md)")),
+            "the index lacks {name}"
+        );
+        let title = page(&name).lines().next().unwrap().to_owned();
+        assert!(
+            title.starts_with("# ") && title.ends_with('?'),
+            "{name}: {title}"
+        );
+    }
+}
+
+#[test]
+fn pages_show_their_scripts_as_they_are() {
+    for name in recipes() {
+        let shown = shown_files(&page(&name));
+        let script = format!("scripts/recipes/{name}.lua");
+        assert!(
+            shown.iter().any(|(path, _)| *path == script),
+            "{name} does not show {script}"
+        );
+        for (path, text) in shown {
+            assert_eq!(
+                text,
+                read(&path),
+                "docs/recipes/{name}.md differs from {path}"
+            );
+        }
+    }
+}
+
+#[test]
+fn every_recipe_runs_and_leaves_what_its_page_lists() {
+    for name in recipes() {
+        // Needs another program: see the next test.
+        if name != "mitsuba_beside" {
+            check_run(&name, &[]);
+        }
+    }
+}
+
+#[test]
+fn the_recipe_with_mitsuba_runs_where_it_is_installed() {
+    let name = "mitsuba_beside";
+    let Some(python) = super::external::interpreter() else {
+        let planned = run(&Workplace::new(), &["plan"], name, &[]);
+        assert_eq!(planned.status, 0, "{}", planned.stderr);
+        println!("SKIPPED: no interpreter with the package mitsuba; {name} was planned only");
+        return;
+    };
+    check_run(name, &[format!("python={python}")]);
+}
+
+#[test]
+fn the_recipe_for_clusters_prints_its_job_without_slurm() {
+    let more: Vec<String> = ["--workers", "4", "--time", "01:00:00", "--dry-run"]
+        .map(str::to_owned)
+        .into();
+    let ended = run(
+        &Workplace::new(),
+        &["submit", "slurm"],
+        "use_a_cluster",
+        &more,
+    );
+    assert_eq!(ended.status, 0, "{}", ended.stderr);
+    let shown = page("use_a_cluster");
+    let options: Vec<&str> = shown
+        .lines()
+        .filter(|l| l.starts_with("#SBATCH "))
+        .collect();
+    assert!(options.len() > 3, "the page shows no job");
+    for option in options {
+        assert!(
+            ended.stdout.lines().any(|line| line == option),
+            "the job has no `{option}`:\n{}",
+            ended.stdout
+        );
+    }
+}
+
+#[test]
+fn the_recipe_for_bias_finds_a_biased_integrator() {
+    let more = ["omit=true", "size=32", "samples=32"]
+        .map(str::to_owned)
+        .to_vec();
+    let ended = run(&Workplace::new(), &["run"], "check_bias", &more);
+    assert_eq!(ended.status, 6, "{}\n{}", ended.stdout, ended.stderr);
+    assert!(ended.stderr.contains("DISAGREES"), "{}", ended.stderr);
+}

@@ -1,0 +1,230 @@
+//! References in shards: the same bytes whichever workers render them, and whatever happens to one
+//! of them.
+
+use std::collections::BTreeMap;
+use std::process::{Child, Command, Stdio};
+
+use super::night::{differing, evidence, home, until};
+use super::workplace::Workplace;
+
+/// Returns a script with one cell on the CPU backend, and a reference with splats in `parts`
+/// shards.
+fn script(samples: u32, parts: u32) -> String {
+    format!(
+        r#"
+local x = experiment("parts", {{ seed = 3 }})
+x:axis("depth", {{ 3 }})
+x:render(function(p)
+  return {{ scene = "ball.scn", integrator = "nee", max_depth = p.depth, resolution = {{ 24, 16 }}, backend = "cpu" }}
+end)
+x:reference {{
+  from = function(p) return {{ integrator = "bdpt" }} end,
+  stop = stop.samples({samples}), parts = {parts},
+}}
+x:measure {{ every = "1h", rmse = metric.rmse() }}
+x:stop(stop.samples(4))
+x:checkpoint("0.02s")
+x:table("errors", {{ value = "rmse", rows = "depth", format = {{ "csv" }} }})
+return x
+"#
+    )
+}
+
+/// Returns the pictures of all references below `out`.
+fn references(place: &Workplace, out: &str) -> BTreeMap<String, Vec<u8>> {
+    let refs = format!("{out}/refs");
+    let pictures = place
+        .files(&refs)
+        .into_iter()
+        .filter(|file| file.ends_with(".exr"));
+    let found: BTreeMap<String, Vec<u8>> = pictures
+        .map(|file| {
+            (
+                file.strip_prefix(&refs).unwrap().to_owned(),
+                std::fs::read(place.path(&file)).unwrap(),
+            )
+        })
+        .collect();
+    assert_eq!(found.len() % 4, 0, "{:?}", found.keys());
+    found
+}
+
+/// Returns the last file of the reference with so many samples, and its measurements.
+fn reference(place: &Workplace, out: &str, samples: u64) -> (serde_json::Value, String) {
+    let files = place
+        .files(&format!("{out}/refs"))
+        .into_iter()
+        .filter(|file| file.ends_with("/ref.json"));
+    let mut found = files.map(|file| {
+        (
+            place.json(&file),
+            place.read(&file.replace("ref.json", "metrics.csv")),
+        )
+    });
+    found.find(|(json, _)| json["samples"] == samples).unwrap()
+}
+
+fn start(place: &Workplace, home: &str) -> Child {
+    let mut command = place.command(&[
+        "work",
+        home,
+        "--no-tui",
+        "--threads",
+        "1",
+        "--affinity",
+        "none",
+    ]);
+    command
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap()
+}
+
+/// Sends a signal to all workers.
+fn send(workers: &[Child], signal: &str) {
+    for worker in workers {
+        assert!(
+            Command::new("kill")
+                .args([signal, &worker.id().to_string()])
+                .status()
+                .unwrap()
+                .success()
+        );
+    }
+}
+
+#[test]
+fn a_reference_in_parts_is_the_same_to_the_byte_whoever_renders_them_and_whoever_dies() {
+    let place = Workplace::new();
+    place.write("parts.lua", &script(4096, 4));
+    place.succeed(&["run", "parts.lua", "--out", "alone", "-q", "--threads", "1"]);
+    let (json, metrics) = reference(&place, "alone", 4096);
+    assert_eq!(json["halves"], serde_json::json!([2048, 2048]));
+    let samples: Vec<&str> = metrics
+        .lines()
+        .skip(1)
+        .map(|line| line.split(',').nth(1).unwrap())
+        .collect();
+    assert_eq!(
+        samples,
+        ["1024", "2048", "3072", "4096"],
+        "a row for each part"
+    );
+
+    place.run(&["submit", "hq", "parts.lua", "-q"]);
+    let home = home(&place, "out");
+    let mut workers: Vec<Child> = (0..3).map(|_| start(&place, &home)).collect();
+    // In the middle of a shard, when at least two workers have one.
+    let begun = || {
+        let journals = place
+            .files(&format!("{home}/workers"))
+            .into_iter()
+            .filter(|file| file.ends_with(".jsonl"));
+        let at_work = journals
+            .filter(|file| place.read(file).contains("part_started"))
+            .count();
+        let there = place.files("out/refs/parts");
+        let open = |file: &String| {
+            let folder = file.split_once("/ckpt.").map(|(folder, _)| folder);
+            folder.is_some_and(|folder| !there.contains(&format!("{folder}/sums")))
+        };
+        at_work >= 2 && there.iter().any(open)
+    };
+    // A checkpoint of a stopped worker does not change any more, so it is still there when the
+    // worker is killed.
+    until("a part in its middle", || {
+        begun() && {
+            send(&workers, "-STOP");
+            let stays = begun();
+            if !stays {
+                send(&workers, "-CONT");
+            }
+            stays
+        }
+    });
+    for worker in &mut workers {
+        worker.kill().unwrap();
+        worker.wait().unwrap();
+    }
+    let status = place.succeed(&["status", &home]).stdout;
+    assert!(
+        status.contains("0 of 1; ") && status.contains("of 4 shards of the others are done"),
+        "{status}"
+    );
+    let workers: Vec<Child> = (0..3).map(|_| start(&place, &home)).collect();
+    let ended: Vec<String> = workers
+        .into_iter()
+        .map(|worker| {
+            let output = worker.wait_with_output().unwrap();
+            let said = String::from_utf8_lossy(&output.stderr).into_owned();
+            assert!(output.status.success(), "{said}");
+            said
+        })
+        .collect();
+    let all = ended.concat();
+    assert!(all.contains("resumes from its checkpoint after"), "{all}");
+    assert_eq!(
+        differing(&references(&place, "out"), &references(&place, "alone")),
+        Vec::<String>::new()
+    );
+    assert_eq!(
+        differing(&evidence(&place, "out"), &evidence(&place, "alone")),
+        Vec::<String>::new()
+    );
+    let floors = |out: &str| {
+        let done = place
+            .files(out)
+            .into_iter()
+            .find(|file| file.ends_with("/done.json"))
+            .unwrap();
+        place.json(&done)["floors"]["rmse"].as_f64().unwrap()
+    };
+    assert_eq!(floors("out"), floors("alone"));
+    let status = place.succeed(&["status", &home]).stdout;
+    assert!(status.contains("references  1 of 1\n"), "{status}");
+    assert!(place.files("out/refs/parts").is_empty());
+}
+
+#[test]
+fn twice_the_samples_in_twice_the_parts_go_on_from_what_is_there_to_the_same_bytes() {
+    let place = Workplace::new();
+    place.write("short.lua", &script(150, 3));
+    place.write("long.lua", &script(300, 6));
+    place.succeed(&["run", "short.lua", "-q"]);
+    let said = place.succeed(&["plan", "long.lua"]).stdout;
+    assert!(
+        said.contains("in shards of 50") && said.contains("resumes from 150 samples per pixel"),
+        "{said}"
+    );
+    let said = place.succeed(&["run", "long.lua"]).stderr;
+    assert!(
+        said.contains("shard 4 of 6") && !said.contains("shard 3 of 6"),
+        "{said}"
+    );
+    place.succeed(&["run", "long.lua", "--out", "fresh", "-q"]);
+    let (all, fresh) = (references(&place, "out"), references(&place, "fresh"));
+    assert_eq!((all.len(), fresh.len()), (8, 4));
+    assert!(fresh.iter().all(|(name, bytes)| all[name] == *bytes));
+
+    // Damaged shards are rendered again.
+    place.write("longest.lua", &script(350, 7));
+    let sums = place.files("out/refs/sums");
+    assert_eq!(sums.len(), 1, "the longest is kept: {sums:?}");
+    std::fs::write(place.path(&sums[0]), b"damaged").unwrap();
+    let said = place.succeed(&["run", "longest.lua"]).stderr;
+    assert!(
+        said.contains("shard 1 of 7") && said.contains("shard 7 of 7"),
+        "{said}"
+    );
+    let picture = place
+        .files("fresh/refs")
+        .into_iter()
+        .find(|file| file.ends_with("/ref.exr"))
+        .unwrap();
+    let said = place
+        .succeed(&["reproduce", &picture, "--out", "fresh"])
+        .stdout;
+    assert!(said.ends_with("identical\n"), "{said}");
+}

@@ -1,0 +1,216 @@
+//! Instances of one mesh, shaded as on the CPU.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use glam::{Affine3A, Mat3, Quat, Vec2, Vec3};
+use lumbre::math::warp::uniform_sphere;
+use lumbre::render::vulkan::pipelines::program::TracingMode;
+use lumbre::render::vulkan::pipelines::spirv::Sources;
+use lumbre::render::vulkan::renderer::VulkanRenderer;
+use lumbre::render::{Job, Renderer};
+use lumbre::scene::CompiledScene;
+use lumbre::scene::compile::{Sharing, compile_sharing};
+use lumbre::scene::desc::{
+    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, MeshDesc, SceneDesc,
+    ShapeDesc, Transform, mesh_hash,
+};
+
+use super::corners::loosely;
+use super::harness;
+use super::images::{kinds, render, with};
+use super::twins::Dice;
+use crate::common::{self, job};
+
+/// Returns a ball of `rows` times twice as many quads, whose cap at the top emits.
+fn ball(rows: u32) -> Arc<MeshDesc> {
+    let columns = 2 * rows;
+    let point = |row: u32, column: u32| {
+        // Open at the poles, so that no triangle is without area.
+        let (height, turn) = (
+            (row as f32 + 0.2) / (rows as f32 + 0.4),
+            (column % columns) as f32 / columns as f32,
+        );
+        uniform_sphere([height, turn])
+    };
+    let (mut positions, mut triangles, mut slots) = (Vec::new(), Vec::new(), Vec::new());
+    for row in 0..rows {
+        for column in 0..columns {
+            let corners = [
+                (row, column),
+                (row + 1, column),
+                (row + 1, column + 1),
+                (row, column + 1),
+            ];
+            let first = positions.len() as u32;
+            positions.extend(corners.map(|(r, c)| point(r, c)));
+            triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+            slots.extend([u32::from(row == 0); 2]);
+        }
+    }
+    let mut mesh = MeshDesc {
+        file: PathBuf::from("ball.obj"),
+        uvs: positions.iter().map(|p| Vec2::new(p.x, p.y)).collect(),
+        normals: positions.clone(),
+        colors: positions
+            .iter()
+            .map(|p| (*p * 0.5 + 0.5).clamp(Vec3::ZERO, Vec3::ONE))
+            .collect(),
+        second_uvs: Vec::new(),
+        positions,
+        triangles,
+        triangle_slot: slots,
+        slots: vec!["body".to_owned(), "cap".to_owned()],
+        content_hash: [0; 32],
+    };
+    mesh.content_hash = mesh_hash(&mesh);
+    Arc::new(mesh)
+}
+
+/// Returns instances of a ball, turned and stretched, some mirrored and sheared, about an
+/// untransformed one.
+fn balls(copies: u32, rows: u32) -> CompiledScene {
+    let materials = vec![
+        MaterialDesc {
+            base_color: Vec3::new(0.7, 0.5, 0.3),
+            roughness: 0.4,
+            ..MaterialDesc::new("body")
+        },
+        MaterialDesc {
+            emission: Vec3::new(4.0, 5.0, 6.0),
+            ..MaterialDesc::new("cap")
+        },
+        MaterialDesc {
+            base_color: Vec3::new(0.3, 0.5, 0.7),
+            roughness: 0.6,
+            ..MaterialDesc::new("other")
+        },
+    ];
+    let mesh = ball(rows);
+    let spread = f32::max(1.0, (copies as f32).sqrt() * 0.5);
+    let mut entities = Vec::new();
+    Dice::rows(copies, |d, i| {
+        let turn = Quat::from_axis_angle(d.direction(), d.between(-3.0, 3.0));
+        let mut scale = Vec3::new(
+            d.between(0.2, 0.6),
+            d.between(0.2, 0.6),
+            d.between(0.2, 0.6),
+        );
+        let mut shear = Mat3::IDENTITY;
+        if i % 3 == 1 {
+            scale.x = -scale.x;
+            shear = Mat3::from_cols(Vec3::X, Vec3::new(0.3, 1.0, 0.0), Vec3::Z);
+        }
+        let linear = Mat3::from_quat(turn) * shear * Mat3::from_diagonal(scale);
+        let place = Affine3A::from_mat3_translation(linear, d.vector(spread));
+        entities.push(EntityDesc {
+            name: format!("ball {i}"),
+            transform: Transform::framed(place),
+            material: (i % 4 == 2).then(|| "other".to_owned()),
+            anisotropic_direction: None,
+            shape: ShapeDesc::Mesh(Arc::clone(&mesh)),
+        });
+    });
+    entities.push(EntityDesc {
+        name: "true ball".to_owned(),
+        transform: Transform::framed(Affine3A::from_translation(
+            Vec3::new(0.3, -0.2, 0.4) * spread,
+        )),
+        material: Some("other".to_owned()),
+        anisotropic_direction: None,
+        shape: ShapeDesc::Sphere {
+            radius: 0.3 * spread,
+        },
+    });
+    let camera = CameraDesc {
+        position: Vec3::new(0.0, 0.5, 2.0 + 2.0 * spread),
+        fov_deg: 50.0,
+        ..CameraDesc::default()
+    };
+    let desc = SceneDesc {
+        views: Vec::new(),
+        resolution: [32, 24],
+        max_depth: 4,
+        camera,
+        materials,
+        entities,
+        lights: vec![],
+        environment: Some(EnvironmentDesc {
+            source: EnvironmentSource::Color(Vec3::splat(0.2)),
+            rotation_deg: 0.0,
+            scale: 1.0,
+        }),
+    };
+    compile_sharing(&desc, Sharing::Always).unwrap().0
+}
+
+#[test]
+fn copies_look_the_same_as_on_the_cpu() {
+    let Some(device) = harness::device() else {
+        return;
+    };
+    let scene = Arc::new(balls(24, 6));
+    assert!(
+        scene.instances.placements.len() == 24 && scene.instances.meshes.len() >= 3,
+        "plain, mirrored, without a lamp"
+    );
+    for (name, kind) in [
+        ("nee", TracingMode::Pipeline),
+        ("bpt", TracingMode::Query),
+        ("bpt", TracingMode::Compute),
+    ] {
+        let job = Job {
+            resolution: [48, 32],
+            ..with(name, 60)
+        };
+        let expected = common::render(&scene, job.clone(), 8);
+        // Their caps are found as lights, beside the contribution of the environment.
+        assert!(
+            expected.mean().data.iter().any(|p| p[2] > 1.0),
+            "no cap is seen"
+        );
+        if kinds(&device).contains(&kind) {
+            loosely(
+                &format!("{name} by {}", kind.backend()),
+                &render(&device, kind, &scene, &job, 8),
+                &expected,
+            );
+        }
+    }
+    harness::silent();
+}
+
+#[test]
+fn ten_thousand_copies_take_the_memory_of_one() {
+    let Some(device) = harness::device() else {
+        return;
+    };
+    let bytes = |kind: TracingMode, scene: &CompiledScene| {
+        let job = job([8, 8], 2, 1);
+        let mut renderer =
+            VulkanRenderer::new(&device, kind, &Sources::Embedded, scene, &job).unwrap();
+        renderer.advance(1).unwrap();
+        renderer.open_stats().accel_bytes
+    };
+    // Two meshes each: plain and mirrored.
+    let (few, many) = (balls(2, 24), balls(10_000, 24));
+    assert!(many.flattened(1 << 24).is_err(), "too many to be unfolded");
+    let meshes = 2 * 4 * 24 * 24;
+    for kind in [TracingMode::Query, TracingMode::Compute]
+        .into_iter()
+        .filter(|kind| kinds(&device).contains(kind))
+    {
+        let (least, most) = (bytes(kind, &few), bytes(kind, &many));
+        let name = kind.backend();
+        println!(
+            "{name}: {meshes} triangles in {least} bytes; ten thousand copies of them in {most}"
+        );
+        // Bytes of an instance's record, and of its share of the tree above.
+        assert!(
+            most - least < 10_000 * 512,
+            "{name}: {} bytes for each copy",
+            (most - least) / 10_000
+        );
+    }
+    harness::silent();
+}

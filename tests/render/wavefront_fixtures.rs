@@ -1,0 +1,346 @@
+//! Materials, a scene, jobs and the comparison of bits, for the tests of the wavefront.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+use lumbre::film::time::{TimeAxis, TimeCube, sum_slots};
+use lumbre::render::cpu::bvh::simd::Isa;
+use lumbre::render::hierarchy::{AccelSpec, LaneMode};
+use lumbre::render::{Job, Renderer, cpu::renderer::CpuRenderer};
+use lumbre::scene::CompiledScene;
+use lumbre::scene::compile::{Material, Model};
+use lumbre::transport::integrator::integrator;
+use lumbre::transport::path_time::Timing;
+
+use crate::common::{SceneBuilder, WHITE, grey, light};
+
+pub const DISNEY: Material = Material {
+    model: Model::Disney,
+    base_color: Vec3::new(0.8, 0.5, 0.2),
+    ..WHITE
+};
+
+/// Returns materials with every lobe alone and in combination, including those that only the scalar
+/// path handles.
+pub fn materials() -> Vec<(&'static str, Material)> {
+    vec![
+        ("rough", DISNEY),
+        (
+            "shiny",
+            Material {
+                roughness: 0.25,
+                ior: 2.5,
+                ..DISNEY
+            },
+        ),
+        (
+            "subsurface",
+            Material {
+                subsurface: 0.6,
+                ..DISNEY
+            },
+        ),
+        (
+            "sheen",
+            Material {
+                sheen: 1.0,
+                sheen_tint: 0.5,
+                ..DISNEY
+            },
+        ),
+        (
+            "tinted",
+            Material {
+                specular_tint: 0.8,
+                roughness: 0.4,
+                ..DISNEY
+            },
+        ),
+        (
+            "smooth under which it is diffuse",
+            Material {
+                roughness: 0.0,
+                ..DISNEY
+            },
+        ),
+        (
+            "metal",
+            Material {
+                metallic: 1.0,
+                roughness: 0.3,
+                ..DISNEY
+            },
+        ),
+        (
+            "mirror",
+            Material {
+                metallic: 1.0,
+                roughness: 0.0,
+                ..DISNEY
+            },
+        ),
+        (
+            "half metal",
+            Material {
+                metallic: 0.5,
+                roughness: 0.5,
+                ..DISNEY
+            },
+        ),
+        (
+            "glass",
+            Material {
+                opacity: 0.0,
+                roughness: 0.0,
+                ..DISNEY
+            },
+        ),
+        (
+            "rough glass",
+            Material {
+                opacity: 0.0,
+                roughness: 0.4,
+                ..DISNEY
+            },
+        ),
+        (
+            "glass that hardly bends",
+            Material {
+                opacity: 0.0,
+                roughness: 0.02,
+                ior: 1.001,
+                ..DISNEY
+            },
+        ),
+        (
+            "half opaque",
+            Material {
+                opacity: 0.5,
+                roughness: 0.3,
+                ..DISNEY
+            },
+        ),
+        (
+            "half opaque and smooth",
+            Material {
+                opacity: 0.5,
+                roughness: 0.0,
+                metallic: 0.2,
+                ..DISNEY
+            },
+        ),
+        (
+            "coat",
+            Material {
+                clearcoat: 1.0,
+                clearcoat_gloss: 0.4,
+                ..DISNEY
+            },
+        ),
+        (
+            "coat on all",
+            Material {
+                clearcoat: 0.7,
+                opacity: 0.5,
+                metallic: 0.3,
+                roughness: 0.5,
+                sheen: 0.5,
+                ..DISNEY
+            },
+        ),
+        (
+            "black",
+            Material {
+                base_color: Vec3::ZERO,
+                metallic: 1.0,
+                ..DISNEY
+            },
+        ),
+        (
+            "brushed",
+            Material {
+                anisotropic: 0.8,
+                roughness: 0.4,
+                metallic: 1.0,
+                ..DISNEY
+            },
+        ),
+        (
+            "shining and reflecting",
+            Material {
+                emission: Vec3::splat(0.2),
+                ..DISNEY
+            },
+        ),
+        ("Lambert", grey(0.7)),
+        (
+            "ideal",
+            Material {
+                opacity: 0.0,
+                ..WHITE
+            },
+        ),
+        (
+            "ideal mixture",
+            Material {
+                opacity: 0.5,
+                metallic: 0.2,
+                ..WHITE
+            },
+        ),
+    ]
+}
+
+/// Returns a room with an area light; its floor and a sphere have the material, and the floor's
+/// normals are bent.
+pub fn room(material: Material) -> SceneBuilder {
+    let floor = 12;
+    SceneBuilder::new(Vec3::new(0.0, 0.0, 0.95), Vec3::ZERO, 70.0)
+        .room(
+            1.0,
+            Material {
+                base_color: Vec3::splat(0.6),
+                ..DISNEY
+            },
+        )
+        .quad(
+            Vec3::new(-0.9, -0.8, -0.9),
+            Vec3::Z * 1.7,
+            Vec3::X * 1.8,
+            material,
+        )
+        .with(|s| {
+            for (i, n) in s.attributes[floor..floor + 2]
+                .iter_mut()
+                .flat_map(|a| &mut a.normals)
+                .enumerate()
+            {
+                let bend = Vec3::new(0.3 * (i as f32 - 2.5), 0.0, 0.2 * (i as f32 % 3.0 - 1.0));
+                *n = (*n + bend).try_normalize().unwrap();
+            }
+        })
+        .quad(
+            Vec3::new(-0.3, 0.99, -0.3),
+            Vec3::X * 0.6,
+            Vec3::Z * 0.6,
+            light(8.0),
+        )
+        .sphere(Vec3::new(0.3, -0.3, 0.0), 0.35, material)
+}
+
+pub fn plain(resolution: [u32; 2], max_depth: u32) -> Job {
+    let accel = AccelSpec {
+        lanes: LaneMode::Always,
+        ..AccelSpec::default()
+    };
+    Job {
+        threads: 1,
+        accel,
+        ..Job::plain(integrator("nee").unwrap(), resolution, max_depth, 5)
+    }
+}
+
+/// Returns the job with `bpt`, which makes no connections.
+pub fn unjoined(job: Job) -> Job {
+    Job {
+        integrator: integrator("bpt").unwrap(),
+        ..job
+    }
+}
+
+/// Returns the job with `bdpt`.
+pub fn joined(job: Job) -> Job {
+    Job {
+        integrator: integrator("bdpt").unwrap(),
+        ..job
+    }
+}
+
+/// Returns the job with a time axis on which most light arrives, and some before it and after it.
+pub fn timed(job: &Job) -> Job {
+    Job {
+        timing: Some(Timing::plain(TimeAxis {
+            start: 2.0,
+            bin: 0.125,
+            bins: 40,
+        })),
+        ..job.clone()
+    }
+}
+
+/// Returns the bits of a film with a time axis. Panics unless the film is the sum of its slots.
+fn slots(cube: &TimeCube, sum: &[[f64; 3]], name: &str) -> (Vec<[u64; 3]>, Vec<[u32; 3]>) {
+    let sums: Vec<[f64; 3]> = cube.sum.chunks(cube.axis.slots()).map(sum_slots).collect();
+    assert_eq!(sums, sum, "{name}: the film is not the sum of its slots");
+    (
+        cube.sum.iter().map(|s| s.map(f64::to_bits)).collect(),
+        cube.square.iter().map(|s| s.map(f32::to_bits)).collect(),
+    )
+}
+
+/// Renders vectorised and on the scalar path, with and without a time axis, and compares all bits
+/// and the ray counts.
+pub fn same(name: &str, scene: &Arc<CompiledScene>, job: Job, samples: u64) {
+    same_film(
+        &format!("{name}, with a time axis"),
+        scene,
+        timed(&job),
+        samples,
+    );
+    same_film(name, scene, job, samples);
+}
+
+/// Does what [`same`] does, for the film that the job describes only.
+pub fn same_film(name: &str, scene: &Arc<CompiledScene>, job: Job, samples: u64) {
+    // The lights are behind the camera.
+    let dark = job.max_depth == 1;
+    let run = |job: Job, isa: Isa, lanes: bool| {
+        let mut renderer = CpuRenderer::with_isa(Arc::clone(scene), job, isa).unwrap();
+        assert_eq!(
+            renderer.is_vectorised(),
+            lanes && isa != Isa::Portable,
+            "{name}"
+        );
+        let stats = renderer.advance(samples).unwrap();
+        let bits = |sums: &[[f64; 3]]| sums.iter().map(|s| s.map(f64::to_bits)).collect::<Vec<_>>();
+        let film = renderer.film();
+        let times = renderer.times().map(|cube| slots(&cube, &film.sum, name));
+        (
+            bits(&film.sum),
+            bits(&film.sum2),
+            stats.rays,
+            stats.invalid,
+            stats.first_invalid,
+            times,
+        )
+    };
+    let alone = run(
+        Job {
+            accel: job.accel.scalar(),
+            ..job.clone()
+        },
+        Isa::Portable,
+        false,
+    );
+    for isa in Isa::available() {
+        let (lanes, by) = (run(job.clone(), *isa, true), isa.name());
+        let differ = alone.0.iter().zip(&lanes.0).filter(|(a, b)| a != b).count();
+        assert_eq!(
+            differ,
+            0,
+            "{name}, {by}: so many pixels of {} differ",
+            alone.0.len()
+        );
+        assert!(alone.5 == lanes.5, "{name}, {by}: slots differ");
+        assert!(
+            alone == lanes,
+            "{name}, {by}: squares, rays or invalid samples differ: {:?} {:?}",
+            alone.2,
+            lanes.2
+        );
+        assert!(
+            dark || lanes.0.iter().any(|s| f64::from_bits(s[0]) > 0.0),
+            "{name}: black"
+        );
+    }
+}
