@@ -1,9 +1,9 @@
 -- A court with a two-storey arcade: columns, arches, chains with lamps, banners, and plants cut out
 -- by masks.
 --
--- Replaces the Sponza of thesis S0 (docs/inside/transport.md, section 5.1): large and deep, lit from above
--- by a `skybox`, a `sun`, or only by its `lamps`. Views: along the court (`atrium`), from under the
--- arches (`gallery`), and from the upper floor (`balcony`).
+-- Replaces the Sponza scene of thesis S0, section 5.1 (docs/bibliography.md): large and deep.
+-- Option `light`: lit from above by a `skybox` or a `sun`, or only by its `lamps`. Views: along the
+-- court (`atrium`), from under the arches (`gallery`), and from the upper floor (`balcony`).
 
 local s = scene { resolution = { 1280, 720 }, max_depth = 8 }
 local light = s:option("light", { "sun", "skybox", "lamps" })
@@ -12,7 +12,7 @@ s:view("atrium", { position = { -11.2, 1.7, 0.6 }, target = { 0, 3.1, -0.3 }, fo
 s:view("gallery", { position = { -9.5, 1.6, 6.1 }, target = { 2, 1.9, 4.4 }, fov = 58 })
 s:view("balcony", { position = { 9.2, 6.3, -5.9 }, target = { -4, 3.2, 2.4 }, fov = 60 })
 
--- Materials ------------------------------------------------------------------------------------------------------------
+-- Materials ---------------------------------------------------------------------------------------
 
 local function clamp(x) return math.max(0, math.min(1, x)) end
 
@@ -71,7 +71,7 @@ local lit = light == "lamps" and { 90, 62, 32 } or { 9, 6.2, 3.2 }
 s:material("flame", { emission = lit, base_color = { 0, 0, 0 } })
 s:material("glass", { base_color = { 1, 0.97, 0.9 }, opacity = 0, roughness = 0, ior = 1.5 })
 
--- The arcade -----------------------------------------------------------------------------------------------------------
+-- The arcade --------------------------------------------------------------------------------------
 
 local BAY, STOREY, WALL = 3, 4.5, 0.45
 local BAYS_X, BAYS_Z, DEPTH = 8, 3, 3.2 -- bays of the court, and depth of the galleries
@@ -162,7 +162,7 @@ for _, side in ipairs { -1, 1 } do
   slab(("cornice_x%+d"):format(side), side * X, 2 * STOREY + 0.3, 0, 0.8, 0.3, 2 * Z + 0.8, "stone")
 end
 
--- Chains with lamps ----------------------------------------------------------------------------------------------------
+-- Chains with lamps -------------------------------------------------------------------------------
 
 local link = shape.tube { closed = true, radius = 0.012, segments = 8, points = (function()
   local points = {}
@@ -194,7 +194,7 @@ for i = 1, BAYS_X - 1, 2 do
     s:add { name = ("lamp_%d_%+d"):format(i, side), shape = lantern, at = { x + BAY / 2, 3.1, side * (Z + 1.5) } }
   end
 end
--- Three more hang from a cable over the court.
+-- Three more lamps, each on a chain from a cable over the court.
 for i = -1, 1 do
   local x = i * 6
   local cable = {}
@@ -207,7 +207,7 @@ for i = -1, 1 do
   s:add { name = "court_lamp_" .. (i + 2), shape = lantern, scale = 1.8, at = { x, 3.05, 0 } }
 end
 
--- Banners, slightly uneven -----------------------------------------------------------------------------------------------
+-- Banners with waves ------------------------------------------------------------------------------
 
 local r = random(5)
 for i = 1, BAYS_X - 1 do
@@ -228,7 +228,7 @@ for i = 1, BAYS_X - 1 do
   end
 end
 
--- Plants in pots -------------------------------------------------------------------------------------------------------
+-- Plants in pots ----------------------------------------------------------------------------------
 
 local pot = group {
   { shape = shape.lathe { segments = 40, profile = {
@@ -270,7 +270,7 @@ s:add { name = "basin", shape = shape.lathe { segments = 64, profile = {
   { 0, 0 }, { 1.3, 0 }, { 1.35, 0.4 }, { 1.45, 0.46 }, { 1.45, 0.55 }, { 1.22, 0.55 }, { 1.2, 0.12 }, { 0, 0.12 } } }, material = "stone" }
 s:add { name = "ball", shape = shape.sphere { radius = 0.45 }, material = "glass", at = { 0, 0.6, 0 } }
 
--- Light ----------------------------------------------------------------------------------------------------------------
+-- Light -------------------------------------------------------------------------------------------
 
 if light == "lamps" then
   s:environment { color = { 0.004, 0.006, 0.012 } }

@@ -1,9 +1,9 @@
 -- A bedroom lit through two windows: wood, cloth, a mirror, and corners that only indirect light
 -- reaches.
 --
--- Replaces the bedroom of thesis S0 (docs/inside/transport.md, section 5.1). The windows are area lights;
--- `glass` chooses whether panes of smooth glass are in front of them, through which light sampling
--- finds no light.
+-- Replaces the bedroom of thesis S0, section 5.1 (docs/bibliography.md). The windows are area
+-- lights. Option `glass`: whether `panes` of smooth glass are in front of them, or `none`. Light
+-- sampling finds no light through panes.
 
 local s = scene { resolution = { 1280, 720 }, max_depth = 9 }
 local glass = s:option("glass", { "none", "panes" })
@@ -13,7 +13,7 @@ s:view("mirror", { position = { -1.2, 1.5, 1.9 }, target = { 2.3, 1.15, -0.6 }, 
 
 local function clamp(x) return math.max(0, math.min(1, x)) end
 
--- Planks of a floor, each with its own shade and grain.
+-- Texture of the floor: planks that differ in shade and grain.
 local planks = texture.paint { size = { 512, 512 }, color = function(u, v)
   local row = math.floor(v * 10)
   local along = u * 3 + 0.37 * row
@@ -135,7 +135,7 @@ for k, x in ipairs { -0.4, 0.4 } do
   s:add { name = "pillow_" .. k, shape = pillow, material = "linen", at = { BX + x, 0.64, BACK + 0.42 }, rotate = { 24, 4 * k, 0 }, scale = { 0.66, 0.2, 0.42 } }
 end
 
--- Beside it: tables with lamps that are off, a book, a vase.
+-- Bedside tables with lamps that are switched off, and a book.
 local lampshade = shape.lathe { segments = 64, profile = { { 0.19, 0 }, { 0.13, 0.24 }, { 0.125, 0.24 }, { 0.185, 0 } } }
 local foot = shape.lathe { segments = 48, profile = {
   { 0, 0 }, { 0.1, 0 }, { 0.1, 0.015 }, { 0.03, 0.04 }, { 0.02, 0.09 }, { 0.05, 0.16 }, { 0.055, 0.2 }, { 0.03, 0.26 }, { 0.012, 0.3 }, { 0.012, 0.42 }, { 0, 0.42 } } }
@@ -152,7 +152,7 @@ s:add { name = "night_left", shape = drawer, at = { BX - 1.2, 0, BACK + 0.26 } }
 s:add { name = "night_right", shape = drawer, at = { BX + 1.2, 0, BACK + 0.26 } }
 box("book", "rug", { BX + 1.32, 0.535, BACK + 0.36 }, { 0.15, 0.03, 0.21 }, 0.006)
 
--- A wardrobe with a mirror on the right, a rug, a picture, a chair's worth of clutter.
+-- A wardrobe with a mirror on the right, a rug, a picture, and a chest with a vase and books.
 box("wardrobe", "oak", { W - 0.32, 1.05, -0.9 }, { 0.6, 2.1, 1.7 }, 0.02)
 for k, z in ipairs { -1.32, -0.48 } do
   box("door_" .. k, "oak", { W - 0.64, 1.08, z }, { 0.04, 1.92, 0.8 }, 0.012)

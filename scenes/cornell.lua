@@ -1,6 +1,6 @@
 -- The Cornell box and variants: the same box and light with different contents.
 --
--- `inside` chooses the contents: the measured `blocks`, a mirror and a glass sphere (`spheres`),
+-- Option `inside`, the contents: the measured `blocks`, a mirror and a glass sphere (`spheres`),
 -- the same two as triangle meshes (`balls`), a ring of `metal` whose caustic is a curve on the
 -- floor, or nothing (`empty`). Geometry, paints and light are those of cornell/cornell.scn.
 

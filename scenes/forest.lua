@@ -1,10 +1,11 @@
 -- A glade: trees whose leaves are cut out by masks, all instances of three trees, on rolling ground
 -- with grass.
 --
--- For the forest of thesis S2 (docs/inside/transport.md, figure 6.8), whose leaves return light with a
--- delay (`leaves = "chlorophyll"`), and for studies of instancing. `trees` is the number of trees:
--- from some hundred on, the renderer shares their meshes, and ten thousand take little more memory
--- than one. Every leaf has the material `leaf`, every blade of grass `grass`.
+-- For the forest of thesis S2, figure 6.8 (docs/bibliography.md), whose leaves re-emit light with a
+-- delay (`leaves = "chlorophyll"`), and for studies of instancing. Option `trees`, the number of
+-- trees: from a few hundred on, the renderer shares their meshes, and ten thousand trees take
+-- little more memory than one. Option `light`: `sun` or `overcast`. Every leaf has the material
+-- `leaf`, every blade of grass `grass`.
 
 local s = scene { resolution = { 1280, 720 }, max_depth = 8 }
 local count = s:option("trees", 60)

@@ -1,5 +1,5 @@
--- A white box with a hare, for transient rendering: after the scene of chapter 6 of thesis S2
--- (docs/inside/transport.md).
+-- A white box with a hare, for transient rendering: after the scene of thesis S2, chapter 6
+-- (docs/bibliography.md).
 --
 -- The box is two units wide, so that a flash of its light reaches the camera after 2 to 3 units of
 -- optical length and has crossed the box some units later. The hare has the material `hare`. Option

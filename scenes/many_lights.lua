@@ -1,8 +1,8 @@
 -- A wall of small lamps over a row of balls: the cost of sampling one light among many.
 --
--- `lights` is the number of lamps, from ten to ten thousand. Their total power is constant, so that
--- the picture stays similar while light sampling becomes harder; `kind` makes them spheres with a
--- surface, or points.
+-- Option `lights`, the number of lamps, from ten to ten thousand. Their total power is constant, so
+-- that the picture stays similar while light sampling becomes harder. Option `kind`: `spheres` with
+-- a surface, or `points`.
 
 local s = scene { resolution = { 960, 540 }, max_depth = 4 }
 local count = s:option("lights", 1000)

@@ -1,6 +1,6 @@
 -- One object on a pedestal under fixed lights: the appearance of a material.
 --
--- `shape` chooses the object: a `ball`, a `knot` of varying curvature, or a `cube` with rounded
+-- Option `shape`, the object: a `ball`, a `knot` of varying curvature, or a `cube` with rounded
 -- edges. Its material is always named `ball`; scripts set its parameters. Studio and lights are
 -- those of material_ball/material_ball.scn.
 

@@ -1,11 +1,11 @@
 -- One mesh under a uniform sky, to compare acceleration structures.
 --
--- `model` chooses one of the three models in the comparison of hierarchies of thesis S1
--- (docs/inside/transport.md). They are not part of this project: `folder` is the folder of suzanne.obj,
--- stanford-bunny.obj and stanford-dragon-res2.ply, relative to this file or absolute. Without it,
--- each is replaced by a knot with about as many triangles (a thousand, seventy thousand, two
--- hundred thousand). `floor` adds a floor, whose large bounding box is a hard case for splits by
--- plane.
+-- Option `model`: one of the three models with which thesis S1, section 5.1, compares hierarchies
+-- (docs/bibliography.md). They are not part of this project. Option `folder`: the folder of
+-- suzanne.obj, stanford-bunny.obj and stanford-dragon-res2.ply, relative to this file or absolute.
+-- Without it, each is replaced by a knot with about as many triangles (a thousand, seventy
+-- thousand, two hundred thousand). Option `floor` adds a floor, whose large bounding box is a hard
+-- case for splits at a plane.
 
 local s = scene { resolution = { 512, 384 }, max_depth = 5 }
 local model = s:option("model", { "suzanne", "bunny", "dragon" })

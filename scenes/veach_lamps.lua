@@ -1,8 +1,8 @@
 -- A room lit by two enclosed lamps: one lights the ceiling, the other a table with a glass egg.
 --
--- After the scene of Veach 1997, which thesis S0 (docs/inside/transport.md) uses as well: nearly all light
--- is indirect, and light through the egg forms a caustic. Meshes and lights are those of
--- veach_lamps/veach_lamps.scn; `egg` chooses the material of the egg.
+-- After the scene of Veach 1997, chapter 10, which thesis S0 uses as well (docs/bibliography.md).
+-- Nearly all light is indirect, and light through the egg forms a caustic. Meshes and lights are
+-- those of veach_lamps/veach_lamps.scn. Option `egg`: the material of the egg.
 
 local s = scene { resolution = { 1280, 720 }, max_depth = 9 }
 local egg = s:option("egg", { "glass", "frosted", "steel", "clay" })

@@ -1,9 +1,9 @@
--- Plates of increasing roughness under lights of increasing size: which strategy finds which
--- highlight.
+-- Plates of increasing roughness under lights of increasing size: a test of multiple importance
+-- sampling (MIS).
 --
--- After figure 9.2 of Veach 1997. Light sampling works for small lights, BSDF sampling for sharp
--- highlights, and neither alone works well between these cases, which multiple importance sampling
--- covers. The lights have equal power, so that a small one is bright.
+-- After Veach 1997, figure 9.2. Light sampling works well for small lights, and BSDF sampling for
+-- sharp highlights. Between these cases neither alone works well; MIS covers all of them. The
+-- lights have equal power, so the smallest has the highest radiance.
 
 local s = scene { resolution = { 768, 512 }, max_depth = 5 }
 

@@ -1,21 +1,29 @@
--- Antialiasing: pixel filters and their radii at edges of high contrast.
+-- scripts/antialiasing.lua: pixel filters and their radii at edges of high contrast.
 --
 --     lumbre run scripts/antialiasing.lua
 --
--- After section 4.4.2 of thesis S0 (docs/bibliography.md) and its figure 4.7, which compares a picture without antialiasing with one
--- whose rays are jittered by a Gaussian. Here are all filters, on a chart made for them: a star whose spokes become finer
--- than the pixels, bars that do, and a square with slanted edges.
+-- After thesis S0, section 4.4.2 and figure 4.7 (docs/bibliography.md), which compares a picture
+-- without antialiasing with one whose rays are jittered by a Gaussian. This script renders every
+-- filter on a test chart: a star and bars that become finer than the pixels, and a square with
+-- slanted edges.
 --
--- Look at the pictures under out/: a box of radius 0 takes the pixel's centre alone, which makes staircases and rings in
--- the star that are not there. Wider filters trade them for blur. `antialiasing_radius` is the source's own Gaussian,
--- with a sigma of twice the radius and no end: its default of 0.3 is already softer than the pixel's square.
+-- A box of radius 0 samples only the centre of a pixel, which causes staircases and false rings in
+-- the star. Wider filters remove them and blur more. `antialiasing_radius` is the filter of thesis
+-- S0: a Gaussian that is not truncated, with a sigma of twice the radius. The default radius of the
+-- thesis, 0.3, already blurs more than the square of the pixel.
 --
--- The error is measured against a reference with the same filter, so that it is noise alone and not blur: a wider filter
--- sees more contrast within one pixel, so it needs more samples.
+-- Each reference has the filter of its cell, so the error is noise and not blur. A wider filter
+-- covers more contrast within one pixel and therefore needs more samples.
+--
+-- Results in out/latest:
+--     runs/**/final.png       the chart with each filter
+--     figures/convergence_*   RMSE against samples by sampler, for each filter and radius
+--     tables/rmse             final RMSE by filter, radius and sampler
 
 local x = experiment("antialiasing", { seed = 442 })
 
--- Radii are in pixels; axes that move together are zipped.
+-- Radii in pixels: half the width of the filter, for `antialiasing_radius` half of sigma. Zipped
+-- axes vary together.
 x:axis({ "filter", "radius" }, zip(
   { "box", "box", "box", "tent", "tent", "gauss", "gauss", "blackman_harris", "blackman_harris",
     "antialiasing_radius", "antialiasing_radius" },
@@ -31,7 +39,8 @@ x:render(function(p)
     resolution = { 192, 128 },
     aa = { filter = p.filter, radius = p.radius },
     sampler = p.sampler,
-    -- Sobol's paths go one by one, and so do the others, or times would compare that.
+    -- Paths with the Sobol sampler are not vectorised. `never` keeps the others scalar too, so
+    -- that times compare the samplers only.
     accel = { lanes = "never" },
   }
 end)
@@ -41,7 +50,7 @@ x:reference {
   stop = stop.samples(1024),
 }
 
--- Radiance is what is on display: edges have the grey that covers them by half.
+-- Exposure 0 displays radiance as it is: a pixel that is half covered has radiance 0.5.
 x:measure { every = "0.2s", rmse = metric.rmse(), display = tonemap.srgb { exposure = 0 } }
 x:stop(stop.samples(64))
 

@@ -1,22 +1,30 @@
--- Bokeh: what the f-number and the distance in focus do to a picture, and what they cost.
+-- scripts/bokeh.lua: how the f-number and the focus distance change a picture, and its cost.
 --
 --     lumbre run scripts/bokeh.lua
 --
--- After the depth of field of the sources: figure 4.6 of the first one (4.4.1), a picture with and without a lens, and
--- figures 3.2 to 3.5 of the second one (3.1), which move the plane in focus. Small lamps show best what happens: out of
--- focus each becomes an image of the lens, an evenly bright disk whose diameter on the sensor is, for a lens of diameter
--- A = f / N and a lamp at distance z from it while d is in focus, A |z - d| / z * f / d.
+-- After thesis S0, section 4.4.1 and figure 4.6, a picture with and without a lens, and thesis S1,
+-- section 3.1 and figures 3.2 to 3.5, which move the plane in focus (docs/bibliography.md). The
+-- scene has small lamps. Out of focus each becomes an evenly bright disk, an image of the lens. For
+-- a lens of diameter A = f / N and a lamp at distance z with distance d in focus, the diameter of
+-- the disk on the sensor is A |z - d| / z * f / d.
 --
--- Look at the pictures under out/: from f/16 to f/1 the disks grow, and with the focus the sharp ball and the sharp lamps
--- move from the front to the back. The noise is that of the disks: a pixel inside one finds its lamp through a small part
--- of the lens, and of its own area too where the lamp's image is smaller than a pixel. Whether the Sobol sequence helps
--- against such products of two decisions is a question to the table: when this was written it did at f/16, where little
--- is blurred, and did not at f/2.8 and f/1, with one seed each. Paths that start at the lamps and are joined to the lens
--- (integrator = "bdpt") go about it from the other side.
+-- From f/16 to f/1 the disks grow. With the focus distance the sharp ball and the sharp lamps move
+-- from the front to the back. The noise is that of the disks: a pixel in a disk receives light from
+-- its lamp through a small part of the lens, and only from a part of its own area if the lamp's
+-- image is smaller than a pixel. The table shows whether the Sobol sequence reduces this noise,
+-- which depends on lens and pixel position together. When this was written, with one seed each, it
+-- did at f/16, where little is blurred, and did not at f/2.8 and f/1. `bdpt` can also find such
+-- light by paths that start at the lamps and are connected to the lens.
+--
+-- Results in out/latest:
+--     runs/**/final.png       a picture for each f-number, focus distance and sampler
+--     figures/convergence_*   RMSE against samples by sampler, for each f-number and focus distance
+--     tables/rmse             final RMSE by f-number, focus distance and sampler
+--     tables/time             render time in seconds, in the same order
 
 local x = experiment("bokeh", { seed = 44 })
 
--- The balls stand at 1, 2 and 6 m.
+-- The balls are at 1, 2 and 6 m from the camera; focus distances are in metres.
 x:axis("f_number", { 16, 2.8, 1 })
 x:axis("focus", { 1, 2, 6 })
 x:axis("sampler", { "independent", "sobol" })
@@ -30,12 +38,13 @@ x:render(function(p)
     aa = { filter = "tent", radius = 1 },
     camera = { f_number = p.f_number, focus_distance = p.focus },
     sampler = p.sampler,
-    -- Sobol's paths go one by one, and so do the others, or times would compare that.
+    -- Paths with the Sobol sampler are not vectorised. `never` keeps the others scalar too, so
+    -- that times compare the samplers only.
     accel = { lanes = "never" },
   }
 end)
 
--- The same lens with more samples; one for both samplers.
+-- The reference has the lens of its cell. Both samplers share it.
 x:reference {
   from = function(p) return { sampler = "sobol" } end,
   stop = stop.samples(256),

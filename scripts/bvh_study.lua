@@ -1,22 +1,28 @@
--- Hierarchies: how fast paths are traced without one and with one, by whom it is built, and what bins and levels are worth.
+-- scripts/bvh_study.lua: path rates without a BVH and with one from each builder, and the effect of
+-- the number of bins and levels.
 --
---     lumbre run scripts/bvh_study.lua                          meshes of this project
---     lumbre run scripts/bvh_study.lua folder=/path/to/models   Suzanne, the Stanford bunny and the Stanford dragon
+--     lumbre run scripts/bvh_study.lua                          knots of this project as models
+--     lumbre run scripts/bvh_study.lua folder=/path/to/models   Suzanne, Stanford bunny and dragon
 --
--- After sections 4.2 and 5.1 of thesis S1 (docs/bibliography.md), which compares testing every triangle with its hierarchy on these three
--- models, cuts boxes by a plane or by the surface area heuristic over bins, and chooses 14 bins where more gain nothing.
--- `none`, `plane` and `sah` are its ways, `ploc` is what Lumbre uses otherwise and `cwbvh` the same builder's own
--- traversal. All but the first and the last are traversed by the same code.
+-- After thesis S1, sections 4.2 and 5.1 (docs/bibliography.md). For the three models in `folder`,
+-- the thesis compares tests of every triangle with a BVH that is built by splits at a plane or by
+-- the surface area heuristic (SAH) over bins. It selects 14 bins, because more gain nothing.
+-- `none`, `plane` and `sah` are its methods. `ploc` is the default of Lumbre, and `cwbvh` is the
+-- traversal of obvhs, the library of that builder. All except `none` and `cwbvh` use the same
+-- traversal.
 --
--- Every builder gives the same bits, so only times differ: run it on an idle machine. `--backend vulkan-compute` builds
--- the same trees for a device. Tables and figures:
+-- Every builder gives the same picture, bit for bit, so only times differ: run this on an idle
+-- machine. `--backend vulkan-compute` builds the same trees for a device.
 --
---     rates     million paths per second; `none` and `sah` are the columns of the source's table of 5.1.1
---     build     seconds spent building
---     cost      what the surface area heuristic says of the tree, and so how well it predicts
---     memory    of nodes and primitives
---     bins      the source's figure 5.1: times to build, rates and costs over the number of bins
---     builders  the same by builder, as in the measurements at the end of its 4.2.1
+-- Results in out/latest, one column or line per model:
+--     tables/rates        million paths per second; `none` and `sah` are the columns of the table
+--                         in thesis S1, section 5.1.1
+--     tables/rays         million rays per second
+--     tables/build        build time in seconds
+--     tables/cost         SAH cost of the tree, to compare its prediction with the rates
+--     tables/memory       MiB of nodes and primitives
+--     figures/bins*       thesis S1, figure 5.1: build time, rate and cost over the number of bins
+--     figures/builders*   the same over builders, as at the end of thesis S1, section 4.2.1
 
 local x = experiment("bvh_study", { seed = 51, repeats = 3 })
 
@@ -32,14 +38,14 @@ local accels = {
   cwbvh = { builder = "cwbvh" },
 }
 
--- An axis with one value is a switch: `folder=...` on the command line replaces it.
+-- An axis with one value can be replaced on the command line: `folder=...`.
 x:axis("folder", { "own" })
 x:axis("accel", {
   "none", "plane", "sah", "sah, 12 levels", "sah, 6 levels", "ploc fastest", "ploc", "ploc very slow", "cwbvh",
 })
 x:axis("bins", { 2, 4, 6, 8, 10, 12, 14, 16, 24, 32 })
 x:axis("model", { "suzanne", "bunny", "dragon" })
-x:skip("only the first kind of sah is built with other bins than 14", function(p)
+x:skip("the number of bins varies only for `sah` without a limit of levels", function(p)
   return p.accel ~= "sah" and p.bins ~= 14
 end)
 
@@ -52,7 +58,7 @@ x:render(function(p)
     scene_options = { model = p.model, folder = p.folder ~= "own" and p.folder or "" },
     integrator = "bpt",
     accel = accel,
-    -- Without a hierarchy a picture of the dragon takes a while.
+    -- Without a BVH a full-size picture of the bunny or the dragon would take too long.
     resolution = p.accel == "none" and p.model ~= "suzanne" and { 64, 48 } or { 256, 192 },
   }
 end)

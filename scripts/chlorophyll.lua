@@ -1,10 +1,18 @@
--- Chlorophyll: green light at once, red light one unit of optical length later, with 30 % and 70 % of green.
+-- scripts/chlorophyll.lua: a material that reflects green light without delay and red light after
+-- one unit of optical length, with weights of 30 % and 70 % for green.
 --
 --     lumbre run scripts/chlorophyll.lua
---     lumbre run scripts/chlorophyll.lua model=/path/to/stanford-bunny.obj   another mesh in place of the hare
+--     lumbre run scripts/chlorophyll.lua model=/path/to/stanford-bunny.obj
 --
--- Figure 6.6 of thesis S2 (docs/bibliography.md). The material is composed of two: { "hare_green", "hare_red" } with weights that are an
--- axis here. A path sees one part of it at every vertex, with its weight as probability.
+-- `model` is another mesh that replaces the hare.
+--
+-- Thesis S2, figure 6.6 (docs/bibliography.md). The material is composed of "hare_green" and
+-- "hare_red"; their weights are an axis here. At every vertex a path selects one of the two with
+-- the probability of its weight.
+--
+-- Results in out/latest:
+--     runs/**/films/time-*    frames, animation, streaks and curves over optical length
+--     runs/**/final.png       the picture without time
 
 local x = experiment("chlorophyll", { seed = 2 })
 

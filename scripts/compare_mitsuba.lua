@@ -1,21 +1,28 @@
--- The same picture by Lumbre's three techniques and by Mitsuba 3: section 5.4 of thesis S0 (docs/bibliography.md) in one script.
+-- scripts/compare_mitsuba.lua: one picture by the three techniques of Lumbre and by Mitsuba 3.
 --
---     lumbre run scripts/compare_mitsuba.lua                              as the source did: 50 minutes each, five hours
---     lumbre run scripts/compare_mitsuba.lua quick=true                   small and noisy, less than a minute
---     lumbre run scripts/compare_mitsuba.lua python=venv/bin/python       another interpreter than python3 on PATH
---     lumbre report out/latest                                            table 5.4 and figure 5.20
+--     lumbre run scripts/compare_mitsuba.lua                          full size: about five hours
+--     lumbre run scripts/compare_mitsuba.lua quick=true               noisy: less than a minute
+--     lumbre run scripts/compare_mitsuba.lua python=venv/bin/python   another Python interpreter
+--     lumbre report out/latest                                        table 5.4 and figure 5.20
 --
--- Mitsuba's picture is the reference, of twice the time: the scene is exported, with its Disney materials as `principled`,
--- and rendered by `path`, which joins shadow rays and BSDF sampling, as the source has it; ten path edges. Beside the
--- three techniques stands Mitsuba itself with another seed: what it measures against itself is noise, and nothing below
--- that can be told.
--- Its clock is what it says to have spent inside its renderer.
+-- Repeats thesis S0, section 5.4, table 5.4 and figure 5.20 (docs/bibliography.md), where each
+-- technique also has 50 minutes. The reference is rendered by Mitsuba in twice the time. The scene
+-- is exported, with its Disney materials as `principled`, and rendered by Mitsuba's `path`, which
+-- combines light sampling and BSDF sampling, as in the thesis; paths have at most ten edges.
+-- Mitsuba with another seed is a fourth technique: its error against the reference is noise
+-- alone, and smaller differences cannot be resolved. Mitsuba's render time is the time that it
+-- reports for its renderer.
 --
--- It takes an interpreter with the package: pip install mitsuba. Without it every cell is left out, with the reason.
+-- Needs a Python interpreter with Mitsuba: pip install mitsuba. Without it every cell is skipped,
+-- and the plan gives the reason.
+--
+-- Results in out/latest:
+--     tables/{mse,rmse,ssim,flip}   final error by technique
+--     figures/convergence*          SSIM and RMSE against render time by technique
 
 local x = experiment("compare_mitsuba", { seed = 54 })
 
--- Axes with one value are switches of the command line.
+-- Axes with one value can be replaced on the command line: `quick=true`.
 x:axis("quick", { false })
 x:axis("python", { "python3" })
 x:axis("technique", { "bpt", "nee", "bdpt", "external:mitsuba" })

@@ -1,16 +1,26 @@
--- How much light paths of each length bring, how well two techniques find it, and what a longer limit costs.
+-- scripts/depth_study.lua: how much light paths of each length contribute, how well two techniques
+-- find it, and what a larger maximum depth costs.
 --
 --     lumbre run scripts/depth_study.lua
 --
--- After the depth study of thesis S0 (docs/bibliography.md), its figures 5.6 and 5.7: the lamps of Veach with a limit of 5, 7 and 10
--- edges. There, longer paths were seen to brighten the picture and to let walls colour one another. Here the layer
--- "depth" shows by how much: it keeps the light of each path length apart, and films/depths.png shows them in one row,
--- brightened as their labels say. The lamps hide their bulbs in shades: one edge brings nothing, two a patch of ceiling and the lit
--- table, and the room is there from three on. The egg is glass and is seen from four and five on.
+-- After thesis S0, figures 5.6 and 5.7 (docs/bibliography.md), which render the scene of Veach with
+-- at most 5, 7 and 10 path edges and show that longer paths brighten the picture and add colour
+-- bleeding between walls. Here the layer "depth" shows by how much: it holds the light of each path
+-- length. The lamps hide their bulbs, so paths of one edge contribute nothing, and paths of two
+-- edges a patch of the ceiling and the lit table. The rest of the room is visible from three edges
+-- on, and the egg, which is of glass, from four and five on.
 --
--- The films of one technique at one limit already hold the pictures of all smaller limits: they are the partial sums.
--- "bounces" is how often the light of a pixel has bounced in the mean, and "rays" what a sample of the pixel costs, the
--- heat map of the second source's figure 2.4.
+-- The layers of one technique at one maximum depth contain the pictures of all smaller depths, as
+-- partial sums. The layer "bounces" is the mean number of bounces of the light in a pixel, and
+-- "rays" the number of rays per sample, like the heat map of thesis S1, figure 2.4.
+--
+-- Results in out/latest:
+--     runs/**/films/depths.png   light by path length on one sheet; labels state the brightening
+--     runs/**/films/{bounces,rays}.png
+--                                mean number of bounces, and rays per sample
+--     figures/convergence_*      RMSE and SSIM against render time by depth, for each technique
+--     tables/rmse                final RMSE by depth and technique
+--     tables/samples             samples per pixel, in the same order
 
 local x = experiment("depth_study", { seed = 1 })
 
@@ -27,7 +37,7 @@ x:render(function(p)
   }
 end)
 
--- The truth of each limit, by the technique that finds it sooner. A reference keeps no films.
+-- One reference per depth, by the technique that converges fastest. References keep no layers.
 x:reference { from = function(p) return { integrator = "bdpt" } end, stop = stop.time("8s") }
 
 local display = tonemap.srgb { exposure = 1 }
@@ -38,7 +48,7 @@ x:measure {
   display = display,
 }
 
--- Equal time, as in the source.
+-- Equal time, as in thesis S0.
 x:stop(stop.time("8s"))
 
 x:figure("convergence", { x = "render_s", y = { "rmse", "ssim" }, by = "depth", facet = "technique" })

@@ -1,17 +1,23 @@
--- Material sweep: what each parameter of the material does, on one ball in one light.
+-- scripts/material_sweep.lua: the effect of each material parameter, on one ball under fixed
+-- lights.
 --
 --     lumbre run scripts/material_sweep.lua
 --
--- After figure 4.10 of "Codificación de algoritmos de trazado de rayos en Vulkan" (section 4.8): ten parameters in rows,
--- five values in columns. There every picture has a scene file of its own; here there is one scene, and each cell sets
--- what its row varies. Two rows need a word:
---   specular   is the index of refraction of an opaque ball, as in the source, which has no parameter `specular`;
---   opacity    is shown at an index close to 1, as in the source, so that the ball fades instead of turning to glass.
+-- After thesis S0, section 4.8 and figure 4.10 (docs/bibliography.md): ten parameters in rows, five
+-- values in columns. The thesis has a scene file for each picture; here all cells share one scene,
+-- and each sets the parameter of its row. Two rows differ from their names:
+--   specular   varies the index of refraction of an opaque ball, as in the thesis, whose material
+--              has no parameter `specular`;
+--   opacity    has an index of refraction close to 1, as in the thesis, so that the ball fades
+--              instead of becoming glass.
+--
+-- Results in out/latest, without tables and figures:
+--     runs/**/final.png   a picture for each parameter and value
 
 local x = experiment("material_sweep", { seed = 4 })
 
--- What a row shows: the parameter that varies, its first and last value, and what else must be set for it to show. Where
--- the source's colours hide an effect, those here are darker or more saturated.
+-- For each row: the parameter that varies, its first and last value, and further values that make
+-- its effect visible. Colours that hide an effect in the thesis are darker or more saturated here.
 local gold = { 1.0, 0.76, 0.46 }
 local white = { 1.0, 1.0, 1.0 }
 local rows = {
@@ -32,7 +38,7 @@ x:axis("parameter", {
   "specular_tint", "sheen", "sheen_tint", "opacity", "ior",
 })
 
--- How far between its first and last value the parameter is.
+-- Position between the first (0) and the last (1) value of the parameter.
 x:axis("amount", { 0, 0.25, 0.5, 0.75, 1 })
 
 x:render(function(p)
@@ -49,7 +55,7 @@ x:render(function(p)
   }
 end)
 
--- Fifty small pictures: the noise that is left at 64 samples does not hide what a parameter does.
+-- The noise at 64 samples is small enough to see the effect of every parameter.
 x:stop(stop.samples(64))
 
 return x

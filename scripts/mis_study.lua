@@ -1,17 +1,24 @@
--- How strategies that find the same light should be weighted.
+-- scripts/mis_study.lua: how much the weights of multiple importance sampling (MIS) reduce the
+-- error of next event estimation and bidirectional path tracing.
 --
 --     lumbre run scripts/mis_study.lua
 --
--- Next event estimation and bidirectional path tracing find the same path in several ways. With mis = "power" each way
--- counts by the square of its density, with "balance" by the density itself [Veach 1997, ch. 9], and with "none" not by
--- densities at all: `nee` then leaves out light that a path meets by chance where a connection could have found it, as
--- the first source's program does (its section 4.10 names this as future work), and `bdpt` shares a path equally among
--- all strategies that can find it. Figures 4.13 and 4.14 of that source show its bidirectional strategies before and
--- after weighting; here is what the weighting is worth, as error over time.
+-- Both techniques can find the same path by several strategies. mis = "power" weights a strategy by
+-- the square of its density, "balance" by the density [Veach 1997, ch. 9], and "none" uses no
+-- densities: `nee` then omits light that a path meets by chance where light sampling could have
+-- found it, as the program of thesis S0 does, whose section 4.10 leaves MIS as future work, and
+-- `bdpt` weights all strategies that can find a path equally. Thesis S0, figures 4.13 and 4.14
+-- (docs/bibliography.md), shows its bidirectional strategies before and after weighting; this
+-- script measures the gain as error over time.
 --
--- The scene is a box with a mirror and a glass sphere: light that reaches the walls through them is found by `nee` only
--- by chance, and by `bdpt` from the light. So the choice of weights makes a great difference to `bdpt` here, and hardly
--- any to `nee`, whose noise is all in what no connection can find.
+-- The scene is a box with a mirror and a glass sphere. Light that reaches the walls through them is
+-- found by `nee` only by chance, and by `bdpt` from the light. The weights therefore matter much
+-- for `bdpt` and hardly for `nee`, whose noise comes from light that no connection can find.
+--
+-- Results in out/latest:
+--     figures/error_over_time_*   RMSE and relMSE against render time by weights, per technique
+--     tables/{relmse,rmse}        final error by technique and weights
+--     tables/time                 render time in seconds, in the same order
 
 local x = experiment("mis_study", { seed = 7 })
 
@@ -28,7 +35,7 @@ x:render(function(p)
   }
 end)
 
--- One reference for all: bidirectional, far longer than any cell.
+-- One reference for all cells, by `bdpt` with at least eight times their samples.
 x:reference {
   from = function()
     return { integrator = "bdpt", mis = "power" }

@@ -1,34 +1,45 @@
--- Overnight: a whole study in one file, to be started in the evening and read in the morning.
+-- scripts/overnight.lua: the whole study of thesis S0, section 5, in one experiment.
 --
---     lumbre run scripts/overnight.lua --until 08:00     as far as the night lasts; the same command goes on the next
---     lumbre run scripts/overnight.lua quick=true        the same study in two minutes: small, noisy, and complete
---     lumbre report out/latest                           its figures, tables and page, at any time
+--     lumbre run scripts/overnight.lua --until 08:00   runs until 8:00; repeat it to resume
+--     lumbre run scripts/overnight.lua quick=true      all stages, small and noisy: two minutes on
+--                                                      two cores
+--     lumbre report out/latest                         figures, tables and page, at any time
 --
--- The protocol is that of thesis S0 (docs/bibliography.md), section 5, line by line:
+-- The protocol is that of thesis S0 (docs/bibliography.md), by section:
 --
---   5.1.2  1280x720, five path edges, the Disney model; every reference by its own technique in 50 minutes, since
---          techniques need not make quite the same picture
---   5.1.3  every half second of render time the picture is captured and MSE, RMSE, SSIM and FLIP are computed, on linear
---          radiance; the gamma of 1/2.2 is on the pictures that are shown and in no metric
---   5.2    four families of scenes from easy to hard: a box of mirror and glass, lamps that hide their light, a bedroom
---          with wide windows, a court seen from two places in two kinds of light. They are relatives of the source's
---   5.3.1  the depth: 5, 6 and 7 under the lamps and in the court, 10 in the gallery and under the lamps
+--   5.1.2  1280x720, five path edges, the Disney model; every technique renders its own reference
+--          in 50 minutes, since the pictures of two techniques may differ slightly
+--   5.1.3  every half second of render time the picture is kept and MSE, RMSE, SSIM and FLIP are
+--          computed on linear radiance; the gamma of 1/2.2 applies to displayed pictures only
+--   5.2    four families of scenes from easy to hard: a box with mirror and glass, lamps that hide
+--          their light, a bedroom with wide windows, a court from two positions in two kinds of
+--          light. They are scenes of this project that replace those of the thesis
+--   5.3.1  depths 5, 6 and 7 in the room of the lamps and in the court, 10 in the gallery and in
+--          the room of the lamps
 --   5.3.2  convergence of the three techniques, and the time to an SSIM of 0.95
---   5.3.6  the box with true spheres and with spheres of triangles
---   5.3.7  frames a second, in the order of tables 5.2 and 5.3; `lumbre report` puts two machines side by side
+--   5.3.6  the box with analytic spheres and with spheres of triangles
+--   5.3.7  frames per second in the order of tables 5.2 and 5.3; `lumbre report` compares machines
 --   5.4    scripts/compare_mitsuba.lua
 --
--- What it does beyond: three repeats, so that means have intervals, and one stage more, `veach-films`, whose runs also
--- keep light by depth, by strategy and by bounces. That takes time, so its rates stand apart. Techniques ask one light
--- at a vertex; `lights = "all"` in the render table asks all of them, as the source does.
+-- Additions: three repeats, so that means have confidence intervals, and the stage `veach-films`,
+-- whose runs also keep layers by depth, strategy and number of bounces. These layers take time, so
+-- its rates are not comparable with those of other stages. Techniques sample one light at each
+-- vertex; `lights = "all"` in the render table samples all of them, as the thesis does.
 --
--- In full it takes 48 references of 50 minutes, once, and 153 runs of 5 minutes: about 53 hours, several nights, and about
--- 120 GB for the captures, unless the word `png` is left out below. Whatever is done stays done; references are kept under
--- out/refs for every later experiment.
+-- The full study takes 48 references of 50 minutes, once, and 153 runs of 5 minutes: about 53
+-- hours, several nights, and about 120 GB for the kept pictures unless `png` is removed from `keep`
+-- below. Finished runs are kept. References are in out/refs for every later experiment.
+--
+-- Results in out/latest:
+--     figures/convergence_*   SSIM and RMSE against render time by technique, per stage and depth
+--     figures/depth_*         SSIM against render time by depth, per stage and technique
+--     tables/{ssim,rmse}      final values by stage, depth and technique
+--     tables/time_to_ssim     seconds of render time to an SSIM of 0.95
+--     tables/fps              frames per second; a frame is one sample of every pixel
 
 local x = experiment("overnight", { seed = 2025, repeats = 3 })
 
--- Each scene with the depths of its study, in the order of table 5.2.
+-- The scene and depths of every stage, in the order of thesis S0, table 5.2.
 local stages = {
   ["cornell-balls"] = { scene = "scenes/cornell.lua", options = { inside = "balls" }, depths = { 5 } },
   ["cornell-spheres"] = { scene = "scenes/cornell.lua", options = { inside = "spheres" }, depths = { 5 } },
@@ -41,7 +52,7 @@ local stages = {
   ["veach-films"] = { scene = "scenes/veach_lamps.lua", depths = { 5 }, films = true },
 }
 
--- An axis with one value is a switch: `quick=true` on the command line replaces it.
+-- An axis with one value can be replaced on the command line: `quick=true`.
 x:axis("quick", { false })
 x:axis("stage", {
   "cornell-balls", "cornell-spheres", "bedroom", "veach-lamps", "atrium-sky", "gallery-sky", "atrium-lamps",
@@ -58,7 +69,7 @@ x:skip("not one of this scene's depths", function(p)
 end)
 x:skip("left out of the quick night", function(p) return p.quick and (p.depth == 6 or p.depth == 10) end)
 
--- What a run keeps beside its picture: strategies and depths are those of bidirectional paths.
+-- Returns the layers that a run keeps. Light by strategy and depth is kept for `bdpt` only.
 local function films(p)
   if not stages[p.stage].films then return nil end
   return p.technique == "bdpt" and { "depth", "strategies", "bounces" } or { "bounces" }
@@ -74,12 +85,13 @@ x:render(function(p)
     max_depth = p.depth,
     resolution = p.quick and { 80, 45 } or { 1280, 720 },
     films = films(p),
-    -- Runs with films go one by one, which is to keep no other stage from going in lanes.
+    -- Runs with layers cannot be vectorised. With `auto` they would keep all other runs of the
+    -- night scalar; `never` excludes them from that rule.
     accel = { lanes = films(p) and "never" or "auto" },
   }
 end)
 
--- The references of one line: each technique against itself with far more time. One reference shared by all would be
+-- Each technique is measured against its own reference of far more time. A shared one would be
 -- x:reference { from = function(p) return { integrator = "bdpt" } end, stop = stop.time("50min") }.
 x:reference { stop = function(p) return stop.time(p.quick and "1.5s" or "50min") end }
 
@@ -99,7 +111,7 @@ x:figure("convergence", { x = "render_s", y = { "ssim", "rmse" }, by = "techniqu
 x:figure("depth", { x = "render_s", y = { "ssim" }, by = "depth", facet = { "stage", "technique" } })
 x:table("ssim", { value = "ssim", rows = { "stage", "depth" }, cols = "technique", format = { "md", "csv" } })
 x:table("rmse", { value = "rmse", rows = { "stage", "depth" }, cols = "technique", format = { "md", "csv" } })
--- Seconds to the quality that the source calls high.
+-- Seconds of render time to an SSIM of 0.95, which thesis S0 calls high quality.
 x:table("time_to_ssim", { value = time_to("ssim", 0.95), rows = { "stage", "depth" }, cols = "technique" })
 -- A frame is one sample of every pixel: 1 FPS at 1280x720 is 0.9216 million paths per second.
 x:table("fps", { value = "fps", rows = { "stage", "depth" }, cols = "technique", format = { "md", "csv" } })

@@ -1,12 +1,15 @@
--- A small night with everything that `lumbre report` draws; docs/reference/report.md shows what comes of it.
+-- scripts/report_tour.lua: a small night that contains everything that `lumbre report` draws.
 --
 --     lumbre run scripts/report_tour.lua
 --     lumbre report out/latest
 --
--- Three techniques, three times each with different seeds, in a box with a mirror and a glass sphere and under two lamps
--- whose light is hard to find. Repeats give curves their bands and tables their significance; snapshots at powers of two
--- let crops be chosen at equal time and at equal error afterwards; films show which strategy found which light, and how
--- often it bounced.
+-- Three techniques, each repeated three times with different seeds, render a box with a mirror and
+-- a glass sphere, and a room in which most light is indirect. Repeats give curves their confidence
+-- bands and tables their significance. Snapshots at powers of two samples allow crops at equal time
+-- and at equal error. Layers show the light by strategy and depth, and the number of bounces.
+--
+-- Results: out/latest/report/index.html, with its figures and tables; docs/reference/report.md
+-- explains them.
 
 local x = experiment("report_tour", { seed = 11, repeats = 3 })
 

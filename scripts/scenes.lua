@@ -1,8 +1,10 @@
--- A picture of every scene of this project, as docs/gallery.md shows them.
+-- scripts/scenes.lua: a picture of every scene in scenes/*.lua, as shown in docs/gallery.md.
 --
---     lumbre run scripts/scenes.lua
+--     lumbre run scripts/scenes.lua                          small and quick
+--     lumbre run scripts/scenes.lua width=1280 samples=1024  large and clean
 --
--- Small and quick by default. `lumbre run scripts/scenes.lua width=1280 samples=1024` makes them large and clean.
+-- Results in out/latest, without tables and figures:
+--     runs/**/final.png   a picture for each scene
 
 local x = experiment("scenes", { seed = 3 })
 
@@ -25,7 +27,7 @@ x:render(function(p)
     scene = "scenes/" .. p.scene .. ".lua",
     view = views[p.scene],
     scene_options = p.scene == "model" and { floor = true } or nil,
-    -- Two lamps that hide their light are found from the lamps' side.
+    -- The lamps hide their light: paths must start at them.
     integrator = p.scene == "veach_lamps" and "bdpt" or "nee",
     max_depth = 8,
     resolution = { p.width, square[p.scene] and p.width or p.width * 9 // 16 },

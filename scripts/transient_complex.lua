@@ -1,9 +1,17 @@
--- Two colours and two patches, four moments: blue and yellow light of black patches, then blue and yellow of white ones.
+-- scripts/transient_complex.lua: a composed material of two colours with a delay from a texture.
+-- Light returns in four steps: blue and yellow from black patches, then blue and yellow from white.
 --
 --     lumbre run scripts/transient_complex.lua
---     lumbre run scripts/transient_complex.lua model=/path/to/stanford-bunny.obj   another mesh in place of the hare
+--     lumbre run scripts/transient_complex.lua model=/path/to/stanford-bunny.obj
 --
--- Figure 6.7 of thesis S2 (docs/bibliography.md): a composed material whose parts both take their delay from a texture.
+-- `model` is another mesh that replaces the hare.
+--
+-- Thesis S2, figure 6.7 (docs/bibliography.md): both parts of the composed material take their
+-- delay from the texture.
+--
+-- Results in out/latest:
+--     runs/**/films/time-*    frames, animation, streaks and curves over optical length
+--     runs/**/final.png       the picture without time
 
 local x = experiment("transient_complex", { seed = 2 })
 

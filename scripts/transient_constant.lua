@@ -1,13 +1,19 @@
--- A hare that gives light back after a constant delay c: at once, one, and two units of optical length later.
+-- scripts/transient_constant.lua: a hare that re-emits light after a constant delay c of 0, 1 or 2
+-- units of optical length.
 --
 --     lumbre run scripts/transient_constant.lua
---     lumbre run scripts/transient_constant.lua model=/path/to/stanford-bunny.obj   another mesh in place of the hare
+--     lumbre run scripts/transient_constant.lua model=/path/to/stanford-bunny.obj
 --
--- Figure 6.2 of thesis S2 (docs/bibliography.md). The walls are lit alike in all three; with c = 2 the hare is dark while they shine, and
--- shows at an optical length of 2 + t what it shows at t without a delay. The still pictures are the same.
+-- `model` is another mesh that replaces the hare.
 --
--- A film with a time axis leaves its bins under films/ in the run's folder: time-cube.npy for programs, and for people
--- frames, animations, streaks, curves and a map of arrival. `lumbre run .. size=256 samples=1024` makes large ones.
+-- Thesis S2, figure 6.2 (docs/bibliography.md). Light from the walls arrives at the same time in
+-- all three runs. With c = 2 the hare is dark meanwhile, and at an optical length of 2 + t it shows
+-- what it shows at t without a delay. The pictures without time are identical.
+--
+-- Results in out/latest; `size=256 samples=1024` makes large ones:
+--     runs/**/films/time-cube.npy   mean radiance of every bin
+--     runs/**/films/time-*          frames, animations, streaks, curves and a map of arrival times
+--     runs/**/final.png             the picture without time
 
 local x = experiment("transient_constant", { seed = 2 })
 

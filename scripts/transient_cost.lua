@@ -1,10 +1,17 @@
--- What time costs: render time against samples without a time axis, with one, and with separable and composed materials.
+-- scripts/transient_cost.lua: the cost of a time axis, and of separable and composed materials, as
+-- render time against samples.
 --
 --     lumbre run scripts/transient_cost.lua
---     lumbre run scripts/transient_cost.lua model=/path/to/stanford-bunny.obj   another mesh in place of the hare
+--     lumbre run scripts/transient_cost.lua model=/path/to/stanford-bunny.obj
 --
--- Figure 6.9 of thesis S2 (docs/bibliography.md). `film` compares the picture alone with a film of 300 bins; `separable` and `composed` are
--- films of the same bins with a hare that gives light back late. The curves should lie close to one another.
+-- `model` is another mesh that replaces the hare.
+--
+-- Thesis S2, figure 6.9 (docs/bibliography.md). `picture` is the picture alone, and `film` has a
+-- time axis of 300 bins. `separable` and `composed` have the same bins and a hare of a material
+-- with a delay. The four curves should be close to one another.
+--
+-- Results in out/latest:
+--     tables/seconds   render time in seconds by samples per pixel and kind, mean of three repeats
 
 local x = experiment("transient_cost", { seed = 2, repeats = 3 })
 
@@ -23,7 +30,8 @@ x:render(function(p)
     resolution = { 128, 128 },
     set = p.kind == "separable" and { ["materials.hare.delay"] = "exponential", ["materials.hare.delay_rate"] = 2 } or {},
     film = p.kind ~= "picture" and time or {},
-    -- One by one in all four, since materials that give light back late do not go in lanes: only time is to be compared.
+    -- Materials with a delay are not vectorised. `never` keeps all four kinds scalar, so that times
+    -- compare the time axis and the materials only.
     accel = { lanes = "never" },
   }
 end)

@@ -1,10 +1,18 @@
--- A hare that gives light back with Epanechnikov's profile, which is a parabola of mean mu and half extent sigma.
+-- scripts/transient_epanechnikov.lua: a hare that re-emits light with the Epanechnikov profile, a
+-- parabola with mean mu and half width sigma in units of optical length.
 --
 --     lumbre run scripts/transient_epanechnikov.lua
---     lumbre run scripts/transient_epanechnikov.lua model=/path/to/stanford-bunny.obj   another mesh in place of the hare
+--     lumbre run scripts/transient_epanechnikov.lua model=/path/to/stanford-bunny.obj
 --
--- Figure 6.4 of thesis S2 (docs/bibliography.md): (0.5, 0.1) is nearly a constant delay, (0.5, 0.5) spreads it, (0.1, 0.1) is nearly none.
--- Its density is 3 / (4 sigma) (1 - ((x - mu) / sigma)^2); the source leaves out the sigma under the line.
+-- `model` is another mesh that replaces the hare.
+--
+-- Thesis S2, figure 6.4 (docs/bibliography.md): (mu, sigma) = (0.5, 0.1) is nearly a constant
+-- delay, (0.5, 0.5) spreads the light, and (0.1, 0.1) is nearly no delay. The density is
+-- 3 / (4 sigma) (1 - ((x - mu) / sigma)^2). The thesis omits the factor 1 / sigma.
+--
+-- Results in out/latest:
+--     runs/**/films/time-*    frames, animation, streaks and curves over optical length
+--     runs/**/final.png       the picture without time
 
 local x = experiment("transient_epanechnikov", { seed = 2 })
 

@@ -1,13 +1,21 @@
--- A hare that gives light back with an exponential profile: without one, of rate 2, and of rate 0.5.
+-- scripts/transient_exponential.lua: a hare that re-emits light without a delay, and with an
+-- exponential profile of rate 2 and 0.5.
 --
 --     lumbre run scripts/transient_exponential.lua
---     lumbre run scripts/transient_exponential.lua model=/path/to/stanford-bunny.obj   another mesh in place of the hare
+--     lumbre run scripts/transient_exponential.lua model=/path/to/stanford-bunny.obj
 --
--- Figure 6.3 of thesis S2 (docs/bibliography.md): a high rate gives nearly all light back soon, a low one spreads it over the time after.
+-- `model` is another mesh that replaces the hare.
+--
+-- Thesis S2, figure 6.3 (docs/bibliography.md): with a high rate nearly all light returns soon,
+-- with a low rate it spreads over a longer time.
+--
+-- Results in out/latest:
+--     runs/**/films/time-*    frames, animation, streaks and curves over optical length
+--     runs/**/final.png       the picture without time
 
 local x = experiment("transient_exponential", { seed = 2 })
 
--- 0 stands for no profile.
+-- Rate per unit of optical length; 0 means no profile.
 x:axis("rate", { 0, 2, 0.5 })
 x:axis("model", { "hare" })
 x:axis("size", { 96 })

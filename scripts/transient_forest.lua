@@ -1,9 +1,15 @@
--- A glade under a flash: leaves cut out by masks, whose chlorophyll glows red two units after it was lit.
+-- scripts/transient_forest.lua: a glade under a flash, whose leaves re-emit red light after a delay
+-- of two units of optical length.
 --
 --     lumbre run scripts/transient_forest.lua
 --
--- Figure 6.8 of thesis S2 (docs/bibliography.md), with the forest of this project. The leaves of the scene become composed: the green leaf
--- as it is, and a red one that gives light back late. Grass, bark and soil stay as they are.
+-- Thesis S2, figure 6.8 (docs/bibliography.md), with a forest of this project. The leaves are cut
+-- out by masks. Their material is composed of the green leaf, without a delay, and a red one with
+-- the delay. Grass, bark and soil have no delay.
+--
+-- Results in out/latest:
+--     runs/**/films/time-*    frames, animation, streaks and curves over optical length
+--     runs/**/final.png       the picture without time
 
 local x = experiment("transient_forest", { seed = 2 })
 

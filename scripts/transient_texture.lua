@@ -1,9 +1,17 @@
--- A hare with patches: black ones give light back at once, white ones one unit of optical length later.
+-- scripts/transient_texture.lua: a hare with patches: black ones re-emit light without a delay,
+-- white ones after one unit of optical length.
 --
 --     lumbre run scripts/transient_texture.lua
---     lumbre run scripts/transient_texture.lua model=/path/to/stanford-bunny.obj   another mesh in place of the hare
+--     lumbre run scripts/transient_texture.lua model=/path/to/stanford-bunny.obj
 --
--- Figure 6.5 of thesis S2 (docs/bibliography.md). In the still picture there are no patches: only time tells them apart.
+-- `model` is another mesh that replaces the hare.
+--
+-- Thesis S2, figure 6.5 (docs/bibliography.md). The picture without time shows no patches, because
+-- they differ in their delay only.
+--
+-- Results in out/latest:
+--     runs/**/films/time-*    frames, animation, streaks and curves over optical length
+--     runs/**/final.png       the picture without time
 
 local x = experiment("transient_texture", { seed = 2 })
 

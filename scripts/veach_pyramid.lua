@@ -1,15 +1,20 @@
--- Veach's pyramid: what each strategy of bidirectional path tracing finds, before and after its weight.
+-- scripts/veach_pyramid.lua: light that each strategy of bidirectional path tracing finds, before
+-- and after its weight.
 --
 --     lumbre run scripts/veach_pyramid.lua
 --
--- After figure 10.3 of Veach's thesis [1997] and figure 4.13 of thesis S0 (docs/bibliography.md). A path of k edges from camera to light
--- can be found in k + 1 ways: by s vertices from the light and t = k + 1 - s from the camera. The layer "strategies"
--- keeps a film for each way, twice. Raw is what the way alone would say: where it could find all light of its length, the
--- films of a row agree in brightness and differ in noise alone. Weighted is its share in the picture, in which the row
--- adds up to the light of its length.
+-- After Veach 1997, figure 10.3, and thesis S0, figure 4.13 (docs/bibliography.md). A path of k
+-- edges from camera to light can be found by k + 1 strategies, with s vertices from the light and
+-- t = k + 1 - s vertices from the camera. The layer "strategies" keeps two films for each strategy.
+-- The raw film is the estimate of the strategy alone: strategies of one row that can find all light
+-- of their length agree in brightness and differ in noise only. The weighted film is the share of
+-- the strategy in the picture; a row adds up to all light of its length.
 --
--- Look at films/pyramid-raw.png and films/pyramid-weighted.png in each run's folder: rows are path lengths k, columns
--- numbers of light vertices s; rows are brightened as their labels say.
+-- Results in out/latest; rows are path lengths k, columns are numbers of light vertices s, and rows
+-- are brightened by the factor in their labels:
+--     runs/**/films/pyramid-raw.png        every strategy alone
+--     runs/**/films/pyramid-weighted.png   with the weights of multiple importance sampling
+--     runs/**/films/depths.png             light by path length
 
 local x = experiment("veach_pyramid", { seed = 1 })
 
