@@ -1,10 +1,13 @@
-//! The CPU backend. It is the default, has no dependencies, and is the reference that other
+//! The CPU backend. It is the default, needs no device or driver, and is the reference that other
 //! backends are tested against.
 //!
-//! [`bvh`] holds the hierarchies and their traversal, [`renderer`] the loop over pixels and
-//! samples, [`films`] the sums that samples are added to, `wavefront` the SIMD path tracers,
-//! [`vectorizable`] the rule which runs can use them, and [`rates`] the ray rates that `lumbre
-//! bench` prints.
+//! Its films have the same bits for any number of threads, any instruction set, and with or without
+//! vectorisation.
+//!
+//! [`bvh`] builds and traverses hierarchies, [`renderer`] loops over pixels and samples, [`films`]
+//! sums the samples, `wavefront` holds the SIMD path tracers, [`vectorizable`] decides which runs
+//! can use them, `path_trace` records the events of single samples, and [`rates`] measures the ray
+//! rates that `lumbre bench` prints.
 
 pub mod bvh;
 pub mod films;
@@ -20,7 +23,7 @@ pub use films::bin_pool::kept_bytes;
 use super::BackendRow;
 use crate::scene::desc::Model;
 
-/// Table row of this backend.
+/// Entry of this backend in the table of backends.
 pub const ROW: BackendRow = BackendRow {
     name: "cpu",
     doc: "Multi-threaded CPU renderer; needs no GPU, and is the reference for the other backends.",

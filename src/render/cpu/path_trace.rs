@@ -1,4 +1,5 @@
-//! Recording of single samples on the CPU.
+//! Records the events of single samples on the CPU: every ray query with its result, and every
+//! contribution. It uses the scalar path, so the samples are those that a run adds to its film.
 
 use std::cell::RefCell;
 use std::sync::Arc;
@@ -13,7 +14,7 @@ use crate::transport::integrator::{Context, Settings};
 use crate::transport::light::{LightSelection, Lights};
 use crate::transport::ray::{Hit, Ray, Trace};
 
-/// Hierarchy that records every query and its answer.
+/// Ray intersector that records every query and its result.
 struct RecordingTrace<'a> {
     accel: &'a Accel,
     events: &'a RefCell<Vec<PathEvent>>,
@@ -41,7 +42,7 @@ impl Trace for RecordingTrace<'_> {
     }
 }
 
-/// Records the events of each of some samples.
+/// Returns the events of each given sample, in the order in which they occur.
 ///
 /// # Errors
 /// Returns an error if the scene's hierarchy cannot be used.
@@ -50,11 +51,12 @@ pub(super) fn paths(
     job: &Job,
     samples: &[SampleAt],
 ) -> Result<Vec<Vec<PathEvent>>, RenderError> {
-    let failed = |e: AccelError| RenderError::Failed {
+    let build_error = |e: AccelError| RenderError::Failed {
         backend: "cpu",
         reason: e.to_string(),
     };
-    let accel = Accel::build_as(Arc::clone(scene), &job.accel, Isa::detect()).map_err(failed)?;
+    let accel =
+        Accel::build_as(Arc::clone(scene), &job.accel, Isa::detect()).map_err(build_error)?;
     let scene = &accel.scene;
     let camera = Camera::new(&scene.camera, job.resolution, job.filter);
     let lights = Lights::with_select(scene, LightSelection::from_params(&job.params));

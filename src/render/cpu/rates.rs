@@ -1,4 +1,5 @@
-//! Ray rates of the CPU hierarchy by kind of ray: the measurement behind `lumbre bench`.
+//! Measures the ray rates of the CPU hierarchy by kind of ray, for `lumbre bench`. Rays are
+//! generated before the clock starts, and each rate is the median of its repeats.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -15,8 +16,8 @@ use crate::transport::ray::{Hit, Ray};
 use crate::transport::sampler::Sampler;
 use crate::transport::surface::Surface;
 
-/// Rates of one scene in million rays per second, all threads together; `None` if the scene has no
-/// such rays.
+/// Rates in one scene, in million rays per second over all threads; `None` if the scene has no such
+/// rays.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RayRates {
     /// Time to build the hierarchy in seconds.
@@ -36,8 +37,8 @@ pub struct RayRates {
 /// Ray and its maximum distance.
 type Query = (Ray, f32);
 
-/// Builds the hierarchy `repeats` times and traces each kind of ray as often, on `threads` threads
-/// (0 means all); returns medians.
+/// Builds the hierarchy `repeats` times, traces all rays of each kind `repeats` times, and returns
+/// medians. Uses `threads` threads; 0 means all.
 ///
 /// # Errors
 /// Returns a message if threads cannot be started or the scene's hierarchy cannot be used.
@@ -52,11 +53,12 @@ pub fn measure(
         .thread_name(|i| format!("rays-{i}"))
         .build();
     let pool = pool.map_err(|e| format!("cannot start threads: {e}"))?;
-    pool.install(|| measure_here(scene, resolution, repeats))
+    pool.install(|| measure_in_pool(scene, resolution, repeats))
         .map_err(|e| e.to_string())
 }
 
-fn measure_here(
+/// Does the work of [`measure`] on the threads of the current pool.
+fn measure_in_pool(
     scene: &Arc<CompiledScene>,
     resolution: [u32; 2],
     repeats: usize,
@@ -89,13 +91,13 @@ fn measure_here(
         .filter_map(|q| Some((*q, accel.closest(&q.0, q.1)?)))
         .collect();
     let (bounce, shadow) = secondary_queries(scene, &hits);
-    let rate = |queries: &[Query], any: bool| {
+    let rate = |queries: &[Query], occlusion: bool| {
         (!queries.is_empty()).then(|| {
             median((0..repeats).map(|_| {
                 let start = Instant::now();
                 let hits: usize = queries
                     .par_chunks(1024)
-                    .map(|chunk| count_hits(&accel, chunk, any))
+                    .map(|chunk| count_hits(&accel, chunk, occlusion))
                     .sum();
                 std::hint::black_box(hits);
                 queries.len() as f64 / start.elapsed().as_secs_f64() / 1e6
@@ -112,7 +114,7 @@ fn measure_here(
     })
 }
 
-/// Returns bounce rays and shadow rays that start at hits of camera rays.
+/// Returns the bounce rays and the shadow rays that start at hits of camera rays.
 fn secondary_queries(scene: &CompiledScene, hits: &[(Query, Hit)]) -> (Vec<Query>, Vec<Query>) {
     let lights = Lights::with_select(scene, LightSelection::Area);
     let mut bounce: Vec<Query> = Vec::with_capacity(hits.len());
@@ -120,19 +122,19 @@ fn secondary_queries(scene: &CompiledScene, hits: &[(Query, Hit)]) -> (Vec<Query
     for (i, ((ray, _), hit)) in hits.iter().enumerate() {
         let mut sampler = Sampler::new(2, [i as u32, 0], 0);
         let surface = Surface::at(scene, ray, hit);
-        let side = if ray.dir.dot(surface.n_geometric) > 0.0 {
+        let normal = if ray.dir.dot(surface.n_geometric) > 0.0 {
             -surface.n_geometric
         } else {
             surface.n_geometric
         };
-        let wi = Frame::from_normal(side).to_world(warp::cosine_hemisphere(sampler.next_2d()));
+        let wi = Frame::from_normal(normal).to_world(warp::cosine_hemisphere(sampler.next_2d()));
         bounce.push((surface.spawn(wi), f32::INFINITY));
         if let Some(light) =
             lights.sample_emission(scene, sampler.next_1d(), sampler.next_2d(), [0.5; 2])
         {
-            let to: Vec3 = light.point.position - surface.position;
-            let distance = to.length();
-            if let Some(dir) = to.try_normalize() {
+            let edge: Vec3 = light.point.position - surface.position;
+            let distance = edge.length();
+            if let Some(dir) = edge.try_normalize() {
                 shadow.push((surface.spawn(dir), distance * (1.0 - 1e-3)));
             }
         }
@@ -140,13 +142,14 @@ fn secondary_queries(scene: &CompiledScene, hits: &[(Query, Hit)]) -> (Vec<Query
     (bounce, shadow)
 }
 
-fn count_hits(accel: &Accel, queries: &[Query], any: bool) -> usize {
-    let hit = |(ray, t_max): &&Query| {
-        if any {
+/// Returns the number of rays that hit anything, by occlusion queries or nearest-hit queries.
+fn count_hits(accel: &Accel, queries: &[Query], occlusion: bool) -> usize {
+    let is_hit = |(ray, t_max): &&Query| {
+        if occlusion {
             accel.occluded(ray, *t_max)
         } else {
             accel.closest(ray, *t_max).is_some()
         }
     };
-    queries.iter().filter(hit).count()
+    queries.iter().filter(is_hit).count()
 }

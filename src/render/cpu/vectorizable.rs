@@ -1,7 +1,8 @@
-//! Whether a run can use the vectorised integrators, judged from its settings alone.
+//! Decides from a run's settings alone whether it can use the vectorised integrators. The scene may
+//! rule them out later.
 //!
-//! The planner applies this to all runs of a night, so that no technique gets SIMD if another
-//! cannot.
+//! The planner applies this to all runs of a night: if one of them cannot be vectorised, none is,
+//! so that their times can be compared.
 
 use std::collections::BTreeMap;
 
@@ -18,26 +19,27 @@ pub(super) enum VectorIntegrator {
 }
 
 impl VectorIntegrator {
-    /// Returns the vectorised integrator for a table row, if there is one.
+    /// Returns the vectorised implementation of an integrator, if there is one.
     pub fn from_row(integrator: &IntegratorRow) -> Option<VectorIntegrator> {
-        let kinds = [
+        let implementations = [
             (nee::ROW.name, VectorIntegrator::Nee),
             (bpt::ROW.name, VectorIntegrator::Bpt),
             (bdpt::ROW.name, VectorIntegrator::Bdpt),
         ];
-        kinds
+        implementations
             .into_iter()
-            .find_map(|(name, kind)| (name == integrator.name).then_some(kind))
+            .find_map(|(name, vectorised)| (name == integrator.name).then_some(vectorised))
     }
 }
 
-/// Returns why runs with these settings must use the scalar path for any scene, as words that end a
-/// sentence, or `None` if they can be vectorised. `layered` is whether the run has layers.
+/// Returns why a run with these settings must use the scalar path in any scene, or `None` if it can
+/// be vectorised. The reason completes a sentence, as "with the sampler `sobol`" does. `has_layers`
+/// is whether the run has layers.
 pub fn scalar_reason(
     integrator: &IntegratorRow,
     params: &BTreeMap<String, Value>,
     sampler: &SamplerRow,
-    layered: bool,
+    has_layers: bool,
 ) -> Option<String> {
     if VectorIntegrator::from_row(integrator).is_none() {
         return Some(format!("by `{}`", integrator.name));
@@ -45,7 +47,7 @@ pub fn scalar_reason(
     if sampler.name != sampler::INDEPENDENT.name {
         return Some(format!("with the sampler `{}`", sampler.name));
     }
-    if layered {
+    if has_layers {
         Some("with `films`".to_owned())
     } else if Settings::new(params).all_lights {
         Some("with `lights = \"all\"`".to_owned())

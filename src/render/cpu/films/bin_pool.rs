@@ -1,13 +1,16 @@
-//! Pool of memory for films with a time axis and for splat buffers.
+//! Pool of memory for the slots of films with a time axis, and for splat buffers.
 //!
-//! An operating system provides pages when they are first written to, which takes many times as
-//! long as clearing memory that is already mapped. To keep this cost off every run's clock, bins
-//! are written to before the clock starts and their memory is recycled for the next run. For films
-//! larger than [`MAX_KEPT_BYTES`], pages are mapped as light reaches them; if only the splat sums
-//! exceed the limit, that is true only for those.
+//! The first write to a page makes the operating system map it, which takes many times as long as
+//! clearing mapped memory: 0.27 to 0.41 s for a film of 178 MB, instead of 0.02 s
+//! (docs/notes/time-axes.md). So that no run's time includes this, slots are written before the
+//! clock starts, and their memory is recycled for the next run.
 //!
-//! Splat buffers are recycled as well, from wave to wave and from run to run: one for each thread,
-//! also if runs are interleaved.
+//! Films larger than [`MAX_KEPT_BYTES`] are not written beforehand, and their pages are mapped when
+//! light reaches them. If only the splat sums exceed the limit, this applies to the splat sums
+//! alone.
+//!
+//! Splat buffers are recycled from wave to wave and from run to run: there is one per thread, even
+//! if runs are interleaved.
 
 use std::mem::take;
 use std::sync::{Mutex, PoisonError};
@@ -26,8 +29,8 @@ static FREE_SLOTS: Mutex<Vec<SlotMemory>> = Mutex::new(Vec::new());
 /// Splat buffers that no thread is using, all empty.
 static FREE_BUFFERS: Mutex<Vec<SplatBuffer>> = Mutex::new(Vec::new());
 
-/// Returns an empty buffer for sums of `pixels` pixels. Frees all unused buffers of another
-/// capacity.
+/// Returns an empty buffer for the splat sums of `pixels` pixels or slots. Frees all unused buffers
+/// of other sizes.
 pub(crate) fn take_buffer(pixels: usize) -> SplatBuffer {
     let mut free = FREE_BUFFERS.lock().unwrap_or_else(PoisonError::into_inner);
     free.retain(|buffer| buffer.serves(pixels));
@@ -42,12 +45,12 @@ pub(crate) fn recycle_buffers(buffers: Vec<SplatBuffer>) {
         .extend(buffers);
 }
 
-/// Sums of one slot of a pixel, stored together because they are updated together.
+/// Sums of one slot of a pixel. They are stored together, since they are updated together.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Slot {
-    /// Sum over all samples.
+    /// Sum of the radiance of all samples.
     pub(crate) sum: [f64; 3],
-    /// Sum of the squares of each sample's contribution.
+    /// Sum of the squares of each sample's total contribution.
     pub(crate) square: [f32; 3],
 }
 
@@ -69,7 +72,7 @@ impl Slot {
     /// Replaces the square of a sample's contribution `before` by that of its contribution `now`,
     /// which includes `before`. Returns whether the sum stayed finite.
     #[inline]
-    pub(crate) fn add_to_square(&mut self, before: [f32; 3], now: [f32; 3]) -> bool {
+    pub(crate) fn replace_square(&mut self, before: [f32; 3], now: [f32; 3]) -> bool {
         self.add_to_squares([0, 1, 2].map(|c| {
             let square = now[c] * now[c];
             if square < f32::INFINITY {
@@ -81,9 +84,9 @@ impl Slot {
     }
 
     #[inline]
-    fn add_to_squares(&mut self, by: [f32; 3]) -> bool {
-        for (square, by) in self.square.iter_mut().zip(by) {
-            *square += by;
+    fn add_to_squares(&mut self, increment: [f32; 3]) -> bool {
+        for (square, v) in self.square.iter_mut().zip(increment) {
+            *square += v;
         }
         let [a, b, c] = self.square;
         let greatest = if a > b { a } else { b };
@@ -99,17 +102,17 @@ const _: () = assert!(size_of::<Slot>() as u64 == BYTES_PER_SLOT);
 pub(crate) struct SlotMemory {
     /// Sums of samples, `[y][x][slot]`.
     pub(crate) slots: Vec<Slot>,
-    /// Sums of splats in the same order, if the integrator makes splats and their memory is
-    /// allocated beforehand.
+    /// Sums of splats in the same order, if the integrator makes splats and they are allocated
+    /// beforehand.
     pub(crate) splats: Option<SplatSums>,
 }
 
 impl SlotMemory {
-    /// Returns `slots` cleared slots, with splat sums if `has_splats`. Clearing uses the threads of
-    /// the current pool.
+    /// Returns `slots` cleared slots, with splat sums if `has_splats` and they fit the limit. The
+    /// threads of the current pool clear the memory.
     pub(crate) fn new(slots: usize, has_splats: bool) -> SlotMemory {
         let allocate_splats = has_splats && bytes(slots, true) <= MAX_KEPT_BYTES;
-        let mut bins = take_matching(
+        let mut memory = take_matching(
             &mut FREE_SLOTS.lock().unwrap_or_else(PoisonError::into_inner),
             slots,
             allocate_splats,
@@ -119,17 +122,18 @@ impl SlotMemory {
             splats: allocate_splats.then(|| SplatSums::new(slots)),
         });
         if bytes(slots, false) <= MAX_KEPT_BYTES {
-            bins.slots
+            memory
+                .slots
                 .par_chunks_mut(CLEAR_CHUNK)
                 .for_each(|slots| slots.fill(Slot::default()));
         }
-        if let Some(splats) = &mut bins.splats {
+        if let Some(splats) = &mut memory.splats {
             splats.clear();
             (0..splats.stripes())
                 .into_par_iter()
                 .for_each(|stripe| splats.reserve(stripe));
         }
-        bins
+        memory
     }
 
     /// Recycles the memory for later runs.
@@ -161,29 +165,30 @@ pub fn kept_bytes() -> u64 {
         .sum()
 }
 
-/// Takes memory of this size and kind from the pool. If there is none of this size, the night has
-/// moved on to other pictures and the whole pool is freed.
+/// Takes memory with this number of slots, and with or without splat sums, from the pool. If there
+/// is none, frees all memory of other sizes, since the night then renders pictures of this size.
 fn take_matching(free: &mut Vec<SlotMemory>, slots: usize, splats: bool) -> Option<SlotMemory> {
     match free
         .iter()
-        .rposition(|bins| bins.slots.len() == slots && bins.splats.is_some() == splats)
+        .rposition(|memory| memory.slots.len() == slots && memory.splats.is_some() == splats)
     {
         Some(i) => Some(free.remove(i)),
         None => {
-            free.retain(|bins| bins.slots.len() == slots);
+            free.retain(|memory| memory.slots.len() == slots);
             None
         }
     }
 }
 
-/// Adds memory to the pool if it fits into the limit, without its splat sums if those do not fit.
-fn put_back(free: &mut Vec<SlotMemory>, mut bins: SlotMemory) {
-    if bins.bytes() > MAX_KEPT_BYTES {
-        bins.splats = None;
+/// Adds memory to the pool if the pool then stays within [`MAX_KEPT_BYTES`]. Splat sums are dropped
+/// first if the memory alone exceeds the limit.
+fn put_back(free: &mut Vec<SlotMemory>, mut memory: SlotMemory) {
+    if memory.bytes() > MAX_KEPT_BYTES {
+        memory.splats = None;
     }
-    let bytes = free.iter().map(SlotMemory::bytes).sum::<u64>() + bins.bytes();
+    let bytes = free.iter().map(SlotMemory::bytes).sum::<u64>() + memory.bytes();
     if bytes <= MAX_KEPT_BYTES {
-        free.push(bins);
+        free.push(memory);
     }
 }
 
@@ -196,7 +201,7 @@ mod tests {
         square: [1.0; 3],
     };
 
-    fn bins(slots: usize) -> SlotMemory {
+    fn memory(slots: usize) -> SlotMemory {
         SlotMemory {
             slots: vec![LIT; slots],
             splats: None,
@@ -206,15 +211,17 @@ mod tests {
     #[test]
     fn memory_is_reused_for_the_same_size_and_freed_for_another() {
         let mut free = Vec::new();
-        put_back(&mut free, bins(8));
-        put_back(&mut free, bins(9));
-        put_back(&mut free, bins(8));
+        put_back(&mut free, memory(8));
+        put_back(&mut free, memory(9));
+        put_back(&mut free, memory(8));
         assert_eq!(
-            take_matching(&mut free, 8, false).map(|bins| bins.slots.len()),
+            take_matching(&mut free, 8, false).map(|memory| memory.slots.len()),
             Some(8)
         );
         assert_eq!(
-            free.iter().map(|bins| bins.slots.len()).collect::<Vec<_>>(),
+            free.iter()
+                .map(|memory| memory.slots.len())
+                .collect::<Vec<_>>(),
             [8, 9]
         );
         // Another technique that is interleaved with the first does not free its memory.
@@ -223,18 +230,18 @@ mod tests {
             &mut free,
             SlotMemory {
                 splats: Some(SplatSums::new(8)),
-                ..bins(8)
+                ..memory(8)
             },
         );
         assert!(
-            take_matching(&mut free, 8, true).is_some_and(|bins| bins.splats.is_some())
+            take_matching(&mut free, 8, true).is_some_and(|memory| memory.splats.is_some())
                 && free.len() == 1
         );
         assert!(take_matching(&mut free, 7, false).is_none() && free.is_empty());
     }
 
     #[test]
-    fn the_pool_does_not_exceed_its_limit() {
+    fn the_pool_stays_within_its_limit() {
         let half = (MAX_KEPT_BYTES / BYTES_PER_SLOT / 2) as usize;
         // Nothing is written to them, so they take no physical memory.
         let large = || SlotMemory {
@@ -269,7 +276,7 @@ mod tests {
             assert_eq!(
                 splats.sum(slots - 2),
                 [0.0; 3],
-                "the values written to map the memory are gone"
+                "values written to map the memory are cleared"
             );
             memory.slots.fill(LIT);
             memory.recycle();

@@ -1,4 +1,8 @@
-//! Contributions of vectorised samples to films with a time axis, collected and sorted by sample.
+//! Contributions of samples to the slots of films with a time axis: one slot for each bin, one for
+//! light before the first bin, and one for light after the last.
+//!
+//! [`TimedContributions`] collects those of a batch of vectorised paths and sorts them by path. The
+//! sort is stable, so that contributions of a path are added in the order of the scalar path.
 
 use glam::Vec3;
 
@@ -20,7 +24,7 @@ pub struct TimedContribution {
 }
 
 impl TimedContribution {
-    /// Calls `emit` with the contribution of `value` to each slot that the filter spreads it to.
+    /// Calls `emit` with the contribution of `value` to each slot over which the filter spreads it.
     /// `position` is its [position](crate::film::time::TimeAxis::bin_position) on the time axis.
     #[inline(always)]
     pub fn for_each_slot(
@@ -37,13 +41,13 @@ impl TimedContribution {
                 slot: axis.slot(position) as u32,
                 path,
             }),
-            _ => TimedContribution::filtered(timing, path, value, position, &mut emit),
+            _ => TimedContribution::emit_filtered(timing, path, value, position, &mut emit),
         }
     }
 
-    /// Spreads a contribution with a filter; kept out of line because filters are rare.
+    /// Spreads a contribution over slots with a filter. Out of line, since filters are rare.
     #[inline(never)]
-    fn filtered(
+    fn emit_filtered(
         timing: &Timing,
         path: u32,
         value: Vec3,
@@ -68,56 +72,57 @@ impl TimedContribution {
 /// Contributions of a batch of paths to their own pixels, in slots of the time axis.
 #[derive(Default)]
 pub struct TimedContributions {
-    /// Contributions in the order in which they were found.
-    found: Vec<TimedContribution>,
-    /// Contributions by path, those of each path in the order in which they were found.
+    /// Contributions in the order in which they were added.
+    unsorted: Vec<TimedContribution>,
+    /// The same contributions sorted by path; those of a path keep their order.
     sorted: Vec<TimedContribution>,
-    /// Scratch space of the sort: the next index for each path.
-    ends: Vec<u32>,
+    /// Scratch buffer of the sort: index in `sorted` of the next contribution of each path.
+    next_index: Vec<u32>,
 }
 
 impl TimedContributions {
     /// Removes all contributions.
     pub fn clear(&mut self) {
-        self.found.clear();
+        self.unsorted.clear();
     }
 
     /// Adds a contribution of a path at a position on the time axis.
     #[inline(always)]
     pub fn push(&mut self, timing: &Timing, path: u32, value: Vec3, position: f64) {
-        TimedContribution::for_each_slot(timing, path, value, position, |part| {
-            self.found.push(part)
+        TimedContribution::for_each_slot(timing, path, value, position, |contribution| {
+            self.unsorted.push(contribution)
         });
     }
 
     /// Sorts the contributions by path; path indices are below `paths`.
     pub fn sort(&mut self, paths: usize) {
-        self.ends.clear();
-        self.ends.resize(paths, 0);
-        for found in &self.found {
-            self.ends[found.path as usize] += 1;
+        self.next_index.clear();
+        self.next_index.resize(paths, 0);
+        for contribution in &self.unsorted {
+            self.next_index[contribution.path as usize] += 1;
         }
         let mut sum = 0;
-        for end in &mut self.ends {
-            sum += std::mem::replace(end, sum);
+        for next in &mut self.next_index {
+            sum += std::mem::replace(next, sum);
         }
         self.sorted
-            .resize(self.found.len(), TimedContribution::default());
-        for found in &self.found {
-            let end = &mut self.ends[found.path as usize];
-            self.sorted[*end as usize] = *found;
-            *end += 1;
+            .resize(self.unsorted.len(), TimedContribution::default());
+        for contribution in &self.unsorted {
+            let next = &mut self.next_index[contribution.path as usize];
+            self.sorted[*next as usize] = *contribution;
+            *next += 1;
         }
     }
 
-    /// Returns all contributions after [`sort`](Self::sort).
+    /// Returns the contributions sorted by path. [`sort`](Self::sort) must have been called after
+    /// the last [`push`](Self::push).
     pub fn sorted(&self) -> &[TimedContribution] {
         &self.sorted
     }
 
-    /// Removes the contributions of a path.
+    /// Removes the contributions of a path from the sorted ones.
     pub fn discard(&mut self, path: u32) {
-        self.sorted.retain(|part| part.path != path);
+        self.sorted.retain(|contribution| contribution.path != path);
     }
 }
 
@@ -133,7 +138,7 @@ mod tests {
     };
 
     #[test]
-    fn contributions_are_sorted_by_path_and_stay_in_order() {
+    fn contributions_are_sorted_by_path_and_keep_their_order() {
         let mut timed = TimedContributions::default();
         for round in 0..2 {
             timed.clear();
@@ -176,22 +181,26 @@ mod tests {
     }
 
     #[test]
-    fn batched_and_single_contributions_are_filtered_alike() {
+    fn batched_and_scalar_contributions_are_filtered_identically() {
         let timing = Timing {
             filter: TimeFilter::Gauss(0.7),
             ..Timing::plain(AXIS)
         };
         let mut timed = TimedContributions::default();
-        let mut one = Vec::new();
+        let mut scalar = Vec::new();
         for length in [0.3, 1.0, 1.9, 2.99, 4.0] {
             let (value, position) = (Vec3::new(0.1, 7.0, 1e-3), AXIS.bin_position(length));
             timed.push(&timing, 1, value, position);
-            TimedContribution::for_each_slot(&timing, 1, value, position, |part| one.push(part));
+            TimedContribution::for_each_slot(&timing, 1, value, position, |contribution| {
+                scalar.push(contribution)
+            });
         }
         timed.sort(2);
-        assert_eq!(timed.sorted(), one);
+        assert_eq!(timed.sorted(), scalar);
         assert!(
-            one.len() > 10 && one.iter().any(|p| p.slot == 0) && one.iter().any(|p| p.slot == 5)
+            scalar.len() > 10
+                && scalar.iter().any(|p| p.slot == 0)
+                && scalar.iter().any(|p| p.slot == 5)
         );
     }
 }

@@ -1,9 +1,9 @@
-//! Films of a run's layers on the CPU. [`LayerFilms`] holds the sums, [`LayerRowFilm`] accumulates
-//! the samples of a row.
+//! Films of a run's layers. [`LayerFilms`] holds the sums, [`LayerRowFilm`] accumulates the samples
+//! of one row of pixels.
 //!
-//! As in the main film, the samples of a pixel are added in the order of their index by one thread,
-//! and splats in fixed point. What the main film refuses is refused here, so that films still add
-//! up to the picture.
+//! Invariants: one thread adds the samples of a pixel in the order of their index, splats are added
+//! in fixed point, and a sample that the main film rejects is rejected here too, so that the films
+//! of a layer still add up to the picture.
 
 use std::io::{self, Write};
 use std::sync::OnceLock;
@@ -28,17 +28,17 @@ pub(crate) struct Moments {
     sum2: [f64; 3],
 }
 
-/// Properties of the films that all rows share.
+/// Layout of the films, and the splat sums; shared by all rows.
 pub(crate) struct LayerSpec {
     layout: LayerLayout,
     max_depth: u32,
     pixels: usize,
-    /// Whether any layer needs the first surface.
+    /// Whether any layer needs the surface that the camera ray hits.
     surfaces: bool,
-    /// Number of films made of contributions; they precede all others.
+    /// Number of films to which contributions are added; their indices precede all others.
     contribution_films: usize,
-    /// Index of each film's splat sums among those of a pixel.
-    slots: Vec<Option<usize>>,
+    /// Index of each film's splat sums among those of a pixel; `None` for films without splats.
+    splat_index: Vec<Option<usize>>,
     splat_films: usize,
     /// Splat sums, `[y][x][film]`, allocated for the first splat.
     splats: OnceLock<SplatSums>,
@@ -63,13 +63,13 @@ impl LayerFilms {
         let pixels = u64::from(job.resolution[0]) * u64::from(job.resolution[1]);
         let layout = LayerLayout::new(&job.layers, job.max_depth, pixels)?;
         let mut splat_films = 0;
-        let mut slot = |film: &LayerFilm| {
+        let mut next_splat_index = |film: &LayerFilm| {
             film.splats.then(|| {
                 splat_films += 1;
                 splat_films - 1
             })
         };
-        let slots = layout.films().iter().map(&mut slot).collect();
+        let splat_index = layout.films().iter().map(&mut next_splat_index).collect();
         let own = vec![Moments::default(); layout.films().len() * pixels as usize];
         let surfaces = [Layer::Albedo, Layer::Normal, Layer::Distance];
         let spec = LayerSpec {
@@ -81,7 +81,7 @@ impl LayerFilms {
                 .iter()
                 .filter(|film| film.layer.row().splats)
                 .count(),
-            slots,
+            splat_index,
             splat_films,
             splats: OnceLock::new(),
             layout,
@@ -139,14 +139,17 @@ impl LayerFilms {
             samples,
             ..Film::new(width, height)
         };
-        let splats = spec.splats.get().zip(spec.slots[index]);
+        let splats = spec.splats.get().zip(spec.splat_index[index]);
         let own = self.own.iter().skip(index).step_by(self.films().len());
         for (pixel, own) in own.enumerate() {
             (film.sum[pixel], film.sum2[pixel]) = match splats {
                 None => (own.sum, own.sum2),
-                Some((splats, slot)) => {
-                    splats.combined(pixel * spec.splat_films + slot, own.sum, own.sum2, samples)
-                }
+                Some((splats, splat_index)) => splats.combined(
+                    pixel * spec.splat_films + splat_index,
+                    own.sum,
+                    own.sum2,
+                    samples,
+                ),
             };
         }
         film
@@ -171,8 +174,8 @@ impl<'a> LayerRowFilm<'a> {
         }
     }
 
-    /// Adds a contribution to the sample's own pixel. Returns how many films refused it: one if its
-    /// path is longer than the limit.
+    /// Adds a contribution to the sample's own pixel. Returns the number of rejections: 1 if its
+    /// depth exceeds the limit, else 0.
     pub(crate) fn add(&mut self, c: &Contribution) -> u64 {
         let values = &mut self.values;
         self.spec.for_each_film(c, |film, value| {
@@ -181,32 +184,32 @@ impl<'a> LayerRowFilm<'a> {
         })
     }
 
-    /// Adds a contribution to any pixel. Returns how many films refused it.
+    /// Adds a splat to a pixel. Returns the number of films that rejected it.
     pub(crate) fn splat(&self, pixel: usize, c: &Contribution) -> u64 {
         let spec = self.spec;
         spec.for_each_film(c, |film, value| {
-            let Some(slot) = spec.slots[film] else {
+            let Some(splat_index) = spec.splat_index[film] else {
                 return false;
             };
             let sums = spec
                 .splats
                 .get_or_init(|| SplatSums::new(spec.pixels * spec.splat_films));
-            sums.add(pixel * spec.splat_films + slot, value.to_array())
+            sums.add(pixel * spec.splat_films + splat_index, value.to_array())
         })
     }
 
-    /// Ends a sample of `pixel`, which must be in this row. `counts` is whether the main film
-    /// accepted it, `rays` the number of rays it traced, and `sampler` creates its sampler again.
-    /// Returns how many films had to drop a value that was not finite.
+    /// Ends a sample of `pixel`, which must be in this row. `accepted` is whether the main film
+    /// accepted it, `rays` the number of rays that it traced, and `sampler` creates its sampler
+    /// anew. Returns the number of films whose value was not finite and was dropped.
     pub(crate) fn finish_sample(
         &mut self,
         context: &Context,
         pixel: [u32; 2],
-        counts: bool,
+        accepted: bool,
         rays: u64,
         sampler: impl FnOnce() -> Sampler,
     ) -> u64 {
-        if !counts {
+        if !accepted {
             self.values[..self.spec.contribution_films].fill(Vec3::ZERO);
         }
         let layout = &self.spec.layout;
@@ -214,14 +217,14 @@ impl<'a> LayerRowFilm<'a> {
             self.values[film] = Vec3::splat(rays as f32);
         }
         if self.spec.surfaces {
-            self.first_surface(context, pixel, &mut sampler());
+            self.record_first_surface(context, pixel, &mut sampler());
         }
         let start = pixel[0] as usize * self.values.len();
-        let mut refused = 0;
+        let mut rejected = 0;
         for (sums, value) in self.row[start..].iter_mut().zip(&mut self.values) {
             let v = std::mem::take(value);
             if !v.is_finite() {
-                refused += 1;
+                rejected += 1;
             } else if v != Vec3::ZERO {
                 for c in 0..3 {
                     let v = f64::from(v[c]);
@@ -230,11 +233,12 @@ impl<'a> LayerRowFilm<'a> {
                 }
             }
         }
-        refused
+        rejected
     }
 
-    /// Records the first hit of the sample's camera ray, which its integrator has already traced.
-    fn first_surface(&mut self, context: &Context, pixel: [u32; 2], sampler: &mut Sampler) {
+    /// Records the surface that the sample's camera ray hits. Traces the ray again, since the
+    /// integrator does not report its first hit.
+    fn record_first_surface(&mut self, context: &Context, pixel: [u32; 2], sampler: &mut Sampler) {
         let ray = context.camera.sample_ray(pixel, sampler);
         let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else {
             return;
@@ -247,10 +251,10 @@ impl<'a> LayerRowFilm<'a> {
             }
         };
         set(Layer::Albedo, surface.base_color(&context.scene.textures));
-        let behind = surface.n_geometric.dot(ray.dir) > 0.0;
+        let hit_from_behind = surface.n_geometric.dot(ray.dir) > 0.0;
         set(
             Layer::Normal,
-            if behind {
+            if hit_from_behind {
                 -surface.n_shading
             } else {
                 surface.n_shading
@@ -265,18 +269,18 @@ impl<'a> LayerRowFilm<'a> {
 
 impl LayerSpec {
     /// Calls `add` with each film that a contribution belongs to and the value to add; `add`
-    /// returns whether the film accepted it. Returns the number of refusals.
+    /// returns whether the film accepted it. Returns the number of rejections.
     fn for_each_film(&self, c: &Contribution, mut add: impl FnMut(usize, Vec3) -> bool) -> u64 {
         let k = c.depth();
         if !(1..=self.max_depth).contains(&k) {
             return 1;
         }
-        let mut refused = 0;
+        let mut rejected = 0;
         let mut add_to = |film: Option<usize>, value: Vec3| {
             if let Some(film) = film
                 && value != Vec3::ZERO
             {
-                refused += u64::from(!add(film, value));
+                rejected += u64::from(!add(film, value));
             }
         };
         add_to(self.layout.depth(k), c.value);
@@ -288,6 +292,6 @@ impl LayerSpec {
             self.layout.single(Layer::Bounces),
             Vec3::new((k - 1) as f32 * luminance, luminance, 0.0),
         );
-        refused
+        rejected
     }
 }

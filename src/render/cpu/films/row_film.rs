@@ -1,4 +1,5 @@
-//! Accumulation of the samples of one row of pixels.
+//! Accumulates the samples of one row of pixels. One thread owns a row while it is rendered; only
+//! splats leave it, through a buffer.
 
 use std::sync::OnceLock;
 
@@ -9,7 +10,8 @@ use super::contributions::{SampleId, TimedContributions};
 use super::time_film::{TimeRowFilm, TimedSplats};
 use crate::film::splat::{SplatBuffer, SplatSums};
 
-/// Number of slots that are prefetched ahead of additions, because films are larger than caches.
+/// Number of contributions by which the slots of a time axis are prefetched before they are
+/// updated. Such films are larger than caches.
 const PREFETCH_DISTANCE: usize = 48;
 
 /// Statistics of a row, merged over all rows of a wave.
@@ -17,14 +19,14 @@ const PREFETCH_DISTANCE: usize = 48;
 pub(crate) struct RowStats {
     /// Number of rays traced.
     pub rays: u64,
-    /// Number of contributions that were refused.
+    /// Number of samples and contributions that were rejected.
     pub invalid: u64,
-    /// Sample index, row and column of the first refused contribution; "first" is in this order.
+    /// Sample index, row and column of the first rejection, ordered by these three.
     pub first_invalid: Option<[u64; 3]>,
 }
 
 impl RowStats {
-    /// Returns the sums of both.
+    /// Merges the statistics of two rows.
     pub fn merge(self, other: RowStats) -> RowStats {
         RowStats {
             rays: self.rays + other.rays,
@@ -42,28 +44,28 @@ impl RowStats {
 pub(crate) struct SplatTarget<'a> {
     /// Width and height of the picture in pixels.
     pub resolution: [u32; 2],
-    /// Sums of a film without a time axis, allocated for the first splat.
+    /// Splat sums of a film without a time axis, allocated for the first splat.
     pub plain: &'a OnceLock<SplatSums>,
-    /// Sums of a film with a time axis, if it has one.
+    /// Slots that splats are added to, if the film has a time axis.
     pub timed: Option<TimedSplats<'a>>,
 }
 
 impl<'a> SplatTarget<'a> {
-    /// Returns the sums, allocating them if needed.
+    /// Returns the splat sums, allocating them if needed.
     pub fn sums(&self) -> &'a SplatSums {
         match &self.timed {
             Some(timed) => timed.sums(),
-            None => self.plain.get_or_init(|| SplatSums::new(self.size())),
+            None => self.plain.get_or_init(|| SplatSums::new(self.pixels())),
         }
     }
 
     /// Returns an empty buffer for splats.
     pub fn buffer(&self) -> SplatBuffer {
-        bin_pool::take_buffer(self.timed.map_or(self.size(), |timed| timed.size()))
+        bin_pool::take_buffer(self.timed.map_or(self.pixels(), |timed| timed.slots()))
     }
 
     /// Returns the number of pixels of the picture.
-    fn size(&self) -> usize {
+    fn pixels(&self) -> usize {
         let [width, height] = self.resolution.map(|n| n as usize);
         width * height
     }
@@ -80,7 +82,7 @@ pub(crate) struct RowFilm<'a> {
     y: u32,
     sum: &'a mut [[f64; 3]],
     sum2: &'a mut [[f64; 3]],
-    by_time: Option<TimeRowFilm<'a>>,
+    time_film: Option<TimeRowFilm<'a>>,
     splats: SplatTarget<'a>,
     buffer: SplatBuffer,
     stats: RowStats,
@@ -91,7 +93,7 @@ impl<'a> RowFilm<'a> {
     pub fn new(
         y: u32,
         [sum, sum2]: [&'a mut [[f64; 3]]; 2],
-        by_time: Option<TimeRowFilm<'a>>,
+        time_film: Option<TimeRowFilm<'a>>,
         splats: SplatTarget<'a>,
         buffer: SplatBuffer,
     ) -> RowFilm<'a> {
@@ -99,7 +101,7 @@ impl<'a> RowFilm<'a> {
             y,
             sum,
             sum2,
-            by_time,
+            time_film,
             splats,
             buffer,
             stats: RowStats::default(),
@@ -110,14 +112,14 @@ impl<'a> RowFilm<'a> {
     /// the optical length of the path. Does nothing without a time axis.
     #[inline]
     pub fn add_timed(&mut self, x: u32, value: Vec3, length: f64) {
-        if let Some(by_time) = &mut self.by_time {
-            by_time.add_timed(x, value, length);
+        if let Some(time_film) = &mut self.time_film {
+            time_film.add_timed(x, value, length);
         }
     }
 
-    /// Adds a contribution of a path to another pixel. Returns `None` if it was refused, which
-    /// never happens for zero radiance, and otherwise the pixel's index, if it is inside the
-    /// picture.
+    /// Adds a splat to a pixel. Returns `None` if it was rejected, and otherwise the pixel's index,
+    /// which is `None` outside the picture. Zero radiance is never rejected; other radiance is
+    /// rejected outside the picture.
     #[inline]
     pub fn splat(&mut self, pixel: [u32; 2], value: Vec3, length: f64) -> Option<Option<usize>> {
         let index = self.splats.pixel_index(pixel);
@@ -140,8 +142,7 @@ impl<'a> RowFilm<'a> {
         let finite = value.is_finite();
         if finite {
             let value = value.as_dvec3().to_array();
-            // With a time axis the picture is the sum of its slots.
-            if self.by_time.is_none() {
+            if self.time_film.is_none() {
                 (0..3).for_each(|c| self.sum[x as usize][c] += value[c]);
             }
             (0..3).for_each(|c| self.sum2[x as usize][c] += value[c] * value[c]);
@@ -149,17 +150,17 @@ impl<'a> RowFilm<'a> {
         finite
     }
 
-    /// Ends a sample whose contributions were passed to [`add_timed`](Self::add_timed); `counts` is
-    /// whether the picture accepted it. Returns whether its squares stayed finite.
+    /// Ends a sample whose contributions were passed to [`add_timed`](Self::add_timed); `accepted`
+    /// is whether the picture accepted it. Returns whether the sums of squares stayed finite.
     #[inline]
-    pub fn finish_sample(&mut self, x: u32, counts: bool) -> bool {
-        self.by_time
+    pub fn finish_sample(&mut self, x: u32, accepted: bool) -> bool {
+        self.time_film
             .as_mut()
-            .is_none_or(|by_time| by_time.finish_sample(x, counts))
+            .is_none_or(|time_film| time_film.finish_sample(x, accepted))
     }
 
-    /// Counts `invalid` refused contributions of a sample. Also flushes the splat buffer if it is
-    /// full and counts splats whose squares overflowed.
+    /// Counts `invalid` rejected contributions of a sample. Also flushes the splat buffer if it is
+    /// full, and counts the splats whose squares overflowed.
     #[inline]
     pub fn record_invalid(&mut self, x: u32, sample: u64, mut invalid: u64) {
         if self.buffer.is_full() {
@@ -187,10 +188,11 @@ impl<'a> RowFilm<'a> {
     expect(dead_code, reason = "the wavefront renderer needs x86-64")
 )]
 impl RowFilm<'_> {
-    /// Adds a contribution of a sample to the pixel with this column and row; `length` is the
+    /// Adds a splat of the sample `id` to the pixel with this column and row; `length` is the
     /// optical length of its path.
     #[inline]
-    pub fn splat_of(&mut self, (x, sample): SampleId, pixel: [u32; 2], value: Vec3, length: f64) {
+    pub fn splat_from_sample(&mut self, id: SampleId, pixel: [u32; 2], value: Vec3, length: f64) {
+        let (x, sample) = id;
         let invalid = self.splat(pixel, value, length).is_none();
         self.record_invalid(x, sample, u64::from(invalid));
     }
@@ -203,27 +205,27 @@ impl RowFilm<'_> {
         values: &[Vec3],
         timed: Option<&mut TimedContributions>,
     ) {
-        let mut refused: Vec<u32> = Vec::new();
+        let mut rejected: Vec<u32> = Vec::new();
         for (path, ((x, _), value)) in ids.iter().zip(values).enumerate() {
             if !self.add_sample(*x, *value) {
-                refused.push(path as u32);
+                rejected.push(path as u32);
             }
         }
-        if let (Some(by_time), Some(timed)) = (&mut self.by_time, timed) {
-            refused.iter().for_each(|path| timed.discard(*path));
+        if let (Some(time_film), Some(timed)) = (&mut self.time_film, timed) {
+            rejected.iter().for_each(|path| timed.discard(*path));
             let column = |path: u32| ids[path as usize].0;
-            by_time.add_batch::<PREFETCH_DISTANCE>(
+            time_film.add_batch::<PREFETCH_DISTANCE>(
                 ids.len() as u32,
                 column,
                 timed.sorted(),
                 |path| {
-                    if refused.last() != Some(&path) {
-                        refused.push(path);
+                    if rejected.last() != Some(&path) {
+                        rejected.push(path);
                     }
                 },
             );
         }
-        for (x, sample) in refused.into_iter().map(|path| ids[path as usize]) {
+        for (x, sample) in rejected.into_iter().map(|path| ids[path as usize]) {
             self.record_invalid(x, sample, 1);
         }
     }

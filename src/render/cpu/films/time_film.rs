@@ -1,10 +1,9 @@
-//! Films with a time axis on the CPU. [`TimeFilm`] holds the sums, [`TimeRowFilm`] accumulates the
-//! samples of a row.
+//! Films with a time axis. [`TimeFilm`] holds the sums of all slots, [`TimeRowFilm`] accumulates
+//! the samples of one row of pixels.
 //!
-//! As in the main film, the samples of a pixel are added in the order of their index by one thread,
-//! and splats in fixed point. What the main film refuses is refused here. The picture is computed
-//! from the slots: its sums are those of the slots, added in their order, so both have the same
-//! bits.
+//! Invariants: one thread adds the samples of a pixel in the order of their index, splats are added
+//! in fixed point, and a sample that the picture rejects is rejected here too. The sum of a pixel
+//! of the picture is the sum of its slots in their order, so that both have the same bits.
 
 use std::io::{self, Write};
 use std::mem::take;
@@ -33,7 +32,7 @@ pub(crate) struct TimeFilm {
     splats: OnceLock<SplatSums>,
 }
 
-/// Slots of a row of pixels, `[x][slot]`.
+/// Slots of one row of pixels, `[x][slot]`.
 pub(crate) type SlotRow<'a> = &'a mut [Slot];
 
 impl TimeFilm {
@@ -61,8 +60,8 @@ impl TimeFilm {
         }))
     }
 
-    /// Splits the film into rows, one for each thread that renders a row, and returns the
-    /// destination of splats. Without a time axis every row is `None`.
+    /// Splits the film into rows, each for the thread that renders it, and returns the destination
+    /// of splats. Without a time axis every row is `None`.
     pub(crate) fn rows(
         times: &mut Option<TimeFilm>,
         height: u32,
@@ -84,14 +83,14 @@ impl TimeFilm {
                     Some(TimedSplats {
                         timing,
                         splats,
-                        size: n,
+                        slots: n,
                     }),
                 )
             }
         }
     }
 
-    /// Returns the film whose sums are those of the slots, splats included; `own` has the sums of
+    /// Returns the picture: its sums are those of the slots, splats included. `own` has the sums of
     /// squares of the samples' contributions to their own pixels.
     pub(crate) fn film(&self, own: &Film) -> Film {
         let n = self.timing.axis.slots();
@@ -102,11 +101,11 @@ impl TimeFilm {
         let Some(splats) = self.splats.get() else {
             return film;
         };
-        let mut splatted = vec![([0.0; 3], [0.0; 3]); film.sum.len()];
-        // Slots without splats in between are added as well, in the order of the slots.
+        let mut splat_sums = vec![([0.0; 3], [0.0; 3]); film.sum.len()];
+        // Slots without splats are added between those with splats, so that all are added in order.
         let mut sums = vec![[0.0; 3]; film.sum.len()];
         let mut next = 0;
-        let mut own_up_to = |until: usize, sums: &mut Vec<[f64; 3]>| {
+        let mut add_slots_until = |until: usize, sums: &mut Vec<[f64; 3]>| {
             for i in next..until {
                 let sum = &mut sums[i / n];
                 (0..3).for_each(|c| sum[c] += self.memory.slots[i].sum[c]);
@@ -114,24 +113,24 @@ impl TimeFilm {
             next = until + 1;
         };
         splats.for_each(|i, splat, squares| {
-            own_up_to(i, &mut sums);
-            let (all, pixel) = (&mut sums[i / n], &mut splatted[i / n]);
+            add_slots_until(i, &mut sums);
+            let (all, pixel) = (&mut sums[i / n], &mut splat_sums[i / n]);
             for c in 0..3 {
                 all[c] += self.memory.slots[i].sum[c] + splat[c];
                 pixel.0[c] += splat[c];
                 pixel.1[c] += squares[c];
             }
         });
-        own_up_to(self.memory.slots.len(), &mut sums);
-        for (pixel, splatted) in splatted.into_iter().enumerate() {
+        add_slots_until(self.memory.slots.len(), &mut sums);
+        for (pixel, splat_sums) in splat_sums.into_iter().enumerate() {
             let own = (film.sum[pixel], film.sum2[pixel]);
-            film.sum2[pixel] = fixed_point::combine_sums(splatted, own, film.samples).1;
+            film.sum2[pixel] = fixed_point::combine_sums(splat_sums, own, film.samples).1;
             film.sum[pixel] = sums[pixel];
         }
         film
     }
 
-    /// Returns the sums of all slots as a cube.
+    /// Returns the sums of all slots, splats included.
     pub(crate) fn cube(&self, [width, height]: [u32; 2], samples: u64) -> TimeCube {
         let mut cube = TimeCube {
             axis: self.timing.axis,
@@ -151,18 +150,18 @@ impl TimeFilm {
         cube
     }
 
-    /// Writes all sums; slots without light are left out.
+    /// Writes all sums. Slots whose sums are zero are left out.
     pub(crate) fn save(&self, to: &mut dyn Write) -> io::Result<()> {
         let slots = &self.memory.slots;
-        let lit = |i: &usize| slots[*i].sum != [0.0; 3] || slots[*i].square != [0.0; 3];
+        let nonzero = |i: &usize| slots[*i].sum != [0.0; 3] || slots[*i].square != [0.0; 3];
         write_u64s(
             to,
             [
                 slots.len() as u64,
-                (0..slots.len()).filter(lit).count() as u64,
+                (0..slots.len()).filter(nonzero).count() as u64,
             ],
         )?;
-        let words = (0..slots.len()).filter(lit).flat_map(|i| {
+        let words = (0..slots.len()).filter(nonzero).flat_map(|i| {
             let [a, b, c] = slots[i].square.map(|q| u64::from(q.to_bits()));
             let [x, y, z] = slots[i].sum.map(f64::to_bits);
             [i as u64 | a << 32, x, y, z, b | c << 32]
@@ -173,25 +172,25 @@ impl TimeFilm {
 
     /// Reads the sums of a film with the same axis and resolution.
     pub(crate) fn restore(&mut self, from: &mut StateReader<'_>) -> Result<(), CheckpointMismatch> {
-        let lit = [from.read_u64()?, from.read_u64()?];
-        if lit[0] != self.memory.slots.len() as u64 {
+        let [slots, nonzero] = [from.read_u64()?, from.read_u64()?];
+        if slots != self.memory.slots.len() as u64 {
             return Err(CheckpointMismatch);
         }
-        for _ in 0..lit[1] {
-            let (place, sum) = (
+        for _ in 0..nonzero {
+            let (first, sum) = (
                 from.read_u64()?,
                 [from.read_u64()?, from.read_u64()?, from.read_u64()?],
             );
-            let rest = from.read_u64()?;
-            let i = (place & u64::from(u32::MAX)) as usize;
+            let last = from.read_u64()?;
+            let i = (first & u64::from(u32::MAX)) as usize;
             let slot = self.memory.slots.get_mut(i).ok_or(CheckpointMismatch)?;
             slot.sum = sum.map(f64::from_bits);
-            slot.square = [place >> 32, rest & u64::from(u32::MAX), rest >> 32]
+            slot.square = [first >> 32, last & u64::from(u32::MAX), last >> 32]
                 .map(|q| f32::from_bits(q as u32));
         }
         let splats = SplatSums::restore(self.memory.slots.len(), from)?;
-        let ready = self.splats.take().is_some();
-        if let (true, Some(splats)) = (ready, &splats) {
+        let preallocated = self.splats.take().is_some();
+        if let (true, Some(splats)) = (preallocated, &splats) {
             (0..splats.stripes())
                 .into_par_iter()
                 .for_each(|stripe| splats.reserve(stripe));
@@ -213,22 +212,23 @@ impl Drop for TimeFilm {
 pub(crate) struct TimedSplats<'a> {
     timing: &'a Timing,
     splats: &'a OnceLock<SplatSums>,
-    size: usize,
+    slots: usize,
 }
 
 impl<'a> TimedSplats<'a> {
     /// Returns the splat sums, allocating them if needed.
     pub(crate) fn sums(&self) -> &'a SplatSums {
-        self.splats.get_or_init(|| SplatSums::new(self.size))
+        self.splats.get_or_init(|| SplatSums::new(self.slots))
     }
 
-    /// Returns the number of slots.
-    pub(crate) fn size(&self) -> usize {
-        self.size
+    /// Returns the number of slots of the film.
+    pub(crate) fn slots(&self) -> usize {
+        self.slots
     }
 
-    /// Spreads a splat on a pixel over its slots: calls `push` with each slot's index and share.
-    /// Returns whether all shares were accepted.
+    /// Distributes a splat over the slots of a pixel: calls `push` with the index of each slot and
+    /// its share of the radiance. `length` is the optical length of the path. Returns whether all
+    /// shares were accepted.
     pub(crate) fn splat(
         &self,
         pixel: usize,
@@ -236,31 +236,31 @@ impl<'a> TimedSplats<'a> {
         mut push: impl FnMut(usize, [f32; 3]) -> bool,
     ) -> bool {
         let first = pixel * self.timing.axis.slots();
-        let mut accepted = true;
-        let place = self.timing.axis.bin_position(length);
-        TimedContribution::for_each_slot(self.timing, 0, value, place, |contribution| {
-            accepted &= push(first + contribution.slot as usize, contribution.value)
+        let mut all_accepted = true;
+        let position = self.timing.axis.bin_position(length);
+        TimedContribution::for_each_slot(self.timing, 0, value, position, |contribution| {
+            all_accepted &= push(first + contribution.slot as usize, contribution.value)
         });
-        accepted
+        all_accepted
     }
 }
 
-/// Last sample that contributed to a slot, by its number, and its contribution so far.
+/// Number of the last sample that contributed to a slot, and its contribution so far.
 #[derive(Clone, Copy, Default)]
 struct Latest {
     value: [f32; 3],
     sample: u32,
 }
 
-/// Accumulates the samples of one row in the slots of their own pixels.
+/// Accumulates the samples of one row of pixels in the slots of their own pixels.
 pub(crate) struct TimeRowFilm<'a> {
     timing: &'a Timing,
     row: &'a mut [Slot],
-    /// Contributions of the current sample, on the scalar path.
+    /// Contributions of the current sample; used only on the scalar path.
     timed: Vec<TimedContribution>,
-    /// Last contribution to each slot of a pixel.
+    /// Last contribution to each slot, in any pixel of the row: a sample contributes to one pixel.
     latest: Vec<Latest>,
-    /// Number of samples so far, modulo 2^32.
+    /// Number of samples so far, modulo 2^32; samples are numbered by it, from 1.
     samples: u32,
 }
 
@@ -293,26 +293,27 @@ impl<'a> TimeRowFilm<'a> {
         );
     }
 
-    /// Ends a sample of column `x`; `counts` is whether the picture accepted it. Returns whether
-    /// its squares stayed finite.
+    /// Ends a sample of column `x`; `accepted` is whether the picture accepted it. Returns whether
+    /// the sums of squares stayed finite.
     #[inline]
-    pub(crate) fn finish_sample(&mut self, x: u32, counts: bool) -> bool {
+    pub(crate) fn finish_sample(&mut self, x: u32, accepted: bool) -> bool {
         let mut timed = take(&mut self.timed);
-        let mut room = true;
-        if counts {
-            self.add_batch::<0>(1, |_| x, &timed, |_| room = false);
+        let mut finite = true;
+        if accepted {
+            self.add_batch::<0>(1, |_| x, &timed, |_| finite = false);
         }
         timed.clear();
         self.timed = timed;
-        room
+        finite
     }
 
     /// Adds the contributions of `samples` samples, sorted by sample; `column` returns the column
-    /// of a sample. Calls `overflowed` with the sample of each contribution whose square
-    /// overflowed. Slots are prefetched `PREFETCH` contributions ahead.
+    /// of a sample. Calls `overflowed` with the sample of each contribution that made a sum of
+    /// squares overflow. Slots are prefetched `PREFETCH` contributions ahead.
     ///
-    /// Sums are added contribution by contribution, so that the order of rounding does not depend
-    /// on when light arrives. The square is that of the sample's whole contribution to a slot.
+    /// Sums are updated contribution by contribution, so that rounding does not depend on how many
+    /// contributions of a sample reach the same slot. The square is that of the sample's total
+    /// contribution to a slot.
     #[inline(always)]
     pub(crate) fn add_batch<const PREFETCH: usize>(
         &mut self,
@@ -330,8 +331,8 @@ impl<'a> TimeRowFilm<'a> {
             .iter()
             .take(PREFETCH)
             .for_each(|contribution| prefetch(&row[index(contribution)]));
-        // After 2^32 samples the numbers repeat, and a contribution may be taken for one of the
-        // same sample.
+        // Sample numbers repeat after 2^32 samples. A contribution may then be attributed to the
+        // earlier sample with the same number.
         let first = self.samples.wrapping_add(1);
         for (i, contribution) in timed.iter().enumerate() {
             if PREFETCH > 0
@@ -343,10 +344,10 @@ impl<'a> TimeRowFilm<'a> {
             slot.add(contribution.value);
             let latest = &mut latest[contribution.slot as usize];
             let sample = first.wrapping_add(contribution.path);
-            let room = if latest.sample == sample {
+            let finite = if latest.sample == sample {
                 let before = latest.value;
                 latest.value = [0, 1, 2].map(|c| before[c] + contribution.value[c]);
-                slot.add_to_square(before, latest.value)
+                slot.replace_square(before, latest.value)
             } else {
                 *latest = Latest {
                     value: contribution.value,
@@ -354,7 +355,7 @@ impl<'a> TimeRowFilm<'a> {
                 };
                 slot.add_square(contribution.value)
             };
-            if !room {
+            if !finite {
                 overflowed(contribution.path);
             }
         }
@@ -379,14 +380,14 @@ mod tests {
         let target = TimedSplats {
             timing: &timing,
             splats: &splats,
-            size: row.len(),
+            slots: row.len(),
         };
         let mut film = TimeRowFilm::new(target, &mut row);
-        let mut sample = |timed: &[(f32, f64)], counts: bool| {
+        let mut sample = |timed: &[(f32, f64)], accepted: bool| {
             timed
                 .iter()
                 .for_each(|(value, length)| film.add_timed(1, Vec3::splat(*value), *length));
-            film.finish_sample(1, counts)
+            film.finish_sample(1, accepted)
         };
         assert!(sample(&[(1.5, 0.2), (2.0, 2.5), (0.5, 0.9)], true));
         assert!(sample(&[(1.0, 0.5), (8.0, 9.0)], true));

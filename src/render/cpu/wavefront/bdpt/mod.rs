@@ -359,7 +359,7 @@ pub(super) fn render_tile<const TIMED: bool>(
     sums.values.resize(records.len(), Vec3::ZERO);
     sums.timed.clear();
     let mut splat = |path: u32, pixel: [u32; 2], value: Vec3, length: f64| {
-        row.splat_of(ids[path as usize], pixel, value, length);
+        row.splat_from_sample(ids[path as usize], pixel, value, length);
     };
     for (path, escaped) in escaped.iter().enumerate() {
         let mut taken = lists.list_camera_path(&tile, path, [&*light, &*camera], *escaped);
