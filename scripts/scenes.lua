@@ -1,41 +1,57 @@
--- scripts/scenes.lua: a picture of every scene in scenes/*.lua, as shown in docs/gallery.md.
+-- scripts/scenes.lua: a picture of every built-in scene, as docs/gallery.md shows them.
 --
---     lumbre run scripts/scenes.lua                          small and quick
---     lumbre run scripts/scenes.lua width=1280 samples=1024  large and clean
+--     lumbre run scripts/scenes.lua                                a preview of each scene in a few minutes
+--     lumbre run scripts/scenes.lua width=960 share=1              the pictures of the gallery
+--     lumbre run scripts/scenes.lua width=960 share=1 --only scene=forest
 --
--- Results in out/latest, without tables and figures:
---     runs/**/final.png   a picture for each scene
+-- `width` is the width in pixels. `share` is the fraction of the samples with which a scene's noise
+-- is not visible at 960 pixels.
+--
+-- Results in out/latest:
+--     runs/**/final.png    the picture of a scene
 
 local x = experiment("scenes", { seed = 3 })
 
+-- View, samples per pixel at share = 1, and where they differ from the defaults: the integrator and
+-- the height for a width.
+local function wide(width) return width * 9 // 16 end
+local function upright(width) return width * 3 // 4 end
 local scenes = {
-  { "cornell", "front" }, { "veach_lamps", "room" }, { "veach_mis", "plates" }, { "material_ball", "front" },
-  { "atrium", "atrium" }, { "bedroom", "door" }, { "forest", "glade" }, { "many_lights", "row" }, { "instances", "tray" },
-  { "model", "front" }, { "hare_box", "front" },
+  cornell = { view = "front", samples = 1024, height = upright },
+  -- Bidirectional: two lamps with shades light this room from behind.
+  veach_lamps = { view = "room", samples = 256, integrator = "bdpt" },
+  veach_mis = { view = "plates", samples = 1024 },
+  material_ball = { view = "front", samples = 1024, height = upright },
+  atrium = { view = "atrium", samples = 256 },
+  bedroom = { view = "door", samples = 256 },
+  forest = { view = "glade", samples = 256 },
+  many_lights = { view = "row", samples = 512 },
+  instances = { view = "tray", samples = 256 },
+  model = { view = "front", samples = 256, options = { floor = true } },
+  hare_box = { view = "front", samples = 512, height = upright },
 }
-local names, views = {}, {}
-for i, scene in ipairs(scenes) do names[i], views[scene[1]] = scene[1], scene[2] end
+local names = {}
+for name in pairs(scenes) do names[#names + 1] = name end
+table.sort(names)
 
 x:axis("scene", names)
 x:axis("width", { 320 })
-x:axis("samples", { 64 })
-
-local square = { cornell = true, material_ball = true, hare_box = true }
+x:axis("share", { 0.125 })
 
 x:render(function(p)
+  local scene = scenes[p.scene]
   return {
     scene = "scenes/" .. p.scene .. ".lua",
-    view = views[p.scene],
-    scene_options = p.scene == "model" and { floor = true } or nil,
-    -- The lamps hide their light: paths must start at them.
-    integrator = p.scene == "veach_lamps" and "bdpt" or "nee",
+    view = scene.view,
+    scene_options = scene.options,
+    integrator = scene.integrator or "nee",
     max_depth = 8,
-    resolution = { p.width, square[p.scene] and p.width or p.width * 9 // 16 },
+    resolution = { p.width, (scene.height or wide)(p.width) },
     sampler = "sobol",
   }
 end)
 
 x:measure { every = "5s", display = tonemap.srgb { exposure = 0 } }
-x:stop(function(p) return stop.samples(p.samples) end)
+x:stop(function(p) return stop.samples(math.max(1, math.floor(scenes[p.scene].samples * p.share))) end)
 
 return x

@@ -1,9 +1,8 @@
-//! The program end to end, mostly on the mock backend: what it prints, what it writes, and its exit
-//! status.
+//! The program end to end, mostly on the mock backend: its output, its files and its exit status.
 #![allow(
     clippy::unwrap_used,
     clippy::print_stdout,
-    reason = "helpers of tests may fail and talk as tests do"
+    reason = "test helpers may panic and print, as tests do"
 )]
 
 mod common;
@@ -22,6 +21,8 @@ mod kill;
 mod nights;
 #[path = "cli/reading.rs"]
 mod reading;
+#[path = "cli/readme.rs"]
+mod readme;
 #[path = "cli/recipes.rs"]
 mod recipes;
 #[cfg(unix)]

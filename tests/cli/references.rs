@@ -30,7 +30,7 @@ fn column(csv: &str, name: &str) -> Vec<f64> {
 }
 
 #[test]
-fn a_reference_keeps_its_halves_and_errors_come_without_its_own() {
+fn a_reference_stores_its_halves_and_net_errors_exclude_its_noise() {
     let place = Workplace::new();
     place.succeed(&["run", "night.lua", "depth=4", "-q"]);
     let folder = reference(&place);
@@ -48,7 +48,8 @@ fn a_reference_keeps_its_halves_and_errors_come_without_its_own() {
     );
     for i in 0..whole.data.len() {
         assert!((whole.data[i][0] - 0.5 * (a.data[i][0] + b.data[i][0])).abs() < 1e-6);
-        // The mock's standard error is a tenth of the truth over the root of the samples.
+        // The mock's standard error is a tenth of the true value, divided by the square root of the
+        // number of samples.
         assert!((noise.data[i][1] / (whole.data[i][1] * 0.1 / 64.0) - 1.0).abs() < 0.02);
     }
     let (done, _) = place.finished().remove(0);
@@ -72,7 +73,7 @@ fn a_reference_keeps_its_halves_and_errors_come_without_its_own() {
             .zip(column(&summary, "rmse"))
             .all(|(net, gross)| *net < gross)
     );
-    // A second night reads all of it.
+    // A second night reads all of these values from disk.
     place.succeed(&["run", "night.lua", "depth=4", "-q"]);
     let again = place.read("out/latest/summary.csv");
     let numbers = |text: &str| ["rmse_floor", "rmse_net", "psnr_floor"].map(|c| column(text, c));
@@ -87,28 +88,28 @@ fn experiments_with_other_names_and_seeds_share_a_reference() {
         .read("night.lua")
         .replace("\"night\", { seed = 7", "\"day\", { seed = 8");
     place.write("day.lua", &script);
-    let said = place.succeed(&["run", "day.lua", "depth=4"]).stderr;
-    assert!(said.contains("2 done, 1 cached"), "{said}");
+    let stderr = place.succeed(&["run", "day.lua", "depth=4"]).stderr;
+    assert!(stderr.contains("2 done, 1 cached"), "{stderr}");
     reference(&place);
 }
 
 #[test]
-fn a_threshold_below_the_floor_is_said_at_the_night_and_in_the_plan() {
+fn a_threshold_below_the_noise_floor_is_reported_by_run_and_plan() {
     let place = Workplace::new();
     let stop = "stop.any { stop.when('rmse', '<', 1e-5), stop.samples(16) }";
     let script = place.read("night.lua").replace("stop.samples(16)", stop);
     place.write("night.lua", &script);
-    let said = place.succeed(&["plan", "night.lua", "depth=4"]).stdout;
+    let output = place.succeed(&["plan", "night.lua", "depth=4"]).stdout;
     assert!(
-        !said.contains("true picture"),
-        "nothing is known yet: {said}"
+        !output.contains("true picture"),
+        "no noise floor is known yet: {output}"
     );
     let expected =
         "2 cells stop at `rmse < 0.00001`, but even the true picture would measure 0.000";
-    let said = place.succeed(&["run", "night.lua", "depth=4"]).stderr;
-    assert!(said.contains(expected), "{said}");
-    let said = place.succeed(&["plan", "night.lua", "depth=4"]).stdout;
-    assert!(said.contains(&format!("warning: {expected}")), "{said}");
+    let output = place.succeed(&["run", "night.lua", "depth=4"]).stderr;
+    assert!(output.contains(expected), "{output}");
+    let output = place.succeed(&["plan", "night.lua", "depth=4"]).stdout;
+    assert!(output.contains(&format!("warning: {expected}")), "{output}");
     let json: serde_json::Value = serde_json::from_str(
         &place
             .succeed(&["plan", "night.lua", "depth=4", "--json"])
@@ -118,7 +119,8 @@ fn a_threshold_below_the_floor_is_said_at_the_night_and_in_the_plan() {
     assert_eq!(json["out_of_reach"].as_array().unwrap().len(), 1);
 }
 
-/// A point light over a ball, which `bpt` cannot find because it only hits lights.
+/// A ball under a point light and an emissive sphere. `bpt` misses the point light, since it meets
+/// lights only by chance.
 const POINT: &str = r#"{
     "resolution": [48, 32],
     "camera": { "position": [0, 0, 4], "lookat": [0, 0, 0], "fov": 40 },
@@ -131,7 +133,7 @@ const POINT: &str = r#"{
 }"#;
 
 #[test]
-fn a_contradicted_reference_ends_the_night_with_its_own_code_and_leaves_a_map() {
+fn a_failed_bias_check_ends_the_night_with_status_6_and_writes_a_map() {
     let place = Workplace::new();
     place.write("ball.scn", POINT);
     let script = place
@@ -146,14 +148,14 @@ fn a_contradicted_reference_ends_the_night_with_its_own_code_and_leaves_a_map() 
                   stop = stop.samples(64), agree = { with = \"bdpt\" }",
         );
     place.write("night.lua", &script);
-    let said = place.succeed(&["run", "night.lua", "depth=4"]).stderr;
-    assert!(said.contains("agrees with `bdpt`"), "{said}");
+    let stderr = place.succeed(&["run", "night.lua", "depth=4"]).stderr;
+    assert!(stderr.contains("agrees with `bdpt`"), "{stderr}");
     place.write("night.lua", &script.replace("bdpt", "bpt"));
     for _ in 0..2 {
-        let said = place.fail(6, &["run", "night.lua", "depth=4", "-q"]);
+        let stderr = place.fail(6, &["run", "night.lua", "depth=4", "-q"]);
         assert!(
-            said.contains("alarm: reference ") && said.contains("DISAGREES with `bpt`"),
-            "{said}"
+            stderr.contains("alarm: reference ") && stderr.contains("DISAGREES with `bpt`"),
+            "{stderr}"
         );
     }
     let maps: Vec<String> = place
@@ -191,8 +193,8 @@ fn pictures(place: &Workplace, folder: &str) -> Vec<Vec<u8>> {
 }
 
 #[test]
-fn a_longer_reference_goes_on_from_a_shorter_one_to_the_same_bytes() {
-    // The CPU backend with splats: the stored state must be complete.
+fn a_longer_reference_continues_a_shorter_one_to_the_same_bytes() {
+    // Use the CPU backend and splats, so that the stored state must contain all sums.
     let script = |samples: u32, place: &Workplace| {
         let text = place
             .read("night.lua")
@@ -221,10 +223,10 @@ fn a_longer_reference_goes_on_from_a_shorter_one_to_the_same_bytes() {
         plan.contains("new, resumes from 16 samples per pixel"),
         "{plan}"
     );
-    let said = place.succeed(&["run", "long.lua", "depth=4"]).stderr;
+    let stderr = place.succeed(&["run", "long.lua", "depth=4"]).stderr;
     assert!(
-        said.contains("continues a shorter reference after 16 samples per pixel"),
-        "{said}"
+        stderr.contains("continues a shorter reference after 16 samples per pixel"),
+        "{stderr}"
     );
     let refs: Vec<String> = place
         .files("out")
@@ -241,34 +243,34 @@ fn a_longer_reference_goes_on_from_a_shorter_one_to_the_same_bytes() {
     assert_eq!(column(&metrics, "samples").last(), Some(&40.0));
     assert!(
         column(&metrics, "render_s").is_sorted(),
-        "the clock counts both: {metrics}"
+        "render time must include the shorter reference: {metrics}"
     );
 
-    // The shorter reference exists already and is no prefix of the longer one. A length in between
+    // Only the sums of the longest reference are stored, so a reference of a length in between
     // starts from its first sample.
     script(6, &place);
-    let said = place.succeed(&["run", "long.lua", "depth=4"]).stderr;
+    let stderr = place.succeed(&["run", "long.lua", "depth=4"]).stderr;
     assert!(
-        !said.contains("continues a shorter reference") && !said.contains("resumes from"),
-        "{said}"
+        !stderr.contains("continues a shorter reference") && !stderr.contains("resumes from"),
+        "{stderr}"
     );
-    let kept: Vec<String> = place
+    let sums: Vec<String> = place
         .files("out")
         .into_iter()
         .filter(|f| f.contains("/sums/"))
         .collect();
     assert!(
-        kept.len() == 1 && kept[0].ends_with(".40"),
-        "the longest is kept: {kept:?}"
+        sums.len() == 1 && sums[0].ends_with(".40"),
+        "only the sums of the longest reference are stored: {sums:?}"
     );
-    std::fs::write(place.path(&kept[0]), "damaged").unwrap();
+    std::fs::write(place.path(&sums[0]), "damaged").unwrap();
     script(12, &place);
-    let said = place.succeed(&["run", "long.lua", "depth=4"]).stderr;
-    assert!(said.contains("the reference starts again"), "{said}");
+    let stderr = place.succeed(&["run", "long.lua", "depth=4"]).stderr;
+    assert!(stderr.contains("the reference starts again"), "{stderr}");
 }
 
 #[test]
-fn an_image_from_elsewhere_is_copied_with_its_provenance_and_its_noise_is_said_to_be_unknown() {
+fn an_imported_reference_is_copied_with_its_provenance_and_unknown_noise() {
     let place = Workplace::new();
     place.succeed(&["run", "night.lua", "depth=4", "-q"]);
     let made = format!("{}/ref.exr", reference(&place));
@@ -278,15 +280,15 @@ fn an_image_from_elsewhere_is_copied_with_its_provenance_and_its_noise_is_said_t
         "from = function(p) return { integrator = \"bpt\" } end, stop = stop.samples(4096)",
         "image = \"truth.exr\", source = \"Mitsuba 3.5, 65536 spp\"",
     );
-    place.write("told.lua", &text);
-    let plan = place.succeed(&["plan", "told.lua", "depth=4"]).stdout;
+    place.write("imported.lua", &text);
+    let plan = place.succeed(&["plan", "imported.lua", "depth=4"]).stdout;
     let hash = blake3::hash(&bytes).to_hex().to_string();
     let expected = format!(
         "file, blake3 {}, Mitsuba 3.5, 65536 spp; its noise is unknown",
         &hash[..8]
     );
     assert!(plan.contains(&expected), "{plan}");
-    place.succeed(&["run", "told.lua", "depth=4", "-q"]);
+    place.succeed(&["run", "imported.lua", "depth=4", "-q"]);
     let all: Vec<String> = place
         .files("out")
         .into_iter()
@@ -318,20 +320,20 @@ fn an_image_from_elsewhere_is_copied_with_its_provenance_and_its_noise_is_said_t
     let (done, _) = place.finished().remove(0);
     assert!(
         place.json(&done)["floors"].is_null(),
-        "nothing is made up about its noise"
+        "an imported reference has no noise floors"
     );
     assert!(
         place
-            .fail(2, &["plan", "told.lua", "depth=4", "--nonsense"])
+            .fail(2, &["plan", "imported.lua", "depth=4", "--nonsense"])
             .contains("nonsense")
     );
     place.write(
-        "told.lua",
+        "imported.lua",
         &text.replace("image = \"truth.exr\", ", "stop = stop.samples(4), "),
     );
     assert!(
         place
-            .fail(2, &["plan", "told.lua"])
-            .contains("there is none")
+            .fail(2, &["plan", "imported.lua"])
+            .contains("no `image` is given")
     );
 }
