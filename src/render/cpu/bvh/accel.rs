@@ -1,10 +1,12 @@
-//! Building of the CPU backend's bounding volume hierarchy. The traversal loop is in
-//! [`super::traverse`].
+//! Builds and owns the hierarchy of a scene. The traversal loop is in [`super::traverse`].
 //!
-//! A binary tree ([`super::build`]) is collapsed into nodes of eight children whose boxes are
-//! tested at once, and leaves of blocks of eight primitives that are tested at once
-//! ([`super::bvh8`]). A shared mesh has a tree of its own, and each of its instances is a leaf of
-//! the scene's tree ([`super::instances`]).
+//! A binary tree ([`super::build`]) is collapsed into nodes of eight children and blocks of eight
+//! primitives, which are tested at once ([`super::bvh8`]). A shared mesh has a tree of its own, and
+//! each of its instances is a leaf of the scene's tree ([`super::instances`]). The builder `cwbvh`
+//! uses [`super::compressed`] instead.
+//!
+//! Invariants: the tree is shallow enough for the traversal stack, and the instruction set is one
+//! that the processor has.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -22,12 +24,13 @@ use crate::render::hierarchy::{AccelSpec, Builder};
 use crate::scene::CompiledScene;
 use crate::scene::compile::{MAX_PRIMITIVES, NONE};
 
-/// Number of entries of the traversal stack. A tree of eight-wide nodes needs seven for each level;
-/// [`Accel::build`] refuses deeper trees, which only contrived scenes need.
+/// Number of entries of the traversal stack. A tree of eight-wide nodes needs seven per level, so
+/// 36 levels fit; [`Accel::build`] rejects deeper trees.
 pub(crate) const STACK: usize = 256;
 
-/// Number of primitives up to which a scene is one leaf: testing all of them costs less than
-/// traversal.
+/// Number of primitives up to which a scene without instances is one leaf. Vectorised paths are
+/// then 1.2 to 1.4 times as fast as with a limit of 16, and scalar paths as fast
+/// (docs/notes/vectorisation.md).
 pub(crate) const ONE_LEAF: usize = 5 * LANES;
 
 /// Hierarchy of a scene.
@@ -40,12 +43,15 @@ pub struct Accel {
     pub(crate) nodes: Vec<Node>,
     pub(crate) blocks: Vec<Block>,
     pub(crate) instances: Vec<MeshInstance>,
-    /// Tree of `obvhs`, if that is to be traversed.
+    /// Compressed tree, which is traversed instead of `nodes` if the builder is `cwbvh`.
     pub(crate) compressed: Option<Compressed>,
+    /// Whether any material has a mask.
     pub(crate) masked: bool,
+    /// Instruction set that traversal uses.
     pub(crate) isa: Isa,
+    /// Result of [`Accel::cost`].
     cost: f64,
-    /// Seconds spent on building.
+    /// Time to build the hierarchy, in seconds.
     pub build_s: f64,
 }
 
@@ -73,8 +79,8 @@ pub enum AccelError {
 }
 
 impl Accel {
-    /// Builds the hierarchy of a scene with the default settings, for the widest vectors of the
-    /// processor.
+    /// Builds the hierarchy of a scene with the default settings, for the widest instruction set of
+    /// the processor.
     ///
     /// # Errors
     /// Returns an error if the tree is too deep for the traversal stack.
@@ -82,9 +88,9 @@ impl Accel {
         Accel::build_as(scene, &AccelSpec::default(), Isa::detect())
     }
 
-    /// Builds the hierarchy with the given settings for an instruction set, one of
-    /// [`Isa::available`]; others fall back to the portable one. Hits have the same bits for all of
-    /// them: of two at the same distance, the one with the lesser indices counts.
+    /// Builds the hierarchy of a scene with the given settings. `isa` should be one of
+    /// [`Isa::available`]; any other is replaced by the portable one. Hits have the same bits with
+    /// all of them.
     ///
     /// # Errors
     /// Returns an error if the tree is too deep for the traversal stack, or the flattened scene has
@@ -125,7 +131,7 @@ impl Accel {
         if spec.builder == Builder::Cwbvh {
             accel.build_compressed(spec)?;
         } else {
-            accel.build_wide(spec)?;
+            accel.build_bvh8(spec)?;
         }
         accel.build_s = start.elapsed().as_secs_f64();
         Ok(accel)
@@ -143,20 +149,20 @@ impl Accel {
         }
     }
 
-    fn build_wide(&mut self, spec: &AccelSpec) -> Result<(), AccelError> {
+    fn build_bvh8(&mut self, spec: &AccelSpec) -> Result<(), AccelError> {
         let scene = Arc::clone(&self.scene);
-        let mut wide = Bvh8::default();
+        let mut bvh8 = Bvh8::default();
         let meshes: Vec<TreeRoot> = scene
             .instances
             .meshes
             .iter()
-            .map(|m| build_mesh(&scene, m.triangles.start, m.triangles.end, spec, &mut wide))
+            .map(|m| build_mesh(&scene, m.triangles.start, m.triangles.end, spec, &mut bvh8))
             .collect();
         let mut primitives = world_primitives(&scene);
         let in_world = primitives.len();
         for instance in &scene.instances.placements {
             let mesh = &meshes[instance.mesh as usize];
-            let root = (mesh.index & LEAF == 0).then(|| &wide.nodes[mesh.index as usize]);
+            let root = (mesh.index & LEAF == 0).then(|| &bvh8.nodes[mesh.index as usize]);
             primitives.push(instances::instance_bounds(instance, mesh, root));
             self.instances.push(MeshInstance::new(instance, mesh));
         }
@@ -180,25 +186,26 @@ impl Accel {
         }
         let spec = top_level_spec(spec, self.instances.is_empty(), primitives.len());
         let binary = build::build_binary(&spec, &primitives, spec.max_leaf);
-        let root = wide.add_tree(&binary, &primitives, &item);
-        let below = self
+        let root = bvh8.add_tree(&binary, &primitives, &item);
+        let mesh_levels = self
             .scene
             .instances
             .placements
             .iter()
             .map(|place| meshes[place.mesh as usize].levels)
             .max();
-        let levels = root.levels + below.unwrap_or(0);
+        let levels = root.levels + mesh_levels.unwrap_or(0);
         // One more entry to return from an instance.
         if levels * (LANES - 1) + 2 > STACK {
             return Err(AccelError::TooDeep { levels });
         }
         (self.root, self.cost) = (root.index, root.cost);
-        (self.nodes, self.blocks) = (wide.nodes, wide.blocks);
+        (self.nodes, self.blocks) = (bvh8.nodes, bvh8.blocks);
         Ok(())
     }
 
-    /// Returns whether every ray is tested with every primitive.
+    /// Returns whether the hierarchy is a single leaf, so that every ray is tested with every
+    /// primitive.
     #[cfg(target_arch = "x86_64")]
     pub(crate) fn is_one_leaf(&self) -> bool {
         self.root & LEAF != 0 && self.instances.is_empty() && self.compressed.is_none()
@@ -209,7 +216,7 @@ impl Accel {
         self.nodes.len() + self.compressed.as_ref().map_or(0, Compressed::node_count)
     }
 
-    /// Returns the size in bytes of nodes, primitives and instances as traversal reads them.
+    /// Returns the size in bytes of the nodes, primitives and instances that traversal reads.
     pub fn bytes(&self) -> usize {
         size_of_val(self.nodes.as_slice())
             + size_of_val(self.blocks.as_slice())
@@ -223,13 +230,13 @@ impl Accel {
         self.cost
     }
 
-    /// Returns the instruction set that traverses it.
+    /// Returns the instruction set that traversal uses.
     pub fn isa(&self) -> Isa {
         self.isa
     }
 }
 
-/// Returns the bounds of the primitives outside instances: triangles, then spheres.
+/// Returns the boxes and centroids of the primitives outside instances: triangles, then spheres.
 pub(crate) fn world_primitives(scene: &CompiledScene) -> Vec<BuildPrimitive> {
     let triangles = scene.triangles[..scene.world_triangles()]
         .iter()
@@ -241,8 +248,8 @@ pub(crate) fn world_primitives(scene: &CompiledScene) -> Vec<BuildPrimitive> {
     triangles.chain(spheres).collect()
 }
 
-/// Returns the settings of the scene's own tree: a single leaf for few primitives without
-/// instances, and otherwise a leaf for each instance.
+/// Returns the settings of the scene's own tree. Without instances, a scene of at most [`ONE_LEAF`]
+/// primitives is a single leaf. With instances, every leaf has one primitive or instance.
 fn top_level_spec(spec: &AccelSpec, without_instances: bool, primitives: usize) -> AccelSpec {
     AccelSpec {
         builder: if without_instances && primitives <= ONE_LEAF {
@@ -255,18 +262,18 @@ fn top_level_spec(spec: &AccelSpec, without_instances: bool, primitives: usize) 
     }
 }
 
-/// Builds the tree of a shared mesh.
+/// Builds the tree of a shared mesh, whose triangles are `start..end`.
 fn build_mesh(
     scene: &CompiledScene,
     start: u32,
     end: u32,
     spec: &AccelSpec,
-    wide: &mut Bvh8,
+    bvh8: &mut Bvh8,
 ) -> TreeRoot {
     let triangles = &scene.triangles[start as usize..end as usize];
     let primitives: Vec<BuildPrimitive> = triangles.iter().map(BuildPrimitive::triangle).collect();
     let item = |i: u32| BuildItem::Triangle(start + i, triangles[i as usize]);
-    wide.add_tree(
+    bvh8.add_tree(
         &build::build_binary(spec, &primitives, spec.max_leaf),
         &primitives,
         &item,

@@ -1,7 +1,7 @@
-//! Builders of binary trees over boxes.
+//! Builders of binary trees over the boxes of primitives.
 //!
-//! All of them return a tree in the format of `obvhs`: the children of an inner node are adjacent,
-//! and a leaf refers to a range of the primitive indices.
+//! All builders return a tree in the format of `obvhs`: the children of an inner node are adjacent,
+//! a leaf refers to a range of the primitive indices, and every primitive is in exactly one leaf.
 
 use std::time::Duration;
 
@@ -14,18 +14,18 @@ use obvhs::bvh2::node::Bvh2Node;
 
 use crate::render::hierarchy::{AccelSpec, Builder, Quality};
 
-/// Primitive as seen by the builders.
+/// Box and centroid of a primitive: the input of the builders.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BuildPrimitive {
     /// Bounding box of the primitive.
     pub aabb: Aabb,
-    /// Decides on which side of a split the primitive lies: the mean of a triangle's corners, or
-    /// the middle of any other box.
+    /// Point that decides on which side of a split the primitive lies: the mean of a triangle's
+    /// corners, or the centre of the box of any other primitive.
     pub centroid: Vec3A,
 }
 
 impl BuildPrimitive {
-    /// Bounds a triangle.
+    /// Creates the box and centroid of a triangle.
     pub fn triangle(corners: &[glam::Vec3; 3]) -> BuildPrimitive {
         let corners = corners.map(Vec3A::from);
         let centroid = (corners[0] + corners[1] + corners[2]) / 3.0;
@@ -35,7 +35,7 @@ impl BuildPrimitive {
         }
     }
 
-    /// Bounds a primitive by the least and greatest corner of its box.
+    /// Creates the box and centroid of a primitive from the least and greatest corner of its box.
     pub fn from_box(low: Vec3A, high: Vec3A) -> BuildPrimitive {
         BuildPrimitive {
             aabb: Aabb::new(low, high),
@@ -44,7 +44,7 @@ impl BuildPrimitive {
     }
 }
 
-/// Returns the `obvhs` preset of a quality, without splitting triangles into several boxes first.
+/// Returns the `obvhs` preset of a quality, without pre-splitting: every triangle has one box.
 pub(crate) fn params(quality: Quality) -> BvhBuildParams {
     let preset = match quality {
         Quality::Fastest => BvhBuildParams::fastest_build(),
@@ -60,7 +60,7 @@ pub(crate) fn params(quality: Quality) -> BvhBuildParams {
     }
 }
 
-/// Builds the binary tree over at least one primitive.
+/// Builds the binary tree. `primitives` must not be empty.
 pub(crate) fn build_binary(spec: &AccelSpec, primitives: &[BuildPrimitive], max_leaf: u32) -> Bvh2 {
     match spec.builder {
         Builder::None => TopDownBuilder::new(primitives, usize::MAX, 0).tree,
@@ -83,7 +83,7 @@ pub(crate) fn build_binary(spec: &AccelSpec, primitives: &[BuildPrimitive], max_
     }
 }
 
-/// Top-down builder: a tree that is divided from its root.
+/// State of a top-down build, which splits leaves from the root on.
 struct TopDownBuilder<'a> {
     primitives: &'a [BuildPrimitive],
     tree: Bvh2,
@@ -92,7 +92,7 @@ struct TopDownBuilder<'a> {
 }
 
 impl<'a> TopDownBuilder<'a> {
-    /// Starts with a single leaf.
+    /// Creates a tree of a single leaf.
     fn new(
         primitives: &'a [BuildPrimitive],
         max_leaf: usize,
@@ -119,7 +119,7 @@ impl<'a> TopDownBuilder<'a> {
     /// levels deep, or `split` returns `None`. `split` reorders the members of a leaf and returns
     /// the index at which the second half begins.
     fn split_by(mut self, split: impl Fn(&[BuildPrimitive], &mut [u32]) -> Option<usize>) -> Bvh2 {
-        // A work list instead of recursion, so that any depth is possible.
+        // Uses a work list instead of recursion, so that deep trees do not overflow the call stack.
         let mut work = vec![(0usize, 0u32)];
         while let Some((leaf, depth)) = work.pop() {
             let Bvh2Node {
@@ -137,9 +137,9 @@ impl<'a> TopDownBuilder<'a> {
             else {
                 continue;
             };
-            let halves = [(first, middle), (first + middle, count - middle)];
+            let ranges = [(first, middle), (first + middle, count - middle)];
             let children = self.tree.nodes.len();
-            for (first, count) in halves {
+            for (first, count) in ranges {
                 let aabb = bounding_box(
                     self.primitives,
                     &self.tree.primitive_indices[first..first + count],
@@ -156,13 +156,13 @@ impl<'a> TopDownBuilder<'a> {
     }
 }
 
-/// Returns the box around some primitives.
+/// Returns the bounding box of the given members.
 fn bounding_box(primitives: &[BuildPrimitive], members: &[u32]) -> Aabb {
     let boxes = members.iter().map(|i| primitives[*i as usize].aabb);
     boxes.fold(Aabb::empty(), |all, aabb| all.union(&aabb))
 }
 
-/// Moves the members for which a predicate holds to the front and returns their number.
+/// Moves the members that satisfy a predicate to the front and returns their number.
 fn partition(members: &mut [u32], first: impl Fn(u32) -> bool) -> usize {
     let mut middle = 0;
     for i in 0..members.len() {
@@ -174,13 +174,17 @@ fn partition(members: &mut [u32], first: impl Fn(u32) -> bool) -> usize {
     middle
 }
 
-/// Splits at the middle of the box's longest side, by centroids, as listing 4.6 of thesis S1
-/// (docs/inside/transport.md).
+/// Splits at the middle of the box's longest side, by centroids, as listing 4.6 of thesis S1 does
+/// (docs/bibliography.md).
 ///
-/// Three deviations from the listing. Its extents use a comma operator where a constructor is
-/// meant, so that all three are that of z; here each axis has its own. Its comparisons take z if x
-/// and y are the longest alike; here it is the last of the longest axes. And if all centroids lie
-/// on one side, it divides nothing until the depth is used up; here that is a leaf.
+/// There are three differences from the listing:
+///
+/// - The listing computes extents with a comma operator instead of a constructor, so that all three
+///   are the extent of z. Here each axis has its own.
+/// - If x and y are equally long and longest, the listing splits z. Here the last of the longest
+///   axes is split.
+/// - If all centroids lie on one side, the listing keeps splitting until the maximum depth. Here
+///   the node becomes a leaf.
 fn plane_split(primitives: &[BuildPrimitive], members: &mut [u32]) -> Option<usize> {
     let aabb = bounding_box(primitives, members);
     let size = aabb.max - aabb.min;
@@ -193,13 +197,16 @@ fn plane_split(primitives: &[BuildPrimitive], members: &mut [u32]) -> Option<usi
     }))
 }
 
-/// Splits at the bin border that is cheapest by the surface area heuristic: the sum over both
-/// halves of the surface of their box times their number of members.
+/// Splits at the bin border of least cost by the surface area heuristic: the sum over both sides of
+/// the area of their box times their number of members.
 ///
-/// As listing 4.7 of thesis S1 with three differences. Bins lie between the outermost centroids, as
-/// in [Wald 2007], where those of the listing cover the whole box and stay partly empty; empty bins
-/// have no box, where the listing uses the origin; and both sums are computed in two sweeps over
-/// the bins instead of again for every border.
+/// There are three differences from listing 4.7 of thesis S1:
+///
+/// - Bins lie between the outermost centroids, as in [Wald 2007]. In the listing they cover the
+///   whole box, so that the outer ones may stay empty.
+/// - Empty bins have no box. In the listing they have a box at the origin.
+/// - Both sums are computed in two sweeps over the bins. The listing computes them anew for every
+///   border.
 fn sah_split(primitives: &[BuildPrimitive], members: &mut [u32], bins: usize) -> Option<usize> {
     let centroids = members.iter().map(|i| primitives[*i as usize].centroid);
     let start = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
@@ -209,16 +216,16 @@ fn sah_split(primitives: &[BuildPrimitive], members: &mut [u32], bins: usize) ->
         let bin = (c[axis] - low[axis]) / (high[axis] - low[axis]) * bins as f32;
         (bin as usize).min(bins - 1)
     };
-    let mut filled = vec![(0u32, Aabb::empty()); bins];
+    let mut bin_sums = vec![(0u32, Aabb::empty()); bins];
     let mut before = vec![0.0f32; bins];
     for axis in 0..3 {
         if high[axis] <= low[axis] {
             continue;
         }
-        filled.fill((0, Aabb::empty()));
+        bin_sums.fill((0, Aabb::empty()));
         for i in members.iter() {
             let BuildPrimitive { aabb, centroid } = primitives[*i as usize];
-            let bin = &mut filled[bin_of(axis, centroid)];
+            let bin = &mut bin_sums[bin_of(axis, centroid)];
             *bin = (bin.0 + 1, bin.1.union(&aabb));
         }
         let cost = |(count, aabb): &(u32, Aabb)| {
@@ -228,20 +235,20 @@ fn sah_split(primitives: &[BuildPrimitive], members: &mut [u32], bins: usize) ->
                 0.0
             }
         };
-        let join =
+        let add =
             |sum: &mut (u32, Aabb), bin: &(u32, Aabb)| *sum = (sum.0 + bin.0, sum.1.union(&bin.1));
         let mut sum = (0, Aabb::empty());
-        for (bin, before) in filled.iter().zip(&mut before) {
+        for (bin, before) in bin_sums.iter().zip(&mut before) {
             *before = cost(&sum);
-            join(&mut sum, bin);
+            add(&mut sum, bin);
         }
         let mut sum = (0, Aabb::empty());
         for border in (1..bins).rev() {
-            join(&mut sum, &filled[border]);
-            let both = before[border] + cost(&sum);
-            let divides = sum.0 > 0 && (sum.0 as usize) < members.len();
-            if divides && best.is_none_or(|(least, ..)| both < least) {
-                best = Some((both, axis, border));
+            add(&mut sum, &bin_sums[border]);
+            let total = before[border] + cost(&sum);
+            let is_split = sum.0 > 0 && (sum.0 as usize) < members.len();
+            if is_split && best.is_none_or(|(least, ..)| total < least) {
+                best = Some((total, axis, border));
             }
         }
     }

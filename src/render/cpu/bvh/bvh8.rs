@@ -1,5 +1,9 @@
 //! Eight-wide nodes and blocks of eight primitives: the memory layout for traversal, collapsed from
 //! binary trees.
+//!
+//! Invariants: a missing child has an empty box, which no ray hits. A leaf is a range of blocks
+//! that ends with a block whose `last` is set, or one instance. Every primitive of the binary tree
+//! is in exactly one leaf.
 
 use glam::Vec3;
 use obvhs::aabb::Aabb;
@@ -10,10 +14,10 @@ use super::intersect::TriangleBlock;
 use super::simd::{LANES, LaneArray};
 use crate::scene::compile::NONE;
 
-/// Flag of a child that is a leaf; the other bits are the index of its first block.
+/// Flag of a child that is a leaf; the lower bits are the index of its first block.
 pub(crate) const LEAF: u32 = 1 << 31;
 
-/// Flag of a leaf that is an instance of a mesh; the other bits are the instance's index.
+/// Flag of a leaf that is an instance of a mesh; the lower bits are the instance's index.
 pub(crate) const INSTANCE: u32 = 1 << 30;
 
 /// Node with up to eight children; lane `i` of every array belongs to child `i`.
@@ -56,12 +60,12 @@ impl Node {
     }
 }
 
-/// Primitives of a leaf that are tested together.
+/// Up to eight primitives of a leaf, which are tested at once.
 #[derive(Clone, Debug)]
 pub(crate) struct Block {
-    /// Triangles, in the lanes that hold one.
+    /// Triangles of the lanes that hold one.
     pub triangles: TriangleBlock,
-    /// Primitive index of each lane.
+    /// Primitive index of each lane; [`NONE`] for empty lanes.
     pub primitives: [u32; LANES],
     /// Mask of the lanes that hold a sphere.
     pub spheres: u32,
@@ -69,7 +73,7 @@ pub(crate) struct Block {
     pub last: bool,
 }
 
-/// Primitive that an index of a binary tree refers to.
+/// Primitive or instance that an index of a binary tree refers to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum BuildItem {
     /// Triangle: its primitive index and corners.
@@ -89,28 +93,28 @@ pub(crate) struct Bvh8 {
     pub blocks: Vec<Block>,
 }
 
-/// Root of a tree, at which rays enter it.
+/// Root and properties of a tree.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TreeRoot {
     /// Index of a node or leaf, as in [`Node::child`].
     pub index: u32,
     /// Number of levels of nodes.
     pub levels: usize,
-    /// Expected cost of a ray that meets the tree's box, by the surface area heuristic: one for
-    /// each node and each tested primitive.
+    /// Expected cost of a ray that meets the tree's box, by the surface area heuristic: 1 for each
+    /// visited node and 1 for each tested primitive.
     pub cost: f64,
     /// Bounding box of the tree.
     pub aabb: Aabb,
 }
 
-/// State while a binary tree is collapsed.
+/// State of the collapse of one binary tree.
 struct Collapse<'a> {
     bvh: &'a Bvh2,
     primitives: &'a [BuildPrimitive],
     item: &'a dyn Fn(u32) -> BuildItem,
-    subtrees: Subtrees,
-    /// Sum over nodes and leaves of half the surface of their box times the number of tests there.
-    surface: f64,
+    counts: PrimitiveCounts,
+    /// Sum over nodes and leaves of half the area of their box times the number of tests there.
+    weighted_area: f64,
     levels: usize,
 }
 
@@ -123,13 +127,13 @@ impl Bvh8 {
         primitives: &[BuildPrimitive],
         item: &dyn Fn(u32) -> BuildItem,
     ) -> TreeRoot {
-        let subtrees = Subtrees::new(bvh, &|i| matches!(item(i), BuildItem::Instance(..)));
+        let counts = PrimitiveCounts::new(bvh, &|i| matches!(item(i), BuildItem::Instance(..)));
         let mut collapse = Collapse {
             bvh,
             primitives,
             item,
-            subtrees,
-            surface: 0.0,
+            counts,
+            weighted_area: 0.0,
             levels: 0,
         };
         let aabb = bvh.nodes[0].aabb;
@@ -137,12 +141,12 @@ impl Bvh8 {
             self.push_leaf(&mut collapse, 0, 0)
         } else {
             let root = self.push_node(&mut collapse, &aabb, 1);
-            // Work list of (binary node, wide node that its children fill, level); no recursion, so
-            // that any depth is possible.
+            // Work list of binary node, its eight-wide node, and its level. There is no recursion,
+            // so that deep trees do not overflow the call stack.
             let mut work = vec![(0usize, root as usize, 1usize)];
-            while let Some((binary, wide, level)) = work.pop() {
+            while let Some((binary, parent, level)) = work.pop() {
                 let mut children = [0; LANES];
-                let count = collapse.open(binary, &mut children);
+                let count = collapse.select_children(binary, &mut children);
                 for (lane, child) in children[..count].iter().copied().enumerate() {
                     let aabb = bvh.nodes[child].aabb;
                     let index = if collapse.is_leaf(child) {
@@ -152,16 +156,16 @@ impl Bvh8 {
                         work.push((child, node as usize, level + 1));
                         node
                     };
-                    self.nodes[wide].set(lane, index, &aabb);
+                    self.nodes[parent].set(lane, index, &aabb);
                 }
             }
             root
         };
         let root_area = f64::from(aabb.half_area());
         let cost = if root_area > 0.0 {
-            collapse.surface / root_area
+            collapse.weighted_area / root_area
         } else {
-            collapse.surface
+            collapse.weighted_area
         };
         TreeRoot {
             index,
@@ -172,34 +176,33 @@ impl Bvh8 {
     }
 
     fn push_node(&mut self, collapse: &mut Collapse, aabb: &Aabb, level: usize) -> u32 {
-        collapse.surface += f64::from(aabb.half_area());
+        collapse.weighted_area += f64::from(aabb.half_area());
         collapse.levels = collapse.levels.max(level);
         self.nodes.push(Node::empty());
         self.nodes.len() as u32 - 1
     }
 
-    /// Adds all primitives below a binary node, whose parent is on the given level, as one leaf.
-    /// Instances are leaves of their own; several items of which any is an instance become nodes of
-    /// leaves.
+    /// Adds all primitives below a binary node as one leaf; `level` is that of its parent. Every
+    /// instance is a leaf of its own. If there are several leaves, they are joined by nodes.
     fn push_leaf(&mut self, collapse: &mut Collapse, binary: usize, level: usize) -> u32 {
-        let members = collapse.subtrees.primitives(collapse.bvh, binary);
+        let members = collapse.counts.primitives(collapse.bvh, binary);
         let items: Vec<BuildItem> = members.iter().map(|i| (collapse.item)(*i)).collect();
         let aabb = collapse.bvh.nodes[binary].aabb;
         let mut leaves: Vec<(u32, Aabb)> = Vec::new();
         for (i, item) in members.iter().zip(&items) {
             if let BuildItem::Instance(instance, cost) = item {
                 let aabb = collapse.primitives[*i as usize].aabb;
-                collapse.surface += f64::from(aabb.half_area()) * cost;
+                collapse.weighted_area += f64::from(aabb.half_area()) * cost;
                 leaves.push((LEAF | INSTANCE | instance, aabb));
             }
         }
-        let rest: Vec<BuildItem> = items
+        let primitives: Vec<BuildItem> = items
             .into_iter()
             .filter(|item| !matches!(item, BuildItem::Instance(..)))
             .collect();
-        if !rest.is_empty() {
-            collapse.surface += f64::from(aabb.half_area()) * rest.len() as f64;
-            leaves.push((self.push_blocks(&rest), aabb));
+        if !primitives.is_empty() {
+            collapse.weighted_area += f64::from(aabb.half_area()) * primitives.len() as f64;
+            leaves.push((self.push_blocks(&primitives), aabb));
         }
         let mut level = level;
         while leaves.len() > 1 {
@@ -251,12 +254,13 @@ impl Bvh8 {
 impl Collapse<'_> {
     /// Returns whether a binary node becomes a leaf.
     fn is_leaf(&self, node: usize) -> bool {
-        self.subtrees.fits_a_block(node) || self.bvh.nodes[node].prim_count > 0
+        self.counts.fits_block(node) || self.bvh.nodes[node].prim_count > 0
     }
 
-    /// Selects the children of a wide node: repeatedly opens the node with the largest surface, the
-    /// one most often hit, until there are eight. Returns their number.
-    fn open(&self, node: usize, children: &mut [usize; LANES]) -> usize {
+    /// Selects the children of an eight-wide node from the binary nodes below `node`. Until there
+    /// are eight, the one with the largest area, which rays hit most often, is replaced by its two
+    /// children. Returns their number.
+    fn select_children(&self, node: usize, children: &mut [usize; LANES]) -> usize {
         children[0] = node;
         let mut count = 1;
         while count < LANES {
@@ -280,10 +284,10 @@ impl Collapse<'_> {
 
 /// Number of primitives below each node of a binary tree; an instance counts as more than fit into
 /// a block.
-struct Subtrees(Vec<u32>);
+struct PrimitiveCounts(Vec<u32>);
 
-impl Subtrees {
-    fn new(bvh: &Bvh2, is_instance: &dyn Fn(u32) -> bool) -> Subtrees {
+impl PrimitiveCounts {
+    fn new(bvh: &Bvh2, is_instance: &dyn Fn(u32) -> bool) -> PrimitiveCounts {
         let mut counts = vec![0u32; bvh.nodes.len()];
         let mut order = vec![0usize];
         let mut next = 0;
@@ -305,12 +309,12 @@ impl Subtrees {
                 counts[first].saturating_add(counts[first + 1])
             };
         }
-        Subtrees(counts)
+        PrimitiveCounts(counts)
     }
 
-    /// Returns whether all primitives of a node fit into one block, so that boxes below it gain
-    /// nothing.
-    fn fits_a_block(&self, node: usize) -> bool {
+    /// Returns whether all primitives below a node fit into one block. Boxes below it would then
+    /// save nothing.
+    fn fits_block(&self, node: usize) -> bool {
         self.0[node] as usize <= LANES
     }
 

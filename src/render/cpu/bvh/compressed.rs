@@ -1,5 +1,5 @@
-//! The compressed eight-wide tree of `obvhs` with its own traversal, for comparison with the
-//! default one.
+//! The compressed eight-wide tree of `obvhs`, traversed by `obvhs`, for comparison with the default
+//! tree. It does not support instances; the scene must be flattened.
 
 use glam::Vec3A;
 use obvhs::cwbvh::CwBvh;
@@ -17,7 +17,7 @@ pub(crate) struct Compressed {
 }
 
 impl Compressed {
-    /// Size of the traversal stack of `obvhs`, in levels.
+    /// Number of levels for which the traversal stack of `obvhs` has space.
     pub const STACK: usize = 32;
 
     /// Builds the tree of a scene.
@@ -32,8 +32,8 @@ impl Compressed {
         self.bvh.nodes.len()
     }
 
-    /// Returns the size in bytes of nodes, indices, and the scene's triangles and spheres, which
-    /// this traversal reads directly.
+    /// Returns the size in bytes of nodes, primitive indices, and the scene's triangles and
+    /// spheres, which this traversal reads.
     pub fn bytes(&self, scene: &CompiledScene) -> usize {
         size_of_val(self.bvh.nodes.as_slice())
             + size_of_val(self.bvh.primitive_indices.as_slice())
@@ -47,13 +47,14 @@ impl Compressed {
     }
 
     /// Returns the expected cost of a ray that meets the scene's box, by the surface area
-    /// heuristic: one for each node and each primitive.
+    /// heuristic: 1 for each visited node and 1 for each tested primitive.
     pub fn cost(&self) -> f64 {
         packed::cost(&self.bvh, |_| 1.0)
     }
 
-    /// Calls `test` with the index of each primitive near the ray; `test` returns the new distance
-    /// beyond which nothing matters if it found a hit. With `any` the first hit ends the search.
+    /// Calls `test` with the index of each primitive whose box the ray may hit. `test` returns
+    /// `None` without a hit, and otherwise the distance beyond which primitives need not be tested.
+    /// With `any` the first hit ends the search.
     pub fn traverse(
         &self,
         ray: &Ray,
@@ -61,13 +62,13 @@ impl Compressed {
         any: bool,
         mut test: impl FnMut(u32) -> Option<f32>,
     ) {
-        // `obvhs` takes the inverse of a negative zero as negative but treats it as increasing;
-        // adding zero makes it positive.
+        // `obvhs` uses the negative inverse of a negative zero, but treats the component as
+        // increasing. Adding zero makes it positive.
         let dir = Vec3A::from(ray.dir) + Vec3A::ZERO;
         let query = ObvhsRay::new(Vec3A::from(ray.origin), dir, 0.0, t_max);
         let index = |id: usize| self.bvh.primitive_indices[id];
         if any {
-            // Any number below the ray's end ends the search.
+            // A distance below `t_max` ends the search.
             self.bvh.ray_traverse_miss(query, |_, id| {
                 test(index(id)).map_or(f32::INFINITY, |_| f32::NEG_INFINITY)
             });

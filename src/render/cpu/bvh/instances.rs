@@ -1,5 +1,8 @@
-//! Instances of meshes in traversal: the transform of rays into a mesh's space, and distances of
+//! Instances of meshes in traversal: transforms rays into a mesh's space, and computes distances of
 //! hits in world space.
+//!
+//! Invariant: every distance that traversal returns or compares with the best hit is in world
+//! space. Distances in a mesh's space only select candidates.
 
 use glam::Vec3;
 
@@ -11,7 +14,7 @@ use crate::scene::CompiledScene;
 use crate::scene::compile::Instance;
 use crate::transport::ray::Ray;
 
-/// Instance of a mesh as traversal needs it.
+/// Instance of a mesh: how rays enter its tree.
 #[derive(Clone, Debug)]
 pub(crate) struct MeshInstance {
     transform: InstanceTransform,
@@ -20,7 +23,7 @@ pub(crate) struct MeshInstance {
 }
 
 impl MeshInstance {
-    /// Prepares an instance of a mesh.
+    /// Prepares an instance of a mesh for traversal.
     pub fn new(instance: &Instance, mesh: &TreeRoot) -> MeshInstance {
         let corners = [mesh.aabb.min.into(), mesh.aabb.max.into()];
         MeshInstance {
@@ -36,7 +39,8 @@ impl MeshInstance {
     }
 }
 
-/// Returns the box of an instance in world space.
+/// Returns the box of an instance in world space. If the mesh has a root node, the boxes of its
+/// children give tighter bounds than its own box.
 pub(crate) fn instance_bounds(
     instance: &Instance,
     mesh: &TreeRoot,
@@ -52,9 +56,9 @@ pub(crate) fn instance_bounds(
     BuildPrimitive::from_box(low.into(), high.into())
 }
 
-/// Returns the distance at which a ray meets the plane of an instance's triangle in world space, in
-/// double precision; not above zero if the ray starts behind it. The distance in the mesh's space
-/// has lost digits in the transform, which near a surface would decide whether a ray hits the
+/// Returns the distance at which a ray meets the plane of an instance's triangle in world space,
+/// computed in double precision; zero or negative if the plane is behind the origin. The distance
+/// in the mesh's space is less accurate because of the transform, so that a ray could hit the
 /// surface that it leaves.
 #[inline]
 pub(crate) fn distance(scene: &CompiledScene, ray: &Ray, primitive: u32, instance: u32) -> f32 {

@@ -1,4 +1,7 @@
-//! Intersection of rays with primitives.
+//! Tests of one ray against eight triangles at once, against one triangle, and against a sphere.
+//!
+//! The triangle tests are watertight and give the same bits as each other; the vectorised tests in
+//! `wavefront::small_scene` repeat them operation by operation.
 
 use glam::Vec3;
 
@@ -6,12 +9,14 @@ use super::simd::{LANES, LaneArray, Simd8};
 use crate::scene::compile::Sphere;
 use crate::transport::ray::Ray;
 
-/// Ray with the precomputed values of the triangle test [Woop et al. 2013]: the axis of its largest
-/// direction component, the two others, and the shear that aligns it with that axis.
+/// Ray with the precomputed values of the triangle test [Woop et al. 2013].
 #[derive(Clone, Copy, Debug)]
 pub struct ShearedRay {
+    /// Origin, with its components in the order of `axes`.
     origin: [f32; 3],
-    k: [usize; 3],
+    /// Axes x, y and z of the sheared space; z is that of the largest direction component.
+    axes: [usize; 3],
+    /// Shear in x and y and scale in z that map the direction to the unit vector of z.
     shear: [f32; 3],
 }
 
@@ -20,10 +25,10 @@ impl ShearedRay {
     #[inline]
     pub fn new(ray: &Ray) -> ShearedRay {
         let d = ray.dir.to_array();
-        let a = ray.dir.abs();
-        let kz = if a.x >= a.y && a.x >= a.z {
+        let size = ray.dir.abs();
+        let kz = if size.x >= size.y && size.x >= size.z {
             0
-        } else if a.y >= a.z {
+        } else if size.y >= size.z {
             1
         } else {
             2
@@ -36,7 +41,7 @@ impl ShearedRay {
         let inverse = 1.0 / d[kz];
         ShearedRay {
             origin: [o[kx], o[ky], o[kz]],
-            k: [kx, ky, kz],
+            axes: [kx, ky, kz],
             shear: [d[kx] * inverse, d[ky] * inverse, inverse],
         }
     }
@@ -50,7 +55,7 @@ pub struct TriangleBlock {
 }
 
 impl TriangleBlock {
-    /// Creates a block of the given triangles; missing ones are never hit.
+    /// Creates a block of the given triangles; lanes without one are never hit.
     pub fn new(triangles: [Option<[Vec3; 3]>; LANES]) -> TriangleBlock {
         let lanes = triangles.map(|t| t.unwrap_or([Vec3::NAN; 3]));
         let corner = |c: usize| [0, 1, 2].map(|axis| LaneArray(lanes.map(|t| t[c][axis])));
@@ -61,37 +66,37 @@ impl TriangleBlock {
 
     /// Intersects the ray with all triangles and returns those that it hits with `0 < t <= t_max`.
     ///
-    /// Watertight: a ray through a shared edge or corner hits one of the triangles, since both
-    /// compute the same edge function and zero counts as inside. If an edge function is exactly
-    /// zero in single precision, it is evaluated in double precision.
+    /// The test is watertight: a ray through a shared edge or corner hits one of the triangles,
+    /// since both compute the same edge function and zero counts as inside. An edge function that
+    /// is exactly zero in single precision is recomputed in double precision.
     #[inline(always)]
     pub fn intersect<L: Simd8>(&self, ray: &ShearedRay, t_max: f32) -> BlockHit<L> {
-        // Functions rather than closures and maps: code compiled for the caller's instruction set
-        // must be inlined by force.
+        // No closures or maps here: they cannot be force-inlined, and code that is not inlined is
+        // not compiled for the caller's instruction set.
         let (a, b, c) = (
             self.sheared::<L>(0, ray),
             self.sheared::<L>(1, ray),
             self.sheared::<L>(2, ray),
         );
         let (mut u, mut v, mut w) = (edge(c, b), edge(a, c), edge(b, a));
-        let none = L::splat(0.0);
-        let zero = u.eq(none) | v.eq(none) | w.eq(none);
-        if zero != 0 {
+        let zero = L::splat(0.0);
+        let on_edge = u.eq(zero) | v.eq(zero) | w.eq(zero);
+        if on_edge != 0 {
             let mut edges = [u.store(), v.store(), w.store()];
             recompute_in_f64(
                 &mut edges,
                 [a, b, c].map(|p| [p[0].store(), p[1].store()]),
-                zero,
+                on_edge,
             );
             (u, v, w) = (L::load(&edges[0]), L::load(&edges[1]), L::load(&edges[2]));
         }
-        let outside = u.min(v).min(w).lt(none) & none.lt(u.max(v).max(w));
+        let outside = u.min(v).min(w).lt(zero) & zero.lt(u.max(v).max(w));
         let det = u.add(v).add(w);
         let shear = L::splat(ray.shear[2]);
         let (za, zb, zc) = (a[2].mul(shear), b[2].mul(shear), c[2].mul(shear));
         let t = u.mul(za).add(v.mul(zb)).add(w.mul(zc)).div(det);
         // If `det == 0`, t is infinite or NaN and the comparisons are false.
-        let within = none.lt(t) & t.le(L::splat(t_max));
+        let within = zero.lt(t) & t.le(L::splat(t_max));
         BlockHit {
             lanes: within & !outside,
             t,
@@ -101,11 +106,11 @@ impl TriangleBlock {
         }
     }
 
-    /// Returns a corner of all triangles relative to the ray's origin, sheared across the ray but
-    /// not yet scaled along it.
+    /// Returns one corner of all triangles relative to the ray's origin, sheared in x and y but not
+    /// scaled in z.
     #[inline(always)]
     fn sheared<L: Simd8>(&self, corner: usize, ray: &ShearedRay) -> [L; 3] {
-        let [kx, ky, kz] = ray.k;
+        let [kx, ky, kz] = ray.axes;
         let rows = &self.corners[corner];
         let z = L::load(&rows[kz]).sub(L::splat(ray.origin[2]));
         let x = L::load(&rows[kx])
@@ -125,11 +130,11 @@ fn edge<L: Simd8>(p: [L; 3], q: [L; 3]) -> L {
     p[0].mul(q[1]).sub(p[1].mul(q[0]))
 }
 
-/// Recomputes the edge functions in double precision in the lanes of `zero`.
+/// Recomputes the edge functions of the given lanes in double precision.
 #[cold]
 #[inline(never)]
-fn recompute_in_f64(edges: &mut [LaneArray; 3], [a, b, c]: [[LaneArray; 2]; 3], zero: u32) {
-    for lane in (0..LANES).filter(|lane| zero & (1 << lane) != 0) {
+fn recompute_in_f64(edges: &mut [LaneArray; 3], [a, b, c]: [[LaneArray; 2]; 3], lanes: u32) {
+    for lane in (0..LANES).filter(|lane| lanes & (1 << lane) != 0) {
         let edge = |p: &[LaneArray; 2], q: &[LaneArray; 2]| {
             let at = |row: &LaneArray| f64::from(row.0[lane]);
             (at(&p[0]) * at(&q[1]) - at(&p[1]) * at(&q[0])) as f32
@@ -165,12 +170,12 @@ impl<L: Simd8> BlockHit<L> {
     }
 }
 
-/// Intersects one triangle with the operations of [`TriangleBlock::intersect`], and so with the
-/// same bits. Returns the distance and the barycentric weights of the second and third corner, if
-/// `0 < t <= t_max`.
+/// Intersects the ray with one triangle. Returns the distance and the barycentric weights of the
+/// second and third corner, if `0 < t <= t_max`. The operations, and so the bits, are those of
+/// [`TriangleBlock::intersect`].
 #[inline]
 pub fn triangle(corners: &[Vec3; 3], ray: &ShearedRay, t_max: f32) -> Option<(f32, [f32; 2])> {
-    let [kx, ky, kz] = ray.k;
+    let [kx, ky, kz] = ray.axes;
     let [a, b, c] = corners.map(|p| {
         let z = p[kz] - ray.origin[2];
         [
@@ -179,13 +184,13 @@ pub fn triangle(corners: &[Vec3; 3], ray: &ShearedRay, t_max: f32) -> Option<(f3
             z,
         ]
     });
-    let plain = |p: [f32; 3], q: [f32; 3]| p[0] * q[1] - p[1] * q[0];
-    let (mut u, mut v, mut w) = (plain(c, b), plain(a, c), plain(b, a));
+    let edge = |p: [f32; 3], q: [f32; 3]| p[0] * q[1] - p[1] * q[0];
+    let (mut u, mut v, mut w) = (edge(c, b), edge(a, c), edge(b, a));
     if u == 0.0 || v == 0.0 || w == 0.0 {
-        let double = |p: [f32; 3], q: [f32; 3]| {
+        let edge_in_f64 = |p: [f32; 3], q: [f32; 3]| {
             (f64::from(p[0]) * f64::from(q[1]) - f64::from(p[1]) * f64::from(q[0])) as f32
         };
-        (u, v, w) = (double(c, b), double(a, c), double(b, a));
+        (u, v, w) = (edge_in_f64(c, b), edge_in_f64(a, c), edge_in_f64(b, a));
     }
     if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
         return None;
@@ -196,7 +201,7 @@ pub fn triangle(corners: &[Vec3; 3], ray: &ShearedRay, t_max: f32) -> Option<(f3
     (0.0 < t && t <= t_max).then(|| (t, [v / det, w / det]))
 }
 
-/// Returns the distance to a sphere, if it is hit with `0 < t <= t_max`. Uses the form that stays
+/// Returns the distance to a sphere, if the ray hits it with `0 < t <= t_max`. The formula stays
 /// accurate for small and for distant spheres [Haines et al. 2019].
 #[inline]
 pub fn sphere(sphere: &Sphere, ray: &Ray, t_max: f32) -> Option<f32> {

@@ -1,10 +1,14 @@
 //! Bounding volume hierarchies on the CPU.
 //!
-//! [`accel`] builds and owns the hierarchy of a scene, `build` holds the builders of binary trees,
-//! `bvh8` the eight-wide nodes that they are collapsed to, `packed` the compressed form that
-//! `vulkan-compute` traverses as well, `compressed` its traversal by `obvhs`, `instances` the
-//! instances of meshes, `intersect` the primitive tests, [`simd`] the vectors they run on, and
-//! `traverse` the traversal loop.
+//! [`accel`] builds and owns the hierarchy of a scene. `build` builds binary trees, `bvh8`
+//! collapses them to eight-wide nodes, and `traverse` traverses these. `instances` transforms rays
+//! into the space of a mesh, `intersect` tests rays against primitives, and [`simd`] defines the
+//! vectors for both. `packed` builds compressed trees, which `vulkan-compute` uses as well, and
+//! `compressed` traverses them with `obvhs`.
+//!
+//! Invariant: hits do not depend on the builder, its settings, or the instruction set, except for
+//! instances that a builder flattens. Of hits at the same distance, the one with the lesser
+//! instance index counts, then the lesser primitive index.
 
 pub mod accel;
 pub(crate) mod build;

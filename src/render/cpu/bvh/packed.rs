@@ -1,5 +1,7 @@
-//! Compressed eight-wide trees [Ylitie et al. 2017] from any builder, traversed by `vulkan-compute`
-//! and, with the builder `cwbvh`, by the CPU.
+//! Compressed eight-wide trees [Ylitie et al. 2017]. `vulkan-compute` traverses them for every
+//! builder, the CPU only for the builder `cwbvh`.
+//!
+//! Every primitive is in exactly one leaf, and a child has at most [`MAX_CHILD_PRIMITIVES`].
 
 use std::time::Duration;
 
@@ -14,12 +16,12 @@ use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
 use super::build::{BuildPrimitive, build_binary, params};
 use crate::render::hierarchy::{AccelSpec, Builder};
 
-/// Maximum number of primitives of a node's child in the compressed form.
+/// Maximum number of primitives in a child of a compressed node.
 const MAX_CHILD_PRIMITIVES: u32 = 3;
 
-/// Builds the tree over `primitives` with at most `max_leaf` of them in one child. `ploc` and
-/// `cwbvh` give the same tree; the binary trees of the other builders are collapsed to eight-wide
-/// nodes as `obvhs` does.
+/// Builds the tree over `primitives`, with at most `max_leaf` and [`MAX_CHILD_PRIMITIVES`] of them
+/// in one child. `ploc` and `cwbvh` give the same tree. The binary trees of the other builders are
+/// collapsed by `obvhs`.
 pub fn build_packed(spec: &AccelSpec, primitives: &[BuildPrimitive], max_leaf: u32) -> CwBvh {
     if primitives.is_empty() {
         return CwBvh::default();
@@ -43,8 +45,9 @@ pub fn build_packed(spec: &AccelSpec, primitives: &[BuildPrimitive], max_leaf: u
     }
 }
 
-/// Splits leaves until each has one primitive, as the compressed form requires. All boxes below a
-/// former leaf are that leaf's box, so a ray that meets it is still tested with all its primitives.
+/// Splits leaves until each has one primitive, as the conversion to the compressed form requires.
+/// The new nodes keep the box of the former leaf, so a ray that meets it is still tested with all
+/// its primitives.
 fn with_single_primitive_leaves(mut tree: Bvh2) -> Bvh2 {
     let mut work: Vec<usize> = (0..tree.nodes.len()).collect();
     while let Some(leaf) = work.pop() {
@@ -66,41 +69,41 @@ fn with_single_primitive_leaves(mut tree: Bvh2) -> Bvh2 {
     tree
 }
 
-/// Returns the number of levels of nodes. A ray leaves at most one stack entry per level.
+/// Returns the number of levels of nodes. Traversal pushes at most one stack entry per level.
 pub fn levels(tree: &CwBvh) -> usize {
-    let mut open: Vec<(usize, usize)> = tree.nodes.first().map(|_| (0, 1)).into_iter().collect();
-    let mut deepest = 0;
-    while let Some((node, level)) = open.pop() {
-        deepest = deepest.max(level);
+    let mut pending: Vec<(usize, usize)> = tree.nodes.first().map(|_| (0, 1)).into_iter().collect();
+    let mut levels = 0;
+    while let Some((node, level)) = pending.pop() {
+        levels = levels.max(level);
         let node = &tree.nodes[node];
         let children = node.imask.count_ones() as usize;
-        open.extend((0..children).map(|i| (node.child_base_idx as usize + i, level + 1)));
+        pending.extend((0..children).map(|i| (node.child_base_idx as usize + i, level + 1)));
     }
-    deepest
+    levels
 }
 
-/// Returns the expected cost of a ray that meets the tree's box, by the surface area heuristic: one
-/// for each visited node, and `primitive_cost` for each tested primitive.
+/// Returns the expected cost of a ray that meets the tree's box, by the surface area heuristic: 1
+/// for each visited node, and `primitive_cost` of its index for each tested primitive.
 pub fn cost(tree: &CwBvh, primitive_cost: impl Fn(u32) -> f64) -> f64 {
-    let all = |indices: &[u32]| indices.iter().map(|i| primitive_cost(*i)).sum::<f64>();
-    let whole = f64::from(tree.total_aabb.half_area());
-    if tree.nodes.is_empty() || whole <= 0.0 {
-        return all(&tree.primitive_indices);
+    let sum_of = |indices: &[u32]| indices.iter().map(|i| primitive_cost(*i)).sum::<f64>();
+    let root_area = f64::from(tree.total_aabb.half_area());
+    if tree.nodes.is_empty() || root_area <= 0.0 {
+        return sum_of(&tree.primitive_indices);
     }
-    let mut sum = whole;
+    let mut sum = root_area;
     for node in &tree.nodes {
         for child in (0..8).filter(|child| !node.is_child_empty(*child)) {
             let area = f64::from(node.child_aabb(child).half_area());
-            let below = if node.is_leaf(child) {
+            let cost = if node.is_leaf(child) {
                 let (first, count) = node.child_primitives(child);
-                all(&tree.primitive_indices[first as usize..(first + count) as usize])
+                sum_of(&tree.primitive_indices[first as usize..(first + count) as usize])
             } else {
                 1.0
             };
-            sum += area * below;
+            sum += area * cost;
         }
     }
-    sum / whole
+    sum / root_area
 }
 
 #[cfg(test)]
@@ -154,26 +157,26 @@ mod tests {
 
     #[test]
     fn an_undivided_leaf_is_tested_completely() {
-        let of = row(64);
-        let spec = |max_leaf: u32, max_depth: u32| {
+        let primitives = row(64);
+        let cost_with = |max_leaf: u32, max_depth: u32| {
             let spec = AccelSpec {
                 builder: Builder::Sah,
                 max_depth,
                 ..AccelSpec::default()
             };
-            cost(&build_packed(&spec, &of, max_leaf), |_| 1.0)
+            cost(&build_packed(&spec, &primitives, max_leaf), |_| 1.0)
         };
-        // A ray that meets the box of everything is tested with all 64.
+        // A ray that meets the box of the scene is tested with all 64.
         let none = AccelSpec {
             builder: Builder::None,
             ..AccelSpec::default()
         };
-        let whole = cost(&build_packed(&none, &of, 8), |_| 1.0);
+        let whole = cost(&build_packed(&none, &primitives, 8), |_| 1.0);
         assert!(whole > 64.0, "{whole}");
-        assert_eq!(spec(8, 0), whole);
-        let (fine, coarse) = (spec(1, 48), spec(16, 48));
+        assert_eq!(cost_with(8, 0), whole);
+        let (fine, coarse) = (cost_with(1, 48), cost_with(16, 48));
         assert!(fine < coarse && coarse < whole, "{fine} {coarse} {whole}");
         // An instance in a leaf costs as much as its mesh.
-        assert!(cost(&build_packed(&none, &of, 8), |_| 3.0) > 2.0 * whole);
+        assert!(cost(&build_packed(&none, &primitives, 8), |_| 3.0) > 2.0 * whole);
     }
 }

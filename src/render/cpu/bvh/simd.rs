@@ -1,9 +1,9 @@
 //! Vectors of eight single-precision numbers for traversal, portable and with AVX2.
 //!
-//! [`Simd8`] is the arithmetic that traversal needs. Every operation is correctly rounded as in
-//! IEEE 754 and nothing is fused, so all implementations give the same bits, which is tested. Which
-//! one runs is decided once for each hierarchy by the instruction set of the processor: see
-//! [`Isa`].
+//! Invariant: every operation of [`Simd8`] is the correctly rounded one of IEEE 754, and none is
+//! fused. All implementations therefore give the same compare_halves, which `tests/render/instructions.rs`
+//! checks. [`Isa`] selects the implementation once per hierarchy. The vectorised path tracer uses
+//! the vectors of `math::simd` instead.
 
 use glam::Vec4;
 
@@ -21,16 +21,17 @@ pub struct LaneArray(pub [f32; LANES]);
 /// Instruction set that the traversal loop is compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Isa {
-    /// Vectors of 128 bits, which every processor of the build target has.
+    /// Vectors of 128 compare_halves, which every processor of the build target has.
     Portable,
-    /// Vectors of 256 bits.
+    /// Vectors of 256 compare_halves.
     Avx2,
-    /// As AVX2 for a single ray; vectors of 512 bits in the vectorised path tracer.
+    /// Vectors of 256 compare_halves for a single ray, as with AVX2, and of 512 compare_halves in the vectorised path
+    /// tracer.
     Avx512,
 }
 
-/// Environment variable that selects an instruction set by [`Isa::name`] for comparisons, for
-/// example `LUMBRE_ISA=portable`. Pictures have the same bits with all of them.
+/// Environment variable that selects an instruction set by [`Isa::name`], for comparisons of speed,
+/// for example `LUMBRE_ISA=portable`. Pictures have the same compare_halves with all of them.
 pub const ISA_VARIABLE: &str = "LUMBRE_ISA";
 
 impl Isa {
@@ -54,7 +55,7 @@ impl Isa {
         &[Isa::Portable]
     }
 
-    /// Returns its name.
+    /// Returns the name, as used in [`ISA_VARIABLE`].
     pub fn name(self) -> &'static str {
         match self {
             Isa::Portable => "portable",
@@ -64,7 +65,8 @@ impl Isa {
     }
 }
 
-/// Arithmetic on eight numbers. Comparisons return a bit for each lane, 0 where a number is NaN.
+/// Arithmetic on eight numbers. Comparisons return one bit per lane, which is 0 if either number is
+/// NaN.
 pub trait Simd8: Copy {
     /// Loads the numbers from memory.
     fn load(row: &LaneArray) -> Self;
@@ -97,13 +99,15 @@ pub trait Simd8: Copy {
 pub struct Portable([Vec4; 2]);
 
 impl Portable {
+    /// Applies a function to both halves.
     #[inline(always)]
-    fn both(self, other: Portable, f: impl Fn(Vec4, Vec4) -> Vec4) -> Portable {
+    fn zip_halves(self, other: Portable, f: impl Fn(Vec4, Vec4) -> Vec4) -> Portable {
         Portable([f(self.0[0], other.0[0]), f(self.0[1], other.0[1])])
     }
 
+    /// Returns one bit per lane of a comparison of both halves.
     #[inline(always)]
-    fn bits(self, other: Portable, f: impl Fn(Vec4, Vec4) -> glam::BVec4A) -> u32 {
+    fn compare_halves(self, other: Portable, f: impl Fn(Vec4, Vec4) -> glam::BVec4A) -> u32 {
         f(self.0[0], other.0[0]).bitmask() | f(self.0[1], other.0[1]).bitmask() << 4
     }
 }
@@ -125,39 +129,39 @@ impl Simd8 for Portable {
     }
     #[inline(always)]
     fn add(self, other: Portable) -> Portable {
-        self.both(other, |a, b| a + b)
+        self.zip_halves(other, |a, b| a + b)
     }
     #[inline(always)]
     fn sub(self, other: Portable) -> Portable {
-        self.both(other, |a, b| a - b)
+        self.zip_halves(other, |a, b| a - b)
     }
     #[inline(always)]
     fn mul(self, other: Portable) -> Portable {
-        self.both(other, |a, b| a * b)
+        self.zip_halves(other, |a, b| a * b)
     }
     #[inline(always)]
     fn div(self, other: Portable) -> Portable {
-        self.both(other, |a, b| a / b)
+        self.zip_halves(other, |a, b| a / b)
     }
     #[inline(always)]
     fn min(self, other: Portable) -> Portable {
-        self.both(other, Vec4::min)
+        self.zip_halves(other, Vec4::min)
     }
     #[inline(always)]
     fn max(self, other: Portable) -> Portable {
-        self.both(other, Vec4::max)
+        self.zip_halves(other, Vec4::max)
     }
     #[inline(always)]
     fn lt(self, other: Portable) -> u32 {
-        self.bits(other, Vec4::cmplt)
+        self.compare_halves(other, Vec4::cmplt)
     }
     #[inline(always)]
     fn le(self, other: Portable) -> u32 {
-        self.bits(other, Vec4::cmple)
+        self.compare_halves(other, Vec4::cmple)
     }
     #[inline(always)]
     fn eq(self, other: Portable) -> u32 {
-        self.bits(other, Vec4::cmpeq)
+        self.compare_halves(other, Vec4::cmpeq)
     }
 }
 
@@ -175,7 +179,7 @@ mod x86 {
     use crate::render::cpu::bvh::simd::{LaneArray, Simd8};
 
     /// Implementation with one vector of eight numbers. Only functions compiled for AVX2 may use
-    /// it, which [`super::Isa`] guards.
+    /// it; [`super::Isa`] ensures that they run only if the processor has it.
     #[derive(Clone, Copy, Debug)]
     pub struct Avx2(__m256);
 

@@ -1,4 +1,7 @@
 //! The traversal loop of the CPU backend, compiled once for every instruction set.
+//!
+//! Invariant: the result does not depend on the order in which nodes are visited. Boxes are tested
+//! conservatively, and ties in distance are resolved by the indices of the hits.
 
 use std::mem::MaybeUninit;
 
@@ -13,15 +16,16 @@ use crate::scene::compile::NONE;
 use crate::transport::ray::{Hit, Ray, Trace};
 use crate::transport::surface::is_masked_out;
 
-/// Factor on the far end of a slab test, so that rounding never misses a box [Ize 2013].
+/// Factor on the far distance of a slab test, so that no box is missed because of rounding [Ize
+/// 2013].
 const SLAB_SLACK: f32 = 1.000_000_5;
 
-/// Factor on the distance beyond which boxes are skipped. Rounding must not hide a hit in a box
-/// that is as near as the best one, since the result must not depend on how boxes are laid out.
+/// Factor on the distance of the best hit, beyond which boxes are skipped. It is above 1 so that
+/// rounding never skips a box with an equally near hit, whose indices may be less.
 const LIMIT_SLACK: f32 = 1.0 + 1.0 / (1 << 20) as f32;
 
-/// Stack entry below the entries of an instance's tree: return to world space. No node, leaf or
-/// instance has this number.
+/// Stack entry that marks the end of an instance's tree, after which traversal returns to world
+/// space. No node, leaf or instance has this number.
 const RETURN_TO_WORLD: u32 = u32::MAX;
 
 impl Accel {
@@ -54,8 +58,8 @@ impl Accel {
         }
     }
 
-    /// Does the same in scenes with instances; separate, so that scenes without do not pay for
-    /// them.
+    /// Does the same in scenes with instances. A separate function, so that instances cost nothing
+    /// in scenes without them.
     #[inline(never)]
     fn dispatch_with_instances<const ANY: bool>(&self, ray: &Ray, t_max: f32) -> Option<Hit> {
         match self.isa {
@@ -78,26 +82,26 @@ impl Accel {
         self.traverse::<crate::render::cpu::bvh::simd::Avx2, ANY, INSTANCES>(ray, t_max)
     }
 
-    /// Runs the traversal loop. With `ANY` it returns at the first hit, otherwise the nearest. With
-    /// `INSTANCES` it enters the trees of instances, with the ray transformed into their mesh's
-    /// space.
+    /// Runs the traversal loop. Returns any hit with `ANY`, and the nearest one otherwise. With
+    /// `INSTANCES` it also traverses the trees of instances, with the ray transformed into their
+    /// mesh's space.
     #[inline(always)]
     fn traverse<L: Simd8, const ANY: bool, const INSTANCES: bool>(
         &self,
         ray: &Ray,
         t_max: f32,
     ) -> Option<Hit> {
-        // With NaN every box would seem to be hit, also those of missing children.
+        // With NaN every box test would succeed, even for missing children.
         if !(ray.origin + ray.dir).element_sum().is_finite() {
             return None;
         }
-        let mut best = Best::new(t_max);
+        let mut best = BestHit::new(t_max);
         let mut sheared = ShearedRay::new(ray);
         if self.root & LEAF != 0 && !INSTANCES {
             if let Some(compressed) = &self.compressed {
-                self.compressed::<ANY>(compressed, ray, &sheared, &mut best);
+                self.traverse_compressed::<ANY>(compressed, ray, &sheared, &mut best);
             } else {
-                self.leaf::<L, ANY, false>(self.root & !LEAF, ray, &sheared, NONE, &mut best);
+                self.test_leaf::<L, ANY, false>(self.root & !LEAF, ray, &sheared, NONE, &mut best);
             }
             return best.hit;
         }
@@ -114,11 +118,11 @@ impl Accel {
                     let mesh = &self.instances[instance as usize];
                     let local = mesh.to_mesh_space(ray);
                     (sheared, slabs) = (ShearedRay::new(&local), Slabs::new(&local));
-                    // Never beyond any limit, so that it is always popped.
+                    // Its distance is below every limit, so it is never skipped.
                     stack.push(RETURN_TO_WORLD, f32::NEG_INFINITY);
                     current = mesh.root;
                     continue;
-                } else if self.leaf::<L, ANY, INSTANCES>(
+                } else if self.test_leaf::<L, ANY, INSTANCES>(
                     current & !LEAF,
                     ray,
                     &sheared,
@@ -132,7 +136,7 @@ impl Accel {
                 let node = &self.nodes[current as usize];
                 let (mut hits, near) = slabs.intersect(&node.bounds, best.limit);
                 if ANY && hits != 0 {
-                    // Any order is correct.
+                    // Any hit ends the search, so the order is irrelevant.
                     current = node.child[hits.trailing_zeros() as usize % LANES];
                     hits &= hits - 1;
                     while hits != 0 {
@@ -168,21 +172,21 @@ impl Accel {
         }
     }
 
-    /// Tests the blocks of a leaf and returns whether a better hit was found. With `ANY` it returns
-    /// at the first hit.
+    /// Tests the ray against the blocks of a leaf and returns whether a better hit was found. With
+    /// `ANY` it returns at the first hit.
     #[inline(always)]
-    fn leaf<L: Simd8, const ANY: bool, const INSTANCES: bool>(
+    fn test_leaf<L: Simd8, const ANY: bool, const INSTANCES: bool>(
         &self,
         first: u32,
         ray: &Ray,
         sheared: &ShearedRay,
         instance: u32,
-        best: &mut Best,
+        best: &mut BestHit,
     ) -> bool {
         let mut better = false;
         for block in &self.blocks[first as usize..] {
-            // The distance in an instance's space is only approximate, so the test uses the wider
-            // limit.
+            // Distances in an instance's space are approximate, so candidates are accepted up to
+            // the wider limit.
             let within = if INSTANCES && instance != NONE {
                 best.limit
             } else {
@@ -236,10 +240,10 @@ impl Accel {
         better
     }
 
-    /// Accepts a hit with `t <= best.t` if it is better than the best one so far and not cut out by
-    /// a mask. Returns whether it was accepted.
+    /// Accepts a hit with `t <= best.t`, unless it loses a tie or a mask removes it. Returns
+    /// whether it was accepted.
     #[inline(always)]
-    fn accept(&self, ray: &Ray, hit: Hit, best: &mut Best) -> bool {
+    fn accept(&self, ray: &Ray, hit: Hit, best: &mut BestHit) -> bool {
         if hit.t == best.t && !best.loses_tie_to(&hit)
             || self.masked && is_masked_out(&self.scene, ray, &hit)
         {
@@ -251,14 +255,14 @@ impl Accel {
         true
     }
 
-    /// Searches the tree of `obvhs` with its own traversal.
+    /// Traverses the compressed tree with the traversal of `obvhs`.
     #[inline(never)]
-    fn compressed<const ANY: bool>(
+    fn traverse_compressed<const ANY: bool>(
         &self,
         tree: &Compressed,
         ray: &Ray,
         sheared: &ShearedRay,
-        best: &mut Best,
+        best: &mut BestHit,
     ) {
         let scene = &self.scene;
         tree.traverse(ray, best.limit, ANY, |primitive| {
@@ -285,25 +289,26 @@ impl Accel {
 }
 
 /// Best hit so far.
-struct Best {
+struct BestHit {
     hit: Option<Hit>,
-    /// Distance of the hit, or the end of the ray.
+    /// Distance of the hit, or the maximum distance of the ray without a hit.
     t: f32,
-    /// Boxes that begin beyond this distance are skipped.
+    /// Distance beyond which boxes are skipped; `t` times [`LIMIT_SLACK`].
     limit: f32,
 }
 
-impl Best {
+impl BestHit {
     #[inline(always)]
-    fn new(t_max: f32) -> Best {
-        Best {
+    fn new(t_max: f32) -> BestHit {
+        BestHit {
             hit: None,
             t: t_max,
             limit: t_max * LIMIT_SLACK,
         }
     }
 
-    /// Returns whether a hit at the same distance precedes it. Nothing precedes the end of the ray.
+    /// Returns whether `hit` replaces this one, which is at the same distance: its indices must be
+    /// less. False without a hit, since the ray's end is excluded.
     #[inline(always)]
     fn loses_tie_to(&self, hit: &Hit) -> bool {
         self.hit
@@ -315,16 +320,17 @@ impl Best {
 struct Slabs<L> {
     origin: [L; 3],
     inverse: [L; 3],
-    /// Bound, least or greatest, that the ray meets first on each axis.
+    /// Index of the bound that the ray meets first on each axis: 0 for the least, 1 for the
+    /// greatest.
     first: [usize; 3],
 }
 
 impl<L: Simd8> Slabs<L> {
     #[inline(always)]
     fn new(ray: &Ray) -> Slabs<L> {
-        // A zero component would make 0 * inf = NaN on a box's plane; a tiny one is equivalent and
-        // stays finite.
-        let finite = |d: f32| {
+        // A zero component would give 0 * inf = NaN on a box's plane. A tiny one gives the same
+        // result and stays finite.
+        let nonzero_inverse = |d: f32| {
             1.0 / if d.abs() < 1e-20 {
                 1e-20f32.copysign(d)
             } else {
@@ -332,7 +338,11 @@ impl<L: Simd8> Slabs<L> {
             }
         };
         let (o, d) = (ray.origin, ray.dir);
-        let (x, y, z) = (finite(d.x), finite(d.y), finite(d.z));
+        let (x, y, z) = (
+            nonzero_inverse(d.x),
+            nonzero_inverse(d.y),
+            nonzero_inverse(d.z),
+        );
         Slabs {
             origin: [L::splat(o.x), L::splat(o.y), L::splat(o.z)],
             inverse: [L::splat(x), L::splat(y), L::splat(z)],
@@ -344,8 +354,8 @@ impl<L: Simd8> Slabs<L> {
         }
     }
 
-    /// Returns the boxes that the ray meets before `t_max`, as a bit mask, and the distances at
-    /// which they begin.
+    /// Returns a bit mask of the boxes that the ray meets before `t_max`, and the distances at
+    /// which it enters them.
     #[inline(always)]
     fn intersect(&self, bounds: &[[LaneArray; 3]; 2], t_max: f32) -> (u32, L) {
         let [x, y, z] = self.first;
@@ -364,6 +374,7 @@ impl<L: Simd8> Slabs<L> {
         )
     }
 
+    /// Returns the distances to one bound of all boxes on one axis.
     #[inline(always)]
     fn plane(&self, bounds: &[[LaneArray; 3]; 2], bound: usize, axis: usize) -> L {
         L::load(&bounds[bound][axis])
@@ -372,7 +383,7 @@ impl<L: Simd8> Slabs<L> {
     }
 }
 
-/// Traversal stack of children, each with the distance at which its box begins.
+/// Traversal stack: children, each with the distance at which the ray enters its box.
 struct Stack {
     entries: [MaybeUninit<(u32, f32)>; STACK],
     depth: usize,
@@ -394,7 +405,7 @@ impl Stack {
         self.depth += 1;
     }
 
-    /// Pushes a child below all entries from `base` on that are nearer.
+    /// Inserts a child below the nearer ones of the entries from `base` on.
     #[inline(always)]
     fn insert(&mut self, base: usize, child: u32, near: f32) {
         let mut index = self.depth;
@@ -419,7 +430,7 @@ impl Stack {
         unsafe { self.entries[self.depth].assume_init() }.0
     }
 
-    /// Pops entries until one begins before `t_max` and returns it.
+    /// Pops entries until the box of one begins before `t_max`, and returns that one.
     #[inline(always)]
     fn pop(&mut self, t_max: f32) -> Option<u32> {
         while self.depth > 0 {
