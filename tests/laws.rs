@@ -1,6 +1,6 @@
-//! Laws of the code base: imports between modules, sizes of files, and the documentation that every
-//! table row needs.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+//! Rules for the code base: imports between modules, lengths of files, and the documentation that
+//! every table row needs.
+#![allow(clippy::unwrap_used, reason = "test helpers may panic")]
 
 #[cfg(feature = "vulkan")]
 #[path = "laws/backends.rs"]

@@ -30,11 +30,11 @@ fn explained() -> BTreeSet<String> {
 }
 
 #[test]
-fn every_dependency_has_its_reason() {
+fn every_dependency_has_a_reason_and_every_reason_a_dependency() {
     let (declared, explained) = (declared(), explained());
     assert!(
         declared.len() > 10,
-        "Cargo.toml was not understood: {declared:?}"
+        "too few dependencies were found in Cargo.toml: {declared:?}"
     );
     let missing: Vec<_> = declared.difference(&explained).collect();
     assert!(
@@ -49,7 +49,7 @@ fn every_dependency_has_its_reason() {
 }
 
 #[test]
-fn every_reason_says_what_would_be_hand_written() {
+fn every_row_of_a_dependency_has_three_cells_with_text() {
     for line in text("docs/dependencies.md")
         .lines()
         .filter(|l| l.starts_with("| `"))
@@ -60,11 +60,14 @@ fn every_reason_says_what_would_be_hand_written() {
     }
 }
 
-/// Returns `1.95` or `1.95.0` as numbers.
+/// Returns the first two numbers of a version such as `1.95` or `1.95.0`.
 fn version(text: &str) -> Vec<u32> {
     let numbers: Vec<u32> = text
         .split('.')
-        .map(|n| n.parse().unwrap_or_else(|_| panic!("{text} is a version")))
+        .map(|n| {
+            n.parse()
+                .unwrap_or_else(|_| panic!("{text} is not a version"))
+        })
         .collect();
     numbers.into_iter().take(2).collect()
 }
@@ -72,13 +75,13 @@ fn version(text: &str) -> Vec<u32> {
 /// Checks that the minimum Rust version builds every dependency, and that the documents and recipes
 /// name that version.
 #[test]
-fn the_rust_that_is_asked_for_is_new_enough_for_every_dependency() {
+fn the_stated_rust_version_builds_every_dependency() {
     let manifest = text("Cargo.toml");
-    let ours = manifest
+    let stated = manifest
         .lines()
         .find_map(|line| line.strip_prefix("rust-version = \"")?.strip_suffix('"'))
         .unwrap();
-    let named = format!("rust:{ours}-bookworm");
+    let named = format!("rust:{stated}-bookworm");
     for recipe in ["containers/Dockerfile", "containers/lumbre.def"] {
         assert!(
             text(recipe).contains(&named),
@@ -86,13 +89,13 @@ fn the_rust_that_is_asked_for_is_new_enough_for_every_dependency() {
         );
     }
     assert!(
-        text("README.md").contains(&format!("Rust {ours} or newer")),
-        "README.md promises another Rust than {ours}"
+        text("README.md").contains(&format!("Rust {stated} or newer")),
+        "README.md does not name Rust {stated} as the oldest version"
     );
     let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
-    let mut asked = std::process::Command::new(cargo);
-    // Dependencies of other systems may be absent on this one.
-    asked.args([
+    let mut command = std::process::Command::new(cargo);
+    // Dependencies of other operating systems may be absent on this machine.
+    command.args([
         "metadata",
         "--locked",
         "--format-version",
@@ -100,24 +103,24 @@ fn the_rust_that_is_asked_for_is_new_enough_for_every_dependency() {
         "--filter-platform",
         "x86_64-unknown-linux-gnu",
     ]);
-    let answer = asked.current_dir(root()).output().unwrap();
-    if !answer.status.success() {
+    let output = command.current_dir(root()).output().unwrap();
+    if !output.status.success() {
         return println!(
-            "SKIPPED: cargo knows not all packages: {}",
-            String::from_utf8_lossy(&answer.stderr)
+            "SKIPPED: `cargo metadata` failed: {}",
+            String::from_utf8_lossy(&output.stderr)
         );
     }
-    let json: serde_json::Value = serde_json::from_slice(&answer.stdout).unwrap();
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let packages = json["packages"].as_array().unwrap();
     assert!(packages.len() > 100, "{} packages", packages.len());
-    let newer = packages
+    let too_new = packages
         .iter()
         .filter_map(|package| Some((&package["name"], package["rust_version"].as_str()?)));
-    let newer: Vec<_> = newer
-        .filter(|(_, needed)| version(needed) > version(ours))
+    let too_new: Vec<_> = too_new
+        .filter(|(_, needed)| version(needed) > version(stated))
         .collect();
     assert!(
-        newer.is_empty(),
-        "Cargo.toml promises Rust {ours}, which does not build {newer:?}"
+        too_new.is_empty(),
+        "Cargo.toml states Rust {stated}, which does not build {too_new:?}"
     );
 }

@@ -14,30 +14,30 @@ fn pairs(page: &str) -> Vec<(String, String)> {
 }
 
 #[test]
-fn the_map_of_symbols_names_what_is_in_the_code() {
+fn every_symbol_named_in_the_page_of_transport_exists() {
     let pairs = pairs(&text("docs/inside/transport.md"));
-    assert!(pairs.len() > 60, "the page was not understood: {pairs:?}");
-    let mut lost = Vec::new();
+    assert!(pairs.len() > 60, "too few pairs were found: {pairs:?}");
+    let mut missing = Vec::new();
     for (file, name) in pairs {
         let path = if file.starts_with("src/") {
             file.clone()
         } else {
             format!("src/transport/{file}")
         };
-        let there = root().join(&path).is_file() && words(&text(&path), &name).next().is_some();
-        if !there {
-            lost.push(format!("{file}: {name}"));
+        let exists = root().join(&path).is_file() && words(&text(&path), &name).next().is_some();
+        if !exists {
+            missing.push(format!("{file}: {name}"));
         }
     }
     assert!(
-        lost.is_empty(),
-        "docs/inside/transport.md names what is not there:\n{}",
-        lost.join("\n")
+        missing.is_empty(),
+        "docs/inside/transport.md names symbols that do not exist:\n{}",
+        missing.join("\n")
     );
 }
 
 #[test]
-fn the_page_of_formats_has_every_loader_and_no_other() {
+fn the_page_of_formats_has_one_heading_for_every_loader() {
     let page = text("docs/reference/formats.md");
     let headings: Vec<&str> = page.lines().filter_map(|l| l.strip_prefix("## ")).collect();
     let names: Vec<&str> = lumbre::scene::load::FORMATS
@@ -46,6 +46,6 @@ fn the_page_of_formats_has_every_loader_and_no_other() {
         .collect();
     assert_eq!(
         headings, names,
-        "docs/reference/formats.md against scene::load::FORMATS"
+        "headings of docs/reference/formats.md and rows of scene::load::FORMATS"
     );
 }

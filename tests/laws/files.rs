@@ -1,11 +1,12 @@
-//! Laws about files: size, names, printing, and paths that exist on one machine only.
+//! Rules for files: length, names, printing, and no paths that exist on one machine only.
 
 use super::source::{code_only, project_files, root, rust_files, text, words};
 
+/// Greatest number of lines of a Rust file.
 const MOST_LINES: usize = 600;
 
 #[test]
-fn no_file_is_too_long_to_read() {
+fn no_rust_file_has_more_than_600_lines() {
     let all = rust_files("src").into_iter().chain(rust_files("tests"));
     let long: Vec<String> = all
         .map(|f| (text(&f).lines().count(), f))
@@ -14,18 +15,18 @@ fn no_file_is_too_long_to_read() {
         .collect();
     assert!(
         long.is_empty(),
-        "over {MOST_LINES} lines, cut along a concept:\n{}",
+        "over {MOST_LINES} lines, split by concept:\n{}",
         long.join("\n")
     );
 }
 
 #[test]
-fn no_room_is_a_drawer_for_odds_and_ends() {
+fn no_module_is_named_util_common_or_misc() {
     for file in rust_files("src") {
-        let drawer = file
+        let unspecific = file
             .split('/')
             .any(|p| ["util", "utils", "common", "misc"].contains(&p.trim_end_matches(".rs")));
-        assert!(!drawer, "{file}: name it after what it is about");
+        assert!(!unspecific, "{file}: name the module after its subject");
     }
 }
 
@@ -36,7 +37,7 @@ fn only_the_command_line_prints() {
         .filter(|f| !f.starts_with("src/cli/") && !f.contains("tests"))
     {
         let code = code_only(&text(&file));
-        // Tests print what they skip and why.
+        // Tests print which tests are skipped and why.
         let code = code
             .split("#[cfg(test)]\nmod tests {")
             .next()
@@ -49,9 +50,9 @@ fn only_the_command_line_prints() {
 }
 
 #[test]
-fn nothing_names_a_place_on_one_machine() {
+fn no_file_names_a_home_or_work_folder() {
     // Assembled here so that this file does not match itself.
-    let places: Vec<String> = ["home", "Users", "root", "work"]
+    let folders: Vec<String> = ["home", "Users", "root", "work"]
         .iter()
         .map(|p| format!("/{p}/"))
         .collect();
@@ -61,15 +62,15 @@ fn nothing_names_a_place_on_one_machine() {
             continue;
         };
         for (number, line) in text.lines().enumerate() {
-            let absolute = |place: &String| {
-                line.match_indices(place.as_str()).any(|(at, _)| {
+            let absolute = |folder: &String| {
+                line.match_indices(folder.as_str()).any(|(at, _)| {
                     !line[..at]
                         .chars()
                         .next_back()
                         .is_some_and(|c| c.is_alphanumeric() || "_-.*}/".contains(c))
                 })
             };
-            if places.iter().any(absolute) {
+            if folders.iter().any(absolute) {
                 found.push(format!(
                     "{}:{}: {line}",
                     path.strip_prefix(root()).unwrap().display(),

@@ -1,4 +1,4 @@
-//! The import law: the table in `src/lib.rs` agrees with the code.
+//! The import rule: the table of modules in `src/lib.rs` agrees with the code.
 
 use std::collections::BTreeMap;
 
@@ -41,15 +41,18 @@ fn levels() -> BTreeMap<String, u32> {
         let Ok(level) = cells[0].parse::<u32>() else {
             continue;
         };
-        for room in cells[1].split(',') {
-            levels.insert(room.trim().trim_matches(['[', ']', '`']).to_owned(), level);
+        for module in cells[1].split(',') {
+            levels.insert(
+                module.trim().trim_matches(['[', ']', '`']).to_owned(),
+                level,
+            );
         }
     }
     levels
 }
 
 /// Returns the modules that code names by `crate::module` or `crate::{module, ..}`.
-fn rooms_named(code: &str) -> Vec<String> {
+fn modules_named(code: &str) -> Vec<String> {
     let mut named = Vec::new();
     for at in words(code, "crate") {
         let Some(rest) = code[at + "crate".len()..].trim_start().strip_prefix("::") else {
@@ -88,28 +91,30 @@ fn first_word(text: &str) -> String {
 }
 
 #[test]
-fn rooms_import_only_rooms_of_a_lower_level() {
+fn modules_import_only_modules_of_a_lower_level() {
     let levels = levels();
     assert!(
         levels.len() >= 12,
-        "the table of src/lib.rs was not understood: {levels:?}"
+        "too few modules were found in the table of src/lib.rs: {levels:?}"
     );
     let mut broken = Vec::new();
     for file in rust_files("src") {
-        let Some((room, _)) = file.trim_start_matches("src/").split_once('/') else {
+        let Some((module, _)) = file.trim_start_matches("src/").split_once('/') else {
             continue;
         };
         let level = *levels
-            .get(room)
-            .unwrap_or_else(|| panic!("src/{room} is not in the table of src/lib.rs"));
-        for target in rooms_named(&code_only(&text(&file))) {
+            .get(module)
+            .unwrap_or_else(|| panic!("src/{module} is not in the table of src/lib.rs"));
+        for target in modules_named(&code_only(&text(&file))) {
             match levels.get(&target) {
-                _ if target == room => {}
+                _ if target == module => {}
                 Some(other) if *other < level => {}
                 Some(other) => broken.push(format!(
                     "{file} (level {level}) imports {target} (level {other})"
                 )),
-                None => broken.push(format!("{file} imports crate::{target}, which is no room")),
+                None => broken.push(format!(
+                    "{file} imports crate::{target}, which is not in the table"
+                )),
             }
         }
     }
@@ -117,12 +122,12 @@ fn rooms_import_only_rooms_of_a_lower_level() {
 }
 
 #[test]
-fn every_room_of_the_table_exists_and_is_declared() {
+fn the_table_lists_exactly_the_declared_modules() {
     let library = text("src/lib.rs");
-    for room in levels().keys() {
+    for module in levels().keys() {
         assert!(
-            library.contains(&format!("pub mod {room};")),
-            "{room} is in the table but not declared"
+            library.contains(&format!("pub mod {module};")),
+            "{module} is in the table but not declared"
         );
     }
     let declared = library
@@ -132,12 +137,12 @@ fn every_room_of_the_table_exists_and_is_declared() {
     assert_eq!(
         declared,
         levels().len(),
-        "a declared room is missing in the table"
+        "a declared module is missing in the table"
     );
 }
 
 #[test]
-fn super_does_not_lead_out_of_a_room() {
+fn super_does_not_leave_a_top_level_module() {
     let mut broken = Vec::new();
     for file in rust_files("src") {
         let parts: Vec<&str> = file
@@ -171,17 +176,17 @@ fn super_does_not_lead_out_of_a_room() {
 }
 
 #[test]
-fn dependencies_stay_in_their_rooms() {
+fn confined_crates_are_used_only_in_their_modules() {
     let mut broken = Vec::new();
     for file in rust_files("src") {
         let code = code_only(&text(&file));
-        for (name, rooms) in CONFINED {
+        for (name, modules) in CONFINED {
             if is_local_module(&code, name) {
                 continue;
             }
-            let allowed = rooms
+            let allowed = modules
                 .iter()
-                .any(|room| file.starts_with(&format!("src/{room}/")));
+                .any(|module| file.starts_with(&format!("src/{module}/")));
             let used = words(&code, name).any(|at| {
                 // `obvhs::..` or `use obvhs;`, but not the end of a path such as
                 // `crate::output::exr::..`.
@@ -191,7 +196,7 @@ fn dependencies_stay_in_their_rooms() {
             if used && !allowed {
                 broken.push(format!(
                     "{file} uses {name}, which belongs to {}",
-                    rooms.join(" and ")
+                    modules.join(" and ")
                 ));
             }
         }
@@ -199,8 +204,8 @@ fn dependencies_stay_in_their_rooms() {
     assert!(broken.is_empty(), "{}", broken.join("\n"));
 }
 
-/// Returns whether a name means a local module in this file: one of the module `output` is called
-/// like the crate `exr`.
+/// Returns whether a name means a local module in this file: `output::exr` has the name of the
+/// crate `exr`.
 fn is_local_module(code: &str, name: &str) -> bool {
     let ours = |statement: &&str| {
         let path = statement
@@ -217,7 +222,7 @@ fn is_local_module(code: &str, name: &str) -> bool {
 }
 
 #[test]
-fn a_module_of_our_own_may_be_called_like_a_crate() {
+fn a_local_module_may_have_the_name_of_a_crate() {
     assert!(is_local_module(
         "use std::fs;\nuse crate::output::{exr, png};",
         "exr"
@@ -229,7 +234,8 @@ fn a_module_of_our_own_may_be_called_like_a_crate() {
 }
 
 #[test]
-fn groups_and_nested_groups_are_understood() {
-    let code = "use crate::{film::{Image, Film}, scene::desc as d, value}; let x = crate::tui::y(); mycrate::no";
-    assert_eq!(rooms_named(code), ["film", "scene", "value", "tui"]);
+fn modules_are_found_in_nested_groups_of_imports() {
+    let code = "use crate::{film::{Image, Film}, scene::desc as d, value}; \
+                let x = crate::tui::y(); mycrate::no";
+    assert_eq!(modules_named(code), ["film", "scene", "value", "tui"]);
 }

@@ -108,7 +108,7 @@ fn not_inlined(text: &str) -> Vec<String> {
 }
 
 #[test]
-fn functions_of_vectors_are_inlined_by_force() {
+fn functions_that_use_vectors_are_force_inlined() {
     let files = MODULES
         .iter()
         .flat_map(|module| rust_files(module))

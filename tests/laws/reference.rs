@@ -6,12 +6,13 @@ use super::source::{root, text};
 const MARKER: &str =
     "<!-- Generated from the program's tables by tests/laws/reference.rs: do not edit below. -->\n";
 
-/// Compares the part of `page` below the marker with `generated`; writes the page and fails if they differ.
+/// Compares the part of `page` below the marker with `generated`. Writes the page and panics if
+/// they differ.
 fn check(page: &str, generated: &str) {
     let stored = text(page);
     let (introduction, part) = stored
         .split_once(MARKER)
-        .expect("the page has the marker of its generated part");
+        .expect("the page has no marker of its generated part");
     let expected = format!("\n{generated}");
     if part != expected {
         let new = format!("{introduction}{MARKER}{expected}");

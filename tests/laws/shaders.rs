@@ -15,7 +15,7 @@ const ENTRIES: [&str; 3] = [
     "entry/generation.rgen",
 ];
 
-/// Entry points that no integrator is part of.
+/// Entry points that do not include an integrator.
 const OTHERS: [&str; 5] = [
     "entry/miss.rmiss",
     "entry/triangle.rchit",
@@ -41,7 +41,7 @@ const DEFINES: [&[(&str, &str)]; 3] = [
     ],
 ];
 
-/// Returns the definitions as the compiler takes them.
+/// Returns the definitions in the form that the compiler takes.
 fn owned<'a>(defines: &[(&'a str, &str)]) -> Vec<(&'a str, String)> {
     let pairs = defines.iter();
     pairs
@@ -75,7 +75,7 @@ fn every_entry_compiles_with_every_integrator_and_feature() {
 }
 
 #[test]
-fn every_kernel_that_tests_run_on_devices_compiles() {
+fn every_test_kernel_compiles() {
     let folder = root().join("tests/device/parity");
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();

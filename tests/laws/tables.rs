@@ -1,4 +1,4 @@
-//! Laws over the tables: what makes a table row findable and understandable.
+//! Rules for the rows of all tables: names, docs, schemas and keys.
 
 use std::collections::BTreeSet;
 
@@ -28,7 +28,7 @@ fn check_rows<'a>(table: &str, rows: impl IntoIterator<Item = (&'a str, &'a str)
         );
         assert!(
             seen.insert(name.to_owned()),
-            "{table}: `{name}` stands there twice"
+            "{table}: `{name}` is listed twice"
         );
         check_doc(&format!("{table}.{name}"), doc);
     }
@@ -38,11 +38,11 @@ fn check_rows<'a>(table: &str, rows: impl IntoIterator<Item = (&'a str, &'a str)
 fn check_doc(place: &str, doc: &str) {
     assert!(
         doc.split_whitespace().count() >= 2,
-        "{place}: `{doc}` explains nothing"
+        "{place}: `{doc}` has fewer than two words"
     );
     assert!(
         doc.trim() == doc && doc.ends_with(['.', ')', ']']),
-        "{place}: `{doc}` is no sentence"
+        "{place}: `{doc}` is not a sentence"
     );
 }
 
@@ -53,7 +53,7 @@ fn check_schema(place: &str, table: &Table) {
     for Field { key, ty, doc, .. } in table.fields {
         let place = format!("{place}.{key}");
         assert!(snake_case(key), "{place} is not snake_case");
-        assert!(seen.insert(key), "{place} stands there twice");
+        assert!(seen.insert(key), "{place} is listed twice");
         assert!(!doc.trim().is_empty(), "{place} has no doc");
         if let Ty::Table(inner) = ty {
             check_schema(&place, inner);
@@ -62,12 +62,12 @@ fn check_schema(place: &str, table: &Table) {
 }
 
 #[test]
-fn integrators_have_names_long_names_and_manuals() {
+fn integrators_have_names_long_names_and_docs() {
     check_rows("INTEGRATORS", INTEGRATORS.iter().map(|r| (r.name, r.doc)));
     for row in INTEGRATORS {
         assert!(
             row.long_name.contains(' '),
-            "{}: the long name `{}` is not long",
+            "{}: the long name `{}` is a single word",
             row.name,
             row.long_name
         );
@@ -77,7 +77,7 @@ fn integrators_have_names_long_names_and_manuals() {
 }
 
 #[test]
-fn samplers_have_names_and_docs_and_numbers() {
+fn samplers_have_names_and_docs_and_return_numbers_below_one() {
     check_rows("SAMPLERS", SAMPLERS.iter().map(|r| (r.name, r.doc)));
     for row in SAMPLERS {
         assert!(row.revision >= 1);
@@ -87,7 +87,7 @@ fn samplers_have_names_and_docs_and_numbers() {
 }
 
 #[test]
-fn backends_have_names_and_docs_and_answer_a_probe() {
+fn backends_have_names_and_docs_and_their_probes_return_text() {
     check_rows("BACKENDS", BACKENDS.iter().map(|r| (r.name, r.doc)));
     for row in BACKENDS {
         let (Ok(answer) | Err(answer)) = (row.probe)();
@@ -99,12 +99,12 @@ fn backends_have_names_and_docs_and_answer_a_probe() {
     }
     assert!(
         BACKENDS.iter().all(|r| r.name != "auto"),
-        "`auto` means the choice, not a backend"
+        "`auto` selects a backend and must not be one"
     );
 }
 
 #[test]
-fn metrics_have_long_names_and_definitions() {
+fn metrics_have_names_long_names_and_docs() {
     check_rows("METRICS", METRICS.iter().map(|r| (r.name, r.doc)));
     for row in METRICS {
         assert!(!row.long_name.is_empty(), "{}", row.name);
@@ -113,7 +113,7 @@ fn metrics_have_long_names_and_definitions() {
 }
 
 #[test]
-fn material_parameters_have_keys_and_meanings() {
+fn material_parameters_have_docs_and_distinct_scn_keys() {
     check_rows(
         "MATERIAL_PARAMS",
         MATERIAL_PARAMS.iter().map(|r| (r.name, r.doc)),
@@ -130,7 +130,7 @@ fn material_parameters_have_keys_and_meanings() {
 }
 
 #[test]
-fn scene_formats_have_extensions_that_no_other_has() {
+fn no_two_scene_formats_share_an_extension() {
     check_rows("FORMATS", FORMATS.iter().map(|r| (r.name, r.doc)));
     let mut seen = BTreeSet::new();
     for extension in FORMATS.iter().flat_map(|r| r.extensions) {
@@ -145,7 +145,7 @@ fn scene_formats_have_extensions_that_no_other_has() {
 }
 
 #[test]
-fn tone_maps_have_names_and_options() {
+fn tone_maps_have_names_docs_and_valid_schemas() {
     check_rows(
         "TONEMAPS",
         TONEMAPS.iter().map(|(name, table)| (*name, table.doc)),

@@ -3,9 +3,10 @@
 
 use super::source::{root, rust_files, text};
 
-/// Shaders without an original of the same name: types that Rust defines in `mod.rs` but that GLSL
-/// must define before the files that `mod.glsl` includes.
-const ALONE: &[(&str, &str)] = &[("transport/light/types.glsl", "src/transport/light/mod.rs")];
+/// Shaders whose original has another path, with that path: types that Rust defines in `mod.rs` but
+/// that GLSL must define before the files that `mod.glsl` includes.
+const OTHER_ORIGINAL: &[(&str, &str)] =
+    &[("transport/light/types.glsl", "src/transport/light/mod.rs")];
 
 /// Originals without a twin, with the reason.
 const HOST: &[(&str, &str)] = &[
@@ -90,11 +91,11 @@ fn every_twin_has_the_path_of_its_original_and_names_it() {
             .next()
             .unwrap_or_default()
             .to_owned();
-        let alone = ALONE
+        let listed = OTHER_ORIGINAL
             .iter()
             .find(|(name, _)| *name == shader)
             .map(|(_, original)| (*original).to_owned());
-        let original = alone.unwrap_or_else(|| format!("src/{}", shader.replace(".glsl", ".rs")));
+        let original = listed.unwrap_or_else(|| format!("src/{}", shader.replace(".glsl", ".rs")));
         assert!(
             first.contains(&original),
             "shaders/{shader} does not name {original} in its first line"
@@ -107,7 +108,7 @@ fn every_twin_has_the_path_of_its_original_and_names_it() {
 }
 
 #[test]
-fn every_original_has_a_twin_or_a_reason_to_have_none() {
+fn every_original_has_a_twin_or_a_stated_reason_for_having_none() {
     let twins: Vec<String> = ["math", "transport"]
         .iter()
         .flat_map(|folder| shaders(folder))
@@ -117,11 +118,11 @@ fn every_original_has_a_twin_or_a_reason_to_have_none() {
         .flat_map(|folder| rust_files(folder))
     {
         let twin = original.trim_start_matches("src/").replace(".rs", ".glsl");
-        let excused = HOST
+        let listed_without_twin = HOST
             .iter()
             .any(|(name, reason)| *name == original && !reason.is_empty());
         assert!(
-            twins.contains(&twin) != excused,
+            twins.contains(&twin) != listed_without_twin,
             "{original}: shaders/{twin} is missing, or HOST lists it although it exists"
         );
     }

@@ -3,7 +3,7 @@
 
 use super::source::{project_files, root, rust_files, text};
 
-/// Words and phrases of a private dialect, with what to write instead.
+/// Words and phrases that the project does not use, with what to write instead.
 const REFUSED: &[(&str, &str)] = &[
     ("whoever", "name the caller, process or user"),
     ("nobody", "no process, no user, nothing"),
@@ -155,7 +155,7 @@ fn every_doc_comment_is_a_sentence() {
 }
 
 #[test]
-fn the_checks_of_words_notice_what_they_refuse() {
+fn the_checks_find_refused_phrases_and_faulty_doc_comments() {
     assert_eq!(refused("Whoever reads it.\nIs nobody here?").len(), 2);
     assert!(refused("everybody_else, `whoever_comes`").is_empty());
     let source =
