@@ -1,6 +1,7 @@
-//! Metrics compared with scikit-image, and the laws of every table row.
+//! Metrics compared with scikit-image and the authors' FLIP, and the properties that every row of
+//! the metric table must have.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests may fail like tests")]
+#![allow(clippy::unwrap_used, reason = "test helpers may panic")]
 
 #[path = "metrics/golden.rs"]
 mod golden;

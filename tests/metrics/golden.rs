@@ -141,7 +141,7 @@ fn ssim_equals_scikit_image() {
 }
 
 #[test]
-fn tone_maps_apply_to_both_images_first() {
+fn tone_maps_apply_to_both_images_before_the_metric() {
     for pair in &pairs() {
         let on_srgb = eval(pair, "mse", &[("on", tonemap("srgb", &[]))]);
         assert_near(
@@ -168,7 +168,7 @@ fn tone_maps_apply_to_both_images_first() {
 }
 
 #[test]
-fn biases_and_fireflies_equal_numpy() {
+fn bias_and_fireflies_equal_numpy() {
     let mut counted = 0.0;
     for pair in &pairs() {
         assert_near(pair, "bias", eval(pair, "bias", &[]), 1e-12 * pair.range);
@@ -186,13 +186,13 @@ fn biases_and_fireflies_equal_numpy() {
     }
     assert!(
         counted > 20.0,
-        "the pictures hardly have fireflies: {counted}"
+        "too few fireflies in the pictures: {counted}"
     );
 }
 
 /// The authors' program computes in single precision throughout, so a mean agrees to a few units of
-/// 1e-6. Single pixels go through `x^0.7` and a root, which are steep at 0: there a rounding of
-/// 1e-7 in a filter becomes 1e-4.
+/// 1e-6. The formula of a single pixel contains `x^0.7` and a root, which are steep at 0: there a
+/// rounding error of 1e-7 in a filter becomes 1e-4.
 const FLIP_MEAN: f64 = 1e-5;
 const FLIP_PIXEL: f64 = 2e-4;
 

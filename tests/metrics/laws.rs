@@ -1,4 +1,5 @@
-//! Laws of every table row, so that a new one is checked from the day it is added.
+//! Properties that every row of the metric table must have. New rows are covered without a change
+//! here.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -68,7 +69,7 @@ fn names_are_unique_snake_case_and_documented() {
 }
 
 #[test]
-fn equal_images_are_perfect() {
+fn equal_images_have_the_perfect_value() {
     for row in METRICS {
         let value = spec(row).eval(&scene(), &scene()).unwrap();
         let near = value == row.perfect || (value - row.perfect).abs() < 1e-12;
@@ -83,14 +84,14 @@ fn equal_images_are_perfect() {
 }
 
 #[test]
-fn more_noise_is_worse_in_the_direction_of_the_row() {
+fn more_noise_gives_a_worse_value() {
     for row in METRICS {
         let values: Vec<f64> = [0.01, 0.05, 0.2]
             .iter()
             .map(|a| spec(row).eval(&noisy(*a), &scene()).unwrap())
             .collect();
         let worse = |a: &f64, b: &f64| match row.better {
-            // Counts of pixels need not change.
+            // A count of pixels may stay the same.
             Better::Lower if row.unit == "pixels" => a <= b,
             Better::Lower => a < b,
             Better::Higher => a > b,
@@ -101,7 +102,7 @@ fn more_noise_is_worse_in_the_direction_of_the_row() {
 }
 
 #[test]
-fn a_nan_anywhere_makes_the_value_nan() {
+fn a_nan_in_either_image_makes_the_value_nan() {
     let mut broken = scene();
     broken.data[100][2] = f32::NAN;
     for row in METRICS {
@@ -119,7 +120,7 @@ fn a_nan_anywhere_makes_the_value_nan() {
 }
 
 #[test]
-fn sizes_must_agree() {
+fn images_of_different_sizes_are_an_error() {
     for row in METRICS {
         let e = spec(row)
             .eval(&Image::new(16, 12), &Image::new(12, 16))
@@ -136,7 +137,7 @@ fn sizes_must_agree() {
 }
 
 #[test]
-fn maps_are_zero_where_images_agree_and_have_the_metric_as_their_mean() {
+fn error_maps_of_equal_images_are_zero_and_the_mean_of_a_map_is_the_metric() {
     let mut found = 0;
     for row in METRICS.iter().filter(|row| row.map.is_some()) {
         let spec = spec(row);
@@ -172,7 +173,7 @@ fn maps_are_zero_where_images_agree_and_have_the_metric_as_their_mean() {
 }
 
 #[test]
-fn a_nan_is_seen_in_the_map() {
+fn a_nan_pixel_is_nan_in_the_error_map_and_others_stay_finite() {
     let mut broken = scene();
     broken.data[100][2] = f32::NAN;
     for row in METRICS.iter().filter(|row| row.map.is_some()) {
@@ -180,14 +181,14 @@ fn a_nan_is_seen_in_the_map() {
         assert!(map.values[100].is_nan(), "{}", row.name);
         assert!(
             map.values.iter().any(|v| v.is_finite()),
-            "{}: nothing is left",
+            "{}: no pixel is finite",
             row.name
         );
     }
 }
 
 #[test]
-fn metrics_without_a_map_say_which_have_one() {
+fn the_error_of_a_metric_without_a_map_lists_those_with_one() {
     let e = spec(metric("psnr").unwrap())
         .error_map(&scene(), &scene())
         .unwrap_err()
@@ -196,12 +197,12 @@ fn metrics_without_a_map_say_which_have_one() {
 }
 
 #[test]
-fn automatic_options_can_be_replaced_by_what_they_settle_to() {
+fn settled_options_given_explicitly_give_the_same_value() {
     for row in METRICS.iter().filter(|row| row.settle.is_some()) {
         let settled = MetricSpec::new(row.name, row.name, spec(row).settled(&scene())).unwrap();
-        let [chosen, given] =
+        let [automatic, explicit] =
             [spec(row), settled.clone()].map(|s| s.eval(&noisy(0.2), &scene()).unwrap());
-        assert_eq!(chosen, given, "{}", row.name);
+        assert_eq!(automatic, explicit, "{}", row.name);
         assert_ne!(settled.identity(), spec(row).identity());
     }
 }

@@ -1,6 +1,8 @@
-"""Writes golden.json: small seeded image pairs and what numpy, scikit-image and the authors' FLIP say about them.
+"""Writes golden.json: small seeded image pairs and their metrics.
 
-The Rust tests read only golden.json; run this again to change the images:
+The metrics are computed by numpy, scikit-image and the authors' FLIP.
+
+The Rust tests read only golden.json; run this script again to change the images:
 
     pip install numpy scikit-image flip-evaluator
     python tests/metrics/make_golden.py
@@ -27,7 +29,7 @@ def quantise(image):
 
 
 def smooth(rng):
-    """A soft gradient with a hard edge, a dark corner and some texture, in 0..1."""
+    """Returns a soft gradient with a hard edge, a dark corner and some texture, in 0..1."""
     y, x = np.mgrid[0:HEIGHT, 0:WIDTH] / [[[HEIGHT]], [[WIDTH]]]
     base = 0.15 + 0.5 * x + 0.25 * np.sin(7.0 * y)
     base = np.where((x > 0.55) & (y > 0.4), 0.85 - base, base)
@@ -43,7 +45,10 @@ def ldr_pair(rng):
 
 
 def hdr_pair(rng):
-    """Radiance up to about 50 with a lamp, and multiplicative noise with a few bright outliers."""
+    """Returns radiance up to about 50 with a light, and noise with a few bright outliers.
+
+    The noise is multiplicative.
+    """
     reference = 4.0 * smooth(rng) ** 2
     reference[2:5, 10:14] = [45.0, 38.0, 26.0]
     image = reference * rng.gamma(4.0, 0.25, reference.shape)
@@ -52,7 +57,7 @@ def hdr_pair(rng):
 
 
 def blurred_pair(rng):
-    """The same mean, less structure."""
+    """Returns an image with the same mean and less structure."""
     reference = smooth(rng)
     padded = np.pad(reference, ((1, 1), (1, 1), (0, 0)), mode="edge")
     shifts = [padded[i : i + HEIGHT, j : j + WIDTH] for i in range(3) for j in range(3)]
@@ -70,7 +75,9 @@ def reinhard(x, exposure, gamma):
 
 
 def ssim(image, reference, data_range, **window):
-    return float(structural_similarity(image, reference, data_range=data_range, channel_axis=2, **window))
+    return float(
+        structural_similarity(image, reference, data_range=data_range, channel_axis=2, **window)
+    )
 
 
 UNIFORM = dict(gaussian_weights=False, win_size=7, use_sample_covariance=True)
@@ -78,7 +85,7 @@ GAUSS = dict(gaussian_weights=True, sigma=1.5, use_sample_covariance=False)
 
 
 def flip(image, reference, range_, srgb_values=False, **parameters):
-    """The authors' error map, mean and parameters; images are linear light unless they are sRGB values."""
+    """Returns the authors' map, mean and parameters; images are linear unless `srgb_values`."""
     image, reference = (np.ascontiguousarray(i, dtype=np.float32) for i in (image, reference))
     return flip_evaluator.evaluate(
         reference, image, range_, inputsRGB=srgb_values, applyMagma=False, parameters=parameters
@@ -109,7 +116,7 @@ def flips(image, reference):
 
 
 def bias_se(difference, side):
-    """Standard error of the mean from the sums of square blocks."""
+    """Returns the standard error of the mean from the sums of square blocks."""
     pixels = difference.mean(axis=2)
     blocks = [
         (pixels[y : y + side, x : x + side].sum(), pixels[y : y + side, x : x + side].size)
@@ -171,7 +178,8 @@ def main():
             }
         )
     golden = {
-        "made_by": f"make_golden.py with numpy {np.__version__}, scikit-image {skimage.__version__}, "
+        "made_by": f"make_golden.py with numpy {np.__version__}, "
+        f"scikit-image {skimage.__version__}, "
         f"flip-evaluator {version('flip-evaluator')}",
         "width": WIDTH,
         "height": HEIGHT,
@@ -179,7 +187,8 @@ def main():
         "pairs": pairs,
     }
     path = Path(__file__).with_name("golden.json")
-    path.write_text(json.dumps(golden, separators=(",", ":")).replace('{"name"', '\n{"name"') + "\n")
+    text = json.dumps(golden, separators=(",", ":")).replace('{"name"', '\n{"name"')
+    path.write_text(text + "\n")
 
 
 if __name__ == "__main__":
