@@ -1,10 +1,10 @@
-//! Light with a finite speed, and materials that re-emit it later: compared with analytic truth,
-//! with each other, and with a film by another program.
+//! Light with a finite speed, and materials that re-emit it after a delay: compared with closed
+//! forms, between integrators, and with a render by another program.
 
 #![allow(
     clippy::unwrap_used,
     clippy::print_stdout,
-    reason = "helpers of tests may fail and talk as tests do"
+    reason = "test helpers may panic and print"
 )]
 
 mod common;

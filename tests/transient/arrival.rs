@@ -1,4 +1,4 @@
-//! Films with a time axis: light arrives at the right place at the right time.
+//! Films with a time axis: light arrives in the pixels and bins that closed forms predict.
 
 use std::sync::Arc;
 
@@ -17,6 +17,7 @@ use lumbre::transport::path_time::Timing;
 
 use crate::common::{SceneBuilder, WHITE, grey, job, light};
 
+/// A filter without extent: every ray goes through the centre of its pixel.
 const PIN: FilterSpec = FilterSpec {
     kind: FilterKind::Box,
     radius: 0.0,
@@ -30,11 +31,13 @@ const GLASS: Material = Material {
     ..WHITE
 };
 
+/// Returns a time axis with default settings.
 pub fn timing(start: f64, bin: f64, bins: u32) -> Timing {
     Timing::plain(TimeAxis { start, bin, bins })
 }
 
-pub fn with(name: &str, timing: Timing, size: [u32; 2], depth: u32, seed: u64) -> Job {
+/// Returns a job with a time axis.
+pub fn timed_job(name: &str, timing: Timing, size: [u32; 2], depth: u32, seed: u64) -> Job {
     Job {
         integrator: integrator(name).unwrap(),
         timing: Some(timing),
@@ -42,7 +45,8 @@ pub fn with(name: &str, timing: Timing, size: [u32; 2], depth: u32, seed: u64) -
     }
 }
 
-pub fn rendered(scene: &Arc<CompiledScene>, job: Job, waves: &[u64]) -> CpuRenderer {
+/// Renders waves of these numbers of samples. Panics if a sample is invalid.
+pub fn render_waves(scene: &Arc<CompiledScene>, job: Job, waves: &[u64]) -> CpuRenderer {
     let mut renderer = CpuRenderer::new(Arc::clone(scene), job).unwrap();
     for n in waves {
         assert_eq!(renderer.advance(*n).unwrap().invalid, 0);
@@ -51,7 +55,7 @@ pub fn rendered(scene: &Arc<CompiledScene>, job: Job, waves: &[u64]) -> CpuRende
 }
 
 fn cube(scene: &Arc<CompiledScene>, job: Job, samples: u64) -> TimeCube {
-    rendered(scene, job, &[samples]).times().unwrap()
+    render_waves(scene, job, &[samples]).times().unwrap()
 }
 
 /// Returns the scene with some materials delayed, given by index.
@@ -108,7 +112,7 @@ fn every_profile() -> Vec<DelayDesc> {
 
 /// Returns a room with an area light, a glass ball, a light inside glass and a mirror ball; light
 /// from a point and, through a hole, from the environment.
-fn busy() -> SceneBuilder {
+fn varied_room() -> SceneBuilder {
     let bulb = Vec3::new(-0.5, -0.55, 0.1);
     SceneBuilder::new(Vec3::new(0.0, 0.0, 2.6), Vec3::ZERO, 45.0)
         .quad(
@@ -155,8 +159,8 @@ fn busy() -> SceneBuilder {
 }
 
 #[test]
-fn slots_add_up_to_the_picture_to_the_bit_and_threads_waves_and_checkpoints_change_nothing() {
-    let scene = delayed(busy(), &[0, 3], &every_profile()[1]).build();
+fn slots_sum_to_the_film_and_have_the_same_bits_for_any_threads_waves_and_checkpoints() {
+    let scene = delayed(varied_room(), &[0, 3], &every_profile()[1]).build();
     for row in INTEGRATORS {
         for filter in [TimeFilter::None, TimeFilter::Gauss(0.8)] {
             let timing = Timing {
@@ -165,9 +169,9 @@ fn slots_add_up_to_the_picture_to_the_bit_and_threads_waves_and_checkpoints_chan
             };
             let job = Job {
                 threads: 1,
-                ..with(row.name, timing, [10, 8], 5, 3)
+                ..timed_job(row.name, timing, [10, 8], 5, 3)
             };
-            let whole = rendered(&scene, job.clone(), &[9]);
+            let whole = render_waves(&scene, job.clone(), &[9]);
             let all = whole.times().unwrap();
             assert_eq!(all.steady(), whole.film().mean(), "{}", row.name);
             let sums: Vec<[f64; 3]> = (0..80)
@@ -176,12 +180,12 @@ fn slots_add_up_to_the_picture_to_the_bit_and_threads_waves_and_checkpoints_chan
             assert_eq!(
                 sums,
                 whole.film().sum,
-                "{}: sums are those of the slots",
+                "{}: the film is not the sum of its slots",
                 row.name
             );
             assert!(all.sum.iter().any(|s| s[0] > 0.0) && all.slots(5, 5).len() == 32);
             for (threads, waves) in [(3, &[9u64][..]), (2, &[1, 2, 4, 2])] {
-                let other = rendered(
+                let other = render_waves(
                     &scene,
                     Job {
                         threads,
@@ -196,7 +200,7 @@ fn slots_add_up_to_the_picture_to_the_bit_and_threads_waves_and_checkpoints_chan
                 );
                 assert_eq!(other.film(), whole.film());
             }
-            let before = rendered(&scene, job.clone(), &[4]);
+            let before = render_waves(&scene, job.clone(), &[4]);
             let (mut state, mut after) = (
                 Vec::new(),
                 CpuRenderer::new(Arc::clone(&scene), job.clone()).unwrap(),
@@ -220,23 +224,23 @@ fn slots_add_up_to_the_picture_to_the_bit_and_threads_waves_and_checkpoints_chan
 }
 
 #[test]
-fn a_time_axis_and_profiles_change_no_picture() {
+fn time_axes_and_delays_do_not_change_the_picture() {
     for row in INTEGRATORS {
         let plain = job([10, 8], 5, 4);
         let plain = Job {
             integrator: row,
             ..plain
         };
-        let bare = rendered(&busy().build(), plain.clone(), &[6]);
+        let untimed = render_waves(&varied_room().build(), plain.clone(), &[6]);
         for desc in every_profile() {
-            let scene = delayed(busy(), &[0, 2, 3, 8], &desc).build();
+            let scene = delayed(varied_room(), &[0, 2, 3, 8], &desc).build();
             assert_eq!(
-                rendered(&scene, plain.clone(), &[6]).film(),
-                bare.film(),
+                render_waves(&scene, plain.clone(), &[6]).film(),
+                untimed.film(),
                 "{} {desc:?}",
                 row.name
             );
-            let timed = rendered(
+            let timed = render_waves(
                 &scene,
                 Job {
                     timing: Some(timing(0.0, 0.5, 20)),
@@ -249,7 +253,7 @@ fn a_time_axis_and_profiles_change_no_picture() {
                 .sum
                 .as_flattened()
                 .iter()
-                .zip(bare.film().sum.as_flattened())
+                .zip(untimed.film().sum.as_flattened())
             {
                 assert!(
                     (a - b).abs() <= 1e-6 * b.abs(),
@@ -291,7 +295,7 @@ fn arrives_at(cube: &TimeCube, [x, y]: [u32; 2], length: f64, what: &str) {
         .filter(|(_, s)| s[0] > 0.0)
         .map(|(i, _)| i)
         .collect();
-    assert!(total > 0.0, "{what} {x} {y}: there is light");
+    assert!(total > 0.0, "{what} {x} {y}: no light arrives");
     assert!(
         (near - total).abs() <= 1e-12 * total,
         "{what} {x} {y}: {lit:?} instead of {}",
@@ -300,8 +304,8 @@ fn arrives_at(cube: &TimeCube, [x, y]: [u32; 2], length: f64, what: &str) {
 }
 
 #[test]
-fn a_point_pulse_between_two_plates_arrives_when_it_should() {
-    // Plates at z = -3 and z = 4 that face each other, the camera at the origin, the point beside
+fn a_pulse_between_two_plates_arrives_after_the_length_of_its_path() {
+    // Plates at z = -3 and z = 4 face each other. The camera is at the origin, a point light beside
     // it.
     let lamp = Vec3::new(1.2, 0.4, 0.5);
     let (near, far) = (-3.0f32, 4.0f32);
@@ -323,7 +327,7 @@ fn a_point_pulse_between_two_plates_arrives_when_it_should() {
     for name in ["nee", "bdpt"] {
         let job = |depth| Job {
             filter: PIN,
-            ..with(name, timing(2.0, 0.05, 600), [9, 9], depth, 5)
+            ..timed_job(name, timing(2.0, 0.05, 600), [9, 9], depth, 5)
         };
         let direct = cube(&scene, job(2), 4);
         let twice = cube(&scene, job(3), 256);
@@ -331,8 +335,8 @@ fn a_point_pulse_between_two_plates_arrives_when_it_should() {
             let x = dir * (near / dir.z);
             let direct_length = f64::from(x.length() + x.distance(lamp));
             arrives_at(&direct, at, direct_length, name);
-            // The shortest way over the far plate is that of its mirror image. It comes after the
-            // direct one, and nothing comes between.
+            // The shortest path over the far plate is as long as a straight one from the mirror
+            // image of the light. No light arrives between the direct light and this.
             let image = Vec3::new(lamp.x, lamp.y, 2.0 * far - lamp.z);
             let first = f64::from(x.length() + x.distance(image));
             let slots = twice.slots(at[0], at[1]);
@@ -341,23 +345,23 @@ fn a_point_pulse_between_two_plates_arrives_when_it_should() {
                 twice.axis.slot(twice.axis.bin_position(first)),
             );
             let lit: Vec<usize> = (0..slots.len()).filter(|i| slots[*i][0] > 0.0).collect();
-            assert_eq!(lit[0], direct_slot, "{name}: the direct pulse comes first");
+            assert_eq!(lit[0], direct_slot, "{name}: direct light is not the first");
             assert!(
                 lit[1] + 1 >= first_slot,
-                "{name}: {lit:?}, not before {first_slot}"
+                "{name}: light before slot {first_slot}: {lit:?}"
             );
             assert!(
                 lit[1] <= first_slot + 12,
-                "{name}: {lit:?} soon after {first_slot}"
+                "{name}: no light soon after slot {first_slot}: {lit:?}"
             );
         }
     }
 }
 
 #[test]
-fn a_corridor_of_mirrors_is_as_long_as_it_is_unfolded() {
-    // Mirrors at x = -1 and x = 1, an emitting wall at z = -10: whatever the number of reflections,
-    // 10 / cos.
+fn paths_between_mirrors_have_the_length_of_the_unfolded_path() {
+    // Mirrors at x = -1 and x = 1, an emitting wall at z = -10: the length of a path is 10 / cos
+    // for any number of reflections.
     let scene = SceneBuilder::new(Vec3::new(0.3, 0.0, 0.0), Vec3::new(0.3, 0.0, -1.0), 60.0)
         .quad(
             Vec3::new(-1.0, -30.0, 1.0),
@@ -383,7 +387,7 @@ fn a_corridor_of_mirrors_is_as_long_as_it_is_unfolded() {
             &scene,
             Job {
                 filter: PIN,
-                ..with(name, timing(9.0, 0.01, 400), [15, 15], 12, 6)
+                ..timed_job(name, timing(9.0, 0.01, 400), [15, 15], 12, 6)
             },
             1,
         );
@@ -394,7 +398,7 @@ fn a_corridor_of_mirrors_is_as_long_as_it_is_unfolded() {
 }
 
 #[test]
-fn light_in_glass_takes_longer_by_the_index() {
+fn the_optical_length_in_glass_is_the_length_times_the_index() {
     // A slab of index 1.5 and thickness 2 across the view, an emitting wall behind it.
     let (thick, far, index) = (2.0f32, 7.0f32, 1.5f32);
     let slab = |z: f32, up: bool| {
@@ -427,7 +431,7 @@ fn light_in_glass_takes_longer_by_the_index() {
             &scene,
             Job {
                 filter: PIN,
-                ..with(name, timing, [9, 9], 3, 7)
+                ..timed_job(name, timing, [9, 9], 3, 7)
             },
             16,
         );
@@ -442,7 +446,7 @@ fn light_in_glass_takes_longer_by_the_index() {
 }
 
 #[test]
-fn a_constant_delay_shifts_the_whole_histogram_by_itself() {
+fn a_constant_delay_shifts_all_reflected_light_by_its_length() {
     let open = || {
         SceneBuilder::new(Vec3::new(0.0, 1.5, 2.0), Vec3::ZERO, 50.0)
             .quad(
@@ -455,19 +459,19 @@ fn a_constant_delay_shifts_the_whole_histogram_by_itself() {
     };
     let axis = || timing(0.0, 0.25, 60);
     for row in INTEGRATORS {
-        let plain = cube(&open().build(), with(row.name, axis(), [8, 8], 2, 8), 64);
-        // Two seconds of delay are eight bins of a quarter, to the bit: for all light except that
-        // without a bounce.
+        let job = |timing| timed_job(row.name, timing, [8, 8], 2, 8);
+        let plain = cube(&open().build(), job(axis()), 64);
+        // A delay of 2 shifts all reflected light by exactly eight bins of 0.25.
         let late = cube(
             &delayed(open(), &[0, 1], &constant(2.0)).build(),
-            with(row.name, axis(), [8, 8], 2, 8),
+            job(axis()),
             64,
         );
         let later = Timing {
             emission: Profile::Constant(2.0),
             ..axis()
         };
-        let later = cube(&open().build(), with(row.name, later, [8, 8], 2, 8), 64);
+        let later = cube(&open().build(), job(later), 64);
         let mut moved = 0;
         for p in 0..64 {
             let (before, after) = (plain.slots(p % 8, p / 8), late.slots(p % 8, p / 8));
@@ -476,7 +480,7 @@ fn a_constant_delay_shifts_the_whole_histogram_by_itself() {
             assert_eq!(
                 after,
                 later.slots(p % 8, p / 8),
-                "{}: a pulse that comes later",
+                "{}: a delayed pulse instead of delayed materials",
                 row.name
             );
             moved += before.iter().filter(|s| s[0] > 0.0).count();
@@ -486,9 +490,9 @@ fn a_constant_delay_shifts_the_whole_histogram_by_itself() {
 }
 
 #[test]
-fn a_profile_is_seen_as_it_is() {
-    // A point above a floor, seen by one pixel without a filter: every sample contributes the same
-    // light, delayed.
+fn the_histogram_of_paths_of_equal_length_is_the_delay_profile() {
+    // A point light above a floor, seen through the centre of one pixel: all samples contribute
+    // the same light with different delays.
     let lamp = Vec3::new(0.0, 2.0, 0.0);
     let floor = || {
         SceneBuilder::new(Vec3::new(0.0, 3.0, 4.0), Vec3::ZERO, 20.0)
@@ -505,7 +509,7 @@ fn a_profile_is_seen_as_it_is() {
     for (i, desc) in every_profile().into_iter().enumerate().skip(1) {
         let job = Job {
             filter: PIN,
-            ..with("nee", timing(7.0, 0.1, 200), [1, 1], 2, 9 + i as u64)
+            ..timed_job("nee", timing(7.0, 0.1, 200), [1, 1], 2, 9 + i as u64)
         };
         let cube = cube(&delayed(floor(), &[0, 1], &desc).build(), job, samples);
         let slots = cube.slots(0, 0);
@@ -573,21 +577,21 @@ pub fn differing(a: &[(f64, f64)], b: &[(f64, f64)], alpha: f64) -> Vec<(usize, 
 }
 
 #[test]
-fn integrators_agree_about_when_light_arrives() {
-    // Rough and smooth glass, a light inside glass, a point, a direction, a constant environment, a
-    // delayed wall.
-    let scene = delayed(busy(), &[2, 3], &every_profile()[2]).build();
+fn integrators_agree_on_the_histogram_of_arrival_times() {
+    // Rough and smooth glass, a light inside glass, a point light, a directional light, a constant
+    // environment, a delayed wall.
+    let scene = delayed(varied_room(), &[2, 3], &every_profile()[2]).build();
     let histogram = |name: &str, samples: u64| {
         let job = Job {
             rr_start: Some(4),
-            ..with(name, timing(1.0, 0.4, 24), [12, 12], 6, 31)
+            ..timed_job(name, timing(1.0, 0.4, 24), [12, 12], 6, 31)
         };
         histogram(&cube(&scene, job, samples))
     };
     let (nee, bdpt) = (histogram("nee", 3000), histogram("bdpt", 900));
     assert!(
         nee.iter().filter(|(mean, _)| *mean > 1e-3).count() > 12,
-        "light lies in many bins: {nee:?}"
+        "too few bins have light: {nee:?}"
     );
     let found = differing(&nee, &bdpt, 1e-3);
     assert!(found.is_empty(), "{found:?}");

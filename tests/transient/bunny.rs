@@ -1,4 +1,4 @@
-//! The Stanford bunny in the box of this project's hare.
+//! The Stanford bunny in `scenes/hare_box.lua`, with a material whose pattern delays light.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -11,12 +11,12 @@ use lumbre::scene::{compile, edit};
 use lumbre::script::scene;
 use lumbre::value::Value;
 
-use crate::arrival::{rendered, timing, with};
+use crate::arrival::{render_waves, timed_job, timing};
 use crate::common::shared;
 
 const SIZE: u32 = 100;
 
-/// Returns direct light by way of one surface, with this delay where the pattern is white.
+/// Renders paths with one reflection. White parts of the bunny's pattern delay light by `delay`.
 fn cube(bunny: &str, delay: f64) -> TimeCube {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/hare_box.lua");
     let options: BTreeMap<String, Value> = [("hare", "patches"), ("bunny", bunny)]
@@ -35,9 +35,9 @@ fn cube(bunny: &str, delay: f64) -> TimeCube {
         (true, 0),
         "{notes:?}"
     );
-    rendered(
+    render_waves(
         &Arc::new(scene),
-        with("nee", timing(3.0, 0.05, 160), [SIZE, SIZE], 2, 9),
+        timed_job("nee", timing(3.0, 0.05, 160), [SIZE, SIZE], 2, 9),
         &[12],
     )
     .times()
@@ -45,9 +45,11 @@ fn cube(bunny: &str, delay: f64) -> TimeCube {
 }
 
 #[test]
-fn patches_on_the_bunny_give_light_back_at_their_time() {
+fn light_from_delayed_patches_arrives_later_by_their_delay() {
     let Some(shared) = shared() else {
-        println!("SKIPPED: no shared scenes beside this folder, and LUMBRE_SHARED names none");
+        println!(
+            "SKIPPED: no shared scenes beside this checkout, and LUMBRE_SHARED names no folder"
+        );
         return;
     };
     let bunny = shared
@@ -55,8 +57,12 @@ fn patches_on_the_bunny_give_light_back_at_their_time() {
         .display()
         .to_string();
     let (early, late) = (cube(&bunny, 0.0), cube(&bunny, 1.0));
-    assert_eq!(early.steady(), late.steady(), "delays change no picture");
-    let (mut at_once, mut later, mut between) = (0, 0, 0);
+    assert_eq!(
+        early.steady(),
+        late.steady(),
+        "delays must not change the steady-state picture"
+    );
+    let (mut undelayed, mut delayed, mut mixed) = (0, 0, 0);
     for pixel in 0..SIZE * SIZE {
         let mean = |cube: &TimeCube| {
             let slots = cube.slots(pixel % SIZE, pixel / SIZE);
@@ -71,23 +77,23 @@ fn patches_on_the_bunny_give_light_back_at_their_time() {
         let (Some(a), Some(b)) = (mean(&early), mean(&late)) else {
             continue;
         };
-        // Bins are 0.05 wide and the delay is twenty of them, so every path moves by whole bins
-        // where the pattern is plain.
+        // The delay is 20 bins of 0.05. In a pixel that shows one colour of the pattern, all light
+        // moves by 0 or by 20 bins.
         match b - a {
-            shift if shift.abs() < 1e-3 => at_once += 1,
-            shift if (shift - 1.0).abs() < 1e-3 => later += 1,
+            shift if shift.abs() < 1e-3 => undelayed += 1,
+            shift if (shift - 1.0).abs() < 1e-3 => delayed += 1,
             shift => {
                 assert!(
                     (0.0..1.0).contains(&shift),
                     "pixel {pixel} moved by {shift}"
                 );
-                between += 1;
+                mixed += 1;
             }
         }
     }
-    // Walls, and patches of both kinds, with little between them.
+    // Most pixels show a wall or one colour of the pattern; few show an edge between colours.
     assert!(
-        at_once > 4000 && later > 100 && between < 600,
-        "{at_once} {later} {between}"
+        undelayed > 4000 && delayed > 100 && mixed < 600,
+        "{undelayed} {delayed} {mixed}"
     );
 }

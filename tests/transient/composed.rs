@@ -16,7 +16,7 @@ use lumbre::transport::light::Lights;
 use lumbre::transport::ray::{Hit, Ray, Trace};
 use lumbre::value::Value;
 
-use crate::arrival::{differing, histogram, rendered, timing, with};
+use crate::arrival::{differing, histogram, render_waves, timed_job, timing};
 use crate::common::job;
 
 /// Returns two balls under an area light; `materials` extends the list of materials, `ball` is the
@@ -40,6 +40,7 @@ pub fn desc(materials: &str, ball: &str) -> SceneDesc {
     desc
 }
 
+/// Materials with and without components and delays.
 pub const PARTS: &str = r#",
     { "name": "green", "model": "lambert", "color": [0.1, 0.8, 0.1] },
     { "name": "red", "model": "lambert", "color": [0.9, 0.1, 0.2], "delay": "constant", "delay_constant": 2 },
@@ -55,16 +56,17 @@ fn compiled(ball: &str) -> Arc<CompiledScene> {
 }
 
 #[test]
-fn nesting_is_flattened_and_delays_add_up() {
+fn nested_components_are_flattened_and_their_delays_add_up() {
     let scene = compiled("nested");
     let row = desc(PARTS, "nested").material_index("nested").unwrap() as u32;
     let parts = scene.delays.components(row);
-    let upto: Vec<f32> = parts.iter().map(|p| p.cumulative_weight).collect();
+    let cumulative: Vec<f32> = parts.iter().map(|p| p.cumulative_weight).collect();
     assert!(
-        upto.iter()
+        cumulative
+            .iter()
             .zip([0.15, 0.5, 1.0])
             .all(|(a, b)| (a - b).abs() < 1e-6),
-        "{upto:?}"
+        "{cumulative:?}"
     );
     let profiles: Vec<usize> = parts
         .iter()
@@ -73,11 +75,11 @@ fn nesting_is_flattened_and_delays_add_up() {
     assert_eq!(
         profiles,
         [1, 2, 2],
-        "the outer delay, and with it those of red and gloss"
+        "green has the outer delay only, red and gloss their own as well"
     );
     assert!(
         scene.delays.components(0).is_empty(),
-        "a plain material has no parts"
+        "a plain material has components"
     );
     let mean = scene.materials[row as usize].base_color;
     assert!(
@@ -87,14 +89,16 @@ fn nesting_is_flattened_and_delays_add_up() {
 }
 
 #[test]
-fn a_composed_material_looks_like_the_mean_of_its_parts_and_each_part_has_its_time() {
+fn a_composed_material_reflects_the_mean_of_its_components_and_keeps_the_delay_of_each() {
     for row in INTEGRATORS {
         let film = |ball: &str, seed: u64, samples: u64| {
             let job = Job {
                 integrator: row,
                 ..job([12, 12], 4, seed)
             };
-            rendered(&compiled(ball), job, &[samples]).film().clone()
+            render_waves(&compiled(ball), job, &[samples])
+                .film()
+                .clone()
         };
         let samples = if row.name == "bpt" { 4000 } else { 400 };
         let (leaf, mean) = (film("leaf", 1, samples), film("mean", 2, samples));
@@ -117,11 +121,11 @@ fn a_composed_material_looks_like_the_mean_of_its_parts_and_each_part_has_its_ti
             row.name
         );
     }
-    // Direct light alone: delayed light is red, the rest is green, in the ratio 7 to 3 times their
-    // colours.
-    let cube = rendered(
+    // Direct light only: delayed light is red, the rest is green, in the ratio of weights (7 to 3)
+    // times colours.
+    let cube = render_waves(
         &compiled("leaf"),
-        with("nee", timing(0.0, 0.05, 400), [12, 12], 2, 3),
+        timed_job("nee", timing(0.0, 0.05, 400), [12, 12], 2, 3),
         &[6000],
     )
     .times()
@@ -140,14 +144,14 @@ fn a_composed_material_looks_like_the_mean_of_its_parts_and_each_part_has_its_ti
 }
 
 #[test]
-fn integrators_agree_about_composed_materials_in_time() {
+fn integrators_agree_on_histograms_of_composed_materials() {
     for ball in ["nested", "pane"] {
         let scene = compiled(ball);
         let run = |name: &str, samples: u64| {
             histogram(
-                &rendered(
+                &render_waves(
                     &scene,
-                    with(name, timing(4.0, 0.5, 20), [12, 12], 4, 77),
+                    timed_job(name, timing(4.0, 0.5, 20), [12, 12], 4, 77),
                     &[samples],
                 )
                 .times()
@@ -162,7 +166,7 @@ fn integrators_agree_about_composed_materials_in_time() {
     }
 }
 
-/// A traversal that tests the balls one by one.
+/// A traversal that tests every sphere.
 struct Brute(Arc<CompiledScene>);
 
 impl Trace for Brute {
@@ -195,7 +199,7 @@ impl Trace for Brute {
 }
 
 #[test]
-fn weights_and_densities_are_those_of_their_definition_with_parts_and_delays() {
+fn weights_and_densities_equal_their_definition_with_components_and_delays() {
     for ball in ["leaf", "nested", "pane"] {
         let scene = compiled(ball);
         let camera = Camera::new(&scene.camera, [12, 12], job([1, 1], 1, 0).filter);
@@ -221,7 +225,7 @@ fn weights_and_densities_are_those_of_their_definition_with_parts_and_delays() {
 }
 
 #[test]
-fn what_means_nothing_is_refused_by_name() {
+fn invalid_delays_and_weights_are_errors_that_name_the_parameter() {
     let plain = desc(PARTS, "leaf");
     let list = |xs: &[f64]| Value::List(xs.iter().map(|x| Value::number(*x)).collect());
     let cases = [
@@ -342,7 +346,7 @@ fn what_means_nothing_is_refused_by_name() {
 }
 
 #[test]
-fn an_unused_profile_word_is_not_judged_and_every_change_counts_in_the_identity() {
+fn unused_delay_parameters_are_not_checked_and_every_change_changes_the_hash() {
     let hash = |change: &str, value: Value| {
         let mut scene = desc(PARTS, "leaf");
         edit::set(&mut scene, change, &value).unwrap();

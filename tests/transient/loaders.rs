@@ -1,4 +1,4 @@
-//! Delays and compositions in files and scripts.
+//! Delays and composed materials in scene files and scripts.
 
 use std::fs;
 
@@ -7,7 +7,7 @@ use lumbre::scene::load::MissingTextures;
 use lumbre::scene::{compile, load};
 use lumbre::script::scene;
 
-/// Figure B.3 of the thesis on transient rendering, and features beyond it.
+/// The material of thesis S2, figure B.3, inside a further delay, and the objects that use it.
 const XML: &str = r#"<scene version="3.0.0">
   <sensor type="perspective"><float name="fov" value="40"/>
     <transform name="to_world"><lookat origin="0,0,4" target="0,0,0" up="0,1,0"/></transform>
@@ -33,7 +33,7 @@ const XML: &str = r#"<scene version="3.0.0">
 </scene>"#;
 
 #[test]
-fn mitsuba_scenes_say_profiles_and_compositions_as_the_source_does() {
+fn mitsuba_files_define_delays_and_composed_materials_as_in_the_thesis() {
     let folder = tempfile::tempdir().unwrap();
     let read = |text: &str| {
         let file = folder.path().join("scene.xml");
@@ -41,12 +41,12 @@ fn mitsuba_scenes_say_profiles_and_compositions_as_the_source_does() {
         load::load(&file)
     };
     let (desc, notes) = read(XML).unwrap();
-    let loud: Vec<String> = notes
+    let unexpected: Vec<String> = notes
         .iter()
         .map(ToString::to_string)
         .filter(|n| !n.contains("both sides"))
         .collect();
-    assert!(loud.is_empty(), "{loud:?}");
+    assert!(unexpected.is_empty(), "{unexpected:?}");
     let of = |name: &str| desc.materials.iter().find(|m| m.name == name).unwrap();
     let whole = of("Chlorophyll");
     assert_eq!(whole.parts, ["bsdf-1", "bsdf-2"]);
@@ -66,7 +66,7 @@ fn mitsuba_scenes_say_profiles_and_compositions_as_the_source_does() {
     let parts = scene.delays.components(row);
     assert!(parts.len() == 2 && parts.iter().all(|p| scene.delays.profiles(p).len() == 2));
 
-    for (from, to, says) in [
+    for (from, to, expected) in [
         (
             "ConstantTP\" name=\"tp\"><float name=\"delay\" value=\"3\"",
             "SlowTP\" name=\"tp\"><float name=\"delay\" value=\"3\"",
@@ -75,7 +75,7 @@ fn mitsuba_scenes_say_profiles_and_compositions_as_the_source_does() {
         ("name=\"mean\"", "name=\"middle\"", "needs `mean`"),
     ] {
         let error = read(&XML.replace(from, to)).unwrap_err().to_string();
-        assert!(error.contains(says), "{error}");
+        assert!(error.contains(expected), "{error}");
     }
     let (wrong, _) = read(&XML.replace(
         "name=\"sigma\" value=\"0.5\"",
@@ -89,18 +89,21 @@ fn mitsuba_scenes_say_profiles_and_compositions_as_the_source_does() {
     );
 }
 
+/// Returns a Lua scene of a ball with the material `m`, which `body` defines.
 fn lua(body: &str) -> Result<SceneDesc, String> {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("scene.lua");
-    let head = "local s = scene { resolution = { 8, 8 } }\ns:camera { position = { 0, 0, 4 }, target = { 0, 0, 0 }, fov = 40 }\n";
-    fs::write(&file, format!("{head}{body}\ns:add {{ name = \"ball\", shape = shape.sphere {{ radius = 1 }}, material = \"m\" }}\nreturn s\n")).unwrap();
+    let head = "local s = scene { resolution = { 8, 8 } }\n\
+        s:camera { position = { 0, 0, 4 }, target = { 0, 0, 0 }, fov = 40 }\n";
+    let ball = r#"s:add { name = "ball", shape = shape.sphere { radius = 1 }, material = "m" }"#;
+    fs::write(&file, format!("{head}{body}\n{ball}\nreturn s\n")).unwrap();
     scene::read(&file, &Default::default(), MissingTextures::Fail)
         .map(|(desc, _)| desc)
         .map_err(|e| e.to_string())
 }
 
 #[test]
-fn scenes_in_lua_say_them_by_keys() {
+fn lua_scenes_define_delays_and_composed_materials_by_keys() {
     let desc = lua(r#"
         local ramp = texture.paint { size = { 4, 4 }, color = function(u) return u end }
         s:material("a", { delay = "exponential", delay_rate = 3, delay_rate_texture = ramp, delay_rate_offset = 0.5 })
@@ -120,7 +123,7 @@ fn scenes_in_lua_say_them_by_keys() {
     let texel = scene.textures[a.params[0].texture as usize].texels[3][0];
     assert!((texel - 0.875).abs() < 3e-3, "{texel}");
     assert!((b.table.as_ref().unwrap().mean() - 2.0 / 3.0).abs() < 1e-6);
-    // A rate of zero where the texture is black, unless a constant is added.
+    // Without an offset the rate is zero where the texture is black.
     let black = lua(r#"
         local half = texture.paint { size = { 2, 1 }, color = function(u) return u > 0.5 and 1 or 0 end }
         s:material("m", { delay = "exponential", delay_rate = 3, delay_rate_texture = half })"#);

@@ -1,4 +1,4 @@
-//! A Cornell box by mitransient, bin by bin.
+//! Bins of a Cornell box compared with a render by mitransient.
 
 use std::io::Read;
 use std::path::Path;
@@ -12,12 +12,13 @@ use lumbre::scene::CompiledScene;
 use lumbre::scene::compile::Material;
 use serde_json::Value as Json;
 
-use crate::arrival::{rendered, timing, with};
+use crate::arrival::{render_waves, timed_job, timing};
 use crate::common::{SceneBuilder, WHITE, shared};
 
-/// Returns the numbers of an array in an archive of NumPy, its header skipped; `f16` or `f32`.
+/// Returns the values of an array of `f16` or `f32` in a NumPy archive (`.npz`).
 fn array(archive: &[u8], name: &str) -> Vec<f64> {
-    // The central directory lists every file; its entries begin with this mark.
+    // The central directory lists every file; its entries begin with this
+    // signature.
     let word = |at: usize, n: usize| {
         archive[at..at + n]
             .iter()
@@ -26,12 +27,12 @@ fn array(archive: &[u8], name: &str) -> Vec<f64> {
     };
     let mut at = (0..archive.len() - 4)
         .find(|i| &archive[*i..i + 4] == b"PK\x01\x02")
-        .expect("a directory");
+        .expect("the archive has no central directory");
     loop {
         assert_eq!(
             &archive[at..at + 4],
             b"PK\x01\x02",
-            "{name} is in the archive"
+            "{name} is not in the archive"
         );
         let (packed, names) = (word(at + 20, 4), [28, 30, 32].map(|i| word(at + i, 2)));
         let local = word(at + 42, 4);
@@ -60,7 +61,7 @@ fn array(archive: &[u8], name: &str) -> Vec<f64> {
     }
 }
 
-/// Returns a number of half precision, not negative.
+/// Returns the value of a half-precision number that is not negative.
 fn half(bits: u16) -> f64 {
     let (exponent, fraction) = (i32::from(bits >> 10 & 31), f64::from(bits & 1023));
     if exponent == 0 {
@@ -89,7 +90,7 @@ fn scene(json: &Json) -> Arc<CompiledScene> {
         if shape["type"] == "rectangle" {
             if name == "light" {
                 material.emission = color(&json["area_light_radiance"]["light"]);
-                // In mitransient an emitter is black behind.
+                // In mitransient the back of an emitter is black.
                 let lift = Vec3::Y * 2e-4;
                 let back = [
                     at(-1.0, -1.0, 0.0) + lift,
@@ -144,7 +145,7 @@ fn regions(value: impl Fn(u32, u32, u32, usize) -> f64) -> Vec<f64> {
 }
 
 #[test]
-fn every_region_of_the_cornell_box_by_mitransient_is_met() {
+fn every_region_of_the_cornell_box_agrees_with_mitransient() {
     let Some(shared) = shared() else {
         println!("SKIPPED: the shared references are not beside this checkout");
         return;
@@ -173,9 +174,9 @@ fn every_region_of_the_cornell_box_by_mitransient_is_met() {
         let found: Vec<Vec<f64>> = (0..runs)
             .map(|seed| {
                 let job = Job {
-                    ..with(name, axis.clone(), [32, 32], 8, 500 + seed)
+                    ..timed_job(name, axis.clone(), [32, 32], 8, 500 + seed)
                 };
-                let cube = rendered(&scene, job, &[samples]).times().unwrap();
+                let cube = render_waves(&scene, job, &[samples]).times().unwrap();
                 regions(|x, y, bin, c| f64::from(cube.mean(x, y, bin as usize + 1)[c]))
             })
             .collect();
@@ -194,13 +195,13 @@ fn every_region_of_the_cornell_box_by_mitransient_is_met() {
         }
         assert!(
             tests.len() > 700,
-            "{name}: {} regions say something",
+            "{name}: only {} regions have enough light",
             tests.len()
         );
         let alpha = sidak(1e-3, 2 * tests.len());
         let worst: Vec<_> = tests.iter().filter(|test| test.0 < alpha).collect();
         assert!(worst.is_empty(), "{name}: {worst:?}");
-        // Total light in the window, to a part in a hundred.
+        // The total light on the time axis agrees to 1 %.
         let total = |sums: &[f64]| sums.iter().sum::<f64>();
         let own = found.iter().map(|run| total(run)).sum::<f64>() / n;
         assert!(
