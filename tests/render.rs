@@ -4,7 +4,7 @@
 #![allow(
     clippy::unwrap_used,
     clippy::print_stdout,
-    reason = "helpers of tests may fail and talk as tests do"
+    reason = "test helpers may panic and print"
 )]
 
 mod common;

@@ -239,7 +239,7 @@ impl SceneBuilder {
 
     /// Adds parallel light that travels in `direction`.
     pub fn directional(self, direction: Vec3, irradiance: Vec3) -> SceneBuilder {
-        let direction = direction.try_normalize().expect("a direction");
+        let direction = direction.try_normalize().expect("the direction is zero");
         self.with(|s| {
             s.directionals.push(DirectionalLight {
                 direction,
@@ -271,7 +271,7 @@ impl SceneBuilder {
     }
 }
 
-/// Returns a job for `bpt` without Russian roulette and with the pixel as filter.
+/// Returns a job for `bpt` without Russian roulette, with a box filter of one pixel.
 pub fn job(resolution: [u32; 2], max_depth: u32, seed: u64) -> Job {
     Job::plain(integrator("bpt").unwrap(), resolution, max_depth, seed)
 }
@@ -303,8 +303,8 @@ pub fn mean_and_error(film: &Film, channel: usize) -> (f64, f64) {
     (mean, variance_of_sum.sqrt() / (n * pixels))
 }
 
-/// Returns the folder of shared third-party scenes and references, if this checkout has one beside
-/// it.
+/// Returns the folder of shared third-party scenes and references, if there is one:
+/// `LUMBRE_SHARED`, or `shared` beside this checkout.
 pub fn shared() -> Option<PathBuf> {
     let root = std::env::var_os("LUMBRE_SHARED").map_or_else(
         || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared"),

@@ -17,8 +17,9 @@ use lumbre::value::Value;
 
 use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
 
-/// Side of the film and of a block in pixels.
+/// Side of the film in pixels.
 pub const SIDE: usize = 12;
+/// Side of a block in pixels.
 const BLOCK: usize = 4;
 
 /// Probability that any comparison of one scene fails by chance alone.
@@ -27,7 +28,7 @@ const SIGNIFICANCE: f64 = 0.001;
 /// Parameters of an integrator.
 pub type Params = BTreeMap<String, Value>;
 
-/// Parameters by name.
+/// Returns parameters by name.
 pub fn params(pairs: &[(&str, Value)]) -> Params {
     pairs
         .iter()
@@ -66,7 +67,7 @@ pub struct Setting<'a> {
     pub rr_start: Option<u32>,
     /// Samples for each pixel.
     pub samples: u64,
-    /// Greatest relative error of the truth's mean that makes the test meaningful.
+    /// Greatest relative standard error of the reference's mean for which the test is meaningful.
     pub noise: f64,
 }
 
@@ -112,14 +113,14 @@ fn blocks(film: &Film) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// Renders a scene with `truth`, for eight times as long, and with every other technique, and
-/// compares.
+/// Renders the reference with `truth` and eight times the samples, and compares every other
+/// technique with it.
 pub fn agree(setting: Setting, truth: &Technique, others: &[Technique]) {
     let expected = picture(&setting, truth, 1, 8 * setting.samples);
     let whole = expected[expected.len() - 2];
     assert!(
         whole.0 > 0.0 && whole.1.sqrt() / whole.0 < setting.noise,
-        "the reference is too noisy to tell: {whole:?}"
+        "the reference is too noisy for this test: {whole:?}"
     );
     let level = sidak(SIGNIFICANCE, others.len() * expected.len());
     let mut failures = Vec::new();
@@ -136,7 +137,7 @@ pub fn agree(setting: Setting, truth: &Technique, others: &[Technique]) {
 
 /// Returns the places where two pictures differ by more than their noise.
 fn differences(
-    who: &Technique,
+    other: &Technique,
     image: &[(f64, f64)],
     expected: &[(f64, f64)],
     level: f64,
@@ -147,7 +148,7 @@ fn differences(
         let sigma = (a.1 + b.1).sqrt().max(1e-5 * b.0.abs());
         let z = (a.0 - b.0) / sigma;
         if a.0 != b.0 && normal_two_sided_p(z) < level {
-            let (row, params) = who;
+            let (row, params) = other;
             failures.push(format!(
                 "{} {params:?}, cell {place}: {} instead of {}, z = {z:.1}",
                 row.name, a.0, b.0
@@ -196,7 +197,7 @@ fn bpt_at_depth() -> Technique {
 }
 
 /// Returns the unweighted strategy of `s` light vertices and `t` camera vertices.
-fn raw(s: u32, t: u32) -> Technique {
+fn unweighted(s: u32, t: u32) -> Technique {
     let pair = Value::List(vec![Value::Int(i64::from(s)), Value::Int(i64::from(t))]);
     technique("bdpt", &[("mis", "none".into()), ("strategies", pair)])
 }
@@ -239,7 +240,7 @@ pub fn room(eye: Vec3) -> SceneBuilder {
 pub const EYE: Vec3 = Vec3::new(0.2, 1.2, 3.5);
 
 #[test]
-fn diffuse_surfaces_under_unequal_lights() {
+fn integrators_agree_on_diffuse_surfaces_under_unequal_lights() {
     let scene = room(EYE)
         .sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0))
         .build();
@@ -247,9 +248,9 @@ fn diffuse_surfaces_under_unequal_lights() {
 }
 
 /// Uses panels that do not touch: where surfaces meet, the geometry term of a connection is
-/// unbounded, and a test of its mean would not be honest.
+/// unbounded, and the estimated error of its mean is unreliable.
 #[test]
-fn every_strategy_alone_is_all_of_its_depth() {
+fn every_unweighted_strategy_finds_all_light_of_its_depth() {
     let red = Material {
         base_color: Vec3::new(0.8, 0.3, 0.2),
         ..WHITE
@@ -297,9 +298,10 @@ fn every_strategy_alone_is_all_of_its_depth() {
         .sphere(Vec3::new(-0.3, -0.4, 0.0), 0.3, light(3.0))
         .build();
     for depth in 1..=4 {
-        let strategies: Vec<Technique> = (0..=depth).map(|s| raw(s, depth + 1 - s)).collect();
-        // Light rarely returns from so few panels: at four edges the error is three parts in a
-        // hundred.
+        let strategies: Vec<Technique> =
+            (0..=depth).map(|s| unweighted(s, depth + 1 - s)).collect();
+        // Few paths of four edges hit a light among so few panels: the error of the reference is
+        // 3 %.
         let setting = Setting {
             scene: &scene,
             depth,
@@ -312,7 +314,7 @@ fn every_strategy_alone_is_all_of_its_depth() {
 }
 
 #[test]
-fn mirror_and_glass_with_caustics() {
+fn integrators_agree_on_caustics_of_mirror_and_glass() {
     let mirror = Material {
         metallic: 1.0,
         base_color: Vec3::new(0.9, 0.8, 0.7),
@@ -332,7 +334,7 @@ fn mirror_and_glass_with_caustics() {
 }
 
 #[test]
-fn mixed_lobes_with_roulette() {
+fn integrators_agree_on_mixed_lobes_with_russian_roulette() {
     let mixed = Material {
         metallic: 0.3,
         opacity: 0.4,
@@ -347,7 +349,7 @@ fn mixed_lobes_with_roulette() {
 }
 
 #[test]
-fn thin_lens() {
+fn integrators_agree_with_a_thin_lens() {
     let mut scene = Arc::unwrap_or_clone(
         room(EYE)
             .sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0))
@@ -358,7 +360,7 @@ fn thin_lens() {
 }
 
 #[test]
-fn emitters_that_reflect() {
+fn integrators_agree_on_emitters_that_reflect() {
     let lamp = Material {
         emission: Vec3::new(3.0, 2.0, 1.0),
         ..grey(0.6)
@@ -378,9 +380,9 @@ fn emitters_that_reflect() {
     agree_with_bpt(&scene, 6, None, 1000);
 }
 
-/// Renders a sky with a bright spot, over mirror and glass.
+/// Renders a glass ball and a diffuse ball under a sky with a bright spot, through a thin lens.
 #[test]
-fn environment_with_caustics() {
+fn integrators_agree_on_caustics_of_an_environment_map() {
     let texels: Vec<[f32; 3]> = (0..16 * 8)
         .map(|i| {
             if (36..39).contains(&i) {
@@ -410,10 +412,10 @@ fn environment_with_caustics() {
     agree_with_bpt(&Arc::new(scene), 6, None, 800);
 }
 
-/// Renders light that `bpt` cannot find: `nee` is the truth, and finds it wherever no glass lies
+/// `bpt` cannot find these lights, so `nee` is the reference. It finds them wherever no glass lies
 /// between.
 #[test]
-fn points_and_parallel_light() {
+fn integrators_agree_on_point_and_directional_lights() {
     let mut scene = Arc::unwrap_or_clone(
         room(EYE)
             .sphere(Vec3::new(0.6, 0.45, 0.2), 0.4, grey(0.5))

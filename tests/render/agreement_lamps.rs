@@ -1,7 +1,7 @@
-//! The glass egg of the scene in the thesis on bidirectional path tracing with Vulkan. Its path
-//! tracer shows the light in the egg far too dark, and the reflection of the right light on it not
-//! at all: strategies that could never have found those paths contributed to their weights. Here
-//! all three techniques must show the same. Skipped if the shared folder is absent.
+//! The glass egg of a scene of thesis S0. The path tracer of S0 shows the light in the egg far too
+//! dark and lacks the reflection of the right light on it: strategies that cannot find those paths
+//! contributed to their weights. Here all three integrators must agree. Skipped if the shared
+//! folder is absent.
 
 use std::sync::Arc;
 
@@ -13,13 +13,14 @@ use lumbre::scene::{compile, load};
 use crate::agreement::{Technique, technique};
 use crate::common::{job, render, shared};
 
-/// Expected finds in a block: its mean is normal only if enough samples are expected to find light
-/// in it, each of which contributes at most the radiance of 100.
+/// Least number of samples expected to find light in a block that is compared. With fewer, its mean
+/// is not normally distributed.
 const MIN_EXPECTED_FINDS: f64 = 50.0;
+/// Radiance of the lights, the most that a sample contributes.
 const LAMP_RADIANCE: f64 = 100.0;
 
 #[test]
-fn caustic_and_reflection_on_the_egg_are_the_same_in_all() {
+fn integrators_agree_on_caustic_and_reflection_of_the_glass_egg() {
     let Some(root) = shared() else {
         println!("SKIPPED: no shared scenes beside this checkout");
         return;
@@ -31,13 +32,13 @@ fn caustic_and_reflection_on_the_egg_are_the_same_in_all() {
         (Vec3::new(0.2, 1.0, 0.5), Vec3::new(0.17, 0.45, -0.45));
     desc.camera.fov_deg = 24.0;
     let scene = Arc::new(compile(&desc).unwrap().0);
-    let with = |(row, params): Technique, seed: u64, samples: u64| -> Film {
+    let picture = |(row, params): Technique, seed: u64, samples: u64| -> Film {
         let mut j = job([36, 24], 5, seed);
         (j.integrator, j.params) = (row, params);
         render(&scene, j, samples)
     };
     let samples = 3000;
-    let bpt = with(technique("bpt", &[]), 1, samples);
+    let bpt = picture(technique("bpt", &[]), 1, samples);
     let [truth, variance] = [bpt.mean(), bpt.variance_of_mean()];
     let truth = Estimate {
         mean: &truth,
@@ -46,7 +47,7 @@ fn caustic_and_reflection_on_the_egg_are_the_same_in_all() {
     let bright = MIN_EXPECTED_FINDS * LAMP_RADIANCE / samples as f64;
     let others = [("nee", 600), ("bdpt", 300)];
     for (i, (name, samples)) in others.into_iter().enumerate() {
-        let film = with(technique(name, &[]), 2 + i as u64, samples);
+        let film = picture(technique(name, &[]), 2 + i as u64, samples);
         let other = Estimate {
             mean: &film.mean(),
             variance: &film.variance_of_mean(),
@@ -54,7 +55,7 @@ fn caustic_and_reflection_on_the_egg_are_the_same_in_all() {
         let found = ztest::compare(other, truth, 6, bright);
         assert!(
             found.comparisons >= 30,
-            "too little of the picture is bright enough to tell: {found:?}"
+            "too few blocks are bright enough for this test: {found:?}"
         );
         assert!(found.agrees(0.001, others.len()), "{name}: {found:?}");
     }

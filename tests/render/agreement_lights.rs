@@ -1,6 +1,5 @@
-//! All integrators render the same light from textures, from the environment and from very many
-//! lights; and light that `bpt` cannot find, from points and directions, has the theoretical
-//! radiance.
+//! All integrators agree on textured lights, environments and many lights. Light of point lights
+//! and directional lights, which `bpt` cannot find, has the theoretical radiance.
 
 use std::sync::Arc;
 
@@ -16,7 +15,7 @@ use crate::common::{SceneBuilder, WHITE, grey, job, light, mean_and_error, rende
 use crate::lights_density::sunny;
 
 /// Returns `nee` and `bdpt` with every light selection.
-fn selecting() -> Vec<Technique> {
+fn light_selections() -> Vec<Technique> {
     let select = |name: &str, word: &str| technique(name, &[("select", word.into())]);
     let words = ["uniform", "area", "power"];
     ["nee", "bdpt"]
@@ -25,7 +24,8 @@ fn selecting() -> Vec<Technique> {
         .collect()
 }
 
-fn agree_however_chosen(scene: &Arc<CompiledScene>, depth: u32, samples: u64) {
+/// Compares `nee` and `bdpt` with `bpt` for every light selection.
+fn agree_for_every_selection(scene: &Arc<CompiledScene>, depth: u32, samples: u64) {
     let setting = Setting {
         scene,
         depth,
@@ -33,11 +33,11 @@ fn agree_however_chosen(scene: &Arc<CompiledScene>, depth: u32, samples: u64) {
         samples,
         noise: 0.01,
     };
-    agree(setting, &technique("bpt", &[]), &selecting());
+    agree(setting, &technique("bpt", &[]), &light_selections());
 }
 
 #[test]
-fn textured_emitters_with_a_mask() {
+fn integrators_agree_on_textured_emitters_with_a_mask() {
     let mut builder = room(EYE);
     let bright = Texture::new(
         4,
@@ -69,11 +69,11 @@ fn textured_emitters_with_a_mask() {
         )
         .sphere(Vec3::new(0.6, 0.6, 0.4), 0.4, lamp)
         .build();
-    agree_however_chosen(&scene, 5, 1200);
+    agree_for_every_selection(&scene, 5, 1200);
 }
 
 #[test]
-fn many_lights() {
+fn integrators_agree_on_many_lights() {
     let mut builder = SceneBuilder::new(EYE, Vec3::new(0.0, 0.7, 0.0), 50.0).quad(
         Vec3::new(-2.0, 0.0, 2.0),
         Vec3::X * 4.0,
@@ -91,11 +91,11 @@ fn many_lights() {
         let corners = [at, at + Vec3::X * size, at + Vec3::Z * size];
         builder = builder.triangle(corners, [Vec2::ZERO; 3], light(0.5 + (i % 13) as f32));
     }
-    agree_however_chosen(&builder.build(), 4, 1200);
+    agree_for_every_selection(&builder.build(), 4, 1200);
 }
 
 #[test]
-fn an_environment_with_a_sun() {
+fn integrators_agree_on_an_environment_with_a_sun() {
     // The sun is large enough for `bpt` to find it.
     let mut sky = sunny();
     Arc::make_mut(&mut sky.texels)[2 * 16 + 11] = [60.0, 50.0, 40.0];
@@ -126,11 +126,11 @@ fn an_environment_with_a_sun() {
         .sphere(Vec3::new(0.2, 1.2, 0.2), 0.1, light(9.0))
         .environment(Some(sky), Vec3::splat(0.3), 120.0)
         .build();
-    agree_however_chosen(&scene, 5, 2500);
+    agree_for_every_selection(&scene, 5, 2500);
 }
 
 #[test]
-fn a_constant_environment_through_glass() {
+fn integrators_agree_on_a_constant_environment_through_glass() {
     let glass = Material {
         opacity: 0.0,
         base_color: Vec3::new(0.9, 1.0, 0.9),
@@ -149,8 +149,8 @@ fn a_constant_environment_through_glass() {
     agree_with_bpt(&scene, 7, Some(3), 1200);
 }
 
-/// Returns the radiance of the middle of a floor of albedo 0.6 at the origin, seen through a very
-/// long lens.
+/// Returns the radiance of the origin on a floor of albedo 0.6, and its standard error. The field
+/// of view is 0.05 degrees.
 fn floor(lit: impl FnOnce(SceneBuilder) -> SceneBuilder, params: &[(&str, Value)]) -> (f64, f64) {
     let floor = SceneBuilder::new(Vec3::new(1.0, 2.0, 3.0), Vec3::ZERO, 0.05).quad(
         Vec3::new(-5.0, 0.0, 5.0),
@@ -164,14 +164,14 @@ fn floor(lit: impl FnOnce(SceneBuilder) -> SceneBuilder, params: &[(&str, Value)
 }
 
 #[test]
-fn points_and_directions_light_a_floor_as_theory_says() {
+fn point_and_directional_lights_give_a_floor_the_theoretical_radiance() {
     let (place, way) = (Vec3::new(1.0, 1.5, -0.7), Vec3::new(0.4, -0.8, 0.1));
     let point = |b: SceneBuilder| b.point(place, Vec3::new(1.0, 4.0, 9.0));
     let direction = |b: SceneBuilder| b.directional(way, Vec3::new(1.0, 3.0, 9.0));
     let albedo = 0.6 / std::f64::consts::PI;
     let of_point = albedo * 4.0 * f64::from(place.y / place.length().powi(3));
     let of_direction = albedo * 3.0 * f64::from(-way.y / way.length());
-    // One light: every sample has the same value.
+    // With one light every sample has the same value.
     for mis in ["power", "balance", "none"] {
         for (found, exact) in [
             (floor(point, &[("mis", mis.into())]), of_point),
@@ -183,8 +183,7 @@ fn points_and_directions_light_a_floor_as_theory_says() {
             );
         }
     }
-    // A spot whose axis misses the point by an angle between beam and cutoff: the theoretical
-    // falloff.
+    // The axis of the spot light misses the point by 20 degrees, between beam and cutoff.
     let aim = -place.normalize_or_zero();
     let aside = aim.any_orthonormal_vector();
     for (edge, left) in [(ConeEdge::Linear, 0.5), (ConeEdge::Smooth, 0.384631)] {
@@ -211,7 +210,7 @@ fn points_and_directions_light_a_floor_as_theory_says() {
         let behind = |b: SceneBuilder| b.spot(place, -aim, Vec3::ONE, desc);
         assert_eq!(floor(behind, &[]).0, 0.0);
     }
-    // Both, and a sky, with every light selection.
+    // Both lights and a sky, with every light selection.
     for select in ["uniform", "area", "power"] {
         let all = |b: SceneBuilder| direction(point(b)).environment(None, Vec3::splat(0.5), 0.0);
         let exact = of_point + of_direction + 0.6 * 0.5;
@@ -222,15 +221,15 @@ fn points_and_directions_light_a_floor_as_theory_says() {
             "{select}: {found} +- {error}, not {exact}"
         );
     }
-    // In the shadow of a plate.
+    // A plate shadows the point.
     let corner = place * 0.5 - Vec3::new(0.1, 0.0, 0.1);
     let hidden = |b: SceneBuilder| point(b).quad(corner, Vec3::X * 0.2, Vec3::Z * 0.2, grey(0.5));
     assert!(floor(hidden, &[]).0 < 0.01 * of_point);
 }
 
 #[test]
-fn a_direction_and_a_point_agree_where_they_are_the_same() {
-    // A point so far away that its light is parallel.
+fn a_distant_point_light_equals_a_directional_light() {
+    // The point light is so far away that its light is parallel.
     let way = Vec3::new(0.4, -0.8, 0.1).try_normalize().unwrap();
     let far = 1e5f32;
     let near = |b: SceneBuilder| b.sphere(Vec3::new(0.3, 0.5, 0.0), 0.3, grey(0.4));
@@ -243,10 +242,9 @@ fn a_direction_and_a_point_agree_where_they_are_the_same() {
 }
 
 #[test]
-fn a_point_behind_glass_is_a_very_small_sphere() {
-    // The caustic of a ball on the floor, and nothing else in the picture: only light paths find it
-    // for the point light, while the sphere is also hit. Other tests compare `bdpt` with `bpt` for
-    // spheres.
+fn the_caustic_of_a_point_light_equals_that_of_a_small_sphere() {
+    // The picture shows only the caustic of a glass ball on the floor. Camera paths can hit the
+    // sphere but not the point light. Other tests compare `bdpt` with `bpt` for spheres.
     let glass = Material {
         opacity: 0.0,
         ..WHITE
@@ -279,9 +277,9 @@ fn a_point_behind_glass_is_a_very_small_sphere() {
     let error = point.1.hypot(sphere.1);
     assert!(
         error < 0.01 * sphere.0,
-        "too noisy to tell: {point:?} {sphere:?}"
+        "too noisy for this test: {point:?} {sphere:?}"
     );
-    // The sphere's own width blurs the caustic a little.
+    // The extent of the sphere blurs the caustic a little.
     assert!(
         (point.0 - sphere.0).abs() < 4.0 * error + 0.01 * sphere.0,
         "{point:?} {sphere:?}"

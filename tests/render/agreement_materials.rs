@@ -1,4 +1,4 @@
-//! Integrators agree on surfaces of the Disney model.
+//! All integrators render the same picture of surfaces of the Disney model.
 
 use std::sync::Arc;
 
@@ -18,9 +18,10 @@ use crate::agreement::{
 use crate::bsdf_grid::DISNEY;
 use crate::common::light;
 
+/// Centre and radius of the spherical light.
 const LAMP: (Vec3, f32) = (Vec3::new(-0.3, 1.45, -0.4), 0.3);
 
-/// Returns two balls of rough glass.
+/// Returns a room with two balls of rough glass; the parameters are their roughness.
 fn glass(frosted: f32, clear: f32) -> Arc<CompiledScene> {
     let frosted = Material {
         opacity: 0.0,
@@ -42,22 +43,24 @@ fn glass(frosted: f32, clear: f32) -> Arc<CompiledScene> {
         .build()
 }
 
-/// All but `mis = "none"`. Without weights by density, connections through a narrow lobe are rarely found and then bring
-/// so much that the estimated error of a run is unreliable. Standard deviation of block means over 40 to 120 runs of 900
-/// samples, in units of the standard error that each run estimates, and the largest deviation:
+/// Compares all techniques except those with `mis = "none"`. Without weights by density,
+/// connections through a narrow lobe are rarely found and then contribute so much that the
+/// estimated error of a run is unreliable. Standard deviation of block means over 40 to 120 runs of
+/// 900 samples, in units of the standard error that each run estimates, and the largest deviation:
 ///
 /// | roughness | `bpt`, and the others by power and balance | `nee`, none | `bdpt`, none |
 /// |---|---|---|---|
 /// | 0.65, 0.5 | 0.96 .. 0.98, -3.8 | 0.98, -3.2; in one block 3.4 | 1.6, -11 |
 /// | 0.35, 0.2 | 0.94 .. 1.00, -3.4 | 2.0, -12 | 3.0, -25 |
 ///
-/// The mean is unbiased where noise allows a test: at roughness 0.65 and 0.5 the mean red of the picture over 150 runs is
-/// 0.3906 +- 0.0008 (median 0.388, maximum 0.49), that of `bpt` 0.3905 +- 0.0001. With equal weights for all k + 1
-/// strategies, those that hit the light find their share of each depth k from 2 to 6 to within 0.2 to 0.6 % at roughness 1
-/// and 0.9, and those that connect on the glass find theirs at five edges to within 1 to 3 %. `oracle` compares the weights
+/// The mean is unbiased where noise allows a test: at roughness 0.65 and 0.5 the mean red of the
+/// picture over 150 runs is 0.3906 +- 0.0008 (median 0.388, maximum 0.49), that of `bpt` 0.3905 +-
+/// 0.0001. With equal weights for all k + 1 strategies, those that hit the light find their share
+/// of each depth k from 2 to 6 to within 0.2 to 0.6 % at roughness 1 and 0.9, and those that
+/// connect on the glass find theirs at five edges to within 1 to 3 %. `oracle` compares the weights
 /// of `mis = "none"` with their definition path by path.
 #[test]
-fn rough_glass() {
+fn integrators_agree_on_rough_glass() {
     let mut weighted = variants();
     weighted.retain(|(_, params)| params.get("mis") != Some(&"none".into()));
     for (frosted, clear) in [(0.65, 0.5), (0.35, 0.2)] {
@@ -73,10 +76,10 @@ fn rough_glass() {
     }
 }
 
-/// Checks light sampled at the rim of the spherical light, where rounding leaves its point on the
-/// hidden side: the weight was 0 / 0, for one sample in 10^8.
+/// Checks a regression: for one sample in 10^8, rounding placed a light point sampled at the rim of
+/// the spherical light on the hidden side, and the weight was 0 / 0.
 #[test]
-fn light_from_the_rim_of_a_sphere_has_a_weight() {
+fn weights_of_light_from_the_rim_of_a_sphere_are_finite() {
     let scene = &glass(0.35, 0.2);
     let (accel, lights) = (Accel::build(Arc::clone(scene)).unwrap(), Lights::new(scene));
     let camera = &Camera::new(&scene.camera, [SIDE as u32; 2], FilterSpec::PIXEL);
@@ -112,7 +115,7 @@ fn light_from_the_rim_of_a_sphere_has_a_weight() {
 }
 
 #[test]
-fn anisotropic_metal() {
+fn integrators_agree_on_anisotropic_metal() {
     let brushed = Material {
         metallic: 1.0,
         roughness: 0.4,
@@ -139,7 +142,7 @@ fn anisotropic_metal() {
 }
 
 #[test]
-fn clear_coat_over_a_mixture() {
+fn integrators_agree_on_a_clear_coat_over_a_mixture() {
     let mixed = Material {
         metallic: 0.3,
         opacity: 0.5,
@@ -163,7 +166,7 @@ fn clear_coat_over_a_mixture() {
 }
 
 #[test]
-fn cloth_on_a_surface_that_is_seen_from_behind() {
+fn integrators_agree_on_cloth_and_on_a_surface_seen_from_behind() {
     let velvet = Material {
         sheen: 1.0,
         sheen_tint: 0.5,

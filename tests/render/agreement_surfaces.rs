@@ -32,7 +32,7 @@ fn bumps() -> Texture {
 
 /// Returns the room with a floor of another material, whose tangents are those of its texture
 /// coordinates.
-fn floored(builder: SceneBuilder, floor: Material) -> Arc<CompiledScene> {
+fn room_with_floor(builder: SceneBuilder, floor: Material) -> Arc<CompiledScene> {
     let mut scene = Arc::unwrap_or_clone(builder.build());
     scene.tangents = vec![[Vec4::ZERO; 3]; scene.triangles.len()];
     for i in 0..2 {
@@ -43,7 +43,7 @@ fn floored(builder: SceneBuilder, floor: Material) -> Arc<CompiledScene> {
 }
 
 #[test]
-fn normal_mapped_floor() {
+fn integrators_agree_on_a_normal_mapped_floor() {
     for model in [Model::Lambert, Model::Disney] {
         let mut builder = room(EYE).sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0));
         let map = builder.texture(bumps());
@@ -58,12 +58,12 @@ fn normal_mapped_floor() {
             roughness: 0.4,
             ..grey(0.7)
         };
-        agree_with_bpt(&floored(builder, floor), 5, None, 1200);
+        agree_with_bpt(&room_with_floor(builder, floor), 5, None, 1200);
     }
 }
 
 #[test]
-fn embossed_floor() {
+fn integrators_agree_on_a_bump_mapped_floor() {
     for model in [Model::Lambert, Model::Disney] {
         let mut builder = room(EYE).sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0));
         let map = builder.texture(bumps());
@@ -79,7 +79,7 @@ fn embossed_floor() {
             roughness: 0.4,
             ..grey(0.7)
         };
-        agree_with_bpt(&floored(builder, floor), 5, None, 1200);
+        agree_with_bpt(&room_with_floor(builder, floor), 5, None, 1200);
     }
 }
 
@@ -95,7 +95,7 @@ fn leaf() -> Texture {
 }
 
 #[test]
-fn masked_leaves() {
+fn integrators_agree_on_masked_leaves() {
     for mask_mode in [MaskMode::Threshold, MaskMode::Blend] {
         let mut builder = room(EYE);
         let mask_texture = builder.texture(leaf());
@@ -134,7 +134,8 @@ fn masked_leaves() {
     }
 }
 
-/// Adds a coarse ball of so many slices and half as many stacks, with smooth normals.
+/// Returns the scene with a coarse ball of `slices` slices and half as many stacks, with smooth
+/// normals.
 fn coarse_ball(
     slices: usize,
     mut builder: SceneBuilder,
@@ -181,8 +182,8 @@ fn coarse_ball(
 }
 
 #[test]
-fn overhangs_of_a_coarse_ball() {
-    // Metal in the second scene, with the Dirac lobe of a mirror in the third.
+fn integrators_agree_on_the_terminator_offset_of_a_coarse_ball() {
+    // The second material is metal; the third also has the Dirac lobe of a mirror.
     let gold = Material {
         model: Model::Disney,
         metallic: 1.0,
@@ -212,7 +213,7 @@ fn overhangs_of_a_coarse_ball() {
 }
 
 #[test]
-fn a_ball_lit_from_behind_which_is_nearly_all_overhang() {
+fn integrators_agree_on_the_terminator_offset_of_a_ball_lit_from_behind() {
     let mut builder = SceneBuilder::new(Vec3::Z * 3.0, Vec3::ZERO, 20.0).quad(
         Vec3::new(-3.0, -3.0, -2.6),
         Vec3::X * 6.0,
@@ -244,9 +245,9 @@ fn a_ball_lit_from_behind_which_is_nearly_all_overhang() {
     );
 }
 
-/// Returns the light that a coarse ball of albedo 0.8 reflects of parallel light from the left,
-/// with and without the offset at shadow terminators: the mean over the pixels in whose middle the
-/// shading normal faces the light, beside the reflection of a surface with that normal.
+/// Renders a coarse ball of albedo 0.8 in directional light from the left, with or without the
+/// offset at shadow terminators. For the pixels at whose centre the shading normal faces the light,
+/// returns the sum of their radiance, the sum expected for these normals, and how many are black.
 fn terminator(shadow_terminator: bool) -> (f64, f64, usize) {
     let material = Material {
         shadow_terminator,
@@ -265,7 +266,7 @@ fn terminator(shadow_terminator: bool) -> (f64, f64, usize) {
     (j.integrator, j.filter.radius) = (integrator("nee").unwrap(), 0.0);
     let film = render(&scene, j, 1);
     let accel = Accel::build(Arc::clone(&scene)).unwrap();
-    let (mut found, mut expected, mut hidden) = (0.0, 0.0, 0);
+    let (mut found, mut expected, mut black) = (0.0, 0.0, 0);
     for (i, sum) in film.sum.iter().enumerate() {
         let at =
             |k: usize| ((k as f32 + 0.5) / side as f32 * 2.0 - 1.0) * 2.1f32.to_radians().tan();
@@ -280,22 +281,22 @@ fn terminator(shadow_terminator: bool) -> (f64, f64, usize) {
         };
         let surface = Surface::at(&scene, &ray, &hit);
         let cos = -surface.n_shading.dot(direction);
-        // Seen from behind its shading normal, a point is black with or without the offset.
+        // A point seen from behind its shading normal is black with or without the offset.
         if cos > 0.0 && surface.n_shading.dot(dir) < 0.0 {
             found += sum[0];
             expected += 0.8 * f64::from(cos);
-            hidden += usize::from(sum[0] == 0.0);
+            black += usize::from(sum[0] == 0.0);
         }
     }
-    (found, expected, hidden)
+    (found, expected, black)
 }
 
 #[test]
-fn overhangs_light_all_that_the_shading_normals_show_to_the_light() {
-    let (found, expected, hidden) = terminator(true);
+fn the_terminator_offset_lights_every_point_whose_shading_normal_faces_the_light() {
+    let (found, expected, black) = terminator(true);
     assert!(
-        (found / expected - 1.0).abs() < 1e-4 && hidden == 0,
-        "{found} instead of {expected}, black: {hidden}"
+        (found / expected - 1.0).abs() < 1e-4 && black == 0,
+        "{found} instead of {expected}, black: {black}"
     );
     let (less, same, black) = terminator(false);
     assert_eq!(same, expected);

@@ -12,9 +12,10 @@ use crate::bsdf_grid::{
 };
 use crate::common::WHITE;
 
-/// Significance of all chi-square tests of this file together, at most 4 mixtures of 20 materials,
-/// 18 ideal ones and 32 interfaces from 5 directions.
+/// Significance of all chi-square tests of this file together.
 const SIGNIFICANCE: f64 = 0.01;
+/// Greatest number of chi-square tests: 4 mixtures of 20 materials, 18 ideal materials and 32
+/// interfaces from 5 directions.
 const TESTS: usize = (4 * 20 + 18 + 32) * 5;
 
 /// Samples of each test.
@@ -58,9 +59,9 @@ fn rounding(m: &Material, wo: Vec3, wi: Vec3) -> f32 {
     1e-3 + tails * 5e-7 / (narrowest(m) as f32 * cos * bend)
 }
 
-/// Compares samples with the density integrated over cells. Samples without a density form one more
-/// cell, whose probability is one minus the integral of the density.
-fn follow_density(materials: &[Material]) {
+/// Compares samples with the density integrated over cells. Samples without a density are counted
+/// in a further cell, whose probability is one minus the integral of the density.
+fn assert_samples_follow_density(materials: &[Material]) {
     for material in materials {
         let b = bsdf(material);
         for wo in outgoing() {
@@ -89,7 +90,7 @@ fn follow_density(materials: &[Material]) {
                 );
                 assert!((s.wi.dot(NORMAL) * wo.dot(NORMAL) > 0.0) == (s.eta == 1.0));
             }
-            let sphere = Sphere::of(material, wo);
+            let sphere = Sphere::for_lobes(material, wo);
             let mut observed = vec![0.0; sphere.cells() + 1];
             for s in &samples {
                 observed[s.map_or(sphere.cells(), |s| sphere.cell(s.wi))] += 1.0;
@@ -103,7 +104,7 @@ fn follow_density(materials: &[Material]) {
                 "the density integrates to {}: {material:?} {wo}",
                 total / n
             );
-            // An error of the quadrature must not take all of the probability of an empty sample.
+            // The error of the quadrature must not make the last probability negative.
             expected.push((n - total).max(1e-4 * n));
             let p = chi_square_p(&observed, &expected, 0);
             assert!(
@@ -116,37 +117,37 @@ fn follow_density(materials: &[Material]) {
 
 #[test]
 fn opaque_dielectrics_follow_their_density() {
-    follow_density(&grid(Mix::Opaque));
+    assert_samples_follow_density(&grid(Mix::Opaque));
 }
 
 #[test]
 fn metals_follow_their_density() {
-    follow_density(&grid(Mix::Metal));
+    assert_samples_follow_density(&grid(Mix::Metal));
 }
 
 #[test]
 fn rough_glass_follows_its_density_from_both_sides() {
-    follow_density(&grid(Mix::Glass));
+    assert_samples_follow_density(&grid(Mix::Glass));
 }
 
 #[test]
 fn mixtures_follow_their_density() {
-    follow_density(&grid(Mix::All));
+    assert_samples_follow_density(&grid(Mix::All));
 }
 
 #[test]
 fn ideal_surfaces_follow_their_density() {
-    follow_density(&ideal());
+    assert_samples_follow_density(&ideal());
 }
 
 #[test]
 fn metals_plastic_and_glass_of_both_distributions_follow_their_density() {
-    follow_density(&interfaces());
+    assert_samples_follow_density(&interfaces());
 }
 
 #[test]
-fn weights_average_to_the_integral_of_the_value() {
-    // Sampling must find all that the quadrature of the value finds: no direction is missing.
+fn the_mean_weight_of_samples_is_the_integral_of_the_value() {
+    // Sampling must cover all directions that the quadrature of the value covers.
     let n = 8000;
     let cases: Vec<Material> = grids().into_iter().chain(interfaces()).step_by(3).collect();
     let level = sidak(0.01, cases.len() * outgoing().len() * 3);

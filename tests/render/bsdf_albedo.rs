@@ -32,9 +32,9 @@ fn range(m: &Material, directions: &[Vec3]) -> [f64; 2] {
 }
 
 #[test]
-fn metal_glass_and_coats_never_give_more_than_they_get() {
-    // The loss is that of microfacets with single scattering: it grows with roughness and
-    // anisotropy. The bound here is a lower one for cosines from 0.15.
+fn metal_glass_and_coats_conserve_energy() {
+    // Microfacet models with single scattering lose energy, more with greater roughness and
+    // anisotropy. `least` is a lower bound of the albedo for cosines from 0.15.
     let least = [0.998, 0.97, 0.60, 0.11];
     let directions = [outgoing()[0], outgoing()[1], outgoing()[3], outgoing()[4]];
     for (roughness, least) in ROUGHNESS.into_iter().zip(least) {
@@ -70,7 +70,8 @@ fn metal_glass_and_coats_never_give_more_than_they_get() {
             );
             let grazing = largest(albedo(&m, outgoing()[2]));
             assert!(grazing <= 1.0 + TOLERANCE, "{grazing}: {m:?}");
-            // A coat only attenuates: it transmits at most what it does not reflect, twice.
+            // A coat only attenuates: light passes it twice, and each time at most the part that it
+            // does not reflect.
             for clearcoat_gloss in [0.0, 1.0] {
                 let coated = Material {
                     clearcoat: 1.0,
@@ -81,7 +82,7 @@ fn metal_glass_and_coats_never_give_more_than_they_get() {
                 assert!(above <= 1.0 + TOLERANCE, "{above}: {coated:?}");
             }
         }
-        // The reflection over a black base is that of the dielectric and the coat alone.
+        // Over a black base only the dielectric and the coat reflect.
         for (clearcoat, specular_tint) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)] {
             let black = Material {
                 base_color: Vec3::ZERO,
@@ -97,9 +98,9 @@ fn metal_glass_and_coats_never_give_more_than_they_get() {
 }
 
 #[test]
-fn round_microfacets_of_alpha_one_reflect_one_minus_ln_2_at_normal_incidence() {
-    // D is constant, and Smith's masking of the other direction is 2 z / (1 + z): its integral is 1
-    // - ln 2.
+fn isotropic_microfacets_of_alpha_one_reflect_one_minus_ln_2_at_normal_incidence() {
+    // The distribution D is constant, and Smith's masking of the other direction is 2 z / (1 + z):
+    // the integral is 1 - ln 2.
     let metal = Material {
         metallic: 1.0,
         ..WHITE
@@ -110,8 +111,8 @@ fn round_microfacets_of_alpha_one_reflect_one_minus_ln_2_at_normal_incidence() {
 }
 
 #[test]
-fn what_loses_nothing_loses_nothing() {
-    // White Lambert, by quadrature.
+fn white_lambert_and_smooth_white_mirrors_and_glass_have_albedo_one() {
+    // White Lambert surfaces are tested by quadrature.
     let lambert = Material {
         model: Model::Lambert,
         ..WHITE
@@ -121,8 +122,8 @@ fn what_loses_nothing_loses_nothing() {
             .into_iter()
             .for_each(|a| assert!((a - 1.0).abs() < 1e-3, "{a}"));
     }
-    // Dirac lobes by their weights: each sample of a white mirror or of white glass carries all
-    // light. Refraction scales radiance by the squared index besides.
+    // Dirac lobes are tested by their weights: 1 for every sample of a white mirror or of white
+    // glass. Refraction also scales radiance by the squared index.
     for model in [Model::Disney, Model::Lambert] {
         let smooth = Material {
             roughness: 0.0,
@@ -174,11 +175,11 @@ fn what_loses_nothing_loses_nothing() {
 }
 
 #[test]
-fn the_diffuse_lobe_gives_more_than_it_gets_by_no_more_than_is_known() {
+fn the_albedo_of_the_diffuse_lobe_stays_below_its_known_bounds() {
     // The lobe of [Burley 2012] was fitted to measurements, not to conserve energy: it is not
-    // reduced by the reflection above it, and it brightens towards grazing angles. The values stay,
-    // since they are those of the theses and of other renderers; the test fixes by how much they
-    // exceed one, at cosines of 1, 0.6 and 0.06.
+    // reduced by the reflection above it, and it brightens towards grazing angles. The theses and
+    // other renderers use it, so it is kept; the test bounds the albedo at cosines of 1, 0.6 and
+    // 0.06.
     let known = [
         ("plain", WHITE, [1.05, 1.07, 1.50]),
         ("dense", Material { ior: 2.5, ..WHITE }, [1.18, 1.19, 1.58]),
@@ -205,7 +206,7 @@ fn the_diffuse_lobe_gives_more_than_it_gets_by_no_more_than_is_known() {
             for (wo, most) in outgoing().into_iter().zip(most) {
                 let a = largest(albedo(&m, wo));
                 assert!(a < most, "{name}, roughness {roughness}: {a} for {wo}");
-                // A coat over it only attenuates.
+                // A coat only attenuates.
                 let coated = largest(albedo(
                     &Material {
                         clearcoat: 1.0,
@@ -220,7 +221,7 @@ fn the_diffuse_lobe_gives_more_than_it_gets_by_no_more_than_is_known() {
             }
         }
     }
-    // A grey of 0.6 conserves energy at all but grazing angles, whatever its roughness.
+    // A grey of 0.6 conserves energy at all but grazing angles for every roughness.
     for roughness in ROUGHNESS {
         let grey = Material {
             roughness,

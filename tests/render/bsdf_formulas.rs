@@ -1,5 +1,5 @@
-//! Values of the BSDF compared with the published equations, written again in double precision and
-//! in other forms where there are any.
+//! Values of the BSDF compared with the published equations, implemented again in double precision
+//! and in another form where one exists.
 
 use std::f64::consts::PI;
 
@@ -12,7 +12,7 @@ use lumbre::transport::surface::Surface;
 
 use crate::bsdf_grid::{grids, surface, uniform};
 
-/// Returns a point whose frame is that of the world.
+/// Returns a surface point whose frame is that of the world.
 fn upright(m: &Material) -> Surface<'_> {
     Surface {
         n_geometric: Vec3::Z,
@@ -44,7 +44,7 @@ fn g1(w: DVec3, [ax, ay]: [f64; 2]) -> f64 {
     1.0 / (1.0 + 0.5 * ((1.0 + tan2).sqrt() - 1.0))
 }
 
-/// Returns equation 4.18 of the thesis on bidirectional path tracing with Vulkan.
+/// Returns the GGX distribution of normals, equation 4.18 of thesis S0.
 fn d(h: DVec3, [ax, ay]: [f64; 2]) -> f64 {
     1.0 / (PI * ax * ay * ((h.x / ax).powi(2) + (h.y / ay).powi(2) + h.z * h.z).powi(2))
 }
@@ -65,8 +65,7 @@ fn coat(m: &Material, o: DVec3, i: DVec3, h: DVec3) -> (f64, f64) {
     ((1.0 - f(o.z)) * (1.0 - f(i.z.abs())), value)
 }
 
-/// Returns the value for radiance, with `z` the shading normal, and the share of it in the tail of
-/// a narrow lobe.
+/// Returns the value for radiance; `z` is the shading normal.
 fn reference(m: &Material, mut o: DVec3, mut i: DVec3) -> DVec3 {
     let base = m.base_color.as_dvec3();
     let (metallic, opacity, ior) = (
@@ -101,7 +100,7 @@ fn reference(m: &Material, mut o: DVec3, mut i: DVec3) -> DVec3 {
     let cos = o.dot(h);
     let luminance = base.dot(DVec3::new(0.2126, 0.7152, 0.0722));
     let tint = |part: f32| DVec3::ONE.lerp(base / luminance, f64::from(part));
-    // Equations 4.15 to 4.17 and sheen.
+    // S0, equations 4.15 to 4.17, and sheen.
     let (rough, subsurface) = (f64::from(m.roughness), f64::from(m.subsurface));
     let blend = |f90: f64| (1.0 + (f90 - 1.0) * schlick(i.z)) * (1.0 + (f90 - 1.0) * schlick(o.z));
     let fd = blend(0.5 + 2.0 * rough * cos * cos);
@@ -120,7 +119,7 @@ fn reference(m: &Material, mut o: DVec3, mut i: DVec3) -> DVec3 {
         DVec3::splat(exact)
     };
     let metal = base + (DVec3::ONE - base) * schlick(cos);
-    // Figure 4.11.
+    // S0, figure 4.11.
     let opaque = diffuse + dielectric * microfacets;
     let refracting = DVec3::splat(fresnel(cos, eta) * microfacets);
     let below = (opaque * opacity + refracting * (1.0 - opacity)) * (1.0 - metallic)
@@ -130,7 +129,7 @@ fn reference(m: &Material, mut o: DVec3, mut i: DVec3) -> DVec3 {
 }
 
 #[test]
-fn values_are_those_of_the_sources() {
+fn values_equal_the_published_equations() {
     let mut compared = 0;
     for m in grids().into_iter().filter(|m| m.roughness >= 0.1) {
         let s = upright(&m);
@@ -147,8 +146,8 @@ fn values_are_those_of_the_sources() {
                 continue;
             }
             let exact = reference(&m, o.as_dvec3().normalize(), w.as_dvec3().normalize());
-            let got = b.eval(o, w, TransportMode::Radiance).as_dvec3();
-            let error = (got - exact).abs().max_element();
+            let found = b.eval(o, w, TransportMode::Radiance).as_dvec3();
+            let error = (found - exact).abs().max_element();
             // Half vectors of grazing pairs lose digits, the more the narrower the lobe and the
             // less refraction bends.
             let tolerance = 1e-3
@@ -158,7 +157,7 @@ fn values_are_those_of_the_sources() {
                         * f64::from(o.z.abs().min(w.z.abs())));
             assert!(
                 error <= tolerance * exact.max_element() + 1e-6,
-                "{got} instead of {exact} for {o} {w} {m:?}"
+                "{found} instead of {exact} for {o} {w} {m:?}"
             );
             compared += 1;
         }
@@ -167,10 +166,9 @@ fn values_are_those_of_the_sources() {
 }
 
 #[test]
-fn refraction_has_the_jacobian_that_differences_find() {
-    // The density of refracted directions is that of visible normals times the change of solid
-    // angle by the map from normals to directions, which is measured here by moving the normal a
-    // little.
+fn the_density_of_refraction_has_the_jacobian_found_by_finite_differences() {
+    // The density of refracted directions is that of visible normals over the change of solid angle
+    // from normals to directions, which finite differences of the normal measure here.
     for m in grids().into_iter().filter(|m| {
         m.opacity == 0.0 && m.metallic == 0.0 && m.roughness >= 0.1 && m.clearcoat == 0.0
     }) {
@@ -206,10 +204,10 @@ fn refraction_has_the_jacobian_that_differences_find() {
             let stretch = da.cross(db).length() / (4.0 * e * e);
             let normals = d(h, alpha) * g1(o, alpha) * o.dot(h) / o.z;
             let expected = (1.0 - fresnel(o.dot(h), eta)) * normals / stretch;
-            let got = f64::from(b.pdf_w(wo, x.wi));
+            let found = f64::from(b.pdf_w(wo, x.wi));
             assert!(
-                (got / expected - 1.0).abs() < 0.01,
-                "{got} instead of {expected}: {wo} {} {m:?}",
+                (found / expected - 1.0).abs() < 0.01,
+                "{found} instead of {expected}: {wo} {} {m:?}",
                 x.wi
             );
             tested += 1;
@@ -219,9 +217,9 @@ fn refraction_has_the_jacobian_that_differences_find() {
 }
 
 #[test]
-fn stretched_highlights_lie_along_the_direction_of_anisotropy() {
-    // With the half vector tilted along the tangent the lobe is wider than across it, whatever the
-    // tangent's length.
+fn anisotropic_lobes_are_wider_along_the_tangent() {
+    // The lobe is wider for half vectors tilted along the tangent than across it, for any length of
+    // the tangent.
     let m = Material {
         metallic: 1.0,
         roughness: 0.4,
@@ -245,7 +243,7 @@ fn stretched_highlights_lie_along_the_direction_of_anisotropy() {
         assert!(towards(Vec3::X) > 20.0 * towards(Vec3::Y));
         assert!((towards(Vec3::X) / towards(-Vec3::X) - 1.0).abs() < 1e-5);
     }
-    // Without a tangent any frame serves, and isotropic lobes do not depend on it.
+    // Isotropic lobes do not depend on the frame that is chosen without a tangent.
     let round = Material {
         anisotropic: 0.0,
         ..m

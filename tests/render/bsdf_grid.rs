@@ -12,7 +12,7 @@ use lumbre::transport::surface::Surface;
 
 use crate::common::WHITE;
 
-/// A normal along no axis.
+/// A normal that lies along no axis.
 pub const NORMAL: Vec3 = Vec3::new(0.36, 0.48, 0.8);
 
 /// A direction of anisotropy that is not orthogonal to the normal.
@@ -65,7 +65,7 @@ pub fn outgoing() -> [Vec3; 5] {
     ]
 }
 
-/// Mixture of the dielectric, refractive and metallic parts.
+/// Mixture of the dielectric, refractive and metallic lobes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mix {
     Opaque,
@@ -74,8 +74,8 @@ pub enum Mix {
     All,
 }
 
-/// Returns every roughness with every addition to a mixture: plain, anisotropic, coated by satin
-/// and gloss, cloth; and with an index below that of the outside.
+/// Returns five materials of a mixture for every roughness: plain, anisotropic, with a satin coat,
+/// with a glossy coat, and cloth with an index of refraction below one.
 pub fn grid(mix: Mix) -> Vec<Material> {
     let [metallic, opacity] = match mix {
         Mix::Opaque => [0.0, 1.0],
@@ -185,9 +185,9 @@ pub fn uniform(i: u32, test: u32) -> [f32; 4] {
     pcg4d([i, test, 42, 43]).map(unit)
 }
 
-/// Returns the directions that a Dirac lobe would sample on the side of `wo` and on the other one,
-/// about which lobes are narrow. Under total reflection it is the grazing direction at which
-/// refraction fades.
+/// Returns the directions that Dirac lobes would sample on the side of `wo` and on the other side.
+/// Narrow lobes lie about them. Under total reflection the second is the grazing direction at which
+/// refraction vanishes.
 fn poles(material: &Material, wo: Vec3) -> [Vec3; 2] {
     let frame = Frame::from_normal(NORMAL);
     let o = frame.to_local(wo);
@@ -213,7 +213,7 @@ pub fn narrowest(m: &Material) -> f64 {
     base.min(coat).max(0.001)
 }
 
-/// The sphere cut into cells: each side of the surface into rings about the pole of its lobe.
+/// The sphere divided into cells: each side of the surface into rings about the pole of its lobe.
 pub struct Sphere {
     wo: Vec3,
     sides: [Rings; 2],
@@ -221,7 +221,7 @@ pub struct Sphere {
 
 impl Sphere {
     /// Returns the cells that resolve all lobes of a material seen from `wo`.
-    pub fn of(material: &Material, wo: Vec3) -> Sphere {
+    pub fn for_lobes(material: &Material, wo: Vec3) -> Sphere {
         Sphere {
             wo,
             sides: poles(material, wo).map(|pole| Rings::about(pole, narrowest(material))),
@@ -252,17 +252,18 @@ impl Sphere {
     }
 }
 
-/// The sphere cut into rings about a pole, narrow near it, and the rings into sectors.
+/// The sphere divided into rings about a pole, narrow near it, and the rings into sectors.
 struct Rings {
     frame: Frame,
     /// Upper edges in `(1 - cos) / 2` of the angle to the pole; the first ring is a cap.
     edges: Vec<f64>,
 }
 
+/// Sectors of a ring.
 const SECTORS: usize = 16;
 
 impl Rings {
-    /// Returns rings that resolve a lobe of a width.
+    /// Returns rings that resolve a lobe of width `alpha` about the pole.
     fn about(pole: Vec3, alpha: f64) -> Rings {
         let first = (alpha * alpha / 16.0).min(1.0 / 64.0);
         let count = (1.0 / first).log2().ceil().clamp(8.0, 24.0);
@@ -386,11 +387,11 @@ fn refine<const N: usize>(
     std::array::from_fn(|k| values.iter().map(|v| v[k]).sum())
 }
 
-/// Returns the directional albedo of the lobes with a density: the integral of the value and the
-/// cosine, for light from `wo`, so that refraction is not scaled.
+/// Returns the directional albedo of the lobes with a density: the integral of value times cosine
+/// for light from `wo`, which refraction does not scale.
 pub fn albedo(material: &Material, wo: Vec3) -> [f64; 3] {
     let b = bsdf(material);
-    let cells = Sphere::of(material, wo).integrate(|wi| {
+    let cells = Sphere::for_lobes(material, wo).integrate(|wi| {
         (b.eval(wo, wi, TransportMode::Importance) * wi.dot(NORMAL).abs())
             .as_dvec3()
             .to_array()
@@ -399,7 +400,7 @@ pub fn albedo(material: &Material, wo: Vec3) -> [f64; 3] {
 }
 
 #[test]
-fn rings_cover_the_sphere_once_and_know_their_cells() {
+fn rings_cover_the_sphere_once_and_integrate_every_cell_separately() {
     for alpha in [0.001, 0.1, 1.0] {
         let rings = Rings::about(direction(0.3, 1.0), alpha);
         let areas = rings.integrate(|_| [1.0]);

@@ -27,7 +27,7 @@ fn diffuse_reflectance_is_the_mean_of_fresnel_over_the_projected_hemisphere() {
 }
 
 #[test]
-fn nothing_gives_more_than_it_gets_and_rough_plastic_little() {
+fn albedo_of_white_interfaces_is_at_most_one_and_of_plastic_at_most_1_01() {
     for m in interfaces() {
         let white = Material {
             base_color: Vec3::ONE,
@@ -51,7 +51,7 @@ fn nothing_gives_more_than_it_gets_and_rough_plastic_little() {
 }
 
 #[test]
-fn smooth_white_glass_panes_and_mirrors_lose_nothing() {
+fn smooth_white_glass_panes_and_mirrors_absorb_nothing() {
     let mirror = Material {
         model: Model::Conductor,
         roughness: 0.0,
@@ -87,7 +87,7 @@ fn smooth_white_glass_panes_and_mirrors_lose_nothing() {
                 let straight = m.interface.thin && s.wi.dot(NORMAL) * wo.dot(NORMAL) < 0.0;
                 assert!(
                     !straight || (s.wi + wo).length() < 1e-5,
-                    "a pane bends nothing: {s:?}"
+                    "a pane must not bend light: {s:?}"
                 );
             }
         }
@@ -95,7 +95,7 @@ fn smooth_white_glass_panes_and_mirrors_lose_nothing() {
 }
 
 #[test]
-fn a_pane_reflects_the_sum_of_all_reflections_between_its_faces() {
+fn a_pane_reflects_the_series_of_reflections_between_its_faces() {
     let pane = Material {
         model: Model::Dielectric,
         opacity: 0.0,
@@ -124,9 +124,9 @@ fn a_pane_reflects_the_sum_of_all_reflections_between_its_faces() {
 }
 
 #[test]
-fn smooth_plastic_is_a_mirror_over_the_body_that_light_leaves_after_any_number_of_turns() {
-    // Light that enters, (1 - F), leaves after internal reflections that the body dims by its
-    // albedo each; a white body loses none.
+fn the_diffuse_albedo_of_smooth_plastic_is_the_series_of_internal_reflections() {
+    // The fraction 1 - F of light enters the body. Each internal reflection multiplies it by the
+    // albedo of the body; a white body absorbs nothing.
     let fdr = 1.0 - (1.0 - diffuse_reflectance(1.5)) / 2.25;
     for (nonlinear, color) in [(true, 1.0f32), (true, 0.5), (false, 0.5)] {
         let m = Material {
@@ -154,7 +154,7 @@ fn smooth_plastic_is_a_mirror_over_the_body_that_light_leaves_after_any_number_o
 }
 
 #[test]
-fn beckmann_lobes_are_narrower_in_their_tails_than_ggx() {
+fn beckmann_tails_are_lower_than_ggx_tails() {
     let metal = |distribution| Material {
         model: Model::Conductor,
         roughness: 0.5,

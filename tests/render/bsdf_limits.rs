@@ -41,8 +41,8 @@ fn scene(material: Option<Material>) -> Arc<CompiledScene> {
     .build()
 }
 
-/// Checks that two scenes look alike, in blocks and as a whole.
-fn look_alike(
+/// Checks that pictures of two scenes, with a depth each, agree in every block.
+fn assert_same_picture(
     name: &str,
     first: &Arc<CompiledScene>,
     second: &Arc<CompiledScene>,
@@ -73,12 +73,12 @@ fn look_alike(
     let [a, b] = films.each_ref().map(|f| mean_and_error(f, 1));
     assert!(
         a.0 > 0.0 && a.1 / a.0 < 0.02,
-        "too noisy to tell: {a:?} {b:?}"
+        "too noisy for this test: {a:?} {b:?}"
     );
 }
 
 #[test]
-fn a_lobe_just_wide_enough_to_have_a_density_looks_smooth() {
+fn lobes_just_above_and_below_the_threshold_of_smoothness_look_alike() {
     let base_color = Vec3::new(0.9, 0.8, 0.6);
     for (name, m) in [
         (
@@ -113,12 +113,12 @@ fn a_lobe_just_wide_enough_to_have_a_density_looks_smooth() {
                 ..m
             }))
         };
-        look_alike(name, &with(0.010_001), &with(0.009_999), [6, 6]);
+        assert_same_picture(name, &with(0.010_001), &with(0.009_999), [6, 6]);
     }
 }
 
 #[test]
-fn glass_of_the_outside_index_is_invisible() {
+fn glass_of_index_one_is_invisible() {
     for roughness in [0.0, 0.3, 1.0] {
         let m = Material {
             opacity: 0.0,
@@ -142,10 +142,10 @@ fn glass_of_the_outside_index_is_invisible() {
                 );
             }
         }
-        // Two edges more for the two surfaces that are crossed on the way to the floor, and two on
-        // the way to the light.
-        look_alike("nothing", &scene(Some(m)), &scene(None), [6, 2]);
-        // Nearby parameters nearly agree: the rough lobe is narrow, and reflects nothing.
+        // Paths cross two surfaces on the way to the floor and two on the way to the light: four
+        // more edges.
+        assert_same_picture("glass of index 1", &scene(Some(m)), &scene(None), [6, 2]);
+        // An index close to 1 gives a narrow lobe that hardly reflects.
         let nearly = Material { ior: 1.002, ..m };
         for i in 0..1000 {
             let u = uniform(i, 32);
@@ -176,8 +176,8 @@ fn extreme(word: u32) -> f32 {
 }
 
 #[test]
-fn nothing_random_makes_a_nan() {
-    let mut alive = 0;
+fn extreme_parameters_and_random_numbers_give_finite_values_and_densities() {
+    let mut sampled = 0;
     for i in 0..100_000u32 {
         let word = |k: u32| pcg4d([i, k, 77, 78]);
         let (a, b, c, d) = (word(0), word(1), word(2), word(3));
@@ -206,7 +206,7 @@ fn nothing_random_makes_a_nan() {
         };
         let mut s = surface(&m);
         let direction = |u: [f32; 2], word: u32| {
-            // Grazing and normal directions are as likely as all others.
+            // Four of six directions are grazing or normal.
             let z = match word % 6 {
                 0 => 1e-3,
                 1 => 1e-7,
@@ -225,17 +225,17 @@ fn nothing_random_makes_a_nan() {
         let wo = direction([unit(e[2]), unit(e[3])], e[0]);
         let wi = direction([unit(f[0]), unit(f[1])], f[2]);
         let bsdf = Bsdf::new(&s, &[]);
-        let fine =
+        let is_valid =
             |v: Vec3, p: f32| v.is_finite() && v.min_element() >= 0.0 && p.is_finite() && p >= 0.0;
         for mode in [TransportMode::Radiance, TransportMode::Importance] {
             let (f1, p1) = (bsdf.eval(wo, wi, mode), bsdf.pdf_w(wo, wi));
-            assert!(fine(f1, p1), "{f1} {p1}: {wo} {wi} {m:?}");
+            assert!(is_valid(f1, p1), "{f1} {p1}: {wo} {wi} {m:?}");
             assert!(bsdf.has_density() || (f1 == Vec3::ZERO && p1 == 0.0));
             let u = [extreme(f[3]), extreme(f[0]), extreme(f[1])]
                 .map(|u| u.min(1.0 - f32::EPSILON / 2.0));
             if let Some(x) = bsdf.sample(wo, u[0], [u[1], u[2]], mode) {
                 assert!(
-                    fine(x.weight, x.pdf_w) && x.pdf_w > 0.0,
+                    is_valid(x.weight, x.pdf_w) && x.pdf_w > 0.0,
                     "{x:?}: {wo} {m:?}"
                 );
                 assert!(
@@ -243,10 +243,10 @@ fn nothing_random_makes_a_nan() {
                     "{x:?}: {wo} {m:?}"
                 );
                 let (f2, p2) = (bsdf.eval(wo, x.wi, mode), bsdf.pdf_w(wo, x.wi));
-                assert!(fine(f2, p2), "{f2} {p2}: {x:?} {m:?}");
-                alive += 1;
+                assert!(is_valid(f2, p2), "{f2} {p2}: {x:?} {m:?}");
+                sampled += 1;
             }
         }
     }
-    assert!(alive > 60_000, "{alive}");
+    assert!(sampled > 60_000, "{sampled}");
 }

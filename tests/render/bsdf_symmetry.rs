@@ -1,4 +1,4 @@
-//! Symmetries of the BSDF: reciprocity, the two modes, densities from both ends, and shading
+//! Symmetries of the BSDF: reciprocity, both transport modes, densities from both ends, and shading
 //! normals.
 
 use glam::Vec3;
@@ -57,7 +57,7 @@ fn materials() -> Vec<Material> {
 }
 
 #[test]
-fn reflection_is_reciprocal_and_refraction_up_to_the_squared_index() {
+fn reflection_is_reciprocal_and_refraction_is_up_to_the_squared_index() {
     let (mut reflected, mut refracted) = (0, 0);
     for m in materials() {
         let b = bsdf(&m);
@@ -66,8 +66,8 @@ fn reflection_is_reciprocal_and_refraction_up_to_the_squared_index() {
                 b.eval(wo, wi, TransportMode::Radiance),
                 b.eval(wi, wo, TransportMode::Radiance),
             );
-            // Radiance over squared index is what is conserved [Veach 1997, 5.2]: f(wo, wi) n_i^2 =
-            // f(wi, wo) n_o^2.
+            // Radiance over squared index is conserved [Veach 1997, 5.2]: f(wo, wi) n_i^2 = f(wi,
+            // wo) n_o^2.
             let n2 = |w: Vec3| if cos(w) > 0.0 { 1.0 } else { m.ior * m.ior };
             let same_side = cos(wo) * cos(wi) > 0.0;
             let (f, g) = if same_side {
@@ -82,7 +82,7 @@ fn reflection_is_reciprocal_and_refraction_up_to_the_squared_index() {
                 f.min_element() >= 0.0 && close(f, g),
                 "{f} {g}: {wo} {wi} {m:?}"
             );
-            // Importance is carried as radiance is from the other end, without any factor.
+            // Importance from one end equals radiance from the other, without a factor.
             let (light, camera) = (
                 b.eval(wi, wo, TransportMode::Importance),
                 b.eval(wo, wi, TransportMode::Radiance),
@@ -104,10 +104,10 @@ fn reflection_is_reciprocal_and_refraction_up_to_the_squared_index() {
 }
 
 #[test]
-fn what_one_end_can_sample_the_other_can_too() {
-    // `pdf_w(wi, wo)` is the density of sampling from the other end; the chi-square tests show that
-    // for every first argument. Here: it is positive wherever it must be, and weights from both
-    // ends carry the same.
+fn directions_sampled_from_one_end_have_a_density_from_the_other() {
+    // `pdf_w(wi, wo)` is the density of sampling from the other end, as the chi-square tests show
+    // for every first argument. This test checks that it is positive where needed, and that both
+    // ends give a path the same value.
     for m in grids() {
         let b = bsdf(&m);
         for wo in outgoing() {
@@ -124,8 +124,7 @@ fn what_one_end_can_sample_the_other_can_too() {
                     back > 0.0 && back.is_finite(),
                     "{back} after {s:?} from {wo}: {m:?}"
                 );
-                // The path's value is the same: weight pdf_w = f cos from the camera, and from the
-                // light.
+                // Both ends give the path the same value: weight pdf_w = f cos.
                 let camera = s.weight * s.pdf_w / cos(s.wi).abs();
                 let light = b.eval(s.wi, wo, TransportMode::Importance);
                 let allowed = tolerance(&m, wo, s.wi) * camera.max_element() + 1e-4;
@@ -139,7 +138,7 @@ fn what_one_end_can_sample_the_other_can_too() {
 }
 
 #[test]
-fn smooth_interfaces_carry_the_same_both_ways() {
+fn smooth_interfaces_are_reciprocal_up_to_the_squared_index() {
     for m in [
         Material {
             opacity: 0.0,
@@ -159,7 +158,7 @@ fn smooth_interfaces_carry_the_same_both_ways() {
                     continue;
                 };
                 assert!(s.delta);
-                // The same event backwards, by trying both numbers that can choose it.
+                // The reverse event: one of the two numbers selects it.
                 let back = [0.0, 0.999_999]
                     .into_iter()
                     .filter_map(|u| b.sample(s.wi, u, [0.5; 2], TransportMode::Importance))
@@ -168,8 +167,8 @@ fn smooth_interfaces_carry_the_same_both_ways() {
                 assert!(
                     (back.pdf_w - s.pdf_w).abs() < 1e-3 && (back.eta * s.eta - 1.0).abs() < 1e-5
                 );
-                // f of a Dirac over cosines: weight pdf, compressed by the squared index for
-                // radiance only.
+                // The value of a Dirac lobe times the cosine is weight times density. Only radiance
+                // is scaled by the squared index.
                 assert!(
                     (back.weight - s.weight * s.eta * s.eta).abs().max_element() < 1e-4,
                     "{back:?} {s:?}"
@@ -183,7 +182,7 @@ fn smooth_interfaces_carry_the_same_both_ways() {
 }
 
 #[test]
-fn shading_normals_obey_their_identity() {
+fn radiance_and_importance_agree_for_shading_normals() {
     // A light path must contribute what a camera path along the same edges does [Veach 1997,
     // 5.3.2]. Between the vertex's edges to camera and light: f_camera |l . n_s| / |l . n_g| =
     // f_light |c . n_s| / |c . n_g|.

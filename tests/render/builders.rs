@@ -59,8 +59,8 @@ fn accel(scene: &Arc<CompiledScene>, spec: &AccelSpec) -> Accel {
 }
 
 #[test]
-fn hits_have_the_same_bits_whoever_builds() {
-    let (mut hits, mut lost, mut asked) = (0, [0; 2], [0; 2]);
+fn hits_have_the_same_bits_with_every_builder() {
+    let (mut hits, mut missed, mut tested) = (0, [0; 2], [0; 2]);
     let scenes = [
         (soup(3), Vec3::ZERO),
         (soup(4), Vec3::ZERO),
@@ -75,19 +75,20 @@ fn hits_have_the_same_bits_whoever_builds() {
                 ..AccelSpec::default()
             },
         );
-        assert_eq!(truth.node_count(), 0, "tests everything");
+        assert_eq!(truth.node_count(), 0, "a scene without hierarchy has nodes");
         assert_eq!(truth.cost(), scene.primitive_count() as f64);
         for spec in specs() {
             let accel = accel(&scene, &spec);
             for (i, ray) in rays(&scene, center, 8).into_iter().enumerate() {
                 let expected = truth.closest(&ray, f32::INFINITY);
                 hits += usize::from(expected.is_some());
-                // A ray that aims at a corner may pass a box's edge by less than the tolerance of
-                // the triangle test; the box test in `obvhs` has none.
+                // A ray that aims at a corner may pass a box by less than the tolerance of the
+                // triangle test. The box test in `obvhs` has no tolerance, so the hit may be
+                // missed.
                 let own = spec.builder == Builder::Cwbvh;
                 if own || i < 3000 && i % 6 == 2 {
-                    asked[usize::from(own)] += 1;
-                    lost[usize::from(own)] +=
+                    tested[usize::from(own)] += 1;
+                    missed[usize::from(own)] +=
                         usize::from(accel.closest(&ray, f32::INFINITY) != expected);
                     continue;
                 }
@@ -108,14 +109,14 @@ fn hits_have_the_same_bits_whoever_builds() {
     }
     assert!(hits > 40_000, "{hits}");
     assert!(
-        asked[0] > 20_000 && lost[0] * 200 < asked[0],
-        "{lost:?} of {asked:?}"
+        tested[0] > 20_000 && missed[0] * 200 < tested[0],
+        "{missed:?} of {tested:?}"
     );
-    assert!(lost[1] * 50 < asked[1], "{lost:?} of {asked:?}");
+    assert!(missed[1] * 50 < tested[1], "{missed:?} of {tested:?}");
 }
 
 #[test]
-fn pictures_have_the_same_bits_whoever_builds() {
+fn pictures_have_the_same_bits_with_every_builder() {
     let scene = SceneBuilder::new(Vec3::new(0.0, 0.0, 2.9), Vec3::ZERO, 50.0)
         .room(3.0, grey(0.6))
         .quad(
@@ -156,7 +157,7 @@ fn pictures_have_the_same_bits_whoever_builds() {
 }
 
 #[test]
-fn better_trees_have_lower_costs() {
+fn costs_order_the_builders_and_their_settings() {
     let scene = soup(12);
     let cost = |spec: AccelSpec| accel(&scene, &spec).cost();
     let plain = AccelSpec::default();
@@ -183,9 +184,9 @@ fn better_trees_have_lower_costs() {
 }
 
 #[test]
-fn the_size_of_leaves_that_are_not_divided_shapes_the_tree() {
-    // A lattice of small triangles, all of different side lengths: every builder can divide it to
-    // the end.
+fn larger_leaves_give_fewer_nodes_and_a_higher_cost() {
+    // A lattice of small triangles, all of different side lengths: every builder can divide it down
+    // to single triangles.
     let mut b = SceneBuilder::new(Vec3::Z * 20.0, Vec3::ZERO, 40.0);
     for i in 0..512 {
         let at = Vec3::new(
@@ -239,8 +240,8 @@ fn the_size_of_leaves_that_are_not_divided_shapes_the_tree() {
 }
 
 #[test]
-fn what_no_cut_divides_is_one_leaf_and_long_chains_are_walked() {
-    // Forty triangles around one middle: no plane between centroids.
+fn equal_centroids_give_one_leaf_and_deep_trees_are_traversed() {
+    // Forty triangles with the same centroid, so no plane separates them.
     let mut b = SceneBuilder::new(Vec3::Z, Vec3::ZERO, 40.0);
     for i in 0..40 {
         let size = 1.0 + i as f32;
@@ -280,7 +281,8 @@ fn what_no_cut_divides_is_one_leaf_and_long_chains_are_walked() {
         .node_count(),
         0
     );
-    // Each less than half of the previous one: every median cut separates one.
+    // Each coordinate is less than half of the previous one: every median cut separates one
+    // triangle.
     let mut b = SceneBuilder::new(Vec3::Z, Vec3::ZERO, 40.0);
     for i in 0..100 {
         let x = 0.45f32.powi(i) * 1e10;

@@ -1,5 +1,4 @@
-//! Cameras: light paths that end on the lens contribute the same light as camera paths that start
-//! there.
+//! Cameras: light paths that end on the lens carry the same light as camera paths that start there.
 
 use std::sync::Arc;
 
@@ -38,8 +37,9 @@ fn camera(aperture: f32, filter: FilterSpec) -> Camera {
     Camera::new(&desc, SIZE, filter)
 }
 
-/// Returns the radiance of the plane towards `wo`: a pattern with steps, black outside the square,
-/// more at grazing angles, so that a wrong position, a wrong cosine and a lost border all show.
+/// Returns the radiance of the plane towards `wo`: a stepped pattern, black outside the square
+/// and brighter at grazing angles. A wrong position, a wrong cosine or a missing border changes the
+/// result.
 fn radiance(p: Vec3, wo: Vec3) -> f64 {
     if p.x.abs() > HALF || p.y.abs() > HALF || wo.z <= 0.0 {
         return 0.0;
@@ -62,7 +62,7 @@ fn estimate(sum: f64, sum2: f64, n: f64) -> (f64, f64) {
 }
 
 #[test]
-fn light_that_walks_to_the_camera_equals_light_that_it_looks_for() {
+fn light_paths_connected_to_the_camera_equal_camera_rays_in_every_pixel() {
     let filters = [
         (FilterKind::Box, 0.5),
         (FilterKind::Box, 1.2),
@@ -94,7 +94,7 @@ fn light_that_walks_to_the_camera_equals_light_that_it_looks_for() {
                 at.1 += value * value;
             }
             for (i, (sum, sum2)) in light.into_iter().enumerate() {
-                // One light path for each sample of each pixel: `n_light` paths are `n_light /
+                // A sample of the film has one light path per pixel: `n_light` paths are `n_light /
                 // pixels` samples.
                 let (mean, variance) = estimate(sum, sum2, f64::from(n_light));
                 let (mean, variance) = (mean * pixels as f64, variance * (pixels * pixels) as f64);
@@ -113,7 +113,7 @@ fn light_that_walks_to_the_camera_equals_light_that_it_looks_for() {
                     s2 += value * value;
                 }
                 let (expected, v) = estimate(s, s2, f64::from(n));
-                // Some pixels see nothing but the plane's black surroundings.
+                // Some pixels show only the black plane outside of the square.
                 let sigma = (variance + v).sqrt().max(1e-12);
                 let p = normal_two_sided_p((mean - expected) / sigma);
                 assert!(
@@ -126,9 +126,9 @@ fn light_that_walks_to_the_camera_equals_light_that_it_looks_for() {
 }
 
 #[test]
-fn density_of_directions_integrates_to_one_over_the_film() {
-    // Directions uniform over the sphere, seen from the pinhole: those that hit the film have the
-    // density of camera rays, and the others none.
+fn the_density_of_directions_integrates_to_one_over_the_film() {
+    // Directions from the pinhole are uniform over the sphere. Those that hit the film have the
+    // density of camera rays, the others have density zero.
     let camera = camera(0.0, FilterSpec::PIXEL);
     let n = 400_000u32;
     let (mut sum, mut sum2) = (0.0f64, 0.0f64);
@@ -152,9 +152,9 @@ fn density_of_directions_integrates_to_one_over_the_film() {
 }
 
 #[test]
-fn camera_rays_have_the_density_that_pdf_w_says() {
+fn camera_rays_have_the_density_pdf_w() {
     // The mean of 1 / pdf_w over camera rays of the whole film is the film's solid angle, with or
-    // without a lens; likewise for one pixel, which checks the density's shape.
+    // without a lens.
     let solid_angle = |a: f64, b: f64| 4.0 * (a * b / (1.0 + a * a + b * b).sqrt()).atan();
     let y = 25.0f64.to_radians().tan();
     let x = y * 1.5;
@@ -170,8 +170,8 @@ fn camera_rays_have_the_density_that_pdf_w_says() {
             sum2 += value * value;
         }
         let (mean, variance) = estimate(sum, sum2, f64::from(n * SIZE[0] * SIZE[1]));
-        // A ray from the rim of the lens has another direction than one through its middle, and the
-        // part of the focal plane that the film covers has another solid angle from there.
+        // From the rim of the lens, the part of the focal plane that the film covers has another
+        // direction and another solid angle than from the middle of the lens.
         let expected = if aperture == 0.0 {
             solid_angle(x, y)
         } else {
@@ -207,8 +207,7 @@ fn mean_solid_angle(x: f64, y: f64, r: f64) -> f64 {
 }
 
 #[test]
-fn nothing_is_connected_from_behind_the_camera_from_outside_its_film_or_with_pixels_that_are_points()
- {
+fn points_behind_the_camera_or_outside_the_film_are_not_connected() {
     let pixel = camera(0.0, FilterSpec::PIXEL);
     let (position, target) = (Vec3::new(0.7, -1.0, 2.5), Vec3::new(0.1, 0.1, 0.0));
     let connect = |camera: &Camera, point| camera.connect(point, [0.3, 0.6], [0.2, 0.7]);
@@ -237,7 +236,7 @@ fn nothing_is_connected_from_behind_the_camera_from_outside_its_film_or_with_pix
 
 /// Returns a camera with the lens and sensor of a small-format camera, looking along -z from the
 /// origin, focused at 2.
-fn photographer() -> CameraDesc {
+fn small_format_camera() -> CameraDesc {
     let optics = Optics {
         f_number: Some(1.4),
         focal_length: Some(0.05),
@@ -255,7 +254,7 @@ fn photographer() -> CameraDesc {
 }
 
 #[test]
-fn the_sensor_and_the_focal_length_make_the_field_of_view() {
+fn sensor_height_and_focal_length_determine_the_field_of_view() {
     let points = FilterSpec {
         kind: FilterKind::Box,
         radius: 0.0,
@@ -264,9 +263,9 @@ fn the_sensor_and_the_focal_length_make_the_field_of_view() {
         aperture: 0.0,
         optics: Optics {
             f_number: None,
-            ..photographer().optics
+            ..small_format_camera().optics
         },
-        ..photographer()
+        ..small_format_camera()
     };
     let camera = Camera::new(&pinhole, [3, 1000], points);
     // The centre of the top row is half a pixel below the sensor's edge, 12 mm from the axis and 50
@@ -281,11 +280,11 @@ fn the_sensor_and_the_focal_length_make_the_field_of_view() {
 }
 
 #[test]
-fn a_point_out_of_focus_is_as_large_a_disk_as_the_lens_formula_says() {
+fn the_circle_of_confusion_has_the_diameter_of_the_lens_formula() {
     // Diameter on the sensor: A |z - d| / z * f / d, where A = f / N is the lens, for a sensor at
-    // distance f. So many rows, more than could be stored, that one row is a small error.
+    // distance f. The film has more rows than could be stored, so that one row is a small error.
     let rows = 100_000u32;
-    let camera = Camera::new(&photographer(), [rows, rows], FilterSpec::PIXEL);
+    let camera = Camera::new(&small_format_camera(), [rows, rows], FilterSpec::PIXEL);
     let (lens, focus, focal, height) = (0.05 / 1.4, 2.0, 0.05, 0.024);
     for (depth, x, y) in [
         (2.0f64, 0.0f64, 0.1f64),
@@ -314,8 +313,8 @@ fn a_point_out_of_focus_is_as_large_a_disk_as_the_lens_formula_says() {
             sum += r2;
             squares += r2 * r2;
         }
-        // Rounding of `f32` positions is a few rows; so many points miss the rim by about two parts
-        // in a thousand.
+        // Rounding of `f32` positions is a few rows; the extent of `n` points is about 0.2 % below
+        // the diameter.
         for k in 0..2 {
             let diameter = high[k] - low[k];
             assert!(
@@ -338,12 +337,12 @@ fn a_point_out_of_focus_is_as_large_a_disk_as_the_lens_formula_says() {
 }
 
 #[test]
-fn rays_of_one_pixel_spread_as_the_lens_formula_says() {
+fn rays_of_one_pixel_spread_by_the_lens_formula() {
     let points = FilterSpec {
         kind: FilterKind::Box,
         radius: 0.0,
     };
-    let camera = Camera::new(&photographer(), [64, 64], points);
+    let camera = Camera::new(&small_format_camera(), [64, 64], points);
     let lens = 0.05 / 1.4f32;
     for depth in [0.5, 2.0, 3.0, 10.0] {
         let (mut low, mut high) = (f32::MAX, f32::MIN);
@@ -361,7 +360,8 @@ fn rays_of_one_pixel_spread_as_the_lens_formula_says() {
     }
 }
 
-/// Renders light paths connected to the camera at once, and after one surface.
+/// Samples a light path and connects its first vertex, and the vertex after one edge, to the
+/// camera.
 fn from_light(
     context: &Context,
     _: [u32; 2],
@@ -373,7 +373,7 @@ fn from_light(
     let Some(e) = context.lights.sample_emission(scene, choice, u, v) else {
         return;
     };
-    let mut join = |position: Vec3, n: Vec3, s: u32, value: &dyn Fn(Vec3) -> Vec3| {
+    let mut connect_vertex = |position: Vec3, n: Vec3, s: u32, value: &dyn Fn(Vec3) -> Vec3| {
         let Some(c) = context
             .camera
             .connect(position, sampler.next_2d(), sampler.next_2d())
@@ -392,8 +392,8 @@ fn from_light(
             });
         }
     };
-    // Lambertian light, one-sided.
-    join(e.point.position, e.point.normal, 1, &|wo| {
+    // The light is Lambertian and one-sided.
+    connect_vertex(e.point.position, e.point.normal, 1, &|wo| {
         if wo.dot(e.point.normal) > 0.0 {
             e.radiance / e.pdf_a
         } else {
@@ -410,15 +410,14 @@ fn from_light(
         return;
     }
     let bsdf = Bsdf::new(&surface, &scene.textures);
-    join(surface.position, surface.n_geometric, 2, &|wo| {
+    connect_vertex(surface.position, surface.n_geometric, 2, &|wo| {
         throughput * bsdf.eval(-ray.dir, wo, TransportMode::Importance)
     });
 }
 
 #[test]
-fn splatting_through_every_filter_has_the_mean_of_tracing_rays() {
-    // Next event estimation, because paths that find light by chance do so too rarely here for a
-    // normal test.
+fn splats_through_every_filter_have_the_mean_of_camera_rays() {
+    // `nee` is the reference because `bpt` finds light too rarely here for a normal test.
     let rays = integrator("nee").unwrap();
     let splats = Box::leak(Box::new(IntegratorRow {
         name: "from_light",
@@ -472,19 +471,19 @@ fn splatting_through_every_filter_has_the_mean_of_tracing_rays() {
             };
             let ((a, va), (b, vb)) = (film(rays, 40 + i as u64), film(splats, 60 + i as u64));
             // Pixels that only the filter's tail connects with light have too few such samples for
-            // a normal test; they count in the sum over the film, whose error is a few parts in a
-            // thousand.
-            let dim = 0.2 * (a.mean()[0] + b.mean()[0]);
+            // a normal test; they are tested in the sum over the film, whose error is a few parts
+            // in a thousand.
+            let threshold = 0.2 * (a.mean()[0] + b.mean()[0]);
             let mut whole = [0.0f64; 2];
             for i in 0..a.data.len() {
-                let [one, other] = [a.data[i][0], b.data[i][0]].map(f64::from);
+                let [ray_value, splat_value] = [a.data[i][0], b.data[i][0]].map(f64::from);
                 let variance = f64::from(va.data[i][0] + vb.data[i][0]);
-                whole = [whole[0] + one - other, whole[1] + variance];
-                let p = normal_two_sided_p((one - other) / variance.sqrt());
-                let bright = one + other > dim;
+                whole = [whole[0] + ray_value - splat_value, whole[1] + variance];
+                let p = normal_two_sided_p((ray_value - splat_value) / variance.sqrt());
+                let bright = ray_value + splat_value > threshold;
                 assert!(
                     !bright || p > significance,
-                    "{kind:?}, lens {aperture}, pixel {i}: {one} {other}"
+                    "{kind:?}, lens {aperture}, pixel {i}: {ray_value} {splat_value}"
                 );
             }
             let z = whole[0] / whole[1].sqrt();
@@ -495,7 +494,7 @@ fn splatting_through_every_filter_has_the_mean_of_tracing_rays() {
             films.push(z);
         }
     }
-    // A weight that is wrong by the same factor everywhere shows in all films together.
+    // The sum over all films reveals a weight that is wrong by the same factor everywhere.
     let all = films.iter().sum::<f64>() / (films.len() as f64).sqrt();
     assert!(normal_two_sided_p(all) > 0.001, "{films:?}");
 }

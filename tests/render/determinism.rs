@@ -1,4 +1,4 @@
-//! Same run, same bits: for any number of threads and any waves.
+//! A run has the same bits for any number of threads, any waves, and after a checkpoint.
 
 use std::sync::Arc;
 
@@ -90,7 +90,7 @@ fn another_seed_gives_another_picture() {
 }
 
 #[test]
-fn a_run_that_goes_on_from_saved_sums_has_the_same_bits() {
+fn a_run_resumed_from_a_checkpoint_has_the_same_bits() {
     let scene = scene();
     let all = lumbre::film::layer::LAYERS
         .iter()
@@ -130,7 +130,7 @@ fn a_run_that_goes_on_from_saved_sums_has_the_same_bits() {
 }
 
 #[test]
-fn ranges_of_samples_are_what_the_whole_is_made_of() {
+fn films_of_sample_ranges_sum_to_the_film_of_all_samples() {
     let scene = scene();
     for name in ["nee", "bdpt"] {
         for sampler in SAMPLERS {

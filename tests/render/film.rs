@@ -1,4 +1,4 @@
-//! Films: splats and layers, with integrators made for the purpose.
+//! Films: splats of integrators that are written for these tests.
 
 use std::sync::Arc;
 
@@ -48,8 +48,8 @@ pub fn scatter(
     }
 }
 
-/// Contributes one invalid value of each kind at pixel 4, 5, sample 2.
-pub fn damaged(
+/// Contributes one invalid value of each kind from every sample of pixel (4, 5).
+pub fn invalid_splats(
     _: &Context,
     pixel: [u32; 2],
     sampler: &mut Sampler,
@@ -87,16 +87,18 @@ pub fn damaged(
     }
 }
 
-pub fn row(sample: lumbre::transport::integrator::SampleFn) -> &'static IntegratorRow {
+/// Returns an integrator with this sample function.
+pub fn test_integrator(sample: lumbre::transport::integrator::SampleFn) -> &'static IntegratorRow {
     let bpt = integrator("bpt").unwrap();
     Box::leak(Box::new(IntegratorRow {
-        name: "made_up",
+        name: "test",
         sample,
         ..*bpt
     }))
 }
 
-pub fn made_up(integrator: &'static IntegratorRow, threads: usize) -> Job {
+/// Returns a job of an integrator of these tests.
+pub fn test_job(integrator: &'static IntegratorRow, threads: usize) -> Job {
     Job {
         integrator,
         threads,
@@ -104,12 +106,14 @@ pub fn made_up(integrator: &'static IntegratorRow, threads: usize) -> Job {
     }
 }
 
-pub fn empty() -> Arc<CompiledScene> {
+/// Returns a scene without surfaces and lights.
+pub fn empty_scene() -> Arc<CompiledScene> {
     SceneBuilder::new(Vec3::Z, Vec3::ZERO, 40.0).build()
 }
 
+/// Renders waves of these numbers of samples on the empty scene.
 pub fn run(job: Job, waves: &[u64]) -> (Film, Vec<WaveStats>) {
-    let mut renderer = CpuRenderer::new(empty(), job).unwrap();
+    let mut renderer = CpuRenderer::new(empty_scene(), job).unwrap();
     let stats = waves
         .iter()
         .map(|n| renderer.advance(*n).unwrap())
@@ -119,8 +123,8 @@ pub fn run(job: Job, waves: &[u64]) -> (Film, Vec<WaveStats>) {
 
 #[test]
 fn splats_have_the_same_bits_for_any_threads_and_waves() {
-    let row = row(scatter);
-    let (whole, _) = run(made_up(row, 1), &[21]);
+    let row = test_integrator(scatter);
+    let (whole, _) = run(test_job(row, 1), &[21]);
     for (threads, waves) in [
         (2, &[21][..]),
         (5, &[21]),
@@ -130,15 +134,15 @@ fn splats_have_the_same_bits_for_any_threads_and_waves() {
     ] {
         assert_eq!(
             whole,
-            run(made_up(row, threads), waves).0,
+            run(test_job(row, threads), waves).0,
             "{threads} threads, waves {waves:?}"
         );
     }
 }
 
 #[test]
-fn splats_add_up_to_what_was_sent() {
-    let (film, stats) = run(made_up(row(scatter), 0), &[40]);
+fn the_sum_of_splats_is_the_sum_of_all_contributions() {
+    let (film, stats) = run(test_job(test_integrator(scatter), 0), &[40]);
     assert_eq!(stats[0].invalid, 0);
     assert_eq!(film.samples, 40);
     let mut expected = [0.0f64; 3];
@@ -170,16 +174,16 @@ fn splats_add_up_to_what_was_sent() {
 }
 
 #[test]
-fn variance_of_splats_is_that_of_repeated_films() {
-    // Films of other seeds scatter about each other as each film's own variance predicts.
-    let row = row(scatter);
+fn the_variance_estimate_of_splats_is_the_variance_over_seeds() {
+    // The variance over films of different seeds is what each film estimates.
+    let row = test_integrator(scatter);
     let runs = 60u64;
     let films: Vec<Film> = (0..runs)
         .map(|seed| {
             run(
                 Job {
                     seed,
-                    ..made_up(row, 0)
+                    ..test_job(row, 0)
                 },
                 &[16],
             )
@@ -194,25 +198,28 @@ fn variance_of_splats_is_that_of_repeated_films() {
     let n = means.len() as f64;
     let mean = means.iter().sum::<f64>() / n;
     let spread = means.iter().map(|m| (m - mean) * (m - mean)).sum::<f64>() / n;
-    let said = films
+    let estimated = films
         .iter()
         .flat_map(|f| f.variance_of_mean().data)
         .map(|p| f64::from(p[0]))
         .sum::<f64>()
         / n;
-    // 15,180 nearly independent pixels: the error of the spread is about two parts in a hundred.
-    assert!((spread / said - 1.0).abs() < 0.06, "{spread} {said}");
+    // 15,180 nearly independent pixels: the relative error of the variance is about 2 %.
+    assert!(
+        (spread / estimated - 1.0).abs() < 0.06,
+        "{spread} {estimated}"
+    );
 }
 
 #[test]
-fn deviates_of_splats_have_unit_variance() {
-    let row = row(scatter);
+fn standardised_errors_of_splats_have_unit_variance() {
+    let row = test_integrator(scatter);
     let films: Vec<Film> = (0..20)
         .map(|seed| {
             run(
                 Job {
                     seed,
-                    ..made_up(row, 0)
+                    ..test_job(row, 0)
                 },
                 &[256],
             )
@@ -222,22 +229,22 @@ fn deviates_of_splats_have_unit_variance() {
     let mut squares = Vec::new();
     for film in films {
         for (mean, variance) in film.mean().data.iter().zip(film.variance_of_mean().data) {
-            // Own samples contribute 1/2 in the mean, and one of the three splats of a sample lands
-            // here.
+            // On average a sample contributes 1/2 to its own pixel, and one splat of each size
+            // lands on every pixel.
             let expected = 0.5 + 3_001.000_001;
             let deviate = (f64::from(mean[0]) - expected) / f64::from(variance[0]).sqrt();
             squares.push(deviate * deviate);
         }
     }
     let mean = squares.iter().sum::<f64>() / squares.len() as f64;
-    // 5060 squares of variance 2, and a little more since the variances are estimates: 256 splats
-    // on a pixel.
+    // 5060 squares of variance 2, and a little more since the variances are estimates from 256
+    // splats on a pixel.
     assert!((mean - 1.0).abs() < 0.1, "{mean}");
 }
 
 #[test]
-fn splats_that_cannot_be_counted_are_reported_and_change_nothing() {
-    let (film, stats) = run(made_up(row(damaged), 0), &[2, 3]);
+fn invalid_splats_are_reported_and_do_not_change_the_film() {
+    let (film, stats) = run(test_job(test_integrator(invalid_splats), 0), &[2, 3]);
     assert_eq!(
         (stats[0].invalid, stats[0].first_invalid),
         (8, Some([4, 5, 0]))

@@ -19,11 +19,11 @@ fn furnace(a: f32, e: f32) -> SceneBuilder {
 }
 
 #[test]
-fn closed_furnace_is_a_geometric_series_at_every_depth() {
-    // Without Russian roulette every path of k edges carries exactly e (1 + a + .. + a^(k-1)): no
-    // noise, so a leaking ray shows at once. A ray that starts within rounding of a second wall can
-    // be lost: about 5 in 10^8 hits were (measured over 6.7e7), so one pixel of the 300,000 hits
-    // here may differ.
+fn the_radiance_of_a_closed_furnace_is_a_geometric_series_of_depth() {
+    // Without Russian roulette every path of k edges carries exactly e (1 + a + .. + a^(k-1)),
+    // without noise, so a leaking ray changes its pixel. A ray that starts within rounding of a
+    // second wall can be lost: about 5 in 10^8 hits were (measured over 6.7e7), so one pixel of the
+    // 300,000 hits here may differ.
     let scene = furnace(0.6, 0.5).build();
     for depth in [1u32, 2, 3, 8] {
         let film = render(&scene, job([48, 48], depth, 1), 16);
@@ -53,7 +53,7 @@ fn russian_roulette_keeps_the_mean() {
 }
 
 #[test]
-fn glass_and_mirrors_without_loss_disappear_in_a_furnace() {
+fn lossless_glass_and_mirrors_are_invisible_in_a_furnace() {
     let glass = Material {
         opacity: 0.0,
         ior: 1.5,
@@ -79,7 +79,7 @@ fn glass_and_mirrors_without_loss_disappear_in_a_furnace() {
 }
 
 #[test]
-fn convex_diffuse_sphere_in_a_furnace_shows_its_albedo() {
+fn a_convex_diffuse_sphere_in_a_furnace_shows_its_albedo() {
     let albedo = Material {
         base_color: Vec3::new(0.9, 0.5, 0.1),
         ..WHITE
@@ -113,7 +113,7 @@ fn metal_at_normal_incidence_shows_its_colour() {
 }
 
 #[test]
-fn mixture_of_lobes_loses_nothing() {
+fn a_white_mixture_of_lobes_conserves_energy() {
     let mixed = Material {
         metallic: 0.3,
         opacity: 0.4,
@@ -125,8 +125,8 @@ fn mixture_of_lobes_loses_nothing() {
         .build();
     let film = render(&scene, job([32, 32], 256, 6), 64);
     let (mean, error) = mean_and_error(&film, 1);
-    // Paths that refract once and are scattered diffusely inside carry weights other than one, so
-    // there is noise.
+    // There is noise because paths that refract once and scatter diffusely inside have weights
+    // other than one.
     assert!(
         (mean - 1.0).abs() < 3.0 * error.max(1e-5),
         "{mean} +- {error}"
@@ -134,9 +134,9 @@ fn mixture_of_lobes_loses_nothing() {
 }
 
 #[test]
-fn sphere_light_over_a_floor_has_its_closed_form() {
-    // Irradiance under a sphere of radius r at height h is pi L (r / h)^2; the floor shows a L (r /
-    // h)^2.
+fn the_radiance_of_a_floor_under_a_sphere_light_has_its_closed_form() {
+    // The irradiance under a sphere of radius r at height h is pi L (r / h)^2; the radiance of the
+    // floor is a L (r / h)^2.
     let (r, h, a, l) = (0.5f64, 2.0f64, 0.5f64, 3.0f64);
     let scene = SceneBuilder::new(Vec3::new(0.0, 1.0, 4.0), Vec3::ZERO, 0.2)
         .quad(
@@ -190,7 +190,7 @@ fn emission_is_one_sided_and_depth_counts_edges() {
 }
 
 #[test]
-fn a_scene_without_light_is_black_and_an_empty_one_too() {
+fn scenes_without_light_or_without_surfaces_are_black() {
     let dark = SceneBuilder::new(EYE, Vec3::X, 60.0)
         .room(1.0, grey(0.5))
         .build();

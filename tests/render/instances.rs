@@ -1,4 +1,4 @@
-//! Instances of shared meshes, compared with the same scene with triangles of its own for each.
+//! Instances of shared meshes, compared with the same scene with separate triangles for each.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -72,8 +72,14 @@ pub fn soup(seed: u32, count: u32, normals: bool, slots: &[&str]) -> Arc<MeshDes
     )
 }
 
-/// Returns a random transform: turned, scaled unevenly, and every third time mirrored and sheared.
-pub fn place(next: &mut impl FnMut() -> f32, i: u32, spread: f32, size: f32) -> Transform {
+/// Returns a random transform: rotated, scaled non-uniformly, and every third time mirrored and
+/// sheared.
+pub fn random_transform(
+    next: &mut impl FnMut() -> f32,
+    i: u32,
+    spread: f32,
+    size: f32,
+) -> Transform {
     let turn = Quat::from_axis_angle(uniform_sphere([next(), next()]), 6.0 * next());
     let mut scale = Vec3::new(0.5 + next(), 0.5 + next(), 0.5 + next()) * size;
     let mut shear = Mat3::IDENTITY;
@@ -125,7 +131,7 @@ pub fn desc(materials: Vec<MaterialDesc>, entities: Vec<EntityDesc>) -> SceneDes
 }
 
 /// Returns instances of three soups among other triangles and spheres, some of everything emitting.
-fn mixed(seed: u32, copies: u32) -> SceneDesc {
+fn mixed_scene(seed: u32, count: u32) -> SceneDesc {
     let mut next = numbers(seed);
     let materials = vec![
         MaterialDesc {
@@ -149,20 +155,20 @@ fn mixed(seed: u32, copies: u32) -> SceneDesc {
         soup(seed + 3, 90, true, &["b"]),
     ];
     let mut entities = Vec::new();
-    for i in 0..copies {
+    for i in 0..count {
         let own = [None, Some("a"), Some("lamp"), None][(i / 3) as usize % 4];
         let shape = ShapeDesc::Mesh(Arc::clone(&meshes[i as usize % 3]));
         entities.push(entity(
             format!("copy {i}"),
             shape,
-            place(&mut next, i, 3.0, 0.4),
+            random_transform(&mut next, i, 3.0, 0.4),
             own,
         ));
     }
-    let alone = ShapeDesc::Mesh(soup(seed + 4, 30, false, &["a", "b"]));
+    let single = ShapeDesc::Mesh(soup(seed + 4, 30, false, &["a", "b"]));
     entities.insert(
         1,
-        entity("alone".to_owned(), alone, Transform::default(), None),
+        entity("single".to_owned(), single, Transform::default(), None),
     );
     for i in 0..5 {
         let moved = Transform {
@@ -179,16 +185,18 @@ fn mixed(seed: u32, copies: u32) -> SceneDesc {
     desc(materials, entities)
 }
 
-pub fn shared(desc: &SceneDesc) -> Arc<CompiledScene> {
+/// Compiles a scene with every possible mesh shared.
+pub fn compile_shared(desc: &SceneDesc) -> Arc<CompiledScene> {
     Arc::new(compile_sharing(desc, Sharing::Always).unwrap().0)
 }
 
-pub fn unfolded(scene: &CompiledScene) -> Arc<CompiledScene> {
+/// Returns the scene with separate triangles for each instance.
+pub fn flattened_scene(scene: &CompiledScene) -> Arc<CompiledScene> {
     Arc::new(scene.flattened(usize::MAX).unwrap())
 }
 
 /// Returns the id of a hit's primitive in the flattened scene.
-fn number(scene: &CompiledScene, flat: &CompiledScene, hit: &Hit) -> u32 {
+fn flat_primitive(scene: &CompiledScene, flat: &CompiledScene, hit: &Hit) -> u32 {
     let sphere = (hit.primitive as usize).checked_sub(scene.triangles.len());
     sphere.map_or_else(
         || scene.unique_id(hit.primitive, hit.instance),
@@ -197,15 +205,15 @@ fn number(scene: &CompiledScene, flat: &CompiledScene, hit: &Hit) -> u32 {
 }
 
 #[test]
-fn copies_are_hit_where_their_triangles_would_be() {
-    let (mut hits, mut in_copies, mut disagreements) = (0, 0, 0);
+fn hits_on_instances_equal_hits_on_flattened_triangles() {
+    let (mut hits, mut on_instances, mut disagreements) = (0, 0, 0);
     for seed in [10, 20, 30] {
-        let scene = shared(&mixed(seed, 60));
+        let scene = compile_shared(&mixed_scene(seed, 60));
         assert!(
             scene.instances.placements.len() > 40 && scene.instances.meshes.len() >= 5,
-            "mirrored and lit ones apart"
+            "mirrored and emitting instances have meshes of their own"
         );
-        let flat = unfolded(&scene);
+        let flat = flattened_scene(&scene);
         let none = AccelSpec {
             builder: Builder::None,
             ..AccelSpec::default()
@@ -235,7 +243,7 @@ fn copies_are_hit_where_their_triangles_would_be() {
                 assert_eq!(
                     accel.closest(&ray, f32::INFINITY),
                     ours,
-                    "whatever the instructions"
+                    "hits differ between instruction sets"
                 );
             }
             assert_eq!(accels[0].occluded(&ray, f32::INFINITY), ours.is_some());
@@ -245,19 +253,19 @@ fn copies_are_hit_where_their_triangles_would_be() {
             };
             assert!(
                 !accels[0].occluded(&ray, a.t),
-                "something before the nearest hit"
+                "the ray is occluded before its nearest hit"
             );
             hits += 1;
-            in_copies += usize::from(a.instance != NONE);
-            if number(&scene, &flat, &a) != b.primitive {
+            on_instances += usize::from(a.instance != NONE);
+            if flat_primitive(&scene, &flat, &a) != b.primitive {
                 disagreements += 1;
                 continue;
             }
             same_surface(&scene, &flat, &ray, &a, &b);
         }
     }
-    assert!(hits > 3000 && in_copies > 2500, "{hits} {in_copies}");
-    // Rays that graze an edge, which rounding decides.
+    assert!(hits > 3000 && on_instances > 2500, "{hits} {on_instances}");
+    // Rounding decides whether rays that graze an edge hit.
     assert!(disagreements <= 6, "{disagreements} of 24000 rays");
 }
 
@@ -291,13 +299,16 @@ fn same_surface(scene: &CompiledScene, flat: &CompiledScene, ray: &Ray, a: &Hit,
         f.uv
     );
     assert_eq!(s.material, f.material);
-    assert_eq!(s.emitter, f.emitter, "rows of lights are the same in both");
+    assert_eq!(
+        s.emitter, f.emitter,
+        "the surfaces belong to different lights"
+    );
     assert_eq!(s.terminator.is_some(), f.terminator.is_some());
-    // To the last digits if the barycentric weights are the same.
+    // Equal barycentric weights give equal bits.
     let exact = Surface::at(scene, ray, &Hit { uv: b.uv, ..*a });
     assert!(
         exact.position == f.position && exact.n_geometric == f.n_geometric,
-        "corners are those of a flat scene"
+        "corners differ from those of the flattened scene"
     );
     assert!(
         exact.n_shading.distance(f.n_shading) < 1e-6,
@@ -308,9 +319,9 @@ fn same_surface(scene: &CompiledScene, flat: &CompiledScene, ray: &Ray, a: &Hit,
 }
 
 #[test]
-fn a_ray_that_leaves_a_copy_does_not_meet_the_place_that_it_left() {
-    // Large and rotated, with a surface close to a coordinate plane, where the fewest digits
-    // remain.
+fn rays_that_leave_an_instance_do_not_hit_the_surface_that_they_left() {
+    // The instances are large and rotated, and their surfaces lie close to a coordinate plane,
+    // where the fewest digits remain.
     let quad = |z: f32| {
         vec![
             Vec3::new(-1.0, -1.0, z),
@@ -321,8 +332,8 @@ fn a_ray_that_leaves_a_copy_does_not_meet_the_place_that_it_left() {
     };
     let turn = Quat::from_rotation_x(0.7) * Quat::from_rotation_y(0.3);
     // The mesh is tilted in its own space, and its instances are rotated back.
-    let aslant: Vec<Vec3> = quad(0.0).into_iter().map(|p| turn * p).collect();
-    let sheet = mesh(aslant, vec![], vec![[0, 1, 2], [0, 2, 3]], &["m"]);
+    let tilted: Vec<Vec3> = quad(0.0).into_iter().map(|p| turn * p).collect();
+    let sheet = mesh(tilted, vec![], vec![[0, 1, 2], [0, 2, 3]], &["m"]);
     let at = |height: f32| {
         let back = Affine3A::from_scale_rotation_translation(
             Vec3::splat(500.0),
@@ -336,7 +347,7 @@ fn a_ray_that_leaves_a_copy_does_not_meet_the_place_that_it_left() {
             None,
         )
     };
-    let scene = shared(&desc(
+    let scene = compile_shared(&desc(
         vec![MaterialDesc::new("m")],
         vec![at(0.05), at(-200.0)],
     ));
@@ -377,7 +388,7 @@ fn a_ray_that_leaves_a_copy_does_not_meet_the_place_that_it_left() {
     }
 }
 
-fn with(name: &str, scene: &CompiledScene, seed: u64) -> Job {
+fn scene_job(name: &str, scene: &CompiledScene, seed: u64) -> Job {
     Job {
         integrator: integrator(name).unwrap(),
         ..job(scene.resolution, 4, seed)
@@ -398,27 +409,27 @@ fn difference(a: &Film, b: &Film) -> f64 {
 }
 
 #[test]
-fn pictures_are_those_of_the_unfolded_scene_sample_by_sample() {
+fn pictures_of_instances_equal_those_of_the_flattened_scene() {
     let lit = SceneDesc {
         environment: Some(EnvironmentDesc {
             source: EnvironmentSource::Color(Vec3::splat(0.2)),
             rotation_deg: 0.0,
             scale: 1.0,
         }),
-        ..mixed(50, 60)
+        ..mixed_scene(50, 60)
     };
-    let scene = shared(&lit);
-    let flat = unfolded(&scene);
+    let scene = compile_shared(&lit);
+    let flat = flattened_scene(&scene);
     assert_eq!(scene.bounds, flat.bounds);
     assert_eq!(
         scene.bounds_and_radius(),
         flat.bounds_and_radius(),
-        "light from outside starts on the same disk"
+        "the disks differ on which light from outside starts"
     );
     for name in ["bpt", "nee", "bdpt"] {
         let (a, b) = (
-            render(&scene, with(name, &scene, 3), 4),
-            render(&flat, with(name, &flat, 3), 4),
+            render(&scene, scene_job(name, &scene, 3), 4),
+            render(&flat, scene_job(name, &flat, 3), 4),
         );
         assert!(a.sum.iter().flatten().sum::<f64>() > 0.0);
         // One path in some hundreds diverges by rounding.
@@ -438,9 +449,9 @@ fn pictures_are_those_of_the_unfolded_scene_sample_by_sample() {
 }
 
 #[test]
-fn builders_that_know_no_copies_make_the_picture_of_the_unfolded_scene() {
-    let scene = shared(&mixed(51, 12));
-    let flat = unfolded(&scene);
+fn builders_without_instances_render_the_flattened_scene() {
+    let scene = compile_shared(&mixed_scene(51, 12));
+    let flat = flattened_scene(&scene);
     assert!(!scene.instances.placements.is_empty() && flat.instances.placements.is_empty());
     for builder in [Builder::None, Builder::Cwbvh] {
         let job = |scene: &CompiledScene| Job {
@@ -448,7 +459,7 @@ fn builders_that_know_no_copies_make_the_picture_of_the_unfolded_scene() {
                 builder,
                 ..AccelSpec::default()
             },
-            ..with("nee", scene, 3)
+            ..scene_job("nee", scene, 3)
         };
         let (a, b) = (render(&scene, job(&scene), 2), render(&flat, job(&flat), 2));
         assert!(a.sum.iter().flatten().sum::<f64>() > 0.0);
@@ -457,22 +468,22 @@ fn builders_that_know_no_copies_make_the_picture_of_the_unfolded_scene() {
 }
 
 #[test]
-fn lights_of_copies_have_their_area_in_the_world() {
-    let scene = shared(&mixed(70, 40));
-    let (apart, _) = compile_sharing(&mixed(70, 40), Sharing::Never).unwrap();
-    let flat = unfolded(&scene);
-    assert!(apart.instances.placements.is_empty() && apart.emitters.len() > 50);
+fn lights_of_instances_have_their_area_in_world_space() {
+    let scene = compile_shared(&mixed_scene(70, 40));
+    let (unshared, _) = compile_sharing(&mixed_scene(70, 40), Sharing::Never).unwrap();
+    let flat = flattened_scene(&scene);
+    assert!(unshared.instances.placements.is_empty() && unshared.emitters.len() > 50);
     let sum = |s: &CompiledScene| s.emitters.iter().map(|e| f64::from(e.area)).sum::<f64>();
     assert_eq!(
         (scene.emitters.len(), flat.emitters.len()),
-        (apart.emitters.len(), apart.emitters.len())
+        (unshared.emitters.len(), unshared.emitters.len())
     );
-    assert!((sum(&scene) - sum(&apart)).abs() < 1e-9 * sum(&apart));
+    assert!((sum(&scene) - sum(&unshared)).abs() < 1e-9 * sum(&unshared));
     for (i, e) in scene.emitters.iter().enumerate() {
         assert_eq!(
             scene.emitter_of(e.primitive, e.instance),
             i as u32,
-            "a light knows its triangle and back"
+            "a light and its triangle must refer to each other"
         );
         assert_eq!(flat.emitter_of(flat.emitters[i].primitive, NONE), i as u32);
         let Some(attributes) = flat.attributes.get(flat.emitters[i].primitive as usize) else {
@@ -490,7 +501,7 @@ fn lights_of_copies_have_their_area_in_the_world() {
             e.area
         );
     }
-    // The same triangles, in another order.
+    // The triangles are the same in another order.
     let corners = |s: &CompiledScene| {
         let mut all: Vec<[u32; 9]> = s
             .triangles
@@ -500,6 +511,6 @@ fn lights_of_copies_have_their_area_in_the_world() {
         all.sort_unstable();
         all
     };
-    assert_eq!(corners(&flat), corners(&apart));
-    assert_eq!(flat.bounds, apart.bounds);
+    assert_eq!(corners(&flat), corners(&unshared));
+    assert_eq!(flat.bounds, unshared.bounds);
 }

@@ -10,11 +10,11 @@ use lumbre::scene::compile;
 use lumbre::scene::compile::{Sharing, compile_sharing};
 use lumbre::scene::desc::{MaterialDesc, SceneDesc, ShapeDesc, Transform};
 
-use crate::instances::{desc, entity, place, shared, soup, unfolded};
+use crate::instances::{compile_shared, desc, entity, flattened_scene, random_transform, soup};
 use crate::intersection::numbers;
 
 #[test]
-fn ten_thousand_trees_take_the_memory_of_one() {
+fn ten_thousand_instances_take_less_than_ten_times_the_memory_of_one() {
     let tree = soup(5, 3000, true, &["a"]);
     let forest = |count: u32| {
         let mut next = numbers(6);
@@ -22,7 +22,7 @@ fn ten_thousand_trees_take_the_memory_of_one() {
             entity(
                 format!("tree {i}"),
                 ShapeDesc::Mesh(Arc::clone(&tree)),
-                place(&mut next, 3 * i + 1, 400.0, 1.0),
+                random_transform(&mut next, 3 * i + 1, 400.0, 1.0),
                 None,
             )
         };
@@ -42,26 +42,26 @@ fn ten_thousand_trees_take_the_memory_of_one() {
     assert_eq!(count, 3000);
     let (many, count) = bytes(&forest(10_000));
     assert_eq!(count, 30_000_000);
-    // Bytes of an instance: its placement in the scene and in the hierarchy, its table row there,
-    // and its share of the nodes.
+    // An instance takes its placement in the scene and in the hierarchy, its table row there, and
+    // its share of the nodes.
     assert!(
         many - one <= 10_000 * 400,
-        "{} bytes for each copy",
+        "{} bytes for each instance",
         (many - one) / 10_000
     );
     assert!(many < 10 * one, "{one} {many}");
 }
 
 #[test]
-fn what_cannot_be_a_copy_has_triangles_of_its_own() {
+fn entities_that_cannot_share_a_mesh_are_not_instances() {
     let blob = soup(9, 12, true, &["a"]);
-    let copies = |transforms: Vec<Transform>, material: MaterialDesc| {
+    let instance_count = |transforms: Vec<Transform>, material: MaterialDesc| {
         let each = |(i, t)| entity(format!("{i}"), ShapeDesc::Mesh(Arc::clone(&blob)), t, None);
         let scene = desc(
             vec![material],
             transforms.into_iter().enumerate().map(each).collect(),
         );
-        shared(&scene).instances.placements.len()
+        compile_shared(&scene).instances.placements.len()
     };
     let plain = MaterialDesc::new("a");
     let at = |x: f32| Transform {
@@ -69,26 +69,29 @@ fn what_cannot_be_a_copy_has_triangles_of_its_own() {
         ..Transform::default()
     };
     let scaled = |x: f32, scale: Vec3| Transform { scale, ..at(x) };
-    assert_eq!(copies(vec![at(0.0)], plain.clone()), 0, "alone");
-    assert_eq!(copies(vec![at(0.0), at(1.0), at(2.0)], plain.clone()), 3);
+    assert_eq!(instance_count(vec![at(0.0)], plain.clone()), 0, "used once");
     assert_eq!(
-        copies(
+        instance_count(vec![at(0.0), at(1.0), at(2.0)], plain.clone()),
+        3
+    );
+    assert_eq!(
+        instance_count(
             vec![at(0.0), at(1.0), scaled(2.0, Vec3::new(1.0, 0.0, 1.0))],
             plain.clone()
         ),
         2,
-        "flat"
+        "scaled to a plane"
     );
     assert_eq!(
-        copies(
+        instance_count(
             vec![at(0.0), at(1.0), scaled(2.0, Vec3::new(1.0, 1e-5, 1.0))],
             plain.clone()
         ),
         2,
-        "nearly flat"
+        "scaled nearly to a plane"
     );
     assert_eq!(
-        copies(
+        instance_count(
             vec![at(0.0), at(1.0), scaled(2.0, Vec3::splat(-1.0))],
             plain.clone()
         ),
@@ -100,24 +103,28 @@ fn what_cannot_be_a_copy_has_triangles_of_its_own() {
         ..plain
     };
     assert_eq!(
-        copies(
+        instance_count(
             vec![at(0.0), scaled(1.0, Vec3::splat(3.0))],
             brushed.clone()
         ),
         2,
-        "tangents scale evenly"
+        "anisotropic, with uniform scale"
     );
-    let uneven = Vec3::new(1.0, 2.0, 1.0);
+    let non_uniform = Vec3::new(1.0, 2.0, 1.0);
     assert_eq!(
-        copies(vec![scaled(0.0, uneven), scaled(1.0, uneven)], brushed),
+        instance_count(
+            vec![scaled(0.0, non_uniform), scaled(1.0, non_uniform)],
+            brushed
+        ),
         0,
-        "but not unevenly"
+        "anisotropic, with non-uniform scale"
     );
 }
 
 #[test]
-fn tangents_of_copies_are_those_of_the_unfolded_scene() {
-    // Flat normals: a normal in a triangle's plane would leave its tangents to rounding.
+fn tangents_of_instances_equal_those_of_separate_meshes() {
+    // Normals are flat: with a normal in the plane of its triangle, rounding would determine the
+    // tangents.
     let blob = soup(9, 30, false, &["a"]);
     let brushed = MaterialDesc {
         anisotropic: 0.5,
@@ -136,18 +143,26 @@ fn tangents_of_copies_are_those_of_the_unfolded_scene() {
         )
     };
     let scene = desc(vec![brushed], (0..6).map(&mut turned).collect());
-    let (always, apart) = (
-        shared(&scene),
+    let (always, unshared) = (
+        compile_shared(&scene),
         compile_sharing(&scene, Sharing::Never).unwrap().0,
     );
-    assert_eq!(always.instances.meshes.len(), 2, "mirrored ones apart");
-    let flat = unfolded(&always);
+    assert_eq!(
+        always.instances.meshes.len(),
+        2,
+        "mirrored instances have a mesh of their own"
+    );
+    let flat = flattened_scene(&always);
     // Instances are ordered by mesh, so the order differs; a triangle is identified by its corners.
     let mut compared = 0;
     for (i, corners) in flat.triangles.iter().enumerate() {
-        let other = apart.triangles.iter().position(|t| t == corners).unwrap();
+        let other = unshared
+            .triangles
+            .iter()
+            .position(|t| t == corners)
+            .unwrap();
         for k in 0..3 {
-            let (a, b) = (flat.tangents[i][k], apart.tangents[other][k]);
+            let (a, b) = (flat.tangents[i][k], unshared.tangents[other][k]);
             assert!((a - b).length() < 1e-4, "{a} {b}");
             compared += usize::from(b.truncate() != Vec3::ZERO);
         }

@@ -28,8 +28,8 @@ pub fn stack(offset: f32) -> Arc<CompiledScene> {
     b.build()
 }
 
-/// Returns so few primitives that they are one leaf, including spheres.
-fn few(count: u32) -> Arc<CompiledScene> {
+/// Returns random triangles and spheres; up to 40 of them are one leaf.
+fn random_primitives(count: u32) -> Arc<CompiledScene> {
     let mut next = numbers(count);
     let mut b = SceneBuilder::new(Vec3::Z, Vec3::ZERO, 40.0);
     for i in 0..count {
@@ -102,7 +102,7 @@ fn bits(hit: Option<Hit>) -> Option<[u32; 4]> {
 }
 
 #[test]
-fn hits_have_the_same_bits_with_every_set_of_instructions() {
+fn hits_have_the_same_bits_with_every_instruction_set() {
     if Isa::available().len() < 2 {
         println!("SKIPPED: this processor has only {:?}", Isa::available());
         return;
@@ -112,7 +112,7 @@ fn hits_have_the_same_bits_with_every_set_of_instructions() {
         (stack(0.0), Vec3::ZERO),
         (stack(3e5), Vec3::new(3e5, 0.0, 3e5)),
     ];
-    let small = [0, 1, 5, 8, 9, 17, 40, 41].map(|n| (few(n), Vec3::ZERO));
+    let small = [0, 1, 5, 8, 9, 17, 40, 41].map(|n| (random_primitives(n), Vec3::ZERO));
     let mut hits = 0;
     for (scene, center) in scenes.into_iter().chain(small) {
         let accels = Isa::available()
@@ -145,7 +145,7 @@ fn hits_have_the_same_bits_with_every_set_of_instructions() {
 fn scenes_of_one_leaf_agree_with_brute_force() {
     let mut disagreements = 0;
     for count in [1, 7, 8, 9, 16, 17, 30, 39, 40, 41] {
-        let scene = few(count);
+        let scene = random_primitives(count);
         let accel = Accel::build(Arc::clone(&scene)).unwrap();
         assert_eq!(accel.node_count() == 0, count <= 40, "{count}");
         // A ray aimed at a corner may hit or miss depending on precision.

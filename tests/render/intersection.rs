@@ -12,6 +12,7 @@ use lumbre::transport::ray::Ray;
 
 use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
 
+/// Returns a generator of random numbers in 0..1.
 pub fn numbers(seed: u32) -> impl FnMut() -> f32 {
     let mut i = 0;
     move || {
@@ -20,6 +21,7 @@ pub fn numbers(seed: u32) -> impl FnMut() -> f32 {
     }
 }
 
+/// Returns a random point in the cube from -1 to 1.
 pub fn point(next: &mut impl FnMut() -> f32) -> Vec3 {
     Vec3::new(next(), next(), next()) * 2.0 - 1.0
 }
@@ -46,7 +48,7 @@ pub fn soup(seed: u32) -> Arc<CompiledScene> {
     b.build()
 }
 
-/// Returns the distance to the nearest primitive in double precision, by testing them all.
+/// Returns the distance to the nearest primitive in double precision, by testing every primitive.
 pub fn brute_force(scene: &CompiledScene, ray: &Ray) -> Option<f64> {
     let o = ray.origin.as_dvec3();
     let d = ray.dir.as_dvec3();
@@ -113,7 +115,7 @@ fn nearest_hits_agree_with_brute_force_on_random_soups() {
             if let Some(t) = ours {
                 assert!(
                     !accel.occluded(&ray, t as f32),
-                    "something before the nearest hit"
+                    "the ray is occluded before its nearest hit"
                 );
                 assert!(accel.closest(&ray, t as f32).is_none());
             }
@@ -177,7 +179,7 @@ fn rays_through_shared_edges_and_corners_never_leak() {
 #[test]
 fn mask_textures_make_holes() {
     let mut b = SceneBuilder::new(Vec3::Z * 2.0, Vec3::ZERO, 30.0);
-    // Left half opaque, right half masked out; an emitting panel behind it.
+    // The left half is opaque and the right half masked out, with an emitting panel behind.
     let mask = b.texture(Texture::new(2, 1, vec![[1.0; 3], [0.0; 3]]));
     let leaf = Material {
         mask_texture: mask,
@@ -203,7 +205,7 @@ fn mask_textures_make_holes() {
 }
 
 #[test]
-fn tiny_distant_and_enclosing_spheres_are_hit_where_they_are() {
+fn tiny_distant_and_enclosing_spheres_are_hit_at_their_distance() {
     for (center, radius, origin) in [
         (Vec3::new(1000.0, 0.0, 0.0), 0.01f32, Vec3::ZERO),
         (Vec3::ZERO, 100.0, Vec3::new(0.0, 99.9, 0.0)),

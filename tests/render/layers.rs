@@ -15,8 +15,9 @@ use lumbre::transport::integrator::{Context, SampleFn, integrator};
 use lumbre::transport::sampler::Sampler;
 
 use crate::common::{SceneBuilder, WHITE, grey, job, light};
-use crate::film::{damaged, empty, made_up, row, scatter};
+use crate::film::{empty_scene, invalid_splats, scatter, test_integrator, test_job};
 
+/// Layers that sum to the film.
 const LIGHT: [Layer; 2] = [Layer::Depth, Layer::Strategies];
 
 fn all() -> Vec<Layer> {
@@ -24,7 +25,7 @@ fn all() -> Vec<Layer> {
 }
 
 /// Returns a renderer after some waves.
-fn rendered(scene: &Arc<CompiledScene>, job: Job, waves: &[u64]) -> CpuRenderer {
+fn render_waves(scene: &Arc<CompiledScene>, job: Job, waves: &[u64]) -> CpuRenderer {
     let mut renderer = CpuRenderer::new(Arc::clone(scene), job).unwrap();
     waves
         .iter()
@@ -32,7 +33,8 @@ fn rendered(scene: &Arc<CompiledScene>, job: Job, waves: &[u64]) -> CpuRenderer 
     renderer
 }
 
-fn with(name: &str, layers: &[Layer], depth: u32, seed: u64) -> Job {
+/// Returns a job with layers.
+fn layered_job(name: &str, layers: &[Layer], depth: u32, seed: u64) -> Job {
     Job {
         integrator: integrator(name).unwrap(),
         layers: layers.to_vec(),
@@ -61,14 +63,14 @@ fn total(films: &[(LayerFilm, Film)], wanted: impl Fn(&LayerFilm) -> bool) -> Ve
 
 /// Panics unless films by depth and weighted films by strategy each add up to the picture, to the
 /// rounding of `f32` sums.
-fn adds_up(renderer: &CpuRenderer) {
+fn assert_layers_sum_to_the_film(renderer: &CpuRenderer) {
     let films = films(renderer);
     let by_depth = total(&films, |film| film.layer == Layer::Depth);
     let by_strategy = total(&films, |film| {
         matches!(film.subset, PathSubset::Strategy { weighted: true, .. })
     });
     let film = renderer.film();
-    assert!(film.sum.iter().any(|s| s[0] > 0.0), "there is light");
+    assert!(film.sum.iter().any(|s| s[0] > 0.0), "the film is black");
     for sums in [by_depth, by_strategy] {
         for (sum, whole) in sums.as_flattened().iter().zip(film.sum.as_flattened()) {
             assert!(
@@ -107,7 +109,7 @@ fn open_room() -> SceneBuilder {
 }
 
 #[test]
-fn depths_and_strategies_add_up_to_the_picture() {
+fn layers_by_depth_and_by_strategy_sum_to_the_film() {
     let glass = Material {
         opacity: 0.0,
         ..WHITE
@@ -122,19 +124,19 @@ fn depths_and_strategies_add_up_to_the_picture() {
         .sphere(Vec3::new(0.7, 0.6, 0.3), 0.4, mirror)
         .build();
     for name in ["bpt", "nee", "bdpt"] {
-        let plain = rendered(&scene, with(name, &[], 5, 7), &[8]);
-        let renderer = rendered(
+        let plain = render_waves(&scene, layered_job(name, &[], 5, 7), &[8]);
+        let renderer = render_waves(
             &scene,
-            with(name, &[LIGHT[0], LIGHT[1], Layer::Bounces], 5, 7),
+            layered_job(name, &[LIGHT[0], LIGHT[1], Layer::Bounces], 5, 7),
             &[3, 5],
         );
         assert_eq!(
             renderer.film(),
             plain.film(),
-            "{name}: layers change nothing"
+            "{name}: layers change the film"
         );
         assert!(plain.layers().is_empty() && plain.layer(0).is_err());
-        adds_up(&renderer);
+        assert_layers_sum_to_the_film(&renderer);
         let films = films(&renderer);
         let (_, bounces) = films
             .iter()
@@ -159,21 +161,21 @@ fn depths_and_strategies_add_up_to_the_picture() {
 }
 
 #[test]
-fn splats_add_up_too_and_have_the_same_bits_for_any_threads_and_waves() {
-    let scene = empty();
-    let row = row(scatter);
+fn layers_of_splats_sum_to_the_film_with_the_same_bits_for_any_threads_and_waves() {
+    let scene = empty_scene();
+    let row = test_integrator(scatter);
     let with = |threads| Job {
         layers: all(),
-        ..made_up(row, threads)
+        ..test_job(row, threads)
     };
-    let whole = rendered(&scene, with(1), &[21]);
-    adds_up(&whole);
+    let whole = render_waves(&scene, with(1), &[21]);
+    assert_layers_sum_to_the_film(&whole);
     let expected = films(&whole);
-    let landed = expected
+    let splatted = expected
         .iter()
         .find(|(film, _)| film.name() == "strategies-s2-t1-raw")
         .unwrap();
-    assert!(landed.1.sum.iter().any(|s| s[0] > 0.0));
+    assert!(splatted.1.sum.iter().any(|s| s[0] > 0.0));
     for (threads, waves) in [
         (2, &[21][..]),
         (4, &[21]),
@@ -181,14 +183,19 @@ fn splats_add_up_too_and_have_the_same_bits_for_any_threads_and_waves() {
         (3, &[7, 7, 7]),
     ] {
         assert!(
-            expected == films(&rendered(&scene, with(threads), waves)),
+            expected == films(&render_waves(&scene, with(threads), waves)),
             "{threads} threads, waves {waves:?}"
         );
     }
 }
 
-/// Contributes light of one edge, and of two edges with NaN in a corner of the picture.
-fn half_damaged(_: &Context, pixel: [u32; 2], _: &mut Sampler, sink: &mut dyn FnMut(Contribution)) {
+/// Contributes light of one edge, and light of two edges that is NaN in a corner of the picture.
+fn invalid_in_a_corner(
+    _: &Context,
+    pixel: [u32; 2],
+    _: &mut Sampler,
+    sink: &mut dyn FnMut(Contribution),
+) {
     for (t, value) in [
         (2, 1.0),
         (
@@ -213,17 +220,17 @@ fn half_damaged(_: &Context, pixel: [u32; 2], _: &mut Sampler, sink: &mut dyn Fn
 }
 
 #[test]
-fn what_the_picture_refuses_no_layer_takes() {
-    for sample in [damaged as SampleFn, half_damaged] {
-        let renderer = rendered(
-            &empty(),
+fn values_that_the_film_rejects_are_rejected_by_every_layer() {
+    for sample in [invalid_splats as SampleFn, invalid_in_a_corner] {
+        let renderer = render_waves(
+            &empty_scene(),
             Job {
                 layers: LIGHT.to_vec(),
-                ..made_up(row(sample), 0)
+                ..test_job(test_integrator(sample), 0)
             },
             &[5],
         );
-        adds_up(&renderer);
+        assert_layers_sum_to_the_film(&renderer);
         for (film, sums) in films(&renderer) {
             assert!(
                 sums.sum
@@ -240,21 +247,21 @@ fn what_the_picture_refuses_no_layer_takes() {
 #[test]
 fn every_strategy_of_a_diffuse_scene_finds_all_the_light_of_its_depth() {
     let scene = open_room().build();
-    let truth = films(&rendered(
+    let truth = films(&render_waves(
         &scene,
-        with("bpt", &[Layer::Depth], 4, 1),
+        layered_job("bpt", &[Layer::Depth], 4, 1),
         &[12_000],
     ));
-    let found = films(&rendered(
+    let found = films(&render_waves(
         &scene,
-        with("bdpt", &[Layer::Strategies], 4, 2),
+        layered_job("bdpt", &[Layer::Strategies], 4, 2),
         &[3000],
     ));
     let images = |film: &Film| -> (Image, Image) { (film.mean(), film.variance_of_mean()) };
     let raw: Vec<_> = found
         .iter()
         .filter_map(|(film, sums)| match film.subset {
-            // The light itself is out of sight, so there is nothing of a single edge.
+            // The light is outside the view, so paths of one edge contribute nothing.
             PathSubset::Strategy {
                 s,
                 t,
@@ -285,7 +292,7 @@ fn every_strategy_of_a_diffuse_scene_finds_all_the_light_of_its_depth() {
             4,
             0.02,
         );
-        assert!(test.comparisons >= 9, "the test says something: {test:?}");
+        assert!(test.comparisons >= 9, "too few comparisons: {test:?}");
         if !test.agrees(0.001, raw.len()) {
             failures.push(format!("s = {s}, t = {t}: {test:?}"));
         }
@@ -294,7 +301,7 @@ fn every_strategy_of_a_diffuse_scene_finds_all_the_light_of_its_depth() {
 }
 
 #[test]
-fn a_furnace_has_a_geometric_series_of_depths() {
+fn depth_layers_of_a_furnace_are_a_geometric_series() {
     // Every wall emits 0.5 and reflects half: paths of k edges contribute 0.5^k, without noise.
     let wall = Material {
         emission: Vec3::splat(0.5),
@@ -304,7 +311,11 @@ fn a_furnace_has_a_geometric_series_of_depths() {
     let scene = SceneBuilder::new(Vec3::new(0.0, 0.0, 0.3), Vec3::ZERO, 60.0)
         .room(1.0, wall)
         .build();
-    let films = films(&rendered(&scene, with("bpt", &all(), 4, 3), &[16]));
+    let films = films(&render_waves(
+        &scene,
+        layered_job("bpt", &all(), 4, 3),
+        &[16],
+    ));
     let image = |name: &str| {
         let (film, sums) = films.iter().find(|(film, _)| film.name() == name).unwrap();
         film.image(sums)
@@ -324,14 +335,14 @@ fn a_furnace_has_a_geometric_series_of_depths() {
             [0.5f32.powi(k); 3],
         );
     }
-    // 0 * 1/2 + 1 * 1/4 + 2 * 1/8 + 3 * 1/16 over 15/16.
+    // Mean number of bounces: (0 * 1/2 + 1 * 1/4 + 2 * 1/8 + 3 * 1/16) / (15/16).
     near(&image("bounces"), [0.6875 / 0.9375, 0.9375, 0.0]);
     near(&image("rays"), [4.0; 3]);
     near(&image("albedo"), [0.5; 3]);
 }
 
 #[test]
-fn the_first_surface_is_what_the_camera_sees() {
+fn first_hit_layers_hold_albedo_normal_and_distance() {
     // A square, seen from behind at distance 2, that fills the left half of the picture.
     let ochre = Material {
         base_color: Vec3::new(0.6, 0.4, 0.1),
@@ -349,7 +360,7 @@ fn the_first_surface_is_what_the_camera_sees() {
         layers: vec![Layer::Distance, Layer::Normal, Layer::Albedo],
         ..job([12; 2], 3, 4)
     };
-    let renderer = rendered(&scene, job, &[64]);
+    let renderer = render_waves(&scene, job, &[64]);
     let images: Vec<Image> = films(&renderer)
         .iter()
         .map(|(film, sums)| film.image(sums))
@@ -362,7 +373,7 @@ fn the_first_surface_is_what_the_camera_sees() {
             assert!((0..3).all(|c| (albedo.at(x, y)[c] - [0.6, 0.4, 0.1][c]).abs() < 1e-6));
             assert!(
                 (0..3).all(|c| (normal.at(x, y)[c] - [0.0, 0.0, 1.0][c]).abs() < 1e-6),
-                "turned to the camera"
+                "the normal does not face the camera"
             );
             let [u, v] = [x, y].map(|i| (i as f32 - 5.5) / 6.0 * 20f32.to_radians().tan());
             let expected = 2.0 * (1.0 + u * u + v * v).sqrt();
@@ -381,18 +392,19 @@ fn the_first_surface_is_what_the_camera_sees() {
 }
 
 #[test]
-fn layers_that_cannot_be_had_are_refused_before_rendering() {
+fn layers_that_do_not_fit_or_are_unsupported_are_refused_before_rendering() {
     let huge = Job {
         layers: vec![Layer::Strategies],
         max_depth: 40,
         resolution: [4096; 2],
-        ..with("bdpt", &[], 1, 1)
+        ..layered_job("bdpt", &[], 1, 1)
     };
-    let Err(RenderError::Unsupported { reason, .. }) = CpuRenderer::new(empty(), huge) else {
-        panic!("8 GiB and more")
+    let Err(RenderError::Unsupported { reason, .. }) = CpuRenderer::new(empty_scene(), huge) else {
+        panic!("a job of more than 8 GiB was accepted")
     };
     assert!(reason.contains("lower max_depth"), "{reason}");
-    let mock = (backend("mock").unwrap().open)(empty(), with("bpt", &[Layer::Depth], 2, 1));
+    let mock =
+        (backend("mock").unwrap().open)(empty_scene(), layered_job("bpt", &[Layer::Depth], 2, 1));
     assert!(matches!(
         mock.err(),
         Some(RenderError::Unsupported {

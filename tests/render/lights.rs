@@ -42,7 +42,7 @@ fn uniform(i: u32) -> [f32; 4] {
 }
 
 #[test]
-fn emitters_are_chosen_by_exact_area() {
+fn emitters_are_selected_in_proportion_to_their_area() {
     let scene = scene();
     let lights = Lights::with_select(&scene, LightSelection::Area);
     let areas: Vec<f64> = scene.emitters.iter().map(|e| f64::from(e.area)).collect();
@@ -57,7 +57,7 @@ fn emitters_are_chosen_by_exact_area() {
             .unwrap();
         assert!(
             (f64::from(e.pdf_a) * total - 1.0).abs() < 1e-4,
-            "density is 1 / total area everywhere"
+            "the density is not 1 / total area"
         );
         let LightId::Emitter(which) = e.point.light else {
             panic!("{:?}", e.point)
@@ -71,12 +71,12 @@ fn emitters_are_chosen_by_exact_area() {
 }
 
 #[test]
-fn sampled_and_found_light_agree() {
+fn light_sampling_agrees_with_paths_that_hit_lights_by_chance() {
     let scene = scene();
     let film = render(&scene, job([8, 8], 2, 31), 40_000);
     let (found, found_error) = mean_and_error(&film, 0);
 
-    // The same radiance by connecting the point in the middle of the picture to points on the
+    // The same radiance by connecting the point at the centre of the picture to points on the
     // lights.
     let accel = Accel::build(Arc::clone(&scene)).unwrap();
     let lights = Lights::new(&scene);

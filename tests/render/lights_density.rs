@@ -29,7 +29,7 @@ pub fn scene() -> SceneBuilder {
     SceneBuilder::new(Vec3::Z * 9.0, Vec3::ZERO, 40.0)
 }
 
-/// A cap of directions about an axis, cut into cells of equal solid angle.
+/// A cap of directions about an axis, divided into cells of equal solid angle.
 pub struct Cap {
     frame: Frame,
     /// One minus the cosine of its half angle.
@@ -88,9 +88,10 @@ impl Cap {
     }
 }
 
-/// Returns the p-value of `sample_direct` from a point against `pdf_direct_w`; samples that are
-/// occluded or face away form a cell of their own. Panics unless both agree at every sample, and
-/// unless the visible part lies in the range.
+/// Returns the p-value of samples of `sample_direct` from a point, given the density
+/// `pdf_direct_w`. Samples that are occluded or face away form a cell of their own. Panics if the
+/// two densities differ at a sample, or if the integral over visible directions lies outside
+/// `visible`.
 fn p_of_direct(
     scene: &Arc<CompiledScene>,
     select: LightSelection,
@@ -121,7 +122,7 @@ fn p_of_direct(
     expected.push((1.0 - total).max(0.0));
     let n = 60_000u32;
     let mut observed = vec![0.0; expected.len()];
-    let mut beside = 0;
+    let mut missed = 0;
     for i in 0..n {
         let u = uniform(i, 1);
         let mut cell = expected.len() - 1;
@@ -144,23 +145,24 @@ fn p_of_direct(
             );
             match found(d.wi) {
                 Some(s) if s.emitter == which => cell = cap.cell(d.wi).expect("inside the cap"),
-                _ => beside += 1,
+                _ => missed += 1,
             }
         }
         observed[cell] += 1.0;
     }
     if visible[0] > 0.99 {
-        // Nothing occludes the light: only rounding at an edge may miss it, and that is no cell's
-        // share.
+        // Nothing occludes the light. Only rounding at an edge can miss it, so the last cell is
+        // left out.
         assert!(
-            f64::from(beside) < 2e-3 * f64::from(n),
-            "{beside} samples do not see their light"
+            f64::from(missed) < 2e-3 * f64::from(n),
+            "{missed} samples do not hit their light"
         );
         expected.pop();
         observed.pop();
     }
     let scale = observed.iter().sum::<f64>() / expected.iter().sum::<f64>();
-    // A corner of the light that no midpoint hit is merged with its neighbour.
+    // Cells with few expected samples, such as a corner of the light that no midpoint hit, are
+    // merged with their neighbours.
     let (mut wide_observed, mut wide_expected) = (vec![0.0], vec![0.0]);
     for (o, e) in observed.iter().zip(expected) {
         if e * scale >= 5.0 {
@@ -170,10 +172,11 @@ fn p_of_direct(
         *wide_observed.last_mut().unwrap() += o;
         *wide_expected.last_mut().unwrap() += e * scale;
     }
-    assert!(wide_expected.len() > 20, "too few cells to tell");
+    assert!(wide_expected.len() > 20, "too few cells for this test");
     chi_square_p(&wide_observed, &wide_expected, 0)
 }
 
+/// Range of the integral of a density if nothing is occluded.
 const ALL: [f64; 2] = [0.995, 1.005];
 
 #[test]
@@ -187,7 +190,8 @@ fn directions_to_triangles_follow_their_density() {
         .triangle(corners, [Vec2::ZERO; 3], light(1.0))
         .build();
     let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
-    // Below, from far away, at a grazing angle, and so near that it fills most of a hemisphere.
+    // Points below the triangle, far away, at a grazing angle, and so near that it fills most of a
+    // hemisphere.
     let cases = [
         (Vec3::ZERO, 0.5),
         (Vec3::new(40.0, -130.0, 25.0), 2e-4),
@@ -208,7 +212,7 @@ fn directions_to_triangles_follow_their_density() {
         );
         assert!(p > level, "from {from}: p = {p}");
     }
-    // Its back does not emit.
+    // The back does not emit.
     let lights = Lights::new(&one);
     assert!((0..1000).all(|i| {
         lights
@@ -227,7 +231,8 @@ fn directions_to_spheres_follow_their_density_at_every_distance() {
     for distance in distances {
         let from = center - along * (radius * distance);
         let sin2 = f64::from(1.0 / distance).powi(2);
-        // The cone with an empty rim; as wide as rays of single precision can find it.
+        // The cap is 10 % higher than the cone of the sphere, because rays in single precision can
+        // also hit it from slightly outside.
         let height = sin2 / (1.0 + (1.0 - sin2).sqrt()) * 1.1;
         let p = p_of_direct(
             &one,
@@ -242,7 +247,7 @@ fn directions_to_spheres_follow_their_density_at_every_distance() {
     for from in [center, center + along * 0.5, center - Vec3::X * 0.699] {
         assert!(
             lights.sample_direct(&one, from, 0.3, [0.4, 0.5]).is_none(),
-            "the inside is dark"
+            "the inside of a sphere must not emit"
         );
         assert_eq!(
             lights.pdf_direct_w(&one, from, 0, center + Vec3::Y * radius, Vec3::Y),
@@ -252,7 +257,7 @@ fn directions_to_spheres_follow_their_density_at_every_distance() {
 }
 
 #[test]
-fn directions_to_several_lights_follow_every_way_of_choosing() {
+fn directions_to_several_lights_follow_their_density_with_every_selection() {
     let up = |x: f32, y: f32, size: f32| {
         [
             Vec3::new(x, y, 0.0),
@@ -289,8 +294,8 @@ pub fn sunny() -> Texture {
     Texture::new(16, 8, (0..128).map(texel).collect::<Vec<_>>())
 }
 
-/// Returns the direction of map coordinates, both in 0..1 from the top left corner, from the
-/// definition of the format alone: the top is +y, the middle is +z, -x is right of it; rotated
+/// Returns the direction of map coordinates, both in 0..1 from the top left corner, computed from
+/// the definition of the format alone: the top is +y, the middle is +z, -x is right of it; rotated
 /// counter-clockwise seen from above.
 pub fn direction(u: f64, v: f64, rotation_deg: f64) -> DVec3 {
     let right = TAU * (u - 0.5);
@@ -300,7 +305,7 @@ pub fn direction(u: f64, v: f64, rotation_deg: f64) -> DVec3 {
 }
 
 /// Returns the map coordinates of a direction.
-fn place(dir: DVec3, rotation_deg: f64) -> [f64; 2] {
+fn map_coordinates(dir: DVec3, rotation_deg: f64) -> [f64; 2] {
     let d = glam::DQuat::from_rotation_y(-rotation_deg.to_radians()) * dir;
     [
         0.5 + (-d.x).atan2(d.z) / TAU,
@@ -309,7 +314,7 @@ fn place(dir: DVec3, rotation_deg: f64) -> [f64; 2] {
 }
 
 #[test]
-fn a_map_is_seen_as_its_definition_says() {
+fn environment_maps_have_the_orientation_of_their_definition() {
     for rotation in [0.0f32, 73.0, 275.5] {
         let surrounded = scene()
             .environment(Some(sunny()), Vec3::splat(0.5), rotation)
@@ -322,7 +327,7 @@ fn a_map_is_seen_as_its_definition_says() {
             );
             let dir = direction(u, v, rotation.into()).as_vec3();
             let (seen, own) = (lights.environment(dir), Vec3::from_array(*texel) * 0.5);
-            // A neighbour of the sun receives a millionth of it by rounding.
+            // By rounding, a neighbour of the sun contains a millionth of its radiance.
             assert!(
                 (seen - own).abs().max_element() < 0.02,
                 "texel {i}, {rotation}: {seen} instead of {own}"
@@ -331,8 +336,8 @@ fn a_map_is_seen_as_its_definition_says() {
     }
 }
 
-/// Returns the integral of a density per solid angle over cells of a map: its texels, each cut into
-/// 3 x 3.
+/// Returns the integral of a density per solid angle over cells of a map: its texels, each divided
+/// into 3 x 3.
 pub fn map_cells(size: [usize; 2], rotation: f64, density: impl Fn(Vec3) -> f64) -> Vec<f64> {
     let (cells, steps) = (size.map(|n| 3 * n), 4);
     let mut sums = vec![0.0; cells[0] * cells[1]];
@@ -350,7 +355,7 @@ pub fn map_cells(size: [usize; 2], rotation: f64, density: impl Fn(Vec3) -> f64)
 }
 
 pub fn map_cell(size: [usize; 2], rotation: f64, dir: Vec3) -> usize {
-    let [u, v] = place(dir.as_dvec3(), rotation);
+    let [u, v] = map_coordinates(dir.as_dvec3(), rotation);
     let at = |x: f64, n: usize| ((x * 3.0 * n as f64) as usize).min(3 * n - 1);
     at(v, size[1]) * 3 * size[0] + at(u, size[0])
 }
@@ -404,7 +409,7 @@ fn directions_to_the_environment_follow_their_density() {
 }
 
 #[test]
-fn every_direction_that_shines_has_a_density_fit_for_it() {
+fn every_emitting_direction_has_a_density_close_to_proportional() {
     let surrounded = scene()
         .sphere(Vec3::ZERO, 1.0, grey(0.5))
         .environment(Some(sunny()), Vec3::ONE, 31.0)
@@ -418,15 +423,15 @@ fn every_direction_that_shines_has_a_density_fit_for_it() {
         assert!(pdf_w.is_finite() && pdf_w >= 0.0 && radiance.is_finite());
         assert!(
             radiance == Vec3::ZERO || pdf_w > 0.0,
-            "{dir} shines with {radiance} and is never found"
+            "{dir} has radiance {radiance} and is never sampled"
         );
         if radiance != Vec3::ZERO {
             worst = worst.max(radiance.y / pdf_w);
         }
     }
-    // In the corner that a black cell shares with the sun's, radiance is a quarter of the sun's and
-    // the cell's mean is 1/64: 16 times more than a perfect density would have, which is the mean
-    // over all directions; no place has more.
+    // The ratio of radiance to density is greatest in the corner that a black cell shares with the
+    // sun's cell: radiance is a quarter of the sun's there, and the mean of the cell 1/64 of it.
+    // That is 16 times the ratio of a perfect density, which is the integral over all directions.
     let perfect = 4.0 * std::f32::consts::PI * mean_radiance(&lights).y;
     assert!(worst < 1.2 * 16.0 * perfect, "{worst} of {perfect}");
 }

@@ -29,7 +29,7 @@ fn disk_cell(local: Vec2, radius: f32) -> usize {
 }
 
 #[test]
-fn paths_from_lights_without_a_place_start_as_their_densities_say() {
+fn emission_from_environments_and_directional_lights_follows_its_density() {
     let [a, b] = BOX;
     let (center, radius) = ((a + b) * 0.5, 0.5 * (b - a).length());
     let size = [16, 8];
@@ -58,12 +58,12 @@ fn paths_from_lights_without_a_place_start_as_their_densities_say() {
             let disk = PI * f64::from(radius).powi(2);
             assert!(
                 (f64::from(e.pdf_a) * disk - 1.0).abs() < 1e-3,
-                "one over the area of the disk"
+                "the density is not one over the area of the disk"
             );
             let offset = e.point.position - center;
             assert!(
                 (offset.dot(e.dir) + radius).abs() < 1e-3 * radius,
-                "it starts before everything"
+                "the path does not start in front of the scene"
             );
             let local = Frame::from_normal(e.dir).to_local(offset);
             let mut cell = disk_cell(local.truncate(), radius);
@@ -90,7 +90,7 @@ fn paths_from_lights_without_a_place_start_as_their_densities_say() {
 }
 
 #[test]
-fn paths_from_surfaces_and_points_start_as_their_densities_say() {
+fn emission_from_surfaces_and_point_lights_follows_its_density() {
     let corners = [
         Vec3::new(-1.0, 2.0, -1.0),
         Vec3::new(1.5, 2.2, -0.5),
@@ -103,8 +103,8 @@ fn paths_from_surfaces_and_points_start_as_their_densities_say() {
         .point(Vec3::Y * 3.0, Vec3::splat(2.0))
         .build();
     let lights = Lights::new(&lit);
-    // Four regions of every light, each with 4 x 4 directions of equal probability under a cosine
-    // (for the point light: uniform).
+    // Four regions of every light, each with 4 x 4 cells of directions of equal probability: with
+    // cosine density, or uniform for the point light.
     let mut observed = vec![0.0; 3 * 64];
     let n = 400_000u32;
     for i in 0..n {
@@ -168,7 +168,7 @@ fn paths_from_surfaces_and_points_start_as_their_densities_say() {
         .collect();
     let p = chi_square_p(&observed, &expected, 0);
     assert!(p > SIGNIFICANCE, "p = {p}");
-    // The expected counts presuppose that these densities hold in the cells.
+    // The expected counts are valid only for these densities.
     for (i, cos) in [(0, 0.3f32), (1, 0.9)] {
         let pdf = lights.pdf_emission(&lit, i, cos);
         let area = lit.emitters[i as usize].area;
@@ -188,7 +188,7 @@ fn paths_from_surfaces_and_points_start_as_their_densities_say() {
 }
 
 #[test]
-fn paths_from_spots_start_uniform_over_their_cone_with_its_falloff() {
+fn emission_from_spot_lights_is_uniform_in_the_cone_and_weighted_by_the_falloff() {
     let axis = Vec3::new(0.4, -1.0, 0.3);
     let mut p = Vec::new();
     for (key, beam_deg, cutoff_deg) in [
@@ -228,7 +228,7 @@ fn paths_from_spots_start_uniform_over_their_cone_with_its_falloff() {
                     (e.pdf_w, e.radiance),
                     "{desc:?}"
                 );
-                // The radiance that arrives at a sampled direction is the radiance emitted there.
+                // The radiance that arrives from a sampled direction is the radiance emitted there.
                 let from = e.point.position + e.dir * 3.0;
                 let arrives = lights
                     .sample_direct_from(&scene, 0, from, [0.5; 2])
@@ -245,7 +245,7 @@ fn paths_from_spots_start_uniform_over_their_cone_with_its_falloff() {
             }
             let expected = vec![f64::from(n) / observed.len() as f64; observed.len()];
             p.push(chi_square_p(&observed, &expected, 0));
-            // The closed form by which spots are selected.
+            // The power has the closed form by which spot lights are selected.
             let share = scene.points[0].cone.mean_falloff();
             assert!(
                 (power / (4.0 * PI * 2.0 * share) - 1.0).abs() < 0.015,

@@ -48,7 +48,7 @@ fn irradiance_of_all(scene: &CompiledScene, from: Vec3, n: Vec3, side: usize) ->
 }
 
 #[test]
-fn irradiance_of_a_sphere_is_its_inverse_square() {
+fn irradiance_of_a_sphere_follows_the_inverse_square_law() {
     let (center, radius) = (Vec3::new(0.5, 3.0, -1.0), 0.8f32);
     let lit = scene().sphere(center, radius, light(2.5)).build();
     let tilted = Vec3::new(0.3, 0.9, 0.1).try_normalize().unwrap();
@@ -66,8 +66,8 @@ fn irradiance_of_a_sphere_is_its_inverse_square() {
             "from {from}: {found} instead of {exact}"
         );
     }
-    // Even so near that half of it lies below the horizon, the form factor of a facing sphere
-    // holds.
+    // The form factor of a facing sphere also holds so near that half of the sphere lies below the
+    // horizon.
     let from = center - Vec3::Y * radius * 1.0005;
     let found = irradiance_of_all(&lit, from, Vec3::Y, 256).x;
     let exact = PI * 2.5 / 1.0005f64.powi(2);
@@ -77,8 +77,8 @@ fn irradiance_of_a_sphere_is_its_inverse_square() {
     );
 }
 
-/// Returns the irradiance from a triangle of radiance one, all above the horizon, in Lambert's
-/// form.
+/// Returns the irradiance from a triangle of radiance one that lies above the horizon, by Lambert's
+/// formula.
 fn lambert(corners: [Vec3; 3], from: Vec3, n: Vec3) -> f64 {
     let to = corners.map(|c| (c - from).as_dvec3().normalize());
     let edge = |i: usize| {
@@ -89,7 +89,7 @@ fn lambert(corners: [Vec3; 3], from: Vec3, n: Vec3) -> f64 {
 }
 
 #[test]
-fn irradiance_of_a_triangle_is_lamberts() {
+fn irradiance_of_a_triangle_equals_the_formula_of_lambert() {
     let corners = [
         Vec3::new(-1.0, 2.0, -1.0),
         Vec3::new(1.5, 2.2, -0.5),
@@ -112,13 +112,13 @@ fn irradiance_of_a_triangle_is_lamberts() {
         assert_eq!(
             irradiance_of_all(&lit, from + Vec3::Y * 300.0, Vec3::NEG_Y, 16).x,
             0.0,
-            "behind it"
+            "the back of the triangle emits"
         );
     }
 }
 
 #[test]
-fn irradiance_of_points_directions_and_a_constant_environment() {
+fn irradiance_of_points_directions_and_a_constant_environment_has_its_closed_form() {
     let n = Vec3::new(0.2, 0.9, -0.3).try_normalize().unwrap();
     let from = Vec3::new(1.0, 2.0, 3.0);
     let (place, way) = (Vec3::new(-1.0, 6.0, 2.0), Vec3::new(0.3, -1.0, 0.2));
@@ -127,8 +127,7 @@ fn irradiance_of_points_directions_and_a_constant_environment() {
     let point = i.as_dvec3() * (n.as_dvec3().dot(to) / to.length().powi(3));
     let direction = e.as_dvec3() * n.as_dvec3().dot(-way.as_dvec3().normalize());
     let sky = Vec3::new(0.1, 0.2, 0.4);
-    // A ball that determines the size of the scene: behind the point, so it occludes nothing
-    // relevant.
+    // The ball gives the scene an extent. It lies behind the surface and occludes no light.
     let dark = || scene().sphere(from - n * 9.0, 0.5, grey(0.5));
     let cases = [
         (dark().point(place, i), point),
@@ -197,7 +196,7 @@ fn mean(n: u32, value: impl Fn(u32) -> f64) -> (f64, f64) {
     (mean, ((sum2 / n - mean * mean).max(0.0) / (n - 1.0)).sqrt())
 }
 
-/// Returns a quad whose corners go from dark to bright, with a mask that leaves out part of it.
+/// Returns an emission texture from dark to bright, and a mask that makes a part transparent.
 fn textured() -> (Texture, Texture) {
     let bright = Texture::new(2, 2, vec![[0.0; 3], [1.0; 3], [4.0; 3], [12.0; 3]]);
     let mask = Texture::new(2, 1, vec![[0.2; 3], [1.0; 3]]);
@@ -244,7 +243,7 @@ fn all_kinds() -> Arc<CompiledScene> {
 }
 
 #[test]
-fn every_way_of_choosing_has_the_same_mean() {
+fn every_light_selection_has_the_same_mean() {
     let lit = all_kinds();
     let points = [
         (Vec3::ZERO, Vec3::Y),
@@ -273,7 +272,7 @@ fn every_way_of_choosing_has_the_same_mean() {
             let z = (found - exact) / error;
             assert!(
                 error / exact < 0.05,
-                "{name} from {from}: too noisy to tell, {error} of {exact}"
+                "{name} from {from}: too noisy for this test, {error} of {exact}"
             );
             assert!(
                 normal_two_sided_p(z) > level,
@@ -284,7 +283,7 @@ fn every_way_of_choosing_has_the_same_mean() {
 }
 
 #[test]
-fn light_that_leaves_carries_the_power_of_its_source() {
+fn emission_sampling_carries_the_power_of_the_light() {
     let ball = |b: SceneBuilder| b.sphere(Vec3::new(1.0, 0.0, 2.0), 3.0, grey(0.5));
     let corners = [Vec3::ZERO, Vec3::X * 2.0, Vec3::Y];
     let disk = PI * 9.0;
@@ -359,15 +358,16 @@ fn grid_direction(i: u32, n: u32) -> Vec3 {
 }
 
 #[test]
-fn light_arrives_where_it_is_sent_as_much_as_where_it_is_asked_for() {
+fn emission_sampling_and_light_sampling_give_the_same_power_on_a_square() {
     // The power on a square: by light paths that hit it, and by light sampling from points on it.
-    // Nothing occludes either, and the square is part of the floor, so that disks cover it.
+    // Nothing occludes the light, and the square is part of the floor, so that emission disks cover
+    // it.
     let (corner, a, b) = (Vec3::new(-0.7, -0.5, -0.6), Vec3::X * 1.5, Vec3::Z * 1.2);
     let lit = all_kinds();
     let lights = Lights::new(&lit);
     let area = f64::from(a.length() * b.length());
     let n = 1_500_000;
-    let (asked, asked_error) = mean(300_000, |i| {
+    let (direct, direct_error) = mean(300_000, |i| {
         let u = uniform(i, 3);
         let from = corner + a * u[3] + b * u[4];
         lights
@@ -375,7 +375,7 @@ fn light_arrives_where_it_is_sent_as_much_as_where_it_is_asked_for() {
             .map_or(0.0, |d| irradiance(&d, Vec3::Y).x)
             * area
     });
-    let (sent, sent_error) = mean(n, |i| {
+    let (emitted, emitted_error) = mean(n, |i| {
         let u = uniform(i, 4);
         let Some(e) = lights.sample_emission(&lit, u[0], [u[1], u[2]], [u[3], u[4]]) else {
             return 0.0;
@@ -388,15 +388,15 @@ fn light_arrives_where_it_is_sent_as_much_as_where_it_is_asked_for() {
             f64::from(e.radiance.x) * f64::from(e.cos) / (f64::from(e.pdf_a) * f64::from(e.pdf_w));
         if met { power } else { 0.0 }
     });
-    let sigma = asked_error.hypot(sent_error);
-    let z = (asked - sent) / sigma;
+    let sigma = direct_error.hypot(emitted_error);
+    let z = (direct - emitted) / sigma;
     assert!(
-        sigma / asked < 0.01,
-        "too noisy to tell: {asked} +- {sigma}"
+        sigma / direct < 0.01,
+        "too noisy for this test: {direct} +- {sigma}"
     );
     assert!(
         normal_two_sided_p(z) > 0.001,
-        "asked for {asked}, sent {sent}, z = {z}"
+        "light sampling {direct}, emission sampling {emitted}, z = {z}"
     );
 }
 
@@ -414,7 +414,7 @@ fn many() -> SceneBuilder {
 }
 
 #[test]
-fn ten_thousand_lights_are_chosen_as_their_probabilities_say() {
+fn ten_thousand_lights_are_selected_with_their_probabilities() {
     let lit = many().build();
     assert_eq!(lit.emitters.len(), 10_000);
     let weight = |select: LightSelection, i: usize| match select {
@@ -433,7 +433,7 @@ fn ten_thousand_lights_are_chosen_as_their_probabilities_say() {
                 f64::from(lights.pdf_choice(LightId::Emitter(i as u32))),
                 weight(select, i) / total,
             );
-            // Steps of the 24 bits of a sample number: see `AliasTable`.
+            // Sample numbers have 24 bits: see `AliasTable`.
             assert!(
                 own > 0.0 && (own - exact).abs() < 3.0 / 16_777_216.0,
                 "{name}, light {i}: {own}, not {exact}"
@@ -462,7 +462,7 @@ fn ten_thousand_lights_are_chosen_as_their_probabilities_say() {
             .collect();
         let p = chi_square_p(&observed, &expected, 0);
         assert!(p > level, "{name}: p = {p}");
-        // The resulting picture is right as well.
+        // The irradiance is right as well.
         let exact: f64 = irradiance_of_all(&lit, Vec3::ZERO, Vec3::Y, 3).x;
         let (found, error) = mean(400_000, |i| {
             let u = uniform(i, 7);
@@ -479,7 +479,7 @@ fn ten_thousand_lights_are_chosen_as_their_probabilities_say() {
 }
 
 #[test]
-fn what_cannot_shine_is_never_found_and_never_not_a_number() {
+fn degenerate_and_black_lights_give_only_finite_samples() {
     let flat = [Vec3::ZERO, Vec3::X, Vec3::X * 2.0];
     let black = Texture::new(2, 1, vec![[0.0; 3]; 2]);
     let mut builder = scene();
@@ -524,7 +524,7 @@ fn what_cannot_shine_is_never_found_and_never_not_a_number() {
             let lights = Lights::with_select(&lit, select);
             for i in 0..2000 {
                 let u = uniform(i, 8);
-                // At the point itself, on the triangle's line, and elsewhere.
+                // At the point light, on the line of the triangle, and elsewhere.
                 for from in [Vec3::X, Vec3::ZERO, Vec3::new(u[5], u[6], -2.0)] {
                     if let Some(d) = lights.sample_direct(&lit, from, u[0], [u[1], u[2]]) {
                         assert!(d.pdf_w > 0.0 && d.pdf_w.is_finite(), "{name}: {d:?}");

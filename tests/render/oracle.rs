@@ -17,13 +17,17 @@ use lumbre::transport::light::Lights;
 use crate::agreement::params;
 use crate::common::{SceneBuilder, WHITE, grey, light};
 
-/// Compares samples of a scene under every heuristic, and returns the last report.
-fn judge(scene: &Arc<CompiledScene>, depth: u32) -> OracleReport {
+/// Compares the weights of a scene with their definition for every heuristic, and returns the last
+/// report.
+fn assert_weights_are_exact(scene: &Arc<CompiledScene>, depth: u32) -> OracleReport {
     let mut last = OracleReport::default();
     for (seed, mis) in ["power", "balance", "none"].into_iter().enumerate() {
         let samples = 8000;
         let report = check(scene, FilterSpec::PIXEL, mis, depth, samples, seed as u64);
-        assert!(report.paths > samples, "too few paths to tell: {report:?}");
+        assert!(
+            report.paths > samples,
+            "too few paths for this test: {report:?}"
+        );
         assert!(
             report.is_exact() && report.worst_weight < 1e-4,
             "{mis}: {report:?}"
@@ -60,7 +64,7 @@ fn check(
     oracle::check(&context, samples, seed)
 }
 
-/// Returns an open box with a wall, a floor, and an emitting triangle, sphere and textured quad.
+/// Returns a floor, a wall, an emitting triangle and a textured emitting quad.
 fn stage() -> SceneBuilder {
     let corners = [
         Vec3::new(-1.0, 2.0, -1.0),
@@ -111,7 +115,7 @@ fn glossy(roughness: f32) -> Material {
 }
 
 #[test]
-fn diffuse_surfaces_under_a_triangle_a_sphere_and_a_picture() {
+fn weights_are_exact_on_diffuse_surfaces_and_every_strategy_finds_paths() {
     let scene = stage()
         .sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0))
         .sphere(
@@ -123,13 +127,13 @@ fn diffuse_surfaces_under_a_triangle_a_sphere_and_a_picture() {
             },
         )
         .build();
-    let report = judge(&scene, 6);
+    let report = assert_weights_are_exact(&scene, 6);
     assert_eq!(report.dirac_paths, 0);
     for s in 0..=6 {
         for t in 1.max(2 - s.min(1))..=7 - s {
             assert!(
                 report.strategies[s][t] > 0,
-                "({s}, {t}) found nothing: {:?}",
+                "strategy ({s}, {t}) found no path: {:?}",
                 report.strategies
             );
         }
@@ -137,7 +141,7 @@ fn diffuse_surfaces_under_a_triangle_a_sphere_and_a_picture() {
 }
 
 #[test]
-fn mirror_and_glass() {
+fn weights_are_exact_on_mirror_and_glass() {
     let mirror = Material {
         metallic: 1.0,
         base_color: Vec3::new(0.9, 0.8, 0.7),
@@ -160,11 +164,11 @@ fn mirror_and_glass() {
         .sphere(Vec3::new(0.0, 0.3, 0.8), 0.3, mixed)
         .sphere(Vec3::new(-0.3, 1.4, -0.4), 0.25, light(6.0))
         .build();
-    assert!(judge(&scene, 8).dirac_paths > 1000);
+    assert!(assert_weights_are_exact(&scene, 8).dirac_paths > 1000);
 }
 
 #[test]
-fn rough_glass_metal_and_coat() {
+fn weights_are_exact_on_rough_glass_metal_and_coat() {
     let glass = Material {
         opacity: 0.0,
         ..glossy(0.3)
@@ -187,7 +191,7 @@ fn rough_glass_metal_and_coat() {
         .sphere(Vec3::new(0.0, 0.3, 0.8), 0.3, coat)
         .sphere(Vec3::new(-0.3, 1.4, -0.4), 0.25, light(6.0))
         .build();
-    judge(&scene, 7);
+    assert_weights_are_exact(&scene, 7);
 }
 
 /// Returns a picture of a sky with a sun.
@@ -210,7 +214,7 @@ fn sky() -> Environment {
 }
 
 #[test]
-fn lights_without_a_place_and_points() {
+fn weights_are_exact_for_environments_directional_lights_and_points() {
     let glass = Material {
         opacity: 0.0,
         ..WHITE
@@ -244,11 +248,11 @@ fn lights_without_a_place_and_points() {
         irradiance: Vec3::splat(2.0),
     });
     scene.environment = Some(sky());
-    judge(&Arc::new(scene), 6);
+    assert_weights_are_exact(&Arc::new(scene), 6);
 }
 
 #[test]
-fn lens() {
+fn weights_are_exact_with_a_thin_lens() {
     let mut scene = Arc::unwrap_or_clone(
         stage()
             .sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0))
@@ -256,7 +260,7 @@ fn lens() {
     );
     (scene.camera.aperture, scene.camera.focus_distance) = (0.4, Some(2.5));
     scene.environment = Some(sky());
-    judge(&Arc::new(scene), 5);
+    assert_weights_are_exact(&Arc::new(scene), 5);
 }
 
 #[test]

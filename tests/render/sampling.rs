@@ -84,8 +84,8 @@ fn every_integrator_has_the_same_mean_with_every_sampler_and_less_noise_with_sob
     let scene = scene();
     for row in INTEGRATORS {
         let (independent, sobol) = (films(&scene, row, INDEPENDENT), films(&scene, row, SOBOL));
-        // Independent films, so their own spread is the error, whatever the correlation within
-        // each.
+        // The films are independent, so their spread gives the error for any correlation within a
+        // film.
         let means = |films: &[Film]| {
             let means: Vec<f64> = films.iter().map(|f| f.mean().mean()[0]).collect();
             estimate(means.into_iter())
@@ -103,8 +103,9 @@ fn every_integrator_has_the_same_mean_with_every_sampler_and_less_noise_with_sob
             "{}: {less} instead of {noise}",
             row.name
         );
-        // The films' own error estimates: right for independent samples, too large for the others.
-        let said = |films: &[Film]| {
+        // The error estimates of the films are right for independent samples and too large for
+        // Sobol samples.
+        let estimated = |films: &[Film]| {
             films
                 .iter()
                 .map(|f| f.variance_of_mean().mean()[0])
@@ -112,11 +113,16 @@ fn every_integrator_has_the_same_mean_with_every_sampler_and_less_noise_with_sob
                 / SEEDS as f64
         };
         assert!(
-            (said(&independent) / noise - 1.0).abs() < 0.15,
+            (estimated(&independent) / noise - 1.0).abs() < 0.15,
             "{}: {} {noise}",
             row.name,
-            said(&independent)
+            estimated(&independent)
         );
-        assert!(said(&sobol) > less, "{}: {} {less}", row.name, said(&sobol));
+        assert!(
+            estimated(&sobol) > less,
+            "{}: {} {less}",
+            row.name,
+            estimated(&sobol)
+        );
     }
 }

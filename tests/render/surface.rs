@@ -43,11 +43,11 @@ pub fn mesh(
     uvs: &[Vec2],
     material: MaterialDesc,
 ) -> CompiledScene {
-    mesh_of(positions, normals, uvs, &[], material)
+    mesh_with_second_uvs(positions, normals, uvs, &[], material)
 }
 
 /// Does what [`mesh`] does, with a second set of texture coordinates.
-pub fn mesh_of(
+pub fn mesh_with_second_uvs(
     positions: &[Vec3],
     normals: &[Vec3],
     uvs: &[Vec2],
@@ -97,6 +97,7 @@ pub fn mesh_of(
     compile(&desc).unwrap().0
 }
 
+/// Returns a material with a constant normal map.
 fn mapped(n: Vec3) -> MaterialDesc {
     let mut m = MaterialDesc::new("m");
     m.set_texture(TextureSlot::Normal, Some(normal_map(n)));
@@ -124,11 +125,11 @@ pub fn at(scene: &CompiledScene, primitive: u32, uv: [f32; 2]) -> Surface<'_> {
 pub const SQUARE: [Vec3; 4] = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y];
 
 #[test]
-fn mapped_normals_follow_turned_stretched_and_mirrored_coordinates() {
+fn mapped_normals_follow_rotated_scaled_and_mirrored_coordinates() {
     let local = Vec3::new(0.48, 0.36, 0.8);
     for degrees in [0.0f32, 30.0, 90.0, 135.0, 180.0, 260.0] {
         for (mirror, stretch) in [(1.0f32, 1.0f32), (-1.0, 1.0), (1.0, 3.0), (-1.0, 0.5)] {
-            // The directions of growing u and v in the plane: rotated, and v on the other side if
+            // The directions of increasing u and v in the plane, rotated; v is reversed if
             // mirrored.
             let u = Mat2::from_angle(degrees.to_radians()) * Vec2::X;
             let v = u.perp() * mirror;
@@ -147,7 +148,7 @@ fn mapped_normals_follow_turned_stretched_and_mirrored_coordinates() {
 }
 
 #[test]
-fn on_smooth_normals_the_frame_is_interpolated_without_making_it_unit_again() {
+fn tangent_frames_of_smooth_normals_are_interpolated_without_normalisation() {
     let local = Vec3::new(-0.36, 0.48, 0.8);
     let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
     let normals = [[0.3, 0.1, 0.9], [-0.2, 0.4, 0.8], [0.1, -0.5, 0.7]]
@@ -173,7 +174,7 @@ fn on_smooth_normals_the_frame_is_interpolated_without_making_it_unit_again() {
 }
 
 #[test]
-fn a_flat_map_and_a_map_without_strength_are_no_map() {
+fn flat_normal_maps_and_maps_of_strength_zero_have_no_effect() {
     let normals = [
         [0.3, 0.1, 0.9],
         [-0.2, 0.4, 0.8],
@@ -210,7 +211,7 @@ fn a_flat_map_and_a_map_without_strength_are_no_map() {
             let n = at(&plain, primitive, uv).n_shading;
             assert!((at(&flat, primitive, uv).n_shading - n).length() < 1e-6);
             assert_eq!(at(&off, primitive, uv).n_shading, n);
-            // Eight bits have no level for zero: 128 is 1 / 255 above it.
+            // Eight bits have no level for zero: 128 decodes to 1 / 255.
             assert!(
                 (at(&rounded, primitive, uv).n_shading - n).length() < 1.5 / 255.0 * 2f32.sqrt()
             );
@@ -220,7 +221,7 @@ fn a_flat_map_and_a_map_without_strength_are_no_map() {
 }
 
 #[test]
-fn a_map_never_turns_a_normal_behind_its_triangle() {
+fn a_normal_map_never_turns_a_normal_behind_its_triangle() {
     let uvs = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
     for local in [
         Vec3::NEG_Z,
@@ -237,7 +238,7 @@ fn a_map_never_turns_a_normal_behind_its_triangle() {
     }
 }
 
-/// Returns a lit floor seen from above, with a sheet of even coverage at `height`.
+/// Returns a lit floor seen from above, with a sheet of uniform coverage at `height`.
 fn sheet(height: f32, value: f32, mode: MaskMode) -> Arc<CompiledScene> {
     let mut builder = SceneBuilder::new(Vec3::new(0.0, 2.0, 0.01), Vec3::ZERO, 30.0);
     let mask = builder.texture(Texture::new(1, 1, vec![[value, 1.0, 1.0]]));
@@ -275,7 +276,7 @@ fn picture(scene: &Arc<CompiledScene>, name: &str, threads: usize, samples: u64)
 }
 
 #[test]
-fn a_blended_sheet_lets_its_transmittance_through_for_camera_and_shadow_rays() {
+fn a_blended_mask_transmits_the_same_share_of_camera_and_shadow_rays() {
     let open = mean_and_error(
         &picture(&sheet(1.0, 0.0, MaskMode::Blend), "nee", 0, 2000),
         0,
@@ -300,13 +301,16 @@ fn a_blended_sheet_lets_its_transmittance_through_for_camera_and_shadow_rays() {
                 (mean - expected).abs() <= 4.0 * sigma,
                 "{name} {height} {value}: {mean} is not {expected} +- {sigma}"
             );
-            assert!(sigma < 0.02 * open.0, "{name}: too noisy to tell: {sigma}");
+            assert!(
+                sigma < 0.02 * open.0,
+                "{name}: too noisy for this test: {sigma}"
+            );
         }
     }
 }
 
 #[test]
-fn a_threshold_decides_once_and_for_all() {
+fn a_threshold_mask_is_either_opaque_or_invisible() {
     let open = picture(&sheet(1.0, 0.0, MaskMode::Threshold), "nee", 0, 4);
     let through = picture(&sheet(1.0, 0.499, MaskMode::Threshold), "nee", 0, 4);
     assert_eq!(open.sum, through.sum);
@@ -326,7 +330,7 @@ fn a_threshold_decides_once_and_for_all() {
 }
 
 #[test]
-fn holes_do_not_depend_on_threads() {
+fn blended_masks_have_the_same_bits_for_any_number_of_threads() {
     let scene = sheet(1.0, 0.4, MaskMode::Blend);
     for name in ["bpt", "nee", "bdpt"] {
         let [one, four] = [1, 4].map(|threads| picture(&scene, name, threads, 8));
@@ -335,9 +339,10 @@ fn holes_do_not_depend_on_threads() {
 }
 
 #[test]
-fn textures_of_every_role_are_looked_up_where_tiling_and_offset_say() {
+fn tiling_and_offset_determine_where_textures_are_looked_up() {
     let uvs = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
-    // Left half dark, right half bright; the texture is repeated twice and shifted by a quarter.
+    // The left half is dark, the right half bright. The texture is repeated twice and shifted by a
+    // quarter.
     let texels = Texels::RgbaF32(vec![[0.25, 0.25, 0.25, 1.0], [0.75, 0.75, 0.75, 1.0]]);
     let content_hash = texture_hash(2, 1, &texels);
     let desc = Arc::new(TextureDesc {
@@ -369,7 +374,7 @@ fn textures_of_every_role_are_looked_up_where_tiling_and_offset_say() {
         (0.5, 0.25),
         (0.75, 0.75),
     ] {
-        // On the first triangle's edge along x.
+        // The points lie on the edge of the first triangle along x.
         let found = at(&scene, 0, [x, 0.0]).base_color(&scene.textures);
         assert!(
             (found - Vec3::new(1.0, 0.5, 0.0) * expected).length() < 1e-6,
@@ -379,7 +384,7 @@ fn textures_of_every_role_are_looked_up_where_tiling_and_offset_say() {
 }
 
 #[test]
-fn colours_of_vertices_multiply_the_base_colour_of_their_own_mesh() {
+fn vertex_colours_multiply_the_base_colour_of_their_own_mesh() {
     let file = |colors: Vec<Vec3>| {
         let mut mesh = MeshDesc {
             file: PathBuf::from("m.obj"),
@@ -448,7 +453,7 @@ fn colours_of_vertices_multiply_the_base_colour_of_their_own_mesh() {
             .0
             .colors
             .is_empty(),
-        "nothing is kept where none has any"
+        "colours are stored although no mesh has any"
     );
     let e = compile(&desc(vec![file(vec![Vec3::ONE; 3])]))
         .unwrap_err()
@@ -457,7 +462,7 @@ fn colours_of_vertices_multiply_the_base_colour_of_their_own_mesh() {
 }
 
 #[test]
-fn a_texture_of_directions_turns_the_stretch_of_highlights() {
+fn a_direction_texture_rotates_the_direction_of_anisotropy() {
     let uvs = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
     let mut m = MaterialDesc {
         anisotropic: 0.8,
@@ -470,12 +475,12 @@ fn a_texture_of_directions_turns_the_stretch_of_highlights() {
     };
     assert!(
         (along(&m) - Vec3::X).length() < 1e-6,
-        "growing u by default"
+        "the default direction is increasing u"
     );
     m.anisotropic_direction = Vec3::Y;
     assert!(
         (along(&m) - Vec3::Y).length() < 1e-6,
-        "the material's direction"
+        "the direction of the material"
     );
     m.set_texture(
         TextureSlot::AnisotropicDirection,
@@ -483,12 +488,12 @@ fn a_texture_of_directions_turns_the_stretch_of_highlights() {
     );
     assert!(
         (along(&m) - Vec3::new(-0.6, 0.8, 0.0)).length() < 1e-6,
-        "the texture's direction"
+        "the direction of the texture"
     );
 }
 
 #[test]
-fn bad_normals_tangents_and_coordinates_never_make_a_film_invalid() {
+fn degenerate_normals_tangents_and_coordinates_give_no_invalid_samples() {
     let mut builder = SceneBuilder::new(Vec3::new(0.0, 0.0, 3.0), Vec3::ZERO, 40.0);
     let map = builder.texture(Texture::new(2, 1, vec![[0.5, 0.5, 0.0], [0.5, 0.5, 0.5]]));
     let m = Material {

@@ -10,7 +10,7 @@ use lumbre::transport::ray::{Hit, Ray};
 use lumbre::transport::surface::Surface;
 
 use crate::common::{SceneBuilder, WHITE};
-use crate::surface::{SQUARE, at, mesh, mesh_of, normal_map};
+use crate::surface::{SQUARE, at, mesh, mesh_with_second_uvs, normal_map};
 
 /// Returns a bump map of floats.
 fn heights(width: u32, values: Vec<f32>) -> Arc<TextureDesc> {
@@ -26,7 +26,8 @@ fn heights(width: u32, values: Vec<f32>) -> Arc<TextureDesc> {
     })
 }
 
-fn embossed(map: Arc<TextureDesc>, bump_height: f32) -> MaterialDesc {
+/// Returns a material with a bump map.
+fn bump_mapped(map: Arc<TextureDesc>, bump_height: f32) -> MaterialDesc {
     let mut m = MaterialDesc {
         bump_height,
         ..MaterialDesc::new("m")
@@ -43,9 +44,9 @@ fn ramp(rise: f32) -> Arc<TextureDesc> {
 }
 
 #[test]
-fn bumps_are_the_slopes_of_heights_in_the_world_however_coordinates_lie() {
-    // A height of 0.3 x + 0.2 y in world space, whatever u and v are: on any linear coordinates u =
-    // p . a, v = p . b it is a ramp of u and v, whose slopes are the solution.
+fn bumps_have_the_world_space_slopes_of_heights_for_any_linear_coordinates() {
+    // A height of 0.3 x + 0.2 y in world space. With linear coordinates u = p . a and v = p . b it
+    // is a ramp of u and v, whose slopes solve the equation below.
     let slope = Vec2::new(0.3, 0.2);
     let expected = Vec3::new(-slope.x, -slope.y, 1.0).normalize_or(Vec3::Z);
     for (a, b) in [
@@ -65,7 +66,7 @@ fn bumps_are_the_slopes_of_heights_in_the_world_however_coordinates_lie() {
             (1.0, ramp(along_b / along_a)),
             (0.5, ramp(along_b / along_a)),
         ] {
-            let m = embossed(map, along_a / tiling);
+            let m = bump_mapped(map, along_a / tiling);
             let scene = mesh(
                 &SQUARE,
                 &[],
@@ -86,8 +87,7 @@ fn bumps_are_the_slopes_of_heights_in_the_world_however_coordinates_lie() {
                 }
             }
         }
-        // The same heights on the second set of coordinates, reached through a map of the slot's
-        // own.
+        // The same heights on the second set of coordinates, with a transform for this slot only.
         let map =
             Affine2::from_scale_angle_translation(Vec2::new(0.8, 1.3), 0.4, Vec2::new(0.2, -0.1));
         let lookup = Lookup {
@@ -95,10 +95,10 @@ fn bumps_are_the_slopes_of_heights_in_the_world_however_coordinates_lie() {
             map: Some(map),
             ..Lookup::default()
         };
-        let mut m = embossed(ramp(along_b / along_a), along_a);
+        let mut m = bump_mapped(ramp(along_b / along_a), along_a);
         m.set_lookup(TextureSlot::Bump, lookup);
         let before = uvs.map(|uv| map.inverse().transform_point2(uv));
-        let scene = mesh_of(&SQUARE, &[], &[Vec2::ZERO; 4], &before, m);
+        let scene = mesh_with_second_uvs(&SQUARE, &[], &[Vec2::ZERO; 4], &before, m);
         for primitive in [0, 1] {
             let n = at(&scene, primitive, [0.3, 0.3]).n_shading;
             assert!(
@@ -110,7 +110,7 @@ fn bumps_are_the_slopes_of_heights_in_the_world_however_coordinates_lie() {
 }
 
 #[test]
-fn bumps_of_a_stretched_entity_are_measured_in_the_world() {
+fn bumps_of_a_scaled_entity_have_world_space_slopes() {
     let uvs = [
         Vec2::splat(0.2),
         Vec2::new(0.8, 0.2),
@@ -123,13 +123,13 @@ fn bumps_of_a_stretched_entity_are_measured_in_the_world() {
             &flat(Vec3::new(4.0, 1.0, 1.0)),
             &[],
             &uvs,
-            embossed(ramp(1.0), 0.5),
+            bump_mapped(ramp(1.0), 0.5),
         ),
         0,
         [0.3, 0.3],
     )
     .n_shading;
-    // 0.6 of a repeat, so 0.3 of height, over 4 units along x and 1 unit along y.
+    // The height changes by 0.3 (0.6 of a repeat) over 4 units along x and over 1 unit along y.
     let expected = Vec3::new(-0.3 / 4.0, -0.3, 1.0).normalize_or(Vec3::Z);
     assert!((n - expected).length() < 1e-5, "{n} instead of {expected}");
 }
@@ -176,14 +176,14 @@ fn bumps_of_a_sphere_follow_its_longitude_and_latitude() {
 }
 
 #[test]
-fn bumps_and_a_normal_map_add_their_slopes_and_flat_ones_change_nothing() {
+fn slopes_of_bump_and_normal_maps_add_and_flat_maps_have_no_effect() {
     let uvs = [
         Vec2::splat(0.2),
         Vec2::new(0.8, 0.2),
         Vec2::splat(0.8),
         Vec2::new(0.2, 0.8),
     ];
-    let mut both = embossed(ramp(0.5), 0.5);
+    let mut both = bump_mapped(ramp(0.5), 0.5);
     both.set_texture(
         TextureSlot::Normal,
         Some(normal_map(Vec3::new(0.48, -0.36, 0.8))),
@@ -192,9 +192,9 @@ fn bumps_and_a_normal_map_add_their_slopes_and_flat_ones_change_nothing() {
     let expected = Vec3::new(0.6 - 0.3, -0.45 - 0.15, 1.0).normalize_or(Vec3::Z);
     assert!((n - expected).length() < 1e-5, "{n} instead of {expected}");
     for even in [
-        embossed(heights(4, vec![7.0; 16]), 3.0),
-        embossed(ramp(0.5), 0.0),
-        embossed(heights(1, vec![4.0]), 1.0),
+        bump_mapped(heights(4, vec![7.0; 16]), 3.0),
+        bump_mapped(ramp(0.5), 0.0),
+        bump_mapped(heights(1, vec![4.0]), 1.0),
     ] {
         assert!(
             (at(&mesh(&SQUARE, &[], &uvs, even), 0, [0.3, 0.3]).n_shading - Vec3::Z).length()
@@ -202,13 +202,13 @@ fn bumps_and_a_normal_map_add_their_slopes_and_flat_ones_change_nothing() {
         );
     }
     assert_eq!(
-        mesh(&SQUARE, &[], &uvs, embossed(ramp(0.5), 0.0)).materials[0].bump_texture,
+        mesh(&SQUARE, &[], &uvs, bump_mapped(ramp(0.5), 0.0)).materials[0].bump_texture,
         NONE
     );
 }
 
 #[test]
-fn bumps_never_turn_a_normal_behind_its_triangle_and_coordinates_without_area_have_none() {
+fn bumps_never_turn_a_normal_behind_its_triangle_and_need_coordinates_with_area() {
     let uvs = [
         Vec2::splat(0.2),
         Vec2::new(0.8, 0.2),
@@ -218,7 +218,7 @@ fn bumps_never_turn_a_normal_behind_its_triangle_and_coordinates_without_area_ha
     let tilted = Vec3::new(0.9, 0.1, 0.3).normalize_or(Vec3::Z);
     for height in [1e-3, 1.0, 1e3, 1e6] {
         for normals in [vec![], vec![tilted; 4]] {
-            let scene = mesh(&SQUARE, &normals, &uvs, embossed(ramp(-2.0), height));
+            let scene = mesh(&SQUARE, &normals, &uvs, bump_mapped(ramp(-2.0), height));
             let s = at(&scene, 0, [0.2, 0.3]);
             assert!(
                 s.n_shading.dot(s.n_geometric) > 0.0 && (s.n_shading.length() - 1.0).abs() < 1e-5,
@@ -229,7 +229,7 @@ fn bumps_never_turn_a_normal_behind_its_triangle_and_coordinates_without_area_ha
     for uvs in [vec![], vec![Vec2::splat(0.3); 4]] {
         assert_eq!(
             at(
-                &mesh(&SQUARE, &[], &uvs, embossed(ramp(1.0), 1.0)),
+                &mesh(&SQUARE, &[], &uvs, bump_mapped(ramp(1.0), 1.0)),
                 0,
                 [0.2, 0.3]
             )

@@ -1,5 +1,4 @@
-//! The wavefront renders the same bits as the scalar path: every corner of materials, lights and
-//! settings.
+//! The wavefront renders the same bits as the scalar path for all materials, lights and settings.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -19,18 +18,19 @@ use lumbre::value::Value;
 
 use crate::common::{SceneBuilder, WHITE, grey, light};
 use crate::wavefront_fixtures::{
-    DISNEY, joined, materials, plain, room, same, same_film, timed, unjoined,
+    DISNEY, assert_same_bits, assert_same_film_bits, materials, nee_job, room, with_bdpt, with_bpt,
+    with_time_axis,
 };
 
 #[test]
 fn every_material_has_the_same_bits_in_lanes() {
     for (name, material) in materials() {
         let scene = room(material).build();
-        same(name, &scene, plain([29, 17], 6), 11);
-        same(name, &scene, unjoined(plain([29, 17], 6)), 11);
+        assert_same_bits(name, &scene, nee_job([29, 17], 6), 11);
+        assert_same_bits(name, &scene, with_bpt(nee_job([29, 17], 6)), 11);
         // `bdpt` has no scalar continuation of one subpath.
         if !["brushed", "ideal", "ideal mixture"].contains(&name) {
-            same(name, &scene, joined(plain([29, 17], 6)), 5);
+            assert_same_bits(name, &scene, with_bdpt(nee_job([29, 17], 6)), 5);
         }
     }
 }
@@ -64,33 +64,33 @@ fn every_kind_of_light_has_the_same_bits_in_lanes() {
         ..DISNEY
     };
     let ball = |scene: SceneBuilder| scene.sphere(Vec3::ZERO, 0.4, glass);
-    let mut pictured = open();
-    let picture = pictured.texture(Texture::new(
+    let mut textured = open();
+    let picture = textured.texture(Texture::new(
         2,
         2,
         vec![[0.0; 3], [1.0; 3], [4.0; 3], [12.0; 3]],
     ));
-    let holes = pictured.texture(Texture::new(2, 1, vec![[0.2; 3], [1.0; 3]]));
+    let holes = textured.texture(Texture::new(2, 1, vec![[0.2; 3], [1.0; 3]]));
     let lamp = |at: Vec3, material| {
         let corners = [at, at + Vec3::X * 0.5, at + Vec3::Z * 0.5];
         move |scene: SceneBuilder| scene.triangle(corners, [Vec2::ZERO, Vec2::X, Vec2::Y], material)
     };
     let high = Vec3::new(-0.2, 1.2, -0.2);
-    let pictured = lamp(
+    let textured = lamp(
         high,
         Material {
             emission_texture: picture,
             ..light(3.0)
         },
-    )(pictured);
-    let pictured = lamp(
+    )(textured);
+    let textured = lamp(
         high + Vec3::X * 0.6,
         Material {
             mask_texture: holes,
             ..light(3.0)
         },
-    )(pictured);
-    let pictured = lamp(high - Vec3::X * 0.6, light(3.0))(pictured);
+    )(textured);
+    let textured = lamp(high - Vec3::X * 0.6, light(3.0))(textured);
     let scenes = [
         (
             "point",
@@ -104,9 +104,9 @@ fn every_kind_of_light_has_the_same_bits_in_lanes() {
             "environment",
             ball(open()).environment(None, Vec3::new(0.5, 0.7, 1.0), 0.0),
         ),
-        ("triangles with pictures, with holes, and plain", pictured),
+        ("triangles with textures, with masks, and plain", textured),
         (
-            "triangle that nothing faces",
+            "triangle that faces no surface",
             lamp(Vec3::new(0.0, -0.6, 0.0), light(3.0))(ball(open())).sphere(
                 Vec3::Y,
                 0.1,
@@ -133,15 +133,15 @@ fn every_kind_of_light_has_the_same_bits_in_lanes() {
     ];
     for (name, scene) in scenes {
         let scene = scene.build();
-        same(name, &scene, plain([31, 19], 5), 9);
-        same(name, &scene, joined(plain([31, 19], 5)), 5);
+        assert_same_bits(name, &scene, nee_job([31, 19], 5), 9);
+        assert_same_bits(name, &scene, with_bdpt(nee_job([31, 19], 5)), 5);
         if name == "all of them" {
-            same(name, &scene, unjoined(plain([31, 19], 5)), 9);
+            assert_same_bits(name, &scene, with_bpt(nee_job([31, 19], 5)), 9);
         }
     }
 }
 
-/// Tests a scene that is one leaf, where rays are vectorised as well, and one that is not.
+/// Tests scenes of one leaf, whose traversal is vectorised as well, and a larger one.
 #[test]
 fn every_mask_has_the_same_bits_in_lanes() {
     for (mask_mode, more) in [
@@ -177,7 +177,8 @@ fn every_mask_has_the_same_bits_in_lanes() {
                     Vec3::new(0.0, 0.8, -0.2),
                     holes(DISNEY),
                 )
-                // Rays hit both at once, and see this one only through the holes of the first.
+                // Coincides with the previous quad: rays hit this one only through holes of that
+                // one.
                 .quad(
                     Vec3::new(-0.7, -0.5, 0.3),
                     Vec3::X * 0.9,
@@ -199,20 +200,20 @@ fn every_mask_has_the_same_bits_in_lanes() {
                 .sphere(Vec3::new(-0.3, -0.4, -0.3), 0.2, holes(DISNEY))
                 .build()
         };
-        let (scene, bare) = (scene(true), scene(false));
+        let (scene, unmasked) = (scene(true), scene(false));
         let name = format!("{mask_mode:?}, {} primitives", scene.primitive_count());
         for job in [
-            plain([29, 17], 6),
-            unjoined(plain([29, 17], 6)),
-            joined(plain([29, 17], 6)),
+            nee_job([29, 17], 6),
+            with_bpt(nee_job([29, 17], 6)),
+            with_bdpt(nee_job([29, 17], 6)),
         ] {
             let sum = |scene: &Arc<CompiledScene>| {
                 let mut renderer = CpuRenderer::new(Arc::clone(scene), job.clone()).unwrap();
                 renderer.advance(1).unwrap();
                 renderer.film().sum.clone()
             };
-            assert_ne!(sum(&scene), sum(&bare), "{name}: no mask is met");
-            same(&name, &scene, job, 7);
+            assert_ne!(sum(&scene), sum(&unmasked), "{name}: no ray hits a mask");
+            assert_same_bits(&name, &scene, job, 7);
         }
     }
 }
@@ -228,7 +229,7 @@ fn every_setting_has_the_same_bits_in_lanes() {
     .build();
     let with = |key: &str, word: &str| Job {
         params: [(key.to_owned(), Value::from(word))].into(),
-        ..plain([23, 13], 5)
+        ..nee_job([23, 13], 5)
     };
     let sample = 1 << 33;
     for (name, job) in [
@@ -239,7 +240,7 @@ fn every_setting_has_the_same_bits_in_lanes() {
             "roulette",
             Job {
                 rr_start: Some(2),
-                ..plain([23, 13], 12)
+                ..nee_job([23, 13], 12)
             },
         ),
         (
@@ -247,20 +248,20 @@ fn every_setting_has_the_same_bits_in_lanes() {
             Job {
                 first_sample: sample,
                 seed: 1 << 40 | 3,
-                ..plain([23, 13], 4)
+                ..nee_job([23, 13], 4)
             },
         ),
-        ("direct light only", plain([23, 13], 2)),
+        ("direct light only", nee_job([23, 13], 2)),
         (
             "threads",
             Job {
                 threads: 3,
-                ..plain([300, 2], 4)
+                ..nee_job([300, 2], 4)
             },
         ),
     ] {
-        same(name, &scene, job.clone(), 5);
-        same(name, &scene, joined(job), 5);
+        assert_same_bits(name, &scene, job.clone(), 5);
+        assert_same_bits(name, &scene, with_bdpt(job), 5);
     }
     let one = |s: i64, t: i64, more: &[(&str, Value)]| {
         let mut params: BTreeMap<String, Value> = more
@@ -271,35 +272,35 @@ fn every_setting_has_the_same_bits_in_lanes() {
             "strategies".to_owned(),
             Value::List(vec![Value::Int(s), Value::Int(t)]),
         );
-        joined(Job {
+        with_bdpt(Job {
             params,
-            ..plain([23, 13], 5)
+            ..nee_job([23, 13], 5)
         })
     };
     for (s, t) in [(0, 3), (1, 2), (2, 2), (3, 2), (2, 1)] {
-        same("one strategy", &scene, one(s, t, &[]), 5);
-        same(
+        assert_same_bits("one strategy", &scene, one(s, t, &[]), 5);
+        assert_same_bits(
             "one strategy, raw",
             &scene,
             one(s, t, &[("mis", Value::from("none"))]),
             5,
         );
-        same(
+        assert_same_bits(
             "all but one strategy",
             &scene,
             one(s, t, &[("contribution", Value::Bool(false))]),
             5,
         );
     }
-    // Deep paths have more connections than are listed at once.
-    same("deep", &scene, joined(plain([8, 4], 30)), 5);
-    same("emission only", &scene, plain([23, 13], 1), 5);
-    same(
-        "roulette, unjoined",
+    // Deep paths have more connections than one list holds.
+    assert_same_bits("deep", &scene, with_bdpt(nee_job([8, 4], 30)), 5);
+    assert_same_bits("emission only", &scene, nee_job([23, 13], 1), 5);
+    assert_same_bits(
+        "roulette, bpt",
         &scene,
-        unjoined(Job {
+        with_bpt(Job {
             rr_start: Some(2),
-            ..plain([23, 13], 12)
+            ..nee_job([23, 13], 12)
         }),
         5,
     );
@@ -319,18 +320,18 @@ fn every_camera_has_the_same_bits_in_lanes() {
             filter,
             first_sample: 1 << 32,
             seed: 3 << 32,
-            ..plain([21, 13], 3)
+            ..nee_job([21, 13], 3)
         };
-        same(name, &scene().build(), job.clone(), 5);
-        same(name, &scene().build(), joined(job), 5);
+        assert_same_bits(name, &scene().build(), job.clone(), 5);
+        assert_same_bits(name, &scene().build(), with_bdpt(job), 5);
     }
     let lens = scene()
         .with(|s| (s.camera.aperture, s.camera.focus_distance) = (0.1, Some(0.7)))
         .build();
-    same("lens", &lens, plain([21, 13], 3), 5);
-    same("lens", &lens, joined(plain([21, 13], 3)), 5);
+    assert_same_bits("lens", &lens, nee_job([21, 13], 3), 5);
+    assert_same_bits("lens", &lens, with_bdpt(nee_job([21, 13], 3)), 5);
     // Columns beyond 2^16 are a separate part of a sample's key.
-    same("very wide", &scene().build(), plain([65_600, 1], 2), 1);
+    assert_same_bits("very wide", &scene().build(), nee_job([65_600, 1], 2), 1);
 }
 
 #[test]
@@ -352,19 +353,19 @@ fn every_time_axis_has_the_same_bits_in_lanes() {
         .sphere(Vec3::new(-0.4, -0.2, 0.2), 0.1, light(3.0))
         .environment(None, Vec3::splat(0.2), 0.0)
         .build();
-    let plain = timed(&plain([23, 13], 6));
-    let axis = plain.timing.clone().unwrap();
+    let timed_job = with_time_axis(&nee_job([23, 13], 6));
+    let axis = timed_job.timing.clone().unwrap();
     let wave = Job {
         threads: 3,
         rr_start: Some(3),
-        ..plain.clone()
+        ..timed_job.clone()
     };
     let with = |change: &dyn Fn(&mut Timing)| {
         let mut timing = axis.clone();
         change(&mut timing);
         Job {
             timing: Some(timing),
-            ..plain.clone()
+            ..timed_job.clone()
         }
     };
     for (name, job) in [
@@ -372,25 +373,28 @@ fn every_time_axis_has_the_same_bits_in_lanes() {
             "without the edge to the camera",
             with(&|t| t.camera = false),
         ),
-        ("under water", with(&|t| t.medium = 1.33)),
+        ("medium of index 1.33", with(&|t| t.medium = 1.33)),
         (
-            "a pulse that lasts",
+            "exponential emission",
             with(&|t| t.emission = Profile::Exponential(2.0)),
         ),
-        ("spread evenly", with(&|t| t.filter = TimeFilter::Box(1.5))),
         (
-            "spread by a Gaussian",
+            "box filter in time",
+            with(&|t| t.filter = TimeFilter::Box(1.5)),
+        ),
+        (
+            "Gaussian filter in time",
             with(&|t| t.filter = TimeFilter::Gauss(0.7)),
         ),
-        ("all late", with(&|t| t.axis.start = -90.0)),
+        ("all light after the axis", with(&|t| t.axis.start = -90.0)),
         ("threads and roulette", wave),
     ] {
-        for job in [job.clone(), unjoined(job.clone()), joined(job)] {
-            same_film(name, &scene, job, 5);
+        for job in [job.clone(), with_bpt(job.clone()), with_bdpt(job)] {
+            assert_same_film_bits(name, &scene, job, 5);
         }
     }
-    // Vectorisation does not change where and when light arrives: more than a few slots have any.
-    let mut renderer = CpuRenderer::new(Arc::clone(&scene), plain).unwrap();
+    // The comparison is meaningful: more than 20 slots have light.
+    let mut renderer = CpuRenderer::new(Arc::clone(&scene), timed_job).unwrap();
     renderer.advance(4).unwrap();
     let cube = renderer.times().unwrap();
     let lit = (0..cube.axis.slots()).filter(|slot| {
@@ -411,8 +415,8 @@ fn waves_and_checkpoints_of_a_film_with_a_time_axis_have_the_same_bits_in_lanes(
     })
     .build();
     for job in [
-        timed(&plain([19, 11], 4)),
-        timed(&joined(plain([19, 11], 4))),
+        with_time_axis(&nee_job([19, 11], 4)),
+        with_time_axis(&with_bdpt(nee_job([19, 11], 4))),
     ] {
         let open = |threads: usize| {
             CpuRenderer::new(
@@ -446,14 +450,14 @@ fn waves_and_checkpoints_of_a_film_with_a_time_axis_have_the_same_bits_in_lanes(
 }
 
 #[test]
-fn what_lanes_do_not_know_goes_alone() {
+fn unsupported_features_run_on_the_scalar_path() {
     let scene = room(DISNEY).build();
     let renderer = |scene: &Arc<CompiledScene>, job: Job| {
         CpuRenderer::new(Arc::clone(scene), job)
             .unwrap()
             .is_vectorised()
     };
-    let job = plain([4, 4], 3);
+    let job = nee_job([4, 4], 3);
     let all = Job {
         params: [("lights".to_owned(), Value::from("all"))].into(),
         ..job.clone()
@@ -465,7 +469,7 @@ fn what_lanes_do_not_know_goes_alone() {
         ..DISNEY
     })
     .build();
-    assert!(!renderer(&brushed, joined(job.clone())));
+    assert!(!renderer(&brushed, with_bdpt(job.clone())));
     assert_eq!(
         renderer(&brushed, job.clone()),
         Isa::detect() != Isa::Portable
@@ -503,12 +507,11 @@ fn what_lanes_do_not_know_goes_alone() {
     assert_eq!(renderer(&scene, job), Isa::detect() != Isa::Portable);
 }
 
-/// Checks that vectorisation is the same for all techniques, or times would compare it and not the
-/// techniques.
+/// Otherwise a comparison of times would measure vectorisation instead of the integrators.
 #[test]
-fn unless_told_all_techniques_go_in_lanes_or_none_does() {
+fn by_default_either_all_integrators_are_vectorised_or_none() {
     let accel = AccelSpec::default();
-    let shining = Material {
+    let reflecting_emitter = Material {
         emitter_reflects: true,
         ..Material {
             emission: Vec3::ONE,
@@ -516,8 +519,12 @@ fn unless_told_all_techniques_go_in_lanes_or_none_does() {
         }
     };
     let scenes = [
-        ("known", room(DISNEY).build(), true),
-        ("lamps that reflect", room(shining).build(), true),
+        ("supported", room(DISNEY).build(), true),
+        (
+            "emitters that reflect",
+            room(reflecting_emitter).build(),
+            true,
+        ),
         (
             "brushed",
             room(Material {
@@ -528,9 +535,9 @@ fn unless_told_all_techniques_go_in_lanes_or_none_does() {
             .build(),
             false,
         ),
-        ("diffuse, of the other model", room(grey(0.5)).build(), true),
+        ("diffuse, Lambert model", room(grey(0.5)).build(), true),
         (
-            "ideal beside known",
+            "ideal beside supported",
             room(Material {
                 metallic: 1.0,
                 ..WHITE
@@ -542,14 +549,14 @@ fn unless_told_all_techniques_go_in_lanes_or_none_does() {
     for (name, scene, expected) in scenes {
         let job = Job {
             accel,
-            ..plain([4, 4], 3)
+            ..nee_job([4, 4], 3)
         };
-        for job in [job.clone(), unjoined(job.clone()), joined(job)] {
-            let in_lanes = CpuRenderer::new(Arc::clone(&scene), job)
+        for job in [job.clone(), with_bpt(job.clone()), with_bdpt(job)] {
+            let vectorised = CpuRenderer::new(Arc::clone(&scene), job)
                 .unwrap()
                 .is_vectorised();
             assert_eq!(
-                in_lanes,
+                vectorised,
                 expected && Isa::detect() != Isa::Portable,
                 "{name}"
             );

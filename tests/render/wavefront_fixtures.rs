@@ -57,7 +57,7 @@ pub fn materials() -> Vec<(&'static str, Material)> {
             },
         ),
         (
-            "smooth under which it is diffuse",
+            "smooth dielectric over diffuse",
             Material {
                 roughness: 0.0,
                 ..DISNEY
@@ -104,7 +104,7 @@ pub fn materials() -> Vec<(&'static str, Material)> {
             },
         ),
         (
-            "glass that hardly bends",
+            "glass of index close to one",
             Material {
                 opacity: 0.0,
                 roughness: 0.02,
@@ -138,7 +138,7 @@ pub fn materials() -> Vec<(&'static str, Material)> {
             },
         ),
         (
-            "coat on all",
+            "coat on a mixture",
             Material {
                 clearcoat: 0.7,
                 opacity: 0.5,
@@ -166,7 +166,7 @@ pub fn materials() -> Vec<(&'static str, Material)> {
             },
         ),
         (
-            "shining and reflecting",
+            "emitting and reflecting",
             Material {
                 emission: Vec3::splat(0.2),
                 ..DISNEY
@@ -228,7 +228,8 @@ pub fn room(material: Material) -> SceneBuilder {
         .sphere(Vec3::new(0.3, -0.3, 0.0), 0.35, material)
 }
 
-pub fn plain(resolution: [u32; 2], max_depth: u32) -> Job {
+/// Returns a job with `nee`, vectorised where possible.
+pub fn nee_job(resolution: [u32; 2], max_depth: u32) -> Job {
     let accel = AccelSpec {
         lanes: LaneMode::Always,
         ..AccelSpec::default()
@@ -241,7 +242,7 @@ pub fn plain(resolution: [u32; 2], max_depth: u32) -> Job {
 }
 
 /// Returns the job with `bpt`, which makes no connections.
-pub fn unjoined(job: Job) -> Job {
+pub fn with_bpt(job: Job) -> Job {
     Job {
         integrator: integrator("bpt").unwrap(),
         ..job
@@ -249,7 +250,7 @@ pub fn unjoined(job: Job) -> Job {
 }
 
 /// Returns the job with `bdpt`.
-pub fn joined(job: Job) -> Job {
+pub fn with_bdpt(job: Job) -> Job {
     Job {
         integrator: integrator("bdpt").unwrap(),
         ..job
@@ -257,7 +258,7 @@ pub fn joined(job: Job) -> Job {
 }
 
 /// Returns the job with a time axis on which most light arrives, and some before it and after it.
-pub fn timed(job: &Job) -> Job {
+pub fn with_time_axis(job: &Job) -> Job {
     Job {
         timing: Some(Timing::plain(TimeAxis {
             start: 2.0,
@@ -278,21 +279,21 @@ fn slots(cube: &TimeCube, sum: &[[f64; 3]], name: &str) -> (Vec<[u64; 3]>, Vec<[
     )
 }
 
-/// Renders vectorised and on the scalar path, with and without a time axis, and compares all bits
-/// and the ray counts.
-pub fn same(name: &str, scene: &Arc<CompiledScene>, job: Job, samples: u64) {
-    same_film(
+/// Renders in lanes and on the scalar path, with and without a time axis. Panics unless all bits
+/// and the ray counts are equal.
+pub fn assert_same_bits(name: &str, scene: &Arc<CompiledScene>, job: Job, samples: u64) {
+    assert_same_film_bits(
         &format!("{name}, with a time axis"),
         scene,
-        timed(&job),
+        with_time_axis(&job),
         samples,
     );
-    same_film(name, scene, job, samples);
+    assert_same_film_bits(name, scene, job, samples);
 }
 
-/// Does what [`same`] does, for the film that the job describes only.
-pub fn same_film(name: &str, scene: &Arc<CompiledScene>, job: Job, samples: u64) {
-    // The lights are behind the camera.
+/// Does what [`assert_same_bits`] does, but only for the film that the job describes.
+pub fn assert_same_film_bits(name: &str, scene: &Arc<CompiledScene>, job: Job, samples: u64) {
+    // Emission alone is black, because the lights are behind the camera.
     let dark = job.max_depth == 1;
     let run = |job: Job, isa: Isa, lanes: bool| {
         let mut renderer = CpuRenderer::with_isa(Arc::clone(scene), job, isa).unwrap();
@@ -314,7 +315,7 @@ pub fn same_film(name: &str, scene: &Arc<CompiledScene>, job: Job, samples: u64)
             times,
         )
     };
-    let alone = run(
+    let scalar = run(
         Job {
             accel: job.accel.scalar(),
             ..job.clone()
@@ -324,18 +325,23 @@ pub fn same_film(name: &str, scene: &Arc<CompiledScene>, job: Job, samples: u64)
     );
     for isa in Isa::available() {
         let (lanes, by) = (run(job.clone(), *isa, true), isa.name());
-        let differ = alone.0.iter().zip(&lanes.0).filter(|(a, b)| a != b).count();
+        let differing = scalar
+            .0
+            .iter()
+            .zip(&lanes.0)
+            .filter(|(a, b)| a != b)
+            .count();
         assert_eq!(
-            differ,
+            differing,
             0,
-            "{name}, {by}: so many pixels of {} differ",
-            alone.0.len()
+            "{name}, {by}: number of pixels of {} that differ",
+            scalar.0.len()
         );
-        assert!(alone.5 == lanes.5, "{name}, {by}: slots differ");
+        assert!(scalar.5 == lanes.5, "{name}, {by}: slots differ");
         assert!(
-            alone == lanes,
+            scalar == lanes,
             "{name}, {by}: squares, rays or invalid samples differ: {:?} {:?}",
-            alone.2,
+            scalar.2,
             lanes.2
         );
         assert!(
