@@ -4,7 +4,7 @@
 #![allow(
     clippy::unwrap_used,
     clippy::print_stdout,
-    reason = "helpers of tests may fail and talk as tests do"
+    reason = "test helpers may panic and print"
 )]
 
 mod common;
@@ -52,7 +52,7 @@ use lumbre::scene::load::load;
 use lumbre::scene::{Note, SceneDesc, SceneError};
 use samples::QUAD;
 
-/// A folder of small files for one test.
+/// A temporary folder of small files.
 struct Folder(tempfile::TempDir);
 
 impl Folder {
@@ -84,6 +84,7 @@ fn scn(text: &str) -> Result<(SceneDesc, Vec<Note>), SceneError> {
     Folder::new(&[("a.scn", text)]).load("a.scn")
 }
 
+/// Returns the notes as text, one line each.
 fn lines(notes: &[Note]) -> String {
     notes
         .iter()
@@ -98,6 +99,6 @@ fn builtin_path(name: &str) -> PathBuf {
         .join(name)
 }
 
-/// Counts the memory of each thread, for limits.
+/// Counts the bytes that each thread allocates, to check memory limits.
 #[global_allocator]
 static METER: meter::Meter = meter::Meter;

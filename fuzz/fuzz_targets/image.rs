@@ -1,4 +1,4 @@
-//! Fuzz target: a texture, as TGA or in the format of its first bytes.
+//! Fuzz target: a texture in TGA, or in the format that its first bytes name.
 
 #![no_main]
 

@@ -1,4 +1,4 @@
-//! Fuzz target: the XML of Mitsuba.
+//! Fuzz target: a Mitsuba scene in XML.
 
 #![no_main]
 

@@ -4,7 +4,7 @@
 #![allow(
     clippy::expect_used,
     clippy::print_stderr,
-    reason = "a target that cannot start can only abort"
+    reason = "an error ends the target"
 )]
 
 #[path = "../../tests/scenes/meter.rs"]
@@ -49,11 +49,11 @@ static SAMPLE_FOLDER: OnceLock<SampleFolder> = OnceLock::new();
 
 fn sample_folder(sample: &str, replaced: &str) -> &'static SampleFolder {
     SAMPLE_FOLDER.get_or_init(|| {
-        let folder = tempfile::tempdir().expect("a temporary folder");
+        let folder = tempfile::tempdir().expect("a temporary folder can be created");
         let sample = samples::samples()
             .into_iter()
             .find(|s| s.name == sample)
-            .expect("a sample of this name");
+            .expect("a sample has this name");
         let main = folder.path().join(sample.files[0].0);
         let mut other_bytes = 0;
         for (name, bytes) in &sample.files {
@@ -70,12 +70,12 @@ fn sample_folder(sample: &str, replaced: &str) -> &'static SampleFolder {
 
 fn write(folder: &Path, name: &str, bytes: &[u8]) {
     let path = folder.join(name);
-    fs::create_dir_all(path.parent().expect("a name in a folder"))
-        .expect("a folder that can be written");
-    fs::write(path, bytes).expect("a folder that can be written");
+    fs::create_dir_all(path.parent().expect("the file lies in a folder"))
+        .expect("the folder can be written");
+    fs::write(path, bytes).expect("the folder can be written");
 }
 
-/// Runs a function that must neither panic nor take more memory than the size of the files justifies.
+/// Runs a function and panics if it allocates more memory than the size of the files justifies.
 fn check_memory(bytes: usize, run: impl FnOnce()) {
     let limit = SMALL + GROWTH * bytes;
     let ((), most) = meter::peak(run);
@@ -92,7 +92,10 @@ pub fn scene(sample: &str, replaced: &str, bytes: &[u8]) {
     check_memory(folder.other_bytes + bytes.len(), || {
         match scene::read(&folder.main, &Default::default(), MissingTextures::Note) {
             Ok((desc, _)) => drop(compile(&desc)),
-            Err(e) => assert!(e.to_string().len() < 20_000, "errors are short"),
+            Err(e) => assert!(
+                e.to_string().len() < 20_000,
+                "the error text is longer than 20,000 bytes"
+            ),
         }
     });
 }
@@ -120,25 +123,27 @@ fn renderer(scene: &Arc<CompiledScene>, technique: usize) -> Box<dyn Renderer> {
         bin: 0.5,
         bins: 5,
     });
-    let integrator = integrator(["bdpt", "nee"][technique]).expect("an integrator of this name");
+    let integrator = integrator(["bdpt", "nee"][technique]).expect("an integrator has this name");
     let job = Job {
         timing: Some(timing),
         sampler: SOBOL,
         threads: 1,
         ..Job::plain(integrator, [4, 3], 4, 7)
     };
-    render::open("cpu", scene.clone(), job).expect("a job that is possible")
+    render::open("cpu", scene.clone(), job).expect("the job is valid")
 }
 
 fn save_state(renderer: &dyn Renderer) -> Vec<u8> {
     let mut state = Vec::new();
-    renderer.save(&mut state).expect("a vector can be written");
+    renderer
+        .save(&mut state)
+        .expect("writing to a vector does not fail");
     state
 }
 
 /// Restores a renderer with a time axis from a checkpoint; if it accepts the state, saves it again.
-/// The first byte selects the technique. The second is the offset, in units of 8 bytes, at which the
-/// rest overwrites a valid state; 0 means that the rest is the complete state.
+/// The first byte selects the technique. The second is the offset, in units of 8 bytes, at which
+/// the rest overwrites a valid state; 0 means that the rest is the complete state.
 pub fn checkpoint(bytes: &[u8]) {
     let [technique, at, rest @ ..] = bytes else {
         return;
@@ -150,11 +155,11 @@ pub fn checkpoint(bytes: &[u8]) {
             &Default::default(),
             MissingTextures::Fail,
         )
-        .expect("a sample");
-        let scene = Arc::new(compile(&desc).expect("a sample").0);
+        .expect("the sample is valid");
+        let scene = Arc::new(compile(&desc).expect("the sample compiles").0);
         let valid = [0, 1].map(|technique| {
             let mut renderer = renderer(&scene, technique);
-            renderer.advance(2).expect("a scene that can be rendered");
+            renderer.advance(2).expect("the scene can be rendered");
             save_state(renderer.as_ref())
         });
         States { scene, valid }

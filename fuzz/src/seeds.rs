@@ -1,10 +1,7 @@
 //! Writes the samples of all formats as initial inputs of the targets: `seeds FOLDER` creates
 //! `FOLDER/<target>/`.
 
-#![allow(
-    clippy::expect_used,
-    reason = "a tool that cannot write can only abort"
-)]
+#![allow(clippy::expect_used, reason = "an error ends the tool")]
 
 use std::fs;
 use std::path::Path;
@@ -12,7 +9,7 @@ use std::path::Path;
 use lumbre_fuzz::samples::samples;
 
 fn main() {
-    let folder = std::env::args().nth(1).expect("the folder to write to");
+    let folder = std::env::args().nth(1).expect("usage: seeds FOLDER");
     for sample in samples() {
         let kind = sample.name.split(',').next().unwrap_or_default();
         for (i, (name, bytes)) in sample.files.iter().enumerate() {
@@ -23,9 +20,9 @@ fn main() {
                 _ => continue,
             };
             let target_folder = Path::new(&folder).join(target);
-            fs::create_dir_all(&target_folder).expect("a folder that can be written");
+            fs::create_dir_all(&target_folder).expect("the folder can be written");
             fs::write(target_folder.join(sample.name.replace(", ", "-")), bytes)
-                .expect("a folder that can be written");
+                .expect("the folder can be written");
         }
     }
     for (target, bytes) in [
@@ -33,7 +30,7 @@ fn main() {
         ("checkpoint", &[0, 1, 0, 0]),
     ] {
         let target_folder = Path::new(&folder).join(target);
-        fs::create_dir_all(&target_folder).expect("a folder that can be written");
-        fs::write(target_folder.join("sample"), bytes).expect("a folder that can be written");
+        fs::create_dir_all(&target_folder).expect("the folder can be written");
+        fs::write(target_folder.join("sample"), bytes).expect("the folder can be written");
     }
 }

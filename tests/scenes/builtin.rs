@@ -8,6 +8,7 @@ use lumbre::scene::{CompiledScene, SceneDesc, compile};
 
 use super::builtin_path;
 
+/// Files of the built-in scenes.
 const SCENES: [&str; 7] = [
     "cornell/cornell.scn",
     "cornell_spheres/cornell_spheres.scn",
@@ -18,6 +19,7 @@ const SCENES: [&str; 7] = [
     "edges/edges.scn",
 ];
 
+/// Loads and compiles a built-in scene. Panics if there are notes.
 fn builtin(name: &str) -> (SceneDesc, CompiledScene) {
     let (desc, notes) = load(&builtin_path(name)).unwrap_or_else(|e| panic!("{e}"));
     assert!(notes.is_empty(), "{name}: {notes:?}");
@@ -54,7 +56,7 @@ fn nearest(scene: &CompiledScene, origin: Vec3, direction: Vec3) -> Option<(usiz
 }
 
 #[test]
-fn every_builtin_scene_is_listed_here_and_loads_clean() {
+fn every_builtin_scene_is_listed_and_loads_without_notes() {
     let mut found = Vec::new();
     for folder in std::fs::read_dir(builtin_path(""))
         .unwrap()
@@ -77,12 +79,15 @@ fn every_builtin_scene_is_listed_here_and_loads_clean() {
     for name in SCENES {
         let (_, scene) = builtin(name);
         assert!(!scene.emitters.is_empty() && found.iter().any(|f| f.ends_with(name)));
-        assert!(readme.contains(name), "scenes/README.md describes {name}");
+        assert!(
+            readme.contains(name),
+            "scenes/README.md does not describe {name}"
+        );
     }
 }
 
 #[test]
-fn the_lights_of_the_boxes_fill_the_hole_in_the_ceiling_and_shine_down() {
+fn lights_of_the_cornell_boxes_fill_the_hole_in_the_ceiling_and_face_down() {
     for (name, triangles, spheres) in [
         (SCENES[0], 2 + 8 + 2 + 2 + 2 + 2 + 20, 0),
         (SCENES[1], 18, 2),
@@ -110,7 +115,7 @@ fn the_lights_of_the_boxes_fill_the_hole_in_the_ceiling_and_shine_down() {
             .sum();
         assert!(
             (down - 0.556 * 0.5592).abs() < 1e-5,
-            "ceiling and light have no gap and no overlap: {down}"
+            "ceiling and light have a gap or an overlap: {down}"
         );
     }
 }
@@ -133,7 +138,7 @@ fn every_surface_of_the_cornell_room_faces_inwards_and_the_camera_looks_in() {
 }
 
 #[test]
-fn the_blocks_stand_in_the_room_with_their_outsides_out() {
+fn the_blocks_of_the_cornell_box_face_outwards() {
     let (desc, scene) = builtin(SCENES[0]);
     assert_eq!(
         desc.entities
@@ -156,7 +161,7 @@ fn the_blocks_stand_in_the_room_with_their_outsides_out() {
 }
 
 #[test]
-fn the_lamps_are_hidden_from_the_camera_but_not_shut_in() {
+fn the_veach_lamps_are_hidden_from_the_camera_and_light_the_room() {
     let (desc, scene) = builtin(SCENES[2]);
     let camera = desc.camera.position;
     let center = (scene.bounds[0] + scene.bounds[1]) / 2.0;
@@ -176,7 +181,7 @@ fn the_lamps_are_hidden_from_the_camera_but_not_shut_in() {
             let normal = front(&scene, p);
             assert!(
                 (normal - axis.normalize_or(Vec3::Y)).length() < 1e-3,
-                "{lamp} shines along its axis: {normal}"
+                "{lamp} does not face along its axis: {normal}"
             );
             let middle = scene.triangles[p as usize].iter().sum::<Vec3>() / 3.0;
             let (seen, t) =
@@ -185,21 +190,24 @@ fn the_lamps_are_hidden_from_the_camera_but_not_shut_in() {
                 t < (middle - camera).length() - 1e-3
                     || front(&scene, seen as u32).dot(middle - camera) > 0.0
             );
-            assert_ne!(seen, p as usize, "{lamp} is hidden from the camera");
+            assert_ne!(seen, p as usize, "the camera sees {lamp}");
             let (first, _) = nearest(&scene, middle, normal).unwrap();
             let far = scene.material_of(first as u32, NONE);
             assert!(
                 far == row("ceiling") || far == row("egg"),
-                "{lamp} reaches {}",
+                "{lamp} is blocked by {}",
                 desc.materials[far as usize].name
             );
         }
     }
-    assert!(scene.emitters.len() > 20, "two discs");
+    assert!(
+        scene.emitters.len() > 20,
+        "too few emitting triangles for two discs"
+    );
     for i in 0..12u32 {
         assert!(
             front(&scene, i).dot(center - scene.triangles[i as usize][0]) > 0.0,
-            "the room faces inwards"
+            "triangle {i} of the room does not face inwards"
         );
     }
     for i in 0..scene.triangles.len() {
@@ -219,12 +227,12 @@ fn the_lamps_are_hidden_from_the_camera_but_not_shut_in() {
     assert_eq!(
         scene.material_of(seen as u32, NONE),
         row("egg"),
-        "the camera sees the egg"
+        "the camera does not see the egg"
     );
 }
 
 #[test]
-fn the_studio_faces_its_ball_and_the_leaves_are_cut_out() {
+fn the_studio_faces_its_ball_and_the_mask_of_the_leaves_has_many_levels() {
     let (desc, scene) = builtin(SCENES[3]);
     let ball = &scene.spheres[0];
     assert_eq!(desc.materials[ball.material as usize].name, "ball");
@@ -232,7 +240,7 @@ fn the_studio_faces_its_ball_and_the_leaves_are_cut_out() {
     for i in 0..scene.triangles.len() as u32 {
         let [a, ..] = scene.triangles[i as usize];
         let inwards = front(&scene, i).dot(ball.center - a) > 0.0;
-        // All but the pedestal, which stands below the ball and faces outwards.
+        // All triangles face the ball, except the pedestal below it.
         let base = desc.materials[scene.material_of(i, NONE) as usize].name == "base";
         assert!(base || inwards, "triangle {i}");
         let axis = Vec3::new(0.0, a.y, 0.0);
@@ -247,7 +255,7 @@ fn the_studio_faces_its_ball_and_the_leaves_are_cut_out() {
     let (_, t) = nearest(&scene, desc.camera.position, to_ball).unwrap();
     assert!(
         t > (ball.center - desc.camera.position).length(),
-        "the camera sees the ball"
+        "a triangle hides the ball from the camera"
     );
     let (desc, scene) = builtin(SCENES[4]);
     let leaf = scene.materials[desc.material_index("leaf").unwrap()];
@@ -255,7 +263,7 @@ fn the_studio_faces_its_ball_and_the_leaves_are_cut_out() {
     let share = |low: f32| {
         mask.texels.iter().filter(|t| t[0] >= low).count() as f32 / mask.texels.len() as f32
     };
-    // Every threshold of the study cuts a different part.
+    // Every threshold of the study keeps a different share.
     let shares = [0.1, 0.3, 0.5, 0.7, 0.9].map(share);
     assert!(
         shares.windows(2).all(|w| w[0] > w[1] + 0.02) && shares[0] < 0.8 && shares[4] > 0.02,

@@ -1,5 +1,5 @@
-//! Truncated, corrupted and hostile files: an error or a scene, never a panic, never an endless
-//! wait.
+//! Truncated, corrupted and hostile files give an error or a scene, never a panic or an endless
+//! loop.
 
 use lumbre::scene::compile;
 use proptest::prelude::*;
@@ -15,8 +15,9 @@ fn folder() -> (Folder, String, String) {
     (folder, text.to_owned(), obj)
 }
 
-/// Loads and compiles, with any result; an error must name a file of the folder.
-fn survive(folder: &Folder, name: &str) -> bool {
+/// Returns whether a scene loads and compiles. Panics if an error is long or names no file of the
+/// folder.
+fn loads(folder: &Folder, name: &str) -> bool {
     match folder.load(name) {
         Ok((desc, _)) => compile(&desc).is_ok(),
         Err(e) => {
@@ -32,30 +33,30 @@ fn survive(folder: &Folder, name: &str) -> bool {
 }
 
 #[test]
-fn the_whole_scene_is_fine() {
+fn the_undamaged_scene_loads() {
     let (folder, ..) = folder();
-    assert!(survive(&folder, "a.scn"));
+    assert!(loads(&folder, "a.scn"));
 }
 
 #[test]
-fn every_truncation_of_a_scn_and_its_mesh_is_survived() {
+fn no_truncation_of_a_scn_or_its_mesh_panics() {
     let (folder, text, obj) = folder();
     for cut in 0..text.len() {
         folder.write("a.scn", &text[..cut]);
         assert!(
-            !survive(&folder, "a.scn"),
-            "half a document is an error: {cut}"
+            !loads(&folder, "a.scn"),
+            "a document cut at byte {cut} must be an error"
         );
     }
     folder.write("a.scn", &text);
     for cut in 0..obj.len() {
         folder.write("m.obj", &obj[..cut]);
-        survive(&folder, "a.scn");
+        loads(&folder, "a.scn");
     }
 }
 
 #[test]
-fn flipped_bytes_are_survived() {
+fn no_flipped_byte_panics() {
     let (folder, text, obj) = folder();
     let texture = std::fs::read(folder.path("t.png")).unwrap();
     for (name, bytes) in [
@@ -68,7 +69,7 @@ fn flipped_bytes_are_survived() {
                 let mut damaged = bytes.to_vec();
                 damaged[i] ^= flip;
                 folder.write(name, &damaged);
-                survive(&folder, "a.scn");
+                loads(&folder, "a.scn");
             }
         }
         folder.write(name, bytes);
@@ -76,7 +77,7 @@ fn flipped_bytes_are_survived() {
 }
 
 #[test]
-fn a_truncated_builtin_scene_is_one_error() {
+fn no_truncation_of_a_builtin_mesh_panics() {
     let text = std::fs::read(builtin_path("cornell/room.obj")).unwrap();
     let folder = Folder::new(&[(
         "a.scn",
@@ -84,12 +85,12 @@ fn a_truncated_builtin_scene_is_one_error() {
     )]);
     for cut in (0..text.len()).step_by(7) {
         folder.write("m.obj", &text[..cut]);
-        survive(&folder, "a.scn");
+        loads(&folder, "a.scn");
     }
 }
 
 #[test]
-fn deep_nesting_and_long_texts_are_short_errors() {
+fn deep_nesting_and_long_texts_give_short_errors() {
     for open in ["[", "{\"a\":"] {
         let e = scn(&open.repeat(100_000)).unwrap_err().to_string();
         assert!(e.contains("recursion limit") && e.len() < 500, "{e}");
@@ -108,7 +109,7 @@ fn deep_nesting_and_long_texts_are_short_errors() {
 }
 
 #[test]
-fn hostile_numbers_and_encodings_are_errors() {
+fn extreme_numbers_give_valid_scenes_or_errors_and_other_encodings_are_errors() {
     for number in [
         "1e999",
         "-1e999",
@@ -129,7 +130,7 @@ fn hostile_numbers_and_encodings_are_errors() {
     }
     let folder = Folder::new::<&str>(&[]);
     folder.write("a.scn", b"{ \"maxdepth\": 5, \"\xff\": 1 }");
-    assert!(!survive(&folder, "a.scn"));
+    assert!(!loads(&folder, "a.scn"));
     folder.write(
         "a.scn",
         "{ }"
@@ -137,11 +138,11 @@ fn hostile_numbers_and_encodings_are_errors() {
             .flat_map(u16::to_le_bytes)
             .collect::<Vec<u8>>(),
     );
-    assert!(!survive(&folder, "a.scn"));
+    assert!(!loads(&folder, "a.scn"));
 }
 
 #[test]
-fn a_scene_that_names_itself_or_a_folder_is_an_error() {
+fn a_scene_that_names_itself_is_an_empty_mesh_and_a_folder_is_an_error() {
     let folder = Folder::new(&[
         (
             "a.scn",
@@ -152,7 +153,7 @@ fn a_scene_that_names_itself_or_a_folder_is_an_error() {
             r#"{ "entities": [ { "type": "mesh", "file": "." } ] }"#,
         ),
     ]);
-    // Read as an OBJ, its lines have no meaning.
+    // Read as an OBJ, no line of the scene is valid.
     let (desc, notes) = folder.load("a.scn").unwrap();
     assert!(notes.iter().any(|n| n.message.contains("no faces")));
     assert!(compile(&desc).is_ok());
@@ -166,7 +167,7 @@ fn a_scene_that_names_itself_or_a_folder_is_an_error() {
 }
 
 #[test]
-fn more_triangles_than_a_scene_can_have_are_refused_before_they_are_made() {
+fn too_many_triangles_are_refused_before_they_are_allocated() {
     let mut obj = String::from("v 0 0 0\nv 1 0 0\nv 0 1 0\n");
     obj.push_str(&"f 1 2 3\n".repeat(20_000));
     let entity = "{ \"type\": \"mesh\", \"file\": \"m.obj\" }";
@@ -177,7 +178,7 @@ fn more_triangles_than_a_scene_can_have_are_refused_before_they_are_made() {
         .unwrap_err()
         .to_string();
     assert!(e.contains("80000000"), "{e}");
-    // As one shared mesh, they are few.
+    // As one shared mesh they are only 20,000.
     assert_eq!(compile(&desc).unwrap().0.triangles.len(), 20_000);
 }
 
@@ -190,7 +191,7 @@ proptest! {
     })]
 
     #[test]
-    fn any_words_of_an_obj_are_survived(words in proptest::collection::vec(
+    fn no_sequence_of_obj_words_panics(words in proptest::collection::vec(
         prop_oneof![
             Just("v".to_owned()), Just("vt".to_owned()), Just("vn".to_owned()), Just("f".to_owned()),
             Just("usemtl".to_owned()), Just("o".to_owned()), Just("\n".to_owned()), Just("\\\n".to_owned()),
@@ -200,6 +201,6 @@ proptest! {
             ("a.scn", r#"{ "entities": [ { "type": "mesh", "file": "m.obj" } ] }"#),
             ("m.obj", &words.join(" ")),
         ]);
-        survive(&folder, "a.scn");
+        loads(&folder, "a.scn");
     }
 }

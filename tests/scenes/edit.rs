@@ -27,7 +27,7 @@ fn nums(xs: &[f64]) -> Value {
 }
 
 #[test]
-fn values_arrive_where_their_path_says() {
+fn edits_set_the_value_at_their_path() {
     let mut s = scene();
     set(&mut s, "materials.egg.ior", &Value::Num(1.33)).unwrap();
     set(
@@ -64,7 +64,7 @@ fn values_arrive_where_their_path_says() {
 }
 
 #[test]
-fn a_star_means_every_material_that_emits_nothing() {
+fn a_star_selects_every_material_that_does_not_emit() {
     let mut s = scene();
     set(&mut s, "materials.*.metallic", &Value::Int(1)).unwrap();
     assert_eq!(
@@ -79,7 +79,7 @@ fn a_star_means_every_material_that_emits_nothing() {
 }
 
 #[test]
-fn every_level_suggests_the_nearest_name_and_a_failed_edit_changes_nothing() {
+fn failed_edits_suggest_the_nearest_name_and_change_nothing() {
     let cases = [
         (
             "material.egg.ior",
@@ -203,7 +203,7 @@ fn every_level_suggests_the_nearest_name_and_a_failed_edit_changes_nothing() {
 }
 
 #[test]
-fn lenses_are_described_once() {
+fn later_lens_parameters_replace_earlier_ones_and_conflicts_in_one_edit_are_errors() {
     let changes = |pairs: &[(&str, f64)]| -> BTreeMap<String, Value> {
         pairs
             .iter()
@@ -222,7 +222,7 @@ fn lenses_are_described_once() {
     )
     .unwrap();
     assert!((s.camera.view_deg() - 26.99).abs() < 0.01 && s.camera.lens_diameter() == 0.025);
-    // The last edit counts, in both directions.
+    // A later edit replaces an earlier one, in both directions.
     apply(&mut s, &changes(&[("aperture", 0.5)])).unwrap();
     assert_eq!(s.camera.lens_diameter(), 0.5);
     apply(&mut s, &changes(&[("f_number", 4.0)])).unwrap();
@@ -276,7 +276,7 @@ fn lenses_are_described_once() {
     }
 }
 
-/// Returns a value that no parameter has by default.
+/// Returns a value for a path that differs from its default.
 fn other_value(path: &str) -> Value {
     let last = path.rsplit('.').next().unwrap();
     if TextureSlot::from_name(last).is_some() {
@@ -309,7 +309,7 @@ fn other_value(path: &str) -> Value {
 }
 
 #[test]
-fn every_path_can_be_set_and_changes_the_hash_to_one_of_its_own() {
+fn every_path_can_be_set_and_gives_a_distinct_hash() {
     let base = content_hash(&scene());
     let mut seen = BTreeMap::from([(base, "nothing".to_owned())]);
     let all = paths(&scene());
@@ -326,13 +326,13 @@ fn every_path_can_be_set_and_changes_the_hash_to_one_of_its_own() {
         set(&mut s, &path, &other_value(&path)).unwrap();
         assert!(
             seen.contains_key(&content_hash(&s)),
-            "setting twice changes nothing"
+            "setting the same value again changes the hash"
         );
     }
 }
 
 #[test]
-fn the_hash_does_not_depend_on_where_files_lie_or_what_they_are_called() {
+fn the_hash_does_not_depend_on_folders_and_names_of_files() {
     let original = builtin_path("cornell/cornell.scn");
     let text = std::fs::read_to_string(&original).unwrap();
     let folder = Folder::new(&[("moved.scn", &text.replace("room.obj", "chamber.obj"))]);

@@ -1,5 +1,5 @@
-//! Exports to Mitsuba, read back by this project's loader: the same picture of the same samples,
-//! and the same parts.
+//! Exports to Mitsuba, imported by this project's loader: the same samples give the same picture,
+//! and the primitives are the same.
 
 use std::sync::Arc;
 
@@ -20,7 +20,7 @@ use lumbre::transport::sampler::SOBOL;
 use super::common::job;
 use super::{Folder, builtin_path, lines, scn};
 
-/// Returns a scene after export and import.
+/// Returns a scene after export and import, and the notes of both.
 fn round_trip(desc: &SceneDesc) -> (SceneDesc, String) {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path().join("m");
@@ -30,22 +30,21 @@ fn round_trip(desc: &SceneDesc) -> (SceneDesc, String) {
             && exported.files.last() == Some(&exported.scene)
     );
     assert!(export::can_replace(&folder));
-    let (back, notes) =
+    let (imported, notes) =
         lumbre::scene::load::load(&exported.scene).unwrap_or_else(|e| panic!("{e}"));
-    (back, format!("{}{}", lines(&exported.notes), lines(&notes)))
+    (
+        imported,
+        format!("{}{}", lines(&exported.notes), lines(&notes)),
+    )
 }
 
+/// Renders a small picture by `nee`.
 pub(super) fn picture(desc: &SceneDesc) -> Image {
-    rendered(desc, [48, 32], 5, 4)
+    render_nee(desc, [48, 32], 5, 4)
 }
 
-/// Returns the picture of a scene by `nee`.
-pub(super) fn rendered(
-    desc: &SceneDesc,
-    resolution: [u32; 2],
-    max_depth: u32,
-    samples: u64,
-) -> Image {
+/// Renders a picture by `nee`.
+fn render_nee(desc: &SceneDesc, resolution: [u32; 2], max_depth: u32, samples: u64) -> Image {
     let (scene, _) = compile(desc).unwrap();
     let job = Job {
         integrator: integrator("nee").unwrap(),
@@ -57,8 +56,8 @@ pub(super) fn rendered(
     renderer.film().mean()
 }
 
-/// Compares pictures of the same samples: all but a few pixels, in which a path diverged by
-/// rounding, agree to 1 in 1000.
+/// Compares pictures of the same samples. They agree to 1 in 1000, except in a few pixels where a
+/// path diverged by rounding.
 fn assert_same_picture(a: &SceneDesc, b: &SceneDesc) {
     let wrong = different_pixels(a, b);
     assert!(wrong <= 15, "{wrong} of 1536 pixels differ");
@@ -168,7 +167,7 @@ fn material(name: &str, change: impl FnOnce(&mut MaterialDesc)) -> MaterialDesc 
 }
 
 #[test]
-fn surfaces_come_back_as_they_were() {
+fn surfaces_give_the_same_picture_after_export_and_import() {
     let grain = || {
         stored([
             [200, 90, 40, 255],
@@ -260,10 +259,10 @@ fn surfaces_come_back_as_they_were() {
     ];
     for m in &all {
         let desc = gallery(vec![m.clone(), MaterialDesc::new("wall")]);
-        let (back, _) = round_trip(&desc);
-        let wrong = different_pixels(&desc, &back);
-        // The bits of a ray decide which hits of a mask count, so other bits give another sample of
-        // the same.
+        let (imported, _) = round_trip(&desc);
+        let wrong = different_pixels(&desc, &imported);
+        // The bits of a ray decide which hits of a blended mask count, so rays with other bits give
+        // another sample of the same picture.
         let most = if m.texture(TextureSlot::Mask).is_some() {
             150
         } else {
@@ -272,17 +271,21 @@ fn surfaces_come_back_as_they_were() {
         assert!(wrong <= most, "{}: {wrong} of 1536 pixels differ", m.name);
     }
     let desc = gallery(all);
-    let (back, notes) = round_trip(&desc);
+    let (imported, notes) = round_trip(&desc);
     assert!(notes.is_empty(), "{notes}");
-    assert!(back.material_index("Disney__painted").is_some());
+    assert!(imported.material_index("Disney__painted").is_some());
     assert_eq!(
-        (back.lights.len(), back.resolution, back.max_depth),
+        (
+            imported.lights.len(),
+            imported.resolution,
+            imported.max_depth
+        ),
         (3, desc.resolution, 5)
     );
 }
 
 #[test]
-fn emission_comes_back_whether_or_not_its_surface_reflects() {
+fn emission_gives_the_same_picture_whether_or_not_the_surface_reflects() {
     let lamp = |name: &str, reflects| {
         material(name, |m| {
             (m.emission, m.emitter_reflects) = (Vec3::new(2.0, 1.0, 0.5), reflects);
@@ -298,13 +301,13 @@ fn emission_comes_back_whether_or_not_its_surface_reflects() {
         MaterialDesc::new("wall"),
     ]);
     (desc.lights, desc.environment) = (vec![], None);
-    let (back, notes) = round_trip(&desc);
+    let (imported, notes) = round_trip(&desc);
     assert!(notes.is_empty(), "{notes}");
-    assert_same_picture(&desc, &back);
+    assert_same_picture(&desc, &imported);
 }
 
 #[test]
-fn mirrored_copies_keep_their_front() {
+fn mirrored_entities_keep_their_front() {
     let mut desc = gallery(vec![
         material("glow", |m| m.emission = Vec3::ONE),
         MaterialDesc::new("wall"),
@@ -315,10 +318,7 @@ fn mirrored_copies_keep_their_front() {
             .unwrap()
             .into_mesh("box.obj".into(), "m"),
     );
-    assert!(
-        flat.normals.is_empty(),
-        "a shape of flat faces is needed here"
-    );
+    assert!(flat.normals.is_empty(), "the shape must have flat faces");
     for entity in &mut desc.entities {
         entity.transform.frame *= Affine3A::from_scale(Vec3::new(-1.0, 1.0, 1.0));
         if let ShapeDesc::Mesh(mesh) = &mut entity.shape
@@ -327,9 +327,9 @@ fn mirrored_copies_keep_their_front() {
             *mesh = flat.clone();
         }
     }
-    let (back, _) = round_trip(&desc);
-    assert_same_picture(&desc, &back);
-    let (a, b) = (compile(&desc).unwrap().0, compile(&back).unwrap().0);
+    let (imported, _) = round_trip(&desc);
+    assert_same_picture(&desc, &imported);
+    let (a, b) = (compile(&desc).unwrap().0, compile(&imported).unwrap().0);
     assert_eq!(
         (a.triangles.len(), a.emitters.len()),
         (b.triangles.len(), b.emitters.len())
@@ -337,7 +337,7 @@ fn mirrored_copies_keep_their_front() {
 }
 
 #[test]
-fn copies_of_a_mesh_share_one_file_and_one_group() {
+fn entities_with_one_mesh_share_one_file_and_one_group() {
     let mut desc = gallery(vec![MaterialDesc::new("wall")]);
     let tile = desc.entities[0].clone();
     for i in 0..5 {
@@ -362,26 +362,29 @@ fn copies_of_a_mesh_share_one_file_and_one_group() {
         (count("type=\"shapegroup\""), count("type=\"instance\"")),
         (1, 6)
     );
-    let (back, _) = round_trip(&desc);
-    assert_same_picture(&desc, &back);
+    let (imported, _) = round_trip(&desc);
+    assert_same_picture(&desc, &imported);
 }
 
 #[test]
-fn cameras_come_back_with_lens_and_views() {
+fn the_lens_of_the_camera_is_the_same_after_import() {
     let mut desc = gallery(vec![MaterialDesc::new("wall")]);
     (desc.camera.aperture, desc.camera.focus_distance) = (0.3, Some(7.0));
     desc.views.push(("side".to_owned(), desc.camera.clone()));
-    let (back, notes) = round_trip(&desc);
+    let (imported, notes) = round_trip(&desc);
     assert!(notes.contains("only the first sensor is used"), "{notes}");
-    assert_same_picture(&desc, &back);
+    assert_same_picture(&desc, &imported);
     assert_eq!(
-        (back.camera.lens_diameter(), back.camera.focus_distance),
+        (
+            imported.camera.lens_diameter(),
+            imported.camera.focus_distance
+        ),
         (0.3, Some(7.0))
     );
 }
 
 #[test]
-fn what_has_no_counterpart_is_a_note_that_names_the_material() {
+fn features_without_a_counterpart_are_notes_that_name_the_material() {
     let odd = material("odd", |m| {
         (m.anisotropic, m.anisotropic_direction, m.shadow_terminator) = (0.5, Vec3::X, true);
         m.set_texture(
@@ -407,12 +410,12 @@ fn what_has_no_counterpart_is_a_note_that_names_the_material() {
     assert_eq!(
         text.matches("type=\"blendbsdf\"").count(),
         2,
-        "metal and glass are blended"
+        "metal and glass must be blended"
     );
 }
 
 #[test]
-fn equal_scenes_are_equal_bytes_and_folders_of_others_are_left_alone() {
+fn equal_scenes_export_equal_bytes_and_foreign_folders_are_not_replaced() {
     let desc = gallery(vec![material("a", |m| {
         m.set_texture(TextureSlot::BaseColor, Some(stored([[9; 4]; 4])))
     })]);
@@ -436,7 +439,7 @@ fn equal_scenes_are_equal_bytes_and_folders_of_others_are_left_alone() {
 }
 
 #[test]
-fn no_name_of_a_scene_leads_out_of_the_folder() {
+fn no_name_in_a_scene_writes_outside_the_folder() {
     let picture = texture("../../t.png", Texels::Rgba8(vec![[9, 99, 199, 255]; 4]));
     let mut desc = gallery(vec![material("../../m", |m| {
         m.set_texture(TextureSlot::BaseColor, Some(picture))
@@ -445,7 +448,10 @@ fn no_name_of_a_scene_leads_out_of_the_folder() {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path().join("m");
     let exported = export::mitsuba(&desc, &folder).unwrap();
-    assert!(exported.files.len() >= 3, "a scene, a mesh and a picture");
+    assert!(
+        exported.files.len() >= 3,
+        "expected a scene, a mesh and a texture"
+    );
     let within = folder.canonicalize().unwrap();
     for file in &exported.files {
         assert!(
@@ -457,7 +463,7 @@ fn no_name_of_a_scene_leads_out_of_the_folder() {
 }
 
 #[test]
-fn scenes_of_our_own_come_back() {
+fn builtin_scenes_have_the_same_primitives_after_export_and_import() {
     for name in [
         "cornell_spheres/cornell_spheres.scn",
         "veach_lamps/veach_lamps.scn",
@@ -465,8 +471,8 @@ fn scenes_of_our_own_come_back() {
     ] {
         let path = builtin_path(name);
         let (desc, _) = lumbre::scene::load::load(&path).unwrap_or_else(|e| panic!("{e}"));
-        let (back, _) = round_trip(&desc);
-        let (a, b) = (compile(&desc).unwrap().0, compile(&back).unwrap().0);
+        let (imported, _) = round_trip(&desc);
+        let (a, b) = (compile(&desc).unwrap().0, compile(&imported).unwrap().0);
         let parts = |s: &lumbre::scene::CompiledScene| {
             (s.triangles.len(), s.spheres.len(), s.emitters.len())
         };

@@ -1,4 +1,4 @@
-//! Scene folders of the thesis on a CUDA path tracer: small ones with every feature that is read.
+//! Scene folders of thesis S1: small ones with every feature that is read.
 
 use glam::{Vec2, Vec3};
 use image::codecs::hdr::HdrEncoder;
@@ -32,7 +32,7 @@ fn bitmap(folder: &Folder, name: &str, pixel: [u8; 3]) {
 }
 
 #[test]
-fn the_template_becomes_what_the_source_says_of_it() {
+fn the_template_of_the_thesis_is_read_completely() {
     let place = folder(TEMPLATE);
     bitmap(&place, "Textures/mat1_albedo.bmp", [255, 0, 128]);
     bitmap(&place, "Textures/mat1_roughness.bmp", [51; 3]);
@@ -55,7 +55,7 @@ fn the_template_becomes_what_the_source_says_of_it() {
     assert_eq!(
         (one.base_color, one.roughness, one.ior),
         (Vec3::ONE, 1.0, 1.5),
-        "a texture replaces the colour"
+        "a texture must replace the colour"
     );
     assert!(
         one.texture(TextureSlot::BaseColor).is_some()
@@ -73,7 +73,7 @@ fn the_template_becomes_what_the_source_says_of_it() {
     else {
         panic!()
     };
-    assert!(std::sync::Arc::ptr_eq(a, b), "a file is read once");
+    assert!(std::sync::Arc::ptr_eq(a, b), "the mesh file was read twice");
     let LightKind::Point {
         position,
         intensity,
@@ -88,7 +88,7 @@ fn the_template_becomes_what_the_source_says_of_it() {
 }
 
 #[test]
-fn what_is_left_out_has_the_defaults_of_the_program() {
+fn missing_keys_have_the_defaults_of_the_program_of_the_thesis() {
     let (desc, notes) = read(&folder(
         "{materials: [{name: 'm', specular: 1}], objects: [{name: 'floor'}], hdri: {}}",
     ));
@@ -118,9 +118,9 @@ fn what_is_left_out_has_the_defaults_of_the_program() {
 }
 
 #[test]
-fn the_camera_sees_the_column_of_the_map_that_the_source_sees() {
-    // Straight ahead, along its +z, that thesis's renderer finds the column at a quarter, or
-    // farther by the offset.
+fn the_camera_sees_the_same_column_of_the_map_as_in_the_thesis() {
+    // Straight ahead, along its +z, the renderer of S1 looks up the column at a quarter of the map
+    // plus the offset.
     for (offset, columns) in [("0", [1, 2]), ("0.5", [5, 6]), ("-0.25", [7, 0])] {
         let place = folder(&format!(
             "{{xRes: 1, hdri: {{name: 'sky', xOffset: {offset}}}}}"
@@ -156,7 +156,7 @@ fn the_camera_sees_the_column_of_the_map_that_the_source_sees() {
 }
 
 #[test]
-fn colours_may_stand_for_a_map() {
+fn the_environment_may_be_a_colour() {
     let (desc, _) = read(&folder("{xRes: 1, hdri: {color: {r: 1, g: 2, b: 3}}}"));
     assert_eq!(
         desc.environment.unwrap().source,
@@ -165,7 +165,7 @@ fn colours_may_stand_for_a_map() {
 }
 
 #[test]
-fn mistakes_name_their_place() {
+fn errors_name_their_key_and_unknown_keys_are_noted() {
     for (scene, words) in [
         (
             "{objects: [{name: 'lost'}]}",

@@ -1,4 +1,4 @@
-//! Small glTF documents with every kind of accessor, and third-party assets where they are present.
+//! Small glTF documents with every kind of accessor, and third-party assets if they are present.
 
 use glam::{Affine2, Vec2, Vec3};
 use lumbre::scene::compile;
@@ -20,6 +20,7 @@ fn folder() -> Folder {
     folder
 }
 
+/// Panics unless the scene is that of the sample document.
 fn check(desc: &SceneDesc, notes: &str) {
     assert_eq!(desc.entities.len(), 2);
     let (ShapeDesc::Mesh(a), ShapeDesc::Mesh(b)) =
@@ -27,11 +28,14 @@ fn check(desc: &SceneDesc, notes: &str) {
     else {
         panic!()
     };
-    assert!(std::sync::Arc::ptr_eq(a, b), "nodes share their mesh");
+    assert!(
+        std::sync::Arc::ptr_eq(a, b),
+        "the nodes do not share their mesh"
+    );
     assert_eq!(
         a.positions,
         [Vec3::ZERO, Vec3::X, Vec3::Y * 2.0],
-        "interleaved and sparse"
+        "positions, interleaved and sparse"
     );
     assert_eq!(
         a.uvs,
@@ -40,17 +44,17 @@ fn check(desc: &SceneDesc, notes: &str) {
             Vec2::new(1.0, 1.0),
             Vec2::new(0.0, 0.8)
         ],
-        "quantised, from the bottom"
+        "quantised coordinates, v from the bottom"
     );
     let (scene, _) = compile(desc).unwrap();
     assert_eq!(
         scene.triangles[0][1],
         Vec3::new(3.0, 0.0, 0.0),
-        "scale, then the parent's translation"
+        "scale of the node, then translation of its parent"
     );
     assert!(
         (scene.triangles[1][1] - Vec3::ZERO).length() < 1e-6,
-        "half a turn about y: {}",
+        "rotation by 180 degrees about y: {}",
         scene.triangles[1][1]
     );
     assert_eq!(
@@ -85,7 +89,7 @@ fn check(desc: &SceneDesc, notes: &str) {
 }
 
 #[test]
-fn every_part_of_a_document_arrives() {
+fn every_element_of_a_document_is_read() {
     let (desc, notes) = folder().load("a.gltf").unwrap();
     check(&desc, &lines(&notes));
 }
@@ -93,7 +97,7 @@ fn every_part_of_a_document_arrives() {
 /// Uses two triangles of one mesh: one with 16-bit colours with alpha, not interleaved, whose
 /// material has its textures on the second set of coordinates, and one without.
 #[test]
-fn colours_of_vertices_and_a_second_set_of_coordinates_arrive() {
+fn vertex_colours_and_a_second_set_of_coordinates_are_read() {
     let mut bytes = Vec::new();
     for p in [[0.0f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] {
         p.iter().for_each(|x| bytes.extend(x.to_le_bytes()));
@@ -142,7 +146,7 @@ fn colours_of_vertices_and_a_second_set_of_coordinates_arrive() {
     assert_eq!(
         mesh.colors,
         [Vec3::X, green, Vec3::Z, white, white, white],
-        "linear, and white where there are none"
+        "colours are linear, and white for a primitive without any"
     );
     // The normal map determines the first set; textures on another set have their own transform.
     // All are flipped.
@@ -159,7 +163,7 @@ fn colours_of_vertices_and_a_second_set_of_coordinates_arrive() {
     assert_eq!(
         mesh.second_uvs[3..],
         first,
-        "a mesh without a second set repeats the first"
+        "a primitive without a second set repeats the first"
     );
     let m = &desc.materials[desc.material_index("second").unwrap()];
     let moved = Lookup {
@@ -212,7 +216,7 @@ fn colours_of_vertices_and_a_second_set_of_coordinates_arrive() {
 /// Compares the texture transforms of one material with the formulas of the format on the file's
 /// own numbers.
 #[test]
-fn every_texture_lies_as_its_transform_and_its_sampler_say() {
+fn textures_follow_their_own_transform_and_sampler() {
     let folder = folder();
     let lies = |offset: [f32; 2], rotation: f32, scale: [f32; 2]| {
         format!(
@@ -267,7 +271,8 @@ fn every_texture_lies_as_its_transform_and_its_sampler_say() {
         row.roughness_texture,
         row.emission_texture,
     ];
-    // Quantised coordinates of the file at a point, and their value by the extension.
+    // The quantised coordinates of the file at a point; the formula of the extension gives their
+    // expected value.
     let at = Vec2::new(0.5, 0.25 * 0.2);
     for (texture, (offset, rotation, scale)) in textures.into_iter().zip(places) {
         let scaled = at * Vec2::from(scale);
@@ -302,7 +307,7 @@ fn every_texture_lies_as_its_transform_and_its_sampler_say() {
 }
 
 #[test]
-fn a_binary_file_says_the_same() {
+fn a_binary_file_gives_the_same_scene_and_every_truncation_is_an_error() {
     let folder = folder();
     let bytes = gltf_as_glb();
     folder.write("b.glb", &bytes);
@@ -312,13 +317,13 @@ fn a_binary_file_says_the_same() {
         folder.write("b.glb", &bytes[..cut]);
         assert!(
             folder.load("b.glb").is_err(),
-            "half a file is an error: {cut}"
+            "a file cut at byte {cut} must be an error"
         );
     }
 }
 
 #[test]
-fn lamps_are_lights_and_pictures_that_shine_are_not() {
+fn documents_without_lights_or_constant_emitters_get_an_environment() {
     let folder = folder();
     let dark = TEXT.replace(
         r#""extensions": { "KHR_lights_punctual": { "light": 0 } } }"#,
@@ -349,7 +354,7 @@ fn lamps_are_lights_and_pictures_that_shine_are_not() {
 }
 
 #[test]
-fn extensions_that_nobody_reads_are_named_and_refused_where_they_are_required() {
+fn unsupported_extensions_are_noted_and_refused_if_they_are_required() {
     let folder = folder();
     let asset = "\"asset\": {";
     assert!(TEXT.contains(asset));
@@ -386,7 +391,7 @@ fn extensions_that_nobody_reads_are_named_and_refused_where_they_are_required() 
 }
 
 #[test]
-fn faults_name_what_is_wrong() {
+fn errors_name_the_invalid_element() {
     let folder = folder();
     for (from, to, expected) in [
         ("\"2.0\"", "\"1.0\"", "asset.version"),
@@ -441,7 +446,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 256, ..ProptestConfig::default() })]
 
     #[test]
-    fn changed_numbers_and_bytes_are_survived(at in 0usize..TEXT.len(), to in "[0-9eE.\\-\\[\\]{},:\" ]", byte in 0usize..104) {
+    fn no_changed_character_or_byte_panics(at in 0usize..TEXT.len(), to in "[0-9eE.\\-\\[\\]{},:\" ]", byte in 0usize..104) {
         let folder = folder();
         let mut text = TEXT.to_owned();
         text.replace_range(at..=at, &to);
@@ -456,7 +461,7 @@ proptest! {
 }
 
 #[test]
-fn the_assets_of_others_load() {
+fn third_party_assets_load_and_have_light() {
     let Some(root) = super::third_party::shared("scenes/gltf") else {
         return;
     };
@@ -471,7 +476,7 @@ fn the_assets_of_others_load() {
         assert!(!scene.triangles.is_empty(), "{}", file.display());
         assert!(
             scene.environment.is_some() || !scene.emitters.is_empty(),
-            "{} is dark",
+            "{} has no light",
             file.display()
         );
     }

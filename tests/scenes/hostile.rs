@@ -1,5 +1,5 @@
-//! Damaged and hostile files of every format, in one table: never a panic, never an endless wait,
-//! never more memory than the size of the files justifies.
+//! Damaged and hostile files of every format: no panic, no endless loop, and no more memory than
+//! the size of the files justifies.
 
 use std::path::Path;
 
@@ -13,19 +13,19 @@ use super::hostile_cases::{Case, documents, meshes, places, scenes_in_xml, textu
 use super::meter::peak;
 use super::samples::{QUAD, Sample, samples};
 
-/// Bytes that reading may allocate whatever the size of the files: textures may have 256 MiB.
+/// Bytes that reading may allocate for files of any size. A texture may take 256 MiB.
 const SMALL: usize = 384 << 20;
 /// Further bytes that reading may allocate for each byte of the files.
 const GROWTH: usize = 1024;
-/// Further bytes for each byte of files with pictures of one colour.
+/// Further bytes for each byte of files whose textures have one colour.
 const PICTURE_GROWTH: usize = 8192;
 
 /// Reads a file of the folder by its extension and checks the memory limit. Returns the error, or
 /// `None` on success.
-fn held(folder: &Folder, name: &str, growth: usize) -> Option<String> {
+fn read_within_limit(folder: &Folder, name: &str, growth: usize) -> Option<String> {
     let path = folder.path(name);
     let (result, most) = peak(|| read(&path));
-    let all = walk(folder.0.path());
+    let all = folder_size(folder.0.path());
     let limit = SMALL + growth * all;
     assert!(
         most <= limit,
@@ -40,9 +40,10 @@ fn held(folder: &Folder, name: &str, growth: usize) -> Option<String> {
     Some(problem)
 }
 
-fn walk(folder: &Path) -> usize {
+/// Returns the size of all files below a folder in bytes.
+fn folder_size(folder: &Path) -> usize {
     let size = |entry: std::fs::DirEntry| match entry.file_type().unwrap().is_dir() {
-        true => walk(&entry.path()),
+        true => folder_size(&entry.path()),
         false => entry.metadata().unwrap().len() as usize,
     };
     std::fs::read_dir(folder)
@@ -51,7 +52,8 @@ fn walk(folder: &Path) -> usize {
         .sum()
 }
 
-/// Reads and compiles; errors of compiling name materials and entities, and no file.
+/// Reads and compiles a scene, or reads a texture. Errors of compiling name materials and entities
+/// but no file, so the path is added.
 fn read(path: &Path) -> Result<(), SceneError> {
     let extension = path.extension().unwrap().to_str().unwrap();
     if ["png", "jpg", "bmp", "hdr", "tga", "exr"].contains(&extension) {
@@ -63,8 +65,8 @@ fn read(path: &Path) -> Result<(), SceneError> {
         .map_err(|e| SceneError::Script(format!("{}: {e}", path.display())))
 }
 
-/// Numbers and texts that replace others.
-const SWAPS: &[&str] = &[
+/// Replacements for numbers and words.
+const REPLACEMENTS: &[&str] = &[
     "",
     "-1",
     "0",
@@ -101,7 +103,8 @@ fn values(bytes: &[u8]) -> Vec<std::ops::Range<usize>> {
     found
 }
 
-fn chance(k: usize, salt: usize) -> usize {
+/// Returns a random number.
+fn random(k: usize, salt: usize) -> usize {
     pcg4d([k as u32, salt as u32, 7, 0])[0] as usize
 }
 
@@ -118,7 +121,7 @@ fn damaged(bytes: &[u8]) -> Vec<Vec<u8>> {
         flipped[i] ^= 1 << (i % 8);
         all.push(flipped);
     }
-    // Four bytes at once: lengths and counts of binary formats.
+    // Replaces four bytes, to reach lengths and counts of binary formats.
     for i in (0..n.saturating_sub(4)).step_by(step(24)) {
         for word in [u32::MAX, 0x0100_0000] {
             let mut huge = bytes.to_vec();
@@ -132,12 +135,12 @@ fn damaged(bytes: &[u8]) -> Vec<Vec<u8>> {
         .enumerate()
         .step_by(places.len().div_ceil(60).max(1))
     {
-        let other = SWAPS[chance(k, n) % SWAPS.len()];
+        let other = REPLACEMENTS[random(k, n) % REPLACEMENTS.len()];
         all.push([&bytes[..range.start], other.as_bytes(), &bytes[range.end..]].concat());
     }
     // Duplicated and misplaced parts.
     for k in 0..10 {
-        let at = |salt: usize| chance(k, salt) % n;
+        let at = |salt: usize| random(k, salt) % n;
         let (from, to) = (at(1).min(at(2)), at(1).max(at(2)));
         all.push([&bytes[..at(3)], &bytes[from..to], &bytes[at(3)..]].concat());
     }
@@ -145,10 +148,14 @@ fn damaged(bytes: &[u8]) -> Vec<Vec<u8>> {
 }
 
 #[test]
-fn every_sample_is_fine() {
+fn every_sample_is_read_within_the_limit() {
     for Sample { name, files } in samples() {
         let folder = Folder::new(&files);
-        assert_eq!(held(&folder, files[0].0, GROWTH), None, "{name}");
+        assert_eq!(
+            read_within_limit(&folder, files[0].0, GROWTH),
+            None,
+            "{name}"
+        );
     }
 }
 
@@ -160,7 +167,7 @@ fn damaged_files_of_every_format_are_read_or_refused() {
         for (file, bytes) in &files {
             for bad in damaged(bytes) {
                 folder.write(file, &bad);
-                match held(&folder, files[0].0, PICTURE_GROWTH) {
+                match read_within_limit(&folder, files[0].0, PICTURE_GROWTH) {
                     None => read += 1,
                     Some(problem) => {
                         let named = problem.contains(&folder.0.path().display().to_string());
@@ -174,7 +181,7 @@ fn damaged_files_of_every_format_are_read_or_refused() {
     }
     assert!(
         read > 300 && refused > 600,
-        "the damage is of both kinds: {read} and {refused}"
+        "too few damaged files were read ({read}) or refused ({refused})"
     );
 }
 
@@ -184,7 +191,7 @@ fn hostile_files_are_refused_or_read_within_their_limits() {
     let mut wrong = Vec::new();
     for (what, files, expected) in groups.iter().flat_map(|group| group()) {
         let folder = Folder::new(&files);
-        let found = held(
+        let found = read_within_limit(
             &folder,
             files[0].0,
             if what.contains("picture") {
@@ -208,7 +215,7 @@ fn hostile_files_are_refused_or_read_within_their_limits() {
 }
 
 #[test]
-fn what_cannot_be_read_is_noted_once_for_each_use() {
+fn unreadable_textures_are_noted() {
     let folder = Folder::new(&[
         ("a.mtl", b"newmtl a\nmap_Kd none.png\n".to_vec()),
         ("a.obj", format!("mtllib a.mtl\n{QUAD}").into_bytes()),

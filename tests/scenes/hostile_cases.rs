@@ -21,6 +21,7 @@ fn many(n: usize, comma: &str, one: impl Fn(usize) -> String) -> String {
     (0..n).map(one).collect::<Vec<_>>().join(comma)
 }
 
+/// Returns that many zeros, compressed.
 fn deflated(zeros: usize) -> Vec<u8> {
     let mut coder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::best());
     coder.write_all(&vec![0; zeros]).unwrap();
@@ -59,6 +60,7 @@ fn png(size: u32, before: &[u8], pixels: &[u8]) -> Vec<u8> {
     .concat()
 }
 
+/// Returns hostile PLY and OBJ files.
 pub fn meshes() -> Vec<Case> {
     let ply = |head: &str, body: &[u8]| {
         [format!("ply\nformat {head}\nend_header\n").as_bytes(), body].concat()
@@ -72,7 +74,7 @@ pub fn meshes() -> Vec<Case> {
     let used = many(2000, "", |i| format!("usemtl m{}\nf 1 2 3\n", 1999 - i));
     vec![
         (
-            "elements of nothing without end",
+            "elements without properties, 2^64 - 1 of them",
             vec![("a.ply", ply(&format!("ascii 1.0\nelement x {far}"), b""))],
             "holds at most",
         ),
@@ -104,7 +106,7 @@ pub fn meshes() -> Vec<Case> {
             "end_header",
         ),
         (
-            "indices beyond all",
+            "indices out of range",
             vec![("a.obj", b"v 0 0 0\nf 1 1 9223372036854775807\n".to_vec())],
             "line 2",
         ),
@@ -117,7 +119,7 @@ pub fn meshes() -> Vec<Case> {
             "",
         ),
         (
-            "one line in 200,000",
+            "one line continued 200,000 times",
             vec![(
                 "a.obj",
                 [b"v 0 0 0".to_vec(), b" \\\n".repeat(200_000)].concat(),
@@ -125,7 +127,7 @@ pub fn meshes() -> Vec<Case> {
             "",
         ),
         (
-            "one library under 3000 names, and as many materials",
+            "one library named by 3000 paths, and 2000 materials",
             vec![
                 (
                     "a.obj",
@@ -138,8 +140,9 @@ pub fn meshes() -> Vec<Case> {
     ]
 }
 
+/// Returns hostile glTF documents.
 pub fn documents() -> Vec<Case> {
-    // Every node refers to the next one twice: 2^60 ways, none of which reaches a mesh.
+    // Every node refers to the next one twice: 2^60 paths, none of which reaches a mesh.
     let ways = many(60, ",", |i| {
         format!("{{ \"children\": [{0}, {0}] }}", i + 1)
     });
@@ -189,12 +192,12 @@ pub fn documents() -> Vec<Case> {
     cut[12..16].copy_from_slice(&u32::MAX.to_le_bytes());
     vec![
         (
-            "nodes that are reached on 2^60 ways",
+            "nodes that are reached by 2^60 paths",
             vec![("a.gltf", json(&format!("\"nodes\": [ {ways}, {{}} ]")))],
             "two parents",
         ),
         (
-            "a node in itself",
+            "a node that is its own child",
             vec![(
                 "a.gltf",
                 json("\"scenes\": [{ \"nodes\": [0] }], \"nodes\": [{ \"children\": [0] }]"),
@@ -217,7 +220,7 @@ pub fn documents() -> Vec<Case> {
             "",
         ),
         (
-            "one picture that lies in 1000 ways",
+            "one picture with 1000 transforms",
             vec![("a.gltf", json(&laid)), ("t.png", white.clone())],
             "",
         ),
@@ -236,7 +239,7 @@ pub fn documents() -> Vec<Case> {
         ),
         ("a chunk of 4 GiB", vec![("a.glb", cut)], "truncated"),
         (
-            "data without end",
+            "an invalid data URI",
             vec![(
                 "a.gltf",
                 json("\"buffers\": [{ \"uri\": \"data:;base64,====\" }, { \"uri\": 3 }]"),
@@ -246,6 +249,7 @@ pub fn documents() -> Vec<Case> {
     ]
 }
 
+/// Returns hostile Mitsuba scenes.
 pub fn scenes_in_xml() -> Vec<Case> {
     let doubled = many(40, "", |i| {
         format!(
@@ -287,12 +291,12 @@ pub fn scenes_in_xml() -> Vec<Case> {
     );
     vec![
         (
-            "texts that grow eightfold forty times",
+            "variables that grow eightfold, 40 times",
             vec![("a.xml", xml(&long))],
             "lengthen",
         ),
         (
-            "includes that double",
+            "nested includes, 60 in each file",
             vec![
                 ("a.xml", xml(&"<include filename=\"b.xml\"/>".repeat(60))),
                 ("b.xml", xml(&"<include filename=\"c.xml\"/>".repeat(60))),
@@ -322,7 +326,7 @@ pub fn scenes_in_xml() -> Vec<Case> {
             "checkerboards",
         ),
         (
-            "parts that double",
+            "nested components that double",
             vec![(
                 "a.xml",
                 xml(&format!("<bsdf type=\"diffuse\" id=\"c0\"/>{parts}")),
@@ -335,7 +339,7 @@ pub fn scenes_in_xml() -> Vec<Case> {
             "",
         ),
         (
-            "an entity",
+            "an external entity",
             vec![(
                 "a.xml",
                 b"<!DOCTYPE s [<!ENTITY a SYSTEM \"file:///etc/passwd\">]><scene>&a;</scene>"
@@ -346,6 +350,7 @@ pub fn scenes_in_xml() -> Vec<Case> {
     ]
 }
 
+/// Returns scenes that name hostile paths, and hostile JSON.
 pub fn places() -> Vec<Case> {
     let named = |file: &str| {
         format!("{{ \"entities\": [ {{ \"type\": \"mesh\", \"file\": \"{file}\" }} ] }}")
@@ -367,27 +372,27 @@ pub fn places() -> Vec<Case> {
         ),
         ("a folder", vec![("a.scn", named(".."))], "regular file"),
         (
-            "what the system shows as a file",
+            "a kernel log that is shown as a file",
             vec![("a.scn", named("/proc/kmsg"))],
             "*",
         ),
         (
-            "all of memory",
+            "the memory of the machine as a file",
             vec![("a.scn", named("/proc/kcore"))],
             "a.scn",
         ),
         (
-            "above the root",
+            "a path above the root",
             vec![("a.scn", named(&format!("{up}etc/none")))],
             "etc/none",
         ),
         (
-            "a name with an end in it",
+            "a name with a zero byte",
             vec![("a.scn", named("m\\u0000.obj"))],
             "a.scn",
         ),
         (
-            "out of the folder",
+            "a mesh path out of the folder",
             vec![(
                 "scene.json",
                 b"{ objects: [{ name: '../../../etc/passwd' }] }".to_vec(),
@@ -395,7 +400,7 @@ pub fn places() -> Vec<Case> {
             "is not the name of a file",
         ),
         (
-            "a textured name out of it",
+            "a texture path out of the folder",
             vec![(
                 "scene.json",
                 b"{ materials: [{ name: '/etc/passwd' }] }".to_vec(),
@@ -403,7 +408,7 @@ pub fn places() -> Vec<Case> {
             "is not the name of a file",
         ),
         (
-            "one mesh under 3000 names",
+            "one mesh named by 3000 paths",
             vec![
                 (
                     "a.scn",
@@ -438,6 +443,7 @@ pub fn places() -> Vec<Case> {
     ]
 }
 
+/// Returns hostile textures.
 pub fn textures() -> Vec<Case> {
     let tiny = deflated(2);
     let hidden = |kind: &[u8; 4], body: &[u8]| png(1, &chunk(kind, body), &tiny);
@@ -462,12 +468,12 @@ pub fn textures() -> Vec<Case> {
         .copy_from_slice(&[0xff, 0xff, 0xff, 0x3f, 0xff, 0xff, 0xff, 0x3f]);
     vec![
         (
-            "pixels that were never sent",
+            "missing pixel data",
             vec![("a.png", png(16_384, &[], &tiny))],
             "a.png",
         ),
         (
-            "more pixels than the header says",
+            "more pixel data than the header states",
             vec![("a.png", png(1, &[], &deflated(16 << 20)))],
             "",
         ),
@@ -482,19 +488,23 @@ pub fn textures() -> Vec<Case> {
             "",
         ),
         (
-            "16,191 pixels a side of nothing",
+            "16,191 pixels a side without data",
             vec![("a.jpg", jpeg)],
             "a.jpg",
         ),
         (
-            "16,384 pixels a side of nothing",
+            "16,384 pixels a side without data",
             vec![("a.tga", tga)],
             "a.tga",
         ),
-        ("as many in a bitmap", vec![("a.bmp", bmp)], "a.bmp"),
+        (
+            "16,384 pixels a side in a BMP without data",
+            vec![("a.bmp", bmp)],
+            "a.bmp",
+        ),
         ("a window of 2^60 pixels", vec![("a.exr", wide)], "a.exr"),
         (
-            "16,384 pixels a side of one line",
+            "16,384 pixels a side with one line of data",
             vec![(
                 "a.hdr",
                 b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 16384 +X 16384\n\x02\x02".to_vec(),

@@ -19,6 +19,7 @@ const LIT: &str = r#"{ "camera": { "position": [0, 0, 5] },
               { "type": "Point", "position": [0, 0, 0], "intensity": [1, 1, 1] } ],
   "environment": { "color": [0.5, 0.25, 1], "rotation": 450, "scale": 2 } }"#;
 
+/// Returns the scene [`LIT`].
 fn lit() -> SceneDesc {
     scn(&LIT.replace("Point", "point")).unwrap().0
 }
@@ -62,7 +63,7 @@ fn lights_and_a_constant_environment_are_read_and_compiled() {
 }
 
 #[test]
-fn faults_of_lights_name_their_place() {
+fn errors_of_lights_name_their_key() {
     let light = |entry: &str| format!("{{ \"lights\": [ {entry} ] }}");
     let environment = |entry: &str| format!("{{ \"environment\": {entry} }}");
     let cases = [
@@ -149,7 +150,7 @@ fn faults_of_lights_name_their_place() {
 }
 
 #[test]
-fn environments_come_from_hdr_exr_and_png_files() {
+fn environments_are_read_from_hdr_exr_and_png_files() {
     let folder = Folder::new::<&str>(&[]);
     let texels = [[4.0, 1.0, 0.25], [0.0; 3], [1.0; 3], [0.5, 0.5, 2.0]];
     write_hdr(&folder.path("sky.hdr"), &texels, 2);
@@ -177,7 +178,7 @@ fn environments_come_from_hdr_exr_and_png_files() {
         if name == "sky.png" {
             assert!(
                 (map.texels[0][0] - 0.5029).abs() < 1e-3,
-                "a picture of eight bits is sRGB"
+                "eight-bit textures are sRGB"
             );
         } else {
             assert_eq!(map.texels[..], texels, "{name}");
@@ -190,7 +191,7 @@ fn environments_come_from_hdr_exr_and_png_files() {
 }
 
 #[test]
-fn damaged_environment_files_are_errors_that_name_them() {
+fn damaged_environment_files_are_errors_that_name_the_file() {
     let folder = Folder::new(&[("a.scn", r#"{ "environment": { "file": "sky.hdr" } }"#)]);
     folder.write("b.scn", r#"{ "environment": { "file": "sky.exr" } }"#);
     write_hdr(&folder.path("sky.hdr"), &[[1.0, 2.0, 3.0]; 64], 16);
@@ -248,7 +249,7 @@ fn damaged_environment_files_are_errors_that_name_them() {
             .to_string()
             .contains("not finite")
     );
-    // Negative values are finite: black, with a note.
+    // Negative values are finite; they become black, with a note.
     exr::prelude::write_rgb_file(folder.path("sky.exr"), 2, 1, |x, _| {
         (x as f32 * 2.0 - 1.0, 0.5, 0.5)
     })
@@ -262,7 +263,7 @@ fn damaged_environment_files_are_errors_that_name_them() {
 }
 
 #[test]
-fn the_hash_counts_what_a_map_shows_and_not_what_it_is_called() {
+fn the_hash_depends_on_the_texels_of_a_map_and_not_on_its_name() {
     let folder = Folder::new(&[("a.scn", r#"{ "environment": { "file": "sky.hdr" } }"#)]);
     folder.write("b.scn", r#"{ "environment": { "file": "other.hdr" } }"#);
     write_hdr(&folder.path("sky.hdr"), &[[1.0, 2.0, 3.0]; 8], 4);
@@ -274,7 +275,7 @@ fn the_hash_counts_what_a_map_shows_and_not_what_it_is_called() {
 }
 
 #[test]
-fn every_setting_of_a_light_can_be_reached_and_counts() {
+fn every_parameter_of_a_light_can_be_set_and_changes_the_hash() {
     let base = lit();
     let mut seen = BTreeMap::from([(content_hash(&base), "nothing".to_owned())]);
     let all: Vec<String> = paths(&base)
@@ -319,7 +320,7 @@ fn every_setting_of_a_light_can_be_reached_and_counts() {
 }
 
 #[test]
-fn wrong_settings_of_lights_say_what_there_is() {
+fn invalid_edits_of_lights_are_errors_that_list_known_names() {
     let cases = [
         (
             "lights.sum.irradiance",
@@ -397,7 +398,7 @@ const INWARD: &str = "v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\nv -1 -1 1\nv 1
     f 2/1/4 3/2/4 7/3/4 6/4/4\nf 1/1/5 2/2/5 6/3/5 5/4/5\nf 4/1/6 3/2/6 7/3/6 8/4/6\n";
 
 #[test]
-fn a_skybox_shines_inwards_with_its_texture() {
+fn a_skybox_emits_inwards_with_its_texture() {
     let text = r#"{ "materials": [ { "name": "sky", "emission": [2, 2, 2], "emissiontexture": "sky.hdr" } ],
         "entities": [ { "type": "mesh", "file": "box.obj", "material": "sky", "scale": [500, 500, 500] } ] }"#;
     let folder = Folder::new(&[("a.scn", text), ("box.obj", INWARD)]);
@@ -417,7 +418,7 @@ fn a_skybox_shines_inwards_with_its_texture() {
             let u = (k as f32 + 0.5) / 50.0;
             let d = lights
                 .sample_direct(&scene, from, u, [0.3, 0.6])
-                .expect("it shines everywhere inside");
+                .expect("every point inside is lit");
             assert!(
                 (d.radiance - Vec3::new(0.5, 6.0, 2.0)).length() < 1e-5,
                 "{i}: {}",
@@ -433,6 +434,7 @@ fn a_skybox_shines_inwards_with_its_texture() {
     }
 }
 
+/// Returns the notes of loading and compiling. Panics if light can be sampled.
 fn noted(text: &str, files: &[(&str, &str)]) -> String {
     let mut all = vec![("a.scn", text)];
     all.extend(files);
@@ -463,7 +465,7 @@ fn noted(text: &str, files: &[(&str, &str)]) -> String {
 }
 
 #[test]
-fn lights_that_cannot_shine_are_noted_and_left_out() {
+fn lights_that_cannot_emit_are_noted_and_left_out() {
     let black = noted(r#"{ "environment": { "color": [0, 0, 0] } }"#, &[]);
     assert!(
         black.contains("environment: the environment is black and has been left out")

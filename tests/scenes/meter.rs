@@ -2,7 +2,7 @@
 
 #![expect(
     unsafe_code,
-    reason = "an allocator is an unsafe trait; this one only counts what passes on its way"
+    reason = "`GlobalAlloc` is an unsafe trait; this allocator counts bytes and forwards every call"
 )]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -16,8 +16,9 @@ thread_local! {
     static TAKEN: Cell<[isize; 2]> = const { Cell::new([0; 2]) };
 }
 
+/// Adds to the bytes that this thread holds.
 fn count(bytes: isize) {
-    // A thread that ends has no counter any more.
+    // A thread that is ending has no counter.
     let _ = TAKEN.try_with(|taken| {
         let [now, most] = taken.get();
         taken.set([now + bytes, most.max(now + bytes)]);
@@ -53,7 +54,7 @@ unsafe impl GlobalAlloc for Meter {
     }
 
     unsafe fn realloc(&self, place: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        // Both may exist at once while one is copied to the other.
+        // Both blocks exist while the data is copied.
         count(size as isize);
         // SAFETY: as above.
         let moved = unsafe { System.realloc(place, layout, size) };

@@ -1,4 +1,4 @@
-//! Small Mitsuba scenes that use every supported plugin, and the resulting parts.
+//! Small Mitsuba scenes that use every supported plugin, and the scenes that they become.
 
 use glam::{Vec2, Vec3};
 use lumbre::scene::compile;
@@ -10,7 +10,7 @@ use lumbre::scene::desc::{
 
 use super::{Folder, lines};
 
-/// Returns a scene around some XML.
+/// Returns a scene with a sensor around some XML.
 fn around(inner: &str) -> String {
     format!(
         r#"<scene version="3.0.0"><sensor type="perspective"><float name="fov" value="40"/>
@@ -34,7 +34,7 @@ fn refused(inner: &str) -> String {
         .to_string()
 }
 
-/// Returns the material of one surface.
+/// Returns the material `s` of some XML, and the notes.
 fn surface(xml: &str) -> (MaterialDesc, String) {
     let (desc, notes) = read(&format!(
         "{xml}<shape type=\"rectangle\"><ref id=\"s\"/></shape>"
@@ -46,7 +46,7 @@ fn surface(xml: &str) -> (MaterialDesc, String) {
 }
 
 #[test]
-fn a_camera_has_its_place_and_its_vertical_field_of_view() {
+fn the_camera_has_its_position_and_its_vertical_field_of_view() {
     let (desc, notes) = read("");
     assert_eq!(desc.resolution, [64, 32]);
     assert_eq!(desc.camera.position, Vec3::new(0.0, 1.0, 5.0));
@@ -75,7 +75,7 @@ fn a_camera_has_its_place_and_its_vertical_field_of_view() {
 }
 
 #[test]
-fn transforms_apply_their_steps_one_after_the_other() {
+fn transforms_apply_their_steps_in_order() {
     let (desc, notes) = read(
         r#"<shape type="sphere" id="ball"><point name="center" x="1"/><float name="radius" value="2"/>
 <transform name="toWorld"><scale value="3"/><rotate y="1" angle="90"/><translate x="10"/></transform></shape>"#,
@@ -99,7 +99,7 @@ fn transforms_apply_their_steps_one_after_the_other() {
 }
 
 #[test]
-fn surfaces_become_the_models_that_they_are() {
+fn bsdf_plugins_become_the_matching_models() {
     let (m, notes) = surface(
         r##"<bsdf type="twosided" id="s"><bsdf type="diffuse"><rgb name="reflectance" value="#ff8000"/></bsdf></bsdf>"##,
     );
@@ -196,7 +196,7 @@ fn surfaces_become_the_models_that_they_are() {
 }
 
 #[test]
-fn lights_shine_as_they_say() {
+fn emitters_are_read_with_their_parameters() {
     let (desc, notes) = read(
         r#"<bsdf type="twosided" id="white"><bsdf type="diffuse"><rgb name="reflectance" value="0.8"/></bsdf></bsdf>
 <shape type="rectangle" id="lamp"><ref id="white"/><emitter type="area"><rgb name="radiance" value="1, 2, 3"/></emitter></shape>
@@ -284,7 +284,7 @@ fn variables_includes_references_and_old_spellings_are_resolved() {
     assert_eq!(desc.entities[1].material.as_deref(), Some("red"));
     assert_eq!(
         desc.entities[0].name, "q",
-        "found beside the file that names it"
+        "the mesh lies beside the file that names it"
     );
     assert!(
         folder
@@ -314,9 +314,9 @@ fn instances_share_their_meshes() {
 }
 
 #[test]
-fn pictures_lie_on_shapes_as_mitsuba_lays_them() {
-    // Red on top, green below: the top of a picture is at the least y of a rectangle, and at the
-    // greatest v of an OBJ.
+fn bitmaps_have_the_orientation_of_mitsuba() {
+    // The bitmap is red on top and green below. Its top is at the least y of a rectangle, and at
+    // the greatest v of an OBJ.
     let folder = Folder::new(&[(
         "q.obj",
         "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n",
@@ -344,7 +344,7 @@ fn pictures_lie_on_shapes_as_mitsuba_lays_them() {
         );
         let (scene, _) = compile(&folder.load("a.xml").unwrap().0).unwrap();
         let m = &scene.materials[scene.attributes[0].material as usize];
-        // A little inside the picture, where it does not repeat.
+        // A point slightly inside the bitmap, where it does not repeat.
         let uvs = scene.attributes[0].uvs;
         let uv = uvs[corner].lerp((uvs[0] + uvs[1] + uvs[2]) / 3.0, 0.3);
         let texture = &scene.textures[m.base_color_texture as usize];
@@ -359,7 +359,7 @@ fn pictures_lie_on_shapes_as_mitsuba_lays_them() {
         (color_at("obj", "", 0), color_at("obj", "", 2)),
         ("green", "red")
     );
-    // Flipped, by a factor on v alone, and by one on both.
+    // The bitmap is flipped by a negative factor on v alone, and on both coordinates.
     let over =
         "<transform name=\"to_uv\"><scale x=\"1\" y=\"-1\"/><translate y=\"1\"/></transform>";
     assert_eq!(
@@ -382,7 +382,7 @@ fn pictures_lie_on_shapes_as_mitsuba_lays_them() {
 /// Compares bitmaps of one surface, each with its own transform and wrap mode, with Mitsuba's
 /// coordinates, which start at the top left.
 #[test]
-fn every_bitmap_lies_as_its_own_to_uv_and_wrap_mode_say() {
+fn bitmaps_follow_their_own_to_uv_and_wrap_mode() {
     let bitmap = |name: &str, steps: &str, more: &str| {
         format!(
             "<texture type=\"bitmap\" name=\"{name}\"><string name=\"filename\" value=\"t.png\"/>{more}\
@@ -440,7 +440,7 @@ fn every_bitmap_lies_as_its_own_to_uv_and_wrap_mode_say() {
 }
 
 #[test]
-fn what_is_not_read_is_noted_and_what_is_wrong_is_refused_with_its_line() {
+fn unsupported_elements_are_noted_and_errors_name_their_line() {
     let (_, notes) = read(
         r#"<shape type="cube"><float name="wobble" value="1"/><medium type="homogeneous" name="interior"/></shape>
 <shape type="hairball"/><integrator type="path"><boolean name="hide_emitters" value="true"/></integrator>"#,

@@ -1,5 +1,5 @@
-//! Damaged and hostile scenes in XML: an error that names the file, never a panic or an endless
-//! wait.
+//! Damaged and hostile scenes in XML give a scene or an error that names the file, never a panic or
+//! an endless loop.
 
 use lumbre::scene::compile;
 use proptest::prelude::*;
@@ -7,8 +7,9 @@ use proptest::prelude::*;
 use super::samples::MITSUBA as TEXT;
 use super::{Folder, QUAD};
 
-/// Loads and compiles, with any result; an error must be short and name a file of the folder.
-fn survive(folder: &Folder) -> bool {
+/// Returns whether a scene loads and compiles. Panics if an error is long or names no file of the
+/// folder.
+fn loads(folder: &Folder) -> bool {
     match folder.load("a.xml") {
         Ok((desc, _)) => compile(&desc).is_ok(),
         Err(e) => {
@@ -23,25 +24,28 @@ fn survive(folder: &Folder) -> bool {
 }
 
 #[test]
-fn every_truncation_is_an_error() {
+fn every_truncation_of_a_scene_is_an_error() {
     let folder = Folder::new(&[("a.xml", TEXT), ("m.obj", QUAD)]);
-    assert!(survive(&folder));
+    assert!(loads(&folder));
     for cut in 0..TEXT.len() {
         folder.write("a.xml", &TEXT[..cut]);
-        assert!(!survive(&folder), "half a document is an error: {cut}");
+        assert!(
+            !loads(&folder),
+            "a document cut at byte {cut} must be an error"
+        );
     }
 }
 
 #[test]
-fn flipped_bits_and_exchanged_values_are_survived() {
+fn no_flipped_bit_or_replaced_value_panics() {
     let folder = Folder::new(&[("m.obj", QUAD)]);
     for i in 0..TEXT.len() {
         let mut bytes = TEXT.as_bytes().to_vec();
         bytes[i] ^= 1 << (i % 7);
         folder.write("a.xml", &bytes);
-        survive(&folder);
+        loads(&folder);
     }
-    // Every value in turn is replaced.
+    // Replaces every value in turn.
     let values: Vec<(usize, &str)> = TEXT.match_indices("value=\"").collect();
     for (at, key) in values {
         let start = at + key.len();
@@ -64,14 +68,15 @@ fn flipped_bits_and_exchanged_values_are_survived() {
                 "a.xml",
                 format!("{}{other}{}", &TEXT[..start], &TEXT[end..]),
             );
-            survive(&folder);
+            loads(&folder);
         }
     }
 }
 
 #[test]
-fn entities_that_grow_deep_nests_and_circles_are_refused_at_once() {
-    let bomb = "<!DOCTYPE s [<!ENTITY a \"aaaaaaaaaa\"><!ENTITY b \"&a;&a;&a;&a;&a;&a;&a;&a;&a;&a;\">]><scene>&b;</scene>";
+fn expanding_entities_deep_nesting_and_cycles_are_errors() {
+    let bomb = "<!DOCTYPE s [<!ENTITY a \"aaaaaaaaaa\">\
+                <!ENTITY b \"&a;&a;&a;&a;&a;&a;&a;&a;&a;&a;\">]><scene>&b;</scene>";
     let deep = format!(
         "{}{}",
         "<bsdf type=\"twosided\">".repeat(100_000),
@@ -89,7 +94,7 @@ fn entities_that_grow_deep_nests_and_circles_are_refused_at_once() {
     let circle = "<scene version=\"3.0.0\"><include filename=\"./a.xml\"/></scene>".to_owned();
     for text in [bomb.to_owned(), deep, deep_values, wrapped, circle] {
         let folder = Folder::new(&[("a.xml", &text)]);
-        assert!(!survive(&folder), "{}", &text[..60]);
+        assert!(!loads(&folder), "{}", &text[..60]);
     }
 }
 
@@ -97,13 +102,13 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
 
     #[test]
-    fn random_numbers_of_attributes_are_survived(value in "[-+0-9.eE, :#xnaif]{0,12}", which in 0usize..20) {
+    fn no_random_attribute_value_panics(value in "[-+0-9.eE, :#xnaif]{0,12}", which in 0usize..20) {
         let places: Vec<(usize, &str)> = TEXT.match_indices("value=\"").collect();
         let (at, key) = places[which % places.len()];
         let start = at + key.len();
         let end = start + TEXT[start..].find('"').unwrap();
         let folder = Folder::new(&[("m.obj", QUAD)]);
         folder.write("a.xml", format!("{}{value}{}", &TEXT[..start], &TEXT[end..]));
-        survive(&folder);
+        loads(&folder);
     }
 }

@@ -5,8 +5,8 @@ use lumbre::scene::{CompiledScene, compile};
 
 use super::{Folder, lines};
 
-/// Loads an OBJ named by a `.scn`; returns the compiled scene, and all notes but the one about
-/// darkness.
+/// Loads an OBJ named by a `.scn`. Returns the compiled scene, and all notes but the one that the
+/// picture will be black.
 fn through_scn(obj: &str) -> (CompiledScene, String) {
     let folder = Folder::new(&[
         (
@@ -33,7 +33,7 @@ fn front(scene: &CompiledScene, i: usize) -> Vec3 {
 const CORNERS: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
 
 #[test]
-fn negative_indices_crlf_continuations_and_a_missing_mtl_are_fine() {
+fn negative_indices_crlf_continuations_and_a_missing_mtl_are_accepted() {
     let text =
         format!("mtllib gone.mtl\n{CORNERS}vt 0 0\nvt 1 0.5\nf -4/-2 -3/-1 \\\n-2/-1 -1/-2\n");
     for text in [text.clone(), text.replace('\n', "\r\n")] {
@@ -46,7 +46,7 @@ fn negative_indices_crlf_continuations_and_a_missing_mtl_are_fine() {
 }
 
 #[test]
-fn the_front_of_bare_faces_is_against_their_winding() {
+fn faces_without_normals_face_against_their_winding() {
     let (scene, notes) = through_scn(&format!("{CORNERS}f 1 2 3\n"));
     assert_eq!(front(&scene, 0), Vec3::NEG_Z);
     assert_eq!(scene.attributes[0].normals, [Vec3::NEG_Z; 3]);
@@ -54,7 +54,7 @@ fn the_front_of_bare_faces_is_against_their_winding() {
 }
 
 #[test]
-fn the_front_of_faces_with_normals_is_their_side() {
+fn faces_with_normals_face_the_side_of_their_normals() {
     let (scene, _) = through_scn(&format!(
         "{CORNERS}vn 0 0 1\nvn 0 0 -1\nf 1//1 2//1 3//1\nf 1//2 2//2 3//2\n"
     ));
@@ -63,7 +63,7 @@ fn the_front_of_faces_with_normals_is_their_side() {
 }
 
 #[test]
-fn large_polygons_are_cut_and_cover_their_area() {
+fn large_polygons_are_triangulated_and_keep_their_area() {
     let n = 40;
     let mut text = String::new();
     for i in 0..n {
@@ -104,7 +104,7 @@ fn empty_meshes_and_degenerate_faces_are_noted() {
 }
 
 #[test]
-fn a_bare_mesh_is_seen_by_a_camera_that_frames_it() {
+fn the_default_camera_of_a_mesh_shows_all_of_it() {
     let folder = Folder::new(&[("thing.obj", &format!("{CORNERS}f 1 2 3 4\n"))]);
     let (desc, notes) = folder.load("thing.obj").unwrap();
     assert!(lines(&notes).contains("nothing in this mesh emits light"));
@@ -113,7 +113,7 @@ fn a_bare_mesh_is_seen_by_a_camera_that_frames_it() {
     assert_eq!(
         front(&scene, 0),
         Vec3::Z,
-        "a bare OBJ has the usual winding"
+        "without a scene, counter-clockwise faces must face the viewer"
     );
     let half = (desc.camera.fov_deg / 2.0).to_radians().tan();
     for p in scene.triangles.iter().flatten() {
@@ -123,7 +123,7 @@ fn a_bare_mesh_is_seen_by_a_camera_that_frames_it() {
 }
 
 #[test]
-fn the_same_mesh_in_many_places_of_a_file_shares_no_vertices_wrongly() {
+fn faces_with_and_without_normals_do_not_share_vertices() {
     let text = format!(
         "{CORNERS}vn 0 0 1\nusemtl m\nf 1//1 2//1 3//1\nf 1 3 4\nusemtl m\nf 1//1 3//1 4//1\n"
     );

@@ -1,10 +1,11 @@
-//! PLY files as scenes.
+//! Vertex colours of PLY files.
 
 use glam::Vec3;
 use lumbre::scene::desc::ShapeDesc;
 
 use super::Folder;
 
+/// Returns the loaded vertex colours of a triangle with these colours of type `ty` in an ASCII PLY.
 fn colors(ty: &str, rows: [&str; 3]) -> Vec<Vec3> {
     let [a, b, c] = rows;
     let text = format!(
@@ -20,7 +21,7 @@ fn colors(ty: &str, rows: [&str; 3]) -> Vec<Vec3> {
 }
 
 #[test]
-fn colours_of_bytes_are_those_of_a_screen_and_colours_of_floats_are_linear() {
+fn byte_colours_are_srgb_and_float_colours_are_linear() {
     let bytes = colors("uchar", ["255 0 0", "0 188 0", "10 10 255"]);
     let close = |found: Vec3, expected: Vec3| {
         assert!(

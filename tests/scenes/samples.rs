@@ -139,7 +139,7 @@ const MITSUBA_MORE: &str = r#"<scene version="0.6.0"><include filename="i.xml"/>
 
 const INCLUDED: &str = r#"<scene version="3.0.0"><default name="turn" value="30"/><bsdf type="diffuse" id="d"/><alias id="d" as="e"/></scene>"#;
 
-/// The template of the thesis on a CUDA path tracer with its quotes.
+/// The template of a scene folder in thesis S1, with its quotes.
 pub const FOLDER: &str = "{
   'camera' : {'xRes' : 1280, 'yRes' : 720, 'position' : {x : 0, y : 1, z : -2},
               'focalLength' : 0.05, 'focusDistance' : 1, 'aperture' : 2.8},
@@ -204,7 +204,7 @@ pub fn picture(format: image::ImageFormat) -> Vec<u8> {
     let mut bytes = Cursor::new(Vec::new());
     small
         .write_to(&mut bytes, format)
-        .expect("every format is written that is read");
+        .expect("the format can be encoded");
     bytes.into_inner()
 }
 
@@ -215,7 +215,7 @@ fn exr() -> Vec<u8> {
         data: (0..20).map(|i| [i as f32, 0.5, 0.0]).collect(),
     };
     lumbre::output::exr::encode(&image, &[("spp".to_owned(), "4".to_owned())])
-        .expect("an image of a few pixels")
+        .expect("a small image can be encoded")
 }
 
 /// Returns all samples. A format with several variants has several.

@@ -1,4 +1,4 @@
-//! Meaning of `.scn` files.
+//! `.scn` files: keys, defaults, notes and errors.
 
 use std::sync::Arc;
 
@@ -23,7 +23,7 @@ fn an_empty_object_is_the_default_scene() {
 }
 
 #[test]
-fn keys_ignore_case_and_a_byte_order_mark_is_no_error() {
+fn keys_ignore_case_and_a_byte_order_mark_is_accepted() {
     let (desc, notes) =
         scn("\u{feff}{ \"MaxDepth\": 7, \"Camera\": { \"LookAt\": [0, 1, 0], \"FOV\": 30 } }")
             .unwrap();
@@ -35,7 +35,7 @@ fn keys_ignore_case_and_a_byte_order_mark_is_no_error() {
 }
 
 #[test]
-fn cameras_may_have_lenses() {
+fn lens_keys_are_read_and_conflicting_ones_are_errors() {
     let camera =
         |text: &str| scn(&format!("{{ \"camera\": {{ {text} }} }}")).map(|(desc, _)| desc.camera);
     let c = camera(r#""aperture": 0.2, "focus_distance": 3"#).unwrap();
@@ -100,7 +100,7 @@ fn radiance_is_emission_times_colour_and_emitters_do_not_reflect() {
 }
 
 #[test]
-fn what_is_not_honoured_is_noted_with_its_key_path() {
+fn ignored_keys_and_values_are_noted_with_their_path() {
     let text = r#"{ "camera": { "position": [0, 0, 1], "antialiasing_radius": 0.3, "lens": 1 }, "wavelength": 550,
         "materials": [ { "name": "a", "sheenTint": 1, "sheen": 0, "clearcoat": 0.5, "displacementtexture": "d.png",
                          "colour": [1, 1, 1], "roughness": 3, "ior": 0, "color": [2, 0.5, -1] },
@@ -137,7 +137,7 @@ fn what_is_not_honoured_is_noted_with_its_key_path() {
 }
 
 #[test]
-fn faults_name_file_and_place() {
+fn errors_name_the_file_and_the_key() {
     let cases = [
         (
             "{ \"maxdepth\": 5,\n  \"camera\" }",
@@ -222,7 +222,7 @@ fn faults_name_file_and_place() {
 }
 
 #[test]
-fn missing_and_broken_files_are_one_error_that_names_all() {
+fn errors_of_referenced_files_name_the_file_and_the_key() {
     let mesh = r#"{ "entities": [ { "type": "mesh", "file": "sub\\no.obj" } ] }"#;
     let e = scn(mesh).unwrap_err().to_string();
     assert!(
@@ -307,12 +307,12 @@ fn meshes_and_textures_named_twice_are_read_once() {
     assert_eq!(
         desc.materials.last().unwrap().name,
         DEFAULT_MATERIAL,
-        "asked for by the quad and the spheres"
+        "the quad and the spheres need the default material"
     );
 }
 
 #[test]
-fn materials_of_faces_follow_the_format() {
+fn faces_get_the_material_of_the_entity_or_the_mesh_or_the_default() {
     let obj = format!(
         "{QUAD}usemtl unknown\nf 1//1 2//1 3//1\nusemtl b\nf 1//1 2//1 3//1\no next\nf 1//1 2//1 3//1\n"
     );
@@ -361,7 +361,7 @@ fn transforms_rotate_about_z_then_y_then_x_and_scale_last() {
         .load("a.scn")
         .unwrap();
     let (scene, _) = compile(&desc).unwrap();
-    // x -> y -> z -> three times z; y -> -x.
+    // The x axis becomes y, then z, then is scaled by three; y becomes -x.
     let expected = [
         Vec3::new(10.0, 0.0, 0.0),
         Vec3::new(10.0, 0.0, 3.0),

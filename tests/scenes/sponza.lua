@@ -1,13 +1,15 @@
--- Crytek's atrium of the palace at Sponza [Meinl 2010], which is not part of this project: `folder` names where sponza.obj,
--- its .mtl and its textures are, as seen from this file or in full. The file is in centimetres, this scene in metres.
+-- Crytek's atrium of the palace at Sponza [Meinl 2010], which is not part of this project:
+-- `folder` is the folder of sponza.obj, its .mtl and its textures, absolute or relative to this
+-- file. The OBJ is in centimetres, this scene in metres.
 --
--- The banner in the middle of the court names a picture that was never given away: load it with `--lenient`.
+-- The banner in the middle of the court names a texture that is not distributed: load the scene with
+-- `--lenient`.
 
 local s = scene { resolution = { 1280, 720 }, max_depth = 8 }
 local folder = s:option("folder", "")
 local light = s:option("light", { "sun", "skybox", "lamps" })
 
--- Bumps of these are pictures of colours, as high as a centimetre at most.
+-- The bump maps are colour textures; their height is at most one centimetre.
 s:import(folder .. "/sponza.obj", { place = { scale = 0.01 } })
 
 s:camera { position = { -11.2, 1.6, -0.6 }, target = { 0, 4.2, 0.2 }, fov = 58 }

@@ -1,4 +1,4 @@
-//! Textures from files to slots: by `.scn`, by `.mtl`, by path, and missing files.
+//! Textures from files to slots: by `.scn`, by `.mtl`, by edits, and missing files.
 
 use glam::{Vec2, Vec3};
 use lumbre::scene::compile;
@@ -94,7 +94,7 @@ fn every_slot_can_be_set_by_path_and_emptied() {
 }
 
 #[test]
-fn a_missing_texture_names_material_and_file_or_is_a_note() {
+fn a_missing_texture_is_an_error_that_names_material_and_file_or_a_note() {
     let text = r#"{ "materials": [ { "name": "oak", "roughness": 0.25, "roughnesstexture": "gone.png" } ],
         "entities": [ { "type": "sphere", "radius": 1, "material": "oak" } ] }"#;
     let folder = Folder::new(&[("a.scn", text)]);
@@ -172,7 +172,7 @@ fn materials(mtl: &str) -> (SceneDesc, String) {
 }
 
 #[test]
-fn mtl_materials_arrive_by_name() {
+fn mtl_materials_are_read_by_name() {
     let (desc, notes) = materials(
         "# two\nnewmtl b\nKd 0.1 0.2 0.3\nKe 5\nNi 1.33\nd 0.25\nPr 0.5\nPm 0.75\nPs 0.1\nPc 0.2\nPcr 0.25\naniso 0.3\nillum 2\n\
          newmtl a\n\tKa 1 1 1\n\tKs 1 1 1\n\tNs 6\n\tillum 7\n\tmap_Kd -s 2 2 2 -o 0.5 0.25 base_color_texture.png\n\
@@ -223,7 +223,7 @@ fn mtl_materials_arrive_by_name() {
 }
 
 #[test]
-fn bumps_of_an_mtl_are_heights_or_normals_as_their_pictures_are() {
+fn bump_maps_of_an_mtl_are_heights_or_normals_by_their_colours() {
     let folder = obj(
         "newmtl a\nmap_bump -bm 0.25 heights.png\nnewmtl b\nbump -bm 2 normals.png\nmap_bump -bm 2 normals.png\n\
                       newmtl c\nbump heights.png\n",
@@ -269,7 +269,7 @@ fn bumps_of_an_mtl_are_heights_or_normals_as_their_pictures_are() {
 }
 
 #[test]
-fn maps_of_an_mtl_lie_each_as_its_options_say() {
+fn maps_of_an_mtl_follow_their_own_options() {
     let (desc, notes) = materials(
         "newmtl a\nmap_Kd -s 2 2 1 -o 0.5 0 base_color_texture.png\nmap_Pr -s 1 3 -o 0 0.25 -clamp on roughness_texture.png\n\
          norm -clamp off normal_texture.png\nnewmtl b\nmap_Kd -s 4 1 1 base_color_texture.png\nmap_Pm -s 0 0 metallic_texture.png\n",
@@ -320,7 +320,7 @@ fn maps_of_an_mtl_lie_each_as_its_options_say() {
 }
 
 #[test]
-fn what_an_mtl_cannot_say_is_noted_and_what_is_wrong_is_an_error() {
+fn unsupported_mtl_statements_are_noted_and_invalid_ones_are_errors() {
     let (desc, notes) = materials(
         "newmtl a\ndisp -bm 0.5 h.png\ndisp h.png\nNi 0\nKd 2 0 0\nmap_Kd -s 1 2 1 -clamp on base_color_texture.png\n",
     );

@@ -1,4 +1,4 @@
-//! Third-party scenes, where they are present.
+//! Third-party scenes, if they are present.
 
 use std::path::{Path, PathBuf};
 
@@ -25,6 +25,7 @@ pub(super) fn shared(what: &str) -> Option<PathBuf> {
     None
 }
 
+/// Appends the files with an extension below a folder, sorted.
 pub(super) fn files_below(folder: &Path, extension: &str, found: &mut Vec<PathBuf>) {
     let mut entries: Vec<PathBuf> = std::fs::read_dir(folder)
         .unwrap()
@@ -41,7 +42,7 @@ pub(super) fn files_below(folder: &Path, extension: &str, found: &mut Vec<PathBu
 }
 
 #[test]
-fn every_scn_of_the_collection_loads_and_compiles() {
+fn every_third_party_scn_loads_and_compiles() {
     let Some(folder) = shared("scenes/vkraytracing") else {
         return;
     };
@@ -51,7 +52,11 @@ fn every_scn_of_the_collection_loads_and_compiles() {
     for file in files {
         let (desc, _) = load(&file).unwrap_or_else(|e| panic!("{e}"));
         let (scene, notes) = compile(&desc).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
-        assert!(!scene.emitters.is_empty(), "{} is dark", file.display());
+        assert!(
+            !scene.emitters.is_empty(),
+            "{} has no light",
+            file.display()
+        );
         assert!(!notes.iter().any(|n| n.message.contains("black")));
         for (points, a) in scene.triangles.iter().zip(&scene.attributes) {
             let front = (points[1] - points[0])
@@ -75,7 +80,7 @@ fn every_scn_of_the_collection_loads_and_compiles() {
 }
 
 #[test]
-fn the_original_box_has_the_counts_and_sides_of_its_reference() {
+fn the_original_cornell_box_has_the_counts_and_orientation_of_its_reference() {
     let Some(file) = shared("scenes/vkraytracing/cornellbox_original.scn") else {
         return;
     };
@@ -100,12 +105,12 @@ fn the_original_box_has_the_counts_and_sides_of_its_reference() {
     assert!((area - 0.47 * 0.38).abs() < 1e-6, "{area}");
     for e in &scene.emitters {
         let [a, b, c] = scene.triangles[e.primitive as usize];
-        assert!((b - a).cross(c - a).y < 0.0, "the light shines down");
+        assert!((b - a).cross(c - a).y < 0.0, "the light does not face down");
     }
 }
 
 #[test]
-fn quirks_of_the_collection_are_honoured_or_noted() {
+fn unusual_keys_of_third_party_scenes_are_read_or_noted() {
     let Some(folder) = shared("scenes/vkraytracing") else {
         return;
     };
@@ -134,12 +139,12 @@ fn quirks_of_the_collection_are_honoured_or_noted() {
     assert_eq!(
         sky.textures.len(),
         2,
-        "the albedo texture of a light colours its emission"
+        "the albedo texture of a light must also colour its emission"
     );
 }
 
 #[test]
-fn loose_meshes_of_others_load_as_scenes() {
+fn third_party_meshes_load_as_scenes() {
     let Some(folder) = shared("scenes") else {
         return;
     };
@@ -161,12 +166,12 @@ fn loose_meshes_of_others_load_as_scenes() {
     }
     assert!(
         lit > 0 && cut_out > 0,
-        "material files say lights ({lit}) and masks ({cut_out})"
+        "no material file has lights ({lit}) or masks ({cut_out})"
     );
 }
 
 #[test]
-fn mitsuba_scenes_of_others_load_without_notes_of_their_own() {
+fn third_party_mitsuba_scenes_load_without_notes() {
     let Some(folder) = shared("scenes") else {
         return;
     };
@@ -191,7 +196,7 @@ fn mitsuba_scenes_of_others_load_without_notes_of_their_own() {
 /// verify`: those whose noise is low enough for the samples of a test. docs/reference/formats.md
 /// lists all.
 #[test]
-fn scenes_of_others_are_as_bright_as_their_pictures() {
+fn third_party_scenes_agree_with_their_reference_pictures() {
     let Some(folder) = shared("scenes") else {
         return;
     };
@@ -211,7 +216,7 @@ fn scenes_of_others_are_as_bright_as_their_pictures() {
             "{name}: {found:?}"
         );
         assert!(row.agrees(&found), "{name}: {found:?}");
-        // One edge less, or one more, gives another picture.
+        // With one edge less or more the pictures differ.
         let other = pictures::KnownPicture {
             max_depth: if name == "veach-mis" { 3 } else { 4 },
             ..*row
@@ -222,7 +227,7 @@ fn scenes_of_others_are_as_bright_as_their_pictures() {
 }
 
 #[test]
-fn sponza_stands_in_a_scene_of_our_own() {
+fn a_lua_scene_imports_sponza_with_all_its_textures() {
     let Some(folder) = shared("scenes/sponza") else {
         return;
     };
@@ -234,14 +239,17 @@ fn sponza_stands_in_a_scene_of_our_own() {
         .into();
     let (desc, notes) =
         scene::read(&file, &options, MissingTextures::Note).unwrap_or_else(|e| panic!("{e}"));
-    let said = |what: &str| notes.iter().filter(|n| n.message.contains(what)).count();
+    let note_count = |what: &str| notes.iter().filter(|n| n.message.contains(what)).count();
     assert_eq!(
-        said("gi_flag"),
+        note_count("gi_flag"),
         1,
-        "the banner whose picture was never given away"
+        "the texture of the banner, which is not distributed"
     );
     assert_eq!(
-        (said("contains normals"), said("its height is 1 scene unit")),
+        (
+            note_count("contains normals"),
+            note_count("its height is 1 scene unit")
+        ),
         (8, 1),
         "{notes:?}"
     );
