@@ -1,6 +1,6 @@
 //! Tests that need a Vulkan device; a software driver is enough. Without one each test prints
 //! `SKIPPED` with the reason and passes, unless the variable `REQUIRE_DEVICE` is `1`. Any message
-//! of the validation layer fails the test after which it is found.
+//! of the validation layer fails the next test that checks for messages.
 #![cfg(feature = "vulkan")]
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 

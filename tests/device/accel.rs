@@ -11,24 +11,25 @@ use lumbre::render::{Job, OpenStats, Renderer};
 use lumbre::transport::integrator::integrator;
 
 use super::harness;
-use super::images::kinds;
-use super::twins::Dice;
+use super::images::supported_modes;
+use super::twins::RandomInputs;
 use crate::common::{SceneBuilder, grey, job};
 
 #[test]
-fn hierarchies_are_built_as_asked_and_every_one_shows_the_same_picture() {
-    let Some(device) = harness::exact() else {
+fn hierarchies_are_built_as_requested_and_all_give_the_same_picture() {
+    let Some(device) = harness::integer_splat_device() else {
         return;
     };
-    if !kinds(&device).contains(&TracingMode::Compute) {
+    if !supported_modes(&device).contains(&TracingMode::Compute) {
         return;
     }
-    // No room around it: half-precision boxes stay whole, and the median cut divides nothing more.
+    // No room encloses the triangles: within its large bounds, boxes in half precision would be too
+    // coarse for the median cut to divide them further.
     let sky = Vec3::new(0.5, 1.0, 1.5);
     let mut b =
         SceneBuilder::new(Vec3::new(0.0, 0.0, 2.9), Vec3::ZERO, 60.0).environment(None, sky, 0.0);
     let mut corners = Vec::new();
-    Dice::rows(400, |d, _| {
+    RandomInputs::rows(400, |d, _| {
         let a = d.vector(1.5);
         corners.push([a, a + d.vector(0.3), a + d.vector(0.3)]);
     });
@@ -95,7 +96,7 @@ fn hierarchies_are_built_as_asked_and_every_one_shows_the_same_picture() {
             found.accel_cost > 1.0 && found.accel_cost.is_finite(),
             "{i}: {found:?}"
         );
-        assert!(*film == picture, "{i}: another picture");
+        assert!(*film == picture, "{i}: the picture differs");
     }
     let cost = |of: &(OpenStats, Vec<[f64; 3]>)| of.0.accel_cost;
     assert!(
@@ -111,26 +112,29 @@ fn hierarchies_are_built_as_asked_and_every_one_shows_the_same_picture() {
     );
     assert!(
         cost(&bins) != cost(&sah) && cost(&fine) != cost(&coarse),
-        "bins and leaves count"
+        "bins and the size of leaves must change the cost"
     );
     assert_eq!(
         (ploc.0.accel_nodes, cost(&ploc)),
         (cwbvh.0.accel_nodes, cost(&cwbvh)),
-        "the same by this backend"
+        "this backend must build the same hierarchy for both"
     );
-    assert!(cost(&fast) != stats.accel_cost, "quality counts");
-    harness::silent();
+    assert!(
+        cost(&fast) != stats.accel_cost,
+        "the quality must change the cost"
+    );
+    harness::assert_no_validation_messages();
 }
 
 #[test]
-fn a_structure_may_be_larger_than_what_shaders_see_of_an_array() {
+fn an_acceleration_structure_may_exceed_the_size_limit_of_arrays() {
     let Some(device) = harness::device() else {
         return;
     };
-    let kind = harness::quick(&device);
+    let kind = harness::fastest_to_compile(&device);
     if kind == TracingMode::Compute {
         println!(
-            "SKIPPED: {} has no structures of its own",
+            "SKIPPED: {} has no acceleration structures",
             device.info.line()
         );
         return;
@@ -151,7 +155,7 @@ fn a_structure_may_be_larger_than_what_shaders_see_of_an_array() {
     });
     let scene = scene.build();
     let mut info = device.info.clone();
-    // Room for the largest of its arrays and no more.
+    // The limit is the size of the largest array of the scene.
     info.limits.storage_range = (scene.triangles.len() * size_of::<TriangleAttributes>()) as u64;
     let (range, narrow) = (
         info.limits.storage_range,
@@ -165,7 +169,7 @@ fn a_structure_may_be_larger_than_what_shaders_see_of_an_array() {
         VulkanRenderer::new(&narrow, kind, &Sources::Embedded, &scene, &job).unwrap();
     let bytes = renderer.open_stats().accel_bytes;
     renderer.advance(1).unwrap();
-    println!("structures of {bytes} bytes where an array may have {range}");
-    assert!(bytes > range, "this scene shows nothing");
-    harness::silent();
+    println!("acceleration structures of {bytes} bytes with a limit of {range} for arrays");
+    assert!(bytes > range, "the scene is too small for this test");
+    harness::assert_no_validation_messages();
 }

@@ -1,4 +1,4 @@
-//! A device starts the next wave speculatively: that changes no bit of the results, whatever is
+//! A device starts the next wave speculatively. This changes no bit of the results, whatever is
 //! requested next, and no time is counted twice.
 
 use std::sync::Arc;
@@ -11,11 +11,11 @@ use lumbre::render::vulkan::renderer::VulkanRenderer;
 use lumbre::render::{Job, Renderer, WaveStats};
 
 use super::harness;
-use super::images::{compare, room, state, with};
+use super::images::{compare, room, state, technique_job};
 
-/// Samples of each wave, and how many are announced to follow. After the first waves a dispatch of
-/// 80 ms has far more than one sample of pictures as small as these, so a wave of one sample is
-/// shorter than the work in flight.
+/// Samples of each wave, and number of samples announced to follow. After the first waves, a
+/// dispatch of 80 ms has far more than one sample of such small pictures, so a wave of one sample
+/// is shorter than the work in flight.
 const WAVES: [(u64, u64); 7] = [
     (1, 100),
     (1, 100),
@@ -29,7 +29,7 @@ const WAVES: [(u64, u64); 7] = [
 fn open(device: &Arc<Device>, job: &Job) -> VulkanRenderer {
     VulkanRenderer::new(
         device,
-        harness::quick(device),
+        harness::fastest_to_compile(device),
         &Sources::Embedded,
         &room(),
         job,
@@ -42,14 +42,14 @@ fn counts(stats: &WaveStats) -> [u64; 4] {
 }
 
 #[test]
-fn what_was_begun_changes_no_bit_of_films_checkpoints_and_counts() {
-    let Some(device) = harness::exact() else {
+fn speculative_work_changes_no_bit_of_films_checkpoints_and_counts() {
+    let Some(device) = harness::integer_splat_device() else {
         return;
     };
     for name in ["bpt", "bdpt"] {
         let job = Job {
             resolution: [20, 14],
-            ..with(name, 70)
+            ..technique_job(name, 70)
         };
         let (mut plain, mut ahead) = (open(&device, &job), open(&device, &job));
         for (i, (samples, more)) in WAVES.into_iter().enumerate() {
@@ -58,11 +58,11 @@ fn what_was_begun_changes_no_bit_of_films_checkpoints_and_counts() {
             assert_eq!(counts(&found), counts(&expected), "{name}, wave {i}");
             assert!(
                 ahead.film() == plain.film(),
-                "{name}, wave {i}: the picture"
+                "{name}, wave {i}: the films differ"
             );
             assert!(
                 state(&ahead) == state(&plain),
-                "{name}, wave {i}: what further waves need"
+                "{name}, wave {i}: the checkpoints differ"
             );
         }
         // One renderer resumes from the checkpoint of a run with work in flight, and so does that
@@ -80,21 +80,21 @@ fn what_was_begun_changes_no_bit_of_films_checkpoints_and_counts() {
             renderer.advance_with_lookahead(5, 1000).unwrap();
             assert!(
                 renderer.film() == plain.film(),
-                "{name}: after a checkpoint"
+                "{name}: the films differ after a checkpoint"
             );
         }
     }
-    harness::silent();
+    harness::assert_no_validation_messages();
 }
 
 #[test]
-fn splats_that_start_from_zero_with_every_wave_are_those_of_the_waves_that_were_asked_for() {
+fn speculative_work_does_not_change_splats_of_floats() {
     let Some(device) = harness::device() else {
         return;
     };
     let job = Job {
         resolution: [20, 14],
-        ..with("bdpt", 71)
+        ..technique_job("bdpt", 71)
     };
     let (mut plain, mut ahead) = (open(&device, &job), open(&device, &job));
     for (samples, more) in WAVES {
@@ -102,26 +102,26 @@ fn splats_that_start_from_zero_with_every_wave_are_those_of_the_waves_that_were_
         ahead.advance_with_lookahead(samples, more).unwrap();
         compare("splats by atomic addition", ahead.film(), plain.film());
     }
-    harness::silent();
+    harness::assert_no_validation_messages();
 }
 
 #[test]
-fn nothing_is_begun_where_films_would_show_it() {
-    let Some(device) = harness::exact() else {
+fn speculative_work_does_not_change_layers_and_films_with_a_time_axis() {
+    let Some(device) = harness::integer_splat_device() else {
         return;
     };
     let small = |name: &str| Job {
         resolution: [20, 14],
-        ..with(name, 5)
+        ..technique_job(name, 5)
     };
-    // The pipelines are those of other tests.
+    // These jobs have the same pipelines as other tests.
     let layers = Job {
         layers: vec![Layer::Depth, Layer::Rays],
         ..small("nee")
     };
     let timing = Some(harness::timing(1.0, 0.2, 60));
     let mut scene = room();
-    harness::slow(Arc::make_mut(&mut scene));
+    harness::add_delays(Arc::make_mut(&mut scene));
     for job in [
         layers,
         Job {
@@ -132,7 +132,7 @@ fn nothing_is_begun_where_films_would_show_it() {
         let open = || {
             VulkanRenderer::new(
                 &device,
-                harness::quick(&device),
+                harness::fastest_to_compile(&device),
                 &Sources::Embedded,
                 &scene,
                 &job,
@@ -147,17 +147,18 @@ fn nothing_is_begun_where_films_would_show_it() {
             assert!((0..plain.layers().len()).all(|i| plain.layer(i) == ahead.layer(i)));
         }
     }
-    harness::silent();
+    harness::assert_no_validation_messages();
 }
 
-/// Renders waves with pauses of the host between them, which are announced to the device or not.
-/// Returns seconds of rendering, of waiting, and of the host's clock in total.
+/// Renders waves with pauses of the host between them. `more` samples are announced to the device
+/// before each pause. Returns seconds of rendering, of idle time of the device, and of the host's
+/// clock in total.
 fn with_pauses(device: &Arc<Device>, more: u64, pause: Duration, pauses: u32) -> [f64; 3] {
     let mut renderer = open(
         device,
         &Job {
             resolution: [20, 14],
-            ..with("bpt", 72)
+            ..technique_job("bpt", 72)
         },
     );
     let start = Instant::now();
@@ -174,7 +175,7 @@ fn with_pauses(device: &Arc<Device>, more: u64, pause: Duration, pauses: u32) ->
     all.add(&renderer.advance(60).unwrap());
     let whole = start.elapsed().as_secs_f64();
     println!(
-        "{more} more: {:.3} s of rendering and {:.3} s of waiting in {whole:.3} s",
+        "{more} samples announced: {:.3} s of rendering and {:.3} s idle in {whole:.3} s",
         all.render_s, all.idle_s
     );
     assert!(
@@ -185,8 +186,8 @@ fn with_pauses(device: &Arc<Device>, more: u64, pause: Duration, pauses: u32) ->
 }
 
 #[test]
-fn the_device_works_while_the_host_is_away_and_no_second_is_counted_twice() {
-    let Some(device) = harness::exact() else {
+fn the_device_renders_while_the_host_pauses_and_no_time_is_counted_twice() {
+    let Some(device) = harness::integer_splat_device() else {
         return;
     };
     let (pause, pauses) = (Duration::from_millis(50), 4);
@@ -194,11 +195,14 @@ fn the_device_works_while_the_host_is_away_and_no_second_is_counted_twice() {
     let [_, waited, _] = with_pauses(&device, 0, pause, pauses);
     assert!(
         waited >= 0.99 * away,
-        "the pauses are no rendering: the device waited {waited} s of {away}"
+        "pauses were counted as rendering: the device was idle for {waited} s of {away} s"
     );
-    // A pause may take longer than the previous one, for which the device received work, if
-    // processors are shared.
+    // On shared processors a pause may take longer than the previous one, which determines how much
+    // work the device receives.
     let covered = (0..5).any(|_| with_pauses(&device, 60, pause, pauses)[1] < 0.5 * away);
-    assert!(covered, "the device waited although it knew what comes");
-    harness::silent();
+    assert!(
+        covered,
+        "the device was idle although samples were announced"
+    );
+    harness::assert_no_validation_messages();
 }

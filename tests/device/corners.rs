@@ -1,9 +1,9 @@
-//! Every integrator with every corner of materials, every kind of light, camera and filter, depth
-//! by depth.
+//! Every integrator with materials at the extremes of their parameters, every kind of light, camera
+//! and filter, for every depth.
 //!
-//! The same seed on both sides is far sharper than two seeds and their noise: nearly every sample
-//! is the same. Only a blended mask depends on the very bits of a ray, so those pictures are
-//! compared by their noise.
+//! Equal seeds on both sides allow a much sharper test than different seeds, because nearly every
+//! sample is the same. Only blended masks depend on the exact bits of a ray, so their pictures are
+//! compared within noise.
 
 use std::sync::Arc;
 
@@ -24,11 +24,11 @@ use lumbre::transport::integrator::{INTEGRATORS, integrator};
 use lumbre::transport::sampler::{INDEPENDENT, SOBOL};
 
 use super::harness;
-use super::images::{kinds, render, with};
+use super::images::{render, supported_modes, technique_job};
 use crate::common::{self, SceneBuilder, WHITE, grey, light};
 
-/// Returns one material for every corner of the models.
-fn corners() -> Vec<Material> {
+/// Returns materials at the extremes of every model.
+fn extreme_materials() -> Vec<Material> {
     let disney = Material {
         model: Model::Disney,
         base_color: Vec3::new(0.8, 0.5, 0.3),
@@ -150,7 +150,7 @@ const LIGHTS: [&str; 5] = [
     "environment",
 ];
 
-/// Returns a scene with a ball of every corner over a floor, under one kind of light.
+/// Returns a scene with a ball of every extreme material over a floor, under one kind of light.
 pub fn balls(lamp: &str) -> Arc<CompiledScene> {
     let mut builder = SceneBuilder::new(Vec3::new(0.0, 2.2, 4.4), Vec3::new(0.0, 0.1, -0.2), 50.0)
         .quad(
@@ -167,7 +167,7 @@ pub fn balls(lamp: &str) -> Arc<CompiledScene> {
             light(4.0),
         );
     }
-    for (i, material) in corners().into_iter().enumerate() {
+    for (i, material) in extreme_materials().into_iter().enumerate() {
         let place = Vec3::new(i as f32 % 4.0 - 1.5, 0.4, (i / 4) as f32 - 2.0);
         builder = builder.sphere(place, 0.36, material);
     }
@@ -192,7 +192,7 @@ fn total(film: &Film) -> f64 {
 }
 
 #[test]
-fn every_integrator_material_light_camera_and_filter_is_the_same_at_every_depth() {
+fn every_material_light_camera_and_filter_gives_the_light_of_the_cpu_at_every_depth() {
     let Some(device) = harness::device() else {
         return;
     };
@@ -211,13 +211,13 @@ fn every_integrator_material_light_camera_and_filter_is_the_same_at_every_depth(
         for row in INTEGRATORS {
             let (kind, radius) = filters[i % filters.len()];
             let filter = FilterSpec { kind, radius };
-            // One pipeline for each integrator: only data changes from light to light.
+            // Each integrator has one pipeline: only data differs between kinds of light.
             let sampler = if row.name == "bdpt" {
                 SOBOL
             } else {
                 INDEPENDENT
             };
-            let plain = with(row.name, 20 + i as u64);
+            let plain = technique_job(row.name, 20 + i as u64);
             let job = Job {
                 filter,
                 sampler,
@@ -230,11 +230,11 @@ fn every_integrator_material_light_camera_and_filter_is_the_same_at_every_depth(
             if matches!(lamp, "points" | "directions") && row.name == "bpt" {
                 assert!(
                     total(&expected[0]) == 0.0 && total(&found[0]) == 0.0,
-                    "{name}: nothing can find that light"
+                    "{name}: `bpt` found light that it cannot find"
                 );
                 continue;
             }
-            loosely(&name, &found[0], &expected[0]);
+            compare_loosely(&name, &found[0], &expected[0]);
             let whole = total(&expected[0]);
             for (depth, (found, expected)) in found.iter().zip(&expected).enumerate().skip(1) {
                 let (a, b) = (total(found), total(expected));
@@ -245,7 +245,7 @@ fn every_integrator_material_light_camera_and_filter_is_the_same_at_every_depth(
             }
         }
     }
-    harness::silent();
+    harness::assert_no_validation_messages();
 }
 
 /// Returns the picture and the films by depth of a device, and of the CPU.
@@ -255,7 +255,7 @@ fn both(
     job: &Job,
     samples: u64,
 ) -> (Vec<Film>, Vec<Film>) {
-    let kind = harness::quick(device);
+    let kind = harness::fastest_to_compile(device);
     let films = |renderer: &mut dyn Renderer| {
         let stats = renderer.advance(samples).unwrap();
         assert_eq!(stats.invalid, 0, "first at {:?}", stats.first_invalid);
@@ -272,9 +272,9 @@ fn both(
     )
 }
 
-/// Compares films with small lobes and few pixels, where a diverging path shows more than in
+/// Compares films with small lobes and few pixels, where a diverging path changes more than in
 /// [`compare`].
-pub fn loosely(name: &str, found: &Film, expected: &Film) {
+pub fn compare_loosely(name: &str, found: &Film, expected: &Film) {
     let (a, b) = (found.mean(), expected.mean());
     let mean = b
         .data
@@ -304,22 +304,22 @@ pub fn loosely(name: &str, found: &Film, expected: &Film) {
 }
 
 #[test]
-fn models_of_one_interface_are_the_same_in_compute_shaders() {
+fn extreme_materials_give_the_same_picture_in_compute_shaders() {
     let Some(device) = harness::device() else {
         return;
     };
-    let (scene, job) = (balls("triangles"), with("bpt", 31));
+    let (scene, job) = (balls("triangles"), technique_job("bpt", 31));
     let expected = common::render(&scene, job.clone(), 8);
-    loosely(
+    compare_loosely(
         "interfaces in a compute shader",
         &render(&device, TracingMode::Compute, &scene, &job, 8),
         &expected,
     );
-    harness::silent();
+    harness::assert_no_validation_messages();
 }
 
 #[test]
-fn blended_masks_agree_within_their_noise() {
+fn pictures_with_blended_masks_agree_within_noise() {
     let Some(device) = harness::device() else {
         return;
     };
@@ -353,12 +353,12 @@ fn blended_masks_agree_within_their_noise() {
         ..common::job([24, 16], 4, 5)
     };
     let expected = common::render(&scene, job.clone(), 256);
-    let kinds: Vec<TracingMode> = kinds(&device)
+    let kinds: Vec<TracingMode> = supported_modes(&device)
         .into_iter()
         .filter(|kind| *kind != TracingMode::Query)
         .collect();
     for kind in &kinds {
-        // Another seed, so that the two are independent where the bits of rays do not decide.
+        // Another seed makes the two independent where the bits of rays do not decide.
         let found = render(
             &device,
             *kind,
@@ -385,5 +385,5 @@ fn blended_masks_agree_within_their_noise() {
             kind.backend()
         );
     }
-    harness::silent();
+    harness::assert_no_validation_messages();
 }

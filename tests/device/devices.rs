@@ -16,8 +16,8 @@ use crate::common;
 
 const SCENE: &str = include_str!("../common/ball.scn");
 
-/// Two comparison groups of two repeats, with references in shards. One technique only: a software
-/// driver compiles its shader for seconds, in every process.
+/// Two comparison groups of two repeats, with references in shards. There is only one technique,
+/// because a software driver compiles its shader for seconds in every process.
 const SCRIPT: &str = r#"
 local x = experiment("devices", { seed = 5, repeats = 2 })
 x:axis("depth", { 2, 3 })
@@ -31,8 +31,8 @@ x:stop(stop.samples(16))
 return x
 "#;
 
-/// Returns the program in a folder, with two devices: the loader lists a driver that is named twice
-/// as two.
+/// Returns a command in a folder, with two devices: the loader lists a driver that is named twice
+/// as two devices.
 fn program(place: &Path, args: &[&str]) -> Command {
     let named = std::env::var("VK_DRIVER_FILES")
         .ok()
@@ -74,7 +74,10 @@ fn workplace() -> Option<(tempfile::TempDir, bool)> {
     std::fs::write(place.path().join("night.lua"), SCRIPT).unwrap();
     let doctor = program(place.path(), &["doctor"]).output().unwrap();
     let two = String::from_utf8_lossy(&doctor.stdout).contains("device 1 ");
-    assert!(two || !harness::required(), "no driver was listed twice");
+    assert!(
+        two || !harness::required(),
+        "the loader did not list a driver twice"
+    );
     Some((place, two))
 }
 
@@ -106,19 +109,20 @@ fn pictures(out: &Path) -> BTreeMap<String, Vec<u8>> {
         .collect()
 }
 
-fn alike(a: &BTreeMap<String, Vec<u8>>, b: &BTreeMap<String, Vec<u8>>) {
+/// Panics unless two nights have the same pictures.
+fn assert_same_pictures(a: &BTreeMap<String, Vec<u8>>, b: &BTreeMap<String, Vec<u8>>) {
     assert_eq!(a.keys().collect::<Vec<_>>(), b.keys().collect::<Vec<_>>());
-    let odd: Vec<&String> = a.keys().filter(|name| a[*name] != b[*name]).collect();
-    assert!(odd.is_empty(), "{odd:?}");
+    let differing: Vec<&String> = a.keys().filter(|name| a[*name] != b[*name]).collect();
+    assert!(differing.is_empty(), "{differing:?}");
 }
 
 #[test]
-fn a_worker_for_a_device_that_is_missing_names_those_that_are_and_renders_nothing() {
+fn a_worker_for_a_missing_device_lists_the_present_ones_and_renders_nothing() {
     let Some((place, _)) = workplace() else {
         return;
     };
     let place = place.path();
-    // Without a queue the plan snapshot is written all the same.
+    // The plan snapshot is written even if there is no queue.
     program(place, &["submit", "hq", "night.lua"])
         .output()
         .unwrap();
@@ -139,7 +143,7 @@ fn a_worker_for_a_device_that_is_missing_names_those_that_are_and_renders_nothin
         );
     }
     assert_eq!(files(&place.join("out/latest/")), before);
-    // On a plan that renders on no device the option has no meaning, and that is reported.
+    // If no run of the plan uses a device, the option is ignored with a message.
     std::fs::write(
         place.join("night.lua"),
         SCRIPT.replace("vulkan-compute", "mock"),
@@ -159,27 +163,34 @@ fn a_worker_for_a_device_that_is_missing_names_those_that_are_and_renders_nothin
 }
 
 #[test]
-fn every_device_has_a_worker_every_comparison_one_device_and_parts_the_same_bits_on_any() {
+fn every_device_has_a_worker_and_every_comparison_group_stays_on_one_device() {
     let Some((place, two)) = workplace() else {
         return;
     };
     let place = place.path();
-    let alone = program(
+    let single_worker = program(
         place,
-        &["run", "night.lua", "-q", "--no-smoke", "--out", "alone"],
+        &[
+            "run",
+            "night.lua",
+            "-q",
+            "--no-smoke",
+            "--out",
+            "single_worker",
+        ],
     )
     .output()
     .unwrap();
-    assert!(alone.status.success(), "{}", text(&alone));
-    let whole = pictures(&place.join("alone"));
+    assert!(single_worker.status.success(), "{}", text(&single_worker));
+    let whole = pictures(&place.join("single_worker"));
     assert_eq!(
         whole.len(),
         2 * 4 + 4,
-        "two references with their halves and noise, four cells"
+        "pictures of two references with halves and noise, and of four cells"
     );
 
-    // The same references as on the CPU: every shard has its own range of samples.
-    let there = program(
+    // The references equal those of the CPU, because every shard has its own range of samples.
+    let cpu_night = program(
         place,
         &[
             "run",
@@ -193,7 +204,7 @@ fn every_device_has_a_worker_every_comparison_one_device_and_parts_the_same_bits
         ],
     )
     .output();
-    assert!(there.unwrap().status.success());
+    assert!(cpu_night.unwrap().status.success());
     let means = |out: &str| -> Vec<Vec<f32>> {
         let refs = pictures(&place.join(out))
             .into_iter()
@@ -204,7 +215,7 @@ fn every_device_has_a_worker_every_comparison_one_device_and_parts_the_same_bits
         means.sort_by(|a, b| a.iter().sum::<f32>().total_cmp(&b.iter().sum()));
         means
     };
-    for (found, expected) in means("alone").iter().zip(&means("cpu")) {
+    for (found, expected) in means("single_worker").iter().zip(&means("cpu")) {
         let off = found
             .iter()
             .zip(expected)
@@ -217,7 +228,7 @@ fn every_device_has_a_worker_every_comparison_one_device_and_parts_the_same_bits
         );
     }
     if !two {
-        return println!("SKIPPED: the loader lists no driver twice");
+        return println!("SKIPPED: the loader does not list a driver twice");
     }
     let said = program(place, &["run", "night.lua", "--devices", "0,7"])
         .output()
@@ -252,12 +263,12 @@ fn every_device_has_a_worker_every_comparison_one_device_and_parts_the_same_bits
         said.contains("started a worker process for device 1"),
         "{said}"
     );
-    alike(&pictures(&place.join("out")), &whole);
+    assert_same_pictures(&pictures(&place.join("out")), &whole);
     let found = files(&place.join("out"));
-    let named = |part: &str, end: &str| -> Vec<String> {
+    let named = |folder: &str, end: &str| -> Vec<String> {
         let fits = found
             .iter()
-            .filter(|(name, _)| name.contains(part) && name.ends_with(end));
+            .filter(|(name, _)| name.contains(folder) && name.ends_with(end));
         fits.map(|(_, path)| std::fs::read_to_string(path).unwrap())
             .collect()
     };
@@ -267,41 +278,41 @@ fn every_device_has_a_worker_every_comparison_one_device_and_parts_the_same_bits
         "{worker}"
     );
     // Any worker renders shards of references.
-    let parts = [named("journal", ".jsonl"), named("/workers/", ".jsonl")]
+    let events = [named("journal", ".jsonl"), named("/workers/", ".jsonl")]
         .concat()
         .concat();
-    assert_eq!(parts.matches("part_finished").count(), 8, "{parts}");
-    // Each comparison group has one device, whichever worker was quicker.
-    let bonds: BTreeSet<String> = named("/bonds/", ".json").into_iter().collect();
+    assert_eq!(events.matches("part_finished").count(), 8, "{events}");
+    // Each comparison group stays on one device, whichever worker is faster.
+    let affinities: BTreeSet<String> = named("/bonds/", ".json").into_iter().collect();
     assert!(
-        bonds
+        affinities
             .iter()
-            .all(|bond| bond.contains(", device 0") || bond.contains(", device 1")),
-        "{bonds:?}"
+            .all(|affinity| affinity.contains(", device 0") || affinity.contains(", device 1")),
+        "{affinities:?}"
     );
     assert_eq!(named("/bonds/", ".json").len(), 2);
 }
 
-/// Checks that a shard does not depend on its waves: integer splats have no order, and a shard's
-/// other sums begin at its first sample, whichever worker renders it.
+/// The bits of a shard do not depend on its waves: sums of integer splats do not depend on their
+/// order, and all other sums begin at the first sample of the shard, whichever worker renders it.
 #[test]
-fn a_part_with_splats_has_the_same_bits_in_any_waves_and_the_samples_of_the_processor() {
-    let Some(device) = harness::exact() else {
+fn a_shard_with_splats_has_the_same_bits_in_any_waves_and_the_samples_of_the_cpu() {
+    let Some(device) = harness::integer_splat_device() else {
         return;
     };
     let scene = images::room();
-    // The pipeline is that of the test of pictures.
-    let part = Job {
+    // This job has the same pipeline as a test in `images.rs`.
+    let shard = Job {
         first_sample: 4,
-        ..images::with("bdpt", 3)
+        ..images::technique_job("bdpt", 3)
     };
-    let once = images::render(&device, TracingMode::Compute, &scene, &part, 4);
+    let once = images::render(&device, TracingMode::Compute, &scene, &shard, 4);
     let mut waves = VulkanRenderer::new(
         &device,
         TracingMode::Compute,
         &Sources::Embedded,
         &scene,
-        &part,
+        &shard,
     )
     .unwrap();
     for samples in [3, 1] {
@@ -309,14 +320,14 @@ fn a_part_with_splats_has_the_same_bits_in_any_waves_and_the_samples_of_the_proc
     }
     assert!(
         *waves.film() == once,
-        "the same part in other waves gives the same bits"
+        "other waves change the bits of the shard"
     );
-    images::compare("samples 4 to 7", &once, &common::render(&scene, part, 4));
-    harness::silent();
+    images::compare("samples 4 to 7", &once, &common::render(&scene, shard, 4));
+    harness::assert_no_validation_messages();
 }
 
 #[test]
-fn whole_splats_can_be_asked_for() {
+fn splats_in_fixed_point_can_be_requested() {
     let Some((place, _)) = workplace() else {
         return;
     };
@@ -327,7 +338,7 @@ fn whole_splats_can_be_asked_for() {
             .unwrap();
         String::from_utf8_lossy(&doctor.stdout).contains("splats in fixed point")
     };
-    assert!(splats("whole"), "a device that adds floats leaves that");
+    assert!(splats("whole"), "`whole` must select splats in fixed point");
     let adds = harness::device().is_some_and(|device| device.info.caps.float_atomics);
     assert_eq!(splats(""), !adds);
 }

@@ -38,24 +38,24 @@ fn open(
 }
 
 #[test]
-fn a_device_without_a_feature_says_which_one_is_needed() {
+fn a_missing_feature_is_an_error_that_names_the_feature_and_the_device() {
     let Some(device) = harness::device() else {
         return;
     };
-    let bare = Caps {
+    let limited = Caps {
         scalar_layout: true,
         ..Caps::default()
     };
-    let bare = Device::open(device.info.clone(), bare).unwrap();
+    let limited = Device::open(device.info.clone(), limited).unwrap();
     for (kind, what) in [
         (TracingMode::Pipeline, "ray_tracing_pipeline"),
         (TracingMode::Query, "ray_query"),
     ] {
-        let error = open(&bare, kind, &Sources::Embedded, &job([8, 8], 2, 1))
+        let error = open(&limited, kind, &Sources::Embedded, &job([8, 8], 2, 1))
             .err()
             .unwrap();
         assert!(
-            error.to_string().contains(what) && error.to_string().contains(&bare.info.name),
+            error.to_string().contains(what) && error.to_string().contains(&limited.info.name),
             "{error}"
         );
         assert!(matches!(
@@ -67,14 +67,14 @@ fn a_device_without_a_feature_says_which_one_is_needed() {
         integrator: integrator("bdpt").unwrap(),
         ..job([8, 8], 2, 1)
     };
-    let error = open(&bare, TracingMode::Compute, &Sources::Embedded, &bdpt)
+    let error = open(&limited, TracingMode::Compute, &Sources::Embedded, &bdpt)
         .err()
         .unwrap()
         .to_string();
     assert!(error.contains("shaderFloat64"), "{error}");
-    // The remaining features still work: a grey card before a white sky.
+    // The remaining features still work: the picture shows a grey square before a white sky.
     let mut renderer = open(
-        &bare,
+        &limited,
         TracingMode::Compute,
         &Sources::Embedded,
         &job([8, 8], 2, 1),
@@ -85,13 +85,13 @@ fn a_device_without_a_feature_says_which_one_is_needed() {
     assert!((0.4..=1.0).contains(&mean), "{mean}");
     assert!(
         Device::open(device.info.clone(), Caps::default()).is_err(),
-        "nothing works without scalar layouts"
+        "scalar layouts must be required"
     );
-    harness::silent();
+    harness::assert_no_validation_messages();
 }
 
 #[test]
-fn a_folder_of_shaders_changes_the_picture_or_names_its_mistake() {
+fn shaders_of_a_folder_replace_the_embedded_ones_and_their_errors_name_the_line() {
     let Some(device) = harness::device() else {
         return;
     };
@@ -117,13 +117,14 @@ fn a_folder_of_shaders_changes_the_picture_or_names_its_mistake() {
         error,
         VulkanError::Shader(ShaderError::Invalid { .. })
     ));
-    let constant = "void bpt_sample(uvec2 pixel, inout Sampler n) { sink(Contribution(pixel, vec3(2.5), vec3(2.5), 0u, 2u, 0.0)); }";
+    let constant = "void bpt_sample(uvec2 pixel, inout Sampler n) { \
+                    sink(Contribution(pixel, vec3(2.5), vec3(2.5), 0u, 2u, 0.0)); }";
     std::fs::write(&file, constant).unwrap();
     let mut renderer = open(&device, TracingMode::Compute, &sources, &job([8, 8], 2, 1)).unwrap();
     renderer.advance(3).unwrap();
     assert!(renderer.film().mean().data.iter().all(|p| *p == [2.5; 3]));
     assert!(renderer.film().sum2.iter().all(|p| *p == [18.75; 3]));
-    harness::silent();
+    harness::assert_no_validation_messages();
 }
 
 #[test]
@@ -145,14 +146,14 @@ fn invalid_samples_are_counted_and_the_first_is_named() {
     assert_eq!(
         renderer.film().sum[6 * 8 + 5],
         [0.0; 3],
-        "they count as black"
+        "invalid samples must count as black"
     );
     assert_eq!(renderer.film().sum[0], [3.0; 3]);
-    harness::silent();
+    harness::assert_no_validation_messages();
 }
 
 #[test]
-fn what_does_not_fit_is_an_error_with_both_sizes() {
+fn a_buffer_beyond_the_limit_is_an_error_with_both_sizes() {
     let Some(device) = harness::device() else {
         return;
     };
@@ -160,16 +161,16 @@ fn what_does_not_fit_is_an_error_with_both_sizes() {
     let error = Buffer::new(&device, "texels", range + 4, Default::default())
         .err()
         .unwrap();
-    let said = error.to_string();
+    let message = error.to_string();
     assert!(
-        said.contains("texels") && said.contains("MiB") && said.contains("smaller"),
-        "{said}"
+        message.contains("texels") && message.contains("MiB") && message.contains("smaller"),
+        "{message}"
     );
     assert!(matches!(
         into_render_error(TracingMode::Compute, error),
         RenderError::Unsupported { .. }
     ));
-    harness::silent();
+    harness::assert_no_validation_messages();
 }
 
 #[test]
@@ -188,19 +189,19 @@ fn a_scene_larger_than_the_device_is_refused_with_both_sizes() {
     )
     .err()
     .unwrap();
-    let said = error.to_string();
+    let message = error.to_string();
     assert!(matches!(error, VulkanError::TooLarge { .. }), "{error:?}");
     assert!(
-        said.contains(&small.info.name)
-            && said.contains("offers 0 MiB")
-            && said.contains("must fit"),
-        "{said}"
+        message.contains(&small.info.name)
+            && message.contains("offers 0 MiB")
+            && message.contains("must fit"),
+        "{message}"
     );
-    harness::silent();
+    harness::assert_no_validation_messages();
 }
 
 #[test]
-fn a_lost_device_is_worth_another_try_and_says_in_which_pass_it_was_lost() {
+fn a_lost_device_is_an_error_to_retry_that_names_the_pass() {
     let (device, pass) = ("a device".to_owned(), "render".to_owned());
     let lost = VulkanError::Lost {
         device: device.clone(),
@@ -212,20 +213,20 @@ fn a_lost_device_is_worth_another_try_and_says_in_which_pass_it_was_lost() {
         seconds: 300,
     };
     for error in [lost, stuck] {
-        let told = into_render_error(TracingMode::Pipeline, error);
+        let mapped = into_render_error(TracingMode::Pipeline, error);
         assert!(
             matches!(
-                &told,
+                &mapped,
                 RenderError::Lost {
                     backend: "vulkan",
                     ..
                 }
             ),
-            "{told:?}"
+            "{mapped:?}"
         );
         assert!(
-            told.to_string().contains("a device") && told.to_string().contains("`render`"),
-            "{told}"
+            mapped.to_string().contains("a device") && mapped.to_string().contains("`render`"),
+            "{mapped}"
         );
     }
     let result = ash::vk::Result::ERROR_INVALID_SHADER_NV;
@@ -234,23 +235,24 @@ fn a_lost_device_is_worth_another_try_and_says_in_which_pass_it_was_lost() {
         result,
         pass: "upload".to_owned(),
     };
-    let told = into_render_error(TracingMode::Query, refused);
-    assert!(matches!(&told, RenderError::Failed { .. }), "{told:?}");
+    let mapped = into_render_error(TracingMode::Query, refused);
+    assert!(matches!(&mapped, RenderError::Failed { .. }), "{mapped:?}");
     assert!(
-        told.to_string().contains("vkCreateComputePipelines")
-            && told.to_string().contains("INVALID_SHADER")
+        mapped.to_string().contains("vkCreateComputePipelines")
+            && mapped.to_string().contains("INVALID_SHADER")
     );
 }
 
 #[test]
-fn sums_lose_nothing_over_many_samples() {
+fn sums_stay_accurate_over_many_samples() {
     let Some(device) = harness::device() else {
         return;
     };
     let folder = tempfile::tempdir().unwrap();
     let entry = folder.path().join("transport/integrator");
     std::fs::create_dir_all(&entry).unwrap();
-    let tenth = "void bpt_sample(uvec2 pixel, inout Sampler n) { sink(Contribution(pixel, vec3(0.1), vec3(0.1), 0u, 2u, 0.0)); }";
+    let tenth = "void bpt_sample(uvec2 pixel, inout Sampler n) { \
+                 sink(Contribution(pixel, vec3(0.1), vec3(0.1), 0u, 2u, 0.0)); }";
     std::fs::write(entry.join("bpt.glsl"), tenth).unwrap();
     let sources = Sources::Folder(folder.path().to_owned());
     let mut renderer = open(&device, TracingMode::Compute, &sources, &job([1, 1], 2, 1)).unwrap();
@@ -261,14 +263,14 @@ fn sums_lose_nothing_over_many_samples() {
     assert!(relative < 1e-10, "{relative:e}");
     assert!(
         (f64::from(plain) / exact - 1.0).abs() > 1e-3,
-        "a plain sum would have done"
+        "a plain `f32` sum is exact enough, so this tests nothing"
     );
-    harness::silent();
+    harness::assert_no_validation_messages();
 }
 
-/// Needs no device: the loader is directed to a folder without drivers.
+/// Needs no device: the loader is directed to a driver file that does not exist.
 #[test]
-fn without_a_device_the_plan_is_refused_with_what_was_found_and_auto_is_the_processor() {
+fn without_a_device_vulkan_plans_are_refused_with_the_reason_and_auto_is_the_cpu() {
     let place = tempfile::tempdir().unwrap();
     std::fs::write(
         place.path().join("ball.scn"),
@@ -276,7 +278,8 @@ fn without_a_device_the_plan_is_refused_with_what_was_found_and_auto_is_the_proc
     )
     .unwrap();
     let script = "local x = experiment('night', { seed = 1 })\n\
-        x:render(function(p) return { scene = 'ball.scn', integrator = 'bpt', resolution = { 8, 8 } } end)\n\
+        x:render(function(p)\n\
+        return { scene = 'ball.scn', integrator = 'bpt', resolution = { 8, 8 } } end)\n\
         x:stop(stop.samples(2))\nreturn x\n";
     std::fs::write(place.path().join("night.lua"), script).unwrap();
     let run = |backend: &str| {
@@ -285,29 +288,32 @@ fn without_a_device_the_plan_is_refused_with_what_was_found_and_auto_is_the_proc
             .current_dir(place.path())
             .args(["run", "night.lua", "-q", "--backend", backend]);
         let nowhere = place.path().join("nowhere.json");
-        let ended = command
+        let output = command
             .env("VK_DRIVER_FILES", &nowhere)
             .env("VK_ICD_FILENAMES", &nowhere)
             .output()
             .unwrap();
         (
-            ended.status.code(),
-            String::from_utf8_lossy(&ended.stderr)
+            output.status.code(),
+            String::from_utf8_lossy(&output.stderr)
                 .split_whitespace()
                 .collect::<Vec<_>>()
                 .join(" "),
         )
     };
     for backend in ["vulkan", "vulkan-query", "vulkan-compute"] {
-        let (code, said) = run(backend);
-        assert_eq!(code, Some(2), "{said}");
+        let (code, message) = run(backend);
+        assert_eq!(code, Some(2), "{message}");
         assert!(
-            said.contains(&format!("`{backend}` cannot be used on this machine: no")),
-            "{said}"
+            message.contains(&format!("`{backend}` cannot be used on this machine: no")),
+            "{message}"
         );
-        assert!(said.contains("Vulkan loader"), "{said}");
+        assert!(message.contains("Vulkan loader"), "{message}");
     }
-    assert!(!place.path().join("out").exists(), "nothing was begun");
-    let (code, said) = run("auto");
-    assert_eq!(code, Some(0), "{said}");
+    assert!(
+        !place.path().join("out").exists(),
+        "a refused plan must not write an output folder"
+    );
+    let (code, message) = run("auto");
+    assert_eq!(code, Some(0), "{message}");
 }

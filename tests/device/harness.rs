@@ -33,8 +33,8 @@ pub fn device() -> Option<Arc<Device>> {
 }
 
 /// Returns the same device without float atomics: splats are integers, whose bits do not depend on
-/// the order of addition. One for all tests, since it caches their pipelines.
-pub fn exact() -> Option<Arc<Device>> {
+/// the order of addition. All tests share it, since it caches their pipelines.
+pub fn integer_splat_device() -> Option<Arc<Device>> {
     static SHARED: OnceLock<Arc<Device>> = OnceLock::new();
     let device = device()?;
     let caps = Caps {
@@ -46,10 +46,10 @@ pub fn exact() -> Option<Arc<Device>> {
     })))
 }
 
-/// Returns the tracing mode for tests that do not depend on it. Compiling takes nearly all of a
-/// software driver's time, and it compiles ray-tracing pipelines four to six times as fast as
-/// compute shaders, which are one function to it.
-pub fn quick(device: &Device) -> TracingMode {
+/// Returns the tracing mode for tests that do not depend on it. A software driver spends nearly all
+/// of its time on compiling, and compiles ray-tracing pipelines four to six times as fast as
+/// compute shaders, which it treats as one function.
+pub fn fastest_to_compile(device: &Device) -> TracingMode {
     if TracingMode::Pipeline.lacking(&device.info.caps).is_none() {
         TracingMode::Pipeline
     } else {
@@ -62,9 +62,9 @@ pub fn timing(start: f64, bin: f64, bins: u32) -> Timing {
     Timing::plain(TimeAxis { start, bin, bins })
 }
 
-/// Delays every third material of a scene by each kind of profile in turn, and composes every other
-/// third of two.
-pub fn slow(scene: &mut CompiledScene) {
+/// Delays every third material of a scene, by each kind of profile in turn, and makes every third
+/// one a composition of two.
+pub fn add_delays(scene: &mut CompiledScene) {
     let plain = |kind: DelayKind, a: f32, b: f32| {
         DelayProfile::plain(&DelayDesc {
             kind,
@@ -125,11 +125,11 @@ pub fn required() -> bool {
 }
 
 /// Panics if the validation layer has reported any message so far.
-pub fn silent() {
+pub fn assert_no_validation_messages() {
     let messages = instance::validation_messages();
     assert!(
         messages.is_empty(),
-        "the validation layer says:\n{}",
+        "messages of the validation layer:\n{}",
         messages.join("\n")
     );
     if required() {

@@ -1,5 +1,5 @@
 //! Image parity: the same seed on a device and on the CPU gives nearly the same image, sample by
-//! sample; the differences are rounding, and the few paths that diverge because of it.
+//! sample. The differences are rounding, and the few paths that diverge because of it.
 
 use std::sync::Arc;
 
@@ -18,12 +18,12 @@ use lumbre::transport::camera::{FilterKind, FilterSpec};
 use lumbre::transport::integrator::integrator;
 use lumbre::transport::sampler::SOBOL;
 
-use super::corners::{balls, loosely};
+use super::corners::{balls, compare_loosely};
 use super::harness;
 use crate::common::{self, SceneBuilder, WHITE, grey, job, light};
 
 /// Returns the tracing modes that the device supports.
-pub fn kinds(device: &Device) -> Vec<TracingMode> {
+pub fn supported_modes(device: &Device) -> Vec<TracingMode> {
     let able = |kind: &TracingMode| {
         let lacking = kind.lacking(&device.info.caps);
         if let Some(what) = lacking {
@@ -120,25 +120,36 @@ pub fn room() -> Arc<CompiledScene> {
         .build()
 }
 
-/// Renders a job on the CPU and in some tracing modes, and compares. The modes differ only in how a
-/// ray is traced, and compiling takes nearly all of the time of these tests with a software driver:
-/// so closest hits and shadow rays are tested in every mode, with every kind of primitive, masks
-/// and instances (`corners.rs`, `instances.rs`), every integrator on ray-tracing pipelines and in
-/// compute shaders, and every job in the mode that compiles fastest.
-fn same_on(of: &[TracingMode], name: &str, scene: &Arc<CompiledScene>, job: &Job, samples: u64) {
+/// Renders a job on the CPU and in some tracing modes, and compares the films.
+///
+/// The modes differ only in how a ray is traced, and with a software driver compiling takes nearly
+/// all of the time of these tests. Therefore closest hits and shadow rays are tested in every mode,
+/// with every kind of primitive, masks and instances (`corners.rs`, `instances.rs`); every
+/// integrator on ray-tracing pipelines and in compute shaders; and every job in the mode that
+/// compiles fastest.
+fn assert_same_in_modes(
+    of: &[TracingMode],
+    name: &str,
+    scene: &Arc<CompiledScene>,
+    job: &Job,
+    samples: u64,
+) {
     let Some(device) = harness::device() else {
         return;
     };
     let expected = common::render(scene, job.clone(), samples);
-    for kind in kinds(&device).into_iter().filter(|kind| of.contains(kind)) {
+    for kind in supported_modes(&device)
+        .into_iter()
+        .filter(|kind| of.contains(kind))
+    {
         let found = render(&device, kind, scene, job, samples);
         compare(&format!("{name} by {}", kind.backend()), &found, &expected);
     }
-    harness::silent();
+    harness::assert_no_validation_messages();
 }
 
 /// Returns a scene with every kind of light, masks, a textured floor, and surfaces of ideal models.
-pub fn lamps() -> Arc<CompiledScene> {
+pub fn scene_with_all_lights() -> Arc<CompiledScene> {
     let image = |width: u32, texels: Vec<[f32; 3]>| {
         Texture::new(width, texels.len() as u32 / width, texels)
     };
@@ -199,7 +210,7 @@ pub fn lamps() -> Arc<CompiledScene> {
 }
 
 /// Returns a job of an integrator, with Russian roulette.
-pub fn with(name: &str, seed: u64) -> Job {
+pub fn technique_job(name: &str, seed: u64) -> Job {
     Job {
         integrator: integrator(name).unwrap(),
         rr_start: Some(3),
@@ -208,38 +219,44 @@ pub fn with(name: &str, seed: u64) -> Job {
 }
 
 #[test]
-fn bpt_is_the_same_sample_by_sample() {
-    same_on(&TracingMode::ALL, "bpt", &room(), &with("bpt", 1), 16);
+fn bpt_renders_the_samples_of_the_cpu_in_every_tracing_mode() {
+    assert_same_in_modes(
+        &TracingMode::ALL,
+        "bpt",
+        &room(),
+        &technique_job("bpt", 1),
+        16,
+    );
 }
 
 #[test]
-fn nee_is_the_same_with_every_light_masks_textures_and_a_lens() {
+fn nee_renders_the_samples_of_the_cpu_with_all_lights_masks_textures_and_a_lens() {
     let filter = FilterSpec {
         kind: FilterKind::Gauss,
         radius: 1.0,
     };
-    same_on(
+    assert_same_in_modes(
         &[TracingMode::Pipeline, TracingMode::Query],
         "nee",
-        &lamps(),
+        &scene_with_all_lights(),
         &Job {
             filter,
-            ..with("nee", 2)
+            ..technique_job("nee", 2)
         },
         8,
     );
 }
 
 #[test]
-fn bdpt_is_the_same_sample_by_sample_with_splats_of_either_kind() {
-    let (scene, job) = (room(), with("bdpt", 3));
-    same_on(&[TracingMode::Pipeline], "bdpt", &scene, &job, 4);
-    let Some(whole) = harness::exact() else {
+fn bdpt_renders_the_samples_of_the_cpu_with_float_and_integer_splats() {
+    let (scene, job) = (room(), technique_job("bdpt", 3));
+    assert_same_in_modes(&[TracingMode::Pipeline], "bdpt", &scene, &job, 4);
+    let Some(whole) = harness::integer_splat_device() else {
         return;
     };
     let expected = common::render(&scene, job.clone(), 4);
     let once = render(&whole, TracingMode::Compute, &scene, &job, 4);
-    compare("bdpt in whole numbers", &once, &expected);
+    compare("bdpt with integer splats", &once, &expected);
     let mut waves = VulkanRenderer::new(
         &whole,
         TracingMode::Compute,
@@ -253,33 +270,33 @@ fn bdpt_is_the_same_sample_by_sample_with_splats_of_either_kind() {
     }
     assert!(
         *waves.film() == once,
-        "the same seed in other waves gives the same bits"
+        "other waves change the bits of the film"
     );
-    harness::silent();
+    harness::assert_no_validation_messages();
 }
 
 #[test]
-fn layers_are_those_of_the_cpu_and_sobol_is_its_twin() {
+fn layers_and_sobol_samples_are_those_of_the_cpu() {
     let Some(device) = harness::device() else {
         return;
     };
     let layers: Vec<Layer> = LAYERS.iter().map(|row| row.layer).collect();
-    // The pipeline is one of those of `corners.rs`.
+    // This job has the same pipeline as one in `corners.rs`.
     let job = Job {
         layers,
         sampler: SOBOL,
         resolution: [24, 16],
-        ..with("bdpt", 4)
+        ..technique_job("bdpt", 4)
     };
     let scene = balls("environment");
     let mut cpu = CpuRenderer::new(Arc::clone(&scene), job.clone()).unwrap();
     cpu.advance(4).unwrap();
-    let kind = harness::quick(&device);
+    let kind = harness::fastest_to_compile(&device);
     let mut renderer =
         VulkanRenderer::new(&device, kind, &Sources::Embedded, &scene, &job).unwrap();
     renderer.advance(1).unwrap();
     renderer.advance(3).unwrap();
-    loosely("picture with layers", renderer.film(), cpu.film());
+    compare_loosely("picture with layers", renderer.film(), cpu.film());
     assert_eq!(renderer.layers(), cpu.layers());
     let mut lit = 0;
     for (i, film) in cpu.layers().iter().enumerate() {
@@ -301,23 +318,31 @@ fn layers_are_those_of_the_cpu_and_sobol_is_its_twin() {
         );
         lit += usize::from(total(&expected) > 0.0);
     }
-    assert!(lit > 20, "only {lit} films show anything");
-    harness::silent();
+    assert!(lit > 20, "only {lit} films have light");
+    harness::assert_no_validation_messages();
 }
 
 #[test]
-fn a_new_scene_seed_or_size_makes_no_pipeline_and_going_back_to_a_technique_makes_none() {
+fn scenes_seeds_and_sizes_share_a_pipeline_and_techniques_reuse_theirs() {
     let Some(device) = harness::device() else {
         return;
     };
-    // A device of its own, since other tests create pipelines at the same time.
+    // Other tests create pipelines at the same time, so this one opens another device.
     let device = Device::open(device.info.clone(), device.info.caps).unwrap();
     let ball = |x: f32| {
         let builder =
             SceneBuilder::new(Vec3::Z * 3.0, Vec3::ZERO, 50.0).sphere(Vec3::X * x, 0.5, grey(0.5));
         builder.environment(None, Vec3::ONE, 0.0).build()
     };
-    let film = |x: f32, job: Job| render(&device, harness::quick(&device), &ball(x), &job, 1);
+    let film = |x: f32, job: Job| {
+        render(
+            &device,
+            harness::fastest_to_compile(&device),
+            &ball(x),
+            &job,
+            1,
+        )
+    };
     let plain = job([16, 16], 2, 1);
     film(0.0, plain.clone());
     assert_eq!(device.pipeline_registry.count(), 1);
@@ -339,13 +364,13 @@ fn a_new_scene_seed_or_size_makes_no_pipeline_and_going_back_to_a_technique_make
     assert_eq!(
         device.pipeline_registry.count(),
         2,
-        "a time axis has a pipeline of its own, so that it costs nothing without one"
+        "a time axis must have another pipeline, so that jobs without one pay nothing for it"
     );
     let shared = common::render(&ball(0.3), plain.clone(), 1);
-    compare("from the pipeline_registry", &film(0.3, plain), &shared);
+    compare("from the pipeline registry", &film(0.3, plain), &shared);
     film(0.1, late);
     assert_eq!(device.pipeline_registry.count(), 2);
-    harness::silent();
+    harness::assert_no_validation_messages();
 }
 
 /// Returns the checkpoint of a run.
@@ -356,24 +381,24 @@ pub fn state(renderer: &VulkanRenderer) -> Vec<u8> {
 }
 
 #[test]
-fn a_run_that_was_cut_off_goes_on_to_the_same_bits() {
-    let Some(exact) = harness::exact() else {
+fn a_run_resumed_from_a_checkpoint_has_the_same_bits() {
+    let Some(exact) = harness::integer_splat_device() else {
         return;
     };
     let scene = room();
-    // `bdpt` has the pipeline of the test of its splats, which is a compute shader.
+    // `bdpt` uses the compute shader of the test of its splats.
     let open = |job: &Job| {
         let kind = if job.integrator.splats {
             TracingMode::Compute
         } else {
-            harness::quick(&exact)
+            harness::fastest_to_compile(&exact)
         };
         VulkanRenderer::new(&exact, kind, &Sources::Embedded, &scene, job).unwrap()
     };
     let small = |name: &str, layers: &[Layer]| Job {
         layers: layers.to_vec(),
         resolution: [20, 14],
-        ..with(name, 5)
+        ..technique_job(name, 5)
     };
     let splats = small("bdpt", &[]);
     let mut last = None;
@@ -387,11 +412,15 @@ fn a_run_that_was_cut_off_goes_on_to_the_same_bits() {
         let mut second = open(&job);
         second.restore(&saved).unwrap();
         assert_eq!(second.film().samples, 2);
-        assert_eq!(state(&second), saved, "what was taken is what is there");
+        assert_eq!(
+            state(&second),
+            saved,
+            "a restored checkpoint is saved with other bytes"
+        );
         second.advance(3).unwrap();
         assert!(
             second.film() == whole.film(),
-            "the picture of {}",
+            "the film of {} differs",
             job.integrator.name
         );
         for i in 0..whole.layers().len() {
@@ -404,13 +433,13 @@ fn a_run_that_was_cut_off_goes_on_to_the_same_bits() {
         last = Some((second, saved));
     }
     let (second, saved) = last.unwrap();
-    // No other run can resume from it: without splats, of another size, or from a shard.
+    // Refused are a run without splats, a run of another size, and a truncated checkpoint.
     let (smaller, without) = (
         Job {
             resolution: [10, 14],
             ..splats
         },
-        with("bpt", 5),
+        technique_job("bpt", 5),
     );
     for (mut other, bytes) in [
         (open(&without), &saved[..]),
@@ -420,5 +449,5 @@ fn a_run_that_was_cut_off_goes_on_to_the_same_bits() {
         let error = other.restore(bytes).unwrap_err().to_string();
         assert!(error.contains("does not match this run"), "{error}");
     }
-    harness::silent();
+    harness::assert_no_validation_messages();
 }

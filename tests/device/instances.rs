@@ -16,17 +16,17 @@ use lumbre::scene::desc::{
     ShapeDesc, Transform, mesh_hash,
 };
 
-use super::corners::loosely;
+use super::corners::compare_loosely;
 use super::harness;
-use super::images::{kinds, render, with};
-use super::twins::Dice;
+use super::images::{render, supported_modes, technique_job};
+use super::twins::RandomInputs;
 use crate::common::{self, job};
 
 /// Returns a ball of `rows` times twice as many quads, whose cap at the top emits.
 fn ball(rows: u32) -> Arc<MeshDesc> {
     let columns = 2 * rows;
     let point = |row: u32, column: u32| {
-        // Open at the poles, so that no triangle is without area.
+        // The ball is open at the poles, so that every triangle has an area.
         let (height, turn) = (
             (row as f32 + 0.2) / (rows as f32 + 0.4),
             (column % columns) as f32 / columns as f32,
@@ -67,9 +67,8 @@ fn ball(rows: u32) -> Arc<MeshDesc> {
     Arc::new(mesh)
 }
 
-/// Returns instances of a ball, turned and stretched, some mirrored and sheared, about an
-/// untransformed one.
-fn balls(copies: u32, rows: u32) -> CompiledScene {
+/// Returns instances of a ball, rotated and scaled, some mirrored and sheared, about a sphere.
+fn balls(count: u32, rows: u32) -> CompiledScene {
     let materials = vec![
         MaterialDesc {
             base_color: Vec3::new(0.7, 0.5, 0.3),
@@ -87,9 +86,9 @@ fn balls(copies: u32, rows: u32) -> CompiledScene {
         },
     ];
     let mesh = ball(rows);
-    let spread = f32::max(1.0, (copies as f32).sqrt() * 0.5);
+    let spread = f32::max(1.0, (count as f32).sqrt() * 0.5);
     let mut entities = Vec::new();
-    Dice::rows(copies, |d, i| {
+    RandomInputs::rows(count, |d, i| {
         let turn = Quat::from_axis_angle(d.direction(), d.between(-3.0, 3.0));
         let mut scale = Vec3::new(
             d.between(0.2, 0.6),
@@ -145,14 +144,14 @@ fn balls(copies: u32, rows: u32) -> CompiledScene {
 }
 
 #[test]
-fn copies_look_the_same_as_on_the_cpu() {
+fn instances_give_the_picture_of_the_cpu() {
     let Some(device) = harness::device() else {
         return;
     };
     let scene = Arc::new(balls(24, 6));
     assert!(
         scene.instances.placements.len() == 24 && scene.instances.meshes.len() >= 3,
-        "plain, mirrored, without a lamp"
+        "expected meshes: plain, mirrored, without emission"
     );
     for (name, kind) in [
         ("nee", TracingMode::Pipeline),
@@ -161,27 +160,27 @@ fn copies_look_the_same_as_on_the_cpu() {
     ] {
         let job = Job {
             resolution: [48, 32],
-            ..with(name, 60)
+            ..technique_job(name, 60)
         };
         let expected = common::render(&scene, job.clone(), 8);
-        // Their caps are found as lights, beside the contribution of the environment.
+        // The emitting caps are visible in addition to the environment.
         assert!(
             expected.mean().data.iter().any(|p| p[2] > 1.0),
-            "no cap is seen"
+            "no cap is visible"
         );
-        if kinds(&device).contains(&kind) {
-            loosely(
+        if supported_modes(&device).contains(&kind) {
+            compare_loosely(
                 &format!("{name} by {}", kind.backend()),
                 &render(&device, kind, &scene, &job, 8),
                 &expected,
             );
         }
     }
-    harness::silent();
+    harness::assert_no_validation_messages();
 }
 
 #[test]
-fn ten_thousand_copies_take_the_memory_of_one() {
+fn ten_thousand_instances_take_at_most_512_bytes_each() {
     let Some(device) = harness::device() else {
         return;
     };
@@ -192,25 +191,28 @@ fn ten_thousand_copies_take_the_memory_of_one() {
         renderer.advance(1).unwrap();
         renderer.open_stats().accel_bytes
     };
-    // Two meshes each: plain and mirrored.
+    // Both scenes have two meshes, plain and mirrored.
     let (few, many) = (balls(2, 24), balls(10_000, 24));
-    assert!(many.flattened(1 << 24).is_err(), "too many to be unfolded");
+    assert!(
+        many.flattened(1 << 24).is_err(),
+        "the scene must be too large to be flattened"
+    );
     let meshes = 2 * 4 * 24 * 24;
     for kind in [TracingMode::Query, TracingMode::Compute]
         .into_iter()
-        .filter(|kind| kinds(&device).contains(kind))
+        .filter(|kind| supported_modes(&device).contains(kind))
     {
         let (least, most) = (bytes(kind, &few), bytes(kind, &many));
         let name = kind.backend();
         println!(
-            "{name}: {meshes} triangles in {least} bytes; ten thousand copies of them in {most}"
+            "{name}: {meshes} triangles in {least} bytes; ten thousand instances of them in {most}"
         );
-        // Bytes of an instance's record, and of its share of the tree above.
+        // An instance takes its record and its share of the top-level tree.
         assert!(
             most - least < 10_000 * 512,
-            "{name}: {} bytes for each copy",
+            "{name}: {} bytes for each instance",
             (most - least) / 10_000
         );
     }
-    harness::silent();
+    harness::assert_no_validation_messages();
 }

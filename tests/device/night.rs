@@ -1,4 +1,4 @@
-//! A script whose axis is the backend, run by the program itself: the reports of both agree.
+//! A script whose axis is the backend, run by the program: both backends give the same pictures.
 
 use assert_cmd::Command;
 
@@ -23,13 +23,15 @@ const SCRIPT: &str = r#"
 local x = experiment("backends", { seed = 7 })
 x:axis("on", { "cpu", "vulkan-compute" })
 x:render(function(p) 
-  return { scene = "ball.scn", integrator = "bpt", backend = p.on, accel = { builder = "sah", bins = 4, max_leaf = 1 }, film = { time = { start = 3, bin = 0.25, bins = 24 } } }
+  return { scene = "ball.scn", integrator = "bpt", backend = p.on,
+           accel = { builder = "sah", bins = 4, max_leaf = 1 },
+           film = { time = { start = 3, bin = 0.25, bins = 24 } } }
 end)
 x:stop(function(p) return stop.samples(1024) end)
 return x
 "#;
 
-/// Returns the numbers of an array in NumPy's format, single precision.
+/// Returns the single-precision values of an array in NumPy's format.
 fn numbers(file: &[u8]) -> Vec<f32> {
     let head = 10 + usize::from(u16::from_le_bytes([file[8], file[9]]));
     file[head..]
@@ -39,7 +41,7 @@ fn numbers(file: &[u8]) -> Vec<f32> {
 }
 
 #[test]
-fn a_script_sweeps_over_backends_and_both_render_the_same() {
+fn a_sweep_over_backends_gives_the_same_pictures_and_bins() {
     if harness::device().is_none() {
         return;
     }
@@ -47,14 +49,14 @@ fn a_script_sweeps_over_backends_and_both_render_the_same() {
     std::fs::write(place.path().join("ball.scn"), SCENE).unwrap();
     std::fs::write(place.path().join("night.lua"), SCRIPT).unwrap();
     let mut command = Command::cargo_bin("lumbre").unwrap();
-    let ended = command
+    let output = command
         .current_dir(place.path())
         .args(["run", "night.lua"])
         .output()
         .unwrap();
-    let said = String::from_utf8_lossy(&ended.stderr);
-    assert!(ended.status.success(), "{said}");
-    assert!(said.contains("backend vulkan-compute: "), "{said}");
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{message}");
+    assert!(message.contains("backend vulkan-compute: "), "{message}");
     let (mut pictures, mut cubes, mut built) = (Vec::new(), Vec::new(), 0);
     let mut open = vec![place.path().join("out")];
     while let Some(folder) = open.pop() {
@@ -75,9 +77,9 @@ fn a_script_sweeps_over_backends_and_both_render_the_same() {
             } else if path.file_name().is_some_and(|n| n == "done.json") {
                 let done: serde_json::Value =
                     serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
-                let said = ["accel_build_s", "accel_bytes", "accel_cost"]
+                let message = ["accel_build_s", "accel_bytes", "accel_cost"]
                     .map(|key| done[key].as_f64().unwrap());
-                assert!(said.iter().all(|x| *x > 0.0), "{done}");
+                assert!(message.iter().all(|x| *x > 0.0), "{done}");
                 built += 1;
             }
         }
@@ -105,6 +107,6 @@ fn a_script_sweeps_over_backends_and_both_render_the_same() {
         "{lit} of {} are lit",
         cubes[0].len()
     );
-    // A path that rounding moves across an edge between bins changes both.
+    // A path that rounding moves across the edge between two bins changes both.
     assert!(off * 100 <= lit, "{off} of {lit} values in bins differ");
 }

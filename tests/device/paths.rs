@@ -10,11 +10,11 @@ use lumbre::render::vulkan::pipelines::spirv::Sources;
 use lumbre::render::vulkan::renderer::VulkanRenderer;
 use lumbre::transport::integrator::INTEGRATORS;
 
-use super::harness::{self, slow, timing};
-use super::images::{kinds, room, with};
+use super::harness::{self, add_delays, timing};
+use super::images::{room, supported_modes, technique_job};
 
 /// Returns whether two steps are the same apart from rounding.
-fn alike(a: &PathEvent, b: &PathEvent) -> bool {
+fn same_step(a: &PathEvent, b: &PathEvent) -> bool {
     let near = |a: glam::Vec3, b: glam::Vec3| {
         (a - b).abs().max_element() <= 1e-3 * (1.0 + b.abs().max_element())
     };
@@ -43,18 +43,19 @@ fn alike(a: &PathEvent, b: &PathEvent) -> bool {
 }
 
 #[test]
-fn samples_take_the_same_steps_to_the_same_vertices_on_every_backend() {
+fn samples_have_the_same_steps_and_vertices_on_every_backend() {
     let Some(device) = harness::device() else {
         return;
     };
-    // With a time axis and composed materials, whose numbers and lengths then are compared as well.
+    // The job has a time axis and composed materials, so their sample numbers and optical lengths
+    // are compared as well.
     let mut scene = room();
-    slow(Arc::make_mut(&mut scene));
+    add_delays(Arc::make_mut(&mut scene));
     for row in INTEGRATORS {
         let job = Job {
             resolution: [16, 12],
             timing: Some(timing(0.0, 1.0, 1)),
-            ..with(row.name, 11)
+            ..technique_job(row.name, 11)
         };
         let rows = (0..12u32).flat_map(|y| [(y, 0u64), (y, 5 + (u64::from(y) << 33))]);
         let samples: Vec<SampleAt> = rows
@@ -80,12 +81,12 @@ fn samples_take_the_same_steps_to_the_same_vertices_on_every_backend() {
         let able = |kind: &TracingMode| {
             *kind == TracingMode::Pipeline || (*kind == TracingMode::Compute && row.name == "bpt")
         };
-        for kind in kinds(&device).into_iter().filter(able) {
+        for kind in supported_modes(&device).into_iter().filter(able) {
             let mut renderer =
                 VulkanRenderer::recording(&device, kind, &Sources::Embedded, &scene, &job).unwrap();
             let found = renderer.paths(&samples).unwrap();
             let same = |(a, b): &(&Vec<PathEvent>, &Vec<PathEvent>)| {
-                a.len() == b.len() && a.iter().zip(b.iter()).all(|(a, b)| alike(a, b))
+                a.len() == b.len() && a.iter().zip(b.iter()).all(|(a, b)| same_step(a, b))
             };
             let pairs = || found.iter().zip(&expected);
             let off = pairs().filter(|pair| !same(pair)).count();
@@ -104,5 +105,5 @@ fn samples_take_the_same_steps_to_the_same_vertices_on_every_backend() {
             );
         }
     }
-    harness::silent();
+    harness::assert_no_validation_messages();
 }

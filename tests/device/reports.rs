@@ -1,5 +1,5 @@
-//! The same script on the CPU and on a device: `lumbre report` puts both nights side by side, and
-//! its tables agree.
+//! The same script on the CPU and on a device: `lumbre report` compares both nights, and the values
+//! in its tables agree.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -28,24 +28,27 @@ const SCRIPT: &str = r#"
 local x = experiment("agree", { seed = 5, repeats = 2 })
 x:axis("technique", { "nee", "bdpt" })
 x:axis("depth", { 2, 4 })
-x:render(function(p) return { scene = "balls.scn", integrator = p.technique, max_depth = p.depth } end)
+x:render(function(p)
+  return { scene = "balls.scn", integrator = p.technique, max_depth = p.depth }
+end)
 x:reference { from = function(p) return { integrator = "nee" } end, stop = stop.samples(256) }
-x:measure { every = "60s", rmse = metric.rmse(), ssim = metric.ssim { on = tonemap.srgb { exposure = 0 } } }
+x:measure { every = "60s", rmse = metric.rmse(),
+            ssim = metric.ssim { on = tonemap.srgb { exposure = 0 } } }
 x:stop(function(p) return stop.samples(16) end)
 return x
 "#;
 
 /// Runs the program in a folder.
 fn lumbre(place: &Path, arguments: &[&str]) {
-    let ended = Command::new(env!("CARGO_BIN_EXE_lumbre"))
+    let output = Command::new(env!("CARGO_BIN_EXE_lumbre"))
         .current_dir(place)
         .args(arguments)
         .output()
         .unwrap();
     assert!(
-        ended.status.success(),
+        output.status.success(),
         "{arguments:?}: {}",
-        String::from_utf8_lossy(&ended.stderr)
+        String::from_utf8_lossy(&output.stderr)
     );
 }
 
@@ -90,7 +93,7 @@ fn entries(table: &str) -> Vec<Entry> {
 }
 
 #[test]
-fn reports_of_the_same_script_on_the_processor_and_on_a_device_agree() {
+fn reports_of_the_same_script_on_the_cpu_and_on_a_device_agree() {
     if harness::device().is_none() {
         return;
     }
@@ -143,7 +146,8 @@ fn reports_of_the_same_script_on_the_processor_and_on_a_device_agree() {
                 first.contains("cpu") && second.contains("vulkan"),
                 "{table}"
             );
-            // Within the noise that the repeats show; and, since seeds are the same, far closer.
+            // The values agree within the noise of the repeats and, since the seeds are the same,
+            // much closer.
             assert!(
                 (a - b).abs() <= a_half + b_half,
                 "{metric} of {cell:?}: {a} and {b}"
@@ -159,10 +163,10 @@ fn reports_of_the_same_script_on_the_processor_and_on_a_device_agree() {
                 .push(*a);
         }
     }
-    for (of, values) in &depths {
+    for (measured, values) in &depths {
         assert!(
             (values[0] / values[1] - 1.0).abs() > 1e-3,
-            "{of:?}: depth makes no difference, {values:?}"
+            "{measured:?}: depth makes no difference, {values:?}"
         );
     }
 }

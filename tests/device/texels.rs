@@ -22,7 +22,7 @@ use lumbre::scene::compile::Texture;
 use lumbre::transport::integrator::integrator;
 
 use super::harness;
-use super::images::{compare, kinds, lamps, render};
+use super::images::{compare, render, scene_with_all_lights, supported_modes};
 use crate::common::{self, SceneBuilder, grey, job};
 
 /// Returns the device with other limits and capabilities.
@@ -32,15 +32,15 @@ fn with(device: &Device, change: impl FnOnce(&mut Limits, &mut Caps)) -> Arc<Dev
     Device::open(info, caps).unwrap()
 }
 
-/// Returns the device with room for so many texels in a buffer.
-fn cut(device: &Device, texels: u64) -> Arc<Device> {
+/// Returns the device with a limit of this many texels per buffer.
+fn limited_to(device: &Device, texels: u64) -> Arc<Device> {
     with(device, |limits, _| limits.texels = texels * 12)
 }
 
 /// Returns a scene with textures, a mask and an environment map, with colours and second
 /// coordinates at triangle corners.
 fn scene() -> Arc<CompiledScene> {
-    let mut scene = (*lamps()).clone();
+    let mut scene = (*scene_with_all_lights()).clone();
     let part = |i: usize, k: usize| (7 * i + 3 * k) as f32 % 10.0 / 10.0;
     let triangles = 0..scene.triangles.len();
     scene.colors = triangles
@@ -54,7 +54,7 @@ fn scene() -> Arc<CompiledScene> {
     Arc::new(scene)
 }
 
-/// Returns all texels of [`scene`] in device order: pictures, the environment map, colours, second
+/// Returns all texels of [`scene`] in device order: textures, the environment map, colours, second
 /// coordinates.
 fn all_texels(scene: &CompiledScene) -> Vec<[f32; 3]> {
     let maps = scene
@@ -74,15 +74,12 @@ fn all_texels(scene: &CompiledScene) -> Vec<[f32; 3]> {
 }
 
 #[test]
-fn every_texel_of_every_block_is_where_shaders_look_for_it() {
+fn shaders_find_every_texel_in_blocks_of_every_size() {
     let Some(device) = harness::device() else {
         return;
     };
     if !device.info.caps.addresses {
-        println!(
-            "SKIPPED: {} has no addresses of buffers",
-            device.info.line()
-        );
+        println!("SKIPPED: {} has no buffer addresses", device.info.line());
         return;
     }
     let (scene, job) = (scene(), job([8, 8], 2, 1));
@@ -92,17 +89,17 @@ fn every_texel_of_every_block_is_where_shaders_look_for_it() {
         .map(|x| x.to_bits())
         .collect();
     let count = expected.len() as u64 / 3;
-    // Blocks of two; of eight with a partial last one; the fewest possible; and one that just holds
-    // everything.
-    for (room, shift) in [
+    // Blocks of two texels; of eight, the last one partial; the fewest blocks possible; and one
+    // buffer that just holds all texels.
+    for (limit, shift) in [
         (3, Some(1)),
         (15, Some(3)),
         (count - 1, Some((count - 1).ilog2())),
         (count, None),
     ] {
-        let device = cut(&device, room);
+        let device = limited_to(&device, limit);
         let buffers = SceneBuffers::new(&device, &scene).unwrap();
-        assert_eq!(buffers.texel_shift(), shift, "{room} texels");
+        assert_eq!(buffers.texel_shift(), shift, "{limit} texels");
         let rest = JobBuffers::new(&device, &scene, &job, &LayerLayout::default()).unwrap();
         let defines: Vec<_> = shift
             .map(|shift| ("TEXEL_SHIFT", format!("{shift}u")))
@@ -120,40 +117,40 @@ fn every_texel_of_every_block_is_where_shaders_look_for_it() {
             let found =
                 test_kernel::run(&device, stage, (&buffers, &rest), &spirv, &inputs, [1, 3])
                     .unwrap();
-            assert!(found == expected, "{room} texels, {stage:?}");
+            assert!(found == expected, "{limit} texels, {stage:?}");
         }
     }
-    harness::silent();
+    harness::assert_no_validation_messages();
 }
 
 #[test]
-fn a_scene_whose_texels_lie_in_blocks_is_the_same_on_every_kind() {
+fn a_scene_with_texels_in_blocks_is_the_same_in_every_tracing_mode() {
     let Some(device) = harness::device() else {
         return;
     };
     if !device.info.caps.addresses {
-        println!(
-            "SKIPPED: {} has no addresses of buffers",
-            device.info.line()
-        );
+        println!("SKIPPED: {} has no buffer addresses", device.info.line());
         return;
     }
-    let (scene, blocks) = (scene(), cut(&device, 5));
+    let (scene, blocks) = (scene(), limited_to(&device, 5));
     let with = |name: &str| Job {
         integrator: integrator(name).unwrap(),
         ..job([48, 27], 4, 8)
     };
-    let kind = harness::quick(&device);
+    let kind = harness::fastest_to_compile(&device);
     let whole = render(&device, kind, &scene, &with("nee"), 4);
     let parts = render(&blocks, kind, &scene, &with("nee"), 4);
-    assert!(whole == parts, "other bits than of one buffer");
+    assert!(whole == parts, "the bits differ from those with one buffer");
     compare(
         "texels in blocks",
         &parts,
         &common::render(&scene, with("nee"), 4),
     );
     let expected = common::render(&scene, with("bpt"), 4);
-    for kind in kinds(&device).into_iter().filter(|other| *other != kind) {
+    for kind in supported_modes(&device)
+        .into_iter()
+        .filter(|other| *other != kind)
+    {
         let found = render(&blocks, kind, &scene, &with("bpt"), 4);
         compare(
             &format!("texels in blocks by {}", kind.backend()),
@@ -161,11 +158,11 @@ fn a_scene_whose_texels_lie_in_blocks_is_the_same_on_every_kind() {
             &expected,
         );
     }
-    harness::silent();
+    harness::assert_no_validation_messages();
 }
 
 #[test]
-fn texels_that_fit_nowhere_are_refused_with_both_sizes() {
+fn texels_that_do_not_fit_are_refused_with_both_sizes() {
     let Some(device) = harness::device() else {
         return;
     };
@@ -181,11 +178,11 @@ fn texels_that_fit_nowhere_are_refused_with_both_sizes() {
         .build();
     let refused = |device: Arc<Device>, found: &str| {
         let error = SceneBuffers::new(&device, &scene).err().unwrap();
-        let said = error.to_string();
+        let message = error.to_string();
         assert!(matches!(error, VulkanError::TooLarge { .. }), "{error:?}");
         assert!(
-            said.starts_with("texels takes 6 MiB") && said.contains(found),
-            "{said}"
+            message.starts_with("texels takes 6 MiB") && message.contains(found),
+            "{message}"
         );
         assert!(matches!(
             into_render_error(TracingMode::Compute, error),
@@ -193,7 +190,7 @@ fn texels_that_fit_nowhere_are_refused_with_both_sizes() {
         ));
     };
     let narrow = |limits: &mut Limits| (limits.storage_range, limits.texels) = (1 << 20, 1 << 20);
-    // Without buffer addresses there are no blocks.
+    // Blocks need buffer addresses.
     let plain = |limits: &mut Limits, caps: &mut Caps| {
         narrow(limits);
         *caps = Caps {
@@ -215,5 +212,5 @@ fn texels_that_fit_nowhere_are_refused_with_both_sizes() {
             "64 Ki texels of twelve bytes in a MiB"
         );
     }
-    harness::silent();
+    harness::assert_no_validation_messages();
 }

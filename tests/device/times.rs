@@ -14,14 +14,14 @@ use lumbre::scene::CompiledScene;
 use lumbre::transport::delay::Profile;
 use lumbre::transport::path_time::Timing;
 
-use super::harness::{self, slow, timing};
-use super::images::{compare, kinds, render, room, with};
+use super::harness::{self, add_delays, timing};
+use super::images::{compare, render, room, supported_modes, technique_job};
 use crate::common;
 
 /// Returns the room of glass and metal, with delayed and composed materials of every kind.
-fn slow_room() -> Arc<CompiledScene> {
+fn room_with_delays() -> Arc<CompiledScene> {
     let mut scene = room();
-    slow(Arc::make_mut(&mut scene));
+    add_delays(Arc::make_mut(&mut scene));
     scene
 }
 
@@ -36,7 +36,7 @@ fn open(
 
 /// Checks that the bins of both hold the same light: the histogram of the whole picture, and each
 /// pixel's.
-fn same_bins(name: &str, found: &TimeCube, expected: &TimeCube) {
+fn assert_same_bins(name: &str, found: &TimeCube, expected: &TimeCube) {
     assert_eq!(
         (found.axis, found.samples),
         (expected.axis, expected.samples)
@@ -52,8 +52,8 @@ fn same_bins(name: &str, found: &TimeCube, expected: &TimeCube) {
     let lit = (0..slots)
         .filter(|slot| histogram(expected, *slot) > 1e-4 * whole)
         .count();
-    assert!(lit > 20, "{name}: only {lit} slots show anything");
-    // A path that diverges by rounding, or crosses an edge between bins, moves its light.
+    assert!(lit > 20, "{name}: only {lit} slots have light");
+    // A path that diverges by rounding, or crosses the edge between two bins, moves its light.
     for slot in 0..slots {
         let (a, b) = (histogram(found, slot), histogram(expected, slot));
         assert!(
@@ -94,11 +94,11 @@ fn same_bins(name: &str, found: &TimeCube, expected: &TimeCube) {
 }
 
 #[test]
-fn every_integrator_fills_the_bins_that_the_cpu_fills() {
+fn every_integrator_fills_the_bins_of_the_cpu() {
     let Some(device) = harness::device() else {
         return;
     };
-    let scene = slow_room();
+    let scene = room_with_delays();
     let plain = timing(1.0, 0.2, 60);
     let cases: [(&str, Timing, u64); 3] = [
         ("bpt", plain.clone(), 16),
@@ -126,33 +126,34 @@ fn every_integrator_fills_the_bins_that_the_cpu_fills() {
         let job = Job {
             timing: Some(timing),
             resolution: [32, 20],
-            ..with(name, 40 + i as u64)
+            ..technique_job(name, 40 + i as u64)
         };
         let mut cpu = CpuRenderer::new(Arc::clone(&scene), job.clone()).unwrap();
         cpu.advance(samples).unwrap();
         let expected = cpu.times().unwrap();
-        // Once in a compute shader as well.
+        // `bpt` is tested in a compute shader as well.
         let able = |kind: &TracingMode| {
-            *kind == harness::quick(&device) || (*kind == TracingMode::Compute && name == "bpt")
+            *kind == harness::fastest_to_compile(&device)
+                || (*kind == TracingMode::Compute && name == "bpt")
         };
-        for kind in kinds(&device).into_iter().filter(able) {
+        for kind in supported_modes(&device).into_iter().filter(able) {
             let name = format!("{name} by {}", kind.backend());
             let mut renderer = open(&device, kind, &scene, &job);
-            // In two waves: no state of a sample may be left for the next one.
+            // Two waves detect state of a sample that is left for the next one.
             for wave in [1, samples - 1] {
                 assert_eq!(renderer.advance(wave).unwrap().invalid, 0);
             }
             let found = renderer.times().unwrap();
-            same_bins(&name, &found, &expected);
+            assert_same_bins(&name, &found, &expected);
             compare(&name, renderer.film(), cpu.film());
             let sums = found.sum.chunks_exact(found.axis.slots()).map(sum_slots);
             assert!(
                 renderer.film().sum.iter().copied().eq(sums),
-                "{name}: the film is the sum of its slots, bit by bit"
+                "{name}: the film is not the sum of its slots, bit by bit"
             );
         }
     }
-    harness::silent();
+    harness::assert_no_validation_messages();
 }
 
 #[test]
@@ -161,29 +162,38 @@ fn composed_materials_are_the_same_without_a_time_axis() {
         return;
     };
     let (scene, job) = (
-        slow_room(),
+        room_with_delays(),
         Job {
             resolution: [32, 20],
-            ..with("bpt", 50)
+            ..technique_job("bpt", 50)
         },
     );
     let expected = common::render(&scene, job.clone(), 16);
     compare(
         "composed materials",
-        &render(&device, harness::quick(&device), &scene, &job, 16),
+        &render(
+            &device,
+            harness::fastest_to_compile(&device),
+            &scene,
+            &job,
+            16,
+        ),
         &expected,
     );
     let plain = common::render(&room(), job, 16);
-    assert!(plain != expected, "the parts look otherwise");
-    harness::silent();
+    assert!(
+        plain != expected,
+        "composed materials must change the picture"
+    );
+    harness::assert_no_validation_messages();
 }
 
 #[test]
-fn bins_go_on_from_a_checkpoint_to_the_same_bits_and_many_slots_are_all_found() {
-    let Some(device) = harness::exact() else {
+fn bins_resumed_from_a_checkpoint_have_the_same_bits_and_wide_filters_fill_all_slots() {
+    let Some(device) = harness::integer_splat_device() else {
         return;
     };
-    let scene = slow_room();
+    let scene = room_with_delays();
     // A filter as wide as the axis: every contribution falls into more slots than are cached.
     let wide = Timing {
         filter: TimeFilter::Box(30.0),
@@ -192,9 +202,9 @@ fn bins_go_on_from_a_checkpoint_to_the_same_bits_and_many_slots_are_all_found() 
     let job = Job {
         timing: Some(wide),
         resolution: [20, 14],
-        ..with("nee", 7)
+        ..technique_job("nee", 7)
     };
-    let kind = harness::quick(&device);
+    let kind = harness::fastest_to_compile(&device);
     let mut whole = open(&device, kind, &scene, &job);
     whole.advance(4).unwrap();
     let mut first = open(&device, kind, &scene, &job);
@@ -207,8 +217,8 @@ fn bins_go_on_from_a_checkpoint_to_the_same_bits_and_many_slots_are_all_found() 
     assert!(second.times() == whole.times() && second.film() == whole.film());
     let mut cpu = CpuRenderer::new(scene, job).unwrap();
     cpu.advance(4).unwrap();
-    same_bins("many slots", &whole.times().unwrap(), &cpu.times().unwrap());
-    harness::silent();
+    assert_same_bins("many slots", &whole.times().unwrap(), &cpu.times().unwrap());
+    harness::assert_no_validation_messages();
 }
 
 #[test]
@@ -221,7 +231,7 @@ fn bins_that_do_not_fit_are_refused_with_both_sizes() {
     let small = Device::open(small, device.info.caps).unwrap();
     let job = Job {
         timing: Some(timing(0.0, 1e-3, 5000)),
-        ..with("bpt", 1)
+        ..technique_job("bpt", 1)
     };
     let error = VulkanRenderer::new(
         &small,
@@ -233,25 +243,25 @@ fn bins_that_do_not_fit_are_refused_with_both_sizes() {
     .err()
     .unwrap();
     assert!(matches!(error, VulkanError::TooLarge { .. }), "{error:?}");
-    let said = error.to_string();
+    let message = error.to_string();
     assert!(
-        said.contains("time axis")
-            && said.contains("offers 1 MiB")
-            && said.contains("fewer or wider bins"),
-        "{said}"
+        message.contains("time axis")
+            && message.contains("offers 1 MiB")
+            && message.contains("fewer or wider bins"),
+        "{message}"
     );
-    let bare = lumbre::render::vulkan::context::physical_device::Caps {
+    let limited = lumbre::render::vulkan::context::physical_device::Caps {
         doubles: false,
         ..device.info.caps
     };
-    let bare = Device::open(device.info.clone(), bare).unwrap();
+    let limited = Device::open(device.info.clone(), limited).unwrap();
     let job = Job {
         timing: Some(timing(0.0, 1.0, 4)),
         resolution: [8, 8],
-        ..with("bpt", 1)
+        ..technique_job("bpt", 1)
     };
     let error = VulkanRenderer::new(
-        &bare,
+        &limited,
         TracingMode::Compute,
         &Sources::Embedded,
         &room(),
@@ -260,5 +270,5 @@ fn bins_that_do_not_fit_are_refused_with_both_sizes() {
     .err()
     .unwrap();
     assert!(error.to_string().contains("shaderFloat64"), "{error}");
-    harness::silent();
+    harness::assert_no_validation_messages();
 }

@@ -14,15 +14,18 @@ use super::harness;
 const SCENE: &str = include_str!("../common/ball.scn");
 
 /// Two cells of about a second each, with a checkpoint many times a second: one with films by
-/// depth, and one in which the device continues while waves are measured. One technique, whose
-/// shader every new worker finds in the cache of a software driver, so that it is killed while it
-/// renders and not while it compiles.
+/// depth, and one in which the device continues while waves are measured. There is one technique,
+/// whose shader every new worker finds in the cache of a software driver, so that it is killed
+/// while it renders and not while it compiles.
 const SCRIPT: &str = r#"
 local x = experiment("frail", { seed = 7 })
 x:axis("depth", { 3, 4 })
 x:checkpoint(0.05)
-x:render(function(p) return { scene = "ball.scn", integrator = "bpt", max_depth = p.depth, backend = "vulkan-compute", resolution = { 32, 20 },
-    films = p.depth == 4 and { "depth" } or nil } end)
+x:render(function(p)
+  return { scene = "ball.scn", integrator = "bpt", max_depth = p.depth,
+           backend = "vulkan-compute", resolution = { 32, 20 },
+           films = p.depth == 4 and { "depth" } or nil }
+end)
 x:stop(function(p) return stop.samples(600) end)
 return x
 "#;
@@ -37,12 +40,12 @@ fn start(place: &Path) -> Child {
         .args(["run", "night.lua", "--no-tui"]);
     command
         .stdout(Stdio::null())
-        .stderr(std::fs::File::create(place.join("said")).unwrap())
+        .stderr(std::fs::File::create(place.join("stderr")).unwrap())
         .spawn()
         .unwrap()
 }
 
-/// Returns the pictures that a night has left: of every cell the final one, and its films by depth.
+/// Returns the pictures of a night: the final one of every cell, and its films by depth.
 fn pictures(place: &Path) -> Vec<(PathBuf, Image)> {
     let (mut open, mut found) = (vec![place.join("out")], Vec::new());
     while let Some(folder) = open.pop() {
@@ -66,7 +69,7 @@ fn pictures(place: &Path) -> Vec<(PathBuf, Image)> {
     found
 }
 
-/// Returns the process id of a process's worker, if it has one.
+/// Returns the id of the worker process of a process, if it has one.
 fn worker_of(pid: u32) -> Option<u32> {
     let threads = std::fs::read_dir(format!("/proc/{pid}/task"))
         .ok()?
@@ -96,18 +99,18 @@ fn a_night_whose_worker_is_killed_at_random_instants_leaves_the_same_pictures() 
     assert!(
         start(whole.path()).wait().unwrap().success(),
         "{:?}",
-        std::fs::read_to_string(whole.path().join("said"))
+        std::fs::read_to_string(whole.path().join("stderr"))
     );
     let expected = pictures(whole.path());
     assert_eq!(expected.len(), 1 + (1 + 4), "{expected:?}");
-    let frail = tempfile::tempdir().unwrap();
-    let mut night = start(frail.path());
+    let interrupted = tempfile::tempdir().unwrap();
+    let mut night = start(interrupted.path());
     let (mut kills, mut pause) = (0, 0u32);
     let status = loop {
         if let Some(status) = night.try_wait().unwrap() {
             break status;
         }
-        // Bounded, so that no run exhausts its retries: each run and each smoke pass is tried four
+        // The number of kills is bounded, because each run and each smoke pass is tried only four
         // times.
         pause += 1;
         let wait = 0.1 + 0.9 * unit(pcg4d([pause, 3, 1, 4])[0]);
@@ -122,16 +125,16 @@ fn a_night_whose_worker_is_killed_at_random_instants_leaves_the_same_pictures() 
             );
         }
     };
-    let said = std::fs::read_to_string(frail.path().join("said")).unwrap();
-    assert!(status.success(), "{said}");
-    assert!(kills > 0, "nothing was killed: {said}");
+    let log = std::fs::read_to_string(interrupted.path().join("stderr")).unwrap();
+    assert!(status.success(), "{log}");
+    assert!(kills > 0, "no worker was killed: {log}");
     println!(
-        "{kills} workers killed; {}",
-        said.matches("retrying from the newest checkpoint").count()
+        "{kills} workers killed; {} retries",
+        log.matches("retrying from the newest checkpoint").count()
     );
-    let found = pictures(frail.path());
+    let found = pictures(interrupted.path());
     assert_eq!(found.len(), expected.len());
     for ((path, image), (_, other)) in found.iter().zip(&expected) {
-        assert!(image == other, "{} differs: {said}", path.display());
+        assert!(image == other, "{} differs: {log}", path.display());
     }
 }

@@ -1,8 +1,9 @@
-// Stands behind the text of an integrator's kernel: a traversal that asks every primitive, as `Brute` in
-// tests/device/twins/integrator.rs does, and a film that adds up what one sample brings to all pixels.
+// Appended to the kernel of an integrator: a traversal that tests every primitive, as `Brute` in
+// tests/device/twins/integrator.rs does, and a film that sums the contributions of one sample to
+// all pixels.
 vec3 total = vec3(0.0), unweighted = vec3(0.0);
 uint strategies = 0u, rays = 0u;
-// Optical lengths, each with a weight of its own, so that none stands for another.
+// Sum of optical lengths. Each strategy has another weight, so that exchanged lengths differ.
 double lengths = 0.0lf;
 
 void sink(Contribution c) {

@@ -1,7 +1,8 @@
-//! Function parity: a shader runs a GLSL twin over many inputs, and what it says is compared with the Rust original.
+//! Function parity: a shader runs a GLSL twin over many inputs, and its outputs are compared with
+//! those of the Rust original.
 //!
-//! To add a twin: write `tests/device/parity/NAME.comp` and a row in `tests/device/twins/`. The file has neither
-//! `#version` nor `main`; it includes its twin and says
+//! To add a twin: write `tests/device/parity/NAME.comp` and a row in `tests/device/twins/`. The
+//! file has neither `#version` nor `main`; it includes its twin and defines `twin`:
 //!
 //! ```glsl
 //! #include "math/rng.glsl"
@@ -11,11 +12,12 @@
 //! }
 //! ```
 //!
-//! `in_word`, `in_float`, `in_vec2`, `in_vec3`, `in_vec4` take the next words of this invocation's row of inputs;
-//! `out_word`, `out_words`, `out_float`, `out_vec2`, `out_vec3`, `out_vec4` give its next words of output. What
-//! `shaders/scene.glsl` declares holds the row's scene and job.
+//! `in_word`, `in_float`, `in_vec2`, `in_vec3` and `in_vec4` take the next words of this
+//! invocation's row of inputs; `out_word`, `out_words`, `out_float`, `out_vec2`, `out_vec3` and
+//! `out_vec4` append words to its row of outputs. The declarations of `shaders/scene.glsl` hold the
+//! scene and job of the twin.
 //!
-//! The row's Rust function takes the same words from a [`Row`], and pushes the same words.
+//! The Rust function takes the same words from a [`Row`], and pushes the same words.
 
 use std::sync::Arc;
 
@@ -60,9 +62,8 @@ pub struct Twin {
     pub original: fn(&CompiledScene, &Job, &mut Row),
     /// Tolerance of each word of a row of output.
     pub near: &'static [Near],
-    /// The largest share of rows that may exceed it, because they fall on the other side of a
-    /// branch.
-    pub strays: f64,
+    /// Largest share of rows that may exceed the tolerance, because they take another branch.
+    pub max_outliers: f64,
     /// Reason for the tolerance.
     pub why: &'static str,
 }
@@ -89,7 +90,7 @@ impl Row<'_> {
         *self
             .inputs
             .next()
-            .expect("more inputs are taken than a row has")
+            .expect("the original takes more inputs than a row has")
     }
 
     /// Returns the next float.
@@ -119,6 +120,7 @@ impl Row<'_> {
 }
 
 impl Near {
+    /// Returns whether a word of the twin is within the tolerance.
     fn holds(self, twin: u32, original: u32) -> bool {
         match self {
             Near::Bits => twin == original,
@@ -131,6 +133,7 @@ impl Near {
         }
     }
 
+    /// Returns a word as text.
     fn shown(self, word: u32) -> String {
         match self {
             Near::Bits => format!("{word:#010x}"),
@@ -139,19 +142,20 @@ impl Near {
     }
 }
 
-/// Returns what is wrong with a twin, one line each; empty if nothing is.
+/// Returns the rows in which a twin differs from its original, one line each. Empty if their share
+/// is allowed.
 fn differences(
     twin: &Twin,
     inputs: &[u32],
-    answers: &[u32],
+    outputs: &[u32],
     scene: &CompiledScene,
     job: &Job,
 ) -> Vec<String> {
     let rows = inputs.len() / twin.in_words;
     let mut wrong = Vec::new();
-    for (i, (input, answer)) in inputs
+    for (i, (input, output)) in inputs
         .chunks(twin.in_words)
-        .zip(answers.chunks(twin.near.len()))
+        .zip(outputs.chunks(twin.near.len()))
         .enumerate()
     {
         let mut row = Row::new(input);
@@ -164,27 +168,27 @@ fn differences(
             )];
         }
         let far = |((near, a), b): ((&Near, &u32), &u32)| !near.holds(*a, *b);
-        if let Some(word) = twin.near.iter().zip(answer).zip(&row.outputs).position(far) {
+        if let Some(word) = twin.near.iter().zip(output).zip(&row.outputs).position(far) {
             let (shown, inputs) = (
                 |w: u32| twin.near[word].shown(w),
                 input.iter().map(|w| format!("{:e}", f32::from_bits(*w))),
             );
             wrong.push(format!(
                 "row {i}, word {word}: {} instead of {}; inputs {}",
-                shown(answer[word]),
+                shown(output[word]),
                 shown(row.outputs[word]),
                 inputs.collect::<Vec<_>>().join(" ")
             ));
         }
     }
-    if wrong.len() as f64 <= twin.strays * rows as f64 {
+    if wrong.len() as f64 <= twin.max_outliers * rows as f64 {
         wrong.clear();
     }
     wrong
 }
 
 #[test]
-fn every_twin_says_what_its_original_says() {
+fn every_twin_computes_the_values_of_its_original() {
     let Some(device) = harness::device() else {
         return;
     };
@@ -208,7 +212,7 @@ fn every_twin_says_what_its_original_says() {
             .filter(|_| !scene.second_uvs.is_empty())
             .collect();
         let stage = KernelStage::fastest_to_compile(&device);
-        let answers = test_kernel::compile(
+        let outputs = test_kernel::compile(
             stage,
             &Sources::Embedded,
             twin.name,
@@ -227,7 +231,7 @@ fn every_twin_says_what_its_original_says() {
             )
         })
         .unwrap_or_else(|e| panic!("{}: {e}", twin.name));
-        let wrong = differences(twin, &inputs, &answers, &scene, &job);
+        let wrong = differences(twin, &inputs, &outputs, &scene, &job);
         if !wrong.is_empty() {
             let rows = inputs.len() / twin.in_words;
             let shown = wrong[..wrong.len().min(5)].join("\n  ");
@@ -240,7 +244,7 @@ fn every_twin_says_what_its_original_says() {
         }
     }
     assert!(failed.is_empty(), "{}", failed.join("\n"));
-    harness::silent();
+    harness::assert_no_validation_messages();
 }
 
 #[test]
@@ -261,12 +265,12 @@ fn every_shader_of_the_folder_has_a_row_and_every_row_a_reason() {
     assert!(
         TWINS
             .iter()
-            .all(|t| t.why.len() > 10 && (0.0..0.05).contains(&t.strays))
+            .all(|t| t.why.len() > 10 && (0.0..0.05).contains(&t.max_outliers))
     );
 }
 
 #[test]
-fn a_twin_that_is_wrong_is_found() {
+fn a_wrong_twin_is_detected() {
     let Some(device) = harness::device() else {
         return;
     };
@@ -283,7 +287,7 @@ fn a_twin_that_is_wrong_is_found() {
     let wrong = |stage: KernelStage, text: &str| {
         let spirv =
             test_kernel::compile(stage, &Sources::Embedded, "echo", text, [1, 1], &[]).unwrap();
-        let answers = test_kernel::run(
+        let outputs = test_kernel::run(
             &device,
             stage,
             (&buffers.0, &buffers.1),
@@ -292,7 +296,7 @@ fn a_twin_that_is_wrong_is_found() {
             [1, 1],
         )
         .unwrap();
-        differences(&twin, &inputs, &answers, &scene, &job).len()
+        differences(&twin, &inputs, &outputs, &scene, &job).len()
     };
     for stage in [
         KernelStage::Compute,
@@ -304,7 +308,7 @@ fn a_twin_that_is_wrong_is_found() {
 }
 
 #[test]
-fn tolerances_are_absolute_or_relative_and_know_nan() {
+fn tolerances_are_absolute_or_relative_and_nan_equals_nan() {
     let near = Near::Float {
         absolute: 0.1,
         relative: 0.01,
@@ -336,6 +340,6 @@ const ECHO: Twin = Twin {
         row.push_floats(echo);
     },
     near: &[Near::Bits],
-    strays: 0.0,
-    why: "words are words",
+    max_outliers: 0.0,
+    why: "the words are copied",
 };

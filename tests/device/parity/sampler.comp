@@ -6,7 +6,7 @@ void twin() {
     uvec2 index = uvec2(in_word(), in_word());
     Independent independent = independent_new(seed, pixel, index);
     Sobol sobol = sobol_new(seed, pixel, index);
-    // What is taken: 1d, 2d, 1d, 1d, 1d, 2d, 2d, and so on.
+    // Dimensions of the numbers taken: 1d, 2d, 1d, 1d, 1d, 2d, 2d, and so on.
     for (uint i = 0u; i < 14u; ++i) {
         if (i % 7u == 1u || i % 7u > 4u) {
             out_vec2(sobol_next_2d(sobol));

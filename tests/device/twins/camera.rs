@@ -7,7 +7,7 @@ use lumbre::render::Job;
 use lumbre::scene::CompiledScene;
 use lumbre::transport::camera::{Camera, CameraConnection, FilterKind, FilterSpec};
 
-use super::{CLOSE, Dice, SAME};
+use super::{CLOSE, RandomInputs, SAME};
 use crate::common::{SceneBuilder, grey, job};
 use crate::device::parity::{Near, Row, Twin};
 
@@ -36,7 +36,7 @@ pub const FILTER: Twin = Twin {
     scene: super::plain,
     in_words: 7,
     inputs: || {
-        Dice::rows(6000, |d, i| {
+        RandomInputs::rows(6000, |d, i| {
             let radius = [0.0, 0.5, 1.25, 2.0, 0.3][d.word() as usize % 5];
             let u = match i % 16 {
                 0 => [0.0, 0.5],
@@ -68,12 +68,13 @@ pub const FILTER: Twin = Twin {
         row.push_floats([chosen.map_or(0.0, |c| c.1)]);
     },
     near: &[OFFSET, OFFSET, DENSITY, CLOSE, SAME, SAME, DENSITY],
-    strays: 0.01,
-    why: "logarithms differ in their last digits; a place on the border of two pixels may fall to either, and at the very \
-          ends of the Blackman-Harris window, where its density vanishes, single precision cannot tell places apart",
+    max_outliers: 0.01,
+    why: "logarithms differ in their last digits; a position on the border of two pixels may \
+          belong to either; at the ends of the Blackman-Harris window, where its density \
+          vanishes, single precision cannot distinguish positions",
 };
 
-/// Returns a lens and a filter with a large radius.
+/// Returns a scene with a thin lens, and a job with a wide filter.
 fn lens() -> (Arc<CompiledScene>, Job) {
     let builder = SceneBuilder::new(Vec3::new(0.5, 1.0, 3.0), Vec3::ZERO, 50.0).with(|s| {
         s.camera.aperture = 0.4;
@@ -124,7 +125,7 @@ pub const CAMERA: Twin = Twin {
     scene: lens,
     in_words: 13,
     inputs: || {
-        Dice::rows(4000, |d, i| {
+        RandomInputs::rows(4000, |d, i| {
             let pixel = [d.word() % 64, d.word() % 36];
             let point = d.vector(2.0);
             let towards = (point - Vec3::new(0.5, 1.0, 3.0)).normalize_or(Vec3::X);
@@ -158,6 +159,7 @@ pub const CAMERA: Twin = Twin {
         put(camera.connect_direction(dir, lens_u, filter_u), row);
     },
     near: &NEAR,
-    strays: 0.01,
-    why: "a few roundings; a place on the border of two pixels may fall to either, and weights vanish at the filter's end",
+    max_outliers: 0.01,
+    why: "a few roundings; a position on the border of two pixels may belong to either, and \
+          weights vanish at the end of the filter",
 };

@@ -20,9 +20,9 @@ use lumbre::transport::sampler::SOBOL;
 use lumbre::transport::surface::is_masked_out;
 use lumbre::value::Value;
 
-use super::{Dice, SAME};
+use super::{RandomInputs, SAME};
 use crate::common::{SceneBuilder, WHITE, grey, job, light};
-use crate::device::harness::{slow, timing};
+use crate::device::harness::{add_delays, timing};
 use crate::device::parity::{Near, Row, Twin};
 
 /// A traversal that tests every primitive, with the formulas of tests/device/parity/brute.glsl.
@@ -179,14 +179,14 @@ fn closed() -> CompiledScene {
         .with(|s| {
             s.camera.aperture = 0.05;
             s.camera.focus_distance = Some(1.2);
-            slow(s);
+            add_delays(s);
         });
     Arc::unwrap_or_clone(builder.build())
 }
 
 /// Returns a floor under every kind of light, with a textured light, a mask and an environment.
 fn open() -> CompiledScene {
-    let mut d = Dice {
+    let mut d = RandomInputs {
         count: 1 << 22,
         words: Vec::new(),
     };
@@ -279,12 +279,18 @@ fn dome() -> CompiledScene {
 
 type Params = &'static [(&'static str, &'static str)];
 
-fn with(scene: CompiledScene, name: &str, depth: u32, params: Params) -> (Arc<CompiledScene>, Job) {
+/// Returns a scene and a job with a time axis.
+fn technique_job(
+    scene: CompiledScene,
+    name: &str,
+    depth: u32,
+    params: Params,
+) -> (Arc<CompiledScene>, Job) {
     let params: BTreeMap<String, Value> = params
         .iter()
         .map(|(k, v)| ((*k).to_owned(), Value::from(*v)))
         .collect();
-    let integrator = integrator(name).expect("an integrator");
+    let integrator = integrator(name).expect("an integrator has this name");
     let timing = Some(Timing {
         medium: 1.25,
         emission: Profile::Exponential(3.0),
@@ -302,7 +308,7 @@ fn with(scene: CompiledScene, name: &str, depth: u32, params: Params) -> (Arc<Co
 }
 
 /// Returns the scene with a wide filter, Russian roulette, and the Sobol sequence.
-fn soft((scene, job): (Arc<CompiledScene>, Job)) -> (Arc<CompiledScene>, Job) {
+fn wide_filter_job((scene, job): (Arc<CompiledScene>, Job)) -> (Arc<CompiledScene>, Job) {
     let filter = FilterSpec {
         kind: FilterKind::Gauss,
         radius: 1.5,
@@ -319,7 +325,7 @@ fn soft((scene, job): (Arc<CompiledScene>, Job)) -> (Arc<CompiledScene>, Job) {
 }
 
 fn inputs() -> Vec<u32> {
-    Dice::rows(2048, |d, i| {
+    RandomInputs::rows(2048, |d, i| {
         let pixel = [d.word() % 32, d.word() % 18];
         pixel.into_iter().for_each(|p| d.put_word(p));
         d.put_word(i % 16);
@@ -339,14 +345,14 @@ pub const BPT: Twin = Twin {
         include_str!("../parity/bpt.comp"),
         include_str!("../parity/brute.glsl")
     ),
-    scene: || soft(with(closed(), "bpt", 6, &[])),
+    scene: || wide_filter_job(technique_job(closed(), "bpt", 6, &[])),
     in_words: 3,
     inputs,
     original,
     near: &NEAR,
-    strays: 0.002,
-    why: "every bounce multiplies an error by what the surface bends, a few hundred times over a path; where it passes an \
-          edge or a decision, the path goes another way",
+    max_outliers: 0.002,
+    why: "every bounce multiplies an error by the curvature of the surface, to a few hundred \
+          times over a path; where rounding decides an edge or a random choice, the path diverges",
 };
 
 /// Share of differing samples with a blended mask, which decides by the bits of a ray.
@@ -354,8 +360,8 @@ const MASKED: f64 = 0.03;
 
 /// `bpt` in the open scene.
 pub const BPT_OPEN: Twin = Twin {
-    scene: || with(open(), "bpt", 4, &[]),
-    strays: MASKED,
+    scene: || technique_job(open(), "bpt", 4, &[]),
+    max_outliers: MASKED,
     ..BPT
 };
 
@@ -366,20 +372,20 @@ pub const NEE: Twin = Twin {
         include_str!("../parity/nee.comp"),
         include_str!("../parity/brute.glsl")
     ),
-    scene: || soft(with(closed(), "nee", 6, &[("mis", "balance")])),
+    scene: || wide_filter_job(technique_job(closed(), "nee", 6, &[("mis", "balance")])),
     ..BPT
 };
 
 /// `nee` with every light sampled in turn.
 pub const NEE_OPEN: Twin = Twin {
-    scene: || with(open(), "nee", 4, &[("lights", "all")]),
-    strays: MASKED,
+    scene: || technique_job(open(), "nee", 4, &[("lights", "all")]),
+    max_outliers: MASKED,
     ..NEE
 };
 
 /// `nee` with the offset at shadow terminators.
-pub const NEE_OVERHANG: Twin = Twin {
-    scene: || with(dome(), "nee", 4, &[("mis", "none")]),
+pub const NEE_TERMINATOR: Twin = Twin {
+    scene: || technique_job(dome(), "nee", 4, &[("mis", "none")]),
     ..NEE
 };
 
@@ -390,19 +396,19 @@ pub const BDPT: Twin = Twin {
         include_str!("../parity/bdpt.comp"),
         include_str!("../parity/brute.glsl")
     ),
-    scene: || soft(with(closed(), "bdpt", 6, &[])),
+    scene: || wide_filter_job(technique_job(closed(), "bdpt", 6, &[])),
     ..BPT
 };
 
 /// `bdpt` with lights of every kind.
 pub const BDPT_OPEN: Twin = Twin {
-    scene: || with(open(), "bdpt", 5, &[("mis", "balance")]),
-    strays: MASKED,
+    scene: || technique_job(open(), "bdpt", 5, &[("mis", "balance")]),
+    max_outliers: MASKED,
     ..BDPT
 };
 
 /// `bdpt` with the offset at shadow terminators, all strategies weighted alike.
-pub const BDPT_OVERHANG: Twin = Twin {
-    scene: || with(dome(), "bdpt", 4, &[("mis", "none")]),
+pub const BDPT_TERMINATOR: Twin = Twin {
+    scene: || technique_job(dome(), "bdpt", 4, &[("mis", "none")]),
     ..BDPT
 };

@@ -9,14 +9,14 @@ use lumbre::scene::compile::{MaskMode, Material, Texture, Uv};
 use lumbre::scene::desc::{ConeDesc, ConeEdge};
 use lumbre::transport::light::{LightId, LightPoint, Lights};
 
-use super::{Dice, SAME};
+use super::{RandomInputs, SAME};
 use crate::common::{SceneBuilder, WHITE, grey, job, light};
 use crate::device::parity::{Near, Row, Twin};
 
 /// Returns a scene with lights of every kind, including textured and masked ones, and an
 /// environment with or without a map.
 fn lit(map: bool) -> (Arc<CompiledScene>, Job) {
-    let mut d = Dice {
+    let mut d = RandomInputs {
         count: 1 << 21,
         words: Vec::new(),
     };
@@ -99,7 +99,7 @@ fn put_point(lights: &Lights, point: Option<LightPoint>, row: &mut Row) {
 }
 
 fn inputs() -> Vec<u32> {
-    Dice::rows(4000, |d, i| {
+    RandomInputs::rows(4000, |d, i| {
         let from = d.vector([0.5, 3.0, 30.0][i as usize % 3]);
         let u = match i % 8 {
             0 => [0.0, 0.0],
@@ -138,7 +138,7 @@ fn original(scene: &CompiledScene, _: &Job, row: &mut Row) {
     row.push_floats([again]);
     let e = lights
         .sample_emission(scene, choice, u, v)
-        .expect("all lights shine everywhere");
+        .expect("all lights emit");
     row.push(1);
     row.push_floats(e.dir.to_array());
     row.push_floats(e.radiance.to_array());
@@ -156,7 +156,7 @@ const NEAR: [Near; 48] = {
         absolute: 2e-5,
         relative: 1e-4,
     }; 48];
-    // Positions outside the ball are a dozen units away, and up to a hundred from the receiving
+    // Positions outside the scene are a dozen units away, and up to a hundred from the receiving
     // point.
     let places = [11, 12, 13, 31, 32, 33];
     let mut i = 0;
@@ -185,9 +185,10 @@ pub const LIGHT: Twin = Twin {
     inputs,
     original,
     near: &NEAR,
-    strays: 0.02,
-    why: "densities per solid angle are quotients of lengths of a few units, steep where a light is seen from its edge; \
-          a direction on the border of two of the map's cells may fall into either",
+    max_outliers: 0.02,
+    why: "densities per solid angle are quotients of lengths of a few units, steep where a light \
+          is seen from its edge; a direction on the border of two cells of the map may belong to \
+          either",
 };
 
 /// Lights with a constant environment.

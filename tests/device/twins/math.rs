@@ -10,7 +10,7 @@ use lumbre::transport::ray::offset_origin;
 use lumbre::transport::sampler::{INDEPENDENT, SOBOL};
 use lumbre::transport::vertex::area_factor;
 
-use super::{CLOSE, Dice, SAME};
+use super::{CLOSE, RandomInputs, SAME};
 use crate::device::parity::{Near, Twin};
 
 /// Tolerances: words that are compared bit by bit, then floats.
@@ -30,7 +30,7 @@ const NEAR: [Near; 39] = {
         absolute: 1e-6,
         relative: 0.0,
     };
-    // The height over the rim of the disk is the square root of a rounded difference from one.
+    // The height above the rim of the disk is the square root of a rounded difference from one.
     near[16] = Near::Float {
         absolute: 4e-4,
         relative: 2e-6,
@@ -38,21 +38,21 @@ const NEAR: [Near; 39] = {
     near
 };
 
-/// Returns the weights of the lights of a scene as probabilities.
+/// Returns the lights of a scene and their number.
 fn choice(scene: &CompiledScene) -> (Lights, u32) {
     let lights = Lights::new(scene);
     let count = lights.count() as u32;
     (lights, count)
 }
 
-/// Numbers, warps, frames, measures.
+/// Hashes, random numbers, warps, frames and measures.
 pub const MATH: Twin = Twin {
     name: "math",
     text: include_str!("../parity/math.comp"),
     scene: super::plain,
     in_words: 18,
     inputs: || {
-        Dice::rows(4000, |d, i| {
+        RandomInputs::rows(4000, |d, i| {
             (0..4).for_each(|_| {
                 let w = d.word();
                 d.put_word(w);
@@ -111,21 +111,21 @@ pub const MATH: Twin = Twin {
         row.push_floats([area_factor(p, q, n), h.weight(own, other)]);
     },
     near: &NEAR,
-    strays: 0.001,
-    why: "hashes and choices are equal to the bit, the rest is a few roundings; a vector that is nearly orthogonal to a \
-          frame's axis loses digits to cancellation",
+    max_outliers: 0.001,
+    why: "hashes and choices have the same bits, the rest differs by a few roundings; a vector \
+          that is nearly orthogonal to an axis of the frame loses digits to cancellation",
 };
 
 const SEEDS: [[u32; 2]; 3] = [[7, 0], [0, 256], [0xffff_ffff, 0x8000_0001]];
 
-/// Both samplers.
+/// Both samplers, independent and Sobol.
 pub const SAMPLER: Twin = Twin {
     name: "sampler",
     text: include_str!("../parity/sampler.comp"),
     scene: super::plain,
     in_words: 6,
     inputs: || {
-        Dice::rows(3000, |d, i| {
+        RandomInputs::rows(3000, |d, i| {
             SEEDS[i as usize % 3]
                 .into_iter()
                 .for_each(|w| d.put_word(w));
@@ -158,6 +158,6 @@ pub const SAMPLER: Twin = Twin {
         row.push_floats(either.next_2d());
     },
     near: &[SAME; 37],
-    strays: 0.0,
-    why: "integers all the way to the last step, which is exact",
+    max_outliers: 0.0,
+    why: "all steps use integers except the last, which is exact",
 };

@@ -23,9 +23,10 @@ mod math;
 mod surface;
 mod time;
 
+/// Tolerance of words that must have the same bits.
 const SAME: Near = Near::Bits;
 
-/// Returns a scene with one of everything.
+/// Returns a scene with one of each kind of primitive, light and texture.
 pub fn plain() -> (Arc<CompiledScene>, Job) {
     let texture = Texture::new(2, 1, vec![[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]]);
     let sky = Texture::new(2, 2, vec![[1.0; 3], [0.5; 3], [0.25, 0.0, 0.75], [2.0; 3]]);
@@ -92,8 +93,8 @@ const SCENE: Twin = Twin {
         row.push((job.seed >> 32) as u32);
     },
     near: &[SAME; 47],
-    strays: 0.0,
-    why: "what was uploaded is read back as it was",
+    max_outliers: 0.0,
+    why: "uploaded data is read back unchanged",
 };
 
 /// Tolerance of a few roundings: integers have the same bits, floats nearly so.
@@ -102,7 +103,7 @@ const CLOSE: Near = Near::Float {
     relative: 2e-6,
 };
 
-/// Every twin.
+/// The table of all twins.
 pub const TWINS: &[&Twin] = &[
     &SCENE,
     &math::MATH,
@@ -119,27 +120,27 @@ pub const TWINS: &[&Twin] = &[
     &integrator::BPT_OPEN,
     &integrator::NEE,
     &integrator::NEE_OPEN,
-    &integrator::NEE_OVERHANG,
+    &integrator::NEE_TERMINATOR,
     &integrator::BDPT,
     &integrator::BDPT_OPEN,
-    &integrator::BDPT_OVERHANG,
+    &integrator::BDPT_TERMINATOR,
 ];
 
-/// Random numbers for inputs, and the number of words generated.
-pub struct Dice {
+/// Generator of random inputs.
+pub struct RandomInputs {
     count: u32,
     words: Vec<u32>,
 }
 
-impl Dice {
+impl RandomInputs {
     /// Returns `rows` rows of inputs: `row` is called for each and appends its words.
-    pub fn rows(rows: u32, mut row: impl FnMut(&mut Dice, u32)) -> Vec<u32> {
-        let mut dice = Dice {
+    pub fn rows(rows: u32, mut row: impl FnMut(&mut RandomInputs, u32)) -> Vec<u32> {
+        let mut inputs = RandomInputs {
             count: 0,
             words: Vec::new(),
         };
-        (0..rows).for_each(|i| row(&mut dice, i));
-        dice.words
+        (0..rows).for_each(|i| row(&mut inputs, i));
+        inputs.words
     }
 
     /// Returns a random word.
@@ -153,7 +154,7 @@ impl Dice {
         unit(self.word())
     }
 
-    /// Returns a number of a range.
+    /// Returns a number between `low` and `high`.
     pub fn between(&mut self, low: f32, high: f32) -> f32 {
         low + (high - low) * self.unit()
     }

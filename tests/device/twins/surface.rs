@@ -12,7 +12,7 @@ use lumbre::transport::bsdf::{Bsdf, TransportMode};
 use lumbre::transport::ray::{Hit, Ray};
 use lumbre::transport::surface::{Surface, coverage, is_masked_out};
 
-use super::{CLOSE, Dice, SAME};
+use super::{CLOSE, RandomInputs, SAME};
 use crate::common::{SceneBuilder, WHITE, job};
 use crate::device::parity::{Near, Row, Twin};
 
@@ -21,7 +21,7 @@ const TRIANGLES: u32 = 480;
 const SPHERES: u32 = 24;
 
 /// Returns a texture or none.
-fn maybe(d: &mut Dice, texture: u32) -> u32 {
+fn maybe(d: &mut RandomInputs, texture: u32) -> u32 {
     if d.word().is_multiple_of(4) {
         texture
     } else {
@@ -29,8 +29,8 @@ fn maybe(d: &mut Dice, texture: u32) -> u32 {
     }
 }
 
-/// Returns a material with parameters from all over their ranges, mostly from their ends.
-fn material(d: &mut Dice, textures: u32) -> Material {
+/// Returns a material with random parameters, mostly at the ends of their ranges.
+fn material(d: &mut RandomInputs, textures: u32) -> Material {
     let model = match d.word() % 10 {
         0 | 1 => Model::Lambert,
         2 => Model::Conductor,
@@ -38,7 +38,7 @@ fn material(d: &mut Dice, textures: u32) -> Material {
         4 => Model::Dielectric,
         _ => Model::Disney,
     };
-    let texture = |d: &mut Dice| {
+    let texture = |d: &mut RandomInputs| {
         let index = d.word() % textures;
         maybe(d, index)
     };
@@ -94,7 +94,7 @@ fn material(d: &mut Dice, textures: u32) -> Material {
 }
 
 /// Returns the parameters of a single interface, including metals without an index.
-fn interface(d: &mut Dice) -> Interface {
+fn interface(d: &mut RandomInputs) -> Interface {
     let mut three = |most: f32| Vec3::from_array(std::array::from_fn(|_| most * d.part()));
     let (specular, eta, k) = (three(1.0), three(3.0), three(6.0));
     Interface {
@@ -108,9 +108,9 @@ fn interface(d: &mut Dice) -> Interface {
     }
 }
 
-/// Returns a scene of one triangle or sphere for each of many materials.
-fn zoo() -> (Arc<CompiledScene>, Job) {
-    let mut d = Dice {
+/// Returns a scene with one triangle or sphere of each of many materials.
+fn many_materials() -> (Arc<CompiledScene>, Job) {
+    let mut d = RandomInputs {
         count: 1 << 20,
         words: Vec::new(),
     };
@@ -121,7 +121,7 @@ fn zoo() -> (Arc<CompiledScene>, Job) {
             .collect();
         builder.texture(Texture::new(size[0], size[1], texels));
     }
-    // The same pictures again, with other texture transforms.
+    // The same textures again, with other transforms.
     let map = Affine2 {
         matrix2: Mat2::from_cols_array(&[0.8, -0.3, 0.4, 1.7]),
         translation: Vec2::new(0.3, -1.2),
@@ -189,7 +189,7 @@ fn zoo() -> (Arc<CompiledScene>, Job) {
 }
 
 /// Appends the words of a hit and an outgoing direction: primitive, uv, origin, dir, t, wi.
-fn put_hit(scene: &CompiledScene, d: &mut Dice) {
+fn put_hit(scene: &CompiledScene, d: &mut RandomInputs) {
     let primitive = d.word() % (TRIANGLES + SPHERES);
     let (v, w) = (d.unit(), d.unit());
     let uv = if v + w > 1.0 {
@@ -236,8 +236,8 @@ fn take_hit(row: &mut Row) -> (Ray, Hit, Vec3) {
 /// Returns rows of a hit, a direction, a mode and three sample numbers. Every other direction is
 /// sampled from the BSDF, since others rarely hit a narrow lobe.
 fn scattering() -> Vec<u32> {
-    let (scene, _) = zoo();
-    Dice::rows(9000, |d, i| {
+    let (scene, _) = many_materials();
+    RandomInputs::rows(9000, |d, i| {
         let start = d.words.len();
         put_hit(&scene, d);
         let mode = d.word() % 2;
@@ -274,15 +274,15 @@ const ROUGHLY: Near = Near::Float {
     relative: 1e-5,
 };
 
-/// From a hit to its surface.
+/// The surface at a hit, with all effects of textures.
 pub const SURFACE: Twin = Twin {
     name: "surface",
     text: include_str!("../parity/surface.comp"),
-    scene: zoo,
+    scene: many_materials,
     in_words: 13,
     inputs: || {
-        let (scene, _) = zoo();
-        Dice::rows(6000, |d, _| put_hit(&scene, d))
+        let (scene, _) = many_materials();
+        RandomInputs::rows(6000, |d, _| put_hit(&scene, d))
     },
     original: |scene, _, row| {
         let (ray, hit, wi) = take_hit(row);
@@ -310,9 +310,9 @@ pub const SURFACE: Twin = Twin {
         ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, CLOSE, CLOSE, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY,
         ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, ROUGHLY, SAME,
     ],
-    strays: 0.0005,
-    why: "positions and colours are sums of three products; normals of thin triangles lose digits to cancellation, and a \
-          mask or a side may be decided differently by one rounding",
+    max_outliers: 0.0005,
+    why: "positions and colours are sums of three products; normals of thin triangles lose digits \
+          to cancellation, and one rounding may decide a mask or a side",
 };
 
 const STEEP: Near = Near::Float {
@@ -324,7 +324,7 @@ const STEEP: Near = Near::Float {
 pub const BSDF: Twin = Twin {
     name: "bsdf",
     text: include_str!("../parity/bsdf.comp"),
-    scene: zoo,
+    scene: many_materials,
     in_words: 17,
     inputs: scattering,
     original: |scene, _, row| {
@@ -341,9 +341,9 @@ pub const BSDF: Twin = Twin {
     near: &[
         SAME, STEEP, STEEP, STEEP, STEEP, STEEP, STEEP, STEEP, STEEP, STEEP,
     ],
-    strays: 0.0005,
-    why: "the narrowest lobes turn one rounding of a direction into a thousandth of their density, and at the rim of a \
-          surface one rounding decides which side a direction is on",
+    max_outliers: 0.0005,
+    why: "in the narrowest lobes one rounding of a direction changes the density by a thousandth, \
+          and at grazing angles one rounding decides the side of a direction",
 };
 
 const DIRECTION: Near = Near::Float {
@@ -359,7 +359,7 @@ const WEIGHT: Near = Near::Float {
 pub const BSDF_SAMPLE: Twin = Twin {
     name: "bsdf_sample",
     text: include_str!("../parity/bsdf_sample.comp"),
-    scene: zoo,
+    scene: many_materials,
     in_words: 17,
     inputs: scattering,
     original: |scene, _, row| {
@@ -377,7 +377,8 @@ pub const BSDF_SAMPLE: Twin = Twin {
     near: &[
         SAME, SAME, DIRECTION, DIRECTION, DIRECTION, WEIGHT, WEIGHT, WEIGHT, WEIGHT, CLOSE,
     ],
-    strays: 0.0005,
-    why: "a direction is the root of what sample numbers leave of one, so a rounding of a number becomes the root of a \
-          rounding where the root is near zero; densities of narrow lobes are steep about it",
+    max_outliers: 0.0005,
+    why: "a direction contains the square root of one minus a function of sample numbers: where \
+          it is near zero, a rounding error becomes its square root; densities of narrow lobes \
+          are steep about the direction",
 };

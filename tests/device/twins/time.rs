@@ -11,8 +11,8 @@ use lumbre::transport::delay;
 use lumbre::transport::light::Lights;
 use lumbre::transport::path_time::Timing;
 
-use super::{CLOSE, Dice, SAME};
-use crate::device::harness::{slow, timing};
+use super::{CLOSE, RandomInputs, SAME};
+use crate::device::harness::{add_delays, timing};
 use crate::device::parity::{Near, Twin};
 
 const START: f64 = 1.0;
@@ -27,7 +27,7 @@ fn scene() -> (Arc<CompiledScene>, Job) {
     let texels = vec![[0.1; 3], [0.9; 3], [0.4; 3], [0.6; 3]];
     scene_mut.textures.push(Texture::new(2, 2, texels));
     let texture = scene_mut.textures.len() as u32 - 1;
-    slow(scene_mut);
+    add_delays(scene_mut);
     let mut textured = scene_mut.delays.profiles[2].clone();
     textured.params = [
         DelayParam {
@@ -82,14 +82,14 @@ const DELAY: Near = Near::Float {
     relative: 3e-6,
 };
 
-/// Delays, slots and shares.
+/// Delays, time slots, and shares of the time filter.
 pub const DELAYS: Twin = Twin {
     name: "delay",
     text: include_str!("../parity/delay.comp"),
     scene,
     in_words: 12,
     inputs: || {
-        Dice::rows(3000, |d, i| {
+        RandomInputs::rows(3000, |d, i| {
             let u = match i % 16 {
                 0 => 0.0,
                 1 => 0.999_999_94,
@@ -136,6 +136,7 @@ pub const DELAYS: Twin = Twin {
         row.push_floats([auxiliary.next_1d()]);
     },
     near: &[DELAY, SAME, SHARE, CLOSE, CLOSE, CLOSE, SAME],
-    strays: 0.0,
-    why: "profiles are drawn in single precision, where Rust takes double; slots are counted in double precision on both sides",
+    max_outliers: 0.0,
+    why: "profiles are sampled in single precision, in Rust in double precision; slots are \
+          computed in double precision on both sides",
 };
