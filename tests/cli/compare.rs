@@ -63,30 +63,30 @@ fn every_metric_is_printed_unless_some_are_named() {
         page.contains("ppd 67.0206") && page.contains("exposures 2"),
         "{page}"
     );
-    let said = json(
+    let report = json(
         &place
             .succeed(&["metric", "a.exr", "b.exr", "--metric", "mse", "--json"])
             .stdout,
     );
-    let metrics = said["metrics"].as_array().unwrap();
+    let metrics = report["metrics"].as_array().unwrap();
     // One channel of one pixel of 384 is off by 0.25.
     let expected = 0.25 * 0.25 / (3.0 * 384.0);
     assert!(
         (metrics[0]["value"].as_f64().unwrap() / expected - 1.0).abs() < 1e-5,
-        "{said}"
+        "{report}"
     );
     assert_eq!(
         (metrics.len(), &metrics[0]["better"], &metrics[0]["unit"]),
         (1, &"lower".into(), &"radiance²".into())
     );
     assert_eq!(
-        (&said["image"]["width"], &said["reference"]["file"]),
+        (&report["image"]["width"], &report["reference"]["file"]),
         (&24.into(), &"b.exr".into())
     );
 }
 
 #[test]
-fn options_are_part_of_the_answer() {
+fn json_output_contains_the_options_of_each_metric() {
     let place = place();
     let args = [
         "metric",
@@ -98,8 +98,8 @@ fn options_are_part_of_the_answer() {
         "--metric",
         "hdr_flip",
     ];
-    let said = json(&place.succeed(&args).stdout);
-    let [flip, hdr] = [&said["metrics"][0], &said["metrics"][1]];
+    let report = json(&place.succeed(&args).stdout);
+    let [flip, hdr] = [&report["metrics"][0], &report["metrics"][1]];
     assert_eq!(
         (&flip["options"]["ppd"], &flip["options"]["on"]["kind"]),
         (&30.into(), &"srgb".into())
@@ -115,20 +115,20 @@ fn options_are_part_of_the_answer() {
 }
 
 #[test]
-fn other_formats_hold_the_same_picture_within_their_precision() {
+fn other_formats_store_the_same_picture_within_their_precision() {
     let place = place();
     for (file, format, tolerance) in [
         ("b.exr", "exr", 0.0),
         ("b.hdr", "hdr", 3e-3),
         ("b.png", "png", 3e-3),
     ] {
-        let said = json(
+        let report = json(
             &place
                 .succeed(&["metric", file, "b.exr", "--metric", "mae", "--json"])
                 .stdout,
         );
-        assert_eq!(said["image"]["format"], format);
-        let error = said["metrics"][0]["value"].as_f64().unwrap();
+        assert_eq!(report["image"]["format"], format);
+        let error = report["metrics"][0]["value"].as_f64().unwrap();
         assert!(
             error <= tolerance && (error > 0.0) == (tolerance > 0.0),
             "{file}: {error}"
@@ -137,7 +137,7 @@ fn other_formats_hold_the_same_picture_within_their_precision() {
 }
 
 #[test]
-fn a_difference_is_placed_and_drawn() {
+fn diff_reports_the_position_and_writes_the_map_of_a_difference() {
     let place = place();
     let page = place
         .succeed(&[
@@ -167,16 +167,16 @@ fn a_difference_is_placed_and_drawn() {
     let args = [
         "diff", "a.exr", "b.exr", "--metric", "bias", "--out", "map.exr", "--json", "--max", "0.5",
     ];
-    let said = json(&place.succeed(&args).stdout);
+    let report = json(&place.succeed(&args).stdout);
     assert_eq!(
-        (&said["identical"], &said["map"]["differing_pixels"]),
+        (&report["identical"], &report["map"]["differing_pixels"]),
         (&false.into(), &1.into())
     );
     assert_eq!(
-        (&said["map"]["worst"]["x"], &said["map"]["worst"]["y"]),
+        (&report["map"]["worst"]["x"], &report["map"]["worst"]["y"]),
         (&5.into(), &3.into())
     );
-    assert_eq!(said["map"]["scale"], serde_json::json!([-0.5, 0.5]));
+    assert_eq!(report["map"]["scale"], serde_json::json!([-0.5, 0.5]));
     let (map, meta) = exr::decode(&std::fs::read(place.path("map.exr")).unwrap()).unwrap();
     assert!((map.at(5, 3)[1] - 0.25 / 3.0).abs() < 1e-6 && map.at(4, 3) == [0.0; 3]);
     assert!(
@@ -186,23 +186,23 @@ fn a_difference_is_placed_and_drawn() {
 }
 
 #[test]
-fn identical_pictures_are_called_so() {
+fn identical_pictures_are_reported_as_identical() {
     let place = place();
     let page = place.succeed(&["diff", "b.exr", "b.exr"]).stdout;
     assert!(
         page.contains("identical") && !page.contains("worst"),
         "{page}"
     );
-    let said = json(&place.succeed(&["diff", "b.exr", "b.exr", "--json"]).stdout);
+    let report = json(&place.succeed(&["diff", "b.exr", "b.exr", "--json"]).stdout);
     assert_eq!(
-        (&said["identical"], &said["measured"]["metric"]),
+        (&report["identical"], &report["measured"]["metric"]),
         (&true.into(), &"flip".into())
     );
-    assert_eq!(said["measured"]["value"].as_f64(), Some(0.0));
+    assert_eq!(report["measured"]["value"].as_f64(), Some(0.0));
 }
 
 #[test]
-fn what_cannot_be_measured_is_refused_with_status_2() {
+fn invalid_pictures_metrics_and_options_are_refused_with_status_2() {
     let place = place();
     place.write("text.png", "no picture");
     let missing = PathBuf::from("nowhere").join("x.exr").display().to_string();
@@ -216,24 +216,24 @@ fn what_cannot_be_measured_is_refused_with_status_2() {
             (["text.png", "b.exr"], &["text.png", "EXR, HDR, PNG"]),
             ([".", "b.exr"], &["not a regular file"]),
         ] {
-            let said = place.fail(2, &[verb, args[0], args[1]]);
+            let error = place.fail(2, &[verb, args[0], args[1]]);
             assert!(
-                expected.iter().all(|words| said.contains(words)),
-                "{verb} {args:?}: {said}"
+                expected.iter().all(|words| error.contains(words)),
+                "{verb} {args:?}: {error}"
             );
         }
-        let said = place.fail(2, &[verb, "a.exr", "b.exr", "--metric", "filp"]);
-        assert!(said.contains("did you mean `flip`?"), "{said}");
-        let said = place.fail(2, &[verb, "a.exr", "b.exr", "--metric", "bias_se:block=24"]);
-        assert!(said.contains("needs at least 25x25"), "{said}");
+        let error = place.fail(2, &[verb, "a.exr", "b.exr", "--metric", "filp"]);
+        assert!(error.contains("did you mean `flip`?"), "{error}");
+        let error = place.fail(2, &[verb, "a.exr", "b.exr", "--metric", "bias_se:block=24"]);
+        assert!(error.contains("needs at least 25x25"), "{error}");
     }
-    let said = place.fail(2, &["diff", "a.exr", "b.exr", "--metric", "psnr"]);
+    let error = place.fail(2, &["diff", "a.exr", "b.exr", "--metric", "psnr"]);
     assert!(
-        said.contains("no value of single pixels") && said.contains("flip"),
-        "{said}"
+        error.contains("no value of single pixels") && error.contains("flip"),
+        "{error}"
     );
-    let said = place.fail(2, &["diff", "a.exr", "b.exr", "--out", "map.jpg"]);
-    assert!(said.contains(".png") && said.contains(".exr"), "{said}");
+    let error = place.fail(2, &["diff", "a.exr", "b.exr", "--out", "map.jpg"]);
+    assert!(error.contains(".png") && error.contains(".exr"), "{error}");
     assert!(
         place
             .fail(2, &["diff", "a.exr", "b.exr", "--max", "0"])
@@ -242,44 +242,44 @@ fn what_cannot_be_measured_is_refused_with_status_2() {
 }
 
 #[test]
-fn too_small_for_one_metric_leaves_the_others() {
+fn a_metric_that_needs_a_larger_picture_is_omitted_and_the_others_are_printed() {
     let place = place();
     let tiny = exr::encode(&Image::from_fn(5, 5, |x, _| [x as f32; 3]), &[]).unwrap();
     std::fs::write(place.path("tiny.exr"), tiny).unwrap();
-    let ended = place.succeed(&["metric", "tiny.exr", "tiny.exr"]);
+    let output = place.succeed(&["metric", "tiny.exr", "tiny.exr"]);
     assert!(
-        ended.stderr.contains("omitted: `ssim` needs at least 7x7"),
+        output.stderr.contains("omitted: `ssim` needs at least 7x7"),
         "{}",
-        ended.stderr
+        output.stderr
     );
     assert!(
-        ended.stdout.contains("mse") && !ended.stdout.contains("ssim"),
+        output.stdout.contains("mse") && !output.stdout.contains("ssim"),
         "{}",
-        ended.stdout
+        output.stdout
     );
 }
 
 #[test]
-fn broken_pixels_are_named_and_make_every_number_nan() {
+fn non_finite_pixels_are_reported_and_make_every_metric_nan() {
     let place = place();
     let mut broken = picture(0.0);
     broken.data[26] = [1.0, f32::NAN, 1.0];
     std::fs::write(place.path("nan.exr"), exr::encode(&broken, &[]).unwrap()).unwrap();
-    let ended = place.succeed(&["metric", "nan.exr", "b.exr", "-q", "--json"]);
+    let output = place.succeed(&["metric", "nan.exr", "b.exr", "-q", "--json"]);
     assert!(
-        ended
+        output
             .stderr
             .contains("nan.exr: 1 pixel not finite, the first at 2,1"),
         "{}",
-        ended.stderr
+        output.stderr
     );
-    let said = json(&ended.stdout);
+    let report = json(&output.stdout);
     assert!(
-        said["metrics"]
+        report["metrics"]
             .as_array()
             .unwrap()
             .iter()
             .all(|m| m["value"] == "NaN"),
-        "{said}"
+        "{report}"
     );
 }

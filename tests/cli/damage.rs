@@ -23,7 +23,7 @@ fn results(place: &Workplace) -> BTreeMap<String, Vec<u8>> {
         .collect()
 }
 
-/// Returns one file of every kind that a night leaves.
+/// Returns one file of every kind that a night writes.
 fn kinds(place: &Workplace) -> Vec<String> {
     let mut seen = BTreeMap::new();
     // `out/latest` is a link to a folder.
@@ -44,14 +44,14 @@ fn kinds(place: &Workplace) -> Vec<String> {
 }
 
 #[test]
-fn every_kind_of_file_may_be_cut_or_changed_and_nothing_else_is_done_again() {
+fn a_truncated_or_changed_file_of_any_kind_is_repaired_and_intact_runs_are_kept() {
     let place = Workplace::new();
     place.succeed(&["run", "night.lua", "-q"]);
     let before = results(&place);
     let all = kinds(&place);
     assert!(all.len() >= 18, "{all:?}");
     for file in &all {
-        for cut in [true, false] {
+        for truncated in [true, false] {
             let finished = place.finished();
             let whole = std::fs::read(place.path(file)).unwrap();
             let mut bytes = whole.clone();
@@ -59,13 +59,13 @@ fn every_kind_of_file_may_be_cut_or_changed_and_nothing_else_is_done_again() {
                 continue;
             }
             let middle = bytes.len() / 2;
-            if cut {
+            if truncated {
                 bytes.truncate(middle)
             } else {
                 bytes[middle] ^= 4
             }
             std::fs::write(place.path(file), bytes).unwrap();
-            let how = if cut { "cut" } else { "changed" };
+            let how = if truncated { "truncated" } else { "changed" };
             let night = place.run(&["run", "night.lua"]);
             assert_eq!(night.status, 0, "{file} {how}: {}", night.stderr);
             let after = results(&place);
@@ -74,21 +74,26 @@ fn every_kind_of_file_may_be_cut_or_changed_and_nothing_else_is_done_again() {
             for (name, bytes) in &after {
                 assert!(
                     *bytes == before[name],
-                    "{name} has other bytes after {file} was {how}: {}",
+                    "{name} differs after {file} was {how}: {}",
                     night.stderr
                 );
             }
-            let again = place
+            let rendered = place
                 .finished()
                 .iter()
                 .filter(|run| !finished.contains(run))
                 .count();
             let folder = file.rsplit_once('/').unwrap().0;
-            let sealed = file.contains("/runs/")
+            let is_checksummed = file.contains("/runs/")
                 && !file.ends_with("config.json")
                 && !file.ends_with("log.txt");
-            assert_eq!(again, usize::from(sealed), "{file} {how}: {}", night.stderr);
-            let said = night
+            assert_eq!(
+                rendered,
+                usize::from(is_checksummed),
+                "{file} {how}: {}",
+                night.stderr
+            );
+            let reported = night
                 .stderr
                 .lines()
                 .filter(|l| {
@@ -102,15 +107,15 @@ fn every_kind_of_file_may_be_cut_or_changed_and_nothing_else_is_done_again() {
             // them.
             let refs =
                 file.contains("/refs/") && !file.contains("/sums/") && !file.ends_with("log.txt");
-            let told = sealed || file.ends_with("/config.json") || refs;
+            let must_report = is_checksummed || file.ends_with("/config.json") || refs;
             assert!(
-                said == 1 || (said == 0 && !told),
+                reported == 1 || (reported == 0 && !must_report),
                 "{file} {how} in {folder}: {}",
                 night.stderr
             );
             if file.contains("/sums/") || file.contains("/bonds/") {
-                // Restored by hand: no command repairs a file that none reads, and its damage would
-                // be reported together with the next file's.
+                // Restore the file: no command repairs a file that none reads, and its damage would
+                // be reported together with that of the next file.
                 std::fs::write(place.path(file), whole).unwrap();
             }
         }
@@ -124,7 +129,7 @@ fn every_kind_of_file_may_be_cut_or_changed_and_nothing_else_is_done_again() {
 }
 
 #[test]
-fn what_a_dead_process_left_is_no_obstacle() {
+fn files_of_a_killed_process_do_not_affect_the_next_night() {
     let place = Workplace::new();
     place.succeed(&["run", "night.lua", "-q"]);
     let before = results(&place);
@@ -138,7 +143,10 @@ fn what_a_dead_process_left_is_no_obstacle() {
         "failed.json",
         ".lumbre-abc.tmp",
     ] {
-        place.write(&format!("{folder}/{name}"), "left by a process that died");
+        place.write(
+            &format!("{folder}/{name}"),
+            "written by a process that was killed",
+        );
     }
     place.write("out/latest/lock", "12345");
     let night = place.succeed(&["run", "night.lua"]);
@@ -148,11 +156,11 @@ fn what_a_dead_process_left_is_no_obstacle() {
         night.stderr
     );
     assert_eq!(results(&place), before);
-    let left = place.files(folder);
+    let remaining = place.files(folder);
     assert!(
-        !left
+        !remaining
             .iter()
             .any(|f| f.contains("ckpt") || f.ends_with("claim") || f.ends_with("failed.json")),
-        "{left:?}"
+        "{remaining:?}"
     );
 }

@@ -4,36 +4,37 @@ use super::workplace::Workplace;
 
 fn refused(place: &Workplace, args: &[&str]) -> String {
     let before = place.files(".");
-    let said = place.fail(2, args);
-    assert_eq!(place.files("."), before, "{args:?} wrote something");
-    said
+    let error = place.fail(2, args);
+    assert_eq!(place.files("."), before, "{args:?} wrote files");
+    error
 }
 
 #[test]
-fn a_script_that_is_not_there_gets_a_near_name() {
+fn a_missing_script_is_reported_with_a_similar_name() {
     let place = Workplace::new();
-    let said = refused(&place, &["run", "nihgt.lua"]);
+    let error = refused(&place, &["run", "nihgt.lua"]);
     assert!(
-        said.contains("there is no script nihgt.lua") && said.contains("did you mean `night.lua`?"),
-        "{said}"
+        error.contains("there is no script nihgt.lua")
+            && error.contains("did you mean `night.lua`?"),
+        "{error}"
     );
-    let said = refused(&place, &["run", "nowhere/night.lua"]);
-    assert!(said.contains("there is no folder nowhere"), "{said}");
+    let error = refused(&place, &["run", "nowhere/night.lua"]);
+    assert!(error.contains("there is no folder nowhere"), "{error}");
 }
 
 #[test]
-fn a_folder_is_no_script() {
+fn a_folder_instead_of_a_script_is_refused() {
     let place = Workplace::new();
-    let said = refused(&place, &["run", "."]);
+    let error = refused(&place, &["run", "."]);
     assert!(
-        said.contains("is a folder") && said.contains("night.lua"),
-        "{said}"
+        error.contains("is a folder") && error.contains("night.lua"),
+        "{error}"
     );
     assert!(refused(&place, &["check", "."]).contains("is a folder"));
 }
 
 #[test]
-fn an_unknown_verb_gets_a_near_one() {
+fn an_unknown_command_is_reported_with_a_similar_one() {
     let place = Workplace::new();
     assert!(refused(&place, &["runn", "night.lua"]).contains("'run'"));
     assert!(refused(&place, &[]).contains("Usage"));
@@ -41,24 +42,24 @@ fn an_unknown_verb_gets_a_near_one() {
 }
 
 #[test]
-fn a_mistake_in_a_script_is_shown_in_its_line() {
+fn a_misspelt_key_is_reported_with_the_script_and_a_similar_key() {
     let place = Workplace::new();
     let script = place
         .read("night.lua")
         .replace("max_depth = p.depth", "max_dpeth = p.depth");
     place.write("night.lua", &script);
     for verb in ["run", "plan", "check"] {
-        let said = refused(&place, &[verb, "night.lua"]);
+        let error = refused(&place, &[verb, "night.lua"]);
         assert!(
-            said.contains("max_dpeth") && said.contains("max_depth"),
-            "{said}"
+            error.contains("max_dpeth") && error.contains("max_depth"),
+            "{error}"
         );
-        assert!(said.contains("night.lua"), "{said}");
+        assert!(error.contains("night.lua"), "{error}");
     }
 }
 
 #[test]
-fn broken_and_hostile_scripts_are_errors_not_crashes() {
+fn broken_and_hostile_scripts_cause_errors_and_no_crashes() {
     let place = Workplace::new();
     for (name, text, expected) in [
         ("cut.lua", "local x = experiment(\"night\", {", "cut.lua"),
@@ -71,64 +72,64 @@ fn broken_and_hostile_scripts_are_errors_not_crashes() {
         ("loop.lua", "while true do end", "loop.lua"),
     ] {
         place.write(name, text);
-        let said = refused(&place, &["check", name]);
-        assert!(said.contains(expected), "{name}: {said}");
+        let error = refused(&place, &["check", name]);
+        assert!(error.contains(expected), "{name}: {error}");
     }
     std::fs::write(place.path("binary.lua"), [0x1b, b'L', b'u', b'a', 0, 1, 2]).unwrap();
     refused(&place, &["run", "binary.lua"]);
 }
 
 #[test]
-fn unknown_axes_and_values_are_named() {
+fn unknown_axes_and_values_are_reported_by_name() {
     let place = Workplace::new();
-    let said = refused(&place, &["run", "night.lua", "dpeth=3"]);
+    let error = refused(&place, &["run", "night.lua", "dpeth=3"]);
     assert!(
-        said.contains("no axis `dpeth`") && said.contains("`depth`"),
-        "{said}"
+        error.contains("no axis `dpeth`") && error.contains("`depth`"),
+        "{error}"
     );
-    let said = refused(&place, &["plan", "night.lua", "--only", "depth=3"]);
-    assert!(said.contains("no value `3`"), "{said}");
+    let error = refused(&place, &["plan", "night.lua", "--only", "depth=3"]);
+    assert!(error.contains("no value `3`"), "{error}");
 }
 
 #[test]
-fn broken_scenes_name_file_and_place() {
+fn broken_scenes_are_reported_with_their_file() {
     let place = Workplace::new();
     place.write("cut.scn", "{ \"resolution\": [8, 8], \"camera\": {");
     place.write("what.xyz", "?");
-    let said = refused(
+    let error = refused(
         &place,
         &["check", "cut.scn", "ball.scn", "what.xyz", "missing.obj"],
     );
     assert!(
-        said.contains("cut.scn") && said.contains("what.xyz") && said.contains("missing.obj"),
-        "{said}"
+        error.contains("cut.scn") && error.contains("what.xyz") && error.contains("missing.obj"),
+        "{error}"
     );
-    // Corners too far away for any camera, which is detected only after everything was read.
+    // Vertices too far away for any camera, which is detected only after the whole file was read.
     let far = r#"{ "asset": { "version": "2.0" }, "nodes": [{ "mesh": 0 }],
         "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 } }] }],
         "accessors": [{ "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3" }],
         "bufferViews": [{ "buffer": 0, "byteLength": 36 }],
         "buffers": [{ "byteLength": 36, "uri": "data:;base64,5rFhfwAAAAAAAAAA5rFh/wAAAAAAAAAAAAAAAAAAgD8AAAAA" }] }"#;
     place.write("far.gltf", far);
-    let said = refused(&place, &["check", "ball.scn", "far.gltf"]);
-    assert!(said.contains("far.gltf: camera"), "{said}");
+    let error = refused(&place, &["check", "ball.scn", "far.gltf"]);
+    assert!(error.contains("far.gltf: camera"), "{error}");
     let script = place.read("night.lua").replace("ball.scn", "cut.scn");
     place.write("night.lua", &script);
-    let said = refused(&place, &["run", "night.lua"]);
-    assert!(said.contains("cut.scn"), "{said}");
+    let error = refused(&place, &["run", "night.lua"]);
+    assert!(error.contains("cut.scn"), "{error}");
 }
 
 #[test]
-fn an_out_that_cannot_be_written_is_found_before_rendering() {
+fn an_output_folder_that_cannot_be_written_is_refused_before_rendering() {
     let place = Workplace::new();
     place.write("taken", "a file");
-    let said = refused(&place, &["run", "night.lua", "--out", "taken"]);
+    let error = refused(&place, &["run", "night.lua", "--out", "taken"]);
     assert!(
-        said.contains("cannot write to taken") && said.contains("--out"),
-        "{said}"
+        error.contains("cannot write to taken") && error.contains("--out"),
+        "{error}"
     );
-    let said = refused(&place, &["run", "night.lua", "--out", "taken/below"]);
-    assert!(said.contains("cannot write to taken/below"), "{said}");
+    let error = refused(&place, &["run", "night.lua", "--out", "taken/below"]);
+    assert!(error.contains("cannot write to taken/below"), "{error}");
 }
 
 #[test]
@@ -146,18 +147,18 @@ fn a_missing_texture_is_an_error_unless_lenient() {
         } else {
             "night.lua"
         };
-        let said = refused(&place, &[verb, file]);
+        let error = refused(&place, &[verb, file]);
         assert!(
-            said.contains("material `grey`") && said.contains("gone.png"),
-            "{verb}: {said}"
+            error.contains("material `grey`") && error.contains("gone.png"),
+            "{verb}: {error}"
         );
         let ended = place.run(&[verb, file, "--lenient"]);
-        let said = ended.stdout + &ended.stderr;
+        let output = ended.stdout + &ended.stderr;
         assert!(
             ended.status == 0
-                && said.contains("gone.png")
-                && said.contains("constant value is used"),
-            "{verb}: {said}"
+                && output.contains("gone.png")
+                && output.contains("constant value is used"),
+            "{verb}: {output}"
         );
     }
 }

@@ -2,7 +2,7 @@
 
 use super::workplace::Workplace;
 
-/// A technique of this project and one of Mitsuba's, compared with a reference of this project.
+/// A technique of this project and one of Mitsuba, compared with a reference by this project.
 const NIGHT: &str = r#"
 local x = experiment("peers", { seed = 3 })
 x:axis("python", { "python3" })
@@ -22,16 +22,16 @@ return x
 /// `python3`.
 pub fn interpreter() -> Option<String> {
     let named = std::env::var("LUMBRE_MITSUBA_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let asked = std::process::Command::new(&named)
+    let imported = std::process::Command::new(&named)
         .args(["-c", "import mitsuba"])
         .output();
-    asked
+    imported
         .is_ok_and(|output| output.status.success())
         .then_some(named)
 }
 
 #[test]
-fn without_the_other_program_its_cells_are_left_out_with_the_reason() {
+fn cells_of_an_absent_renderer_are_left_out_with_the_reason() {
     let place = Workplace::new();
     place.write("peers.lua", NIGHT);
     let planned = place.succeed(&["plan", "peers.lua", "python=/nowhere/python"]);
@@ -52,9 +52,9 @@ fn without_the_other_program_its_cells_are_left_out_with_the_reason() {
     let page = place.read("out/latest/report/index.html");
     assert!(
         page.contains("1 point of the sweep is left out: external:mitsuba is not installed"),
-        "the page does not say so"
+        "the report does not state the omitted point"
     );
-    // A reference by an absent program leaves no run to measure.
+    // Without the program that renders the reference, no run can be measured.
     place.write(
         "all.lua",
         &NIGHT.replace(
@@ -62,16 +62,16 @@ fn without_the_other_program_its_cells_are_left_out_with_the_reason() {
             "function(p) return { integrator = \"external:mitsuba\", python = p.python }",
         ),
     );
-    let said = place.run(&["run", "all.lua", "python=/nowhere/python"]);
+    let output = place.run(&["run", "all.lua", "python=/nowhere/python"]);
     assert!(
-        said.stderr.contains("nothing to do") && said.stderr.contains("is not installed"),
+        output.stderr.contains("nothing to do") && output.stderr.contains("is not installed"),
         "{}",
-        said.stderr
+        output.stderr
     );
 }
 
 #[test]
-fn mitsuba_renders_the_same_picture_with_a_clock_of_its_own() {
+fn mitsuba_renders_the_same_picture_and_reports_its_own_render_time() {
     let Some(python) = interpreter() else {
         println!(
             "SKIPPED: no interpreter with the package mitsuba; name one with LUMBRE_MITSUBA_PYTHON"
@@ -86,27 +86,27 @@ fn mitsuba_renders_the_same_picture_with_a_clock_of_its_own() {
         .iter()
         .map(|(done, _)| place.json(done))
         .collect();
-    let theirs = finished
+    let mitsuba = finished
         .iter()
         .find(|done| done["device"].as_str().unwrap().contains("Mitsuba"))
         .unwrap();
-    let ours = finished
+    let own = finished
         .iter()
-        .find(|done| done["run"] != theirs["run"])
+        .find(|done| done["run"] != mitsuba["run"])
         .unwrap();
     assert!(
-        theirs["samples"] == 64 && theirs["render_s"].as_f64().unwrap() > 0.0,
-        "{theirs}"
+        mitsuba["samples"] == 64 && mitsuba["render_s"].as_f64().unwrap() > 0.0,
+        "{mitsuba}"
     );
     let rmse = |done: &serde_json::Value| done["metrics"]["rmse"].as_f64().unwrap();
-    // Both are unbiased for a matte ball under an area light, and `nee` samples the light as
+    // Both are unbiased for a diffuse ball under an area light, and `nee` samples the light as
     // Mitsuba does.
-    let ratio = rmse(theirs) / rmse(ours);
+    let ratio = rmse(mitsuba) / rmse(own);
     assert!(
         (0.5..2.0).contains(&ratio),
         "{} and {}",
-        rmse(theirs),
-        rmse(ours)
+        rmse(mitsuba),
+        rmse(own)
     );
     place.succeed(&["report", "out/latest", "-q"]);
     assert!(

@@ -1,13 +1,13 @@
-//! Nights that are killed at random instants, repeatedly, and their results in the end.
+//! Nights that are killed repeatedly at random instants, and their final results.
 
 use super::workplace::Workplace;
 
 /// Runs `lumbre verify --kill` and returns how many kills found a checkpoint to resume from.
 fn kill(args: &[&str]) -> u64 {
     let place = Workplace::new();
-    let ended = place.run(&[&["verify", "--json"], args].concat());
-    assert_eq!(ended.status, 0, "{}{}", ended.stdout, ended.stderr);
-    let report: serde_json::Value = serde_json::from_str(&ended.stdout).unwrap();
+    let output = place.run(&[&["verify", "--json"], args].concat());
+    assert_eq!(output.status, 0, "{}{}", output.stdout, output.stderr);
+    let report: serde_json::Value = serde_json::from_str(&output.stdout).unwrap();
     assert_eq!(
         (
             &report["passed"],
@@ -23,16 +23,16 @@ fn kill(args: &[&str]) -> u64 {
 fn a_night_killed_at_fifty_random_instants_leaves_the_same_bytes() {
     assert!(
         kill(&["--kill", "50"]) >= 10,
-        "most kills hit a run in its middle"
+        "at least 10 of 50 kills must leave a checkpoint"
     );
 }
 
 #[test]
-fn techniques_that_take_turns_leave_the_same_bytes_when_they_are_killed_fifty_times() {
+fn interleaved_techniques_killed_fifty_times_leave_the_same_bytes() {
     assert!(kill(&["--kill", "50", "--order", "interleave", "--seed", "3"]) >= 10);
 }
 
 #[test]
-fn four_processes_that_are_killed_at_random_leave_the_same_bytes() {
+fn four_processes_killed_at_random_instants_leave_the_same_bytes() {
     kill(&["--kill", "16", "--processes", "4", "--seed", "2"]);
 }

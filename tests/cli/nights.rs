@@ -1,9 +1,9 @@
-//! Whole nights: the files they leave, and the effect of a second one.
+//! Whole nights: the files that they write, and the effect of running a script twice.
 
 use super::workplace::Workplace;
 
 #[test]
-fn a_night_leaves_pictures_curves_tables_and_numbers() {
+fn a_night_writes_pictures_figures_tables_and_metrics() {
     let place = Workplace::new();
     let night = place.succeed(&["run", "night.lua"]);
     assert!(night.stdout.contains("| depth"), "{}", night.stdout);
@@ -17,8 +17,8 @@ fn a_night_leaves_pictures_curves_tables_and_numbers() {
         "{}",
         night.stderr
     );
-    for said in ["out/night-", "/figures", "/tables", "/runs"] {
-        assert!(night.stderr.contains(said), "{}", night.stderr);
+    for expected in ["out/night-", "/figures", "/tables", "/runs"] {
+        assert!(night.stderr.contains(expected), "{}", night.stderr);
     }
     let files = place.files("out");
     let count = |end: &str| files.iter().filter(|f| f.ends_with(end)).count();
@@ -60,7 +60,7 @@ fn a_night_leaves_pictures_curves_tables_and_numbers() {
 }
 
 #[test]
-fn a_run_folder_describes_itself() {
+fn a_run_folder_holds_its_configuration_results_and_log() {
     let place = Workplace::new();
     place.succeed(&["run", "night.lua", "depth=4", "-q"]);
     let (done, _) = place.finished().remove(0);
@@ -110,20 +110,23 @@ fn a_run_folder_describes_itself() {
     let bytes = std::fs::read(place.path(&format!("{folder}/final.exr"))).unwrap();
     let (image, metadata) = lumbre::output::exr::decode(&bytes).unwrap();
     assert_eq!((image.width, image.height), (24, 16));
-    let said = |name: &str| {
+    let metadata_value = |name: &str| {
         metadata
             .iter()
             .find(|(n, _)| n.ends_with(name))
             .map(|(_, v)| v.clone())
             .unwrap()
     };
-    assert_eq!(said("run"), id);
-    assert_eq!(said("samples"), "16");
-    assert_eq!(said("scene_hash"), done["scene_hash"].as_str().unwrap());
+    assert_eq!(metadata_value("run"), id);
+    assert_eq!(metadata_value("samples"), "16");
+    assert_eq!(
+        metadata_value("scene_hash"),
+        done["scene_hash"].as_str().unwrap()
+    );
 }
 
 #[test]
-fn a_second_night_renders_nothing_and_says_so() {
+fn a_second_night_renders_nothing_and_reports_this() {
     let place = Workplace::new();
     let first = place.succeed(&["run", "night.lua"]);
     let before = place.finished();
@@ -145,18 +148,22 @@ fn a_second_night_renders_nothing_and_says_so() {
     assert_eq!(second.stdout, first.stdout);
     assert!(
         place.path(&figure).is_file(),
-        "figures are made again from what is there"
+        "figures are drawn again from the stored results"
     );
 }
 
 #[test]
-fn overrides_and_selections_reuse_what_they_share() {
+fn overrides_and_selections_reuse_shared_runs() {
     let place = Workplace::new();
     place.succeed(&["run", "night.lua", "--only", "depth=4"]);
     assert_eq!(place.finished().len(), 2);
     place.succeed(&["run", "night.lua", "depth=4,6"]);
     let finished = place.finished();
-    assert_eq!(finished.len(), 4, "depth 4 was there already: {finished:?}");
+    assert_eq!(
+        finished.len(),
+        4,
+        "the runs of depth 4 must be reused: {finished:?}"
+    );
     let listed: serde_json::Value =
         serde_json::from_str(&place.succeed(&["ls", "--json"]).stdout).unwrap();
     let states: Vec<&str> = listed
@@ -185,7 +192,7 @@ fn a_damaged_run_is_rendered_again_and_no_other() {
 }
 
 #[test]
-fn a_cell_that_fails_is_recorded_and_the_night_goes_on() {
+fn a_failed_cell_is_recorded_and_the_night_continues() {
     let place = Workplace::new();
     let script = place.read("night.lua").replace(
         "return stop.samples(16)",
@@ -211,7 +218,7 @@ fn a_cell_that_fails_is_recorded_and_the_night_goes_on() {
 }
 
 #[test]
-fn quiet_nights_print_tables_alone() {
+fn quiet_nights_print_only_tables() {
     let place = Workplace::new();
     let night = place.succeed(&["run", "night.lua", "--quiet"]);
     assert!(night.stdout.contains("| depth"), "{}", night.stdout);
@@ -219,7 +226,7 @@ fn quiet_nights_print_tables_alone() {
 }
 
 #[test]
-fn a_backend_of_the_command_line_wins() {
+fn the_backend_of_the_command_line_overrides_that_of_the_script() {
     let place = Workplace::new();
     let script = place
         .read("night.lua")
@@ -242,7 +249,7 @@ fn a_backend_of_the_command_line_wins() {
 /// Simulates a full disk by a limit on file size: pictures do not fit, all small files do.
 #[cfg(unix)]
 #[test]
-fn a_full_disk_fails_cells_and_leaves_no_half_written_file() {
+fn a_full_disk_fails_cells_and_leaves_no_unfinished_file() {
     let place = Workplace::new();
     let script = place
         .read("night.lua")
@@ -257,21 +264,22 @@ fn a_full_disk_fails_cells_and_leaves_no_half_written_file() {
         .current_dir(place.path("."))
         .output()
         .unwrap();
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(3), "{said}");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(3), "{stderr}");
     assert!(
-        said.contains("cannot write") && said.contains("half-a.exr"),
-        "{said}"
+        stderr.contains("cannot write") && stderr.contains("half-a.exr"),
+        "{stderr}"
     );
     let files = place.files("out");
-    let half = |f: &&String| f.ends_with(".tmp") || f.ends_with(".exr") || f.ends_with("done.json");
-    assert_eq!(files.iter().find(half), None);
+    let is_unfinished =
+        |f: &&String| f.ends_with(".tmp") || f.ends_with(".exr") || f.ends_with("done.json");
+    assert_eq!(files.iter().find(is_unfinished), None);
     place.succeed(&["run", "night.lua", "-q"]);
     assert_eq!(place.finished().len(), 4);
 }
 
 #[test]
-fn layers_are_kept_beside_the_picture() {
+fn layers_are_stored_beside_the_picture() {
     let place = Workplace::new();
     let script = |films: &str| {
         format!(
@@ -317,16 +325,16 @@ return x
     ];
     assert_eq!(place.json(&done)["films"], serde_json::json!(films));
     let files = place.files("out");
-    let kept = |end: &str| {
+    let count = |end: &str| {
         files
             .iter()
             .filter(|f| f.contains("/films/") && f.ends_with(end))
             .count()
     };
     assert_eq!(
-        (kept(".exr"), kept(".png")),
+        (count(".exr"), count(".png")),
         (13, 13 + 3),
-        "and three sheets; the reference has none"
+        "13 layers and 3 sheets; references have no layers"
     );
     let shown = place.succeed(&["show", folder]);
     assert!(
@@ -348,7 +356,7 @@ return x
         assert!((0..3).all(|c| (a[c] + b[c] - sum[c]).abs() <= 1e-5 * sum[c]));
     }
 
-    // The same films in another order are the same run; other films are another run with the same
+    // The same films in another order give the same run; other films give another run with the same
     // reference.
     place.write(
         "layers.lua",
@@ -374,7 +382,7 @@ return x
 }
 
 #[test]
-fn layers_that_cannot_be_had_are_refused_while_planning() {
+fn unsupported_layers_are_refused_while_planning() {
     let place = Workplace::new();
     let with = |fields: &str| {
         place.write(
@@ -405,7 +413,7 @@ fn layers_that_cannot_be_had_are_refused_while_planning() {
 }
 
 #[test]
-fn every_measurement_is_captured_where_the_script_asks_for_it() {
+fn every_measurement_is_captured_if_the_script_requests_it() {
     let place = Workplace::new();
     let script = place
         .read("night.lua")
@@ -432,13 +440,14 @@ fn every_measurement_is_captured_where_the_script_asks_for_it() {
                 .files(folder)
                 .iter()
                 .all(|f| !f.contains("/snap-") || f.ends_with(".png")),
-            "no EXR was asked for"
+            "no EXR snapshots were requested"
         );
         let capture = captures
             .iter()
             .find(|f| !f.ends_with("snap-16.png"))
             .unwrap();
-        // The display gamma is that of the theses: the last capture is the final picture.
+        // The script's display gamma, that of the theses, applies to both, so the last capture
+        // equals the final picture.
         assert_eq!(
             std::fs::read(place.path(&format!("{folder}/snap-16.png"))).unwrap(),
             std::fs::read(place.path(&format!("{folder}/final.png"))).unwrap()

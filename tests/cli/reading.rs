@@ -1,4 +1,4 @@
-//! Commands that only read.
+//! Commands that read results, scripts and scenes, and the benchmark.
 
 use serde_json::Value as Json;
 
@@ -9,7 +9,7 @@ fn json(text: &str) -> Json {
 }
 
 #[test]
-fn a_plan_tells_new_from_cached_and_writes_nothing() {
+fn a_plan_marks_cells_as_new_or_cached_and_writes_nothing() {
     let place = Workplace::new();
     let page = place.succeed(&["plan", "night.lua"]).stdout;
     assert!(
@@ -70,23 +70,26 @@ fn check_reads_scripts_and_scenes_and_writes_nothing() {
         "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n",
     );
     let before = place.files(".");
-    let said = place
+    let output = place
         .succeed(&["check", "night.lua", "ball.scn", "quad.obj"])
         .stdout;
     assert!(
-        said.contains("ok  night.lua: experiment `night`, 4 cells, 2 references"),
-        "{said}"
+        output.contains("ok  night.lua: experiment `night`, 4 cells, 2 references"),
+        "{output}"
     );
     assert!(
-        said.contains("ok  ball.scn: scene, 0 triangles, 2 spheres"),
-        "{said}"
+        output.contains("ok  ball.scn: scene, 0 triangles, 2 spheres"),
+        "{output}"
     );
-    assert!(said.contains("ok  quad.obj: scene, 2 triangles"), "{said}");
+    assert!(
+        output.contains("ok  quad.obj: scene, 2 triangles"),
+        "{output}"
+    );
     assert_eq!(place.files("."), before);
 }
 
 #[test]
-fn ls_and_show_tell_what_is_there() {
+fn ls_and_show_print_the_stored_results() {
     let place = Workplace::new();
     let nothing = place.succeed(&["ls"]);
     assert!(
@@ -134,7 +137,7 @@ fn ls_and_show_tell_what_is_there() {
 }
 
 #[test]
-fn ls_is_narrowed_by_words_states_and_the_latest() {
+fn ls_filters_by_words_states_and_the_latest_night() {
     let place = Workplace::new();
     place.succeed(&["run", "night.lua", "-q", "--only", "depth=2"]);
     place.write(
@@ -182,7 +185,7 @@ fn ls_is_narrowed_by_words_states_and_the_latest() {
     assert_eq!(
         runs(&["depth=4", "REP=1"]),
         ["other depth=4/rep=1 done"],
-        "without the index too"
+        "the result is the same without the index"
     );
     let latest = json(&place.succeed(&["show", "latest", "--json"]).stdout);
     assert_eq!(latest["config"]["experiment"], "other");
@@ -190,7 +193,7 @@ fn ls_is_narrowed_by_words_states_and_the_latest() {
 }
 
 #[test]
-fn status_tells_how_far_a_night_is_from_its_files_alone() {
+fn status_reports_the_progress_of_a_night_from_its_files() {
     let place = Workplace::new();
     assert!(place.fail(2, &["status"]).contains("no night in out"));
     place.succeed(&["run", "night.lua", "-q"]);
@@ -220,7 +223,7 @@ fn status_tells_how_far_a_night_is_from_its_files_alone() {
         ),
         (Some(3), Some(1))
     );
-    // A copy of the folder, for example from another machine, without any other file.
+    // A copy of the folder without any other file, as from another machine.
     let night = place
         .files("out")
         .into_iter()
@@ -246,7 +249,7 @@ fn status_tells_how_far_a_night_is_from_its_files_alone() {
 }
 
 #[test]
-fn a_finished_run_has_at_most_eight_files_beside_snapshots_and_films() {
+fn a_finished_run_has_at_most_eight_files_apart_from_snapshots_and_films() {
     let place = Workplace::new();
     place.succeed(&["run", "night.lua", "-q"]);
     for done in place
@@ -256,13 +259,13 @@ fn a_finished_run_has_at_most_eight_files_beside_snapshots_and_films() {
     {
         let folder = done.rsplit_once('/').unwrap().0;
         let files = place.files(folder);
-        // The halves of a reference are snapshots of it as well.
-        let beside = |f: &&String| {
+        // The halves of a reference count as snapshots.
+        let is_counted = |f: &&String| {
             !["/snap-", "/films/", "/half-"]
                 .iter()
                 .any(|part| f.contains(part))
         };
-        let counted: Vec<&String> = files.iter().filter(beside).collect();
+        let counted: Vec<&String> = files.iter().filter(is_counted).collect();
         assert!(counted.len() <= 8, "{counted:?}");
     }
 }
@@ -297,14 +300,14 @@ fn the_schema_is_printed_for_editors_and_for_programs() {
         let select = fields.iter().find(|f| f["key"] == "select").unwrap();
         assert_eq!(
             select["default"], "power",
-            "{}: lights are chosen",
+            "{}: the default light selection",
             row["name"]
         );
     }
 }
 
 #[test]
-fn the_doctor_names_backends_cores_and_terminal() {
+fn doctor_reports_backends_cores_and_terminal() {
     let place = Workplace::new();
     let page = place.succeed(&["doctor"]).stdout;
     for expected in [
@@ -324,17 +327,17 @@ fn the_doctor_names_backends_cores_and_terminal() {
 }
 
 #[test]
-fn the_bench_measures_every_integrator_and_keeps_the_figures() {
+fn bench_measures_every_integrator_and_stores_the_figures() {
     let place = Workplace::new();
     place.write("ball.scn", super::verify::SCENE);
     let ended = place.succeed(&["bench", "ball.scn", "--only", "--repeats", "3"]);
-    let kept = place.json("out/bench.json");
+    let stored = place.json("out/bench.json");
     assert_eq!(
-        (&kept["repeats"], &kept["relative_rmse"]),
+        (&stored["repeats"], &stored["relative_rmse"]),
         (&3.into(), &0.05.into())
     );
-    let [scene] = &kept["scenes"].as_array().unwrap()[..] else {
-        panic!("{kept}")
+    let [scene] = &stored["scenes"].as_array().unwrap()[..] else {
+        panic!("{stored}")
     };
     assert_eq!(scene["scene"], "ball.scn");
     for name in lumbre::transport::integrator::INTEGRATORS
@@ -373,7 +376,7 @@ fn the_bench_measures_every_integrator_and_keeps_the_figures() {
 }
 
 #[test]
-fn the_bench_measures_scenes_with_options_and_views() {
+fn bench_measures_scenes_with_options_and_views() {
     let place = Workplace::new();
     place.write(
         "lit.lua",
@@ -400,11 +403,11 @@ fn the_bench_measures_scenes_with_options_and_views() {
             "{}",
             ended.stdout
         );
-        let kept = place.json("out/bench.json");
-        assert_eq!(kept["scenes"][0]["scene"], scene);
-        variances.push(kept["scenes"][0]["integrators"]["bpt"]["variance"].as_f64());
+        let stored = place.json("out/bench.json");
+        assert_eq!(stored["scenes"][0]["scene"], scene);
+        variances.push(stored["scenes"][0]["integrators"]["bpt"]["variance"].as_f64());
     }
-    // One tenth of the light, then only an even sky.
+    // `off` has a tenth of the radiance, and the view `aside` shows only the uniform environment.
     let [Some(on), Some(off), even] = variances[..] else {
         panic!("{variances:?}")
     };
@@ -412,7 +415,7 @@ fn the_bench_measures_scenes_with_options_and_views() {
         on > 50.0 * off && off > 0.0 && even.is_none_or(|v| v < 1e-9),
         "{variances:?}"
     );
-    for (scene, said) in [
+    for (scene, expected) in [
         ("lit.lua?lamp=dim", "dim"),
         ("lit.lua?camera=asid", "aside"),
         ("lit.lua?lamp", "NAME=VALUE"),
@@ -420,14 +423,14 @@ fn the_bench_measures_scenes_with_options_and_views() {
         assert!(
             place
                 .fail(2, &bench(scene).each_ref().map(String::as_str))
-                .contains(said),
+                .contains(expected),
             "{scene}"
         );
     }
 }
 
 #[test]
-fn completions_and_the_manual_come_from_the_definitions() {
+fn completions_and_the_manual_page_cover_the_commands() {
     let place = Workplace::new();
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
         assert!(
@@ -445,7 +448,7 @@ fn completions_and_the_manual_come_from_the_definitions() {
 }
 
 #[test]
-fn every_verb_explains_itself() {
+fn every_command_describes_its_arguments() {
     let place = Workplace::new();
     let whole = place.succeed(&["--help"]).stdout;
     assert!(
@@ -472,7 +475,7 @@ fn every_verb_explains_itself() {
         );
         let help = place.succeed(&[verb, "--help"]).stdout;
         assert!(help.contains(&format!("Usage: lumbre {verb}")), "{help}");
-        // Every argument and option has a sentence beside or below it.
+        // Every argument and option has a description beside or below it.
         let lines: Vec<&str> = help.lines().collect();
         for (i, line) in lines.iter().enumerate() {
             let name = line.trim_start();
@@ -489,7 +492,7 @@ fn every_verb_explains_itself() {
                 .is_some_and(|next| next.starts_with("          "));
             assert!(
                 !names_one || beside || below,
-                "{verb}: `{line}` explains nothing"
+                "{verb}: `{line}` has no description"
             );
         }
     }
@@ -501,7 +504,7 @@ fn every_verb_explains_itself() {
 }
 
 #[test]
-fn a_reader_that_has_seen_enough_is_no_error() {
+fn a_closed_output_pipe_is_not_an_error() {
     let place = Workplace::new();
     let mut child = place
         .command(&["man"])

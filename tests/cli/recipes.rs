@@ -1,11 +1,11 @@
-//! The recipes of the book: every page has its script, shows it as it is, and names files that it leaves.
+//! The recipes: every page has a script, shows it verbatim, and lists the files that it writes.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use super::workplace::{Ended, Workplace};
+use super::workplace::{ProgramOutput, Workplace};
 
-/// Values that replace those of the axes of the same names, so that every script takes a moment.
+/// Values that replace those of the axes of the same names, so that every script runs quickly.
 const TINY: [(&str, &str); 4] = [
     ("size", "16"),
     ("samples", "2"),
@@ -58,7 +58,7 @@ fn shown_files(page: &str) -> Vec<(String, String)> {
         .collect()
 }
 
-/// Paths that a page lists as left by its script: items of lists that start with `out/`.
+/// Paths that a page lists as written by its script: list items that start with `out/`.
 fn promised_files(page: &str) -> Vec<String> {
     page.lines()
         .filter_map(|line| line.strip_prefix("- `out/"))
@@ -66,7 +66,7 @@ fn promised_files(page: &str) -> Vec<String> {
         .collect()
 }
 
-/// Whether some file fits a pattern, in which `**` stands for any number of folders.
+/// Returns whether some file matches a pattern, in which `**` means any number of folders.
 fn is_there(place: &Workplace, pattern: &str) -> bool {
     match pattern.split_once("/**/") {
         None => place.path(pattern).is_file(),
@@ -104,7 +104,7 @@ fn overrides(script: &str) -> Vec<String> {
 }
 
 /// Runs the program from the root of the repository, with results in the workplace.
-fn run(place: &Workplace, words: &[&str], recipe: &str, more: &[String]) -> Ended {
+fn run(place: &Workplace, words: &[&str], recipe: &str, more: &[String]) -> ProgramOutput {
     let script = format!("scripts/recipes/{recipe}.lua");
     let out = place.path("out");
     let mut command = place.command(words);
@@ -115,14 +115,14 @@ fn run(place: &Workplace, words: &[&str], recipe: &str, more: &[String]) -> Ende
         .args(["--backend", "cpu", "-q"])
         .output()
         .unwrap();
-    Ended {
+    ProgramOutput {
         status: output.status.code().unwrap_or(-1),
         stdout: String::from_utf8(output.stdout).unwrap(),
         stderr: String::from_utf8(output.stderr).unwrap(),
     }
 }
 
-/// Runs a recipe at tiny size and checks that it leaves the files that its page lists.
+/// Runs a recipe at tiny size and checks that it writes the files that its page lists.
 fn check_run(name: &str, more: &[String]) {
     let place = Workplace::new();
     let mut axes = overrides(&read(&format!("scripts/recipes/{name}.lua")));
@@ -139,7 +139,7 @@ fn check_run(name: &str, more: &[String]) {
     for pattern in promised {
         assert!(
             is_there(&place, &pattern),
-            "{name} leaves no {pattern}: {:?}",
+            "{name} does not write {pattern}: {:?}",
             place.files("out")
         );
     }
@@ -163,7 +163,7 @@ fn every_recipe_has_a_page_and_a_script() {
 }
 
 #[test]
-fn pages_show_their_scripts_as_they_are() {
+fn pages_show_their_scripts_verbatim() {
     for name in recipes() {
         let shown = shown_files(&page(&name));
         let script = format!("scripts/recipes/{name}.lua");
@@ -182,7 +182,7 @@ fn pages_show_their_scripts_as_they_are() {
 }
 
 #[test]
-fn every_recipe_runs_and_leaves_what_its_page_lists() {
+fn every_recipe_runs_and_writes_the_files_that_its_page_lists() {
     for name in recipes() {
         // Needs another program: see the next test.
         if name != "mitsuba_beside" {
@@ -192,7 +192,7 @@ fn every_recipe_runs_and_leaves_what_its_page_lists() {
 }
 
 #[test]
-fn the_recipe_with_mitsuba_runs_where_it_is_installed() {
+fn the_recipe_with_mitsuba_runs_if_it_is_installed() {
     let name = "mitsuba_beside";
     let Some(python) = super::external::interpreter() else {
         let planned = run(&Workplace::new(), &["plan"], name, &[]);

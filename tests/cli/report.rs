@@ -4,8 +4,7 @@ use std::process::Command;
 
 use super::workplace::Workplace;
 
-/// Two techniques with three repeats, snapshots, and everything that a report draws; on the CPU
-/// backend, which films need.
+/// Two techniques with two repeats, a reference, two metrics and snapshots, on the mock backend.
 const NIGHT: &str = r#"
 local x = experiment("study", { seed = 3, repeats = 2 })
 x:axis("technique", { "bpt", "nee" })
@@ -26,10 +25,10 @@ fn reported() -> Workplace {
 }
 
 #[test]
-fn a_report_is_made_of_files_alone_and_twice_the_same() {
+fn a_report_depends_only_on_the_night_folder_and_is_reproducible() {
     let place = reported();
-    let ended = place.succeed(&["report", "out/latest"]);
-    let page = ended.stdout.trim().to_owned();
+    let output = place.succeed(&["report", "out/latest"]);
+    let page = output.stdout.trim().to_owned();
     assert!(page.ends_with("/report/index.html"), "{page}");
     let folder = page.trim_end_matches("/index.html").to_owned();
     let files = place.files(&folder);
@@ -59,11 +58,11 @@ fn a_report_is_made_of_files_alone_and_twice_the_same() {
         .iter()
         .map(|f| std::fs::read(place.path(f)).unwrap())
         .collect();
-    assert!(before == after, "the same folders give the same bytes");
+    assert!(before == after, "the same night must give the same bytes");
 }
 
 #[test]
-fn every_file_names_the_runs_behind_it() {
+fn every_file_of_a_report_names_its_runs_plan_and_program() {
     let place = reported();
     place.succeed(&["report", "out/latest", "--to", "r"]);
     let id = place.json(&place.finished()[0].0)["run"]
@@ -87,7 +86,7 @@ fn every_file_names_the_runs_behind_it() {
         let text = place.read(&format!("r/{file}"));
         assert!(
             text.contains(&id) && text.contains(&plan) && text.contains("lumbre 0."),
-            "{file} lacks them"
+            "{file} lacks a run, the plan or the program"
         );
     }
     for file in ["figures/error-time-rmse.png", "figures/error-time-rmse.pdf"] {
@@ -100,26 +99,26 @@ fn every_file_names_the_runs_behind_it() {
 }
 
 #[test]
-fn what_is_no_night_or_names_nothing_is_refused() {
+fn invalid_folders_axes_crops_and_thresholds_are_refused() {
     let place = reported();
-    let said = place.fail(2, &["report", "scenes"]);
-    assert!(said.contains("cannot read"), "{said}");
-    let said = place.fail(2, &["report", "out/latest", "--by", "tecnique"]);
+    let error = place.fail(2, &["report", "scenes"]);
+    assert!(error.contains("cannot read"), "{error}");
+    let error = place.fail(2, &["report", "out/latest", "--by", "tecnique"]);
     assert!(
-        said.contains("unknown axis `tecnique`; the axes are: technique"),
-        "{said}"
+        error.contains("unknown axis `tecnique`; the axes are: technique"),
+        "{error}"
     );
-    let said = place.fail(2, &["report", "out/latest", "--crop", "1,2,3"]);
-    assert!(said.contains("left, top, width and height"), "{said}");
-    let said = place.fail(2, &["report", "out/latest", "--threshold", "mse=0.1"]);
+    let error = place.fail(2, &["report", "out/latest", "--crop", "1,2,3"]);
+    assert!(error.contains("left, top, width and height"), "{error}");
+    let error = place.fail(2, &["report", "out/latest", "--threshold", "mse=0.1"]);
     assert!(
-        said.contains("unknown metric column `mse`; the columns are: rmse, ssim"),
-        "{said}"
+        error.contains("unknown metric column `mse`; the columns are: rmse, ssim"),
+        "{error}"
     );
 }
 
 #[test]
-fn two_nights_need_the_names_of_both_devices() {
+fn nights_of_two_machines_are_compared_only_if_both_devices_are_named() {
     let place = reported();
     let night = place
         .files("out")
@@ -148,7 +147,7 @@ fn two_nights_need_the_names_of_both_devices() {
     let svg = place.read("both/figures/error-time-rmse.svg");
     assert!(
         svg.contains("nee, Another GPU") && svg.contains("bpt, "),
-        "both devices are named"
+        "both devices must be named"
     );
     assert!(
         place
@@ -156,10 +155,10 @@ fn two_nights_need_the_names_of_both_devices() {
             .contains("Another GPU / ")
     );
     std::fs::remove_file(place.path("other/night/env.json")).unwrap();
-    let said = place.fail(2, &["report", &night, "other/night", "--to", "again"]);
+    let error = place.fail(2, &["report", &night, "other/night", "--to", "again"]);
     assert!(
-        said.contains("cannot be compared with those of another night"),
-        "{said}"
+        error.contains("cannot be compared with those of another night"),
+        "{error}"
     );
     place.succeed(&[
         "report",
@@ -181,11 +180,11 @@ fn a_damaged_run_does_not_count_as_finished() {
     let csv = done.replace("done.json", "metrics.csv");
     let text = place.read(&csv);
     place.write(&csv, &text[..text.len() - 20]);
-    let ended = place.succeed(&["report", "out/latest", "--to", "r"]);
+    let output = place.succeed(&["report", "out/latest", "--to", "r"]);
     assert!(
-        ended.stderr.contains("is treated as unfinished"),
+        output.stderr.contains("is treated as unfinished"),
         "{}",
-        ended.stderr
+        output.stderr
     );
     assert!(place.read("r/index.html").contains("3 of 4 runs finished"));
 }
@@ -212,7 +211,7 @@ fn the_page_works_in_a_browser_without_a_network() {
             .output()
             .is_ok_and(|o| o.status.success())
     }) else {
-        println!("SKIPPED: no browser of {}", browsers.join(", "));
+        println!("SKIPPED: none of {} is installed", browsers.join(", "));
         return;
     };
     let place = reported();
@@ -240,21 +239,21 @@ fn the_page_works_in_a_browser_without_a_network() {
         .output()
         .unwrap();
     let document = String::from_utf8_lossy(&output.stdout);
-    let told = document
+    let probed = document
         .split_once("data-probe=\"")
         .and_then(|(_, rest)| rest.split_once('"'))
-        .map(|(told, _)| told.replace("&quot;", "\""));
-    let told = told.unwrap_or_else(|| {
+        .map(|(probed, _)| probed.replace("&quot;", "\""));
+    let probed = probed.unwrap_or_else(|| {
         panic!(
-            "the scripts did not run to their end: {}",
+            "the scripts of the page did not finish: {}",
             String::from_utf8_lossy(&output.stderr)
         )
     });
-    let told: serde_json::Value = serde_json::from_str(&told).unwrap();
+    let probed: serde_json::Value = serde_json::from_str(&probed).unwrap();
     let expected = serde_json::json!({
         "names": 3, "pressed": 2, "differs": 5, "zero": true, "sorted": true, "rows": 4, "narrowed": 2, "curves": 4,
     });
-    assert_eq!(told, expected);
+    assert_eq!(probed, expected);
 }
 
 /// Compiles everything that a report writes for LaTeX in one document.
@@ -265,7 +264,7 @@ fn tables_figures_and_methods_compile_in_latex() {
         .output()
         .is_ok_and(|o| o.status.success())
     {
-        println!("SKIPPED: no pdflatex");
+        println!("SKIPPED: pdflatex is not installed");
         return;
     }
     let place = reported();
@@ -296,10 +295,10 @@ fn tables_figures_and_methods_compile_in_latex() {
         .current_dir(place.path("r"))
         .output()
         .unwrap();
-    let said = String::from_utf8_lossy(&output.stdout);
+    let log = String::from_utf8_lossy(&output.stdout);
     assert!(
-        output.status.success() && !said.contains("Missing character"),
-        "{said}"
+        output.status.success() && !log.contains("Missing character"),
+        "{log}"
     );
     assert!(place.path("r/paper.pdf").is_file());
 }

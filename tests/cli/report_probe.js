@@ -1,4 +1,4 @@
-// Presses keys and buttons of a report's page and leaves what happened on the document, for the test beside this file.
+// Presses keys and buttons of a report's page and stores the results in `data-probe` of the document, for report.rs.
 const press = (key) => document.dispatchEvent(new KeyboardEvent("keydown", { key }));
 const names = [...document.querySelectorAll("#names button")];
 const pixel = () => { const c = document.querySelector("#stage canvas"); return c.getContext("2d").getImageData(0, 0, c.width, c.height).data.join(); };

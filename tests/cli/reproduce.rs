@@ -2,7 +2,7 @@
 
 use super::workplace::Workplace;
 
-/// A small night on the CPU, whose pictures are the same to the bit.
+/// A small night on the CPU, whose pictures are reproducible to the bit.
 const NIGHT: &str = r#"
 local x = experiment("again", { seed = 5 })
 x:axis("technique", { "bpt", "nee" })
@@ -19,7 +19,7 @@ return x
 fn night() -> (Workplace, String) {
     let place = Workplace::new();
     place.write("again.lua", NIGHT);
-    // A light so large that every pixel finds it: noise can be told from a change.
+    // A light so large that every pixel meets it, so that noise can be distinguished from a change.
     let scene = place
         .read("ball.scn")
         .replace("[0, 3, 0], \"radius\": 0.5", "[0, 6, 3], \"radius\": 3.5");
@@ -41,11 +41,11 @@ fn pictures_figures_and_tables_are_identical_when_rendered_again() {
         format!("{run}/final.png"),
         run.clone(),
     ] {
-        let said = place.succeed(&["reproduce", &file]);
+        let output = place.succeed(&["reproduce", &file]);
         assert!(
-            said.stdout.ends_with("  identical\n"),
+            output.stdout.ends_with("  identical\n"),
             "{file}: {}",
-            said.stdout
+            output.stdout
         );
     }
     assert!(
@@ -66,13 +66,13 @@ fn pictures_figures_and_tables_are_identical_when_rendered_again() {
         "index.html",
     ];
     for file in files {
-        let said = place.succeed(&[
+        let output = place.succeed(&[
             "reproduce",
             &format!("out/latest/report/{file}"),
             "--json",
             "-q",
         ]);
-        let json: serde_json::Value = serde_json::from_str(&said.stdout).unwrap();
+        let json: serde_json::Value = serde_json::from_str(&output.stdout).unwrap();
         let answers: Vec<&str> = json["runs"]
             .as_array()
             .unwrap()
@@ -82,13 +82,13 @@ fn pictures_figures_and_tables_are_identical_when_rendered_again() {
         assert_eq!(answers, ["identical", "identical"], "{file}: {json}");
     }
     // From another folder the scene is found relative to where the night was started.
-    let elsewhere = place
+    let output = place
         .command(&["reproduce", place.path(&run).to_str().unwrap(), "-q"])
         .current_dir("/")
         .output()
         .unwrap();
     assert!(
-        String::from_utf8(elsewhere.stdout)
+        String::from_utf8(output.stdout)
             .unwrap()
             .ends_with("  identical\n")
     );
@@ -106,20 +106,20 @@ fn pictures_figures_and_tables_are_identical_when_rendered_again() {
 }
 
 #[test]
-fn noise_is_told_from_a_difference() {
+fn noise_is_distinguished_from_a_changed_scene() {
     let (place, run) = night();
     let config = place.read(&format!("{run}/config.json"));
     let seed = place.json(&format!("{run}/config.json"))["seed"].to_string();
-    // Another seed is another picture of the same light.
+    // Another seed gives another picture with the same expected values.
     place.write(
         &format!("{run}/config.json"),
         &config.replace(&format!("\"seed\": {seed}"), "\"seed\": 12345"),
     );
-    let said = place.succeed(&["reproduce", &run]);
+    let output = place.succeed(&["reproduce", &run]);
     assert!(
-        said.stdout.contains("equal within noise, p = "),
+        output.stdout.contains("equal within noise, p = "),
         "{}",
-        said.stdout
+        output.stdout
     );
     // A brighter ball gives another picture. The scene's hash is removed, since it would reveal the
     // change earlier.
@@ -143,7 +143,7 @@ fn noise_is_told_from_a_difference() {
 }
 
 #[test]
-fn what_cannot_be_rendered_again_says_why() {
+fn runs_that_cannot_be_rendered_again_are_reported_with_the_reason() {
     let (place, run) = night();
     let scene = place.read("ball.scn");
     place.write("ball.scn", &scene.replace("\"fov\": 40", "\"fov\": 41"));
@@ -154,9 +154,9 @@ fn what_cannot_be_rendered_again_says_why() {
         ended.status,
         ended.stdout
     );
-    let said = place.fail(2, &["reproduce", "ball.scn"]);
-    assert!(said.contains("names no run"), "{said}");
+    let error = place.fail(2, &["reproduce", "ball.scn"]);
+    assert!(error.contains("names no run"), "{error}");
     place.write("stray.svg", &format!("<desc>run {}</desc>", "0".repeat(32)));
-    let said = place.fail(2, &["reproduce", "stray.svg"]);
-    assert!(said.contains("no run matches"), "{said}");
+    let error = place.fail(2, &["reproduce", "stray.svg"]);
+    assert!(error.contains("no run matches"), "{error}");
 }

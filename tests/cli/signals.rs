@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 use super::workplace::{SLOW, Workplace};
 
 const CELLS: usize = 24;
-/// Longest wait in these tests before they fail; no wait is expected to come near it.
-const PATIENCE: Duration = Duration::from_secs(120);
+/// Longest wait in these tests before they fail; every expected wait is far shorter.
+const MAX_WAIT: Duration = Duration::from_secs(120);
 
 fn start(place: &Workplace, script: &str) -> Child {
     place.write("slow.lua", script);
@@ -23,7 +23,7 @@ fn start(place: &Workplace, script: &str) -> Child {
 fn wait_for_first(place: &Workplace, child: &mut Child) {
     let since = Instant::now();
     while place.finished().is_empty() {
-        assert!(since.elapsed() < PATIENCE, "no cell was done");
+        assert!(since.elapsed() < MAX_WAIT, "no cell was done");
         assert!(child.try_wait().unwrap().is_none(), "the night ended early");
         std::thread::sleep(Duration::from_millis(5));
     }
@@ -39,7 +39,7 @@ fn send(child: &Child, signal: &str) {
 
 /// Stops a night in its middle by a signal, returns its exit code, then runs again and checks that
 /// only the unfinished runs are rendered.
-fn end_and_go_on(signal: &str) -> Option<i32> {
+fn stop_and_resume(signal: &str) -> Option<i32> {
     let place = Workplace::new();
     let mut child = start(&place, SLOW);
     wait_for_first(&place, &mut child);
@@ -60,33 +60,33 @@ fn end_and_go_on(signal: &str) -> Option<i32> {
     }
     assert!(
         !place.files("out").iter().any(|f| f.ends_with(".tmp")),
-        "a temporary file stayed"
+        "a temporary file remains"
     );
     status.code()
 }
 
 #[test]
-fn after_kill_only_what_was_not_done_is_rendered() {
-    assert_eq!(end_and_go_on("-KILL"), None);
+fn after_sigkill_only_unfinished_cells_are_rendered() {
+    assert_eq!(stop_and_resume("-KILL"), None);
 }
 
 #[test]
-fn sigterm_ends_the_wave_and_asks_to_be_run_again() {
-    assert_eq!(end_and_go_on("-TERM"), Some(75));
+fn sigterm_ends_the_wave_and_exits_with_status_75() {
+    assert_eq!(stop_and_resume("-TERM"), Some(75));
 }
 
 #[test]
-fn sigusr1_does_the_same() {
-    assert_eq!(end_and_go_on("-USR1"), Some(75));
+fn sigusr1_ends_the_wave_and_exits_with_status_75() {
+    assert_eq!(stop_and_resume("-USR1"), Some(75));
 }
 
 #[test]
-fn ctrl_c_ends_the_wave_and_leaves() {
-    assert_eq!(end_and_go_on("-INT"), Some(130));
+fn ctrl_c_ends_the_wave_and_exits_with_status_130() {
+    assert_eq!(stop_and_resume("-INT"), Some(130));
 }
 
 #[test]
-fn a_closed_terminal_writes_a_checkpoint_and_the_night_goes_on() {
+fn sighup_writes_a_checkpoint_and_the_night_continues() {
     let place = Workplace::new();
     // Fewer cells with more waves, so that a checkpoint exists for longer.
     let script = SLOW
@@ -95,10 +95,11 @@ fn a_closed_terminal_writes_a_checkpoint_and_the_night_goes_on() {
     let mut child = start(&place, &script);
     wait_for_first(&place, &mut child);
     let since = Instant::now();
-    // Checkpoints appear and disappear with their cells: one of the next signals hits.
-    let kept = |place: &Workplace| place.files("out").iter().any(|f| f.ends_with("ckpt.a"));
-    while !kept(&place) {
-        assert!(since.elapsed() < PATIENCE, "no checkpoint was written");
+    // Checkpoints exist only while their cell is rendered, so the signal is sent until one is seen.
+    let has_checkpoint =
+        |place: &Workplace| place.files("out").iter().any(|f| f.ends_with("ckpt.a"));
+    while !has_checkpoint(&place) {
+        assert!(since.elapsed() < MAX_WAIT, "no checkpoint was written");
         assert!(
             child.try_wait().unwrap().is_none(),
             "the night ended before a checkpoint was seen"
@@ -108,7 +109,10 @@ fn a_closed_terminal_writes_a_checkpoint_and_the_night_goes_on() {
     }
     assert_eq!(child.wait().unwrap().code(), Some(0));
     assert_eq!(place.finished().len(), 9);
-    assert!(!kept(&place), "checkpoints go when their run is done");
+    assert!(
+        !has_checkpoint(&place),
+        "checkpoints must be removed when their run is done"
+    );
     assert!(
         place
             .read("out/latest/journal.jsonl")
@@ -117,9 +121,9 @@ fn a_closed_terminal_writes_a_checkpoint_and_the_night_goes_on() {
 }
 
 #[test]
-fn a_second_ctrl_c_leaves_at_once() {
+fn a_second_ctrl_c_exits_at_once() {
     let place = Workplace::new();
-    // One wave of this script takes minutes: only the second signal can end it.
+    // The predicate of this script never returns: only the second signal can end its wave.
     place.write(
         "long.lua",
         r#"
@@ -141,13 +145,13 @@ return x
         .iter()
         .any(|f| f.ends_with("metrics.csv"))
     {
-        assert!(since.elapsed() < PATIENCE);
+        assert!(since.elapsed() < MAX_WAIT);
         std::thread::sleep(Duration::from_millis(5));
     }
     send(&child, "-INT");
     // Two signals that arrive before the first is handled count as one.
     while child.try_wait().unwrap().is_none() {
-        assert!(since.elapsed() < PATIENCE);
+        assert!(since.elapsed() < MAX_WAIT);
         std::thread::sleep(Duration::from_millis(50));
         send(&child, "-INT");
     }

@@ -53,10 +53,10 @@ fn failures_are_recorded_counted_and_limited() {
     );
 
     let run = records[0].trim_end_matches("/failed.json");
-    let why = place.succeed(&["explain", run]).stdout;
+    let explanation = place.succeed(&["explain", run]).stdout;
     assert!(
-        why.contains("its last attempt failed") && why.contains("lens fell off"),
-        "{why}"
+        explanation.contains("its last attempt failed") && explanation.contains("lens fell off"),
+        "{explanation}"
     );
     // Only the two failed cells are retried, and only on request.
     assert_eq!(place.run(&["retry", "--failed", "-q"]).status, 3);
@@ -81,7 +81,7 @@ fn failures_are_recorded_counted_and_limited() {
 
 #[cfg(unix)]
 #[test]
-fn what_failed_is_retried_alone() {
+fn only_failed_cells_are_retried() {
     let place = Workplace::new();
     let script = place
         .read("night.lua")
@@ -109,7 +109,7 @@ fn what_failed_is_retried_alone() {
 }
 
 #[test]
-fn a_deadline_leaves_work_and_the_same_command_goes_on() {
+fn a_deadline_ends_the_night_and_the_same_command_continues_it() {
     let place = Workplace::new();
     place.write("slow.lua", super::workplace::SLOW);
     let night = place.run(&["run", "slow.lua", "--until", "0.3s"]);
@@ -131,8 +131,11 @@ fn explain_names_the_field_that_differs_or_the_file_that_is_damaged() {
     place.succeed(&["run", "night.lua", "-q"]);
     let done = place.finished().remove(0).0;
     let run = done.trim_end_matches("/done.json");
-    let why = place.succeed(&["explain", run]).stdout;
-    assert!(why.contains("would not be rendered again"), "{why}");
+    let explanation = place.succeed(&["explain", run]).stdout;
+    assert!(
+        explanation.contains("would not be rendered again"),
+        "{explanation}"
+    );
     let id = &run.rsplit('/').next().unwrap()[..8];
     let json = place.succeed(&["explain", id, "--json"]).stdout;
     assert_eq!(
@@ -142,27 +145,27 @@ fn explain_names_the_field_that_differs_or_the_file_that_is_damaged() {
 
     let whole = place.read(&format!("{run}/metrics.csv"));
     place.write(&format!("{run}/metrics.csv"), &whole.replacen('1', "2", 1));
-    let why = place.succeed(&["explain", run]).stdout;
+    let explanation = place.succeed(&["explain", run]).stdout;
     assert!(
-        why.contains("would be rendered again: metrics.csv is damaged"),
-        "{why}"
+        explanation.contains("would be rendered again: metrics.csv is damaged"),
+        "{explanation}"
     );
 
     let script = place
         .read("night.lua")
         .replace("stop.samples(16)", "stop.samples(32)");
     place.write("night.lua", &script);
-    let why = place.succeed(&["explain", run]).stdout;
+    let explanation = place.succeed(&["explain", run]).stdout;
     assert!(
-        why.contains("no longer part of the script's plan")
-            && why.contains("16 in the run, 32 in the script"),
-        "{why}"
+        explanation.contains("no longer part of the script's plan")
+            && explanation.contains("16 in the run, 32 in the script"),
+        "{explanation}"
     );
 }
 
 #[cfg(target_os = "linux")]
 #[test]
-fn a_full_disk_is_waited_for() {
+fn a_night_waits_until_a_full_disk_has_space() {
     let place = Workplace::new();
     let Some(disk) = Disk::mount(place.path("out"), 16) else {
         return;

@@ -34,7 +34,7 @@ fn light(traced: &Json) -> [f64; 3] {
 }
 
 #[test]
-fn the_samples_of_a_pixel_step_by_step_are_the_pixel_of_the_picture() {
+fn the_traced_samples_of_a_pixel_average_to_the_pixel_of_the_picture() {
     let place = Workplace::new();
     place.write("steps.lua", NIGHT);
     place.succeed(&["run", "steps.lua", "-q"]);
@@ -71,7 +71,7 @@ fn the_samples_of_a_pixel_step_by_step_are_the_pixel_of_the_picture() {
 }
 
 #[test]
-fn vertices_and_shadow_rays_of_a_scene_are_told_to_people_too() {
+fn the_text_output_lists_vertices_and_shadow_rays() {
     let place = Workplace::new();
     let args = [
         "ball.scn",
@@ -86,10 +86,10 @@ fn vertices_and_shadow_rays_of_a_scene_are_told_to_people_too() {
         "--backend",
         "cpu",
     ];
-    let said = place.succeed(&[&["trace"], &args[..]].concat()).stdout;
+    let output = place.succeed(&[&["trace"], &args[..]].concat()).stdout;
     assert!(
-        said.starts_with("pixel 8,2 sample 1 of bdpt by cpu, seed 0\n"),
-        "{said}"
+        output.starts_with("pixel 8,2 sample 1 of bdpt by cpu, seed 0\n"),
+        "{output}"
     );
     for part in [
         "  0 ray    (0, 0, 4) -> vertex (",
@@ -98,7 +98,7 @@ fn vertices_and_shadow_rays_of_a_scene_are_told_to_people_too() {
         ": free",
         "light  s 1 t 2: (",
     ] {
-        assert!(said.contains(part), "{part}: {said}");
+        assert!(output.contains(part), "{part}: {output}");
     }
     let traced = steps(&place, &args);
     let first = &traced["steps"][0];
@@ -109,11 +109,14 @@ fn vertices_and_shadow_rays_of_a_scene_are_told_to_people_too() {
         .iter()
         .map(|x| x.as_f64().unwrap().powi(2))
         .sum::<f64>();
-    assert!((distance.sqrt() - 1.0).abs() < 1e-4, "on the ball: {first}");
+    assert!(
+        (distance.sqrt() - 1.0).abs() < 1e-4,
+        "the vertex must lie on the ball: {first}"
+    );
 }
 
 #[test]
-fn what_cannot_be_traced_is_said() {
+fn invalid_trace_requests_are_refused() {
     let place = Workplace::new();
     let fail = |args: &[&str]| place.fail(2, &[&["trace", "ball.scn"], args].concat());
     assert!(

@@ -13,7 +13,7 @@ use serde_json::{Value as Json, json};
 use super::workplace::Workplace;
 use crate::common::{job, render};
 
-/// A ball under a large light: little noise.
+/// A ball under a large light, for little noise.
 pub const SCENE: &str = r#"{
     "resolution": [48, 32],
     "maxdepth": 4,
@@ -78,12 +78,12 @@ fn rows<'a>(report: &'a Json, kind: &str) -> Vec<&'a Json> {
 }
 
 #[test]
-fn everything_agrees_with_theory_with_itself_and_with_a_true_reference() {
+fn all_checks_pass_against_a_correct_reference() {
     let place = with_reference(1.0);
     place.write("given/references/other.json", "{}");
     let before = place.files(".");
     let ended = place.run(&GIVEN);
-    assert_eq!(place.files("."), before, "it leaves nothing");
+    assert_eq!(place.files("."), before, "the command must write nothing");
     let report: Json = serde_json::from_str(&ended.stdout).unwrap();
     assert_eq!(ended.status, 0, "{report:#}");
     assert_eq!(report["failed"], 0);
@@ -104,7 +104,7 @@ fn everything_agrees_with_theory_with_itself_and_with_a_true_reference() {
                 row["compared"].as_str().unwrap().starts_with(name) && row["verdict"] == "passed"
             };
             let found = rows(&report, kind).iter().filter(judged).count();
-            // The truth's own technique has no other to be compared with.
+            // `bpt` is the technique with which the others are compared.
             assert!(
                 found > 0 || (kind == "agreement" && name == "bpt"),
                 "{kind} {name}: {report:#}"
@@ -121,14 +121,14 @@ fn everything_agrees_with_theory_with_itself_and_with_a_true_reference() {
         other["statement"].as_str().unwrap().contains("stderr_file"),
         "{other}"
     );
-    let sharp = rows(&report, "reference")
+    let precise = rows(&report, "reference")
         .iter()
         .any(|row| row["figures"]["ratio_error"].as_f64().unwrap_or(1.0) < 0.02);
-    assert!(sharp, "{report:#}");
+    assert!(precise, "{report:#}");
 }
 
 #[test]
-fn a_reference_that_is_five_per_cent_too_bright_is_found_out() {
+fn a_reference_that_is_five_per_cent_too_bright_fails() {
     let place = with_reference(1.05);
     let ended = place.run(&[&GIVEN[..4], &["--only", "reference"], &["--only", "ball"]].concat());
     assert_eq!(ended.status, 5, "{}\n{}", ended.stdout, ended.stderr);
@@ -157,19 +157,19 @@ fn a_reference_that_is_five_per_cent_too_bright_is_found_out() {
         ended
             .stderr
             .contains("reference ball: nee with diffuse surfaces"),
-        "progress is printed: {}",
+        "progress must be printed: {}",
         ended.stderr
     );
 }
 
 #[test]
-fn what_cannot_be_read_is_named_before_any_work() {
+fn invalid_scenes_and_references_are_refused_before_any_work() {
     let place = with_reference(1.0);
     let refused = |expected: &[&str]| {
-        let said = place.fail(2, &GIVEN);
+        let error = place.fail(2, &GIVEN);
         assert!(
-            expected.iter().all(|word| said.contains(word)),
-            "{expected:?}: {said}"
+            expected.iter().all(|word| error.contains(word)),
+            "{expected:?}: {error}"
         );
     };
     let json = |change: &dyn Fn(&mut Json)| {

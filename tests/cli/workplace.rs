@@ -12,8 +12,8 @@ pub struct Workplace {
     dir: tempfile::TempDir,
 }
 
-/// Exit status and output of a command.
-pub struct Ended {
+/// Exit status and output of the program.
+pub struct ProgramOutput {
     pub status: i32,
     pub stdout: String,
     pub stderr: String,
@@ -37,20 +37,21 @@ x:table("errors", { value = "rmse", rows = "depth", format = { "md", "csv" } })
 return x
 "#;
 
-/// Many cells that each take a while: the predicate burns time, whatever the fake clock shows.
+/// Many cells that each take real time, independent of the fake clock: the predicate keeps the
+/// processor busy.
 pub const SLOW: &str = r#"
 local x = experiment("slow", { seed = 1, repeats = 24 })
-local function dawdle(row)
+local function busy_loop(row)
   local n = 0
   for i = 1, 3000000 do n = n + i % 7 end
   return row.wave >= 3
 end
 x:render(function(p) return { scene = "ball.scn", integrator = "bpt", resolution = { 24, 16 }, backend = "mock" } end)
-x:stop(function(p) return stop.any { stop.predicate(dawdle), stop.samples(4096) } end)
+x:stop(function(p) return stop.any { stop.predicate(busy_loop), stop.samples(4096) } end)
 return x
 "#;
 
-/// A small file system which a test can fill; it is unmounted on drop.
+/// A small file system that a test can fill. It is unmounted on drop.
 pub struct Disk {
     folder: PathBuf,
 }
@@ -68,16 +69,16 @@ impl Disk {
         if mount.is_ok_and(|ended| ended.status.success()) {
             return Some(Disk { folder });
         }
-        println!("SKIPPED: no file system can be mounted here");
+        println!("SKIPPED: this process cannot mount a file system");
         None
     }
 
-    /// Writes a file until nothing more fits but `left` bytes.
+    /// Fills the disk with one file, up to `left` free bytes.
     pub fn fill(&self, left: usize) {
         let mut file = OpenOptions::new()
             .create(true)
             .append(true)
-            .open(self.folder.join("ballast"))
+            .open(self.folder.join("filler"))
             .unwrap();
         let mut filled = file.metadata().unwrap().len() as usize;
         while let Ok(some @ 1..) = file.write(&[7; 4096]) {
@@ -88,19 +89,19 @@ impl Disk {
 
     /// Removes the file that fills the disk.
     pub fn clear(&self) {
-        std::fs::remove_file(self.folder.join("ballast")).unwrap();
+        std::fs::remove_file(self.folder.join("filler")).unwrap();
     }
 }
 
 impl Drop for Disk {
     fn drop(&mut self) {
-        // Lazily: after a failed test a process may still have files open there.
+        // Unmounts lazily: after a failed test a process may still have files open there.
         let _ = Command::new("umount").arg("-l").arg(&self.folder).status();
     }
 }
 
 impl Workplace {
-    /// A workplace with `ball.scn` and the script `night.lua`.
+    /// Creates a folder with `ball.scn` and the script `night.lua`.
     pub fn new() -> Workplace {
         let place = Workplace {
             dir: tempfile::tempdir().unwrap(),
@@ -126,7 +127,7 @@ impl Workplace {
         serde_json::from_str(&self.read(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
     }
 
-    /// Returns the program as a command in this folder, without the tester's own settings.
+    /// Returns the program as a command in this folder, without the user's environment settings.
     pub fn command(&self, args: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_lumbre"));
         command
@@ -140,10 +141,10 @@ impl Workplace {
     }
 
     /// Runs the program to its end.
-    pub fn run(&self, args: &[&str]) -> Ended {
+    pub fn run(&self, args: &[&str]) -> ProgramOutput {
         let output = self.command(args).output().unwrap();
         let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-        Ended {
+        ProgramOutput {
             status: output.status.code().unwrap_or(-1),
             stdout: text(output.stdout),
             stderr: text(output.stderr),
@@ -151,7 +152,7 @@ impl Workplace {
     }
 
     /// Runs the program and expects success.
-    pub fn succeed(&self, args: &[&str]) -> Ended {
+    pub fn succeed(&self, args: &[&str]) -> ProgramOutput {
         let ended = self.run(args);
         assert_eq!(
             ended.status, 0,
