@@ -1,10 +1,10 @@
 //! Nights of many workers: plan snapshots, processes with skewed clocks on one folder, and a real
-//! Slurm where there is one.
+//! Slurm if it is installed.
 #![cfg(unix)]
 #![allow(
     clippy::unwrap_used,
     clippy::print_stdout,
-    reason = "helpers of tests may fail and talk as tests do"
+    reason = "test helpers may panic and print, as tests do"
 )]
 
 mod common;
@@ -25,9 +25,6 @@ mod shards;
 mod slurm;
 #[path = "cluster/workers.rs"]
 mod workers;
-#[allow(
-    dead_code,
-    reason = "the other binary that runs the program uses more of it"
-)]
+#[allow(dead_code, reason = "the `cli` test binary uses the rest")]
 #[path = "cli/workplace.rs"]
 mod workplace;

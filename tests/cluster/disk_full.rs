@@ -1,22 +1,22 @@
-//! A shared folder without space, used by several workers.
+//! Several workers on a shared folder without free space.
 #![cfg(target_os = "linux")]
 
 use std::io::{BufRead, BufReader, Lines};
 use std::process::{ChildStderr, Stdio};
 
-use super::night::{differing, evidence, finished_once, home, script};
+use super::night::{differing, finished_once, home, results, script};
 use super::workplace::{Disk, Workplace};
 
 #[test]
-fn workers_wait_for_space_and_lose_nothing() {
+fn workers_wait_for_space_on_a_full_disk_and_render_the_same_night() {
     let place = Workplace::new();
     let Some(disk) = Disk::mount(place.path("out"), 16) else {
         return;
     };
-    place.write("crew.lua", &script(0));
-    place.run(&["submit", "hq", "crew.lua", "-q"]);
+    place.write("grid.lua", &script(0));
+    place.run(&["submit", "hq", "grid.lua", "-q"]);
     let home = home(&place, "out");
-    // So little that workers can register, but pictures do not fit.
+    // Enough space for workers to register, but not for pictures.
     disk.fill(64 * 1024);
     let begin = || {
         let mut command = place.command(&[
@@ -34,27 +34,27 @@ fn workers_wait_for_space_and_lose_nothing() {
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
-        let said = BufReader::new(worker.stderr.take().unwrap()).lines();
-        (worker, said)
+        let output = BufReader::new(worker.stderr.take().unwrap()).lines();
+        (worker, output)
     };
-    let (mut workers, mut said): (Vec<_>, Vec<_>) = [begin(), begin()].into_iter().unzip();
-    let finds_it_full = |lines: &mut Lines<BufReader<ChildStderr>>| {
+    let (mut workers, mut outputs): (Vec<_>, Vec<_>) = [begin(), begin()].into_iter().unzip();
+    let reports_full_disk = |lines: &mut Lines<BufReader<ChildStderr>>| {
         lines
             .map_while(Result::ok)
             .any(|line| line.contains("the disk is full"))
     };
-    let mut full: Vec<bool> = said.iter_mut().map(finds_it_full).collect();
-    // A worker that starts without any space cannot even register.
+    let mut full: Vec<bool> = outputs.iter_mut().map(reports_full_disk).collect();
+    // A worker that starts without any space cannot register.
     disk.fill(0);
     let (late, mut lines) = begin();
-    full.push(finds_it_full(&mut lines));
+    full.push(reports_full_disk(&mut lines));
     workers.push(late);
-    said.push(lines);
+    outputs.push(lines);
     let waiting = workers
         .iter_mut()
         .all(|worker| worker.try_wait().unwrap().is_none());
     disk.clear();
-    let rest: Vec<String> = said
+    let rest: Vec<String> = outputs
         .into_iter()
         .flat_map(|lines| lines.map_while(Result::ok))
         .collect();
@@ -68,9 +68,9 @@ fn workers_wait_for_space_and_lose_nothing() {
         "{rest:?}"
     );
     finished_once(&place, &home, 0);
-    place.succeed(&["run", "crew.lua", "--out", "alone", "-q"]);
+    place.succeed(&["run", "grid.lua", "--out", "alone", "-q"]);
     assert_eq!(
-        differing(&evidence(&place, "out"), &evidence(&place, "alone")),
+        differing(&results(&place, "out"), &results(&place, "alone")),
         Vec::<String>::new()
     );
 }

@@ -1,5 +1,5 @@
-//! The night that all of these tests render, and the part of its results that must not depend on
-//! the machine.
+//! The night that these tests render, and the part of its results that must not depend on the
+//! machine.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -7,17 +7,17 @@ use std::time::{Duration, Instant};
 use super::workplace::Workplace;
 
 /// Returns a script with two depths, three techniques, two seeds and a reference for each depth.
-/// Samples end every cell, and none takes long, apart from `naps` thousand turns of a loop between
-/// waves.
-pub fn script(naps: u32) -> String {
+/// Every cell ends after 64 samples and takes little time, apart from a loop of `delay` thousand
+/// iterations between waves.
+pub fn script(delay: u32) -> String {
     format!(
         r#"
-local x = experiment("crew", {{ seed = 7, repeats = 2 }})
+local x = experiment("grid", {{ seed = 7, repeats = 2 }})
 x:axis("depth", {{ 2, 4 }})
 x:axis("technique", {{ "bpt", "nee", "bdpt" }})
-local function nap(row)
+local function wait(row)
   local n = 0
-  for i = 1, {naps} * 1000 do n = n + i % 7 end
+  for i = 1, {delay} * 1000 do n = n + i % 7 end
   return false
 end
 x:render(function(p)
@@ -25,7 +25,7 @@ x:render(function(p)
 end)
 x:reference {{ from = function(p) return {{ integrator = "bpt" }} end, stop = stop.samples(4096) }}
 x:measure {{ every = "1h", rmse = metric.rmse(), keep = {{ exr = "pow2" }} }}
-x:stop(function(p) return stop.any {{ stop.predicate(nap), stop.samples(64) }} end)
+x:stop(function(p) return stop.any {{ stop.predicate(wait), stop.samples(64) }} end)
 x:checkpoint("0.001s")
 x:figure("convergence", {{ x = "samples", y = {{ "rmse" }}, by = "technique", facet = {{ "depth" }} }})
 x:table("errors", {{ value = "rmse", rows = "depth", cols = "technique", format = {{ "md", "csv" }} }})
@@ -34,12 +34,12 @@ return x
     )
 }
 
-/// Number of its cells and references.
+/// Number of cells and references of the night.
 pub const RUNS: usize = 14;
 
 /// Returns the results of a night by relative path: tables, figures, and every run's pictures and
 /// measurements without times.
-pub fn evidence(place: &Workplace, out: &str) -> BTreeMap<String, Vec<u8>> {
+pub fn results(place: &Workplace, out: &str) -> BTreeMap<String, Vec<u8>> {
     let home = format!("{out}/latest");
     let home = place.path(&home).canonicalize().unwrap();
     let relative = home
@@ -49,11 +49,11 @@ pub fn evidence(place: &Workplace, out: &str) -> BTreeMap<String, Vec<u8>> {
         .into_owned();
     let mut found = BTreeMap::new();
     for file in place.files(&relative) {
-        let kept = ["/tables/", "/figures/"]
+        let is_result = ["/tables/", "/figures/"]
             .iter()
             .any(|part| file.contains(part))
             || file.ends_with(".exr");
-        if kept {
+        if is_result {
             let name = file.strip_prefix(&relative).unwrap().to_owned();
             found.insert(name, std::fs::read(place.path(&file)).unwrap());
         }
@@ -69,13 +69,13 @@ pub fn evidence(place: &Workplace, out: &str) -> BTreeMap<String, Vec<u8>> {
 /// Returns the names of the files that differ.
 pub fn differing(a: &BTreeMap<String, Vec<u8>>, b: &BTreeMap<String, Vec<u8>>) -> Vec<String> {
     let names = a.keys().chain(b.keys());
-    let mut odd: Vec<String> = names
+    let mut different: Vec<String> = names
         .filter(|name| a.get(*name) != b.get(*name))
         .cloned()
         .collect();
-    odd.sort();
-    odd.dedup();
-    odd
+    different.sort();
+    different.dedup();
+    different
 }
 
 /// Returns how often each run was finished according to the journals of a night's folder.
@@ -95,15 +95,18 @@ pub fn finished(place: &Workplace, home: &str) -> BTreeMap<String, usize> {
     counts
 }
 
-/// Panics if a run was recorded as finished more than once, or if fewer were than possible. A
-/// process that is killed between the last file of a run and its line in the journal leaves the run
-/// done and the line unwritten.
+/// Panics if a run was recorded as finished more than once, or if more than `killed` runs were not
+/// recorded. A process that is killed between the last file of a run and its line in the journal
+/// leaves the run done and the line unwritten.
 pub fn finished_once(place: &Workplace, home: &str, killed: usize) {
     let counts = finished(place, home);
-    assert!(counts.values().all(|n| *n == 1), "no run twice: {counts:?}");
+    assert!(
+        counts.values().all(|n| *n == 1),
+        "a run was finished more than once: {counts:?}"
+    );
     assert!(
         (RUNS - killed..=RUNS).contains(&counts.len()),
-        "{} of {RUNS}: {counts:?}",
+        "{} of {RUNS} runs were finished: {counts:?}",
         counts.len()
     );
 }
@@ -115,9 +118,9 @@ pub fn home(place: &Workplace, out: &str) -> String {
 }
 
 /// Waits until a condition holds. The limit allows for a busy machine.
-pub fn until(what: &str, mut is: impl FnMut() -> bool) {
+pub fn wait_until(what: &str, mut holds: impl FnMut() -> bool) {
     let start = Instant::now();
-    while !is() {
+    while !holds() {
         assert!(
             start.elapsed() < Duration::from_secs(180),
             "waited too long for {what}"

@@ -1,20 +1,19 @@
-//! Plan snapshots: what a worker needs, and what it refuses.
+//! Plan snapshots: the files that a worker needs, and the snapshots that it refuses.
 
-use super::night::{RUNS, differing, evidence, finished, home, script};
+use super::night::{RUNS, differing, finished, home, results, script};
 use super::workplace::Workplace;
 
-/// Returns a workplace with a night whose plan is stored and one of whose cells is rendered.
-fn frozen() -> (Workplace, String) {
+/// Returns a workplace with a stored plan, and the folder of its night.
+fn saved_plan() -> (Workplace, String) {
     let place = Workplace::new();
-    place.write("crew.lua", &script(0));
-    // Without a queue `submit` still writes the job script: the plan snapshot exists, and nothing
-    // is lost.
-    let said = place.fail(
+    place.write("grid.lua", &script(0));
+    // `submit` fails, since `sbatch` is absent or refuses the option, but it saves the plan first.
+    let error = place.fail(
         2,
         &[
             "submit",
             "slurm",
-            "crew.lua",
+            "grid.lua",
             "--workers",
             "2",
             "--",
@@ -22,18 +21,18 @@ fn frozen() -> (Workplace, String) {
         ],
     );
     assert!(
-        said.contains("The plan is saved") && said.contains("lumbre work"),
-        "{said}"
+        error.contains("The plan is saved") && error.contains("lumbre work"),
+        "{error}"
     );
     let home = home(&place, "out");
     (place, home)
 }
 
 #[test]
-fn a_worker_makes_the_night_that_one_machine_makes() {
-    let (place, home) = frozen();
-    // From another folder, and after the script was edited: the stored plan counts.
-    place.write("crew.lua", "error('edited')");
+fn a_worker_renders_the_same_night_as_a_single_process() {
+    let (place, home) = saved_plan();
+    // Start the worker in another folder and after the script was edited: it uses the stored plan.
+    place.write("grid.lua", "error('edited')");
     std::fs::create_dir(place.path("elsewhere")).unwrap();
     let mut command = place.command(&["work", &format!("../{home}"), "-q"]);
     let output = command
@@ -49,10 +48,10 @@ fn a_worker_makes_the_night_that_one_machine_makes() {
         String::from_utf8_lossy(&output.stdout).contains("| depth"),
         "the last worker prints the tables"
     );
-    place.write("crew.lua", &script(0));
-    place.succeed(&["run", "crew.lua", "--out", "alone", "-q"]);
+    place.write("grid.lua", &script(0));
+    place.succeed(&["run", "grid.lua", "--out", "alone", "-q"]);
     assert_eq!(
-        differing(&evidence(&place, "out"), &evidence(&place, "alone")),
+        differing(&results(&place, "out"), &results(&place, "alone")),
         Vec::<String>::new()
     );
     let counts = finished(&place, &home);
@@ -70,7 +69,7 @@ fn a_worker_makes_the_night_that_one_machine_makes() {
     );
     assert!(
         place
-            .succeed(&["run", "crew.lua"])
+            .succeed(&["run", "grid.lua"])
             .stderr
             .contains("nothing to do")
     );
@@ -83,24 +82,24 @@ fn a_worker_makes_the_night_that_one_machine_makes() {
 }
 
 #[test]
-fn what_was_edited_or_is_missing_is_named() {
-    let (place, home) = frozen();
+fn plan_snapshots_that_do_not_match_their_files_or_program_are_refused() {
+    let (place, home) = saved_plan();
     let scene = place.read("ball.scn");
     place.write("ball.scn", &scene.replace("0.5, 0.5, 0.5", "0.5, 0.5, 0.6"));
-    let said = place.fail(2, &["work", &home]);
+    let error = place.fail(2, &["work", &home]);
     for part in [
         "has changed since it was saved",
         "its hash was",
         "first difference: cell depth=2",
         "ball.scn",
     ] {
-        assert!(said.contains(part), "{part} in {said}");
+        assert!(error.contains(part), "{part} in {error}");
     }
     std::fs::remove_file(place.path("ball.scn")).unwrap();
-    let said = place.fail(2, &["work", &home]);
+    let error = place.fail(2, &["work", &home]);
     assert!(
-        said.contains("changed or missing files") && said.contains("ball.scn"),
-        "{said}"
+        error.contains("changed or missing files") && error.contains("ball.scn"),
+        "{error}"
     );
     place.write("ball.scn", &scene);
 
@@ -108,27 +107,27 @@ fn what_was_edited_or_is_missing_is_named() {
     let text = place.read(&file);
     let version = concat!("lumbre ", env!("CARGO_PKG_VERSION"));
     place.write(&file, &text.replace(version, "lumbre 0.0.9"));
-    let said = place.fail(2, &["work", &home]);
+    let error = place.fail(2, &["work", &home]);
     assert!(
-        said.contains("saved by lumbre 0.0.9") && said.contains(version),
-        "{said}"
+        error.contains("saved by lumbre 0.0.9") && error.contains(version),
+        "{error}"
     );
     let folder = place.json(&file)["folder"].as_str().unwrap().to_owned();
     place.write(
         &file,
         &text.replace(&format!("\"{folder}\""), "\"/no/such/folder\""),
     );
-    let said = place.fail(2, &["work", &home]);
+    let error = place.fail(2, &["work", &home]);
     assert!(
-        said.contains("cannot open /no/such/folder") && said.contains("shared"),
-        "{said}"
+        error.contains("cannot open /no/such/folder") && error.contains("shared"),
+        "{error}"
     );
     std::fs::remove_file(place.path(&file)).unwrap();
     assert!(place.fail(2, &["work", &home]).contains("no plan snapshot"));
-    let said = place.fail(2, &["work", "nowhere"]);
+    let error = place.fail(2, &["work", "nowhere"]);
     assert!(
-        said.contains("nowhere on ") && said.contains("shared file system"),
-        "{said}"
+        error.contains("nowhere on ") && error.contains("shared file system"),
+        "{error}"
     );
     place.write(&file, &text);
     assert!(
@@ -151,9 +150,8 @@ fn what_was_edited_or_is_missing_is_named() {
     assert_eq!(finished(&place, &home).len(), RUNS);
 }
 
-/// A scene whose mesh, material and texture are separate files, and whose cell is chosen by a
-/// module.
-const NAMING: &str = r#"{
+/// A scene whose mesh and texture are separate files.
+const SCENE_WITH_FILES: &str = r#"{
     "resolution": [8, 8],
     "camera": { "position": [0, 0, 4], "lookat": [0, 0, 0], "fov": 40 },
     "materials": [{ "name": "grey", "color": [0.5, 0.5, 0.5], "albedotexture": "paint.png" }],
@@ -161,9 +159,9 @@ const NAMING: &str = r#"{
 }"#;
 
 #[test]
-fn every_file_that_makes_a_plan_is_named_when_it_changed() {
+fn every_changed_file_of_a_plan_is_reported_by_name() {
     let place = Workplace::new();
-    let paint = |shade: u8| {
+    let write_texture = |shade: u8| {
         let bytes = lumbre::output::png::encode(
             &lumbre::film::Image::from_fn(2, 2, |_, _| [f32::from(shade) / 255.0; 3]),
             lumbre::metrics::tonemap::Tonemap::Srgb { exposure: 0.0 },
@@ -171,34 +169,34 @@ fn every_file_that_makes_a_plan_is_named_when_it_changed() {
         );
         std::fs::write(place.path("paint.png"), bytes.unwrap()).unwrap();
     };
-    paint(40);
+    write_texture(40);
     place.write(
         "tri.obj",
         "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n",
     );
-    place.write("ball.scn", NAMING);
+    place.write("ball.scn", SCENE_WITH_FILES);
     place.write("depths.lua", "return { 2 }");
     let text = script(0).replace(
         "x:axis(\"depth\", { 2, 4 })",
         "x:axis(\"depth\", require(\"depths\"))",
     );
-    place.write("crew.lua", &text);
+    place.write("grid.lua", &text);
     place.fail(
         2,
         &[
             "submit",
             "slurm",
-            "crew.lua",
+            "grid.lua",
             "--",
             "--no-such-option-of-sbatch",
         ],
     );
     let home = home(&place, "out");
     let refused = |names: &[&str]| {
-        let said = place.fail(2, &["work", &home]);
-        let (_, listed) = said
+        let error = place.fail(2, &["work", &home]);
+        let (_, listed) = error
             .split_once("changed or missing files: ")
-            .unwrap_or_else(|| panic!("{said}"));
+            .unwrap_or_else(|| panic!("{error}"));
         for name in ["paint.png", "tri.obj", "depths.lua", "ball.scn"] {
             assert_eq!(
                 listed.contains(name),
@@ -207,7 +205,7 @@ fn every_file_that_makes_a_plan_is_named_when_it_changed() {
             );
         }
     };
-    paint(50);
+    write_texture(50);
     refused(&["paint.png"]);
     place.write(
         "tri.obj",
@@ -218,8 +216,8 @@ fn every_file_that_makes_a_plan_is_named_when_it_changed() {
 }
 
 #[test]
-fn part_of_a_plan_leaves_the_rest_to_others() {
-    let (place, home) = frozen();
+fn a_worker_with_a_selection_leaves_the_other_cells_to_other_workers() {
+    let (place, home) = saved_plan();
     let part = place.run(&[
         "work",
         &home,
@@ -236,15 +234,15 @@ fn part_of_a_plan_leaves_the_rest_to_others() {
     );
     assert!(!place.path(&format!("{home}/tables/errors.csv")).exists());
     // A worker with another device model skips the comparison group and reports that.
-    let bond = std::fs::read_dir(place.path(&format!("{home}/bonds")))
+    let affinity_file = std::fs::read_dir(place.path(&format!("{home}/bonds")))
         .unwrap()
         .next()
         .unwrap()
         .unwrap()
         .path();
-    let text = std::fs::read_to_string(&bond).unwrap();
+    let text = std::fs::read_to_string(&affinity_file).unwrap();
     std::fs::write(
-        &bond,
+        &affinity_file,
         r#"{"device":"far, device 0","model":"a better device"}"#,
     )
     .unwrap();
@@ -258,7 +256,7 @@ fn part_of_a_plan_leaves_the_rest_to_others() {
         "{}",
         other.stderr
     );
-    std::fs::write(&bond, text).unwrap();
+    std::fs::write(&affinity_file, text).unwrap();
     place.succeed(&["work", &home, "-q"]);
     assert_eq!(
         finished(&place, &home)

@@ -1,19 +1,19 @@
-//! `lumbre run` as one of several workers: comparison groups stay on one device, whichever worker
-//! starts them.
+//! `lumbre run` as one of several workers: every comparison group stays on the device of the
+//! process that starts it.
 
 use std::collections::BTreeSet;
 use std::process::{Child, Command, Stdio};
 
-use super::night::{RUNS, differing, evidence, finished_once, home, script, until};
+use super::night::{RUNS, differing, finished_once, home, results, script, wait_until};
 use super::workplace::Workplace;
 
-/// Returns the program on a machine that appears to have another name; `None` if this machine
-/// cannot simulate that.
-fn elsewhere(place: &Workplace, args: &[&str]) -> Option<Command> {
-    let lends = Command::new("unshare")
+/// Returns the program as a command on a simulated machine with another host name; `None` if this
+/// machine cannot simulate that.
+fn on_another_host(place: &Workplace, args: &[&str]) -> Option<Command> {
+    let supported = Command::new("unshare")
         .args(["--uts", "hostname", "elsewhere"])
         .output();
-    lends.ok().filter(|ended| ended.status.success())?;
+    supported.ok().filter(|ended| ended.status.success())?;
     let mut command = Command::new("unshare");
     command.args([
         "--uts",
@@ -29,7 +29,7 @@ fn elsewhere(place: &Workplace, args: &[&str]) -> Option<Command> {
     Some(command)
 }
 
-fn quietly(mut command: Command) -> Child {
+fn spawn_quietly(mut command: Command) -> Child {
     command
         .stdin(Stdio::null())
         .stdout(Stdio::null())
@@ -58,20 +58,20 @@ fn depths(place: &Workplace, journal: &str) -> BTreeSet<String> {
 }
 
 #[test]
-fn who_plans_and_renders_shares_comparisons_with_workers_as_workers_do() {
+fn a_planner_that_renders_shares_comparison_groups_with_workers() {
     let place = Workplace::new();
-    place.write("crew.lua", &script(1000));
-    let Some(_) = elsewhere(&place, &[]) else {
-        return println!("SKIPPED: no process can have a host name of its own here");
+    place.write("grid.lua", &script(1000));
+    let Some(_) = on_another_host(&place, &[]) else {
+        return println!("SKIPPED: this machine cannot give a process another host name");
     };
-    let mut planner = quietly(place.command(&["run", "crew.lua", "--no-smoke"]));
+    let mut planner = spawn_quietly(place.command(&["run", "grid.lua", "--no-smoke"]));
     let journals = || {
         place
             .files("out")
             .into_iter()
             .filter(|file| file.ends_with(".jsonl"))
     };
-    until("the planner's first cell", || {
+    wait_until("the planner's first cell", || {
         place.path("out/latest").exists()
             && std::fs::read_dir(place.path("out/latest/bonds")).is_ok()
     });
@@ -80,8 +80,8 @@ fn who_plans_and_renders_shares_comparisons_with_workers_as_workers_do() {
         !place.path(&format!("{home}/workers")).exists(),
         "a night of one process has no workers"
     );
-    let mut worker = quietly(elsewhere(&place, &["work", &home, "--no-tui"]).unwrap());
-    until("the other's first cell", || {
+    let mut worker = spawn_quietly(on_another_host(&place, &["work", &home, "--no-tui"]).unwrap());
+    wait_until("the worker's first cell", || {
         let others = journals().filter(|file| file.contains("/workers/elsewhere-"));
         others
             .into_iter()
@@ -99,43 +99,46 @@ fn who_plans_and_renders_shares_comparisons_with_workers_as_workers_do() {
     let others = journals()
         .find(|file| file.contains("/workers/elsewhere-"))
         .unwrap();
-    let (ours, theirs) = (
+    let (planner_depths, worker_depths) = (
         depths(&place, &format!("{home}/journal.jsonl")),
         depths(&place, &others),
     );
     assert_eq!(
-        (ours.len(), theirs.len()),
+        (planner_depths.len(), worker_depths.len()),
         (1, 1),
-        "one comparison each: {ours:?} {theirs:?}"
+        "each must render one comparison group: {planner_depths:?} {worker_depths:?}"
     );
-    assert!(ours.is_disjoint(&theirs), "{ours:?} {theirs:?}");
+    assert!(
+        planner_depths.is_disjoint(&worker_depths),
+        "{planner_depths:?} {worker_depths:?}"
+    );
     assert!(
         !place.path(&format!("{home}/planners")).exists(),
-        "it has left"
+        "the planner must have removed its entry"
     );
     let status = place.succeed(&["status", &home]).stdout;
     assert!(
         status.contains("workers: 0 active, 0 lost, 1 exited"),
         "{status}"
     );
-    place.succeed(&["run", "crew.lua", "--out", "alone", "-q"]);
+    place.succeed(&["run", "grid.lua", "--out", "alone", "-q"]);
     assert_eq!(
-        differing(&evidence(&place, "out"), &evidence(&place, "alone")),
+        differing(&results(&place, "out"), &results(&place, "alone")),
         Vec::<String>::new()
     );
 }
 
 #[test]
-fn a_comparison_of_another_model_is_left_alone_and_said() {
+fn a_comparison_group_of_another_device_model_is_skipped_and_reported() {
     let place = Workplace::new();
-    place.write("crew.lua", &script(0));
-    place.succeed(&["run", "crew.lua", "-q"]);
+    place.write("grid.lua", &script(0));
+    place.succeed(&["run", "grid.lua", "-q"]);
     let home = home(&place, "out");
-    // As if another machine had started one of the two comparison groups without finishing any of
-    // it.
-    let bond = place.files(&format!("{home}/bonds")).remove(0);
+    // Simulates another machine that started one of the two comparison groups and finished no cell
+    // of it.
+    let affinity_file = place.files(&format!("{home}/bonds")).remove(0);
     place.write(
-        &bond,
+        &affinity_file,
         r#"{"device":"far, device 0","model":"a better device"}"#,
     );
     let all = place.files(&format!("{home}/runs"));
@@ -145,22 +148,22 @@ fn a_comparison_of_another_model_is_left_alone_and_said() {
         .collect();
     done.iter()
         .for_each(|file| std::fs::remove_file(place.path(file)).unwrap());
-    let said = place.fail(4, &["run", "crew.lua", "--no-smoke"]);
+    let error = place.fail(4, &["run", "grid.lua", "--no-smoke"]);
     for part in [
         "6 cells left to workers with other devices",
         "another model of device: a better device",
         "--affinity none",
     ] {
-        assert!(said.contains(part), "{part} in {said}");
+        assert!(error.contains(part), "{part} in {error}");
     }
-    let there = |place: &Workplace| {
+    let count_done = |place: &Workplace| {
         place
             .files(&home)
             .iter()
             .filter(|file| file.ends_with("/done.json"))
             .count()
     };
-    assert_eq!(there(&place), 6);
-    place.succeed(&["run", "crew.lua", "-q", "--affinity", "none"]);
-    assert_eq!(there(&place) + 2, RUNS);
+    assert_eq!(count_done(&place), 6);
+    place.succeed(&["run", "grid.lua", "-q", "--affinity", "none"]);
+    assert_eq!(count_done(&place) + 2, RUNS);
 }

@@ -9,7 +9,7 @@ use super::workplace::Workplace;
 fn with_queue(place: &Workplace) -> String {
     let bin = place.path("bin");
     std::fs::create_dir(&bin).unwrap();
-    let play = |name: &str, body: &str| {
+    let install = |name: &str, body: &str| {
         let file = bin.join(name);
         let log = place.path("calls");
         let text = format!(
@@ -19,24 +19,24 @@ fn with_queue(place: &Workplace) -> String {
         std::fs::write(&file, text).unwrap();
         std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o755)).unwrap();
     };
-    play("sbatch", "echo '1207;cluster'");
-    play("scancel", "true");
-    play(
+    install("sbatch", "echo '1207;cluster'");
+    install("scancel", "true");
+    install(
         "sacct",
         "echo 'Slurm accounting storage is disabled' >&2; exit 1",
     );
-    play(
+    install(
         "squeue",
         "echo '1207_0|RUNNING|n1|None|0|'; echo '1207_1|PENDING||Resources|0|'",
     );
-    play("hq", "echo 31");
+    install("hq", "echo 31");
     format!("{}:{}", bin.display(), std::env::var("PATH").unwrap())
 }
 
 #[test]
-fn a_job_is_submitted_watched_and_taken_back() {
+fn a_job_is_submitted_listed_and_cancelled() {
     let place = Workplace::new();
-    place.write("crew.lua", &script(0));
+    place.write("grid.lua", &script(0));
     let path = with_queue(&place);
     let run = |args: &[&str]| {
         let output = place.command(args).env("PATH", &path).output().unwrap();
@@ -48,19 +48,19 @@ fn a_job_is_submitted_watched_and_taken_back() {
         );
         (text(&output.stdout), text(&output.stderr))
     };
-    let (dry, _) = run(&["submit", "slurm", "crew.lua", "--workers", "3", "--dry-run"]);
+    let (dry, _) = run(&["submit", "slurm", "grid.lua", "--workers", "3", "--dry-run"]);
     assert!(
-        dry.starts_with("#!/bin/bash\n#SBATCH --job-name=lumbre-crew\n#SBATCH --array=0-2\n"),
+        dry.starts_with("#!/bin/bash\n#SBATCH --job-name=lumbre-grid\n#SBATCH --array=0-2\n"),
         "{dry}"
     );
     assert!(
         !place.path("out").exists() && !place.path("calls").exists(),
-        "dry means dry"
+        "a dry run must write and submit nothing"
     );
-    let (id, said) = run(&[
+    let (id, stderr) = run(&[
         "submit",
         "slurm",
-        "crew.lua",
+        "grid.lua",
         "depth=2",
         "--workers",
         "3",
@@ -69,10 +69,10 @@ fn a_job_is_submitted_watched_and_taken_back() {
     ]);
     assert_eq!(id, "1207\n");
     assert!(
-        said.contains("3 workers for 6 cells")
-            && said.contains("lumbre watch")
-            && said.contains("warning"),
-        "{said}"
+        stderr.contains("3 workers for 6 cells")
+            && stderr.contains("lumbre watch")
+            && stderr.contains("warning"),
+        "{stderr}"
     );
     let home = home(&place, "out");
     assert!(
@@ -96,16 +96,16 @@ fn a_job_is_submitted_watched_and_taken_back() {
     let json: serde_json::Value =
         serde_json::from_str(&run(&["status", &home, "--json"]).0).unwrap();
     assert_eq!(json["cluster"]["jobs"][1]["reason"], "Resources");
-    run(&["submit", "hq", "crew.lua", "depth=2", "--workers", "2"]);
+    run(&["submit", "hq", "grid.lua", "depth=2", "--workers", "2"]);
     assert!(
         place
             .read(&format!("{home}/job/hq.sh"))
             .contains("#HQ --array=0-1")
     );
-    let (_, said) = run(&["cancel", &home]);
+    let (_, stderr) = run(&["cancel", &home]);
     assert!(
-        said.contains("job 1207 was cancelled") && said.contains("job 31 was cancelled"),
-        "{said}"
+        stderr.contains("job 1207 was cancelled") && stderr.contains("job 31 was cancelled"),
+        "{stderr}"
     );
     assert!(
         place.read("calls").contains("scancel 1207\n")
@@ -114,20 +114,20 @@ fn a_job_is_submitted_watched_and_taken_back() {
 }
 
 #[test]
-fn a_queue_that_is_not_there_is_said() {
+fn a_missing_queue_program_is_reported_and_the_plan_is_saved() {
     let place = Workplace::new();
-    place.write("crew.lua", &script(0));
+    place.write("grid.lua", &script(0));
     let output = place
-        .command(&["submit", "hq", "crew.lua"])
+        .command(&["submit", "hq", "grid.lua"])
         .env("PATH", "/nowhere")
         .output()
         .unwrap();
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(2), "{said}");
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{stderr}");
     assert!(
-        said.contains("`hq` is not installed on this machine")
-            && said.contains("The plan is saved"),
-        "{said}"
+        stderr.contains("`hq` is not installed on this machine")
+            && stderr.contains("The plan is saved"),
+        "{stderr}"
     );
     assert!(
         place

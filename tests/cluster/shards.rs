@@ -1,10 +1,10 @@
-//! References in shards: the same bytes whichever workers render them, and whatever happens to one
-//! of them.
+//! References in shards: their bytes do not depend on the workers that render them, or on killed
+//! workers.
 
 use std::collections::BTreeMap;
 use std::process::{Child, Command, Stdio};
 
-use super::night::{differing, evidence, home, until};
+use super::night::{differing, home, results, wait_until};
 use super::workplace::Workplace;
 
 /// Returns a script with one cell on the CPU backend, and a reference with splats in `parts`
@@ -49,7 +49,7 @@ fn references(place: &Workplace, out: &str) -> BTreeMap<String, Vec<u8>> {
     found
 }
 
-/// Returns the last file of the reference with so many samples, and its measurements.
+/// Returns `ref.json` of the reference with this number of samples, and its `metrics.csv`.
 fn reference(place: &Workplace, out: &str, samples: u64) -> (serde_json::Value, String) {
     let files = place
         .files(&format!("{out}/refs"))
@@ -96,7 +96,7 @@ fn send(workers: &[Child], signal: &str) {
 }
 
 #[test]
-fn a_reference_in_parts_is_the_same_to_the_byte_whoever_renders_them_and_whoever_dies() {
+fn a_sharded_reference_has_the_same_bytes_with_any_workers_and_after_kills() {
     let place = Workplace::new();
     place.write("parts.lua", &script(4096, 4));
     place.succeed(&["run", "parts.lua", "--out", "alone", "-q", "--threads", "1"]);
@@ -110,38 +110,38 @@ fn a_reference_in_parts_is_the_same_to_the_byte_whoever_renders_them_and_whoever
     assert_eq!(
         samples,
         ["1024", "2048", "3072", "4096"],
-        "a row for each part"
+        "one row per shard"
     );
 
     place.run(&["submit", "hq", "parts.lua", "-q"]);
     let home = home(&place, "out");
     let mut workers: Vec<Child> = (0..3).map(|_| start(&place, &home)).collect();
-    // In the middle of a shard, when at least two workers have one.
-    let begun = || {
+    // Returns whether at least two workers render shards, and some shard has a checkpoint but no
+    // result.
+    let is_in_progress = || {
         let journals = place
             .files(&format!("{home}/workers"))
             .into_iter()
             .filter(|file| file.ends_with(".jsonl"));
-        let at_work = journals
+        let rendering = journals
             .filter(|file| place.read(file).contains("part_started"))
             .count();
-        let there = place.files("out/refs/parts");
+        let shard_files = place.files("out/refs/parts");
         let open = |file: &String| {
             let folder = file.split_once("/ckpt.").map(|(folder, _)| folder);
-            folder.is_some_and(|folder| !there.contains(&format!("{folder}/sums")))
+            folder.is_some_and(|folder| !shard_files.contains(&format!("{folder}/sums")))
         };
-        at_work >= 2 && there.iter().any(open)
+        rendering >= 2 && shard_files.iter().any(open)
     };
-    // A checkpoint of a stopped worker does not change any more, so it is still there when the
-    // worker is killed.
-    until("a part in its middle", || {
-        begun() && {
+    // Files of stopped workers do not change, so the checkpoint still exists when they are killed.
+    wait_until("a shard with a checkpoint", || {
+        is_in_progress() && {
             send(&workers, "-STOP");
-            let stays = begun();
-            if !stays {
+            let still = is_in_progress();
+            if !still {
                 send(&workers, "-CONT");
             }
-            stays
+            still
         }
     });
     for worker in &mut workers {
@@ -154,23 +154,23 @@ fn a_reference_in_parts_is_the_same_to_the_byte_whoever_renders_them_and_whoever
         "{status}"
     );
     let workers: Vec<Child> = (0..3).map(|_| start(&place, &home)).collect();
-    let ended: Vec<String> = workers
+    let errors: Vec<String> = workers
         .into_iter()
         .map(|worker| {
             let output = worker.wait_with_output().unwrap();
-            let said = String::from_utf8_lossy(&output.stderr).into_owned();
-            assert!(output.status.success(), "{said}");
-            said
+            let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+            assert!(output.status.success(), "{stderr}");
+            stderr
         })
         .collect();
-    let all = ended.concat();
+    let all = errors.concat();
     assert!(all.contains("resumes from its checkpoint after"), "{all}");
     assert_eq!(
         differing(&references(&place, "out"), &references(&place, "alone")),
         Vec::<String>::new()
     );
     assert_eq!(
-        differing(&evidence(&place, "out"), &evidence(&place, "alone")),
+        differing(&results(&place, "out"), &results(&place, "alone")),
         Vec::<String>::new()
     );
     let floors = |out: &str| {
@@ -188,20 +188,20 @@ fn a_reference_in_parts_is_the_same_to_the_byte_whoever_renders_them_and_whoever
 }
 
 #[test]
-fn twice_the_samples_in_twice_the_parts_go_on_from_what_is_there_to_the_same_bytes() {
+fn twice_the_samples_in_twice_the_shards_continue_the_stored_shards_to_the_same_bytes() {
     let place = Workplace::new();
     place.write("short.lua", &script(150, 3));
     place.write("long.lua", &script(300, 6));
     place.succeed(&["run", "short.lua", "-q"]);
-    let said = place.succeed(&["plan", "long.lua"]).stdout;
+    let output = place.succeed(&["plan", "long.lua"]).stdout;
     assert!(
-        said.contains("in shards of 50") && said.contains("resumes from 150 samples per pixel"),
-        "{said}"
+        output.contains("in shards of 50") && output.contains("resumes from 150 samples per pixel"),
+        "{output}"
     );
-    let said = place.succeed(&["run", "long.lua"]).stderr;
+    let output = place.succeed(&["run", "long.lua"]).stderr;
     assert!(
-        said.contains("shard 4 of 6") && !said.contains("shard 3 of 6"),
-        "{said}"
+        output.contains("shard 4 of 6") && !output.contains("shard 3 of 6"),
+        "{output}"
     );
     place.succeed(&["run", "long.lua", "--out", "fresh", "-q"]);
     let (all, fresh) = (references(&place, "out"), references(&place, "fresh"));
@@ -211,20 +211,24 @@ fn twice_the_samples_in_twice_the_parts_go_on_from_what_is_there_to_the_same_byt
     // Damaged shards are rendered again.
     place.write("longest.lua", &script(350, 7));
     let sums = place.files("out/refs/sums");
-    assert_eq!(sums.len(), 1, "the longest is kept: {sums:?}");
+    assert_eq!(
+        sums.len(),
+        1,
+        "only the sums of the longest reference are stored: {sums:?}"
+    );
     std::fs::write(place.path(&sums[0]), b"damaged").unwrap();
-    let said = place.succeed(&["run", "longest.lua"]).stderr;
+    let output = place.succeed(&["run", "longest.lua"]).stderr;
     assert!(
-        said.contains("shard 1 of 7") && said.contains("shard 7 of 7"),
-        "{said}"
+        output.contains("shard 1 of 7") && output.contains("shard 7 of 7"),
+        "{output}"
     );
     let picture = place
         .files("fresh/refs")
         .into_iter()
         .find(|file| file.ends_with("/ref.exr"))
         .unwrap();
-    let said = place
+    let output = place
         .succeed(&["reproduce", &picture, "--out", "fresh"])
         .stdout;
-    assert!(said.ends_with("identical\n"), "{said}");
+    assert!(output.ends_with("identical\n"), "{output}");
 }

@@ -1,17 +1,16 @@
-//! A real Slurm on this machine, started by the script beside this file: a night of three workers,
-//! one of which is killed, one requeued, and one at its time limit, while the node is drained and
-//! resumed.
+//! A real Slurm on this machine, started by slurm.sh. In a night of three workers, one is killed,
+//! one is requeued, and one reaches its time limit, while the node is drained and resumed.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use super::night::{RUNS, differing, evidence, finished, finished_once, home, script};
+use super::night::{RUNS, differing, finished, finished_once, home, results, script};
 use super::workplace::Workplace;
 
-/// Longest that the whole night may take.
-const PATIENCE: Duration = Duration::from_secs(180);
+/// Longest wait for one condition.
+const MAX_WAIT: Duration = Duration::from_secs(180);
 
 /// A Slurm that is stopped with the test, even if the test fails.
 struct Slurm {
@@ -44,7 +43,7 @@ impl Slurm {
     }
 
     /// Runs one of Slurm's programs.
-    fn ask(&self, line: &str) -> String {
+    fn run_tool(&self, line: &str) -> String {
         let words: Vec<&str> = line.split(' ').collect();
         let output = Command::new(words[0])
             .args(&words[1..])
@@ -61,7 +60,7 @@ impl Slurm {
 
     /// Returns the state of every task of a job: `RUNNING`, `PENDING`, `COMPLETED`.
     fn states(&self, id: &str) -> BTreeMap<String, String> {
-        let text = self.ask(&format!(
+        let text = self.run_tool(&format!(
             "squeue --noheader --array --states=all --format=%i|%T --jobs={id}"
         ));
         text.lines()
@@ -81,11 +80,11 @@ impl Drop for Slurm {
     }
 }
 
-/// Waits until a condition holds; panics with the logs of the jobs after [`PATIENCE`].
-fn until(place: &Workplace, home: &str, what: &str, mut is: impl FnMut() -> bool) {
+/// Waits until a condition holds; panics with the logs of the jobs after [`MAX_WAIT`].
+fn wait_until(place: &Workplace, home: &str, what: &str, mut holds: impl FnMut() -> bool) {
     let start = Instant::now();
-    while !is() {
-        if start.elapsed() > PATIENCE {
+    while !holds() {
+        if start.elapsed() > MAX_WAIT {
             let logs = place
                 .files(&format!("{home}/job"))
                 .into_iter()
@@ -100,16 +99,16 @@ fn until(place: &Workplace, home: &str, what: &str, mut is: impl FnMut() -> bool
 }
 
 #[test]
-fn a_night_on_slurm_survives_what_happens_to_jobs() {
+fn a_night_on_slurm_survives_killed_requeued_and_expired_jobs() {
     let slurm = match Slurm::start() {
         Ok(slurm) => slurm,
         Err(reason) if std::env::var("REQUIRE_SLURM").is_ok_and(|v| v == "1") => {
-            panic!("no Slurm here: {reason}")
+            panic!("Slurm cannot be started: {reason}")
         }
-        Err(reason) => return println!("SKIPPED: no Slurm here: {reason}"),
+        Err(reason) => return println!("SKIPPED: Slurm cannot be started: {reason}"),
     };
     let place = Workplace::new();
-    place.write("crew.lua", &script(4000));
+    place.write("grid.lua", &script(4000));
     let run = |args: &[&str]| {
         let output = place
             .command(args)
@@ -126,7 +125,7 @@ fn a_night_on_slurm_survives_what_happens_to_jobs() {
     let submit = [
         "submit",
         "slurm",
-        "crew.lua",
+        "grid.lua",
         "--workers",
         "3",
         "--time",
@@ -150,7 +149,7 @@ fn a_night_on_slurm_survives_what_happens_to_jobs() {
         workers.find(|w| w["job"] == task(n).as_str() && w["state"] == "rendering")?["process"]
             .as_u64()
     };
-    until(&place, &home, "three workers at work", || {
+    wait_until(&place, &home, "three rendering workers", || {
         (0..3).all(|n| rendering(n).is_some())
     });
     let status = run(&["status", &home]);
@@ -161,7 +160,7 @@ fn a_night_on_slurm_survives_what_happens_to_jobs() {
 
     // One worker is killed, one is requeued by Slurm, one reaches its time limit; and the node is
     // drained. Between two cells a worker renders nothing.
-    until(&place, &home, "a victim", || {
+    wait_until(&place, &home, "a rendering worker to kill", || {
         rendering(0).is_some_and(|pid| {
             Command::new("kill")
                 .args(["-9", &pid.to_string()])
@@ -170,13 +169,16 @@ fn a_night_on_slurm_survives_what_happens_to_jobs() {
                 .success()
         })
     });
-    slurm.ask(&format!("scontrol requeue {}", task(1)));
-    let host = slurm.ask("sinfo --noheader --format=%n").trim().to_owned();
-    slurm.ask(&format!(
-        "scontrol update nodename={host} state=drain reason=dust"
+    slurm.run_tool(&format!("scontrol requeue {}", task(1)));
+    let host = slurm
+        .run_tool("sinfo --noheader --format=%n")
+        .trim()
+        .to_owned();
+    slurm.run_tool(&format!(
+        "scontrol update nodename={host} state=drain reason=test"
     ));
-    slurm.ask(&format!("scancel --batch --signal=USR1 {}", task(2)));
-    until(&place, &home, "two tasks in the queue again", || {
+    slurm.run_tool(&format!("scancel --batch --signal=USR1 {}", task(2)));
+    wait_until(&place, &home, "two tasks in the queue again", || {
         let states = slurm.states(&id);
         [1, 2].iter().all(|n| {
             states
@@ -192,26 +194,26 @@ fn a_night_on_slurm_survives_what_happens_to_jobs() {
     let before = finished(&place, &home).len();
     assert!(
         before < RUNS,
-        "the night was over before anything happened to it"
+        "the night must not finish before the jobs are disturbed"
     );
-    slurm.ask(&format!("scontrol update nodename={host} state=resume"));
-    until(&place, &home, "the end", || {
+    slurm.run_tool(&format!("scontrol update nodename={host} state=resume"));
+    wait_until(&place, &home, "the end of the night", || {
         slurm
             .states(&id)
             .values()
             .all(|state| !["PENDING", "RUNNING", "COMPLETING"].contains(&state.as_str()))
     });
 
-    // One was killed, and Slurm may kill a requeued worker.
+    // One worker was killed, and Slurm may kill the requeued one.
     finished_once(&place, &home, 2);
     let states = slurm.states(&id);
     assert_eq!(
         (states[&task(1)].as_str(), states[&task(2)].as_str()),
         ("COMPLETED", "COMPLETED")
     );
-    place.succeed(&["run", "crew.lua", "--out", "alone", "-q"]);
+    place.succeed(&["run", "grid.lua", "--out", "alone", "-q"]);
     assert_eq!(
-        differing(&evidence(&place, "out"), &evidence(&place, "alone")),
+        differing(&results(&place, "out"), &results(&place, "alone")),
         Vec::<String>::new()
     );
     let json: serde_json::Value = serde_json::from_str(&run(&["status", &home, "--json"])).unwrap();
@@ -221,7 +223,7 @@ fn a_night_on_slurm_survives_what_happens_to_jobs() {
         "{json:#}"
     );
 
-    // A job that is cancelled.
+    // Cancel another job.
     place.write("slow.lua", &script(400_000));
     let id = run(&[
         "submit",
@@ -235,11 +237,11 @@ fn a_night_on_slurm_survives_what_happens_to_jobs() {
     .trim()
     .to_owned();
     let home = super::night::home(&place, "out");
-    until(&place, &home, "its workers", || {
+    wait_until(&place, &home, "workers of the second job", || {
         slurm.states(&id).values().any(|state| state == "RUNNING")
     });
     run(&["cancel", &home]);
-    until(&place, &home, "its end", || {
+    wait_until(&place, &home, "the end of the cancelled job", || {
         slurm.states(&id).values().all(|state| state == "CANCELLED")
     });
 }

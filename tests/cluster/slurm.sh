@@ -1,12 +1,12 @@
 #!/bin/bash
-# A Slurm of one machine: munged, slurmctld and slurmd with a configuration of their own, on loopback, below one folder.
+# Runs Slurm on one machine: munged, slurmctld and slurmd on loopback, with their configuration and state in one folder.
 #
-#   slurm.sh start DIR    starts them and waits until the node takes jobs; prints why when it does not
-#   slurm.sh stop DIR     ends them
+#   slurm.sh start DIR    starts them and waits until the node accepts jobs; prints the reason if it does not
+#   slurm.sh stop DIR     stops them
 #
-# Nothing outside DIR is read or written. Needs to be root, as slurmd does.
+# Nothing outside DIR is read or written. Must run as root, since slurmd does.
 set -u
-verb=$1
+action=$1
 dir=$2
 port=${SLURM_TEST_PORT:-17817}
 
@@ -22,7 +22,7 @@ stop() {
   return 0
 }
 
-if [ "$verb" = stop ]; then
+if [ "$action" = stop ]; then
   stop
   exit 0
 fi

@@ -1,9 +1,9 @@
-//! Several workers on one folder, with skewed clocks, with and without locks.
+//! Several workers on one folder, with skewed clocks, and with or without locks.
 
 use std::path::PathBuf;
 use std::process::{Child, Stdio};
 
-use super::night::{differing, evidence, finished, finished_once, home, script, until};
+use super::night::{differing, finished, finished_once, home, results, script, wait_until};
 use super::workplace::Workplace;
 
 /// Returns the library that shifts the clock of a process.
@@ -43,22 +43,22 @@ fn start(place: &Workplace, home: &str, skew: &str, locks: bool) -> Child {
         .unwrap()
 }
 
-fn night_of(locks: bool) {
+fn check_shared_night(locks: bool) {
     if faketime().is_none() {
         println!("SKIPPED: libfaketime is not installed, so all clocks agree");
     }
     let place = Workplace::new();
-    place.write("crew.lua", &script(150));
-    place.run(&["submit", "hq", "crew.lua", "-q"]);
+    place.write("grid.lua", &script(150));
+    place.run(&["submit", "hq", "grid.lua", "-q"]);
     let home = home(&place, "out");
-    // Hours and days apart: leases depend on the folder's clock only.
+    // The clocks differ by hours and days: leases use only the clock of the shared folder.
     let mut workers: Vec<Child> = ["+0", "-3h", "+2d"]
         .iter()
         .map(|skew| start(&place, &home, skew, locks))
         .collect();
-    until("the first runs", || finished(&place, &home).len() >= 2);
+    wait_until("the first runs", || finished(&place, &home).len() >= 2);
     if locks {
-        // One worker dies in its middle; the next one takes over its runs at once.
+        // One worker is killed while it renders; the next one takes over its runs at once.
         workers[1].kill().unwrap();
         workers[1].wait().unwrap();
         workers[1] = start(&place, &home, "-40d", locks);
@@ -67,37 +67,37 @@ fn night_of(locks: bool) {
         assert!(worker.wait().unwrap().success());
     }
     finished_once(&place, &home, usize::from(locks));
-    place.succeed(&["run", "crew.lua", "--out", "alone", "-q"]);
+    place.succeed(&["run", "grid.lua", "--out", "alone", "-q"]);
     assert_eq!(
-        differing(&evidence(&place, "out"), &evidence(&place, "alone")),
+        differing(&results(&place, "out"), &results(&place, "alone")),
         Vec::<String>::new()
     );
-    let left = place.files(&home);
-    let odd = left
+    let remaining = place.files(&home);
+    let unexpected = remaining
         .iter()
         .find(|f| f.ends_with("/claim") || f.contains("ckpt.") || f.contains(".tmp"));
-    assert_eq!(odd, None);
+    assert_eq!(unexpected, None);
 }
 
 #[test]
-fn workers_whose_clocks_disagree_share_a_night_and_its_dead() {
-    night_of(true);
+fn workers_with_skewed_clocks_share_a_night_and_take_over_killed_runs() {
+    check_shared_night(true);
 }
 
 #[test]
 fn workers_without_locks_share_a_night() {
-    night_of(false);
+    check_shared_night(false);
 }
 
 #[test]
-fn a_worker_that_is_asked_to_leave_says_so_and_is_followed_by_another() {
+fn a_worker_stopped_by_sigusr1_exits_with_status_75_and_another_continues() {
     let place = Workplace::new();
-    place.write("crew.lua", &script(1500));
-    place.run(&["submit", "hq", "crew.lua", "-q"]);
+    place.write("grid.lua", &script(1500));
+    place.run(&["submit", "hq", "grid.lua", "-q"]);
     let home = home(&place, "out");
     let mut first = start(&place, &home, "+0", true);
     // At its first cell the worker has the whole night ahead, however late the signal arrives.
-    until("the first cell", || {
+    wait_until("the first cell", || {
         let journals = place
             .files(&home)
             .into_iter()
