@@ -1,5 +1,5 @@
 //! The experiment module through its public interface: plans of sweeps, run ids, and whole nights
-//! on the fake clock of the mock backend.
+//! with the fake clock of the mock backend.
 
 #![allow(
     clippy::unwrap_used,

@@ -21,7 +21,7 @@ fn refusal_of(change: impl Fn(&mut lumbre::experiment::CellConfig) + 'static) ->
 }
 
 #[test]
-fn overrides_and_selections_name_what_there_is() {
+fn unknown_axes_and_values_of_overrides_and_selections_are_reported_with_the_known_ones() {
     let steps = [["a".into(), Value::Int(1)], ["b".into(), Value::Int(2)]];
     let lab = || {
         Lab::new()
@@ -76,7 +76,7 @@ fn overrides_and_selections_name_what_there_is() {
 }
 
 #[test]
-fn axes_are_checked() {
+fn duplicate_axes_duplicate_values_and_zero_repeats_are_refused() {
     assert_eq!(
         refusal(&Lab::new().axis("a", ints([1])).axis("a", ints([2]))),
         "two axes are called `a`: rename one of them"
@@ -102,7 +102,7 @@ fn a_sweep_that_is_too_large_is_refused_before_it_is_expanded() {
         .axis("b", numbers())
         .axis("c", numbers());
     lab.spec.repeats = 3;
-    lab.render = Box::new(|_| panic!("nothing is to be expanded"));
+    lab.render = Box::new(|_| panic!("the sweep must not be expanded"));
     assert_eq!(
         refusal(&lab),
         "the sweep has 24000000000 cells (2000 of `a` x 2000 of `b` x 2000 of `c` x 3 repeats), more than \
@@ -111,7 +111,7 @@ fn a_sweep_that_is_too_large_is_refused_before_it_is_expanded() {
 }
 
 #[test]
-fn configurations_are_checked() {
+fn invalid_configurations_are_refused() {
     assert_eq!(
         refusal_of(|c| c.integrator = "btp".into()),
         "at depth = 3: unknown integrator `btp` (did you mean `bpt`?)"
@@ -136,7 +136,7 @@ fn configurations_are_checked() {
 }
 
 #[test]
-fn stop_rules_are_checked_where_they_apply() {
+fn stop_rules_that_cannot_apply_to_their_run_are_refused() {
     let rmse = StopRule::When {
         column: "rmse".into(),
         op: Comparison::Less,
@@ -176,7 +176,7 @@ fn stop_rules_are_checked_where_they_apply() {
 }
 
 #[test]
-fn a_reference_has_the_size_of_its_cell_and_can_be_read() {
+fn references_of_another_size_or_without_a_readable_file_are_refused() {
     let mut lab = Lab::new();
     lab.reference = Box::new(|_| {
         let mut config = config();
@@ -204,7 +204,7 @@ fn a_reference_has_the_size_of_its_cell_and_can_be_read() {
 }
 
 #[test]
-fn a_failing_function_is_named_with_its_point() {
+fn an_error_in_a_function_is_reported_with_the_function_and_the_point() {
     let fail = || HookError("attempt to index a nil value".into());
     let mut lab = Lab::new().axis("depth", ints([3]));
     lab.stop = Box::new(move |_| Err(fail()));

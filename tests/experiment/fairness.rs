@@ -34,19 +34,19 @@ fn lab(order: Order) -> Lab {
     lab
 }
 
-/// A renderer on a machine that slows down as it works.
-struct Tired {
+/// A renderer on a machine that becomes slower with the time it has worked.
+struct SlowingRenderer {
     inner: MockRenderer,
     seed: u64,
     machine: Arc<Machine>,
-    /// Seconds of a sample on the fresh machine.
+    /// Seconds per sample on a machine that has not worked yet.
     sample_s: f64,
 }
 
 #[derive(Default)]
 struct Machine {
     worked_s: Mutex<f64>,
-    /// Slowdown for each second of work.
+    /// Relative slowdown per second of work.
     drift: f64,
     /// Every call of a renderer: its seed and its samples.
     calls: Mutex<Vec<(u64, u64)>>,
@@ -54,7 +54,7 @@ struct Machine {
     ahead: Mutex<Vec<(u64, u64)>>,
 }
 
-impl Renderer for Tired {
+impl Renderer for SlowingRenderer {
     fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
         let stats = self.inner.advance(samples)?;
         self.machine
@@ -114,7 +114,7 @@ fn night(lab: &Lab, drift: f64) -> (NightSummary, Recorder, Arc<Plan>, Arc<Machi
             return Ok(Box::new(inner));
         }
         let seed = job.seed;
-        Ok(Box::new(Tired {
+        Ok(Box::new(SlowingRenderer {
             inner: MockRenderer::new(scene, job),
             seed,
             machine: Arc::clone(&machine),
@@ -122,17 +122,17 @@ fn night(lab: &Lab, drift: f64) -> (NightSummary, Recorder, Arc<Plan>, Arc<Machi
         }))
     };
     let plan = Arc::new(lab.plan());
-    let mut heard = Recorder::default();
+    let mut recorder = Recorder::default();
     let night = Night {
         open: &open,
         ..Night::default()
     };
-    let summary = night.carry_out(lab, &plan, &mut [&mut heard]).unwrap();
-    (summary, heard, plan, machine)
+    let summary = night.render(lab, &plan, &mut [&mut recorder]).unwrap();
+    (summary, recorder, plan, machine)
 }
 
 #[test]
-fn shuffled_cells_come_each_once_in_an_order_that_the_seed_decides() {
+fn shuffled_cells_occur_once_each_in_an_order_that_the_seed_determines() {
     let lab = lab(Order::Shuffled);
     let order: Vec<usize> = lab.plan().interleave_groups(false).concat();
     assert_eq!(order.iter().collect::<BTreeSet<_>>().len(), 6);
@@ -140,7 +140,7 @@ fn shuffled_cells_come_each_once_in_an_order_that_the_seed_decides() {
     assert_eq!(
         order,
         lab.plan().interleave_groups(false).concat(),
-        "the same in every launch"
+        "the order must be the same in every process"
     );
     let mut other = self::lab(Order::Shuffled);
     other.spec.seed = 7;
@@ -163,12 +163,12 @@ fn shuffled_cells_come_each_once_in_an_order_that_the_seed_decides() {
     assert_eq!(
         repeats,
         [[0; 6], [1; 6]].concat(),
-        "with a deadline, what is finished is still a complete smaller grid"
+        "with a deadline, each repeat must be complete before the next begins"
     );
 }
 
 #[test]
-fn techniques_of_one_picture_are_one_heat_and_other_pictures_are_others() {
+fn techniques_of_one_picture_form_one_interleave_group() {
     let mut lab = lab(Order::Interleave);
     assert_eq!(lab.plan().interleave_groups(false), [[0, 1, 2], [3, 4, 5]]);
     assert_eq!(
@@ -179,7 +179,7 @@ fn techniques_of_one_picture_are_one_heat_and_other_pictures_are_others() {
     assert_eq!(
         lab.plan().interleave_groups(false),
         [[0, 2, 4], [1, 3, 5], [6, 8, 10], [7, 9, 11]],
-        "repeats do not race"
+        "repeats must not be interleaved with each other"
     );
     lab.spec.repeats = 1;
     lab.render = Box::new(|_| Ok(config()));
@@ -187,38 +187,41 @@ fn techniques_of_one_picture_are_one_heat_and_other_pictures_are_others() {
     assert_eq!(
         lab.plan().interleave_groups(false)[1..].concat(),
         [1, 2, 3, 4, 5],
-        "a run listed six times takes turns with no other run"
+        "six cells of one run must not be interleaved with each other"
     );
 }
 
 #[test]
-fn a_device_may_go_on_only_with_what_is_asked_for_next() {
-    let heard = |order: Order| {
+fn the_lookahead_covers_only_samples_that_are_requested_next() {
+    let lookaheads = |order: Order| {
         let (.., machine) = night(&lab(order), 0.0);
         let ahead = machine.ahead.lock().unwrap();
         ahead.clone()
     };
-    let alone = heard(Order::Sequential);
-    let ends = alone.iter().filter(|(samples, _)| *samples == 400).count();
+    let sequential = lookaheads(Order::Sequential);
+    let ends = sequential
+        .iter()
+        .filter(|(samples, _)| *samples == 400)
+        .count();
     assert_eq!(ends, 6);
-    for (samples, more) in &alone {
-        // The smoke pass is one sample.
+    for (samples, more) in &sequential {
+        // The smoke pass renders one sample.
         assert!(
             *samples <= 1 || (*more > 0) == (*samples < 400),
             "{more} more after {samples}"
         );
         assert!(samples + more <= 400, "{more} more after {samples}");
     }
-    let turns = heard(Order::Interleave);
+    let interleaved = lookaheads(Order::Interleave);
     assert!(
-        turns.len() > 6 && turns.iter().all(|(_, more)| *more == 0),
-        "another's turn follows: {turns:?}"
+        interleaved.len() > 6 && interleaved.iter().all(|(_, more)| *more == 0),
+        "no samples may be announced, since another run's turn follows: {interleaved:?}"
     );
 }
 
 #[test]
-fn turns_go_to_whose_clock_is_furthest_behind_and_change_no_picture() {
-    let (summary, heard, ..) = night(&lab(Order::Interleave), 0.0);
+fn turns_go_to_the_run_with_the_least_render_time_and_change_no_picture() {
+    let (summary, recorder, ..) = night(&lab(Order::Interleave), 0.0);
     assert!(
         summary
             .results
@@ -228,7 +231,7 @@ fn turns_go_to_whose_clock_is_furthest_behind_and_change_no_picture() {
     // Until the first run is done, no clock of the first comparison group is more than a turn and a
     // wave ahead of another.
     let mut clocks = [0.0; 3];
-    for event in &heard.events {
+    for event in &recorder.events {
         match event {
             Event::Wave {
                 cell: CellRef::Cell(i),
@@ -244,25 +247,25 @@ fn turns_go_to_whose_clock_is_furthest_behind_and_change_no_picture() {
         assert!(most - least <= 0.9 + 1e-9, "{clocks:?}");
     }
     assert!(clocks.iter().all(|clock| *clock > 3.0), "{clocks:?}");
-    let message = &heard.messages(Level::Info)[0];
+    let message = &recorder.messages(Level::Info)[0];
     assert_eq!(message, "interleaving 3 techniques of one picture");
-    let (_, alone, ..) = night(&lab(Order::Sequential), 0.0);
+    let (_, sequential, ..) = night(&lab(Order::Sequential), 0.0);
     for i in (0..6).map(CellRef::Cell) {
-        assert_eq!(heard.film(i), alone.film(i));
-        assert_eq!(heard.rows(i).last().unwrap().samples, 400);
+        assert_eq!(recorder.film(i), sequential.film(i));
+        assert_eq!(recorder.rows(i).last().unwrap().samples, 400);
         let (a, b) = (
-            heard.rows(i).last().unwrap().render_s,
-            alone.rows(i).last().unwrap().render_s,
+            recorder.rows(i).last().unwrap().render_s,
+            sequential.rows(i).last().unwrap().render_s,
         );
         assert!(
             (a - b).abs() < 1e-9,
-            "each clock counts its own turns: {a} and {b}"
+            "render time must include only the turns of its run: {a} and {b}"
         );
     }
 }
 
 #[test]
-fn a_machine_that_tires_slows_all_of_those_that_take_turns_alike() {
+fn a_machine_that_slows_down_slows_interleaved_techniques_alike() {
     let speed = |order| {
         let mut lab = lab(order);
         lab.spec.axes[1].steps.truncate(2);
@@ -275,17 +278,17 @@ fn a_machine_that_tires_slows_all_of_those_that_take_turns_alike() {
     };
     assert!(
         speed(Order::Sequential) < 0.9,
-        "the second of two equally fast techniques looks slower"
+        "without interleaving, the second of two equally fast techniques must measure slower"
     );
     assert!((speed(Order::Interleave) - 1.0).abs() < 0.01);
 }
 
 #[test]
-fn what_fails_in_a_heat_fails_alone_and_a_wish_is_meant_for_its_first_run() {
-    struct Skips<'a>(&'a NightControls, bool);
-    impl Sink for Skips<'_> {
+fn a_failure_affects_one_run_of_a_group_and_a_skip_affects_its_first_run() {
+    struct SkipDuringSecondRun<'a>(&'a NightControls, bool);
+    impl Sink for SkipDuringSecondRun<'_> {
         fn receive(&mut self, event: &Event) -> Result<(), SinkError> {
-            // Requested while the second run has its turn.
+            // Request a skip during the first turn of the second run.
             if matches!(
                 event,
                 Event::Wave {
@@ -308,7 +311,7 @@ fn what_fails_in_a_heat_fails_alone_and_a_wish_is_meant_for_its_first_run() {
         })
     });
     let (summary, ..) = night(&lab, 0.0);
-    let words: Vec<&str> = summary
+    let outcomes: Vec<&str> = summary
         .results
         .iter()
         .map(|r| match &r.outcome {
@@ -317,24 +320,27 @@ fn what_fails_in_a_heat_fails_alone_and_a_wish_is_meant_for_its_first_run() {
             _ => "other",
         })
         .collect();
-    assert_eq!(words, ["done", "failed", "done", "done", "failed", "done"]);
+    assert_eq!(
+        outcomes,
+        ["done", "failed", "done", "done", "failed", "done"]
+    );
 
     let lab = self::lab(Order::Interleave);
     let plan = Arc::new(lab.plan());
     let night = Night::default();
-    let mut skips = Skips(&night.control, false);
-    let summary = night.carry_out(&lab, &plan, &mut [&mut skips]).unwrap();
-    let given_up: Vec<CellRef> = summary
+    let mut skip = SkipDuringSecondRun(&night.control, false);
+    let summary = night.render(&lab, &plan, &mut [&mut skip]).unwrap();
+    let skipped: Vec<CellRef> = summary
         .results
         .iter()
         .filter(|r| r.outcome == Outcome::Interrupted)
         .map(|r| r.cell)
         .collect();
-    assert_eq!(given_up, [CellRef::Cell(0)]);
+    assert_eq!(skipped, [CellRef::Cell(0)]);
 }
 
 #[test]
-fn techniques_that_do_not_fit_into_memory_together_fail_with_what_they_need() {
+fn interleaved_techniques_that_exceed_the_memory_fail_with_the_reason() {
     let lab = lab(Order::Interleave);
     let plan = Arc::new(lab.plan());
     let estimate = plan.estimate(&|_| true);
@@ -386,7 +392,7 @@ fn techniques_that_do_not_fit_into_memory_together_fail_with_what_they_need() {
 }
 
 #[test]
-fn what_is_rendered_to_warm_up_is_in_no_clock_and_no_picture() {
+fn warm_up_samples_count_in_no_render_time_and_no_picture() {
     let (_, cold, _, machine) = night(&lab(Order::Sequential), 0.0);
     assert!(
         machine
@@ -403,7 +409,7 @@ fn what_is_rendered_to_warm_up_is_in_no_clock_and_no_picture() {
         assert_eq!(
             plan.cells[0].id,
             self::lab(Order::Sequential).plan().cells[0].id,
-            "it is the same run"
+            "warm-up must not change the run id"
         );
         for i in (0..6).map(CellRef::Cell) {
             assert_eq!(warm.film(i), cold.film(i));
@@ -415,7 +421,7 @@ fn what_is_rendered_to_warm_up_is_in_no_clock_and_no_picture() {
             );
         }
         let calls = machine.calls.lock().unwrap().clone();
-        let thrown: u64 = calls
+        let discarded: u64 = calls
             .iter()
             .filter(|(seed, _)| *seed == warmup_seed())
             .map(|(_, n)| n)
@@ -426,9 +432,12 @@ fn what_is_rendered_to_warm_up_is_in_no_clock_and_no_picture() {
         } else {
             2 * 234..=2 * 240
         };
-        assert!(expected.contains(&thrown), "{thrown}");
-        assert_eq!(calls.iter().map(|(_, n)| n).sum::<u64>(), 6 * 400 + thrown);
-        assert_eq!(calls[0].0, warmup_seed(), "first of all");
+        assert!(expected.contains(&discarded), "{discarded}");
+        assert_eq!(
+            calls.iter().map(|(_, n)| n).sum::<u64>(),
+            6 * 400 + discarded
+        );
+        assert_eq!(calls[0].0, warmup_seed(), "the warm-up must come first");
         assert!(
             warm.messages(Level::Info)[0].starts_with("warmed up for"),
             "{:?}",
@@ -438,7 +447,7 @@ fn what_is_rendered_to_warm_up_is_in_no_clock_and_no_picture() {
 }
 
 /// Returns the findings of an A/A check of `bpt` with five repeats on a machine that slows down.
-fn controlled(order: Order) -> (Vec<Finding>, Arc<Plan>) {
+fn aa_checked(order: Order) -> (Vec<Finding>, Arc<Plan>) {
     let mut lab = lab(order).measured();
     lab.spec.aa_check = true;
     lab.spec.repeats = 5;
@@ -447,8 +456,8 @@ fn controlled(order: Order) -> (Vec<Finding>, Arc<Plan>) {
 }
 
 #[test]
-fn the_control_finds_a_machine_that_tires_and_none_where_techniques_take_turns() {
-    let (sequential, plan) = controlled(Order::Sequential);
+fn the_aa_check_detects_a_machine_that_slows_down_unless_techniques_are_interleaved() {
+    let (sequential, plan) = aa_checked(Order::Sequential);
     let doubles: Vec<_> = plan
         .cells
         .iter()
@@ -462,7 +471,7 @@ fn the_control_finds_a_machine_that_tires_and_none_where_techniques_take_turns()
             .all(|cell| cell.config.integrator == "bpt" && cell.repeat == 5 + cell.paired_repeat())
     );
     let seeds: BTreeSet<u64> = plan.cells.iter().map(|cell| cell.seed).collect();
-    assert_eq!(seeds.len(), 10, "doubles have seeds of their own");
+    assert_eq!(seeds.len(), 10, "doubles must have other seeds");
     let [speed, rmse] = sequential.as_slice() else {
         panic!("{sequential:?}")
     };
@@ -478,12 +487,12 @@ fn the_control_finds_a_machine_that_tires_and_none_where_techniques_take_turns()
     );
     assert!(!rmse.alarm, "{rmse:?}");
 
-    let (interleaved, plan) = controlled(Order::Interleave);
+    let (interleaved, plan) = aa_checked(Order::Interleave);
     assert!(
         plan.interleave_groups(false)
             .iter()
-            .all(|heat| heat.len() == 4),
-        "a double races with its original"
+            .all(|group| group.len() == 4),
+        "a double must be interleaved with its original"
     );
     assert!(
         interleaved.iter().all(|finding| !finding.alarm),
@@ -493,7 +502,7 @@ fn the_control_finds_a_machine_that_tires_and_none_where_techniques_take_turns()
 }
 
 #[test]
-fn a_single_pair_says_nothing_of_chance_and_a_script_chooses_its_points() {
+fn a_single_pair_gives_no_p_value_and_a_plan_without_a_check_no_findings() {
     let mut lab = lab(Order::Sequential);
     lab.spec.aa_check = true;
     let (summary, _, plan, _) = night(&lab, 0.0);
@@ -501,7 +510,7 @@ fn a_single_pair_says_nothing_of_chance_and_a_script_chooses_its_points() {
     assert_eq!(
         (findings.len(), findings[0].pairs),
         (1, 2),
-        "nothing is measured but speed"
+        "only speed is measured"
     );
     let findings = check(&plan, &summary.results[..3]);
     assert_eq!(findings.len(), 1);

@@ -1,5 +1,4 @@
-//! A small experiment without a script: its hooks are plain closures that a test replaces one by
-//! one.
+//! A small experiment without a script: its hooks are closures, each of which a test can replace.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -40,7 +39,7 @@ pub struct Lab {
     pub reference: Hook<Option<ReferenceRequest>>,
     pub stop: Hook<StopRule>,
     pub predicate: PredicateHook,
-    /// Requested files, in order.
+    /// Scene files that were requested, in order.
     pub loads: RefCell<Vec<PathBuf>>,
 }
 
@@ -83,7 +82,7 @@ impl Lab {
             reference: Box::new(|_| Ok(None)),
             stop: Box::new(|_| Ok(StopRule::Samples(16))),
             predicate: Box::new(|id, _, _| {
-                Err(HookError(format!("no predicate for run {id}").into()))
+                Err(HookError(format!("there is no predicate {id}").into()))
             }),
             loads: RefCell::default(),
         }
@@ -265,20 +264,20 @@ pub fn ints<const N: usize>(numbers: [i64; N]) -> [Value; N] {
     numbers.map(Value::Int)
 }
 
-/// Events that a listener received, in short form and in full.
+/// A listener that stores the events it receives, with a short label for each.
 #[derive(Default)]
 pub struct Recorder {
-    /// Whether the listener wants pictures by time.
+    /// Whether the listener requests previews of the time bins.
     pub wants_times: bool,
-    pub words: Vec<String>,
+    pub labels: Vec<String>,
     pub events: Vec<Event>,
 }
 
 impl Sink for Recorder {
     fn receive(&mut self, event: &Event) -> Result<(), SinkError> {
-        // When the forecast of a night is computed again depends on the time it takes.
+        // Forecasts have no label, since their times depend on the machine.
         if !matches!(event, Event::Forecast(_)) {
-            self.words.push(words(event));
+            self.labels.push(label(event));
         }
         self.events.push(event.clone());
         Ok(())
@@ -325,14 +324,14 @@ impl Recorder {
     }
 }
 
-/// Returns an event in short form: `wave c0 4`, `done r0`.
-pub fn words(event: &Event) -> String {
+/// Returns the label of an event: `wave c0 4`, `done r0`.
+pub fn label(event: &Event) -> String {
     let name = |cell: &CellRef| match cell {
         CellRef::Cell(i) => format!("c{i}"),
         CellRef::Reference(i) => format!("r{i}"),
     };
     match event {
-        Event::NightStarted { .. } => "night".into(),
+        Event::NightStarted { .. } => "night started".into(),
         Event::CellStarted { cell, .. } => format!("start {}", name(cell)),
         Event::Wave { cell, row, .. } => format!("wave {} {}", name(cell), row.samples),
         Event::CellFinished { cell, outcome, .. } => {
@@ -359,13 +358,13 @@ pub fn words(event: &Event) -> String {
             outcome: Outcome::Done(_),
             ..
         } => {
-            format!("there r{} {}", shard.reference, shard.number)
+            format!("done r{} {}", shard.reference, shard.number)
         }
         Event::ShardFinished { shard, .. } => {
-            format!("cut off r{} {}", shard.reference, shard.number)
+            format!("interrupted r{} {}", shard.reference, shard.number)
         }
         Event::Forecast(_) => "forecast".into(),
-        Event::NightFinished => "morning".into(),
+        Event::NightFinished => "night finished".into(),
     }
 }
 
@@ -401,7 +400,8 @@ impl History for Memory {
     }
 }
 
-/// A night on the mock backend with its listeners, its history and its user.
+/// A night on the mock backend: its history, its controls, and the functions that open renderers
+/// and wait during a pause.
 pub struct Night<'a> {
     pub history: Memory,
     pub control: NightControls,
@@ -422,7 +422,7 @@ impl Default for Night<'_> {
 
 impl Night<'_> {
     /// Renders a plan with the given listeners.
-    pub fn carry_out(
+    pub fn render(
         &self,
         lab: &Lab,
         plan: &Arc<Plan>,
@@ -435,11 +435,11 @@ impl Night<'_> {
         run_with(&seams, plan, lab, &self.history, sinks, &self.control, 1)
     }
 
-    /// Plans, renders and records a night.
+    /// Plans and renders a night, and returns its summary and its events.
     pub fn record(&self, lab: &Lab) -> (NightSummary, Recorder) {
         let mut recorder = Recorder::default();
         let summary = self
-            .carry_out(lab, &Arc::new(lab.plan()), &mut [&mut recorder])
+            .render(lab, &Arc::new(lab.plan()), &mut [&mut recorder])
             .unwrap();
         (summary, recorder)
     }

@@ -1,4 +1,4 @@
-//! Inputs that decide a run's id, and those that do not.
+//! Inputs on which a run's id depends, and those on which it does not.
 
 use std::collections::BTreeMap;
 
@@ -18,8 +18,8 @@ use lumbre::value::Value;
 
 use crate::fixtures::{Lab, at, config, ints};
 
-/// Everything a test may change about the one cell of an experiment.
-struct Parts {
+/// The inputs of a one-cell experiment, each of which a test may change.
+struct Inputs {
     lab: Lab,
     config: CellConfig,
     stop: StopRule,
@@ -51,9 +51,9 @@ fn over(y: Vec<TableValue>, axis: &str) -> FigureSpec {
     }
 }
 
-impl Parts {
-    fn new() -> Parts {
-        Parts {
+impl Inputs {
+    fn new() -> Inputs {
+        Inputs {
             lab: Lab::new().axis("tag", ["x"]).measured(),
             config: config(),
             stop: StopRule::Samples(16),
@@ -63,7 +63,7 @@ impl Parts {
     }
 
     fn plan(self) -> Plan {
-        let Parts {
+        let Inputs {
             mut lab,
             config,
             stop,
@@ -85,18 +85,18 @@ impl Parts {
     }
 }
 
-type Change = fn(&mut Parts);
+type Change = fn(&mut Inputs);
 
 fn ids(change: Change) -> (String, String) {
-    let mut parts = Parts::new();
-    change(&mut parts);
-    let plan = parts.plan();
+    let mut inputs = Inputs::new();
+    change(&mut inputs);
+    let plan = inputs.plan();
     (plan.cells[0].id.0.clone(), plan.references[0].id.0.clone())
 }
 
-fn both(parts: &mut Parts, change: fn(&mut CellConfig)) {
-    change(&mut parts.config);
-    change(&mut parts.reference_config);
+fn both(inputs: &mut Inputs, change: fn(&mut CellConfig)) {
+    change(&mut inputs.config);
+    change(&mut inputs.reference_config);
 }
 
 fn rmse_below(hold: u32) -> StopRule {
@@ -109,7 +109,7 @@ fn rmse_below(hold: u32) -> StopRule {
 }
 
 #[test]
-fn every_field_that_decides_a_picture_or_its_measurement_changes_the_id() {
+fn every_field_that_affects_a_picture_or_its_measurements_changes_the_id() {
     let changes: &[(&str, Change)] = &[
         ("nothing", |_| {}),
         ("scene file", |p| {
@@ -133,7 +133,7 @@ fn every_field_that_decides_a_picture_or_its_measurement_changes_the_id() {
         ("integrator's parameters", |p| {
             p.config.params.insert("mis".into(), "balance".into());
         }),
-        ("choice of lights", |p| {
+        ("light selection", |p| {
             p.config.params.insert("select".into(), "area".into());
         }),
         ("depth", |p| p.config.max_depth = Some(6)),
@@ -143,7 +143,7 @@ fn every_field_that_decides_a_picture_or_its_measurement_changes_the_id() {
             both(p, |c| c.resolution = None)
         }),
         ("roulette", |p| p.config.rr_start = Some(3)),
-        ("roulette at once", |p| p.config.rr_start = Some(0)),
+        ("roulette from the start", |p| p.config.rr_start = Some(0)),
         ("filter", |p| p.config.filter.kind = FilterKind::Gauss),
         ("filter radius", |p| p.config.filter.radius = 0.75),
         ("sampler", |p| p.config.sampler = "sobol".into()),
@@ -159,15 +159,17 @@ fn every_field_that_decides_a_picture_or_its_measurement_changes_the_id() {
         ("bins", |p| {
             (p.config.accel.builder, p.config.accel.bins) = (Builder::Sah, 8)
         }),
-        ("quality of building", |p| {
-            p.config.accel.quality = Quality::Fast
-        }),
-        ("copies", |p| p.config.accel.instances = Sharing::Always),
+        ("build quality", |p| p.config.accel.quality = Quality::Fast),
+        ("instances", |p| p.config.accel.instances = Sharing::Always),
         ("seed", |p| p.lab.spec.seed = 2),
         ("stop", |p| p.stop = StopRule::Samples(17)),
-        ("stop of another kind", |p| p.stop = StopRule::Waves(16)),
+        ("stop rule of another kind", |p| {
+            p.stop = StopRule::Waves(16)
+        }),
         ("stop by metric", |p| p.stop = rmse_below(1)),
-        ("stop by metric held", |p| p.stop = rmse_below(2)),
+        ("stop by metric for two measurements", |p| {
+            p.stop = rmse_below(2)
+        }),
         ("stop by predicate", |p| p.stop = StopRule::Predicate(0)),
         ("script of the predicate", |p| {
             p.stop = StopRule::Predicate(0);
@@ -220,9 +222,11 @@ fn every_field_that_decides_a_picture_or_its_measurement_changes_the_id() {
 }
 
 #[test]
-fn names_places_and_looks_do_not_change_the_id() {
+fn names_file_locations_and_display_settings_do_not_change_the_id() {
     let changes: &[(&str, Change)] = &[
-        ("bins that its builder has not", |p| p.config.accel.bins = 8),
+        ("bins, which the builder ignores", |p| {
+            p.config.accel.bins = 8
+        }),
         ("experiment's name", |p| p.lab.spec.name = "other".into()),
         ("axis name", |p| {
             p.lab.spec.axes[0].names = vec!["label".into()]
@@ -230,7 +234,7 @@ fn names_places_and_looks_do_not_change_the_id() {
         ("axis value that is not used", |p| {
             p.lab.spec.axes[0].steps[0] = vec!["y".into()]
         }),
-        ("script's place", |p| {
+        ("script's path", |p| {
             p.lab.spec.script_file = "elsewhere/night.lua".into()
         }),
         ("script's text", |p| {
@@ -266,21 +270,21 @@ fn names_places_and_looks_do_not_change_the_id() {
 }
 
 #[test]
-fn a_scene_change_that_changes_nothing_is_the_same_scene() {
+fn a_scene_change_without_effect_does_not_change_the_id() {
     let with = |set: &[(&'static str, f64)]| {
-        let mut parts = Parts::new();
-        parts.config.set = set
+        let mut inputs = Inputs::new();
+        inputs.config.set = set
             .iter()
             .map(|(path, x)| ((*path).to_owned(), Value::number(*x)))
             .collect();
-        parts.plan().cells[0].id.clone()
+        inputs.plan().cells[0].id.clone()
     };
     assert_eq!(with(&[]), with(&[("camera.aperture", 0.0)]));
     assert_ne!(with(&[]), with(&[("camera.aperture", 0.25)]));
 }
 
 #[test]
-fn a_reference_does_not_know_who_asks_for_it() {
+fn the_id_of_a_reference_does_not_depend_on_its_cell() {
     let changes: &[(&str, Change)] = &[
         ("cell's depth", |p| p.config.max_depth = Some(6)),
         ("cell's stop", |p| p.stop = StopRule::Samples(99)),
@@ -310,12 +314,12 @@ fn a_reference_does_not_know_who_asks_for_it() {
 }
 
 #[test]
-fn references_that_differ_only_in_their_end_have_one_stem() {
+fn references_that_differ_only_in_their_stop_rule_have_the_same_stem() {
     let stem = |change: Change| {
-        let mut parts = Parts::new();
-        change(&mut parts);
-        let ReferenceSource::Render { stem, .. } = parts.plan().references.remove(0).source else {
-            panic!("a file")
+        let mut inputs = Inputs::new();
+        change(&mut inputs);
+        let ReferenceSource::Render { stem, .. } = inputs.plan().references.remove(0).source else {
+            panic!("the reference is a file")
         };
         stem
     };
@@ -328,10 +332,10 @@ fn references_that_differ_only_in_their_end_have_one_stem() {
 }
 
 #[test]
-fn a_reference_is_never_the_run_it_measures() {
-    let mut parts = Parts::new();
-    parts.stop = StopRule::Samples(4096);
-    let plan = parts.plan();
+fn a_reference_never_has_the_id_or_the_seed_of_its_cell() {
+    let mut inputs = Inputs::new();
+    inputs.stop = StopRule::Samples(4096);
+    let plan = inputs.plan();
     let ReferenceSource::Render { seeds, .. } = &plan.references[0].source else {
         panic!("not rendered")
     };
@@ -340,7 +344,7 @@ fn a_reference_is_never_the_run_it_measures() {
 }
 
 #[test]
-fn repeats_differ_through_their_seed_alone() {
+fn the_identities_of_repeats_differ_only_in_their_seed() {
     let mut lab = Lab::new();
     lab.spec.repeats = 2;
     let plan = lab.plan();
@@ -360,7 +364,7 @@ fn a_cell_without_a_reference_does_not_depend_on_metrics() {
 }
 
 #[test]
-fn the_plans_hash_follows_its_cells_points_figures_and_tables() {
+fn the_hash_of_a_plan_depends_on_its_name_cells_figures_and_tables() {
     let lab = || {
         let mut lab = Lab::new().axis("depth", ints([3, 5]));
         lab.render = Box::new(|p| {

@@ -1,4 +1,4 @@
-//! The user at night: stop, skip, pause.
+//! Controls of a running night: stop, skip, restart, pause.
 
 use std::cell::Cell;
 use std::sync::Arc;
@@ -9,17 +9,17 @@ use lumbre::experiment::{
     CellRef, Event, NightControls, NightSummary, Outcome, PauseAt, Sink, SinkError,
 };
 
-use crate::fixtures::{Lab, Night, Recorder, depths, words};
+use crate::fixtures::{Lab, Night, Recorder, depths, label};
 
-/// A user who acts when certain words appear.
-struct User<'a> {
+/// A listener that calls `act` at every event with the label `at`.
+struct ActAt<'a> {
     at: &'static str,
     act: &'a dyn Fn(),
 }
 
-impl Sink for User<'_> {
+impl Sink for ActAt<'_> {
     fn receive(&mut self, event: &Event) -> Result<(), SinkError> {
-        if words(event) == self.at {
+        if label(event) == self.at {
             (self.act)();
         }
         Ok(())
@@ -33,11 +33,15 @@ fn disturbed(
     act: fn(&NightControls),
 ) -> (NightSummary, Recorder) {
     let act = || act(&night.control);
-    let (mut user, mut heard) = (User { at, act: &act }, Recorder::default());
+    let (mut listener, mut recorder) = (ActAt { at, act: &act }, Recorder::default());
     let summary = night
-        .carry_out(lab, &Arc::new(lab.plan()), &mut [&mut user, &mut heard])
+        .render(
+            lab,
+            &Arc::new(lab.plan()),
+            &mut [&mut listener, &mut recorder],
+        )
         .unwrap();
-    (summary, heard)
+    (summary, recorder)
 }
 
 fn stop(control: &NightControls) {
@@ -46,14 +50,14 @@ fn stop(control: &NightControls) {
 
 #[test]
 fn a_stop_ends_the_night_after_the_wave() {
-    let (summary, heard) = disturbed(&depths([1, 2, 3]), &Night::default(), "wave c1 3", stop);
+    let (summary, recorder) = disturbed(&depths([1, 2, 3]), &Night::default(), "wave c1 3", stop);
     assert!(summary.interrupted);
     assert_eq!(summary.results.len(), 2, "the third cell was never reached");
     assert_eq!(summary.results[1].outcome, Outcome::Interrupted);
-    assert_eq!(heard.film(CellRef::Cell(1)).unwrap().samples, 3);
+    assert_eq!(recorder.film(CellRef::Cell(1)).unwrap().samples, 3);
     assert_eq!(
-        heard.words[heard.words.len() - 2..],
-        ["interrupted c1", "morning"]
+        recorder.labels[recorder.labels.len() - 2..],
+        ["interrupted c1", "night finished"]
     );
 }
 
@@ -69,22 +73,23 @@ fn a_stop_in_the_wave_that_finishes_a_cell_leaves_it_finished() {
             .iter()
             .all(|r| matches!(r.outcome, Outcome::Done(_)))
     );
-    assert!(!summary.interrupted, "all was done");
+    assert!(!summary.interrupted, "all cells were done");
 }
 
 #[test]
 fn a_stop_before_the_first_wave_leaves_no_film() {
-    let (summary, heard) = disturbed(&depths([1, 2, 3]), &Night::default(), "start c0", stop);
+    let (summary, recorder) = disturbed(&depths([1, 2, 3]), &Night::default(), "start c0", stop);
     assert_eq!(summary.results[0].outcome, Outcome::Interrupted);
-    assert!(heard.film(CellRef::Cell(0)).is_none());
-    let (summary, heard) = disturbed(&depths([1, 2, 3]), &Night::default(), "night", stop);
+    assert!(recorder.film(CellRef::Cell(0)).is_none());
+    let (summary, recorder) =
+        disturbed(&depths([1, 2, 3]), &Night::default(), "night started", stop);
     assert!(summary.interrupted && summary.results.is_empty());
-    assert_eq!(heard.words, ["night", "morning"]);
+    assert_eq!(recorder.labels, ["night started", "night finished"]);
 }
 
 #[test]
 fn a_stop_during_a_reference_ends_the_night_before_its_cells() {
-    let (summary, heard) = disturbed(
+    let (summary, recorder) = disturbed(
         &depths([1, 2, 3]).measured(),
         &Night::default(),
         "wave r0 15",
@@ -92,34 +97,34 @@ fn a_stop_during_a_reference_ends_the_night_before_its_cells() {
     );
     assert!(summary.interrupted);
     assert_eq!(summary.results.len(), 1);
-    assert_eq!(heard.words.last().unwrap(), "morning");
+    assert_eq!(recorder.labels.last().unwrap(), "night finished");
 }
 
 #[test]
-fn a_skip_gives_up_one_cell_and_says_so() {
-    let (summary, heard) = disturbed(
+fn a_skip_interrupts_one_cell_with_a_warning() {
+    let (summary, recorder) = disturbed(
         &depths([1, 2, 3]),
         &Night::default(),
         "wave c1 3",
         NightControls::request_skip,
     );
-    let kinds: Vec<bool> = summary
+    let done: Vec<bool> = summary
         .results
         .iter()
         .map(|r| matches!(r.outcome, Outcome::Done(_)))
         .collect();
-    assert_eq!(kinds, [true, false, true]);
+    assert_eq!(done, [true, false, true]);
     assert_eq!(summary.results[1].outcome, Outcome::Interrupted);
-    assert!(!summary.interrupted, "the night itself went on");
-    let told = heard.messages(Level::Warn);
+    assert!(!summary.interrupted, "the night must continue");
+    let messages = recorder.messages(Level::Warn);
     assert!(
-        told.contains(&"skipped on request after 3 samples per pixel".to_owned()),
-        "{told:?}"
+        messages.contains(&"skipped on request after 3 samples per pixel".to_owned()),
+        "{messages:?}"
     );
 }
 
 #[test]
-fn a_skip_that_comes_too_late_does_not_hit_the_next_cell() {
+fn a_skip_after_the_end_of_a_cell_does_not_affect_the_next_cell() {
     let (summary, _) = disturbed(
         &depths([1, 2, 3]),
         &Night::default(),
@@ -135,7 +140,7 @@ fn a_skip_that_comes_too_late_does_not_hit_the_next_cell() {
 }
 
 #[test]
-fn cells_of_a_reference_that_was_given_up_fail() {
+fn cells_of_a_skipped_reference_fail() {
     let (summary, _) = disturbed(
         &depths([1, 2, 3]).measured(),
         &Night::default(),
@@ -151,7 +156,7 @@ fn cells_of_a_reference_that_was_given_up_fail() {
 }
 
 #[test]
-fn a_pause_waits_without_rendering_and_changes_nothing() {
+fn a_pause_changes_neither_events_nor_render_times() {
     let undisturbed = Night::default().record(&depths([1, 2, 3])).1;
     let waits = Cell::new(0);
     let control = NightControls::default();
@@ -164,8 +169,8 @@ fn a_pause_waits_without_rendering_and_changes_nothing() {
     let act = || {
         control.toggle_pause();
     };
-    let (mut user, mut heard) = (
-        User {
+    let (mut listener, mut recorder) = (
+        ActAt {
             at: "wave c1 3",
             act: &act,
         },
@@ -176,7 +181,7 @@ fn a_pause_waits_without_rendering_and_changes_nothing() {
         open: night.open,
         wait: &wait,
     };
-    let sinks: &mut [&mut dyn Sink] = &mut [&mut user, &mut heard];
+    let sinks: &mut [&mut dyn Sink] = &mut [&mut listener, &mut recorder];
     run_with(
         &seams,
         &Arc::new(lab.plan()),
@@ -188,23 +193,23 @@ fn a_pause_waits_without_rendering_and_changes_nothing() {
     )
     .unwrap();
     assert_eq!(waits.get(), 5);
-    assert_eq!(heard.words, undisturbed.words);
-    let times = |heard: &Recorder| {
-        heard
+    assert_eq!(recorder.labels, undisturbed.labels);
+    let times = |recorder: &Recorder| {
+        recorder
             .rows(CellRef::Cell(1))
             .iter()
             .map(|r| r.render_s)
             .collect::<Vec<_>>()
     };
     assert_eq!(
-        times(&heard),
+        times(&recorder),
         times(&undisturbed),
-        "the pause is not on the clock"
+        "render time must exclude the pause"
     );
 }
 
 #[test]
-fn a_paused_night_still_hears_stop_and_skip() {
+fn a_paused_night_obeys_a_stop() {
     let pause_and_stop = |control: &NightControls| {
         control.toggle_pause();
         control.request_stop();
@@ -223,21 +228,25 @@ fn a_paused_night_still_hears_stop_and_skip() {
 fn a_restart_renders_the_cell_from_its_first_sample() {
     let (whole, undisturbed) = Night::default().record(&depths([1, 2, 3]));
     let (lab, night) = (depths([1, 2, 3]), Night::default());
-    let asked = Cell::new(false);
+    let requested = Cell::new(false);
     let act = || {
-        if !asked.replace(true) {
+        if !requested.replace(true) {
             night.control.request_restart();
         }
     };
-    let (mut user, mut heard) = (
-        User {
+    let (mut listener, mut recorder) = (
+        ActAt {
             at: "wave c1 3",
             act: &act,
         },
         Recorder::default(),
     );
     let summary = night
-        .carry_out(&lab, &Arc::new(lab.plan()), &mut [&mut user, &mut heard])
+        .render(
+            &lab,
+            &Arc::new(lab.plan()),
+            &mut [&mut listener, &mut recorder],
+        )
         .unwrap();
     assert!(
         summary
@@ -245,8 +254,8 @@ fn a_restart_renders_the_cell_from_its_first_sample() {
             .iter()
             .all(|r| matches!(r.outcome, Outcome::Done(_)))
     );
-    let starts = heard.words.iter().filter(|w| *w == "start c1").count();
-    assert_eq!(starts, 2, "{:?}", heard.words);
+    let starts = recorder.labels.iter().filter(|w| *w == "start c1").count();
+    assert_eq!(starts, 2, "{:?}", recorder.labels);
     let samples = |night: &NightSummary| {
         night.results[1]
             .rows
@@ -257,36 +266,39 @@ fn a_restart_renders_the_cell_from_its_first_sample() {
     assert_eq!(
         samples(&summary),
         samples(&whole),
-        "nothing of the first try is left"
+        "no measurement of the first attempt may remain"
     );
     assert_eq!(
-        heard.film(CellRef::Cell(1)),
+        recorder.film(CellRef::Cell(1)),
         undisturbed.film(CellRef::Cell(1))
     );
-    let told = heard.messages(Level::Warn);
+    let messages = recorder.messages(Level::Warn);
     assert!(
-        told.contains(&"restarted on request after 3 samples per pixel".to_owned()),
-        "{told:?}"
+        messages.contains(&"restarted on request after 3 samples per pixel".to_owned()),
+        "{messages:?}"
     );
 }
 
 #[test]
-fn a_restart_that_comes_too_late_does_not_hit_the_next_cell() {
-    let (_, heard) = disturbed(
+fn a_restart_after_the_end_of_a_cell_does_not_affect_the_next_cell() {
+    let (_, recorder) = disturbed(
         &depths([1, 2, 3]),
         &Night::default(),
         "done c0",
         NightControls::request_restart,
     );
-    assert_eq!(heard.words.iter().filter(|w| *w == "start c1").count(), 1);
+    assert_eq!(
+        recorder.labels.iter().filter(|w| *w == "start c1").count(),
+        1
+    );
 }
 
 #[test]
-fn a_night_can_end_after_the_cell_at_hand() {
+fn a_night_can_end_after_the_current_cell() {
     let after_cell = |control: &NightControls| {
         control.toggle_stop_after_cell();
     };
-    let (summary, heard) = disturbed(
+    let (summary, recorder) = disturbed(
         &depths([1, 2, 3]),
         &Night::default(),
         "wave c1 3",
@@ -296,9 +308,9 @@ fn a_night_can_end_after_the_cell_at_hand() {
     assert_eq!(summary.results.len(), 2);
     assert!(
         matches!(summary.results[1].outcome, Outcome::Done(_)),
-        "the cell at hand is finished"
+        "the current cell must be finished"
     );
-    assert_eq!(heard.words.last().unwrap(), "morning");
+    assert_eq!(recorder.labels.last().unwrap(), "night finished");
     let (summary, _) = disturbed(
         &depths([1, 2, 3]),
         &Night::default(),
@@ -311,11 +323,15 @@ fn a_night_can_end_after_the_cell_at_hand() {
         control.toggle_stop_after_cell();
     };
     let (summary, _) = disturbed(&depths([1, 2, 3]), &Night::default(), "wave c1 3", twice);
-    assert_eq!(summary.results.len(), 3, "taken back");
+    assert_eq!(
+        summary.results.len(),
+        3,
+        "the second call must cancel the first"
+    );
 }
 
 #[test]
-fn a_limit_pauses_the_night_once_at_the_first_measurement_behind_it() {
+fn a_pause_limit_pauses_the_night_once_at_the_first_measurement_after_it() {
     let undisturbed = Night::default().record(&depths([1, 2, 3])).1;
     let (lab, night) = (depths([1, 2, 3]), Night::default());
     let control = NightControls::default();
@@ -326,12 +342,12 @@ fn a_limit_pauses_the_night_once_at_the_first_measurement_behind_it() {
         assert!(control.paused() && control.pause_at().is_none());
         control.set_paused(false);
     };
-    let mut heard = Recorder::default();
+    let mut recorder = Recorder::default();
     let seams = Seams {
         open: night.open,
         wait: &wait,
     };
-    let sinks: &mut [&mut dyn Sink] = &mut [&mut heard];
+    let sinks: &mut [&mut dyn Sink] = &mut [&mut recorder];
     run_with(
         &seams,
         &Arc::new(lab.plan()),
@@ -342,16 +358,21 @@ fn a_limit_pauses_the_night_once_at_the_first_measurement_behind_it() {
         1,
     )
     .unwrap();
-    assert_eq!(waits.get(), 1, "once, though three cells pass the limit");
     assert_eq!(
-        heard.film(CellRef::Cell(0)),
+        waits.get(),
+        1,
+        "the night must pause once, although three cells pass the limit"
+    );
+    assert_eq!(
+        recorder.film(CellRef::Cell(0)),
         undisturbed.film(CellRef::Cell(0))
     );
-    let told = heard.messages(Level::Info);
+    let messages = recorder.messages(Level::Info);
     assert!(
-        told.iter()
+        messages
+            .iter()
             .any(|t| t.starts_with("paused as requested after 3 samples")),
-        "{told:?}"
+        "{messages:?}"
     );
     assert!(PauseAt::RenderS(1.5).reached(1, 1.5) && !PauseAt::RenderS(1.5).reached(99, 1.4));
 }

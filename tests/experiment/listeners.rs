@@ -12,17 +12,17 @@ use lumbre::render::{OpenStats, RenderError, Renderer, WaveStats};
 use lumbre::transport::path_time::Timing;
 use lumbre::value::Value;
 
-use crate::fixtures::{Lab, Night, Recorder, config, depths, whole_at, words};
+use crate::fixtures::{Lab, Night, Recorder, config, depths, label, whole_at};
 
 const CELL: CellRef = CellRef::Cell(0);
 
-/// A mock renderer that misbehaves once it has some samples.
-struct Odd {
+/// A mock renderer whose wave statistics pass through `act`, which may change them or panic.
+struct FaultyRenderer {
     inner: MockRenderer,
     act: fn(&WaveStats, &Film) -> WaveStats,
 }
 
-impl Renderer for Odd {
+impl Renderer for FaultyRenderer {
     fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
         let stats = self.inner.advance(samples)?;
         Ok((self.act)(&stats, self.inner.film()))
@@ -50,7 +50,7 @@ fn a_failing_renderer_fails_its_cell_and_keeps_the_last_good_film() {
         let limit = if job.max_depth == 2 { 3 } else { 1000 };
         Ok(Box::new(MockRenderer::new(scene, job).failing_after(limit)))
     };
-    let (summary, heard) = Night {
+    let (summary, recorder) = Night {
         open,
         ..Night::default()
     }
@@ -59,19 +59,19 @@ fn a_failing_renderer_fails_its_cell_and_keeps_the_last_good_film() {
         failed(&summary.results[1].outcome),
         "backend `mock` failed: asked to fail after 3 samples"
     );
-    assert_eq!(heard.film(CellRef::Cell(1)).unwrap().samples, 3);
+    assert_eq!(recorder.film(CellRef::Cell(1)).unwrap().samples, 3);
     assert_eq!(summary.results[1].rows.len(), 2);
     assert!(
         [0, 2]
             .iter()
             .all(|i| matches!(summary.results[*i].outcome, Outcome::Done(_)))
     );
-    assert_eq!(heard.words.last().unwrap(), "morning");
+    assert_eq!(recorder.labels.last().unwrap(), "night finished");
     assert!(!summary.interrupted);
 }
 
 #[test]
-fn a_renderer_that_does_not_open_fails_its_cell() {
+fn a_renderer_that_cannot_be_opened_fails_its_cell() {
     let open: Open<'_> = &|_, scene, job| match job.max_depth {
         1 => Err(RenderError::Unsupported {
             backend: "mock",
@@ -80,7 +80,7 @@ fn a_renderer_that_does_not_open_fails_its_cell() {
         2 => panic!("out of {}", "memory"),
         _ => Ok(Box::new(MockRenderer::new(scene, job))),
     };
-    let (summary, heard) = Night {
+    let (summary, recorder) = Night {
         open,
         ..Night::default()
     }
@@ -94,12 +94,12 @@ fn a_renderer_that_does_not_open_fails_its_cell() {
         "panic while opening the backend: out of memory"
     );
     assert!(matches!(summary.results[2].outcome, Outcome::Done(_)));
-    assert!(heard.film(CELL).is_none());
-    assert!(!heard.words.contains(&"start c0".to_owned()));
+    assert!(recorder.film(CELL).is_none());
+    assert!(!recorder.labels.contains(&"start c0".to_owned()));
 }
 
 #[test]
-fn a_panicking_renderer_fails_its_cell_and_its_film_is_not_trusted() {
+fn a_panicking_renderer_fails_its_cell_and_its_film_is_discarded() {
     let open: Open<'_> = &|_, scene, job| {
         let act: fn(&WaveStats, &Film) -> WaveStats = match job.max_depth {
             2 => |stats, film| {
@@ -111,12 +111,12 @@ fn a_panicking_renderer_fails_its_cell_and_its_film_is_not_trusted() {
             },
             _ => |stats, _| stats.clone(),
         };
-        Ok(Box::new(Odd {
+        Ok(Box::new(FaultyRenderer {
             inner: MockRenderer::new(scene, job),
             act,
         }))
     };
-    let (summary, heard) = Night {
+    let (summary, recorder) = Night {
         open,
         ..Night::default()
     }
@@ -126,14 +126,14 @@ fn a_panicking_renderer_fails_its_cell_and_its_film_is_not_trusted() {
         "panic while rendering: index out of bounds"
     );
     assert_eq!(summary.results[1].rows.len(), 1);
-    assert!(heard.film(CellRef::Cell(1)).is_none());
+    assert!(recorder.film(CellRef::Cell(1)).is_none());
     assert!(matches!(summary.results[2].outcome, Outcome::Done(_)));
 }
 
 #[test]
-fn a_renderer_that_adds_nothing_does_not_hang_the_night() {
+fn a_renderer_that_adds_no_samples_fails_its_cell() {
     let open: Open<'_> = &|_, scene, job| {
-        Ok(Box::new(Odd {
+        Ok(Box::new(FaultyRenderer {
             inner: MockRenderer::new(scene, job),
             act: |_, _| WaveStats::default(),
         }))
@@ -150,7 +150,7 @@ fn a_renderer_that_adds_nothing_does_not_hang_the_night() {
 }
 
 #[test]
-fn invalid_samples_are_counted_and_told_once_with_their_place() {
+fn invalid_samples_are_counted_and_reported_once_with_their_position() {
     let act = |stats: &WaveStats, film: &Film| {
         let late = film.samples >= 3;
         WaveStats {
@@ -160,25 +160,25 @@ fn invalid_samples_are_counted_and_told_once_with_their_place() {
         }
     };
     let open: Open<'_> = &|_, scene, job| {
-        Ok(Box::new(Odd {
+        Ok(Box::new(FaultyRenderer {
             inner: MockRenderer::new(scene, job),
             act,
         }))
     };
-    let (_, heard) = Night {
+    let (_, recorder) = Night {
         open,
         ..Night::default()
     }
     .record(&Lab::new());
-    let warnings = heard.messages(Level::Warn);
-    let told: Vec<&String> = warnings.iter().filter(|w| w.contains("invalid")).collect();
+    let warnings = recorder.messages(Level::Warn);
+    let reported: Vec<&String> = warnings.iter().filter(|w| w.contains("invalid")).collect();
     assert_eq!(
-        told,
+        reported,
         [
             "2 invalid samples (NaN or infinite) in wave 2, the first at column 5, row 2, sample 3; they count as black"
         ]
     );
-    let rows = heard.rows(CELL);
+    let rows = recorder.rows(CELL);
     assert_eq!(
         rows.iter().map(|row| row.invalid).collect::<Vec<_>>(),
         [0, 2, 4, 6, 8]
@@ -219,7 +219,7 @@ fn a_failed_reference_fails_its_cells_with_its_reason() {
         };
         Ok(Box::new(MockRenderer::new(scene, job).failing_after(limit)))
     };
-    let (summary, heard) = Night {
+    let (summary, recorder) = Night {
         open,
         ..Night::default()
     }
@@ -231,8 +231,8 @@ fn a_failed_reference_fails_its_cells_with_its_reason() {
         format!("its reference is not available: {reason}")
     );
     assert!(
-        heard.words.contains(&"failed c1".to_owned())
-            && !heard.words.contains(&"start c1".to_owned())
+        recorder.labels.contains(&"failed c1".to_owned())
+            && !recorder.labels.contains(&"start c1".to_owned())
     );
     assert!(
         [0, 2, 3, 5]
@@ -255,34 +255,34 @@ fn a_failing_predicate_fails_its_cell() {
             Ok(false)
         }
     });
-    let (summary, heard) = Night::default().record(&lab);
+    let (summary, recorder) = Night::default().record(&lab);
     assert_eq!(failed(&summary.results[1].outcome), "line 12: nil");
-    assert_eq!(heard.film(CellRef::Cell(1)).unwrap().samples, 1);
+    assert_eq!(recorder.film(CellRef::Cell(1)).unwrap().samples, 1);
     assert!(matches!(summary.results[2].outcome, Outcome::Done(_)));
 }
 
-/// A listener that fails at one kind of event.
-struct Full {
+/// A listener that fails at every event with the label `at`.
+struct FailingListener {
     at: &'static str,
-    heard: Vec<String>,
+    received: Vec<String>,
 }
 
-impl Full {
-    fn at(at: &'static str) -> Full {
-        Full {
+impl FailingListener {
+    fn at(at: &'static str) -> FailingListener {
+        FailingListener {
             at,
-            heard: Vec::new(),
+            received: Vec::new(),
         }
     }
 }
 
-impl Sink for Full {
+impl Sink for FailingListener {
     fn receive(&mut self, event: &Event) -> Result<(), SinkError> {
-        let words = words(event);
+        let label = label(event);
         if !matches!(event, Event::Forecast(_)) {
-            self.heard.push(words.clone());
+            self.received.push(label.clone());
         }
-        if words == self.at {
+        if label == self.at {
             Err(SinkError("no space left on device".into()))
         } else {
             Ok(())
@@ -291,13 +291,13 @@ impl Sink for Full {
 }
 
 #[test]
-fn a_listener_that_cannot_record_fails_the_cell_and_the_others_still_hear() {
+fn a_listener_that_cannot_record_fails_the_cell_and_the_others_receive_every_event() {
     for at in ["start c1", "wave c1 3"] {
         let lab = depths([1, 2, 3]);
-        let (mut full, mut after) = (Full::at(at), Recorder::default());
+        let (mut failing, mut after) = (FailingListener::at(at), Recorder::default());
         let night = Night::default();
         let summary = night
-            .carry_out(&lab, &Arc::new(lab.plan()), &mut [&mut full, &mut after])
+            .render(&lab, &Arc::new(lab.plan()), &mut [&mut failing, &mut after])
             .unwrap();
         assert_eq!(
             failed(&summary.results[1].outcome),
@@ -308,24 +308,24 @@ fn a_listener_that_cannot_record_fails_the_cell_and_the_others_still_hear() {
             matches!(summary.results[2].outcome, Outcome::Done(_)),
             "{at}"
         );
-        assert_eq!(full.heard, after.words, "{at}");
-        assert!(after.words.contains(&"failed c1".to_owned()), "{at}");
+        assert_eq!(failing.received, after.labels, "{at}");
+        assert!(after.labels.contains(&"failed c1".to_owned()), "{at}");
     }
 }
 
 #[test]
-fn a_result_that_cannot_be_recorded_is_a_failure_and_is_not_announced_twice() {
+fn a_result_that_cannot_be_recorded_is_a_failure_and_is_reported_once() {
     let lab = depths([1, 2, 3]);
-    let (mut full, mut after) = (Full::at("done c1"), Recorder::default());
+    let (mut failing, mut after) = (FailingListener::at("done c1"), Recorder::default());
     let night = Night::default();
     let summary = night
-        .carry_out(&lab, &Arc::new(lab.plan()), &mut [&mut full, &mut after])
+        .render(&lab, &Arc::new(lab.plan()), &mut [&mut failing, &mut after])
         .unwrap();
     let reason = "the result could not be recorded: no space left on device";
     assert_eq!(failed(&summary.results[1].outcome), reason);
     assert_eq!(
         after
-            .words
+            .labels
             .iter()
             .filter(|w| w.ends_with(" c1") && !w.starts_with("start"))
             .count(),
@@ -339,15 +339,15 @@ fn a_result_that_cannot_be_recorded_is_a_failure_and_is_not_announced_twice() {
 fn a_listener_that_cannot_prepare_or_close_fails_the_night() {
     let lab = depths([1, 2, 3]);
     let plan = Arc::new(lab.plan());
-    let mut full = Full::at("night");
+    let mut failing = FailingListener::at("night started");
     let error = Night::default()
-        .carry_out(&lab, &plan, &mut [&mut full])
+        .render(&lab, &plan, &mut [&mut failing])
         .unwrap_err();
     assert_eq!(error.to_string(), "cannot start: no space left on device");
-    assert_eq!(full.heard, ["night"]);
-    let mut full = Full::at("morning");
+    assert_eq!(failing.received, ["night started"]);
+    let mut failing = FailingListener::at("night finished");
     let error = Night::default()
-        .carry_out(&lab, &plan, &mut [&mut full])
+        .render(&lab, &plan, &mut [&mut failing])
         .unwrap_err();
     let RunError::Finish { reason, summary } = error else {
         panic!("{error}")
@@ -357,7 +357,7 @@ fn a_listener_that_cannot_prepare_or_close_fails_the_night() {
 }
 
 #[test]
-fn light_by_time_is_told_to_those_who_show_it_when_samples_have_doubled() {
+fn time_previews_are_sent_on_request_when_the_samples_have_doubled() {
     let mut lab = Lab::new();
     lab.render = Box::new(|_| {
         let film =
@@ -371,7 +371,7 @@ fn light_by_time_is_told_to_those_who_show_it_when_samples_have_doubled() {
     });
     lab.stop = Box::new(|_| Ok(StopRule::Samples(20)));
     let plan = Arc::new(lab.plan());
-    let heard = |wants_times: bool| {
+    let render = |wants_times: bool| {
         let mut recorder = Recorder {
             wants_times,
             ..Recorder::default()
@@ -380,10 +380,10 @@ fn light_by_time_is_told_to_those_who_show_it_when_samples_have_doubled() {
             open: &lumbre::render::open,
             ..Night::default()
         };
-        night.carry_out(&lab, &plan, &mut [&mut recorder]).unwrap();
+        night.render(&lab, &plan, &mut [&mut recorder]).unwrap();
         recorder
     };
-    let shown = heard(true);
+    let shown = render(true);
     let times = |recorder: &Recorder| -> Vec<u64> {
         let samples = recorder.events.iter().filter_map(|event| match event {
             Event::Times { times, .. } => Some(times.samples),
@@ -394,8 +394,8 @@ fn light_by_time_is_told_to_those_who_show_it_when_samples_have_doubled() {
     assert_eq!(shown.totals(CellRef::Cell(0)), [1, 3, 7, 15, 20]);
     assert_eq!(times(&shown), [1, 3, 7, 15], "20 is less than twice 15");
     assert_eq!(
-        times(&heard(false)),
+        times(&render(false)),
         [0u64; 0],
-        "previews are not computed without a listener"
+        "previews must not be computed if no listener requests them"
     );
 }

@@ -23,9 +23,9 @@ use crate::fixtures::{Lab, Recorder, config};
 
 /// Checkpoints in memory.
 #[derive(Default)]
-struct Kept(RefCell<BTreeMap<RunId, Checkpoint>>);
+struct CheckpointStore(RefCell<BTreeMap<RunId, Checkpoint>>);
 
-impl History for Kept {
+impl History for CheckpointStore {
     fn finished_run(&self, _: &Plan, _: CellRef) -> Option<FinishedRun> {
         None
     }
@@ -58,25 +58,25 @@ impl History for Kept {
     }
 }
 
-/// A mock renderer on a device that is lost after a number of waves; once lost, every call fails.
-struct Frail {
+/// A mock renderer on a device that is lost after `left` waves; after the loss, every call fails.
+struct LossyRenderer {
     mock: MockRenderer,
     left: Arc<AtomicI64>,
     lost: bool,
 }
 
-fn gone() -> RenderError {
+fn device_lost() -> RenderError {
     RenderError::Lost {
         backend: "mock",
         reason: "the power was cut".to_owned(),
     }
 }
 
-impl Renderer for Frail {
+impl Renderer for LossyRenderer {
     fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
         self.lost |= self.left.fetch_sub(1, Ordering::Relaxed) == 0;
         if self.lost {
-            Err(gone())
+            Err(device_lost())
         } else {
             self.mock.advance(samples)
         }
@@ -88,7 +88,7 @@ impl Renderer for Frail {
 
     fn save(&self, to: &mut dyn Write) -> io::Result<bool> {
         if self.lost {
-            Err(io::Error::other(gone()))
+            Err(io::Error::other(device_lost()))
         } else {
             self.mock.save(to)
         }
@@ -117,45 +117,54 @@ fn night(lab: &Lab, losses: &[i64]) -> (NightSummary, Recorder) {
                 Ordering::Relaxed,
             );
         }
-        Ok(Box::new(Frail {
+        Ok(Box::new(LossyRenderer {
             mock: MockRenderer::new(scene, job),
             left: Arc::clone(&left),
             lost: false,
         }))
     };
-    go(lab, &open)
+    run_night(lab, &open)
 }
 
-fn go(lab: &Lab, open: lumbre::experiment::run::Open<'_>) -> (NightSummary, Recorder) {
-    let mut heard = Recorder::default();
+fn run_night(lab: &Lab, open: lumbre::experiment::run::Open<'_>) -> (NightSummary, Recorder) {
+    let mut recorder = Recorder::default();
     let seams = Seams { open, wait: &|| {} };
     let plan = Arc::new(lab.plan());
-    let sinks: &mut [&mut dyn Sink] = &mut [&mut heard];
-    let (kept, control) = (Kept::default(), NightControls::default());
-    let summary = run_with(&seams, &plan, lab, &kept, sinks, &control, Options::from(1)).unwrap();
-    (summary, heard)
+    let sinks: &mut [&mut dyn Sink] = &mut [&mut recorder];
+    let (store, control) = (CheckpointStore::default(), NightControls::default());
+    let summary = run_with(
+        &seams,
+        &plan,
+        lab,
+        &store,
+        sinks,
+        &control,
+        Options::from(1),
+    )
+    .unwrap();
+    (summary, recorder)
 }
 
 const CELL: CellRef = CellRef::Cell(0);
 
-fn warnings(heard: &Recorder) -> String {
-    heard.messages(Level::Warn).join("\n")
+fn warnings(recorder: &Recorder) -> String {
+    recorder.messages(Level::Warn).join("\n")
 }
 
 #[test]
-fn a_run_goes_on_from_its_newest_checkpoint_wherever_its_device_was_lost() {
+fn a_run_resumes_from_its_newest_checkpoint_after_every_loss_of_its_device() {
     let (_, whole) = night(&Lab::new(), &[]);
-    for keeps in [false, true] {
+    for has_checkpoints in [false, true] {
         let mut lab = Lab::new();
-        lab.spec.night.checkpoint_s = keeps.then_some(1e-9);
+        lab.spec.night.checkpoint_s = has_checkpoints.then_some(1e-9);
         for losses in [&[0][..], &[1], &[2], &[4], &[1, 1, 1], &[3, 0, 0]] {
-            let (summary, heard) = night(&lab, losses);
+            let (summary, recorder) = night(&lab, losses);
             let outcome = &summary.results[0].outcome;
             assert!(
                 matches!(outcome, Outcome::Done(_)),
                 "{losses:?}: {outcome:?}"
             );
-            assert_eq!(heard.film(CELL), whole.film(CELL), "{losses:?}");
+            assert_eq!(recorder.film(CELL), whole.film(CELL), "{losses:?}");
             let totals = |rows: &[lumbre::experiment::WaveRow]| {
                 rows.iter().map(|r| r.samples).collect::<Vec<_>>()
             };
@@ -164,37 +173,37 @@ fn a_run_goes_on_from_its_newest_checkpoint_wherever_its_device_was_lost() {
                 [1, 3, 7, 15, 16],
                 "{losses:?}"
             );
-            let said = warnings(&heard);
+            let text = warnings(&recorder);
             assert_eq!(
-                said.matches("the power was cut; retrying from the newest checkpoint")
+                text.matches("the power was cut; retrying from the newest checkpoint")
                     .count(),
                 losses.len(),
-                "{said}"
+                "{text}"
             );
-            let goes_on = heard
+            let resumed = recorder
                 .messages(Level::Info)
                 .iter()
                 .any(|text| text.starts_with("resumes from"));
-            assert_eq!(goes_on, keeps && losses != [0], "{losses:?}");
+            assert_eq!(resumed, has_checkpoints && losses != [0], "{losses:?}");
         }
     }
 }
 
 #[test]
-fn a_device_that_is_lost_again_and_again_fails_its_run_and_the_night_goes_on() {
+fn a_device_that_is_lost_at_every_retry_fails_its_run_and_the_night_continues() {
     let lab = Lab::new().axis("n", crate::fixtures::ints([1, 2]));
-    let (summary, heard) = night(&lab, &[1, 0, 0, 0]);
+    let (summary, recorder) = night(&lab, &[1, 0, 0, 0]);
     let outcomes: Vec<&Outcome> = summary.results.iter().map(|r| &r.outcome).collect();
     assert!(
-        matches!(outcomes[0], Outcome::Failed(why) if why.contains("pulled the plug")),
+        matches!(outcomes[0], Outcome::Failed(why) if why.contains("the power was cut")),
         "{outcomes:?}"
     );
     assert!(matches!(outcomes[1], Outcome::Done(_)), "{outcomes:?}");
-    assert!(warnings(&heard).contains("(retry 3 of 3)"));
+    assert!(warnings(&recorder).contains("(retry 3 of 3)"));
 }
 
 #[test]
-fn another_backend_takes_over_where_the_script_has_left_the_choice_and_nowhere_else() {
+fn another_backend_takes_over_only_if_the_script_leaves_the_choice_open() {
     let open = |name: &str, scene, job| -> Result<Box<dyn Renderer>, RenderError> {
         match name {
             "spare" => Ok(Box::new(MockRenderer::new(scene, job))),
@@ -210,14 +219,16 @@ fn another_backend_takes_over_where_the_script_has_left_the_choice_and_nowhere_e
         });
         lab
     };
-    let (strict, _) = go(&lab(None), &open);
+    let (strict, _) = run_night(&lab(None), &open);
     assert!(
         matches!(&strict.results[0].outcome, Outcome::Failed(why) if why.contains("asked to fail after 3"))
     );
-    let (loose, heard) = go(&lab(Some("spare")), &open);
+    let (loose, recorder) = run_night(&lab(Some("spare")), &open);
     assert!(matches!(loose.results[0].outcome, Outcome::Done(_)));
-    assert!(warnings(&heard).contains("rendering by `spare` instead, since the backend is `auto`"));
-    // From its first sample: the two clocks do not add up.
+    assert!(
+        warnings(&recorder).contains("rendering by `spare` instead, since the backend is `auto`")
+    );
+    // The run starts from its first sample, since render times of two backends cannot be added.
     assert_eq!(
         loose.results[0]
             .rows
@@ -230,6 +241,6 @@ fn another_backend_takes_over_where_the_script_has_left_the_choice_and_nowhere_e
     assert_ne!(
         id(None),
         id(Some("spare")),
-        "its record must not pass for one of the backend that failed"
+        "the id must differ from that of a run by the failed backend"
     );
 }

@@ -1,4 +1,4 @@
-//! Nights that run as planned: their renders, the order of these, and the events reported.
+//! Nights that run as planned: what they render, in which order, and the events they send.
 
 use std::cell::RefCell;
 use std::sync::Arc;
@@ -31,7 +31,7 @@ fn references_come_first_and_then_the_cells_in_order() {
             shards: 1,
         }))
     });
-    let (summary, heard) = Night::default().record(&lab);
+    let (summary, recorder) = Night::default().record(&lab);
     let cell = |i: usize| {
         [
             format!("start c{i}"),
@@ -41,10 +41,10 @@ fn references_come_first_and_then_the_cells_in_order() {
         ]
     };
     let reference = |i: usize| {
-        let told = ["start", "wave", "wave", "halves", "floors", "done"]
+        let labels = ["start", "wave", "wave", "halves", "floors", "done"]
             .map(|what| format!("{what} r{i}"));
         let mut waves = 0..;
-        told.map(|what| {
+        labels.map(|what| {
             if what.starts_with("wave") {
                 format!("{what} {}", waves.next().unwrap_or(0) + 1)
             } else {
@@ -52,17 +52,17 @@ fn references_come_first_and_then_the_cells_in_order() {
             }
         })
     };
-    let mut expected = vec!["night".to_owned()];
+    let mut expected = vec!["night started".to_owned()];
     expected.extend((0..2).flat_map(reference));
     expected.extend((0..4).flat_map(cell));
-    expected.push("morning".to_owned());
+    expected.push("night finished".to_owned());
     // The scene has no light, which the compiler may report.
-    let heard: Vec<String> = heard
-        .words
+    let labels: Vec<String> = recorder
+        .labels
         .into_iter()
         .filter(|w| !w.starts_with("message"))
         .collect();
-    assert_eq!(heard, expected);
+    assert_eq!(labels, expected);
     let cells: Vec<CellRef> = summary.results.iter().map(|r| r.cell).collect();
     let references = [0, 1].map(CellRef::Reference);
     assert_eq!(
@@ -82,12 +82,12 @@ fn references_come_first_and_then_the_cells_in_order() {
 }
 
 #[test]
-fn an_empty_plan_is_a_short_night() {
+fn a_night_with_an_empty_plan_renders_nothing() {
     let mut lab = Lab::new();
     lab.spec.skips = vec!["all".into()];
     lab.skip = Box::new(|_, _| Ok(true));
-    let (summary, heard) = Night::default().record(&lab);
-    assert_eq!(heard.words, ["night", "morning"]);
+    let (summary, recorder) = Night::default().record(&lab);
+    assert_eq!(recorder.labels, ["night started", "night finished"]);
     assert!(summary.results.is_empty() && !summary.interrupted);
 }
 
@@ -123,12 +123,12 @@ fn waves_double_and_sample_limits_are_exact() {
 }
 
 #[test]
-fn powers_of_two_are_announced() {
+fn waves_that_end_at_powers_of_two_are_marked() {
     let mut lab = Lab::new();
     lab.spec.measure.snapshots = Snapshots::Pow2;
     lab.stop = Box::new(|_| Ok(StopRule::Samples(5)));
-    let (_, heard) = Night::default().record(&lab);
-    let flags: Vec<(u64, bool)> = heard
+    let (_, recorder) = Night::default().record(&lab);
+    let flags: Vec<(u64, bool)> = recorder
         .events
         .iter()
         .filter_map(|e| {
@@ -143,10 +143,10 @@ fn powers_of_two_are_announced() {
 }
 
 #[test]
-fn measurements_count_render_time_alone_and_add_up() {
+fn measurements_accumulate_samples_and_render_time() {
     let lab = Lab::new().measured();
-    let (summary, heard) = Night::default().record(&lab);
-    let rows = heard.rows(CELL);
+    let (summary, recorder) = Night::default().record(&lab);
+    let rows = recorder.rows(CELL);
     assert_eq!(rows.len(), 5);
     for (i, row) in rows.iter().enumerate() {
         assert_eq!(row.wave, i as u64 + 1);
@@ -158,7 +158,7 @@ fn measurements_count_render_time_alone_and_add_up() {
     }
     assert_eq!(summary.results[1].rows.iter().collect::<Vec<_>>(), rows);
     assert!(
-        heard
+        recorder
             .rows(CellRef::Reference(0))
             .iter()
             .all(|row| row.metrics.is_empty())
@@ -167,7 +167,7 @@ fn measurements_count_render_time_alone_and_add_up() {
     let error = |i: usize| rows[i].metrics[0];
     let rate = (error(0) / error(4)).ln() / 16f64.ln();
     assert!((rate - 0.5).abs() < 0.03, "{rate}");
-    let Some(Event::CellStarted { reference, .. }) = heard
+    let Some(Event::CellStarted { reference, .. }) = recorder
         .events
         .iter()
         .find(|e| matches!(e, Event::CellStarted { cell: CELL, .. }))
@@ -178,9 +178,9 @@ fn measurements_count_render_time_alone_and_add_up() {
 }
 
 #[test]
-fn the_film_and_the_reason_come_with_the_end() {
-    let (summary, heard) = Night::default().record(&Lab::new());
-    assert_eq!(heard.film(CELL).unwrap().samples, 16);
+fn the_end_of_a_cell_has_its_film_and_the_reason() {
+    let (summary, recorder) = Night::default().record(&Lab::new());
+    assert_eq!(recorder.film(CELL).unwrap().samples, 16);
     assert_eq!(
         summary.results[0].outcome,
         Outcome::Done("16 samples per pixel".into())
@@ -188,7 +188,7 @@ fn the_film_and_the_reason_come_with_the_end() {
 }
 
 #[test]
-fn a_metric_has_to_hold_for_consecutive_measurements() {
+fn a_metric_rule_must_hold_for_consecutive_measurements() {
     let stop_at = |hold: u32| {
         let mut lab = Lab::new().measured();
         lab.spec.measure.every_s = 0.0;
@@ -202,9 +202,9 @@ fn a_metric_has_to_hold_for_consecutive_measurements() {
             };
             Ok(StopRule::Any(vec![when, StopRule::Samples(200)]))
         });
-        let (summary, heard) = Night::default().record(&lab);
+        let (summary, recorder) = Night::default().record(&lab);
         (
-            *heard.totals(CELL).last().unwrap(),
+            *recorder.totals(CELL).last().unwrap(),
             summary.results[1].outcome.clone(),
         )
     };
@@ -215,7 +215,7 @@ fn a_metric_has_to_hold_for_consecutive_measurements() {
     assert_eq!(
         later,
         first + 3,
-        "one sample a wave, and the mock's error only falls"
+        "waves have one sample, and the mock's error only falls"
     );
     assert_eq!(
         reason,
@@ -224,7 +224,7 @@ fn a_metric_has_to_hold_for_consecutive_measurements() {
 }
 
 #[test]
-fn predicates_see_the_rows_and_columns() {
+fn predicates_receive_the_rows_and_columns() {
     let mut lab = Lab::new().measured();
     lab.stop = Box::new(|_| {
         Ok(StopRule::Any(vec![
@@ -237,8 +237,8 @@ fn predicates_see_the_rows_and_columns() {
         assert!(rows.iter().all(|row| row.metrics.len() == 1));
         Ok(rows.len() == 3)
     });
-    let (summary, heard) = Night::default().record(&lab);
-    assert_eq!(heard.totals(CELL), [1, 3, 7]);
+    let (summary, recorder) = Night::default().record(&lab);
+    assert_eq!(recorder.totals(CELL), [1, 3, 7]);
     assert_eq!(
         summary.results[1].outcome,
         Outcome::Done("a function of the script".into())
@@ -246,7 +246,7 @@ fn predicates_see_the_rows_and_columns() {
 }
 
 #[test]
-fn equal_seeds_give_equal_films_however_waves_are_cut() {
+fn equal_seeds_give_equal_films_for_any_length_of_waves() {
     let film = |seed: u64, every_s: f64, repeat: usize| {
         let mut lab = Lab::new();
         lab.spec.repeats = 2;
@@ -269,7 +269,7 @@ fn finished_cells_and_references_are_not_rendered_again() {
     let lab = depths([3, 5]).measured();
     let plan = lab.plan();
     let mut night = Night {
-        open: &|_, _, _| panic!("nothing is to be rendered"),
+        open: &|_, _, _| panic!("nothing must be rendered"),
         ..Night::default()
     };
     let rows = vec![WaveRow {
@@ -296,16 +296,16 @@ fn finished_cells_and_references_are_not_rendered_again() {
             .images
             .insert(plan.references[i].id.clone(), Ok(Image::new(8, 4)));
     }
-    let (summary, heard) = night.record(&lab);
+    let (summary, recorder) = night.record(&lab);
     assert_eq!(
-        heard.words,
+        recorder.labels,
         [
-            "night",
+            "night started",
             "cached r0",
             "cached r1",
             "cached c0",
             "cached c1",
-            "morning"
+            "night finished"
         ]
     );
     assert_eq!(
@@ -316,7 +316,7 @@ fn finished_cells_and_references_are_not_rendered_again() {
 }
 
 #[test]
-fn only_what_is_missing_is_rendered_against_the_kept_reference() {
+fn missing_cells_are_measured_against_the_stored_reference() {
     let lab = Lab::new().axis("idle", ints([1, 2])).measured();
     let plan = lab.plan();
     let mut night = Night::default();
@@ -331,10 +331,10 @@ fn only_what_is_missing_is_rendered_against_the_kept_reference() {
         },
     );
     night.history.images.insert(id, Ok(Image::new(8, 4)));
-    let (_, heard) = night.record(&lab);
-    assert!(!heard.words.contains(&"start r0".to_owned()));
-    // Against black the error is the picture itself.
-    let film = heard.film(CELL).unwrap();
+    let (_, recorder) = night.record(&lab);
+    assert!(!recorder.labels.contains(&"start r0".to_owned()));
+    // Against a black reference the error is the picture itself.
+    let film = recorder.film(CELL).unwrap();
     let squares: f64 = film
         .mean()
         .data
@@ -343,7 +343,7 @@ fn only_what_is_missing_is_rendered_against_the_kept_reference() {
         .map(|x| f64::from(*x).powi(2))
         .sum();
     let expected = (squares / (32.0 * 3.0)).sqrt();
-    assert!((heard.rows(CELL).last().unwrap().metrics[0] / expected - 1.0).abs() < 1e-6);
+    assert!((recorder.rows(CELL).last().unwrap().metrics[0] / expected - 1.0).abs() < 1e-6);
 }
 
 #[test]
@@ -364,13 +364,13 @@ fn a_reference_that_cannot_be_read_is_rendered_again() {
         .history
         .images
         .insert(id, Err("ref.exr is cut off".into()));
-    let (summary, heard) = night.record(&lab);
+    let (summary, recorder) = night.record(&lab);
     assert!(
-        heard.words.contains(&"done r0".to_owned()),
+        recorder.labels.contains(&"done r0".to_owned()),
         "{:?}",
-        heard.words
+        recorder.labels
     );
-    let warnings = heard.messages(Level::Warn);
+    let warnings = recorder.messages(Level::Warn);
     assert!(
         warnings
             .iter()
@@ -380,10 +380,10 @@ fn a_reference_that_cannot_be_read_is_rendered_again() {
     assert!(matches!(summary.results[1].outcome, Outcome::Done(_)));
 }
 
-/// A history that finds results recorded a moment ago, like files.
-struct Shelf(RefCell<Memory>);
+/// A history that returns results recorded during the same night, as files do.
+struct LiveHistory(RefCell<Memory>);
 
-impl History for Shelf {
+impl History for LiveHistory {
     fn finished_run(&self, plan: &Plan, cell: CellRef) -> Option<FinishedRun> {
         self.0.borrow().finished_run(plan, cell)
     }
@@ -398,11 +398,11 @@ impl History for Shelf {
 }
 
 #[test]
-fn the_second_of_two_equal_runs_is_found_in_the_same_night() {
-    struct Writer<'a>(&'a Shelf, Vec<String>);
+fn the_second_of_two_equal_runs_is_reused_in_the_same_night() {
+    struct Writer<'a>(&'a LiveHistory, Vec<String>);
     impl lumbre::experiment::Sink for Writer<'_> {
         fn receive(&mut self, event: &Event) -> Result<(), lumbre::experiment::SinkError> {
-            self.1.push(crate::fixtures::words(event));
+            self.1.push(crate::fixtures::label(event));
             if let Event::NightStarted { plan } = event {
                 self.1.push(plan.cells[0].id.0.clone());
             }
@@ -424,14 +424,14 @@ fn the_second_of_two_equal_runs_is_found_in_the_same_night() {
             Ok(())
         }
     }
-    let shelf = Shelf(RefCell::default());
+    let history = LiveHistory(RefCell::default());
     let lab = Lab::new().axis("idle", ints([1, 2]));
-    let mut writer = Writer(&shelf, Vec::new());
+    let mut writer = Writer(&history, Vec::new());
     let control = lumbre::experiment::NightControls::default();
     let summary = run::run(
         &Arc::new(lab.plan()),
         &lab,
-        &shelf,
+        &history,
         &mut [&mut writer],
         &control,
         1,
@@ -442,7 +442,7 @@ fn the_second_of_two_equal_runs_is_found_in_the_same_night() {
 }
 
 #[test]
-fn a_reference_from_a_file_is_the_historys_to_read() {
+fn a_reference_from_a_file_is_read_through_the_history() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("truth.exr");
     std::fs::write(&file, b"truth").unwrap();
@@ -488,7 +488,7 @@ fn a_reference_from_a_file_is_the_historys_to_read() {
 }
 
 #[test]
-fn neighbouring_cells_share_a_compiled_scene() {
+fn consecutive_cells_share_a_compiled_scene() {
     let mut lab = Lab::new()
         .axis("rough", [0.25, 0.75])
         .axis("depth", ints([1, 2]));
@@ -520,7 +520,7 @@ fn neighbouring_cells_share_a_compiled_scene() {
 }
 
 #[test]
-fn a_renderer_gets_the_job_of_its_cell() {
+fn a_renderer_receives_the_job_of_its_cell() {
     let mut lab = Lab::new();
     lab.render = Box::new(|_| {
         let mut config = config();
@@ -558,16 +558,16 @@ fn a_renderer_gets_the_job_of_its_cell() {
 }
 
 #[test]
-fn the_public_door_opens_the_backend_by_name() {
+fn run_opens_the_backend_by_its_name() {
     let lab = Lab::new();
-    let mut heard = Recorder::default();
+    let mut recorder = Recorder::default();
     let control = lumbre::experiment::NightControls::default();
     let history = Memory::default();
     let summary = run::run(
         &Arc::new(lab.plan()),
         &lab,
         &history,
-        &mut [&mut heard],
+        &mut [&mut recorder],
         &control,
         1,
     )

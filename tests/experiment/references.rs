@@ -1,5 +1,4 @@
-//! References with known error: halves, noise floors, and the errors that cannot be measured with
-//! them.
+//! References with known error: halves, shards, noise floors, and bias checks.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -22,7 +21,7 @@ use crate::fixtures::{Lab, Night, Recorder, config, ints};
 
 const CELL: CellRef = CellRef::Cell(0);
 
-/// Returns an experiment of 64x48 pixels with a reference of so many samples.
+/// Returns an experiment of 64x48 pixels with a reference of this number of samples.
 fn lab(reference: u64) -> Lab {
     let mut lab = Lab::new().measured();
     let picture = || {
@@ -43,33 +42,37 @@ fn lab(reference: u64) -> Lab {
     lab
 }
 
-fn floors_told(heard: &Recorder) -> Vec<Vec<Option<f64>>> {
-    let told = |e: &Event| {
+fn reported_floors(recorder: &Recorder) -> Vec<Vec<Option<f64>>> {
+    let reported = |e: &Event| {
         if let Event::NoiseFloors { floors, .. } = e {
             Some(floors.to_vec())
         } else {
             None
         }
     };
-    heard.events.iter().filter_map(told).collect()
+    recorder.events.iter().filter_map(reported).collect()
 }
 
 #[test]
-fn a_reference_is_made_of_two_halves_and_its_floor_is_its_own_error() {
-    let (summary, heard) = Night::default().record(&lab(400));
-    let start = heard.words.iter().position(|w| w == "start c0").unwrap();
+fn a_reference_consists_of_two_halves_and_its_noise_floor_is_its_error() {
+    let (summary, recorder) = Night::default().record(&lab(400));
+    let start = recorder
+        .labels
+        .iter()
+        .position(|w| w == "start c0")
+        .unwrap();
     assert_eq!(
-        heard.words[start - 3..start],
+        recorder.labels[start - 3..start],
         ["halves r0", "floors r0", "done r0"]
     );
-    let halves = heard.events.iter().find_map(|e| match e {
+    let halves = recorder.events.iter().find_map(|e| match e {
         Event::Halves { halves, .. } => Some(halves.clone()),
         _ => None,
     });
     let halves = halves.unwrap();
     assert_eq!(halves.each_ref().map(|h| h.samples), [200, 200]);
     assert_ne!(halves[0].mean(), halves[1].mean());
-    let film = heard.film(CellRef::Reference(0)).unwrap();
+    let film = recorder.film(CellRef::Reference(0)).unwrap();
     assert_eq!(film.samples, 400);
     // The mock's noise is a known fraction of the truth, which the mean approximates well.
     let mean_square = film
@@ -81,9 +84,9 @@ fn a_reference_is_made_of_two_halves_and_its_floor_is_its_own_error() {
         .sum::<f64>()
         / 9216.0;
     let expected = RELATIVE_SIGMA * (mean_square / 400.0).sqrt();
-    let told = floors_told(&heard);
-    let [floor] = told[0][..] else {
-        panic!("{told:?}")
+    let reported = reported_floors(&recorder);
+    let [floor] = reported[0][..] else {
+        panic!("{reported:?}")
     };
     // 9216 normal values: the square root of their mean square is within 3 % at four standard
     // errors.
@@ -92,21 +95,21 @@ fn a_reference_is_made_of_two_halves_and_its_floor_is_its_own_error() {
         "{floor:?} {expected}"
     );
     assert_eq!(
-        (told.len(), summary.results[1].floors.to_vec()),
-        (1, told[0].clone())
+        (reported.len(), summary.results[1].floors.to_vec()),
+        (1, reported[0].clone())
     );
     assert!(summary.results[0].floors.is_empty());
 }
 
 #[test]
-fn a_reference_of_one_sample_has_no_halves_and_no_floor() {
-    let (summary, heard) = Night::default().record(&lab(1));
-    assert!(floors_told(&heard).is_empty() && summary.results[1].floors.is_empty());
-    assert!(!heard.words.contains(&"halves r0".to_owned()));
+fn a_reference_of_one_sample_has_no_halves_and_no_noise_floor() {
+    let (summary, recorder) = Night::default().record(&lab(1));
+    assert!(reported_floors(&recorder).is_empty() && summary.results[1].floors.is_empty());
+    assert!(!recorder.labels.contains(&"halves r0".to_owned()));
 }
 
 #[test]
-fn a_reference_in_parts_has_the_samples_of_the_whole_and_is_joined_once() {
+fn a_sharded_reference_has_all_samples_and_is_joined_once() {
     let mut lab = lab(400);
     let picture = || {
         let mut config = config();
@@ -126,28 +129,28 @@ fn a_reference_in_parts_has_the_samples_of_the_whole_and_is_joined_once() {
     assert_ne!(
         lab.plan().references[0].id.0,
         self::lab(400).plan().references[0].id.0,
-        "their last bits may differ"
+        "the ids must differ, since the last bits may differ"
     );
     // No process stores the shards, so the night keeps them in memory.
-    let (summary, heard) = Night::default().record(&lab);
-    let told: Vec<&str> = heard
-        .words
+    let (summary, recorder) = Night::default().record(&lab);
+    let labels: Vec<&str> = recorder
+        .labels
         .iter()
         .map(String::as_str)
         .filter(|w| !w.starts_with("wave"))
         .collect();
-    let start = told.iter().position(|w| *w == "start r0 1").unwrap();
+    let start = labels.iter().position(|w| *w == "start r0 1").unwrap();
     let wanted = [
         "start r0 1",
-        "there r0 1",
+        "done r0 1",
         "start r0 2",
-        "there r0 2",
+        "done r0 2",
         "start r0 3",
-        "there r0 3",
+        "done r0 3",
     ];
-    assert_eq!(told[start..start + 6], wanted);
+    assert_eq!(labels[start..start + 6], wanted);
     assert_eq!(
-        told[start + 6..start + 11],
+        labels[start + 6..start + 11],
         [
             "start r0",
             "message r0",
@@ -156,7 +159,8 @@ fn a_reference_in_parts_has_the_samples_of_the_whole_and_is_joined_once() {
             "done r0"
         ]
     );
-    let [joined, one] = [&heard, &whole].map(|heard| heard.film(CellRef::Reference(0)).unwrap());
+    let [joined, one] =
+        [&recorder, &whole].map(|recorder| recorder.film(CellRef::Reference(0)).unwrap());
     assert_eq!((joined.samples, one.samples), (400, 400));
     for (a, b) in joined.sum.iter().flatten().zip(one.sum.iter().flatten()) {
         assert!((a / b - 1.0).abs() < 1e-12, "{a} {b}");
@@ -177,13 +181,17 @@ fn a_reference_in_parts_has_the_samples_of_the_whole_and_is_joined_once() {
         .collect::<Vec<_>>();
     assert_eq!(rows, [(1, 134), (2, 268), (3, 400)]);
     let paths = summary.results[0].rows.last().unwrap().paths;
-    assert_eq!(paths, 400 * 64 * 48, "both halves' paths, each once");
+    assert_eq!(
+        paths,
+        400 * 64 * 48,
+        "the paths of both halves must be counted once each"
+    );
 }
 
-/// A store in which all shards are listed, and which returns this for each of them.
-struct Unread(Option<Checkpoint>);
+/// A history that lists all shards as stored, and returns this checkpoint when it joins them.
+struct UnreadableStore(Option<Checkpoint>);
 
-impl History for Unread {
+impl History for UnreadableStore {
     fn finished_run(&self, _: &Plan, _: CellRef) -> Option<FinishedRun> {
         None
     }
@@ -202,7 +210,7 @@ impl History for Unread {
 }
 
 #[test]
-fn parts_that_are_kept_and_cannot_be_read_fail_instead_of_being_looked_for_for_ever() {
+fn stored_shards_that_cannot_be_read_fail_their_reference() {
     let mut lab = lab(400);
     lab.reference = Box::new(|_| {
         let config = Box::new(CellConfig {
@@ -227,15 +235,15 @@ fn parts_that_are_kept_and_cannot_be_read_fail_instead_of_being_looked_for_for_e
         progress: RunProgress::default(),
         state: vec![1; 64],
     };
-    for kept in [None, Some(foreign)] {
-        let mut heard = Recorder::default();
+    for stored in [None, Some(foreign)] {
+        let mut recorder = Recorder::default();
         let seams = Seams { open, wait };
         let night = run_with(
             &seams,
             &plan,
             &lab,
-            &Unread(kept),
-            &mut [&mut heard],
+            &UnreadableStore(stored),
+            &mut [&mut recorder],
             &control,
             1,
         )
@@ -253,15 +261,15 @@ fn parts_that_are_kept_and_cannot_be_read_fail_instead_of_being_looked_for_for_e
         );
         assert!(matches!(cell.outcome, Outcome::Failed(_)));
         assert!(
-            !heard.words.iter().any(|word| word.starts_with("start")),
+            !recorder.labels.iter().any(|word| word.starts_with("start")),
             "{:?}",
-            heard.words
+            recorder.labels
         );
     }
 }
 
 #[test]
-fn only_samples_can_be_divided() {
+fn a_sharded_reference_needs_a_number_of_samples() {
     let mut lab = lab(64);
     lab.reference = Box::new(move |_| {
         let config = Box::new(CellConfig {
@@ -276,15 +284,15 @@ fn only_samples_can_be_divided() {
             shards: 4,
         }))
     });
-    let said = lab.try_plan().unwrap_err().to_string();
+    let error = lab.try_plan().unwrap_err().to_string();
     assert!(
-        said.contains("a reference in parts needs a number of samples"),
-        "{said}"
+        error.contains("a reference in parts needs a number of samples"),
+        "{error}"
     );
 }
 
 #[test]
-fn kept_halves_give_the_floors_once_and_broken_ones_a_warning() {
+fn stored_halves_give_the_noise_floors_once_and_broken_halves_give_a_warning() {
     let lab = lab(64).axis("idle", ints([1, 2]));
     let plan = lab.plan();
     let id = plan.references[0].id.clone();
@@ -303,17 +311,17 @@ fn kept_halves_give_the_floors_once_and_broken_ones_a_warning() {
         samples: [32, 32],
     };
     night.history.halves.insert(id.clone(), Ok(halves));
-    let (_, heard) = night.record(&lab);
-    let told = floors_told(&heard);
-    assert_eq!(told.len(), 1, "both cells share it");
-    assert!((told[0][0].unwrap() - 0.1).abs() < 1e-6);
+    let (_, recorder) = night.record(&lab);
+    let reported = reported_floors(&recorder);
+    assert_eq!(reported.len(), 1, "both cells share the noise floor");
+    assert!((reported[0][0].unwrap() - 0.1).abs() < 1e-6);
     night
         .history
         .halves
         .insert(id, Err("half-a.exr is cut off".into()));
-    let (summary, heard) = night.record(&lab);
-    assert!(floors_told(&heard).is_empty() && summary.results[1].floors.is_empty());
-    let warnings = heard.messages(Level::Warn);
+    let (summary, recorder) = night.record(&lab);
+    assert!(reported_floors(&recorder).is_empty() && summary.results[1].floors.is_empty());
+    let warnings = recorder.messages(Level::Warn);
     assert!(
         warnings.iter().any(|w| w.contains("half-a.exr is cut off")),
         "{warnings:?}"
@@ -321,7 +329,7 @@ fn kept_halves_give_the_floors_once_and_broken_ones_a_warning() {
 }
 
 #[test]
-fn thresholds_below_the_floor_are_warned_of() {
+fn thresholds_below_the_noise_floor_cause_a_warning() {
     let warnings = |op: Comparison, value: f64| {
         let mut lab = lab(100).axis("idle", ints([1, 2]));
         lab.stop = Box::new(move |_| {
@@ -338,13 +346,17 @@ fn thresholds_below_the_floor_are_warned_of() {
     };
     // The noise floor is near 0.1 * 0.5 / 10.
     let found = warnings(Comparison::Less, 0.001);
-    assert_eq!(found.len(), 2, "the scene's note and this: {found:?}");
-    let said = found.iter().find(|w| w.contains("rmse")).unwrap();
+    assert_eq!(
+        found.len(),
+        2,
+        "the scene's note and the warning: {found:?}"
+    );
+    let warning = found.iter().find(|w| w.contains("rmse")).unwrap();
     assert!(
-        said.starts_with(
+        warning.starts_with(
             "2 cells stop at `rmse < 0.001`, but even the true picture would measure 0.00"
         ),
-        "{said}"
+        "{warning}"
     );
     assert!(
         warnings(Comparison::Less, 0.01)
@@ -369,7 +381,7 @@ fn a_metric_that_cannot_be_computed_has_no_floor() {
     assert_eq!(floors(&metrics, &image, &halves), [Some(0.0), None]);
 }
 
-/// Returns an experiment whose references are compared with the same picture by `nee`.
+/// Returns an experiment whose reference has a bias check by `nee`.
 fn compared() -> Lab {
     let mut lab = lab(256);
     lab.reference = Box::new(|_| {
@@ -379,7 +391,7 @@ fn compared() -> Lab {
             integrator: "nee".into(),
             ..config.clone()
         };
-        let agree = BiasCheckRequest {
+        let bias_check = BiasCheckRequest {
             config: second,
             stop: StopRule::Samples(64),
             rate: 0.01,
@@ -388,14 +400,14 @@ fn compared() -> Lab {
         Ok(Some(ReferenceRequest::Render {
             config: Box::new(config),
             stop,
-            bias_check: Some(Box::new(agree)),
+            bias_check: Some(Box::new(bias_check)),
             shards: 1,
         }))
     });
     lab
 }
 
-/// Renders more light with `nee` than with the others: with paths of six edges.
+/// Opens a renderer that is biased for `nee`: its paths may have one more edge, which adds light.
 fn biased(_: &str, scene: Arc<CompiledScene>, job: Job) -> Result<Box<dyn Renderer>, RenderError> {
     let max_depth = if job.integrator.name == "nee" {
         job.max_depth + 1
@@ -406,7 +418,7 @@ fn biased(_: &str, scene: Arc<CompiledScene>, job: Job) -> Result<Box<dyn Render
 }
 
 #[test]
-fn a_second_technique_agrees_with_its_own_noise_and_does_not_count_as_a_cells_reference() {
+fn a_bias_check_passes_within_noise_and_its_picture_is_no_reference_of_a_cell() {
     let lab = compared();
     let plan = lab.plan();
     assert_eq!(plan.references.len(), 2);
@@ -418,27 +430,28 @@ fn a_second_technique_agrees_with_its_own_noise_and_does_not_count_as_a_cells_re
         (1, None)
     );
     assert_eq!(plan.cells[0].reference, Some(0));
-    let (summary, heard) = Night::default().record(&lab);
+    let (summary, recorder) = Night::default().record(&lab);
     assert!(summary.disagreements.is_empty());
     let at = |word: &str| {
-        heard
-            .words
+        recorder
+            .labels
             .iter()
             .position(|w| w == word)
             .unwrap_or_else(|| panic!("{word}"))
     };
     assert!(at("done r1") < at("compared r0 r1") && at("compared r0 r1") < at("start c0"));
-    let said = heard.messages(Level::Info);
+    let messages = recorder.messages(Level::Info);
     assert!(
-        said.iter()
+        messages
+            .iter()
             .any(|w| w.starts_with("agrees with `nee`: none of ")),
-        "{said:?}"
+        "{messages:?}"
     );
 }
 
 #[test]
-fn a_second_technique_that_contradicts_is_an_alarm_with_a_map() {
-    let (summary, heard) = Night {
+fn a_bias_check_of_a_biased_technique_raises_an_alarm_with_a_map() {
+    let (summary, recorder) = Night {
         open: &biased,
         ..Night::default()
     }
@@ -452,8 +465,8 @@ fn a_second_technique_that_contradicts_is_an_alarm_with_a_map() {
         "{}",
         found.found
     );
-    assert!(heard.messages(Level::Error).contains(&found.found));
-    let agreement = heard.events.iter().find_map(|e| match e {
+    assert!(recorder.messages(Level::Error).contains(&found.found));
+    let agreement = recorder.events.iter().find_map(|e| match e {
         Event::BiasCheck { found, .. } => Some(found.clone()),
         _ => None,
     });
@@ -466,11 +479,11 @@ fn a_second_technique_that_contradicts_is_an_alarm_with_a_map() {
     );
     assert!(agreement.map.values.iter().filter(|z| **z < -2.0).count() > 64 * 48 / 2);
     // The night continues: its cells are rendered.
-    assert!(heard.words.contains(&"done c0".to_owned()));
+    assert!(recorder.labels.contains(&"done c0".to_owned()));
 }
 
 #[test]
-fn kept_pictures_are_compared_and_missing_noise_is_said() {
+fn stored_pictures_are_compared_and_missing_noise_is_reported() {
     let lab = compared();
     let plan = lab.plan();
     let mut night = Night::default();
@@ -492,20 +505,21 @@ fn kept_pictures_are_compared_and_missing_noise_is_said() {
     let (summary, _) = night.record(&lab);
     assert_eq!(summary.disagreements.len(), 1);
     night.history.noise.clear();
-    let (summary, heard) = night.record(&lab);
+    let (summary, recorder) = night.record(&lab);
     assert!(summary.disagreements.is_empty());
-    let said = heard.messages(Level::Warn);
+    let messages = recorder.messages(Level::Warn);
     assert!(
-        said.iter()
+        messages
+            .iter()
             .any(|w| w.contains("cannot be compared with `nee`: the noise of `bpt` is not known")),
-        "{said:?}"
+        "{messages:?}"
     );
 }
 
 #[test]
-fn time_spent_measuring_is_told_and_adds_up() {
-    let (_, heard) = Night::default().record(&lab(16));
-    let rows = heard.rows(CELL);
+fn measuring_time_is_recorded_and_accumulates() {
+    let (_, recorder) = Night::default().record(&lab(16));
+    let rows = recorder.rows(CELL);
     assert!(
         rows.iter()
             .all(|row| row.measure_s > 0.0 && row.measure_s <= row.wall_s)

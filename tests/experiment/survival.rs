@@ -18,21 +18,21 @@ use lumbre::film::Image;
 use lumbre::render::mock::MockRenderer;
 use lumbre::render::{RenderError, Renderer};
 
-use crate::fixtures::{Lab, Recorder, at, config, depths, ints, whole_at, words};
+use crate::fixtures::{Lab, Recorder, at, config, depths, ints, label, whole_at};
 
-/// State that outlives a process, in memory, and the other processes.
+/// Checkpoints that outlive a process, in memory, and the claims and results of another process.
 #[derive(Default)]
-struct Kept {
+struct Store {
     checkpoints: RefCell<BTreeMap<RunId, Checkpoint>>,
     /// Whether writing fails.
     full: Cell<bool>,
-    /// Number of further attempts at which another process has the cells.
-    theirs: Cell<u32>,
-    /// Runs that the other process has finished by then.
+    /// Number of further claims of cell 0 that find it held by another process.
+    held: Cell<u32>,
+    /// Runs that the other process has finished.
     finished: RefCell<BTreeMap<RunId, FinishedRun>>,
 }
 
-impl History for Kept {
+impl History for Store {
     fn finished_run(&self, plan: &Plan, cell: CellRef) -> Option<FinishedRun> {
         self.finished.borrow().get(plan.id(cell)).cloned()
     }
@@ -43,11 +43,11 @@ impl History for Kept {
 
     fn claim(&self, plan: &Plan, unit: WorkUnit) -> Result<Claim, SinkError> {
         let cell = unit.cell();
-        if cell != CellRef::Cell(0) || self.theirs.get() == 0 {
+        if cell != CellRef::Cell(0) || self.held.get() == 0 {
             return Ok(Claim::Granted);
         }
-        self.theirs.set(self.theirs.get() - 1);
-        if self.theirs.get() == 0 {
+        self.held.set(self.held.get() - 1);
+        if self.held.get() == 0 {
             let run = FinishedRun {
                 folder: "theirs".into(),
                 rows: Vec::new(),
@@ -88,13 +88,13 @@ impl History for Kept {
     }
 }
 
-/// A listener that ends the night after so many events of a kind.
-struct Ends<'a> {
+/// A listener that requests a stop at the first wave after `waves` waves.
+struct StopAfterWaves<'a> {
     control: &'a NightControls,
     waves: Cell<u32>,
 }
 
-impl Sink for Ends<'_> {
+impl Sink for StopAfterWaves<'_> {
     fn receive(&mut self, event: &Event) -> Result<(), SinkError> {
         if let Event::Wave { .. } = event {
             let left = self.waves.get();
@@ -107,13 +107,18 @@ impl Sink for Ends<'_> {
     }
 }
 
-fn go(lab: &Lab, history: &Kept, options: Options, stop_after: u32) -> (NightSummary, Recorder) {
+fn run_night(
+    lab: &Lab,
+    history: &Store,
+    options: Options,
+    stop_after: u32,
+) -> (NightSummary, Recorder) {
     let control = NightControls::default();
-    let mut ends = Ends {
+    let mut listener = StopAfterWaves {
         control: &control,
         waves: Cell::new(stop_after),
     };
-    let mut heard = Recorder::default();
+    let mut recorder = Recorder::default();
     let open =
         |_: &str, scene, job: lumbre::render::Job| -> Result<Box<dyn Renderer>, RenderError> {
             if job.max_depth == 2 && job.rr_start == Some(7) {
@@ -129,72 +134,76 @@ fn go(lab: &Lab, history: &Kept, options: Options, stop_after: u32) -> (NightSum
         wait: &|| {},
     };
     let plan = Arc::new(lab.plan());
-    let sinks: &mut [&mut dyn Sink] = &mut [&mut ends, &mut heard];
+    let sinks: &mut [&mut dyn Sink] = &mut [&mut listener, &mut recorder];
     let summary = run_with(&seams, &plan, lab, history, sinks, &control, options).unwrap();
-    (summary, heard)
+    (summary, recorder)
 }
 
 #[test]
-fn a_cell_that_is_cut_off_after_any_wave_goes_on_to_the_same_film_and_rows() {
-    let whole = go(&Lab::new(), &Kept::default(), Options::from(1), u32::MAX).1;
+fn a_cell_interrupted_after_any_wave_resumes_to_the_same_film_and_rows() {
+    let whole = run_night(&Lab::new(), &Store::default(), Options::from(1), u32::MAX).1;
     for cut in 0..3 {
-        let kept = Kept::default();
-        let (summary, _) = go(&Lab::new(), &kept, Options::from(1), cut);
+        let store = Store::default();
+        let (summary, _) = run_night(&Lab::new(), &store, Options::from(1), cut);
         assert_eq!(
             summary.results[0].outcome,
             Outcome::Interrupted,
             "after {cut} waves"
         );
-        let (again, heard) = go(&Lab::new(), &kept, Options::from(1), u32::MAX);
+        let (again, recorder) = run_night(&Lab::new(), &store, Options::from(1), u32::MAX);
         assert!(matches!(again.results[0].outcome, Outcome::Done(_)));
-        assert_eq!(heard.film(CellRef::Cell(0)), whole.film(CellRef::Cell(0)));
-        let clockless = |rows: &[lumbre::experiment::WaveRow]| -> Vec<_> {
+        assert_eq!(
+            recorder.film(CellRef::Cell(0)),
+            whole.film(CellRef::Cell(0))
+        );
+        let without_wall_time = |rows: &[lumbre::experiment::WaveRow]| -> Vec<_> {
             rows.iter()
                 .map(|r| (r.wave, r.samples, r.render_s.to_bits(), r.paths, r.rays))
                 .collect()
         };
         let expected: Vec<_> = whole.rows(CellRef::Cell(0)).into_iter().cloned().collect();
         assert_eq!(
-            clockless(&again.results[0].rows),
-            clockless(&expected),
-            "the clock goes on where it was"
+            without_wall_time(&again.results[0].rows),
+            without_wall_time(&expected),
+            "render time must continue from the checkpoint"
         );
-        assert!(heard.messages(Level::Info)[0].starts_with("resumes from its checkpoint after"));
+        assert!(recorder.messages(Level::Info)[0].starts_with("resumes from its checkpoint after"));
         assert!(
-            heard.rows(CellRef::Cell(0)).len() < expected.len(),
-            "what was measured is not measured again"
+            recorder.rows(CellRef::Cell(0)).len() < expected.len(),
+            "waves before the checkpoint must not be measured again"
         );
     }
 }
 
 #[test]
-fn a_checkpoint_that_does_not_fit_is_said_and_passed_over() {
-    let kept = Kept::default();
-    go(&Lab::new(), &kept, Options::from(1), 1);
-    kept.checkpoints
+fn a_checkpoint_that_does_not_match_is_reported_and_ignored() {
+    let store = Store::default();
+    run_night(&Lab::new(), &store, Options::from(1), 1);
+    store
+        .checkpoints
         .borrow_mut()
         .values_mut()
         .for_each(|checkpoint| checkpoint.state.truncate(40));
-    let (summary, heard) = go(&Lab::new(), &kept, Options::from(1), u32::MAX);
+    let (summary, recorder) = run_night(&Lab::new(), &store, Options::from(1), u32::MAX);
     assert!(matches!(summary.results[0].outcome, Outcome::Done(_)));
     assert!(
-        heard
+        recorder
             .messages(Level::Warn)
             .iter()
             .any(|text| text.contains("does not match"))
     );
-    assert_eq!(heard.totals(CellRef::Cell(0)), [1, 3, 7, 15, 16]);
+    assert_eq!(recorder.totals(CellRef::Cell(0)), [1, 3, 7, 15, 16]);
 }
 
 #[test]
-fn checkpoints_that_cannot_be_written_cost_nothing_but_a_warning() {
+fn checkpoints_that_cannot_be_written_cause_only_a_warning() {
     let mut lab = Lab::new();
     lab.spec.night.checkpoint_s = Some(1e-9);
-    let kept = Kept::default();
-    kept.full.set(true);
-    let (summary, heard) = go(&lab, &kept, Options::from(1), u32::MAX);
+    let store = Store::default();
+    store.full.set(true);
+    let (summary, recorder) = run_night(&lab, &store, Options::from(1), u32::MAX);
     assert!(matches!(summary.results[0].outcome, Outcome::Done(_)));
-    let warnings = heard.messages(Level::Warn);
+    let warnings = recorder.messages(Level::Warn);
     assert_eq!(
         warnings
             .iter()
@@ -206,20 +215,24 @@ fn checkpoints_that_cannot_be_written_cost_nothing_but_a_warning() {
 }
 
 #[test]
-fn cells_of_other_processes_are_put_off_and_waited_for() {
-    let kept = Kept::default();
-    kept.theirs.set(3);
-    let (summary, heard) = go(&depths([1, 2, 3]), &kept, Options::from(1), u32::MAX);
+fn cells_of_other_processes_are_postponed_and_awaited() {
+    let store = Store::default();
+    store.held.set(3);
+    let (summary, recorder) = run_night(&depths([1, 2, 3]), &store, Options::from(1), u32::MAX);
     let outcomes: Vec<&Outcome> = summary.results.iter().map(|r| &r.outcome).collect();
     assert_eq!(*outcomes[0], Outcome::Cached("theirs".into()));
     assert!(matches!(
         outcomes[1..],
         [Outcome::Done(_), Outcome::Done(_)]
     ));
-    let place = |word: &str| heard.words.iter().position(|w| w == word).unwrap();
-    assert!(place("done c2") < place("cached c0"), "{:?}", heard.words);
+    let place = |word: &str| recorder.labels.iter().position(|w| w == word).unwrap();
     assert!(
-        heard
+        place("done c2") < place("cached c0"),
+        "{:?}",
+        recorder.labels
+    );
+    assert!(
+        recorder
             .messages(Level::Info)
             .iter()
             .any(|text| text.contains("process 7"))
@@ -243,15 +256,15 @@ fn the_smoke_pass_finds_a_broken_cell_before_anything_is_rendered() {
         smoke: true,
         ..Options::from(1)
     };
-    let (summary, heard) = go(&broken_at_depth_2(), &Kept::default(), options, u32::MAX);
-    let told: Vec<&str> = heard
-        .words
+    let (summary, recorder) = run_night(&broken_at_depth_2(), &Store::default(), options, u32::MAX);
+    let labels: Vec<&str> = recorder
+        .labels
         .iter()
         .map(String::as_str)
         .filter(|w| *w != "message c0")
         .take(3)
         .collect();
-    assert_eq!(told, ["night", "message ", "failed c1"]);
+    assert_eq!(labels, ["night started", "message ", "failed c1"]);
     assert!(
         matches!(&summary.results[1].outcome, Outcome::Failed(why) if why.contains("in the smoke pass") && why.contains("lens"))
     );
@@ -260,8 +273,8 @@ fn the_smoke_pass_finds_a_broken_cell_before_anything_is_rendered() {
             && matches!(summary.results[2].outcome, Outcome::Done(_))
     );
     assert_eq!(
-        heard
-            .words
+        recorder
+            .labels
             .iter()
             .filter(|w| w.starts_with("start "))
             .count(),
@@ -270,15 +283,15 @@ fn the_smoke_pass_finds_a_broken_cell_before_anything_is_rendered() {
 }
 
 #[test]
-fn a_night_ends_at_its_number_of_failures() {
+fn a_night_ends_at_its_limit_of_failures() {
     let options = Options {
         max_fails: Some(1),
         ..Options::from(1)
     };
-    let (summary, heard) = go(&broken_at_depth_2(), &Kept::default(), options, u32::MAX);
+    let (summary, recorder) = run_night(&broken_at_depth_2(), &Store::default(), options, u32::MAX);
     assert_eq!(summary.results.len(), 2, "the third cell was never reached");
     assert!(
-        heard
+        recorder
             .messages(Level::Warn)
             .iter()
             .any(|text| text.contains("1 runs have failed"))
@@ -292,16 +305,16 @@ fn a_deadline_ends_the_night_and_orders_its_cells_from_coarse_to_fine() {
         deadline: Some(SystemTime::now() - Duration::from_secs(1)),
         ..Options::from(1)
     };
-    let (summary, heard) = go(&depths([1, 2, 3]), &Kept::default(), past, u32::MAX);
+    let (summary, recorder) = run_night(&depths([1, 2, 3]), &Store::default(), past, u32::MAX);
     assert!(summary.results.is_empty() && !summary.interrupted);
-    assert!(heard.messages(Level::Warn)[0].contains("deadline"));
+    assert!(recorder.messages(Level::Warn)[0].contains("deadline"));
     let far = Options {
         deadline: Some(SystemTime::now() + Duration::from_secs(9999)),
         ..Options::from(1)
     };
-    let (_, heard) = go(&depths([1, 2, 3]), &Kept::default(), far, u32::MAX);
-    let starts: Vec<&String> = heard
-        .words
+    let (_, recorder) = run_night(&depths([1, 2, 3]), &Store::default(), far, u32::MAX);
+    let starts: Vec<&String> = recorder
+        .labels
         .iter()
         .filter(|w| w.starts_with("start "))
         .collect();
@@ -310,7 +323,7 @@ fn a_deadline_ends_the_night_and_orders_its_cells_from_coarse_to_fine() {
         ["start c0", "start c2", "start c1"],
         "the ends of an axis come before its middle"
     );
-    assert_eq!(words(heard.events.last().unwrap()), "morning");
+    assert_eq!(label(recorder.events.last().unwrap()), "night finished");
 }
 
 #[test]
@@ -354,7 +367,7 @@ fn coarse_grids_are_complete_for_every_technique() {
 }
 
 /// Returns three techniques of one picture, interleaved.
-fn heat() -> Lab {
+fn interleaved() -> Lab {
     let mut lab = Lab::new().axis("technique", ["bpt", "nee", "bdpt"]);
     lab.spec.night.order = Order::Interleave;
     lab.render = Box::new(|p| {
@@ -366,11 +379,17 @@ fn heat() -> Lab {
 }
 
 #[test]
-fn runs_that_take_turns_go_on_from_their_checkpoints_wherever_they_were_cut_off() {
-    let whole = go(&heat(), &Kept::default(), Options::from(1), u32::MAX).1;
+fn interleaved_runs_resume_from_their_checkpoints_after_any_wave() {
+    let whole = run_night(
+        &interleaved(),
+        &Store::default(),
+        Options::from(1),
+        u32::MAX,
+    )
+    .1;
     for cut in 0..9 {
-        let kept = Kept::default();
-        let (summary, _) = go(&heat(), &kept, Options::from(1), cut);
+        let store = Store::default();
+        let (summary, _) = run_night(&interleaved(), &store, Options::from(1), cut);
         assert!(
             summary.interrupted
                 && summary
@@ -385,10 +404,10 @@ fn runs_that_take_turns_go_on_from_their_checkpoints_wherever_they_were_cut_off(
             .filter(|r| r.outcome == Outcome::Interrupted && !r.rows.is_empty())
             .count();
         assert!(
-            kept.checkpoints.borrow().len() >= begun,
-            "each has its own checkpoint"
+            store.checkpoints.borrow().len() >= begun,
+            "each interrupted run must have a checkpoint"
         );
-        let (again, heard) = go(&heat(), &kept, Options::from(1), u32::MAX);
+        let (again, recorder) = run_night(&interleaved(), &store, Options::from(1), u32::MAX);
         assert!(
             again
                 .results
@@ -396,7 +415,7 @@ fn runs_that_take_turns_go_on_from_their_checkpoints_wherever_they_were_cut_off(
                 .all(|r| matches!(r.outcome, Outcome::Done(_)))
         );
         for i in (0..3).map(CellRef::Cell) {
-            assert_eq!(heard.film(i), whole.film(i), "cut after {cut} waves");
+            assert_eq!(recorder.film(i), whole.film(i), "cut after {cut} waves");
             let clock = |result: &[lumbre::experiment::WaveRow]| {
                 result
                     .last()
@@ -412,9 +431,9 @@ fn runs_that_take_turns_go_on_from_their_checkpoints_wherever_they_were_cut_off(
 }
 
 #[test]
-fn a_checkpoint_that_is_asked_for_is_kept_of_every_run_that_takes_turns() {
-    struct Asks<'a>(&'a NightControls, bool);
-    impl Sink for Asks<'_> {
+fn a_requested_checkpoint_is_written_for_every_interleaved_run() {
+    struct RequestCheckpoint<'a>(&'a NightControls, bool);
+    impl Sink for RequestCheckpoint<'_> {
         fn receive(&mut self, event: &Event) -> Result<(), SinkError> {
             if matches!(
                 event,
@@ -429,8 +448,8 @@ fn a_checkpoint_that_is_asked_for_is_kept_of_every_run_that_takes_turns() {
             Ok(())
         }
     }
-    let (control, kept) = (NightControls::default(), Kept::default());
-    let mut asks = Asks(&control, false);
+    let (control, store) = (NightControls::default(), Store::default());
+    let mut listener = RequestCheckpoint(&control, false);
     let open = |_: &str, scene, job| -> Result<Box<dyn Renderer>, RenderError> {
         Ok(Box::new(MockRenderer::new(scene, job)))
     };
@@ -438,8 +457,17 @@ fn a_checkpoint_that_is_asked_for_is_kept_of_every_run_that_takes_turns() {
         open: &open,
         wait: &|| {},
     };
-    let lab = heat();
+    let lab = interleaved();
     let plan = Arc::new(lab.plan());
-    run_with(&seams, &plan, &lab, &kept, &mut [&mut asks], &control, 1).unwrap();
-    assert_eq!(kept.checkpoints.borrow().len(), 3);
+    run_with(
+        &seams,
+        &plan,
+        &lab,
+        &store,
+        &mut [&mut listener],
+        &control,
+        1,
+    )
+    .unwrap();
+    assert_eq!(store.checkpoints.borrow().len(), 3);
 }

@@ -49,7 +49,7 @@ fn axes_vary_slowest_first_and_repeats_fastest() {
 }
 
 #[test]
-fn no_axes_are_one_cell() {
+fn an_experiment_without_axes_has_one_cell() {
     assert_eq!(paths(&Lab::new().plan()), ["rep=0"]);
 }
 
@@ -73,7 +73,7 @@ fn zipped_axes_move_together() {
 }
 
 #[test]
-fn the_first_skip_rule_that_holds_is_recorded_once_a_point() {
+fn the_first_skip_rule_that_holds_is_recorded_once_per_point() {
     let mut lab = depths([1, 2, 3, 4]);
     lab.spec.repeats = 3;
     lab.spec.skips = vec!["odd ones are dark".into(), "three is too many".into()];
@@ -103,7 +103,7 @@ fn the_first_skip_rule_that_holds_is_recorded_once_a_point() {
 }
 
 #[test]
-fn skipped_points_are_not_asked_for_what_they_render() {
+fn render_is_not_called_for_skipped_points() {
     let mut lab = depths([1, 2]);
     lab.spec.skips = vec!["no ones".into()];
     lab.skip = Box::new(|_, p| Ok(whole_at(p, "depth") == 1));
@@ -133,7 +133,7 @@ fn overrides_replace_the_values_of_an_axis() {
     assert_eq!(
         at(&plan.cells[0].point, "tag"),
         "1".into(),
-        "a value of the script keeps its kind"
+        "a value that the script lists keeps its type"
     );
     assert_eq!(plan.cells[2].config.max_depth, Some(9));
 }
@@ -154,7 +154,7 @@ fn overrides_of_zipped_axes_keep_matching_steps() {
 }
 
 #[test]
-fn selections_keep_any_value_of_an_axis_and_all_axes() {
+fn a_cell_is_selected_if_every_selected_axis_has_one_of_the_values() {
     let mut lab = Lab::new()
         .axis("scene", ["a", "b", "c"])
         .axis("depth", ints([3, 5]));
@@ -213,7 +213,7 @@ fn a_backend_override_reaches_cells_and_references() {
 }
 
 #[test]
-fn auto_becomes_a_concrete_backend() {
+fn auto_is_replaced_by_a_concrete_backend() {
     let mut lab = Lab::new();
     lab.render = Box::new(|_| {
         let mut config = config();
@@ -287,7 +287,7 @@ fn a_scene_file_is_read_once_and_shared_by_equal_changes() {
 }
 
 #[test]
-fn cells_share_references_and_none_has_a_cells_seed() {
+fn cells_share_references_and_no_reference_has_the_seed_of_a_cell() {
     let mut lab = depths([3, 5]).axis("tag", ["x", "y"]).measured();
     lab.spec.repeats = 2;
     let plan = lab.plan();
@@ -302,11 +302,11 @@ fn cells_share_references_and_none_has_a_cells_seed() {
     }
     let seeds: Vec<u64> = plan.cells.iter().map(|cell| cell.seed).collect();
     assert_eq!(seeds[0], seeds[2], "cells of one repeat share a seed");
-    assert_ne!(seeds[0], seeds[1], "repeats do not");
+    assert_ne!(seeds[0], seeds[1], "repeats have different seeds");
 }
 
 #[test]
-fn a_reference_file_is_known_by_its_content() {
+fn a_reference_file_is_identified_by_its_content() {
     let folder = tempfile::tempdir().unwrap();
     let [a, b, c] = ["a.exr", "b.exr", "c.exr"].map(|name| folder.path().join(name));
     std::fs::write(&a, b"truth").unwrap();
@@ -332,7 +332,7 @@ fn a_reference_file_is_known_by_its_content() {
 }
 
 #[test]
-fn what_may_never_end_and_what_is_not_measured_is_a_warning() {
+fn runs_that_may_never_end_and_metrics_without_a_reference_cause_warnings() {
     let mut lab = depths([3, 5]).measured();
     assert_eq!(lab.plan().warnings, Vec::<String>::new());
     lab.stop = Box::new(|p| {
@@ -357,7 +357,7 @@ fn what_may_never_end_and_what_is_not_measured_is_a_warning() {
 }
 
 #[test]
-fn an_axis_that_changes_nothing_is_a_warning_and_keeps_its_folders() {
+fn an_axis_without_effect_causes_a_warning_and_keeps_its_folders() {
     let lab = depths([3, 5]).axis("idle", ints([1, 2, 3]));
     let plan = lab.plan();
     assert_eq!(

@@ -1,4 +1,5 @@
-//! Vectorised runs: all of a night on the CPU or none, unless its script decides.
+//! The choice of the vectorised integrators: for all CPU runs of a night or for none, unless the
+//! script sets it.
 
 use std::collections::BTreeMap;
 
@@ -11,16 +12,17 @@ use lumbre::value::Value;
 
 use crate::fixtures::{Lab, at, config};
 
-/// Returns a night over the axis `way`, on the CPU, whose runs `change` makes different.
+/// Returns an experiment on the CPU over the axis `variant`; `change` edits the configuration of
+/// each variant.
 fn lab(change: fn(&mut CellConfig, &str)) -> Lab {
-    let mut lab = Lab::new().axis("way", ["plain", "special", "other"]);
+    let mut lab = Lab::new().axis("variant", ["plain", "special", "other"]);
     lab.render = Box::new(move |point| {
         let mut config = CellConfig {
             backend: "cpu".into(),
             integrator: "nee".into(),
             ..config()
         };
-        change(&mut config, at(point, "way").as_str().unwrap());
+        change(&mut config, at(point, "variant").as_str().unwrap());
         Ok(config)
     });
     lab
@@ -39,29 +41,29 @@ fn warned(plan: &Plan) -> Option<&String> {
         .find(|warning| warning.contains("use the scalar path"))
 }
 
-/// A change that prevents vectorised runs, and the text of the reason.
-type Keeps = (fn(&mut CellConfig, &str), &'static str);
+/// A change that prevents vectorised runs, and the reason in the warning.
+type ScalarCause = (fn(&mut CellConfig, &str), &'static str);
 
-const KEEPS: [Keeps; 3] = [
+const SCALAR_CAUSES: [ScalarCause; 3] = [
     (
-        |config, way| {
-            if way == "special" {
+        |config, variant| {
+            if variant == "special" {
                 config.sampler = "sobol".into()
             }
         },
         "with the sampler `sobol`",
     ),
     (
-        |config, way| {
-            if way == "special" {
+        |config, variant| {
+            if variant == "special" {
                 config.films = vec![Layer::Depth]
             }
         },
         "with `films`",
     ),
     (
-        |config, way| {
-            if way == "special" {
+        |config, variant| {
+            if variant == "special" {
                 config.params = BTreeMap::from([("lights".to_owned(), Value::from("all"))]);
             }
         },
@@ -70,47 +72,47 @@ const KEEPS: [Keeps; 3] = [
 ];
 
 #[test]
-fn a_night_all_of_whose_runs_can_leaves_it_to_the_scenes() {
-    let plan = lab(|config, way| config.rr_start = (way == "special").then_some(2)).plan();
+fn a_night_of_vectorisable_runs_has_the_lane_mode_auto() {
+    let plan = lab(|config, variant| config.rr_start = (variant == "special").then_some(2)).plan();
     assert_eq!(lanes(&plan), [LaneMode::Auto; 3]);
     assert_eq!(warned(&plan), None);
 }
 
 #[test]
-fn one_run_that_cannot_keeps_all_of_a_night_from_lanes_whatever_is_selected() {
-    for (change, words) in KEEPS {
+fn one_scalar_run_makes_every_run_of_a_night_scalar_for_any_selection() {
+    for (change, reason) in SCALAR_CAUSES {
         let plan = lab(change).plan();
-        assert_eq!(lanes(&plan), [LaneMode::Never; 3], "{words}");
+        assert_eq!(lanes(&plan), [LaneMode::Never; 3], "{reason}");
         assert!(
-            warned(&plan).is_some_and(|warning| warning.contains(words)),
+            warned(&plan).is_some_and(|warning| warning.contains(reason)),
             "{:?}",
             plan.warnings
         );
 
         let mut part = lab(change);
-        part.overrides.only = vec![("way".to_owned(), "plain".into())];
+        part.overrides.only = vec![("variant".to_owned(), "plain".into())];
         let part = part.plan();
         assert_eq!(
             (part.cells.len(), &part.cells[0].id),
             (1, &plan.cells[0].id),
-            "{words}"
+            "{reason}"
         );
         assert!(
-            warned(&part).is_some_and(|warning| warning.contains(words)),
+            warned(&part).is_some_and(|warning| warning.contains(reason)),
             "{:?}",
             part.warnings
         );
 
-        // A run outside the night does not affect its choice.
+        // A skipped point does not affect the choice.
         let mut without = lab(change);
         without.spec.skips = vec!["special".into()];
-        without.skip = Box::new(|_, point| Ok(at(point, "way").as_str() == Some("special")));
-        assert_eq!(lanes(&without.plan()), [LaneMode::Auto; 2], "{words}");
+        without.skip = Box::new(|_, point| Ok(at(point, "variant").as_str() == Some("special")));
+        assert_eq!(lanes(&without.plan()), [LaneMode::Auto; 2], "{reason}");
     }
 }
 
 #[test]
-fn no_run_is_warned_about_where_none_could() {
+fn a_night_without_vectorisable_runs_causes_no_warning() {
     let plan = lab(|config, _| config.sampler = "sobol".into()).plan();
     assert_eq!(
         (lanes(&plan), warned(&plan)),
@@ -119,14 +121,14 @@ fn no_run_is_warned_about_where_none_could() {
 }
 
 #[test]
-fn what_a_script_says_for_itself_is_done_and_counts_for_nobody_else() {
-    let change: fn(&mut CellConfig, &str) = |config, way| {
-        let lanes = if way == "plain" {
+fn a_lane_mode_of_the_script_is_kept_and_does_not_affect_other_runs() {
+    let change: fn(&mut CellConfig, &str) = |config, variant| {
+        let lanes = if variant == "plain" {
             LaneMode::Auto
         } else {
             LaneMode::Always
         };
-        let sampler = if way == "special" {
+        let sampler = if variant == "special" {
             "sobol"
         } else {
             "independent"
@@ -144,9 +146,9 @@ fn what_a_script_says_for_itself_is_done_and_counts_for_nobody_else() {
 }
 
 #[test]
-fn backends_without_lanes_say_nothing_of_them_and_keep_nobody_from_them() {
-    let change: fn(&mut CellConfig, &str) = |config, way| {
-        if way == "special" {
+fn runs_on_backends_without_lanes_do_not_affect_other_runs() {
+    let change: fn(&mut CellConfig, &str) = |config, variant| {
+        if variant == "special" {
             (config.backend, config.films) = ("mock".into(), vec![]);
             config.sampler = "sobol".into();
         }
@@ -158,7 +160,7 @@ fn backends_without_lanes_say_nothing_of_them_and_keep_nobody_from_them() {
 }
 
 #[test]
-fn lanes_are_part_of_what_a_cell_is_and_not_of_what_a_reference_is() {
+fn the_lane_mode_is_part_of_the_id_of_a_cell_but_not_of_a_reference() {
     let ids = |lanes: LaneMode| {
         let mut lab = Lab::new().axis("tag", ["x"]);
         lab.render = Box::new(move |_| {
