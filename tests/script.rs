@@ -1,10 +1,6 @@
-//! Scripts: from the file to an `ExperimentSpec`, and through their functions while the plan is
-//! made.
+//! Scripts: loading a file into an `ExperimentSpec`, and calling its functions while planning.
 
-#![allow(
-    clippy::unwrap_used,
-    reason = "helpers of tests; a failure is the test's"
-)]
+#![allow(clippy::unwrap_used, reason = "test helpers may panic, as tests do")]
 
 #[path = "script/errors.rs"]
 mod errors;
@@ -79,12 +75,12 @@ impl Folder {
     }
 }
 
-/// Returns the good script with one piece replaced, which must occur exactly once.
+/// Returns the good script with `from` replaced by `to`. Panics unless `from` occurs exactly once.
 fn edited(from: &str, to: &str) -> String {
     assert_eq!(
         GOOD.matches(from).count(),
         1,
-        "`{from}` stands once in the good script"
+        "`{from}` must occur exactly once in the good script"
     );
     GOOD.replace(from, to)
 }

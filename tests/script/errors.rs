@@ -1,4 +1,4 @@
-//! Every class of error, with its line, the path to the field, and the hint.
+//! Errors of every class: their line, the path to the field, and the hint.
 
 use lumbre::experiment::spec::ScriptHooks;
 use lumbre::script::{Problem, ScriptError};
@@ -9,19 +9,19 @@ use crate::{Folder, GOOD, edited};
 
 pub fn error_of(text: &str) -> ScriptError {
     match Folder::new(text).load() {
-        Ok(script) => panic!("this script was taken: {}\n{text}", script.spec.name),
+        Ok(script) => panic!("this script was accepted: {}\n{text}", script.spec.name),
         Err(e) => e,
     }
 }
 
-/// Loads scripts that differ from the good one in one piece, and compares the line and text of
-/// their errors.
+/// Loads scripts in which one piece of the good script is replaced, and compares the line and text
+/// of their errors.
 pub fn expect(cases: &[(&str, &str, usize, &str)]) {
-    for (from, to, line, words) in cases {
+    for (from, to, line, expected) in cases {
         let e = error_of(&edited(from, to));
         assert!(
-            e.to_string().contains(words),
-            "{to}\n  said: {e}\n  not:  {words}"
+            e.to_string().contains(expected),
+            "{to}\n  found:    {e}\n  expected: {expected}"
         );
         assert_eq!(e.line(), Some(*line), "{to}: {e}");
     }
@@ -33,12 +33,12 @@ const MEASURE: &str = "x:measure { rmse = metric.rmse(), every = \"1s\" }";
 pub const STOP: &str = "x:stop(stop.samples(16))";
 
 #[test]
-fn the_good_script_is_good() {
+fn the_good_script_loads() {
     assert!(Folder::new(GOOD).load().is_ok());
 }
 
 #[test]
-fn wrong_experiments() {
+fn invalid_experiments_are_reported_with_line_and_hint() {
     expect(&[
         (
             "seed = 1",
@@ -90,7 +90,7 @@ fn wrong_experiments() {
             "returned an integer: end it with `return x`",
         ),
         ("return x", "return { x }", 9, "returned a table"),
-        (STOP, "", 1, "never says when a cell is finished"),
+        (STOP, "", 1, "does not define when a cell is finished"),
     ]);
     let e = error_of("local y = 1\n");
     assert!(
@@ -100,11 +100,14 @@ fn wrong_experiments() {
     let e = error_of("");
     assert!(matches!(e.problem(), Problem::NoExperiment { .. }), "{e}");
     let e = error_of("local x = experiment('t')\nx:stop(stop.samples(1))\nreturn x\n");
-    assert!(e.to_string().contains("never says what to render"), "{e}");
+    assert!(
+        e.to_string().contains("does not define what to render"),
+        "{e}"
+    );
 }
 
 #[test]
-fn wrong_axes() {
+fn invalid_axes_are_reported_with_line_and_hint() {
     expect(&[
         (AXIS, "x:axis(\"depth\", {})", 2, "axis.depth has no values"),
         (
@@ -220,7 +223,7 @@ fn wrong_axes() {
 }
 
 #[test]
-fn wrong_references() {
+fn invalid_references_are_reported_with_line_and_hint() {
     expect(&[
         (
             REFERENCE,
@@ -244,7 +247,7 @@ fn wrong_references() {
             REFERENCE,
             "x:reference { image = \"a.exr\",\n  stop = stop.waves(1) }",
             7,
-            "an image is finished",
+            "reference.stop: `stop` does not apply to an `image`",
         ),
         (
             REFERENCE,
@@ -256,19 +259,19 @@ fn wrong_references() {
             REFERENCE,
             "x:reference { stop = stop.any {\n  stop.waves(1),\n  stop.when(\"rmse\", \"<\", 1) } }",
             8,
-            "`rmse` cannot be compared here: a reference is not measured",
+            "`rmse` cannot be compared here: a reference is not compared with anything",
         ),
         (
             REFERENCE,
             "x:reference { stop = stop.waves(1) }\nx:reference { stop = stop.waves(1) }",
             7,
-            "said twice",
+            "called twice: an experiment has one reference",
         ),
     ]);
 }
 
 #[test]
-fn wrong_measurements() {
+fn invalid_measurements_are_reported_with_line_and_hint() {
     expect(&[
         (
             MEASURE,
@@ -286,7 +289,7 @@ fn wrong_measurements() {
             MEASURE,
             "x:measure { rmse = metric.rmse }",
             7,
-            "expected a metric, found a function (metrics are called",
+            "expected a metric, found a function (add parentheses: metric.rmse()",
         ),
         (
             MEASURE,
@@ -358,16 +361,16 @@ fn wrong_measurements() {
             MEASURE,
             "x:measure {}\nx:measure {}",
             8,
-            "said twice: the first is in line 7",
+            "called twice: the first call is in line 7",
         ),
     ]);
 }
 
 #[test]
-fn wrong_render_tables_point_at_the_key() {
+fn errors_in_render_tables_have_the_line_of_their_key() {
     let good = "  return { scene = \"s.scn\", integrator = \"bpt\", max_depth = p.depth }";
     let with = |more: &str| good.replace(" }", &format!(",\n{more} }}"));
-    for (line_4, line, words) in [
+    for (line_4, line, expected) in [
         (
             with("    max_dept = 3"),
             5,
@@ -412,7 +415,7 @@ fn wrong_render_tables_point_at_the_key() {
         (
             with("    set = { [\"camera.fov\"] = 3 },\n    camera = { fov = 4 }"),
             6,
-            "said twice",
+            "given twice: `set` also has `camera.fov`",
         ),
         (
             with("    set = {\n      [\"materials.egg.ior\"] = { x = 1 } }"),
@@ -484,12 +487,12 @@ fn wrong_render_tables_point_at_the_key() {
         (
             "  require(\"late\")".to_owned(),
             4,
-            "can no longer be loaded",
+            "cannot be loaded after the script has ended",
         ),
         (
             "  x:axis(\"late\", { 1 })".to_owned(),
             4,
-            "already described",
+            "already complete",
         ),
     ] {
         let folder = Folder::new(edited(good, &line_4));
@@ -499,15 +502,15 @@ fn wrong_render_tables_point_at_the_key() {
             .unwrap_err();
         let e = e.0.downcast_ref::<ScriptError>().unwrap();
         assert!(
-            e.to_string().contains(words),
-            "{line_4}\n  said: {e}\n  not:  {words}"
+            e.to_string().contains(expected),
+            "{line_4}\n  found:    {e}\n  expected: {expected}"
         );
         assert_eq!(e.line(), Some(line), "{line_4}: {e}");
     }
 }
 
 #[test]
-fn diagnostics_show_the_line() {
+fn diagnostics_show_the_source_line_and_mark_the_key() {
     let e = error_of(&edited(
         MEASURE,
         "x:measure { rmse = metric.rmse(),\n  keep = { exr = \"pow3\" } }",

@@ -1,4 +1,4 @@
-//! Errors of Lua itself, in modules, and in files that are not scripts.
+//! Errors raised by Lua, errors in modules, and files that are not scripts.
 
 use lumbre::script::Problem;
 
@@ -6,7 +6,7 @@ use super::errors::error_of;
 use crate::{Folder, GOOD};
 
 #[test]
-fn errors_of_lua_itself_have_lines() {
+fn errors_raised_by_lua_have_lines() {
     let e = error_of("local x = = 1\n");
     assert!(matches!(e.problem(), Problem::Syntax { .. }), "{e}");
     assert_eq!(e.line(), Some(1));
@@ -15,13 +15,17 @@ fn errors_of_lua_itself_have_lines() {
         matches!(e.problem(), Problem::Syntax { .. }) && e.line() == Some(4),
         "{e}"
     );
-    for (text, line, words) in [
+    for (text, line, expected) in [
         (
             "local t\nlocal y = t.z\n",
             2,
             "attempt to index a nil value",
         ),
-        ("\n\nerror(\"my own words\")", 3, "my own words"),
+        (
+            "\n\nerror(\"message of the script\")",
+            3,
+            "message of the script",
+        ),
         ("\nerror({ code = 1 })", 2, ""),
         ("\nerror()", 2, ""),
         (
@@ -50,13 +54,13 @@ fn errors_of_lua_itself_have_lines() {
             matches!(e.problem(), Problem::Runtime { .. } | Problem::Field { .. }),
             "{text}: {e}"
         );
-        assert!(e.to_string().contains(words), "{text}: {e}");
+        assert!(e.to_string().contains(expected), "{text}: {e}");
         assert_eq!(e.line(), Some(line), "{text}: {e}");
     }
 }
 
 #[test]
-fn errors_in_modules_point_into_the_module() {
+fn errors_in_modules_have_the_file_and_line_of_the_module() {
     let folder = Folder::new("local lib = require(\"lib.scenes\")\nreturn lib\n");
     folder.put("lib/scenes.lua", "local a = 1\nlocal b = metrics.rmse\n");
     let e = folder.load().unwrap_err();
@@ -76,7 +80,7 @@ fn errors_in_modules_point_into_the_module() {
 }
 
 #[test]
-fn files_that_are_no_scripts() {
+fn files_that_are_not_scripts_are_refused() {
     let folder = Folder::new("x");
     let at = |name: &str| lumbre::script::load(&folder.path(name)).unwrap_err();
     assert!(matches!(
@@ -96,7 +100,7 @@ fn files_that_are_no_scripts() {
         std::os::unix::fs::symlink("/proc/version", folder.path("system.lua")).unwrap();
         assert!(
             !matches!(at("system.lua").problem(), Problem::Syntax { .. }),
-            "it has no length, so nothing is read"
+            "the system reports length 0, so nothing is read"
         );
     }
     folder.put("code.lua", b"\x1bLua\x54");

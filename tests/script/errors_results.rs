@@ -4,7 +4,7 @@ use super::errors::{REFERENCE, STOP, error_of, expect};
 use crate::edited;
 
 #[test]
-fn wrong_stop_rules() {
+fn invalid_stop_rules_are_reported_with_line_and_hint() {
     expect(&[
         (
             STOP,
@@ -34,9 +34,9 @@ fn wrong_stop_rules() {
             STOP,
             "x:stop(stop.time(\"-3s\"))",
             8,
-            "stop.time: `-3s` is no duration above zero",
+            "stop.time: `-3s` is not a duration above zero",
         ),
-        (STOP, "x:stop(stop.time(0))", 8, "no duration above zero"),
+        (STOP, "x:stop(stop.time(0))", 8, "not a duration above zero"),
         (
             STOP,
             "x:stop(stop.when(\"rmse\", \"=\", 1))",
@@ -95,7 +95,7 @@ fn wrong_stop_rules() {
             STOP,
             "x:stop(stop.waves(1))\nx:stop(stop.waves(1))",
             9,
-            "said twice: the first is in line 8",
+            "called twice: the first call is in line 8",
         ),
         (
             STOP,
@@ -107,7 +107,7 @@ fn wrong_stop_rules() {
             STOP,
             "local r = stop.waves(1)\nfor i = 1, 12 do r = stop.any(r, r) end\nx:stop(r)",
             9,
-            "more than 256 parts",
+            "more than 256 rules",
         ),
         (
             REFERENCE,
@@ -126,9 +126,9 @@ fn wrong_stop_rules() {
 }
 
 #[test]
-fn wrong_reports() {
+fn invalid_figures_and_tables_are_reported_with_line_and_hint() {
     let after = |text: &str| format!("{STOP}\n{text}");
-    for (text, line, words) in [
+    for (text, line, expected) in [
         (
             "x:figure(\"f\", {\n  y = \"rsme\" })",
             10,
@@ -147,7 +147,7 @@ fn wrong_reports() {
         (
             "x:figure(\"f\", { y = \"rmse\", by = \"depth\", facet = \"depth\" })",
             9,
-            "`depth` stands there twice",
+            "the axis `depth` is used twice",
         ),
         (
             "x:figure(\"f\", { y = {} })",
@@ -188,12 +188,12 @@ fn wrong_reports() {
         (
             "x:figure(\"f\", { y = \"fps\", x = \"depth\", by = \"depth\" })",
             9,
-            "`depth` stands there twice",
+            "the axis `depth` is used twice",
         ),
         (
             "x:figure(\"f\", { y = time_to(\"rmse\", 1) })",
             9,
-            "one number for each run (draw them over an axis",
+            "one number per run and has no curve (draw it over an axis",
         ),
         (
             "x:figure(\"f\", { y = \"rmse\",\n  only = {\n    dept = 3 } })",
@@ -208,7 +208,7 @@ fn wrong_reports() {
         (
             "x:figure(\"f\", { y = \"rmse\", only = \"depth\" })",
             9,
-            "figure.f.only: expected axes with their values",
+            "figure.f.only: expected a table of axes with their values",
         ),
         (
             "x:figure(\"../f\", { y = \"rmse\" })",
@@ -218,7 +218,7 @@ fn wrong_reports() {
         (
             "x:figure(\"f\", { y = \"rmse\" })\nx:figure(\"F\", { y = \"rmse\" })",
             10,
-            "`F` is already there, in line 9",
+            "`F` is already defined in line 9",
         ),
         (
             "x:table(\"t\", { value = \"rmse\", rows = \"dpeth\" })",
@@ -238,7 +238,7 @@ fn wrong_reports() {
         (
             "x:table(\"t\", { value = metric.rmse(), rows = \"depth\" })",
             9,
-            "found a metric (a metric is named by its column",
+            "found a metric (use the name of a metric column",
         ),
         (
             "x:table(\"t\", { rows = \"depth\" })",
@@ -248,7 +248,7 @@ fn wrong_reports() {
         (
             "x:table(\"t\", { value = \"samples\", rows = \"depth\", cols = \"depth\" })",
             9,
-            "stands there twice",
+            "the axis `depth` is used twice",
         ),
         (
             "x:table(\"t\", { value = \"samples\", rows = \"depth\",\n  format = { \"tex\" } })",
@@ -263,8 +263,8 @@ fn wrong_reports() {
     ] {
         let e = error_of(&edited(STOP, &after(text)));
         assert!(
-            e.to_string().contains(words),
-            "{text}\n  said: {e}\n  not:  {words}"
+            e.to_string().contains(expected),
+            "{text}\n  found:    {e}\n  expected: {expected}"
         );
         assert_eq!(e.line(), Some(line), "{text}: {e}");
     }

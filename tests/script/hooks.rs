@@ -1,4 +1,4 @@
-//! Functions of a script, as the plan and the night call them.
+//! Functions of a script, called as by the plan and the night.
 
 use lumbre::experiment::spec::{HookError, Point, ReferenceRequest, ScriptHooks};
 use lumbre::experiment::stop::Comparison;
@@ -60,12 +60,12 @@ fn a_short_render_table_takes_the_defaults() {
     assert_eq!(
         script.render(&point(5)).unwrap(),
         cell,
-        "asking twice changes nothing"
+        "a second call must return the same"
     );
 }
 
 #[test]
-fn a_full_render_table_is_typed() {
+fn a_full_render_table_is_converted() {
     let table = "{ scene = \"s.scn\", integrator = \"bpt\", max_depth = p.depth, resolution = { 160, 120.0 },
       aa = { filter = \"gauss\", radius = 1.5 }, camera = { aperture = 0.25, target = { 0, 1, 0 } },
       set = { [\"materials.egg.ior\"] = 1.5 }, rr = { start = 4 }, backend = \"cpu\", sampler = \"sobol\" }";
@@ -96,7 +96,7 @@ fn a_full_render_table_is_typed() {
 }
 
 #[test]
-fn skip_rules_answer_by_their_number() {
+fn skip_rules_are_called_by_their_number() {
     let rules = format!(
         "{STOP}\nx:skip(\"one\", function(p) return p.depth > 3 end)\nx:skip(\"two\", function(p) end)\n\
          x:skip(\"three\", function(p) return 1 end)"
@@ -115,7 +115,7 @@ fn skip_rules_answer_by_their_number() {
 }
 
 #[test]
-fn references_are_the_cell_with_changes() {
+fn a_reference_has_the_configuration_of_its_cell_with_changes() {
     let table =
         "{ scene = \"s.scn\", integrator = \"bpt\", max_depth = p.depth, aa = { filter = \"gauss\", radius = 1 },
       set = { [\"materials.egg.ior\"] = 1.5, [\"materials.egg.roughness\"] = p.depth / 10 } }";
@@ -132,7 +132,7 @@ end }";
         ..
     }) = script.reference(&point(3)).unwrap()
     else {
-        panic!("a rendered reference")
+        panic!("expected a rendered reference")
     };
     assert_eq!((stop, shards), (StopRule::Samples(64), 4));
     assert_eq!(
@@ -143,17 +143,17 @@ end }";
     assert_eq!(set, ["2", "0.3"]);
     let (_folder, script) = load(REFERENCE, REFERENCE);
     let Some(ReferenceRequest::Render { config, .. }) = script.reference(&point(3)).unwrap() else {
-        panic!("a rendered reference")
+        panic!("expected a rendered reference")
     };
     assert_eq!(
         *config,
         script.render(&point(3)).unwrap(),
-        "without `from` it is the cell's own"
+        "without `from` it must be the configuration of the cell"
     );
 }
 
 #[test]
-fn references_have_the_usual_hierarchy_whatever_the_cell_has() {
+fn references_use_the_default_acceleration_structure() {
     let table = "{ scene = \"s.scn\", integrator = \"bpt\", max_depth = p.depth,
       accel = { builder = \"sah\", bins = 8, instances = \"always\" } }";
     let folder = Folder::new(edited(TABLE, table));
@@ -164,7 +164,7 @@ fn references_have_the_usual_hierarchy_whatever_the_cell_has() {
         (Builder::Sah, 8, Sharing::Always)
     );
     let Some(ReferenceRequest::Render { config, .. }) = script.reference(&point(3)).unwrap() else {
-        panic!("a rendered reference")
+        panic!("expected a rendered reference")
     };
     assert_eq!(config.accel, AccelSpec::default());
     let (_folder, script) = load(
@@ -176,7 +176,7 @@ fn references_have_the_usual_hierarchy_whatever_the_cell_has() {
 }
 
 #[test]
-fn wrong_overrides_are_blamed_on_who_wrote_them() {
+fn errors_in_reference_overrides_have_the_line_of_their_key() {
     let from = |body: &str| {
         format!(
             "x:reference {{ stop = stop.samples(64), from = function(p)\n  return {body}\nend }}"
@@ -198,7 +198,7 @@ fn wrong_overrides_are_blamed_on_who_wrote_them() {
     assert_eq!(
         script_error(script.reference(&point(3))).line(),
         Some(4),
-        "the scene is the render function's"
+        "the scene is named in the render function"
     );
 }
 
@@ -238,7 +238,7 @@ fn images_may_be_references() {
 }
 
 #[test]
-fn stop_rules_become_data() {
+fn stop_rules_are_converted_to_data() {
     let rule = "x:stop(function(p) return stop.any {
   stop.when(\"rmse\", \"<=\", 0.1, { hold = 3 }), stop.all(stop.time(\"5min\"), stop.waves(2)),
   stop.not_(stop.nan(1)), stop.samples(p.depth) } end)";
@@ -287,13 +287,13 @@ fn predicate(body: &str) -> (Folder, Script, usize) {
         &format!("x:stop(stop.predicate(function(row, history)\n  {body}\nend))"),
     );
     let StopRule::Predicate(id) = script.stop(&point(2)).unwrap() else {
-        panic!("a predicate")
+        panic!("expected a predicate")
     };
     (folder, script, id)
 }
 
 #[test]
-fn predicates_see_the_row_and_the_history() {
+fn predicates_receive_the_row_and_the_history() {
     let columns = ["rmse".to_owned()];
     let (_folder, script, id) = predicate(
         "if #history < 3 then return nil end
@@ -316,9 +316,9 @@ fn predicates_see_the_row_and_the_history() {
 }
 
 #[test]
-fn predicates_are_read_as_strictly_as_everything_else() {
+fn errors_in_predicates_have_their_line() {
     let columns = ["rmse".to_owned()];
-    for (body, line, words) in [
+    for (body, line, expected) in [
         (
             "return row.rsme < 1",
             9,
@@ -339,16 +339,16 @@ fn predicates_are_read_as_strictly_as_everything_else() {
         (
             "local t = {}; for i = 1, 1e9 do t[i] = i end",
             9,
-            "wants more than its limit of 256 MiB",
+            "exceeded its limit of 256 MiB of memory",
         ),
     ] {
         let (_folder, script, id) = predicate(body);
         let e = script_error(script.predicate(id, &columns, &rows(&[0.5])));
-        assert!(e.to_string().contains(words), "{body}: {e}");
+        assert!(e.to_string().contains(expected), "{body}: {e}");
         assert_eq!(e.line(), Some(line), "{body}: {e}");
         assert!(
             script.render(&point(2)).is_ok(),
-            "the script goes on after {body}"
+            "the script must remain usable after {body}"
         );
     }
     let (_folder, script, id) = predicate("return row.rmse < 1");
@@ -385,7 +385,7 @@ x:stop(function(p) return stop.any(stop.predicate(calm), stop.predicate(function
     assert_eq!(first[0], second[0]);
     assert_ne!(
         first[1], second[1],
-        "closures over different points stay apart"
+        "closures over different points must be different predicates"
     );
     assert!(!script.predicate(first[1], &[], &rows(&[])).unwrap() || first.is_empty());
     let row = vec![WaveRow {
@@ -398,7 +398,7 @@ x:stop(function(p) return stop.any(stop.predicate(calm), stop.predicate(function
 }
 
 #[test]
-fn points_know_only_their_axes() {
+fn points_contain_only_their_axes() {
     let (_folder, script) = load(
         "  return { scene",
         "  local n = 0; for k, v in pairs(p) do assert(k == \"depth\" and v == 2); n = n + 1 end; assert(n == 1)\n  return { scene",
@@ -407,11 +407,11 @@ fn points_know_only_their_axes() {
 }
 
 #[test]
-fn the_end_of_a_reference_may_depend_on_the_point() {
+fn the_stop_rule_of_a_reference_may_depend_on_the_point() {
     let stop = "x:reference { stop = function(p)\n  return stop.samples(64 * p.depth)\nend }";
     let (_folder, script) = load(REFERENCE, stop);
     let Some(ReferenceRequest::Render { stop, .. }) = script.reference(&point(3)).unwrap() else {
-        panic!("rendered")
+        panic!("expected a rendered reference")
     };
     assert_eq!(stop, StopRule::Samples(192));
     let (_folder, script) = load(
@@ -432,14 +432,14 @@ fn the_end_of_a_reference_may_depend_on_the_point() {
     let e = script_error(script.reference(&point(3)));
     assert!(
         e.to_string()
-            .contains("a reference is not measured against anything"),
+            .contains("a reference is not compared with anything"),
         "{e}"
     );
     assert_eq!(e.line(), Some(7));
 }
 
 #[test]
-fn a_function_chooses_what_the_control_doubles() {
+fn a_function_selects_the_points_of_the_aa_check() {
     let (_folder, script) = load(REFERENCE, "x:control(function(p) return p.depth > 3 end)");
     assert_eq!(
         (
@@ -452,7 +452,7 @@ fn a_function_chooses_what_the_control_doubles() {
     assert_eq!(
         script.aa_check(&point(3)).unwrap(),
         None,
-        "the plan chooses"
+        "without a function the plan chooses"
     );
     let (_folder, script) = load(REFERENCE, "x:control(function(p) return 7 end)");
     assert!(
@@ -463,7 +463,7 @@ fn a_function_chooses_what_the_control_doubles() {
 }
 
 #[test]
-fn a_plateau_is_a_rule_about_a_column() {
+fn a_plateau_rule_needs_a_known_column() {
     let text = edited(
         "x:stop(stop.samples(16))",
         "x:stop(stop.plateau(\"rmse\", { slope = -0.2, over = 8 }))",

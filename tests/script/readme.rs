@@ -1,11 +1,11 @@
-//! The script in the README works.
+//! The script in the README can be planned.
 
 use lumbre::experiment::plan::{Overrides, expand};
 use lumbre::scene::load::MissingTextures;
 use lumbre::script::scene;
 
 #[test]
-fn the_readme_shows_a_script_that_can_be_planned() {
+fn the_script_in_the_readme_can_be_planned() {
     let readme =
         std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/README.md")).unwrap();
     let text = readme

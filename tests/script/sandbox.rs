@@ -1,10 +1,10 @@
-//! The sandbox: features a script cannot use, and the limits that stop it.
+//! The sandbox: features that a script cannot use, and its limits of time and memory.
 
 use lumbre::script::{Limits, Problem, ScriptError};
 
 use crate::{Folder, GOOD, LIMITS};
 
-/// Runs Lua before the good script; errors are the script's.
+/// Runs Lua code before the good script, and returns the error of the script.
 fn run(code: &str) -> Result<(), ScriptError> {
     Folder::new(format!("{code}\n{GOOD}")).load().map(|_| ())
 }
@@ -15,13 +15,13 @@ fn fails(code: &str) -> ScriptError {
 
 fn fails_within(code: &str, limits: Limits) -> ScriptError {
     match Folder::new(format!("{code}\n{GOOD}")).load_within(limits) {
-        Ok(_) => panic!("this ran to its end: {code}"),
+        Ok(_) => panic!("this code caused no error: {code}"),
         Err(e) => e,
     }
 }
 
 #[test]
-fn libraries_that_reach_outside_are_not_there() {
+fn libraries_with_access_to_the_system_do_not_exist() {
     for name in [
         "os",
         "io",
@@ -57,7 +57,7 @@ fn libraries_that_reach_outside_are_not_there() {
 }
 
 #[test]
-fn strictness_cannot_be_taken_off() {
+fn protected_metatables_cannot_be_replaced() {
     for code in [
         "setmetatable(_G, nil)",
         "setmetatable(_G, {})",
@@ -73,7 +73,7 @@ fn strictness_cannot_be_taken_off() {
 }
 
 #[test]
-fn loops_without_end_are_ended() {
+fn endless_loops_end_at_the_time_limit() {
     for code in [
         "while true do end",
         "repeat until false",
@@ -105,8 +105,8 @@ fn loops_without_end_are_ended() {
 }
 
 #[test]
-fn library_functions_that_loop_in_c_are_refused() {
-    for (code, words) in [
+fn calls_of_library_functions_that_would_loop_too_long_are_refused() {
+    for (code, expected) in [
         (
             "table.move({}, 1, math.maxinteger - 1, 2)",
             "more than 10000000 elements",
@@ -158,13 +158,13 @@ fn library_functions_that_loop_in_c_are_refused() {
         ),
     ] {
         let e = fails(&format!("\n{code}"));
-        assert!(e.to_string().contains(words), "{code}: {e}");
+        assert!(e.to_string().contains(expected), "{code}: {e}");
         assert_eq!(e.line(), Some(2), "{code}: {e}");
     }
 }
 
 #[test]
-fn memory_bombs_are_defused() {
+fn excessive_allocations_end_at_the_memory_limit() {
     for code in [
         "local t = {}; for i = 1, 1e9 do t[i] = i end",
         "local s = 'x'; while true do s = s .. s end",
@@ -182,8 +182,8 @@ fn memory_bombs_are_defused() {
             matches!(e.problem(), Problem::Memory { mib: 48 }),
             "{code}: {e}"
         );
-        // One huge allocation can come before the first check of the line; everything else is
-        // found.
+        // One huge allocation can precede the first check of the line, so an error without a line
+        // is accepted.
         assert!(e.line().is_none_or(|l| l <= 2), "{code}: {e}");
     }
     let code = "\nlocal t = {}\nfor i = 1, 1e9 do\n  t[i] = i\nend";
@@ -201,7 +201,7 @@ fn memory_bombs_are_defused() {
 }
 
 #[test]
-fn deep_recursion_is_an_error_not_a_crash() {
+fn deep_recursion_is_an_error_and_no_crash() {
     for code in [
         "local function f(n) return 1 + f(n + 1) end; f(1)",
         "local function f() return pcall(f) end; for i = 1, 3 do f() end; error('done')",
@@ -221,7 +221,7 @@ fn deep_recursion_is_an_error_not_a_crash() {
 }
 
 #[test]
-fn require_stays_below_the_folder() {
+fn require_loads_only_files_below_the_folder() {
     for name in [
         "../x",
         "..",
@@ -237,7 +237,7 @@ fn require_stays_below_the_folder() {
     ] {
         let e = fails(&format!("\nrequire(\"{name}\")"));
         assert!(
-            e.to_string().contains("is no name of a module"),
+            e.to_string().contains("is not a valid module name"),
             "{name}: {e}"
         );
         assert_eq!(e.line(), Some(2));
@@ -251,19 +251,19 @@ fn require_stays_below_the_folder() {
 
 #[cfg(unix)]
 #[test]
-fn links_do_not_lead_out() {
+fn modules_behind_links_out_of_the_folder_are_refused() {
     let outside = Folder::new("return 1");
     let folder = Folder::new(format!("require('link')\n{GOOD}"));
     std::os::unix::fs::symlink(outside.path("t.lua"), folder.path("link.lua")).unwrap();
     let e = folder.load().unwrap_err();
     assert!(
-        e.to_string().contains("leads out of the script's folder"),
+        e.to_string().contains("is outside the script's folder"),
         "{e}"
     );
 }
 
 #[test]
-fn modules_are_loaded_once_and_circles_are_found() {
+fn modules_are_loaded_once_and_circular_requires_are_refused() {
     let folder = Folder::new(format!(
         "local a, b = require('lib.a'), require('lib/a')\nassert(a == b and a.n == 1 and count == 1)\n\
          assert(require('none') == true)\n{GOOD}"
@@ -286,7 +286,7 @@ fn modules_are_loaded_once_and_circles_are_found() {
 }
 
 #[test]
-fn everyday_lua_works() {
+fn common_library_functions_work() {
     run("local parts = {}\nfor word in ('a,b,c'):gmatch('[^,]+') do table.insert(parts, word) end\n\
          assert(table.concat(parts, '-') == 'a-b-c')\nassert(select('#', table.unpack(parts)) == 3)\n\
          table.sort(parts, function(a, b) return a > b end)\nassert(parts[1] == 'c' and table.remove(parts) == 'a')\n\
@@ -302,7 +302,7 @@ fn everyday_lua_works() {
 }
 
 #[test]
-fn pairs_has_an_order() {
+fn pairs_iterates_in_a_fixed_order() {
     run("local seen = {}\nlocal t = { zeta = 1, alpha = 2, [3] = 3, [1] = 1, [2.5] = 4, [true] = 5 }\n\
          for k in pairs(t) do seen[#seen + 1] = tostring(k) end\n\
          assert(table.concat(seen, ' ') == 'true 1 2.5 3 alpha zeta', table.concat(seen, ' '))\n\

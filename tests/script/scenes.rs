@@ -49,7 +49,7 @@ fn refused(body: &str) -> String {
 }
 
 #[test]
-fn what_a_file_says_is_what_the_scene_holds() {
+fn a_scene_script_is_converted_to_a_scene() {
     let s = made(
         "s:material(\"glaze\", { from = \"clay\", clearcoat = 1, base_color = { 0.1, 0.2, 0.9 } })
 s:add { shape = shape.box { size = { 1, 2, 3 } }, material = \"clay\", at = { 0, 1, 0 }, rotate = 90, scale = 2 }
@@ -66,7 +66,7 @@ s:environment { color = { 0.1, 0.1, 0.2 }, scale = 2 }",
     assert_eq!(
         (glaze.clearcoat, glaze.roughness, glaze.base_color.z),
         (1.0, 0.8, 0.9),
-        "inherited and changed"
+        "`glaze` must inherit and override parameters"
     );
     assert_eq!(
         s.entities
@@ -86,7 +86,8 @@ s:environment { color = { 0.1, 0.1, 0.2 }, scale = 2 }",
     let (c, notes) = compile(&s).unwrap();
     assert!(notes.is_empty(), "{notes:?}");
     assert_eq!((c.triangles.len(), c.spheres.len()), (12, 1));
-    // 1 x 2 x 3, twice as large, a quarter turn about y: 6 x 4 x 2 about (0, 1, 0).
+    // The box of 1 x 2 x 3, scaled by 2 and rotated by 90 degrees about y, is 6 x 4 x 2 about (0,
+    // 1, 0).
     let high = c
         .triangles
         .iter()
@@ -96,7 +97,7 @@ s:environment { color = { 0.1, 0.1, 0.2 }, scale = 2 }",
 }
 
 #[test]
-fn groups_nest_share_their_meshes_and_hand_materials_down() {
+fn groups_nest_share_meshes_and_pass_their_material_to_members() {
     let s = made(
         "local leg = shape.cylinder { radius = 0.1, height = 1 }
 local legs = group { { shape = leg, at = { -1, 0, 0 } }, { shape = leg, at = { 1, 0, 0 }, name = \"right\" } }
@@ -121,9 +122,9 @@ s:add { shape = table_, material = \"clay\", name = \"table\", at = { 0, 0, 10 }
         .collect();
     assert!(
         meshes.iter().all(|m| Arc::ptr_eq(m, meshes[0])),
-        "one mesh for four legs"
+        "four legs must share one mesh"
     );
-    // A quarter turn about y takes x to -z and z to x.
+    // A rotation by 90 degrees about y maps x to -z and z to x.
     let places: Vec<Vec3> = s
         .entities
         .iter()
@@ -156,7 +157,7 @@ s:add { shape = table_, material = \"clay\", name = \"table\", at = { 0, 0, 10 }
 }
 
 #[test]
-fn colours_of_vertices_survive_being_joined_and_have_a_range() {
+fn vertex_colours_survive_joining_and_must_lie_between_0_and_1() {
     let painted = "shape.mesh { positions = { { 0, 0, 0 }, { 1, 0, 0 }, { 0, 1, 0 } }, triangles = { { 1, 2, 3 } },
   colors = { { 1, 0, 0 }, { 0, 0.5, 0 }, { 0, 0, 1 } } }";
     let s = made(&format!(
@@ -182,7 +183,7 @@ s:add {{ shape = shape.join({{ {{ shape = ball }}, {{ shape = {painted} }} }}), 
 }
 
 #[test]
-fn uneven_scales_come_before_turns() {
+fn non_uniform_scales_apply_before_rotations() {
     let s = made(
         "s:add { shape = shape.box { size = { 1, 1, 1 } }, material = \"clay\", scale = { 4, 1, 1 }, rotate = 90 }",
     );
@@ -196,7 +197,7 @@ fn uneven_scales_come_before_turns() {
 }
 
 #[test]
-fn options_choose_and_have_defaults() {
+fn options_select_values_and_have_defaults() {
     let f = folder(
         "local light = s:option(\"light\", { \"sun\", \"lamps\" })
 local count = s:option(\"count\", 3)
@@ -246,7 +247,7 @@ fn views_replace_the_camera() {
 }
 
 #[test]
-fn painted_textures_lie_as_u_and_v_say() {
+fn painted_textures_are_evaluated_at_the_texel_centres() {
     let s = made(
         "local t = texture.paint { size = { 4, 2 }, color = function(u, v) return u, v, 0 end }
 s:material(\"painted\", { base_color_texture = t })
@@ -257,7 +258,7 @@ s:add { shape = shape.grid { size = { 2, 2 } }, material = \"painted\" }",
         .texture(TextureSlot::BaseColor)
         .unwrap();
     let lumbre::scene::desc::Texels::Rgba8(texels) = &texture.texels else {
-        panic!("a painter's colours are bytes")
+        panic!("painted colours must be stored as bytes")
     };
     assert_eq!(
         (texels[0], texels[7]),
@@ -268,13 +269,13 @@ s:add { shape = shape.grid { size = { 2, 2 } }, material = \"painted\" }",
         panic!()
     };
     let lumbre::scene::desc::Texels::RgbaF32(texels) = &map.texels else {
-        panic!("light is not bytes")
+        panic!("an environment map must be stored as floats")
     };
     assert_eq!(texels[0][0], 35.0);
 }
 
 #[test]
-fn textures_lie_as_lay_says_and_meshes_may_have_two_sets_of_coordinates() {
+fn lay_sets_wrap_and_transform_of_a_texture_and_its_set_of_coordinates() {
     let s = made(
         "local t = texture.paint { size = { 2, 2 }, color = function(u, v) return u end }
 s:material(\"m\", { base_color_texture = t, mask_texture = texture.lay(t, { wrap = { \"mirror\", \"clamp\" }, scale = { 2, 3 },
@@ -291,7 +292,7 @@ s:add { shape = shape.mesh { positions = { { 0, 0, 0 }, { 1, 0, 0 }, { 0, 1, 0 }
     let found = map.unwrap().transform_point2(Vec2::new(1.0, 1.0));
     assert!(
         (found - Vec2::new(1.0 - 3.0, 2.0)).length() < 1e-6,
-        "scaled, turned to the left, moved: {found}"
+        "scaled, rotated counter-clockwise, translated: {found}"
     );
     let (c, _) = compile(&s).unwrap();
     let uv = c.uv_at(0, [0.5, 0.25]);
@@ -302,7 +303,7 @@ s:add { shape = shape.mesh { positions = { { 0, 0, 0 }, { 1, 0, 0 }, { 0, 1, 0 }
 }
 
 #[test]
-fn other_scenes_are_taken_in_with_their_materials() {
+fn imported_scenes_keep_their_materials() {
     let f = folder("s:import(\"two.obj\", { prefix = \"two/\", place = { at = { 0, 5, 0 } } })");
     f.put(
         "two.obj",
@@ -334,7 +335,7 @@ fn other_scenes_are_taken_in_with_their_materials() {
     assert_eq!(
         (names, s.materials[1].base_color),
         (vec!["clay", "red"], Vec3::Z),
-        "materials of the call come first"
+        "materials of the importing script must take precedence"
     );
     assert!(c.triangles.iter().flatten().all(|p| p.y >= 5.0));
     let whole = folder("s:import(\"two.obj\", { material = \"clay\" })");
@@ -365,17 +366,17 @@ fn meshes_without_texture_coordinates_can_have_them_projected() {
     assert_eq!(
         uvs("project = \"plane\"", "1/1 2/1 3/1"),
         [Vec2::splat(0.5); 3],
-        "what a file has stays"
+        "coordinates of the file must be kept"
     );
     assert_eq!(uvs("", "1 2 3"), [Vec2::ZERO; 3]);
-    let said = read(&folder("s:import(\"m.obj\", { project = \"plan\" })"), &[])
+    let error = read(&folder("s:import(\"m.obj\", { project = \"plan\" })"), &[])
         .unwrap_err()
         .to_string();
-    assert!(said.contains("none, plane"), "{said}");
+    assert!(error.contains("none, plane"), "{error}");
 }
 
 #[test]
-fn chance_is_the_same_every_time_and_spreads() {
+fn random_functions_are_reproducible_and_scatter_is_even() {
     let body = "local r = random(7)
 for _, at in ipairs(scatter { size = { 10, 10 }, count = 200, seed = 3 }) do
   s:add { shape = shape.sphere { radius = 0.1 }, material = \"clay\", at = { at[1], noise(at[1], at[3]), at[3] }, scale = r:between(0.5, 1) }
@@ -389,12 +390,12 @@ end";
     }
     assert!(
         cells.iter().all(|n| (5..=11).contains(n)),
-        "eight a cell, nearly: {cells:?}"
+        "each cell must hold about eight: {cells:?}"
     );
 }
 
 #[test]
-fn mistakes_name_the_line_and_what_helps() {
+fn errors_in_scenes_have_their_line_and_a_hint() {
     let cases = [
         (
             "s:add { shape = shape.box { size = { 1, 1, 1 } }, material = \"caly\" }",
@@ -425,7 +426,10 @@ fn mistakes_name_the_line_and_what_helps() {
             "did you mean `roughness`?",
         ),
         ("s:material(\"x\", { roughness = 2 })", "out of range"),
-        ("s:material(\"clay\", {})", "there already"),
+        (
+            "s:material(\"clay\", {})",
+            "a material `clay` already exists",
+        ),
         (
             "s:camera { position = { 0, 0, 0 }, target = { 1, 0, 0 } }",
             "line 2",
@@ -435,7 +439,10 @@ fn mistakes_name_the_line_and_what_helps() {
             "none.png",
         ),
         ("s:import(\"none.obj\")", "none.obj"),
-        ("local x = experiment(\"t\")", "no experiment"),
+        (
+            "local x = experiment(\"t\")",
+            "a scene file cannot create an experiment",
+        ),
         (
             "texture.paint { size = { 2, 2 }, color = function() return 1, 2 end }",
             "expected one or three",
@@ -470,7 +477,7 @@ fn mistakes_name_the_line_and_what_helps() {
 }
 
 #[test]
-fn a_scene_that_is_run_as_an_experiment_says_so() {
+fn a_scene_that_is_run_as_an_experiment_is_reported() {
     let f = folder("");
     let e = lumbre::script::load(&f.path("scene.lua")).unwrap_err();
     assert!(scene::is_scene(&e), "{e}");
@@ -478,7 +485,7 @@ fn a_scene_that_is_run_as_an_experiment_says_so() {
 }
 
 #[test]
-fn every_scene_of_this_project_loads_without_a_note_has_views_and_stands_on_its_page() {
+fn every_scene_of_the_project_loads_without_notes_and_is_in_the_gallery() {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
     let page = std::fs::read_to_string(root.join("docs/gallery.md")).unwrap();
     let script = std::fs::read_to_string(root.join("scripts/scenes.lua")).unwrap();
@@ -492,7 +499,7 @@ fn every_scene_of_this_project_loads_without_a_note_has_views_and_stands_on_its_
         let text = std::fs::read_to_string(&file).unwrap();
         assert!(
             text.starts_with("-- "),
-            "{} says what it is",
+            "{} must begin with a comment",
             file.display()
         );
         let (desc, notes) = scene::read(&file, &BTreeMap::new(), MissingTextures::Fail)
@@ -527,7 +534,7 @@ fn every_scene_of_this_project_loads_without_a_note_has_views_and_stands_on_its_
 }
 
 #[test]
-fn the_scene_in_the_documentation_is_one_that_works() {
+fn the_scene_in_the_documentation_loads() {
     let readme =
         std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/README.md")).unwrap();
     let text = readme

@@ -32,7 +32,7 @@ fn shown(values: &[Value]) -> String {
 }
 
 #[test]
-fn the_head_and_the_text_are_kept() {
+fn name_seed_repeats_text_and_measurements_are_read() {
     let spec = load(GOOD).spec;
     assert_eq!((spec.name.as_str(), spec.seed, spec.repeats), ("t", 1, 2));
     assert_eq!(spec.script_text, GOOD);
@@ -46,7 +46,7 @@ fn the_head_and_the_text_are_kept() {
 }
 
 #[test]
-fn ranges_are_exact_and_numbers_are_normal() {
+fn ranges_are_exact_and_whole_numbers_become_integers() {
     assert_eq!(shown(&axis("range(0.1, 0.5, 0.1)")), "0.1 0.2 0.3 0.4 0.5");
     assert_eq!(
         axis("range(1, 3)"),
@@ -80,7 +80,7 @@ fn zipped_axes_move_together_in_the_order_of_their_names() {
         "x:axis({ \"depth\", \"radius\" }, zip({ 3, 5 }, range(0.5, 1, 0.5)))\nx:axis(\"scene\", { \"a\" })",
     ));
     let [zipped, scene] = script.spec.axes.as_slice() else {
-        panic!("two axes")
+        panic!("expected two axes")
     };
     assert_eq!(zipped.names, ["depth", "radius"]);
     assert_eq!(
@@ -94,7 +94,7 @@ fn zipped_axes_move_together_in_the_order_of_their_names() {
 }
 
 #[test]
-fn measurements_figures_and_tables() {
+fn measurements_figures_and_tables_are_read() {
     let more = "local display = tonemap.reinhard { exposure = 1 }
 x:measure { rmse = metric.rmse(), ssim = metric.ssim { on = display, range = 1.0 }, keep = { exr = \"pow2\" },
             error = metric.relmse { eps = 0.02 }, display = display, every = 0.25 }
@@ -136,7 +136,7 @@ x:table(\"speed\", { value = \"mpaths_s\", rows = \"depth\", cols = {} })";
         (Snapshots::Pow2, 0.25)
     );
     let [convergence, plain, over] = spec.figures.as_slice() else {
-        panic!("three figures")
+        panic!("expected three figures")
     };
     let y = vec!["rmse".to_owned(), "ssim".to_owned()];
     assert_eq!(
@@ -175,7 +175,7 @@ x:table(\"speed\", { value = \"mpaths_s\", rows = \"depth\", cols = {} })";
     );
     assert_eq!(over.only, [("depth".to_owned(), vec![Value::Int(5)])]);
     let [time, last, speed] = spec.tables.as_slice() else {
-        panic!("three tables")
+        panic!("expected three tables")
     };
     assert_eq!(
         time.value,
@@ -199,7 +199,7 @@ x:table(\"speed\", { value = \"mpaths_s\", rows = \"depth\", cols = {} })";
 }
 
 #[test]
-fn the_hash_is_of_the_script_and_its_modules() {
+fn the_script_hash_depends_on_the_script_and_its_modules() {
     let with = |text: &str, module: &str| {
         let folder = Folder::new(text);
         folder.put("lib/a.lua", module);
@@ -216,7 +216,7 @@ fn the_hash_is_of_the_script_and_its_modules() {
 }
 
 #[test]
-fn an_experiment_may_be_small() {
+fn an_experiment_needs_only_render_and_stop() {
     let text = "local x = experiment('small')\nx:render(function() return { scene = 's.scn', integrator = 'bpt' } end)\n\
                 x:stop(stop.samples(1))\nreturn x";
     let spec = load(text).spec;
@@ -224,7 +224,7 @@ fn an_experiment_may_be_small() {
 }
 
 #[test]
-fn the_first_script_of_the_readme_is_right() {
+fn the_first_script_of_the_readme_loads() {
     let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/first_light.lua");
     let script = lumbre::script::load(&file).unwrap();
     assert_eq!(script.spec.name, "first_light");
@@ -242,7 +242,7 @@ fn the_first_script_of_the_readme_is_right() {
 }
 
 #[test]
-fn order_warm_up_and_control_are_kept() {
+fn order_warm_up_and_aa_check_are_read() {
     let with = |options: &str, more: &str| {
         let head = format!(", {{ seed = 1, repeats = 2, {options} }}");
         load(
@@ -271,15 +271,15 @@ fn order_warm_up_and_control_are_kept() {
     );
     let wrong = [
         ("order = \"random\"", "shuffled"),
-        ("warmup = {}", "it says neither `time` nor `samples`"),
+        ("warmup = {}", "expected `time` or `samples`, found neither"),
         ("warmup = { time = 1, samples = 2 }", "exclude each other"),
         ("warmup = { time = 0 }", "a time above 0"),
     ];
-    for (options, said) in wrong {
+    for (options, expected) in wrong {
         let text = edited(", { seed = 1, repeats = 2 }", &format!(", {{ {options} }}"));
         let error = Folder::new(text).load().unwrap_err();
         assert!(
-            error.to_string().contains(said) || format!("{error:?}").contains(said),
+            error.to_string().contains(expected) || format!("{error:?}").contains(expected),
             "{options}: {error:?}"
         );
     }
