@@ -1,11 +1,11 @@
-//! The dashboard in a real terminal, from outside: tmux holds the terminal, types, and reports the
-//! screen. Skipped with a message if there is no tmux.
+//! The dashboard in a real terminal: tmux provides the terminal, sends keys and captures the
+//! screen. Skipped with a message if tmux is not installed.
 #![cfg(unix)]
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
-#![allow(clippy::print_stdout, reason = "skipped tests are reported")]
+#![allow(clippy::unwrap_used, reason = "a test that cannot continue has failed")]
+#![allow(clippy::print_stdout, reason = "skipped tests print a message")]
 
 #[path = "cli/workplace.rs"]
-#[allow(dead_code, reason = "every test binary uses its own part of this")]
+#[allow(dead_code, reason = "every test binary uses another part of it")]
 mod workplace;
 
 use std::process::Command;
@@ -13,8 +13,8 @@ use std::time::{Duration, Instant};
 
 use workplace::{SLOW, Workplace};
 
-/// Longest wait for a screen before the test fails; no wait is expected to come near it.
-const PATIENCE: Duration = Duration::from_secs(60);
+/// Longest wait for a screen before the test fails; every expected wait is far shorter.
+const MAX_WAIT: Duration = Duration::from_secs(60);
 
 /// A tmux server with one terminal; killed on drop.
 struct Terminal {
@@ -26,7 +26,7 @@ impl Terminal {
     /// prints its exit status.
     fn start(place: &Workplace, name: &str, size: (u16, u16), args: &str) -> Option<Terminal> {
         if Command::new("tmux").arg("-V").output().is_err() {
-            println!("SKIPPED: there is no tmux");
+            println!("SKIPPED: tmux is not installed");
             return None;
         }
         let terminal = Terminal {
@@ -91,15 +91,15 @@ impl Terminal {
                 return screen;
             }
             assert!(
-                since.elapsed() < PATIENCE,
+                since.elapsed() < MAX_WAIT,
                 "waited for {texts:?}, the screen is\n{screen}"
             );
             std::thread::sleep(Duration::from_millis(50));
         }
     }
 
-    /// Returns whether a program uses the alternate screen.
-    fn is_taken(&self) -> bool {
+    /// Returns whether the program uses the alternate screen.
+    fn uses_alternate_screen(&self) -> bool {
         self.tmux(&["display-message", "-p", "#{alternate_on}"])
             .trim()
             == "1"
@@ -108,12 +108,15 @@ impl Terminal {
     /// Waits until the program has ended, and checks that it restored the terminal.
     fn wait_for_end(&self, status: i32) {
         self.wait_for(&[&format!("ended with {status}")]);
-        assert!(!self.is_taken(), "the screen was not given back");
+        assert!(
+            !self.uses_alternate_screen(),
+            "the alternate screen is still in use"
+        );
         assert_eq!(
             self.tmux(&["display-message", "-p", "#{cursor_flag}"])
                 .trim(),
             "1",
-            "the cursor is not back"
+            "the cursor is still hidden"
         );
     }
 }
@@ -124,7 +127,7 @@ impl Drop for Terminal {
     }
 }
 
-/// Returns the process that a terminal's shell started.
+/// Returns the id of the process that a terminal's shell started.
 fn program_of(terminal: &Terminal) -> String {
     let shell = terminal.tmux(&["display-message", "-p", "#{pane_pid}"]);
     let output = Command::new("pgrep")
@@ -135,14 +138,14 @@ fn program_of(terminal: &Terminal) -> String {
 }
 
 #[test]
-fn a_night_is_lived_in_and_watched_from_beside() {
+fn the_dashboard_handles_keys_commands_and_resizes_while_another_terminal_watches() {
     let place = Workplace::new();
     place.write("slow.lua", &SLOW.replace("repeats = 24", "repeats = 900"));
     let Some(night) = Terminal::start(&place, "run", (80, 24), "run slow.lua") else {
         return;
     };
     let screen = night.wait_for(&["Lumbre", "slow-", "running", "Cell", "? help"]);
-    assert!(night.is_taken());
+    assert!(night.uses_alternate_screen());
     assert_eq!(
         screen.trim_end_matches('\n').lines().count(),
         24,
@@ -152,7 +155,7 @@ fn a_night_is_lived_in_and_watched_from_beside() {
     night.press(&["p"]);
     night.wait_for(&["paused", "resume"]);
     night.press(&["R"]);
-    night.wait_for(&["rendered again on"]);
+    night.wait_for(&["restarted on"]);
     night.press(&["?"]);
     night.wait_for(&["Keys and symbols"]);
     night.press(&["Escape"]);
@@ -184,7 +187,7 @@ fn a_night_is_lived_in_and_watched_from_beside() {
 }
 
 #[test]
-fn the_terminal_is_given_back_to_those_who_end_the_program_from_outside() {
+fn the_terminal_is_restored_when_sigterm_ends_the_program() {
     let place = Workplace::new();
     place.write("slow.lua", &SLOW.replace("repeats = 24", "repeats = 900"));
     let Some(night) = Terminal::start(&place, "term", (80, 24), "run slow.lua") else {
@@ -210,7 +213,7 @@ fn the_terminal_is_given_back_to_those_who_end_the_program_from_outside() {
     night.wait_for_end(75);
 }
 
-/// A night whose film has a time axis, with an area light beside a ball.
+/// An experiment whose film has a time axis, with an area light beside a ball.
 const LIGHT: &str = r#"
 local x = experiment("light", { seed = 1 })
 x:render(function(p)
@@ -222,7 +225,7 @@ return x
 "#;
 
 #[test]
-fn light_of_a_night_that_is_over_plays_through_time() {
+fn the_time_bins_of_a_finished_night_can_be_played() {
     let place = Workplace::new();
     place.write("light.lua", LIGHT);
     place.succeed(&["run", "light.lua", "-q", "--no-tui"]);
@@ -234,7 +237,7 @@ fn light_of_a_night_that_is_over_plays_through_time() {
     watcher.wait_for(&["Time playing"]);
     watcher.press(&["t"]);
     watcher.press(&[":", "time 5.6", "Enter"]);
-    // Light arrives by way of the upper half of the ball, between 5.3 and 6.3 units of path.
+    // Light reflected by the upper half of the ball arrives at optical lengths of 5.3 to 6.3.
     let still = watcher.wait_for(&["5.50 to 5.75 at 18.3 ns"]);
     assert!(
         still.contains("Time") && !still.contains("playing"),

@@ -1,6 +1,6 @@
-//! Worker processes, on the mock backend: messages through the pipe, and recovery when a worker
-//! dies.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+//! Worker processes, on the mock backend: messages through the pipe, and recovery from the loss of
+//! a worker.
+#![allow(clippy::unwrap_used, reason = "a test that cannot continue has failed")]
 
 mod common;
 
@@ -88,37 +88,37 @@ fn state(renderer: &dyn Renderer) -> Vec<u8> {
 }
 
 #[test]
-fn a_run_in_a_worker_is_the_run_itself() {
-    let mut here = MockRenderer::new(scene(), request());
+fn a_run_in_a_worker_is_bit_identical_to_a_local_run() {
+    let mut local = MockRenderer::new(scene(), request());
     let pool = pool();
     assert_eq!(
         pool.worker_id(),
         None,
-        "nothing is started before it is needed"
+        "no worker is started before it is needed"
     );
-    let mut there = pool.open("mock", &scene(), request()).unwrap();
+    let mut remote = pool.open("mock", &scene(), request()).unwrap();
     assert_eq!(
-        (there.open_stats(), there.film().samples),
-        (here.open_stats(), 0)
+        (remote.open_stats(), remote.film().samples),
+        (local.open_stats(), 0)
     );
     for samples in [1, 2, 5] {
         assert_eq!(
-            there.advance(samples).unwrap(),
-            here.advance(samples).unwrap()
+            remote.advance(samples).unwrap(),
+            local.advance(samples).unwrap()
         );
-        assert!(there.film() == here.film());
+        assert!(remote.film() == local.film());
     }
-    assert_eq!(state(&there), state(&here));
-    // A second run in the same worker continues there, on the scene that the worker holds.
+    assert_eq!(state(&remote), state(&local));
+    // A second run in the same worker uses the scene that the worker already holds.
     let worker = pool.worker_id();
     let mut again = pool.open("mock", &scene(), request()).unwrap();
-    again.restore(&state(&there)).unwrap();
-    assert!(again.film() == there.film());
-    drop(there);
+    again.restore(&state(&remote)).unwrap();
+    assert!(again.film() == remote.film());
+    drop(remote);
     again.advance(1).unwrap();
-    here.advance(1).unwrap();
-    assert!(again.film() == here.film());
-    assert_eq!(pool.worker_id(), worker, "one worker for all");
+    local.advance(1).unwrap();
+    assert!(again.film() == local.film());
+    assert_eq!(pool.worker_id(), worker, "one worker serves all runs");
 }
 
 /// Returns the sizes of the unnamed files that this process has open in a folder.
@@ -127,16 +127,16 @@ fn unnamed_in(folder: &std::path::Path) -> Vec<u64> {
     let open = std::fs::read_dir("/proc/self/fd")
         .unwrap()
         .map(|entry| entry.unwrap().path());
-    let here =
+    let is_below =
         |file: &std::path::PathBuf| std::fs::read_link(file).is_ok_and(|to| to.starts_with(folder));
-    open.filter(here)
+    open.filter(is_below)
         .map(|file| std::fs::metadata(file).unwrap().len())
         .collect()
 }
 
 #[cfg(target_os = "linux")]
 #[test]
-fn films_come_by_memory_that_both_see_or_through_the_pipe_with_the_same_bits() {
+fn films_from_shared_memory_and_from_the_pipe_are_bit_identical() {
     let memory = tempfile::tempdir().unwrap();
     let launcher = Launcher::new(env!("CARGO_BIN_EXE_lumbre").into(), ["worker"]);
     let open = |films: Option<&std::path::Path>| {
@@ -147,30 +147,33 @@ fn films_come_by_memory_that_both_see_or_through_the_pipe_with_the_same_bits() {
         let run = pool.open("mock", &scene(), request()).unwrap();
         (pool, run)
     };
-    let mut here = MockRenderer::new(scene(), request());
-    // A missing folder is not reported, since the pipe works as well.
-    let (nowhere, bytes) = (
-        memory.path().join("nowhere"),
+    let mut local = MockRenderer::new(scene(), request());
+    // A missing folder causes no error, since the pipe is used instead.
+    let (missing, bytes) = (
+        memory.path().join("missing"),
         12 * 8 * size_of::<[f64; 6]>() as u64,
     );
-    let (mut ways, mut sizes) = (
-        vec![open(Some(memory.path())), open(None), open(Some(&nowhere))],
+    let (mut runs, mut sizes) = (
+        vec![open(Some(memory.path())), open(None), open(Some(&missing))],
         vec![0, bytes],
     );
     for samples in [3, 4] {
         assert_eq!(unnamed_in(memory.path()), [sizes.remove(0)]);
-        let stats = here.advance(samples).unwrap();
-        for (_, there) in &mut ways {
-            assert_eq!(there.advance(samples).unwrap(), stats);
-            assert!(there.film() == here.film());
+        let stats = local.advance(samples).unwrap();
+        for (_, remote) in &mut runs {
+            assert_eq!(remote.advance(samples).unwrap(), stats);
+            assert!(remote.film() == local.film());
         }
     }
-    drop(ways);
-    assert!(unnamed_in(memory.path()).is_empty(), "it goes with its run");
+    drop(runs);
+    assert!(
+        unnamed_in(memory.path()).is_empty(),
+        "the memory must be released with its run"
+    );
     assert_eq!(std::fs::read_dir(memory.path()).unwrap().count(), 0);
 }
 
-/// Returns one of everything that a scene can have, and a job that requests all of it.
+/// Returns a scene with one element of every kind, and a job that uses all of them.
 fn everything() -> (Arc<CompiledScene>, Job) {
     let mut builder = SceneBuilder::new(Vec3::new(0.2, 0.5, 3.0), Vec3::ZERO, 50.0);
     let texels: Vec<[f32; 3]> = (0..6)
@@ -325,31 +328,34 @@ fn everything() -> (Arc<CompiledScene>, Job) {
 }
 
 #[test]
-fn scene_and_job_arrive_as_they_were() {
+fn a_worker_receives_scene_and_job_unchanged() {
     let (scene, job) = everything();
-    let mut here = CpuRenderer::new(Arc::clone(&scene), job.clone()).unwrap();
+    let mut local = CpuRenderer::new(Arc::clone(&scene), job.clone()).unwrap();
     let pool = pool();
-    let mut there = pool.open("cpu", &scene, job).unwrap();
-    there.advance(3).unwrap();
-    here.advance(3).unwrap();
-    assert!(here.film().sum.iter().any(|s| s[0] > 0.0));
-    assert!(there.film() == here.film(), "every bit of the picture");
+    let mut remote = pool.open("cpu", &scene, job).unwrap();
+    remote.advance(3).unwrap();
+    local.advance(3).unwrap();
+    assert!(local.film().sum.iter().any(|s| s[0] > 0.0));
     assert!(
-        here.times().is_some() && there.times() == here.times(),
-        "every bit of every bin"
+        remote.film() == local.film(),
+        "the pictures must be bit-identical"
     );
-    assert_eq!(there.layers(), here.layers());
-    for i in 0..here.layers().len() {
+    assert!(
+        local.times().is_some() && remote.times() == local.times(),
+        "the time bins must be bit-identical"
+    );
+    assert_eq!(remote.layers(), local.layers());
+    for i in 0..local.layers().len() {
         assert!(
-            there.layer(i).unwrap() == here.layer(i).unwrap(),
+            remote.layer(i).unwrap() == local.layer(i).unwrap(),
             "{}",
-            here.layers()[i].name()
+            local.layers()[i].name()
         );
     }
 }
 
 #[test]
-fn what_cannot_be_done_is_refused_as_it_would_be_here_and_the_worker_lives_on() {
+fn a_worker_refuses_unsupported_jobs_like_a_local_renderer_and_keeps_running() {
     let pool = pool();
     let wanted = Job {
         layers: vec![Layer::Depth],
@@ -375,7 +381,7 @@ fn what_cannot_be_done_is_refused_as_it_would_be_here_and_the_worker_lives_on() 
 }
 
 #[test]
-fn a_worker_that_is_killed_loses_its_runs_and_the_next_run_has_another() {
+fn a_killed_worker_loses_its_runs_and_the_next_run_starts_another_worker() {
     let pool = pool();
     let mut first = pool.open("mock", &scene(), request()).unwrap();
     let second = pool.open("mock", &scene(), request()).unwrap();
@@ -384,7 +390,7 @@ fn a_worker_that_is_killed_loses_its_runs_and_the_next_run_has_another() {
     let worker = pool.worker_id().unwrap();
     kill(worker);
     let error = first.advance(1).unwrap_err();
-    let said = error.to_string();
+    let message = error.to_string();
     assert!(
         matches!(
             error,
@@ -396,13 +402,17 @@ fn a_worker_that_is_killed_loses_its_runs_and_the_next_run_has_another() {
         "{error:?}"
     );
     assert!(
-        said.contains("worker process was lost") && said.contains("signal: 9"),
-        "{said}"
+        message.contains("worker process was lost") && message.contains("signal: 9"),
+        "{message}"
     );
-    assert_eq!(first.film().samples, 3, "what was there is still there");
+    assert_eq!(
+        first.film().samples,
+        3,
+        "the film keeps the samples from before the loss"
+    );
     assert!(
         second.save(&mut Vec::new()).is_err(),
-        "the other run is lost too"
+        "the other run of the worker is lost as well"
     );
     assert_eq!(pool.worker_id(), None);
     let mut third = pool.open("mock", &scene(), request()).unwrap();
@@ -412,11 +422,11 @@ fn a_worker_that_is_killed_loses_its_runs_and_the_next_run_has_another() {
     assert_eq!(third.film().samples, 4);
 }
 
-/// Checks a process that is stopped, as by a debugger or a driver that hangs: it is not dead, but
-/// does not answer.
+/// Stops the worker process, as a debugger or a hanging driver would: it is alive, but does not
+/// answer.
 #[cfg(unix)]
 #[test]
-fn a_worker_that_is_stopped_is_noticed_and_ended_and_its_run_goes_on_in_another() {
+fn a_stopped_worker_is_killed_after_the_heartbeat_timeout_and_its_run_resumes_in_another() {
     let arguments = vec!["worker".to_owned()];
     let heartbeat_timeout = 4 * HEARTBEAT;
     let program = env!("CARGO_BIN_EXE_lumbre").into();
@@ -458,13 +468,13 @@ fn a_worker_that_is_stopped_is_noticed_and_ended_and_its_run_goes_on_in_another(
     );
     assert!(
         start.elapsed() >= heartbeat_timeout,
-        "it was given up after {:?}",
+        "the worker was given up too early, after {:?}",
         start.elapsed()
     );
     assert_eq!(
         pool.worker_id(),
         None,
-        "it is ended, and not only left alone"
+        "the stopped worker must be killed, not only abandoned"
     );
     let mut second = pool.open("mock", &scene(), request()).unwrap();
     second.restore(&saved).unwrap();
@@ -473,7 +483,7 @@ fn a_worker_that_is_stopped_is_noticed_and_ended_and_its_run_goes_on_in_another(
 }
 
 #[test]
-fn a_worker_ends_with_the_process_that_asked_it() {
+fn a_worker_exits_when_its_pool_is_dropped() {
     let pool = pool();
     let run = pool.open("mock", &scene(), request()).unwrap();
     let worker = pool.worker_id().unwrap();
@@ -484,12 +494,13 @@ fn a_worker_ends_with_the_process_that_asked_it() {
         .unwrap()
         .status
         .success();
-    assert!(!alive, "process {worker} is still there");
+    assert!(!alive, "process {worker} is still running");
 }
 
 #[test]
-fn what_is_no_worker_is_said() {
-    // A worker that never answers is given up soon; one that does may take a while to start.
+fn programs_that_are_not_workers_are_reported() {
+    // The timeout is short for programs that never answer, and long for programs that may take a
+    // while to start.
     let open = |program: &str, arguments: &[&str], heartbeat_timeout: Duration| {
         let arguments = arguments.iter().map(|a| (*a).to_owned()).collect();
         let pool = WorkerPool::new(Launcher {
@@ -505,23 +516,29 @@ fn what_is_no_worker_is_said() {
     };
     #[cfg(unix)]
     {
-        let said = open("sleep", &["100"], 2 * HEARTBEAT);
-        assert!(said.contains("it sent no heartbeat for 1 s"), "{said}");
+        let message = open("sleep", &["100"], 2 * HEARTBEAT);
+        assert!(
+            message.contains("it sent no heartbeat for 1 s"),
+            "{message}"
+        );
     }
-    let said = open("/nowhere/lumbre", &[], 2 * HEARTBEAT);
+    let message = open("/nowhere/lumbre", &[], 2 * HEARTBEAT);
     assert!(
-        said.contains("cannot start the worker process /nowhere/lumbre"),
-        "{said}"
+        message.contains("cannot start the worker process /nowhere/lumbre"),
+        "{message}"
     );
-    let said = open(
+    let message = open(
         env!("CARGO_BIN_EXE_lumbre"),
         &["--version"],
         120 * HEARTBEAT,
     );
-    assert!(said.contains("its reply was cut off or corrupt"), "{said}");
-    let said = open(env!("CARGO_BIN_EXE_lumbre"), &["sing"], 120 * HEARTBEAT);
     assert!(
-        said.contains("it exited") && said.contains("unrecognized subcommand"),
-        "{said}"
+        message.contains("its reply was cut off or corrupt"),
+        "{message}"
+    );
+    let message = open(env!("CARGO_BIN_EXE_lumbre"), &["sing"], 120 * HEARTBEAT);
+    assert!(
+        message.contains("it exited") && message.contains("unrecognized subcommand"),
+        "{message}"
     );
 }
