@@ -1,4 +1,7 @@
-//! Vectorised light sampling for the surface points in all lanes.
+//! Light sampling for the surface points in all lanes, bit-identical to `Lights::sample_direct`.
+//!
+//! Triangles with uniform emission are sampled in vectors. All other lights are sampled lane by
+//! lane with the scalar code, and the results are merged.
 
 use glam::Vec3;
 
@@ -11,19 +14,18 @@ use crate::transport::integrator::Context;
 use crate::transport::integrator::bdpt::weights::LightEnd;
 use crate::transport::light::{LightPoint, area};
 
-/// Lights with vectorised sampling: triangles with uniform emission. All other lights are sampled
-/// one by one.
+/// Lights with vectorised sampling: triangles with uniform emission.
 #[derive(Default)]
 pub(super) struct LightTable {
     /// Corners, area, radiance and the number 1 of every emitter; zeros for emitters without
-    /// vectorised sampling. Indexed by light: light indices start with those of emitters.
+    /// vectorised sampling. The index is that of the light: emitters are the first lights.
     rows: Vec<[F32x8; 2]>,
 }
 
 /// Rows of a light without vectorised sampling.
 const NO_LIGHT: [F32x8; 2] = [F32x8([0.0; 8]); 2];
 
-/// The selected light of each lane.
+/// Selected light of each lane.
 pub(super) struct SelectedLight<R, const N: usize> {
     /// Rows of [`LightTable`]; zeros for other lights.
     pub rows: [[R; 8]; 2],
@@ -31,7 +33,7 @@ pub(super) struct SelectedLight<R, const N: usize> {
     pub light: [u32; N],
     /// Probability with which the light was selected.
     pub probability: R,
-    /// Bit set of lanes whose light is sampled on the scalar path.
+    /// Bit mask of the lanes whose light is sampled by the scalar code.
     pub scalar_lanes: u32,
 }
 
@@ -41,10 +43,10 @@ pub(super) struct LightSample<R: Real, const N: usize> {
     pub wi: R::Vec3,
     /// Radiance, or irradiance of a Dirac light.
     pub radiance: R::Vec3,
-    /// Density per solid angle, including the selection of the light; if it is zero, nothing
-    /// arrives and the other fields are undefined.
+    /// Density per solid angle, including the selection of the light. If it is zero, there is no
+    /// sample and the other fields are undefined.
     pub density: R,
-    /// Whether the light is a Dirac distribution, which no other technique can sample.
+    /// Whether the light is a Dirac distribution, which BSDF sampling cannot hit.
     pub delta: R::Mask,
     /// Distance to the light, in scene units; undefined for infinitely distant lights.
     pub distance: R,
@@ -60,7 +62,7 @@ pub(super) struct LightSample<R: Real, const N: usize> {
     probability: R,
     /// Area of the light; zero if it is sampled on the scalar path.
     area: R,
-    /// Bit set of lanes whose light is sampled on the scalar path.
+    /// Bit mask of the lanes whose light is sampled by the scalar code.
     scalar_lanes: u32,
 }
 
@@ -145,7 +147,7 @@ impl LightTable {
         let radiance = R::Vec3::new(b[2], b[3], b[4]);
         let (delta, infinite) = (R::Mask::splat(false), R::Mask::splat(false));
         let area = b[1];
-        let mut direct = LightSample {
+        let mut sample = LightSample {
             wi,
             radiance,
             density,
@@ -161,54 +163,54 @@ impl LightTable {
         };
         if scalar_lanes != 0 {
             let from = [from.x().store(), from.y().store(), from.z().store()];
-            let [sampled, end] =
+            let [light_rows, point_rows] =
                 sample_scalar_lights(context, scalar_lanes, light, from, [u.store(), v.store()]);
-            direct = direct.select_known(
+            sample = sample.merge_scalar(
                 b[5].gt(R::splat(0.0)),
-                R::transpose_load(sampled.each_ref()),
-                R::transpose_load(end.each_ref()),
+                R::transpose_load(light_rows.each_ref()),
+                R::transpose_load(point_rows.each_ref()),
             );
         }
         LightSample {
-            density: direct.density * probability,
-            ..direct
+            density: sample.density * probability,
+            ..sample
         }
     }
 }
 
 impl<R: Lanes<N>, const N: usize> LightSample<R, N> {
-    /// Returns `self` in the lanes of `known`, and the result of [`sample_scalar_lights`] in all
-    /// others.
+    /// Returns `self` in the lanes of `vectorised`, and the result of [`sample_scalar_lights`] in
+    /// all others.
     #[inline(always)]
-    fn select_known(self, known: R::Mask, light: [R; 8], end: [R; 8]) -> LightSample<R, N> {
+    fn merge_scalar(self, vectorised: R::Mask, light: [R; 8], point: [R; 8]) -> LightSample<R, N> {
         let zero = R::splat(0.0);
         let [x, y, z, r, g, b, density, delta] = light;
-        let [px, py, pz, nx, ny, nz, infinite, distance] = end;
+        let [px, py, pz, nx, ny, nz, infinite, distance] = point;
         LightSample {
-            wi: R::Vec3::select(known, self.wi, R::Vec3::new(x, y, z)),
-            radiance: R::Vec3::select(known, self.radiance, R::Vec3::new(r, g, b)),
-            density: R::select(known, self.density, density),
-            delta: !known & delta.gt(zero),
-            distance: R::select(known, self.distance, distance),
-            at: R::Vec3::select(known, self.at, R::Vec3::new(px, py, pz)),
-            normal: R::Vec3::select(known, self.normal, R::Vec3::new(nx, ny, nz)),
-            infinite: !known & infinite.gt(zero),
+            wi: R::Vec3::select(vectorised, self.wi, R::Vec3::new(x, y, z)),
+            radiance: R::Vec3::select(vectorised, self.radiance, R::Vec3::new(r, g, b)),
+            density: R::select(vectorised, self.density, density),
+            delta: !vectorised & delta.gt(zero),
+            distance: R::select(vectorised, self.distance, distance),
+            at: R::Vec3::select(vectorised, self.at, R::Vec3::new(px, py, pz)),
+            normal: R::Vec3::select(vectorised, self.normal, R::Vec3::new(nx, ny, nz)),
+            infinite: !vectorised & infinite.gt(zero),
             ..self
         }
     }
 
-    /// Returns the MIS terms of the light for bidirectional paths, where `from` is the position and
-    /// normal of the shaded points.
+    /// Returns the MIS terms of the sampled lights for `bdpt`. `from` is the position and normal of
+    /// the shaded points.
     #[inline(always)]
     pub fn mis_terms(&self, context: &Context, from: [R::Vec3; 2]) -> LightEnd<R> {
         let (light, dir) = ([self.at, self.normal], -self.wi);
-        let plain = triangle_mis_terms(light, from, dir, [self.probability, self.area]);
+        let triangles = triangle_mis_terms(light, from, dir, [self.probability, self.area]);
         if self.scalar_lanes == 0 {
-            return plain;
+            return triangles;
         }
         let zero = R::splat(0.0);
         let mut points = [None; N];
-        let places = R::transpose_store([
+        let point_rows = R::transpose_store([
             light[0].x(),
             light[0].y(),
             light[0].z(),
@@ -219,7 +221,7 @@ impl<R: Lanes<N>, const N: usize> LightSample<R, N> {
             zero,
         ]);
         for i in active_lanes(self.scalar_lanes) {
-            let [x, y, z, a, b, c, ..] = places[i].0;
+            let [x, y, z, a, b, c, ..] = point_rows[i].0;
             let (position, normal) = (Vec3::new(x, y, z), Vec3::new(a, b, c));
             points[i] = Some(LightPoint {
                 light: context.lights.id(self.light[i]),
@@ -228,13 +230,13 @@ impl<R: Lanes<N>, const N: usize> LightSample<R, N> {
                 uv: Uv::default(),
             });
         }
-        with_scalar_mis_terms(context, plain, self.area.gt(zero), &points, from, dir)
+        with_scalar_mis_terms(context, triangles, self.area.gt(zero), &points, from, dir)
     }
 }
 
 /// Returns the MIS terms of points on triangles with uniform emission. `light` and `next` are
-/// position and normal of the point and of the next vertex, `dir` is the direction to that vertex;
-/// then the selection probability and area of the light.
+/// position and normal of the point and of the next vertex, `dir` is the direction to that vertex,
+/// `probability` and `area` are those of the light.
 #[inline(always)]
 pub(super) fn triangle_mis_terms<R: Real>(
     light: [R::Vec3; 2],
@@ -248,18 +250,19 @@ pub(super) fn triangle_mis_terms<R: Real>(
     LightEnd::on_surface(light, next, [start_a, dir_w, direct_w])
 }
 
-/// Returns `plain` in the lanes of `known`, and the MIS terms of `points` in all others.
+/// Returns `triangles` in the lanes of `vectorised`, and the MIS terms of `points` in all others.
+/// `next` and `n` are position and normal of the next vertex, `dir` is the direction to it.
 #[inline(always)]
 pub(super) fn with_scalar_mis_terms<R: Lanes<N>, const N: usize>(
     context: &Context,
-    plain: LightEnd<R>,
-    known: R::Mask,
+    triangles: LightEnd<R>,
+    vectorised: R::Mask,
     points: &[Option<LightPoint>; N],
     [next, n]: [R::Vec3; 2],
     dir: R::Vec3,
 ) -> LightEnd<R> {
     let zero = R::splat(0.0);
-    let nexts = R::transpose_store([
+    let next_rows = R::transpose_store([
         next.x(),
         next.y(),
         next.z(),
@@ -269,31 +272,32 @@ pub(super) fn with_scalar_mis_terms<R: Lanes<N>, const N: usize>(
         zero,
         zero,
     ]);
-    let dirs = R::transpose_store([dir.x(), dir.y(), dir.z(), zero, zero, zero, zero, zero]);
-    let [start, direct, next, back] = scalar_mis_terms(context, points, &nexts, &dirs);
+    let dir_rows = R::transpose_store([dir.x(), dir.y(), dir.z(), zero, zero, zero, zero, zero]);
+    let [start, direct, next, back] = scalar_mis_terms(context, points, &next_rows, &dir_rows);
     LightEnd {
-        start: R::Double::select(known, plain.start, R::load_doubles(&start)),
-        direct: R::Double::select(known, plain.direct, R::load_doubles(&direct)),
-        next: R::Double::select(known, plain.next, R::load_doubles(&next)),
-        back: R::select(known, plain.back, R::load_doubles(&back).single()),
+        start: R::Double::select(vectorised, triangles.start, R::load_doubles(&start)),
+        direct: R::Double::select(vectorised, triangles.direct, R::load_doubles(&direct)),
+        next: R::Double::select(vectorised, triangles.next, R::load_doubles(&next)),
+        back: R::select(vectorised, triangles.back, R::load_doubles(&back).single()),
     }
 }
 
-/// Computes [`LightEnd::new`] of each point and stores its four numbers in rows.
+/// Computes [`LightEnd::new`] of each point. Returns one array per field: `start`, `direct`, `next`
+/// and `back`.
 fn scalar_mis_terms<const N: usize>(
     context: &Context,
     points: &[Option<LightPoint>; N],
-    nexts: &[F32x8; N],
-    dirs: &[F32x8; N],
+    next_rows: &[F32x8; N],
+    dir_rows: &[F32x8; N],
 ) -> [[f64; N]; 4] {
-    let mut sampled = [[0.0; N]; 4];
+    let mut terms = [[0.0; N]; 4];
     for (i, point) in points
         .iter()
         .enumerate()
         .filter_map(|(i, p)| Some((i, p.as_ref()?)))
     {
-        let [x, y, z, a, b, c, ..] = nexts[i].0;
-        let [u, v, w, ..] = dirs[i].0;
+        let [x, y, z, a, b, c, ..] = next_rows[i].0;
+        let [u, v, w, ..] = dir_rows[i].0;
         let end = LightEnd::new(
             context,
             point,
@@ -307,19 +311,16 @@ fn scalar_mis_terms<const N: usize>(
             next,
             back,
         } = end;
-        for (row, number) in sampled
-            .iter_mut()
-            .zip([start, direct, next, f64::from(back)])
-        {
+        for (row, number) in terms.iter_mut().zip([start, direct, next, f64::from(back)]) {
             row[i] = number;
         }
     }
-    sampled
+    terms
 }
 
-/// Samples the lights of the given lanes one by one. Returns two rows per lane: direction,
-/// radiance, density without the selection, and 1 for a Dirac light; then the light's position, its
-/// normal, 1 if it is infinitely distant, and the distance.
+/// Samples the lights of the given lanes with the scalar code. Returns two rows per lane. Row 0:
+/// direction, radiance, density without the selection, and 1 for a Dirac light. Row 1: position on
+/// the light, normal, 1 if it is infinitely distant, and distance.
 fn sample_scalar_lights<const N: usize>(
     context: &Context,
     lanes: u32,

@@ -1,4 +1,7 @@
 //! Classes of materials with a vectorised BSDF, and the table of their parameters.
+//!
+//! All surfaces of a class have the same lobes and the same kind of primitive, so that the lanes of
+//! a vector mostly take the same branches. Classes affect speed only, never results.
 
 use std::collections::BTreeMap;
 
@@ -14,25 +17,24 @@ use crate::scene::compile::{Material, Model, NONE};
 use crate::transport::bsdf::disney::Disney;
 use crate::transport::integrator::Context;
 
-/// Class of a primitive without a vectorised material.
+/// Value for primitives without a class.
 const NO_CLASS: u8 = u8::MAX;
 
 /// Table of surfaces with a vectorised BSDF: `disney` without textures and anisotropy, and purely
-/// diffuse `lambert`. They are sorted into classes with the same lobes, so that the lanes of a
-/// vector seldom diverge.
+/// diffuse `lambert` without textures.
 pub(super) struct MaterialTable {
     /// SIMD width of the kernels.
     pub(super) width: Width,
-    /// Class of every primitive.
+    /// Class of every primitive, or [`NO_CLASS`].
     class_of: Vec<u8>,
-    /// Material of every primitive, as an index of `rows`.
+    /// Material of every primitive, as an index into `rows`; valid only for those with a class.
     pub(super) material_of: Vec<u32>,
-    /// BSDF of every material, as [`vertices::disney_rows`] or [`vertices::lambert_rows`] writes
-    /// it.
+    /// BSDF of every material, in the format of [`vertices::disney_rows`] or
+    /// [`vertices::lambert_rows`].
     pub(super) rows: Vec<[F32x8; 3]>,
     /// Traits of every class.
     traits: Vec<ClassTraits>,
-    /// Lights for light sampling.
+    /// Lights with vectorised sampling; empty if the integrator does not connect vertices.
     pub(super) lights: LightTable,
 }
 
@@ -105,7 +107,7 @@ impl ClassTraits {
     }
 }
 
-/// Returns the BSDF of a material if it is the same everywhere and can be shaded in vectors.
+/// Returns the BSDF of a material if it is the same everywhere and has a vectorised implementation.
 fn vector_bsdf(scene: &CompiledScene, m: &Material) -> Option<VectorBsdf> {
     let textures = [
         m.base_color_texture,
@@ -115,7 +117,7 @@ fn vector_bsdf(scene: &CompiledScene, m: &Material) -> Option<VectorBsdf> {
         m.normal_texture,
         m.bump_texture,
     ];
-    let plain = textures == [NONE; 6] && m.anisotropic == 0.0 && scene.colors.is_empty();
+    let uniform = textures == [NONE; 6] && m.anisotropic == 0.0 && scene.colors.is_empty();
     let dielectric = 1.0 - m.metallic;
     let mix = [
         dielectric * m.opacity,
@@ -123,20 +125,21 @@ fn vector_bsdf(scene: &CompiledScene, m: &Material) -> Option<VectorBsdf> {
         dielectric * (1.0 - m.opacity),
     ];
     match m.model {
-        Model::Disney if plain => Some(VectorBsdf::Disney(Disney::new(
+        Model::Disney if uniform => Some(VectorBsdf::Disney(Disney::new(
             m,
             m.base_color,
             m.roughness,
             mix,
         ))),
-        Model::Lambert if plain && mix == [1.0, 0.0, 0.0] => {
+        Model::Lambert if uniform && mix == [1.0, 0.0, 0.0] => {
             Some(VectorBsdf::Lambert(m.base_color))
         }
         _ => None,
     }
 }
 
-/// Returns whether every surface of a scene has a vectorised BSDF or ends paths.
+/// Returns whether every surface of a scene has a vectorised BSDF or ends paths. False in scenes
+/// with instances.
 pub(super) fn all_vectorized(scene: &CompiledScene) -> bool {
     let vectorized: Vec<bool> = scene
         .materials
@@ -158,13 +161,13 @@ fn ends_paths(scene: &CompiledScene, primitive: u32, material: usize) -> bool {
 impl MaterialTable {
     /// Builds the table of a scene, or returns `None` if no surface has a vectorised BSDF.
     ///
-    /// `connected`: whether the integrator connects vertices to lights. `emissive`: whether
-    /// emitters that also reflect are included.
+    /// `connected`: whether the integrator connects vertices to lights. `with_emitters`: whether
+    /// emitters that also reflect get a class.
     pub fn new(
         scene: &CompiledScene,
         width: Width,
         connected: bool,
-        emissive: bool,
+        with_emitters: bool,
     ) -> Option<MaterialTable> {
         let bsdfs: Vec<Option<VectorBsdf>> = scene
             .materials
@@ -178,21 +181,27 @@ impl MaterialTable {
             (0..scene.world_triangles()).chain(scene.triangles.len()..scene.primitive_count());
         for i in world {
             let primitive = i as u32;
-            let row = scene.material_of(primitive, NONE);
+            let material = scene.material_of(primitive, NONE);
             let emits = scene.emitter_of(primitive, NONE) != NONE;
-            let reflects = emissive && scene.materials[row as usize].emitter_reflects;
-            if let Some(bsdf) = bsdfs[row as usize].as_ref().filter(|_| !emits || reflects) {
+            let allowed = with_emitters && scene.materials[material as usize].emitter_reflects;
+            if let Some(bsdf) = bsdfs[material as usize]
+                .as_ref()
+                .filter(|_| !emits || allowed)
+            {
                 let next = classes.len() as u8;
                 let traits = ClassTraits::from_bsdf(bsdf, i >= scene.triangles.len(), connected);
                 if next < NO_CLASS || classes.contains_key(&traits) {
                     class_of[i] = *classes.entry(traits).or_insert(next);
-                    material_of[i] = row;
+                    material_of[i] = material;
                 }
             }
         }
         let rows = bsdfs
             .iter()
-            .map(|k| k.as_ref().map_or([F32x8::default(); 3], VectorBsdf::rows))
+            .map(|bsdf| {
+                bsdf.as_ref()
+                    .map_or([F32x8::default(); 3], VectorBsdf::rows)
+            })
             .collect();
         let mut traits: Vec<(u8, ClassTraits)> = classes
             .into_iter()
@@ -215,12 +224,12 @@ impl MaterialTable {
         })
     }
 
-    /// Returns whether the table contains every surface at which a path can continue; surfaces that
-    /// end paths are not needed.
+    /// Returns whether every surface at which a path can continue has a class. False in scenes with
+    /// instances.
     pub fn covers(&self, scene: &CompiledScene) -> bool {
         let world =
             (0..scene.world_triangles()).chain(scene.triangles.len()..scene.primitive_count());
-        let is_end = |primitive: u32| {
+        let is_path_end = |primitive: u32| {
             ends_paths(
                 scene,
                 primitive,
@@ -230,7 +239,7 @@ impl MaterialTable {
         scene.instances.placements.is_empty()
             && world
                 .map(|i| i as u32)
-                .all(|i| self.class(i).is_some() || is_end(i))
+                .all(|i| self.class(i).is_some() || is_path_end(i))
     }
 
     /// Returns the traits of a class.
@@ -244,7 +253,7 @@ impl MaterialTable {
         self.traits.len()
     }
 
-    /// Returns the class of a world primitive, or `None` without a vectorised BSDF.
+    /// Returns the class of a primitive outside instances, or `None` if it has no vectorised BSDF.
     #[inline]
     pub fn class(&self, primitive: u32) -> Option<usize> {
         let class = self.class_of[primitive as usize];

@@ -1,21 +1,26 @@
-//! Vectorised path tracer for `nee`, `bpt` and `bdpt`: advances many paths one step at a time,
-//! sorted by material between steps, and shades as many at once as a SIMD vector has lanes: 16 with
-//! AVX-512, 8 with AVX2. [`Wavefront`] is the entry point.
+//! Vectorised path tracer for `nee`, `bpt` and `bdpt`. It advances many paths by one step at a
+//! time, sorts them by material between steps, and shades one path per lane of a SIMD vector: 16
+//! with AVX-512, 8 with AVX2. [`Wavefront`] is the entry point.
 //!
-//! A tile is 256 consecutive samples, whose paths begin in [`ray_generation`]. In each step the
-//! rays are traced one by one. Hits on surfaces with a [vectorised material](material_classes) are
-//! gathered by class into full vectors and shaded together ([`shade`]); all others run the scalar
-//! step of [`nee`] or [`bpt`]. Contributions of [sampled lights](light_sampling) wait for their
-//! shadow ray until all hits are shaded. [`bdpt`](self::bdpt) has a tile of its own, and
-//! [`small_scene`] traces rays in scenes of few primitives.
+//! A step of `nee` and `bpt` treats all paths of a tile, which is 256 consecutive samples:
 //!
-//! Results are bit-identical to the scalar path, which tests compare: the equations are those of
-//! [`crate::transport`], written once for any number of lanes, and the contributions of a sample
-//! are added in the order of its path. The identity of a run therefore does not depend on it.
+//! - [`ray_generation`] creates the camera rays of the first step.
+//! - Rays are traced one by one, or vectorised by [`small_scene`] in scenes of few primitives.
+//! - Hits on surfaces with a [vectorised material](material_classes) are gathered by class and
+//!   shaded in full vectors ([`shade`], [`vertices`]). All others run the scalar step of [`nee`] or
+//!   [`bpt`].
+//! - Shadow rays to [sampled lights](light_sampling) are traced after all hits are shaded.
+//!
+//! [`bdpt`](self::bdpt) has tiles and steps of its own.
+//!
+//! Invariant: results are bit-identical to the scalar path, which tests check. The equations are
+//! those of [`crate::transport`], written once for any number of lanes, and the contributions of a
+//! sample are added in the order of its path. The run id therefore does not depend on
+//! vectorisation.
 //!
 //! With a time axis each path also tracks its [time of flight](time_of_flight), and its
-//! contributions are stored separately until the tile is done. The constant `TIMED` compiles that
-//! code separately.
+//! contributions are stored individually until the tile is done. The constant parameter `TIMED`
+//! compiles this case separately.
 //!
 //! [`nee`]: crate::transport::integrator::nee
 //! [`bpt`]: crate::transport::integrator::bpt
@@ -54,14 +59,14 @@ use material_classes::MaterialTable;
 pub use small_scene::SmallScene;
 use time_of_flight::EmissionDelays;
 
-/// Number of samples in a tile. Their records fill half of a typical 48 KiB L1 data cache.
+/// Number of samples in a tile of `nee` and `bpt`. Their records fill half of a 48 KiB L1 data
+/// cache.
 const TILE_SAMPLES: usize = 256;
 
-/// Value stored as density if the last scattering was specular.
+/// Value stored as the density of the last scattering event if that was a Dirac event.
 const SPECULAR: f32 = -1.0;
 
-/// Returns the scalar step of an integrator, or `None` for `bdpt`, which has two subpaths per
-/// sample.
+/// Returns the scalar step of an integrator, or `None` for `bdpt`, which has none.
 fn scalar_step<const TIMED: bool>(integrator: VectorIntegrator) -> Option<StepFn<TIMED>> {
     match integrator {
         VectorIntegrator::Nee => Some(nee::step),
@@ -74,19 +79,22 @@ fn scalar_step<const TIMED: bool>(integrator: VectorIntegrator) -> Option<StepFn
 pub struct Wavefront {
     integrator: VectorIntegrator,
     table: MaterialTable,
-    small: Option<SmallScene>,
+    small_scene: Option<SmallScene>,
 }
 
-/// State of a path between two steps, in three rows of eight numbers: rows 0 and 1 hold
-/// [`PathState`], the number of random numbers drawn and the optical length so far; row 2 holds the
-/// hit of its ray and the key of its sampler.
+/// State of a path between two steps, in three rows of eight numbers.
+///
+/// Row 0: origin and direction of the ray, and the first two components of the throughput. Row 1:
+/// the third; position of the last vertex; density of the last scattering event, or [`SPECULAR`];
+/// `eta_scale` of [`PathState`]; number of random numbers drawn; optical length so far (with a time
+/// axis). Row 2: hit of the ray, and key of the sampler.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(32))]
 struct PathRecord {
     rows: [F32x8; 3],
 }
 
-/// Contribution of a sampled light whose shadow ray is not traced yet.
+/// Contribution of a sampled light whose shadow ray has not been traced.
 #[derive(Clone, Copy, Debug)]
 struct PendingLight {
     ray: Ray,
@@ -103,9 +111,10 @@ struct PathTile {
     emission_delays: EmissionDelays,
     /// Refractive index of the medium each path is in; used only with a time axis.
     medium_index: Vec<f32>,
+    /// Radiance of each path so far.
     values: Vec<Vec3>,
-    pending: Vec<PendingLight>,
-    /// Positions in the time axis of the pending contributions; used only with a time axis.
+    pending_lights: Vec<PendingLight>,
+    /// Positions of the pending contributions on the time axis; used only with a time axis.
     bin_positions: Vec<f64>,
     /// Individual contributions that `values` is the sum of; used only with a time axis.
     timed: TimedContributions,
@@ -113,8 +122,9 @@ struct PathTile {
     active: Vec<u32>,
     /// Paths that continue after the current step.
     next: Vec<u32>,
-    /// Paths that hit a surface of each material class; empty between steps.
+    /// Paths that hit a surface, by material class; empty between steps.
     by_class: Vec<Vec<u32>>,
+    /// Rays that are traced next, with their maximum distances.
     rays: Vec<(Ray, f32)>,
     hits: Vec<Option<Hit>>,
     occluded: Vec<bool>,
@@ -170,7 +180,7 @@ impl PathRecord {
     }
 }
 
-/// Returns the ray stored in the first six numbers of a row.
+/// Returns the ray that is stored in the first six numbers of a row.
 #[inline]
 fn ray_from_row(row: &F32x8) -> Ray {
     let [x, y, z, u, v, w, ..] = row.0;
@@ -180,7 +190,8 @@ fn ray_from_row(row: &F32x8) -> Ray {
     }
 }
 
-/// Returns the sampler whose key is stored in the last four numbers of a row, after `taken` draws.
+/// Returns the sampler whose key is stored in the last four numbers of a row, after `taken` numbers
+/// were drawn.
 #[inline]
 fn sampler_from_row(row: &F32x8, taken: u32) -> Independent {
     let [.., a, b, c, d] = row.0;
@@ -194,10 +205,13 @@ fn store_hit(row: &mut F32x8, hit: &Hit) {
 }
 
 impl Wavefront {
-    /// Creates the path tracer for a job, or returns `None` if it cannot be used: the processor
-    /// lacks AVX2, the job's settings [rule it out](scalar_reason), the scene has delays or shadow
-    /// terminators, no material has a vectorised BSDF, or, unless `lanes` is `always`, any material
-    /// lacks one.
+    /// Creates the path tracer for a job. Returns `None` if it cannot be used:
+    ///
+    /// - `lanes` is `never`, or it is `auto` and any material lacks a vectorised BSDF;
+    /// - no material has a vectorised BSDF, or with `bdpt` any at which paths continue lacks one;
+    /// - the job's settings [rule it out](scalar_reason);
+    /// - the scene has delays or shadow terminators;
+    /// - the processor lacks AVX2, or the hierarchy was built for the portable instruction set.
     pub fn new(scene: &CompiledScene, job: &Job, accel: &Accel) -> Option<Wavefront> {
         let integrator = VectorIntegrator::from_row(job.integrator)?;
         let requested = match job.accel.lanes {
@@ -233,38 +247,40 @@ impl Wavefront {
         table.map(|table| Wavefront {
             integrator,
             table,
-            small: SmallScene::new_if_small(accel, width),
+            small_scene: SmallScene::new_if_small(accel, width),
         })
     }
 
-    /// Returns the tracer of many rays at once, if the scene is small.
+    /// Returns the tracer of rays in small scenes, if this scene is small.
     pub fn small_scene(&self) -> Option<&SmallScene> {
-        self.small.as_ref()
+        self.small_scene.as_ref()
     }
 
-    /// Renders samples of all pixels of row `y` and adds them to `row`, in the order of the scalar
-    /// loops: first all splats of a tile, then the contributions to the samples' own pixels.
+    /// Renders the given samples of all pixels of row `y` and adds them to `film`, in the order of
+    /// the scalar path. Within a tile, all splats are added before the contributions to the
+    /// samples' own pixels.
     pub fn render_row(
         &self,
         context: &Context,
         job: &Job,
         y: u32,
         samples: Range<u64>,
-        row: &mut RowFilm,
+        film: &mut RowFilm,
     ) {
         match context.timing {
-            None => self.render_row_with::<false>(context, job, y, samples, row),
-            Some(_) => self.render_row_with::<true>(context, job, y, samples, row),
+            None => self.render_row_with::<false>(context, job, y, samples, film),
+            Some(_) => self.render_row_with::<true>(context, job, y, samples, film),
         }
     }
 
+    /// Does the work of [`Wavefront::render_row`]; `TIMED` if the film has a time axis.
     fn render_row_with<const TIMED: bool>(
         &self,
         context: &Context,
         job: &Job,
         y: u32,
         samples: Range<u64>,
-        row: &mut RowFilm,
+        film: &mut RowFilm,
     ) {
         let (mut tile, mut buffers) = (PathTile::default(), bdpt::TileBuffers::default());
         let step = scalar_step::<TIMED>(self.integrator);
@@ -276,10 +292,18 @@ impl Wavefront {
         let mut ids: Vec<SampleId> = Vec::with_capacity(size);
         let mut render = |ids: &mut Vec<SampleId>| {
             match step {
-                Some(step) => self.render_tile::<TIMED>(step, context, job, y, ids, &mut tile, row),
-                None => {
-                    bdpt::render_tile::<TIMED>(&self.table, context, job, y, ids, &mut buffers, row)
+                Some(step) => {
+                    self.render_tile::<TIMED>(step, context, job, y, ids, &mut tile, film)
                 }
+                None => bdpt::render_tile::<TIMED>(
+                    &self.table,
+                    context,
+                    job,
+                    y,
+                    ids,
+                    &mut buffers,
+                    film,
+                ),
             }
             ids.clear();
         };
@@ -294,6 +318,7 @@ impl Wavefront {
         render(&mut ids);
     }
 
+    /// Renders the given samples of row `y` with `nee` or `bpt` and adds them to `film`.
     #[expect(clippy::too_many_arguments, reason = "a tile needs all of them")]
     fn render_tile<const TIMED: bool>(
         &self,
@@ -303,7 +328,7 @@ impl Wavefront {
         y: u32,
         ids: &[SampleId],
         tile: &mut PathTile,
-        row: &mut RowFilm,
+        film: &mut RowFilm,
     ) {
         tile.records.clear();
         ray_generation::generate(
@@ -324,9 +349,10 @@ impl Wavefront {
             tile.timed.clear();
         }
         self.trace_paths::<TIMED>(step, context, ids, y, tile);
-        add_to_film(context, ids, &tile.values, &mut tile.timed, row);
+        add_to_film(context, ids, &tile.values, &mut tile.timed, film);
     }
 
+    /// Traces all paths of a tile to their end, one step of all paths at a time.
     fn trace_paths<const TIMED: bool>(
         &self,
         step: StepFn<TIMED>,
@@ -352,9 +378,9 @@ impl Wavefront {
             for (i, path) in active.iter().copied().enumerate() {
                 let hit = tile.hits[i];
                 let record = &mut tile.records[path as usize];
-                let class = hit.filter(|h| h.instance == NONE && depth < context.max_depth);
+                let shadable = hit.filter(|h| h.instance == NONE && depth < context.max_depth);
                 if let Some((class, hit)) =
-                    class.and_then(|h| Some((self.table.class(h.primitive)?, h)))
+                    shadable.and_then(|h| Some((self.table.class(h.primitive)?, h)))
                 {
                     record.set_hit(&hit);
                     by_class[class].push(path);
@@ -372,22 +398,23 @@ impl Wavefront {
                     tile.next.push(path);
                 }
             }
-            for (class, list) in by_class.iter_mut().enumerate() {
-                self.table.shade::<TIMED>(class, context, depth, list, tile);
-                list.clear();
+            for (class, paths) in by_class.iter_mut().enumerate() {
+                self.table
+                    .shade::<TIMED>(class, context, depth, paths, tile);
+                paths.clear();
             }
             tile.rays.clear();
-            // Coincident points are visible to each other.
+            // Coincident points are mutually visible and need no shadow ray.
             tile.rays.extend(
-                tile.pending
+                tile.pending_lights
                     .iter()
-                    .map(|w| (w.ray, w.distance))
+                    .map(|light| (light.ray, light.distance))
                     .filter(|(_, d)| *d > 0.0 || d.is_nan()),
             );
             tile.occluded.clear();
             context.trace.occluded_each(&tile.rays, &mut tile.occluded);
             let mut occluded = tile.occluded.iter();
-            for (i, light) in tile.pending.drain(..).enumerate() {
+            for (i, light) in tile.pending_lights.drain(..).enumerate() {
                 if light.distance <= 0.0 || occluded.next() == Some(&false) {
                     let PendingLight { path, value, .. } = light;
                     tile.values[path as usize] += value;
@@ -403,7 +430,7 @@ impl Wavefront {
     }
 }
 
-/// Runs the scalar step of one path; returns whether the path continues.
+/// Runs the scalar step of one path. Returns whether the path continues.
 fn run_scalar_step<const TIMED: bool>(
     step: StepFn<TIMED>,
     context: &Context,
@@ -472,23 +499,23 @@ fn run_scalar_step<const TIMED: bool>(
     continues
 }
 
-/// Adds the contributions of samples to their own pixels to the film: the sums and, with a time
-/// axis, the individual contributions.
+/// Adds samples to their own pixels: their radiance `values` and, with a time axis, the individual
+/// contributions `timed`.
 fn add_to_film(
     context: &Context,
     ids: &[SampleId],
     values: &[Vec3],
     timed: &mut TimedContributions,
-    row: &mut RowFilm,
+    film: &mut RowFilm,
 ) {
     let timed = context.timing.map(|_| {
         timed.sort(ids.len());
         timed
     });
-    row.add_batch(ids, values, timed);
+    film.add_batch(ids, values, timed);
 }
 
-/// Returns whether a step would end the path without any contribution; known from the hit alone.
+/// Returns whether the hit alone determines that the step ends the path without a contribution.
 #[inline]
 fn contributes_nothing(context: &Context, depth: u32, hit: Option<Hit>) -> bool {
     match hit {

@@ -1,4 +1,5 @@
-//! Vectorised generation of the camera rays of a tile.
+//! Generates the camera rays of a tile, one sample per lane. Sampler keys, random numbers and rays
+//! have the bits of the scalar path.
 
 use super::{PathRecord, SPECULAR};
 use crate::math::real::{Vector, Word};
@@ -8,8 +9,8 @@ use crate::render::cpu::films::contributions::SampleId;
 use crate::transport::camera::Camera;
 use crate::transport::sampler::Independent;
 
-/// Appends the initial record of each sample of row `y`, given by column and index: its sampler key
-/// and its camera ray.
+/// Appends the initial record of each given sample of row `y`: its camera ray, the key of its
+/// sampler, and a throughput of 1.
 pub(super) fn generate(
     width: Width,
     job: &Job,
@@ -30,6 +31,7 @@ pub(super) fn generate(
     );
 }
 
+/// Kernel of [`generate`].
 struct CameraRays<'a> {
     job: &'a Job,
     camera: &'a Camera,
@@ -55,6 +57,8 @@ impl SimdKernel for CameraRays<'_> {
     }
 }
 
+/// Appends the records of the first `count` lanes. `inputs` holds the input of the sampler key and the
+/// column of each sample.
 #[inline(always)]
 fn generate_lanes<R: Lanes<N>, const N: usize>(
     camera: &Camera,

@@ -1,4 +1,5 @@
-//! Vectorised shading: one step of as many paths as there are lanes.
+//! Vectorised shading: one step of one path per lane, for `nee` and `bpt`. All paths of a vector
+//! hit surfaces of one class.
 
 use glam::Vec3;
 
@@ -18,8 +19,9 @@ use crate::transport::sampler::Independent;
 use crate::transport::surface::SurfacePoint;
 use crate::transport::vertex::towards;
 
-/// Returns the shadow rays between surface points, given by position and normal; or from `from`
-/// towards `wi` in the lanes of `infinite`. Each row holds origin, direction and distance.
+/// Returns the shadow rays between two points, each given by position and normal. In the lanes of
+/// `infinite` they go from the first point towards `wi`. Each row holds origin, direction and
+/// distance, and is read by [`shadow_ray`].
 #[inline(always)]
 pub(super) fn shadow_rays<R: Lanes<N>, const N: usize>(
     [from, n]: [R::Vec3; 2],
@@ -46,7 +48,7 @@ pub(super) fn shadow_rays<R: Lanes<N>, const N: usize>(
     ])
 }
 
-/// Returns the ray and the distance in a row of [`shadow_rays`].
+/// Returns the ray and its maximum distance from a row of [`shadow_rays`].
 #[inline]
 pub(super) fn shadow_ray(row: &F32x8) -> (Ray, f32) {
     let [x, y, z, dx, dy, dz, distance, _] = row.0;
@@ -59,7 +61,7 @@ pub(super) fn shadow_ray(row: &F32x8) -> (Ray, f32) {
     )
 }
 
-/// Runs one step of paths that hit surfaces of one class; paths that continue are appended to
+/// Runs one step of paths that hit surfaces of one class. Appends the paths that continue to
 /// `tile.next`.
 pub(super) fn shade_class<const TIMED: bool>(
     table: &MaterialTable,
@@ -82,6 +84,7 @@ pub(super) fn shade_class<const TIMED: bool>(
     );
 }
 
+/// Kernel of [`shade_class`].
 struct ShadeKernel<'a, const TIMED: bool> {
     table: &'a MaterialTable,
     traits: ClassTraits,
@@ -109,6 +112,7 @@ impl<const TIMED: bool> SimdKernel for ShadeKernel<'_, TIMED> {
     }
 }
 
+/// Runs one step of the paths in `group`: light sampling, BSDF sampling and Russian roulette.
 #[inline(always)]
 fn shade_lanes<R: Lanes<N>, const N: usize, const TIMED: bool>(
     table: &MaterialTable,
@@ -192,15 +196,15 @@ fn shade_lanes<R: Lanes<N>, const N: usize, const TIMED: bool>(
     let mut throughput = throughput * s.sample.weight;
     let eta_scale = state_row[5] * (s.sample.eta * s.sample.eta);
     if context.rr_start.is_some_and(|start| depth >= start) {
-        let most = throughput.x().max(throughput.y()).max(throughput.z());
-        let survival = (most * eta_scale).min(R::splat(MAX_SURVIVAL));
+        let max_component = throughput.x().max(throughput.y()).max(throughput.z());
+        let survival = (max_component * eta_scale).min(R::splat(MAX_SURVIVAL));
         let [u, ..] = Independent::next_three(key, taken);
         taken = taken.add(R::Word::splat(1));
         continues = continues & u.lt(survival);
         throughput = throughput / survival;
     }
     continues = continues & !throughput.same(R::Vec3::broadcast(Vec3::ZERO));
-    let last = R::select(s.delta, R::splat(SPECULAR), s.pdf_w);
+    let last_pdf_w = R::select(s.delta, R::splat(SPECULAR), s.pdf_w);
     let from = vertices.point.position;
     let start = offset_by_axis(from, towards(vertices.point.n_geometric, wi));
     let ray_row = [
@@ -218,7 +222,7 @@ fn shade_lanes<R: Lanes<N>, const N: usize, const TIMED: bool>(
         from.x(),
         from.y(),
         from.z(),
-        last,
+        last_pdf_w,
         eta_scale,
         taken.bits_to_float(),
         optical.path,
@@ -236,7 +240,8 @@ fn shade_lanes<R: Lanes<N>, const N: usize, const TIMED: bool>(
     }
 }
 
-/// Connects each vertex to a sampled light, as `nee` does, but defers the shadow ray.
+/// Connects each vertex to a sampled light, as `nee` does, and appends the contributions to
+/// `tile.pending_lights`, whose shadow rays are traced later.
 #[inline(always)]
 fn sample_light<R: Lanes<N>, const N: usize, const TIMED: bool>(
     context: &Context,
@@ -253,13 +258,13 @@ fn sample_light<R: Lanes<N>, const N: usize, const TIMED: bool>(
         n_geometric,
         n_shading,
     } = vertices.point;
-    let direct = lights.sample(context, from, numbers, vertices.visible);
+    let sample = lights.sample(context, from, numbers, vertices.visible);
     let LightSample {
         wi,
         radiance,
         density,
         ..
-    } = direct;
+    } = sample;
     let arrives = vertices.visible & density.gt(zero);
     if !arrives.any() {
         return;
@@ -269,15 +274,15 @@ fn sample_light<R: Lanes<N>, const N: usize, const TIMED: bool>(
     let radiance = f * wi.dot(n_shading).abs() * radiance / density;
     let lit = arrives & !radiance.same(R::Vec3::broadcast(Vec3::ZERO));
     let weight = match context.settings.mis {
-        Some(h) => R::select(direct.delta, R::splat(1.0), h.weight(density, pdf_w)),
+        Some(h) => R::select(sample.delta, R::splat(1.0), h.weight(density, pdf_w)),
         None => R::splat(1.0),
     };
     let value = throughput * radiance * weight;
     let rays = shadow_rays::<R, N>(
         [from, n_geometric],
-        [direct.at, direct.normal],
+        [sample.at, sample.normal],
         wi,
-        direct.infinite,
+        sample.infinite,
     );
     let values = R::transpose_store([
         value.x(),
@@ -291,7 +296,7 @@ fn sample_light<R: Lanes<N>, const N: usize, const TIMED: bool>(
     ]);
     if TIMED && let Some(timing) = context.timing {
         let positions = R::store_doubles(timing.axis.bin_positions(
-            vertices.direct_length(context, optical, &direct),
+            vertices.direct_length(context, optical, &sample),
             R::Double::splat,
         ));
         tile.bin_positions
@@ -300,7 +305,7 @@ fn sample_light<R: Lanes<N>, const N: usize, const TIMED: bool>(
     for i in active_lanes(lit.bits()) {
         let (ray, distance) = shadow_ray(&rays[i]);
         let [r, g, b, ..] = values[i].0;
-        tile.pending.push(PendingLight {
+        tile.pending_lights.push(PendingLight {
             ray,
             distance,
             value: Vec3::new(r, g, b),

@@ -1,8 +1,9 @@
-//! Time of flight of vectorised paths for films with a time axis; the counterpart of
-//! [`crate::transport::path_time`] for a single path.
+//! Time of flight of vectorised paths, for films with a time axis; the counterpart of
+//! [`crate::transport::path_time`] for scalar paths.
 //!
-//! The last vertex and the optical length so far are in a path's record, and whether an edge counts
-//! depends only on its number. Scenes with delays use the scalar path, so no light is emitted late.
+//! The last vertex and the optical length so far are in the path's record, and whether an edge
+//! counts depends only on its number. Scenes with delays at surfaces use the scalar path, so that
+//! emission is the only delay here.
 
 use super::PathRecord;
 use crate::math::simd::{Lanes, map_array};
@@ -11,7 +12,7 @@ use crate::transport::integrator::Context;
 use crate::transport::path_time::AuxRng;
 use crate::transport::sampler::Sampler;
 
-/// Emission delays of the samples of a tile, as optical lengths; empty if all are 0.
+/// Emission delays of the samples of a tile, as optical lengths. The list is empty if all are 0.
 #[derive(Default)]
 pub(super) struct EmissionDelays(Vec<f32>);
 
@@ -47,8 +48,8 @@ impl EmissionDelays {
     }
 }
 
-/// Returns whether edge number `edge` of a path from the camera counts; edge 1 starts at the
-/// camera.
+/// Returns whether edge number `edge` of a camera path is part of its optical length. Edge 1 starts
+/// at the camera, and counts only if the timing settings include it.
 #[inline]
 pub(super) fn edge_counts(context: &Context, edge: u32) -> bool {
     edge > 1 || context.timing.is_some_and(|t| t.camera)

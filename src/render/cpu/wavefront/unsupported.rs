@@ -1,5 +1,5 @@
-//! Replacement of the vectorised path tracer on processors without x86-64 vectors: it is never
-//! created.
+//! Replaces the vectorised path tracer in builds for processors other than x86-64.
+//! [`Wavefront::new`] always returns `None`, so all paths are scalar.
 
 use std::ops::Range;
 
@@ -10,36 +10,36 @@ use crate::scene::CompiledScene;
 use crate::transport::integrator::Context;
 use crate::transport::ray::{Hit, Ray};
 
-/// Vectorised path tracer; has no values here.
+/// Vectorised path tracer, which cannot be created in this build.
 pub enum Wavefront {}
 
-/// Tracer of many rays at once; has no values here.
+/// Tracer of rays in small scenes, which cannot be created in this build.
 pub enum SmallScene {}
 
 impl SmallScene {
-    /// Unreachable without a value.
+    /// Cannot be called, since the type has no values.
     pub fn closest(&self, _: &[(Ray, f32)], _: &mut Vec<Option<Hit>>) {
         match *self {}
     }
 
-    /// Unreachable without a value.
+    /// Cannot be called, since the type has no values.
     pub fn occluded(&self, _: &[(Ray, f32)], _: &mut Vec<bool>) {
         match *self {}
     }
 }
 
 impl Wavefront {
-    /// Unreachable without a value.
+    /// Cannot be called, since the type has no values.
     pub fn small_scene(&self) -> Option<&SmallScene> {
         match *self {}
     }
 
-    /// Returns `None`, since no job can use it.
+    /// Returns `None`: no job can be vectorised in this build.
     pub fn new(_: &CompiledScene, _: &Job, _: &Accel) -> Option<Wavefront> {
         None
     }
 
-    /// Unreachable without a value.
+    /// Cannot be called, since the type has no values.
     pub fn render_row(&self, _: &Context, _: &Job, _: u32, _: Range<u64>, _: &mut RowFilm) {
         match *self {}
     }

@@ -1,4 +1,7 @@
-//! Vectorised surface vertices: surface points, and BSDFs loaded from rows of the material table.
+//! Surface vertices in all lanes: surface points, and BSDFs loaded from rows of the material table.
+//!
+//! Every function is the vectorised counterpart of one in [`crate::transport`] and gives the same
+//! bits per lane.
 
 use glam::Vec3;
 
@@ -19,7 +22,7 @@ use crate::transport::integrator::Context;
 use crate::transport::path_time::OpticalLength;
 use crate::transport::surface::SurfacePoint;
 
-/// Returns the rows of a Lambert BSDF.
+/// Returns the rows of a Lambert BSDF, which [`load_bsdfs`] reads.
 pub(super) fn lambert_rows(albedo: Vec3) -> [F32x8; 3] {
     [
         F32x8([albedo.x, albedo.y, albedo.z, 0.0, 0.0, 0.0, 0.0, 0.0]),
@@ -129,8 +132,8 @@ fn load_three<R: Lanes<N>, const N: usize>(vectors: [&[Vec3; 3]; N]) -> [R::Vec3
     ]
 }
 
-/// Computes the surface points at which rays, given by origin and direction, hit primitives; then
-/// the distances and barycentric coordinates of the hits.
+/// Computes the surface points at which rays hit primitives, all of them spheres or all triangles.
+/// The rays are given by origin and direction, the hits by distance and barycentric weights.
 #[inline(always)]
 pub(super) fn surface_points<R: Lanes<N>, const N: usize>(
     scene: &CompiledScene,
@@ -156,7 +159,7 @@ pub(super) fn surface_points<R: Lanes<N>, const N: usize>(
     SurfacePoint::on_triangle(corners, normals, [v, w], dir)
 }
 
-/// Surface vertices in all lanes, with the parts of their BSDFs that depend only on the outgoing
+/// Surface vertices in all lanes, with the values of their BSDFs that depend only on the outgoing
 /// direction.
 pub(super) struct Vertices<R: Real> {
     pub point: SurfacePoint<R::Vec3>,
@@ -165,7 +168,7 @@ pub(super) struct Vertices<R: Real> {
     flat: R::Mask,
     /// BSDF parameters; Lambert surfaces use only the base colour.
     bsdf: Disney<R::Vec3>,
-    view: DisneyOutgoing<R::Vec3>,
+    outgoing: DisneyOutgoing<R::Vec3>,
     /// Whether the surfaces are of the model `lambert`; otherwise `disney`.
     lambert: bool,
     /// Unit direction to the previous vertex.
@@ -177,8 +180,8 @@ pub(super) struct Vertices<R: Real> {
 }
 
 impl<R: Real> Vertices<R> {
-    /// Creates the vertices on surfaces of one class from the rows of their materials; nothing is
-    /// visible outside `active`.
+    /// Creates the vertices on surfaces of one class from the rows of their materials. `visible` is
+    /// unset outside `active`.
     #[inline(always)]
     pub fn new<const N: usize>(
         point: SurfacePoint<R::Vec3>,
@@ -194,7 +197,7 @@ impl<R: Real> Vertices<R> {
         let frame = Frame::from_normal(point.n_shading);
         let local = frame.to_local(wo);
         let lambert = traits.lambert;
-        let view = if lambert {
+        let outgoing = if lambert {
             DisneyOutgoing::none()
         } else {
             bsdf.outgoing(local)
@@ -205,7 +208,7 @@ impl<R: Real> Vertices<R> {
             frame,
             flat,
             bsdf,
-            view,
+            outgoing,
             lambert,
             wo,
             cos_o: local.z(),
@@ -225,16 +228,16 @@ impl<R: Real> Vertices<R> {
         self.flat & !cos.eq(zero) | !self.flat & (w.dot(self.point.n_geometric) * cos).gt(zero)
     }
 
-    /// Returns the correction of shading normals for light that arrives from `wo` and leaves
-    /// towards `wi`.
+    /// Returns the correction factor for shading normals in light subpaths, for light that arrives
+    /// from `wo` and leaves towards `wi`.
     #[inline(always)]
     pub fn adjoint(&self, wi: R::Vec3, cos_i: R) -> R {
         let factor = adjoint(self.point.n_geometric, [self.wo, wi], [self.cos_o, cos_i]);
         R::select(self.flat, R::splat(1.0), factor)
     }
 
-    /// Evaluates the BSDF in the lanes of `wanted`, as `Bsdf::evaluate_from` does, or without
-    /// `REVERSE` as `Bsdf::evaluate_forward` does.
+    /// Evaluates the BSDF in the lanes of `wanted`, as `Bsdf::evaluate_from` does with `REVERSE`,
+    /// and as `Bsdf::evaluate_forward` does without it.
     #[inline(always)]
     pub fn evaluate<const REVERSE: bool>(
         &self,
@@ -256,13 +259,13 @@ impl<R: Real> Vertices<R> {
             )
         } else {
             self.bsdf
-                .evaluate_isotropic::<REVERSE>(&self.view, self.wo, wi, n, cos_i)
+                .evaluate_isotropic::<REVERSE>(&self.outgoing, self.wo, wi, n, cos_i)
         };
         let transmitted = wanted & !same;
         if transmitted.any() && self.bsdf.refractive.gt(zero).any() {
             let (other, [other_w, back]) =
                 self.bsdf
-                    .evaluate::<REVERSE>(&self.view, self.frame.to_local(wi), mode);
+                    .evaluate::<REVERSE>(&self.outgoing, self.frame.to_local(wi), mode);
             (f, pdf_w) = (
                 R::Vec3::select(same, f, other),
                 R::select(same, pdf_w, other_w),
@@ -289,7 +292,8 @@ impl<R: Real> Vertices<R> {
 
 impl<R: Real> Vertices<R> {
     /// Samples the BSDFs, as `Disney::sample` and `Ideal::sample` do. Returns the lanes with a
-    /// sample, the sample and its reverse density; the caller may still reject it.
+    /// sample, the sample, and its reverse density. The caller must still check the side of the
+    /// geometric normal.
     #[inline(always)]
     pub fn sample<const REVERSE: bool>(
         &self,
@@ -298,7 +302,7 @@ impl<R: Real> Vertices<R> {
         mode: TransportMode,
     ) -> (R::Mask, MixtureSample<R::Vec3>, R) {
         if !self.lambert {
-            return self.bsdf.sample::<REVERSE>(&self.view, choice, v, mode);
+            return self.bsdf.sample::<REVERSE>(&self.outgoing, choice, v, mode);
         }
         let o = self.frame.to_local(self.wo);
         let (sampled, sample) = lambert::sample(self.bsdf.base_color, o, v);
@@ -335,18 +339,16 @@ impl<R: Real> Vertices<R> {
         &self,
         context: &Context,
         optical: &OpticalLength<R>,
-        direct: &LightSample<R, N>,
+        light: &LightSample<R, N>,
     ) -> R::Double
     where
         R: Lanes<N>,
     {
-        let mut distance = direct.distance;
-        if direct.infinite.any() {
-            let lead = context
-                .lights
-                .front_distance(self.point.position, direct.wi);
-            distance = R::select(direct.infinite, lead, distance);
+        let mut distance = light.distance;
+        if light.infinite.any() {
+            let front_distance = context.lights.front_distance(self.point.position, light.wi);
+            distance = R::select(light.infinite, front_distance, distance);
         }
-        optical.after_segment(self.index_ratio(direct.wi), distance)
+        optical.after_segment(self.index_ratio(light.wi), distance)
     }
 }

@@ -1,4 +1,5 @@
-//! Hits of primitives with masks. Masks are evaluated ray by ray.
+//! Hits of primitives with masks, which are evaluated ray by ray, as [`is_masked_out`] is for a
+//! single ray.
 
 use super::SmallScene;
 use super::nearest::{Candidates, NearestHits};
@@ -8,17 +9,17 @@ use crate::scene::compile::NONE;
 use crate::transport::ray::{Hit, Ray};
 use crate::transport::surface::is_masked_out;
 
-/// Nearest hits so far, as the mask test needs them.
+/// Nearest hits so far, stored as arrays for the mask test.
 struct PreviousHits<const N: usize> {
     t: [f32; N],
     primitive: [f32; N],
-    /// Bit set of lanes with a hit.
+    /// Bit mask of the lanes with a hit.
     lanes: u32,
 }
 
 impl SmallScene {
-    /// Updates the nearest hits with those of a primitive with a mask, where the mask admits them;
-    /// with `ANY` only in lanes without a hit.
+    /// Updates the nearest hits with those of a primitive with a mask, in the lanes where the mask
+    /// does not remove them. With `ANY` it updates only lanes without a hit.
     #[inline(always)]
     pub(super) fn update_masked<R: Lanes<N>, const N: usize, const ANY: bool>(
         &self,
@@ -43,13 +44,13 @@ impl SmallScene {
                 primitive: best.primitive.store(),
                 lanes: hit_lanes,
             };
-            let admitted_lanes =
-                R::load(&self.admitted(group, primitive, &hits, near.bits(), &previous))
+            let accepted_lanes =
+                R::load(&self.accepted(group, primitive, &hits, near.bits(), &previous))
                     .gt(R::splat(0.0));
             best.update(
-                admitted_lanes,
+                accepted_lanes,
                 Candidates {
-                    t: R::select(admitted_lanes, candidate.t, best.t),
+                    t: R::select(accepted_lanes, candidate.t, best.t),
                     ..candidate
                 },
                 primitive,
@@ -57,10 +58,11 @@ impl SmallScene {
         }
     }
 
-    /// Returns 1 for each given lane in which the mask admits the hit at `[t, u, v]` and it is
-    /// nearer than the previous one, or equally near with a lesser primitive index; otherwise 0.
+    /// Returns 1 for each given lane whose hit at `[t, u, v]` is not removed by the mask and is
+    /// nearer than the previous one, or equally near with a lesser primitive index. Returns 0 for
+    /// all other lanes.
     #[inline(never)]
-    fn admitted<const N: usize>(
+    fn accepted<const N: usize>(
         &self,
         group: &[(Ray, f32)],
         primitive: u32,
@@ -68,7 +70,7 @@ impl SmallScene {
         lanes: u32,
         previous: &PreviousHits<N>,
     ) -> [f32; N] {
-        let mut admitted_lanes = [0.0; N];
+        let mut accepted_lanes = [0.0; N];
         for lane in active_lanes(lanes) {
             let hit = Hit {
                 t: t[lane],
@@ -80,9 +82,9 @@ impl SmallScene {
                 previous.lanes & 1 << lane != 0 && primitive < previous.primitive[lane].to_bits();
             let better = hit.t < previous.t[lane] || wins_tie;
             if better && !is_masked_out(&self.scene, &group[lane].0, &hit) {
-                admitted_lanes[lane] = 1.0;
+                accepted_lanes[lane] = 1.0;
             }
         }
-        admitted_lanes
+        accepted_lanes
     }
 }

@@ -1,13 +1,14 @@
-//! Vectorised tracing in scenes of few primitives: primitives are tested one after the other with
-//! the rays in all lanes, whereas a single ray is tested with eight primitives at once. The per-ray
-//! setup is computed for all lanes at once, and corners shared by triangles are sheared once.
+//! Vectorised ray tracing in scenes of few primitives, which have no hierarchy. Each primitive is
+//! tested against one ray per lane, whereas [`Accel`] tests one ray against eight primitives. The
+//! per-ray setup is computed for all lanes at once, and a corner that triangles share is sheared
+//! once.
 //!
-//! Hits have the same bits as those of the scalar path: the tests are those of
-//! [`intersect`](crate::render::cpu::bvh::intersect), operation by operation, and of hits at
-//! the same distance the one with the lesser primitive index counts.
+//! Invariant: hits have the same bits as those of [`Accel`]. The tests are those of
+//! [`intersect`](crate::render::cpu::bvh::intersect), operation by operation, and of hits at the
+//! same distance the one with the lesser primitive index counts.
 //!
-//! Primitives with masks come last, since masks are evaluated ray by ray, and only if no other
-//! primitive is nearer.
+//! Masks are evaluated ray by ray, and only if no other primitive is nearer. Primitives with masks
+//! are therefore tested last.
 
 mod mask;
 mod nearest;
@@ -30,13 +31,14 @@ use nearest::NearestHits;
 use sphere::intersect_sphere;
 use triangle::{CornerBuffer, ShearedRays, corners_of};
 
-/// Primitives of a small scene, prepared for vectorised tests.
+/// Primitives of a small scene, prepared for vectorised tests: at most [`ONE_LEAF`].
 pub struct SmallScene {
     width: Width,
     scene: Arc<CompiledScene>,
     /// Distinct corners of all triangles; corners with the same bits are stored once.
     corners: Vec<Vec3>,
-    solid: PrimitiveList,
+    /// Primitives without masks.
+    unmasked: PrimitiveList,
     /// Primitives with masks.
     masked: PrimitiveList,
 }
@@ -62,22 +64,22 @@ impl SmallScene {
         let bits = |v: Vec3| v.to_array().map(f32::to_bits);
         let mut corners: Vec<Vec3> = Vec::new();
         let mut index = |corner: Vec3| {
-            let place = corners.iter().position(|c| bits(*c) == bits(corner));
-            place.unwrap_or_else(|| {
+            let known = corners.iter().position(|c| bits(*c) == bits(corner));
+            known.unwrap_or_else(|| {
                 corners.push(corner);
                 corners.len() - 1
             }) as u8
         };
-        let (mut solid, mut masked) = (PrimitiveList::default(), PrimitiveList::default());
+        let (mut unmasked, mut masked) = (PrimitiveList::default(), PrimitiveList::default());
         for id in 0..scene.primitive_count() as u32 {
             let has_mask =
                 scene.materials[scene.material_of(id, NONE) as usize].mask_texture != NONE;
-            let list = if has_mask { &mut masked } else { &mut solid };
+            let list = if has_mask { &mut masked } else { &mut unmasked };
             match scene.triangles.get(id as usize) {
                 Some(corners) => list.triangles.push((corners.map(&mut index), id)),
                 None => {
-                    let ball = &scene.spheres[id as usize - scene.triangles.len()];
-                    list.spheres.push((ball.center, ball.radius, id));
+                    let sphere = &scene.spheres[id as usize - scene.triangles.len()];
+                    list.spheres.push((sphere.center, sphere.radius, id));
                 }
             }
         }
@@ -85,12 +87,12 @@ impl SmallScene {
             width,
             scene,
             corners,
-            solid,
+            unmasked,
             masked,
         }
     }
 
-    /// Finds the nearest hit of each ray with `0 < t < t_max`, masks applied.
+    /// Appends the nearest hit of each ray with `0 < t < t_max`, masks applied, to `hits`.
     pub fn closest(&self, rays: &[(Ray, f32)], hits: &mut Vec<Option<Hit>>) {
         dispatch(
             self.width,
@@ -102,20 +104,20 @@ impl SmallScene {
         );
     }
 
-    /// Determines whether each ray hits anything with `0 < t < t_max`, masks applied.
-    pub fn occluded(&self, rays: &[(Ray, f32)], hidden: &mut Vec<bool>) {
+    /// Appends to `occluded` whether each ray hits anything with `0 < t < t_max`, masks applied.
+    pub fn occluded(&self, rays: &[(Ray, f32)], occluded: &mut Vec<bool>) {
         dispatch(
             self.width,
             Occluded {
                 small: self,
                 rays,
-                hidden,
+                occluded,
             },
         );
     }
 
-    /// Intersects at most as many rays as there are lanes; with `ANY`, stops when each has a hit.
-    /// `sheared` has space for all corners.
+    /// Intersects up to one ray per lane. With `ANY` it returns when each has a hit. `sheared` is a
+    /// scratch buffer with space for all corners.
     #[inline(always)]
     fn intersect<R: Lanes<N>, const N: usize, const ANY: bool>(
         &self,
@@ -139,13 +141,13 @@ impl SmallScene {
         for (sheared, corner) in sheared.iter_mut().zip(&self.corners) {
             *sheared = rays.corner(R::Vec3::broadcast(*corner));
         }
-        for (corners, id) in &self.solid.triangles {
+        for (corners, id) in &self.unmasked.triangles {
             best.update_nearer(rays.triangle::<N>(corners_of(sheared, *corners)), *id);
             if ANY && !best.without_hit().any() {
                 return best;
             }
         }
-        for (center, radius, id) in &self.solid.spheres {
+        for (center, radius, id) in &self.unmasked.spheres {
             best.update_nearer(
                 intersect_sphere([origin, dir], R::Vec3::broadcast(*center), *radius),
                 *id,
@@ -213,7 +215,7 @@ impl SimdKernel for Closest<'_> {
 struct Occluded<'a> {
     small: &'a SmallScene,
     rays: &'a [(Ray, f32)],
-    hidden: &'a mut Vec<bool>,
+    occluded: &'a mut Vec<bool>,
 }
 
 impl SimdKernel for Occluded<'_> {
@@ -229,7 +231,7 @@ impl SimdKernel for Occluded<'_> {
                 .intersect::<R, N, true>(group, sheared)
                 .hit_lanes()
                 .bits();
-            self.hidden
+            self.occluded
                 .extend((0..group.len()).map(|i| hit_lanes & 1 << i != 0));
         }
     }

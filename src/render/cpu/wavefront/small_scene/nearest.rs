@@ -1,9 +1,10 @@
-//! Nearest hits of a group of rays, updated primitive by primitive.
+//! Nearest hits of one ray per lane, updated primitive by primitive.
 
 use crate::math::real::Real;
 
-/// Candidate hit in each lane, with infinite `t` for a miss. `v` and `w` are divided by `divisor`
-/// only for the final hit, since few candidates become one.
+/// Candidate hit in each lane; `t` is infinite without one. The barycentric weights are `v /
+/// divisor` and `w / divisor`. They are divided only for the nearest hit, since few candidates
+/// become one.
 #[derive(Clone, Copy)]
 pub(super) struct Candidates<R: Real> {
     pub t: R,
@@ -12,7 +13,7 @@ pub(super) struct Candidates<R: Real> {
     pub divisor: R,
 }
 
-/// Nearest hits so far.
+/// Nearest hits so far; the fields are those of [`Candidates`].
 pub(super) struct NearestHits<R: Real> {
     /// Maximum distance of each ray; negative for unused lanes.
     pub limit: R,
@@ -21,11 +22,13 @@ pub(super) struct NearestHits<R: Real> {
     pub v: R,
     pub w: R,
     pub divisor: R,
+    /// Primitive index, stored as the bits of a number.
     pub primitive: R,
 }
 
 impl<R: Real> NearestHits<R> {
-    /// Creates the state without hits for rays with these maximum distances.
+    /// Creates the state without hits. `limit` is the maximum distance of each ray, or negative for
+    /// unused lanes.
     #[inline(always)]
     pub(super) fn new(limit: R) -> NearestHits<R> {
         let (zero, one) = (R::splat(0.0), R::splat(1.0));
@@ -57,10 +60,11 @@ impl<R: Real> NearestHits<R> {
         self.update(candidate.t.lt(self.t), candidate, primitive);
     }
 
-    /// Updates the given lanes; in all others the candidate must not be nearer.
+    /// Replaces the hits in the given lanes. In all others the candidate must not be nearer.
     #[inline(always)]
     pub(super) fn update(&mut self, lanes: R::Mask, candidate: Candidates<R>, primitive: u32) {
-        // The minimum does not depend on the mask, so the next primitive does not wait for it.
+        // The minimum does not depend on `lanes`, so the test of the next primitive need not wait
+        // for that mask.
         self.t = candidate.t.min(self.t);
         self.v = R::select(lanes, candidate.v, self.v);
         self.w = R::select(lanes, candidate.w, self.w);

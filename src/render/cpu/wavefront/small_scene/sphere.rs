@@ -1,9 +1,10 @@
-//! Sphere test, vectorised over rays.
+//! Sphere test of one ray per lane; the vectorised counterpart of `bvh::intersect::sphere`, with
+//! the same bits.
 
 use super::nearest::Candidates;
 use crate::math::real::{Real, Vector};
 
-/// Intersects the rays with a sphere.
+/// Intersects the rays with a sphere. The caller compares `t` with the maximum distances.
 #[inline(always)]
 pub(super) fn intersect_sphere<R: Real>(
     [origin, dir]: [R::Vec3; 2],
@@ -19,8 +20,8 @@ pub(super) fn intersect_sphere<R: Real>(
     let c = f.length_squared() - r2;
     let q = b + discriminant.sqrt().copysign(b);
     let (t0, t1) = (c / q, q);
-    let first = t0.lt(t1);
-    let (near, far) = (R::select(first, t0, t1), R::select(first, t1, t0));
+    let ordered = t0.lt(t1);
+    let (near, far) = (R::select(ordered, t0, t1), R::select(ordered, t1, t0));
     let missed = discriminant.lt(zero) | Real::eq(q, zero);
     let t = R::select(missed, zero, R::select(near.gt(zero), near, far));
     Candidates {

@@ -1,4 +1,4 @@
-//! Comparison of vectorised with scalar hits.
+//! Compares vectorised with scalar hits, bit by bit.
 
 use std::path::PathBuf;
 
@@ -13,8 +13,8 @@ use crate::scene::desc::{
     CameraDesc, Lookup, MaterialDesc, SceneDesc, Texels, TextureDesc, TextureSlot, texture_hash,
 };
 
-/// Returns a scene without shapes and with three materials: no mask, a thresholded mask, and a
-/// blended mask.
+/// Returns a scene without shapes and with three materials: one without a mask, one with a
+/// thresholded mask, and one with a blended mask.
 fn materials() -> CompiledScene {
     let texels = Texels::RgbaF32([0.1, 0.9, 0.7, 0.3, 1.0, 0.0].map(|v| [v; 4]).to_vec());
     let content_hash = texture_hash(3, 2, &texels);
@@ -48,9 +48,9 @@ fn materials() -> CompiledScene {
     crate::scene::compile(&scene).unwrap().0
 }
 
-/// Compares vectorised and scalar hits. Triangles and rays through points of a coarse grid hit
-/// edges and corners exactly; some triangles coincide, are degenerate, or are slivers. Others
-/// are random. In a third of the scenes no primitive has a mask, and in another third all have.
+/// In half of the scenes all points lie on a coarse grid, so that rays hit edges and corners
+/// exactly; in the others they are random. Some triangles coincide, are degenerate, or are slivers.
+/// In a third of the scenes no primitive has a mask, and in another third all have.
 #[test]
 fn vectorized_and_scalar_hits_are_equal() {
     let materials = materials();
@@ -65,8 +65,13 @@ fn compare(width: Width, materials: &CompiledScene) {
         i += 1;
         unit(pcg4d([i, 5, 1, 77])[0])
     };
-    let (mut hits, mut edges, mut covered) = (0, 0, 0);
-    let [mut through, mut shown, mut tied, mut shown_spheres] = [0; 4];
+    let (mut hits, mut edge_hits, mut coincident_hits) = (0, 0, 0);
+    let [
+        mut masked_out,
+        mut masked_hits,
+        mut mixed_ties,
+        mut masked_sphere_hits,
+    ] = [0; 4];
     for scene in 0..90 {
         let grid = scene % 2 == 0;
         let mut point = |grid: bool| {
@@ -133,19 +138,19 @@ fn compare(width: Width, materials: &CompiledScene) {
             spheres: spheres.into(),
             ..materials.clone()
         };
-        let bare = CompiledScene {
+        let unmasked = CompiledScene {
             materials: vec![scene.materials[0]; 3],
             ..scene.clone()
         };
         let scene = Arc::new(scene);
         let built = |scene| Accel::build_as(scene, &AccelSpec::default(), Isa::Portable).unwrap();
-        let (accel, bare) = (built(Arc::clone(&scene)), built(Arc::new(bare)));
+        let (accel, unmasked) = (built(Arc::clone(&scene)), built(Arc::new(unmasked)));
         let small = SmallScene::new_if_small(&accel, width).unwrap();
-        let (mut found, mut hidden) = (Vec::new(), Vec::new());
-        small.closest(&rays, &mut found);
-        small.occluded(&rays, &mut hidden);
-        assert_eq!([found.len(), hidden.len()], [rays.len(); 2]);
-        for (((ray, t_max), found), hidden) in rays.iter().zip(found).zip(hidden) {
+        let (mut nearest, mut occluded) = (Vec::new(), Vec::new());
+        small.closest(&rays, &mut nearest);
+        small.occluded(&rays, &mut occluded);
+        assert_eq!([nearest.len(), occluded.len()], [rays.len(); 2]);
+        for (((ray, t_max), nearest), occluded) in rays.iter().zip(nearest).zip(occluded) {
             let expected = accel.closest(ray, *t_max);
             let bits = |hit: Hit| {
                 (
@@ -154,29 +159,30 @@ fn compare(width: Width, materials: &CompiledScene) {
                     hit.instance,
                 )
             };
-            assert_eq!(found.map(bits), expected.map(bits), "{ray:?}");
-            assert_eq!(hidden, expected.is_some(), "{ray:?}");
-            through += usize::from(bare.closest(ray, *t_max) != expected);
+            assert_eq!(nearest.map(bits), expected.map(bits), "{ray:?}");
+            assert_eq!(occluded, expected.is_some(), "{ray:?}");
+            masked_out += usize::from(unmasked.closest(ray, *t_max) != expected);
             let Some(hit) = expected else { continue };
             hits += 1;
             let masked = |primitive: u32| scene.material_of(primitive, NONE) > 0;
-            shown += usize::from(masked(hit.primitive));
+            masked_hits += usize::from(masked(hit.primitive));
             if hit.primitive < 14 {
-                edges += usize::from(hit.uv.contains(&0.0));
-                let twin = [2, 3].contains(&hit.primitive);
-                covered += usize::from(twin);
-                tied += usize::from(twin && masked(hit.primitive) && !masked(hit.primitive + 9));
+                edge_hits += usize::from(hit.uv.contains(&0.0));
+                let coincident = [2, 3].contains(&hit.primitive);
+                coincident_hits += usize::from(coincident);
+                mixed_ties +=
+                    usize::from(coincident && masked(hit.primitive) && !masked(hit.primitive + 9));
             } else {
-                shown_spheres += usize::from(masked(hit.primitive));
+                masked_sphere_hits += usize::from(masked(hit.primitive));
             }
         }
     }
     assert!(
-        hits > 1000 && edges > 100 && covered > 20,
-        "{hits} {edges} {covered}"
+        hits > 1000 && edge_hits > 100 && coincident_hits > 20,
+        "{hits} {edge_hits} {coincident_hits}"
     );
     assert!(
-        through > 200 && shown > 500 && tied > 10 && shown_spheres > 100,
-        "{through} {shown} {tied} {shown_spheres}"
+        masked_out > 200 && masked_hits > 500 && mixed_ties > 10 && masked_sphere_hits > 100,
+        "{masked_out} {masked_hits} {mixed_ties} {masked_sphere_hits}"
     );
 }

@@ -1,4 +1,6 @@
-//! Watertight triangle test, vectorised over rays: corners are sheared once for each group of rays.
+//! Watertight triangle test of one ray per lane; the vectorised counterpart of
+//! `bvh::intersect::triangle`, with the same bits. Corners are sheared once per group of rays, also
+//! if triangles share them.
 
 use super::nearest::Candidates;
 use crate::math::real::{Mask, Real, Vector};
@@ -7,15 +9,16 @@ use crate::math::simd::{Lanes, active_lanes};
 /// Per-ray setup of the triangle test; the vectorised counterpart of `ShearedRay`.
 pub(super) struct ShearedRays<R: Real> {
     origin: R::Vec3,
-    /// Lanes in which x, or y, is the largest component of the direction.
+    /// Lanes in which x is the largest component of the direction, and lanes in which y is.
     dominant: [R::Mask; 2],
     /// Lanes in which the two other axes are swapped.
     swapped: R::Mask,
     shear: [R; 3],
 }
 
-/// Corner count up to which sheared corners are stored on the stack: allocating aligned memory for
-/// every few hundred rays takes longer than zeroing this array.
+/// Number of corners up to which sheared corners are stored on the stack. Zeroing this array costs
+/// less than allocating aligned memory for every few hundred rays: `nee` is 1.05 times as fast
+/// (docs/notes/vectorisation.md).
 const STACK_CORNERS: usize = 32;
 
 /// Buffer of the sheared corners of a group of rays.
@@ -25,6 +28,7 @@ pub(super) struct CornerBuffer<R> {
 }
 
 impl<R: Real> CornerBuffer<R> {
+    /// Creates a buffer; the part on the stack is zeroed.
     #[inline(always)]
     pub(super) fn new() -> CornerBuffer<R> {
         CornerBuffer {
@@ -33,6 +37,7 @@ impl<R: Real> CornerBuffer<R> {
         }
     }
 
+    /// Returns space for `corners` corners.
     #[inline(always)]
     pub(super) fn for_corners(&mut self, corners: usize) -> &mut [[R; 3]] {
         if corners > STACK_CORNERS {
@@ -44,6 +49,7 @@ impl<R: Real> CornerBuffer<R> {
 }
 
 impl<R: Real> ShearedRays<R> {
+    /// Computes the setup of rays with these origins and directions.
     #[inline(always)]
     pub(super) fn new(origin: R::Vec3, dir: R::Vec3) -> ShearedRays<R> {
         let (x, y, z) = (dir.x().abs(), dir.y().abs(), dir.z().abs());
@@ -73,8 +79,9 @@ impl<R: Real> ShearedRays<R> {
         ]
     }
 
-    /// Intersects the rays with a triangle. There is no early exit if all lanes miss: some mostly
-    /// hit, and a mispredicted branch costs more than the rest of the test.
+    /// Intersects the rays with a triangle, given by its sheared corners. There is no early exit if
+    /// all lanes miss: usually some hit, and a mispredicted branch costs more than the rest of the
+    /// test.
     #[inline(always)]
     pub(super) fn triangle<const N: usize>(&self, corners: [&[R; 3]; 3]) -> Candidates<R>
     where
@@ -84,15 +91,15 @@ impl<R: Real> ShearedRays<R> {
         let [a, b, c] = corners;
         let (a, b, c) = (*a, *b, *c);
         let (mut u, mut v, mut w) = (edge(c, b), edge(a, c), edge(b, a));
-        let zero_edge = Real::eq(u, zero) | Real::eq(v, zero) | Real::eq(w, zero);
-        if zero_edge.any() {
+        let on_edge = Real::eq(u, zero) | Real::eq(v, zero) | Real::eq(w, zero);
+        if on_edge.any() {
             let mut edges = [u.store(), v.store(), w.store()];
             let sheared = [
                 [a[0].store(), a[1].store()],
                 [b[0].store(), b[1].store()],
                 [c[0].store(), c[1].store()],
             ];
-            edges_in_double(&mut edges, &sheared, zero_edge.bits());
+            recompute_in_f64(&mut edges, &sheared, on_edge.bits());
             (u, v, w) = (R::load(&edges[0]), R::load(&edges[1]), R::load(&edges[2]));
         }
         let outside = u.min(v).min(w).lt(zero) & u.max(v).max(w).gt(zero);
@@ -107,8 +114,8 @@ impl<R: Real> ShearedRays<R> {
     }
 }
 
-/// Returns the components permuted so that the dominant axis of the ray is last; the other two are
-/// swapped where `swapped` is set.
+/// Returns the components permuted so that the largest component of the ray's direction is last.
+/// The other two are swapped where `swapped` is set.
 #[inline(always)]
 fn permuted<R: Real>(v: R::Vec3, [along_x, along_y]: [R::Mask; 2], swapped: R::Mask) -> [R; 3] {
     let (x, y, z) = (v.x(), v.y(), v.z());
@@ -129,10 +136,10 @@ fn edge<R: Real>(p: [R; 3], q: [R; 3]) -> R {
     p[0] * q[1] - p[1] * q[0]
 }
 
-/// Recomputes the edge functions in double precision in the given lanes.
+/// Recomputes the edge functions of the given lanes in double precision.
 #[cold]
 #[inline(never)]
-fn edges_in_double<const N: usize>(
+fn recompute_in_f64<const N: usize>(
     edges: &mut [[f32; N]; 3],
     [a, b, c]: &[[[f32; N]; 2]; 3],
     lanes: u32,
