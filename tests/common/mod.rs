@@ -125,7 +125,7 @@ impl SceneBuilder {
         self.scene.materials.len() as u32 - 1
     }
 
-    /// Adds a triangle whose front is where its corners run counter-clockwise.
+    /// Adds a triangle. Its corners run counter-clockwise seen from the front.
     pub fn triangle(
         mut self,
         corners: [Vec3; 3],

@@ -132,14 +132,15 @@ fn a_worker_for_a_missing_device_lists_the_present_ones_and_renders_nothing() {
         let output = program(place, &["work", "out/latest", "--device", name])
             .output()
             .unwrap();
-        let said = text(&output)
+        let messages = text(&output)
             .split_whitespace()
             .collect::<Vec<_>>()
             .join(" ");
-        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert_eq!(output.status.code(), Some(2), "{messages}");
         assert!(
-            said.contains(&format!("`{name}` (from ")) && said.contains("matches none of: 0 "),
-            "{said}"
+            messages.contains(&format!("`{name}` (from "))
+                && messages.contains("matches none of: 0 "),
+            "{messages}"
         );
     }
     assert_eq!(files(&place.join("out/latest/")), before);
@@ -230,19 +231,19 @@ fn every_device_has_a_worker_and_every_comparison_group_stays_on_one_device() {
     if !two {
         return println!("SKIPPED: the loader does not list a driver twice");
     }
-    let said = program(place, &["run", "night.lua", "--devices", "0,7"])
+    let refused = program(place, &["run", "night.lua", "--devices", "0,7"])
         .output()
         .unwrap();
-    assert_eq!(said.status.code(), Some(2), "{}", text(&said));
+    assert_eq!(refused.status.code(), Some(2), "{}", text(&refused));
     assert!(
-        text(&said).contains("`7` (from ") && text(&said).contains("matches none of: 0 "),
+        text(&refused).contains("`7` (from ") && text(&refused).contains("matches none of: 0 "),
         "{}",
-        text(&said)
+        text(&refused)
     );
-    let said = program(place, &["run", "night.lua", "--devices", "1,1"])
+    let refused = program(place, &["run", "night.lua", "--devices", "1,1"])
         .output()
         .unwrap();
-    assert_eq!(said.status.code(), Some(2), "{}", text(&said));
+    assert_eq!(refused.status.code(), Some(2), "{}", text(&refused));
 
     let night = program(
         place,
@@ -257,11 +258,11 @@ fn every_device_has_a_worker_and_every_comparison_group_stays_on_one_device() {
     )
     .output()
     .unwrap();
-    let said = text(&night);
-    assert!(night.status.success(), "{said}");
+    let messages = text(&night);
+    assert!(night.status.success(), "{messages}");
     assert!(
-        said.contains("started a worker process for device 1"),
-        "{said}"
+        messages.contains("started a worker process for device 1"),
+        "{messages}"
     );
     assert_same_pictures(&pictures(&place.join("out")), &whole);
     let found = files(&place.join("out"));

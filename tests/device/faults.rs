@@ -287,10 +287,10 @@ fn without_a_device_vulkan_plans_are_refused_with_the_reason_and_auto_is_the_cpu
         command
             .current_dir(place.path())
             .args(["run", "night.lua", "-q", "--backend", backend]);
-        let nowhere = place.path().join("nowhere.json");
+        let missing = place.path().join("missing.json");
         let output = command
-            .env("VK_DRIVER_FILES", &nowhere)
-            .env("VK_ICD_FILENAMES", &nowhere)
+            .env("VK_DRIVER_FILES", &missing)
+            .env("VK_ICD_FILENAMES", &missing)
             .output()
             .unwrap();
         (

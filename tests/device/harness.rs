@@ -87,14 +87,14 @@ pub fn add_delays(scene: &mut CompiledScene) {
     let count = scene.materials.len() as u32;
     for row in 0..count {
         let first = delays.components.len() as u32;
-        let shines = scene.materials[row as usize].emission != Vec3::ZERO;
-        if !shines && row % 3 == 0 {
+        let emits = scene.materials[row as usize].emission != Vec3::ZERO;
+        if !emits && row % 3 == 0 {
             delays.components.push(MaterialComponent {
                 cumulative_weight: 1.0,
                 material: row,
                 profiles: [row / 3 % 4, 1],
             });
-        } else if !shines && row % 3 == 1 {
+        } else if !emits && row % 3 == 1 {
             // The other component must not emit.
             let dark = |other: &u32| scene.materials[*other as usize].emission == Vec3::ZERO;
             let other = (1..count)

@@ -168,7 +168,7 @@ fn every_region_of_the_cornell_box_agrees_with_mitransient() {
         300,
     );
     let scene = scene(&json);
-    // The scatter of a region's sums is measured with independent runs, whatever the correlation of
+    // The scatter of a region's sums is measured with independent runs, for any correlation of
     // its bins.
     for (name, samples, runs) in [("nee", 24, 24u64), ("bdpt", 12, 16)] {
         let found: Vec<Vec<f64>> = (0..runs)

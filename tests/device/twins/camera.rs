@@ -109,10 +109,10 @@ const NEAR: [Near; 31] = {
         absolute: 2e-6,
         relative: 2e-4,
     }; 31];
-    let whole = [7, 8, 9, 19, 20, 21];
+    let integers = [7, 8, 9, 19, 20, 21];
     let mut i = 0;
-    while i < whole.len() {
-        near[whole[i]] = SAME;
+    while i < integers.len() {
+        near[integers[i]] = SAME;
         i += 1;
     }
     near

@@ -199,7 +199,7 @@ fn open() -> CompiledScene {
     let (sky, pattern) = (texture(8, 4), texture(4, 4));
     let mut builder = SceneBuilder::new(Vec3::new(0.0, 1.0, 4.0), Vec3::ZERO, 50.0);
     let index = builder.texture(pattern);
-    let shining = Material {
+    let emitting = Material {
         emission: Vec3::new(4.0, 2.0, 1.0),
         emission_texture: index,
         ..WHITE
@@ -230,7 +230,7 @@ fn open() -> CompiledScene {
             Vec3::new(1.0, 0.5, -1.0),
             Vec3::X * 0.5,
             Vec3::Y * 0.5,
-            shining,
+            emitting,
         )
         .sphere(Vec3::new(-0.8, 0.0, -0.5), 0.6, plastic)
         .sphere(Vec3::new(0.8, -0.5, 0.8), 0.2, light(5.0))

@@ -29,7 +29,7 @@ fn lit(map: bool) -> (Arc<CompiledScene>, Job) {
     let (sky, pattern) = (texture(9, 5), texture(4, 4));
     let mut builder = SceneBuilder::new(Vec3::new(0.0, 0.0, 3.0), Vec3::ZERO, 60.0);
     let index = builder.texture(pattern);
-    let shining = Material {
+    let emitting = Material {
         emission: Vec3::new(4.0, 2.0, 1.0),
         emission_texture: index,
         ..WHITE
@@ -37,10 +37,10 @@ fn lit(map: bool) -> (Arc<CompiledScene>, Job) {
     let masked = Material {
         mask_texture: index,
         mask_mode: MaskMode::Blend,
-        ..shining
+        ..emitting
     };
     let scene = builder
-        .quad(Vec3::new(-1.0, 2.0, -1.0), Vec3::X, Vec3::Z, shining)
+        .quad(Vec3::new(-1.0, 2.0, -1.0), Vec3::X, Vec3::Z, emitting)
         .triangle(
             [Vec3::ZERO, Vec3::X, Vec3::Y],
             [Vec2::ZERO, Vec2::X, Vec2::ONE],
@@ -52,7 +52,7 @@ fn lit(map: bool) -> (Arc<CompiledScene>, Job) {
             Vec3::X * 6.0,
             grey(0.5),
         )
-        .sphere(Vec3::new(1.0, 2.0, 3.0), 0.5, shining)
+        .sphere(Vec3::new(1.0, 2.0, 3.0), 0.5, emitting)
         .sphere(Vec3::new(-1.0, -1.0, 0.0), 0.01, light(900.0))
         .point(Vec3::Y, Vec3::ONE)
         .point(Vec3::new(2.0, -1.0, 1.0), Vec3::new(0.0, 5.0, 1.0))
@@ -167,10 +167,10 @@ const NEAR: [Near; 48] = {
         };
         i += 1;
     }
-    let whole = [0, 9, 10, 20, 30];
+    let integers = [0, 9, 10, 20, 30];
     let mut i = 0;
-    while i < whole.len() {
-        near[whole[i]] = SAME;
+    while i < integers.len() {
+        near[integers[i]] = SAME;
         i += 1;
     }
     near
