@@ -20,8 +20,8 @@ use crate::transport::integrator::Context;
 /// Value for primitives without a class.
 const NO_CLASS: u8 = u8::MAX;
 
-/// Table of surfaces with a vectorised BSDF: `disney` without textures and anisotropy, and purely
-/// diffuse `lambert` without textures.
+/// Table of surfaces with a vectorised BSDF: `disney` without anisotropy and purely diffuse
+/// `lambert`, both without textures and in scenes without vertex colours.
 pub(super) struct MaterialTable {
     /// SIMD width of the kernels.
     pub(super) width: Width,

@@ -1,10 +1,14 @@
-//! Vectorised `bdpt`: all camera subpaths of a tile, then all light subpaths, then all connections.
+//! Vectorised `bdpt`: traces all camera subpaths of a tile, then all light subpaths, then evaluates
+//! all connections.
 //!
-//! Subpaths advance step by step as those of other integrators do, and store a [`Node`] at each
-//! vertex. The number of random numbers of a connection does not depend on its result, and the
-//! order of a sample's sum is that of the scalar `bdpt`. Both are therefore known when connections
-//! are [listed](connect), and connections can be evaluated in any order, those at surfaces of one
-//! class together.
+//! [`random_walk`] advances the subpaths of a tile by one step at a time and stores a
+//! [`VertexRecord`] at each vertex. [`ray_generation`] samples the first vertices of light
+//! subpaths.
+//!
+//! Invariant: results are bit-identical to the scalar `bdpt`. The number of random numbers that a
+//! connection draws does not depend on its result, and the order of a sample's contributions is
+//! that of the scalar path. Both are therefore known when connections are [listed](connect), and
+//! connections can be evaluated in any order, here by class of surface.
 
 mod connect;
 mod random_walk;
@@ -34,10 +38,10 @@ use crate::transport::sampler::Independent;
 use connect::ConnectionLists;
 use ray_generation::LightStarts;
 
-/// Number of samples in a tile.
+/// Number of samples in a tile of `bdpt`.
 pub(super) const TILE_SAMPLES: usize = 128;
 
-/// Read-only state of a tile; `TIMED` if the film has a time axis.
+/// Data that all kernels of a tile read; `TIMED` if the film has a time axis.
 #[derive(Clone, Copy)]
 struct TileContext<'a, const TIMED: bool> {
     table: &'a MaterialTable,
@@ -49,33 +53,35 @@ struct TileContext<'a, const TIMED: bool> {
 
 /// State of a subpath between two of its vertices, in four rows of eight numbers.
 ///
-/// Row 0: ray and the first two components of the throughput. Row 1: the third; position and normal
-/// of the previous vertex; first component of the throughput for Russian roulette. Row 2: hit of
-/// the ray and key of the sampler. Row 3: the other two components for Russian roulette, the number
-/// of random numbers drawn, optical length and refractive index of the medium (with a time axis),
-/// and weighted emission at the hit. On the first edge of a light subpath, selection probability
-/// and area of the light replace length and index; both are zero unless the light is a triangle
-/// with uniform emission.
+/// Row 0: ray, and the first two components of the throughput. Row 1: the third; position and
+/// normal of the previous vertex; first component of the throughput for Russian roulette. Row 2:
+/// hit of the ray, and key of the sampler. Row 3: the other two components for Russian roulette;
+/// number of random numbers drawn; optical length and refractive index of the medium (with a time
+/// axis); weighted emission at the hit.
+///
+/// On the first edge of a light subpath, row 3 holds selection probability and area of the light
+/// instead of length and index. Both are zero unless the light is a triangle with uniform emission.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(32))]
-struct Walker {
+struct SubpathState {
     rows: [F32x8; 4],
     /// Density of the ray's direction, `d_vcm` and `d_vc`.
     weights: [f64; 3],
 }
 
-/// Vertex of a subpath, in three rows of eight numbers.
+/// Vertex of a subpath, in three rows of eight numbers and its MIS terms.
 ///
 /// Row 0: position, geometric normal, area factor of the reverse direction, and material index. Row
 /// 1: shading normal, direction to the previous vertex, and the first two components of the
-/// throughput. Row 2: the third; with a time axis also optical length of the path, emission delay,
-/// and refractive index of the medium of the last edge.
+/// throughput. Row 2: the third; optical length of the path, emission delay, and refractive index
+/// of the medium of the last edge (with a time axis).
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(32))]
-struct Node {
+struct VertexRecord {
     rows: [F32x8; 3],
+    /// MIS partials `d_vcm` and `d_vc`.
     partials: [f64; 2],
-    /// Material class of the surface; `None` if the path ended here and nothing is connected to it.
+    /// Material class of the surface; `None` if the path ends here and the vertex is not connected.
     class: Option<u8>,
     /// Weighted emission of the surface towards the path.
     emission: Vec3,
@@ -83,11 +89,13 @@ struct Node {
     next: u32,
 }
 
-/// Subpaths of a tile from the camera or from lights.
+/// TileSubpaths of a tile from the camera or from lights.
 #[derive(Default)]
-struct Subpaths {
-    walkers: Vec<Walker>,
-    nodes: Vec<Node>,
+struct TileSubpaths {
+    /// State of every path.
+    states: Vec<SubpathState>,
+    /// Vertices of all paths, in the order in which they were found.
+    vertices: Vec<VertexRecord>,
     /// First and last vertex of every path, or [`NONE`].
     ends: Vec<[u32; 2]>,
     /// Paths that have not ended.
@@ -98,25 +106,26 @@ struct Subpaths {
 #[derive(Default)]
 pub(super) struct TileBuffers {
     records: Vec<PathRecord>,
-    camera: Subpaths,
-    light: Subpaths,
+    camera: TileSubpaths,
+    light: TileSubpaths,
     starts: LightStarts,
     emission_delays: EmissionDelays,
-    /// Weighted light from the environment that camera subpaths found, and its optical length.
+    /// Weighted contribution of the environment to every camera subpath, and its optical length.
     escaped: Vec<(Vec3, f64)>,
     lists: ConnectionLists,
-    sums: CameraContributions,
+    sums: SampleSums,
 }
 
-/// Contributions of samples to their own pixels.
+/// Sums of the samples' contributions to their own pixels.
 #[derive(Default)]
-struct CameraContributions {
+struct SampleSums {
+    /// Radiance of each sample.
     values: Vec<Vec3>,
     /// Individual contributions that `values` is the sum of; used only with a time axis.
     timed: TimedContributions,
 }
 
-impl Walker {
+impl SubpathState {
     fn ray(&self) -> Ray {
         ray_from_row(&self.rows[0])
     }
@@ -139,6 +148,7 @@ impl Walker {
         }
     }
 
+    /// Returns the number of random numbers drawn so far.
     fn taken(&self) -> u32 {
         self.rows[3].0[2].to_bits()
     }
@@ -147,49 +157,53 @@ impl Walker {
         sampler_from_row(&self.rows[2], taken)
     }
 
+    /// Stores the hit of the ray and the weighted emission there.
     fn set_hit(&mut self, hit: &Hit, emission: Vec3) {
         store_hit(&mut self.rows[2], hit);
         self.rows[3].0[5..].copy_from_slice(&emission.to_array());
     }
 }
 
-impl Subpaths {
+impl TileSubpaths {
     fn reset(&mut self, paths: usize) {
-        self.nodes.clear();
+        self.vertices.clear();
         self.ends.clear();
         self.ends.resize(paths, [NONE; 2]);
         self.active.clear();
     }
 
     /// Appends a vertex to a path.
-    fn push(&mut self, path: usize, node: Node) {
-        let index = self.nodes.len() as u32;
+    fn push(&mut self, path: usize, vertex: VertexRecord) {
+        let index = self.vertices.len() as u32;
         let [first, last] = &mut self.ends[path];
         match *last {
             NONE => *first = index,
-            last => self.nodes[last as usize].next = index,
+            last => self.vertices[last as usize].next = index,
         }
         *last = index;
-        self.nodes.push(Node { next: NONE, ..node });
+        self.vertices.push(VertexRecord {
+            next: NONE,
+            ..vertex
+        });
     }
 
     /// Returns the indices of the vertices of a path, in order.
     fn path(&self, path: usize) -> impl Iterator<Item = u32> {
         let some = |index: u32| (index != NONE).then_some(index);
         std::iter::successors(some(self.ends[path][0]), move |i| {
-            some(self.nodes[*i as usize].next)
+            some(self.vertices[*i as usize].next)
         })
     }
 }
 
-impl Node {
+impl VertexRecord {
     /// Returns the material index of the surface.
     #[inline]
     fn material(&self) -> usize {
         self.rows[0].0[7].to_bits() as usize
     }
 
-    /// Returns the optical length of the path up to this vertex; needs a time axis.
+    /// Returns the optical length of the path up to this vertex; valid only with a time axis.
     fn optical(&self) -> OpticalLength {
         let [_, path, delays, index, ..] = self.rows[2].0;
         OpticalLength {
@@ -200,7 +214,7 @@ impl Node {
         }
     }
 
-    /// Sets the three numbers of [`Node::optical`].
+    /// Sets the three numbers of [`VertexRecord::optical`].
     #[inline]
     fn set_optical(&mut self, [path, delays, index]: [f32; 3]) {
         self.rows[2].0[1..4].copy_from_slice(&[path, delays, index]);
@@ -208,16 +222,16 @@ impl Node {
 }
 
 impl<const TIMED: bool> TileContext<'_, TIMED> {
-    /// Returns the weighted contribution of a connection.
-    fn weighted(&self, found: Option<Connection>) -> Vec3 {
-        found.map_or(Vec3::ZERO, |c| {
+    /// Returns the weighted contribution of a connection; zero if there is none.
+    fn weighted(&self, connection: Option<Connection>) -> Vec3 {
+        connection.map_or(Vec3::ZERO, |c| {
             c.unweighted * c.weight(self.context.settings) as f32
         })
     }
 
     /// Returns the path time of camera subpath `path` before edge number `edge` is added.
-    fn path_time(&self, walker: &Walker, path: usize, edge: u32) -> PathTime<'_, true> {
-        let [_, _, _, length, index, ..] = walker.rows[3].0;
+    fn path_time(&self, state: &SubpathState, path: usize, edge: u32) -> PathTime<'_, true> {
+        let [_, _, _, length, index, ..] = state.rows[3].0;
         let optical = OpticalLength {
             path: length,
             delays: self.emission_delays.for_path(path),
@@ -227,27 +241,27 @@ impl<const TIMED: bool> TileContext<'_, TIMED> {
         PathTime::resume(
             self.context,
             optical,
-            walker.edge().from,
+            state.edge().from,
             !time_of_flight::edge_counts(self.context, edge),
         )
     }
 
-    /// Returns the weighted light from the environment that edge number `edge` of camera subpath
-    /// `path` found, and its optical length.
-    fn escaped(&self, camera: &Subpaths, path: usize, edge: u32) -> (Vec3, f64) {
+    /// Returns the weighted contribution of the environment to camera subpath `path`, whose edge
+    /// number `edge` hit nothing, and its optical length.
+    fn escaped(&self, camera: &TileSubpaths, path: usize, edge: u32) -> (Vec3, f64) {
         let context = self.context;
         if context.scene.environment.is_none() || !context.settings.includes(0, edge + 1) {
             return (Vec3::ZERO, 0.0);
         }
-        let walker = &camera.walkers[path];
-        let leaves = || {
-            self.path_time(walker, path, edge)
-                .escape_length(context, walker.ray().dir)
+        let state = &camera.states[path];
+        let escape_length = || {
+            self.path_time(state, path, edge)
+                .escape_length(context, state.ray().dir)
         };
-        let length = if TIMED { leaves() } else { 0.0 };
+        let length = if TIMED { escape_length() } else { 0.0 };
         let escape = Escape {
-            edge: walker.edge(),
-            throughput: walker.throughput(),
+            edge: state.edge(),
+            throughput: state.throughput(),
             length,
         };
         (
@@ -256,9 +270,10 @@ impl<const TIMED: bool> TileContext<'_, TIMED> {
         )
     }
 
-    /// Returns the weighted emission of the surface hit by edge number `edge` of a camera subpath,
-    /// and the position of the hit.
-    fn emission_at(&self, walker: &Walker, hit: &Hit, edge: u32) -> Option<(Vec3, Vec3)> {
+    /// Returns the weighted emission of the surface that edge number `edge` of a camera subpath
+    /// hits, and the position of the hit. Returns `None` if the surface does not emit or the
+    /// strategy is excluded.
+    fn emission_at(&self, state: &SubpathState, hit: &Hit, edge: u32) -> Option<(Vec3, Vec3)> {
         let TileContext { context, h, .. } = *self;
         if context.scene.emitter_of(hit.primitive, NONE) == NONE
             || !context.settings.includes(0, edge + 1)
@@ -268,17 +283,17 @@ impl<const TIMED: bool> TileContext<'_, TIMED> {
         let found = connect_s0_at_hit(
             context,
             h,
-            &walker.edge(),
-            &walker.ray(),
+            &state.edge(),
+            &state.ray(),
             hit,
-            walker.throughput(),
+            state.throughput(),
             edge + 1,
         )?;
         Some((self.weighted(Some(found)), found.point?.position))
     }
 
-    /// Returns the camera subpath of a sample before its first edge.
-    fn camera(&self, record: &PathRecord) -> Walker {
+    /// Returns the state of a sample's camera subpath before its first edge.
+    fn camera_state(&self, record: &PathRecord) -> SubpathState {
         let [ray_row, _, keys] = record.rows;
         let [x, y, z, u, v, w, ..] = ray_row.0;
         let edge = Edge::from_lens(self.context, Vec3::new(x, y, z), Vec3::new(u, v, w));
@@ -293,14 +308,15 @@ impl<const TIMED: bool> TileContext<'_, TIMED> {
             0.0,
             0.0,
         ]);
-        Walker {
+        SubpathState {
             rows: [ray_row, origin_row, keys, counters],
             weights: [edge.pdf_w, edge.partials.d_vcm, edge.partials.d_vc],
         }
     }
 }
 
-/// Renders the given samples of row `y`: contributions to their own pixels, and splats.
+/// Renders the given samples of row `y` and adds them to `film`: all splats, then the contributions
+/// to their own pixels.
 pub(super) fn render_tile<const TIMED: bool>(
     table: &MaterialTable,
     context: &Context,
@@ -308,7 +324,7 @@ pub(super) fn render_tile<const TIMED: bool>(
     y: u32,
     ids: &[SampleId],
     buffers: &mut TileBuffers,
-    row: &mut RowFilm,
+    film: &mut RowFilm,
 ) {
     let TileBuffers {
         records,
@@ -337,10 +353,10 @@ pub(super) fn render_tile<const TIMED: bool>(
         emission_delays,
     };
     camera.reset(records.len());
-    camera.walkers.clear();
+    camera.states.clear();
     camera
-        .walkers
-        .extend(records.iter().map(|record| tile.camera(record)));
+        .states
+        .extend(records.iter().map(|record| tile.camera_state(record)));
     camera.active.extend(0..records.len() as u32);
     escaped.clear();
     escaped.resize(records.len(), (Vec3::ZERO, 0.0));
@@ -359,7 +375,7 @@ pub(super) fn render_tile<const TIMED: bool>(
     sums.values.resize(records.len(), Vec3::ZERO);
     sums.timed.clear();
     let mut splat = |path: u32, pixel: [u32; 2], value: Vec3, length: f64| {
-        row.splat_from_sample(ids[path as usize], pixel, value, length);
+        film.splat_from_sample(ids[path as usize], pixel, value, length);
     };
     for (path, escaped) in escaped.iter().enumerate() {
         let mut taken = lists.list_camera_path(&tile, path, [&*light, &*camera], *escaped);
@@ -373,5 +389,5 @@ pub(super) fn render_tile<const TIMED: bool>(
     }
     starts.connect_to_lens(&tile, light, &mut lists.queue, &mut splat);
     lists.evaluate(&tile, [light, camera], sums, &mut splat);
-    add_to_film(context, ids, &sums.values, &mut sums.timed, row);
+    add_to_film(context, ids, &sums.values, &mut sums.timed, film);
 }

@@ -1,9 +1,10 @@
-//! Random walks: steps of as many subpaths at once as there are lanes.
+//! Random walks: advances one subpath per lane by one step. All subpaths of a vector hit surfaces
+//! of one class.
 
 use glam::Vec3;
 
 use super::ray_generation::LightStart;
-use super::{Node, Subpaths, TileContext, Walker};
+use super::{SubpathState, TileContext, TileSubpaths, VertexRecord};
 use crate::math::real::{Mask, Vector, Word};
 use crate::math::simd::{Lanes, SimdKernel, active_lanes, dispatch, map_array, padded};
 use crate::render::cpu::wavefront::light_sampling::{triangle_mis_terms, with_scalar_mis_terms};
@@ -17,26 +18,27 @@ use crate::transport::ray::offset_by_axis;
 use crate::transport::sampler::Independent;
 use crate::transport::vertex::{area_factors, towards};
 
-/// Traces the active subpaths, from lights or from the camera, until they end or have `max_edges`
-/// edges. Light from the environment that camera subpaths find is stored in `escaped`.
+/// Traces the active subpaths until they end or have `max_edges` edges. `LIGHT` if they start on
+/// lights, which `starts` then holds. Contributions of the environment to camera subpaths are
+/// stored in `escaped`.
 pub(super) fn trace_subpaths<const LIGHT: bool, const TIMED: bool>(
     tile: &TileContext<TIMED>,
-    paths: &mut Subpaths,
+    paths: &mut TileSubpaths,
     max_edges: u32,
     starts: &[LightStart],
     escaped: &mut [(Vec3, f64)],
 ) {
     let mut active = std::mem::take(&mut paths.active);
     let (mut rays, mut hits) = (Vec::new(), Vec::new());
-    let mut lists: Vec<Vec<u32>> = vec![Vec::new(); tile.table.classes()];
+    let mut by_class: Vec<Vec<u32>> = vec![Vec::new(); tile.table.classes()];
     for edge in 1..=max_edges {
-        // The last edge of a camera subpath can only find emitted light.
+        // The last edge of a camera subpath can only hit a light: its end is not connected.
         let last = !LIGHT && edge == max_edges;
         rays.clear();
         rays.extend(
             active
                 .iter()
-                .map(|path| (paths.walkers[*path as usize].ray(), f32::INFINITY)),
+                .map(|path| (paths.states[*path as usize].ray(), f32::INFINITY)),
         );
         hits.clear();
         tile.context.trace.closest_each(&rays, &mut hits);
@@ -47,25 +49,25 @@ pub(super) fn trace_subpaths<const LIGHT: bool, const TIMED: bool>(
                 }
                 continue;
             };
-            let walker = &mut paths.walkers[path as usize];
+            let state = &mut paths.states[path as usize];
             let at_hit = if LIGHT {
                 None
             } else {
-                tile.emission_at(walker, hit, edge)
+                tile.emission_at(state, hit, edge)
             };
             let emission = at_hit.map_or(Vec3::ZERO, |(emission, _)| emission);
             match tile.table.class(hit.primitive).filter(|_| !last) {
                 Some(class) => {
-                    walker.set_hit(hit, emission);
-                    lists[class].push(path);
+                    state.set_hit(hit, emission);
+                    by_class[class].push(path);
                 }
                 None if emission != Vec3::ZERO => {
-                    let mut node = Node {
+                    let mut vertex = VertexRecord {
                         emission,
-                        ..Node::default()
+                        ..VertexRecord::default()
                     };
                     if let (true, Some((_, at))) = (TIMED, at_hit) {
-                        let mut path_time = tile.path_time(walker, path as usize, edge);
+                        let mut path_time = tile.path_time(state, path as usize, edge);
                         path_time.add_segment(at);
                         let OpticalLength {
                             path,
@@ -73,14 +75,14 @@ pub(super) fn trace_subpaths<const LIGHT: bool, const TIMED: bool>(
                             index,
                             ..
                         } = path_time.optical();
-                        node.set_optical([path, delays, index]);
+                        vertex.set_optical([path, delays, index]);
                     }
-                    paths.push(path as usize, node);
+                    paths.push(path as usize, vertex);
                 }
                 None => {}
             }
         }
-        for (class, list) in lists.iter_mut().enumerate() {
+        for (class, list) in by_class.iter_mut().enumerate() {
             let step = WalkStep {
                 tile,
                 class,
@@ -99,22 +101,22 @@ pub(super) fn trace_subpaths<const LIGHT: bool, const TIMED: bool>(
     paths.active = active;
 }
 
-/// Parameters of a step of paths that hit surfaces of one class.
+/// Parameters of one step of paths that hit surfaces of one class.
 struct WalkStep<'a, const TIMED: bool> {
     tile: &'a TileContext<'a, TIMED>,
     class: usize,
     /// Number of the edge that led to the surface.
     edge: u32,
-    /// Whether another edge is allowed.
+    /// Whether the maximum depth allows another edge.
     may_continue: bool,
     starts: &'a [LightStart],
 }
 
-/// Kernel that runs a step for all listed paths.
+/// Kernel that runs a step of all listed paths.
 struct WalkKernel<'a, const LIGHT: bool, const TIMED: bool> {
     step: WalkStep<'a, TIMED>,
     list: &'a [u32],
-    paths: &'a mut Subpaths,
+    paths: &'a mut TileSubpaths,
 }
 
 impl<const LIGHT: bool, const TIMED: bool> SimdKernel for WalkKernel<'_, LIGHT, TIMED> {
@@ -131,12 +133,14 @@ impl<const LIGHT: bool, const TIMED: bool> SimdKernel for WalkKernel<'_, LIGHT, 
 }
 
 impl<const TIMED: bool> WalkStep<'_, TIMED> {
+    /// Runs the step of one path per lane: stores the vertex, samples the BSDF, and sets up the
+    /// next edge.
     #[inline(always)]
     fn advance<R: Lanes<N>, const N: usize, const LIGHT: bool>(
         &self,
         lanes: [usize; N],
         active: R::Mask,
-        paths: &mut Subpaths,
+        paths: &mut TileSubpaths,
     ) {
         let WalkStep { tile, edge, .. } = *self;
         let (table, context, h) = (tile.table, tile.context, tile.h);
@@ -147,17 +151,17 @@ impl<const TIMED: bool> WalkStep<'_, TIMED> {
             TransportMode::Radiance
         };
         let zero = R::splat(0.0);
-        let walkers: [&Walker; N] = map_array(lanes, |i| &paths.walkers[i]);
-        let ray_row = R::transpose_load(map_array(walkers, |w| &w.rows[0]));
-        let origin_row = R::transpose_load(map_array(walkers, |w| &w.rows[1]));
-        let hit_row = R::transpose_load(map_array(walkers, |w| &w.rows[2]));
-        let state_row = R::transpose_load(map_array(walkers, |w| &w.rows[3]));
+        let states: [&SubpathState; N] = map_array(lanes, |i| &paths.states[i]);
+        let ray_row = R::transpose_load(map_array(states, |s| &s.rows[0]));
+        let origin_row = R::transpose_load(map_array(states, |s| &s.rows[1]));
+        let hit_row = R::transpose_load(map_array(states, |s| &s.rows[2]));
+        let state_row = R::transpose_load(map_array(states, |s| &s.rows[3]));
         let mut weights = [[0.0; N]; 3];
         let mut primitives = [0; N];
         let mut materials = [0; N];
-        for (i, walker) in walkers.into_iter().enumerate() {
-            [weights[0][i], weights[1][i], weights[2][i]] = walker.weights;
-            primitives[i] = walker.rows[2].0[3].to_bits();
+        for (i, state) in states.into_iter().enumerate() {
+            [weights[0][i], weights[1][i], weights[2][i]] = state.weights;
+            primitives[i] = state.rows[2].0[3].to_bits();
             materials[i] = table.material_of[primitives[i] as usize];
         }
         let (origin, dir) = (
@@ -205,25 +209,25 @@ impl<const TIMED: bool> WalkStep<'_, TIMED> {
         let (valid, partials, back) = if LIGHT && edge == 1 {
             let (probability, area) = (state_row[3], state_row[4]);
             let mut end = triangle_mis_terms::<R>(before, here, dir, [probability, area]);
-            let known = area.gt(zero);
-            if (!known).any() {
+            let vectorised = area.gt(zero);
+            if (!vectorised).any() {
                 let points = map_array(lanes, |i| match &self.starts[i] {
-                    LightStart::Single(start) => Some(start.point),
+                    LightStart::Scalar(start) => Some(start.point),
                     _ => None,
                 });
-                end = with_scalar_mis_terms::<R, N>(context, end, known, &points, here, dir);
+                end = with_scalar_mis_terms::<R, N>(context, end, vectorised, &points, here, dir);
             }
             let (valid, partials) = MisPartials::new(h, end.edge_partials(h), end.next);
             (valid, partials, end.back)
         } else {
-            let [spread, back] = area_factors(before, here);
+            let [forward, back] = area_factors(before, here);
             let [pdf_w, d_vcm, d_vc] = weights.each_ref();
             let partials = EdgePartials {
                 d_vcm: R::load_doubles(d_vcm),
                 d_vc: R::load_doubles(d_vc),
             };
             let (valid, partials) =
-                MisPartials::new(h, partials, R::load_doubles(pdf_w) * spread.double());
+                MisPartials::new(h, partials, R::load_doubles(pdf_w) * forward.double());
             (valid, partials, back)
         };
         let rows = map_array(materials, |m| &table.rows[m as usize]);
@@ -252,9 +256,9 @@ impl<const TIMED: bool> WalkStep<'_, TIMED> {
             let mut rows = [first[i], second[i], Default::default()];
             rows[0].0[7] = f32::from_bits(materials[i]);
             rows[2].0[0] = last[i];
-            let emission = Vec3::from_slice(&paths.walkers[lanes[i]].rows[3].0[5..]);
+            let emission = Vec3::from_slice(&paths.states[lanes[i]].rows[3].0[5..]);
             let class = Some(self.class as u8);
-            let mut node = Node {
+            let mut vertex = VertexRecord {
                 rows,
                 partials: [d_vcm[i], d_vc[i]],
                 class,
@@ -262,9 +266,9 @@ impl<const TIMED: bool> WalkStep<'_, TIMED> {
                 next: 0,
             };
             if TIMED {
-                node.set_optical([length[i], delays[i], index[i]]);
+                vertex.set_optical([length[i], delays[i], index[i]]);
             }
-            paths.push(lanes[i], node);
+            paths.push(lanes[i], vertex);
         }
         if !self.may_continue || created == 0 {
             return;
@@ -296,11 +300,11 @@ impl<const TIMED: bool> WalkStep<'_, TIMED> {
         let mut rr_throughput = R::Vec3::new(origin_row[7], state_row[0], state_row[1]) * rr_weight;
         let mut throughput = throughput * weight;
         if context.rr_start.is_some_and(|start| edge >= start) {
-            let most = rr_throughput
+            let max_component = rr_throughput
                 .x()
                 .max(rr_throughput.y())
                 .max(rr_throughput.z());
-            let survival = most.min(R::splat(MAX_SURVIVAL));
+            let survival = max_component.min(R::splat(MAX_SURVIVAL));
             let [u, ..] = Independent::next_three(key, taken);
             taken = R::Word::select(continues, taken.add(R::Word::splat(1)), taken);
             continues = continues & u.lt(survival);
@@ -335,17 +339,17 @@ impl<const TIMED: bool> WalkStep<'_, TIMED> {
             optical.scatter(eta);
             let index = optical.index.store();
             for i in active_lanes(continues.bits()) {
-                paths.walkers[lanes[i]].rows[3].0[3..5].copy_from_slice(&[length[i], index[i]]);
+                paths.states[lanes[i]].rows[3].0[3..5].copy_from_slice(&[length[i], index[i]]);
             }
         }
         for i in active_lanes(created) {
-            paths.walkers[lanes[i]].rows[3].0[2] = taken[i];
+            paths.states[lanes[i]].rows[3].0[2] = taken[i];
         }
         for i in active_lanes(continues.bits()) {
-            let walker = &mut paths.walkers[lanes[i]];
-            (walker.rows[0], walker.rows[1]) = (ray_row[i], origin_row[i]);
-            walker.rows[3].0[..2].copy_from_slice(&[y[i], z[i]]);
-            walker.weights = [pdf_w[i], d_vcm[i], d_vc[i]];
+            let state = &mut paths.states[lanes[i]];
+            (state.rows[0], state.rows[1]) = (ray_row[i], origin_row[i]);
+            state.rows[3].0[..2].copy_from_slice(&[y[i], z[i]]);
+            state.weights = [pdf_w[i], d_vcm[i], d_vc[i]];
             paths.active.push(lanes[i] as u32);
         }
     }

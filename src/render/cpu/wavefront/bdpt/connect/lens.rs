@@ -1,4 +1,6 @@
-//! Connections of light vertices to the lens.
+//! Connections of light vertices to the lens (`t = 1`): projection through the lens, and evaluation
+//! at surfaces (`s >= 2`). First vertices (`s = 1`) use the projection in
+//! [`ray_generation`](super::super::ray_generation).
 
 use glam::Vec3;
 
@@ -6,7 +8,7 @@ use super::load::{load_vertices, load_words, optical_lengths, sampler_keys};
 use super::{LensConnection, ShadowQueue, Target};
 use crate::math::real::{Mask, Real, Vector, Word};
 use crate::math::simd::{Lanes, active_lanes, map_array, padded};
-use crate::render::cpu::wavefront::bdpt::{Subpaths, TileContext};
+use crate::render::cpu::wavefront::bdpt::{TileContext, TileSubpaths};
 use crate::render::cpu::wavefront::shade::shadow_rays;
 use crate::transport::bsdf::TransportMode;
 use crate::transport::camera::FilterSpec;
@@ -16,20 +18,20 @@ use crate::transport::sampler::Independent;
 use crate::transport::surface::SurfacePoint;
 use crate::transport::vertex::area_factor;
 
-/// Projection of points through the lens onto the film.
+/// Projection of the points in all lanes through the lens onto the film.
 pub struct LensProjection<R: Real, const N: usize> {
     pub at: Projection<R::Vec3>,
     /// Pixels that receive the contributions.
     pub pixels: [[u32; 2]; N],
-    /// Whether a pixel was found.
+    /// Whether the point is in front of the camera and a pixel receives it.
     pub inside: R::Mask,
     /// Importance of the lens point, as in `CameraConnection::importance`.
     pub importance: R,
 }
 
 impl<const TIMED: bool> TileContext<'_, TIMED> {
-    /// Returns the emission delay plus the optical length of the edge to the lens, which has this
-    /// distance.
+    /// Returns emission delay plus optical length of the edge to the lens. The edge has length
+    /// `distance`, and counts only if the timing settings include it.
     #[inline(always)]
     pub fn lens_path_lengths<R: Lanes<N>, const N: usize>(
         &self,
@@ -44,12 +46,12 @@ impl<const TIMED: bool> TileContext<'_, TIMED> {
         emission_delays.double() + last.double()
     }
 
-    /// Returns the random numbers that select lens points and pixels, after `taken` draws; zeros if
-    /// neither needs any.
+    /// Returns the four random numbers that select lens point and pixel, after `taken` numbers were
+    /// drawn; zeros if neither needs any.
     #[inline(always)]
     pub fn lens_numbers<R: Lanes<N>, const N: usize>(
         &self,
-        paths: &Subpaths,
+        paths: &TileSubpaths,
         ids: [u32; N],
         taken: [u32; N],
     ) -> [R; 4] {
@@ -63,7 +65,8 @@ impl<const TIMED: bool> TileContext<'_, TIMED> {
         [a, b, c, d]
     }
 
-    /// Connects points to the lens in the lanes of `wanted`.
+    /// Projects the points in the lanes of `wanted` through the lens, and selects the pixels that
+    /// receive them.
     #[inline(always)]
     pub fn project_to_film<R: Lanes<N>, const N: usize>(
         &self,
@@ -77,7 +80,7 @@ impl<const TIMED: bool> TileContext<'_, TIMED> {
         let camera = self.context.camera;
         let (mut pixels, mut weights) = ([[0; 2]; N], [0.0; N]);
         if camera.filter() == FilterSpec::PIXEL {
-            // As `FilterSpec::choose`: selects the pixel that contains the raster position.
+            // Selects the pixel that contains the raster position, as `FilterSpec::choose` does.
             let [width, height] = camera.resolution();
             let (width, height) = (R::splat(width as f32), R::splat(height as f32));
             let [x, y] = at.raster;
@@ -110,19 +113,20 @@ impl<const TIMED: bool> TileContext<'_, TIMED> {
     }
 }
 
-/// Evaluates connections of light vertices to the lens (`s >= 2`, `t = 1`).
+/// Evaluates connections of light vertices on surfaces to the lens (`s >= 2`) and appends the
+/// contributions to `queue`.
 #[inline(always)]
 pub(super) fn connect_t1<R: Lanes<N>, const N: usize, const TIMED: bool>(
     tile: &TileContext<TIMED>,
     class: usize,
     group: &[LensConnection],
-    light: &Subpaths,
+    light: &TileSubpaths,
     queue: &mut ShadowQueue,
 ) {
-    let lens_connections: [LensConnection; N] = padded(group);
+    let connections: [LensConnection; N] = padded(group);
     let active = R::Mask::first(group.len());
-    let nodes = map_array(lens_connections, |s| &light.nodes[s.y as usize]);
-    let y = load_vertices::<R, N, TIMED>(tile, class, nodes, active);
+    let records = map_array(connections, |c| &light.vertices[c.y as usize]);
+    let y = load_vertices::<R, N, TIMED>(tile, class, records, active);
     let SurfacePoint {
         position,
         n_geometric,
@@ -130,8 +134,8 @@ pub(super) fn connect_t1<R: Lanes<N>, const N: usize, const TIMED: bool>(
     } = y.vertices.point;
     let numbers = tile.lens_numbers::<R, N>(
         light,
-        map_array(lens_connections, |s| s.path),
-        map_array(lens_connections, |s| s.taken),
+        map_array(connections, |c| c.path),
+        map_array(connections, |c| c.taken),
     );
     let LensProjection {
         at,
@@ -150,22 +154,22 @@ pub(super) fn connect_t1<R: Lanes<N>, const N: usize, const TIMED: bool>(
     if !lit.any() {
         return;
     }
-    let spread = area_factor(at.lens, position, n_geometric);
-    let others = others_t1(tile.h, &y.endpoint, &at_y, [at.pdf_w, spread]);
+    let lens_factor = area_factor(at.lens, position, n_geometric);
+    let others = others_t1(tile.h, &y.endpoint, &at_y, [at.pdf_w, lens_factor]);
     let values = tile.mis_weighted::<R, N>(unweighted, others, lit);
-    let nowhere = R::Vec3::broadcast(Vec3::ZERO);
+    let no_normal = R::Vec3::broadcast(Vec3::ZERO);
     let rays = shadow_rays::<R, N>(
         [position, n_geometric],
-        [at.lens, nowhere],
+        [at.lens, no_normal],
         at.dir,
         R::Mask::splat(false),
     );
     if TIMED {
         let medium = R::splat(tile.context.medium());
         let before =
-            optical_lengths::<R, N>(nodes).from_light(y.vertices.index_ratio(-at.dir), medium);
+            optical_lengths::<R, N>(records).from_light(y.vertices.index_ratio(-at.dir), medium);
         let lengths = R::store_doubles(
-            tile.lens_path_lengths::<R, N>(map_array(lens_connections, |s| s.path), at.distance)
+            tile.lens_path_lengths::<R, N>(map_array(connections, |c| c.path), at.distance)
                 + before,
         );
         queue
@@ -176,7 +180,7 @@ pub(super) fn connect_t1<R: Lanes<N>, const N: usize, const TIMED: bool>(
         queue.push(
             &rays[i],
             &values[i],
-            Target::Pixel(lens_connections[i].path, pixels[i]),
+            Target::Splat(connections[i].path, pixels[i]),
         );
     }
 }

@@ -1,31 +1,31 @@
-//! Loading of vertices and samplers of subpaths into lanes.
+//! Loads vertices and samplers of subpaths into lanes.
 
 use crate::math::real::{Real, Vector};
 use crate::math::simd::{Lanes, map_array};
-use crate::render::cpu::wavefront::bdpt::{Node, Subpaths, TileContext};
+use crate::render::cpu::wavefront::bdpt::{TileContext, TileSubpaths, VertexRecord};
 use crate::render::cpu::wavefront::vertices::Vertices;
 use crate::transport::integrator::bdpt::weights::{MisEndpoint, MisPartials};
 use crate::transport::path_time::OpticalLength;
 use crate::transport::surface::SurfacePoint;
 
-/// Vertices in all lanes, with throughput and MIS terms of their paths.
-pub(super) struct Loaded<R: Real> {
+/// Vertices in all lanes, with the throughput and MIS terms of their paths.
+pub(super) struct LoadedVertices<R: Real> {
     pub vertices: Vertices<R>,
     pub throughput: R::Vec3,
     pub endpoint: MisEndpoint<R>,
 }
 
-/// Loads points, directions to the previous vertices, throughputs, and MIS terms.
+/// Loads surface points, directions to the previous vertices, throughputs, and MIS terms.
 #[inline(always)]
-pub(super) fn load_nodes<R: Lanes<N>, const N: usize>(
-    nodes: [&Node; N],
+pub(super) fn load_records<R: Lanes<N>, const N: usize>(
+    records: [&VertexRecord; N],
 ) -> (SurfacePoint<R::Vec3>, R::Vec3, R::Vec3, MisEndpoint<R>) {
-    let a = R::transpose_load(map_array(nodes, |node| &node.rows[0]));
-    let b = R::transpose_load(map_array(nodes, |node| &node.rows[1]));
-    let last = R::load(&map_array(nodes, |node| node.rows[2].0[0]));
+    let a = R::transpose_load(map_array(records, |record| &record.rows[0]));
+    let b = R::transpose_load(map_array(records, |record| &record.rows[1]));
+    let last = R::load(&map_array(records, |record| record.rows[2].0[0]));
     let (d_vcm, d_vc) = (
-        map_array(nodes, |node| node.partials[0]),
-        map_array(nodes, |node| node.partials[1]),
+        map_array(records, |record| record.partials[0]),
+        map_array(records, |record| record.partials[1]),
     );
     let point = SurfacePoint {
         position: R::Vec3::new(a[0], a[1], a[2]),
@@ -49,8 +49,11 @@ pub(super) fn load_nodes<R: Lanes<N>, const N: usize>(
 
 /// Loads the optical lengths of paths at these vertices.
 #[inline(always)]
-pub(super) fn optical_lengths<R: Lanes<N>, const N: usize>(nodes: [&Node; N]) -> OpticalLength<R> {
-    let [_, path, delays, index, ..] = R::transpose_load(map_array(nodes, |node| &node.rows[2]));
+pub(super) fn optical_lengths<R: Lanes<N>, const N: usize>(
+    records: [&VertexRecord; N],
+) -> OpticalLength<R> {
+    let [_, path, delays, index, ..] =
+        R::transpose_load(map_array(records, |record| &record.rows[2]));
     OpticalLength {
         path,
         delays,
@@ -59,17 +62,17 @@ pub(super) fn optical_lengths<R: Lanes<N>, const N: usize>(nodes: [&Node; N]) ->
     }
 }
 
-/// Loads vertices on surfaces of one class; nothing is visible outside `active`.
+/// Loads vertices on surfaces of one class. `visible` is unset outside `active`.
 #[inline(always)]
 pub(super) fn load_vertices<R: Lanes<N>, const N: usize, const TIMED: bool>(
     tile: &TileContext<TIMED>,
     class: usize,
-    nodes: [&Node; N],
+    records: [&VertexRecord; N],
     active: R::Mask,
-) -> Loaded<R> {
-    let (point, wo, throughput, endpoint) = load_nodes::<R, N>(nodes);
-    let rows = map_array(nodes, |node| &tile.table.rows[node.material()]);
-    Loaded {
+) -> LoadedVertices<R> {
+    let (point, wo, throughput, endpoint) = load_records::<R, N>(records);
+    let rows = map_array(records, |record| &tile.table.rows[record.material()]);
+    LoadedVertices {
         vertices: Vertices::<R>::new(point, wo, rows, &tile.table.traits(class), active),
         throughput,
         endpoint,
@@ -78,9 +81,12 @@ pub(super) fn load_vertices<R: Lanes<N>, const N: usize, const TIMED: bool>(
 
 /// Loads the sampler keys of paths.
 #[inline(always)]
-pub fn sampler_keys<R: Lanes<N>, const N: usize>(paths: &Subpaths, ids: [u32; N]) -> [R::Word; 4] {
+pub fn sampler_keys<R: Lanes<N>, const N: usize>(
+    paths: &TileSubpaths,
+    ids: [u32; N],
+) -> [R::Word; 4] {
     let [.., a, b, c, d] =
-        R::transpose_load(map_array(ids, |path| &paths.walkers[path as usize].rows[2]));
+        R::transpose_load(map_array(ids, |path| &paths.states[path as usize].rows[2]));
     [a.bits(), b.bits(), c.bits(), d.bits()]
 }
 

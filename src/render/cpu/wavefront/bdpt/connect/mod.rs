@@ -1,5 +1,9 @@
-//! Connections of the subpaths of a tile: listed in the order of each sample's sum and evaluated by
-//! class of surface, as many at once as there are lanes.
+//! Connections of the subpaths of a tile. They are listed in the order in which the scalar `bdpt`
+//! adds them, and evaluated by class of surface, one connection per lane.
+//!
+//! Each listed contribution to a sample's own pixel has an index in [`OwnContributions`]. Results
+//! are stored at that index, so that sums do not depend on the order of evaluation. Splats are
+//! added in fixed point, in any order.
 
 mod interior;
 mod lens;
@@ -11,54 +15,58 @@ use glam::Vec3;
 use self::interior::{connect_interior, evaluate_camera_ends};
 use self::lens::connect_t1;
 use self::light::connect_s1;
-use super::{CameraContributions, Node, Subpaths, TileContext};
+use super::{SampleSums, TileContext, TileSubpaths, VertexRecord};
 use crate::math::real::{Double, Vector};
 use crate::math::simd::{F32x8, Lanes, SimdKernel, dispatch};
 use crate::render::cpu::wavefront::shade::shadow_ray;
 use crate::transport::ray::Ray;
 
-/// Receiver of contributions to other pixels: path, pixel, value, and optical length.
+/// Function that adds a splat: path, pixel, value, and optical length.
 pub(super) type Splat<'a> = dyn FnMut(u32, [u32; 2], Vec3, f64) + 'a;
 
-/// Number of connections in the queue at which their shadow rays are traced.
+/// Number of queued contributions at which their shadow rays are traced.
 const MAX_QUEUED: usize = 64;
 
-/// Number of listed contributions at which connections are evaluated before the tile ends.
+/// Number of listed contributions at which connections are evaluated before the whole tile is
+/// listed. It bounds memory for deep paths.
 const MAX_LISTED: usize = 1 << 13;
 
 /// Destination of a contribution.
 #[derive(Clone, Copy)]
 pub(super) enum Target {
-    /// Slot of [`ConnectionLists`] at this index.
-    Slot(u32),
-    /// Pixel, with the path that contributes to it.
-    Pixel(u32, [u32; 2]),
+    /// The sample's own pixel: index into [`OwnContributions`].
+    Own(u32),
+    /// Any pixel, by a splat: path and pixel.
+    Splat(u32, [u32; 2]),
 }
 
-/// Contributions whose shadow rays are not traced yet.
+/// Contributions whose shadow rays have not been traced.
 #[derive(Default)]
 pub(super) struct ShadowQueue {
     rays: Vec<(Ray, f32)>,
-    lights: Vec<(Vec3, Target)>,
+    /// Value and destination of each contribution.
+    contributions: Vec<(Vec3, Target)>,
     /// Optical lengths of the contributions; used only with a time axis.
     pub lengths: Vec<f64>,
     occluded: Vec<bool>,
 }
 
 impl ShadowQueue {
-    /// Appends a contribution: a row of [`shadow_rays`] and a row with its value.
+    /// Appends a contribution: a row of `shade::shadow_rays`, a row that starts with its value, and
+    /// its destination.
     #[inline]
-    pub fn push(&mut self, ray: &F32x8, value: &F32x8, to: Target) {
+    pub fn push(&mut self, ray: &F32x8, value: &F32x8, target: Target) {
         self.rays.push(shadow_ray(ray));
         let [r, g, b, ..] = value.0;
-        self.lights.push((Vec3::new(r, g, b), to));
+        self.contributions.push((Vec3::new(r, g, b), target));
     }
 }
 
 /// Pending connection of camera vertex `z` to a sampled point on a light (`s = 1`).
 #[derive(Clone, Copy)]
 struct LightConnection {
-    slot: u32,
+    /// Index into [`OwnContributions`].
+    index: u32,
     path: u32,
     z: u32,
     /// Number of random numbers drawn before.
@@ -68,15 +76,17 @@ struct LightConnection {
 /// Pending connection of light vertex `y` and camera vertex `z`.
 #[derive(Clone, Copy)]
 struct VertexPair {
-    slot: u32,
+    /// Index into [`OwnContributions`].
+    index: u32,
     y: u32,
     z: u32,
 }
 
-/// Vertex pair whose BSDF at the camera vertex is evaluated: value and both densities.
+/// Vertex pair whose BSDF at the camera vertex has been evaluated.
 #[derive(Clone, Copy)]
 struct EvaluatedPair {
     pair: VertexPair,
+    /// Value of the BSDF at the camera vertex, its density and its reverse density.
     at_z: [f32; 5],
 }
 
@@ -89,11 +99,11 @@ struct LensConnection {
     taken: u32,
 }
 
-/// Contributions to samples, in the order in which they are added.
+/// Contributions of samples to their own pixels, in the order in which they are added.
 #[derive(Default)]
-pub(super) struct Slots {
+pub(super) struct OwnContributions {
     /// Path and value of each contribution.
-    lights: Vec<(u32, Vec3)>,
+    values: Vec<(u32, Vec3)>,
     /// Optical length of each contribution; used only with a time axis.
     lengths: Vec<f64>,
 }
@@ -101,7 +111,7 @@ pub(super) struct Slots {
 /// Pending connections of a tile.
 #[derive(Default)]
 pub(super) struct ConnectionLists {
-    slots: Slots,
+    own: OwnContributions,
     /// Lists by class of the camera vertex.
     light_connections: Vec<Vec<LightConnection>>,
     pairs: Vec<Vec<VertexPair>>,
@@ -112,6 +122,7 @@ pub(super) struct ConnectionLists {
 }
 
 impl ConnectionLists {
+    /// Prepares the lists for a tile; all must be empty.
     pub fn reset(&mut self, classes: usize) {
         self.light_connections.resize_with(classes, Vec::new);
         self.pairs.resize_with(classes, Vec::new);
@@ -119,39 +130,49 @@ impl ConnectionLists {
         self.lens_connections.resize_with(classes, Vec::new);
     }
 
-    fn slot<const TIMED: bool>(&mut self, path: usize, value: Vec3, length: f64) -> u32 {
-        self.slots.lights.push((path as u32, value));
+    /// Appends a contribution of a path to its own pixel and returns its index.
+    fn list_contribution<const TIMED: bool>(
+        &mut self,
+        path: usize,
+        value: Vec3,
+        length: f64,
+    ) -> u32 {
+        self.own.values.push((path as u32, value));
         if TIMED {
-            self.slots.lengths.push(length);
+            self.own.lengths.push(length);
         }
-        self.slots.lights.len() as u32 - 1
+        self.own.values.len() as u32 - 1
     }
 
-    /// Lists all contributions of a sample to its own pixel, and returns how many of its random
-    /// numbers are then drawn.
+    /// Lists all contributions of a sample to its own pixel. `escaped` and `length` are those of
+    /// the environment. Returns the number of random numbers that the sample has drawn after them.
     pub fn list_camera_path<const TIMED: bool>(
         &mut self,
         tile: &TileContext<TIMED>,
         path: usize,
-        [light, camera]: [&Subpaths; 2],
+        [light, camera]: [&TileSubpaths; 2],
         (escaped, length): (Vec3, f64),
     ) -> u32 {
         let TileContext { table, context, .. } = *tile;
         let (settings, max) = (context.settings, context.max_depth);
-        let mut taken = light.walkers[path].taken();
+        let mut taken = light.states[path].taken();
         if escaped != Vec3::ZERO {
-            self.slot::<TIMED>(path, escaped, length);
+            self.list_contribution::<TIMED>(path, escaped, length);
         }
         for (z, t) in camera.path(path).zip(2..) {
-            let node = &camera.nodes[z as usize];
-            if node.emission != Vec3::ZERO {
-                self.slot::<TIMED>(
+            let vertex = &camera.vertices[z as usize];
+            if vertex.emission != Vec3::ZERO {
+                self.list_contribution::<TIMED>(
                     path,
-                    node.emission,
-                    if TIMED { node.optical().arrival() } else { 0.0 },
+                    vertex.emission,
+                    if TIMED {
+                        vertex.optical().arrival()
+                    } else {
+                        0.0
+                    },
                 );
             }
-            let Some(class) = node
+            let Some(class) = vertex
                 .class
                 .map(usize::from)
                 .filter(|class| table.traits(*class).connected)
@@ -159,9 +180,9 @@ impl ConnectionLists {
                 continue;
             };
             if settings.includes(1, t) {
-                let slot = self.slot::<TIMED>(path, Vec3::ZERO, 0.0);
+                let index = self.list_contribution::<TIMED>(path, Vec3::ZERO, 0.0);
                 self.light_connections[class].push(LightConnection {
-                    slot,
+                    index,
                     path: path as u32,
                     z,
                     taken,
@@ -174,27 +195,30 @@ impl ConnectionLists {
                 .take_while(|(_, s)| s + t - 1 <= max)
             {
                 if settings.includes(s, t)
-                    && tile.connectible_class(&light.nodes[y as usize]).is_some()
+                    && tile
+                        .connectible_class(&light.vertices[y as usize])
+                        .is_some()
                 {
-                    let slot = self.slot::<TIMED>(path, Vec3::ZERO, 0.0);
-                    self.pairs[class].push(VertexPair { slot, y, z });
+                    let index = self.list_contribution::<TIMED>(path, Vec3::ZERO, 0.0);
+                    self.pairs[class].push(VertexPair { index, y, z });
                 }
             }
         }
         taken
     }
 
-    /// Lists the connections of a light subpath to the lens, after `taken` random numbers.
+    /// Lists the connections of a light subpath to the lens, except that of its first vertex.
+    /// `taken` random numbers were drawn before.
     pub fn list_lens_connections<const TIMED: bool>(
         &mut self,
         tile: &TileContext<TIMED>,
         path: usize,
-        light: &Subpaths,
+        light: &TileSubpaths,
         mut taken: u32,
     ) {
         for (y, s) in light.path(path).zip(2..) {
             if tile.context.settings.includes(s, 1)
-                && let Some(class) = tile.connectible_class(&light.nodes[y as usize])
+                && let Some(class) = tile.connectible_class(&light.vertices[y as usize])
             {
                 self.lens_connections[class].push(LensConnection {
                     path: path as u32,
@@ -206,18 +230,18 @@ impl ConnectionLists {
         }
     }
 
-    /// Returns whether the lists should be evaluated now: deep paths have many connections.
+    /// Returns whether the lists should be evaluated before more connections are listed.
     pub fn are_full(&self) -> bool {
-        self.slots.lights.len() >= MAX_LISTED
+        self.own.values.len() >= MAX_LISTED
     }
 
-    /// Evaluates all listed connections, and adds the contributions to the samples' own pixels to
-    /// their values.
+    /// Evaluates all listed connections, empties the lists, and adds the contributions to the
+    /// samples' own pixels to `sums`.
     pub fn evaluate<const TIMED: bool>(
         &mut self,
         tile: &TileContext<TIMED>,
-        [light, camera]: [&Subpaths; 2],
-        sums: &mut CameraContributions,
+        [light, camera]: [&TileSubpaths; 2],
+        sums: &mut SampleSums,
         splat: &mut Splat,
     ) {
         dispatch(
@@ -230,7 +254,7 @@ impl ConnectionLists {
                 splat,
             },
         );
-        for (i, (path, value)) in self.slots.lights.drain(..).enumerate() {
+        for (i, (path, value)) in self.own.values.drain(..).enumerate() {
             sums.values[path as usize] += value;
             if TIMED
                 && value != Vec3::ZERO
@@ -240,11 +264,11 @@ impl ConnectionLists {
                     timing,
                     path,
                     value,
-                    timing.axis.bin_position(self.slots.lengths[i]),
+                    timing.axis.bin_position(self.own.lengths[i]),
                 );
             }
         }
-        self.slots.lengths.clear();
+        self.own.lengths.clear();
     }
 }
 
@@ -252,8 +276,8 @@ impl ConnectionLists {
 struct ConnectKernel<'a, 'b, const TIMED: bool> {
     lists: &'a mut ConnectionLists,
     tile: &'a TileContext<'a, TIMED>,
-    light: &'a Subpaths,
-    camera: &'a Subpaths,
+    light: &'a TileSubpaths,
+    camera: &'a TileSubpaths,
     splat: &'a mut Splat<'b>,
 }
 
@@ -270,7 +294,7 @@ impl<const TIMED: bool> SimdKernel for ConnectKernel<'_, '_, TIMED> {
             splat,
         } = self;
         let ConnectionLists {
-            slots,
+            own,
             light_connections,
             pairs,
             evaluated,
@@ -280,8 +304,8 @@ impl<const TIMED: bool> SimdKernel for ConnectKernel<'_, '_, TIMED> {
         for class in 0..light_connections.len() {
             for group in light_connections[class].chunks(N) {
                 connect_s1::<R, N, TIMED>(tile, class, group, camera, queue);
-                if queue.lights.len() >= MAX_QUEUED {
-                    tile.resolve(queue, slots, splat);
+                if queue.contributions.len() >= MAX_QUEUED {
+                    tile.resolve(queue, own, splat);
                 }
             }
             light_connections[class].clear();
@@ -291,8 +315,8 @@ impl<const TIMED: bool> SimdKernel for ConnectKernel<'_, '_, TIMED> {
             pairs[class].clear();
             for group in lens_connections[class].chunks(N) {
                 connect_t1::<R, N, TIMED>(tile, class, group, light, queue);
-                if queue.lights.len() >= MAX_QUEUED {
-                    tile.resolve(queue, slots, splat);
+                if queue.contributions.len() >= MAX_QUEUED {
+                    tile.resolve(queue, own, splat);
                 }
             }
             lens_connections[class].clear();
@@ -300,34 +324,41 @@ impl<const TIMED: bool> SimdKernel for ConnectKernel<'_, '_, TIMED> {
         for (class, list) in evaluated.iter_mut().enumerate() {
             for group in list.chunks(N) {
                 connect_interior::<R, N, TIMED>(tile, class, group, [light, camera], queue);
-                if queue.lights.len() >= MAX_QUEUED {
-                    tile.resolve(queue, slots, splat);
+                if queue.contributions.len() >= MAX_QUEUED {
+                    tile.resolve(queue, own, splat);
                 }
             }
             list.clear();
         }
-        tile.resolve(queue, slots, splat);
+        tile.resolve(queue, own, splat);
     }
 }
 
 impl<const TIMED: bool> TileContext<'_, TIMED> {
     /// Returns the class of a vertex, or `None` if it cannot be connected.
-    fn connectible_class(&self, node: &Node) -> Option<usize> {
-        node.class
+    fn connectible_class(&self, vertex: &VertexRecord) -> Option<usize> {
+        vertex
+            .class
             .map(usize::from)
             .filter(|class| self.table.traits(*class).connected)
     }
 
-    /// Traces the queued shadow rays and stores or splats the unoccluded contributions.
-    pub(super) fn resolve(&self, queue: &mut ShadowQueue, slots: &mut Slots, splat: &mut Splat) {
+    /// Traces the queued shadow rays, stores or splats the unoccluded contributions, and empties
+    /// the queue.
+    pub(super) fn resolve(
+        &self,
+        queue: &mut ShadowQueue,
+        own: &mut OwnContributions,
+        splat: &mut Splat,
+    ) {
         let ShadowQueue {
             rays,
-            lights,
+            contributions,
             lengths,
             occluded,
         } = queue;
         occluded.clear();
-        // Coincident points are visible to each other.
+        // Coincident points are mutually visible and need no shadow ray.
         if rays.iter().any(|(_, distance)| *distance <= 0.0) {
             occluded.extend(
                 rays.iter().map(|(ray, d)| {
@@ -338,28 +369,28 @@ impl<const TIMED: bool> TileContext<'_, TIMED> {
             self.context.trace.occluded_each(rays, occluded);
         }
         rays.clear();
-        for (i, ((value, to), _)) in lights
+        for (i, ((value, target), _)) in contributions
             .drain(..)
             .zip(&*occluded)
             .enumerate()
             .filter(|(_, (_, occluded))| !**occluded)
         {
             let length = if TIMED { lengths[i] } else { 0.0 };
-            match to {
-                Target::Slot(slot) => {
-                    slots.lights[slot as usize].1 = value;
+            match target {
+                Target::Own(index) => {
+                    own.values[index as usize].1 = value;
                     if TIMED {
-                        slots.lengths[slot as usize] = length;
+                        own.lengths[index as usize] = length;
                     }
                 }
-                Target::Pixel(path, pixel) => splat(path, pixel, value, length),
+                Target::Splat(path, pixel) => splat(path, pixel, value, length),
             }
         }
         lengths.clear();
     }
 
-    /// Returns the contributions with MIS weight 1 / (1 + `others`), as rows; zero outside
-    /// `usable`.
+    /// Returns rows that start with the contributions, multiplied by the MIS weight 1 / (1 +
+    /// `others`), or by 1 if the job renders unweighted. They are zero outside `usable`.
     #[inline(always)]
     pub(super) fn mis_weighted<R: Lanes<N>, const N: usize>(
         &self,
