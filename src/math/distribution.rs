@@ -1,16 +1,21 @@
 //! Discrete distributions over items and over the cells of a grid.
+//!
+//! A sample number has only 2^24 values, called steps. Invariant: every item of positive weight has
+//! a whole number of steps, at least one, and the reported probabilities are exactly those of
+//! sampling.
 
-/// Number of distinct sample numbers: [`unit`](crate::math::rng::unit) returns multiples of 2^-24.
+/// Number of steps: [`unit`](crate::math::rng::unit) returns multiples of 2^-24.
 const STEPS: u32 = 1 << 24;
 
-/// Assigns to every item an interval of the 2^24 sample numbers and returns the end of each; an
-/// interval starts where the previous one ends. Lengths are in proportion to the weights, but at
-/// least one step for every item of positive weight, and zero for others. Returns `None` if no
-/// weight is positive, one is negative or not finite, or more are positive than there are steps.
+/// Assigns an interval of steps to every item and returns the end of each; an interval starts where
+/// the previous one ends. Lengths are in proportion to the weights, but at least 1 for items of
+/// positive weight, and 0 for others. Returns `None` if no weight is positive, one is negative or
+/// not finite, or more are positive than there are steps.
 ///
-/// Probabilities in whole steps are exact. One computed from the weight would differ from how often
-/// `u` selects the item by up to a step, which matters among ten thousand items.
-fn steps(weights: &[f64]) -> Option<Vec<u32>> {
+/// Probabilities in whole steps are exact. A probability computed from the weight would differ by
+/// up to a step from the frequency with which `u` selects the item, which matters among ten
+/// thousand items.
+fn interval_ends(weights: &[f64]) -> Option<Vec<u32>> {
     let total: f64 = weights.iter().sum();
     let last = weights.iter().rposition(|w| *w > 0.0)?;
     let positive = weights.iter().filter(|w| **w > 0.0).count();
@@ -20,19 +25,20 @@ fn steps(weights: &[f64]) -> Option<Vec<u32>> {
     {
         return None;
     }
-    // One step each, and the rest in proportion to the missing share.
-    let missing = |w: &f64| (w / total * f64::from(STEPS) - 1.0).max(0.0);
-    let shared = f64::from(STEPS - positive as u32)
+    // Each item gets one step. The rest are shared in proportion to the steps beyond the first that
+    // each item should have.
+    let further = |w: &f64| (w / total * f64::from(STEPS) - 1.0).max(0.0);
+    let scale = f64::from(STEPS - positive as u32)
         / weights
             .iter()
-            .map(missing)
+            .map(further)
             .sum::<f64>()
             .max(f64::MIN_POSITIVE);
     let (mut sum, mut items) = (0.0, 0);
     let end = |w: &f64| {
-        sum += missing(w);
+        sum += further(w);
         items += u32::from(*w > 0.0);
-        ((sum * shared) as u32 + items).min(STEPS)
+        ((sum * scale) as u32 + items).min(STEPS)
     };
     let mut ends: Vec<u32> = weights.iter().map(end).collect();
     ends[last..].fill(STEPS);
@@ -48,15 +54,13 @@ fn step_of(u: f32) -> u32 {
 /// A distribution over `0..n` proportional to given weights, sampled in constant time by an alias
 /// table [Walker 1977; Vose 1991].
 ///
-/// A sample number has only 2^24 values. Each item is assigned an integral number of them, at least
-/// one if its weight is positive. [`AliasTable::pmf`] returns these exact probabilities of
-/// [`AliasTable::sample`], even for ten thousand items or one a million times lighter than the
-/// rest.
+/// [`AliasTable::pmf`] returns the exact probabilities of [`AliasTable::sample`], also for ten
+/// thousand items, or for an item with a millionth of the other weights.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AliasTable {
-    /// For every column, the number of steps that select its own item, and the item that the others
-    /// select. The number of columns is a power of two, so that all have the same number of steps;
-    /// columns without an item have no own steps.
+    /// For every column, the number of steps that select its own item, and the alias: the item that
+    /// its other steps select. The number of columns is a power of two, so that all have the same
+    /// number of steps. Columns without an item have no own steps.
     pub(crate) columns: Vec<(u32, u32)>,
     /// Binary logarithm of the number of steps of a column.
     pub(crate) shift: u32,
@@ -75,27 +79,28 @@ impl AliasTable {
         if weights.len() > AliasTable::MAX_ITEMS {
             return None;
         }
-        let ends = steps(&weights)?;
+        let ends = interval_ends(&weights)?;
         let starts = std::iter::once(0).chain(ends.iter().copied());
-        let mut rest: Vec<u32> = ends
+        let mut remaining: Vec<u32> = ends
             .iter()
             .zip(starts)
             .map(|(end, start)| end - start)
             .collect();
-        let pmf = rest.iter().map(|n| *n as f32 / STEPS as f32).collect();
-        rest.resize(weights.len().next_power_of_two(), 0);
-        let capacity = STEPS / rest.len() as u32;
-        let mut columns: Vec<(u32, u32)> = (0..rest.len() as u32).map(|i| (capacity, i)).collect();
-        let (mut under, mut over): (Vec<u32>, Vec<u32>) =
-            (0..rest.len() as u32).partition(|i| rest[*i as usize] < capacity);
-        // Integral steps leave no remainder: the last column is full.
-        while let (Some(small), Some(&large)) = (under.pop(), over.last()) {
-            let own = rest[small as usize];
+        let pmf = remaining.iter().map(|n| *n as f32 / STEPS as f32).collect();
+        remaining.resize(weights.len().next_power_of_two(), 0);
+        let capacity = STEPS / remaining.len() as u32;
+        let mut columns: Vec<(u32, u32)> =
+            (0..remaining.len() as u32).map(|i| (capacity, i)).collect();
+        let (mut underfull, mut overfull): (Vec<u32>, Vec<u32>) =
+            (0..remaining.len() as u32).partition(|i| remaining[*i as usize] < capacity);
+        // Steps are whole numbers, so no remainder is left: the last column is full.
+        while let (Some(small), Some(&large)) = (underfull.pop(), overfull.last()) {
+            let own = remaining[small as usize];
             columns[small as usize] = (own, large);
-            rest[large as usize] -= capacity - own;
-            if rest[large as usize] < capacity {
-                over.pop();
-                under.push(large);
+            remaining[large as usize] -= capacity - own;
+            if remaining[large as usize] < capacity {
+                overfull.pop();
+                underfull.push(large);
             }
         }
         Some(AliasTable {
@@ -111,11 +116,11 @@ impl AliasTable {
     pub fn sample(&self, u: f32) -> (usize, f32) {
         let step = step_of(u);
         let column = (step >> self.shift) as usize;
-        let (own, above) = self.columns[column];
+        let (own, alias) = self.columns[column];
         let item = if step & ((1 << self.shift) - 1) < own {
             column
         } else {
-            above as usize
+            alias as usize
         };
         (item, self.pmf[item])
     }
@@ -127,12 +132,11 @@ impl AliasTable {
     }
 }
 
-/// A distribution over the cells of a grid, constant inside a cell: a row is drawn from the
+/// A distribution over the cells of a grid, constant inside a cell. A row is sampled from the
 /// marginal distribution, then a column from the row's conditional one.
 ///
-/// As in an [`AliasTable`], probabilities are integral multiples of 2^-24, at least one for every
-/// row and cell of positive weight, so that [`Grid::probability`] is exactly that of
-/// [`Grid::sample`].
+/// Every row of positive weight has at least one step, and so has every cell of positive weight
+/// within its row. [`Grid::probability`] is therefore exactly that of [`Grid::sample`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
     pub(crate) width: usize,
@@ -142,7 +146,7 @@ pub struct Grid {
     pub(crate) conditional: Vec<f32>,
 }
 
-/// A point drawn from a [`Grid`].
+/// A sample of a [`Grid`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GridSample {
     /// Column and row.
@@ -170,7 +174,7 @@ impl Grid {
             rows.push(row.iter().sum::<f64>());
             match cumulative(row) {
                 Some(sums) => conditional.extend(sums),
-                // Never sampled: the row has no marginal probability.
+                // The row has no marginal probability, so it is never sampled.
                 None => conditional.extend(std::iter::repeat_n(1.0, width)),
             }
         }
@@ -185,8 +189,8 @@ impl Grid {
     /// the row.
     #[inline]
     pub fn sample(&self, u: [f32; 2]) -> GridSample {
-        let (y, fy, row) = invert(&self.marginal, u[1]);
-        let (x, fx, column) = invert(self.row(y), u[0]);
+        let (y, fy, row) = invert_cdf(&self.marginal, u[1]);
+        let (x, fx, column) = invert_cdf(self.row(y), u[0]);
         GridSample {
             cell: [x, y],
             inside: [fx, fy],
@@ -197,7 +201,7 @@ impl Grid {
     /// Returns the probability of the cell in a column and a row.
     #[inline]
     pub fn probability(&self, x: usize, y: usize) -> f32 {
-        width_of(&self.marginal, y) * width_of(self.row(y), x)
+        interval_width(&self.marginal, y) * interval_width(self.row(y), x)
     }
 
     fn row(&self, y: usize) -> &[f32] {
@@ -205,28 +209,30 @@ impl Grid {
     }
 }
 
-/// Returns cumulative probabilities in whole steps; `None` as for [`steps`].
+/// Returns cumulative probabilities in whole steps; `None` in the cases of [`interval_ends`].
 fn cumulative(weights: &[f64]) -> Option<Vec<f32>> {
     Some(
-        steps(weights)?
+        interval_ends(weights)?
             .into_iter()
             .map(|end| end as f32 / STEPS as f32)
             .collect(),
     )
 }
 
+/// Returns the probability of item `i`.
 #[inline]
-fn width_of(cdf: &[f32], i: usize) -> f32 {
+fn interval_width(cdf: &[f32], i: usize) -> f32 {
     cdf[i] - if i == 0 { 0.0 } else { cdf[i - 1] }
 }
 
 /// Returns the item whose interval contains `u`, the position in the interval, and its width.
 #[inline]
-fn invert(cdf: &[f32], u: f32) -> (usize, f32, f32) {
+fn invert_cdf(cdf: &[f32], u: f32) -> (usize, f32, f32) {
     let i = cdf.partition_point(|c| *c <= u).min(cdf.len() - 1);
     let low = if i == 0 { 0.0 } else { cdf[i - 1] };
     let width = cdf[i] - low;
-    // Use the middle of the step of `u`, so that items of few steps are not sampled at one edge.
+    // Uses the middle of the step of `u`, so that items of few steps are not sampled only at one
+    // edge.
     (
         i,
         ((u - low + 0.5 / STEPS as f32) / width).clamp(0.0, 1.0 - f32::EPSILON),
@@ -240,7 +246,7 @@ mod tests {
     use crate::math::{rng, stats};
 
     #[test]
-    fn an_alias_table_follows_its_weights_and_never_draws_zeros() {
+    fn an_alias_table_follows_its_weights_and_never_samples_zero_weights() {
         // From one item to ten thousand, with zeros, ties and weights that differ by 10^6; four
         // tests.
         let cases: [Vec<f64>; 4] = [
@@ -270,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn probabilities_of_an_alias_table_are_exact_counts_and_nothing_that_weighs_is_lost() {
+    fn alias_table_probabilities_are_exact_and_positive_for_positive_weights() {
         let tiny = |i: usize| {
             if i.is_multiple_of(3) {
                 1e-30
@@ -283,17 +289,17 @@ mod tests {
             .collect();
         let total: f64 = weights.iter().sum();
         let a = AliasTable::new(weights.iter().copied()).unwrap();
-        let mut values = vec![0u32; weights.len()];
+        let mut counts = vec![0u32; weights.len()];
         for k in 0..STEPS {
-            values[a.sample(k as f32 / STEPS as f32).0] += 1;
+            counts[a.sample(k as f32 / STEPS as f32).0] += 1;
         }
-        for (i, (v, w)) in values.iter().zip(&weights).enumerate() {
+        for (i, (count, w)) in counts.iter().zip(&weights).enumerate() {
             assert_eq!(
-                f64::from(*v) / f64::from(STEPS),
+                f64::from(*count) / f64::from(STEPS),
                 f64::from(a.pmf(i)),
                 "item {i}"
             );
-            assert_eq!(*v > 0, *w > 0.0, "item {i}");
+            assert_eq!(*count > 0, *w > 0.0, "item {i}");
             assert!(
                 (f64::from(a.pmf(i)) - w / total).abs() * f64::from(STEPS) < 2.0,
                 "item {i}"
@@ -302,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn ten_thousand_items_take_one_look_each() {
+    fn an_alias_table_is_sampled_in_constant_time() {
         // The item is one of the two in the column that `u` selects, hence constant time.
         let n = 10_000u32;
         let a = AliasTable::new((0..n).map(|i| 1.0 + f64::from(i))).unwrap();
@@ -319,7 +325,7 @@ mod tests {
     }
 
     #[test]
-    fn as_many_items_as_steps_have_one_each_and_more_are_none() {
+    fn an_alias_table_has_at_most_one_item_per_step() {
         let a = AliasTable::new(std::iter::repeat_n(1.0, AliasTable::MAX_ITEMS)).unwrap();
         assert!(
             [0, 1, 77, STEPS - 1]
@@ -330,7 +336,7 @@ mod tests {
     }
 
     #[test]
-    fn a_grid_follows_its_weights_inside_cells_too() {
+    fn a_grid_follows_its_weights_and_is_uniform_inside_cells() {
         // 5 x 4 cells with a black row and a black corner; every cell is cut into 3 x 3.
         let weights: Vec<f64> = (0..20)
             .map(|i| match (i % 5, i / 5) {
@@ -362,7 +368,7 @@ mod tests {
     }
 
     #[test]
-    fn grids_without_weight_or_with_nonsense_are_none_and_extremes_stay_inside() {
+    fn invalid_grids_are_none_and_extreme_samples_stay_inside() {
         assert!(
             Grid::new(2, &[0.0; 4]).is_none()
                 && Grid::new(0, &[]).is_none()

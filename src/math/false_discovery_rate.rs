@@ -1,10 +1,11 @@
-//! Multiple testing with a bound on the false discovery rate.
+//! Selects the discoveries among many tests under a bound on the false discovery rate.
 
-/// Returns which of many tests are discoveries if the expected share of false ones among all
-/// discoveries may be at most `rate`: the step-up procedure of [Benjamini and Hochberg 1995], which
-/// also holds for positively dependent tests [Benjamini and Yekutieli 2001]. If all null hypotheses
-/// are true, the probability of any discovery is at most `rate`. A NaN p-value is never a
-/// discovery.
+/// Returns which of many tests are discoveries, such that the expected share of false ones among
+/// all discoveries is at most `rate`. This is the step-up procedure of [Benjamini and Hochberg
+/// 1995], which is also valid for positively dependent tests [Benjamini and Yekutieli 2001].
+///
+/// If all null hypotheses are true, the probability of any discovery is at most `rate`. A NaN
+/// p-value is never a discovery.
 ///
 /// # Bibliography
 /// [Benjamini and Hochberg 1995] Controlling the False Discovery Rate: A Practical and Powerful
@@ -45,14 +46,14 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_found_where_nothing_is_as_often_as_stated() {
+    fn false_discoveries_are_as_frequent_as_stated() {
         let uniform = |i: u32, seed: u32| f64::from(unit(pcg4d([i, seed, 17, 5])[0]));
-        let alarm = |seed: &u32| {
+        let has_discovery = |seed: &u32| {
             let p: Vec<f64> = (0..60).map(|i| uniform(i, *seed)).collect();
             discoveries(&p, 0.1).contains(&true)
         };
         // 2000 trials at 10 %: 200 +- 54 at four standard deviations.
-        let alarms = (0..2000).filter(alarm).count();
-        assert!((146..=254).contains(&alarms), "{alarms}");
+        let discovered = (0..2000).filter(has_discovery).count();
+        assert!((146..=254).contains(&discovered), "{discovered}");
     }
 }

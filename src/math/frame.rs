@@ -1,4 +1,4 @@
-//! Orthonormal frames about a unit vector.
+//! Orthonormal frames about a unit vector, scalar or vectorised.
 
 use glam::Vec3;
 

@@ -1,38 +1,38 @@
-//! A piecewise linear probability density on the line.
+//! Piecewise linear probability densities of one real variable.
 
 use std::sync::Arc;
 
-/// A piecewise linear density, normalised to integrate to one. Cloning is cheap.
+/// A piecewise linear density that integrates to 1. Clones share the knots.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Piecewise {
     knots: Arc<[Knot]>,
 }
 
-/// A point of the density, with the probability of everything before it.
+/// A point of the density, with the cumulative probability up to it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Knot {
     x: f64,
     density: f64,
-    below: f64,
+    cdf: f64,
 }
 
 impl Piecewise {
     /// Builds the density from at least two pairs of position and unnormalised density. Positions
-    /// must not decrease and the integral must be positive. Two pairs at one position are a step.
+    /// must not decrease, and the integral must be positive. Two pairs at one position make a step.
     pub fn new(pairs: &[[f32; 2]]) -> Piecewise {
         let pairs: Vec<[f64; 2]> = pairs.iter().map(|p| p.map(f64::from)).collect();
         let area = |a: [f64; 2], b: [f64; 2]| 0.5 * (a[1] + b[1]) * (b[0] - a[0]);
         let total: f64 = pairs.windows(2).map(|w| area(w[0], w[1])).sum();
-        let mut below = 0.0;
+        let mut cdf = 0.0;
         let mut knots = Vec::with_capacity(pairs.len());
         for (i, pair) in pairs.iter().enumerate() {
             if i > 0 {
-                below += area(pairs[i - 1], *pair) / total;
+                cdf += area(pairs[i - 1], *pair) / total;
             }
             knots.push(Knot {
                 x: pair[0],
                 density: pair[1] / total,
-                below,
+                cdf,
             });
         }
         Piecewise {
@@ -40,15 +40,15 @@ impl Piecewise {
         }
     }
 
-    /// Returns the position at which the distribution function reaches `u`.
+    /// Returns the position at which the cumulative distribution function reaches `u`.
     pub fn sample(&self, u: f32) -> f32 {
         let u = f64::from(u);
         let next = self
             .knots
-            .partition_point(|k| k.below <= u)
+            .partition_point(|k| k.cdf <= u)
             .clamp(1, self.knots.len() - 1);
         let (a, b) = (self.knots[next - 1], self.knots[next]);
-        let (h, rest) = (b.x - a.x, (u - a.below).max(0.0));
+        let (h, rest) = (b.x - a.x, (u - a.cdf).max(0.0));
         if h <= 0.0 || rest <= 0.0 {
             return a.x as f32;
         }
@@ -66,23 +66,24 @@ impl Piecewise {
 
     /// Returns position, normalised density and cumulative probability of each knot.
     pub fn knots(&self) -> impl Iterator<Item = [f64; 3]> {
-        self.knots.iter().map(|k| [k.x, k.density, k.below])
+        self.knots.iter().map(|k| [k.x, k.density, k.cdf])
     }
 
     /// Rebuilds a density from [`Piecewise::knots`].
     pub fn from_knots(knots: impl IntoIterator<Item = [f64; 3]>) -> Piecewise {
-        let knot = |[x, density, below]: [f64; 3]| Knot { x, density, below };
+        let knot = |[x, density, cdf]: [f64; 3]| Knot { x, density, cdf };
         Piecewise {
             knots: knots.into_iter().map(knot).collect(),
         }
     }
 
+    /// Returns the knots before and after a position, or `None` outside the knots.
     fn segment(&self, x: f64) -> Option<(Knot, Knot)> {
         let next = self.knots.partition_point(|k| k.x <= x);
         (next >= 1 && next < self.knots.len()).then(|| (self.knots[next - 1], self.knots[next]))
     }
 
-    /// Returns the density at a position.
+    /// Returns the density at a position; 0 outside the knots.
     pub fn density(&self, x: f64) -> f64 {
         self.segment(x).map_or(0.0, |(a, b)| {
             a.density + (b.density - a.density) * (x - a.x) / (b.x - a.x)
@@ -92,7 +93,7 @@ impl Piecewise {
     /// Returns the probability of at most `x`.
     pub fn cdf(&self, x: f64) -> f64 {
         match self.segment(x) {
-            Some((a, _)) => a.below + 0.5 * (a.density + self.density(x)) * (x - a.x),
+            Some((a, _)) => a.cdf + 0.5 * (a.density + self.density(x)) * (x - a.x),
             None => f64::from(u8::from(self.knots.last().is_some_and(|k| x >= k.x))),
         }
     }

@@ -1,11 +1,14 @@
-//! Scalar and SIMD number traits: code generic over [`Real`] runs on `f32`, or on one `f32` per
-//! lane of a vector, and gives bit-identical results per lane.
+//! Scalar and SIMD number traits. Code generic over [`Real`] runs on `f32`, or on a vector with one
+//! `f32` per lane.
 //!
-//! [`f32`] is the case of one lane. Every operation is the correctly rounded IEEE 754 operation in
-//! every lane, without fused multiply-add. Code that depends on a comparison uses [`Real::select`],
-//! and may skip work that no lane needs with [`Mask::any`]; for one lane that is a branch.
+//! Invariant: results are bit-identical per lane for any number of lanes; [`f32`] is the case of
+//! one lane. Every operation is the correctly rounded one of IEEE 754, and there is no fused
+//! multiply-add.
 //!
-//! [`Word`] holds the 32-bit integers of random numbers and of steps in units in the last place.
+//! Code that depends on a comparison uses [`Real::select`]. It may skip work that no lane needs
+//! with [`Mask::any`], which for one lane is a branch.
+//!
+//! [`Word`] has the 32-bit integers for random numbers and for steps by units in the last place.
 
 use std::fmt::Debug;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};

@@ -1,19 +1,19 @@
 //! Counter-based random numbers: a pure function of seed, pixel, sample and dimension.
 //!
-//! No state is carried from one sample to the next. The numbers of a sample therefore do not depend
-//! on the thread, the tile, the wave, or on whether a night was interrupted.
+//! Invariant: the numbers of a sample do not depend on the thread, the tile, the wave, or
+//! interruptions of a night, since no state passes from one sample to the next.
 
 use super::real::{Real, Word};
 
-/// Hashes four words to four well-mixed words: pcg4d of [Jarzynski & Olano 2020, "Hash Functions
-/// for GPU Rendering"].
+/// Hashes four words to four words: pcg4d of [Jarzynski & Olano 2020, "Hash Functions for GPU
+/// Rendering"].
 #[inline(always)]
 pub fn pcg4d<W: Word>([x, y, z, w]: [W; 4]) -> [W; 4] {
     let [x, y, z, w] = cross_mix([lcg(x), lcg(y), lcg(z), lcg(w)]);
     cross_mix([xorshift(x), xorshift(y), xorshift(z), xorshift(w)])
 }
 
-/// Advances the linear congruential generator by one step.
+/// Applies one step of a linear congruential generator.
 #[inline(always)]
 fn lcg<W: Word>(a: W) -> W {
     a.mul(W::splat(1_664_525)).add(W::splat(1_013_904_223))
@@ -75,9 +75,9 @@ mod tests {
     }
 
     #[test]
-    fn golden_words_never_change() {
-        // From an implementation in Python. A change here changes every picture and needs new
-        // integrator revisions.
+    fn hash_values_are_those_of_the_reference() {
+        // The values are from an implementation in Python. Other values would change every picture,
+        // and need new integrator revisions.
         assert_eq!(pcg4d([1, 2, 3, 4]), GOLDEN);
     }
 

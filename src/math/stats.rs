@@ -1,14 +1,15 @@
-//! Statistical tests that judge estimators, for the test suite and for `lumbre verify`.
+//! Statistical tests of estimators, for the test suite and `lumbre verify`, and the median. All
+//! computations are in double precision.
 
 /// Returns the two-sided p-value of a standard normal deviate.
 pub fn normal_two_sided_p(z: f64) -> f64 {
     upper_gamma_regularised(0.5, z * z / 2.0)
 }
 
-/// Returns the p-value of Pearson's chi-square test. Neighbouring cells are pooled until each
-/// expects at least five; `fitted` is the number of parameters that were estimated from the data.
+/// Returns the p-value of Pearson's chi-square test. Neighbouring cells are pooled until each has
+/// an expected count of at least 5. `fitted` is the number of parameters estimated from the data.
 ///
-/// Returns 0 if a cell with expectation 0 was observed, and 1 if no degree of freedom is left.
+/// Returns 0 if a cell with expected count 0 was observed, and 1 if no degree of freedom is left.
 pub fn chi_square_p(observed: &[f64], expected: &[f64], fitted: usize) -> f64 {
     let mut chi2 = 0.0;
     let mut cells = 0usize;
@@ -136,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn impossible_observations_fail_and_empty_tests_pass() {
+    fn impossible_observations_have_p_0_and_tests_without_freedom_p_1() {
         assert_eq!(chi_square_p(&[1.0, 99.0], &[0.0, 100.0], 0), 0.0);
         assert_eq!(chi_square_p(&[100.0], &[100.0], 0), 1.0);
         assert!(chi_square_p(&[60.0, 40.0], &[50.0, 50.0], 0) < 0.05);
@@ -151,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn splitting_significance() {
+    fn sidak_splits_the_significance() {
         assert!((sidak(0.01, 1) - 0.01).abs() < 1e-12);
         assert!((sidak(0.01, 100) - 1.005e-4).abs() < 1e-6);
     }

@@ -1,4 +1,5 @@
-//! Student's t distribution: confidence intervals and tests of the mean of few repeats.
+//! Student's t distribution: confidence intervals of means, and Welch's test that two means are
+//! equal. All computations are in double precision.
 
 use super::stats::ln_gamma;
 
@@ -67,12 +68,13 @@ pub fn welch_p(a: &[f64], b: &[f64]) -> f64 {
     two_sided_p(t, dof)
 }
 
+/// Returns the unbiased sample variance.
 fn variance(values: &[f64], mean: f64) -> f64 {
     values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / (values.len() as f64 - 1.0)
 }
 
-/// Computes I_x(a, b), the regularised incomplete beta function, by its continued fraction (Lentz)
-/// on the side where that converges fast.
+/// Computes I_x(a, b), the regularised incomplete beta function, by its continued fraction (Lentz's
+/// method), on the side where that converges fast.
 fn beta_regularised(x: f64, a: f64, b: f64) -> f64 {
     if x <= 0.0 || x >= 1.0 {
         return if x <= 0.0 { 0.0 } else { 1.0 };
@@ -80,26 +82,26 @@ fn beta_regularised(x: f64, a: f64, b: f64) -> f64 {
     if x > (a + 1.0) / (a + b + 2.0) {
         return 1.0 - beta_regularised(1.0 - x, b, a);
     }
-    let front =
+    let factor =
         (a * x.ln() + b * (1.0 - x).ln() + ln_gamma(a + b) - ln_gamma(a) - ln_gamma(b)).exp() / a;
     let tiny = 1e-300;
-    let guard = |v: f64| if v.abs() < tiny { tiny } else { v };
-    let (mut c, mut d) = (1.0, 1.0 / guard(1.0 - (a + b) * x / (a + 1.0)));
+    let nonzero = |v: f64| if v.abs() < tiny { tiny } else { v };
+    let (mut c, mut d) = (1.0, 1.0 / nonzero(1.0 - (a + b) * x / (a + 1.0)));
     let mut h = d;
     for i in 1..10_000 {
         let m = f64::from(i);
         let even = m * (b - m) * x / ((a + 2.0 * m - 1.0) * (a + 2.0 * m));
         let odd = -(a + m) * (a + b + m) * x / ((a + 2.0 * m) * (a + 2.0 * m + 1.0));
         for term in [even, odd] {
-            d = 1.0 / guard(1.0 + term * d);
-            c = guard(1.0 + term / c);
+            d = 1.0 / nonzero(1.0 + term * d);
+            c = nonzero(1.0 + term / c);
             h *= d * c;
         }
         if (d * c - 1.0).abs() < 1e-15 {
             break;
         }
     }
-    (front * h).clamp(0.0, 1.0)
+    (factor * h).clamp(0.0, 1.0)
 }
 
 #[cfg(test)]
@@ -125,7 +127,7 @@ mod tests {
         }
         assert!(
             (two_sided_p(1.959_963_985, 1e9) - 0.05).abs() < 1e-7,
-            "many degrees are the normal distribution"
+            "with many degrees of freedom it is the normal distribution"
         );
         assert_eq!(
             (
@@ -155,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn intervals_hold_the_mean_of_two_and_say_nothing_of_one() {
+    fn intervals_need_at_least_two_values() {
         let (mean, half) = mean_and_interval(&[1.0, 3.0]);
         assert!(mean == 2.0 && (half.unwrap() - 12.706_204_74).abs() < 1e-6);
         assert_eq!(mean_and_interval(&[4.0]), (4.0, None));

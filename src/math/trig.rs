@@ -1,33 +1,38 @@
-//! Sine and cosine from their series: inlined, vectorisable, and bit-identical on every machine.
+//! Sine and cosine from their Taylor series, scalar or vectorised.
+//!
+//! Invariant: results have the same bits on every machine and for any number of lanes, unlike those
+//! of a system's mathematics library.
 
 use std::f32::consts::FRAC_2_PI;
 
 use super::real::{Real, Word};
 
-/// Returns sine and cosine of an angle of at most a few thousand radians, to a few units in the
-/// last place.
+/// Returns sine and cosine of an angle in radians, of absolute value up to a few thousand, to a few
+/// units in the last place.
 #[inline(always)]
 pub fn sin_cos<R: Real>(x: R) -> (R, R) {
-    // 1.5 * 2^23: added to a small number, it leaves the nearest integer in the last bits.
-    let whole = R::splat(12_582_912.0);
-    let shifted = x * R::splat(FRAC_2_PI) + whole;
-    let turns = shifted - whole;
-    // Subtract the nearest multiple of a quarter turn in three parts of few digits each.
-    let r = ((x - turns * R::splat(1.570_312_5)) - turns * R::splat(4.837_513e-4))
-        - turns * R::splat(7.549_79e-8);
+    // 1.5 * 2^23: the last bits of its sum with a small number are the integer nearest to that
+    // number.
+    let rounding = R::splat(12_582_912.0);
+    let shifted = x * R::splat(FRAC_2_PI) + rounding;
+    let quarters = shifted - rounding;
+    // Subtract the nearest multiple of pi / 2, which is split into three constants of few digits to
+    // keep accuracy.
+    let r = ((x - quarters * R::splat(1.570_312_5)) - quarters * R::splat(4.837_513e-4))
+        - quarters * R::splat(7.549_79e-8);
     let (s, c) = sin_cos_small(r);
     let word = R::Word::splat;
-    let quarter = shifted.bits().and(word(3));
-    let (second, third) = (quarter.eq(word(1)), quarter.eq(word(2)));
-    let even = quarter.and(word(1)).eq(word(0));
+    let quadrant = shifted.bits().and(word(3));
+    let (second, third) = (quadrant.eq(word(1)), quadrant.eq(word(2)));
+    let even = quadrant.and(word(1)).eq(word(0));
     let (s, c) = (R::select(even, s, c), R::select(even, c, s));
     (
-        R::select(third | quarter.eq(word(3)), -s, s),
+        R::select(third | quadrant.eq(word(3)), -s, s),
         R::select(second | third, -c, c),
     )
 }
 
-/// Returns sine and cosine of an angle of at most an eighth of a turn, by a short Taylor series.
+/// Returns sine and cosine of an angle of absolute value up to pi / 4, by a short Taylor series.
 #[inline(always)]
 pub fn sin_cos_small<R: Real>(r: R) -> (R, R) {
     let k = R::splat;
@@ -46,7 +51,7 @@ mod tests {
     use crate::math::trig::*;
 
     #[test]
-    fn series_are_the_library_s_functions_at_every_quarter() {
+    fn series_agree_with_the_standard_library_in_every_quadrant() {
         for i in -40_000..40_000 {
             let x = i as f32 * 1.7e-3;
             let (s, c) = sin_cos(x);

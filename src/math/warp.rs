@@ -1,4 +1,5 @@
-//! Maps from the unit square to directions and surfaces, each with its density.
+//! Maps from the unit square to directions and surfaces, with their densities. Functions generic
+//! over [`Real`] give the same bits per lane as for `f32`.
 
 use std::f32::consts::{FRAC_PI_4, PI, TAU};
 
@@ -19,15 +20,15 @@ pub fn concentric_disk_lanes<R: Real>(u: [R; 2]) -> [R; 2] {
     let (zero, one, two) = (R::splat(0.0), R::splat(1.0), R::splat(2.0));
     let a = two * u[0] - one;
     let b = two * u[1] - one;
-    // Measure the angle from the nearer axis, so that it is at most an eighth of a turn.
-    let about_x = a.abs().gt(b.abs());
-    let (r, across) = (R::select(about_x, a, b), R::select(about_x, b, a));
-    let (sin, cos) = trig::sin_cos_small(R::splat(FRAC_PI_4) * (across / r));
+    // Measure the angle from the nearer axis, so that it is at most pi / 4.
+    let nearer_x = a.abs().gt(b.abs());
+    let (r, other) = (R::select(nearer_x, a, b), R::select(nearer_x, b, a));
+    let (sin, cos) = trig::sin_cos_small(R::splat(FRAC_PI_4) * (other / r));
     let (near, far) = (r * cos, r * sin);
     let middle = a.eq(zero) & b.eq(zero);
     [
-        R::select(middle, zero, R::select(about_x, near, far)),
-        R::select(middle, zero, R::select(about_x, far, near)),
+        R::select(middle, zero, R::select(nearer_x, near, far)),
+        R::select(middle, zero, R::select(nearer_x, far, near)),
     ]
 }
 
@@ -74,8 +75,8 @@ mod tests {
     use crate::math::rng;
     use crate::math::stats::chi_square_p;
 
-    /// Tests a warp's points by chi-square against expected cell masses; four tests share the
-    /// significance 0.001.
+    /// Tests the points of a warp against the expected masses of cells, by chi-square. Four tests
+    /// share the significance 0.001.
     fn check(n_cells: usize, cell_of: impl Fn([f32; 2]) -> usize, mass: impl Fn(usize) -> f64) {
         let n = 200_000u32;
         let mut observed = vec![0.0; n_cells];

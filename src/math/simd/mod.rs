@@ -1,9 +1,12 @@
 //! SIMD vectors of `f32`: 8 lanes of 256 bits (AVX2) or 16 lanes of 512 bits (AVX-512).
 //!
 //! Code is written once, generic over [`Lanes`], as a [`SimdKernel`]. [`dispatch`] runs it with the
-//! instruction set of a [`Width`]. The vector types carry no target feature of their own, so they
-//! may only be used by code that [`dispatch`] calls and that is inlined into it; see
-//! `tests/laws/lanes.rs`.
+//! instruction set of a [`Width`].
+//!
+//! Invariants: a [`Width`] exists only if the processor has its instruction set. The vector types
+//! carry no target feature of their own, so only code that [`dispatch`] calls and that is inlined
+//! into it may use them (`tests/laws/lanes.rs` checks this). Results are bit-identical per lane to
+//! those of `f32`.
 #![expect(
     unsafe_code,
     reason = "kernels are compiled for vector instructions that not every processor has"
@@ -13,15 +16,15 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::real::{Real, Vector};
 
-/// Implements binary operators of a vector type by one instruction each.
+/// Implements binary operators of vector types by one instruction each.
 macro_rules! operators {
-    ($($of:ident: $trait:ident $name:ident $instruction:ident),*) => {$(
-        impl $trait for $of {
-            type Output = $of;
+    ($($vector:ident: $trait:ident $name:ident $instruction:ident),*) => {$(
+        impl $trait for $vector {
+            type Output = $vector;
             #[inline(always)]
-            fn $name(self, other: $of) -> $of {
+            fn $name(self, other: $vector) -> $vector {
                 // SAFETY: the caller enabled the instruction set, as the module requires.
-                $of(unsafe { $instruction(self.0, other.0) })
+                $vector(unsafe { $instruction(self.0, other.0) })
             }
         }
     )*};
@@ -41,7 +44,7 @@ macro_rules! by_halves {
     )*};
 }
 
-/// Implements methods whose body is an expression of intrinsics.
+/// Implements methods whose body is one expression of intrinsics.
 macro_rules! methods {
     ($($name:ident($($arg:tt)*) -> $out:ident = $body:expr;)*) => {$(
         #[inline(always)]
@@ -57,7 +60,7 @@ mod tests;
 mod x16;
 mod x8;
 
-/// Eight `f32` in memory, aligned for vector loads.
+/// A row: eight `f32` in memory, aligned for vector loads.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C, align(32))]
 pub struct F32x8(pub [f32; 8]);
@@ -97,7 +100,7 @@ enum LaneCount {
     Sixteen,
 }
 
-/// Work that runs on vectors of any width.
+/// A computation that runs on vectors of any width.
 pub trait SimdKernel {
     /// The result of the kernel.
     type Output;
@@ -129,7 +132,7 @@ impl Width {
     }
 }
 
-/// Runs a kernel compiled for the instruction set of a vector width.
+/// Runs a kernel, compiled for the instruction set of a vector width.
 #[inline]
 pub fn dispatch<K: SimdKernel>(width: Width, kernel: K) -> K::Output {
     // SAFETY: a `Width` exists only if the processor has its instruction set.
@@ -161,8 +164,8 @@ pub fn map_array<T: Copy, U: Copy, const N: usize>(values: [T; N], f: impl Fn(T)
     mapped
 }
 
-/// Returns the items of a group of 1 to `N` items, one per lane. Spare lanes repeat the first item;
-/// their results are discarded.
+/// Returns a group of 1 to `N` items, one per lane. Unused lanes repeat the first item; the caller
+/// discards their results.
 #[inline(always)]
 pub fn padded<T: Copy, const N: usize>(group: &[T]) -> [T; N] {
     let mut lanes = [group[0]; N];

@@ -1,12 +1,13 @@
-//! Compares every vector operation with the scalar one, bit by bit.
+//! Compares every vector operation with the scalar one, bit by bit, for every width that this
+//! processor has.
 
 use super::*;
 use crate::math::real::{Double, Mask, Word};
 
 /// Runs a kernel with each vector width that this processor has.
-fn with_every_width<W: SimdKernel<Output = ()> + Clone>(work: W) {
+fn with_every_width<K: SimdKernel<Output = ()> + Clone>(kernel: K) {
     for width in [Width::eight(), Width::sixteen()].into_iter().flatten() {
-        dispatch(width, work.clone());
+        dispatch(width, kernel.clone());
     }
 }
 
@@ -36,7 +37,7 @@ fn pairs<const N: usize>() -> Vec<[[f32; N]; 2]> {
         .collect()
 }
 
-/// Returns the bits of a number, the same for every NaN.
+/// Returns the bits of a number. All NaNs give the same bits.
 fn bits(x: f32) -> u32 {
     let bits = x.to_bits();
     if bits & 0x7fff_ffff > 0x7f80_0000 {
@@ -47,7 +48,7 @@ fn bits(x: f32) -> u32 {
 }
 
 #[test]
-fn every_operation_is_in_every_lane_what_it_is_for_one_number() {
+fn operations_equal_the_scalar_ones_in_every_lane() {
     #[derive(Clone)]
     struct Operations;
     impl SimdKernel for Operations {
@@ -55,46 +56,52 @@ fn every_operation_is_in_every_lane_what_it_is_for_one_number() {
         fn run<R: Lanes<N>, const N: usize>(self) {
             for [x, y] in pairs::<N>() {
                 let (a, b) = (R::load(&x), R::load(&y));
-                let check = |name: &str, wide: R, one: &dyn Fn(f32, f32) -> f32| {
-                    for (lane, found) in wide.store().into_iter().enumerate() {
+                let check = |name: &str, vector: R, scalar: &dyn Fn(f32, f32) -> f32| {
+                    for (lane, found) in vector.store().into_iter().enumerate() {
                         let (a, b) = (x[lane], y[lane]);
-                        assert_eq!(bits(found), bits(one(a, b)), "{N} lanes, {name}: {a} {b}");
+                        assert_eq!(
+                            bits(found),
+                            bits(scalar(a, b)),
+                            "{N} lanes, {name}: {a} {b}"
+                        );
                     }
                 };
-                let yes = |mask: R::Mask| R::select(mask, R::splat(1.0), R::splat(2.0));
-                let said = |yes: bool| if yes { 1.0 } else { 2.0 };
+                let encode_mask = |mask: R::Mask| R::select(mask, R::splat(1.0), R::splat(2.0));
+                let encode = |set: bool| if set { 1.0 } else { 2.0 };
                 check("sum", a + b, &|a, b| a + b);
                 check("difference", a - b, &|a, b| a - b);
                 check("product", a * b, &|a, b| a * b);
                 check("quotient", a / b, &|a, b| a / b);
                 check("negative", -a, &|a, _| -a);
-                check("root", a.sqrt(), &|a, _| f32::sqrt(a));
-                check("size", a.abs(), &|a, _| f32::abs(a));
-                check("sign", a.copysign(b), &|a, b| f32::copysign(a, b));
-                check("lesser", a.min(R::splat(0.5)), &|a, _| f32::min(a, 0.5));
-                check("greater", a.max(R::splat(0.5)), &|a, _| f32::max(a, 0.5));
-                check("between", a.clamp(-1.0, 1.0), &|a, _| {
+                check("square root", a.sqrt(), &|a, _| f32::sqrt(a));
+                check("absolute value", a.abs(), &|a, _| f32::abs(a));
+                check("copysign", a.copysign(b), &|a, b| f32::copysign(a, b));
+                check("minimum", a.min(R::splat(0.5)), &|a, _| f32::min(a, 0.5));
+                check("maximum", a.max(R::splat(0.5)), &|a, _| f32::max(a, 0.5));
+                check("clamp", a.clamp(-1.0, 1.0), &|a, _| {
                     f32::clamp(a, -1.0, 1.0)
                 });
-                check("less", yes(a.lt(b)), &|a, b| said(a < b));
-                check("at most", yes(a.le(b)), &|a, b| said(a <= b));
-                check("greater than", yes(a.gt(b)), &|a, b| said(a > b));
-                check("at least", yes(a.ge(b)), &|a, b| said(a >= b));
-                check("equal", yes(a.eq(b)), &|a, b| said(a == b));
-                check("finite", yes(a.is_finite()), &|a, _| {
-                    said(f32::is_finite(a))
+                check("less than", encode_mask(a.lt(b)), &|a, b| encode(a < b));
+                check("at most", encode_mask(a.le(b)), &|a, b| encode(a <= b));
+                check("greater than", encode_mask(a.gt(b)), &|a, b| encode(a > b));
+                check("at least", encode_mask(a.ge(b)), &|a, b| encode(a >= b));
+                check("equal", encode_mask(a.eq(b)), &|a, b| encode(a == b));
+                check("is finite", encode_mask(a.is_finite()), &|a, _| {
+                    encode(f32::is_finite(a))
                 });
-                check("not", yes(!a.lt(b)), &|a, b| {
-                    said(!matches!(a.partial_cmp(&b), Some(std::cmp::Ordering::Less)))
+                check("not", encode_mask(!a.lt(b)), &|a, b| {
+                    encode(!matches!(a.partial_cmp(&b), Some(std::cmp::Ordering::Less)))
                 });
-                check("both", yes(a.lt(b) & a.gt(R::splat(0.0))), &|a, b| {
-                    said(a < b && a > 0.0)
+                check(
+                    "and",
+                    encode_mask(a.lt(b) & a.gt(R::splat(0.0))),
+                    &|a, b| encode(a < b && a > 0.0),
+                );
+                check("or", encode_mask(a.lt(b) | a.gt(R::splat(0.0))), &|a, b| {
+                    encode(a < b || a > 0.0)
                 });
-                check("either", yes(a.lt(b) | a.gt(R::splat(0.0))), &|a, b| {
-                    said(a < b || a > 0.0)
-                });
-                check("each", a.map_lanes(f32::exp), &|a, _| f32::exp(a));
-                check("each with", a.zip_lanes(b, f32::powf), &f32::powf);
+                check("map_lanes", a.map_lanes(f32::exp), &|a, _| f32::exp(a));
+                check("zip_lanes", a.zip_lanes(b, f32::powf), &f32::powf);
             }
         }
     }
@@ -102,14 +109,14 @@ fn every_operation_is_in_every_lane_what_it_is_for_one_number() {
 }
 
 #[test]
-fn doubles_are_in_every_lane_what_they_are_alone() {
+fn double_precision_operations_equal_the_scalar_ones_in_every_lane() {
     #[derive(Clone)]
-    struct InDouble;
-    impl SimdKernel for InDouble {
+    struct DoubleOperations;
+    impl SimdKernel for DoubleOperations {
         type Output = ();
         fn run<R: Lanes<N>, const N: usize>(self) {
-            let check = |name: &str, wide: [f64; N], one: [f64; N]| {
-                for (a, b) in wide.into_iter().zip(one) {
+            let check = |name: &str, vector: [f64; N], scalar: [f64; N]| {
+                for (a, b) in vector.into_iter().zip(scalar) {
                     let same = a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan());
                     assert!(same, "{N} lanes, {name}: {a} is not {b}");
                 }
@@ -120,35 +127,35 @@ fn doubles_are_in_every_lane_what_they_are_alone() {
                 let both =
                     |f: fn(f64, f64) -> f64| std::array::from_fn::<f64, N, _>(|i| f(x[i], y[i]));
                 let stored = R::store_doubles;
-                check("the same number", stored(a), x);
+                check("conversion", stored(a), x);
                 check("sum", stored(a + b), both(|a, b| a + b));
                 check("product", stored(a * b), both(|a, b| a * b));
                 check("quotient", stored(a / b), both(|a, b| a / b));
                 let third = R::Double::splat(1.0) / R::Double::splat(3.0);
                 let single = (a * third).single().store().map(f64::from);
                 check(
-                    "single",
+                    "rounding to single",
                     single,
                     x.map(|a| f64::from((a * (1.0 / 3.0)) as f32)),
                 );
-                let more = a.gt(b);
+                let greater = a.gt(b);
                 check(
                     "greater",
-                    stored(R::Double::select(more, a, b)),
+                    stored(R::Double::select(greater, a, b)),
                     both(|a, b| if a > b { a } else { b }),
                 );
-                let more = R::select(more, R::splat(1.0), R::splat(0.0))
+                let greater = R::select(greater, R::splat(1.0), R::splat(0.0))
                     .store()
                     .map(f64::from);
-                check("mask", more, both(|a, b| f64::from(u8::from(a > b))));
-                check("memory", stored(R::load_doubles(&x)), x);
+                check("mask", greater, both(|a, b| f64::from(u8::from(a > b))));
+                check("load and store", stored(R::load_doubles(&x)), x);
             }
         }
     }
-    with_every_width(InDouble);
+    with_every_width(DoubleOperations);
 }
 
-/// Operands of the operations on words.
+/// Operands of word operations: the first and the second.
 const WORDS: [[u32; 8]; 2] = [
     [
         0,
@@ -173,57 +180,58 @@ const WORDS: [[u32; 8]; 2] = [
 ];
 
 #[test]
-fn words_wrap_and_shift_as_one_does() {
+fn word_operations_equal_the_scalar_ones_in_every_lane() {
     #[derive(Clone)]
-    struct InWords;
-    impl SimdKernel for InWords {
+    struct WordOperations;
+    impl SimdKernel for WordOperations {
         type Output = ();
         fn run<R: Lanes<N>, const N: usize>(self) {
-            // In the second half of 16 lanes the other operands are shifted by one.
+            // In lanes 8 to 15 the second operands are shifted by one.
             let a: [u32; N] = std::array::from_fn(|i| WORDS[0][i % 8]);
             let b: [u32; N] = std::array::from_fn(|i| WORDS[1][(i + i / 8) % 8]);
-            let words = |w: [u32; N]| R::load(&w.map(f32::from_bits)).bits();
-            let out = |w: R::Word| w.bits_to_float().store().map(f32::to_bits);
-            let (x, y) = (words(a), words(b));
+            let load = |w: [u32; N]| R::load(&w.map(f32::from_bits)).bits();
+            let store = |w: R::Word| w.bits_to_float().store().map(f32::to_bits);
+            let (x, y) = (load(a), load(b));
             let both = |f: fn(u32, u32) -> u32| std::array::from_fn::<u32, N, _>(|i| f(a[i], b[i]));
-            assert_eq!(out(x.add(y)), both(u32::wrapping_add));
-            assert_eq!(out(x.sub(y)), both(u32::wrapping_sub));
-            assert_eq!(out(x.mul(y)), both(u32::wrapping_mul));
-            assert_eq!(out(x.xor(y)), both(|a, b| a ^ b));
-            assert_eq!(out(x.and(y)), both(|a, b| a & b));
-            assert_eq!(out(x.shr::<8>()), a.map(|a| a >> 8));
+            assert_eq!(store(x.add(y)), both(u32::wrapping_add));
+            assert_eq!(store(x.sub(y)), both(u32::wrapping_sub));
+            assert_eq!(store(x.mul(y)), both(u32::wrapping_mul));
+            assert_eq!(store(x.xor(y)), both(|a, b| a ^ b));
+            assert_eq!(store(x.and(y)), both(|a, b| a & b));
+            assert_eq!(store(x.shr::<8>()), a.map(|a| a >> 8));
             assert_eq!(
-                out(x.sign_mask()),
+                store(x.sign_mask()),
                 a.map(|a| if a >> 31 == 1 { u32::MAX } else { 0 })
             );
             assert_eq!(
-                out(R::Word::select(x.eq(words(other_half(a))), x, y)),
-                chosen(a, b, other_half(a))
+                store(R::Word::select(x.eq(load(flip_odd(a))), x, y)),
+                select_equal(a, b, flip_odd(a))
             );
             assert_eq!(x.shr::<8>().to_float().store(), a.map(|a| (a >> 8) as f32));
-            let parts = [0.0, -1.9, 255.99, -256.0, 3.5, 1e6, -0.2, 7.0];
-            let floats: [f32; N] = std::array::from_fn(|i| parts[i % 8] + (i / 8) as f32);
+            let fractions = [0.0, -1.9, 255.99, -256.0, 3.5, 1e6, -0.2, 7.0];
+            let floats: [f32; N] = std::array::from_fn(|i| fractions[i % 8] + (i / 8) as f32);
             assert_eq!(
-                out(R::load(&floats).truncated()),
+                store(R::load(&floats).truncated()),
                 floats.map(|x| x as i32 as u32)
             );
         }
     }
-    /// Returns the words with every second one changed.
-    fn other_half<const N: usize>(a: [u32; N]) -> [u32; N] {
+    /// Returns the words with the lowest bit of every second one flipped.
+    fn flip_odd<const N: usize>(a: [u32; N]) -> [u32; N] {
         std::array::from_fn(|i| a[i] ^ (i as u32 & 1))
     }
-    fn chosen<const N: usize>(a: [u32; N], b: [u32; N], same: [u32; N]) -> [u32; N] {
+    /// Returns `a` where it equals `same`, else `b`.
+    fn select_equal<const N: usize>(a: [u32; N], b: [u32; N], same: [u32; N]) -> [u32; N] {
         std::array::from_fn(|i| if a[i] == same[i] { a[i] } else { b[i] })
     }
-    with_every_width(InWords);
+    with_every_width(WordOperations);
 }
 
 #[test]
-fn rows_become_columns_and_columns_rows() {
+fn transposed_loads_and_stores_are_inverse_and_masks_select_lanes() {
     #[derive(Clone)]
-    struct Turning;
-    impl SimdKernel for Turning {
+    struct Transposition;
+    impl SimdKernel for Transposition {
         type Output = ();
         fn run<R: Lanes<N>, const N: usize>(self) {
             let rows: [F32x8; N] =
@@ -244,7 +252,7 @@ fn rows_become_columns_and_columns_rows() {
                 assert_eq!((!first).bits().count_ones() as usize, N - count);
             }
             assert_eq!(
-                [true, false].map(|yes| R::Mask::splat(yes).bits().count_ones()),
+                [true, false].map(|set| R::Mask::splat(set).bits().count_ones()),
                 [N as u32, 0]
             );
             let group: Vec<usize> = (5..8).collect();
@@ -253,9 +261,9 @@ fn rows_become_columns_and_columns_rows() {
                 lanes
                     .into_iter()
                     .enumerate()
-                    .all(|(i, of)| of == if i < 3 { 5 + i } else { 5 })
+                    .all(|(i, item)| item == if i < 3 { 5 + i } else { 5 })
             );
         }
     }
-    with_every_width(Turning);
+    with_every_width(Transposition);
 }

@@ -64,60 +64,68 @@ impl Lanes<LANES> for F32xN {
     fn transpose_load(
         [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p]: [&F32x8; LANES],
     ) -> [F32xN; 8] {
-        let [x0, x1, x2, x3] =
-            transposed_quarters([both(a, e), both(b, f), both(c, g), both(d, h)]);
-        let [y0, y1, y2, y3] =
-            transposed_quarters([both(i, m), both(j, n), both(k, o), both(l, p)]);
+        let [x0, x1, x2, x3] = transposed_quarters([
+            load_two_rows(a, e),
+            load_two_rows(b, f),
+            load_two_rows(c, g),
+            load_two_rows(d, h),
+        ]);
+        let [y0, y1, y2, y3] = transposed_quarters([
+            load_two_rows(i, m),
+            load_two_rows(j, n),
+            load_two_rows(k, o),
+            load_two_rows(l, p),
+        ]);
         [
-            first(x0, y0),
-            first(x1, y1),
-            first(x2, y2),
-            first(x3, y3),
-            last(x0, y0),
-            last(x1, y1),
-            last(x2, y2),
-            last(x3, y3),
+            join_even_quarters(x0, y0),
+            join_even_quarters(x1, y1),
+            join_even_quarters(x2, y2),
+            join_even_quarters(x3, y3),
+            join_odd_quarters(x0, y0),
+            join_odd_quarters(x1, y1),
+            join_odd_quarters(x2, y2),
+            join_odd_quarters(x3, y3),
         ]
     }
     #[inline(always)]
     fn transpose_store([a, b, c, d, e, f, g, h]: [F32xN; 8]) -> [F32x8; LANES] {
         let x = transposed_quarters([
-            halves::<0>(a, e),
-            halves::<0>(b, f),
-            halves::<0>(c, g),
-            halves::<0>(d, h),
+            interleave_quarters::<0>(a, e),
+            interleave_quarters::<0>(b, f),
+            interleave_quarters::<0>(c, g),
+            interleave_quarters::<0>(d, h),
         ]);
         let y = transposed_quarters([
-            halves::<1>(a, e),
-            halves::<1>(b, f),
-            halves::<1>(c, g),
-            halves::<1>(d, h),
+            interleave_quarters::<1>(a, e),
+            interleave_quarters::<1>(b, f),
+            interleave_quarters::<1>(c, g),
+            interleave_quarters::<1>(d, h),
         ]);
         let ([a, b, c, d], [e, f, g, h]) = (x, y);
         [
-            low(a),
-            low(b),
-            low(c),
-            low(d),
-            high(a),
-            high(b),
-            high(c),
-            high(d),
-            low(e),
-            low(f),
-            low(g),
-            low(h),
-            high(e),
-            high(f),
-            high(g),
-            high(h),
+            store_low(a),
+            store_low(b),
+            store_low(c),
+            store_low(d),
+            store_high(a),
+            store_high(b),
+            store_high(c),
+            store_high(d),
+            store_low(e),
+            store_low(f),
+            store_low(g),
+            store_low(h),
+            store_high(e),
+            store_high(f),
+            store_high(g),
+            store_high(h),
         ]
     }
 }
 
 /// Loads two rows: the first into the lower half, the second into the upper half.
 #[inline(always)]
-fn both(a: &F32x8, b: &F32x8) -> __m512 {
+fn load_two_rows(a: &F32x8, b: &F32x8) -> __m512 {
     // SAFETY: a row is 32 bytes aligned to 32; the caller enabled the instruction set, here and in
     // all functions below.
     unsafe {
@@ -131,7 +139,7 @@ fn both(a: &F32x8, b: &F32x8) -> __m512 {
 /// Transposes the 4 x 4 matrix in each quarter of 128 bits.
 #[inline(always)]
 fn transposed_quarters([a, b, c, d]: [__m512; 4]) -> [__m512; 4] {
-    // SAFETY: see `both`.
+    // SAFETY: see `load_two_rows`.
     unsafe {
         let (ab, cd) = (_mm512_unpacklo_ps(a, b), _mm512_unpacklo_ps(c, d));
         let (ab_high, cd_high) = (_mm512_unpackhi_ps(a, b), _mm512_unpackhi_ps(c, d));
@@ -144,27 +152,27 @@ fn transposed_quarters([a, b, c, d]: [__m512; 4]) -> [__m512; 4] {
     }
 }
 
-/// Joins the first and third quarters of 128 bits of both vectors.
+/// Joins quarters 0 and 2, of 128 bits each, of both vectors.
 #[inline(always)]
-fn first(a: __m512, b: __m512) -> F32xN {
-    // SAFETY: see `both`.
+fn join_even_quarters(a: __m512, b: __m512) -> F32xN {
+    // SAFETY: see `load_two_rows`.
     F32xN(unsafe { _mm512_shuffle_f32x4::<0b10_00_10_00>(a, b) })
 }
 
-/// Joins the second and fourth quarters of 128 bits of both vectors.
+/// Joins quarters 1 and 3, of 128 bits each, of both vectors.
 #[inline(always)]
-fn last(a: __m512, b: __m512) -> F32xN {
-    // SAFETY: see `both`.
+fn join_odd_quarters(a: __m512, b: __m512) -> F32xN {
+    // SAFETY: see `load_two_rows`.
     F32xN(unsafe { _mm512_shuffle_f32x4::<0b11_01_11_01>(a, b) })
 }
 
-/// Interleaves quarters of 128 bits of both vectors: the first two (`WHICH` = 0) or the last two
-/// (1).
+/// Interleaves the quarters of both vectors: quarters 0 and 1 with `UPPER` = 0, quarters 2 and 3
+/// with `UPPER` = 1.
 #[inline(always)]
-fn halves<const WHICH: i64>(a: F32xN, b: F32xN) -> __m512 {
-    // SAFETY: see `both`.
+fn interleave_quarters<const UPPER: i64>(a: F32xN, b: F32xN) -> __m512 {
+    // SAFETY: see `load_two_rows`.
     unsafe {
-        let from = 4 * WHICH;
+        let from = 4 * UPPER;
         let indices = _mm512_setr_epi64(
             from,
             from + 1,
@@ -183,20 +191,20 @@ fn halves<const WHICH: i64>(a: F32xN, b: F32xN) -> __m512 {
     }
 }
 
-/// Stores the lower half.
+/// Stores the lower half of a vector.
 #[inline(always)]
-fn low(v: __m512) -> F32x8 {
+fn store_low(v: __m512) -> F32x8 {
     let mut row = F32x8::default();
-    // SAFETY: see `both`.
+    // SAFETY: see `load_two_rows`.
     unsafe { _mm256_store_ps(row.0.as_mut_ptr(), _mm512_castps512_ps256(v)) };
     row
 }
 
-/// Stores the upper half.
+/// Stores the upper half of a vector.
 #[inline(always)]
-fn high(v: __m512) -> F32x8 {
+fn store_high(v: __m512) -> F32x8 {
     let mut row = F32x8::default();
-    // SAFETY: see `both`.
+    // SAFETY: see `load_two_rows`.
     unsafe { _mm256_store_ps(row.0.as_mut_ptr(), _mm512_extractf32x8_ps::<1>(v)) };
     row
 }

@@ -63,42 +63,44 @@ impl Lanes<LANES> for F32xN {
     #[inline(always)]
     fn transpose_load([a, b, c, d, e, f, g, h]: [&F32x8; LANES]) -> [F32xN; 8] {
         transposed([
-            loaded(a),
-            loaded(b),
-            loaded(c),
-            loaded(d),
-            loaded(e),
-            loaded(f),
-            loaded(g),
-            loaded(h),
+            load_row(a),
+            load_row(b),
+            load_row(c),
+            load_row(d),
+            load_row(e),
+            load_row(f),
+            load_row(g),
+            load_row(h),
         ])
     }
     #[inline(always)]
     fn transpose_store([a, b, c, d, e, f, g, h]: [F32xN; 8]) -> [F32x8; LANES] {
         let [a, b, c, d, e, f, g, h] = transposed([a.0, b.0, c.0, d.0, e.0, f.0, g.0, h.0]);
         [
-            row(a),
-            row(b),
-            row(c),
-            row(d),
-            row(e),
-            row(f),
-            row(g),
-            row(h),
+            store_row(a),
+            store_row(b),
+            store_row(c),
+            store_row(d),
+            store_row(e),
+            store_row(f),
+            store_row(g),
+            store_row(h),
         ]
     }
 }
 
+/// Loads a row.
 #[inline(always)]
-fn loaded(row: &F32x8) -> __m256 {
+fn load_row(row: &F32x8) -> __m256 {
     // SAFETY: a row is 32 bytes aligned to 32; the caller enabled the instruction set.
     unsafe { _mm256_load_ps(row.0.as_ptr()) }
 }
 
+/// Stores a row.
 #[inline(always)]
-fn row(column: F32xN) -> F32x8 {
+fn store_row(column: F32xN) -> F32x8 {
     let mut row = F32x8::default();
-    // SAFETY: as in `loaded`.
+    // SAFETY: as in `load_row`.
     unsafe { _mm256_store_ps(row.0.as_mut_ptr(), column.0) };
     row
 }
