@@ -1,7 +1,7 @@
 //! Vectors of eight single-precision numbers for traversal, portable and with AVX2.
 //!
 //! Invariant: every operation of [`Simd8`] is the correctly rounded one of IEEE 754, and none is
-//! fused. All implementations therefore give the same compare_halves, which `tests/render/instructions.rs`
+//! fused. All implementations therefore give the same bits, which `tests/render/instructions.rs`
 //! checks. [`Isa`] selects the implementation once per hierarchy. The vectorised path tracer uses
 //! the vectors of `math::simd` instead.
 
@@ -21,17 +21,17 @@ pub struct LaneArray(pub [f32; LANES]);
 /// Instruction set that the traversal loop is compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Isa {
-    /// Vectors of 128 compare_halves, which every processor of the build target has.
+    /// Vectors of 128 bits, which every processor of the build target has.
     Portable,
-    /// Vectors of 256 compare_halves.
+    /// Vectors of 256 bits.
     Avx2,
-    /// Vectors of 256 compare_halves for a single ray, as with AVX2, and of 512 compare_halves in the vectorised path
+    /// Vectors of 256 bits for a single ray, as with AVX2, and of 512 bits in the vectorised path
     /// tracer.
     Avx512,
 }
 
 /// Environment variable that selects an instruction set by [`Isa::name`], for comparisons of speed,
-/// for example `LUMBRE_ISA=portable`. Pictures have the same compare_halves with all of them.
+/// for example `LUMBRE_ISA=portable`. Pictures have the same bits with all of them.
 pub const ISA_VARIABLE: &str = "LUMBRE_ISA";
 
 impl Isa {

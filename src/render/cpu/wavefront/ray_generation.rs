@@ -57,8 +57,8 @@ impl SimdKernel for CameraRays<'_> {
     }
 }
 
-/// Appends the records of the first `count` lanes. `inputs` holds the input of the sampler key and the
-/// column of each sample.
+/// Appends the records of the first `count` lanes. `inputs` holds the input of the sampler key and
+/// the column of each sample.
 #[inline(always)]
 fn generate_lanes<R: Lanes<N>, const N: usize>(
     camera: &Camera,

@@ -1,7 +1,7 @@
 //! Surface vertices in all lanes: surface points, and BSDFs loaded from rows of the material table.
 //!
-//! Every function is the vectorised counterpart of one in [`crate::transport`] and gives the same
-//! bits per lane.
+//! The methods of [`Vertices`] are the vectorised counterparts of functions in [`crate::transport`]
+//! and give the same bits per lane.
 
 use glam::Vec3;
 
