@@ -8,7 +8,7 @@ use super::source::{code_only, rust_files, text, words};
 const CONFINED: &[(&str, &[&str])] = &[
     ("mlua", &["script"]),
     ("ratatui", &["tui"]),
-    ("ratatui_image", &["tui"]),
+    ("base64", &["tui"]),
     ("crossterm", &["tui"]),
     ("rusqlite", &["store"]),
     ("clap", &["cli"]),
@@ -26,7 +26,7 @@ const CONFINED: &[(&str, &[&str])] = &[
     ("exr", &["output", "scene/load", "scene/export"]),
     ("flate2", &["output"]),
     ("pdf_writer", &["output"]),
-    ("png", &["output"]),
+    ("png", &["output", "tui"]),
     ("tobj", &["scene"]),
 ];
 

@@ -207,11 +207,11 @@ fn full_resolution(
     content: &Arc<PreviewContent>,
     shown: Image,
 ) {
-    let mut sharp = view.graphics_cache.borrow_mut();
-    let protocol = sharp.get(view.graphics.0, kind, cells, view.exposure, content, || {
+    let mut cache = view.graphics_cache.borrow_mut();
+    let encoded = cache.get(view.graphics.0, kind, cells, view.exposure, content, || {
         shown
     });
-    if let Some(protocol) = protocol {
+    if let Some(encoded) = encoded {
         let [width, height] = cells;
         let at = Rect {
             x: inner.x + (inner.width - width) / 2,
@@ -219,7 +219,7 @@ fn full_resolution(
             width,
             height,
         };
-        frame.render_widget(ratatui_image::Image::new(protocol), at);
+        frame.render_widget(encoded, at);
     }
 }
 

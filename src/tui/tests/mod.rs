@@ -1,6 +1,7 @@
 //! Tests of screens, keys and progress lines with the events of a synthetic night.
 
 mod fold;
+mod graphics;
 mod keys;
 mod lines;
 pub mod night;
