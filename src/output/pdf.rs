@@ -141,7 +141,7 @@ impl PageContent {
         group.children().iter().try_for_each(|node| match node {
             Node::Group(group) => self.group(group),
             Node::Path(path) => self.path(path),
-            Node::Text(text) => self.group(text.flattened()),
+            Node::Text(_) => Err(unsupported("text without outlines")),
             Node::Image(image) => self.image(image),
         })
     }

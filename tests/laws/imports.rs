@@ -23,11 +23,13 @@ const CONFINED: &[(&str, &[&str])] = &[
     ("gpu_allocator", &["render/vulkan"]),
     ("resvg", &["output"]),
     ("epaint_default_fonts", &["output"]),
+    ("roxmltree", &["output", "scene"]),
     ("exr", &["output", "scene/load", "scene/export"]),
     ("flate2", &["output"]),
     ("pdf_writer", &["output"]),
     ("png", &["output", "tui"]),
     ("tobj", &["scene"]),
+    ("ttf_parser", &["output"]),
 ];
 
 /// Returns the modules and their levels, read from the table.

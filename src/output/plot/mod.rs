@@ -15,6 +15,7 @@ pub(super) mod sheet;
 pub(super) mod style;
 pub(super) mod svg;
 mod sweep;
+mod text_outlines;
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -1,10 +1,9 @@
 //! Renders SVG as PNG with embedded fonts only, so that the picture is the same on every machine.
 
-use std::sync::{Arc, OnceLock};
-
 use resvg::{tiny_skia, usvg};
 
 use super::svg::unescape;
+use super::text_outlines::outline_text;
 use crate::output::{OutputError, png};
 
 /// Pixels of the PNG per pixel of the SVG, along each side.
@@ -54,17 +53,13 @@ pub(super) fn pixels(svg: &str, zoom: f32) -> Result<([u32; 2], Vec<u8>), Output
     Ok(([width, height], rgb))
 }
 
-/// Parses an SVG and lays out its text in the embedded fonts.
+/// Parses an SVG. Its text becomes outlines of the embedded fonts.
 ///
 /// # Errors
-/// Returns an error if the text is not a valid SVG.
+/// Returns an error if the SVG is not valid or its text cannot be outlined.
 pub fn parse(svg: &str) -> Result<usvg::Tree, OutputError> {
-    let options = usvg::Options {
-        font_family: "Ubuntu".to_owned(),
-        fontdb: Arc::clone(fonts()),
-        ..usvg::Options::default()
-    };
-    usvg::Tree::from_str(svg, &options).map_err(|e| OutputError::Svg {
+    let outlined = outline_text(svg)?;
+    usvg::Tree::from_str(&outlined, &usvg::Options::default()).map_err(|e| OutputError::Svg {
         reason: e.to_string(),
     })
 }
@@ -74,17 +69,6 @@ pub fn element(svg: &str, name: &str) -> Option<String> {
     let (_, rest) = svg.split_once(&format!("<{name}>"))?;
     rest.split_once(&format!("</{name}>"))
         .map(|(text, _)| unescape(text))
-}
-
-fn fonts() -> &'static Arc<usvg::fontdb::Database> {
-    static FONTS: OnceLock<Arc<usvg::fontdb::Database>> = OnceLock::new();
-    FONTS.get_or_init(|| {
-        let mut fonts = usvg::fontdb::Database::new();
-        fonts.load_font_data(epaint_default_fonts::UBUNTU_LIGHT.to_vec());
-        fonts.load_font_data(epaint_default_fonts::HACK_REGULAR.to_vec());
-        fonts.set_sans_serif_family("Ubuntu");
-        Arc::new(fonts)
-    })
 }
 
 #[cfg(test)]
