@@ -17,14 +17,14 @@ local x = experiment("scenes", { seed = 3 })
 local function wide(width) return width * 9 // 16 end
 local function upright(width) return width * 3 // 4 end
 local scenes = {
-  cornell = { view = "front", samples = 1024, height = upright },
+  cornell = { view = "front", samples = 512, height = upright },
   -- Bidirectional: two lamps with shades light this room from behind.
-  veach_lamps = { view = "room", samples = 256, integrator = "bdpt" },
-  veach_mis = { view = "plates", samples = 1024 },
-  material_ball = { view = "front", samples = 1024, height = upright },
-  atrium = { view = "atrium", samples = 256 },
-  bedroom = { view = "door", samples = 256 },
-  forest = { view = "glade", samples = 256 },
+  veach_lamps = { view = "room", samples = 96, integrator = "bdpt" },
+  veach_mis = { view = "plates", samples = 512 },
+  material_ball = { view = "front", samples = 512, height = upright },
+  atrium = { view = "atrium", samples = 96 },
+  bedroom = { view = "door", samples = 128 },
+  forest = { view = "glade", samples = 96 },
   many_lights = { view = "row", samples = 512 },
   instances = { view = "tray", samples = 256 },
   model = { view = "front", samples = 256, options = { floor = true } },

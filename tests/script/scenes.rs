@@ -512,15 +512,16 @@ fn every_scene_of_the_project_loads_without_notes_and_is_in_the_gallery() {
             file.display()
         );
         let stem = file.file_stem().unwrap().to_str().unwrap();
-        let picture = format!("images/scenes/{stem}.png");
-        let row = page
-            .lines()
-            .find(|row| row.contains(&format!("![{stem}]({picture}) | **`{stem}.lua`**")));
-        let row = row.unwrap_or_else(|| panic!("{stem} is not on the page"));
-        assert!(
-            root.join("docs").join(picture).is_file() && script.contains(&format!("\"{stem}\"")),
-            "{stem}"
-        );
+        let section = page
+            .split("\n## ")
+            .find(|section| section.starts_with(&format!("{stem}.lua\n")))
+            .unwrap_or_else(|| panic!("{stem} is not on the page"));
+        let picture = section
+            .split_once(&format!("![{stem}]("))
+            .and_then(|(_, rest)| rest.split(')').next())
+            .unwrap_or_else(|| panic!("{stem} has no picture"));
+        assert!(root.join("docs").join(picture).is_file(), "{picture}");
+        assert!(script.contains(&format!("  {stem} = {{")), "{stem}");
         assert!(desc.views.len() >= 2, "{stem}");
         let views = desc.views.iter().map(|(view, _)| view.as_str());
         let options = text
@@ -528,7 +529,7 @@ fn every_scene_of_the_project_loads_without_notes_and_is_in_the_gallery() {
             .skip(1)
             .filter_map(|rest| rest.split('"').next());
         for word in views.chain(options) {
-            assert!(row.contains(&format!("`{word}`")), "{stem}: {word}");
+            assert!(section.contains(&format!("`{word}`")), "{stem}: {word}");
         }
     }
 }
