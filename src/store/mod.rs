@@ -11,13 +11,13 @@
 //!                                    final.exr final.png films/*.{exr,png} done.json
 //! out/refs/ab/ab12../   config.json metrics.csv log.txt ref.exr ref.png half-{a,b}.exr noise.exr
 //!                       ref.json
-//! out/index.sqlite      results of finished runs, a cache that is rebuilt from the folders
+//! out/index.jsonl       results of finished runs, a cache that is rebuilt from the folders
 //! ```
 //!
 //! The folders are authoritative. `done.json` (`ref.json` for a reference) is written last; a run
 //! without it is incomplete. Every file is written under a temporary name in the same folder,
-//! synced and renamed. Only `metrics.csv`, `log.txt` and `journal.jsonl` grow line by line, and a
-//! last line without a newline is ignored.
+//! synced (except the index) and renamed. Only `metrics.csv`, `log.txt` and `journal.jsonl` grow
+//! line by line, and a last line without a newline is ignored.
 //!
 //! This module knows no image format. Images are passed as bytes, and callers supply the decoder.
 

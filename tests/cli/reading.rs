@@ -180,8 +180,8 @@ fn ls_filters_by_words_states_and_the_latest_night() {
             .stderr
             .contains("no runs like that")
     );
-    assert!(place.path("out/index.sqlite").exists());
-    std::fs::remove_file(place.path("out/index.sqlite")).unwrap();
+    assert!(place.path("out/index.jsonl").exists());
+    std::fs::remove_file(place.path("out/index.jsonl")).unwrap();
     assert_eq!(
         runs(&["depth=4", "REP=1"]),
         ["other depth=4/rep=1 done"],

@@ -10,7 +10,6 @@ const CONFINED: &[(&str, &[&str])] = &[
     ("ratatui", &["tui"]),
     ("base64", &["tui"]),
     ("crossterm", &["tui"]),
-    ("rusqlite", &["store"]),
     ("clap", &["cli"]),
     ("clap_complete", &["cli"]),
     ("clap_mangen", &["cli"]),
