@@ -7,27 +7,22 @@
 //!
 //! | level | modules | what they contain |
 //! |---|---|---|
-//! | 0 | [`value`], [`math`], [`film`] | values, schemas; mathematics, statistics; pixel sums |
-//! | 1 | [`scene`], [`metrics`] | scene descriptions, compiled scenes; image errors |
-//! | 2 | [`transport`] | light transport: camera, BSDF, lights, samplers, integrators |
-//! | 3 | [`render`] | backends that run integrators over waves of samples |
-//! | 4 | [`experiment`] | sweeps, plans, stop rules, the state machine of a night |
-//! | 5 | [`script`], [`store`], [`output`], [`tui`] | Lua; result folders; files; screens |
-//! | 6 | [`cli`] | the command line, which connects the modules of level 5 |
+//! | 0 | [`metrics`], [`backends`] | image errors; the table of backends of this program |
+//! | 1 | [`experiment`] | sweeps, plans, stop rules, the state machine of a night |
+//! | 2 | [`script`], [`store`], [`output`], [`tui`] | Lua; result folders; files; screens |
+//! | 3 | [`cli`] | the command line, which connects the modules of level 2 |
 //!
-//! A *night* is a scheduled run of an experiment, usually unattended. The modules of level 5 never
+//! Light transport itself is in the crates `lumbre-light` (scenes, materials, lights, samplers,
+//! integrators), `lumbre-render` (the CPU backend, worker processes) and `lumbre-vulkan`.
+//!
+//! A *night* is a scheduled run of an experiment, usually unattended. The modules of level 2 never
 //! import one another.
 
+pub mod backends;
 pub mod cli;
 pub mod experiment;
-pub mod film;
-pub mod math;
 pub mod metrics;
 pub mod output;
-pub mod render;
-pub mod scene;
 pub mod script;
 pub mod store;
-pub mod transport;
 pub mod tui;
-pub mod value;

@@ -48,8 +48,8 @@ mod third_party;
 
 use std::path::{Path, PathBuf};
 
-use lumbre::scene::load::load;
-use lumbre::scene::{Note, SceneDesc, SceneError};
+use lumbre_light::scene::load::load;
+use lumbre_light::scene::{Note, SceneDesc, SceneError};
 use samples::QUAD;
 
 /// A temporary folder of small files.

@@ -9,25 +9,25 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use glam::{Vec2, Vec3, Vec4};
-use lumbre::film::layer::Layer;
-use lumbre::film::time::{TimeAxis, TimeFilter};
-use lumbre::math::piecewise::Piecewise;
-use lumbre::render::cpu::renderer::CpuRenderer;
-use lumbre::render::mock::MockRenderer;
-use lumbre::render::worker::{HEARTBEAT, Launcher, WorkerPool};
-use lumbre::render::{Job, RenderError, Renderer};
-use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{
+use lumbre_light::film::layer::Layer;
+use lumbre_light::film::time::{TimeAxis, TimeFilter};
+use lumbre_light::math::piecewise::Piecewise;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::{
     DelayParam, DelayProfile, Distribution, Interface, MaskMode, Material, MaterialComponent,
     Model, Texture, UvMap,
 };
-use lumbre::scene::desc::{DelayDesc, DelayKind};
-use lumbre::transport::camera::{FilterKind, FilterSpec};
-use lumbre::transport::delay::Profile;
-use lumbre::transport::integrator::integrator;
-use lumbre::transport::path_time::Timing;
-use lumbre::transport::sampler::SOBOL;
-use lumbre::value::Value;
+use lumbre_light::scene::desc::{DelayDesc, DelayKind};
+use lumbre_light::transport::camera::{FilterKind, FilterSpec};
+use lumbre_light::transport::delay::Profile;
+use lumbre_light::transport::integrator::integrator;
+use lumbre_light::transport::path_time::Timing;
+use lumbre_light::transport::sampler::SOBOL;
+use lumbre_light::value::Value;
+use lumbre_render::cpu::renderer::CpuRenderer;
+use lumbre_render::mock::MockRenderer;
+use lumbre_render::worker::{HEARTBEAT, Launcher, WorkerPool};
+use lumbre_render::{Job, RenderError, Renderer};
 
 use common::{SceneBuilder, grey, job, light};
 

@@ -16,15 +16,16 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
-use lumbre::film::time::TimeAxis;
-use lumbre::render::{self, Job, Renderer};
-use lumbre::scene::load::{self, MissingTextures};
-use lumbre::scene::{CompiledScene, compile};
+use lumbre_light::film::time::TimeAxis;
+use lumbre_render as render;
+use lumbre_render::{Job, Renderer};
+use lumbre_light::scene::load::{self, MissingTextures};
+use lumbre_light::scene::{CompiledScene, compile};
 use lumbre::script::scene;
 use lumbre::store::write::metrics_csv;
-use lumbre::transport::integrator::integrator;
-use lumbre::transport::path_time::Timing;
-use lumbre::transport::sampler::SOBOL;
+use lumbre_light::transport::integrator::integrator;
+use lumbre_light::transport::path_time::Timing;
+use lumbre_light::transport::sampler::SOBOL;
 
 #[global_allocator]
 static METER: meter::Meter = meter::Meter;

@@ -4,8 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::exit::{Exit, Failure};
 use super::night::log::Log;
-use crate::render;
-use crate::render::worker::{Launcher, serve};
+use lumbre_render::worker::{Launcher, serve};
 
 /// Makes the device backends of this process render in worker processes.
 pub fn enable_worker_processes() {
@@ -18,7 +17,7 @@ pub fn enable_worker_processes() {
         std::env::current_exe()
     };
     if let Ok(program) = program {
-        render::worker::use_workers(Launcher::new(program, ["worker"]));
+        lumbre_render::worker::use_workers(Launcher::new(program, ["worker"]));
     }
 }
 
@@ -27,7 +26,12 @@ pub fn enable_worker_processes() {
 pub fn main() -> Result<Exit, Failure> {
     Log::install(true);
     ignore_signals().map_err(Failure::internal)?;
-    serve(std::io::stdin().lock(), std::io::stdout(), &render::open).map_err(Failure::internal)?;
+    serve(
+        std::io::stdin().lock(),
+        std::io::stdout(),
+        &crate::backends::open,
+    )
+    .map_err(Failure::internal)?;
     Ok(Exit::Done)
 }
 

@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use super::plan::{Cell, Plan};
 use super::run::CellResult;
 use super::{CellRef, Outcome, WaveRow};
-use crate::math::t_test::{two_sided_p, two_sided_t};
+use lumbre_light::math::t_test::{two_sided_p, two_sided_t};
 
 /// Significance level of the check as a whole, divided among its findings by Bonferroni's method.
 const SIGNIFICANCE: f64 = 0.01;

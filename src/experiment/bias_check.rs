@@ -6,11 +6,11 @@
 //! greatest probability of a false alarm. The noise of both pictures limits what can be detected,
 //! so the result includes the precision of the comparison.
 
-use crate::film::Image;
-use crate::math::false_discovery_rate::discoveries;
-use crate::math::stats::normal_two_sided_p;
 use crate::metrics::map::{Colours, ErrorMap};
 use crate::metrics::ztest::{self, Blocks, Estimate, Judged};
+use lumbre_light::film::Image;
+use lumbre_light::math::false_discovery_rate::discoveries;
+use lumbre_light::math::stats::normal_two_sided_p;
 
 /// Side of a block in pixels; small pictures use smaller blocks.
 const BLOCK: u32 = 16;
@@ -176,7 +176,7 @@ fn map<'a>(
 #[cfg(test)]
 mod tests {
     use crate::experiment::bias_check::*;
-    use crate::math::rng::{normal, pcg4d, unit};
+    use lumbre_light::math::rng::{normal, pcg4d, unit};
 
     const SIZE: [u32; 2] = [70, 50];
 

@@ -3,7 +3,7 @@
 
 use super::event::CellRef;
 use super::plan::{Cell, Plan};
-use crate::value::Value;
+use lumbre_light::value::Value;
 
 /// Device affinity: what all cells of one comparison group must share.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

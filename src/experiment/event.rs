@@ -14,10 +14,10 @@ use super::noise_floor::{HalfImages, NoiseFloors};
 use super::plan::Plan;
 use super::run_progress::{Checkpoint, Claim, ReportedOutcome, RunProgress};
 use super::shards::{Shard, WorkUnit};
-use crate::film::layer::LayerImage;
-use crate::film::time::TimeCube;
-use crate::film::{Film, Image, SharedImage};
-use crate::render::OpenStats;
+use lumbre_light::film::layer::LayerImage;
+use lumbre_light::film::time::TimeCube;
+use lumbre_light::film::{Film, Image, SharedImage};
+use lumbre_render::OpenStats;
 
 /// A cell of the plan, or one of its references.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -267,7 +267,7 @@ pub trait Sink {
 }
 
 /// Writes the state of a renderer and returns whether the renderer could save it:
-/// [`Renderer::save`](crate::render::Renderer::save).
+/// [`Renderer::save`](lumbre_render::Renderer::save).
 pub type SaveState<'a> = &'a dyn Fn(&mut dyn Write) -> io::Result<bool>;
 
 /// Results of earlier nights, checkpoints of this one, and coordination with other processes.

@@ -299,7 +299,7 @@ fn limit_s(rule: &StopRule, samples_per_s: Option<f64>) -> Option<(Option<f64>, 
 mod tests {
     use super::*;
     use crate::experiment::stop::Comparison;
-    use crate::transport::camera::{FilterKind, FilterSpec};
+    use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 
     fn config(integrator: &str, scene: &str, max_depth: u32) -> CellConfig {
         CellConfig {

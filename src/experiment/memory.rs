@@ -1,9 +1,9 @@
 //! Memory requirements of runs, and the memory of the machine.
 
 use super::spec::CellConfig;
-use crate::film::layer::{BYTES_PER_PIXEL, LayerLayout, SPLAT_BYTES_PER_PIXEL};
-use crate::film::time;
-use crate::transport::integrator::integrator;
+use lumbre_light::film::layer::{BYTES_PER_PIXEL, LayerLayout, SPLAT_BYTES_PER_PIXEL};
+use lumbre_light::film::time;
+use lumbre_light::transport::integrator::integrator;
 
 /// Bytes per pixel that measuring needs beside the film: the picture, the reference, tone-mapped
 /// copies of both, and FLIP's filtered reference.

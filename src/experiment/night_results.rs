@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use super::WaveRow;
 use crate::metrics::MetricSpec;
-use crate::value::Value;
+use lumbre_light::value::Value;
 
 /// Contents of one night's folder.
 #[derive(Clone, Debug)]

@@ -13,7 +13,7 @@ use super::spec::{CellConfig, Point};
 use super::stop::StopRule;
 use crate::metrics::MetricSpec;
 use crate::metrics::tonemap::Tonemap;
-use crate::scene::SceneDesc;
+use lumbre_light::scene::SceneDesc;
 
 /// A stop rule and its description.
 #[derive(Clone, Debug, PartialEq)]

@@ -10,9 +10,9 @@ use std::io::{self, Write};
 
 use super::event::{CellRef, WaveRow};
 use super::run_progress::{Checkpoint, RunProgress};
-use crate::film::Film;
-use crate::film::state::{CheckpointMismatch, StateReader, write_u64s};
-use crate::render::{OpenStats, WaveStats};
+use lumbre_light::film::Film;
+use lumbre_light::film::state::{CheckpointMismatch, StateReader, write_u64s};
+use lumbre_render::{OpenStats, WaveStats};
 
 /// A shard of a reference. Its first sample is even, so that both halves start at the same sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

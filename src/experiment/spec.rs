@@ -6,13 +6,13 @@ use std::path::PathBuf;
 
 use super::event::WaveRow;
 use super::stop::StopRule;
-use crate::film::layer::Layer;
 use crate::metrics::MetricSpec;
-use crate::render::hierarchy::AccelSpec;
-use crate::transport::camera::FilterSpec;
-use crate::transport::path_time::Timing;
-use crate::value::Value;
-use crate::value::schema::duration_s;
+use lumbre_light::film::layer::Layer;
+use lumbre_light::transport::camera::FilterSpec;
+use lumbre_light::transport::path_time::Timing;
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::duration_s;
+use lumbre_render::hierarchy::AccelSpec;
 
 /// A point of the sweep: axis names and values in the order in which the axes were declared.
 pub type Point = Vec<(String, Value)>;
@@ -368,7 +368,7 @@ pub struct CellConfig {
     pub scene_file: PathBuf,
     /// Values for the options that a Lua scene offers.
     pub scene_options: BTreeMap<String, Value>,
-    /// Name of a table row of [`INTEGRATORS`](crate::transport::integrator::INTEGRATORS).
+    /// Name of a table row of [`INTEGRATORS`](lumbre_light::transport::integrator::INTEGRATORS).
     pub integrator: String,
     /// Parameters of the integrator, checked against its table row.
     pub params: BTreeMap<String, Value>,
@@ -381,11 +381,11 @@ pub struct CellConfig {
     /// Pixel reconstruction filter.
     pub filter: FilterSpec,
     /// Layers that are stored beside the picture, in the order of
-    /// [`LAYERS`](crate::film::layer::LAYERS), without repetition.
+    /// [`LAYERS`](lumbre_light::film::layer::LAYERS), without repetition.
     pub films: Vec<Layer>,
     /// Time axis of the film, if it is time-resolved.
     pub timing: Option<Timing>,
-    /// Name of a table row of [`SAMPLERS`](crate::transport::sampler::SAMPLERS).
+    /// Name of a table row of [`SAMPLERS`](lumbre_light::transport::sampler::SAMPLERS).
     pub sampler: String,
     /// Settings of the bounding volume hierarchy and its traversal.
     pub accel: AccelSpec,

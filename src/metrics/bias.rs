@@ -3,8 +3,8 @@
 use super::floor::Noise;
 use super::map::{Colours, PixelMap};
 use super::{Better, MetricRow, MetricSpec, ON, pixels};
-use crate::film::Image;
-use crate::value::schema::{Field, Table, Ty};
+use lumbre_light::film::Image;
+use lumbre_light::value::schema::{Field, Table, Ty};
 
 /// Table row of the metric `bias`.
 pub const ROW: MetricRow = MetricRow {
@@ -100,8 +100,8 @@ mod tests {
     use std::collections::BTreeMap;
 
     use super::*;
-    use crate::math::rng::{normal, pcg4d, unit};
-    use crate::value::Value;
+    use lumbre_light::math::rng::{normal, pcg4d, unit};
+    use lumbre_light::value::Value;
 
     fn spec(name: &str, block: i64) -> MetricSpec {
         let options = match name {

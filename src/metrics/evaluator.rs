@@ -5,7 +5,7 @@
 
 use super::tonemap::Tonemap;
 use super::{MetricError, MetricSpec, Prepared};
-use crate::film::{Image, SharedImage};
+use lumbre_light::film::{Image, SharedImage};
 
 /// A list of metrics, prepared for one reference. Holds a tone-mapped copy of the reference for
 /// every tone map, and the prepared state of each metric (20 bytes per pixel for FLIP).
@@ -82,7 +82,7 @@ mod tests {
 
     use crate::metrics::METRICS;
     use crate::metrics::evaluator::*;
-    use crate::value::Value;
+    use lumbre_light::value::Value;
 
     #[test]
     fn every_metric_has_the_same_value_as_alone() {

@@ -12,9 +12,9 @@
 use super::floor::Noise;
 use super::map::{Colours, PixelMap};
 use super::{Better, MetricRow, MetricSpec, ON};
-use crate::film::Image;
-use crate::math::stats::median;
-use crate::value::schema::{Field, Table, Ty};
+use lumbre_light::film::Image;
+use lumbre_light::math::stats::median;
+use lumbre_light::value::schema::{Field, Table, Ty};
 
 /// Table row of the metric `fireflies`.
 pub const ROW: MetricRow = MetricRow {
@@ -116,8 +116,8 @@ mod tests {
     use std::collections::BTreeMap;
 
     use super::*;
-    use crate::math::rng::{normal, pcg4d, unit};
-    use crate::value::Value;
+    use lumbre_light::math::rng::{normal, pcg4d, unit};
+    use lumbre_light::value::Value;
 
     fn count(image: &Image, reference: &Image, options: &[(&str, f64)]) -> f64 {
         let options: BTreeMap<String, Value> = options

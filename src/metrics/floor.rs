@@ -17,7 +17,7 @@
 //! estimate and can be negative if the measured error is only noise.
 
 use super::{MetricError, MetricSpec};
-use crate::film::Image;
+use lumbre_light::film::Image;
 
 /// Effect of the noise of a reference on the value of a metric.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -151,8 +151,8 @@ mod tests {
     use std::collections::BTreeMap;
 
     use super::*;
-    use crate::math::rng::{normal, pcg4d, unit};
     use crate::metrics::METRICS;
+    use lumbre_light::math::rng::{normal, pcg4d, unit};
 
     const SIZE: [u32; 2] = [96, 80];
 

@@ -4,7 +4,7 @@ use std::sync::LazyLock;
 
 use super::colour::{from_lab, lab};
 use super::{MetricSpec, tonemap};
-use crate::film::Image;
+use lumbre_light::film::Image;
 
 /// Definition of a metric's error map.
 pub struct PixelMap {

@@ -40,10 +40,10 @@ use std::collections::BTreeMap;
 
 pub use reference::reference;
 
-use crate::film::Image;
-use crate::value::Value;
-use crate::value::schema::{Field, SchemaError, Table, Ty, unknown_name};
 use floor::Noise;
+use lumbre_light::film::Image;
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::{Field, SchemaError, Table, Ty, unknown_name};
 use map::{ErrorMap, PixelMap};
 use tonemap::Tonemap;
 

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::film::Image;
+use lumbre_light::film::Image;
 
 /// Mean of `f(image, reference)` over all pixels and channels. Rows are summed in parallel and
 /// added in order, so the value does not depend on the number of threads. NaN for images without

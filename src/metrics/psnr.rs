@@ -2,7 +2,7 @@
 
 use super::floor::Noise;
 use super::{Better, MetricRow, ON, RANGE, pixels};
-use crate::value::schema::Table;
+use lumbre_light::value::schema::Table;
 
 /// Table row of the metric `psnr`.
 pub const ROW: MetricRow = MetricRow {

@@ -2,7 +2,7 @@
 
 use super::floor::Noise;
 use super::{METRICS, MetricRow, MetricSpec};
-use crate::value::markdown::{fields_table, row, sentence, table_head};
+use lumbre_light::value::markdown::{fields_table, row, sentence, table_head};
 
 /// Returns the generated part of docs/reference/metrics.md: an overview and one section for each
 /// metric.

@@ -3,7 +3,7 @@
 use super::floor::Noise;
 use super::map::{Colours, PixelMap};
 use super::{Better, MetricRow, ON, pixels};
-use crate::value::schema::{Field, Table, Ty};
+use lumbre_light::value::schema::{Field, Table, Ty};
 
 /// Table row of the metric `relmse`.
 pub const ROW: MetricRow = MetricRow {

@@ -3,7 +3,7 @@
 use super::floor::Noise;
 use super::map::{Colours, PixelMap};
 use super::{Better, MetricRow, ON, pixels};
-use crate::value::schema::Table;
+use lumbre_light::value::schema::Table;
 
 /// Table row of the metric `rmse`.
 pub const ROW: MetricRow = MetricRow {

@@ -8,8 +8,8 @@ use rayon::prelude::*;
 use super::floor::Noise;
 use super::map::{Colours, PixelMap};
 use super::{Better, MetricRow, MetricSpec, ON, RANGE};
-use crate::film::Image;
-use crate::value::schema::{Field, Table, Ty};
+use lumbre_light::film::Image;
+use lumbre_light::value::schema::{Field, Table, Ty};
 
 /// Table row of the metric `ssim`.
 pub const ROW: MetricRow = MetricRow {

@@ -5,9 +5,9 @@ use std::fmt;
 
 use rayon::prelude::*;
 
-use crate::film::Image;
-use crate::value::Value;
-use crate::value::schema::{Field, SchemaError, Table, Ty, unknown_name};
+use lumbre_light::film::Image;
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::{Field, SchemaError, Table, Ty, unknown_name};
 
 /// A named tone map with its parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]

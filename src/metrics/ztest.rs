@@ -10,8 +10,8 @@
 //! many comparisons require. The square root of a sum of rare events has nearly constant variance;
 //! for noise that is small relative to the mean the result is unchanged.
 
-use crate::film::Image;
-use crate::math::stats::{normal_two_sided_p, sidak};
+use lumbre_light::film::Image;
+use lumbre_light::math::stats::{normal_two_sided_p, sidak};
 
 /// An estimate of an image: its mean, and the variance of that mean, per pixel and channel.
 #[derive(Clone, Copy, Debug)]
@@ -210,7 +210,7 @@ pub fn blocks(first: Estimate, second: Estimate, block: u32, bright_enough: f64)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::rng::{normal, pcg4d, unit};
+    use lumbre_light::math::rng::{normal, pcg4d, unit};
 
     /// A constant image of 1 with normal noise of variance 0.01 in every pixel, and a bias.
     fn noisy(seed: u32, bias: f32) -> Image {

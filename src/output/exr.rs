@@ -14,8 +14,8 @@ use exr::prelude::{
 };
 
 use super::{OutputError, PREFIX, check_shape};
-use crate::film::Image;
-use crate::scene::load::openexr;
+use lumbre_light::film::Image;
+use lumbre_light::scene::load::openexr;
 
 /// Maximum number of pixels of an image that is read: 2^28, which is 3 GiB of `f32` RGB.
 const MAX_PIXELS: usize = 1 << 28;

@@ -11,11 +11,11 @@ use crate::experiment::spec::{CellConfig, MeasureSpec, Snapshots};
 use crate::experiment::{CellRef, CellResult, Outcome, StopRule, WaveRow};
 use crate::metrics::MetricSpec;
 use crate::metrics::tonemap::Tonemap;
-use crate::render::OpenStats;
-use crate::scene::SceneDesc;
-use crate::scene::desc::CameraDesc;
-use crate::transport::camera::{FilterKind, FilterSpec};
-use crate::value::Value;
+use lumbre_light::scene::SceneDesc;
+use lumbre_light::scene::desc::CameraDesc;
+use lumbre_light::transport::camera::{FilterKind, FilterSpec};
+use lumbre_light::value::Value;
+use lumbre_render::OpenStats;
 
 /// Name of an axis and its values.
 pub type AxisValues<'a> = (&'a str, Vec<Value>);

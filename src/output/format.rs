@@ -2,8 +2,8 @@
 
 use crate::experiment::plan::Plan;
 use crate::metrics::MetricSpec;
-use crate::transport::integrator::integrator;
-use crate::value::Value;
+use lumbre_light::transport::integrator::integrator;
+use lumbre_light::value::Value;
 
 /// Returns the index of a metric column in the plan, and its metric.
 pub fn column<'a>(plan: &'a Plan, name: &str) -> Option<(usize, &'a MetricSpec)> {

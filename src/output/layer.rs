@@ -1,9 +1,9 @@
 //! Encodes layers as PNG for viewing.
 
 use super::{OutputError, check_shape, png};
-use crate::film::Image;
-use crate::film::layer::{LayerDisplay, LayerImage};
 use crate::metrics::tonemap::Tonemap;
+use lumbre_light::film::Image;
+use lumbre_light::film::layer::{LayerDisplay, LayerImage};
 
 /// Colour map from 0 to the maximum as evenly spaced 8-bit sRGB values: black, violet, red, orange,
 /// white. Lightness increases monotonically, so that a greyscale print preserves the order.
@@ -85,7 +85,7 @@ fn heat_colour(share: f32) -> [f32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::film::layer::{Layer, LayerLayout};
+    use lumbre_light::film::layer::{Layer, LayerLayout};
 
     const SRGB: Tonemap = Tonemap::Srgb { exposure: 0.0 };
 

@@ -75,7 +75,7 @@ pub enum OutputError {
 const PREFIX: &str = "lumbre.";
 
 /// Returns an error if the image has no pixels or its buffer does not match its size.
-fn check_shape(image: &crate::film::Image) -> Result<(), OutputError> {
+fn check_shape(image: &lumbre_light::film::Image) -> Result<(), OutputError> {
     let (width, height, pixels) = (image.width, image.height, image.data.len());
     if pixels == 0 || pixels != width as usize * height as usize {
         return Err(OutputError::Shape {

@@ -1,9 +1,9 @@
 //! PNG files: tone-mapped pictures with 8 bits per channel and metadata as text chunks.
 
 use super::{OutputError, PREFIX, check_shape};
-use crate::film::Image;
 use crate::metrics::map::ErrorMap;
 use crate::metrics::tonemap::Tonemap;
+use lumbre_light::film::Image;
 
 /// Encodes an image as 8-bit RGB PNG after applying `tonemap`, marked as sRGB. Each pair of `meta`
 /// becomes a text chunk `lumbre.<key>` (`tEXt`, or `iTXt` if the text is not Latin-1). NaN becomes

@@ -6,7 +6,7 @@ use crate::experiment::plan::Plan;
 use crate::experiment::spec::TableValue;
 use crate::experiment::{CellResult, WaveRow};
 use crate::metrics::Better;
-use crate::render::OpenStats;
+use lumbre_render::OpenStats;
 
 /// Value of one run.
 #[derive(Clone, Copy, Debug, PartialEq)]

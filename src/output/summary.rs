@@ -7,7 +7,7 @@ use crate::experiment::aa_check::Finding;
 use crate::experiment::noise_floor::net_columns;
 use crate::experiment::plan::{Cell, Plan};
 use crate::experiment::{CellRef, CellResult, Outcome, Point, WaveRow};
-use crate::math::t_test::mean_and_interval;
+use lumbre_light::math::t_test::mean_and_interval;
 
 /// Columns of `summary.csv` before the axes.
 const BEFORE: [&str; 2] = ["cell", "run"];

@@ -8,10 +8,10 @@ use super::api::{report, stop, stop_rule};
 use super::scene;
 use crate::metrics::METRICS;
 use crate::metrics::tonemap::TONEMAPS;
-use crate::scene::desc::{MATERIAL_PARAMS, TextureSlot};
-use crate::transport::integrator::external::EXTERNALS;
-use crate::transport::integrator::{INTEGRATORS, IntegratorRow};
-use crate::value::schema::{AUTO, Field, Table, Ty};
+use lumbre_light::scene::desc::{MATERIAL_PARAMS, TextureSlot};
+use lumbre_light::transport::integrator::external::EXTERNALS;
+use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow};
+use lumbre_light::value::schema::{AUTO, Field, Table, Ty};
 
 /// Option tables, in the order of the annotations; nested tables are printed before them.
 const TABLES: &[&Table] = &[

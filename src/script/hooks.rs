@@ -15,9 +15,9 @@ use super::state::{Shared, missing_name};
 use super::{Script, strict};
 use crate::experiment::spec::{BiasCheckRequest, HookError, Point, ReferenceRequest, ScriptHooks};
 use crate::experiment::{CellConfig, StopRule, WaveRow};
-use crate::transport::integrator::{INTEGRATORS, integrator};
-use crate::value::Value;
-use crate::value::schema::{SchemaError, unknown_name};
+use lumbre_light::transport::integrator::{INTEGRATORS, integrator};
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::{SchemaError, unknown_name};
 
 /// Creates the metatable of points. Reading an axis that does not exist, and changing a point, are
 /// errors.

@@ -10,10 +10,10 @@ use super::docgen::{integrators, tables};
 use super::scene;
 use crate::metrics::METRICS;
 use crate::metrics::tonemap::TONEMAPS;
-use crate::scene::desc::{MATERIAL_PARAMS, TextureSlot};
-use crate::scene::edit::{ENTITY_PARAMS, ENVIRONMENT_PARAMS, LIGHT_PARAMS, SCENE_PARAMS};
-use crate::value::markdown::{fields_table, link, row, sentence, table_head, type_text};
-use crate::value::schema::{Table, Ty};
+use lumbre_light::scene::desc::{MATERIAL_PARAMS, TextureSlot};
+use lumbre_light::scene::edit::{ENTITY_PARAMS, ENVIRONMENT_PARAMS, LIGHT_PARAMS, SCENE_PARAMS};
+use lumbre_light::value::markdown::{fields_table, link, row, sentence, table_head, type_text};
+use lumbre_light::value::schema::{Table, Ty};
 
 /// Section of the page.
 struct Section {

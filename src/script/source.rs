@@ -9,8 +9,8 @@ use miette::NamedSource;
 
 use super::error::{Highlight, Problem, ScriptError};
 use super::locate;
-use crate::scene::load::files;
-use crate::value::schema::SchemaError;
+use lumbre_light::scene::load::files;
+use lumbre_light::value::schema::SchemaError;
 
 /// Largest accepted size of a script or module, in bytes.
 pub const MAX_BYTES: u64 = 4 << 20;

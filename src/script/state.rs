@@ -13,8 +13,8 @@ use super::error::{Problem, ScriptError};
 use super::limits::{Limits, Watchdog, pattern_is_quick};
 use super::scene::SceneBuilder;
 use super::source::{SourcePlace, Sources};
-use crate::scene::load::MissingTextures;
-use crate::value::{Value, suggest};
+use lumbre_light::scene::load::MissingTextures;
+use lumbre_light::value::{Value, suggest};
 
 /// Lua instructions between two checks of the time limit. The number is small because a single
 /// instruction can copy a string of many MiB.

@@ -11,8 +11,8 @@ use std::ffi::c_void;
 use mlua::Value as Lua;
 
 use super::api::kind;
-use crate::value::Value;
-use crate::value::schema::{SchemaError, Table, Ty, unknown_key};
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::{SchemaError, Table, Ty, unknown_key};
 
 /// Largest number of values in one conversion; a table that occurs twice counts twice.
 const MAX_VALUES: usize = 500_000;
@@ -277,7 +277,7 @@ fn find_hole<'a>(indices: impl Iterator<Item = &'a i64>) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::value::schema::Field;
+    use lumbre_light::value::schema::Field;
 
     fn eval(code: &str) -> (mlua::Lua, Lua) {
         let lua = mlua::Lua::new();

@@ -3,7 +3,7 @@
 use super::model::night::NightModel;
 use crate::experiment::PauseAt;
 use crate::tui::view::{ChartX, NightRequest, PictureMode};
-use crate::value::suggest;
+use lumbre_light::value::suggest;
 
 /// A parsed line of the command bar.
 #[derive(Clone, Debug, PartialEq)]

@@ -8,8 +8,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::view::PictureMode;
-use crate::film::{Image, SharedImage};
 use crate::metrics::{MetricError, MetricSpec};
+use lumbre_light::film::{Image, SharedImage};
 
 /// Number of cached previews: two that flicker, and one more.
 const CAPACITY: usize = 3;

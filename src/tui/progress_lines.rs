@@ -11,7 +11,7 @@ use crate::experiment::event::Level;
 use crate::experiment::forecast::Forecast;
 use crate::experiment::shards::Shard;
 use crate::experiment::{CellRef, Event, Outcome, Plan, Sink, SinkError, WaveRow};
-use crate::transport::integrator;
+use lumbre_light::transport::integrator;
 
 /// Longest wall time in seconds without a line about a running cell.
 const SILENCE_S: f64 = 10.0;

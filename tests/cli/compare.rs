@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use lumbre::film::Image;
 use lumbre::metrics::tonemap::Tonemap;
 use lumbre::output::{exr, png};
+use lumbre_light::film::Image;
 use serde_json::Value as Json;
 
 use super::workplace::Workplace;

@@ -340,7 +340,7 @@ fn bench_measures_every_integrator_and_stores_the_figures() {
         panic!("{stored}")
     };
     assert_eq!(scene["scene"], "ball.scn");
-    for name in lumbre::transport::integrator::INTEGRATORS
+    for name in lumbre_light::transport::integrator::INTEGRATORS
         .iter()
         .map(|row| row.name)
     {

@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use lumbre::film::Image;
 use lumbre::output::exr;
-use lumbre::render::Job;
-use lumbre::scene::edit::set;
-use lumbre::scene::{compile, load};
-use lumbre::transport::integrator::integrator;
+use lumbre_light::film::Image;
+use lumbre_light::scene::edit::set;
+use lumbre_light::scene::{compile, load};
+use lumbre_light::transport::integrator::integrator;
+use lumbre_render::Job;
 use serde_json::{Value as Json, json};
 
 use super::workplace::Workplace;
@@ -96,7 +96,7 @@ fn all_checks_pass_against_a_correct_reference() {
         "{report:#}"
     );
     for kind in ["analytic", "agreement", "reference"] {
-        for name in lumbre::transport::integrator::INTEGRATORS
+        for name in lumbre_light::transport::integrator::INTEGRATORS
             .iter()
             .map(|row| row.name)
         {

@@ -5,15 +5,15 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use lumbre::film::Film;
-use lumbre::render::{Job, Renderer, cpu::renderer::CpuRenderer};
-use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{
+use lumbre_light::film::Film;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::{
     Cone, DirectionalLight, Emitter, Environment, Instances, Interface, MaskMode, Material, Model,
     NONE, PointLight, Sphere, Texture, TriangleAttributes, UvMap,
 };
-use lumbre::scene::desc::{CameraDesc, ConeDesc};
-use lumbre::transport::integrator::integrator;
+use lumbre_light::scene::desc::{CameraDesc, ConeDesc};
+use lumbre_light::transport::integrator::integrator;
+use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
 
 /// A white, opaque, ideal material that emits nothing.
 pub const WHITE: Material = Material {

@@ -1,14 +1,14 @@
 //! `vulkan-compute` builds its hierarchy as requested, reports the result, and finds the same hits.
 
 use glam::{Vec2, Vec3};
-use lumbre::render::hierarchy::{AccelSpec, Builder, Quality};
-use lumbre::render::vulkan::context::device::Device;
-use lumbre::render::vulkan::layout::TriangleAttributes;
-use lumbre::render::vulkan::pipelines::program::TracingMode;
-use lumbre::render::vulkan::pipelines::spirv::Sources;
-use lumbre::render::vulkan::renderer::VulkanRenderer;
-use lumbre::render::{Job, OpenStats, Renderer};
-use lumbre::transport::integrator::integrator;
+use lumbre_light::transport::integrator::integrator;
+use lumbre_render::hierarchy::{AccelSpec, Builder, Quality};
+use lumbre_render::{Job, OpenStats, Renderer};
+use lumbre_vulkan::context::device::Device;
+use lumbre_vulkan::layout::TriangleAttributes;
+use lumbre_vulkan::pipelines::program::TracingMode;
+use lumbre_vulkan::pipelines::spirv::Sources;
+use lumbre_vulkan::renderer::VulkanRenderer;
 
 use super::harness;
 use super::images::supported_modes;

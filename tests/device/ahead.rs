@@ -4,11 +4,11 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use lumbre::film::layer::Layer;
-use lumbre::render::vulkan::context::device::Device;
-use lumbre::render::vulkan::pipelines::spirv::Sources;
-use lumbre::render::vulkan::renderer::VulkanRenderer;
-use lumbre::render::{Job, Renderer, WaveStats};
+use lumbre_light::film::layer::Layer;
+use lumbre_render::{Job, Renderer, WaveStats};
+use lumbre_vulkan::context::device::Device;
+use lumbre_vulkan::pipelines::spirv::Sources;
+use lumbre_vulkan::renderer::VulkanRenderer;
 
 use super::harness;
 use super::images::{compare, room, state, technique_job};

@@ -8,20 +8,20 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use lumbre::film::Film;
-use lumbre::film::layer::Layer;
 use lumbre::metrics::ztest::{self, Estimate};
-use lumbre::render::cpu::renderer::CpuRenderer;
-use lumbre::render::vulkan::context::device::Device;
-use lumbre::render::vulkan::pipelines::program::TracingMode;
-use lumbre::render::vulkan::pipelines::spirv::Sources;
-use lumbre::render::vulkan::renderer::VulkanRenderer;
-use lumbre::render::{Job, Renderer};
-use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{Distribution, Interface, MaskMode, Material, Model, Texture};
-use lumbre::transport::camera::{FilterKind, FilterSpec};
-use lumbre::transport::integrator::{INTEGRATORS, integrator};
-use lumbre::transport::sampler::{INDEPENDENT, SOBOL};
+use lumbre_light::film::Film;
+use lumbre_light::film::layer::Layer;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::{Distribution, Interface, MaskMode, Material, Model, Texture};
+use lumbre_light::transport::camera::{FilterKind, FilterSpec};
+use lumbre_light::transport::integrator::{INTEGRATORS, integrator};
+use lumbre_light::transport::sampler::{INDEPENDENT, SOBOL};
+use lumbre_render::cpu::renderer::CpuRenderer;
+use lumbre_render::{Job, Renderer};
+use lumbre_vulkan::context::device::Device;
+use lumbre_vulkan::pipelines::program::TracingMode;
+use lumbre_vulkan::pipelines::spirv::Sources;
+use lumbre_vulkan::renderer::VulkanRenderer;
 
 use super::harness;
 use super::images::{render, supported_modes, technique_job};

@@ -6,10 +6,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use lumbre::render::vulkan::pipelines::program::TracingMode;
-use lumbre::render::vulkan::pipelines::spirv::Sources;
-use lumbre::render::vulkan::renderer::VulkanRenderer;
-use lumbre::render::{Job, Renderer};
+use lumbre_render::{Job, Renderer};
+use lumbre_vulkan::pipelines::program::TracingMode;
+use lumbre_vulkan::pipelines::spirv::Sources;
+use lumbre_vulkan::renderer::VulkanRenderer;
 
 use super::{harness, images};
 use crate::common;

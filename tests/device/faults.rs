@@ -4,19 +4,19 @@ use std::process::Command;
 use std::sync::Arc;
 
 use glam::Vec3;
-use lumbre::render::vulkan::context::{device::Device, physical_device::Caps};
-use lumbre::render::vulkan::error::VulkanError;
-use lumbre::render::vulkan::memory::buffer::Buffer;
-use lumbre::render::vulkan::pipelines::program::TracingMode;
-use lumbre::render::vulkan::pipelines::spirv::{ShaderError, Sources};
-use lumbre::render::vulkan::renderer::{VulkanRenderer, into_render_error};
-use lumbre::render::{Job, RenderError, Renderer};
-use lumbre::transport::integrator::integrator;
+use lumbre_light::transport::integrator::integrator;
+use lumbre_render::{Job, RenderError, Renderer};
+use lumbre_vulkan::context::{device::Device, physical_device::Caps};
+use lumbre_vulkan::error::VulkanError;
+use lumbre_vulkan::memory::buffer::Buffer;
+use lumbre_vulkan::pipelines::program::TracingMode;
+use lumbre_vulkan::pipelines::spirv::{ShaderError, Sources};
+use lumbre_vulkan::renderer::{VulkanRenderer, into_render_error};
 
 use super::harness;
 use crate::common::{SceneBuilder, grey, job};
 
-fn scene() -> Arc<lumbre::scene::CompiledScene> {
+fn scene() -> Arc<lumbre_light::scene::CompiledScene> {
     SceneBuilder::new(Vec3::Z * 3.0, Vec3::ZERO, 50.0)
         .quad(
             Vec3::new(-1.0, -1.0, 0.0),

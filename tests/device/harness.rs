@@ -3,15 +3,15 @@
 use std::sync::{Arc, OnceLock};
 
 use glam::Vec3;
-use lumbre::film::time::TimeAxis;
-use lumbre::render::vulkan::context::instance;
-use lumbre::render::vulkan::context::physical_device;
-use lumbre::render::vulkan::context::{device::Device, physical_device::Caps};
-use lumbre::render::vulkan::pipelines::program::TracingMode;
-use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{DelayProfile, Delays, MaterialComponent};
-use lumbre::scene::desc::{DelayDesc, DelayKind};
-use lumbre::transport::path_time::Timing;
+use lumbre_light::film::time::TimeAxis;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::{DelayProfile, Delays, MaterialComponent};
+use lumbre_light::scene::desc::{DelayDesc, DelayKind};
+use lumbre_light::transport::path_time::Timing;
+use lumbre_vulkan::context::instance;
+use lumbre_vulkan::context::physical_device;
+use lumbre_vulkan::context::{device::Device, physical_device::Caps};
+use lumbre_vulkan::pipelines::program::TracingMode;
 
 /// Returns the device of this process, or `None` after printing a line `SKIPPED` if there is none.
 pub fn device() -> Option<Arc<Device>> {

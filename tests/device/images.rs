@@ -4,19 +4,19 @@
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use lumbre::film::Film;
-use lumbre::film::layer::{LAYERS, Layer};
-use lumbre::render::cpu::renderer::CpuRenderer;
-use lumbre::render::vulkan::context::device::Device;
-use lumbre::render::vulkan::pipelines::program::TracingMode;
-use lumbre::render::vulkan::pipelines::spirv::Sources;
-use lumbre::render::vulkan::renderer::VulkanRenderer;
-use lumbre::render::{Job, Renderer};
-use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{Material, Model, Texture};
-use lumbre::transport::camera::{FilterKind, FilterSpec};
-use lumbre::transport::integrator::integrator;
-use lumbre::transport::sampler::SOBOL;
+use lumbre_light::film::Film;
+use lumbre_light::film::layer::{LAYERS, Layer};
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::{Material, Model, Texture};
+use lumbre_light::transport::camera::{FilterKind, FilterSpec};
+use lumbre_light::transport::integrator::integrator;
+use lumbre_light::transport::sampler::SOBOL;
+use lumbre_render::cpu::renderer::CpuRenderer;
+use lumbre_render::{Job, Renderer};
+use lumbre_vulkan::context::device::Device;
+use lumbre_vulkan::pipelines::program::TracingMode;
+use lumbre_vulkan::pipelines::spirv::Sources;
+use lumbre_vulkan::renderer::VulkanRenderer;
 
 use super::corners::{balls, compare_loosely};
 use super::harness;

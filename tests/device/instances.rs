@@ -4,17 +4,17 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use glam::{Affine3A, Mat3, Quat, Vec2, Vec3};
-use lumbre::math::warp::uniform_sphere;
-use lumbre::render::vulkan::pipelines::program::TracingMode;
-use lumbre::render::vulkan::pipelines::spirv::Sources;
-use lumbre::render::vulkan::renderer::VulkanRenderer;
-use lumbre::render::{Job, Renderer};
-use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{Sharing, compile_sharing};
-use lumbre::scene::desc::{
+use lumbre_light::math::warp::uniform_sphere;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::{Sharing, compile_sharing};
+use lumbre_light::scene::desc::{
     CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, MeshDesc, SceneDesc,
     ShapeDesc, Transform, mesh_hash,
 };
+use lumbre_render::{Job, Renderer};
+use lumbre_vulkan::pipelines::program::TracingMode;
+use lumbre_vulkan::pipelines::spirv::Sources;
+use lumbre_vulkan::renderer::VulkanRenderer;
 
 use super::corners::compare_loosely;
 use super::harness;

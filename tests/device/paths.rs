@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use lumbre::render::Job;
-use lumbre::render::cpu;
-use lumbre::render::path_trace::{PathEvent, SampleAt};
-use lumbre::render::vulkan::pipelines::program::TracingMode;
-use lumbre::render::vulkan::pipelines::spirv::Sources;
-use lumbre::render::vulkan::renderer::VulkanRenderer;
-use lumbre::transport::integrator::INTEGRATORS;
+use lumbre_light::transport::integrator::INTEGRATORS;
+use lumbre_render::Job;
+use lumbre_render::cpu;
+use lumbre_render::path_trace::{PathEvent, SampleAt};
+use lumbre_vulkan::pipelines::program::TracingMode;
+use lumbre_vulkan::pipelines::spirv::Sources;
+use lumbre_vulkan::renderer::VulkanRenderer;
 
 use super::harness::{self, add_delays, timing};
 use super::images::{room, supported_modes, technique_job};

@@ -4,22 +4,22 @@
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use lumbre::film::layer::LayerLayout;
-use lumbre::render::vulkan::context::{
+use lumbre_light::film::layer::LayerLayout;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::Texture;
+use lumbre_light::transport::integrator::integrator;
+use lumbre_render::{Job, RenderError};
+use lumbre_vulkan::context::{
     device::Device,
     physical_device::{Caps, Limits},
 };
-use lumbre::render::vulkan::error::VulkanError;
-use lumbre::render::vulkan::memory::upload::{JobBuffers, SceneBuffers};
-use lumbre::render::vulkan::pipelines::program::TracingMode;
-use lumbre::render::vulkan::pipelines::spirv::Sources;
-use lumbre::render::vulkan::pipelines::test_kernel;
-use lumbre::render::vulkan::pipelines::test_kernel::KernelStage;
-use lumbre::render::vulkan::renderer::into_render_error;
-use lumbre::render::{Job, RenderError};
-use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::Texture;
-use lumbre::transport::integrator::integrator;
+use lumbre_vulkan::error::VulkanError;
+use lumbre_vulkan::memory::upload::{JobBuffers, SceneBuffers};
+use lumbre_vulkan::pipelines::program::TracingMode;
+use lumbre_vulkan::pipelines::spirv::Sources;
+use lumbre_vulkan::pipelines::test_kernel;
+use lumbre_vulkan::pipelines::test_kernel::KernelStage;
+use lumbre_vulkan::renderer::into_render_error;
 
 use super::harness;
 use super::images::{compare, render, scene_with_all_lights, supported_modes};

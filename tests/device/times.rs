@@ -2,17 +2,17 @@
 
 use std::sync::Arc;
 
-use lumbre::film::time::{TimeCube, TimeFilter, sum_slots};
-use lumbre::render::cpu::renderer::CpuRenderer;
-use lumbre::render::vulkan::context::device::Device;
-use lumbre::render::vulkan::error::VulkanError;
-use lumbre::render::vulkan::pipelines::program::TracingMode;
-use lumbre::render::vulkan::pipelines::spirv::Sources;
-use lumbre::render::vulkan::renderer::VulkanRenderer;
-use lumbre::render::{Job, Renderer};
-use lumbre::scene::CompiledScene;
-use lumbre::transport::delay::Profile;
-use lumbre::transport::path_time::Timing;
+use lumbre_light::film::time::{TimeCube, TimeFilter, sum_slots};
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::transport::delay::Profile;
+use lumbre_light::transport::path_time::Timing;
+use lumbre_render::cpu::renderer::CpuRenderer;
+use lumbre_render::{Job, Renderer};
+use lumbre_vulkan::context::device::Device;
+use lumbre_vulkan::error::VulkanError;
+use lumbre_vulkan::pipelines::program::TracingMode;
+use lumbre_vulkan::pipelines::spirv::Sources;
+use lumbre_vulkan::renderer::VulkanRenderer;
 
 use super::harness::{self, add_delays, timing};
 use super::images::{compare, render, room, supported_modes, technique_job};
@@ -250,7 +250,7 @@ fn bins_that_do_not_fit_are_refused_with_both_sizes() {
             && message.contains("fewer or wider bins"),
         "{message}"
     );
-    let limited = lumbre::render::vulkan::context::physical_device::Caps {
+    let limited = lumbre_vulkan::context::physical_device::Caps {
         doubles: false,
         ..device.info.caps
     };

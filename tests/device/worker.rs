@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use lumbre::film::Image;
-use lumbre::math::rng::{pcg4d, unit};
+use lumbre_light::film::Image;
+use lumbre_light::math::rng::{pcg4d, unit};
 
 use super::harness;
 

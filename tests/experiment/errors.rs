@@ -2,7 +2,7 @@
 
 use lumbre::experiment::spec::{HookError, ReferenceRequest};
 use lumbre::experiment::{StopRule, stop::Comparison};
-use lumbre::value::Value;
+use lumbre_light::value::Value;
 
 use crate::fixtures::{Lab, config, ints};
 

@@ -11,9 +11,9 @@ use lumbre::experiment::spec::{Order, Warmup};
 use lumbre::experiment::{
     CellRef, Event, NightControls, NightSummary, Outcome, Plan, Sink, SinkError, StopRule,
 };
-use lumbre::film::Film;
-use lumbre::render::mock::MockRenderer;
-use lumbre::render::{Job, OpenStats, RenderError, Renderer, WaveStats};
+use lumbre_light::film::Film;
+use lumbre_render::mock::MockRenderer;
+use lumbre_render::{Job, OpenStats, RenderError, Renderer, WaveStats};
 
 use crate::fixtures::{Lab, Memory, Night, Recorder, at, config, ints, whole_at};
 

@@ -17,14 +17,16 @@ use lumbre::experiment::{
     CellRef, Event, ExperimentSpec, NightControls, NightSummary, Outcome, Overrides, Plan,
     PlanError, Point, RunError, RunId, ScriptHooks, Sink, SinkError, StopRule, WaveRow,
 };
-use lumbre::film::{Film, Image};
 use lumbre::metrics::MetricSpec;
 use lumbre::metrics::tonemap::Tonemap;
-use lumbre::render::mock::MockRenderer;
-use lumbre::scene::desc::{CameraDesc, EntityDesc, MaterialDesc, Optics, ShapeDesc, Transform};
-use lumbre::scene::{Note, SceneDesc, SceneError};
-use lumbre::transport::camera::{FilterKind, FilterSpec};
-use lumbre::value::Value;
+use lumbre_light::film::{Film, Image};
+use lumbre_light::scene::desc::{
+    CameraDesc, EntityDesc, MaterialDesc, Optics, ShapeDesc, Transform,
+};
+use lumbre_light::scene::{Note, SceneDesc, SceneError};
+use lumbre_light::transport::camera::{FilterKind, FilterSpec};
+use lumbre_light::value::Value;
+use lumbre_render::mock::MockRenderer;
 
 pub type Hook<T> = Box<dyn Fn(&Point) -> Result<T, HookError>>;
 pub type SkipHook = Box<dyn Fn(usize, &Point) -> Result<bool, HookError>>;

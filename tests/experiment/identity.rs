@@ -8,13 +8,13 @@ use lumbre::experiment::spec::{
     TableSpec, TableValue,
 };
 use lumbre::experiment::{Plan, StopRule, stop::Comparison};
-use lumbre::film::layer::Layer;
 use lumbre::metrics::MetricSpec;
 use lumbre::metrics::tonemap::Tonemap;
-use lumbre::render::hierarchy::{Builder, Quality};
-use lumbre::scene::compile::Sharing;
-use lumbre::transport::camera::FilterKind;
-use lumbre::value::Value;
+use lumbre_light::film::layer::Layer;
+use lumbre_light::scene::compile::Sharing;
+use lumbre_light::transport::camera::FilterKind;
+use lumbre_light::value::Value;
+use lumbre_render::hierarchy::{Builder, Quality};
 
 use crate::fixtures::{Lab, at, config, ints};
 

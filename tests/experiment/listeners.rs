@@ -6,11 +6,11 @@ use lumbre::experiment::event::Level;
 use lumbre::experiment::run::{Open, RunError};
 use lumbre::experiment::spec::{CellConfig, HookError};
 use lumbre::experiment::{CellRef, Event, Outcome, Sink, SinkError, StopRule};
-use lumbre::film::Film;
-use lumbre::render::mock::MockRenderer;
-use lumbre::render::{OpenStats, RenderError, Renderer, WaveStats};
-use lumbre::transport::path_time::Timing;
-use lumbre::value::Value;
+use lumbre_light::film::Film;
+use lumbre_light::transport::path_time::Timing;
+use lumbre_light::value::Value;
+use lumbre_render::mock::MockRenderer;
+use lumbre_render::{OpenStats, RenderError, Renderer, WaveStats};
 
 use crate::fixtures::{Lab, Night, Recorder, config, depths, label, whole_at};
 
@@ -377,7 +377,7 @@ fn time_previews_are_sent_on_request_when_the_samples_have_doubled() {
             ..Recorder::default()
         };
         let night = Night {
-            open: &lumbre::render::open,
+            open: &lumbre::backends::open,
             ..Night::default()
         };
         night.render(&lab, &plan, &mut [&mut recorder]).unwrap();

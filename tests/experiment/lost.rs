@@ -15,9 +15,9 @@ use lumbre::experiment::shards::WorkUnit;
 use lumbre::experiment::{
     CellRef, NightControls, NightSummary, Outcome, Plan, RunId, Sink, SinkError,
 };
-use lumbre::film::{Film, Image};
-use lumbre::render::mock::MockRenderer;
-use lumbre::render::{OpenStats, RenderError, Renderer, WaveStats};
+use lumbre_light::film::{Film, Image};
+use lumbre_render::mock::MockRenderer;
+use lumbre_render::{OpenStats, RenderError, Renderer, WaveStats};
 
 use crate::fixtures::{Lab, Recorder, config};
 

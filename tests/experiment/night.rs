@@ -7,9 +7,9 @@ use lumbre::experiment::event::{FinishedRun, History, Level};
 use lumbre::experiment::spec::{ReferenceRequest, Snapshots};
 use lumbre::experiment::stop::Comparison;
 use lumbre::experiment::{CellRef, Event, Outcome, Plan, StopRule, WaveRow, run};
-use lumbre::film::Image;
-use lumbre::render::mock::{MockRenderer, SECONDS_PER_PATH};
-use lumbre::value::Value;
+use lumbre_light::film::Image;
+use lumbre_light::value::Value;
+use lumbre_render::mock::{MockRenderer, SECONDS_PER_PATH};
 
 use crate::fixtures::{Lab, Memory, Night, Recorder, config, depths, ints, whole_at};
 

@@ -11,11 +11,11 @@ use lumbre::experiment::shards::Shard;
 use lumbre::experiment::spec::{BiasCheckRequest, CellConfig, ReferenceRequest};
 use lumbre::experiment::stop::Comparison;
 use lumbre::experiment::{CellRef, Event, Outcome, Plan, SinkError, StopRule};
-use lumbre::film::Image;
 use lumbre::metrics::MetricSpec;
-use lumbre::render::mock::{MockRenderer, RELATIVE_SIGMA};
-use lumbre::render::{Job, RenderError, Renderer};
-use lumbre::scene::CompiledScene;
+use lumbre_light::film::Image;
+use lumbre_light::scene::CompiledScene;
+use lumbre_render::mock::{MockRenderer, RELATIVE_SIGMA};
+use lumbre_render::{Job, RenderError, Renderer};
 
 use crate::fixtures::{Lab, Night, Recorder, config, ints};
 

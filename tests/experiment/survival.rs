@@ -14,9 +14,9 @@ use lumbre::experiment::spec::Order;
 use lumbre::experiment::{
     CellRef, Event, NightControls, NightSummary, Outcome, Plan, RunId, Sink, SinkError,
 };
-use lumbre::film::Image;
-use lumbre::render::mock::MockRenderer;
-use lumbre::render::{RenderError, Renderer};
+use lumbre_light::film::Image;
+use lumbre_render::mock::MockRenderer;
+use lumbre_render::{RenderError, Renderer};
 
 use crate::fixtures::{Lab, Recorder, at, config, depths, ints, label, whole_at};
 
@@ -120,7 +120,7 @@ fn run_night(
     };
     let mut recorder = Recorder::default();
     let open =
-        |_: &str, scene, job: lumbre::render::Job| -> Result<Box<dyn Renderer>, RenderError> {
+        |_: &str, scene, job: lumbre_render::Job| -> Result<Box<dyn Renderer>, RenderError> {
             if job.max_depth == 2 && job.rr_start == Some(7) {
                 return Err(RenderError::Failed {
                     backend: "mock",

@@ -6,9 +6,9 @@ use std::collections::BTreeMap;
 use lumbre::experiment::Plan;
 use lumbre::experiment::plan::ReferenceSource;
 use lumbre::experiment::spec::CellConfig;
-use lumbre::film::layer::Layer;
-use lumbre::render::hierarchy::{AccelSpec, LaneMode};
-use lumbre::value::Value;
+use lumbre_light::film::layer::Layer;
+use lumbre_light::value::Value;
+use lumbre_render::hierarchy::{AccelSpec, LaneMode};
 
 use crate::fixtures::{Lab, at, config};
 

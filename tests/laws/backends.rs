@@ -1,9 +1,9 @@
 //! The table of docs/reference/backends.md agrees with the code.
 
-use lumbre::film::layer::LAYERS;
-use lumbre::render::BACKENDS;
-use lumbre::transport::integrator::INTEGRATORS;
-use lumbre::transport::sampler::SAMPLERS;
+use lumbre::backends::BACKENDS;
+use lumbre_light::film::layer::LAYERS;
+use lumbre_light::transport::integrator::INTEGRATORS;
+use lumbre_light::transport::sampler::SAMPLERS;
 
 use super::source::{root, text};
 

@@ -5,17 +5,34 @@ use std::collections::BTreeSet;
 
 use super::source::{root, text};
 
-/// Returns the names in the dependency sections of `Cargo.toml`.
+/// Manifests of the workspace.
+const MANIFESTS: [&str; 4] = [
+    "Cargo.toml",
+    "crates/lumbre-light/Cargo.toml",
+    "crates/lumbre-render/Cargo.toml",
+    "crates/lumbre-vulkan/Cargo.toml",
+];
+
+/// Returns the names in the dependency sections of all manifests, without this project's crates.
 fn declared() -> BTreeSet<String> {
+    let manifests = MANIFESTS.iter().flat_map(|path| declared_in(&text(path)));
+    manifests
+        .filter(|name| !name.starts_with("lumbre"))
+        .collect()
+}
+
+/// Returns the names in the dependency sections of a manifest.
+fn declared_in(manifest: &str) -> BTreeSet<String> {
     let mut names = BTreeSet::new();
     let mut inside = false;
-    for line in text("Cargo.toml").lines() {
+    for line in manifest.lines() {
         if let Some(section) = line.trim().strip_prefix('[') {
             inside = section.trim_end_matches(']').ends_with("dependencies");
         } else if inside && let Some((name, _)) = line.split_once('=') {
             // Keys that continue a table spread over several lines are indented.
             if !line.starts_with([' ', '\t', '#']) {
-                names.insert(name.trim().to_owned());
+                let name = name.trim().trim_end_matches(".workspace");
+                names.insert(name.to_owned());
             }
         }
     }

@@ -1,13 +1,13 @@
 //! Rules for files: length, names, printing, and no paths that exist on one machine only.
 
-use super::source::{code_only, project_files, root, rust_files, text, words};
+use super::source::{code_only, project_files, root, rust_files, sources, text, words};
 
 /// Greatest number of lines of a Rust file.
 const MOST_LINES: usize = 600;
 
 #[test]
 fn no_rust_file_has_more_than_600_lines() {
-    let all = rust_files("src").into_iter().chain(rust_files("tests"));
+    let all = sources().into_iter().chain(rust_files("tests"));
     let long: Vec<String> = all
         .map(|f| (text(&f).lines().count(), f))
         .filter(|(n, _)| *n > MOST_LINES)
@@ -22,7 +22,7 @@ fn no_rust_file_has_more_than_600_lines() {
 
 #[test]
 fn no_module_is_named_util_common_or_misc() {
-    for file in rust_files("src") {
+    for file in sources() {
         let unspecific = file
             .split('/')
             .any(|p| ["util", "utils", "common", "misc"].contains(&p.trim_end_matches(".rs")));
@@ -32,7 +32,7 @@ fn no_module_is_named_util_common_or_misc() {
 
 #[test]
 fn only_the_command_line_prints() {
-    for file in rust_files("src")
+    for file in sources()
         .into_iter()
         .filter(|f| !f.starts_with("src/cli/") && !f.contains("tests"))
     {

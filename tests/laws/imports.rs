@@ -16,18 +16,13 @@ const CONFINED: &[(&str, &[&str])] = &[
     ("signal_hook", &["cli"]),
     ("tracing_subscriber", &["cli"]),
     ("miette", &["script", "cli"]),
-    ("obvhs", &["render/cpu", "render/vulkan"]),
-    ("ash", &["render/vulkan"]),
-    ("glslang", &["render/vulkan"]),
-    ("gpu_allocator", &["render/vulkan"]),
     ("resvg", &["output"]),
     ("epaint_default_fonts", &["output"]),
     ("roxmltree", &["output", "scene"]),
-    ("exr", &["output", "scene/load", "scene/export"]),
+    ("exr", &["output"]),
     ("flate2", &["output"]),
     ("pdf_writer", &["output"]),
     ("png", &["output", "tui"]),
-    ("tobj", &["scene"]),
     ("ttf_parser", &["output"]),
 ];
 
@@ -95,7 +90,7 @@ fn first_word(text: &str) -> String {
 fn modules_import_only_modules_of_a_lower_level() {
     let levels = levels();
     assert!(
-        levels.len() >= 12,
+        levels.len() >= 8,
         "too few modules were found in the table of src/lib.rs: {levels:?}"
     );
     let mut broken = Vec::new();

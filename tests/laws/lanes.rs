@@ -17,7 +17,11 @@ const LANES: [&str; 11] = [
 ];
 
 /// The modules in which these names are SIMD vectors.
-const MODULES: [&str; 3] = ["src/math", "src/transport", "src/render/cpu/wavefront"];
+const MODULES: [&str; 3] = [
+    "crates/lumbre-light/src/math",
+    "crates/lumbre-light/src/transport",
+    "crates/lumbre-render/src/cpu/wavefront",
+];
 
 /// Attributes that a function with vectors must have one of.
 const REQUIRED: [&str; 2] = ["#[inline(always)]", "#[target_feature("];

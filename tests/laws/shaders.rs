@@ -1,10 +1,10 @@
 //! Every shader compiles to SPIR-V with each combination of features that changes its text. Needs
 //! no device, so a mistake in GLSL is found where no Vulkan driver is installed.
 
-use lumbre::render::vulkan::pipelines::program::shader_of;
-use lumbre::render::vulkan::pipelines::spirv::Sources;
-use lumbre::render::vulkan::pipelines::test_kernel::{KernelStage, compile};
-use lumbre::transport::integrator::INTEGRATORS;
+use lumbre_light::transport::integrator::INTEGRATORS;
+use lumbre_vulkan::pipelines::program::shader_of;
+use lumbre_vulkan::pipelines::spirv::Sources;
+use lumbre_vulkan::pipelines::test_kernel::{KernelStage, compile};
 
 use super::source::{root, text};
 

@@ -7,6 +7,22 @@ pub fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
+/// Source folders of the crates of the workspace.
+pub const SOURCES: [&str; 4] = [
+    "src",
+    "crates/lumbre-light/src",
+    "crates/lumbre-render/src",
+    "crates/lumbre-vulkan/src",
+];
+
+/// Returns every Rust file of the crates' sources, as [`rust_files`] does.
+pub fn sources() -> Vec<String> {
+    SOURCES
+        .iter()
+        .flat_map(|folder| rust_files(folder))
+        .collect()
+}
+
 /// Returns every Rust file below a folder of the package, as sorted paths from the root with `/`.
 pub fn rust_files(folder: &str) -> Vec<String> {
     let mut found = Vec::new();
@@ -58,6 +74,7 @@ pub fn project_files() -> Vec<PathBuf> {
     }
     let mut open: Vec<PathBuf> = [
         "src",
+        "crates",
         "tests",
         "docs",
         "scripts",

@@ -2,14 +2,14 @@
 
 use std::collections::BTreeSet;
 
+use lumbre::backends::BACKENDS;
 use lumbre::metrics::METRICS;
 use lumbre::metrics::tonemap::TONEMAPS;
-use lumbre::render::BACKENDS;
-use lumbre::scene::desc::MATERIAL_PARAMS;
-use lumbre::scene::load::FORMATS;
-use lumbre::transport::integrator::INTEGRATORS;
-use lumbre::transport::sampler::{SAMPLERS, sampler};
-use lumbre::value::schema::{Field, Table, Ty};
+use lumbre_light::scene::desc::MATERIAL_PARAMS;
+use lumbre_light::scene::load::FORMATS;
+use lumbre_light::transport::integrator::INTEGRATORS;
+use lumbre_light::transport::sampler::{SAMPLERS, sampler};
+use lumbre_light::value::schema::{Field, Table, Ty};
 
 fn snake_case(name: &str) -> bool {
     name.starts_with(|c: char| c.is_ascii_lowercase())

@@ -5,70 +5,105 @@ use super::source::{root, rust_files, text};
 
 /// Shaders whose original has another path, with that path: types that Rust defines in `mod.rs` but
 /// that GLSL must define before the files that `mod.glsl` includes.
-const OTHER_ORIGINAL: &[(&str, &str)] =
-    &[("transport/light/types.glsl", "src/transport/light/mod.rs")];
+const OTHER_ORIGINAL: &[(&str, &str)] = &[(
+    "transport/light/types.glsl",
+    "crates/lumbre-light/src/transport/light/mod.rs",
+)];
 
 /// Originals without a twin, with the reason.
 const HOST: &[(&str, &str)] = &[
-    ("src/math/false_discovery_rate.rs", "statistics of nights"),
-    ("src/math/simd/x8.rs", "GLSL invocations replace SIMD lanes"),
     (
-        "src/math/simd/mod.rs",
+        "crates/lumbre-light/src/math/false_discovery_rate.rs",
+        "statistics of nights",
+    ),
+    (
+        "crates/lumbre-light/src/math/simd/x8.rs",
         "GLSL invocations replace SIMD lanes",
     ),
     (
-        "src/math/simd/x16.rs",
+        "crates/lumbre-light/src/math/simd/mod.rs",
         "GLSL invocations replace SIMD lanes",
     ),
-    ("src/math/simd/tests.rs", "tests"),
-    ("src/math/mod.rs", "re-exports only"),
-    ("src/math/real.rs", "GLSL has built-in number types"),
-    ("src/math/stats.rs", "statistics of tests"),
-    ("src/math/t_test.rs", "statistics of nights"),
     (
-        "src/transport/bsdf/disney/sampling.rs",
+        "crates/lumbre-light/src/math/simd/x16.rs",
+        "GLSL invocations replace SIMD lanes",
+    ),
+    ("crates/lumbre-light/src/math/simd/tests.rs", "tests"),
+    ("crates/lumbre-light/src/math/mod.rs", "re-exports only"),
+    (
+        "crates/lumbre-light/src/math/real.rs",
+        "GLSL has built-in number types",
+    ),
+    (
+        "crates/lumbre-light/src/math/stats.rs",
+        "statistics of tests",
+    ),
+    (
+        "crates/lumbre-light/src/math/t_test.rs",
+        "statistics of nights",
+    ),
+    (
+        "crates/lumbre-light/src/transport/bsdf/disney/sampling.rs",
         "its twin is part of disney.glsl",
     ),
-    ("src/transport/camera/mod.rs", "re-exports only"),
-    ("src/transport/delay/mod.rs", "re-exports only"),
     (
-        "src/transport/integrator/external.rs",
+        "crates/lumbre-light/src/transport/camera/mod.rs",
+        "re-exports only",
+    ),
+    (
+        "crates/lumbre-light/src/transport/delay/mod.rs",
+        "re-exports only",
+    ),
+    (
+        "crates/lumbre-light/src/transport/integrator/external.rs",
         "techniques of other programs",
     ),
     (
-        "src/transport/integrator/mod.rs",
+        "crates/lumbre-light/src/transport/integrator/mod.rs",
         "the table of integrators",
     ),
     (
-        "src/transport/integrator/oracle/mod.rs",
+        "crates/lumbre-light/src/transport/integrator/oracle/mod.rs",
         "reference for MIS weights",
     ),
     (
-        "src/transport/integrator/oracle/path.rs",
+        "crates/lumbre-light/src/transport/integrator/oracle/path.rs",
         "reference for MIS weights",
     ),
     (
-        "src/transport/integrator/oracle/split.rs",
+        "crates/lumbre-light/src/transport/integrator/oracle/split.rs",
         "reference for MIS weights",
     ),
     (
-        "src/transport/light/select.rs",
+        "crates/lumbre-light/src/transport/light/select.rs",
         "light weights are tabulated on the host",
     ),
-    ("src/transport/sampler/sobol_tests.rs", "tests"),
-    ("src/transport/time_settings.rs", "parses script tables"),
+    (
+        "crates/lumbre-light/src/transport/sampler/sobol_tests.rs",
+        "tests",
+    ),
+    (
+        "crates/lumbre-light/src/transport/time_settings.rs",
+        "parses script tables",
+    ),
 ];
+
+/// Folder of the shaders.
+const SHADERS: &str = "crates/lumbre-vulkan/shaders";
+
+/// Folder of their originals.
+const ORIGINALS: &str = "crates/lumbre-light/src";
 
 /// Returns every shader below a folder of `shaders/`.
 fn shaders(folder: &str) -> Vec<String> {
-    let (mut open, mut found) = (vec![root().join("shaders").join(folder)], Vec::new());
+    let (mut open, mut found) = (vec![root().join(SHADERS).join(folder)], Vec::new());
     while let Some(next) = open.pop() {
         for path in std::fs::read_dir(next).unwrap().map(|e| e.unwrap().path()) {
             if path.is_dir() {
                 open.push(path);
             } else {
                 found.push(
-                    path.strip_prefix(root().join("shaders"))
+                    path.strip_prefix(root().join(SHADERS))
                         .unwrap()
                         .to_string_lossy()
                         .replace('\\', "/"),
@@ -86,7 +121,7 @@ fn every_twin_has_the_path_of_its_original_and_names_it() {
         .iter()
         .flat_map(|folder| shaders(folder))
     {
-        let first = text(&format!("shaders/{shader}"))
+        let first = text(&format!("{SHADERS}/{shader}"))
             .lines()
             .next()
             .unwrap_or_default()
@@ -95,7 +130,8 @@ fn every_twin_has_the_path_of_its_original_and_names_it() {
             .iter()
             .find(|(name, _)| *name == shader)
             .map(|(_, original)| (*original).to_owned());
-        let original = listed.unwrap_or_else(|| format!("src/{}", shader.replace(".glsl", ".rs")));
+        let original =
+            listed.unwrap_or_else(|| format!("{ORIGINALS}/{}", shader.replace(".glsl", ".rs")));
         assert!(
             first.contains(&original),
             "shaders/{shader} does not name {original} in its first line"
@@ -113,11 +149,17 @@ fn every_original_has_a_twin_or_a_stated_reason_for_having_none() {
         .iter()
         .flat_map(|folder| shaders(folder))
         .collect();
-    for original in ["src/math", "src/transport"]
-        .iter()
-        .flat_map(|folder| rust_files(folder))
+    for original in [
+        "crates/lumbre-light/src/math",
+        "crates/lumbre-light/src/transport",
+    ]
+    .iter()
+    .flat_map(|folder| rust_files(folder))
     {
-        let twin = original.trim_start_matches("src/").replace(".rs", ".glsl");
+        let twin = original
+            .trim_start_matches(ORIGINALS)
+            .trim_start_matches('/')
+            .replace(".rs", ".glsl");
         let listed_without_twin = HOST
             .iter()
             .any(|(name, reason)| *name == original && !reason.is_empty());

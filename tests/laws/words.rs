@@ -1,7 +1,7 @@
 //! Plain words: comments, docs and messages use the field's terms, and every doc comment is a
 //! sentence.
 
-use super::source::{project_files, root, rust_files, text};
+use super::source::{project_files, root, sources, text};
 
 /// Words and phrases that the project does not use, with what to write instead.
 const REFUSED: &[(&str, &str)] = &[
@@ -139,7 +139,7 @@ fn comments_docs_and_messages_use_plain_words() {
 #[test]
 fn every_doc_comment_is_a_sentence() {
     let mut found = Vec::new();
-    for file in rust_files("src") {
+    for file in sources() {
         for (line, paragraph) in doc_paragraphs(&text(&file)) {
             if let Some(fault) = fault(&paragraph) {
                 found.push(format!("{file}:{line}: {fault}: {paragraph}"));

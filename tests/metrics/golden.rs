@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use lumbre::film::Image;
 use lumbre::metrics::MetricSpec;
-use lumbre::value::Value;
+use lumbre_light::film::Image;
+use lumbre_light::value::Value;
 
 struct Pair {
     name: String,

@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use lumbre::film::Image;
-use lumbre::math::rng::{pcg4d, unit};
 use lumbre::metrics::MetricSpec;
 use lumbre::metrics::tonemap::srgb_light;
-use lumbre::value::Value;
+use lumbre_light::film::Image;
+use lumbre_light::math::rng::{pcg4d, unit};
+use lumbre_light::value::Value;
 
 const WIDTH: u32 = 150;
 const HEIGHT: u32 = 101;

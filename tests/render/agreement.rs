@@ -5,15 +5,17 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use lumbre::film::Film;
-use lumbre::math::stats::{normal_two_sided_p, sidak};
-use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{Cone, DirectionalLight, Environment, Material, PointLight, Texture};
-use lumbre::scene::desc::{ConeDesc, ConeEdge};
-use lumbre::transport::contribution::Contribution;
-use lumbre::transport::integrator::{Context, IntegratorRow, integrator};
-use lumbre::transport::sampler::Sampler;
-use lumbre::value::Value;
+use lumbre_light::film::Film;
+use lumbre_light::math::stats::{normal_two_sided_p, sidak};
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::{
+    Cone, DirectionalLight, Environment, Material, PointLight, Texture,
+};
+use lumbre_light::scene::desc::{ConeDesc, ConeEdge};
+use lumbre_light::transport::contribution::Contribution;
+use lumbre_light::transport::integrator::{Context, IntegratorRow, integrator};
+use lumbre_light::transport::sampler::Sampler;
+use lumbre_light::value::Value;
 
 use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
 

@@ -6,9 +6,9 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use lumbre::film::Film;
 use lumbre::metrics::ztest::{self, Estimate};
-use lumbre::scene::{compile, load};
+use lumbre_light::film::Film;
+use lumbre_light::scene::{compile, load};
 
 use crate::agreement::{Technique, technique};
 use crate::common::{job, render, shared};

@@ -4,11 +4,11 @@
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{Material, Texture, UvMap};
-use lumbre::scene::desc::{ConeDesc, ConeEdge};
-use lumbre::transport::integrator::integrator;
-use lumbre::value::Value;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::{Material, Texture, UvMap};
+use lumbre_light::scene::desc::{ConeDesc, ConeEdge};
+use lumbre_light::transport::integrator::integrator;
+use lumbre_light::value::Value;
 
 use crate::agreement::{EYE, Setting, Technique, agree, agree_with_bpt, params, room, technique};
 use crate::common::{SceneBuilder, WHITE, grey, job, light, mean_and_error, render};

@@ -3,14 +3,14 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use lumbre::render::cpu::bvh::accel::Accel;
-use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::Material;
-use lumbre::transport::camera::{Camera, FilterSpec};
-use lumbre::transport::integrator::bdpt::{self, subpath::Subpaths};
-use lumbre::transport::integrator::{Context, Settings};
-use lumbre::transport::light::Lights;
-use lumbre::transport::sampler::Sampler;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::Material;
+use lumbre_light::transport::camera::{Camera, FilterSpec};
+use lumbre_light::transport::integrator::bdpt::{self, subpath::Subpaths};
+use lumbre_light::transport::integrator::{Context, Settings};
+use lumbre_light::transport::light::Lights;
+use lumbre_light::transport::sampler::Sampler;
+use lumbre_render::cpu::bvh::accel::Accel;
 
 use crate::agreement::{
     EYE, Params, SIDE, Setting, agree, agree_with_bpt, room, technique, variants,

@@ -3,12 +3,12 @@
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3, Vec4};
-use lumbre::render::cpu::bvh::accel::Accel;
-use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{DirectionalLight, MaskMode, Material, Model, Texture, UvMap};
-use lumbre::transport::integrator::integrator;
-use lumbre::transport::ray::Ray;
-use lumbre::transport::surface::Surface;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::{DirectionalLight, MaskMode, Material, Model, Texture, UvMap};
+use lumbre_light::transport::integrator::integrator;
+use lumbre_light::transport::ray::Ray;
+use lumbre_light::transport::surface::Surface;
+use lumbre_render::cpu::bvh::accel::Accel;
 
 use crate::agreement::{EYE, agree_with_bpt, room};
 use crate::common::{SceneBuilder, WHITE, grey, job, light, render};

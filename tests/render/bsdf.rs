@@ -1,10 +1,10 @@
 //! BSDF sampling compared with its density and value.
 
 use glam::Vec3;
-use lumbre::math::stats::{chi_square_p, sidak};
-use lumbre::math::warp::uniform_sphere;
-use lumbre::scene::compile::{Distribution, Material, Model};
-use lumbre::transport::bsdf::{Bsdf, TransportMode};
+use lumbre_light::math::stats::{chi_square_p, sidak};
+use lumbre_light::math::warp::uniform_sphere;
+use lumbre_light::scene::compile::{Distribution, Material, Model};
+use lumbre_light::transport::bsdf::{Bsdf, TransportMode};
 
 use crate::bsdf_grid::{
     DISNEY, Mix, NORMAL, Sphere, albedo, bsdf, grid, grids, interfaces, narrowest, outgoing,
@@ -171,7 +171,7 @@ fn the_mean_weight_of_samples_is_the_integral_of_the_value() {
                 let mean = sum[c] / f64::from(n);
                 let variance = (sum2[c] / f64::from(n) - mean * mean).max(0.0) / f64::from(n);
                 let sigma = variance.sqrt().max(1e-3 * expected[c]) + 1e-6;
-                let p = lumbre::math::stats::normal_two_sided_p((mean - expected[c]) / sigma);
+                let p = lumbre_light::math::stats::normal_two_sided_p((mean - expected[c]) / sigma);
                 assert!(
                     p > level,
                     "{mean} +- {sigma} instead of {} for {material:?}, {wo}",

@@ -1,8 +1,8 @@
 //! Directional albedo: the fraction of light from one direction that a surface scatters.
 
 use glam::Vec3;
-use lumbre::scene::compile::{Material, Model};
-use lumbre::transport::bsdf::TransportMode;
+use lumbre_light::scene::compile::{Material, Model};
+use lumbre_light::transport::bsdf::TransportMode;
 
 use crate::bsdf_grid::{DISNEY, ROUGHNESS, albedo, bsdf, direction, outgoing, uniform};
 

@@ -4,11 +4,11 @@
 use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3};
-use lumbre::math::Frame;
-use lumbre::math::warp::uniform_sphere;
-use lumbre::scene::compile::Material;
-use lumbre::transport::bsdf::{Bsdf, TransportMode};
-use lumbre::transport::surface::Surface;
+use lumbre_light::math::Frame;
+use lumbre_light::math::warp::uniform_sphere;
+use lumbre_light::scene::compile::Material;
+use lumbre_light::transport::bsdf::{Bsdf, TransportMode};
+use lumbre_light::transport::surface::Surface;
 
 use crate::bsdf_grid::{grids, surface, uniform};
 

@@ -4,11 +4,13 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::{DVec3, Vec3};
-use lumbre::math::Frame;
-use lumbre::math::rng::{pcg4d, unit};
-use lumbre::scene::compile::{Distribution, Interface, Material, Model, NONE, diffuse_reflectance};
-use lumbre::transport::bsdf::{Bsdf, TransportMode};
-use lumbre::transport::surface::Surface;
+use lumbre_light::math::Frame;
+use lumbre_light::math::rng::{pcg4d, unit};
+use lumbre_light::scene::compile::{
+    Distribution, Interface, Material, Model, NONE, diffuse_reflectance,
+};
+use lumbre_light::transport::bsdf::{Bsdf, TransportMode};
+use lumbre_light::transport::surface::Surface;
 
 use crate::common::WHITE;
 

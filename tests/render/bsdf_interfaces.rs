@@ -1,8 +1,8 @@
 //! Metals, plastic and glass with one interface: their reflection compared with closed forms.
 
 use glam::Vec3;
-use lumbre::scene::compile::{Distribution, Interface, Material, Model, diffuse_reflectance};
-use lumbre::transport::bsdf::{TransportMode, fresnel};
+use lumbre_light::scene::compile::{Distribution, Interface, Material, Model, diffuse_reflectance};
+use lumbre_light::transport::bsdf::{TransportMode, fresnel};
 
 use crate::bsdf_grid::{NORMAL, albedo, bsdf, direction, interfaces, outgoing, uniform};
 use crate::common::WHITE;

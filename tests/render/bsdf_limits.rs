@@ -4,11 +4,11 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use lumbre::math::rng::{pcg4d, unit};
-use lumbre::math::stats::{normal_two_sided_p, sidak};
-use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{Material, Model};
-use lumbre::transport::bsdf::{Bsdf, TransportMode};
+use lumbre_light::math::rng::{pcg4d, unit};
+use lumbre_light::math::stats::{normal_two_sided_p, sidak};
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::{Material, Model};
+use lumbre_light::transport::bsdf::{Bsdf, TransportMode};
 
 use crate::bsdf_grid::{DISNEY, NORMAL, bsdf, outgoing, surface, uniform};
 use crate::common::{SceneBuilder, WHITE, grey, job, light, mean_and_error, render};

@@ -2,10 +2,10 @@
 //! normals.
 
 use glam::Vec3;
-use lumbre::math::warp::uniform_sphere;
-use lumbre::scene::compile::{Material, Model};
-use lumbre::transport::bsdf::{Bsdf, TransportMode};
-use lumbre::transport::surface::Surface;
+use lumbre_light::math::warp::uniform_sphere;
+use lumbre_light::scene::compile::{Material, Model};
+use lumbre_light::transport::bsdf::{Bsdf, TransportMode};
+use lumbre_light::transport::surface::Surface;
 
 use crate::bsdf_grid::{
     DISNEY, NORMAL, bsdf, direction, grids, interfaces, narrowest, outgoing, surface, uniform,

@@ -3,12 +3,12 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use lumbre::render::Job;
-use lumbre::render::cpu::bvh::accel::Accel;
-use lumbre::render::cpu::bvh::simd::Isa;
-use lumbre::render::hierarchy::{AccelSpec, Builder, Quality};
-use lumbre::scene::CompiledScene;
-use lumbre::transport::integrator::integrator;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::transport::integrator::integrator;
+use lumbre_render::Job;
+use lumbre_render::cpu::bvh::accel::Accel;
+use lumbre_render::cpu::bvh::simd::Isa;
+use lumbre_render::hierarchy::{AccelSpec, Builder, Quality};
 
 use crate::common::{SceneBuilder, grey, job, light, render};
 use crate::instructions::{rays, stack};
@@ -305,7 +305,7 @@ fn equal_centroids_give_one_leaf_and_deep_trees_are_traversed() {
     for i in 0..99 {
         let origin = Vec3::X * (scene.triangles[i][0].x * 0.9);
         let hit = deep.closest(
-            &lumbre::transport::ray::Ray {
+            &lumbre_light::transport::ray::Ray {
                 origin,
                 dir: Vec3::X,
             },

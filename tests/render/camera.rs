@@ -3,19 +3,19 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use lumbre::math::rng::{pcg4d, unit};
-use lumbre::math::stats::{normal_two_sided_p, sidak};
-use lumbre::render::Job;
-use lumbre::scene::compile::NONE;
-use lumbre::scene::desc::{CameraDesc, Optics};
-use lumbre::transport::bsdf::{Bsdf, TransportMode};
-use lumbre::transport::camera::filter::FILTERS;
-use lumbre::transport::camera::{Camera, FilterKind, FilterSpec};
-use lumbre::transport::contribution::Contribution;
-use lumbre::transport::integrator::{Context, IntegratorRow, integrator};
-use lumbre::transport::sampler::Sampler;
-use lumbre::transport::surface::Surface;
-use lumbre::transport::vertex;
+use lumbre_light::math::rng::{pcg4d, unit};
+use lumbre_light::math::stats::{normal_two_sided_p, sidak};
+use lumbre_light::scene::compile::NONE;
+use lumbre_light::scene::desc::{CameraDesc, Optics};
+use lumbre_light::transport::bsdf::{Bsdf, TransportMode};
+use lumbre_light::transport::camera::filter::FILTERS;
+use lumbre_light::transport::camera::{Camera, FilterKind, FilterSpec};
+use lumbre_light::transport::contribution::Contribution;
+use lumbre_light::transport::integrator::{Context, IntegratorRow, integrator};
+use lumbre_light::transport::sampler::Sampler;
+use lumbre_light::transport::surface::Surface;
+use lumbre_light::transport::vertex;
+use lumbre_render::Job;
 
 use crate::common::{SceneBuilder, grey, job, light, render};
 
@@ -134,7 +134,7 @@ fn the_density_of_directions_integrates_to_one_over_the_film() {
     let (mut sum, mut sum2) = (0.0f64, 0.0f64);
     for i in 0..n {
         let [a, b, c, d] = uniform(i, 3);
-        let dir = lumbre::math::warp::uniform_sphere([a, b]);
+        let dir = lumbre_light::math::warp::uniform_sphere([a, b]);
         let point = Vec3::new(0.7, -1.0, 2.5) + dir * 3.0;
         let value = camera.connect(point, [0.5; 2], [c, d]).map_or(0.0, |to| {
             assert!((to.importance * 9.0 / to.pdf_w - 1.0).abs() < 1e-4);

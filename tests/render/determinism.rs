@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use lumbre::render::{Job, Renderer, cpu::renderer::CpuRenderer};
-use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::Material;
-use lumbre::transport::integrator::integrator;
-use lumbre::transport::sampler::{SAMPLERS, SOBOL};
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::Material;
+use lumbre_light::transport::integrator::integrator;
+use lumbre_light::transport::sampler::{SAMPLERS, SOBOL};
+use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
 
 use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
 
@@ -92,7 +92,7 @@ fn another_seed_gives_another_picture() {
 #[test]
 fn a_run_resumed_from_a_checkpoint_has_the_same_bits() {
     let scene = scene();
-    let all = lumbre::film::layer::LAYERS
+    let all = lumbre_light::film::layer::LAYERS
         .iter()
         .map(|row| row.layer)
         .collect::<Vec<_>>();

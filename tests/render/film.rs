@@ -3,14 +3,14 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use lumbre::film::Film;
-use lumbre::film::fixed_point::MAX_SPLAT;
-use lumbre::render::cpu::renderer::CpuRenderer;
-use lumbre::render::{Job, Renderer, WaveStats};
-use lumbre::scene::CompiledScene;
-use lumbre::transport::contribution::Contribution;
-use lumbre::transport::integrator::{Context, IntegratorRow, integrator};
-use lumbre::transport::sampler::Sampler;
+use lumbre_light::film::Film;
+use lumbre_light::film::fixed_point::MAX_SPLAT;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::transport::contribution::Contribution;
+use lumbre_light::transport::integrator::{Context, IntegratorRow, integrator};
+use lumbre_light::transport::sampler::Sampler;
+use lumbre_render::cpu::renderer::CpuRenderer;
+use lumbre_render::{Job, Renderer, WaveStats};
 
 use crate::common::{SceneBuilder, job};
 
@@ -88,7 +88,9 @@ pub fn invalid_splats(
 }
 
 /// Returns an integrator with this sample function.
-pub fn test_integrator(sample: lumbre::transport::integrator::SampleFn) -> &'static IntegratorRow {
+pub fn test_integrator(
+    sample: lumbre_light::transport::integrator::SampleFn,
+) -> &'static IntegratorRow {
     let bpt = integrator("bpt").unwrap();
     Box::leak(Box::new(IntegratorRow {
         name: "test",

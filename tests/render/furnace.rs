@@ -1,7 +1,7 @@
 //! Scenes whose radiance is known in closed form.
 
 use glam::Vec3;
-use lumbre::scene::compile::Material;
+use lumbre_light::scene::compile::Material;
 
 use crate::common::{SceneBuilder, WHITE, grey, job, light, mean_and_error, render};
 

@@ -4,21 +4,21 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use glam::{Affine3A, Mat3, Quat, Vec2, Vec3};
-use lumbre::film::Film;
-use lumbre::math::warp::uniform_sphere;
-use lumbre::render::Job;
-use lumbre::render::cpu::bvh::accel::Accel;
-use lumbre::render::cpu::bvh::simd::Isa;
-use lumbre::render::hierarchy::{AccelSpec, Builder};
-use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{NONE, Sharing, compile_sharing};
-use lumbre::scene::desc::{
+use lumbre_light::film::Film;
+use lumbre_light::math::warp::uniform_sphere;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::{NONE, Sharing, compile_sharing};
+use lumbre_light::scene::desc::{
     CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, MeshDesc, Optics,
     SceneDesc, ShapeDesc, Transform, mesh_hash,
 };
-use lumbre::transport::integrator::integrator;
-use lumbre::transport::ray::{Hit, Ray, offset_origin};
-use lumbre::transport::surface::Surface;
+use lumbre_light::transport::integrator::integrator;
+use lumbre_light::transport::ray::{Hit, Ray, offset_origin};
+use lumbre_light::transport::surface::Surface;
+use lumbre_render::Job;
+use lumbre_render::cpu::bvh::accel::Accel;
+use lumbre_render::cpu::bvh::simd::Isa;
+use lumbre_render::hierarchy::{AccelSpec, Builder};
 
 use crate::common::{job, render};
 use crate::intersection::{numbers, point};

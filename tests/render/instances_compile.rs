@@ -4,11 +4,11 @@
 use std::sync::Arc;
 
 use glam::{Affine3A, Quat, Vec3};
-use lumbre::math::warp::uniform_sphere;
-use lumbre::render::cpu::bvh::accel::Accel;
-use lumbre::scene::compile;
-use lumbre::scene::compile::{Sharing, compile_sharing};
-use lumbre::scene::desc::{MaterialDesc, SceneDesc, ShapeDesc, Transform};
+use lumbre_light::math::warp::uniform_sphere;
+use lumbre_light::scene::compile;
+use lumbre_light::scene::compile::{Sharing, compile_sharing};
+use lumbre_light::scene::desc::{MaterialDesc, SceneDesc, ShapeDesc, Transform};
+use lumbre_render::cpu::bvh::accel::Accel;
 
 use crate::instances::{compile_shared, desc, entity, flattened_scene, random_transform, soup};
 use crate::intersection::numbers;

@@ -3,12 +3,12 @@
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use lumbre::math::warp::uniform_sphere;
-use lumbre::render::cpu::bvh::accel::Accel;
-use lumbre::render::cpu::bvh::simd::Isa;
-use lumbre::render::hierarchy::AccelSpec;
-use lumbre::scene::CompiledScene;
-use lumbre::transport::ray::{Hit, Ray};
+use lumbre_light::math::warp::uniform_sphere;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::transport::ray::{Hit, Ray};
+use lumbre_render::cpu::bvh::accel::Accel;
+use lumbre_render::cpu::bvh::simd::Isa;
+use lumbre_render::hierarchy::AccelSpec;
 
 use crate::common::{SceneBuilder, WHITE, grey};
 use crate::intersection::{brute_force, numbers, point, soup};

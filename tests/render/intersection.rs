@@ -3,12 +3,12 @@
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use lumbre::math::rng::{pcg4d, unit};
-use lumbre::math::warp::uniform_sphere;
-use lumbre::render::cpu::bvh::accel::Accel;
-use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{Material, Texture};
-use lumbre::transport::ray::Ray;
+use lumbre_light::math::rng::{pcg4d, unit};
+use lumbre_light::math::warp::uniform_sphere;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::{Material, Texture};
+use lumbre_light::transport::ray::Ray;
+use lumbre_render::cpu::bvh::accel::Accel;
 
 use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
 

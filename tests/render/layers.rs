@@ -3,16 +3,17 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use lumbre::film::layer::{LAYERS, Layer, LayerFilm, PathSubset};
-use lumbre::film::{Film, Image};
+use lumbre::backends::backend;
 use lumbre::metrics::ztest::{Estimate, compare};
-use lumbre::render::cpu::renderer::CpuRenderer;
-use lumbre::render::{Job, RenderError, Renderer, backend};
-use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::Material;
-use lumbre::transport::contribution::Contribution;
-use lumbre::transport::integrator::{Context, SampleFn, integrator};
-use lumbre::transport::sampler::Sampler;
+use lumbre_light::film::layer::{LAYERS, Layer, LayerFilm, PathSubset};
+use lumbre_light::film::{Film, Image};
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::Material;
+use lumbre_light::transport::contribution::Contribution;
+use lumbre_light::transport::integrator::{Context, SampleFn, integrator};
+use lumbre_light::transport::sampler::Sampler;
+use lumbre_render::cpu::renderer::CpuRenderer;
+use lumbre_render::{Job, RenderError, Renderer};
 
 use crate::common::{SceneBuilder, WHITE, grey, job, light};
 use crate::film::{empty_scene, invalid_splats, scatter, test_integrator, test_job};

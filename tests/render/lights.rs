@@ -3,12 +3,12 @@
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use lumbre::math::rng::{pcg4d, unit};
-use lumbre::math::stats::chi_square_p;
-use lumbre::render::cpu::bvh::accel::Accel;
-use lumbre::scene::CompiledScene;
-use lumbre::transport::light::{LightId, LightSelection, Lights};
-use lumbre::transport::ray::Ray;
+use lumbre_light::math::rng::{pcg4d, unit};
+use lumbre_light::math::stats::chi_square_p;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::transport::light::{LightId, LightSelection, Lights};
+use lumbre_light::transport::ray::Ray;
+use lumbre_render::cpu::bvh::accel::Accel;
 
 use crate::common::{SceneBuilder, grey, job, light, mean_and_error, render};
 

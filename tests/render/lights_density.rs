@@ -5,15 +5,15 @@ use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
 use glam::{DVec3, Vec2, Vec3};
-use lumbre::math::rng::{pcg4d, unit};
-use lumbre::math::stats::{chi_square_p, sidak};
-use lumbre::math::{Frame, warp};
-use lumbre::render::cpu::bvh::accel::Accel;
-use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{NONE, Texture};
-use lumbre::transport::light::{LightId, LightSelection, Lights};
-use lumbre::transport::ray::Ray;
-use lumbre::transport::surface::Surface;
+use lumbre_light::math::rng::{pcg4d, unit};
+use lumbre_light::math::stats::{chi_square_p, sidak};
+use lumbre_light::math::{Frame, warp};
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::{NONE, Texture};
+use lumbre_light::transport::light::{LightId, LightSelection, Lights};
+use lumbre_light::transport::ray::Ray;
+use lumbre_light::transport::surface::Surface;
+use lumbre_render::cpu::bvh::accel::Accel;
 
 use crate::common::{SceneBuilder, grey, light};
 

@@ -4,11 +4,11 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::{Vec2, Vec3};
-use lumbre::math::Frame;
-use lumbre::math::stats::{chi_square_p, sidak};
-use lumbre::scene::compile::Uv;
-use lumbre::scene::desc::{ConeDesc, ConeEdge};
-use lumbre::transport::light::{LightId, LightPoint, Lights};
+use lumbre_light::math::Frame;
+use lumbre_light::math::stats::{chi_square_p, sidak};
+use lumbre_light::scene::compile::Uv;
+use lumbre_light::scene::desc::{ConeDesc, ConeEdge};
+use lumbre_light::transport::light::{LightId, LightPoint, Lights};
 
 use crate::common::{SceneBuilder, grey, light};
 use crate::lights_density::{Cap, SIGNIFICANCE, map_cell, map_cells, scene, sunny, uniform};

@@ -5,12 +5,12 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec2, Vec3};
-use lumbre::math::rng::{pcg4d, unit};
-use lumbre::math::stats::{chi_square_p, normal_two_sided_p, sidak};
-use lumbre::math::warp;
-use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{Material, Texture, UvMap};
-use lumbre::transport::light::{DirectSample, LightId, LightSelection, Lights};
+use lumbre_light::math::rng::{pcg4d, unit};
+use lumbre_light::math::stats::{chi_square_p, normal_two_sided_p, sidak};
+use lumbre_light::math::warp;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::{Material, Texture, UvMap};
+use lumbre_light::transport::light::{DirectSample, LightId, LightSelection, Lights};
 
 use crate::common::{SceneBuilder, grey, light};
 use crate::lights_density::{direction, sunny};

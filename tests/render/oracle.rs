@@ -3,16 +3,16 @@
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use lumbre::render::cpu::bvh::accel::Accel;
-use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::{
     Cone, DirectionalLight, Environment, Material, Model, PointLight, Texture,
 };
-use lumbre::scene::desc::{ConeDesc, ConeEdge};
-use lumbre::transport::camera::{Camera, FilterKind, FilterSpec};
-use lumbre::transport::integrator::oracle::{self, OracleReport};
-use lumbre::transport::integrator::{Context, Settings};
-use lumbre::transport::light::Lights;
+use lumbre_light::scene::desc::{ConeDesc, ConeEdge};
+use lumbre_light::transport::camera::{Camera, FilterKind, FilterSpec};
+use lumbre_light::transport::integrator::oracle::{self, OracleReport};
+use lumbre_light::transport::integrator::{Context, Settings};
+use lumbre_light::transport::light::Lights;
+use lumbre_render::cpu::bvh::accel::Accel;
 
 use crate::agreement::params;
 use crate::common::{SceneBuilder, WHITE, grey, light};

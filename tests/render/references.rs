@@ -3,7 +3,7 @@
 
 use lumbre::cli::verify::references::{Reference, ReferenceFile, Surfaces, find};
 use lumbre::cli::verify::technique::{self, Technique};
-use lumbre::transport::integrator::integrator;
+use lumbre_light::transport::integrator::integrator;
 
 use crate::common::shared;
 

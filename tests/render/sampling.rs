@@ -4,13 +4,13 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use lumbre::film::Film;
-use lumbre::math::stats::{normal_two_sided_p, sidak};
-use lumbre::render::Job;
-use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::Material;
-use lumbre::transport::integrator::{INTEGRATORS, IntegratorRow};
-use lumbre::transport::sampler::{INDEPENDENT, SOBOL, SamplerRow};
+use lumbre_light::film::Film;
+use lumbre_light::math::stats::{normal_two_sided_p, sidak};
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::Material;
+use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow};
+use lumbre_light::transport::sampler::{INDEPENDENT, SOBOL, SamplerRow};
+use lumbre_render::Job;
 
 use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
 

@@ -5,16 +5,16 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use glam::{Mat2, Vec2, Vec3, Vec4};
-use lumbre::film::Film;
-use lumbre::scene::compile::{MaskMode, Material, NONE, Texture, UvMap};
-use lumbre::scene::desc::{
+use lumbre_light::film::Film;
+use lumbre_light::scene::compile::{MaskMode, Material, NONE, Texture, UvMap};
+use lumbre_light::scene::desc::{
     CameraDesc, EntityDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, Texels, TextureDesc,
     TextureSlot, Transform, mesh_hash, texture_hash,
 };
-use lumbre::scene::{CompiledScene, compile};
-use lumbre::transport::integrator::integrator;
-use lumbre::transport::ray::{Hit, Ray};
-use lumbre::transport::surface::Surface;
+use lumbre_light::scene::{CompiledScene, compile};
+use lumbre_light::transport::integrator::integrator;
+use lumbre_light::transport::ray::{Hit, Ray};
+use lumbre_light::transport::surface::Surface;
 
 use crate::common::{SceneBuilder, WHITE, grey, job, light, mean_and_error, render};
 

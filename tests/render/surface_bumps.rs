@@ -4,10 +4,12 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use glam::{Affine2, Vec2, Vec3};
-use lumbre::scene::compile::{Material, NONE, Texture};
-use lumbre::scene::desc::{Lookup, MaterialDesc, Texels, TextureDesc, TextureSlot, texture_hash};
-use lumbre::transport::ray::{Hit, Ray};
-use lumbre::transport::surface::Surface;
+use lumbre_light::scene::compile::{Material, NONE, Texture};
+use lumbre_light::scene::desc::{
+    Lookup, MaterialDesc, Texels, TextureDesc, TextureSlot, texture_hash,
+};
+use lumbre_light::transport::ray::{Hit, Ray};
+use lumbre_light::transport::surface::Surface;
 
 use crate::common::{SceneBuilder, WHITE};
 use crate::surface::{SQUARE, at, mesh, mesh_with_second_uvs, normal_map};

@@ -4,17 +4,17 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use lumbre::film::layer::Layer;
-use lumbre::film::time::TimeFilter;
-use lumbre::render::cpu::bvh::simd::Isa;
-use lumbre::render::hierarchy::AccelSpec;
-use lumbre::render::{Job, Renderer, cpu::renderer::CpuRenderer};
-use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{MaskMode, Material, NONE, Texture};
-use lumbre::transport::camera::{FILTERS, FilterSpec};
-use lumbre::transport::delay::Profile;
-use lumbre::transport::path_time::Timing;
-use lumbre::value::Value;
+use lumbre_light::film::layer::Layer;
+use lumbre_light::film::time::TimeFilter;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::{MaskMode, Material, NONE, Texture};
+use lumbre_light::transport::camera::{FILTERS, FilterSpec};
+use lumbre_light::transport::delay::Profile;
+use lumbre_light::transport::path_time::Timing;
+use lumbre_light::value::Value;
+use lumbre_render::cpu::bvh::simd::Isa;
+use lumbre_render::hierarchy::AccelSpec;
+use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
 
 use crate::common::{SceneBuilder, WHITE, grey, light};
 use crate::wavefront_fixtures::{

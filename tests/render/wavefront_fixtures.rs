@@ -3,14 +3,14 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use lumbre::film::time::{TimeAxis, TimeCube, sum_slots};
-use lumbre::render::cpu::bvh::simd::Isa;
-use lumbre::render::hierarchy::{AccelSpec, LaneMode};
-use lumbre::render::{Job, Renderer, cpu::renderer::CpuRenderer};
-use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{Material, Model};
-use lumbre::transport::integrator::integrator;
-use lumbre::transport::path_time::Timing;
+use lumbre_light::film::time::{TimeAxis, TimeCube, sum_slots};
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::{Material, Model};
+use lumbre_light::transport::integrator::integrator;
+use lumbre_light::transport::path_time::Timing;
+use lumbre_render::cpu::bvh::simd::Isa;
+use lumbre_render::hierarchy::{AccelSpec, LaneMode};
+use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
 
 use crate::common::{SceneBuilder, WHITE, grey, light};
 

@@ -2,9 +2,9 @@
 //! way.
 
 use glam::Vec3;
-use lumbre::scene::compile::NONE;
-use lumbre::scene::load::load;
-use lumbre::scene::{CompiledScene, SceneDesc, compile};
+use lumbre_light::scene::compile::NONE;
+use lumbre_light::scene::load::load;
+use lumbre_light::scene::{CompiledScene, SceneDesc, compile};
 
 use super::builtin_path;
 

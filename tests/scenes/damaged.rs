@@ -1,7 +1,7 @@
 //! Truncated, corrupted and hostile files give an error or a scene, never a panic or an endless
 //! loop.
 
-use lumbre::scene::compile;
+use lumbre_light::scene::compile;
 use proptest::prelude::*;
 
 use super::samples::{SCN, picture, scn_mesh};

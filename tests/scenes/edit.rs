@@ -2,12 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use lumbre::scene::SceneDesc;
-use lumbre::scene::desc::{MATERIAL_PARAMS, ShapeDesc, TextureSlot, content_hash};
-use lumbre::scene::edit::{apply, paths, set};
-use lumbre::scene::load::load;
-use lumbre::value::Value;
-use lumbre::value::schema::Ty;
+use lumbre_light::scene::SceneDesc;
+use lumbre_light::scene::desc::{MATERIAL_PARAMS, ShapeDesc, TextureSlot, content_hash};
+use lumbre_light::scene::edit::{apply, paths, set};
+use lumbre_light::scene::load::load;
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::Ty;
 
 use super::{Folder, QUAD, builtin_path};
 

@@ -4,18 +4,18 @@
 use std::sync::Arc;
 
 use glam::{Affine2, Affine3A, Quat, Vec2, Vec3};
-use lumbre::film::Image;
-use lumbre::render::{Job, Renderer, cpu::renderer::CpuRenderer};
-use lumbre::scene::compile;
-use lumbre::scene::desc::{
+use lumbre_light::film::Image;
+use lumbre_light::scene::compile;
+use lumbre_light::scene::desc::{
     ConeDesc, ConeEdge, Distribution, EntityDesc, EnvironmentDesc, EnvironmentSource, LightDesc,
     LightKind, Lookup, MaskMode, MaterialDesc, Model, SceneDesc, ShapeDesc, Texels, TextureDesc,
     TextureSlot, Transform, Wrap,
 };
-use lumbre::scene::export;
-use lumbre::scene::shape::{cuboid, grid};
-use lumbre::transport::integrator::integrator;
-use lumbre::transport::sampler::SOBOL;
+use lumbre_light::scene::export;
+use lumbre_light::scene::shape::{cuboid, grid};
+use lumbre_light::transport::integrator::integrator;
+use lumbre_light::transport::sampler::SOBOL;
+use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
 
 use super::common::job;
 use super::{Folder, builtin_path, lines, scn};
@@ -31,7 +31,7 @@ fn round_trip(desc: &SceneDesc) -> (SceneDesc, String) {
     );
     assert!(export::can_replace(&folder));
     let (imported, notes) =
-        lumbre::scene::load::load(&exported.scene).unwrap_or_else(|e| panic!("{e}"));
+        lumbre_light::scene::load::load(&exported.scene).unwrap_or_else(|e| panic!("{e}"));
     (
         imported,
         format!("{}{}", lines(&exported.notes), lines(&notes)),
@@ -470,10 +470,10 @@ fn builtin_scenes_have_the_same_primitives_after_export_and_import() {
         "masked_leaves/masked_leaves.scn",
     ] {
         let path = builtin_path(name);
-        let (desc, _) = lumbre::scene::load::load(&path).unwrap_or_else(|e| panic!("{e}"));
+        let (desc, _) = lumbre_light::scene::load::load(&path).unwrap_or_else(|e| panic!("{e}"));
         let (imported, _) = round_trip(&desc);
         let (a, b) = (compile(&desc).unwrap().0, compile(&imported).unwrap().0);
-        let parts = |s: &lumbre::scene::CompiledScene| {
+        let parts = |s: &lumbre_light::scene::CompiledScene| {
             (s.triangles.len(), s.spheres.len(), s.emitters.len())
         };
         assert_eq!(parts(&a), parts(&b), "{name}");
@@ -485,7 +485,7 @@ fn builtin_scenes_have_the_same_primitives_after_export_and_import() {
                 .all(|(p, q)| p.distance(q) < 1e-5 * size),
             "{name}"
         );
-        let area = |s: &lumbre::scene::CompiledScene| {
+        let area = |s: &lumbre_light::scene::CompiledScene| {
             s.emitters.iter().map(|e| f64::from(e.area)).sum::<f64>()
         };
         assert!((area(&a) / area(&b) - 1.0).abs() < 1e-5, "{name}");

@@ -2,9 +2,9 @@
 
 use glam::{Vec2, Vec3};
 use image::codecs::hdr::HdrEncoder;
-use lumbre::scene::compile;
-use lumbre::scene::desc::{EnvironmentSource, LightKind, SceneDesc, ShapeDesc, TextureSlot};
-use lumbre::scene::load::{is_folder, load, load_with};
+use lumbre_light::scene::compile;
+use lumbre_light::scene::desc::{EnvironmentSource, LightKind, SceneDesc, ShapeDesc, TextureSlot};
+use lumbre_light::scene::load::{is_folder, load, load_with};
 
 use super::export::picture;
 use super::samples::FOLDER as TEMPLATE;
@@ -140,7 +140,7 @@ fn the_camera_sees_the_same_column_of_the_map_as_in_the_thesis() {
         let [x, ..] = image.at(image.width / 2, image.height / 2);
         assert!(x > 0.9, "offset {offset}: {x}");
         let behind = SceneDesc {
-            camera: lumbre::scene::desc::CameraDesc {
+            camera: lumbre_light::scene::desc::CameraDesc {
                 target: Vec3::Z,
                 ..desc.camera.clone()
             },
@@ -225,7 +225,7 @@ fn textures_that_cannot_be_read_are_refused_or_noted() {
     );
     let (desc, notes) = load_with(
         &place.path("scene.json"),
-        lumbre::scene::load::MissingTextures::Note,
+        lumbre_light::scene::load::MissingTextures::Note,
     )
     .unwrap();
     assert!(desc.materials[0].textures.is_empty() && lines(&notes).contains("m_albedo.bmp"));

@@ -1,11 +1,11 @@
 //! Small glTF documents with every kind of accessor, and third-party assets if they are present.
 
 use glam::{Affine2, Vec2, Vec3};
-use lumbre::scene::compile;
-use lumbre::scene::desc::{
+use lumbre_light::scene::compile;
+use lumbre_light::scene::desc::{
     LightKind, Lookup, MaskMode, SceneDesc, ShapeDesc, Texels, TextureSlot, Wrap,
 };
-use lumbre::scene::load::load;
+use lumbre_light::scene::load::load;
 use proptest::prelude::*;
 
 use super::samples::{GLTF as TEXT, gltf_as_glb, gltf_buffer as buffer};

@@ -5,11 +5,11 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use glam::Vec3;
-use lumbre::scene::desc::{EnvironmentSource, LightKind, TextureSlot, content_hash};
-use lumbre::scene::edit::{paths, set};
-use lumbre::scene::{Note, SceneDesc, compile};
-use lumbre::transport::light::Lights;
-use lumbre::value::Value;
+use lumbre_light::scene::desc::{EnvironmentSource, LightKind, TextureSlot, content_hash};
+use lumbre_light::scene::edit::{paths, set};
+use lumbre_light::scene::{Note, SceneDesc, compile};
+use lumbre_light::transport::light::Lights;
+use lumbre_light::value::Value;
 
 use super::{Folder, QUAD, lines, scn};
 

@@ -1,9 +1,9 @@
 //! Small Mitsuba scenes that use every supported plugin, and the scenes that they become.
 
 use glam::{Vec2, Vec3};
-use lumbre::scene::compile;
-use lumbre::scene::compile::{Uv, Wrap};
-use lumbre::scene::desc::{
+use lumbre_light::scene::compile;
+use lumbre_light::scene::compile::{Uv, Wrap};
+use lumbre_light::scene::desc::{
     ConeEdge, Distribution, EnvironmentSource, LightKind, MaskMode, MaterialDesc, Model, SceneDesc,
     ShapeDesc, TextureSlot,
 };

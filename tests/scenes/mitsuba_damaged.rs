@@ -1,7 +1,7 @@
 //! Damaged and hostile scenes in XML give a scene or an error that names the file, never a panic or
 //! an endless loop.
 
-use lumbre::scene::compile;
+use lumbre_light::scene::compile;
 use proptest::prelude::*;
 
 use super::samples::MITSUBA as TEXT;

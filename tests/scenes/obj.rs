@@ -1,7 +1,7 @@
 //! Corner cases of OBJ files, through to compiled triangles.
 
 use glam::{Vec2, Vec3};
-use lumbre::scene::{CompiledScene, compile};
+use lumbre_light::scene::{CompiledScene, compile};
 
 use super::{Folder, lines};
 

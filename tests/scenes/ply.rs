@@ -1,7 +1,7 @@
 //! Vertex colours of PLY files.
 
 use glam::Vec3;
-use lumbre::scene::desc::ShapeDesc;
+use lumbre_light::scene::desc::ShapeDesc;
 
 use super::Folder;
 

@@ -209,7 +209,7 @@ pub fn picture(format: image::ImageFormat) -> Vec<u8> {
 }
 
 fn exr() -> Vec<u8> {
-    let image = lumbre::film::Image {
+    let image = lumbre_light::film::Image {
         width: 5,
         height: 4,
         data: (0..20).map(|i| [i as f32, 0.5, 0.0]).collect(),

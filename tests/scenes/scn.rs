@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use lumbre::scene::compile;
-use lumbre::scene::desc::{DEFAULT_MATERIAL, ShapeDesc, TextureSlot};
+use lumbre_light::scene::compile;
+use lumbre_light::scene::desc::{DEFAULT_MATERIAL, ShapeDesc, TextureSlot};
 
 use super::{Folder, QUAD, lines, scn};
 

@@ -1,13 +1,13 @@
 //! Textures from files to slots: by `.scn`, by `.mtl`, by edits, and missing files.
 
 use glam::{Vec2, Vec3};
-use lumbre::scene::compile;
-use lumbre::scene::desc::{
+use lumbre_light::scene::compile;
+use lumbre_light::scene::desc::{
     Lookup, MATERIAL_PARAMS, MaterialDesc, SceneDesc, Texels, TextureSlot, Wrap,
 };
-use lumbre::scene::edit::set;
-use lumbre::scene::load::{MissingTextures, load_with};
-use lumbre::value::Value;
+use lumbre_light::scene::edit::set;
+use lumbre_light::scene::load::{MissingTextures, load_with};
+use lumbre_light::value::Value;
 
 use super::{Folder, QUAD, lines};
 

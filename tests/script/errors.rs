@@ -2,7 +2,7 @@
 
 use lumbre::experiment::spec::ScriptHooks;
 use lumbre::script::{Problem, ScriptError};
-use lumbre::value::Value;
+use lumbre_light::value::Value;
 use miette::Diagnostic;
 
 use crate::{Folder, GOOD, edited};

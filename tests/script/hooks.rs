@@ -3,11 +3,11 @@
 use lumbre::experiment::spec::{HookError, Point, ReferenceRequest, ScriptHooks};
 use lumbre::experiment::stop::Comparison;
 use lumbre::experiment::{StopRule, WaveRow};
-use lumbre::render::hierarchy::{AccelSpec, Builder};
-use lumbre::scene::compile::Sharing;
 use lumbre::script::{Script, ScriptError};
-use lumbre::transport::camera::FilterKind;
-use lumbre::value::Value;
+use lumbre_light::scene::compile::Sharing;
+use lumbre_light::transport::camera::FilterKind;
+use lumbre_light::value::Value;
+use lumbre_render::hierarchy::{AccelSpec, Builder};
 
 use crate::{Folder, GOOD, edited};
 

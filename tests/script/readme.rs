@@ -1,8 +1,8 @@
 //! The script in the README can be planned.
 
 use lumbre::experiment::plan::{Overrides, expand};
-use lumbre::scene::load::MissingTextures;
 use lumbre::script::scene;
+use lumbre_light::scene::load::MissingTextures;
 
 #[test]
 fn the_script_in_the_readme_can_be_planned() {

@@ -4,11 +4,13 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use lumbre::scene::desc::{EnvironmentSource, Lookup, ShapeDesc, TextureSlot, Wrap, content_hash};
-use lumbre::scene::load::MissingTextures;
-use lumbre::scene::{SceneDesc, compile, edit};
 use lumbre::script::scene;
-use lumbre::value::Value;
+use lumbre_light::scene::desc::{
+    EnvironmentSource, Lookup, ShapeDesc, TextureSlot, Wrap, content_hash,
+};
+use lumbre_light::scene::load::MissingTextures;
+use lumbre_light::scene::{SceneDesc, compile, edit};
+use lumbre_light::value::Value;
 
 use crate::Folder;
 
@@ -257,7 +259,7 @@ s:add { shape = shape.grid { size = { 2, 2 } }, material = \"painted\" }",
     let texture = s.materials[s.material_index("painted").unwrap()]
         .texture(TextureSlot::BaseColor)
         .unwrap();
-    let lumbre::scene::desc::Texels::Rgba8(texels) = &texture.texels else {
+    let lumbre_light::scene::desc::Texels::Rgba8(texels) = &texture.texels else {
         panic!("painted colours must be stored as bytes")
     };
     assert_eq!(
@@ -268,7 +270,7 @@ s:add { shape = shape.grid { size = { 2, 2 } }, material = \"painted\" }",
     let EnvironmentSource::Map(map) = &s.environment.unwrap().source.clone() else {
         panic!()
     };
-    let lumbre::scene::desc::Texels::RgbaF32(texels) = &map.texels else {
+    let lumbre_light::scene::desc::Texels::RgbaF32(texels) = &map.texels else {
         panic!("an environment map must be stored as floats")
     };
     assert_eq!(texels[0][0], 35.0);

@@ -1,8 +1,8 @@
 //! Every script in `scripts/` can be planned, and its header states how to run it.
 
 use lumbre::experiment::plan::{Overrides, expand};
-use lumbre::scene::load::MissingTextures;
 use lumbre::script::scene;
+use lumbre_light::scene::load::MissingTextures;
 
 #[test]
 fn every_shipped_script_is_planned_without_a_warning() {

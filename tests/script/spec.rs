@@ -5,7 +5,7 @@ use lumbre::experiment::spec::{
 };
 use lumbre::metrics::tonemap::Tonemap;
 use lumbre::script::Script;
-use lumbre::value::Value;
+use lumbre_light::value::Value;
 
 use crate::{Folder, GOOD, edited};
 

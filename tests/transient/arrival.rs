@@ -3,17 +3,17 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use lumbre::film::time::{TimeAxis, TimeCube, TimeFilter};
-use lumbre::math::stats::{chi_square_p, normal_two_sided_p, sidak};
-use lumbre::render::cpu::renderer::CpuRenderer;
-use lumbre::render::{Job, Renderer};
-use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{DelayProfile, Delays, Material, MaterialComponent, Uv};
-use lumbre::scene::desc::{DelayDesc, DelayKind};
-use lumbre::transport::camera::{FilterKind, FilterSpec};
-use lumbre::transport::delay::Profile;
-use lumbre::transport::integrator::{INTEGRATORS, integrator};
-use lumbre::transport::path_time::Timing;
+use lumbre_light::film::time::{TimeAxis, TimeCube, TimeFilter};
+use lumbre_light::math::stats::{chi_square_p, normal_two_sided_p, sidak};
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::{DelayProfile, Delays, Material, MaterialComponent, Uv};
+use lumbre_light::scene::desc::{DelayDesc, DelayKind};
+use lumbre_light::transport::camera::{FilterKind, FilterSpec};
+use lumbre_light::transport::delay::Profile;
+use lumbre_light::transport::integrator::{INTEGRATORS, integrator};
+use lumbre_light::transport::path_time::Timing;
+use lumbre_render::cpu::renderer::CpuRenderer;
+use lumbre_render::{Job, Renderer};
 
 use crate::common::{SceneBuilder, WHITE, grey, job, light};
 
@@ -146,7 +146,7 @@ fn varied_room() -> SceneBuilder {
             Vec3::new(0.45, -0.5, 0.0),
             0.4,
             Material {
-                model: lumbre::scene::compile::Model::Disney,
+                model: lumbre_light::scene::compile::Model::Disney,
                 roughness: 0.35,
                 ..GLASS
             },
@@ -175,7 +175,7 @@ fn slots_sum_to_the_film_and_have_the_same_bits_for_any_threads_waves_and_checkp
             let all = whole.times().unwrap();
             assert_eq!(all.steady(), whole.film().mean(), "{}", row.name);
             let sums: Vec<[f64; 3]> = (0..80)
-                .map(|p| lumbre::film::time::sum_slots(all.slots(p % 10, p / 10)))
+                .map(|p| lumbre_light::film::time::sum_slots(all.slots(p % 10, p / 10)))
                 .collect();
             assert_eq!(
                 sums,
@@ -515,8 +515,11 @@ fn the_histogram_of_paths_of_equal_length_is_the_delay_profile() {
         let slots = cube.slots(0, 0);
         let one = slots.iter().map(|s| s[0]).sum::<f64>() / samples as f64;
         let observed: Vec<f64> = slots.iter().map(|s| s[0] / one).collect();
-        let profile =
-            lumbre::transport::delay::profile_at(&DelayProfile::plain(&desc), &[], Uv::default());
+        let profile = lumbre_light::transport::delay::profile_at(
+            &DelayProfile::plain(&desc),
+            &[],
+            Uv::default(),
+        );
         let below = |slot: usize| match slot {
             0 => 0.0,
             slot if slot == slots.len() => 1.0,

@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use lumbre::film::time::TimeCube;
-use lumbre::render::Renderer;
-use lumbre::scene::load::MissingTextures;
-use lumbre::scene::{compile, edit};
 use lumbre::script::scene;
-use lumbre::value::Value;
+use lumbre_light::film::time::TimeCube;
+use lumbre_light::scene::load::MissingTextures;
+use lumbre_light::scene::{compile, edit};
+use lumbre_light::value::Value;
+use lumbre_render::Renderer;
 
 use crate::arrival::{render_waves, timed_job, timing};
 use crate::common::shared;

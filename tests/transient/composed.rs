@@ -5,16 +5,16 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use lumbre::metrics::ztest::{Estimate, compare};
-use lumbre::render::{Job, Renderer};
-use lumbre::scene::compile::NONE;
-use lumbre::scene::desc::SceneDesc;
-use lumbre::scene::{CompiledScene, compile, edit, load};
-use lumbre::transport::camera::Camera;
-use lumbre::transport::integrator::oracle::check;
-use lumbre::transport::integrator::{Context, INTEGRATORS, Settings};
-use lumbre::transport::light::Lights;
-use lumbre::transport::ray::{Hit, Ray, Trace};
-use lumbre::value::Value;
+use lumbre_light::scene::compile::NONE;
+use lumbre_light::scene::desc::SceneDesc;
+use lumbre_light::scene::{CompiledScene, compile, edit, load};
+use lumbre_light::transport::camera::Camera;
+use lumbre_light::transport::integrator::oracle::check;
+use lumbre_light::transport::integrator::{Context, INTEGRATORS, Settings};
+use lumbre_light::transport::light::Lights;
+use lumbre_light::transport::ray::{Hit, Ray, Trace};
+use lumbre_light::value::Value;
+use lumbre_render::{Job, Renderer};
 
 use crate::arrival::{differing, histogram, render_waves, timed_job, timing};
 use crate::common::job;
@@ -132,7 +132,7 @@ fn a_composed_material_reflects_the_mean_of_its_components_and_keeps_the_delay_o
     .unwrap();
     let slots = cube.slots(6, 6);
     let lit = slots.iter().position(|s| s[1] > 0.0).unwrap();
-    let sum = |range: std::ops::Range<usize>| lumbre::film::time::sum_slots(&slots[range]);
+    let sum = |range: std::ops::Range<usize>| lumbre_light::film::time::sum_slots(&slots[range]);
     let (early, late) = (sum(0..lit + 39), sum(lit + 39..slots.len()));
     for c in 0..3 {
         let expected = 0.7 * [0.9, 0.1, 0.2][c] / (0.3 * [0.1, 0.8, 0.1][c]);
@@ -351,9 +351,9 @@ fn unused_delay_parameters_are_not_checked_and_every_change_changes_the_hash() {
         let mut scene = desc(PARTS, "leaf");
         edit::set(&mut scene, change, &value).unwrap();
         compile(&scene).unwrap();
-        lumbre::scene::desc::content_hash(&scene)
+        lumbre_light::scene::desc::content_hash(&scene)
     };
-    let plain = lumbre::scene::desc::content_hash(&desc(PARTS, "leaf"));
+    let plain = lumbre_light::scene::desc::content_hash(&desc(PARTS, "leaf"));
     let numbers = Value::List(vec![Value::Num(0.4), Value::Num(0.6)]);
     let others = [
         hash("materials.leaf.weights", numbers),

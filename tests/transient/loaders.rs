@@ -2,10 +2,10 @@
 
 use std::fs;
 
-use lumbre::scene::desc::{DelayKind, SceneDesc, TextureSlot};
-use lumbre::scene::load::MissingTextures;
-use lumbre::scene::{compile, load};
 use lumbre::script::scene;
+use lumbre_light::scene::desc::{DelayKind, SceneDesc, TextureSlot};
+use lumbre_light::scene::load::MissingTextures;
+use lumbre_light::scene::{compile, load};
 
 /// The material of thesis S2, figure B.3, inside a further delay, and the objects that use it.
 const XML: &str = r#"<scene version="3.0.0">

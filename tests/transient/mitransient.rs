@@ -5,11 +5,11 @@ use std::path::Path;
 use std::sync::Arc;
 
 use glam::{Mat4, Vec3};
-use lumbre::math::stats::sidak;
-use lumbre::math::t_test::two_sided_p;
-use lumbre::render::{Job, Renderer};
-use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::Material;
+use lumbre_light::math::stats::sidak;
+use lumbre_light::math::t_test::two_sided_p;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::Material;
+use lumbre_render::{Job, Renderer};
 use serde_json::Value as Json;
 
 use crate::arrival::{render_waves, timed_job, timing};

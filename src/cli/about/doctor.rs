@@ -5,10 +5,10 @@ use std::path::Path;
 
 use serde_json::{Value as Json, json};
 
+use crate::backends::BACKENDS;
 use crate::cli::args::{DoctorArgs, Global};
 use crate::cli::exit::{Exit, Failure, print_result};
 use crate::cli::format::{self, display_path};
-use crate::render::{self, BACKENDS};
 use crate::store::{Host, probe};
 use crate::tui;
 
@@ -26,14 +26,14 @@ pub fn main(args: &DoctorArgs, global: &Global) -> Result<Exit, Failure> {
 /// Examines this machine and returns the result as JSON.
 fn machine_facts(global: &Global) -> Json {
     let host = Host::detect();
-    let backend = |row: &render::BackendRow| {
+    let backend = |row: &lumbre_render::BackendRow| {
         let (usable, answer) = match (row.probe)() {
             Ok(device) => (true, device),
             Err(reason) => (false, reason),
         };
         json!({ "name": row.name, "usable": usable, "answer": answer, "doc": row.doc })
     };
-    let (auto, auto_reason) = render::auto_backend();
+    let (auto, auto_reason) = crate::backends::auto_backend();
     let out = match check_writable(&global.out) {
         Ok(state) => json!({ "path": display_path(&global.out), "writable": true,
             "answer": state }),
@@ -89,7 +89,7 @@ fn terminal_facts() -> Json {
 /// Returns all graphics devices with their capabilities.
 fn devices() -> Json {
     #[cfg(feature = "vulkan")]
-    let listed = render::vulkan::devices();
+    let listed = lumbre_vulkan::devices();
     #[cfg(not(feature = "vulkan"))]
     let listed: Vec<(String, String)> = Vec::new();
     listed

@@ -4,7 +4,7 @@ use clap::{Arg, Command, CommandFactory};
 
 use crate::cli::args::Cli;
 use crate::cli::exit::EXIT_CODES_HELP;
-use crate::value::markdown::{row, sentence, table_head};
+use lumbre_light::value::markdown::{row, sentence, table_head};
 
 /// Verbs in groups, in the order of the page.
 const GROUPS: &[(&str, &[&str])] = &[

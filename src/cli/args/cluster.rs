@@ -8,7 +8,7 @@ use super::ScriptArgs;
 use super::typed::axis_values;
 use crate::experiment::comparison_groups::Affinity;
 use crate::experiment::spec::Deadline;
-use crate::value::Value;
+use lumbre_light::value::Value;
 
 /// Options of `lumbre work`.
 #[derive(Args, Debug)]

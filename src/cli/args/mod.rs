@@ -24,7 +24,7 @@ pub use scene::{CheckArgs, ExportArgs, TraceArgs};
 pub use typed::{SceneArg, split, value};
 
 use crate::cli::exit;
-use crate::scene::load::MissingTextures;
+use lumbre_light::scene::load::MissingTextures;
 
 /// Command line of the program: options for every verb, and one verb.
 #[derive(Debug, Parser)]

@@ -8,7 +8,7 @@ use super::cluster;
 use super::typed::axis_values;
 use crate::experiment::comparison_groups::Affinity;
 use crate::experiment::spec::Deadline;
-use crate::value::Value;
+use lumbre_light::value::Value;
 
 /// Script of an experiment, with changes of its axes.
 #[derive(Args, Clone, Debug)]

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::typed::setting;
-use crate::value::Value;
+use lumbre_light::value::Value;
 
 /// Options of `lumbre check`.
 #[derive(Args, Debug)]

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::value::Value;
+use lumbre_light::value::Value;
 
 /// Scene file with its options, from the command line.
 #[derive(Clone, Debug, PartialEq)]

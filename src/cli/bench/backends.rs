@@ -7,12 +7,13 @@ use serde_json::{Value as Json, json};
 
 use super::metrics::protocol_metrics;
 use super::subject::Subject;
+use crate::backends::backend;
 use crate::cli::format::aligned;
-use crate::math::stats::median;
 use crate::metrics::evaluator::Evaluator;
-use crate::render::{Job, Renderer, backend};
-use crate::scene::{CompiledScene, compile};
-use crate::transport::integrator::{INTEGRATORS, IntegratorRow};
+use lumbre_light::math::stats::median;
+use lumbre_light::scene::{CompiledScene, compile};
+use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow};
+use lumbre_render::{Job, Renderer};
 
 /// Path depth in edges, as in the tables of thesis S0.
 const MAX_DEPTH: u32 = 5;

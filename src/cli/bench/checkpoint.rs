@@ -2,18 +2,19 @@
 
 use std::time::Instant;
 
+use crate::backends::backend;
 use crate::experiment::event::History;
 use crate::experiment::plan::{Overrides, expand};
 use crate::experiment::run_progress::RunProgress;
 use crate::experiment::{CellRef, Plan};
-use crate::film::Image;
-use crate::math::stats::median;
-use crate::render::{Job, backend};
-use crate::scene::{compile, load};
 use crate::script;
 use crate::store::Store;
-use crate::transport::integrator::integrator;
-use crate::transport::sampler::sampler;
+use lumbre_light::film::Image;
+use lumbre_light::math::stats::median;
+use lumbre_light::scene::{compile, load};
+use lumbre_light::transport::integrator::integrator;
+use lumbre_light::transport::sampler::sampler;
+use lumbre_render::Job;
 
 /// Median seconds for writing a checkpoint of a 1280x720 cell of `bdpt` (which has a splat film),
 /// synced to disk.

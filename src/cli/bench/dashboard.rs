@@ -8,9 +8,9 @@ use serde_json::{Value as Json, json};
 use super::{metrics, night};
 use crate::experiment::processor_time;
 use crate::experiment::{CellRef, PlanOutline, WaveRow};
-use crate::render::OpenStats;
 use crate::tui::model::night::NightModel;
 use crate::tui::terminal::offscreen::{DrawStats, draw_for};
+use lumbre_render::OpenStats;
 
 /// Duration of a measurement.
 const TIME: Duration = Duration::from_secs(8);

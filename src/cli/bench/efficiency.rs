@@ -17,12 +17,13 @@ use std::sync::Arc;
 use serde_json::{Value as Json, json};
 
 use super::interleave::interleaved;
-use crate::film::Film;
-use crate::math::stats::median;
-use crate::render::hierarchy::{AccelSpec, LaneMode};
-use crate::render::{Job, WaveStats, backend};
-use crate::scene::CompiledScene;
-use crate::transport::integrator::IntegratorRow;
+use crate::backends::backend;
+use lumbre_light::film::Film;
+use lumbre_light::math::stats::median;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::transport::integrator::IntegratorRow;
+use lumbre_render::hierarchy::{AccelSpec, LaneMode};
+use lumbre_render::{Job, WaveStats};
 
 /// Relative RMSE for which times are reported.
 pub const RELATIVE_RMSE: f64 = 0.05;

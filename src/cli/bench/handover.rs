@@ -6,12 +6,13 @@ use std::time::Instant;
 use serde_json::{Value as Json, json};
 
 use super::subject::Subject;
+use crate::backends::backend;
 use crate::experiment::processor_time;
-use crate::math::stats::median;
-use crate::render::worker::{Launcher, WorkerPool};
-use crate::render::{Job, Renderer, backend};
-use crate::scene::compile;
-use crate::transport::integrator::INTEGRATORS;
+use lumbre_light::math::stats::median;
+use lumbre_light::scene::compile;
+use lumbre_light::transport::integrator::INTEGRATORS;
+use lumbre_render::worker::{Launcher, WorkerPool};
+use lumbre_render::{Job, Renderer};
 
 /// Resolution of the images.
 const RESOLUTION: [u32; 2] = [1280, 720];

@@ -1,6 +1,6 @@
 //! Interleaved benchmark runs: disturbances of the machine affect all of them equally.
 
-use crate::render::{Renderer, WaveStats};
+use lumbre_render::{Renderer, WaveStats};
 
 /// Advances each run by `samples`, `rounds` times in turn, and returns `cost` for every round and
 /// run. Compare runs by the ratio of their costs within one round.

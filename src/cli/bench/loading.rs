@@ -9,10 +9,10 @@ use std::time::Instant;
 use serde_json::{Value as Json, json};
 
 use crate::experiment::memory;
-use crate::math::stats::median;
-use crate::render::cpu::bvh::accel::Accel;
-use crate::scene::desc::{SceneDesc, ShapeDesc, Texels};
-use crate::scene::{CompiledScene, compile, load};
+use lumbre_light::math::stats::median;
+use lumbre_light::scene::desc::{SceneDesc, ShapeDesc, Texels};
+use lumbre_light::scene::{CompiledScene, compile, load};
+use lumbre_render::cpu::bvh::accel::Accel;
 
 /// Quads along each side of the mesh: 1,000,000 triangles.
 const SIDE: usize = 708;

@@ -7,11 +7,11 @@ use std::time::Instant;
 use serde_json::{Value as Json, json};
 
 use crate::experiment::processor_time;
-use crate::film::Image;
-use crate::math::rng::{pcg4d, unit};
-use crate::math::stats::median;
 use crate::metrics::evaluator::Evaluator;
 use crate::metrics::{METRICS, MetricSpec};
+use lumbre_light::film::Image;
+use lumbre_light::math::rng::{pcg4d, unit};
+use lumbre_light::math::stats::median;
 
 /// Width and height of the images in pixels.
 pub(super) const SIZE: [u32; 2] = [1280, 720];

@@ -27,10 +27,10 @@ use serde_json::{Value as Json, json};
 use super::about::doctor;
 use super::scene::builtin::BuiltIn;
 use crate::cli::args::BenchArgs;
-use crate::math::stats::median;
-use crate::render::cpu::bvh::simd::Isa;
-use crate::scene::load::MissingTextures;
 use crate::store::Host;
+use lumbre_light::math::stats::median;
+use lumbre_light::scene::load::MissingTextures;
+use lumbre_render::cpu::bvh::simd::Isa;
 
 use subject::Subject;
 

@@ -8,9 +8,9 @@ use crate::experiment::event::FinishedRun;
 use crate::experiment::plan::{Overrides, expand};
 use crate::experiment::run::run;
 use crate::experiment::{CellRef, Event, History, NightControls, Plan, Sink, SinkError};
-use crate::film::Image;
-use crate::scene::load;
 use crate::script;
+use lumbre_light::film::Image;
+use lumbre_light::scene::load;
 
 /// A history without finished runs.
 struct EmptyHistory;

@@ -7,9 +7,9 @@ use serde_json::{Value as Json, json};
 use super::efficiency::{self, IntegratorRates, RELATIVE_RMSE};
 use super::subject::Subject;
 use crate::cli::format::{aligned, duration};
-use crate::render::cpu::rates::{self, RayRates};
-use crate::scene::compile;
-use crate::transport::integrator::INTEGRATORS;
+use lumbre_light::scene::compile;
+use lumbre_light::transport::integrator::INTEGRATORS;
+use lumbre_render::cpu::rates::{self, RayRates};
 
 /// Rates of one scene.
 pub struct SceneRates {

@@ -9,17 +9,18 @@ use serde_json::{Value as Json, json};
 
 use super::interleave::interleaved;
 use super::subject::Subject;
+use crate::backends::backend;
 use crate::cli::format::aligned;
-use crate::math::stats::median;
-use crate::render::cpu::renderer::CpuRenderer;
-use crate::render::{Job, Renderer, WaveStats, backend};
-use crate::scene::compile::{Sharing, compile_sharing};
-use crate::scene::desc::{MaterialDesc, SceneDesc, TextureSlot};
-use crate::scene::load::MissingTextures;
-use crate::scene::{CompiledScene, compile};
 use crate::script::scene;
-use crate::transport::integrator::{INTEGRATORS, IntegratorRow};
-use crate::value::Value;
+use lumbre_light::math::stats::median;
+use lumbre_light::scene::compile::{Sharing, compile_sharing};
+use lumbre_light::scene::desc::{MaterialDesc, SceneDesc, TextureSlot};
+use lumbre_light::scene::load::MissingTextures;
+use lumbre_light::scene::{CompiledScene, compile};
+use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow};
+use lumbre_light::value::Value;
+use lumbre_render::cpu::renderer::CpuRenderer;
+use lumbre_render::{Job, Renderer, WaveStats};
 
 /// Samples per pixel of one round.
 const SAMPLES: u64 = 2;
@@ -401,7 +402,7 @@ fn open(
 mod tests {
     use super::*;
     use crate::cli::scene::builtin::BuiltIn;
-    use crate::scene::compile::NONE;
+    use lumbre_light::scene::compile::NONE;
     use std::collections::BTreeMap;
 
     #[test]

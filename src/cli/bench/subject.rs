@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use crate::cli::args::SceneArg;
 use crate::cli::scene::builtin::scene_name;
-use crate::scene::load::MissingTextures;
-use crate::scene::{SceneDesc, edit};
 use crate::script;
-use crate::value::Value;
+use lumbre_light::scene::load::MissingTextures;
+use lumbre_light::scene::{SceneDesc, edit};
+use lumbre_light::value::Value;
 
 /// Setting that selects a view of the scene, as in scripts.
 const CAMERA: &str = "camera";

@@ -12,14 +12,15 @@ use serde_json::{Value as Json, json};
 
 use super::interleave::interleaved;
 use super::subject::Subject;
-use crate::film::time::TimeAxis;
-use crate::math::stats::median;
-use crate::render::hierarchy::{AccelSpec, LaneMode};
-use crate::render::{Job, Renderer, backend};
-use crate::scene::compile;
-use crate::scene::desc::{DelayKind, MaterialDesc, SceneDesc};
-use crate::transport::integrator::{INTEGRATORS, IntegratorRow};
-use crate::transport::path_time::Timing;
+use crate::backends::backend;
+use lumbre_light::film::time::TimeAxis;
+use lumbre_light::math::stats::median;
+use lumbre_light::scene::compile;
+use lumbre_light::scene::desc::{DelayKind, MaterialDesc, SceneDesc};
+use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow};
+use lumbre_light::transport::path_time::Timing;
+use lumbre_render::hierarchy::{AccelSpec, LaneMode};
+use lumbre_render::{Job, Renderer};
 
 /// Number of bins of the film.
 const BINS: u32 = 300;

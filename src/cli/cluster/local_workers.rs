@@ -13,7 +13,6 @@ use crate::cli::exit::{Failure, print_status};
 use crate::cli::format::display_path;
 use crate::experiment::comparison_groups::{Affinity, comparison_group};
 use crate::experiment::{CellRef, NightControls, Plan};
-use crate::render;
 
 /// Time between two checks whether the workers have exited.
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
@@ -41,7 +40,8 @@ impl LocalWorkers {
     /// Returns an error if a given device does not exist.
     pub fn devices(plan: &Plan, night: &NightArgs) -> Result<Vec<String>, Failure> {
         if !night.devices.is_empty() {
-            let indices = render::resolve_devices(&night.devices).map_err(Failure::usage)?;
+            let indices =
+                crate::backends::resolve_devices(&night.devices).map_err(Failure::usage)?;
             return Ok(indices.into_iter().skip(1).collect());
         }
         let backends: BTreeSet<&str> = plan
@@ -51,7 +51,7 @@ impl LocalWorkers {
             .collect();
         let same_model: BTreeSet<String> = backends
             .into_iter()
-            .flat_map(render::same_model_devices)
+            .flat_map(crate::backends::same_model_devices)
             .collect();
         Ok(same_model.into_iter().collect())
     }

@@ -3,14 +3,13 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::backends::auto_backend;
 use crate::cli::args::{Global, ScriptArgs};
 use crate::cli::exit::Failure;
 use crate::cli::format::display_path;
 use crate::cli::night::last_command::parse;
 use crate::cli::night::load;
 use crate::experiment::Plan;
-use crate::render::auto_backend;
-use crate::render::backend_choice;
 use crate::script::{self, Limits, Script};
 use crate::store::{PlanCommand, PlanSnapshot, Store, StoreError};
 
@@ -82,7 +81,7 @@ pub fn restore_plan(home: &Path, global: &Global) -> Result<RestoredPlan, Failur
         script: snapshot.script.clone(),
         ..script_args
     };
-    backend_choice::set_auto_backend(&snapshot.auto);
+    crate::backends::set_auto_backend(&snapshot.auto);
     let file = home.join("experiment.lua");
     let text = std::fs::read_to_string(&file)
         .map_err(|e| damaged(&format!("{}: {e}", display_path(&file))))?;

@@ -8,6 +8,7 @@ use std::time::Duration;
 use serde_json::json;
 
 use super::plan_snapshot::{RestoredPlan, restore_plan};
+use crate::backends::{backend, device_index};
 use crate::cli::args::{Global, WorkArgs};
 use crate::cli::exit::{Exit, Failure, print_status};
 use crate::cli::format::display_path;
@@ -27,11 +28,10 @@ use crate::experiment::run_progress::Claim;
 use crate::experiment::{
     CellRef, CellResult, NightControls, NightSummary, Outcome, Plan, Sink, SinkError, run,
 };
-use crate::render::backend_choice;
-use crate::render::{backend, device_index};
 use crate::script::Script;
 use crate::store::{Host, PlanStatus, RenderDevice, Store, WorkerInfo};
 use crate::tui;
+use lumbre_render::backend_choice;
 
 /// Number of passes over the plan before a worker gives up on a night that is still not done.
 const MAX_PASSES: usize = 3;

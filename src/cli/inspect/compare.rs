@@ -10,12 +10,12 @@ use serde_json::{Map, Value as Json, json};
 use crate::cli::args::{DiffArgs, Global, MetricArgs, split, value};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{self, counted, display_path};
-use crate::film::Image;
 use crate::metrics::map::ErrorMap;
 use crate::metrics::{METRICS, MetricError, MetricSpec};
 use crate::output::picture::{self, Picture};
 use crate::output::{exr, png};
-use crate::value::Value;
+use lumbre_light::film::Image;
+use lumbre_light::value::Value;
 
 /// Maximum number of bytes that are read of a picture file.
 const MAX_FILE_BYTES: u64 = 1 << 32;

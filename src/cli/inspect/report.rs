@@ -7,12 +7,12 @@ use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{counted, display_path};
 use crate::cli::night::load::decode_picture;
 use crate::experiment::night_results::NightResults;
-use crate::film::Image;
 use crate::output::picture;
 use crate::output::report::{
     self, ItemKind, Report, ReportContext, ReportError, ReportOptions, Study,
 };
 use crate::store;
+use lumbre_light::film::Image;
 
 /// Runs `lumbre report`: builds a report and writes its files.
 pub fn main(args: &ReportArgs, global: &Global) -> Result<Exit, Failure> {

@@ -7,12 +7,12 @@ use serde_json::Value as Json;
 use crate::cli::args::{Global, ViewArgs};
 use crate::cli::exit::{Exit, Failure, print_result};
 use crate::cli::format::display_path;
-use crate::film::time::CUBE_FILE;
 use crate::output::time::{self, Movie, TimeCurve, TimeFile};
 use crate::output::{exr, png};
 use crate::store::{FILMS, read_run};
-use crate::transport::path_time::Timing;
-use crate::value::Value;
+use lumbre_light::film::time::CUBE_FILE;
+use lumbre_light::transport::path_time::Timing;
+use lumbre_light::value::Value;
 
 /// Runs `lumbre view`: writes the requested files to a folder and prints their paths.
 pub fn main(args: &ViewArgs, global: &Global) -> Result<Exit, Failure> {

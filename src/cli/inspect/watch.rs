@@ -239,7 +239,7 @@ pub(in crate::cli) fn describe_state(worker: &WorkerStatus) -> String {
 mod tests {
     use crate::cli::inspect::watch::*;
     use crate::experiment::CellRef;
-    use crate::film::time::{TimeAxis, TimeCube};
+    use lumbre_light::film::time::{TimeAxis, TimeCube};
 
     #[test]
     fn a_time_preview_from_a_file_equals_the_rendered_one() {

@@ -6,7 +6,7 @@ use jiff::Zoned;
 use jiff::civil::Time;
 
 use crate::experiment::spec::Deadline;
-use crate::value::Value;
+use lumbre_light::value::Value;
 
 /// Parses a deadline such as `08:00` or `7.5h`.
 pub fn parse(text: &str) -> Result<Deadline, String> {

@@ -11,12 +11,12 @@ use crate::cli::exit::{Exit, Failure, print_status};
 use crate::cli::format::display_path;
 use crate::experiment::Plan;
 use crate::experiment::plan::{Overrides, PlanError, expand};
-use crate::film::Image;
 use crate::output::exr;
-use crate::scene::load::{MissingTextures, files};
-use crate::scene::{Note, SceneDesc, SceneError};
 use crate::script::{self, Script, ScriptError};
-use crate::value::{Value, suggest};
+use lumbre_light::film::Image;
+use lumbre_light::scene::load::{MissingTextures, files};
+use lumbre_light::scene::{Note, SceneDesc, SceneError};
+use lumbre_light::value::{Value, suggest};
 
 /// Loads a script and expands its plan without rendering.
 ///

@@ -10,7 +10,6 @@ use crate::experiment::spec::{FigureSpec, TableFormat};
 use crate::experiment::{CellRef, NightSummary, Outcome, Plan};
 use crate::output::devices::Devices;
 use crate::output::{plot, summary, table};
-use crate::render;
 use crate::store::Store;
 
 /// Prints the backends of a plan with their devices, and why `auto` selects one of them.
@@ -25,12 +24,12 @@ pub(super) fn print_backends(plan: &Plan) {
         .map(|c| &c.config.backend)
         .chain(rendered)
         .collect();
-    let (auto, reason) = render::auto_backend();
+    let (auto, reason) = crate::backends::auto_backend();
     for name in names
         .into_iter()
-        .filter(|name| *name != render::external::BACKEND)
+        .filter(|name| *name != lumbre_render::external::BACKEND)
     {
-        let device = render::backend(name).map(|row| (row.probe)());
+        let device = crate::backends::backend(name).map(|row| (row.probe)());
         let (Ok(device) | Err(device)) = device.unwrap_or_else(|| Err("unknown".to_owned()));
         let selected = if auto == name.as_str() {
             format!(" (auto selects {name}: {reason})")

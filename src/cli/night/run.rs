@@ -19,7 +19,6 @@ use crate::experiment::forecast::ThroughputHistory;
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::run::Options;
 use crate::experiment::{CellRef, CellResult, NightControls, NightSummary, Outcome, Plan, run};
-use crate::render;
 use crate::script::Script;
 use crate::store::{Store, throughput_history};
 use crate::tui;
@@ -59,7 +58,7 @@ pub fn retry(args: &RetryArgs, global: &Global, log: &Log) -> Result<Exit, Failu
 /// Makes this process render on the first device of `--devices`. The others get worker processes.
 fn use_first_device(night: &NightArgs) {
     if let Some(first) = night.devices.first() {
-        render::backend_choice::use_device(first);
+        lumbre_render::backend_choice::use_device(first);
     }
 }
 

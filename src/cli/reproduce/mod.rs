@@ -15,11 +15,11 @@ use super::args::{Global, ReproduceArgs};
 use super::exit::{Exit, Failure, print_result, print_status};
 use super::verify::picture::{NoisyPicture, judge};
 use crate::cli::format::{counted, display_path};
-use crate::film::Image;
-use crate::math::stats::normal_two_sided_p;
 use crate::metrics::MetricSpec;
 use crate::output::png;
 use crate::store;
+use lumbre_light::film::Image;
+use lumbre_light::math::stats::normal_two_sided_p;
 use stored_run::StoredRun;
 
 /// Result of reproducing one run.

@@ -5,25 +5,26 @@ use std::sync::Arc;
 
 use serde_json::Value as Json;
 
+use crate::backends::backend;
 use crate::cli::args::Global;
 use crate::cli::night::load::decode_picture;
 use crate::experiment::shards::split;
-use crate::film::layer::Layer;
-use crate::film::{Film, Image};
-use crate::render::hierarchy::AccelSpec;
-use crate::render::reference_halves::ReferenceHalves;
-use crate::render::{Job, Renderer, backend, external};
-use crate::scene::compile::compile_sharing;
-use crate::scene::desc::content_hash;
-use crate::scene::{CompiledScene, SceneDesc, edit};
 use crate::script;
 use crate::store;
-use crate::transport::camera::{FilterKind, FilterSpec};
-use crate::transport::integrator::external::is_external;
-use crate::transport::integrator::integrator;
-use crate::transport::path_time::Timing;
-use crate::transport::sampler::sampler;
-use crate::value::Value;
+use lumbre_light::film::layer::Layer;
+use lumbre_light::film::{Film, Image};
+use lumbre_light::scene::compile::compile_sharing;
+use lumbre_light::scene::desc::content_hash;
+use lumbre_light::scene::{CompiledScene, SceneDesc, edit};
+use lumbre_light::transport::camera::{FilterKind, FilterSpec};
+use lumbre_light::transport::integrator::external::is_external;
+use lumbre_light::transport::integrator::integrator;
+use lumbre_light::transport::path_time::Timing;
+use lumbre_light::transport::sampler::sampler;
+use lumbre_light::value::Value;
+use lumbre_render::hierarchy::AccelSpec;
+use lumbre_render::reference_halves::ReferenceHalves;
+use lumbre_render::{Job, Renderer, external};
 
 /// Maximum number of samples per pixel rendered in one call.
 const SAMPLES_PER_STEP: u64 = 64;

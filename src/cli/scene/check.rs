@@ -6,8 +6,8 @@ use crate::cli::args::{CheckArgs, Global, ScriptArgs};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::counted;
 use crate::cli::night::load;
-use crate::scene::{self, Note};
 use crate::script;
+use lumbre_light::scene::{self, Note};
 
 /// Runs `lumbre check`: checks all files, also after an error in one of them.
 pub fn main(args: &CheckArgs, global: &Global) -> Result<Exit, Failure> {

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use crate::cli::args::{ExportArgs, Global};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{counted, display_path};
-use crate::scene::{edit, export};
 use crate::script;
+use lumbre_light::scene::{edit, export};
 
 /// Runs `lumbre export`: reads a scene, applies its options and settings, and writes it.
 pub fn main(args: &ExportArgs, global: &Global) -> Result<Exit, Failure> {

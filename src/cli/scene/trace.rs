@@ -5,17 +5,18 @@ use std::sync::Arc;
 
 use serde_json::{Value as Json, json};
 
+use crate::backends::backend;
 use crate::cli::args::{Global, TraceArgs};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::night::load;
 use crate::cli::reproduce::stored_run;
-use crate::render::path_trace::{MAX_PATH_EVENTS, PathEvent, SampleAt};
-use crate::render::{Job, backend};
-use crate::scene::compile::{MAX_FLATTENED_PRIMITIVES, NONE};
-use crate::scene::{CompiledScene, compile};
-use crate::transport::integrator::{INTEGRATORS, integrator};
-use crate::transport::sampler::{SAMPLER_NAMES, sampler};
-use crate::value::suggest;
+use lumbre_light::scene::compile::{MAX_FLATTENED_PRIMITIVES, NONE};
+use lumbre_light::scene::{CompiledScene, compile};
+use lumbre_light::transport::integrator::{INTEGRATORS, integrator};
+use lumbre_light::transport::sampler::{SAMPLER_NAMES, sampler};
+use lumbre_light::value::suggest;
+use lumbre_render::Job;
+use lumbre_render::path_trace::{MAX_PATH_EVENTS, PathEvent, SampleAt};
 
 /// Runs `lumbre trace`: prints the steps of one sample.
 pub fn main(args: &TraceArgs, global: &Global) -> Result<Exit, Failure> {

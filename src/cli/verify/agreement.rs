@@ -12,8 +12,8 @@ use super::technique::{self, Technique};
 use super::{Check, VerifyRequest};
 use crate::cli::night::load;
 use crate::cli::scene::builtin::{BuiltIn, scene_name};
-use crate::scene::load::MissingTextures;
-use crate::scene::{CompiledScene, compile};
+use lumbre_light::scene::load::MissingTextures;
+use lumbre_light::scene::{CompiledScene, compile};
 
 /// Identifies the seeds of these checks.
 const SEED_FAMILY: u64 = 2;

@@ -11,9 +11,9 @@ use glam::Vec3;
 use super::picture::{NoisyPicture, Setting, judge, render};
 use super::technique::{self, Technique};
 use super::{Check, VerifyRequest};
-use crate::film::Image;
-use crate::scene::compile;
-use crate::scene::desc::{
+use lumbre_light::film::Image;
+use lumbre_light::scene::compile;
+use lumbre_light::scene::desc::{
     CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, MeshDesc, Model,
     SceneDesc, ShapeDesc, Transform, mesh_hash,
 };

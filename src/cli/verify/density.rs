@@ -11,14 +11,14 @@ use super::technique::Technique;
 use super::{Check, Outcome, Verdict, VerifyRequest};
 use crate::cli::night::load;
 use crate::cli::scene::builtin::{BuiltIn, scene_name};
-use crate::render::cpu::bvh::accel::Accel;
-use crate::scene::load::MissingTextures;
-use crate::scene::{CompiledScene, compile};
-use crate::transport::camera::{Camera, FilterSpec};
-use crate::transport::integrator::oracle::{self, COARSE, OracleReport, TOLERANCE};
-use crate::transport::integrator::{Context, Settings, bdpt, integrator};
-use crate::transport::light::Lights;
-use crate::transport::mis;
+use lumbre_light::scene::load::MissingTextures;
+use lumbre_light::scene::{CompiledScene, compile};
+use lumbre_light::transport::camera::{Camera, FilterSpec};
+use lumbre_light::transport::integrator::oracle::{self, COARSE, OracleReport, TOLERANCE};
+use lumbre_light::transport::integrator::{Context, Settings, bdpt, integrator};
+use lumbre_light::transport::light::Lights;
+use lumbre_light::transport::mis;
+use lumbre_render::cpu::bvh::accel::Accel;
 
 /// Identifies the seeds of these checks.
 const SEED_FAMILY: u64 = 4;

@@ -6,11 +6,11 @@ use serde_json::{Value as Json, json};
 
 use super::technique::Technique;
 use super::{Outcome, SIGNIFICANCE, Verdict};
-use crate::film::{Film, Image};
 use crate::metrics::ztest::{self, Estimate, ZTest};
-use crate::render::cpu::renderer::CpuRenderer;
-use crate::render::{Job, Renderer};
-use crate::scene::CompiledScene;
+use lumbre_light::film::{Film, Image};
+use lumbre_light::scene::CompiledScene;
+use lumbre_render::cpu::renderer::CpuRenderer;
+use lumbre_render::{Job, Renderer};
 
 /// Expected number of contributions above which a sum over pixels is treated as normal.
 const MIN_CONTRIBUTIONS: f64 = 50.0;

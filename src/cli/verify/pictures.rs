@@ -15,14 +15,14 @@ use serde_json::json;
 use super::references::picture;
 use super::{Check, Outcome, Verdict, VerifyRequest};
 use crate::cli::night::load;
-use crate::film::Image;
-use crate::math::stats::median;
-use crate::render::cpu::renderer::CpuRenderer;
-use crate::render::{Job, Renderer};
-use crate::scene::compile;
-use crate::scene::load::MissingTextures;
-use crate::transport::integrator::integrator;
-use crate::transport::sampler::SOBOL;
+use lumbre_light::film::Image;
+use lumbre_light::math::stats::median;
+use lumbre_light::scene::compile;
+use lumbre_light::scene::load::MissingTextures;
+use lumbre_light::transport::integrator::integrator;
+use lumbre_light::transport::sampler::SOBOL;
+use lumbre_render::cpu::renderer::CpuRenderer;
+use lumbre_render::{Job, Renderer};
 
 /// Largest difference of the ratio of means from one.
 pub const MEAN_BOUND: f64 = 0.01;

@@ -22,15 +22,15 @@ use super::picture::{Judgement, NoisyPicture, Setting, judge, render};
 use super::technique::{self, Technique};
 use super::{Check, Outcome, Verdict, VerifyRequest};
 use crate::cli::night::load;
-use crate::film::Image;
-use crate::math::stats::{normal_two_sided_p, sidak};
 use crate::output::exr;
-use crate::render::cpu::bvh::accel::Accel;
-use crate::scene::edit::set;
-use crate::scene::load::MissingTextures;
-use crate::scene::{CompiledScene, compile};
-use crate::transport::camera::{Camera, FilterKind, FilterSpec};
-use crate::transport::sampler::Sampler;
+use lumbre_light::film::Image;
+use lumbre_light::math::stats::{normal_two_sided_p, sidak};
+use lumbre_light::scene::edit::set;
+use lumbre_light::scene::load::MissingTextures;
+use lumbre_light::scene::{CompiledScene, compile};
+use lumbre_light::transport::camera::{Camera, FilterKind, FilterSpec};
+use lumbre_light::transport::sampler::Sampler;
+use lumbre_render::cpu::bvh::accel::Accel;
 
 /// Number of camera paths of a picture, in a full and in a quick run.
 const PATHS: u64 = 64 * 320 * 180;

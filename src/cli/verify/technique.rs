@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
-use crate::transport::integrator::{INTEGRATORS, IntegratorRow};
-use crate::transport::mis;
-use crate::value::Value;
-use crate::value::schema::Ty;
+use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow};
+use lumbre_light::transport::mis;
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::Ty;
 
 /// An integrator with parameters.
 #[derive(Clone, Debug)]

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use super::PlanError;
 use crate::experiment::spec::{Axis, Point};
-use crate::value::{Value, suggest};
+use lumbre_light::value::{Value, suggest};
 
 /// Greatest number of cells in a plan.
 pub const MAX_CELLS: u64 = 1_000_000;

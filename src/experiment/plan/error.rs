@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use crate::experiment::spec::HookError;
 use crate::experiment::stop::StopError;
-use crate::scene::SceneError;
-use crate::value::schema::SchemaError;
+use lumbre_light::scene::SceneError;
+use lumbre_light::value::schema::SchemaError;
 
 /// Why no plan can be made of an experiment.
 ///

@@ -14,8 +14,8 @@ use crate::experiment::spec::{
     BiasCheckRequest, CellConfig, ExperimentSpec, HookError, Point, ReferenceRequest, ScriptHooks,
 };
 use crate::experiment::stop::StopRule;
-use crate::render::hierarchy::LaneMode;
-use crate::value::Value;
+use lumbre_light::value::Value;
+use lumbre_render::hierarchy::LaneMode;
 
 /// Expands an experiment to its plan.
 ///

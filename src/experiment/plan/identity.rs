@@ -20,12 +20,12 @@ use crate::experiment::spec::{
 };
 use crate::experiment::stop::StopRule;
 use crate::metrics::MetricSpec;
-use crate::render::hierarchy::AccelSpec;
-use crate::transport::delay;
-use crate::transport::integrator::IntegratorRow;
-use crate::transport::integrator::external::PYTHON;
-use crate::transport::sampler::SamplerRow;
-use crate::value::Value;
+use lumbre_light::transport::delay;
+use lumbre_light::transport::integrator::IntegratorRow;
+use lumbre_light::transport::integrator::external::PYTHON;
+use lumbre_light::transport::sampler::SamplerRow;
+use lumbre_light::value::Value;
+use lumbre_render::hierarchy::AccelSpec;
 
 /// Version of the identity format. Raising it makes all earlier runs unreachable.
 pub const FORMAT: i64 = 1;

@@ -30,7 +30,7 @@ use super::event::CellRef;
 use super::shards::{Shard, split};
 use super::spec::{CellConfig, FigureSpec, MeasureSpec, NightSpec, Point, TableSpec};
 use super::stop::StopRule;
-use crate::scene::{Note, SceneDesc};
+use lumbre_light::scene::{Note, SceneDesc};
 
 /// Id of a run: BLAKE3 hash of everything that determines its picture and its measurements, as 32
 /// hex digits.
@@ -69,7 +69,7 @@ pub struct Cell {
     /// Readable relative path: `scene=cornell/depth=5/rep=0`.
     pub path: String,
     /// Canonical form whose hash is `id`, for display and for `config.json`.
-    pub identity: crate::value::Value,
+    pub identity: lumbre_light::value::Value,
 }
 
 impl Cell {
@@ -88,7 +88,7 @@ pub struct Reference {
     /// Origin of the picture.
     pub source: ReferenceSource,
     /// Canonical form whose hash is `id`.
-    pub identity: crate::value::Value,
+    pub identity: lumbre_light::value::Value,
     /// Comparison with a second technique, if requested.
     pub bias_check: Option<BiasCheck>,
 }

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::{Cell, Plan};
 use crate::experiment::spec::Order;
-use crate::value::Value;
+use lumbre_light::value::Value;
 
 impl Plan {
     /// Returns every cell once, in the order in which they are rendered, as interleave groups. The

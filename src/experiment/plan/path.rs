@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use crate::experiment::spec::Point;
-use crate::value::Value;
+use lumbre_light::value::Value;
 
 /// Greatest length of an axis name or a value in a path, in characters.
 const LONGEST: usize = 40;

@@ -8,16 +8,16 @@ use std::sync::Arc;
 use super::axes::{describe, help};
 use super::{PlanError, RunId, identity};
 use crate::experiment::spec::{CellConfig, Point};
-use crate::film::layer::LayerLayout;
-use crate::film::time;
-use crate::render::cpu::vectorizable;
-use crate::render::hierarchy::LaneMode;
-use crate::render::{self, BackendRow, external};
-use crate::scene::{Note, SceneDesc, SceneError, desc, edit};
-use crate::transport::integrator::external::{EXTERNALS, is_external};
-use crate::transport::integrator::{INTEGRATORS, IntegratorRow, integrator};
-use crate::transport::sampler::{SAMPLER_NAMES, SamplerRow, sampler};
-use crate::value::Value;
+use lumbre_light::film::layer::LayerLayout;
+use lumbre_light::film::time;
+use lumbre_light::scene::{Note, SceneDesc, SceneError, desc, edit};
+use lumbre_light::transport::integrator::external::{EXTERNALS, is_external};
+use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow, integrator};
+use lumbre_light::transport::sampler::{SAMPLER_NAMES, SamplerRow, sampler};
+use lumbre_light::value::Value;
+use lumbre_render::cpu::vectorizable;
+use lumbre_render::hierarchy::LaneMode;
+use lumbre_render::{BackendRow, external};
 
 /// Greatest number of pixels of a picture; its film takes 12 GiB.
 const MAX_PIXELS: u64 = 1 << 28;
@@ -146,8 +146,8 @@ impl<'a> Resolver<'a> {
         } else {
             self.backend(&requested, point)?.to_owned()
         };
-        if !external && requested == "auto" && config.backend != render::cpu::ROW.name {
-            config.fallback = Some(render::cpu::ROW.name);
+        if !external && requested == "auto" && config.backend != lumbre_render::cpu::ROW.name {
+            config.fallback = Some(lumbre_render::cpu::ROW.name);
         }
         Ok(())
     }
@@ -157,7 +157,7 @@ impl<'a> Resolver<'a> {
     pub(super) fn scalar_reason(&mut self, config: &CellConfig, point: &Point) -> Option<String> {
         let (row, sampler) = (integrator(&config.integrator)?, sampler(&config.sampler)?);
         let on_cpu = !is_external(row)
-            && self.backend(&config.backend, point).ok()? == render::cpu::ROW.name;
+            && self.backend(&config.backend, point).ok()? == lumbre_render::cpu::ROW.name;
         scalar_reason(config, row, sampler).filter(|_| on_cpu)
     }
 
@@ -262,12 +262,15 @@ impl<'a> Resolver<'a> {
         if let Some(known) = self.backends.get(name) {
             return Ok(known);
         }
-        let row = render::backend(name).ok_or_else(|| PlanError::UnknownBackend {
+        let row = crate::backends::backend(name).ok_or_else(|| PlanError::UnknownBackend {
             point: describe(point),
             name: name.to_owned(),
             help: help(
                 name,
-                render::BACKENDS.iter().map(|row| row.name).chain(["auto"]),
+                crate::backends::BACKENDS
+                    .iter()
+                    .map(|row| row.name)
+                    .chain(["auto"]),
             ),
         })?;
         let unusable = |reason| PlanError::UnusableBackend {
@@ -339,13 +342,13 @@ fn check_backend(
     point: &Point,
 ) -> Result<(), PlanError> {
     let refused = |config: &CellConfig| {
-        render::backend(&config.backend)
+        crate::backends::backend(&config.backend)
             .and_then(|backend| refusal(backend, row, max_depth, scene, config))
     };
     if let Some(fallback) = config.fallback.filter(|_| refused(config).is_some()) {
         (config.backend, config.fallback) = (fallback.to_owned(), None);
     }
-    if config.backend != render::cpu::ROW.name {
+    if config.backend != lumbre_render::cpu::ROW.name {
         config.accel = config.accel.scalar();
     }
     match refused(config) {
@@ -367,7 +370,7 @@ fn check_films(
     max_depth: u32,
 ) -> Result<(), String> {
     if !config.films.is_empty() {
-        if !render::backend(&config.backend).is_some_and(|row| row.layers) {
+        if !crate::backends::backend(&config.backend).is_some_and(|row| row.layers) {
             return Err(format!(
                 "backend `{}` does not support layers: leave out `films` or use another backend",
                 config.backend

@@ -12,12 +12,12 @@ use crate::experiment::run_progress::RunProgress;
 use crate::experiment::shards::{Shard, WorkUnit};
 use crate::experiment::spec::CellConfig;
 use crate::experiment::stop::StopRule;
-use crate::film::layer::LayerImage;
-use crate::film::time::TimeCube;
-use crate::film::{Film, SharedImage};
 use crate::metrics::evaluator::Evaluator;
-use crate::render::{OpenStats, Renderer};
-use crate::scene::SceneDesc;
+use lumbre_light::film::layer::LayerImage;
+use lumbre_light::film::time::TimeCube;
+use lumbre_light::film::{Film, SharedImage};
+use lumbre_light::scene::SceneDesc;
+use lumbre_render::{OpenStats, Renderer};
 
 /// Request to render a run.
 #[derive(Clone)]

@@ -39,8 +39,8 @@ use super::forecast::ThroughputHistory;
 use super::noise_floor::NoiseFloors;
 use super::plan::Plan;
 use super::spec::ScriptHooks;
-use crate::render::{self, Job, OpenStats, RenderError, Renderer};
-use crate::scene::CompiledScene;
+use lumbre_light::scene::CompiledScene;
+use lumbre_render::{Job, OpenStats, RenderError, Renderer};
 
 /// Result of one cell or reference of the plan.
 #[derive(Clone, Debug)]
@@ -167,7 +167,7 @@ pub fn run(
     options: impl Into<Options>,
 ) -> Result<NightSummary, RunError> {
     let seams = Seams {
-        open: &render::open,
+        open: &crate::backends::open,
         wait: &|| std::thread::sleep(TICK),
     };
     run_with(&seams, plan, hooks, history, sinks, control, options)

@@ -17,9 +17,9 @@ use crate::experiment::noise_floor::NoiseFloors;
 use crate::experiment::plan::{Plan, ReferenceSource};
 use crate::experiment::run_progress::Checkpoint;
 use crate::experiment::spec::ScriptHooks;
-use crate::film::SharedImage;
-use crate::scene::compile::Sharing;
-use crate::scene::{CompiledScene, Note, SceneDesc};
+use lumbre_light::film::SharedImage;
+use lumbre_light::scene::compile::Sharing;
+use lumbre_light::scene::{CompiledScene, Note, SceneDesc};
 
 /// Shortest time between two forecasts.
 const FORECAST_INTERVAL: Duration = Duration::from_secs(2);

@@ -7,7 +7,7 @@ use super::open::catch_panic;
 use crate::experiment::event::{CellRef, Event, Level};
 use crate::experiment::noise_floor::{HalfImages, NoiseFloors, floors};
 use crate::experiment::plan::unreachable_thresholds;
-use crate::film::{Image, SharedImage};
+use lumbre_light::film::{Image, SharedImage};
 
 impl NightRunner<'_, '_> {
     /// Returns the noise floors of a reference, computed from its stored halves; empty if there are

@@ -12,14 +12,14 @@ use crate::experiment::event::{CellRef, Level};
 use crate::experiment::plan::identity;
 use crate::experiment::run_progress::RunProgress;
 use crate::experiment::spec::Warmup;
-use crate::render::hierarchy::{AccelSpec, LaneMode};
-use crate::render::reference_halves::ReferenceHalves;
-use crate::render::{Job, RenderError, Renderer, WaveStats, external};
-use crate::scene::CompiledScene;
-use crate::scene::compile::compile_sharing;
-use crate::transport::integrator::external::is_external;
-use crate::transport::integrator::integrator;
-use crate::transport::sampler::sampler;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::compile_sharing;
+use lumbre_light::transport::integrator::external::is_external;
+use lumbre_light::transport::integrator::integrator;
+use lumbre_light::transport::sampler::sampler;
+use lumbre_render::hierarchy::{AccelSpec, LaneMode};
+use lumbre_render::reference_halves::ReferenceHalves;
+use lumbre_render::{Job, RenderError, Renderer, WaveStats, external};
 
 /// Point from which a newly opened run continues.
 #[derive(Default)]

@@ -12,7 +12,7 @@ use crate::experiment::noise_floor::HalfImages;
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::run_progress::Claim;
 use crate::experiment::shards::Shard;
-use crate::film::SharedImage;
+use lumbre_light::film::SharedImage;
 
 /// State of a reference during a night.
 pub(super) enum ReferenceState {

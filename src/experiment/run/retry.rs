@@ -3,7 +3,7 @@
 use super::active_run::ActiveRun;
 use super::night::NightRunner;
 use crate::experiment::event::Level;
-use crate::render::RenderError;
+use lumbre_render::RenderError;
 
 /// Why an attempt to render a run failed.
 pub(super) enum AttemptError {

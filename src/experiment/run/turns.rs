@@ -17,12 +17,12 @@ use crate::experiment::run_progress::RunProgress;
 use crate::experiment::shards::WorkUnit;
 use crate::experiment::spec::Snapshots;
 use crate::experiment::stop::StopRule;
-use crate::film::layer::LayerImage;
-use crate::film::time::bytes;
 use crate::metrics::evaluator::Evaluator;
-use crate::render::cpu::kept_bytes;
-use crate::render::{RenderError, Renderer};
-use crate::transport::path_time::Timing;
+use lumbre_light::film::layer::LayerImage;
+use lumbre_light::film::time::bytes;
+use lumbre_light::transport::path_time::Timing;
+use lumbre_render::cpu::kept_bytes;
+use lumbre_render::{RenderError, Renderer};
 
 /// Render time of a slice, seconds: the greatest delay before a request of the user takes effect.
 /// Slices change neither pictures nor which samples are measured.

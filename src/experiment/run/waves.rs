@@ -117,7 +117,7 @@ pub(super) fn slice_samples(progress: &RunProgress, slice_s: f64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::render::WaveStats;
+    use lumbre_render::WaveStats;
 
     #[test]
     fn lookahead_is_the_rest_of_the_wave_or_the_next_one_within_limits() {

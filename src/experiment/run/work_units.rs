@@ -11,7 +11,7 @@ use crate::experiment::event::{Event, Level, Outcome};
 use crate::experiment::run_progress::{Checkpoint, Claim};
 use crate::experiment::shards::{JoinedShards, Shard, ShardSums, WorkUnit};
 use crate::experiment::stop::StopRule;
-use crate::film::Film;
+use lumbre_light::film::Film;
 
 /// Result of joining the shards of a reference.
 pub(super) enum JoinResult {

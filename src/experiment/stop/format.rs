@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::StopRule;
-use crate::value::Value;
+use lumbre_light::value::Value;
 
 impl StopRule {
     /// Describes the rule: `ssim > 0.95 held for 3 measurements, or 350 s of render time`.

@@ -1,7 +1,7 @@
 //! Static analysis of stop rules: whether a rule is valid, whether it must end a run, and when.
 
 use super::StopRule;
-use crate::value::suggest;
+use lumbre_light::value::suggest;
 
 /// Why a stop rule is invalid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -1,7 +1,7 @@
 //! Reading of stop rules from their canonical form, for processes that only watch a night.
 
 use super::{Comparison, StopRule};
-use crate::value::Value;
+use lumbre_light::value::Value;
 
 impl StopRule {
     /// Reads a rule from its [canonical form](StopRule::canonical), for display.

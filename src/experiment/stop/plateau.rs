@@ -10,7 +10,7 @@
 //! least squares on the measurements would mistake chance for significance.
 
 use crate::experiment::event::WaveRow;
-use crate::math::t_test::two_sided_p;
+use lumbre_light::math::t_test::two_sided_p;
 
 /// Smallest number of measurements for an estimate.
 const MIN_POINTS: usize = 8;
@@ -120,7 +120,7 @@ fn fit_power_law(points: &[(f64, f64)]) -> Option<Slope> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::rng::{normal, pcg4d, unit};
+    use lumbre_light::math::rng::{normal, pcg4d, unit};
 
     /// Rows of a mean over `pixels` pixels whose samples have variance 1, with a constant offset.
     fn rows(seed: u32, pixels: usize, offset: f64, count: usize) -> Vec<WaveRow> {

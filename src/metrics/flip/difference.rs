@@ -5,8 +5,8 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::filters::{Filters, Kernel};
-use crate::film::Image;
 use crate::metrics::colour::{from_opponent, hunt_lab, hyab, largest_distance, opponent};
+use lumbre_light::film::Image;
 
 /// Exponent of the colour distance.
 const COLOUR_POWER: f32 = 0.7;

@@ -13,11 +13,11 @@ use super::floor::Noise;
 use super::map::{Colours, PixelMap};
 use super::tonemap::srgb_light;
 use super::{Better, MetricRow, MetricSpec, ON};
-use crate::film::Image;
-use crate::value::Value;
-use crate::value::schema::{Field, Table, Ty};
 use difference::Target;
 use exposure::{Exposures, ToneMapper};
+use lumbre_light::film::Image;
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::{Field, Table, Ty};
 
 /// Option of the number of pixels per degree of visual angle.
 const PPD: Field = Field {

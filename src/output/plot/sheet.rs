@@ -8,10 +8,10 @@
 use super::raster;
 use super::style::{FAINT, INK};
 use super::svg::{Anchor, Drawing, Font};
-use crate::film::Image;
-use crate::film::layer::{LayerImage, PathSubset};
 use crate::metrics::tonemap::Tonemap;
 use crate::output::{OutputError, check_shape, layer, png};
+use lumbre_light::film::Image;
+use lumbre_light::film::layer::{LayerImage, PathSubset};
 
 /// Maximum width of a picture on a sheet, in pixels.
 const WIDEST: u32 = 320;
@@ -350,7 +350,7 @@ impl TileScale {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::film::layer::{Layer, LayerLayout};
+    use lumbre_light::film::layer::{Layer, LayerLayout};
 
     const SRGB: Tonemap = Tonemap::Srgb { exposure: 0.0 };
 

@@ -9,7 +9,7 @@ use crate::output::format;
 use crate::output::quantity::{self, RunValue};
 use crate::output::report::metric_display::MetricDisplay;
 use crate::output::report::repeats::{BandKind, Spread};
-use crate::value::Value;
+use lumbre_light::value::Value;
 
 /// Runs of one line.
 struct SweepLine {

@@ -12,13 +12,13 @@ use super::snapshots;
 use super::snapshots::{FacetReferences, Moment, Snapshot};
 use super::study::{ReportOptions, Study};
 use super::tables::{common_error, common_time};
-use crate::film::Image;
 use crate::metrics::tonemap::Tonemap;
 use crate::metrics::{Better, MetricSpec};
 use crate::output::format::significant;
 use crate::output::plot::style::{FAINT, INK};
 use crate::output::plot::svg::{Anchor, Drawing, Font, text_width};
 use crate::output::{OutputError, png};
+use lumbre_light::film::Image;
 
 /// Maximum number of series in one figure; more crops would be too small.
 const MOST: usize = 7;

@@ -8,8 +8,6 @@ use super::crops::shorten;
 use super::item::{Provenance, ReportItem};
 use super::snapshots;
 use super::study::{Member, Study};
-use crate::film::Image;
-use crate::film::layer::{Layer, LayerFilm, LayerImage, PathSubset};
 use crate::metrics::map::{Colours, ErrorMap};
 use crate::metrics::tonemap::Tonemap;
 use crate::output::format::significant;
@@ -17,6 +15,8 @@ use crate::output::plot::sheet;
 use crate::output::plot::style::{FAINT, FRAME, INK};
 use crate::output::plot::svg::{Anchor, Drawing, Font};
 use crate::output::{OutputError, png};
+use lumbre_light::film::Image;
+use lumbre_light::film::layer::{Layer, LayerFilm, LayerImage, PathSubset};
 
 /// Space between pictures.
 const GAP: f64 = 3.0;
@@ -468,7 +468,7 @@ mod tests {
 
     #[test]
     fn film_names_are_parsed() {
-        let layout = crate::film::layer::LayerLayout::new(
+        let layout = lumbre_light::film::layer::LayerLayout::new(
             &[Layer::Depth, Layer::Strategies, Layer::Bounces],
             4,
             100,

@@ -31,7 +31,7 @@ pub use item::{ItemKind, PROGRAM, Provenance, ReportItem};
 pub use study::{Member, ReportOptions, Study};
 
 use crate::experiment::spec::FigureX;
-use crate::film::Image;
+use lumbre_light::film::Image;
 
 /// Errors of building a report.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -1,8 +1,8 @@
 //! Curves of single runs, and means with bands over several repeats.
 
 use super::metric_display::MetricDisplay;
-use crate::math::t_test::mean_and_interval;
 use crate::output::plot::axis::Scale;
+use lumbre_light::math::t_test::mean_and_interval;
 
 /// Number of positions at which the mean of repeats is computed.
 const STEPS: usize = 72;

@@ -15,7 +15,7 @@ use crate::output::dependent_axes;
 use crate::output::format;
 use crate::output::plot::axis::{Axis, Scale};
 use crate::output::quantity;
-use crate::render::OpenStats;
+use lumbre_render::OpenStats;
 
 /// Minimum number of different numbers on an axis for a figure that was not requested.
 const FEWEST: usize = 3;

@@ -7,13 +7,13 @@ use super::crops::shorten;
 use super::films::{facet_and_series_label, file_suffix, titled};
 use super::item::{Provenance, ReportItem};
 use super::study::{Member, Study};
-use crate::film::Image;
 use crate::metrics::tonemap::Tonemap;
 use crate::output::format;
 use crate::output::plot::style::{FAINT, INK};
 use crate::output::plot::svg::{Anchor, Drawing, Font};
 use crate::output::time::still_length;
 use crate::output::{OutputError, png};
+use lumbre_light::film::Image;
 
 const GAP: f64 = 2.0;
 const NAME: Font = Font::new(7.6, INK);

@@ -14,7 +14,7 @@ use super::quantity::{self, RunValue};
 use crate::experiment::plan::Plan;
 use crate::experiment::spec::TableSpec;
 use crate::experiment::{CellRef, CellResult, Outcome};
-use crate::math::t_test::mean_and_interval;
+use lumbre_light::math::t_test::mean_and_interval;
 
 /// A computed table.
 #[derive(Clone, Debug, PartialEq)]

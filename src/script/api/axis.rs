@@ -8,8 +8,8 @@ use super::{ApiFn, Args, Param};
 use crate::experiment::spec::Axis;
 use crate::script::error::ScriptError;
 use crate::script::state::Shared;
-use crate::value::Value;
-use crate::value::suggest;
+use lumbre_light::value::Value;
+use lumbre_light::value::suggest;
 
 /// Largest number of values of one axis.
 const MAX_VALUES: usize = 100_000;

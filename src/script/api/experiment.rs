@@ -13,8 +13,8 @@ use crate::script::error::ScriptError;
 use crate::script::source::SourcePlace;
 use crate::script::state::{Purpose, Shared};
 use crate::script::strict;
-use crate::value::Value;
-use crate::value::schema::{Field, Table, Ty};
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::{Field, Table, Ty};
 
 /// Largest number of skip rules of one experiment.
 const MAX_SKIPS: usize = 1000;

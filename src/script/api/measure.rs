@@ -15,8 +15,8 @@ use crate::script::error::ScriptError;
 use crate::script::source::SourcePlace;
 use crate::script::state::Shared;
 use crate::script::strict;
-use crate::value::schema::{Field, SchemaError, Table, Ty, duration_s, unknown_name};
-use crate::value::{Value, suggest};
+use lumbre_light::value::schema::{Field, SchemaError, Table, Ty, duration_s, unknown_name};
+use lumbre_light::value::{Value, suggest};
 
 /// Largest number of metric columns of one experiment.
 const MAX_COLUMNS: usize = 64;

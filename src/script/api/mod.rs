@@ -23,8 +23,8 @@ use super::error::ScriptError;
 use super::source::SourcePlace;
 use super::state::{Shared, make_strict};
 use super::{require, scene, strict};
-use crate::value::Value;
-use crate::value::schema::SchemaError;
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::SchemaError;
 
 /// Parameter of a function, for the annotations and the reference page.
 #[derive(Clone, Copy, Debug)]

@@ -11,8 +11,8 @@ use crate::experiment::spec::{Deadline, Warmup};
 use crate::script::error::ScriptError;
 use crate::script::state::Shared;
 use crate::script::strict;
-use crate::value::Value;
-use crate::value::schema::{Field, SchemaError, Table, Ty, duration_s};
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::{Field, SchemaError, Table, Ty, duration_s};
 
 /// Option `warmup` of `experiment`.
 pub const WARMUP: Table = Table {

@@ -12,8 +12,8 @@ use crate::experiment::StopRule;
 use crate::script::error::ScriptError;
 use crate::script::state::Shared;
 use crate::script::strict::{self, Fields};
-use crate::value::Value;
-use crate::value::schema::{Field, SchemaError, Table, Ty, duration_s};
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::{Field, SchemaError, Table, Ty, duration_s};
 
 /// Option `agree` of `x:reference`.
 pub const AGREE: Table = Table {

@@ -5,15 +5,15 @@ use std::path::{Path, PathBuf};
 
 use super::render_schema::{BACKEND_NAMES, INTEGRATOR_NAMES, RENDER};
 use crate::experiment::CellConfig;
-use crate::film::layer::Layer;
-use crate::render::hierarchy::AccelSpec;
-use crate::scene::desc::TextureSlot;
-use crate::transport::camera::{FilterKind, FilterSpec};
-use crate::transport::integrator::integrator;
-use crate::transport::path_time::Timing;
-use crate::transport::sampler::SAMPLER_NAMES;
-use crate::value::Value;
-use crate::value::schema::{SchemaError, unknown_key, unknown_name};
+use lumbre_light::film::layer::Layer;
+use lumbre_light::scene::desc::TextureSlot;
+use lumbre_light::transport::camera::{FilterKind, FilterSpec};
+use lumbre_light::transport::integrator::integrator;
+use lumbre_light::transport::path_time::Timing;
+use lumbre_light::transport::sampler::SAMPLER_NAMES;
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::{SchemaError, unknown_key, unknown_name};
+use lumbre_render::hierarchy::AccelSpec;
 
 /// Searches a file that a script names, relative to the current folder and then to the script's
 /// folder.
@@ -410,7 +410,7 @@ fn check_change(key: &str, value: &Value, path: &str) -> Result<(), SchemaError>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::render::BACKENDS;
+    use crate::backends::BACKENDS;
 
     fn map(pairs: &[(&str, Value)]) -> BTreeMap<String, Value> {
         pairs

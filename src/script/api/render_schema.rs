@@ -1,14 +1,14 @@
 //! Schema of the render table: the keys that a script's `render` function may return.
 
-use crate::film::layer::LAYER_NAMES;
-use crate::render::BACKENDS;
-use crate::render::hierarchy::ACCEL;
-use crate::transport::camera::FILTER_NAMES;
-use crate::transport::integrator::INTEGRATORS;
-use crate::transport::integrator::external::EXTERNALS;
-use crate::transport::sampler::SAMPLER_NAMES;
-use crate::transport::time_settings::FILM;
-use crate::value::schema::{Field, Table, Ty};
+use crate::backends::BACKENDS;
+use lumbre_light::film::layer::LAYER_NAMES;
+use lumbre_light::transport::camera::FILTER_NAMES;
+use lumbre_light::transport::integrator::INTEGRATORS;
+use lumbre_light::transport::integrator::external::EXTERNALS;
+use lumbre_light::transport::sampler::SAMPLER_NAMES;
+use lumbre_light::transport::time_settings::FILM;
+use lumbre_light::value::schema::{Field, Table, Ty};
+use lumbre_render::hierarchy::ACCEL;
 
 /// Names of the integrators, for the annotations.
 pub const INTEGRATOR_NAMES: [&str; INTEGRATORS.len() + EXTERNALS.len()] = {

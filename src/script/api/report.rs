@@ -12,8 +12,8 @@ use crate::script::error::ScriptError;
 use crate::script::source::SourcePlace;
 use crate::script::state::Shared;
 use crate::script::strict;
-use crate::value::Value;
-use crate::value::schema::{Field, SchemaError, Table, Ty};
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::{Field, SchemaError, Table, Ty};
 
 /// Largest number of figures, and of tables, of one experiment.
 const MAX_REPORTS: usize = 64;

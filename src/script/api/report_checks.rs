@@ -6,9 +6,9 @@ use super::report::field_error;
 use crate::experiment::spec::{Axis, FigureKind, FigureSpec, TableSpec, TableValue};
 use crate::script::error::ScriptError;
 use crate::script::state::Shared;
-use crate::value::Value;
-use crate::value::schema::{SchemaError, unknown_name};
-use crate::value::suggest;
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::{SchemaError, unknown_name};
+use lumbre_light::value::suggest;
 
 /// Checks every axis and column that figures and tables name, after the script has ended.
 ///

@@ -11,8 +11,8 @@ use crate::experiment::stop::Comparison;
 use crate::script::error::ScriptError;
 use crate::script::state::Shared;
 use crate::script::strict;
-use crate::value::schema::{Field, Table, Ty, duration_s};
-use crate::value::{Value, suggest};
+use lumbre_light::value::schema::{Field, Table, Ty, duration_s};
+use lumbre_light::value::{Value, suggest};
 
 /// Largest number of rules inside one rule.
 const MAX_RULES: usize = 256;

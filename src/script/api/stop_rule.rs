@@ -10,7 +10,7 @@ use crate::experiment::StopRule;
 use crate::script::error::ScriptError;
 use crate::script::source::SourcePlace;
 use crate::script::state::Shared;
-use crate::value::schema::{Field, Table, Ty, unknown_name};
+use lumbre_light::value::schema::{Field, Table, Ty, unknown_name};
 
 /// Count without an upper limit.
 const INTEGER: Ty = Ty::Int {

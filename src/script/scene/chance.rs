@@ -5,14 +5,14 @@ use std::rc::Rc;
 use mlua::{Lua, UserData, UserDataMethods, Value as LuaValue};
 
 use super::object;
-use crate::math::rng::{pcg4d, unit};
-use crate::scene::noise;
 use crate::script::api::{ApiFn, Args, Param};
 use crate::script::error::ScriptError;
 use crate::script::state::Shared;
 use crate::script::strict;
-use crate::value::Value;
-use crate::value::schema::{Field, Table, Ty};
+use lumbre_light::math::rng::{pcg4d, unit};
+use lumbre_light::scene::noise;
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::{Field, Table, Ty};
 
 /// Largest number of points of one `scatter`.
 const MAX_POINTS: i64 = 1_000_000;

@@ -9,15 +9,15 @@ use mlua::{Lua, Value as LuaValue};
 
 use super::schema::IMPORT;
 use super::{SceneBuilder, part, scene_error};
-use crate::scene::desc::{
-    EntityDesc, LightDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, mesh_hash,
-};
-use crate::scene::{load, shape};
 use crate::script::api::{Args, kind};
 use crate::script::error::ScriptError;
 use crate::script::state::{Purpose, Shared};
 use crate::script::strict::{self, Fields};
-use crate::value::Value;
+use lumbre_light::scene::desc::{
+    EntityDesc, LightDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, mesh_hash,
+};
+use lumbre_light::scene::{load, shape};
+use lumbre_light::value::Value;
 
 /// Implements `s:import`: adds the entities and materials of another scene file.
 ///

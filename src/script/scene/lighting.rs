@@ -7,15 +7,15 @@ use mlua::{Lua, Value as LuaValue};
 
 use super::schema::{ENVIRONMENT, POINT_LIGHT};
 use super::{numbers, texture};
-use crate::scene::desc::{
-    ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind,
-};
 use crate::script::api::{Args, kind};
 use crate::script::error::ScriptError;
 use crate::script::state::Shared;
 use crate::script::strict::{self, Fields};
-use crate::value::Value;
-use crate::value::schema::SchemaError;
+use lumbre_light::scene::desc::{
+    ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind,
+};
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::SchemaError;
 
 /// Implements `s:light`: adds a point, directional or spot light.
 ///

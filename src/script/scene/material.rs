@@ -6,13 +6,13 @@ use std::rc::Rc;
 use mlua::{Lua, Value as LuaValue};
 
 use super::texture;
-use crate::scene::desc::{MATERIAL_PARAMS, MaterialDesc, TextureSlot};
 use crate::script::api::{Args, kind};
 use crate::script::error::ScriptError;
 use crate::script::state::Shared;
 use crate::script::strict;
-use crate::value::Value;
-use crate::value::schema::{Field, SchemaError, Table, Ty, unknown_name};
+use lumbre_light::scene::desc::{MATERIAL_PARAMS, MaterialDesc, TextureSlot};
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::{Field, SchemaError, Table, Ty, unknown_name};
 
 /// Options of `s:material` besides parameters and textures.
 pub const MATERIAL_OPTIONS: Table = Table {

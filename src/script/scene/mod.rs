@@ -2,7 +2,7 @@
 //! returned object, and returns it.
 //!
 //! The file runs in the same sandbox as an experiment, once for each set of options, and yields a
-//! [`SceneDesc`] like any other loader. Meshes come from [`crate::scene::shape`]; a shape that is
+//! [`SceneDesc`] like any other loader. Meshes come from [`lumbre_light::scene::shape`]; a shape that is
 //! added several times is one mesh with several instances. File names are relative to the folder of
 //! the scene file.
 
@@ -36,12 +36,12 @@ use super::error::{Problem, ScriptError};
 use super::source::SourcePlace;
 use super::state::{Purpose, Shared};
 use super::{ExecutedFile, Limits, locate, source};
-use crate::scene::desc::{CameraDesc, SceneDesc};
-use crate::scene::load::{MissingTextures, load_with};
-use crate::scene::names::UniqueNames;
-use crate::scene::{Note, SceneError};
-use crate::value::Value;
-use crate::value::schema::unknown_name;
+use lumbre_light::scene::desc::{CameraDesc, SceneDesc};
+use lumbre_light::scene::load::{MissingTextures, load_with};
+use lumbre_light::scene::names::UniqueNames;
+use lumbre_light::scene::{Note, SceneError};
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::unknown_name;
 
 /// Functions that describe scenes, besides the methods of the scene itself.
 pub const FUNCTIONS: &[&[ApiFn]] = &[

@@ -8,12 +8,12 @@ use mlua::{Lua, Value as LuaValue};
 use super::schema::{CAMERA, SCENE};
 use super::shapes::ShapeObject;
 use super::{import, lighting, material, numbers, part};
-use crate::scene::desc::{CameraDesc, EntityDesc, Optics, ShapeDesc};
 use crate::script::api::{self, ApiFn, Args, Param};
 use crate::script::error::{Problem, ScriptError};
 use crate::script::state::{Purpose, Shared};
 use crate::script::strict::{self, Fields};
-use crate::value::Value;
+use lumbre_light::scene::desc::{CameraDesc, EntityDesc, Optics, ShapeDesc};
+use lumbre_light::value::Value;
 
 /// Constructor of scenes.
 pub const GLOBALS: &[ApiFn] = &[ApiFn {

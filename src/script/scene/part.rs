@@ -8,14 +8,14 @@ use mlua::{Lua, UserData, Value as LuaValue};
 
 use super::shapes::ShapeObject;
 use super::{numbers, object};
-use crate::scene::desc::Transform;
-use crate::scene::names::UniqueNames;
 use crate::script::api::{ApiFn, Args, Param, kind};
 use crate::script::error::ScriptError;
 use crate::script::state::Shared;
 use crate::script::strict::{self, Fields};
-use crate::value::Value;
-use crate::value::schema::{Field, SchemaError, Table, Ty};
+use lumbre_light::scene::desc::Transform;
+use lumbre_light::scene::names::UniqueNames;
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::{Field, SchemaError, Table, Ty};
 
 /// Largest number of shapes in nested groups.
 const MAX_LEAVES: usize = 1 << 22;

@@ -1,7 +1,7 @@
 //! Schemas of `scene` and of the methods for cameras, lights, environment and import.
 
-use crate::scene::desc::light::CUTOFF_RANGE;
-use crate::value::schema::{Field, Table, Ty};
+use lumbre_light::scene::desc::light::CUTOFF_RANGE;
+use lumbre_light::value::schema::{Field, Table, Ty};
 
 /// Point or direction in scene coordinates.
 const POINT: Ty = Ty::Nums {

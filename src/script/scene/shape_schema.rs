@@ -1,6 +1,6 @@
 //! Schemas of the shape constructors.
 
-use crate::value::schema::{Field, Table, Ty};
+use lumbre_light::value::schema::{Field, Table, Ty};
 
 const LENGTH: Ty = Ty::Num {
     min: 1e-9,

@@ -1,4 +1,4 @@
-//! Constructors of shapes, `shape.NAME`: one function for each shape of [`crate::scene::shape`],
+//! Constructors of shapes, `shape.NAME`: one function for each shape of [`lumbre_light::scene::shape`],
 //! and `shape.join`.
 
 use std::path::PathBuf;
@@ -12,14 +12,14 @@ use super::shape_schema::{
     BALL, BOX, CYLINDER, DISK, EXTRUDE, GRID, HEIGHTFIELD, LATHE, MESH, SPHERE, TORUS, TUBE,
 };
 use super::{numbers, object, part};
-use crate::scene::desc::MeshDesc;
-use crate::scene::shape::{self, Shape, ShapeError};
 use crate::script::api::{ApiFn, Args, Param};
 use crate::script::error::ScriptError;
 use crate::script::state::Shared;
 use crate::script::strict::{self, Fields};
-use crate::value::Value;
-use crate::value::schema::{SchemaError, Table};
+use lumbre_light::scene::desc::MeshDesc;
+use lumbre_light::scene::shape::{self, Shape, ShapeError};
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::{SchemaError, Table};
 
 /// Name of the material slot of shapes. It is never used, since every added shape is given a
 /// material.

@@ -7,14 +7,14 @@ use glam::{Affine2, Vec2};
 use mlua::{Lua, UserData, Value as LuaValue, Variadic};
 
 use super::{object, scene_error};
-use crate::scene::desc::{Lookup, Texels, TextureDesc, Wrap};
-use crate::scene::load;
 use crate::script::api::{ApiFn, Args, Param};
 use crate::script::error::ScriptError;
 use crate::script::state::Shared;
 use crate::script::strict;
-use crate::value::Value;
-use crate::value::schema::{Field, Table, Ty};
+use lumbre_light::scene::desc::{Lookup, Texels, TextureDesc, Wrap};
+use lumbre_light::scene::load;
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::{Field, Table, Ty};
 
 /// Options of `texture.paint`.
 pub const PAINT: Table = Table {

@@ -6,10 +6,10 @@ use std::sync::Arc;
 use crate::experiment::event::Level;
 use crate::experiment::forecast::Forecast;
 use crate::experiment::{CellConfig, CellRef, Outcome, WaveRow};
-use crate::film::Image;
-use crate::film::time::TimeAxis;
-use crate::render::OpenStats;
 use crate::store::worker::registry::WorkerStatus;
+use lumbre_light::film::Image;
+use lumbre_light::film::time::TimeAxis;
+use lumbre_render::OpenStats;
 
 /// A change that a follower found in the files of a night.
 #[derive(Clone, Debug)]

@@ -25,8 +25,8 @@ use super::read::{night_index, outline};
 use super::worker::registry::list_workers;
 use super::{StoreError, layout};
 use crate::experiment::{CellRef, Outcome, PlanOutline, RunId};
-use crate::film::Image;
 use event::{FollowEvent, TimedEvent};
+use lumbre_light::film::Image;
 use run::FollowedRun;
 
 /// Interval at which the workers' heartbeats are read.

@@ -8,12 +8,12 @@ use std::sync::Arc;
 
 use super::FollowEvent;
 use crate::experiment::{CellRef, PlanOutline, WaveRow};
-use crate::film::Image;
-use crate::film::time::{CUBE_FILE, TimeAxis};
 use crate::store::FILMS;
 use crate::store::read::archive::Decode;
 use crate::store::read::tail::Tail;
 use crate::store::write::metrics_csv;
+use lumbre_light::film::Image;
+use lumbre_light::film::time::{CUBE_FILE, TimeAxis};
 
 /// A run that is shown.
 #[derive(Debug)]

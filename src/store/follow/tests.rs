@@ -8,10 +8,10 @@ use super::{FollowEvent, Follower};
 use crate::experiment::event::History;
 use crate::experiment::run_progress::{Claim, ReportedOutcome};
 use crate::experiment::{CellRef, Plan, StopRule};
-use crate::film::time::TimeAxis;
 use crate::store::tests::{decode, finish_run, only_run_of, plan, row};
 use crate::store::worker::plan_snapshot::PlanSnapshot;
 use crate::store::{FILMS, LEASE, RunWriter, Store, WorkerInfo};
+use lumbre_light::film::time::TimeAxis;
 
 /// Polls once, and describes the events.
 fn poll(follower: &mut Follower) -> Vec<String> {
@@ -387,11 +387,13 @@ fn interleaved_runs_of_one_worker_are_shown_together() {
 fn the_time_resolved_film_is_reported_once_after_the_run() {
     let dir = tempfile::tempdir().unwrap();
     let mut plan = plan("night", "3f9a00", &["aa11"]);
-    let film =
-        crate::value::Value::from_json(&json!({ "time": { "start": 2, "bin": 0.5, "bins": 8 } }));
+    let film = lumbre_light::value::Value::from_json(
+        &json!({ "time": { "start": 2, "bin": 0.5, "bins": 8 } }),
+    );
     let cell = std::sync::Arc::make_mut(&mut plan.cells[0].config);
     cell.timing =
-        crate::transport::path_time::Timing::from_film(film.as_map().unwrap(), "film").unwrap();
+        lumbre_light::transport::path_time::Timing::from_film(film.as_map().unwrap(), "film")
+            .unwrap();
     let store = Store::open(dir.path(), &plan, decode).unwrap();
     store.journal("night_started", &json!({})).unwrap();
     let mut run = store.start(&plan, CellRef::Cell(0), None).unwrap();

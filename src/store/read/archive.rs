@@ -11,10 +11,10 @@ use crate::experiment::event::{FinishedRun, History};
 use crate::experiment::noise_floor::HalfImages;
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::{CellRef, Plan, SinkError, WaveRow};
-use crate::film::Image;
-use crate::render::OpenStats;
 use crate::store::write::{manifest_checksum, metrics_csv, reference_sums};
 use crate::store::{FILMS, HALVES, NOISE, layout};
+use lumbre_light::film::Image;
+use lumbre_render::OpenStats;
 
 /// Decodes the bytes of an image; the error is for users. Supplied by callers, since this module
 /// knows no image format.

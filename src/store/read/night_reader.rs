@@ -14,7 +14,7 @@ use crate::experiment::{CellResult, Outcome, Plan, WaveRow};
 use crate::metrics::MetricSpec;
 use crate::store::write::{manifest_checksum, metrics_csv};
 use crate::store::{Store, StoreError, layout};
-use crate::value::Value;
+use lumbre_light::value::Value;
 
 /// Reads a night from its folder, which holds a `plan.json`. References are read from the folder
 /// `refs` beside it, and runs that an earlier night of the same name finished from that night's

@@ -9,13 +9,13 @@ use serde_json::Value as Json;
 
 use crate::experiment::plan_outline::{CellOutline, PlanOutline, ReferenceOutline, StopOutline};
 use crate::experiment::{CellConfig, Point, StopRule};
-use crate::film::layer::Layer;
 use crate::metrics::MetricSpec;
 use crate::metrics::tonemap::Tonemap;
-use crate::render::hierarchy::AccelSpec;
-use crate::transport::camera::{FilterKind, FilterSpec};
-use crate::transport::path_time::Timing;
-use crate::value::Value;
+use lumbre_light::film::layer::Layer;
+use lumbre_light::transport::camera::{FilterKind, FilterSpec};
+use lumbre_light::transport::path_time::Timing;
+use lumbre_light::value::Value;
+use lumbre_render::hierarchy::AccelSpec;
 
 /// Reads the outline of a plan. Metrics that this version does not know, or defines otherwise, are
 /// left out; rows are matched by column names.

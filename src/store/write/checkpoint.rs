@@ -18,8 +18,8 @@ use super::{atomic, metrics_csv};
 use crate::experiment::WaveRow;
 use crate::experiment::event::SaveState;
 use crate::experiment::run_progress::{Checkpoint, RunProgress};
-use crate::render::WaveStats;
 use crate::store::StoreError;
+use lumbre_render::WaveStats;
 
 /// File names of the slots.
 pub(crate) const SLOTS: [&str; 2] = ["ckpt.a", "ckpt.b"];

@@ -20,7 +20,6 @@ use crate::experiment::plan::{Reference, ReferenceSource};
 use crate::experiment::run_progress::{Checkpoint, Claim, ReportedOutcome, RunProgress};
 use crate::experiment::shards::{Shard, WorkUnit};
 use crate::experiment::{CellRef, Plan, SinkError};
-use crate::film::Image;
 use crate::store::lock::claim::{self, Claims};
 use crate::store::lock::filesystem_kind;
 use crate::store::read::archive::{Archive, Decode};
@@ -29,6 +28,7 @@ use crate::store::worker::plan_snapshot::PlanSnapshot;
 use crate::store::worker::worker_store::WorkerSession;
 use crate::store::worker::{registry, shards};
 use crate::store::{Host, StoreError, cell_json, layout, plan_json, utc};
+use lumbre_light::film::Image;
 
 /// Folders in an experiment's folder, besides those of runs, that files are written to.
 const WRITABLE_FOLDERS: [&str; 7] = [

@@ -6,7 +6,7 @@ use crate::experiment::plan::{Reference, ReferenceSource};
 use crate::experiment::{Cell, CellConfig, CellRef, Plan, Point, StopRule};
 use crate::metrics::MetricSpec;
 use crate::store::layout;
-use crate::value::Value;
+use lumbre_light::value::Value;
 
 /// Converts a plan to JSON: names, hash, axes, metrics, every cell with its point and identity,
 /// references, skipped points and notes. Cells refer to their stop rule by its index in `stops`.

@@ -14,10 +14,10 @@ use crate::experiment::event::Level;
 use crate::experiment::forecast::Forecast;
 use crate::experiment::shards::Shard;
 use crate::experiment::{CellConfig, CellRef, Event, Outcome, PlanOutline, StopRule, WaveRow};
-use crate::film::SharedImage;
-use crate::film::layer::LayerImage;
-use crate::render::OpenStats;
 use crate::tui::format;
+use lumbre_light::film::SharedImage;
+use lumbre_light::film::layer::LayerImage;
+use lumbre_render::OpenStats;
 
 /// Number of log messages that are stored.
 pub const MESSAGES: usize = 500;

@@ -1,9 +1,9 @@
 //! Thumbnails of a run's per-strategy films.
 
 use crate::experiment::CellRef;
-use crate::film::Image;
-use crate::film::layer::{LayerImage, PathSubset};
 use crate::tui::preview::box_average;
+use lumbre_light::film::Image;
+use lumbre_light::film::layer::{LayerImage, PathSubset};
 
 /// Longest side of a thumbnail in pixels.
 const SIDE: u32 = 96;

@@ -6,8 +6,8 @@
 use std::ops::Range;
 
 use crate::experiment::{CellRef, Event};
-use crate::film::Image;
-use crate::film::time::{TimeAxis, TimeCube};
+use lumbre_light::film::Image;
+use lumbre_light::film::time::{TimeAxis, TimeCube};
 
 /// Largest number of frames. If there are more bins, each frame sums several of them.
 pub const FRAMES: u32 = 240;

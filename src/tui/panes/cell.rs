@@ -8,15 +8,15 @@ use ratatui::widgets::Paragraph;
 
 use super::{pane, title};
 use crate::experiment::{CellConfig, CellRef, PlanOutline, WaveRow};
-use crate::render::OpenStats;
-use crate::scene::SceneDesc;
-use crate::transport::integrator;
 use crate::tui::format;
 use crate::tui::model::entry::EntryState;
 use crate::tui::model::eta;
 use crate::tui::model::night::{CurrentRun, NightModel};
 use crate::tui::terminal::terminal_caps::TerminalCaps;
 use crate::tui::view::View;
+use lumbre_light::scene::SceneDesc;
+use lumbre_light::transport::integrator;
+use lumbre_render::OpenStats;
 
 /// Draws the cell pane.
 pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {

@@ -11,12 +11,12 @@ use ratatui::widgets::Paragraph;
 
 use super::pane;
 use crate::experiment::PlanOutline;
-use crate::film::Image;
 use crate::tui::format;
 use crate::tui::model::night::NightModel;
 use crate::tui::preview::{PreviewContent, box_average};
 use crate::tui::terminal::terminal_caps::{Colors, Graphics, TerminalCaps};
 use crate::tui::view::{PictureMode, View};
+use lumbre_light::film::Image;
 
 /// Characters from dark to bright, for terminals without colours.
 const SHADES: &[u8] = b" .:-=+*#%@";

@@ -5,11 +5,11 @@ use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
 use super::{pane, picture};
-use crate::film::time::time_unit;
 use crate::tui::format;
 use crate::tui::model::night::NightModel;
 use crate::tui::model::time_preview::TimePreview;
 use crate::tui::view::View;
+use lumbre_light::film::time::time_unit;
 
 /// Draws the time pane.
 pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {

@@ -10,11 +10,11 @@ use super::screens::{RICH, screen};
 use crate::experiment::event::Level;
 use crate::experiment::shards::Shard;
 use crate::experiment::{CellRef, Event, Outcome};
-use crate::render::OpenStats;
 use crate::tui::model::curve::CAPACITY;
 use crate::tui::model::entry::{EntryState, StateCounts};
 use crate::tui::model::night::{MESSAGES, NightModel};
 use crate::tui::view::View;
+use lumbre_render::OpenStats;
 
 /// References to cells of the plan, and to some that it does not have.
 fn any_cell() -> impl Strategy<Value = CellRef> {

@@ -13,15 +13,15 @@ use crate::experiment::stop::Comparison;
 use crate::experiment::{
     Cell, CellConfig, CellRef, Event, Outcome, Plan, RunId, StopRule, WaveRow,
 };
-use crate::film::{Image, SharedImage};
 use crate::metrics::MetricSpec;
 use crate::metrics::tonemap::Tonemap;
-use crate::render::OpenStats;
-use crate::scene::SceneDesc;
-use crate::scene::desc::CameraDesc;
-use crate::transport::camera::{FilterKind, FilterSpec};
 use crate::tui::model::night::NightModel;
-use crate::value::Value;
+use lumbre_light::film::{Image, SharedImage};
+use lumbre_light::scene::SceneDesc;
+use lumbre_light::scene::desc::CameraDesc;
+use lumbre_light::transport::camera::{FilterKind, FilterSpec};
+use lumbre_light::value::Value;
+use lumbre_render::OpenStats;
 
 fn scene() -> SceneDesc {
     SceneDesc {

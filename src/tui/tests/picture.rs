@@ -8,12 +8,12 @@ use std::sync::Arc;
 
 use super::night::{self, NightBuilder};
 use crate::experiment::{CellRef, Event};
-use crate::film::Image;
 use crate::tui::model::night::NightModel;
 use crate::tui::panes::picture;
 use crate::tui::preview::box_average;
 use crate::tui::terminal::terminal_caps::{Colors, Graphics, TerminalCaps};
 use crate::tui::view::View;
+use lumbre_light::film::Image;
 
 /// Draws the inside of a picture pane of `columns` x `rows` from `image`.
 fn drawn(

@@ -9,7 +9,6 @@ use super::night::{self, NightBuilder, in_the_middle};
 use crate::experiment::event::Level;
 use crate::experiment::shards::Shard;
 use crate::experiment::{CellRef, Event, Outcome};
-use crate::render::OpenStats;
 use crate::tui::model::entry::EntryState;
 use crate::tui::model::night::NightModel;
 use crate::tui::model::strategy_thumbnails::StrategyThumbnail;
@@ -17,6 +16,7 @@ use crate::tui::model::worker_list::WorkerLine;
 use crate::tui::panes;
 use crate::tui::terminal::terminal_caps::{Colors, TerminalCaps};
 use crate::tui::view::{ChartX, Focus, Notice, PendingRequests, PictureMode, Prompt, View};
+use lumbre_render::OpenStats;
 
 pub const RICH: TerminalCaps = TerminalCaps {
     colors: Colors::True,

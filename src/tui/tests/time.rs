@@ -8,10 +8,10 @@ use std::sync::Arc;
 use super::night::in_the_middle;
 use super::screens::{RICH, screen};
 use crate::experiment::{CellRef, Event};
-use crate::film::time::{TimeAxis, TimeCube};
 use crate::tui::model::night::NightModel;
 use crate::tui::model::time_preview::TimePreview;
 use crate::tui::view::{Focus, PictureMode, View};
+use lumbre_light::film::time::{TimeAxis, TimeCube};
 
 /// A light front that moves from left to right through 20 of 24 bins, one column per bin.
 fn front() -> Arc<TimeCube> {

@@ -21,13 +21,13 @@
 
 use std::sync::Arc;
 
-use lumbre::film::layer::LayerLayout;
-use lumbre::render::Job;
-use lumbre::render::vulkan::memory::upload::{JobBuffers, SceneBuffers};
-use lumbre::render::vulkan::pipelines::spirv::Sources;
-use lumbre::render::vulkan::pipelines::test_kernel;
-use lumbre::render::vulkan::pipelines::test_kernel::KernelStage;
-use lumbre::scene::CompiledScene;
+use lumbre_light::film::layer::LayerLayout;
+use lumbre_light::scene::CompiledScene;
+use lumbre_render::Job;
+use lumbre_vulkan::memory::upload::{JobBuffers, SceneBuffers};
+use lumbre_vulkan::pipelines::spirv::Sources;
+use lumbre_vulkan::pipelines::test_kernel;
+use lumbre_vulkan::pipelines::test_kernel::KernelStage;
 
 use super::harness;
 use super::twins::TWINS;

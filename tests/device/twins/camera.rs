@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use lumbre::render::Job;
-use lumbre::scene::CompiledScene;
-use lumbre::transport::camera::{Camera, CameraConnection, FilterKind, FilterSpec};
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::transport::camera::{Camera, CameraConnection, FilterKind, FilterSpec};
+use lumbre_render::Job;
 
 use super::{CLOSE, RandomInputs, SAME};
 use crate::common::{SceneBuilder, grey, job};

@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use lumbre::render::Job;
-use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{MaskMode, Material, Texture, Uv};
-use lumbre::scene::desc::{ConeDesc, ConeEdge};
-use lumbre::transport::light::{LightId, LightPoint, Lights};
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::{MaskMode, Material, Texture, Uv};
+use lumbre_light::scene::desc::{ConeDesc, ConeEdge};
+use lumbre_light::transport::light::{LightId, LightPoint, Lights};
+use lumbre_render::Job;
 
 use super::{RandomInputs, SAME};
 use crate::common::{SceneBuilder, WHITE, grey, job, light};

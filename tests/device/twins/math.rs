@@ -1,14 +1,14 @@
-//! Twins of `src/math`, of the small functions of `src/transport`, and of the samplers.
+//! Twins of `crates/lumbre-light/src/math`, of the small functions of `crates/lumbre-light/src/transport`, and of the samplers.
 
 use glam::Vec3;
-use lumbre::math::rng::{pcg4d, unit};
-use lumbre::math::{Frame, distribution::AliasTable, warp};
-use lumbre::scene::CompiledScene;
-use lumbre::transport::light::Lights;
-use lumbre::transport::mis::Heuristic;
-use lumbre::transport::ray::offset_origin;
-use lumbre::transport::sampler::{INDEPENDENT, SOBOL};
-use lumbre::transport::vertex::area_factor;
+use lumbre_light::math::rng::{pcg4d, unit};
+use lumbre_light::math::{Frame, distribution::AliasTable, warp};
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::transport::light::Lights;
+use lumbre_light::transport::mis::Heuristic;
+use lumbre_light::transport::ray::offset_origin;
+use lumbre_light::transport::sampler::{INDEPENDENT, SOBOL};
+use lumbre_light::transport::vertex::area_factor;
 
 use super::{CLOSE, RandomInputs, SAME};
 use crate::device::parity::{Near, Twin};

@@ -7,11 +7,11 @@
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use lumbre::math::rng::{pcg4d, unit};
-use lumbre::math::warp::uniform_sphere;
-use lumbre::render::Job;
-use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::Texture;
+use lumbre_light::math::rng::{pcg4d, unit};
+use lumbre_light::math::warp::uniform_sphere;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::Texture;
+use lumbre_render::Job;
 
 use super::parity::{Near, Twin};
 use crate::common::{SceneBuilder, WHITE, grey, job, light};

@@ -3,14 +3,14 @@
 use std::sync::Arc;
 
 use glam::{Affine2, Mat2, Vec2, Vec3, Vec4};
-use lumbre::render::Job;
-use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::{
     Distribution, Interface, Lookup, MaskMode, Material, Model, NONE, Texture, UvMap, Wrap,
 };
-use lumbre::transport::bsdf::{Bsdf, TransportMode};
-use lumbre::transport::ray::{Hit, Ray};
-use lumbre::transport::surface::{Surface, coverage, is_masked_out};
+use lumbre_light::transport::bsdf::{Bsdf, TransportMode};
+use lumbre_light::transport::ray::{Hit, Ray};
+use lumbre_light::transport::surface::{Surface, coverage, is_masked_out};
+use lumbre_render::Job;
 
 use super::{CLOSE, RandomInputs, SAME};
 use crate::common::{SceneBuilder, WHITE, job};

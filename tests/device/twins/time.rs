@@ -3,13 +3,13 @@
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use lumbre::film::time::TimeFilter;
-use lumbre::render::Job;
-use lumbre::scene::CompiledScene;
-use lumbre::scene::compile::{DelayParam, Texture, Uv, UvMap};
-use lumbre::transport::delay;
-use lumbre::transport::light::Lights;
-use lumbre::transport::path_time::Timing;
+use lumbre_light::film::time::TimeFilter;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::{DelayParam, Texture, Uv, UvMap};
+use lumbre_light::transport::delay;
+use lumbre_light::transport::light::Lights;
+use lumbre_light::transport::path_time::Timing;
+use lumbre_render::Job;
 
 use super::{CLOSE, RandomInputs, SAME};
 use crate::device::harness::{add_delays, timing};

@@ -20,12 +20,12 @@ use crate::experiment::noise_floor::{NoiseFloors, net_columns};
 use crate::experiment::shards::Shard;
 use crate::experiment::spec::Snapshots;
 use crate::experiment::{CellRef, Event, NightControls, Outcome, Plan, Sink, SinkError, WaveRow};
-use crate::film::layer::LayerImage;
-use crate::film::time::TimeCube;
-use crate::film::{Film, Image};
 use crate::output::{exr, png};
-use crate::render::OpenStats;
 use crate::store::{RunWriter, Store, StoreError};
+use lumbre_light::film::layer::LayerImage;
+use lumbre_light::film::time::TimeCube;
+use lumbre_light::film::{Film, Image};
+use lumbre_render::OpenStats;
 use records::{
     RunFacts, forecast_fields, night_fields, outcome_fields, shard_fields, with_net_values,
 };

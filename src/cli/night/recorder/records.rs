@@ -10,9 +10,9 @@ use crate::experiment::noise_floor::{NoiseFloors, net_columns, net_values};
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::shards::Shard;
 use crate::experiment::{CellRef, Outcome, Plan, WaveRow};
-use crate::render::OpenStats;
-use crate::scene::desc::content_hash;
 use crate::store::{Host, utc};
+use lumbre_light::scene::desc::content_hash;
+use lumbre_render::OpenStats;
 
 /// Name and version of the program, as written to files.
 pub(super) const PROGRAM: &str = concat!("lumbre ", env!("CARGO_PKG_VERSION"));

@@ -10,11 +10,11 @@ use crate::cli::night::disk_full_retry::{retry_while_disk_full, sleep_before_ret
 use crate::experiment::bias_check::{BiasCheckResult, MAP_TOP};
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::{CellRef, SinkError};
-use crate::film::Film;
-use crate::film::layer::LayerImage;
-use crate::film::time::TimeCube;
 use crate::output::{exr, layer, plot, png, time};
 use crate::store::{FILMS, HALVES, NOISE, RunWriter};
+use lumbre_light::film::Film;
+use lumbre_light::film::layer::LayerImage;
+use lumbre_light::film::time::TimeCube;
 
 impl Recorder<'_> {
     /// Writes the final picture of a run, its layers and the files of its time axis. Returns the

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::experiment::spec::TableValue;
-use crate::value::Value;
+use lumbre_light::value::Value;
 
 /// Specification of a figure over an axis of the sweep.
 fn over(axis: &str, y: &[TableValue], by: Option<&str>, facet: &[&str]) -> FigureSpec {

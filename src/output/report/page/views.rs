@@ -5,7 +5,6 @@ use exr::prelude::f16;
 use serde_json::{Value as Json, json};
 
 use super::brief;
-use crate::film::Image;
 use crate::metrics::MetricSpec;
 use crate::metrics::tonemap::Tonemap;
 use crate::output::plot::svg::base64;
@@ -14,6 +13,7 @@ use crate::output::report::crops::flip_metric;
 use crate::output::report::snapshots;
 use crate::output::report::snapshots::{FacetReferences, Moment, Snapshot};
 use crate::output::report::study::Study;
+use lumbre_light::film::Image;
 
 /// Maximum size of the half floats of all pictures together, in bytes.
 const MOST_BYTES: usize = 48 << 20;

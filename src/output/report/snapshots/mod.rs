@@ -6,8 +6,8 @@ use super::Pictures;
 use super::metric_display::MetricDisplay;
 use super::study::{Member, Study};
 use crate::experiment::WaveRow;
-use crate::film::Image;
 use crate::metrics::tonemap::Tonemap;
+use lumbre_light::film::Image;
 
 /// Stored picture of a run with its measurements.
 #[derive(Debug)]

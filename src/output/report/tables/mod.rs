@@ -12,9 +12,9 @@ use super::ReportError;
 use super::grid::{Digits, Grid, GridCell};
 use super::item::{Provenance, ReportItem};
 use super::study::{Member, ReportOptions, Study};
-use crate::math::t_test::mean_and_interval;
 use crate::output::quantity::RunValue;
 pub(super) use errors::{common_error, common_time};
+use lumbre_light::math::t_test::mean_and_interval;
 use ranking::{Ranking, significant_best};
 
 /// Explanation of bold and ± at the end of captions. The HTML page shows it once.

@@ -4,10 +4,10 @@
 //! metrics with a logarithmic axis and for times and rates. All tests must be significant at 5 %
 //! with Holm's correction.
 
-use crate::math::t_test::welch_p;
 use crate::output::plot::axis::Scale;
 use crate::output::quantity::RunValue;
 use crate::output::report::metric_display::MetricDisplay;
+use lumbre_light::math::t_test::welch_p;
 
 /// Significance level of bold values.
 const ALPHA: f64 = 0.05;

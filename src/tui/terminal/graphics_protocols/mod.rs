@@ -19,9 +19,9 @@ use ratatui::layout::Rect;
 use ratatui::widgets::Widget;
 
 use super::terminal_caps::Graphics;
-use crate::film::Image;
 use crate::tui::preview::PreviewContent;
 use crate::tui::view::PictureMode;
+use lumbre_light::film::Image;
 
 /// Number of cached pictures: the two that flicker.
 const CAPACITY: usize = 2;

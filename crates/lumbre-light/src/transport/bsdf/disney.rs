@@ -1,0 +1,529 @@
+//! The adapted Disney BSDF: a dielectric that is opaque or refractive, a metal, and a clear coat.
+//!
+//! All computations place `wo` on the upper side: opaque lobes are the same on both sides of a
+//! surface, and the refractive one sees the inverse index from inside.
+//!
+//! With [vector types](crate::math::real), all lanes hold surfaces with the same lobes: which
+//! parameters are zero, whether microfacets are Dirac lobes, and whether there is a tint is the
+//! same in every lane. Branches on parameters are therefore uniform.
+
+mod sampling;
+
+use glam::Vec3;
+
+use super::clearcoat::Clearcoat;
+use super::diffuse::Diffuse;
+use super::fresnel;
+use super::ggx::{Ggx, HalfVector};
+use super::glass::Refraction;
+use super::{MixtureSample, TransportMode};
+use crate::math::real::{Mask, Real, Vector};
+use crate::math::warp;
+use crate::scene::compile::Material;
+
+/// A refractive interface bends rays by about `|ior - 1| alpha`. Below this many radians the half
+/// vector of a refraction has no significant digits in single precision, and the interface is
+/// treated as smooth: it looks smooth, and its reflection is too weak to be seen.
+const MIN_BEND: f32 = 1e-4;
+
+/// Minimum sampling probability of a rough lobe relative to its weight: its reflectance at normals
+/// that do not face the viewer can exceed the estimate from the macroscopic cosine.
+const MIN_ROUGH: f32 = 0.02;
+
+/// The parameters of the Disney BSDF at a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Disney<V: Vector = Vec3> {
+    /// Base colour of all lobes.
+    pub base_color: V,
+    /// (1 - metallic) opacity: weight of the diffuse lobe and of the specular reflection over it.
+    pub opaque: V::Scalar,
+    /// Weight of the metal.
+    pub metallic: V::Scalar,
+    /// (1 - metallic) (1 - opacity): weight of the refractive dielectric.
+    pub refractive: V::Scalar,
+    /// Index of the inside relative to the outside.
+    pub ior: V::Scalar,
+    /// Tinted reflectance of the opaque dielectric at normal incidence; `None` if untinted.
+    pub tinted_f0: Option<V>,
+    /// The diffuse lobe.
+    pub diffuse: Diffuse<V>,
+    /// The microfacets of all lobes except the coat.
+    pub ggx: Ggx<V::Scalar>,
+    /// Whether these microfacets are Dirac lobes.
+    pub smooth: bool,
+    /// The clear coat.
+    pub coat: Clearcoat<V::Scalar>,
+    /// Derived from all other parameters by [`Disney::with_estimate`].
+    pub estimate: LobeEstimate<V::Scalar>,
+}
+
+/// Sampling probabilities of the lobes; all zero if nothing is reflected.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct LobeProbabilities<R = f32> {
+    diffuse: R,
+    reflection: R,
+    glass: R,
+    coat: R,
+}
+
+/// Quantities of the BSDF that depend on `wo` alone, computed once for all directions that are
+/// combined with it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct DisneyOutgoing<V: Vector = Vec3> {
+    /// The direction `wo` in the local frame, mirrored to the upper side.
+    o: V,
+    /// Whether `wo` was mirrored.
+    below: <V::Scalar as Real>::Mask,
+    /// Index of the lower side relative to the upper one, as seen from `o`.
+    eta: V::Scalar,
+    choice: LobeProbabilities<V::Scalar>,
+    /// Masking of `o` over its cosine.
+    masking: V::Scalar,
+}
+
+/// The geometry of two directions on the upper side that reflection between them depends on.
+struct DirectionPair<R> {
+    /// Cosines of `o` and `i` with the normal.
+    cos: [R; 2],
+    /// Masking of `i` over its cosine.
+    masking: R,
+    /// Cosine between the half vector and either direction.
+    cos_d: R,
+    half: HalfVector<R>,
+}
+
+/// Estimated reflectance of the lobes: the part of [`LobeProbabilities`] that is the same for a
+/// whole surface. All lobes are estimated by Schlick's formula, which is accurate enough to choose
+/// by and needs no square roots.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LobeEstimate<R = f32> {
+    /// Estimate for the diffuse lobe.
+    pub diffuse: R,
+    /// Estimate for the reflection at normal incidence.
+    pub reflection: R,
+    /// Increase of the reflection towards grazing angles.
+    pub rise: R,
+}
+
+/// Returns the reflectance at normal incidence of an index.
+#[inline(always)]
+pub fn f0_of<R: Real>(ior: R) -> R {
+    let one = R::splat(1.0);
+    let r = (ior - one) / (ior + one);
+    r * r
+}
+
+impl<R: Real> LobeProbabilities<R> {
+    /// Returns probabilities of zero: nothing is reflected.
+    #[inline(always)]
+    fn none() -> LobeProbabilities<R> {
+        let zero = R::splat(0.0);
+        LobeProbabilities {
+            diffuse: zero,
+            reflection: zero,
+            glass: zero,
+            coat: zero,
+        }
+    }
+}
+
+impl Disney<Vec3> {
+    /// Builds the BSDF at a point whose textures give this base colour and roughness, with the
+    /// weights of the opaque dielectric, the metal and the refractive dielectric.
+    #[inline(always)]
+    pub fn new(
+        m: &Material,
+        base_color: Vec3,
+        roughness: f32,
+        [opaque, metallic, refractive]: [f32; 3],
+    ) -> Disney {
+        let hue = |amount: f32| {
+            if amount > 0.0 {
+                Vec3::ONE.lerp(hue_of(base_color), amount)
+            } else {
+                Vec3::ONE
+            }
+        };
+        let tinted_f0 =
+            (m.specular_tint > 0.0).then(|| (hue(m.specular_tint) * f0_of(m.ior)).min(Vec3::ONE));
+        let disney = Disney {
+            base_color,
+            opaque,
+            metallic,
+            refractive,
+            ior: m.ior,
+            tinted_f0,
+            diffuse: Diffuse {
+                base_color,
+                roughness,
+                subsurface: m.subsurface,
+                sheen: if m.sheen > 0.0 {
+                    hue(m.sheen_tint) * m.sheen
+                } else {
+                    Vec3::ZERO
+                },
+            },
+            ggx: Ggx::new(roughness, m.anisotropic),
+            smooth: roughness < m.smooth_below,
+            coat: Clearcoat::new(m.clearcoat, m.clearcoat_gloss),
+            estimate: LobeEstimate::default(),
+        };
+        disney.with_estimate()
+    }
+
+    /// Returns the BSDF with [`Disney::estimate`] computed from the other parameters.
+    #[inline]
+    pub fn with_estimate(self) -> Disney {
+        let mean = |c: Vec3| c.element_sum() * (1.0 / 3.0);
+        let (f0, color) = (f0_of(self.ior), mean(self.base_color));
+        let rough = if self.smooth {
+            0.0
+        } else {
+            MIN_ROUGH * (self.opaque + self.metallic)
+        };
+        let estimate = LobeEstimate {
+            diffuse: self.opaque * (color + 0.25 * mean(self.diffuse.sheen)),
+            reflection: self.opaque * f0 + self.metallic * color + rough,
+            rise: self.opaque * (1.0 - f0) + self.metallic * (1.0 - color),
+        };
+        Disney { estimate, ..self }
+    }
+}
+
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
+    /// Returns the reflectance of the opaque dielectric: the exact Fresnel equations from outside,
+    /// tinted at normal incidence and blending to white as the exact reflectance does (the
+    /// adaptation of S0).
+    #[inline(always)]
+    fn dielectric_reflectance(&self, cos: R) -> V {
+        let exact = fresnel::dielectric(cos.abs(), self.ior).reflectance;
+        match self.tinted_f0 {
+            None => V::splat(exact),
+            Some(tinted) => {
+                let f0 = f0_of(self.ior);
+                // The reflectance of a high index dips below its value at normal incidence before
+                // it rises.
+                let blend = (exact - f0) / (R::splat(1.0) - f0);
+                (tinted + (V::splat(R::splat(1.0)) - tinted) * blend).map(|x| x.max(R::splat(0.0)))
+            }
+        }
+    }
+
+    /// Returns the weighted sum of the reflectances of the opaque dielectric and the metal.
+    #[inline(always)]
+    fn opaque_reflectance(&self, cos: R) -> V {
+        let mut f = V::splat(R::splat(0.0));
+        if self.has(self.opaque) {
+            f = f + self.dielectric_reflectance(cos) * self.opaque;
+        }
+        if self.has(self.metallic) {
+            f = f + fresnel::schlick(self.base_color, cos) * self.metallic;
+        }
+        f
+    }
+
+    /// Returns whether a lobe of this weight is present.
+    #[inline(always)]
+    fn has(&self, weight: R) -> bool {
+        weight.gt(R::splat(0.0)).any()
+    }
+
+    /// Returns whether the refractive lobe is a Dirac lobe.
+    #[inline(always)]
+    pub fn smooth_glass(&self) -> bool {
+        self.smooth
+            || ((self.ior - R::splat(1.0)).abs() * self.ggx.alpha[1])
+                .lt(R::splat(MIN_BEND))
+                .any()
+    }
+
+    /// Returns whether any lobe has a density.
+    #[inline(always)]
+    pub fn has_density(&self) -> bool {
+        self.has(self.opaque)
+            || (self.has(self.metallic) && !self.smooth)
+            || (self.has(self.refractive) && !self.smooth_glass())
+            || self.has(self.coat.strength)
+    }
+
+    /// Returns sampling probabilities in proportion to the estimated reflectance of each lobe.
+    #[inline(always)]
+    fn lobe_probabilities(&self, cos_o: R) -> LobeProbabilities<R> {
+        let zero = R::splat(0.0);
+        let LobeEstimate {
+            diffuse,
+            reflection,
+            rise,
+        } = self.estimate;
+        let reflection = reflection + rise * fresnel::schlick_weight(cos_o);
+        let coat = if self.has(self.coat.strength) {
+            self.coat.reflectance(cos_o)
+        } else {
+            zero
+        };
+        let total = diffuse + reflection + self.refractive + coat;
+        let none = total.le(zero);
+        if !(!none).any() {
+            return LobeProbabilities::none();
+        }
+        let scale = R::select(none, zero, R::splat(1.0) / total);
+        LobeProbabilities {
+            diffuse: diffuse * scale,
+            reflection: reflection * scale,
+            glass: self.refractive * scale,
+            coat: coat * scale,
+        }
+    }
+
+    /// Computes everything that depends on `wo` alone.
+    #[inline(always)]
+    pub fn outgoing(&self, wo: V) -> DisneyOutgoing<V> {
+        let below = wo.z().lt(R::splat(0.0));
+        let o = V::new(wo.x(), wo.y(), R::select(below, -wo.z(), wo.z()));
+        DisneyOutgoing {
+            o,
+            below,
+            eta: if below.any() {
+                R::select(below, R::splat(1.0) / self.ior, self.ior)
+            } else {
+                self.ior
+            },
+            choice: self.lobe_probabilities(o.z()),
+            masking: if self.smooth {
+                R::splat(0.0)
+            } else {
+                self.ggx.masking_over_cos(o)
+            },
+        }
+    }
+
+    /// Evaluates the BSDF for `wo` and `wi` in the local frame.
+    #[inline(always)]
+    pub fn eval(&self, wo: V, wi: V, mode: TransportMode) -> V {
+        self.evaluate::<false>(&self.outgoing(wo), wi, mode).0
+    }
+
+    /// Returns the density of [`Disney::sample`].
+    #[inline(always)]
+    pub fn pdf_w(&self, wo: V, wi: V) -> R {
+        self.evaluate::<false>(&self.outgoing(wo), wi, TransportMode::Radiance)
+            .1[0]
+    }
+
+    /// Returns [`Disney::eval`] and [`Disney::pdf_w`] and, with `REVERSE`, the density with the
+    /// directions exchanged, else zero. Costs little more than one of them.
+    #[inline(always)]
+    pub fn evaluate<const REVERSE: bool>(
+        &self,
+        out: &DisneyOutgoing<V>,
+        wi: V,
+        mode: TransportMode,
+    ) -> (V, [R; 2]) {
+        let zero = R::splat(0.0);
+        let i = V::new(wi.x(), wi.y(), R::select(out.below, -wi.z(), wi.z()));
+        let upper = out.o.z().gt(zero);
+        let (up, down) = (upper & i.z().gt(zero), upper & i.z().lt(zero));
+        let (mut f, mut pdf) = (V::splat(zero), [zero; 2]);
+        if up.any() {
+            let (value, pdfs) =
+                self.reflected::<REVERSE>(out, &DirectionPair::new(&self.ggx, out.o, i));
+            f = V::select(up, value, f);
+            pdf = [R::select(up, pdfs[0], zero), R::select(up, pdfs[1], zero)];
+        }
+        if down.any() && self.has(self.refractive) {
+            let (value, pdf_w) = self.transmitted(out, i, mode);
+            let back = if REVERSE {
+                self.pdf_w(wi, out.wo())
+            } else {
+                zero
+            };
+            f = V::select(down, value, f);
+            pdf = [
+                R::select(down, pdf_w, pdf[0]),
+                R::select(down, back, pdf[1]),
+            ];
+        }
+        (f, pdf)
+    }
+
+    /// Returns [`Disney::evaluate`] for two directions on the same side of an isotropic surface,
+    /// computed from the directions in world space and their cosines with the normal `n`, without a
+    /// local frame.
+    #[inline(always)]
+    pub fn evaluate_isotropic<const REVERSE: bool>(
+        &self,
+        out: &DisneyOutgoing<V>,
+        wo: V,
+        wi: V,
+        n: V,
+        cos_i: R,
+    ) -> (V, [R; 2]) {
+        let sum = wo + wi;
+        let cos = [out.o.z(), cos_i.abs()];
+        let along = cos[0] + cos[1];
+        let across = sum - n * along.copysign(cos_i);
+        let alpha2 = self.ggx.alpha[0] * self.ggx.alpha[0];
+        let across2 = across.length_squared();
+        let (half, cos_d) =
+            HalfVector::from_sum(along, across2, across2 * alpha2, sum.length_squared());
+        let masking = self.ggx.masking_at(
+            cos[1],
+            alpha2 * (R::splat(1.0) - cos[1] * cos[1]).max(R::splat(0.0)),
+        );
+        self.reflected::<REVERSE>(
+            out,
+            &DirectionPair {
+                cos,
+                masking,
+                cos_d,
+                half,
+            },
+        )
+    }
+
+    /// Returns whether the microfacets are isotropic.
+    #[inline(always)]
+    pub fn is_isotropic(&self) -> bool {
+        !(!self.ggx.alpha[0].eq(self.ggx.alpha[1])).any()
+    }
+
+    /// Returns value and densities of reflection: of `i` given `o` and, with `REVERSE`, of `o`
+    /// given `i`.
+    #[inline(always)]
+    fn reflected<const REVERSE: bool>(
+        &self,
+        out: &DisneyOutgoing<V>,
+        pair: &DirectionPair<R>,
+    ) -> (V, [R; 2]) {
+        let [cos_o, cos_i] = pair.cos;
+        let zero = R::splat(0.0);
+        let from_o = &out.choice;
+        let from_i = if REVERSE {
+            self.lobe_probabilities(cos_i)
+        } else {
+            LobeProbabilities::none()
+        };
+        let mut f = V::splat(zero);
+        let mut pdf = [zero; 2];
+        if self.has(self.opaque) {
+            f = self.diffuse.eval_at(cos_o, cos_i, pair.cos_d) * self.opaque;
+            let (to_i, to_o) = (
+                warp::cosine_hemisphere_pdf_w(cos_i),
+                warp::cosine_hemisphere_pdf_w(cos_o),
+            );
+            pdf = [from_o.diffuse * to_i, from_i.diffuse * to_o];
+        }
+        if !self.smooth {
+            let d = R::splat(0.25) * self.ggx.d_at(&pair.half);
+            let masking = [out.masking * d, pair.masking * d];
+            let mut reflectance = self.opaque_reflectance(pair.cos_d);
+            let mut r = zero;
+            if self.has(self.refractive) && !self.smooth_glass() {
+                r = fresnel::dielectric(pair.cos_d, out.eta).reflectance;
+                reflectance = reflectance + V::splat(self.refractive * r);
+            }
+            f = f + reflectance * (masking[0] * pair.masking);
+            pdf[0] = pdf[0] + (from_o.reflection + from_o.glass * r) * masking[0];
+            pdf[1] = pdf[1] + (from_i.reflection + from_i.glass * r) * masking[1];
+        }
+        if self.has(self.coat.strength) {
+            let density = self.coat.pdf_w(&pair.half, pair.cos_d);
+            f = f * self.coat.transmittance(cos_o, cos_i)
+                + V::splat(self.coat.eval(cos_o, cos_i, &pair.half, pair.cos_d));
+            pdf[0] = pdf[0] + from_o.coat * density;
+            pdf[1] = pdf[1] + from_i.coat * density;
+        }
+        (f, if REVERSE { pdf } else { [pdf[0], zero] })
+    }
+
+    /// Returns value and density of rough refraction into `i` on the lower side.
+    #[inline(always)]
+    fn transmitted(&self, out: &DisneyOutgoing<V>, i: V, mode: TransportMode) -> (V, R) {
+        let zero = R::splat(0.0);
+        if !self.has(self.refractive) || self.smooth_glass() {
+            return (V::splat(zero), zero);
+        }
+        let (o, eta) = (out.o, out.eta);
+        let (bent, refraction) = Refraction::between(o, i, eta);
+        if !bent.any() {
+            return (V::splat(zero), zero);
+        }
+        let common = refraction
+            .direction_density(refraction.transmittance * out.masking * self.ggx.d(refraction.h));
+        let masking = self.ggx.masking_over_cos(flipped(i));
+        let scale = refraction.scale(mode);
+        let f = self.tint()
+            * (self.refractive * common * masking * scale * self.coat.transmittance(o.z(), i.z()));
+        let pdf_w = out.choice.glass * common * eta * eta;
+        (
+            V::select(bent, f, V::splat(zero)),
+            R::select(bent, pdf_w, zero),
+        )
+    }
+
+    /// Returns the factor on light that passes once: entering and leaving together give the base
+    /// colour [Burley 2015, 5.3].
+    #[inline(always)]
+    fn tint(&self) -> V {
+        self.base_color.map(R::sqrt)
+    }
+}
+
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> DisneyOutgoing<V> {
+    /// Returns a placeholder for surfaces of another model.
+    #[inline(always)]
+    pub fn none() -> DisneyOutgoing<V> {
+        let zero = R::splat(0.0);
+        DisneyOutgoing {
+            o: V::splat(zero),
+            below: R::Mask::splat(false),
+            eta: zero,
+            choice: LobeProbabilities::none(),
+            masking: zero,
+        }
+    }
+
+    /// Returns `wo` in the local frame.
+    #[inline(always)]
+    fn wo(&self) -> V {
+        V::select(self.below, flipped(self.o), self.o)
+    }
+
+    /// Mirrors a direction sampled for `o` back to the side of `wo`.
+    #[inline(always)]
+    fn onto_side_of_wo(&self, mut s: MixtureSample<V>) -> MixtureSample<V> {
+        s.sample.wi = V::select(self.below, flipped(s.sample.wi), s.sample.wi);
+        s
+    }
+}
+
+impl<R: Real> DirectionPair<R> {
+    /// Computes the geometry of two directions in the local frame.
+    #[inline(always)]
+    fn new(ggx: &Ggx<R>, o: R::Vec3, i: R::Vec3) -> DirectionPair<R> {
+        let sum = o + i;
+        let (half, cos_d) = ggx.half(sum);
+        DirectionPair {
+            cos: [o.z(), i.z()],
+            masking: ggx.masking_over_cos(i),
+            cos_d,
+            half,
+        }
+    }
+}
+
+#[inline(always)]
+fn flipped<V: Vector>(w: V) -> V {
+    V::new(w.x(), w.y(), -w.z())
+}
+
+/// Returns a colour of luminance 1 with the hue of `c`; white for black.
+#[inline]
+fn hue_of(c: Vec3) -> Vec3 {
+    let luminance = c.dot(Vec3::new(0.2126, 0.7152, 0.0722));
+    if luminance > 0.0 {
+        c / luminance
+    } else {
+        Vec3::ONE
+    }
+}

@@ -1,0 +1,334 @@
+//! MIS weights of strategies in constant time per connection.
+//!
+//! A path `x_0 .. x_k` from light to camera is found by the strategy of `s` light vertices with the
+//! density `p_s = product of l_i for i < s, times product of e_i for i >= s`: `l_i` is the density
+//! per area with which light subpaths generate `x_i`, `e_i` that of camera subpaths. So `p_(i) /
+//! p_(i+1) = e_i / l_i`, and the terms of all strategies with fewer light vertices than `s`, over
+//! that of `s`, are a polynomial in Horner's form along the light subpath. Only its last two
+//! factors depend on the connection; the rest is known when a vertex is generated and stored as
+//! [`MisPartials`]: the quantities `d_vcm` and `d_vc` of [Georgiev 2012]. The camera's side is the
+//! same with `l` and `e` exchanged.
+//!
+//! - A strategy can connect only two vertices with a density. A path whose event at a vertex was a
+//!   Dirac event has no strategy that connects there.
+//! - The density of the outcome of a Dirac event is `|cos| eta^2` of the outgoing side, relative to
+//!   the incoming one: both directions are then measured by the extent of the same beam, which
+//!   refraction preserves. The probability of choosing the event, such as the reflectance, is left
+//!   out: it is the same forwards and backwards for the existing BSDFs, and weights sum to one with
+//!   any function of the path here.
+//! - Light sampling from a surface (`s = 1`) may have another density than the start of light
+//!   paths; where the first two strategies meet, their ratio is part of [`MisPartials::d_vcm`]. For
+//!   a light seen directly, the only strategy that does not hit it (`s = 1`, `t = 1`) uses the
+//!   start of a light path.
+//! - An infinitely distant light has its direction as `x_0`, per solid angle, and its paths pass
+//!   through a disk perpendicular to that direction: `x_1` then has the disk's density times the
+//!   cosine there. A point light and a directional light have a probability in place of a density,
+//!   and no camera path generates them.
+//! - The camera's end is handled in the same way: `t = 1` connects the lens point, which every
+//!   strategy uses and whose density cancels.
+//! - Densities may be any functions of the path as long as all strategies use the same,
+//!   [`Camera::pdf_w`] for example.
+//!
+//! [`Camera::pdf_w`]: crate::transport::camera::Camera::pdf_w
+
+use glam::Vec3;
+
+use crate::math::real::{Double, Mask, Real, Vector};
+use crate::transport::bsdf::{BsdfValue, TransportMode};
+use crate::transport::integrator::Context;
+use crate::transport::light::{LightId, LightPoint};
+use crate::transport::mis::Heuristic;
+use crate::transport::vertex;
+
+/// Partial sums of the MIS terms of all strategies that split the path nearer to this side's end,
+/// relative to the term of the density with which this side generated this vertex: `dVCM` and `dVC`
+/// of [Georgiev 2012] with densities per area.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MisPartials<D = f64> {
+    /// Term of the strategy that connects the previous vertex with this one, over the term of
+    /// generating this one; without the other side's density of this vertex. Zero if it cannot
+    /// connect there.
+    pub d_vcm: D,
+    /// Sum of the terms of all strategies that split earlier; without the other side's densities of
+    /// this vertex and of the previous one.
+    pub d_vc: D,
+}
+
+/// The MIS partials of an edge whose end vertex is not known yet.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EdgePartials<D = f64> {
+    /// Numerator of [`MisPartials::d_vcm`].
+    pub d_vcm: D,
+    /// Numerator of [`MisPartials::d_vc`].
+    pub d_vc: D,
+}
+
+/// The quantities of a connected vertex that weights depend on; scalar or vectorised.
+#[derive(Clone, Copy, Debug)]
+pub struct MisEndpoint<R: Real = f32> {
+    /// Partial sums for strategies that split nearer to that side's end.
+    pub partials: MisPartials<R::Double>,
+    /// Factor from a density per solid angle here to the other side's density of the previous
+    /// vertex; zero if the other side cannot generate it.
+    pub back: R,
+}
+
+impl<D: Double> MisPartials<D> {
+    /// Divides the partials of an edge by the term of the density per area of its end vertex; the
+    /// mask is unset where rounding leaves no density.
+    #[inline(always)]
+    pub fn new(
+        h: Heuristic,
+        partials: EdgePartials<D>,
+        density: D,
+    ) -> (<D::Real as Real>::Mask, MisPartials<D>) {
+        let some = density.gt(D::splat(0.0)) & D::splat(f64::INFINITY).gt(density);
+        let scale = D::splat(1.0) / h.term(density);
+        (
+            some,
+            MisPartials {
+                d_vcm: partials.d_vcm * scale,
+                d_vc: partials.d_vc * scale,
+            },
+        )
+    }
+
+    /// Returns the sum of the terms of all strategies with fewer vertices on this side, over the
+    /// term of the one that connects here. The other side generates this vertex with density `here`
+    /// and the previous one with density `before`.
+    #[inline(always)]
+    pub fn others(&self, h: Heuristic, here: D, before: D) -> D {
+        self.others_at_end(h, here, here, before)
+    }
+
+    /// Returns the same sum where this vertex is the other side's end, whose density depends on the
+    /// strategy: `last` for the strategy that ends there, `here` for those that continue.
+    #[inline(always)]
+    pub fn others_at_end(&self, h: Heuristic, last: D, here: D, before: D) -> D {
+        self.d_vcm * h.term(last) + self.d_vc * h.term(here) * h.term(before)
+    }
+
+    /// Returns the partials of the next edge, after an event at this vertex that was a Dirac event
+    /// where `delta`; `before` is the other side's density of the previous vertex.
+    #[inline(always)]
+    pub fn next_edge(
+        &self,
+        h: Heuristic,
+        delta: <D::Real as Real>::Mask,
+        before: D,
+    ) -> EdgePartials<D> {
+        let (zero, one) = (D::splat(0.0), D::splat(1.0));
+        let d_vcm = D::select(delta, zero, self.d_vcm);
+        EdgePartials {
+            d_vcm: D::select(delta, zero, one),
+            d_vc: d_vcm + self.d_vc * h.term(before),
+        }
+    }
+}
+
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> MisEndpoint<R> {
+    /// Returns the other side's density of the previous vertex, where its BSDF samples that
+    /// direction with density `reverse_pdf_w`.
+    #[inline(always)]
+    pub fn density_before(&self, reverse_pdf_w: R) -> R::Double {
+        let some = self.back.gt(R::splat(0.0));
+        R::Double::select(
+            some,
+            reverse_pdf_w.double() * self.back.double(),
+            R::Double::splat(0.0),
+        )
+    }
+
+    /// Returns the sum of the terms of other strategies that split on this side, where the other
+    /// side generates this vertex with density `here`.
+    #[inline(always)]
+    fn others(&self, h: Heuristic, here: R::Double, at: &BsdfValue<V>) -> R::Double {
+        self.partials
+            .others(h, here, self.density_before(at.reverse_pdf_w))
+    }
+
+    /// Returns the density and the partials of the edge from `wo` into `wi` at a point with the
+    /// geometric normal `n`. The direction was sampled with density `pdf_w`, and `reverse_pdf_w`
+    /// for the way back; or, where `delta`, by a Dirac event that crossed the index ratio `eta`,
+    /// whose density is `|cos| eta^2` of the outgoing side relative to the incoming one.
+    #[inline(always)]
+    pub fn next_edge(
+        &self,
+        h: Heuristic,
+        mode: TransportMode,
+        [wo, wi, n]: [V; 3],
+        [pdf_w, reverse_pdf_w]: [R; 2],
+        (delta, eta): (R::Mask, R),
+    ) -> (R::Double, EdgePartials<R::Double>) {
+        let (mut density, mut before) = (pdf_w.double(), self.density_before(reverse_pdf_w));
+        if delta.any() {
+            let (out, back) = (wi.dot(n).abs(), wo.dot(n).abs());
+            let (out, back) = match mode {
+                TransportMode::Radiance => (out, back / (eta * eta)),
+                TransportMode::Importance => (out * eta * eta, back),
+            };
+            density = R::Double::select(delta, out.double(), density);
+            before = R::Double::select(delta, back.double() * self.back.double(), before);
+        }
+        (density, self.partials.next_edge(h, delta, before))
+    }
+}
+
+/// The densities at the light's end of a path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightEnd<R: Real = f32> {
+    /// Density of `x_0` as the start of a light path: per area; for the environment per solid
+    /// angle; for a point light or a directional light the probability of choosing it.
+    pub start: R::Double,
+    /// Density of `x_0` if light is sampled from `x_1`, in the same measure.
+    pub direct: R::Double,
+    /// Density per area with which a light path continues to `x_1`.
+    pub next: R::Double,
+    /// Factor from a density per solid angle at `x_1` to one of `x_0`, in the measure of `start`.
+    pub back: R,
+}
+
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> LightEnd<R> {
+    /// Computes the densities for points of emissive surfaces and the next vertices, each with its
+    /// normal, from the density of the start per area, of the direction to the next vertex, and of
+    /// the direction from there to the light as sampled by light sampling.
+    #[inline(always)]
+    pub fn on_surface(
+        [at, n]: [V; 2],
+        [next, n_next]: [V; 2],
+        [start_a, dir_w, direct_w]: [R; 3],
+    ) -> LightEnd<R> {
+        let back = vertex::area_factor(next, at, n);
+        let spread = vertex::area_factor(at, next, n_next);
+        LightEnd {
+            start: start_a.double(),
+            direct: direct_w.double() * back.double(),
+            next: dir_w.double() * spread.double(),
+            back,
+        }
+    }
+
+    /// Returns the partials of the first edge of a light path.
+    #[inline(always)]
+    pub fn edge_partials(&self, h: Heuristic) -> EdgePartials<R::Double> {
+        let one = R::Double::splat(1.0);
+        EdgePartials {
+            d_vcm: h.term(self.direct / self.start),
+            d_vc: one / h.term(self.start),
+        }
+    }
+}
+
+impl LightEnd {
+    /// Computes the densities for a light's point, the unit direction from it to the next vertex,
+    /// that vertex, and its normal. The normal is zero for a lens point; `next` and `direct` are
+    /// then unused.
+    #[inline]
+    pub fn new(
+        context: &Context,
+        point: &LightPoint,
+        dir: Vec3,
+        next: Vec3,
+        n_next: Vec3,
+    ) -> LightEnd {
+        let (lights, scene) = (context.lights, context.scene);
+        let e = lights.pdf_emission_at(scene, point, dir);
+        let [pdf_a, pdf_w] = [e.pdf_a, e.pdf_w].map(f64::from);
+        match point.light {
+            LightId::Emitter(i) => {
+                let direct_w = lights.pdf_direct_w(scene, next, i, point.position, point.normal);
+                LightEnd::on_surface(
+                    [point.position, point.normal],
+                    [next, n_next],
+                    [e.pdf_a, e.pdf_w, direct_w],
+                )
+            }
+            LightId::Point(_) => {
+                let spread = f64::from(vertex::area_factor(point.position, next, n_next));
+                LightEnd {
+                    start: pdf_a,
+                    direct: pdf_a,
+                    next: pdf_w * spread,
+                    back: 0.0,
+                }
+            }
+            LightId::Directional(_) | LightId::Environment => {
+                let choice = f64::from(lights.pdf_choice(point.light));
+                let start = choice * pdf_w;
+                let across = if choice > 0.0 { pdf_a / choice } else { 0.0 };
+                let back = if point.light == LightId::Environment {
+                    1.0
+                } else {
+                    0.0
+                };
+                LightEnd {
+                    start,
+                    direct: start,
+                    next: across * f64::from(dir.dot(n_next).abs()),
+                    back,
+                }
+            }
+        }
+    }
+}
+
+/// Returns the sum of the MIS terms of all other strategies over that of this one, as all functions
+/// below, for `s = 0` and a camera path of `t` vertices that hit its light. `partials` are the
+/// camera's at the light.
+#[inline]
+pub fn others_s0(h: Heuristic, partials: &MisPartials, end: &LightEnd, t: u32) -> f64 {
+    // If the camera sees the light directly, its point is the start of a light path; otherwise it
+    // is sampled from a surface.
+    let last = if t == 2 { end.start } else { end.direct };
+    partials.others_at_end(h, last, end.start, end.next)
+}
+
+/// Returns the sum for `s = 1`, `t >= 2`: light sampled from the end of the camera path, whose BSDF
+/// towards it is `at_z`.
+#[inline(always)]
+pub fn others_s1<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(
+    h: Heuristic,
+    z: &MisEndpoint<R>,
+    end: &LightEnd<R>,
+    at_z: &BsdfValue<V>,
+) -> R::Double {
+    // Strategy s = 0: hitting the light instead of sampling it.
+    let hit = h.term(at_z.pdf_w.double() * end.back.double() / end.direct);
+    let hit = R::Double::select(end.back.gt(R::splat(0.0)), hit, R::Double::splat(0.0));
+    // Strategies s >= 2: continuing from the light instead of ending at it.
+    hit + h.term(end.start / end.direct) * z.others(h, end.next, at_z)
+}
+
+/// Returns the sum for `s >= 2`, `t >= 2`: the ends of two subpaths, whose BSDFs towards each other
+/// are `at_y` and `at_z`; the factors convert densities per solid angle to those per area at y and
+/// at z.
+#[inline(always)]
+pub fn others_interior<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(
+    h: Heuristic,
+    [y, z]: [&MisEndpoint<R>; 2],
+    [at_y, at_z]: [&BsdfValue<V>; 2],
+    [to_y, to_z]: [R; 2],
+) -> R::Double {
+    let density_y = at_z.pdf_w.double() * to_y.double();
+    let density_z = at_y.pdf_w.double() * to_z.double();
+    y.others(h, density_y, at_y) + z.others(h, density_z, at_z)
+}
+
+/// Returns the sum for `s >= 2`, `t = 1`: the end of a light path connected to a lens point,
+/// towards which its BSDF is `at_y`. `pdf_w` is the density of the camera ray, and `spread`
+/// converts it to one per area.
+#[inline(always)]
+pub fn others_t1<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(
+    h: Heuristic,
+    y: &MisEndpoint<R>,
+    at_y: &BsdfValue<V>,
+    [pdf_w, spread]: [R; 2],
+) -> R::Double {
+    y.others(h, pdf_w.double() * spread.double(), at_y)
+}
+
+/// Returns the sum for `s = 1`, `t = 1`: a light's point connected to a lens point.
+#[inline(always)]
+pub fn others_s1_t1<R: Real>(h: Heuristic, end: &LightEnd<R>, pdf_w: R) -> R::Double {
+    h.term(pdf_w.double() * end.back.double() / end.start)
+}

@@ -1,0 +1,207 @@
+//! Light from outside the scene: a constant colour, or an equirectangular map that is sampled by
+//! its brightness.
+//!
+//! Radiance is interpolated between the centres of four texels, across the seam and up to the
+//! poles. Directions are sampled from cells of one texel each, in proportion to the cell's mean
+//! luminance of that same interpolation times its solid angle, and uniformly per solid angle inside
+//! the cell. So every direction with radiance has a density, no density has the singularity of 1 /
+//! sin theta at a pole, and none exceeds that of 16 times its luminance.
+
+use std::f32::consts::{PI, TAU};
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use super::luminance;
+use crate::math::distribution::Grid;
+use crate::math::warp;
+use crate::scene::compile::{Environment, Texture};
+
+/// The environment of a scene, prepared for evaluation and sampling.
+#[derive(Clone, Debug)]
+pub struct EnvironmentLight {
+    /// Constant radiance, or factor on the map.
+    pub radiance: Vec3,
+    pub map: Option<EnvironmentMap>,
+    /// Luminance integrated over all directions.
+    power: f64,
+}
+
+/// An equirectangular map with its sampling distribution.
+#[derive(Clone, Debug)]
+pub struct EnvironmentMap {
+    pub texture: Arc<Texture>,
+    pub grid: Grid,
+    /// Cosine of the polar angle at the upper edge of every row, and at the lower edge of the last
+    /// one.
+    pub row_cos: Vec<f64>,
+    /// Sine and cosine of the rotation about the vertical axis.
+    pub turn: [f32; 2],
+}
+
+impl EnvironmentLight {
+    /// Prepares an environment; `None` if it is black.
+    pub fn new(environment: &Environment) -> Option<EnvironmentLight> {
+        let radiance = environment.radiance;
+        let Some(texture) = &environment.map else {
+            let power = 4.0 * std::f64::consts::PI * luminance(radiance);
+            return (power > 0.0).then_some(EnvironmentLight {
+                radiance,
+                map: None,
+                power,
+            });
+        };
+        let (width, height) = (texture.width as usize, texture.height as usize);
+        let row_cos: Vec<f64> = (0..=height)
+            .map(|y| (std::f64::consts::PI * y as f64 / height as f64).cos())
+            .collect();
+        let mut weights = cell_means(texture, radiance);
+        let mut power = 0.0;
+        for (row, edges) in weights.chunks_exact_mut(width).zip(row_cos.windows(2)) {
+            let solid_angle = std::f64::consts::TAU * (edges[0] - edges[1]) / width as f64;
+            for w in row {
+                *w *= solid_angle;
+                power += *w;
+            }
+        }
+        let grid = Grid::new(width, &weights)?;
+        let (sin, cos) = environment.rotation_rad.sin_cos();
+        let map = EnvironmentMap {
+            texture: Arc::clone(texture),
+            grid,
+            row_cos,
+            turn: [sin, cos],
+        };
+        Some(EnvironmentLight {
+            radiance,
+            map: Some(map),
+            power,
+        })
+    }
+
+    /// Returns the luminance integrated over all directions.
+    pub fn power(&self) -> f64 {
+        self.power
+    }
+
+    /// Returns the radiance that arrives from the unit direction `dir`.
+    #[inline]
+    pub fn radiance(&self, dir: Vec3) -> Vec3 {
+        match &self.map {
+            None => self.radiance,
+            Some(map) => self.radiance * map.bilinear(map.coordinates(dir)),
+        }
+    }
+
+    /// Samples a direction towards the environment, with its density per solid angle.
+    #[inline]
+    pub fn sample(&self, u: [f32; 2]) -> (Vec3, f32) {
+        match &self.map {
+            None => (warp::uniform_sphere(u), 1.0 / (4.0 * PI)),
+            Some(map) => map.sample(u),
+        }
+    }
+
+    /// Returns the density per solid angle with which [`EnvironmentLight::sample`] samples a
+    /// direction.
+    #[inline]
+    pub fn pdf_w(&self, dir: Vec3) -> f32 {
+        match &self.map {
+            None => 1.0 / (4.0 * PI),
+            Some(map) => {
+                let [u, v] = map.coordinates(dir);
+                let x =
+                    ((u * map.texture.width as f32) as usize).min(map.texture.width as usize - 1);
+                let y =
+                    ((v * map.texture.height as f32) as usize).min(map.texture.height as usize - 1);
+                map.density(map.grid.probability(x, y), y)
+            }
+        }
+    }
+}
+
+impl EnvironmentMap {
+    /// Returns column and row of a direction as fractions of width and height, both in 0..=1.
+    #[inline]
+    fn coordinates(&self, dir: Vec3) -> [f32; 2] {
+        let [sin, cos] = self.turn;
+        let (x, z) = (dir.x * cos - dir.z * sin, dir.x * sin + dir.z * cos);
+        let u = x.atan2(-z) / TAU;
+        [
+            if u < 0.0 { u + 1.0 } else { u },
+            x.hypot(z).atan2(dir.y) / PI,
+        ]
+    }
+
+    #[inline]
+    fn bilinear(&self, [u, v]: [f32; 2]) -> Vec3 {
+        let (width, height) = (self.texture.width as i64, self.texture.height as i64);
+        let (x, y) = (u * width as f32 - 0.5, v * height as f32 - 0.5);
+        let (left, top) = (x.floor(), y.floor());
+        let at = |dx: i64, dy: i64| {
+            let column = (left as i64 + dx).rem_euclid(width);
+            let row = (top as i64 + dy).clamp(0, height - 1);
+            Vec3::from_array(self.texture.texels[(row * width + column) as usize])
+        };
+        let (fx, fy) = (x - left, y - top);
+        at(0, 0)
+            .lerp(at(1, 0), fx)
+            .lerp(at(0, 1).lerp(at(1, 1), fx), fy)
+    }
+
+    #[inline]
+    fn sample(&self, u: [f32; 2]) -> (Vec3, f32) {
+        let s = self.grid.sample(u);
+        let [x, y] = s.cell;
+        let phi = TAU * ((x as f32 + s.inside[0]) / self.texture.width as f32);
+        let (sin_phi, cos_phi) = phi.sin_cos();
+        let (upper, lower) = (self.row_cos[y], self.row_cos[y + 1]);
+        // In double precision: near a pole the sine is the root of a small difference from one.
+        let cos = upper + (lower - upper) * f64::from(s.inside[1]);
+        let sin = ((1.0 - cos) * (1.0 + cos)).max(0.0).sqrt() as f32;
+        let (px, pz) = (sin * sin_phi, -sin * cos_phi);
+        let [turn_sin, turn_cos] = self.turn;
+        let dir = Vec3::new(
+            px * turn_cos + pz * turn_sin,
+            cos as f32,
+            pz * turn_cos - px * turn_sin,
+        );
+        (dir, self.density(s.probability, y))
+    }
+
+    /// Returns the density per solid angle inside a cell of row `y` with this probability.
+    #[inline]
+    fn density(&self, probability: f32, y: usize) -> f32 {
+        let band = std::f64::consts::TAU * (self.row_cos[y] - self.row_cos[y + 1]);
+        (f64::from(probability) * f64::from(self.texture.width) / band) as f32
+    }
+}
+
+/// Computes the mean luminance of the interpolated map over every texel's cell: an eighth of the
+/// weight goes to each neighbour.
+fn cell_means(texture: &Texture, factor: Vec3) -> Vec<f64> {
+    let (width, height) = (texture.width as usize, texture.height as usize);
+    let texels: Vec<f64> = texture
+        .texels
+        .iter()
+        .map(|t| luminance(Vec3::from_array(*t) * factor))
+        .collect();
+    let blend = |before: f64, here: f64, after: f64| 0.125 * before + 0.75 * here + 0.125 * after;
+    let mut rows = Vec::with_capacity(texels.len());
+    for row in texels.chunks_exact(width) {
+        rows.extend(
+            (0..width).map(|x| blend(row[(x + width - 1) % width], row[x], row[(x + 1) % width])),
+        );
+    }
+    let at = |x: usize, y: usize| rows[y * width + x];
+    (0..height)
+        .flat_map(|y| (0..width).map(move |x| (x, y)))
+        .map(|(x, y)| {
+            blend(
+                at(x, y.saturating_sub(1)),
+                at(x, y),
+                at(x, (y + 1).min(height - 1)),
+            )
+        })
+        .collect()
+}

@@ -1,0 +1,230 @@
+//! Vectors of eight single-precision numbers for traversal, portable and with AVX2.
+//!
+//! Invariant: every operation of [`Simd8`] is the correctly rounded one of IEEE 754, and none is
+//! fused. All implementations therefore give the same bits, which `tests/render/instructions.rs`
+//! checks. [`Isa`] selects the implementation once per hierarchy. The vectorised path tracer uses
+//! the vectors of `math::simd` instead.
+
+use glam::Vec4;
+
+#[cfg(target_arch = "x86_64")]
+use lumbre_light::math::simd::Width;
+
+/// Number of lanes.
+pub const LANES: usize = 8;
+
+/// Eight numbers in memory, aligned for vector loads.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C, align(32))]
+pub struct LaneArray(pub [f32; LANES]);
+
+/// Instruction set that the traversal loop is compiled for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Isa {
+    /// Vectors of 128 bits, which every processor of the build target has.
+    Portable,
+    /// Vectors of 256 bits.
+    Avx2,
+    /// Vectors of 256 bits for a single ray, as with AVX2, and of 512 bits in the vectorised path
+    /// tracer.
+    Avx512,
+}
+
+/// Environment variable that selects an instruction set by [`Isa::name`], for comparisons of speed,
+/// for example `LUMBRE_ISA=portable`. Pictures have the same bits with all of them.
+pub const ISA_VARIABLE: &str = "LUMBRE_ISA";
+
+impl Isa {
+    /// Returns the widest instruction set of this processor, or the one that [`ISA_VARIABLE`] names
+    /// if the processor has it.
+    pub fn detect() -> Isa {
+        let available = Isa::available().iter().copied();
+        let named = std::env::var_os(ISA_VARIABLE);
+        let named = named.and_then(|name| available.clone().find(|isa| name == isa.name()));
+        named.or(available.last()).unwrap_or(Isa::Portable)
+    }
+
+    /// Returns all instruction sets of this processor, the widest last.
+    pub fn available() -> &'static [Isa] {
+        #[cfg(target_arch = "x86_64")]
+        if Width::sixteen().is_some() {
+            return &[Isa::Portable, Isa::Avx2, Isa::Avx512];
+        } else if Width::eight().is_some() {
+            return &[Isa::Portable, Isa::Avx2];
+        }
+        &[Isa::Portable]
+    }
+
+    /// Returns the name, as used in [`ISA_VARIABLE`].
+    pub fn name(self) -> &'static str {
+        match self {
+            Isa::Portable => "portable",
+            Isa::Avx2 => "avx2",
+            Isa::Avx512 => "avx512",
+        }
+    }
+}
+
+/// Arithmetic on eight numbers. Comparisons return one bit per lane, which is 0 if either number is
+/// NaN.
+pub trait Simd8: Copy {
+    /// Loads the numbers from memory.
+    fn load(row: &LaneArray) -> Self;
+    /// Stores the numbers to memory.
+    fn store(self) -> LaneArray;
+    /// Broadcasts a number to all lanes.
+    fn splat(x: f32) -> Self;
+    /// Returns the sums `self + other`.
+    fn add(self, other: Self) -> Self;
+    /// Returns the differences `self - other`.
+    fn sub(self, other: Self) -> Self;
+    /// Returns the products `self * other`.
+    fn mul(self, other: Self) -> Self;
+    /// Returns the quotients `self / other`.
+    fn div(self, other: Self) -> Self;
+    /// Returns the lesser numbers; either one if one is NaN.
+    fn min(self, other: Self) -> Self;
+    /// Returns the greater numbers; either one if one is NaN.
+    fn max(self, other: Self) -> Self;
+    /// Returns the lanes where `self < other`.
+    fn lt(self, other: Self) -> u32;
+    /// Returns the lanes where `self <= other`.
+    fn le(self, other: Self) -> u32;
+    /// Returns the lanes where `self == other`.
+    fn eq(self, other: Self) -> u32;
+}
+
+/// Implementation with two vectors of four numbers.
+#[derive(Clone, Copy, Debug)]
+pub struct Portable([Vec4; 2]);
+
+impl Portable {
+    /// Applies a function to both halves.
+    #[inline(always)]
+    fn zip_halves(self, other: Portable, f: impl Fn(Vec4, Vec4) -> Vec4) -> Portable {
+        Portable([f(self.0[0], other.0[0]), f(self.0[1], other.0[1])])
+    }
+
+    /// Returns one bit per lane of a comparison of both halves.
+    #[inline(always)]
+    fn compare_halves(self, other: Portable, f: impl Fn(Vec4, Vec4) -> glam::BVec4A) -> u32 {
+        f(self.0[0], other.0[0]).bitmask() | f(self.0[1], other.0[1]).bitmask() << 4
+    }
+}
+
+impl Simd8 for Portable {
+    #[inline(always)]
+    fn load(row: &LaneArray) -> Portable {
+        let [a, b, c, d, e, f, g, h] = row.0;
+        Portable([Vec4::new(a, b, c, d), Vec4::new(e, f, g, h)])
+    }
+    #[inline(always)]
+    fn store(self) -> LaneArray {
+        let ([a, b, c, d], [e, f, g, h]) = (self.0[0].to_array(), self.0[1].to_array());
+        LaneArray([a, b, c, d, e, f, g, h])
+    }
+    #[inline(always)]
+    fn splat(x: f32) -> Portable {
+        Portable([Vec4::splat(x); 2])
+    }
+    #[inline(always)]
+    fn add(self, other: Portable) -> Portable {
+        self.zip_halves(other, |a, b| a + b)
+    }
+    #[inline(always)]
+    fn sub(self, other: Portable) -> Portable {
+        self.zip_halves(other, |a, b| a - b)
+    }
+    #[inline(always)]
+    fn mul(self, other: Portable) -> Portable {
+        self.zip_halves(other, |a, b| a * b)
+    }
+    #[inline(always)]
+    fn div(self, other: Portable) -> Portable {
+        self.zip_halves(other, |a, b| a / b)
+    }
+    #[inline(always)]
+    fn min(self, other: Portable) -> Portable {
+        self.zip_halves(other, Vec4::min)
+    }
+    #[inline(always)]
+    fn max(self, other: Portable) -> Portable {
+        self.zip_halves(other, Vec4::max)
+    }
+    #[inline(always)]
+    fn lt(self, other: Portable) -> u32 {
+        self.compare_halves(other, Vec4::cmplt)
+    }
+    #[inline(always)]
+    fn le(self, other: Portable) -> u32 {
+        self.compare_halves(other, Vec4::cmple)
+    }
+    #[inline(always)]
+    fn eq(self, other: Portable) -> u32 {
+        self.compare_halves(other, Vec4::cmpeq)
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+pub use x86::Avx2;
+
+#[cfg(target_arch = "x86_64")]
+#[expect(
+    unsafe_code,
+    reason = "vector instructions that not every processor supports"
+)]
+mod x86 {
+    use std::arch::x86_64::*;
+
+    use crate::cpu::bvh::simd::{LaneArray, Simd8};
+
+    /// Implementation with one vector of eight numbers. Only functions compiled for AVX2 may use
+    /// it; [`super::Isa`] ensures that they run only if the processor has it.
+    #[derive(Clone, Copy, Debug)]
+    pub struct Avx2(__m256);
+
+    /// Defines methods on two vectors by one instruction each.
+    macro_rules! instructions {
+        ($($name:ident => $instruction:ident),*) => {$(
+            #[inline(always)]
+            fn $name(self, other: Avx2) -> Avx2 {
+                // SAFETY: needs AVX only, which the constructor of `self` required.
+                Avx2(unsafe { $instruction(self.0, other.0) })
+            }
+        )*};
+    }
+
+    /// Defines comparisons by their predicates.
+    macro_rules! comparisons {
+        ($($name:ident => $predicate:ident),*) => {$(
+            #[inline(always)]
+            fn $name(self, other: Avx2) -> u32 {
+                // SAFETY: needs AVX only, which the constructor of `self` required.
+                unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<$predicate>(self.0, other.0)) as u32 }
+            }
+        )*};
+    }
+
+    impl Simd8 for Avx2 {
+        #[inline(always)]
+        fn load(row: &LaneArray) -> Avx2 {
+            // SAFETY: the array is 32 bytes, aligned to 32; callers have AVX, as the type requires.
+            Avx2(unsafe { _mm256_load_ps(row.0.as_ptr()) })
+        }
+        #[inline(always)]
+        fn store(self) -> LaneArray {
+            let mut row = LaneArray([0.0; 8]);
+            // SAFETY: as in `load`.
+            unsafe { _mm256_store_ps(row.0.as_mut_ptr(), self.0) };
+            row
+        }
+        #[inline(always)]
+        fn splat(x: f32) -> Avx2 {
+            // SAFETY: callers have AVX, as the type requires.
+            Avx2(unsafe { _mm256_set1_ps(x) })
+        }
+        instructions!(add => _mm256_add_ps, sub => _mm256_sub_ps, mul => _mm256_mul_ps);
+        instructions!(div => _mm256_div_ps, min => _mm256_min_ps, max => _mm256_max_ps);
+        comparisons!(lt => _CMP_LT_OQ, le => _CMP_LE_OQ, eq => _CMP_EQ_OQ);
+    }
+}

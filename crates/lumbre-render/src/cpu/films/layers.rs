@@ -1,0 +1,297 @@
+//! Films of a run's layers. [`LayerFilms`] holds the sums, [`LayerRowFilm`] accumulates the samples
+//! of one row of pixels.
+//!
+//! Invariants: one thread adds the samples of a pixel in the order of their index, splats are added
+//! in fixed point, and a sample that the main film rejects is rejected here too, so that the films
+//! of a layer still add up to the picture.
+
+use std::io::{self, Write};
+use std::sync::OnceLock;
+
+use glam::Vec3;
+
+use crate::Job;
+use lumbre_light::film::Film;
+use lumbre_light::film::layer::{Layer, LayerFilm, LayerLayout};
+use lumbre_light::film::splat::SplatSums;
+use lumbre_light::film::state::{CheckpointMismatch, StateReader, write_u64s};
+use lumbre_light::transport::contribution::Contribution;
+use lumbre_light::transport::integrator::Context;
+use lumbre_light::transport::light::luminance;
+use lumbre_light::transport::sampler::Sampler;
+use lumbre_light::transport::surface::Surface;
+
+/// Sum and sum of squares of one film at one pixel.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Moments {
+    sum: [f64; 3],
+    sum2: [f64; 3],
+}
+
+/// Layout of the films, and the splat sums; shared by all rows.
+pub(crate) struct LayerSpec {
+    layout: LayerLayout,
+    max_depth: u32,
+    pixels: usize,
+    /// Whether any layer needs the surface that the camera ray hits.
+    surfaces: bool,
+    /// Number of films to which contributions are added; their indices precede all others.
+    contribution_films: usize,
+    /// Index of each film's splat sums among those of a pixel; `None` for films without splats.
+    splat_index: Vec<Option<usize>>,
+    splat_films: usize,
+    /// Splat sums, `[y][x][film]`, allocated for the first splat.
+    splats: OnceLock<SplatSums>,
+}
+
+/// Films of all layers of a run.
+pub(crate) struct LayerFilms {
+    spec: LayerSpec,
+    /// Sums of samples, `[y][x][film]`.
+    own: Vec<Moments>,
+}
+
+impl LayerFilms {
+    /// Creates the films of the layers that a job requests, or returns `None` if it requests none.
+    ///
+    /// # Errors
+    /// Returns a message if they exceed the limits of [`LayerLayout::new`].
+    pub(crate) fn for_job(job: &Job) -> Result<Option<LayerFilms>, String> {
+        if job.layers.is_empty() {
+            return Ok(None);
+        }
+        let pixels = u64::from(job.resolution[0]) * u64::from(job.resolution[1]);
+        let layout = LayerLayout::new(&job.layers, job.max_depth, pixels)?;
+        let mut splat_films = 0;
+        let mut next_splat_index = |film: &LayerFilm| {
+            film.splats.then(|| {
+                splat_films += 1;
+                splat_films - 1
+            })
+        };
+        let splat_index = layout.films().iter().map(&mut next_splat_index).collect();
+        let own = vec![Moments::default(); layout.films().len() * pixels as usize];
+        let surfaces = [Layer::Albedo, Layer::Normal, Layer::Distance];
+        let spec = LayerSpec {
+            max_depth: job.max_depth,
+            pixels: pixels as usize,
+            surfaces: surfaces.iter().any(|layer| layout.single(*layer).is_some()),
+            contribution_films: layout
+                .films()
+                .iter()
+                .filter(|film| film.layer.row().splats)
+                .count(),
+            splat_index,
+            splat_films,
+            splats: OnceLock::new(),
+            layout,
+        };
+        Ok(Some(LayerFilms { spec, own }))
+    }
+
+    /// Splits the films into rows, one for each thread that renders a row, and returns the
+    /// properties that all rows share. Without layers every row is `None`.
+    pub(crate) fn rows(
+        layers: &mut Option<LayerFilms>,
+        height: u32,
+    ) -> (Vec<Option<&mut [Moments]>>, Option<&LayerSpec>) {
+        match layers {
+            None => ((0..height).map(|_| None).collect(), None),
+            Some(LayerFilms { spec, own }) => {
+                let row = own.len() / (height as usize).max(1);
+                (own.chunks_mut(row.max(1)).map(Some).collect(), Some(spec))
+            }
+        }
+    }
+
+    /// Returns the films.
+    pub(crate) fn films(&self) -> &[LayerFilm] {
+        self.spec.layout.films()
+    }
+
+    /// Writes all sums.
+    pub(crate) fn save(&self, to: &mut dyn Write) -> io::Result<()> {
+        let numbers = self
+            .own
+            .iter()
+            .flat_map(|sums| [sums.sum, sums.sum2])
+            .flatten();
+        write_u64s(to, numbers.map(f64::to_bits))?;
+        SplatSums::save(self.spec.splats.get(), to)
+    }
+
+    /// Reads the sums of the same films.
+    pub(crate) fn restore(&mut self, from: &mut StateReader<'_>) -> Result<(), CheckpointMismatch> {
+        for sums in &mut self.own {
+            for number in sums.sum.iter_mut().chain(&mut sums.sum2) {
+                *number = f64::from_bits(from.read_u64()?);
+            }
+        }
+        let splats = SplatSums::restore(self.spec.pixels * self.spec.splat_films, from)?;
+        self.spec.splats = splats.map_or_else(OnceLock::new, OnceLock::from);
+        Ok(())
+    }
+
+    /// Returns the sums of one film, splats included.
+    pub(crate) fn film(&self, index: usize, [width, height]: [u32; 2], samples: u64) -> Film {
+        let spec = &self.spec;
+        let mut film = Film {
+            samples,
+            ..Film::new(width, height)
+        };
+        let splats = spec.splats.get().zip(spec.splat_index[index]);
+        let own = self.own.iter().skip(index).step_by(self.films().len());
+        for (pixel, own) in own.enumerate() {
+            (film.sum[pixel], film.sum2[pixel]) = match splats {
+                None => (own.sum, own.sum2),
+                Some((splats, splat_index)) => splats.combined(
+                    pixel * spec.splat_films + splat_index,
+                    own.sum,
+                    own.sum2,
+                    samples,
+                ),
+            };
+        }
+        film
+    }
+}
+
+/// Accumulates the samples of one row of pixels in the films of all layers.
+pub(crate) struct LayerRowFilm<'a> {
+    spec: &'a LayerSpec,
+    row: &'a mut [Moments],
+    /// Contribution of the current sample to each film of its own pixel.
+    values: Vec<Vec3>,
+}
+
+impl<'a> LayerRowFilm<'a> {
+    /// Creates the accumulator of one row.
+    pub(crate) fn new(spec: &'a LayerSpec, row: &'a mut [Moments]) -> LayerRowFilm<'a> {
+        LayerRowFilm {
+            spec,
+            row,
+            values: vec![Vec3::ZERO; spec.layout.films().len()],
+        }
+    }
+
+    /// Adds a contribution to the sample's own pixel. Returns the number of rejections: 1 if its
+    /// depth exceeds the limit, else 0.
+    pub(crate) fn add(&mut self, c: &Contribution) -> u64 {
+        let values = &mut self.values;
+        self.spec.for_each_film(c, |film, value| {
+            values[film] += value;
+            true
+        })
+    }
+
+    /// Adds a splat to a pixel. Returns the number of films that rejected it.
+    pub(crate) fn splat(&self, pixel: usize, c: &Contribution) -> u64 {
+        let spec = self.spec;
+        spec.for_each_film(c, |film, value| {
+            let Some(splat_index) = spec.splat_index[film] else {
+                return false;
+            };
+            let sums = spec
+                .splats
+                .get_or_init(|| SplatSums::new(spec.pixels * spec.splat_films));
+            sums.add(pixel * spec.splat_films + splat_index, value.to_array())
+        })
+    }
+
+    /// Ends a sample of `pixel`, which must be in this row. `accepted` is whether the main film
+    /// accepted it, `rays` the number of rays that it traced, and `sampler` creates its sampler
+    /// anew. Returns the number of films whose value was not finite and was dropped.
+    pub(crate) fn finish_sample(
+        &mut self,
+        context: &Context,
+        pixel: [u32; 2],
+        accepted: bool,
+        rays: u64,
+        sampler: impl FnOnce() -> Sampler,
+    ) -> u64 {
+        if !accepted {
+            self.values[..self.spec.contribution_films].fill(Vec3::ZERO);
+        }
+        let layout = &self.spec.layout;
+        if let Some(film) = layout.single(Layer::Rays) {
+            self.values[film] = Vec3::splat(rays as f32);
+        }
+        if self.spec.surfaces {
+            self.record_first_surface(context, pixel, &mut sampler());
+        }
+        let start = pixel[0] as usize * self.values.len();
+        let mut rejected = 0;
+        for (sums, value) in self.row[start..].iter_mut().zip(&mut self.values) {
+            let v = std::mem::take(value);
+            if !v.is_finite() {
+                rejected += 1;
+            } else if v != Vec3::ZERO {
+                for c in 0..3 {
+                    let v = f64::from(v[c]);
+                    sums.sum[c] += v;
+                    sums.sum2[c] += v * v;
+                }
+            }
+        }
+        rejected
+    }
+
+    /// Records the surface that the sample's camera ray hits. Traces the ray again, since the
+    /// integrator does not report its first hit.
+    fn record_first_surface(&mut self, context: &Context, pixel: [u32; 2], sampler: &mut Sampler) {
+        let ray = context.camera.sample_ray(pixel, sampler);
+        let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else {
+            return;
+        };
+        let surface = Surface::at(context.scene, &ray, &hit);
+        let layout = &self.spec.layout;
+        let mut set = |layer: Layer, value: Vec3| {
+            if let Some(film) = layout.single(layer) {
+                self.values[film] = value;
+            }
+        };
+        set(Layer::Albedo, surface.base_color(&context.scene.textures));
+        let hit_from_behind = surface.n_geometric.dot(ray.dir) > 0.0;
+        set(
+            Layer::Normal,
+            if hit_from_behind {
+                -surface.n_shading
+            } else {
+                surface.n_shading
+            },
+        );
+        set(
+            Layer::Distance,
+            Vec3::new(ray.origin.distance(surface.position), 1.0, 0.0),
+        );
+    }
+}
+
+impl LayerSpec {
+    /// Calls `add` with each film that a contribution belongs to and the value to add; `add`
+    /// returns whether the film accepted it. Returns the number of rejections.
+    fn for_each_film(&self, c: &Contribution, mut add: impl FnMut(usize, Vec3) -> bool) -> u64 {
+        let k = c.depth();
+        if !(1..=self.max_depth).contains(&k) {
+            return 1;
+        }
+        let mut rejected = 0;
+        let mut add_to = |film: Option<usize>, value: Vec3| {
+            if let Some(film) = film
+                && value != Vec3::ZERO
+            {
+                rejected += u64::from(!add(film, value));
+            }
+        };
+        add_to(self.layout.depth(k), c.value);
+        let strategy = self.layout.strategy(c.s, c.t);
+        add_to(strategy, c.value);
+        add_to(strategy.map(|weighted| weighted + 1), c.unweighted);
+        let luminance = luminance(c.value) as f32;
+        add_to(
+            self.layout.single(Layer::Bounces),
+            Vec3::new((k - 1) as f32 * luminance, luminance, 0.0),
+        );
+        rejected
+    }
+}

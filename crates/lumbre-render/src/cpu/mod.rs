@@ -1,0 +1,42 @@
+//! The CPU backend. It is the default, needs no device or driver, and is the reference that other
+//! backends are tested against.
+//!
+//! Its films have the same bits for any number of threads, any instruction set, and with or without
+//! vectorisation.
+//!
+//! [`bvh`] builds and traverses hierarchies, [`renderer`] loops over pixels and samples, [`films`]
+//! sums the samples, `wavefront` holds the SIMD path tracers, [`vectorizable`] decides which runs
+//! can use them, `path_trace` records the events of single samples, and [`rates`] measures the ray
+//! rates that `lumbre bench` prints.
+
+pub mod bvh;
+pub mod films;
+mod path_trace;
+pub mod rates;
+pub mod renderer;
+pub mod vectorizable;
+#[cfg_attr(not(target_arch = "x86_64"), path = "wavefront/unsupported.rs")]
+mod wavefront;
+
+pub use films::bin_pool::kept_bytes;
+
+use super::BackendRow;
+use lumbre_light::scene::desc::Model;
+
+/// Entry of this backend in the table of backends.
+pub const ROW: BackendRow = BackendRow {
+    name: "cpu",
+    doc: "Multi-threaded CPU renderer; needs no GPU, and is the reference for the other backends.",
+    probe: || {
+        let threads = std::thread::available_parallelism().map_or(1, usize::from);
+        Ok(format!("{threads} hardware threads"))
+    },
+    layers: true,
+    times: true,
+    models: &Model::ALL,
+    refuses: |_, _| None,
+    edited: || Ok(None),
+    accel: true,
+    open: |scene, job| Ok(Box::new(renderer::CpuRenderer::new(scene, job)?)),
+    paths: path_trace::paths,
+};

@@ -1,0 +1,89 @@
+//! Generates the camera rays of a tile, one sample per lane. Sampler keys, random numbers and rays
+//! have the bits of the scalar path.
+
+use super::{PathRecord, SPECULAR};
+use crate::Job;
+use crate::cpu::films::contributions::SampleId;
+use lumbre_light::math::real::{Vector, Word};
+use lumbre_light::math::simd::{F32x8, Lanes, SimdKernel, Width, dispatch};
+use lumbre_light::transport::camera::Camera;
+use lumbre_light::transport::sampler::Independent;
+
+/// Appends the initial record of each given sample of row `y`: its camera ray, the key of its
+/// sampler, and a throughput of 1.
+pub(super) fn generate(
+    width: Width,
+    job: &Job,
+    camera: &Camera,
+    y: u32,
+    ids: &[SampleId],
+    records: &mut Vec<PathRecord>,
+) {
+    dispatch(
+        width,
+        CameraRays {
+            job,
+            camera,
+            y,
+            ids,
+            records,
+        },
+    );
+}
+
+/// Kernel of [`generate`].
+struct CameraRays<'a> {
+    job: &'a Job,
+    camera: &'a Camera,
+    y: u32,
+    ids: &'a [SampleId],
+    records: &'a mut Vec<PathRecord>,
+}
+
+impl SimdKernel for CameraRays<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<R: Lanes<N>, const N: usize>(self) {
+        for group in self.ids.chunks(N) {
+            let mut inputs = [F32x8::default(); N];
+            for (row, (x, sample)) in inputs.iter_mut().zip(group) {
+                let [a, b, c, d] = Independent::key_input(self.job.seed, [*x, self.y], *sample)
+                    .map(f32::from_bits);
+                row.0 = [a, b, c, d, *x as f32, 0.0, 0.0, 0.0];
+            }
+            generate_lanes::<R, N>(self.camera, self.y, &inputs, group.len(), self.records);
+        }
+    }
+}
+
+/// Appends the records of the first `count` lanes. `inputs` holds the input of the sampler key and
+/// the column of each sample.
+#[inline(always)]
+fn generate_lanes<R: Lanes<N>, const N: usize>(
+    camera: &Camera,
+    y: u32,
+    inputs: &[F32x8; N],
+    count: usize,
+    records: &mut Vec<PathRecord>,
+) {
+    let (zero, one) = (R::splat(0.0), R::splat(1.0));
+    let [a, b, c, d, x, ..] = R::transpose_load(inputs.each_ref());
+    let (key, [u, v, s, t]) = Independent::first_four([a.bits(), b.bits(), c.bits(), d.bits()]);
+    let [o, dir]: [R::Vec3; 2] = camera.ray([x, R::splat(y as f32)], [u, v], [s, t]);
+    let rays = R::transpose_store([o.x(), o.y(), o.z(), dir.x(), dir.y(), dir.z(), one, one]);
+    let [a, b, c, d] = [
+        key[0].bits_to_float(),
+        key[1].bits_to_float(),
+        key[2].bits_to_float(),
+        key[3].bits_to_float(),
+    ];
+    let keys = R::transpose_store([zero, zero, zero, zero, a, b, c, d]);
+    let taken = f32::from_bits(if camera.has_lens() { 4 } else { 2 });
+    let initial = F32x8([1.0, 0.0, 0.0, 0.0, SPECULAR, 1.0, taken, 0.0]);
+    for i in 0..count {
+        records.push(PathRecord {
+            rows: [rays[i], initial, keys[i]],
+        });
+    }
+}

@@ -1,0 +1,415 @@
+//! Settings of the acceleration structure: the key `accel` of a render table. They change the cost
+//! of rays and are therefore part of a run's identity. They do not change the picture, except for
+//! rays that hit exactly the edge of a box, and for the last digits of hits on instanced meshes.
+
+use std::collections::BTreeMap;
+
+use lumbre_light::scene::compile::Sharing;
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::{Field, Table, Ty};
+
+/// Settings of a scene's bounding volume hierarchy.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AccelSpec {
+    /// Builder of the hierarchy.
+    pub builder: Builder,
+    /// Number of bins along each axis; `sah` only.
+    pub bins: u32,
+    /// Maximum depth of the binary tree; `plane` and `sah` only.
+    pub max_depth: u32,
+    /// Number of primitives up to which a leaf of the binary tree is not divided further; not
+    /// `none`.
+    pub max_leaf: u32,
+    /// Build quality of `obvhs`; `ploc` and `cwbvh` only.
+    pub quality: Quality,
+    /// Treatment of meshes that several entities use.
+    pub instances: Sharing,
+    /// Use of the vectorised integrators of the CPU.
+    pub lanes: LaneMode,
+}
+
+impl Default for AccelSpec {
+    fn default() -> AccelSpec {
+        AccelSpec {
+            builder: Builder::Ploc,
+            bins: 14,
+            max_depth: 48,
+            max_leaf: 8,
+            quality: Quality::Medium,
+            instances: Sharing::Auto,
+            lanes: LaneMode::Auto,
+        }
+    }
+}
+
+/// Use of the vectorised integrators of the CPU. Pictures have the same bits either way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LaneMode {
+    /// Only if all techniques of a night can use them, so that times compare techniques and not
+    /// their degree of vectorisation.
+    Auto,
+    /// Never use them.
+    Never,
+    /// Whenever an integrator has a vectorised implementation, even if others have none.
+    Always,
+}
+
+impl LaneMode {
+    const ALL: [LaneMode; 3] = [LaneMode::Auto, LaneMode::Never, LaneMode::Always];
+
+    const WORDS: &'static [&'static str] = &["auto", "never", "always"];
+
+    fn name(self) -> &'static str {
+        LaneMode::WORDS[self as usize]
+    }
+}
+
+/// Builder of a hierarchy.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Builder {
+    /// No hierarchy: every ray is tested with every primitive, eight at a time.
+    None,
+    /// Splits boxes in the middle of their longest side [thesis S1 (docs/inside/transport.md),
+    /// section 4.2.1].
+    Plane,
+    /// Splits at the bin border that is cheapest by the surface area heuristic [Wald 2007].
+    Sah,
+    /// Locally ordered clustering by `obvhs` [Meister and Bittner 2018] with reinsertion [Meister
+    /// and Bittner 2018].
+    Ploc,
+    /// As [`Builder::Ploc`] with compressed eight-wide nodes [Ylitie et al. 2017], also traversed
+    /// by `obvhs`, with one triangle tested at a time.
+    Cwbvh,
+}
+
+impl Builder {
+    /// All builders, in the order of [`Builder::WORDS`].
+    pub const ALL: [Builder; 5] = [
+        Builder::None,
+        Builder::Plane,
+        Builder::Sah,
+        Builder::Ploc,
+        Builder::Cwbvh,
+    ];
+
+    /// Names of the builders in scripts.
+    pub const WORDS: &'static [&'static str] = &["none", "plane", "sah", "ploc", "cwbvh"];
+
+    /// Returns its name in scripts.
+    pub fn name(self) -> &'static str {
+        Builder::WORDS[self as usize]
+    }
+}
+
+/// Quality presets of `obvhs`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Quality {
+    /// Clustering of neighbours only.
+    Fastest,
+    /// Clustering and very little reinsertion.
+    VeryFast,
+    /// Clustering and little reinsertion.
+    Fast,
+    /// Default preset; needs about as long as Embree.
+    Medium,
+    /// Wider search and more reinsertion. Unlike in `obvhs` itself, triangles are not split into
+    /// several boxes first with this and the next preset.
+    Slow,
+    /// Reinsertion of all nodes.
+    VerySlow,
+}
+
+impl Quality {
+    /// All presets, in the order of [`Quality::WORDS`].
+    pub const ALL: [Quality; 6] = [
+        Quality::Fastest,
+        Quality::VeryFast,
+        Quality::Fast,
+        Quality::Medium,
+        Quality::Slow,
+        Quality::VerySlow,
+    ];
+
+    /// Names of the presets in scripts.
+    pub const WORDS: &'static [&'static str] = &[
+        "fastest",
+        "very_fast",
+        "fast",
+        "medium",
+        "slow",
+        "very_slow",
+    ];
+
+    /// Returns its name in scripts.
+    pub fn name(self) -> &'static str {
+        Quality::WORDS[self as usize]
+    }
+}
+
+/// Names in scripts for the treatment of shared meshes, in the order of [`SHARINGS`].
+const SHARING_WORDS: &[&str] = &["auto", "always", "never"];
+
+const SHARINGS: [Sharing; 3] = [Sharing::Auto, Sharing::Always, Sharing::Never];
+
+/// Schema of `accel` in the render table.
+pub const ACCEL: Table = Table {
+    name: "Accel",
+    doc: "Settings of the acceleration structure of `cpu` and `vulkan-compute`. They affect only \
+          render time, not the picture.",
+    fields: &[
+        Field {
+            key: "builder",
+            ty: Ty::Word(Builder::WORDS),
+            required: false,
+            default: "ploc",
+            doc: "none: no hierarchy, every ray is tested with every primitive; plane: boxes are \
+                  split in the middle; sah: binned surface area heuristic; ploc: locally ordered \
+                  clustering by obvhs; cwbvh: the same with compressed nodes and the traversal of \
+                  obvhs (on vulkan-compute identical to ploc)",
+        },
+        Field {
+            key: "bins",
+            ty: Ty::Int { min: 2, max: 1024 },
+            required: false,
+            default: "14",
+            doc: "sah: number of bins along each axis",
+        },
+        Field {
+            key: "max_depth",
+            ty: Ty::Int { min: 0, max: 200 },
+            required: false,
+            default: "48",
+            doc: "plane, sah: maximum number of levels below the root",
+        },
+        Field {
+            key: "max_leaf",
+            ty: Ty::Int { min: 1, max: 255 },
+            required: false,
+            default: "8",
+            doc: "number of primitives up to which a leaf is not divided further, and to which \
+                  ploc merges leaves if that costs less; the CPU always tests eight at once \
+                  (cwbvh, and ploc on vulkan-compute: at most three)",
+        },
+        Field {
+            key: "quality",
+            ty: Ty::Word(Quality::WORDS),
+            required: false,
+            default: "medium",
+            doc: "ploc, cwbvh: build quality; slower presets make faster hierarchies",
+        },
+        Field {
+            key: "instances",
+            ty: Ty::Word(SHARING_WORDS),
+            required: false,
+            default: "auto",
+            doc: "whether meshes that are used several times are stored once, each with its own \
+                  hierarchy; auto does so in scenes of more than 2^20 triangles, since smaller \
+                  ones render faster without",
+        },
+        Field {
+            key: "lanes",
+            ty: Ty::Word(LaneMode::WORDS),
+            required: false,
+            default: "auto",
+            doc: "cpu: whether to use the vectorised integrators, which give identical pictures. \
+                  auto uses them if every material of the scene is supported and all CPU runs of \
+                  the night can use them, so that the comparison is fair; always uses them for \
+                  every run that can. References always use them",
+        },
+    ],
+};
+
+impl AccelSpec {
+    /// Parses a table that was checked against [`ACCEL`].
+    pub fn from_map(map: &BTreeMap<String, Value>) -> AccelSpec {
+        let defaults = AccelSpec::default();
+        let index = |key: &str, words: &[&str]| {
+            let name = map.get(key).and_then(Value::as_str)?;
+            words.iter().position(|w| *w == name)
+        };
+        let integer = |key: &str| {
+            map.get(key)
+                .and_then(Value::as_i64)
+                .and_then(|n| u32::try_from(n).ok())
+        };
+        AccelSpec {
+            builder: index("builder", Builder::WORDS).map_or(defaults.builder, |i| Builder::ALL[i]),
+            bins: integer("bins").unwrap_or(defaults.bins),
+            max_depth: integer("max_depth").unwrap_or(defaults.max_depth),
+            max_leaf: integer("max_leaf").unwrap_or(defaults.max_leaf),
+            quality: index("quality", Quality::WORDS).map_or(defaults.quality, |i| Quality::ALL[i]),
+            instances: index("instances", SHARING_WORDS)
+                .map_or(defaults.instances, |i| SHARINGS[i]),
+            lanes: index("lanes", LaneMode::WORDS).map_or(defaults.lanes, |i| LaneMode::ALL[i]),
+        }
+    }
+
+    /// Parses a table that [`AccelSpec::identity`] made.
+    pub fn from_identity(map: &BTreeMap<String, Value>) -> AccelSpec {
+        let spec = AccelSpec::from_map(map);
+        AccelSpec {
+            lanes: if map.contains_key("lanes") {
+                spec.lanes
+            } else {
+                LaneMode::Never
+            },
+            ..spec
+        }
+    }
+
+    /// Returns the same settings with the scalar integrators.
+    pub fn scalar(self) -> AccelSpec {
+        AccelSpec {
+            lanes: LaneMode::Never,
+            ..self
+        }
+    }
+
+    /// Returns the settings that are part of a run's identity, in canonical form: the fields that
+    /// the builder uses, and those that differ from the default. The default is the empty map
+    /// except for `lanes`, which is left out if `never`, the value of runs from before the key
+    /// existed.
+    pub fn identity(&self) -> BTreeMap<String, Value> {
+        let defaults = AccelSpec::default();
+        let integer = |n: u32| Value::Int(i64::from(n));
+        let divides = matches!(self.builder, Builder::Plane | Builder::Sah);
+        let obvhs = matches!(self.builder, Builder::Ploc | Builder::Cwbvh);
+        let fields = [
+            (
+                "builder",
+                self.builder != defaults.builder,
+                self.builder.name().into(),
+            ),
+            ("bins", self.builder == Builder::Sah, integer(self.bins)),
+            ("max_depth", divides, integer(self.max_depth)),
+            (
+                "max_leaf",
+                self.builder != Builder::None && self.max_leaf != defaults.max_leaf,
+                integer(self.max_leaf),
+            ),
+            (
+                "quality",
+                obvhs && self.quality != defaults.quality,
+                self.quality.name().into(),
+            ),
+            (
+                "instances",
+                self.instances != defaults.instances,
+                self.sharing_name().into(),
+            ),
+            (
+                "lanes",
+                self.lanes != LaneMode::Never,
+                self.lanes.name().into(),
+            ),
+        ];
+        fields
+            .into_iter()
+            .filter(|(_, counts, _)| *counts)
+            .map(|(key, _, value)| (key.to_owned(), value))
+            .collect()
+    }
+
+    /// Returns a short description for users: the builder and its settings.
+    pub fn describe(&self) -> String {
+        let own = match self.builder {
+            Builder::None => String::new(),
+            Builder::Plane => format!(" to {} levels", self.max_depth),
+            Builder::Sah => format!(" with {} bins to {} levels", self.bins, self.max_depth),
+            Builder::Ploc | Builder::Cwbvh => format!(" {}", self.quality.name().replace('_', " ")),
+        };
+        format!("{}{own}", self.builder.name())
+    }
+
+    fn sharing_name(&self) -> &'static str {
+        SHARINGS
+            .iter()
+            .zip(SHARING_WORDS)
+            .find(|(s, _)| **s == self.instances)
+            .map_or("", |(_, name)| *name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_that_a_builder_ignores_are_not_in_its_identity() {
+        assert!(AccelSpec::default().scalar().identity().is_empty());
+        let map = |pairs: &[(&str, Value)]| {
+            pairs
+                .iter()
+                .map(|(k, v)| ((*k).to_owned(), v.clone()))
+                .collect()
+        };
+        let identity_of =
+            |pairs: &[(&str, Value)]| AccelSpec::from_map(&map(pairs)).scalar().identity();
+        assert!(
+            identity_of(&[
+                ("builder", "ploc".into()),
+                ("bins", Value::Int(3)),
+                ("max_depth", Value::Int(2))
+            ])
+            .is_empty()
+        );
+        let sah = identity_of(&[("builder", "sah".into()), ("quality", "slow".into())]);
+        assert_eq!(
+            sah,
+            map(&[
+                ("builder", "sah".into()),
+                ("bins", Value::Int(14)),
+                ("max_depth", Value::Int(48))
+            ])
+        );
+        assert_eq!(
+            identity_of(&[("builder", "none".into()), ("max_leaf", Value::Int(2))]),
+            map(&[("builder", "none".into())])
+        );
+        assert_eq!(
+            identity_of(&[("quality", "fast".into())]),
+            map(&[("quality", "fast".into())])
+        );
+        assert_eq!(
+            identity_of(&[("instances", "never".into())]),
+            map(&[("instances", "never".into())])
+        );
+    }
+
+    #[test]
+    fn names_match_their_variants() {
+        assert!(
+            Builder::ALL
+                .iter()
+                .zip(Builder::WORDS)
+                .all(|(b, name)| b.name() == *name)
+        );
+        assert!(
+            Quality::ALL
+                .iter()
+                .zip(Quality::WORDS)
+                .all(|(q, name)| q.name() == *name)
+        );
+        assert!(
+            LaneMode::ALL
+                .iter()
+                .zip(LaneMode::WORDS)
+                .all(|(l, name)| l.name() == *name)
+        );
+        assert_eq!(SHARINGS.len(), SHARING_WORDS.len());
+        assert_eq!(LaneMode::ALL.len(), LaneMode::WORDS.len());
+    }
+
+    #[test]
+    fn identities_are_parsed_back() {
+        for lanes in LaneMode::ALL {
+            let spec = AccelSpec {
+                lanes,
+                max_leaf: 3,
+                ..AccelSpec::default()
+            };
+            assert_eq!(AccelSpec::from_identity(&spec.identity()), spec);
+        }
+        assert_eq!(AccelSpec::from_map(&BTreeMap::new()), AccelSpec::default());
+    }
+}

@@ -1,0 +1,301 @@
+//! Rendering of light transport in waves of samples: [`Job`] is what to render, [`Renderer`] a run
+//! in progress, and [`BackendRow`] the description of a backend. The crate contains the CPU backend
+//! ([`cpu`]), a backend for tests ([`mock`]), other renderers as techniques ([`external`]) and
+//! rendering in a child process ([`worker`]).
+//!
+//! No integrator is named in this crate: a [`Job`] carries a row of
+//! [`INTEGRATORS`](lumbre_light::transport::integrator::INTEGRATORS).
+
+pub mod backend_choice;
+pub mod cpu;
+pub mod external;
+pub mod hierarchy;
+pub mod instance_transform;
+pub mod mock;
+pub mod path_trace;
+pub mod reference_halves;
+pub mod worker;
+
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+use std::sync::Arc;
+
+use self::hierarchy::AccelSpec;
+use lumbre_light::film::Film;
+use lumbre_light::film::layer::{Layer, LayerFilm};
+use lumbre_light::film::time::TimeCube;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::desc::Model;
+use lumbre_light::transport::camera::FilterSpec;
+use lumbre_light::transport::integrator::IntegratorRow;
+use lumbre_light::transport::path_time::Timing;
+use lumbre_light::transport::sampler::{INDEPENDENT, SamplerRow};
+use lumbre_light::value::Value;
+use path_trace::{PathEvent, SampleAt};
+
+/// Everything besides the scene that determines a picture.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// Integrator to run.
+    pub integrator: &'static IntegratorRow,
+    /// Parameters of the integrator, checked against its row's schema.
+    pub params: BTreeMap<String, Value>,
+    /// Width and height in pixels.
+    pub resolution: [u32; 2],
+    /// Maximum number of path edges: 1 = emission only, 2 = direct light.
+    pub max_depth: u32,
+    /// First path edge after which Russian roulette may end a path; `None` disables it.
+    pub rr_start: Option<u32>,
+    /// Pixel reconstruction filter.
+    pub filter: FilterSpec,
+    /// Layers to fill besides the picture.
+    pub layers: Vec<Layer>,
+    /// Time axis of the film, if it has one.
+    pub timing: Option<Timing>,
+    /// Generator of the samples' random numbers.
+    pub sampler: &'static SamplerRow,
+    /// Settings of the acceleration structure, for backends that build their own. Never changes the
+    /// picture.
+    pub accel: AccelSpec,
+    /// Seed of all random numbers of the run.
+    pub seed: u64,
+    /// Index of the first sample of every pixel. Samples are identified by their index, so films of
+    /// consecutive ranges are parts of one run.
+    pub first_sample: u64,
+    /// Number of render threads; 0 means one for each core. Never changes the picture.
+    pub threads: usize,
+}
+
+impl Job {
+    /// Creates a job with defaults: default parameters, no roulette, box filter of one pixel,
+    /// independent sampler, one thread for each core.
+    pub fn plain(
+        integrator: &'static IntegratorRow,
+        resolution: [u32; 2],
+        max_depth: u32,
+        seed: u64,
+    ) -> Job {
+        Job {
+            integrator,
+            params: BTreeMap::new(),
+            resolution,
+            max_depth,
+            rr_start: None,
+            filter: FilterSpec::PIXEL,
+            layers: Vec::new(),
+            timing: None,
+            sampler: INDEPENDENT,
+            accel: AccelSpec::default(),
+            seed,
+            first_sample: 0,
+            threads: 0,
+        }
+    }
+}
+
+/// Statistics of one wave.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct WaveStats {
+    /// Number of samples added to every pixel.
+    pub samples: u64,
+    /// Render time in seconds on a monotonic clock; the only time that is compared. It is the time
+    /// inside `advance`, or on a device, by the device's clock, from the start of its work on this
+    /// wave to the end of its samples. Copying the sums is not included.
+    pub render_s: f64,
+    /// Time that a device other than the CPU was busy, in seconds by its own clock; 0 without one.
+    pub device_s: f64,
+    /// Time in seconds by the device's clock from the end of its work for this run before this wave
+    /// to the start of its work on this wave: it waited for the host, copied the previous film, or
+    /// worked for other runs. 0 without a device and for the first wave.
+    pub idle_s: f64,
+    /// Number of camera paths traced.
+    pub paths: u64,
+    /// Number of rays traced.
+    pub rays: u64,
+    /// Number of samples and splats whose value was NaN or infinite, and of splats that overflow
+    /// their sums. They count as black and are always reported.
+    pub invalid: u64,
+    /// Column, row and sample index of the first invalid sample, or of the sample that traced the
+    /// first invalid splat.
+    pub first_invalid: Option<[u64; 3]>,
+}
+
+impl WaveStats {
+    /// Adds the statistics of a later wave.
+    pub fn add(&mut self, later: &WaveStats) {
+        self.samples += later.samples;
+        self.render_s += later.render_s;
+        self.device_s += later.device_s;
+        self.idle_s += later.idle_s;
+        self.paths += later.paths;
+        self.rays += later.rays;
+        self.invalid += later.invalid;
+        self.first_invalid = self.first_invalid.or(later.first_invalid);
+    }
+}
+
+/// Statistics of opening a renderer, before its first wave.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct OpenStats {
+    /// Time spent on copying scene and job to a device, in seconds; 0 without one.
+    pub upload_s: f64,
+    /// Time spent on compiling shaders and creating pipelines, in seconds; 0 without any.
+    pub pipeline_s: f64,
+    /// Time spent on building acceleration structures, in seconds.
+    pub accel_build_s: f64,
+    /// Number of nodes of the acceleration structures.
+    pub accel_nodes: u64,
+    /// Size of nodes and primitives as traversal reads them, in bytes; 0 if unknown.
+    pub accel_bytes: u64,
+    /// Expected cost of a ray that meets the scene's box, by the surface area heuristic: visited
+    /// nodes plus tested primitives; 0 if unknown.
+    pub accel_cost: f64,
+    /// Line for users: device, builder, threads.
+    pub device: String,
+}
+
+/// Reason why a backend cannot render.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum RenderError {
+    /// The backend lacks a feature that the job needs.
+    #[error("backend `{backend}` cannot do this: {reason}")]
+    Unsupported {
+        /// Name of the backend.
+        backend: &'static str,
+        /// Description of what is missing.
+        reason: String,
+    },
+    /// The device or the rendering process is gone, and with it everything that was not saved. A
+    /// retry from the newest checkpoint may succeed.
+    #[error("backend `{backend}` is lost: {reason}")]
+    Lost {
+        /// Name of the backend.
+        backend: &'static str,
+        /// Description of what happened.
+        reason: String,
+    },
+    /// Rendering failed. The cell is lost, the night continues.
+    #[error("backend `{backend}` failed: {reason}")]
+    Failed {
+        /// Name of the backend.
+        backend: &'static str,
+        /// Description of what happened.
+        reason: String,
+    },
+}
+
+/// Run of a job in progress on a backend.
+pub trait Renderer: Send {
+    /// Adds `samples` samples to every pixel.
+    ///
+    /// # Errors
+    /// Returns an error if the backend fails; the film must not be used any more then.
+    fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError>;
+
+    /// Does the same as [`Renderer::advance`]. `more` is the number of samples that the device may
+    /// start speculatively while the host reads the film. It never affects results. Pass 0 if
+    /// another run uses the device next, since the speculative work would be charged to its time.
+    ///
+    /// # Errors
+    /// Returns an error in the cases of [`Renderer::advance`].
+    fn advance_with_lookahead(
+        &mut self,
+        samples: u64,
+        _more: u64,
+    ) -> Result<WaveStats, RenderError> {
+        self.advance(samples)
+    }
+
+    /// Returns the film with all samples so far.
+    fn film(&self) -> &Film;
+
+    /// Returns the two independent halves of the film, if it consists of two and both have samples;
+    /// see [`reference_halves`].
+    fn halves(&self) -> Option<[Arc<Film>; 2]> {
+        None
+    }
+
+    /// Returns the films of the layers that the job requests, in the order of
+    /// [`LAYERS`](lumbre_light::film::layer::LAYERS).
+    fn layers(&self) -> &[LayerFilm] {
+        &[]
+    }
+
+    /// Returns the current sums of film `index` of [`Renderer::layers`].
+    ///
+    /// # Errors
+    /// Returns an error if there is no such film or the backend fails.
+    fn layer(&self, index: usize) -> Result<Film, RenderError> {
+        Err(RenderError::Failed {
+            backend: "this",
+            reason: format!("layer film {index} does not exist"),
+        })
+    }
+
+    /// Returns the time-resolved film, if the job has a time axis.
+    fn times(&self) -> Option<TimeCube> {
+        None
+    }
+
+    /// Writes the state from which another renderer of the same job resumes with identical bits.
+    /// Returns `false` and writes nothing if the backend does not support checkpoints; an
+    /// interrupted run starts again then.
+    ///
+    /// # Errors
+    /// Returns any error of the writer.
+    fn save(&self, _to: &mut dyn Write) -> io::Result<bool> {
+        Ok(false)
+    }
+
+    /// Restores the state that a renderer of the same job on the same backend wrote by
+    /// [`Renderer::save`]. Must be called before the first wave.
+    ///
+    /// # Errors
+    /// Returns an error if the state does not match; this renderer must not be used any more then.
+    fn restore(&mut self, _state: &[u8]) -> Result<(), RenderError> {
+        Err(RenderError::Unsupported {
+            backend: "this",
+            reason: "it cannot resume from a checkpoint".to_owned(),
+        })
+    }
+
+    /// Returns the statistics of opening the renderer.
+    fn open_stats(&self) -> &OpenStats;
+}
+
+/// Function that starts a run of a job on a scene.
+pub type OpenFn = fn(Arc<CompiledScene>, Job) -> Result<Box<dyn Renderer>, RenderError>;
+
+/// Function that records the events of each of some samples of a job.
+pub type PathsFn =
+    fn(&Arc<CompiledScene>, &Job, &[SampleAt]) -> Result<Vec<Vec<PathEvent>>, RenderError>;
+
+/// Description of a backend: a row of the table of backends of a program.
+pub struct BackendRow {
+    /// Name in scripts and on the command line.
+    pub name: &'static str,
+    /// Description in one sentence.
+    pub doc: &'static str,
+    /// Checks whether this machine can use the backend. Returns the device, or the reason why not.
+    pub probe: fn() -> Result<String, String>,
+    /// Whether it supports layers. If not, plans that request layers on it are refused.
+    pub layers: bool,
+    /// Whether it supports time-resolved films and composed materials. If not, plans that request a
+    /// time axis or use a scene with such materials on it are refused.
+    pub times: bool,
+    /// Material models that it supports. Plans that use a scene with others on it are refused.
+    pub models: &'static [Model],
+    /// Returns why it cannot run an integrator with paths of up to this number of edges, or `None`
+    /// if it can. Plans that request it are refused with this reason. Must not touch a device.
+    pub refuses: fn(&IntegratorRow, u32) -> Option<String>,
+    /// Returns a hash of shaders that were modified after the build, which becomes part of a run's
+    /// identity, or `None` if there are none. The error describes an invalid modification.
+    pub edited: fn() -> Result<Option<String>, String>,
+    /// Whether it builds its acceleration structure according to `accel`. If not, plans that
+    /// request anything but the default are refused.
+    pub accel: bool,
+    /// Starts a run of a job.
+    pub open: OpenFn,
+    /// Records the events of single samples of a job, in this process; layers are left out.
+    pub paths: PathsFn,
+}

@@ -1,0 +1,61 @@
+//! Recording of single samples, event by event: rays, hits and contributions.
+//!
+//! Integrators and backends share three interfaces only, nearest hits, shadow rays and
+//! contributions, so these are recorded: on every backend the same events in the same order. The
+//! vertices of a path are where its rays end.
+
+use glam::Vec3;
+
+use lumbre_light::transport::contribution::Contribution;
+use lumbre_light::transport::ray::{Hit, Ray};
+
+/// Maximum number of events of one sample that devices record.
+pub const MAX_PATH_EVENTS: usize = 256;
+
+/// Event of a sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PathEvent {
+    /// A nearest-hit query.
+    Closest {
+        /// Ray that was traced.
+        ray: Ray,
+        /// Distance up to which it was traced, in scene units; usually infinite.
+        t_max: f32,
+        /// Nearest hit within `t_max`, if any.
+        hit: Option<Hit>,
+    },
+    /// An occlusion query.
+    Shadow {
+        /// Ray that was traced.
+        ray: Ray,
+        /// Distance of the light, in scene units; infinite for lights outside the scene.
+        t_max: f32,
+        /// Whether the ray is occluded within `t_max`.
+        blocked: bool,
+    },
+    /// Contribution to a pixel.
+    Light(Contribution),
+}
+
+impl PathEvent {
+    /// Returns where a nearest-hit ray ended, if it hit anything.
+    pub fn vertex(&self) -> Option<Vec3> {
+        match self {
+            PathEvent::Closest {
+                ray,
+                hit: Some(hit),
+                ..
+            } => Some(ray.origin + ray.dir * hit.t),
+            _ => None,
+        }
+    }
+}
+
+/// Identifies a sample by its pixel and index.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SampleAt {
+    /// Column and row of the pixel.
+    pub pixel: [u32; 2],
+    /// Index of the sample, from 0.
+    pub sample: u64,
+}

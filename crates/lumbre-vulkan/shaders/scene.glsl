@@ -1,0 +1,87 @@
+// The input data of all shaders: one descriptor set for all integrators and backends. The structs
+// are generated from crates/lumbre-vulkan/src/layout/; crates/lumbre-vulkan/src/memory/upload.rs fills the
+// buffers. All blocks use scalar layout, so an array of vec3 has a stride of 12 bytes. An empty
+// array is bound with one row of zeros.
+#ifndef SCENE_GLSL
+#define SCENE_GLSL
+
+#extension GL_EXT_scalar_block_layout : require
+
+#include "gen/layout.glsl"
+
+layout(set = 0, binding = 0, scalar) restrict readonly buffer JobBlock { JobParams job; };
+layout(set = 0, binding = 1, scalar) restrict readonly buffer Triangles { Triangle triangles[]; };
+layout(set = 0, binding = 2, scalar) restrict readonly buffer Attributes {
+    TriangleAttributes attributes[];
+};
+layout(set = 0, binding = 3, scalar) restrict readonly buffer TangentRows { Tangents tangents[]; };
+layout(set = 0, binding = 4, scalar) restrict readonly buffer Spheres { Sphere spheres[]; };
+layout(set = 0, binding = 5, scalar) restrict readonly buffer Materials { Material materials[]; };
+layout(set = 0, binding = 6, scalar) restrict readonly buffer Textures { Texture textures[]; };
+#ifdef TEXEL_SHIFT
+// Texels that exceed the maximum size of a buffer are stored in blocks of 2^TEXEL_SHIFT, whose
+// addresses are bound. Switching between bound blocks would add a branch for every texel, which is
+// expensive on devices and in compilation.
+#extension GL_EXT_buffer_reference_uvec2 : require
+layout(buffer_reference, scalar, buffer_reference_align = 4) restrict readonly buffer TexelBlock {
+    vec3 rows[];
+};
+layout(set = 0, binding = 7, scalar) restrict readonly buffer TexelBlocks { uvec2 texel_blocks[]; };
+vec3 texel_at(uint index) {
+    return TexelBlock(texel_blocks[index >> TEXEL_SHIFT]).rows[index & ((1u << TEXEL_SHIFT) - 1u)];
+}
+#else
+layout(set = 0, binding = 7, scalar) restrict readonly buffer Texels { vec3 texels[]; };
+vec3 texel_at(uint index) {
+    return texels[index];
+}
+#endif
+layout(set = 0, binding = 8, scalar) restrict readonly buffer Emitters { Emitter emitters[]; };
+layout(set = 0, binding = 9, scalar) restrict readonly buffer Points { PointLight points[]; };
+layout(set = 0, binding = 10, scalar) restrict readonly buffer Directionals {
+    DirectionalLight directionals[];
+};
+// Instances of meshes: their transforms, and their material rows.
+layout(set = 0, binding = 11, scalar) restrict readonly buffer Places { Placement places[]; };
+layout(set = 0, binding = 12, scalar) restrict readonly buffer PlaceMaterials {
+    uint place_materials[];
+};
+
+// The following buffers belong to the job.
+layout(set = 0, binding = 13, scalar) restrict readonly buffer LightChoices {
+    LightChoice light_choices[];
+};
+layout(set = 0, binding = 14, scalar) restrict readonly buffer EnvironmentRows {
+    EnvironmentRow environment_rows[];
+};
+// Cumulative probabilities of the environment's cells, [row][column].
+layout(set = 0, binding = 15, scalar) restrict readonly buffer EnvironmentCells {
+    float environment_cells[];
+};
+// For every film of layers its index among those that receive splats, or NONE.
+layout(set = 0, binding = 16, scalar) restrict readonly buffer SplatSlots { uint splat_slots[]; };
+
+// Composed and delayed materials: all parts, the profiles of all parts, and the knots of tables.
+layout(set = 0, binding = 17, scalar) restrict readonly buffer MaterialParts {
+    MaterialPart material_parts[];
+};
+layout(set = 0, binding = 18, scalar) restrict readonly buffer DelayProfiles {
+    DelayProfile delay_profiles[];
+};
+layout(set = 0, binding = 19, scalar) restrict readonly buffer Knots { Knot knots[]; };
+
+// Texture coordinates of a point: the first set and, with SECOND_UVS (if a mesh has a second set),
+// the second one.
+#ifdef SECOND_UVS
+#define Uv vec4
+Uv uv_of(vec2 uv) {
+    return uv.xyxy;
+}
+#else
+#define Uv vec2
+Uv uv_of(vec2 uv) {
+    return uv;
+}
+#endif
+
+#endif

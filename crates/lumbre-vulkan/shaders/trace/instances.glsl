@@ -1,0 +1,24 @@
+// The instances of acceleration structures, as built by crates/lumbre-vulkan/src/accel/structures.rs: the
+// custom index identifies the triangles outside of instances, the spheres, or an instance of a mesh
+// (INSTANCE_TRIANGLES and so on).
+#ifndef TRACE_INSTANCES_GLSL
+#define TRACE_INSTANCES_GLSL
+
+#include "instance_transform.glsl"
+#include "transport/ray.glsl"
+
+// Returns the hit of a triangle of an instance. For an instance of a mesh the distance is that to
+// the triangle in world space, which is not positive if the ray leaves that very triangle.
+Hit hit_of_instance(vec3 origin, vec3 dir, float t, uint custom, int primitive, vec2 uv) {
+    Hit hit = Hit(t, uint(primitive), NONE, uv);
+#ifdef COPIES
+    if (custom >= INSTANCE_MESHES) {
+        hit.instance = custom - INSTANCE_MESHES;
+        hit.primitive += places[hit.instance].start;
+        hit.t = instance_distance(origin, dir, hit.primitive, hit.instance);
+    }
+#endif
+    return hit;
+}
+
+#endif

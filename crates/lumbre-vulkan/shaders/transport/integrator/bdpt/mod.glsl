@@ -1,0 +1,67 @@
+// Twin of crates/lumbre-light/src/transport/integrator/bdpt/mod.rs.
+#ifndef TRANSPORT_INTEGRATOR_BDPT_MOD_GLSL
+#define TRANSPORT_INTEGRATOR_BDPT_MOD_GLSL
+
+#include "transport/contribution.glsl"
+#include "transport/integrator/bdpt/connect.glsl"
+#include "transport/integrator/settings.glsl"
+
+// Computes one sample of one pixel: traces both subpaths and connects them in every way.
+void bdpt_sample(uvec2 pixel, inout Sampler numbers) {
+    uint h = settings_heuristic();
+    bool raw = settings_unweighted();
+    Subpaths paths = trace_subpaths(h, pixel, job.max_depth, numbers);
+    // Light outside the scene first, then every camera vertex, then the lens alone.
+    for (uint row = 0u; row <= paths.camera + 1u; ++row) {
+        bool escaped = row == 0u;
+        uint t = escaped ? paths.camera + 2u : (row <= paths.camera ? row + 1u : 1u);
+        if (escaped && !paths.escaped) {
+            continue;
+        }
+        Vertex end_z;
+        if (!escaped && t >= 2u) {
+            end_z = vertices[t - 2u];
+        }
+        // No light vertex, one, one again from a lifted point, then every vertex of the light
+        // subpath.
+        for (uint slot = 0u; slot < paths.light + 3u; ++slot) {
+            uint s = slot < 2u ? slot : slot - 1u;
+            bool from_lifted = slot == 2u;
+            if (slot > 0u
+                && (escaped || s + t - 1u > job.max_depth || (t >= 2u && !end_z.connectible))) {
+                break;
+            }
+            bool possible = t >= 2u
+                ? !from_lifted || end_z.terminator.present
+                : s >= 2u || (slot == 1u && paths.started);
+            if (!possible || !settings_includes(s, t)) {
+                continue;
+            }
+            Vertex y, z = end_z;
+            if (s >= 2u) {
+                y = vertices[MAX_DEPTH + s - 2u];
+                if (!y.connectible) {
+                    continue;
+                }
+            }
+            if (t >= 2u
+                && (from_lifted || (s >= 2u && z.terminator.present
+                    && terminator_offset_has_below(z.terminator, y.position)))) {
+                vertex_lifted(end_z, z);
+            }
+            Connection c;
+            if (!connect(h, s, t, pixel, escaped, paths, y, z, numbers, c)) {
+                continue;
+            }
+            if (c.shadowed && trace_occluded(c.ray, c.distance)) {
+                continue;
+            }
+            float weight = raw ? 1.0 : float(1.0lf / (1.0lf + c.others));
+            sink(
+                Contribution(c.pixel, c.unweighted * weight, c.unweighted, s, t, c.optical_length)
+            );
+        }
+    }
+}
+
+#endif

@@ -1,0 +1,314 @@
+// Twin of crates/lumbre-light/src/transport/integrator/bdpt/subpath.rs.
+//
+// An including file may define MAX_DEPTH, at least `job.max_depth`: the maximum number of stored
+// vertices of each subpath.
+#ifndef TRANSPORT_INTEGRATOR_BDPT_SUBPATH_GLSL
+#define TRANSPORT_INTEGRATOR_BDPT_SUBPATH_GLSL
+
+#include "scene.glsl"
+#include "transport/bsdf/mod.glsl"
+#include "transport/camera/lens.glsl"
+#include "transport/path_time.glsl"
+#include "transport/integrator/bdpt/weights.glsl"
+#include "transport/light/mod.glsl"
+#include "transport/mod.glsl"
+#include "transport/ray.glsl"
+#include "transport/sampler/mod.glsl"
+#include "transport/surface.glsl"
+#include "transport/vertex.glsl"
+
+#ifndef MAX_DEPTH
+#define MAX_DEPTH 8u
+#endif
+
+// A vertex on a surface, generated from the camera or from a light; fields as in Rust. The shading
+// normal is that of the BSDF's frame.
+struct Vertex {
+    vec3 position;
+    vec3 n_geometric;
+    vec3 wo;
+    vec3 previous;
+    vec3 n_previous;
+    float back;
+    Bsdf bsdf;
+    bool connectible;
+    TerminatorOffset terminator;
+    uint emitter;
+    Uv uv;
+    vec3 emitted;
+    vec3 throughput;
+    MisPartials partials;
+#ifdef TIMES
+    OpticalLength optical;
+#endif
+};
+
+// The vertex that an edge of a subpath leaves.
+const uint ORIGIN_LENS = 0u;
+const uint ORIGIN_LIGHT = 1u;
+const uint ORIGIN_SURFACE = 2u;
+
+// An edge of a subpath whose end vertex is not known yet; fields as in Rust. `point` is used if the
+// edge leaves a light; `normal` is the unit normal of the origin, zero for a lens point or a lifted
+// point.
+struct Edge {
+    uint origin;
+    LightPoint point;
+    vec3 normal;
+    vec3 from;
+    vec3 dir;
+    double pdf_w;
+    MisPartials partials;
+};
+
+// An edge with its ray and throughput. A camera subpath that left the scene ends with it.
+struct Departure {
+    Ray ray;
+    Edge edge;
+    vec3 throughput;
+};
+
+// The subpaths of a sample without their vertices; `start` is the start of the light subpath if
+// `started`, `escape` the end of the camera subpath if `escaped`.
+struct Subpaths {
+    uint camera;
+    uint light;
+    bool started;
+    EmissionSample start;
+    bool escaped;
+    Departure escape;
+    Length escape_length;
+    vec3 lens;
+    float emitted;
+};
+
+// The vertices of both subpaths: camera vertices first, then light vertices.
+Vertex vertices[2u * MAX_DEPTH];
+
+const LightPoint NO_POINT = LightPoint(NONE, vec3(0.0), vec3(0.0), Uv(0.0));
+
+// Returns an edge that leaves a point of the lens.
+Edge edge_from_lens(vec3 from, vec3 dir) {
+    float pdf_w = camera_pdf_w(dir);
+    bool found = pdf_w > 0.0;
+    MisPartials edge_partials = MisPartials(found ? 1.0lf : 0.0lf, 0.0lf);
+    return Edge(
+        ORIGIN_LENS, NO_POINT, vec3(0.0), from, dir, found ? double(pdf_w) : 1.0lf, edge_partials
+    );
+}
+
+// Returns an edge that leaves a light.
+Edge edge_from_light(LightPoint point, vec3 dir) {
+    return Edge(
+        ORIGIN_LIGHT, point, point.normal, point.position, dir, 0.0lf, MisPartials(0.0lf, 0.0lf)
+    );
+}
+
+// Computes the MIS partials at the end of an edge; `spread` converts its density to that of the end
+// point.
+bool edge_partials_at(Edge e, uint h, double spread, out MisPartials partials) {
+    return mis_partials_new(h, e.partials, e.pdf_w * spread, partials);
+}
+
+// Computes the MIS partials of the surface point that an edge hits, and `back` there; false if
+// rounding leaves the point without a density.
+bool edge_partials_at_surface(
+    Edge e, uint h, vec3 position, vec3 n, out MisPartials partials, out float back
+) {
+    if (e.origin == ORIGIN_LIGHT) {
+        LightEnd end = light_end_new(e.point, e.dir, position, n);
+        MisPartials edge_partials = MisPartials(
+            heuristic_term(h, end.direct / end.start), 1.0lf / heuristic_term(h, end.start)
+        );
+        back = end.back;
+        return mis_partials_new(h, edge_partials, end.next, partials);
+    }
+    vec3 edge = position - e.from;
+    float distance2 = length_squared(edge);
+    float scale = 1.0 / (distance2 * sqrt(distance2));
+    back = abs(dot(edge, e.normal)) * scale;
+    return edge_partials_at(e, h, double(abs(dot(edge, n) * scale)), partials);
+}
+
+// Builds the vertex at the surface that an edge hits; false if rounding leaves it without a
+// density.
+bool edge_vertex_at(Edge e, uint h, Surface surface, uint mode, vec3 throughput, out Vertex v) {
+    v.position = surface.position;
+    v.n_geometric = surface.n_geometric;
+    v.wo = -e.dir;
+    v.previous = e.from;
+    v.n_previous = e.normal;
+    v.bsdf = bsdf_new(surface);
+    v.connectible = bsdf_has_density(v.bsdf);
+    v.terminator = surface.terminator;
+    v.emitter = surface.emitter;
+    v.uv = surface.uv;
+    v.emitted = mode == RADIANCE ? surface_emitted(surface, v.wo) : vec3(0.0);
+    v.throughput = throughput;
+    return edge_partials_at_surface(
+        e, h, surface.position, surface.n_geometric, v.partials, v.back
+    );
+}
+
+// Returns the cosine by which a BSDF value towards `wi` is multiplied.
+float vertex_cos(Vertex v, vec3 wi) {
+    return abs(dot(wi, v.bsdf.frame.n));
+}
+
+// Computes a vertex as the start of edges from its lifted point; false if it has none.
+bool vertex_lifted(Vertex v, out Vertex lifted) {
+    lifted = v;
+    lifted.position = v.terminator.lifted_point;
+    lifted.n_geometric = vec3(0.0);
+    lifted.terminator.lifted = true;
+    return v.terminator.present;
+}
+
+// Returns the other side's density of the previous vertex, if its BSDF samples that direction with
+// density `reverse_pdf_w`.
+double vertex_density_before(Vertex v, float reverse_pdf_w) {
+    return v.back > 0.0 ? double(reverse_pdf_w) * double(v.back) : 0.0lf;
+}
+
+// Returns the edge of the sampled direction.
+Edge vertex_next_edge(Vertex v, uint h, uint mode, BsdfSample s) {
+    double pdf_w, before;
+    if (s.delta) {
+        float towards_next = abs(dot(s.wi, v.n_geometric)), back = abs(dot(v.wo, v.n_geometric));
+        if (mode == RADIANCE) {
+            back /= s.eta * s.eta;
+        } else {
+            towards_next *= s.eta * s.eta;
+        }
+        pdf_w = double(towards_next);
+        before = double(back) * double(v.back);
+    } else {
+        pdf_w = double(s.pdf_w);
+        before = vertex_density_before(v, bsdf_pdf_w(v.bsdf, s.wi, v.wo));
+    }
+    MisPartials edge_partials = mis_partials_next_edge(v.partials, h, s.delta, before);
+    bool lifted = terminator_offset_applies_to(v.terminator, s.wi);
+    return Edge(
+        ORIGIN_SURFACE, NO_POINT, lifted ? vec3(0.0) : v.n_geometric,
+        lifted ? v.terminator.lifted_point : v.position, s.wi, pdf_w,
+        edge_partials
+    );
+}
+
+// Starts the camera subpath.
+Departure depart_from_camera(uvec2 pixel, inout Subpaths paths, inout Sampler numbers) {
+    Ray ray = camera_sample_ray(pixel, numbers);
+    paths.lens = ray.origin;
+    return Departure(ray, edge_from_lens(ray.origin, ray.dir), vec3(1.0));
+}
+
+// Starts the light subpath; returns whether it is traced.
+bool depart_from_light(
+    uint max_edges, inout Subpaths paths, inout Sampler numbers, out Departure d
+) {
+    float choice = next_1d(numbers);
+    vec2 u = next_2d(numbers);
+    vec2 v = next_2d(numbers);
+    EmissionSample e;
+    paths.started = lights_sample_emission(choice, u, v, e);
+    paths.start = e;
+    vec3 throughput = e.radiance * e.cos_theta / (e.pdf_a * e.pdf_w);
+    d = Departure(
+        spawn_ray(e.point.position, e.point.normal, e.dir), edge_from_light(e.point, e.dir),
+        throughput
+    );
+    return paths.started && throughput != vec3(0.0) && max_edges > 1u;
+}
+
+// Traces both subpaths of a sample, with up to `max_edges` edges: `trace_camera`, `trace_light` and
+// `walk`.
+Subpaths trace_subpaths(uint h, uvec2 pixel, uint max_edges, inout Sampler numbers) {
+    Subpaths paths;
+    paths.camera = 0u;
+    paths.light = 0u;
+    paths.started = false;
+    paths.escaped = false;
+    AuxRng aux_rng = aux_rng_new(numbers);
+    paths.emitted = aux_rng_emission(aux_rng);
+    [[dont_unroll]] for (uint mode = RADIANCE; mode <= IMPORTANCE; ++mode) {
+        Departure d;
+        bool camera = mode == RADIANCE;
+        if (camera) {
+            d = depart_from_camera(pixel, paths, numbers);
+        } else if (max_edges == 0u || !depart_from_light(max_edges, paths, numbers, d)) {
+            break;
+        }
+        uint edges = camera ? max_edges : max_edges - 1u;
+        PathTime path_time = path_time_from_light(d.edge.from);
+        if (camera) {
+            path_time = path_time_from_camera(d.ray, paths.emitted);
+        }
+        // Product of the BSDF weights, by which roulette chooses the survival probability. Weights
+        // do not involve roulette.
+        vec3 rr_throughput = vec3(1.0);
+        TerminatorOffset terminator = NO_TERMINATOR_OFFSET;
+        uint count = 0u;
+        while (count < edges) {
+            Hit hit;
+            if (!trace_closest(d.ray, INFINITY, hit)) {
+                if (camera) {
+                    paths.escaped = true;
+                    paths.escape = d;
+                    paths.escape_length = path_time_escape_length(path_time, d.edge.dir);
+                }
+                break;
+            }
+            // The last edge of a camera subpath can only find light.
+            if (camera && count + 1u == edges && emitter_of(hit.primitive, hit.instance) == NONE) {
+                break;
+            }
+            Surface surface = path_time_arrive(path_time, d.ray, hit, aux_rng);
+            Vertex v;
+            if ((terminator.present && !terminator_offset_has_below(terminator, surface.position))
+                || !edge_vertex_at(d.edge, h, surface, mode, d.throughput, v)) {
+                break;
+            }
+#ifdef TIMES
+            v.optical = path_time.optical;
+#endif
+            bool ends = surface_ends_paths(surface);
+            v.connectible = v.connectible && !ends;
+            vertices[(camera ? 0u : MAX_DEPTH) + count] = v;
+            count += 1u;
+            if (ends || count == edges) {
+                break;
+            }
+            float choice = next_1d(numbers);
+            BsdfSample s;
+            if (!bsdf_sample(v.bsdf, v.wo, choice, next_2d(numbers), mode, s)) {
+                break;
+            }
+            // Undo the scaling of radiance by refraction.
+            rr_throughput *= s.weight * (camera ? s.eta * s.eta : 1.0);
+            float survival = 1.0;
+            if (count >= job.rr_start) {
+                survival = min(max_element(rr_throughput), MAX_SURVIVAL);
+                if (next_1d(numbers) >= survival) {
+                    break;
+                }
+                rr_throughput /= survival;
+            }
+            d.throughput = v.throughput * s.weight / survival;
+            if (d.throughput == vec3(0.0)) {
+                break;
+            }
+            path_time_scatter(path_time, v.position, s.eta);
+            d.ray = surface_spawn(surface, s.wi);
+            d.edge = vertex_next_edge(v, h, mode, s);
+            terminator = terminator_into(surface, s.wi);
+        }
+        if (camera) {
+            paths.camera = count;
+        } else {
+            paths.light = count;
+        }
+    }
+    return paths;
+}
+
+#endif

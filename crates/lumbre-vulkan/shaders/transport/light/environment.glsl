@@ -1,0 +1,89 @@
+// Twin of crates/lumbre-light/src/transport/light/environment.rs: the map is texture `job.environment_texture`, its
+// distribution is in `environment_rows` and `environment_cells`.
+#ifndef TRANSPORT_LIGHT_ENVIRONMENT_GLSL
+#define TRANSPORT_LIGHT_ENVIRONMENT_GLSL
+
+#include "scene.glsl"
+#include "math/distribution.glsl"
+#include "math/warp.glsl"
+
+uvec2 environment_size() {
+    return uvec2(textures[job.environment_texture].width, textures[job.environment_texture].height);
+}
+
+// Returns column and row of a direction as fractions of width and height, both in 0..=1.
+vec2 environment_coordinates(vec3 dir) {
+    float turn_sin = job.environment_turn.x, turn_cos = job.environment_turn.y;
+    float x = dir.x * turn_cos - dir.z * turn_sin, z = dir.x * turn_sin + dir.z * turn_cos;
+    float u = atan2(x, -z) / TAU;
+    return vec2(u < 0.0 ? u + 1.0 : u, atan2(sqrt(x * x + z * z), dir.y) / PI);
+}
+
+// Returns the colour interpolated between the centres of four texels, across the seam and up to the
+// poles.
+vec3 environment_bilinear(vec2 uv) {
+    uint first = textures[job.environment_texture].first;
+    ivec2 size = ivec2(environment_size());
+    vec2 xy = uv * vec2(size) - 0.5;
+    ivec2 low = ivec2(floor(xy));
+    vec2 f = xy - floor(xy);
+    // Columns from -1 to the size, both included, wrap around.
+    ivec2 columns = (ivec2(low.x, low.x + 1) + size.x) % size.x;
+    ivec2 rows = clamp(ivec2(low.y, low.y + 1), 0, size.y - 1) * size.x;
+    vec3 upper = mix(
+        texel_at(first + uint(rows.x + columns.x)), texel_at(first + uint(rows.x + columns.y)), f.x
+    );
+    vec3 lower = mix(
+        texel_at(first + uint(rows.y + columns.x)), texel_at(first + uint(rows.y + columns.y)), f.x
+    );
+    return mix(upper, lower, f.y);
+}
+
+// Returns the radiance that arrives from the unit direction `dir`; black without an environment.
+vec3 environment_radiance(vec3 dir) {
+    if (job.has_environment == 0u) {
+        return vec3(0.0);
+    }
+    if (job.environment_texture == NONE) {
+        return job.environment_radiance;
+    }
+    return job.environment_radiance * environment_bilinear(environment_coordinates(dir));
+}
+
+// Samples a direction towards the environment, with its density per solid angle.
+vec3 environment_sample(vec2 u, out float pdf_w) {
+    if (job.environment_texture == NONE) {
+        pdf_w = 1.0 / (4.0 * PI);
+        return uniform_sphere(u);
+    }
+    uvec2 size = environment_size();
+    GridSample s = grid_sample(size, u);
+    EnvironmentRow row = environment_rows[s.cell.y];
+    pdf_w = s.probability * row.density;
+    vec2 phi = sin_cos(TAU * ((float(s.cell.x) + s.inside.x) / float(size.x)));
+    // One minus the absolute value of the cosine, measured from the row's edge nearer to its pole:
+    // this keeps the digits for which Rust uses double precision.
+    bool upper_half = row.upper >= 0.0;
+    float edge = row.upper_rest;
+    if (!upper_half) {
+        edge = s.cell.y + 1u < size.y ? environment_rows[s.cell.y + 1u].upper_rest : 0.0;
+    }
+    float rest = edge - row.step * (upper_half ? s.inside.y : s.beyond.y);
+    float cos_polar = upper_half ? 1.0 - rest : rest - 1.0;
+    float sin_polar = sqrt(max(rest * (2.0 - rest), 0.0));
+    float px = sin_polar * phi.x, pz = -sin_polar * phi.y;
+    float turn_sin = job.environment_turn.x, turn_cos = job.environment_turn.y;
+    return vec3(px * turn_cos + pz * turn_sin, cos_polar, pz * turn_cos - px * turn_sin);
+}
+
+// Returns the density per solid angle with which `environment_sample` samples a direction.
+float environment_pdf_w(vec3 dir) {
+    if (job.environment_texture == NONE) {
+        return 1.0 / (4.0 * PI);
+    }
+    uvec2 size = environment_size();
+    uvec2 cell = min(uvec2(environment_coordinates(dir) * vec2(size)), size - 1u);
+    return grid_probability(size.x, cell.x, cell.y) * environment_rows[cell.y].density;
+}
+
+#endif

@@ -1,0 +1,163 @@
+//! The Vulkan instance of the process, and the messages of the validation layer.
+
+use std::ffi::{CStr, c_void};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, OnceLock, PoisonError};
+
+use ash::{ext, vk};
+
+use crate::error::VulkanError;
+
+const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
+
+/// Environment variable that, set to anything but `0`, enables the validation layer if it is
+/// installed; its messages are logged as warnings.
+pub const VALIDATION_VARIABLE: &str = "LUMBRE_VALIDATION";
+
+static VALIDATE: AtomicBool = AtomicBool::new(false);
+static MESSAGES: Mutex<Vec<String>> = Mutex::new(Vec::new());
+static SHARED: OnceLock<Result<Instance, VulkanError>> = OnceLock::new();
+
+/// Vulkan loader and instance.
+pub struct Instance {
+    /// Owner of the loaded library.
+    _entry: ash::Entry,
+    /// Handle of the instance.
+    pub raw: ash::Instance,
+    /// Whether the debug extension is available, to name objects and receive messages.
+    pub debug: bool,
+    /// Whether the validation layer is enabled.
+    pub validated: bool,
+}
+
+/// Message if the loader cannot create an instance.
+const NO_DRIVER: &str = "the Vulkan loader finds no driver; install the driver of the graphics \
+                         card, or a software driver (Mesa's lavapipe)";
+
+/// Enables the validation layer for the instance that its first use creates; must be called before.
+/// Used by tests.
+pub fn enable_validation() {
+    VALIDATE.store(true, Ordering::Relaxed);
+}
+
+/// Returns the messages of the validation layer so far; empty if all is well.
+pub fn validation_messages() -> Vec<String> {
+    MESSAGES
+        .lock()
+        .unwrap_or_else(PoisonError::into_inner)
+        .clone()
+}
+
+/// Returns the instance of this process, created by the first call. It is never destroyed, and
+/// neither is the library unloaded, since drivers tend to crash when unloaded.
+///
+/// # Errors
+/// Returns an error if there is no loader, or it cannot create an instance.
+pub fn shared() -> Result<&'static Instance, VulkanError> {
+    SHARED.get_or_init(create).as_ref().map_err(Clone::clone)
+}
+
+fn create() -> Result<Instance, VulkanError> {
+    // SAFETY: the loaded library is the system's Vulkan loader, whose initialisers are safe to run.
+    let entry = unsafe { ash::Entry::load() }.map_err(|e| VulkanError::NoLoader(e.to_string()))?;
+    let call = |call: &'static str| {
+        move |result| VulkanError::Call {
+            call,
+            result,
+            pass: "start".to_owned(),
+        }
+    };
+    let validated = wants_validation(&entry);
+    let debug = validated || has_debug_utils(&entry);
+    let application = vk::ApplicationInfo::default()
+        .application_name(c"lumbre")
+        .api_version(vk::API_VERSION_1_2);
+    let layer_names: Vec<_> = validated
+        .then_some(VALIDATION.as_ptr())
+        .into_iter()
+        .collect();
+    let extension_names: Vec<_> = debug
+        .then_some(ext::debug_utils::NAME.as_ptr())
+        .into_iter()
+        .collect();
+    // Synchronisation validation finds missing barriers, which lenient drivers hide.
+    let enabled = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+    let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enabled);
+    let mut info = vk::InstanceCreateInfo::default()
+        .application_info(&application)
+        .enabled_layer_names(&layer_names)
+        .enabled_extension_names(&extension_names);
+    if validated {
+        info = info.push_next(&mut features);
+    }
+    // SAFETY: everything the structure points to lives until the call returns.
+    let raw = unsafe { entry.create_instance(&info, None) }.map_err(|result| match result {
+        vk::Result::ERROR_INCOMPATIBLE_DRIVER => VulkanError::NoDevice(NO_DRIVER.to_owned()),
+        other => call("vkCreateInstance")(other),
+    })?;
+    if validated {
+        let messenger = vk::DebugUtilsMessengerCreateInfoEXT::default()
+            .message_severity(
+                vk::DebugUtilsMessageSeverityFlagsEXT::WARNING
+                    | vk::DebugUtilsMessageSeverityFlagsEXT::ERROR,
+            )
+            .message_type(vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION)
+            .pfn_user_callback(Some(on_validation_message));
+        let debug_utils = ext::debug_utils::Instance::new(&entry, &raw);
+        // SAFETY: the instance has the extension, since the layer provides it; the messenger lives
+        // as long as the instance.
+        unsafe { debug_utils.create_debug_utils_messenger(&messenger, None) }
+            .map_err(call("vkCreateDebugUtilsMessengerEXT"))?;
+    }
+    Ok(Instance {
+        _entry: entry,
+        raw,
+        debug,
+        validated,
+    })
+}
+
+/// Returns whether the loader supports the extension to name objects and receive messages.
+fn has_debug_utils(entry: &ash::Entry) -> bool {
+    // SAFETY: the entry is loaded.
+    let extensions =
+        unsafe { entry.enumerate_instance_extension_properties(None) }.unwrap_or_default();
+    extensions
+        .iter()
+        .any(|e| e.extension_name_as_c_str() == Ok(ext::debug_utils::NAME))
+}
+
+/// Returns whether the validation layer was requested and is installed.
+fn wants_validation(entry: &ash::Entry) -> bool {
+    let wanted = VALIDATE.load(Ordering::Relaxed)
+        || std::env::var(VALIDATION_VARIABLE).is_ok_and(|value| !value.is_empty() && value != "0");
+    // SAFETY: the entry is loaded.
+    let layers = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();
+    let validated = wanted
+        && layers
+            .iter()
+            .any(|l| l.layer_name_as_c_str() == Ok(VALIDATION));
+    if wanted && !validated {
+        tracing::warn!("the Vulkan validation layer was requested but is not installed");
+    }
+    validated
+}
+
+/// Callback of the validation layer: logs and stores its message.
+unsafe extern "system" fn on_validation_message(
+    _severity: vk::DebugUtilsMessageSeverityFlagsEXT,
+    _kind: vk::DebugUtilsMessageTypeFlagsEXT,
+    data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
+    _user: *mut c_void,
+) -> vk::Bool32 {
+    // SAFETY: the layer passes a valid structure with zero-terminated text.
+    let text = unsafe { (*data).message_as_c_str() }
+        .map(|t| t.to_string_lossy().into_owned())
+        .unwrap_or_default();
+    tracing::warn!("Vulkan: {text}");
+    MESSAGES
+        .lock()
+        .unwrap_or_else(PoisonError::into_inner)
+        .push(text);
+    vk::FALSE
+}

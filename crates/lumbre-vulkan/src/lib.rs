@@ -1,0 +1,248 @@
+//! The Vulkan backends: `vulkan` (ray-tracing pipelines), `vulkan-query` (ray queries) and
+//! `vulkan-compute` (a BVH traversed in a compute shader).
+//!
+//! [`renderer`] runs a job. [`context`] opens instance and device, [`memory`] holds buffers and the
+//! scene, [`films`] the sums, [`accel`] the acceleration structures, [`pipelines`] compiles
+//! shaders, [`schedule`] splits waves into dispatches, and [`layout`] defines the structs that Rust
+//! and GLSL share. `layout` and `pipelines::spirv` need no device. Each Vulkan object owns what it
+//! was made from and is destroyed when dropped, and every submission is waited for before the
+//! objects it uses are dropped, so nothing is destroyed while in use.
+#![allow(
+    unsafe_code,
+    reason = "Vulkan is a C interface; each block states why the call is sound"
+)]
+
+pub mod accel;
+pub mod context;
+pub mod error;
+pub mod films;
+pub mod layout;
+pub mod memory;
+pub mod pipelines;
+mod prepare;
+pub mod renderer;
+pub mod schedule;
+
+use std::sync::Arc;
+
+use error::VulkanError;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::transport::integrator::IntegratorRow;
+use lumbre_render::backend_choice;
+use lumbre_render::path_trace::{PathEvent, SampleAt};
+use lumbre_render::{BackendRow, Job, RenderError, Renderer, worker};
+use pipelines::program::{TracingMode, shader_of};
+use pipelines::spirv::Sources;
+use renderer::VulkanRenderer;
+
+/// Table row of the backend with ray-tracing pipelines.
+pub const PIPELINE: BackendRow = BackendRow {
+    name: "vulkan",
+    doc: "GPU with hardware ray tracing, by ray-tracing pipelines.",
+    probe: || probe(TracingMode::Pipeline),
+    layers: true,
+    times: true,
+    models: memory::upload::MODELS,
+    refuses,
+    edited,
+    accel: false,
+    open: |scene, job| open(TracingMode::Pipeline, &scene, job),
+    paths: |scene, job, samples| paths(TracingMode::Pipeline, scene, job, samples),
+};
+
+/// Table row of the backend with ray queries.
+pub const QUERY: BackendRow = BackendRow {
+    name: "vulkan-query",
+    doc: "GPU with hardware ray tracing, by ray queries in a compute shader.",
+    probe: || probe(TracingMode::Query),
+    layers: true,
+    times: true,
+    models: memory::upload::MODELS,
+    refuses,
+    edited,
+    accel: false,
+    open: |scene, job| open(TracingMode::Query, &scene, job),
+    paths: |scene, job, samples| paths(TracingMode::Query, scene, job, samples),
+};
+
+/// Table row of the backend with its own BVH.
+pub const COMPUTE: BackendRow = BackendRow {
+    name: "vulkan-compute",
+    doc: "Any GPU: a compute shader that traverses a BVH built on the CPU.",
+    probe: || probe(TracingMode::Compute),
+    layers: true,
+    times: true,
+    models: memory::upload::MODELS,
+    refuses,
+    edited,
+    accel: true,
+    open: |scene, job| open(TracingMode::Compute, &scene, job),
+    paths: |scene, job, samples| paths(TracingMode::Compute, scene, job, samples),
+};
+
+/// Maximum number of path edges of bidirectional integrators: their shaders store two vertices of
+/// about 400 bytes for each edge in the private memory of every invocation, here 25 KiB.
+const MAX_BDPT_DEPTH: u32 = 32;
+
+fn refuses(integrator: &IntegratorRow, max_depth: u32) -> Option<String> {
+    let name = integrator.name;
+    if shader_of(&Sources::from_env(), name).is_none() {
+        return Some(format!("there is no shader for the integrator `{name}`"));
+    }
+    (integrator.splats && max_depth > MAX_BDPT_DEPTH).then(|| {
+        format!(
+            "its `{name}` shader supports max_depth up to {MAX_BDPT_DEPTH}, not {max_depth}: it \
+             stores the vertices of both subpaths in private memory"
+        )
+    })
+}
+
+/// Returns a hash of the shaders if they were modified after the build.
+fn edited() -> Result<Option<String>, String> {
+    Sources::from_env().edited().map_err(|e| e.to_string())
+}
+
+/// Opens a run, in a worker process if this process uses any.
+fn open(
+    kind: TracingMode,
+    scene: &Arc<CompiledScene>,
+    job: Job,
+) -> Result<Box<dyn Renderer>, RenderError> {
+    Ok(match worker::pool() {
+        Some(pool) => Box::new(pool.open(kind.backend(), scene, job)?),
+        None => Box::new(VulkanRenderer::open(kind, scene, &job)?),
+    })
+}
+
+/// Records the events of samples on the device of this process.
+fn paths(
+    kind: TracingMode,
+    scene: &CompiledScene,
+    job: &Job,
+    samples: &[SampleAt],
+) -> Result<Vec<Vec<PathEvent>>, RenderError> {
+    let events = || {
+        let device = context::session::device()?;
+        VulkanRenderer::recording(&device, kind, &Sources::from_env(), scene, job)?.paths(samples)
+    };
+    events().map_err(|e| renderer::into_render_error(kind, e))
+}
+
+/// Returns the device that a mode would run on, or why none can.
+fn probe(kind: TracingMode) -> Result<String, String> {
+    let device = context::physical_device::choose().map_err(|e| e.to_string())?;
+    match kind.lacking(&device.caps) {
+        None => Ok(device.line()),
+        Some(what) => Err(format!("{} does not support {what}", device.line())),
+    }
+}
+
+/// Returns the index, in the list of devices, of the device that one of these backends renders on;
+/// `None` for other backends.
+pub fn device_index(backend: &str) -> Option<String> {
+    TracingMode::ALL
+        .iter()
+        .find(|kind| kind.backend() == backend)?;
+    context::physical_device::choose()
+        .ok()
+        .map(|device| device.index.to_string())
+}
+
+/// Returns the indices of further devices of this machine of the model that one of these backends
+/// renders on. None if a device was selected explicitly: only that one is used then.
+pub fn same_model_devices(backend: &str) -> Vec<String> {
+    if TracingMode::ALL
+        .iter()
+        .all(|kind| kind.backend() != backend)
+        || backend_choice::device(context::physical_device::DEVICE_VARIABLE).is_some()
+    {
+        return Vec::new();
+    }
+    let found = || {
+        Ok::<_, VulkanError>((
+            context::physical_device::choose()?,
+            context::physical_device::list()?,
+        ))
+    };
+    found().map_or_else(
+        |_| Vec::new(),
+        |(chosen, all)| {
+            chosen
+                .others_of_model(&all)
+                .iter()
+                .map(usize::to_string)
+                .collect()
+        },
+    )
+}
+
+/// Resolves names of devices to their indices.
+///
+/// # Errors
+/// Returns a message if a name matches no device, or two names match the same one.
+pub fn resolve_devices(names: &[String]) -> Result<Vec<String>, String> {
+    let all = context::physical_device::list().map_err(|e| e.to_string())?;
+    let mut indices: Vec<String> = Vec::new();
+    for name in names {
+        let index = context::physical_device::find(&all, name)
+            .map_err(|e| e.to_string())?
+            .index
+            .to_string();
+        if indices.contains(&index) {
+            return Err(format!("device {index} is selected twice"));
+        }
+        indices.push(index);
+    }
+    Ok(indices)
+}
+
+/// Returns the backend that suits this machine's device and why, or why none does.
+pub fn auto_backend() -> Result<(&'static str, String), String> {
+    let device = context::physical_device::choose().map_err(|e| e.to_string())?;
+    if device.software {
+        return Err(format!("{} is a software implementation", device.line()));
+    }
+    let kind = [TracingMode::Pipeline, TracingMode::Compute]
+        .into_iter()
+        .find(|kind| kind.lacking(&device.caps).is_none());
+    let kind =
+        kind.ok_or_else(|| format!("{} supports none of the Vulkan backends", device.line()))?;
+    let why = if kind == TracingMode::Pipeline {
+        "it supports hardware ray tracing"
+    } else {
+        "it has no hardware ray tracing"
+    };
+    Ok((kind.backend(), format!("{}: {why}", device.line())))
+}
+
+/// Lists the devices of this machine for users: name and driver, and which backends each supports.
+pub fn devices() -> Vec<(String, String)> {
+    let listed = match context::physical_device::list() {
+        Ok(devices) => devices,
+        Err(e) => return vec![("devices".to_owned(), e.to_string())],
+    };
+    let line = |d: &context::physical_device::DeviceInfo| {
+        let able = |kind: &TracingMode| kind.lacking(&d.caps).is_none();
+        let backends: Vec<&str> = TracingMode::ALL
+            .iter()
+            .filter(|kind| able(kind))
+            .map(|kind| kind.backend())
+            .collect();
+        let splats = if d.caps.float_atomics {
+            "splats by float atomics"
+        } else {
+            "splats in fixed point"
+        };
+        let sort = if d.software { "software" } else { "hardware" };
+        let heap = error::mib(d.limits.heap);
+        (
+            format!("device {}", d.index),
+            format!(
+                "{}: {sort}, {heap:.0} MiB, {splats}; {}",
+                d.line(),
+                backends.join(", ")
+            ),
+        )
+    };
+    listed.iter().map(line).collect()
+}

@@ -1,0 +1,96 @@
+//! Texels on a device: in one buffer, or in blocks accessed by address if one buffer would exceed
+//! what shaders can access.
+
+use std::sync::Arc;
+
+use ash::vk;
+
+use super::buffer::{Buffer, check_size};
+use crate::context::device::Device;
+use crate::error::VulkanError;
+
+/// Size of a texel in bytes: three floats.
+const BYTES: u64 = size_of::<[f32; 3]>() as u64;
+
+/// Maximum size of a block in bytes, which every device can allocate at once
+/// (`maxMemoryAllocationSize` is at least 1 GiB).
+const MAX_BLOCK_BYTES: u64 = 1 << 30;
+
+/// Maximum number of texels, which are counted in 32 bits.
+const MAX_TEXELS: u64 = 1 << 32;
+
+/// Texels of a scene on a device.
+pub struct Texels {
+    /// Buffer to bind: the texels, or the addresses of their blocks.
+    pub bound: Buffer,
+    _blocks: Vec<Buffer>,
+    /// Binary logarithm of the number of texels of a block; `None` if there is one buffer. Shaders
+    /// know it as `TEXEL_SHIFT`.
+    pub shift: Option<u32>,
+}
+
+impl Texels {
+    /// Copies texels to a device.
+    ///
+    /// # Errors
+    /// Returns an error if they exceed the device's memory, or the size of a storage buffer on
+    /// devices without buffer addresses.
+    pub fn new(device: &Arc<Device>, texels: &[[f32; 3]]) -> Result<Texels, VulkanError> {
+        let (needed, limits) = (texels.len() as u64 * BYTES, &device.info.limits);
+        if needed <= limits.texels || !device.info.caps.addresses {
+            let bound = Buffer::with(device, "texels", texels, vk::BufferUsageFlags::empty())?;
+            return Ok(Texels {
+                bound,
+                _blocks: Vec::new(),
+                shift: None,
+            });
+        }
+        check_size(
+            device,
+            "texels",
+            needed,
+            limits.heap,
+            "the scene and its films must fit into the device's memory",
+        )?;
+        let shift = (limits.texels.min(MAX_BLOCK_BYTES) / BYTES).max(1).ilog2();
+        let create_block = |rows| {
+            Buffer::with(
+                device,
+                "block of texels",
+                rows,
+                vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS,
+            )
+        };
+        let blocks: Vec<Buffer> = texels
+            .chunks(1 << shift)
+            .map(create_block)
+            .collect::<Result<_, _>>()?;
+        let addresses: Vec<u64> = blocks.iter().map(Buffer::address).collect();
+        let bound = Buffer::with(
+            device,
+            "addresses of texels",
+            &addresses,
+            vk::BufferUsageFlags::empty(),
+        )?;
+        Ok(Texels {
+            bound,
+            _blocks: blocks,
+            shift: Some(shift),
+        })
+    }
+
+    /// Returns an error if there are more texels than a device can index.
+    ///
+    /// # Errors
+    /// Returns an error if there are more than 2^32.
+    pub fn check_count(device: &Device, count: u64) -> Result<(), VulkanError> {
+        let remedy = "shaders index texels with 32 bits; use smaller textures";
+        check_size(
+            device,
+            "texels",
+            count.saturating_mul(BYTES),
+            MAX_TEXELS * BYTES,
+            remedy,
+        )
+    }
+}

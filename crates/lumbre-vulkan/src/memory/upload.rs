@@ -1,0 +1,594 @@
+//! Converts a compiled scene and a job to the buffers of `shaders/scene.glsl`.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use ash::vk;
+use glam::Vec3;
+
+use super::buffer::Buffer;
+use super::delay_tables::{DelayRows, double_words};
+use super::texel_blocks::Texels;
+use crate::context::device::Device;
+use crate::error::VulkanError;
+use crate::layout;
+use crate::layout::{EnvironmentRow, LightChoice};
+use crate::pipelines::compute::BoundResource;
+use lumbre_light::film::layer::{Layer, LayerLayout};
+use lumbre_light::film::time::TimeFilter;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::{self, MaskMode, Model, NONE};
+use lumbre_light::transport::camera::{Camera, FilterKind};
+use lumbre_light::transport::integrator::Settings;
+use lumbre_light::transport::light::{LightSelection, Lights};
+use lumbre_light::transport::mis::Heuristic;
+
+/// Material models that have shaders, by their number in GLSL.
+pub const MODELS: &[Model] = &[
+    Model::Disney,
+    Model::Lambert,
+    Model::Conductor,
+    Model::Plastic,
+    Model::Dielectric,
+];
+
+/// Returns the models of a scene as a bit mask of their numbers in GLSL.
+pub fn models(scene: &CompiledScene) -> u32 {
+    scene
+        .materials
+        .iter()
+        .fold(0, |bits, m| bits | 1 << model_number(m.model))
+}
+
+/// Returns the number of a model; scenes with unsupported models are refused earlier.
+fn model_number(model: Model) -> u32 {
+    MODELS.iter().position(|known| *known == model).unwrap_or(0) as u32
+}
+
+/// Buffers of a scene that do not depend on the job: shared by all runs that render it.
+pub struct SceneBuffers {
+    /// Corners of the triangles, from which acceleration structures are built.
+    pub triangles: Buffer,
+    surfaces: [Buffer; 5],
+    texels: Texels,
+    lights: [Buffer; 3],
+    instances: [Buffer; 2],
+}
+
+/// Buffers that depend on the job.
+pub struct JobBuffers {
+    job: Buffer,
+    others: [Buffer; 7],
+}
+
+impl SceneBuffers {
+    /// Copies a scene to a device.
+    ///
+    /// # Errors
+    /// Returns an error if an array or the whole scene is larger than the device can hold, or a
+    /// material model has no shader.
+    pub fn new(device: &Arc<Device>, scene: &CompiledScene) -> Result<SceneBuffers, VulkanError> {
+        if let Some(material) = scene.materials.iter().find(|m| !MODELS.contains(&m.model)) {
+            let needed = format!(
+                "materials of the model `{}`: it has no shader",
+                material.model.name()
+            );
+            return Err(VulkanError::Lacks {
+                device: device.info.line(),
+                needed,
+            });
+        }
+        let plain = vk::BufferUsageFlags::empty();
+        let triangles: Vec<layout::Triangle> = scene.triangles.iter().map(triangle).collect();
+        let build = if device.accel.is_some() {
+            vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS
+                | vk::BufferUsageFlags::ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_KHR
+        } else {
+            plain
+        };
+        let (textures, texels) = textures(device, scene)?;
+        let tangents: Vec<layout::Tangents> = scene.tangents.iter().map(tangents).collect();
+        let attributes: Vec<layout::TriangleAttributes> =
+            scene.attributes.iter().map(attributes).collect();
+        let spheres: Vec<layout::Sphere> = scene.spheres.iter().map(sphere).collect();
+        let material = |(row, m): (usize, &compile::Material)| {
+            let parts = scene.delays.rows.get(row).copied().unwrap_or_default();
+            layout::Material {
+                parts,
+                ..material(m)
+            }
+        };
+        let materials: Vec<layout::Material> =
+            scene.materials.iter().enumerate().map(material).collect();
+        let emitters: Vec<layout::Emitter> = scene.emitters.iter().map(emitter).collect();
+        let points: Vec<layout::PointLight> = scene.points.iter().map(point_light).collect();
+        let directionals: Vec<layout::DirectionalLight> =
+            scene.directionals.iter().map(directional_light).collect();
+        let instance_materials = &scene.instances.materials;
+        Ok(SceneBuffers {
+            triangles: Buffer::with(device, "triangles", &triangles, build)?,
+            surfaces: [
+                Buffer::with(device, "triangle attributes", &attributes, plain)?,
+                Buffer::with(device, "tangents", &tangents, plain)?,
+                Buffer::with(device, "spheres", &spheres, plain)?,
+                Buffer::with(device, "materials", &materials, plain)?,
+                Buffer::with(device, "textures", &textures, plain)?,
+            ],
+            texels: Texels::new(device, &texels)?,
+            lights: [
+                Buffer::with(device, "emitters", &emitters, plain)?,
+                Buffer::with(device, "point lights", &points, plain)?,
+                Buffer::with(device, "directional lights", &directionals, plain)?,
+            ],
+            instances: [
+                Buffer::with(device, "mesh placements", &placements(scene), plain)?,
+                Buffer::with(device, "instance materials", instance_materials, plain)?,
+            ],
+        })
+    }
+
+    /// Returns the binary logarithm of the number of texels of a block if texels are stored in
+    /// blocks; shaders need it as `TEXEL_SHIFT`.
+    pub fn texel_shift(&self) -> Option<u32> {
+        self.texels.shift
+    }
+}
+
+impl JobBuffers {
+    /// Copies the data that a job needs besides its scene.
+    ///
+    /// # Errors
+    /// Returns an error if there is no memory for it.
+    pub fn new(
+        device: &Arc<Device>,
+        scene: &CompiledScene,
+        job: &lumbre_render::Job,
+        layers: &LayerLayout,
+    ) -> Result<JobBuffers, VulkanError> {
+        let plain = vk::BufferUsageFlags::empty();
+        let lights = Lights::with_select(scene, LightSelection::from_params(&job.params));
+        let (rows, cells) = environment_tables(&lights);
+        let delays = DelayRows::new(scene, job.timing.as_ref());
+        let params = job_params(scene, job, &lights, layers, delays.emission);
+        Ok(JobBuffers {
+            job: Buffer::with(device, "job", &[params], plain)?,
+            others: [
+                Buffer::with(
+                    device,
+                    "light selection table",
+                    &light_choices(&lights),
+                    plain,
+                )?,
+                Buffer::with(device, "environment rows", &rows, plain)?,
+                Buffer::with(device, "environment cells", &cells, plain)?,
+                Buffer::with(device, "splat films", &splat_slots(layers), plain)?,
+                Buffer::with(device, "material components", &delays.components, plain)?,
+                Buffer::with(device, "delay profiles", &delays.profiles, plain)?,
+                Buffer::with(device, "delay table knots", &delays.knots, plain)?,
+            ],
+        })
+    }
+}
+
+/// Returns the first bindings of every descriptor set, in the order of `shaders/scene.glsl`.
+pub fn bindings<'a>(scene: &'a SceneBuffers, job: &'a JobBuffers) -> Vec<BoundResource<'a>> {
+    let scene_buffers = [&scene.triangles]
+        .into_iter()
+        .chain(&scene.surfaces)
+        .chain([&scene.texels.bound]);
+    let scene_buffers = scene_buffers.chain(&scene.lights).chain(&scene.instances);
+    [&job.job]
+        .into_iter()
+        .chain(scene_buffers)
+        .chain(&job.others)
+        .map(BoundResource::Storage)
+        .collect()
+}
+
+fn placements(scene: &CompiledScene) -> Vec<layout::Placement> {
+    let place = |p: &compile::Instance| {
+        let [xx, xy, xz, yx, yy, yz, zx, zy, zz, tx, ty, tz] =
+            p.to_world.to_cols_array().map(double_words);
+        layout::Placement {
+            xx,
+            xy,
+            xz,
+            yx,
+            yy,
+            yz,
+            zx,
+            zy,
+            zz,
+            tx,
+            ty,
+            tz,
+            normal_x: p.normal_to_world.x_axis.into(),
+            normal_y: p.normal_to_world.y_axis.into(),
+            normal_z: p.normal_to_world.z_axis.into(),
+            start: scene.instances.meshes[p.mesh as usize].triangles.start,
+            materials: p.materials,
+            emitters: p.emitters,
+            first: p.flattened_start,
+        }
+    };
+    scene.instances.placements.iter().map(place).collect()
+}
+
+fn triangle([a, b, c]: &[Vec3; 3]) -> layout::Triangle {
+    layout::Triangle {
+        a: (*a).into(),
+        b: (*b).into(),
+        c: (*c).into(),
+    }
+}
+
+fn attributes(t: &compile::TriangleAttributes) -> layout::TriangleAttributes {
+    let [na, nb, nc] = t.normals.map(Into::into);
+    let [ta, tb, tc] = t.uvs.map(Into::into);
+    layout::TriangleAttributes {
+        na,
+        nb,
+        nc,
+        ta,
+        tb,
+        tc,
+        material: t.material,
+        emitter: t.emitter,
+    }
+}
+
+fn tangents(t: &[glam::Vec4; 3]) -> layout::Tangents {
+    layout::Tangents {
+        a: t[0].into(),
+        b: t[1].into(),
+        c: t[2].into(),
+    }
+}
+
+fn emitter(e: &compile::Emitter) -> layout::Emitter {
+    layout::Emitter {
+        primitive: e.primitive,
+        instance: e.instance,
+        area: e.area,
+    }
+}
+
+fn point_light(p: &compile::PointLight) -> layout::PointLight {
+    layout::PointLight {
+        position: p.position.into(),
+        intensity: p.intensity.into(),
+        axis: p.cone.axis.into(),
+        beam: p.cone.beam,
+        cutoff: p.cone.cutoff,
+        beam_height: p.cone.beam_height,
+        cutoff_height: p.cone.cutoff_height,
+        is_smooth: u32::from(p.cone.smooth),
+    }
+}
+
+fn directional_light(d: &compile::DirectionalLight) -> layout::DirectionalLight {
+    layout::DirectionalLight {
+        direction: d.direction.into(),
+        irradiance: d.irradiance.into(),
+    }
+}
+
+fn sphere(s: &compile::Sphere) -> layout::Sphere {
+    layout::Sphere {
+        center: s.center.into(),
+        radius: s.radius,
+        material: s.material,
+        emitter: s.emitter,
+    }
+}
+
+fn material(m: &compile::Material) -> layout::Material {
+    layout::Material {
+        base_color: m.base_color.into(),
+        emission: m.emission.into(),
+        model: model_number(m.model),
+        roughness: m.roughness,
+        metallic: m.metallic,
+        opacity: m.opacity,
+        ior: m.ior,
+        subsurface: m.subsurface,
+        specular_tint: m.specular_tint,
+        anisotropic: m.anisotropic,
+        anisotropic_direction: m.anisotropic_direction.into(),
+        sheen: m.sheen,
+        sheen_tint: m.sheen_tint,
+        clearcoat: m.clearcoat,
+        clearcoat_gloss: m.clearcoat_gloss,
+        smooth_below: m.smooth_below,
+        normal_strength: m.normal_strength,
+        bump_height: m.bump_height,
+        mask_threshold: m.mask_threshold,
+        mask_mode: match m.mask_mode {
+            MaskMode::Threshold => 0,
+            MaskMode::Blend => 1,
+        },
+        shadow_terminator: m.shadow_terminator.into(),
+        base_color_texture: m.base_color_texture,
+        emission_texture: m.emission_texture,
+        mask_texture: m.mask_texture,
+        roughness_texture: m.roughness_texture,
+        metallic_texture: m.metallic_texture,
+        opacity_texture: m.opacity_texture,
+        anisotropic_texture: m.anisotropic_texture,
+        normal_texture: m.normal_texture,
+        bump_texture: m.bump_texture,
+        tiling_scale: m.tiling.scale,
+        tiling_offset: m.tiling.offset.into(),
+        emitter_reflects: m.emitter_reflects.into(),
+        specular: m.interface.specular.into(),
+        eta: m.interface.eta.into(),
+        k: m.interface.k.into(),
+        distribution: m.interface.distribution as u32,
+        thin: m.interface.thin.into(),
+        nonlinear: m.interface.nonlinear.into(),
+        internal_reflectance: m.interface.internal_reflectance,
+        parts: [0; 2],
+    }
+}
+
+fn environment_map(scene: &CompiledScene) -> Option<&compile::Texture> {
+    scene.environment.as_ref().and_then(|e| e.map.as_deref())
+}
+
+/// Returns all textures, the environment's map last, each with the index of its first texel, and
+/// the number of texels. Textures may share texels, which are stored once.
+fn layout_textures(scene: &CompiledScene) -> (Vec<(&compile::Texture, u64)>, u64) {
+    let (mut known, mut rows, mut end) = (BTreeMap::new(), Vec::new(), 0);
+    for t in scene.textures.iter().chain(environment_map(scene)) {
+        let first = *known
+            .entry(Arc::as_ptr(&t.texels).cast::<()>())
+            .or_insert(end);
+        end = end.max(first + t.texels.len() as u64);
+        rows.push((t, first));
+    }
+    (rows, end)
+}
+
+/// Returns textures and their texels, followed by the data at triangle corners: colours, and second
+/// texture coordinates.
+fn textures(
+    device: &Device,
+    scene: &CompiledScene,
+) -> Result<(Vec<layout::Texture>, Vec<[f32; 3]>), VulkanError> {
+    let (textures, texel_count) = layout_textures(scene);
+    let corners = scene.colors.as_flattened().len() + scene.second_uvs.as_flattened().len();
+    Texels::check_count(device, texel_count + corners as u64)?;
+    let (mut rows, mut texels) = (Vec::new(), Vec::new());
+    for (t, first) in textures {
+        let map = t.lookup.map.unwrap_or_default();
+        rows.push(layout::Texture {
+            first: first as u32,
+            width: t.width,
+            height: t.height,
+            wrap: t.lookup.wrap.map(|wrap| wrap as u32),
+            second: t.lookup.second.into(),
+            moved: t.lookup.map.is_some().into(),
+            map_u: map.matrix2.x_axis.into(),
+            map_v: map.matrix2.y_axis.into(),
+            map_origin: map.translation.into(),
+        });
+        if first == texels.len() as u64 {
+            texels.extend_from_slice(&t.texels);
+        }
+    }
+    texels.extend(scene.colors.as_flattened().iter().map(Vec3::to_array));
+    texels.extend(
+        scene
+            .second_uvs
+            .as_flattened()
+            .iter()
+            .map(|uv| [uv.x, uv.y, 0.0]),
+    );
+    Ok((rows, texels))
+}
+
+/// Returns for each film its index among those that receive splats, or NONE.
+fn splat_slots(layers: &LayerLayout) -> Vec<u32> {
+    let mut next = 0..;
+    layers
+        .films()
+        .iter()
+        .map(|film| {
+            if film.splats {
+                next.next().unwrap_or(NONE)
+            } else {
+                NONE
+            }
+        })
+        .collect()
+}
+
+fn light_choices(lights: &Lights) -> Vec<LightChoice> {
+    let Some(alias) = &lights.choice else {
+        return Vec::new();
+    };
+    let pmf = |i: usize| alias.pmf.get(i).copied().unwrap_or(0.0);
+    let row = |(i, (own, above)): (usize, &(u32, u32))| LightChoice {
+        own: *own,
+        above: *above,
+        pmf: pmf(i),
+    };
+    alias.columns.iter().enumerate().map(row).collect()
+}
+
+fn environment_tables(lights: &Lights) -> (Vec<EnvironmentRow>, Vec<f32>) {
+    let Some(map) = lights
+        .environment_light
+        .as_ref()
+        .and_then(|s| s.map.as_ref())
+    else {
+        return (Vec::new(), Vec::new());
+    };
+    let columns = f64::from(map.texture.width);
+    let row = |(marginal, edges): (&f32, &[f64])| {
+        let (upper, lower) = (edges[0], edges[1]);
+        EnvironmentRow {
+            marginal: *marginal,
+            upper: upper as f32,
+            step: (lower - upper) as f32,
+            upper_rest: (1.0 - upper.abs()) as f32,
+            density: (columns / (std::f64::consts::TAU * (upper - lower))) as f32,
+        }
+    };
+    (
+        map.grid
+            .marginal
+            .iter()
+            .zip(map.row_cos.windows(2))
+            .map(row)
+            .collect(),
+        map.grid.conditional.clone(),
+    )
+}
+
+/// Returns the parameters of a job. Each group of fields has a function of its own.
+fn job_params(
+    scene: &CompiledScene,
+    job: &lumbre_render::Job,
+    lights: &Lights,
+    layers: &LayerLayout,
+    emission: u32,
+) -> layout::JobParams {
+    let params = camera_params(scene, job);
+    let params = geometry_params(params, scene);
+    let params = light_params(params, scene, lights);
+    let params = layer_params(params, layers);
+    time_params(params, job, emission)
+}
+
+/// Returns parameters with camera, limits, integrator settings and sampler; all others are zero.
+fn camera_params(scene: &CompiledScene, job: &lumbre_render::Job) -> layout::JobParams {
+    let camera = Camera::new(&scene.camera, job.resolution, job.filter);
+    let settings = Settings::new(&job.params);
+    layout::JobParams {
+        camera_position: camera.position.into(),
+        camera_right: camera.right.into(),
+        camera_up: camera.up.into(),
+        camera_forward: camera.forward.into(),
+        camera_half: camera.half,
+        resolution: job.resolution,
+        lens_radius: camera.lens_radius,
+        focus_distance: camera.focus_distance,
+        filter_kind: match job.filter.kind {
+            FilterKind::Box => 0,
+            FilterKind::Tent => 1,
+            FilterKind::Gauss => 2,
+            FilterKind::BlackmanHarris => 3,
+            FilterKind::AntialiasingRadius => 4,
+        },
+        filter_radius: job.filter.radius,
+        max_depth: job.max_depth,
+        rr_start: job.rr_start.unwrap_or(NONE),
+        mis: match settings.mis {
+            Some(Heuristic::Power) => 0,
+            Some(Heuristic::Balance) => 1,
+            Some(Heuristic::Uniform) => 2,
+            None => NONE,
+        },
+        all_lights: settings.all_lights.into(),
+        one_strategy: settings.one.unwrap_or([NONE; 2]),
+        keep_strategy: settings.keep.into(),
+        sampler_kind: u32::from(job.sampler.name == "sobol"),
+        seed: [job.seed as u32, (job.seed >> 32) as u32],
+        ..bytemuck::Zeroable::zeroed()
+    }
+}
+
+/// Adds the numbers of primitives and the texel ranges of triangle corners.
+fn geometry_params(params: layout::JobParams, scene: &CompiledScene) -> layout::JobParams {
+    let texel_count = layout_textures(scene).1 as u32;
+    layout::JobParams {
+        triangle_count: scene.triangles.len() as u32,
+        sphere_count: scene.spheres.len() as u32,
+        has_tangents: u32::from(!scene.tangents.is_empty()),
+        first_color: if scene.colors.is_empty() {
+            NONE
+        } else {
+            texel_count
+        },
+        first_second_uv: match scene.second_uvs.is_empty() {
+            true => NONE,
+            false => texel_count + scene.colors.as_flattened().len() as u32,
+        },
+        ..params
+    }
+}
+
+/// Adds the lights and the environment.
+fn light_params(
+    params: layout::JobParams,
+    scene: &CompiledScene,
+    lights: &Lights,
+) -> layout::JobParams {
+    let environment = lights.environment_light.as_ref();
+    let map = environment.and_then(|s| s.map.as_ref());
+    layout::JobParams {
+        light_count: lights.count() as u32,
+        light_first: lights.first,
+        alias_shift: lights.choice.as_ref().map_or(NONE, |alias| alias.shift),
+        ball_center: lights.ball.center.into(),
+        ball_radius: lights.ball.radius,
+        has_environment: environment.is_some().into(),
+        environment_texture: if map.is_some() {
+            scene.textures.len() as u32
+        } else {
+            NONE
+        },
+        environment_radiance: environment.map_or([0.0; 3], |s| s.radiance.into()),
+        environment_turn: map.map_or([0.0, 1.0], |m| m.turn),
+        ..params
+    }
+}
+
+/// Adds the films of layers.
+fn layer_params(params: layout::JobParams, layers: &LayerLayout) -> layout::JobParams {
+    let first = |index: Option<usize>| index.map_or(NONE, |i| i as u32);
+    layout::JobParams {
+        film_count: layers.films().len() as u32,
+        light_films: layers
+            .films()
+            .iter()
+            .filter(|film| film.layer.row().splats)
+            .count() as u32,
+        splat_films: layers.films().iter().filter(|film| film.splats).count() as u32,
+        layer_depth: first(layers.depth(1)),
+        layer_strategies: first(layers.strategy(0, 2)),
+        layer_bounces: first(layers.single(Layer::Bounces)),
+        layer_rays: first(layers.single(Layer::Rays)),
+        layer_albedo: first(layers.single(Layer::Albedo)),
+        layer_normal: first(layers.single(Layer::Normal)),
+        layer_distance: first(layers.single(Layer::Distance)),
+        ..params
+    }
+}
+
+/// Adds the time axis, its filter and the emission profile of lights.
+fn time_params(
+    params: layout::JobParams,
+    job: &lumbre_render::Job,
+    emission: u32,
+) -> layout::JobParams {
+    let timing = job.timing.as_ref();
+    let axis = timing.map(|t| t.axis);
+    let (filter, radius) = match timing.map_or(TimeFilter::None, |t| t.filter) {
+        TimeFilter::None => (0, 0.0),
+        TimeFilter::Box(radius) => (1, radius),
+        TimeFilter::Gauss(sigma) => (2, sigma),
+    };
+    layout::JobParams {
+        time_start: double_words(axis.map_or(0.0, |a| a.start)),
+        time_bin: double_words(axis.map_or(1.0, |a| a.bin)),
+        time_bins: axis.map_or(0, |a| a.bins),
+        time_filter: filter,
+        time_radius: double_words(radius),
+        time_camera: timing.is_none_or(|t| t.camera).into(),
+        time_medium: timing.map_or(1.0, |t| t.medium),
+        time_emission: emission,
+        ..params
+    }
+}

@@ -1,0 +1,376 @@
+//! Descriptor sets, shader modules, the registry of pipelines, and compute pipelines.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use ash::vk;
+use bytemuck::Pod;
+
+use super::spirv;
+use crate::context::device::Device;
+use crate::error::VulkanError;
+use crate::memory::buffer::Buffer;
+
+/// Resource that is bound to a descriptor set.
+pub enum BoundResource<'a> {
+    /// A storage buffer.
+    Storage(&'a Buffer),
+    /// An acceleration structure.
+    Acceleration(vk::AccelerationStructureKHR),
+}
+
+/// Descriptor set with its layout: binding `i` is the `i`-th resource.
+pub struct Bindings {
+    device: Arc<Device>,
+    kinds: Vec<vk::DescriptorType>,
+    layout: vk::DescriptorSetLayout,
+    pool: vk::DescriptorPool,
+    set: vk::DescriptorSet,
+}
+
+impl Bindings {
+    /// Binds resources, which must outlive every use, for shaders of the given stages.
+    ///
+    /// # Errors
+    /// Returns an error if the device has no room for them.
+    pub fn new(
+        device: &Arc<Device>,
+        stages: vk::ShaderStageFlags,
+        bound: &[BoundResource],
+    ) -> Result<Bindings, VulkanError> {
+        let bindings: Vec<_> = (0u32..)
+            .zip(bound)
+            .map(|(i, b)| {
+                vk::DescriptorSetLayoutBinding::default()
+                    .binding(i)
+                    .descriptor_type(descriptor_type(b))
+                    .descriptor_count(1)
+                    .stage_flags(stages)
+            })
+            .collect();
+        let size = vk::DescriptorPoolSize::default().descriptor_count(1);
+        let sizes: Vec<_> = bound.iter().map(|b| size.ty(descriptor_type(b))).collect();
+        let layout_info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
+        let pool_info = vk::DescriptorPoolCreateInfo::default()
+            .max_sets(1)
+            .pool_sizes(&sizes);
+        let mut made = Bindings {
+            device: Arc::clone(device),
+            kinds: bound.iter().map(descriptor_type).collect(),
+            layout: vk::DescriptorSetLayout::null(),
+            pool: vk::DescriptorPool::null(),
+            set: vk::DescriptorSet::null(),
+        };
+        // SAFETY: the device is open and the structures live through the calls; the objects are
+        // destroyed on drop.
+        unsafe {
+            made.layout = device
+                .raw
+                .create_descriptor_set_layout(&layout_info, None)
+                .map_err(|r| device.failed("vkCreateDescriptorSetLayout", r))?;
+            made.pool = device
+                .raw
+                .create_descriptor_pool(&pool_info, None)
+                .map_err(|r| device.failed("vkCreateDescriptorPool", r))?;
+            let layouts = [made.layout];
+            let info = vk::DescriptorSetAllocateInfo::default()
+                .descriptor_pool(made.pool)
+                .set_layouts(&layouts);
+            made.set = device
+                .raw
+                .allocate_descriptor_sets(&info)
+                .map_err(|r| device.failed("vkAllocateDescriptorSets", r))?[0];
+        }
+        device.name(made.layout, "scene and films");
+        device.name(made.pool, "scene and films");
+        device.name(made.set, "scene and films");
+        for (i, resource) in (0u32..).zip(bound) {
+            made.write(i, resource);
+        }
+        Ok(made)
+    }
+
+    /// Writes a resource to a binding of the set, which must not be in use.
+    fn write(&self, binding: u32, resource: &BoundResource) {
+        let write = vk::WriteDescriptorSet::default()
+            .dst_set(self.set)
+            .dst_binding(binding)
+            .descriptor_type(descriptor_type(resource));
+        match resource {
+            BoundResource::Storage(buffer) => {
+                let info = [vk::DescriptorBufferInfo::default()
+                    .buffer(buffer.raw)
+                    .offset(0)
+                    .range(vk::WHOLE_SIZE)];
+                // SAFETY: the buffer is alive, and nothing uses the set yet.
+                unsafe {
+                    self.device
+                        .raw
+                        .update_descriptor_sets(&[write.buffer_info(&info)], &[])
+                };
+            }
+            BoundResource::Acceleration(structure) => {
+                let structures = [*structure];
+                let mut info = vk::WriteDescriptorSetAccelerationStructureKHR::default()
+                    .acceleration_structures(&structures);
+                // SAFETY: the structure is alive, and nothing uses the set yet.
+                unsafe {
+                    self.device.raw.update_descriptor_sets(
+                        &[write.descriptor_count(1).push_next(&mut info)],
+                        &[],
+                    );
+                }
+            }
+        }
+    }
+
+    /// Records a bind of the set.
+    pub fn bind(
+        &self,
+        commands: vk::CommandBuffer,
+        point: vk::PipelineBindPoint,
+        layout: vk::PipelineLayout,
+    ) {
+        // SAFETY: the commands are being recorded, and the pipeline's layout was made from this
+        // set's layout.
+        unsafe {
+            self.device
+                .raw
+                .cmd_bind_descriptor_sets(commands, point, layout, 0, &[self.set], &[])
+        };
+    }
+}
+
+fn descriptor_type(resource: &BoundResource) -> vk::DescriptorType {
+    match resource {
+        BoundResource::Storage(_) => vk::DescriptorType::STORAGE_BUFFER,
+        BoundResource::Acceleration(_) => vk::DescriptorType::ACCELERATION_STRUCTURE_KHR,
+    }
+}
+
+impl Drop for Bindings {
+    fn drop(&mut self) {
+        if self.device.is_stuck() {
+            return;
+        }
+        // SAFETY: every submission that uses the set was waited for.
+        unsafe {
+            self.device.raw.destroy_descriptor_pool(self.pool, None);
+            self.device
+                .raw
+                .destroy_descriptor_set_layout(self.layout, None);
+        }
+    }
+}
+
+/// Shader module, needed while pipelines are created from it.
+pub struct Module {
+    device: Arc<Device>,
+    /// Handle of the module.
+    pub raw: vk::ShaderModule,
+}
+
+impl Module {
+    /// Creates a module from SPIR-V; `name` appears in messages.
+    ///
+    /// # Errors
+    /// Returns an error if the device lacks a feature or refuses the module.
+    pub fn new(device: &Arc<Device>, name: &str, words: &[u32]) -> Result<Module, VulkanError> {
+        if spirv::uses_doubles(words) && !device.info.caps.doubles {
+            let needed = "double precision in shaders (shaderFloat64)".to_owned();
+            return Err(VulkanError::Lacks {
+                device: device.info.line(),
+                needed,
+            });
+        }
+        let info = vk::ShaderModuleCreateInfo::default().code(words);
+        // SAFETY: the words come from the compiler and live through the call.
+        let raw = unsafe { device.raw.create_shader_module(&info, None) }
+            .map_err(|r| device.failed("vkCreateShaderModule", r))?;
+        device.name(raw, name);
+        Ok(Module {
+            device: Arc::clone(device),
+            raw,
+        })
+    }
+
+    /// Returns a pipeline stage that starts at this module's `main`.
+    pub fn stage(&self, stage: vk::ShaderStageFlags) -> vk::PipelineShaderStageCreateInfo<'static> {
+        vk::PipelineShaderStageCreateInfo::default()
+            .stage(stage)
+            .module(self.raw)
+            .name(c"main")
+    }
+}
+
+impl Drop for Module {
+    fn drop(&mut self) {
+        if self.device.is_stuck() {
+            return;
+        }
+        // SAFETY: pipelines do not need the module after their creation.
+        unsafe { self.device.raw.destroy_shader_module(self.raw, None) };
+    }
+}
+
+/// Pipelines of a device by the hash of everything they are made of, shared by all runs. A new
+/// scene, seed or resolution needs no new pipeline, nor does a return to an earlier technique.
+#[derive(Default)]
+pub struct PipelineRegistry(Mutex<BTreeMap<[u8; 32], Pipeline>>);
+
+/// Pipeline with its layout. Owned by the device.
+#[derive(Clone, Copy)]
+pub struct Pipeline {
+    /// Handle of the layout.
+    pub layout: vk::PipelineLayout,
+    /// Handle of the pipeline.
+    pub raw: vk::Pipeline,
+}
+
+impl PipelineRegistry {
+    /// Returns the number of pipelines created so far.
+    pub fn count(&self) -> usize {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).len()
+    }
+
+    /// Removes all pipelines, before their device is destroyed.
+    pub fn drain(&self) -> impl Iterator<Item = Pipeline> {
+        std::mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner)).into_values()
+    }
+}
+
+impl Pipeline {
+    /// Returns the device's pipeline of these shaders, for a descriptor set like `bindings` and
+    /// push constants of a number of bytes. If there is none yet, `create` creates it with a
+    /// layout.
+    ///
+    /// # Errors
+    /// Returns an error if the device refuses the layout or the pipeline.
+    pub fn get_or_create(
+        bindings: &Bindings,
+        name: &str,
+        shaders: &[&[u32]],
+        (stages, push): (vk::ShaderStageFlags, u32),
+        create: impl FnOnce(vk::PipelineLayout) -> Result<vk::Pipeline, VulkanError>,
+    ) -> Result<Pipeline, VulkanError> {
+        let device = &bindings.device;
+        let mut hasher = blake3::Hasher::new();
+        for words in shaders {
+            hasher
+                .update(&(words.len() as u64).to_le_bytes())
+                .update(bytemuck::cast_slice(words));
+        }
+        for kind in &bindings.kinds {
+            hasher.update(&kind.as_raw().to_le_bytes());
+        }
+        hasher
+            .update(&stages.as_raw().to_le_bytes())
+            .update(&push.to_le_bytes());
+        // Locked during creation, so that no other thread creates it a second time.
+        let mut pipeline_registry = device
+            .pipeline_registry
+            .0
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        let key = *hasher.finalize().as_bytes();
+        if let Some(made) = pipeline_registry.get(&key) {
+            return Ok(*made);
+        }
+        let layouts = [bindings.layout];
+        let ranges = [vk::PushConstantRange::default()
+            .stage_flags(stages)
+            .size(push)];
+        let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&layouts);
+        if push > 0 {
+            info = info.push_constant_ranges(&ranges);
+        }
+        // SAFETY: the device is open and the structures live through the call.
+        let layout = unsafe { device.raw.create_pipeline_layout(&info, None) }
+            .map_err(|r| device.failed("vkCreatePipelineLayout", r))?;
+        let raw = create(layout).inspect_err(|_| {
+            // SAFETY: nothing was made with it.
+            unsafe { device.raw.destroy_pipeline_layout(layout, None) };
+        })?;
+        device.name(raw, name);
+        device.name(layout, name);
+        device.save_pipeline_cache();
+        let made = Pipeline { layout, raw };
+        pipeline_registry.insert(key, made);
+        Ok(made)
+    }
+}
+
+/// Compute pipeline of one shader.
+pub struct ComputePipeline {
+    device: Arc<Device>,
+    pipeline: Pipeline,
+}
+
+impl ComputePipeline {
+    /// Creates a pipeline for a descriptor set and push constants of `push` bytes.
+    ///
+    /// # Errors
+    /// Returns an error if the device refuses the shader.
+    pub fn new(
+        device: &Arc<Device>,
+        name: &str,
+        words: &[u32],
+        bindings: &Bindings,
+        push: u32,
+    ) -> Result<ComputePipeline, VulkanError> {
+        let pipeline = Pipeline::get_or_create(
+            bindings,
+            name,
+            &[words],
+            (vk::ShaderStageFlags::COMPUTE, push),
+            |layout| {
+                let module = Module::new(device, name, words)?;
+                let stage = module.stage(vk::ShaderStageFlags::COMPUTE);
+                let info = vk::ComputePipelineCreateInfo::default()
+                    .stage(stage)
+                    .layout(layout);
+                // SAFETY: module and layout live through the call.
+                let made = unsafe {
+                    device
+                        .raw
+                        .create_compute_pipelines(device.pipelines, &[info], None)
+                };
+                let made =
+                    made.map_err(|(_, result)| device.failed("vkCreateComputePipelines", result));
+                made.map(|pipelines| pipelines[0])
+            },
+        )?;
+        Ok(ComputePipeline {
+            device: Arc::clone(device),
+            pipeline,
+        })
+    }
+
+    /// Records a dispatch of `groups` workgroups with its push constants.
+    pub fn dispatch<P: Pod>(
+        &self,
+        commands: vk::CommandBuffer,
+        bindings: &Bindings,
+        push: &P,
+        groups: [u32; 3],
+    ) {
+        let (raw, point) = (&self.device.raw, vk::PipelineBindPoint::COMPUTE);
+        bindings.bind(commands, point, self.pipeline.layout);
+        let bytes = bytemuck::bytes_of(push);
+        // SAFETY: the commands are being recorded; the pipeline's layout has push constants of this
+        // size.
+        unsafe {
+            raw.cmd_bind_pipeline(commands, point, self.pipeline.raw);
+            if !bytes.is_empty() {
+                raw.cmd_push_constants(
+                    commands,
+                    self.pipeline.layout,
+                    vk::ShaderStageFlags::COMPUTE,
+                    0,
+                    bytes,
+                );
+            }
+            raw.cmd_dispatch(commands, groups[0], groups[1], groups[2]);
+        }
+    }
+}

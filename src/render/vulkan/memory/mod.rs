@@ -1,8 +1,0 @@
-//! Device memory: [`buffer`] allocates and copies buffers, [`upload`] converts a scene and a job to
-//! the buffers of `shaders/scene.glsl`, `texel_blocks` stores texels, and `delay_tables` the tables
-//! of composed and delayed materials.
-
-pub mod buffer;
-pub(crate) mod delay_tables;
-pub(crate) mod texel_blocks;
-pub mod upload;

@@ -1,5 +1,0 @@
-//! Scheduling of waves: `dispatch_size` splits a wave into dispatches of bounded duration, and
-//! `submission` submits them to the queue and measures their time.
-
-pub(crate) mod dispatch_size;
-pub(crate) mod submission;
