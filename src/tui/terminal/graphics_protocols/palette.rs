@@ -86,7 +86,7 @@ struct Moments {
 }
 
 impl Moments {
-    /// Mean colour.
+    /// Returns the mean colour.
     fn mean(&self) -> [f64; 3] {
         self.sum.map(|s| s / self.count.max(1.0))
     }
