@@ -17,7 +17,6 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use lumbre_light::film::time::TimeAxis;
-use lumbre_render as render;
 use lumbre_render::{Job, Renderer};
 use lumbre_light::scene::load::{self, MissingTextures};
 use lumbre_light::scene::{CompiledScene, compile};
@@ -131,7 +130,7 @@ fn renderer(scene: &Arc<CompiledScene>, technique: usize) -> Box<dyn Renderer> {
         threads: 1,
         ..Job::plain(integrator, [4, 3], 4, 7)
     };
-    render::open("cpu", scene.clone(), job).expect("the job is valid")
+    lumbre::backends::open("cpu", scene.clone(), job).expect("the job is valid")
 }
 
 fn save_state(renderer: &dyn Renderer) -> Vec<u8> {
