@@ -3,7 +3,7 @@
 //! Data flows one way through the modules below. A script becomes an [`experiment::ExperimentSpec`]
 //! and the spec becomes an [`experiment::Plan`] of cells. Each cell becomes a compiled scene, a
 //! renderer, a film, metric rows, and finally result files on disk. A module imports only modules
-//! of a lower level; `tests/laws/imports.rs` checks the code against this table.
+//! of a lower level; `tests/library/laws/imports.rs` checks the code against this table.
 //!
 //! | level | modules | what they contain |
 //! |---|---|---|

@@ -30,7 +30,7 @@ use lumbre_light::transport::sampler::SOBOL;
 static METER: meter::Meter = meter::Meter;
 
 /// Bytes of memory that reading may take for files of any size. Less than the 384 MiB of
-/// `tests/scenes/hostile.rs`, which allows for many images: here only one file of a small sample is
+/// `tests/library/scenes/hostile.rs`, which allows for many images: here only one file of a small sample is
 /// replaced, and images are covered by [`GROWTH`].
 const SMALL: usize = 96 << 20;
 /// Additional bytes of memory that reading may take per byte of the files.

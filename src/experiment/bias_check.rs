@@ -7,8 +7,8 @@
 //! so the result includes the precision of the comparison.
 
 use crate::metrics::map::{Colours, ErrorMap};
-use crate::metrics::ztest::{self, Blocks, Estimate, Judged};
 use lumbre_light::film::Image;
+use lumbre_light::film::ztest::{self, Blocks, Estimate, Judged};
 use lumbre_light::math::false_discovery_rate::discoveries;
 use lumbre_light::math::stats::normal_two_sided_p;
 

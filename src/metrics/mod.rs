@@ -34,7 +34,6 @@ mod relmse;
 mod rmse;
 mod ssim;
 pub mod tonemap;
-pub mod ztest;
 
 use std::collections::BTreeMap;
 

@@ -1,11 +1,12 @@
 //! Scenes made in code, and the renders and statistics that several test binaries need.
 #![allow(dead_code, reason = "every test binary uses its own part of this")]
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 use lumbre_light::film::Film;
+use lumbre_light::film::time::TimeAxis;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{
     Cone, DirectionalLight, Emitter, Environment, Instances, Interface, MaskMode, Material, Model,
@@ -13,6 +14,7 @@ use lumbre_light::scene::compile::{
 };
 use lumbre_light::scene::desc::{CameraDesc, ConeDesc};
 use lumbre_light::transport::integrator::integrator;
+use lumbre_light::transport::path_time::Timing;
 use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
 
 /// A white, opaque, ideal material that emits nothing.
@@ -303,12 +305,40 @@ pub fn mean_and_error(film: &Film, channel: usize) -> (f64, f64) {
     (mean, variance_of_sum.sqrt() / (n * pixels))
 }
 
+/// Returns the root of the repository: the nearest folder above the package that has a lock file.
+pub fn repository() -> PathBuf {
+    let mut folders = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
+    let root = folders.find(|folder| folder.join("Cargo.lock").is_file());
+    root.unwrap().to_owned()
+}
+
 /// Returns the folder of shared third-party scenes and references, if there is one:
 /// `LUMBRE_SHARED`, or `shared` beside this checkout.
 pub fn shared() -> Option<PathBuf> {
-    let root = std::env::var_os("LUMBRE_SHARED").map_or_else(
-        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared"),
-        PathBuf::from,
-    );
+    let root = std::env::var_os("LUMBRE_SHARED")
+        .map_or_else(|| repository().join("../shared"), PathBuf::from);
     root.join("scenes").is_dir().then_some(root)
+}
+
+/// Returns a time axis with default settings.
+pub fn timing(start: f64, bin: f64, bins: u32) -> Timing {
+    Timing::plain(TimeAxis { start, bin, bins })
+}
+
+/// Returns a job with a time axis.
+pub fn timed_job(name: &str, timing: Timing, size: [u32; 2], depth: u32, seed: u64) -> Job {
+    Job {
+        integrator: integrator(name).unwrap(),
+        timing: Some(timing),
+        ..job(size, depth, seed)
+    }
+}
+
+/// Renders waves of these numbers of samples. Panics if a sample is invalid.
+pub fn render_waves(scene: &Arc<CompiledScene>, job: Job, waves: &[u64]) -> CpuRenderer {
+    let mut renderer = CpuRenderer::new(Arc::clone(scene), job).unwrap();
+    for n in waves {
+        assert_eq!(renderer.advance(*n).unwrap().invalid, 0);
+    }
+    renderer
 }

@@ -8,9 +8,9 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use lumbre::metrics::ztest::{self, Estimate};
 use lumbre_light::film::Film;
 use lumbre_light::film::layer::Layer;
+use lumbre_light::film::ztest::{self, Estimate};
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{Distribution, Interface, MaskMode, Material, Model, Texture};
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};

@@ -6,7 +6,7 @@ use serde_json::{Value as Json, json};
 
 use super::technique::Technique;
 use super::{Outcome, SIGNIFICANCE, Verdict};
-use crate::metrics::ztest::{self, Estimate, ZTest};
+use lumbre_light::film::ztest::{self, Estimate, ZTest};
 use lumbre_light::film::{Film, Image};
 use lumbre_light::scene::CompiledScene;
 use lumbre_render::cpu::renderer::CpuRenderer;

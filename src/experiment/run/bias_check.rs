@@ -8,7 +8,7 @@ use super::open::catch_panic;
 use crate::experiment::bias_check::check_bias;
 use crate::experiment::event::{CellRef, Event, Level};
 use crate::experiment::plan::{BiasCheck, ReferenceSource};
-use crate::metrics::ztest::Estimate;
+use lumbre_light::film::ztest::Estimate;
 use lumbre_light::film::{Film, Image, SharedImage};
 
 /// Picture of a reference, with the variance of its pixels' means.

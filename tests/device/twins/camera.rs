@@ -9,7 +9,7 @@ use lumbre_render::Job;
 
 use super::{CLOSE, RandomInputs, SAME};
 use crate::common::{SceneBuilder, grey, job};
-use crate::device::parity::{Near, Row, Twin};
+use crate::parity::{Near, Row, Twin};
 
 const KINDS: [FilterKind; 5] = [
     FilterKind::Box,

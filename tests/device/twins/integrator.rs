@@ -22,8 +22,8 @@ use lumbre_render::Job;
 
 use super::{RandomInputs, SAME};
 use crate::common::{SceneBuilder, WHITE, grey, job, light};
-use crate::device::harness::{add_delays, timing};
-use crate::device::parity::{Near, Row, Twin};
+use crate::harness::{add_delays, timing};
+use crate::parity::{Near, Row, Twin};
 
 /// A traversal that tests every primitive, with the formulas of tests/device/parity/brute.glsl.
 struct Brute<'a> {

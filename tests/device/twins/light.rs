@@ -11,7 +11,7 @@ use lumbre_render::Job;
 
 use super::{RandomInputs, SAME};
 use crate::common::{SceneBuilder, WHITE, grey, job, light};
-use crate::device::parity::{Near, Row, Twin};
+use crate::parity::{Near, Row, Twin};
 
 /// Returns a scene with lights of every kind, including textured and masked ones, and an
 /// environment with or without a map.

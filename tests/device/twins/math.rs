@@ -11,7 +11,7 @@ use lumbre_light::transport::sampler::{INDEPENDENT, SOBOL};
 use lumbre_light::transport::vertex::area_factor;
 
 use super::{CLOSE, RandomInputs, SAME};
-use crate::device::parity::{Near, Twin};
+use crate::parity::{Near, Twin};
 
 /// Tolerances: words that are compared bit by bit, then floats.
 const NEAR: [Near; 39] = {

@@ -14,7 +14,7 @@ use lumbre_render::Job;
 
 use super::{CLOSE, RandomInputs, SAME};
 use crate::common::{SceneBuilder, WHITE, job};
-use crate::device::parity::{Near, Row, Twin};
+use crate::parity::{Near, Row, Twin};
 
 /// Number of triangles; spheres follow them.
 const TRIANGLES: u32 = 480;

@@ -12,8 +12,8 @@ use lumbre_light::transport::path_time::Timing;
 use lumbre_render::Job;
 
 use super::{CLOSE, RandomInputs, SAME};
-use crate::device::harness::{add_delays, timing};
-use crate::device::parity::{Near, Twin};
+use crate::harness::{add_delays, timing};
+use crate::parity::{Near, Twin};
 
 const START: f64 = 1.0;
 const BIN: f64 = 0.3;

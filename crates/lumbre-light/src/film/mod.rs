@@ -10,6 +10,7 @@ pub mod prefetch;
 pub mod splat;
 pub mod state;
 pub mod time;
+pub mod ztest;
 
 use std::sync::Arc;
 

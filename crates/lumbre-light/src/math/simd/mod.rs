@@ -5,7 +5,7 @@
 //!
 //! Invariants: a [`Width`] exists only if the processor has its instruction set. The vector types
 //! carry no target feature of their own, so only code that [`dispatch`] calls and that is inlined
-//! into it may use them (`tests/laws/lanes.rs` checks this). Results are bit-identical per lane to
+//! into it may use them (`tests/library/laws/lanes.rs` checks this). Results are bit-identical per lane to
 //! those of `f32`.
 #![expect(
     unsafe_code,

@@ -1,7 +1,7 @@
 //! Vectors of eight single-precision numbers for traversal, portable and with AVX2.
 //!
 //! Invariant: every operation of [`Simd8`] is the correctly rounded one of IEEE 754, and none is
-//! fused. All implementations therefore give the same bits, which `tests/render/instructions.rs`
+//! fused. All implementations therefore give the same bits, which `crates/lumbre-render/tests/light/render/instructions.rs`
 //! checks. [`Isa`] selects the implementation once per hierarchy. The vectorised path tracer uses
 //! the vectors of `math::simd` instead.
 

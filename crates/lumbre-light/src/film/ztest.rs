@@ -1,0 +1,381 @@
+//! Tests whether two estimates of one image differ by more than their noise.
+//!
+//! Pixels of a path tracer are far from normally distributed: most samples are black and few are
+//! bright. Sums over square blocks are nearly normal once enough samples are expected to have found
+//! light, so blocks are compared, and blocks too dark for a test of their own are pooled into one.
+//!
+//! The remaining skew is removed by comparing square roots. An image that found less light than it
+//! should have also underestimates its variance, because both come from the same samples, and
+//! `(a - b) / sigma` would give far too many false alarms at the small significance levels that
+//! many comparisons require. The square root of a sum of rare events has nearly constant variance;
+//! for noise that is small relative to the mean the result is unchanged.
+
+use crate::film::Image;
+use crate::math::stats::{normal_two_sided_p, sidak};
+
+/// An estimate of an image: its mean, and the variance of that mean, per pixel and channel.
+#[derive(Clone, Copy, Debug)]
+pub struct Estimate<'a> {
+    /// Mean image, linear radiance.
+    pub mean: &'a Image,
+    /// Variance of the mean; zero for exact pixels.
+    pub variance: &'a Image,
+}
+
+/// Summary of the comparison of two estimates.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ZTest {
+    /// Number of comparisons: blocks times channels.
+    pub comparisons: usize,
+    /// Smallest p-value of all blocks.
+    pub worst_p: f64,
+    /// Column and row of the first pixel of that block, or `None` for the pooled dark blocks.
+    pub worst_at: Option<[u32; 2]>,
+    /// Ratio of the sums over the whole picture, first over second; NaN where the second is black.
+    pub ratio: f64,
+    /// Standard normal deviate of the difference of those sums, for the channel in which it is
+    /// greatest. Channels share their noise, so they are not combined as if independent.
+    pub z: f64,
+}
+
+impl ZTest {
+    /// Returns whether the images agree at significance `alpha`, shared among `tests` such tests
+    /// and all their blocks [Sidak 1967]. The three channel sums count as comparisons too.
+    pub fn agrees(&self, alpha: f64, tests: usize) -> bool {
+        let each = self.level(alpha, tests);
+        self.worst_p > each && normal_two_sided_p(self.z) > each
+    }
+
+    /// Significance of each comparison when `alpha` is shared among `tests` such tests.
+    pub fn level(&self, alpha: f64, tests: usize) -> f64 {
+        sidak(alpha, (self.comparisons + 3) * tests.max(1))
+    }
+}
+
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    first: f64,
+    second: f64,
+    /// Sums of `first` and of `second`.
+    variance: [f64; 2],
+}
+
+/// Relative difference that single-precision rounding explains in images without noise.
+const ROUNDING: f64 = 1e-5;
+
+impl Sums {
+    fn add(&mut self, other: Sums) {
+        self.first += other.first;
+        self.second += other.second;
+        self.variance = [0, 1].map(|i| self.variance[i] + other.variance[i]);
+    }
+
+    fn z(&self) -> f64 {
+        let difference = self.first - self.second;
+        let [v1, v2] = self.variance;
+        if difference.abs() <= ROUNDING * self.second.abs() {
+            0.0
+        } else if self.first >= 0.0 && self.second >= 0.0 {
+            let relative = |sum: f64, variance: f64| if sum > 0.0 { variance / sum } else { 0.0 };
+            let sigma = (relative(self.first, v1) + relative(self.second, v2)).sqrt();
+            2.0 * (self.first.sqrt() - self.second.sqrt()) / sigma
+        } else {
+            difference / (v1 + v2).sqrt()
+        }
+    }
+}
+
+/// One comparison: a block of pixels, or all pooled dark blocks, in one channel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Judged {
+    /// Column and row of the block's first pixel; `None` for the pooled dark blocks.
+    pub at: Option<[u32; 2]>,
+    /// Channel index, 0 for red.
+    pub channel: usize,
+    /// Standard normal deviate of the difference, first minus second.
+    pub z: f64,
+    /// Two-sided p-value of the deviate.
+    pub p: f64,
+}
+
+/// All comparisons of two estimates, by block and for the whole image.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Blocks {
+    /// Blocks that are bright enough, row by row, then the pooled dark blocks.
+    pub judged: Vec<Judged>,
+    /// Dark blocks one by one. They show where light is, but are not significant on their own.
+    pub dark: Vec<Judged>,
+    /// Deviates of the differences of the channel sums over the whole image.
+    pub whole: [f64; 3],
+    /// Ratio of the sums over the whole picture, first over second; NaN where the second is black.
+    pub ratio: f64,
+}
+
+/// Compares two estimates of equal size by blocks of `block` pixels a side. Blocks whose sum in the
+/// second image is below `bright_enough` are pooled. If the pool is below it in both images, it is
+/// not tested.
+///
+/// Blocks at the right and lower edge hold the remaining pixels.
+///
+/// # Panics
+/// When the sizes differ.
+pub fn compare(first: Estimate, second: Estimate, block: u32, bright_enough: f64) -> ZTest {
+    let Blocks {
+        judged,
+        whole,
+        ratio,
+        ..
+    } = blocks(first, second, block, bright_enough);
+    let worst = judged
+        .iter()
+        .filter(|j| j.p < 1.0)
+        .reduce(|a, b| if b.p < a.p { b } else { a });
+    ZTest {
+        comparisons: judged.len(),
+        worst_p: worst.map_or(1.0, |j| j.p),
+        worst_at: worst.and_then(|j| j.at),
+        ratio,
+        z: whole
+            .into_iter()
+            .max_by(|a, b| a.abs().total_cmp(&b.abs()))
+            .unwrap_or_default(),
+    }
+}
+
+/// Returns the single comparisons that [`compare`] summarises.
+///
+/// # Panics
+/// When the sizes differ.
+pub fn blocks(first: Estimate, second: Estimate, block: u32, bright_enough: f64) -> Blocks {
+    assert_eq!(
+        [first.mean.width, first.mean.height],
+        [second.mean.width, second.mean.height],
+        "sizes differ"
+    );
+    let [width, height] = [first.mean.width, first.mean.height];
+    let [columns, rows] = [width, height].map(|side| side.div_ceil(block));
+    let mut judged = Vec::new();
+    let mut dark_blocks = Vec::new();
+    let judge = |sums: &Sums, channel: usize, at: Option<[u32; 2]>| {
+        let z = sums.z();
+        Judged {
+            at,
+            channel,
+            z,
+            p: normal_two_sided_p(z),
+        }
+    };
+    let mut dark = [Sums::default(); 3];
+    let mut whole = [Sums::default(); 3];
+    for (bx, by) in (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y))) {
+        for (c, (dark, whole)) in dark.iter_mut().zip(&mut whole).enumerate() {
+            let mut sums = Sums::default();
+            let inside = |(x, y): &(u32, u32)| *x < width && *y < height;
+            for (x, y) in (0..block * block)
+                .map(|i| (bx * block + i % block, by * block + i / block))
+                .filter(inside)
+            {
+                sums.add(Sums {
+                    first: f64::from(first.mean.at(x, y)[c]),
+                    second: f64::from(second.mean.at(x, y)[c]),
+                    variance: [first, second].map(|e| f64::from(e.variance.at(x, y)[c])),
+                });
+            }
+            whole.add(sums);
+            if sums.second >= bright_enough {
+                judged.push(judge(&sums, c, Some([bx * block, by * block])));
+            } else {
+                dark_blocks.push(judge(&sums, c, Some([bx * block, by * block])));
+                dark.add(sums);
+            }
+        }
+    }
+    for (c, sums) in dark
+        .iter()
+        .enumerate()
+        .filter(|(_, sums)| sums.first.max(sums.second) >= bright_enough)
+    {
+        judged.push(judge(sums, c, None));
+    }
+    let [first, second] =
+        [|s: &Sums| s.first, |s: &Sums| s.second].map(|of| whole.iter().map(of).sum::<f64>());
+    Blocks {
+        judged,
+        dark: dark_blocks,
+        whole: whole.map(|sums| sums.z()),
+        ratio: first / second,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::rng::{normal, pcg4d, unit};
+
+    /// A constant image of 1 with normal noise of variance 0.01 in every pixel, and a bias.
+    fn noisy(seed: u32, bias: f32) -> Image {
+        Image::from_fn(80, 60, |x, y| {
+            [0, 1, 2].map(|c| {
+                let w = pcg4d([x, y, c, seed]);
+                1.0 + bias + 0.1 * normal([unit(w[0]), unit(w[1])])
+            })
+        })
+    }
+
+    fn constant(v: f32) -> Image {
+        Image::from_fn(80, 60, |_, _| [v; 3])
+    }
+
+    fn test(a: &Image, b: &Image, variance: f32) -> ZTest {
+        let variance = constant(variance);
+        let zero = constant(0.0);
+        compare(
+            Estimate {
+                mean: a,
+                variance: &variance,
+            },
+            Estimate {
+                mean: b,
+                variance: &zero,
+            },
+            10,
+            1.0,
+        )
+    }
+
+    #[test]
+    fn noise_alone_agrees_and_p_values_are_honest() {
+        // About one in a hundred of 200 unbiased images may be called different at 1 %.
+        let truth = constant(1.0);
+        let alarms = (0..200)
+            .filter(|s| !test(&noisy(*s, 0.0), &truth, 0.01).agrees(0.01, 1))
+            .count();
+        assert!(alarms <= 7, "{alarms} of 200");
+    }
+
+    #[test]
+    fn a_small_bias_everywhere_is_found_by_the_sums() {
+        let t = test(&noisy(7, 0.01), &constant(1.0), 0.01);
+        assert!(!t.agrees(0.01, 1), "{t:?}");
+        assert!((t.ratio - 1.01).abs() < 0.005);
+    }
+
+    #[test]
+    fn channels_that_share_their_noise_count_once() {
+        let grey = |seed| {
+            let image = noisy(seed, 0.0);
+            Image::from_fn(80, 60, |x, y| [image.at(x, y)[0]; 3])
+        };
+        let beyond = |seed: &u32| test(&grey(*seed), &constant(1.0), 0.01).z.abs() > 1.96;
+        let count = (0..200).filter(beyond).count();
+        assert!((2..=20).contains(&count), "{count} of 200, 10 are expected");
+    }
+
+    #[test]
+    fn a_wrong_block_is_found_and_placed() {
+        let mut image = noisy(8, 0.0);
+        for y in 20..30 {
+            for x in 50..60 {
+                image.data[y * 80 + x][1] += 0.1;
+            }
+        }
+        let t = test(&image, &constant(1.0), 0.01);
+        assert!(!t.agrees(0.01, 1));
+        assert_eq!(t.worst_at, Some([50, 20]));
+    }
+
+    /// An image of rare events of equal size, `expected` on average in every block of 10 x 10
+    /// pixels.
+    fn found(seed: u32, expected: f32) -> (Image, Image) {
+        let rate = expected / 100.0;
+        let image = Image::from_fn(80, 60, |x, y| {
+            [0, 1, 2].map(|c| {
+                (0..64)
+                    .filter(|i| unit(pcg4d([x, y, c * 64 + i, seed])[0]) < rate / 64.0)
+                    .count() as f32
+            })
+        });
+        let variance = image.clone();
+        (image, variance)
+    }
+
+    #[test]
+    fn rare_finds_do_not_cry_wolf_at_small_levels() {
+        // 300 images of 144 blocks with 50 events each: at 1e-4, 4.3 of all blocks should be called
+        // different. The plain deviate calls several times as many.
+        let truth = constant(0.5);
+        let zero = constant(0.0);
+        let mut alarms = 0;
+        for seed in 0..300 {
+            let (image, variance) = found(seed, 50.0);
+            let first = Estimate {
+                mean: &image,
+                variance: &variance,
+            };
+            let t = compare(
+                first,
+                Estimate {
+                    mean: &truth,
+                    variance: &zero,
+                },
+                10,
+                1.0,
+            );
+            alarms += usize::from(t.worst_p < 1e-4);
+        }
+        assert!(alarms <= 12, "{alarms} of 300");
+    }
+
+    #[test]
+    fn what_is_too_dark_to_be_judged_is_not() {
+        let (image, variance) = found(3, 0.002);
+        let zero = constant(0.0);
+        let first = Estimate {
+            mean: &image,
+            variance: &variance,
+        };
+        assert_eq!(
+            compare(
+                first,
+                Estimate {
+                    mean: &zero,
+                    variance: &zero
+                },
+                10,
+                50.0
+            )
+            .comparisons,
+            0
+        );
+        let bright = constant(1.0);
+        let first = Estimate {
+            mean: &bright,
+            variance: &bright,
+        };
+        let t = compare(
+            first,
+            Estimate {
+                mean: &zero,
+                variance: &zero,
+            },
+            10,
+            50.0,
+        );
+        assert_eq!(
+            t.comparisons, 3,
+            "light where there should be none is judged"
+        );
+        assert!(!t.agrees(0.01, 1), "{t:?}");
+    }
+
+    #[test]
+    fn exact_pictures_are_compared_exactly_and_dark_ones_together() {
+        assert!(test(&constant(1.0), &constant(1.0), 0.0).agrees(0.01, 1));
+        assert!(!test(&constant(1.001), &constant(1.0), 0.0).agrees(0.01, 1));
+        let dark = test(&constant(0.001), &constant(0.0011), 1e-12);
+        assert_eq!((dark.comparisons, dark.worst_at), (3, None));
+        assert!(!dark.agrees(0.01, 1));
+        let black = test(&constant(0.0), &constant(0.0), 0.0);
+        assert!(black.agrees(0.01, 1) && black.comparisons == 0 && black.ratio.is_nan());
+    }
+}

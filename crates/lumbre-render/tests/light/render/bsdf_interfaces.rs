@@ -1,0 +1,178 @@
+//! Metals, plastic and glass with one interface: their reflection compared with closed forms.
+
+use glam::Vec3;
+use lumbre_light::scene::compile::{Distribution, Interface, Material, Model, diffuse_reflectance};
+use lumbre_light::transport::bsdf::{TransportMode, fresnel};
+
+use crate::common::WHITE;
+use crate::render::bsdf_grid::{NORMAL, albedo, bsdf, direction, interfaces, outgoing, uniform};
+
+#[test]
+fn diffuse_reflectance_is_the_mean_of_fresnel_over_the_projected_hemisphere() {
+    let n = 20_000;
+    for ior in [1.05f32, 1.33, 1.5, 2.4, 0.8, 1.0 / 1.5] {
+        let at = |i: u32| {
+            f64::from(
+                fresnel::dielectric(((f64::from(i) + 0.5) / f64::from(n)).sqrt() as f32, ior)
+                    .reflectance,
+            )
+        };
+        let mean = (0..n).map(at).sum::<f64>() / f64::from(n);
+        let found = f64::from(diffuse_reflectance(ior));
+        assert!(
+            (found - mean).abs() < 2e-4,
+            "{ior}: {found} instead of {mean}"
+        );
+    }
+}
+
+#[test]
+fn albedo_of_white_interfaces_is_at_most_one_and_of_plastic_at_most_1_01() {
+    for m in interfaces() {
+        let white = Material {
+            base_color: Vec3::ONE,
+            interface: Interface {
+                specular: Vec3::ONE,
+                ..m.interface
+            },
+            ..m
+        };
+        let bound = if m.model == Model::Plastic {
+            1.01
+        } else {
+            1.002
+        };
+        for wo in outgoing() {
+            for a in albedo(&white, wo) {
+                assert!(a <= bound, "{a} from {wo}: {white:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn smooth_white_glass_panes_and_mirrors_absorb_nothing() {
+    let mirror = Material {
+        model: Model::Conductor,
+        roughness: 0.0,
+        ..WHITE
+    };
+    let glass = Material {
+        model: Model::Dielectric,
+        opacity: 0.0,
+        roughness: 0.0,
+        ..WHITE
+    };
+    let pane = Material {
+        interface: Interface {
+            thin: true,
+            ..Interface::PLAIN
+        },
+        roughness: 0.5,
+        ..glass
+    };
+    for m in [mirror, glass, pane] {
+        let b = bsdf(&m);
+        assert!(!b.has_density());
+        for wo in outgoing() {
+            for i in 0..50 {
+                let u = uniform(i, 51);
+                let s = b
+                    .sample(wo, u[0], [u[1], u[2]], TransportMode::Importance)
+                    .unwrap();
+                assert!(
+                    s.delta && (s.weight - Vec3::ONE).abs().max_element() < 1e-5,
+                    "{s:?} {m:?}"
+                );
+                let straight = m.interface.thin && s.wi.dot(NORMAL) * wo.dot(NORMAL) < 0.0;
+                assert!(
+                    !straight || (s.wi + wo).length() < 1e-5,
+                    "a pane must not bend light: {s:?}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_pane_reflects_the_series_of_reflections_between_its_faces() {
+    let pane = Material {
+        model: Model::Dielectric,
+        opacity: 0.0,
+        interface: Interface {
+            thin: true,
+            ..Interface::PLAIN
+        },
+        ..WHITE
+    };
+    for cos in [1.0f32, 0.5, 0.2, -0.5] {
+        let wo = direction(cos, 0.3);
+        let s = bsdf(&pane)
+            .sample(wo, 0.0, [0.5; 2], TransportMode::Radiance)
+            .unwrap();
+        let r = f64::from(fresnel::dielectric(cos.abs(), 1.5).reflectance);
+        let series: f64 = r
+            + (0..60)
+                .map(|k| (1.0 - r).powi(2) * r.powi(2 * k + 1))
+                .sum::<f64>();
+        assert!(
+            (f64::from(s.pdf_w) - series).abs() < 1e-5,
+            "{cos}: {} instead of {series}",
+            s.pdf_w
+        );
+    }
+}
+
+#[test]
+fn the_diffuse_albedo_of_smooth_plastic_is_the_series_of_internal_reflections() {
+    // The fraction 1 - F of light enters the body. Each internal reflection multiplies it by the
+    // albedo of the body; a white body absorbs nothing.
+    let fdr = 1.0 - (1.0 - diffuse_reflectance(1.5)) / 2.25;
+    for (nonlinear, color) in [(true, 1.0f32), (true, 0.5), (false, 0.5)] {
+        let m = Material {
+            model: Model::Plastic,
+            roughness: 0.0,
+            base_color: Vec3::splat(color),
+            interface: Interface {
+                nonlinear,
+                internal_reflectance: fdr,
+                ..Interface::PLAIN
+            },
+            ..WHITE
+        };
+        for cos in [1.0f32, 0.6, 0.1] {
+            let enters = 1.0 - f64::from(fresnel::dielectric(cos, 1.5).reflectance);
+            let (a, f) = (f64::from(color), f64::from(fdr));
+            let expected = enters * a * (1.0 - f) / (1.0 - if nonlinear { a * f } else { f });
+            let found = albedo(&m, direction(cos, 1.0))[1];
+            assert!(
+                (found - expected).abs() < 2e-3,
+                "{cos} {color} {nonlinear}: {found} instead of {expected}"
+            );
+        }
+    }
+}
+
+#[test]
+fn beckmann_tails_are_lower_than_ggx_tails() {
+    let metal = |distribution| Material {
+        model: Model::Conductor,
+        roughness: 0.5,
+        interface: Interface {
+            distribution,
+            ..Interface::PLAIN
+        },
+        ..WHITE
+    };
+    let at = |distribution, cos: f32| {
+        bsdf(&metal(distribution))
+            .eval(
+                direction(1.0, 0.0),
+                direction(cos, 0.4),
+                TransportMode::Radiance,
+            )
+            .x
+    };
+    assert!(at(Distribution::Ggx, 0.3) > 5.0 * at(Distribution::Beckmann, 0.3));
+    assert!(at(Distribution::Beckmann, 0.93) > at(Distribution::Ggx, 0.93));
+}

@@ -1,0 +1,167 @@
+//! Traversal returns the same bits with every instruction set of this processor.
+
+use std::sync::Arc;
+
+use glam::{Vec2, Vec3};
+use lumbre_light::math::warp::uniform_sphere;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::transport::ray::{Hit, Ray};
+use lumbre_render::cpu::bvh::accel::Accel;
+use lumbre_render::cpu::bvh::simd::Isa;
+use lumbre_render::hierarchy::AccelSpec;
+
+use crate::common::{SceneBuilder, WHITE, grey};
+use crate::render::intersection::{brute_force, numbers, point, soup};
+
+/// Returns flat sheets on top of each other, some of them twice, far from the origin.
+pub fn stack(offset: f32) -> Arc<CompiledScene> {
+    let mut b = SceneBuilder::new(Vec3::Z, Vec3::ZERO, 40.0);
+    for i in 0..40 {
+        let z = offset + (i / 2) as f32 * 0.125;
+        b = b.quad(
+            Vec3::new(offset - 1.0, -1.0, z),
+            Vec3::X * 2.0,
+            Vec3::Y * 2.0,
+            grey(0.1),
+        );
+    }
+    b.build()
+}
+
+/// Returns random triangles and spheres; up to 40 of them are one leaf.
+fn random_primitives(count: u32) -> Arc<CompiledScene> {
+    let mut next = numbers(count);
+    let mut b = SceneBuilder::new(Vec3::Z, Vec3::ZERO, 40.0);
+    for i in 0..count {
+        let a = point(&mut next);
+        b = if i % 5 == 4 {
+            b.sphere(a, 0.3, WHITE)
+        } else {
+            b.triangle(
+                [a, a + point(&mut next), a + point(&mut next)],
+                [Vec2::ZERO; 3],
+                WHITE,
+            )
+        };
+    }
+    b.build()
+}
+
+/// Returns rays into a scene about `center`: random, along an axis, within a plane, at corners, and
+/// invalid ones.
+pub fn rays(scene: &CompiledScene, center: Vec3, seed: u32) -> Vec<Ray> {
+    let mut next = numbers(seed);
+    let mut rays: Vec<Ray> = (0..3000)
+        .map(|i| {
+            let origin = center + point(&mut next) * 2.0;
+            let any = uniform_sphere([next(), next()]);
+            let corner = scene
+                .triangles
+                .get(i % scene.triangles.len().max(1))
+                .map_or(center, |t| t[i % 3]);
+            let dir = match i % 6 {
+                0 => [Vec3::X, -Vec3::Y, Vec3::Z, -Vec3::Z][i / 6 % 4],
+                1 => Vec3::new(any.x, 0.0, any.z).normalize_or(Vec3::X),
+                2 => (corner - origin).normalize_or(Vec3::X),
+                _ => any,
+            };
+            Ray { origin, dir }
+        })
+        .collect();
+    for dir in [
+        Vec3::ZERO,
+        Vec3::NAN,
+        Vec3::new(f32::NAN, 1.0, 0.0),
+        Vec3::new(1e-30, 1.0, -0.0),
+    ] {
+        rays.push(Ray {
+            origin: center,
+            dir,
+        });
+        rays.push(Ray {
+            origin: Vec3::splat(f32::NAN),
+            dir,
+        });
+        rays.push(Ray {
+            origin: Vec3::splat(f32::INFINITY),
+            dir,
+        });
+    }
+    rays
+}
+
+fn bits(hit: Option<Hit>) -> Option<[u32; 4]> {
+    hit.map(|h| {
+        [
+            h.t.to_bits(),
+            h.primitive,
+            h.uv[0].to_bits(),
+            h.uv[1].to_bits(),
+        ]
+    })
+}
+
+#[test]
+fn hits_have_the_same_bits_with_every_instruction_set() {
+    if Isa::available().len() < 2 {
+        println!("SKIPPED: this processor has only {:?}", Isa::available());
+        return;
+    }
+    let scenes = [
+        (soup(7), Vec3::ZERO),
+        (stack(0.0), Vec3::ZERO),
+        (stack(3e5), Vec3::new(3e5, 0.0, 3e5)),
+    ];
+    let small = [0, 1, 5, 8, 9, 17, 40, 41].map(|n| (random_primitives(n), Vec3::ZERO));
+    let mut hits = 0;
+    for (scene, center) in scenes.into_iter().chain(small) {
+        let accels = Isa::available()
+            .iter()
+            .map(|isa| Accel::build_as(Arc::clone(&scene), &AccelSpec::default(), *isa).unwrap());
+        let accels: Vec<Accel> = accels.collect();
+        for ray in rays(&scene, center, 5) {
+            let expected = accels[0].closest(&ray, f32::INFINITY);
+            hits += usize::from(expected.is_some());
+            for accel in &accels[1..] {
+                assert_eq!(
+                    bits(accel.closest(&ray, f32::INFINITY)),
+                    bits(expected),
+                    "{ray:?}"
+                );
+                for t_max in [f32::INFINITY, 0.7, expected.map_or(1.0, |h| h.t)] {
+                    assert_eq!(
+                        accel.occluded(&ray, t_max),
+                        accels[0].occluded(&ray, t_max),
+                        "{ray:?} {t_max}"
+                    );
+                }
+            }
+        }
+    }
+    assert!(hits > 5000, "{hits}");
+}
+
+#[test]
+fn scenes_of_one_leaf_agree_with_brute_force() {
+    let mut disagreements = 0;
+    for count in [1, 7, 8, 9, 16, 17, 30, 39, 40, 41] {
+        let scene = random_primitives(count);
+        let accel = Accel::build(Arc::clone(&scene)).unwrap();
+        assert_eq!(accel.node_count() == 0, count <= 40, "{count}");
+        // A ray aimed at a corner may hit or miss depending on precision.
+        let usual = rays(&scene, Vec3::ZERO, count)
+            .into_iter()
+            .take(3000)
+            .enumerate()
+            .filter(|(i, _)| i % 6 != 2);
+        for (_, ray) in usual {
+            let ours = accel.closest(&ray, f32::INFINITY).map(|h| f64::from(h.t));
+            let same = match (ours, brute_force(&scene, &ray)) {
+                (Some(a), Some(b)) => (a - b).abs() < 1e-4 * b.max(1.0),
+                (a, b) => a.is_none() == b.is_none(),
+            };
+            disagreements += usize::from(!same);
+        }
+    }
+    assert!(disagreements <= 4, "{disagreements} of 25000 rays");
+}

@@ -1,0 +1,41 @@
+//! Renders of the CPU backend, compared with analytic truth, brute force and images by other
+//! programs.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "test helpers may panic and print"
+)]
+
+mod agreement;
+mod agreement_lamps;
+mod agreement_lights;
+mod agreement_materials;
+mod agreement_surfaces;
+mod bsdf;
+mod bsdf_albedo;
+mod bsdf_formulas;
+mod bsdf_grid;
+mod bsdf_interfaces;
+mod bsdf_limits;
+mod bsdf_symmetry;
+mod builders;
+mod camera;
+mod determinism;
+mod film;
+mod furnace;
+mod instances;
+mod instances_compile;
+mod instructions;
+mod intersection;
+mod layers;
+mod lights;
+mod lights_density;
+mod lights_emission;
+mod lights_truth;
+mod oracle;
+mod sampling;
+mod surface;
+mod surface_bumps;
+mod wavefront;
+mod wavefront_fixtures;

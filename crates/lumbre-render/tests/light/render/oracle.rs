@@ -1,0 +1,286 @@
+//! The weights of `bdpt` compared with their definition, over its paths in scenes of every kind.
+
+use std::sync::Arc;
+
+use glam::{Vec2, Vec3};
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::{
+    Cone, DirectionalLight, Environment, Material, Model, PointLight, Texture,
+};
+use lumbre_light::scene::desc::{ConeDesc, ConeEdge};
+use lumbre_light::transport::camera::{Camera, FilterKind, FilterSpec};
+use lumbre_light::transport::integrator::oracle::{self, OracleReport};
+use lumbre_light::transport::integrator::{Context, Settings};
+use lumbre_light::transport::light::Lights;
+use lumbre_render::cpu::bvh::accel::Accel;
+
+use crate::common::{SceneBuilder, WHITE, grey, light};
+use crate::render::agreement::params;
+
+/// Compares the weights of a scene with their definition for every heuristic, and returns the last
+/// report.
+fn assert_weights_are_exact(scene: &Arc<CompiledScene>, depth: u32) -> OracleReport {
+    let mut last = OracleReport::default();
+    for (seed, mis) in ["power", "balance", "none"].into_iter().enumerate() {
+        let samples = 8000;
+        let report = check(scene, FilterSpec::PIXEL, mis, depth, samples, seed as u64);
+        assert!(
+            report.paths > samples,
+            "too few paths for this test: {report:?}"
+        );
+        assert!(
+            report.is_exact() && report.worst_weight < 1e-4,
+            "{mis}: {report:?}"
+        );
+        last = report;
+    }
+    last
+}
+
+fn check(
+    scene: &Arc<CompiledScene>,
+    filter: FilterSpec,
+    mis: &str,
+    max_depth: u32,
+    samples: u64,
+    seed: u64,
+) -> OracleReport {
+    let accel = Accel::build(Arc::clone(scene)).unwrap();
+    let camera = Camera::new(&scene.camera, [32, 24], filter);
+    let (lights, settings) = (
+        Lights::new(scene),
+        Settings::new(&params(&[("mis", mis.into())])),
+    );
+    let context = Context {
+        scene,
+        camera: &camera,
+        lights: &lights,
+        trace: &accel,
+        max_depth,
+        rr_start: None,
+        settings: &settings,
+        timing: None,
+    };
+    oracle::check(&context, samples, seed)
+}
+
+/// Returns a floor, a wall, an emitting triangle and a textured emitting quad.
+fn stage() -> SceneBuilder {
+    let corners = [
+        Vec3::new(-1.0, 2.0, -1.0),
+        Vec3::new(1.0, 2.0, -1.0),
+        Vec3::new(-1.0, 2.0, 1.0),
+    ];
+    let red = Material {
+        base_color: Vec3::new(0.8, 0.3, 0.2),
+        ..WHITE
+    };
+    let mut stage = SceneBuilder::new(Vec3::new(0.2, 1.2, 3.5), Vec3::new(0.0, 0.7, 0.0), 50.0)
+        .quad(
+            Vec3::new(-2.0, 0.0, 2.0),
+            Vec3::X * 4.0,
+            Vec3::Z * -4.0,
+            grey(0.7),
+        )
+        .quad(
+            Vec3::new(-2.0, 0.0, -1.5),
+            Vec3::X * 4.0,
+            Vec3::Y * 2.5,
+            red,
+        )
+        .triangle(corners, [Vec2::ZERO; 3], light(2.0));
+    let texels: Vec<[f32; 3]> = (0..64)
+        .map(|i| [0.1 + (i % 7) as f32, 1.0, 0.3 * (i % 5) as f32])
+        .collect();
+    let emission_texture = stage.texture(Texture::new(8, 8, texels));
+    let poster = Material {
+        emission: Vec3::ONE,
+        emission_texture,
+        ..grey(0.3)
+    };
+    stage.quad(
+        Vec3::new(-1.9, 0.2, -1.0),
+        Vec3::Z * 1.5,
+        Vec3::Y * 1.5,
+        poster,
+    )
+}
+
+fn glossy(roughness: f32) -> Material {
+    Material {
+        model: Model::Disney,
+        roughness,
+        ..WHITE
+    }
+}
+
+#[test]
+fn weights_are_exact_on_diffuse_surfaces_and_every_strategy_finds_paths() {
+    let scene = stage()
+        .sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0))
+        .sphere(
+            Vec3::new(0.6, 0.4, 0.2),
+            0.4,
+            Material {
+                emission: Vec3::ONE,
+                ..grey(0.6)
+            },
+        )
+        .build();
+    let report = assert_weights_are_exact(&scene, 6);
+    assert_eq!(report.dirac_paths, 0);
+    for s in 0..=6 {
+        for t in 1.max(2 - s.min(1))..=7 - s {
+            assert!(
+                report.strategies[s][t] > 0,
+                "strategy ({s}, {t}) found no path: {:?}",
+                report.strategies
+            );
+        }
+    }
+}
+
+#[test]
+fn weights_are_exact_on_mirror_and_glass() {
+    let mirror = Material {
+        metallic: 1.0,
+        base_color: Vec3::new(0.9, 0.8, 0.7),
+        ..WHITE
+    };
+    let glass = Material {
+        opacity: 0.0,
+        base_color: Vec3::new(0.9, 1.0, 0.9),
+        ..WHITE
+    };
+    let mixed = Material {
+        metallic: 0.3,
+        opacity: 0.4,
+        base_color: Vec3::new(0.9, 0.7, 0.5),
+        ..WHITE
+    };
+    let scene = stage()
+        .sphere(Vec3::new(-0.6, 0.5, 0.0), 0.45, glass)
+        .sphere(Vec3::new(0.6, 0.45, 0.2), 0.4, mirror)
+        .sphere(Vec3::new(0.0, 0.3, 0.8), 0.3, mixed)
+        .sphere(Vec3::new(-0.3, 1.4, -0.4), 0.25, light(6.0))
+        .build();
+    assert!(assert_weights_are_exact(&scene, 8).dirac_paths > 1000);
+}
+
+#[test]
+fn weights_are_exact_on_rough_glass_metal_and_coat() {
+    let glass = Material {
+        opacity: 0.0,
+        ..glossy(0.3)
+    };
+    let metal = Material {
+        metallic: 1.0,
+        anisotropic: 0.7,
+        base_color: Vec3::new(0.9, 0.8, 0.7),
+        ..glossy(0.25)
+    };
+    let coat = Material {
+        clearcoat: 1.0,
+        clearcoat_gloss: 0.9,
+        base_color: Vec3::new(0.2, 0.3, 0.7),
+        ..glossy(0.6)
+    };
+    let scene = stage()
+        .sphere(Vec3::new(-0.6, 0.5, 0.0), 0.45, glass)
+        .sphere(Vec3::new(0.6, 0.45, 0.2), 0.4, metal)
+        .sphere(Vec3::new(0.0, 0.3, 0.8), 0.3, coat)
+        .sphere(Vec3::new(-0.3, 1.4, -0.4), 0.25, light(6.0))
+        .build();
+    assert_weights_are_exact(&scene, 7);
+}
+
+/// Returns a picture of a sky with a sun.
+fn sky() -> Environment {
+    let texels: Vec<[f32; 3]> = (0..32 * 16)
+        .map(|i| {
+            if i == 32 * 4 + 9 {
+                [300.0, 280.0, 200.0]
+            } else {
+                [0.3, 0.4, 0.6]
+            }
+        })
+        .collect();
+    let map = Some(Arc::new(Texture::new(32, 16, texels)));
+    Environment {
+        radiance: Vec3::ONE,
+        map,
+        rotation_rad: 0.7,
+    }
+}
+
+#[test]
+fn weights_are_exact_for_environments_directional_lights_and_points() {
+    let glass = Material {
+        opacity: 0.0,
+        ..WHITE
+    };
+    let mut scene = Arc::unwrap_or_clone(
+        stage()
+            .sphere(Vec3::new(-0.6, 0.5, 0.0), 0.45, glass)
+            .sphere(Vec3::new(0.6, 0.45, 0.2), 0.4, grey(0.5))
+            .build(),
+    );
+    let (position, intensity) = (Vec3::new(0.3, 1.5, 0.5), Vec3::splat(3.0));
+    scene.points.push(PointLight {
+        position,
+        intensity,
+        cone: Cone::WHOLE,
+    });
+    let desc = ConeDesc {
+        beam_deg: 20.0,
+        cutoff_deg: 55.0,
+        edge: ConeEdge::Linear,
+    };
+    let cone = Cone::new(Vec3::new(0.3, -1.0, -0.2), &desc);
+    scene.points.push(PointLight {
+        position: position - Vec3::X,
+        intensity,
+        cone,
+    });
+    let direction = Vec3::new(-0.3, -1.0, -0.4).normalize_or_zero();
+    scene.directionals.push(DirectionalLight {
+        direction,
+        irradiance: Vec3::splat(2.0),
+    });
+    scene.environment = Some(sky());
+    assert_weights_are_exact(&Arc::new(scene), 6);
+}
+
+#[test]
+fn weights_are_exact_with_a_thin_lens() {
+    let mut scene = Arc::unwrap_or_clone(
+        stage()
+            .sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0))
+            .build(),
+    );
+    (scene.camera.aperture, scene.camera.focus_distance) = (0.4, Some(2.5));
+    scene.environment = Some(sky());
+    assert_weights_are_exact(&Arc::new(scene), 5);
+}
+
+#[test]
+fn weights_do_not_depend_on_the_filter() {
+    let scene = stage()
+        .sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0))
+        .build();
+    for (kind, radius) in [(FilterKind::Gauss, 1.5), (FilterKind::Box, 0.0)] {
+        let report = check(&scene, FilterSpec { kind, radius }, "power", 5, 3000, 7);
+        assert!(
+            report.worst_weight < oracle::TOLERANCE && report.worst_sum < oracle::TOLERANCE,
+            "{report:?}"
+        );
+        assert!(report.paths > 3000);
+        // Pixels without extent have no strategy with one camera vertex.
+        let splats: u64 = report
+            .strategies
+            .iter()
+            .filter_map(|by_t| by_t.get(1))
+            .sum();
+        assert_eq!(splats > 0, radius > 0.0, "{report:?}");
+    }
+}

@@ -1,0 +1,565 @@
+//! The wavefront renders the same bits as the scalar path for all materials, lights and settings.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use glam::{Vec2, Vec3};
+use lumbre_light::film::layer::Layer;
+use lumbre_light::film::time::TimeFilter;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::{MaskMode, Material, NONE, Texture};
+use lumbre_light::transport::camera::{FILTERS, FilterSpec};
+use lumbre_light::transport::delay::Profile;
+use lumbre_light::transport::path_time::Timing;
+use lumbre_light::value::Value;
+use lumbre_render::cpu::bvh::simd::Isa;
+use lumbre_render::hierarchy::AccelSpec;
+use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
+
+use crate::common::{SceneBuilder, WHITE, grey, light};
+use crate::render::wavefront_fixtures::{
+    DISNEY, assert_same_bits, assert_same_film_bits, materials, nee_job, room, with_bdpt, with_bpt,
+    with_time_axis,
+};
+
+#[test]
+fn every_material_has_the_same_bits_in_lanes() {
+    for (name, material) in materials() {
+        let scene = room(material).build();
+        assert_same_bits(name, &scene, nee_job([29, 17], 6), 11);
+        assert_same_bits(name, &scene, with_bpt(nee_job([29, 17], 6)), 11);
+        // `bdpt` has no scalar continuation of one subpath.
+        if !["brushed", "ideal", "ideal mixture"].contains(&name) {
+            assert_same_bits(name, &scene, with_bdpt(nee_job([29, 17], 6)), 5);
+        }
+    }
+}
+
+#[test]
+fn every_kind_of_light_has_the_same_bits_in_lanes() {
+    let open = || {
+        SceneBuilder::new(Vec3::new(0.0, 0.3, 2.5), Vec3::ZERO, 60.0)
+            .quad(
+                Vec3::new(-1.0, -0.5, -1.0),
+                Vec3::Z * 2.0,
+                Vec3::X * 2.0,
+                Material {
+                    roughness: 0.4,
+                    ..DISNEY
+                },
+            )
+            .quad(
+                Vec3::new(-0.9, -0.4, -0.9),
+                Vec3::Z * 0.8,
+                Vec3::X * 0.8,
+                Material {
+                    opacity: 0.3,
+                    ..DISNEY
+                },
+            )
+    };
+    let glass = Material {
+        opacity: 0.0,
+        roughness: 0.0,
+        ..DISNEY
+    };
+    let ball = |scene: SceneBuilder| scene.sphere(Vec3::ZERO, 0.4, glass);
+    let mut textured = open();
+    let picture = textured.texture(Texture::new(
+        2,
+        2,
+        vec![[0.0; 3], [1.0; 3], [4.0; 3], [12.0; 3]],
+    ));
+    let holes = textured.texture(Texture::new(2, 1, vec![[0.2; 3], [1.0; 3]]));
+    let lamp = |at: Vec3, material| {
+        let corners = [at, at + Vec3::X * 0.5, at + Vec3::Z * 0.5];
+        move |scene: SceneBuilder| scene.triangle(corners, [Vec2::ZERO, Vec2::X, Vec2::Y], material)
+    };
+    let high = Vec3::new(-0.2, 1.2, -0.2);
+    let textured = lamp(
+        high,
+        Material {
+            emission_texture: picture,
+            ..light(3.0)
+        },
+    )(textured);
+    let textured = lamp(
+        high + Vec3::X * 0.6,
+        Material {
+            mask_texture: holes,
+            ..light(3.0)
+        },
+    )(textured);
+    let textured = lamp(high - Vec3::X * 0.6, light(3.0))(textured);
+    let scenes = [
+        (
+            "point",
+            ball(open()).point(Vec3::new(0.5, 1.0, 0.5), Vec3::splat(3.0)),
+        ),
+        (
+            "direction",
+            ball(open()).directional(Vec3::new(0.2, -1.0, 0.1), Vec3::splat(2.0)),
+        ),
+        (
+            "environment",
+            ball(open()).environment(None, Vec3::new(0.5, 0.7, 1.0), 0.0),
+        ),
+        ("triangles with textures, with masks, and plain", textured),
+        (
+            "triangle that faces no surface",
+            lamp(Vec3::new(0.0, -0.6, 0.0), light(3.0))(ball(open())).sphere(
+                Vec3::Y,
+                0.1,
+                light(1.0),
+            ),
+        ),
+        (
+            "sphere",
+            ball(open()).sphere(Vec3::new(0.6, 0.8, 0.3), 0.2, light(9.0)),
+        ),
+        (
+            "all of them",
+            ball(open().quad(
+                Vec3::new(-0.2, 1.2, -0.2),
+                Vec3::X * 0.4,
+                Vec3::Z * 0.4,
+                light(5.0),
+            ))
+            .sphere(Vec3::new(-0.6, 0.5, 0.3), 0.1, light(4.0))
+            .point(Vec3::new(0.5, 1.0, 0.5), Vec3::ONE)
+            .directional(Vec3::new(0.2, -1.0, 0.1), Vec3::ONE)
+            .environment(None, Vec3::splat(0.2), 0.0),
+        ),
+    ];
+    for (name, scene) in scenes {
+        let scene = scene.build();
+        assert_same_bits(name, &scene, nee_job([31, 19], 5), 9);
+        assert_same_bits(name, &scene, with_bdpt(nee_job([31, 19], 5)), 5);
+        if name == "all of them" {
+            assert_same_bits(name, &scene, with_bpt(nee_job([31, 19], 5)), 9);
+        }
+    }
+}
+
+/// Tests scenes of one leaf, whose traversal is vectorised as well, and a larger one.
+#[test]
+fn every_mask_has_the_same_bits_in_lanes() {
+    for (mask_mode, more) in [
+        (MaskMode::Threshold, 0),
+        (MaskMode::Blend, 0),
+        (MaskMode::Blend, 30),
+    ] {
+        let scene = |masked: bool| {
+            let mut scene = room(Material {
+                roughness: 0.4,
+                ..DISNEY
+            });
+            let picture = Texture::new(
+                3,
+                2,
+                [0.9, 0.2, 0.7, 0.0, 1.0, 0.4].map(|v| [v; 3]).to_vec(),
+            );
+            let mask_texture = if masked { scene.texture(picture) } else { NONE };
+            let holes = |material| Material {
+                mask_texture,
+                mask_mode,
+                ..material
+            };
+            let glass = Material {
+                opacity: 0.0,
+                roughness: 0.0,
+                ..DISNEY
+            };
+            let mut scene = scene
+                .quad(
+                    Vec3::new(-0.7, -0.5, 0.3),
+                    Vec3::X * 0.9,
+                    Vec3::new(0.0, 0.8, -0.2),
+                    holes(DISNEY),
+                )
+                // Coincides with the previous quad: rays hit this one only through holes of that
+                // one.
+                .quad(
+                    Vec3::new(-0.7, -0.5, 0.3),
+                    Vec3::X * 0.9,
+                    Vec3::new(0.0, 0.8, -0.2),
+                    grey(0.5),
+                )
+                .quad(
+                    Vec3::new(0.1, 0.8, -0.4),
+                    Vec3::X * 0.6,
+                    Vec3::Z * 0.6,
+                    holes(light(5.0)),
+                );
+            for i in 0..more {
+                let at = Vec3::new(-0.9 + 0.05 * i as f32, -0.7, 0.6);
+                scene = scene.quad(at, Vec3::X * 0.1, Vec3::Y * 0.1, holes(DISNEY));
+            }
+            scene
+                .sphere(Vec3::new(-0.3, -0.4, -0.3), 0.3, holes(glass))
+                .sphere(Vec3::new(-0.3, -0.4, -0.3), 0.2, holes(DISNEY))
+                .build()
+        };
+        let (scene, unmasked) = (scene(true), scene(false));
+        let name = format!("{mask_mode:?}, {} primitives", scene.primitive_count());
+        for job in [
+            nee_job([29, 17], 6),
+            with_bpt(nee_job([29, 17], 6)),
+            with_bdpt(nee_job([29, 17], 6)),
+        ] {
+            let sum = |scene: &Arc<CompiledScene>| {
+                let mut renderer = CpuRenderer::new(Arc::clone(scene), job.clone()).unwrap();
+                renderer.advance(1).unwrap();
+                renderer.film().sum.clone()
+            };
+            assert_ne!(sum(&scene), sum(&unmasked), "{name}: no ray hits a mask");
+            assert_same_bits(&name, &scene, job, 7);
+        }
+    }
+}
+
+#[test]
+fn every_setting_has_the_same_bits_in_lanes() {
+    let scene = room(Material {
+        roughness: 0.3,
+        opacity: 0.6,
+        clearcoat: 0.5,
+        ..DISNEY
+    })
+    .build();
+    let with = |key: &str, word: &str| Job {
+        params: [(key.to_owned(), Value::from(word))].into(),
+        ..nee_job([23, 13], 5)
+    };
+    let sample = 1 << 33;
+    for (name, job) in [
+        ("balance", with("mis", "balance")),
+        ("no mis", with("mis", "none")),
+        ("uniform", with("select", "uniform")),
+        (
+            "roulette",
+            Job {
+                rr_start: Some(2),
+                ..nee_job([23, 13], 12)
+            },
+        ),
+        (
+            "later samples, another seed",
+            Job {
+                first_sample: sample,
+                seed: 1 << 40 | 3,
+                ..nee_job([23, 13], 4)
+            },
+        ),
+        ("direct light only", nee_job([23, 13], 2)),
+        (
+            "threads",
+            Job {
+                threads: 3,
+                ..nee_job([300, 2], 4)
+            },
+        ),
+    ] {
+        assert_same_bits(name, &scene, job.clone(), 5);
+        assert_same_bits(name, &scene, with_bdpt(job), 5);
+    }
+    let one = |s: i64, t: i64, more: &[(&str, Value)]| {
+        let mut params: BTreeMap<String, Value> = more
+            .iter()
+            .map(|(k, v)| ((*k).to_owned(), v.clone()))
+            .collect();
+        params.insert(
+            "strategies".to_owned(),
+            Value::List(vec![Value::Int(s), Value::Int(t)]),
+        );
+        with_bdpt(Job {
+            params,
+            ..nee_job([23, 13], 5)
+        })
+    };
+    for (s, t) in [(0, 3), (1, 2), (2, 2), (3, 2), (2, 1)] {
+        assert_same_bits("one strategy", &scene, one(s, t, &[]), 5);
+        assert_same_bits(
+            "one strategy, raw",
+            &scene,
+            one(s, t, &[("mis", Value::from("none"))]),
+            5,
+        );
+        assert_same_bits(
+            "all but one strategy",
+            &scene,
+            one(s, t, &[("contribution", Value::Bool(false))]),
+            5,
+        );
+    }
+    // Deep paths have more connections than one list holds.
+    assert_same_bits("deep", &scene, with_bdpt(nee_job([8, 4], 30)), 5);
+    assert_same_bits("emission only", &scene, nee_job([23, 13], 1), 5);
+    assert_same_bits(
+        "roulette, bpt",
+        &scene,
+        with_bpt(Job {
+            rr_start: Some(2),
+            ..nee_job([23, 13], 12)
+        }),
+        5,
+    );
+}
+
+#[test]
+fn every_camera_has_the_same_bits_in_lanes() {
+    let scene = || {
+        room(Material {
+            roughness: 0.3,
+            ..DISNEY
+        })
+    };
+    for (kind, name) in FILTERS {
+        let filter = FilterSpec { kind, radius: 1.25 };
+        let job = Job {
+            filter,
+            first_sample: 1 << 32,
+            seed: 3 << 32,
+            ..nee_job([21, 13], 3)
+        };
+        assert_same_bits(name, &scene().build(), job.clone(), 5);
+        assert_same_bits(name, &scene().build(), with_bdpt(job), 5);
+    }
+    let lens = scene()
+        .with(|s| (s.camera.aperture, s.camera.focus_distance) = (0.1, Some(0.7)))
+        .build();
+    assert_same_bits("lens", &lens, nee_job([21, 13], 3), 5);
+    assert_same_bits("lens", &lens, with_bdpt(nee_job([21, 13], 3)), 5);
+    // Columns beyond 2^16 are a separate part of a sample's key.
+    assert_same_bits("very wide", &scene().build(), nee_job([65_600, 1], 2), 1);
+}
+
+#[test]
+fn every_time_axis_has_the_same_bits_in_lanes() {
+    let half = Material {
+        roughness: 0.2,
+        opacity: 0.4,
+        clearcoat: 0.5,
+        ..DISNEY
+    };
+    let glass = Material {
+        opacity: 0.0,
+        roughness: 0.0,
+        ior: 1.7,
+        ..DISNEY
+    };
+    let scene = room(half)
+        .sphere(Vec3::new(-0.4, -0.2, 0.2), 0.3, glass)
+        .sphere(Vec3::new(-0.4, -0.2, 0.2), 0.1, light(3.0))
+        .environment(None, Vec3::splat(0.2), 0.0)
+        .build();
+    let timed_job = with_time_axis(&nee_job([23, 13], 6));
+    let axis = timed_job.timing.clone().unwrap();
+    let wave = Job {
+        threads: 3,
+        rr_start: Some(3),
+        ..timed_job.clone()
+    };
+    let with = |change: &dyn Fn(&mut Timing)| {
+        let mut timing = axis.clone();
+        change(&mut timing);
+        Job {
+            timing: Some(timing),
+            ..timed_job.clone()
+        }
+    };
+    for (name, job) in [
+        (
+            "without the edge to the camera",
+            with(&|t| t.camera = false),
+        ),
+        ("medium of index 1.33", with(&|t| t.medium = 1.33)),
+        (
+            "exponential emission",
+            with(&|t| t.emission = Profile::Exponential(2.0)),
+        ),
+        (
+            "box filter in time",
+            with(&|t| t.filter = TimeFilter::Box(1.5)),
+        ),
+        (
+            "Gaussian filter in time",
+            with(&|t| t.filter = TimeFilter::Gauss(0.7)),
+        ),
+        ("all light after the axis", with(&|t| t.axis.start = -90.0)),
+        ("threads and roulette", wave),
+    ] {
+        for job in [job.clone(), with_bpt(job.clone()), with_bdpt(job)] {
+            assert_same_film_bits(name, &scene, job, 5);
+        }
+    }
+    // The comparison is meaningful: more than 20 slots have light.
+    let mut renderer = CpuRenderer::new(Arc::clone(&scene), timed_job).unwrap();
+    renderer.advance(4).unwrap();
+    let cube = renderer.times().unwrap();
+    let lit = (0..cube.axis.slots()).filter(|slot| {
+        cube.sum
+            .iter()
+            .skip(*slot)
+            .step_by(cube.axis.slots())
+            .any(|s| s[0] > 0.0)
+    });
+    assert!(lit.count() > 20);
+}
+
+#[test]
+fn waves_and_checkpoints_of_a_film_with_a_time_axis_have_the_same_bits_in_lanes() {
+    let scene = room(Material {
+        roughness: 0.3,
+        ..DISNEY
+    })
+    .build();
+    for job in [
+        with_time_axis(&nee_job([19, 11], 4)),
+        with_time_axis(&with_bdpt(nee_job([19, 11], 4))),
+    ] {
+        let open = |threads: usize| {
+            CpuRenderer::new(
+                Arc::clone(&scene),
+                Job {
+                    threads,
+                    ..job.clone()
+                },
+            )
+            .unwrap()
+        };
+        let (mut whole, mut parts, mut after) = (open(1), open(2), open(3));
+        whole.advance(7).unwrap();
+        for samples in [1, 4, 2] {
+            parts.advance(samples).unwrap();
+        }
+        let mut before = open(1);
+        before.advance(3).unwrap();
+        let mut state = Vec::new();
+        assert!(before.save(&mut state).unwrap());
+        after.restore(&state).unwrap();
+        after.advance(4).unwrap();
+        let cube = whole.times().unwrap();
+        assert!(
+            parts.times().unwrap() == cube && after.times().unwrap() == cube,
+            "{}",
+            job.integrator.name
+        );
+        assert_eq!(parts.film(), whole.film());
+    }
+}
+
+#[test]
+fn unsupported_features_run_on_the_scalar_path() {
+    let scene = room(DISNEY).build();
+    let renderer = |scene: &Arc<CompiledScene>, job: Job| {
+        CpuRenderer::new(Arc::clone(scene), job)
+            .unwrap()
+            .is_vectorised()
+    };
+    let job = nee_job([4, 4], 3);
+    let all = Job {
+        params: [("lights".to_owned(), Value::from("all"))].into(),
+        ..job.clone()
+    };
+    assert!(!renderer(&scene, all));
+    let brushed = room(Material {
+        anisotropic: 0.8,
+        roughness: 0.4,
+        ..DISNEY
+    })
+    .build();
+    assert!(!renderer(&brushed, with_bdpt(job.clone())));
+    assert_eq!(
+        renderer(&brushed, job.clone()),
+        Isa::detect() != Isa::Portable
+    );
+    let ideal = SceneBuilder::new(Vec3::Z, Vec3::ZERO, 60.0)
+        .room(
+            2.0,
+            Material {
+                metallic: 1.0,
+                ..WHITE
+            },
+        )
+        .build();
+    assert!(!renderer(&ideal, job.clone()));
+    let soft = room(Material {
+        shadow_terminator: true,
+        ..DISNEY
+    })
+    .build();
+    assert!(!renderer(&soft, job.clone()));
+    assert!(!renderer(
+        &scene,
+        Job {
+            layers: vec![Layer::Depth],
+            ..job.clone()
+        }
+    ));
+    assert!(!renderer(
+        &scene,
+        Job {
+            accel: job.accel.scalar(),
+            ..job.clone()
+        }
+    ));
+    assert_eq!(renderer(&scene, job), Isa::detect() != Isa::Portable);
+}
+
+/// Otherwise a comparison of times would measure vectorisation instead of the integrators.
+#[test]
+fn by_default_either_all_integrators_are_vectorised_or_none() {
+    let accel = AccelSpec::default();
+    let reflecting_emitter = Material {
+        emitter_reflects: true,
+        ..Material {
+            emission: Vec3::ONE,
+            ..DISNEY
+        }
+    };
+    let scenes = [
+        ("supported", room(DISNEY).build(), true),
+        (
+            "emitters that reflect",
+            room(reflecting_emitter).build(),
+            true,
+        ),
+        (
+            "brushed",
+            room(Material {
+                anisotropic: 0.8,
+                roughness: 0.4,
+                ..DISNEY
+            })
+            .build(),
+            false,
+        ),
+        ("diffuse, Lambert model", room(grey(0.5)).build(), true),
+        (
+            "ideal beside supported",
+            room(Material {
+                metallic: 1.0,
+                ..WHITE
+            })
+            .build(),
+            false,
+        ),
+    ];
+    for (name, scene, expected) in scenes {
+        let job = Job {
+            accel,
+            ..nee_job([4, 4], 3)
+        };
+        for job in [job.clone(), with_bpt(job.clone()), with_bdpt(job)] {
+            let vectorised = CpuRenderer::new(Arc::clone(&scene), job)
+                .unwrap()
+                .is_vectorised();
+            assert_eq!(
+                vectorised,
+                expected && Isa::detect() != Isa::Portable,
+                "{name}"
+            );
+        }
+    }
+}

@@ -1,0 +1,12 @@
+//! Light with a finite speed, and materials that re-emit it after a delay: compared with closed
+//! forms, between integrators, and with a render by another program.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "test helpers may panic and print"
+)]
+
+mod arrival;
+mod composed;
+mod mitransient;

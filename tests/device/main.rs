@@ -1,0 +1,25 @@
+//! Tests that need a Vulkan device; a software driver is enough. Without one each test prints
+//! `SKIPPED` with the reason and passes, unless the variable `REQUIRE_DEVICE` is `1`. Any message
+//! of the validation layer fails the next test that checks for messages.
+#![cfg(feature = "vulkan")]
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod accel;
+mod ahead;
+mod corners;
+mod devices;
+mod faults;
+pub mod harness;
+mod images;
+mod instances;
+mod night;
+mod parity;
+mod paths;
+mod reports;
+mod texels;
+mod times;
+mod twins;
+mod worker;

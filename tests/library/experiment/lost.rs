@@ -1,0 +1,246 @@
+//! Devices that are lost in the middle of a run, and backends that fail where the script leaves the
+//! choice open.
+
+use std::cell::{Cell, RefCell};
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicI64, Ordering};
+
+use lumbre::experiment::event::{FinishedRun, History, Level, SaveState};
+use lumbre::experiment::run::{Options, Seams, run_with};
+use lumbre::experiment::run_progress::{Checkpoint, RunProgress};
+use lumbre::experiment::shards::WorkUnit;
+use lumbre::experiment::{
+    CellRef, NightControls, NightSummary, Outcome, Plan, RunId, Sink, SinkError,
+};
+use lumbre_light::film::{Film, Image};
+use lumbre_render::mock::MockRenderer;
+use lumbre_render::{OpenStats, RenderError, Renderer, WaveStats};
+
+use crate::experiment::fixtures::{Lab, Recorder, config};
+
+/// Checkpoints in memory.
+#[derive(Default)]
+struct CheckpointStore(RefCell<BTreeMap<RunId, Checkpoint>>);
+
+impl History for CheckpointStore {
+    fn finished_run(&self, _: &Plan, _: CellRef) -> Option<FinishedRun> {
+        None
+    }
+
+    fn image(&self, _: &Plan, _: usize) -> Result<Option<Image>, SinkError> {
+        Ok(None)
+    }
+
+    fn checkpoint(&self, plan: &Plan, unit: WorkUnit) -> Option<Checkpoint> {
+        self.0.borrow().get(plan.id(unit.cell())).cloned()
+    }
+
+    fn save_checkpoint(
+        &self,
+        plan: &Plan,
+        unit: WorkUnit,
+        progress: &RunProgress,
+        save: SaveState<'_>,
+    ) -> Result<bool, SinkError> {
+        let mut state = Vec::new();
+        let saved = save(&mut state).map_err(|e: io::Error| SinkError(e.to_string()))?;
+        self.0.borrow_mut().insert(
+            plan.id(unit.cell()).clone(),
+            Checkpoint {
+                progress: progress.clone(),
+                state,
+            },
+        );
+        Ok(saved)
+    }
+}
+
+/// A mock renderer on a device that is lost after `left` waves; after the loss, every call fails.
+struct LossyRenderer {
+    mock: MockRenderer,
+    left: Arc<AtomicI64>,
+    lost: bool,
+}
+
+fn device_lost() -> RenderError {
+    RenderError::Lost {
+        backend: "mock",
+        reason: "the power was cut".to_owned(),
+    }
+}
+
+impl Renderer for LossyRenderer {
+    fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
+        self.lost |= self.left.fetch_sub(1, Ordering::Relaxed) == 0;
+        if self.lost {
+            Err(device_lost())
+        } else {
+            self.mock.advance(samples)
+        }
+    }
+
+    fn film(&self) -> &Film {
+        self.mock.film()
+    }
+
+    fn save(&self, to: &mut dyn Write) -> io::Result<bool> {
+        if self.lost {
+            Err(io::Error::other(device_lost()))
+        } else {
+            self.mock.save(to)
+        }
+    }
+
+    fn restore(&mut self, state: &[u8]) -> Result<(), RenderError> {
+        self.mock.restore(state)
+    }
+
+    fn open_stats(&self) -> &OpenStats {
+        self.mock.open_stats()
+    }
+}
+
+/// Renders a night whose device is lost after each of these numbers of waves, counted from the
+/// previous loss.
+fn night(lab: &Lab, losses: &[i64]) -> (NightSummary, Recorder) {
+    let mut losses = losses.iter().copied();
+    let left = Arc::new(AtomicI64::new(losses.next().unwrap_or(i64::MAX)));
+    let losses = Rc::new(RefCell::new(losses));
+    let opened = Cell::new(0);
+    let open = |_: &str, scene, job| -> Result<Box<dyn Renderer>, RenderError> {
+        if opened.replace(opened.get() + 1) > 0 && left.load(Ordering::Relaxed) < 0 {
+            left.store(
+                losses.borrow_mut().next().unwrap_or(i64::MAX),
+                Ordering::Relaxed,
+            );
+        }
+        Ok(Box::new(LossyRenderer {
+            mock: MockRenderer::new(scene, job),
+            left: Arc::clone(&left),
+            lost: false,
+        }))
+    };
+    run_night(lab, &open)
+}
+
+fn run_night(lab: &Lab, open: lumbre::experiment::run::Open<'_>) -> (NightSummary, Recorder) {
+    let mut recorder = Recorder::default();
+    let seams = Seams { open, wait: &|| {} };
+    let plan = Arc::new(lab.plan());
+    let sinks: &mut [&mut dyn Sink] = &mut [&mut recorder];
+    let (store, control) = (CheckpointStore::default(), NightControls::default());
+    let summary = run_with(
+        &seams,
+        &plan,
+        lab,
+        &store,
+        sinks,
+        &control,
+        Options::from(1),
+    )
+    .unwrap();
+    (summary, recorder)
+}
+
+const CELL: CellRef = CellRef::Cell(0);
+
+fn warnings(recorder: &Recorder) -> String {
+    recorder.messages(Level::Warn).join("\n")
+}
+
+#[test]
+fn a_run_resumes_from_its_newest_checkpoint_after_every_loss_of_its_device() {
+    let (_, whole) = night(&Lab::new(), &[]);
+    for has_checkpoints in [false, true] {
+        let mut lab = Lab::new();
+        lab.spec.night.checkpoint_s = has_checkpoints.then_some(1e-9);
+        for losses in [&[0][..], &[1], &[2], &[4], &[1, 1, 1], &[3, 0, 0]] {
+            let (summary, recorder) = night(&lab, losses);
+            let outcome = &summary.results[0].outcome;
+            assert!(
+                matches!(outcome, Outcome::Done(_)),
+                "{losses:?}: {outcome:?}"
+            );
+            assert_eq!(recorder.film(CELL), whole.film(CELL), "{losses:?}");
+            let totals = |rows: &[lumbre::experiment::WaveRow]| {
+                rows.iter().map(|r| r.samples).collect::<Vec<_>>()
+            };
+            assert_eq!(
+                totals(&summary.results[0].rows),
+                [1, 3, 7, 15, 16],
+                "{losses:?}"
+            );
+            let text = warnings(&recorder);
+            assert_eq!(
+                text.matches("the power was cut; retrying from the newest checkpoint")
+                    .count(),
+                losses.len(),
+                "{text}"
+            );
+            let resumed = recorder
+                .messages(Level::Info)
+                .iter()
+                .any(|text| text.starts_with("resumes from"));
+            assert_eq!(resumed, has_checkpoints && losses != [0], "{losses:?}");
+        }
+    }
+}
+
+#[test]
+fn a_device_that_is_lost_at_every_retry_fails_its_run_and_the_night_continues() {
+    let lab = Lab::new().axis("n", crate::experiment::fixtures::ints([1, 2]));
+    let (summary, recorder) = night(&lab, &[1, 0, 0, 0]);
+    let outcomes: Vec<&Outcome> = summary.results.iter().map(|r| &r.outcome).collect();
+    assert!(
+        matches!(outcomes[0], Outcome::Failed(why) if why.contains("the power was cut")),
+        "{outcomes:?}"
+    );
+    assert!(matches!(outcomes[1], Outcome::Done(_)), "{outcomes:?}");
+    assert!(warnings(&recorder).contains("(retry 3 of 3)"));
+}
+
+#[test]
+fn another_backend_takes_over_only_if_the_script_leaves_the_choice_open() {
+    let open = |name: &str, scene, job| -> Result<Box<dyn Renderer>, RenderError> {
+        match name {
+            "spare" => Ok(Box::new(MockRenderer::new(scene, job))),
+            _ => Ok(Box::new(MockRenderer::new(scene, job).failing_after(3))),
+        }
+    };
+    let lab = |fallback| {
+        let mut lab = Lab::new();
+        lab.render = Box::new(move |_| {
+            let mut config = config();
+            config.fallback = fallback;
+            Ok(config)
+        });
+        lab
+    };
+    let (strict, _) = run_night(&lab(None), &open);
+    assert!(
+        matches!(&strict.results[0].outcome, Outcome::Failed(why) if why.contains("asked to fail after 3"))
+    );
+    let (loose, recorder) = run_night(&lab(Some("spare")), &open);
+    assert!(matches!(loose.results[0].outcome, Outcome::Done(_)));
+    assert!(
+        warnings(&recorder).contains("rendering by `spare` instead, since the backend is `auto`")
+    );
+    // The run starts from its first sample, since render times of two backends cannot be added.
+    assert_eq!(
+        loose.results[0]
+            .rows
+            .iter()
+            .map(|r| r.samples)
+            .collect::<Vec<_>>(),
+        [1, 3, 7, 15, 16]
+    );
+    let id = |fallback| lab(fallback).plan().id(CELL).clone();
+    assert_ne!(
+        id(None),
+        id(Some("spare")),
+        "the id must differ from that of a run by the failed backend"
+    );
+}

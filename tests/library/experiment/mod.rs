@@ -1,0 +1,20 @@
+//! The experiment module through its public interface: plans of sweeps, run ids, and whole nights
+//! with the fake clock of the mock backend.
+
+#![allow(
+    clippy::unwrap_used,
+    reason = "the helpers of a test may panic like the test itself"
+)]
+
+mod errors;
+mod fairness;
+mod fixtures;
+mod identity;
+mod intervention;
+mod listeners;
+mod lost;
+mod night;
+mod references;
+mod survival;
+mod sweep;
+mod vectorised;

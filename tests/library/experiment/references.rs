@@ -1,0 +1,531 @@
+//! References with known error: halves, shards, noise floors, and bias checks.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use lumbre::experiment::event::{FinishedRun, History, Level};
+use lumbre::experiment::noise_floor::{HalfImages, floors};
+use lumbre::experiment::run::{Seams, run_with};
+use lumbre::experiment::run_progress::{Checkpoint, RunProgress};
+use lumbre::experiment::shards::Shard;
+use lumbre::experiment::spec::{BiasCheckRequest, CellConfig, ReferenceRequest};
+use lumbre::experiment::stop::Comparison;
+use lumbre::experiment::{CellRef, Event, Outcome, Plan, SinkError, StopRule};
+use lumbre::metrics::MetricSpec;
+use lumbre_light::film::Image;
+use lumbre_light::scene::CompiledScene;
+use lumbre_render::mock::{MockRenderer, RELATIVE_SIGMA};
+use lumbre_render::{Job, RenderError, Renderer};
+
+use crate::experiment::fixtures::{Lab, Night, Recorder, config, ints};
+
+const CELL: CellRef = CellRef::Cell(0);
+
+/// Returns an experiment of 64x48 pixels with a reference of this number of samples.
+fn lab(reference: u64) -> Lab {
+    let mut lab = Lab::new().measured();
+    let picture = || {
+        let mut config = config();
+        config.resolution = Some([64, 48]);
+        config
+    };
+    lab.render = Box::new(move |_| Ok(picture()));
+    lab.reference = Box::new(move |_| {
+        let stop = StopRule::Samples(reference);
+        Ok(Some(ReferenceRequest::Render {
+            config: Box::new(picture()),
+            stop,
+            bias_check: None,
+            shards: 1,
+        }))
+    });
+    lab
+}
+
+fn reported_floors(recorder: &Recorder) -> Vec<Vec<Option<f64>>> {
+    let reported = |e: &Event| {
+        if let Event::NoiseFloors { floors, .. } = e {
+            Some(floors.to_vec())
+        } else {
+            None
+        }
+    };
+    recorder.events.iter().filter_map(reported).collect()
+}
+
+#[test]
+fn a_reference_consists_of_two_halves_and_its_noise_floor_is_its_error() {
+    let (summary, recorder) = Night::default().record(&lab(400));
+    let start = recorder
+        .labels
+        .iter()
+        .position(|w| w == "start c0")
+        .unwrap();
+    assert_eq!(
+        recorder.labels[start - 3..start],
+        ["halves r0", "floors r0", "done r0"]
+    );
+    let halves = recorder.events.iter().find_map(|e| match e {
+        Event::Halves { halves, .. } => Some(halves.clone()),
+        _ => None,
+    });
+    let halves = halves.unwrap();
+    assert_eq!(halves.each_ref().map(|h| h.samples), [200, 200]);
+    assert_ne!(halves[0].mean(), halves[1].mean());
+    let film = recorder.film(CellRef::Reference(0)).unwrap();
+    assert_eq!(film.samples, 400);
+    // The mock's noise is a known fraction of the truth, which the mean approximates well.
+    let mean_square = film
+        .mean()
+        .data
+        .iter()
+        .flatten()
+        .map(|x| f64::from(*x).powi(2))
+        .sum::<f64>()
+        / 9216.0;
+    let expected = RELATIVE_SIGMA * (mean_square / 400.0).sqrt();
+    let reported = reported_floors(&recorder);
+    let [floor] = reported[0][..] else {
+        panic!("{reported:?}")
+    };
+    // 9216 normal values: the square root of their mean square is within 3 % at four standard
+    // errors.
+    assert!(
+        (floor.unwrap() / expected - 1.0).abs() < 0.03,
+        "{floor:?} {expected}"
+    );
+    assert_eq!(
+        (reported.len(), summary.results[1].floors.to_vec()),
+        (1, reported[0].clone())
+    );
+    assert!(summary.results[0].floors.is_empty());
+}
+
+#[test]
+fn a_reference_of_one_sample_has_no_halves_and_no_noise_floor() {
+    let (summary, recorder) = Night::default().record(&lab(1));
+    assert!(reported_floors(&recorder).is_empty() && summary.results[1].floors.is_empty());
+    assert!(!recorder.labels.contains(&"halves r0".to_owned()));
+}
+
+#[test]
+fn a_sharded_reference_has_all_samples_and_is_joined_once() {
+    let mut lab = lab(400);
+    let picture = || {
+        let mut config = config();
+        config.resolution = Some([64, 48]);
+        config
+    };
+    let (_, whole) = Night::default().record(&lab);
+    lab.reference = Box::new(move |_| {
+        let (config, stop) = (Box::new(picture()), StopRule::Samples(400));
+        Ok(Some(ReferenceRequest::Render {
+            config,
+            stop,
+            bias_check: None,
+            shards: 3,
+        }))
+    });
+    assert_ne!(
+        lab.plan().references[0].id.0,
+        self::lab(400).plan().references[0].id.0,
+        "the ids must differ, since the last bits may differ"
+    );
+    // No process stores the shards, so the night keeps them in memory.
+    let (summary, recorder) = Night::default().record(&lab);
+    let labels: Vec<&str> = recorder
+        .labels
+        .iter()
+        .map(String::as_str)
+        .filter(|w| !w.starts_with("wave"))
+        .collect();
+    let start = labels.iter().position(|w| *w == "start r0 1").unwrap();
+    let wanted = [
+        "start r0 1",
+        "done r0 1",
+        "start r0 2",
+        "done r0 2",
+        "start r0 3",
+        "done r0 3",
+    ];
+    assert_eq!(labels[start..start + 6], wanted);
+    assert_eq!(
+        labels[start + 6..start + 11],
+        [
+            "start r0",
+            "message r0",
+            "halves r0",
+            "floors r0",
+            "done r0"
+        ]
+    );
+    let [joined, one] =
+        [&recorder, &whole].map(|recorder| recorder.film(CellRef::Reference(0)).unwrap());
+    assert_eq!((joined.samples, one.samples), (400, 400));
+    for (a, b) in joined.sum.iter().flatten().zip(one.sum.iter().flatten()) {
+        assert!((a / b - 1.0).abs() < 1e-12, "{a} {b}");
+    }
+    for (a, b) in joined
+        .variance_of_mean()
+        .data
+        .iter()
+        .flatten()
+        .zip(one.variance_of_mean().data.iter().flatten())
+    {
+        assert!((a / b - 1.0).abs() < 0.02, "{a} {b}");
+    }
+    let rows = summary.results[0]
+        .rows
+        .iter()
+        .map(|row| (row.wave, row.samples))
+        .collect::<Vec<_>>();
+    assert_eq!(rows, [(1, 134), (2, 268), (3, 400)]);
+    let paths = summary.results[0].rows.last().unwrap().paths;
+    assert_eq!(
+        paths,
+        400 * 64 * 48,
+        "the paths of both halves must be counted once each"
+    );
+}
+
+/// A history that lists all shards as stored, and returns this checkpoint when it joins them.
+struct UnreadableStore(Option<Checkpoint>);
+
+impl History for UnreadableStore {
+    fn finished_run(&self, _: &Plan, _: CellRef) -> Option<FinishedRun> {
+        None
+    }
+
+    fn image(&self, _: &Plan, _: usize) -> Result<Option<Image>, SinkError> {
+        Ok(None)
+    }
+
+    fn available_shards(&self, _: &Plan, parts: &[Shard]) -> BTreeSet<usize> {
+        parts.iter().map(|part| part.number).collect()
+    }
+
+    fn joined_shards(&self, _: &Plan, _: &[Shard]) -> Option<Checkpoint> {
+        self.0.clone()
+    }
+}
+
+#[test]
+fn stored_shards_that_cannot_be_read_fail_their_reference() {
+    let mut lab = lab(400);
+    lab.reference = Box::new(|_| {
+        let config = Box::new(CellConfig {
+            resolution: Some([64, 48]),
+            ..config()
+        });
+        Ok(Some(ReferenceRequest::Render {
+            config,
+            stop: StopRule::Samples(400),
+            bias_check: None,
+            shards: 4,
+        }))
+    });
+    let plan = Arc::new(lab.plan());
+    let Night {
+        open,
+        wait,
+        control,
+        ..
+    } = Night::default();
+    let foreign = Checkpoint {
+        progress: RunProgress::default(),
+        state: vec![1; 64],
+    };
+    for stored in [None, Some(foreign)] {
+        let mut recorder = Recorder::default();
+        let seams = Seams { open, wait };
+        let night = run_with(
+            &seams,
+            &plan,
+            &lab,
+            &UnreadableStore(stored),
+            &mut [&mut recorder],
+            &control,
+            1,
+        )
+        .unwrap();
+        let [reference, cell] = &night.results[..] else {
+            panic!("{:?}", night.results)
+        };
+        let Outcome::Failed(why) = &reference.outcome else {
+            panic!("{:?}", reference.outcome)
+        };
+        assert!(
+            why.contains("shard 1 of 4 is stored but cannot be read")
+                && why.contains("`refs/sums`"),
+            "{why}"
+        );
+        assert!(matches!(cell.outcome, Outcome::Failed(_)));
+        assert!(
+            !recorder.labels.iter().any(|word| word.starts_with("start")),
+            "{:?}",
+            recorder.labels
+        );
+    }
+}
+
+#[test]
+fn a_sharded_reference_needs_a_number_of_samples() {
+    let mut lab = lab(64);
+    lab.reference = Box::new(move |_| {
+        let config = Box::new(CellConfig {
+            resolution: Some([64, 48]),
+            ..config()
+        });
+        let stop = StopRule::Time(1.0);
+        Ok(Some(ReferenceRequest::Render {
+            config,
+            stop,
+            bias_check: None,
+            shards: 4,
+        }))
+    });
+    let error = lab.try_plan().unwrap_err().to_string();
+    assert!(
+        error.contains("a reference in parts needs a number of samples"),
+        "{error}"
+    );
+}
+
+#[test]
+fn stored_halves_give_the_noise_floors_once_and_broken_halves_give_a_warning() {
+    let lab = lab(64).axis("idle", ints([1, 2]));
+    let plan = lab.plan();
+    let id = plan.references[0].id.clone();
+    let flat = |x: f32| Image::from_fn(64, 48, |_, _| [x; 3]);
+    let mut night = Night::default();
+    let run = FinishedRun {
+        folder: "refs".into(),
+        rows: vec![],
+        floors: Default::default(),
+        open: Default::default(),
+    };
+    night.history.done.insert(id.clone(), run);
+    night.history.images.insert(id.clone(), Ok(flat(0.5)));
+    let halves = HalfImages {
+        means: [flat(0.4), flat(0.6)],
+        samples: [32, 32],
+    };
+    night.history.halves.insert(id.clone(), Ok(halves));
+    let (_, recorder) = night.record(&lab);
+    let reported = reported_floors(&recorder);
+    assert_eq!(reported.len(), 1, "both cells share the noise floor");
+    assert!((reported[0][0].unwrap() - 0.1).abs() < 1e-6);
+    night
+        .history
+        .halves
+        .insert(id, Err("half-a.exr is cut off".into()));
+    let (summary, recorder) = night.record(&lab);
+    assert!(reported_floors(&recorder).is_empty() && summary.results[1].floors.is_empty());
+    let warnings = recorder.messages(Level::Warn);
+    assert!(
+        warnings.iter().any(|w| w.contains("half-a.exr is cut off")),
+        "{warnings:?}"
+    );
+}
+
+#[test]
+fn thresholds_below_the_noise_floor_cause_a_warning() {
+    let warnings = |op: Comparison, value: f64| {
+        let mut lab = lab(100).axis("idle", ints([1, 2]));
+        lab.stop = Box::new(move |_| {
+            let when = StopRule::When {
+                column: "rmse".into(),
+                op,
+                value,
+                hold: 1,
+            };
+            let inner = StopRule::All(vec![when, StopRule::Waves(1)]);
+            Ok(StopRule::Any(vec![StopRule::Samples(4), inner]))
+        });
+        Night::default().record(&lab).1.messages(Level::Warn)
+    };
+    // The noise floor is near 0.1 * 0.5 / 10.
+    let found = warnings(Comparison::Less, 0.001);
+    assert_eq!(
+        found.len(),
+        2,
+        "the scene's note and the warning: {found:?}"
+    );
+    let warning = found.iter().find(|w| w.contains("rmse")).unwrap();
+    assert!(
+        warning.starts_with(
+            "2 cells stop at `rmse < 0.001`, but even the true picture would measure 0.00"
+        ),
+        "{warning}"
+    );
+    assert!(
+        warnings(Comparison::Less, 0.01)
+            .iter()
+            .all(|w| !w.contains("rmse"))
+    );
+    assert!(
+        warnings(Comparison::Greater, 0.001)
+            .iter()
+            .all(|w| !w.contains("rmse"))
+    );
+}
+
+#[test]
+fn a_metric_that_cannot_be_computed_has_no_floor() {
+    let metrics = ["rmse", "ssim"].map(|m| MetricSpec::new(m, m, BTreeMap::new()).unwrap());
+    let image = Image::from_fn(4, 4, |_, _| [0.5; 3]);
+    let halves = HalfImages {
+        means: [image.clone(), image.clone()],
+        samples: [1, 1],
+    };
+    assert_eq!(floors(&metrics, &image, &halves), [Some(0.0), None]);
+}
+
+/// Returns an experiment whose reference has a bias check by `nee`.
+fn compared() -> Lab {
+    let mut lab = lab(256);
+    lab.reference = Box::new(|_| {
+        let mut config = config();
+        config.resolution = Some([64, 48]);
+        let second = CellConfig {
+            integrator: "nee".into(),
+            ..config.clone()
+        };
+        let bias_check = BiasCheckRequest {
+            config: second,
+            stop: StopRule::Samples(64),
+            rate: 0.01,
+        };
+        let stop = StopRule::Samples(256);
+        Ok(Some(ReferenceRequest::Render {
+            config: Box::new(config),
+            stop,
+            bias_check: Some(Box::new(bias_check)),
+            shards: 1,
+        }))
+    });
+    lab
+}
+
+/// Opens a renderer that is biased for `nee`: its paths may have one more edge, which adds light.
+fn biased(_: &str, scene: Arc<CompiledScene>, job: Job) -> Result<Box<dyn Renderer>, RenderError> {
+    let max_depth = if job.integrator.name == "nee" {
+        job.max_depth + 1
+    } else {
+        job.max_depth
+    };
+    Ok(Box::new(MockRenderer::new(scene, Job { max_depth, ..job })))
+}
+
+#[test]
+fn a_bias_check_passes_within_noise_and_its_picture_is_no_reference_of_a_cell() {
+    let lab = compared();
+    let plan = lab.plan();
+    assert_eq!(plan.references.len(), 2);
+    assert_eq!(
+        (
+            plan.references[0].bias_check.unwrap().with,
+            plan.references[1].bias_check
+        ),
+        (1, None)
+    );
+    assert_eq!(plan.cells[0].reference, Some(0));
+    let (summary, recorder) = Night::default().record(&lab);
+    assert!(summary.disagreements.is_empty());
+    let at = |word: &str| {
+        recorder
+            .labels
+            .iter()
+            .position(|w| w == word)
+            .unwrap_or_else(|| panic!("{word}"))
+    };
+    assert!(at("done r1") < at("compared r0 r1") && at("compared r0 r1") < at("start c0"));
+    let messages = recorder.messages(Level::Info);
+    assert!(
+        messages
+            .iter()
+            .any(|w| w.starts_with("agrees with `nee`: none of ")),
+        "{messages:?}"
+    );
+}
+
+#[test]
+fn a_bias_check_of_a_biased_technique_raises_an_alarm_with_a_map() {
+    let (summary, recorder) = Night {
+        open: &biased,
+        ..Night::default()
+    }
+    .record(&compared());
+    let [found] = summary.disagreements.as_slice() else {
+        panic!("{:?}", summary.disagreements)
+    };
+    assert_eq!((found.reference, found.with), (0, 1));
+    assert!(
+        found.found.starts_with("DISAGREES with `nee`: "),
+        "{}",
+        found.found
+    );
+    assert!(recorder.messages(Level::Error).contains(&found.found));
+    let agreement = recorder.events.iter().find_map(|e| match e {
+        Event::BiasCheck { found, .. } => Some(found.clone()),
+        _ => None,
+    });
+    let agreement = agreement.unwrap();
+    // 31/32 of the light compared with 63/64.
+    assert!(
+        (agreement.ratio / (62.0 / 63.0) - 1.0).abs() < 0.001,
+        "{}",
+        agreement.ratio
+    );
+    assert!(agreement.map.values.iter().filter(|z| **z < -2.0).count() > 64 * 48 / 2);
+    // The night continues: its cells are rendered.
+    assert!(recorder.labels.contains(&"done c0".to_owned()));
+}
+
+#[test]
+fn stored_pictures_are_compared_and_missing_noise_is_reported() {
+    let lab = compared();
+    let plan = lab.plan();
+    let mut night = Night::default();
+    for (reference, light) in plan.references.iter().zip([0.5, 0.6]) {
+        let run = FinishedRun {
+            folder: "refs".into(),
+            rows: vec![],
+            floors: Default::default(),
+            open: Default::default(),
+        };
+        night.history.done.insert(reference.id.clone(), run);
+        let flat = |x: f32| Image::from_fn(64, 48, |_, _| [x; 3]);
+        night
+            .history
+            .images
+            .insert(reference.id.clone(), Ok(flat(light)));
+        night.history.noise.insert(reference.id.clone(), flat(0.02));
+    }
+    let (summary, _) = night.record(&lab);
+    assert_eq!(summary.disagreements.len(), 1);
+    night.history.noise.clear();
+    let (summary, recorder) = night.record(&lab);
+    assert!(summary.disagreements.is_empty());
+    let messages = recorder.messages(Level::Warn);
+    assert!(
+        messages
+            .iter()
+            .any(|w| w.contains("cannot be compared with `nee`: the noise of `bpt` is not known")),
+        "{messages:?}"
+    );
+}
+
+#[test]
+fn measuring_time_is_recorded_and_accumulates() {
+    let (_, recorder) = Night::default().record(&lab(16));
+    let rows = recorder.rows(CELL);
+    assert!(
+        rows.iter()
+            .all(|row| row.measure_s > 0.0 && row.measure_s <= row.wall_s)
+    );
+    assert!(
+        rows.windows(2)
+            .all(|pair| pair[1].measure_s > pair[0].measure_s)
+    );
+}

@@ -1,0 +1,86 @@
+//! Rules for files: length, names, printing, and no paths that exist on one machine only.
+
+use super::source::{code_only, project_files, root, rust_files, sources, text, words};
+
+/// Greatest number of lines of a Rust file.
+const MOST_LINES: usize = 600;
+
+#[test]
+fn no_rust_file_has_more_than_600_lines() {
+    let all = sources()
+        .into_iter()
+        .chain(rust_files("tests"))
+        .chain(rust_files("crates/lumbre-render/tests"));
+    let long: Vec<String> = all
+        .map(|f| (text(&f).lines().count(), f))
+        .filter(|(n, _)| *n > MOST_LINES)
+        .map(|(n, f)| format!("{f}: {n} lines"))
+        .collect();
+    assert!(
+        long.is_empty(),
+        "over {MOST_LINES} lines, split by concept:\n{}",
+        long.join("\n")
+    );
+}
+
+#[test]
+fn no_module_is_named_util_common_or_misc() {
+    for file in sources() {
+        let unspecific = file
+            .split('/')
+            .any(|p| ["util", "utils", "common", "misc"].contains(&p.trim_end_matches(".rs")));
+        assert!(!unspecific, "{file}: name the module after its subject");
+    }
+}
+
+#[test]
+fn only_the_command_line_prints() {
+    for file in sources()
+        .into_iter()
+        .filter(|f| !f.starts_with("src/cli/") && !f.contains("tests"))
+    {
+        let code = code_only(&text(&file));
+        // Tests print which tests are skipped and why.
+        let code = code
+            .split("#[cfg(test)]\nmod tests {")
+            .next()
+            .unwrap_or_default();
+        for name in ["println", "print", "eprintln", "eprint", "dbg"] {
+            let calls = words(code, name).any(|at| code[at + name.len()..].starts_with('!'));
+            assert!(!calls, "{file}: {name}! belongs to src/cli");
+        }
+    }
+}
+
+#[test]
+fn no_file_names_a_home_or_work_folder() {
+    // Assembled here so that this file does not match itself.
+    let folders: Vec<String> = ["home", "Users", "root", "work"]
+        .iter()
+        .map(|p| format!("/{p}/"))
+        .collect();
+    let mut found = Vec::new();
+    for path in project_files() {
+        let Ok(text) = std::fs::read_to_string(&path) else {
+            continue;
+        };
+        for (number, line) in text.lines().enumerate() {
+            let absolute = |folder: &String| {
+                line.match_indices(folder.as_str()).any(|(at, _)| {
+                    !line[..at]
+                        .chars()
+                        .next_back()
+                        .is_some_and(|c| c.is_alphanumeric() || "_-.*}/".contains(c))
+                })
+            };
+            if folders.iter().any(absolute) {
+                found.push(format!(
+                    "{}:{}: {line}",
+                    path.strip_prefix(root()).unwrap().display(),
+                    number + 1
+                ));
+            }
+        }
+    }
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}

@@ -1,0 +1,19 @@
+//! Rules for the code base: imports between modules, lengths of files, and the documentation that
+//! every table row needs.
+#![allow(clippy::unwrap_used, reason = "test helpers may panic")]
+
+#[cfg(feature = "vulkan")]
+mod backends;
+mod dependencies;
+mod documents;
+mod files;
+mod formats;
+mod imports;
+mod lanes;
+mod reference;
+#[cfg(feature = "vulkan")]
+mod shaders;
+mod source;
+mod tables;
+mod twins;
+mod words;

@@ -1,0 +1,25 @@
+//! The program end to end, mostly on the mock backend: its output, its files and its exit status.
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "test helpers may panic and print, as tests do"
+)]
+
+mod compare;
+mod damage;
+mod errors;
+mod external;
+mod kill;
+mod nights;
+mod reading;
+mod readme;
+mod recipes;
+#[cfg(unix)]
+mod references;
+mod report;
+mod reproduce;
+mod signals;
+mod survive;
+mod trace;
+mod verify;
+pub mod workplace;

@@ -1,0 +1,248 @@
+//! The dashboard in a real terminal: tmux provides the terminal, sends keys and captures the
+//! screen. Skipped with a message if tmux is not installed.
+#![cfg(unix)]
+#![allow(clippy::unwrap_used, reason = "a test that cannot continue has failed")]
+#![allow(clippy::print_stdout, reason = "skipped tests print a message")]
+
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use crate::cli::workplace::{SLOW, Workplace};
+
+/// Longest wait for a screen before the test fails; every expected wait is far shorter.
+const MAX_WAIT: Duration = Duration::from_secs(60);
+
+/// A tmux server with one terminal; killed on drop.
+struct Terminal {
+    server: String,
+}
+
+impl Terminal {
+    /// Runs `lumbre` with these arguments in a terminal of this size, and then a shell line that
+    /// prints its exit status.
+    fn start(place: &Workplace, name: &str, size: (u16, u16), args: &str) -> Option<Terminal> {
+        if Command::new("tmux").arg("-V").output().is_err() {
+            println!("SKIPPED: tmux is not installed");
+            return None;
+        }
+        let terminal = Terminal {
+            server: format!("lumbre-test-{name}-{}", std::process::id()),
+        };
+        let program = env!("CARGO_BIN_EXE_lumbre");
+        let line = format!("'{program}' {args}; echo ended with $?; sleep 600");
+        let (width, height) = (size.0.to_string(), size.1.to_string());
+        let folder = place.path(".");
+        let started = Command::new("tmux")
+            .args([
+                "-L",
+                &terminal.server,
+                "-f",
+                "/dev/null",
+                "new-session",
+                "-d",
+                "-x",
+                &width,
+                "-y",
+                &height,
+                "-c",
+            ])
+            .arg(&folder)
+            .args([
+                "env",
+                "LC_ALL=C.UTF-8",
+                "COLORTERM=truecolor",
+                "sh",
+                "-c",
+                &line,
+            ])
+            .status()
+            .unwrap();
+        assert!(started.success());
+        Some(terminal)
+    }
+
+    fn tmux(&self, args: &[&str]) -> String {
+        let output = Command::new("tmux")
+            .args(["-L", &self.server])
+            .args(args)
+            .output()
+            .unwrap();
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    }
+
+    fn screen(&self) -> String {
+        self.tmux(&["capture-pane", "-p"])
+    }
+
+    fn press(&self, keys: &[&str]) {
+        self.tmux(&[&["send-keys"], keys].concat());
+    }
+
+    /// Waits until the screen holds all of these texts, and returns the screen.
+    fn wait_for(&self, texts: &[&str]) -> String {
+        let since = Instant::now();
+        loop {
+            let screen = self.screen();
+            if texts.iter().all(|text| screen.contains(text)) {
+                return screen;
+            }
+            assert!(
+                since.elapsed() < MAX_WAIT,
+                "waited for {texts:?}, the screen is\n{screen}"
+            );
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    /// Returns whether the program uses the alternate screen.
+    fn uses_alternate_screen(&self) -> bool {
+        self.tmux(&["display-message", "-p", "#{alternate_on}"])
+            .trim()
+            == "1"
+    }
+
+    /// Waits until the program has ended, and checks that it restored the terminal.
+    fn wait_for_end(&self, status: i32) {
+        self.wait_for(&[&format!("ended with {status}")]);
+        assert!(
+            !self.uses_alternate_screen(),
+            "the alternate screen is still in use"
+        );
+        assert_eq!(
+            self.tmux(&["display-message", "-p", "#{cursor_flag}"])
+                .trim(),
+            "1",
+            "the cursor is still hidden"
+        );
+    }
+}
+
+impl Drop for Terminal {
+    fn drop(&mut self) {
+        self.tmux(&["kill-server"]);
+    }
+}
+
+/// Returns the id of the process that a terminal's shell started.
+fn program_of(terminal: &Terminal) -> String {
+    let shell = terminal.tmux(&["display-message", "-p", "#{pane_pid}"]);
+    let output = Command::new("pgrep")
+        .args(["-P", shell.trim(), "lumbre"])
+        .output()
+        .unwrap();
+    String::from_utf8_lossy(&output.stdout).trim().to_owned()
+}
+
+#[test]
+fn the_dashboard_handles_keys_commands_and_resizes_while_another_terminal_watches() {
+    let place = Workplace::new();
+    place.write("slow.lua", &SLOW.replace("repeats = 24", "repeats = 900"));
+    let Some(night) = Terminal::start(&place, "run", (80, 24), "run slow.lua") else {
+        return;
+    };
+    let screen = night.wait_for(&["Lumbre", "slow-", "running", "Cell", "? help"]);
+    assert!(night.uses_alternate_screen());
+    assert_eq!(
+        screen.trim_end_matches('\n').lines().count(),
+        24,
+        "{screen}"
+    );
+
+    night.press(&["p"]);
+    night.wait_for(&["paused", "resume"]);
+    night.press(&["R"]);
+    night.wait_for(&["restarted on"]);
+    night.press(&["?"]);
+    night.wait_for(&["Keys and symbols"]);
+    night.press(&["Escape"]);
+    night.press(&["p"]);
+    night.wait_for(&["running"]);
+    night.press(&[":", "pause 2spp", "Enter"]);
+    night.wait_for(&["paused as requested"]);
+    night.tmux(&["resize-window", "-x", "200", "-y", "60"]);
+    let wide = night.wait_for(&["Device", "Plan 900 cells", "paused"]);
+    assert_eq!(wide.trim_end_matches('\n').lines().count(), 60, "{wide}");
+    night.tmux(&["resize-window", "-x", "30", "-y", "8"]);
+    night.wait_for(&["Lumbre"]);
+    night.tmux(&["resize-window", "-x", "100", "-y", "30"]);
+    night.wait_for(&["Picture", "Log"]);
+
+    let watcher = Terminal::start(&place, "watch", (100, 30), "watch").unwrap();
+    watcher.wait_for(&["slow-", "watching", "q quit", "mock"]);
+    watcher.press(&["p"]);
+    watcher.wait_for(&["can only be watched here"]);
+    watcher.press(&["q"]);
+    watcher.wait_for_end(0);
+
+    night.press(&["q"]);
+    night.wait_for_end(130);
+    let finished = Terminal::start(&place, "again", (80, 24), "watch out").unwrap();
+    finished.wait_for(&["slow-", "finished"]);
+    finished.press(&["C-c"]);
+    finished.wait_for_end(0);
+}
+
+#[test]
+fn the_terminal_is_restored_when_sigterm_ends_the_program() {
+    let place = Workplace::new();
+    place.write("slow.lua", &SLOW.replace("repeats = 24", "repeats = 900"));
+    let Some(night) = Terminal::start(&place, "term", (80, 24), "run slow.lua") else {
+        return;
+    };
+    night.wait_for(&["running", "Cell"]);
+    let program = program_of(&night);
+    assert!(!program.is_empty());
+    let watcher = Terminal::start(&place, "watcher", (80, 24), "watch").unwrap();
+    watcher.wait_for(&["watching"]);
+    let stop = |program: &str| {
+        assert!(
+            Command::new("kill")
+                .args(["-TERM", program])
+                .status()
+                .unwrap()
+                .success()
+        )
+    };
+    stop(&program_of(&watcher));
+    watcher.wait_for_end(0);
+    stop(&program);
+    night.wait_for_end(75);
+}
+
+/// An experiment whose film has a time axis, with an area light beside a ball.
+const LIGHT: &str = r#"
+local x = experiment("light", { seed = 1 })
+x:render(function(p)
+  return { scene = "ball.scn", integrator = "nee", resolution = { 24, 16 }, max_depth = 3, backend = "cpu",
+    film = { time = { start = 0, bin = 0.25, bins = 64, metres = 1 } } }
+end)
+x:stop(stop.samples(8))
+return x
+"#;
+
+#[test]
+fn the_time_bins_of_a_finished_night_can_be_played() {
+    let place = Workplace::new();
+    place.write("light.lua", LIGHT);
+    place.succeed(&["run", "light.lua", "-q", "--no-tui"]);
+    let Some(watcher) = Terminal::start(&place, "light", (120, 40), "watch") else {
+        return;
+    };
+    watcher.wait_for(&["light-", "finished", "Picture"]);
+    watcher.press(&["t"]);
+    watcher.wait_for(&["Time playing"]);
+    watcher.press(&["t"]);
+    watcher.press(&[":", "time 5.6", "Enter"]);
+    // Light reflected by the upper half of the ball arrives at optical lengths of 5.3 to 6.3.
+    let still = watcher.wait_for(&["5.50 to 5.75 at 18.3 ns"]);
+    assert!(
+        still.contains("Time") && !still.contains("playing"),
+        "{still}"
+    );
+    watcher.press(&["Right"]);
+    watcher.wait_for(&["5.75 to 6.00"]);
+    watcher.press(&["?"]);
+    watcher.wait_for(&["play time bins"]);
+    watcher.press(&["q"]);
+    watcher.wait_for_end(0);
+}
