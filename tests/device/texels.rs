@@ -181,7 +181,7 @@ fn texels_that_do_not_fit_are_refused_with_both_sizes() {
         let message = error.to_string();
         assert!(matches!(error, VulkanError::TooLarge { .. }), "{error:?}");
         assert!(
-            message.starts_with("texels takes 6 MiB") && message.contains(found),
+            message.starts_with("the buffer `texels` needs 6 MiB") && message.contains(found),
             "{message}"
         );
         assert!(matches!(
@@ -198,7 +198,7 @@ fn texels_that_do_not_fit_are_refused_with_both_sizes() {
             ..Caps::default()
         };
     };
-    refused(with(&device, plain), "offers 1 MiB: one array");
+    refused(with(&device, plain), "offers 1 MiB: each array");
     let small = |limits: &mut Limits, _: &mut Caps| {
         narrow(limits);
         limits.heap = 3 << 20;

@@ -220,7 +220,7 @@ pub(crate) fn check_size(
     if size <= found {
         return Ok(());
     }
-    let (device, what) = (device.info.line(), what.to_owned());
+    let (device, what) = (device.info.line(), format!("the buffer `{what}`"));
     Err(VulkanError::TooLarge {
         device,
         what,
