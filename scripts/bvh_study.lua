@@ -7,9 +7,8 @@
 -- After thesis S1, sections 4.2 and 5.1 (docs/bibliography.md). For the three models in `folder`,
 -- the thesis compares tests of every triangle with a BVH that is built by splits at a plane or by
 -- the surface area heuristic (SAH) over bins. It selects 14 bins, because more gain nothing.
--- `none`, `plane` and `sah` are its methods. `ploc` is the default of Lumbre, and `cwbvh` is the
--- traversal of obvhs, the library of that builder. All except `none` and `cwbvh` use the same
--- traversal.
+-- `none`, `plane` and `sah` are its methods. `ploc` is the default of Lumbre, and `cwbvh` traverses
+-- compressed nodes. All except `none` and `cwbvh` use the same traversal.
 --
 -- Every builder gives the same picture, bit for bit, so only times differ: run this on an idle
 -- machine. `--backend vulkan-compute` builds the same trees for a device.

@@ -184,7 +184,7 @@ fn confined_crates_are_used_only_in_their_modules() {
                 .iter()
                 .any(|module| file.starts_with(&format!("src/{module}/")));
             let used = words(&code, name).any(|at| {
-                // `obvhs::..` or `use obvhs;`, but not the end of a path such as
+                // `exr::..` or `use exr;`, but not the end of a path such as
                 // `crate::output::exr::..`.
                 let path = code[at + name.len()..].starts_with("::") && !code[..at].ends_with("::");
                 path || code[..at].trim_end().ends_with("use")

@@ -174,7 +174,7 @@ fn device_line(accel: &Accel, spec: &AccelSpec, threads: usize, vectorised: bool
     let plain = AccelSpec::default();
     let tree = match spec.builder {
         Builder::None => "no hierarchy".to_owned(),
-        Builder::Cwbvh => format!("{} of obvhs", spec.describe()),
+        Builder::Cwbvh => format!("compressed BVH by {}", spec.describe()),
         _ if AccelSpec {
             instances: plain.instances,
             lanes: plain.lanes,

@@ -9,8 +9,6 @@ use std::time::Instant;
 
 use ash::vk;
 use glam::Vec3;
-use obvhs::cwbvh::CwBvh;
-use obvhs::cwbvh::node::CwBvhNode;
 
 use crate::context::device::Device;
 use crate::error::VulkanError;
@@ -21,7 +19,8 @@ use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::Instance;
 use lumbre_render::cpu::bvh::accel::world_primitives;
 use lumbre_render::cpu::bvh::build::BuildPrimitive;
-use lumbre_render::cpu::bvh::packed::{build_packed, cost, levels};
+use lumbre_render::cpu::bvh::packed::{PackedTree, build_packed};
+use lumbre_render::cpu::bvh::packed_node::{PackedNode, Slot};
 use lumbre_render::hierarchy::AccelSpec;
 use lumbre_render::instance_transform;
 use lumbre_render::instance_transform::InstanceTransform;
@@ -90,7 +89,7 @@ impl DeviceBvh {
 /// BVHs of a scene in the device's format, on the host.
 #[derive(Default)]
 struct SceneTrees {
-    nodes: Vec<CwBvhNode>,
+    nodes: Vec<PackedNode>,
     primitives: Vec<u32>,
     transforms: Vec<layout::InstanceTransform>,
     /// Maximum number of stack entries of a ray.
@@ -105,7 +104,7 @@ impl SceneTrees {
         let triangles = scene.world_triangles();
         let mut primitives = world_primitives(scene);
         let in_world = primitives.len();
-        let meshes: Vec<CwBvh> = scene
+        let meshes: Vec<PackedTree> = scene
             .instances
             .meshes
             .iter()
@@ -125,9 +124,9 @@ impl SceneTrees {
         // An instance is expensive to enter, so each has its own box.
         let flat = placements.is_empty();
         let top = build_packed(spec, &primitives, if flat { spec.max_leaf } else { 1 });
-        trees.stack = levels(&top);
-        let costs: Vec<f64> = meshes.iter().map(|mesh| cost(mesh, |_| 1.0)).collect();
-        trees.cost = cost(&top, |i| match (i as usize).checked_sub(in_world) {
+        trees.stack = top.levels();
+        let costs: Vec<f64> = meshes.iter().map(|mesh| mesh.cost(|_| 1.0)).collect();
+        trees.cost = top.cost(|i| match (i as usize).checked_sub(in_world) {
             Some(placement) => costs[placements[placement].mesh as usize],
             None => 1.0,
         });
@@ -143,7 +142,7 @@ impl SceneTrees {
         let roots: Vec<u32> = (meshes.iter().zip(&scene.instances.meshes))
             .map(|(tree, mesh)| trees.push(tree, |i| i + mesh.triangles.start))
             .collect();
-        if let Some(deepest) = meshes.iter().map(levels).max() {
+        if let Some(deepest) = meshes.iter().map(PackedTree::levels).max() {
             // One entry for the rest of the instance's leaf, and one to return to world space.
             trees.stack += 2 + deepest;
         }
@@ -159,15 +158,15 @@ impl SceneTrees {
 
     /// Appends a tree, mapping its primitives to their indices in the scene. Returns its first
     /// node.
-    fn push(&mut self, tree: &CwBvh, id: impl Fn(u32) -> u32) -> u32 {
+    fn push(&mut self, tree: &PackedTree, id: impl Fn(u32) -> u32) -> u32 {
         let (first, primitives) = (self.nodes.len() as u32, self.primitives.len() as u32);
-        self.nodes.extend(tree.nodes.iter().map(|node| CwBvhNode {
-            child_base_idx: node.child_base_idx + first,
-            primitive_base_idx: node.primitive_base_idx + primitives,
+        self.nodes.extend(tree.nodes.iter().map(|node| PackedNode {
+            first_child: node.first_child + first,
+            first_primitive: node.first_primitive + primitives,
             ..*node
         }));
         self.primitives
-            .extend(tree.primitive_indices.iter().map(|i| id(*i)));
+            .extend(tree.primitives.iter().map(|i| id(*i)));
         first
     }
 }
@@ -175,10 +174,10 @@ impl SceneTrees {
 /// Returns the transform of an instance of a mesh, whose tree begins at `root`.
 fn instance_transform_row(
     instance: &Instance,
-    mesh: &CwBvh,
+    mesh: &PackedTree,
     root: u32,
 ) -> layout::InstanceTransform {
-    let aabb = mesh.total_aabb;
+    let aabb = mesh.aabb;
     let InstanceTransform { inverse, pivot } =
         InstanceTransform::new(instance, [aabb.min.into(), aabb.max.into()]);
     layout::InstanceTransform {
@@ -192,9 +191,9 @@ fn instance_transform_row(
 }
 
 /// Iterates over the boxes of a node's children.
-fn children(node: &CwBvhNode) -> impl Iterator<Item = [Vec3; 2]> + '_ {
-    let there = (0..8).filter(|child| !node.is_child_empty(*child));
+fn children(node: &PackedNode) -> impl Iterator<Item = [Vec3; 2]> + '_ {
+    let there = (0..8).filter(|slot| node.slot(*slot) != Slot::Empty);
     there
-        .map(|child| node.child_aabb(child))
+        .map(|slot| node.child_aabb(slot))
         .map(|aabb| [aabb.min.into(), aabb.max.into()])
 }

@@ -3,7 +3,7 @@
 //! A binary tree ([`super::build`]) is collapsed into nodes of eight children and blocks of eight
 //! primitives, which are tested at once ([`super::bvh8`]). A shared mesh has a tree of its own, and
 //! each of its instances is a leaf of the scene's tree ([`super::instances`]). The builder `cwbvh`
-//! uses [`super::compressed`] instead.
+//! uses [`super::packed`] and [`super::compressed`] instead.
 //!
 //! Invariants: the tree is shallow enough for the traversal stack, and the instruction set is one
 //! that the processor has.
@@ -16,9 +16,10 @@ use glam::Vec3A;
 use super::build;
 use super::build::BuildPrimitive;
 use super::bvh8::{Block, BuildItem, Bvh8, LEAF, Node, TreeRoot};
-use super::compressed::Compressed;
+use super::compressed;
 use super::instances;
 use super::instances::MeshInstance;
+use super::packed::{PackedTree, build_packed};
 use super::simd::{Isa, LANES};
 use crate::hierarchy::{AccelSpec, Builder};
 use lumbre_light::scene::CompiledScene;
@@ -44,7 +45,7 @@ pub struct Accel {
     pub(crate) blocks: Vec<Block>,
     pub(crate) instances: Vec<MeshInstance>,
     /// Compressed tree, which is traversed instead of `nodes` if the builder is `cwbvh`.
-    pub(crate) compressed: Option<Compressed>,
+    pub(crate) compressed: Option<PackedTree>,
     /// Whether any material has a mask.
     pub(crate) masked: bool,
     /// Instruction set that traversal uses.
@@ -138,11 +139,11 @@ impl Accel {
     }
 
     fn build_compressed(&mut self, spec: &AccelSpec) -> Result<(), AccelError> {
-        let compressed = Compressed::new(&self.scene, spec);
-        self.cost = compressed.cost();
-        let levels = compressed.levels();
-        self.compressed = Some(compressed);
-        if levels > Compressed::STACK {
+        let tree = build_packed(spec, &world_primitives(&self.scene), spec.max_leaf);
+        self.cost = tree.cost(|_| 1.0);
+        let levels = tree.levels();
+        self.compressed = Some(tree);
+        if levels > compressed::MAX_LEVELS {
             Err(AccelError::TooDeep { levels })
         } else {
             Ok(())
@@ -213,7 +214,7 @@ impl Accel {
 
     /// Returns the number of eight-wide nodes.
     pub fn node_count(&self) -> usize {
-        self.nodes.len() + self.compressed.as_ref().map_or(0, Compressed::node_count)
+        self.nodes.len() + self.compressed.as_ref().map_or(0, |tree| tree.nodes.len())
     }
 
     /// Returns the size in bytes of the nodes, primitives and instances that traversal reads.
@@ -221,7 +222,11 @@ impl Accel {
         size_of_val(self.nodes.as_slice())
             + size_of_val(self.blocks.as_slice())
             + size_of_val(self.instances.as_slice())
-            + self.compressed.as_ref().map_or(0, |c| c.bytes(&self.scene))
+            + self.compressed.as_ref().map_or(0, |tree| {
+                tree.bytes()
+                    + size_of_val(self.scene.triangles.as_slice())
+                    + size_of_val(self.scene.spheres.as_slice())
+            })
     }
 
     /// Returns the expected cost of a ray that meets the scene's box, by the surface area

@@ -1,17 +1,14 @@
 //! Builders of binary trees over the boxes of primitives.
 //!
-//! All builders return a tree in the format of `obvhs`: the children of an inner node are adjacent,
-//! a leaf refers to a range of the primitive indices, and every primitive is in exactly one leaf.
-
-use std::time::Duration;
+//! The builders that split from the root on are in this module, and [`super::ploc`] merges from the
+//! leaves up. The format of their trees is that of [`super::binary`].
 
 use glam::Vec3A;
-use obvhs::BvhBuildParams;
-use obvhs::aabb::Aabb;
-use obvhs::bvh2::Bvh2;
-use obvhs::bvh2::builder::build_bvh2;
-use obvhs::bvh2::node::Bvh2Node;
 
+use super::aabb::Aabb;
+use super::binary::{BinaryNode, BinaryTree};
+use super::ploc::build_clusters;
+use super::reinsertion::reinsert;
 use crate::hierarchy::{AccelSpec, Builder, Quality};
 
 /// Box and centroid of a primitive: the input of the builders.
@@ -44,24 +41,26 @@ impl BuildPrimitive {
     }
 }
 
-/// Returns the `obvhs` preset of a quality, without pre-splitting: every triangle has one box.
-pub(crate) fn params(quality: Quality) -> BvhBuildParams {
-    let preset = match quality {
-        Quality::Fastest => BvhBuildParams::fastest_build(),
-        Quality::VeryFast => BvhBuildParams::very_fast_build(),
-        Quality::Fast => BvhBuildParams::fast_build(),
-        Quality::Medium => BvhBuildParams::medium_build(),
-        Quality::Slow => BvhBuildParams::slow_build(),
-        Quality::VerySlow => BvhBuildParams::very_slow_build(),
-    };
-    BvhBuildParams {
-        pre_split: false,
-        ..preset
+/// Returns the settings of a quality: the radius of the search for neighbours in the clustering,
+/// and the share of nodes that are candidates for reinsertion in the first round.
+fn preset(quality: Quality) -> (usize, f32) {
+    match quality {
+        Quality::Fastest => (2, 0.0),
+        Quality::VeryFast => (4, 0.05),
+        Quality::Fast => (8, 0.1),
+        Quality::Medium => (14, 0.2),
+        Quality::Slow => (14, 0.5),
+        // All nodes in every round.
+        Quality::VerySlow => (14, 8.0),
     }
 }
 
 /// Builds the binary tree. `primitives` must not be empty.
-pub(crate) fn build_binary(spec: &AccelSpec, primitives: &[BuildPrimitive], max_leaf: u32) -> Bvh2 {
+pub(crate) fn build_binary(
+    spec: &AccelSpec,
+    primitives: &[BuildPrimitive],
+    max_leaf: u32,
+) -> BinaryTree {
     match spec.builder {
         Builder::None => TopDownBuilder::new(primitives, usize::MAX, 0).tree,
         Builder::Plane => {
@@ -73,12 +72,10 @@ pub(crate) fn build_binary(spec: &AccelSpec, primitives: &[BuildPrimitive], max_
                 .split_by(|primitives, members| sah_split(primitives, members, bins))
         }
         Builder::Ploc | Builder::Cwbvh => {
-            let boxes: Vec<Aabb> = primitives.iter().map(|b| b.aabb).collect();
-            let params = BvhBuildParams {
-                max_prims_per_leaf: max_leaf,
-                ..params(spec.quality)
-            };
-            build_bvh2(&boxes, params, &mut Duration::default())
+            let (radius, reinserted) = preset(spec.quality);
+            let mut tree = build_clusters(primitives, radius, max_leaf);
+            reinsert(&mut tree, reinserted);
+            tree
         }
     }
 }
@@ -86,7 +83,7 @@ pub(crate) fn build_binary(spec: &AccelSpec, primitives: &[BuildPrimitive], max_
 /// State of a top-down build, which splits leaves from the root on.
 struct TopDownBuilder<'a> {
     primitives: &'a [BuildPrimitive],
-    tree: Bvh2,
+    tree: BinaryTree,
     max_leaf: usize,
     max_depth: u32,
 }
@@ -98,18 +95,14 @@ impl<'a> TopDownBuilder<'a> {
         max_leaf: usize,
         max_depth: u32,
     ) -> TopDownBuilder<'a> {
-        let mut tree = Bvh2 {
-            primitive_indices: (0..primitives.len() as u32).collect(),
-            ..Bvh2::default()
-        };
-        tree.nodes.push(Bvh2Node::new(
-            bounding_box(primitives, &tree.primitive_indices),
-            primitives.len() as u32,
-            0,
-        ));
+        let members: Vec<u32> = (0..primitives.len() as u32).collect();
+        let aabb = bounding_box(primitives, &members);
         TopDownBuilder {
             primitives,
-            tree,
+            tree: BinaryTree {
+                nodes: vec![BinaryNode::leaf(aabb, 0, primitives.len() as u32)],
+                primitives: members,
+            },
             max_leaf: max_leaf.max(1),
             max_depth,
         }
@@ -118,20 +111,19 @@ impl<'a> TopDownBuilder<'a> {
     /// Splits leaves with `split` until they have at most `max_leaf` primitives, lie `max_depth`
     /// levels deep, or `split` returns `None`. `split` reorders the members of a leaf and returns
     /// the index at which the second half begins.
-    fn split_by(mut self, split: impl Fn(&[BuildPrimitive], &mut [u32]) -> Option<usize>) -> Bvh2 {
+    fn split_by(
+        mut self,
+        split: impl Fn(&[BuildPrimitive], &mut [u32]) -> Option<usize>,
+    ) -> BinaryTree {
         // Uses a work list instead of recursion, so that deep trees do not overflow the call stack.
         let mut work = vec![(0usize, 0u32)];
         while let Some((leaf, depth)) = work.pop() {
-            let Bvh2Node {
-                prim_count,
-                first_index,
-                ..
-            } = self.tree.nodes[leaf];
-            let (count, first) = (prim_count as usize, first_index as usize);
+            let range = self.tree.nodes[leaf].range();
+            let (first, count) = (range.start, range.len());
             if count <= self.max_leaf || depth >= self.max_depth {
                 continue;
             }
-            let members = &mut self.tree.primitive_indices[first..first + count];
+            let members = &mut self.tree.primitives[range];
             let Some(middle) =
                 split(self.primitives, members).filter(|middle| (1..count).contains(middle))
             else {
@@ -140,16 +132,13 @@ impl<'a> TopDownBuilder<'a> {
             let ranges = [(first, middle), (first + middle, count - middle)];
             let children = self.tree.nodes.len();
             for (first, count) in ranges {
-                let aabb = bounding_box(
-                    self.primitives,
-                    &self.tree.primitive_indices[first..first + count],
-                );
-                self.tree
-                    .nodes
-                    .push(Bvh2Node::new(aabb, count as u32, first as u32));
+                let members = &self.tree.primitives[first..first + count];
+                let aabb = bounding_box(self.primitives, members);
+                let child = BinaryNode::leaf(aabb, first as u32, count as u32);
+                self.tree.nodes.push(child);
             }
-            self.tree.nodes[leaf].prim_count = 0;
-            self.tree.nodes[leaf].first_index = children as u32;
+            let aabb = self.tree.nodes[leaf].aabb();
+            self.tree.nodes[leaf] = BinaryNode::inner(aabb, children as u32);
             work.extend([(children + 1, depth + 1), (children, depth + 1)]);
         }
         self.tree
@@ -256,4 +245,48 @@ fn sah_split(primitives: &[BuildPrimitive], members: &mut [u32], bins: usize) ->
     Some(partition(members, |i| {
         bin_of(axis, primitives[i as usize].centroid) < border
     }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cpu::bvh::test_primitives::{degenerate_boxes, random_boxes};
+
+    #[test]
+    fn all_builders_and_qualities_build_valid_trees() {
+        let mut inputs = degenerate_boxes();
+        inputs.push(("random", random_boxes(2000, 1)));
+        let with = |builder: Builder, quality: Quality| AccelSpec {
+            builder,
+            quality,
+            ..AccelSpec::default()
+        };
+        let mut specs = Builder::ALL.map(|b| with(b, Quality::Medium)).to_vec();
+        specs.extend(Quality::ALL.map(|q| with(Builder::Ploc, q)));
+        for (name, primitives) in inputs {
+            for spec in &specs {
+                for max_leaf in [1, 8] {
+                    let tree = build_binary(spec, &primitives, max_leaf);
+                    assert!(!tree.nodes.is_empty(), "{name} {spec:?}");
+                    tree.validate(&primitives);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn slower_qualities_cost_less() {
+        let primitives = random_boxes(5000, 2);
+        let costs = Quality::ALL.map(|quality| {
+            let spec = AccelSpec {
+                quality,
+                ..AccelSpec::default()
+            };
+            build_binary(&spec, &primitives, 1).weighted_area()
+        });
+        for (fast, slow) in costs.iter().zip(&costs[1..]) {
+            assert!(slow < &(fast * 1.01), "{costs:?}");
+        }
+        assert!(costs[5] < 0.95 * costs[0], "{costs:?}");
+    }
 }

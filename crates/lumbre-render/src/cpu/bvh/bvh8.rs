@@ -1,15 +1,16 @@
 //! Eight-wide nodes and blocks of eight primitives: the memory layout for traversal, collapsed from
-//! binary trees.
+//! binary trees so that the area of all nodes together is least ([`super::collapse`]).
 //!
 //! Invariants: a missing child has an empty box, which no ray hits. A leaf is a range of blocks
 //! that ends with a block whose `last` is set, or one instance. Every primitive of the binary tree
 //! is in exactly one leaf.
 
 use glam::Vec3;
-use obvhs::aabb::Aabb;
-use obvhs::bvh2::Bvh2;
 
+use super::aabb::Aabb;
+use super::binary::BinaryTree;
 use super::build::BuildPrimitive;
+use super::collapse::{CollapseCosts, LeafChoice};
 use super::intersect::TriangleBlock;
 use super::simd::{LANES, LaneArray};
 use lumbre_light::scene::compile::NONE;
@@ -109,10 +110,9 @@ pub(crate) struct TreeRoot {
 
 /// State of the collapse of one binary tree.
 struct Collapse<'a> {
-    bvh: &'a Bvh2,
+    bvh: &'a BinaryTree,
     primitives: &'a [BuildPrimitive],
     item: &'a dyn Fn(u32) -> BuildItem,
-    counts: PrimitiveCounts,
     /// Sum over nodes and leaves of half the area of their box times the number of tests there.
     weighted_area: f64,
     levels: usize,
@@ -123,43 +123,36 @@ impl Bvh8 {
     /// A leaf is a subtree that fits into one block, or a leaf of the binary tree.
     pub fn add_tree(
         &mut self,
-        bvh: &Bvh2,
+        bvh: &BinaryTree,
         primitives: &[BuildPrimitive],
         item: &dyn Fn(u32) -> BuildItem,
     ) -> TreeRoot {
-        let counts = PrimitiveCounts::new(bvh, &|i| matches!(item(i), BuildItem::Instance(..)));
+        // An instance counts as more primitives than fit into a block.
+        let weights = bvh.weights(|i| match item(i) {
+            BuildItem::Instance(..) => LANES as u32 + 1,
+            _ => 1,
+        });
+        // Boxes inside a block would save nothing. The leaves are the same in every collapse, so
+        // their cost does not matter.
+        let costs = CollapseCosts::new(bvh, |i| {
+            if weights[i] <= LANES as u32 || bvh.nodes[i].is_leaf() {
+                LeafChoice::Always(0.0)
+            } else {
+                LeafChoice::Never
+            }
+        });
         let mut collapse = Collapse {
             bvh,
             primitives,
             item,
-            counts,
             weighted_area: 0.0,
             levels: 0,
         };
-        let aabb = bvh.nodes[0].aabb;
-        let index = if collapse.is_leaf(0) {
+        let aabb = bvh.nodes[0].aabb();
+        let index = if costs.is_leaf(0) {
             self.push_leaf(&mut collapse, 0, 0)
         } else {
-            let root = self.push_node(&mut collapse, &aabb, 1);
-            // Work list of binary node, its eight-wide node, and its level. There is no recursion,
-            // so that deep trees do not overflow the call stack.
-            let mut work = vec![(0usize, root as usize, 1usize)];
-            while let Some((binary, parent, level)) = work.pop() {
-                let mut children = [0; LANES];
-                let count = collapse.select_children(binary, &mut children);
-                for (lane, child) in children[..count].iter().copied().enumerate() {
-                    let aabb = bvh.nodes[child].aabb;
-                    let index = if collapse.is_leaf(child) {
-                        self.push_leaf(&mut collapse, child, level)
-                    } else {
-                        let node = self.push_node(&mut collapse, &aabb, level + 1);
-                        work.push((child, node as usize, level + 1));
-                        node
-                    };
-                    self.nodes[parent].set(lane, index, &aabb);
-                }
-            }
-            root
+            self.push_tree(&mut collapse, &costs)
         };
         let root_area = f64::from(aabb.half_area());
         let cost = if root_area > 0.0 {
@@ -175,6 +168,35 @@ impl Bvh8 {
         }
     }
 
+    /// Adds the root of a tree that is not a leaf and everything below it. Returns its index.
+    fn push_tree<F: Fn(usize) -> LeafChoice>(
+        &mut self,
+        collapse: &mut Collapse,
+        costs: &CollapseCosts<F>,
+    ) -> u32 {
+        let nodes = &collapse.bvh.nodes;
+        let root = self.push_node(collapse, &nodes[0].aabb(), 1);
+        // Work list of binary node, its eight-wide node, and its level. There is no recursion, so
+        // that deep trees do not overflow the call stack.
+        let mut work = vec![(0usize, root as usize, 1usize)];
+        while let Some((binary, parent, level)) = work.pop() {
+            let mut children = [0; LANES];
+            let count = costs.select_children(binary, &mut children);
+            for (lane, child) in children[..count].iter().copied().enumerate() {
+                let aabb = nodes[child].aabb();
+                let index = if costs.is_leaf(child) {
+                    self.push_leaf(collapse, child, level)
+                } else {
+                    let node = self.push_node(collapse, &aabb, level + 1);
+                    work.push((child, node as usize, level + 1));
+                    node
+                };
+                self.nodes[parent].set(lane, index, &aabb);
+            }
+        }
+        root
+    }
+
     fn push_node(&mut self, collapse: &mut Collapse, aabb: &Aabb, level: usize) -> u32 {
         collapse.weighted_area += f64::from(aabb.half_area());
         collapse.levels = collapse.levels.max(level);
@@ -185,9 +207,10 @@ impl Bvh8 {
     /// Adds all primitives below a binary node as one leaf; `level` is that of its parent. Every
     /// instance is a leaf of its own. If there are several leaves, they are joined by nodes.
     fn push_leaf(&mut self, collapse: &mut Collapse, binary: usize, level: usize) -> u32 {
-        let members = collapse.counts.primitives(collapse.bvh, binary);
+        let mut members = Vec::new();
+        collapse.bvh.collect_primitives(binary, &mut members);
         let items: Vec<BuildItem> = members.iter().map(|i| (collapse.item)(*i)).collect();
-        let aabb = collapse.bvh.nodes[binary].aabb;
+        let aabb = collapse.bvh.nodes[binary].aabb();
         let mut leaves: Vec<(u32, Aabb)> = Vec::new();
         for (i, item) in members.iter().zip(&items) {
             if let BuildItem::Instance(instance, cost) = item {
@@ -248,91 +271,5 @@ impl Bvh8 {
             block.last = true;
         }
         first | LEAF
-    }
-}
-
-impl Collapse<'_> {
-    /// Returns whether a binary node becomes a leaf.
-    fn is_leaf(&self, node: usize) -> bool {
-        self.counts.fits_block(node) || self.bvh.nodes[node].prim_count > 0
-    }
-
-    /// Selects the children of an eight-wide node from the binary nodes below `node`. Until there
-    /// are eight, the one with the largest area, which rays hit most often, is replaced by its two
-    /// children. Returns their number.
-    fn select_children(&self, node: usize, children: &mut [usize; LANES]) -> usize {
-        children[0] = node;
-        let mut count = 1;
-        while count < LANES {
-            let mut largest = None;
-            let mut area = f32::NEG_INFINITY;
-            for (i, child) in children[..count].iter().enumerate() {
-                let node = &self.bvh.nodes[*child];
-                if !self.is_leaf(*child) && node.aabb.half_area() > area {
-                    (largest, area) = (Some(i), node.aabb.half_area());
-                }
-            }
-            let Some(i) = largest else { break };
-            let first = self.bvh.nodes[children[i]].first_index as usize;
-            children[i] = first;
-            children[count] = first + 1;
-            count += 1;
-        }
-        count
-    }
-}
-
-/// Number of primitives below each node of a binary tree; an instance counts as more than fit into
-/// a block.
-struct PrimitiveCounts(Vec<u32>);
-
-impl PrimitiveCounts {
-    fn new(bvh: &Bvh2, is_instance: &dyn Fn(u32) -> bool) -> PrimitiveCounts {
-        let mut counts = vec![0u32; bvh.nodes.len()];
-        let mut order = vec![0usize];
-        let mut next = 0;
-        while next < order.len() {
-            let node = &bvh.nodes[order[next]];
-            if node.prim_count == 0 {
-                order.extend([node.first_index as usize, node.first_index as usize + 1]);
-            }
-            next += 1;
-        }
-        for i in order.into_iter().rev() {
-            let node = &bvh.nodes[i];
-            let first = node.first_index as usize;
-            counts[i] = if node.prim_count > 0 {
-                let members = &bvh.primitive_indices[first..first + node.prim_count as usize];
-                let weight = |i: &u32| if is_instance(*i) { LANES as u32 + 1 } else { 1 };
-                members.iter().map(weight).fold(0, u32::saturating_add)
-            } else {
-                counts[first].saturating_add(counts[first + 1])
-            };
-        }
-        PrimitiveCounts(counts)
-    }
-
-    /// Returns whether all primitives below a node fit into one block. Boxes below it would then
-    /// save nothing.
-    fn fits_block(&self, node: usize) -> bool {
-        self.0[node] as usize <= LANES
-    }
-
-    /// Returns the primitives below a node, in the order of the tree.
-    fn primitives(&self, bvh: &Bvh2, node: usize) -> Vec<u32> {
-        let mut all = Vec::new();
-        let mut work = vec![node];
-        while let Some(i) = work.pop() {
-            let node = &bvh.nodes[i];
-            let first = node.first_index as usize;
-            if node.prim_count > 0 {
-                all.extend_from_slice(
-                    &bvh.primitive_indices[first..first + node.prim_count as usize],
-                );
-            } else {
-                work.extend([first + 1, first]);
-            }
-        }
-        all
     }
 }

@@ -1,21 +1,45 @@
 //! Bounding volume hierarchies on the CPU.
 //!
-//! [`accel`] builds and owns the hierarchy of a scene. `build` builds binary trees, `bvh8`
-//! collapses them to eight-wide nodes, and `traverse` traverses these. `instances` transforms rays
-//! into the space of a mesh, `intersect` tests rays against primitives, and [`simd`] defines the
-//! vectors for both. `packed` builds compressed trees, which `vulkan-compute` uses as well, and
-//! `compressed` traverses them with `obvhs`.
+//! [`accel`] builds and owns the hierarchy of a scene. [`build`] builds binary trees from the boxes
+//! of primitives:
+//!
+//! | module | contents |
+//! |---|---|
+//! | [`aabb`], `binary` | boxes and binary trees of them |
+//! | [`build`] | top-down builders, and the settings of each quality |
+//! | `morton`, `ploc` | locally ordered clustering along the Morton curve |
+//! | `reinsertion` | moves subtrees to better places |
+//!
+//! `collapse` finds the best children of eight-wide nodes. These exist in two formats:
+//!
+//! | module | contents |
+//! |---|---|
+//! | `bvh8`, `traverse` | nodes and blocks of primitives of the CPU, and their traversal |
+//! | [`packed`], [`packed_node`] | compressed nodes, which `vulkan-compute` traverses |
+//! | `compressed` | traversal of compressed nodes on the CPU, for the builder `cwbvh` |
+//!
+//! `instances` transforms rays into the space of a mesh, `intersect` tests rays against primitives,
+//! and [`simd`] defines the vectors for both.
 //!
 //! Invariant: hits do not depend on the builder, its settings, or the instruction set, except for
 //! instances that a builder flattens. Of hits at the same distance, the one with the lesser
 //! instance index counts, then the lesser primitive index.
 
+pub mod aabb;
 pub mod accel;
+pub mod binary;
 pub mod build;
 pub mod bvh8;
+pub mod collapse;
 pub mod compressed;
 pub mod instances;
 pub mod intersect;
+pub mod morton;
 pub mod packed;
+pub mod packed_node;
+pub mod ploc;
+pub mod reinsertion;
 pub mod simd;
+#[cfg(test)]
+mod test_primitives;
 pub mod traverse;

@@ -1,9 +1,10 @@
 //! Vectors of eight single-precision numbers for traversal, portable and with AVX2.
 //!
 //! Invariant: every operation of [`Simd8`] is the correctly rounded one of IEEE 754, and none is
-//! fused. All implementations therefore give the same bits, which `crates/lumbre-render/tests/light/render/instructions.rs`
-//! checks. [`Isa`] selects the implementation once per hierarchy. The vectorised path tracer uses
-//! the vectors of `math::simd` instead.
+//! fused. All implementations therefore give the same bits, which
+//! `crates/lumbre-render/tests/light/render/instructions.rs` checks. [`Isa`] selects the
+//! implementation once per hierarchy. The vectorised path tracer uses the vectors of `math::simd`
+//! instead.
 
 use glam::Vec4;
 
@@ -70,6 +71,8 @@ impl Isa {
 pub trait Simd8: Copy {
     /// Loads the numbers from memory.
     fn load(row: &LaneArray) -> Self;
+    /// Converts eight bytes to numbers.
+    fn from_bytes(bytes: &[u8; LANES]) -> Self;
     /// Stores the numbers to memory.
     fn store(self) -> LaneArray;
     /// Broadcasts a number to all lanes.
@@ -117,6 +120,14 @@ impl Simd8 for Portable {
     fn load(row: &LaneArray) -> Portable {
         let [a, b, c, d, e, f, g, h] = row.0;
         Portable([Vec4::new(a, b, c, d), Vec4::new(e, f, g, h)])
+    }
+    #[inline(always)]
+    fn from_bytes(bytes: &[u8; LANES]) -> Portable {
+        let [a, b, c, d, e, f, g, h] = *bytes;
+        Portable([
+            Vec4::new(f32::from(a), f32::from(b), f32::from(c), f32::from(d)),
+            Vec4::new(f32::from(e), f32::from(f), f32::from(g), f32::from(h)),
+        ])
     }
     #[inline(always)]
     fn store(self) -> LaneArray {
@@ -210,6 +221,14 @@ mod x86 {
         fn load(row: &LaneArray) -> Avx2 {
             // SAFETY: the array is 32 bytes, aligned to 32; callers have AVX, as the type requires.
             Avx2(unsafe { _mm256_load_ps(row.0.as_ptr()) })
+        }
+        #[inline(always)]
+        fn from_bytes(bytes: &[u8; 8]) -> Avx2 {
+            // SAFETY: reads the eight bytes; callers have AVX2, as the type requires.
+            Avx2(unsafe {
+                let bytes = _mm_loadl_epi64(bytes.as_ptr().cast());
+                _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(bytes))
+            })
         }
         #[inline(always)]
         fn store(self) -> LaneArray {

@@ -7,10 +7,10 @@ use std::mem::MaybeUninit;
 
 use super::accel::{Accel, STACK};
 use super::bvh8::{INSTANCE, LEAF};
-use super::compressed::Compressed;
 use super::instances;
 use super::intersect;
 use super::intersect::ShearedRay;
+use super::packed::PackedTree;
 use super::simd::{Isa, LANES, LaneArray, Portable, Simd8};
 use lumbre_light::scene::compile::NONE;
 use lumbre_light::transport::ray::{Hit, Ray, Trace};
@@ -48,6 +48,9 @@ impl Accel {
         if !self.instances.is_empty() {
             return self.dispatch_with_instances::<ANY>(ray, t_max);
         }
+        if let Some(tree) = &self.compressed {
+            return self.dispatch_compressed::<ANY>(tree, ray, t_max);
+        }
         match self.isa {
             #[cfg(target_arch = "x86_64")]
             #[expect(unsafe_code, reason = "calls a function compiled for AVX2")]
@@ -70,6 +73,37 @@ impl Accel {
             Isa::Avx2 | Isa::Avx512 => unsafe { self.traverse_avx2::<ANY, true>(ray, t_max) },
             _ => self.traverse::<Portable, ANY, true>(ray, t_max),
         }
+    }
+
+    /// Does the same with the compressed tree.
+    #[inline(never)]
+    fn dispatch_compressed<const ANY: bool>(
+        &self,
+        tree: &PackedTree,
+        ray: &Ray,
+        t_max: f32,
+    ) -> Option<Hit> {
+        match self.isa {
+            #[cfg(target_arch = "x86_64")]
+            #[expect(unsafe_code, reason = "calls a function compiled for AVX2")]
+            // SAFETY: `isa` is AVX2 or AVX-512 only if the processor has it, and AVX-512 implies
+            // AVX2.
+            Isa::Avx2 | Isa::Avx512 => unsafe {
+                self.traverse_compressed_avx2::<ANY>(tree, ray, t_max)
+            },
+            _ => self.traverse_compressed::<Portable, ANY>(tree, ray, t_max),
+        }
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
+    fn traverse_compressed_avx2<const ANY: bool>(
+        &self,
+        tree: &PackedTree,
+        ray: &Ray,
+        t_max: f32,
+    ) -> Option<Hit> {
+        self.traverse_compressed::<crate::cpu::bvh::simd::Avx2, ANY>(tree, ray, t_max)
     }
 
     #[cfg(target_arch = "x86_64")]
@@ -98,11 +132,7 @@ impl Accel {
         let mut best = BestHit::new(t_max);
         let mut sheared = ShearedRay::new(ray);
         if self.root & LEAF != 0 && !INSTANCES {
-            if let Some(compressed) = &self.compressed {
-                self.traverse_compressed::<ANY>(compressed, ray, &sheared, &mut best);
-            } else {
-                self.test_leaf::<L, ANY, false>(self.root & !LEAF, ray, &sheared, NONE, &mut best);
-            }
+            self.test_leaf::<L, ANY, false>(self.root & !LEAF, ray, &sheared, NONE, &mut best);
             return best.hit;
         }
         let mut slabs = Slabs::<L>::new(ray);
@@ -255,36 +285,37 @@ impl Accel {
         true
     }
 
-    /// Traverses the compressed tree with the traversal of `obvhs`.
-    #[inline(never)]
-    fn traverse_compressed<const ANY: bool>(
+    /// Traverses the compressed tree.
+    #[inline(always)]
+    fn traverse_compressed<L: Simd8, const ANY: bool>(
         &self,
-        tree: &Compressed,
+        tree: &PackedTree,
         ray: &Ray,
-        sheared: &ShearedRay,
-        best: &mut BestHit,
-    ) {
+        t_max: f32,
+    ) -> Option<Hit> {
+        if !(ray.origin + ray.dir).element_sum().is_finite() {
+            return None;
+        }
+        let mut best = BestHit::new(t_max);
+        let sheared = ShearedRay::new(ray);
         let scene = &self.scene;
-        tree.traverse(ray, best.limit, ANY, |primitive| {
+        tree.traverse::<L, ANY>(ray, best.limit, |primitive| {
             let (t, uv) = match scene.triangles.get(primitive as usize) {
-                Some(corners) => intersect::triangle(corners, sheared, best.t)?,
+                Some(corners) => intersect::triangle(corners, &sheared, best.t)?,
                 None => {
                     let sphere = &scene.spheres[primitive as usize - scene.triangles.len()];
                     (intersect::sphere(sphere, ray, best.t)?, [0.0; 2])
                 }
             };
-            self.accept(
-                ray,
-                Hit {
-                    t,
-                    primitive,
-                    instance: NONE,
-                    uv,
-                },
-                best,
-            )
-            .then_some(best.limit)
+            let hit = Hit {
+                t,
+                primitive,
+                instance: NONE,
+                uv,
+            };
+            self.accept(ray, hit, &mut best).then_some(best.limit)
         });
+        best.hit
     }
 }
 
@@ -316,9 +347,36 @@ impl BestHit {
     }
 }
 
+/// Returns the inverse of a component of a direction. A zero component would give 0 * inf = NaN on
+/// a box's plane. A tiny one gives the same result and stays finite.
+#[inline(always)]
+pub(super) fn nonzero_inverse(d: f32) -> f32 {
+    1.0 / if d.abs() < 1e-20 {
+        1e-20f32.copysign(d)
+    } else {
+        d
+    }
+}
+
+/// Returns a component of the origin for the distances at which a ray leaves boxes. If it does not
+/// move along this axis, it stays inside a box whose bound it lies in, but with the tiny component
+/// of [`nonzero_inverse`] it would leave at distance 0. So it begins a little further inside.
+#[inline(always)]
+fn exit_origin(o: f32, d: f32) -> f32 {
+    if d.abs() < 1e-20 {
+        // At least 1e-7, so that the distance is at least 1e13, and a unit in the last place.
+        o - (1e-7 + o.abs() * 1.2e-7).copysign(d)
+    } else {
+        o
+    }
+}
+
 /// Ray with the precomputed values of the box test.
 struct Slabs<L> {
+    /// Origin for the distances at which the ray enters boxes.
     origin: [L; 3],
+    /// Origin for the distances at which the ray leaves boxes; see [`exit_origin`].
+    exit_origin: [L; 3],
     inverse: [L; 3],
     /// Index of the bound that the ray meets first on each axis: 0 for the least, 1 for the
     /// greatest.
@@ -328,15 +386,6 @@ struct Slabs<L> {
 impl<L: Simd8> Slabs<L> {
     #[inline(always)]
     fn new(ray: &Ray) -> Slabs<L> {
-        // A zero component would give 0 * inf = NaN on a box's plane. A tiny one gives the same
-        // result and stays finite.
-        let nonzero_inverse = |d: f32| {
-            1.0 / if d.abs() < 1e-20 {
-                1e-20f32.copysign(d)
-            } else {
-                d
-            }
-        };
         let (o, d) = (ray.origin, ray.dir);
         let (x, y, z) = (
             nonzero_inverse(d.x),
@@ -345,6 +394,11 @@ impl<L: Simd8> Slabs<L> {
         );
         Slabs {
             origin: [L::splat(o.x), L::splat(o.y), L::splat(o.z)],
+            exit_origin: [
+                L::splat(exit_origin(o.x, d.x)),
+                L::splat(exit_origin(o.y, d.y)),
+                L::splat(exit_origin(o.z, d.z)),
+            ],
             inverse: [L::splat(x), L::splat(y), L::splat(z)],
             first: [
                 usize::from(x < 0.0),
@@ -360,13 +414,13 @@ impl<L: Simd8> Slabs<L> {
     fn intersect(&self, bounds: &[[LaneArray; 3]; 2], t_max: f32) -> (u32, L) {
         let [x, y, z] = self.first;
         let near = self
-            .plane(bounds, x, 0)
-            .max(self.plane(bounds, y, 1))
-            .max(self.plane(bounds, z, 2));
+            .enter(bounds, x, 0)
+            .max(self.enter(bounds, y, 1))
+            .max(self.enter(bounds, z, 2));
         let far = self
-            .plane(bounds, 1 - x, 0)
-            .min(self.plane(bounds, 1 - y, 1))
-            .min(self.plane(bounds, 1 - z, 2));
+            .leave(bounds, 1 - x, 0)
+            .min(self.leave(bounds, 1 - y, 1))
+            .min(self.leave(bounds, 1 - z, 2));
         let near = near.max(L::splat(0.0));
         (
             near.le(far.mul(L::splat(SLAB_SLACK)).min(L::splat(t_max))),
@@ -374,11 +428,19 @@ impl<L: Simd8> Slabs<L> {
         )
     }
 
-    /// Returns the distances to one bound of all boxes on one axis.
+    /// Returns the distances to the bound of all boxes on one axis that the ray meets first.
     #[inline(always)]
-    fn plane(&self, bounds: &[[LaneArray; 3]; 2], bound: usize, axis: usize) -> L {
+    fn enter(&self, bounds: &[[LaneArray; 3]; 2], bound: usize, axis: usize) -> L {
         L::load(&bounds[bound][axis])
             .sub(self.origin[axis])
+            .mul(self.inverse[axis])
+    }
+
+    /// Returns the distances to the other bound.
+    #[inline(always)]
+    fn leave(&self, bounds: &[[LaneArray; 3]; 2], bound: usize, axis: usize) -> L {
+        L::load(&bounds[bound][axis])
+            .sub(self.exit_origin[axis])
             .mul(self.inverse[axis])
     }
 }
