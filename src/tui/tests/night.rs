@@ -242,7 +242,7 @@ impl NightBuilder {
         let open = OpenStats {
             accel_build_s: 0.0021,
             accel_nodes: 1234,
-            device: "cpu, 2 threads, obvhs PLOC BVH".to_owned(),
+            device: "cpu, 2 threads, PLOC BVH".to_owned(),
             ..OpenStats::default()
         };
         let reference = matches!(cell, CellRef::Cell(_)).then(|| picture(1 << 20));

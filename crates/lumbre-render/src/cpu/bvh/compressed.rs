@@ -184,10 +184,10 @@ mod tests {
         let [e, f, ..] = pcg4d([i, 4, 5, 6]).map(unit::<u32>);
         let origin = Vec3::new(a, b, c) * 3.0 - 1.0;
         let axes = [Vec3::X, Vec3::NEG_Y, Vec3::Z];
-        let dir = if i % 4 == 0 {
+        let dir = if i.is_multiple_of(4) {
             axes[i as usize / 4 % 3]
         } else {
-            (Vec3::new(d, e, f) - origin).normalize()
+            (Vec3::new(d, e, f) - origin).normalize_or(Vec3::Z)
         };
         Ray { origin, dir }
     }

@@ -15,10 +15,10 @@ fn uniform(key: [u32; 4]) -> Vec3 {
 pub(crate) fn random_triangles(count: usize, seed: u32) -> Vec<[Vec3; 3]> {
     let triangle = |i: u32| {
         let corner = |c: u32| uniform([i, c, seed, 1]);
-        let size = if i % 50 == 0 { 0.5 } else { 0.05 };
+        let size = if i.is_multiple_of(50) { 0.5 } else { 0.05 };
         let a = corner(0);
         let b = a + corner(1) * size;
-        let c = if i % 17 == 0 { b } else { a + corner(2) * size };
+        let c = if i.is_multiple_of(17) { b } else { a + corner(2) * size };
         [a, b, c]
     };
     (0..count as u32).map(triangle).collect()
