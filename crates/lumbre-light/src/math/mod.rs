@@ -7,7 +7,6 @@ pub mod frame;
 pub mod piecewise;
 pub mod real;
 pub mod rng;
-#[cfg(target_arch = "x86_64")]
 pub mod simd;
 pub mod stats;
 pub mod t_test;

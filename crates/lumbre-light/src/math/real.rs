@@ -107,6 +107,9 @@ pub trait Mask:
     + BitOr<Output = Self>
     + Not<Output = Self>
 {
+    /// Number of lanes.
+    const LANES: u32;
+
     /// Returns the same boolean in every lane.
     fn splat(yes: bool) -> Self;
     /// Returns a mask whose first `count` lanes are set.
@@ -253,6 +256,8 @@ pub trait Vector:
 }
 
 impl Mask for bool {
+    const LANES: u32 = 1;
+
     #[inline(always)]
     fn splat(yes: bool) -> bool {
         yes

@@ -1,22 +1,30 @@
-//! SIMD vectors of `f32`: 8 lanes of 256 bits (AVX2) or 16 lanes of 512 bits (AVX-512).
+//! SIMD vectors of `f32`: 8 lanes of 256 bits (AVX2), 16 lanes of 512 bits (AVX-512), or one lane:
+//! a plain number.
 //!
 //! Code is written once, generic over [`Lanes`], as a [`SimdKernel`]. [`dispatch`] runs it with the
 //! instruction set of a [`Width`].
+//!
+//! With the feature `every-width`, which tests use, every width exists on every processor: vectors
+//! that it does not have are [`Pair`](pair::Pair)s of narrower ones.
 //!
 //! Invariants: a [`Width`] exists only if the processor has its instruction set. The vector types
 //! carry no target feature of their own, so only code that [`dispatch`] calls and that is inlined
 //! into it may use them (`tests/library/laws/lanes.rs` checks this). Results are bit-identical per lane to
 //! those of `f32`.
-#![expect(
-    unsafe_code,
-    reason = "kernels are compiled for vector instructions that not every processor has"
+#![cfg_attr(
+    target_arch = "x86_64",
+    expect(
+        unsafe_code,
+        reason = "kernels are compiled for vector instructions that not every processor has"
+    )
 )]
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::real::{Real, Vector};
+use super::real::{Real, Vector, Word};
 
 /// Implements binary operators of vector types by one instruction each.
+#[cfg(target_arch = "x86_64")]
 macro_rules! operators {
     ($($vector:ident: $trait:ident $name:ident $instruction:ident),*) => {$(
         impl $trait for $vector {
@@ -31,6 +39,7 @@ macro_rules! operators {
 }
 
 /// Implements binary operators of `F64xN` by one instruction for each half.
+#[cfg(target_arch = "x86_64")]
 macro_rules! by_halves {
     ($($trait:ident $name:ident $instruction:ident),*) => {$(
         impl $trait for F64xN {
@@ -45,6 +54,7 @@ macro_rules! by_halves {
 }
 
 /// Implements methods whose body is one expression of intrinsics.
+#[cfg(target_arch = "x86_64")]
 macro_rules! methods {
     ($($name:ident($($arg:tt)*) -> $out:ident = $body:expr;)*) => {$(
         #[inline(always)]
@@ -55,9 +65,14 @@ macro_rules! methods {
     )*};
 }
 
+#[cfg(any(test, feature = "every-width"))]
+pub mod pair;
 #[cfg(test)]
 mod tests;
+mod x1;
+#[cfg(target_arch = "x86_64")]
 mod x16;
+#[cfg(target_arch = "x86_64")]
 mod x8;
 
 /// A row: eight `f32` in memory, aligned for vector loads.
@@ -71,6 +86,16 @@ pub trait Lanes<const N: usize>: Real {
     fn load(numbers: &[f32; N]) -> Self;
     /// Stores one number per lane.
     fn store(self) -> [f32; N];
+    /// Loads one word per lane.
+    #[inline(always)]
+    fn load_words(words: &[u32; N]) -> Self::Word {
+        Self::load(&map_array(*words, f32::from_bits)).bits()
+    }
+    /// Stores one word per lane.
+    #[inline(always)]
+    fn store_words(words: Self::Word) -> [u32; N] {
+        map_array(words.bits_to_float().store(), f32::to_bits)
+    }
     /// Loads one double-precision number per lane.
     fn load_doubles(numbers: &[f64; N]) -> Self::Double;
     /// Stores one double-precision number per lane.
@@ -92,12 +117,28 @@ pub struct Vec3xN<R> {
 
 /// A vector width that this processor supports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Width(LaneCount);
+pub struct Width(Vectors);
 
+/// Vectors for which kernels are compiled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum LaneCount {
-    Eight,
-    Sixteen,
+enum Vectors {
+    /// Plain numbers.
+    One,
+    /// Eight lanes without vector instructions.
+    #[cfg(any(test, feature = "every-width"))]
+    PortableEight,
+    /// Sixteen lanes without vector instructions.
+    #[cfg(any(test, feature = "every-width"))]
+    PortableSixteen,
+    /// Eight lanes of AVX2.
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    /// Two vectors of AVX2.
+    #[cfg(all(target_arch = "x86_64", any(test, feature = "every-width")))]
+    TwoAvx2,
+    /// Sixteen lanes of AVX-512.
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
 }
 
 /// A computation that runs on vectors of any width.
@@ -111,44 +152,130 @@ pub trait SimdKernel {
 }
 
 impl Width {
+    /// One lane, which every processor has.
+    pub const ONE: Width = Width(Vectors::One);
+
     /// Returns the width of 8 lanes if the processor has AVX2, BMI1, BMI2 and LZCNT.
     pub fn eight() -> Option<Width> {
-        let has = std::arch::is_x86_feature_detected!("avx2")
-            && std::arch::is_x86_feature_detected!("bmi1")
-            && std::arch::is_x86_feature_detected!("bmi2")
-            && std::arch::is_x86_feature_detected!("lzcnt");
-        has.then_some(Width(LaneCount::Eight))
+        #[cfg(target_arch = "x86_64")]
+        if has_avx2() {
+            return Some(Width(Vectors::Avx2));
+        }
+        #[cfg(any(test, feature = "every-width"))]
+        return Some(Width(Vectors::PortableEight));
+        #[cfg(not(any(test, feature = "every-width")))]
+        None
     }
 
     /// Returns the width of 16 lanes if the processor has AVX-512 F, VL, DQ and BW, the subset of
     /// the first AVX-512 server processors.
     pub fn sixteen() -> Option<Width> {
-        let has = Width::eight().is_some()
-            && std::arch::is_x86_feature_detected!("avx512f")
-            && std::arch::is_x86_feature_detected!("avx512vl")
-            && std::arch::is_x86_feature_detected!("avx512dq")
-            && std::arch::is_x86_feature_detected!("avx512bw");
-        has.then_some(Width(LaneCount::Sixteen))
+        #[cfg(target_arch = "x86_64")]
+        if has_avx512() {
+            return Some(Width(Vectors::Avx512));
+        }
+        #[cfg(all(target_arch = "x86_64", any(test, feature = "every-width")))]
+        if has_avx2() {
+            return Some(Width(Vectors::TwoAvx2));
+        }
+        #[cfg(any(test, feature = "every-width"))]
+        return Some(Width(Vectors::PortableSixteen));
+        #[cfg(not(any(test, feature = "every-width")))]
+        None
     }
+
+    /// Returns all widths, the narrowest first.
+    pub fn all() -> Vec<Width> {
+        let wide = [Width::eight(), Width::sixteen()];
+        std::iter::once(Width::ONE)
+            .chain(wide.into_iter().flatten())
+            .collect()
+    }
+
+    /// Returns the widest vectors that the processor has instructions for.
+    pub fn native() -> Width {
+        #[cfg(target_arch = "x86_64")]
+        {
+            if has_avx512() {
+                return Width(Vectors::Avx512);
+            } else if has_avx2() {
+                return Width(Vectors::Avx2);
+            }
+        }
+        Width::ONE
+    }
+
+    /// Returns the number of lanes.
+    pub fn lanes(self) -> usize {
+        match self.0 {
+            Vectors::One => 1,
+            #[cfg(any(test, feature = "every-width"))]
+            Vectors::PortableEight => 8,
+            #[cfg(any(test, feature = "every-width"))]
+            Vectors::PortableSixteen => 16,
+            #[cfg(target_arch = "x86_64")]
+            Vectors::Avx2 => 8,
+            #[cfg(all(target_arch = "x86_64", any(test, feature = "every-width")))]
+            Vectors::TwoAvx2 => 16,
+            #[cfg(target_arch = "x86_64")]
+            Vectors::Avx512 => 16,
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+fn has_avx2() -> bool {
+    std::arch::is_x86_feature_detected!("avx2")
+        && std::arch::is_x86_feature_detected!("bmi1")
+        && std::arch::is_x86_feature_detected!("bmi2")
+        && std::arch::is_x86_feature_detected!("lzcnt")
+}
+
+#[cfg(target_arch = "x86_64")]
+fn has_avx512() -> bool {
+    has_avx2()
+        && std::arch::is_x86_feature_detected!("avx512f")
+        && std::arch::is_x86_feature_detected!("avx512vl")
+        && std::arch::is_x86_feature_detected!("avx512dq")
+        && std::arch::is_x86_feature_detected!("avx512bw")
 }
 
 /// Runs a kernel, compiled for the instruction set of a vector width.
 #[inline]
 pub fn dispatch<K: SimdKernel>(width: Width, kernel: K) -> K::Output {
-    // SAFETY: a `Width` exists only if the processor has its instruction set.
-    unsafe {
-        match width.0 {
-            LaneCount::Eight => run_avx2(kernel),
-            LaneCount::Sixteen => run_avx512(kernel),
-        }
+    #[cfg(any(test, feature = "every-width"))]
+    use pair::Pair;
+    match width.0 {
+        Vectors::One => kernel.run::<f32, 1>(),
+        #[cfg(any(test, feature = "every-width"))]
+        Vectors::PortableEight => kernel.run::<Pair<Pair<Pair<f32>>>, 8>(),
+        #[cfg(any(test, feature = "every-width"))]
+        Vectors::PortableSixteen => kernel.run::<Pair<Pair<Pair<Pair<f32>>>>, 16>(),
+        // SAFETY: a `Width` exists only if the processor has its instruction set.
+        #[cfg(target_arch = "x86_64")]
+        Vectors::Avx2 => unsafe { run_avx2(kernel) },
+        // SAFETY: as above.
+        #[cfg(all(target_arch = "x86_64", any(test, feature = "every-width")))]
+        Vectors::TwoAvx2 => unsafe { run_two_avx2(kernel) },
+        // SAFETY: as above.
+        #[cfg(target_arch = "x86_64")]
+        Vectors::Avx512 => unsafe { run_avx512(kernel) },
     }
 }
 
+#[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
 fn run_avx2<K: SimdKernel>(kernel: K) -> K::Output {
     kernel.run::<x8::F32xN, 8>()
 }
 
+#[cfg(all(target_arch = "x86_64", any(test, feature = "every-width")))]
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
+fn run_two_avx2<K: SimdKernel>(kernel: K) -> K::Output {
+    kernel.run::<pair::Pair<x8::F32xN>, 16>()
+}
+
+#[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,avx512f,avx512vl,avx512dq,avx512bw")]
 fn run_avx512<K: SimdKernel>(kernel: K) -> K::Output {
     kernel.run::<x16::F32xN, 16>()

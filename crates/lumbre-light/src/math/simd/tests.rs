@@ -4,9 +4,15 @@
 use super::*;
 use crate::math::real::{Double, Mask, Word};
 
-/// Runs a kernel with each vector width that this processor has.
+/// Runs a kernel with each kind of vectors that this processor has instructions for, and with each
+/// kind of pairs.
 fn with_every_width<K: SimdKernel<Output = ()> + Clone>(kernel: K) {
-    for width in [Width::eight(), Width::sixteen()].into_iter().flatten() {
+    let pairs = [Vectors::PortableEight, Vectors::PortableSixteen].map(Width);
+    #[cfg(target_arch = "x86_64")]
+    let two = has_avx2().then_some(Width(Vectors::TwoAvx2));
+    #[cfg(not(target_arch = "x86_64"))]
+    let two = None;
+    for width in Width::all().into_iter().chain(pairs).chain(two) {
         dispatch(width, kernel.clone());
     }
 }

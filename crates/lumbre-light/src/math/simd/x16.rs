@@ -235,6 +235,8 @@ impl Not for MaskN {
 }
 
 impl Mask for MaskN {
+    const LANES: u32 = LANES as u32;
+
     #[inline(always)]
     fn splat(yes: bool) -> MaskN {
         MaskN(if yes { __mmask16::MAX } else { 0 })

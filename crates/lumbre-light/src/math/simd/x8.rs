@@ -189,6 +189,8 @@ impl PartialEq for MaskN {
 }
 
 impl Mask for MaskN {
+    const LANES: u32 = LANES as u32;
+
     methods! {
         splat(yes: bool) -> MaskN =
             _mm256_castsi256_ps(_mm256_set1_epi32(if yes { -1 } else { 0 }));

@@ -18,7 +18,11 @@ pub(crate) fn random_triangles(count: usize, seed: u32) -> Vec<[Vec3; 3]> {
         let size = if i.is_multiple_of(50) { 0.5 } else { 0.05 };
         let a = corner(0);
         let b = a + corner(1) * size;
-        let c = if i.is_multiple_of(17) { b } else { a + corner(2) * size };
+        let c = if i.is_multiple_of(17) {
+            b
+        } else {
+            a + corner(2) * size
+        };
         [a, b, c]
     };
     (0..count as u32).map(triangle).collect()
