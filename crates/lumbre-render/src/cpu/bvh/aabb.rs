@@ -5,9 +5,9 @@ use glam::Vec3A;
 /// Axis-aligned bounding box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aabb {
-    /// Least coordinates.
+    /// Least coordinates of the box.
     pub min: Vec3A,
-    /// Greatest coordinates.
+    /// Greatest coordinates of the box.
     pub max: Vec3A,
 }
 

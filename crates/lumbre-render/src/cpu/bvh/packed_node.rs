@@ -53,7 +53,7 @@ pub struct PackedNode {
 /// Contents of a slot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Slot {
-    /// No child.
+    /// The node has no such child.
     Empty,
     /// Node with this index.
     Inner(usize),
