@@ -150,7 +150,7 @@ pub const CAMERA: Twin = Twin {
         let camera = Camera::new(&scene.camera, job.resolution, job.filter);
         let ray = camera.sample_ray(
             pixel,
-            &mut (job.sampler.start)(job.seed, pixel, u64::from(index)),
+            &mut job.sampler.start(job.seed, pixel, u64::from(index)),
         );
         row.push_floats(ray.origin.to_array());
         row.push_floats(ray.dir.to_array());

@@ -107,7 +107,7 @@ fn original(scene: &CompiledScene, job: &Job, row: &mut Row) {
     };
     let (mut total, mut unweighted, mut strategies) = (Vec3::ZERO, Vec3::ZERO, 0u32);
     let mut lengths = 0.0f64;
-    let mut sampler = (job.sampler.start)(job.seed, pixel, u64::from(index));
+    let mut sampler = job.sampler.start(job.seed, pixel, u64::from(index));
     (job.integrator.sample)(&context, pixel, &mut sampler, &mut |c| {
         total += c.value;
         unweighted += c.unweighted;

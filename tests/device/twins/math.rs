@@ -143,8 +143,8 @@ pub const SAMPLER: Twin = Twin {
         let words: Vec<u32> = (0..6).map(|_| row.word()).collect();
         let wide = |i: usize| u64::from(words[i]) | u64::from(words[i + 1]) << 32;
         let (seed, pixel, index) = (wide(0), [words[2], words[3]], wide(4));
-        let mut independent = (INDEPENDENT.start)(seed, pixel, index);
-        let mut sobol = (SOBOL.start)(seed, pixel, index);
+        let mut independent = INDEPENDENT.start(seed, pixel, index);
+        let mut sobol = SOBOL.start(seed, pixel, index);
         for i in 0..14 {
             if i % 7 == 1 || i % 7 > 4 {
                 row.push_floats(sobol.next_2d());
@@ -153,7 +153,7 @@ pub const SAMPLER: Twin = Twin {
             }
             row.push_floats([independent.next_1d()]);
         }
-        let mut either = (job.sampler.start)(job.seed, pixel, index);
+        let mut either = job.sampler.start(job.seed, pixel, index);
         row.push_floats([either.next_1d()]);
         row.push_floats(either.next_2d());
     },

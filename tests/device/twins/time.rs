@@ -132,7 +132,10 @@ pub const DELAYS: Twin = Twin {
         row.push_floats([(-u).ln_1p(), (2.0 * u - 1.0).asin()]);
         let [from, wi]: [Vec3; 2] = [(); 2].map(|()| Vec3::from_array(row.floats()));
         row.push_floats([Lights::new(scene).front_distance(from, wi)]);
-        let mut auxiliary = (job.sampler.start)(job.seed, [index, 3], u64::from(index)).auxiliary();
+        let mut auxiliary = job
+            .sampler
+            .start(job.seed, [index, 3], u64::from(index))
+            .auxiliary();
         row.push_floats([auxiliary.next_1d()]);
     },
     near: &[DELAY, SAME, SHARE, CLOSE, CLOSE, CLOSE, SAME],

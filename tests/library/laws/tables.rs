@@ -82,7 +82,7 @@ fn samplers_have_names_and_docs_and_return_numbers_below_one() {
     for row in SAMPLERS {
         assert!(row.revision >= 1);
         assert!(sampler(row.name).is_some_and(|found| found.name == row.name));
-        assert!((0.0..1.0).contains(&(row.start)(1, [2, 3], 4).next_1d()));
+        assert!((0.0..1.0).contains(&row.start(1, [2, 3], 4).next_1d()));
     }
 }
 

@@ -140,8 +140,37 @@ pub trait Word: Copy {
     fn xor(self, other: Self) -> Self;
     /// Returns the bitwise and.
     fn and(self, other: Self) -> Self;
+    /// Returns the bitwise or.
+    fn or(self, other: Self) -> Self;
     /// Shifts right by `BITS`, filling with zeros.
     fn shr<const BITS: u32>(self) -> Self;
+    /// Shifts left by `BITS`, filling with zeros.
+    fn shl<const BITS: u32>(self) -> Self;
+    /// Rotates left by 16 bits.
+    #[inline(always)]
+    fn swap_halves(self) -> Self {
+        self.shl::<16>().or(self.shr::<16>())
+    }
+    /// Reverses the order of the bits.
+    #[inline(always)]
+    fn reverse_bits(self) -> Self {
+        let x = self.swap_groups::<1>(0x5555_5555);
+        let x = x.swap_groups::<2>(0x3333_3333);
+        let x = x.swap_groups::<4>(0x0f0f_0f0f);
+        let x = x.swap_groups::<8>(0x00ff_00ff);
+        x.swap_halves()
+    }
+    /// Swaps neighbouring groups of `BITS` bits; `lower` has the bits of every second group,
+    /// beginning with the lowest.
+    #[inline(always)]
+    fn swap_groups<const BITS: u32>(self, lower: u32) -> Self {
+        let lower = Self::splat(lower);
+        self.shr::<BITS>()
+            .and(lower)
+            .or(self.and(lower).shl::<BITS>())
+    }
+    /// Applies a scalar function lane by lane.
+    fn map_lanes(self, f: impl Fn(u32) -> u32) -> Self;
     /// Returns all ones where the highest bit is set, else zero.
     fn sign_mask(self) -> Self;
     /// Returns where the words are equal.
@@ -300,8 +329,24 @@ impl Word for u32 {
         self & other
     }
     #[inline(always)]
+    fn or(self, other: u32) -> u32 {
+        self | other
+    }
+    #[inline(always)]
     fn shr<const BITS: u32>(self) -> u32 {
         self >> BITS
+    }
+    #[inline(always)]
+    fn shl<const BITS: u32>(self) -> u32 {
+        self << BITS
+    }
+    #[inline(always)]
+    fn reverse_bits(self) -> u32 {
+        u32::reverse_bits(self)
+    }
+    #[inline(always)]
+    fn map_lanes(self, f: impl Fn(u32) -> u32) -> u32 {
+        f(self)
     }
     #[inline(always)]
     fn sign_mask(self) -> u32 {

@@ -28,7 +28,7 @@ use super::delay;
 use super::delay::Profile;
 use super::integrator::Context;
 use super::ray::{Hit, Ray};
-use super::sampler::{Independent, Sampler};
+use super::sampler::Sampler;
 use super::surface::Surface;
 use crate::film::time::{TimeAxis, TimeFilter};
 use crate::math::real::{Real, Vector};
@@ -53,7 +53,7 @@ pub struct Timing {
 /// The auxiliary random numbers of one sample, for parts and delays; absent if the scene and the
 /// film need none.
 #[derive(Clone, Debug)]
-pub struct AuxRng(Option<Independent>);
+pub struct AuxRng(Option<Sampler>);
 
 impl AuxRng {
     /// Starts the numbers of a sample; for `TIMED` see [`PathTime`].
@@ -212,7 +212,7 @@ impl<'a, const TIMED: bool> PathTime<'a, TIMED> {
         context: &Context<'s>,
         ray: &Ray,
         hit: &Hit,
-        aux_rng: &mut Independent,
+        aux_rng: &mut Sampler,
     ) -> Surface<'s> {
         let scene = context.scene;
         let row = scene.material_of(hit.primitive, hit.instance);

@@ -76,7 +76,7 @@ pub(super) fn paths(
             settings: &settings,
             timing: job.timing.as_ref(),
         };
-        let mut sampler = (job.sampler.start)(job.seed, at.pixel, at.sample);
+        let mut sampler = job.sampler.start(job.seed, at.pixel, at.sample);
         let mut sink = |c| events.borrow_mut().push(PathEvent::Light(c));
         (job.integrator.sample)(&context, at.pixel, &mut sampler, &mut sink);
         events.take()

@@ -344,7 +344,7 @@ fn render_sample(
     let x = pixel[0];
     let (mut value, mut invalid) = (Vec3::ZERO, 0);
     let rays_before = traced.get();
-    let mut sampler = (job.sampler.start)(job.seed, pixel, sample);
+    let mut sampler = job.sampler.start(job.seed, pixel, sample);
     (job.integrator.sample)(context, pixel, &mut sampler, &mut |c| {
         if c.t != 1 && c.pixel == pixel {
             value += c.value;
@@ -364,7 +364,7 @@ fn render_sample(
     let finite = row.add_sample(x, value);
     invalid += u64::from(!finite) + u64::from(!row.finish_sample(x, finite));
     if let Some(layers) = layers {
-        let sampler = || (job.sampler.start)(job.seed, pixel, sample);
+        let sampler = || job.sampler.start(job.seed, pixel, sample);
         invalid +=
             layers.finish_sample(context, pixel, finite, traced.get() - rays_before, sampler);
     }

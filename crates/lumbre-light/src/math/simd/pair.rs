@@ -149,6 +149,7 @@ impl<T: Word> Word for Pair<T> {
         mul(other: Pair<T>) -> Pair<T>;
         xor(other: Pair<T>) -> Pair<T>;
         and(other: Pair<T>) -> Pair<T>;
+        or(other: Pair<T>) -> Pair<T>;
         sign_mask() -> Pair<T>;
         eq(other: Pair<T>) -> Pair<<T::Real as Real>::Mask>;
         to_float() -> Pair<T::Real>;
@@ -164,6 +165,14 @@ impl<T: Word> Word for Pair<T> {
     #[inline(always)]
     fn shr<const BITS: u32>(self) -> Pair<T> {
         Pair(self.0.shr::<BITS>(), self.1.shr::<BITS>())
+    }
+    #[inline(always)]
+    fn shl<const BITS: u32>(self) -> Pair<T> {
+        Pair(self.0.shl::<BITS>(), self.1.shl::<BITS>())
+    }
+    #[inline(always)]
+    fn map_lanes(self, f: impl Fn(u32) -> u32) -> Pair<T> {
+        Pair(self.0.map_lanes(&f), self.1.map_lanes(&f))
     }
 }
 

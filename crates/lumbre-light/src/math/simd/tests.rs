@@ -204,7 +204,12 @@ fn word_operations_equal_the_scalar_ones_in_every_lane() {
             assert_eq!(store(x.mul(y)), both(u32::wrapping_mul));
             assert_eq!(store(x.xor(y)), both(|a, b| a ^ b));
             assert_eq!(store(x.and(y)), both(|a, b| a & b));
+            assert_eq!(store(x.or(y)), both(|a, b| a | b));
             assert_eq!(store(x.shr::<8>()), a.map(|a| a >> 8));
+            assert_eq!(store(x.shl::<5>()), a.map(|a| a << 5));
+            assert_eq!(store(x.swap_halves()), a.map(|a| a.rotate_left(16)));
+            assert_eq!(store(x.reverse_bits()), a.map(u32::reverse_bits));
+            assert_eq!(store(x.map_lanes(u32::count_ones)), a.map(u32::count_ones));
             assert_eq!(
                 store(x.sign_mask()),
                 a.map(|a| if a >> 31 == 1 { u32::MAX } else { 0 })

@@ -341,6 +341,7 @@ impl Word for U32xN {
         mul(self, other: U32xN) -> U32xN = _mm512_mullo_epi32(self.0, other.0);
         xor(self, other: U32xN) -> U32xN = _mm512_xor_si512(self.0, other.0);
         and(self, other: U32xN) -> U32xN = _mm512_and_si512(self.0, other.0);
+        or(self, other: U32xN) -> U32xN = _mm512_or_si512(self.0, other.0);
         sign_mask(self) -> U32xN = _mm512_srai_epi32::<31>(self.0);
         eq(self, other: U32xN) -> MaskN = _mm512_cmpeq_epi32_mask(self.0, other.0);
         select(mask: MaskN, yes: U32xN, no: U32xN) -> U32xN =
@@ -352,5 +353,14 @@ impl Word for U32xN {
     fn shr<const BITS: u32>(self) -> U32xN {
         // SAFETY: the caller enabled the instruction set, as the module requires.
         U32xN(unsafe { _mm512_srl_epi32(self.0, _mm_cvtsi32_si128(BITS as i32)) })
+    }
+    #[inline(always)]
+    fn shl<const BITS: u32>(self) -> U32xN {
+        // SAFETY: the caller enabled the instruction set, as the module requires.
+        U32xN(unsafe { _mm512_sll_epi32(self.0, _mm_cvtsi32_si128(BITS as i32)) })
+    }
+    #[inline(always)]
+    fn map_lanes(self, f: impl Fn(u32) -> u32) -> U32xN {
+        F32xN::load_words(&F32xN::store_words(self).map(f))
     }
 }

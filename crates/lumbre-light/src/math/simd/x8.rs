@@ -301,6 +301,7 @@ impl Word for U32xN {
         mul(self, other: U32xN) -> U32xN = _mm256_mullo_epi32(self.0, other.0);
         xor(self, other: U32xN) -> U32xN = _mm256_xor_si256(self.0, other.0);
         and(self, other: U32xN) -> U32xN = _mm256_and_si256(self.0, other.0);
+        or(self, other: U32xN) -> U32xN = _mm256_or_si256(self.0, other.0);
         sign_mask(self) -> U32xN = _mm256_srai_epi32::<31>(self.0);
         eq(self, other: U32xN) -> MaskN = _mm256_castsi256_ps(_mm256_cmpeq_epi32(self.0, other.0));
         to_float(self) -> F32xN = _mm256_cvtepi32_ps(self.0);
@@ -310,6 +311,15 @@ impl Word for U32xN {
     fn shr<const BITS: u32>(self) -> U32xN {
         // SAFETY: the caller enabled the instruction set, as the module requires.
         U32xN(unsafe { _mm256_srl_epi32(self.0, _mm_cvtsi32_si128(BITS as i32)) })
+    }
+    #[inline(always)]
+    fn shl<const BITS: u32>(self) -> U32xN {
+        // SAFETY: the caller enabled the instruction set, as the module requires.
+        U32xN(unsafe { _mm256_sll_epi32(self.0, _mm_cvtsi32_si128(BITS as i32)) })
+    }
+    #[inline(always)]
+    fn map_lanes(self, f: impl Fn(u32) -> u32) -> U32xN {
+        F32xN::load_words(&F32xN::store_words(self).map(f))
     }
     #[inline(always)]
     fn select(mask: MaskN, yes: U32xN, no: U32xN) -> U32xN {

@@ -2,7 +2,7 @@
 
 use crate::math::piecewise::Piecewise;
 use crate::scene::compile::{DelayKind, DelayProfile, Texture, Uv};
-use crate::transport::sampler::Independent;
+use crate::transport::sampler::Sampler;
 use crate::transport::surface::lookup_scalar;
 
 /// A distribution of delays, each an optical length of at least 0 in scene units.
@@ -157,7 +157,7 @@ pub fn sample_all<'a>(
     profiles: impl Iterator<Item = &'a DelayProfile>,
     textures: &[Texture],
     uv: Uv,
-    aux_rng: &mut Independent,
+    aux_rng: &mut Sampler,
 ) -> f32 {
     profiles
         .map(|p| {

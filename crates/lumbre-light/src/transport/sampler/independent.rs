@@ -1,114 +1,75 @@
-//! Independent uniform random numbers.
+//! Independent uniform random numbers: a pure function of a key and of how many were taken.
 
-use crate::math::real::{Real, Word};
+use crate::math::real::{Mask, Real, Word};
 use crate::math::rng::{pcg4d, unit};
 
-/// A stream of independent uniform numbers, determined by a key and a counter of dimensions alone.
-#[derive(Clone, Debug)]
-pub struct Independent {
-    key: [u32; 4],
-    block: u32,
-    words: [u32; 4],
-    used: usize,
+/// Returns the words from which the key of one sample of one pixel is hashed. `sample` is given by
+/// its lower and its upper word.
+#[inline(always)]
+pub fn key_input<W: Word>(seed: u64, [x, y]: [W; 2], [low, high]: [W; 2]) -> [W; 4] {
+    [
+        x.or(y.shl::<16>()),
+        super::seed_and_upper_halves(seed, [x, y]),
+        low,
+        W::splat((seed >> 32) as u32).xor(high.swap_halves()),
+    ]
 }
 
-impl Independent {
-    /// Starts the numbers of one sample of one pixel.
-    #[inline]
-    pub fn new(seed: u64, pixel: [u32; 2], sample: u64) -> Independent {
-        Independent::from_key(pcg4d(Independent::key_input(seed, pixel, sample)))
-    }
+/// Returns the keys of [inputs](key_input) and their first four numbers.
+#[inline(always)]
+pub fn first_four<W: Word>(input: [W; 4]) -> ([W; 4], [W::Real; 4]) {
+    let key = pcg4d(input);
+    let [a, b, c, d] = pcg4d(key);
+    (key, [unit(a), unit(b), unit(c), unit(d)])
+}
 
-    /// Returns the words from which the key of one sample of one pixel is hashed.
-    #[inline]
-    pub fn key_input(seed: u64, pixel: [u32; 2], sample: u64) -> [u32; 4] {
-        [
-            pixel[0] | (pixel[1] << 16),
-            (seed as u32) ^ (pixel[0] >> 16).rotate_left(8) ^ (pixel[1] >> 16),
-            sample as u32,
-            ((seed >> 32) as u32) ^ ((sample >> 32) as u32).rotate_left(16),
-        ]
-    }
+/// Returns the four words of the block in which number `taken` lies, or of the block after it.
+#[inline(always)]
+fn block<W: Word>(key: [W; 4], taken: W, after: u32) -> [W; 4] {
+    let block = taken.shr::<2>().add(W::splat(after));
+    pcg4d([key[0], key[1], key[2], key[3].add(block)])
+}
 
-    /// Returns the keys of [inputs](Independent::key_input) and their first four numbers; scalar or
-    /// vectorised.
-    #[inline(always)]
-    pub fn first_four<W: Word>(place: [W; 4]) -> ([W; 4], [W::Real; 4]) {
-        let key = pcg4d(place);
-        let [a, b, c, d] = pcg4d(key);
-        (key, [unit(a), unit(b), unit(c), unit(d)])
-    }
+/// Returns the masks of the lanes whose next number is the second, third or fourth of its block.
+#[inline(always)]
+fn places<W: Word>(taken: W) -> [<W::Real as Real>::Mask; 3] {
+    let within = taken.and(W::splat(3));
+    [1, 2, 3].map(|i| within.eq(W::splat(i)))
+}
 
-    /// Starts the numbers of a key of four random words.
-    #[inline]
-    pub(super) fn from_key(key: [u32; 4]) -> Independent {
-        Independent {
-            key,
-            block: 0,
-            words: [0; 4],
-            used: 4,
-        }
-    }
+/// Returns number `taken` of each key.
+#[inline(always)]
+pub fn next_one<W: Word>(key: [W; 4], taken: W) -> W::Real {
+    selected(places(taken), block(key, taken, 0))
+}
 
-    /// Returns the key.
-    #[inline]
-    pub fn key(&self) -> [u32; 4] {
-        self.key
-    }
+/// Returns the next two numbers of keys after `taken` of each.
+#[inline(always)]
+pub fn next_two<W: Word>(key: [W; 4], taken: W) -> [W::Real; 2] {
+    let [a, b, c, d] = block(key, taken, 0);
+    let places = places(taken);
+    let [e, ..] = if places[2].any() {
+        block(key, taken, 1)
+    } else {
+        [a; 4]
+    };
+    [
+        selected(places, [a, b, c, d]),
+        selected(places, [b, c, d, e]),
+    ]
+}
 
-    /// Returns how many numbers were taken.
-    #[inline]
-    pub fn taken(&self) -> u32 {
-        self.block
-            .wrapping_mul(4)
-            .wrapping_sub(4 - self.used as u32)
-    }
-
-    /// Resumes the numbers of a key after `taken` of them.
-    #[inline]
-    pub fn resume(key: [u32; 4], taken: u32) -> Independent {
-        let mut numbers = Independent {
-            block: taken / 4,
-            ..Independent::from_key(key)
-        };
-        for _ in 0..taken % 4 {
-            numbers.next_1d();
-        }
-        numbers
-    }
-
-    /// Returns the next three numbers of keys after `taken` of each; scalar or vectorised.
-    #[inline(always)]
-    pub fn next_three<W: Word>(key: [W; 4], taken: W) -> [W::Real; 3] {
-        let block = key[3].add(taken.shr::<2>());
-        let [a, b, c, d] = pcg4d([key[0], key[1], key[2], block]);
-        let [e, f, ..] = pcg4d([key[0], key[1], key[2], block.add(W::splat(1))]);
-        let within = taken.and(W::splat(3));
-        let shift = [
-            within.eq(W::splat(1)),
-            within.eq(W::splat(2)),
-            within.eq(W::splat(3)),
-        ];
-        [
-            selected(shift, [a, b, c, d]),
-            selected(shift, [b, c, d, e]),
-            selected(shift, [c, d, e, f]),
-        ]
-    }
-
-    /// Returns the next number, in `[0, 1)`.
-    #[inline]
-    pub fn next_1d(&mut self) -> f32 {
-        if self.used == 4 {
-            let [a, b, c, d] = self.key;
-            self.words = pcg4d([a, b, c, d.wrapping_add(self.block)]);
-            self.block = self.block.wrapping_add(1);
-            self.used = 0;
-        }
-        let word = self.words[self.used];
-        self.used += 1;
-        unit(word)
-    }
+/// Returns the next three numbers of keys after `taken` of each.
+#[inline(always)]
+pub fn next_three<W: Word>(key: [W; 4], taken: W) -> [W::Real; 3] {
+    let [a, b, c, d] = block(key, taken, 0);
+    let [e, f, ..] = block(key, taken, 1);
+    let places = places(taken);
+    [
+        selected(places, [a, b, c, d]),
+        selected(places, [b, c, d, e]),
+        selected(places, [c, d, e, f]),
+    ]
 }
 
 /// Returns the number of word 1, 2 or 3 where the respective mask is set, else of word 0.
@@ -120,8 +81,9 @@ fn selected<R: Real>([one, two, three]: [R::Mask; 3], words: [R::Word; 4]) -> R 
 
 #[cfg(test)]
 mod tests {
+    use super::*;
     use crate::math::stats::chi_square_p;
-    use crate::transport::sampler::{Independent, Sampler};
+    use crate::transport::sampler::{Sampler, Sequence};
 
     #[test]
     fn golden_numbers_never_change() {
@@ -138,23 +100,21 @@ mod tests {
 
     #[test]
     fn the_first_four_are_those_that_are_taken_first() {
-        let (key, numbers) =
-            Independent::first_four(Independent::key_input(1 << 40 | 7, [70_003, 4], 5));
-        let mut all = Independent::new(1 << 40 | 7, [70_003, 4], 5);
+        let (key, numbers) = first_four(key_input(1 << 40 | 7, [70_003, 4], [5, 0]));
+        let mut all = Sampler::new(1 << 40 | 7, [70_003, 4], 5);
         assert_eq!((key, numbers), (all.key(), [0; 4].map(|_| all.next_1d())));
     }
 
     #[test]
     fn numbers_go_on_wherever_they_were_left() {
-        let mut whole = Independent::from_key([1, 2, 3, 4]);
+        let resume = |taken| Sampler::<f32>::resume(Sequence::Independent, [1, 2, 3, 4], 0, taken);
+        let mut whole = resume(0);
         for taken in 0..13 {
             assert_eq!(whole.taken(), taken);
-            let mut rest = Independent::resume([1, 2, 3, 4], taken);
-            assert_eq!(rest.taken(), taken);
-            assert_eq!(
-                Independent::next_three(whole.key(), taken),
-                [0; 3].map(|_| rest.next_1d())
-            );
+            let mut rest = resume(taken);
+            let three = resume(taken).next_three();
+            let ([a, b], c) = (resume(taken).next_2d(), resume(taken + 2).next_1d());
+            assert_eq!([three, [a, b, c]], [[0; 3].map(|_| rest.next_1d()); 2]);
             whole.next_1d();
         }
     }

@@ -2,77 +2,180 @@
 //!
 //! A sampler holds the numbers of one sample of one pixel. An integrator takes them in the order in
 //! which it needs them. Numbers that one event needs together are best taken one after the other,
-//! single ones first and the pair last, such as "lobe, then direction": [`Sobol`] then stratifies
+//! single ones first and the pair last, such as "lobe, then direction": Sobol's sequence then stratifies
 //! all three together over the samples of the pixel.
 
-mod independent;
+pub mod independent;
 mod sobol;
 
-pub use independent::Independent;
-pub use sobol::Sobol;
-
+use crate::math::real::{Real, Word};
 use crate::math::rng::pcg4d;
 
-/// The numbers of one sample of one pixel. A number depends only on the key and on how many were
-/// taken before, so any range of samples has the same numbers in any grouping into waves and on any
-/// thread.
-#[derive(Clone, Debug)]
-pub enum Sampler {
+/// The numbers of one sample of one pixel, or of one in each lane. A number depends only on the key
+/// and on how many were taken before, so any range of samples has the same numbers in any grouping
+/// into waves and on any thread.
+#[derive(Clone, Copy, Debug)]
+pub struct Sampler<R: Real = f32> {
+    sequence: Sequence,
+    key: [R::Word; 4],
+    index: R::Word,
+    taken: R::Word,
+}
+
+/// Sequence of the numbers of a [`Sampler`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sequence {
     /// Independent uniform numbers.
-    Independent(Independent),
+    Independent,
     /// Numbers stratified over the samples of a pixel.
-    Sobol(Sobol),
+    Sobol,
 }
 
 impl Sampler {
     /// Starts independent numbers, those of [`INDEPENDENT`].
     #[inline]
     pub fn new(seed: u64, pixel: [u32; 2], sample: u64) -> Sampler {
-        Sampler::Independent(Independent::new(seed, pixel, sample))
+        INDEPENDENT.start(seed, pixel, sample)
     }
 
     /// Starts numbers of the Owen-scrambled Sobol sequence, those of [`SOBOL`].
     #[inline]
     pub fn sobol(seed: u64, pixel: [u32; 2], sample: u64) -> Sampler {
-        Sampler::Sobol(Sobol::new(seed, pixel, sample))
+        SOBOL.start(seed, pixel, sample)
+    }
+}
+
+impl<R: Real> Sampler<R> {
+    /// Starts the numbers of one sample of one pixel in each lane. `sample` is given by its lower
+    /// and its upper word.
+    #[inline(always)]
+    pub fn start(
+        sequence: Sequence,
+        seed: u64,
+        pixel: [R::Word; 2],
+        sample: [R::Word; 2],
+    ) -> Sampler<R> {
+        let [low, high] = sample;
+        let (key, index) = match sequence {
+            Sequence::Independent => (
+                pcg4d(independent::key_input(seed, pixel, sample)),
+                R::Word::splat(0),
+            ),
+            Sequence::Sobol => (sobol::key(seed, pixel, high), low.reverse_bits()),
+        };
+        Sampler::resume(sequence, key, index, R::Word::splat(0))
+    }
+
+    /// Resumes numbers from the words that [`Sampler::key`], [`Sampler::index`] and
+    /// [`Sampler::taken`] returned.
+    #[inline(always)]
+    pub fn resume(
+        sequence: Sequence,
+        key: [R::Word; 4],
+        index: R::Word,
+        taken: R::Word,
+    ) -> Sampler<R> {
+        Sampler {
+            sequence,
+            key,
+            index,
+            taken,
+        }
+    }
+
+    /// Returns the key: that of the sample, or of the pixel's sequence.
+    #[inline(always)]
+    pub fn key(&self) -> [R::Word; 4] {
+        self.key
+    }
+
+    /// Returns the index of the sample in its sequence, digits reversed; zero for independent
+    /// numbers.
+    #[inline(always)]
+    pub fn index(&self) -> R::Word {
+        self.index
+    }
+
+    /// Returns the position in the numbers of the sample: for independent ones, how many were
+    /// taken.
+    #[inline(always)]
+    pub fn taken(&self) -> R::Word {
+        self.taken
     }
 
     /// Returns the next number, in `[0, 1)`.
-    #[inline]
-    pub fn next_1d(&mut self) -> f32 {
-        match self {
-            Sampler::Independent(s) => s.next_1d(),
-            Sampler::Sobol(s) => s.next_1d(),
+    #[inline(always)]
+    pub fn next_1d(&mut self) -> R {
+        match self.sequence {
+            Sequence::Independent => {
+                let number = independent::next_one(self.key, self.taken);
+                self.taken = self.taken.add(R::Word::splat(1));
+                number
+            }
+            Sequence::Sobol => sobol::next_one(self.key, self.index, &mut self.taken),
         }
     }
 
     /// Returns the next two numbers, each in `[0, 1)`, for a decision in two dimensions.
-    #[inline]
-    pub fn next_2d(&mut self) -> [f32; 2] {
-        match self {
-            Sampler::Independent(s) => [s.next_1d(), s.next_1d()],
-            Sampler::Sobol(s) => s.next_2d(),
+    #[inline(always)]
+    pub fn next_2d(&mut self) -> [R; 2] {
+        match self.sequence {
+            Sequence::Independent => {
+                let numbers = independent::next_two(self.key, self.taken);
+                self.taken = self.taken.add(R::Word::splat(2));
+                numbers
+            }
+            Sequence::Sobol => sobol::next_two(self.key, self.index, &mut self.taken),
         }
+    }
+
+    /// Returns the next number and the next two after it: cheaper than one call for each.
+    #[inline(always)]
+    pub fn next_three(&mut self) -> [R; 3] {
+        match self.sequence {
+            Sequence::Independent => {
+                let numbers = independent::next_three(self.key, self.taken);
+                self.taken = self.taken.add(R::Word::splat(3));
+                numbers
+            }
+            Sequence::Sobol => sobol::next_three(self.key, self.index, &mut self.taken),
+        }
+    }
+
+    /// Takes back the numbers that were taken since `before`, except in the lanes of `mask`.
+    #[inline(always)]
+    pub fn keep(&mut self, mask: R::Mask, before: &Sampler<R>) {
+        self.taken = R::Word::select(mask, self.taken, before.taken);
     }
 
     /// Returns an auxiliary stream, independent of this sampler's numbers and of each other; taking
     /// from it changes none of the sampler's own numbers. It depends only on the sample, not on how
     /// many numbers were taken.
-    #[inline]
-    pub fn auxiliary(&self) -> Independent {
-        let key = match self {
-            Sampler::Independent(s) => s.key(),
-            Sampler::Sobol(s) => s.key_of_sample(),
+    #[inline(always)]
+    pub fn auxiliary(&self) -> Sampler<R> {
+        let [a, b, c, d] = match self.sequence {
+            Sequence::Independent => self.key,
+            Sequence::Sobol => {
+                let [a, b, c, d] = self.key;
+                pcg4d([a, b, c.xor(self.index), d])
+            }
         };
-        Independent::from_key(pcg4d([key[0] ^ AUXILIARY_KEY, key[1], key[2], key[3]]))
+        let key = pcg4d([a.xor(R::Word::splat(AUXILIARY_KEY)), b, c, d]);
+        let zero = R::Word::splat(0);
+        Sampler::resume(Sequence::Independent, key, zero, zero)
     }
 }
 
 /// Distinguishes the key of the [auxiliary stream](Sampler::auxiliary) from the sampler's own.
 const AUXILIARY_KEY: u32 = 0x7f4a_7c15;
 
-/// Starts the numbers of one sample of one pixel.
-pub type StartFn = fn(seed: u64, pixel: [u32; 2], sample: u64) -> Sampler;
+/// Returns the word of a key that holds the lower half of the seed and the upper halves of the
+/// pixel's coordinates.
+#[inline(always)]
+fn seed_and_upper_halves<W: Word>(seed: u64, [x, y]: [W; 2]) -> W {
+    let upper = x.shr::<16>().shl::<8>();
+    W::splat(seed as u32).xor(upper).xor(y.shr::<16>())
+}
 
 /// One sampler of [`SAMPLERS`].
 #[derive(Debug)]
@@ -83,8 +186,17 @@ pub struct SamplerRow {
     pub revision: u32,
     /// Description in one sentence, with its source.
     pub doc: &'static str,
-    /// Starts the numbers of a sample.
-    pub start: StartFn,
+    /// Sequence of its numbers.
+    pub sequence: Sequence,
+}
+
+impl SamplerRow {
+    /// Starts the numbers of one sample of one pixel.
+    #[inline]
+    pub fn start(&self, seed: u64, pixel: [u32; 2], sample: u64) -> Sampler {
+        let words = [sample as u32, (sample >> 32) as u32];
+        Sampler::start(self.sequence, seed, pixel, words)
+    }
 }
 
 /// The sampler of independent numbers.
@@ -99,7 +211,7 @@ pub const SAMPLERS: &[SamplerRow] = &[
         name: "independent",
         revision: 1,
         doc: "Independent uniform numbers, a hash of their key [Jarzynski & Olano 2020].",
-        start: Sampler::new,
+        sequence: Sequence::Independent,
     },
     SamplerRow {
         name: "sobol",
@@ -107,7 +219,7 @@ pub const SAMPLERS: &[SamplerRow] = &[
         doc: "The Owen-scrambled Sobol sequence, padded by shuffling [Burley 2020]: mostly less \
               error from the same number of samples. Standard errors of pixels take samples for \
               independent, so they are mostly too large.",
-        start: Sampler::sobol,
+        sequence: Sequence::Sobol,
     },
 ];
 

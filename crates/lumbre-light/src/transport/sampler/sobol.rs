@@ -27,106 +27,144 @@
 //! the next 2^32 samples of a pixel use another sequence with its own scrambling. Numbers have 24
 //! binary digits.
 
+use crate::math::real::{Mask, Real, Word};
 use crate::math::rng::{pcg4d, unit};
 
 /// Number of single numbers in a group, before its pair.
-const SINGLES: usize = 2;
+const SINGLES: u32 = 2;
 
-/// The numbers of one sample of one pixel.
-#[derive(Clone, Debug)]
-pub struct Sobol {
-    /// The key of the pixel's sequence.
-    key: [u32; 4],
-    /// Index of the sample in the sequence, digits reversed.
-    reversed: u32,
-    /// Index of the next group.
-    group: u32,
-    /// Random words of this group: for its order, both dimensions of its pair, and its first single
-    /// number.
-    words: [u32; 4],
-    /// Index of this sample's point in the group's sequence.
-    point: u32,
-    /// Number of single numbers taken from the group; [`SINGLES`] also if its pair was taken.
-    singles: usize,
-    /// Whether the pair of the group is still available.
-    pair: bool,
+/// Position in the numbers of one sample, stored in one word: twice the number of groups opened is
+/// in the upper 29 bits, then two bits for the number of single numbers taken from the last group,
+/// then one bit that is set while its pair is available.
+#[derive(Clone, Copy)]
+struct Position<W> {
+    /// Number of groups opened.
+    groups: W,
+    /// Number of single numbers taken from the last group; [`SINGLES`] also if its pair was taken.
+    singles: W,
+    /// 1 if the pair of the last group is still available, else 0.
+    pair: W,
 }
 
-impl Sobol {
-    /// Starts the numbers of one sample of one pixel.
-    #[inline]
-    pub fn new(seed: u64, pixel: [u32; 2], sample: u64) -> Sobol {
-        let key = pcg4d([
-            pixel[0] | (pixel[1] << 16),
-            (seed as u32) ^ (pixel[0] >> 16).rotate_left(8) ^ (pixel[1] >> 16),
-            (sample >> 32) as u32,
-            (seed >> 32) as u32,
-        ]);
-        let reversed = (sample as u32).reverse_bits();
-        Sobol {
-            key,
-            reversed,
-            group: 0,
-            words: [0; 4],
-            point: 0,
-            singles: SINGLES,
-            pair: false,
+impl<W: Word> Position<W> {
+    #[inline(always)]
+    fn from_word(word: W) -> Position<W> {
+        // The word of a new sample is 0: the last group has nothing left.
+        Position {
+            groups: word.shr::<3>(),
+            singles: W::splat(SINGLES).sub(word.shr::<1>().and(W::splat(3))),
+            pair: word.and(W::splat(1)),
         }
     }
 
-    /// Returns random words that depend on the pixel's sequence and the sample's index in it.
-    #[inline]
-    pub(super) fn key_of_sample(&self) -> [u32; 4] {
-        let [a, b, c, d] = self.key;
-        pcg4d([a, b, c ^ self.reversed, d])
+    #[inline(always)]
+    fn word(self) -> W {
+        let left = W::splat(SINGLES).sub(self.singles);
+        self.groups.shl::<3>().or(left.shl::<1>()).or(self.pair)
     }
 
-    /// Returns the next number, in `[0, 1)`.
-    #[inline]
-    pub fn next_1d(&mut self) -> f32 {
-        if self.singles == SINGLES {
-            self.open();
+    /// Starts the next group in the lanes of `mask`.
+    #[inline(always)]
+    fn open(self, mask: <W::Real as Real>::Mask) -> Position<W> {
+        Position {
+            groups: W::select(mask, self.groups.add(W::splat(1)), self.groups),
+            singles: W::select(mask, W::splat(0), self.singles),
+            pair: W::select(mask, W::splat(1), self.pair),
         }
-        self.singles += 1;
-        let (table, word) = if self.singles == 1 {
-            (&TABLE_2, self.words[3])
-        } else {
-            // A second single number is rare enough to hash again.
-            (&TABLE_3, pcg4d(self.words)[0])
-        };
-        unit(scramble(multiply(table, self.point), word))
+    }
+}
+
+/// Numbers of the last group that was opened.
+struct Group<W> {
+    /// Random words of the group: for its order, both dimensions of its pair, and its first single
+    /// number.
+    words: [W; 4],
+    /// Index of this sample's point in the group's sequence.
+    point: W,
+}
+
+impl<W: Word> Group<W> {
+    /// Returns group number `groups - 1` of the sample whose index has these digits, reversed.
+    #[inline(always)]
+    fn new(key: [W; 4], reversed: W, groups: W) -> Group<W> {
+        let [a, b, c, d] = key;
+        let words = pcg4d([a, b, c, d.add(groups.sub(W::splat(1)))]);
+        // The scrambled index; aligned blocks of indices map to such blocks.
+        let point = permute(reversed, words[0]).reverse_bits();
+        Group { words, point }
     }
 
-    /// Returns the next two numbers, each in `[0, 1)`.
-    #[inline]
-    pub fn next_2d(&mut self) -> [f32; 2] {
-        if !self.pair {
-            self.open();
+    /// Returns the first single number, or the second in the lanes of `second`.
+    #[inline(always)]
+    fn single(&self, second: <W::Real as Real>::Mask) -> W::Real {
+        let first = scramble(multiply(&TABLE_2, self.point), self.words[3]);
+        if !second.any() {
+            return unit(first);
         }
-        (self.singles, self.pair) = (SINGLES, false);
+        // A second single number is rare enough to hash again.
+        let other = scramble(multiply(&TABLE_3, self.point), pcg4d(self.words)[0]);
+        unit(W::select(second, other, first))
+    }
+
+    #[inline(always)]
+    fn pair(&self) -> [W::Real; 2] {
         let [_, x, y, _] = self.words;
         [
             unit(scramble(self.point.reverse_bits(), x)),
             unit(scramble(dimension_1(self.point), y)),
         ]
     }
+}
 
-    /// Starts the next group.
-    #[inline]
-    fn open(&mut self) {
-        let [a, b, c, d] = self.key;
-        self.words = pcg4d([a, b, c, d.wrapping_add(self.group)]);
-        self.group = self.group.wrapping_add(1);
-        // The scrambled index; aligned blocks of indices map to such blocks.
-        self.point = permute(self.reversed, self.words[0]).reverse_bits();
-        (self.singles, self.pair) = (0, true);
-    }
+/// Returns the key of a pixel's sequence. `high` is the upper word of the index of the sample.
+#[inline(always)]
+pub fn key<W: Word>(seed: u64, [x, y]: [W; 2], high: W) -> [W; 4] {
+    pcg4d([
+        x.or(y.shl::<16>()),
+        super::seed_and_upper_halves(seed, [x, y]),
+        high,
+        W::splat((seed >> 32) as u32),
+    ])
+}
+
+/// Returns the next number at a position, which it advances.
+#[inline(always)]
+pub fn next_one<W: Word>(key: [W; 4], reversed: W, position: &mut W) -> W::Real {
+    let mut at = Position::from_word(*position);
+    at = at.open(at.singles.eq(W::splat(SINGLES)));
+    let number = Group::new(key, reversed, at.groups).single(at.singles.eq(W::splat(1)));
+    at.singles = at.singles.add(W::splat(1));
+    *position = at.word();
+    number
+}
+
+/// Returns the next two numbers at a position, which it advances.
+#[inline(always)]
+pub fn next_two<W: Word>(key: [W; 4], reversed: W, position: &mut W) -> [W::Real; 2] {
+    let mut at = Position::from_word(*position);
+    at = at.open(at.pair.eq(W::splat(0)));
+    (at.singles, at.pair) = (W::splat(SINGLES), W::splat(0));
+    *position = at.word();
+    Group::new(key, reversed, at.groups).pair()
+}
+
+/// Returns the next number and the next two, which are of the same group.
+#[inline(always)]
+pub fn next_three<W: Word>(key: [W; 4], reversed: W, position: &mut W) -> [W::Real; 3] {
+    let mut at = Position::from_word(*position);
+    at = at.open(at.singles.eq(W::splat(SINGLES)));
+    let second = at.singles.eq(W::splat(1));
+    (at.singles, at.pair) = (W::splat(SINGLES), W::splat(0));
+    *position = at.word();
+    let group = Group::new(key, reversed, at.groups);
+    let [x, y] = group.pair();
+    [group.single(second), x, y]
 }
 
 /// Applies Owen scrambling to a number whose most significant digit is the first after the binary
 /// point.
-#[inline]
-fn scramble(x: u32, word: u32) -> u32 {
+#[inline(always)]
+fn scramble<W: Word>(x: W, word: W) -> W {
     permute(x.reverse_bits(), word).reverse_bits()
 }
 
@@ -136,13 +174,13 @@ fn scramble(x: u32, word: u32) -> u32 {
 /// randomises each of these dependencies. The constants are the best of 600 random triples:
 /// flipping a bit flips every bit above it with a probability that half a million random words
 /// cannot distinguish from one half.
-#[inline]
-fn permute(mut x: u32, word: u32) -> u32 {
-    x = x.wrapping_add(word);
-    x ^= x.wrapping_mul(0xa666_a200);
-    x = x.wrapping_mul(word.rotate_left(16) | 1);
-    x ^= x.wrapping_mul(0xf160_de5c);
-    x ^ x.wrapping_mul(0xa418_e192)
+#[inline(always)]
+fn permute<W: Word>(x: W, word: W) -> W {
+    let x = x.add(word);
+    let x = x.xor(x.mul(W::splat(0xa666_a200)));
+    let x = x.mul(word.swap_halves().or(W::splat(1)));
+    let x = x.xor(x.mul(W::splat(0xf160_de5c)));
+    x.xor(x.mul(W::splat(0xa418_e192)))
 }
 
 /// Computes the generator matrix of a dimension, one word for each digit of the index from the
@@ -196,22 +234,24 @@ const fn table(matrix: &[u32; 32]) -> Table {
 }
 
 /// Returns the product of a generator matrix and an index, in arithmetic modulo two.
-#[inline]
-fn multiply(table: &Table, index: u32) -> u32 {
-    let [a, b, c, d] = index.to_le_bytes().map(usize::from);
-    table[0][a] ^ table[1][b] ^ table[2][c] ^ table[3][d]
+#[inline(always)]
+fn multiply<W: Word>(table: &Table, index: W) -> W {
+    index.map_lanes(|index| {
+        let [a, b, c, d] = index.to_le_bytes().map(usize::from);
+        table[0][a] ^ table[1][b] ^ table[2][c] ^ table[3][d]
+    })
 }
 
 /// Returns the second dimension, x + 1, in five steps: its matrix is Pascal's triangle modulo two,
 /// a fivefold tensor product of a two by two matrix.
-#[inline]
-fn dimension_1(index: u32) -> u32 {
+#[inline(always)]
+fn dimension_1<W: Word>(index: W) -> W {
     let mut x = index.reverse_bits();
-    x ^= (x & 0x5555_5555) << 1;
-    x ^= (x & 0x3333_3333) << 2;
-    x ^= (x & 0x0f0f_0f0f) << 4;
-    x ^= (x & 0x00ff_00ff) << 8;
-    x ^ (x << 16)
+    x = x.xor(x.and(W::splat(0x5555_5555)).shl::<1>());
+    x = x.xor(x.and(W::splat(0x3333_3333)).shl::<2>());
+    x = x.xor(x.and(W::splat(0x0f0f_0f0f)).shl::<4>());
+    x = x.xor(x.and(W::splat(0x00ff_00ff)).shl::<8>());
+    x.xor(x.shl::<16>())
 }
 
 #[cfg(test)]

@@ -1,10 +1,11 @@
 use super::*;
 use crate::math::stats::{chi_square_p, normal_two_sided_p, sidak};
+use crate::transport::sampler::{Sampler, SamplerRow};
 
 /// Returns the numbers of an imaginary path: lens, then "choice, direction" repeatedly, with
 /// roulette in between.
 fn path(seed: u64, pixel: [u32; 2], sample: u64) -> (Vec<[f32; 2]>, Vec<f32>) {
-    let mut s = Sobol::new(seed, pixel, sample);
+    let mut s = Sampler::sobol(seed, pixel, sample);
     let mut pairs = vec![s.next_2d(), s.next_2d()];
     let mut singles = Vec::new();
     for i in 0..6 {
@@ -46,7 +47,7 @@ fn directions_are_those_of_the_published_table() {
 
 #[test]
 fn golden_numbers_never_change() {
-    let mut s = Sobol::new(7, [3, 4], 5);
+    let mut s = Sampler::sobol(7, [3, 4], 5);
     let numbers = [s.next_1d(), s.next_1d(), s.next_1d(), s.next_2d()[1]];
     assert_eq!(
         numbers.map(|x| (x * 16_777_216.0) as u32),
@@ -248,15 +249,10 @@ fn neighbouring_pixels_and_later_sequences_have_numbers_of_their_own() {
 
 /// Returns the variance over seeds of the mean of `n` samples of an integrand, and the mean of
 /// those means.
-fn spread(
-    start: crate::transport::sampler::StartFn,
-    n: u64,
-    seeds: u64,
-    f: fn([[f32; 2]; 3]) -> f64,
-) -> (f64, f64) {
+fn spread(sampler: &SamplerRow, n: u64, seeds: u64, f: fn([[f32; 2]; 3]) -> f64) -> (f64, f64) {
     let mean = |seed| {
         let value = |i| {
-            let mut s = start(seed, [1, 1], i);
+            let mut s = sampler.start(seed, [1, 1], i);
             f([s.next_2d(), s.next_2d(), s.next_2d()])
         };
         (0..n).map(value).sum::<f64>() / n as f64
@@ -276,14 +272,14 @@ fn smooth_integrals_converge_faster_than_independent_numbers_and_to_the_same() {
     // 1/n, that of a smooth integrand under Owen scrambling nearly like 1/n^3.
     let smooth = |p: [[f32; 2]; 3]| f64::from(p[0][0] + p[0][1] * p[0][1]).exp();
     let truth = 1.718_281_828_459 * 1.462_651_745_907;
-    let slope = |start| {
-        let variance = |n| spread(start, n, 100, smooth).0;
+    let slope = |sampler| {
+        let variance = |n| spread(sampler, n, 100, smooth).0;
         (variance(1024) / variance(16)).log2() / 6.0
     };
-    let (independent, sobol) = (slope(INDEPENDENT.start), slope(SOBOL.start));
+    let (independent, sobol) = (slope(INDEPENDENT), slope(SOBOL));
     assert!((independent + 1.0).abs() < 0.15, "{independent}");
     assert!(sobol < -2.3, "{sobol}");
-    let (variance, mean) = spread(SOBOL.start, 64, 100, smooth);
+    let (variance, mean) = spread(SOBOL, 64, 100, smooth);
     assert!(
         normal_two_sided_p((mean - truth) / (variance / 100.0).sqrt()) > 0.001,
         "{mean}"
@@ -292,14 +288,14 @@ fn smooth_integrals_converge_faster_than_independent_numbers_and_to_the_same() {
     // factor of two.
     let crossed = |p: [[f32; 2]; 3]| f64::from((p[0][0] - 0.5) * (p[1][0] - 0.5));
     let (independent, sobol) = (
-        spread(INDEPENDENT.start, 64, 400, crossed).0,
-        spread(SOBOL.start, 64, 400, crossed).0,
+        spread(INDEPENDENT, 64, 400, crossed).0,
+        spread(SOBOL, 64, 400, crossed).0,
     );
     assert!(sobol < 2.4 * independent, "{sobol} {independent}");
     let crossed = |p: [[f32; 2]; 3]| f64::from((p[0][0] - 0.5) * (p[1][0] - 0.5) * (p[2][0] - 0.5));
     let (independent, sobol) = (
-        spread(INDEPENDENT.start, 64, 400, crossed).0,
-        spread(SOBOL.start, 64, 400, crossed).0,
+        spread(INDEPENDENT, 64, 400, crossed).0,
+        spread(SOBOL, 64, 400, crossed).0,
     );
     assert!(sobol < 1.5 * independent, "{sobol} {independent}");
 }

@@ -54,7 +54,7 @@ use lumbre_light::transport::integrator::nee::{self, LastScatter, PathState, Pat
 use lumbre_light::transport::integrator::{Context, bpt};
 use lumbre_light::transport::path_time::{OpticalLength, PathTime};
 use lumbre_light::transport::ray::{Hit, Ray};
-use lumbre_light::transport::sampler::{Independent, Sampler};
+use lumbre_light::transport::sampler::{Sampler, Sequence};
 use material_classes::MaterialTable;
 pub use small_scene::SmallScene;
 use time_of_flight::EmissionDelays;
@@ -171,7 +171,7 @@ impl PathRecord {
         }
     }
 
-    fn sampler(&self) -> Independent {
+    fn sampler(&self) -> Sampler {
         sampler_from_row(&self.rows[2], self.rows[1].0[6].to_bits())
     }
 
@@ -193,9 +193,14 @@ fn ray_from_row(row: &F32x8) -> Ray {
 /// Returns the sampler whose key is stored in the last four numbers of a row, after `taken` numbers
 /// were drawn.
 #[inline]
-fn sampler_from_row(row: &F32x8, taken: u32) -> Independent {
+fn sampler_from_row(row: &F32x8, taken: u32) -> Sampler {
     let [.., a, b, c, d] = row.0;
-    Independent::resume([a, b, c, d].map(f32::to_bits), taken)
+    Sampler::resume(
+        Sequence::Independent,
+        [a, b, c, d].map(f32::to_bits),
+        0,
+        taken,
+    )
 }
 
 /// Stores a hit in the first four numbers of a row.
@@ -441,7 +446,7 @@ fn run_scalar_step<const TIMED: bool>(
     tile: &mut PathTile,
 ) -> bool {
     let record = &mut tile.records[path];
-    let mut sampler = Sampler::Independent(record.sampler());
+    let mut sampler = record.sampler();
     let path_time = if TIMED {
         let [_, x, y, z, .., length] = record.rows[1].0;
         let from = if depth == 1 {
@@ -486,10 +491,8 @@ fn run_scalar_step<const TIMED: bool>(
         depth,
         hit,
     );
-    if let Sampler::Independent(numbers) = &sampler
-        && continues
-    {
-        record.set_state(&walk.state, numbers.taken());
+    if continues {
+        record.set_state(&walk.state, sampler.taken());
         if TIMED {
             record.rows[1].0[1..4].copy_from_slice(&walk.path_time.from().to_array());
             let optical = walk.path_time.optical();

@@ -7,7 +7,7 @@ use crate::cpu::films::contributions::SampleId;
 use lumbre_light::math::real::{Vector, Word};
 use lumbre_light::math::simd::{F32x8, Lanes, SimdKernel, Width, dispatch};
 use lumbre_light::transport::camera::Camera;
-use lumbre_light::transport::sampler::Independent;
+use lumbre_light::transport::sampler::independent;
 
 /// Appends the initial record of each given sample of row `y`: its camera ray, the key of its
 /// sampler, and a throughput of 1.
@@ -48,8 +48,12 @@ impl SimdKernel for CameraRays<'_> {
         for group in self.ids.chunks(N) {
             let mut inputs = [F32x8::default(); N];
             for (row, (x, sample)) in inputs.iter_mut().zip(group) {
-                let [a, b, c, d] = Independent::key_input(self.job.seed, [*x, self.y], *sample)
-                    .map(f32::from_bits);
+                let [a, b, c, d] = independent::key_input(
+                    self.job.seed,
+                    [*x, self.y],
+                    [*sample as u32, (*sample >> 32) as u32],
+                )
+                .map(f32::from_bits);
                 row.0 = [a, b, c, d, *x as f32, 0.0, 0.0, 0.0];
             }
             generate_lanes::<R, N>(self.camera, self.y, &inputs, group.len(), self.records);
@@ -69,7 +73,7 @@ fn generate_lanes<R: Lanes<N>, const N: usize>(
 ) {
     let (zero, one) = (R::splat(0.0), R::splat(1.0));
     let [a, b, c, d, x, ..] = R::transpose_load(inputs.each_ref());
-    let (key, [u, v, s, t]) = Independent::first_four([a.bits(), b.bits(), c.bits(), d.bits()]);
+    let (key, [u, v, s, t]) = independent::first_four([a.bits(), b.bits(), c.bits(), d.bits()]);
     let [o, dir]: [R::Vec3; 2] = camera.ray([x, R::splat(y as f32)], [u, v], [s, t]);
     let rays = R::transpose_store([o.x(), o.y(), o.z(), dir.x(), dir.y(), dir.z(), one, one]);
     let [a, b, c, d] = [

@@ -17,7 +17,7 @@ use lumbre_light::transport::bsdf::{BsdfValue, TransportMode};
 use lumbre_light::transport::integrator::Context;
 use lumbre_light::transport::path_time::OpticalLength;
 use lumbre_light::transport::ray::{Ray, offset_by_axis};
-use lumbre_light::transport::sampler::Independent;
+use lumbre_light::transport::sampler::independent;
 use lumbre_light::transport::surface::SurfacePoint;
 use lumbre_light::transport::vertex::towards;
 
@@ -176,7 +176,7 @@ fn shade_lanes<R: Lanes<N>, const N: usize, const TIMED: bool>(
     let vertices = Vertices::<R>::new(point, -dir, rows, &traits, active);
 
     if traits.connected {
-        let numbers = Independent::next_three(key, taken);
+        let numbers = independent::next_three(key, taken);
         taken = taken.add(R::Word::splat(3));
         sample_light::<R, N, TIMED>(
             context,
@@ -189,7 +189,7 @@ fn shade_lanes<R: Lanes<N>, const N: usize, const TIMED: bool>(
         );
     }
 
-    let [choice, u, v] = Independent::next_three(key, taken);
+    let [choice, u, v] = independent::next_three(key, taken);
     taken = taken.add(R::Word::splat(3));
     let (sampled, s, _) = vertices.sample::<false>(choice, [u, v], TransportMode::Radiance);
     let wi = vertices.frame.to_world(s.sample.wi);
@@ -200,7 +200,7 @@ fn shade_lanes<R: Lanes<N>, const N: usize, const TIMED: bool>(
     if context.rr_start.is_some_and(|start| depth >= start) {
         let max_component = throughput.x().max(throughput.y()).max(throughput.z());
         let survival = (max_component * eta_scale).min(R::splat(MAX_SURVIVAL));
-        let [u, ..] = Independent::next_three(key, taken);
+        let [u, ..] = independent::next_three(key, taken);
         taken = taken.add(R::Word::splat(1));
         continues = continues & u.lt(survival);
         throughput = throughput / survival;

@@ -10,7 +10,6 @@ use lumbre_light::math::simd::{Lanes, map_array};
 use lumbre_light::transport::delay::Profile;
 use lumbre_light::transport::integrator::Context;
 use lumbre_light::transport::path_time::AuxRng;
-use lumbre_light::transport::sampler::Sampler;
 
 /// Emission delays of the samples of a tile, as optical lengths. The list is empty if all are 0.
 #[derive(Default)]
@@ -24,9 +23,8 @@ impl EmissionDelays {
             .timing
             .is_some_and(|timing| timing.emission != Profile::NONE)
         {
-            let delay = |record: &PathRecord| {
-                AuxRng::new::<true>(&Sampler::Independent(record.sampler())).emission(context)
-            };
+            let delay =
+                |record: &PathRecord| AuxRng::new::<true>(&record.sampler()).emission(context);
             self.0.extend(records.iter().map(delay));
         }
     }

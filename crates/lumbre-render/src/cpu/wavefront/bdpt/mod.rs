@@ -35,7 +35,7 @@ use lumbre_light::transport::integrator::bdpt::weights::EdgePartials;
 use lumbre_light::transport::mis::Heuristic;
 use lumbre_light::transport::path_time::{OpticalLength, PathTime};
 use lumbre_light::transport::ray::{Hit, Ray};
-use lumbre_light::transport::sampler::Independent;
+use lumbre_light::transport::sampler::Sampler;
 use ray_generation::LightStarts;
 
 /// Number of samples in a tile of `bdpt`.
@@ -153,7 +153,7 @@ impl SubpathState {
         self.rows[3].0[2].to_bits()
     }
 
-    fn sampler(&self, taken: u32) -> Independent {
+    fn sampler(&self, taken: u32) -> Sampler {
         sampler_from_row(&self.rows[2], taken)
     }
 

@@ -15,7 +15,7 @@ use lumbre_light::transport::bsdf::TransportMode;
 use lumbre_light::transport::integrator::bdpt::weights::{EdgePartials, MisEndpoint, MisPartials};
 use lumbre_light::transport::path_time::OpticalLength;
 use lumbre_light::transport::ray::offset_by_axis;
-use lumbre_light::transport::sampler::Independent;
+use lumbre_light::transport::sampler::independent;
 use lumbre_light::transport::vertex::{area_factors, towards};
 
 /// Traces the active subpaths until they end or have `max_edges` edges. `LIGHT` if they start on
@@ -281,7 +281,7 @@ impl<const TIMED: bool> WalkStep<'_, TIMED> {
             hit_row[7].bits(),
         ];
         let mut taken = state_row[2].bits();
-        let [choice, u, v] = Independent::next_three(key, taken);
+        let [choice, u, v] = independent::next_three(key, taken);
         taken = taken.add(R::Word::splat(3));
         let (valid, s, reverse) = vertices.sample::<true>(choice, [u, v], mode);
         let wi = vertices.frame.to_world(s.sample.wi);
@@ -305,7 +305,7 @@ impl<const TIMED: bool> WalkStep<'_, TIMED> {
                 .max(rr_throughput.y())
                 .max(rr_throughput.z());
             let survival = max_component.min(R::splat(MAX_SURVIVAL));
-            let [u, ..] = Independent::next_three(key, taken);
+            let [u, ..] = independent::next_three(key, taken);
             taken = R::Word::select(continues, taken.add(R::Word::splat(1)), taken);
             continues = continues & u.lt(survival);
             rr_throughput = rr_throughput / survival;

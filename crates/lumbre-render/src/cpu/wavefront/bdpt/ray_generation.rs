@@ -20,7 +20,7 @@ use lumbre_light::transport::integrator::bdpt::connect::connect_s1_t1;
 use lumbre_light::transport::integrator::bdpt::weights::others_s1_t1;
 use lumbre_light::transport::light::{EmissionSample, area};
 use lumbre_light::transport::ray::{Ray, offset_by_axis};
-use lumbre_light::transport::sampler::{Independent, Sampler};
+use lumbre_light::transport::sampler::{Sampler, independent};
 use lumbre_light::transport::vertex::{self, towards};
 
 /// Number of random numbers drawn for the start of a light subpath.
@@ -100,8 +100,8 @@ impl LightStarts {
             sampler_keys::<R, N>(light, paths),
             load_words::<R, N>(map_array(paths, |p| light.states[p as usize].taken())),
         );
-        let [choice, u0, u1] = Independent::next_three(key, taken);
-        let [v0, v1, _] = Independent::next_three(key, taken.add(R::Word::splat(3)));
+        let [choice, u0, u1] = independent::next_three(key, taken);
+        let [v0, v1, _] = independent::next_three(key, taken.add(R::Word::splat(3)));
         let SelectedLight {
             rows: [a, b],
             probability,
@@ -192,7 +192,7 @@ impl LightStarts {
             .partition(|c| matches!(self.by_path[c.path as usize], LightStart::Triangle(_)));
         for StartConnection { path, taken } in others {
             if let LightStart::Scalar(start) = &self.by_path[path as usize] {
-                let mut sampler = Sampler::Independent(light.states[path as usize].sampler(taken));
+                let mut sampler = light.states[path as usize].sampler(taken);
                 let delay = tile.emission_delays.for_path(path as usize);
                 if let Some((connection, at)) =
                     connect_s1_t1(tile.context, tile.h, start, delay, &mut sampler)
@@ -345,9 +345,8 @@ impl SubpathState {
 fn sample_scalar<const TIMED: bool>(
     tile: &TileContext<TIMED>,
     state: &mut SubpathState,
-    sampler: Independent,
+    mut sampler: Sampler,
 ) -> Option<EmissionSample> {
-    let mut sampler = Sampler::Independent(sampler);
     let (choice, u, v) = (sampler.next_1d(), sampler.next_2d(), sampler.next_2d());
     let start = tile
         .context

@@ -14,7 +14,7 @@ use lumbre_light::transport::bsdf::TransportMode;
 use lumbre_light::transport::camera::FilterSpec;
 use lumbre_light::transport::camera::lens::Projection;
 use lumbre_light::transport::integrator::bdpt::weights::others_t1;
-use lumbre_light::transport::sampler::Independent;
+use lumbre_light::transport::sampler::independent;
 use lumbre_light::transport::surface::SurfacePoint;
 use lumbre_light::transport::vertex::area_factor;
 
@@ -60,8 +60,8 @@ impl<const TIMED: bool> TileContext<'_, TIMED> {
             return [R::splat(0.0); 4];
         }
         let (key, taken) = (sampler_keys::<R, N>(paths, ids), load_words::<R, N>(taken));
-        let [a, b, c] = Independent::next_three(key, taken);
-        let [d, ..] = Independent::next_three(key, taken.add(R::Word::splat(3)));
+        let [a, b, c] = independent::next_three(key, taken);
+        let [d, ..] = independent::next_three(key, taken.add(R::Word::splat(3)));
         [a, b, c, d]
     }
 

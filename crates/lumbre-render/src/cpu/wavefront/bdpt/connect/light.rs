@@ -10,7 +10,7 @@ use lumbre_light::math::real::{Double, Mask, Vector};
 use lumbre_light::math::simd::{Lanes, active_lanes, map_array, padded};
 use lumbre_light::transport::bsdf::TransportMode;
 use lumbre_light::transport::integrator::bdpt::weights::others_s1;
-use lumbre_light::transport::sampler::Independent;
+use lumbre_light::transport::sampler::independent;
 use lumbre_light::transport::surface::SurfacePoint;
 
 /// Evaluates connections of camera vertices on surfaces of one class and appends the contributions
@@ -26,7 +26,7 @@ pub(super) fn connect_s1<R: Lanes<N>, const N: usize, const TIMED: bool>(
     let connections: [LightConnection; N] = padded(group);
     let active = R::Mask::first(group.len());
     let zero = R::splat(0.0);
-    let numbers = Independent::next_three(
+    let numbers = independent::next_three(
         sampler_keys::<R, N>(camera, map_array(connections, |c| c.path)),
         load_words::<R, N>(map_array(connections, |c| c.taken)),
     );
