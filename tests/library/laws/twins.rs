@@ -47,6 +47,22 @@ const HOST: &[(&str, &str)] = &[
         "its twin is part of disney.glsl",
     ),
     (
+        "crates/lumbre-light/src/transport/bsdf/material.rs",
+        "constants of GLSL materials are rows of a buffer",
+    ),
+    (
+        "crates/lumbre-light/src/transport/bsdf/model.rs",
+        "its twin is part of bsdf/mod.glsl",
+    ),
+    (
+        "crates/lumbre-light/src/transport/bsdf/packed.rs",
+        "GLSL invocations replace SIMD lanes",
+    ),
+    (
+        "crates/lumbre-light/src/transport/bsdf/scalar.rs",
+        "GLSL invocations replace SIMD lanes",
+    ),
+    (
         "crates/lumbre-light/src/transport/camera/mod.rs",
         "re-exports only",
     ),

@@ -18,6 +18,7 @@ use glam::Vec3;
 /// A single-precision number in each lane.
 pub trait Real:
     Copy
+    + Debug
     + Add<Output = Self>
     + Sub<Output = Self>
     + Mul<Output = Self>
@@ -186,6 +187,7 @@ pub trait Word: Copy {
 /// A three-component vector in each lane; components are summed in `glam`'s order.
 pub trait Vector:
     Copy
+    + Debug
     + Add<Output = Self>
     + Sub<Output = Self>
     + Neg<Output = Self>

@@ -50,6 +50,19 @@ pub struct SurfacePoint<V> {
     pub n_shading: V,
 }
 
+/// Material parameters at a point that textures may change; scalar or vectorised.
+#[derive(Clone, Copy, Debug)]
+pub struct ShadingParameters<R: Real = f32> {
+    /// Base colour, vertex colours and tint included.
+    pub base_color: R::Vec3,
+    /// Perceptual roughness, 0..=1.
+    pub roughness: R,
+    /// 0 dielectric to 1 metal.
+    pub metallic: R,
+    /// 1 opaque to 0 refractive.
+    pub opacity: R,
+}
+
 impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> SurfacePoint<V> {
     /// Computes a point of a triangle with these weights of its second and third corner. The normal
     /// of a triangle without area faces the ray.
@@ -338,6 +351,19 @@ impl<'a> Surface<'a> {
     pub fn base_color(&self, textures: &[Texture]) -> Vec3 {
         let m = self.material;
         m.base_color * self.tint * lookup(textures, m.base_color_texture, self.uv, m.tiling)
+    }
+
+    /// Returns the values of the material's textures at this point.
+    #[inline]
+    pub fn shading_parameters(&self, textures: &[Texture]) -> ShadingParameters {
+        let m = self.material;
+        let scalar = |texture, value| lookup_scalar(textures, texture, self.uv, m.tiling, value);
+        ShadingParameters {
+            base_color: self.base_color(textures),
+            roughness: scalar(m.roughness_texture, m.roughness),
+            metallic: scalar(m.metallic_texture, m.metallic),
+            opacity: scalar(m.opacity_texture, m.opacity),
+        }
     }
 
     /// Returns a ray in direction `dir`, started off the surface on the side of `dir`.

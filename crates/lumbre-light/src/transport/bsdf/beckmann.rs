@@ -5,6 +5,8 @@ use std::f32::consts::{FRAC_1_PI, PI};
 
 use glam::Vec3;
 
+use crate::math::real::{Mask, Real, Vector};
+
 /// 1 / sqrt(pi).
 const INV_SQRT_PI: f32 = 0.564_189_6;
 
@@ -12,117 +14,138 @@ const INV_SQRT_PI: f32 = 0.564_189_6;
 /// safeguard it needs 4 on average.
 const MAX_STEPS: u32 = 24;
 
-/// A surface of Beckmann microfacets.
+/// A surface of Beckmann microfacets, scalar or vectorised.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Beckmann {
+pub struct Beckmann<R = f32> {
     /// Root mean square slope times sqrt 2, along the tangent and the bitangent; positive.
-    pub alpha: [f32; 2],
+    pub alpha: [R; 2],
 }
 
-impl Beckmann {
+impl<R: Real> Beckmann<R> {
     /// Returns the density of microfacet normals per solid angle and area of the macroscopic
     /// surface.
-    #[inline]
-    pub fn d(&self, h: Vec3) -> f32 {
-        if h.z <= 0.0 {
-            return 0.0;
-        }
+    #[inline(always)]
+    pub fn d(&self, h: R::Vec3) -> R {
+        let zero = R::splat(0.0);
         let [ax, ay] = self.alpha;
-        let (x, y) = (h.x / (ax * h.z), h.y / (ay * h.z));
-        let z2 = h.z * h.z;
-        FRAC_1_PI * (-(x * x + y * y)).exp() / (ax * ay * z2 * z2)
+        let (x, y) = (h.x() / (ax * h.z()), h.y() / (ay * h.z()));
+        let z2 = h.z() * h.z();
+        let d = R::splat(FRAC_1_PI) * exp(-(x * x + y * y)) / (ax * ay * z2 * z2);
+        R::select(h.z().le(zero), zero, d)
     }
 
     /// Returns Smith's masking over the cosine, `G1(w) / z`, in a form that stays finite: with `a =
     /// z / r`, `G1 = 2 / (1 + erf a + exp(-a^2) / (a sqrt pi))`.
-    #[inline]
-    pub fn masking_over_cos(&self, w: Vec3) -> f32 {
-        let r = (self.alpha[0] * w.x).hypot(self.alpha[1] * w.y);
-        let a = w.z / r.max(1e-20);
-        2.0 / (w.z * (1.0 + erf(a)) + r * INV_SQRT_PI * (-a * a).exp())
+    #[inline(always)]
+    pub fn masking_over_cos(&self, w: R::Vec3) -> R {
+        let r = (self.alpha[0] * w.x()).zip_lanes(self.alpha[1] * w.y(), f32::hypot);
+        let a = w.z() / r.max(R::splat(1e-20));
+        let gauss = exp(-a * a);
+        R::splat(2.0)
+            / (w.z() * (R::splat(1.0) + erf(a, gauss)) + r * R::splat(INV_SQRT_PI) * gauss)
     }
 
     /// Samples a microfacet normal on the upper side with the density of those visible from `wo`.
-    #[inline]
-    pub fn sample(&self, wo: Vec3, u: [f32; 2]) -> Vec3 {
+    #[inline(always)]
+    pub fn sample(&self, wo: R::Vec3, u: [R; 2]) -> R::Vec3 {
         let [ax, ay] = self.alpha;
-        let stretched = Vec3::new(ax * wo.x, ay * wo.y, wo.z).normalize_or(Vec3::Z);
-        let across = stretched.x.hypot(stretched.y);
-        let (cos, sin) = if across > 1e-9 {
-            (stretched.x / across, stretched.y / across)
-        } else {
-            (1.0, 0.0)
-        };
-        let along = visible_slope(stretched.z / across.max(1e-9), u[0]);
-        let aside = erf_inv(2.0 * u[1] - 1.0);
+        let (zero, one) = (R::splat(0.0), R::splat(1.0));
+        let up = R::Vec3::broadcast(Vec3::Z);
+        let stretched = R::Vec3::new(ax * wo.x(), ay * wo.y(), wo.z()).normalize_or(up);
+        let across = stretched.x().zip_lanes(stretched.y(), f32::hypot);
+        let inclined = across.gt(R::splat(1e-9));
+        let cos = R::select(inclined, stretched.x() / across, one);
+        let sin = R::select(inclined, stretched.y() / across, zero);
+        let along = visible_slope(stretched.z() / across.max(R::splat(1e-9)), u[0]);
+        let aside = erf_inv(R::splat(2.0) * u[1] - one);
         let slope = [
             ax * (cos * along - sin * aside),
             ay * (sin * along + cos * aside),
         ];
-        Vec3::new(-slope[0], -slope[1], 1.0).normalize_or(Vec3::Z)
+        R::Vec3::new(-slope[0], -slope[1], one).normalize_or(up)
     }
 }
 
 /// Samples the slope along the viewer's direction, whose cotangent is `cot`, with density
 /// proportional to `max(0, cot - x) exp(-x^2)`, by inverting the distribution function. Microfacets
 /// that face away from the viewer have a positive slope.
-#[inline]
-fn visible_slope(cot: f32, u: f32) -> f32 {
+#[inline(always)]
+fn visible_slope<R: Real>(cot: R, u: R) -> R {
+    let (zero, one, half) = (R::splat(0.0), R::splat(1.0), R::splat(0.5));
+    let inv_sqrt_pi = R::splat(INV_SQRT_PI);
+    let normal = erf_inv(R::splat(2.0) * u - one);
     // Beyond this the factor (cot - x) is constant over the Gaussian.
-    if cot > 1e4 {
-        return erf_inv(2.0 * u - 1.0);
+    let straight = cot.gt(R::splat(1e4));
+    let mut open = !straight;
+    if !open.any() {
+        return normal;
     }
-    let cumulative = |x: f32| 0.5 * cot * (1.0 + erf(x)) + 0.5 * INV_SQRT_PI * (-x * x).exp();
-    let goal = u.clamp(0.0, 1.0 - 1e-7) * cumulative(cot);
-    let (mut low, mut high) = (-6.0f32, cot.min(6.0));
-    let mut x = erf_inv((2.0 * u - 1.0).clamp(-0.999_99, 0.999_99)).clamp(low, high);
+    let goal = u.clamp(0.0, 1.0 - 1e-7) * cumulative(cot, cot, exp(-cot * cot));
+    let (mut low, mut high) = (R::splat(-6.0), cot.min(R::splat(6.0)));
+    let start = erf_inv((R::splat(2.0) * u - one).clamp(-0.999_99, 0.999_99));
+    let mut x = start.max(low).min(high);
     for _ in 0..MAX_STEPS {
-        let miss = cumulative(x) - goal;
-        if miss > 0.0 {
-            high = x;
-        } else {
-            low = x;
+        let gauss = exp(-x * x);
+        let miss = cumulative(cot, x, gauss) - goal;
+        let over = miss.gt(zero);
+        high = R::select(over, x, high);
+        low = R::select(over, low, x);
+        let slope = (cot - x).max(zero) * inv_sqrt_pi * gauss;
+        let newton = x - miss / slope;
+        let inside = newton.gt(low) & newton.lt(high);
+        let next = R::select(inside, newton, half * (low + high));
+        let settled = (next - x).abs().lt(R::splat(1e-6) * (one + x.abs()));
+        x = R::select(open, next, x);
+        open = open & !settled;
+        if !open.any() {
+            break;
         }
-        let slope = (cot - x).max(0.0) * INV_SQRT_PI * (-x * x).exp();
-        let next = x - miss / slope;
-        let next = if next > low && next < high {
-            next
-        } else {
-            0.5 * (low + high)
-        };
-        if (next - x).abs() < 1e-6 * (1.0 + x.abs()) {
-            return next;
-        }
-        x = next;
     }
-    x
+    R::select(straight, normal, x)
 }
 
-/// The error function, with absolute error below 2e-7 [Abramowitz & Stegun 1964, 7.1.26].
-#[inline]
-fn erf(x: f32) -> f32 {
-    let a = x.abs();
-    let t = 1.0 / (1.0 + 0.327_591_1 * a);
-    let poly = ((((1.061_405_4 * t - 1.453_152_1) * t + 1.421_413_8) * t - 0.284_496_74) * t
-        + 0.254_829_6)
-        * t;
-    (1.0 - poly * (-a * a).exp()).copysign(x)
+/// Returns the distribution function of [`visible_slope`] without its normalisation; `gauss` is
+/// `exp(-x^2)`.
+#[inline(always)]
+fn cumulative<R: Real>(cot: R, x: R, gauss: R) -> R {
+    let half = R::splat(0.5);
+    half * cot * (R::splat(1.0) + erf(x, gauss)) + R::splat(0.5 * INV_SQRT_PI) * gauss
+}
+
+/// Returns the exponential function.
+#[inline(always)]
+fn exp<R: Real>(x: R) -> R {
+    x.map_lanes(f32::exp)
+}
+
+/// The error function, with absolute error below 2e-7 [Abramowitz & Stegun 1964, 7.1.26]. `gauss`
+/// is `exp(-x^2)`, which callers need as well.
+#[inline(always)]
+fn erf<R: Real>(x: R, gauss: R) -> R {
+    let (k, one) = (R::splat, R::splat(1.0));
+    let t = one / (one + k(0.327_591_1) * x.abs());
+    let poly =
+        ((((k(1.061_405_4) * t - k(1.453_152_1)) * t + k(1.421_413_8)) * t - k(0.284_496_74)) * t
+            + k(0.254_829_6))
+            * t;
+    (one - poly * gauss).copysign(x)
 }
 
 /// The inverse of the error function on (-1, 1), with an error of 3e-3 at the ends and far less
 /// elsewhere [Winitzki 2008], refined by one step of Halley's method.
-#[inline]
-fn erf_inv(y: f32) -> f32 {
+#[inline(always)]
+fn erf_inv<R: Real>(y: R) -> R {
+    const A: f32 = 0.147;
+    let (zero, one, half) = (R::splat(0.0), R::splat(1.0), R::splat(0.5));
     let y = y.clamp(-0.999_999, 0.999_999);
-    let a = 0.147;
-    let l = (1.0 - y * y).ln();
-    let b = 2.0 / (PI * a) + 0.5 * l;
-    let x = ((b * b - l / a).max(0.0).sqrt() - b)
-        .max(0.0)
+    let l = (one - y * y).map_lanes(f32::ln);
+    let b = R::splat(2.0 / (PI * A)) + half * l;
+    let x = ((b * b - l / R::splat(A)).max(zero).sqrt() - b)
+        .max(zero)
         .sqrt()
         .copysign(y);
-    let miss = (erf(x) - y) * 0.5 / INV_SQRT_PI * (x * x).exp();
-    x - miss / (1.0 + x * miss)
+    let miss = (erf(x, exp(-x * x)) - y) * half / R::splat(INV_SQRT_PI) * exp(x * x);
+    x - miss / (one + x * miss)
 }
 
 #[cfg(test)]
@@ -133,16 +156,14 @@ mod tests {
 
     #[test]
     fn the_error_function_and_its_inverse_have_their_table_values() {
+        let at = |x: f32| erf(x, (-x * x).exp());
         for (x, y) in [
             (0.0f32, 0.0f32),
             (0.5, 0.520_499_9),
             (1.0, 0.842_700_8),
             (2.0, 0.995_322_3),
         ] {
-            assert!(
-                (erf(x) - y).abs() < 5e-7 && (erf(-x) + y).abs() < 5e-7,
-                "{x}"
-            );
+            assert!((at(x) - y).abs() < 5e-7 && (at(-x) + y).abs() < 5e-7, "{x}");
             assert!((erf_inv(y) - x).abs() < 1e-3, "{x}: {}", erf_inv(y));
         }
     }

@@ -24,15 +24,23 @@ pub struct Clearcoat<R = f32> {
     pub strength: R,
     /// Width of the GTR1 lobe.
     pub alpha: R,
+    /// Natural logarithm of the squared width; any number if the strength is zero.
+    pub ln_alpha2: R,
 }
 
 impl Clearcoat<f32> {
     /// Builds a coat from the parameters `clearcoat` and `clearcoat_gloss`.
     #[inline]
     pub fn new(clearcoat: f32, gloss: f32) -> Clearcoat {
+        let alpha: f32 = 0.1 + (0.001 - 0.1) * gloss;
         Clearcoat {
             strength: 0.25 * clearcoat,
-            alpha: 0.1 + (0.001 - 0.1) * gloss,
+            alpha,
+            ln_alpha2: if clearcoat > 0.0 {
+                (alpha * alpha).ln()
+            } else {
+                0.0
+            },
         }
     }
 }
@@ -56,7 +64,7 @@ impl<R: Real> Clearcoat<R> {
         let a2 = self.alpha * self.alpha;
         // 1 + (a2 - 1) z^2, without cancellation for z near 1.
         let s = h.across2 + a2 * h.along2;
-        (a2 - R::splat(1.0)) / (R::splat(PI) * a2.map_lanes(f32::ln) * s)
+        (a2 - R::splat(1.0)) / (R::splat(PI) * self.ln_alpha2 * s)
     }
 
     /// Evaluates the lobe for two directions on the upper side with these cosines; `cos_d` is the

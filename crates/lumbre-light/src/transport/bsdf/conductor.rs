@@ -3,108 +3,119 @@
 use glam::Vec3;
 
 use super::facets::{Facets, mirrored};
+use super::interface::InterfaceOutgoing;
 use super::{LobeSample, MixtureSample};
+use crate::math::real::{Mask, Real, Vector};
 
-/// A metal at a point of a surface.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Conductor {
+/// A metal at a point of a surface, scalar or vectorised.
+#[derive(Clone, Copy, Debug)]
+pub struct Conductor<V: Vector = Vec3> {
     /// Factor on the reflectance.
-    pub tint: Vec3,
+    pub tint: V,
     /// Real part of the index by channel, relative to the outside.
-    pub eta: Vec3,
+    pub eta: V,
     /// Imaginary part of the index by channel, relative to the outside.
-    pub k: Vec3,
-    /// Its microfacets; `None` if the surface is smooth.
-    pub facets: Option<Facets>,
+    pub k: V,
+    /// Its microfacets.
+    pub facets: Facets<V::Scalar>,
 }
 
 /// Returns the reflectance of unpolarised light at a conductor [Born & Wolf 1999, 14.4]; 1 if `eta`
 /// is 0 and `k` is not.
-#[inline]
-pub fn reflectance(cos: f32, eta: f32, k: f32) -> f32 {
-    let cos2 = (cos * cos).min(1.0);
-    let sin2 = 1.0 - cos2;
+#[inline(always)]
+pub fn reflectance<R: Real>(cos: R, eta: R, k: R) -> R {
+    let (zero, one, half) = (R::splat(0.0), R::splat(1.0), R::splat(0.5));
+    let cos2 = (cos * cos).min(one);
+    let sin2 = one - cos2;
     let (eta2, k2) = (eta * eta, k * k);
     let t0 = eta2 - k2 - sin2;
-    let a2b2 = (t0 * t0 + 4.0 * eta2 * k2).sqrt();
-    let a = (0.5 * (a2b2 + t0)).max(0.0).sqrt();
-    let (t1, t2) = (a2b2 + cos2, 2.0 * a * cos.abs());
-    // Both fractions are 0 / 0 if index and cosine vanish: everything is reflected at grazing
-    // angles.
-    let ratio = |up: f32, down: f32| {
-        if down > 0.0 {
-            (up / down).max(0.0)
-        } else {
-            1.0
-        }
-    };
+    let a2b2 = (t0 * t0 + R::splat(4.0) * eta2 * k2).sqrt();
+    let a = (half * (a2b2 + t0)).max(zero).sqrt();
+    let (t1, t2) = (a2b2 + cos2, R::splat(2.0) * a * cos.abs());
     let perpendicular = ratio(t1 - t2, t1 + t2);
     let (t3, t4) = (cos2 * a2b2 + sin2 * sin2, t2 * sin2);
     let parallel = perpendicular * ratio(t3 - t4, t3 + t4);
-    0.5 * (perpendicular + parallel)
+    half * (perpendicular + parallel)
 }
 
-impl Conductor {
-    #[inline]
-    fn fresnel(&self, cos: f32) -> Vec3 {
-        let channel = |i: usize| reflectance(cos, self.eta[i], self.k[i]);
-        Vec3::new(channel(0), channel(1), channel(2)) * self.tint
+/// Returns the ratio of two amplitudes of [`reflectance`]. Both are zero if index and cosine
+/// vanish: everything is reflected at grazing angles.
+#[inline(always)]
+fn ratio<R: Real>(up: R, down: R) -> R {
+    let zero = R::splat(0.0);
+    R::select(down.gt(zero), (up / down).max(zero), R::splat(1.0))
+}
+
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Conductor<V> {
+    #[inline(always)]
+    fn fresnel(&self, cos: R) -> V {
+        let (eta, k) = (self.eta, self.k);
+        V::new(
+            reflectance(cos, eta.x(), k.x()),
+            reflectance(cos, eta.y(), k.y()),
+            reflectance(cos, eta.z(), k.z()),
+        ) * self.tint
     }
 
-    /// Returns the value and the densities of both directions, for two directions on the upper
-    /// side.
-    #[inline]
-    pub fn evaluate(&self, o: Vec3, i: Vec3) -> (Vec3, [f32; 2]) {
-        let Some(facets) = &self.facets else {
-            return (Vec3::ZERO, [0.0; 2]);
-        };
-        if o.z <= 0.0 || i.z <= 0.0 {
-            return (Vec3::ZERO, [0.0; 2]);
+    /// Returns the value and the densities of both directions, for `i` on the side of `out.o`.
+    #[inline(always)]
+    pub fn evaluate(&self, out: &InterfaceOutgoing<V>, i: V) -> (V, [R; 2]) {
+        let (o, zero) = (out.o, R::splat(0.0));
+        let black = V::splat(zero);
+        let some = o.z().gt(zero) & i.z().gt(zero) & !self.facets.smooth;
+        if !some.any() {
+            return (black, [zero; 2]);
         }
-        let h = (o + i).normalize_or(Vec3::Z);
-        let d = 0.25 * facets.d(h);
-        let masking = [o, i].map(|w| facets.masking_over_cos(w));
+        let h = (o + i).normalize_or(V::broadcast(Vec3::Z));
+        let d = R::splat(0.25) * self.facets.d(h);
+        let masking = [out.masking, self.facets.masking_over_cos(i)];
+        let f = self.fresnel(o.dot(h)) * (masking[0] * d * masking[1]);
         (
-            self.fresnel(o.dot(h)) * (masking[0] * d * masking[1]),
-            masking.map(|m| m * d),
+            V::select(some, f, black),
+            [
+                R::select(some, masking[0] * d, zero),
+                R::select(some, masking[1] * d, zero),
+            ],
         )
     }
 
-    /// Samples a reflected direction for `o` on the upper side.
-    #[inline]
-    pub fn sample(&self, o: Vec3, v: [f32; 2]) -> Option<MixtureSample> {
-        let Some(facets) = &self.facets else {
-            let wi = Vec3::new(-o.x, -o.y, o.z);
-            return Some(MixtureSample::new(
-                LobeSample {
-                    wi,
-                    weight: self.fresnel(o.z),
-                    eta: 1.0,
-                },
-                1.0,
-                true,
-            ));
-        };
-        let h = facets.sample(o, v);
-        let wi = mirrored(o, h);
-        if wi.z <= 0.0 || o.dot(h) <= 0.0 {
-            return None;
+    /// Samples a reflected direction for `out.o` on the upper side, with its reverse density. The
+    /// mask is set where there is one.
+    #[inline(always)]
+    pub fn sample(&self, out: &InterfaceOutgoing<V>, v: [R; 2]) -> (R::Mask, MixtureSample<V>, R) {
+        let (o, smooth) = (out.o, self.facets.smooth);
+        let (zero, one) = (R::splat(0.0), R::splat(1.0));
+        let (mut valid, mut sample, mut reverse) = (smooth, MixtureSample::black(), zero);
+        if smooth.any() {
+            let wi = V::new(-o.x(), -o.y(), o.z());
+            let weight = self.fresnel(o.z());
+            let s = LobeSample {
+                wi,
+                weight,
+                eta: one,
+            };
+            sample = MixtureSample::new(s, one, R::Mask::splat(true));
         }
-        // Use the half vector of both directions: for narrow lobes the sampled normal has digits
-        // that `wi` cannot represent.
-        let (f, [pdf_w, _]) = self.evaluate(o, wi);
-        let weight = f * (wi.z / pdf_w);
-        (pdf_w > 0.0 && weight.is_finite()).then(|| {
-            MixtureSample::new(
-                LobeSample {
-                    wi,
-                    weight,
-                    eta: 1.0,
-                },
-                pdf_w,
-                false,
-            )
-        })
+        let rough = !smooth;
+        if rough.any() {
+            let h = self.facets.sample(o, v);
+            let wi = mirrored(o, h);
+            let up = wi.z().gt(zero) & o.dot(h).gt(zero);
+            // Use the half vector of both directions: for narrow lobes the sampled normal has
+            // digits that `wi` cannot represent.
+            let (f, [pdf_w, back]) = self.evaluate(out, wi);
+            let weight = f * (wi.z() / pdf_w);
+            let s = LobeSample {
+                wi,
+                weight,
+                eta: one,
+            };
+            valid = valid | rough & up & pdf_w.gt(zero) & weight.is_finite();
+            let s = MixtureSample::new(s, pdf_w, R::Mask::splat(false));
+            sample = MixtureSample::select(rough, s, sample);
+            reverse = R::select(rough, back, zero);
+        }
+        (valid, sample, reverse)
     }
 }
 

@@ -1,31 +1,16 @@
 //! Ideal specular reflection and refraction at a smooth dielectric.
 
-use glam::Vec3;
-
 use super::{LobeSample, TransportMode, fresnel};
 use crate::math::real::{Real, Vector};
 
 /// Samples reflection or refraction with the Fresnel reflectance as the probability of the former;
-/// returns the sample and the probability of the event.
+/// returns the sample and the probability of the event. The mask is unset where refraction was
+/// chosen but has no direction.
 ///
 /// Refracted light is tinted by the square root of the base colour, so that a path which enters and
 /// leaves a body carries the base colour once [Burley 2015, 5.3]. Reflected light is not tinted.
-/// Returns `None` if refraction was chosen but has no direction.
-#[inline]
-pub fn sample(
-    base_color: Vec3,
-    ior: f32,
-    wo: Vec3,
-    u: f32,
-    mode: TransportMode,
-) -> Option<(LobeSample, f32)> {
-    let (some, sample, probability) = sample_lanes(base_color, ior, wo, u, mode);
-    some.then_some((sample, probability))
-}
-
-/// Vectorised [`sample`]; the mask is set where there is a direction.
 #[inline(always)]
-pub(super) fn sample_lanes<R: Real, V: Vector<Scalar = R>>(
+pub fn sample<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(
     base_color: V,
     ior: R,
     wo: V,
@@ -54,7 +39,21 @@ pub(super) fn sample_lanes<R: Real, V: Vector<Scalar = R>>(
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
+
+    /// Returns the sample and its probability, if refraction has a direction.
+    fn sample(
+        base_color: Vec3,
+        ior: f32,
+        wo: Vec3,
+        u: f32,
+        mode: TransportMode,
+    ) -> Option<(LobeSample, f32)> {
+        let (some, sample, probability) = super::sample(base_color, ior, wo, u, mode);
+        some.then_some((sample, probability))
+    }
 
     #[test]
     fn refraction_obeys_snell_and_keeps_unit_length() {

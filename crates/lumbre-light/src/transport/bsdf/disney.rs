@@ -3,9 +3,10 @@
 //! All computations place `wo` on the upper side: opaque lobes are the same on both sides of a
 //! surface, and the refractive one sees the inverse index from inside.
 //!
-//! With [vector types](crate::math::real), all lanes hold surfaces with the same lobes: which
-//! parameters are zero, whether microfacets are Dirac lobes, and whether there is a tint is the
-//! same in every lane. Branches on parameters are therefore uniform.
+//! With [vector types](crate::math::real), all lanes hold surfaces of one
+//! [class](super::material::BsdfClass): whether there is a coat, a tint, sheen or subsurface
+//! scattering is the same in every lane. Other lobes may be missing in some lanes, where their
+//! weight is zero.
 
 mod sampling;
 
@@ -16,10 +17,10 @@ use super::diffuse::Diffuse;
 use super::fresnel;
 use super::ggx::{Ggx, HalfVector};
 use super::glass::Refraction;
-use super::{MixtureSample, TransportMode};
+use super::material::MaterialConstants;
+use super::{MixtureSample, TransportMode, flipped};
 use crate::math::real::{Mask, Real, Vector};
-use crate::math::warp;
-use crate::scene::compile::Material;
+use crate::math::{Frame, warp};
 
 /// A refractive interface bends rays by about `|ior - 1| alpha`. Below this many radians the half
 /// vector of a refraction has no significant digits in single precision, and the interface is
@@ -49,11 +50,13 @@ pub struct Disney<V: Vector = Vec3> {
     pub diffuse: Diffuse<V>,
     /// The microfacets of all lobes except the coat.
     pub ggx: Ggx<V::Scalar>,
-    /// Whether these microfacets are Dirac lobes.
-    pub smooth: bool,
+    /// Whether the microfacets may be anisotropic; otherwise both widths are equal in every lane.
+    pub anisotropic: bool,
+    /// Whether the microfacets are Dirac lobes.
+    pub smooth: <V::Scalar as Real>::Mask,
     /// The clear coat.
     pub coat: Clearcoat<V::Scalar>,
-    /// Derived from all other parameters by [`Disney::with_estimate`].
+    /// Derived from all other parameters.
     pub estimate: LobeEstimate<V::Scalar>,
 }
 
@@ -113,6 +116,19 @@ pub fn f0_of<R: Real>(ior: R) -> R {
     r * r
 }
 
+impl<R: Real> LobeEstimate<R> {
+    /// Returns the estimate of a surface that reflects nothing.
+    #[inline(always)]
+    fn none() -> LobeEstimate<R> {
+        let zero = R::splat(0.0);
+        LobeEstimate {
+            diffuse: zero,
+            reflection: zero,
+            rise: zero,
+        }
+    }
+}
+
 impl<R: Real> LobeProbabilities<R> {
     /// Returns probabilities of zero: nothing is reflected.
     #[inline(always)]
@@ -127,25 +143,35 @@ impl<R: Real> LobeProbabilities<R> {
     }
 }
 
-impl Disney<Vec3> {
-    /// Builds the BSDF at a point whose textures give this base colour and roughness, with the
-    /// weights of the opaque dielectric, the metal and the refractive dielectric.
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
+    /// Builds the BSDF at points whose textures give this base colour and roughness, with the
+    /// weights of the opaque dielectric, the metal and the refractive dielectric. `anisotropic` is
+    /// unset only if both widths of the microfacets are equal.
     #[inline(always)]
     pub fn new(
-        m: &Material,
-        base_color: Vec3,
-        roughness: f32,
-        [opaque, metallic, refractive]: [f32; 3],
-    ) -> Disney {
-        let hue = |amount: f32| {
-            if amount > 0.0 {
-                Vec3::ONE.lerp(hue_of(base_color), amount)
+        m: &MaterialConstants<V>,
+        anisotropic: bool,
+        base_color: V,
+        roughness: R,
+        [opaque, metallic, refractive]: [R; 3],
+    ) -> Disney<V> {
+        let (zero, one) = (R::splat(0.0), R::splat(1.0));
+        let white = V::splat(one);
+        let tinted_f0 = m
+            .specular_tint
+            .gt(zero)
+            .any()
+            .then(|| (tinted(base_color, m.specular_tint) * f0_of(m.ior)).map(|x| x.min(one)));
+        let sheen = if m.sheen.gt(zero).any() {
+            let color = if m.sheen_tint.gt(zero).any() {
+                tinted(base_color, m.sheen_tint)
             } else {
-                Vec3::ONE
-            }
+                white
+            };
+            color * m.sheen
+        } else {
+            V::splat(zero)
         };
-        let tinted_f0 =
-            (m.specular_tint > 0.0).then(|| (hue(m.specular_tint) * f0_of(m.ior)).min(Vec3::ONE));
         let disney = Disney {
             base_color,
             opaque,
@@ -157,40 +183,36 @@ impl Disney<Vec3> {
                 base_color,
                 roughness,
                 subsurface: m.subsurface,
-                sheen: if m.sheen > 0.0 {
-                    hue(m.sheen_tint) * m.sheen
-                } else {
-                    Vec3::ZERO
-                },
+                sheen,
             },
-            ggx: Ggx::new(roughness, m.anisotropic),
-            smooth: roughness < m.smooth_below,
-            coat: Clearcoat::new(m.clearcoat, m.clearcoat_gloss),
-            estimate: LobeEstimate::default(),
+            ggx: Ggx::new(roughness, m.aspect),
+            anisotropic,
+            smooth: roughness.lt(m.smooth_below),
+            coat: m.coat,
+            estimate: LobeEstimate::none(),
         };
         disney.with_estimate()
     }
 
     /// Returns the BSDF with [`Disney::estimate`] computed from the other parameters.
-    #[inline]
-    pub fn with_estimate(self) -> Disney {
-        let mean = |c: Vec3| c.element_sum() * (1.0 / 3.0);
-        let (f0, color) = (f0_of(self.ior), mean(self.base_color));
-        let rough = if self.smooth {
-            0.0
-        } else {
-            MIN_ROUGH * (self.opaque + self.metallic)
-        };
+    #[inline(always)]
+    fn with_estimate(self) -> Disney<V> {
+        let (zero, one, third) = (R::splat(0.0), R::splat(1.0), R::splat(1.0 / 3.0));
+        let (f0, color) = (f0_of(self.ior), self.base_color.element_sum() * third);
+        let sheen = self.diffuse.sheen.element_sum() * third;
+        let rough = R::select(
+            self.smooth,
+            zero,
+            R::splat(MIN_ROUGH) * (self.opaque + self.metallic),
+        );
         let estimate = LobeEstimate {
-            diffuse: self.opaque * (color + 0.25 * mean(self.diffuse.sheen)),
+            diffuse: self.opaque * (color + R::splat(0.25) * sheen),
             reflection: self.opaque * f0 + self.metallic * color + rough,
-            rise: self.opaque * (1.0 - f0) + self.metallic * (1.0 - color),
+            rise: self.opaque * (one - f0) + self.metallic * (one - color),
         };
         Disney { estimate, ..self }
     }
-}
 
-impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
     /// Returns the reflectance of the opaque dielectric: the exact Fresnel equations from outside,
     /// tinted at normal incidence and blending to white as the exact reflectance does (the
     /// adaptation of S0).
@@ -228,22 +250,27 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
         weight.gt(R::splat(0.0)).any()
     }
 
-    /// Returns whether the refractive lobe is a Dirac lobe.
+    /// Returns where the refractive lobe is a Dirac lobe.
     #[inline(always)]
-    pub fn smooth_glass(&self) -> bool {
-        self.smooth
-            || ((self.ior - R::splat(1.0)).abs() * self.ggx.alpha[1])
-                .lt(R::splat(MIN_BEND))
-                .any()
+    pub fn smooth_glass(&self) -> R::Mask {
+        let bend = (self.ior - R::splat(1.0)).abs() * self.ggx.alpha[1];
+        self.smooth | bend.lt(R::splat(MIN_BEND))
     }
 
-    /// Returns whether any lobe has a density.
+    /// Returns where the refractive lobe has a density.
     #[inline(always)]
-    pub fn has_density(&self) -> bool {
-        self.has(self.opaque)
-            || (self.has(self.metallic) && !self.smooth)
-            || (self.has(self.refractive) && !self.smooth_glass())
-            || self.has(self.coat.strength)
+    fn rough_glass(&self) -> R::Mask {
+        self.refractive.gt(R::splat(0.0)) & !self.smooth_glass()
+    }
+
+    /// Returns where any lobe has a density.
+    #[inline(always)]
+    pub fn has_density(&self) -> R::Mask {
+        let zero = R::splat(0.0);
+        self.opaque.gt(zero)
+            | self.metallic.gt(zero) & !self.smooth
+            | self.rough_glass()
+            | self.coat.strength.gt(zero)
     }
 
     /// Returns sampling probabilities in proportion to the estimated reflectance of each lobe.
@@ -289,10 +316,10 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
                 self.ior
             },
             choice: self.lobe_probabilities(o.z()),
-            masking: if self.smooth {
-                R::splat(0.0)
-            } else {
+            masking: if (!self.smooth).any() {
                 self.ggx.masking_over_cos(o)
+            } else {
+                R::splat(0.0)
             },
         }
     }
@@ -350,7 +377,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
     /// computed from the directions in world space and their cosines with the normal `n`, without a
     /// local frame.
     #[inline(always)]
-    pub fn evaluate_isotropic<const REVERSE: bool>(
+    fn evaluate_isotropic<const REVERSE: bool>(
         &self,
         out: &DisneyOutgoing<V>,
         wo: V,
@@ -381,10 +408,44 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
         )
     }
 
-    /// Returns whether the microfacets are isotropic.
+    /// Evaluates the BSDF for directions in world space, of which `wi` has the cosine `cos_i` with
+    /// the normal of `frame`, in the lanes of `wanted`. Otherwise like [`Disney::evaluate`].
     #[inline(always)]
-    pub fn is_isotropic(&self) -> bool {
-        !(!self.ggx.alpha[0].eq(self.ggx.alpha[1])).any()
+    pub fn evaluate_in<const REVERSE: bool>(
+        &self,
+        frame: &Frame<V>,
+        out: &DisneyOutgoing<V>,
+        [wo, wi]: [V; 2],
+        cos_i: R,
+        mode: TransportMode,
+        wanted: R::Mask,
+    ) -> (V, [R; 2]) {
+        let zero = R::splat(0.0);
+        let upper_i = R::select(out.below, -cos_i, cos_i);
+        let same = (out.o.z() * upper_i).gt(zero);
+        let mut direct = same;
+        if self.anisotropic {
+            direct = same & self.ggx.alpha[0].eq(self.ggx.alpha[1]);
+        }
+        let (mut f, mut pdf) = (V::splat(zero), [zero; 2]);
+        if direct.any() {
+            let (value, pdfs) = self.evaluate_isotropic::<REVERSE>(out, wo, wi, frame.n, cos_i);
+            f = V::select(direct, value, f);
+            pdf = [
+                R::select(direct, pdfs[0], zero),
+                R::select(direct, pdfs[1], zero),
+            ];
+        }
+        let rest = wanted & !direct;
+        if rest.any() && (self.anisotropic || self.has(self.refractive)) {
+            let (value, pdfs) = self.evaluate::<REVERSE>(out, frame.to_local(wi), mode);
+            f = V::select(direct, f, value);
+            pdf = [
+                R::select(direct, pdf[0], pdfs[0]),
+                R::select(direct, pdf[1], pdfs[1]),
+            ];
+        }
+        (f, pdf)
     }
 
     /// Returns value and densities of reflection: of `i` given `o` and, with `REVERSE`, of `o`
@@ -413,18 +474,26 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
             );
             pdf = [from_o.diffuse * to_i, from_i.diffuse * to_o];
         }
-        if !self.smooth {
+        let rough = !self.smooth;
+        if rough.any() {
             let d = R::splat(0.25) * self.ggx.d_at(&pair.half);
             let masking = [out.masking * d, pair.masking * d];
             let mut reflectance = self.opaque_reflectance(pair.cos_d);
             let mut r = zero;
-            if self.has(self.refractive) && !self.smooth_glass() {
-                r = fresnel::dielectric(pair.cos_d, out.eta).reflectance;
+            let glass = self.rough_glass();
+            if glass.any() {
+                let exact = fresnel::dielectric(pair.cos_d, out.eta).reflectance;
+                r = R::select(glass, exact, zero);
                 reflectance = reflectance + V::splat(self.refractive * r);
             }
-            f = f + reflectance * (masking[0] * pair.masking);
-            pdf[0] = pdf[0] + (from_o.reflection + from_o.glass * r) * masking[0];
-            pdf[1] = pdf[1] + (from_i.reflection + from_i.glass * r) * masking[1];
+            let value = f + reflectance * (masking[0] * pair.masking);
+            let to_i = pdf[0] + (from_o.reflection + from_o.glass * r) * masking[0];
+            let to_o = pdf[1] + (from_i.reflection + from_i.glass * r) * masking[1];
+            f = V::select(rough, value, f);
+            pdf = [
+                R::select(rough, to_i, pdf[0]),
+                R::select(rough, to_o, pdf[1]),
+            ];
         }
         if self.has(self.coat.strength) {
             let density = self.coat.pdf_w(&pair.half, pair.cos_d);
@@ -440,11 +509,13 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
     #[inline(always)]
     fn transmitted(&self, out: &DisneyOutgoing<V>, i: V, mode: TransportMode) -> (V, R) {
         let zero = R::splat(0.0);
-        if !self.has(self.refractive) || self.smooth_glass() {
+        let glass = self.rough_glass();
+        if !glass.any() {
             return (V::splat(zero), zero);
         }
         let (o, eta) = (out.o, out.eta);
         let (bent, refraction) = Refraction::between(o, i, eta);
+        let bent = glass & bent;
         if !bent.any() {
             return (V::splat(zero), zero);
         }
@@ -512,18 +583,21 @@ impl<R: Real> DirectionPair<R> {
     }
 }
 
+/// Returns the blend from white to a colour of luminance 1 with the hue of `color`; `amount` is that
+/// of the hue.
 #[inline(always)]
-fn flipped<V: Vector>(w: V) -> V {
-    V::new(w.x(), w.y(), -w.z())
+fn tinted<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(color: V, amount: R) -> V {
+    let one = R::splat(1.0);
+    V::splat(one) * (one - amount) + hue_of(color) * amount
 }
 
 /// Returns a colour of luminance 1 with the hue of `c`; white for black.
-#[inline]
-fn hue_of(c: Vec3) -> Vec3 {
-    let luminance = c.dot(Vec3::new(0.2126, 0.7152, 0.0722));
-    if luminance > 0.0 {
-        c / luminance
-    } else {
-        Vec3::ONE
-    }
+#[inline(always)]
+fn hue_of<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(c: V) -> V {
+    let luminance = c.dot(V::broadcast(Vec3::new(0.2126, 0.7152, 0.0722)));
+    V::select(
+        luminance.gt(R::splat(0.0)),
+        c / luminance,
+        V::splat(R::splat(1.0)),
+    )
 }

@@ -58,28 +58,24 @@ impl<R: Real> HalfVector<R> {
     }
 }
 
-impl Ggx<f32> {
-    /// Builds the surface from perceptual roughness and anisotropy: alpha = roughness^2, stretched
-    /// by the aspect sqrt(1 - 0.9 anisotropic) [Burley 2012].
-    #[inline]
-    pub fn new(roughness: f32, anisotropic: f32) -> Ggx {
-        let alpha = roughness * roughness;
-        if anisotropic == 0.0 {
-            return Ggx {
-                alpha: [alpha.max(MIN_ALPHA); 2],
-            };
-        }
-        let aspect = (1.0 - 0.9 * anisotropic).sqrt();
-        Ggx {
-            alpha: [
-                (alpha / aspect).max(MIN_ALPHA),
-                (alpha * aspect).max(MIN_ALPHA),
-            ],
-        }
-    }
+/// Returns the aspect of microfacets with this anisotropy: the factor of alpha along the bitangent,
+/// and the divisor along the tangent [Burley 2012].
+#[inline]
+pub fn aspect(anisotropic: f32) -> f32 {
+    (1.0 - 0.9 * anisotropic).sqrt()
 }
 
 impl<R: Real> Ggx<R> {
+    /// Builds the surface from perceptual roughness and the [`aspect`] of its microfacets: alpha =
+    /// roughness^2.
+    #[inline(always)]
+    pub fn new(roughness: R, aspect: R) -> Ggx<R> {
+        let (alpha, least) = (roughness * roughness, R::splat(MIN_ALPHA));
+        Ggx {
+            alpha: [(alpha / aspect).max(least), (alpha * aspect).max(least)],
+        }
+    }
+
     /// Returns the half vector of two directions with this sum, and its cosine with them: see
     /// [`HalfVector::from_sum`].
     #[inline(always)]
@@ -132,13 +128,6 @@ impl<R: Real> Ggx<R> {
         R::splat(2.0) / (cos + (cos * cos + spread2).sqrt())
     }
 
-    /// Returns the density with which [`Ggx::sample`] samples the normal `h`, over `wo . h`: the
-    /// Jacobian of a reflection cancels that factor.
-    #[inline(always)]
-    pub fn pdf_over_dot(&self, wo: R::Vec3, h: R::Vec3) -> R {
-        self.masking_over_cos(wo) * self.d(h)
-    }
-
     /// Samples a microfacet normal with the density of those visible from `wo` [Heitz 2018], by
     /// spherical caps [Dupuy & Benyoub 2023].
     #[inline(always)]
@@ -176,7 +165,7 @@ mod tests {
     #[test]
     fn microfacets_cover_the_surface_once_and_visible_ones_the_projected_surface() {
         for (roughness, anisotropic) in [(1.0, 0.0), (0.7, 0.0), (0.8, 0.8)] {
-            let ggx = Ggx::new(roughness, anisotropic);
+            let ggx = Ggx::new(roughness, aspect(anisotropic));
             let area = hemisphere(400_000, |h| ggx.d(h) * h.z);
             assert!(
                 (area - 1.0).abs() < 0.02,
@@ -187,7 +176,9 @@ mod tests {
                 Vec3::new(0.6, 0.0, 0.8),
                 Vec3::new(0.3, 0.9, 0.3).normalize_or(Vec3::Z),
             ] {
-                let seen = hemisphere(400_000, |h| ggx.pdf_over_dot(wo, h) * wo.dot(h).max(0.0));
+                let seen = hemisphere(400_000, |h| {
+                    ggx.masking_over_cos(wo) * ggx.d(h) * wo.dot(h).max(0.0)
+                });
                 assert!(
                     (seen - 1.0).abs() < 0.02,
                     "{roughness} {anisotropic} {wo}: {seen}"
@@ -202,7 +193,7 @@ mod tests {
             for i in 0..2000 {
                 let u = pcg4d([i, 1, 2, 9]).map(unit);
                 let wo = uniform_sphere([u[0] * 0.5, u[1]]);
-                let h = Ggx::new(roughness, 0.5).sample(wo, [u[2], u[3]]);
+                let h = Ggx::new(roughness, aspect(0.5)).sample(wo, [u[2], u[3]]);
                 assert!(
                     (h.length() - 1.0).abs() < 1e-5 && h.z >= 0.0 && wo.dot(h) > -1e-4,
                     "{wo} {h}"

@@ -4,131 +4,132 @@
 use glam::Vec3;
 
 use super::facets::{Facets, mirrored};
-use super::{LobeSample, MixtureSample, TransportMode, fresnel};
-use crate::math::real::{Real, Vector};
+use super::interface::InterfaceOutgoing;
+use super::{LobeSample, MixtureSample, TransportMode, dielectric, fresnel};
+use crate::math::real::{Mask, Real, Vector};
 
-/// Glass at a point of a surface.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Glass {
+/// Glass at a point of a surface, scalar or vectorised; all lanes are panes or none is.
+#[derive(Clone, Copy, Debug)]
+pub struct Glass<V: Vector = Vec3> {
     /// Square of the factor on light that passes once, as in [`super::dielectric`].
-    pub base_color: Vec3,
+    pub base_color: V,
     /// Factor on reflected light.
-    pub specular: Vec3,
+    pub specular: V,
     /// Index of the inside relative to the outside.
-    pub ior: f32,
+    pub ior: V::Scalar,
     /// Whether this is a pane without an inside: light passes without being bent, and reflections
     /// between its faces are summed.
     pub thin: bool,
-    /// Its microfacets; `None` if the surface is smooth. A thin pane is always smooth.
-    pub facets: Option<Facets>,
+    /// Its microfacets. A thin pane is always smooth.
+    pub facets: Facets<V::Scalar>,
 }
 
-impl Glass {
-    #[inline]
-    fn tint(&self) -> Vec3 {
-        self.base_color.map(f32::sqrt)
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Glass<V> {
+    #[inline(always)]
+    fn tint(&self) -> V {
+        self.base_color.map(R::sqrt)
     }
 
-    /// Returns whether sampled directions have a density.
-    #[inline]
-    pub fn has_density(&self) -> bool {
-        self.facets.is_some() && !self.thin
-    }
-
-    /// Returns value and density of `i` given `o`, for `o` on the upper side; `eta` is the index of
-    /// the lower side relative to the upper one.
-    #[inline]
-    pub fn density(&self, o: Vec3, i: Vec3, eta: f32, mode: TransportMode) -> (Vec3, f32) {
-        let Some(facets) = self
-            .facets
-            .as_ref()
-            .filter(|_| !self.thin && o.z > 0.0 && i.z != 0.0)
-        else {
-            return (Vec3::ZERO, 0.0);
-        };
-        if i.z > 0.0 {
-            let h = (o + i).normalize_or(Vec3::Z);
-            let r = fresnel::dielectric(o.dot(h).max(0.0), eta).reflectance;
-            let common = 0.25 * r * facets.pdf_over_dot(o, h);
-            return (
-                self.specular * (common * facets.masking_over_cos(i)),
-                common,
-            );
+    /// Returns value and density of `i` given `out.o`, for `out.o` on the upper side.
+    #[inline(always)]
+    pub fn density(&self, out: &InterfaceOutgoing<V>, i: V, mode: TransportMode) -> (V, R) {
+        let (o, eta, zero) = (out.o, out.eta, R::splat(0.0));
+        let some = o.z().gt(zero) & !self.facets.smooth;
+        let (up, down) = (some & i.z().gt(zero), some & i.z().lt(zero));
+        let (mut f, mut pdf_w) = (V::splat(zero), zero);
+        if up.any() {
+            let h = (o + i).normalize_or(V::broadcast(Vec3::Z));
+            let r = fresnel::dielectric(o.dot(h).max(zero), eta).reflectance;
+            let common = R::splat(0.25) * r * (out.masking * self.facets.d(h));
+            let value = self.specular * (common * self.facets.masking_over_cos(i));
+            f = V::select(up, value, f);
+            pdf_w = R::select(up, common, pdf_w);
         }
-        let (bent, refraction) = Refraction::between(o, i, eta);
-        if !bent {
-            return (Vec3::ZERO, 0.0);
+        if down.any() {
+            let (bent, refraction) = Refraction::between(o, i, eta);
+            let facing = out.masking * self.facets.d(refraction.h);
+            let common = refraction.direction_density(refraction.transmittance * facing);
+            let masking = self.facets.masking_over_cos(V::new(i.x(), i.y(), -i.z()));
+            let value = self.tint() * (common * masking * refraction.scale(mode));
+            f = V::select(down & bent, value, f);
+            pdf_w = R::select(down & bent, common * eta * eta, pdf_w);
         }
-        let common = refraction
-            .direction_density(refraction.transmittance * facets.pdf_over_dot(o, refraction.h));
-        let masking = facets.masking_over_cos(Vec3::new(i.x, i.y, -i.z));
-        (
-            self.tint() * (common * masking * refraction.scale(mode)),
-            common * eta * eta,
-        )
+        (f, pdf_w)
     }
 
-    /// Samples a direction for `o` on the upper side.
-    #[inline]
+    /// Samples a direction for `out.o` on the upper side; the mask is set where there is one.
+    #[inline(always)]
     pub fn sample(
         &self,
-        o: Vec3,
-        eta: f32,
-        u: f32,
-        v: [f32; 2],
+        out: &InterfaceOutgoing<V>,
+        u: R,
+        v: [R; 2],
         mode: TransportMode,
-    ) -> Option<MixtureSample> {
+    ) -> (R::Mask, MixtureSample<V>) {
         if self.thin {
-            return Some(self.through_pane(o, u));
+            return (R::Mask::splat(true), self.through_pane(out.o, u));
         }
-        let Some(facets) = &self.facets else {
-            let (mut s, probability) = super::dielectric::sample(self.base_color, eta, o, u, mode)?;
-            if s.eta == 1.0 {
-                s.weight *= self.specular;
-            }
-            return Some(MixtureSample::new(s, probability, true));
-        };
-        let h = facets.sample(o, v);
-        let r = fresnel::dielectric(o.dot(h).max(0.0), eta).reflectance;
-        let reflects = u < r;
+        let smooth = self.facets.smooth;
+        let (mut valid, mut sample) = (R::Mask::splat(false), MixtureSample::black());
+        if smooth.any() {
+            let (some, mut s, probability) =
+                dielectric::sample(self.base_color, out.eta, out.o, u, mode);
+            let reflects = s.eta.eq(R::splat(1.0));
+            s.weight = V::select(reflects, s.weight * self.specular, s.weight);
+            valid = smooth & some;
+            sample = MixtureSample::new(s, probability, R::Mask::splat(true));
+        }
+        let rough = !smooth;
+        if rough.any() {
+            let (some, s) = self.sample_facets(out, u, v, mode);
+            valid = valid | rough & some;
+            sample = MixtureSample::select(rough, s, sample);
+        }
+        (valid, sample)
+    }
+
+    /// Samples reflection or refraction at a microfacet; the mask is set where there is one.
+    #[inline(always)]
+    fn sample_facets(
+        &self,
+        out: &InterfaceOutgoing<V>,
+        u: R,
+        v: [R; 2],
+        mode: TransportMode,
+    ) -> (R::Mask, MixtureSample<V>) {
+        let (o, eta, zero) = (out.o, out.eta, R::splat(0.0));
+        let h = self.facets.sample(o, v);
+        let reflects = u.lt(fresnel::dielectric(o.dot(h).max(zero), eta).reflectance);
         let (bends, through) = refracted(o, h, eta);
-        let wi = if reflects { mirrored(o, h) } else { through };
-        if !(reflects || bends) || (wi.z > 0.0) != reflects {
-            return None;
-        }
-        let (f, pdf_w) = self.density(o, wi, eta, mode);
-        let weight = f * (wi.z.abs() / pdf_w);
-        let eta = if reflects { 1.0 } else { eta };
-        (pdf_w > 0.0 && weight.is_finite())
-            .then(|| MixtureSample::new(LobeSample { wi, weight, eta }, pdf_w, false))
+        let wi = V::select(reflects, mirrored(o, h), through);
+        let up = wi.z().gt(zero);
+        let passes = reflects & up | !reflects & bends & !up;
+        let (f, pdf_w) = self.density(out, wi, mode);
+        let weight = f * (wi.z().abs() / pdf_w);
+        let eta = R::select(reflects, R::splat(1.0), eta);
+        (
+            passes & pdf_w.gt(zero) & weight.is_finite(),
+            MixtureSample::new(LobeSample { wi, weight, eta }, pdf_w, R::Mask::splat(false)),
+        )
     }
 
     /// Samples a thin pane. The sum over reflections between its faces is `R + T^2 R + T^2 R^3 +
     /// ... = 2 R / (1 + R)`.
-    #[inline]
-    fn through_pane(&self, o: Vec3, u: f32) -> MixtureSample {
-        let once = fresnel::dielectric(o.z, self.ior.max(1.0 / self.ior)).reflectance;
-        let r = 2.0 * once / (1.0 + once);
-        if u < r {
-            let wi = Vec3::new(-o.x, -o.y, o.z);
-            return MixtureSample::new(
-                LobeSample {
-                    wi,
-                    weight: self.specular,
-                    eta: 1.0,
-                },
-                r,
-                true,
-            );
-        }
+    #[inline(always)]
+    fn through_pane(&self, o: V, u: R) -> MixtureSample<V> {
+        let one = R::splat(1.0);
+        let denser = self.ior.max(one / self.ior);
+        let once = fresnel::dielectric(o.z(), denser).reflectance;
+        let r = R::splat(2.0) * once / (one + once);
+        let reflects = u.lt(r);
         MixtureSample::new(
             LobeSample {
-                wi: -o,
-                weight: self.tint(),
-                eta: 1.0,
+                wi: V::new(-o.x(), -o.y(), R::select(reflects, o.z(), -o.z())),
+                weight: V::select(reflects, self.specular, self.tint()),
+                eta: one,
             },
-            1.0 - r,
-            true,
+            R::select(reflects, r, one - r),
+            R::Mask::splat(true),
         )
     }
 }

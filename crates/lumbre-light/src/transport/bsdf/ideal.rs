@@ -2,57 +2,67 @@
 
 use glam::Vec3;
 
-use super::{LobeSample, MixtureSample, TransportMode, dielectric, lambert, mirror};
+use super::{MixtureSample, TransportMode, dielectric, lambert, mirror};
+use crate::math::real::{Mask, Real, Vector};
 
-/// An ideal surface.
+/// An ideal surface, scalar or vectorised.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ideal {
+pub struct Ideal<V: Vector = Vec3> {
     /// Base colour of all lobes.
-    pub base_color: Vec3,
+    pub base_color: V,
     /// Index of the inside relative to the outside.
-    pub ior: f32,
+    pub ior: V::Scalar,
     /// Probabilities of Lambert, mirror and dielectric; also the weights of the mixture.
-    pub mix: [f32; 3],
+    pub mix: [V::Scalar; 3],
 }
 
-impl Ideal {
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Ideal<V> {
     /// Evaluates the diffuse part.
-    #[inline]
-    pub fn eval(&self, wo: Vec3, wi: Vec3) -> Vec3 {
+    #[inline(always)]
+    pub fn eval(&self, wo: V, wi: V) -> V {
         lambert::eval(self.base_color, wo, wi) * self.mix[0]
     }
 
     /// Returns the density of the diffuse part.
-    #[inline]
-    pub fn pdf_w(&self, wo: Vec3, wi: Vec3) -> f32 {
+    #[inline(always)]
+    pub fn pdf_w(&self, wo: V, wi: V) -> R {
         lambert::pdf_w(wo, wi) * self.mix[0]
     }
 
-    /// Samples a direction of one lobe. Its weight equals that of the mixture, since probabilities
-    /// and weights coincide.
-    #[inline]
+    /// Samples a direction of one lobe; the mask is set where there is one. Its weight equals that
+    /// of the mixture, since probabilities and weights coincide.
+    #[inline(always)]
     pub fn sample(
         &self,
-        wo: Vec3,
-        u: f32,
-        v: [f32; 2],
+        wo: V,
+        u: R,
+        v: [R; 2],
         mode: TransportMode,
-    ) -> Option<MixtureSample> {
+    ) -> (R::Mask, MixtureSample<V>) {
         let [diffuse, metal, glass] = self.mix;
-        if u < diffuse {
+        let (to_diffuse, no_glass) = (u.lt(diffuse), glass.le(R::splat(0.0)));
+        let to_metal = !to_diffuse & (u.lt(diffuse + metal) | no_glass);
+        let to_glass = !(to_diffuse | to_metal);
+        let (mut valid, mut sample) = (!to_glass, MixtureSample::black());
+        if to_diffuse.any() {
             let (some, s) = lambert::sample(self.base_color, wo, v);
-            return some.then(|| MixtureSample::new(s, diffuse * lambert::pdf_w(wo, s.wi), false));
+            valid = valid & (some | !to_diffuse);
+            let pdf_w = diffuse * lambert::pdf_w(wo, s.wi);
+            sample = MixtureSample::new(s, pdf_w, R::Mask::splat(false));
         }
-        if u < diffuse + metal || glass <= 0.0 {
-            return Some(MixtureSample::new(
-                mirror::sample(self.base_color, wo),
-                metal,
-                true,
-            ));
+        if to_metal.any() {
+            let s = mirror::sample(self.base_color, wo);
+            let s = MixtureSample::new(s, metal, R::Mask::splat(true));
+            sample = MixtureSample::select(to_metal, s, sample);
         }
-        let rest = ((u - diffuse - metal) / glass).clamp(0.0, 1.0);
-        let (s, probability): (LobeSample, f32) =
-            dielectric::sample(self.base_color, self.ior, wo, rest, mode)?;
-        Some(MixtureSample::new(s, glass * probability, true))
+        if to_glass.any() {
+            let rest = ((u - diffuse - metal) / glass).clamp(0.0, 1.0);
+            let (some, s, probability) =
+                dielectric::sample(self.base_color, self.ior, wo, rest, mode);
+            valid = valid | to_glass & some;
+            let s = MixtureSample::new(s, glass * probability, R::Mask::splat(true));
+            sample = MixtureSample::select(to_glass, s, sample);
+        }
+        (valid, sample)
     }
 }

@@ -9,153 +9,226 @@ use glam::Vec3;
 
 use super::conductor::Conductor;
 use super::facets::Facets;
+use super::ggx::Ggx;
 use super::glass::Glass;
-use super::plastic::Plastic;
-use super::{MixtureSample, TransportMode};
-use crate::scene::compile::{Material, Model};
+use super::material::{BsdfClass, MaterialConstants};
+use super::plastic::{Plastic, PlasticSide};
+use super::{MixtureSample, TransportMode, flipped};
+use crate::math::real::{Mask, Real, Vector};
+use crate::scene::compile::Model;
 
-/// The BSDF of a material with one interface.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum InterfaceBsdf {
+/// The BSDF of a material with one interface, scalar or vectorised.
+#[derive(Clone, Copy, Debug)]
+pub enum InterfaceBsdf<V: Vector = Vec3> {
     /// A smooth or rough metal.
-    Conductor(Conductor),
+    Conductor(Conductor<V>),
     /// A diffuse body under a dielectric surface.
-    Plastic(Plastic),
+    Plastic(Plastic<V>),
     /// Smooth, rough or thin glass.
-    Glass(Glass),
+    Glass(Glass<V>),
 }
 
-#[inline]
-fn flipped(w: Vec3) -> Vec3 {
-    Vec3::new(w.x, w.y, -w.z)
+/// Quantities of the BSDF that depend on `wo` alone, computed once for all directions that are
+/// combined with it.
+#[derive(Clone, Copy, Debug)]
+pub struct InterfaceOutgoing<V: Vector = Vec3> {
+    /// The direction `wo` in the local frame, mirrored to the upper side.
+    pub(super) o: V,
+    /// Whether `wo` was mirrored.
+    below: <V::Scalar as Real>::Mask,
+    /// Index of the lower side relative to the upper one, as seen from `o`; 1 if light does not
+    /// enter.
+    pub(super) eta: V::Scalar,
+    /// Masking of `o` by the microfacets over its cosine.
+    pub(super) masking: V::Scalar,
+    /// Quantities of plastic.
+    pub(super) plastic: PlasticSide<V::Scalar>,
 }
 
-impl InterfaceBsdf {
-    /// Builds the BSDF of a material whose textures give this base colour and roughness; `None` for
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> InterfaceBsdf<V> {
+    /// Builds the BSDF of materials whose textures give this base colour and roughness; `None` for
     /// the models `disney` and `lambert`.
-    #[inline]
-    pub fn new(m: &Material, base_color: Vec3, roughness: f32) -> Option<InterfaceBsdf> {
-        let p = &m.interface;
-        let facets = (roughness >= m.smooth_below)
-            .then(|| Facets::new(p.distribution, roughness, m.anisotropic));
-        match m.model {
+    #[inline(always)]
+    pub fn new(
+        class: &BsdfClass,
+        m: &MaterialConstants<V>,
+        base_color: V,
+        roughness: R,
+    ) -> Option<InterfaceBsdf<V>> {
+        let facets = Facets {
+            distribution: class.distribution,
+            alpha: Ggx::new(roughness, m.aspect).alpha,
+            smooth: !roughness.ge(m.smooth_below),
+        };
+        match class.model {
             Model::Disney | Model::Lambert => None,
             Model::Conductor => Some(InterfaceBsdf::Conductor(Conductor {
-                tint: base_color * p.specular,
-                eta: p.eta,
-                k: p.k,
+                tint: base_color * m.specular,
+                eta: m.eta,
+                k: m.k,
                 facets,
             })),
-            Model::Plastic => Some(InterfaceBsdf::Plastic(Plastic {
-                diffuse: base_color,
-                specular: p.specular,
-                ior: m.ior,
-                internal: p.internal_reflectance,
-                nonlinear: p.nonlinear,
-                facets,
-            })),
-            Model::Dielectric => Some(InterfaceBsdf::Glass(Glass {
+            Model::Plastic => Some(InterfaceBsdf::Plastic(Plastic::new(
                 base_color,
-                specular: p.specular,
-                ior: m.ior,
-                thin: p.thin,
-                facets: facets.filter(|_| !p.thin && m.ior != 1.0),
-            })),
-        }
-    }
-
-    /// Evaluates the lobes that have a density.
-    #[inline]
-    pub fn eval(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Vec3 {
-        self.evaluate(wo, wi, mode).0
-    }
-
-    /// Returns the density of [`InterfaceBsdf::sample`] without Dirac lobes.
-    #[inline]
-    pub fn pdf_w(&self, wo: Vec3, wi: Vec3) -> f32 {
-        let (o, i) = if wo.z >= 0.0 {
-            (wo, wi)
-        } else {
-            (flipped(wo), flipped(wi))
-        };
-        match self {
-            InterfaceBsdf::Conductor(c) => c.evaluate(o, i).1[0],
-            InterfaceBsdf::Plastic(p) => p.evaluate(o, i).1[0],
-            InterfaceBsdf::Glass(g) => {
-                g.density(o, i, self.eta_below(wo), TransportMode::Radiance)
-                    .1
+                m.specular,
+                m.ior,
+                (m.internal_reflectance, class.nonlinear),
+                facets,
+            ))),
+            Model::Dielectric => {
+                let equal = m.ior.eq(R::splat(1.0)) | R::Mask::splat(class.thin);
+                let smooth = facets.smooth | equal;
+                Some(InterfaceBsdf::Glass(Glass {
+                    base_color,
+                    specular: m.specular,
+                    ior: m.ior,
+                    thin: class.thin,
+                    facets: Facets { smooth, ..facets },
+                }))
             }
         }
     }
 
-    /// Returns the value, and the densities of `wi` given `wo` and of `wo` given `wi`.
-    #[inline]
-    pub fn evaluate(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> (Vec3, [f32; 2]) {
-        let (o, i) = if wo.z >= 0.0 {
-            (wo, wi)
-        } else {
-            (flipped(wo), flipped(wi))
-        };
+    /// Returns the microfacets.
+    #[inline(always)]
+    pub(super) fn facets(&self) -> &Facets<R> {
         match self {
-            InterfaceBsdf::Conductor(c) => c.evaluate(o, i),
-            InterfaceBsdf::Plastic(p) => p.evaluate(o, i),
+            InterfaceBsdf::Conductor(c) => &c.facets,
+            InterfaceBsdf::Plastic(p) => &p.facets,
+            InterfaceBsdf::Glass(g) => &g.facets,
+        }
+    }
+
+    /// Computes everything that depends on `wo` alone.
+    #[inline(always)]
+    pub fn outgoing(&self, wo: V) -> InterfaceOutgoing<V> {
+        let (zero, one) = (R::splat(0.0), R::splat(1.0));
+        let below = wo.z().lt(zero);
+        let o = V::select(below, flipped(wo), wo);
+        let facets = self.facets();
+        InterfaceOutgoing {
+            o,
+            below,
+            eta: match self {
+                InterfaceBsdf::Glass(g) => R::select(below, one / g.ior, g.ior),
+                InterfaceBsdf::Conductor(_) | InterfaceBsdf::Plastic(_) => one,
+            },
+            masking: if (!facets.smooth).any() {
+                facets.masking_over_cos(o)
+            } else {
+                zero
+            },
+            plastic: match self {
+                InterfaceBsdf::Plastic(p) => p.side(o.z()),
+                InterfaceBsdf::Conductor(_) | InterfaceBsdf::Glass(_) => PlasticSide::none(),
+            },
+        }
+    }
+
+    /// Evaluates the lobes that have a density.
+    #[inline(always)]
+    pub fn eval(&self, wo: V, wi: V, mode: TransportMode) -> V {
+        self.evaluate::<false>(&self.outgoing(wo), wi, mode).0
+    }
+
+    /// Returns the density of [`InterfaceBsdf::sample`] without Dirac lobes.
+    #[inline(always)]
+    pub fn pdf_w(&self, wo: V, wi: V) -> R {
+        self.evaluate::<false>(&self.outgoing(wo), wi, TransportMode::Radiance)
+            .1[0]
+    }
+
+    /// Returns the value, the density of `wi` given `wo` and, with `REVERSE`, that of `wo` given
+    /// `wi`.
+    #[inline(always)]
+    pub fn evaluate<const REVERSE: bool>(
+        &self,
+        out: &InterfaceOutgoing<V>,
+        wi: V,
+        mode: TransportMode,
+    ) -> (V, [R; 2]) {
+        let i = V::select(out.below, flipped(wi), wi);
+        match self {
+            InterfaceBsdf::Conductor(c) => c.evaluate(out, i),
+            InterfaceBsdf::Plastic(p) => p.evaluate(out, i),
             InterfaceBsdf::Glass(g) => {
-                let (f, pdf_w) = g.density(o, i, self.eta_below(wo), mode);
-                (f, [pdf_w, self.pdf_w(wi, wo)])
+                let (f, pdf_w) = g.density(out, i, mode);
+                let reverse = if REVERSE {
+                    self.pdf_w(wi, out.wo())
+                } else {
+                    R::splat(0.0)
+                };
+                (f, [pdf_w, reverse])
             }
         }
     }
 
     /// Returns whether any lobe has a density.
-    #[inline]
-    pub fn has_density(&self) -> bool {
+    #[inline(always)]
+    pub fn has_density(&self) -> R::Mask {
         match self {
-            InterfaceBsdf::Conductor(c) => c.facets.is_some(),
-            InterfaceBsdf::Plastic(p) => p.facets.is_some() || p.diffuse != Vec3::ZERO,
-            InterfaceBsdf::Glass(g) => g.has_density(),
+            InterfaceBsdf::Plastic(p) => p.has_density(),
+            InterfaceBsdf::Conductor(_) | InterfaceBsdf::Glass(_) => !self.facets().smooth,
         }
     }
 
-    /// Samples a direction: `u` selects the lobe, `v` the direction within it.
-    #[inline]
-    pub fn sample(
+    /// Samples a direction: `u` selects the lobe, `v` the direction within it. The mask is set
+    /// where there is a sample. With `REVERSE` also returns the density of `wo` given the
+    /// direction, else an undefined number; it is zero for Dirac lobes.
+    #[inline(always)]
+    pub fn sample<const REVERSE: bool>(
         &self,
-        wo: Vec3,
-        u: f32,
-        v: [f32; 2],
+        out: &InterfaceOutgoing<V>,
+        u: R,
+        v: [R; 2],
         mode: TransportMode,
-    ) -> Option<MixtureSample> {
-        let o = if wo.z >= 0.0 { wo } else { flipped(wo) };
-        if o.z <= 0.0 {
-            return None;
-        }
-        let mut s = match self {
-            InterfaceBsdf::Conductor(c) => c.sample(o, v)?,
-            InterfaceBsdf::Plastic(p) => p.sample(o, u, v)?,
-            InterfaceBsdf::Glass(g) => g.sample(o, self.eta_below(wo), u, v, mode)?,
+    ) -> (R::Mask, MixtureSample<V>, R) {
+        let zero = R::splat(0.0);
+        let (some, mut s, mut reverse) = match self {
+            InterfaceBsdf::Conductor(c) => c.sample(out, v),
+            InterfaceBsdf::Plastic(p) => p.sample(out, u, v),
+            InterfaceBsdf::Glass(g) => {
+                let (some, s) = g.sample(out, u, v, mode);
+                (some, s, zero)
+            }
         };
-        if wo.z < 0.0 {
-            s.sample.wi = flipped(s.sample.wi);
+        s.sample.wi = V::select(out.below, flipped(s.sample.wi), s.sample.wi);
+        if let InterfaceBsdf::Glass(_) = self
+            && REVERSE
+            && (!s.delta).any()
+        {
+            reverse = R::select(s.delta, zero, self.pdf_w(s.sample.wi, out.wo()));
         }
-        Some(s)
+        (some & out.o.z().gt(zero), s, reverse)
     }
 
     /// Returns the index of the inside relative to the outside; 1 if light does not enter.
-    #[inline]
-    pub fn index_inside(&self) -> f32 {
+    #[inline(always)]
+    pub fn index_inside(&self) -> R {
         match self {
             InterfaceBsdf::Glass(g) if !g.thin => g.ior,
-            _ => 1.0,
+            _ => R::splat(1.0),
+        }
+    }
+}
+
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> InterfaceOutgoing<V> {
+    /// Returns a placeholder for surfaces of another model.
+    #[inline(always)]
+    pub fn none() -> InterfaceOutgoing<V> {
+        let zero = R::splat(0.0);
+        InterfaceOutgoing {
+            o: V::splat(zero),
+            below: R::Mask::splat(false),
+            eta: zero,
+            masking: zero,
+            plastic: PlasticSide::none(),
         }
     }
 
-    /// Returns the index of the side opposite to `wo` relative to the side of `wo`.
-    #[inline]
-    fn eta_below(&self, wo: Vec3) -> f32 {
-        match self {
-            InterfaceBsdf::Glass(g) if wo.z < 0.0 => 1.0 / g.ior,
-            InterfaceBsdf::Glass(g) => g.ior,
-            InterfaceBsdf::Conductor(_) | InterfaceBsdf::Plastic(_) => 1.0,
-        }
+    /// Returns `wo` in the local frame.
+    #[inline(always)]
+    fn wo(&self) -> V {
+        V::select(self.below, flipped(self.o), self.o)
     }
 }

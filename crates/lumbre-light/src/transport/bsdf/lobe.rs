@@ -83,3 +83,9 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> MixtureSample<V> {
         }
     }
 }
+
+/// Mirrors a local direction to the other side of the surface.
+#[inline(always)]
+pub(super) fn flipped<V: Vector>(w: V) -> V {
+    V::new(w.x(), w.y(), -w.z())
+}

@@ -54,34 +54,40 @@ pub mod ideal;
 pub mod interface;
 pub mod lambert;
 mod lobe;
+pub mod material;
 pub mod mirror;
+mod model;
+mod packed;
 pub mod plastic;
+mod scalar;
 
 pub use lobe::{LobeSample, MixtureSample, TransportMode};
+pub use material::{BsdfClass, MaterialConstants};
+pub use packed::{PackedBsdf, PackedClass};
 
 use glam::Vec3;
 
-use self::disney::Disney;
-use self::ideal::Ideal;
-use self::interface::InterfaceBsdf;
-use super::surface::{Surface, lookup_scalar};
+use self::disney::DisneyOutgoing;
+use self::interface::InterfaceOutgoing;
+use self::lobe::flipped;
+use self::model::BsdfModel;
+use super::surface::ShadingParameters;
 use crate::math::Frame;
-use crate::math::real::{Real, Vector};
-use crate::scene::compile::{Model, Texture};
+use crate::math::real::{Mask, Real, Vector};
 
 /// A sampled direction in world space.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BsdfSample {
+pub struct BsdfSample<R: Real = f32> {
     /// Direction in which the path continues; a unit vector.
-    pub wi: Vec3,
+    pub wi: R::Vec3,
     /// `f |cos| / pdf_w`, the factor on the path's throughput.
-    pub weight: Vec3,
+    pub weight: R::Vec3,
     /// Density per solid angle, or the probability of the choice if `delta`.
-    pub pdf_w: f32,
+    pub pdf_w: R,
     /// Whether the direction has no density because its lobe is a Dirac lobe.
-    pub delta: bool,
+    pub delta: R::Mask,
     /// Index ratio crossed; 1 without refraction.
-    pub eta: f32,
+    pub eta: R,
 }
 
 /// A BSDF value with the densities of both directions of the path; Dirac lobes are left out.
@@ -95,403 +101,244 @@ pub struct BsdfValue<V: Vector = Vec3> {
     pub reverse_pdf_w: V::Scalar,
 }
 
-impl BsdfValue {
-    /// The value of directions between which no light passes.
-    const NONE: BsdfValue = BsdfValue {
-        f: Vec3::ZERO,
-        pdf_w: 0.0,
-        reverse_pdf_w: 0.0,
-    };
-}
-
-/// The BSDF at a point of a surface.
+/// Orientation of a surface at a point, from which a BSDF is built.
 #[derive(Clone, Copy, Debug)]
-pub struct Bsdf {
-    frame: Frame,
-    n_geometric: Vec3,
-    /// Whether the shading normal equals the geometric normal.
-    flat: bool,
+pub struct Orientation<R: Real = f32> {
+    /// Unit normal of the primitive's front side.
+    pub n_geometric: R::Vec3,
+    /// Unit shading normal on the same side.
+    pub n_shading: R::Vec3,
+    /// Direction in which highlights are stretched: neither normalised nor orthogonal to the
+    /// normal, zero without one. `None` if no lane has one.
+    pub tangent: Option<R::Vec3>,
     /// Whether light may arrive from below the geometric surface: see
     /// [`super::surface::TerminatorOffset`].
-    terminator: bool,
-    model: BsdfModel,
+    pub terminator: R::Mask,
+}
+
+/// The BSDF at a point of a surface; scalar, or in every lane of a vector for surfaces of one
+/// [class](BsdfClass).
+#[derive(Clone, Copy, Debug)]
+pub struct Bsdf<R: Real = f32> {
+    frame: Frame<R::Vec3>,
+    n_geometric: R::Vec3,
+    /// Whether the shading normal equals the geometric normal.
+    flat: R::Mask,
+    terminator: R::Mask,
+    model: BsdfModel<R::Vec3>,
 }
 
 /// The direction to the previous vertex with everything that the BSDF derives from it alone,
 /// computed once for all directions that are combined with it.
 #[derive(Clone, Copy, Debug)]
-pub struct Outgoing {
+pub struct Outgoing<R: Real = f32> {
     /// The unit direction.
-    pub wo: Vec3,
+    pub wo: R::Vec3,
     /// The direction in the local frame.
-    local: Vec3,
-    /// Whether the geometric and the shading normal agree on its side.
-    same_side: bool,
+    local: R::Vec3,
+    /// Whether the geometric and the shading normal agree on its side; otherwise the BSDF is black.
+    pub same_side: R::Mask,
     /// Derived quantities of the model `disney`.
-    disney: disney::DisneyOutgoing,
+    disney: DisneyOutgoing<R::Vec3>,
+    /// Derived quantities of the models of interfaces.
+    interface: InterfaceOutgoing<R::Vec3>,
 }
 
-#[derive(Clone, Copy, Debug)]
-enum BsdfModel {
-    Ideal(Ideal),
-    Disney(Disney),
-    Interface(InterfaceBsdf),
-}
+impl<R: Real> Bsdf<R> {
+    /// Builds the BSDF of materials of one class at points with these parameters.
+    #[inline(always)]
+    pub fn with_parameters(
+        at: &Orientation<R>,
+        class: &BsdfClass,
+        constants: &MaterialConstants<R::Vec3>,
+        parameters: &ShadingParameters<R>,
+    ) -> Bsdf<R> {
+        Bsdf::with_model(at, BsdfModel::new(class, constants, parameters))
+    }
 
-impl Bsdf {
-    /// Builds the BSDF of a surface.
-    #[inline]
-    pub fn new(surface: &Surface, textures: &[Texture]) -> Bsdf {
-        let m = surface.material;
-        let scalar = |texture, value| lookup_scalar(textures, texture, surface.uv, m.tiling, value);
-        let base_color = surface.base_color(textures);
-        let metallic = scalar(m.metallic_texture, m.metallic);
-        let opacity = scalar(m.opacity_texture, m.opacity);
-        let dielectric = 1.0 - metallic;
-        let [opaque, refractive] = [dielectric * opacity, dielectric * (1.0 - opacity)];
-        let model = match m.model {
-            Model::Conductor | Model::Plastic | Model::Dielectric => {
-                let roughness = scalar(m.roughness_texture, m.roughness);
-                match InterfaceBsdf::new(m, base_color, roughness) {
-                    Some(interface) => BsdfModel::Interface(interface),
-                    None => BsdfModel::Ideal(Ideal {
-                        base_color,
-                        ior: m.ior,
-                        mix: [1.0, 0.0, 0.0],
-                    }),
-                }
-            }
-            Model::Lambert => BsdfModel::Ideal(Ideal {
-                base_color,
-                ior: m.ior,
-                mix: [opaque, metallic, refractive],
-            }),
-            Model::Disney => {
-                let roughness = scalar(m.roughness_texture, m.roughness);
-                BsdfModel::Disney(Disney::new(
-                    m,
-                    base_color,
-                    roughness,
-                    [opaque, metallic, refractive],
-                ))
-            }
-        };
-        let n_geometric = surface.n_geometric;
-        let flat = surface.n_shading == n_geometric;
+    /// Builds the BSDF of a model.
+    #[inline(always)]
+    fn with_model(at: &Orientation<R>, model: BsdfModel<R::Vec3>) -> Bsdf<R> {
         Bsdf {
-            frame: frame(surface),
-            n_geometric,
-            flat,
-            terminator: surface.terminator.is_some(),
+            frame: at.frame(),
+            n_geometric: at.n_geometric,
+            flat: at.n_shading.same(at.n_geometric),
+            terminator: at.terminator,
             model,
         }
     }
 
     /// Computes everything that depends on `wo` alone.
-    #[inline]
-    pub fn outgoing(&self, wo: Vec3) -> Outgoing {
+    #[inline(always)]
+    pub fn outgoing(&self, wo: R::Vec3) -> Outgoing<R> {
         let local = self.frame.to_local(wo);
-        let disney = match &self.model {
-            BsdfModel::Disney(k) => k.outgoing(local),
-            BsdfModel::Ideal(_) | BsdfModel::Interface(_) => disney::DisneyOutgoing::default(),
-        };
+        let (disney, interface) = self.model.outgoing(local);
         Outgoing {
             wo,
             local,
-            same_side: self.same_side(wo, local.z),
+            same_side: self.same_side(wo, local.z()),
             disney,
+            interface,
         }
     }
 
     /// Returns the value `f` without cosine, of the lobes that have a density: Dirac lobes evaluate
-    /// to zero.
+    /// to zero. Also returns the density of `wi` and, with `REVERSE`, that of `out.wo` given `wi`,
+    /// else zero. Lanes outside `wanted` are zero.
     ///
-    /// For [`TransportMode::Importance`], `wo` is the direction the light came from, and the value
-    /// includes the correction of shading normals [Veach 1997, 5.3]: in both modes it is multiplied
-    /// by the cosine of `wi` with the shading normal.
-    #[inline]
-    pub fn eval(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Vec3 {
-        let Some((o, i)) = self.local_pair(wo, wi, mode) else {
-            return Vec3::ZERO;
-        };
-        let f = match &self.model {
-            BsdfModel::Ideal(k) => k.eval(o, i),
-            BsdfModel::Disney(k) => k.eval(o, i, mode),
-            BsdfModel::Interface(k) => k.eval(o, i, mode),
-        };
-        match mode {
-            TransportMode::Radiance => f,
-            TransportMode::Importance => f * self.adjoint(wo, wi, o.z, i.z),
-        }
-    }
-
-    /// Returns the density per solid angle with which [`Bsdf::sample`] returns `wi`, without Dirac
-    /// lobes.
-    #[inline]
-    pub fn pdf_w(&self, wo: Vec3, wi: Vec3) -> f32 {
-        self.local_pair(wo, wi, TransportMode::Radiance)
-            .map_or(0.0, |(o, i)| match &self.model {
-                BsdfModel::Ideal(k) => k.pdf_w(o, i),
-                BsdfModel::Disney(k) => k.pdf_w(o, i),
-                BsdfModel::Interface(k) => k.pdf_w(o, i),
-            })
-    }
-
-    /// Returns value and both densities at once, which is much cheaper than one by one.
-    #[inline]
-    pub fn evaluate(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> BsdfValue {
-        self.values::<true>(&self.outgoing(wo), wi, mode)
-    }
-
-    /// Returns value and both densities for one of many directions `wi`.
-    #[inline]
-    pub fn evaluate_from(&self, out: &Outgoing, wi: Vec3, mode: TransportMode) -> BsdfValue {
-        self.values::<true>(out, wi, mode)
-    }
-
-    /// Returns the value and the density of `wi` given `out`. Cheaper than [`Bsdf::evaluate_from`],
-    /// for integrators that do not need the reverse density.
-    #[inline]
-    pub fn evaluate_forward(&self, out: &Outgoing, wi: Vec3, mode: TransportMode) -> (Vec3, f32) {
-        let value = self.values::<false>(out, wi, mode);
-        (value.f, value.pdf_w)
-    }
-
-    /// Implements [`Bsdf::evaluate`]; without `REVERSE` the reverse density is zero.
-    #[inline]
-    fn values<const REVERSE: bool>(
+    /// For [`TransportMode::Importance`], `out.wo` is the direction the light came from, and the
+    /// value includes the correction of shading normals [Veach 1997, 5.3]: in both modes it is
+    /// multiplied by the cosine of `wi` with the shading normal.
+    #[inline(always)]
+    pub fn values<const REVERSE: bool>(
         &self,
-        out: &Outgoing,
-        wi: Vec3,
+        out: &Outgoing<R>,
+        wi: R::Vec3,
         mode: TransportMode,
-    ) -> BsdfValue {
-        let o = out.local;
-        let cos_i = wi.dot(self.frame.n);
-        let (f, [pdf_w, reverse_pdf_w]) = match &self.model {
-            BsdfModel::Ideal(k) => {
-                let i = self.frame.to_local(wi);
-                (
-                    k.eval(o, i),
-                    [k.pdf_w(o, i), if REVERSE { k.pdf_w(i, o) } else { 0.0 }],
-                )
-            }
-            BsdfModel::Disney(k) if k.is_isotropic() && o.z * cos_i > 0.0 => {
-                k.evaluate_isotropic::<REVERSE>(&out.disney, out.wo, wi, self.frame.n, cos_i)
-            }
-            BsdfModel::Disney(k) => {
-                k.evaluate::<REVERSE>(&out.disney, self.frame.to_local(wi), mode)
-            }
-            BsdfModel::Interface(k) => k.evaluate(o, self.frame.to_local(wi), mode),
-        };
-        if self.flat {
-            let passes = out.same_side && cos_i != 0.0;
-            let value = BsdfValue {
-                f,
-                pdf_w,
-                reverse_pdf_w: if REVERSE { reverse_pdf_w } else { 0.0 },
-            };
-            return if passes { value } else { BsdfValue::NONE };
+        wanted: R::Mask,
+    ) -> BsdfValue<R::Vec3> {
+        let zero = R::splat(0.0);
+        let (cos_o, cos_i) = (out.local.z(), wi.dot(self.frame.n));
+        let (mut f, [pdf_w, reverse]) =
+            self.model
+                .evaluate::<REVERSE>(&self.frame, out, (wi, cos_i), mode, wanted);
+        if mode == TransportMode::Importance {
+            f = f * self.adjoint([out.wo, wi], [cos_o, cos_i]);
         }
-        let f = match mode {
-            TransportMode::Radiance => f,
-            TransportMode::Importance => f * self.adjoint(out.wo, wi, o.z, cos_i),
-        };
-        let allowed = |mode| out.same_side && self.allows_incident(wi, cos_i, o.z, mode);
-        let reversible = || {
-            self.same_side(wi, cos_i)
-                && self.allows_incident(out.wo, o.z, cos_i, TransportMode::Radiance)
+        let same = self.same_side(wi, cos_i);
+        let both = wanted & out.same_side & same;
+        let (mut passes, mut reversible) = (both, both);
+        if self.terminator.any() {
+            let above = wanted & self.terminator & (cos_o * cos_i).gt(zero);
+            passes = both | above & out.same_side;
+            reversible = both | above & same;
+        }
+        let lit = match mode {
+            TransportMode::Radiance => passes,
+            TransportMode::Importance => both,
         };
         BsdfValue {
-            f: if allowed(mode) { f } else { Vec3::ZERO },
-            pdf_w: if allowed(TransportMode::Radiance) {
-                pdf_w
+            f: R::Vec3::select(lit, f, R::Vec3::splat(zero)),
+            pdf_w: R::select(passes, pdf_w, zero),
+            reverse_pdf_w: if REVERSE {
+                R::select(reversible, reverse, zero)
             } else {
-                0.0
-            },
-            reverse_pdf_w: if REVERSE && reversible() {
-                reverse_pdf_w
-            } else {
-                0.0
+                zero
             },
         }
     }
 
-    /// Returns the index of the medium on the side of `wi` over that on the side of `wo`: 1 if both
-    /// are on the same side, or if the surface has no inside.
-    #[inline]
-    pub fn index_ratio(&self, wo: Vec3, wi: Vec3) -> f32 {
-        let cos = [wo.dot(self.frame.n), wi.dot(self.frame.n)];
-        if cos[0] * cos[1] >= 0.0 {
-            return 1.0;
-        }
-        let inside = match &self.model {
-            BsdfModel::Ideal(k) => k.ior,
-            BsdfModel::Disney(k) => k.ior,
-            BsdfModel::Interface(k) => k.index_inside(),
-        };
-        index_ratio(cos, inside)
-    }
-
-    /// Returns whether any lobe has a density, so that a connection to a light can contribute.
-    #[inline]
-    pub fn has_density(&self) -> bool {
-        match &self.model {
-            BsdfModel::Ideal(k) => k.mix[0] > 0.0,
-            BsdfModel::Disney(k) => k.has_density(),
-            BsdfModel::Interface(k) => k.has_density(),
-        }
-    }
-
-    /// Samples a direction; `None` if nothing is reflected. `u` selects the lobe and, in the
-    /// dielectric, between reflection and refraction; `v` selects the direction within a lobe that
-    /// has a density.
-    #[inline]
-    pub fn sample(&self, wo: Vec3, u: f32, v: [f32; 2], mode: TransportMode) -> Option<BsdfSample> {
-        self.sample_from(&self.outgoing(wo), u, v, mode)
-    }
-
-    /// Samples a direction for a precomputed `out`.
-    #[inline]
-    pub fn sample_from(
+    /// Samples a direction: `u` selects the lobe and, in the dielectric, between reflection and
+    /// refraction; `v` selects the direction within a lobe that has a density. The mask is set
+    /// where there is a sample; nothing is reflected elsewhere. Also returns the density of
+    /// `out.wo` given the direction, zero for a Dirac lobe or without `REVERSE`.
+    #[inline(always)]
+    pub fn samples<const REVERSE: bool>(
         &self,
-        out: &Outgoing,
-        u: f32,
-        v: [f32; 2],
+        out: &Outgoing<R>,
+        u: R,
+        v: [R; 2],
         mode: TransportMode,
-    ) -> Option<BsdfSample> {
-        self.samples::<false>(out, u, v, mode)
-            .map(|(sample, _)| sample)
-    }
-
-    /// Samples a direction and returns it with the density of `wo` given the direction, zero for a
-    /// Dirac lobe. Cheaper than evaluating that density separately.
-    #[inline]
-    pub fn sample_with_reverse(
-        &self,
-        out: &Outgoing,
-        u: f32,
-        v: [f32; 2],
-        mode: TransportMode,
-    ) -> Option<(BsdfSample, f32)> {
-        self.samples::<true>(out, u, v, mode)
-    }
-
-    /// Implements [`Bsdf::sample_with_reverse`]; without `REVERSE` the reverse density is zero.
-    #[inline]
-    fn samples<const REVERSE: bool>(
-        &self,
-        out: &Outgoing,
-        u: f32,
-        v: [f32; 2],
-        mode: TransportMode,
-    ) -> Option<(BsdfSample, f32)> {
-        if !out.same_side {
-            return None;
-        }
-        let o = out.local;
-        let (local, reverse) = self.sample_local::<REVERSE>(out, u, v, mode)?;
+    ) -> (R::Mask, BsdfSample<R>, R) {
+        let zero = R::splat(0.0);
+        let (some, local, reverse) = self.model.sample::<REVERSE>(out, u, v, mode);
         let MixtureSample {
             sample,
             pdf_w,
             delta,
         } = local;
-        let i = sample.wi.z;
+        let (cos_o, cos_i) = (out.local.z(), sample.wi.z());
         let wi = self.frame.to_world(sample.wi);
-        if pdf_w <= 0.0 || !self.allows_incident(wi, i, o.z, mode) {
-            return None;
+        let same = self.same_side(wi, cos_i);
+        let both = out.same_side & same;
+        let (mut passes, mut reversible) = (both, both);
+        if self.terminator.any() {
+            let above = self.terminator & (cos_o * cos_i).gt(zero);
+            reversible = both | above & same;
+            if mode == TransportMode::Radiance {
+                passes = both | above & out.same_side;
+            }
         }
         let weight = match mode {
             TransportMode::Radiance => sample.weight,
-            TransportMode::Importance => sample.weight * self.adjoint(out.wo, wi, o.z, i),
+            TransportMode::Importance => sample.weight * self.adjoint([out.wo, wi], [cos_o, cos_i]),
         };
-        let reversible = REVERSE
-            && self.same_side(wi, i)
-            && self.allows_incident(out.wo, o.z, i, TransportMode::Radiance);
-        let reverse = if reversible { reverse } else { 0.0 };
-        Some((
-            BsdfSample {
-                wi,
-                weight,
-                pdf_w,
-                delta,
-                eta: sample.eta,
-            },
-            reverse,
-        ))
+        let reverse = if REVERSE {
+            R::select(reversible, reverse, zero)
+        } else {
+            zero
+        };
+        let sample = BsdfSample {
+            wi,
+            weight,
+            pdf_w,
+            delta,
+            eta: sample.eta,
+        };
+        (some & passes & pdf_w.gt(zero), sample, reverse)
     }
 
-    /// Samples the model in the local frame, with the reverse density if `REVERSE`.
-    #[inline]
-    fn sample_local<const REVERSE: bool>(
-        &self,
-        out: &Outgoing,
-        u: f32,
-        v: [f32; 2],
-        mode: TransportMode,
-    ) -> Option<(MixtureSample, f32)> {
-        let o = out.local;
-        match &self.model {
-            BsdfModel::Ideal(k) => {
-                let s = k.sample(o, u, v, mode)?;
-                let reverse = if REVERSE && !s.delta {
-                    k.pdf_w(s.sample.wi, o)
-                } else {
-                    0.0
-                };
-                Some((s, reverse))
-            }
-            BsdfModel::Disney(k) => {
-                let (some, s, reverse) = k.sample::<REVERSE>(&out.disney, u, v, mode);
-                some.then_some((s, reverse))
-            }
-            BsdfModel::Interface(k) => {
-                let s = k.sample(o, u, v, mode)?;
-                let reverse = if REVERSE && !s.delta {
-                    k.evaluate(o, s.sample.wi, mode).1[1]
-                } else {
-                    0.0
-                };
-                Some((s, reverse))
-            }
+    /// Returns the index of the medium on the side of `wi` over that on the side of `wo`: 1 if both
+    /// are on the same side, or if the surface has no inside.
+    #[inline(always)]
+    pub fn index_ratio(&self, wo: R::Vec3, wi: R::Vec3) -> R {
+        let cos = [wo.dot(self.frame.n), wi.dot(self.frame.n)];
+        if (cos[0] * cos[1]).lt(R::splat(0.0)).any() {
+            index_ratio(cos, self.model.index_inside())
+        } else {
+            R::splat(1.0)
         }
+    }
+
+    /// Returns whether any lobe has a density, so that a connection to a light can contribute.
+    #[inline(always)]
+    pub fn has_density(&self) -> R::Mask {
+        self.model.has_density()
     }
 
     /// Returns whether a direction, with cosine `cos` to the shading normal, is on the same side of
     /// the geometric surface and of the surface that the shading normal suggests. Directions on
     /// different sides are black: light would leak through, or the inside be taken for the outside.
-    #[inline]
-    fn same_side(&self, w: Vec3, cos: f32) -> bool {
-        if self.flat {
-            cos != 0.0
+    ///
+    /// A surface with a terminator offset also reflects radiance that arrives from below the
+    /// geometric surface and above the one that the shading normal suggests.
+    #[inline(always)]
+    fn same_side(&self, w: R::Vec3, cos: R) -> R::Mask {
+        let zero = R::splat(0.0);
+        self.flat & !cos.eq(zero) | !self.flat & (w.dot(self.n_geometric) * cos).gt(zero)
+    }
+
+    /// Returns the factor [`adjoint`] of this surface for directions with these cosines to the
+    /// shading normal.
+    #[inline(always)]
+    fn adjoint(&self, directions: [R::Vec3; 2], cos: [R; 2]) -> R {
+        let one = R::splat(1.0);
+        if (!self.flat).any() {
+            R::select(self.flat, one, adjoint(self.n_geometric, directions, cos))
         } else {
-            w.dot(self.n_geometric) * cos > 0.0
+            one
         }
     }
+}
 
-    /// Returns whether light may pass between `wi` and an allowed outgoing direction, given their
-    /// cosines with the shading normal. A surface with a terminator offset also reflects light that
-    /// arrives from below the geometric surface.
-    #[inline]
-    fn allows_incident(&self, wi: Vec3, cos_i: f32, cos_o: f32, mode: TransportMode) -> bool {
-        self.same_side(wi, cos_i)
-            || (self.terminator && mode == TransportMode::Radiance && cos_o * cos_i > 0.0)
-    }
-
-    /// Returns both directions in the local frame if the geometric surface allows light between
-    /// them.
-    #[inline]
-    fn local_pair(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Option<(Vec3, Vec3)> {
-        let (o, i) = (self.frame.to_local(wo), self.frame.to_local(wi));
-        (self.same_side(wo, o.z) && self.allows_incident(wi, i.z, o.z, mode)).then_some((o, i))
-    }
-
-    /// Returns the factor [`adjoint`] of this surface.
-    #[inline]
-    fn adjoint(&self, wo: Vec3, wi: Vec3, cos_o: f32, cos_i: f32) -> f32 {
-        if self.flat {
-            1.0
-        } else {
-            adjoint(self.n_geometric, [wo, wi], [cos_o, cos_i])
+impl<R: Real> Orientation<R> {
+    /// Builds the local frame: its x axis is the direction of anisotropy, if there is one.
+    #[inline(always)]
+    fn frame(&self) -> Frame<R::Vec3> {
+        let n = self.n_shading;
+        let Some(tangent) = self.tangent else {
+            return Frame::from_normal(n);
+        };
+        let (zero, one) = (R::splat(0.0), R::splat(1.0));
+        let across = n.cross(tangent);
+        let scale = one / across.length();
+        let usable = scale.is_finite() & scale.gt(zero) & !tangent.same(R::Vec3::splat(zero));
+        let any = Frame::from_normal(n);
+        let t = across * scale;
+        Frame {
+            s: R::Vec3::select(usable, t.cross(n), any.s),
+            t: R::Vec3::select(usable, t, any.t),
+            n,
         }
     }
 }
@@ -516,21 +363,4 @@ pub fn adjoint<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(
 ) -> R {
     let factor = (cos_o * wi.dot(n)) / (wo.dot(n) * cos_i);
     R::select(factor.is_finite(), factor.abs(), R::splat(0.0))
-}
-
-/// Builds the local frame: its x axis is the direction of anisotropy, if there is one.
-#[inline]
-fn frame(surface: &Surface) -> Frame {
-    let n = surface.n_shading;
-    if surface.tangent != Vec3::ZERO {
-        let across = n.cross(surface.tangent);
-        if let Some(t) = across.try_normalize() {
-            return Frame {
-                s: t.cross(n),
-                t,
-                n,
-            };
-        }
-    }
-    Frame::from_normal(n)
 }

@@ -11,114 +11,185 @@ use std::f32::consts::FRAC_1_PI;
 use glam::Vec3;
 
 use super::facets::{Facets, mirrored};
+use super::interface::InterfaceOutgoing;
 use super::{LobeSample, MixtureSample, fresnel};
+use crate::math::real::{Mask, Real, Vector};
 use crate::math::warp;
 
-/// Plastic at a point of a surface.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Plastic {
+/// Plastic at a point of a surface, scalar or vectorised.
+#[derive(Clone, Copy, Debug)]
+pub struct Plastic<V: Vector = Vec3> {
     /// Albedo of the body.
-    pub diffuse: Vec3,
+    pub diffuse: V,
+    /// Albedo of the body with all internal reflections, over the squared index.
+    pub body: V,
     /// Factor on the surface reflection.
-    pub specular: Vec3,
+    pub specular: V,
     /// Index of the surface relative to the outside.
-    pub ior: f32,
-    /// Fraction of the diffuse light from inside that the surface reflects back.
-    pub internal: f32,
-    /// Whether internally reflected light is tinted by the body's colour at each bounce.
-    pub nonlinear: bool,
-    /// Microfacets of the surface; `None` if it is smooth.
-    pub facets: Option<Facets>,
+    pub ior: V::Scalar,
+    /// Microfacets of the surface.
+    pub facets: Facets<V::Scalar>,
 }
 
-impl Plastic {
-    /// Returns the albedo of the body with all internal reflections, over the squared index.
-    #[inline]
-    fn body(&self) -> Vec3 {
-        let recurring = if self.nonlinear {
-            self.diffuse * self.internal
+/// Quantities of plastic that depend on one direction alone.
+#[derive(Clone, Copy, Debug)]
+pub struct PlasticSide<R = f32> {
+    /// Reflectance of the smooth surface.
+    reflectance: R,
+    /// Probability of sampling the surface reflection.
+    surface: R,
+}
+
+impl<R: Real> PlasticSide<R> {
+    /// Returns a placeholder for surfaces of another model.
+    #[inline(always)]
+    pub fn none() -> PlasticSide<R> {
+        let zero = R::splat(0.0);
+        PlasticSide {
+            reflectance: zero,
+            surface: zero,
+        }
+    }
+}
+
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Plastic<V> {
+    /// Builds plastic. `internal` is the fraction of the diffuse light from inside that the surface
+    /// reflects back; `nonlinear` if internally reflected light is tinted by the body's colour at
+    /// each bounce.
+    #[inline(always)]
+    pub fn new(
+        diffuse: V,
+        specular: V,
+        ior: R,
+        (internal, nonlinear): (R, bool),
+        facets: Facets<R>,
+    ) -> Plastic<V> {
+        let one = R::splat(1.0);
+        let recurring = if nonlinear {
+            diffuse * internal
         } else {
-            Vec3::splat(self.internal)
+            V::splat(internal)
         };
-        self.diffuse / (Vec3::ONE - recurring).max(Vec3::splat(1e-6)) / (self.ior * self.ior)
+        let rest = (V::splat(one) - recurring).map(|x| x.max(R::splat(1e-6)));
+        let body = V::new(
+            diffuse.x() / rest.x(),
+            diffuse.y() / rest.y(),
+            diffuse.z() / rest.z(),
+        ) / (ior * ior);
+        Plastic {
+            diffuse,
+            body,
+            specular,
+            ior,
+            facets,
+        }
     }
 
-    /// Returns the probability of sampling the surface reflection, for a cosine of `wo`.
-    #[inline]
-    fn surface_probability(&self, cos: f32) -> f32 {
-        let mean = |c: Vec3| c.element_sum() * (1.0 / 3.0);
+    /// Computes what depends on one direction, for its cosine.
+    #[inline(always)]
+    pub fn side(&self, cos: R) -> PlasticSide<R> {
         let r = fresnel::dielectric(cos, self.ior).reflectance;
-        let (surface, body) = (r * mean(self.specular), (1.0 - r) * mean(self.diffuse));
-        if surface + body > 0.0 {
-            surface / (surface + body)
-        } else {
-            0.5
+        let third = R::splat(1.0 / 3.0);
+        let surface = r * (self.specular.element_sum() * third);
+        let body = (R::splat(1.0) - r) * (self.diffuse.element_sum() * third);
+        let some = (surface + body).gt(R::splat(0.0));
+        PlasticSide {
+            reflectance: r,
+            surface: R::select(some, surface / (surface + body), R::splat(0.5)),
         }
     }
 
-    /// Returns the value and the densities of both directions, for two directions on the upper
-    /// side.
-    #[inline]
-    pub fn evaluate(&self, o: Vec3, i: Vec3) -> (Vec3, [f32; 2]) {
-        if o.z <= 0.0 || i.z <= 0.0 {
-            return (Vec3::ZERO, [0.0; 2]);
+    /// Returns whether any lobe has a density.
+    #[inline(always)]
+    pub fn has_density(&self) -> R::Mask {
+        !self.facets.smooth | !self.diffuse.same(V::broadcast(Vec3::ZERO))
+    }
+
+    /// Returns the value and the densities of both directions, for `i` on the side of `out.o`.
+    #[inline(always)]
+    pub fn evaluate(&self, out: &InterfaceOutgoing<V>, i: V) -> (V, [R; 2]) {
+        let (o, zero, one) = (out.o, R::splat(0.0), R::splat(1.0));
+        let black = V::splat(zero);
+        let some = o.z().gt(zero) & i.z().gt(zero);
+        if !some.any() {
+            return (black, [zero; 2]);
         }
-        let transmittance = |cos| 1.0 - fresnel::dielectric(cos, self.ior).reflectance;
-        let surface = [o.z, i.z].map(|cos| self.surface_probability(cos));
-        let mut f = self.body() * (transmittance(o.z) * transmittance(i.z) * FRAC_1_PI);
+        let sides = [out.plastic, self.side(i.z())];
+        let [through_o, through_i] = [one - sides[0].reflectance, one - sides[1].reflectance];
+        let surface = [sides[0].surface, sides[1].surface];
+        let mut f = self.body * (through_o * through_i * R::splat(FRAC_1_PI));
         let mut pdf = [
-            (1.0 - surface[0]) * warp::cosine_hemisphere_pdf_w(i.z),
-            (1.0 - surface[1]) * warp::cosine_hemisphere_pdf_w(o.z),
+            (one - surface[0]) * warp::cosine_hemisphere_pdf_w(i.z()),
+            (one - surface[1]) * warp::cosine_hemisphere_pdf_w(o.z()),
         ];
-        if let Some(facets) = &self.facets {
-            let h = (o + i).normalize_or(Vec3::Z);
-            let d = 0.25 * facets.d(h);
-            let masking = [o, i].map(|w| facets.masking_over_cos(w));
-            let r = fresnel::dielectric(o.dot(h).max(0.0), self.ior).reflectance;
-            f += self.specular * (r * masking[0] * d * masking[1]);
-            pdf[0] += surface[0] * masking[0] * d;
-            pdf[1] += surface[1] * masking[1] * d;
+        let rough = some & !self.facets.smooth;
+        if rough.any() {
+            let h = (o + i).normalize_or(V::broadcast(Vec3::Z));
+            let d = R::splat(0.25) * self.facets.d(h);
+            let masking = [out.masking, self.facets.masking_over_cos(i)];
+            let r = fresnel::dielectric(o.dot(h).max(zero), self.ior).reflectance;
+            let reflected = f + self.specular * (r * masking[0] * d * masking[1]);
+            f = V::select(rough, reflected, f);
+            let back = pdf[1] + surface[1] * masking[1] * d;
+            pdf = [
+                R::select(rough, pdf[0] + surface[0] * masking[0] * d, pdf[0]),
+                R::select(rough, back, pdf[1]),
+            ];
         }
-        (f, pdf)
+        (
+            V::select(some, f, black),
+            [R::select(some, pdf[0], zero), R::select(some, pdf[1], zero)],
+        )
     }
 
-    /// Samples a direction of the surface reflection or of the body, for `o` on the upper side.
-    #[inline]
-    pub fn sample(&self, o: Vec3, u: f32, v: [f32; 2]) -> Option<MixtureSample> {
-        let surface = self.surface_probability(o.z);
-        let wi = match &self.facets {
-            _ if u >= surface => warp::cosine_hemisphere(v),
-            None => {
-                let wi = Vec3::new(-o.x, -o.y, o.z);
-                let weight =
-                    self.specular * (fresnel::dielectric(o.z, self.ior).reflectance / surface);
-                return Some(MixtureSample::new(
-                    LobeSample {
-                        wi,
-                        weight,
-                        eta: 1.0,
-                    },
-                    surface,
-                    true,
-                ));
-            }
-            Some(facets) => mirrored(o, facets.sample(o, v)),
-        };
-        if wi.z <= 0.0 {
-            return None;
+    /// Samples a direction of the surface reflection or of the body, for `out.o` on the upper side,
+    /// with its reverse density. The mask is set where there is one.
+    #[inline(always)]
+    pub fn sample(
+        &self,
+        out: &InterfaceOutgoing<V>,
+        u: R,
+        v: [R; 2],
+    ) -> (R::Mask, MixtureSample<V>, R) {
+        let (o, zero, one) = (out.o, R::splat(0.0), R::splat(1.0));
+        let PlasticSide {
+            reflectance,
+            surface,
+        } = out.plastic;
+        let to_body = u.ge(surface);
+        let to_mirror = !to_body & self.facets.smooth;
+        let to_facets = !(to_body | to_mirror);
+        let (mut valid, mut sample, mut reverse) = (to_mirror, MixtureSample::black(), zero);
+        if to_mirror.any() {
+            let s = LobeSample {
+                wi: V::new(-o.x(), -o.y(), o.z()),
+                weight: self.specular * (reflectance / surface),
+                eta: one,
+            };
+            sample = MixtureSample::new(s, surface, R::Mask::splat(true));
         }
-        let (f, [pdf_w, _]) = self.evaluate(o, wi);
-        let weight = f * (wi.z / pdf_w);
-        (pdf_w > 0.0 && weight.is_finite()).then(|| {
-            MixtureSample::new(
-                LobeSample {
-                    wi,
-                    weight,
-                    eta: 1.0,
-                },
-                pdf_w,
-                false,
-            )
-        })
+        let mut wi = o;
+        if to_body.any() {
+            wi = warp::cosine_hemisphere(v);
+        }
+        if to_facets.any() {
+            wi = V::select(to_facets, mirrored(o, self.facets.sample(o, v)), wi);
+        }
+        let rough = !to_mirror;
+        if rough.any() {
+            let (f, [pdf_w, back]) = self.evaluate(out, wi);
+            let weight = f * (wi.z() / pdf_w);
+            let usable = wi.z().gt(zero) & pdf_w.gt(zero) & weight.is_finite();
+            valid = valid | rough & usable;
+            let s = LobeSample {
+                wi,
+                weight,
+                eta: one,
+            };
+            let s = MixtureSample::new(s, pdf_w, R::Mask::splat(false));
+            sample = MixtureSample::select(rough, s, sample);
+            reverse = R::select(rough, back, zero);
+        }
+        (valid, sample, reverse)
     }
 }

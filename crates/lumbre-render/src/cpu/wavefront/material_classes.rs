@@ -3,35 +3,29 @@
 //! All surfaces of a class have the same lobes and the same kind of primitive, so that the lanes of
 //! a vector mostly take the same branches. Classes affect speed only, never results.
 
-use std::collections::BTreeMap;
-
-use glam::Vec3;
-
 use super::PathTile;
 use super::light_sampling::LightTable;
 use super::shade;
-use super::vertices;
-use lumbre_light::math::simd::{F32x8, Width};
+use lumbre_light::math::simd::Width;
 use lumbre_light::scene::CompiledScene;
-use lumbre_light::scene::compile::{Material, Model, NONE};
-use lumbre_light::transport::bsdf::disney::Disney;
+use lumbre_light::scene::compile::{Material, NONE};
+use lumbre_light::transport::bsdf::{PackedBsdf, PackedClass};
 use lumbre_light::transport::integrator::Context;
 
 /// Value for primitives without a class.
 const NO_CLASS: u8 = u8::MAX;
 
-/// Table of surfaces with a vectorised BSDF: `disney` without anisotropy and purely diffuse
-/// `lambert`, both without textures and in scenes without vertex colours.
+/// Table of surfaces that are shaded in lanes: those of materials without textures and anisotropy,
+/// in scenes without vertex colours.
 pub(super) struct MaterialTable {
     /// SIMD width of the kernels.
     pub(super) width: Width,
     /// Class of every primitive, or [`NO_CLASS`].
     class_of: Vec<u8>,
-    /// Material of every primitive, as an index into `rows`; valid only for those with a class.
+    /// Material of every primitive, as an index into `bsdfs`; valid only for those with a class.
     pub(super) material_of: Vec<u32>,
-    /// BSDF of every material, in the format of [`vertices::disney_rows`] or
-    /// [`vertices::lambert_rows`].
-    pub(super) rows: Vec<[F32x8; 3]>,
+    /// BSDF of every material.
+    pub(super) bsdfs: Vec<PackedBsdf>,
     /// Traits of every class.
     traits: Vec<ClassTraits>,
     /// Lights with vectorised sampling; empty if the integrator does not connect vertices.
@@ -39,76 +33,19 @@ pub(super) struct MaterialTable {
 }
 
 /// Traits that all surfaces of a class share.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct ClassTraits {
     /// Whether the primitives are spheres.
     pub sphere: bool,
-    /// Whether the surfaces are of the model `lambert`; the fields about lobes are then `false`.
-    pub lambert: bool,
-    /// Whether the microfacet lobes are Dirac lobes.
-    pub smooth: bool,
-    /// Whether the surfaces have a tinted reflectance.
-    pub tinted: bool,
     /// Whether vertices can be connected to lights and other vertices.
     pub connected: bool,
-    /// Whether the refractive lobe is a Dirac lobe.
-    smooth_glass: bool,
-    /// Presence of the opaque, metallic, refractive, clearcoat, subsurface and sheen lobes.
-    lobes: [bool; 6],
+    /// Traits of the BSDFs.
+    pub bsdf: PackedClass,
 }
 
-/// BSDF of a material with vectorised shading.
-enum VectorBsdf {
-    Disney(Disney),
-    /// Lambert BSDF with this albedo.
-    Lambert(Vec3),
-}
-
-impl VectorBsdf {
-    fn rows(&self) -> [F32x8; 3] {
-        match self {
-            VectorBsdf::Disney(d) => vertices::disney_rows(d),
-            VectorBsdf::Lambert(albedo) => vertices::lambert_rows(*albedo),
-        }
-    }
-}
-
-impl ClassTraits {
-    fn from_bsdf(bsdf: &VectorBsdf, sphere: bool, connected: bool) -> ClassTraits {
-        match bsdf {
-            VectorBsdf::Disney(d) => ClassTraits::from_disney(d, sphere, connected),
-            VectorBsdf::Lambert(_) => ClassTraits {
-                sphere,
-                lambert: true,
-                connected,
-                ..ClassTraits::default()
-            },
-        }
-    }
-
-    fn from_disney(d: &Disney, sphere: bool, connected: bool) -> ClassTraits {
-        let weights = [
-            d.opaque,
-            d.metallic,
-            d.refractive,
-            d.coat.strength,
-            d.diffuse.subsurface,
-        ];
-        let [a, b, c, e, f] = weights.map(|w| w > 0.0);
-        ClassTraits {
-            sphere,
-            lambert: false,
-            smooth: d.smooth,
-            tinted: d.tinted_f0.is_some(),
-            connected: connected && d.has_density(),
-            smooth_glass: d.smooth_glass(),
-            lobes: [a, b, c, e, f, d.diffuse.sheen != Vec3::ZERO],
-        }
-    }
-}
-
-/// Returns the BSDF of a material if it is the same everywhere and has a vectorised implementation.
-fn vector_bsdf(scene: &CompiledScene, m: &Material) -> Option<VectorBsdf> {
+/// Returns whether surfaces of a material are shaded in lanes: it is the same everywhere and
+/// isotropic.
+fn is_vectorized(scene: &CompiledScene, m: &Material) -> bool {
     let textures = [
         m.base_color_texture,
         m.roughness_texture,
@@ -117,25 +54,7 @@ fn vector_bsdf(scene: &CompiledScene, m: &Material) -> Option<VectorBsdf> {
         m.normal_texture,
         m.bump_texture,
     ];
-    let uniform = textures == [NONE; 6] && m.anisotropic == 0.0 && scene.colors.is_empty();
-    let dielectric = 1.0 - m.metallic;
-    let mix = [
-        dielectric * m.opacity,
-        m.metallic,
-        dielectric * (1.0 - m.opacity),
-    ];
-    match m.model {
-        Model::Disney if uniform => Some(VectorBsdf::Disney(Disney::new(
-            m,
-            m.base_color,
-            m.roughness,
-            mix,
-        ))),
-        Model::Lambert if uniform && mix == [1.0, 0.0, 0.0] => {
-            Some(VectorBsdf::Lambert(m.base_color))
-        }
-        _ => None,
-    }
+    textures == [NONE; 6] && m.anisotropic == 0.0 && scene.colors.is_empty()
 }
 
 /// Returns whether every surface of a scene has a vectorised BSDF or ends paths. False in scenes
@@ -144,7 +63,7 @@ pub(super) fn all_vectorized(scene: &CompiledScene) -> bool {
     let vectorized: Vec<bool> = scene
         .materials
         .iter()
-        .map(|m| vector_bsdf(scene, m).is_some())
+        .map(|m| is_vectorized(scene, m))
         .collect();
     let covered = |primitive: u32| {
         let material = scene.material_of(primitive, NONE) as usize;
@@ -169,12 +88,13 @@ impl MaterialTable {
         connected: bool,
         with_emitters: bool,
     ) -> Option<MaterialTable> {
-        let bsdfs: Vec<Option<VectorBsdf>> = scene
+        let bsdfs: Vec<PackedBsdf> = scene.materials.iter().map(PackedBsdf::new).collect();
+        let vectorized: Vec<bool> = scene
             .materials
             .iter()
-            .map(|m| vector_bsdf(scene, m))
+            .map(|m| is_vectorized(scene, m))
             .collect();
-        let mut classes: BTreeMap<ClassTraits, u8> = BTreeMap::new();
+        let mut traits: Vec<ClassTraits> = Vec::new();
         let mut class_of = vec![NO_CLASS; scene.primitive_count()];
         let mut material_of = vec![0; scene.primitive_count()];
         let world =
@@ -184,31 +104,27 @@ impl MaterialTable {
             let material = scene.material_of(primitive, NONE);
             let emits = scene.emitter_of(primitive, NONE) != NONE;
             let allowed = with_emitters && scene.materials[material as usize].emitter_reflects;
-            if let Some(bsdf) = bsdfs[material as usize]
-                .as_ref()
-                .filter(|_| !emits || allowed)
-            {
-                let next = classes.len() as u8;
-                let traits = ClassTraits::from_bsdf(bsdf, i >= scene.triangles.len(), connected);
-                if next < NO_CLASS || classes.contains_key(&traits) {
-                    class_of[i] = *classes.entry(traits).or_insert(next);
-                    material_of[i] = material;
+            if !vectorized[material as usize] || emits && !allowed {
+                continue;
+            }
+            let bsdf = bsdfs[material as usize].class;
+            let own = ClassTraits {
+                sphere: i >= scene.triangles.len(),
+                connected: connected && bsdf.has_density,
+                bsdf,
+            };
+            let class = traits
+                .iter()
+                .position(|t| *t == own)
+                .unwrap_or(traits.len());
+            if class < usize::from(NO_CLASS) {
+                if class == traits.len() {
+                    traits.push(own);
                 }
+                class_of[i] = class as u8;
+                material_of[i] = material;
             }
         }
-        let rows = bsdfs
-            .iter()
-            .map(|bsdf| {
-                bsdf.as_ref()
-                    .map_or([F32x8::default(); 3], VectorBsdf::rows)
-            })
-            .collect();
-        let mut traits: Vec<(u8, ClassTraits)> = classes
-            .into_iter()
-            .map(|(traits, class)| (class, traits))
-            .collect();
-        traits.sort_unstable_by_key(|(class, _)| *class);
-        let traits: Vec<ClassTraits> = traits.into_iter().map(|(_, traits)| traits).collect();
         let lights = if connected {
             LightTable::new(scene)
         } else {
@@ -218,7 +134,7 @@ impl MaterialTable {
             width,
             class_of,
             material_of,
-            rows,
+            bsdfs,
             traits,
             lights,
         })

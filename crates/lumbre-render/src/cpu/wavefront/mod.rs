@@ -212,8 +212,8 @@ fn store_hit(row: &mut F32x8, hit: &Hit) {
 impl Wavefront {
     /// Creates the path tracer for a job. Returns `None` if it cannot be used:
     ///
-    /// - `lanes` is `never`, or it is `auto` and any material lacks a vectorised BSDF;
-    /// - no material has a vectorised BSDF, or with `bdpt` any at which paths continue lacks one;
+    /// - `lanes` is `never`, or it is `auto` and any material cannot be shaded in lanes;
+    /// - no material can, or with `bdpt` any at which paths continue cannot;
     /// - the job's settings [rule it out](scalar_reason);
     /// - the scene has delays or shadow terminators;
     /// - the processor lacks AVX2, or the hierarchy was built for the portable instruction set.

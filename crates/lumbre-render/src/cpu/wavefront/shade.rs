@@ -170,10 +170,10 @@ fn shade_lanes<R: Lanes<N>, const N: usize, const TIMED: bool>(
             optical.add_segment(from, point.position);
         }
     }
-    let rows = map_array(primitives, |p| {
-        &table.rows[table.material_of[p as usize] as usize]
+    let materials = map_array(primitives, |p| {
+        &table.bsdfs[table.material_of[p as usize] as usize]
     });
-    let vertices = Vertices::<R>::new(point, -dir, rows, &traits, active);
+    let vertices = Vertices::<R>::new(point, -dir, materials, &traits, active);
 
     if traits.connected {
         let numbers = independent::next_three(key, taken);
@@ -191,12 +191,10 @@ fn shade_lanes<R: Lanes<N>, const N: usize, const TIMED: bool>(
 
     let [choice, u, v] = independent::next_three(key, taken);
     taken = taken.add(R::Word::splat(3));
-    let (sampled, s, _) = vertices.sample::<false>(choice, [u, v], TransportMode::Radiance);
-    let wi = vertices.frame.to_world(s.sample.wi);
-    let mut continues =
-        vertices.visible & sampled & s.pdf_w.gt(zero) & vertices.same_side(wi, s.sample.wi.z());
-    let mut throughput = throughput * s.sample.weight;
-    let eta_scale = state_row[5] * (s.sample.eta * s.sample.eta);
+    let (mut continues, s, _) = vertices.sample::<false>(choice, [u, v], TransportMode::Radiance);
+    let wi = s.wi;
+    let mut throughput = throughput * s.weight;
+    let eta_scale = state_row[5] * (s.eta * s.eta);
     if context.rr_start.is_some_and(|start| depth >= start) {
         let max_component = throughput.x().max(throughput.y()).max(throughput.z());
         let survival = (max_component * eta_scale).min(R::splat(MAX_SURVIVAL));
@@ -231,7 +229,7 @@ fn shade_lanes<R: Lanes<N>, const N: usize, const TIMED: bool>(
     ];
     let (rays, states) = (R::transpose_store(ray_row), R::transpose_store(state_row));
     if TIMED {
-        optical.scatter(s.sample.eta);
+        optical.scatter(s.eta);
         let index = optical.index.store();
         active_lanes(continues.bits()).for_each(|i| tile.medium_index[lanes[i]] = index[i]);
     }

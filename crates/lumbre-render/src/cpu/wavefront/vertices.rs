@@ -1,121 +1,18 @@
-//! Surface vertices in all lanes: surface points, and BSDFs loaded from rows of the material table.
-//!
-//! The methods of [`Vertices`] are the vectorised counterparts of functions in [`lumbre_light::transport`]
-//! and give the same bits per lane.
+//! Surface vertices in all lanes: surface points, and BSDFs loaded from the material table.
 
 use glam::Vec3;
 
 use super::light_sampling::LightSample;
 use super::material_classes::ClassTraits;
-use lumbre_light::math::Frame;
 use lumbre_light::math::real::{Mask, Real, Vector};
 use lumbre_light::math::simd::{F32x8, Lanes, map_array};
 use lumbre_light::scene::CompiledScene;
-use lumbre_light::transport::bsdf::clearcoat::Clearcoat;
-use lumbre_light::transport::bsdf::diffuse::Diffuse;
-use lumbre_light::transport::bsdf::disney::{Disney, DisneyOutgoing, LobeEstimate};
-use lumbre_light::transport::bsdf::ggx::Ggx;
 use lumbre_light::transport::bsdf::{
-    BsdfValue, MixtureSample, TransportMode, adjoint, index_ratio, lambert,
+    Bsdf, BsdfSample, BsdfValue, Orientation, Outgoing, PackedBsdf, TransportMode,
 };
 use lumbre_light::transport::integrator::Context;
 use lumbre_light::transport::path_time::OpticalLength;
 use lumbre_light::transport::surface::SurfacePoint;
-
-/// Returns the rows of a Lambert BSDF, which [`load_bsdfs`] reads.
-pub(super) fn lambert_rows(albedo: Vec3) -> [F32x8; 3] {
-    [
-        F32x8([albedo.x, albedo.y, albedo.z, 0.0, 0.0, 0.0, 0.0, 0.0]),
-        F32x8::default(),
-        F32x8::default(),
-    ]
-}
-
-/// Column of the inner index of refraction in the first row of [`disney_rows`].
-pub(super) const IOR_COLUMN: usize = 6;
-
-/// Returns the rows of a Disney BSDF, which [`load_bsdfs`] reads.
-pub(super) fn disney_rows(d: &Disney) -> [F32x8; 3] {
-    let (c, sheen, tinted) = (
-        d.base_color,
-        d.diffuse.sheen,
-        d.tinted_f0.unwrap_or_default(),
-    );
-    let LobeEstimate {
-        diffuse,
-        reflection,
-        rise,
-    } = d.estimate;
-    [
-        F32x8([
-            c.x,
-            c.y,
-            c.z,
-            d.opaque,
-            d.metallic,
-            d.refractive,
-            d.ior,
-            d.diffuse.roughness,
-        ]),
-        F32x8([
-            d.ggx.alpha[0],
-            d.diffuse.subsurface,
-            sheen.x,
-            sheen.y,
-            sheen.z,
-            tinted.x,
-            tinted.y,
-            tinted.z,
-        ]),
-        F32x8([
-            d.coat.strength,
-            d.coat.alpha,
-            diffuse,
-            reflection,
-            rise,
-            0.0,
-            0.0,
-            0.0,
-        ]),
-    ]
-}
-
-/// Loads the BSDFs of the materials in all lanes.
-#[inline(always)]
-fn load_bsdfs<R: Lanes<N>, const N: usize>(
-    rows: [&[F32x8; 3]; N],
-    traits: &ClassTraits,
-) -> Disney<R::Vec3> {
-    let a = R::transpose_load(map_array(rows, |r| &r[0]));
-    let b = R::transpose_load(map_array(rows, |r| &r[1]));
-    let c = R::transpose_load(map_array(rows, |r| &r[2]));
-    let base_color = R::Vec3::new(a[0], a[1], a[2]);
-    Disney {
-        base_color,
-        opaque: a[3],
-        metallic: a[4],
-        refractive: a[5],
-        ior: a[IOR_COLUMN],
-        tinted_f0: traits.tinted.then(|| R::Vec3::new(b[5], b[6], b[7])),
-        diffuse: Diffuse {
-            base_color,
-            roughness: a[7],
-            subsurface: b[1],
-            sheen: R::Vec3::new(b[2], b[3], b[4]),
-        },
-        ggx: Ggx { alpha: [b[0]; 2] },
-        smooth: traits.smooth,
-        coat: Clearcoat {
-            strength: c[0],
-            alpha: c[1],
-        },
-        estimate: LobeEstimate {
-            diffuse: c[2],
-            reflection: c[3],
-            rise: c[4],
-        },
-    }
-}
 
 /// Loads three vectors per lane.
 #[inline(always)]
@@ -159,85 +56,47 @@ pub(super) fn surface_points<R: Lanes<N>, const N: usize>(
     SurfacePoint::on_triangle(corners, normals, [v, w], dir)
 }
 
-/// Surface vertices in all lanes, with the values of their BSDFs that depend only on the outgoing
-/// direction.
+/// Surface vertices in all lanes, with their BSDFs.
 pub(super) struct Vertices<R: Real> {
     pub point: SurfacePoint<R::Vec3>,
-    pub frame: Frame<R::Vec3>,
-    /// Whether the shading normal equals the geometric normal.
-    flat: R::Mask,
-    /// BSDF parameters; Lambert surfaces use only the base colour.
-    bsdf: Disney<R::Vec3>,
-    outgoing: DisneyOutgoing<R::Vec3>,
-    /// Whether the surfaces are of the model `lambert`; otherwise `disney`.
-    lambert: bool,
-    /// Unit direction to the previous vertex.
-    pub wo: R::Vec3,
-    /// Cosine between `wo` and the shading normal.
-    pub cos_o: R,
-    /// Whether the BSDF can be non-zero for `wo`.
+    pub bsdf: Bsdf<R>,
+    /// Direction to the previous vertex.
+    pub out: Outgoing<R>,
+    /// Whether the BSDF can be non-zero for that direction.
     pub visible: R::Mask,
 }
 
 impl<R: Real> Vertices<R> {
-    /// Creates the vertices on surfaces of one class from the rows of their materials. `visible` is
-    /// unset outside `active`.
+    /// Creates the vertices on surfaces of one class from their materials. `wo` is the unit
+    /// direction to the previous vertex. `visible` is unset outside `active`.
     #[inline(always)]
     pub fn new<const N: usize>(
         point: SurfacePoint<R::Vec3>,
         wo: R::Vec3,
-        rows: [&[F32x8; 3]; N],
+        materials: [&PackedBsdf; N],
         traits: &ClassTraits,
         active: R::Mask,
     ) -> Vertices<R>
     where
         R: Lanes<N>,
     {
-        let bsdf = load_bsdfs::<R, N>(rows, traits);
-        let frame = Frame::from_normal(point.n_shading);
-        let local = frame.to_local(wo);
-        let lambert = traits.lambert;
-        let outgoing = if lambert {
-            DisneyOutgoing::none()
-        } else {
-            bsdf.outgoing(local)
+        let orientation = Orientation {
+            n_geometric: point.n_geometric,
+            n_shading: point.n_shading,
+            tangent: None,
+            terminator: R::Mask::splat(false),
         };
-        let flat = point.n_shading.same(point.n_geometric);
-        let vertices = Vertices {
-            point,
-            frame,
-            flat,
-            bsdf,
-            outgoing,
-            lambert,
-            wo,
-            cos_o: local.z(),
-            visible: active,
-        };
+        let bsdf = Bsdf::unpack(&orientation, &traits.bsdf, materials, None);
+        let out = bsdf.outgoing(wo);
         Vertices {
-            visible: active & vertices.same_side(wo, local.z()),
-            ..vertices
+            point,
+            bsdf,
+            out,
+            visible: active & out.same_side,
         }
     }
 
-    /// Returns whether geometric and shading normal agree on the side of `w`; the vectorised
-    /// counterpart of `Bsdf::same_side`.
-    #[inline(always)]
-    pub fn same_side(&self, w: R::Vec3, cos: R) -> R::Mask {
-        let zero = R::splat(0.0);
-        self.flat & !cos.eq(zero) | !self.flat & (w.dot(self.point.n_geometric) * cos).gt(zero)
-    }
-
-    /// Returns the correction factor for shading normals in light subpaths, for light that arrives
-    /// from `wo` and leaves towards `wi`.
-    #[inline(always)]
-    pub fn adjoint(&self, wi: R::Vec3, cos_i: R) -> R {
-        let factor = adjoint(self.point.n_geometric, [self.wo, wi], [self.cos_o, cos_i]);
-        R::select(self.flat, R::splat(1.0), factor)
-    }
-
-    /// Evaluates the BSDF in the lanes of `wanted`, as `Bsdf::evaluate_from` does with `REVERSE`,
-    /// and as `Bsdf::evaluate_forward` does without it.
+    /// Evaluates the BSDF in the lanes of `wanted`: see [`Bsdf::values`].
     #[inline(always)]
     pub fn evaluate<const REVERSE: bool>(
         &self,
@@ -245,91 +104,26 @@ impl<R: Real> Vertices<R> {
         mode: TransportMode,
         wanted: R::Mask,
     ) -> BsdfValue<R::Vec3> {
-        let zero = R::splat(0.0);
-        let black = R::Vec3::broadcast(Vec3::ZERO);
-        let n = self.point.n_shading;
-        let cos_i = wi.dot(n);
-        let same = (self.cos_o * cos_i).gt(zero);
-        let (mut f, [mut pdf_w, mut reverse]) = if self.lambert {
-            let (o, i) = (self.frame.to_local(self.wo), self.frame.to_local(wi));
-            let back = if REVERSE { lambert::pdf_w(i, o) } else { zero };
-            (
-                lambert::eval(self.bsdf.base_color, o, i),
-                [lambert::pdf_w(o, i), back],
-            )
-        } else {
-            self.bsdf
-                .evaluate_isotropic::<REVERSE>(&self.outgoing, self.wo, wi, n, cos_i)
-        };
-        let transmitted = wanted & !same;
-        if transmitted.any() && self.bsdf.refractive.gt(zero).any() {
-            let (other, [other_w, back]) =
-                self.bsdf
-                    .evaluate::<REVERSE>(&self.outgoing, self.frame.to_local(wi), mode);
-            (f, pdf_w) = (
-                R::Vec3::select(same, f, other),
-                R::select(same, pdf_w, other_w),
-            );
-            reverse = R::select(same, reverse, back);
-        } else {
-            (f, pdf_w) = (
-                R::Vec3::select(same, f, black),
-                R::select(same, pdf_w, zero),
-            );
-            reverse = R::select(same, reverse, zero);
-        }
-        if mode == TransportMode::Importance {
-            f = f * self.adjoint(wi, cos_i);
-        }
-        let valid = wanted & self.visible & self.same_side(wi, cos_i);
-        BsdfValue {
-            f: R::Vec3::select(valid, f, black),
-            pdf_w: R::select(valid, pdf_w, zero),
-            reverse_pdf_w: R::select(valid, reverse, zero),
-        }
+        self.bsdf
+            .values::<REVERSE>(&self.out, wi, mode, wanted & self.visible)
     }
-}
 
-impl<R: Real> Vertices<R> {
-    /// Samples the BSDFs, as `Disney::sample` and `Ideal::sample` do. Returns the lanes with a
-    /// sample, the sample, and its reverse density. The caller must still check the side of the
-    /// geometric normal.
+    /// Samples the BSDF in the lanes of `visible`: see [`Bsdf::samples`].
     #[inline(always)]
     pub fn sample<const REVERSE: bool>(
         &self,
         choice: R,
         v: [R; 2],
         mode: TransportMode,
-    ) -> (R::Mask, MixtureSample<R::Vec3>, R) {
-        if !self.lambert {
-            return self.bsdf.sample::<REVERSE>(&self.outgoing, choice, v, mode);
-        }
-        let o = self.frame.to_local(self.wo);
-        let (sampled, sample) = lambert::sample(self.bsdf.base_color, o, v);
-        let reverse = if REVERSE {
-            lambert::pdf_w(sample.wi, o)
-        } else {
-            R::splat(0.0)
-        };
-        (
-            sampled,
-            MixtureSample {
-                sample,
-                pdf_w: lambert::pdf_w(o, sample.wi),
-                delta: R::Mask::splat(false),
-            },
-            reverse,
-        )
+    ) -> (R::Mask, BsdfSample<R>, R) {
+        let (sampled, sample, reverse) = self.bsdf.samples::<REVERSE>(&self.out, choice, v, mode);
+        (self.visible & sampled, sample, reverse)
     }
 
-    /// Returns the ratio of indices of refraction between `wo` and `wi`, as `Bsdf::index_ratio`
-    /// does.
+    /// Returns the ratio of indices of refraction between `wo` and `wi`.
     #[inline(always)]
     pub fn index_ratio(&self, wi: R::Vec3) -> R {
-        if !self.bsdf.refractive.gt(R::splat(0.0)).any() {
-            return R::splat(1.0);
-        }
-        index_ratio([self.cos_o, wi.dot(self.point.n_shading)], self.bsdf.ior)
+        self.bsdf.index_ratio(self.out.wo, wi)
     }
 
     /// Returns the optical length of paths to sampled lights, as

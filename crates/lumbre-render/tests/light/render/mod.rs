@@ -17,6 +17,7 @@ mod bsdf_albedo;
 mod bsdf_formulas;
 mod bsdf_grid;
 mod bsdf_interfaces;
+mod bsdf_lanes;
 mod bsdf_limits;
 mod bsdf_symmetry;
 mod builders;

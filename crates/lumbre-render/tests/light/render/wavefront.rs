@@ -7,7 +7,7 @@ use glam::{Vec2, Vec3};
 use lumbre_light::film::layer::Layer;
 use lumbre_light::film::time::TimeFilter;
 use lumbre_light::scene::CompiledScene;
-use lumbre_light::scene::compile::{MaskMode, Material, NONE, Texture};
+use lumbre_light::scene::compile::{MaskMode, Material, Model, NONE, Texture};
 use lumbre_light::transport::camera::{FILTERS, FilterSpec};
 use lumbre_light::transport::delay::Profile;
 use lumbre_light::transport::path_time::Timing;
@@ -18,8 +18,8 @@ use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
 
 use crate::common::{SceneBuilder, WHITE, grey, light};
 use crate::render::wavefront_fixtures::{
-    DISNEY, assert_same_bits, assert_same_film_bits, materials, nee_job, room, with_bdpt, with_bpt,
-    with_time_axis,
+    DISNEY, assert_same_bits, assert_same_film_bits, interfaces, materials, nee_job, room,
+    with_bdpt, with_bpt, with_time_axis,
 };
 
 #[test]
@@ -29,9 +29,20 @@ fn every_material_has_the_same_bits_in_lanes() {
         assert_same_bits(name, &scene, nee_job([29, 17], 6), 11);
         assert_same_bits(name, &scene, with_bpt(nee_job([29, 17], 6)), 11);
         // `bdpt` has no scalar continuation of one subpath.
-        if !["brushed", "ideal", "ideal mixture"].contains(&name) {
+        if name != "brushed" {
             assert_same_bits(name, &scene, with_bdpt(nee_job([29, 17], 6)), 5);
         }
+    }
+}
+
+#[test]
+fn every_model_of_an_interface_has_the_same_bits_in_lanes() {
+    for (name, material) in interfaces() {
+        let scene = room(material).build();
+        let job = nee_job([19, 11], 6);
+        assert_same_bits(&name, &scene, job.clone(), 5);
+        assert_same_film_bits(&name, &scene, with_bpt(job.clone()), 5);
+        assert_same_bits(&name, &scene, with_bdpt(job), 3);
     }
 }
 
@@ -474,16 +485,6 @@ fn unsupported_features_run_on_the_scalar_path() {
         renderer(&brushed, job.clone()),
         Isa::detect() != Isa::Portable
     );
-    let ideal = SceneBuilder::new(Vec3::Z, Vec3::ZERO, 60.0)
-        .room(
-            2.0,
-            Material {
-                metallic: 1.0,
-                ..WHITE
-            },
-        )
-        .build();
-    assert!(!renderer(&ideal, job.clone()));
     let soft = room(Material {
         shadow_terminator: true,
         ..DISNEY
@@ -537,13 +538,21 @@ fn by_default_either_all_integrators_are_vectorised_or_none() {
         ),
         ("diffuse, Lambert model", room(grey(0.5)).build(), true),
         (
-            "ideal beside supported",
+            "all models",
             room(Material {
-                metallic: 1.0,
+                metallic: 0.5,
                 ..WHITE
             })
+            .sphere(
+                Vec3::new(-0.4, -0.2, 0.2),
+                0.2,
+                Material {
+                    model: Model::Conductor,
+                    ..WHITE
+                },
+            )
             .build(),
-            false,
+            true,
         ),
     ];
     for (name, scene, expected) in scenes {

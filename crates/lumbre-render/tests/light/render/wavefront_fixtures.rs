@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::Vec3;
 use lumbre_light::film::time::{TimeAxis, TimeCube, sum_slots};
 use lumbre_light::scene::CompiledScene;
-use lumbre_light::scene::compile::{Material, Model};
+use lumbre_light::scene::compile::{Distribution, Interface, Material, Model, diffuse_reflectance};
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::path_time::Timing;
 use lumbre_render::cpu::bvh::simd::Isa;
@@ -189,6 +189,77 @@ pub fn materials() -> Vec<(&'static str, Material)> {
             },
         ),
     ]
+}
+
+/// Returns metals, plastic and glass of both distributions, smooth and rough.
+pub fn interfaces() -> Vec<(String, Material)> {
+    let mut all = Vec::new();
+    for (distribution, roughness) in [Distribution::Ggx, Distribution::Beckmann]
+        .into_iter()
+        .flat_map(|d| [0.0, 0.02, 0.4, 1.0].map(|r| (d, r)))
+    {
+        let interface = Interface {
+            distribution,
+            specular: Vec3::new(0.7, 0.9, 1.0),
+            eta: Vec3::new(0.2, 0.92, 0.0),
+            k: Vec3::new(3.9, 2.45, 1.0),
+            ..Interface::PLAIN
+        };
+        let plain = Material {
+            roughness,
+            interface,
+            ..DISNEY
+        };
+        let plastic = Material {
+            model: Model::Plastic,
+            interface: Interface {
+                internal_reflectance: 1.0 - (1.0 - diffuse_reflectance(1.5)) / 2.25,
+                ..interface
+            },
+            ..plain
+        };
+        let nonlinear = Interface {
+            nonlinear: true,
+            ..plastic.interface
+        };
+        let glass = Material {
+            model: Model::Dielectric,
+            ..plain
+        };
+        let pane = Interface {
+            thin: true,
+            ..interface
+        };
+        let rows = [
+            (
+                "metal",
+                Material {
+                    model: Model::Conductor,
+                    ..plain
+                },
+            ),
+            ("plastic", plastic),
+            (
+                "nonlinear plastic",
+                Material {
+                    interface: nonlinear,
+                    ..plastic
+                },
+            ),
+            ("glass", glass),
+            ("glass of a low index", Material { ior: 0.7, ..glass }),
+            ("glass of index one", Material { ior: 1.0, ..glass }),
+            (
+                "pane",
+                Material {
+                    interface: pane,
+                    ..glass
+                },
+            ),
+        ];
+        all.extend(rows.map(|(name, m)| (format!("{name}, {distribution:?}, {roughness}"), m)));
+    }
+    all
 }
 
 /// Returns a room with an area light; its floor and a sphere have the material, and the floor's

@@ -3,8 +3,8 @@
 
 use super::super::facets::mirrored;
 use super::super::glass::refracted;
-use super::super::{LobeSample, MixtureSample, TransportMode, dielectric, fresnel};
-use super::{DirectionPair, Disney, DisneyOutgoing, flipped};
+use super::super::{LobeSample, MixtureSample, TransportMode, dielectric, flipped, fresnel};
+use super::{DirectionPair, Disney, DisneyOutgoing};
 use crate::math::real::{Mask, Real, Vector};
 use crate::math::warp;
 
@@ -91,8 +91,12 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
         s: &mut Candidate<R>,
     ) {
         let (o, probability) = (out.o, out.choice.reflection);
-        if !self.smooth {
-            s.wi = V::select(lanes, mirrored(o, self.ggx.sample(o, v)), s.wi);
+        let rough = lanes & !self.smooth;
+        if rough.any() {
+            s.wi = V::select(rough, mirrored(o, self.ggx.sample(o, v)), s.wi);
+        }
+        let smooth = lanes & self.smooth;
+        if !smooth.any() {
             return;
         }
         let weight =
@@ -107,7 +111,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
             probability,
             R::Mask::splat(true),
         );
-        s.delta = lanes;
+        s.delta = smooth;
     }
 
     /// Samples the refractive dielectric in the given lanes.
@@ -124,11 +128,15 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
         let zero = R::splat(0.0);
         let (o, eta, c) = (out.o, out.eta, &out.choice);
         let rest = ((u - c.diffuse - c.reflection) / c.glass).clamp(0.0, 1.0);
-        if self.smooth_glass() {
+        let smooth = lanes & self.smooth_glass();
+        if smooth.any() {
             let (passes, sample) = self.smooth_refraction(out, rest, mode);
-            s.valid = s.valid & (passes | !lanes);
-            s.dirac = MixtureSample::select(lanes, sample, s.dirac);
-            s.delta = s.delta | lanes;
+            s.valid = s.valid & (passes | !smooth);
+            s.dirac = MixtureSample::select(smooth, sample, s.dirac);
+            s.delta = s.delta | smooth;
+        }
+        let lanes = lanes & !smooth;
+        if !lanes.any() {
             return;
         }
         let h = self.ggx.sample(o, v);
@@ -195,8 +203,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
         mode: TransportMode,
     ) -> (R::Mask, MixtureSample<V>) {
         let (o, glass) = (out.o, out.choice.glass);
-        let (some, mut s, probability) =
-            dielectric::sample_lanes(self.base_color, out.eta, o, u, mode);
+        let (some, mut s, probability) = dielectric::sample(self.base_color, out.eta, o, u, mode);
         s.weight = s.weight * (self.refractive / glass * self.coat.transmittance(o.z(), s.wi.z()));
         (
             some,

@@ -230,8 +230,8 @@ impl<const TIMED: bool> WalkStep<'_, TIMED> {
                 MisPartials::new(h, partials, R::load_doubles(pdf_w) * forward.double());
             (valid, partials, back)
         };
-        let rows = map_array(materials, |m| &table.rows[m as usize]);
-        let vertices = Vertices::<R>::new(point, wo, rows, &traits, active & valid);
+        let bsdfs = map_array(materials, |m| &table.bsdfs[m as usize]);
+        let vertices = Vertices::<R>::new(point, wo, bsdfs, &traits, active & valid);
         let [p, n, ns, t] = [
             point.position,
             point.n_geometric,
@@ -283,20 +283,9 @@ impl<const TIMED: bool> WalkStep<'_, TIMED> {
         let mut taken = state_row[2].bits();
         let [choice, u, v] = independent::next_three(key, taken);
         taken = taken.add(R::Word::splat(3));
-        let (valid, s, reverse) = vertices.sample::<true>(choice, [u, v], mode);
-        let wi = vertices.frame.to_world(s.sample.wi);
-        let cos_i = s.sample.wi.z();
-        let mut continues =
-            vertices.visible & valid & s.pdf_w.gt(zero) & vertices.same_side(wi, cos_i);
-        let mut weight = s.sample.weight;
-        let eta = s.sample.eta;
-        let mut rr_weight = weight;
-        if LIGHT {
-            weight = weight * vertices.adjoint(wi, cos_i);
-            rr_weight = weight;
-        } else {
-            rr_weight = rr_weight * (eta * eta);
-        }
+        let (mut continues, s, reverse) = vertices.sample::<true>(choice, [u, v], mode);
+        let (wi, weight, eta) = (s.wi, s.weight, s.eta);
+        let rr_weight = if LIGHT { weight } else { weight * (eta * eta) };
         let mut rr_throughput = R::Vec3::new(origin_row[7], state_row[0], state_row[1]) * rr_weight;
         let mut throughput = throughput * weight;
         if context.rr_start.is_some_and(|start| edge >= start) {

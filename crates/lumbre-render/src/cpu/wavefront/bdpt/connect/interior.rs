@@ -8,7 +8,6 @@ use super::load::{load_records, load_vertices, optical_lengths};
 use super::{EvaluatedPair, ShadowQueue, Target, VertexPair};
 use crate::cpu::wavefront::bdpt::{TileContext, TileSubpaths};
 use crate::cpu::wavefront::shade::shadow_rays;
-use crate::cpu::wavefront::vertices::IOR_COLUMN;
 use lumbre_light::math::real::{Mask, Vector};
 use lumbre_light::math::simd::{F32x8, Lanes, active_lanes, map_array, padded};
 use lumbre_light::transport::bsdf::{BsdfValue, TransportMode, index_ratio};
@@ -115,7 +114,7 @@ pub(super) fn connect_interior<R: Lanes<N>, const N: usize, const TIMED: bool>(
     );
     if TIMED {
         let ior = map_array(z_records, |record| {
-            tile.table.rows[record.material()][0].0[IOR_COLUMN]
+            tile.table.bsdfs[record.material()].index_inside
         });
         let ratio = index_ratio([z_wo.dot(z.n_shading), wi.dot(z.n_shading)], R::load(&ior));
         let z_optical = optical_lengths::<R, N>(z_records);

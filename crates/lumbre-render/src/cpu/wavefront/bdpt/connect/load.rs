@@ -71,9 +71,9 @@ pub(super) fn load_vertices<R: Lanes<N>, const N: usize, const TIMED: bool>(
     active: R::Mask,
 ) -> LoadedVertices<R> {
     let (point, wo, throughput, endpoint) = load_records::<R, N>(records);
-    let rows = map_array(records, |record| &tile.table.rows[record.material()]);
+    let bsdfs = map_array(records, |record| &tile.table.bsdfs[record.material()]);
     LoadedVertices {
-        vertices: Vertices::<R>::new(point, wo, rows, &tile.table.traits(class), active),
+        vertices: Vertices::<R>::new(point, wo, bsdfs, &tile.table.traits(class), active),
         throughput,
         endpoint,
     }
