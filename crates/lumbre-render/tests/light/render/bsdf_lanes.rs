@@ -48,15 +48,15 @@ fn cases(materials: &[Material]) -> Vec<Case> {
             u: [u, v, w],
             n_shading: bent,
             tangent: surface(&WHITE).tangent,
-            terminator: i % 5 == 0,
+            terminator: i.is_multiple_of(5),
         };
-        if i % 7 == 0 {
+        if i.is_multiple_of(7) {
             case.tangent = Vec3::ZERO;
         }
         let sampled = case
             .bsdf()
             .sample(case.wo, v, [w, u], TransportMode::Radiance);
-        if let Some(s) = sampled.filter(|_| i % 2 == 0) {
+        if let Some(s) = sampled.filter(|_| i.is_multiple_of(2)) {
             case.wi = s.wi;
         }
         case
