@@ -25,6 +25,14 @@ const HOST: &[(&str, &str)] = &[
         "GLSL invocations replace SIMD lanes",
     ),
     (
+        "crates/lumbre-light/src/math/simd/x1.rs",
+        "GLSL invocations replace SIMD lanes",
+    ),
+    (
+        "crates/lumbre-light/src/math/simd/pair.rs",
+        "GLSL invocations replace SIMD lanes",
+    ),
+    (
         "crates/lumbre-light/src/math/simd/x16.rs",
         "GLSL invocations replace SIMD lanes",
     ),
@@ -41,6 +49,10 @@ const HOST: &[(&str, &str)] = &[
     (
         "crates/lumbre-light/src/math/t_test.rs",
         "statistics of nights",
+    ),
+    (
+        "crates/lumbre-light/src/transport/bsdf/disney/parameters.rs",
+        "its twin is part of disney.glsl",
     ),
     (
         "crates/lumbre-light/src/transport/bsdf/disney/sampling.rs",

@@ -122,7 +122,7 @@ pub struct Width(Vectors);
 /// Vectors for which kernels are compiled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Vectors {
-    /// Plain numbers.
+    /// One lane: plain numbers.
     One,
     /// Eight lanes without vector instructions.
     #[cfg(any(test, feature = "every-width"))]

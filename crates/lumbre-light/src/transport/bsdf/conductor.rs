@@ -16,7 +16,7 @@ pub struct Conductor<V: Vector = Vec3> {
     pub eta: V,
     /// Imaginary part of the index by channel, relative to the outside.
     pub k: V,
-    /// Its microfacets.
+    /// Microfacets of its surface.
     pub facets: Facets<V::Scalar>,
 }
 

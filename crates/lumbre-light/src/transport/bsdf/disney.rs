@@ -8,6 +8,7 @@
 //! scattering is the same in every lane. Other lobes may be missing in some lanes, where their
 //! weight is zero.
 
+mod parameters;
 mod sampling;
 
 use glam::Vec3;
@@ -17,7 +18,6 @@ use super::diffuse::Diffuse;
 use super::fresnel;
 use super::ggx::{Ggx, HalfVector};
 use super::glass::Refraction;
-use super::material::MaterialConstants;
 use super::{MixtureSample, TransportMode, flipped};
 use crate::math::real::{Mask, Real, Vector};
 use crate::math::{Frame, warp};
@@ -26,10 +26,6 @@ use crate::math::{Frame, warp};
 /// vector of a refraction has no significant digits in single precision, and the interface is
 /// treated as smooth: it looks smooth, and its reflection is too weak to be seen.
 const MIN_BEND: f32 = 1e-4;
-
-/// Minimum sampling probability of a rough lobe relative to its weight: its reflectance at normals
-/// that do not face the viewer can exceed the estimate from the macroscopic cosine.
-const MIN_ROUGH: f32 = 0.02;
 
 /// The parameters of the Disney BSDF at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -116,19 +112,6 @@ pub fn f0_of<R: Real>(ior: R) -> R {
     r * r
 }
 
-impl<R: Real> LobeEstimate<R> {
-    /// Returns the estimate of a surface that reflects nothing.
-    #[inline(always)]
-    fn none() -> LobeEstimate<R> {
-        let zero = R::splat(0.0);
-        LobeEstimate {
-            diffuse: zero,
-            reflection: zero,
-            rise: zero,
-        }
-    }
-}
-
 impl<R: Real> LobeProbabilities<R> {
     /// Returns probabilities of zero: nothing is reflected.
     #[inline(always)]
@@ -144,75 +127,6 @@ impl<R: Real> LobeProbabilities<R> {
 }
 
 impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
-    /// Builds the BSDF at points whose textures give this base colour and roughness, with the
-    /// weights of the opaque dielectric, the metal and the refractive dielectric. `anisotropic` is
-    /// unset only if both widths of the microfacets are equal.
-    #[inline(always)]
-    pub fn new(
-        m: &MaterialConstants<V>,
-        anisotropic: bool,
-        base_color: V,
-        roughness: R,
-        [opaque, metallic, refractive]: [R; 3],
-    ) -> Disney<V> {
-        let (zero, one) = (R::splat(0.0), R::splat(1.0));
-        let white = V::splat(one);
-        let tinted_f0 = m
-            .specular_tint
-            .gt(zero)
-            .any()
-            .then(|| (tinted(base_color, m.specular_tint) * f0_of(m.ior)).map(|x| x.min(one)));
-        let sheen = if m.sheen.gt(zero).any() {
-            let color = if m.sheen_tint.gt(zero).any() {
-                tinted(base_color, m.sheen_tint)
-            } else {
-                white
-            };
-            color * m.sheen
-        } else {
-            V::splat(zero)
-        };
-        let disney = Disney {
-            base_color,
-            opaque,
-            metallic,
-            refractive,
-            ior: m.ior,
-            tinted_f0,
-            diffuse: Diffuse {
-                base_color,
-                roughness,
-                subsurface: m.subsurface,
-                sheen,
-            },
-            ggx: Ggx::new(roughness, m.aspect),
-            anisotropic,
-            smooth: roughness.lt(m.smooth_below),
-            coat: m.coat,
-            estimate: LobeEstimate::none(),
-        };
-        disney.with_estimate()
-    }
-
-    /// Returns the BSDF with [`Disney::estimate`] computed from the other parameters.
-    #[inline(always)]
-    fn with_estimate(self) -> Disney<V> {
-        let (zero, one, third) = (R::splat(0.0), R::splat(1.0), R::splat(1.0 / 3.0));
-        let (f0, color) = (f0_of(self.ior), self.base_color.element_sum() * third);
-        let sheen = self.diffuse.sheen.element_sum() * third;
-        let rough = R::select(
-            self.smooth,
-            zero,
-            R::splat(MIN_ROUGH) * (self.opaque + self.metallic),
-        );
-        let estimate = LobeEstimate {
-            diffuse: self.opaque * (color + R::splat(0.25) * sheen),
-            reflection: self.opaque * f0 + self.metallic * color + rough,
-            rise: self.opaque * (one - f0) + self.metallic * (one - color),
-        };
-        Disney { estimate, ..self }
-    }
-
     /// Returns the reflectance of the opaque dielectric: the exact Fresnel equations from outside,
     /// tinted at normal incidence and blending to white as the exact reflectance does (the
     /// adaptation of S0).
@@ -581,23 +495,4 @@ impl<R: Real> DirectionPair<R> {
             half,
         }
     }
-}
-
-/// Returns the blend from white to a colour of luminance 1 with the hue of `color`; `amount` is that
-/// of the hue.
-#[inline(always)]
-fn tinted<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(color: V, amount: R) -> V {
-    let one = R::splat(1.0);
-    V::splat(one) * (one - amount) + hue_of(color) * amount
-}
-
-/// Returns a colour of luminance 1 with the hue of `c`; white for black.
-#[inline(always)]
-fn hue_of<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(c: V) -> V {
-    let luminance = c.dot(V::broadcast(Vec3::new(0.2126, 0.7152, 0.0722)));
-    V::select(
-        luminance.gt(R::splat(0.0)),
-        c / luminance,
-        V::splat(R::splat(1.0)),
-    )
 }

@@ -12,7 +12,7 @@ use crate::scene::compile::{Distribution, Material, Model};
 /// them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BsdfClass {
-    /// Scattering model.
+    /// Scattering model of the material.
     pub model: Model,
     /// Distribution of the microfacets of the models `conductor`, `plastic` and `dielectric`.
     pub distribution: Distribution,

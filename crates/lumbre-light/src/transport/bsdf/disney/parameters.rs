@@ -1,0 +1,117 @@
+//! Parameters of the Disney BSDF from those of materials: tints, and the estimate by which lobes are
+//! chosen.
+
+use glam::Vec3;
+
+use super::super::diffuse::Diffuse;
+use super::super::ggx::Ggx;
+use super::super::material::MaterialConstants;
+use super::{Disney, LobeEstimate, f0_of};
+use crate::math::real::{Mask, Real, Vector};
+
+/// Minimum sampling probability of a rough lobe relative to its weight: its reflectance at normals
+/// that do not face the viewer can exceed the estimate from the macroscopic cosine.
+const MIN_ROUGH: f32 = 0.02;
+
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
+    /// Builds the BSDF at points whose textures give this base colour and roughness, with the
+    /// weights of the opaque dielectric, the metal and the refractive dielectric. `anisotropic` is
+    /// unset only if both widths of the microfacets are equal.
+    #[inline(always)]
+    pub fn new(
+        m: &MaterialConstants<V>,
+        anisotropic: bool,
+        base_color: V,
+        roughness: R,
+        [opaque, metallic, refractive]: [R; 3],
+    ) -> Disney<V> {
+        let (zero, one) = (R::splat(0.0), R::splat(1.0));
+        let white = V::splat(one);
+        let tinted_f0 = m
+            .specular_tint
+            .gt(zero)
+            .any()
+            .then(|| (tinted(base_color, m.specular_tint) * f0_of(m.ior)).map(|x| x.min(one)));
+        let sheen = if m.sheen.gt(zero).any() {
+            let color = if m.sheen_tint.gt(zero).any() {
+                tinted(base_color, m.sheen_tint)
+            } else {
+                white
+            };
+            color * m.sheen
+        } else {
+            V::splat(zero)
+        };
+        let disney = Disney {
+            base_color,
+            opaque,
+            metallic,
+            refractive,
+            ior: m.ior,
+            tinted_f0,
+            diffuse: Diffuse {
+                base_color,
+                roughness,
+                subsurface: m.subsurface,
+                sheen,
+            },
+            ggx: Ggx::new(roughness, m.aspect),
+            anisotropic,
+            smooth: roughness.lt(m.smooth_below),
+            coat: m.coat,
+            estimate: LobeEstimate::none(),
+        };
+        disney.with_estimate()
+    }
+
+    /// Returns the BSDF with [`Disney::estimate`] computed from the other parameters.
+    #[inline(always)]
+    fn with_estimate(self) -> Disney<V> {
+        let (zero, one, third) = (R::splat(0.0), R::splat(1.0), R::splat(1.0 / 3.0));
+        let (f0, color) = (f0_of(self.ior), self.base_color.element_sum() * third);
+        let sheen = self.diffuse.sheen.element_sum() * third;
+        let rough = R::select(
+            self.smooth,
+            zero,
+            R::splat(MIN_ROUGH) * (self.opaque + self.metallic),
+        );
+        let estimate = LobeEstimate {
+            diffuse: self.opaque * (color + R::splat(0.25) * sheen),
+            reflection: self.opaque * f0 + self.metallic * color + rough,
+            rise: self.opaque * (one - f0) + self.metallic * (one - color),
+        };
+        Disney { estimate, ..self }
+    }
+}
+
+impl<R: Real> LobeEstimate<R> {
+    /// Returns the estimate of a surface that reflects nothing.
+    #[inline(always)]
+    fn none() -> LobeEstimate<R> {
+        let zero = R::splat(0.0);
+        LobeEstimate {
+            diffuse: zero,
+            reflection: zero,
+            rise: zero,
+        }
+    }
+}
+
+/// Returns the blend from white to a colour of luminance 1 with the hue of `color`; `amount` is that
+/// of the hue.
+#[inline(always)]
+fn tinted<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(color: V, amount: R) -> V {
+    let one = R::splat(1.0);
+    V::splat(one) * (one - amount) + hue_of(color) * amount
+}
+
+/// Returns a colour of luminance 1 with the hue of `c`; white for black.
+#[inline(always)]
+fn hue_of<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(c: V) -> V {
+    let luminance = c.dot(V::broadcast(Vec3::new(0.2126, 0.7152, 0.0722)));
+    V::select(
+        luminance.gt(R::splat(0.0)),
+        c / luminance,
+        V::splat(R::splat(1.0)),
+    )
+}
