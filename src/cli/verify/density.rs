@@ -13,6 +13,7 @@ use crate::cli::night::load;
 use crate::cli::scene::builtin::{BuiltIn, scene_name};
 use lumbre_light::scene::load::MissingTextures;
 use lumbre_light::scene::{CompiledScene, compile};
+use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::{Camera, FilterSpec};
 use lumbre_light::transport::integrator::oracle::{self, COARSE, OracleReport, TOLERANCE};
 use lumbre_light::transport::integrator::{Context, Settings, bdpt, integrator};
@@ -67,6 +68,7 @@ fn report(
         scene,
         camera: &Camera::new(&scene.camera, RESOLUTION, FilterSpec::PIXEL),
         lights: &Lights::new(scene),
+        classes: &SurfaceClasses::new(scene),
         trace: &accel,
         max_depth: scene.max_depth,
         rr_start: None,

@@ -9,6 +9,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{MaskMode, Material, Model, NONE, Texture};
+use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::{Camera, FilterKind, FilterSpec};
 use lumbre_light::transport::delay::Profile;
 use lumbre_light::transport::integrator::{Context, Settings, integrator};
@@ -99,6 +100,7 @@ fn original(scene: &CompiledScene, job: &Job, row: &mut Row) {
         scene,
         camera: &Camera::new(&scene.camera, job.resolution, job.filter),
         lights: &Lights::with_select(scene, LightSelection::from_params(&job.params)),
+        classes: &SurfaceClasses::new(scene),
         trace: &brute,
         max_depth: job.max_depth,
         rr_start: job.rr_start,

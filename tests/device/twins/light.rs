@@ -10,7 +10,7 @@ use lumbre_light::transport::light::{LightId, LightPoint, Lights};
 use lumbre_render::Job;
 
 use super::{RandomInputs, SAME};
-use crate::common::{SceneBuilder, WHITE, grey, job, light};
+use crate::common::{SceneBuilder, WHITE, grey, job};
 use crate::parity::{Near, Row, Twin};
 
 /// Returns a scene with lights of every kind, including textured and masked ones, and an
@@ -39,6 +39,10 @@ fn lit(map: bool) -> (Arc<CompiledScene>, Job) {
         mask_mode: MaskMode::Blend,
         ..emitting
     };
+    let bright = Material {
+        emission: Vec3::splat(900.0),
+        ..emitting
+    };
     let scene = builder
         .quad(Vec3::new(-1.0, 2.0, -1.0), Vec3::X, Vec3::Z, emitting)
         .triangle(
@@ -53,7 +57,7 @@ fn lit(map: bool) -> (Arc<CompiledScene>, Job) {
             grey(0.5),
         )
         .sphere(Vec3::new(1.0, 2.0, 3.0), 0.5, emitting)
-        .sphere(Vec3::new(-1.0, -1.0, 0.0), 0.01, light(900.0))
+        .sphere(Vec3::new(-1.0, -1.0, 0.0), 0.01, bright)
         .point(Vec3::Y, Vec3::ONE)
         .point(Vec3::new(2.0, -1.0, 1.0), Vec3::new(0.0, 5.0, 1.0))
         .spot(
@@ -83,19 +87,19 @@ fn cone(edge: ConeEdge) -> ConeDesc {
 
 fn put_point(lights: &Lights, point: Option<LightPoint>, row: &mut Row) {
     let none = LightPoint {
-        light: LightId::Point(0),
+        lights: [LightId::Point(0)],
         position: Vec3::ZERO,
         normal: Vec3::ZERO,
-        uv: Uv::default(),
+        uv: Uv::zero(),
     };
     let index = point
-        .and_then(|p| lights.indices().find(|i| lights.id(*i) == p.light))
+        .and_then(|p| lights.indices().find(|i| lights.id(*i) == p.light()))
         .unwrap_or(0);
     let point = point.unwrap_or(none);
     row.push(index);
     row.push_floats(point.position.to_array());
     row.push_floats(point.normal.to_array());
-    row.push_floats(point.uv.first.to_array());
+    row.push_floats(point.uv.first);
 }
 
 fn inputs() -> Vec<u32> {
@@ -129,10 +133,8 @@ fn original(scene: &CompiledScene, _: &Job, row: &mut Row) {
     row.push_floats([d.map_or(0.0, |d| d.pdf_w)]);
     row.push(u32::from(d.is_some_and(|d| d.delta)));
     put_point(&lights, d.map(|d| d.point), row);
-    let again = d.map_or(0.0, |d| match d.point.light {
-        LightId::Emitter(i) => {
-            lights.pdf_direct_w(scene, from, i, d.point.position, d.point.normal)
-        }
+    let again = d.map_or(0.0, |d| match d.point.light() {
+        LightId::Emitter(i) => lights.pdf_direct_w(from, i, d.point.position, d.point.normal),
         _ => 0.0,
     });
     row.push_floats([again]);
@@ -144,7 +146,7 @@ fn original(scene: &CompiledScene, _: &Job, row: &mut Row) {
     row.push_floats(e.radiance.to_array());
     row.push_floats([e.pdf_a, e.pdf_w, e.cos]);
     put_point(&lights, Some(e.point), row);
-    let pdf = lights.pdf_emission_at(scene, &e.point, e.dir);
+    let pdf = lights.pdf_emission_at(&e.point, e.dir);
     row.push_floats([pdf.pdf_a, pdf.pdf_w]);
     row.push_floats(lights.emitted(scene, &e.point, e.dir).to_array());
     row.push_floats(lights.environment(dir).to_array());

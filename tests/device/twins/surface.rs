@@ -293,7 +293,7 @@ pub const SURFACE: Twin = Twin {
         for v in [s.position, s.n_geometric, s.n_shading, s.tangent] {
             row.push_floats(v.to_array());
         }
-        row.push_floats(s.uv.first.to_array());
+        row.push_floats(s.uv.first);
         row.push_floats(
             s.terminator
                 .map_or(Vec3::ZERO, |o| o.lifted_point)
@@ -302,7 +302,7 @@ pub const SURFACE: Twin = Twin {
         row.push_floats(s.base_color(&scene.textures).to_array());
         row.push_floats(s.emitted(&scene.textures, -ray.dir).to_array());
         row.push_floats(s.spawn(wi).origin.to_array());
-        row.push_floats([coverage(&scene.textures, s.material, s.uv)]);
+        row.push_floats([coverage(&scene.textures, s.materials[0], s.uv)]);
         row.push(u32::from(is_masked_out(scene, &ray, &hit)));
     },
     near: &[

@@ -15,6 +15,15 @@ use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
 use glam::Vec3;
 
+/// A computation that is compiled as a function of its own: see [`Real::outline`].
+pub trait Outlined {
+    /// The result of the computation.
+    type Output;
+
+    /// Runs the computation. Must be `#[inline(always)]`.
+    fn run(self) -> Self::Output;
+}
+
 /// A single-precision number in each lane.
 pub trait Real:
     Copy
@@ -81,6 +90,9 @@ pub trait Real:
     fn truncated(self) -> Self::Word;
     /// Converts to double precision.
     fn double(self) -> Self::Double;
+    /// Runs a computation as a function of its own, compiled for the instruction set of these
+    /// vectors. All other functions are compiled into their callers, over and over.
+    fn outline<K: Outlined>(computation: K) -> K::Output;
 }
 
 /// A double-precision number in each lane.
@@ -445,6 +457,10 @@ impl Real for f32 {
     #[inline(always)]
     fn double(self) -> f64 {
         f64::from(self)
+    }
+    #[inline(never)]
+    fn outline<K: Outlined>(computation: K) -> K::Output {
+        computation.run()
     }
 }
 

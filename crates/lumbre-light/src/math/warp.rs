@@ -3,7 +3,7 @@
 
 use std::f32::consts::{FRAC_PI_4, PI, TAU};
 
-use glam::{Vec2, Vec3};
+use glam::Vec2;
 
 use super::real::{Real, Vector};
 use super::trig;
@@ -51,12 +51,13 @@ pub fn cosine_hemisphere_pdf_w<R: Real>(cos_theta: R) -> R {
 }
 
 /// Returns a direction of the whole sphere with density `1 / (4 pi)` per solid angle.
-#[inline]
-pub fn uniform_sphere(u: [f32; 2]) -> Vec3 {
-    let z = 1.0 - 2.0 * u[0];
-    let r = (1.0 - z * z).max(0.0).sqrt();
-    let (sin, cos) = trig::sin_cos(TAU * u[1]);
-    Vec3::new(r * cos, r * sin, z)
+#[inline(always)]
+pub fn uniform_sphere<R: Real>(u: [R; 2]) -> R::Vec3 {
+    let one = R::splat(1.0);
+    let z = one - R::splat(2.0) * u[0];
+    let r = (one - z * z).max(R::splat(0.0)).sqrt();
+    let (sin, cos) = trig::sin_cos(R::splat(TAU) * u[1]);
+    R::Vec3::new(r * cos, r * sin, z)
 }
 
 /// Returns barycentric weights of the second and third corner of a triangle, uniform over its area

@@ -51,6 +51,7 @@
 //! (5e64b0724c186313bc7b6ce096b08820), which section 3.3 of S1 cites as [10];
 //! undated there.
 
+pub mod arrival;
 pub mod bsdf;
 pub mod camera;
 pub mod contribution;

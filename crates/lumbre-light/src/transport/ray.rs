@@ -4,13 +4,13 @@ use glam::Vec3;
 
 use crate::math::real::{Real, Vector, Word};
 
-/// A ray: a half-line.
+/// A ray: a half-line; scalar or vectorised.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ray {
+pub struct Ray<V = Vec3> {
     /// Start in world space.
-    pub origin: Vec3,
+    pub origin: V,
     /// Direction; a unit vector.
-    pub dir: Vec3,
+    pub dir: V,
 }
 
 /// The first intersection of a ray.
@@ -25,6 +25,38 @@ pub struct Hit {
     pub instance: u32,
     /// Barycentric weights of the second and third corner; zero for spheres.
     pub uv: [f32; 2],
+}
+
+/// The rays of all lanes with their first intersections.
+#[derive(Clone, Copy, Debug)]
+pub struct RayHits<R: Real = f32, const N: usize = 1> {
+    /// Starts of the rays in world space.
+    pub origin: R::Vec3,
+    /// Directions; unit vectors.
+    pub dir: R::Vec3,
+    /// Distances along the rays, in scene units.
+    pub t: R,
+    /// Barycentric weights of the second and third corner.
+    pub uv: [R; 2],
+    /// Primitive ids, as in [`Hit`]; valid in every lane.
+    pub primitives: [u32; N],
+    /// Instances, as in [`Hit`].
+    pub instances: [u32; N],
+}
+
+impl RayHits {
+    /// Returns a ray with its hit.
+    #[inline]
+    pub fn new(ray: &Ray, hit: &Hit) -> RayHits {
+        RayHits {
+            origin: ray.origin,
+            dir: ray.dir,
+            t: hit.t,
+            uv: hit.uv,
+            primitives: [hit.primitive],
+            instances: [hit.instance],
+        }
+    }
 }
 
 /// Intersects rays with a compiled scene, masks included.

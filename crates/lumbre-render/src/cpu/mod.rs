@@ -15,7 +15,6 @@ mod path_trace;
 pub mod rates;
 pub mod renderer;
 pub mod vectorizable;
-#[cfg_attr(not(target_arch = "x86_64"), path = "wavefront/unsupported.rs")]
 mod wavefront;
 
 pub use films::bin_pool::kept_bytes;

@@ -9,6 +9,7 @@ use super::bvh::simd::Isa;
 use crate::path_trace::{PathEvent, SampleAt};
 use crate::{Job, RenderError};
 use lumbre_light::scene::CompiledScene;
+use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::Camera;
 use lumbre_light::transport::integrator::{Context, Settings};
 use lumbre_light::transport::light::{LightSelection, Lights};
@@ -60,6 +61,7 @@ pub(super) fn paths(
     let scene = &accel.scene;
     let camera = Camera::new(&scene.camera, job.resolution, job.filter);
     let lights = Lights::with_select(scene, LightSelection::from_params(&job.params));
+    let classes = SurfaceClasses::new(scene);
     let settings = Settings::new(&job.params);
     let record_sample = |at: &SampleAt| {
         let events = RefCell::default();
@@ -67,6 +69,7 @@ pub(super) fn paths(
             scene,
             camera: &camera,
             lights: &lights,
+            classes: &classes,
             trace: &RecordingTrace {
                 accel: &accel,
                 events: &events,

@@ -30,6 +30,7 @@ use lumbre_light::film::splat::{SplatBuffer, SplatSums};
 use lumbre_light::film::state::StateReader;
 use lumbre_light::film::time::TimeCube;
 use lumbre_light::scene::CompiledScene;
+use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::Camera;
 use lumbre_light::transport::integrator::{Context, Settings};
 use lumbre_light::transport::light::{LightSelection, Lights};
@@ -41,6 +42,7 @@ pub struct CpuRenderer {
     accel: Accel,
     camera: Camera,
     lights: Lights,
+    classes: SurfaceClasses,
     job: Job,
     pool: rayon::ThreadPool,
     /// Sums of the samples' contributions to their own pixels. With a time axis `sum` is unused,
@@ -118,6 +120,7 @@ impl CpuRenderer {
         Ok(CpuRenderer {
             camera: Camera::new(&scene.camera, job.resolution, job.filter),
             lights: Lights::with_select(&scene, LightSelection::from_params(&job.params)),
+            classes: SurfaceClasses::new(&scene),
             own: Film::new(job.resolution[0], job.resolution[1]),
             splats: OnceLock::new(),
             combined: None,
@@ -246,6 +249,7 @@ struct WaveContext<'a> {
     accel: &'a Accel,
     camera: &'a Camera,
     lights: &'a Lights,
+    classes: &'a SurfaceClasses,
     job: &'a Job,
     settings: Settings,
     /// Indices of the samples that the wave adds to every pixel.
@@ -277,6 +281,7 @@ impl WaveContext<'_> {
             scene: self.scene,
             camera: self.camera,
             lights: self.lights,
+            classes: self.classes,
             trace: &trace,
             max_depth: job.max_depth,
             rr_start: job.rr_start,
@@ -292,13 +297,14 @@ impl WaveContext<'_> {
             .zip(self.splats.timed)
             .map(|(row, splats)| TimeRowFilm::new(splats, row));
         let mut row = RowFilm::new(y, sums, time_film, self.splats, buffer);
+        let mut layers = extra
+            .layers
+            .zip(self.layers)
+            .map(|(row, spec)| LayerRowFilm::new(spec, row));
         if let Some(wavefront) = self.wavefront {
-            wavefront.render_row(&context, job, y, self.samples.clone(), &mut row);
+            let samples = self.samples.clone();
+            wavefront.render_row(&context, job, y, samples, &mut row, layers.as_mut());
         } else {
-            let mut layers = extra
-                .layers
-                .zip(self.layers)
-                .map(|(row, spec)| LayerRowFilm::new(spec, row));
             for x in 0..job.resolution[0] {
                 for sample in self.samples.clone() {
                     let rays = &trace.rays;
@@ -385,6 +391,7 @@ impl Renderer for CpuRenderer {
             accel: &self.accel,
             camera: &self.camera,
             lights: &self.lights,
+            classes: &self.classes,
             job: &self.job,
             settings: Settings::new(&self.job.params),
             samples: first..first + samples,

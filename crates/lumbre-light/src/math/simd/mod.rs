@@ -21,7 +21,11 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::real::{Real, Vector, Word};
+use glam::Vec3;
+
+#[cfg(target_arch = "x86_64")]
+use super::real::Outlined;
+use super::real::{Mask, Real, Vector, Word};
 
 /// Implements binary operators of vector types by one instruction each.
 #[cfg(target_arch = "x86_64")]
@@ -67,6 +71,7 @@ macro_rules! methods {
 
 #[cfg(any(test, feature = "every-width"))]
 pub mod pair;
+pub mod record;
 #[cfg(test)]
 mod tests;
 mod x1;
@@ -263,6 +268,22 @@ pub fn dispatch<K: SimdKernel>(width: Width, kernel: K) -> K::Output {
     }
 }
 
+/// Implements [`Real::outline`] for eight lanes.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
+#[inline(never)]
+fn outline_avx2<K: Outlined>(computation: K) -> K::Output {
+    computation.run()
+}
+
+/// Implements [`Real::outline`] for sixteen lanes.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,avx512f,avx512vl,avx512dq,avx512bw")]
+#[inline(never)]
+fn outline_avx512<K: Outlined>(computation: K) -> K::Output {
+    computation.run()
+}
+
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
 fn run_avx2<K: SimdKernel>(kernel: K) -> K::Output {
@@ -289,6 +310,33 @@ pub fn map_array<T: Copy, U: Copy, const N: usize>(values: [T; N], f: impl Fn(T)
         mapped[i] = f(values[i]);
     }
     mapped
+}
+
+/// Applies a scalar function to the lane index and the vector of each lane of `wanted`, for
+/// functions without vector instructions. Results of other lanes are 0.
+#[inline(always)]
+pub fn map_vectors<R: Lanes<N>, const N: usize, const K: usize>(
+    vectors: R::Vec3,
+    wanted: R::Mask,
+    f: impl Fn(usize, Vec3) -> [f32; K],
+) -> [R; K] {
+    let [x, y, z] = [
+        vectors.x().store(),
+        vectors.y().store(),
+        vectors.z().store(),
+    ];
+    let mut results = [[0.0; N]; K];
+    for lane in active_lanes(wanted.bits()) {
+        let numbers = f(lane, Vec3::new(x[lane], y[lane], z[lane]));
+        for (result, number) in results.iter_mut().zip(numbers) {
+            result[lane] = number;
+        }
+    }
+    let mut loaded = [R::splat(0.0); K];
+    for (result, numbers) in loaded.iter_mut().zip(&results) {
+        *result = R::load(numbers);
+    }
+    loaded
 }
 
 /// Returns a group of 1 to `N` items, one per lane. Unused lanes repeat the first item; the caller

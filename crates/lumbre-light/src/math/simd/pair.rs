@@ -6,7 +6,7 @@
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
 use super::{F32x8, Lanes, Vec3xN};
-use crate::math::real::{Double, Mask, Real, Word};
+use crate::math::real::{Double, Mask, Outlined, Real, Word};
 
 /// The first half of the lanes, and the second.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -121,6 +121,10 @@ impl<T: Real> Real for Pair<T> {
     #[inline(always)]
     fn zip_lanes(self, other: Pair<T>, f: impl Fn(f32, f32) -> f32) -> Pair<T> {
         Pair(self.0.zip_lanes(other.0, &f), self.1.zip_lanes(other.1, &f))
+    }
+    #[inline(always)]
+    fn outline<K: Outlined>(computation: K) -> K::Output {
+        T::outline(computation)
     }
 }
 

@@ -278,3 +278,56 @@ fn transposed_loads_and_stores_are_inverse_and_masks_select_lanes() {
     }
     with_every_width(Transposition);
 }
+
+#[test]
+fn records_keep_every_field_of_every_lane() {
+    crate::record! {
+        /// Fields of every type, over more than one row.
+        struct Mixed => MixedRecord {
+            /// First vector.
+            first: Vec3,
+            /// A word that is no number.
+            word: Word,
+            /// Second vector.
+            second: Vec3,
+            /// Third vector, which lies in both rows.
+            third: Vec3,
+            /// A single number.
+            number: Real,
+        }
+    }
+    #[derive(Clone)]
+    struct StoreAndLoad;
+    impl SimdKernel for StoreAndLoad {
+        type Output = ();
+        fn run<R: Lanes<N>, const N: usize>(self) {
+            let column = |k: usize| R::load(&std::array::from_fn(|i| (100 * k + i) as f32));
+            let vector = |k: usize| R::Vec3::new(column(k), column(k + 1), column(k + 2));
+            let words: [u32; N] = std::array::from_fn(|i| 0x7fc0_0000 | i as u32);
+            let lanes = Mixed::<R> {
+                first: vector(0),
+                word: R::load_words(&words),
+                second: vector(3),
+                third: vector(6),
+                number: column(9),
+            };
+            let records: [MixedRecord; N] = MixedRecord::store(lanes);
+            for (i, record) in records.iter().enumerate() {
+                let one = MixedRecord::load::<f32, 1>([record]);
+                let expected = |k: usize| {
+                    let at = |k: usize| (100 * k + i) as f32;
+                    Vec3::new(at(k), at(k + 1), at(k + 2))
+                };
+                assert_eq!(
+                    (one.first, one.second, one.third),
+                    (expected(0), expected(3), expected(6))
+                );
+                assert_eq!((one.word, one.number), (words[i], expected(9).x));
+            }
+            let back = MixedRecord::load::<R, N>(records.each_ref());
+            assert_eq!(R::store_words(back.word), words);
+            assert_eq!(back.third.z().store(), column(8).store());
+        }
+    }
+    with_every_width(StoreAndLoad);
+}

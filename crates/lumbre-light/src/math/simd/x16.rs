@@ -8,7 +8,7 @@ use std::arch::x86_64::*;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
 use super::{F32x8, Lanes, Vec3xN};
-use crate::math::real::{Double, Mask, Real, Word};
+use crate::math::real::{Double, Mask, Outlined, Real, Word};
 
 /// Number of lanes.
 const LANES: usize = 16;
@@ -295,6 +295,11 @@ impl Real for F32xN {
             );
             F64xN(_mm512_cvtps_pd(first), _mm512_cvtps_pd(last))
         }
+    }
+    #[inline(always)]
+    fn outline<K: Outlined>(computation: K) -> K::Output {
+        // SAFETY: the caller enabled the instruction set, as the module requires.
+        unsafe { super::outline_avx512(computation) }
     }
 }
 

@@ -59,6 +59,9 @@ impl CompiledScene {
             Some([a, b, c]) => *a * (1.0 - v - w) + *b * v + *c * w,
             None => first,
         };
-        Uv { first, second }
+        Uv {
+            first: first.to_array(),
+            second: second.to_array(),
+        }
     }
 }

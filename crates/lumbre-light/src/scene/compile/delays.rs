@@ -77,6 +77,25 @@ impl Delays {
             })
     }
 
+    /// Chooses a component of a material. `choose` returns a number in `[0, 1)`, and is called only
+    /// if there are several. Returns the index of its material and its index in
+    /// [`Delays::components`], which is [`NONE`] for a plain material.
+    #[inline]
+    pub fn choose_component(&self, material: u32, choose: impl FnOnce() -> f32) -> (u32, u32) {
+        let components = self.components(material);
+        let chosen = match components.len() {
+            0 => return (material, NONE),
+            1 => 0,
+            count => {
+                let u = choose();
+                let below = components.partition_point(|c| c.cumulative_weight <= u);
+                below.min(count - 1)
+            }
+        };
+        let [first, _] = self.rows[material as usize];
+        (components[chosen].material, first + chosen as u32)
+    }
+
     /// Returns the profiles of a component.
     #[inline]
     pub fn profiles(&self, component: &MaterialComponent) -> &[DelayProfile] {

@@ -4,6 +4,8 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 
+use crate::math::real::Real;
+use crate::math::simd::Lanes;
 use crate::scene::desc::{Lookup, Texels, TextureDesc, Wrap};
 
 /// Map from surface texture coordinates to those of a texture: a factor, then an offset.
@@ -29,22 +31,77 @@ impl UvMap {
     }
 }
 
-/// Texture coordinates of a surface point, both sets.
+/// Texture coordinates of a surface point, both sets; scalar or vectorised.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Uv {
+pub struct Uv<R = f32> {
     /// Coordinates of the first set.
-    pub first: Vec2,
+    pub first: [R; 2],
     /// Coordinates of the second set; equal to the first if there is none.
-    pub second: Vec2,
+    pub second: [R; 2],
 }
 
 impl Uv {
     /// Creates coordinates for a surface with a single set.
     pub fn same(uv: Vec2) -> Uv {
         Uv {
-            first: uv,
-            second: uv,
+            first: uv.to_array(),
+            second: uv.to_array(),
         }
+    }
+}
+
+impl<R: Real> Uv<R> {
+    /// Returns coordinates that are all zero.
+    #[inline(always)]
+    pub fn zero() -> Uv<R> {
+        Uv {
+            first: [R::splat(0.0); 2],
+            second: [R::splat(0.0); 2],
+        }
+    }
+
+    /// Returns the coordinates of the first set, then those of the second.
+    #[inline(always)]
+    pub fn to_array(self) -> [R; 4] {
+        let Uv {
+            first: [a, b],
+            second: [c, d],
+        } = self;
+        [a, b, c, d]
+    }
+
+    /// Returns coordinates from the numbers of [`Uv::to_array`].
+    #[inline(always)]
+    pub fn from_array([a, b, c, d]: [R; 4]) -> Uv<R> {
+        Uv {
+            first: [a, b],
+            second: [c, d],
+        }
+    }
+
+    /// Returns `yes` where the mask is set, else `no`.
+    #[inline(always)]
+    pub fn select(mask: R::Mask, yes: Uv<R>, no: Uv<R>) -> Uv<R> {
+        let (yes, mut no) = (yes.to_array(), no.to_array());
+        for (no, yes) in no.iter_mut().zip(yes) {
+            *no = R::select(mask, yes, *no);
+        }
+        Uv::from_array(no)
+    }
+
+    /// Returns the coordinates of each lane.
+    #[inline(always)]
+    pub fn lanes<const N: usize>(self) -> [Uv; N]
+    where
+        R: Lanes<N>,
+    {
+        let [a, b, c, d] = self.to_array();
+        let (a, b, c, d) = (a.store(), b.store(), c.store(), d.store());
+        let mut lanes = [Uv::default(); N];
+        for (i, lane) in lanes.iter_mut().enumerate() {
+            *lane = Uv::from_array([a[i], b[i], c[i], d[i]]);
+        }
+        lanes
     }
 }
 
@@ -95,11 +152,12 @@ impl Texture {
     /// Returns image coordinates from the texture coordinates of a surface with this tiling.
     #[inline]
     pub fn image_uv(&self, uv: Uv, tiling: UvMap) -> Vec2 {
-        let surface = tiling.apply(if self.lookup.second {
+        let uv = if self.lookup.second {
             uv.second
         } else {
             uv.first
-        });
+        };
+        let surface = tiling.apply(Vec2::from_array(uv));
         self.lookup
             .map
             .map_or(surface, |map| map.transform_point2(surface))

@@ -73,7 +73,7 @@ use self::lobe::flipped;
 use self::model::BsdfModel;
 use super::surface::ShadingParameters;
 use crate::math::Frame;
-use crate::math::real::{Mask, Real, Vector};
+use crate::math::real::{Mask, Outlined, Real, Vector};
 
 /// A sampled direction in world space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -197,6 +197,24 @@ impl<R: Real> Bsdf<R> {
         mode: TransportMode,
         wanted: R::Mask,
     ) -> BsdfValue<R::Vec3> {
+        R::outline(Evaluation::<R, REVERSE> {
+            bsdf: self,
+            out,
+            wi,
+            mode,
+            wanted,
+        })
+    }
+
+    /// Computes [`Bsdf::values`].
+    #[inline(always)]
+    fn evaluate_lobes<const REVERSE: bool>(
+        &self,
+        out: &Outgoing<R>,
+        wi: R::Vec3,
+        mode: TransportMode,
+        wanted: R::Mask,
+    ) -> BsdfValue<R::Vec3> {
         let zero = R::splat(0.0);
         let (cos_o, cos_i) = (out.local.z(), wi.dot(self.frame.n));
         let (mut f, [pdf_w, reverse]) =
@@ -234,6 +252,24 @@ impl<R: Real> Bsdf<R> {
     /// `out.wo` given the direction, zero for a Dirac lobe or without `REVERSE`.
     #[inline(always)]
     pub fn samples<const REVERSE: bool>(
+        &self,
+        out: &Outgoing<R>,
+        u: R,
+        v: [R; 2],
+        mode: TransportMode,
+    ) -> (R::Mask, BsdfSample<R>, R) {
+        R::outline(Sampling::<R, REVERSE> {
+            bsdf: self,
+            out,
+            u,
+            v,
+            mode,
+        })
+    }
+
+    /// Computes [`Bsdf::samples`].
+    #[inline(always)]
+    fn sample_lobes<const REVERSE: bool>(
         &self,
         out: &Outgoing<R>,
         u: R,
@@ -318,6 +354,56 @@ impl<R: Real> Bsdf<R> {
         } else {
             one
         }
+    }
+}
+
+/// Outlined computation of [`Bsdf::values`].
+struct Evaluation<'a, R: Real, const REVERSE: bool> {
+    bsdf: &'a Bsdf<R>,
+    out: &'a Outgoing<R>,
+    wi: R::Vec3,
+    mode: TransportMode,
+    wanted: R::Mask,
+}
+
+impl<R: Real, const REVERSE: bool> Outlined for Evaluation<'_, R, REVERSE> {
+    type Output = BsdfValue<R::Vec3>;
+
+    #[inline(always)]
+    fn run(self) -> BsdfValue<R::Vec3> {
+        let Evaluation {
+            bsdf,
+            out,
+            wi,
+            mode,
+            wanted,
+        } = self;
+        bsdf.evaluate_lobes::<REVERSE>(out, wi, mode, wanted)
+    }
+}
+
+/// Outlined computation of [`Bsdf::samples`].
+struct Sampling<'a, R: Real, const REVERSE: bool> {
+    bsdf: &'a Bsdf<R>,
+    out: &'a Outgoing<R>,
+    u: R,
+    v: [R; 2],
+    mode: TransportMode,
+}
+
+impl<R: Real, const REVERSE: bool> Outlined for Sampling<'_, R, REVERSE> {
+    type Output = (R::Mask, BsdfSample<R>, R);
+
+    #[inline(always)]
+    fn run(self) -> (R::Mask, BsdfSample<R>, R) {
+        let Sampling {
+            bsdf,
+            out,
+            u,
+            v,
+            mode,
+        } = self;
+        bsdf.sample_lobes::<REVERSE>(out, u, v, mode)
     }
 }
 

@@ -15,7 +15,7 @@ use super::material::{BsdfClass, MaterialConstants};
 use super::model::BsdfModel;
 use super::plastic::Plastic;
 use super::{Bsdf, Orientation};
-use crate::math::real::{Mask, Real, Vector};
+use crate::math::real::{Mask, Outlined, Real, Vector};
 use crate::math::simd::{F32x8, Lanes, map_array};
 use crate::scene::compile::{Material, Model, NONE};
 use crate::transport::surface::ShadingParameters;
@@ -107,12 +107,36 @@ impl<R: Real> Bsdf<R> {
     where
         R: Lanes<N>,
     {
-        let numbers = load_numbers::<R, N>(packed);
-        let model = match parameters {
-            Some(parameters) => BsdfModel::new(&class.bsdf, &load_constants(&numbers), parameters),
-            None => load_model(class, &numbers),
+        R::outline(Unpacking {
+            at,
+            class,
+            packed,
+            parameters,
+        })
+    }
+}
+
+/// Outlined computation of [`Bsdf::unpack`].
+struct Unpacking<'a, R: Real, const N: usize> {
+    at: &'a Orientation<R>,
+    class: &'a PackedClass,
+    packed: [&'a PackedBsdf; N],
+    parameters: Option<&'a ShadingParameters<R>>,
+}
+
+impl<R: Lanes<N>, const N: usize> Outlined for Unpacking<'_, R, N> {
+    type Output = Bsdf<R>;
+
+    #[inline(always)]
+    fn run(self) -> Bsdf<R> {
+        let numbers = load_numbers::<R, N>(self.packed);
+        let model = match self.parameters {
+            Some(parameters) => {
+                BsdfModel::new(&self.class.bsdf, &load_constants(&numbers), parameters)
+            }
+            None => load_model(self.class, &numbers),
         };
-        Bsdf::with_model(at, model)
+        Bsdf::with_model(self.at, model)
     }
 }
 

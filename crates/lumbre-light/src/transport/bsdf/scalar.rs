@@ -17,7 +17,7 @@ impl Bsdf {
             tangent: (surface.tangent != Vec3::ZERO).then_some(surface.tangent),
             terminator: surface.terminator.is_some(),
         };
-        let m = surface.material;
+        let m = surface.materials[0];
         Bsdf::with_parameters(
             &at,
             &BsdfClass::of(m),

@@ -2,13 +2,9 @@
 //! only by hitting an emitter [Kajiya 1986]. Slow if lights are small, but simple enough to serve
 //! as the reference for all other integrators.
 
-use super::nee::PathWalk;
-use super::{Context, IntegratorRow};
-use crate::scene::compile::NONE;
-use crate::transport::bsdf::{Bsdf, TransportMode};
-use crate::transport::contribution::Contribution;
-use crate::transport::ray::Hit;
-use crate::transport::sampler::Sampler;
+use super::camera_path::{self, Arrival, CameraPaths, Path, PathSink};
+use super::{Context, IntegratorRow, nee};
+use crate::math::simd::Lanes;
 use crate::value::schema::Table;
 
 /// The table entry of this integrator.
@@ -23,65 +19,33 @@ pub const ROW: IntegratorRow = IntegratorRow {
         fields: &[],
     },
     splats: false,
-    sample,
+    sample: camera_path::sample::<Bpt>,
 };
 
-fn sample(
-    context: &Context,
-    pixel: [u32; 2],
-    sampler: &mut Sampler,
-    sink: &mut dyn FnMut(Contribution),
-) {
-    if context.timed() {
-        PathWalk::<true>::follow(context, pixel, sampler, sink, step);
-    } else {
-        PathWalk::<false>::follow(context, pixel, sampler, sink, step);
-    }
-}
+/// Backward path tracing.
+pub struct Bpt;
 
-/// One step of a path: see [`StepFn`](super::nee::StepFn).
-#[inline(always)]
-pub fn step<'a, const TIMED: bool>(
-    walk: &mut PathWalk<'a, TIMED>,
-    context: &Context<'a>,
-    pixel: [u32; 2],
-    sampler: &mut Sampler,
-    sink: &mut dyn FnMut(Contribution),
-    depth: u32,
-    hit: Option<Hit>,
-) -> bool {
-    let scene = context.scene;
-    let ray = walk.state.ray;
-    let Some(hit) = hit else {
-        let radiance = context.lights.environment(ray.dir);
-        let length = walk.path_time.escape_length(context, ray.dir);
-        walk.contribute_hit(pixel, depth, radiance, 1.0, length, sink);
-        return false;
-    };
-    // The last edge can only find light.
-    if depth == context.max_depth && scene.emitter_of(hit.primitive, hit.instance) == NONE {
-        return false;
+impl CameraPaths for Bpt {
+    #[inline(always)]
+    fn scatter<R: Lanes<N>, const N: usize>(
+        context: &Context,
+        edge: u32,
+        arrival: &Arrival<R, N>,
+        path: &mut Path<R>,
+        lanes: R::Mask,
+        sink: &mut impl PathSink<R>,
+    ) -> R::Mask {
+        nee::scatter::<R, N, false>(context, edge, arrival, path, lanes, sink)
     }
-    let surface = walk
-        .path_time
-        .arrive(context, &ray, &hit, &mut walk.aux_rng);
-    if walk
-        .terminator
-        .is_some_and(|o| !o.has_below(surface.position))
-    {
-        return false;
+
+    #[inline(always)]
+    fn escape<R: Lanes<N>, const N: usize>(
+        context: &Context,
+        edge: u32,
+        path: &Path<R>,
+        lanes: R::Mask,
+        sink: &mut impl PathSink<R>,
+    ) {
+        nee::escape::<R, N, false>(context, edge, path, lanes, sink);
     }
-    let wo = -ray.dir;
-    let emitted = surface.emitted(&scene.textures, wo);
-    let length = walk.path_time.optical().arrival();
-    walk.contribute_hit(pixel, depth, emitted, 1.0, length, sink);
-    if depth == context.max_depth || surface.ends_paths() {
-        return false;
-    }
-    let bsdf = Bsdf::new(&surface, &scene.textures);
-    let choice = sampler.next_1d();
-    let Some(s) = bsdf.sample(wo, choice, sampler.next_2d(), TransportMode::Radiance) else {
-        return false;
-    };
-    walk.scatter(context, sampler, depth, &surface, &s)
 }

@@ -3,18 +3,22 @@
 
 pub mod bdpt;
 pub mod bpt;
+pub mod camera_path;
 pub mod external;
 pub mod nee;
 pub mod oracle;
 pub mod settings;
 
+use self::camera_path::CameraPaths;
+use super::arrival::SurfaceClasses;
 use super::camera::Camera;
 use super::contribution::Contribution;
 use super::light::Lights;
 use super::path_time::Timing;
-use super::ray::Trace;
+use super::ray::{Hit, Trace};
 use super::sampler::Sampler;
 use crate::scene::CompiledScene;
+use crate::scene::compile::NONE;
 use crate::value::schema::Table;
 
 pub use settings::Settings;
@@ -27,6 +31,8 @@ pub struct Context<'a> {
     pub camera: &'a Camera,
     /// The lights of the scene.
     pub lights: &'a Lights,
+    /// The classes of the scene's surfaces.
+    pub classes: &'a SurfaceClasses,
     /// The ray intersector.
     pub trace: &'a dyn Trace,
     /// Maximum number of path edges: 1 = emission only, 2 = direct light.
@@ -47,12 +53,51 @@ impl Context<'_> {
         self.timing.is_some() || !self.scene.delays.is_empty()
     }
 
+    /// Returns whether a path that hits something by edge number `edge` can add nothing more: the
+    /// last edge can only find light.
+    #[inline]
+    pub fn ends_unlit(&self, edge: u32, hit: &Hit) -> bool {
+        edge == self.max_depth && self.scene.emitter_of(hit.primitive, hit.instance) == NONE
+    }
+
     /// Returns the index of the medium around the camera.
     #[inline]
     pub fn medium(&self) -> f32 {
         self.timing.map_or(1.0, |timing| timing.medium)
     }
 }
+
+/// A computation for any technique that follows paths from the camera.
+pub trait CameraPathsVisitor {
+    /// The result of the computation.
+    type Output;
+
+    /// Runs the computation for a technique.
+    fn visit<T: CameraPaths>(self) -> Self::Output;
+}
+
+/// Declares the integrators of this program: modules with a `ROW`, and the techniques of those that
+/// follow paths from the camera.
+macro_rules! integrators {
+    (camera paths: $($module:ident::$technique:ident),*; others: $($other:ident),*) => {
+        /// All integrators of this program.
+        pub const INTEGRATORS: &[IntegratorRow] = &[$($module::ROW,)* $($other::ROW),*];
+
+        /// Calls a visitor with the technique of an integrator; returns `None` if it does not
+        /// follow paths from the camera.
+        pub fn visit_camera_paths<V: CameraPathsVisitor>(
+            row: &IntegratorRow,
+            visitor: V,
+        ) -> Option<V::Output> {
+            $(if row.name == $module::ROW.name {
+                return Some(visitor.visit::<$module::$technique>());
+            })*
+            None
+        }
+    };
+}
+
+integrators!(camera paths: bpt::Bpt, nee::Nee; others: bdpt);
 
 /// Computes one sample of one pixel and passes every contribution to the sink.
 pub type SampleFn = fn(&Context, pixel: [u32; 2], &mut Sampler, sink: &mut dyn FnMut(Contribution));
@@ -75,9 +120,6 @@ pub struct IntegratorRow {
     /// Computes one sample of one pixel on the CPU.
     pub sample: SampleFn,
 }
-
-/// All integrators of this program.
-pub const INTEGRATORS: &[IntegratorRow] = &[bpt::ROW, nee::ROW, bdpt::ROW];
 
 /// Returns the integrator with this name, of this program or of [another one](external).
 pub fn integrator(name: &str) -> Option<&'static IntegratorRow> {

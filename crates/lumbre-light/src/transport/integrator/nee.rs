@@ -4,19 +4,15 @@
 
 use glam::Vec3;
 
-use super::{Context, IntegratorRow, Settings, settings};
-use crate::scene::compile::NONE;
-use crate::transport::MAX_SURVIVAL;
-use crate::transport::bsdf::{Bsdf, BsdfSample, Outgoing, TransportMode};
-use crate::transport::contribution::Contribution;
+use super::camera_path::{self, Arrival, CameraPaths, Path, PathLight, PathSink, ShadowRay};
+use super::{Context, IntegratorRow, settings};
+use crate::math::real::{Double, Mask, Real, Vector};
+use crate::math::simd::Lanes;
+use crate::transport::bsdf::{Bsdf, Outgoing, TransportMode};
 use crate::transport::light::{DirectSample, SELECT_FIELD};
 use crate::transport::mis;
-use crate::transport::path_time;
-use crate::transport::path_time::{AuxRng, PathTime};
-use crate::transport::ray::{Hit, Ray};
-use crate::transport::sampler::Sampler;
-use crate::transport::surface::{Surface, TerminatorOffset};
-use crate::transport::vertex;
+use crate::transport::path_time::OpticalLength;
+use crate::transport::surface::Surface;
 use crate::value::schema::Table;
 
 /// The table entry of this integrator.
@@ -34,402 +30,298 @@ pub const ROW: IntegratorRow = IntegratorRow {
         fields: &[mis::FIELD, SELECT_FIELD, settings::LIGHTS],
     },
     splats: false,
-    sample,
+    sample: camera_path::sample::<Nee>,
 };
 
-/// The last event of a path that light sampling could have replaced.
-#[derive(Clone, Copy, Debug)]
-pub struct LastScatter {
-    /// Start of the edge after the event.
-    pub from: Vec3,
-    /// Density per solid angle of the sampled direction.
-    pub pdf_w: f32,
-}
+/// Backward path tracing with next event estimation.
+pub struct Nee;
 
-/// Returns the weight of light that a path hit, given the density per solid angle with which light
-/// sampling samples it.
-#[inline]
-fn hit_weight(
-    settings: &Settings,
-    last: Option<LastScatter>,
-    pdf_w: impl FnOnce(Vec3) -> f32,
-) -> f32 {
-    match (last, settings.mis) {
-        (None, _) => 1.0,
-        (Some(_), None) => 0.0,
-        (Some(last), Some(h)) => h.weight(last.pdf_w, pdf_w(last.from)),
-    }
-}
-
-fn sample(
-    context: &Context,
-    pixel: [u32; 2],
-    sampler: &mut Sampler,
-    sink: &mut dyn FnMut(Contribution),
-) {
-    if context.timed() {
-        PathWalk::<true>::follow(context, pixel, sampler, sink, step);
-    } else {
-        PathWalk::<false>::follow(context, pixel, sampler, sink, step);
-    }
-}
-
-/// The state of a path on an edge, if neither time nor a terminator offset matters.
-#[derive(Clone, Copy, Debug)]
-pub struct PathState {
-    /// Ray of the current edge.
-    pub ray: Ray,
-    /// Throughput: factor on light that the edge hits.
-    pub throughput: Vec3,
-    /// Product of the squared index ratios, which undoes the scaling of radiance by refraction so
-    /// that roulette judges the expected contribution.
-    pub eta_scale: f32,
-    /// The last event; `None` from the camera, and after a specular event.
-    pub last: Option<LastScatter>,
-}
-
-impl PathState {
-    /// Returns the state of a path that starts with a camera ray.
-    #[inline]
-    pub fn from_camera(ray: Ray) -> PathState {
-        PathState {
-            ray,
-            throughput: Vec3::ONE,
-            eta_scale: 1.0,
-            last: None,
-        }
-    }
-}
-
-/// A path being traced; tracks its optical length if `TIMED`.
-pub struct PathWalk<'a, const TIMED: bool> {
-    /// The state on the current edge.
-    pub state: PathState,
-    pub(super) terminator: Option<TerminatorOffset>,
-    pub(super) aux_rng: AuxRng,
-    /// The optical length.
-    pub path_time: PathTime<'a, TIMED>,
-}
-
-/// One step of a path: handles the hit (or miss) of edge number `depth` and returns whether the
-/// path continues.
-pub type StepFn<const TIMED: bool> = for<'a> fn(
-    &mut PathWalk<'a, TIMED>,
-    &Context<'a>,
-    [u32; 2],
-    &mut Sampler,
-    &mut dyn FnMut(Contribution),
-    u32,
-    Option<Hit>,
-) -> bool;
-
-impl<'a, const TIMED: bool> PathWalk<'a, TIMED> {
-    /// Starts a path with a camera ray.
-    #[inline]
-    fn from_camera(context: &Context<'a>, ray: Ray, sampler: &Sampler) -> PathWalk<'a, TIMED> {
-        let mut aux_rng = AuxRng::new::<TIMED>(sampler);
-        let path_time = PathTime::<TIMED>::from_camera(context, &ray, aux_rng.emission(context));
-        PathWalk {
-            state: PathState::from_camera(ray),
-            terminator: None,
-            aux_rng,
-            path_time,
-        }
-    }
-
-    /// Resumes a path between two steps, in a scene without terminator offsets, delays and composed
-    /// materials.
-    #[inline]
-    pub fn resume(
-        state: PathState,
-        path_time: PathTime<'a, TIMED>,
-        sampler: &Sampler,
-    ) -> PathWalk<'a, TIMED> {
-        PathWalk {
-            state,
-            terminator: None,
-            aux_rng: AuxRng::new::<TIMED>(sampler),
-            path_time,
-        }
-    }
-
-    /// Traces a path from the camera for as long as its steps, each a [`StepFn`], return true.
+impl CameraPaths for Nee {
     #[inline(always)]
-    pub(super) fn follow(
-        context: &Context<'a>,
-        pixel: [u32; 2],
-        sampler: &mut Sampler,
-        sink: &mut dyn FnMut(Contribution),
-        step: impl Fn(
-            &mut PathWalk<'a, TIMED>,
-            &Context<'a>,
-            [u32; 2],
-            &mut Sampler,
-            &mut dyn FnMut(Contribution),
-            u32,
-            Option<Hit>,
-        ) -> bool,
+    fn scatter<R: Lanes<N>, const N: usize>(
+        context: &Context,
+        edge: u32,
+        arrival: &Arrival<R, N>,
+        path: &mut Path<R>,
+        lanes: R::Mask,
+        sink: &mut impl PathSink<R>,
+    ) -> R::Mask {
+        scatter::<R, N, true>(context, edge, arrival, path, lanes, sink)
+    }
+
+    #[inline(always)]
+    fn escape<R: Lanes<N>, const N: usize>(
+        context: &Context,
+        edge: u32,
+        path: &Path<R>,
+        lanes: R::Mask,
+        sink: &mut impl PathSink<R>,
     ) {
-        let ray = context.camera.sample_ray(pixel, sampler);
-        let mut walk = PathWalk::from_camera(context, ray, sampler);
-        for depth in 1..=context.max_depth {
-            let hit = context.trace.closest(&walk.state.ray, f32::INFINITY);
-            if !step(&mut walk, context, pixel, sampler, sink, depth, hit) {
-                break;
-            }
-        }
-    }
-
-    /// Continues from a surface, at the end of edge `depth`, in a sampled direction; returns false
-    /// if Russian roulette or a zero weight ends the path.
-    #[inline(always)]
-    pub(super) fn scatter(
-        &mut self,
-        context: &Context<'a>,
-        sampler: &mut Sampler,
-        depth: u32,
-        surface: &Surface,
-        s: &BsdfSample,
-    ) -> bool {
-        let state = &mut self.state;
-        state.throughput *= s.weight;
-        state.eta_scale *= s.eta * s.eta;
-        if context.rr_start.is_some_and(|start| depth >= start) {
-            let survival = (state.throughput.max_element() * state.eta_scale).min(MAX_SURVIVAL);
-            if sampler.next_1d() >= survival {
-                return false;
-            }
-            state.throughput /= survival;
-        }
-        if state.throughput == Vec3::ZERO {
-            return false;
-        }
-        self.path_time.scatter(surface.position, s.eta);
-        self.state.ray = surface.spawn(s.wi);
-        self.terminator = surface.terminator_into(s.wi);
-        true
-    }
-
-    /// Contributes light that the path hit at the end of edge `depth`, with its MIS weight.
-    #[inline(always)]
-    pub(super) fn contribute_hit(
-        &self,
-        pixel: [u32; 2],
-        depth: u32,
-        radiance: Vec3,
-        weight: f32,
-        length: f64,
-        sink: &mut dyn FnMut(Contribution),
-    ) {
-        if radiance != Vec3::ZERO {
-            let unweighted = self.state.throughput * radiance;
-            sink(Contribution {
-                pixel,
-                value: unweighted * weight,
-                unweighted,
-                s: 0,
-                t: depth + 1,
-                length,
-            });
-        }
-    }
-
-    /// Contributes light from outside the scene, which the ray of edge `depth` reached.
-    #[inline(always)]
-    fn contribute_environment(
-        &self,
-        context: &Context<'a>,
-        pixel: [u32; 2],
-        depth: u32,
-        sink: &mut dyn FnMut(Contribution),
-    ) {
-        let (lights, dir) = (context.lights, self.state.ray.dir);
-        let radiance = lights.environment(dir);
-        if radiance != Vec3::ZERO {
-            let pdf_w = |_| {
-                if context.settings.all_lights {
-                    lights.pdf_environment_one_w(dir)
-                } else {
-                    lights.pdf_environment_w(dir)
-                }
-            };
-            let weight = hit_weight(context.settings, self.state.last, pdf_w);
-            let length = self.path_time.escape_length(context, dir);
-            self.contribute_hit(pixel, depth, radiance, weight, length, sink);
-        }
-    }
-
-    /// Contributes the emission of the surface at the end of edge `depth`.
-    #[inline(always)]
-    fn contribute_emission(
-        &self,
-        context: &Context<'a>,
-        surface: &Surface,
-        pixel: [u32; 2],
-        depth: u32,
-        sink: &mut dyn FnMut(Contribution),
-    ) {
-        let (scene, lights) = (context.scene, context.lights);
-        let emitted = surface.emitted(&scene.textures, -self.state.ray.dir);
-        if emitted != Vec3::ZERO {
-            let pdf_w = |from| {
-                let (i, at, n) = (surface.emitter, surface.position, surface.n_geometric);
-                if context.settings.all_lights {
-                    lights.pdf_direct_one_w(scene, from, i, at, n)
-                } else {
-                    lights.pdf_direct_w(scene, from, i, at, n)
-                }
-            };
-            let weight = hit_weight(context.settings, self.state.last, pdf_w);
-            let length = self.path_time.optical().arrival();
-            self.contribute_hit(pixel, depth, emitted, weight, length, sink);
-        }
-    }
-
-    /// Contributes sampled light at a surface: from its base and, if it has a terminator offset,
-    /// from its lifted point; from one light or from each in turn.
-    #[inline(always)]
-    fn sample_lights(
-        &self,
-        context: &Context<'a>,
-        (surface, bsdf, out): (&Surface<'a>, &Bsdf, &Outgoing),
-        pixel: [u32; 2],
-        depth: u32,
-        sampler: &mut Sampler,
-        sink: &mut dyn FnMut(Contribution),
-    ) {
-        let (scene, lights) = (context.scene, context.lights);
-        let mut connect = |surface: &Surface, direct: Option<DirectSample>| {
-            if let Some(direct) = direct
-                && let Some((radiance, weight)) =
-                    connect_light(context, surface, bsdf, out, &direct)
-            {
-                let unweighted = self.state.throughput * radiance;
-                let length = path_time::direct_length(
-                    context,
-                    &self.path_time.optical(),
-                    bsdf,
-                    out.wo,
-                    surface.position,
-                    (direct.wi, direct.distance),
-                );
-                sink(Contribution {
-                    pixel,
-                    value: unweighted * weight,
-                    unweighted,
-                    s: 1,
-                    t: depth + 1,
-                    length,
-                });
-            }
-        };
-        for surface in std::iter::once(*surface).chain(surface.lifted()) {
-            let from = surface.position;
-            if context.settings.all_lights {
-                for light in lights.indices() {
-                    let u = sampler.next_2d();
-                    connect(&surface, lights.sample_direct_from(scene, light, from, u));
-                }
-            } else {
-                let (choice, u) = (sampler.next_1d(), sampler.next_2d());
-                connect(&surface, lights.sample_direct(scene, from, choice, u));
-            }
-        }
+        escape::<R, N, true>(context, edge, path, lanes, sink);
     }
 }
 
-/// One step of a path: see [`StepFn`].
+/// Returns the weight of light that paths hit, given the density per solid angle with which light
+/// sampling samples it from a point.
 #[inline(always)]
-pub fn step<'a, const TIMED: bool>(
-    walk: &mut PathWalk<'a, TIMED>,
-    context: &Context<'a>,
-    pixel: [u32; 2],
-    sampler: &mut Sampler,
-    sink: &mut dyn FnMut(Contribution),
-    depth: u32,
-    hit: Option<Hit>,
-) -> bool {
-    let scene = context.scene;
-    let ray = walk.state.ray;
-    let Some(hit) = hit else {
-        walk.contribute_environment(context, pixel, depth, sink);
-        return false;
+fn hit_weight<R: Real>(context: &Context, path: &Path<R>, pdf_w: impl Fn(R::Vec3) -> R) -> R {
+    let (zero, one) = (R::splat(0.0), R::splat(1.0));
+    let specular = path.is_specular();
+    if !(!specular).any() {
+        return one;
+    }
+    let weight = match context.settings.mis {
+        None => zero,
+        Some(h) => h.weight(path.state.last_pdf_w, pdf_w(path.state.last)),
     };
-    // The last edge can only find light.
-    if depth == context.max_depth && scene.emitter_of(hit.primitive, hit.instance) == NONE {
-        return false;
-    }
-    let surface = walk
-        .path_time
-        .arrive(context, &ray, &hit, &mut walk.aux_rng);
-    if walk
-        .terminator
-        .is_some_and(|o| !o.has_below(surface.position))
-    {
-        return false;
-    }
-    walk.contribute_emission(context, &surface, pixel, depth, sink);
-    if depth == context.max_depth || surface.ends_paths() {
-        return false;
-    }
-    let bsdf = Bsdf::new(&surface, &scene.textures);
-    let out = bsdf.outgoing(-ray.dir);
-    if bsdf.has_density() {
-        let at = (&surface, &bsdf, &out);
-        walk.sample_lights(context, at, pixel, depth, sampler, sink);
-    }
-    let choice = sampler.next_1d();
-    let Some(s) = bsdf.sample_from(&out, choice, sampler.next_2d(), TransportMode::Radiance) else {
-        return false;
-    };
-    if !walk.scatter(context, sampler, depth, &surface, &s) {
-        return false;
-    }
-    let from = walk.terminator.map_or(surface.position, |o| o.lifted_point);
-    walk.state.last = (!s.delta).then_some(LastScatter {
-        from,
-        pdf_w: s.pdf_w,
-    });
-    true
+    R::select(specular, one, weight)
 }
 
-/// Returns the radiance that leaves along `out` for light that arrives from a sampled point, and
-/// its weight; `None` in shadow.
-fn connect_light(
+/// Handles paths that left the scene: see [`CameraPaths::escape`]. With `LIGHTS` the light is
+/// weighted against light sampling.
+#[inline(always)]
+pub(super) fn escape<R: Lanes<N>, const N: usize, const LIGHTS: bool>(
     context: &Context,
-    surface: &Surface,
-    bsdf: &Bsdf,
-    out: &Outgoing,
-    direct: &DirectSample,
-) -> Option<(Vec3, f32)> {
-    let (f, pdf_w) = bsdf.evaluate_forward(out, direct.wi, TransportMode::Radiance);
-    let radiance = f * direct.wi.dot(surface.n_shading).abs() * direct.radiance / direct.pdf_w;
-    let refused = surface.terminator.is_some_and(|o| o.excludes(direct));
-    if refused || radiance == Vec3::ZERO || direct.pdf_w <= 0.0 {
-        return None;
+    edge: u32,
+    path: &Path<R>,
+    lanes: R::Mask,
+    sink: &mut impl PathSink<R>,
+) {
+    let (lights, dir) = (context.lights, path.state.dir);
+    let radiance = lights.environment::<R::Vec3, N>(dir);
+    let lit = lanes & !radiance.same(R::Vec3::broadcast(Vec3::ZERO));
+    if !lit.any() {
+        return;
     }
-    let lit = if direct.distance.is_finite() {
-        let light = direct.point;
-        vertex::visible(
-            context.trace,
-            surface.position,
-            surface.n_geometric,
-            light.position,
-            light.normal,
-        )
+    let weight = if LIGHTS {
+        hit_weight(context, path, |_| {
+            if context.settings.all_lights {
+                lights.pdf_environment_one_w::<R::Vec3, N>(dir)
+            } else {
+                lights.pdf_environment_w::<R::Vec3, N>(dir)
+            }
+        })
     } else {
-        vertex::unobstructed(
-            context.trace,
-            surface.position,
-            surface.n_geometric,
-            direct.wi,
-        )
+        R::splat(1.0)
     };
-    lit.then(|| {
-        let weight = match context.settings.mis {
-            Some(h) if !direct.delta => h.weight(direct.pdf_w, pdf_w),
-            _ => 1.0,
+    let length = path.escape_length(context, edge);
+    path.add_hit_light(edge, radiance, weight, length, lit, sink);
+}
+
+/// Handles hits: see [`CameraPaths::scatter`]. With `LIGHTS` vertices are connected to sampled
+/// lights; without, paths find light only by hitting it.
+#[inline(always)]
+pub(super) fn scatter<R: Lanes<N>, const N: usize, const LIGHTS: bool>(
+    context: &Context,
+    edge: u32,
+    arrival: &Arrival<R, N>,
+    path: &mut Path<R>,
+    mut lanes: R::Mask,
+    sink: &mut impl PathSink<R>,
+) -> R::Mask {
+    let none = R::Mask::default();
+    let surface = arrival.surface(context.scene);
+    if let Some(terminator) = &path.terminator {
+        lanes = lanes & terminator.allows(surface.position);
+    }
+    let optical = path.arrive(context, edge, arrival, &surface, lanes);
+    let wo = -path.state.dir;
+    if arrival.class.surface.emits {
+        let length = optical.map_or(R::Double::splat(0.0), |optical| optical.arrival());
+        add_emission::<R, N, LIGHTS>(context, edge, path, &surface, length, lanes, sink);
+    }
+    lanes = lanes & !surface.ends_paths();
+    if edge == context.max_depth || !lanes.any() {
+        return none;
+    }
+    let bsdf = arrival.bsdf(context.scene, context.classes, &surface);
+    let out = bsdf.outgoing(wo);
+    if LIGHTS {
+        let connected = lanes & bsdf.has_density();
+        if connected.any() {
+            let vertex = Vertex {
+                edge,
+                bsdf: &bsdf,
+                out: &out,
+                optical: optical.as_ref(),
+            };
+            vertex.connect_to_lights(context, surface, path, connected, sink);
+        }
+    }
+    let [choice, u, v] = path.sampler.next_three();
+    let (sampled, s, _) = bsdf.samples::<false>(&out, choice, [u, v], TransportMode::Radiance);
+    path.continue_from(context, edge, &surface, optical, &s, lanes & sampled)
+}
+
+/// Adds the emission of the surfaces that edges hit.
+#[inline(always)]
+fn add_emission<R: Lanes<N>, const N: usize, const LIGHTS: bool>(
+    context: &Context,
+    edge: u32,
+    path: &Path<R>,
+    surface: &Surface<R, N>,
+    length: R::Double,
+    lanes: R::Mask,
+    sink: &mut impl PathSink<R>,
+) {
+    let radiance = surface.emitted(&context.scene.textures, -path.state.dir);
+    let lit = lanes & !radiance.same(R::Vec3::broadcast(Vec3::ZERO));
+    if !lit.any() {
+        return;
+    }
+    let weight = if LIGHTS {
+        let lights = context
+            .lights
+            .with_indices(R::store_words(surface.emitter), lit);
+        let (at, n) = (surface.position, surface.n_geometric);
+        hit_weight(context, path, |from| {
+            if context.settings.all_lights {
+                lights.pdf_direct_one_w(from, at, n)
+            } else {
+                lights.pdf_direct_w(from, at, n)
+            }
+        })
+    } else {
+        R::splat(1.0)
+    };
+    path.add_hit_light(edge, radiance, weight, length, lit, sink);
+}
+
+/// Vertices at the end of edge number `edge`, which are connected to lights.
+struct Vertex<'a, R: Real> {
+    edge: u32,
+    bsdf: &'a Bsdf<R>,
+    out: &'a Outgoing<R>,
+    optical: Option<&'a OpticalLength<R>>,
+}
+
+impl<R: Real> Vertex<'_, R> {
+    /// Connects vertices to sampled lights: to one each, or to each light in turn; first from the
+    /// surface, then from the lifted point of surfaces that have one.
+    #[inline(always)]
+    fn connect_to_lights<const N: usize>(
+        &self,
+        context: &Context,
+        mut surface: Surface<R, N>,
+        path: &mut Path<R>,
+        mut lanes: R::Mask,
+        sink: &mut impl PathSink<R>,
+    ) where
+        R: Lanes<N>,
+    {
+        let all_lights = context.settings.all_lights;
+        let count = if all_lights {
+            context.lights.count() as u32
+        } else {
+            1
         };
-        (radiance, weight)
-    })
+        // One loop, since every call is compiled into the kernel once more.
+        let mut light = 0;
+        while lanes.any() && light < count {
+            let before = path.sampler;
+            let (lights, u) = if all_lights {
+                let u = path.sampler.next_2d();
+                (context.lights.with_indices([light; N], lanes), u)
+            } else {
+                let [choice, u, v] = path.sampler.next_three();
+                (context.lights.select(choice, lanes), [u, v])
+            };
+            path.sampler.keep(lanes, &before);
+            let mut direct = lights.sample_direct_one(context.scene, surface.position, u);
+            if !all_lights {
+                direct.pdf_w = direct.pdf_w * lights.probability;
+            }
+            self.connect(
+                context,
+                &surface,
+                path.state.throughput,
+                &direct,
+                lanes,
+                sink,
+            );
+            light += 1;
+            if light == count
+                && let Some(lifted) = surface.lifted_once()
+            {
+                lanes = lanes & lifted.lifted_lanes();
+                (surface, light) = (lifted, 0);
+            }
+        }
+    }
+
+    /// Connects vertices to points of lights.
+    #[inline(always)]
+    fn connect<const N: usize>(
+        &self,
+        context: &Context,
+        surface: &Surface<R, N>,
+        throughput: R::Vec3,
+        direct: &DirectSample<R, N>,
+        lanes: R::Mask,
+        sink: &mut impl PathSink<R>,
+    ) where
+        R: Lanes<N>,
+    {
+        let mut lanes = lanes & direct.arrives() & self.out.same_side;
+        if let Some(offset) = &surface.terminator {
+            lanes = lanes & !offset.excludes(direct);
+        }
+        if !lanes.any() {
+            return;
+        }
+        let wi = direct.wi;
+        let value = self
+            .bsdf
+            .values::<false>(self.out, wi, TransportMode::Radiance, lanes);
+        let cos = wi.dot(surface.n_shading).abs();
+        let radiance = value.f * cos * direct.radiance / direct.pdf_w;
+        let lit = lanes & !radiance.same(R::Vec3::broadcast(Vec3::ZERO));
+        if !lit.any() {
+            return;
+        }
+        let one = R::splat(1.0);
+        let weight = match context.settings.mis {
+            Some(h) => R::select(direct.delta, one, h.weight(direct.pdf_w, value.pdf_w)),
+            None => one,
+        };
+        let ray = ShadowRay::between(
+            [surface.position, surface.n_geometric],
+            [direct.point.position, direct.point.normal],
+            wi,
+            direct.is_infinite(),
+        );
+        let light = PathLight {
+            unweighted: throughput * radiance,
+            weight,
+            s: 1,
+            t: self.edge + 1,
+            length: self.length(context, surface, direct),
+        };
+        sink.add_unless_occluded(lit, &ray, &light);
+    }
+
+    /// Returns the optical lengths of paths that light reaches through a connection; zero without a
+    /// time axis.
+    #[inline(always)]
+    fn length<const N: usize>(
+        &self,
+        context: &Context,
+        surface: &Surface<R, N>,
+        direct: &DirectSample<R, N>,
+    ) -> R::Double
+    where
+        R: Lanes<N>,
+    {
+        let Some(optical) = self.optical else {
+            return R::Double::splat(0.0);
+        };
+        let infinite = direct.is_infinite();
+        let mut distance = direct.distance;
+        if infinite.any() {
+            let front = context.lights.front_distance(surface.position, direct.wi);
+            distance = R::select(infinite, front, distance);
+        }
+        let ratio = self.bsdf.index_ratio(self.out.wo, direct.wi);
+        optical.after_segment(ratio, distance)
+    }
 }

@@ -5,10 +5,9 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
-use super::{LightId, LightPoint};
+use crate::math::real::{Real, Vector};
 use crate::math::{Frame, warp};
 use crate::scene::CompiledScene;
-use crate::scene::compile::Uv;
 
 /// Factor on the radius, so that rounding leaves no corner outside.
 const MARGIN: f32 = 1.0 + 1e-5;
@@ -48,29 +47,20 @@ impl BoundingSphere {
 
     /// Returns a point outside the sphere in direction `wi` from `from`, as the point of an
     /// infinitely distant light.
-    #[inline]
-    pub fn outside(&self, light: LightId, from: Vec3, wi: Vec3) -> LightPoint {
-        let distance = from.distance(self.center) + 2.0 * self.radius;
-        LightPoint {
-            light,
-            position: from + wi * distance,
-            normal: -wi,
-            uv: Uv::default(),
-        }
+    #[inline(always)]
+    pub fn outside<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(&self, from: V, wi: V) -> V {
+        let distance =
+            (from - V::broadcast(self.center)).length() + R::splat(2.0) * R::splat(self.radius);
+        from + wi * distance
     }
 
     /// Samples a point uniform over the disk that touches the sphere and faces it along its normal
     /// `dir`.
-    #[inline]
-    pub fn on_disk(&self, light: LightId, dir: Vec3, u: [f32; 2]) -> LightPoint {
-        let d = warp::concentric_disk(u) * self.radius;
-        let position =
-            self.center + Frame::from_normal(dir).to_world(Vec3::new(d.x, d.y, -self.radius));
-        LightPoint {
-            light,
-            position,
-            normal: dir,
-            uv: Uv::default(),
-        }
+    #[inline(always)]
+    pub fn on_disk<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(&self, dir: V, u: [R; 2]) -> V {
+        let radius = R::splat(self.radius);
+        let [x, y] = warp::concentric_disk_lanes(u);
+        let local = V::new(x * radius, y * radius, -radius);
+        V::broadcast(self.center) + Frame::from_normal(dir).to_world(local)
     }
 }

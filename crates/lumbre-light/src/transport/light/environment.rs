@@ -14,6 +14,8 @@ use glam::Vec3;
 
 use super::luminance;
 use crate::math::distribution::Grid;
+use crate::math::real::Vector;
+use crate::math::simd::{Lanes, map_vectors};
 use crate::math::warp;
 use crate::scene::compile::{Environment, Texture};
 
@@ -84,38 +86,45 @@ impl EnvironmentLight {
         self.power
     }
 
-    /// Returns the radiance that arrives from the unit direction `dir`.
-    #[inline]
-    pub fn radiance(&self, dir: Vec3) -> Vec3 {
+    /// Returns the radiance that arrives from the unit directions `dir` in the lanes of `wanted`.
+    #[inline(always)]
+    pub fn radiance<R: Lanes<N>, const N: usize>(&self, dir: R::Vec3, wanted: R::Mask) -> R::Vec3 {
+        let radiance = R::Vec3::broadcast(self.radiance);
         match &self.map {
-            None => self.radiance,
-            Some(map) => self.radiance * map.bilinear(map.coordinates(dir)),
-        }
-    }
-
-    /// Samples a direction towards the environment, with its density per solid angle.
-    #[inline]
-    pub fn sample(&self, u: [f32; 2]) -> (Vec3, f32) {
-        match &self.map {
-            None => (warp::uniform_sphere(u), 1.0 / (4.0 * PI)),
-            Some(map) => map.sample(u),
-        }
-    }
-
-    /// Returns the density per solid angle with which [`EnvironmentLight::sample`] samples a
-    /// direction.
-    #[inline]
-    pub fn pdf_w(&self, dir: Vec3) -> f32 {
-        match &self.map {
-            None => 1.0 / (4.0 * PI),
+            None => radiance,
             Some(map) => {
-                let [u, v] = map.coordinates(dir);
-                let x =
-                    ((u * map.texture.width as f32) as usize).min(map.texture.width as usize - 1);
-                let y =
-                    ((v * map.texture.height as f32) as usize).min(map.texture.height as usize - 1);
-                map.density(map.grid.probability(x, y), y)
+                let colors = map_vectors::<R, N, 3>(dir, wanted, |_, dir| {
+                    map.bilinear(map.coordinates(dir)).to_array()
+                });
+                radiance * R::Vec3::new(colors[0], colors[1], colors[2])
             }
+        }
+    }
+
+    /// Samples directions towards the environment in the lanes of `wanted`, with their densities
+    /// per solid angle.
+    #[inline(always)]
+    pub fn sample<R: Lanes<N>, const N: usize>(&self, u: [R; 2], wanted: R::Mask) -> (R::Vec3, R) {
+        match &self.map {
+            None => (warp::uniform_sphere(u), R::splat(1.0 / (4.0 * PI))),
+            Some(map) => {
+                let u = R::Vec3::new(u[0], u[1], R::splat(0.0));
+                let [x, y, z, pdf_w] = map_vectors::<R, N, 4>(u, wanted, |_, u| {
+                    let (dir, pdf_w) = map.sample([u.x, u.y]);
+                    [dir.x, dir.y, dir.z, pdf_w]
+                });
+                (R::Vec3::new(x, y, z), pdf_w)
+            }
+        }
+    }
+
+    /// Returns the densities per solid angle with which [`EnvironmentLight::sample`] samples
+    /// directions, in the lanes of `wanted`.
+    #[inline(always)]
+    pub fn pdf_w<R: Lanes<N>, const N: usize>(&self, dir: R::Vec3, wanted: R::Mask) -> R {
+        match &self.map {
+            None => R::splat(1.0 / (4.0 * PI)),
+            Some(map) => map_vectors::<R, N, 1>(dir, wanted, |_, dir| [map.pdf_w(dir)])[0],
         }
     }
 }
@@ -133,7 +142,7 @@ impl EnvironmentMap {
         ]
     }
 
-    #[inline]
+    /// Returns the colour at fractions of width and height.
     fn bilinear(&self, [u, v]: [f32; 2]) -> Vec3 {
         let (width, height) = (self.texture.width as i64, self.texture.height as i64);
         let (x, y) = (u * width as f32 - 0.5, v * height as f32 - 0.5);
@@ -149,7 +158,7 @@ impl EnvironmentMap {
             .lerp(at(0, 1).lerp(at(1, 1), fx), fy)
     }
 
-    #[inline]
+    /// Samples a direction, with its density per solid angle.
     fn sample(&self, u: [f32; 2]) -> (Vec3, f32) {
         let s = self.grid.sample(u);
         let [x, y] = s.cell;
@@ -167,6 +176,16 @@ impl EnvironmentMap {
             pz * turn_cos - px * turn_sin,
         );
         (dir, self.density(s.probability, y))
+    }
+
+    /// Returns the density per solid angle with which [`EnvironmentMap::sample`] samples a
+    /// direction.
+    fn pdf_w(&self, dir: Vec3) -> f32 {
+        let [u, v] = self.coordinates(dir);
+        let (width, height) = (self.texture.width, self.texture.height);
+        let x = ((u * width as f32) as usize).min(width as usize - 1);
+        let y = ((v * height as f32) as usize).min(height as usize - 1);
+        self.density(self.grid.probability(x, y), y)
     }
 
     /// Returns the density per solid angle inside a cell of row `y` with this probability.

@@ -41,13 +41,16 @@
 //! - Point. Hit: never. Sampled: c, a Dirac. Start: c, a Dirac; then 1 / (4 pi), or uniform over
 //!   the cone, per solid angle.
 
-pub mod area;
+mod area;
 mod bounds;
+mod direct;
 mod directional;
+mod emission;
 mod environment;
 mod point;
 mod select;
 mod sphere;
+mod table;
 
 use std::ops::Range;
 
@@ -55,14 +58,16 @@ use glam::Vec3;
 
 use self::bounds::BoundingSphere;
 use self::environment::EnvironmentLight;
-use super::surface::sphere_uv;
+use self::table::{LightRows, light_rows};
 use crate::math::distribution::AliasTable;
 use crate::math::real::{Real, Vector};
-use crate::math::{Frame, warp};
 use crate::scene::CompiledScene;
 use crate::scene::compile::Uv;
 
+pub use direct::DirectSample;
+pub use emission::{EmissionPdf, EmissionSample};
 pub use select::{FIELD as SELECT_FIELD, LightSelection};
+pub use table::SelectedLights;
 
 /// All light sources of a scene, with indices: emissive primitives first, then points, directions,
 /// and the environment.
@@ -70,7 +75,8 @@ pub use select::{FIELD as SELECT_FIELD, LightSelection};
 pub struct Lights {
     /// Distribution over all indices; `None` if nothing emits.
     pub choice: Option<AliasTable>,
-    ids: Vec<LightId>,
+    /// Parameters of all lights.
+    rows: Vec<LightRows>,
     /// Index of the first light of a kind: points, directions, environment.
     pub first: [u32; 3],
     /// Environment light with its distribution, if the scene has one.
@@ -87,35 +93,26 @@ pub fn luminance(color: Vec3) -> f64 {
         .dot(glam::DVec3::new(0.2126, 0.7152, 0.0722))
 }
 
-/// Light that arrives at a point, before the shadow test.
+/// A point of the light of each lane.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DirectSample {
-    /// Unit direction from the point to the light.
-    pub wi: Vec3,
-    /// Distance to the light; infinite for infinitely distant lights.
-    pub distance: f32,
-    /// Radiance that arrives along `-wi`; for a Dirac light the irradiance on a surface facing it.
-    pub radiance: Vec3,
-    /// Density per solid angle at the point; for a Dirac light the probability of choosing it.
-    pub pdf_w: f32,
-    /// Whether no other technique can find this light (points, directions).
-    pub delta: bool,
-    /// The point on the light.
-    pub point: LightPoint,
-}
-
-/// A point of a light.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LightPoint {
-    /// Identity of the light.
-    pub light: LightId,
+pub struct LightPoint<R: Real = f32, const N: usize = 1> {
+    /// Identities of the lights.
+    pub lights: [LightId; N],
     /// Position in world space; for infinitely distant lights, a point outside the scene's bounding
     /// sphere.
-    pub position: Vec3,
+    pub position: R::Vec3,
     /// Unit normal on the emitting side; for lights without a surface, the direction of emission.
-    pub normal: Vec3,
-    /// Texture coordinates before tiling; zero for lights without a surface.
-    pub uv: Uv,
+    pub normal: R::Vec3,
+    /// Texture coordinates before tiling; zero for lights without a texture.
+    pub uv: Uv<R>,
+}
+
+impl LightPoint {
+    /// Returns the identity of the light.
+    #[inline]
+    pub fn light(&self) -> LightId {
+        self.lights[0]
+    }
 }
 
 /// Identifies one light.
@@ -129,33 +126,6 @@ pub enum LightId {
     Directional(u32),
     /// The environment: [`CompiledScene::environment`].
     Environment,
-}
-
-/// The start of a path at a light.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct EmissionSample {
-    /// Start point of the path.
-    pub point: LightPoint,
-    /// Unit direction of emission.
-    pub dir: Vec3,
-    /// Emitted radiance in that direction (intensity for a point, irradiance for a direction).
-    pub radiance: Vec3,
-    /// Density of the position per area, including the choice of the light. For a point the
-    /// probability alone; for infinitely distant lights per area perpendicular to the direction.
-    pub pdf_a: f32,
-    /// Density of the direction per solid angle, given the position; 1 for a directional light.
-    pub pdf_w: f32,
-    /// Cosine between the normal and the direction; 1 for lights without a surface.
-    pub cos: f32,
-}
-
-/// The densities with which a light that a path hit would have been sampled.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct EmissionPdf {
-    /// Density of the position: see [`EmissionSample::pdf_a`].
-    pub pdf_a: f32,
-    /// Density of the direction: see [`EmissionSample::pdf_w`].
-    pub pdf_w: f32,
 }
 
 impl Lights {
@@ -173,28 +143,19 @@ impl Lights {
             scene.directionals.len(),
         ]
         .map(|n| n as u32);
-        let ids: Vec<LightId> = (0..emitters)
-            .map(LightId::Emitter)
-            .chain((0..points).map(LightId::Point))
-            .chain((0..directionals).map(LightId::Directional))
-            .chain(environment_light.is_some().then_some(LightId::Environment))
-            .collect();
+        let first = [
+            emitters,
+            emitters + points,
+            emitters + points + directionals,
+        ];
+        let count = first[2] + u32::from(environment_light.is_some());
+        let ids = || (0..count).map(|index| light_id(first, index));
         let ball = BoundingSphere::for_scene(scene);
-        let weights = select::weights(
-            scene,
-            select,
-            ids.iter().copied(),
-            &ball,
-            environment_light.as_ref(),
-        );
+        let weights = select::weights(scene, select, ids(), &ball, environment_light.as_ref());
         Lights {
             choice: AliasTable::new(weights),
-            ids,
-            first: [
-                emitters,
-                emitters + points,
-                emitters + points + directionals,
-            ],
+            rows: ids().map(|id| light_rows(scene, id)).collect(),
+            first,
             environment_light,
             ball,
             total_area: scene.emitters.iter().map(|e| f64::from(e.area)).sum(),
@@ -203,17 +164,29 @@ impl Lights {
 
     /// Returns the number of lights.
     pub fn count(&self) -> usize {
-        self.ids.len()
+        self.rows.len()
     }
 
     /// Returns the indices of all lights, for [`Lights::sample_direct_from`].
     pub fn indices(&self) -> Range<u32> {
-        0..self.ids.len() as u32
+        0..self.rows.len() as u32
     }
 
     /// Returns the identity of the light with an index below [`Lights::count`].
+    #[inline]
     pub fn id(&self, index: u32) -> LightId {
-        self.ids[index as usize]
+        light_id(self.first, index)
+    }
+
+    /// Returns the index of a light, also of an environment that the scene does not have.
+    #[inline]
+    pub fn index(&self, light: LightId) -> u32 {
+        match light {
+            LightId::Emitter(i) => i,
+            LightId::Point(i) => self.first[0] + i,
+            LightId::Directional(i) => self.first[1] + i,
+            LightId::Environment => self.first[2],
+        }
     }
 
     /// Returns the total area of emissive surfaces in square scene units.
@@ -224,24 +197,18 @@ impl Lights {
     /// Returns the probability of choosing a light; zero for one that the scene does not have.
     #[inline]
     pub fn pdf_choice(&self, light: LightId) -> f32 {
-        let index = match light {
-            LightId::Emitter(i) => i,
-            LightId::Point(i) => self.first[0] + i,
-            LightId::Directional(i) => self.first[1] + i,
-            LightId::Environment => self.first[2],
-        } as usize;
-        if index >= self.ids.len() {
-            return 0.0;
-        }
-        self.choice.as_ref().map_or(0.0, |c| c.pmf(index))
+        self.pdf_index(self.index(light))
     }
 
-    /// Returns the radiance that arrives along `-dir` from outside the scene.
+    /// Returns the probability of choosing the light with this index; zero for one that the scene
+    /// does not have.
     #[inline]
-    pub fn environment(&self, dir: Vec3) -> Vec3 {
-        self.environment_light
-            .as_ref()
-            .map_or(Vec3::ZERO, |s| s.radiance(dir))
+    fn pdf_index(&self, index: u32) -> f32 {
+        let index = index as usize;
+        match &self.choice {
+            Some(choice) if index < self.rows.len() => choice.pmf(index),
+            _ => 0.0,
+        }
     }
 
     /// Returns the distance between `from` and the wave front of an infinitely distant light in the
@@ -258,237 +225,18 @@ impl Lights {
         let (index, probability) = self.choice.as_ref()?.sample(choice);
         Some((index as u32, probability))
     }
+}
 
-    /// Samples light that arrives at `from`; `None` if the sampled point does not emit towards it.
-    #[inline]
-    pub fn sample_direct(
-        &self,
-        scene: &CompiledScene,
-        from: Vec3,
-        choice: f32,
-        u: [f32; 2],
-    ) -> Option<DirectSample> {
-        let (index, probability) = self.choose(choice)?;
-        let one = self.sample_direct_from(scene, index, from, u)?;
-        Some(DirectSample {
-            pdf_w: one.pdf_w * probability,
-            ..one
-        })
-    }
-
-    /// Samples light that arrives at `from` from the light with this index. The density does not
-    /// include the choice; for a Dirac light it is 1.
-    #[inline]
-    pub fn sample_direct_from(
-        &self,
-        scene: &CompiledScene,
-        index: u32,
-        from: Vec3,
-        u: [f32; 2],
-    ) -> Option<DirectSample> {
-        match self.ids[index as usize] {
-            LightId::Emitter(i) => match area::sphere(scene, i) {
-                None => area::sample_direct(scene, i, from, u),
-                Some(ball) => {
-                    let s = sphere::sample(ball, from, u)?;
-                    let position = ball.center + s.normal * ball.radius;
-                    let point = LightPoint {
-                        light: LightId::Emitter(i),
-                        position,
-                        normal: s.normal,
-                        uv: Uv::same(sphere_uv(s.normal)),
-                    };
-                    let radiance = area::emission(scene, i, point.uv);
-                    let distance = position.distance(from);
-                    Some(DirectSample {
-                        wi: s.wi,
-                        distance,
-                        radiance,
-                        pdf_w: s.pdf_w,
-                        delta: false,
-                        point,
-                    })
-                }
-            },
-            LightId::Point(i) => point::sample_direct(&scene.points[i as usize], i, from),
-            LightId::Directional(i) => Some(directional::sample_direct(
-                &scene.directionals[i as usize],
-                i,
-                from,
-                &self.ball,
-            )),
-            LightId::Environment => {
-                let (wi, pdf_w) = self.environment_light.as_ref()?.sample(u);
-                let point = self.ball.outside(LightId::Environment, from, wi);
-                let radiance = self.environment(wi);
-                let usable = pdf_w > 0.0;
-                usable.then_some(DirectSample {
-                    wi,
-                    distance: f32::INFINITY,
-                    radiance,
-                    pdf_w,
-                    delta: false,
-                    point,
-                })
-            }
-        }
-    }
-
-    /// Returns the density per solid angle at `from` with which [`Lights::sample_direct`] samples
-    /// the point `at` of emitter `i`, whose front side has the unit normal `normal` there; zero
-    /// from behind.
-    #[inline]
-    pub fn pdf_direct_w(
-        &self,
-        scene: &CompiledScene,
-        from: Vec3,
-        i: u32,
-        at: Vec3,
-        normal: Vec3,
-    ) -> f32 {
-        self.pdf_choice(LightId::Emitter(i)) * self.pdf_direct_one_w(scene, from, i, at, normal)
-    }
-
-    /// Returns the same density for [`Lights::sample_direct_from`], without the choice.
-    #[inline]
-    pub fn pdf_direct_one_w(
-        &self,
-        scene: &CompiledScene,
-        from: Vec3,
-        i: u32,
-        at: Vec3,
-        normal: Vec3,
-    ) -> f32 {
-        match area::sphere(scene, i) {
-            None => area::pdf_direct_w(scene, i, from, at, normal),
-            Some(ball) => sphere::pdf_w(ball, from, at, normal),
-        }
-    }
-
-    /// Returns the density per solid angle with which [`Lights::sample_direct`] samples the
-    /// environment in direction `dir`.
-    #[inline]
-    pub fn pdf_environment_w(&self, dir: Vec3) -> f32 {
-        self.pdf_choice(LightId::Environment) * self.pdf_environment_one_w(dir)
-    }
-
-    /// Returns the same density for [`Lights::sample_direct_from`], without the choice.
-    #[inline]
-    pub fn pdf_environment_one_w(&self, dir: Vec3) -> f32 {
-        self.environment_light
-            .as_ref()
-            .map_or(0.0, |s| s.pdf_w(dir))
-    }
-
-    /// Samples the start of a path at a light, in the measures of the table above; `None` if the
-    /// path would carry nothing.
-    #[inline]
-    pub fn sample_emission(
-        &self,
-        scene: &CompiledScene,
-        choice: f32,
-        u: [f32; 2],
-        v: [f32; 2],
-    ) -> Option<EmissionSample> {
-        let (index, probability) = self.choice.as_ref()?.sample(choice);
-        let one = match self.ids[index] {
-            LightId::Emitter(i) => {
-                let point = area::sample(scene, i, u);
-                let local = warp::cosine_hemisphere(v);
-                EmissionSample {
-                    point,
-                    dir: Frame::from_normal(point.normal).to_world(local),
-                    radiance: area::emission(scene, i, point.uv),
-                    pdf_a: area::pdf_a(scene, i),
-                    pdf_w: warp::cosine_hemisphere_pdf_w(local.z),
-                    cos: local.z,
-                }
-            }
-            LightId::Point(i) => point::sample_emission(&scene.points[i as usize], i, v),
-            LightId::Directional(i) => {
-                directional::sample_emission(&scene.directionals[i as usize], i, &self.ball, u)
-            }
-            LightId::Environment => {
-                let (from, pdf_w) = self.environment_light.as_ref()?.sample(v);
-                EmissionSample {
-                    point: self.ball.on_disk(LightId::Environment, -from, u),
-                    dir: -from,
-                    radiance: self.environment(from),
-                    pdf_a: self.ball.pdf_a(),
-                    pdf_w,
-                    cos: 1.0,
-                }
-            }
-        };
-        let usable = one.pdf_w > 0.0 && one.pdf_a > 0.0;
-        usable.then_some(EmissionSample {
-            pdf_a: one.pdf_a * probability,
-            ..one
-        })
-    }
-
-    /// Returns the densities with which [`Lights::sample_emission`] starts a path at a point of
-    /// emitter `i` in a direction whose cosine with the front normal is `cos`.
-    #[inline]
-    pub fn pdf_emission(&self, scene: &CompiledScene, i: u32, cos: f32) -> EmissionPdf {
-        let pdf_a = self.pdf_choice(LightId::Emitter(i)) * area::pdf_a(scene, i);
-        EmissionPdf {
-            pdf_a,
-            pdf_w: warp::cosine_hemisphere_pdf_w(cos),
-        }
-    }
-
-    /// Returns the densities with which [`Lights::sample_emission`] starts a path at a point of any
-    /// light in the unit direction `dir`. For a directional light, `pdf_w` is 1 in its own
-    /// direction and 0 in others.
-    pub fn pdf_emission_at(
-        &self,
-        scene: &CompiledScene,
-        point: &LightPoint,
-        dir: Vec3,
-    ) -> EmissionPdf {
-        let choice = self.pdf_choice(point.light);
-        match point.light {
-            LightId::Emitter(i) => self.pdf_emission(scene, i, point.normal.dot(dir)),
-            LightId::Point(i) => EmissionPdf {
-                pdf_a: choice,
-                pdf_w: point::pdf_w(&scene.points[i as usize].cone, dir),
-            },
-            LightId::Directional(i) => {
-                let own = directional::shines_into(&scene.directionals[i as usize], dir);
-                EmissionPdf {
-                    pdf_a: choice * self.ball.pdf_a(),
-                    pdf_w: if own { 1.0 } else { 0.0 },
-                }
-            }
-            LightId::Environment => EmissionPdf {
-                pdf_a: choice * self.ball.pdf_a(),
-                pdf_w: self.pdf_environment_one_w(-dir),
-            },
-        }
-    }
-
-    /// Returns the emission of a light point in the unit direction `dir`: radiance, the intensity
-    /// of a point light, the irradiance of a directional light; black behind a surface.
-    pub fn emitted(&self, scene: &CompiledScene, point: &LightPoint, dir: Vec3) -> Vec3 {
-        match point.light {
-            LightId::Emitter(i) if point.normal.dot(dir) > 0.0 => {
-                area::emission(scene, i, point.uv)
-            }
-            LightId::Emitter(_) => Vec3::ZERO,
-            LightId::Point(i) => {
-                let light = &scene.points[i as usize];
-                light.intensity * point::falloff(&light.cone, dir)
-            }
-            LightId::Directional(i) => {
-                let light = &scene.directionals[i as usize];
-                if directional::shines_into(light, dir) {
-                    light.irradiance
-                } else {
-                    Vec3::ZERO
-                }
-            }
-            LightId::Environment => self.environment(-dir),
-        }
+/// Returns the identity of the light with an index, from [`Lights::first`].
+#[inline]
+fn light_id([points, directionals, environment]: [u32; 3], index: u32) -> LightId {
+    if index < points {
+        LightId::Emitter(index)
+    } else if index < directionals {
+        LightId::Point(index - points)
+    } else if index < environment {
+        LightId::Directional(index - directionals)
+    } else {
+        LightId::Environment
     }
 }

@@ -116,7 +116,7 @@ fn emitter_power(scene: &CompiledScene, i: u32, brightness: &[f64]) -> f64 {
     let side = PROBES.isqrt();
     let probe = |k: u32| {
         let u = [(k % side) as f32 + 0.5, (k / side) as f32 + 0.5].map(|x| x / side as f32);
-        let uv = area::sample(scene, i, u).uv;
+        let uv = area::sample_uv(scene, i, u);
         luminance(lookup(&scene.textures, m.emission_texture, uv, m.tiling))
     };
     let probed = (0..PROBES).map(probe).sum::<f64>() / f64::from(PROBES);

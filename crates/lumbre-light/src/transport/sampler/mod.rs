@@ -148,11 +148,23 @@ impl<R: Real> Sampler<R> {
         self.taken = R::Word::select(mask, self.taken, before.taken);
     }
 
+    /// Resumes independent numbers of a key after `taken` of them.
+    #[inline(always)]
+    pub fn independent(key: [R::Word; 4], taken: R::Word) -> Sampler<R> {
+        Sampler::resume(Sequence::Independent, key, R::Word::splat(0), taken)
+    }
+
     /// Returns an auxiliary stream, independent of this sampler's numbers and of each other; taking
     /// from it changes none of the sampler's own numbers. It depends only on the sample, not on how
     /// many numbers were taken.
     #[inline(always)]
     pub fn auxiliary(&self) -> Sampler<R> {
+        self.auxiliary_after(R::Word::splat(0))
+    }
+
+    /// Returns the [auxiliary stream](Sampler::auxiliary) after `taken` of its numbers.
+    #[inline(always)]
+    pub fn auxiliary_after(&self, taken: R::Word) -> Sampler<R> {
         let [a, b, c, d] = match self.sequence {
             Sequence::Independent => self.key,
             Sequence::Sobol => {
@@ -161,8 +173,7 @@ impl<R: Real> Sampler<R> {
             }
         };
         let key = pcg4d([a.xor(R::Word::splat(AUXILIARY_KEY)), b, c, d]);
-        let zero = R::Word::splat(0);
-        Sampler::resume(Sequence::Independent, key, zero, zero)
+        Sampler::independent(key, taken)
     }
 }
 

@@ -250,7 +250,8 @@ impl<'a> LayerRowFilm<'a> {
                 self.values[film] = value;
             }
         };
-        set(Layer::Albedo, surface.base_color(&context.scene.textures));
+        let parameters = surface.shading_parameters(&context.scene.textures);
+        set(Layer::Albedo, parameters.base_color);
         let hit_from_behind = surface.n_geometric.dot(ray.dir) > 0.0;
         set(
             Layer::Normal,

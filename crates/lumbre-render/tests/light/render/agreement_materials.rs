@@ -5,6 +5,7 @@ use std::sync::Arc;
 use glam::Vec3;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::Material;
+use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::{Camera, FilterSpec};
 use lumbre_light::transport::integrator::bdpt::{self, subpath::Subpaths};
 use lumbre_light::transport::integrator::{Context, Settings};
@@ -89,6 +90,7 @@ fn weights_of_light_from_the_rim_of_a_sphere_are_finite() {
         scene,
         camera,
         lights: &lights,
+        classes: &SurfaceClasses::new(scene),
         trace,
         max_depth: 6,
         rr_start: None,

@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 use lumbre_light::math::Frame;
 use lumbre_light::math::rng::{pcg4d, unit};
 use lumbre_light::scene::compile::{
-    Distribution, Interface, Material, Model, NONE, diffuse_reflectance,
+    Distribution, Interface, Material, Model, NONE, Uv, diffuse_reflectance,
 };
 use lumbre_light::transport::bsdf::{Bsdf, TransportMode};
 use lumbre_light::transport::surface::Surface;
@@ -37,9 +37,9 @@ pub fn surface(material: &Material) -> Surface<'_> {
         n_geometric: NORMAL,
         n_shading: NORMAL,
         tangent: TANGENT,
-        uv: Default::default(),
+        uv: Uv::zero(),
         tint: Vec3::ONE,
-        material,
+        materials: [material],
         emitter: NONE,
         terminator: None,
     }

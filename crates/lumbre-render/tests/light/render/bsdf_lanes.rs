@@ -67,6 +67,7 @@ fn cases(materials: &[Material]) -> Vec<Case> {
 impl Case {
     fn bsdf(&self) -> Bsdf {
         let offset = TerminatorOffset {
+            exists: true,
             base: Vec3::ZERO,
             lifted_point: NORMAL,
             up: NORMAL,

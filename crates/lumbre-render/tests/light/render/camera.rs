@@ -406,7 +406,7 @@ fn from_light(
     };
     let surface = Surface::at(scene, &ray, &hit);
     let throughput = e.radiance * e.cos / (e.pdf_a * e.pdf_w);
-    if !surface.material.emitter_reflects && surface.emitter != NONE {
+    if !surface.materials[0].emitter_reflects && surface.emitter != NONE {
         return;
     }
     let bsdf = Bsdf::new(&surface, &scene.textures);

@@ -293,12 +293,12 @@ fn same_surface(scene: &CompiledScene, flat: &CompiledScene, ray: &Ray, a: &Hit,
         f.n_shading
     );
     assert!(
-        s.uv.first.distance(f.uv.first) < 2e-3,
+        Vec2::from_array(s.uv.first).distance(Vec2::from_array(f.uv.first)) < 2e-3,
         "{:?} {:?}",
         s.uv,
         f.uv
     );
-    assert_eq!(s.material, f.material);
+    assert_eq!(s.materials, f.materials);
     assert_eq!(
         s.emitter, f.emitter,
         "the surfaces belong to different lights"

@@ -6,7 +6,7 @@ use std::f64::consts::{PI, TAU};
 use glam::{Vec2, Vec3};
 use lumbre_light::math::Frame;
 use lumbre_light::math::stats::{chi_square_p, sidak};
-use lumbre_light::scene::compile::Uv;
+use lumbre_light::scene::compile::{Material, Texture, Uv};
 use lumbre_light::scene::desc::{ConeDesc, ConeEdge};
 use lumbre_light::transport::light::{LightId, LightPoint, Lights};
 
@@ -50,7 +50,7 @@ fn emission_from_environments_and_directional_lights_follows_its_density() {
             let e = lights
                 .sample_emission(&surrounded, u[0], [u[1], u[2]], [u[3], u[4]])
                 .unwrap();
-            let own = lights.pdf_emission_at(&surrounded, &e.point, e.dir);
+            let own = lights.pdf_emission_at(&e.point, e.dir);
             assert_eq!(own.pdf_a, e.pdf_a);
             assert!(
                 (own.pdf_w / e.pdf_w - 1.0).abs() < 1e-4 || directions,
@@ -99,8 +99,15 @@ fn emission_from_surfaces_and_point_lights_follows_its_density() {
         Vec3::new(-0.5, 1.7, 1.0),
     ];
     let (center, radius) = (Vec3::new(3.0, 1.0, 0.0), 0.6);
-    let lit = scene()
-        .triangle(corners, [Vec2::ZERO, Vec2::X, Vec2::Y], light(1.0))
+    let mut lit = scene();
+    // Only textured lights have texture coordinates.
+    let emission_texture = lit.texture(Texture::new(1, 1, vec![[1.0; 3]]));
+    let textured = Material {
+        emission_texture,
+        ..light(1.0)
+    };
+    let lit = lit
+        .triangle(corners, [Vec2::ZERO, Vec2::X, Vec2::Y], textured)
         .sphere(center, radius, light(3.0))
         .point(Vec3::Y * 3.0, Vec3::splat(2.0))
         .build();
@@ -114,7 +121,7 @@ fn emission_from_surfaces_and_point_lights_follows_its_density() {
         let e = lights
             .sample_emission(&lit, u[0], [u[1], u[2]], [u[3], u[4]])
             .unwrap();
-        let own = lights.pdf_emission_at(&lit, &e.point, e.dir);
+        let own = lights.pdf_emission_at(&e.point, e.dir);
         assert_eq!(own.pdf_a, e.pdf_a);
         assert!(
             (own.pdf_w - e.pdf_w).abs() < 1e-5 * (1.0 + e.pdf_w),
@@ -125,15 +132,15 @@ fn emission_from_surfaces_and_point_lights_follows_its_density() {
         };
         let local = Frame::from_normal(e.point.normal).to_local(e.dir);
         let height = |h: f32| ((h * 4.0) as usize).min(3);
-        let (which, at, dir) = match e.point.light {
+        let (which, at, dir) = match e.point.light() {
             LightId::Emitter(0) => {
                 // Four triangles of a quarter of the area each.
-                let uv = e.point.uv.first;
-                let at = if uv.x > 0.5 {
+                let [x, y] = e.point.uv.first;
+                let at = if x > 0.5 {
                     0
-                } else if uv.y > 0.5 {
+                } else if y > 0.5 {
                     1
-                } else if uv.x + uv.y < 0.5 {
+                } else if x + y < 0.5 {
                     2
                 } else {
                     3
@@ -172,21 +179,20 @@ fn emission_from_surfaces_and_point_lights_follows_its_density() {
     assert!(p > SIGNIFICANCE, "p = {p}");
     // The expected counts are valid only for these densities.
     for (i, cos) in [(0, 0.3f32), (1, 0.9)] {
-        let pdf = lights.pdf_emission(&lit, i, cos);
+        let emitter = lights.with_indices::<f32, 1>([i], true);
+        let pdf = emitter.pdf_emission(Vec3::Z, Vec3::Z * cos);
         let area = lit.emitters[i as usize].area;
         assert!((pdf.pdf_a * area - choice[i as usize] as f32).abs() < 1e-6);
         assert!((pdf.pdf_w - cos / std::f32::consts::PI).abs() < 1e-7);
-        assert_eq!(lights.pdf_emission(&lit, i, -cos).pdf_w, 0.0);
+        assert_eq!(emitter.pdf_emission(Vec3::Z, Vec3::Z * -cos).pdf_w, 0.0);
     }
     let at = LightPoint {
-        light: LightId::Point(0),
+        lights: [LightId::Point(0)],
         position: Vec3::Y * 3.0,
         normal: Vec3::Y,
-        uv: Uv::default(),
+        uv: Uv::zero(),
     };
-    assert!(
-        (f64::from(lights.pdf_emission_at(&lit, &at, Vec3::X).pdf_w) * 4.0 * PI - 1.0).abs() < 1e-6
-    );
+    assert!((f64::from(lights.pdf_emission_at(&at, Vec3::X).pdf_w) * 4.0 * PI - 1.0).abs() < 1e-6);
 }
 
 #[test]
@@ -224,7 +230,7 @@ fn emission_from_spot_lights_is_uniform_in_the_cone_and_weighted_by_the_falloff(
                     "{desc:?}: {}",
                     e.pdf_w
                 );
-                let again = lights.pdf_emission_at(&scene, &e.point, e.dir);
+                let again = lights.pdf_emission_at(&e.point, e.dir);
                 assert_eq!(
                     (again.pdf_w, lights.emitted(&scene, &e.point, e.dir)),
                     (e.pdf_w, e.radiance),
@@ -254,7 +260,6 @@ fn emission_from_spot_lights_is_uniform_in_the_cone_and_weighted_by_the_falloff(
                 "{desc:?}: {power}, share {share}"
             );
             let outside = lights.pdf_emission_at(
-                &scene,
                 &LightPoint {
                     normal: -axis,
                     ..point(&lights)
@@ -270,9 +275,9 @@ fn emission_from_spot_lights_is_uniform_in_the_cone_and_weighted_by_the_falloff(
 
 fn point(lights: &Lights) -> LightPoint {
     LightPoint {
-        light: lights.id(0),
+        lights: [lights.id(0)],
         position: Vec3::ONE,
         normal: Vec3::Y,
-        uv: Uv::default(),
+        uv: Uv::zero(),
     }
 }

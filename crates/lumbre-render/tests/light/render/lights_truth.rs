@@ -446,7 +446,7 @@ fn ten_thousand_lights_are_selected_with_their_probabilities() {
             let e = lights
                 .sample_emission(&lit, u[0], [u[1], u[2]], [u[3], 0.5])
                 .unwrap();
-            let LightId::Emitter(which) = e.point.light else {
+            let LightId::Emitter(which) = e.point.light() else {
                 panic!("{:?}", e.point)
             };
             observed[which as usize / 10] += 1.0;

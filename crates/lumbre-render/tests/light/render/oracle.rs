@@ -8,6 +8,7 @@ use lumbre_light::scene::compile::{
     Cone, DirectionalLight, Environment, Material, Model, PointLight, Texture,
 };
 use lumbre_light::scene::desc::{ConeDesc, ConeEdge};
+use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::{Camera, FilterKind, FilterSpec};
 use lumbre_light::transport::integrator::oracle::{self, OracleReport};
 use lumbre_light::transport::integrator::{Context, Settings};
@@ -55,6 +56,7 @@ fn check(
         scene,
         camera: &camera,
         lights: &lights,
+        classes: &SurfaceClasses::new(scene),
         trace: &accel,
         max_depth,
         rr_start: None,

@@ -375,7 +375,9 @@ fn tiling_and_offset_determine_where_textures_are_looked_up() {
         (0.75, 0.75),
     ] {
         // The points lie on the edge of the first triangle along x.
-        let found = at(&scene, 0, [x, 0.0]).base_color(&scene.textures);
+        let found = at(&scene, 0, [x, 0.0])
+            .shading_parameters(&scene.textures)
+            .base_color;
         assert!(
             (found - Vec3::new(1.0, 0.5, 0.0) * expected).length() < 1e-6,
             "{x}: {found}"
@@ -441,7 +443,9 @@ fn vertex_colours_multiply_the_base_colour_of_their_own_mesh() {
         (3, Vec3::X * 0.5 + Vec3::Z * 0.2 + Vec3::ONE * 0.3),
         (5, Vec3::ONE),
     ] {
-        let found = at(&scene, primitive, [0.2, 0.3]).base_color(&scene.textures);
+        let found = at(&scene, primitive, [0.2, 0.3])
+            .shading_parameters(&scene.textures)
+            .base_color;
         assert!(
             (found - base * expected).length() < 1e-6,
             "{primitive}: {found}"

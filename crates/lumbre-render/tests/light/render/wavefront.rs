@@ -4,19 +4,16 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use lumbre_light::film::layer::Layer;
 use lumbre_light::film::time::TimeFilter;
 use lumbre_light::scene::CompiledScene;
-use lumbre_light::scene::compile::{MaskMode, Material, Model, NONE, Texture};
+use lumbre_light::scene::compile::{MaskMode, Material, NONE, Texture};
 use lumbre_light::transport::camera::{FILTERS, FilterSpec};
 use lumbre_light::transport::delay::Profile;
 use lumbre_light::transport::path_time::Timing;
 use lumbre_light::value::Value;
-use lumbre_render::cpu::bvh::simd::Isa;
-use lumbre_render::hierarchy::AccelSpec;
 use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
 
-use crate::common::{SceneBuilder, WHITE, grey, light};
+use crate::common::{SceneBuilder, grey, light};
 use crate::render::wavefront_fixtures::{
     DISNEY, assert_same_bits, assert_same_film_bits, interfaces, materials, nee_job, room,
     with_bdpt, with_bpt, with_time_axis,
@@ -457,118 +454,5 @@ fn waves_and_checkpoints_of_a_film_with_a_time_axis_have_the_same_bits_in_lanes(
             job.integrator.name
         );
         assert_eq!(parts.film(), whole.film());
-    }
-}
-
-#[test]
-fn unsupported_features_run_on_the_scalar_path() {
-    let scene = room(DISNEY).build();
-    let renderer = |scene: &Arc<CompiledScene>, job: Job| {
-        CpuRenderer::new(Arc::clone(scene), job)
-            .unwrap()
-            .is_vectorised()
-    };
-    let job = nee_job([4, 4], 3);
-    let all = Job {
-        params: [("lights".to_owned(), Value::from("all"))].into(),
-        ..job.clone()
-    };
-    assert!(!renderer(&scene, all));
-    let brushed = room(Material {
-        anisotropic: 0.8,
-        roughness: 0.4,
-        ..DISNEY
-    })
-    .build();
-    assert!(!renderer(&brushed, with_bdpt(job.clone())));
-    assert_eq!(
-        renderer(&brushed, job.clone()),
-        Isa::detect() != Isa::Portable
-    );
-    let soft = room(Material {
-        shadow_terminator: true,
-        ..DISNEY
-    })
-    .build();
-    assert!(!renderer(&soft, job.clone()));
-    assert!(!renderer(
-        &scene,
-        Job {
-            layers: vec![Layer::Depth],
-            ..job.clone()
-        }
-    ));
-    assert!(!renderer(
-        &scene,
-        Job {
-            accel: job.accel.scalar(),
-            ..job.clone()
-        }
-    ));
-    assert_eq!(renderer(&scene, job), Isa::detect() != Isa::Portable);
-}
-
-/// Otherwise a comparison of times would measure vectorisation instead of the integrators.
-#[test]
-fn by_default_either_all_integrators_are_vectorised_or_none() {
-    let accel = AccelSpec::default();
-    let reflecting_emitter = Material {
-        emitter_reflects: true,
-        ..Material {
-            emission: Vec3::ONE,
-            ..DISNEY
-        }
-    };
-    let scenes = [
-        ("supported", room(DISNEY).build(), true),
-        (
-            "emitters that reflect",
-            room(reflecting_emitter).build(),
-            true,
-        ),
-        (
-            "brushed",
-            room(Material {
-                anisotropic: 0.8,
-                roughness: 0.4,
-                ..DISNEY
-            })
-            .build(),
-            false,
-        ),
-        ("diffuse, Lambert model", room(grey(0.5)).build(), true),
-        (
-            "all models",
-            room(Material {
-                metallic: 0.5,
-                ..WHITE
-            })
-            .sphere(
-                Vec3::new(-0.4, -0.2, 0.2),
-                0.2,
-                Material {
-                    model: Model::Conductor,
-                    ..WHITE
-                },
-            )
-            .build(),
-            true,
-        ),
-    ];
-    for (name, scene, expected) in scenes {
-        let job = Job {
-            accel,
-            ..nee_job([4, 4], 3)
-        };
-        for job in [job.clone(), with_bpt(job.clone()), with_bdpt(job)] {
-            let vectorised = CpuRenderer::new(Arc::clone(&scene), job)
-                .unwrap()
-                .is_vectorised();
-            assert_eq!(
-                vectorised,
-                expected && Isa::detect() != Isa::Portable,
-                "{name}"
-            );
-        }
     }
 }

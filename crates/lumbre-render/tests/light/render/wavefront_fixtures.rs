@@ -377,12 +377,16 @@ pub fn assert_same_film_bits(name: &str, scene: &Arc<CompiledScene>, job: Job, s
         let bits = |sums: &[[f64; 3]]| sums.iter().map(|s| s.map(f64::to_bits)).collect::<Vec<_>>();
         let film = renderer.film();
         let times = renderer.times().map(|cube| slots(&cube, &film.sum, name));
+        let layers: Vec<_> = (0..renderer.layers().len())
+            .map(|i| renderer.layer(i).unwrap())
+            .map(|film| (bits(&film.sum), bits(&film.sum2)))
+            .collect();
         (
             bits(&film.sum),
             bits(&film.sum2),
             stats.rays,
-            stats.invalid,
-            stats.first_invalid,
+            (stats.invalid, stats.first_invalid),
+            layers,
             times,
         )
     };
@@ -409,6 +413,7 @@ pub fn assert_same_film_bits(name: &str, scene: &Arc<CompiledScene>, job: Job, s
             scalar.0.len()
         );
         assert!(scalar.5 == lanes.5, "{name}, {by}: slots differ");
+        assert!(scalar.4 == lanes.4, "{name}, {by}: layers differ");
         assert!(
             scalar == lanes,
             "{name}, {by}: squares, rays or invalid samples differ: {:?} {:?}",

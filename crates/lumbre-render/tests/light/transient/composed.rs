@@ -8,6 +8,7 @@ use lumbre_light::film::ztest::{Estimate, compare};
 use lumbre_light::scene::compile::NONE;
 use lumbre_light::scene::desc::SceneDesc;
 use lumbre_light::scene::{CompiledScene, compile, edit, load};
+use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::Camera;
 use lumbre_light::transport::integrator::oracle::check;
 use lumbre_light::transport::integrator::{Context, INTEGRATORS, Settings};
@@ -211,6 +212,7 @@ fn weights_and_densities_equal_their_definition_with_components_and_delays() {
             scene: &scene,
             camera: &camera,
             lights: &lights,
+            classes: &SurfaceClasses::new(&scene),
             trace: &trace,
             max_depth: 5,
             rr_start: None,

@@ -8,5 +8,5 @@
 )]
 
 mod arrival;
-mod composed;
+pub mod composed;
 mod mitransient;

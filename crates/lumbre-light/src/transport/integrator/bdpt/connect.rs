@@ -9,7 +9,7 @@ use crate::scene::compile::{NONE, Uv};
 use crate::transport::bsdf::TransportMode;
 use crate::transport::camera::CameraConnection;
 use crate::transport::integrator::{Context, Settings};
-use crate::transport::light::{EmissionSample, LightId, LightPoint};
+use crate::transport::light::{LightId, LightPoint};
 use crate::transport::mis::Heuristic;
 use crate::transport::path_time::{self, Timing};
 use crate::transport::ray::{Hit, Ray};
@@ -51,14 +51,14 @@ pub fn connect_s0(context: &Context, h: Heuristic, z: &Vertex, t: u32) -> Option
     if z.emitter == NONE || z.emitted == Vec3::ZERO {
         return None;
     }
-    let light = LightId::Emitter(z.emitter);
+    let lights = [LightId::Emitter(z.emitter)];
     let point = LightPoint {
-        light,
+        lights,
         position: z.position,
         normal: z.n_geometric,
         uv: z.uv,
     };
-    let end = LightEnd::new(context, &point, z.out.wo, z.previous, z.n_previous);
+    let end = LightEnd::at_point(context, &point, z.out.wo, z.previous, z.n_previous);
     let others = others_s0(h, &z.partials, &end, t);
     let length = z.optical.arrival();
     Some(Connection {
@@ -112,14 +112,14 @@ pub fn connect_s0_escaped(
     if radiance == Vec3::ZERO {
         return None;
     }
-    let light = LightId::Environment;
+    let lights = [LightId::Environment];
     let point = LightPoint {
-        light,
+        lights,
         position: edge.from + edge.dir,
         normal: -edge.dir,
         uv: Uv::default(),
     };
-    let end = LightEnd::new(context, &point, -edge.dir, edge.from, edge.origin.normal());
+    let end = LightEnd::at_point(context, &point, -edge.dir, edge.from, edge.origin.normal());
     let others = others_s0(h, &edge.partials_at(h, 1.0)?, &end, t);
     let unweighted = escape.throughput * radiance;
     Some(Connection {
@@ -164,7 +164,7 @@ pub fn connect_s1(
     if !lit {
         return None;
     }
-    let end = LightEnd::new(context, &d.point, -d.wi, z.position, z.n_geometric);
+    let end = LightEnd::at_point(context, &d.point, -d.wi, z.position, z.n_geometric);
     // Rounding may place a point at the rim of a sphere on its hidden side, where no strategy has a
     // density.
     (end.direct > 0.0).then(|| {
@@ -284,34 +284,33 @@ pub fn connect_t1(
     ))
 }
 
-/// Connects with `s = 1`, `t = 1`: the start of the light subpath to the camera. Point lights and
+/// Connects with `s = 1`, `t = 1`: the start of the light subpath, which continues in direction
+/// `dir`, to the camera. Point lights and
 /// directional lights are not connected: nothing that starts at the camera could find them, and a
 /// picture does not show them.
 #[inline]
 pub fn connect_s1_t1(
     context: &Context,
     h: Heuristic,
-    start: &EmissionSample,
+    point: &LightPoint,
+    dir: Vec3,
     emitted: f32,
     sampler: &mut Sampler,
 ) -> Option<(Connection, CameraConnection)> {
-    let point = start.point;
     let (lens_u, filter_u) = (sampler.next_2d(), sampler.next_2d());
-    let (c, cos) = match point.light {
+    let (c, cos) = match point.light() {
         LightId::Emitter(_) => {
             let c = context.camera.connect(point.position, lens_u, filter_u)?;
             (c, point.normal.dot(-c.dir))
         }
         LightId::Environment => (
-            context
-                .camera
-                .connect_direction(-start.dir, lens_u, filter_u)?,
+            context.camera.connect_direction(-dir, lens_u, filter_u)?,
             1.0,
         ),
         LightId::Point(_) | LightId::Directional(_) => return None,
     };
-    let end = LightEnd::new(context, &point, -c.dir, c.lens, Vec3::ZERO);
-    let radiance = context.lights.emitted(context.scene, &point, -c.dir);
+    let end = LightEnd::at_point(context, point, -c.dir, c.lens, Vec3::ZERO);
+    let radiance = context.lights.emitted(context.scene, point, -c.dir);
     let unweighted = radiance * cos * (f64::from(c.importance) / end.start) as f32;
     if cos <= 0.0 || unweighted == Vec3::ZERO {
         return None;

@@ -114,8 +114,14 @@ pub fn for_each_path(
     }
     if settings.includes(1, 1)
         && let Some(start) = &subpaths.start
-        && let Some((c, camera)) =
-            connect::connect_s1_t1(context, h, start, subpaths.emitted, sampler)
+        && let Some((c, camera)) = connect::connect_s1_t1(
+            context,
+            h,
+            &start.point,
+            start.dir,
+            subpaths.emitted,
+            sampler,
+        )
     {
         reporter.report_at(c, 1, 1, camera.pixel, camera.lens);
     }

@@ -364,7 +364,7 @@ impl Edge {
         n: Vec3,
     ) -> Option<(MisPartials, f32)> {
         if let Origin::Light(point) = self.origin {
-            let end = LightEnd::new(context, &point, self.dir, position, n);
+            let end = LightEnd::at_point(context, &point, self.dir, position, n);
             let (some, partials) = MisPartials::new(h, end.edge_partials(h), end.next);
             return some.then_some((partials, end.back));
         }

@@ -34,9 +34,10 @@
 use glam::Vec3;
 
 use crate::math::real::{Double, Mask, Real, Vector};
+use crate::math::simd::Lanes;
 use crate::transport::bsdf::{BsdfValue, TransportMode};
 use crate::transport::integrator::Context;
-use crate::transport::light::{LightId, LightPoint};
+use crate::transport::light::{EmissionPdf, LightPoint, SelectedLights};
 use crate::transport::mis::Heuristic;
 use crate::transport::vertex;
 
@@ -219,56 +220,76 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> LightEnd<R> {
     }
 }
 
+impl<R: Real> LightEnd<R> {
+    /// Computes the densities for points of the selected lights and for the next vertices, each
+    /// with its normal, and the unit directions `dir` from the light to the next vertex. The normal
+    /// `n_next` is zero for a lens point; `next` and `direct` are then unused.
+    #[inline(always)]
+    pub fn new<const N: usize>(
+        lights: &SelectedLights<R, N>,
+        [at, n]: [R::Vec3; 2],
+        dir: R::Vec3,
+        [next, n_next]: [R::Vec3; 2],
+    ) -> LightEnd<R>
+    where
+        R: Lanes<N>,
+    {
+        let EmissionPdf { pdf_a, pdf_w } = lights.pdf_emission(n, dir);
+        let direct_w = lights.pdf_direct_w(next, at, n);
+        let mut end = LightEnd::on_surface([at, n], [next, n_next], [pdf_a, pdf_w, direct_w]);
+        let zero = R::splat(0.0);
+        let points = lights.are_points();
+        if points.any() {
+            let spread = vertex::area_factor(at, next, n_next).double();
+            let point = LightEnd {
+                start: pdf_a.double(),
+                direct: pdf_a.double(),
+                next: pdf_w.double() * spread,
+                back: zero,
+            };
+            end = LightEnd::select(points, point, end);
+        }
+        let infinite = lights.are_infinite();
+        if infinite.any() {
+            let choice = lights.probability.double();
+            let start = choice * pdf_w.double();
+            let some = choice.gt(R::Double::splat(0.0));
+            let disk = R::Double::select(some, pdf_a.double() / choice, R::Double::splat(0.0));
+            let distant = LightEnd {
+                start,
+                direct: start,
+                next: disk * dir.dot(n_next).abs().double(),
+                back: R::select(lights.are_environments(), R::splat(1.0), zero),
+            };
+            end = LightEnd::select(infinite, distant, end);
+        }
+        end
+    }
+
+    /// Returns `yes` where the mask is set, else `no`.
+    #[inline(always)]
+    fn select(mask: R::Mask, yes: LightEnd<R>, no: LightEnd<R>) -> LightEnd<R> {
+        LightEnd {
+            start: R::Double::select(mask, yes.start, no.start),
+            direct: R::Double::select(mask, yes.direct, no.direct),
+            next: R::Double::select(mask, yes.next, no.next),
+            back: R::select(mask, yes.back, no.back),
+        }
+    }
+}
+
 impl LightEnd {
-    /// Computes the densities for a light's point, the unit direction from it to the next vertex,
-    /// that vertex, and its normal. The normal is zero for a lens point; `next` and `direct` are
-    /// then unused.
+    /// Computes [`LightEnd::new`] for a point of any light.
     #[inline]
-    pub fn new(
+    pub fn at_point(
         context: &Context,
         point: &LightPoint,
         dir: Vec3,
         next: Vec3,
         n_next: Vec3,
     ) -> LightEnd {
-        let (lights, scene) = (context.lights, context.scene);
-        let e = lights.pdf_emission_at(scene, point, dir);
-        let [pdf_a, pdf_w] = [e.pdf_a, e.pdf_w].map(f64::from);
-        match point.light {
-            LightId::Emitter(i) => {
-                let direct_w = lights.pdf_direct_w(scene, next, i, point.position, point.normal);
-                LightEnd::on_surface(
-                    [point.position, point.normal],
-                    [next, n_next],
-                    [e.pdf_a, e.pdf_w, direct_w],
-                )
-            }
-            LightId::Point(_) => {
-                let spread = f64::from(vertex::area_factor(point.position, next, n_next));
-                LightEnd {
-                    start: pdf_a,
-                    direct: pdf_a,
-                    next: pdf_w * spread,
-                    back: 0.0,
-                }
-            }
-            LightId::Directional(_) | LightId::Environment => {
-                let choice = f64::from(lights.pdf_choice(point.light));
-                let start = choice * pdf_w;
-                let across = if choice > 0.0 { pdf_a / choice } else { 0.0 };
-                let back = if point.light == LightId::Environment {
-                    1.0
-                } else {
-                    0.0
-                };
-                LightEnd {
-                    start,
-                    direct: start,
-                    next: across * f64::from(dir.dot(n_next).abs()),
-                    back,
-                }
-            }
-        }
+        let lights = context.lights.at(point);
+        LightEnd::new(&lights, [point.position, point.normal], dir, [next, n_next])
     }
 }
 

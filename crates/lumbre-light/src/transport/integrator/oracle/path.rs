@@ -96,7 +96,7 @@ impl Path {
     /// Returns whether the light is infinitely distant and has a direction in place of a position.
     fn outside(&self) -> bool {
         matches!(
-            self.light.light,
+            self.light.light(),
             LightId::Environment | LightId::Directional(_)
         )
     }
@@ -104,7 +104,7 @@ impl Path {
     /// Returns whether no path can hit the light by chance.
     pub fn light_is_dirac(&self) -> bool {
         matches!(
-            self.light.light,
+            self.light.light(),
             LightId::Point(_) | LightId::Directional(_)
         )
     }
@@ -135,7 +135,7 @@ impl Path {
         let edge = self.position(to) - self.position(from);
         let cos = |n: Vec3| edge.dot(n.as_dvec3()).abs() / edge.length();
         let d2 = edge.length_squared();
-        match (to, self.light.light) {
+        match (to, self.light.light()) {
             (0, LightId::Emitter(_)) => cos(self.light.normal) / d2,
             (0, LightId::Point(_)) => 1.0 / d2,
             (0, _) => 1.0,
@@ -145,8 +145,8 @@ impl Path {
 
     /// Returns the density with which light paths start at `x_0`, in its measure.
     fn start(&self, context: &Context) -> f64 {
-        let choice = f64::from(context.lights.pdf_choice(self.light.light));
-        match self.light.light {
+        let choice = f64::from(context.lights.pdf_choice(self.light.light()));
+        match self.light.light() {
             LightId::Emitter(i) => choice / f64::from(context.scene.emitters[i as usize].area),
             LightId::Point(_) | LightId::Directional(_) => choice,
             LightId::Environment => f64::from(context.lights.pdf_environment_w(-self.dirs[0])),
@@ -156,7 +156,7 @@ impl Path {
     /// Returns the density with which `x_0` is sampled as the light of `x_1`.
     fn direct(&self, context: &Context) -> f64 {
         let scene = context.scene;
-        let LightId::Emitter(i) = self.light.light else {
+        let LightId::Emitter(i) = self.light.light() else {
             return self.start(context);
         };
         let primitive = scene.emitters[i as usize].primitive as usize;
@@ -171,7 +171,7 @@ impl Path {
             return 0.0;
         }
         let one_minus_cos = sin * sin / (1.0 + (1.0 - sin * sin).sqrt());
-        let choice = f64::from(context.lights.pdf_choice(self.light.light));
+        let choice = f64::from(context.lights.pdf_choice(self.light.light()));
         choice / (std::f64::consts::TAU * one_minus_cos) * self.spread(1, 0)
     }
 
@@ -179,14 +179,12 @@ impl Path {
     /// k`.
     fn light_density(&self, context: &Context, i: usize) -> f64 {
         let per_solid_angle = if i == 1 {
-            let e = context
-                .lights
-                .pdf_emission_at(context.scene, &self.light, self.dirs[0]);
-            match self.light.light {
+            let e = context.lights.pdf_emission_at(&self.light, self.dirs[0]);
+            match self.light.light() {
                 // The start is uniform over a disk, the only density left once the direction is
                 // known.
                 LightId::Environment | LightId::Directional(_) => {
-                    f64::from(e.pdf_a) / f64::from(context.lights.pdf_choice(self.light.light))
+                    f64::from(e.pdf_a) / f64::from(context.lights.pdf_choice(self.light.light()))
                 }
                 _ => f64::from(e.pdf_w),
             }

@@ -35,12 +35,12 @@ fn others(context: &Context, h: Heuristic, path: &Path, s: usize) -> Option<f64>
     if s == k && seen_pdf_w <= 0.0 || path.light_is_dirac() && (s == 0 || k == 1) {
         return None;
     }
-    let end = |next: Vec3, n: Vec3| LightEnd::new(context, &path.light, path.dirs[0], next, n);
+    let end = |next: Vec3, n: Vec3| LightEnd::at_point(context, &path.light, path.dirs[0], next, n);
     let (camera, edge) = camera_side(context, h, path, s.max(1))?;
     let light = light_side(context, h, path, s);
     Some(match (s, light, camera) {
         (0, _, _) => {
-            let partials = match path.light.light {
+            let partials = match path.light.light() {
                 LightId::Environment => edge.partials_at(h, 1.0)?,
                 _ => {
                     edge.partials_at_surface(context, h, path.light.position, path.light.normal)?

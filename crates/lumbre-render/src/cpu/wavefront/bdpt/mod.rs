@@ -10,19 +10,21 @@
 //! that of the scalar path. Both are therefore known when connections are [listed](connect), and
 //! connections can be evaluated in any order, here by class of surface.
 
+mod camera_rays;
 mod connect;
+pub(super) mod material_classes;
 mod random_walk;
 mod ray_generation;
+mod shadow_rays;
+mod time_of_flight;
+mod vertices;
 
 use glam::Vec3;
 
-use super::material_classes::MaterialTable;
-use super::time_of_flight;
-use super::time_of_flight::EmissionDelays;
-use super::{PathRecord, add_to_film, ray_from_row, sampler_from_row, store_hit};
 use crate::Job;
 use crate::cpu::films::contributions::{SampleId, TimedContributions};
 use crate::cpu::films::row_film::RowFilm;
+use camera_rays::CameraRecord;
 use connect::ConnectionLists;
 use lumbre_light::math::simd::F32x8;
 use lumbre_light::scene::compile::NONE;
@@ -35,8 +37,10 @@ use lumbre_light::transport::integrator::bdpt::weights::EdgePartials;
 use lumbre_light::transport::mis::Heuristic;
 use lumbre_light::transport::path_time::{OpticalLength, PathTime};
 use lumbre_light::transport::ray::{Hit, Ray};
-use lumbre_light::transport::sampler::Sampler;
+use lumbre_light::transport::sampler::{Sampler, Sequence};
+use material_classes::MaterialTable;
 use ray_generation::LightStarts;
+use time_of_flight::EmissionDelays;
 
 /// Number of samples in a tile of `bdpt`.
 pub(super) const TILE_SAMPLES: usize = 128;
@@ -59,8 +63,7 @@ struct TileContext<'a, const TIMED: bool> {
 /// number of random numbers drawn; optical length and refractive index of the medium (with a time
 /// axis); weighted emission at the hit.
 ///
-/// On the first edge of a light subpath, row 3 holds selection probability and area of the light
-/// instead of length and index. Both are zero unless the light is a triangle with uniform emission.
+/// On the first edge of a light subpath, row 3 holds the index of the light instead of the length.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(32))]
 struct SubpathState {
@@ -105,7 +108,7 @@ struct TileSubpaths {
 /// Buffers of a tile, which tiles reuse.
 #[derive(Default)]
 pub(super) struct TileBuffers {
-    records: Vec<PathRecord>,
+    records: Vec<CameraRecord>,
     camera: TileSubpaths,
     light: TileSubpaths,
     starts: LightStarts,
@@ -293,7 +296,7 @@ impl<const TIMED: bool> TileContext<'_, TIMED> {
     }
 
     /// Returns the state of a sample's camera subpath before its first edge.
-    fn camera_state(&self, record: &PathRecord) -> SubpathState {
+    fn camera_state(&self, record: &CameraRecord) -> SubpathState {
         let [ray_row, _, keys] = record.rows;
         let [x, y, z, u, v, w, ..] = ray_row.0;
         let edge = Edge::from_lens(self.context, Vec3::new(x, y, z), Vec3::new(u, v, w));
@@ -337,14 +340,7 @@ pub(super) fn render_tile<const TIMED: bool>(
         sums,
     } = buffers;
     records.clear();
-    crate::cpu::wavefront::ray_generation::generate(
-        table.width,
-        job,
-        context.camera,
-        y,
-        ids,
-        records,
-    );
+    camera_rays::generate(table.width, job, context.camera, y, ids, records);
     emission_delays.sample(context, records);
     let tile = TileContext::<TIMED> {
         table,
@@ -360,14 +356,13 @@ pub(super) fn render_tile<const TIMED: bool>(
     camera.active.extend(0..records.len() as u32);
     escaped.clear();
     escaped.resize(records.len(), (Vec3::ZERO, 0.0));
-    random_walk::trace_subpaths::<false, TIMED>(&tile, camera, context.max_depth, &[], escaped);
+    random_walk::trace_subpaths::<false, TIMED>(&tile, camera, context.max_depth, escaped);
     light.reset(records.len());
     starts.sample(&tile, camera, light);
     random_walk::trace_subpaths::<true, TIMED>(
         &tile,
         light,
         context.max_depth.saturating_sub(1),
-        &starts.by_path,
         escaped,
     );
     lists.reset(table.classes());
@@ -390,4 +385,49 @@ pub(super) fn render_tile<const TIMED: bool>(
     starts.connect_to_lens(&tile, light, &mut lists.queue, &mut splat);
     lists.evaluate(&tile, [light, camera], sums, &mut splat);
     add_to_film(context, ids, &sums.values, &mut sums.timed, film);
+}
+
+/// Returns the ray that is stored in the first six numbers of a row.
+#[inline]
+fn ray_from_row(row: &F32x8) -> Ray {
+    let [x, y, z, u, v, w, ..] = row.0;
+    Ray {
+        origin: Vec3::new(x, y, z),
+        dir: Vec3::new(u, v, w),
+    }
+}
+
+/// Returns the sampler whose key is stored in the last four numbers of a row, after `taken` numbers
+/// were drawn.
+#[inline]
+fn sampler_from_row(row: &F32x8, taken: u32) -> Sampler {
+    let [.., a, b, c, d] = row.0;
+    Sampler::resume(
+        Sequence::Independent,
+        [a, b, c, d].map(f32::to_bits),
+        0,
+        taken,
+    )
+}
+
+/// Stores a hit in the first four numbers of a row.
+#[inline]
+fn store_hit(row: &mut F32x8, hit: &Hit) {
+    row.0[..4].copy_from_slice(&[hit.t, hit.uv[0], hit.uv[1], f32::from_bits(hit.primitive)]);
+}
+
+/// Adds samples to their own pixels: their radiance `values` and, with a time axis, the individual
+/// contributions `timed`.
+fn add_to_film(
+    context: &Context,
+    ids: &[SampleId],
+    values: &[Vec3],
+    timed: &mut TimedContributions,
+    film: &mut RowFilm,
+) {
+    let timed = context.timing.map(|_| {
+        timed.sort(ids.len());
+        timed
+    });
+    film.add_batch(ids, values, timed);
 }

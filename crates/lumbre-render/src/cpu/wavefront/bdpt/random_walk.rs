@@ -3,29 +3,29 @@
 
 use glam::Vec3;
 
-use super::ray_generation::LightStart;
+use super::time_of_flight;
 use super::{SubpathState, TileContext, TileSubpaths, VertexRecord};
-use crate::cpu::wavefront::light_sampling::{triangle_mis_terms, with_scalar_mis_terms};
-use crate::cpu::wavefront::time_of_flight;
-use crate::cpu::wavefront::vertices::{Vertices, surface_points};
+use crate::cpu::wavefront::bdpt::vertices::Vertices;
 use lumbre_light::math::real::{Mask, Vector, Word};
 use lumbre_light::math::simd::{Lanes, SimdKernel, active_lanes, dispatch, map_array, padded};
+use lumbre_light::scene::compile::NONE;
 use lumbre_light::transport::MAX_SURVIVAL;
 use lumbre_light::transport::bsdf::TransportMode;
-use lumbre_light::transport::integrator::bdpt::weights::{EdgePartials, MisEndpoint, MisPartials};
+use lumbre_light::transport::integrator::bdpt::weights::{
+    EdgePartials, LightEnd, MisEndpoint, MisPartials,
+};
 use lumbre_light::transport::path_time::OpticalLength;
-use lumbre_light::transport::ray::offset_by_axis;
+use lumbre_light::transport::ray::{RayHits, offset_by_axis};
 use lumbre_light::transport::sampler::independent;
+use lumbre_light::transport::surface::Surface;
 use lumbre_light::transport::vertex::{area_factors, towards};
 
 /// Traces the active subpaths until they end or have `max_edges` edges. `LIGHT` if they start on
-/// lights, which `starts` then holds. Contributions of the environment to camera subpaths are
-/// stored in `escaped`.
+/// lights. Contributions of the environment to camera subpaths are stored in `escaped`.
 pub(super) fn trace_subpaths<const LIGHT: bool, const TIMED: bool>(
     tile: &TileContext<TIMED>,
     paths: &mut TileSubpaths,
     max_edges: u32,
-    starts: &[LightStart],
     escaped: &mut [(Vec3, f64)],
 ) {
     let mut active = std::mem::take(&mut paths.active);
@@ -88,7 +88,6 @@ pub(super) fn trace_subpaths<const LIGHT: bool, const TIMED: bool>(
                 class,
                 edge,
                 may_continue: edge < max_edges,
-                starts,
             };
             dispatch(
                 tile.table.width,
@@ -109,7 +108,6 @@ struct WalkStep<'a, const TIMED: bool> {
     edge: u32,
     /// Whether the maximum depth allows another edge.
     may_continue: bool,
-    starts: &'a [LightStart],
 }
 
 /// Kernel that runs a step of all listed paths.
@@ -174,13 +172,16 @@ impl<const TIMED: bool> WalkStep<'_, TIMED> {
             R::Vec3::new(origin_row[4], origin_row[5], origin_row[6]),
         ];
 
-        let point = surface_points::<R, N>(
-            context.scene,
-            traits.sphere,
+        let hits = RayHits {
+            origin,
+            dir,
+            t: hit_row[0],
+            uv: [hit_row[1], hit_row[2]],
             primitives,
-            [origin, dir],
-            [hit_row[0], hit_row[1], hit_row[2]],
-        );
+            instances: [NONE; N],
+        };
+        let surface = Surface::at_hits(context.scene, &traits.surface, &hits, materials);
+        let point = surface.point();
         let mut optical = if LIGHT && edge == 1 {
             OpticalLength {
                 path: zero,
@@ -207,16 +208,9 @@ impl<const TIMED: bool> WalkStep<'_, TIMED> {
         let here = [point.position, point.n_geometric];
         let wo = -dir;
         let (valid, partials, back) = if LIGHT && edge == 1 {
-            let (probability, area) = (state_row[3], state_row[4]);
-            let mut end = triangle_mis_terms::<R>(before, here, dir, [probability, area]);
-            let vectorised = area.gt(zero);
-            if (!vectorised).any() {
-                let points = map_array(lanes, |i| match &self.starts[i] {
-                    LightStart::Scalar(start) => Some(start.point),
-                    _ => None,
-                });
-                end = with_scalar_mis_terms::<R, N>(context, end, vectorised, &points, here, dir);
-            }
+            let indices = R::store_words(state_row[3].bits());
+            let lights = context.lights.with_indices::<R, N>(indices, active);
+            let end = LightEnd::new(&lights, before, dir, here);
             let (valid, partials) = MisPartials::new(h, end.edge_partials(h), end.next);
             (valid, partials, end.back)
         } else {

@@ -1,41 +1,41 @@
 //! Samples the first vertices and edges of light subpaths, and connects the first vertices to the
 //! lens (`s = 1`, `t = 1`).
 //!
-//! Triangles with uniform emission are treated in vectors, all other lights with the scalar code.
-//! Both give the bits of the scalar `bdpt`.
+//! Connections of the environment to the lens are evaluated by the scalar code, all others in
+//! vectors. Both give the bits of the scalar `bdpt`.
 
 use glam::Vec3;
 
 use super::connect::load::{load_words, sampler_keys};
 use super::connect::{ShadowQueue, Splat, Target};
-use super::{SubpathState, TileContext, TileSubpaths};
-use crate::cpu::wavefront::light_sampling::{SelectedLight, triangle_mis_terms};
-use crate::cpu::wavefront::shade::shadow_rays;
+use super::{TileContext, TileSubpaths};
+use crate::cpu::wavefront::bdpt::shadow_rays::shadow_rays;
 use lumbre_light::math::real::{Double, Mask, Vector, Word};
 use lumbre_light::math::simd::{
     F32x8, Lanes, SimdKernel, active_lanes, dispatch, map_array, padded,
 };
-use lumbre_light::math::{Frame, warp};
+use lumbre_light::scene::compile::Uv;
 use lumbre_light::transport::integrator::bdpt::connect::connect_s1_t1;
-use lumbre_light::transport::integrator::bdpt::weights::others_s1_t1;
-use lumbre_light::transport::light::{EmissionSample, area};
-use lumbre_light::transport::ray::{Ray, offset_by_axis};
-use lumbre_light::transport::sampler::{Sampler, independent};
-use lumbre_light::transport::vertex::{self, towards};
+use lumbre_light::transport::integrator::bdpt::weights::{LightEnd, others_s1_t1};
+use lumbre_light::transport::light::{LightId, LightPoint};
+use lumbre_light::transport::ray::offset_by_axis;
+use lumbre_light::transport::sampler::independent;
+use lumbre_light::transport::vertex::towards;
 
 /// Number of random numbers drawn for the start of a light subpath.
 const DRAWS_PER_START: u32 = 5;
 
-/// Sampled first vertex of a light subpath.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum LightStart {
-    /// No light was sampled.
-    None,
-    /// Point on a triangle with uniform emission. Row 0: position, normal, selection probability
-    /// and area. Row 1: radiance.
-    Triangle([F32x8; 2]),
-    /// Point on any other light, sampled by the scalar code.
-    Scalar(EmissionSample),
+/// Sampled first vertex of a light subpath, in two rows. Row 0: position, normal, index of the light,
+/// and 1 if a light was sampled. Row 1: texture coordinates, and direction of the first edge.
+#[derive(Clone, Copy, Debug, Default)]
+struct LightStart([F32x8; 2]);
+
+impl LightStart {
+    /// Returns the index of the light, or `None` if no light was sampled.
+    fn light(&self) -> Option<u32> {
+        let [.., index, some] = self.0[0].0;
+        (some > 0.0).then(|| index.to_bits())
+    }
 }
 
 /// Pending connection of a first vertex to the lens (`s = 1`, `t = 1`).
@@ -50,7 +50,7 @@ struct StartConnection {
 #[derive(Default)]
 pub(super) struct LightStarts {
     /// First vertex of every path.
-    pub by_path: Vec<LightStart>,
+    by_path: Vec<LightStart>,
     /// Listed connections to the lens.
     connections: Vec<StartConnection>,
 }
@@ -67,7 +67,8 @@ impl LightStarts {
     ) {
         self.connections.clear();
         self.by_path.clear();
-        self.by_path.resize(camera.states.len(), LightStart::None);
+        self.by_path
+            .resize(camera.states.len(), LightStart::default());
         light.states.clear();
         light.states.extend_from_slice(&camera.states);
         if tile.context.max_depth == 0 {
@@ -102,61 +103,35 @@ impl LightStarts {
         );
         let [choice, u0, u1] = independent::next_three(key, taken);
         let [v0, v1, _] = independent::next_three(key, taken.add(R::Word::splat(3)));
-        let SelectedLight {
-            rows: [a, b],
-            probability,
-            scalar_lanes,
-            ..
-        } = tile.table.lights.select(tile.context, choice, active);
-        let corners = [
-            R::Vec3::new(a[0], a[1], a[2]),
-            R::Vec3::new(a[3], a[4], a[5]),
-            R::Vec3::new(a[6], a[7], b[0]),
-        ];
-        let (at, normal) = area::on_triangle(corners, warp::uniform_triangle([u0, u1]));
-        let local: R::Vec3 = warp::cosine_hemisphere([v0, v1]);
-        let dir = Frame::from_normal(normal).to_world(local);
-        let radiance = R::Vec3::new(b[2], b[3], b[4]);
-        let (inverse_area, pdf_w) = (
-            R::splat(1.0) / b[1],
-            warp::cosine_hemisphere_pdf_w(local.z()),
-        );
-        let throughput = radiance * local.z() / (inverse_area * probability * pdf_w);
-        let usable = active & b[5].gt(zero) & pdf_w.gt(zero) & inverse_area.gt(zero);
+        let lights = tile.context.lights.select::<R, N>(choice, active);
+        let start = lights.sample_emission(tile.context.scene, [u0, u1], [v0, v1]);
+        let throughput = start.radiance * start.cos / (start.pdf_a * start.pdf_w);
+        let usable = active & start.starts();
         let continues = (usable & !throughput.same(R::Vec3::broadcast(Vec3::ZERO))).bits();
-        let [p, n, d, t] = [at, normal, dir, throughput];
+        let [p, n, d, t] = [
+            start.point.position,
+            start.point.normal,
+            start.dir,
+            throughput,
+        ];
         let o = offset_by_axis(p, towards(n, d));
         let ray_row = R::transpose_store([o.x(), o.y(), o.z(), d.x(), d.y(), d.z(), t.x(), t.y()]);
-        let origin_row = R::transpose_store([
-            t.z(),
-            p.x(),
-            p.y(),
-            p.z(),
-            n.x(),
-            n.y(),
-            n.z(),
-            R::splat(1.0),
-        ]);
-        let point =
-            R::transpose_store([p.x(), p.y(), p.z(), n.x(), n.y(), n.z(), probability, b[1]]);
-        let emission = R::transpose_store([b[2], b[3], b[4], zero, zero, zero, zero, zero]);
+        let one = R::splat(1.0);
+        let origin_row = R::transpose_store([t.z(), p.x(), p.y(), p.z(), n.x(), n.y(), n.z(), one]);
+        let index = R::load_words(&lights.indices).bits_to_float();
+        let point = R::transpose_store([p.x(), p.y(), p.z(), n.x(), n.y(), n.z(), index, one]);
+        let [a, b, e, f] = start.point.uv.to_array();
+        let emission = R::transpose_store([a, b, e, f, d.x(), d.y(), d.z(), zero]);
         for i in active_lanes(active.bits()) {
             let state = &mut light.states[paths[i] as usize];
-            let sampler = state.sampler(state.taken());
-            state.rows[3].0[2] = f32::from_bits(state.taken() + DRAWS_PER_START);
+            let taken = f32::from_bits(state.taken() + DRAWS_PER_START);
+            state.rows[3].0[2] = taken;
             if usable.bits() & 1 << i != 0 {
-                let [.., probability, area] = point[i].0;
                 (state.rows[0], state.rows[1]) = (ray_row[i], origin_row[i]);
-                state.set_light([probability, area]);
-                self.by_path[paths[i] as usize] = LightStart::Triangle([point[i], emission[i]]);
+                let index = f32::from_bits(lights.indices[i]);
+                state.rows[3].0[..4].copy_from_slice(&[1.0, 1.0, taken, index]);
+                self.by_path[paths[i] as usize] = LightStart([point[i], emission[i]]);
                 if continues & 1 << i != 0 {
-                    light.active.push(paths[i]);
-                }
-            } else if scalar_lanes & 1 << i != 0
-                && let Some(start) = sample_scalar(tile, state, sampler)
-            {
-                self.by_path[paths[i] as usize] = LightStart::Scalar(start);
-                if state.throughput() != Vec3::ZERO {
                     light.active.push(paths[i]);
                 }
             }
@@ -166,7 +141,7 @@ impl LightStarts {
     /// Lists the connection of a path's first vertex to the lens, if it has one. `taken` random
     /// numbers were drawn before; returns how many are drawn after it.
     pub fn list(&mut self, path: usize, taken: u32) -> u32 {
-        if matches!(self.by_path[path], LightStart::None) {
+        if self.by_path[path].light().is_none() {
             return taken;
         }
         self.connections.push(StartConnection {
@@ -176,9 +151,9 @@ impl LightStarts {
         taken + 4
     }
 
-    /// Connects all listed vertices to the lens. Contributions of triangles with uniform emission
-    /// are appended to `queue`; those of all other lights are evaluated with the scalar code and
-    /// splatted.
+    /// Connects all listed vertices to the lens. Contributions of surfaces are appended to `queue`;
+    /// those of the environment are evaluated with the scalar code and splatted. No camera path
+    /// finds other lights, which are not connected.
     pub fn connect_to_lens<const TIMED: bool>(
         &self,
         tile: &TileContext<TIMED>,
@@ -186,24 +161,32 @@ impl LightStarts {
         queue: &mut ShadowQueue,
         splat: &mut Splat,
     ) {
-        let (triangles, others): (Vec<StartConnection>, Vec<StartConnection>) = self
-            .connections
-            .iter()
-            .partition(|c| matches!(self.by_path[c.path as usize], LightStart::Triangle(_)));
-        for StartConnection { path, taken } in others {
-            if let LightStart::Scalar(start) = &self.by_path[path as usize] {
-                let mut sampler = light.states[path as usize].sampler(taken);
-                let delay = tile.emission_delays.for_path(path as usize);
-                if let Some((connection, at)) =
-                    connect_s1_t1(tile.context, tile.h, start, delay, &mut sampler)
-                {
-                    splat(
-                        path,
-                        at.pixel,
-                        tile.weighted(Some(connection)),
-                        connection.length,
-                    );
+        let mut surfaces = Vec::with_capacity(self.connections.len());
+        for connection in &self.connections {
+            let StartConnection { path, taken } = *connection;
+            let start = &self.by_path[path as usize];
+            match start.light().map(|index| tile.context.lights.id(index)) {
+                Some(LightId::Emitter(_)) => surfaces.push(*connection),
+                Some(LightId::Environment) => {
+                    let [x, y, z, a, b, c, ..] = start.0[0].0;
+                    let point = LightPoint {
+                        lights: [LightId::Environment],
+                        position: Vec3::new(x, y, z),
+                        normal: Vec3::new(a, b, c),
+                        uv: Uv::zero(),
+                    };
+                    let [_, _, _, _, x, y, z, _] = start.0[1].0;
+                    let mut sampler = light.states[path as usize].sampler(taken);
+                    let delay = tile.emission_delays.for_path(path as usize);
+                    let dir = Vec3::new(x, y, z);
+                    if let Some((connection, at)) =
+                        connect_s1_t1(tile.context, tile.h, &point, dir, delay, &mut sampler)
+                    {
+                        let value = tile.weighted(Some(connection));
+                        splat(path, at.pixel, value, connection.length);
+                    }
                 }
+                _ => {}
             }
         }
         dispatch(
@@ -211,7 +194,7 @@ impl LightStarts {
             ConnectStarts {
                 starts: self,
                 tile,
-                connections: &triangles,
+                connections: &surfaces,
                 light,
                 queue,
             },
@@ -229,14 +212,18 @@ impl LightStarts {
         queue: &mut ShadowQueue,
     ) {
         let zero = R::splat(0.0);
-        let starts = map_array(connections, |s| match self.by_path[s.path as usize] {
-            LightStart::Triangle(rows) => rows,
-            _ => [F32x8::default(); 2],
-        });
-        let [x, y, z, a, b, c, probability, area] =
-            R::transpose_load(starts.each_ref().map(|rows| &rows[0]));
-        let [red, green, blue, ..] = R::transpose_load(starts.each_ref().map(|rows| &rows[1]));
+        let starts = map_array(connections, |c| &self.by_path[c.path as usize].0);
+        let [x, y, z, a, b, c, index, _] = R::transpose_load(map_array(starts, |rows| &rows[0]));
+        let [u0, u1, u2, u3, ..] = R::transpose_load(map_array(starts, |rows| &rows[1]));
         let (at, normal) = (R::Vec3::new(x, y, z), R::Vec3::new(a, b, c));
+        let indices = R::store_words(index.bits());
+        let lights = tile.context.lights.with_indices::<R, N>(indices, active);
+        let point = LightPoint {
+            lights: lights.ids(),
+            position: at,
+            normal,
+            uv: Uv::from_array([u0, u1, u2, u3]),
+        };
         let numbers = tile.lens_numbers::<R, N>(
             light,
             map_array(connections, |c| c.path),
@@ -249,10 +236,10 @@ impl LightStarts {
         let (lens, dir) = (projection.at.lens, projection.at.dir);
         let zero_vector = R::Vec3::broadcast(Vec3::ZERO);
         let cos = normal.dot(-dir);
-        let end =
-            triangle_mis_terms::<R>([at, normal], [lens, zero_vector], -dir, [probability, area]);
+        let end = LightEnd::new(&lights, [at, normal], -dir, [lens, zero_vector]);
         let per_area = (projection.importance.double() / end.start).single();
-        let unweighted = R::Vec3::new(red, green, blue) * cos * per_area;
+        let radiance = lights.emitted(tile.context.scene, &point, -dir);
+        let unweighted = radiance * cos * per_area;
         let lit = projection.inside & cos.gt(zero) & !unweighted.same(zero_vector);
         let values = tile.mis_weighted::<R, N>(
             unweighted,
@@ -330,33 +317,4 @@ impl<const TIMED: bool> SimdKernel for ConnectStarts<'_, TIMED> {
             );
         }
     }
-}
-
-impl SubpathState {
-    /// Resets the throughput for Russian roulette, and stores selection probability and area of the
-    /// light.
-    fn set_light(&mut self, [probability, area]: [f32; 2]) {
-        let taken = self.rows[3].0[2];
-        self.rows[3].0[..5].copy_from_slice(&[1.0, 1.0, taken, probability, area]);
-    }
-}
-
-/// Samples a start on any light with the scalar code, and stores ray and throughput in `state`.
-fn sample_scalar<const TIMED: bool>(
-    tile: &TileContext<TIMED>,
-    state: &mut SubpathState,
-    mut sampler: Sampler,
-) -> Option<EmissionSample> {
-    let (choice, u, v) = (sampler.next_1d(), sampler.next_2d(), sampler.next_2d());
-    let start = tile
-        .context
-        .lights
-        .sample_emission(tile.context.scene, choice, u, v)?;
-    let throughput = start.radiance * start.cos / (start.pdf_a * start.pdf_w);
-    let (p, n) = (start.point.position, start.point.normal);
-    let Ray { origin: o, dir: d } = vertex::spawn_ray(p, n, start.dir);
-    state.rows[0] = F32x8([o.x, o.y, o.z, d.x, d.y, d.z, throughput.x, throughput.y]);
-    state.rows[1] = F32x8([throughput.z, p.x, p.y, p.z, n.x, n.y, n.z, 1.0]);
-    state.set_light([0.0; 2]);
-    Some(start)
 }

@@ -6,8 +6,8 @@ use glam::Vec3;
 
 use super::load::{load_records, load_vertices, optical_lengths};
 use super::{EvaluatedPair, ShadowQueue, Target, VertexPair};
+use crate::cpu::wavefront::bdpt::shadow_rays::shadow_rays;
 use crate::cpu::wavefront::bdpt::{TileContext, TileSubpaths};
-use crate::cpu::wavefront::shade::shadow_rays;
 use lumbre_light::math::real::{Mask, Vector};
 use lumbre_light::math::simd::{F32x8, Lanes, active_lanes, map_array, padded};
 use lumbre_light::transport::bsdf::{BsdfValue, TransportMode, index_ratio};

@@ -6,8 +6,8 @@ use glam::Vec3;
 
 use super::load::{load_vertices, load_words, optical_lengths, sampler_keys};
 use super::{LensConnection, ShadowQueue, Target};
+use crate::cpu::wavefront::bdpt::shadow_rays::shadow_rays;
 use crate::cpu::wavefront::bdpt::{TileContext, TileSubpaths};
-use crate::cpu::wavefront::shade::shadow_rays;
 use lumbre_light::math::real::{Mask, Real, Vector, Word};
 use lumbre_light::math::simd::{Lanes, active_lanes, map_array, padded};
 use lumbre_light::transport::bsdf::TransportMode;

@@ -4,12 +4,12 @@ use glam::Vec3;
 
 use super::load::{load_vertices, load_words, optical_lengths, sampler_keys};
 use super::{LightConnection, ShadowQueue, Target};
+use crate::cpu::wavefront::bdpt::shadow_rays::shadow_rays;
 use crate::cpu::wavefront::bdpt::{TileContext, TileSubpaths};
-use crate::cpu::wavefront::shade::shadow_rays;
 use lumbre_light::math::real::{Double, Mask, Vector};
 use lumbre_light::math::simd::{Lanes, active_lanes, map_array, padded};
 use lumbre_light::transport::bsdf::TransportMode;
-use lumbre_light::transport::integrator::bdpt::weights::others_s1;
+use lumbre_light::transport::integrator::bdpt::weights::{LightEnd, others_s1};
 use lumbre_light::transport::sampler::independent;
 use lumbre_light::transport::surface::SurfacePoint;
 
@@ -25,8 +25,7 @@ pub(super) fn connect_s1<R: Lanes<N>, const N: usize, const TIMED: bool>(
 ) {
     let connections: [LightConnection; N] = padded(group);
     let active = R::Mask::first(group.len());
-    let zero = R::splat(0.0);
-    let numbers = independent::next_three(
+    let [choice, u, v] = independent::next_three(
         sampler_keys::<R, N>(camera, map_array(connections, |c| c.path)),
         load_words::<R, N>(map_array(connections, |c| c.taken)),
     );
@@ -37,11 +36,10 @@ pub(super) fn connect_s1<R: Lanes<N>, const N: usize, const TIMED: bool>(
         n_geometric,
         n_shading,
     } = z.vertices.point;
-    let sample =
-        tile.table
-            .lights
-            .sample::<R, N>(tile.context, position, numbers, z.vertices.visible);
-    let arrives = z.vertices.visible & sample.density.gt(zero);
+    let context = tile.context;
+    let lights = context.lights.select::<R, N>(choice, z.vertices.visible);
+    let sample = lights.sample_direct(context.scene, position, [u, v]);
+    let arrives = z.vertices.visible & sample.arrives();
     if !arrives.any() {
         return;
     }
@@ -49,22 +47,23 @@ pub(super) fn connect_s1<R: Lanes<N>, const N: usize, const TIMED: bool>(
         .vertices
         .evaluate::<true>(sample.wi, TransportMode::Radiance, arrives);
     let unweighted =
-        z.throughput * at_z.f * sample.wi.dot(n_shading).abs() * sample.radiance / sample.density;
+        z.throughput * at_z.f * sample.wi.dot(n_shading).abs() * sample.radiance / sample.pdf_w;
     let lit = arrives & !unweighted.same(R::Vec3::broadcast(Vec3::ZERO));
     if !lit.any() {
         return;
     }
     let from = [position, n_geometric];
-    let end = sample.mis_terms(tile.context, from);
+    let at = [sample.point.position, sample.point.normal];
+    let end = LightEnd::new(&lights, at, -sample.wi, from);
     let others = others_s1(tile.h, &z.endpoint, &end, &at_z);
     // At the silhouette of a sphere light, rounding may place the point on the far side, where no
     // strategy has a density.
     let usable = end.direct.gt(R::Double::splat(0.0));
     let values = tile.mis_weighted::<R, N>(unweighted, others, usable);
-    let rays = shadow_rays::<R, N>(from, [sample.at, sample.normal], sample.wi, sample.infinite);
+    let rays = shadow_rays::<R, N>(from, at, sample.wi, sample.is_infinite());
     if TIMED {
         let lengths = R::store_doubles(z.vertices.direct_length(
-            tile.context,
+            context,
             &optical_lengths::<R, N>(records),
             &sample,
         ));

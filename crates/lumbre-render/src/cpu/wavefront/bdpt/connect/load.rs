@@ -1,7 +1,7 @@
 //! Loads vertices and samplers of subpaths into lanes.
 
+use crate::cpu::wavefront::bdpt::vertices::Vertices;
 use crate::cpu::wavefront::bdpt::{TileContext, TileSubpaths, VertexRecord};
-use crate::cpu::wavefront::vertices::Vertices;
 use lumbre_light::math::real::{Real, Vector};
 use lumbre_light::math::simd::{Lanes, map_array};
 use lumbre_light::transport::integrator::bdpt::weights::{MisEndpoint, MisPartials};

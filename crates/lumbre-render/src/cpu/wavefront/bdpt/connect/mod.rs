@@ -16,7 +16,7 @@ use self::interior::{connect_interior, evaluate_camera_ends};
 use self::lens::connect_t1;
 use self::light::connect_s1;
 use super::{SampleSums, TileContext, TileSubpaths, VertexRecord};
-use crate::cpu::wavefront::shade::shadow_ray;
+use crate::cpu::wavefront::bdpt::shadow_rays::shadow_ray;
 use lumbre_light::math::real::{Double, Vector};
 use lumbre_light::math::simd::{F32x8, Lanes, SimdKernel, dispatch};
 use lumbre_light::transport::ray::Ray;

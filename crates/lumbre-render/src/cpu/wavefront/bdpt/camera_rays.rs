@@ -1,13 +1,30 @@
 //! Generates the camera rays of a tile, one sample per lane. Sampler keys, random numbers and rays
 //! have the bits of the scalar path.
 
-use super::{PathRecord, SPECULAR};
+use super::sampler_from_row;
 use crate::Job;
 use crate::cpu::films::contributions::SampleId;
 use lumbre_light::math::real::{Vector, Word};
 use lumbre_light::math::simd::{F32x8, Lanes, SimdKernel, Width, dispatch};
 use lumbre_light::transport::camera::Camera;
-use lumbre_light::transport::sampler::independent;
+use lumbre_light::transport::sampler::{Sampler, independent};
+
+/// Start of a camera path, in three rows of eight numbers.
+///
+/// Row 0: origin and direction of the ray, and 1 twice. Row 1: number of random numbers drawn, in
+/// column 6. Row 2: key of the sampler, in columns 4 to 7.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(C, align(32))]
+pub(super) struct CameraRecord {
+    pub rows: [F32x8; 3],
+}
+
+impl CameraRecord {
+    /// Returns the sampler after the numbers of the camera ray.
+    pub fn sampler(&self) -> Sampler {
+        sampler_from_row(&self.rows[2], self.rows[1].0[6].to_bits())
+    }
+}
 
 /// Appends the initial record of each given sample of row `y`: its camera ray, the key of its
 /// sampler, and a throughput of 1.
@@ -17,7 +34,7 @@ pub(super) fn generate(
     camera: &Camera,
     y: u32,
     ids: &[SampleId],
-    records: &mut Vec<PathRecord>,
+    records: &mut Vec<CameraRecord>,
 ) {
     dispatch(
         width,
@@ -37,7 +54,7 @@ struct CameraRays<'a> {
     camera: &'a Camera,
     y: u32,
     ids: &'a [SampleId],
-    records: &'a mut Vec<PathRecord>,
+    records: &'a mut Vec<CameraRecord>,
 }
 
 impl SimdKernel for CameraRays<'_> {
@@ -69,7 +86,7 @@ fn generate_lanes<R: Lanes<N>, const N: usize>(
     y: u32,
     inputs: &[F32x8; N],
     count: usize,
-    records: &mut Vec<PathRecord>,
+    records: &mut Vec<CameraRecord>,
 ) {
     let (zero, one) = (R::splat(0.0), R::splat(1.0));
     let [a, b, c, d, x, ..] = R::transpose_load(inputs.each_ref());
@@ -84,9 +101,9 @@ fn generate_lanes<R: Lanes<N>, const N: usize>(
     ];
     let keys = R::transpose_store([zero, zero, zero, zero, a, b, c, d]);
     let taken = f32::from_bits(if camera.has_lens() { 4 } else { 2 });
-    let initial = F32x8([1.0, 0.0, 0.0, 0.0, SPECULAR, 1.0, taken, 0.0]);
+    let initial = F32x8([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, taken, 0.0]);
     for i in 0..count {
-        records.push(PathRecord {
+        records.push(CameraRecord {
             rows: [rays[i], initial, keys[i]],
         });
     }

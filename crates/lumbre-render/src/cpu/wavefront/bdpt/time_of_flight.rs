@@ -5,7 +5,7 @@
 //! counts depends only on its number. Scenes with delays at surfaces use the scalar path, so that
 //! emission is the only delay here.
 
-use super::PathRecord;
+use super::camera_rays::CameraRecord;
 use lumbre_light::math::simd::{Lanes, map_array};
 use lumbre_light::transport::delay::Profile;
 use lumbre_light::transport::integrator::Context;
@@ -17,14 +17,14 @@ pub(super) struct EmissionDelays(Vec<f32>);
 
 impl EmissionDelays {
     /// Samples the emission delays of the samples with these initial records.
-    pub fn sample(&mut self, context: &Context, records: &[PathRecord]) {
+    pub fn sample(&mut self, context: &Context, records: &[CameraRecord]) {
         self.0.clear();
         if context
             .timing
             .is_some_and(|timing| timing.emission != Profile::NONE)
         {
             let delay =
-                |record: &PathRecord| AuxRng::new::<true>(&record.sampler()).emission(context);
+                |record: &CameraRecord| AuxRng::new::<true>(&record.sampler()).emission(context);
             self.0.extend(records.iter().map(delay));
         }
     }

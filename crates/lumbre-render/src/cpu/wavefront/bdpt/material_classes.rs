@@ -3,21 +3,18 @@
 //! All surfaces of a class have the same lobes and the same kind of primitive, so that the lanes of
 //! a vector mostly take the same branches. Classes affect speed only, never results.
 
-use super::PathTile;
-use super::light_sampling::LightTable;
-use super::shade;
 use lumbre_light::math::simd::Width;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{Material, NONE};
 use lumbre_light::transport::bsdf::{PackedBsdf, PackedClass};
-use lumbre_light::transport::integrator::Context;
+use lumbre_light::transport::surface::SurfaceTraits;
 
 /// Value for primitives without a class.
 const NO_CLASS: u8 = u8::MAX;
 
 /// Table of surfaces that are shaded in lanes: those of materials without textures and anisotropy,
 /// in scenes without vertex colours.
-pub(super) struct MaterialTable {
+pub struct MaterialTable {
     /// SIMD width of the kernels.
     pub(super) width: Width,
     /// Class of every primitive, or [`NO_CLASS`].
@@ -28,15 +25,13 @@ pub(super) struct MaterialTable {
     pub(super) bsdfs: Vec<PackedBsdf>,
     /// Traits of every class.
     traits: Vec<ClassTraits>,
-    /// Lights with vectorised sampling; empty if the integrator does not connect vertices.
-    pub(super) lights: LightTable,
 }
 
 /// Traits that all surfaces of a class share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct ClassTraits {
-    /// Whether the primitives are spheres.
-    pub sphere: bool,
+pub struct ClassTraits {
+    /// Properties of the surfaces.
+    pub surface: SurfaceTraits,
     /// Whether vertices can be connected to lights and other vertices.
     pub connected: bool,
     /// Traits of the BSDFs.
@@ -59,7 +54,7 @@ fn is_vectorized(scene: &CompiledScene, m: &Material) -> bool {
 
 /// Returns whether every surface of a scene has a vectorised BSDF or ends paths. False in scenes
 /// with instances.
-pub(super) fn all_vectorized(scene: &CompiledScene) -> bool {
+pub fn all_vectorized(scene: &CompiledScene) -> bool {
     let vectorized: Vec<bool> = scene
         .materials
         .iter()
@@ -109,7 +104,7 @@ impl MaterialTable {
             }
             let bsdf = bsdfs[material as usize].class;
             let own = ClassTraits {
-                sphere: i >= scene.triangles.len(),
+                surface: SurfaceTraits::new(scene, primitive, NONE, material),
                 connected: connected && bsdf.has_density,
                 bsdf,
             };
@@ -125,18 +120,12 @@ impl MaterialTable {
                 material_of[i] = material;
             }
         }
-        let lights = if connected {
-            LightTable::new(scene)
-        } else {
-            LightTable::default()
-        };
         (!traits.is_empty()).then_some(MaterialTable {
             width,
             class_of,
             material_of,
             bsdfs,
             traits,
-            lights,
         })
     }
 
@@ -174,19 +163,5 @@ impl MaterialTable {
     pub fn class(&self, primitive: u32) -> Option<usize> {
         let class = self.class_of[primitive as usize];
         (class != NO_CLASS).then_some(usize::from(class))
-    }
-
-    /// Runs one step of paths that hit surfaces of one class.
-    pub fn shade<const TIMED: bool>(
-        &self,
-        class: usize,
-        context: &Context,
-        depth: u32,
-        paths: &[u32],
-        tile: &mut PathTile,
-    ) {
-        if !paths.is_empty() {
-            shade::shade_class::<TIMED>(self, self.traits[class], context, depth, paths, tile);
-        }
     }
 }

@@ -1,0 +1,91 @@
+//! Follows camera paths one after the other: the techniques with one lane.
+
+use super::state::{Path, TerminatorState};
+use super::{CameraPaths, PathLight, PathSink, ShadowRay};
+use crate::transport::arrival::{Arrival, HitState};
+use crate::transport::contribution::Contribution;
+use crate::transport::integrator::Context;
+use crate::transport::ray::Ray;
+use crate::transport::sampler::Sampler;
+
+/// Computes one sample of one pixel: see [`SampleFn`](crate::transport::integrator::SampleFn).
+pub fn sample<T: CameraPaths>(
+    context: &Context,
+    pixel: [u32; 2],
+    sampler: &mut Sampler,
+    sink: &mut dyn FnMut(Contribution),
+) {
+    let mut sink = SingleSink {
+        context,
+        pixel,
+        sink,
+    };
+    follow::<T>(context, pixel, *sampler, &mut sink);
+}
+
+/// Follows one path to its end.
+fn follow<T: CameraPaths>(
+    context: &Context,
+    pixel: [u32; 2],
+    sampler: Sampler,
+    sink: &mut SingleSink,
+) {
+    let mut path = Path::<f32>::from_camera(context, pixel.map(|n| n as f32), sampler);
+    path.terminator = context
+        .classes
+        .have_terminators()
+        .then(TerminatorState::none);
+    for edge in 1..=context.max_depth {
+        let ray = Ray {
+            origin: path.state.origin,
+            dir: path.state.dir,
+        };
+        let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else {
+            return T::escape::<f32, 1>(context, edge, &path, true, sink);
+        };
+        if context.ends_unlit(edge, &hit) {
+            return;
+        }
+        let hit = HitState::new(context.scene, &hit, || path.next_auxiliary());
+        let class = &context.classes[context.classes.index_of(context.scene, &hit)];
+        let arrival = Arrival::<f32, 1>::new(class, ray, &hit);
+        if !T::scatter::<f32, 1>(context, edge, &arrival, &mut path, true, sink) {
+            return;
+        }
+    }
+}
+
+/// Sink of one path, which traces shadow rays at once.
+struct SingleSink<'a> {
+    context: &'a Context<'a>,
+    pixel: [u32; 2],
+    sink: &'a mut dyn FnMut(Contribution),
+}
+
+impl PathSink<f32> for SingleSink<'_> {
+    fn add(&mut self, lanes: bool, light: &PathLight<f32>) {
+        if lanes {
+            (self.sink)(Contribution {
+                pixel: self.pixel,
+                value: light.value(),
+                unweighted: light.unweighted,
+                s: light.s,
+                t: light.t,
+                length: light.length,
+            });
+        }
+    }
+
+    fn add_unless_occluded(&mut self, lanes: bool, ray: &ShadowRay<f32>, light: &PathLight<f32>) {
+        let ShadowRay {
+            origin,
+            dir,
+            distance,
+        } = *ray;
+        // Coincident points see each other.
+        let ray = Ray { origin, dir };
+        if lanes && (distance <= 0.0 || !self.context.trace.occluded(&ray, distance)) {
+            self.add(true, light);
+        }
+    }
+}

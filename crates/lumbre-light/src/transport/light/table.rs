@@ -1,0 +1,238 @@
+//! Parameters of every light in rows of numbers, and the lights that lanes have selected.
+
+use glam::Vec3;
+
+use super::{LightId, Lights};
+use crate::math::real::{Mask, Real, Vector};
+use crate::math::simd::{F32x8, Lanes, active_lanes, map_array};
+use crate::scene::CompiledScene;
+use crate::scene::compile::NONE;
+
+/// Kinds of lights, as numbers of the last column of a light's rows. Lanes without a light have the
+/// kind 0.
+pub(super) const TRIANGLE: f32 = 1.0;
+pub(super) const SPHERE: f32 = 2.0;
+pub(super) const POINT: f32 = 3.0;
+pub(super) const DIRECTIONAL: f32 = 4.0;
+pub(super) const ENVIRONMENT: f32 = 5.0;
+
+/// Rows of one light. The second row ends with radiance (intensity of a point light, irradiance of a
+/// directional light), a flag, 0, and the kind.
+///
+/// | kind | first row | start of the second row | flag |
+/// |---|---|---|---|
+/// | triangle | three corners, without the last z | that z, area | textured |
+/// | sphere | centre, radius | 0, area | textured |
+/// | point | position, axis of the cone, `beam_height`, `cutoff_height` | `beam`, `cutoff` | `smooth` |
+/// | directional | direction | | |
+/// | environment | | | |
+///
+/// Textured lights have an emission texture or a mask.
+pub(super) type LightRows = [F32x8; 2];
+
+/// Rows of lanes without a light.
+const NO_LIGHT: LightRows = [F32x8([0.0; 8]); 2];
+
+/// The light of each lane, with its parameters.
+#[derive(Clone, Copy, Debug)]
+pub struct SelectedLights<'a, R: Real, const N: usize> {
+    pub(super) lights: &'a Lights,
+    /// Indices of the lights: see [`Lights::id`].
+    pub indices: [u32; N],
+    /// Probability with which each light is selected; 0 in lanes without a light.
+    pub probability: R,
+    pub(super) rows: [[R; 8]; 2],
+}
+
+/// Returns the rows of a light.
+pub(super) fn light_rows(scene: &CompiledScene, light: LightId) -> LightRows {
+    let flag = |set: bool| f32::from(u8::from(set));
+    let mut rows = NO_LIGHT;
+    let [first, second] = rows.each_mut().map(|row| &mut row.0);
+    let mut set_radiance = |radiance: Vec3| second[2..5].copy_from_slice(&radiance.to_array());
+    match light {
+        LightId::Emitter(i) => {
+            let emitter = &scene.emitters[i as usize];
+            let m = super::area::material(scene, i);
+            set_radiance(m.emission);
+            second[1] = emitter.area;
+            second[5] = flag(m.mask_texture != NONE || m.emission_texture != NONE);
+            match super::area::sphere(scene, i) {
+                None => {
+                    let [a, b, c] = scene.corners(emitter.primitive, emitter.instance);
+                    *first = [a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y];
+                    (second[0], second[7]) = (c.z, TRIANGLE);
+                }
+                Some(sphere) => {
+                    first[..3].copy_from_slice(&sphere.center.to_array());
+                    (first[3], second[7]) = (sphere.radius, SPHERE);
+                }
+            }
+        }
+        LightId::Point(i) => {
+            let light = &scene.points[i as usize];
+            let (p, cone) = (light.position, &light.cone);
+            let axis = cone.axis;
+            set_radiance(light.intensity);
+            *first = [
+                p.x,
+                p.y,
+                p.z,
+                axis.x,
+                axis.y,
+                axis.z,
+                cone.beam_height,
+                cone.cutoff_height,
+            ];
+            [second[0], second[1]] = [cone.beam, cone.cutoff];
+            (second[5], second[7]) = (flag(cone.smooth), POINT);
+        }
+        LightId::Directional(i) => {
+            let light = &scene.directionals[i as usize];
+            set_radiance(light.irradiance);
+            first[..3].copy_from_slice(&light.direction.to_array());
+            second[7] = DIRECTIONAL;
+        }
+        LightId::Environment => second[7] = ENVIRONMENT,
+    }
+    rows
+}
+
+impl Lights {
+    /// Selects a light for each lane of `wanted` from a random number.
+    #[inline(always)]
+    pub fn select<R: Lanes<N>, const N: usize>(
+        &self,
+        choice: R,
+        wanted: R::Mask,
+    ) -> SelectedLights<'_, R, N> {
+        let choices = choice.store();
+        let (mut indices, mut probabilities) = ([0; N], [0.0; N]);
+        let mut rows = [&NO_LIGHT; N];
+        for i in active_lanes(wanted.bits()) {
+            if let Some((index, probability)) = self.choose(choices[i]) {
+                (indices[i], probabilities[i]) = (index, probability);
+                rows[i] = &self.rows[index as usize];
+            }
+        }
+        self.with_rows(indices, R::load(&probabilities), rows)
+    }
+
+    /// Loads the lights with these indices in the lanes of `wanted`.
+    #[inline(always)]
+    pub fn with_indices<R: Lanes<N>, const N: usize>(
+        &self,
+        indices: [u32; N],
+        wanted: R::Mask,
+    ) -> SelectedLights<'_, R, N> {
+        let mut probabilities = [0.0; N];
+        let mut rows = [&NO_LIGHT; N];
+        for i in active_lanes(wanted.bits()) {
+            if let Some(light) = self.rows.get(indices[i] as usize) {
+                rows[i] = light;
+                probabilities[i] = self.pdf_index(indices[i]);
+            }
+        }
+        self.with_rows(indices, R::load(&probabilities), rows)
+    }
+
+    #[inline(always)]
+    fn with_rows<R: Lanes<N>, const N: usize>(
+        &self,
+        indices: [u32; N],
+        probability: R,
+        rows: [&LightRows; N],
+    ) -> SelectedLights<'_, R, N> {
+        SelectedLights {
+            lights: self,
+            indices,
+            probability,
+            rows: [
+                R::transpose_load(map_array(rows, |r| &r[0])),
+                R::transpose_load(map_array(rows, |r| &r[1])),
+            ],
+        }
+    }
+}
+
+impl<R: Lanes<N>, const N: usize> SelectedLights<'_, R, N> {
+    /// Returns the lanes whose light is of a kind.
+    #[inline(always)]
+    pub(super) fn are(&self, kind: f32) -> R::Mask {
+        self.rows[1][7].eq(R::splat(kind))
+    }
+
+    /// Returns the lanes with emissive primitives.
+    #[inline(always)]
+    pub fn are_emitters(&self) -> R::Mask {
+        self.are(TRIANGLE) | self.are(SPHERE)
+    }
+
+    /// Returns the lanes with point lights.
+    #[inline(always)]
+    pub fn are_points(&self) -> R::Mask {
+        self.are(POINT)
+    }
+
+    /// Returns the lanes with infinitely distant lights.
+    #[inline(always)]
+    pub fn are_infinite(&self) -> R::Mask {
+        self.are(DIRECTIONAL) | self.are(ENVIRONMENT)
+    }
+
+    /// Returns the lanes with the environment.
+    #[inline(always)]
+    pub fn are_environments(&self) -> R::Mask {
+        self.are(ENVIRONMENT)
+    }
+
+    /// Returns the identities of the lights.
+    #[inline(always)]
+    pub fn ids(&self) -> [LightId; N] {
+        map_array(self.indices, |index| self.lights.id(index))
+    }
+
+    /// Returns the three numbers of the first row that start at a column: a corner of a triangle,
+    /// the centre of a sphere, the position or axis of a point light, or a direction.
+    #[inline(always)]
+    pub(super) fn vector(&self, column: usize) -> R::Vec3 {
+        let row = &self.rows[0];
+        R::Vec3::new(row[column], row[column + 1], row[column + 2])
+    }
+
+    /// Returns the corners of triangles.
+    #[inline(always)]
+    pub(super) fn corners(&self) -> [R::Vec3; 3] {
+        let [first, second] = &self.rows;
+        [
+            self.vector(0),
+            self.vector(3),
+            R::Vec3::new(first[6], first[7], second[0]),
+        ]
+    }
+
+    /// Returns centre and radius of spheres.
+    #[inline(always)]
+    pub(super) fn sphere(&self) -> (R::Vec3, R) {
+        (self.vector(0), self.rows[0][3])
+    }
+
+    /// Returns the area of emissive primitives.
+    #[inline(always)]
+    pub(super) fn area(&self) -> R {
+        self.rows[1][1]
+    }
+
+    /// Returns the radiance of emissive primitives without their textures, the intensity of point
+    /// lights in the beam, and the irradiance of directional lights.
+    #[inline(always)]
+    pub(super) fn radiance(&self) -> R::Vec3 {
+        R::Vec3::new(self.rows[1][2], self.rows[1][3], self.rows[1][4])
+    }
+
+    /// Returns the lanes with emissive primitives whose emission depends on texture coordinates.
+    #[inline(always)]
+    pub(super) fn are_textured(&self) -> R::Mask {
+        self.rows[1][5].gt(R::splat(0.0)) & self.are_emitters()
+    }
+}

@@ -1,0 +1,64 @@
+//! Masks, which leave holes in surfaces.
+
+use super::{lookup, sphere_uv};
+use crate::math::rng::{pcg4d, unit};
+use crate::scene::CompiledScene;
+use crate::scene::compile::{MaskMode, Material, NONE, Texture, Uv};
+use crate::transport::ray::{Hit, Ray};
+
+/// Returns the texture coordinates at a hit of `ray`.
+#[inline]
+fn uv_at(scene: &CompiledScene, ray: &Ray, hit: &Hit) -> Uv {
+    match (hit.primitive as usize).checked_sub(scene.attributes.len()) {
+        None => scene.uv_at(hit.primitive, hit.uv),
+        Some(i) => {
+            let sphere = &scene.spheres[i];
+            Uv::same(sphere_uv(
+                (ray.origin + ray.dir * hit.t - sphere.center).normalize_or(-ray.dir),
+            ))
+        }
+    }
+}
+
+/// Returns the coverage of a material's mask at texture coordinates: 0 or 1 if the mask is compared
+/// with a threshold, the mask itself if it is blended. Equals the expected result of
+/// [`is_masked_out`].
+#[inline]
+pub fn coverage(textures: &[Texture], m: &Material, uv: Uv) -> f32 {
+    if m.mask_texture == NONE {
+        return 1.0;
+    }
+    let mask = lookup(textures, m.mask_texture, uv, m.tiling).x;
+    match m.mask_mode {
+        MaskMode::Threshold => f32::from(u8::from(mask >= m.mask_threshold)),
+        MaskMode::Blend => mask.clamp(0.0, 1.0),
+    }
+}
+
+/// Returns whether the mask of the hit material leaves a hole at the hit.
+///
+/// In blend mode a hash of the ray and of the primitive decides, so that the same ray always finds
+/// the same holes on any thread, while rays of different samples see the mask's value on average.
+pub fn is_masked_out(scene: &CompiledScene, ray: &Ray, hit: &Hit) -> bool {
+    let m = &scene.materials[scene.material_of(hit.primitive, hit.instance) as usize];
+    if m.mask_texture == NONE {
+        return false;
+    }
+    let covered = coverage(&scene.textures, m, uv_at(scene, ray, hit));
+    match m.mask_mode {
+        MaskMode::Threshold => covered == 0.0,
+        MaskMode::Blend => {
+            let [x, y, z] = ray.dir.to_array().map(f32::to_bits);
+            let directed = pcg4d([x, y, z, scene.unique_id(hit.primitive, hit.instance)]);
+            let [x, y, z] = ray.origin.to_array().map(f32::to_bits);
+            unit(
+                pcg4d([
+                    x ^ directed[0],
+                    y ^ directed[1],
+                    z ^ directed[2],
+                    directed[3],
+                ])[0],
+            ) >= covered
+        }
+    }
+}

@@ -1,0 +1,271 @@
+//! Light that the paths of a tile find: sums, and contributions that wait for their shadow rays.
+
+use std::mem::take;
+
+use glam::Vec3;
+
+use crate::cpu::films::contributions::{SampleId, TimedContributions};
+use crate::cpu::films::layers::LayerRowFilm;
+use crate::cpu::films::row_film::RowFilm;
+use lumbre_light::math::real::{Double, Mask, Vector};
+use lumbre_light::math::simd::{Lanes, active_lanes};
+use lumbre_light::transport::contribution::Contribution;
+use lumbre_light::transport::integrator::Context;
+use lumbre_light::transport::integrator::camera_path::{PathLight, PathSink, ShadowRay};
+use lumbre_light::transport::path_time::Timing;
+use lumbre_light::transport::ray::Ray;
+use lumbre_light::transport::sampler::Sampler;
+
+/// What only layers need of a contribution: see [`Contribution`].
+#[derive(Clone, Copy, Debug)]
+struct Details {
+    unweighted: Vec3,
+    s: u32,
+    t: u32,
+}
+
+/// Contribution whose shadow ray has not been traced.
+#[derive(Clone, Copy, Debug)]
+struct Pending {
+    ray: Ray,
+    distance: f32,
+    value: Vec3,
+    path: u32,
+}
+
+/// Light of all paths of a tile.
+#[derive(Default)]
+pub(super) struct TileLight {
+    /// Radiance of each path so far.
+    values: Vec<Vec3>,
+    pending: Vec<Pending>,
+    /// Positions of the pending contributions on the time axis; empty without one.
+    pending_positions: Vec<f64>,
+    /// Details of the pending contributions; empty without layers.
+    pending_details: Vec<Details>,
+    /// Individual contributions that `values` is the sum of; used only with a time axis.
+    timed: TimedContributions,
+    /// Individual contributions with their paths; used only with layers.
+    layered: Vec<(u32, Vec3, Details)>,
+    /// Number of rays of each path; used only with layers.
+    rays: Vec<u32>,
+    /// Whether the run has layers.
+    has_layers: bool,
+    shadow_rays: Vec<(Ray, f32)>,
+    occluded: Vec<bool>,
+}
+
+impl TileLight {
+    /// Removes all light, for a tile of that many paths.
+    pub fn reset(&mut self, paths: usize, has_layers: bool) {
+        self.values.clear();
+        self.values.resize(paths, Vec3::ZERO);
+        self.timed.clear();
+        self.layered.clear();
+        self.rays.clear();
+        self.rays.resize(if has_layers { paths } else { 0 }, 0);
+        self.has_layers = has_layers;
+    }
+
+    /// Counts one ray for each of the given paths, if a layer needs it.
+    pub fn count_rays(&mut self, paths: &[u32]) {
+        if self.has_layers {
+            paths.iter().for_each(|path| self.rays[*path as usize] += 1);
+        }
+    }
+
+    /// Adds a contribution; `position` is on the time axis.
+    #[inline(always)]
+    fn add(
+        &mut self,
+        timing: Option<(&Timing, f64)>,
+        path: u32,
+        value: Vec3,
+        details: Option<Details>,
+    ) {
+        self.values[path as usize] += value;
+        if let Some((timing, position)) = timing {
+            self.timed.push(timing, path, value, position);
+        }
+        if let Some(details) = details {
+            self.layered.push((path, value, details));
+        }
+    }
+
+    /// Traces the shadow rays of all contributions that wait for them, and adds those whose ray is
+    /// not blocked.
+    pub fn trace_pending(&mut self, context: &Context) {
+        // Coincident points are mutually visible and need no shadow ray.
+        let needs_ray = |distance: f32| distance > 0.0 || distance.is_nan();
+        let (pending, mut occluded) = (take(&mut self.pending), take(&mut self.occluded));
+        self.shadow_rays.clear();
+        let rays = pending.iter().map(|light| (light.ray, light.distance));
+        self.shadow_rays
+            .extend(rays.filter(|(_, distance)| needs_ray(*distance)));
+        occluded.clear();
+        context
+            .trace
+            .occluded_each(&self.shadow_rays, &mut occluded);
+        let mut results = occluded.iter();
+        for (i, light) in pending.iter().enumerate() {
+            let traced = needs_ray(light.distance);
+            if traced && self.has_layers {
+                self.rays[light.path as usize] += 1;
+            }
+            if !traced || results.next() == Some(&false) {
+                let timing = context
+                    .timing
+                    .map(|timing| (timing, self.pending_positions[i]));
+                let details = self.pending_details.get(i).copied();
+                self.add(timing, light.path, light.value, details);
+            }
+        }
+        (self.pending, self.occluded) = (pending, occluded);
+        self.pending.clear();
+        self.pending_positions.clear();
+        self.pending_details.clear();
+    }
+
+    /// Adds the samples of a tile of row `y` to their own pixels, and to those of layers. `sampler`
+    /// starts the numbers of a sample anew.
+    pub fn add_to_film(
+        &mut self,
+        context: &Context,
+        (ids, y): (&[SampleId], u32),
+        film: &mut RowFilm,
+        layers: Option<&mut LayerRowFilm>,
+        sampler: impl Fn(SampleId) -> Sampler,
+    ) {
+        let timed = context.timing.map(|_| {
+            self.timed.sort(ids.len());
+            &mut self.timed
+        });
+        film.add_batch(ids, &self.values, timed);
+        let Some(layers) = layers else { return };
+        self.layered.sort_by_key(|(path, ..)| *path);
+        let mut layered = self.layered.iter().peekable();
+        for (path, id) in ids.iter().enumerate() {
+            let pixel = [id.0, y];
+            let mut invalid = 0;
+            while let Some((_, value, details)) = layered.next_if(|(p, ..)| *p == path as u32) {
+                invalid += layers.add(&contribution(pixel, *value, details));
+            }
+            let (finite, rays) = (self.values[path].is_finite(), u64::from(self.rays[path]));
+            invalid += layers.finish_sample(context, pixel, finite, rays, || sampler(*id));
+            film.record_invalid(id.0, id.1, invalid);
+        }
+    }
+}
+
+/// Returns a contribution as layers need it.
+fn contribution(pixel: [u32; 2], value: Vec3, details: &Details) -> Contribution {
+    let Details { unweighted, s, t } = *details;
+    Contribution {
+        pixel,
+        value,
+        unweighted,
+        s,
+        t,
+        length: 0.0,
+    }
+}
+
+/// Sink of the paths that are in the lanes of a vector.
+pub(super) struct LaneSink<'a, const N: usize> {
+    pub context: &'a Context<'a>,
+    /// Index of each lane's path in the tile.
+    pub paths: [usize; N],
+    pub light: &'a mut TileLight,
+}
+
+/// Light in lanes, stored.
+struct Stored<const N: usize> {
+    values: [[f32; N]; 3],
+    /// Positions on the time axis.
+    positions: [f64; N],
+    unweighted: [[f32; N]; 3],
+    s: u32,
+    t: u32,
+}
+
+impl<const N: usize> Stored<N> {
+    #[inline(always)]
+    fn new<R: Lanes<N>>(context: &Context, has_layers: bool, light: &PathLight<R>) -> Stored<N> {
+        let store = |v: R::Vec3| [v.x().store(), v.y().store(), v.z().store()];
+        let positions = |timing: &Timing| {
+            R::store_doubles(timing.axis.bin_positions(light.length, R::Double::splat))
+        };
+        Stored {
+            values: store(light.value()),
+            positions: context.timing.map_or([0.0; N], positions),
+            unweighted: if has_layers {
+                store(light.unweighted)
+            } else {
+                [[0.0; N]; 3]
+            },
+            s: light.s,
+            t: light.t,
+        }
+    }
+
+    #[inline(always)]
+    fn value(&self, lane: usize) -> Vec3 {
+        let [x, y, z] = &self.values;
+        Vec3::new(x[lane], y[lane], z[lane])
+    }
+
+    #[inline(always)]
+    fn details(&self, lane: usize) -> Details {
+        let [x, y, z] = &self.unweighted;
+        Details {
+            unweighted: Vec3::new(x[lane], y[lane], z[lane]),
+            s: self.s,
+            t: self.t,
+        }
+    }
+}
+
+impl<R: Lanes<N>, const N: usize> PathSink<R> for LaneSink<'_, N> {
+    #[inline(always)]
+    fn add(&mut self, lanes: R::Mask, light: &PathLight<R>) {
+        let has_layers = self.light.has_layers;
+        let stored = Stored::new::<R>(self.context, has_layers, light);
+        for i in active_lanes(lanes.bits()) {
+            let timing = self
+                .context
+                .timing
+                .map(|timing| (timing, stored.positions[i]));
+            let details = has_layers.then(|| stored.details(i));
+            let path = self.paths[i] as u32;
+            self.light.add(timing, path, stored.value(i), details);
+        }
+    }
+
+    #[inline(always)]
+    fn add_unless_occluded(&mut self, lanes: R::Mask, ray: &ShadowRay<R>, light: &PathLight<R>) {
+        let stored = Stored::new::<R>(self.context, self.light.has_layers, light);
+        let (o, d) = (ray.origin, ray.dir);
+        let zero = R::splat(0.0);
+        let columns = [o.x(), o.y(), o.z(), d.x(), d.y(), d.z(), ray.distance, zero];
+        let rows = R::transpose_store(columns);
+        for i in active_lanes(lanes.bits()) {
+            let [x, y, z, u, v, w, distance, _] = rows[i].0;
+            let ray = Ray {
+                origin: Vec3::new(x, y, z),
+                dir: Vec3::new(u, v, w),
+            };
+            self.light.pending.push(Pending {
+                ray,
+                distance,
+                value: stored.value(i),
+                path: self.paths[i] as u32,
+            });
+            if self.context.timing.is_some() {
+                self.light.pending_positions.push(stored.positions[i]);
+            }
+            if self.light.has_layers {
+                self.light.pending_details.push(stored.details(i));
+            }
+        }
+    }
+}

@@ -1,0 +1,171 @@
+//! Features that every technique of camera paths has in lanes: samplers, layers, light selection,
+//! maps, instances, terminator offsets, composed materials and delays.
+
+use std::sync::Arc;
+
+use glam::Vec4;
+use lumbre_light::film::layer::{LAYERS, Layer};
+use lumbre_light::scene::compile::{Material, Texture};
+use lumbre_light::scene::desc::SceneDesc;
+use lumbre_light::scene::{CompiledScene, compile};
+use lumbre_light::transport::delay::Profile;
+use lumbre_light::transport::path_time::Timing;
+use lumbre_light::transport::sampler::SOBOL;
+use lumbre_light::value::Value;
+use lumbre_render::Job;
+use lumbre_render::cpu::bvh::simd::Isa;
+use lumbre_render::cpu::renderer::CpuRenderer;
+
+use super::wavefront_fixtures::{
+    DISNEY, assert_same_bits, assert_same_film_bits, nee_job, room, with_bdpt, with_bpt,
+    with_time_axis,
+};
+use crate::common::grey;
+use crate::transient::composed::{PARTS, desc};
+
+/// Returns the job with `nee` and with `bpt`.
+fn camera_paths(job: &Job) -> [Job; 2] {
+    [job.clone(), with_bpt(job.clone())]
+}
+
+#[test]
+fn samplers_layers_and_light_selection_have_the_same_bits_in_lanes() {
+    let scene = room(DISNEY).build();
+    let job = nee_job([21, 9], 5);
+    let sobol = Job {
+        sampler: SOBOL,
+        rr_start: Some(2),
+        ..job.clone()
+    };
+    let layers = Job {
+        layers: LAYERS.iter().map(|row| row.layer).collect(),
+        ..job.clone()
+    };
+    let all = Job {
+        params: [("lights".to_owned(), Value::from("all"))].into(),
+        ..job
+    };
+    for (name, job) in [("sobol", sobol), ("layers", layers)] {
+        for job in camera_paths(&job) {
+            assert_same_bits(name, &scene, job, 3);
+        }
+    }
+    assert_same_bits("all lights", &scene, all.clone(), 3);
+    let all_by_sobol = Job {
+        sampler: SOBOL,
+        layers: vec![Layer::Depth, Layer::Rays],
+        ..all
+    };
+    assert_same_bits("all lights, sobol, layers", &scene, all_by_sobol, 3);
+}
+
+/// Gives a parameter of a material the texture with an index.
+type SetTexture = fn(&mut Material, u32);
+
+/// Returns a texture whose texels vary.
+fn texture(seed: u32) -> Texture {
+    let texel = |i: u32| {
+        let x = ((i * 7 + seed * 3) % 11) as f32 / 11.0;
+        [x, 0.3 + 0.5 * x, 1.0 - x]
+    };
+    Texture::new(4, 3, (0..12).map(texel).collect::<Vec<_>>())
+}
+
+#[test]
+fn textures_and_maps_have_the_same_bits_in_lanes() {
+    let slots: [(&str, SetTexture); 7] = [
+        ("base colour", |m, t| m.base_color_texture = t),
+        ("roughness", |m, t| m.roughness_texture = t),
+        ("metallic", |m, t| m.metallic_texture = t),
+        ("opacity", |m, t| m.opacity_texture = t),
+        ("normals", |m, t| m.normal_texture = t),
+        ("bumps", |m, t| m.bump_texture = t),
+        ("direction", |m, t| {
+            (m.anisotropic, m.anisotropic_texture) = (0.7, t);
+        }),
+    ];
+    for model in [DISNEY, grey(0.6)] {
+        for (name, set) in slots {
+            let scene = room(model)
+                .with(|scene| {
+                    let index = scene.textures.len() as u32;
+                    scene.textures.push(texture(index));
+                    for m in &mut scene.materials {
+                        m.bump_height = 0.05;
+                        set(m, index);
+                    }
+                    let tangent = Vec4::new(0.6, 0.0, 0.8, -1.0);
+                    scene.tangents = vec![[tangent; 3]; scene.triangles.len()];
+                })
+                .build();
+            for job in camera_paths(&nee_job([17, 8], 4)) {
+                assert_same_film_bits(name, &scene, job, 2);
+            }
+        }
+    }
+}
+
+#[test]
+fn terminator_offsets_have_the_same_bits_in_lanes() {
+    let soft = Material {
+        shadow_terminator: true,
+        ..DISNEY
+    };
+    let scene = room(soft).build();
+    let job = nee_job([21, 9], 5);
+    let all = Job {
+        params: [("lights".to_owned(), Value::from("all"))].into(),
+        ..job.clone()
+    };
+    for job in camera_paths(&job).into_iter().chain([all]) {
+        assert_same_bits("terminator", &scene, job, 3);
+    }
+}
+
+fn compiled(desc: &SceneDesc) -> Arc<CompiledScene> {
+    Arc::new(compile(desc).unwrap().0)
+}
+
+#[test]
+fn composed_and_delayed_materials_have_the_same_bits_in_lanes() {
+    for ball in ["red", "leaf", "gloss", "nested", "pane"] {
+        let scene = compiled(&desc(PARTS, ball));
+        for job in camera_paths(&nee_job([12, 12], 4)) {
+            assert_same_bits(ball, &scene, job.clone(), 4);
+            let pulse = with_time_axis(&job);
+            let timing = pulse.timing.clone().map(|timing| Timing {
+                emission: Profile::Exponential(2.0),
+                camera: false,
+                ..timing
+            });
+            assert_same_film_bits(ball, &scene, Job { timing, ..pulse }, 4);
+        }
+    }
+}
+
+#[test]
+fn camera_paths_go_in_lanes_unless_the_job_says_never() {
+    let has_vectors = Isa::detect() != Isa::Portable;
+    let is_vectorised = |job: Job| {
+        let renderer = CpuRenderer::new(room(DISNEY).build(), job).unwrap();
+        renderer.is_vectorised()
+    };
+    let job = nee_job([4, 4], 3);
+    let never = Job {
+        accel: job.accel.scalar(),
+        ..job.clone()
+    };
+    assert!(!is_vectorised(never));
+    assert_eq!(is_vectorised(job.clone()), has_vectors);
+    assert_eq!(is_vectorised(with_bdpt(job)), has_vectors);
+    let brushed = Material {
+        anisotropic: 0.8,
+        roughness: 0.4,
+        ..DISNEY
+    };
+    let scene = room(brushed).build();
+    let job = nee_job([4, 4], 3);
+    let renderer = |job: Job| CpuRenderer::new(Arc::clone(&scene), job).unwrap();
+    assert_eq!(renderer(job.clone()).is_vectorised(), has_vectors);
+    assert!(!renderer(with_bdpt(job)).is_vectorised());
+}
