@@ -36,6 +36,66 @@ const HOST: &[(&str, &str)] = &[
         "crates/lumbre-light/src/math/simd/x16.rs",
         "GLSL invocations replace SIMD lanes",
     ),
+    (
+        "crates/lumbre-light/src/math/simd/record.rs",
+        "GLSL invocations replace SIMD lanes",
+    ),
+    (
+        "crates/lumbre-light/src/transport/arrival.rs",
+        "GLSL invocations replace SIMD lanes",
+    ),
+    (
+        "crates/lumbre-light/src/transport/integrator/camera_path/mod.rs",
+        "GLSL invocations follow one path each",
+    ),
+    (
+        "crates/lumbre-light/src/transport/integrator/camera_path/single.rs",
+        "GLSL invocations follow one path each",
+    ),
+    (
+        "crates/lumbre-light/src/transport/integrator/camera_path/state.rs",
+        "GLSL invocations follow one path each",
+    ),
+    (
+        "crates/lumbre-light/src/transport/integrator/camera_path/walk.rs",
+        "GLSL invocations follow one path each",
+    ),
+    (
+        "crates/lumbre-light/src/transport/light/direct.rs",
+        "its twin is part of light/mod.glsl",
+    ),
+    (
+        "crates/lumbre-light/src/transport/light/emission.rs",
+        "its twin is part of light/mod.glsl",
+    ),
+    (
+        "crates/lumbre-light/src/transport/light/table.rs",
+        "rows of lights are in the buffers of a scene",
+    ),
+    (
+        "crates/lumbre-light/src/transport/surface/lookup.rs",
+        "its twin is part of surface.glsl",
+    ),
+    (
+        "crates/lumbre-light/src/transport/surface/maps.rs",
+        "its twin is part of surface.glsl",
+    ),
+    (
+        "crates/lumbre-light/src/transport/surface/mask.rs",
+        "its twin is part of surface.glsl",
+    ),
+    (
+        "crates/lumbre-light/src/transport/surface/parameters.rs",
+        "its twin is part of surface.glsl",
+    ),
+    (
+        "crates/lumbre-light/src/transport/surface/terminator.rs",
+        "its twin is part of surface.glsl",
+    ),
+    (
+        "crates/lumbre-light/src/transport/surface/traits.rs",
+        "GLSL invocations replace SIMD lanes",
+    ),
     ("crates/lumbre-light/src/math/simd/tests.rs", "tests"),
     ("crates/lumbre-light/src/math/mod.rs", "re-exports only"),
     (

@@ -248,7 +248,7 @@ impl<'a, R: Lanes<N>, const N: usize> Surface<'a, R, N> {
         })
     }
 
-    /// Computes [`Surface::at_hits`].
+    /// Computes the result of [`Surface::at_hits`].
     #[inline(always)]
     fn build(
         scene: &'a CompiledScene,

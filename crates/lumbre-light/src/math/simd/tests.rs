@@ -284,11 +284,11 @@ fn records_keep_every_field_of_every_lane() {
     crate::record! {
         /// Fields of every type, over more than one row.
         struct Mixed => MixedRecord {
-            /// First vector.
+            /// The first of three vectors.
             first: Vec3,
             /// A word that is no number.
             word: Word,
-            /// Second vector.
+            /// The second of three vectors.
             second: Vec3,
             /// Third vector, which lies in both rows.
             third: Vec3,

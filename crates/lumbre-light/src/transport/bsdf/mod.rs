@@ -206,7 +206,7 @@ impl<R: Real> Bsdf<R> {
         })
     }
 
-    /// Computes [`Bsdf::values`].
+    /// Computes the result of [`Bsdf::values`].
     #[inline(always)]
     fn evaluate_lobes<const REVERSE: bool>(
         &self,
@@ -267,7 +267,7 @@ impl<R: Real> Bsdf<R> {
         })
     }
 
-    /// Computes [`Bsdf::samples`].
+    /// Computes the result of [`Bsdf::samples`].
     #[inline(always)]
     fn sample_lobes<const REVERSE: bool>(
         &self,

@@ -90,7 +90,7 @@ impl<R: Lanes<N>, const N: usize> SelectedLights<'_, R, N> {
         })
     }
 
-    /// Computes [`SelectedLights::sample_direct_one`].
+    /// Computes the result of [`SelectedLights::sample_direct_one`].
     #[inline(always)]
     fn sample_kinds(&self, scene: &CompiledScene, from: R::Vec3, u: [R; 2]) -> DirectSample<R, N> {
         let mut sample = self.sample_triangles(from, u);

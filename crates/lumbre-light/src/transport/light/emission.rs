@@ -81,7 +81,7 @@ impl<R: Lanes<N>, const N: usize> SelectedLights<'_, R, N> {
         })
     }
 
-    /// Computes [`SelectedLights::sample_emission`].
+    /// Computes the result of [`SelectedLights::sample_emission`].
     #[inline(always)]
     fn start(&self, scene: &CompiledScene, u: [R; 2], v: [R; 2]) -> EmissionSample<R, N> {
         let mut sample = self.start_on_surfaces(scene, u, v);

@@ -37,7 +37,7 @@ impl<R: Real> ShadingParameters<R> {
         })
     }
 
-    /// Computes [`ShadingParameters::new`].
+    /// Computes the result of [`ShadingParameters::new`].
     #[inline(always)]
     fn look_up<const N: usize>(
         surface: &Surface<R, N>,

@@ -36,7 +36,7 @@ pub struct SurfaceTraits {
     pub textured: TexturedParameters,
 }
 
-/// Which of a material's [`ShadingParameters`](super::ShadingParameters) have textures.
+/// Flags of the [`ShadingParameters`](super::ShadingParameters) of a material that have textures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct TexturedParameters {
     /// Whether the base colour has one.
@@ -121,7 +121,7 @@ impl SurfaceTraits {
     }
 }
 
-/// What the properties of a surface depend on besides its material.
+/// Facts about a primitive on which the properties of its surface depend.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PrimitiveKind {
     /// Whether the primitive is a sphere; otherwise it is a triangle.

@@ -55,7 +55,7 @@ struct PathRecords {
     terminators: Vec<TerminatorRecord>,
 }
 
-/// What the kernels of a tile read.
+/// Inputs of the kernels of a tile.
 #[derive(Clone, Copy)]
 pub(super) struct TileContext<'a> {
     pub width: Width,

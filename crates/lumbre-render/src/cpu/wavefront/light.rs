@@ -16,7 +16,7 @@ use lumbre_light::transport::path_time::Timing;
 use lumbre_light::transport::ray::Ray;
 use lumbre_light::transport::sampler::Sampler;
 
-/// What only layers need of a contribution: see [`Contribution`].
+/// Fields of a [`Contribution`] that only layers need.
 #[derive(Clone, Copy, Debug)]
 struct Details {
     unweighted: Vec3,

@@ -44,7 +44,7 @@ pub struct Wavefront {
     small_scene: Option<SmallScene>,
 }
 
-/// What renders a tile.
+/// Method of rendering a tile.
 enum Technique {
     /// Technique that follows camera paths.
     CameraPaths(RenderTile),

@@ -1,8 +1,8 @@
 //! Techniques that follow paths from the camera and add light at their vertices.
 //!
 //! A technique is a type with two functions, generic over the width of vectors: what happens at the
-//! surfaces that edges hit, and what happens where they leave the scene ([`CameraPaths`]). It says
-//! nothing about how many paths are traced at a time: [`sample`] follows one path after the other,
+//! surfaces that edges hit, and what happens where they leave the scene ([`CameraPaths`]). It does
+//! not determine how many paths are traced at a time: [`sample`] follows one path after the other,
 //! and the renderer of the CPU follows thousands, sorted by class of surface between two steps.
 //!
 //! Light is passed to a [`PathSink`]: at once, or on condition that a shadow ray is not blocked,

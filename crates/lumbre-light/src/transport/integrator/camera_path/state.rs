@@ -35,7 +35,7 @@ record! {
 }
 
 record! {
-    /// What identifies a path's sampler: see [`Sampler::key`] and [`Sampler::index`].
+    /// Key and index of a path's sampler: see [`Sampler::key`] and [`Sampler::index`].
     pub struct SamplerState => SamplerRecord {
         /// First word of the key.
         a: Word,
@@ -91,7 +91,7 @@ pub struct Path<R: Real> {
 }
 
 impl<R: Real> SamplerState<R> {
-    /// Returns what identifies a sampler.
+    /// Returns key and index of a sampler.
     #[inline(always)]
     pub fn of(sampler: &Sampler<R>) -> SamplerState<R> {
         let [a, b, c, d] = sampler.key();
