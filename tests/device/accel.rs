@@ -7,7 +7,7 @@ use lumbre_render::{Job, OpenStats, Renderer};
 use lumbre_vulkan::context::device::Device;
 use lumbre_vulkan::layout::TriangleAttributes;
 use lumbre_vulkan::pipelines::program::TracingMode;
-use lumbre_vulkan::pipelines::spirv::Sources;
+use lumbre_vulkan::pipelines::sources::Sources;
 use lumbre_vulkan::renderer::VulkanRenderer;
 
 use super::harness;

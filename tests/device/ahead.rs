@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use lumbre_light::film::layer::Layer;
 use lumbre_render::{Job, Renderer, WaveStats};
 use lumbre_vulkan::context::device::Device;
-use lumbre_vulkan::pipelines::spirv::Sources;
+use lumbre_vulkan::pipelines::sources::Sources;
 use lumbre_vulkan::renderer::VulkanRenderer;
 
 use super::harness;

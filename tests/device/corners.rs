@@ -20,7 +20,7 @@ use lumbre_render::cpu::renderer::CpuRenderer;
 use lumbre_render::{Job, Renderer};
 use lumbre_vulkan::context::device::Device;
 use lumbre_vulkan::pipelines::program::TracingMode;
-use lumbre_vulkan::pipelines::spirv::Sources;
+use lumbre_vulkan::pipelines::sources::Sources;
 use lumbre_vulkan::renderer::VulkanRenderer;
 
 use super::harness;

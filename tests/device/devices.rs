@@ -8,7 +8,7 @@ use std::process::{Command, Output};
 
 use lumbre_render::{Job, Renderer};
 use lumbre_vulkan::pipelines::program::TracingMode;
-use lumbre_vulkan::pipelines::spirv::Sources;
+use lumbre_vulkan::pipelines::sources::Sources;
 use lumbre_vulkan::renderer::VulkanRenderer;
 
 use super::{harness, images};

@@ -10,7 +10,7 @@ use lumbre_vulkan::context::{device::Device, physical_device::Caps};
 use lumbre_vulkan::error::VulkanError;
 use lumbre_vulkan::memory::buffer::Buffer;
 use lumbre_vulkan::pipelines::program::TracingMode;
-use lumbre_vulkan::pipelines::spirv::{ShaderError, Sources};
+use lumbre_vulkan::pipelines::sources::{ShaderError, Sources};
 use lumbre_vulkan::renderer::{VulkanRenderer, into_render_error};
 
 use super::harness;
@@ -90,6 +90,29 @@ fn a_missing_feature_is_an_error_that_names_the_feature_and_the_device() {
     harness::assert_no_validation_messages();
 }
 
+#[cfg(not(feature = "shader-dev"))]
+#[test]
+fn a_folder_of_shaders_without_their_compiler_is_refused_with_the_remedy() {
+    let Some(device) = harness::device() else {
+        return;
+    };
+    let sources = Sources::Folder("anywhere".into());
+    let error = open(&device, TracingMode::Compute, &sources, &job([8, 8], 2, 1))
+        .err()
+        .unwrap();
+    assert!(
+        matches!(error, VulkanError::Shader(ShaderError::NoCompiler)),
+        "{error:?}"
+    );
+    assert_eq!(sources.edited(), Err(ShaderError::NoCompiler));
+    let message = error.to_string();
+    assert!(
+        message.contains("LUMBRE_SHADERS is set") && message.contains("--features shader-dev"),
+        "{message}"
+    );
+}
+
+#[cfg(feature = "shader-dev")]
 #[test]
 fn shaders_of_a_folder_replace_the_embedded_ones_and_their_errors_name_the_line() {
     let Some(device) = harness::device() else {
@@ -118,7 +141,7 @@ fn shaders_of_a_folder_replace_the_embedded_ones_and_their_errors_name_the_line(
         VulkanError::Shader(ShaderError::Invalid { .. })
     ));
     let constant = "void bpt_sample(uvec2 pixel, inout Sampler n) { \
-                    sink(Contribution(pixel, vec3(2.5), vec3(2.5), 0u, 2u, 0.0)); }";
+                    sink(Contribution(pixel, vec3(2.5), vec3(2.5), 0u, 2u, Length(0.0))); }";
     std::fs::write(&file, constant).unwrap();
     let mut renderer = open(&device, TracingMode::Compute, &sources, &job([8, 8], 2, 1)).unwrap();
     renderer.advance(3).unwrap();
@@ -127,20 +150,25 @@ fn shaders_of_a_folder_replace_the_embedded_ones_and_their_errors_name_the_line(
     harness::assert_no_validation_messages();
 }
 
+/// Returns sources in which `bpt` is the integrator of `parity/constant.integrator`, and a seed with
+/// which it returns `value`, and `odd` at pixel (5, 6).
+fn constant(value: f32, odd: f32) -> (Sources, u64) {
+    let module = include_bytes!("parity/spirv/constant.spv").as_slice();
+    let seed = u64::from(odd.to_bits()) << 32 | u64::from(value.to_bits());
+    (
+        Sources::Replaced(Arc::new([("bpt.comp.spv", module)])),
+        seed,
+    )
+}
+
 #[test]
 fn invalid_samples_are_counted_and_the_first_is_named() {
     let Some(device) = harness::device() else {
         return;
     };
-    let folder = tempfile::tempdir().unwrap();
-    let entry = folder.path().join("transport/integrator");
-    std::fs::create_dir_all(&entry).unwrap();
-    let bad = "void bpt_sample(uvec2 pixel, inout Sampler n) {\n\
-               float odd = pixel == uvec2(5u, 6u) ? uintBitsToFloat(0x7f800000u) : 1.0;\n\
-               sink(Contribution(pixel, vec3(odd), vec3(odd), 0u, 2u, 0.0)); }";
-    std::fs::write(entry.join("bpt.glsl"), bad).unwrap();
-    let sources = Sources::Folder(folder.path().to_owned());
-    let mut renderer = open(&device, TracingMode::Compute, &sources, &job([8, 8], 2, 1)).unwrap();
+    let (sources, seed) = constant(1.0, f32::INFINITY);
+    let job = job([8, 8], 2, seed);
+    let mut renderer = open(&device, TracingMode::Compute, &sources, &job).unwrap();
     let stats = renderer.advance(3).unwrap();
     assert_eq!((stats.invalid, stats.first_invalid), (3, Some([5, 6, 0])));
     assert_eq!(
@@ -248,14 +276,9 @@ fn sums_stay_accurate_over_many_samples() {
     let Some(device) = harness::device() else {
         return;
     };
-    let folder = tempfile::tempdir().unwrap();
-    let entry = folder.path().join("transport/integrator");
-    std::fs::create_dir_all(&entry).unwrap();
-    let tenth = "void bpt_sample(uvec2 pixel, inout Sampler n) { \
-                 sink(Contribution(pixel, vec3(0.1), vec3(0.1), 0u, 2u, 0.0)); }";
-    std::fs::write(entry.join("bpt.glsl"), tenth).unwrap();
-    let sources = Sources::Folder(folder.path().to_owned());
-    let mut renderer = open(&device, TracingMode::Compute, &sources, &job([1, 1], 2, 1)).unwrap();
+    let (sources, seed) = constant(0.1, 0.1);
+    let job = job([1, 1], 2, seed);
+    let mut renderer = open(&device, TracingMode::Compute, &sources, &job).unwrap();
     renderer.advance(1 << 20).unwrap();
     let exact = f64::from(0.1f32) * f64::from(1 << 20);
     let relative = (renderer.film().sum[0][0] / exact - 1.0).abs();

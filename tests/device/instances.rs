@@ -13,7 +13,7 @@ use lumbre_light::scene::desc::{
 };
 use lumbre_render::{Job, Renderer};
 use lumbre_vulkan::pipelines::program::TracingMode;
-use lumbre_vulkan::pipelines::spirv::Sources;
+use lumbre_vulkan::pipelines::sources::Sources;
 use lumbre_vulkan::renderer::VulkanRenderer;
 
 use super::corners::compare_loosely;

@@ -7,6 +7,22 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+/// Returns the committed module of a test kernel, by the name of its file without `.spv`.
+macro_rules! kernel {
+    ($stage:ident $name:literal) => {
+        (
+            lumbre_vulkan::pipelines::test_kernel::KernelStage::$stage,
+            include_bytes!(concat!(
+                env!("CARGO_MANIFEST_DIR"),
+                "/tests/device/parity/spirv/",
+                $name,
+                ".spv"
+            ))
+            .as_slice(),
+        )
+    };
+}
+
 mod accel;
 mod ahead;
 mod corners;

@@ -7,7 +7,7 @@ use lumbre_render::Job;
 use lumbre_render::cpu;
 use lumbre_render::path_trace::{PathEvent, SampleAt};
 use lumbre_vulkan::pipelines::program::TracingMode;
-use lumbre_vulkan::pipelines::spirv::Sources;
+use lumbre_vulkan::pipelines::sources::Sources;
 use lumbre_vulkan::renderer::VulkanRenderer;
 
 use super::harness::{self, add_delays, timing};

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 use lumbre_light::film::layer::LayerLayout;
 use lumbre_light::scene::CompiledScene;
-use lumbre_light::scene::compile::Texture;
+use lumbre_light::scene::compile::{NONE, Texture};
 use lumbre_light::transport::integrator::integrator;
 use lumbre_render::{Job, RenderError};
 use lumbre_vulkan::context::{
@@ -14,11 +14,11 @@ use lumbre_vulkan::context::{
     physical_device::{Caps, Limits},
 };
 use lumbre_vulkan::error::VulkanError;
+use lumbre_vulkan::layout::Specialization;
 use lumbre_vulkan::memory::upload::{JobBuffers, SceneBuffers};
 use lumbre_vulkan::pipelines::program::TracingMode;
-use lumbre_vulkan::pipelines::spirv::Sources;
+use lumbre_vulkan::pipelines::sources::Sources;
 use lumbre_vulkan::pipelines::test_kernel;
-use lumbre_vulkan::pipelines::test_kernel::KernelStage;
 use lumbre_vulkan::renderer::into_render_error;
 
 use super::harness;
@@ -78,8 +78,8 @@ fn shaders_find_every_texel_in_blocks_of_every_size() {
     let Some(device) = harness::device() else {
         return;
     };
-    if !device.info.caps.addresses {
-        println!("SKIPPED: {} has no buffer addresses", device.info.line());
+    if !device.info.caps.extended() {
+        println!("SKIPPED: {} has no extended shaders", device.info.line());
         return;
     }
     let (scene, job) = (scene(), job([8, 8], 2, 1));
@@ -101,23 +101,29 @@ fn shaders_find_every_texel_in_blocks_of_every_size() {
         let buffers = SceneBuffers::new(&device, &scene).unwrap();
         assert_eq!(buffers.texel_shift(), shift, "{limit} texels");
         let rest = JobBuffers::new(&device, &scene, &job, &LayerLayout::default()).unwrap();
-        let defines: Vec<_> = shift
-            .map(|shift| ("TEXEL_SHIFT", format!("{shift}u")))
-            .into_iter()
-            .collect();
-        let text = "void twin() { out_vec3(texel_at(in_word())); }";
+        let constants = Specialization {
+            texel_shift: shift.unwrap_or(NONE),
+            ..Specialization::default()
+        };
         let inputs: Vec<u32> = (0..count as u32).collect();
-        for stage in [
-            KernelStage::Compute,
-            KernelStage::fastest_to_compile(&device),
-        ] {
-            let spirv =
-                test_kernel::compile(stage, &Sources::Embedded, "texels", text, [1, 3], &defines)
-                    .unwrap();
-            let found =
-                test_kernel::run(&device, stage, (&buffers, &rest), &spirv, &inputs, [1, 3])
-                    .unwrap();
-            assert!(found == expected, "{limit} texels, {stage:?}");
+        let generation = device
+            .info
+            .caps
+            .pipeline
+            .then_some(kernel!(Generation "texels.rgen"));
+        for kernel in Some(kernel!(Compute "texels.comp"))
+            .into_iter()
+            .chain(generation)
+        {
+            let found = test_kernel::run(
+                &device,
+                (&buffers, &rest),
+                (kernel, &constants),
+                &inputs,
+                [1, 3],
+            )
+            .unwrap();
+            assert!(found == expected, "{limit} texels, {:?}", kernel.0);
         }
     }
     harness::assert_no_validation_messages();
@@ -128,8 +134,8 @@ fn a_scene_with_texels_in_blocks_is_the_same_in_every_tracing_mode() {
     let Some(device) = harness::device() else {
         return;
     };
-    if !device.info.caps.addresses {
-        println!("SKIPPED: {} has no buffer addresses", device.info.line());
+    if !device.info.caps.extended() {
+        println!("SKIPPED: {} has no extended shaders", device.info.line());
         return;
     }
     let (scene, blocks) = (scene(), limited_to(&device, 5));
@@ -190,7 +196,7 @@ fn texels_that_do_not_fit_are_refused_with_both_sizes() {
         ));
     };
     let narrow = |limits: &mut Limits| (limits.storage_range, limits.texels) = (1 << 20, 1 << 20);
-    // Blocks need buffer addresses.
+    // Blocks need extended shaders.
     let plain = |limits: &mut Limits, caps: &mut Caps| {
         narrow(limits);
         *caps = Caps {
@@ -203,7 +209,7 @@ fn texels_that_do_not_fit_are_refused_with_both_sizes() {
         narrow(limits);
         limits.heap = 3 << 20;
     };
-    if device.info.caps.addresses {
+    if device.info.caps.extended() {
         refused(with(&device, small), "offers 3 MiB: the scene");
         let blocks = SceneBuffers::new(&with(&device, |limits, _| narrow(limits)), &scene).unwrap();
         assert_eq!(

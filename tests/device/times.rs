@@ -11,7 +11,7 @@ use lumbre_render::{Job, Renderer};
 use lumbre_vulkan::context::device::Device;
 use lumbre_vulkan::error::VulkanError;
 use lumbre_vulkan::pipelines::program::TracingMode;
-use lumbre_vulkan::pipelines::spirv::Sources;
+use lumbre_vulkan::pipelines::sources::Sources;
 use lumbre_vulkan::renderer::VulkanRenderer;
 
 use super::harness::{self, add_delays, timing};

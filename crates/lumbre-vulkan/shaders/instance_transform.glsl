@@ -1,8 +1,8 @@
 // Instances of meshes: the world-space geometry of a primitive and its instance, as in
-// crates/lumbre-light/src/scene/compile/instance.rs. Without COPIES a scene has none, every instance is NONE, and
-// everything is compiled out.
-#ifndef COPIES_GLSL
-#define COPIES_GLSL
+// crates/lumbre-light/src/scene/compile/instance.rs. Without INSTANCES a scene has none, and every instance is
+// NONE. Transforms need double precision.
+#ifndef INSTANCE_TRANSFORM_GLSL
+#define INSTANCE_TRANSFORM_GLSL
 
 #include "scene.glsl"
 #include "math/trig.glsl"
@@ -11,7 +11,7 @@
 // value.
 const float FRONT_COSINE = 1e-3;
 
-#ifdef COPIES
+#ifdef EXTENDED
 double place_entry(uvec2 words) {
     return packDouble2x32(words);
 }
@@ -42,8 +42,8 @@ vec3 on_front_side(vec3 n, bool behind, vec3 front) {
 // Returns the world-space corners of a triangle.
 Triangle triangle_corners(uint primitive, uint instance) {
     Triangle corners = triangles[primitive];
-#ifdef COPIES
-    if (instance != NONE) {
+#ifdef EXTENDED
+    if (INSTANCES && instance != NONE) {
         Placement place = places[instance];
         corners = Triangle(
             place_point(place, corners.a), place_point(place, corners.b),
@@ -57,8 +57,8 @@ Triangle triangle_corners(uint primitive, uint instance) {
 // Returns the shading data of a triangle with these world-space corners: normals in world space.
 TriangleAttributes triangle_attributes(uint primitive, uint instance, Triangle corners) {
     TriangleAttributes a = attributes[primitive];
-#ifdef COPIES
-    if (instance != NONE) {
+#ifdef EXTENDED
+    if (INSTANCES && instance != NONE) {
         Placement place = places[instance];
         vec3 front = normalize_or(cross(corners.b - corners.a, corners.c - corners.a), vec3(0.0));
         mat3 m = mat3(place.normal_x, place.normal_y, place.normal_z);
@@ -80,8 +80,8 @@ Tangents triangle_tangents(uint primitive, uint instance) {
     if (job.has_tangents != 0u) {
         t = tangents[primitive];
     }
-#ifdef COPIES
-    if (instance != NONE) {
+#ifdef EXTENDED
+    if (INSTANCES && instance != NONE) {
         Placement place = places[instance];
         t.a.xyz = normalize_or(vec3(place_vector(place, t.a.xyz)), vec3(0.0));
         t.b.xyz = normalize_or(vec3(place_vector(place, t.b.xyz)), vec3(0.0));
@@ -96,11 +96,9 @@ uint material_of(uint primitive, uint instance) {
     uint own = primitive < job.triangle_count
         ? attributes[primitive].material
         : spheres[primitive - job.triangle_count].material;
-#ifdef COPIES
-    if (instance != NONE) {
+    if (INSTANCES && instance != NONE) {
         own = place_materials[places[instance].materials + own];
     }
-#endif
     return own;
 }
 
@@ -109,34 +107,32 @@ uint emitter_of(uint primitive, uint instance) {
     uint own = primitive < job.triangle_count
         ? attributes[primitive].emitter
         : spheres[primitive - job.triangle_count].emitter;
-#ifdef COPIES
-    if (instance != NONE && own != NONE) {
+    if (INSTANCES && instance != NONE && own != NONE) {
         own += places[instance].emitters;
     }
-#endif
     return own;
 }
 
 // Returns a number that is unique to every primitive of every instance.
 uint number_of(uint primitive, uint instance) {
-#ifdef COPIES
-    if (instance != NONE) {
+    if (INSTANCES && instance != NONE) {
         return places[instance].first + (primitive - places[instance].start);
     }
-#endif
     return primitive;
 }
 
-#ifdef COPIES
 // Returns the distance at which a ray hits the plane of an instance's triangle in world space, in
 // double precision; not positive if the plane is behind the ray: `distance` of
 // crates/lumbre-render/src/cpu/bvh/instances.rs.
 float instance_distance(vec3 origin, vec3 dir, uint primitive, uint instance) {
+#ifdef EXTENDED
     Triangle t = triangle_corners(primitive, instance);
     dvec3 a = dvec3(t.a), b = dvec3(t.b), c = dvec3(t.c), o = dvec3(origin), d = dvec3(dir);
     dvec3 normal = cross(b - a, c - a);
     return float(dot(normal, a - o) / dot(normal, d));
-}
+#else
+    return 0.0;
 #endif
+}
 
 #endif

@@ -8,6 +8,7 @@
 #extension GL_EXT_scalar_block_layout : require
 
 #include "gen/layout.glsl"
+#include "gen/specialization.glsl"
 
 layout(set = 0, binding = 0, scalar) restrict readonly buffer JobBlock { JobParams job; };
 layout(set = 0, binding = 1, scalar) restrict readonly buffer Triangles { Triangle triangles[]; };
@@ -18,7 +19,8 @@ layout(set = 0, binding = 3, scalar) restrict readonly buffer TangentRows { Tang
 layout(set = 0, binding = 4, scalar) restrict readonly buffer Spheres { Sphere spheres[]; };
 layout(set = 0, binding = 5, scalar) restrict readonly buffer Materials { Material materials[]; };
 layout(set = 0, binding = 6, scalar) restrict readonly buffer Textures { Texture textures[]; };
-#ifdef TEXEL_SHIFT
+layout(set = 0, binding = 7, scalar) restrict readonly buffer Texels { vec3 texels[]; };
+#ifdef EXTENDED
 // Texels that exceed the maximum size of a buffer are stored in blocks of 2^TEXEL_SHIFT, whose
 // addresses are bound. Switching between bound blocks would add a branch for every texel, which is
 // expensive on devices and in compilation.
@@ -27,15 +29,19 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) restrict readonly b
     vec3 rows[];
 };
 layout(set = 0, binding = 7, scalar) restrict readonly buffer TexelBlocks { uvec2 texel_blocks[]; };
+#endif
+
+// Returns the texel of this index, in one buffer or in blocks.
 vec3 texel_at(uint index) {
-    return TexelBlock(texel_blocks[index >> TEXEL_SHIFT]).rows[index & ((1u << TEXEL_SHIFT) - 1u)];
-}
-#else
-layout(set = 0, binding = 7, scalar) restrict readonly buffer Texels { vec3 texels[]; };
-vec3 texel_at(uint index) {
+#ifdef EXTENDED
+    if (TEXEL_SHIFT != NONE) {
+        uint row = index & ((1u << TEXEL_SHIFT) - 1u);
+        return TexelBlock(texel_blocks[index >> TEXEL_SHIFT]).rows[row];
+    }
+#endif
     return texels[index];
 }
-#endif
+
 layout(set = 0, binding = 8, scalar) restrict readonly buffer Emitters { Emitter emitters[]; };
 layout(set = 0, binding = 9, scalar) restrict readonly buffer Points { PointLight points[]; };
 layout(set = 0, binding = 10, scalar) restrict readonly buffer Directionals {
@@ -70,18 +76,12 @@ layout(set = 0, binding = 18, scalar) restrict readonly buffer DelayProfiles {
 };
 layout(set = 0, binding = 19, scalar) restrict readonly buffer Knots { Knot knots[]; };
 
-// Texture coordinates of a point: the first set and, with SECOND_UVS (if a mesh has a second set),
-// the second one.
-#ifdef SECOND_UVS
+// Texture coordinates of a point: the first set, and the second one with SECOND_UVS.
 #define Uv vec4
+
+// Returns the texture coordinates of a point with only one set, which also serves as the second.
 Uv uv_of(vec2 uv) {
     return uv.xyxy;
 }
-#else
-#define Uv vec2
-Uv uv_of(vec2 uv) {
-    return uv;
-}
-#endif
 
 #endif

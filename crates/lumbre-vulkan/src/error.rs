@@ -2,7 +2,7 @@
 
 use ash::vk;
 
-use super::pipelines::spirv::ShaderError;
+use super::pipelines::sources::ShaderError;
 
 /// Reason why an operation on a device failed.
 #[derive(Clone, Debug, thiserror::Error)]

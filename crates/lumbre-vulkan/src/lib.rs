@@ -2,9 +2,9 @@
 //! `vulkan-compute` (a BVH traversed in a compute shader).
 //!
 //! [`renderer`] runs a job. [`context`] opens instance and device, [`memory`] holds buffers and the
-//! scene, [`films`] the sums, [`accel`] the acceleration structures, [`pipelines`] compiles
-//! shaders, [`schedule`] splits waves into dispatches, and [`layout`] defines the structs that Rust
-//! and GLSL share. `layout` and `pipelines::spirv` need no device. Each Vulkan object owns what it
+//! scene, [`films`] the sums, [`accel`] the acceleration structures, [`pipelines`] the shader
+//! modules and pipelines, [`schedule`] splits waves into dispatches, and [`layout`] defines the structs that Rust
+//! and GLSL share. `layout` and `pipelines::modules` need no device. Each Vulkan object owns what it
 //! was made from and is destroyed when dropped, and every submission is waited for before the
 //! objects it uses are dropped, so nothing is destroyed while in use.
 #![allow(
@@ -19,7 +19,7 @@ pub mod films;
 pub mod layout;
 pub mod memory;
 pub mod pipelines;
-mod prepare;
+pub mod prepare;
 pub mod renderer;
 pub mod schedule;
 
@@ -31,8 +31,8 @@ use lumbre_light::transport::integrator::IntegratorRow;
 use lumbre_render::backend_choice;
 use lumbre_render::path_trace::{PathEvent, SampleAt};
 use lumbre_render::{BackendRow, Job, RenderError, Renderer, worker};
-use pipelines::program::{TracingMode, shader_of};
-use pipelines::spirv::Sources;
+use pipelines::program::TracingMode;
+use pipelines::sources::Sources;
 use renderer::VulkanRenderer;
 
 /// Table row of the backend with ray-tracing pipelines.
@@ -86,7 +86,7 @@ const MAX_BDPT_DEPTH: u32 = 32;
 
 fn refuses(integrator: &IntegratorRow, max_depth: u32) -> Option<String> {
     let name = integrator.name;
-    if shader_of(&Sources::from_env(), name).is_none() {
+    if !Sources::from_env().has_integrator(name) {
         return Some(format!("there is no shader for the integrator `{name}`"));
     }
     (integrator.splats && max_depth > MAX_BDPT_DEPTH).then(|| {

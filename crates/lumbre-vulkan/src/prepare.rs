@@ -1,16 +1,16 @@
-//! Preparation of a job for a device: flattening, limits of films, and shader definitions.
+//! Preparation of a job for a device: flattening, limits of films, and specialisation constants.
 
 use std::borrow::Cow;
 
 use super::context::device::Device;
 use super::error::VulkanError;
-use super::films::device_film::SplatMode;
+use super::layout::Specialization;
 use super::memory::delay_tables::is_composed;
 use super::memory::upload;
 use lumbre_light::film::layer::LayerLayout;
 use lumbre_light::film::time;
 use lumbre_light::scene::CompiledScene;
-use lumbre_light::scene::compile::MAX_FLATTENED_PRIMITIVES;
+use lumbre_light::scene::compile::{MAX_FLATTENED_PRIMITIVES, NONE};
 use lumbre_render::Job;
 
 /// Returns the scene as the device can render it: flattened if it has instances and the device no
@@ -19,7 +19,7 @@ pub(super) fn supported_scene<'a>(
     device: &Device,
     scene: &'a CompiledScene,
 ) -> Result<Cow<'a, CompiledScene>, VulkanError> {
-    if scene.instances.placements.is_empty() || device.info.caps.doubles {
+    if scene.instances.placements.is_empty() || device.info.caps.extended() {
         return Ok(Cow::Borrowed(scene));
     }
     scene
@@ -28,7 +28,8 @@ pub(super) fn supported_scene<'a>(
         .map_err(|found| VulkanError::Lacks {
             device: device.info.line(),
             needed: format!(
-                "double precision in shaders (shaderFloat64), which instances of meshes need; \
+                "double precision and addresses of buffers in shaders (shaderFloat64, \
+                 bufferDeviceAddress), which instances of meshes need; \
                  without them the scene has {found} triangles (at most {MAX_FLATTENED_PRIMITIVES})"
             ),
         })
@@ -45,34 +46,34 @@ pub(super) fn check_films(job: &Job) -> Result<LayerLayout, VulkanError> {
     Ok(layout)
 }
 
-/// Returns the preprocessor definitions that the shaders of a job are compiled with.
-pub(super) fn shader_defines(
+/// Granularity of the maximum depth that pipelines are specialised for, in edges, if they store the
+/// vertices of subpaths; a sweep over depths then needs few pipelines.
+const DEPTH_STEP: u32 = 4;
+
+/// Returns the specialisation constants of the shaders of a job; `texel_shift` as of
+/// [`upload::SceneBuffers::texel_shift`].
+pub fn specialization(
     scene: &CompiledScene,
     job: &Job,
-    splat_mode: SplatMode,
     texel_shift: Option<u32>,
     record_events: bool,
-) -> Vec<(&'static str, String)> {
-    let mut defines = vec![
-        (
-            "SAMPLER_KIND",
-            format!("{}u", u32::from(job.sampler.name == "sobol")),
-        ),
-        ("MODELS", upload::models(scene).to_string()),
-    ];
+) -> Specialization {
     let composed = is_composed(scene) || (job.timing.is_some() && !scene.delays.is_empty());
-    let flags = [
-        ("LAYERS", !job.layers.is_empty()),
-        ("SPLAT_NONE", splat_mode == SplatMode::None),
-        ("SPLAT_FLOAT", splat_mode == SplatMode::Float),
-        ("TIMES", job.timing.is_some()),
-        ("PARTS", composed),
-        ("COPIES", !scene.instances.placements.is_empty()),
-        ("SECOND_UVS", !scene.second_uvs.is_empty()),
-        ("PATHS", record_events),
-    ];
-    let flags = flags.into_iter().filter(|(_, is_set)| *is_set);
-    defines.extend(flags.map(|(name, _)| (name, String::new())));
-    defines.extend(texel_shift.map(|shift| ("TEXEL_SHIFT", format!("{shift}u"))));
-    defines
+    let stores_vertices = job.integrator.splats;
+    Specialization {
+        sampler_kind: u32::from(job.sampler.name == "sobol"),
+        models: upload::models(scene),
+        max_depth: if stores_vertices {
+            job.max_depth.max(1).next_multiple_of(DEPTH_STEP)
+        } else {
+            0
+        },
+        layers: u32::from(!job.layers.is_empty()),
+        paths: u32::from(record_events),
+        parts: u32::from(composed),
+        second_uvs: u32::from(!scene.second_uvs.is_empty()),
+        texel_shift: texel_shift.unwrap_or(NONE),
+        times: u32::from(job.timing.is_some()),
+        instances: u32::from(!scene.instances.placements.is_empty()),
+    }
 }

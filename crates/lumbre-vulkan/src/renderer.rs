@@ -13,8 +13,8 @@ use super::memory::upload;
 use super::memory::upload::{JobBuffers, SceneBuffers};
 use super::pipelines::compute::Bindings;
 use super::pipelines::program::{Program, TracingMode, Traversal};
-use super::pipelines::spirv::Sources;
-use super::prepare::{check_films, shader_defines, supported_scene};
+use super::pipelines::sources::Sources;
+use super::prepare::{check_films, specialization, supported_scene};
 use super::schedule::dispatch_size::{
     DISPATCHES_PER_SUBMISSION, DispatchPacer, DispatchRange, MAX_SPECULATIVE_DISPATCHES, TARGET_S,
     WaveSplitter,
@@ -144,7 +144,7 @@ impl VulkanRenderer {
         let traversal = Traversal::new(device, kind, scene, &job.accel, &scene_buffers)?;
         let built = traversal.built();
         let shift = scene_buffers.texel_shift();
-        let defines = shader_defines(scene, job, splat_mode, shift, record_events);
+        let constants = specialization(scene, job, shift, record_events);
         let films = DeviceFilms::new(
             device,
             job.resolution,
@@ -158,7 +158,7 @@ impl VulkanRenderer {
         resources.extend(traversal.bindings());
         let bindings = Bindings::new(device, Program::stages(kind), &resources)?;
         let start = Instant::now();
-        let program = Program::new(device, kind, sources, job, &defines, &bindings)?;
+        let program = Program::new(kind, sources, job, splat_mode, &constants, &bindings)?;
         program.warm_up(device, &bindings)?;
         let pipeline_s = start.elapsed().as_secs_f64();
         Ok(VulkanRenderer {

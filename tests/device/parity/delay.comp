@@ -1,5 +1,3 @@
-#define TIMES
-#define PARTS
 #include "film/sums.glsl"
 #include "transport/path_time.glsl"
 #include "film/splat.glsl"
@@ -11,7 +9,7 @@ void twin() {
     float u = in_float(), optical = in_float();
     vec2 uv = in_vec2();
     uint row = in_word();
-    out_float(profile_sample(delay_profile_at(row, uv), u));
+    out_float(profile_sample(delay_profile_at(row, uv_of(uv)), u));
     double place = time_position(double(optical));
     out_word(time_slot(place));
     out_float(float(time_below(double(in_float()), place, 2.25lf)));

@@ -6,7 +6,7 @@ void put_point(LightPoint p) {
     out_word(p.light);
     out_vec3(p.position);
     out_vec3(p.normal);
-    out_vec2(p.uv);
+    out_vec2(p.uv.xy);
 }
 
 void twin() {
@@ -19,7 +19,7 @@ void twin() {
     out_word(found ? 1u : 0u);
     if (!found) {
         d = DirectSample(
-            vec3(0.0), 0.0, vec3(0.0), 0.0, false, LightPoint(0u, vec3(0.0), vec3(0.0), vec2(0.0))
+            vec3(0.0), 0.0, vec3(0.0), 0.0, false, LightPoint(0u, vec3(0.0), vec3(0.0), Uv(0.0))
         );
     }
     out_vec3(d.wi);

@@ -12,6 +12,8 @@
 //! }
 //! ```
 //!
+//! `cargo run -p xtask -- shaders` then makes its module in `tests/device/parity/spirv/`.
+//!
 //! `in_word`, `in_float`, `in_vec2`, `in_vec3` and `in_vec4` take the next words of this
 //! invocation's row of inputs; `out_word`, `out_words`, `out_float`, `out_vec2`, `out_vec3` and
 //! `out_vec4` append words to its row of outputs. The declarations of `shaders/scene.glsl` hold the
@@ -24,10 +26,12 @@ use std::sync::Arc;
 use lumbre_light::film::layer::LayerLayout;
 use lumbre_light::scene::CompiledScene;
 use lumbre_render::Job;
+use lumbre_vulkan::context::device::Device;
+use lumbre_vulkan::layout::Specialization;
 use lumbre_vulkan::memory::upload::{JobBuffers, SceneBuffers};
-use lumbre_vulkan::pipelines::spirv::Sources;
 use lumbre_vulkan::pipelines::test_kernel;
-use lumbre_vulkan::pipelines::test_kernel::KernelStage;
+use lumbre_vulkan::pipelines::test_kernel::Kernel;
+use lumbre_vulkan::prepare::specialization;
 
 use super::harness;
 use super::twins::TWINS;
@@ -50,8 +54,8 @@ pub enum Near {
 pub struct Twin {
     /// Stem of the shader `tests/device/parity/NAME.comp`.
     pub name: &'static str,
-    /// Source text of the shader.
-    pub text: &'static str,
+    /// Module of the shader.
+    pub kernel: Kernel,
     /// Scene and job that are bound.
     pub scene: fn() -> (Arc<CompiledScene>, Job),
     /// Number of words in a row of inputs.
@@ -187,9 +191,22 @@ fn differences(
     wrong
 }
 
+/// Returns the device if it has ray-tracing pipelines, in which kernels run.
+fn kernel_device() -> Option<Arc<Device>> {
+    let device = harness::device()?;
+    if !device.info.caps.pipeline || !device.info.caps.extended() {
+        println!(
+            "SKIPPED: {} lacks ray-tracing pipelines or double precision",
+            device.info.line()
+        );
+        return None;
+    }
+    Some(device)
+}
+
 #[test]
 fn every_twin_computes_the_values_of_its_original() {
-    let Some(device) = harness::device() else {
+    let Some(device) = kernel_device() else {
         return;
     };
     let mut failed = Vec::new();
@@ -206,30 +223,21 @@ fn every_twin_computes_the_values_of_its_original() {
             twin.name
         );
         let words = [twin.in_words, twin.near.len()];
-        let second = ("SECOND_UVS", String::new());
-        let defines: Vec<_> = Some(second)
-            .into_iter()
-            .filter(|_| !scene.second_uvs.is_empty())
-            .collect();
-        let stage = KernelStage::fastest_to_compile(&device);
-        let outputs = test_kernel::compile(
-            stage,
-            &Sources::Embedded,
-            twin.name,
-            twin.text,
+        // Kernels have all models, and a time axis whatever the job.
+        let constants = Specialization {
+            models: Specialization::default().models,
+            max_depth: Specialization::default().max_depth,
+            times: 1,
+            parts: 1,
+            ..specialization(&scene, &job, None, false)
+        };
+        let outputs = test_kernel::run(
+            &device,
+            (&buffers.0, &buffers.1),
+            (twin.kernel, &constants),
+            &inputs,
             words,
-            &defines,
         )
-        .and_then(|spirv| {
-            test_kernel::run(
-                &device,
-                stage,
-                (&buffers.0, &buffers.1),
-                &spirv,
-                &inputs,
-                words,
-            )
-        })
         .unwrap_or_else(|e| panic!("{}: {e}", twin.name));
         let wrong = differences(twin, &inputs, &outputs, &scene, &job);
         if !wrong.is_empty() {
@@ -259,6 +267,8 @@ fn every_shader_of_the_folder_has_a_row_and_every_row_a_reason() {
         .collect();
     shaders.sort();
     let mut rows: Vec<String> = TWINS.iter().map(|t| t.name.to_owned()).collect();
+    // Kernels of other tests.
+    rows.extend(["echo", "texels"].map(str::to_owned));
     rows.sort();
     rows.dedup();
     assert_eq!(shaders, rows);
@@ -271,39 +281,29 @@ fn every_shader_of_the_folder_has_a_row_and_every_row_a_reason() {
 
 #[test]
 fn a_wrong_twin_is_detected() {
-    let Some(device) = harness::device() else {
+    let Some(device) = kernel_device() else {
         return;
     };
-    let twin = Twin {
-        text: "void twin() { out_word(in_word() + 1u); }",
-        ..ECHO
-    };
-    let (scene, job) = (twin.scene)();
+    let (scene, job) = (ECHO.scene)();
     let buffers = (
         SceneBuffers::new(&device, &scene).unwrap(),
         JobBuffers::new(&device, &scene, &job, &LayerLayout::default()).unwrap(),
     );
-    let inputs = (twin.inputs)();
-    let wrong = |stage: KernelStage, text: &str| {
-        let spirv =
-            test_kernel::compile(stage, &Sources::Embedded, "echo", text, [1, 1], &[]).unwrap();
+    let wrong = |kernel: Kernel, added: u32| {
+        let inputs: Vec<u32> = (0..100).flat_map(|word| [word, added]).collect();
         let outputs = test_kernel::run(
             &device,
-            stage,
             (&buffers.0, &buffers.1),
-            &spirv,
+            (kernel, &Specialization::default()),
             &inputs,
-            [1, 1],
+            [2, 1],
         )
         .unwrap();
-        differences(&twin, &inputs, &outputs, &scene, &job).len()
+        differences(&ECHO, &inputs, &outputs, &scene, &job).len()
     };
-    for stage in [
-        KernelStage::Compute,
-        KernelStage::fastest_to_compile(&device),
-    ] {
-        assert_eq!(wrong(stage, twin.text), inputs.len());
-        assert_eq!(wrong(stage, "void twin() { out_word(in_word()); }"), 0);
+    for kernel in [kernel!(Compute "echo.comp"), ECHO.kernel] {
+        assert_eq!(wrong(kernel, 1), 100);
+        assert_eq!(wrong(kernel, 0), 0);
     }
 }
 
@@ -328,16 +328,16 @@ fn tolerances_are_absolute_or_relative_and_nan_equals_nan() {
     );
 }
 
-/// A twin that returns its input.
+/// A twin that returns its first input, plus the second one.
 const ECHO: Twin = Twin {
     name: "echo",
-    text: "",
+    kernel: kernel!(Generation "echo.rgen"),
     scene: super::twins::plain,
-    in_words: 1,
-    inputs: || (0..100).collect(),
+    in_words: 2,
+    inputs: Vec::new,
     original: |_, _, row| {
-        let echo: [f32; 1] = row.floats();
-        row.push_floats(echo);
+        let [echo, _]: [f32; 2] = row.floats();
+        row.push_floats([echo]);
     },
     near: &[Near::Bits],
     max_outliers: 0.0,

@@ -32,7 +32,7 @@ const DENSITY: Near = Near::Float {
 /// All pixel filters.
 pub const FILTER: Twin = Twin {
     name: "filter",
-    text: include_str!("../parity/filter.comp"),
+    kernel: kernel!(Generation "filter.rgen"),
     scene: super::plain,
     in_words: 7,
     inputs: || {
@@ -121,7 +121,7 @@ const NEAR: [Near; 31] = {
 /// Rays of a thin lens, and points connected to it.
 pub const CAMERA: Twin = Twin {
     name: "camera",
-    text: include_str!("../parity/camera.comp"),
+    kernel: kernel!(Generation "camera.rgen"),
     scene: lens,
     in_words: 13,
     inputs: || {

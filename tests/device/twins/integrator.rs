@@ -343,10 +343,7 @@ const NEAR: [Near; 9] = [VALUE, VALUE, VALUE, VALUE, VALUE, VALUE, SAME, SAME, V
 /// `bpt` in the room.
 pub const BPT: Twin = Twin {
     name: "bpt",
-    text: concat!(
-        include_str!("../parity/bpt.comp"),
-        include_str!("../parity/brute.glsl")
-    ),
+    kernel: kernel!(Generation "bpt.rgen"),
     scene: || wide_filter_job(technique_job(closed(), "bpt", 6, &[])),
     in_words: 3,
     inputs,
@@ -370,10 +367,7 @@ pub const BPT_OPEN: Twin = Twin {
 /// `nee` in the room.
 pub const NEE: Twin = Twin {
     name: "nee",
-    text: concat!(
-        include_str!("../parity/nee.comp"),
-        include_str!("../parity/brute.glsl")
-    ),
+    kernel: kernel!(Generation "nee.rgen"),
     scene: || wide_filter_job(technique_job(closed(), "nee", 6, &[("mis", "balance")])),
     ..BPT
 };
@@ -394,10 +388,7 @@ pub const NEE_TERMINATOR: Twin = Twin {
 /// `bdpt` in the room.
 pub const BDPT: Twin = Twin {
     name: "bdpt",
-    text: concat!(
-        include_str!("../parity/bdpt.comp"),
-        include_str!("../parity/brute.glsl")
-    ),
+    kernel: kernel!(Generation "bdpt.rgen"),
     scene: || wide_filter_job(technique_job(closed(), "bdpt", 6, &[])),
     ..BPT
 };

@@ -181,7 +181,7 @@ const NEAR: [Near; 48] = {
 /// Lights with an environment map.
 pub const LIGHT: Twin = Twin {
     name: "light",
-    text: include_str!("../parity/light.comp"),
+    kernel: kernel!(Generation "light.rgen"),
     scene: || lit(true),
     in_words: 11,
     inputs,

@@ -48,7 +48,7 @@ fn choice(scene: &CompiledScene) -> (Lights, u32) {
 /// Hashes, random numbers, warps, frames and measures.
 pub const MATH: Twin = Twin {
     name: "math",
-    text: include_str!("../parity/math.comp"),
+    kernel: kernel!(Generation "math.rgen"),
     scene: super::plain,
     in_words: 18,
     inputs: || {
@@ -121,7 +121,7 @@ const SEEDS: [[u32; 2]; 3] = [[7, 0], [0, 256], [0xffff_ffff, 0x8000_0001]];
 /// Both samplers, independent and Sobol.
 pub const SAMPLER: Twin = Twin {
     name: "sampler",
-    text: include_str!("../parity/sampler.comp"),
+    kernel: kernel!(Generation "sampler.rgen"),
     scene: super::plain,
     in_words: 6,
     inputs: || {

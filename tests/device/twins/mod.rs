@@ -49,7 +49,7 @@ pub fn plain() -> (Arc<CompiledScene>, Job) {
 /// Uploaded scene data.
 const SCENE: Twin = Twin {
     name: "scene",
-    text: include_str!("../parity/scene.comp"),
+    kernel: kernel!(Generation "scene.rgen"),
     scene: plain,
     in_words: 1,
     inputs: || vec![0],

@@ -277,7 +277,7 @@ const ROUGHLY: Near = Near::Float {
 /// The surface at a hit, with all effects of textures.
 pub const SURFACE: Twin = Twin {
     name: "surface",
-    text: include_str!("../parity/surface.comp"),
+    kernel: kernel!(Generation "surface.rgen"),
     scene: many_materials,
     in_words: 13,
     inputs: || {
@@ -323,7 +323,7 @@ const STEEP: Near = Near::Float {
 /// Values and densities of BSDFs.
 pub const BSDF: Twin = Twin {
     name: "bsdf",
-    text: include_str!("../parity/bsdf.comp"),
+    kernel: kernel!(Generation "bsdf.rgen"),
     scene: many_materials,
     in_words: 17,
     inputs: scattering,
@@ -358,7 +358,7 @@ const WEIGHT: Near = Near::Float {
 /// Directions sampled from BSDFs.
 pub const BSDF_SAMPLE: Twin = Twin {
     name: "bsdf_sample",
-    text: include_str!("../parity/bsdf_sample.comp"),
+    kernel: kernel!(Generation "bsdf_sample.rgen"),
     scene: many_materials,
     in_words: 17,
     inputs: scattering,

@@ -85,7 +85,7 @@ const DELAY: Near = Near::Float {
 /// Delays, time slots, and shares of the time filter.
 pub const DELAYS: Twin = Twin {
     name: "delay",
-    text: include_str!("../parity/delay.comp"),
+    kernel: kernel!(Generation "delay.rgen"),
     scene,
     in_words: 12,
     inputs: || {

@@ -6,11 +6,12 @@ use std::collections::BTreeSet;
 use super::source::{root, text};
 
 /// Manifests of the workspace.
-const MANIFESTS: [&str; 4] = [
+const MANIFESTS: [&str; 5] = [
     "Cargo.toml",
     "crates/lumbre-light/Cargo.toml",
     "crates/lumbre-render/Cargo.toml",
     "crates/lumbre-vulkan/Cargo.toml",
+    "xtask/Cargo.toml",
 ];
 
 /// Returns the names in the dependency sections of all manifests, without this project's crates.

@@ -75,6 +75,7 @@ pub fn project_files() -> Vec<PathBuf> {
     let mut open: Vec<PathBuf> = [
         "src",
         "crates",
+        "xtask",
         "tests",
         "docs",
         "scripts",

@@ -1,9 +1,8 @@
-// Layers of the film: twin of the tally in crates/lumbre-render/src/cpu/films/layers.rs. Compiled out without
-// LAYERS.
+// Layers of the film: twin of the tally in crates/lumbre-render/src/cpu/films/layers.rs. Without LAYERS
+// nothing is recorded.
 #ifndef FILM_LAYERS_GLSL
 #define FILM_LAYERS_GLSL
 
-#ifdef LAYERS
 // Sums of the samples, [pixel][film].
 layout(set = 0, binding = 24, scalar) buffer LayerSums { SampleSums layer_sums[]; };
 // Value of the current sample for each film of its own pixel, [pixel][film]; black between samples.
@@ -58,16 +57,22 @@ uint layers_distribute(bool own, uint pixel, Contribution c) {
 }
 
 uint layers_own(Contribution c) {
+    if (!LAYERS) {
+        return 0u;
+    }
     return layers_distribute(true, 0u, c);
 }
 
 uint layers_splat(uint pixel, Contribution c) {
+    if (!LAYERS) {
+        return 0u;
+    }
     return layers_distribute(false, pixel, c);
 }
 
 // Records every nearest hit; the first one of a sample is that of its camera ray.
 void layers_trace(bool is_first, Ray ray, bool found, Hit hit) {
-    if (is_first) {
+    if (LAYERS && is_first) {
         first_found = found;
         first_ray = ray;
         first_hit = hit;
@@ -83,6 +88,9 @@ void layers_set(uint film, vec3 value) {
 // Ends a sample; `counts` is whether the picture accepted it. Returns the number of films that
 // refused their value.
 uint layers_close(uint pixel, bool counts) {
+    if (!LAYERS) {
+        return 0u;
+    }
     uint row = layers_row();
     if (!counts) {
         for (uint film = 0u; film < job.light_films; film++) {
@@ -114,20 +122,5 @@ uint layers_close(uint pixel, bool counts) {
     }
     return refused;
 }
-#else
-uint layers_own(Contribution c) {
-    return 0u;
-}
-
-uint layers_splat(uint pixel, Contribution c) {
-    return 0u;
-}
-
-void layers_trace(bool is_first, Ray ray, bool found, Hit hit) {}
-
-uint layers_close(uint pixel, bool counts) {
-    return 0u;
-}
-#endif
 
 #endif

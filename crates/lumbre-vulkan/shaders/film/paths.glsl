@@ -1,16 +1,15 @@
-// The recorded events of a sample's path: twin of crates/lumbre-render/src/path_trace.rs. Compiled out without
-// PATHS.
+// The recorded events of a sample's path: twin of crates/lumbre-render/src/path_trace.rs. Without PATHS
+// nothing is recorded.
 #ifndef FILM_PATHS_GLSL
 #define FILM_PATHS_GLSL
 
-#ifdef PATHS
 // For each column of the current row a fixed number of events; unused ones stay zero.
 layout(set = 0, binding = 26, scalar) buffer PathSteps { PathStep path_steps[]; };
 
 uint path_count;
 
 void paths_add(PathStep s) {
-    if (path_count < MAX_PATH_EVENTS) {
+    if (PATHS && path_count < MAX_PATH_EVENTS) {
         path_steps[film_pixel.x * MAX_PATH_EVENTS + path_count] = s;
         path_count++;
     }
@@ -64,11 +63,5 @@ void paths_light(Contribution c) {
     s.optical_length = float(c.optical_length);
     paths_add(s);
 }
-#else
-void paths_begin() {}
-void paths_closest(Ray ray, float t_max, bool found, Hit hit) {}
-void paths_shadow(Ray ray, float t_max, bool blocked) {}
-void paths_light(Contribution c) {}
-#endif
 
 #endif

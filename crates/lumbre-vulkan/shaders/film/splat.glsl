@@ -4,8 +4,8 @@
 // was added.
 //
 // With SPLAT_NONE all splats are refused. With SPLAT_FLOAT a slot is six floats with atomic
-// addition: fast, but the last bits depend on the order. Otherwise it is six 128-bit integers of
-// four words each, as in crates/lumbre-light/src/film/splat.rs: the same bits in any order.
+// addition: fast, but the last bits depend on the order. With SPLAT_FIXED it is six 128-bit integers
+// of four words each, as in crates/lumbre-light/src/film/splat.rs: the same bits in any order.
 #ifndef FILM_SPLAT_GLSL
 #define FILM_SPLAT_GLSL
 
@@ -13,22 +13,17 @@
 
 #include "film/sums.glsl"
 
-#ifdef TIMES
 // Returns the number of slots of a pixel's time axis: its bins, and one slot each before and after
 // them.
 uint time_slots() {
     return job.time_bins + 2u;
 }
-#endif
 
 // Returns the number of slots of the picture: one for each pixel or, with a time axis, for each of
 // its slots. Those of layers follow.
 uint splat_slots_of_picture() {
     uint pixels = job.resolution.x * job.resolution.y;
-#ifdef TIMES
-    pixels *= time_slots();
-#endif
-    return pixels;
+    return TIMES ? pixels * time_slots() : pixels;
 }
 
 // Maximum absolute value of one splat: 2^32.
@@ -52,7 +47,7 @@ bool splat_add(uint slot, vec3 value) {
     }
     return fits;
 }
-#else
+#elif defined(SPLAT_FIXED)
 layout(set = 0, binding = 23, scalar) buffer Splats { uint splats[]; };
 
 // Returns word `i` of `mantissa * 2^shift`; digits below one are truncated.

@@ -1,9 +1,10 @@
 // Films with a time axis: twin of crates/lumbre-light/src/film/time.rs and of crates/lumbre-render/src/cpu/films/time_film.rs.
-// Without TIMES splats are added to the picture, and everything else is compiled out.
+// Without TIMES splats are added to the picture, and nothing else happens. Positions on the axis need
+// double precision.
 #ifndef FILM_TIME_GLSL
 #define FILM_TIME_GLSL
 
-#ifdef TIMES
+#ifdef EXTENDED
 #include "math/trig.glsl"
 #include "transport/bsdf/beckmann.glsl"
 
@@ -87,21 +88,9 @@ bool time_spread(bool own, uint pixel, Contribution c) {
     return taken;
 }
 
-void time_begin() {
-    time_count = 0u;
-}
-
-void time_own(uint pixel, Contribution c) {
-    time_spread(true, pixel, c);
-}
-
-bool time_splat(uint pixel, Contribution c) {
-    return time_spread(false, pixel, c);
-}
-
-// Ends a sample; `counts` is whether the picture accepted it. Returns 1 if a sum of squares
-// overflowed, else 0.
-uint time_close(uint pixel, bool counts) {
+// Adds the values of a sample to the sums if the picture accepted it (`counts`), and blackens them.
+// Returns whether no sum of squares overflowed.
+bool time_add_sample(uint pixel, bool counts) {
     bool all_slots = time_count > MAX_TOUCHED;
     uint count = all_slots ? time_slots() : time_count;
     bool room = true;
@@ -117,20 +106,42 @@ uint time_close(uint pixel, bool counts) {
             time_sums[at] = sums;
         }
     }
-    return room ? 0u : 1u;
+    return room;
 }
-#else
-void time_begin() {}
+#endif
 
-void time_own(uint pixel, Contribution c) {}
+void time_begin() {
+#ifdef EXTENDED
+    time_count = 0u;
+#endif
+}
+
+void time_own(uint pixel, Contribution c) {
+#ifdef EXTENDED
+    if (TIMES) {
+        time_spread(true, pixel, c);
+    }
+#endif
+}
 
 bool time_splat(uint pixel, Contribution c) {
+#ifdef EXTENDED
+    if (TIMES) {
+        return time_spread(false, pixel, c);
+    }
+#endif
     return splat_add(pixel, c.value);
 }
 
+// Ends a sample; `counts` is whether the picture accepted it. Returns 1 if a sum of squares
+// overflowed, else 0.
 uint time_close(uint pixel, bool counts) {
+#ifdef EXTENDED
+    if (TIMES && !time_add_sample(pixel, counts)) {
+        return 1u;
+    }
+#endif
     return 0u;
 }
-#endif
 
 #endif

@@ -250,7 +250,6 @@ struct JobParams {
     uint all_lights; // 1 if every light is sampled at every vertex, else 0.
     uvec2 one_strategy; // Strategy (s, t) that is selected or left out; NONE, NONE for all.
     uint keep_strategy; // 1 if only that strategy is used, 0 if it is left out.
-    uint sampler_kind; // SAMPLER_INDEPENDENT or SAMPLER_SOBOL.
     uvec2 seed; // Low and high word of the seed.
     uint triangle_count; // Number of triangles: primitive indices from here on are spheres.
     uint sphere_count; // Number of spheres.

@@ -4,7 +4,7 @@
 //      nodes (1 byte)
 //   1: first child node; first primitive; meta data of the eight children
 //   2, 3, 4: lower and upper grid coordinates of the eight children in x, in y, in z
-// Node 0 is the root of the scene's tree. With COPIES some of its primitives are instances of
+// Node 0 is the root of the scene's tree. With INSTANCES some of its primitives are instances of
 // meshes: there the ray continues in the space of the mesh, through the mesh's own tree, on the
 // same stack.
 #ifndef TRACE_BVH_GLSL
@@ -89,7 +89,6 @@ BoxRay box_ray(Ray ray) {
     return boxed;
 }
 
-#ifdef COPIES
 // Widens the maximum distance in the space of an instance, since distances there are subject to
 // rounding.
 const float LIMIT_SLACK = 1.0 + 1.0 / 1048576.0;
@@ -99,7 +98,11 @@ Ray transform_ray(InstanceTransform e, Ray ray) {
     mat3 inverse = mat3(e.inverse_x, e.inverse_y, e.inverse_z);
     return Ray(inverse * (ray.origin - e.pivot_world) + e.pivot_own, inverse * ray.dir);
 }
-#endif
+
+// Returns the maximum distance of hits in the space of an instance, or in world space for NONE.
+float limit_in(uint instance, float t_max) {
+    return INSTANCES && instance != NONE ? t_max * LIMIT_SLACK : t_max;
+}
 
 // Finds the nearest hit with 0 < t < t_max, or with `any` some hit; masks applied.
 bool traverse(Ray ray, float t_max, bool any, out Hit best) {
@@ -112,11 +115,10 @@ bool traverse(Ray ray, float t_max, bool any, out Hit best) {
     // A group of nodes: the first child, and above bit 24 which of them are pending. A group of
     // primitives: likewise below bit 24. Neither: return from an instance to world space.
     uvec2 group = uvec2(0u, 0x80000000u);
-#ifdef COPIES
-    uint first_copy = job.triangle_count + job.sphere_count;
-#else
-    group.y = job.triangle_count + job.sphere_count > 0u ? group.y : 0u;
-#endif
+    uint first_instance = job.triangle_count + job.sphere_count;
+    if (!INSTANCES && first_instance == 0u) {
+        group.y = 0u;
+    }
     while (true) {
         uvec2 leaf = uvec2(0u);
         if ((group.y & 0xff000000u) != 0u) {
@@ -129,22 +131,13 @@ bool traverse(Ray ray, float t_max, bool any, out Hit best) {
             uint node = 5u * (group.x + bitCount(group.y & ~(0xffffffffu << slot)));
             uvec4 n0 = nodes[node];
             uvec4 n1 = nodes[node + 1u];
-#ifdef COPIES
-            uint hits = node_hits(
-                n0, n1, node, boxed, instance == NONE ? best.t : best.t * LIMIT_SLACK
-            );
-#else
-            uint hits = node_hits(n0, n1, node, boxed, best.t);
-#endif
+            uint hits = node_hits(n0, n1, node, boxed, limit_in(instance, best.t));
             group = uvec2(n1.x, (hits & 0xff000000u) | (n0.w >> 24));
             leaf = uvec2(n1.y, hits & 0x00ffffffu);
-        }
-#ifdef COPIES
-        else if (group.y != 0u) {
+        } else if (INSTANCES && group.y != 0u) {
             leaf = group;
             group.y = 0u;
         }
-#endif
         while (leaf.y != 0u) {
             uint place = uint(findMSB(leaf.y));
             leaf.y &= ~(1u << place);
@@ -152,8 +145,7 @@ bool traverse(Ray ray, float t_max, bool any, out Hit best) {
             hit.primitive = leaf_primitives[leaf.x + place];
             hit.instance = instance;
             hit.uv = vec2(0.0);
-#ifdef COPIES
-            if (hit.primitive >= first_copy) {
+            if (INSTANCES && hit.primitive >= first_instance) {
                 // Postpone everything else of this group until the ray is back in world space.
                 if ((group.y & 0xff000000u) != 0u) {
                     stack[depth++] = group;
@@ -162,26 +154,21 @@ bool traverse(Ray ray, float t_max, bool any, out Hit best) {
                     stack[depth++] = leaf;
                 }
                 stack[depth++] = uvec2(0u);
-                instance = hit.primitive - first_copy;
+                instance = hit.primitive - first_instance;
                 Ray own = transform_ray(transforms[instance], ray);
                 shear = sheared_ray(own);
                 boxed = box_ray(own);
                 group = uvec2(transforms[instance].root, 0x80000000u);
                 break;
             }
-#endif
             bool found;
             if (hit.primitive < job.triangle_count) {
-#ifdef COPIES
-                float limit = instance == NONE ? best.t : best.t * LIMIT_SLACK;
+                float limit = limit_in(instance, best.t);
                 found = intersect_triangle(shear, triangles[hit.primitive], limit, hit.t, hit.uv);
-                if (found && instance != NONE) {
+                if (INSTANCES && found && instance != NONE) {
                     hit.t = instance_distance(ray.origin, ray.dir, hit.primitive, instance);
                     found = hit.t > 0.0 && hit.t < best.t;
                 }
-#else
-                found = intersect_triangle(shear, triangles[hit.primitive], best.t, hit.t, hit.uv);
-#endif
             } else {
                 found = intersect_sphere(
                     spheres[hit.primitive - job.triangle_count], ray, best.t, hit.t
@@ -194,28 +181,20 @@ bool traverse(Ray ray, float t_max, bool any, out Hit best) {
                 }
             }
         }
-#ifdef COPIES
         bool done = group.y <= 0x00ffffffu;
         while (done) {
             if (depth == 0u) {
                 return best.primitive != NONE;
             }
             group = stack[--depth];
-            done = group.y == 0u;
+            // Without instances every group on the stack has nodes.
+            done = INSTANCES && group.y == 0u;
             if (done) {
                 instance = NONE;
                 shear = sheared_ray(ray);
                 boxed = box_ray(ray);
             }
         }
-#else
-        if ((group.y & 0xff000000u) == 0u) {
-            if (depth == 0u) {
-                return best.primitive != NONE;
-            }
-            group = stack[--depth];
-        }
-#endif
     }
     return false;
 }

@@ -11,13 +11,11 @@
 // the triangle in world space, which is not positive if the ray leaves that very triangle.
 Hit hit_of_instance(vec3 origin, vec3 dir, float t, uint custom, int primitive, vec2 uv) {
     Hit hit = Hit(t, uint(primitive), NONE, uv);
-#ifdef COPIES
-    if (custom >= INSTANCE_MESHES) {
+    if (INSTANCES && custom >= INSTANCE_MESHES) {
         hit.instance = custom - INSTANCE_MESHES;
         hit.primitive += places[hit.instance].start;
         hit.t = instance_distance(origin, dir, hit.primitive, hit.instance);
     }
-#endif
     return hit;
 }
 

@@ -2,8 +2,9 @@
 #ifndef TRANSPORT_CONTRIBUTION_GLSL
 #define TRANSPORT_CONTRIBUTION_GLSL
 
-// Optical lengths are doubles with a time axis, as in Rust; without one they are not computed.
-#ifdef TIMES
+// Optical lengths are doubles, as in Rust. Without a time axis they are not computed, so they need no
+// double precision.
+#ifdef EXTENDED
 #define Length double
 #else
 #define Length float

@@ -1,5 +1,5 @@
 // Twin of crates/lumbre-light/src/transport/path_time.rs. With TIMES the optical length is tracked; with PARTS the
-// scene has composed or delayed materials. Without either everything is compiled out.
+// scene has composed or delayed materials.
 #ifndef TRANSPORT_PATH_TIME_GLSL
 #define TRANSPORT_PATH_TIME_GLSL
 
@@ -10,7 +10,7 @@
 #include "transport/ray.glsl"
 #include "transport/sampler/mod.glsl"
 #include "transport/surface.glsl"
-#ifdef TIMES
+#ifdef EXTENDED
 #include "transport/delay/profile.glsl"
 #endif
 
@@ -22,16 +22,16 @@ struct AuxRng {
 // Starts the numbers of a sample.
 AuxRng aux_rng_new(Sampler numbers) {
     AuxRng aux_rng;
-#if defined(TIMES) || defined(PARTS)
-    aux_rng.numbers = sampler_auxiliary(numbers);
-#endif
+    if (TIMES || PARTS) {
+        aux_rng.numbers = sampler_auxiliary(numbers);
+    }
     return aux_rng;
 }
 
 // Samples the time at which the light of this sample was emitted.
 float aux_rng_emission(inout AuxRng aux_rng) {
-#ifdef TIMES
-    if (job.time_emission != NONE) {
+#ifdef EXTENDED
+    if (TIMES && job.time_emission != NONE) {
         return profile_sample(
             delay_profile_at(job.time_emission, Uv(0.0)), independent_next_1d(aux_rng.numbers)
         );
@@ -90,10 +90,9 @@ PathTime path_time_from_light(vec3 from) {
 // Returns the surface that a ray of this path hit; for a composed material, one part of it.
 Surface path_time_arrive(inout PathTime f, Ray ray, Hit hit, inout AuxRng aux_rng) {
     uint row = material_of(hit.primitive, hit.instance);
-#ifdef PARTS
-    uvec2 parts = materials[row].parts;
+    uvec2 parts = PARTS ? materials[row].parts : uvec2(0u);
     f.part = NONE;
-    if (parts.y > 0u) {
+    if (PARTS && parts.y > 0u) {
         uint chosen = 0u;
         if (parts.y > 1u) {
             float u = independent_next_1d(aux_rng.numbers);
@@ -104,45 +103,43 @@ Surface path_time_arrive(inout PathTime f, Ray ray, Hit hit, inout AuxRng aux_rn
         f.part = parts.x + chosen;
         row = material_parts[f.part].material;
     }
-#endif
     Surface surface = surface_with_material(ray, hit, row);
-#ifdef TIMES
-    if (!f.uncounted) {
-        f.optical.path += f.optical.index * distance(f.from, surface.position);
-    }
-    f.uncounted = false;
-    f.optical.delay = 0.0;
-#ifdef PARTS
-    if (f.part != NONE) {
-        f.optical.delay = delay_sample_all(
-            material_parts[f.part].profiles, surface.uv, aux_rng.numbers
-        );
-    }
+    if (TIMES) {
+        if (!f.uncounted) {
+            f.optical.path += f.optical.index * distance(f.from, surface.position);
+        }
+        f.uncounted = false;
+        f.optical.delay = 0.0;
+#ifdef EXTENDED
+        if (PARTS && f.part != NONE) {
+            f.optical.delay = delay_sample_all(
+                material_parts[f.part].profiles, surface.uv, aux_rng.numbers
+            );
+        }
 #endif
-#endif
+    }
     return surface;
 }
 
 // Continues the path from `from` after an event that crossed the index ratio `eta`.
 void path_time_scatter(inout PathTime f, vec3 from, float eta) {
-#ifdef TIMES
-    f.optical.delays += f.optical.delay;
-    f.optical.delay = 0.0;
-    f.optical.index *= eta;
-    f.from = from;
-#endif
+    if (TIMES) {
+        f.optical.delays += f.optical.delay;
+        f.optical.delay = 0.0;
+        f.optical.index *= eta;
+        f.from = from;
+    }
 }
 
 // Returns the length of a path that left the scene in direction `dir`. Zero without a time axis.
 Length path_time_escape_length(PathTime f, vec3 dir) {
-#ifdef TIMES
+    if (!TIMES) {
+        return Length(0.0);
+    }
     Length length = optical_length_arrival(f.optical);
     return f.uncounted
         ? length
         : length + Length(f.optical.index * lights_front_distance(f.from, dir));
-#else
-    return Length(0.0);
-#endif
 }
 
 // Returns the length of a path whose vertex is lit by light sampling from direction `wi` at
@@ -151,14 +148,13 @@ Length path_time_escape_length(PathTime f, vec3 dir) {
 Length path_time_direct_length(
     OpticalLength optical, Bsdf b, vec3 wo, vec3 from, vec3 wi, float distance
 ) {
-#ifdef TIMES
+    if (!TIMES) {
+        return Length(0.0);
+    }
     return optical_length_after_segment(
         optical, bsdf_index_ratio(b, wo, wi),
         is_finite(distance) ? distance : lights_front_distance(from, wi)
     );
-#else
-    return Length(0.0);
-#endif
 }
 
 #endif

@@ -87,11 +87,11 @@ uvec2 neighbours(float coordinate, uint size, uint wrap, out float weight) {
 
 // Returns the texture's image coordinates for texture coordinates on a surface with this tiling.
 vec2 texture_place(uint index, Uv uv, float scale, vec2 offset) {
-#ifdef SECOND_UVS
-    vec2 own = (textures[index].second != 0u ? uv.zw : uv.xy) * scale + offset;
-#else
-    vec2 own = uv * scale + offset;
-#endif
+    vec2 set = uv.xy;
+    if (SECOND_UVS && textures[index].second != 0u) {
+        set = uv.zw;
+    }
+    vec2 own = set * scale + offset;
     if (textures[index].moved == 0u) {
         return own;
     }
@@ -140,14 +140,13 @@ vec2 sphere_uv(vec3 n) {
 Uv triangle_uv(uint primitive, vec2 at) {
     TriangleAttributes a = attributes[primitive];
     vec2 own = a.ta * (1.0 - at.x - at.y) + a.tb * at.x + a.tc * at.y;
-#ifdef SECOND_UVS
+    if (!SECOND_UVS) {
+        return uv_of(own);
+    }
     uint first = job.first_second_uv + 3u * primitive;
     vec3 second = texel_at(first) * (1.0 - at.x - at.y) + texel_at(first + 1u) * at.x
         + texel_at(first + 2u) * at.y;
     return Uv(own, second.xy);
-#else
-    return own;
-#endif
 }
 
 // Returns the texture coordinates at a hit of `ray`.
@@ -251,8 +250,7 @@ void surface_emboss(inout Surface s, Face face, Hit hit, vec3 smooth_normal) {
         first = corners.b - corners.a;
         second = corners.c - corners.a;
         rises = vec2(dot(slopes, a.tb - a.ta), dot(slopes, a.tc - a.ta));
-#ifdef SECOND_UVS
-        if (textures[bump_map].second != 0u) {
+        if (SECOND_UVS && textures[bump_map].second != 0u) {
             uint row = job.first_second_uv + 3u * hit.primitive;
             vec2 corner = texel_at(row).xy;
             rises = vec2(
@@ -260,7 +258,6 @@ void surface_emboss(inout Surface s, Face face, Hit hit, vec3 smooth_normal) {
                 dot(slopes, texel_at(row + 2u).xy - corner)
             );
         }
-#endif
     } else {
         float along = spheres[hit.primitive - job.triangle_count].radius * PI;
         vec3 east = vec3(smooth_normal.z, 0.0, -smooth_normal.x);

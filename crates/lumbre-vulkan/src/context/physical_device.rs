@@ -18,7 +18,7 @@ pub const DEVICE_VARIABLE: &str = "LUMBRE_DEVICE";
 pub struct Caps {
     /// Scalar block layout of structs in buffers; required by all backends.
     pub scalar_layout: bool,
-    /// Buffer device addresses, required by acceleration structures and by scenes with many texels.
+    /// Buffer device addresses, required by acceleration structures and by extended shaders.
     pub addresses: bool,
     /// Support of ray-tracing pipelines.
     pub pipeline: bool,
@@ -34,6 +34,11 @@ impl Caps {
     /// Returns whether the device has any kind of hardware ray tracing.
     pub fn traces(&self) -> bool {
         self.pipeline || self.query
+    }
+
+    /// Returns whether the device supports extended shader modules.
+    pub fn extended(&self) -> bool {
+        self.doubles && self.addresses
     }
 }
 

@@ -61,8 +61,6 @@ super::gpu_structs! {
         one_strategy: [u32; 2],
         /// 1 if only that strategy is used, 0 if it is left out.
         keep_strategy: u32,
-        /// SAMPLER_INDEPENDENT or SAMPLER_SOBOL.
-        sampler_kind: u32,
         /// Low and high word of the seed.
         seed: [u32; 2],
         /// Number of triangles: primitive indices from here on are spheres.

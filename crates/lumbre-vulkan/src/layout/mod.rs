@@ -2,12 +2,14 @@
 //!
 //! `gpu_structs!` generates a Rust struct and its GLSL text from one list of fields. Every field
 //! consists of 32-bit words and shaders use scalar block layout, so `#[repr(C)]` and GLSL lay it
-//! out alike; a test compiles the text and compares each offset in the SPIR-V with the Rust one.
+//! out alike; with the feature `shader-dev` a test compiles the text and compares each offset in the
+//! SPIR-V with the Rust one.
 //! The text is `shaders/gen/layout.glsl`.
 
 mod film;
 mod job;
 mod scene;
+mod specialization;
 
 use lumbre_render::path_trace::MAX_PATH_EVENTS;
 
@@ -17,6 +19,7 @@ pub use scene::{
     DelayProfile, DirectionalLight, Emitter, InstanceTransform, Knot, Material, MaterialPart,
     Placement, PointLight, Sphere, Tangents, Texture, Triangle, TriangleAttributes,
 };
+pub use specialization::{ConstantLayout, Specialization};
 
 /// Rust type with the bytes of a GLSL type in scalar block layout.
 pub trait GlslType {
@@ -178,11 +181,7 @@ pub fn glsl() -> String {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeMap;
-
     use super::*;
-    use crate::pipelines::spirv;
-    use crate::pipelines::spirv::Sources;
 
     #[test]
     fn the_committed_layouts_are_those_of_the_code() {
@@ -208,6 +207,16 @@ mod tests {
             assert_eq!(at, s.size, "{}", s.name);
         }
     }
+}
+
+#[cfg(all(test, feature = "shader-dev"))]
+mod offset_tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+    use crate::pipelines::glsl;
+    use crate::pipelines::modules::Recipe;
+    use crate::pipelines::sources::Sources;
 
     /// Returns the offset in bytes of every struct member in a module: `(struct, member) -> bytes`.
     fn offsets(words: &[u32]) -> BTreeMap<(String, String), u32> {
@@ -261,7 +270,14 @@ mod tests {
             uses.push_str(&format!("b{i}.rows[0] = b{i}.rows[1];\n"));
         }
         text.push_str(&format!("void main() {{\n{uses}}}\n"));
-        let words = spirv::compile(&Sources::Embedded, "layout.comp", &text, &[], &[]).unwrap();
+        let recipe = Recipe {
+            file: String::new(),
+            entry: "layout.comp".to_owned(),
+            text: Some(text),
+            defines: Vec::new(),
+            generated: Vec::new(),
+        };
+        let words = glsl::compile(&Sources::Embedded, &recipe).unwrap();
         let found = offsets(&words);
         for s in structs() {
             for f in s.fields {

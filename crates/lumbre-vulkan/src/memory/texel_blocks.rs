@@ -34,10 +34,10 @@ impl Texels {
     ///
     /// # Errors
     /// Returns an error if they exceed the device's memory, or the size of a storage buffer on
-    /// devices without buffer addresses.
+    /// devices without what blocks need.
     pub fn new(device: &Arc<Device>, texels: &[[f32; 3]]) -> Result<Texels, VulkanError> {
         let (needed, limits) = (texels.len() as u64 * BYTES, &device.info.limits);
-        if needed <= limits.texels || !device.info.caps.addresses {
+        if needed <= limits.texels || !device.info.caps.extended() {
             let bound = Buffer::with(device, "texels", texels, vk::BufferUsageFlags::empty())?;
             return Ok(Texels {
                 bound,

@@ -128,7 +128,7 @@ impl SceneBuffers {
     }
 
     /// Returns the binary logarithm of the number of texels of a block if texels are stored in
-    /// blocks; shaders need it as `TEXEL_SHIFT`.
+    /// blocks; the specialisation constant `TEXEL_SHIFT`.
     pub fn texel_shift(&self) -> Option<u32> {
         self.texels.shift
     }
@@ -493,7 +493,6 @@ fn camera_params(scene: &CompiledScene, job: &lumbre_render::Job) -> layout::Job
         all_lights: settings.all_lights.into(),
         one_strategy: settings.one.unwrap_or([NONE; 2]),
         keep_strategy: settings.keep.into(),
-        sampler_kind: u32::from(job.sampler.name == "sobol"),
         seed: [job.seed as u32, (job.seed >> 32) as u32],
         ..bytemuck::Zeroable::zeroed()
     }

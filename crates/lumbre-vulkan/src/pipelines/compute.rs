@@ -6,9 +6,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use ash::vk;
 use bytemuck::Pod;
 
-use super::spirv;
 use crate::context::device::Device;
 use crate::error::VulkanError;
+use crate::layout::Specialization;
 use crate::memory::buffer::Buffer;
 
 /// Resource that is bound to a descriptor set.
@@ -21,7 +21,8 @@ pub enum BoundResource<'a> {
 
 /// Descriptor set with its layout: binding `i` is the `i`-th resource.
 pub struct Bindings {
-    device: Arc<Device>,
+    /// Device of the set.
+    pub device: Arc<Device>,
     kinds: Vec<vk::DescriptorType>,
     layout: vk::DescriptorSetLayout,
     pool: vk::DescriptorPool,
@@ -163,6 +164,26 @@ impl Drop for Bindings {
     }
 }
 
+/// OpCapability Float64.
+const FLOAT64: u32 = 10;
+
+/// OpCapability PhysicalStorageBufferAddresses.
+const ADDRESSES: u32 = 5347;
+
+/// Returns whether SPIR-V needs a capability.
+fn needs(words: &[u32], capability: u32) -> bool {
+    let mut rest = words.get(5..).unwrap_or_default();
+    while let [first, second, ..] = rest
+        && first & 0xffff == 17
+    {
+        if *second == capability {
+            return true;
+        }
+        rest = &rest[2..];
+    }
+    false
+}
+
 /// Shader module, needed while pipelines are created from it.
 pub struct Module {
     device: Arc<Device>,
@@ -176,15 +197,29 @@ impl Module {
     /// # Errors
     /// Returns an error if the device lacks a feature or refuses the module.
     pub fn new(device: &Arc<Device>, name: &str, words: &[u32]) -> Result<Module, VulkanError> {
-        if spirv::uses_doubles(words) && !device.info.caps.doubles {
-            let needed = "double precision in shaders (shaderFloat64)".to_owned();
-            return Err(VulkanError::Lacks {
-                device: device.info.line(),
-                needed,
-            });
+        let caps = &device.info.caps;
+        let missing = [
+            (
+                FLOAT64,
+                caps.doubles,
+                "double precision in shaders (shaderFloat64)",
+            ),
+            (
+                ADDRESSES,
+                caps.addresses,
+                "addresses of buffers (bufferDeviceAddress)",
+            ),
+        ];
+        for (capability, supported, needed) in missing {
+            if needs(words, capability) && !supported {
+                return Err(VulkanError::Lacks {
+                    device: device.info.line(),
+                    needed: needed.to_owned(),
+                });
+            }
         }
         let info = vk::ShaderModuleCreateInfo::default().code(words);
-        // SAFETY: the words come from the compiler and live through the call.
+        // SAFETY: the words are SPIR-V of the compiler and live through the call.
         let raw = unsafe { device.raw.create_shader_module(&info, None) }
             .map_err(|r| device.failed("vkCreateShaderModule", r))?;
         device.name(raw, name);
@@ -195,10 +230,15 @@ impl Module {
     }
 
     /// Returns a pipeline stage that starts at this module's `main`.
-    pub fn stage(&self, stage: vk::ShaderStageFlags) -> vk::PipelineShaderStageCreateInfo<'static> {
+    pub fn stage<'a>(
+        &self,
+        stage: vk::ShaderStageFlags,
+        constants: &'a vk::SpecializationInfo<'a>,
+    ) -> vk::PipelineShaderStageCreateInfo<'a> {
         vk::PipelineShaderStageCreateInfo::default()
             .stage(stage)
             .module(self.raw)
+            .specialization_info(constants)
             .name(c"main")
     }
 }
@@ -240,9 +280,9 @@ impl PipelineRegistry {
 }
 
 impl Pipeline {
-    /// Returns the device's pipeline of these shaders, for a descriptor set like `bindings` and
-    /// push constants of a number of bytes. If there is none yet, `create` creates it with a
-    /// layout.
+    /// Returns the device's pipeline of these shaders with these constants, for a descriptor set
+    /// like `bindings` and push constants of a number of bytes. If there is none yet, `create`
+    /// creates it with a layout and the specialisation of all its stages.
     ///
     /// # Errors
     /// Returns an error if the device refuses the layout or the pipeline.
@@ -250,10 +290,16 @@ impl Pipeline {
         bindings: &Bindings,
         name: &str,
         shaders: &[&[u32]],
+        constants: &Specialization,
         (stages, push): (vk::ShaderStageFlags, u32),
-        create: impl FnOnce(vk::PipelineLayout) -> Result<vk::Pipeline, VulkanError>,
+        create: impl FnOnce(
+            &Arc<Device>,
+            vk::PipelineLayout,
+            &vk::SpecializationInfo,
+        ) -> Result<vk::Pipeline, VulkanError>,
     ) -> Result<Pipeline, VulkanError> {
         let device = &bindings.device;
+        let data = bytemuck::bytes_of(constants);
         let mut hasher = blake3::Hasher::new();
         for words in shaders {
             hasher
@@ -264,6 +310,7 @@ impl Pipeline {
             hasher.update(&kind.as_raw().to_le_bytes());
         }
         hasher
+            .update(data)
             .update(&stages.as_raw().to_le_bytes())
             .update(&push.to_le_bytes());
         // Locked during creation, so that no other thread creates it a second time.
@@ -287,7 +334,11 @@ impl Pipeline {
         // SAFETY: the device is open and the structures live through the call.
         let layout = unsafe { device.raw.create_pipeline_layout(&info, None) }
             .map_err(|r| device.failed("vkCreatePipelineLayout", r))?;
-        let raw = create(layout).inspect_err(|_| {
+        let entries = Specialization::entries();
+        let specialization = vk::SpecializationInfo::default()
+            .map_entries(&entries)
+            .data(data);
+        let raw = create(device, layout, &specialization).inspect_err(|_| {
             // SAFETY: nothing was made with it.
             unsafe { device.raw.destroy_pipeline_layout(layout, None) };
         })?;
@@ -312,9 +363,9 @@ impl ComputePipeline {
     /// # Errors
     /// Returns an error if the device refuses the shader.
     pub fn new(
-        device: &Arc<Device>,
         name: &str,
         words: &[u32],
+        constants: &Specialization,
         bindings: &Bindings,
         push: u32,
     ) -> Result<ComputePipeline, VulkanError> {
@@ -322,10 +373,11 @@ impl ComputePipeline {
             bindings,
             name,
             &[words],
+            constants,
             (vk::ShaderStageFlags::COMPUTE, push),
-            |layout| {
+            |device, layout, specialization| {
                 let module = Module::new(device, name, words)?;
-                let stage = module.stage(vk::ShaderStageFlags::COMPUTE);
+                let stage = module.stage(vk::ShaderStageFlags::COMPUTE, specialization);
                 let info = vk::ComputePipelineCreateInfo::default()
                     .stage(stage)
                     .layout(layout);
@@ -341,7 +393,7 @@ impl ComputePipeline {
             },
         )?;
         Ok(ComputePipeline {
-            device: Arc::clone(device),
+            device: Arc::clone(&bindings.device),
             pipeline,
         })
     }
@@ -371,6 +423,25 @@ impl ComputePipeline {
                 );
             }
             raw.cmd_dispatch(commands, groups[0], groups[1], groups[2]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{ADDRESSES, FLOAT64, needs};
+    use crate::pipelines::modules;
+    use crate::pipelines::sources::Sources;
+
+    #[test]
+    fn only_extended_modules_need_doubles_and_addresses() {
+        for recipe in modules::recipes() {
+            let words = Sources::Embedded.module(&recipe).unwrap();
+            let extended = recipe.defines.contains(&"EXTENDED");
+            for capability in [FLOAT64, ADDRESSES] {
+                let found = needs(&words, capability);
+                assert!(extended || !found, "{}: {capability}", recipe.file);
+            }
         }
     }
 }

@@ -1,10 +1,18 @@
-//! Pipelines: [`spirv`] compiles GLSL, [`compute`] and `ray_tracing` create pipelines, [`program`]
-//! combines entry, traversal and integrator for a run, `cache` stores the driver's pipeline cache,
-//! and [`test_kernel`] runs single GLSL functions in tests.
+//! Pipelines: [`modules`] lists the shader modules, [`sources`] provides their SPIR-V, [`compute`]
+//! and `ray_tracing` create pipelines, [`program`] combines entry, traversal and integrator for a
+//! run, `cache` stores the driver's pipeline cache, and [`test_kernel`] runs single GLSL functions
+//! in tests. With the feature `shader-dev`, `glsl` compiles modules, which `shrink` makes smaller.
 
 pub mod cache;
+mod committed;
 pub mod compute;
+#[cfg(feature = "shader-dev")]
+pub mod glsl;
+pub mod modules;
 pub mod program;
 pub mod ray_tracing;
-pub mod spirv;
+#[cfg(feature = "shader-dev")]
+mod shrink;
+pub mod sources;
 pub mod test_kernel;
+pub mod texts;

@@ -5,16 +5,19 @@ use std::sync::Arc;
 use ash::vk;
 
 use super::compute::{Bindings, BoundResource, ComputePipeline};
+use super::modules::{self, HitStage, Variant};
 use super::ray_tracing;
 use super::ray_tracing::{RayTracingPipeline, Shaders};
-use super::spirv::Sources;
+use super::sources::Sources;
 use crate::accel::bvh::DeviceBvh;
 use crate::accel::structures::AccelerationStructures;
 use crate::context::{device::Device, physical_device::Caps};
 use crate::error::VulkanError;
-use crate::layout::WaveParams;
+use crate::films::device_film::SplatMode;
+use crate::layout::{Specialization, WaveParams};
 use crate::memory::upload::SceneBuffers;
 use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::NONE;
 use lumbre_render::hierarchy::AccelSpec;
 use lumbre_render::{Job, OpenStats};
 
@@ -121,29 +124,6 @@ impl Traversal {
     }
 }
 
-/// Granularity of the maximum depth that shaders are compiled for, in edges, if they store the
-/// vertices of subpaths; a sweep over depths then needs few pipelines.
-const DEPTH_STEP: u32 = 4;
-
-/// Returns the shader of an integrator, which has the same path as its Rust original.
-pub fn shader_of(sources: &Sources, integrator: &str) -> Option<String> {
-    let paths = [
-        format!("transport/integrator/{integrator}.glsl"),
-        format!("transport/integrator/{integrator}/mod.glsl"),
-    ];
-    paths.into_iter().find(|path| sources.has(path))
-}
-
-/// Returns the name and text of the generated file that selects an integrator's shader.
-fn generated_integrator(name: &str, shader: &str, max_depth: u32) -> (&'static str, String) {
-    let depth = max_depth.max(1).next_multiple_of(DEPTH_STEP);
-    let text = format!(
-        "#define MAX_DEPTH {depth}u\n#include \"{shader}\"\n\
-         #define INTEGRATOR_SAMPLE {name}_sample\n"
-    );
-    ("generated/integrator.glsl", text)
-}
-
 /// Pipeline that adds waves to films.
 pub enum Program {
     /// Pipeline of a compute shader.
@@ -153,56 +133,54 @@ pub enum Program {
 }
 
 impl Program {
-    /// Compiles the shaders of a job and creates its pipeline.
+    /// Creates the pipeline of a job: `splats` is the summation of its splats.
     ///
     /// # Errors
-    /// Returns an error if the integrator has no shader, a shader does not compile, or the device
+    /// Returns an error if the integrator has no shader, a shader cannot be made, or the device
     /// refuses it.
     pub fn new(
-        device: &Arc<Device>,
         kind: TracingMode,
         sources: &Sources,
         job: &Job,
-        defines: &[(&str, String)],
+        splats: SplatMode,
+        constants: &Specialization,
         bindings: &Bindings,
     ) -> Result<Program, VulkanError> {
         let name = job.integrator.name;
-        let shader = shader_of(sources, name).ok_or_else(|| VulkanError::Lacks {
-            device: kind.backend().to_owned(),
-            needed: format!("the integrator `{name}`: it has no shader"),
-        })?;
-        let generated = [generated_integrator(name, &shader, job.max_depth)];
-        let compile = |path: &str| sources.compile(path, defines, &generated);
+        if !sources.has_integrator(name) {
+            return Err(VulkanError::Lacks {
+                device: kind.backend().to_owned(),
+                needed: format!("the integrator `{name}`: it has no shader"),
+            });
+        }
+        let extended =
+            constants.times != 0 || constants.instances != 0 || constants.texel_shift != NONE;
+        let recipe = modules::integrator(kind, name, Variant { extended, splats });
+        let integrator = sources.module(&recipe)?;
         let (title, push) = (
             format!("{name} by {}", kind.backend()),
             size_of::<WaveParams>() as u32,
         );
         Ok(match kind {
-            TracingMode::Compute => Program::Compute(ComputePipeline::new(
-                device,
+            TracingMode::Compute | TracingMode::Query => Program::Compute(ComputePipeline::new(
                 &title,
-                &compile("entry/compute.comp")?,
-                bindings,
-                push,
-            )?),
-            TracingMode::Query => Program::Compute(ComputePipeline::new(
-                device,
-                &title,
-                &compile("entry/query.comp")?,
+                &integrator,
+                constants,
                 bindings,
                 push,
             )?),
             TracingMode::Pipeline => {
+                let module = |stage: HitStage| sources.module(&stage.recipe(extended));
                 let shaders = Shaders {
-                    generation: compile("entry/generation.rgen")?,
-                    miss: compile("entry/miss.rmiss")?,
-                    triangle: compile("entry/triangle.rchit")?,
-                    sphere: compile("entry/sphere.rchit")?,
-                    any: compile("entry/mask.rahit")?,
-                    intersection: compile("entry/sphere.rint")?,
+                    generation: integrator,
+                    miss: module(HitStage::Miss)?,
+                    triangle: module(HitStage::Triangle)?,
+                    sphere: module(HitStage::Sphere)?,
+                    any: module(HitStage::Mask)?,
+                    intersection: module(HitStage::Intersection)?,
                 };
                 Program::RayTracingPipeline(Box::new(RayTracingPipeline::new(
-                    device, &title, &shaders, bindings, push,
+                    &title, &shaders, constants, bindings, push,
                 )?))
             }
         })
@@ -253,49 +231,6 @@ impl Program {
         match kind {
             TracingMode::Compute | TracingMode::Query => vk::ShaderStageFlags::COMPUTE,
             TracingMode::Pipeline => ray_tracing::STAGES,
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::pipelines::spirv::EMBEDDED;
-
-    #[test]
-    fn every_entry_compiles_with_all_features_and_with_none() {
-        let all = [
-            "LAYERS",
-            "TIMES",
-            "PARTS",
-            "COPIES",
-            "SECOND_UVS",
-            "TEXEL_SHIFT",
-            "PATHS",
-        ];
-        let common = [("SAMPLER_KIND", "0u"), ("MODELS", "31")];
-        let features = [("SPLAT_FLOAT", &all[..]), ("SPLAT_NONE", &[])];
-        let entries = EMBEDDED
-            .iter()
-            .filter(|(path, _)| path.starts_with("entry/") && !path.ends_with(".glsl"));
-        for (path, _) in entries {
-            for (splats, names) in features {
-                let mut defines: Vec<(&str, String)> =
-                    common.map(|(name, value)| (name, value.to_owned())).into();
-                defines.push((splats, String::new()));
-                defines.extend(names.iter().map(|name| (*name, "20u".to_owned())));
-                let generated = [generated_integrator(
-                    "bdpt",
-                    "transport/integrator/bdpt/mod.glsl",
-                    8,
-                )];
-                let compiled = Sources::Embedded.compile(path, &defines, &generated);
-                assert!(
-                    compiled.is_ok(),
-                    "{path} {splats}: {}",
-                    compiled.unwrap_err()
-                );
-            }
         }
     }
 }

@@ -8,6 +8,7 @@ use bytemuck::Pod;
 use super::compute::{Bindings, Module, Pipeline};
 use crate::context::device::Device;
 use crate::error::VulkanError;
+use crate::layout::Specialization;
 use crate::memory::buffer::Buffer;
 
 /// Shader stages of a ray-tracing pipeline.
@@ -51,9 +52,9 @@ impl RayTracingPipeline {
     /// # Errors
     /// Returns an error if the device has no ray-tracing pipelines or refuses a shader.
     pub fn new(
-        device: &Arc<Device>,
         name: &str,
         shaders: &Shaders,
+        constants: &Specialization,
         bindings: &Bindings,
         push: u32,
     ) -> Result<RayTracingPipeline, VulkanError> {
@@ -79,7 +80,7 @@ impl RayTracingPipeline {
                 .any_hit_shader(4)
                 .intersection_shader(5),
         ];
-        RayTracingPipeline::with_groups(device, name, &shaders, &groups, bindings, push)
+        RayTracingPipeline::with_groups(name, &shaders, &groups, constants, bindings, push)
     }
 
     /// Creates a pipeline with only a ray-generation shader that traces no rays.
@@ -87,39 +88,42 @@ impl RayTracingPipeline {
     /// # Errors
     /// Returns an error in the cases of [`RayTracingPipeline::new`].
     pub fn generation_only(
-        device: &Arc<Device>,
         name: &str,
         generation: &[u32],
+        constants: &Specialization,
         bindings: &Bindings,
         push: u32,
     ) -> Result<RayTracingPipeline, VulkanError> {
         let shaders = [(generation, vk::ShaderStageFlags::RAYGEN_KHR)];
         let groups = [group(vk::RayTracingShaderGroupTypeKHR::GENERAL).general_shader(0)];
-        RayTracingPipeline::with_groups(device, name, &shaders, &groups, bindings, push)
+        RayTracingPipeline::with_groups(name, &shaders, &groups, constants, bindings, push)
     }
 
     fn with_groups(
-        device: &Arc<Device>,
         name: &str,
         shaders: &[(&[u32], vk::ShaderStageFlags)],
         groups: &[vk::RayTracingShaderGroupCreateInfoKHR<'_>],
+        constants: &Specialization,
         bindings: &Bindings,
         push: u32,
     ) -> Result<RayTracingPipeline, VulkanError> {
+        let device = &bindings.device;
         let lacks = || VulkanError::Lacks {
             device: device.info.line(),
             needed: "ray-tracing pipelines".to_owned(),
         };
         let tracing = device.tracing.as_ref().ok_or_else(lacks)?;
         let words: Vec<&[u32]> = shaders.iter().map(|(words, _)| *words).collect();
-        let pipeline = Pipeline::get_or_create(bindings, name, &words, (STAGES, push), |layout| {
+        let create = |device: &Arc<Device>,
+                      layout: vk::PipelineLayout,
+                      specialization: &vk::SpecializationInfo| {
             let modules: Vec<(Module, vk::ShaderStageFlags)> = shaders
                 .iter()
                 .map(|(words, stage)| Ok((Module::new(device, name, words)?, *stage)))
                 .collect::<Result<_, VulkanError>>()?;
             let stages: Vec<_> = modules
                 .iter()
-                .map(|(module, stage)| module.stage(*stage))
+                .map(|(module, stage)| module.stage(*stage, specialization))
                 .collect();
             let info = vk::RayTracingPipelineCreateInfoKHR::default()
                 .stages(&stages)
@@ -138,7 +142,9 @@ impl RayTracingPipeline {
             let made =
                 made.map_err(|(_, result)| device.failed("vkCreateRayTracingPipelinesKHR", result));
             made.map(|pipelines| pipelines[0])
-        })?;
+        };
+        let pipeline =
+            Pipeline::get_or_create(bindings, name, &words, constants, (STAGES, push), create)?;
         let table = ShaderBindingTable::new(device, tracing, pipeline.raw, groups.len())?;
         Ok(RayTracingPipeline {
             device: Arc::clone(device),

@@ -1,17 +1,23 @@
 //! Test kernels: small shaders over rows of words, with a scene bound, to compare a GLSL function
 //! with its Rust original.
 
+use std::ffi::OsStr;
+use std::io;
+use std::path::Path;
 use std::sync::Arc;
 
 use ash::vk;
 
 use super::compute::{Bindings, BoundResource, ComputePipeline};
+use super::modules::{self, Recipe, Variant};
+use super::program::TracingMode;
 use super::ray_tracing;
 use super::ray_tracing::RayTracingPipeline;
-use super::spirv;
-use super::spirv::Sources;
+use super::sources::words;
 use crate::context::device::Device;
 use crate::error::VulkanError;
+use crate::films::device_film::SplatMode;
+use crate::layout::Specialization;
 use crate::memory::buffer::Buffer;
 use crate::memory::upload;
 use crate::memory::upload::{JobBuffers, SceneBuffers};
@@ -31,15 +37,6 @@ pub enum KernelStage {
 }
 
 impl KernelStage {
-    /// Returns the stage that the device compiles faster.
-    pub fn fastest_to_compile(device: &Device) -> KernelStage {
-        if device.info.caps.pipeline {
-            KernelStage::Generation
-        } else {
-            KernelStage::Compute
-        }
-    }
-
     /// Returns the file extension of its shaders, its declaration, and the GLSL expression of the
     /// row.
     fn syntax(self) -> (&'static str, String, &'static str) {
@@ -58,9 +55,18 @@ impl KernelStage {
     }
 }
 
+/// Push constants of a kernel: numbers of rows and of the words of a row.
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+struct KernelPush {
+    rows: u32,
+    in_words: u32,
+    out_words: u32,
+}
+
 /// Returns the text before a kernel's own: the scene, buffers of input and output words, and
 /// functions that read and write them.
-fn head(stage: KernelStage, in_words: usize, out_words: usize) -> String {
+fn head(stage: KernelStage) -> String {
     let (scene, extension) = (
         "#include \"scene.glsl\"",
         "#extension GL_GOOGLE_include_directive : require",
@@ -91,52 +97,100 @@ fn head(stage: KernelStage, in_words: usize, out_words: usize) -> String {
          uint kernel_inputs[];\n}};\n\
          layout(set = 0, binding = 21, scalar) writeonly buffer KernelOutputs {{\n\
          uint kernel_outputs[];\n}};\n\
-         layout(push_constant, scalar) uniform KernelPush {{ uint kernel_rows; }};\n\
+         layout(push_constant, scalar) uniform KernelPush {{\n\
+         uint kernel_rows, kernel_in_words, kernel_out_words;\n}};\n\
          uint kernel_in = 0u, kernel_out = 0u;\n\
-         uint in_word() {{ return kernel_inputs[{row} * {in_words}u + kernel_in++]; }}\n\
+         uint in_word() {{ return kernel_inputs[{row} * kernel_in_words + kernel_in++]; }}\n\
          float in_float() {{ return uintBitsToFloat(in_word()); }}\n\
-         void out_word(uint w) {{ kernel_outputs[{row} * {out_words}u + kernel_out++] = w; }}\n\
+         void out_word(uint w) {{ kernel_outputs[{row} * kernel_out_words + kernel_out++] = w; }}\n\
          void out_float(float f) {{ out_word(floatBitsToUint(f)); }}\n{accessors}#line 1\n"
     )
 }
 
-/// Compiles a kernel called `name`: a text that defines `void twin()` with the functions of
-/// [`head`]; `defines` as in [`spirv::compile`].
-///
-/// # Errors
-/// Returns an error if it does not compile.
-pub fn compile(
-    stage: KernelStage,
-    sources: &Sources,
-    name: &str,
-    text: &str,
-    [in_words, out_words]: [usize; 2],
-    defines: &[(&str, String)],
-) -> Result<Vec<u32>, VulkanError> {
+/// Returns the recipe of a kernel called `name`: a text that defines `void twin()` with the
+/// functions of [`head`]. It may include the `included` texts as if they were files.
+fn recipe(stage: KernelStage, name: &str, text: &str, included: &[(String, String)]) -> Recipe {
     let (end, _, row) = stage.syntax();
     let tail = format!("\nvoid main() {{ if ({row} < kernel_rows) twin(); }}\n");
-    let whole = format!("{}{text}{tail}", head(stage, in_words, out_words));
-    Ok(spirv::compile(
-        sources,
-        &format!("{name}.{end}"),
-        &whole,
+    let mut defines = vec!["SPLAT_NONE"];
+    if EXTENDED.contains(&name) {
+        defines.push("EXTENDED");
+    }
+    Recipe {
+        file: format!("{name}.{end}.spv"),
+        entry: format!("{name}.{end}"),
+        text: Some(format!("{}{text}{tail}", head(stage))),
         defines,
-        &[],
-    )?)
+        generated: included.to_vec(),
+    }
 }
 
-/// Runs a compiled kernel over rows of `in_words` words each and returns `out_words` words per row.
+/// Kernels that need double precision or buffer addresses.
+const EXTENDED: [&str; 5] = ["bdpt", "bpt", "delay", "nee", "texels"];
+
+/// Kernels that have a module for compute shaders, too: those that test this. Others need
+/// ray-tracing pipelines.
+const COMPUTE: [&str; 2] = ["echo", "texels"];
+
+/// Returns the recipes of the test modules in a folder, in the order of their files: those of each
+/// kernel `NAME.comp`, and one for each integrator `NAME.integrator`, which takes the place of `bpt`
+/// in `vulkan-compute`. Files with the extension `glsl` may be included.
+///
+/// # Errors
+/// Returns an error if the folder or one of its files cannot be read.
+pub fn recipes(folder: &Path) -> io::Result<Vec<Recipe>> {
+    let mut files: Vec<(String, String, String)> = Vec::new();
+    for entry in std::fs::read_dir(folder)? {
+        let path = entry?.path();
+        let part = |part: Option<&OsStr>| part.unwrap_or_default().to_string_lossy().into_owned();
+        let (name, extension) = (part(path.file_stem()), part(path.extension()));
+        if ["comp", "glsl", "integrator"].contains(&extension.as_str()) {
+            files.push((name, extension, std::fs::read_to_string(&path)?));
+        }
+    }
+    files.sort();
+    let of = |wanted: &'static str| files.iter().filter(move |(_, found, _)| found == wanted);
+    let included: Vec<(String, String)> = of("glsl")
+        .map(|(name, _, text)| (format!("{name}.glsl"), text.clone()))
+        .collect();
+    let mut recipes = Vec::new();
+    for (name, _, text) in of("comp") {
+        recipes.push(recipe(KernelStage::Generation, name, text, &included));
+        if COMPUTE.contains(&name.as_str()) {
+            recipes.push(recipe(KernelStage::Compute, name, text, &included));
+        }
+    }
+    let variant = Variant {
+        extended: false,
+        splats: SplatMode::None,
+    };
+    for (name, _, text) in of("integrator") {
+        let mut replaced = modules::integrator(TracingMode::Compute, "bpt", variant);
+        let renamed = format!("{text}\n#define INTEGRATOR_SAMPLE {name}_sample\n");
+        replaced.file = format!("{name}.spv");
+        replaced.generated = vec![("generated/integrator.glsl".to_owned(), renamed)];
+        recipes.push(replaced);
+    }
+    recipes.sort_by(|a, b| a.file.cmp(&b.file));
+    Ok(recipes)
+}
+
+/// Module of a kernel: its stage, and the bytes of its SPIR-V.
+pub type Kernel = (KernelStage, &'static [u8]);
+
+/// Runs a kernel with these constants over rows of `in_words` words each and returns `out_words`
+/// words per row.
 ///
 /// # Errors
 /// Returns an error if the device fails.
 pub fn run(
     device: &Arc<Device>,
-    stage: KernelStage,
     (scene, job): (&SceneBuffers, &JobBuffers),
-    spirv: &[u32],
+    ((stage, spirv), constants): (Kernel, &Specialization),
     inputs: &[u32],
     [in_words, out_words]: [usize; 2],
 ) -> Result<Vec<u32>, VulkanError> {
+    let spirv = words(spirv);
     let rows = (inputs.len() / in_words.max(1)) as u32;
     let none = vk::BufferUsageFlags::empty();
     let input = Buffer::with(device, "inputs", inputs, none)?;
@@ -151,21 +205,27 @@ pub fn run(
         BoundResource::Storage(&input),
         BoundResource::Storage(&output),
     ]);
+    let push = KernelPush {
+        rows,
+        in_words: in_words as u32,
+        out_words: out_words as u32,
+    };
+    let bytes = size_of::<KernelPush>() as u32;
     match stage {
         KernelStage::Compute => {
             let bindings = Bindings::new(device, vk::ShaderStageFlags::COMPUTE, &bound)?;
-            let compute = ComputePipeline::new(device, "kernel", spirv, &bindings, 4)?;
+            let compute = ComputePipeline::new("kernel", &spirv, constants, &bindings, bytes)?;
             device.run("kernel", |commands| {
-                compute.dispatch(commands, &bindings, &rows, [rows.div_ceil(GROUP), 1, 1]);
+                compute.dispatch(commands, &bindings, &push, [rows.div_ceil(GROUP), 1, 1]);
                 device.barrier_to_copy(commands);
             })?;
         }
         KernelStage::Generation => {
             let bindings = Bindings::new(device, ray_tracing::STAGES, &bound)?;
             let kernel =
-                RayTracingPipeline::generation_only(device, "kernel", spirv, &bindings, 4)?;
+                RayTracingPipeline::generation_only("kernel", &spirv, constants, &bindings, bytes)?;
             device.run("kernel", |commands| {
-                kernel.trace(commands, &bindings, &rows, [rows, 1]);
+                kernel.trace(commands, &bindings, &push, [rows, 1]);
                 device.barrier_to_copy(commands);
             })?;
         }

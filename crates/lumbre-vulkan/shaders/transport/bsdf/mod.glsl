@@ -26,13 +26,9 @@ struct BsdfValue {
     float reverse_pdf_w;
 };
 
-// Bit mask of the models of the scene, with which a pipeline omits the others; all models by
-// default.
-#ifndef MODELS
-#define MODELS 31
-#endif
-const bool HAS_DISNEY = (MODELS & (1 << int(MODEL_DISNEY))) != 0;
-const bool HAS_INTERFACE = (MODELS >> int(MODEL_CONDUCTOR)) != 0;
+// A pipeline omits the models that are not in the scene.
+const bool HAS_DISNEY = (MODELS & (1u << MODEL_DISNEY)) != 0u;
+const bool HAS_INTERFACE = (MODELS >> MODEL_CONDUCTOR) != 0u;
 
 // The BSDF at a point of a surface. `disney` also stores the other models: base colour, index and
 // weights of an ideal surface; base colour, alpha and smoothness of an interface, whose other

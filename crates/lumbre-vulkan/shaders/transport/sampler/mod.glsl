@@ -1,16 +1,11 @@
-// Twin of crates/lumbre-light/src/transport/sampler/mod.rs. If SAMPLER_KIND is defined as SAMPLER_INDEPENDENT or
-// SAMPLER_SOBOL, only that sampler is compiled into a shader; otherwise `job.sampler_kind` decides
-// at run time.
+// Twin of crates/lumbre-light/src/transport/sampler/mod.rs. A pipeline
+// has only the sampler of SAMPLER_KIND.
 #ifndef TRANSPORT_SAMPLER_MOD_GLSL
 #define TRANSPORT_SAMPLER_MOD_GLSL
 
 #include "scene.glsl"
 #include "transport/sampler/independent.glsl"
 #include "transport/sampler/sobol.glsl"
-
-#ifndef SAMPLER_KIND
-#define SAMPLER_KIND job.sampler_kind
-#endif
 
 // The numbers of one sample of one pixel, of either kind; the other kind is unused.
 struct Sampler {

@@ -98,7 +98,9 @@ bool aim_at_lens(uint s, EmissionSample start, Vertex y, inout Sampler numbers, 
 Length connection_length(
     uint s, uint t, bool escaped, Subpaths paths, Vertex y, Vertex z, Aim aim, float direct_distance
 ) {
-#ifdef TIMES
+    if (!TIMES) {
+        return Length(0.0);
+    }
     if (s == 0u) {
         return escaped ? paths.escape_length : optical_length_arrival(z.optical);
     }
@@ -124,9 +126,6 @@ Length connection_length(
     Length near = optical_length_after_segment(z.optical, ratio, sqrt(aim.distance2));
     float far_ratio = bsdf_index_ratio(y.bsdf, y.wo, -aim.wi);
     return near + optical_length_from_light(y.optical, far_ratio, z.optical.index * ratio);
-#else
-    return Length(0.0);
-#endif
 }
 
 // Computes the connection of the strategy of `s` and `t` vertices; `y` and `z` are the ends of the

@@ -1,7 +1,4 @@
 // Twin of crates/lumbre-light/src/transport/integrator/bdpt/subpath.rs.
-//
-// An including file may define MAX_DEPTH, at least `job.max_depth`: the maximum number of stored
-// vertices of each subpath.
 #ifndef TRANSPORT_INTEGRATOR_BDPT_SUBPATH_GLSL
 #define TRANSPORT_INTEGRATOR_BDPT_SUBPATH_GLSL
 
@@ -16,10 +13,6 @@
 #include "transport/sampler/mod.glsl"
 #include "transport/surface.glsl"
 #include "transport/vertex.glsl"
-
-#ifndef MAX_DEPTH
-#define MAX_DEPTH 8u
-#endif
 
 // A vertex on a surface, generated from the camera or from a light; fields as in Rust. The shading
 // normal is that of the BSDF's frame.
@@ -38,9 +31,7 @@ struct Vertex {
     vec3 emitted;
     vec3 throughput;
     MisPartials partials;
-#ifdef TIMES
     OpticalLength optical;
-#endif
 };
 
 // The vertex that an edge of a subpath leaves.
@@ -268,9 +259,9 @@ Subpaths trace_subpaths(uint h, uvec2 pixel, uint max_edges, inout Sampler numbe
                 || !edge_vertex_at(d.edge, h, surface, mode, d.throughput, v)) {
                 break;
             }
-#ifdef TIMES
-            v.optical = path_time.optical;
-#endif
+            if (TIMES) {
+                v.optical = path_time.optical;
+            }
             bool ends = surface_ends_paths(surface);
             v.connectible = v.connectible && !ends;
             vertices[(camera ? 0u : MAX_DEPTH) + count] = v;

@@ -1,0 +1,35 @@
+// Generated from crates/lumbre-vulkan/src/layout/specialization.rs by the test
+// `the_committed_constants_are_those_of_the_code`; do not edit.
+
+// SAMPLER_INDEPENDENT or SAMPLER_SOBOL.
+layout(constant_id = 0) const uint SAMPLER_KIND = 0u;
+// Bit mask of the material models of the scene.
+layout(constant_id = 1) const uint MODELS = 31u;
+// Maximum number of stored vertices of each subpath of a bidirectional integrator.
+layout(constant_id = 2) const uint MAX_DEPTH = 8u;
+// Whether the film has layers.
+layout(constant_id = 3) const bool LAYERS = false;
+// Whether the events of paths are recorded.
+layout(constant_id = 4) const bool PATHS = false;
+// Whether the scene has composed or delayed materials.
+layout(constant_id = 5) const bool PARTS = false;
+// Whether a mesh has a second set of texture coordinates.
+layout(constant_id = 6) const bool SECOND_UVS = false;
+// Binary logarithm of the number of texels of a block; NONE if all are in one buffer.
+#ifdef EXTENDED
+layout(constant_id = 7) const uint TEXEL_SHIFT = 4294967295u;
+#else
+const uint TEXEL_SHIFT = 4294967295u;
+#endif
+// Whether the film has a time axis.
+#ifdef EXTENDED
+layout(constant_id = 8) const bool TIMES = false;
+#else
+const bool TIMES = false;
+#endif
+// Whether the scene has instances of meshes.
+#ifdef EXTENDED
+layout(constant_id = 9) const bool INSTANCES = false;
+#else
+const bool INSTANCES = false;
+#endif

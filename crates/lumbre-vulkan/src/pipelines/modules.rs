@@ -1,0 +1,206 @@
+//! The shader modules of the program: which there are, and what each is made of.
+//!
+//! A module is SPIR-V for one stage of a pipeline. Numbers and switches of a job are specialisation
+//! constants ([`crate::layout::Specialization`]). Another module exists only where types or required
+//! capabilities differ: extended modules use double precision and buffer addresses, and splats are
+//! summed in floats or in integers.
+
+use std::fmt::Write;
+
+use lumbre_light::transport::integrator::INTEGRATORS;
+
+use super::program::TracingMode;
+use super::texts::TEXTS;
+use crate::films::device_film::SplatMode;
+
+/// What a module is made of.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Recipe {
+    /// Name of its file.
+    pub file: String,
+    /// Path of the text of its entry below the root of the shaders; the extension is its stage.
+    pub entry: String,
+    /// Text to compile instead of the file `entry`.
+    pub text: Option<String>,
+    /// Preprocessor symbols that are defined.
+    pub defines: Vec<&'static str>,
+    /// Texts that may be included as if they were files: path, text.
+    pub generated: Vec<(String, String)>,
+}
+
+/// Properties of a pipeline in which its modules differ.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Variant {
+    /// Whether the modules are extended, for a time axis, instances of meshes, or texels in blocks.
+    pub extended: bool,
+    /// Summation of splats.
+    pub splats: SplatMode,
+}
+
+/// Stage without an integrator of a ray-tracing pipeline.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HitStage {
+    /// Miss shader.
+    Miss,
+    /// Closest-hit shader of triangles.
+    Triangle,
+    /// Closest-hit shader of spheres.
+    Sphere,
+    /// Any-hit shader, which applies masks.
+    Mask,
+    /// Intersection shader of spheres.
+    Intersection,
+}
+
+impl HitStage {
+    /// All these stages.
+    pub const ALL: [HitStage; 5] = [
+        HitStage::Miss,
+        HitStage::Triangle,
+        HitStage::Sphere,
+        HitStage::Mask,
+        HitStage::Intersection,
+    ];
+
+    /// Returns the recipe of the stage's module, extended only if it reads triangles or texels.
+    pub fn recipe(self, extended: bool) -> Recipe {
+        let (stem, extension, differs) = match self {
+            HitStage::Miss => ("miss", "rmiss", false),
+            HitStage::Triangle => ("triangle", "rchit", true),
+            HitStage::Sphere => ("sphere", "rchit", false),
+            HitStage::Mask => ("mask", "rahit", true),
+            HitStage::Intersection => ("sphere", "rint", true),
+        };
+        let (mut file, mut defines) = (stem.to_owned(), Vec::new());
+        if extended && differs {
+            file.push_str(".extended");
+            defines.push("EXTENDED");
+        }
+        Recipe {
+            file: format!("{file}.{extension}.spv"),
+            entry: format!("entry/{stem}.{extension}"),
+            text: None,
+            defines,
+            generated: Vec::new(),
+        }
+    }
+}
+
+/// Returns the recipe of the module that runs an integrator; integrators with splats need double
+/// precision in any case.
+pub fn integrator(mode: TracingMode, name: &str, variant: Variant) -> Recipe {
+    let (stem, extension) = match mode {
+        TracingMode::Compute => ("compute.comp", "comp"),
+        TracingMode::Query => ("query.comp", "query.comp"),
+        TracingMode::Pipeline => ("generation.rgen", "rgen"),
+    };
+    let (defines, suffix) = match variant.splats {
+        SplatMode::None if variant.extended => (vec!["SPLAT_NONE", "EXTENDED"], ".extended"),
+        SplatMode::None => (vec!["SPLAT_NONE"], ""),
+        SplatMode::Float => (vec!["SPLAT_FLOAT", "EXTENDED"], ".floats"),
+        SplatMode::Fixed => (vec!["SPLAT_FIXED", "EXTENDED"], ".integers"),
+    };
+    let text = format!(
+        "#include \"transport/integrator/{name}\"\n#define INTEGRATOR_SAMPLE {name}_sample\n"
+    );
+    Recipe {
+        file: format!("{name}{suffix}.{extension}.spv"),
+        entry: format!("entry/{stem}"),
+        text: None,
+        defines,
+        generated: vec![("generated/integrator.glsl".to_owned(), text)],
+    }
+}
+
+/// Returns the recipes of all modules of the program, in the order of their files.
+pub fn recipes() -> Vec<Recipe> {
+    let mut recipes: Vec<Recipe> = Vec::new();
+    for row in INTEGRATORS {
+        let all_splats: &[SplatMode] = match row.splats {
+            false => &[SplatMode::None],
+            true => &[SplatMode::Float, SplatMode::Fixed],
+        };
+        for mode in TracingMode::ALL {
+            for splats in all_splats {
+                recipes.extend([false, true].map(|extended| {
+                    let splats = *splats;
+                    integrator(mode, row.name, Variant { extended, splats })
+                }));
+            }
+        }
+    }
+    for stage in HitStage::ALL {
+        recipes.extend([false, true].map(|extended| stage.recipe(extended)));
+    }
+    recipes.sort_by(|a, b| a.file.cmp(&b.file));
+    recipes.dedup();
+    recipes
+}
+
+/// Returns the text of `manifest.txt` beside modules: a hash of everything that they are made from,
+/// and a hash of each file. Modules whose manifest differs were made from other sources.
+pub fn manifest(recipes: &[Recipe], modules: &[(String, Vec<u8>)]) -> String {
+    let mut hasher = blake3::Hasher::new();
+    let mut add = |text: &str| {
+        hasher.update(&(text.len() as u64).to_le_bytes());
+        hasher.update(text.as_bytes());
+    };
+    for (path, text) in TEXTS {
+        add(path);
+        add(text);
+    }
+    for recipe in recipes {
+        add(&recipe.file);
+        add(&recipe.entry);
+        add(recipe.text.as_deref().unwrap_or_default());
+        recipe.defines.iter().for_each(|name| add(name));
+        for (path, text) in &recipe.generated {
+            add(path);
+            add(text);
+        }
+    }
+    let mut text = String::from(
+        "Made by `cargo run -p xtask -- shaders`; do not edit. A test compares the hashes.\n\n",
+    );
+    // Writing to a string cannot fail.
+    let _ = writeln!(text, "{} sources", hasher.finalize().to_hex());
+    for (file, bytes) in modules {
+        let _ = writeln!(text, "{} {file}", blake3::hash(bytes).to_hex());
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use crate::pipelines::committed;
+
+    #[test]
+    fn every_recipe_has_a_module_and_every_module_a_recipe() {
+        let made: BTreeSet<String> = recipes().into_iter().map(|recipe| recipe.file).collect();
+        let committed: BTreeSet<String> = committed::MODULES
+            .iter()
+            .map(|(file, _)| (*file).to_owned())
+            .collect();
+        assert_eq!(made, committed, "run `cargo run -p xtask -- shaders`");
+    }
+
+    #[test]
+    fn files_differ_where_recipes_do() {
+        let recipes = recipes();
+        let files: BTreeSet<&str> = recipes.iter().map(|recipe| recipe.file.as_str()).collect();
+        assert_eq!(files.len(), recipes.len());
+        assert!(files.len() < 40, "{} modules", files.len());
+    }
+
+    #[test]
+    fn a_manifest_changes_with_a_recipe_and_with_a_module() {
+        let (mut recipes, modules) = (recipes(), vec![("a.spv".to_owned(), vec![1, 2, 3, 4])]);
+        let text = manifest(&recipes, &modules);
+        assert_ne!(manifest(&recipes, &[("a.spv".to_owned(), vec![1])]), text);
+        recipes[0].defines.push("EXTRA");
+        assert_ne!(manifest(&recipes, &modules), text);
+    }
+}

@@ -1,0 +1,137 @@
+//! Removes from SPIR-V what drivers do not need: debug names, functions that are never called, and
+//! declarations that nothing uses.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Number of words before the first instruction.
+const HEADER: usize = 5;
+
+const OP_ENTRY_POINT: u32 = 15;
+const OP_CAPABILITY: u32 = 17;
+const OP_FUNCTION: u32 = 54;
+const OP_FUNCTION_END: u32 = 56;
+const OP_FUNCTION_CALL: u32 = 57;
+const OP_VARIABLE: u32 = 59;
+const OP_DECORATE: u32 = 71;
+const OP_MEMBER_DECORATE: u32 = 72;
+
+/// Opcodes of debug instructions: sources, names, strings, lines, `OpModuleProcessed`.
+const DEBUG: [u32; 9] = [2, 3, 4, 5, 6, 7, 8, 317, 330];
+
+/// Instructions with the position of their result id, if they declare something outside of
+/// functions.
+fn result_index(op: u32) -> Option<usize> {
+    match op {
+        // OpExtInstImport, and types from OpTypeVoid to OpTypePipe.
+        11 | 19..=38 => Some(1),
+        // OpTypeRayQueryKHR and OpTypeAccelerationStructureKHR.
+        4472 | 5341 => Some(1),
+        // OpUndef, constants, specialisation constants, variables.
+        1 | 41..=46 | 48..=52 | OP_VARIABLE => Some(2),
+        _ => None,
+    }
+}
+
+fn op(instruction: &[u32]) -> u32 {
+    instruction[0] & 0xffff
+}
+
+/// Splits a module into its instructions.
+fn instructions(words: &[u32]) -> Vec<&[u32]> {
+    let (mut rest, mut found) = (words.get(HEADER..).unwrap_or_default(), Vec::new());
+    while let Some(first) = rest.first() {
+        let length = ((first >> 16) as usize).clamp(1, rest.len());
+        let (instruction, next) = rest.split_at(length);
+        found.push(instruction);
+        rest = next;
+    }
+    found
+}
+
+/// Returns the functions that are called from the entry points, directly or not.
+fn called(instructions: &[&[u32]]) -> BTreeSet<u32> {
+    let mut calls: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+    let (mut open, mut current) = (Vec::new(), 0);
+    for instruction in instructions {
+        match op(instruction) {
+            OP_ENTRY_POINT => open.push(instruction[2]),
+            OP_FUNCTION => current = instruction[2],
+            OP_FUNCTION_CALL => calls.entry(current).or_default().push(instruction[3]),
+            _ => {}
+        }
+    }
+    let mut found = BTreeSet::new();
+    while let Some(function) = open.pop() {
+        if found.insert(function) {
+            open.extend(calls.get(&function).into_iter().flatten());
+        }
+    }
+    found
+}
+
+/// Returns a module without debug instructions and unused functions and declarations.
+pub fn shrink(words: &[u32]) -> Vec<u32> {
+    let all = instructions(words);
+    let called = called(&all);
+    let (mut kept, mut inside): (Vec<&[u32]>, bool) = (Vec::new(), true);
+    for instruction in all {
+        match op(instruction) {
+            OP_FUNCTION => inside = called.contains(&instruction[2]),
+            code if DEBUG.contains(&code) => continue,
+            _ => {}
+        }
+        if inside {
+            kept.push(instruction);
+        }
+        inside |= op(instruction) == OP_FUNCTION_END;
+    }
+    let used = used_ids(&kept);
+    let mut shrunk = words[..HEADER.min(words.len())].to_vec();
+    for instruction in kept {
+        match op(instruction) {
+            OP_ENTRY_POINT => shrunk.extend(entry_point(instruction, &used)),
+            OP_DECORATE | OP_MEMBER_DECORATE if !used.contains(&instruction[1]) => {}
+            code if result_index(code).is_some_and(|i| !used.contains(&instruction[i])) => {}
+            _ => shrunk.extend(instruction),
+        }
+    }
+    shrunk
+}
+
+/// Returns the ids that functions and, in turn, used declarations refer to. Every word of an
+/// instruction may be an id, so a number that equals an id keeps its declaration.
+fn used_ids(instructions: &[&[u32]]) -> BTreeSet<u32> {
+    let (mut used, mut open, mut declared) = (BTreeSet::new(), Vec::new(), BTreeMap::new());
+    let mut inside = false;
+    for instruction in instructions {
+        let code = op(instruction);
+        inside |= code == OP_FUNCTION;
+        match result_index(code) {
+            Some(i) if !inside => {
+                declared.insert(instruction[i], *instruction);
+            }
+            _ if matches!(code, OP_ENTRY_POINT | OP_DECORATE | OP_MEMBER_DECORATE) => {}
+            _ if code == OP_CAPABILITY => {}
+            _ => open.extend(&instruction[1..]),
+        }
+    }
+    while let Some(id) = open.pop() {
+        if used.insert(id)
+            && let Some(declaration) = declared.get(&id)
+        {
+            open.extend(&declaration[1..]);
+        }
+    }
+    used
+}
+
+/// Returns an entry point without the variables that are not used.
+fn entry_point(instruction: &[u32], used: &BTreeSet<u32>) -> Vec<u32> {
+    let ends = |word: &u32| word.to_le_bytes().contains(&0);
+    let name = instruction[3..].iter().position(ends).unwrap_or(0);
+    let (head, variables) = instruction.split_at((4 + name).min(instruction.len()));
+    let mut made = head.to_vec();
+    made.extend(variables.iter().filter(|id| used.contains(id)));
+    made[0] = (made.len() as u32) << 16 | OP_ENTRY_POINT;
+    made
+}

@@ -1,0 +1,114 @@
+//! Sources of shader modules: the SPIR-V in the program, or a folder of modified GLSL, which is
+//! compiled when a run is opened.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use super::committed;
+use super::modules::Recipe;
+
+/// Environment variable that names a folder of modified shaders; its contents are part of the
+/// identity of runs.
+pub const FOLDER_VARIABLE: &str = "LUMBRE_SHADERS";
+
+/// Source of shader modules.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Sources {
+    /// The SPIR-V in the program.
+    Embedded,
+    /// A folder laid out like `shaders/`; missing files are taken from the texts in the program.
+    /// Needs the feature `shader-dev`.
+    Folder(PathBuf),
+    /// Modules by file name that replace those of the program: each with the bytes of its SPIR-V.
+    Replaced(Arc<[(&'static str, &'static [u8])]>),
+}
+
+/// Reason why a shader cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ShaderError {
+    /// The folder of modified shaders cannot be compiled.
+    #[error(
+        "{FOLDER_VARIABLE} is set, but this program was built without the compiler of shaders; \
+         build it with `--features shader-dev`, which needs a C++ compiler, or unset \
+         {FOLDER_VARIABLE}"
+    )]
+    NoCompiler,
+    /// The program has no module of this name.
+    #[error("the program has no shader module `{0}`; make it with `cargo run -p xtask -- shaders`")]
+    NoModule(String),
+    /// The file does not exist.
+    #[error("the shader `{0}` does not exist, neither in {FOLDER_VARIABLE} nor in the program")]
+    Missing(String),
+    /// A file of the folder cannot be read.
+    #[error("the shader {file} cannot be read: {problem}")]
+    Unreadable {
+        /// Path of the file.
+        file: String,
+        /// Message of the operating system.
+        problem: String,
+    },
+    /// The text does not compile.
+    #[error("the shader `{entry}` does not compile:\n{log}")]
+    Invalid {
+        /// File that was compiled; the log names included ones.
+        entry: String,
+        /// Compiler messages, `file:line: message` each.
+        log: String,
+    },
+}
+
+impl Sources {
+    /// Returns the sources that [`FOLDER_VARIABLE`] selects.
+    pub fn from_env() -> Sources {
+        let folder = std::env::var_os(FOLDER_VARIABLE).filter(|folder| !folder.is_empty());
+        folder.map_or(Sources::Embedded, |folder| Sources::Folder(folder.into()))
+    }
+
+    /// Returns the words of a module.
+    ///
+    /// # Errors
+    /// Returns an error if the program does not have it or, of a folder, it cannot be compiled.
+    pub fn module(&self, recipe: &Recipe) -> Result<Vec<u32>, ShaderError> {
+        let replaced = match self {
+            Sources::Embedded => None,
+            #[cfg(feature = "shader-dev")]
+            Sources::Folder(_) => return super::glsl::make(self, recipe),
+            #[cfg(not(feature = "shader-dev"))]
+            Sources::Folder(_) => return Err(ShaderError::NoCompiler),
+            Sources::Replaced(modules) => modules.iter().find(|(file, _)| *file == recipe.file),
+        };
+        let found = replaced.or_else(|| {
+            let mut modules = committed::MODULES.iter();
+            modules.find(|(file, _)| *file == recipe.file)
+        });
+        found
+            .map(|(_, bytes)| words(bytes))
+            .ok_or_else(|| ShaderError::NoModule(recipe.file.clone()))
+    }
+}
+
+/// Returns the words of a SPIR-V file.
+pub fn words(bytes: &[u8]) -> Vec<u32> {
+    let words = bytes.as_chunks::<4>().0.iter();
+    words.map(|word| u32::from_le_bytes(*word)).collect()
+}
+
+#[cfg(not(feature = "shader-dev"))]
+impl Sources {
+    /// Returns `None`: shaders cannot be modified.
+    ///
+    /// # Errors
+    /// Returns an error if a folder is selected.
+    pub fn edited(&self) -> Result<Option<String>, ShaderError> {
+        match self {
+            Sources::Folder(_) => Err(ShaderError::NoCompiler),
+            Sources::Embedded | Sources::Replaced(_) => Ok(None),
+        }
+    }
+
+    /// Returns whether there is a shader of this integrator.
+    pub fn has_integrator(&self, name: &str) -> bool {
+        let of = |file: &str| file.split('.').next() == Some(name);
+        committed::MODULES.iter().any(|(file, _)| of(file))
+    }
+}

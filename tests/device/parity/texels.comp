@@ -1,0 +1,1 @@
+void twin() { out_vec3(texel_at(in_word())); }

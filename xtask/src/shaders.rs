@@ -1,0 +1,137 @@
+//! Makes the SPIR-V that is committed, or compares it with what would be made.
+
+use std::collections::BTreeSet;
+use std::fmt::Write;
+use std::path::Path;
+
+use lumbre_vulkan::pipelines::modules::{Recipe, manifest, recipes};
+use lumbre_vulkan::pipelines::sources::Sources;
+use lumbre_vulkan::pipelines::{glsl, test_kernel};
+
+use crate::root;
+
+/// Folder of the program's modules.
+const PROGRAM: &str = "crates/lumbre-vulkan/spirv";
+
+/// Rust file that embeds them.
+const EMBEDDING: &str = "crates/lumbre-vulkan/src/pipelines/committed.rs";
+
+/// Folder of the texts of test modules; the modules are in its folder `spirv`.
+const TESTS: &str = "tests/device/parity";
+
+/// Options of the chore.
+#[derive(clap::Args)]
+pub struct Args {
+    /// Write nothing; fail if a committed file differs from what the shaders compile to
+    #[arg(long)]
+    check: bool,
+}
+
+/// Makes all modules and their manifests.
+///
+/// # Errors
+/// Returns a message if a shader does not compile, a file cannot be read or written or, with
+/// `--check`, differs.
+pub fn run(args: &Args) -> Result<(), String> {
+    let program = recipes();
+    let tests = test_kernel::recipes(&root().join(TESTS)).map_err(|e| format!("{TESTS}: {e}"))?;
+    let mut outdated = Vec::new();
+    let mut put = |path: &str, bytes: &[u8]| {
+        let is_outdated = update(&root().join(path), bytes, args.check)?;
+        outdated.extend(is_outdated.then(|| path.to_owned()));
+        Ok::<(), String>(())
+    };
+    for (folder, recipes) in [(PROGRAM, &program), (&format!("{TESTS}/spirv"), &tests)] {
+        let modules = make(recipes)?;
+        for (file, bytes) in &modules {
+            put(&format!("{folder}/{file}"), bytes)?;
+        }
+        put(
+            &format!("{folder}/manifest.txt"),
+            manifest(recipes, &modules).as_bytes(),
+        )?;
+        let bytes: usize = modules.iter().map(|(_, bytes)| bytes.len()).sum();
+        println!(
+            "{folder}: {} modules, {} KiB",
+            modules.len(),
+            bytes.div_ceil(1024)
+        );
+    }
+    put(EMBEDDING, embedding(&program).as_bytes())?;
+    for (folder, recipes) in [(PROGRAM, &program), (&format!("{TESTS}/spirv"), &tests)] {
+        outdated.extend(remove_others(folder, recipes, args.check)?);
+    }
+    match (args.check, outdated.as_slice()) {
+        (_, []) => println!("the committed SPIR-V is up to date"),
+        (false, changed) => println!("written or removed:\n  {}", changed.join("\n  ")),
+        (true, changed) => {
+            return Err(format!(
+                "outdated, to be made by `cargo run -p xtask -- shaders`:\n  {}",
+                changed.join("\n  ")
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Compiles modules; returns file names and bytes.
+fn make(recipes: &[Recipe]) -> Result<Vec<(String, Vec<u8>)>, String> {
+    let make = |recipe: &Recipe| {
+        let words = glsl::make(&Sources::Embedded, recipe).map_err(|e| e.to_string())?;
+        let bytes = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+        Ok((recipe.file.clone(), bytes))
+    };
+    recipes.iter().map(make).collect()
+}
+
+/// Writes a file unless it has these bytes already, or `check`; returns whether it had others.
+fn update(path: &Path, bytes: &[u8], check: bool) -> Result<bool, String> {
+    let differs = std::fs::read(path).ok().as_deref() != Some(bytes);
+    if differs && !check {
+        let folder = path.parent().unwrap_or(path);
+        std::fs::create_dir_all(folder)
+            .and_then(|()| std::fs::write(path, bytes))
+            .map_err(|e| format!("{}: {e}", path.display()))?;
+    }
+    Ok(differs)
+}
+
+/// Removes modules without a recipe from a folder, unless `check`; returns their paths.
+fn remove_others(folder: &str, recipes: &[Recipe], check: bool) -> Result<Vec<String>, String> {
+    let known: BTreeSet<&str> = recipes.iter().map(|recipe| recipe.file.as_str()).collect();
+    let path = root().join(folder);
+    let entries = std::fs::read_dir(&path).map_err(|e| format!("{folder}: {e}"))?;
+    let mut others = Vec::new();
+    for entry in entries {
+        let name = entry.map_err(|e| format!("{folder}: {e}"))?.file_name();
+        let name = name.to_string_lossy();
+        if name.ends_with(".spv") && !known.contains(&*name) {
+            if !check {
+                std::fs::remove_file(path.join(&*name)).map_err(|e| format!("{name}: {e}"))?;
+            }
+            others.push(format!("{folder}/{name}"));
+        }
+    }
+    Ok(others)
+}
+
+/// Returns the text of the Rust file that embeds the program's modules.
+fn embedding(recipes: &[Recipe]) -> String {
+    let mut text = String::from(
+        "//! SPIR-V of the shaders. Written by `cargo run -p xtask -- shaders`; do not edit.\n\n\
+         /// Embeds files of `spirv/`.\n\
+         macro_rules! embed {\n    \
+         ($($file:literal),* $(,)?) => {\n        \
+         /// File name and bytes of every module.\n        \
+         pub(super) static MODULES: &[(&str, &[u8])] = &[$((\n            \
+         $file,\n            \
+         include_bytes!(concat!(env!(\"CARGO_MANIFEST_DIR\"), \"/spirv/\", $file)),\n        \
+         )),*];\n    };\n}\n\nembed![\n",
+    );
+    for recipe in recipes {
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "    \"{}\",", recipe.file);
+    }
+    text.push_str("];\n");
+    text
+}
