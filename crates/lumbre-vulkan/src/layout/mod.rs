@@ -209,7 +209,8 @@ mod tests {
     }
 }
 
-#[cfg(all(test, feature = "shader-dev"))]
+#[cfg(test)]
+#[cfg(feature = "shader-dev")]
 mod offset_tests {
     use std::collections::BTreeMap;
 

@@ -1,5 +1,5 @@
-//! Removes from SPIR-V what drivers do not need: debug names, functions that are never called, and
-//! declarations that nothing uses.
+//! Removes from SPIR-V what drivers do not need: debug names, and declarations that nothing uses. The
+//! compiler itself omits functions that nothing calls.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,8 +9,6 @@ const HEADER: usize = 5;
 const OP_ENTRY_POINT: u32 = 15;
 const OP_CAPABILITY: u32 = 17;
 const OP_FUNCTION: u32 = 54;
-const OP_FUNCTION_END: u32 = 56;
-const OP_FUNCTION_CALL: u32 = 57;
 const OP_VARIABLE: u32 = 59;
 const OP_DECORATE: u32 = 71;
 const OP_MEMBER_DECORATE: u32 = 72;
@@ -48,43 +46,10 @@ fn instructions(words: &[u32]) -> Vec<&[u32]> {
     found
 }
 
-/// Returns the functions that are called from the entry points, directly or not.
-fn called(instructions: &[&[u32]]) -> BTreeSet<u32> {
-    let mut calls: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
-    let (mut open, mut current) = (Vec::new(), 0);
-    for instruction in instructions {
-        match op(instruction) {
-            OP_ENTRY_POINT => open.push(instruction[2]),
-            OP_FUNCTION => current = instruction[2],
-            OP_FUNCTION_CALL => calls.entry(current).or_default().push(instruction[3]),
-            _ => {}
-        }
-    }
-    let mut found = BTreeSet::new();
-    while let Some(function) = open.pop() {
-        if found.insert(function) {
-            open.extend(calls.get(&function).into_iter().flatten());
-        }
-    }
-    found
-}
-
-/// Returns a module without debug instructions and unused functions and declarations.
+/// Returns a module without debug instructions and unused declarations.
 pub fn shrink(words: &[u32]) -> Vec<u32> {
-    let all = instructions(words);
-    let called = called(&all);
-    let (mut kept, mut inside): (Vec<&[u32]>, bool) = (Vec::new(), true);
-    for instruction in all {
-        match op(instruction) {
-            OP_FUNCTION => inside = called.contains(&instruction[2]),
-            code if DEBUG.contains(&code) => continue,
-            _ => {}
-        }
-        if inside {
-            kept.push(instruction);
-        }
-        inside |= op(instruction) == OP_FUNCTION_END;
-    }
+    let mut kept = instructions(words);
+    kept.retain(|instruction| !DEBUG.contains(&op(instruction)));
     let used = used_ids(&kept);
     let mut shrunk = words[..HEADER.min(words.len())].to_vec();
     for instruction in kept {
