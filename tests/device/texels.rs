@@ -17,7 +17,6 @@ use lumbre_vulkan::error::VulkanError;
 use lumbre_vulkan::layout::Specialization;
 use lumbre_vulkan::memory::upload::{JobBuffers, SceneBuffers};
 use lumbre_vulkan::pipelines::program::TracingMode;
-use lumbre_vulkan::pipelines::sources::Sources;
 use lumbre_vulkan::pipelines::test_kernel;
 use lumbre_vulkan::renderer::into_render_error;
 

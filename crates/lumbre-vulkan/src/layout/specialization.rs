@@ -6,7 +6,7 @@ use std::mem::offset_of;
 use ash::vk;
 use lumbre_light::scene::compile::NONE;
 
-/// Specialisation constant.
+/// Specialisation constant of the shaders.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ConstantLayout {
     /// Name in GLSL.

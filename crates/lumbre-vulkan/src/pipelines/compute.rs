@@ -164,10 +164,10 @@ impl Drop for Bindings {
     }
 }
 
-/// OpCapability Float64.
+/// SPIR-V capability of double precision.
 const FLOAT64: u32 = 10;
 
-/// OpCapability PhysicalStorageBufferAddresses.
+/// SPIR-V capability of addresses of storage buffers.
 const ADDRESSES: u32 = 5347;
 
 /// Returns whether SPIR-V needs a capability.

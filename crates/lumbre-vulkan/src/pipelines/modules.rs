@@ -13,7 +13,7 @@ use super::program::TracingMode;
 use super::texts::TEXTS;
 use crate::films::device_film::SplatMode;
 
-/// What a module is made of.
+/// Everything that a module is made of.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Recipe {
     /// Name of its file.
@@ -40,7 +40,7 @@ pub struct Variant {
 /// Stage without an integrator of a ray-tracing pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HitStage {
-    /// Miss shader.
+    /// Shader of rays that hit nothing.
     Miss,
     /// Closest-hit shader of triangles.
     Triangle,
