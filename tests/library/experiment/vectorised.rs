@@ -48,7 +48,8 @@ const SCALAR_CAUSES: [ScalarCause; 3] = [
     (
         |config, variant| {
             if variant == "special" {
-                config.sampler = "sobol".into()
+                config.integrator = "bdpt".into();
+                config.sampler = "sobol".into();
             }
         },
         "with the sampler `sobol`",
@@ -56,7 +57,8 @@ const SCALAR_CAUSES: [ScalarCause; 3] = [
     (
         |config, variant| {
             if variant == "special" {
-                config.films = vec![Layer::Depth]
+                config.integrator = "bdpt".into();
+                config.films = vec![Layer::Depth];
             }
         },
         "with `films`",
@@ -64,6 +66,7 @@ const SCALAR_CAUSES: [ScalarCause; 3] = [
     (
         |config, variant| {
             if variant == "special" {
+                config.integrator = "bdpt".into();
                 config.params = BTreeMap::from([("lights".to_owned(), Value::from("all"))]);
             }
         },
@@ -113,7 +116,11 @@ fn one_scalar_run_makes_every_run_of_a_night_scalar_for_any_selection() {
 
 #[test]
 fn a_night_without_vectorisable_runs_causes_no_warning() {
-    let plan = lab(|config, _| config.sampler = "sobol".into()).plan();
+    let plan = lab(|config, _| {
+        config.integrator = "bdpt".into();
+        config.sampler = "sobol".into();
+    })
+    .plan();
     assert_eq!(
         (lanes(&plan), warned(&plan)),
         (vec![LaneMode::Never; 3], None)

@@ -53,10 +53,13 @@ struct PrimitiveList {
 }
 
 impl SmallScene {
-    /// Prepares the scene of a hierarchy that is one leaf; returns `None` for larger scenes.
+    /// Prepares the scene of a hierarchy that is one leaf; returns `None` for larger scenes and for
+    /// those with instances.
     pub fn new_if_small(accel: &Accel, width: Width) -> Option<SmallScene> {
         let scene = &accel.scene;
-        let is_small = accel.is_one_leaf() && scene.primitive_count() <= ONE_LEAF;
+        let is_small = accel.is_one_leaf()
+            && scene.primitive_count() <= ONE_LEAF
+            && scene.instances.placements.is_empty();
         is_small.then(|| SmallScene::new(width, Arc::clone(scene)))
     }
 
