@@ -86,7 +86,7 @@ impl SurfaceClasses {
     pub fn new(scene: &CompiledScene) -> SurfaceClasses {
         let mut all = SurfaceClasses::default();
         for material in &scene.materials {
-            let packed = PackedBsdf::new(material);
+            let packed = PackedBsdf::new(material, !scene.colors.is_empty());
             let mut of = [0; KINDS];
             for (sphere, instanced) in [(false, false), (false, true), (true, false)] {
                 for emits in [false, true] {
@@ -224,9 +224,9 @@ impl<'a, R: Lanes<N>, const N: usize> Arrival<'a, R, N> {
                 .terminator
                 .map_or(R::Mask::default(), |offset| offset.exists),
         };
-        let varies = bsdf.textured || traits.colors;
-        let parameters =
-            varies.then(|| ShadingParameters::new(surface, &scene.textures, traits.textured));
+        let parameters = bsdf
+            .varies
+            .then(|| ShadingParameters::new(surface, &scene.textures, traits.textured));
         let packed = map_array(self.materials, |m| &classes.packed[m as usize]);
         Bsdf::unpack(&at, bsdf, packed, parameters.as_ref())
     }

@@ -24,7 +24,8 @@ pub struct Clearcoat<R = f32> {
     pub strength: R,
     /// Width of the GTR1 lobe.
     pub alpha: R,
-    /// Natural logarithm of the squared width; any number if the strength is zero.
+    /// Natural logarithm of the squared width. If the strength is zero, any number except zero:
+    /// lanes without a coat are evaluated with those that have one.
     pub ln_alpha2: R,
 }
 
@@ -39,7 +40,7 @@ impl Clearcoat<f32> {
             ln_alpha2: if clearcoat > 0.0 {
                 (alpha * alpha).ln()
             } else {
-                0.0
+                -1.0
             },
         }
     }

@@ -4,9 +4,8 @@
 //! surface, and the refractive one sees the inverse index from inside.
 //!
 //! With [vector types](crate::math::real), all lanes hold surfaces of one
-//! [class](super::material::BsdfClass): whether there is a coat, a tint, sheen or subsurface
-//! scattering is the same in every lane. Other lobes may be missing in some lanes, where their
-//! weight is zero.
+//! [class](super::material::BsdfClass): whether reflectance is tinted is the same in every lane.
+//! Lobes may be missing in some lanes, where their weight is zero.
 
 mod parameters;
 mod sampling;

@@ -17,8 +17,8 @@ use super::plastic::Plastic;
 use super::{Bsdf, Orientation};
 use crate::math::real::{Mask, Outlined, Real, Vector};
 use crate::math::simd::{F32x8, Lanes, map_array};
-use crate::scene::compile::{Material, Model, NONE};
-use crate::transport::surface::ShadingParameters;
+use crate::scene::compile::{Material, Model};
+use crate::transport::surface::{ShadingParameters, TexturedParameters};
 
 /// Numbers of a packed BSDF.
 const NUMBERS: usize = 24;
@@ -26,7 +26,7 @@ const NUMBERS: usize = 24;
 /// A material's BSDF with the values of its parameters, without those of textures.
 #[derive(Clone, Copy, Debug)]
 pub struct PackedBsdf {
-    /// [`NUMBERS`] numbers: with textures the material's constants, else the BSDF itself.
+    /// [`NUMBERS`] numbers: the material's constants if its parameters vary, else the BSDF itself.
     rows: [F32x8; 3],
     /// Traits of the material.
     pub class: PackedClass,
@@ -40,26 +40,22 @@ pub struct PackedBsdf {
 pub struct PackedClass {
     /// Traits that all lanes must share.
     pub bsdf: BsdfClass,
-    /// Whether textures change base colour, roughness, metallic or opacity.
-    pub textured: bool,
-    /// Whether any lobe has a density, as far as that is known without textures: otherwise `true`.
+    /// Whether base colour, roughness, metallic or opacity vary over surfaces: by textures or by
+    /// vertex colours.
+    pub varies: bool,
+    /// Whether any lobe has a density; `true` if that depends on parameters that vary.
     pub has_density: bool,
-    /// Whether the microfacets are Dirac lobes; `false` with textures.
+    /// Whether the microfacets are Dirac lobes; `false` if parameters vary.
     smooth: bool,
     /// Presence of the opaque, metallic, refractive, clearcoat, subsurface and sheen lobes, and
-    /// whether the refractive one is a Dirac lobe; all `false` with textures.
+    /// whether the refractive one is a Dirac lobe; all `false` if parameters vary.
     lobes: [bool; 7],
 }
 
 impl PackedBsdf {
-    /// Packs the BSDF of a material.
-    pub fn new(m: &Material) -> PackedBsdf {
-        let textured = [
-            m.base_color_texture,
-            m.roughness_texture,
-            m.metallic_texture,
-            m.opacity_texture,
-        ] != [NONE; 4];
+    /// Packs the BSDF of a material. `tinted` states whether vertex colours change its base colour.
+    pub fn new(m: &Material, tinted: bool) -> PackedBsdf {
+        let varies = tinted || TexturedParameters::new(m).any();
         let (class, constants) = (BsdfClass::of(m), MaterialConstants::new(m));
         let values = ShadingParameters {
             base_color: m.base_color,
@@ -70,17 +66,17 @@ impl PackedBsdf {
         let model = BsdfModel::new(&class, &constants, &values);
         let mut class = PackedClass {
             bsdf: class,
-            textured,
+            varies,
             has_density: true,
             smooth: false,
             lobes: [false; 7],
         };
-        if !textured {
+        if !varies {
             class.has_density = model.has_density();
             (class.smooth, class.lobes) = model_lobes(&model);
             class.bsdf.anisotropic = is_anisotropic(&model);
         }
-        let numbers = if textured {
+        let numbers = if varies {
             constant_numbers(&constants)
         } else {
             model_numbers(&model)
@@ -95,8 +91,8 @@ impl PackedBsdf {
 }
 
 impl<R: Real> Bsdf<R> {
-    /// Builds the BSDFs of materials of one class. `parameters` are those at the points, which
-    /// only materials with textures need.
+    /// Builds the BSDFs of materials of one class. `parameters` are those at the points; there must
+    /// be some exactly if the parameters of the class [vary](PackedClass::varies).
     #[inline(always)]
     pub fn unpack<const N: usize>(
         at: &Orientation<R>,
@@ -129,6 +125,7 @@ impl<R: Lanes<N>, const N: usize> Outlined for Unpacking<'_, R, N> {
 
     #[inline(always)]
     fn run(self) -> Bsdf<R> {
+        debug_assert_eq!(self.parameters.is_some(), self.class.varies);
         let numbers = load_numbers::<R, N>(self.packed);
         let model = match self.parameters {
             Some(parameters) => {

@@ -113,11 +113,11 @@ impl Case {
     }
 }
 
-/// Evaluates and samples the BSDFs of cases whose materials share a class; `textured` if their
+/// Evaluates and samples the BSDFs of cases whose materials share a class; `varies` if their
 /// parameters are those of textures.
 struct Evaluate<'a> {
     cases: &'a [Case],
-    textured: bool,
+    varies: bool,
 }
 
 impl SimdKernel for Evaluate<'_> {
@@ -127,7 +127,7 @@ impl SimdKernel for Evaluate<'_> {
     fn run<R: Lanes<N>, const N: usize>(self) -> Vec<Vec<f32>> {
         let mut all = Vec::new();
         for group in self.cases.chunks(N) {
-            let columns = map_array(lanes_of::<R, N>(padded(group), self.textured), R::store);
+            let columns = map_array(lanes_of::<R, N>(padded(group), self.varies), R::store);
             all.extend((0..group.len()).map(|i| columns.iter().map(|c| c[i]).collect()));
         }
         all
@@ -146,18 +146,9 @@ fn load<R: Lanes<N>, const N: usize>(v: [Vec3; N]) -> R::Vec3 {
 
 /// Returns the results of one case per lane.
 #[inline(always)]
-fn lanes_of<R: Lanes<N>, const N: usize>(cases: [Case; N], textured: bool) -> [R; RESULTS] {
+fn lanes_of<R: Lanes<N>, const N: usize>(cases: [Case; N], varies: bool) -> [R; RESULTS] {
     let (zero, one) = (R::splat(0.0), R::splat(1.0));
-    let packed = cases.map(|c| {
-        PackedBsdf::new(&Material {
-            base_color_texture: if textured {
-                0
-            } else {
-                c.material.base_color_texture
-            },
-            ..c.material
-        })
-    });
+    let packed = cases.map(|c| PackedBsdf::new(&c.material, varies));
     let at = Orientation {
         n_geometric: R::Vec3::broadcast(NORMAL),
         n_shading: load::<R, N>(cases.map(|c| c.n_shading)),
@@ -170,7 +161,7 @@ fn lanes_of<R: Lanes<N>, const N: usize>(cases: [Case; N], textured: bool) -> [R
         metallic: R::load(&cases.map(|c| c.material.metallic)),
         opacity: R::load(&cases.map(|c| c.material.opacity)),
     };
-    let parameters = textured.then_some(&parameters);
+    let parameters = varies.then_some(&parameters);
     let b = Bsdf::<R>::unpack(&at, &packed[0].class, packed.each_ref(), parameters);
     let (wo, wi) = (
         load::<R, N>(cases.map(|c| c.wo)),
@@ -218,10 +209,10 @@ fn lanes_of<R: Lanes<N>, const N: usize>(cases: [Case; N], textured: bool) -> [R
 }
 
 /// Panics unless the cases have the same bits in lanes of every width as in scalar form.
-fn assert_same_bits(cases: &[Case], textured: bool) {
+fn assert_same_bits(cases: &[Case], varies: bool) {
     let expected: Vec<Vec<f32>> = cases.iter().map(Case::results).collect();
     for width in Width::all() {
-        let found = dispatch(width, Evaluate { cases, textured });
+        let found = dispatch(width, Evaluate { cases, varies });
         for ((case, expected), found) in cases.iter().zip(&expected).zip(found) {
             let differing = expected
                 .iter()
@@ -229,7 +220,7 @@ fn assert_same_bits(cases: &[Case], textured: bool) {
                 .position(|(a, b)| a.to_bits() != b.to_bits());
             assert_eq!(
                 differing, None,
-                "{width:?}, textured {textured}: {expected:?} instead of {found:?} for {:?}",
+                "{width:?}, varies {varies}: {expected:?} instead of {found:?} for {:?}",
                 case.material
             );
         }
@@ -276,7 +267,7 @@ fn every_material_has_the_same_bits_in_lanes_of_every_width() {
             ior: m.ior * 1.1,
             ..m
         };
-        let shared = PackedBsdf::new(&m).class == PackedBsdf::new(&other).class;
+        let shared = PackedBsdf::new(&m, false).class == PackedBsdf::new(&other, false).class;
         assert_same_bits(
             &cases(&if shared { vec![m, other] } else { vec![m] }),
             false,

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use glam::Vec4;
+use glam::{Vec3, Vec4};
 use lumbre_light::film::layer::{LAYERS, Layer};
 use lumbre_light::scene::compile::{Material, Texture};
 use lumbre_light::scene::desc::SceneDesc;
@@ -17,10 +17,10 @@ use lumbre_render::cpu::bvh::simd::Isa;
 use lumbre_render::cpu::renderer::CpuRenderer;
 
 use super::wavefront_fixtures::{
-    DISNEY, assert_same_bits, assert_same_film_bits, nee_job, room, with_bdpt, with_bpt,
-    with_time_axis,
+    DISNEY, FLOOR, assert_same_bits, assert_same_film_bits, interfaces, materials, nee_job, room,
+    with_bdpt, with_bpt, with_time_axis,
 };
-use crate::common::grey;
+use crate::common::{grey, render};
 use crate::transient::composed::{PARTS, desc};
 
 /// Returns the job with `nee` and with `bpt`.
@@ -103,6 +103,49 @@ fn textures_and_maps_have_the_same_bits_in_lanes() {
             }
         }
     }
+}
+
+/// Every model, each with a white base colour and equal vertex colours against that base colour and
+/// no vertex colours.
+#[test]
+fn vertex_colors_are_factors_on_base_colors_in_every_model() {
+    let color = Vec3::new(0.7, 0.4, 0.2);
+    let interfaces = interfaces();
+    let models = materials()
+        .into_iter()
+        .chain(interfaces.iter().map(|(name, m)| (name.as_str(), *m)));
+    for (name, m) in models {
+        let scene = |base_color: Vec3, colors: bool| {
+            room(Material { base_color, ..m })
+                .with(|scene| {
+                    if colors {
+                        scene.colors = vec![[Vec3::ONE; 3]; scene.triangles.len()];
+                        scene.colors[FLOOR].fill([color; 3]);
+                    }
+                    for sphere in &scene.spheres {
+                        scene.materials[sphere.material as usize].base_color = color;
+                    }
+                })
+                .build()
+        };
+        let (colored, plain) = (scene(Vec3::ONE, true), scene(color, false));
+        for job in camera_paths(&nee_job([16, 12], 4)) {
+            let pictures = [&colored, &plain].map(|scene| render(scene, job.clone(), 4).mean());
+            let [a, b] = pictures.each_ref().map(|picture| &picture.data);
+            let off = a.iter().zip(b).filter(|(a, b)| differ(**a, **b)).count();
+            // Rounding may send a path elsewhere.
+            assert!(
+                off <= a.len() / 100,
+                "{name} by {}: {off} pixels differ",
+                job.integrator.name
+            );
+        }
+    }
+}
+
+/// Returns whether two pixels differ by more than rounding.
+fn differ(a: [f32; 3], b: [f32; 3]) -> bool {
+    std::iter::zip(a, b).any(|(a, b)| (a - b).abs() > 1e-3 * (a.abs() + b.abs()))
 }
 
 #[test]

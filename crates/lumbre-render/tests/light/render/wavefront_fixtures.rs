@@ -1,5 +1,6 @@
 //! Materials, a scene, jobs and the comparison of bits, for the tests of the wavefront.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use glam::Vec3;
@@ -262,10 +263,12 @@ pub fn interfaces() -> Vec<(String, Material)> {
     all
 }
 
+/// Triangles of the floor of [`room`].
+pub const FLOOR: Range<usize> = 12..14;
+
 /// Returns a room with an area light; its floor and a sphere have the material, and the floor's
 /// normals are bent.
 pub fn room(material: Material) -> SceneBuilder {
-    let floor = 12;
     SceneBuilder::new(Vec3::new(0.0, 0.0, 0.95), Vec3::ZERO, 70.0)
         .room(
             1.0,
@@ -281,7 +284,7 @@ pub fn room(material: Material) -> SceneBuilder {
             material,
         )
         .with(|s| {
-            for (i, n) in s.attributes[floor..floor + 2]
+            for (i, n) in s.attributes[FLOOR]
                 .iter_mut()
                 .flat_map(|a| &mut a.normals)
                 .enumerate()

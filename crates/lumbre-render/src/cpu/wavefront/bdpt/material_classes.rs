@@ -83,7 +83,11 @@ impl MaterialTable {
         connected: bool,
         with_emitters: bool,
     ) -> Option<MaterialTable> {
-        let bsdfs: Vec<PackedBsdf> = scene.materials.iter().map(PackedBsdf::new).collect();
+        let bsdfs: Vec<PackedBsdf> = scene
+            .materials
+            .iter()
+            .map(|m| PackedBsdf::new(m, false))
+            .collect();
         let vectorized: Vec<bool> = scene
             .materials
             .iter()
