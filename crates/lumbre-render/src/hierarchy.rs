@@ -212,9 +212,8 @@ pub const ACCEL: Table = Table {
             required: false,
             default: "auto",
             doc: "cpu: whether to use the vectorised integrators, which give identical pictures. \
-                  auto uses them if every material of the scene is supported and all CPU runs of \
-                  the night can use them, so that the comparison is fair; always uses them for \
-                  every run that can. References always use them",
+                  auto uses them for every run that can; always is the same under an id of its \
+                  own. References always use them",
         },
     ],
 };

@@ -37,7 +37,6 @@ pub fn expand(
     for point in axes::points(&axes) {
         builder.add(point)?;
     }
-    builder.unify_vectorization();
     Ok(builder.finish())
 }
 
@@ -73,8 +72,6 @@ struct Builder<'a> {
     unmeasured: usize,
     /// Pictures that already have a technique with doubles.
     pictures_with_doubles: BTreeSet<RunId>,
-    /// Warning that runs which could be vectorised use the scalar path.
-    scalar_warning: Option<String>,
 }
 
 impl<'a> Builder<'a> {
@@ -105,7 +102,6 @@ impl<'a> Builder<'a> {
             endless: BTreeMap::new(),
             unmeasured: 0,
             pictures_with_doubles: BTreeSet::new(),
-            scalar_warning: None,
         }
     }
 
@@ -365,61 +361,6 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// Switches all runs on the CPU to the scalar path if one of them cannot be vectorised, so that
-    /// times compare techniques and not their vectorisation. Runs whose script sets `lanes` are
-    /// left as they are. All points of the experiment count, selected or not, so that a run keeps
-    /// its id whatever else is selected.
-    fn unify_vectorization(&mut self) {
-        let reasons: BTreeSet<String> = self
-            .pending
-            .iter()
-            .filter_map(|pending| pending.renderable.scalar_reason.clone())
-            .collect();
-        let mut reasons: Vec<String> = reasons.into_iter().collect();
-        if reasons.is_empty() && !self.overrides.only.is_empty() {
-            reasons.extend(self.unselected_scalar_reason());
-        }
-        if reasons.is_empty() {
-            return;
-        }
-        let is_auto =
-            |pending: &&mut PendingPoint| pending.renderable.config.accel.lanes == LaneMode::Auto;
-        let mut auto: Vec<&mut PendingPoint> = self.pending.iter_mut().filter(is_auto).collect();
-        if auto
-            .iter()
-            .any(|pending| pending.renderable.scalar_reason.is_none())
-        {
-            let reasons = reasons.join(" and ");
-            self.scalar_warning = Some(format!(
-                "all runs on `cpu` use the scalar path, because those {reasons} cannot be \
-                 vectorised and times would not be comparable (accel = {{ lanes = \"always\" }} \
-                 vectorises the others)"
-            ));
-        }
-        auto.iter_mut()
-            .for_each(|pending| pending.renderable.use_scalar_path());
-    }
-
-    /// Returns why some run that is not selected must use the scalar path, if any must. Points that
-    /// cannot be resolved are ignored.
-    fn unselected_scalar_reason(&mut self) -> Option<String> {
-        let unselected = Overrides {
-            only: Vec::new(),
-            ..self.overrides.clone()
-        };
-        let axes = axes::select(&self.spec.axes, &unselected, self.spec.repeats).ok()?;
-        axes::points(&axes).find_map(|point| {
-            let skipped = self.skip_reason(&point).ok()?;
-            let mut config = self
-                .hooks
-                .render(&point)
-                .ok()
-                .filter(|_| skipped.is_none())?;
-            self.override_backend(&mut config);
-            self.resolver.scalar_reason(&config, &point)
-        })
-    }
-
     fn override_backend(&self, config: &mut CellConfig) {
         if let Some(backend) = &self.overrides.backend {
             config.backend.clone_from(backend);
@@ -427,10 +368,12 @@ impl<'a> Builder<'a> {
     }
 
     fn finish(mut self) -> Plan {
+        let mixture = self.vectorization_warning();
         for pending in std::mem::take(&mut self.pending) {
             self.add_cells(pending);
         }
         let mut warnings = self.warnings();
+        warnings.extend(mixture);
         if self.spec.aa_check && self.cells.iter().all(|cell| cell.double_of.is_none()) {
             warnings
                 .push("x:control checks no cell: its function returned true for none".to_owned());
@@ -482,9 +425,32 @@ impl<'a> Builder<'a> {
                 "{cells} no reference, so {columns} will not be measured"
             ));
         }
-        warnings.extend(self.scalar_warning.clone());
         warnings.extend(self.duplicate_warning());
         warnings
+    }
+
+    /// Returns a warning if some runs on the CPU follow one path at a time and others follow many
+    /// with vectors, though no script asked for that: their times compare more than techniques.
+    fn vectorization_warning(&self) -> Option<String> {
+        let auto: Vec<&Renderable> = self
+            .pending
+            .iter()
+            .map(|pending| &pending.renderable)
+            .filter(|run| run.config.accel.lanes == LaneMode::Auto)
+            .collect();
+        let reasons: BTreeSet<&str> = auto
+            .iter()
+            .filter_map(|run| run.scalar_reason.as_deref())
+            .collect();
+        if reasons.is_empty() || auto.iter().all(|run| run.scalar_reason.is_some()) {
+            return None;
+        }
+        let reasons: Vec<&str> = reasons.into_iter().collect();
+        Some(format!(
+            "runs on `cpu` {} follow one path at a time, while others follow many at a time with \
+             vectors: to compare times, set accel = {{ lanes = \"never\" }} for all",
+            reasons.join(" and ")
+        ))
     }
 
     /// Returns a warning if several cells are the same run, which means that axes have no effect.

@@ -152,15 +152,6 @@ impl<'a> Resolver<'a> {
         Ok(())
     }
 
-    /// Returns why a run must use the scalar path, if it must and the script leaves the choice
-    /// open. Judges from the settings alone, without reading the scene.
-    pub(super) fn scalar_reason(&mut self, config: &CellConfig, point: &Point) -> Option<String> {
-        let (row, sampler) = (integrator(&config.integrator)?, sampler(&config.sampler)?);
-        let on_cpu = !is_external(row)
-            && self.backend(&config.backend, point).ok()? == lumbre_render::cpu::ROW.name;
-        scalar_reason(config, row, sampler).filter(|_| on_cpu)
-    }
-
     /// Returns the version of the external program of a technique.
     fn external_version(
         &mut self,

@@ -1,5 +1,5 @@
-//! The choice of the vectorised integrators: for all CPU runs of a night or for none, unless the
-//! script sets it.
+//! The choice of the vectorised integrators: no run depends on the others of its night, and a
+//! mixture is reported.
 
 use std::collections::BTreeMap;
 
@@ -38,7 +38,7 @@ fn lanes(plan: &Plan) -> Vec<LaneMode> {
 fn warned(plan: &Plan) -> Option<&String> {
     plan.warnings
         .iter()
-        .find(|warning| warning.contains("use the scalar path"))
+        .find(|warning| warning.contains("follow one path at a time"))
 }
 
 /// A change that prevents vectorised runs, and the reason in the warning.
@@ -82,35 +82,22 @@ fn a_night_of_vectorisable_runs_has_the_lane_mode_auto() {
 }
 
 #[test]
-fn one_scalar_run_makes_every_run_of_a_night_scalar_for_any_selection() {
+fn a_mixture_is_reported_and_changes_no_run() {
     for (change, reason) in SCALAR_CAUSES {
         let plan = lab(change).plan();
-        assert_eq!(lanes(&plan), [LaneMode::Never; 3], "{reason}");
+        assert_eq!(lanes(&plan), [LaneMode::Auto; 3], "{reason}");
         assert!(
             warned(&plan).is_some_and(|warning| warning.contains(reason)),
             "{:?}",
             plan.warnings
         );
-
-        let mut part = lab(change);
-        part.overrides.only = vec![("variant".to_owned(), "plain".into())];
-        let part = part.plan();
-        assert_eq!(
-            (part.cells.len(), &part.cells[0].id),
-            (1, &plan.cells[0].id),
-            "{reason}"
-        );
-        assert!(
-            warned(&part).is_some_and(|warning| warning.contains(reason)),
-            "{:?}",
-            part.warnings
-        );
-
-        // A skipped point does not affect the choice.
         let mut without = lab(change);
         without.spec.skips = vec!["special".into()];
         without.skip = Box::new(|_, point| Ok(at(point, "variant").as_str() == Some("special")));
-        assert_eq!(lanes(&without.plan()), [LaneMode::Auto; 2], "{reason}");
+        let without = without.plan();
+        assert_eq!(warned(&without), None, "{reason}");
+        let ids = |plan: &Plan| [&plan.cells[0], plan.cells.last().unwrap()].map(|c| c.id.clone());
+        assert_eq!(ids(&without), ids(&plan), "{reason}");
     }
 }
 
@@ -123,7 +110,7 @@ fn a_night_without_vectorisable_runs_causes_no_warning() {
     .plan();
     assert_eq!(
         (lanes(&plan), warned(&plan)),
-        (vec![LaneMode::Never; 3], None)
+        (vec![LaneMode::Auto; 3], None)
     );
 }
 

@@ -2,8 +2,7 @@
 //! follows paths from the camera can; bidirectional path tracing cannot with some settings, and the
 //! scene may rule it out later.
 //!
-//! The planner applies this to all runs of a night: if one of them cannot be vectorised, none is,
-//! so that their times can be compared.
+//! The planner applies this to all runs of a night, and warns if they differ.
 
 use std::collections::BTreeMap;
 
