@@ -6,7 +6,8 @@ use super::plan::{Cell, Plan};
 use lumbre_light::value::Value;
 
 /// Device affinity: what all cells of one comparison group must share.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Affinity {
     /// The same device. Two devices of the same model can differ in clock rate and temperature.
     #[default]

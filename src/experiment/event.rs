@@ -97,9 +97,22 @@ pub enum Outcome {
 }
 
 /// Severity of a message.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    serde::Serialize,
+    serde::Deserialize,
+)]
+#[serde(rename_all = "lowercase")]
 pub enum Level {
     /// Progress, a few lines per cell.
+    #[default]
     Info,
     /// Something deviated from the request, without loss of results.
     Warn,

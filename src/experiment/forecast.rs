@@ -138,7 +138,8 @@ impl ThroughputHistory {
 }
 
 /// Estimated time of one run or of several.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Forecast {
     /// Wall-clock seconds of the runs that can be estimated.
     pub seconds: f64,

@@ -331,6 +331,14 @@ impl MetricSpec {
     /// Identity of the metric: everything that determines the value, with defaults filled in. The
     /// name of the column is not part of it.
     pub fn identity(&self) -> Value {
+        Value::Map(BTreeMap::from([
+            ("metric".to_owned(), Value::from(self.row.name)),
+            ("options".to_owned(), Value::Map(self.all_options())),
+        ]))
+    }
+
+    /// Returns all options that change the value, with their defaults.
+    pub fn all_options(&self) -> BTreeMap<String, Value> {
         let mut options = BTreeMap::new();
         for field in self.row.options.fields.iter().filter(|f| f.key != ON.key) {
             if let Some(value) = self.option(field.key) {
@@ -340,10 +348,7 @@ impl MetricSpec {
         if let Some(on) = self.tonemap() {
             options.insert(ON.key.to_owned(), on.to_value());
         }
-        Value::Map(BTreeMap::from([
-            ("metric".to_owned(), Value::from(self.row.name)),
-            ("options".to_owned(), Value::Map(options)),
-        ]))
+        options
     }
 
     /// Unit of the value, empty if it has none; with a tone map, radiance becomes display value.

@@ -1,4 +1,4 @@
-//! Writes `summary.csv`, `repeats.csv` and `control.csv`, the tables of results of a night.
+//! Writes `summary.csv`, `repeats.csv` and `aa-check.csv`, the tables of results of a night.
 
 use std::collections::BTreeMap;
 
@@ -244,8 +244,8 @@ fn mean_fields(values: &[f64]) -> [String; 3] {
     [exact(mean), bound(-1.0), bound(1.0)]
 }
 
-/// Writes `control.csv`: one line for each [`Finding`] of the A/A check.
-pub fn control_csv(findings: &[Finding]) -> String {
+/// Writes `aa-check.csv`: one line for each [`Finding`] of the A/A check.
+pub fn aa_check_csv(findings: &[Finding]) -> String {
     let mut text = csv_line(&[
         "technique",
         "measure",

@@ -295,7 +295,7 @@ mod tests {
         let (_lua, value) = eval(
             "return { n = 3.0, x = 0.1, list = { 1, 'two', true }, empty = {}, m = { k = -0.0 } }",
         );
-        let json = read(&value, "", "").unwrap().to_json().to_string();
+        let json = serde_json::to_string(&read(&value, "", "").unwrap()).unwrap();
         assert_eq!(
             json,
             r#"{"empty":[],"list":[1,"two",true],"m":{"k":0},"n":3,"x":0.1}"#

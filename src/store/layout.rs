@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use super::schema::StoredFile;
+use super::schema::run::{ConfigFile, DONE, REFERENCE};
 use crate::experiment::{Cell, RunId};
 
 /// Minimum number of digits of the plan's hash in an experiment folder's name.
@@ -12,7 +14,7 @@ pub(super) const HASH_DIGITS: usize = 4;
 const LONGEST_NAME: usize = 120;
 
 /// Names of the file that is written last: in runs, in references.
-const DONE_FILES: [&str; 2] = ["done.json", "ref.json"];
+const DONE_FILES: [&str; 2] = [DONE, REFERENCE];
 
 /// Whether a run or a reference is finished, which means that its last file exists.
 pub(super) fn is_done(folder: &Path) -> bool {
@@ -89,7 +91,7 @@ pub(super) fn runs_below(folder: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
     let mut open = vec![folder.to_owned()];
     while let Some(next) = open.pop() {
-        if next.join("config.json").is_file() {
+        if next.join(ConfigFile::NAME).is_file() {
             found.push(next);
         } else {
             open.extend(folders_in(&next));
@@ -107,7 +109,7 @@ pub(super) fn finished_runs(
     experiments
         .into_iter()
         .flat_map(|folder| runs_below(&folder.join("runs")))
-        .filter(|run| run.join("done.json").is_file())
+        .filter(|run| run.join(DONE).is_file())
         .filter_map(|run| Some((run.file_name()?.to_str()?.to_owned(), run)))
         .collect()
 }
@@ -116,7 +118,7 @@ pub(super) fn finished_runs(
 pub(super) fn any_run_below(folder: &Path) -> Option<PathBuf> {
     let mut open = vec![folder.to_owned()];
     while let Some(next) = open.pop() {
-        if next.join("config.json").is_file() {
+        if next.join(ConfigFile::NAME).is_file() {
             return Some(next);
         }
         open.extend(folders_in(&next));

@@ -4,8 +4,8 @@
 //!
 //! ```text
 //! out/night-3f9a/    name and first digits of the plan's hash; out/latest points at the newest
-//!   experiment.lua plan.json frozen.json env.json journal.jsonl lock summary.csv figures/ tables/
-//!   bonds/ planners/             device of each comparison group; heartbeats of planners
+//!   experiment.lua plan.json snapshot.json env.json journal.jsonl lock summary.csv figures/ tables/
+//!   affinity/ planners/          device of each comparison group; heartbeats of planners
 //!   workers/ finished/           workers' heartbeats and journals; completion markers
 //!   runs/<readable path>/<run id>/   config.json metrics.csv log.txt snap-<spp>.{exr,png}
 //!                                    final.exr final.png films/*.{exr,png} done.json
@@ -17,7 +17,8 @@
 //! The folders are authoritative. `done.json` (`ref.json` for a reference) is written last; a run
 //! without it is incomplete. Every file is written under a temporary name in the same folder,
 //! synced (except the index) and renamed. Only `metrics.csv`, `log.txt` and `journal.jsonl` grow
-//! line by line, and a last line without a newline is ignored.
+//! line by line, and a last line without a newline is ignored. [`schema`] has the fields of every
+//! file.
 //!
 //! This module knows no image format. Images are passed as bytes, and callers supply the decoder.
 
@@ -25,6 +26,7 @@ mod follow;
 mod layout;
 pub mod lock;
 pub mod read;
+pub mod schema;
 #[cfg(test)]
 mod tests;
 pub mod worker;
@@ -39,21 +41,29 @@ pub use follow::event::{FollowEvent, TimedEvent};
 pub use lock::claim::LEASE;
 
 pub use read::archive::{Archive, Decode};
-pub use read::integrity::{Integrity, check_integrity};
 pub use read::night_index::{
-    ExperimentEntry, RunEntry, RunRecord, RunState, latest_experiment, list_experiments, read_run,
+    ExperimentEntry, Listing, RunEntry, RunRecord, RunState, latest_experiment, list_experiments,
+    read_run,
 };
+pub use read::night_reader::NightReader;
+pub use read::outline::cell_config;
+pub use read::run_reader::{Integrity, Measurements, RunReader};
 pub use read::throughput_history::throughput_history;
 
-pub use worker::plan_snapshot::{PlanCommand, PlanSnapshot};
-pub use worker::registry::{RenderDevice, WorkerInfo, WorkerState, WorkerStatus, list_workers};
+pub use schema::StoredFile;
+pub use schema::plan::PlanSnapshot;
+pub use schema::process::{RenderDevice, WorkerState};
+
+pub use worker::plan_snapshot::PlanCommand;
+pub use worker::registry::{WorkerInfo, WorkerStatus, list_workers};
 pub use worker::worker_store::PlanStatus;
 
 pub use write::atomic::{probe, write_atomically};
 pub use write::experiment_folder::Store;
-pub use write::failure::{FailureRecord, LOG_LINES};
+pub use write::failure::LOG_LINES;
 pub use write::host::{Host, parse_utc, utc};
-pub use write::plan_json::{cell_json, plan_json};
+pub use write::manifest_checksum::BIAS_CHECK_PREFIX;
+pub use write::plan_files::{config_file, plan_file};
 pub use write::run_folder::{FILMS, HALVES, NOISE, RunWriter};
 
 /// Errors of the store.
@@ -85,6 +95,9 @@ pub enum StoreError {
         /// Whether the disk or a quota is full, so that a retry may succeed.
         full: bool,
     },
+    /// A file is missing, damaged, or of another version.
+    #[error(transparent)]
+    Read(schema::ReadError),
     /// No run matches a selector.
     #[error("no run matches `{what}` in {}{hint}", out.display())]
     NoSuchRun {

@@ -7,8 +7,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use glam::Vec3;
-use serde_json::json;
 
+use super::schema::run::{DoneFile, RunResults};
 use super::*;
 use crate::experiment::event::History;
 use crate::experiment::plan::{Cell, Reference, ReferenceSource};
@@ -148,11 +148,19 @@ pub(super) fn finish_run(store: &Store, plan: &Plan, i: usize) {
     })
     .unwrap();
     run.write("final.exr", b"I\x07").unwrap();
-    let done = json!({
-        "run": plan.cells[i].id.0, "samples": 4, "render_s": 0.25, "reason": "samples",
-        "first_invalid": [1, 2, 3],
-    });
-    run.finish(&done).unwrap();
+    run.finish(&results(&plan.cells[i].id.0, 4)).unwrap();
+}
+
+/// Results of a run with this id and number of samples per pixel.
+pub(super) fn results(run: &str, samples: u64) -> DoneFile {
+    DoneFile::Rendered(Box::new(RunResults {
+        run: run.to_owned(),
+        samples,
+        render_s: 0.25,
+        reason: "samples".to_owned(),
+        first_invalid: Some([1, 2, 3]),
+        ..RunResults::default()
+    }))
 }
 
 fn only_run(folder: &Path) -> PathBuf {
@@ -225,8 +233,12 @@ fn layer_images_belong_to_their_run() {
     let run = start();
     run.write("films/depth-1.exr", b"I\x01").unwrap();
     let folder = run.folder().to_owned();
-    run.finish(&serde_json::json!({ "run": "aa11", "films": ["depth-1"] }))
-        .unwrap();
+    let done = DoneFile::Rendered(Box::new(RunResults {
+        run: "aa11".to_owned(),
+        films: vec!["depth-1".to_owned()],
+        ..RunResults::default()
+    }));
+    run.finish(&done).unwrap();
 
     let shown = read_run(dir.path(), &folder.to_string_lossy()).unwrap();
     let films: Vec<&str> = shown
@@ -300,7 +312,7 @@ fn runs_of_a_sibling_folder_count_and_those_of_another_experiment_do_not() {
             .finished_run(&first, CellRef::Cell(0))
             .is_some()
     );
-    let listed = list_experiments(dir.path());
+    let listed = list_experiments(dir.path()).experiments;
     let states: Vec<_> = listed
         .iter()
         .flat_map(|e| &e.runs)
@@ -376,7 +388,7 @@ fn references_are_shared_and_decoded() {
     }])
     .unwrap();
     assert!(store.finished_run(&plan, CellRef::Reference(0)).is_none());
-    run.finish(&json!({"run": "ee00"})).unwrap();
+    run.finish(&results("ee00", 64)).unwrap();
     assert_eq!(
         store
             .finished_run(&plan, CellRef::Reference(0))
@@ -428,10 +440,11 @@ fn runs_are_found_by_folder_and_by_the_first_digits() {
     finish_run(&store, &plan, 0);
     finish_run(&store, &plan, 1);
     let record = read_run(dir.path(), "AA1").unwrap();
-    assert_eq!(record.config["run"], "aa11");
-    assert_eq!(record.config["render"]["aa"]["filter"], "box");
-    assert_eq!(record.rows.len(), 2);
-    assert_eq!(record.rows[1].first_invalid, Some([1, 2, 3]));
+    assert_eq!(record.config.run, "aa11");
+    assert_eq!(record.config.render.as_ref().unwrap().aa.filter, "box");
+    let rows = &record.measurements.rows;
+    assert_eq!(rows.len(), 2);
+    assert_eq!(rows[1].first_invalid, Some([1, 2, 3]));
     assert!(
         record
             .files
@@ -469,7 +482,7 @@ fn failed_unfinished_and_pending_runs_have_different_states() {
     store
         .record_failure(&plan, CellRef::Cell(0), "disk full")
         .unwrap();
-    let listed = list_experiments(dir.path());
+    let listed = list_experiments(dir.path()).experiments;
     let states: Vec<_> = listed[0].runs.iter().map(|r| r.state.clone()).collect();
     assert_eq!(
         states,
@@ -480,7 +493,7 @@ fn failed_unfinished_and_pending_runs_have_different_states() {
         ]
     );
     assert_eq!(listed[0].references[0].state, RunState::Pending);
-    assert!(list_experiments(&dir.path().join("nowhere")).is_empty());
+    assert!(list_experiments(&dir.path().join("nowhere")) == Listing::default());
 }
 
 #[cfg(unix)]
@@ -505,5 +518,35 @@ fn latest_points_at_the_newest_night_and_results_are_ordinary_files() {
                 & 0o777
         };
         assert_eq!(mode("plan.json"), mode("journal.jsonl"));
+    }
+}
+
+#[test]
+fn a_night_of_another_version_is_refused_with_the_program_that_wrote_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let plan = plan("night", "3f9a00", &["aa11"]);
+    let folder = Store::open(dir.path(), &plan, decode)
+        .unwrap()
+        .folder()
+        .to_owned();
+    let write = |name: &str, text: &str| fs::write(folder.join(name), text).unwrap();
+    write(
+        "plan.json",
+        r#"{"name":"night","hash":"3f9a00","cells":[]}"#,
+    );
+    write("env.json", r#"{"program":"lumbre 0.0.9"}"#);
+    let errors = [
+        NightReader::open(&folder).unwrap_err().to_string(),
+        Follower::open(&folder, decode).unwrap_err().to_string(),
+        Store::open(dir.path(), &plan, decode)
+            .unwrap_err()
+            .to_string(),
+        list_experiments(dir.path()).refused[0].to_string(),
+    ];
+    for error in errors {
+        assert!(
+            error.contains("plan.json was written by lumbre 0.0.9 in another format"),
+            "{error}"
+        );
     }
 }

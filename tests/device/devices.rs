@@ -127,7 +127,7 @@ fn a_worker_for_a_missing_device_lists_the_present_ones_and_renders_nothing() {
         .output()
         .unwrap();
     let before = files(&place.join("out/latest/"));
-    assert!(before.contains_key("frozen.json"));
+    assert!(before.contains_key("snapshot.json"));
     for name in ["7", "no such card"] {
         let output = program(place, &["work", "out/latest", "--device", name])
             .output()
@@ -282,16 +282,16 @@ fn every_device_has_a_worker_and_every_comparison_group_stays_on_one_device() {
     let events = [named("journal", ".jsonl"), named("/workers/", ".jsonl")]
         .concat()
         .concat();
-    assert_eq!(events.matches("part_finished").count(), 8, "{events}");
+    assert_eq!(events.matches("shard_finished").count(), 8, "{events}");
     // Each comparison group stays on one device, whichever worker is faster.
-    let affinities: BTreeSet<String> = named("/bonds/", ".json").into_iter().collect();
+    let affinities: BTreeSet<String> = named("/affinity/", ".json").into_iter().collect();
     assert!(
         affinities
             .iter()
             .all(|affinity| affinity.contains(", device 0") || affinity.contains(", device 1")),
         "{affinities:?}"
     );
-    assert_eq!(named("/bonds/", ".json").len(), 2);
+    assert_eq!(named("/affinity/", ".json").len(), 2);
 }
 
 /// The bits of a shard do not depend on its waves: sums of integer splats do not depend on their

@@ -3,98 +3,155 @@
 use std::io::IsTerminal;
 use std::path::Path;
 
-use serde_json::{Value as Json, json};
+use serde::Serialize;
 
 use crate::backends::BACKENDS;
 use crate::cli::args::{DoctorArgs, Global};
 use crate::cli::exit::{Exit, Failure, print_result};
 use crate::cli::format::{self, display_path};
+use crate::store::schema::values::Named;
+use crate::store::schema::{PROGRAM, pretty};
 use crate::store::{Host, probe};
 use crate::tui;
 
+/// What this machine supports.
+#[derive(Serialize)]
+struct MachineFacts {
+    program: &'static str,
+    os: String,
+    cpu: String,
+    cores: usize,
+    /// Instruction sets that are relevant to ray tracing.
+    features: Vec<&'static str>,
+    backends: Vec<BackendFacts>,
+    /// Backend that `auto` selects.
+    auto: &'static str,
+    auto_because: String,
+    devices: Vec<DeviceFacts>,
+    out: FolderFacts,
+    terminal: TerminalFacts,
+}
+
+/// A backend, and whether this machine can use it.
+#[derive(Serialize)]
+struct BackendFacts {
+    name: &'static str,
+    usable: bool,
+    /// Device, or the reason why it cannot be used.
+    answer: String,
+    doc: &'static str,
+}
+
+/// A graphics device with its capabilities.
+#[derive(Serialize)]
+struct DeviceFacts {
+    name: String,
+    answer: String,
+}
+
+/// The results folder.
+#[derive(Serialize)]
+struct FolderFacts {
+    path: String,
+    writable: bool,
+    answer: String,
+}
+
+/// The terminal and the environment variables that affect it.
+#[derive(Serialize)]
+struct TerminalFacts {
+    stdout: bool,
+    stderr: bool,
+    shows: &'static str,
+    colors: bool,
+    environment: Named<String>,
+}
+
 /// Runs `lumbre doctor`: prints what this machine supports.
 pub fn main(args: &DoctorArgs, global: &Global) -> Result<Exit, Failure> {
-    let facts = machine_facts(global);
+    let facts = MachineFacts::collect(global);
     if args.json {
-        print_result(&format!("{facts:#}\n"))?;
+        print_result(&pretty(&facts))?;
     } else {
-        print_result(&page(&facts))?;
+        print_result(&facts.page())?;
     }
     Ok(Exit::Done)
 }
 
-/// Examines this machine and returns the result as JSON.
-fn machine_facts(global: &Global) -> Json {
-    let host = Host::detect();
-    let backend = |row: &lumbre_render::BackendRow| {
-        let (usable, answer) = match (row.probe)() {
-            Ok(device) => (true, device),
-            Err(reason) => (false, reason),
-        };
-        json!({ "name": row.name, "usable": usable, "answer": answer, "doc": row.doc })
-    };
-    let (auto, auto_reason) = crate::backends::auto_backend();
-    let out = match check_writable(&global.out) {
-        Ok(state) => json!({ "path": display_path(&global.out), "writable": true,
-            "answer": state }),
-        Err(reason) => json!({ "path": display_path(&global.out), "writable": false,
-            "answer": reason }),
-    };
-    json!({
-        "program": concat!("lumbre ", env!("CARGO_PKG_VERSION")),
-        "os": host.os,
-        "cpu": host.cpu,
-        "cores": host.cores,
-        "features": cpu_features(),
-        "backends": BACKENDS.iter().map(backend).collect::<Vec<_>>(),
-        "auto": auto,
-        "auto_because": auto_reason,
-        "devices": devices(),
-        "out": out,
-        "terminal": terminal_facts(),
-    })
+impl MachineFacts {
+    /// Examines this machine.
+    fn collect(global: &Global) -> MachineFacts {
+        let host = Host::detect();
+        let backends = BACKENDS.iter().map(|row| {
+            let probed = (row.probe)();
+            BackendFacts {
+                name: row.name,
+                usable: probed.is_ok(),
+                answer: probed.unwrap_or_else(|reason| reason),
+                doc: row.doc,
+            }
+        });
+        let (auto, auto_reason) = crate::backends::auto_backend();
+        let writable = check_writable(&global.out);
+        MachineFacts {
+            program: PROGRAM,
+            os: host.os,
+            cpu: host.cpu,
+            cores: host.cores,
+            features: cpu_features(),
+            backends: backends.collect(),
+            auto,
+            auto_because: auto_reason.to_string(),
+            devices: devices(),
+            out: FolderFacts {
+                path: display_path(&global.out),
+                writable: writable.is_ok(),
+                answer: writable.unwrap_or_else(|reason| reason),
+            },
+            terminal: TerminalFacts::collect(),
+        }
+    }
 }
 
-/// Returns the properties of the terminal and the environment variables that affect it.
-fn terminal_facts() -> Json {
-    let env = |name: &str| std::env::var(name).ok();
-    let terminal = std::io::stdout().is_terminal();
-    let mode = match tui::output_mode(terminal, &env) {
-        tui::OutputMode::Dashboard => "dashboard",
-        tui::OutputMode::Lines => "lines",
-    };
-    let variables = [
-        "TERM",
-        "COLORTERM",
-        "NO_COLOR",
-        "CLICOLOR_FORCE",
-        "LC_ALL",
-        "LC_CTYPE",
-        "LANG",
-        "TMUX",
-    ];
-    let environment: serde_json::Map<String, Json> = variables
-        .iter()
-        .filter_map(|name| Some(((*name).to_owned(), env(name)?.into())))
-        .collect();
-    json!({
-        "stdout": terminal,
-        "stderr": std::io::stderr().is_terminal(),
-        "shows": mode,
-        "colors": tui::use_colors(terminal, &env),
-        "environment": environment,
-    })
+impl TerminalFacts {
+    fn collect() -> TerminalFacts {
+        let env = |name: &str| std::env::var(name).ok();
+        let stdout = std::io::stdout().is_terminal();
+        let variables = [
+            "TERM",
+            "COLORTERM",
+            "NO_COLOR",
+            "CLICOLOR_FORCE",
+            "LC_ALL",
+            "LC_CTYPE",
+            "LANG",
+            "TMUX",
+        ];
+        TerminalFacts {
+            stdout,
+            stderr: std::io::stderr().is_terminal(),
+            shows: match tui::output_mode(stdout, &env) {
+                tui::OutputMode::Dashboard => "dashboard",
+                tui::OutputMode::Lines => "lines",
+            },
+            colors: tui::use_colors(stdout, &env),
+            environment: variables
+                .iter()
+                .filter_map(|name| Some(((*name).to_owned(), env(name)?)))
+                .collect(),
+        }
+    }
 }
 
 /// Returns all graphics devices with their capabilities.
-fn devices() -> Json {
+fn devices() -> Vec<DeviceFacts> {
     #[cfg(feature = "vulkan")]
     let listed = lumbre_vulkan::devices();
     #[cfg(not(feature = "vulkan"))]
     let listed: Vec<(String, String)> = Vec::new();
     listed
         .into_iter()
-        .map(|(name, answer)| json!({ "name": name, "answer": answer }))
+        .map(|(name, answer)| DeviceFacts { name, answer })
         .collect()
 }
 
@@ -140,105 +197,86 @@ pub(in crate::cli) fn cpu_features() -> Vec<&'static str> {
     found
 }
 
-/// Returns a JSON value as text, a string without its quotes.
-fn json_text(json: &Json) -> String {
-    json.as_str()
-        .map_or_else(|| json.to_string(), str::to_owned)
-}
-
-/// Formats the facts as an aligned table.
-fn page(facts: &Json) -> String {
-    let features: Vec<String> = facts["features"]
-        .as_array()
-        .into_iter()
-        .flatten()
-        .map(json_text)
-        .collect();
-    let features = if features.is_empty() {
-        "none detected".to_owned()
-    } else {
-        features.join(" ")
-    };
-    let mut lines = vec![
-        vec!["program".to_owned(), json_text(&facts["program"])],
-        vec!["system".to_owned(), json_text(&facts["os"])],
-        vec![
-            "processor".to_owned(),
-            format!("{}, {} cores", json_text(&facts["cpu"]), facts["cores"]),
-        ],
-        vec!["features".to_owned(), features],
-    ];
-    lines.extend(backend_lines(facts));
-    let out = &facts["out"];
-    let state = if out["writable"] == true {
-        ""
-    } else {
-        "problem: "
-    };
-    lines.push(vec![
-        format!("results in {}", json_text(&out["path"])),
-        format!("{state}{}", json_text(&out["answer"])),
-    ]);
-    lines.extend(terminal_lines(&facts["terminal"]));
-    format::aligned(&lines)
-}
-
-/// Returns the lines about backends and graphics devices.
-fn backend_lines(facts: &Json) -> Vec<Vec<String>> {
-    let mut lines = Vec::new();
-    for backend in facts["backends"].as_array().into_iter().flatten() {
-        let state = if backend["usable"] == true {
-            "usable"
+impl MachineFacts {
+    /// Formats the facts as an aligned table.
+    fn page(&self) -> String {
+        let line = |name: &str, value: String| vec![name.to_owned(), value];
+        let features = if self.features.is_empty() {
+            "none detected".to_owned()
         } else {
-            "not usable"
+            self.features.join(" ")
         };
-        let auto = if backend["name"] == facts["auto"] {
-            " (selected by auto)"
-        } else {
-            ""
-        };
-        let name = format!("backend {}", json_text(&backend["name"]));
-        lines.push(vec![
-            name,
-            format!("{state}{auto}: {}", json_text(&backend["answer"])),
-        ]);
+        let mut lines = vec![
+            line("program", self.program.to_owned()),
+            line("system", self.os.clone()),
+            line("processor", format!("{}, {} cores", self.cpu, self.cores)),
+            line("features", features),
+        ];
+        lines.extend(self.backend_lines());
+        let FolderFacts {
+            path,
+            writable,
+            answer,
+        } = &self.out;
+        let state = if *writable { "" } else { "problem: " };
+        lines.push(line(
+            &format!("results in {path}"),
+            format!("{state}{answer}"),
+        ));
+        lines.extend(self.terminal.lines());
+        format::aligned(&lines)
     }
-    lines.push(vec![
-        "backend auto".to_owned(),
-        format!(
-            "{}: {}",
-            json_text(&facts["auto"]),
-            json_text(&facts["auto_because"])
-        ),
-    ]);
-    for device in facts["devices"].as_array().into_iter().flatten() {
+
+    /// Returns the lines about backends and graphics devices.
+    fn backend_lines(&self) -> Vec<Vec<String>> {
+        let mut lines = Vec::new();
+        for backend in &self.backends {
+            let state = if backend.usable {
+                "usable"
+            } else {
+                "not usable"
+            };
+            let auto = if backend.name == self.auto {
+                " (selected by auto)"
+            } else {
+                ""
+            };
+            lines.push(vec![
+                format!("backend {}", backend.name),
+                format!("{state}{auto}: {}", backend.answer),
+            ]);
+        }
         lines.push(vec![
-            json_text(&device["name"]),
-            json_text(&device["answer"]),
+            "backend auto".to_owned(),
+            format!("{}: {}", self.auto, self.auto_because),
         ]);
+        for device in &self.devices {
+            lines.push(vec![device.name.clone(), device.answer.clone()]);
+        }
+        lines
     }
-    lines
 }
 
-/// Returns the lines about the terminal and its environment variables.
-fn terminal_lines(terminal: &Json) -> Vec<Vec<String>> {
-    let color = if terminal["colors"] == true {
-        "with colours"
-    } else {
-        "without colours"
-    };
-    let kind = if terminal["stdout"] == true {
-        "a terminal"
-    } else {
-        "not a terminal"
-    };
-    let mode = json_text(&terminal["shows"]);
-    let mut lines = vec![vec![
-        "standard output".to_owned(),
-        format!("{kind}; progress is shown as {mode}, {color}"),
-    ]];
-    for (name, value) in terminal["environment"].as_object().into_iter().flatten() {
-        lines.push(vec![format!("  {name}"), json_text(value)]);
+impl TerminalFacts {
+    /// Returns the lines about the terminal and its environment variables.
+    fn lines(&self) -> Vec<Vec<String>> {
+        let color = if self.colors {
+            "with colours"
+        } else {
+            "without colours"
+        };
+        let kind = if self.stdout {
+            "a terminal"
+        } else {
+            "not a terminal"
+        };
+        let mut lines = vec![vec![
+            "standard output".to_owned(),
+            format!("{kind}; progress is shown as {}, {color}", self.shows),
+        ]];
+        for (name, value) in &self.environment.0 {
+            lines.push(vec![format!("  {name}"), value.clone()]);
+        }
+        lines
     }
-    lines
 }

@@ -62,17 +62,17 @@ fn table(table: &Table) -> Json {
 
 /// Returns the description of a field, including the fields of a nested table.
 fn field(field: &Field) -> Json {
-    let mut json = json!({
+    let inner: Option<Vec<Json>> = match field.ty {
+        Ty::Table(inner) => Some(inner.fields.iter().map(self::field).collect()),
+        _ => None,
+    };
+    let mut described = json!({
         "key": field.key, "type": field.ty.describe(), "required": field.required,
         "default": field.default,
         "doc": field.doc,
     });
-    if let Ty::Table(inner) = field.ty {
-        json["fields"] = inner
-            .fields
-            .iter()
-            .map(crate::cli::about::schema::field)
-            .collect();
+    if let (Some(inner), Some(fields)) = (inner, described.as_object_mut()) {
+        fields.insert("fields".to_owned(), inner.into());
     }
-    json
+    described
 }

@@ -327,17 +327,19 @@ fn compare_backends(
         )?);
     }
     let mut text = backends::table(&rows);
-    let mut json = json!({
-        "version": env!("CARGO_PKG_VERSION"),
-        "repeats": args.repeats,
-        "backends": rows.iter().map(backends::BackendRates::to_json).collect::<Vec<_>>(),
-    });
+    let mut hand_over = None;
     if let Some(first) = scenes.first() {
         progress("measuring the transfer of images from a worker");
         let transfer = handover::ImageTransfer::measure(first, args.repeats as usize)?;
         text += &format!("\n{}", transfer.table());
-        json["hand_over"] = transfer.to_json();
+        hand_over = Some(transfer.to_json());
     }
+    let json = json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "repeats": args.repeats,
+        "backends": rows.iter().map(backends::BackendRates::to_json).collect::<Vec<_>>(),
+        "hand_over": hand_over,
+    });
     Ok(BenchReport { text, json })
 }
 

@@ -9,9 +9,19 @@ use serde_json::{Value as Json, json};
 use crate::cli::inspect::watch::{apply_event, begin_model};
 use crate::cli::night::load::decode_picture;
 use crate::experiment::{Plan, memory};
-use crate::store::list_experiments;
-use crate::store::{Follower, plan_json, utc};
+use crate::store::schema::journal::{
+    self, JournalEvent, JournalLine, NightStart, OutcomeKind, RunEnd, RunStart, WaveRecord,
+};
+use crate::store::schema::one_line;
+use crate::store::schema::plan::{PlanFile, PlannedCell};
+use crate::store::schema::run::{ConfigFile, DONE, DoneFile, RunResults};
+use crate::store::schema::values::{Named, Real};
+use crate::store::write::metrics_csv;
+use crate::store::{Follower, StoredFile, list_experiments, plan_file, utc};
 use crate::tui::model::night::NightModel;
+
+/// Reason of the end of every run.
+const REASON: &str = "1 sample per pixel";
 
 /// Durations in seconds, and memory in bytes.
 pub struct ListingCost {
@@ -44,6 +54,7 @@ impl ListingCost {
         };
         let count_done = || {
             list_experiments(out)
+                .experiments
                 .iter()
                 .flat_map(|e| &e.runs)
                 .filter(|run| run.state.name() == "done")
@@ -115,40 +126,81 @@ impl ListingCost {
     }
 }
 
-/// Writes only the files that reading needs, without checksums or syncing.
+/// Writes only the files that reading needs, without checksums of files or syncing.
 fn write_night(plan: &Plan, folder: &Path) -> std::io::Result<()> {
-    let plan_json_value = plan_json(plan);
+    let plan = plan_file(plan);
     let date = utc(SystemTime::now());
-    let mut journal = format!("{}\n", json!({ "date": date, "event": "night_started" }));
-    for cell in plan_json_value["cells"].as_array().into_iter().flatten() {
-        let (run, folder_of_run) = (&cell["run"], cell["folder"].as_str().unwrap_or_default());
-        let folder_of_run = folder.join("runs").join(folder_of_run);
+    let line = |event| {
+        one_line(&JournalLine {
+            date: date.clone(),
+            event,
+        })
+    };
+    let mut journal = line(JournalEvent::NightStarted(NightStart::default()));
+    for cell in &plan.cells {
+        let folder_of_run = folder.join("runs").join(&cell.folder);
         fs::create_dir_all(&folder_of_run)?;
-        let results = json!({
-            "run": run, "reason": "1 sample per pixel", "samples": 1, "render_s": 0.25,
-            "wall_s": 0.3, "waves": 1,
-            "paths": 4096, "rays": 20480, "invalid": 0, "metrics": { "rmse": 0.125 },
-            "finished": date,
-        });
+        let config = ConfigFile {
+            run: cell.run.clone(),
+            path: Some(cell.path.clone()),
+            ..ConfigFile::default()
+        };
+        fs::write(folder_of_run.join(ConfigFile::NAME), config.text())?;
         fs::write(
-            folder_of_run.join("config.json"),
-            json!({ "run": run, "path": cell["path"] }).to_string(),
+            folder_of_run.join(metrics_csv::FILE),
+            "wave,samples,render_s,wall_s,measure_s,paths,rays,invalid\n\
+             1,1,0.25,0.3,0,4096,20480,0\n",
         )?;
-        fs::write(
-            folder_of_run.join("metrics.csv"),
-            "wave,samples,render_s,wall_s,paths,rays,invalid\n1,1,0.25,0.3,4096,20480,0\n",
-        )?;
-        fs::write(folder_of_run.join("done.json"), results.to_string())?;
-        let started = json!({ "date": date, "event": "cell_started", "run": run, "device": "cpu" });
-        let mut ended = json!({ "date": date, "event": "cell_finished", "outcome": "done" });
-        if let (Some(ended), Some(results)) = (ended.as_object_mut(), results.as_object()) {
-            ended.extend(results.clone());
-        }
-        journal += &format!("{started}\n{ended}\n");
+        let done = DoneFile::Rendered(Box::new(results(cell, &date)));
+        fs::write(folder_of_run.join(DONE), done.text())?;
+        journal += &line(JournalEvent::CellStarted(RunStart {
+            run: cell.run.clone(),
+            path: cell.path.clone(),
+            device: "cpu".to_owned(),
+            ..RunStart::default()
+        }));
+        journal += &line(JournalEvent::CellFinished(end(cell)));
     }
-    journal += &format!("{}\n", json!({ "date": date, "event": "night_finished" }));
-    fs::write(folder.join("journal.jsonl"), journal)?;
-    fs::write(folder.join("plan.json"), plan_json_value.to_string())
+    journal += &line(JournalEvent::NightFinished {});
+    fs::write(folder.join(journal::FILE), journal)?;
+    fs::write(folder.join(PlanFile::NAME), plan.text())
+}
+
+/// Results of a finished cell.
+fn results(cell: &PlannedCell, date: &str) -> RunResults {
+    RunResults {
+        run: cell.run.clone(),
+        reason: REASON.to_owned(),
+        samples: 1,
+        render_s: 0.25,
+        wall_s: 0.3,
+        waves: 1,
+        paths: 4096,
+        rays: 20480,
+        metrics: Named(vec![("rmse".to_owned(), Real(0.125))]),
+        finished: date.to_owned(),
+        ..RunResults::default()
+    }
+}
+
+/// Journal entry of the end of a cell.
+fn end(cell: &PlannedCell) -> RunEnd {
+    RunEnd {
+        run: cell.run.clone(),
+        path: cell.path.clone(),
+        outcome: OutcomeKind::Done,
+        reason: REASON.to_owned(),
+        last: Some(WaveRecord {
+            wave: 1,
+            samples: 1,
+            render_s: 0.25,
+            wall_s: 0.3,
+            paths: 4096,
+            rays: 20480,
+            metrics: Named(vec![("rmse".to_owned(), Real(0.125))]),
+            ..WaveRecord::default()
+        }),
+    }
 }
 
 /// Resident memory of this process in bytes, if the system reports it.

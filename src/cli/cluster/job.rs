@@ -3,28 +3,16 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use serde_json::{Value as Json, json};
-
 use crate::cli::args::JobArgs;
-use crate::store::{StoreError, utc, write_atomically};
+pub use crate::store::schema::plan::SchedulerKind;
+use crate::store::schema::plan::{JobFile, SubmittedJob};
+use crate::store::{StoreError, StoredFile, utc};
 
 /// Folder of job scripts, logs and the record below the night's folder.
 const FOLDER: &str = "job";
-/// Name of the file that records the submitted jobs.
-const RECORD: &str = "job.json";
-
 /// Time before its time limit at which a worker is asked to stop, in seconds. Agrees with the
 /// option `--signal=B:USR1@120` of Slurm jobs.
 const NOTICE_S: u64 = 120;
-
-/// Job scheduler of a cluster.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SchedulerKind {
-    /// Slurm workload manager.
-    Slurm,
-    /// HyperQueue task scheduler.
-    Hq,
-}
 
 impl SchedulerKind {
     /// Returns the name on the command line and in the record.
@@ -44,70 +32,33 @@ impl SchedulerKind {
     }
 }
 
-/// Job array that was submitted.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Job {
-    /// Scheduler to which it was submitted.
-    pub kind: SchedulerKind,
-    /// Number of the job at the scheduler.
-    pub id: String,
-    /// Number of its workers.
-    pub workers: u32,
-    /// Time of submission, formatted by [`utc`].
-    pub date: String,
+/// Reads the jobs that were submitted for a night; empty if there are none.
+pub fn submitted_jobs(home: &Path) -> Vec<SubmittedJob> {
+    JobFile::read(&home.join(FOLDER)).unwrap_or_default().jobs
 }
 
-/// Submitted jobs of a night, oldest first.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct JobList(pub Vec<Job>);
-
-impl JobList {
-    /// Reads the record in a night's folder; empty if no job was submitted.
-    pub fn read(home: &Path) -> JobList {
-        let text = std::fs::read_to_string(home.join(FOLDER).join(RECORD)).unwrap_or_default();
-        let json: Json = serde_json::from_str(&text).unwrap_or_default();
-        let job = |json: &Json| {
-            Some(Job {
-                kind: [SchedulerKind::Slurm, SchedulerKind::Hq]
-                    .into_iter()
-                    .find(|kind| json["kind"] == kind.name())?,
-                id: json["id"].as_str()?.to_owned(),
-                workers: u32::try_from(json["workers"].as_u64()?).ok()?,
-                date: json["date"].as_str().unwrap_or_default().to_owned(),
-            })
-        };
-        JobList(
-            json["jobs"]
-                .as_array()
-                .into_iter()
-                .flatten()
-                .filter_map(job)
-                .collect(),
-        )
-    }
-
-    /// Adds a job to the record in a night's folder.
-    ///
-    /// # Errors
-    /// Returns an error if the record cannot be written.
-    pub fn add(home: &Path, kind: SchedulerKind, id: &str, workers: u32) -> Result<(), StoreError> {
-        let JobList(mut jobs) = JobList::read(home);
-        jobs.push(Job {
-            kind,
-            id: id.to_owned(),
-            workers,
-            date: utc(std::time::SystemTime::now()),
-        });
-        let lines = jobs.iter().map(|job| {
-            json!({ "kind": job.kind.name(), "id": job.id, "workers": job.workers,
-                "date": job.date })
-        });
-        let json = json!({ "jobs": lines.collect::<Vec<_>>() });
-        write_atomically(
-            &home.join(FOLDER).join(RECORD),
-            format!("{json:#}\n").as_bytes(),
-        )
-    }
+/// Adds a job to the record in a night's folder.
+///
+/// # Errors
+/// Returns an error if the record cannot be written.
+pub fn record_job(
+    home: &Path,
+    kind: SchedulerKind,
+    id: &str,
+    workers: u32,
+) -> Result<(), StoreError> {
+    let mut jobs = submitted_jobs(home);
+    jobs.push(SubmittedJob {
+        kind,
+        id: id.to_owned(),
+        workers,
+        date: utc(std::time::SystemTime::now()),
+    });
+    let file = JobFile {
+        jobs,
+        ..JobFile::default()
+    };
+    file.write(&home.join(FOLDER))
 }
 
 /// Returns the path of the job script for a scheduler.
@@ -406,11 +357,10 @@ mod tests {
     #[test]
     fn jobs_are_recorded_in_their_order() {
         let dir = tempfile::tempdir().unwrap();
-        assert_eq!(JobList::read(dir.path()), JobList::default());
-        JobList::add(dir.path(), SchedulerKind::Slurm, "1207", 8).unwrap();
-        JobList::add(dir.path(), SchedulerKind::Hq, "3", 2).unwrap();
-        let found: Vec<(SchedulerKind, String, u32)> = JobList::read(dir.path())
-            .0
+        assert!(submitted_jobs(dir.path()).is_empty());
+        record_job(dir.path(), SchedulerKind::Slurm, "1207", 8).unwrap();
+        record_job(dir.path(), SchedulerKind::Hq, "3", 2).unwrap();
+        let found: Vec<(SchedulerKind, String, u32)> = submitted_jobs(dir.path())
             .into_iter()
             .map(|job| (job.kind, job.id, job.workers))
             .collect();

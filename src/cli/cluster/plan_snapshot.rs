@@ -11,7 +11,8 @@ use crate::cli::night::last_command::parse;
 use crate::cli::night::load;
 use crate::experiment::Plan;
 use crate::script::{self, Limits, Script};
-use crate::store::{PlanCommand, PlanSnapshot, Store, StoreError};
+use crate::store::schema::{PROGRAM, Program};
+use crate::store::{PlanCommand, PlanSnapshot, Store, StoreError, StoredFile};
 
 /// Saves in a night's folder what workers need to rebuild its plan.
 ///
@@ -51,15 +52,14 @@ pub struct RestoredPlan {
 /// or folder that the plan needs does not exist on this machine, or the plan has changed. In the
 /// last case the message names the changes.
 pub fn restore_plan(home: &Path, global: &Global) -> Result<RestoredPlan, Failure> {
-    let snapshot = PlanSnapshot::read(home).map_err(Failure::usage)?;
-    let this_program = concat!("lumbre ", env!("CARGO_PKG_VERSION"));
-    if snapshot.program != this_program {
+    let snapshot = PlanSnapshot::load(home).map_err(Failure::usage)?;
+    if snapshot.program != Program::default() {
         return Err(Failure::usage(format!(
-            "the plan in {} was saved by {}, but this is {this_program}; pictures of different \
+            "the plan in {} was saved by {}, but this is {PROGRAM}; pictures of different \
              versions may differ. Use that version, or plan the night again with `lumbre run` or \
              `lumbre submit`",
             display_path(home),
-            snapshot.program
+            snapshot.program.0
         )));
     }
     std::env::set_current_dir(&snapshot.folder).map_err(|e| {
@@ -71,7 +71,8 @@ pub fn restore_plan(home: &Path, global: &Global) -> Result<RestoredPlan, Failur
     })?;
     let damaged = |why: &str| {
         Failure::usage(format!(
-            "frozen.json in {} is damaged: {why}",
+            "{} in {} is damaged: {why}",
+            PlanSnapshot::NAME,
             display_path(home)
         ))
     };

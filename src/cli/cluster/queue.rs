@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 use std::process::{Command, Stdio};
 
-use super::job::{Job, JobList, SchedulerKind};
+use super::job::SchedulerKind;
+use crate::store::schema::plan::SubmittedJob;
 
 /// One task of a job array, which runs one worker.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -22,10 +23,10 @@ pub struct Task {
 
 /// Returns the tasks of all jobs of a night that Slurm still lists, in their order, and notes about
 /// jobs whose state is not available.
-pub fn tasks(jobs: &JobList) -> (Vec<Task>, Vec<String>) {
+pub fn tasks(jobs: &[SubmittedJob]) -> (Vec<Task>, Vec<String>) {
     let mut found = Vec::new();
     let mut notes = Vec::new();
-    for job in &jobs.0 {
+    for job in jobs {
         match job.kind {
             SchedulerKind::Hq => notes.push(format!(
                 "job {}: run `hq job info {}` for its state",
@@ -38,7 +39,7 @@ pub fn tasks(jobs: &JobList) -> (Vec<Task>, Vec<String>) {
 }
 
 /// Returns the tasks of one Slurm job from `sacct` and `squeue`. Problems are added to `notes`.
-fn slurm_tasks(job: &Job, notes: &mut Vec<String>) -> Vec<Task> {
+fn slurm_tasks(job: &SubmittedJob, notes: &mut Vec<String>) -> Vec<Task> {
     let mut tasks = BTreeMap::new();
     let fields = "JobID,State,NodeList,Reason,ExitCode";
     // Many clusters have no accounting, so errors of sacct are ignored.

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::job::{JobList, JobScript, SchedulerKind, script_file};
+use super::job::{JobScript, SchedulerKind, record_job, script_file, submitted_jobs};
 use super::plan_snapshot::save_plan_snapshot;
 use super::queue::command_output;
 use super::work::local_disk_warning;
@@ -68,7 +68,7 @@ pub fn submit(args: &SubmitArgs, global: &Global) -> Result<Exit, Failure> {
                 display_path(&home)
             ))
         })?;
-    JobList::add(&home, kind, &id, job.workers).map_err(Failure::internal)?;
+    record_job(&home, kind, &id, job.workers).map_err(Failure::internal)?;
     print_result(&format!("{id}\n"))?;
     if !global.quiet {
         print_submitted(&id, job, &plan, &home);
@@ -157,7 +157,7 @@ fn submit_script(
 /// Runs `lumbre cancel`: cancels the cluster jobs of a night.
 pub fn cancel(args: &CancelArgs, global: &Global) -> Result<Exit, Failure> {
     let home: PathBuf = find_night(args.folder.as_deref(), global)?;
-    let JobList(jobs) = JobList::read(&home);
+    let jobs = submitted_jobs(&home);
     if jobs.is_empty() {
         return Err(Failure::usage(format!(
             "no job was submitted for {} (stop workers that were started by hand with Ctrl-C or \

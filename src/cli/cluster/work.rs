@@ -5,8 +5,6 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use serde_json::json;
-
 use super::plan_snapshot::{RestoredPlan, restore_plan};
 use crate::backends::{backend, device_index};
 use crate::cli::args::{Global, WorkArgs};
@@ -29,6 +27,7 @@ use crate::experiment::{
     CellRef, CellResult, NightControls, NightSummary, Outcome, Plan, Sink, SinkError, run,
 };
 use crate::script::Script;
+use crate::store::schema::journal::JournalEvent;
 use crate::store::{Host, PlanStatus, RenderDevice, Store, WorkerInfo};
 use crate::tui;
 use lumbre_render::backend_choice;
@@ -419,7 +418,7 @@ impl ClusterWorker<'_> {
             )
         });
         // The entry is only informative: workers find out from other files that the night is done.
-        let _ = self.store.journal("night_closed", &json!({}));
+        let _ = self.store.journal(JournalEvent::NightClosed {});
         let exit = results::night_exit(self.plan, &night, Exit::Interrupted);
         Ok(Some((exit, self.results_hash(&night))))
     }

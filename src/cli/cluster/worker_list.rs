@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde_json::{Value as Json, json};
 
-use super::job::JobList;
+use super::job::submitted_jobs;
 use super::queue::{Task, tasks};
 use crate::cli::format;
 use crate::cli::inspect::watch::describe_state;
@@ -26,7 +26,7 @@ pub struct WorkerList {
 impl WorkerList {
     /// Reads the workers of a night's folder and asks the schedulers for the states of its jobs.
     pub fn read(home: &Path) -> WorkerList {
-        let (tasks, notes) = tasks(&JobList::read(home));
+        let (tasks, notes) = tasks(&submitted_jobs(home));
         WorkerList {
             workers: list_workers(home),
             tasks,

@@ -309,15 +309,14 @@ impl PicturePair {
     }
 
     fn metric_json(&self, spec: &MetricSpec, value: f64) -> Json {
-        let identity = spec.identity().to_json();
         json!({
             "metric": spec.row.name,
             "label": spec.row.label,
-            "value": Value::Num(value).to_json(),
+            "value": Value::Num(value),
             "unit": spec.unit(),
             "better": spec.row.better.to_string(),
-            "options": identity["options"],
-            "settled": Value::Map(spec.settled(&self.reference.image)).to_json(),
+            "options": spec.all_options(),
+            "settled": spec.settled(&self.reference.image),
         })
     }
 }
@@ -451,7 +450,7 @@ fn number(x: f64) -> String {
 
 /// Converts a number to JSON; values that are not finite become strings.
 fn float(x: f32) -> Json {
-    Value::Num(f64::from(x)).to_json()
+    json!(Value::Num(f64::from(x)))
 }
 
 #[cfg(test)]

@@ -10,8 +10,9 @@ use crate::cli::format::display_path;
 use crate::cli::night::last_command::last_command;
 use crate::cli::night::load;
 use crate::experiment::{CellRef, Plan};
-use crate::store::check_integrity;
-use crate::store::{Integrity, RunRecord, read_run};
+use crate::store::schema::plan::PlanFile;
+use crate::store::{Integrity, RunReader, RunRecord, StoredFile, read_run};
+use lumbre_light::value::Value;
 
 /// Runs `lumbre explain` for one run.
 pub fn main(args: &ExplainArgs, global: &Global) -> Result<Exit, Failure> {
@@ -27,7 +28,9 @@ pub fn main(args: &ExplainArgs, global: &Global) -> Result<Exit, Failure> {
             global.clone(),
         ),
         None => {
-            let experiment = folder.ancestors().find(|up| up.join("plan.json").is_file());
+            let experiment = folder
+                .ancestors()
+                .find(|up| up.join(PlanFile::NAME).is_file());
             let Some(experiment) = experiment else {
                 return Err(Failure::usage(
                     "references are shared by experiments: give the script as a second argument",
@@ -37,7 +40,7 @@ pub fn main(args: &ExplainArgs, global: &Global) -> Result<Exit, Failure> {
         }
     };
     let (_, plan) = load::load_plan(&script, &global)?;
-    let id = record.config["run"].as_str().unwrap_or_default();
+    let id = record.config.run.as_str();
     let verdict = match find_run(&plan, id) {
         Some(cell) => explain_planned_run(&plan, cell, &folder, id),
         None => explain_missing_run(&plan, &record),
@@ -54,7 +57,7 @@ pub fn main(args: &ExplainArgs, global: &Global) -> Result<Exit, Failure> {
     } else {
         let mut page = format!(
             "{id}  {}\n",
-            record.config["path"].as_str().unwrap_or("reference")
+            record.config.path.as_deref().unwrap_or("reference")
         );
         for reason in &verdict.reasons {
             page += &format!("  {reason}\n");
@@ -95,7 +98,7 @@ fn find_run(plan: &Plan, id: &str) -> Option<CellRef> {
 /// Explains a run that is part of the plan.
 fn explain_planned_run(plan: &Plan, cell: CellRef, folder: &Path, id: &str) -> Verdict {
     let mut reasons = Vec::new();
-    let again = match check_integrity(folder, id) {
+    let again = match RunReader::new(folder.to_owned()).integrity(id) {
         Integrity::Intact(reason) => {
             reasons.push(format!(
                 "would not be rendered again: it is done ({reason}), and all its files are intact"
@@ -141,17 +144,17 @@ fn explain_planned_run(plan: &Plan, cell: CellRef, folder: &Path, id: &str) -> V
 /// Explains a run that is no longer part of the plan: finds the most similar run and the
 /// differences.
 fn explain_missing_run(plan: &Plan, record: &RunRecord) -> Verdict {
-    let path = record.config["path"].as_str().unwrap_or_default();
-    let old = &record.config["identity"];
-    let candidates: Vec<(&str, Json)> = if path.is_empty() {
+    let path = record.config.path.as_deref().unwrap_or_default();
+    let old = &record.config.identity;
+    let candidates: Vec<(&str, &Value)> = if path.is_empty() {
         plan.references
             .iter()
-            .map(|r| (r.id.0.as_str(), r.identity.to_json()))
+            .map(|r| (r.id.0.as_str(), &r.identity))
             .collect()
     } else {
         plan.cells
             .iter()
-            .map(|cell| (cell.path.as_str(), cell.identity.to_json()))
+            .map(|cell| (cell.path.as_str(), &cell.identity))
             .collect()
     };
     let nearest = candidates
@@ -170,14 +173,13 @@ fn explain_missing_run(plan: &Plan, record: &RunRecord) -> Verdict {
          in:"
     )];
     let fields = differences(old, new);
-    if fields.iter().any(|[field, ..]| field == "scene") {
-        let file = record.config["render"]["scene_file"]
-            .as_str()
-            .unwrap_or("the scene's file");
-        let set = &record.config["render"]["set"];
+    if let Some(render) = &record.config.render
+        && fields.iter().any(|[field, ..]| field == "scene")
+    {
         reasons.push(format!(
-            "(`scene` is the hash of {} with the changes {set})",
-            display_path(Path::new(file))
+            "(`scene` is the hash of {} with the changes {})",
+            display_path(Path::new(&render.scene_file)),
+            json!(render.set)
         ));
     }
     Verdict {
@@ -188,16 +190,16 @@ fn explain_missing_run(plan: &Plan, record: &RunRecord) -> Verdict {
 }
 
 /// Returns the innermost fields in which two values differ: path, old value, new value.
-fn differences(old: &Json, new: &Json) -> Vec<[String; 3]> {
+fn differences(old: &Value, new: &Value) -> Vec<[String; 3]> {
     let mut found = Vec::new();
     collect_differences("", old, new, &mut found);
     found
 }
 
 /// Appends the innermost fields below `path` in which two values differ.
-fn collect_differences(path: &str, old: &Json, new: &Json, found: &mut Vec<[String; 3]>) {
+fn collect_differences(path: &str, old: &Value, new: &Value, found: &mut Vec<[String; 3]>) {
     match (old, new) {
-        (Json::Object(a), Json::Object(b)) => {
+        (Value::Map(a), Value::Map(b)) => {
             let mut keys: Vec<&String> = a.keys().chain(b.keys()).collect();
             keys.sort();
             keys.dedup();
@@ -207,7 +209,7 @@ fn collect_differences(path: &str, old: &Json, new: &Json, found: &mut Vec<[Stri
                 } else {
                     format!("{path}.{key}")
                 };
-                let missing = Json::Null;
+                let missing = Value::Nil;
                 collect_differences(
                     &inner,
                     a.get(key).unwrap_or(&missing),
@@ -217,7 +219,10 @@ fn collect_differences(path: &str, old: &Json, new: &Json, found: &mut Vec<[Stri
             }
         }
         _ if old == new => {}
-        _ => found.push([path.to_owned(), old.to_string(), new.to_string()]),
+        _ => {
+            let text = |value: &Value| json!(value).to_string();
+            found.push([path.to_owned(), text(old), text(new)]);
+        }
     }
 }
 
@@ -229,6 +234,7 @@ mod tests {
     fn differences_are_named_by_their_innermost_field() {
         let old = json!({ "a": { "b": 1, "c": [1, 2] }, "gone": true });
         let new = json!({ "a": { "b": 2, "c": [1, 2] }, "new": "x" });
+        let [old, new] = [old, new].map(|json| Value::from_json(&json));
         let found: Vec<String> = differences(&old, &new)
             .into_iter()
             .map(|fields| fields.join(" "))

@@ -1,6 +1,7 @@
 //! `lumbre ls` and `lumbre show`: lists of experiments and runs, read only from files.
 
 use std::fmt::Write as _;
+use std::path::Path;
 
 use clap::ValueEnum;
 use serde_json::{Value as Json, json};
@@ -8,14 +9,23 @@ use serde_json::{Value as Json, json};
 use crate::cli::args::{Global, LsArgs, ShowArgs};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{self, counted, display_path};
-use crate::experiment::WaveRow;
-use crate::store::list_experiments;
-use crate::store::{ExperimentEntry, RunEntry, RunRecord, RunState, latest_experiment, read_run};
+use crate::store::schema::journal::WaveRecord;
+use crate::store::schema::run::DoneFile;
+use crate::store::{
+    ExperimentEntry, Listing, Measurements, RunEntry, RunRecord, RunState, latest_experiment,
+    list_experiments, read_run,
+};
 
 /// Runs `lumbre ls`: lists experiments and their runs.
 pub fn ls(args: &LsArgs, global: &Global) -> Result<Exit, Failure> {
-    let mut experiments = list_experiments(&global.out);
-    let all = experiments.len();
+    let Listing {
+        mut experiments,
+        refused,
+    } = list_experiments(&global.out);
+    for error in &refused {
+        print_status(&format!("not listed: {error}"));
+    }
+    let all = experiments.len() + refused.len();
     if args.latest {
         let newest = latest_experiment(&global.out).and_then(|folder| folder.canonicalize().ok());
         experiments.retain(|e| newest.is_some() && e.folder.canonicalize().ok() == newest);
@@ -179,21 +189,28 @@ pub fn show(args: &ShowArgs, global: &Global) -> Result<Exit, Failure> {
 fn run_page(run: &RunRecord) -> String {
     let mut out = format!("{}\n\n", display_path(&run.folder));
     let mut lines = Vec::new();
-    flatten("", &run.config, &mut lines);
+    flatten("", &json!(run.config), &mut lines);
     // The identity repeats the configuration in canonical form; it is printed only with `--json`.
     lines.retain(|l| !l[0].starts_with("identity"));
     out += &format::aligned(&lines);
     let state = match &run.done {
-        Some(done) => format!("done: {}", done["reason"].as_str().unwrap_or_default()),
+        Some(DoneFile::Rendered(results)) => format!("done: {}", results.reason),
+        Some(DoneFile::Imported(reference)) => {
+            format!(
+                "copy of {}",
+                display_path(Path::new(&reference.imported_from))
+            )
+        }
         None => "not done".to_owned(),
     };
     // Writing to a String cannot fail.
     let _ = writeln!(out, "\n{state}");
-    if let Some(row) = run.rows.last() {
+    let measured = &run.measurements;
+    if let Some(row) = measured.rows.last() {
         let _ = writeln!(
             out,
             "after {}: {} spp, {} of render time, {} million paths per second, {} invalid",
-            counted(run.rows.len(), "wave"),
+            counted(measured.rows.len(), "wave"),
             row.samples,
             format::duration(row.render_s),
             format::rounded(row.mpaths_per_s()),
@@ -205,7 +222,7 @@ fn run_page(run: &RunRecord) -> String {
                 "the first invalid sample is sample {sample} of pixel {x},{y}"
             );
         }
-        let metrics = run
+        let metrics = measured
             .columns
             .iter()
             .zip(&row.metrics)
@@ -240,33 +257,15 @@ fn flatten(path: &str, json: &Json, lines: &mut Vec<Vec<String>>) {
 
 /// Returns a run with its last measurements and files as JSON.
 fn run_json(run: &RunRecord) -> Json {
+    let Measurements { columns, rows } = &run.measurements;
     json!({
         "folder": display_path(&run.folder),
         "config": run.config,
         "done": run.done,
-        "columns": run.columns,
-        "last": run.rows.last().map(|row| row_json(row, &run.columns)),
-        "waves": run.rows.len(),
+        "columns": columns,
+        "last": rows.last().map(|row| WaveRecord::new(row, columns)),
+        "waves": rows.len(),
         "files": run.files.iter().map(|(name, bytes)| json!({ "name": name,
             "bytes": bytes })).collect::<Vec<_>>(),
-    })
-}
-
-/// Returns the measurements after one wave as JSON. Values that are not finite become strings.
-fn row_json(row: &WaveRow, columns: &[String]) -> Json {
-    let number = |x: &f64| {
-        serde_json::Number::from_f64(*x).map_or_else(|| json!(x.to_string()), Json::Number)
-    };
-    let metrics: serde_json::Map<_, _> = columns
-        .iter()
-        .cloned()
-        .zip(row.metrics.iter().map(number))
-        .collect();
-    json!({
-        "wave": row.wave, "samples": row.samples, "render_s": row.render_s, "wall_s": row.wall_s,
-        "measure_s": row.measure_s,
-        "paths": row.paths, "rays": row.rays, "invalid": row.invalid,
-        "first_invalid": row.first_invalid,
-        "metrics": metrics,
     })
 }

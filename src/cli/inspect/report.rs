@@ -19,7 +19,7 @@ pub fn main(args: &ReportArgs, global: &Global) -> Result<Exit, Failure> {
     let nights: Vec<NightResults> = args
         .nights
         .iter()
-        .map(|dir| store::read::night_reader::read_night(dir))
+        .map(|dir| store::read::night_results::read_night(dir))
         .collect::<Result<_, _>>()
         .map_err(Failure::usage)?;
     let to = match (&args.to, nights.as_slice()) {

@@ -45,10 +45,7 @@ pub fn main(args: &StatusArgs, global: &Global) -> Result<Exit, Failure> {
     };
     let workers = WorkerList::read(follower.folder());
     if args.json {
-        let mut json = night.json();
-        if !workers.is_empty() {
-            json["cluster"] = workers.json();
-        }
+        let json = night.json(&workers);
         print_result(&format!("{json:#}\n"))?;
     } else {
         let workers_page = if workers.is_empty() {
@@ -240,7 +237,7 @@ impl NightStatus<'_> {
     }
 
     /// Returns the status as JSON.
-    fn json(&self) -> Json {
+    fn json(&self, workers: &WorkerList) -> Json {
         let model = self.model;
         let counts = StateCounts::from_entries(&model.cells);
         let current = model
@@ -266,7 +263,7 @@ impl NightStatus<'_> {
             "references": {
                 "total": model.references.len(),
                 "settled": StateCounts::from_entries(&model.references).settled(),
-                "parts": self.shards().map(|(done, of)| json!({ "done": done, "total": of })),
+                "shards": self.shards().map(|(done, of)| json!({ "done": done, "total": of })),
             },
             "elapsed_s": (self.state() != "not started").then(|| model.night_s(self.now_s)),
             "left_s": self.eta().map(|eta| eta.seconds),
@@ -275,6 +272,7 @@ impl NightStatus<'_> {
             "failures": self.failures().map(|(cell, reason)| json!({ "name": self.name(cell),
                 "reason": reason }))
                 .collect::<Vec<_>>(),
+            "cluster": (!workers.is_empty()).then(|| workers.json()),
         })
     }
 }

@@ -2,13 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use serde_json::Value as Json;
-
 use crate::cli::args::{Global, ViewArgs};
 use crate::cli::exit::{Exit, Failure, print_result};
 use crate::cli::format::display_path;
 use crate::output::time::{self, Movie, TimeCurve, TimeFile};
 use crate::output::{exr, png};
+use crate::store::schema::run::ConfigFile;
 use crate::store::{FILMS, read_run};
 use lumbre_light::film::time::CUBE_FILE;
 use lumbre_light::transport::path_time::Timing;
@@ -177,10 +176,13 @@ fn folder_name(folder: &Path) -> String {
 /// # Errors
 /// Returns a message if the run has no time axis, or the file of its bins cannot be read or does
 /// not match the configuration of the run.
-fn read_movie(folder: &Path, config: &Json) -> Result<Movie, String> {
-    let film = Value::from_json(&config["render"]["film"]);
+fn read_movie(folder: &Path, config: &ConfigFile) -> Result<Movie, String> {
+    let film = config
+        .render
+        .as_ref()
+        .and_then(|render| render.film.as_ref());
     let timing = film
-        .as_map()
+        .and_then(Value::as_map)
         .map_or(Ok(None), |film| Timing::from_film(film, "film"))
         .map_err(|e| e.to_string())?;
     let timing = timing.ok_or_else(|| {

@@ -3,11 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use clap::Parser;
-use serde_json::Value as Json;
 
 use crate::cli::args::{Cli, Global, ScriptArgs, Verb};
 use crate::cli::exit::Failure;
 use crate::cli::format::display_path;
+use crate::store::StoredFile;
+use crate::store::schema::plan::EnvFile;
 
 /// Returns the script with its axis changes and the global options of the command that last ran an
 /// experiment. Changes the current folder to the one in which that command was given, since the
@@ -17,25 +18,18 @@ use crate::cli::format::display_path;
 /// Returns an error if the folder has no record of a command, or the command does not name a
 /// script.
 pub fn last_command(experiment: &Path, global: &Global) -> Result<(ScriptArgs, Global), Failure> {
-    let file = experiment.join("env.json");
     let unknown = |why: &str| {
         Failure::usage(format!(
             "cannot find out how {} was run ({why}); give the script as an argument",
             display_path(experiment)
         ))
     };
-    let text =
-        std::fs::read(&file).map_err(|e| unknown(&format!("{}: {e}", display_path(&file))))?;
-    let env: Json = serde_json::from_slice(&text)
-        .map_err(|e| unknown(&format!("{}: {e}", display_path(&file))))?;
-    let arguments = env["arguments"]
-        .as_array()
-        .into_iter()
-        .flatten()
-        .filter_map(Json::as_str);
+    let env = EnvFile::read(experiment)
+        .map_err(|e| unknown(&format!("{}{}", display_path(&e.path), e.problem)))?;
+    let arguments = env.arguments.iter().map(String::as_str);
     let (script, recorded) = parse(arguments).map_err(unknown)?;
     let out = std::path::absolute(&global.out).map_err(Failure::usage)?;
-    let folder = PathBuf::from(env["folder"].as_str().unwrap_or("."));
+    let folder = PathBuf::from(&env.folder);
     std::env::set_current_dir(&folder)
         .map_err(|e| unknown(&format!("{}: {e}", folder.display())))?;
     let backend = global.backend.clone().or(recorded.backend);

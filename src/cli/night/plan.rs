@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use serde_json::{Value as Json, json};
+use serde::Serialize;
 
 use super::load::{self, decode_picture};
 use crate::cli::args::{Global, PlanArgs};
@@ -17,7 +17,8 @@ use crate::experiment::noise_floor::floors;
 use crate::experiment::plan::{Estimate, ReferenceSource, unreachable_thresholds};
 use crate::experiment::spec::Order;
 use crate::experiment::{Cell, CellRef, Plan, StopRule};
-use crate::store::{Archive, plan_json, throughput_history};
+use crate::store::schema::plan::PlanFile;
+use crate::store::{Archive, plan_file, throughput_history};
 
 /// Runs `lumbre plan`: prints the plan of a script.
 pub fn main(args: &PlanArgs, global: &Global) -> Result<Exit, Failure> {
@@ -29,11 +30,48 @@ pub fn main(args: &PlanArgs, global: &Global) -> Result<Exit, Failure> {
 pub(in crate::cli) fn print(plan: &Plan, global: &Global, as_json: bool) -> Result<Exit, Failure> {
     let outlook = Outlook::new(plan, global);
     if as_json {
-        print_result(&format!("{:#}\n", outlook.json()))?;
+        let text = serde_json::to_string_pretty(&outlook.output()).map_err(Failure::internal)?;
+        print_result(&(text + "\n"))?;
     } else {
         print_result(&outlook.page())?;
     }
     Ok(Exit::Done)
+}
+
+/// Output of `lumbre plan --json`: the content of `plan.json`, what of it is done, and estimates.
+#[derive(Serialize)]
+struct PlanOutput<'a> {
+    #[serde(flatten)]
+    plan: PlanFile,
+    /// States of the cells, in their order.
+    cell_states: Vec<StateOutput<'a>>,
+    /// States of the references, in their order.
+    reference_states: Vec<StateOutput<'a>>,
+    estimate: &'a Estimate,
+    forecast: &'a Forecast,
+    /// For each reference, the samples per pixel of a shorter one from which it would resume.
+    resumes_from: &'a [Option<u64>],
+    /// Warnings about thresholds below the noise of finished references.
+    unreachable: &'a [String],
+}
+
+/// State of a cell or reference.
+#[derive(Serialize)]
+struct StateOutput<'a> {
+    /// `cached`, or `new` if it would be rendered.
+    state: &'static str,
+    /// Folder in which it is finished.
+    cached_in: Option<&'a str>,
+}
+
+impl StateOutput<'_> {
+    fn new(found: &Option<String>, is_file: bool) -> StateOutput<'_> {
+        let cached = found.is_some() || is_file;
+        StateOutput {
+            state: if cached { "cached" } else { "new" },
+            cached_in: found.as_deref(),
+        }
+    }
 }
 
 /// Plan with the states of its runs and estimates of the work left.
@@ -81,36 +119,27 @@ impl<'a> Outlook<'a> {
         }
     }
 
-    /// Returns the plan as JSON.
-    fn json(&self) -> Json {
-        let mut json = plan_json(self.plan);
-        for (key, found) in [("cells", &self.cells), ("references", &self.references)] {
-            for (entry, folder) in json[key].as_array_mut().into_iter().flatten().zip(found) {
-                let file = entry["kind"] == "file";
-                entry["state"] = if folder.is_some() || file {
-                    "cached"
-                } else {
-                    "new"
-                }
-                .into();
-                entry["cached_in"] = folder.as_deref().into();
-            }
+    /// Returns the plan for output as JSON.
+    fn output(&self) -> PlanOutput<'_> {
+        let files = self.plan.references.iter().map(|r| r.stem().is_none());
+        PlanOutput {
+            plan: plan_file(self.plan),
+            cell_states: self
+                .cells
+                .iter()
+                .map(|found| StateOutput::new(found, false))
+                .collect(),
+            reference_states: self
+                .references
+                .iter()
+                .zip(files)
+                .map(|(found, is_file)| StateOutput::new(found, is_file))
+                .collect(),
+            estimate: &self.estimate,
+            forecast: &self.forecast,
+            resumes_from: &self.resume_samples,
+            unreachable: &self.unreachable,
         }
-        let estimate = &self.estimate;
-        json["estimate"] = json!({
-            "runs_by_time": estimate.by_time, "seconds": estimate.seconds,
-            "runs_by_samples": estimate.by_samples, "paths": estimate.paths,
-            "runs_without_limit": estimate.unbounded, "layer_bytes": estimate.layer_bytes,
-            "heat_runs": estimate.interleaved_runs, "heat_bytes": estimate.interleaved_bytes,
-        });
-        let forecast = &self.forecast;
-        json["forecast"] = json!({
-            "seconds": forecast.seconds, "at_most": forecast.at_most, "rough": forecast.rough,
-            "runs": forecast.known, "unknown_runs": forecast.unknown,
-        });
-        json["goes_on_from"] = json!(self.resume_samples);
-        json["out_of_reach"] = json!(self.unreachable);
-        json
     }
 
     /// Formats the plan as text.
@@ -199,11 +228,7 @@ impl<'a> Outlook<'a> {
                     )
                 }
                 ReferenceSource::File { file, source } => {
-                    let content = reference
-                        .identity
-                        .as_map()
-                        .and_then(|fields| fields.get("file")?.as_str());
-                    let digits = short_id(content.unwrap_or_default());
+                    let digits = short_id(reference.file_hash().unwrap_or_default());
                     let source = if source.is_empty() {
                         "unknown source"
                     } else {

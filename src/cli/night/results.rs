@@ -79,7 +79,7 @@ pub(in crate::cli) fn write_results(
     }
     let findings = aa_check::check(plan, &night.results);
     if !findings.is_empty() {
-        write("control.csv", summary::control_csv(&findings).as_bytes())?;
+        write("aa-check.csv", summary::aa_check_csv(&findings).as_bytes())?;
     }
     Ok(())
 }

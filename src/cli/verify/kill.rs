@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use serde_json::Value as Json;
-
 use crate::cli::scene::builtin::BuiltIn;
+use crate::store::StoredFile;
+use crate::store::schema::journal::{JournalEvent, JournalLine, OutcomeKind};
+use crate::store::schema::run::DoneFile;
 
 /// The night: a sample limit ends every cell, so that results do not depend on a clock. It has two
 /// techniques (one with a splat film and layers), a checkpoint in every slice, snapshots, a
@@ -44,18 +45,6 @@ const CLOCKS: [&str; 6] = [
     "mpaths_per_s",
     "status",
     "reason",
-];
-
-/// Fields of a run's result files with clock values, or with hashes of files that have clock
-/// values.
-const CLOCK_FIELDS: [&str; 7] = [
-    "render_s",
-    "wall_s",
-    "measure_s",
-    "accel_build_s",
-    "finished",
-    "files",
-    "check",
 ];
 
 /// Result of the kill test.
@@ -264,7 +253,7 @@ fn contents(out: &Path) -> Result<BTreeMap<String, Vec<u8>>, String> {
         if [
             "journal.jsonl",
             "env.json",
-            "frozen.json",
+            "snapshot.json",
             "log.txt",
             "lock",
             "index.jsonl",
@@ -291,7 +280,7 @@ fn contents(out: &Path) -> Result<BTreeMap<String, Vec<u8>>, String> {
             "metrics.csv" | "summary.csv" | "repeats.csv" => {
                 without_clock_columns(&String::from_utf8_lossy(&bytes)).into_bytes()
             }
-            "done.json" | "ref.json" => without_clock_fields(&bytes)?,
+            "done.json" | "ref.json" => without_clocks(&bytes)?,
             _ => bytes,
         };
         let path = file
@@ -321,14 +310,17 @@ fn without_clock_columns(csv: &str) -> String {
     csv.lines().map(keep).collect()
 }
 
-fn without_clock_fields(bytes: &[u8]) -> Result<Vec<u8>, String> {
-    let mut json: Json = serde_json::from_slice(bytes).map_err(|e| e.to_string())?;
-    if let Some(fields) = json.as_object_mut() {
-        for field in CLOCK_FIELDS {
-            fields.shift_remove(field);
-        }
+/// Returns a last file without clock values and without the checksums that depend on them.
+fn without_clocks(bytes: &[u8]) -> Result<Vec<u8>, String> {
+    let mut done = DoneFile::parse(bytes).map_err(|problem| format!("done.json{problem}"))?;
+    if let DoneFile::Rendered(results) = &mut done {
+        (results.render_s, results.wall_s, results.measure_s) = (0.0, 0.0, 0.0);
+        results.open.accel_build_s = 0.0;
+        results.finished.clear();
+        results.files.clear();
+        results.check.clear();
     }
-    Ok(json.to_string().into_bytes())
+    Ok(done.text().into_bytes())
 }
 
 fn differences(
@@ -371,11 +363,13 @@ fn done_twice(out: &Path) -> Vec<String> {
         let text = std::fs::read_to_string(file).unwrap_or_default();
         let lines = text
             .lines()
-            .filter_map(|line| serde_json::from_str::<Json>(line).ok());
-        for line in
-            lines.filter(|line| line["event"] == "cell_finished" && line["outcome"] == "done")
-        {
-            *counts.entry(line["run"].to_string()).or_default() += 1;
+            .filter_map(|line| serde_json::from_str::<JournalLine>(line).ok());
+        for line in lines {
+            if let JournalEvent::CellFinished(end) = line.event
+                && end.outcome == OutcomeKind::Done
+            {
+                *counts.entry(end.run).or_default() += 1;
+            }
         }
     }
     counts

@@ -16,7 +16,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use serde_json::{Value as Json, json};
+use serde::Deserialize;
+use serde_json::json;
 
 use super::picture::{Judgement, NoisyPicture, Setting, judge, render};
 use super::technique::{self, Technique};
@@ -196,11 +197,11 @@ fn read(file: &Path, scenes: &Path) -> Result<ReferenceFile, String> {
         .unwrap_or_default()
         .to_string_lossy()
         .into_owned();
-    let surfaces = match settings.surfaces()? {
+    let surfaces = match settings.surfaces() {
         Ok(surfaces) => surfaces,
         Err(reason) => return Ok(ReferenceFile::Excluded { name, reason }),
     };
-    let max_depth = match settings.integer("max_depth_edges")? {
+    let max_depth = match settings.max_depth_edges {
         -1 => None,
         edges => Some(u32::try_from(edges).map_err(|_| {
             problem(&format!(
@@ -208,9 +209,9 @@ fn read(file: &Path, scenes: &Path) -> Result<ReferenceFile, String> {
             ))
         })?),
     };
-    let scene = settings.string("scene")?;
-    let picture = settings.picture()?;
-    let Some(path) = find_below(scenes, &scene, MAX_FOLDERS) else {
+    let scene = &settings.scene;
+    let picture = settings.picture(file)?;
+    let Some(path) = find_below(scenes, scene, MAX_FOLDERS) else {
         return Err(problem(&format!(
             "the scene {scene} was not found below {}",
             scenes.display()
@@ -220,83 +221,82 @@ fn read(file: &Path, scenes: &Path) -> Result<ReferenceFile, String> {
         name,
         surfaces,
         max_depth,
-        rr_start: u32::try_from(settings.integer("rr_depth")?).unwrap_or(u32::MAX),
+        rr_start: u32::try_from(settings.rr_depth).unwrap_or(u32::MAX),
         scene: Arc::new(compiled(&path, surfaces)?),
         picture,
     })))
 }
 
-/// The JSON file of a reference.
-struct ReferenceSettings<'f> {
-    file: &'f Path,
-    json: Json,
+/// The JSON file of a reference, which another program wrote. Other fields are of no interest.
+#[derive(Deserialize)]
+struct ReferenceSettings {
+    /// File name of the scene.
+    scene: String,
+    /// File name of the picture.
+    file: String,
+    /// File name of the picture of standard errors.
+    stderr_file: Option<String>,
+    /// Width of the picture in pixels.
+    width: u32,
+    /// Height of the picture in pixels.
+    height: u32,
+    /// Largest number of path edges; -1 means unbounded.
+    max_depth_edges: i64,
+    /// Depth at which Russian roulette starts.
+    rr_depth: i64,
+    /// Material model of the object.
+    bsdf_mode: String,
+    pixel_filter: Option<PixelFilter>,
 }
 
-impl<'f> ReferenceSettings<'f> {
-    fn read(file: &'f Path) -> Result<ReferenceSettings<'f>, String> {
+#[derive(Deserialize)]
+struct PixelFilter {
+    #[serde(rename = "type")]
+    kind: String,
+}
+
+impl ReferenceSettings {
+    fn read(file: &Path) -> Result<ReferenceSettings, String> {
         let problem = named_error(file);
         let text = std::fs::read_to_string(file).map_err(|e| problem(&e))?;
-        let json =
-            serde_json::from_str(&text).map_err(|e| problem(&format!("invalid JSON: {e}")))?;
-        Ok(ReferenceSettings { file, json })
-    }
-
-    fn string(&self, key: &str) -> Result<String, String> {
-        match self.json.get(key).and_then(Json::as_str) {
-            Some(text) => Ok(text.to_owned()),
-            None => Err(named_error(self.file)(&format!("`{key}` must be a string"))),
-        }
-    }
-
-    fn integer(&self, key: &str) -> Result<i64, String> {
-        match self.json.get(key).and_then(Json::as_i64) {
-            Some(n) => Ok(n),
-            None => Err(named_error(self.file)(&format!(
-                "`{key}` must be an integer"
-            ))),
-        }
+        serde_json::from_str(&text).map_err(|e| problem(&format!("invalid JSON: {e}")))
     }
 
     /// Returns the material model, or the reason why the reference is excluded.
-    fn surfaces(&self) -> Result<Result<Surfaces, String>, String> {
-        if self.json.get("stderr_file").is_none() {
-            return Ok(Err(
-                "it has no picture of standard errors (`stderr_file`)".to_owned()
-            ));
+    fn surfaces(&self) -> Result<Surfaces, String> {
+        if self.stderr_file.is_none() {
+            return Err("it has no picture of standard errors (`stderr_file`)".to_owned());
         }
-        let surfaces = match self.string("bsdf_mode")?.as_str() {
+        let surfaces = match self.bsdf_mode.as_str() {
             "diffuse" => Surfaces::Diffuse,
             "principled" => Surfaces::Principled,
             other => {
-                return Ok(Err(format!(
+                return Err(format!(
                     "its `bsdf_mode` is `{other}`; supported: diffuse, principled"
-                )));
+                ));
             }
         };
-        let filter = self
-            .json
-            .pointer("/pixel_filter/type")
-            .and_then(Json::as_str)
-            .unwrap_or("unknown");
+        let filter = self.pixel_filter.as_ref();
+        let filter = filter.map_or("unknown", |filter| filter.kind.as_str());
         if filter != "box" {
-            return Ok(Err(format!(
+            return Err(format!(
                 "its pixel filter is `{filter}`; only `box` is supported"
-            )));
+            ));
         }
-        Ok(Ok(surfaces))
+        Ok(surfaces)
     }
 
-    /// Reads the picture and its standard errors.
-    fn picture(&self) -> Result<NoisyPicture, String> {
-        let sibling = |name: String| self.file.with_file_name(name);
-        let mean = picture(&sibling(self.string("file")?))?;
-        let mut variance = picture(&sibling(self.string("stderr_file")?))?;
+    /// Reads the picture and its standard errors, which lie beside the JSON file.
+    fn picture(&self, json: &Path) -> Result<NoisyPicture, String> {
+        let errors = self.stderr_file.as_deref().unwrap_or_default();
+        let mean = picture(&json.with_file_name(&self.file))?;
+        let mut variance = picture(&json.with_file_name(errors))?;
         variance.data.iter_mut().for_each(|p| *p = p.map(|e| e * e));
-        let size = [self.integer("width")?, self.integer("height")?];
+        let size = [self.width, self.height];
         for (key, image) in [("file", &mean), ("stderr_file", &variance)] {
-            let actual = [image.width, image.height].map(i64::from);
+            let actual = [image.width, image.height];
             if actual != size {
-                return Err(named_error(self.file)(&format!(
+                return Err(named_error(json)(&format!(
                     "`{key}` is a picture of {actual:?} pixels, but the JSON file states {size:?}"
                 )));
             }

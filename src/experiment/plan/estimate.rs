@@ -8,7 +8,7 @@ use crate::experiment::stop::StopRule;
 
 /// Bounds on the work of a plan. Every run is in exactly one of `by_time`, `by_samples` and
 /// `unbounded`.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Estimate {
     /// Number of runs with a limit on render time.
     pub by_time: usize,

@@ -227,11 +227,14 @@ pub(super) fn cell(
     Value::Map(run)
 }
 
+/// Key of a file's content hash in the identity of a reference from a file.
+pub(super) const FILE: &str = "file";
+
 /// Returns the identity of a reference from a file: the hash of its content, wherever it is.
 pub(super) fn reference_file(content: &blake3::Hash) -> Value {
     map([
         ("format", Value::Int(FORMAT)),
-        ("file", Value::Str(content.to_hex().to_string())),
+        (FILE, Value::Str(content.to_hex().to_string())),
     ])
 }
 

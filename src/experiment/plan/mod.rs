@@ -114,6 +114,11 @@ impl Reference {
             ReferenceSource::File { .. } => None,
         }
     }
+
+    /// Returns the BLAKE3 hash of its file in hexadecimal, if it is an image file.
+    pub fn file_hash(&self) -> Option<&str> {
+        self.identity.as_map()?.get(identity::FILE)?.as_str()
+    }
 }
 
 /// Planned comparison of a reference with the same picture by a second technique.

@@ -151,7 +151,7 @@ impl<'a> NightRunner<'a, '_> {
             if unreadable.replace(shard) == Some(shard) {
                 return JoinResult::Failed(format!(
                     "{} is stored but cannot be read: delete the files of this reference in \
-                     `refs/parts` and `refs/sums`",
+                     `refs/shards` and `refs/sums`",
                     shard.label()
                 ));
             }

@@ -172,11 +172,7 @@ mod tests {
         ];
         let forms: Vec<String> = rules
             .iter()
-            .map(|r| {
-                r.canonical(&|id| Value::Int(id as i64))
-                    .to_json()
-                    .to_string()
-            })
+            .map(|r| serde_json::to_string(&r.canonical(&|id| Value::Int(id as i64))).unwrap())
             .collect();
         for (i, a) in forms.iter().enumerate() {
             assert!(

@@ -13,20 +13,22 @@ mod tests;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 
-use serde_json::Value as Json;
-
-use super::read::archive::{Decode, open_stats, read_json};
-use super::read::merged_journal::{self, MergedJournal};
-use super::read::{night_index, outline};
+use super::StoreError;
+use super::read::archive::Decode;
+use super::read::merged_journal::{MergedJournal, WorkerLine};
+use super::read::night_reader::NightReader;
+use super::read::outline;
+use super::read::run_reader::RunReader;
+use super::schema::journal::{JournalEvent, OutcomeKind, in_order};
 use super::worker::registry::list_workers;
-use super::{StoreError, layout};
-use crate::experiment::{CellRef, Outcome, PlanOutline, RunId};
+use crate::experiment::{CellRef, Outcome, PlanOutline, WaveRow};
 use event::{FollowEvent, TimedEvent};
 use lumbre_light::film::Image;
+use lumbre_render::OpenStats;
 use run::FollowedRun;
 
 /// Interval at which the workers' heartbeats are read.
@@ -35,19 +37,14 @@ const WORKER_POLL: Duration = Duration::from_secs(2);
 /// Follows the night of one folder.
 #[derive(Debug)]
 pub struct Follower {
-    folder: PathBuf,
-    out: PathBuf,
+    night: NightReader,
     decode: Decode,
     outline: Arc<PlanOutline>,
     /// Cells and references by the ids of their runs.
     ids: BTreeMap<String, Vec<CellRef>>,
-    /// Run folder of every cell, and the index of the reference that it is measured against.
-    cells: Vec<(PathBuf, Option<usize>)>,
-    /// Folder of every reference, or the image file that it is.
-    references: Vec<PathBuf>,
     journals: MergedJournal,
     /// Journal lines of runs and shards that started and have not ended, by run id or shard key.
-    active: BTreeMap<String, Json>,
+    active: BTreeMap<String, WorkerLine>,
     /// Ids of runs that a journal line reported as done.
     done: BTreeSet<String>,
     /// Whether a night has started and not ended.
@@ -67,50 +64,15 @@ impl Follower {
     /// Follows the night in an experiment's folder. References are read from the folder beside it.
     ///
     /// # Errors
-    /// When the folder has no readable plan.
+    /// When the folder has no readable plan, or another version of the program wrote it.
     pub fn open(folder: &Path, decode: Decode) -> Result<Follower, StoreError> {
-        let file = folder.join("plan.json");
-        let plan = read_json(&file).ok_or_else(|| StoreError::Io {
-            action: "read",
-            path: file.clone(),
-            reason: "the plan is missing or damaged (expected an experiment's folder; `lumbre ls` \
-                     lists them)"
-                .into(),
-            full: false,
-        })?;
-        let folder = fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
-        let out = folder.parent().map(Path::to_owned).unwrap_or_default();
-        let mut ids: BTreeMap<String, Vec<CellRef>> = BTreeMap::new();
-        let list = |key: &str| plan[key].as_array().map_or(&[][..], Vec::as_slice);
-        let mut add_id = |json: &Json, cell| {
-            let id = json["run"].as_str().unwrap_or_default().to_owned();
-            ids.entry(id).or_default().push(cell);
-        };
-        let mut cells = Vec::new();
-        for (i, cell) in list("cells").iter().enumerate() {
-            add_id(cell, CellRef::Cell(i));
-            let run_folder = folder
-                .join("runs")
-                .join(cell["folder"].as_str().unwrap_or_default());
-            let reference = cell["reference"]
-                .as_u64()
-                .and_then(|n| usize::try_from(n).ok());
-            cells.push((run_folder, reference));
-        }
-        let mut references = Vec::new();
-        for (i, reference) in list("references").iter().enumerate() {
-            add_id(reference, CellRef::Reference(i));
-            references.push(reference_path(&out, reference));
-        }
+        let night = NightReader::open(folder)?;
         Ok(Follower {
-            journals: MergedJournal::new(&folder),
-            outline: Arc::new(outline::outline(&plan)),
-            folder,
-            out,
+            journals: MergedJournal::new(night.folder()),
+            outline: Arc::new(outline::outline(night.plan())),
+            ids: night.cells_by_run(),
+            night,
             decode,
-            ids,
-            cells,
-            references,
             active: BTreeMap::new(),
             done: BTreeSet::new(),
             night_active: false,
@@ -128,7 +90,7 @@ impl Follower {
 
     /// Folder of the experiment.
     pub fn folder(&self) -> &Path {
-        &self.folder
+        self.night.folder()
     }
 
     /// Time at which a journal or the measurements of a shown run were last written to.
@@ -159,11 +121,7 @@ impl Follower {
         }
         self.poll_workers(&mut events);
         if self.journals.has_workers() && self.runs.iter().all(|run| !run.running) {
-            let first = self
-                .active
-                .values()
-                .next()
-                .map(|line| merged_journal::worker(line).to_owned());
+            let first = self.active.values().next().map(|line| line.worker.clone());
             if let Some(worker) = first {
                 self.show_worker(&worker, &mut events);
             }
@@ -181,7 +139,7 @@ impl Follower {
             return;
         }
         self.workers_polled = Some(Instant::now());
-        let workers = list_workers(&self.folder);
+        let workers = list_workers(self.night.folder());
         let at_s = now_s();
         let lost: BTreeSet<&str> = workers
             .iter()
@@ -190,9 +148,9 @@ impl Follower {
             .collect();
         let mut abandoned = Vec::new();
         self.active.retain(|key, line| {
-            let gone = lost.contains(merged_journal::worker(line));
+            let gone = lost.contains(line.worker.as_str());
             if gone {
-                let run = line["run"].as_str().unwrap_or_default();
+                let run = line.event.run().unwrap_or_default();
                 abandoned.push((key.clone(), run.to_owned()));
             }
             !gone
@@ -201,7 +159,7 @@ impl Follower {
             self.mark_stopped(&run);
             // Shards have keys that are no run ids, and their reference has not ended.
             for cell in self.ids.get(&key).into_iter().flatten() {
-                if !self.is_done(*cell) {
+                if !self.night.is_done(*cell) {
                     let event = FollowEvent::RunEnded {
                         cell: *cell,
                         outcome: Outcome::Interrupted,
@@ -217,17 +175,18 @@ impl Follower {
 
     /// Shows all runs that a worker renders, which are several if it interleaves them.
     fn show_worker(&mut self, worker: &str, events: &mut Vec<TimedEvent>) {
-        let is_shown = |line: &Json| {
-            let cell = line["run"]
-                .as_str()
+        let is_shown = |line: &WorkerLine| {
+            let cell = line
+                .event
+                .run()
                 .and_then(|id| self.ids.get(id))
                 .and_then(|cells| cells.first());
             self.runs
                 .iter()
                 .any(|run| run.running && Some(&run.cell) == cell)
         };
-        let to_show = |line: &&Json| merged_journal::worker(line) == worker && !is_shown(line);
-        let lines: Vec<Json> = self.active.values().filter(to_show).cloned().collect();
+        let to_show = |line: &&WorkerLine| line.worker == worker && !is_shown(line);
+        let lines: Vec<WorkerLine> = self.active.values().filter(to_show).cloned().collect();
         for line in &lines {
             self.show(line, events);
         }
@@ -243,9 +202,9 @@ impl Follower {
     }
 
     /// Shows a run that started, beside those that still render.
-    fn show(&mut self, line: &Json, events: &mut Vec<TimedEvent>) {
+    fn show(&mut self, line: &WorkerLine, events: &mut Vec<TimedEvent>) {
         let at_s = journal_events::date_s(line);
-        let id = line["run"].as_str().unwrap_or_default();
+        let id = line.event.run().unwrap_or_default();
         if let Some(cell) = self.ids.get(id).and_then(|cells| cells.first()).copied() {
             let (event, run) = self.start(cell, line);
             self.runs
@@ -257,76 +216,67 @@ impl Follower {
 
     /// Reports runs that are done without a line in the journal: the journal was lost, or they lie
     /// in a sibling folder.
-    fn report_finished_runs(&self, lines: &[Json], events: &mut Vec<TimedEvent>) {
-        let reported: BTreeSet<&str> = lines
-            .iter()
-            .filter(|line| line["event"] == "cell_finished" && line["outcome"] == "done")
-            .filter_map(|line| line["run"].as_str())
-            .collect();
-        let mut siblings = None;
-        let unreported = self
-            .ids
-            .iter()
-            .filter(|(id, _)| !reported.contains(id.as_str()));
-        for (id, cells) in unreported {
-            for cell in cells {
-                let found = match cell {
-                    _ if self.is_done(*cell) => Some(self.path_of(*cell)),
-                    CellRef::Cell(_) => siblings
-                        .get_or_insert_with(|| {
-                            night_index::finished_in_siblings(
-                                &self.out,
-                                &self.outline.name,
-                                &self.folder,
-                            )
-                        })
-                        .get(id)
-                        .cloned(),
-                    CellRef::Reference(_) => None,
-                };
-                let Some(folder) = found else { continue };
-                let last =
-                    read_json(&folder.join("done.json")).and_then(|done| self.last_row(&done));
-                events.push(TimedEvent {
-                    at_s: 0.0,
-                    event: FollowEvent::RunEnded {
-                        cell: *cell,
-                        outcome: Outcome::Cached(folder),
-                        last,
-                    },
-                });
+    fn report_finished_runs(&self, lines: &[WorkerLine], events: &mut Vec<TimedEvent>) {
+        let done = |line: &WorkerLine| match &line.event {
+            JournalEvent::CellFinished(end) if end.outcome == OutcomeKind::Done => {
+                Some(end.run.clone())
             }
+            _ => None,
+        };
+        let reported: BTreeSet<String> = lines.iter().filter_map(done).collect();
+        let unreported = self.ids.iter().filter(|(id, _)| !reported.contains(*id));
+        for cell in unreported.flat_map(|(_, cells)| cells) {
+            let Some(folder) = self.night.finished_folder(*cell) else {
+                continue;
+            };
+            let event = FollowEvent::RunEnded {
+                cell: *cell,
+                last: self.stored_last_row(&folder),
+                outcome: Outcome::Cached(folder),
+            };
+            events.push(TimedEvent { at_s: 0.0, event });
         }
     }
 
-    /// Run folder of a cell, or folder or image file of a reference.
-    fn path_of(&self, cell: CellRef) -> PathBuf {
-        match cell {
-            CellRef::Cell(i) => self
-                .cells
-                .get(i)
-                .map(|(folder, _)| folder.clone())
-                .unwrap_or_default(),
-            CellRef::Reference(i) => self.references.get(i).cloned().unwrap_or_default(),
-        }
-    }
-
-    fn is_done(&self, cell: CellRef) -> bool {
-        let path = self.path_of(cell);
-        match cell {
-            CellRef::Cell(_) => path.join("done.json").is_file(),
-            CellRef::Reference(_) => path.join("ref.json").is_file() || path.is_file(),
-        }
+    /// Last measurement of a finished run.
+    fn stored_last_row(&self, folder: &Path) -> Option<WaveRow> {
+        let done = RunReader::new(folder.to_owned()).done().ok()??;
+        let results = done.rendered()?;
+        let columns = self.outline.metrics.iter().map(|m| m.column.as_str());
+        Some(WaveRow {
+            wave: results.waves,
+            samples: results.samples,
+            render_s: results.render_s,
+            wall_s: results.wall_s,
+            measure_s: results.measure_s,
+            paths: results.paths,
+            rays: results.rays,
+            invalid: results.invalid,
+            first_invalid: results.first_invalid,
+            metrics: in_order(&results.metrics, columns),
+        })
     }
 
     /// Begins to follow a run, given the journal line of its start.
-    fn start(&mut self, cell: CellRef, line: &Json) -> (FollowEvent, FollowedRun) {
-        let folder = self.path_of(cell);
-        let config = read_json(&folder.join("config.json"))
-            .and_then(|json| outline::config(&json["render"]));
-        let open = open_stats(line);
+    fn start(&mut self, cell: CellRef, line: &WorkerLine) -> (FollowEvent, FollowedRun) {
+        let run = self.night.run(cell);
+        let render = run.config().ok().and_then(|config| config.render);
+        let config = render.as_ref().and_then(outline::cell_config);
+        let open = match &line.event {
+            JournalEvent::CellStarted(start) => start.open.stats(&start.device),
+            JournalEvent::ShardStarted(start) => OpenStats {
+                device: start.device.clone(),
+                ..OpenStats::default()
+            },
+            _ => OpenStats::default(),
+        };
         let reference = match cell {
-            CellRef::Cell(i) => self.cells.get(i).and_then(|(_, reference)| *reference),
+            CellRef::Cell(i) => self
+                .night
+                .plan()
+                .cells
+                .get(i)
+                .and_then(|cell| cell.reference),
             CellRef::Reference(_) => None,
         };
         let reference = reference.and_then(|i| self.reference_image(i));
@@ -334,14 +284,14 @@ impl Follower {
             .as_ref()
             .and_then(|config| config.timing.as_ref())
             .map(|timing| timing.axis);
-        let run = FollowedRun::new(cell, folder, merged_journal::worker(line).to_owned(), axis);
+        let followed = FollowedRun::new(cell, run.folder().to_owned(), line.worker.clone(), axis);
         let event = FollowEvent::RunStarted {
             cell,
             config: config.map(Box::new),
             open,
             reference,
         };
-        (event, run)
+        (event, followed)
     }
 
     fn reference_image(&mut self, i: usize) -> Option<Arc<Image>> {
@@ -350,12 +300,7 @@ impl Follower {
         {
             return Some(Arc::clone(image));
         }
-        let path = self.references.get(i)?;
-        let file = if path.is_file() {
-            path.clone()
-        } else {
-            path.join("ref.exr")
-        };
+        let file = self.night.reference_picture(i)?;
         let image = Arc::new(run::read_image(&file, self.decode)?);
         self.recent_reference = Some((i, Arc::clone(&image)));
         Some(image)
@@ -369,18 +314,6 @@ impl Follower {
                 events.push(TimedEvent { at_s, event });
             });
         }
-    }
-}
-
-/// Image file of a reference, its copy if the file is missing, or the folder of a rendered
-/// reference.
-fn reference_path(out: &Path, reference: &Json) -> PathBuf {
-    let id = reference["run"].as_str().unwrap_or_default().to_owned();
-    let folder = layout::reference_folder(out, &RunId(id));
-    match reference["source"].as_str().map(PathBuf::from) {
-        Some(file) if file.is_file() => file,
-        Some(file) => folder.join(layout::imported_file_name(&file)),
-        None => folder,
     }
 }
 

@@ -10,6 +10,7 @@ use super::FollowEvent;
 use crate::experiment::{CellRef, PlanOutline, WaveRow};
 use crate::store::FILMS;
 use crate::store::read::archive::Decode;
+use crate::store::read::run_reader::{reordered, snapshots};
 use crate::store::read::tail::Tail;
 use crate::store::write::metrics_csv;
 use lumbre_light::film::Image;
@@ -43,7 +44,7 @@ impl FollowedRun {
         worker: String,
         axis: Option<TimeAxis>,
     ) -> FollowedRun {
-        let metrics = Tail::new(folder.join("metrics.csv"));
+        let metrics = Tail::new(folder.join(metrics_csv::FILE));
         let strategies = VecDeque::new();
         FollowedRun {
             cell,
@@ -139,24 +140,6 @@ pub(super) fn read_image(file: &Path, decode: Decode) -> Option<Image> {
     decode(&fs::read(file).ok()?).ok()
 }
 
-/// Returns a row with its metrics in the order of the outline, or without metrics if none were
-/// measured.
-fn reordered(row: WaveRow, columns: &[Option<usize>]) -> WaveRow {
-    let metrics = if row.metrics.is_empty() {
-        Vec::new()
-    } else {
-        columns
-            .iter()
-            .map(|p| {
-                p.and_then(|p| row.metrics.get(p))
-                    .copied()
-                    .unwrap_or(f64::NAN)
-            })
-            .collect()
-    };
-    WaveRow { metrics, ..row }
-}
-
 /// Finds the newest image in a run's folder, with its samples per pixel. The final image of a run
 /// that has ended counts as `u64::MAX` samples.
 fn newest_image(folder: &Path, running: bool) -> Option<(u64, PathBuf)> {
@@ -169,18 +152,9 @@ fn newest_image(folder: &Path, running: bool) -> Option<(u64, PathBuf)> {
             return Some((u64::MAX, file));
         }
     }
-    let entries = fs::read_dir(folder).ok()?.flatten();
-    let snapshots = entries.filter_map(|entry| {
-        let name = entry.file_name();
-        let samples = name
-            .to_str()?
-            .strip_prefix("snap-")?
-            .strip_suffix(".exr")?
-            .parse()
-            .ok()?;
-        Some((samples, entry.path()))
-    });
-    snapshots.max_by_key(|(samples, _)| *samples)
+    snapshots(folder)
+        .into_iter()
+        .max_by_key(|(samples, _)| *samples)
 }
 
 /// Lists the strategy images in a run's folder, ordered by name.

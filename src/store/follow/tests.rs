@@ -8,9 +8,14 @@ use super::{FollowEvent, Follower};
 use crate::experiment::event::History;
 use crate::experiment::run_progress::{Claim, ReportedOutcome};
 use crate::experiment::{CellRef, Plan, StopRule};
-use crate::store::tests::{decode, finish_run, only_run_of, plan, row};
-use crate::store::worker::plan_snapshot::PlanSnapshot;
-use crate::store::{FILMS, LEASE, RunWriter, Store, WorkerInfo};
+use crate::store::schema::journal::{
+    JournalEvent, JournalLine, NightStart, OutcomeKind, RunEnd, RunStart, ShardEnd, ShardRecord,
+    ShardStart, WaveRecord,
+};
+use crate::store::schema::one_line;
+use crate::store::schema::run::BiasCheckFile;
+use crate::store::tests::{decode, finish_run, only_run_of, plan, results, row};
+use crate::store::{FILMS, LEASE, PlanSnapshot, RunWriter, Store, WorkerInfo};
 use lumbre_light::film::time::TimeAxis;
 
 /// Polls once, and describes the events.
@@ -82,12 +87,39 @@ fn poll_runs(follower: &mut Follower) -> Vec<String> {
     events
 }
 
-/// Appends a journal line about a cell.
-fn write_line(store: &Store, plan: &Plan, event: &str, i: usize) {
-    let run = plan.cells[i].id.0.as_str();
-    let fields =
-        json!({ "run": run, "path": "p", "device": "mock", "outcome": "done", "samples": 4 });
-    store.journal(event, &fields).unwrap();
+fn night_start() -> JournalEvent {
+    JournalEvent::NightStarted(NightStart::default())
+}
+
+fn started(run: &str) -> JournalEvent {
+    JournalEvent::CellStarted(RunStart {
+        run: run.to_owned(),
+        device: "mock".to_owned(),
+        ..RunStart::default()
+    })
+}
+
+fn finished(run: &str, reason: &str, samples: u64) -> JournalEvent {
+    JournalEvent::CellFinished(RunEnd {
+        run: run.to_owned(),
+        outcome: OutcomeKind::Done,
+        reason: reason.to_owned(),
+        last: Some(WaveRecord {
+            samples,
+            ..WaveRecord::default()
+        }),
+        ..RunEnd::default()
+    })
+}
+
+/// Appends a journal line about the start of a cell.
+fn start_line(store: &Store, plan: &Plan, i: usize) {
+    store.journal(started(&plan.cells[i].id.0)).unwrap();
+}
+
+/// Appends a journal line about the end of a cell.
+fn end_line(store: &Store, plan: &Plan, i: usize) {
+    store.journal(finished(&plan.cells[i].id.0, "", 4)).unwrap();
 }
 
 #[test]
@@ -95,22 +127,13 @@ fn a_night_is_followed_while_it_renders() {
     let dir = tempfile::tempdir().unwrap();
     let plan = plan("night", "3f9a00", &["aa11", "bb22"]);
     let store = Store::open(dir.path(), &plan, decode).unwrap();
-    let started = |i: usize| {
-        let run = plan.cells[i].id.0.as_str();
-        store
-            .journal("cell_started", &json!({ "run": run, "device": "mock" }))
-            .unwrap();
-    };
-    store.journal("night_started", &json!({})).unwrap();
+    store.journal(night_start()).unwrap();
     finish_run(&store, &plan, 0);
-    started(0);
-    let done = json!({
-        "run": "aa11", "outcome": "done", "reason": "samples", "samples": 4, "render_s": 0.25,
-    });
-    store.journal("cell_finished", &done).unwrap();
+    start_line(&store, &plan, 0);
+    store.journal(finished("aa11", "samples", 4)).unwrap();
     let mut run = store.start(&plan, CellRef::Cell(1), None).unwrap();
     run.open_metrics(&[], &[]).unwrap();
-    started(1);
+    start_line(&store, &plan, 1);
     let mut follower = Follower::open(store.folder(), decode).unwrap();
     assert_eq!(
         follower.outline().stop(CellRef::Cell(0)).unwrap().rule,
@@ -137,10 +160,9 @@ fn a_night_is_followed_while_it_renders() {
     );
     run.append_row(&row(3, 0)).unwrap();
     run.write("final.exr", b"I\x07").unwrap();
-    run.finish(&json!({ "run": "bb22", "samples": 8 })).unwrap();
-    let done = json!({ "run": "bb22", "outcome": "done", "reason": "samples", "samples": 8 });
-    store.journal("cell_finished", &done).unwrap();
-    store.journal("night_finished", &json!({})).unwrap();
+    run.finish(&results("bb22", 8)).unwrap();
+    store.journal(finished("bb22", "samples", 8)).unwrap();
+    store.journal(JournalEvent::NightFinished {}).unwrap();
     let last = [
         "Cell(1) has 8",
         "Cell(1) shows 7",
@@ -149,8 +171,13 @@ fn a_night_is_followed_while_it_renders() {
     ];
     assert_eq!(poll(&mut follower), last);
     for agrees in [false, true] {
-        let found = json!({ "reference": "ee00", "second": "ff00", "agrees": agrees });
-        store.journal("agreement", &found).unwrap();
+        let found = BiasCheckFile {
+            reference: "ee00".to_owned(),
+            second: "ff00".to_owned(),
+            agrees,
+            ..BiasCheckFile::default()
+        };
+        store.journal(JournalEvent::BiasCheck(found)).unwrap();
     }
     assert_eq!(
         poll(&mut follower),
@@ -185,8 +212,8 @@ fn workers_are_followed_by_their_own_journals() {
     };
     let join = || Store::join(&home, &plan, &PlanSnapshot::default(), decode, &worker).unwrap();
     let (a, b) = (join(), join());
-    a.journal("night_started", &json!({})).unwrap();
-    b.journal("night_started", &json!({})).unwrap();
+    a.journal(night_start()).unwrap();
+    b.journal(night_start()).unwrap();
     assert_eq!(
         a.claim(&plan, CellRef::Cell(0).into()).unwrap(),
         Claim::Granted
@@ -196,21 +223,21 @@ fn workers_are_followed_by_their_own_journals() {
         Claim::HeldBy(_)
     ));
     a.start(&plan, CellRef::Cell(0), None).unwrap();
-    write_line(&a, &plan, "cell_started", 0);
+    start_line(&a, &plan, 0);
     b.start(&plan, CellRef::Cell(1), None).unwrap();
     let mut follower = Follower::open(&home, decode).unwrap();
     assert_eq!(
         poll_cells(&mut follower),
         ["night started", "Cell(0) starts bpt on mock", "2 workers"]
     );
-    write_line(&b, &plan, "cell_started", 1);
+    start_line(&b, &plan, 1);
     assert_eq!(
         poll_cells(&mut follower),
         ["Cell(1) is active"],
         "the run that is shown stays"
     );
     finish_run(&a, &plan, 0);
-    write_line(&a, &plan, "cell_finished", 0);
+    end_line(&a, &plan, 0);
     a.release(&plan, CellRef::Cell(0).into());
     assert_eq!(
         poll_cells(&mut follower),
@@ -240,11 +267,16 @@ fn workers_are_followed_by_their_own_journals() {
         "a cell and the reference are open"
     );
     // A worker without a heartbeat is lost, and the run that it rendered is open again.
-    let shard = json!({
-        "run": plan.references[0].id.0, "part": 1, "of": 2, "words": "part 1 of 2",
-        "device": "mock",
-    });
-    b.journal("part_started", &shard).unwrap();
+    let shard = ShardStart {
+        run: plan.references[0].id.0.clone(),
+        shard: ShardRecord {
+            number: 1,
+            count: 2,
+            ..ShardRecord::default()
+        },
+        device: "mock".to_owned(),
+    };
+    b.journal(JournalEvent::ShardStarted(shard)).unwrap();
     let old = std::time::SystemTime::now() - 2 * LEASE;
     for file in fs::read_dir(home.join("workers"))
         .unwrap()
@@ -268,7 +300,7 @@ fn workers_are_followed_by_their_own_journals() {
         late.ends_with(&end.map(str::to_owned)),
         "the shard is lost, but its reference has not ended: {late:?}"
     );
-    a.journal("night_closed", &json!({})).unwrap();
+    a.journal(JournalEvent::NightClosed {}).unwrap();
     assert!(poll_cells(&mut follower).contains(&"night ended".to_owned()));
 }
 
@@ -284,22 +316,37 @@ fn a_finished_reference_stays_so_when_lines_about_its_shards_come_in_the_same_se
     let folder = crate::store::layout::reference_folder(dir.path(), &plan.references[0].id);
     fs::create_dir_all(home.join("workers")).unwrap();
     // Journals of two workers, the second of which joined the reference begun by the first.
-    let write = |worker: &str, lines: &[&str]| {
-        let line = |rest: &&str| {
-            format!("{{\"date\":\"2026-04-27T21:30:00Z\",\"run\":\"{id}\",{rest}}}\n")
+    let write = |worker: &str, events: &[JournalEvent]| {
+        let line = |event: &JournalEvent| {
+            one_line(&JournalLine {
+                date: "2026-04-27T21:30:00Z".to_owned(),
+                event: event.clone(),
+            })
         };
-        let text: String = lines.iter().map(line).collect();
+        let text: String = events.iter().map(line).collect();
         fs::write(
             home.join("workers").join(worker).with_extension("jsonl"),
             text,
         )
         .unwrap();
     };
-    let start = r#""event":"part_started","part":1,"of":1,"words":"part 1 of 1""#;
-    let finish =
-        r#""event":"part_finished","part":1,"of":1,"words":"part 1 of 1","outcome":"done""#;
-    let done = r#""event":"cell_finished","outcome":"done","samples":4"#;
-    write("a", &[done]);
+    let shard = ShardRecord {
+        number: 1,
+        count: 1,
+        ..ShardRecord::default()
+    };
+    let start = JournalEvent::ShardStarted(ShardStart {
+        run: id.to_owned(),
+        shard: shard.clone(),
+        ..ShardStart::default()
+    });
+    let finish = JournalEvent::ShardFinished(ShardEnd {
+        run: id.to_owned(),
+        shard,
+        outcome: OutcomeKind::Done,
+        ..ShardEnd::default()
+    });
+    write("a", &[finished(id, "", 4)]);
     write("b", &[start, finish]);
     let mentions_shards = |events: &[String]| {
         events
@@ -343,10 +390,11 @@ fn interleaved_runs_of_one_worker_are_shown_together() {
     let begin = |store: &Store, i: usize| {
         let mut run = store.start(&plan, CellRef::Cell(i), None).unwrap();
         run.open_metrics(&[], &[]).unwrap();
-        write_line(store, &plan, "cell_started", i);
+        start_line(store, &plan, i);
         run
     };
-    a.journal("worker_started", &json!({})).unwrap();
+    a.journal(JournalEvent::WorkerStarted(NightStart::default()))
+        .unwrap();
     let mut first = begin(&a, 0);
     let mut follower = Follower::open(&home, decode).unwrap();
     poll_runs(&mut follower);
@@ -367,9 +415,8 @@ fn interleaved_runs_of_one_worker_are_shown_together() {
     );
     // One of them ends; its worker is still shown.
     let mut end = |run: RunWriter, i: usize| {
-        run.finish(&json!({ "run": plan.cells[i].id.0, "samples": 4 }))
-            .unwrap();
-        write_line(&a, &plan, "cell_finished", i);
+        run.finish(&results(&plan.cells[i].id.0, 4)).unwrap();
+        end_line(&a, &plan, i);
         poll_runs(&mut follower)
     };
     assert_eq!(end(first, 0), ["Cell(0) Done(\"\") after Some(4)"]);
@@ -395,10 +442,10 @@ fn the_time_resolved_film_is_reported_once_after_the_run() {
         lumbre_light::transport::path_time::Timing::from_film(film.as_map().unwrap(), "film")
             .unwrap();
     let store = Store::open(dir.path(), &plan, decode).unwrap();
-    store.journal("night_started", &json!({})).unwrap();
+    store.journal(night_start()).unwrap();
     let mut run = store.start(&plan, CellRef::Cell(0), None).unwrap();
     run.open_metrics(&[], &[]).unwrap();
-    write_line(&store, &plan, "cell_started", 0);
+    start_line(&store, &plan, 0);
     let mut follower = Follower::open(store.folder(), decode).unwrap();
     assert_eq!(
         poll(&mut follower),
@@ -413,7 +460,7 @@ fn the_time_resolved_film_is_reported_once_after_the_run() {
         poll(&mut follower).is_empty(),
         "not before the run has ended"
     );
-    write_line(&store, &plan, "cell_finished", 0);
+    end_line(&store, &plan, 0);
     let events = follower.poll();
     let times = events.iter().filter_map(|timed| match &timed.event {
         FollowEvent::TimeCubeWritten { file, axis, .. } => Some((file.clone(), *axis)),

@@ -23,13 +23,14 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
 
 use super::exclusive_file::{is_file_at, persist_exclusively, remove_exclusively};
-use super::owner::Owner;
 use crate::experiment::run_progress::Claim;
+use crate::store::schema::StoredFile;
+use crate::store::schema::process::{ClaimFile, Owner};
 use crate::store::write::atomic;
 use crate::store::{StoreError, layout};
 
 /// Name of the claim file in a run's folder.
-pub(crate) const FILE: &str = "claim";
+pub(crate) const FILE: &str = ClaimFile::NAME;
 /// Interval at which an owner rewrites its claims.
 pub(crate) const HEARTBEAT: Duration = Duration::from_secs(20);
 /// Time without a heartbeat after which an owner on another machine counts as dead.

@@ -1,5 +1,5 @@
 //! Device affinity of comparison groups: all cells of one comparison render on the same device, so
-//! that their times can be compared. `bonds/<group>.json` names the device of a group.
+//! that their times can be compared. `affinity/<group>.json` names the device of a group.
 //!
 //! The first worker that claims a cell of a group creates the file exclusively; workers with
 //! another device skip the group. If no active worker has that device any more, a worker with the
@@ -12,15 +12,15 @@ use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use serde_json::{Value as Json, json};
-
 use super::exclusive_file::{persist_exclusively, remove_exclusively};
 use crate::experiment::comparison_groups::Affinity;
-use crate::store::worker::registry::{RenderDevice, WorkerStatus, list_workers};
+use crate::store::schema::process::{AffinityFile, RenderDevice};
+use crate::store::schema::{StoredFile, one_line};
+use crate::store::worker::registry::{WorkerStatus, list_workers};
 use crate::store::write::atomic;
 
 /// Name of the folder inside an experiment's folder.
-const FOLDER: &str = "bonds";
+const FOLDER: &str = "affinity";
 /// Time for which a listing of the workers is reused.
 const WORKERS_VALID: Duration = Duration::from_secs(20);
 /// Number of attempts while other workers keep changing the file of a group.
@@ -137,9 +137,12 @@ impl DeviceAffinity {
     fn create(&self, folder: &Path, path: &Path) -> io::Result<bool> {
         fs::create_dir_all(folder)?;
         let mut file = atomic::temporary(folder)?;
-        let RenderDevice { key, model } = &self.device;
-        let json = json!({ "device": key, "model": model, "sum": checksum(key, model) });
-        file.write_all(format!("{json}\n").as_bytes())?;
+        let content = AffinityFile {
+            device: self.device.clone(),
+            check: Some(checksum(&self.device)),
+            ..AffinityFile::default()
+        };
+        file.write_all(one_line(&content).as_bytes())?;
         file.as_file().sync_data()?;
         Ok(persist_exclusively(file, path)?.is_some())
     }
@@ -165,26 +168,20 @@ impl DeviceAffinity {
 /// Parses the file of a group. Returns `None` if it is damaged. A file without a checksum, written
 /// by hand, is accepted.
 fn parse_device(bytes: &[u8]) -> Option<RenderDevice> {
-    let json: Json = serde_json::from_slice(bytes).ok()?;
-    let (key, model) = (json["device"].as_str()?, json["model"].as_str()?);
-    let intact = json
-        .get("sum")
-        .is_none_or(|stored| stored.as_str() == Some(&checksum(key, model)));
-    intact.then(|| RenderDevice {
-        key: key.to_owned(),
-        model: model.to_owned(),
-    })
+    let AffinityFile { device, check, .. } = AffinityFile::parse(bytes).ok()?;
+    let intact = check.is_none_or(|stored| stored == checksum(&device));
+    intact.then_some(device)
 }
 
-fn checksum(key: &str, model: &str) -> String {
+fn checksum(RenderDevice { key, model }: &RenderDevice) -> String {
     blake3::hash(format!("{key}\n{model}").as_bytes()).to_hex()[..16].to_owned()
 }
 
 #[cfg(test)]
 mod tests {
     use crate::store::lock::device_affinity::*;
-    use crate::store::lock::owner::Owner;
-    use crate::store::worker::registry::{Heartbeat, WorkerInfo, WorkerState};
+    use crate::store::schema::process::{Owner, WorkerState};
+    use crate::store::worker::registry::{Heartbeat, WorkerInfo};
 
     fn device(key: &str, model: &str) -> RenderDevice {
         RenderDevice {

@@ -2,24 +2,9 @@
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use serde_json::{Value as Json, json};
-
+use crate::store::schema::process::{ClaimFile, Owner};
+use crate::store::schema::{StoredFile, one_line};
 use crate::store::{Host, utc};
-
-/// Identity of a process. Neither the machine's name nor the process number is unique, so a boot id
-/// and a random token are added.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Owner {
-    /// Name of the machine.
-    pub(crate) host: String,
-    /// Boot id of the operating system, empty if unknown. Containers share it with their host, and
-    /// with it the file locks.
-    pub(crate) boot: String,
-    /// Number of the process.
-    pub(crate) process: u32,
-    /// Token that distinguishes processes with the same number.
-    pub(crate) token: String,
-}
 
 impl Owner {
     /// Identity of this process. Every call generates another token.
@@ -84,37 +69,20 @@ impl Owner {
         )
     }
 
-    /// Fields that identify the owner in JSON files.
-    pub(crate) fn to_json(&self) -> Json {
-        let Owner {
-            host,
-            boot,
-            process,
-            token,
-        } = self;
-        json!({ "host": host, "boot": boot, "process": process, "token": token })
-    }
-
     /// Content of a claim file, with the current date.
     pub(crate) fn claim_text(&self) -> String {
-        let mut json = self.to_json();
-        json["since"] = utc(SystemTime::now()).into();
-        json.to_string() + "\n"
+        one_line(&ClaimFile {
+            owner: self.clone(),
+            since: utc(SystemTime::now()),
+            ..ClaimFile::default()
+        })
     }
 
     /// Parses the content of a claim file. Returns `None` if it names no owner.
     pub(crate) fn parse(text: &str) -> Option<Owner> {
-        Owner::from_json(&serde_json::from_str(text).ok()?)
-    }
-
-    /// Reads the fields written by [`Owner::to_json`]. Earlier versions wrote no `boot`.
-    pub(crate) fn from_json(json: &Json) -> Option<Owner> {
-        Some(Owner {
-            host: json["host"].as_str()?.to_owned(),
-            boot: json["boot"].as_str().unwrap_or_default().to_owned(),
-            process: u32::try_from(json["process"].as_u64()?).ok()?,
-            token: json["token"].as_str()?.to_owned(),
-        })
+        ClaimFile::parse(text.as_bytes())
+            .ok()
+            .map(|claim| claim.owner)
     }
 }
 

@@ -5,16 +5,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use serde_json::Value as Json;
-
+use super::run_reader::RunReader;
 use crate::experiment::event::{FinishedRun, History};
 use crate::experiment::noise_floor::HalfImages;
 use crate::experiment::plan::ReferenceSource;
-use crate::experiment::{CellRef, Plan, SinkError, WaveRow};
+use crate::experiment::{CellRef, Plan, SinkError};
+use crate::store::schema::run::DoneFile;
 use crate::store::write::{manifest_checksum, metrics_csv, reference_sums};
 use crate::store::{FILMS, HALVES, NOISE, layout};
 use lumbre_light::film::Image;
-use lumbre_render::OpenStats;
 
 /// Decodes the bytes of an image; the error is for users. Supplied by callers, since this module
 /// knows no image format.
@@ -146,16 +145,11 @@ impl Archive {
         let Some(verified) = &self.verified else {
             return Some(run);
         };
-        let marker = ["done.json", "ref.json"]
-            .iter()
-            .find_map(|name| read_json(&run.folder.join(name)))?;
-        let key = (
-            run.folder.clone(),
-            marker["check"].as_str().unwrap_or_default().to_owned(),
-        );
+        let done = DoneFile::find(&run.folder).ok()??;
+        let key = (run.folder.clone(), done.check().to_owned());
         let known = verified.borrow().get(&key).copied();
         let intact = known.unwrap_or_else(|| {
-            let problem = manifest_checksum::verify_hashes(&run.folder, &marker).err();
+            let problem = manifest_checksum::verify_hashes(&run.folder, &done).err();
             if let Some(problem) = &problem {
                 tracing::warn!(
                     "{}: {problem}; the run will be rendered again",
@@ -180,8 +174,7 @@ impl History for Archive {
                     Vec::new()
                 };
                 let load = |folder: PathBuf| {
-                    let loaded =
-                        load_finished(&folder, &cell.id.0, "done.json", "final.exr", &columns);
+                    let loaded = load_finished(&folder, &cell.id.0, "final.exr", &columns);
                     self.verify(self.usable(&folder, loaded)?)
                 };
                 let here = self
@@ -197,7 +190,7 @@ impl History for Archive {
                     .get(i)
                     .filter(|reference| reference.stem().is_some())?;
                 let folder = layout::reference_folder(&self.out, &reference.id);
-                let loaded = load_finished(&folder, &reference.id.0, "ref.json", "ref.exr", &[]);
+                let loaded = load_finished(&folder, &reference.id.0, "ref.exr", &[]);
                 self.verify(self.usable(&folder, loaded)?)
             }
         }
@@ -242,11 +235,10 @@ impl History for Archive {
             return Ok(None);
         };
         let folder = layout::reference_folder(&self.out, &wanted.id);
-        let known = read_json(&folder.join("ref.json"))
-            .filter(|done| done["run"].as_str() == Some(&wanted.id.0));
-        let samples =
-            |done: &Json| Some([0, 1].map(|i: usize| done["halves"].get(i).and_then(Json::as_u64)));
-        let Some([Some(first), Some(second)]) = known.as_ref().and_then(samples) else {
+        let done = DoneFile::find(&folder).ok().flatten();
+        let results = done.as_ref().and_then(DoneFile::rendered);
+        let known = results.filter(|results| results.run == wanted.id.0);
+        let Some(samples) = known.and_then(|results| results.halves) else {
             return Ok(None);
         };
         let read = |name: &str| {
@@ -256,7 +248,7 @@ impl History for Archive {
         };
         Ok(Some(HalfImages {
             means: [read(HALVES[0])?, read(HALVES[1])?],
-            samples: [first, second],
+            samples,
         }))
     }
 }
@@ -270,103 +262,43 @@ impl History for Archive {
 fn load_finished(
     folder: &Path,
     id: &str,
-    marker: &str,
     image: &str,
     columns: &[String],
 ) -> Result<Option<FinishedRun>, String> {
-    let Ok(bytes) = fs::read(folder.join(marker)) else {
+    let run = RunReader::new(folder.to_owned());
+    let Some(done) = run.checked()? else {
         return Ok(None);
     };
-    let Ok(done) = serde_json::from_slice::<Json>(&bytes) else {
-        return Err(format!("{marker} is damaged"));
-    };
-    manifest_checksum::verify_sizes(folder, &done)?;
-    if done["run"].as_str() != Some(id) {
+    let Some(results) = done.rendered().filter(|results| results.run == id) else {
         return Ok(None);
-    }
+    };
     let missing = |file: &str| Err(format!("{file} is missing"));
     if !folder.join(image).is_file() {
         return missing(image);
     }
-    for film in done["films"]
-        .as_array()
-        .into_iter()
-        .flatten()
-        .filter_map(Json::as_str)
-    {
+    for film in &results.films {
         let file = format!("{FILMS}/{film}.exr");
         if !folder.join(&file).is_file() {
             return missing(&file);
         }
     }
-    let rows = read_rows(folder, columns, first_invalid(&done))?;
-    let floor = |column: &String| done["floors"].get(column).and_then(number);
-    let floors = if done["floors"].is_object() {
+    let measurements = run
+        .measurements(Some(&done))
+        .map_err(|problem| format!("{} is damaged: {problem}", metrics_csv::FILE))?;
+    let lacking = columns.iter().find(|c| !measurements.columns.contains(c));
+    if let Some(column) = lacking {
+        return Err(format!("{} has no column {column}", metrics_csv::FILE));
+    }
+    let floor = |column: &String| Some(results.floors.as_ref()?.get(column)?.0);
+    let floors = if results.floors.is_some() {
         columns.iter().map(floor).collect()
     } else {
         Vec::new()
     };
-    let open = open_stats(&done);
     Ok(Some(FinishedRun {
         folder: folder.to_owned(),
-        rows,
+        rows: measurements.in_order(columns.iter().map(String::as_str)),
         floors: floors.into(),
-        open,
+        open: results.open.stats(&results.device),
     }))
-}
-
-/// Reads the measurements of a run, with the metrics of these columns.
-///
-/// # Errors
-/// When the file cannot be read, or lacks a column; the text is a description.
-fn read_rows(
-    folder: &Path,
-    columns: &[String],
-    first_invalid: Option<[u64; 3]>,
-) -> Result<Vec<WaveRow>, String> {
-    let text = fs::read_to_string(folder.join("metrics.csv"))
-        .map_err(|e| format!("cannot read metrics.csv: {e}"))?;
-    let (names, rows) = metrics_csv::parse(&text)
-        .map_err(|problem| format!("metrics.csv is damaged: {problem}"))?;
-    let index = |column: &String| {
-        names
-            .iter()
-            .position(|name| name == column)
-            .ok_or_else(|| format!("metrics.csv has no column {column}"))
-    };
-    let indices: Vec<usize> = columns.iter().map(index).collect::<Result<_, String>>()?;
-    let rows = rows.into_iter().map(|row| WaveRow {
-        metrics: indices.iter().map(|i| row.metrics[*i]).collect(),
-        first_invalid: first_invalid.filter(|_| row.invalid > 0),
-        ..row
-    });
-    Ok(rows.collect())
-}
-
-/// Statistics of opening a run, from its last file or from a journal line.
-pub(crate) fn open_stats(json: &Json) -> OpenStats {
-    OpenStats {
-        device: json["device"].as_str().unwrap_or_default().to_owned(),
-        accel_build_s: json["accel_build_s"].as_f64().unwrap_or(0.0),
-        accel_nodes: json["accel_nodes"].as_u64().unwrap_or(0),
-        accel_bytes: json["accel_bytes"].as_u64().unwrap_or(0),
-        accel_cost: json["accel_cost"].as_f64().unwrap_or(0.0),
-        ..OpenStats::default()
-    }
-}
-
-/// Reads a number that is written as text if it is infinite or NaN, which JSON cannot represent.
-fn number(json: &Json) -> Option<f64> {
-    json.as_f64().or_else(|| json.as_str()?.parse().ok())
-}
-
-/// Column, row and sample of the first invalid sample, from a `done.json`.
-pub(crate) fn first_invalid(done: &Json) -> Option<[u64; 3]> {
-    let at = |i: usize| done["first_invalid"].get(i).and_then(Json::as_u64);
-    Some([at(0)?, at(1)?, at(2)?])
-}
-
-/// Reads a JSON file. Returns `None` if it is missing or invalid.
-pub(crate) fn read_json(path: &Path) -> Option<Json> {
-    serde_json::from_slice(&fs::read(path).ok()?).ok()
 }

@@ -6,20 +6,29 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use serde_json::Value as Json;
-
 use super::tail::Tail;
+use crate::store::schema::journal::{self, JournalEvent, JournalLine};
 use crate::store::worker::registry;
 
 /// Maximum number of workers' journals that one poll reads. The first poll reads all.
 const MAX_PER_POLL: usize = 64;
 
-/// Key under which the worker's name is added to a line of its journal.
-const WORKER: &str = "worker";
+/// A line of a journal, and whose journal it is.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct WorkerLine {
+    /// Name of the worker whose journal holds the line; empty for the main journal.
+    pub(crate) worker: String,
+    /// Date of the event, UTC.
+    pub(crate) date: String,
+    /// The event.
+    pub(crate) event: JournalEvent,
+}
 
-/// Name of the worker whose journal holds a line; empty for the main journal.
-pub(crate) fn worker(line: &Json) -> &str {
-    line[WORKER].as_str().unwrap_or_default()
+/// Parses the complete lines of a journal. Lines that are damaged or of another version are left
+/// out.
+pub(crate) fn parse_lines(text: &str) -> impl Iterator<Item = JournalLine> {
+    text.lines()
+        .filter_map(|line| serde_json::from_str(line).ok())
 }
 
 /// Journals that grow while they are read.
@@ -36,7 +45,7 @@ pub(crate) struct MergedJournal {
 #[derive(Debug, Default)]
 pub(crate) struct JournalLines {
     /// Complete new lines ordered by date; lines of one process stay in the order of writing.
-    pub(crate) lines: Vec<Json>,
+    pub(crate) lines: Vec<WorkerLine>,
     /// Whether the main journal was replaced by a new file.
     pub(crate) restarted: bool,
 }
@@ -45,7 +54,7 @@ impl MergedJournal {
     /// Opens the journals of an experiment's folder, none of which need exist.
     pub(crate) fn new(experiment: &Path) -> MergedJournal {
         MergedJournal {
-            main: Tail::new(experiment.join("journal.jsonl")),
+            main: Tail::new(experiment.join(journal::FILE)),
             workers: experiment.join(registry::FOLDER),
             tails: BTreeMap::new(),
             last: None,
@@ -89,28 +98,18 @@ impl MergedJournal {
             );
         }
         self.last = next.pop();
-        let mut lines: Vec<Json> = Vec::new();
+        let mut lines: Vec<WorkerLine> = Vec::new();
         for (worker, text) in &texts {
-            let parsed = text
-                .lines()
-                .filter_map(|line| serde_json::from_str(line).ok());
-            lines.extend(parsed.map(|mut line: Json| {
-                if let Some(fields) = line.as_object_mut().filter(|_| !worker.is_empty()) {
-                    fields.insert(WORKER.to_owned(), worker.as_str().into());
-                }
-                line
+            lines.extend(parse_lines(text).map(|line| WorkerLine {
+                worker: worker.clone(),
+                date: line.date,
+                event: line.event,
             }));
         }
         if !self.tails.is_empty() {
             // Clocks of machines may differ slightly. Only the order of displayed events depends on
             // them.
-            let order = |line: &Json| {
-                (
-                    line["date"].as_str().unwrap_or_default().to_owned(),
-                    worker(line).to_owned(),
-                )
-            };
-            lines.sort_by_cached_key(order);
+            lines.sort_by(|a, b| (&a.date, &a.worker).cmp(&(&b.date, &b.worker)));
         }
         JournalLines {
             lines,
@@ -138,6 +137,8 @@ fn worker_of_journal(journal: &Path) -> String {
 #[cfg(test)]
 mod tests {
     use crate::store::read::merged_journal::*;
+    use crate::store::schema::journal::MessageRecord;
+    use crate::store::schema::one_line;
     use std::fs::OpenOptions;
     use std::io::Write;
 
@@ -152,11 +153,14 @@ mod tests {
                 .append(true)
                 .open(dir.path().join(name))
                 .unwrap();
-            writeln!(
-                file,
-                r#"{{"date":"2026-04-27T21:30:{second:02}Z","event":"{what}"}}"#
-            )
-            .unwrap();
+            let line = JournalLine {
+                date: format!("2026-04-27T21:30:{second:02}Z"),
+                event: JournalEvent::Message(MessageRecord {
+                    text: what.to_owned(),
+                    ..MessageRecord::default()
+                }),
+            };
+            file.write_all(one_line(&line).as_bytes()).unwrap();
         };
         let mut journals = MergedJournal::new(dir.path());
         append("journal.jsonl", 1, "a");
@@ -167,7 +171,10 @@ mod tests {
                 .poll()
                 .lines
                 .iter()
-                .flat_map(|line| [worker(line), line["event"].as_str().unwrap()])
+                .map(|line| match &line.event {
+                    JournalEvent::Message(message) => format!("{}{}", line.worker, message.text),
+                    other => panic!("{other:?}"),
+                })
                 .collect()
         };
         assert_eq!(

@@ -1,11 +1,12 @@
 //! Reading finished and running nights. Nothing here writes to a run's folder.
 
 pub(crate) mod archive;
-pub(crate) mod integrity;
 pub(crate) mod merged_journal;
 pub(crate) mod night_index;
 pub mod night_reader;
+pub mod night_results;
 pub(crate) mod outline;
 pub(crate) mod run_index;
+pub(crate) mod run_reader;
 pub(crate) mod tail;
 pub(crate) mod throughput_history;

@@ -4,13 +4,17 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use serde_json::Value as Json;
-
-use super::archive::{first_invalid, read_json};
+use super::merged_journal::parse_lines;
+use super::night_reader::NightReader;
 use super::run_index::RunIndex;
-use crate::experiment::{RunId, WaveRow};
+use super::run_reader::{Measurements, RunReader};
+use crate::experiment::CellRef;
+use crate::store::schema::journal;
+use crate::store::schema::plan::{PlanFile, PlannedReference};
+use crate::store::schema::run::{ConfigFile, DONE, DoneFile};
+use crate::store::schema::{ReadError, StoredFile};
 use crate::store::write::{failure, metrics_csv};
-use crate::store::{FILMS, StoreError, layout};
+use crate::store::{StoreError, layout};
 
 /// State of a run.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -72,20 +76,30 @@ pub struct ExperimentEntry {
     pub references: Vec<RunEntry>,
 }
 
-/// Lists the experiments below `out`, ordered by folder. A missing `out` has none. Finished runs
-/// are read through the index, which is updated.
-pub fn list_experiments(out: &Path) -> Vec<ExperimentEntry> {
-    let plans: Vec<(PathBuf, Json)> = layout::folders_in(out)
-        .into_iter()
-        .filter_map(|folder| read_json(&folder.join("plan.json")).map(|plan| (folder, plan)))
-        .collect();
+/// Experiments of an output folder.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Listing {
+    /// Experiments, ordered by folder.
+    pub experiments: Vec<ExperimentEntry>,
+    /// Why other folders with a plan are not listed.
+    pub refused: Vec<ReadError>,
+}
+
+/// Lists the experiments below `out`. A missing `out` has none. Finished runs are read through the
+/// index, which is updated.
+pub fn list_experiments(out: &Path) -> Listing {
     let mut index = RunIndex::open(out);
-    let listed = plans
-        .iter()
-        .map(|(folder, plan)| experiment_entry(out, folder, plan, &mut index))
-        .collect();
+    let mut listing = Listing::default();
+    for night in NightReader::all(out) {
+        match night {
+            Ok(night) => listing
+                .experiments
+                .push(experiment_entry(&night, &mut index)),
+            Err(error) => listing.refused.push(error),
+        }
+    }
     index.save();
-    listed
+    listing
 }
 
 /// Lists the finished runs of this experiment in the folders beside `folder`, by id.
@@ -98,39 +112,26 @@ pub(crate) fn finished_in_siblings(
     layout::finished_runs(siblings.into_iter().filter(|other| other != folder))
 }
 
-fn experiment_entry(
-    out: &Path,
-    folder: &Path,
-    plan: &Json,
-    index: &mut RunIndex,
-) -> ExperimentEntry {
-    let list = |key: &str| plan[key].as_array().map_or(&[][..], Vec::as_slice);
+fn experiment_entry(night: &NightReader, index: &mut RunIndex) -> ExperimentEntry {
+    let plan = night.plan();
     let mut reader = EntryReader {
-        out,
-        experiment: folder,
-        name: text(&plan["name"]),
+        night,
         index,
         finished_here: BTreeMap::new(),
-        finished_in_siblings: None,
     };
-    let mut runs = Vec::new();
-    for cell in list("cells") {
-        let run_folder = folder
-            .join("runs")
-            .join(cell["folder"].as_str().unwrap_or_default());
-        let (run, path) = (text(&cell["run"]), text(&cell["path"]));
-        runs.push(reader.entry(run, path, run_folder, "done.json"));
-    }
-    let mut references = Vec::new();
-    for reference in list("references").iter().filter(|r| r["kind"] == "render") {
-        let run = text(&reference["run"]);
-        let run_folder = layout::reference_folder(out, &RunId(run.clone()));
-        references.push(reader.entry(run, String::new(), run_folder, "ref.json"));
-    }
+    let cells = plan.cells.iter().enumerate();
+    let runs = cells
+        .map(|(i, cell)| reader.entry(CellRef::Cell(i), &cell.run, &cell.path))
+        .collect();
+    let references = plan.references.iter().enumerate();
+    let rendered = references.filter(|(_, r)| matches!(r, PlannedReference::Render(_)));
+    let references = rendered
+        .map(|(i, reference)| reader.entry(CellRef::Reference(i), reference.run(), ""))
+        .collect();
     ExperimentEntry {
-        folder: folder.to_owned(),
-        name: reader.name,
-        hash: text(&plan["hash"]),
+        folder: night.folder().to_owned(),
+        name: plan.name.clone(),
+        hash: plan.hash.clone(),
         runs,
         references,
     }
@@ -138,34 +139,27 @@ fn experiment_entry(
 
 /// State while the runs of one experiment are listed.
 struct EntryReader<'a> {
-    out: &'a Path,
-    experiment: &'a Path,
-    name: String,
+    night: &'a NightReader,
     index: &'a mut RunIndex,
     /// Folders of the finished runs that were listed before, by run id.
     finished_here: BTreeMap<String, PathBuf>,
-    /// Folders of the finished runs of sibling experiments, by run id. Read when it is first needed
-    /// since scanning is slow.
-    finished_in_siblings: Option<BTreeMap<String, PathBuf>>,
 }
 
 impl EntryReader<'_> {
-    /// Determines the state of a run. `marker` is the name of its last file.
-    fn entry(&mut self, run: String, path: String, folder: PathBuf, marker: &str) -> RunEntry {
+    /// Determines the state of a run.
+    fn entry(&mut self, cell: CellRef, run: &str, path: &str) -> RunEntry {
+        let folder = self.night.run_folder(cell);
+        let marker = NightReader::done_name(cell);
         let (state, finished) = if let Some(finished) = self.index.finished(&folder, marker) {
             self.finished_here
-                .entry(run.clone())
+                .entry(run.to_owned())
                 .or_insert_with(|| folder.clone());
             (RunState::Done(finished.reason.clone()), Some(finished))
-        } else if let Some(other) = self.finished_here.get(&run) {
+        } else if let Some(other) = self.finished_here.get(run) {
             let finished = self.index.finished(other, marker);
             (RunState::Elsewhere(other.clone()), finished)
-        } else if let Some(other) = self
-            .finished_in_siblings
-            .get_or_insert_with(|| finished_in_siblings(self.out, &self.name, self.experiment))
-            .get(&run)
-        {
-            let finished = self.index.finished(other, "done.json");
+        } else if let Some(other) = self.night.elsewhere().get(run) {
+            let finished = self.index.finished(other, DONE);
             (RunState::Elsewhere(other.clone()), finished)
         } else if let Some(failure) = failure::read(&folder) {
             (RunState::Failed(failure.reason), None)
@@ -176,8 +170,8 @@ impl EntryReader<'_> {
         };
         let finished = finished.unwrap_or_default();
         RunEntry {
-            run,
-            path,
+            run: run.to_owned(),
+            path: path.to_owned(),
             folder,
             state,
             samples: finished.samples,
@@ -195,39 +189,23 @@ pub fn latest_experiment(out: &Path) -> Option<PathBuf> {
         Err(_) => PathBuf::from(fs::read_to_string(&link).ok()?.trim()),
     };
     let folder = out.join(target);
-    folder.join("plan.json").is_file().then_some(folder)
+    folder.join(PlanFile::NAME).is_file().then_some(folder)
 }
 
 /// Folder of the run that the latest experiment's journal names last.
 fn latest_run(out: &Path) -> Option<PathBuf> {
-    let folder = latest_experiment(out)?;
-    let plan = read_json(&folder.join("plan.json"))?;
-    let journal = fs::read_to_string(folder.join("journal.jsonl")).ok()?;
-    let lines = journal
-        .lines()
-        .rev()
-        .filter_map(|line| serde_json::from_str::<Json>(line).ok());
-    let ids = lines.filter_map(|line| Some(line["run"].as_str()?.to_owned()));
-    let cells = plan["cells"].as_array()?;
-    let run_folder = |id: &str| {
-        let cell = cells.iter().find(|cell| cell["run"] == id)?;
-        Some(folder.join("runs").join(cell["folder"].as_str()?))
-    };
-    ids.filter_map(|id| run_folder(&id))
-        .find(|run| run.join("config.json").is_file())
-}
-
-fn text(json: &Json) -> String {
-    json.as_str().unwrap_or_default().to_owned()
-}
-
-/// Name and size in bytes of a file. Returns `None` for a folder.
-fn file(entry: &fs::DirEntry, folder: &str) -> Option<(String, u64)> {
-    let facts = entry.metadata().ok().filter(fs::Metadata::is_file)?;
-    Some((
-        format!("{folder}{}", entry.file_name().to_string_lossy()),
-        facts.len(),
-    ))
+    let night = NightReader::at(latest_experiment(out)?).ok()?;
+    let journal = fs::read_to_string(night.folder().join(journal::FILE)).ok()?;
+    let cells = night.cells_by_run();
+    let lines: Vec<_> = parse_lines(&journal).collect();
+    let named = lines.iter().rev().filter_map(|line| line.event.run());
+    let folders = named.filter_map(|run| {
+        let cell = cells.get(run)?.iter();
+        let mut cell = cell.filter(|cell| matches!(cell, CellRef::Cell(_)));
+        Some(night.run_folder(*cell.next()?))
+    });
+    let mut folders = folders.filter(|run| run.join(ConfigFile::NAME).is_file());
+    folders.next()
 }
 
 /// Content of a run's folder.
@@ -235,14 +213,12 @@ fn file(entry: &fs::DirEntry, folder: &str) -> Option<(String, u64)> {
 pub struct RunRecord {
     /// Folder of the run.
     pub folder: PathBuf,
-    /// Content of `config.json`.
-    pub config: Json,
-    /// Content of `done.json` or `ref.json`, if the run is finished.
-    pub done: Option<Json>,
-    /// Names of the metric columns.
-    pub columns: Vec<String>,
-    /// Measurements, oldest first.
-    pub rows: Vec<WaveRow>,
+    /// Place of the run in its plan, and its settings.
+    pub config: ConfigFile,
+    /// How the run ended, if it is finished.
+    pub done: Option<DoneFile>,
+    /// Measurements of the run.
+    pub measurements: Measurements,
     /// Names and sizes in bytes of the files, ordered by name.
     pub files: Vec<(String, u64)>,
 }
@@ -254,7 +230,7 @@ pub struct RunRecord {
 /// When no run or more than one matches, or a file of it cannot be read.
 pub fn read_run(out: &Path, what: &str) -> Result<RunRecord, StoreError> {
     let given = Path::new(what);
-    if given.join("config.json").is_file() {
+    if given.join(ConfigFile::NAME).is_file() {
         return read_record(given);
     }
     let missing = |hint: &str| StoreError::NoSuchRun {
@@ -262,7 +238,7 @@ pub fn read_run(out: &Path, what: &str) -> Result<RunRecord, StoreError> {
         out: out.to_owned(),
         hint: format!(" ({hint})"),
     };
-    if given.join("plan.json").is_file() {
+    if given.join(PlanFile::NAME).is_file() {
         return Err(missing(
             "this is an experiment's folder; `lumbre ls` lists its runs",
         ));
@@ -307,41 +283,21 @@ pub fn read_run(out: &Path, what: &str) -> Result<RunRecord, StoreError> {
 }
 
 fn read_record(folder: &Path) -> Result<RunRecord, StoreError> {
-    let broken = |name: &str, reason: String| StoreError::Io {
-        action: "read",
-        path: folder.join(name),
-        reason,
-        full: false,
-    };
-    let config = read_json(&folder.join("config.json"))
-        .ok_or_else(|| broken("config.json", "it is missing or not valid JSON".to_owned()))?;
-    let done = read_json(&folder.join("done.json")).or_else(|| read_json(&folder.join("ref.json")));
-    let (columns, mut rows) = match fs::read_to_string(folder.join("metrics.csv")) {
-        Ok(csv) if csv.contains('\n') => {
-            metrics_csv::parse(&csv).map_err(|problem| broken("metrics.csv", problem))?
-        }
-        _ => Default::default(),
-    };
-    let first_invalid = done.as_ref().and_then(first_invalid);
-    rows.iter_mut()
-        .filter(|r| r.invalid > 0)
-        .for_each(|r| r.first_invalid = first_invalid);
-    let entries = fs::read_dir(folder)
-        .map_err(|e| StoreError::io("read", folder, &e))?
-        .flatten();
-    let mut files: Vec<(String, u64)> = entries.filter_map(|e| file(&e, "")).collect();
-    let films = fs::read_dir(folder.join(FILMS))
-        .into_iter()
-        .flatten()
-        .flatten();
-    files.extend(films.filter_map(|e| file(&e, &format!("{FILMS}/"))));
-    files.sort();
+    let run = RunReader::new(folder.to_owned());
+    let done = run.done()?;
+    let measurements = run
+        .measurements(done.as_ref())
+        .map_err(|reason| StoreError::Io {
+            action: "read",
+            path: folder.join(metrics_csv::FILE),
+            reason,
+            full: false,
+        })?;
     Ok(RunRecord {
+        config: run.config()?,
+        files: run.files()?,
         folder: folder.to_owned(),
-        config,
         done,
-        columns,
-        rows,
-        files,
+        measurements,
     })
 }

@@ -1,352 +1,210 @@
-//! Reads a whole night from its folder, finished or not, for reports. Nothing here writes or locks.
+//! Access to the folder of one night: its plan, and where its runs and references are. Listings,
+//! the status, the dashboard of another process, reports and the reproduction of results all read a
+//! night through [`NightReader`]. Nothing here writes or locks.
 
+use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use serde_json::Value as Json;
+use super::night_index::finished_in_siblings;
+use super::run_reader::RunReader;
+use crate::experiment::{CellRef, RunId};
+use crate::store::schema::plan::{EnvFile, PlanFile, PlannedReference};
+use crate::store::schema::run::{DONE, REFERENCE};
+use crate::store::schema::{self, Problem, ReadError, StoredFile};
+use crate::store::{StoreError, layout};
 
-use super::archive::{first_invalid, read_json};
-use crate::experiment::night_results::{
-    Machine, NightResults, ReferenceResult, RunResult, RunState,
-};
-use crate::experiment::{CellResult, Outcome, Plan, WaveRow};
-use crate::metrics::MetricSpec;
-use crate::store::write::{manifest_checksum, metrics_csv};
-use crate::store::{Store, StoreError, layout};
-use lumbre_light::value::Value;
-
-/// Reads a night from its folder, which holds a `plan.json`. References are read from the folder
-/// `refs` beside it, and runs that an earlier night of the same name finished from that night's
-/// folder.
-///
-/// # Errors
-/// When the folder holds no plan. Everything else that is missing or damaged becomes a note.
-pub fn read_night(folder: &Path) -> Result<NightResults, StoreError> {
-    // `out/latest` is a link; siblings are those of the folder that it points at.
-    let folder = &fs::canonicalize(folder).map_err(|e| StoreError::io("read", folder, &e))?;
-    let plan = read_json(&folder.join("plan.json")).ok_or_else(|| StoreError::Io {
-        action: "read",
-        path: folder.join("plan.json"),
-        reason: "it is missing or damaged; expected the folder of a night, such as out/latest"
-            .to_owned(),
-        full: false,
-    })?;
-    let out = folder.parent().unwrap_or(folder);
-    let name = text(&plan["name"]);
-    let mut notes = missing_support(&plan);
-    let mut reader = NightReader {
-        folder,
-        elsewhere: layout::finished_runs(layout::siblings(out, &name)),
-        notes: &mut notes,
-        metrics: Vec::new(),
-    };
-    // Duplicate cells of the A/A check are no results.
-    let cells = list(&plan["cells"])
-        .iter()
-        .filter(|cell| cell["control"].is_null());
-    let runs: Vec<RunResult> = cells.map(|cell| reader.run(cell)).collect();
-    let metrics = std::mem::take(&mut reader.metrics);
-    let references = list(&plan["references"])
-        .iter()
-        .map(|reference| reference_result(out, reference))
-        .collect();
-    Ok(NightResults {
-        folder: folder.clone(),
-        name,
-        plan: text(&plan["hash"]),
-        seed: plan["seed"].as_u64().unwrap_or(0),
-        axes: list(&plan["axes"]).iter().map(text).collect(),
-        metrics,
-        machine: read_json(&folder.join("env.json")).map(|env| machine(&env)),
-        runs,
-        references,
-        notes,
-    })
+/// A night's folder with its plan.
+#[derive(Debug)]
+pub struct NightReader {
+    folder: PathBuf,
+    out: PathBuf,
+    plan: PlanFile,
+    /// Folders of this night's runs that are finished in sibling folders, by run id. Read when it is
+    /// first needed, since scanning is slow.
+    elsewhere: OnceCell<BTreeMap<String, PathBuf>>,
 }
 
-/// Name and version of the external program that rendered a run: the last part of its device.
-fn external_program(integrator: &str, done: &Json) -> Option<String> {
-    let device = done["device"]
-        .as_str()
-        .filter(|_| integrator.starts_with("external:"))?;
-    device
-        .rsplit_once(", ")
-        .map(|(_, program)| program.to_owned())
-}
-
-/// Describes points that were skipped because the machine lacks support, each reason once.
-fn missing_support(plan: &Json) -> Vec<String> {
-    let mut reasons: Vec<(String, usize)> = Vec::new();
-    for skipped in list(&plan["skipped"])
-        .iter()
-        .filter(|s| s["absent"] == true)
-    {
-        let reason = text(&skipped["reason"]);
-        match reasons.iter_mut().find(|(known, _)| *known == reason) {
-            Some((_, count)) => *count += 1,
-            None => reasons.push((reason, 1)),
-        }
+impl NightReader {
+    /// Opens the folder of a night, or a link to it such as `out/latest`. References are read from
+    /// the folder `refs` beside it.
+    ///
+    /// # Errors
+    /// When it has no readable plan, or another version of the program wrote it.
+    pub fn open(folder: &Path) -> Result<NightReader, StoreError> {
+        // Siblings are those of the folder that a link points at.
+        let folder = fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
+        NightReader::at(folder).map_err(|error| match error.problem {
+            Problem::OtherVersion { .. } => error.into(),
+            problem => StoreError::Io {
+                action: "read",
+                path: error.path,
+                reason: format!(
+                    "it{problem} (expected the folder of a night, such as out/latest; `lumbre ls` \
+                     lists them)"
+                ),
+                full: false,
+            },
+        })
     }
-    let note = |(reason, count): (String, usize)| match count {
-        1 => format!("1 point of the sweep is left out: {reason}"),
-        _ => format!("{count} points of the sweep are left out: {reason}"),
-    };
-    reasons.into_iter().map(note).collect()
-}
 
-/// State while the runs of a night are read.
-struct NightReader<'a> {
-    folder: &'a Path,
-    /// Folders of the finished runs of all nights with this name, by run id.
-    elsewhere: BTreeMap<String, PathBuf>,
-    notes: &'a mut Vec<String>,
-    metrics: Vec<MetricSpec>,
-}
-
-impl NightReader<'_> {
-    /// Reads the run of a cell.
-    fn run(&mut self, cell: &Json) -> RunResult {
-        let id = text(&cell["run"]);
-        let own = self.folder.join("runs").join(text(&cell["folder"]));
-        let folder = match self.elsewhere.get(&id) {
-            Some(other) if !own.join("done.json").is_file() => other.clone(),
-            _ => own,
-        };
-        let done = self.read_manifest(&folder);
-        let config = read_json(&folder.join("config.json")).unwrap_or(Json::Null);
-        self.read_metrics(&config);
-        let rows = self.rows(&folder, done.as_ref());
-        let render = &config["render"];
-        let state = match &done {
-            Some(done) => RunState::Done(text(&done["reason"])),
-            None if rows.is_empty() => RunState::Pending,
-            None => RunState::Unfinished,
-        };
-        let side = |i: usize| {
-            render["resolution"]
-                .get(i)
-                .and_then(Json::as_u64)
-                .and_then(|n| u32::try_from(n).ok())
-        };
-        let pictures = pictures(&folder, done.as_ref());
-        let done = done.unwrap_or(Json::Null);
-        let floors = done["floors"].as_object().into_iter().flatten();
-        let floors = floors.filter_map(|(column, value)| Some((column.clone(), value.as_f64()?)));
-        let accel_build = (&done["accel_build_s"], &done["accel_nodes"]);
-        let accel_size = (&done["accel_bytes"], &done["accel_cost"]);
-        RunResult {
-            path: text(&cell["path"]),
-            point: point(&cell["point"]),
-            repeat: cell["repeat"].as_u64().unwrap_or(0),
-            seed: cell["seed"].as_u64().unwrap_or(0),
-            integrator: text(&cell["integrator"]),
-            scene: render["scene"]
-                .as_str()
-                .map(str::to_owned)
-                .unwrap_or_default(),
-            resolution: side(0).zip(side(1)).map(|(w, h)| [w, h]),
-            device: device(&done),
-            peer: external_program(&text(&cell["integrator"]), &done),
-            accel: accel_build.0.as_f64().zip(accel_build.1.as_u64()),
-            accel_size: accel_size.0.as_u64().zip(accel_size.1.as_f64()),
-            reference: cell["reference"]
-                .as_u64()
-                .and_then(|n| usize::try_from(n).ok()),
-            pictures,
-            films: list(&done["films"]).iter().map(text).collect(),
-            floors: floors.collect(),
-            state,
-            rows,
-            id,
+    /// Opens the folder of a night by a path that is no link.
+    pub(crate) fn at(folder: PathBuf) -> Result<NightReader, ReadError> {
+        let plan = PlanFile::read(&folder).map_err(|error| with_writer(error, &folder))?;
+        Ok(NightReader {
+            out: folder.parent().map(Path::to_owned).unwrap_or_default(),
             folder,
-        }
+            plan,
+            elsewhere: OnceCell::new(),
+        })
     }
 
-    /// Reads the last file of a run. Returns `None` if the run is not finished, or, with a note, if
-    /// it is damaged.
-    fn read_manifest(&mut self, folder: &Path) -> Option<Json> {
-        let done = read_json(&folder.join("done.json"))?;
-        if let Err(problem) = manifest_checksum::verify_sizes(folder, &done) {
-            self.notes.push(format!(
-                "{}: {problem}; the run is treated as unfinished",
-                folder.display()
-            ));
-            return None;
-        }
-        Some(done)
-    }
-
-    /// Reads the definitions of the metrics, which are equal in all measured runs of a plan.
-    fn read_metrics(&mut self, config: &Json) {
-        if !self.metrics.is_empty() {
-            return;
-        }
-        for metric in list(&config["identity"]["measure"]["metrics"]) {
-            let column = text(&metric["column"]);
-            let options = match Value::from_json(&metric["value"]["options"]) {
-                Value::Map(options) => options,
-                _ => BTreeMap::new(),
-            };
-            match MetricSpec::new(&column, &text(&metric["value"]["metric"]), options) {
-                Ok(spec) => self.metrics.push(spec),
-                Err(e) => self
-                    .notes
-                    .push(format!("column `{column}` is left out: {e}")),
-            }
-        }
-    }
-
-    /// Measurements of a run, with the known metrics in their order.
-    fn rows(&mut self, folder: &Path, done: Option<&Json>) -> Vec<WaveRow> {
-        let Ok(csv) = fs::read_to_string(folder.join("metrics.csv")) else {
-            return Vec::new();
-        };
-        if !csv.contains('\n') {
-            return Vec::new();
-        }
-        let (columns, rows) = match metrics_csv::parse(&csv) {
-            Ok(read) => read,
-            Err(problem) => {
-                self.notes.push(format!(
-                    "{}: {problem}",
-                    folder.join("metrics.csv").display()
-                ));
-                return Vec::new();
-            }
-        };
-        let indices: Vec<Option<usize>> = self
-            .metrics
-            .iter()
-            .map(|metric| columns.iter().position(|c| *c == metric.column))
-            .collect();
-        let measured = !columns.is_empty();
-        let first_invalid = done.and_then(first_invalid);
-        let pick = |row: &WaveRow| -> Vec<f64> {
-            indices
-                .iter()
-                .map(|index| index.map_or(f64::NAN, |i| row.metrics[i]))
-                .collect()
-        };
-        rows.into_iter()
-            .map(|row| WaveRow {
-                metrics: if measured { pick(&row) } else { Vec::new() },
-                first_invalid: first_invalid.filter(|_| row.invalid > 0),
-                ..row
-            })
+    /// Opens all nights below an output folder, ordered by folder. A missing folder has none.
+    pub fn all(out: &Path) -> Vec<Result<NightReader, ReadError>> {
+        let folders = layout::folders_in(out).into_iter();
+        folders
+            .filter(|folder| folder.join(PlanFile::NAME).is_file())
+            .map(NightReader::at)
             .collect()
     }
-}
 
-impl Store {
-    /// Device that a cell was rendered on, if it is done.
-    pub fn device(&self, plan: &Plan, result: &CellResult) -> Option<String> {
-        let folder = match &result.outcome {
-            Outcome::Cached(folder) => folder.clone(),
-            Outcome::Done(_) => self.run_folder(plan, result.cell),
-            Outcome::Failed(_) | Outcome::Interrupted => return None,
-        };
-        device(&read_json(&folder.join("done.json"))?)
+    /// Folder of the night.
+    pub fn folder(&self) -> &Path {
+        &self.folder
     }
-}
 
-/// Device that a run was rendered on. The `cpu` backend reports its number of threads; the model of
-/// the processor is added, since workers of one night may differ.
-fn device(done: &Json) -> Option<String> {
-    let device = done["device"].as_str()?;
-    let threads = device
-        .strip_prefix("cpu, ")
-        .and_then(|rest| rest.split(',').find(|part| part.contains("thread")));
-    match (threads, done["processor"].as_str()) {
-        (Some(threads), Some(processor)) if !processor.is_empty() => {
-            Some(format!("{processor}, {}", threads.trim()))
+    /// Output folder that contains it.
+    pub fn out(&self) -> &Path {
+        &self.out
+    }
+
+    /// Its plan.
+    pub fn plan(&self) -> &PlanFile {
+        &self.plan
+    }
+
+    /// The machine and the command that last rendered it.
+    ///
+    /// # Errors
+    /// When they are not recorded, or cannot be read.
+    pub fn env(&self) -> Result<EnvFile, ReadError> {
+        EnvFile::read(&self.folder)
+    }
+
+    /// Cells and references of the plan by the ids of their runs.
+    pub fn cells_by_run(&self) -> BTreeMap<String, Vec<CellRef>> {
+        let mut ids: BTreeMap<String, Vec<CellRef>> = BTreeMap::new();
+        for (i, cell) in self.plan.cells.iter().enumerate() {
+            ids.entry(cell.run.clone())
+                .or_default()
+                .push(CellRef::Cell(i));
         }
-        _ => Some(device.to_owned()),
+        for (i, reference) in self.plan.references.iter().enumerate() {
+            let cells = ids.entry(reference.run().to_owned()).or_default();
+            cells.push(CellRef::Reference(i));
+        }
+        ids
     }
-}
 
-/// Stored images of a run, by samples per pixel.
-fn pictures(folder: &Path, done: Option<&Json>) -> Vec<(u64, PathBuf)> {
-    let mut found = BTreeMap::new();
-    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
-        let name = entry.file_name().to_string_lossy().into_owned();
-        let samples = name
-            .strip_prefix("snap-")
-            .and_then(|n| n.strip_suffix(".exr"))
-            .and_then(|n| n.parse().ok());
-        if let Some(samples) = samples {
-            found.insert(samples, entry.path());
+    /// Folder of a cell's run in this night, or of a reference; it need not exist. Empty for an
+    /// index that the plan does not have.
+    pub fn run_folder(&self, cell: CellRef) -> PathBuf {
+        match cell {
+            CellRef::Cell(i) => self.plan.cells.get(i).map_or_else(PathBuf::new, |cell| {
+                self.folder.join("runs").join(&cell.folder)
+            }),
+            CellRef::Reference(i) => self
+                .plan
+                .references
+                .get(i)
+                .map_or_else(PathBuf::new, |reference| {
+                    layout::reference_folder(&self.out, &RunId(reference.run().to_owned()))
+                }),
         }
     }
-    let last = folder.join("final.exr");
-    if let Some(samples) = done
-        .and_then(|done| done["samples"].as_u64())
-        .filter(|_| last.is_file())
-    {
-        found.insert(samples, last);
-    }
-    found.into_iter().collect()
-}
 
-fn reference_result(out: &Path, reference: &Json) -> ReferenceResult {
-    let id = text(&reference["run"]);
-    let folder = out.join("refs").join(id.get(..2).unwrap_or("00")).join(&id);
-    if reference["kind"] == "file" {
-        let file = PathBuf::from(text(&reference["source"]));
-        let name = file
-            .file_name()
-            .map(|n| n.to_string_lossy().into_owned())
-            .unwrap_or_default();
-        let maker = reference["made_by"]
-            .as_str()
-            .filter(|by| !by.is_empty())
-            .map(|by| format!(", {by}"));
-        let description = format!("{name}{}, its noise unknown", maker.unwrap_or_default());
-        let copy = folder.join(layout::imported_file_name(&file));
-        let picture = [file, copy].into_iter().find(|file| file.is_file());
-        return ReferenceResult {
-            id,
-            picture,
-            description,
+    /// Name of the last file of a run or reference.
+    pub fn done_name(cell: CellRef) -> &'static str {
+        match cell {
+            CellRef::Cell(_) => DONE,
+            CellRef::Reference(_) => REFERENCE,
+        }
+    }
+
+    /// Whether a run or reference is finished in its own folder. A reference that is an image file
+    /// is, if the file or its copy exists.
+    pub fn is_done(&self, cell: CellRef) -> bool {
+        let is_file = || match cell {
+            CellRef::Cell(_) => false,
+            CellRef::Reference(i) => self.image_file(i).is_some_and(|file| file.is_file()),
         };
+        let folder = self.run_folder(cell);
+        folder.join(NightReader::done_name(cell)).is_file() || is_file()
     }
-    let facts = read_json(&folder.join("ref.json"));
-    let integrator = text(&reference["source"]["integrator"]);
-    let description = match facts.as_ref().and_then(|f| f["samples"].as_u64()) {
-        Some(samples) => format!("{integrator}, {samples} samples per pixel"),
-        None => format!("{integrator}, not finished"),
-    };
-    let picture = folder.join("ref.exr");
-    ReferenceResult {
-        id,
-        picture: picture.is_file().then_some(picture),
-        description,
+
+    /// Folder in which a cell's run is finished: its own, or that of another night with the same
+    /// name.
+    pub fn finished_folder(&self, cell: CellRef) -> Option<PathBuf> {
+        let own = self.run_folder(cell);
+        match cell {
+            _ if self.is_done(cell) => Some(own),
+            CellRef::Cell(i) => self.elsewhere().get(&self.plan.cells.get(i)?.run).cloned(),
+            CellRef::Reference(_) => None,
+        }
+    }
+
+    /// Finished runs of the nights beside this one that have its name, by run id.
+    pub fn elsewhere(&self) -> &BTreeMap<String, PathBuf> {
+        self.elsewhere
+            .get_or_init(|| finished_in_siblings(&self.out, &self.plan.name, &self.folder))
+    }
+
+    /// Image file of a reference that is one: the original, or its copy if that is missing.
+    pub fn image_file(&self, reference: usize) -> Option<PathBuf> {
+        match self.plan.references.get(reference)? {
+            PlannedReference::Render(_) => None,
+            PlannedReference::File(found) => {
+                let file = PathBuf::from(&found.source);
+                let copy = || {
+                    let folder = self.run_folder(CellRef::Reference(reference));
+                    folder.join(layout::imported_file_name(&file))
+                };
+                Some(if file.is_file() { file } else { copy() })
+            }
+        }
+    }
+
+    /// File of a reference's picture, if it exists.
+    pub fn reference_picture(&self, reference: usize) -> Option<PathBuf> {
+        let rendered = || {
+            let folder = self.run_folder(CellRef::Reference(reference));
+            folder.join("ref.exr")
+        };
+        let file = self.image_file(reference).unwrap_or_else(rendered);
+        file.is_file().then_some(file)
+    }
+
+    /// Reader of a run or reference in its own folder.
+    pub fn run(&self, cell: CellRef) -> RunReader {
+        RunReader::new(self.run_folder(cell))
     }
 }
 
-fn machine(env: &Json) -> Machine {
-    Machine {
-        host: text(&env["host"]),
-        os: text(&env["os"]),
-        cpu: text(&env["cpu"]),
-        cores: env["cores"].as_u64().unwrap_or(0),
-        program: text(&env["program"]),
-        date: text(&env["date"]),
-        arguments: list(&env["arguments"]).iter().map(text).collect(),
+/// Completes the error of a plan that another version wrote. Plans did not always name their
+/// program, but the record of the command did.
+pub(crate) fn with_writer(error: ReadError, folder: &Path) -> ReadError {
+    match error.problem {
+        Problem::OtherVersion {
+            version,
+            program: None,
+        } => ReadError {
+            problem: Problem::OtherVersion {
+                version,
+                program: schema::writer_of(&folder.join(EnvFile::NAME)),
+            },
+            ..error
+        },
+        _ => error,
     }
-}
-
-fn point(json: &Json) -> Vec<(String, Value)> {
-    let fields = json.as_object().into_iter().flatten();
-    fields
-        .map(|(axis, value)| (axis.clone(), Value::from_json(value)))
-        .collect()
-}
-
-fn list(json: &Json) -> &[Json] {
-    json.as_array().map_or(&[], Vec::as_slice)
-}
-
-fn text(json: &Json) -> String {
-    json.as_str().unwrap_or_default().to_owned()
 }

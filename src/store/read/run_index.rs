@@ -19,19 +19,13 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use serde_json::{Value as Json, json};
-
-use super::archive::read_json;
 use crate::store::layout;
 use crate::store::lock::filesystem_kind;
+use crate::store::schema::process::IndexHeader;
+use crate::store::schema::run::DoneFile;
+use crate::store::schema::{StoredFile, one_line};
 use crate::store::worker::registry;
 use crate::store::write::atomic;
-
-/// Name of the format in the header.
-const FORMAT: &str = "lumbre-run-index";
-
-/// Version of the format, incremented with every change.
-const VERSION: u64 = 1;
 
 /// Fields of a line, in order: see [`Line`].
 const FIELDS: [&str; 5] = ["changed", "size", "reason", "samples", "render_s"];
@@ -48,12 +42,13 @@ pub struct FinishedSummary {
 }
 
 impl FinishedSummary {
-    fn from_done(done: &Json) -> FinishedSummary {
-        FinishedSummary {
-            reason: done["reason"].as_str().unwrap_or_default().to_owned(),
-            samples: done["samples"].as_u64(),
-            render_s: done["render_s"].as_f64(),
-        }
+    fn from_done(done: &DoneFile) -> FinishedSummary {
+        done.rendered()
+            .map_or_else(FinishedSummary::default, |results| FinishedSummary {
+                reason: results.reason.clone(),
+                samples: Some(results.samples),
+                render_s: Some(results.render_s),
+            })
     }
 }
 
@@ -90,7 +85,7 @@ impl RunIndex {
                 let name = blake3::hash(real.as_os_str().as_encoded_bytes()).to_hex();
                 cache.join(format!("index-{}.jsonl", &name[..16]))
             }
-            None => out.join("index.jsonl"),
+            None => out.join(IndexHeader::NAME),
         }
     }
 
@@ -127,7 +122,7 @@ impl RunIndex {
         {
             return Some(finished.clone());
         }
-        let finished = FinishedSummary::from_done(&read_json(&file)?);
+        let finished = FinishedSummary::from_done(&DoneFile::read_from(&file).ok()?);
         self.known.insert(key, (stamp, finished.clone()));
         self.new_entries += 1;
         Some(finished)
@@ -198,13 +193,16 @@ fn encode(known: &Entries) -> io::Result<String> {
         body += &serde_json::to_string(&line)?;
         body.push('\n');
     }
-    Ok(format!("{}\n{body}", header(&body)))
+    Ok(one_line(&header(&body)) + &body)
 }
 
 /// First line of a file whose further lines are `body`.
-fn header(body: &str) -> Json {
-    let hash = blake3::hash(body.as_bytes()).to_hex();
-    json!({ "format": FORMAT, "version": VERSION, "fields": FIELDS, "blake3": hash.as_str() })
+fn header(body: &str) -> IndexHeader {
+    IndexHeader {
+        fields: FIELDS.map(str::to_owned).to_vec(),
+        blake3: blake3::hash(body.as_bytes()).to_hex().to_string(),
+        ..IndexHeader::default()
+    }
 }
 
 /// Reads the file.
@@ -214,7 +212,7 @@ fn header(body: &str) -> Json {
 fn load(path: &Path) -> Result<Entries, String> {
     let text = fs::read_to_string(path).map_err(|e| e.to_string())?;
     let (first, body) = text.split_once('\n').ok_or("it has no header")?;
-    if serde_json::from_str::<Json>(first).ok() != Some(header(body)) {
+    if IndexHeader::parse(first.as_bytes()) != Ok(header(body)) {
         return Err("it is damaged or of another version".to_owned());
     }
     let mut known = Entries::new();
@@ -235,13 +233,20 @@ fn load(path: &Path) -> Result<Entries, String> {
 #[cfg(test)]
 mod tests {
     use crate::store::read::run_index::*;
+    use crate::store::schema::run::{DONE, RunResults};
     use std::fs::write;
 
     fn run(out: &Path, name: &str, reason: &str) -> PathBuf {
         let folder = out.join("night-3f9a/runs").join(name);
         fs::create_dir_all(&folder).unwrap();
-        let done = format!(r#"{{"run":"{name}","reason":"{reason}","samples":4,"render_s":0.5}}"#);
-        write(folder.join("done.json"), done).unwrap();
+        let done = DoneFile::Rendered(Box::new(RunResults {
+            run: name.to_owned(),
+            reason: reason.to_owned(),
+            samples: 4,
+            render_s: 0.5,
+            ..RunResults::default()
+        }));
+        write(folder.join(DONE), done.text()).unwrap();
         folder
     }
 
@@ -318,8 +323,7 @@ mod tests {
             intact.replace("samples", "simples"),
             intact[..intact.len() - 1].to_owned(),
             intact.replace("\"version\":1", "\"version\":99"),
-            intact.replace(FORMAT, "another-index"),
-            format!("{}\n{body}", header(body)),
+            one_line(&header(body)) + body,
         ] {
             assert_ne!(damage, intact);
             write(&path, &damage).unwrap();

@@ -2,49 +2,37 @@
 
 use std::path::Path;
 
-use serde_json::Value as Json;
-
-use super::archive::read_json;
+use super::night_reader::NightReader;
 use super::run_index::RunIndex;
+use crate::experiment::CellRef;
 use crate::experiment::forecast::{Throughput, ThroughputHistory, WorkloadKey};
-use crate::store::layout;
+use crate::store::schema::plan::PlannedCell;
+use crate::store::schema::run::DONE;
 
 /// Collects the throughput of every finished run below `out` whose plan records what it rendered,
 /// with the nights in the order of their names. Updates the index.
 pub fn throughput_history(out: &Path) -> ThroughputHistory {
     let mut history = ThroughputHistory::default();
     let mut index = RunIndex::open(out);
-    for folder in layout::folders_in(out) {
-        let Some(plan) = read_json(&folder.join("plan.json")) else {
-            continue;
-        };
-        let stops = plan["stops"].as_array().map_or(&[][..], Vec::as_slice);
-        for cell in plan["cells"].as_array().into_iter().flatten() {
-            let Some((workload, pixels)) = read_workload(cell) else {
+    for night in NightReader::all(out).into_iter().flatten() {
+        let plan = night.plan();
+        for (i, cell) in plan.cells.iter().enumerate() {
+            let Some((workload, pixels)) = workload(cell) else {
                 continue;
             };
-            let run_folder = folder
-                .join("runs")
-                .join(cell["folder"].as_str().unwrap_or_default());
-            let finished = index.finished(&run_folder, "done.json");
+            let finished = index.finished(&night.run_folder(CellRef::Cell(i)), DONE);
             let Some((samples, render_s)) = finished.and_then(|f| f.samples.zip(f.render_s)) else {
                 continue;
             };
             if samples == 0 || render_s <= 0.0 {
                 continue;
             }
-            let stop = cell["stop"]
-                .as_u64()
-                .and_then(|i| stops.get(usize::try_from(i).ok()?));
-            let rule = stop
-                .and_then(|stop| stop["words"].as_str())
-                .map(str::to_owned);
-            let ended = rule.map(|rule| (render_s, rule));
+            let rule = plan.stops.get(cell.stop);
             history.record(
                 workload,
                 Throughput {
                     paths_per_s: samples as f64 * pixels / render_s,
-                    ended,
+                    ended: rule.map(|rule| (render_s, rule.text.clone())),
                     overhead: 1.0,
                 },
             );
@@ -54,17 +42,15 @@ pub fn throughput_history(out: &Path) -> ThroughputHistory {
     history
 }
 
-/// Workload of a cell of a plan, and its number of pixels.
-fn read_workload(cell: &Json) -> Option<(WorkloadKey, f64)> {
-    let text = |key: &str| cell[key].as_str().map(str::to_owned);
+/// Workload of a cell of a plan, and its number of pixels; `None` if its depth or size is that of
+/// the scene.
+fn workload(cell: &PlannedCell) -> Option<(WorkloadKey, f64)> {
+    let [width, height] = cell.resolution?;
     let workload = WorkloadKey {
-        integrator: text("integrator")?,
-        scene: text("scene")?,
-        backend: text("backend")?,
-        max_depth: u32::try_from(cell["max_depth"].as_u64()?).ok()?,
+        integrator: cell.integrator.clone(),
+        scene: cell.scene.clone(),
+        backend: cell.backend.clone(),
+        max_depth: cell.max_depth?,
     };
-    Some((
-        workload,
-        cell["resolution"][0].as_f64()? * cell["resolution"][1].as_f64()?,
-    ))
+    Some((workload, f64::from(width) * f64::from(height)))
 }

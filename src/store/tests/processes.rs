@@ -60,7 +60,7 @@ fn leftovers_beside_the_last_file_are_removed() {
     let reference = store.start(&plan, CellRef::Reference(0), None).unwrap();
     reference.write("ref.exr", b"I\x05").unwrap();
     reference.write_rows(&[row(1, 0)]).unwrap();
-    reference.finish(&json!({"run": "ee00"})).unwrap();
+    reference.finish(&results("ee00", 64)).unwrap();
     let home = store.folder().to_owned();
     drop(store);
     let folders = [

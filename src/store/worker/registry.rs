@@ -10,12 +10,10 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant, SystemTime};
 
-use serde_json::{Value as Json, json};
-
 use crate::experiment::comparison_groups::Affinity;
 use crate::store::lock::claim::{HEARTBEAT, LEASE, lock_mutex};
-use crate::store::lock::owner::Owner;
-use crate::store::read::archive::read_json;
+use crate::store::schema::process::{HeartbeatFile, Owner, RenderDevice, WorkerState};
+use crate::store::schema::{StoredFile, one_line};
 use crate::store::utc;
 use crate::store::write::atomic;
 
@@ -26,15 +24,6 @@ const PLANNERS: &str = "planners";
 /// Interval at which the heartbeat thread looks for a changed state.
 const STATE_POLL: Duration = Duration::from_secs(1);
 
-/// Device that cells render on.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct RenderDevice {
-    /// Key that is unique to the device among all machines.
-    pub key: String,
-    /// Model, for messages. Devices with equal models are interchangeable within a comparison.
-    pub model: String,
-}
-
 /// Facts that a worker announces when it joins.
 #[derive(Clone, Debug, Default)]
 pub struct WorkerInfo {
@@ -44,32 +33,6 @@ pub struct WorkerInfo {
     pub affinity: Affinity,
     /// Cluster job that it is part of, such as `1207_3`; empty without one.
     pub job: String,
-}
-
-/// Current activity of a worker.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum WorkerState {
-    /// It looks for runs to render, or waits for other workers.
-    Waiting,
-    /// It renders a run, or a shard of a reference.
-    Rendering {
-        /// Id of the run.
-        run: String,
-        /// Readable path of the run, or the description of the shard.
-        path: String,
-    },
-    /// It has left, for this reason.
-    Left(String),
-}
-
-impl WorkerState {
-    fn name(&self) -> &'static str {
-        match self {
-            WorkerState::Waiting => "waiting",
-            WorkerState::Rendering { .. } => "rendering",
-            WorkerState::Left(_) => "left",
-        }
-    }
 }
 
 /// A registered worker, read from its heartbeat file.
@@ -143,8 +106,8 @@ pub(crate) fn remove_dead_planners(folder: &Path) {
     let here = Owner::current();
     for planner in read_heartbeats(&planners) {
         let file = planners.join(format!("{}.json", planner.name));
-        let owner = read_json(&file).and_then(|json| Owner::from_json(&json));
-        let same_machine = owner.is_some_and(|owner| owner.same_machine(&here));
+        let heartbeat = HeartbeatFile::read_from(&file);
+        let same_machine = heartbeat.is_ok_and(|found| found.owner.same_machine(&here));
         let gone = cfg!(target_os = "linux")
             && !Path::new("/proc")
                 .join(planner.process.to_string())
@@ -159,29 +122,16 @@ pub(crate) fn remove_dead_planners(folder: &Path) {
 }
 
 fn read_worker(file: &Path, now: SystemTime) -> Option<WorkerStatus> {
-    let json = read_json(file)?;
+    let found = HeartbeatFile::read_from(file).ok()?;
     let written = fs::metadata(file).and_then(|facts| facts.modified()).ok()?;
-    let owner = Owner::from_json(&json)?;
-    let text = |key: &str| json[key].as_str().unwrap_or_default().to_owned();
-    let state = match json["state"].as_str()? {
-        "rendering" => WorkerState::Rendering {
-            run: text("run"),
-            path: text("path"),
-        },
-        "left" => WorkerState::Left(text("reason")),
-        _ => WorkerState::Waiting,
-    };
     Some(WorkerStatus {
         name: file.file_stem()?.to_str()?.to_owned(),
         planner: file.parent()?.ends_with(PLANNERS),
-        host: owner.host,
-        process: owner.process,
-        device: RenderDevice {
-            key: text("device"),
-            model: text("model"),
-        },
-        job: text("job"),
-        state,
+        host: found.owner.host,
+        process: found.owner.process,
+        device: found.device,
+        job: found.job,
+        state: found.state,
         age_s: now.duration_since(written).map_or(0.0, |d| d.as_secs_f64()),
     })
 }
@@ -190,7 +140,8 @@ fn read_worker(file: &Path, now: SystemTime) -> Option<WorkerStatus> {
 #[derive(Debug)]
 pub(crate) struct Heartbeat {
     file: PathBuf,
-    facts: Json,
+    /// Its content, without the activity.
+    facts: HeartbeatFile,
     planner: bool,
     activity: Arc<Mutex<Activity>>,
     /// Dropping it ends the thread.
@@ -248,13 +199,14 @@ impl Heartbeat {
         worker: &WorkerInfo,
         planner: bool,
     ) -> Result<Heartbeat, crate::store::StoreError> {
-        let mut facts = owner.to_json();
-        facts["device"] = worker.device.key.as_str().into();
-        facts["model"] = worker.device.model.as_str().into();
-        facts["affinity"] = worker.affinity.name().into();
-        facts["job"] = worker.job.as_str().into();
-        facts["program"] = concat!("lumbre ", env!("CARGO_PKG_VERSION")).into();
-        facts["joined"] = utc(SystemTime::now()).into();
+        let facts = HeartbeatFile {
+            owner: owner.clone(),
+            device: worker.device.clone(),
+            affinity: worker.affinity,
+            job: worker.job.clone(),
+            joined: utc(SystemTime::now()),
+            ..HeartbeatFile::default()
+        };
         let file = folder.join(format!("{}.json", owner.name()));
         let activity = Activity::new(WorkerState::Waiting, false);
         atomic::write_atomically(&file, heartbeat_text(&facts, &activity).as_bytes())?;
@@ -310,7 +262,7 @@ impl Drop for Heartbeat {
 
 /// Rewrites a heartbeat file when the activity changed, and at least every [`HEARTBEAT`], until
 /// `ended` is disconnected.
-fn renew(file: &Path, facts: &Json, activity: &Mutex<Activity>, ended: &Receiver<()>) {
+fn renew(file: &Path, facts: &HeartbeatFile, activity: &Mutex<Activity>, ended: &Receiver<()>) {
     let mut last = Instant::now();
     while ended.recv_timeout(STATE_POLL) == Err(RecvTimeoutError::Timeout) {
         let mut activity = lock_mutex(activity);
@@ -326,19 +278,12 @@ fn renew(file: &Path, facts: &Json, activity: &Mutex<Activity>, ended: &Receiver
 }
 
 /// Content of a heartbeat file: the constant facts and the activity.
-fn heartbeat_text(facts: &Json, activity: &Activity) -> String {
-    let mut json = facts.clone();
-    json["state"] = activity.state.name().into();
-    json["since"] = activity.since.as_str().into();
-    match &activity.state {
-        WorkerState::Waiting => {}
-        WorkerState::Rendering { run, path } => {
-            json["run"] = json!(run);
-            json["path"] = json!(path);
-        }
-        WorkerState::Left(reason) => json["reason"] = json!(reason),
-    }
-    json.to_string() + "\n"
+fn heartbeat_text(facts: &HeartbeatFile, activity: &Activity) -> String {
+    one_line(&HeartbeatFile {
+        state: activity.state.clone(),
+        since: activity.since.clone(),
+        ..facts.clone()
+    })
 }
 
 #[cfg(test)]

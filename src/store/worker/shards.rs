@@ -1,4 +1,4 @@
-//! Storage of reference shards. `refs/parts/<stem>/<first>-<end>/` holds a claim and checkpoints
+//! Storage of reference shards. `refs/shards/<stem>/<first>-<end>/` holds a claim and checkpoints
 //! while the shard is rendered, and the file `sums`, in the format of a checkpoint, when it is
 //! finished.
 //!
@@ -21,7 +21,7 @@ const SUMS: &str = "sums";
 /// Folder of a shard.
 pub(crate) fn folder(out: &Path, stem: &str, shard: &Shard) -> PathBuf {
     out.join("refs")
-        .join("parts")
+        .join("shards")
         .join(stem)
         .join(format!("{}-{}", shard.first, shard.end))
 }
@@ -136,7 +136,7 @@ pub(crate) fn save_joined(
         let _ = fs::remove_dir_all(folder(out, stem, shard));
     }
     // Fails, as intended, if a longer reference has shards here.
-    let _ = fs::remove_dir(out.join("refs").join("parts").join(stem));
+    let _ = fs::remove_dir(out.join("refs").join("shards").join(stem));
     Ok(())
 }
 
@@ -184,7 +184,7 @@ mod tests {
             "the last is shorter than the others"
         );
         assert_eq!(load_joined(out, STEM, &shards), Some(sums(32)));
-        assert_eq!(fs::read_dir(out.join("refs/parts")).unwrap().count(), 0);
+        assert_eq!(fs::read_dir(out.join("refs/shards")).unwrap().count(), 0);
         assert_eq!(
             available(out, STEM, &split(0, 16, 64)),
             BTreeSet::from([1, 2]),

@@ -4,11 +4,8 @@
 use std::cell::{Cell, RefCell};
 use std::path::Path;
 
-use serde_json::Value as Json;
-
 use super::completion_markers::{CompletionMarker, CompletionMarkers};
-use super::plan_snapshot::PlanSnapshot;
-use super::registry::{Heartbeat, WorkerInfo, WorkerState};
+use super::registry::{Heartbeat, WorkerInfo};
 use crate::experiment::comparison_groups::comparison_group;
 use crate::experiment::event::History;
 use crate::experiment::run_progress::{Claim, ReportedOutcome};
@@ -16,15 +13,20 @@ use crate::experiment::{CellRef, Plan};
 use crate::store::lock::claim::Claims;
 use crate::store::lock::device_affinity::{AffinityDecision, DeviceAffinity};
 use crate::store::read::archive::{Archive, Decode};
+use crate::store::schema::journal::JournalEvent;
+use crate::store::schema::plan::PlanSnapshot;
+use crate::store::schema::process::WorkerState;
+use crate::store::schema::run::DONE;
 use crate::store::write::experiment_folder::Store;
 use crate::store::write::journal::Journal;
 use crate::store::write::plan_folder::lock_folder;
 use crate::store::write::{atomic, failure};
 use crate::store::{StoreError, layout};
 
-/// Folder of the night's closing: its claim, and the file `of` that records which results the
-/// tables were drawn from.
+/// Folder of the night's closing: its claim, and [`RESULTS`].
 const CLOSING: &str = "closing";
+/// File with a hash of the results that the tables were drawn from.
+const RESULTS: &str = "results";
 
 /// State of a worker, or of a planner that also renders.
 #[derive(Debug)]
@@ -132,7 +134,7 @@ impl Store {
     pub fn end_closing(&self, results: Option<&str>) -> Result<(), StoreError> {
         let folder = self.folder.join(CLOSING);
         let written = results.map_or(Ok(()), |results| {
-            atomic::write_atomically(&folder.join("of"), results.as_bytes())
+            atomic::write_atomically(&folder.join(RESULTS), results.as_bytes())
         });
         self.claims.release(&folder);
         written
@@ -140,7 +142,7 @@ impl Store {
 
     /// Identifies the results that the tables were last drawn from.
     pub fn closed_results(&self) -> Option<String> {
-        std::fs::read_to_string(self.folder.join(CLOSING).join("of")).ok()
+        std::fs::read_to_string(self.folder.join(CLOSING).join(RESULTS)).ok()
     }
 
     /// Determines the state of every run of the plan from its own files, ignoring completion
@@ -155,7 +157,7 @@ impl Store {
         for cell in &all {
             let folder = self.run_folder(plan, *cell);
             if let CellRef::Cell(_) = cell
-                && folder.join("done.json").is_file()
+                && folder.join(DONE).is_file()
             {
                 // Other cells of the plan with the same id find it here.
                 self.archive
@@ -264,23 +266,30 @@ impl WorkerSession {
         }
     }
 
-    /// Updates the heartbeat from a journal event, and returns the name under which the event is
-    /// recorded. Only the planner starts and finishes a night; other workers record
-    /// `worker_started` and `worker_finished`.
-    pub(crate) fn observe_event<'a>(&self, event: &'a str, fields: &Json) -> &'a str {
-        let text = |key: &str| fields[key].as_str().unwrap_or_default().to_owned();
+    /// Updates the heartbeat from an event, and returns the event that is recorded. Only the
+    /// planner starts and finishes a night; other workers start and finish their own work.
+    pub(crate) fn observe_event(&self, event: JournalEvent) -> JournalEvent {
         match event {
-            "cell_started" => self.heartbeat.set_state(WorkerState::Rendering {
-                run: text("run"),
-                path: text("path"),
+            JournalEvent::NightStarted(start) if !self.planner => {
+                return JournalEvent::WorkerStarted(start);
+            }
+            JournalEvent::NightFinished {} if !self.planner => {
+                return JournalEvent::WorkerFinished {};
+            }
+            _ => {}
+        }
+        match &event {
+            JournalEvent::CellStarted(start) => self.heartbeat.set_state(WorkerState::Rendering {
+                run: start.run.clone(),
+                path: start.path.clone(),
             }),
-            "part_started" => self.heartbeat.set_state(WorkerState::Rendering {
-                run: text("run"),
-                path: text("words"),
+            JournalEvent::ShardStarted(start) => self.heartbeat.set_state(WorkerState::Rendering {
+                run: start.run.clone(),
+                path: format!("reference, {}", start.shard.shard(0).label()),
             }),
-            "cell_finished" | "part_finished" => self.heartbeat.set_state(WorkerState::Waiting),
-            "night_started" if !self.planner => return "worker_started",
-            "night_finished" if !self.planner => return "worker_finished",
+            JournalEvent::CellFinished(_) | JournalEvent::ShardFinished(_) => {
+                self.heartbeat.set_state(WorkerState::Waiting);
+            }
             _ => {}
         }
         event

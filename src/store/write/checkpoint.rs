@@ -12,13 +12,12 @@ use std::fs;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use serde_json::{Value as Json, json};
-
 use super::{atomic, metrics_csv};
 use crate::experiment::WaveRow;
 use crate::experiment::event::SaveState;
 use crate::experiment::run_progress::{Checkpoint, RunProgress};
 use crate::store::StoreError;
+use crate::store::schema::run::{CheckpointHead, WaveCounts};
 use lumbre_render::WaveStats;
 
 /// File names of the slots.
@@ -26,9 +25,9 @@ pub(crate) const SLOTS: [&str; 2] = ["ckpt.a", "ckpt.b"];
 
 /// First bytes of a slot: format, version and byte order. Numbers are stored in that order.
 const MAGIC: [u8; 16] = if cfg!(target_endian = "little") {
-    *b"lumbre ckpt 1 le"
+    *b"lumbre ckpt 2 le"
 } else {
-    *b"lumbre ckpt 1 be"
+    *b"lumbre ckpt 2 be"
 };
 
 /// Number of bytes of the two lengths and the checksum.
@@ -116,7 +115,7 @@ pub(crate) fn write_slot(
             return Ok(false);
         }
         let state_length = writer.length - MAGIC.len() as u64;
-        let head = head(run, sequence, progress).to_string();
+        let head = serde_json::to_string(&head(run, sequence, progress))?;
         writer.write_all(head.as_bytes())?;
         writer.write_all(&state_length.to_le_bytes())?;
         writer.write_all(&(head.len() as u64).to_le_bytes())?;
@@ -184,8 +183,8 @@ pub(crate) fn samples(folder: &Path, run: &str) -> Option<u64> {
         .map(|checkpoint| checkpoint.progress.samples())
 }
 
-/// Head of a slot, as JSON. The measurements are stored as CSV, which is exact to the bit.
-fn head(run: &str, sequence: u64, progress: &RunProgress) -> Json {
+/// Head of a slot. The measurements are stored as CSV, which is exact to the bit.
+fn head(run: &str, sequence: u64, progress: &RunProgress) -> CheckpointHead {
     let width = progress.rows.first().map_or(0, |row| row.metrics.len());
     let columns: Vec<String> = (0..width).map(|i| format!("m{i}")).collect();
     let csv = metrics_csv::header(columns.iter().map(String::as_str))
@@ -195,20 +194,24 @@ fn head(run: &str, sequence: u64, progress: &RunProgress) -> Json {
             .map(metrics_csv::line)
             .collect::<String>();
     let wave = &progress.current_wave;
-    json!({
-        "run": run,
-        "sequence": sequence,
-        "left": progress.samples_left,
-        "growth": progress.next_wave_max,
-        "wall_s": progress.wall_s,
-        "part": {
-            "samples": wave.samples, "render_s": wave.render_s, "device_s": wave.device_s,
-            "paths": wave.paths, "rays": wave.rays,
-            "invalid": wave.invalid, "first_invalid": wave.first_invalid,
+    CheckpointHead {
+        run: run.to_owned(),
+        sequence,
+        samples_left: progress.samples_left,
+        next_wave_max: progress.next_wave_max,
+        wall_s: progress.wall_s,
+        current_wave: WaveCounts {
+            samples: wave.samples,
+            render_s: wave.render_s,
+            device_s: wave.device_s,
+            paths: wave.paths,
+            rays: wave.rays,
+            invalid: wave.invalid,
+            first_invalid: wave.first_invalid,
         },
-        "first_invalid": progress.rows.iter().find_map(|row| row.first_invalid),
-        "rows": csv,
-    })
+        first_invalid: progress.rows.iter().find_map(|row| row.first_invalid),
+        rows: csv,
+    }
 }
 
 /// Parses a slot into its number and content. Returns `None` if it is damaged or of another run.
@@ -223,15 +226,16 @@ fn parse(mut bytes: Vec<u8>, run: &str) -> Option<(u64, Checkpoint)> {
     if MAGIC.len() + state + head != body_end {
         return None;
     }
-    let head: Json = serde_json::from_slice(&bytes[MAGIC.len() + state..body_end]).ok()?;
-    if head["run"].as_str() != Some(run) {
+    let head = &bytes[MAGIC.len() + state..body_end];
+    let head: CheckpointHead = serde_json::from_slice(head).ok()?;
+    if head.run != run {
         return None;
     }
     let progress = progress(&head)?;
     bytes.truncate(MAGIC.len() + state);
     bytes.drain(..MAGIC.len());
     Some((
-        head["sequence"].as_u64()?,
+        head.sequence,
         Checkpoint {
             progress,
             state: bytes,
@@ -240,38 +244,30 @@ fn parse(mut bytes: Vec<u8>, run: &str) -> Option<(u64, Checkpoint)> {
 }
 
 /// Reads the progress of a run from the head of a slot.
-fn progress(head: &Json) -> Option<RunProgress> {
-    let triple = |json: &Json| {
-        Some([
-            json.get(0)?.as_u64()?,
-            json.get(1)?.as_u64()?,
-            json.get(2)?.as_u64()?,
-        ])
-    };
-    let first_invalid = triple(&head["first_invalid"]);
-    let (_, rows) = metrics_csv::parse(head["rows"].as_str()?).ok()?;
-    let wave = &head["part"];
+fn progress(head: &CheckpointHead) -> Option<RunProgress> {
+    let (_, rows) = metrics_csv::parse(&head.rows).ok()?;
+    let wave = &head.current_wave;
     Some(RunProgress {
         rows: rows
             .into_iter()
             .map(|row| WaveRow {
-                first_invalid: first_invalid.filter(|_| row.invalid > 0),
+                first_invalid: head.first_invalid.filter(|_| row.invalid > 0),
                 ..row
             })
             .collect(),
         current_wave: WaveStats {
-            samples: wave["samples"].as_u64()?,
-            render_s: wave["render_s"].as_f64()?,
-            device_s: wave["device_s"].as_f64()?,
-            paths: wave["paths"].as_u64()?,
-            rays: wave["rays"].as_u64()?,
-            invalid: wave["invalid"].as_u64()?,
-            first_invalid: triple(&wave["first_invalid"]),
+            samples: wave.samples,
+            render_s: wave.render_s,
+            device_s: wave.device_s,
+            paths: wave.paths,
+            rays: wave.rays,
+            invalid: wave.invalid,
+            first_invalid: wave.first_invalid,
             ..WaveStats::default()
         },
-        samples_left: head["left"].as_u64()?,
-        next_wave_max: head["growth"].as_u64()?,
-        wall_s: head["wall_s"].as_f64()?,
+        samples_left: head.samples_left,
+        next_wave_max: head.next_wave_max,
+        wall_s: head.wall_s,
     })
 }
 

@@ -6,13 +6,11 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use serde_json::{Value as Json, json};
-
 use super::checkpoint::{self, SlotCursor};
-use super::failure::{self, FailureRecord};
+use super::failure;
 use super::journal::Journal;
 use super::plan_folder::{find_or_create, point_latest};
-use super::run_folder::{RunWriter, pretty};
+use super::run_folder::RunWriter;
 use super::{atomic, reference_sums};
 use crate::experiment::event::{FinishedRun, History, SaveState};
 use crate::experiment::noise_floor::HalfImages;
@@ -23,16 +21,19 @@ use crate::experiment::{CellRef, Plan, SinkError};
 use crate::store::lock::claim::{self, Claims};
 use crate::store::lock::filesystem_kind;
 use crate::store::read::archive::{Archive, Decode};
+use crate::store::schema::journal::{self, JournalEvent};
+use crate::store::schema::plan::PlanSnapshot;
+use crate::store::schema::run::{ConfigFile, DoneFile, FailedFile, ImportedReference, REFERENCE};
+use crate::store::schema::{StoredFile, pretty};
 use crate::store::worker::completion_markers::CompletionMarkers;
-use crate::store::worker::plan_snapshot::PlanSnapshot;
 use crate::store::worker::worker_store::WorkerSession;
 use crate::store::worker::{registry, shards};
-use crate::store::{Host, StoreError, cell_json, layout, plan_json, utc};
+use crate::store::{Host, StoreError, config_file, layout, plan_file, utc};
 use lumbre_light::film::Image;
 
 /// Folders in an experiment's folder, besides those of runs, that files are written to.
 const WRITABLE_FOLDERS: [&str; 7] = [
-    "", "figures", "tables", "planners", "workers", "bonds", "finished",
+    "", "figures", "tables", "planners", "workers", "affinity", "finished",
 ];
 
 /// An experiment's folder open for writing. Any number of processes may work in it, each on other
@@ -75,10 +76,7 @@ impl Store {
         WRITABLE_FOLDERS
             .iter()
             .for_each(|name| remove(&folder.join(name)));
-        atomic::write_if_changed(
-            &folder.join("plan.json"),
-            pretty(&plan_json(plan)).as_bytes(),
-        )?;
+        plan_file(plan).write(&folder)?;
         atomic::write_if_changed(&folder.join("experiment.lua"), plan.script_text.as_bytes())?;
         let claims = Claims::new();
         // On a network file system, lines that two machines append at once may be lost.
@@ -87,7 +85,7 @@ impl Store {
         let journal = if shared {
             claims.own_journal(&folder)?
         } else {
-            folder.join("journal.jsonl")
+            folder.join(journal::FILE)
         };
         let journal = RefCell::new(Journal::open(journal)?);
         if let Err(e) = point_latest(out, &folder) {
@@ -124,17 +122,13 @@ impl Store {
             if layout::is_done(&folder) {
                 self.remove_leftovers(&folder);
             }
-            let path = folder.join("config.json");
+            let path = folder.join(ConfigFile::NAME);
             let Ok(found) = fs::read(&path) else { continue };
-            let config = cell_json(plan, cell);
-            let stored = serde_json::from_slice::<Json>(&found).unwrap_or_default();
-            // Runs may be shared with other plans, and references with other experiments, which
-            // name them otherwise.
-            let same = |key: &str| stored[key] == config[key];
-            let same_plan = ["program", "experiment", "plan"].into_iter().all(same);
-            if !same("identity") || !same("run") || (same_plan && stored != config) {
+            let config = config_file(plan, cell);
+            let intact = ConfigFile::parse(&found).is_ok_and(|stored| is_config(&stored, &config));
+            if !intact {
                 tracing::warn!("{} was damaged and has been rewritten", path.display());
-                atomic::write_atomically(&path, pretty(&config).as_bytes())?;
+                config.write(&folder)?;
             }
         }
         Ok(())
@@ -174,7 +168,7 @@ impl Store {
         cell: CellRef,
         resumed_samples: Option<u64>,
     ) -> Result<RunWriter, StoreError> {
-        let config = cell_json(plan, cell);
+        let config = config_file(plan, cell);
         let folder = self.run_folder(plan, cell);
         failure::remove(&folder);
         match cell {
@@ -183,7 +177,7 @@ impl Store {
                     .register(&plan.name, &plan.cells[i].id.0, &folder);
                 RunWriter::create(folder, &config, resumed_samples)
             }
-            CellRef::Reference(_) => RunWriter::shared(folder, "ref.json", &config),
+            CellRef::Reference(_) => RunWriter::shared(folder, REFERENCE, &config),
         }
     }
 
@@ -198,15 +192,12 @@ impl Store {
         reason: &str,
     ) -> Result<(), StoreError> {
         let folder = self.run_folder(plan, cell);
-        atomic::write_if_changed(
-            &folder.join("config.json"),
-            pretty(&cell_json(plan, cell)).as_bytes(),
-        )?;
+        config_file(plan, cell).write(&folder)?;
         failure::record(&folder, &plan.id(cell).0, reason)
     }
 
     /// Record of the last attempt of a run, if it failed and the run is not finished since.
-    pub fn failure(&self, plan: &Plan, cell: CellRef) -> Option<FailureRecord> {
+    pub fn failure(&self, plan: &Plan, cell: CellRef) -> Option<FailedFile> {
         failure::read(&self.run_folder(plan, cell))
     }
 
@@ -282,25 +273,22 @@ impl Store {
             return Ok(());
         };
         let folder = self.run_folder(plan, CellRef::Reference(reference));
-        if folder.join("ref.json").is_file() {
+        if folder.join(REFERENCE).is_file() {
             return Ok(());
         }
         let bytes = fs::read(file).map_err(|e| StoreError::io("read", file, &e))?;
-        let writer = RunWriter::shared(
-            folder,
-            "ref.json",
-            &cell_json(plan, CellRef::Reference(reference)),
-        )?;
+        let config = config_file(plan, CellRef::Reference(reference));
+        let writer = RunWriter::shared(folder, REFERENCE, &config)?;
         writer.write(&layout::imported_file_name(file), &bytes)?;
         let origin = fs::canonicalize(file).unwrap_or_else(|_| file.clone());
-        writer.finish(&json!({
-            "run": plan.references[reference].id.0,
-            "kind": "file",
-            "imported_from": origin.display().to_string(),
-            "blake3": blake3::hash(&bytes).to_hex().to_string(),
-            "made_by": source,
-            "noise": "unknown",
-            "finished": utc(SystemTime::now()),
+        writer.finish(&DoneFile::Imported(ImportedReference {
+            run: plan.references[reference].id.0.clone(),
+            imported_from: origin.display().to_string(),
+            blake3: blake3::hash(&bytes).to_hex().to_string(),
+            made_by: source.clone(),
+            noise: "unknown".to_owned(),
+            finished: utc(SystemTime::now()),
+            ..ImportedReference::default()
         }))
     }
 
@@ -309,10 +297,7 @@ impl Store {
     /// # Errors
     /// When the file cannot be written.
     pub fn write_env(&self) -> Result<(), StoreError> {
-        atomic::write_atomically(
-            &self.folder.join("env.json"),
-            pretty(&Host::detect().env_json()).as_bytes(),
-        )
+        Host::detect().env_file().write(&self.folder)
     }
 
     /// Writes the plan snapshot that workers on other machines need, and marks failed runs for a
@@ -322,19 +307,19 @@ impl Store {
     /// When the snapshot cannot be written.
     pub fn write_plan_snapshot(&self, snapshot: &PlanSnapshot) -> Result<(), StoreError> {
         CompletionMarkers::new(&self.folder).remove_failures();
-        snapshot.write(&self.folder)
+        StoredFile::write(snapshot, &self.folder)
     }
 
-    /// Appends a line to the journal: the date, the event, and the fields of an object.
+    /// Appends an event to the journal.
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn journal(&self, event: &str, fields: &Json) -> Result<(), StoreError> {
-        let event = self
-            .session
-            .as_ref()
-            .map_or(event, |session| session.observe_event(event, fields));
-        self.journal.borrow_mut().append(event, fields)
+    pub fn journal(&self, event: JournalEvent) -> Result<(), StoreError> {
+        let event = match &self.session {
+            Some(session) => session.observe_event(event),
+            None => event,
+        };
+        self.journal.borrow_mut().append(event)
     }
 }
 
@@ -490,6 +475,18 @@ impl History for Store {
         };
         shards::save_joined(&self.out, stem, all, joined).map_err(|e| SinkError(e.to_string()))
     }
+}
+
+/// Whether a stored `config.json` is that of a run. Runs may be shared with other plans, and
+/// references with other experiments, which name them otherwise.
+fn is_config(stored: &ConfigFile, config: &ConfigFile) -> bool {
+    let same_plan = (&stored.program, &stored.experiment, &stored.plan)
+        == (&config.program, &config.experiment, &config.plan);
+    // Compared as text, in which numbers that are not finite are strings.
+    if same_plan {
+        return pretty(stored) == pretty(config);
+    }
+    stored.run == config.run && pretty(&stored.identity) == pretty(&config.identity)
 }
 
 /// Stem of the reference that a shard belongs to.

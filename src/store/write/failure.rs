@@ -3,26 +3,12 @@
 use std::fs;
 use std::path::Path;
 
-use serde_json::{Value as Json, json};
-
-use super::atomic;
-use crate::store::read::archive::read_json;
+use crate::store::schema::StoredFile;
+use crate::store::schema::run::FailedFile;
 use crate::store::{StoreError, utc};
-
-/// Name of the file in a run's folder.
-const FILE: &str = "failed.json";
 
 /// Number of log lines that are stored with the reason.
 pub const LOG_LINES: usize = 20;
-
-/// Record of a failed attempt.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct FailureRecord {
-    /// Reason of the failure.
-    pub reason: String,
-    /// Last lines of the run's log, oldest first, at most [`LOG_LINES`].
-    pub log: Vec<String>,
-}
 
 /// Records a failure in the folder of its run, which is created.
 ///
@@ -32,39 +18,31 @@ pub(crate) fn record(folder: &Path, run: &str, reason: &str) -> Result<(), Store
     let log = fs::read_to_string(folder.join("log.txt")).unwrap_or_default();
     let lines: Vec<&str> = log.lines().collect();
     let last = &lines[lines.len().saturating_sub(LOG_LINES)..];
-    let moment = utc(std::time::SystemTime::now());
-    let json = json!({ "run": run, "reason": reason, "log": last, "date": moment });
-    atomic::write_atomically(
-        &folder.join(FILE),
-        crate::store::write::run_folder::pretty(&json).as_bytes(),
-    )
+    let failed = FailedFile {
+        run: run.to_owned(),
+        reason: reason.to_owned(),
+        log: last.iter().map(|line| (*line).to_owned()).collect(),
+        date: utc(std::time::SystemTime::now()),
+        ..FailedFile::default()
+    };
+    failed.write(folder)
 }
 
-/// Reads the record of the last attempt, if it failed. A damaged record counts as a failure with an
-/// unknown reason.
-pub(crate) fn read(folder: &Path) -> Option<FailureRecord> {
-    let path = folder.join(FILE);
-    if !path.is_file() {
-        return None;
+/// Reads the record of the last attempt, if it failed. A record that cannot be read counts as a
+/// failure, with the problem as its reason.
+pub(crate) fn read(folder: &Path) -> Option<FailedFile> {
+    match FailedFile::read(folder) {
+        Err(error) if error.is_missing() => None,
+        Err(error) => Some(FailedFile {
+            reason: format!("unknown ({}{})", FailedFile::NAME, error.problem),
+            ..FailedFile::default()
+        }),
+        Ok(failed) => Some(failed),
     }
-    let json = read_json(&path).unwrap_or(Json::Null);
-    let reason = json["reason"]
-        .as_str()
-        .unwrap_or("unknown (failed.json is damaged)")
-        .to_owned();
-    let log = json["log"]
-        .as_array()
-        .into_iter()
-        .flatten()
-        .filter_map(|line| line.as_str().map(str::to_owned));
-    Some(FailureRecord {
-        reason,
-        log: log.collect(),
-    })
 }
 
 /// Removes the failure record of a run that is retried or finished.
 pub(crate) fn remove(folder: &Path) {
     // A record that cannot be removed is overruled by the run's last file.
-    let _ = fs::remove_file(folder.join(FILE));
+    let _ = fs::remove_file(folder.join(FailedFile::NAME));
 }

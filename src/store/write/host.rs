@@ -2,7 +2,7 @@
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use serde_json::{Value as Json, json};
+use crate::store::schema::plan::EnvFile;
 
 /// Facts about the machine.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -29,17 +29,19 @@ impl Host {
     }
 
     /// Content of `env.json`: machine, program version, date, working directory and command line.
-    pub fn env_json(&self) -> Json {
-        json!({
-            "host": self.name,
-            "os": self.os,
-            "cpu": self.cpu,
-            "cores": self.cores,
-            "program": concat!("lumbre ", env!("CARGO_PKG_VERSION")),
-            "date": utc(SystemTime::now()),
-            "folder": std::env::current_dir().map(|d| d.display().to_string()).unwrap_or_default(),
-            "arguments": std::env::args().skip(1).collect::<Vec<_>>(),
-        })
+    pub fn env_file(&self) -> EnvFile {
+        EnvFile {
+            host: self.name.clone(),
+            os: self.os.clone(),
+            cpu: self.cpu.clone(),
+            cores: self.cores as u64,
+            date: utc(SystemTime::now()),
+            folder: std::env::current_dir()
+                .map(|folder| folder.display().to_string())
+                .unwrap_or_default(),
+            arguments: std::env::args().skip(1).collect(),
+            ..EnvFile::default()
+        }
     }
 }
 
@@ -158,8 +160,8 @@ mod tests {
 
     #[test]
     fn the_environment_names_program_and_cores() {
-        let env = Host::detect().env_json();
-        assert!(env["cores"].as_u64().unwrap() >= 1);
-        assert!(env["program"].as_str().unwrap().starts_with("lumbre "));
+        let env = Host::detect().env_file();
+        assert!(env.cores >= 1);
+        assert!(env.program.0.starts_with("lumbre "));
     }
 }

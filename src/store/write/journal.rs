@@ -5,8 +5,8 @@ use std::fs::{File, OpenOptions};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::PathBuf;
 
-use serde_json::Value as Json;
-
+use crate::store::schema::journal::{JournalEvent, JournalLine};
+use crate::store::schema::one_line;
 use crate::store::{StoreError, utc};
 
 /// Journal open for appending.
@@ -44,20 +44,11 @@ impl Journal {
         Ok(Journal { file, path })
     }
 
-    /// Appends one line: the date, the event's name, and `fields`. It is a single write to the end
-    /// of the file, so that lines of several processes do not mix.
-    pub(crate) fn append(&mut self, event: &str, fields: &Json) -> Result<(), StoreError> {
-        let mut line = serde_json::Map::new();
-        line.insert("date".into(), utc(std::time::SystemTime::now()).into());
-        line.insert("event".into(), event.into());
-        line.extend(
-            fields
-                .as_object()
-                .into_iter()
-                .flatten()
-                .map(|(k, v)| (k.clone(), v.clone())),
-        );
-        let text = Json::Object(line).to_string() + "\n";
+    /// Appends one line. It is a single write to the end of the file, so that lines of several
+    /// processes do not mix.
+    pub(crate) fn append(&mut self, event: JournalEvent) -> Result<(), StoreError> {
+        let date = utc(std::time::SystemTime::now());
+        let text = one_line(&JournalLine { date, event });
         self.file
             .write_all(text.as_bytes())
             .map_err(|e| StoreError::io("write", &self.path, &e))
@@ -66,26 +57,31 @@ impl Journal {
 
 #[cfg(test)]
 mod tests {
+    use crate::store::schema::journal::RunEnd;
     use crate::store::write::journal::*;
-    use serde_json::json;
 
     #[test]
     fn a_cut_line_does_not_swallow_the_next_one() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("journal.jsonl");
         std::fs::write(&path, "{\"event\":\"cell_fin").unwrap();
-        let fields = json!({"run": "ab", "reason": "lens fell off"});
+        let event = JournalEvent::CellFinished(RunEnd {
+            run: "ab".to_owned(),
+            reason: "lens fell off".to_owned(),
+            ..RunEnd::default()
+        });
         Journal::open(path.clone())
             .unwrap()
-            .append("cell_finished", &fields)
+            .append(event.clone())
             .unwrap();
         Journal::open(path.clone())
             .unwrap()
-            .append("cell_finished", &fields)
+            .append(event.clone())
             .unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
-        let intact =
-            |line: &&str| serde_json::from_str::<Json>(line).is_ok_and(|json| json["run"] == "ab");
+        let intact = |line: &&str| {
+            serde_json::from_str::<JournalLine>(line).is_ok_and(|line| line.event == event)
+        };
         assert_eq!(
             (text.lines().count(), text.lines().filter(intact).count()),
             (3, 2)

@@ -2,53 +2,50 @@
 //! lists every other file with its size and BLAKE3 hash, and ends with a hash of itself. Truncated,
 //! changed and missing files are detected with it.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::io;
 use std::path::Path;
 
-use serde_json::{Map, Value as Json, json};
-
 use super::{atomic, checkpoint};
 use crate::store::FILMS;
 use crate::store::lock::claim;
+use crate::store::schema::StoredFile;
+use crate::store::schema::run::{ConfigFile, DONE, DoneFile, FailedFile, FileSum, REFERENCE};
 
 /// Files that are not listed because they are temporary, grow, or are rewritten when they differ.
 const EXCLUDED: [&str; 8] = [
-    "config.json",
+    ConfigFile::NAME,
     "log.txt",
-    "done.json",
-    "ref.json",
-    "failed.json",
+    DONE,
+    REFERENCE,
+    FailedFile::NAME,
     claim::FILE,
     checkpoint::SLOTS[0],
     checkpoint::SLOTS[1],
 ];
 
 /// Prefix of the results of bias checks, which are written after a reference is finished.
-const BIAS_CHECK_PREFIX: &str = "agree-";
+pub const BIAS_CHECK_PREFIX: &str = "bias-check-";
 
 /// Adds the sizes and hashes of all files in a run's folder to `done`, and a hash of the whole
 /// manifest.
 ///
 /// # Errors
 /// When a file cannot be read.
-pub(crate) fn add_checksums(folder: &Path, done: &Json) -> io::Result<Json> {
-    let mut manifest = done.as_object().cloned().unwrap_or_default();
-    let mut files = Map::new();
+pub(crate) fn add_checksums(folder: &Path, done: &DoneFile) -> io::Result<DoneFile> {
+    let mut files = BTreeMap::new();
     let mut names = names_in(folder, "")?;
     names.extend(names_in(&folder.join(FILMS), &format!("{FILMS}/")).unwrap_or_default());
-    names.sort();
     for name in names {
         let bytes = fs::read(folder.join(&name))?;
-        files.insert(
-            name,
-            json!([bytes.len(), blake3::hash(&bytes).to_hex().as_str()]),
-        );
+        let sum = FileSum {
+            bytes: bytes.len() as u64,
+            blake3: blake3::hash(&bytes).to_hex().to_string(),
+        };
+        files.insert(name, sum);
     }
-    manifest.insert("files".into(), files.into());
-    let check = hash(&manifest);
-    manifest.insert("check".into(), check.into());
-    Ok(manifest.into())
+    Ok(done.sealed(files))
 }
 
 fn names_in(folder: &Path, prefix: &str) -> io::Result<Vec<String>> {
@@ -67,29 +64,18 @@ fn names_in(folder: &Path, prefix: &str) -> io::Result<Vec<String>> {
     Ok(names)
 }
 
-/// Verifies the manifest's own hash, and the sizes of the files that it lists. A manifest without
-/// checksums passes.
+/// Verifies the manifest's own hash, and the sizes of the files that it lists.
 ///
 /// # Errors
 /// Description of the first problem.
-pub(crate) fn verify_sizes(folder: &Path, done: &Json) -> Result<(), String> {
-    let Some(map) = done.as_object() else {
-        return Err("its manifest (done.json or ref.json) is damaged".to_owned());
-    };
-    if !map.contains_key("files") && !map.contains_key("check") {
-        return Ok(());
-    }
-    let mut unhashed = map.clone();
-    let check = unhashed.shift_remove("check");
-    if check.as_ref().and_then(Json::as_str) != Some(hash(&unhashed).as_str()) {
+pub(crate) fn verify_sizes(folder: &Path, done: &DoneFile) -> Result<(), String> {
+    if done.check() != done.computed_check() {
         return Err("its manifest (done.json or ref.json) is damaged".to_owned());
     }
-    for (name, facts) in listed_files(done) {
+    for (name, sum) in done.files() {
         match fs::metadata(folder.join(name)) {
             Err(_) => return Err(format!("{name} is missing")),
-            Ok(found) if Some(found.len()) != facts[0].as_u64() => {
-                return Err(format!("{name} is damaged"));
-            }
+            Ok(found) if found.len() != sum.bytes => return Err(format!("{name} is damaged")),
             Ok(_) => {}
         }
     }
@@ -100,23 +86,14 @@ pub(crate) fn verify_sizes(folder: &Path, done: &Json) -> Result<(), String> {
 ///
 /// # Errors
 /// Description of the first problem.
-pub(crate) fn verify_hashes(folder: &Path, done: &Json) -> Result<(), String> {
+pub(crate) fn verify_hashes(folder: &Path, done: &DoneFile) -> Result<(), String> {
     verify_sizes(folder, done)?;
-    for (name, facts) in listed_files(done) {
+    for (name, sum) in done.files() {
         let bytes =
             fs::read(folder.join(name)).map_err(|e| format!("{name} cannot be read: {e}"))?;
-        if facts[1].as_str() != Some(blake3::hash(&bytes).to_hex().as_str()) {
+        if sum.blake3 != blake3::hash(&bytes).to_hex().as_str() {
             return Err(format!("{name} is damaged"));
         }
     }
     Ok(())
-}
-
-fn listed_files(done: &Json) -> impl Iterator<Item = (&String, &Json)> {
-    done["files"].as_object().into_iter().flatten()
-}
-
-fn hash(map: &Map<String, Json>) -> String {
-    let text = Json::Object(map.clone()).to_string();
-    blake3::hash(text.as_bytes()).to_hex()[..32].to_owned()
 }

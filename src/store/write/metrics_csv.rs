@@ -9,6 +9,9 @@ use std::fmt::Write;
 
 use crate::experiment::WaveRow;
 
+/// Name of the file in a run's folder.
+pub const FILE: &str = "metrics.csv";
+
 /// Names of the columns before the metrics.
 pub const FIXED: [&str; 8] = [
     "wave",

@@ -8,7 +8,7 @@ pub(crate) mod host;
 pub(crate) mod journal;
 pub(crate) mod manifest_checksum;
 pub mod metrics_csv;
+pub(crate) mod plan_files;
 pub(crate) mod plan_folder;
-pub(crate) mod plan_json;
 pub(crate) mod reference_sums;
 pub(crate) mod run_folder;

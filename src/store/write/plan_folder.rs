@@ -4,7 +4,10 @@ use std::fs::{self, File, OpenOptions, TryLockError};
 use std::path::{Path, PathBuf};
 
 use crate::experiment::Plan;
-use crate::store::read::archive::read_json;
+use crate::store::read::night_reader::with_writer;
+use crate::store::schema::plan::PlanFile;
+use crate::store::schema::run::ConfigFile;
+use crate::store::schema::{Problem, StoredFile};
 use crate::store::{StoreError, layout};
 
 /// Plan that a folder belongs to, compared with the plan at hand.
@@ -17,18 +20,30 @@ enum FolderPlan {
     Other,
 }
 
-fn plan_of_folder(folder: &Path, hash: &str) -> FolderPlan {
-    match read_json(&folder.join("plan.json")) {
-        Some(plan) if plan["hash"].as_str() == Some(hash) => FolderPlan::Same,
-        // A damaged `plan.json` does not identify the plan, but any run does.
-        plan => match layout::any_run_below(&folder.join("runs"))
-            .and_then(|run| read_json(&run.join("config.json")))
-        {
-            Some(config) if config["plan"].as_str() == Some(hash) => FolderPlan::Same,
-            None if plan.is_none() && !folder.join("runs").exists() => FolderPlan::None,
+/// Compares the plan of a folder with the plan of this hash.
+///
+/// # Errors
+/// When another version of the program wrote the folder.
+fn plan_of_folder(folder: &Path, hash: &str) -> Result<FolderPlan, StoreError> {
+    let plan = PlanFile::read(folder);
+    if let Err(error) = &plan
+        && let Problem::OtherVersion { .. } = error.problem
+    {
+        return Err(with_writer(error.clone(), folder).into());
+    }
+    // A damaged `plan.json` does not identify the plan, but any run does.
+    let run_plan = || {
+        let run = layout::any_run_below(&folder.join("runs"))?;
+        ConfigFile::read(&run).ok()?.plan
+    };
+    Ok(match plan {
+        Ok(plan) if plan.hash == hash => FolderPlan::Same,
+        plan => match run_plan() {
+            Some(found) if found == hash => FolderPlan::Same,
+            None if plan.is_err() && !folder.join("runs").exists() => FolderPlan::None,
             _ => FolderPlan::Other,
         },
-    }
+    })
 }
 
 /// Finds or creates the folder of a plan, with as few digits of the hash as are free, and locks it.
@@ -40,14 +55,15 @@ pub(super) fn find_or_create(out: &Path, plan: &Plan) -> Result<(PathBuf, File, 
         let folder = layout::experiment_folder(out, &plan.name, &plan.hash, digits);
         // With all digits the name belongs to this plan alone; a damaged folder is then repaired.
         let last = digits >= plan.hash.len();
-        let taken = |folder: &Path| {
-            matches!(plan_of_folder(folder, &plan.hash), FolderPlan::Other) && !last
+        let taken = |folder: &Path| -> Result<bool, StoreError> {
+            let found = plan_of_folder(folder, &plan.hash)?;
+            Ok(matches!(found, FolderPlan::Other) && !last)
         };
-        if !taken(&folder) {
+        if !taken(&folder)? {
             fs::create_dir_all(&folder).map_err(|e| StoreError::unwritable(&folder, &e))?;
             let (lock, alone) = lock_folder(&folder)?;
             // Another process may have occupied the folder between the check and the lock.
-            if !taken(&folder) {
+            if !taken(&folder)? {
                 return Ok((folder, lock, alone));
             }
         }

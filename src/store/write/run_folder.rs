@@ -4,11 +4,11 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use serde_json::Value as Json;
-
 use super::{atomic, checkpoint, failure, manifest_checksum, metrics_csv};
 use crate::experiment::WaveRow;
 use crate::store::StoreError;
+use crate::store::schema::StoredFile;
+use crate::store::schema::run::{ConfigFile, DONE, DoneFile};
 
 /// Name of the folder of layer images inside a run's folder.
 pub const FILMS: &str = "films";
@@ -37,10 +37,10 @@ impl RunWriter {
     /// the run resumes from, if any; snapshots up to there stay.
     pub(crate) fn create(
         folder: PathBuf,
-        config: &Json,
+        config: &ConfigFile,
         resumed_samples: Option<u64>,
     ) -> Result<RunWriter, StoreError> {
-        let writer = RunWriter::shared(folder, "done.json", config)?;
+        let writer = RunWriter::shared(folder, DONE, config)?;
         let entries =
             fs::read_dir(&writer.folder).map_err(|e| StoreError::io("read", &writer.folder, &e))?;
         let films = fs::read_dir(writer.folder.join(FILMS))
@@ -61,7 +61,7 @@ impl RunWriter {
     pub(crate) fn shared(
         folder: PathBuf,
         marker: &'static str,
-        config: &Json,
+        config: &ConfigFile,
     ) -> Result<RunWriter, StoreError> {
         fs::create_dir_all(&folder).map_err(|e| StoreError::io("create", &folder, &e))?;
         // The caller has claimed the run, so no other process writes here.
@@ -73,7 +73,7 @@ impl RunWriter {
             complete_bytes: 0,
             columns: 0,
         };
-        writer.write("config.json", pretty(config).as_bytes())?;
+        writer.write(ConfigFile::NAME, config.text().as_bytes())?;
         Ok(writer)
     }
 
@@ -88,7 +88,7 @@ impl RunWriter {
     /// # Errors
     /// When the file cannot be written.
     pub fn open_metrics(&mut self, columns: &[&str], before: &[WaveRow]) -> Result<(), StoreError> {
-        let path = self.folder.join("metrics.csv");
+        let path = self.folder.join(metrics_csv::FILE);
         let mut file = File::create(&path).map_err(|e| StoreError::io("create", &path, &e))?;
         let text = metrics_csv::header(columns.iter().copied())
             + &before.iter().map(metrics_csv::line).collect::<String>();
@@ -106,7 +106,7 @@ impl RunWriter {
     /// When the file is not open or cannot be written, or when the row and the header differ in
     /// their number of metrics.
     pub fn append_row(&mut self, row: &WaveRow) -> Result<(), StoreError> {
-        let path = self.folder.join("metrics.csv");
+        let path = self.folder.join(metrics_csv::FILE);
         let refuse = |reason: String| StoreError::Io {
             action: "append to",
             path: path.clone(),
@@ -149,7 +149,7 @@ impl RunWriter {
             })
         };
         let text = metrics_csv::header([]) + &rows.iter().map(without_metrics).collect::<String>();
-        self.write("metrics.csv", text.as_bytes())
+        self.write(metrics_csv::FILE, text.as_bytes())
     }
 
     /// Writes a file of the run atomically.
@@ -179,15 +179,15 @@ impl RunWriter {
     ///
     /// # Errors
     /// When a file cannot be written; the run is then incomplete.
-    pub fn finish(&self, done: &Json) -> Result<(), StoreError> {
+    pub fn finish(&self, done: &DoneFile) -> Result<(), StoreError> {
         if let Some(metrics) = &self.metrics {
             metrics
                 .sync_all()
-                .map_err(|e| StoreError::io("write", &self.folder.join("metrics.csv"), &e))?;
+                .map_err(|e| StoreError::io("write", &self.folder.join(metrics_csv::FILE), &e))?;
         }
         let manifest = manifest_checksum::add_checksums(&self.folder, done)
             .map_err(|e| StoreError::io("compute checksums of", &self.folder, &e))?;
-        self.write(self.marker, pretty(&manifest).as_bytes())?;
+        self.write(self.marker, manifest.text().as_bytes())?;
         checkpoint::remove(&self.folder);
         failure::remove(&self.folder);
         Ok(())
@@ -209,7 +209,7 @@ fn is_result(path: &Path, resumed_samples: Option<u64>) -> bool {
             .parse::<u64>()
             .map_or(true, |samples| samples > resumed_samples.unwrap_or(0))
     });
-    let fixed = ["done.json", "metrics.csv", "final.exr", "final.png"].contains(&name);
+    let fixed = [DONE, metrics_csv::FILE, "final.exr", "final.png"].contains(&name);
     let fresh =
         resumed_samples.is_none() && (name == "log.txt" || checkpoint::SLOTS.contains(&name));
     path.is_file() && (beyond || fixed || fresh || atomic::is_temporary(name))
@@ -224,9 +224,4 @@ fn is_film(path: &Path) -> bool {
     let written_here =
         [".exr", ".png"].iter().any(|end| name.ends_with(end)) || name.starts_with("time-");
     path.is_file() && (written_here || atomic::is_temporary(name))
-}
-
-/// Formats JSON with indentation and a final newline.
-pub(crate) fn pretty(json: &Json) -> String {
-    format!("{json:#}\n")
 }

@@ -31,6 +31,14 @@ fn the_reference_of_metrics_is_up_to_date() {
 }
 
 #[test]
+fn the_reference_of_files_is_up_to_date() {
+    check(
+        "docs/reference/files.md",
+        &lumbre::store::schema::reference(),
+    );
+}
+
+#[test]
 fn the_reference_of_the_command_line_is_up_to_date() {
     check("docs/reference/command-line.md", &lumbre::cli::reference());
 }

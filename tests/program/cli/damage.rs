@@ -113,7 +113,7 @@ fn a_truncated_or_changed_file_of_any_kind_is_repaired_and_intact_runs_are_kept(
                 "{file} {how} in {folder}: {}",
                 night.stderr
             );
-            if file.contains("/sums/") || file.contains("/bonds/") {
+            if file.contains("/sums/") || file.contains("/affinity/") {
                 // Restore the file: no command repairs a file that none reads, and its damage would
                 // be reported together with that of the next file.
                 std::fs::write(place.path(file), whole).unwrap();

@@ -26,7 +26,7 @@ fn a_plan_marks_cells_as_new_or_cached_and_writes_nothing() {
 
     place.succeed(&["run", "night.lua", "-q", "--only", "depth=2"]);
     let plan = json(&place.succeed(&["plan", "night.lua", "--json"]).stdout);
-    let states: Vec<&str> = plan["cells"]
+    let states: Vec<&str> = plan["cell_states"]
         .as_array()
         .unwrap()
         .iter()
@@ -34,17 +34,17 @@ fn a_plan_marks_cells_as_new_or_cached_and_writes_nothing() {
         .collect();
     assert_eq!(states, ["cached", "cached", "new", "new"]);
     assert!(
-        plan["cells"][0]["cached_in"]
+        plan["cell_states"][0]["cached_in"]
             .as_str()
             .unwrap()
             .starts_with("out/night-")
     );
     assert_eq!(plan["cells"][2]["point"]["depth"], 4);
     assert_eq!(
-        plan["estimate"]["runs_by_samples"], 3,
+        plan["estimate"]["by_samples"], 3,
         "two cells and a reference"
     );
-    assert_eq!(plan["metrics"].as_array().unwrap().len(), 2);
+    assert_eq!(plan["measure"]["metrics"].as_array().unwrap().len(), 2);
 }
 
 #[test]

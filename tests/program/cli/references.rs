@@ -116,7 +116,7 @@ fn a_threshold_below_the_noise_floor_is_reported_by_run_and_plan() {
             .stdout,
     )
     .unwrap();
-    assert_eq!(json["out_of_reach"].as_array().unwrap().len(), 1);
+    assert_eq!(json["unreachable"].as_array().unwrap().len(), 1);
 }
 
 /// A ball under a point light and an emissive sphere. `bpt` misses the point light, since it meets
@@ -161,7 +161,7 @@ fn a_failed_bias_check_ends_the_night_with_status_6_and_writes_a_map() {
     let maps: Vec<String> = place
         .files("out")
         .into_iter()
-        .filter(|f| f.ends_with("/agree-bpt.png"))
+        .filter(|f| f.ends_with("/bias-check-bpt.png"))
         .collect();
     assert_eq!(maps.len(), 1, "{maps:?}");
     let json = place.json(&maps[0].replace(".png", ".json"));
@@ -297,7 +297,7 @@ fn an_imported_reference_is_copied_with_its_provenance_and_unknown_noise() {
     let copies: Vec<_> = all
         .iter()
         .map(|f| (f, place.json(f)))
-        .filter(|(_, json)| json["kind"] == "file")
+        .filter(|(_, json)| json["kind"] == "imported")
         .collect();
     let [(file, json)] = copies.as_slice() else {
         panic!("{all:?}")

@@ -184,7 +184,7 @@ fn invalid_scenes_and_references_are_refused_before_any_work() {
     json(&|s| s["file"] = "missing.exr".into());
     refused(&["missing.exr"]);
     json(&|s| s["max_depth_edges"] = "many".into());
-    refused(&["ball.json", "`max_depth_edges` must be an integer"]);
+    refused(&["ball.json", "invalid type: string \"many\", expected i64"]);
     json(&|_| {});
     place.write("given/references/ball.exr", "no picture");
     refused(&["ball.exr"]);

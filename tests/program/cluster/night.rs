@@ -34,6 +34,9 @@ return x
     )
 }
 
+/// Content of a device affinity file that binds a comparison to a device of another model.
+pub const OTHER_DEVICE: &str = r#"{"version":1,"program":"lumbre","device":{"key":"far, device 0","model":"a better device"}}"#;
+
 /// Number of cells and references of the night.
 pub const RUNS: usize = 14;
 

@@ -1,6 +1,6 @@
 //! Plan snapshots: the files that a worker needs, and the snapshots that it refuses.
 
-use super::night::{RUNS, differing, finished, home, results, script};
+use super::night::{OTHER_DEVICE, RUNS, differing, finished, home, results, script};
 use super::workplace::Workplace;
 
 /// Returns a workplace with a stored plan, and the folder of its night.
@@ -103,7 +103,7 @@ fn plan_snapshots_that_do_not_match_their_files_or_program_are_refused() {
     );
     place.write("ball.scn", &scene);
 
-    let file = format!("{home}/frozen.json");
+    let file = format!("{home}/snapshot.json");
     let text = place.read(&file);
     let version = concat!("lumbre ", env!("CARGO_PKG_VERSION"));
     place.write(&file, &text.replace(version, "lumbre 0.0.9"));
@@ -123,7 +123,11 @@ fn plan_snapshots_that_do_not_match_their_files_or_program_are_refused() {
         "{error}"
     );
     std::fs::remove_file(place.path(&file)).unwrap();
-    assert!(place.fail(2, &["work", &home]).contains("no plan snapshot"));
+    assert!(
+        place
+            .fail(2, &["work", &home])
+            .contains("snapshot.json: it is missing")
+    );
     let error = place.fail(2, &["work", "nowhere"]);
     assert!(
         error.contains("nowhere on ") && error.contains("shared file system"),
@@ -234,18 +238,14 @@ fn a_worker_with_a_selection_leaves_the_other_cells_to_other_workers() {
     );
     assert!(!place.path(&format!("{home}/tables/errors.csv")).exists());
     // A worker with another device model skips the comparison group and reports that.
-    let affinity_file = std::fs::read_dir(place.path(&format!("{home}/bonds")))
+    let affinity_file = std::fs::read_dir(place.path(&format!("{home}/affinity")))
         .unwrap()
         .next()
         .unwrap()
         .unwrap()
         .path();
     let text = std::fs::read_to_string(&affinity_file).unwrap();
-    std::fs::write(
-        &affinity_file,
-        r#"{"device":"far, device 0","model":"a better device"}"#,
-    )
-    .unwrap();
+    std::fs::write(&affinity_file, OTHER_DEVICE).unwrap();
     let other = place.run(&["work", &home]);
     assert_eq!(other.status, 4, "{}", other.stderr);
     assert!(

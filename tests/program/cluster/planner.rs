@@ -4,7 +4,9 @@
 use std::collections::BTreeSet;
 use std::process::{Child, Command, Stdio};
 
-use super::night::{RUNS, differing, finished_once, home, results, script, wait_until};
+use super::night::{
+    OTHER_DEVICE, RUNS, differing, finished_once, home, results, script, wait_until,
+};
 use super::workplace::Workplace;
 
 /// Returns the program as a command on a simulated machine with another host name; `None` if this
@@ -73,7 +75,7 @@ fn a_planner_that_renders_shares_comparison_groups_with_workers() {
     };
     wait_until("the planner's first cell", || {
         place.path("out/latest").exists()
-            && std::fs::read_dir(place.path("out/latest/bonds")).is_ok()
+            && std::fs::read_dir(place.path("out/latest/affinity")).is_ok()
     });
     let home = home(&place, "out");
     assert!(
@@ -136,11 +138,8 @@ fn a_comparison_group_of_another_device_model_is_skipped_and_reported() {
     let home = home(&place, "out");
     // Simulates another machine that started one of the two comparison groups and finished no cell
     // of it.
-    let affinity_file = place.files(&format!("{home}/bonds")).remove(0);
-    place.write(
-        &affinity_file,
-        r#"{"device":"far, device 0","model":"a better device"}"#,
-    );
+    let affinity_file = place.files(&format!("{home}/affinity")).remove(0);
+    place.write(&affinity_file, OTHER_DEVICE);
     let all = place.files(&format!("{home}/runs"));
     let done: Vec<&String> = all
         .iter()

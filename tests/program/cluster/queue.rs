@@ -131,7 +131,7 @@ fn a_missing_queue_program_is_reported_and_the_plan_is_saved() {
     );
     assert!(
         place
-            .path(&format!("{}/frozen.json", home(&place, "out")))
+            .path(&format!("{}/snapshot.json", home(&place, "out")))
             .is_file()
     );
 }

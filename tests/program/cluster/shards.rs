@@ -124,9 +124,9 @@ fn a_sharded_reference_has_the_same_bytes_with_any_workers_and_after_kills() {
             .into_iter()
             .filter(|file| file.ends_with(".jsonl"));
         let rendering = journals
-            .filter(|file| place.read(file).contains("part_started"))
+            .filter(|file| place.read(file).contains("shard_started"))
             .count();
-        let shard_files = place.files("out/refs/parts");
+        let shard_files = place.files("out/refs/shards");
         let open = |file: &String| {
             let folder = file.split_once("/ckpt.").map(|(folder, _)| folder);
             folder.is_some_and(|folder| !shard_files.contains(&format!("{folder}/sums")))
@@ -184,7 +184,7 @@ fn a_sharded_reference_has_the_same_bytes_with_any_workers_and_after_kills() {
     assert_eq!(floors("out"), floors("alone"));
     let status = place.succeed(&["status", &home]).stdout;
     assert!(status.contains("references  1 of 1\n"), "{status}");
-    assert!(place.files("out/refs/parts").is_empty());
+    assert!(place.files("out/refs/shards").is_empty());
 }
 
 #[test]

@@ -146,7 +146,8 @@ fn a_night_on_slurm_survives_killed_requeued_and_expired_jobs() {
             .filter(|f| f.ends_with(".json"));
         let mut workers =
             files.filter_map(|f| serde_json::from_str::<serde_json::Value>(&place.read(&f)).ok());
-        workers.find(|w| w["job"] == task(n).as_str() && w["state"] == "rendering")?["process"]
+        workers.find(|w| w["job"] == task(n).as_str() && w["state"]["rendering"].is_object())?["owner"]
+            ["process"]
             .as_u64()
     };
     wait_until(&place, &home, "three rendering workers", || {

@@ -321,7 +321,7 @@ impl Wire for Film {
 
 impl Wire for BTreeMap<String, Value> {
     fn write_to(&self, to: &mut Vec<u8>) {
-        Value::Map(self.clone()).to_json().to_string().write_to(to);
+        serde_json::to_string(self).unwrap_or_default().write_to(to);
     }
 
     fn read_from(from: &mut Reader<'_>) -> Result<BTreeMap<String, Value>, CorruptMessage> {

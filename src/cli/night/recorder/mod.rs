@@ -10,25 +10,22 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::sync::Arc;
 
-use serde_json::{Value as Json, json};
 use tracing::Level as LogLevel;
 
 use super::disk_full_retry::{retry_while_disk_full, sleep_before_retry};
 use super::log::Log;
 use crate::experiment::event::Level;
 use crate::experiment::noise_floor::{NoiseFloors, net_columns};
-use crate::experiment::shards::Shard;
 use crate::experiment::spec::Snapshots;
 use crate::experiment::{CellRef, Event, NightControls, Outcome, Plan, Sink, SinkError, WaveRow};
 use crate::output::{exr, png};
+use crate::store::schema::journal::JournalEvent;
 use crate::store::{RunWriter, Store, StoreError};
 use lumbre_light::film::layer::LayerImage;
 use lumbre_light::film::time::TimeCube;
 use lumbre_light::film::{Film, Image};
 use lumbre_render::OpenStats;
-use records::{
-    RunFacts, forecast_fields, night_fields, outcome_fields, shard_fields, with_net_values,
-};
+use records::{RunFacts, with_net_values};
 
 /// Sink that writes the files of all runs during a night. `done.json` of a run is written last.
 pub struct Recorder<'a> {
@@ -120,11 +117,6 @@ impl<'a> Recorder<'a> {
         }
         let log = self.retry_while_full(|| writer.open_log())?;
         let facts = RunFacts::new(&self.plan, cell, open);
-        let fields = json!({
-            "run": facts.run, "path": self.path(cell), "device": open.device,
-            "accel_build_s": open.accel_build_s, "accel_nodes": open.accel_nodes,
-            "accel_bytes": open.accel_bytes, "accel_cost": open.accel_cost,
-        });
         self.open_runs.insert(
             cell,
             OpenRun {
@@ -139,7 +131,6 @@ impl<'a> Recorder<'a> {
         self.select_log(cell);
         self.log
             .run_line(LogLevel::INFO, &format!("started on {}", open.device));
-        self.journal("cell_started", &fields);
         Ok(())
     }
 
@@ -227,7 +218,7 @@ impl<'a> Recorder<'a> {
         self.log
             .run_line(LogLevel::INFO, &format!("done: {reason}"));
         let last = rows.last().cloned().unwrap_or_default();
-        let done = self.done_record(&run, reason, film.samples, &last, films);
+        let done = self.done_file(&run, reason, film.samples, &last, films);
         self.retry_while_full(|| run.writer.finish(&done))
     }
 
@@ -266,46 +257,25 @@ impl<'a> Recorder<'a> {
         self.open_runs.remove(&cell);
         self.logged = None;
         self.log.set_run(None);
-        written?;
-        // Cached runs are not entered: thousands of such lines in every night would hide the
-        // others.
-        if !matches!(outcome, Outcome::Cached(_)) {
-            let fields = self.finished_fields(cell, outcome, rows);
-            self.journal("cell_finished", &fields);
-        }
-        Ok(())
+        written
     }
 
-    /// Enters a message in the log of the current run, and warnings and errors in the journal.
-    fn record_message(&self, level: Level, cell: Option<CellRef>, text: &str) {
+    /// Enters a message in the log of the current run.
+    fn log_message(&self, level: Level, text: &str) {
         let log_level = match level {
             Level::Info => LogLevel::INFO,
             Level::Warn => LogLevel::WARN,
             Level::Error => LogLevel::ERROR,
         };
         self.log.run_line(log_level, text);
-        if level >= Level::Warn {
-            let run = cell.map(|c| self.plan.id(c).0.clone());
-            let fields = json!({ "level": log_level.to_string(), "run": run, "text": text });
-            self.journal("message", &fields);
-        }
     }
 
-    /// Enters the end of a shard in the journal.
-    fn end_shard(&self, shard: &Shard, outcome: &Outcome, last: Option<&WaveRow>) {
-        let last = last.cloned().unwrap_or_default();
-        let (outcome, reason) = outcome_fields(outcome);
-        let fields = json!({
-            "outcome": outcome, "reason": reason, "samples": last.samples,
-            "render_s": last.render_s, "wall_s": last.wall_s,
-        });
-        self.journal("part_finished", &shard_fields(&self.plan, shard, fields));
-    }
-
-    /// Appends a line to the journal. Errors are only logged: the journal repeats what the files of
+    /// Enters an event in the journal. Errors are only logged: the journal repeats what the files of
     /// the runs contain.
-    fn journal(&self, event: &str, fields: &Json) {
-        if let Err(e) = self.store.journal(event, fields) {
+    fn journal(&self, event: &Event) {
+        if let Some(recorded) = JournalEvent::from_event(event, &self.plan)
+            && let Err(e) = self.store.journal(recorded)
+        {
             tracing::warn!("{e}");
         }
     }
@@ -320,7 +290,6 @@ impl Sink for Recorder<'_> {
             self.select_log(cell);
         }
         match event {
-            Event::NightStarted { plan } => self.journal("night_started", &night_fields(plan)),
             Event::CellStarted {
                 cell,
                 open,
@@ -340,23 +309,11 @@ impl Sink for Recorder<'_> {
             Event::NoiseFloors { reference, floors } => {
                 self.floors.insert(*reference, Arc::clone(floors));
             }
-            // Time bins are written when the run is done.
-            Event::Times { .. } => {}
-            Event::ShardStarted { shard, open, .. } => {
-                let fields = json!({ "device": open.device });
-                self.journal("part_started", &shard_fields(&self.plan, shard, fields));
-            }
             Event::ShardFinished {
                 shard,
-                outcome,
-                last,
-                sums,
-            } => {
-                if let Some(sums) = sums {
-                    self.retry_while_full(|| self.store.save_shard(&self.plan, shard, sums))?;
-                }
-                self.end_shard(shard, outcome, last.as_ref());
-            }
+                sums: Some(sums),
+                ..
+            } => self.retry_while_full(|| self.store.save_shard(&self.plan, shard, sums))?,
             Event::BiasCheck {
                 reference,
                 with,
@@ -377,10 +334,16 @@ impl Sink for Recorder<'_> {
                 };
                 self.end_run(*cell, outcome, film.as_deref(), &extra, rows)?;
             }
-            Event::Message { level, cell, text } => self.record_message(*level, *cell, text),
-            Event::Forecast(left) => self.journal("forecast", &forecast_fields(left)),
-            Event::NightFinished => self.journal("night_finished", &json!({})),
+            Event::Message { level, text, .. } => self.log_message(*level, text),
+            // Time bins are written when the run is done; the journal has the rest.
+            Event::Times { .. }
+            | Event::NightStarted { .. }
+            | Event::ShardStarted { .. }
+            | Event::ShardFinished { sums: None, .. }
+            | Event::Forecast(_)
+            | Event::NightFinished => {}
         }
+        self.journal(event);
         Ok(())
     }
 }

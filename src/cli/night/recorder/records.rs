@@ -1,21 +1,19 @@
-//! Records of runs in JSON: `done.json`, fields of journal entries, and metadata of pictures.
+//! Records of runs: `done.json`, and metadata of pictures.
 
+use std::collections::BTreeMap;
 use std::time::SystemTime;
 
-use serde_json::{Map, Value as Json, json};
-
 use super::{OpenRun, Recorder};
-use crate::experiment::forecast::Forecast;
 use crate::experiment::noise_floor::{NoiseFloors, net_columns, net_values};
 use crate::experiment::plan::ReferenceSource;
-use crate::experiment::shards::Shard;
-use crate::experiment::{CellRef, Outcome, Plan, WaveRow};
+use crate::experiment::{CellRef, Plan, WaveRow};
+use crate::store::schema::journal::named;
+use crate::store::schema::run::{DoneFile, RunResults};
+use crate::store::schema::values::Real;
+use crate::store::schema::{PROGRAM, Program, Version};
 use crate::store::{Host, utc};
 use lumbre_light::scene::desc::content_hash;
 use lumbre_render::OpenStats;
-
-/// Name and version of the program, as written to files.
-pub(super) const PROGRAM: &str = concat!("lumbre ", env!("CARGO_PKG_VERSION"));
 
 /// Facts about a run that are written to the metadata of all its pictures.
 pub(super) struct RunFacts {
@@ -78,104 +76,54 @@ impl RunFacts {
 impl Recorder<'_> {
     /// Returns the content of `done.json`. `films` are the names of the layers and of the stills of
     /// the time axis.
-    pub(super) fn done_record(
+    pub(super) fn done_file(
         &self,
         run: &OpenRun,
         reason: &str,
         samples: u64,
         last: &WaveRow,
         films: Vec<String>,
-    ) -> Json {
-        let metrics = self.metrics(last);
-        let mut done = base_record(&run.facts, &run.open, reason, samples, last, &metrics);
-        let floors = &run.floors;
-        if !floors.is_empty() {
-            done["floors"] = self.by_column(floors.iter().copied());
-            let net = net_columns(&self.plan, floors)
+    ) -> DoneFile {
+        let columns = self.plan.columns();
+        let metrics = last.metrics.iter().copied().map(Some);
+        let floors = Some(&run.floors).filter(|floors| !floors.is_empty());
+        let net = floors.map(|floors| {
+            let names = net_columns(&self.plan, floors)
                 .into_iter()
                 .map(|(_, name)| name);
             let values = net_values(&self.plan, floors, &last.metrics);
-            done["net"] = net
-                .zip(values.into_iter().map(number))
-                .collect::<Map<_, _>>()
-                .into();
-        }
-        if let Some(halves) = run.halves {
-            done["halves"] = halves.to_vec().into();
-        }
-        if !films.is_empty() {
-            done["films"] = films.into();
-        }
-        done
+            names.zip(values.into_iter().map(Real)).collect()
+        });
+        let facts = &run.facts;
+        DoneFile::Rendered(Box::new(RunResults {
+            version: Version,
+            program: Program::default(),
+            run: facts.run.clone(),
+            reason: reason.to_owned(),
+            samples,
+            render_s: last.render_s,
+            wall_s: last.wall_s,
+            measure_s: last.measure_s,
+            waves: last.wave,
+            paths: last.paths,
+            rays: last.rays,
+            invalid: last.invalid,
+            first_invalid: last.first_invalid,
+            metrics: named(&columns, metrics),
+            floors: floors.map(|floors| named(&columns, floors.iter().copied())),
+            net,
+            halves: run.halves,
+            films,
+            seed: facts.seed,
+            device: facts.device.clone(),
+            processor: Host::detect().cpu,
+            open: (&run.open).into(),
+            scene_hash: facts.scene_hash.clone(),
+            finished: utc(SystemTime::now()),
+            files: BTreeMap::new(),
+            check: String::new(),
+        }))
     }
-
-    /// Returns the metrics of a row by the names of their columns.
-    fn metrics(&self, row: &WaveRow) -> Json {
-        self.by_column(row.metrics.iter().copied().map(Some))
-    }
-
-    /// Returns values in the order of the plan's columns by the names of the columns, without
-    /// unknown values.
-    fn by_column(&self, values: impl Iterator<Item = Option<f64>>) -> Json {
-        let named = self.plan.columns().into_iter().zip(values);
-        named
-            .filter_map(|(column, x)| Some((column, number(x?))))
-            .collect::<Map<_, _>>()
-            .into()
-    }
-
-    /// Returns the fields of the journal entry about the end of a run.
-    pub(super) fn finished_fields(
-        &self,
-        cell: CellRef,
-        outcome: &Outcome,
-        rows: &[WaveRow],
-    ) -> Json {
-        let (outcome, reason) = outcome_fields(outcome);
-        let last = rows.last().cloned().unwrap_or_default();
-        json!({
-            "run": self.plan.id(cell).0, "path": self.path(cell), "outcome": outcome,
-            "reason": reason, "samples": last.samples, "render_s": last.render_s,
-            "wall_s": last.wall_s, "waves": last.wave, "paths": last.paths, "rays": last.rays,
-            "invalid": last.invalid, "metrics": self.metrics(&last),
-        })
-    }
-}
-
-/// Returns the fields of the journal entry about the start of a night.
-pub(super) fn night_fields(plan: &Plan) -> Json {
-    json!({
-        "plan": plan.hash, "cells": plan.cells.len(), "program": PROGRAM,
-        "arguments": std::env::args().skip(1).collect::<Vec<_>>(),
-    })
-}
-
-/// Returns the fields of the journal entry about a forecast of the time left.
-pub(super) fn forecast_fields(left: &Forecast) -> Json {
-    json!({
-        "left_s": left.seconds, "at_most": left.at_most, "rough": left.rough,
-        "known": left.known, "unknown": left.unknown,
-    })
-}
-
-/// Returns the name of an outcome in the journal, and its reason.
-pub(super) fn outcome_fields(outcome: &Outcome) -> (&'static str, String) {
-    match outcome {
-        Outcome::Done(reason) => ("done", reason.clone()),
-        Outcome::Cached(folder) => ("cached", folder.display().to_string()),
-        Outcome::Failed(reason) => ("failed", reason.clone()),
-        Outcome::Interrupted => ("interrupted", String::new()),
-    }
-}
-
-/// Adds the fields that identify a shard of a reference to the fields of a journal entry.
-pub(super) fn shard_fields(plan: &Plan, shard: &Shard, mut fields: Json) -> Json {
-    let run = plan.id(CellRef::Reference(shard.reference));
-    fields["run"] = run.0.as_str().into();
-    fields["part"] = shard.number.into();
-    fields["of"] = shard.count.into();
-    fields["words"] = format!("reference, {}", shard.label()).into();
-    fields
 }
 
 /// Returns a row with the values of its net columns appended to its metrics.
@@ -185,44 +133,4 @@ pub(super) fn with_net_values(plan: &Plan, floors: &NoiseFloors, row: &WaveRow) 
         metrics: row.metrics.iter().copied().chain(net).collect(),
         ..row.clone()
     }
-}
-
-/// Converts a number to JSON. Infinities and NaN, which JSON lacks, become strings.
-pub(super) fn number(x: f64) -> Json {
-    serde_json::Number::from_f64(x).map_or_else(|| json!(x.to_string()), Json::Number)
-}
-
-/// Returns the fields of `done.json` that all runs have.
-fn base_record(
-    facts: &RunFacts,
-    open: &OpenStats,
-    reason: &str,
-    samples: u64,
-    last: &WaveRow,
-    metrics: &Json,
-) -> Json {
-    json!({
-        "run": facts.run,
-        "reason": reason,
-        "samples": samples,
-        "render_s": last.render_s,
-        "wall_s": last.wall_s,
-        "measure_s": last.measure_s,
-        "waves": last.wave,
-        "paths": last.paths,
-        "rays": last.rays,
-        "invalid": last.invalid,
-        "first_invalid": last.first_invalid,
-        "metrics": metrics,
-        "seed": facts.seed,
-        "device": facts.device,
-        "processor": Host::detect().cpu,
-        "accel_build_s": open.accel_build_s,
-        "accel_nodes": open.accel_nodes,
-        "accel_bytes": open.accel_bytes,
-        "accel_cost": open.accel_cost,
-        "scene_hash": facts.scene_hash,
-        "program": PROGRAM,
-        "finished": utc(SystemTime::now()),
-    })
 }

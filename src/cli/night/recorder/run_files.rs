@@ -2,16 +2,15 @@
 
 use std::sync::Arc;
 
-use serde_json::json;
-
-use super::records::{PROGRAM, number};
 use super::{ExtraFilms, OpenRun, Recorder, sink_error};
 use crate::cli::night::disk_full_retry::{retry_while_disk_full, sleep_before_retry};
 use crate::experiment::bias_check::{BiasCheckResult, MAP_TOP};
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::{CellRef, SinkError};
 use crate::output::{exr, layer, plot, png, time};
-use crate::store::{FILMS, HALVES, NOISE, RunWriter};
+use crate::store::schema::PROGRAM;
+use crate::store::schema::run::BiasCheckFile;
+use crate::store::{BIAS_CHECK_PREFIX, FILMS, HALVES, NOISE, RunWriter, StoredFile};
 use lumbre_light::film::Film;
 use lumbre_light::film::layer::LayerImage;
 use lumbre_light::film::time::TimeCube;
@@ -147,35 +146,18 @@ impl Recorder<'_> {
     }
 
     /// Writes the result of comparing a reference with a second technique to the reference's
-    /// folder: a map of z-scores and the result as JSON. Also enters it in the journal.
+    /// folder: a map of z-scores and the result as JSON.
     pub(super) fn write_bias_check(
         &self,
         reference: usize,
         with: usize,
         result: &BiasCheckResult,
     ) -> Result<(), SinkError> {
-        let technique = match &self.plan.references[with].source {
-            ReferenceSource::Render { config, .. } => config.integrator.as_str(),
-            ReferenceSource::File { .. } => "file",
-        };
-        let ids = [reference, with].map(|i| self.plan.references[i].id.0.clone());
-        let blocks = result.differing.iter().map(|block| {
-            json!({
-                "at": block.at, "channel": block.channel, "z": number(block.z),
-                "p": number(block.p),
-            })
-        });
-        let record = json!({
-            "reference": ids[0], "second": ids[1], "technique": technique,
-            "agrees": result.agrees(), "finding": result.describe(),
-            "comparisons": result.comparisons, "false_discovery_rate": result.rate,
-            "ratio": number(result.ratio), "ratio_error": number(result.ratio_error),
-            "whole_differs": result.whole_differs, "program": PROGRAM,
-            "differing": blocks.collect::<Vec<_>>(),
-        });
+        let file = BiasCheckFile::new(&self.plan, reference, with, result);
+        let technique = &file.technique;
         let metadata = [
-            ("run", ids[0].clone()),
-            ("second", ids[1].clone()),
+            ("run", file.reference.clone()),
+            ("second", file.second.clone()),
             (
                 "shows",
                 format!("z-scores of blocks against {technique}, blue -{MAP_TOP} to red {MAP_TOP}"),
@@ -185,14 +167,15 @@ impl Recorder<'_> {
         .map(|(key, value)| (key.to_owned(), value));
         let picture =
             png::encode_map(&result.map, result.map.scale(None), &metadata).map_err(sink_error)?;
-        let text = format!("{record:#}\n");
-        for (extension, bytes) in [("png", picture.as_slice()), ("json", text.as_bytes())] {
-            let name = format!("agree-{technique}.{extension}");
+        for (extension, bytes) in [
+            ("png", picture.as_slice()),
+            ("json", file.text().as_bytes()),
+        ] {
+            let name = format!("{BIAS_CHECK_PREFIX}{technique}.{extension}");
             self.store
                 .write_reference(&self.plan, reference, &name, bytes)
                 .map_err(sink_error)?;
         }
-        self.journal("agreement", &record);
         Ok(())
     }
 }

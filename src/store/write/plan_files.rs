@@ -1,0 +1,223 @@
+//! Plans and cells as files: the content of `plan.json` and of `config.json`.
+
+use crate::experiment::plan::{Reference, ReferenceSource};
+use crate::experiment::{Cell, CellConfig, CellRef, Plan, Point, StopRule};
+use crate::metrics::MetricSpec;
+use crate::store::layout;
+use crate::store::schema::plan::{
+    BiasCheckPlan, FileReference, Measurement, MetricRecord, NightSettings, PlanFile, PlannedCell,
+    PlannedReference, RenderedReference, SceneNote, SkippedPoint, StopRecord,
+};
+use crate::store::schema::run::{ConfigFile, PixelFilter, RenderSettings};
+use crate::store::schema::values::Named;
+use lumbre_light::value::Value;
+
+/// Returns the content of `plan.json`.
+pub fn plan_file(plan: &Plan) -> PlanFile {
+    let mut stops: Vec<&StopRule> = Vec::new();
+    let mut stop_index = |rule| {
+        // Searched from the end, since neighbouring cells mostly have the same rule.
+        stops
+            .iter()
+            .rposition(|known| *known == rule)
+            .unwrap_or_else(|| {
+                stops.push(rule);
+                stops.len() - 1
+            })
+    };
+    let cells = plan
+        .cells
+        .iter()
+        .map(|cell| planned_cell(cell, stop_index(&cell.stop)))
+        .collect();
+    let references = plan.references.iter();
+    PlanFile {
+        name: plan.name.clone(),
+        hash: plan.hash.clone(),
+        seed: plan.seed,
+        axes: plan.axes.clone(),
+        night: NightSettings {
+            order: plan.night.order.name().to_owned(),
+            warmup: plan.night.warmup.map(|warmup| warmup.describe()),
+        },
+        measure: Measurement {
+            every_s: plan.measure.every_s,
+            metrics: plan.measure.metrics.iter().map(metric_record).collect(),
+            display: plan.measure.display.to_value(),
+        },
+        cells,
+        stops: stops.into_iter().map(stop_record).collect(),
+        references: references
+            .map(|reference| planned_reference(plan, reference))
+            .collect(),
+        skipped: plan
+            .skipped
+            .iter()
+            .map(|skipped| SkippedPoint {
+                point: point_record(&skipped.point),
+                reason: skipped.reason.clone(),
+                absent: skipped.absent,
+            })
+            .collect(),
+        warnings: plan.warnings.clone(),
+        notes: plan
+            .notes
+            .iter()
+            .map(|note| SceneNote {
+                file: note.file.display().to_string(),
+                place: note.place.clone(),
+                message: note.message.clone(),
+            })
+            .collect(),
+        ..PlanFile::default()
+    }
+}
+
+/// A stop rule, described and in canonical form. Predicates are not included; they need the script.
+fn stop_record(rule: &StopRule) -> StopRecord {
+    StopRecord {
+        text: rule.describe(),
+        rule: rule.canonical(&|_| Value::Nil),
+    }
+}
+
+/// A reference of the plan, with its source and its bias check.
+fn planned_reference(plan: &Plan, reference: &Reference) -> PlannedReference {
+    let run = reference.id.0.clone();
+    match &reference.source {
+        ReferenceSource::Render {
+            config,
+            stop,
+            shard_samples,
+            ..
+        } => PlannedReference::Render(Box::new(RenderedReference {
+            run,
+            source: render_settings(config),
+            stop: stop_record(stop),
+            bias_check: reference.bias_check.map(|check| BiasCheckPlan {
+                with: plan.references[check.with].id.0.clone(),
+                false_discovery_rate: check.rate,
+            }),
+            shard_samples: *shard_samples,
+        })),
+        ReferenceSource::File { file, source } => PlannedReference::File(FileReference {
+            run,
+            source: file.display().to_string(),
+            blake3: reference.file_hash().unwrap_or_default().to_owned(),
+            made_by: source.clone(),
+        }),
+    }
+}
+
+fn metric_record(metric: &MetricSpec) -> MetricRecord {
+    MetricRecord {
+        column: metric.column.clone(),
+        metric: metric.row.name.to_owned(),
+        options: metric.options.clone(),
+    }
+}
+
+fn planned_cell(cell: &Cell, stop: usize) -> PlannedCell {
+    let folder = layout::sanitize(&cell.path).join(&cell.id.0);
+    PlannedCell {
+        run: cell.id.0.clone(),
+        path: cell.path.clone(),
+        folder: folder.to_string_lossy().replace('\\', "/"),
+        point: point_record(&cell.point),
+        repeat: cell.repeat,
+        seed: cell.seed,
+        integrator: cell.config.integrator.clone(),
+        backend: cell.config.backend.clone(),
+        scene: cell.config.scene.clone(),
+        max_depth: cell.config.max_depth,
+        resolution: cell.config.resolution,
+        reference: cell.reference,
+        stop,
+        double_of: cell.double_of,
+    }
+}
+
+/// Returns the content of a run's or a reference's `config.json`.
+pub fn config_file(plan: &Plan, cell: CellRef) -> ConfigFile {
+    let common = ConfigFile {
+        experiment: plan.name.clone(),
+        run: plan.id(cell).0.clone(),
+        ..ConfigFile::default()
+    };
+    match cell {
+        CellRef::Cell(i) => {
+            let cell = &plan.cells[i];
+            let reference = cell.reference.map(|i| plan.references[i].id.0.clone());
+            ConfigFile {
+                plan: Some(plan.hash.clone()),
+                path: Some(cell.path.clone()),
+                point: Some(point_record(&cell.point)),
+                repeat: Some(cell.repeat),
+                seed: Some(cell.seed),
+                render: Some(render_settings(&cell.config)),
+                reference,
+                identity: cell.identity.clone(),
+                ..common
+            }
+        }
+        CellRef::Reference(i) => {
+            let reference = &plan.references[i];
+            let common = ConfigFile {
+                identity: reference.identity.clone(),
+                ..common
+            };
+            match &reference.source {
+                ReferenceSource::Render {
+                    config,
+                    seeds,
+                    stem,
+                    shard_samples,
+                    ..
+                } => ConfigFile {
+                    seeds: Some(*seeds),
+                    stem: Some(stem.0.clone()),
+                    shard_samples: *shard_samples,
+                    render: Some(render_settings(config)),
+                    ..common
+                },
+                ReferenceSource::File { file, source } => ConfigFile {
+                    file: Some(file.display().to_string()),
+                    made_by: Some(source.clone()),
+                    ..common
+                },
+            }
+        }
+    }
+}
+
+fn point_record(point: &Point) -> Named<Value> {
+    Named(point.clone())
+}
+
+/// Render settings under the keys that scripts use.
+fn render_settings(config: &CellConfig) -> RenderSettings {
+    RenderSettings {
+        scene: config.scene.clone(),
+        scene_file: config.scene_file.display().to_string(),
+        scene_options: config.scene_options.clone(),
+        integrator: config.integrator.clone(),
+        params: config.params.clone(),
+        max_depth: config.max_depth,
+        resolution: config.resolution,
+        rr_start: config.rr_start,
+        aa: PixelFilter {
+            filter: config.filter.kind.name().to_owned(),
+            radius: config.filter.radius,
+        },
+        films: config
+            .films
+            .iter()
+            .map(|layer| layer.row().name.to_owned())
+            .collect(),
+        film: config.timing.as_ref().map(|timing| timing.to_film(true)),
+        sampler: config.sampler.clone(),
+        accel: config.accel.identity(),
+        set: config.set.clone(),
+        backend: config.backend.clone(),
+    }
+}
