@@ -7,7 +7,7 @@
 //!
 //! | level | modules | what they contain |
 //! |---|---|---|
-//! | 0 | [`metrics`], [`backends`] | image errors; the table of backends of this program |
+//! | 0 | [`metrics`], [`backends`], [`text`] | image errors; the table of backends of this program; counts, lines, CSV |
 //! | 1 | [`experiment`] | sweeps, plans, stop rules, the state machine of a night |
 //! | 2 | [`script`], [`store`], [`output`], [`tui`] | Lua; result folders; files; screens |
 //! | 3 | [`cli`] | the command line, which connects the modules of level 2 |
@@ -25,4 +25,5 @@ pub mod metrics;
 pub mod output;
 pub mod script;
 pub mod store;
+pub mod text;
 pub mod tui;

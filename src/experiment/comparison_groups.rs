@@ -1,7 +1,7 @@
 //! Comparison groups: cells whose render times are compared with each other, and the device that
 //! they share.
 
-use super::event::CellRef;
+use super::outcome::CellRef;
 use super::plan::{Cell, Plan};
 use lumbre_light::value::Value;
 

@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 
 use super::WaveRow;
-use super::event::CellRef;
+use super::outcome::CellRef;
 use super::plan::{Plan, ReferenceSource};
 use super::spec::CellConfig;
 use super::stop::StopRule;

@@ -14,6 +14,7 @@ pub mod forecast;
 pub mod memory;
 pub mod night_results;
 pub mod noise_floor;
+pub mod outcome;
 pub mod plan;
 pub mod plan_outline;
 pub mod processor_time;
@@ -23,9 +24,8 @@ pub mod shards;
 pub mod spec;
 pub mod stop;
 
-pub use event::{
-    CellRef, Event, History, NightControls, Outcome, PauseAt, Sink, SinkError, WaveRow,
-};
+pub use event::{Event, History, NightControls, PauseAt, Sink, SinkError};
+pub use outcome::{CellRef, Outcome, WaveRow};
 pub use plan::{Cell, Overrides, Plan, PlanError, RunId};
 pub use plan_outline::PlanOutline;
 pub use run::{CellResult, NightSummary, RunError};

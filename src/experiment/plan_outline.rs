@@ -7,7 +7,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::event::CellRef;
+use super::outcome::CellRef;
 use super::plan::{Plan, ReferenceSource};
 use super::spec::{CellConfig, Point};
 use super::stop::StopRule;

@@ -1,6 +1,6 @@
 //! Progress of an unfinished run, its checkpoints, and claims on it.
 
-use super::event::WaveRow;
+use super::outcome::WaveRow;
 use lumbre_render::WaveStats;
 
 /// State of a run between two calls of its renderer, apart from the renderer's own sums.

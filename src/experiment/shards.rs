@@ -8,7 +8,7 @@
 
 use std::io::{self, Write};
 
-use super::event::{CellRef, WaveRow};
+use super::outcome::{CellRef, WaveRow};
 use super::run_progress::{Checkpoint, RunProgress};
 use lumbre_light::film::Film;
 use lumbre_light::film::state::{CheckpointMismatch, StateReader, write_u64s};

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use super::event::WaveRow;
+use super::outcome::WaveRow;
 use super::stop::StopRule;
 use crate::metrics::MetricSpec;
 use lumbre_light::film::layer::Layer;

@@ -9,6 +9,7 @@
 //!
 //! If more than half of an image is still black, `s` is zero and `excess` alone decides.
 
+use super::colour::luminance;
 use super::floor::Noise;
 use super::map::{Colours, PixelMap};
 use super::{Better, MetricRow, MetricSpec, ON};
@@ -77,9 +78,7 @@ pub const ROW: MetricRow = MetricRow {
 
 /// Relative excess of every firefly, 0 for all other pixels, NaN for pixels that are NaN.
 fn excess(image: &Image, reference: &Image, spec: &MetricSpec) -> Vec<f32> {
-    let luminance = |p: &[f32; 3]| {
-        0.2126 * f64::from(p[0]) + 0.7152 * f64::from(p[1]) + 0.0722 * f64::from(p[2])
-    };
+    let luminance = |p: &[f32; 3]| luminance(p.map(f64::from));
     let finite = reference
         .data
         .iter()

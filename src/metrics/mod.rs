@@ -19,7 +19,7 @@
 //! [Reinhard 2002] Photographic Tone Reproduction for Digital Images.
 
 mod bias;
-mod colour;
+pub mod colour;
 pub mod evaluator;
 mod fireflies;
 mod flip;

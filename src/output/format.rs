@@ -103,21 +103,6 @@ pub fn exact(x: f64) -> String {
     }
 }
 
-/// Formats one CSV field, quoted if necessary [RFC 4180].
-pub fn csv_field(text: &str) -> String {
-    if text.contains(['"', ',', '\n', '\r']) || text.trim() != text {
-        format!("\"{}\"", text.replace('"', "\"\""))
-    } else {
-        text.to_owned()
-    }
-}
-
-/// Formats one CSV line, including its line feed.
-pub fn csv_line<S: AsRef<str>>(fields: &[S]) -> String {
-    let fields: Vec<String> = fields.iter().map(|f| csv_field(f.as_ref())).collect();
-    fields.join(",") + "\n"
-}
-
 #[cfg(test)]
 mod tests {
     use crate::output::format::*;
@@ -143,11 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn fields_are_quoted_where_they_must_be() {
-        assert_eq!(
-            csv_line(&["a", "b,c", "say \"hi\"", "two\nlines", " x"]),
-            "a,\"b,c\",\"say \"\"hi\"\"\",\"two\nlines\",\" x\"\n"
-        );
+    fn exact_numbers_are_short_and_nan_has_a_name() {
         assert_eq!(exact(0.1), "0.1");
         assert_eq!(exact(f64::NAN), "nan");
     }

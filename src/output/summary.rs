@@ -2,11 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use super::format::{csv_line, exact};
+use super::format::exact;
 use crate::experiment::aa_check::Finding;
 use crate::experiment::noise_floor::net_columns;
 use crate::experiment::plan::{Cell, Plan};
 use crate::experiment::{CellRef, CellResult, Outcome, Point, WaveRow};
+use crate::text::csv_line;
 use lumbre_light::math::t_test::mean_and_interval;
 
 /// Columns of `summary.csv` before the axes.

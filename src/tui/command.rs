@@ -2,7 +2,7 @@
 
 use super::model::night::NightModel;
 use crate::experiment::PauseAt;
-use crate::tui::view::{ChartX, NightRequest, PictureMode};
+use crate::tui::modes::{ChartX, NightRequest, PictureMode};
 use lumbre_light::value::suggest;
 
 /// A parsed line of the command bar.

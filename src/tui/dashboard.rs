@@ -23,11 +23,12 @@ use ratatui::layout::Rect;
 
 use super::model::night::NightModel;
 use super::model::time_preview::TimePreview;
+use super::modes::NightRequest;
 use super::panes;
 use super::terminal::terminal_caps::{Graphics, TerminalCaps};
 use super::terminal::terminal_guard::TerminalGuard;
-use super::view::{NightRequest, PendingRequests, View};
-use crate::experiment::event::Level;
+use super::view::{PendingRequests, View};
+use crate::experiment::outcome::Level;
 use crate::experiment::{Event, NightControls, Sink, SinkError};
 
 /// Shortest time between two frames.

@@ -2,6 +2,7 @@
 
 use crate::experiment::{CellRef, PlanOutline};
 use crate::metrics::MetricSpec;
+use crate::text;
 
 /// Formats seconds with a unit, in at most seven columns: `2.1 ms`, `0.52 s`, `4m05s`, `3d04h`.
 pub fn duration(seconds: f64) -> String {
@@ -157,28 +158,20 @@ pub fn fit(text: &str, columns: usize, ellipsis: &str) -> String {
 
 /// Breaks text at spaces into lines of at most `columns`; only words longer than a line are split.
 pub fn wrap(text: &str, columns: usize) -> Vec<String> {
-    let mut lines = Vec::new();
-    let mut line = String::new();
+    let mut words: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
-        if !line.is_empty() && width(&line) + 1 + width(word) > columns {
-            lines.push(std::mem::take(&mut line));
-        }
-        if !line.is_empty() {
-            line.push(' ');
-        }
+        let mut piece = String::new();
         for c in word.chars() {
-            line.push(c);
-            if width(&line) > columns && columns > 0 {
-                let last = line.pop();
-                lines.push(std::mem::take(&mut line));
-                line.extend(last);
+            piece.push(c);
+            if width(&piece) > columns && columns > 0 {
+                let last = piece.pop();
+                words.push(std::mem::take(&mut piece));
+                piece.extend(last);
             }
         }
+        words.push(piece);
     }
-    if !line.is_empty() || lines.is_empty() {
-        lines.push(line);
-    }
-    lines
+    text::wrap(&words.join(" "), |line| width(line) <= columns)
 }
 
 #[cfg(test)]

@@ -10,6 +10,7 @@ mod command;
 mod dashboard;
 pub mod format;
 pub mod model;
+mod modes;
 pub mod panes;
 pub mod preview;
 pub mod progress_lines;

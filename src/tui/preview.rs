@@ -7,7 +7,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::view::PictureMode;
+use super::modes::PictureMode;
 use crate::metrics::{MetricError, MetricSpec};
 use lumbre_light::film::{Image, SharedImage};
 

@@ -14,7 +14,7 @@ use crate::store::schema::{PROGRAM, pretty};
 use crate::store::{Host, probe};
 use crate::tui;
 
-/// What this machine supports.
+/// Capabilities of this machine.
 #[derive(Serialize)]
 struct MachineFacts {
     program: &'static str,

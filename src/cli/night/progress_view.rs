@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::log::Log;
 use crate::cli::args::Global;
 use crate::cli::exit::Exit;
-use crate::experiment::event::Level;
+use crate::experiment::outcome::Level;
 use crate::experiment::{NightControls, Sink};
 use crate::tui;
 

@@ -69,7 +69,9 @@ pub fn find(id: &str, file: &Path, out: &Path, samples: Option<u64>) -> Result<S
     let bytes = std::fs::read(&picture).map_err(|e| format!("{}: {e}", picture.display()))?;
     let image = decode_picture(&bytes).map_err(|e| format!("{}: {e}", picture.display()))?;
     let name = record.config.path.as_deref().unwrap_or(id).to_owned();
-    let scene_hash = results.map(|results| results.scene_hash.clone());
+    let scene_hash = results
+        .map(|results| results.scene_hash.clone())
+        .filter(|hash| !hash.is_empty());
     let started_in = started_in(&folder);
     Ok(StoredRun {
         run: id.to_owned(),

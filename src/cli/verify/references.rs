@@ -190,13 +190,16 @@ fn named_error(file: &Path) -> impl Fn(&dyn std::fmt::Display) -> String {
 
 /// Reads one JSON file of the folder of references.
 fn read(file: &Path, scenes: &Path) -> Result<ReferenceFile, String> {
-    let settings = ReferenceSettings::read(file)?;
     let problem = named_error(file);
     let name = file
         .file_stem()
         .unwrap_or_default()
         .to_string_lossy()
         .into_owned();
+    let Some(settings) = ReferenceSettings::read(file)? else {
+        let reason = "it has no picture of standard errors (`stderr_file`)".to_owned();
+        return Ok(ReferenceFile::Excluded { name, reason });
+    };
     let surfaces = match settings.surfaces() {
         Ok(surfaces) => surfaces,
         Err(reason) => return Ok(ReferenceFile::Excluded { name, reason }),
@@ -235,7 +238,7 @@ struct ReferenceSettings {
     /// File name of the picture.
     file: String,
     /// File name of the picture of standard errors.
-    stderr_file: Option<String>,
+    stderr_file: String,
     /// Width of the picture in pixels.
     width: u32,
     /// Height of the picture in pixels.
@@ -249,6 +252,12 @@ struct ReferenceSettings {
     pixel_filter: Option<PixelFilter>,
 }
 
+/// The field without which a reference cannot be used.
+#[derive(Deserialize)]
+struct StandardErrors {
+    stderr_file: Option<String>,
+}
+
 #[derive(Deserialize)]
 struct PixelFilter {
     #[serde(rename = "type")]
@@ -256,17 +265,20 @@ struct PixelFilter {
 }
 
 impl ReferenceSettings {
-    fn read(file: &Path) -> Result<ReferenceSettings, String> {
+    /// Reads a file. Returns `None` if it states no picture of standard errors.
+    fn read(file: &Path) -> Result<Option<ReferenceSettings>, String> {
         let problem = named_error(file);
+        let invalid = |e: serde_json::Error| problem(&format!("invalid JSON: {e}"));
         let text = std::fs::read_to_string(file).map_err(|e| problem(&e))?;
-        serde_json::from_str(&text).map_err(|e| problem(&format!("invalid JSON: {e}")))
+        let errors: StandardErrors = serde_json::from_str(&text).map_err(invalid)?;
+        if errors.stderr_file.is_none() {
+            return Ok(None);
+        }
+        serde_json::from_str(&text).map(Some).map_err(invalid)
     }
 
     /// Returns the material model, or the reason why the reference is excluded.
     fn surfaces(&self) -> Result<Surfaces, String> {
-        if self.stderr_file.is_none() {
-            return Err("it has no picture of standard errors (`stderr_file`)".to_owned());
-        }
         let surfaces = match self.bsdf_mode.as_str() {
             "diffuse" => Surfaces::Diffuse,
             "principled" => Surfaces::Principled,
@@ -288,9 +300,8 @@ impl ReferenceSettings {
 
     /// Reads the picture and its standard errors, which lie beside the JSON file.
     fn picture(&self, json: &Path) -> Result<NoisyPicture, String> {
-        let errors = self.stderr_file.as_deref().unwrap_or_default();
         let mean = picture(&json.with_file_name(&self.file))?;
-        let mut variance = picture(&json.with_file_name(errors))?;
+        let mut variance = picture(&json.with_file_name(&self.stderr_file))?;
         variance.data.iter_mut().for_each(|p| *p = p.map(|e| e * e));
         let size = [self.width, self.height];
         for (key, image) in [("file", &mean), ("stderr_file", &variance)] {

@@ -1,8 +1,8 @@
 //! Bounds on the cost of a plan from its stop rules.
 
 use super::{Plan, ReferenceSource};
-use crate::experiment::event::CellRef;
 use crate::experiment::memory::{layer_and_bin_bytes, run_bytes};
+use crate::experiment::outcome::CellRef;
 use crate::experiment::spec::CellConfig;
 use crate::experiment::stop::StopRule;
 

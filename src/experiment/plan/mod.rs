@@ -26,7 +26,7 @@ pub use expand::expand;
 pub use reach::unreachable_thresholds;
 pub use resolve::{LoadScene, LoadedScene};
 
-use super::event::CellRef;
+use super::outcome::CellRef;
 use super::shards::{Shard, split};
 use super::spec::{CellConfig, FigureSpec, MeasureSpec, NightSpec, Point, TableSpec};
 use super::stop::StopRule;

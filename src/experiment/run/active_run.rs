@@ -3,12 +3,11 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::checkpoint::CheckpointState;
-use super::retry::RetryState;
+use super::attempt::{Attempt, RetryState};
 use super::waves::WaveSizer;
-use crate::experiment::event::{CellRef, FinishedRun, Outcome, WaveRow};
+use crate::experiment::event::FinishedRun;
 use crate::experiment::noise_floor::NoiseFloors;
-use crate::experiment::run_progress::RunProgress;
+use crate::experiment::outcome::{CellRef, Outcome, WaveRow};
 use crate::experiment::shards::{Shard, WorkUnit};
 use crate::experiment::spec::CellConfig;
 use crate::experiment::stop::StopRule;
@@ -17,7 +16,7 @@ use lumbre_light::film::layer::LayerImage;
 use lumbre_light::film::time::TimeCube;
 use lumbre_light::film::{Film, SharedImage};
 use lumbre_light::scene::SceneDesc;
-use lumbre_render::{OpenStats, Renderer};
+use lumbre_render::OpenStats;
 
 /// Request to render a run.
 #[derive(Clone)]
@@ -102,18 +101,6 @@ impl EndedRun {
             open: OpenStats::default(),
         }
     }
-}
-
-/// State of one attempt to render a run. A retry starts with a new one.
-#[derive(Default)]
-pub(super) struct Attempt {
-    /// The renderer; `None` before it is open and after it panicked, since its sums may then be
-    /// corrupt.
-    pub(super) renderer: Option<Box<dyn Renderer>>,
-    /// Progress of the run.
-    pub(super) progress: RunProgress,
-    /// State of its checkpoints.
-    pub(super) checkpoints: CheckpointState,
 }
 
 /// A run that is being rendered.

@@ -62,7 +62,7 @@ impl Backoff {
 
 #[cfg(test)]
 mod tests {
-    use crate::experiment::event::CellRef;
+    use crate::experiment::outcome::CellRef;
     use crate::experiment::run::backoff::*;
 
     #[test]

@@ -2,21 +2,15 @@
 
 use std::sync::Arc;
 
-use super::Disagreement;
-use super::night::NightRunner;
 use super::open::catch_panic;
+use super::state::{NightRunner, ReferenceEstimate};
+use super::summary::Disagreement;
 use crate::experiment::bias_check::check_bias;
-use crate::experiment::event::{CellRef, Event, Level};
+use crate::experiment::event::Event;
+use crate::experiment::outcome::{CellRef, Level};
 use crate::experiment::plan::{BiasCheck, ReferenceSource};
 use lumbre_light::film::ztest::Estimate;
-use lumbre_light::film::{Film, Image, SharedImage};
-
-/// Picture of a reference, with the variance of its pixels' means.
-#[derive(Clone)]
-pub(super) struct ReferenceEstimate {
-    mean: SharedImage,
-    variance: SharedImage,
-}
+use lumbre_light::film::{Film, Image};
 
 impl NightRunner<'_, '_> {
     /// Returns the bias checks that involve a reference, each with the index of its first picture.

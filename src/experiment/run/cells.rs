@@ -2,13 +2,14 @@
 
 use std::sync::Arc;
 
-use super::CellResult;
 use super::active_run::{ActiveRun, EndedRun, RunRequest};
-use super::night::NightRunner;
-use super::references::ReferenceState;
+use super::state::NightRunner;
+use super::state::ReferenceState;
+use super::summary::CellResult;
 use super::turns::memory_shortage;
-use crate::experiment::event::{CellRef, Event, Level, Outcome};
+use crate::experiment::event::Event;
 use crate::experiment::noise_floor::NoiseFloors;
+use crate::experiment::outcome::{CellRef, Level, Outcome};
 use crate::experiment::run_progress::{Claim, ReportedOutcome};
 
 /// Whether a cell or reference can be rendered now.

@@ -3,9 +3,10 @@
 
 use std::time::Instant;
 
-use super::active_run::{Attempt, RunRequest};
-use super::night::NightRunner;
-use crate::experiment::event::{CellRef, Level};
+use super::active_run::RunRequest;
+use super::attempt::Attempt;
+use super::state::NightRunner;
+use crate::experiment::outcome::{CellRef, Level};
 use crate::experiment::run_progress::Checkpoint;
 use crate::experiment::shards::WorkUnit;
 
@@ -15,35 +16,6 @@ const DEFAULT_INTERVAL_S: f64 = 60.0;
 /// Smallest ratio of render time to the time of writing a checkpoint, so that writing takes at most
 /// 1 %.
 const MIN_INTERVAL_PER_COST: f64 = 100.0;
-
-/// State of the checkpoints of one attempt.
-#[derive(Debug, Default)]
-pub(super) struct CheckpointState {
-    /// Render time at the last checkpoint, seconds.
-    at_s: f64,
-    /// Time that writing it took, seconds.
-    cost_s: f64,
-    /// Whether a checkpoint of this attempt is stored.
-    pub(super) stored: bool,
-    /// Whether the last checkpoint could not be written.
-    failed: bool,
-    /// Whether the history stores none or the backend cannot save its state.
-    unsupported: bool,
-    /// Number of requests for a checkpoint that were handled. A request applies to all interleaved
-    /// runs.
-    requests: u64,
-}
-
-impl CheckpointState {
-    /// State of an attempt that starts after this render time and this number of requests.
-    pub(super) fn new(render_s: f64, requests: u64) -> CheckpointState {
-        CheckpointState {
-            at_s: render_s,
-            requests,
-            ..CheckpointState::default()
-        }
-    }
-}
 
 impl NightRunner<'_, '_> {
     /// Stores a checkpoint if one is due or was requested.

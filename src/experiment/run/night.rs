@@ -1,107 +1,23 @@
 //! The runner of a night, from its first event to its last: the order of references and cells,
 //! rounds of polling for runs of other processes, and messages.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 
 use super::active_run::EndedRun;
 use super::backoff::Backoff;
-use super::bias_check::ReferenceEstimate;
-use super::references::ReferenceState;
-use super::{NightSummary, Options, RunError, Seams};
-use crate::experiment::WaveRow;
-use crate::experiment::event::{CellRef, Event, History, Level, NightControls, Outcome, Sink};
-use crate::experiment::forecast::{Throughput, ThroughputHistory, WorkloadKey, forecast};
-use crate::experiment::noise_floor::NoiseFloors;
-use crate::experiment::plan::{Plan, ReferenceSource};
-use crate::experiment::run_progress::Checkpoint;
-use crate::experiment::spec::ScriptHooks;
-use lumbre_light::film::SharedImage;
-use lumbre_light::scene::compile::Sharing;
-use lumbre_light::scene::{CompiledScene, Note, SceneDesc};
+use super::state::{NightRunner, ReferenceState};
+use super::summary::{NightSummary, RunError};
+use crate::experiment::event::Event;
+use crate::experiment::forecast::{Throughput, WorkloadKey, forecast};
+use crate::experiment::outcome::{CellRef, Level, Outcome, WaveRow};
+use crate::experiment::plan::ReferenceSource;
 
 /// Shortest time between two forecasts.
 const FORECAST_INTERVAL: Duration = Duration::from_secs(2);
 
-/// State of a night in progress.
-pub(super) struct NightRunner<'a, 's> {
-    pub(super) seams: &'a Seams<'a>,
-    pub(super) plan: &'a Arc<Plan>,
-    pub(super) hooks: &'a dyn ScriptHooks,
-    pub(super) control: &'a NightControls,
-    pub(super) options: Options,
-    pub(super) history: &'a dyn History,
-    pub(super) sinks: &'a mut [&'s mut dyn Sink],
-    /// State of every reference of the plan.
-    pub(super) references: Vec<ReferenceState>,
-    /// References that another process held in this round, with that process and the time.
-    pub(super) references_elsewhere: BTreeMap<usize, (String, Instant)>,
-    /// The reference that was used last; neighbouring cells mostly share it.
-    pub(super) recent_reference: Option<(usize, SharedImage)>,
-    /// Estimates of references that wait for the other side of a bias check.
-    pub(super) estimates: BTreeMap<usize, ReferenceEstimate>,
-    /// Shards that the history does not store, by reference and number.
-    pub(super) shards_in_memory: BTreeMap<(usize, usize), Arc<Checkpoint>>,
-    /// Noise floors of every reference, if known.
-    pub(super) floors: Vec<Option<NoiseFloors>>,
-    /// The scene that was compiled last, with its description and instancing mode.
-    pub(super) compiled: Option<(Arc<SceneDesc>, Sharing, Arc<CompiledScene>)>,
-    /// Notes of scene compilation that were reported already.
-    pub(super) reported_notes: BTreeSet<Note>,
-    pub(super) summary: NightSummary,
-    /// Number of requests for a checkpoint so far.
-    pub(super) checkpoint_requests: u64,
-    /// Throughputs of finished runs, for the forecast.
-    pub(super) throughput: ThroughputHistory,
-    /// Cells and references that have ended, with whatever outcome.
-    pub(super) finished: BTreeSet<CellRef>,
-    /// Time of the last forecast.
-    last_forecast: Option<Instant>,
-}
-
-impl<'a, 's> NightRunner<'a, 's> {
-    pub(super) fn new(
-        seams: &'a Seams<'a>,
-        plan: &'a Arc<Plan>,
-        hooks: &'a dyn ScriptHooks,
-        history: &'a dyn History,
-        sinks: &'a mut [&'s mut dyn Sink],
-        control: &'a NightControls,
-        mut options: Options,
-    ) -> NightRunner<'a, 's> {
-        let (throughput, finished) = (
-            std::mem::take(&mut options.throughput),
-            std::mem::take(&mut options.done),
-        );
-        NightRunner {
-            seams,
-            plan,
-            hooks,
-            control,
-            options,
-            history,
-            sinks,
-            references: plan
-                .references
-                .iter()
-                .map(|_| ReferenceState::Pending)
-                .collect(),
-            references_elsewhere: BTreeMap::new(),
-            recent_reference: None,
-            estimates: BTreeMap::new(),
-            shards_in_memory: BTreeMap::new(),
-            floors: vec![None; plan.references.len()],
-            compiled: None,
-            reported_notes: BTreeSet::new(),
-            summary: NightSummary::default(),
-            checkpoint_requests: 0,
-            throughput,
-            finished,
-            last_forecast: None,
-        }
-    }
-
+impl NightRunner<'_, '_> {
     /// Runs the night to its end.
     pub(super) fn run(mut self) -> Result<NightSummary, RunError> {
         let started = Event::NightStarted {

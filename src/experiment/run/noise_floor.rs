@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
-use super::night::NightRunner;
 use super::open::catch_panic;
-use crate::experiment::event::{CellRef, Event, Level};
+use super::state::NightRunner;
+use crate::experiment::event::Event;
 use crate::experiment::noise_floor::{HalfImages, NoiseFloors, floors};
+use crate::experiment::outcome::{CellRef, Level};
 use crate::experiment::plan::unreachable_thresholds;
 use lumbre_light::film::{Image, SharedImage};
 

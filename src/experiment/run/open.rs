@@ -5,10 +5,10 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 use super::active_run::RunRequest;
-use super::night::NightRunner;
-use super::retry::{AttemptError, RetryState};
-use super::turns::SLICE_S;
-use crate::experiment::event::{CellRef, Level};
+use super::attempt::{AttemptError, RetryState};
+use super::state::NightRunner;
+use super::waves::SLICE_S;
+use crate::experiment::outcome::{CellRef, Level};
 use crate::experiment::plan::identity;
 use crate::experiment::run_progress::RunProgress;
 use crate::experiment::spec::Warmup;

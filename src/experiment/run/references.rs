@@ -5,37 +5,15 @@ use std::time::{Duration, Instant};
 
 use super::active_run::{EndedRun, RunRequest};
 use super::cells::Readiness;
-use super::night::NightRunner;
+use super::state::{NightRunner, ReferenceState};
 use super::work_units::JoinResult;
-use crate::experiment::event::{CellRef, Event, Level, Outcome};
+use crate::experiment::event::Event;
 use crate::experiment::noise_floor::HalfImages;
+use crate::experiment::outcome::{CellRef, Level, Outcome};
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::run_progress::Claim;
 use crate::experiment::shards::Shard;
 use lumbre_light::film::SharedImage;
-
-/// State of a reference during a night.
-pub(super) enum ReferenceState {
-    /// Not processed yet.
-    Pending,
-    /// Recorded; its picture is read from the history.
-    Recorded,
-    /// Rendered, but not stored by the history.
-    InMemory(SharedImage),
-    /// Failed or interrupted; the text is the reason.
-    Unavailable(String),
-}
-
-impl ReferenceState {
-    /// State of a reference that has ended without a picture.
-    pub(super) fn unavailable(outcome: &Outcome) -> ReferenceState {
-        ReferenceState::Unavailable(match outcome {
-            Outcome::Failed(reason) => reason.clone(),
-            Outcome::Interrupted => "it was interrupted".to_owned(),
-            Outcome::Done(_) | Outcome::Cached(_) => "it has no picture".to_owned(),
-        })
-    }
-}
 
 /// Time for which another process is assumed to still hold a reference, while cells that need it
 /// are processed.

@@ -1,61 +1,12 @@
 //! Retry of failed attempts: again on the same backend, on a fallback, or not at all.
 
 use super::active_run::ActiveRun;
-use super::night::NightRunner;
-use crate::experiment::event::Level;
-use lumbre_render::RenderError;
-
-/// Why an attempt to render a run failed.
-pub(super) enum AttemptError {
-    /// The device or the worker process was lost; another attempt may succeed.
-    DeviceLost(String),
-    /// The backend failed or does not support the run.
-    Backend(String),
-    /// Any other error.
-    Other(String),
-}
-
-impl From<String> for AttemptError {
-    fn from(reason: String) -> AttemptError {
-        AttemptError::Other(reason)
-    }
-}
-
-impl From<RenderError> for AttemptError {
-    fn from(error: RenderError) -> AttemptError {
-        let reason = error.to_string();
-        match error {
-            RenderError::Lost { .. } => AttemptError::DeviceLost(reason),
-            RenderError::Unsupported { .. } | RenderError::Failed { .. } => {
-                AttemptError::Backend(reason)
-            }
-        }
-    }
-}
-
-impl AttemptError {
-    /// Returns the error message.
-    pub(super) fn into_reason(self) -> String {
-        let (AttemptError::DeviceLost(reason)
-        | AttemptError::Backend(reason)
-        | AttemptError::Other(reason)) = self;
-        reason
-    }
-}
+use super::attempt::{AttemptError, RetryState};
+use super::state::NightRunner;
+use crate::experiment::outcome::Level;
 
 /// Number of retries after losses of the device.
 const MAX_RETRIES: u32 = 3;
-
-/// State of a run that carries over from one attempt to the next.
-#[derive(Default)]
-pub(super) struct RetryState {
-    /// Whether to ignore stored checkpoints and start from the first sample.
-    pub(super) from_scratch: bool,
-    /// Number of times that the device was lost.
-    device_losses: u32,
-    /// Backend that replaces the run's own.
-    pub(super) backend: Option<&'static str>,
-}
 
 impl NightRunner<'_, '_> {
     /// Decides how a failed run is retried and reports it. Returns false if the night ends before a

@@ -5,11 +5,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 
 use super::active_run::RunRequest;
-use super::night::NightRunner;
+use super::attempt::AttemptError;
 use super::open::{advance, catch_panic};
-use super::retry::AttemptError;
-use crate::experiment::event::{CellRef, Event, Level};
+use super::state::NightRunner;
+use crate::experiment::event::Event;
 use crate::experiment::forecast::WorkloadKey;
+use crate::experiment::outcome::{CellRef, Level};
 use crate::experiment::plan::ReferenceSource;
 
 /// Greatest width and height of the rendered pictures in pixels. The pass detects errors, not slow

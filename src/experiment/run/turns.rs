@@ -5,14 +5,14 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::active_run::{ActiveRun, EndedRun, RunRequest};
-use super::checkpoint::CheckpointState;
-use super::night::NightRunner;
+use super::attempt::{AttemptError, CheckpointState};
 use super::open::{advance_with_lookahead, catch_panic};
-use super::retry::AttemptError;
-use super::waves::{WaveSizer, max_lookahead, slice_samples};
-use crate::experiment::event::{CellRef, Event, Level, Outcome, WaveRow};
+use super::state::NightRunner;
+use super::waves::{SLICE_S, WaveSizer, max_lookahead, slice_samples};
+use crate::experiment::event::Event;
 use crate::experiment::memory;
 use crate::experiment::noise_floor::NoiseFloors;
+use crate::experiment::outcome::{CellRef, Level, Outcome, WaveRow};
 use crate::experiment::run_progress::RunProgress;
 use crate::experiment::shards::WorkUnit;
 use crate::experiment::spec::Snapshots;
@@ -23,10 +23,6 @@ use lumbre_light::film::time::bytes;
 use lumbre_light::transport::path_time::Timing;
 use lumbre_render::cpu::kept_bytes;
 use lumbre_render::{RenderError, Renderer};
-
-/// Render time of a slice, seconds: the greatest delay before a request of the user takes effect.
-/// Slices change neither pictures nor which samples are measured.
-pub(super) const SLICE_S: f64 = 1.0;
 
 /// Render time of a slice of an interleaved run, seconds. Short turns make the conditions of the
 /// techniques more alike.

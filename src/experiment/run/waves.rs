@@ -1,8 +1,12 @@
 //! Sizes of waves and slices.
 
-use crate::experiment::event::WaveRow;
+use crate::experiment::outcome::WaveRow;
 use crate::experiment::run_progress::RunProgress;
 use crate::experiment::stop::StopRule;
+
+/// Render time of a slice, seconds: the greatest delay before a request of the user takes effect.
+/// Slices change neither pictures nor which samples are measured.
+pub(super) const SLICE_S: f64 = 1.0;
 
 /// Determines the sizes of waves. They double from one sample up to what fits into the longest time
 /// between two measurements, and end exactly at every number of samples that occurs in the stop

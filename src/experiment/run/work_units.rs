@@ -5,9 +5,10 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use super::active_run::{EndedRun, RunRequest};
-use super::night::NightRunner;
 use super::open::catch_panic;
-use crate::experiment::event::{Event, Level, Outcome};
+use super::state::NightRunner;
+use crate::experiment::event::Event;
+use crate::experiment::outcome::{Level, Outcome};
 use crate::experiment::run_progress::{Checkpoint, Claim};
 use crate::experiment::shards::{JoinedShards, Shard, ShardSums, WorkUnit};
 use crate::experiment::stop::StopRule;

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::StopRule;
+use crate::text::counted;
 use lumbre_light::value::Value;
 
 impl StopRule {
@@ -10,8 +11,8 @@ impl StopRule {
     pub fn describe(&self) -> String {
         match self {
             StopRule::Time(seconds) => format!("{seconds} s of render time"),
-            StopRule::Samples(n) => format!("{} per pixel", count(*n, "sample")),
-            StopRule::Waves(n) => count(*n, "wave"),
+            StopRule::Samples(n) => format!("{} per pixel", counted(*n, "sample")),
+            StopRule::Waves(n) => counted(*n, "wave"),
             StopRule::When {
                 column,
                 op,
@@ -38,7 +39,7 @@ impl StopRule {
                 "the error of {column} falls more slowly than time^{exponent} over the last factor \
                  of {over} in render time (p < {p})"
             ),
-            StopRule::Nan(n) => count(*n, "invalid sample"),
+            StopRule::Nan(n) => counted(*n, "invalid sample"),
             StopRule::Predicate(_) => "a function of the script".to_owned(),
             StopRule::Any(parts) => join(parts, ", or "),
             StopRule::All(parts) => join(parts, ", and "),
@@ -91,11 +92,6 @@ impl StopRule {
         };
         Value::Map(BTreeMap::from([(kind.to_owned(), argument)]))
     }
-}
-
-/// Formats a count with its noun in singular or plural.
-fn count(n: u64, what: &str) -> String {
-    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 
 /// Joins the descriptions of rules, with nested combinations in parentheses.

@@ -8,7 +8,7 @@ mod plateau;
 
 pub use limits::StopError;
 
-use super::event::WaveRow;
+use super::outcome::WaveRow;
 use super::spec::HookError;
 use crate::metrics::MetricSpec;
 use plateau::Slope;

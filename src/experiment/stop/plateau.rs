@@ -9,7 +9,7 @@
 //! Student's t apply (generalised least squares [Aitken 1936] with that correlation). Ordinary
 //! least squares on the measurements would mistake chance for significance.
 
-use crate::experiment::event::WaveRow;
+use crate::experiment::outcome::WaveRow;
 use lumbre_light::math::t_test::two_sided_p;
 
 /// Smallest number of measurements for an estimate.

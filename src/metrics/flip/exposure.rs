@@ -1,5 +1,6 @@
 //! Exposures and tone mappers of HDR-FLIP [Andersson et al. 2021].
 
+use crate::metrics::colour::luminance_f32;
 use lumbre_light::film::Image;
 
 /// A tone mapper as a rational function `(a x² + b x + c) / (d x² + e x + f)`.
@@ -61,7 +62,7 @@ impl ToneMapper {
     pub fn apply(&self, rgb: [f32; 3]) -> [f32; 3] {
         let rgb = rgb.map(|x| x.clamp(0.0, LIMIT));
         if self.on_luminance {
-            let scale = 1.0 / (1.0 + luminance(rgb));
+            let scale = 1.0 / (1.0 + luminance_f32(rgb));
             return rgb.map(|x| (x * scale).clamp(0.0, 1.0));
         }
         let [a, b, c, d, e, f] = self.coefficients;
@@ -78,10 +79,6 @@ impl ToneMapper {
         let half = -0.5 * b / a;
         half + (half * half - c / a).sqrt()
     }
-}
-
-fn luminance([r, g, b]: [f32; 3]) -> f32 {
-    0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
 /// Range of exposures in stops, and their number.
@@ -151,7 +148,7 @@ fn brightness(image: &Image) -> [f64; 2] {
     let all = image
         .data
         .iter()
-        .map(|p| luminance(*p))
+        .map(|p| luminance_f32(*p))
         .filter(|y| y.is_finite());
     let mut sorted: Vec<f32> = all.collect();
     sorted.sort_unstable_by(f32::total_cmp);

@@ -121,7 +121,7 @@ fn x_value(x: FigureX, row: &WaveRow) -> f64 {
 
 /// Writes the points of all panels as CSV.
 fn csv(plan: &Plan, panels: &[MetricPanel]) -> String {
-    let mut text = format::csv_line(&super::csv_header(plan));
+    let mut text = crate::text::csv_line(&super::csv_header(plan));
     for panel in panels {
         for curve in &panel.curves {
             for (index, (x, mean)) in curve.points.iter().enumerate() {
@@ -139,7 +139,7 @@ fn csv(plan: &Plan, panels: &[MetricPanel]) -> String {
                     bound(ends.map(|e| e.1)),
                     curve.runs.to_string(),
                 ]);
-                text += &format::csv_line(&line);
+                text += &crate::text::csv_line(&line);
             }
         }
     }

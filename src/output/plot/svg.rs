@@ -315,21 +315,7 @@ pub fn text_width(text: &str, size: f64) -> f64 {
 
 /// Breaks text at spaces into lines of at most `width` pixels, except for longer words.
 pub fn wrap(text: &str, size: f64, width: f64) -> Vec<String> {
-    let mut lines = vec![String::new()];
-    for word in text.split(' ').filter(|w| !w.is_empty()) {
-        let last = lines.len() - 1;
-        let longer = if lines[last].is_empty() {
-            word.to_owned()
-        } else {
-            format!("{} {word}", lines[last])
-        };
-        if lines[last].is_empty() || text_width(&longer, size) <= width {
-            lines[last] = longer;
-        } else {
-            lines.push(word.to_owned());
-        }
-    }
-    lines
+    crate::text::wrap(text, |line| text_width(line, size) <= width)
 }
 
 /// Formats a coordinate with at most two decimals.

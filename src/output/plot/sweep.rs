@@ -85,7 +85,7 @@ pub(super) fn figure(
 ) -> (Figure, String) {
     let swept = SweptValues::new(data, over);
     let lines = lines(data, over, dependent, &swept.values);
-    let mut csv = format::csv_line(&super::csv_header(data.plan));
+    let mut csv = crate::text::csv_line(&super::csv_header(data.plan));
     let mut panels = Vec::new();
     for value in y {
         let Some((scale, points)) = line_points(data, value, &lines) else {
@@ -287,5 +287,5 @@ fn csv_row(data: &FigureData, x: &Value, value: &TableValue, point: &SweepPoint)
         bound(high),
         point.runs.to_string(),
     ]);
-    format::csv_line(&fields)
+    crate::text::csv_line(&fields)
 }

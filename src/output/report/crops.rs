@@ -4,10 +4,10 @@
 use std::collections::BTreeMap;
 
 use super::Pictures;
-use super::convergence::{COLUMN, FULL, SCREEN};
 use super::films::{colour_bar, file_suffix};
 use super::item::{Provenance, ReportItem};
 use super::metric_display::MetricDisplay;
+use super::sizes::{COLUMN, FULL, SCREEN};
 use super::snapshots;
 use super::snapshots::{FacetReferences, Moment, Snapshot};
 use super::study::{ReportOptions, Study};

@@ -3,9 +3,9 @@
 //! by path length, and maps of the number of bounces.
 
 use super::Pictures;
-use super::convergence::{FULL, SCREEN};
 use super::crops::shorten;
 use super::item::{Provenance, ReportItem};
+use super::sizes::{FULL, SCREEN};
 use super::snapshots;
 use super::study::{Member, Study};
 use crate::metrics::map::{Colours, ErrorMap};

@@ -2,8 +2,9 @@
 
 use super::item::{ItemKind, Provenance, ReportItem};
 use super::latex;
-use crate::output::format::{csv_line, exact, significant};
+use crate::output::format::{exact, significant};
 use crate::output::table::export::markdown_table;
+use crate::text::csv_line;
 
 /// Maximum number of table columns that fit into one column of a page.
 const NARROW: usize = 3;

@@ -2,12 +2,14 @@
 //! averaged over all other axes and repeats.
 
 use super::ReportError;
-use super::convergence::{FULL, SCREEN, mean_name};
+use super::convergence::mean_name;
 use super::crops::shorten;
 use super::films::colour_bar;
 use super::item::{Provenance, ReportItem};
 use super::metric_display::MetricDisplay;
+use super::sizes::{FULL, SCREEN};
 use super::study::{ReportOptions, Study};
+use crate::metrics::colour::luminance;
 use crate::metrics::map::Colours;
 use crate::output::format;
 use crate::output::format::significant;
@@ -231,8 +233,7 @@ impl<'a> HeatMap<'a> {
             [x, y, width - 0.7, CELL.1 - 0.7],
             &format!("#{r:02x}{g:02x}{b:02x}"),
         );
-        let is_light =
-            0.2126 * f64::from(r) + 0.7152 * f64::from(g) + 0.0722 * f64::from(b) > 120.0;
+        let is_light = luminance([r, g, b].map(f64::from)) > 120.0;
         let font = Font::new(
             if width < 32.0 { 6.0 } else { 7.4 },
             if is_light { "#000000" } else { "#ffffff" },

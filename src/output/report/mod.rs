@@ -18,6 +18,7 @@ pub(super) mod metric_display;
 mod page;
 mod pgfplots;
 pub(super) mod repeats;
+mod sizes;
 mod snapshots;
 pub(super) mod study;
 mod sweep;

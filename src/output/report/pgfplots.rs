@@ -1,9 +1,10 @@
 //! Exports convergence and sweep figures to LaTeX: a `.tex` file with the axes and a `.dat` file
 //! with the points.
 
-use super::convergence::{FacetPanel, MOST_COLUMNS, SeriesLine, labelled_ticks};
+use super::convergence::{FacetPanel, SeriesLine, labelled_ticks};
 use super::item::Provenance;
 use super::latex;
+use super::sizes::MOST_COLUMNS;
 use super::study::Study;
 use crate::output::plot::axis::{Axis, Scale, TickLabel};
 use crate::output::plot::style::style;

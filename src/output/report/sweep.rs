@@ -2,13 +2,12 @@
 //! acceleration structures.
 
 use super::ReportError;
-use super::convergence::{
-    FacetPanel, MOST_PANELS, SeriesLine, draw, mean_name, provenance, separate_devices,
-};
+use super::convergence::{FacetPanel, SeriesLine, draw, mean_name, provenance, separate_devices};
 use super::item::{ItemKind, ReportItem};
 use super::metric_display::MetricDisplay;
 use super::pgfplots::PgfFigure;
 use super::repeats::{Band, BandKind, Spread};
+use super::sizes::MOST_PANELS;
 use super::study::{Member, ReportOptions, Study};
 use crate::experiment::spec::TableValue;
 use crate::output::dependent_axes;

@@ -4,7 +4,8 @@
 use super::item::{ItemKind, PROGRAM, Provenance, ReportItem};
 use super::study::{Member, Study};
 use crate::experiment::night_results::RunState;
-use crate::output::format::{csv_line, exact};
+use crate::output::format::exact;
+use crate::text::csv_line;
 
 /// Builds `data/runs.csv` with one line for each run, `data/waves.csv` with one line for each
 /// measurement of each run, and `data/columns.csv` with meaning and unit of every column.

@@ -2,10 +2,10 @@
 //! for each series.
 
 use super::Pictures;
-use super::convergence::{FULL, SCREEN};
 use super::crops::shorten;
 use super::films::{facet_and_series_label, file_suffix, titled};
 use super::item::{Provenance, ReportItem};
+use super::sizes::{FULL, SCREEN};
 use super::study::{Member, Study};
 use crate::metrics::tonemap::Tonemap;
 use crate::output::format;

@@ -1,7 +1,8 @@
 //! Writes tables as Markdown and as CSV.
 
 use super::{CellValue, TableCell, TableData};
-use crate::output::format::{csv_line, exact, significant};
+use crate::output::format::{exact, significant};
+use crate::text::{csv_line, wrap};
 
 /// Maximum line length of a Markdown caption in characters.
 const CAPTION_WIDTH: usize = 100;
@@ -26,7 +27,10 @@ impl TableData {
                 row.labels.iter().map(escaped).chain(numbers).collect()
             })
             .collect();
-        let caption = wrap(&format!("{}: {}", self.name, self.caption), CAPTION_WIDTH);
+        let caption = wrap(&format!("{}: {}", self.name, self.caption), |line| {
+            line.chars().count() <= CAPTION_WIDTH
+        })
+        .join("\n");
         format!(
             "{caption}\n\n{}",
             markdown_table(&header, &body, self.row_axes.len())
@@ -124,21 +128,4 @@ pub(in crate::output) fn markdown_table(
     let rule: Vec<String> = widths.iter().enumerate().map(rule).collect();
     let rows: String = body.iter().map(|row| line(row)).collect();
     format!("{}|{}|\n{rows}", line(header), rule.join("|"))
-}
-
-/// Breaks text at spaces into lines of at most `width` characters, except for longer words.
-fn wrap(text: &str, width: usize) -> String {
-    let mut lines: Vec<String> = vec![String::new()];
-    for word in text.split(' ') {
-        let last = lines.len() - 1;
-        if lines[last].is_empty() {
-            lines[last] += word;
-        } else if lines[last].chars().count() + 1 + word.chars().count() <= width {
-            lines[last] += " ";
-            lines[last] += word;
-        } else {
-            lines.push(word.to_owned());
-        }
-    }
-    lines.join("\n")
 }

@@ -1,6 +1,7 @@
 //! Light over time: curves of pixels and regions.
 
 use super::Movie;
+use crate::metrics::colour::luminance;
 use crate::output::OutputError;
 use crate::output::plot::axis::{Axis, Scale};
 use crate::output::plot::rasterize;
@@ -37,8 +38,7 @@ impl TimeCurve {
     }
 
     fn luminance(&self, bin: usize) -> f64 {
-        let [r, g, b] = self.values[bin];
-        0.2126 * r + 0.7152 * g + 0.0722 * b
+        luminance(self.values[bin])
     }
 }
 
@@ -52,7 +52,7 @@ pub fn curves_csv(movie: &Movie, curves: &[TimeCurve]) -> String {
             .iter()
             .flat_map(|curve| ["r", "g", "b"].map(|c| format!("{} {c}", curve.name))),
     );
-    let mut text = crate::output::format::csv_line(&header);
+    let mut text = crate::text::csv_line(&header);
     for bin in 0..movie.axis.bins {
         let start = movie.axis.bin_start(bin);
         let mut line = vec![start.to_string()];
@@ -62,7 +62,7 @@ pub fn curves_csv(movie: &Movie, curves: &[TimeCurve]) -> String {
                 .iter()
                 .flat_map(|curve| curve.values[bin as usize].map(|v| v.to_string())),
         );
-        text += &crate::output::format::csv_line(&line);
+        text += &crate::text::csv_line(&line);
     }
     text
 }

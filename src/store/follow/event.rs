@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use crate::experiment::event::Level;
 use crate::experiment::forecast::Forecast;
+use crate::experiment::outcome::Level;
 use crate::experiment::{CellConfig, CellRef, Outcome, WaveRow};
 use crate::store::worker::registry::WorkerStatus;
 use lumbre_light::film::Image;

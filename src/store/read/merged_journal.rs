@@ -20,7 +20,7 @@ pub(crate) struct WorkerLine {
     pub(crate) worker: String,
     /// Date of the event, UTC.
     pub(crate) date: String,
-    /// The event.
+    /// Event of the line.
     pub(crate) event: JournalEvent,
 }
 

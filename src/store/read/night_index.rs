@@ -215,7 +215,7 @@ pub struct RunRecord {
     pub folder: PathBuf,
     /// Place of the run in its plan, and its settings.
     pub config: ConfigFile,
-    /// How the run ended, if it is finished.
+    /// End of the run, if it is finished.
     pub done: Option<DoneFile>,
     /// Measurements of the run.
     pub measurements: Measurements,

@@ -79,7 +79,7 @@ impl NightReader {
         &self.out
     }
 
-    /// Its plan.
+    /// Plan of the night.
     pub fn plan(&self) -> &PlanFile {
         &self.plan
     }

@@ -48,7 +48,7 @@ impl RunReader {
         RunReader { folder }
     }
 
-    /// The folder.
+    /// Folder of the run.
     pub fn folder(&self) -> &Path {
         &self.folder
     }

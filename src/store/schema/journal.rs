@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 use super::run::{BiasCheckFile, OpenCost};
 use super::values::{Named, Real};
 use super::{Field, RecordRow, Version, records};
-use crate::experiment::event::Level;
 use crate::experiment::forecast::Forecast;
+use crate::experiment::outcome::Level;
 use crate::experiment::shards::Shard;
 use crate::experiment::{CellRef, Event, Outcome, Plan, WaveRow};
 use lumbre_render::OpenStats;
@@ -48,7 +48,7 @@ pub const FILE: &str = "journal.jsonl";
 pub struct JournalLine {
     /// Date of the event, UTC, to the second.
     pub date: String,
-    /// The event: its name in `event`, and its fields.
+    /// Event: its name in `event`, and its fields.
     #[serde(flatten)]
     pub event: JournalEvent,
 }
@@ -117,7 +117,7 @@ records! {
         pub run: String,
         /// Readable path; `reference` for references.
         pub path: String,
-        /// How it ended.
+        /// Kind of the end.
         pub outcome: OutcomeKind,
         /// Clause of the stop rule that held, or reason of the failure; else empty.
         pub reason: String,
@@ -141,7 +141,7 @@ records! {
     pub struct ShardStart {
         /// Id of the reference.
         pub run: String,
-        /// The shard.
+        /// Shard of the reference.
         pub shard: ShardRecord,
         /// Device that renders it.
         pub device: String,
@@ -151,9 +151,9 @@ records! {
     pub struct ShardEnd {
         /// Id of the reference.
         pub run: String,
-        /// The shard.
+        /// Shard of the reference.
         pub shard: ShardRecord,
-        /// How it ended.
+        /// Kind of the end.
         pub outcome: OutcomeKind,
         /// Reason of the failure; else empty.
         pub reason: String,
@@ -167,7 +167,7 @@ records! {
         pub level: Level,
         /// Id of the run that it is about; `null` for the night.
         pub run: Option<String>,
-        /// The text.
+        /// Text of the message.
         pub text: String,
     }
 
@@ -183,9 +183,9 @@ records! {
         pub wall_s: f64,
         /// Seconds spent measuring.
         pub measure_s: f64,
-        /// Camera paths.
+        /// Number of camera paths.
         pub paths: u64,
-        /// Rays.
+        /// Number of rays.
         pub rays: u64,
         /// Samples that were NaN or infinite.
         pub invalid: u64,
@@ -196,15 +196,15 @@ records! {
     }
 }
 
-/// How a run or shard ended.
+/// Kind of the end of a run or shard.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum OutcomeKind {
     /// Finished by its stop rule.
     Done,
-    /// Found finished.
+    /// Found finished in a folder.
     Cached,
-    /// Failed.
+    /// Failed for a reason.
     Failed,
     /// Ended early by the user, a signal or the deadline.
     #[default]

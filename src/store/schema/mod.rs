@@ -150,7 +150,7 @@ pub(crate) fn writer_of(path: &Path) -> Option<String> {
 pub struct ReadError {
     /// Path of the file.
     pub path: PathBuf,
-    /// What is wrong with it.
+    /// Problem of the file.
     pub problem: Problem,
 }
 
@@ -161,7 +161,7 @@ impl ReadError {
     }
 }
 
-/// What is wrong with a file; as text, the continuation of a sentence that begins with its name.
+/// Problem of a file; as text, the continuation of a sentence that begins with its name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Problem {
     /// There is no such file.
@@ -219,7 +219,7 @@ pub struct Field {
 pub struct RecordRow {
     /// Name of the structure.
     pub name: &'static str,
-    /// Description.
+    /// Description of the structure.
     pub doc: &'static str,
     /// Fields in the order of the file.
     pub fields: &'static [Field],

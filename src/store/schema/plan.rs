@@ -24,13 +24,13 @@ files! {
         pub axes: Vec<String>,
         /// Settings of the night.
         pub night: NightSettings,
-        /// What is measured.
+        /// Metrics and their interval.
         pub measure: Measurement,
         /// Stop rules of the cells, each once.
         pub stops: Vec<StopRecord>,
         /// Cells in the order of the plan.
         pub cells: Vec<PlannedCell>,
-        /// References.
+        /// References of the cells.
         pub references: Vec<PlannedReference>,
         /// Points of the sweep that are left out.
         pub skipped: Vec<SkippedPoint>,
@@ -94,7 +94,7 @@ records! {
         pub warmup: Option<String>,
     }
 
-    /// What is measured during a run.
+    /// Measurements during a run.
     pub struct Measurement {
         /// Longest render time between two measurements in seconds.
         pub every_s: f64,
@@ -126,7 +126,7 @@ records! {
     pub struct PlannedCell {
         /// Id of its run.
         pub run: String,
-        /// Readable path.
+        /// Readable path of the cell.
         pub path: String,
         /// Folder of its run below `runs/`.
         pub folder: String,
@@ -191,7 +191,7 @@ records! {
 
     /// A point of the sweep that is left out.
     pub struct SkippedPoint {
-        /// Axis values.
+        /// Axis values of the point.
         pub point: Named<Value>,
         /// Reason of the skip rule, or what this machine lacks.
         pub reason: String,
@@ -205,7 +205,7 @@ records! {
         pub file: String,
         /// Place in the file.
         pub place: String,
-        /// The note.
+        /// Text of the note.
         pub message: String,
     }
 

@@ -27,7 +27,7 @@ files! {
         pub job: String,
         /// Date at which it joined, UTC.
         pub joined: String,
-        /// What it does: `waiting`, `rendering` with `run` and `path`, or `left` with a reason.
+        /// Current activity: `waiting`, `rendering` with `run` and `path`, or `left` with a reason.
         pub state: WorkerState,
         /// Date at which the state began, UTC.
         pub since: String,
@@ -35,7 +35,7 @@ files! {
 
     /// Device affinity of a comparison group: the device on which its cells render.
     pub file AffinityFile = "<group>.json", 1 {
-        /// Device.
+        /// Device of the group.
         pub device: RenderDevice,
         /// First 16 digits of the BLAKE3 hash of the device's key and model, with a newline between
         /// them. A file made by hand may leave it out.

@@ -159,7 +159,7 @@ records! {
         pub channel: usize,
         /// Standard normal deviate of the difference.
         pub z: Real,
-        /// Two-sided p-value.
+        /// Two-sided p-value of the deviate.
         pub p: Real,
     }
 
@@ -203,9 +203,9 @@ records! {
         pub measure_s: f64,
         /// Number of waves.
         pub waves: u64,
-        /// Camera paths.
+        /// Number of camera paths.
         pub paths: u64,
-        /// Rays.
+        /// Number of rays.
         pub rays: u64,
         /// Samples that were NaN or infinite, and counted as black.
         pub invalid: u64,
@@ -230,7 +230,7 @@ records! {
         pub processor: String,
         /// Cost of opening the renderer.
         pub open: OpenCost,
-        /// Hash of the scene's content, in hexadecimal.
+        /// Hash of the scene's content, in hexadecimal; empty if unknown.
         pub scene_hash: String,
         /// Date at which it ended, UTC.
         pub finished: String,
@@ -254,7 +254,7 @@ records! {
         pub blake3: String,
         /// Origin of the file as stated by the script.
         pub made_by: String,
-        /// What is known about its noise.
+        /// Knowledge about its noise: `unknown`.
         pub noise: String,
         /// Date of the copy, UTC.
         pub finished: String,
@@ -274,7 +274,7 @@ records! {
         pub samples_left: u64,
         /// Greatest number of samples per pixel of the next wave.
         pub next_wave_max: u64,
-        /// Wall-clock seconds.
+        /// Wall-clock seconds of the run.
         pub wall_s: f64,
         /// The wave that is not complete.
         pub current_wave: WaveCounts,
@@ -292,9 +292,9 @@ records! {
         pub render_s: f64,
         /// Seconds that a device other than the CPU was busy.
         pub device_s: f64,
-        /// Camera paths.
+        /// Number of camera paths.
         pub paths: u64,
-        /// Rays.
+        /// Number of rays.
         pub rays: u64,
         /// Samples that were NaN or infinite.
         pub invalid: u64,

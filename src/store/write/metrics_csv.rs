@@ -8,6 +8,7 @@
 use std::fmt::Write;
 
 use crate::experiment::WaveRow;
+use crate::text::{csv_field, csv_fields};
 
 /// Name of the file in a run's folder.
 pub const FILE: &str = "metrics.csv";
@@ -29,7 +30,8 @@ pub fn header<'a>(metrics: impl IntoIterator<Item = &'a str>) -> String {
     let mut line = FIXED.join(",");
     for column in metrics {
         line.push(',');
-        line.push_str(&quote(column));
+        // A line is a record, so names have no line breaks.
+        line.push_str(&csv_field(&column.replace(['\n', '\r'], " ")));
     }
     line.push('\n');
     line
@@ -64,7 +66,7 @@ pub fn line(row: &WaveRow) -> String {
 pub fn parse(text: &str) -> Result<(Vec<String>, Vec<WaveRow>), String> {
     let complete = &text[..text.rfind('\n').map_or(0, |end| end + 1)];
     let mut lines = complete.lines();
-    let columns = split(lines.next().ok_or("the file is empty")?);
+    let columns = csv_fields(lines.next().ok_or("the file is empty")?);
     if columns.len() < FIXED.len()
         || columns
             .iter()
@@ -123,36 +125,6 @@ fn parse_row(line: &str, width: usize) -> Result<WaveRow, String> {
         first_invalid: None,
         metrics: (FIXED.len()..width).map(number).collect::<Result<_, _>>()?,
     })
-}
-
-fn quote(cell: &str) -> String {
-    if cell.contains([',', '"', '\n', '\r']) {
-        format!(
-            "\"{}\"",
-            cell.replace('"', "\"\"").replace(['\n', '\r'], " ")
-        )
-    } else {
-        cell.to_owned()
-    }
-}
-
-fn split(line: &str) -> Vec<String> {
-    let mut cells = vec![String::new()];
-    let mut quoted = false;
-    let mut chars = line.chars().peekable();
-    while let Some(c) = chars.next() {
-        let cell = cells.len() - 1;
-        match c {
-            '"' if quoted && chars.peek() == Some(&'"') => {
-                chars.next();
-                cells[cell].push('"');
-            }
-            '"' => quoted = !quoted,
-            ',' if !quoted => cells.push(String::new()),
-            _ => cells[cell].push(c),
-        }
-    }
-    cells
 }
 
 #[cfg(test)]

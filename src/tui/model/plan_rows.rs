@@ -7,7 +7,8 @@ use super::entry::EntryState;
 use super::night::NightModel;
 use crate::experiment::{CellRef, PlanOutline};
 use crate::tui::format;
-use crate::tui::view::{PlanLayout, View};
+use crate::tui::modes::PlanLayout;
+use crate::tui::view::View;
 
 /// Smallest number of cells that is shown as a tree.
 const SMALLEST_TREE: usize = 25;

@@ -15,8 +15,9 @@ use crate::tui::axis::{AxisScale, ChartAxis};
 use crate::tui::format;
 use crate::tui::model::curve::Curve;
 use crate::tui::model::night::{CurrentRun, NightModel};
+use crate::tui::modes::ChartX;
 use crate::tui::terminal::terminal_caps::TerminalCaps;
-use crate::tui::view::{ChartX, View};
+use crate::tui::view::View;
 
 /// Draws the chart pane.
 pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {

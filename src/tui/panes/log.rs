@@ -7,7 +7,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
 use super::pane;
-use crate::experiment::event::Level;
+use crate::experiment::outcome::Level;
 use crate::tui::format;
 use crate::tui::model::night::{LogMessage, NightModel};
 use crate::tui::view::View;

@@ -23,8 +23,9 @@ use ratatui::widgets::{Block, Borders, Paragraph};
 
 use super::format;
 use super::model::night::NightModel;
+use super::modes::Focus;
 use super::terminal::terminal_caps::TerminalCaps;
-use super::view::{Focus, View};
+use super::view::View;
 
 /// Smallest screen with panes: columns and rows.
 pub const SMALLEST: [u16; 2] = [40, 12];

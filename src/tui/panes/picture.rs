@@ -11,11 +11,13 @@ use ratatui::widgets::Paragraph;
 
 use super::pane;
 use crate::experiment::PlanOutline;
+use crate::metrics::colour::luminance_f32;
 use crate::tui::format;
 use crate::tui::model::night::NightModel;
+use crate::tui::modes::PictureMode;
 use crate::tui::preview::{PreviewContent, box_average};
 use crate::tui::terminal::terminal_caps::{Colors, Graphics, TerminalCaps};
-use crate::tui::view::{PictureMode, View};
+use crate::tui::view::View;
 use lumbre_light::film::Image;
 
 /// Characters from dark to bright, for terminals without colours.
@@ -72,8 +74,7 @@ fn color(caps: TerminalCaps, display: [f32; 3]) -> Color {
 
 /// Character for the brightness of display values.
 fn shade(display: [f32; 3]) -> char {
-    // Luma of display values with Rec. 709 weights.
-    let luma = 0.2126 * display[0] + 0.7152 * display[1] + 0.0722 * display[2];
+    let luma = luminance_f32(display);
     let index = (luma.clamp(0.0, 1.0) * SHADES.len() as f32) as usize;
     char::from(SHADES[index.min(SHADES.len() - 1)])
 }

@@ -10,8 +10,9 @@ use crate::tui::format;
 use crate::tui::model::entry::StateCounts;
 use crate::tui::model::eta::Eta;
 use crate::tui::model::night::NightModel;
+use crate::tui::modes::Focus;
 use crate::tui::terminal::terminal_caps::TerminalCaps;
-use crate::tui::view::{Focus, Prompt, View};
+use crate::tui::view::{Prompt, View};
 
 /// Seconds without an event after which a watched night may have been terminated.
 const SILENCE_S: f64 = 60.0;

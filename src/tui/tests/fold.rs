@@ -7,7 +7,7 @@ use proptest::prelude::*;
 
 use super::night::{self, NightBuilder, in_the_middle};
 use super::screens::{RICH, screen};
-use crate::experiment::event::Level;
+use crate::experiment::outcome::Level;
 use crate::experiment::shards::Shard;
 use crate::experiment::{CellRef, Event, Outcome};
 use crate::tui::model::curve::CAPACITY;

@@ -16,10 +16,10 @@ use ratatui::style::Color;
 use ratatui::widgets::Widget;
 use ratatui::{Terminal, TerminalOptions, Viewport};
 
+use crate::tui::modes::PictureMode;
 use crate::tui::preview::PreviewContent;
 use crate::tui::terminal::graphics_protocols::{EncodedPicture, GraphicsCache, Picture};
 use crate::tui::terminal::terminal_caps::Graphics;
-use crate::tui::view::PictureMode;
 use lumbre_light::film::Image;
 
 const PLACEHOLDER: char = '\u{10eeee}';

@@ -8,7 +8,8 @@ use super::night::{self, NightBuilder, in_the_middle};
 use super::screens::RICH;
 use crate::experiment::{CellRef, Outcome, PauseAt};
 use crate::tui::model::night::NightModel;
-use crate::tui::view::{ChartX, Focus, NightRequest, PictureMode, View};
+use crate::tui::modes::{ChartX, Focus, NightRequest, PictureMode};
+use crate::tui::view::View;
 
 const AREA: Rect = Rect {
     x: 0,
@@ -142,7 +143,7 @@ fn the_enlarged_log_scrolls_within_its_lines() {
     let mut night = in_the_middle();
     for i in 0..100 {
         night.message(
-            crate::experiment::event::Level::Info,
+            crate::experiment::outcome::Level::Info,
             None,
             &format!("message {i}"),
         );

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
 use super::night::{self, NightBuilder, in_the_middle};
-use crate::experiment::event::Level;
+use crate::experiment::outcome::Level;
 use crate::experiment::{CellRef, Event, Outcome, Sink};
 use crate::tui::progress_lines::{ProgressLineOptions, ProgressLines};
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use crate::experiment::event::Level;
+use crate::experiment::outcome::Level;
 use crate::experiment::plan::{Reference, ReferenceSource, Skipped};
 use crate::experiment::spec::{MeasureSpec, Snapshots};
 use crate::experiment::stop::Comparison;

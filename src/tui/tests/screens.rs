@@ -6,16 +6,17 @@ use ratatui::backend::TestBackend;
 use std::sync::Arc;
 
 use super::night::{self, NightBuilder, in_the_middle};
-use crate::experiment::event::Level;
+use crate::experiment::outcome::Level;
 use crate::experiment::shards::Shard;
 use crate::experiment::{CellRef, Event, Outcome};
 use crate::tui::model::entry::EntryState;
 use crate::tui::model::night::NightModel;
 use crate::tui::model::strategy_thumbnails::StrategyThumbnail;
 use crate::tui::model::worker_list::WorkerLine;
+use crate::tui::modes::{ChartX, Focus, PictureMode};
 use crate::tui::panes;
 use crate::tui::terminal::terminal_caps::{Colors, TerminalCaps};
-use crate::tui::view::{ChartX, Focus, Notice, PendingRequests, PictureMode, Prompt, View};
+use crate::tui::view::{Notice, PendingRequests, Prompt, View};
 use lumbre_render::OpenStats;
 
 pub const RICH: TerminalCaps = TerminalCaps {

@@ -10,7 +10,8 @@ use super::screens::{RICH, screen};
 use crate::experiment::{CellRef, Event};
 use crate::tui::model::night::NightModel;
 use crate::tui::model::time_preview::TimePreview;
-use crate::tui::view::{Focus, PictureMode, View};
+use crate::tui::modes::{Focus, PictureMode};
+use crate::tui::view::View;
 use lumbre_light::film::time::{TimeAxis, TimeCube};
 
 /// A light front that moves from left to right through 20 of 24 bins, one column per bin.

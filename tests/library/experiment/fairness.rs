@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex};
 
 use lumbre::experiment::aa_check::{Finding, check};
-use lumbre::experiment::event::Level;
+use lumbre::experiment::outcome::Level;
 use lumbre::experiment::plan::identity::{cell_seed, warmup_seed};
 use lumbre::experiment::run::{Open, Options, Seams, run_with};
 use lumbre::experiment::spec::{Order, Warmup};

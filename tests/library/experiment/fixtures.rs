@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::Vec3;
-use lumbre::experiment::event::{FinishedRun, History, Level};
+use lumbre::experiment::event::{FinishedRun, History};
 use lumbre::experiment::noise_floor::HalfImages;
+use lumbre::experiment::outcome::Level;
 use lumbre::experiment::plan::{LoadedScene, expand};
 use lumbre::experiment::run::{Open, Seams, run_with};
 use lumbre::experiment::spec::{

@@ -3,7 +3,7 @@
 use std::cell::Cell;
 use std::sync::Arc;
 
-use lumbre::experiment::event::Level;
+use lumbre::experiment::outcome::Level;
 use lumbre::experiment::run::{Seams, run_with};
 use lumbre::experiment::{
     CellRef, Event, NightControls, NightSummary, Outcome, PauseAt, Sink, SinkError,

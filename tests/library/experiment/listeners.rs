@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use lumbre::experiment::event::Level;
+use lumbre::experiment::outcome::Level;
 use lumbre::experiment::run::{Open, RunError};
 use lumbre::experiment::spec::{CellConfig, HookError};
 use lumbre::experiment::{CellRef, Event, Outcome, Sink, SinkError, StopRule};

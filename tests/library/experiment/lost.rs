@@ -8,7 +8,8 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 
-use lumbre::experiment::event::{FinishedRun, History, Level, SaveState};
+use lumbre::experiment::event::{FinishedRun, History, SaveState};
+use lumbre::experiment::outcome::Level;
 use lumbre::experiment::run::{Options, Seams, run_with};
 use lumbre::experiment::run_progress::{Checkpoint, RunProgress};
 use lumbre::experiment::shards::WorkUnit;

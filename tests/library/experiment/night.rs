@@ -3,7 +3,8 @@
 use std::cell::RefCell;
 use std::sync::Arc;
 
-use lumbre::experiment::event::{FinishedRun, History, Level};
+use lumbre::experiment::event::{FinishedRun, History};
+use lumbre::experiment::outcome::Level;
 use lumbre::experiment::spec::{ReferenceRequest, Snapshots};
 use lumbre::experiment::stop::Comparison;
 use lumbre::experiment::{CellRef, Event, Outcome, Plan, StopRule, WaveRow, run};

@@ -3,8 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use lumbre::experiment::event::{FinishedRun, History, Level};
+use lumbre::experiment::event::{FinishedRun, History};
 use lumbre::experiment::noise_floor::{HalfImages, floors};
+use lumbre::experiment::outcome::Level;
 use lumbre::experiment::run::{Seams, run_with};
 use lumbre::experiment::run_progress::{Checkpoint, RunProgress};
 use lumbre::experiment::shards::Shard;

@@ -6,7 +6,8 @@ use std::io;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
-use lumbre::experiment::event::{FinishedRun, History, Level, SaveState};
+use lumbre::experiment::event::{FinishedRun, History, SaveState};
+use lumbre::experiment::outcome::Level;
 use lumbre::experiment::run::{Options, Seams, run_with};
 use lumbre::experiment::run_progress::{Checkpoint, Claim, RunProgress};
 use lumbre::experiment::shards::WorkUnit;

@@ -14,8 +14,8 @@ use tracing::Level as LogLevel;
 
 use super::disk_full_retry::{retry_while_disk_full, sleep_before_retry};
 use super::log::Log;
-use crate::experiment::event::Level;
 use crate::experiment::noise_floor::{NoiseFloors, net_columns};
+use crate::experiment::outcome::Level;
 use crate::experiment::spec::Snapshots;
 use crate::experiment::{CellRef, Event, NightControls, Outcome, Plan, Sink, SinkError, WaveRow};
 use crate::output::{exr, png};

@@ -1,11 +1,11 @@
 //! Draws the panels of convergence and sweep figures as SVG.
 
 use super::panel::{FacetPanel, SeriesLine};
-use super::{COLUMN, FULL, MOST_COLUMNS, SCREEN};
 use crate::output::plot::axis::{Axis, TickLabel};
 use crate::output::plot::style::{FAINT, FRAME, INK, style};
 use crate::output::plot::svg::{Anchor, Drawing, Font, text_width, wrap};
 use crate::output::report::crops::shorten;
+use crate::output::report::sizes::{COLUMN, FULL, MOST_COLUMNS, SCREEN};
 use crate::output::report::study::Study;
 
 const PLOT_HEIGHT: f64 = 118.0;

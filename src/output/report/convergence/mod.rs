@@ -10,6 +10,7 @@ use super::item::{ItemKind, Provenance, ReportItem};
 use super::metric_display::MetricDisplay;
 use super::pgfplots::PgfFigure;
 use super::repeats::BandKind;
+use super::sizes::MOST_PANELS;
 use super::study::Study;
 use crate::experiment::spec::FigureX;
 use crate::metrics::MetricSpec;
@@ -18,18 +19,6 @@ use crate::output::plot::axis::Scale;
 pub(super) use draw::{draw, labelled_ticks};
 use panel::panel;
 pub(super) use panel::{FacetPanel, SeriesLine};
-
-/// Width of a figure over both columns of a page, in points [ACM two-column format].
-pub const FULL: f64 = 506.0;
-/// Width of a figure in one column of a page, in points.
-pub const COLUMN: f64 = 241.0;
-/// Magnification of figures on screens relative to paper.
-pub const SCREEN: f64 = 1.6;
-
-/// Maximum number of panels of a figure.
-pub(super) const MOST_PANELS: usize = 6;
-/// Maximum number of panels in a row.
-pub(super) const MOST_COLUMNS: usize = 3;
 
 /// One figure of a metric: a page of facets, on all devices or on one.
 struct FigurePage<'a> {

@@ -19,8 +19,8 @@ use ratatui::layout::Rect;
 use ratatui::widgets::Widget;
 
 use super::terminal_caps::Graphics;
+use crate::tui::modes::PictureMode;
 use crate::tui::preview::PreviewContent;
-use crate::tui::view::PictureMode;
 use lumbre_light::film::Image;
 
 /// Number of cached pictures: the two that flicker.

@@ -1,0 +1,90 @@
+//! Text that several rooms write: counts with nouns, lines of limited width, and CSV.
+
+/// Formats a count with its noun: `1 cell`, `3 cells`.
+pub fn counted(n: u64, noun: &str) -> String {
+    format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
+}
+
+/// Breaks text at spaces into lines that fit, except for single words. Returns at least one line.
+pub fn wrap(text: &str, fits: impl Fn(&str) -> bool) -> Vec<String> {
+    let mut lines = Vec::new();
+    let mut line = String::new();
+    for word in text.split_whitespace() {
+        let longer = if line.is_empty() {
+            word.to_owned()
+        } else {
+            format!("{line} {word}")
+        };
+        if line.is_empty() || fits(&longer) {
+            line = longer;
+        } else {
+            lines.push(std::mem::replace(&mut line, word.to_owned()));
+        }
+    }
+    lines.push(line);
+    lines
+}
+
+/// Formats one CSV field, quoted if necessary [RFC 4180].
+pub fn csv_field(text: &str) -> String {
+    if text.contains(['"', ',', '\n', '\r']) || text.trim() != text {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
+    }
+}
+
+/// Formats one CSV line, including its line feed.
+pub fn csv_line<S: AsRef<str>>(fields: &[S]) -> String {
+    let fields: Vec<String> = fields.iter().map(|f| csv_field(f.as_ref())).collect();
+    fields.join(",") + "\n"
+}
+
+/// Splits a CSV line into its fields, without their quotes.
+pub fn csv_fields(line: &str) -> Vec<String> {
+    let mut fields = vec![String::new()];
+    let mut quoted = false;
+    let mut chars = line.chars().peekable();
+    while let Some(c) = chars.next() {
+        let last = fields.len() - 1;
+        match c {
+            '"' if quoted && chars.peek() == Some(&'"') => {
+                chars.next();
+                fields[last].push('"');
+            }
+            '"' => quoted = !quoted,
+            ',' if !quoted => fields.push(String::new()),
+            _ => fields[last].push(c),
+        }
+    }
+    fields
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_are_as_long_as_fits_and_words_are_whole() {
+        let wrapped = |text: &str| wrap(text, |line| line.len() <= 7);
+        assert_eq!(wrapped("one two three"), ["one two", "three"]);
+        assert_eq!(wrapped("a considerable b"), ["a", "considerable", "b"]);
+        assert_eq!(wrapped("  "), [""]);
+    }
+
+    #[test]
+    fn csv_fields_read_back_with_commas_and_quotes() {
+        let fields = ["plain", "a, b", "say \"hi\"", " ", ""];
+        let line = csv_line(&fields);
+        assert_eq!(line, "plain,\"a, b\",\"say \"\"hi\"\"\",\" \",\n");
+        assert_eq!(csv_fields(line.trim_end_matches('\n')), fields);
+    }
+
+    #[test]
+    fn nouns_have_a_plural() {
+        assert_eq!(
+            [counted(1, "cell"), counted(0, "cell")],
+            ["1 cell", "0 cells"]
+        );
+    }
+}
