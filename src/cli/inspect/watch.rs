@@ -141,7 +141,7 @@ pub(in crate::cli) fn begin_model(model: &mut NightModel, follower: &Follower) {
 pub(in crate::cli) fn apply_event(model: &mut NightModel, TimedEvent { at_s, event }: TimedEvent) {
     match event {
         FollowEvent::NightStarted => model.begin_next_night(at_s),
-        FollowEvent::RunStarted {
+        FollowEvent::CellStarted {
             cell,
             config,
             open,
@@ -159,7 +159,7 @@ pub(in crate::cli) fn apply_event(model: &mut NightModel, TimedEvent { at_s, eve
             total,
         } => model.update_shards(reference, finished, total, at_s),
         FollowEvent::Workers(workers) => model.set_workers(worker_lines(&workers)),
-        FollowEvent::WaveMeasured { cell, row } => model.add_wave(cell, &row, 0.0, at_s),
+        FollowEvent::Wave { cell, row } => model.add_wave(cell, &row, 0.0, at_s),
         FollowEvent::ImageUpdated { cell, image } => model.set_image(cell, image),
         FollowEvent::StrategyImage {
             cell,
@@ -170,24 +170,24 @@ pub(in crate::cli) fn apply_event(model: &mut NightModel, TimedEvent { at_s, eve
         } => {
             model.add_strategy_thumbnail(cell, StrategyThumbnail::from_film(s, t, weighted, &image))
         }
-        FollowEvent::RunEnded {
+        FollowEvent::CellFinished {
             cell,
             outcome,
             last,
         } => model.finish_run(cell, &outcome, last.as_ref(), at_s),
         FollowEvent::Message { level, cell, text } => model.log(level, cell, &text, at_s),
-        FollowEvent::BiasChecked { reference, agrees } => model.set_bias_check(reference, agrees),
-        FollowEvent::ForecastUpdated(left) => model.set_forecast(left, at_s),
-        FollowEvent::NightEnded => model.end_night(at_s),
+        FollowEvent::BiasCheck { reference, agrees } => model.set_bias_check(reference, agrees),
+        FollowEvent::Forecast(left) => model.set_forecast(left, at_s),
+        FollowEvent::NightFinished => model.end_night(at_s),
         // The preview is loaded before the model is locked.
-        FollowEvent::TimeCubeWritten { .. } => {}
+        FollowEvent::TimesWritten { .. } => {}
     }
 }
 
 /// Loads the preview of a run's time axis row by row. Returns `None` for other events, and if the
 /// file cannot be read or does not match the axis.
 fn load_time_preview(event: &FollowEvent) -> Option<TimePreview> {
-    let FollowEvent::TimeCubeWritten { cell, file, axis } = event else {
+    let FollowEvent::TimesWritten { cell, file, axis } = event else {
         return None;
     };
     let mut reader = BufReader::new(File::open(file).ok()?);
@@ -271,7 +271,7 @@ mod tests {
             .unwrap();
         std::fs::write(&file, &bytes).unwrap();
         let cell = CellRef::Cell(3);
-        let timed = |axis| FollowEvent::TimeCubeWritten {
+        let timed = |axis| FollowEvent::TimesWritten {
             cell,
             file: file.clone(),
             axis,

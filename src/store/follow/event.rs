@@ -1,4 +1,5 @@
-//! Events that a follower reports of a night.
+//! Events that a follower reports of a night, named like those of the night itself
+//! ([`Event`](crate::experiment::Event)); the others report files and workers.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -17,7 +18,7 @@ pub enum FollowEvent {
     /// A night started in this folder. Results of earlier nights remain.
     NightStarted,
     /// A run started, and its waves and images are reported from now on.
-    RunStarted {
+    CellStarted {
         /// Cell or reference of the run.
         cell: CellRef,
         /// Settings from its `config.json`, if they can be read.
@@ -44,7 +45,7 @@ pub enum FollowEvent {
     /// State of all workers of the night, reported every two seconds.
     Workers(Vec<WorkerStatus>),
     /// A wave of a run was measured. Its metrics are in the order of the outline.
-    WaveMeasured {
+    Wave {
         /// Cell or reference of the run.
         cell: CellRef,
         /// Measurement at the end of the wave.
@@ -71,7 +72,7 @@ pub enum FollowEvent {
         image: Arc<Image>,
     },
     /// A run stored its time-resolved film.
-    TimeCubeWritten {
+    TimesWritten {
         /// Cell or reference of the run.
         cell: CellRef,
         /// NumPy array of mean radiance, \[row\]\[column\]\[bin\]\[rgb\].
@@ -80,7 +81,7 @@ pub enum FollowEvent {
         axis: TimeAxis,
     },
     /// A run ended, or was found to have ended.
-    RunEnded {
+    CellFinished {
         /// Cell or reference of the run.
         cell: CellRef,
         /// Outcome of the run.
@@ -98,16 +99,16 @@ pub enum FollowEvent {
         text: String,
     },
     /// A reference was compared with the image of a second technique.
-    BiasChecked {
+    BiasCheck {
         /// Index of the reference in the plan.
         reference: usize,
         /// Whether the two images agree.
         agrees: bool,
     },
     /// A forecast of the remaining time was made.
-    ForecastUpdated(Forecast),
+    Forecast(Forecast),
     /// The night ended.
-    NightEnded,
+    NightFinished,
 }
 
 /// An event with the time at which it happened.

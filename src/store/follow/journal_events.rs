@@ -41,9 +41,9 @@ impl Follower {
             }
             JournalEvent::NightFinished {} | JournalEvent::NightClosed {} => {
                 self.night_active = false;
-                report(FollowEvent::NightEnded);
+                report(FollowEvent::NightFinished);
             }
-            JournalEvent::Forecast(left) => report(FollowEvent::ForecastUpdated(*left)),
+            JournalEvent::Forecast(left) => report(FollowEvent::Forecast(*left)),
             JournalEvent::BiasCheck(check) => {
                 bias_checks(check, &cells).into_iter().for_each(report);
             }
@@ -129,7 +129,7 @@ impl Follower {
             // In the first poll, the folders decide which runs are done; the journal adds numbers.
             let confirmed = matches!(outcome, Outcome::Done(_)) == self.night.is_done(*cell);
             if !first_poll || confirmed {
-                let event = FollowEvent::RunEnded {
+                let event = FollowEvent::CellFinished {
                     cell: *cell,
                     outcome,
                     last: end.last.as_ref().map(|last| self.last_row(last)),
@@ -209,7 +209,7 @@ fn run_active(cells: &[CellRef]) -> Option<FollowEvent> {
 /// Events of a bias check of these references.
 fn bias_checks(check: &BiasCheckFile, cells: &[CellRef]) -> Vec<FollowEvent> {
     let checked = |cell: &CellRef| match *cell {
-        CellRef::Reference(reference) => Some(FollowEvent::BiasChecked {
+        CellRef::Reference(reference) => Some(FollowEvent::BiasCheck {
             reference,
             agrees: check.agrees,
         }),

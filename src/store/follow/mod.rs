@@ -160,7 +160,7 @@ impl Follower {
             // Shards have keys that are no run ids, and their reference has not ended.
             for cell in self.ids.get(&key).into_iter().flatten() {
                 if !self.night.is_done(*cell) {
-                    let event = FollowEvent::RunEnded {
+                    let event = FollowEvent::CellFinished {
                         cell: *cell,
                         outcome: Outcome::Interrupted,
                         last: None,
@@ -229,7 +229,7 @@ impl Follower {
             let Some(folder) = self.night.finished_folder(*cell) else {
                 continue;
             };
-            let event = FollowEvent::RunEnded {
+            let event = FollowEvent::CellFinished {
                 cell: *cell,
                 last: self.stored_last_row(&folder),
                 outcome: Outcome::Cached(folder),
@@ -285,7 +285,7 @@ impl Follower {
             .and_then(|config| config.timing.as_ref())
             .map(|timing| timing.axis);
         let followed = FollowedRun::new(cell, run.folder().to_owned(), line.worker.clone(), axis);
-        let event = FollowEvent::RunStarted {
+        let event = FollowEvent::CellStarted {
             cell,
             config: config.map(Box::new),
             open,

@@ -74,7 +74,7 @@ impl FollowedRun {
     ) {
         let cell = self.cell;
         for row in self.new_rows(outline) {
-            report(FollowEvent::WaveMeasured { cell, row });
+            report(FollowEvent::Wave { cell, row });
         }
         let newest = newest_image(&self.folder, self.running);
         if let Some((samples, file)) = newest.filter(|(n, _)| *n > self.image_samples)
@@ -103,7 +103,7 @@ impl FollowedRun {
         }
         let file = self.folder.join(FILMS).join(CUBE_FILE);
         if let Some(axis) = self.axis.take_if(|_| !self.running && file.is_file()) {
-            report(FollowEvent::TimeCubeWritten { cell, file, axis });
+            report(FollowEvent::TimesWritten { cell, file, axis });
         }
     }
 

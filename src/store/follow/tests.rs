@@ -22,19 +22,19 @@ use lumbre_light::film::time::TimeAxis;
 fn poll(follower: &mut Follower) -> Vec<String> {
     let description = |event: FollowEvent| match event {
         FollowEvent::NightStarted => "night started".to_owned(),
-        FollowEvent::ForecastUpdated(left) => format!("{} known", left.known),
-        FollowEvent::BiasChecked { reference, agrees } => {
+        FollowEvent::Forecast(left) => format!("{} known", left.known),
+        FollowEvent::BiasCheck { reference, agrees } => {
             format!("reference {reference} agrees: {agrees}")
         }
-        FollowEvent::NightEnded => "night ended".to_owned(),
-        FollowEvent::RunStarted {
+        FollowEvent::NightFinished => "night ended".to_owned(),
+        FollowEvent::CellStarted {
             cell, config, open, ..
         } => {
             let technique = config.map_or_else(|| "unknown".to_owned(), |config| config.integrator);
             format!("{cell:?} starts {technique} on {}", open.device)
         }
-        FollowEvent::WaveMeasured { cell, row } => format!("{cell:?} has {}", row.samples),
-        FollowEvent::RunEnded {
+        FollowEvent::Wave { cell, row } => format!("{cell:?} has {}", row.samples),
+        FollowEvent::CellFinished {
             cell,
             outcome,
             last,
@@ -49,7 +49,7 @@ fn poll(follower: &mut Follower) -> Vec<String> {
         }
         FollowEvent::Message { text, .. } => text,
         FollowEvent::StrategyImage { .. } => "strategy image".to_owned(),
-        FollowEvent::TimeCubeWritten { cell, axis, .. } => {
+        FollowEvent::TimesWritten { cell, axis, .. } => {
             format!("{cell:?} has {} bins", axis.bins)
         }
         FollowEvent::RunActive { cell } => format!("{cell:?} is active"),
@@ -463,7 +463,7 @@ fn the_time_resolved_film_is_reported_once_after_the_run() {
     end_line(&store, &plan, 0);
     let events = follower.poll();
     let times = events.iter().filter_map(|timed| match &timed.event {
-        FollowEvent::TimeCubeWritten { file, axis, .. } => Some((file.clone(), *axis)),
+        FollowEvent::TimesWritten { file, axis, .. } => Some((file.clone(), *axis)),
         _ => None,
     });
     assert_eq!(
