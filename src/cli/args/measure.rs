@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::typed::{SceneArg, scene_arg};
 use crate::experiment::spec::Order;
+use lumbre_light::scene::desc::MAX_SIDE;
 
 /// Options of `lumbre verify`.
 #[derive(Args, Debug)]
@@ -78,7 +79,7 @@ pub struct BenchArgs {
         long,
         value_name = "PIXELS",
         default_value_t = 1280,
-        value_parser = clap::value_parser!(u32).range(1..=16384)
+        value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SIDE))
     )]
     pub width: u32,
     /// Height of the pictures (with --backend).
@@ -86,7 +87,7 @@ pub struct BenchArgs {
         long,
         value_name = "PIXELS",
         default_value_t = 720,
-        value_parser = clap::value_parser!(u32).range(1..=16384)
+        value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SIDE))
     )]
     pub height: u32,
     /// Simulate a night of 10,000 cells on 1,000 cluster workers with failures instead.

@@ -23,15 +23,12 @@ use crate::tui::model::strategy_thumbnails::StrategyThumbnail;
 use crate::tui::model::time_preview::{TimePreview, TimePreviewBuilder};
 use crate::tui::model::worker_list::WorkerLine;
 use crate::tui::{self, Dashboard, Role};
+use lumbre_light::scene::desc::MAX_SIDE;
 
 /// Time between two reads of the files.
 const FILE_POLL_INTERVAL: Duration = Duration::from_millis(500);
 /// Time between two checks whether the dashboard was closed.
 const EXIT_POLL_INTERVAL: Duration = Duration::from_millis(50);
-
-/// Maximum width and height of a film with a time axis, in pixels. Larger sizes in a file are
-/// treated as damage.
-const MAX_SIDE: u32 = 1 << 16;
 
 /// Runs `lumbre watch`: shows a night in the dashboard, or prints its status without a terminal.
 pub fn main(args: &WatchArgs, global: &Global, log: &Log) -> Result<Exit, Failure> {

@@ -11,6 +11,7 @@ use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::night::load;
 use crate::cli::reproduce::stored_run;
 use lumbre_light::scene::compile::{MAX_FLATTENED_PRIMITIVES, NONE};
+use lumbre_light::scene::desc::MAX_SIDE;
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::integrator::{INTEGRATORS, integrator};
 use lumbre_light::transport::sampler::{SAMPLER_NAMES, sampler};
@@ -242,12 +243,12 @@ pub fn pixel(text: &str) -> Result<[u32; 2], String> {
     pair.ok_or_else(|| format!("expected column and row such as 12,7, found `{text}`"))
 }
 
-/// Parses a size `WxH` in pixels, each side between 1 and 16384.
+/// Parses a size `WxH` in pixels, each side between 1 and [`MAX_SIDE`].
 pub fn size(text: &str) -> Result<[u32; 2], String> {
     let pair = text
         .split_once('x')
         .and_then(|(w, h)| Some([w.trim().parse().ok()?, h.trim().parse().ok()?]));
-    pair.filter(|size: &[u32; 2]| size.iter().all(|n| (1..=1 << 14).contains(n)))
+    pair.filter(|size: &[u32; 2]| size.iter().all(|n| (1..=MAX_SIDE).contains(n)))
         .ok_or_else(|| format!("expected width and height such as 640x360, found `{text}`"))
 }
 

@@ -2,6 +2,7 @@
 
 use crate::backends::BACKENDS;
 use lumbre_light::film::layer::LAYER_NAMES;
+use lumbre_light::scene::desc::MAX_SIDE;
 use lumbre_light::transport::camera::FILTER_NAMES;
 use lumbre_light::transport::integrator::INTEGRATORS;
 use lumbre_light::transport::integrator::external::EXTERNALS;
@@ -236,7 +237,7 @@ pub const RENDER: Table = Table {
             ty: Ty::Nums {
                 len: 2,
                 min: 1.0,
-                max: 16384.0,
+                max: MAX_SIDE as f64,
             },
             required: false,
             default: "the scene's",

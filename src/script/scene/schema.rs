@@ -1,5 +1,6 @@
 //! Schemas of `scene` and of the methods for cameras, lights, environment and import.
 
+use lumbre_light::scene::desc::MAX_SIDE;
 use lumbre_light::scene::desc::light::CUTOFF_RANGE;
 use lumbre_light::value::schema::{Field, Table, Ty};
 
@@ -26,7 +27,7 @@ pub const SCENE: Table = Table {
             Ty::Nums {
                 len: 2,
                 min: 1.0,
-                max: 16_384.0,
+                max: MAX_SIDE as f64,
             },
             "{ 1280, 720 }",
             "width and height in pixels",
