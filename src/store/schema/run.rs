@@ -346,7 +346,7 @@ pub enum DoneFile {
     /// It was rendered.
     Rendered(Box<RunResults>),
     /// It is a copy of an image file.
-    Imported(ImportedReference),
+    Imported(Box<ImportedReference>),
 }
 
 impl super::StoredFile for DoneFile {

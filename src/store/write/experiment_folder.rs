@@ -281,7 +281,7 @@ impl Store {
         let writer = RunWriter::shared(folder, REFERENCE, &config)?;
         writer.write(&layout::imported_file_name(file), &bytes)?;
         let origin = fs::canonicalize(file).unwrap_or_else(|_| file.clone());
-        writer.finish(&DoneFile::Imported(ImportedReference {
+        writer.finish(&DoneFile::Imported(Box::new(ImportedReference {
             run: plan.references[reference].id.0.clone(),
             imported_from: origin.display().to_string(),
             blake3: blake3::hash(&bytes).to_hex().to_string(),
@@ -289,7 +289,7 @@ impl Store {
             noise: "unknown".to_owned(),
             finished: utc(SystemTime::now()),
             ..ImportedReference::default()
-        }))
+        })))
     }
 
     /// Records the machine and the command in `env.json`.
