@@ -275,7 +275,7 @@ fn every_device_has_a_worker_and_every_comparison_group_stays_on_one_device() {
     };
     let worker = named("/workers/", ".json").concat();
     assert!(
-        worker.contains(", device 1\"") && worker.contains("\"state\":\"left\""),
+        worker.contains(", device 1\"") && worker.contains("\"state\":{\"left\":"),
         "{worker}"
     );
     // Any worker renders shards of references.

@@ -78,7 +78,7 @@ fn a_sweep_over_backends_gives_the_same_pictures_and_bins() {
                 let done: serde_json::Value =
                     serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
                 let message = ["accel_build_s", "accel_bytes", "accel_cost"]
-                    .map(|key| done[key].as_f64().unwrap());
+                    .map(|key| done["open"][key].as_f64().unwrap());
                 assert!(message.iter().all(|x| *x > 0.0), "{done}");
                 built += 1;
             }
