@@ -11,6 +11,7 @@ mod exit;
 mod format;
 mod inspect;
 pub mod night;
+mod render;
 mod reproduce;
 pub mod scene;
 pub mod verify;
@@ -64,6 +65,7 @@ fn dispatch(cli: &Cli) -> Result<Exit, Failure> {
         Verb::Submit(args) => cluster::submit(args, global),
         Verb::Cancel(args) => cluster::cancel(args, global),
         Verb::Explain(args) => inspect::explain::main(args, global),
+        Verb::Render(args) => render::main(args, global),
         Verb::Plan(args) => night::plan::main(args, global),
         Verb::Check(args) => scene::check::main(args, global),
         Verb::Export(args) => scene::export::main(args, global),

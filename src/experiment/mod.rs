@@ -11,6 +11,7 @@ pub mod bias_check;
 pub mod comparison_groups;
 pub mod event;
 pub mod forecast;
+mod job;
 pub mod memory;
 pub mod night_results;
 pub mod noise_floor;

@@ -29,6 +29,7 @@ mod state;
 mod strict;
 
 use std::cell::{Cell, RefCell};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
@@ -39,9 +40,24 @@ pub use error::{Problem, ScriptError};
 pub use limits::Limits;
 pub use reference::reference;
 
-use crate::experiment::ExperimentSpec;
+use crate::experiment::{CellConfig, ExperimentSpec};
 use api::builder::Builder;
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::SchemaError;
 use state::{Purpose, Shared};
+
+/// Checks a render table as scripts return it, and converts it. Relative files are searched in the
+/// current folder, then in `folder`.
+///
+/// # Errors
+/// Returns an error for the first field that is unknown, missing, of a wrong type, out of range, or
+/// that names a missing file.
+pub fn render_settings(
+    table: &BTreeMap<String, Value>,
+    folder: &Path,
+) -> Result<CellConfig, SchemaError> {
+    api::render::cell_config(table, folder, "render")
+}
 
 /// Loaded script: its experiment, and the Lua state with its functions.
 ///

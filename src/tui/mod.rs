@@ -9,6 +9,7 @@ pub mod axis;
 mod command;
 mod dashboard;
 pub mod format;
+pub mod live_picture;
 pub mod model;
 mod modes;
 pub mod panes;

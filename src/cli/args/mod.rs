@@ -8,6 +8,7 @@ mod inspect;
 mod measure;
 mod night;
 mod output;
+mod render;
 mod scene;
 mod typed;
 
@@ -20,6 +21,7 @@ pub use inspect::{ExplainArgs, LsArgs, ShowArgs, StatusArgs, WatchArgs};
 pub use measure::{BenchArgs, VerifyArgs};
 pub use night::{NightArgs, PlanArgs, RetryArgs, RunArgs, ScriptArgs};
 pub use output::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs, ViewArgs};
+pub use render::RenderArgs;
 pub use scene::{CheckArgs, ExportArgs, TraceArgs};
 pub use typed::{SceneArg, split, value};
 
@@ -98,6 +100,13 @@ impl Global {
 /// Verbs of the program.
 #[derive(Debug, Subcommand)]
 pub enum Verb {
+    /// Render one picture of a scene.
+    ///
+    /// Shows the picture in the terminal while it renders, and writes it to files. Settings are
+    /// those of a script's render table; whatever a script can compare, this verb can try.
+    ///
+    /// Example: lumbre render scenes/cornell.lua -i bdpt --spp 256 --size 640x480 -o box.exr
+    Render(RenderArgs),
     /// Run an experiment and write its figures and tables.
     ///
     /// Renders all cells that are not finished yet; cells that an earlier night finished are not

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use lumbre_light::value::Value;
+use lumbre_light::value::schema::duration_s;
 
 /// Scene file with its options, from the command line.
 #[derive(Clone, Debug, PartialEq)]
@@ -13,6 +14,13 @@ pub struct SceneArg {
     pub file: PathBuf,
     /// Names and values of the options after the question mark.
     pub settings: Vec<(String, Value)>,
+}
+
+/// Parses a positive duration, such as `30s`, `5min` or `90`, to seconds.
+pub(super) fn seconds(text: &str) -> Result<f64, String> {
+    duration_s(&Value::from(text))
+        .filter(|seconds| *seconds > 0.0)
+        .ok_or_else(|| format!("expected a duration such as 30s or 5min, found `{text}`"))
 }
 
 /// Parses an option of the form `name=value`.

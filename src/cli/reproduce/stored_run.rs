@@ -17,8 +17,6 @@ use lumbre_light::scene::compile::compile_sharing;
 use lumbre_light::scene::desc::content_hash;
 use lumbre_light::scene::{CompiledScene, SceneDesc, edit};
 use lumbre_light::transport::integrator::external::is_external;
-use lumbre_light::transport::integrator::integrator;
-use lumbre_light::transport::sampler::sampler;
 use lumbre_render::reference_halves::ReferenceHalves;
 use lumbre_render::{Job, Renderer, external};
 
@@ -133,7 +131,7 @@ pub fn load_job(
     let seed = config.seed.or(config.seeds.map(|[first, _]| first));
     let job = Job {
         seed: seed.ok_or("config.json of the run has no seed")?,
-        ..job_from_config(&render, &scene, global)?
+        ..render.job(scene.resolution, scene.max_depth, global.threads)?
     };
     Ok((Arc::new(compiled), job, render.backend))
 }
@@ -147,27 +145,6 @@ fn render_config(config: &ConfigFile) -> Result<CellConfig, String> {
     cell_config(render).ok_or_else(|| {
         "config.json of the run has a filter, layer or time axis that this version does not know"
             .to_owned()
-    })
-}
-
-/// Builds the job of a run's settings, without its seed.
-fn job_from_config(render: &CellConfig, scene: &SceneDesc, global: &Global) -> Result<Job, String> {
-    let name = &render.integrator;
-    Ok(Job {
-        integrator: integrator(name)
-            .ok_or_else(|| format!("this version has no integrator `{name}`"))?,
-        params: render.params.clone(),
-        resolution: render.resolution.unwrap_or(scene.resolution),
-        max_depth: render.max_depth.unwrap_or(scene.max_depth),
-        rr_start: render.rr_start,
-        filter: render.filter,
-        layers: render.films.clone(),
-        timing: render.timing.clone(),
-        sampler: sampler(&render.sampler).ok_or("the sampler of the run is unknown")?,
-        accel: render.accel,
-        seed: 0,
-        first_sample: 0,
-        threads: global.threads,
     })
 }
 
@@ -190,7 +167,7 @@ pub fn render(stored: &StoredRun, global: &Global) -> Result<Film, String> {
     }
     let (compiled, _) =
         compile_sharing(&scene, render.accel.instances).map_err(|e| e.to_string())?;
-    let job = job_from_config(render, &scene, global)?;
+    let job = render.job(scene.resolution, scene.max_depth, global.threads)?;
     let backend_name = global.backend.as_deref().unwrap_or(&render.backend);
     let compiled = Arc::new(compiled);
     let row = if is_external(job.integrator) {

@@ -15,9 +15,7 @@ use crate::experiment::spec::Warmup;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::compile_sharing;
 use lumbre_light::transport::integrator::external::is_external;
-use lumbre_light::transport::integrator::integrator;
-use lumbre_light::transport::sampler::sampler;
-use lumbre_render::hierarchy::{AccelSpec, LaneMode};
+use lumbre_render::hierarchy::LaneMode;
 use lumbre_render::reference_halves::ReferenceHalves;
 use lumbre_render::{Job, RenderError, Renderer, WaveStats, external};
 
@@ -196,35 +194,17 @@ impl<'a> NightRunner<'a, '_> {
 
     /// Makes the job of a run, with seed 0.
     fn job(&self, request: &RunRequest<'_>, scene: &CompiledScene) -> Result<Job, String> {
-        let config = request.config;
-        let name = &config.integrator;
-        Ok(Job {
-            integrator: integrator(name)
-                .ok_or_else(|| format!("there is no integrator `{name}`"))?,
-            params: config.params.clone(),
-            resolution: request
-                .resolution
-                .or(config.resolution)
-                .unwrap_or(scene.resolution),
-            max_depth: config.max_depth.unwrap_or(scene.max_depth),
-            rr_start: config.rr_start,
-            filter: config.filter,
-            layers: config.films.clone(),
-            timing: config.timing.clone(),
-            sampler: sampler(&config.sampler)
-                .ok_or_else(|| format!("there is no sampler `{}`", config.sampler))?,
+        let mut job =
+            request
+                .config
+                .job(scene.resolution, scene.max_depth, self.options.threads)?;
+        job.resolution = request.resolution.unwrap_or(job.resolution);
+        job.first_sample = request.shard.map_or(0, |shard| shard.first / 2);
+        if let CellRef::Reference(_) = request.cell {
             // Times of references are not compared, so they are vectorised wherever possible.
-            accel: match request.cell {
-                CellRef::Reference(_) => AccelSpec {
-                    lanes: LaneMode::Always,
-                    ..config.accel
-                },
-                CellRef::Cell(_) => config.accel,
-            },
-            seed: 0,
-            first_sample: request.shard.map_or(0, |shard| shard.first / 2),
-            threads: self.options.threads,
-        })
+            job.accel.lanes = LaneMode::Always;
+        }
+        Ok(job)
     }
 }
 

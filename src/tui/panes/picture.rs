@@ -12,6 +12,7 @@ use ratatui::widgets::Paragraph;
 use super::pane;
 use crate::experiment::PlanOutline;
 use crate::metrics::colour::luminance_f32;
+use crate::metrics::tonemap::Tonemap;
 use crate::tui::format;
 use crate::tui::model::night::NightModel;
 use crate::tui::modes::PictureMode;
@@ -168,7 +169,7 @@ fn display_image<'c>(
         PreviewContent::Radiance(reduced) => {
             let note = (view.exposure != 0.0)
                 .then(|| Line::styled(format!(" {:+} stops ", view.exposure), caps.warn()));
-            Ok((displayed(reduced, view.exposure, plan), note))
+            Ok((displayed(reduced, view.exposure, plan.display), note))
         }
         PreviewContent::Map {
             width,
@@ -255,8 +256,8 @@ fn heading(kind: PictureMode) -> &'static str {
     }
 }
 
-/// Converts linear radiance to display values by the plan's tone map, `stops` brighter.
-pub(super) fn displayed(linear: &Image, stops: f32, plan: &PlanOutline) -> Image {
+/// Converts linear radiance to display values by a tone map, `stops` brighter.
+pub(super) fn displayed(linear: &Image, stops: f32, display: Tonemap) -> Image {
     let brightness = stops.exp2();
     let exposed = Image {
         data: linear
@@ -266,7 +267,7 @@ pub(super) fn displayed(linear: &Image, stops: f32, plan: &PlanOutline) -> Image
             .collect(),
         ..linear.clone()
     };
-    plan.display.apply(&exposed)
+    display.apply(&exposed)
 }
 
 /// Rectangle of a picture in the middle of an area.
@@ -280,14 +281,15 @@ fn centred(inner: Rect, shown: &Image, per_cell: u32) -> Rect {
     }
 }
 
-/// Draws a small picture into `area` at its aspect ratio, `stops` brighter.
-pub(super) fn thumbnail(
+/// Draws a picture of linear radiance into `area` at its aspect ratio by a tone map, `stops`
+/// brighter.
+pub(in crate::tui) fn draw_image(
     frame: &mut Frame,
     area: Rect,
     caps: TerminalCaps,
     linear: &Image,
     stops: f32,
-    plan: &PlanOutline,
+    display: Tonemap,
 ) {
     let per_cell = pixels_per_cell(caps);
     let [width, height] = fitted(
@@ -296,7 +298,7 @@ pub(super) fn thumbnail(
         area.height,
         per_cell,
     );
-    let shown = displayed(&box_average(linear, width, height), stops, plan);
+    let shown = displayed(&box_average(linear, width, height), stops, display);
     paint(
         frame,
         centred(area, &shown, per_cell),

@@ -90,7 +90,7 @@ fn pyramid(
             width: width - 1,
             height: height - 1,
         };
-        picture::thumbnail(frame, at, caps, &film.image, view.exposure, plan);
+        picture::draw_image(frame, at, caps, &film.image, view.exposure, plan.display);
         let label = format!("s{} t{}", film.s, film.t);
         let label =
             Line::styled(format::fit(&label, usize::from(at.width), ""), caps.dim()).centered();

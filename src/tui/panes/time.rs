@@ -50,13 +50,13 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
         inner,
         [super::Constraint::Fill(1), super::Constraint::Length(1)],
     );
-    picture::thumbnail(
+    picture::draw_image(
         frame,
         picture_at,
         caps,
         time_preview.frame(shown),
         time_preview.stops + view.exposure,
-        plan,
+        plan.display,
     );
     let width = usize::from(bar_at.width);
     let full = ((shown + 1) * width / time_preview.frame_count()).clamp(1, width.max(1));

@@ -16,6 +16,7 @@ mod readme;
 mod recipes;
 #[cfg(unix)]
 mod references;
+mod render;
 mod report;
 mod reproduce;
 mod signals;

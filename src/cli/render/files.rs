@@ -1,0 +1,155 @@
+//! The files to which `lumbre render` writes a picture.
+
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+
+use image::codecs::hdr::HdrEncoder;
+
+use crate::metrics::tonemap::Tonemap;
+use crate::output::{exr, png};
+use lumbre_light::film::Image;
+
+/// Format of a picture file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    /// OpenEXR: linear radiance in single precision, with metadata.
+    Exr,
+    /// Radiance HDR: linear radiance with a shared exponent, without metadata.
+    Hdr,
+    /// PNG: tone-mapped, with metadata.
+    Png,
+}
+
+/// File extensions of the formats.
+const FORMATS: [(&str, Format); 3] = [
+    ("exr", Format::Exr),
+    ("hdr", Format::Hdr),
+    ("png", Format::Png),
+];
+
+/// A file to write.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OutputFile {
+    /// Path of the file.
+    pub path: PathBuf,
+    format: Format,
+}
+
+/// Returns the files to write: the given ones, or an EXR and a PNG file in the current folder named
+/// after the scene.
+///
+/// # Errors
+/// Returns a message if a file has an unknown extension, is a folder, or its folder does not exist.
+pub fn outputs(given: &[PathBuf], scene: &Path) -> Result<Vec<OutputFile>, String> {
+    if given.is_empty() {
+        let stem = scene
+            .file_stem()
+            .map_or("picture".into(), |stem| stem.to_string_lossy());
+        return Ok(["exr", "png"]
+            .map(|extension| PathBuf::from(format!("{stem}.{extension}")))
+            .into_iter()
+            .filter_map(|path| OutputFile::new(path).ok())
+            .collect());
+    }
+    given.iter().cloned().map(OutputFile::new).collect()
+}
+
+impl OutputFile {
+    fn new(path: PathBuf) -> Result<OutputFile, String> {
+        let extension = path
+            .extension()
+            .map(|extension| extension.to_string_lossy().to_ascii_lowercase());
+        let known = FORMATS
+            .iter()
+            .find(|(name, _)| Some(*name) == extension.as_deref());
+        let Some((_, format)) = known else {
+            return Err(format!(
+                "{}: pictures are written as .exr, .hdr or .png",
+                path.display()
+            ));
+        };
+        if path.is_dir() {
+            return Err(format!("{} is a folder", path.display()));
+        }
+        let folder = path
+            .parent()
+            .filter(|folder| !folder.as_os_str().is_empty());
+        if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
+            return Err(format!("there is no folder {}", folder.display()));
+        }
+        Ok(OutputFile {
+            path,
+            format: *format,
+        })
+    }
+
+    /// Encodes a picture in this file's format. `display` is the tone map of PNG files.
+    ///
+    /// # Errors
+    /// Returns a message if the encoder fails.
+    pub fn encode(
+        &self,
+        image: &Image,
+        display: Tonemap,
+        metadata: &[(String, String)],
+    ) -> Result<Vec<u8>, String> {
+        match self.format {
+            Format::Exr => exr::encode(image, metadata).map_err(|e| e.to_string()),
+            Format::Png => png::encode(image, display, metadata).map_err(|e| e.to_string()),
+            Format::Hdr => encode_hdr(image).map_err(|e| e.to_string()),
+        }
+    }
+}
+
+fn encode_hdr(image: &Image) -> image::ImageResult<Vec<u8>> {
+    let pixels: Vec<image::Rgb<f32>> = image.data.iter().copied().map(image::Rgb).collect();
+    let mut bytes = Cursor::new(Vec::new());
+    HdrEncoder::new(&mut bytes).encode(&pixels, image.width as usize, image.height as usize)?;
+    Ok(bytes.into_inner())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::output::picture;
+
+    fn paths(given: &[&str], scene: &str) -> Result<Vec<PathBuf>, String> {
+        let given: Vec<PathBuf> = given.iter().map(PathBuf::from).collect();
+        let found = outputs(&given, Path::new(scene))?;
+        Ok(found.into_iter().map(|output| output.path).collect())
+    }
+
+    #[test]
+    fn a_picture_without_a_name_is_named_after_its_scene() {
+        let expected = ["room.exr", "room.png"].map(PathBuf::from).to_vec();
+        assert_eq!(paths(&[], "scenes/room.lua"), Ok(expected));
+        assert_eq!(paths(&["a.HDR"], "b.scn"), Ok(vec!["a.HDR".into()]));
+    }
+
+    #[test]
+    fn files_that_cannot_be_written_are_refused_before_rendering() {
+        for (file, reason) in [
+            ("a.jpg", ".exr, .hdr or .png"),
+            ("a", ".exr, .hdr or .png"),
+            ("no/such/folder/a.exr", "there is no folder"),
+        ] {
+            let message = paths(&[file], "b.scn").unwrap_err();
+            assert!(message.contains(reason), "{message}");
+        }
+    }
+
+    #[test]
+    fn every_format_is_decoded_as_the_same_picture() {
+        let image = Image::from_fn(5, 3, |x, y| [0.1 * x as f32, 0.2 * y as f32, 0.5]);
+        let display = Tonemap::Srgb { exposure: 0.0 };
+        for (extension, _) in FORMATS {
+            let output = OutputFile::new(format!("a.{extension}").into()).unwrap();
+            let bytes = output.encode(&image, display, &[]).unwrap();
+            let decoded = picture::decode(&bytes).unwrap();
+            assert_eq!(decoded.format, extension);
+            for (a, b) in std::iter::zip(&decoded.image.data, &image.data) {
+                assert!(std::iter::zip(a, b).all(|(a, b)| (a - b).abs() < 0.01));
+            }
+        }
+    }
+}

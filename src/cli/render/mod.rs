@@ -1,0 +1,308 @@
+//! `lumbre render`: one picture of one scene, without a script.
+
+mod files;
+mod settings;
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use crate::backends;
+use crate::cli::args::{Global, RenderArgs};
+use crate::cli::exit::{Exit, Failure, print_result, print_status};
+use crate::cli::format::{counted, display_path, duration, rounded};
+use crate::cli::night::load::print_notes_and_warnings;
+use crate::cli::night::signals;
+use crate::experiment::{Cell, NightControls};
+use crate::metrics::tonemap::Tonemap;
+use crate::tui::live_picture::LivePicture;
+use crate::tui::terminal::terminal_guard;
+use files::OutputFile;
+use lumbre_light::film::Film;
+use lumbre_light::scene::compile::compile_sharing;
+use lumbre_light::transport::integrator::external::is_external;
+use lumbre_render::{Job, Renderer, WaveStats, external};
+
+/// Samples per pixel if neither `--spp` nor `--time` is given.
+const DEFAULT_SAMPLES: u64 = 64;
+
+/// Seconds of rendering between two updates of the preview, about.
+const SLICE_S: f64 = 0.25;
+
+/// Runs `lumbre render`: renders a picture, shows its progress, and writes it to files.
+pub fn main(args: &RenderArgs, global: &Global) -> Result<Exit, Failure> {
+    let outputs = files::outputs(&args.output, &args.scene.file).map_err(Failure::usage)?;
+    let plan = settings::plan(args, global)?;
+    if !global.quiet {
+        print_notes_and_warnings(&plan);
+    }
+    let [cell] = &plan.cells[..] else {
+        return Err(Failure::internal("the plan has more than one cell"));
+    };
+    let controls = Arc::new(NightControls::default());
+    let stop_signal = signals::install(Arc::clone(&controls), terminal_guard::restore_now)
+        .map_err(Failure::internal)?;
+    let display = Tonemap::Srgb {
+        exposure: args.exposure,
+    };
+    let mut session = Session {
+        renderer: open(cell, args.seed, global)?,
+        limits: Limits::new(args),
+        done: WaveStats::default(),
+        preview: (!global.quiet).then(|| LivePicture::open(display, global.no_tui)),
+        started: Instant::now(),
+    };
+    session.render(&controls)?;
+    let Session {
+        renderer,
+        done,
+        preview,
+        ..
+    } = session;
+    drop(preview);
+    let film = renderer.film();
+    for output in &outputs {
+        write(output, film, display, &metadata(args, cell, film))?;
+    }
+    let paths: String = outputs
+        .iter()
+        .map(|output| format!("{}\n", display_path(&output.path)))
+        .collect();
+    if !global.quiet {
+        print_status(&summary(cell, film, &done));
+    }
+    print_result(&paths)?;
+    Ok(if controls.stop_requested() {
+        stop_signal.exit()
+    } else {
+        Exit::Done
+    })
+}
+
+/// Opens the renderer of a cell.
+fn open(cell: &Cell, seed: u64, global: &Global) -> Result<Box<dyn Renderer>, Failure> {
+    let config = &cell.config;
+    let (scene, notes) =
+        compile_sharing(&cell.scene, config.accel.instances).map_err(Failure::usage)?;
+    if !global.quiet {
+        notes
+            .iter()
+            .for_each(|note| print_status(&format!("note: {note}")));
+    }
+    let job = config
+        .job(scene.resolution, scene.max_depth, global.threads)
+        .map_err(Failure::usage)?;
+    let job = Job { seed, ..job };
+    let opened = if is_external(job.integrator) {
+        external::open(&cell.scene, &job)
+    } else {
+        backends::open(&config.backend, Arc::new(scene), job)
+    };
+    opened.map_err(Failure::usage)
+}
+
+/// When rendering stops.
+#[derive(Clone, Copy, Debug)]
+struct Limits {
+    /// Samples per pixel.
+    samples: Option<u64>,
+    /// Seconds inside the renderer.
+    seconds: Option<f64>,
+}
+
+impl Limits {
+    fn new(args: &RenderArgs) -> Limits {
+        let samples = match (args.spp, args.time) {
+            (None, None) => Some(DEFAULT_SAMPLES),
+            (samples, _) => samples,
+        };
+        Limits {
+            samples,
+            seconds: args.time,
+        }
+    }
+
+    /// Returns the number of samples of the next wave: what is likely to take [`SLICE_S`], and no
+    /// more than is left. 0 if a limit is reached.
+    fn next_wave(self, done: &WaveStats) -> u64 {
+        let rate = done.samples as f64 / done.render_s;
+        let at_rate = |seconds: f64| {
+            if rate.is_finite() {
+                ((seconds * rate) as u64).max(1)
+            } else {
+                1
+            }
+        };
+        let by_samples = self
+            .samples
+            .map_or(u64::MAX, |most| most.saturating_sub(done.samples));
+        let by_time = match self.seconds {
+            Some(most) if done.render_s >= most => 0,
+            Some(most) => at_rate(most - done.render_s),
+            None => u64::MAX,
+        };
+        at_rate(SLICE_S).min(by_samples).min(by_time)
+    }
+
+    /// Returns the estimated seconds of rendering that are left.
+    fn seconds_left(self, done: &WaveStats) -> f64 {
+        let by_samples = self.samples.map_or(f64::INFINITY, |most| {
+            most.saturating_sub(done.samples) as f64 * done.render_s / done.samples as f64
+        });
+        let by_time = self
+            .seconds
+            .map_or(f64::INFINITY, |most| most - done.render_s);
+        by_samples.min(by_time).max(0.0)
+    }
+}
+
+/// A renderer in progress.
+struct Session {
+    renderer: Box<dyn Renderer>,
+    limits: Limits,
+    done: WaveStats,
+    /// Preview and line of progress; `None` with `--quiet`.
+    preview: Option<LivePicture>,
+    started: Instant,
+}
+
+impl Session {
+    /// Renders until a limit is reached or a stop is requested.
+    fn render(&mut self, controls: &NightControls) -> Result<(), Failure> {
+        loop {
+            let wave = self.limits.next_wave(&self.done);
+            if wave == 0 || (controls.stop_requested() && self.done.samples > 0) {
+                let line = self.progress_line();
+                if let Some(preview) = &mut self.preview {
+                    preview.draw(self.renderer.film(), &line);
+                }
+                return Ok(());
+            }
+            let stats = self.renderer.advance(wave).map_err(Failure::internal)?;
+            if stats.samples == 0 {
+                return Err(Failure::internal("the renderer returned no samples"));
+            }
+            self.done.add(&stats);
+            let line = self.progress_line();
+            if let Some(preview) = &mut self.preview {
+                preview.show(self.renderer.film(), &line);
+            }
+        }
+    }
+
+    /// Describes the progress in one line.
+    fn progress_line(&self) -> String {
+        let samples = match self.limits.samples {
+            Some(most) => format!("{} of {most}", self.done.samples),
+            None => self.done.samples.to_string(),
+        };
+        format!(
+            "{samples} samples per pixel, {} elapsed, about {} left",
+            duration(self.started.elapsed().as_secs_f64()),
+            duration(self.limits.seconds_left(&self.done))
+        )
+    }
+}
+
+/// Describes a finished picture: its size, technique, samples, time, rate and noise.
+fn summary(cell: &Cell, film: &Film, done: &WaveStats) -> String {
+    let mut text = format!(
+        "{}x{} by {}: {} per pixel in {} s, {} million paths per second",
+        film.width,
+        film.height,
+        cell.config.integrator,
+        counted(film.samples as usize, "sample"),
+        rounded(done.render_s),
+        rounded(done.paths as f64 / done.render_s / 1e6)
+    );
+    if let Some(noise) = relative_noise(film) {
+        text += &format!(", noise {} % of the mean", rounded(100.0 * noise));
+    }
+    if done.invalid > 0 {
+        text += &format!(
+            "\nwarning: {} were NaN or infinite and count as black",
+            counted(done.invalid as usize, "sample")
+        );
+    }
+    text
+}
+
+/// Returns the root mean square standard error of all pixels over the mean of the picture; `None`
+/// if it cannot be estimated.
+fn relative_noise(film: &Film) -> Option<f64> {
+    let variances = film.variance_of_mean();
+    let variance: f64 = variances.mean().iter().sum::<f64>() / 3.0;
+    let mean: f64 = film.mean().mean().iter().sum::<f64>() / 3.0;
+    (film.samples > 1 && mean > 0.0).then(|| variance.sqrt() / mean)
+}
+
+/// Returns the metadata of a picture.
+fn metadata(args: &RenderArgs, cell: &Cell, film: &Film) -> Vec<(String, String)> {
+    let settings: Vec<String> = args
+        .settings
+        .iter()
+        .map(|(key, value)| format!("{key}={value}"))
+        .collect();
+    [
+        (
+            "program",
+            concat!("lumbre ", env!("CARGO_PKG_VERSION")).to_owned(),
+        ),
+        ("scene", args.scene.text.clone()),
+        ("settings", settings.join(" ")),
+        ("integrator", cell.config.integrator.clone()),
+        ("backend", cell.config.backend.clone()),
+        ("samples", film.samples.to_string()),
+        ("seed", args.seed.to_string()),
+    ]
+    .map(|(key, value)| (key.to_owned(), value))
+    .into()
+}
+
+fn write(
+    output: &OutputFile,
+    film: &Film,
+    display: Tonemap,
+    metadata: &[(String, String)],
+) -> Result<(), Failure> {
+    let bytes = output
+        .encode(&film.mean(), display, metadata)
+        .map_err(Failure::internal)?;
+    crate::store::write_atomically(&output.path, &bytes).map_err(Failure::internal)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn done(samples: u64, render_s: f64) -> WaveStats {
+        WaveStats {
+            samples,
+            render_s,
+            ..WaveStats::default()
+        }
+    }
+
+    #[test]
+    fn waves_end_exactly_at_a_number_of_samples() {
+        let limits = Limits {
+            samples: Some(20),
+            seconds: None,
+        };
+        assert_eq!(limits.next_wave(&WaveStats::default()), 1);
+        assert_eq!(limits.next_wave(&done(1, 0.05)), 5);
+        assert_eq!(limits.next_wave(&done(18, 0.9)), 2);
+        assert_eq!(limits.next_wave(&done(20, 1.0)), 0);
+    }
+
+    #[test]
+    fn the_first_limit_that_is_reached_ends_rendering() {
+        let limits = Limits {
+            samples: Some(1000),
+            seconds: Some(1.0),
+        };
+        assert_eq!(limits.next_wave(&done(90, 0.9)), 10);
+        assert_eq!(limits.next_wave(&done(99, 0.999)), 1);
+        assert_eq!(limits.next_wave(&done(100, 1.0)), 0);
+        assert!((limits.seconds_left(&done(50, 0.5)) - 0.5).abs() < 1e-12);
+    }
+}

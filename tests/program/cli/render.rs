@@ -1,0 +1,131 @@
+//! `lumbre render`: one picture without a script.
+
+use std::time::Duration;
+
+use lumbre::output::exr;
+use lumbre_light::film::Image;
+
+use super::workplace::{ProgramOutput, Workplace};
+
+/// Renders the ball with these further arguments, and returns the output and the EXR file `a.exr`.
+fn render(place: &Workplace, more: &[&str]) -> (ProgramOutput, Vec<u8>) {
+    let mut args = vec![
+        "render",
+        "ball.scn",
+        "--size",
+        "24x16",
+        "--backend",
+        "cpu",
+        "-o",
+        "a.exr",
+    ];
+    args.extend(more);
+    let output = place.succeed(&args);
+    (output, std::fs::read(place.path("a.exr")).unwrap())
+}
+
+fn decode(bytes: &[u8]) -> (Image, Vec<(String, String)>) {
+    exr::decode(bytes).unwrap()
+}
+
+#[test]
+fn a_picture_is_written_with_its_settings_and_has_the_same_bits_again() {
+    let place = Workplace::new();
+    let settings = ["--spp", "8", "-i", "bdpt", "--depth", "3", "--seed", "5"];
+    let (output, bytes) = render(&place, &settings);
+    assert_eq!(output.stdout, "a.exr\n");
+    assert!(
+        output.stderr.contains("24x16 by bdpt: 8 samples per pixel"),
+        "{}",
+        output.stderr
+    );
+    let (image, metadata) = decode(&bytes);
+    assert_eq!((image.width, image.height), (24, 16));
+    for (key, value) in [("integrator", "bdpt"), ("samples", "8"), ("seed", "5")] {
+        let found = metadata.iter().find(|(name, _)| name.ends_with(key));
+        assert_eq!(found.map(|(_, v)| v.as_str()), Some(value), "{key}");
+    }
+    let mut threads = settings.to_vec();
+    threads.extend(["--threads", "3"]);
+    assert_eq!(render(&place, &threads).1, bytes);
+}
+
+#[test]
+fn settings_are_those_of_render_tables_and_of_the_scene() {
+    let place = Workplace::new();
+    let picture = |more: &[&str]| {
+        let mut args = vec!["--spp", "4", "-q"];
+        args.extend(more);
+        decode(&render(&place, &args).1).0
+    };
+    let plain = picture(&[]);
+    let direct = picture(&["max_depth=1"]);
+    assert!(
+        direct.mean()[1] < plain.mean()[1],
+        "depth 1 is emission only"
+    );
+    assert_ne!(picture(&["sampler=sobol"]).data, plain.data);
+    assert_ne!(picture(&["camera.fov=20"]).data, plain.data);
+}
+
+#[test]
+fn files_are_named_after_the_scene_and_have_the_format_of_their_extension() {
+    let place = Workplace::new();
+    let plain = place.succeed(&["render", "ball.scn", "--spp", "1", "--size", "8x8", "-q"]);
+    assert_eq!(plain.stdout, "ball.exr\nball.png\n");
+    assert_eq!(plain.stderr, "");
+    let named = [
+        "render", "ball.scn", "--spp", "1", "--size", "8x8", "-o", "b.hdr", "-o", "b.png",
+    ];
+    place.succeed(&named);
+    for (file, magic) in [
+        ("ball.exr", &b"\x76\x2f\x31\x01"[..]),
+        ("ball.png", b"\x89PNG"),
+        ("b.hdr", b"#?RADIANCE"),
+        ("b.png", b"\x89PNG"),
+    ] {
+        let bytes = std::fs::read(place.path(file)).unwrap();
+        assert!(bytes.starts_with(magic), "{file}");
+    }
+}
+
+#[test]
+fn mistakes_are_reported_before_anything_renders() {
+    let place = Workplace::new();
+    for (args, message) in [
+        (&["ball.scn", "max_dept=3"][..], "did you mean `max_depth`"),
+        (&["ball.scn", "-i", "nees"], "did you mean `nee`"),
+        (&["bal.scn"], "there is no file `bal.scn`"),
+        (&["ball.scn", "materials.x.ior=2"], "unknown material `x`"),
+        (&["ball.scn", "-o", "a.jpg"], ".exr, .hdr or .png"),
+        (&["ball.scn", "--time", "soon"], "such as 30s"),
+        (&["ball.scn", "--spp", "0"], "0 is not in 1"),
+    ] {
+        let mut all = vec!["render"];
+        all.extend(args);
+        let output = place.run(&all);
+        assert_eq!(output.status, 2, "{args:?}");
+        let text = output.stderr.split_whitespace().collect::<Vec<_>>();
+        assert!(text.join(" ").contains(message), "{}", output.stderr);
+    }
+    assert!(place.files(".").iter().all(|file| !file.ends_with(".exr")));
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_picture_is_written_with_the_samples_so_far() {
+    let place = Workplace::new();
+    let args = [
+        "render", "ball.scn", "--size", "24x16", "--time", "1h", "-q", "-o", "a.exr",
+    ];
+    let mut child = place.command(&args).spawn().unwrap();
+    // Signals are handled from the start, and one wave is always rendered.
+    std::thread::sleep(Duration::from_secs(1));
+    let kill = std::process::Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status();
+    assert!(kill.unwrap().success());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    let (image, _) = decode(&std::fs::read(place.path("a.exr")).unwrap());
+    assert!(image.mean()[1] > 0.0);
+}
