@@ -11,10 +11,10 @@ mod exit;
 mod format;
 mod inspect;
 pub mod night;
-mod render;
 mod reproduce;
 pub mod scene;
 pub mod verify;
+mod without_script;
 mod worker;
 
 use std::process::ExitCode;
@@ -65,7 +65,9 @@ fn dispatch(cli: &Cli) -> Result<Exit, Failure> {
         Verb::Submit(args) => cluster::submit(args, global),
         Verb::Cancel(args) => cluster::cancel(args, global),
         Verb::Explain(args) => inspect::explain::main(args, global),
-        Verb::Render(args) => render::main(args, global),
+        Verb::Render(args) => without_script::picture::main(args, global),
+        Verb::Compare(args) => without_script::compare::main(args, global, &log),
+        Verb::New(args) => without_script::new::main(args, global),
         Verb::Plan(args) => night::plan::main(args, global),
         Verb::Check(args) => scene::check::main(args, global),
         Verb::Export(args) => scene::export::main(args, global),

@@ -20,6 +20,7 @@ pub mod docgen;
 mod error;
 mod hooks;
 mod limits;
+mod literal;
 mod locate;
 pub mod reference;
 mod require;
@@ -38,6 +39,7 @@ use mlua::{Lua, Value as LuaValue};
 
 pub use error::{Problem, ScriptError};
 pub use limits::Limits;
+pub use literal::literal;
 pub use reference::reference;
 
 use crate::experiment::{CellConfig, ExperimentSpec};

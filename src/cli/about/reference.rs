@@ -8,6 +8,7 @@ use lumbre_light::value::markdown::{row, sentence, table_head};
 
 /// Verbs in groups, in the order of the page.
 const GROUPS: &[(&str, &[&str])] = &[
+    ("Without a script", &["render", "compare", "new"]),
     ("Experiments", &["run", "retry", "plan", "check"]),
     ("Progress", &["watch", "status", "ls", "show", "explain"]),
     (

@@ -8,9 +8,9 @@ mod inspect;
 mod measure;
 mod night;
 mod output;
-mod render;
 mod scene;
 mod typed;
+mod without_script;
 
 use std::path::PathBuf;
 
@@ -21,9 +21,9 @@ pub use inspect::{ExplainArgs, LsArgs, ShowArgs, StatusArgs, WatchArgs};
 pub use measure::{BenchArgs, VerifyArgs};
 pub use night::{NightArgs, PlanArgs, RetryArgs, RunArgs, ScriptArgs};
 pub use output::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs, ViewArgs};
-pub use render::RenderArgs;
 pub use scene::{CheckArgs, ExportArgs, TraceArgs};
 pub use typed::{SceneArg, split, value};
+pub use without_script::{CompareArgs, ComparisonArgs, NewArgs, PictureArgs, RenderArgs};
 
 use crate::cli::exit;
 use lumbre_light::scene::load::MissingTextures;
@@ -107,6 +107,19 @@ pub enum Verb {
     ///
     /// Example: lumbre render scenes/cornell.lua -i bdpt --spp 256 --size 640x480 -o box.exr
     Render(RenderArgs),
+    /// Compare techniques on one scene at equal render time.
+    ///
+    /// Writes a script to out/scripts and runs it: every technique takes turns in several repeats,
+    /// and its error is measured against a longer reference. Prints how many times as efficient the
+    /// best technique is as each other one, with a confidence interval and its significance. The
+    /// efficiency is 1 / (relMSE x render time).
+    ///
+    /// Example: lumbre compare scenes/cornell.lua --technique nee,bdpt --time 10s
+    Compare(CompareArgs),
+    /// Write a commented script that compares techniques on a scene.
+    ///
+    /// Asks three questions in a terminal, unless `--yes` is given.
+    New(NewArgs),
     /// Run an experiment and write its figures and tables.
     ///
     /// Renders all cells that are not finished yet; cells that an earlier night finished are not

@@ -2,8 +2,10 @@
 
 use std::path::PathBuf;
 
+use lumbre_light::transport::integrator::{INTEGRATORS, integrator};
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::duration_s;
+use lumbre_light::value::suggest;
 
 /// Scene file with its options, from the command line.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,6 +23,18 @@ pub(super) fn seconds(text: &str) -> Result<f64, String> {
     duration_s(&Value::from(text))
         .filter(|seconds| *seconds > 0.0)
         .ok_or_else(|| format!("expected a duration such as 30s or 5min, found `{text}`"))
+}
+
+/// Parses the name of an integrator.
+pub(super) fn integrator_name(text: &str) -> Result<String, String> {
+    if integrator(text).is_some() {
+        return Ok(text.to_owned());
+    }
+    let names = INTEGRATORS.iter().map(|row| row.name);
+    Err(match suggest::nearest(text, names) {
+        Some(near) => format!("there is no integrator `{text}` (did you mean `{near}`?)"),
+        None => format!("there is no integrator `{text}`"),
+    })
 }
 
 /// Parses an option of the form `name=value`.

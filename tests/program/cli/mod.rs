@@ -6,6 +6,7 @@
 )]
 
 mod compare;
+mod compare_techniques;
 mod damage;
 mod errors;
 mod external;

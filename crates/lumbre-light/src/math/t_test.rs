@@ -50,22 +50,62 @@ pub fn mean_and_interval(values: &[f64]) -> (f64, Option<f64>) {
 /// Returns 1 if either has fewer than two values. For samples without variance, returns 0 if they
 /// differ and 1 if they are equal.
 pub fn welch_p(a: &[f64], b: &[f64]) -> f64 {
-    if a.len() < 2 || b.len() < 2 {
+    let Some(Welch {
+        difference,
+        error,
+        dof,
+    }) = Welch::new(a, b)
+    else {
         return 1.0;
+    };
+    if error == 0.0 {
+        return if difference == 0.0 { 1.0 } else { 0.0 };
     }
-    let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
-    let (ma, mb) = (mean(a), mean(b));
-    let (sa, sb) = (
-        variance(a, ma) / a.len() as f64,
-        variance(b, mb) / b.len() as f64,
-    );
-    if sa + sb == 0.0 {
-        return if ma == mb { 1.0 } else { 0.0 };
+    two_sided_p(difference / error, dof)
+}
+
+/// Returns the confidence interval of the difference of two means, `a` minus `b`, at a level such as
+/// 0.05 by Welch's approximation [Welch 1947]; `None` if either sample has fewer than two values.
+pub fn welch_interval(a: &[f64], b: &[f64], level: f64) -> Option<[f64; 2]> {
+    let Welch {
+        difference,
+        error,
+        dof,
+    } = Welch::new(a, b)?;
+    let half = if error > 0.0 {
+        two_sided_t(level, dof) * error
+    } else {
+        0.0
+    };
+    Some([difference - half, difference + half])
+}
+
+/// Difference of the means of two samples.
+struct Welch {
+    difference: f64,
+    /// Standard error of the difference.
+    error: f64,
+    /// Degrees of freedom by Welch and Satterthwaite; NaN if the error is zero.
+    dof: f64,
+}
+
+impl Welch {
+    /// Returns `None` if either sample has fewer than two values.
+    fn new(a: &[f64], b: &[f64]) -> Option<Welch> {
+        if a.len() < 2 || b.len() < 2 {
+            return None;
+        }
+        let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
+        let (ma, mb) = (mean(a), mean(b));
+        let (na, nb) = (a.len() as f64, b.len() as f64);
+        let (sa, sb) = (variance(a, ma) / na, variance(b, mb) / nb);
+        let dof = (sa + sb).powi(2) / (sa * sa / (na - 1.0) + sb * sb / (nb - 1.0));
+        Some(Welch {
+            difference: ma - mb,
+            error: (sa + sb).sqrt(),
+            dof,
+        })
     }
-    let t = (ma - mb) / (sa + sb).sqrt();
-    let dof =
-        (sa + sb).powi(2) / (sa * sa / (a.len() as f64 - 1.0) + sb * sb / (b.len() as f64 - 1.0));
-    two_sided_p(t, dof)
 }
 
 /// Returns the unbiased sample variance.
@@ -107,6 +147,19 @@ fn beta_regularised(x: f64, a: f64, b: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use crate::math::t_test::*;
+
+    #[test]
+    fn the_interval_contains_zero_exactly_if_the_test_does_not_reject() {
+        let a = [1.0, 1.2, 0.9, 1.4];
+        for shift in [0.0, 0.2, 0.35, 0.45, 0.8] {
+            let b = a.map(|x| 0.9 * x + shift);
+            let [low, high] = welch_interval(&a, &b, 0.05).unwrap();
+            let inside = low < 0.0 && high > 0.0;
+            assert_eq!(inside, welch_p(&a, &b) > 0.05, "{shift}: {low} to {high}");
+        }
+        assert_eq!(welch_interval(&[1.0], &a, 0.05), None);
+        assert_eq!(welch_interval(&[2.0; 3], &[1.0; 3], 0.05), Some([1.0, 1.0]));
+    }
 
     #[test]
     fn quantiles_match_published_tables() {

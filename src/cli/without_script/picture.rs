@@ -1,11 +1,9 @@
 //! `lumbre render`: one picture of one scene, without a script.
 
-mod files;
-mod settings;
-
 use std::sync::Arc;
 use std::time::Instant;
 
+use super::{files, settings};
 use crate::backends;
 use crate::cli::args::{Global, RenderArgs};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
@@ -16,7 +14,6 @@ use crate::experiment::{Cell, NightControls};
 use crate::metrics::tonemap::Tonemap;
 use crate::tui::live_picture::LivePicture;
 use crate::tui::terminal::terminal_guard;
-use files::OutputFile;
 use lumbre_light::film::Film;
 use lumbre_light::scene::compile::compile_sharing;
 use lumbre_light::transport::integrator::external::is_external;
@@ -30,7 +27,7 @@ const SLICE_S: f64 = 0.25;
 
 /// Runs `lumbre render`: renders a picture, shows its progress, and writes it to files.
 pub fn main(args: &RenderArgs, global: &Global) -> Result<Exit, Failure> {
-    let outputs = files::outputs(&args.output, &args.scene.file).map_err(Failure::usage)?;
+    let outputs = files::outputs(&args.output, &args.picture.scene.file).map_err(Failure::usage)?;
     let plan = settings::plan(args, global)?;
     if !global.quiet {
         print_notes_and_warnings(&plan);
@@ -238,6 +235,7 @@ fn relative_noise(film: &Film) -> Option<f64> {
 /// Returns the metadata of a picture.
 fn metadata(args: &RenderArgs, cell: &Cell, film: &Film) -> Vec<(String, String)> {
     let settings: Vec<String> = args
+        .picture
         .settings
         .iter()
         .map(|(key, value)| format!("{key}={value}"))
@@ -247,7 +245,7 @@ fn metadata(args: &RenderArgs, cell: &Cell, film: &Film) -> Vec<(String, String)
             "program",
             concat!("lumbre ", env!("CARGO_PKG_VERSION")).to_owned(),
         ),
-        ("scene", args.scene.text.clone()),
+        ("scene", args.picture.scene.text.clone()),
         ("settings", settings.join(" ")),
         ("integrator", cell.config.integrator.clone()),
         ("backend", cell.config.backend.clone()),
@@ -259,7 +257,7 @@ fn metadata(args: &RenderArgs, cell: &Cell, film: &Film) -> Vec<(String, String)
 }
 
 fn write(
-    output: &OutputFile,
+    output: &files::OutputFile,
     film: &Film,
     display: Tonemap,
     metadata: &[(String, String)],

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use crate::cli::args::{Global, RenderArgs};
+use crate::cli::args::{Global, PictureArgs, RenderArgs};
 use crate::cli::exit::Failure;
 use crate::experiment::outcome::WaveRow;
 use crate::experiment::plan::expand;
@@ -21,7 +21,8 @@ use lumbre_light::value::Value;
 /// # Errors
 /// Returns an error if a setting is unknown or out of range, or the scene cannot be read.
 pub fn plan(args: &RenderArgs, global: &Global) -> Result<Plan, Failure> {
-    let table = render_table(args);
+    let mut table = picture_table(&args.picture);
+    table.insert("integrator".to_owned(), args.integrator.as_str().into());
     let config = script::render_settings(&table, Path::new(".")).map_err(Failure::usage)?;
     let overrides = Overrides {
         backend: global.backend.clone(),
@@ -33,9 +34,9 @@ pub fn plan(args: &RenderArgs, global: &Global) -> Result<Plan, Failure> {
     expand(&experiment(), &OneCell { config }, &overrides, &mut load).map_err(Failure::usage)
 }
 
-/// Returns the render table: options with a flag of their own, then `KEY=VALUE`. Keys with a dot
-/// are paths of values in the scene.
-fn render_table(args: &RenderArgs) -> BTreeMap<String, Value> {
+/// Returns the render table of a picture without the technique: options with a flag of their own,
+/// then `KEY=VALUE`. Keys with a dot are paths of values in the scene.
+pub fn picture_table(args: &PictureArgs) -> BTreeMap<String, Value> {
     let mut table = BTreeMap::new();
     let mut set = BTreeMap::new();
     let mut insert = |key: &str, value: Value| table.insert(key.to_owned(), value);
@@ -43,7 +44,6 @@ fn render_table(args: &RenderArgs) -> BTreeMap<String, Value> {
         "scene",
         Value::Str(args.scene.file.to_string_lossy().into_owned()),
     );
-    insert("integrator", args.integrator.as_str().into());
     if let Some(depth) = args.depth {
         insert("max_depth", Value::Int(i64::from(depth)));
     }

@@ -1,0 +1,112 @@
+//! Options of the verbs that take a scene instead of a script: `render`, `new` and `compare`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::SceneArg;
+use super::typed::{integrator_name, scene_arg, seconds, setting};
+use lumbre_light::value::Value;
+
+/// Picture of a scene.
+#[derive(Args, Clone, Debug)]
+pub struct PictureArgs {
+    /// Scene file of any known format.
+    ///
+    /// Options of a Lua scene follow a question mark: `room.lua?light=lamps,size=3`.
+    #[arg(value_name = "FILE", value_parser = scene_arg)]
+    pub scene: SceneArg,
+    /// Keys of a script's render table, and paths of values in the scene.
+    ///
+    /// Example: `sampler=sobol materials.egg.ior=1.3`. A key with a dot is a path in the scene.
+    #[arg(value_name = "KEY=VALUE", value_parser = setting)]
+    pub settings: Vec<(String, Value)>,
+    /// Width and height in pixels [default: the scene's].
+    #[arg(long, value_name = "WxH", value_parser = crate::cli::scene::trace::size)]
+    pub size: Option<[u32; 2]>,
+    /// Maximum number of path edges [default: the scene's].
+    #[arg(long, value_name = "N")]
+    pub depth: Option<u32>,
+    /// View of the scene.
+    #[arg(long, value_name = "NAME")]
+    pub view: Option<String>,
+}
+
+/// Options of `lumbre render`.
+#[derive(Args, Debug)]
+pub struct RenderArgs {
+    /// Picture to render.
+    #[command(flatten)]
+    pub picture: PictureArgs,
+    /// Technique: bpt, nee, bdpt.
+    #[arg(short, long, value_name = "NAME", default_value = "nee")]
+    pub integrator: String,
+    /// Stop after this many samples per pixel [default: 64, without a limit of time].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub spp: Option<u64>,
+    /// Stop after this much render time: 30s, 5min.
+    #[arg(long, value_name = "TIME", value_parser = seconds)]
+    pub time: Option<f64>,
+    /// Write the picture to this file: .exr, .hdr or .png (repeatable) [default: NAME.exr, NAME.png].
+    #[arg(short, long = "output", value_name = "FILE")]
+    pub output: Vec<PathBuf>,
+    /// Seed of the random numbers.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Make the preview and PNG files this many stops brighter.
+    #[arg(
+        long,
+        value_name = "STOPS",
+        default_value_t = 0.0,
+        allow_negative_numbers = true
+    )]
+    pub exposure: f32,
+}
+
+/// Comparison of techniques.
+#[derive(Args, Clone, Debug)]
+pub struct ComparisonArgs {
+    /// Picture that every technique renders.
+    #[command(flatten)]
+    pub picture: PictureArgs,
+    /// Techniques to compare.
+    #[arg(
+        short, long = "technique", value_name = "NAME,NAME", value_delimiter = ',',
+        default_value = "nee,bdpt", value_parser = integrator_name
+    )]
+    pub techniques: Vec<String>,
+    /// Render time of each repeat of each technique.
+    #[arg(long, value_name = "TIME", value_parser = seconds, default_value = "10s")]
+    pub time: f64,
+    /// Number of repeats, each with other random numbers.
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(2..))]
+    pub repeats: u32,
+    /// Technique of the reference [default: the last one].
+    #[arg(long, value_name = "NAME", value_parser = integrator_name)]
+    pub reference: Option<String>,
+}
+
+/// Options of `lumbre compare`.
+#[derive(Args, Debug)]
+pub struct CompareArgs {
+    /// Techniques and picture.
+    #[command(flatten)]
+    pub comparison: ComparisonArgs,
+    /// Print the verdict as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Options of `lumbre new`.
+#[derive(Args, Debug)]
+pub struct NewArgs {
+    /// Techniques and picture.
+    #[command(flatten)]
+    pub comparison: ComparisonArgs,
+    /// Write the script to this file [default: NAME.lua, named after the scene].
+    #[arg(short, long = "output", value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Take the defaults without asking.
+    #[arg(short, long)]
+    pub yes: bool,
+}

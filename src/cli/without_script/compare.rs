@@ -1,0 +1,181 @@
+//! `lumbre compare`: compares techniques on one scene, and says which is more efficient.
+
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use super::experiment_text::{experiment_name, reference_technique, script_text};
+use super::verdict::{TechniqueResults, Verdict, verdicts};
+use crate::cli::args::{CompareArgs, Global, NightArgs, RunArgs, ScriptArgs};
+use crate::cli::exit::{Exit, Failure, print_result, print_status};
+use crate::cli::format::{counted, display_path, rounded};
+use crate::cli::night::last_command::latest;
+use crate::cli::night::log::Log;
+use crate::cli::night::run;
+use crate::experiment::night_results::{NightResults, RunResult};
+use crate::store;
+use crate::store::read::night_results::read_night;
+
+/// Metric by which techniques are compared.
+const METRIC: &str = "relmse";
+
+/// Share of the error of a run that the noise of the reference may make up without a warning.
+const MAX_FLOOR_SHARE: f64 = 0.5;
+
+/// Share of the machine that other programs may use without a warning.
+const MAX_LOAD: f64 = 0.3;
+
+/// Runs `lumbre compare`: writes a script, runs it, and prints a verdict.
+pub fn main(args: &CompareArgs, global: &Global, log: &Log) -> Result<Exit, Failure> {
+    let comparison = &args.comparison;
+    if comparison.techniques.len() < 2 {
+        return Err(Failure::usage(
+            "two techniques or more are compared, as in --technique nee,bdpt",
+        ));
+    }
+    let folder = global.out.join("scripts");
+    std::fs::create_dir_all(&folder)
+        .map_err(|e| Failure::usage(format!("cannot create {}: {e}", folder.display())))?;
+    let script: PathBuf = folder.join(format!("{}.lua", experiment_name(comparison)));
+    let text = script_text(comparison, &display_path(&script));
+    store::write_atomically(&script, text.as_bytes()).map_err(Failure::internal)?;
+    if let Some(warning) = load_warning() {
+        print_status(&warning);
+    }
+    let request = RunArgs {
+        script: ScriptArgs {
+            script: script.clone(),
+            axes: Vec::new(),
+            only: Vec::new(),
+        },
+        night: NightArgs::default(),
+        dry_run: false,
+    };
+    let exit = run::main(&request, global, log)?;
+    if exit != Exit::Done {
+        return Ok(exit);
+    }
+    let night = read_night(&latest(&global.out)?).map_err(Failure::internal)?;
+    let results = efficiencies(&night, &comparison.techniques);
+    let found = verdicts(&results);
+    let mut lines: Vec<String> = found.iter().map(sentence).collect();
+    lines.extend(floor_warning(&night, reference_technique(comparison)));
+    lines.push(format!("script: {}", display_path(&script)));
+    if args.json {
+        print_result(&format!("{:#}\n", as_json(&results, &found)))?;
+    } else {
+        print_result(&format!("\n{}\n", lines.join("\n")))?;
+    }
+    Ok(exit)
+}
+
+/// Returns a warning if other programs keep this machine busy.
+fn load_warning() -> Option<String> {
+    let text = std::fs::read_to_string("/proc/loadavg").ok()?;
+    let load: f64 = text.split_whitespace().next()?.parse().ok()?;
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    (load > MAX_LOAD * cores as f64).then(|| {
+        format!(
+            "warning: in the last minute, {} of {} were busy: times vary more than on an idle \
+             machine; techniques take turns, so that all are slowed alike",
+            rounded(load),
+            counted(cores, "core")
+        )
+    })
+}
+
+/// Returns the error of a finished run without the noise of its reference, and that noise over the
+/// measured error, if it is known.
+fn net_error(night: &NightResults, run: &RunResult) -> Option<(f64, Option<f64>)> {
+    let index = night.metrics.iter().position(|m| m.column == METRIC)?;
+    let value = *run.rows.last()?.metrics.get(index)?;
+    let floor = run.floors.iter().find(|(column, _)| column == METRIC);
+    let Some((_, floor)) = floor else {
+        return Some((value, None));
+    };
+    let net = night.metrics[index].net(value, *floor).unwrap_or(value);
+    Some((net, Some(floor / value)))
+}
+
+/// Returns the efficiencies of all finished runs by technique. Runs whose error is not above the
+/// noise of the reference have none.
+fn efficiencies(night: &NightResults, techniques: &[String]) -> Vec<TechniqueResults> {
+    let of_run = |run: &RunResult| {
+        let (error, _) = net_error(night, run)?;
+        let efficiency = 1.0 / (error * run.rows.last()?.render_s);
+        (efficiency.is_finite() && efficiency > 0.0).then_some(efficiency)
+    };
+    techniques
+        .iter()
+        .map(|name| TechniqueResults {
+            name: name.clone(),
+            efficiencies: night
+                .runs
+                .iter()
+                .filter(|run| run.integrator == *name)
+                .filter_map(of_run)
+                .collect(),
+        })
+        .collect()
+}
+
+/// Describes a verdict.
+fn sentence(verdict: &Verdict) -> String {
+    let Verdict {
+        better,
+        worse,
+        ratio,
+        p,
+        ..
+    } = verdict;
+    let interval = verdict.interval.map_or_else(String::new, |[low, high]| {
+        format!(" (95 %: {} to {})", rounded(low), rounded(high))
+    });
+    if verdict.is_significant() {
+        format!(
+            "{better} is {} times as efficient as {worse}{interval}, p = {}",
+            rounded(*ratio),
+            rounded(*p)
+        )
+    } else {
+        format!(
+            "no significant difference between {better} and {worse}: the ratio of their \
+             efficiencies is {}{interval}, p = {}; more repeats or time would decide",
+            rounded(*ratio),
+            rounded(*p)
+        )
+    }
+}
+
+/// Returns a warning if the noise of the reference makes up much of the measured errors.
+fn floor_warning(night: &NightResults, reference: &str) -> Option<String> {
+    let shares = night
+        .runs
+        .iter()
+        .filter_map(|run| net_error(night, run).and_then(|(_, share)| share));
+    let greatest = shares.fold(0.0, f64::max);
+    (greatest > MAX_FLOOR_SHARE).then(|| {
+        format!(
+            "warning: up to {} % of the measured error is noise of the reference by {reference}; \
+             it is subtracted, but another --reference or a longer --time would be more certain",
+            rounded(100.0 * greatest)
+        )
+    })
+}
+
+fn as_json(results: &[TechniqueResults], found: &[Verdict]) -> serde_json::Value {
+    let techniques: Vec<_> = results
+        .iter()
+        .map(|r| json!({ "technique": r.name, "efficiencies": r.efficiencies }))
+        .collect();
+    let verdicts: Vec<_> = found
+        .iter()
+        .map(|v| {
+            json!({
+                "better": v.better, "worse": v.worse, "ratio": v.ratio, "interval": v.interval,
+                "p": v.p, "significant": v.is_significant(),
+            })
+        })
+        .collect();
+    json!({ "version": 1, "metric": METRIC, "techniques": techniques, "verdicts": verdicts })
+}

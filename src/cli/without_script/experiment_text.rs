@@ -1,0 +1,116 @@
+//! The text of a script that compares techniques on one scene.
+
+use std::collections::BTreeMap;
+
+use super::settings::picture_table;
+use crate::cli::args::ComparisonArgs;
+use crate::cli::format::rounded;
+use crate::script::literal;
+use lumbre_light::value::Value;
+
+/// Render time of the reference over that of one run.
+const REFERENCE_FACTOR: f64 = 8.0;
+
+/// Number of measurements of a run, about.
+const MEASUREMENTS: f64 = 20.0;
+
+/// Returns the name of the experiment that compares techniques on a scene: letters, digits, `_` and
+/// `-`.
+pub fn experiment_name(comparison: &ComparisonArgs) -> String {
+    let stem = comparison
+        .picture
+        .scene
+        .file
+        .file_stem()
+        .map_or("scene".into(), |stem| stem.to_string_lossy());
+    let is_allowed = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    stem.chars()
+        .map(|c| if is_allowed(c) { c } else { '_' })
+        .collect()
+}
+
+/// Returns the technique of the reference.
+pub fn reference_technique(comparison: &ComparisonArgs) -> &str {
+    comparison
+        .reference
+        .as_deref()
+        .or(comparison.techniques.last().map(String::as_str))
+        .unwrap_or("nee")
+}
+
+/// Returns the script. `file` is the name under which it is saved, for the comment at its top.
+pub fn script_text(comparison: &ComparisonArgs, file: &str) -> String {
+    let names: Vec<Value> = comparison
+        .techniques
+        .iter()
+        .map(|name| name.as_str().into())
+        .collect();
+    format!(
+        "-- {file}: which technique has less error at equal render time?
+--
+--     lumbre run {file}          render, measure, print the table
+--     lumbre report out/latest   figures, tables with significance, and a page
+
+-- Techniques take turns, so that a machine that slows down slows all of them.
+local x = experiment({name}, {{ seed = 1, repeats = {repeats}, order = \"interleave\" }})
+
+x:axis(\"technique\", {techniques})
+
+x:render(function(p)
+  return {{
+{render}  }}
+end)
+
+-- One reference for all techniques, {factor} times as long as a run. Its own noise is measured, and
+-- subtracted in the columns *_net.
+x:reference {{
+  from = function() return {{ integrator = {reference} }} end,
+  stop = stop.time({reference_time}),
+}}
+
+-- relmse is the squared error over the squared brightness of the pixel; flip is the difference that
+-- an eye sees between the pictures through the tone map.
+local display = tonemap.srgb {{ exposure = 0 }}
+x:measure {{
+  every = {every},
+  relmse = metric.relmse(),
+  flip = metric.flip {{ on = display }},
+  display = display,
+  keep = {{ exr = \"pow2\" }},
+}}
+
+x:stop(stop.time({time}))
+
+x:figure(\"convergence\", {{ x = \"render_s\", y = {{ \"relmse\", \"flip\" }}, by = \"technique\" }})
+x:table(\"relmse\", {{ value = \"relmse\", rows = \"technique\" }})
+x:table(\"samples\", {{ value = \"samples\", rows = \"technique\" }})
+
+return x
+",
+        name = literal(&Value::Str(experiment_name(comparison))),
+        repeats = comparison.repeats,
+        techniques = literal(&Value::List(names)),
+        render = render_lines(picture_table(&comparison.picture)),
+        factor = rounded(REFERENCE_FACTOR),
+        reference = literal(&reference_technique(comparison).into()),
+        reference_time = literal(&duration_text(REFERENCE_FACTOR * comparison.time)),
+        every = literal(&duration_text(comparison.time / MEASUREMENTS)),
+        time = literal(&duration_text(comparison.time)),
+    )
+}
+
+/// Returns a duration in seconds as scripts write it.
+fn duration_text(seconds: f64) -> Value {
+    Value::Str(format!("{seconds}s"))
+}
+
+/// Returns the lines of the render table, the technique after the scene.
+fn render_lines(mut table: BTreeMap<String, Value>) -> String {
+    let scene = table.remove("scene").unwrap_or(Value::Nil);
+    let mut lines = format!("    scene = {},\n", literal(&scene));
+    lines += "    integrator = p.technique,\n";
+    for (key, value) in table {
+        lines += &format!("    {key} = {},\n", literal(&value));
+    }
+    lines
+}

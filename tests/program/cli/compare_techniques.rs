@@ -1,0 +1,92 @@
+//! `lumbre new` and `lumbre compare`: experiments made from a scene.
+
+use serde_json::Value as Json;
+
+use super::workplace::Workplace;
+
+#[test]
+fn a_new_script_is_complete_and_never_replaces_a_file() {
+    let place = Workplace::new();
+    let args = [
+        "new",
+        "ball.scn",
+        "--yes",
+        "--technique",
+        "bpt,nee",
+        "--time",
+        "1.5s",
+        "--repeats",
+        "3",
+        "--depth",
+        "4",
+        "camera.fov=30",
+    ];
+    let output = place.succeed(&args);
+    assert_eq!(output.stdout, "ball.lua\n");
+    let script = place.read("ball.lua");
+    for line in [
+        "scene = \"ball.scn\",",
+        "integrator = p.technique,",
+        "max_depth = 4,",
+        "set = { [\"camera.fov\"] = 30 },",
+        "x:stop(stop.time(\"1.5s\"))",
+        "stop = stop.time(\"12s\"),",
+    ] {
+        assert!(script.contains(line), "{line} is missing in\n{script}");
+    }
+    let plan = place.succeed(&["plan", "ball.lua", "--backend", "cpu"]);
+    assert!(plan.stdout.contains("6 cells"), "{}", plan.stdout);
+    let again = place.fail(2, &args);
+    assert!(again.contains("ball.lua exists already"), "{again}");
+    let unknown = place.fail(
+        2,
+        &["new", "ball.scn", "-y", "-t", "nee,bdtp", "-o", "b.lua"],
+    );
+    assert!(unknown.contains("did you mean `bdpt`"), "{unknown}");
+}
+
+/// Next event estimation is many times as efficient as `bpt` under a small lamp, which no timing on
+/// a busy machine turns around.
+#[test]
+fn a_comparison_ends_with_a_verdict_and_its_interval() {
+    let place = Workplace::new();
+    let args = [
+        "compare",
+        "ball.scn",
+        "--technique",
+        "bpt,nee",
+        "--time",
+        "0.2s",
+        "--repeats",
+        "4",
+        "--size",
+        "24x16",
+        "--backend",
+        "cpu",
+        "--no-tui",
+    ];
+    let output = place.succeed(&args);
+    assert!(
+        output.stdout.contains("nee is ")
+            && output.stdout.contains(" times as efficient as bpt (95 %: "),
+        "{}",
+        output.stdout
+    );
+    assert!(output.stdout.contains("script: out/scripts/ball.lua"));
+    // Nothing is rendered again.
+    let mut json = args.to_vec();
+    json.extend(["--json", "-q"]);
+    let output = place.succeed(&json);
+    let start = output.stdout.find("{\n").unwrap();
+    let verdict: Json = serde_json::from_str(&output.stdout[start..]).unwrap();
+    let verdicts = verdict["verdicts"].as_array().unwrap();
+    assert_eq!(verdicts.len(), 1);
+    assert_eq!(verdicts[0]["better"], "nee");
+    assert_eq!(verdicts[0]["significant"], true);
+    let techniques = verdict["techniques"].as_array().unwrap();
+    for technique in techniques {
+        assert_eq!(technique["efficiencies"].as_array().unwrap().len(), 4);
+    }
+    let single = place.fail(2, &["compare", "ball.scn", "--technique", "nee"]);
+    assert!(single.contains("two techniques or more"), "{single}");
+}
