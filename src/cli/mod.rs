@@ -19,7 +19,7 @@ mod worker;
 
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::FromArgMatches;
 
 pub use about::reference::reference;
 
@@ -31,7 +31,7 @@ pub fn main() -> ExitCode {
     exit::install_panic_hook();
     exit::install_report_hook();
     // The panic hook has already printed the message; a panic must not look like a result.
-    let ended = std::panic::catch_unwind(|| match Cli::try_parse() {
+    let ended = std::panic::catch_unwind(|| match parse_arguments() {
         Ok(cli) => dispatch(&cli).unwrap_or_else(|failure| {
             failure.print();
             failure.exit
@@ -48,6 +48,12 @@ pub fn main() -> ExitCode {
         }
     });
     ended.unwrap_or(Exit::Internal).into()
+}
+
+/// Parses the arguments of this process.
+fn parse_arguments() -> Result<Cli, clap::Error> {
+    let matches = about::reference::command().try_get_matches()?;
+    Cli::from_arg_matches(&matches)
 }
 
 /// Runs the verb of a parsed command line.

@@ -173,23 +173,6 @@ impl std::error::Error for ScriptError {}
 /// Diagnostic without a help text: the message already contains the help, since logs print only the
 /// message.
 impl Diagnostic for ScriptError {
-    fn code<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
-        let code = match self.0.problem {
-            Problem::Unreadable { .. } => "script::unreadable",
-            Problem::TooLarge { .. } => "script::too_large",
-            Problem::NotText { .. } => "script::not_text",
-            Problem::Syntax { .. } => "script::syntax",
-            Problem::Runtime { .. } => "script::runtime",
-            Problem::Time { .. } => "script::time_limit",
-            Problem::Memory { .. } => "script::memory_limit",
-            Problem::NoExperiment { .. } => "script::no_experiment",
-            Problem::IsScene => "script::is_scene",
-            Problem::NoScene { .. } => "script::no_scene",
-            Problem::Field { .. } => "script::field",
-        };
-        Some(Box::new(code))
-    }
-
     fn source_code(&self) -> Option<&dyn SourceCode> {
         self.0
             .highlight

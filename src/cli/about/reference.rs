@@ -23,6 +23,32 @@ const GROUPS: &[(&str, &[&str])] = &[
     ),
 ];
 
+/// First commands of a new user.
+const START: &str = "\
+Start with:
+  lumbre render scenes/cornell.lua      one picture of a scene
+  lumbre compare scenes/cornell.lua     which technique is better on it, and by how much
+  lumbre run scripts/first_light.lua    an experiment";
+
+/// Returns the command line with its verbs in groups: the definition of [`Cli`] with a help text of
+/// its own.
+pub fn command() -> Command {
+    let command = Cli::command();
+    let mut verbs = String::new();
+    for (title, group) in GROUPS {
+        verbs += &format!("\n{title}:\n");
+        for verb in *group {
+            let about = command.find_subcommand(verb).and_then(Command::get_about);
+            let about = about.map(ToString::to_string).unwrap_or_default();
+            verbs += &format!("  {verb:<12} {about}\n");
+        }
+    }
+    command.help_template(format!(
+        "{{about-with-newline}}\n{START}\n\n{{usage-heading}} {{usage}}\n{verbs}\nOptions of every verb:\n\
+         {{options}}{{after-help}}"
+    ))
+}
+
 /// Returns the generated part of docs/reference/command-line.md: verbs by group, the options of
 /// every verb, and the exit codes.
 pub fn reference() -> String {

@@ -38,8 +38,7 @@ use lumbre_light::scene::load::MissingTextures;
                   techniques and their parameters, the references and the stop rules. Lumbre \
                   renders every cell of the sweep, measures its error while it renders, and \
                   writes pictures, curves and tables below out/.\n\n\
-                  A night is a scheduled run of an experiment. \
-                  Start with: lumbre run scripts/first_light.lua",
+                  A night is a scheduled run of an experiment.",
     after_help = exit::EXIT_CODES_HELP,
     subcommand_required = true,
     arg_required_else_help = true

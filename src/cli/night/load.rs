@@ -14,7 +14,7 @@ use crate::experiment::plan::{Overrides, PlanError, expand};
 use crate::output::exr;
 use crate::script::{self, Script, ScriptError};
 use lumbre_light::film::Image;
-use lumbre_light::scene::load::{MissingTextures, files};
+use lumbre_light::scene::load::{FORMATS, MissingTextures, files};
 use lumbre_light::scene::{Note, SceneDesc, SceneError};
 use lumbre_light::value::{Value, suggest};
 
@@ -142,6 +142,13 @@ pub fn expect_script(path: &Path) -> Result<(), Failure> {
             path.display()
         )));
     }
+    if let Some(format) = scene_format(path).filter(|_| path.exists()) {
+        let file = path.display();
+        return Err(Failure::usage(format!(
+            "{file} is a scene ({format}), not a script: `lumbre render {file}` renders it, \
+             `lumbre compare {file}` compares techniques on it"
+        )));
+    }
     if path.exists() {
         return Ok(());
     }
@@ -165,6 +172,15 @@ pub fn expect_script(path: &Path) -> Result<(), Failure> {
         "there is no script {} ({help})",
         path.display()
     )))
+}
+
+/// Returns the name of the scene format of a file by its extension, if it has one.
+fn scene_format(path: &Path) -> Option<&'static str> {
+    let extension = path.extension()?.to_string_lossy().to_ascii_lowercase();
+    let row = FORMATS
+        .iter()
+        .find(|row| row.extensions.contains(&extension.as_str()))?;
+    Some(row.name)
 }
 
 fn scripts_in(folder: &Path) -> Vec<String> {

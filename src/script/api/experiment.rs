@@ -168,11 +168,8 @@ fn experiment(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, S
         ));
     }
     if let Purpose::Scene { .. } = shared.purpose {
-        let help = Some(
-            "write the experiment in a file of its own and give this file as \
-                         `scene`"
-                .to_owned(),
-        );
+        let help =
+            Some("`lumbre run` runs an experiment; its scenes are files of their own".to_owned());
         return Err(args.error(shared, "a scene file cannot create an experiment", help));
     }
     if !shared.loading.get() {

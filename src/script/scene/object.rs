@@ -154,7 +154,8 @@ pub const METHODS: &[ApiFn] = &[
 fn scene(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
     args.at_most(shared, 1)?;
     if matches!(shared.purpose, Purpose::Experiment) {
-        let help = "name the scene file in the render table of an experiment: scene = \"FILE.lua\""
+        let help = "`lumbre render` renders a scene; an experiment names the scene file in its \
+                    render table: scene = \"FILE.lua\""
             .to_owned();
         return Err(shared
             .sources

@@ -37,8 +37,27 @@ fn a_folder_instead_of_a_script_is_refused() {
 fn an_unknown_command_is_reported_with_a_similar_one() {
     let place = Workplace::new();
     assert!(refused(&place, &["runn", "night.lua"]).contains("'run'"));
-    assert!(refused(&place, &[]).contains("Usage"));
+    let help = refused(&place, &[]);
+    for expected in ["Usage", "Start with:", "lumbre render", "Clusters:"] {
+        assert!(help.contains(expected), "{help}");
+    }
     assert!(refused(&place, &["run", "night.lua", "depth"]).contains("AXIS=VALUE"));
+}
+
+#[test]
+fn scenes_and_scripts_that_are_mistaken_for_each_other_get_the_right_command() {
+    let place = Workplace::new();
+    let error = refused(&place, &["run", "ball.scn"]);
+    assert!(
+        error.contains("`lumbre render ball.scn` renders it"),
+        "{error}"
+    );
+    place.write("scene.lua", "local s = scene {}\nreturn s\n");
+    let error = refused(&place, &["run", "scene.lua"]);
+    assert!(error.contains("`lumbre render` renders a scene"), "{error}");
+    assert!(!error.contains("script::"), "{error}");
+    let error = refused(&place, &["render", "night.lua"]);
+    assert!(error.contains("`lumbre run` runs an experiment"), "{error}");
 }
 
 #[test]
