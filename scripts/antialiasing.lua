@@ -39,9 +39,6 @@ x:render(function(p)
     resolution = { 192, 128 },
     aa = { filter = p.filter, radius = p.radius },
     sampler = p.sampler,
-    -- Paths with the Sobol sampler are not vectorised. `never` keeps the others scalar too, so
-    -- that times compare the samplers only.
-    accel = { lanes = "never" },
   }
 end)
 

@@ -38,9 +38,6 @@ x:render(function(p)
     aa = { filter = "tent", radius = 1 },
     camera = { f_number = p.f_number, focus_distance = p.focus },
     sampler = p.sampler,
-    -- Paths with the Sobol sampler are not vectorised. `never` keeps the others scalar too, so
-    -- that times compare the samplers only.
-    accel = { lanes = "never" },
   }
 end)
 

@@ -85,9 +85,6 @@ x:render(function(p)
     max_depth = p.depth,
     resolution = p.quick and { 80, 45 } or { 1280, 720 },
     films = films(p),
-    -- Runs with layers cannot be vectorised. With `auto` they would keep all other runs of the
-    -- night scalar; `never` excludes them from that rule.
-    accel = { lanes = films(p) and "never" or "auto" },
   }
 end)
 

@@ -22,8 +22,6 @@ x:render(function(p)
     integrator = p.technique,
     max_depth = 5,
     resolution = { 160, 120 },
-    -- With films `bdpt` follows one path at a time, so the others do as well: times stay comparable.
-    accel = { lanes = "never" },
     films = p.technique == "bdpt" and { "strategies", "bounces", "depth" } or { "bounces" },
   }
 end)

@@ -47,8 +47,7 @@ x:render(function(p)
     integrator = scene.integrator or "nee",
     max_depth = 8,
     resolution = { p.width, (scene.height or wide)(p.width) },
-    -- Runs of bdpt go in vectors only with independent numbers.
-    sampler = scene.integrator == "bdpt" and "independent" or "sobol",
+    sampler = "sobol",
   }
 end)
 

@@ -30,9 +30,6 @@ x:render(function(p)
     resolution = { 128, 128 },
     set = p.kind == "separable" and { ["materials.hare.delay"] = "exponential", ["materials.hare.delay_rate"] = 2 } or {},
     film = p.kind ~= "picture" and time or {},
-    -- Materials with a delay are not vectorised. `never` keeps all four kinds scalar, so that times
-    -- compare the time axis and the materials only.
-    accel = { lanes = "never" },
   }
 end)
 

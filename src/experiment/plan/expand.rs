@@ -15,7 +15,6 @@ use crate::experiment::spec::{
 };
 use crate::experiment::stop::StopRule;
 use lumbre_light::value::Value;
-use lumbre_render::hierarchy::LaneMode;
 
 /// Expands an experiment to its plan.
 ///
@@ -368,12 +367,10 @@ impl<'a> Builder<'a> {
     }
 
     fn finish(mut self) -> Plan {
-        let mixture = self.vectorization_warning();
         for pending in std::mem::take(&mut self.pending) {
             self.add_cells(pending);
         }
         let mut warnings = self.warnings();
-        warnings.extend(mixture);
         if self.spec.aa_check && self.cells.iter().all(|cell| cell.double_of.is_none()) {
             warnings
                 .push("x:control checks no cell: its function returned true for none".to_owned());
@@ -427,30 +424,6 @@ impl<'a> Builder<'a> {
         }
         warnings.extend(self.duplicate_warning());
         warnings
-    }
-
-    /// Returns a warning if some runs on the CPU follow one path at a time and others follow many
-    /// with vectors, though no script asked for that: their times compare more than techniques.
-    fn vectorization_warning(&self) -> Option<String> {
-        let auto: Vec<&Renderable> = self
-            .pending
-            .iter()
-            .map(|pending| &pending.renderable)
-            .filter(|run| run.config.accel.lanes == LaneMode::Auto)
-            .collect();
-        let reasons: BTreeSet<&str> = auto
-            .iter()
-            .filter_map(|run| run.scalar_reason.as_deref())
-            .collect();
-        if reasons.is_empty() || auto.iter().all(|run| run.scalar_reason.is_some()) {
-            return None;
-        }
-        let reasons: Vec<&str> = reasons.into_iter().collect();
-        Some(format!(
-            "runs on `cpu` {} follow one path at a time, while others follow many at a time with \
-             vectors: to compare times, set accel = {{ lanes = \"never\" }} for all",
-            reasons.join(" and ")
-        ))
     }
 
     /// Returns a warning if several cells are the same run, which means that axes have no effect.

@@ -15,8 +15,6 @@ use lumbre_light::transport::integrator::external::{EXTERNALS, is_external};
 use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow, integrator};
 use lumbre_light::transport::sampler::{SAMPLER_NAMES, SamplerRow, sampler};
 use lumbre_light::value::Value;
-use lumbre_render::cpu::vectorizable;
-use lumbre_render::hierarchy::LaneMode;
 use lumbre_render::{BackendRow, external};
 
 /// Greatest number of pixels of a picture; its film takes 12 GiB.
@@ -36,8 +34,6 @@ pub(super) struct Renderable {
     /// Part of the identity that determines the picture.
     pub(super) picture: BTreeMap<String, Value>,
     pub(super) resolution: [u32; 2],
-    /// Why the run must use the scalar path, if it must and the script leaves the choice open.
-    pub(super) scalar_reason: Option<String>,
 }
 
 impl Renderable {
@@ -123,13 +119,11 @@ impl<'a> Resolver<'a> {
         if let Some(Some(modified)) = self.modified_shaders.get(config.backend.as_str()) {
             picture.insert("shaders".to_owned(), modified.as_str().into());
         }
-        let scalar_reason = scalar_reason(&config, row, sampler);
         Ok(Renderable {
             config: Arc::new(config),
             scene,
             picture,
             resolution,
-            scalar_reason,
         })
     }
 
@@ -373,15 +367,6 @@ fn check_films(
         time::bytes(&timing.axis, pixels, row.splats)?;
     }
     Ok(())
-}
-
-/// Returns why a run on the CPU must use the scalar path, if it must and the script leaves the
-/// choice open.
-fn scalar_reason(config: &CellConfig, row: &IntegratorRow, sampler: &SamplerRow) -> Option<String> {
-    if config.accel.lanes != LaneMode::Auto {
-        return None;
-    }
-    vectorizable::scalar_reason(row, &config.params, sampler, !config.films.is_empty())
 }
 
 /// Returns why a backend cannot render a run, or `None` if it can.

@@ -45,6 +45,14 @@ const HOST: &[(&str, &str)] = &[
         "GLSL invocations replace SIMD lanes",
     ),
     (
+        "crates/lumbre-light/src/transport/integrator/bdpt/single.rs",
+        "GLSL invocations follow one path each",
+    ),
+    (
+        "crates/lumbre-light/src/transport/integrator/bdpt/state.rs",
+        "GLSL invocations follow one path each",
+    ),
+    (
         "crates/lumbre-light/src/transport/integrator/camera_path/mod.rs",
         "GLSL invocations follow one path each",
     ),

@@ -40,6 +40,16 @@ pub struct SurfaceClass {
     pub bsdf: PackedClass,
 }
 
+impl SurfaceClass {
+    /// Returns whether the BSDF of a surface depends on the point beyond its normals: on parameters
+    /// of the material that vary, a direction of anisotropy, or an offset against the shadow
+    /// terminator.
+    #[inline(always)]
+    pub fn has_shading(&self) -> bool {
+        self.bsdf.varies || self.surface.tangents || self.surface.terminator
+    }
+}
+
 /// The classes of all surfaces of a scene.
 #[derive(Clone, Debug, Default)]
 pub struct SurfaceClasses {
@@ -127,6 +137,25 @@ impl SurfaceClasses {
         self.terminators
     }
 
+    /// Returns whether any surface [has shading](SurfaceClass::has_shading).
+    pub fn have_shading(&self) -> bool {
+        self.classes.iter().any(SurfaceClass::has_shading)
+    }
+
+    /// Builds the BSDFs of materials of one class. `parameters` are those of the points, for
+    /// classes whose parameters vary.
+    #[inline(always)]
+    pub fn bsdf<R: Lanes<N>, const N: usize>(
+        &self,
+        class: &SurfaceClass,
+        materials: [u32; N],
+        at: &Orientation<R>,
+        parameters: Option<&ShadingParameters<R>>,
+    ) -> Bsdf<R> {
+        let packed = map_array(materials, |m| &self.packed[m as usize]);
+        Bsdf::unpack(at, &class.bsdf, packed, parameters)
+    }
+
     /// Returns the number of classes.
     pub fn count(&self) -> usize {
         self.classes.len()
@@ -204,30 +233,38 @@ impl<'a, R: Lanes<N>, const N: usize> Arrival<'a, R, N> {
         Surface::at_hits(scene, &self.class.surface, &self.hits, self.materials)
     }
 
-    /// Builds the BSDFs of the surfaces that [`Arrival::surface`] returned.
+    /// Returns the parameters of the materials at the surfaces that [`Arrival::surface`] returned;
+    /// `None` if they are the same everywhere.
     #[inline(always)]
-    pub fn bsdf(
+    pub fn parameters(
         &self,
         scene: &CompiledScene,
-        classes: &SurfaceClasses,
         surface: &Surface<R, N>,
-    ) -> Bsdf<R> {
+    ) -> Option<ShadingParameters<R>> {
         let SurfaceClass {
             surface: traits,
             bsdf,
         } = self.class;
+        bsdf.varies
+            .then(|| ShadingParameters::new(surface, &scene.textures, traits.textured))
+    }
+
+    /// Builds the BSDFs of these surfaces with these parameters.
+    #[inline(always)]
+    pub fn bsdf(
+        &self,
+        classes: &SurfaceClasses,
+        surface: &Surface<R, N>,
+        parameters: Option<&ShadingParameters<R>>,
+    ) -> Bsdf<R> {
         let at = Orientation {
             n_geometric: surface.n_geometric,
             n_shading: surface.n_shading,
-            tangent: traits.tangents.then_some(surface.tangent),
+            tangent: self.class.surface.tangents.then_some(surface.tangent),
             terminator: surface
                 .terminator
                 .map_or(R::Mask::default(), |offset| offset.exists),
         };
-        let parameters = bsdf
-            .varies
-            .then(|| ShadingParameters::new(surface, &scene.textures, traits.textured));
-        let packed = map_array(self.materials, |m| &classes.packed[m as usize]);
-        Bsdf::unpack(&at, bsdf, packed, parameters.as_ref())
+        classes.bsdf(self.class, self.materials, &at, parameters)
     }
 }

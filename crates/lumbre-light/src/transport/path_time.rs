@@ -21,17 +21,12 @@
 //! whichever strategy generated it; they also occur in the path's contribution. They cancel in
 //! every estimator and in every weight [Veach 1997, 9.2]: only the choice itself has to be made.
 
-use glam::Vec3;
-
-use super::bsdf::Bsdf;
-use super::delay;
 use super::delay::Profile;
 use super::integrator::Context;
-use super::ray::{Hit, Ray};
-use super::sampler::Sampler;
-use super::surface::Surface;
+use super::light::DirectSample;
 use crate::film::time::{TimeAxis, TimeFilter};
-use crate::math::real::{Real, Vector};
+use crate::math::real::{Mask, Real, Vector};
+use crate::math::simd::Lanes;
 
 /// Settings of a film's time axis that affect light transport.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,33 +43,6 @@ pub struct Timing {
     pub emission: Profile,
     /// Metres per scene unit, for times in seconds; 0 if unspecified. Affects labels only.
     pub metres: f64,
-}
-
-/// The auxiliary random numbers of one sample, for parts and delays; absent if the scene and the
-/// film need none.
-#[derive(Clone, Debug)]
-pub struct AuxRng(Option<Sampler>);
-
-impl AuxRng {
-    /// Starts the numbers of a sample; for `TIMED` see [`PathTime`].
-    #[inline]
-    pub fn new<const TIMED: bool>(sampler: &Sampler) -> AuxRng {
-        AuxRng(TIMED.then(|| sampler.auxiliary()))
-    }
-
-    /// Samples the time at which the light of this sample was emitted.
-    #[inline]
-    pub fn emission(&mut self, context: &Context) -> f32 {
-        let AuxRng(Some(numbers)) = self else {
-            return 0.0;
-        };
-        match context.timing {
-            Some(timing) if timing.emission != Profile::NONE => {
-                timing.emission.sample(numbers.next_1d())
-            }
-            _ => 0.0,
-        }
-    }
 }
 
 /// The optical length of a path up to a vertex; scalar or vectorised.
@@ -125,190 +93,27 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> OpticalLength<R> {
         self.delays = self.delays + std::mem::replace(&mut self.delay, R::splat(0.0));
         self.index = self.index * eta;
     }
-}
 
-/// Tracks the optical length of a path while it is traced, and draws the parts of composed
-/// materials.
-///
-/// Integrators are compiled twice: with `TIMED` for films with a time axis and for scenes with
-/// composed or delayed materials (see [`Context::timed`]), and without, where tracking is compiled
-/// out.
-#[derive(Clone, Copy, Debug)]
-pub struct PathTime<'a, const TIMED: bool> {
-    timing: Option<&'a Timing>,
-    optical: OpticalLength,
-    from: Vec3,
-    /// Whether the current segment does not count.
-    uncounted: bool,
-}
-
-impl<'a, const TIMED: bool> PathTime<'a, TIMED> {
-    /// Starts a camera path whose light was emitted at `emitted`.
-    #[inline]
-    pub fn from_camera(context: &Context<'a>, ray: &Ray, emitted: f32) -> PathTime<'a, TIMED> {
-        let timing = context.timing;
-        let optical = OpticalLength {
-            index: context.medium(),
-            delays: emitted,
-            ..OpticalLength::default()
-        };
-        PathTime {
-            timing,
-            optical,
-            from: ray.origin,
-            uncounted: timing.is_some_and(|t| !t.camera),
+    /// Returns the length for paths whose vertices at `from` are lit by light sampling, with the
+    /// given ratios of indices towards a direction. Infinitely distant light starts at its wave
+    /// front where that touches the bounding sphere of all surfaces.
+    #[inline(always)]
+    pub fn direct_arrival<const N: usize>(
+        &self,
+        context: &Context,
+        from: V,
+        direct: &DirectSample<R, N>,
+        ratio: impl FnOnce(V) -> R,
+    ) -> R::Double
+    where
+        R: Lanes<N>,
+    {
+        let infinite = direct.is_infinite();
+        let mut distance = direct.distance;
+        if infinite.any() {
+            let front = context.lights.front_distance(from, direct.wi);
+            distance = R::select(infinite, front, distance);
         }
+        self.after_segment(ratio(direct.wi), distance)
     }
-
-    /// Starts a light path at a point of a light.
-    #[inline]
-    pub fn from_light(context: &Context<'a>, from: Vec3) -> PathTime<'a, TIMED> {
-        let optical = OpticalLength {
-            index: 1.0,
-            ..OpticalLength::default()
-        };
-        PathTime {
-            timing: context.timing,
-            optical,
-            from,
-            uncounted: false,
-        }
-    }
-
-    /// Resumes a path that left `from` with this optical length; `uncounted` is whether its current
-    /// segment does not count.
-    #[inline]
-    pub fn resume(
-        context: &Context<'a>,
-        optical: OpticalLength,
-        from: Vec3,
-        uncounted: bool,
-    ) -> PathTime<'a, TIMED> {
-        PathTime {
-            timing: context.timing,
-            optical,
-            from,
-            uncounted,
-        }
-    }
-
-    /// Returns the surface that a ray of this path hit; for a composed material, one part of it.
-    #[inline]
-    pub fn arrive<'s>(
-        &mut self,
-        context: &Context<'s>,
-        ray: &Ray,
-        hit: &Hit,
-        aux_rng: &mut AuxRng,
-    ) -> Surface<'s> {
-        match aux_rng {
-            AuxRng(Some(aux_rng)) if TIMED => self.arrive_timed(context, ray, hit, aux_rng),
-            _ => Surface::at(context.scene, ray, hit),
-        }
-    }
-
-    fn arrive_timed<'s>(
-        &mut self,
-        context: &Context<'s>,
-        ray: &Ray,
-        hit: &Hit,
-        aux_rng: &mut Sampler,
-    ) -> Surface<'s> {
-        let scene = context.scene;
-        let row = scene.material_of(hit.primitive, hit.instance);
-        let part = match scene.delays.components(row) {
-            [] => None,
-            [part] => Some(part),
-            parts => {
-                let u = aux_rng.next_1d();
-                Some(
-                    &parts[parts
-                        .partition_point(|p| p.cumulative_weight <= u)
-                        .min(parts.len() - 1)],
-                )
-            }
-        };
-        let surface = Surface::with_material(scene, ray, hit, part.map_or(row, |p| p.material));
-        if self.timing.is_some() {
-            self.add_segment(surface.position);
-            self.optical.delay = part.map_or(0.0, |part| {
-                delay::sample_all(
-                    scene.delays.profiles(part).iter(),
-                    &scene.textures,
-                    surface.uv,
-                    aux_rng,
-                )
-            });
-        }
-        surface
-    }
-
-    /// Adds the current segment, which ends at `to`.
-    #[inline]
-    pub fn add_segment(&mut self, to: Vec3) {
-        if !std::mem::take(&mut self.uncounted) {
-            self.optical.add_segment(self.from, to);
-        }
-    }
-
-    /// Returns the optical length up to the current vertex.
-    #[inline]
-    pub fn optical(&self) -> OpticalLength {
-        if TIMED {
-            self.optical
-        } else {
-            OpticalLength::default()
-        }
-    }
-
-    /// Returns the start of the current segment.
-    #[inline]
-    pub fn from(&self) -> Vec3 {
-        self.from
-    }
-
-    /// Continues the path from `from` after an event that crossed the index ratio `eta`.
-    #[inline]
-    pub fn scatter(&mut self, from: Vec3, eta: f32) {
-        if TIMED && self.timing.is_some() {
-            self.optical.scatter(eta);
-            self.from = from;
-        }
-    }
-
-    /// Returns the length of a path that left the scene in direction `dir`.
-    #[inline]
-    pub fn escape_length(&self, context: &Context, dir: Vec3) -> f64 {
-        match self.timing.filter(|_| TIMED) {
-            Some(_) if !self.uncounted => {
-                self.optical.arrival()
-                    + f64::from(self.optical.index * context.lights.front_distance(self.from, dir))
-            }
-            _ => self.optical().arrival(),
-        }
-    }
-}
-
-/// Returns the length of a path whose vertex is lit by light sampling from direction `wi` at
-/// `distance`; an infinite distance stands for the wave front where it touches the bounding sphere
-/// of all surfaces. Zero without a time axis.
-#[inline]
-pub fn direct_length(
-    context: &Context,
-    optical: &OpticalLength,
-    bsdf: &Bsdf,
-    wo: Vec3,
-    from: Vec3,
-    to: (Vec3, f32),
-) -> f64 {
-    if context.timing.is_none() {
-        return 0.0;
-    }
-    let (wi, distance) = to;
-    let distance = if distance.is_finite() {
-        distance
-    } else {
-        context.lights.front_distance(from, wi)
-    };
-    optical.after_segment(bsdf.index_ratio(wo, wi), distance)
 }

@@ -50,13 +50,13 @@ pub struct Surface<'a, R: Real = f32, const N: usize = 1> {
 
 /// Position and normals of a ray's intersection with a primitive; scalar or vectorised.
 #[derive(Clone, Copy, Debug)]
-pub struct SurfacePoint<V> {
+struct SurfacePoint<V> {
     /// Position in world space.
-    pub position: V,
+    position: V,
     /// Unit normal of the primitive on its front side.
-    pub n_geometric: V,
+    n_geometric: V,
     /// Unit shading normal on the same side, before any map.
-    pub n_shading: V,
+    n_shading: V,
 }
 
 impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> SurfacePoint<V> {
@@ -205,22 +205,11 @@ fn load_uvs<R: Lanes<N>, const N: usize>(uvs: [&[Vec2; 3]; N], [v, w]: [R; 2]) -
 
 impl<'a> Surface<'a> {
     /// Builds the surface at a hit of `ray`. A composed material is used as a whole, as for the
-    /// layers of the first surface; paths call
-    /// [`PathTime::arrive`](super::path_time::PathTime::arrive), which chooses a part.
+    /// layers of the first surface; paths build
+    /// an [`Arrival`](super::arrival::Arrival) at one of its parts.
     #[inline]
     pub fn at(scene: &'a CompiledScene, ray: &Ray, hit: &Hit) -> Surface<'a> {
         let material = scene.material_of(hit.primitive, hit.instance);
-        Surface::with_material(scene, ray, hit, material)
-    }
-
-    /// Builds the surface at a hit of `ray` with the given material row.
-    #[inline]
-    pub fn with_material(
-        scene: &'a CompiledScene,
-        ray: &Ray,
-        hit: &Hit,
-        material: u32,
-    ) -> Surface<'a> {
         let traits = SurfaceTraits {
             // Delays and light points read texture coordinates as well.
             uv: true,
@@ -290,16 +279,6 @@ impl<'a, R: Lanes<N>, const N: usize> Surface<'a, R, N> {
             surface.emboss(scene, hits, &primitives, n_shading);
         }
         surface
-    }
-
-    /// Returns position and normals.
-    #[inline(always)]
-    pub fn point(&self) -> SurfacePoint<R::Vec3> {
-        SurfacePoint {
-            position: self.position,
-            n_geometric: self.n_geometric,
-            n_shading: self.n_shading,
-        }
     }
 
     /// Returns the radiance emitted towards `wo`: the material's emission on the front side, black

@@ -59,12 +59,6 @@ pub fn spawn_ray(from: Vec3, n: Vec3, dir: Vec3) -> Ray {
     }
 }
 
-/// Returns whether nothing lies in the unit direction `dir` from a surface point.
-#[inline]
-pub fn unobstructed(trace: &dyn Trace, from: Vec3, n_from: Vec3, dir: Vec3) -> bool {
-    !trace.occluded(&spawn_ray(from, n_from, dir), f32::INFINITY)
-}
-
 /// Returns the normal flipped to the side of `dir`.
 #[inline(always)]
 pub fn towards<V: Vector>(n: V, dir: V) -> V {
@@ -103,8 +97,6 @@ mod tests {
         assert!(visible(&Plane, above, Vec3::X, on, Vec3::Z));
         assert!(visible(&Plane, on, -Vec3::Z, above, Vec3::ZERO));
         assert!(!visible(&Plane, above, Vec3::X, -above, Vec3::X));
-        assert!(unobstructed(&Plane, on, -Vec3::Z, Vec3::new(0.6, 0.0, 0.8)));
-        assert!(!unobstructed(&Plane, above, Vec3::Z, -Vec3::Z));
     }
 
     #[test]

@@ -5,16 +5,14 @@
 //! vectorisation.
 //!
 //! [`bvh`] builds and traverses hierarchies, [`renderer`] loops over pixels and samples, [`films`]
-//! sums the samples, `wavefront` holds the SIMD path tracers, [`vectorizable`] decides which runs
-//! can use them, `path_trace` records the events of single samples, and [`rates`] measures the ray
-//! rates that `lumbre bench` prints.
+//! sums the samples, `wavefront` holds the SIMD path tracers, `path_trace` records the events of
+//! single samples, and [`rates`] measures the ray rates that `lumbre bench` prints.
 
 pub mod bvh;
 pub mod films;
 mod path_trace;
 pub mod rates;
 pub mod renderer;
-pub mod vectorizable;
 mod wavefront;
 
 pub use films::bin_pool::kept_bytes;

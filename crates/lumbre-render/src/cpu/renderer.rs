@@ -103,7 +103,7 @@ impl CpuRenderer {
         // If the builder does not support instances, the hierarchy has a flattened copy of the
         // scene, whose primitive indices hits refer to.
         let scene = Arc::clone(&accel.scene);
-        let wavefront = Wavefront::new(&scene, &job, &accel);
+        let wavefront = Wavefront::new(&job, &accel);
         let open_stats = OpenStats {
             accel_build_s: accel.build_s,
             accel_nodes: accel.node_count() as u64,

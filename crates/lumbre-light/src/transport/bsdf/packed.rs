@@ -30,8 +30,6 @@ pub struct PackedBsdf {
     rows: [F32x8; 3],
     /// Traits of the material.
     pub class: PackedClass,
-    /// Index of the inside relative to the outside; 1 if light does not enter.
-    pub index_inside: f32,
 }
 
 /// Traits of a material. Materials that are equal in them share lanes; materials that differ in
@@ -85,7 +83,6 @@ impl PackedBsdf {
         PackedBsdf {
             rows: [row(0), row(1), row(2)],
             class,
-            index_inside: model.index_inside(),
         }
     }
 }

@@ -3,7 +3,8 @@
 use glam::Vec3;
 
 use super::FilterSpec;
-use crate::math::real::{Real, Vector};
+use crate::math::real::{Mask, Real, Vector};
+use crate::math::simd::{Lanes, active_lanes};
 use crate::math::warp::concentric_disk_lanes;
 use crate::scene::desc::CameraDesc;
 use crate::transport::ray::Ray;
@@ -76,6 +77,25 @@ pub struct Projection<V: Vector> {
     pub distance: V::Scalar,
     /// Density of the direction: see [`CameraConnection::pdf_w`].
     pub pdf_w: V::Scalar,
+}
+
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Projection<V> {
+    /// Returns `yes` where the mask is set, else `no`.
+    #[inline(always)]
+    pub fn select(mask: R::Mask, yes: Projection<V>, no: Projection<V>) -> Projection<V> {
+        let [x, y] = yes.raster;
+        Projection {
+            ahead: (mask & yes.ahead) | (!mask & no.ahead),
+            raster: [
+                R::select(mask, x, no.raster[0]),
+                R::select(mask, y, no.raster[1]),
+            ],
+            lens: V::select(mask, yes.lens, no.lens),
+            dir: V::select(mask, yes.dir, no.dir),
+            distance: R::select(mask, yes.distance, no.distance),
+            pdf_w: R::select(mask, yes.pdf_w, no.pdf_w),
+        }
+    }
 }
 
 impl Camera {
@@ -212,10 +232,18 @@ impl Camera {
         lens_u: [f32; 2],
         filter_u: [f32; 2],
     ) -> Option<CameraConnection> {
-        self.connection_at(
-            &self.project_direction(self.lens_offset(lens_u), dir),
-            filter_u,
-        )
+        self.connection_at(&self.project_distant(dir, lens_u), filter_u)
+    }
+
+    /// Projects light from outside the scene onto the film: `dir` is the unit direction from the
+    /// lens. The distance is infinite.
+    #[inline(always)]
+    pub fn project_distant<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(
+        &self,
+        dir: V,
+        lens_u: [R; 2],
+    ) -> Projection<V> {
+        self.project_direction(self.lens_offset(lens_u), dir)
     }
 
     /// Returns the lens coordinates of a sample, in scene units; the centre for a pinhole.
@@ -276,26 +304,50 @@ impl Camera {
     /// Chooses the pixel at a projection and computes the importance at the lens.
     #[inline]
     fn connection_at(&self, at: &Projection<Vec3>, filter_u: [f32; 2]) -> Option<CameraConnection> {
-        let Projection {
-            ahead: true,
-            raster,
-            lens,
-            dir,
-            distance,
-            pdf_w,
-        } = *at
-        else {
-            return None;
-        };
-        let (pixel, weight) = self.choose_pixel(raster, filter_u)?;
-        Some(CameraConnection {
+        let (inside, [pixel], weight) = self.choose_pixels(at, filter_u, true);
+        inside.then_some(CameraConnection {
             pixel,
-            lens,
-            dir,
-            distance,
-            importance: weight * pdf_w,
-            pdf_w,
+            lens: at.lens,
+            dir: at.dir,
+            distance: at.distance,
+            importance: weight * at.pdf_w,
+            pdf_w: at.pdf_w,
         })
+    }
+
+    /// Chooses the pixels that receive light at projections, in the lanes of `wanted`. Returns the
+    /// lanes whose projection is in front of the camera and on the film, the pixels, and the weights
+    /// of the choice.
+    #[inline(always)]
+    pub fn choose_pixels<R: Lanes<N>, const N: usize>(
+        &self,
+        at: &Projection<R::Vec3>,
+        [c, d]: [R; 2],
+        wanted: R::Mask,
+    ) -> (R::Mask, [[u32; 2]; N], R) {
+        let zero = R::splat(0.0);
+        let ahead = wanted & at.ahead;
+        let [x, y] = at.raster;
+        let (mut pixels, mut weights) = ([[0; 2]; N], [0.0; N]);
+        if self.filter == FilterSpec::PIXEL {
+            // The pixel that contains the position, as `FilterSpec::choose_pixel` returns it.
+            let [width, height] = self.resolution.map(R::splat);
+            let inside = ahead & x.ge(zero) & x.lt(width) & y.ge(zero) & y.lt(height);
+            let [x, y] = [R::store_words(x.truncated()), R::store_words(y.truncated())];
+            for i in active_lanes(inside.bits()) {
+                (pixels[i], weights[i]) = ([x[i], y[i]], 1.0);
+            }
+        } else {
+            let inputs = R::transpose_store([x, y, c, d, zero, zero, zero, zero]);
+            for i in active_lanes(ahead.bits()) {
+                let [x, y, u, v, ..] = inputs[i].0;
+                if let Some((pixel, weight)) = self.choose_pixel([x, y], [u, v]) {
+                    (pixels[i], weights[i]) = (pixel, weight);
+                }
+            }
+        }
+        let weight = R::load(&weights);
+        (ahead & weight.gt(zero), pixels, weight)
     }
 
     /// Chooses the pixel that receives light at a film position ([`Projection::raster`]) by

@@ -46,8 +46,8 @@ pub struct Context<'a> {
 }
 
 impl Context<'_> {
-    /// Returns whether paths need a [`PathTime`](super::path_time::PathTime): for a time axis, or
-    /// for composed or delayed materials.
+    /// Returns whether paths need auxiliary numbers: for a time axis, or for composed or delayed
+    /// materials.
     #[inline]
     pub fn timed(&self) -> bool {
         self.timing.is_some() || !self.scene.delays.is_empty()

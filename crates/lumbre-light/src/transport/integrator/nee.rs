@@ -4,7 +4,9 @@
 
 use glam::Vec3;
 
-use super::camera_path::{self, Arrival, CameraPaths, Path, PathLight, PathSink, ShadowRay};
+use super::camera_path::{
+    self, Arrival, CameraPaths, Path, PathLight, PathSink, ShadowRay, edge_counts,
+};
 use super::{Context, IntegratorRow, settings};
 use crate::math::real::{Double, Mask, Real, Vector};
 use crate::math::simd::Lanes;
@@ -124,7 +126,8 @@ pub(super) fn scatter<R: Lanes<N>, const N: usize, const LIGHTS: bool>(
     if let Some(terminator) = &path.terminator {
         lanes = lanes & terminator.allows(surface.position);
     }
-    let optical = path.arrive(context, edge, arrival, &surface, lanes);
+    let counts = edge_counts(context, edge);
+    let optical = path.arrive(context, counts, arrival, &surface, lanes);
     let wo = -path.state.dir;
     if arrival.class.surface.emits {
         let length = optical.map_or(R::Double::splat(0.0), |optical| optical.arrival());
@@ -134,7 +137,8 @@ pub(super) fn scatter<R: Lanes<N>, const N: usize, const LIGHTS: bool>(
     if edge == context.max_depth || !lanes.any() {
         return none;
     }
-    let bsdf = arrival.bsdf(context.scene, context.classes, &surface);
+    let parameters = arrival.parameters(context.scene, &surface);
+    let bsdf = arrival.bsdf(context.classes, &surface, parameters.as_ref());
     let out = bsdf.outgoing(wo);
     if LIGHTS {
         let connected = lanes & bsdf.has_density();
@@ -295,33 +299,12 @@ impl<R: Real> Vertex<'_, R> {
             weight,
             s: 1,
             t: self.edge + 1,
-            length: self.length(context, surface, direct),
+            length: self.optical.map_or(R::Double::splat(0.0), |optical| {
+                optical.direct_arrival(context, surface.position, direct, |wi| {
+                    self.bsdf.index_ratio(self.out.wo, wi)
+                })
+            }),
         };
         sink.add_unless_occluded(lit, &ray, &light);
-    }
-
-    /// Returns the optical lengths of paths that light reaches through a connection; zero without a
-    /// time axis.
-    #[inline(always)]
-    fn length<const N: usize>(
-        &self,
-        context: &Context,
-        surface: &Surface<R, N>,
-        direct: &DirectSample<R, N>,
-    ) -> R::Double
-    where
-        R: Lanes<N>,
-    {
-        let Some(optical) = self.optical else {
-            return R::Double::splat(0.0);
-        };
-        let infinite = direct.is_infinite();
-        let mut distance = direct.distance;
-        if infinite.any() {
-            let front = context.lights.front_distance(surface.position, direct.wi);
-            distance = R::select(infinite, front, distance);
-        }
-        let ratio = self.bsdf.index_ratio(self.out.wo, direct.wi);
-        optical.after_segment(ratio, distance)
     }
 }

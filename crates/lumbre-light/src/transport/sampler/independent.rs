@@ -15,14 +15,6 @@ pub fn key_input<W: Word>(seed: u64, [x, y]: [W; 2], [low, high]: [W; 2]) -> [W;
     ]
 }
 
-/// Returns the keys of [inputs](key_input) and their first four numbers.
-#[inline(always)]
-pub fn first_four<W: Word>(input: [W; 4]) -> ([W; 4], [W::Real; 4]) {
-    let key = pcg4d(input);
-    let [a, b, c, d] = pcg4d(key);
-    (key, [unit(a), unit(b), unit(c), unit(d)])
-}
-
 /// Returns the four words of the block in which number `taken` lies, or of the block after it.
 #[inline(always)]
 fn block<W: Word>(key: [W; 4], taken: W, after: u32) -> [W; 4] {
@@ -81,7 +73,6 @@ fn selected<R: Real>([one, two, three]: [R::Mask; 3], words: [R::Word; 4]) -> R 
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::math::stats::chi_square_p;
     use crate::transport::sampler::{Sampler, Sequence};
 
@@ -96,13 +87,6 @@ mod tests {
             numbers,
             [11_238_112, 5_423_057, 9_467_810, 14_703_034, 1_590_657]
         );
-    }
-
-    #[test]
-    fn the_first_four_are_those_that_are_taken_first() {
-        let (key, numbers) = first_four(key_input(1 << 40 | 7, [70_003, 4], [5, 0]));
-        let mut all = Sampler::new(1 << 40 | 7, [70_003, 4], 5);
-        assert_eq!((key, numbers), (all.key(), [0; 4].map(|_| all.next_1d())));
     }
 
     #[test]

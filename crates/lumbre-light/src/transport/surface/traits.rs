@@ -103,7 +103,7 @@ impl SurfaceTraits {
             || normal_map
             || bump_map
             || direction_map
-            || emits && has(m.emission_texture);
+            || emits && (has(m.emission_texture) || has(m.mask_texture));
         SurfaceTraits {
             sphere,
             instanced,

@@ -7,8 +7,10 @@ use glam::Vec3;
 
 use super::bin_pool;
 use super::contributions::{SampleId, TimedContributions};
+use super::layers::LayerRowFilm;
 use super::time_film::{TimeRowFilm, TimedSplats};
 use lumbre_light::film::splat::{SplatBuffer, SplatSums};
+use lumbre_light::transport::contribution::Contribution;
 
 /// Number of contributions by which the slots of a time axis are prefetched before they are
 /// updated. Such films are larger than caches.
@@ -188,13 +190,20 @@ impl<'a> RowFilm<'a> {
     expect(dead_code, reason = "the wavefront renderer needs x86-64")
 )]
 impl RowFilm<'_> {
-    /// Adds a splat of the sample `id` to the pixel with this column and row; `length` is the
-    /// optical length of its path.
+    /// Adds a splat of the sample `id` to the picture and to the layers that need it.
     #[inline]
-    pub fn splat_from_sample(&mut self, id: SampleId, pixel: [u32; 2], value: Vec3, length: f64) {
-        let (x, sample) = id;
-        let invalid = self.splat(pixel, value, length).is_none();
-        self.record_invalid(x, sample, u64::from(invalid));
+    pub fn splat_from_sample(
+        &mut self,
+        (x, sample): SampleId,
+        c: &Contribution,
+        layers: Option<&LayerRowFilm>,
+    ) {
+        let invalid = match self.splat(c.pixel, c.value, c.length) {
+            None => 1,
+            Some(Some(pixel)) => layers.map_or(0, |layers| layers.splat(pixel, c)),
+            Some(None) => 0,
+        };
+        self.record_invalid(x, sample, invalid);
     }
 
     /// Adds a batch of samples to their own pixels: their radiance `values` and, with a time axis,

@@ -18,10 +18,10 @@ use lumbre_light::transport::sampler::Sampler;
 
 /// Fields of a [`Contribution`] that only layers need.
 #[derive(Clone, Copy, Debug)]
-struct Details {
-    unweighted: Vec3,
-    s: u32,
-    t: u32,
+pub(super) struct Details {
+    pub unweighted: Vec3,
+    pub s: u32,
+    pub t: u32,
 }
 
 /// Contribution whose shadow ray has not been traced.
@@ -67,6 +67,11 @@ impl TileLight {
         self.has_layers = has_layers;
     }
 
+    /// Returns whether the run has layers.
+    pub fn has_layers(&self) -> bool {
+        self.has_layers
+    }
+
     /// Counts one ray for each of the given paths, if a layer needs it.
     pub fn count_rays(&mut self, paths: &[u32]) {
         if self.has_layers {
@@ -76,7 +81,7 @@ impl TileLight {
 
     /// Adds a contribution; `position` is on the time axis.
     #[inline(always)]
-    fn add(
+    pub fn add(
         &mut self,
         timing: Option<(&Timing, f64)>,
         path: u32,
@@ -95,8 +100,6 @@ impl TileLight {
     /// Traces the shadow rays of all contributions that wait for them, and adds those whose ray is
     /// not blocked.
     pub fn trace_pending(&mut self, context: &Context) {
-        // Coincident points are mutually visible and need no shadow ray.
-        let needs_ray = |distance: f32| distance > 0.0 || distance.is_nan();
         let (pending, mut occluded) = (take(&mut self.pending), take(&mut self.occluded));
         self.shadow_rays.clear();
         let rays = pending.iter().map(|light| (light.ray, light.distance));
@@ -155,6 +158,12 @@ impl TileLight {
             film.record_invalid(id.0, id.1, invalid);
         }
     }
+}
+
+/// Returns whether a shadow ray of this length has to be traced. Coincident points are mutually
+/// visible.
+pub(super) fn needs_ray(distance: f32) -> bool {
+    distance > 0.0 || distance.is_nan()
 }
 
 /// Returns a contribution as layers need it.

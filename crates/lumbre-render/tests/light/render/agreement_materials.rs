@@ -7,7 +7,7 @@ use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::Material;
 use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::{Camera, FilterSpec};
-use lumbre_light::transport::integrator::bdpt::{self, subpath::Subpaths};
+use lumbre_light::transport::integrator::bdpt::single::{Subpaths, for_each_path};
 use lumbre_light::transport::integrator::{Context, Settings};
 use lumbre_light::transport::light::Lights;
 use lumbre_light::transport::sampler::Sampler;
@@ -99,7 +99,7 @@ fn weights_of_light_from_the_rim_of_a_sphere_are_finite() {
     };
     let mut sampler = Sampler::new(3016, [7, 5], 15207);
     let mut found = 0;
-    bdpt::for_each_path(
+    for_each_path(
         &context,
         [7, 5],
         &mut sampler,

@@ -1,5 +1,5 @@
-//! Features that every technique of camera paths has in lanes: samplers, layers, light selection,
-//! maps, instances, terminator offsets, composed materials and delays.
+//! Features that every technique has in lanes: samplers, layers, light selection, maps, terminator
+//! offsets, composed materials and delays.
 
 use std::sync::Arc;
 
@@ -23,9 +23,9 @@ use super::wavefront_fixtures::{
 use crate::common::{grey, render};
 use crate::transient::composed::{PARTS, desc};
 
-/// Returns the job with `nee` and with `bpt`.
-fn camera_paths(job: &Job) -> [Job; 2] {
-    [job.clone(), with_bpt(job.clone())]
+/// Returns the job with every technique.
+fn techniques(job: &Job) -> [Job; 3] {
+    [job.clone(), with_bpt(job.clone()), with_bdpt(job.clone())]
 }
 
 #[test]
@@ -46,7 +46,7 @@ fn samplers_layers_and_light_selection_have_the_same_bits_in_lanes() {
         ..job
     };
     for (name, job) in [("sobol", sobol), ("layers", layers)] {
-        for job in camera_paths(&job) {
+        for job in techniques(&job) {
             assert_same_bits(name, &scene, job, 3);
         }
     }
@@ -98,7 +98,7 @@ fn textures_and_maps_have_the_same_bits_in_lanes() {
                     scene.tangents = vec![[tangent; 3]; scene.triangles.len()];
                 })
                 .build();
-            for job in camera_paths(&nee_job([17, 8], 4)) {
+            for job in techniques(&nee_job([17, 8], 4)) {
                 assert_same_film_bits(name, &scene, job, 2);
             }
         }
@@ -129,7 +129,7 @@ fn vertex_colors_are_factors_on_base_colors_in_every_model() {
                 .build()
         };
         let (colored, plain) = (scene(Vec3::ONE, true), scene(color, false));
-        for job in camera_paths(&nee_job([16, 12], 4)) {
+        for job in techniques(&nee_job([16, 12], 4)) {
             let pictures = [&colored, &plain].map(|scene| render(scene, job.clone(), 4).mean());
             let [a, b] = pictures.each_ref().map(|picture| &picture.data);
             let off = a.iter().zip(b).filter(|(a, b)| differ(**a, **b)).count();
@@ -160,7 +160,11 @@ fn terminator_offsets_have_the_same_bits_in_lanes() {
         params: [("lights".to_owned(), Value::from("all"))].into(),
         ..job.clone()
     };
-    for job in camera_paths(&job).into_iter().chain([all]) {
+    let sobol = with_bdpt(Job {
+        sampler: SOBOL,
+        ..job.clone()
+    });
+    for job in techniques(&job).into_iter().chain([all, sobol]) {
         assert_same_bits("terminator", &scene, job, 3);
     }
 }
@@ -173,7 +177,7 @@ fn compiled(desc: &SceneDesc) -> Arc<CompiledScene> {
 fn composed_and_delayed_materials_have_the_same_bits_in_lanes() {
     for ball in ["red", "leaf", "gloss", "nested", "pane"] {
         let scene = compiled(&desc(PARTS, ball));
-        for job in camera_paths(&nee_job([12, 12], 4)) {
+        for job in techniques(&nee_job([12, 12], 4)) {
             assert_same_bits(ball, &scene, job.clone(), 4);
             let pulse = with_time_axis(&job);
             let timing = pulse.timing.clone().map(|timing| Timing {
@@ -187,28 +191,16 @@ fn composed_and_delayed_materials_have_the_same_bits_in_lanes() {
 }
 
 #[test]
-fn camera_paths_go_in_lanes_unless_the_job_says_never() {
+fn every_technique_goes_in_lanes_unless_the_job_says_never() {
     let has_vectors = Isa::detect() != Isa::Portable;
     let is_vectorised = |job: Job| {
         let renderer = CpuRenderer::new(room(DISNEY).build(), job).unwrap();
         renderer.is_vectorised()
     };
     let job = nee_job([4, 4], 3);
-    let never = Job {
-        accel: job.accel.scalar(),
-        ..job.clone()
-    };
-    assert!(!is_vectorised(never));
-    assert_eq!(is_vectorised(job.clone()), has_vectors);
-    assert_eq!(is_vectorised(with_bdpt(job)), has_vectors);
-    let brushed = Material {
-        anisotropic: 0.8,
-        roughness: 0.4,
-        ..DISNEY
-    };
-    let scene = room(brushed).build();
-    let job = nee_job([4, 4], 3);
-    let renderer = |job: Job| CpuRenderer::new(Arc::clone(&scene), job).unwrap();
-    assert_eq!(renderer(job.clone()).is_vectorised(), has_vectors);
-    assert!(!renderer(with_bdpt(job)).is_vectorised());
+    for job in techniques(&job) {
+        assert_eq!(is_vectorised(job.clone()), has_vectors);
+        let accel = job.accel.scalar();
+        assert!(!is_vectorised(Job { accel, ..job }));
+    }
 }

@@ -21,8 +21,7 @@ pub const DISNEY: Material = Material {
     ..WHITE
 };
 
-/// Returns materials with every lobe alone and in combination, including those that only the scalar
-/// path handles.
+/// Returns materials with every lobe alone and in combination.
 pub fn materials() -> Vec<(&'static str, Material)> {
     vec![
         ("rough", DISNEY),

@@ -3,358 +3,346 @@
 
 use glam::Vec3;
 
-use super::subpath::{Edge, Escape, Vertex};
-use super::weights::{LightEnd, others_interior, others_s0, others_s1, others_s1_t1, others_t1};
-use crate::scene::compile::{NONE, Uv};
-use crate::transport::bsdf::TransportMode;
-use crate::transport::camera::CameraConnection;
+use super::state::{CameraEnd, LightStart, Vertex, VertexState};
+use super::weights::{LightEnd, MisPartials, others_interior, others_s1, others_s1_t1, others_t1};
+use crate::math::real::{Double, Mask, Real, Vector};
+use crate::math::simd::Lanes;
+use crate::transport::bsdf::{BsdfValue, TransportMode};
+use crate::transport::camera::FilterSpec;
+use crate::transport::camera::lens::Projection;
+use crate::transport::integrator::camera_path::ShadowRay;
 use crate::transport::integrator::{Context, Settings};
-use crate::transport::light::{LightId, LightPoint};
-use crate::transport::mis::Heuristic;
-use crate::transport::path_time::{self, Timing};
-use crate::transport::ray::{Hit, Ray};
+use crate::transport::light::LightPoint;
+use crate::transport::path_time::Timing;
 use crate::transport::sampler::Sampler;
-use crate::transport::surface::Surface;
 use crate::transport::vertex;
 
-/// Light found by one strategy.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Connection {
+/// Light found by one strategy in each lane.
+#[derive(Clone, Copy)]
+pub struct Connection<R: Real = f32, const N: usize = 1> {
+    /// Lanes whose shadow ray is traced.
+    pub lanes: R::Mask,
+    /// Lanes that find light unless their shadow ray hits something. Rounding may leave others
+    /// without a density.
+    pub found: R::Mask,
+    /// Rays between the connected points; `None` if subpaths hit the light.
+    pub ray: Option<ShadowRay<R>>,
     /// Radiance, not yet weighted.
-    pub unweighted: Vec3,
+    pub unweighted: R::Vec3,
     /// Sum of the MIS terms of all other strategies over that of this one: the weight is `1 / (1 +
     /// others)`.
-    pub others: f64,
-    /// The point of the light, if it is not the start of the light subpath.
-    pub point: Option<LightPoint>,
-    /// Unit direction of the connecting edge towards the light; zero for `s = 0`.
-    pub wi: Vec3,
+    pub others: R::Double,
     /// Optical length of the path; 0 without a time axis.
-    pub length: f64,
+    pub length: R::Double,
+    /// Unit direction of the connecting edge towards the light.
+    pub wi: R::Vec3,
+    /// The point of the light, if it is not the start of the light subpath.
+    pub point: Option<LightPoint<R, N>>,
 }
 
-impl Connection {
+impl<R: Real, const N: usize> Connection<R, N> {
     /// Returns the MIS weight, or 1 if strategies are not weighted.
-    #[inline]
-    pub fn weight(&self, settings: &Settings) -> f64 {
+    #[inline(always)]
+    pub fn weight(&self, settings: &Settings) -> R::Double {
+        let one = R::Double::splat(1.0);
         if settings.unweighted() {
-            1.0
+            one
         } else {
-            1.0 / (1.0 + self.others)
+            one / (one + self.others)
         }
     }
 }
 
-/// Connects with `s = 0`: the camera subpath of `t` vertices has hit a light.
-#[inline]
-pub fn connect_s0(context: &Context, h: Heuristic, z: &Vertex, t: u32) -> Option<Connection> {
-    if z.emitter == NONE || z.emitted == Vec3::ZERO {
-        return None;
-    }
-    let lights = [LightId::Emitter(z.emitter)];
-    let point = LightPoint {
-        lights,
-        position: z.position,
-        normal: z.n_geometric,
-        uv: z.uv,
-    };
-    let end = LightEnd::at_point(context, &point, z.out.wo, z.previous, z.n_previous);
-    let others = others_s0(h, &z.partials, &end, t);
-    let length = z.optical.arrival();
-    Some(Connection {
-        unweighted: z.throughput * z.emitted,
-        others,
-        point: Some(point),
-        wi: Vec3::ZERO,
-        length,
-    })
+/// Lens points, and the pixels that receive light through them.
+#[derive(Clone, Copy)]
+pub struct LensPoints<R: Real = f32, const N: usize = 1> {
+    /// The projection of the connected points.
+    pub at: Projection<R::Vec3>,
+    /// Column and row of the pixels.
+    pub pixels: [[u32; 2]; N],
 }
 
-/// Connects with `s = 0` at a hit of a camera subpath's edge, without its vertex.
-pub fn connect_s0_at_hit(
-    context: &Context,
-    h: Heuristic,
-    edge: &Edge,
-    ray: &Ray,
-    found: &Hit,
-    throughput: Vec3,
-    t: u32,
-) -> Option<Connection> {
-    let surface = Surface::at(context.scene, ray, found);
-    let (partials, back) =
-        edge.partials_at_surface(context, h, surface.position, surface.n_geometric)?;
-    connect_s0(
-        context,
-        h,
-        &edge.vertex_at(
-            context,
-            &surface,
-            TransportMode::Radiance,
-            throughput,
-            partials,
-            back,
-        ),
-        t,
-    )
+/// Returns where a value is not black.
+#[inline(always)]
+fn nonzero<R: Real>(value: R::Vec3) -> R::Mask {
+    !value.same(R::Vec3::broadcast(Vec3::ZERO))
 }
 
-/// Connects with `s = 0` outside the scene: the camera subpath left the scene, and the environment
-/// is its vertex number `t`.
-#[inline]
-pub fn connect_s0_escaped(
+/// Connects with `s = 1`, `t >= 2`: camera vertices and light points sampled from there. `None` if
+/// no lane finds light.
+#[inline(always)]
+pub fn connect_s1<R: Lanes<N>, const N: usize>(
     context: &Context,
-    h: Heuristic,
-    escape: &Escape,
-    t: u32,
-) -> Option<Connection> {
-    let edge = &escape.edge;
-    let radiance = context.lights.environment(edge.dir);
-    if radiance == Vec3::ZERO {
+    z: &Vertex<R>,
+    sampler: &mut Sampler<R>,
+    lanes: R::Mask,
+) -> Option<Connection<R, N>> {
+    let lanes = lanes & z.out.same_side;
+    let [choice, u, v] = sampler.next_three();
+    let lights = context.lights.select::<R, N>(choice, lanes);
+    let d = lights.sample_direct(context.scene, z.state.position, [u, v]);
+    let mut lanes = lanes & d.arrives();
+    if let Some(offset) = &z.terminator {
+        lanes = lanes & !offset.excludes(&d);
+    }
+    if !lanes.any() {
         return None;
     }
-    let lights = [LightId::Environment];
-    let point = LightPoint {
-        lights,
-        position: edge.from + edge.dir,
-        normal: -edge.dir,
-        uv: Uv::default(),
+    let at_z = z
+        .bsdf
+        .values::<true>(&z.out, d.wi, TransportMode::Radiance, lanes);
+    let unweighted = z.state.throughput * at_z.f * z.state.cos(d.wi) * d.radiance / d.pdf_w;
+    let lanes = lanes & nonzero::<R>(unweighted);
+    if !lanes.any() {
+        return None;
+    }
+    let (from, at) = (z.state.point(), [d.point.position, d.point.normal]);
+    let end = LightEnd::new(&lights, at, -d.wi, from);
+    let length = match context.timing {
+        None => R::Double::splat(0.0),
+        Some(_) => z
+            .state
+            .optical()
+            .direct_arrival(context, z.state.position, &d, |wi| {
+                z.bsdf.index_ratio(z.out.wo, wi)
+            }),
     };
-    let end = LightEnd::at_point(context, &point, -edge.dir, edge.from, edge.origin.normal());
-    let others = others_s0(h, &edge.partials_at(h, 1.0)?, &end, t);
-    let unweighted = escape.throughput * radiance;
     Some(Connection {
+        lanes,
+        // Rounding may place a point at the rim of a sphere on its hidden side, where no strategy
+        // has a density.
+        found: lanes & end.direct.gt(R::Double::splat(0.0)),
+        ray: Some(ShadowRay::between(from, at, d.wi, d.is_infinite())),
         unweighted,
-        others,
-        point: Some(point),
-        wi: Vec3::ZERO,
-        length: escape.length,
+        others: others_s1(context.settings.heuristic(), &z.endpoint(), &end, &at_z),
+        length,
+        wi: d.wi,
+        point: Some(d.point),
     })
 }
 
-/// Connects with `s = 1`, `t >= 2`: the end of the camera subpath and a light point sampled from
-/// there.
-#[inline]
-pub fn connect_s1(
+/// Evaluates camera vertices towards light vertices at `y`: the first half of a connection with `s
+/// >= 2`, `t >= 2`. Returns the lanes in which light may pass.
+#[inline(always)]
+pub fn camera_end<R: Real>(
     context: &Context,
-    h: Heuristic,
-    z: &Vertex,
-    sampler: &mut Sampler,
-) -> Option<Connection> {
-    let choice = sampler.next_1d();
-    let d = context
-        .lights
-        .sample_direct(context.scene, z.position, choice, sampler.next_2d())?;
-    let at_z = z.bsdf.evaluate_from(&z.out, d.wi, TransportMode::Radiance);
-    let unweighted = z.throughput * at_z.f * z.cos(d.wi) * d.radiance / d.pdf_w;
-    let refused = z.terminator.is_some_and(|o| o.excludes(&d));
-    if refused || unweighted == Vec3::ZERO || d.pdf_w <= 0.0 {
-        return None;
-    }
-    let lit = if d.distance.is_finite() {
-        vertex::visible(
-            context.trace,
-            z.position,
-            z.n_geometric,
-            d.point.position,
-            d.point.normal,
-        )
-    } else {
-        vertex::unobstructed(context.trace, z.position, z.n_geometric, d.wi)
+    z: &Vertex<R>,
+    y: R::Vec3,
+    lanes: R::Mask,
+) -> (R::Mask, CameraEnd<R>) {
+    let from = z.state.towards_light(&z.terminator, y);
+    let edge = y - from.position;
+    let wi = edge / edge.length_squared().sqrt();
+    let lanes = lanes & z.out.same_side & wi.is_finite();
+    let BsdfValue {
+        f,
+        pdf_w,
+        reverse_pdf_w,
+    } = z
+        .bsdf
+        .values::<true>(&z.out, wi, TransportMode::Radiance, lanes);
+    let ratio = match context.timing {
+        None => R::splat(1.0),
+        Some(_) => z.bsdf.index_ratio(z.out.wo, wi),
     };
-    if !lit {
-        return None;
-    }
-    let end = LightEnd::at_point(context, &d.point, -d.wi, z.position, z.n_geometric);
-    // Rounding may place a point at the rim of a sphere on its hidden side, where no strategy has a
-    // density.
-    (end.direct > 0.0).then(|| {
-        let others = others_s1(h, &z.mis_endpoint(), &end, &at_z);
-        let length = path_time::direct_length(
-            context,
-            &z.optical,
-            &z.bsdf,
-            z.out.wo,
-            z.position,
-            (d.wi, d.distance),
-        );
-        Connection {
-            unweighted,
-            others,
-            point: Some(d.point),
-            wi: d.wi,
-            length,
-        }
-    })
+    let end = CameraEnd {
+        f,
+        pdf_w,
+        reverse_pdf_w,
+        ratio,
+    };
+    (lanes & nonzero::<R>(f), end)
 }
 
-/// Connects with `s >= 2`, `t >= 2`: the ends of two subpaths.
-#[inline]
-pub fn connect(context: &Context, h: Heuristic, y: &Vertex, z: &Vertex) -> Option<Connection> {
-    let lifted = z
-        .terminator
-        .filter(|o| o.has_below(y.position))
-        .and_then(|_| z.lifted());
-    let z = lifted.as_ref().unwrap_or(z);
-    let edge = y.position - z.position;
+/// Connects with `s >= 2`, `t >= 2`: light vertices and camera vertices, which are lifted where
+/// necessary and were [evaluated](camera_end). `None` if no lane finds light.
+#[inline(always)]
+pub fn connect<R: Lanes<N>, const N: usize>(
+    context: &Context,
+    y: &Vertex<R>,
+    (z, z_partials): (&VertexState<R>, MisPartials<R::Double>),
+    at_z: &CameraEnd<R>,
+    lanes: R::Mask,
+) -> Option<Connection<R, N>> {
+    let edge = y.state.position - z.position;
     let distance2 = edge.length_squared();
     let wi = edge / distance2.sqrt();
-    if !wi.is_finite() {
-        return None;
-    }
-    let at_z = z.bsdf.evaluate_from(&z.out, wi, TransportMode::Radiance);
-    if at_z.f == Vec3::ZERO {
-        return None;
-    }
-    let at_y = y.bsdf.evaluate_from(&y.out, -wi, TransportMode::Importance);
+    let lanes = lanes & y.out.same_side;
+    let at_y = y
+        .bsdf
+        .values::<true>(&y.out, -wi, TransportMode::Importance, lanes);
     let unweighted =
-        y.throughput * at_y.f * y.cos(-wi) * at_z.f * z.cos(wi) * z.throughput / distance2;
-    if unweighted == Vec3::ZERO
-        || !vertex::visible(
-            context.trace,
-            z.position,
-            z.n_geometric,
-            y.position,
-            y.n_geometric,
-        )
-    {
+        y.state.throughput * at_y.f * y.state.cos(-wi) * at_z.f * z.cos(wi) * z.throughput
+            / distance2;
+    let lanes = lanes & nonzero::<R>(unweighted);
+    if !lanes.any() {
         return None;
     }
-    let length = if context.timing.is_some() {
-        let ratio = z.bsdf.index_ratio(z.out.wo, wi);
-        let near = z.optical.after_segment(ratio, distance2.sqrt());
-        near + y
-            .optical
-            .from_light(y.bsdf.index_ratio(y.out.wo, -wi), z.optical.index * ratio)
-    } else {
-        0.0
+    let length = match context.timing {
+        None => R::Double::splat(0.0),
+        Some(_) => {
+            let optical = z.optical();
+            let near = optical.after_segment(at_z.ratio, distance2.sqrt());
+            let ratio = y.bsdf.index_ratio(y.out.wo, -wi);
+            let far = y.state.optical();
+            near + far.from_light(ratio, optical.index * at_z.ratio)
+        }
     };
-    let to = |v: &Vertex| wi.dot(v.n_geometric).abs() / distance2;
-    let others = others_interior(
-        h,
-        [&y.mis_endpoint(), &z.mis_endpoint()],
-        [&at_y, &at_z],
-        [to(y), to(z)],
-    );
+    let to = |v: &VertexState<R>| wi.dot(v.n_geometric).abs() / distance2;
+    let at_z = BsdfValue {
+        f: at_z.f,
+        pdf_w: at_z.pdf_w,
+        reverse_pdf_w: at_z.reverse_pdf_w,
+    };
+    let infinite = R::Mask::default();
     Some(Connection {
+        lanes,
+        found: lanes,
+        ray: Some(ShadowRay::between(z.point(), y.state.point(), wi, infinite)),
         unweighted,
-        others,
-        point: None,
-        wi,
+        others: others_interior(
+            context.settings.heuristic(),
+            [&y.endpoint(), &z.endpoint(z_partials)],
+            [&at_y, &at_z],
+            [to(&y.state), to(z)],
+        ),
         length,
+        wi,
+        point: None,
     })
 }
 
-/// Connects with `s >= 2`, `t = 1`: the end of the light subpath to the camera.
-#[inline]
-pub fn connect_t1(
+/// Connects with `s >= 2`, `t = 1`: light vertices and the lens. `emitted` is the time of emission.
+/// `None` if no lane finds light.
+#[inline(always)]
+pub fn connect_t1<R: Lanes<N>, const N: usize>(
     context: &Context,
-    h: Heuristic,
-    y: &Vertex,
-    emitted: f32,
-    sampler: &mut Sampler,
-) -> Option<(Connection, CameraConnection)> {
-    let c = context
-        .camera
-        .connect(y.position, sampler.next_2d(), sampler.next_2d())?;
+    y: &Vertex<R>,
+    emitted: R,
+    sampler: &mut Sampler<R>,
+    lanes: R::Mask,
+) -> Option<(Connection<R, N>, LensPoints<R, N>)> {
+    let [lens_u, filter_u] = lens_numbers(context, sampler);
+    let at = context.camera.project(y.state.position, lens_u);
+    let lanes = lanes & y.out.same_side;
+    let (lanes, pixels, weight) = context.camera.choose_pixels(&at, filter_u, lanes);
+    if !lanes.any() {
+        return None;
+    }
+    let importance = weight * at.pdf_w / (at.distance * at.distance);
     let at_y = y
         .bsdf
-        .evaluate_from(&y.out, -c.dir, TransportMode::Importance);
-    let unweighted = y.throughput * at_y.f * y.cos(-c.dir) * c.importance;
-    if unweighted == Vec3::ZERO
-        || !vertex::visible(context.trace, y.position, y.n_geometric, c.lens, Vec3::ZERO)
-    {
+        .values::<true>(&y.out, -at.dir, TransportMode::Importance, lanes);
+    let unweighted = y.state.throughput * at_y.f * y.state.cos(-at.dir) * importance;
+    let lanes = lanes & nonzero::<R>(unweighted);
+    if !lanes.any() {
         return None;
     }
-    let spread = vertex::area_factor(c.lens, y.position, y.n_geometric);
-    let others = others_t1(h, &y.mis_endpoint(), &at_y, [c.pdf_w, spread]);
-    let length = context.timing.map_or(0.0, |timing| {
-        camera_length(timing, emitted, c.distance)
-            + y.optical
-                .from_light(y.bsdf.index_ratio(y.out.wo, -c.dir), timing.medium)
+    let [position, n] = y.state.point();
+    let spread = vertex::area_factor(at.lens, position, n);
+    let h = context.settings.heuristic();
+    let length = context.timing.map_or(R::Double::splat(0.0), |timing| {
+        let medium = R::splat(timing.medium);
+        let ratio = y.bsdf.index_ratio(y.out.wo, -at.dir);
+        camera_length(timing, emitted, at.distance) + y.state.optical().from_light(ratio, medium)
     });
-    Some((
-        Connection {
-            unweighted,
-            others,
-            point: None,
-            wi: c.dir,
-            length,
-        },
-        c,
-    ))
+    let lens = [at.lens, R::Vec3::broadcast(Vec3::ZERO)];
+    let infinite = R::Mask::default();
+    let connection = Connection {
+        lanes,
+        found: lanes,
+        ray: Some(ShadowRay::between([position, n], lens, at.dir, infinite)),
+        unweighted,
+        others: others_t1(h, &y.endpoint(), &at_y, [at.pdf_w, spread]),
+        length,
+        wi: at.dir,
+        point: None,
+    };
+    Some((connection, LensPoints { at, pixels }))
 }
 
-/// Connects with `s = 1`, `t = 1`: the start of the light subpath, which continues in direction
-/// `dir`, to the camera. Point lights and
+/// Connects with `s = 1`, `t = 1`: the starts of light subpaths and the lens. Point lights and
 /// directional lights are not connected: nothing that starts at the camera could find them, and a
-/// picture does not show them.
-#[inline]
-pub fn connect_s1_t1(
+/// picture does not show them. `None` if no lane finds light.
+#[inline(always)]
+pub fn connect_s1_t1<R: Lanes<N>, const N: usize>(
     context: &Context,
-    h: Heuristic,
-    point: &LightPoint,
-    dir: Vec3,
-    emitted: f32,
-    sampler: &mut Sampler,
-) -> Option<(Connection, CameraConnection)> {
-    let (lens_u, filter_u) = (sampler.next_2d(), sampler.next_2d());
-    let (c, cos) = match point.light() {
-        LightId::Emitter(_) => {
-            let c = context.camera.connect(point.position, lens_u, filter_u)?;
-            (c, point.normal.dot(-c.dir))
-        }
-        LightId::Environment => (
-            context.camera.connect_direction(-dir, lens_u, filter_u)?,
-            1.0,
-        ),
-        LightId::Point(_) | LightId::Directional(_) => return None,
-    };
-    let end = LightEnd::at_point(context, point, -c.dir, c.lens, Vec3::ZERO);
-    let radiance = context.lights.emitted(context.scene, point, -c.dir);
-    let unweighted = radiance * cos * (f64::from(c.importance) / end.start) as f32;
-    if cos <= 0.0 || unweighted == Vec3::ZERO {
+    start: &LightStart<R>,
+    sampler: &mut Sampler<R>,
+    lanes: R::Mask,
+) -> Option<(Connection<R, N>, LensPoints<R, N>)> {
+    let [lens_u, filter_u] = lens_numbers(context, sampler);
+    let camera = context.camera;
+    let indices = R::store_words(start.light);
+    let lights = context.lights.with_indices::<R, N>(indices, lanes);
+    let point = start.point(&lights);
+    let (emitters, distant) = (lights.are_emitters(), lights.are_environments());
+    let (zero, one) = (R::splat(0.0), R::splat(1.0));
+    let black = R::Vec3::broadcast(Vec3::ZERO);
+    let mut at = camera.project(point.position, lens_u);
+    let mut area = at.distance * at.distance;
+    if distant.any() {
+        at = Projection::select(distant, camera.project_distant(-start.dir, lens_u), at);
+        area = R::select(distant, one, area);
+    }
+    let wanted = lanes & (emitters | distant);
+    let (lanes, pixels, weight) = camera.choose_pixels(&at, filter_u, wanted);
+    if !lanes.any() {
         return None;
     }
-    let visible = if c.distance.is_finite() {
-        vertex::visible(
-            context.trace,
-            point.position,
-            point.normal,
-            c.lens,
-            Vec3::ZERO,
-        )
-    } else {
-        vertex::unobstructed(context.trace, c.lens, Vec3::ZERO, c.dir)
-    };
-    let others = others_s1_t1(h, &end, c.pdf_w);
-    let length = context.timing.map_or(0.0, |timing| {
-        let far = if c.distance.is_finite() {
-            c.distance
-        } else {
-            context.lights.front_distance(c.lens, c.dir)
-        };
-        camera_length(timing, emitted, far)
+    let importance = weight * at.pdf_w / area;
+    let cos = R::select(distant, one, point.normal.dot(-at.dir));
+    let light_end = [point.position, point.normal];
+    let end = LightEnd::new(&lights, light_end, -at.dir, [at.lens, black]);
+    let radiance = lights.emitted(context.scene, &point, -at.dir);
+    let unweighted = radiance * cos * (importance.double() / end.start).single();
+    let lanes = lanes & cos.gt(zero) & nonzero::<R>(unweighted);
+    if !lanes.any() {
+        return None;
+    }
+    // Rays to the environment start at the lens.
+    let from = [
+        R::Vec3::select(distant, at.lens, point.position),
+        R::Vec3::select(distant, black, point.normal),
+    ];
+    let length = context.timing.map_or(R::Double::splat(0.0), |timing| {
+        let front = context.lights.front_distance(at.lens, at.dir);
+        let far = R::select(distant, front, at.distance);
+        camera_length(timing, start.emitted, far)
     });
-    visible.then_some((
-        Connection {
-            unweighted,
-            others,
-            point: None,
-            wi: c.dir,
-            length,
-        },
-        c,
-    ))
+    let connection = Connection {
+        lanes,
+        found: lanes,
+        ray: Some(ShadowRay::between(from, [at.lens, black], at.dir, distant)),
+        unweighted,
+        others: others_s1_t1(context.settings.heuristic(), &end, at.pdf_w),
+        length,
+        wi: at.dir,
+        point: None,
+    };
+    Some((connection, LensPoints { at, pixels }))
+}
+
+/// Takes the numbers that choose lens point and pixel; zeros if neither needs any.
+#[inline(always)]
+fn lens_numbers<R: Real>(context: &Context, sampler: &mut Sampler<R>) -> [[R; 2]; 2] {
+    if context.camera.has_lens() || context.camera.filter() != FilterSpec::PIXEL {
+        [sampler.next_2d(), sampler.next_2d()]
+    } else {
+        // The numbers are not computed.
+        let _ = [sampler.next_2d(), sampler.next_2d()];
+        [[R::splat(0.0); 2]; 2]
+    }
 }
 
 /// Returns the optical length of light emitted at `emitted` after the segment of `distance` to the
 /// camera.
-#[inline]
-fn camera_length(timing: &Timing, emitted: f32, distance: f32) -> f64 {
+#[inline(always)]
+fn camera_length<R: Real>(timing: &Timing, emitted: R, distance: R) -> R::Double {
     let segment = if timing.camera {
-        timing.medium * distance
+        R::splat(timing.medium) * distance
     } else {
-        0.0
+        R::splat(0.0)
     };
-    f64::from(emitted) + f64::from(segment)
+    emitted.double() + segment.double()
 }

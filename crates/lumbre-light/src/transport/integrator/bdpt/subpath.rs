@@ -1,532 +1,452 @@
-//! The camera and light subpaths of a sample.
+//! Steps of subpaths: their start at the camera or at a light, and their vertices.
 
 use glam::Vec3;
 
-use super::weights::{EdgePartials, LightEnd, MisEndpoint, MisPartials};
+use super::connect::Connection;
+use super::state::{LightStart, MisState, ShadingState, Subpath, Vertex, VertexState};
+use super::weights::{EdgePartials, LightEnd, MisEdge, MisEndpoint, others_s0};
+use crate::math::real::{Double, Mask, Real, Vector, Word};
+use crate::math::simd::Lanes;
 use crate::scene::compile::{NONE, Uv};
 use crate::transport::MAX_SURVIVAL;
-use crate::transport::bsdf::{Bsdf, BsdfSample, Outgoing, TransportMode};
+use crate::transport::arrival::Arrival;
+use crate::transport::bsdf::{BsdfSample, TransportMode};
 use crate::transport::integrator::Context;
-use crate::transport::light::{EmissionSample, LightPoint};
-use crate::transport::mis::Heuristic;
-use crate::transport::path_time::{AuxRng, OpticalLength, PathTime};
-use crate::transport::ray::Ray;
-use crate::transport::sampler::Sampler;
-use crate::transport::surface::{Surface, TerminatorOffset};
-use crate::transport::vertex;
+use crate::transport::integrator::camera_path::{
+    Path, PathState, TerminatorState, TimeState, edge_counts,
+};
+use crate::transport::light::{LightId, LightPoint};
+use crate::transport::path_time::OpticalLength;
+use crate::transport::ray::offset_by_axis;
+use crate::transport::surface::Surface;
+use crate::transport::vertex::towards;
 
-/// A vertex on a surface, generated from the camera or from a light.
+/// A step of subpaths.
 #[derive(Clone, Copy, Debug)]
-pub struct Vertex {
-    /// Position in world space.
-    pub position: Vec3,
-    /// Unit normal on the front side.
-    pub n_geometric: Vec3,
-    /// Unit shading normal on the same side.
-    pub n_shading: Vec3,
-    /// Direction to the previous vertex, with everything that the BSDF derives from it.
-    pub out: Outgoing,
-    /// Position of the previous vertex; meaningless for an infinitely distant light.
-    pub previous: Vec3,
-    /// Unit normal of the previous vertex; zero for a lens point or a lifted point.
-    pub n_previous: Vec3,
-    /// Factor from a density per solid angle here to the other side's density of the previous
-    /// vertex; zero if the other side cannot generate it.
-    pub back: f32,
-    /// The BSDF at this vertex.
-    pub bsdf: Bsdf,
-    /// Whether connections are possible: the BSDF has a density, and the surface does not end
-    /// paths.
-    pub connectible: bool,
-    /// Offset against the shadow terminator for edges towards light.
-    pub terminator: Option<TerminatorOffset>,
-    /// Index into the scene's emitters, or [`NONE`].
-    pub emitter: u32,
-    /// Texture coordinates before tiling.
-    pub uv: Uv,
-    /// Radiance emitted towards the previous vertex; black in a light subpath.
-    pub emitted: Vec3,
-    /// Throughput of the subpath up to this vertex, over the density of its generation.
-    pub throughput: Vec3,
-    /// Partial sums of MIS terms.
-    pub partials: MisPartials,
-    /// Whether the event that led to the next vertex was a Dirac event.
-    pub delta: bool,
+pub struct Step {
+    /// What the subpaths carry: radiance from the camera, importance from a light.
+    pub mode: TransportMode,
+    /// Number of the edge that led to the surfaces, counted from 1.
+    pub edge: u32,
+    /// Greatest number of edges.
+    pub max_edges: u32,
+}
+
+/// The result of a step.
+pub struct Scattering<'a, R: Real, const N: usize> {
+    /// The vertices; `None` where nothing connects to them.
+    pub vertex: Option<ArrivedVertex<'a, R, N>>,
+    /// Light that camera subpaths hit.
+    pub light: Option<Connection<R, N>>,
+    /// Lanes whose subpath continues.
+    pub continues: R::Mask,
+    /// Whether the event that led to the next edge was a Dirac event.
+    pub delta: R::Mask,
     /// Index ratio crossed by that event.
-    pub eta: f32,
-    /// Optical length of the subpath up to this vertex.
-    pub optical: OpticalLength,
+    pub eta: R,
 }
 
-/// The vertex that an edge of a subpath leaves.
-#[derive(Clone, Copy, Debug)]
-pub enum Origin {
-    /// A point of the lens.
-    Lens,
-    /// A point of a light.
-    Light(LightPoint),
-    /// A surface with this unit normal; zero for a lifted point, at which no path can arrive.
-    Surface(Vec3),
+/// Vertices of subpaths that arrived at surfaces.
+pub struct ArrivedVertex<'a, R: Real, const N: usize> {
+    /// The vertices.
+    pub vertex: Vertex<R>,
+    /// Properties that only some surfaces have.
+    pub shading: ShadingState<R>,
+    /// Lanes that have a vertex; the subpath of others ends.
+    pub lanes: R::Mask,
+    surface: Surface<'a, R, N>,
+    optical: Option<OpticalLength<R>>,
 }
 
-impl Origin {
-    /// Returns the unit normal; zero for a lens point or a lifted point.
-    #[inline]
-    pub fn normal(&self) -> Vec3 {
-        match self {
-            Origin::Lens => Vec3::ZERO,
-            Origin::Light(point) => point.normal,
-            Origin::Surface(n) => *n,
+impl<R: Real> Subpath<R> {
+    /// Starts camera subpaths on the first edges of paths.
+    #[inline(always)]
+    pub fn from_camera(context: &Context, mut path: Path<R>) -> Subpath<R> {
+        let PathState { origin, dir, .. } = path.state;
+        let edge = MisEdge::from_lens(context, origin, dir);
+        path.state.last_pdf_w = edge.pdf_w;
+        Subpath {
+            path,
+            mis: MisState {
+                n_last: R::Vec3::broadcast(Vec3::ZERO),
+                rr_throughput: R::Vec3::broadcast(Vec3::ONE),
+                light: R::Word::splat(NONE),
+            },
+            partials: edge.partials,
         }
     }
-}
 
-/// An edge of a subpath whose end vertex is not known yet.
-#[derive(Clone, Copy, Debug)]
-pub struct Edge {
-    /// The vertex that the edge leaves.
-    pub origin: Origin,
-    /// Position of that vertex.
-    pub from: Vec3,
-    /// Unit direction of the edge.
-    pub dir: Vec3,
-    /// Density of the direction per solid angle; unused if the edge leaves a light.
-    pub pdf_w: f64,
-    /// Partial sums of MIS terms.
-    pub partials: EdgePartials,
-}
-
-/// The end of a camera subpath that left the scene.
-#[derive(Clone, Copy, Debug)]
-pub struct Escape {
-    /// The last edge of the subpath.
-    pub edge: Edge,
-    /// Throughput of the subpath, over the density of its generation.
-    pub throughput: Vec3,
-    /// Optical length of light that arrives along it.
-    pub length: f64,
-}
-
-/// Both subpaths of a sample, reused for the next one so that nothing is allocated per path.
-#[derive(Debug, Default)]
-pub struct Subpaths {
-    /// Vertices of the light subpath after the light's own: the vertex `y_i` has index `i - 1`.
-    pub light: Vec<Vertex>,
-    /// The start of the light subpath, if there is one.
-    pub start: Option<EmissionSample>,
-    /// Vertices of the camera subpath after the lens: the vertex `z_i` has index `i - 1`.
-    pub camera: Vec<Vertex>,
-    /// The edge after them, if it hit nothing.
-    pub escape: Option<Escape>,
-    /// The point on the lens.
-    pub lens: Vec3,
-    /// Time of emission of this sample's light, as an optical length.
-    pub emitted: f32,
-}
-
-/// Russian roulette of one subpath. Weights do not involve it: see [`crate::transport::mis`].
-struct RussianRoulette {
-    start: Option<u32>,
-    /// Product of the BSDF weights, by which the survival probability is chosen.
-    rr_throughput: Vec3,
-}
-
-impl RussianRoulette {
-    /// Returns the survival probability after edge number `edge`, or `None` if the path ends.
-    #[inline]
-    fn survival(&mut self, edge: u32, weight: Vec3, sampler: &mut Sampler) -> Option<f32> {
-        self.rr_throughput *= weight;
-        if self.start.is_none_or(|start| edge < start) {
-            return Some(1.0);
-        }
-        let survival = self.rr_throughput.max_element().min(MAX_SURVIVAL);
-        if sampler.next_1d() >= survival {
-            return None;
-        }
-        self.rr_throughput /= survival;
-        Some(survival)
-    }
-}
-
-impl Subpaths {
-    /// Traces both subpaths of a sample, with up to `context.max_depth` edges each; for `TIMED` see
-    /// [`PathTime`].
-    pub fn trace<const TIMED: bool>(
-        &mut self,
+    /// Starts the light subpaths of samples whose camera subpaths are at an end. Returns the lights'
+    /// points, the subpaths on their first edges, and the lanes that may continue. `emitted` is the
+    /// time of emission.
+    #[inline(always)]
+    pub fn from_light<const N: usize>(
         context: &Context,
-        h: Heuristic,
-        pixel: [u32; 2],
-        sampler: &mut Sampler,
-    ) {
-        let mut aux_rng = self.trace_camera::<TIMED>(context, h, pixel, sampler);
-        self.trace_light::<TIMED>(context, h, sampler, &mut aux_rng);
-    }
-
-    /// Traces the camera subpath; returns the auxiliary numbers, which the light subpath continues.
-    fn trace_camera<const TIMED: bool>(
-        &mut self,
-        context: &Context,
-        h: Heuristic,
-        pixel: [u32; 2],
-        sampler: &mut Sampler,
-    ) -> AuxRng {
-        self.camera.clear();
-        let ray = context.camera.sample_ray(pixel, sampler);
-        self.lens = ray.origin;
-        let edge = Edge::from_lens(context, ray.origin, ray.dir);
-        let departure = Departure {
-            ray,
-            edge,
-            throughput: Vec3::ONE,
-        };
-        let mut aux_rng = AuxRng::new::<TIMED>(sampler);
-        self.emitted = aux_rng.emission(context);
-        let path_time = PathTime::<TIMED>::from_camera(context, &ray, self.emitted);
-        let mut state = WalkState {
-            path_time,
-            sampler,
-            aux_rng: &mut aux_rng,
-        };
-        self.escape = walk(
-            context,
-            h,
-            TransportMode::Radiance,
-            departure,
-            context.max_depth,
-            &mut state,
-            &mut self.camera,
-        );
-        aux_rng
-    }
-
-    /// Traces the light subpath.
-    fn trace_light<const TIMED: bool>(
-        &mut self,
-        context: &Context,
-        h: Heuristic,
-        sampler: &mut Sampler,
-        aux_rng: &mut AuxRng,
-    ) {
-        let max_edges = context.max_depth;
-        self.light.clear();
-        self.start = None;
-        if max_edges == 0 {
-            return;
-        }
-        let (choice, u, v) = (sampler.next_1d(), sampler.next_2d(), sampler.next_2d());
-        self.start = context.lights.sample_emission(context.scene, choice, u, v);
-        let Some(e) = self.start else { return };
-        let throughput = e.radiance * e.cos / (e.pdf_a * e.pdf_w);
-        if throughput == Vec3::ZERO || max_edges == 1 {
-            return;
-        }
-        let edge = Edge::from_light(e.point, e.dir);
-        let ray = vertex::spawn_ray(e.point.position, e.point.normal, e.dir);
-        let departure = Departure {
-            ray,
-            edge,
-            throughput,
-        };
-        let path_time = PathTime::<TIMED>::from_light(context, e.point.position);
-        let mut state = WalkState {
-            path_time,
-            sampler,
-            aux_rng,
-        };
-        walk(
-            context,
-            h,
-            TransportMode::Importance,
-            departure,
-            max_edges - 1,
-            &mut state,
-            &mut self.light,
-        );
-    }
-}
-
-/// An edge with its ray and throughput.
-struct Departure {
-    ray: Ray,
-    edge: Edge,
-    throughput: Vec3,
-}
-
-/// The state that a subpath carries along: its optical length and its random numbers.
-struct WalkState<'a, const TIMED: bool> {
-    path_time: PathTime<'a, TIMED>,
-    sampler: &'a mut Sampler,
-    aux_rng: &'a mut AuxRng,
-}
-
-/// Traces a subpath until it ends. Returns its last edge if that left the scene.
-fn walk<const TIMED: bool>(
-    context: &Context,
-    h: Heuristic,
-    mode: TransportMode,
-    mut departure: Departure,
-    max_edges: u32,
-    state: &mut WalkState<TIMED>,
-    path: &mut Vec<Vertex>,
-) -> Option<Escape> {
-    let mut roulette = RussianRoulette {
-        start: context.rr_start,
-        rr_throughput: Vec3::ONE,
-    };
-    let mut terminator: Option<TerminatorOffset> = None;
-    for count in 1..=max_edges {
-        let Departure {
-            ray,
-            edge,
-            throughput,
-        } = departure;
-        let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else {
-            return Some(Escape {
-                edge,
-                throughput,
-                length: state.path_time.escape_length(context, edge.dir),
-            });
-        };
-        // The last edge of a camera subpath can only find light.
-        let only_light = mode == TransportMode::Radiance && count == max_edges;
-        if only_light && context.scene.emitter_of(hit.primitive, hit.instance) == NONE {
-            return None;
-        }
-        let surface = state.path_time.arrive(context, &ray, &hit, state.aux_rng);
-        if terminator.is_some_and(|o| !o.has_below(surface.position)) {
-            return None;
-        }
-        let (partials, back) =
-            edge.partials_at_surface(context, h, surface.position, surface.n_geometric)?;
-        path.push(edge.vertex_at(context, &surface, mode, throughput, partials, back));
-        let v = path.last_mut()?;
-        v.optical = state.path_time.optical();
-        let ends = surface.ends_paths();
-        if ends || count == max_edges {
-            v.connectible &= !ends;
-            return None;
-        }
-        departure = v.depart(h, mode, &surface, count, &mut roulette, state.sampler)?;
-        state.path_time.scatter(v.position, v.eta);
-        terminator = surface.terminator_into(departure.ray.dir);
-    }
-    None
-}
-
-impl Edge {
-    /// Returns an edge that leaves a point of the lens.
-    ///
-    /// Every strategy with two or more camera vertices generates it with the density of camera
-    /// rays, and the one with a single camera vertex does without it, unless the film's pixels are
-    /// points: then no other strategy can find the path, and the density, the same for all
-    /// strategies that can, does not matter.
-    #[inline]
-    pub fn from_lens(context: &Context, from: Vec3, dir: Vec3) -> Edge {
-        let pdf_w = f64::from(context.camera.pdf_w(dir));
-        let (pdf_w, d_vcm) = if pdf_w > 0.0 {
-            (pdf_w, 1.0)
-        } else {
-            (1.0, 0.0)
-        };
-        Edge {
-            origin: Origin::Lens,
-            from,
+        mut path: Path<R>,
+        emitted: R,
+        lanes: R::Mask,
+    ) -> (LightStart<R>, Subpath<R>, R::Mask)
+    where
+        R: Lanes<N>,
+    {
+        let [choice, u, v] = path.sampler.next_three();
+        let direction = path.sampler.next_2d();
+        let lights = context.lights.select::<R, N>(choice, lanes);
+        let start = lights.sample_emission(context.scene, [u, v], direction);
+        let starts = lanes & start.starts();
+        let (position, normal, dir) = (start.point.position, start.point.normal, start.dir);
+        let throughput = start.radiance * start.cos / (start.pdf_a * start.pdf_w);
+        path.state = PathState {
+            origin: offset_by_axis(position, towards(normal, dir)),
             dir,
-            pdf_w,
-            partials: EdgePartials { d_vcm, d_vc: 0.0 },
-        }
-    }
-
-    /// Returns an edge that leaves a point of a light. Its partial sums are computed on arrival.
-    #[inline]
-    pub fn from_light(point: LightPoint, dir: Vec3) -> Edge {
-        let partials = EdgePartials {
-            d_vcm: 0.0,
-            d_vc: 0.0,
+            throughput,
+            last: position,
+            ..path.state
         };
-        Edge {
-            origin: Origin::Light(point),
-            from: point.position,
-            dir,
-            pdf_w: 0.0,
-            partials,
-        }
+        path.terminator = path.terminator.map(|_| TerminatorState::none());
+        path.time = path.time.map(|time| TimeState {
+            from: position,
+            path: R::splat(0.0),
+            delays: R::splat(0.0),
+            index: R::splat(1.0),
+            ..time
+        });
+        let light = R::load_words(&lights.indices);
+        let subpath = Subpath {
+            path,
+            mis: MisState {
+                n_last: normal,
+                rr_throughput: R::Vec3::broadcast(Vec3::ONE),
+                light,
+            },
+            // Computed on arrival.
+            partials: EdgePartials {
+                d_vcm: R::Double::splat(0.0),
+                d_vc: R::Double::splat(0.0),
+            },
+        };
+        let continues = starts & !throughput.same(R::Vec3::broadcast(Vec3::ZERO));
+        let light = R::Word::select(starts, light, R::Word::splat(NONE));
+        let start = LightStart::new(&start, light, emitted);
+        (start, subpath, continues)
     }
 
-    /// Returns the MIS partials of the surface point that this edge hits, and [`Vertex::back`]
-    /// there; `None` if rounding leaves the point without a density.
-    #[inline]
-    pub fn partials_at_surface(
+    /// Handles arrivals at surfaces of one class: finds the vertices and the light that camera
+    /// subpaths hit, and samples the next edges.
+    #[inline(always)]
+    pub fn scatter<'a, const N: usize>(
+        &mut self,
+        context: &Context<'a>,
+        step: Step,
+        arrival: &Arrival<R, N>,
+        lanes: R::Mask,
+    ) -> Scattering<'a, R, N>
+    where
+        R: Lanes<N>,
+    {
+        let (light, vertex) = self.arrive(context, step, arrival, lanes);
+        let mut scattering = Scattering {
+            vertex,
+            light,
+            continues: R::Mask::default(),
+            delta: R::Mask::default(),
+            eta: R::splat(1.0),
+        };
+        if let Some(arrived) = &scattering.vertex
+            && step.edge < step.max_edges
+        {
+            let (sample, continues) = self.depart(context, step, arrived);
+            scattering.continues = continues;
+            (scattering.delta, scattering.eta) = (sample.delta, sample.eta);
+        }
+        scattering
+    }
+
+    /// Finds the vertices at which the edges arrive, unless no lane has any, and the light that
+    /// camera subpaths hit.
+    #[inline(always)]
+    fn arrive<'a, const N: usize>(
+        &mut self,
+        context: &Context<'a>,
+        step: Step,
+        arrival: &Arrival<R, N>,
+        mut lanes: R::Mask,
+    ) -> (Option<Connection<R, N>>, Option<ArrivedVertex<'a, R, N>>)
+    where
+        R: Lanes<N>,
+    {
+        let from_camera = step.mode == TransportMode::Radiance;
+        let surface = arrival.surface(context.scene);
+        let counts = !from_camera || edge_counts(context, step.edge);
+        let optical = self.path.arrive(context, counts, arrival, &surface, lanes);
+        if let Some(terminator) = &self.path.terminator {
+            lanes = lanes & terminator.allows(surface.position);
+        }
+        let at = [surface.position, surface.n_geometric];
+        let (exist, endpoint) = self.endpoint(context, step, at, lanes);
+        lanes = lanes & exist;
+        let mut light = None;
+        if arrival.class.surface.emits {
+            let length = optical.map_or(R::Double::splat(0.0), |optical| optical.arrival());
+            if from_camera && context.settings.includes(0, step.edge + 1) {
+                light = self.hit_light(context, step.edge, (&surface, &endpoint), length, lanes);
+            }
+            lanes = lanes & !surface.ends_paths();
+        }
+        let unconnected = from_camera && step.edge == step.max_edges;
+        if unconnected || !lanes.any() {
+            return (light, None);
+        }
+        let (vertex, shading) = self.vertex(context, arrival, &surface, optical, &endpoint);
+        let arrived = ArrivedVertex {
+            vertex,
+            shading,
+            lanes,
+            surface,
+            optical,
+        };
+        (light, Some(arrived))
+    }
+
+    /// Builds the vertices at surfaces, at which the subpaths have these optical lengths and MIS
+    /// quantities.
+    #[inline(always)]
+    fn vertex<const N: usize>(
         &self,
         context: &Context,
-        h: Heuristic,
-        position: Vec3,
-        n: Vec3,
-    ) -> Option<(MisPartials, f32)> {
-        if let Origin::Light(point) = self.origin {
-            let end = LightEnd::at_point(context, &point, self.dir, position, n);
-            let (some, partials) = MisPartials::new(h, end.edge_partials(h), end.next);
-            return some.then_some((partials, end.back));
-        }
-        let [spread, back] = vertex::area_factors([self.from, self.origin.normal()], [position, n]);
-        Some((self.partials_at(h, f64::from(spread))?, back))
-    }
-
-    /// Returns the MIS partials at the end of this edge; `spread` converts its density to that of
-    /// the end point.
-    #[inline]
-    pub fn partials_at(&self, h: Heuristic, spread: f64) -> Option<MisPartials> {
-        let (some, partials) = MisPartials::new(h, self.partials, self.pdf_w * spread);
-        some.then_some(partials)
-    }
-
-    /// Returns the vertex at the surface that this edge hits, given the results of
-    /// [`Edge::partials_at_surface`].
-    #[inline]
-    pub fn vertex_at(
-        &self,
-        context: &Context,
-        surface: &Surface,
-        mode: TransportMode,
-        throughput: Vec3,
-        partials: MisPartials,
-        back: f32,
-    ) -> Vertex {
-        let wo = -self.dir;
-        let bsdf = Bsdf::new(surface, &context.scene.textures);
-        let emitted = if mode == TransportMode::Radiance {
-            surface.emitted(&context.scene.textures, wo)
-        } else {
-            Vec3::ZERO
-        };
-        Vertex {
+        arrival: &Arrival<R, N>,
+        surface: &Surface<R, N>,
+        optical: Option<OpticalLength<R>>,
+        endpoint: &MisEndpoint<R>,
+    ) -> (Vertex<R>, ShadingState<R>)
+    where
+        R: Lanes<N>,
+    {
+        let parameters = arrival.parameters(context.scene, surface);
+        let bsdf = arrival.bsdf(context.classes, surface, parameters.as_ref());
+        let terminator = surface.terminator;
+        let shading = ShadingState::new(parameters.as_ref(), surface.tangent, terminator.as_ref());
+        let wo = -self.path.state.dir;
+        let zero = R::splat(0.0);
+        let OpticalLength {
+            path,
+            delays,
+            delay,
+            index,
+        } = optical.unwrap_or(OpticalLength {
+            path: zero,
+            delays: zero,
+            delay: zero,
+            index: zero,
+        });
+        let state = VertexState {
             position: surface.position,
             n_geometric: surface.n_geometric,
             n_shading: surface.n_shading,
-            out: bsdf.outgoing(wo),
-            previous: self.from,
-            n_previous: self.origin.normal(),
-            back,
-            connectible: bsdf.has_density(),
-            bsdf,
-            terminator: surface.terminator,
-            emitter: surface.emitter,
-            uv: surface.uv,
-            emitted,
-            throughput,
-            partials,
-            delta: false,
-            eta: 1.0,
-            optical: OpticalLength::default(),
-        }
-    }
-}
-
-impl Vertex {
-    /// Returns the cosine by which a BSDF value towards `wi` is multiplied.
-    #[inline]
-    pub fn cos(&self, wi: Vec3) -> f32 {
-        wi.dot(self.n_shading).abs()
-    }
-
-    /// Returns this vertex as the start of edges from its lifted point: see [`Surface::lifted`].
-    #[inline]
-    pub fn lifted(&self) -> Option<Vertex> {
-        let terminator = TerminatorOffset {
-            lifted: true,
-            ..self.terminator?
+            wo,
+            throughput: self.path.state.throughput,
+            back: endpoint.back,
+            material: R::load_words(&arrival.materials),
+            path,
+            delays,
+            delay,
+            index,
         };
-        Some(Vertex {
-            position: terminator.lifted_point,
-            n_geometric: Vec3::ZERO,
-            terminator: Some(terminator),
-            ..*self
+        let vertex = Vertex {
+            state,
+            partials: endpoint.partials,
+            terminator,
+            out: bsdf.outgoing(wo),
+            bsdf,
+        };
+        (vertex, shading)
+    }
+
+    /// Returns the MIS quantities of the points at which the edges end, given by position and
+    /// unit normal. The mask is unset where rounding leaves a point without a density.
+    #[inline(always)]
+    fn endpoint<const N: usize>(
+        &self,
+        context: &Context,
+        step: Step,
+        at: [R::Vec3; 2],
+        lanes: R::Mask,
+    ) -> (R::Mask, MisEndpoint<R>)
+    where
+        R: Lanes<N>,
+    {
+        let (h, edge) = (context.settings.heuristic(), self.edge());
+        if step.mode == TransportMode::Radiance || step.edge > 1 {
+            return edge.endpoint(h, at);
+        }
+        let indices = R::store_words(self.mis.light);
+        let lights = context.lights.with_indices::<R, N>(indices, lanes);
+        LightEnd::new(&lights, edge.from, self.path.state.dir, at).endpoint(h)
+    }
+
+    /// Samples the next edges at vertices. Returns the events and the lanes that continue.
+    #[inline(always)]
+    fn depart<const N: usize>(
+        &mut self,
+        context: &Context,
+        Step { mode, edge, .. }: Step,
+        arrived: &ArrivedVertex<R, N>,
+    ) -> (BsdfSample<R>, R::Mask)
+    where
+        R: Lanes<N>,
+    {
+        let ArrivedVertex {
+            vertex,
+            lanes,
+            surface,
+            optical,
+            ..
+        } = arrived;
+        let path = &mut self.path;
+        let before = path.sampler;
+        let [choice, u, v] = path.sampler.next_three();
+        path.sampler.keep(*lanes, &before);
+        let (sampled, s, reverse) = vertex
+            .bsdf
+            .samples::<true>(&vertex.out, choice, [u, v], mode);
+        let lanes = *lanes & sampled & vertex.out.same_side;
+        // Undo the scaling of radiance by refraction, so that roulette judges the expected
+        // contribution.
+        let rr_weight = match mode {
+            TransportMode::Radiance => s.weight * (s.eta * s.eta),
+            TransportMode::Importance => s.weight,
+        };
+        let lanes = self.roulette(context, edge, [s.weight, rr_weight], lanes);
+        let n = surface.n_geometric;
+        let (pdf_w, partials) = vertex.endpoint().next_edge(
+            context.settings.heuristic(),
+            mode,
+            [vertex.state.wo, s.wi, n],
+            [s.pdf_w, reverse],
+            (s.delta, s.eta),
+        );
+        self.partials = partials;
+        self.path.state.last_pdf_w = pdf_w;
+        self.mis.n_last = match surface.terminator_into(s.wi) {
+            Some(offset) => R::Vec3::select(offset.exists, R::Vec3::broadcast(Vec3::ZERO), n),
+            None => n,
+        };
+        self.path.leave(surface, *optical, s.wi, s.eta);
+        (s, lanes)
+    }
+
+    /// Multiplies the throughputs by the BSDF weights, and ends subpaths by Russian roulette after
+    /// edge number `edge`. Its survival probabilities follow from the product of the weights
+    /// `rr_weight`; MIS weights do not involve it: see [`crate::transport::mis`]. Returns the lanes
+    /// of `lanes` that survive and carry something.
+    #[inline(always)]
+    fn roulette(
+        &mut self,
+        context: &Context,
+        edge: u32,
+        [weight, rr_weight]: [R::Vec3; 2],
+        mut lanes: R::Mask,
+    ) -> R::Mask {
+        let path = &mut self.path;
+        let mut rr_throughput = self.mis.rr_throughput * rr_weight;
+        let mut throughput = path.state.throughput * weight;
+        if context.rr_start.is_some_and(|start| edge >= start) {
+            let t = rr_throughput;
+            let survival = t.x().max(t.y()).max(t.z()).min(R::splat(MAX_SURVIVAL));
+            let before = path.sampler;
+            let survives = path.sampler.next_1d().lt(survival);
+            path.sampler.keep(lanes, &before);
+            lanes = lanes & survives;
+            rr_throughput = rr_throughput / survival;
+            throughput = throughput / survival;
+        }
+        self.mis.rr_throughput = rr_throughput;
+        path.state.throughput = throughput;
+        lanes & !throughput.same(R::Vec3::broadcast(Vec3::ZERO))
+    }
+
+    /// Finds light with `s = 0`: emissive surfaces that edge number `edge` of camera subpaths hit.
+    #[inline(always)]
+    fn hit_light<const N: usize>(
+        &self,
+        context: &Context,
+        edge: u32,
+        (surface, endpoint): (&Surface<R, N>, &MisEndpoint<R>),
+        length: R::Double,
+        lanes: R::Mask,
+    ) -> Option<Connection<R, N>>
+    where
+        R: Lanes<N>,
+    {
+        let dir = self.path.state.dir;
+        let radiance = surface.emitted(&context.scene.textures, -dir);
+        let lanes = lanes & !radiance.same(R::Vec3::broadcast(Vec3::ZERO));
+        if !lanes.any() {
+            return None;
+        }
+        let indices = R::store_words(surface.emitter);
+        let lights = context.lights.with_indices::<R, N>(indices, lanes);
+        let at = [surface.position, surface.n_geometric];
+        let end = LightEnd::new(&lights, at, -dir, self.edge().from);
+        let h = context.settings.heuristic();
+        Some(Connection {
+            lanes,
+            ray: None,
+            unweighted: self.path.state.throughput * radiance,
+            others: others_s0(h, &endpoint.partials, &end, edge + 1),
+            found: lanes,
+            length,
+            wi: dir,
+            point: Some(LightPoint {
+                lights: lights.ids(),
+                position: surface.position,
+                normal: surface.n_geometric,
+                uv: surface.uv,
+            }),
         })
     }
 
-    /// Returns the quantities of this vertex that weights depend on.
-    #[inline]
-    pub fn mis_endpoint(&self) -> MisEndpoint {
-        MisEndpoint {
-            partials: self.partials,
-            back: self.back,
-        }
-    }
-
-    /// Returns the edge in direction `wi`, which was sampled with density `pdf_w` (and
-    /// `reverse_pdf_w` for the way back) or, if `self.delta`, by a Dirac event: see
-    /// [`MisEndpoint::next_edge`].
-    #[inline]
-    pub fn next_edge(
+    /// Finds light with `s = 0` outside the scene, which edge number `edge` of camera subpaths left:
+    /// the environment is their last vertex. `None` if no lane finds any.
+    #[inline(always)]
+    pub fn escape<const N: usize>(
         &self,
-        h: Heuristic,
-        mode: TransportMode,
-        wi: Vec3,
-        pdf_w: f32,
-        reverse_pdf_w: f32,
-    ) -> Edge {
-        let event = (self.delta, self.eta);
-        let (pdf_w, partials) = self.mis_endpoint().next_edge(
-            h,
-            mode,
-            [self.out.wo, wi, self.n_geometric],
-            [pdf_w, reverse_pdf_w],
-            event,
-        );
-        let (n, from) = match self.terminator {
-            Some(terminator) if terminator.applies_to(wi) => (Vec3::ZERO, terminator.lifted_point),
-            _ => (self.n_geometric, self.position),
-        };
-        Edge {
-            origin: Origin::Surface(n),
-            from,
-            dir: wi,
-            pdf_w,
-            partials,
-        }
-    }
-
-    /// Samples the next edge of the path.
-    #[inline]
-    fn depart(
-        &mut self,
-        h: Heuristic,
-        mode: TransportMode,
-        surface: &Surface,
+        context: &Context,
         edge: u32,
-        roulette: &mut RussianRoulette,
-        sampler: &mut Sampler,
-    ) -> Option<Departure> {
-        let choice = sampler.next_1d();
-        let (
-            BsdfSample {
-                wi,
-                weight,
-                pdf_w,
-                delta,
-                eta,
-            },
-            reverse,
-        ) = self
-            .bsdf
-            .sample_with_reverse(&self.out, choice, sampler.next_2d(), mode)?;
-        (self.delta, self.eta) = (delta, eta);
-        // Undo the scaling of radiance by refraction, so that roulette judges the expected
-        // contribution.
-        let eta2 = if mode == TransportMode::Radiance {
-            eta * eta
-        } else {
-            1.0
-        };
-        let survival = roulette.survival(edge, weight * eta2, sampler)?;
-        let throughput = self.throughput * weight / survival;
-        if throughput == Vec3::ZERO {
+        lanes: R::Mask,
+    ) -> Option<Connection<R, N>>
+    where
+        R: Lanes<N>,
+    {
+        if !context.settings.includes(0, edge + 1) {
             return None;
         }
-        Some(Departure {
-            ray: surface.spawn(wi),
-            edge: self.next_edge(h, mode, wi, pdf_w, reverse),
-            throughput,
+        let (dir, from) = (self.path.state.dir, self.edge().from);
+        let radiance = context.lights.environment::<R::Vec3, N>(dir);
+        let h = context.settings.heuristic();
+        let (exist, partials) = self.edge().partials_at(h, R::splat(1.0));
+        let lanes = lanes & exist & !radiance.same(R::Vec3::broadcast(Vec3::ZERO));
+        if !lanes.any() {
+            return None;
+        }
+        let index = context.lights.index(LightId::Environment);
+        let lights = context.lights.with_indices::<R, N>([index; N], lanes);
+        let position = from[0] + dir;
+        let end = LightEnd::new(&lights, [position, -dir], -dir, from);
+        Some(Connection {
+            lanes,
+            ray: None,
+            unweighted: self.path.state.throughput * radiance,
+            others: others_s0(h, &partials, &end, edge + 1),
+            found: lanes,
+            length: self.path.escape_length(context, edge),
+            wi: dir,
+            point: Some(LightPoint {
+                lights: lights.ids(),
+                position,
+                normal: -dir,
+                uv: Uv::zero(),
+            }),
         })
     }
 }

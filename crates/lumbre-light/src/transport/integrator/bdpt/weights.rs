@@ -37,7 +37,7 @@ use crate::math::real::{Double, Mask, Real, Vector};
 use crate::math::simd::Lanes;
 use crate::transport::bsdf::{BsdfValue, TransportMode};
 use crate::transport::integrator::Context;
-use crate::transport::light::{EmissionPdf, LightPoint, SelectedLights};
+use crate::transport::light::{EmissionPdf, SelectedLights};
 use crate::transport::mis::Heuristic;
 use crate::transport::vertex;
 
@@ -72,6 +72,57 @@ pub struct MisEndpoint<R: Real = f32> {
     /// Factor from a density per solid angle here to the other side's density of the previous
     /// vertex; zero if the other side cannot generate it.
     pub back: R,
+}
+
+/// Edges of subpaths whose end vertices are not known yet.
+#[derive(Clone, Copy, Debug)]
+pub struct MisEdge<R: Real = f32> {
+    /// Position and unit normal of the vertex that the edge leaves. The normal is zero for a lens
+    /// point and for a lifted point, at which no path can arrive.
+    pub from: [R::Vec3; 2],
+    /// Density of the direction per solid angle.
+    pub pdf_w: R,
+    /// Partial sums of MIS terms.
+    pub partials: EdgePartials<R::Double>,
+}
+
+impl<R: Real> MisEdge<R> {
+    /// Returns edges in unit directions `dir` that leave points of the lens.
+    ///
+    /// Every strategy with two or more camera vertices generates them with the density of camera
+    /// rays, and the one with a single camera vertex does without it, unless the film's pixels are
+    /// points: then no other strategy can find the path, and the density, the same for all
+    /// strategies that can, does not matter.
+    #[inline(always)]
+    pub fn from_lens(context: &Context, lens: R::Vec3, dir: R::Vec3) -> MisEdge<R> {
+        let pdf_w: R = context.camera.pdf_w(dir);
+        let some = pdf_w.gt(R::splat(0.0));
+        let [zero, one] = [0.0, 1.0].map(R::Double::splat);
+        MisEdge {
+            from: [lens, R::Vec3::broadcast(Vec3::ZERO)],
+            pdf_w: R::select(some, pdf_w, R::splat(1.0)),
+            partials: EdgePartials {
+                d_vcm: R::Double::select(some, one, zero),
+                d_vc: zero,
+            },
+        }
+    }
+
+    /// Returns the MIS quantities of the vertices at which the edges end, given by position and
+    /// unit normal. The mask is unset where rounding leaves a point without a density.
+    #[inline(always)]
+    pub fn endpoint(&self, h: Heuristic, to: [R::Vec3; 2]) -> (R::Mask, MisEndpoint<R>) {
+        let [spread, back] = vertex::area_factors(self.from, to);
+        let (some, partials) = self.partials_at(h, spread);
+        (some, MisEndpoint { partials, back })
+    }
+
+    /// Returns the MIS partials at the ends of the edges; `spread` converts their density to that
+    /// of the end points.
+    #[inline(always)]
+    pub fn partials_at(&self, h: Heuristic, spread: R) -> (R::Mask, MisPartials<R::Double>) {
+        MisPartials::new(h, self.partials, self.pdf_w.double() * spread.double())
+    }
 }
 
 impl<D: Double> MisPartials<D> {
@@ -148,7 +199,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> MisEndpoint<R> {
             .others(h, here, self.density_before(at.reverse_pdf_w))
     }
 
-    /// Returns the density and the partials of the edge from `wo` into `wi` at a point with the
+    /// Returns the density and the partials of the edge from `wo` into `wi` at points with the
     /// geometric normal `n`. The direction was sampled with density `pdf_w`, and `reverse_pdf_w`
     /// for the way back; or, where `delta`, by a Dirac event that crossed the index ratio `eta`,
     /// whose density is `|cos| eta^2` of the outgoing side relative to the incoming one.
@@ -160,15 +211,15 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> MisEndpoint<R> {
         [wo, wi, n]: [V; 3],
         [pdf_w, reverse_pdf_w]: [R; 2],
         (delta, eta): (R::Mask, R),
-    ) -> (R::Double, EdgePartials<R::Double>) {
-        let (mut density, mut before) = (pdf_w.double(), self.density_before(reverse_pdf_w));
+    ) -> (R, EdgePartials<R::Double>) {
+        let (mut density, mut before) = (pdf_w, self.density_before(reverse_pdf_w));
         if delta.any() {
             let (out, back) = (wi.dot(n).abs(), wo.dot(n).abs());
             let (out, back) = match mode {
                 TransportMode::Radiance => (out, back / (eta * eta)),
                 TransportMode::Importance => (out * eta * eta, back),
             };
-            density = R::Double::select(delta, out.double(), density);
+            density = R::select(delta, out, density);
             before = R::Double::select(delta, back.double() * self.back.double(), before);
         }
         (density, self.partials.next_edge(h, delta, before))
@@ -209,14 +260,17 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> LightEnd<R> {
         }
     }
 
-    /// Returns the partials of the first edge of a light path.
+    /// Returns the MIS quantities of the first vertices of light paths after the light. The mask is
+    /// unset where rounding leaves a point without a density.
     #[inline(always)]
-    pub fn edge_partials(&self, h: Heuristic) -> EdgePartials<R::Double> {
-        let one = R::Double::splat(1.0);
-        EdgePartials {
+    pub fn endpoint(&self, h: Heuristic) -> (R::Mask, MisEndpoint<R>) {
+        let edge = EdgePartials {
             d_vcm: h.term(self.direct / self.start),
-            d_vc: one / h.term(self.start),
-        }
+            d_vc: R::Double::splat(1.0) / h.term(self.start),
+        };
+        let (some, partials) = MisPartials::new(h, edge, self.next);
+        let back = self.back;
+        (some, MisEndpoint { partials, back })
     }
 }
 
@@ -278,26 +332,16 @@ impl<R: Real> LightEnd<R> {
     }
 }
 
-impl LightEnd {
-    /// Computes [`LightEnd::new`] for a point of any light.
-    #[inline]
-    pub fn at_point(
-        context: &Context,
-        point: &LightPoint,
-        dir: Vec3,
-        next: Vec3,
-        n_next: Vec3,
-    ) -> LightEnd {
-        let lights = context.lights.at(point);
-        LightEnd::new(&lights, [point.position, point.normal], dir, [next, n_next])
-    }
-}
-
 /// Returns the sum of the MIS terms of all other strategies over that of this one, as all functions
 /// below, for `s = 0` and a camera path of `t` vertices that hit its light. `partials` are the
 /// camera's at the light.
-#[inline]
-pub fn others_s0(h: Heuristic, partials: &MisPartials, end: &LightEnd, t: u32) -> f64 {
+#[inline(always)]
+pub fn others_s0<R: Real>(
+    h: Heuristic,
+    partials: &MisPartials<R::Double>,
+    end: &LightEnd<R>,
+    t: u32,
+) -> R::Double {
     // If the camera sees the light directly, its point is the start of a light path; otherwise it
     // is sampled from a surface.
     let last = if t == 2 { end.start } else { end.direct };

@@ -12,11 +12,12 @@ mod single;
 mod state;
 mod walk;
 
-pub use single::sample;
+pub use single::{sample, unoccluded};
 pub use state::{
     Path, PathRecord, PathState, SPECULAR, SamplerRecord, SamplerState, TerminatorRecord,
     TerminatorState, TimeRecord, TimeState,
 };
+pub use walk::edge_counts;
 
 use super::Context;
 use crate::math::real::{Real, Vector};

@@ -77,15 +77,18 @@ impl PathSink<f32> for SingleSink<'_> {
     }
 
     fn add_unless_occluded(&mut self, lanes: bool, ray: &ShadowRay<f32>, light: &PathLight<f32>) {
-        let ShadowRay {
-            origin,
-            dir,
-            distance,
-        } = *ray;
-        // Coincident points see each other.
-        let ray = Ray { origin, dir };
-        if lanes && (distance <= 0.0 || !self.context.trace.occluded(&ray, distance)) {
+        if lanes && unoccluded(self.context, ray) {
             self.add(true, light);
         }
     }
+}
+
+/// Returns whether nothing blocks a shadow ray. Coincident points see each other.
+pub fn unoccluded(context: &Context, ray: &ShadowRay<f32>) -> bool {
+    let ShadowRay {
+        origin,
+        dir,
+        distance,
+    } = *ray;
+    distance <= 0.0 || !context.trace.occluded(&Ray { origin, dir }, distance)
 }

@@ -27,7 +27,8 @@ record! {
         eta_scale: Real,
         /// Start of the edge for densities of light sampling: the last vertex.
         last: Vec3,
-        /// Density per solid angle of the direction at the last vertex, or [`SPECULAR`].
+        /// Density per solid angle of the direction at the last vertex; for techniques of camera
+        /// paths [`SPECULAR`] after a Dirac event and at the camera.
         last_pdf_w: Real,
         /// Position in the sampler's numbers: see [`Sampler::taken`].
         taken: Word,

@@ -23,13 +23,14 @@ pub fn edge_counts(context: &Context, edge: u32) -> bool {
 }
 
 impl<R: Real> Path<R> {
-    /// Returns the optical lengths of paths that arrive at surfaces by edge number `edge`, with the
-    /// delays of the surfaces in the given lanes; `None` without a time axis.
+    /// Returns the optical lengths of paths that arrive at surfaces, with the delays of the surfaces
+    /// in the given lanes; `None` without a time axis. `counts` is whether the edge is part of the
+    /// optical length.
     #[inline(always)]
     pub fn arrive<const N: usize>(
         &mut self,
         context: &Context,
-        edge: u32,
+        counts: bool,
         arrival: &Arrival<R, N>,
         surface: &Surface<R, N>,
         lanes: R::Mask,
@@ -39,7 +40,7 @@ impl<R: Real> Path<R> {
     {
         let mut time = self.time.filter(|_| context.timing.is_some())?;
         let mut optical = time.optical();
-        if edge_counts(context, edge) {
+        if counts {
             optical.add_segment(time.from, surface.position);
         }
         if !context.scene.delays.is_empty() {
@@ -114,21 +115,37 @@ impl<R: Real> Path<R> {
             state.throughput = t / survival;
         }
         lanes = lanes & !state.throughput.same(R::Vec3::broadcast(Vec3::ZERO));
-        let Ray { origin, dir } = surface.spawn(s.wi);
+        state.last_pdf_w = R::select(s.delta, R::splat(SPECULAR), s.pdf_w);
+        self.leave(surface, optical, s.wi, s.eta);
+        lanes
+    }
+
+    /// Puts paths on the edges that leave surfaces in the unit directions `wi` and cross the index
+    /// ratios `eta`.
+    #[inline(always)]
+    pub fn leave<const N: usize>(
+        &mut self,
+        surface: &Surface<R, N>,
+        optical: Option<OpticalLength<R>>,
+        wi: R::Vec3,
+        eta: R,
+    ) where
+        R: Lanes<N>,
+    {
+        let Ray { origin, dir } = surface.spawn(wi);
+        let state = &mut self.state;
         (state.origin, state.dir) = (origin, dir);
         state.last = surface.position;
-        state.last_pdf_w = R::select(s.delta, R::splat(SPECULAR), s.pdf_w);
         if self.terminator.is_some() {
             self.leave_by_terminator(surface);
         }
         if let (Some(mut optical), Some(time)) = (optical, &mut self.time) {
-            optical.scatter(s.eta);
+            optical.scatter(eta);
             time.path = optical.path;
             time.delays = optical.delays;
             time.index = optical.index;
             time.from = surface.position;
         }
-        lanes
     }
 
     /// Records the terminator offsets with which edges leave surfaces.

@@ -9,7 +9,7 @@ pub use path::{Path, ScatterVertex};
 pub use split::fast_weights;
 
 use super::Context;
-use super::bdpt::{self, ConnectedPath, subpath::Subpaths};
+use super::bdpt::single::{ConnectedPath, Subpaths, for_each_path};
 use crate::math::rng::pcg4d;
 use crate::transport::sampler::Sampler;
 
@@ -77,7 +77,7 @@ pub fn check(context: &Context, samples: u64, seed: u64) -> OracleReport {
         ]);
         let pixel = [x % width, y % height];
         let mut sampler = Sampler::new(seed, pixel, sample);
-        bdpt::for_each_path(context, pixel, &mut sampler, &mut subpaths, &mut |found| {
+        for_each_path(context, pixel, &mut sampler, &mut subpaths, &mut |found| {
             report.compare(context, &found)
         });
     }
@@ -87,7 +87,9 @@ pub fn check(context: &Context, samples: u64, seed: u64) -> OracleReport {
 impl OracleReport {
     /// Compares one path with the definition and updates the report.
     fn compare(&mut self, context: &Context, found: &ConnectedPath) {
-        let Some(path) = Path::new(found) else { return };
+        let Some(path) = Path::new(context, found) else {
+            return;
+        };
         let h = context.settings.heuristic();
         let (s, t) = (found.contribution.s as usize, found.contribution.t as usize);
         let weight = if context.settings.unweighted() {

@@ -4,8 +4,8 @@ use glam::{DVec3, Vec3};
 
 use crate::transport::bsdf::{Bsdf, TransportMode};
 use crate::transport::integrator::Context;
-use crate::transport::integrator::bdpt::ConnectedPath;
-use crate::transport::integrator::bdpt::subpath::Vertex;
+use crate::transport::integrator::bdpt::single::ConnectedPath;
+use crate::transport::integrator::bdpt::state::Vertex;
 use crate::transport::light::{LightId, LightPoint};
 use crate::transport::mis::Heuristic;
 
@@ -28,9 +28,9 @@ impl ScatterVertex {
     /// Converts a vertex of a subpath; `dirac` describes the event at the vertex.
     fn new(v: &Vertex, dirac: Option<f32>) -> ScatterVertex {
         ScatterVertex {
-            position: v.position,
-            n_geometric: v.n_geometric,
-            n_shading: v.n_shading,
+            position: v.state.position,
+            n_geometric: v.state.n_geometric,
+            n_shading: v.state.n_shading,
             bsdf: v.bsdf,
             dirac,
         }
@@ -53,12 +53,15 @@ pub struct Path {
 
 impl Path {
     /// Builds the path that a strategy of `bdpt` found; `None` if the record is incomplete.
-    pub fn new(found: &ConnectedPath) -> Option<Path> {
+    pub fn new(context: &Context, found: &ConnectedPath) -> Option<Path> {
         let (s, t) = (found.contribution.s as usize, found.contribution.t as usize);
         let subpaths = found.subpaths;
         let light = match (found.point, subpaths.start) {
             (Some(point), _) => point,
-            (None, start) => start?.point,
+            (None, start) => {
+                let start = start?;
+                start.point(&context.lights.with_indices([start.light], true))
+            }
         };
         let light_vertices = &subpaths.light[..s.saturating_sub(1)];
         // A light that a camera subpath hits by chance is its last vertex, or outside the scene.
@@ -67,18 +70,14 @@ impl Path {
         let mut dirs = Vec::with_capacity(s + t);
         for (i, y) in light_vertices.iter().enumerate() {
             let turns = y.delta && i + 1 < light_vertices.len();
-            surfaces.push(ScatterVertex::new(y, turns.then_some(1.0 / y.eta)));
-            dirs.push(-y.out.wo);
+            surfaces.push(ScatterVertex::new(&y.vertex, turns.then_some(1.0 / y.eta)));
+            dirs.push(-y.vertex.out.wo);
         }
-        dirs.push(match (s, subpaths.camera.get(t.saturating_sub(2))) {
-            (0, Some(hit)) => hit.out.wo,
-            (0, None) => -subpaths.escape?.edge.dir,
-            _ => -found.wi,
-        });
+        dirs.push(-found.wi);
         for (i, z) in camera_vertices.iter().enumerate().rev() {
             let turns = z.delta && (i + 1 < camera_vertices.len() || s == 0);
-            surfaces.push(ScatterVertex::new(z, turns.then_some(z.eta)));
-            dirs.push(z.out.wo);
+            surfaces.push(ScatterVertex::new(&z.vertex, turns.then_some(z.eta)));
+            dirs.push(z.vertex.out.wo);
         }
         Some(Path {
             light,

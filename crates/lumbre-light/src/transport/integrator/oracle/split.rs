@@ -3,18 +3,67 @@
 
 use glam::Vec3;
 
-use super::Path;
-use crate::scene::compile::{NONE, Uv};
-use crate::transport::bsdf::TransportMode;
+use super::{Path, ScatterVertex};
+use crate::transport::bsdf::{Bsdf, TransportMode};
 use crate::transport::integrator::Context;
-use crate::transport::integrator::bdpt::subpath::{Edge, Vertex};
 use crate::transport::integrator::bdpt::weights::{
-    LightEnd, others_interior, others_s0, others_s1, others_s1_t1, others_t1,
+    LightEnd, MisEdge, MisEndpoint, others_interior, others_s0, others_s1, others_s1_t1, others_t1,
 };
 use crate::transport::light::LightId;
 use crate::transport::mis::Heuristic;
-use crate::transport::path_time::OpticalLength;
 use crate::transport::vertex;
+
+/// A surface vertex of a subpath.
+struct Vertex {
+    position: Vec3,
+    n_geometric: Vec3,
+    bsdf: Bsdf,
+    /// Unit direction to the previous vertex.
+    wo: Vec3,
+    endpoint: MisEndpoint,
+    /// Whether the event that led to the next vertex was a Dirac event, and the index ratio that it
+    /// crossed.
+    event: (bool, f32),
+}
+
+impl Vertex {
+    /// Returns the vertex at a surface at the end of an edge; `crossed` converts the path's index
+    /// ratio to the subpath's.
+    fn new(
+        at: &ScatterVertex,
+        wo: Vec3,
+        endpoint: MisEndpoint,
+        crossed: impl Fn(f32) -> f32,
+    ) -> Vertex {
+        Vertex {
+            position: at.position,
+            n_geometric: at.n_geometric,
+            bsdf: at.bsdf,
+            wo,
+            endpoint,
+            event: (at.dirac.is_some(), at.dirac.map_or(1.0, crossed)),
+        }
+    }
+
+    /// Returns the edge that leaves the vertex in direction `wi`.
+    fn next_edge(&self, h: Heuristic, mode: TransportMode, wi: Vec3) -> MisEdge {
+        let densities = [self.bsdf.pdf_w(self.wo, wi), self.bsdf.pdf_w(wi, self.wo)];
+        let directions = [self.wo, wi, self.n_geometric];
+        let (pdf_w, partials) = self
+            .endpoint
+            .next_edge(h, mode, directions, densities, self.event);
+        MisEdge {
+            from: [self.position, self.n_geometric],
+            pdf_w,
+            partials,
+        }
+    }
+}
+
+/// Returns the result of a computation in one lane if its mask is set.
+fn existing<T>((exists, result): (bool, T)) -> Option<T> {
+    exists.then_some(result)
+}
 
 /// Returns the weights of the strategies `s = 0 ..= k` as `bdpt` computes them when it finds the
 /// path that way.
@@ -35,49 +84,52 @@ fn others(context: &Context, h: Heuristic, path: &Path, s: usize) -> Option<f64>
     if s == k && seen_pdf_w <= 0.0 || path.light_is_dirac() && (s == 0 || k == 1) {
         return None;
     }
-    let end = |next: Vec3, n: Vec3| LightEnd::at_point(context, &path.light, path.dirs[0], next, n);
+    let end = |next: [Vec3; 2]| light_end(context, path, next);
     let (camera, edge) = camera_side(context, h, path, s.max(1))?;
     let light = light_side(context, h, path, s);
     Some(match (s, light, camera) {
         (0, _, _) => {
             let partials = match path.light.light() {
-                LightId::Environment => edge.partials_at(h, 1.0)?,
+                LightId::Environment => existing(edge.partials_at(h, 1.0))?,
                 _ => {
-                    edge.partials_at_surface(context, h, path.light.position, path.light.normal)?
-                        .0
+                    let at = [path.light.position, path.light.normal];
+                    existing(edge.endpoint(h, at))?.partials
                 }
             };
-            others_s0(
-                h,
-                &partials,
-                &end(edge.from, edge.origin.normal()),
-                k as u32 + 1,
-            )
+            others_s0(h, &partials, &end(edge.from), k as u32 + 1)
         }
-        (1, _, None) => others_s1_t1(h, &end(path.lens, Vec3::ZERO), seen_pdf_w),
+        (1, _, None) => others_s1_t1(h, &end([path.lens, Vec3::ZERO]), seen_pdf_w),
         (1, _, Some(z)) => {
             let at_z = z
                 .bsdf
-                .evaluate(z.out.wo, -path.dirs[0], TransportMode::Radiance);
-            others_s1(h, &z.mis_endpoint(), &end(z.position, z.n_geometric), &at_z)
+                .evaluate(z.wo, -path.dirs[0], TransportMode::Radiance);
+            let end = end([z.position, z.n_geometric]);
+            others_s1(h, &z.endpoint, &end, &at_z)
         }
         (_, Some(y), Some(z)) => others_between(h, &y, &z, path.dirs[s - 1]),
         (_, Some(y), None) => {
-            let at_y = y
-                .bsdf
-                .evaluate(y.out.wo, path.dirs[k - 1], TransportMode::Importance);
+            let to = path.dirs[k - 1];
+            let at_y = y.bsdf.evaluate(y.wo, to, TransportMode::Importance);
             let spread = vertex::area_factor(path.lens, y.position, y.n_geometric);
-            others_t1(h, &y.mis_endpoint(), &at_y, [seen_pdf_w, spread])
+            others_t1(h, &y.endpoint, &at_y, [seen_pdf_w, spread])
         }
         (_, None, _) => return None,
     })
 }
 
+/// Returns the densities at the light's end of a path whose next vertex is given by position and
+/// normal.
+fn light_end(context: &Context, path: &Path, next: [Vec3; 2]) -> LightEnd {
+    let lights = context.lights.at(&path.light);
+    let at = [path.light.position, path.light.normal];
+    LightEnd::new(&lights, at, path.dirs[0], next)
+}
+
 /// Returns the sum for the strategy that connects two surface vertices; `dir` is the traced
 /// direction from `y` to `z`.
 fn others_between(h: Heuristic, y: &Vertex, z: &Vertex, dir: Vec3) -> f64 {
-    let at_y = y.bsdf.evaluate(y.out.wo, dir, TransportMode::Importance);
-    let at_z = z.bsdf.evaluate(z.out.wo, -dir, TransportMode::Radiance);
+    let at_y = y.bsdf.evaluate(y.wo, dir, TransportMode::Importance);
+    let at_z = z.bsdf.evaluate(z.wo, -dir, TransportMode::Radiance);
     // Use the direction between the points, as all strategies do; the traced direction starts off
     // the surface.
     let edge = y.position - z.position;
@@ -86,7 +138,7 @@ fn others_between(h: Heuristic, y: &Vertex, z: &Vertex, dir: Vec3) -> f64 {
     let to = |v: &Vertex| wi.dot(v.n_geometric).abs() / distance2;
     others_interior(
         h,
-        [&y.mis_endpoint(), &z.mis_endpoint()],
+        [&y.endpoint, &z.endpoint],
         [&at_y, &at_z],
         [to(y), to(z)],
     )
@@ -94,20 +146,18 @@ fn others_between(h: Heuristic, y: &Vertex, z: &Vertex, dir: Vec3) -> f64 {
 
 /// Returns the last vertex of the light subpath `x_0 .. x_(s-1)`, if it is a surface.
 fn light_side(context: &Context, h: Heuristic, path: &Path, s: usize) -> Option<Vertex> {
-    let mut edge = Edge::from_light(path.light, path.dirs[0]);
-    let mut last = None;
+    let mut last: Option<Vertex> = None;
     for i in 1..s {
-        let v = vertex(context, h, path, i, &edge, -path.dirs[i - 1], |eta| {
-            1.0 / eta
+        let at = &path.surfaces[i - 1];
+        let to = [at.position, at.n_geometric];
+        let mode = TransportMode::Importance;
+        let endpoint = existing(match &last {
+            None => light_end(context, path, to).endpoint(h),
+            Some(v) => v.next_edge(h, mode, path.dirs[i - 1]).endpoint(h, to),
         })?;
-        edge = v.next_edge(
-            h,
-            TransportMode::Importance,
-            path.dirs[i],
-            v.bsdf.pdf_w(v.out.wo, path.dirs[i]),
-            v.bsdf.pdf_w(path.dirs[i], v.out.wo),
-        );
-        last = Some(v);
+        last = Some(Vertex::new(at, -path.dirs[i - 1], endpoint, |eta| {
+            1.0 / eta
+        }));
     }
     last
 }
@@ -119,56 +169,16 @@ fn camera_side(
     h: Heuristic,
     path: &Path,
     last: usize,
-) -> Option<(Option<Vertex>, Edge)> {
+) -> Option<(Option<Vertex>, MisEdge)> {
     let k = path.depth();
-    let mut edge = Edge::from_lens(context, path.lens, -path.dirs[k - 1]);
+    let mut edge = MisEdge::from_lens(context, path.lens, -path.dirs[k - 1]);
     let mut end = None;
     for i in (last..k).rev() {
-        let v = vertex(context, h, path, i, &edge, path.dirs[i], |eta| eta)?;
-        let wi = -path.dirs[i - 1];
-        edge = v.next_edge(
-            h,
-            TransportMode::Radiance,
-            wi,
-            v.bsdf.pdf_w(v.out.wo, wi),
-            v.bsdf.pdf_w(wi, v.out.wo),
-        );
+        let at = &path.surfaces[i - 1];
+        let endpoint = existing(edge.endpoint(h, [at.position, at.n_geometric]))?;
+        let v = Vertex::new(at, path.dirs[i], endpoint, |eta| eta);
+        edge = v.next_edge(h, TransportMode::Radiance, -path.dirs[i - 1]);
         end = Some(v);
     }
     Some((end, edge))
-}
-
-/// Builds the vertex `x_i` at the end of an edge; `crossed` converts the path's index ratio to the
-/// subpath's.
-fn vertex(
-    context: &Context,
-    h: Heuristic,
-    path: &Path,
-    i: usize,
-    edge: &Edge,
-    wo: Vec3,
-    crossed: impl Fn(f32) -> f32,
-) -> Option<Vertex> {
-    let at = &path.surfaces[i - 1];
-    let (partials, back) = edge.partials_at_surface(context, h, at.position, at.n_geometric)?;
-    Some(Vertex {
-        position: at.position,
-        n_geometric: at.n_geometric,
-        n_shading: at.n_shading,
-        out: at.bsdf.outgoing(wo),
-        previous: edge.from,
-        n_previous: edge.origin.normal(),
-        back,
-        bsdf: at.bsdf,
-        connectible: at.dirac.is_none(),
-        terminator: None,
-        emitter: NONE,
-        uv: Uv::default(),
-        emitted: Vec3::ZERO,
-        throughput: Vec3::ONE,
-        partials,
-        delta: at.dirac.is_some(),
-        eta: at.dirac.map_or(1.0, crossed),
-        optical: OpticalLength::default(),
-    })
 }

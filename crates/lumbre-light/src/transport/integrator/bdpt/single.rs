@@ -1,0 +1,305 @@
+//! Renders one sample after the other: the steps and connections with one lane.
+
+use std::cell::RefCell;
+
+use glam::Vec3;
+
+use super::connect::{self, Connection};
+use super::state::{LightStart, Subpath, Vertex};
+use super::subpath::Step;
+use crate::scene::compile::NONE;
+use crate::transport::arrival::{Arrival, HitState};
+use crate::transport::bsdf::TransportMode;
+use crate::transport::contribution::Contribution;
+use crate::transport::integrator::Context;
+use crate::transport::integrator::camera_path::{Path, TerminatorState, unoccluded};
+use crate::transport::light::LightPoint;
+use crate::transport::ray::Ray;
+use crate::transport::sampler::Sampler;
+
+/// A vertex of a subpath, with the event that led to the next one.
+#[derive(Clone, Copy)]
+pub struct SubpathVertex {
+    /// The vertex.
+    pub vertex: Vertex,
+    /// Whether the event was a Dirac event.
+    pub delta: bool,
+    /// Index ratio crossed by that event.
+    pub eta: f32,
+}
+
+/// Both subpaths of a sample, reused for the next one so that nothing is allocated per path.
+#[derive(Default)]
+pub struct Subpaths {
+    /// Vertices of the light subpath after the light's own: the vertex `y_i` has index `i - 1`.
+    pub light: Vec<SubpathVertex>,
+    /// The start of the light subpath, if there is one.
+    pub start: Option<LightStart<f32>>,
+    /// Vertices of the camera subpath after the lens: the vertex `z_i` has index `i - 1`.
+    pub camera: Vec<SubpathVertex>,
+    /// The point on the lens.
+    pub lens: Vec3,
+    /// Light that each edge of the camera subpath hit.
+    hits: Vec<Option<Connection>>,
+    /// Light outside the scene, and the number of camera vertices of its path.
+    escape: Option<(Connection, u32)>,
+    /// Time of emission of this sample's light, as an optical length.
+    emitted: f32,
+}
+
+/// Light found by one connection, with the path that it was found along.
+#[derive(Clone, Copy)]
+pub struct ConnectedPath<'a> {
+    /// The contribution to the film.
+    pub contribution: Contribution,
+    /// The MIS weight in it.
+    pub weight: f64,
+    /// The subpaths of the sample.
+    pub subpaths: &'a Subpaths,
+    /// The point of the light, if it is not the start of the light subpath: for `s <= 1` and `t >=
+    /// 2`.
+    pub point: Option<LightPoint>,
+    /// Unit direction of the connecting edge towards the light; for `s = 0`, of the last edge.
+    pub wi: Vec3,
+    /// The point of the lens.
+    pub lens: Vec3,
+}
+
+thread_local! {
+    /// Subpaths reused from sample to sample, so that nothing is allocated per path.
+    static SUBPATHS: RefCell<Subpaths> = RefCell::default();
+}
+
+/// Computes one sample of one pixel: see [`SampleFn`](crate::transport::integrator::SampleFn).
+pub fn sample(
+    context: &Context,
+    pixel: [u32; 2],
+    sampler: &mut Sampler,
+    sink: &mut dyn FnMut(Contribution),
+) {
+    SUBPATHS.with_borrow_mut(|subpaths| {
+        for_each_path(context, pixel, sampler, subpaths, &mut |path| {
+            sink(path.contribution)
+        });
+    });
+}
+
+/// Traces both subpaths of one sample and visits every path found by connecting them.
+pub fn for_each_path(
+    context: &Context,
+    pixel: [u32; 2],
+    sampler: &mut Sampler,
+    subpaths: &mut Subpaths,
+    visit: &mut dyn FnMut(ConnectedPath),
+) {
+    subpaths.trace(context, pixel, sampler);
+    let subpaths = &*subpaths;
+    let settings = context.settings;
+    let mut reporter = Reporter {
+        context,
+        subpaths,
+        pixel,
+        visit,
+    };
+    if let Some((connection, t)) = &subpaths.escape {
+        reporter.report(connection, [0, *t]);
+    }
+    for (i, hit) in subpaths.hits.iter().enumerate() {
+        let t = i as u32 + 2;
+        if let Some(connection) = hit {
+            reporter.report(connection, [0, t]);
+        }
+        if let Some(z) = subpaths.camera.get(i) {
+            connect_camera_vertex(&z.vertex, t, sampler, &mut reporter);
+        }
+    }
+    if settings.includes(1, 1)
+        && let Some(start) = &subpaths.start
+        && let Some((c, lens)) = connect::connect_s1_t1(context, start, sampler, true)
+    {
+        reporter.report_at(&c, [1, 1], lens.pixels[0], lens.at.lens);
+    }
+    for (y, s) in subpaths.light.iter().zip(2..) {
+        let (y, emitted) = (&y.vertex, subpaths.emitted);
+        if y.bsdf.has_density()
+            && settings.includes(s, 1)
+            && let Some((c, lens)) = connect::connect_t1(context, y, emitted, sampler, true)
+        {
+            reporter.report_at(&c, [s, 1], lens.pixels[0], lens.at.lens);
+        }
+    }
+}
+
+/// Connects the camera vertex number `t` to a sampled light and to every vertex of the light
+/// subpath.
+fn connect_camera_vertex(z: &Vertex, t: u32, sampler: &mut Sampler, reporter: &mut Reporter) {
+    let Reporter {
+        context, subpaths, ..
+    } = *reporter;
+    if !z.bsdf.has_density() {
+        return;
+    }
+    if context.settings.includes(1, t) {
+        let lifted = z.lifted().filter(|(_, lifted)| *lifted);
+        for z in std::iter::once(z).chain(lifted.as_ref().map(|(z, _)| z)) {
+            if let Some(c) = connect::connect_s1(context, z, sampler, true) {
+                reporter.report(&c, [1, t]);
+            }
+        }
+    }
+    let max = context.max_depth;
+    for (y, s) in subpaths
+        .light
+        .iter()
+        .zip(2..)
+        .take_while(|(_, s)| s + t - 1 <= max)
+    {
+        let y = &y.vertex;
+        if !y.bsdf.has_density() || !context.settings.includes(s, t) {
+            continue;
+        }
+        let (lit, end) = connect::camera_end(context, z, y.state.position, true);
+        let from = z.state.towards_light(&z.terminator, y.state.position);
+        if lit && let Some(c) = connect::connect(context, y, (&from, z.partials), &end, true) {
+            reporter.report(&c, [s, t]);
+        }
+    }
+}
+
+/// Traces the shadow rays of connections, and passes contributions to a visitor.
+struct Reporter<'a, 'v> {
+    context: &'a Context<'a>,
+    subpaths: &'a Subpaths,
+    pixel: [u32; 2],
+    visit: &'v mut dyn FnMut(ConnectedPath),
+}
+
+impl Reporter<'_, '_> {
+    /// Reports a connection that contributes to the sample's own pixel.
+    fn report(&mut self, c: &Connection, strategy: [u32; 2]) {
+        self.report_at(c, strategy, self.pixel, self.subpaths.lens);
+    }
+
+    /// Reports a connection that contributes to `pixel` through the lens point `lens`.
+    fn report_at(&mut self, c: &Connection, [s, t]: [u32; 2], pixel: [u32; 2], lens: Vec3) {
+        let lit = c
+            .ray
+            .as_ref()
+            .is_none_or(|ray| unoccluded(self.context, ray));
+        if !lit || !c.found {
+            return;
+        }
+        let weight = c.weight(self.context.settings);
+        let contribution = Contribution {
+            pixel,
+            value: c.unweighted * weight as f32,
+            unweighted: c.unweighted,
+            s,
+            t,
+            length: c.length,
+        };
+        (self.visit)(ConnectedPath {
+            contribution,
+            weight,
+            subpaths: self.subpaths,
+            point: c.point,
+            wi: c.wi,
+            lens,
+        });
+    }
+}
+
+impl Subpaths {
+    /// Traces both subpaths of a sample, with up to [`Context::max_depth`] edges each.
+    fn trace(&mut self, context: &Context, pixel: [u32; 2], sampler: &mut Sampler) {
+        let path = Path::<f32>::from_camera(context, pixel.map(|n| n as f32), *sampler);
+        let mut subpath = Subpath::from_camera(context, path);
+        subpath.path.terminator = context
+            .classes
+            .have_terminators()
+            .then(TerminatorState::none);
+        self.lens = path.state.origin;
+        self.emitted = path.time.map_or(0.0, |time| time.delays);
+        self.hits.clear();
+        self.escape = None;
+        self.start = None;
+        self.light.clear();
+        let max_edges = context.max_depth;
+        self.walk(context, TransportMode::Radiance, max_edges, &mut subpath);
+        if max_edges > 0 {
+            let (start, light, continues) =
+                Subpath::from_light(context, subpath.path, self.emitted, true);
+            subpath = light;
+            self.start = (start.light != NONE).then_some(start);
+            if continues {
+                self.walk(
+                    context,
+                    TransportMode::Importance,
+                    max_edges - 1,
+                    &mut subpath,
+                );
+            }
+        }
+        *sampler = subpath.path.sampler;
+    }
+
+    /// Traces a subpath until it ends.
+    fn walk(
+        &mut self,
+        context: &Context,
+        mode: TransportMode,
+        max_edges: u32,
+        subpath: &mut Subpath<f32>,
+    ) {
+        let from_camera = mode == TransportMode::Radiance;
+        let mut vertices = std::mem::take(if from_camera {
+            &mut self.camera
+        } else {
+            &mut self.light
+        });
+        vertices.clear();
+        for edge in 1..=max_edges {
+            let ray = Ray {
+                origin: subpath.path.state.origin,
+                dir: subpath.path.state.dir,
+            };
+            let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else {
+                if from_camera {
+                    let escape = subpath.escape(context, edge, true);
+                    self.escape = escape.map(|connection| (connection, edge + 1));
+                }
+                break;
+            };
+            if from_camera && context.ends_unlit(edge, &hit) {
+                break;
+            }
+            let hit = HitState::new(context.scene, &hit, || subpath.path.next_auxiliary());
+            let class = &context.classes[context.classes.index_of(context.scene, &hit)];
+            let arrival = Arrival::<f32, 1>::new(class, ray, &hit);
+            let step = Step {
+                mode,
+                edge,
+                max_edges,
+            };
+            let scattering = subpath.scatter(context, step, &arrival, true);
+            if from_camera {
+                self.hits.push(scattering.light);
+            }
+            if let Some(arrived) = &scattering.vertex {
+                vertices.push(SubpathVertex {
+                    vertex: arrived.vertex,
+                    delta: scattering.delta,
+                    eta: scattering.eta,
+                });
+            }
+            if !scattering.continues {
+                break;
+            }
+        }
+        *(if from_camera {
+            &mut self.camera
+        } else {
+            &mut self.light
+        }) = vertices;
+    }
+}

@@ -1,0 +1,397 @@
+//! Evaluates the listed connections of a tile, one connection per lane, and traces their shadow
+//! rays.
+
+use glam::Vec3;
+
+use super::lists::{
+    ConnectionLists, EvaluatedPairs, LensConnection, LightConnection, OwnContributions, VertexPair,
+};
+use super::{SplatSink, Vertices};
+use crate::cpu::wavefront::light::{TileLight, needs_ray};
+use crate::cpu::wavefront::wave::{PathRecords, TileContext};
+use lumbre_light::math::real::{Double, Mask, Vector};
+use lumbre_light::math::simd::{Lanes, SimdKernel, active_lanes, map_array, padded};
+use lumbre_light::transport::contribution::Contribution;
+use lumbre_light::transport::integrator::Context;
+use lumbre_light::transport::integrator::bdpt::connect::{
+    Connection, LensPoints, camera_end, connect, connect_s1, connect_s1_t1, connect_t1,
+};
+use lumbre_light::transport::integrator::bdpt::state::{
+    CameraEnd, CameraEndRecord, LightStart, LightStartRecord, VertexRecord, VertexState,
+};
+use lumbre_light::transport::ray::Ray;
+
+/// Number of queued contributions at which their shadow rays are traced.
+const MAX_QUEUED: usize = 64;
+
+/// Destination of a contribution.
+#[derive(Clone, Copy)]
+enum Target {
+    /// The sample's own pixel: index into [`OwnContributions`].
+    Own(u32),
+    /// Any pixel, by a splat: path, pixel, and number of light vertices.
+    Splat(u32, [u32; 2], u32),
+}
+
+/// Contribution whose shadow ray has not been traced.
+#[derive(Clone, Copy)]
+struct Queued {
+    value: Vec3,
+    unweighted: Vec3,
+    target: Target,
+}
+
+/// Contributions whose shadow rays have not been traced.
+#[derive(Default)]
+pub(super) struct ShadowQueue {
+    rays: Vec<(Ray, f32)>,
+    contributions: Vec<Queued>,
+    /// Optical lengths of the contributions; empty without a time axis.
+    lengths: Vec<f64>,
+    occluded: Vec<bool>,
+}
+
+impl ShadowQueue {
+    /// Appends the contributions of connections.
+    #[inline(always)]
+    fn push<R: Lanes<N>, const N: usize>(
+        &mut self,
+        context: &Context,
+        c: &Connection<R, N>,
+        target: impl Fn(usize) -> Target,
+    ) {
+        let Some(ray) = &c.ray else { return };
+        let black = R::Vec3::broadcast(Vec3::ZERO);
+        let weight = c.weight(context.settings).single();
+        let u = R::Vec3::select(c.found, c.unweighted, black);
+        let v = R::Vec3::select(c.found, c.unweighted * weight, black);
+        let zero = R::splat(0.0);
+        let light = R::transpose_store([v.x(), v.y(), v.z(), u.x(), u.y(), u.z(), zero, zero]);
+        let (o, d) = (ray.origin, ray.dir);
+        let columns = [o.x(), o.y(), o.z(), d.x(), d.y(), d.z(), ray.distance, zero];
+        let rays = R::transpose_store(columns);
+        if context.timing.is_some() {
+            let lengths = R::store_doubles(c.length);
+            let lanes = active_lanes(c.lanes.bits());
+            self.lengths.extend(lanes.map(|i| lengths[i]));
+        }
+        for i in active_lanes(c.lanes.bits()) {
+            let [x, y, z, u, v, w, distance, _] = rays[i].0;
+            let ray = Ray {
+                origin: Vec3::new(x, y, z),
+                dir: Vec3::new(u, v, w),
+            };
+            self.rays.push((ray, distance));
+            let [r, g, b, x, y, z, ..] = light[i].0;
+            self.contributions.push(Queued {
+                value: Vec3::new(r, g, b),
+                unweighted: Vec3::new(x, y, z),
+                target: target(i),
+            });
+        }
+    }
+
+    /// Traces the shadow rays, stores or splats the contributions that nothing blocks, and empties
+    /// the queue.
+    fn resolve(
+        &mut self,
+        context: &Context,
+        own: &mut OwnContributions,
+        light: &mut TileLight,
+        splats: &mut SplatSink,
+    ) {
+        let ShadowQueue {
+            rays,
+            contributions,
+            lengths,
+            occluded,
+        } = self;
+        count_rays(rays, contributions, own, light);
+        occluded.clear();
+        if rays.iter().all(|(_, distance)| needs_ray(*distance)) {
+            context.trace.occluded_each(rays, occluded);
+        } else {
+            let trace = context.trace;
+            let blocked = rays
+                .iter()
+                .map(|(ray, distance)| needs_ray(*distance) && trace.occluded(ray, *distance));
+            occluded.extend(blocked);
+        }
+        rays.clear();
+        for (i, (queued, occluded)) in contributions.drain(..).zip(&*occluded).enumerate() {
+            if *occluded {
+                continue;
+            }
+            let length = lengths.get(i).copied().unwrap_or(0.0);
+            let Queued {
+                value, unweighted, ..
+            } = queued;
+            match queued.target {
+                Target::Own(index) => own.set(index, value, unweighted, length),
+                Target::Splat(path, pixel, s) => {
+                    let contribution = Contribution {
+                        pixel,
+                        value,
+                        unweighted,
+                        s,
+                        t: 1,
+                        length,
+                    };
+                    splats.add(path, &contribution);
+                }
+            }
+        }
+        lengths.clear();
+    }
+}
+
+/// Counts the rays of queued contributions, if a layer needs it.
+fn count_rays(
+    rays: &[(Ray, f32)],
+    contributions: &[Queued],
+    own: &OwnContributions,
+    light: &mut TileLight,
+) {
+    if !light.has_layers() {
+        return;
+    }
+    for ((_, distance), queued) in rays.iter().zip(contributions) {
+        let path = match queued.target {
+            Target::Own(index) => own.values[index as usize].0,
+            Target::Splat(path, ..) => path,
+        };
+        if needs_ray(*distance) {
+            light.count_rays(&[path]);
+        }
+    }
+}
+
+/// Kernel of [`ConnectionLists::evaluate`].
+pub(super) struct ConnectKernel<'a, 's, 'f> {
+    pub lists: &'a mut ConnectionLists,
+    pub tile: &'a TileContext<'a>,
+    pub paths: &'a PathRecords,
+    pub vertices: &'a Vertices,
+    pub light: &'a mut TileLight,
+    pub splats: &'a mut SplatSink<'s, 'f>,
+}
+
+impl SimdKernel for ConnectKernel<'_, '_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<R: Lanes<N>, const N: usize>(self) {
+        let ConnectKernel {
+            lists,
+            tile,
+            paths,
+            vertices,
+            light,
+            splats,
+        } = self;
+        let ConnectionLists {
+            own,
+            light_connections,
+            lifted_connections,
+            pairs,
+            evaluated,
+            lens_connections,
+            start_connections,
+            queue,
+        } = lists;
+        let connecting = Connecting {
+            tile,
+            paths,
+            vertices,
+        };
+        let mut resolve = |queue: &mut ShadowQueue, least: usize| {
+            if queue.contributions.len() >= least {
+                queue.resolve(tile.context, own, light, splats);
+            }
+        };
+        for group in start_connections.chunks(N) {
+            connecting.connect_starts::<R, N>(group, queue);
+            resolve(queue, MAX_QUEUED);
+        }
+        start_connections.clear();
+        for class in 0..pairs.len() {
+            let lists = [
+                &mut light_connections[class],
+                &mut lifted_connections[class],
+            ];
+            for (list, lifted) in lists.into_iter().zip([false, true]) {
+                for group in list.chunks(N) {
+                    connecting.connect_lights::<R, N>(class, group, lifted, queue);
+                    resolve(queue, MAX_QUEUED);
+                }
+                list.clear();
+            }
+            for group in pairs[class].chunks(N) {
+                connecting.evaluate_cameras::<R, N>(class, group, evaluated);
+            }
+            pairs[class].clear();
+            for group in lens_connections[class].chunks(N) {
+                connecting.connect_lens::<R, N>(class, group, queue);
+                resolve(queue, MAX_QUEUED);
+            }
+            lens_connections[class].clear();
+        }
+        for (class, EvaluatedPairs { pairs, ends }) in evaluated.iter_mut().enumerate() {
+            for (group, ends) in pairs.chunks(N).zip(ends.chunks(N)) {
+                connecting.connect_subpaths::<R, N>(class, group, ends, queue);
+                resolve(queue, MAX_QUEUED);
+            }
+            pairs.clear();
+            ends.clear();
+        }
+        resolve(queue, 0);
+    }
+}
+
+/// What connections are evaluated from.
+#[derive(Clone, Copy)]
+struct Connecting<'a> {
+    tile: &'a TileContext<'a>,
+    paths: &'a PathRecords,
+    vertices: &'a Vertices,
+}
+
+impl Connecting<'_> {
+    /// Connects camera vertices on surfaces of one class to sampled lights (`s = 1`).
+    #[inline(always)]
+    fn connect_lights<R: Lanes<N>, const N: usize>(
+        &self,
+        class: usize,
+        group: &[LightConnection],
+        lifted: bool,
+        queue: &mut ShadowQueue,
+    ) {
+        let connections: [LightConnection; N] = padded(group);
+        let lanes = R::Mask::first(group.len());
+        let context = self.tile.context;
+        let taken = R::load_words(&map_array(connections, |c| c.taken));
+        let paths = map_array(connections, |c| c.path as usize);
+        let mut sampler = self.paths.samplers::<R, N>(self.tile, paths, taken);
+        let camera = &self.vertices.camera;
+        let mut z = camera.load::<R, N>(context, class, map_array(connections, |c| c.z));
+        if lifted && let Some((from, _)) = z.lifted() {
+            z = from;
+        }
+        if let Some(c) = connect_s1::<R, N>(context, &z, &mut sampler, lanes) {
+            queue.push(context, &c, |i| Target::Own(connections[i].index));
+        }
+    }
+
+    /// Evaluates camera vertices on surfaces of one class towards light vertices, and appends the
+    /// pairs between which light may pass to `evaluated`, by the class of the light vertex.
+    #[inline(always)]
+    fn evaluate_cameras<R: Lanes<N>, const N: usize>(
+        &self,
+        class: usize,
+        group: &[VertexPair],
+        evaluated: &mut [EvaluatedPairs],
+    ) {
+        let pairs: [VertexPair; N] = padded(group);
+        let Vertices { camera, light, .. } = self.vertices;
+        let context = self.tile.context;
+        let z = camera.load::<R, N>(context, class, map_array(pairs, |pair| pair.z));
+        let y: VertexState<R> =
+            VertexRecord::load::<R, N>(map_array(pairs, |pair| &light.records[pair.y as usize]));
+        let lanes = R::Mask::first(group.len());
+        let (lit, end) = camera_end(context, &z, y.position, lanes);
+        let ends = CameraEndRecord::store::<R, N>(end);
+        for i in active_lanes(lit.bits()) {
+            let class = light.classes[pairs[i].y as usize];
+            let list = &mut evaluated[class as usize];
+            list.pairs.push(pairs[i]);
+            list.ends.push(ends[i]);
+        }
+    }
+
+    /// Connects light vertices on surfaces of one class to camera vertices.
+    #[inline(always)]
+    fn connect_subpaths<R: Lanes<N>, const N: usize>(
+        &self,
+        class: usize,
+        group: &[VertexPair],
+        ends: &[CameraEndRecord],
+        queue: &mut ShadowQueue,
+    ) {
+        let pairs: [VertexPair; N] = padded(group);
+        let ends: [CameraEndRecord; N] = padded(ends);
+        let context = self.tile.context;
+        let Vertices { camera, light, .. } = self.vertices;
+        let y = light.load::<R, N>(context, class, map_array(pairs, |pair| pair.y));
+        let (z, partials) = VertexState::load_towards::<N>(
+            map_array(pairs, |pair| &camera.records[pair.z as usize]),
+            map_array(pairs, |pair| &camera.partials[pair.z as usize]),
+            context
+                .classes
+                .have_terminators()
+                .then(|| map_array(pairs, |pair| &camera.shading[pair.z as usize])),
+            y.state.position,
+        );
+        let end: CameraEnd<R> = CameraEndRecord::load::<R, N>(ends.each_ref());
+        let lanes = R::Mask::first(group.len());
+        if let Some(c) = connect::<R, N>(context, &y, (&z, partials), &end, lanes) {
+            queue.push(context, &c, |i| Target::Own(pairs[i].index));
+        }
+    }
+
+    /// Connects light vertices on surfaces of one class to the lens.
+    #[inline(always)]
+    fn connect_lens<R: Lanes<N>, const N: usize>(
+        &self,
+        class: usize,
+        group: &[LensConnection],
+        queue: &mut ShadowQueue,
+    ) {
+        let connections: [LensConnection; N] = padded(group);
+        let context = self.tile.context;
+        let light = &self.vertices.light;
+        let y = light.load::<R, N>(context, class, map_array(connections, |c| c.y));
+        let taken = R::load_words(&map_array(connections, |c| c.taken));
+        let paths = map_array(connections, |c| c.path as usize);
+        let mut sampler = self.paths.samplers::<R, N>(self.tile, paths, taken);
+        let emitted = self.vertices.starts.emitted::<R, N>(paths);
+        let lanes = R::Mask::first(group.len());
+        let found = connect_t1::<R, N>(context, &y, emitted, &mut sampler, lanes);
+        push_splats(context, &connections, found, queue);
+    }
+
+    /// Connects the starts of light subpaths to the lens.
+    #[inline(always)]
+    fn connect_starts<R: Lanes<N>, const N: usize>(
+        &self,
+        group: &[LensConnection],
+        queue: &mut ShadowQueue,
+    ) {
+        let connections: [LensConnection; N] = padded(group);
+        let context = self.tile.context;
+        let taken = R::load_words(&map_array(connections, |c| c.taken));
+        let paths = map_array(connections, |c| c.path as usize);
+        let mut sampler = self.paths.samplers::<R, N>(self.tile, paths, taken);
+        let records = &self.vertices.starts.records;
+        let start: LightStart<R> =
+            LightStartRecord::load::<R, N>(map_array(paths, |path| &records[path]));
+        let lanes = R::Mask::first(group.len());
+        let found = connect_s1_t1::<R, N>(context, &start, &mut sampler, lanes);
+        push_splats(context, &connections, found, queue);
+    }
+}
+
+/// Appends the contributions of connections to the lens.
+#[inline(always)]
+fn push_splats<R: Lanes<N>, const N: usize>(
+    context: &Context,
+    connections: &[LensConnection; N],
+    found: Option<(Connection<R, N>, LensPoints<R, N>)>,
+    queue: &mut ShadowQueue,
+) {
+    if let Some((c, lens)) = found {
+        queue.push(context, &c, |i| {
+            let LensConnection { path, s, .. } = connections[i];
+            Target::Splat(path, lens.pixels[i], s)
+        });
+    }
+}
