@@ -95,7 +95,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> OpticalLength<R> {
     }
 
     /// Returns the length for paths whose vertices at `from` are lit by light sampling, with the
-    /// given ratios of indices towards a direction. Infinitely distant light starts at its wave
+    /// given ratios of indices towards it. Infinitely distant light starts at its wave
     /// front where that touches the bounding sphere of all surfaces.
     #[inline(always)]
     pub fn direct_arrival<const N: usize>(
@@ -103,7 +103,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> OpticalLength<R> {
         context: &Context,
         from: V,
         direct: &DirectSample<R, N>,
-        ratio: impl FnOnce(V) -> R,
+        ratio: R,
     ) -> R::Double
     where
         R: Lanes<N>,
@@ -114,6 +114,6 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> OpticalLength<R> {
             let front = context.lights.front_distance(from, direct.wi);
             distance = R::select(infinite, front, distance);
         }
-        self.after_segment(ratio(direct.wi), distance)
+        self.after_segment(ratio, distance)
     }
 }

@@ -294,16 +294,19 @@ impl<R: Real> Vertex<'_, R> {
             wi,
             direct.is_infinite(),
         );
+        let length = match self.optical {
+            None => R::Double::splat(0.0),
+            Some(optical) => {
+                let ratio = self.bsdf.index_ratio(self.out.wo, wi);
+                optical.direct_arrival(context, surface.position, direct, ratio)
+            }
+        };
         let light = PathLight {
             unweighted: throughput * radiance,
             weight,
             s: 1,
             t: self.edge + 1,
-            length: self.optical.map_or(R::Double::splat(0.0), |optical| {
-                optical.direct_arrival(context, surface.position, direct, |wi| {
-                    self.bsdf.index_ratio(self.out.wo, wi)
-                })
-            }),
+            length,
         };
         sink.add_unless_occluded(lit, &ray, &light);
     }

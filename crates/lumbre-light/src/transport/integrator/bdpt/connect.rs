@@ -100,12 +100,11 @@ pub fn connect_s1<R: Lanes<N>, const N: usize>(
     let end = LightEnd::new(&lights, at, -d.wi, from);
     let length = match context.timing {
         None => R::Double::splat(0.0),
-        Some(_) => z
-            .state
-            .optical()
-            .direct_arrival(context, z.state.position, &d, |wi| {
-                z.bsdf.index_ratio(z.out.wo, wi)
-            }),
+        Some(_) => {
+            let ratio = z.bsdf.index_ratio(z.out.wo, d.wi);
+            let optical = z.state.optical();
+            optical.direct_arrival(context, z.state.position, &d, ratio)
+        }
     };
     Some(Connection {
         lanes,
@@ -188,7 +187,10 @@ pub fn connect<R: Lanes<N>, const N: usize>(
             near + far.from_light(ratio, optical.index * at_z.ratio)
         }
     };
-    let to = |v: &VertexState<R>| wi.dot(v.n_geometric).abs() / distance2;
+    let to = [
+        wi.dot(y.state.n_geometric).abs() / distance2,
+        wi.dot(z.n_geometric).abs() / distance2,
+    ];
     let at_z = BsdfValue {
         f: at_z.f,
         pdf_w: at_z.pdf_w,
@@ -204,7 +206,7 @@ pub fn connect<R: Lanes<N>, const N: usize>(
             context.settings.heuristic(),
             [&y.endpoint(), &z.endpoint(z_partials)],
             [&at_y, &at_z],
-            [to(&y.state), to(z)],
+            to,
         ),
         length,
         wi,
@@ -241,11 +243,15 @@ pub fn connect_t1<R: Lanes<N>, const N: usize>(
     let [position, n] = y.state.point();
     let spread = vertex::area_factor(at.lens, position, n);
     let h = context.settings.heuristic();
-    let length = context.timing.map_or(R::Double::splat(0.0), |timing| {
-        let medium = R::splat(timing.medium);
-        let ratio = y.bsdf.index_ratio(y.out.wo, -at.dir);
-        camera_length(timing, emitted, at.distance) + y.state.optical().from_light(ratio, medium)
-    });
+    let length = match context.timing {
+        None => R::Double::splat(0.0),
+        Some(timing) => {
+            let ratio = y.bsdf.index_ratio(y.out.wo, -at.dir);
+            let optical = y.state.optical();
+            camera_length(timing, emitted, at.distance)
+                + optical.from_light(ratio, R::splat(timing.medium))
+        }
+    };
     let lens = [at.lens, R::Vec3::broadcast(Vec3::ZERO)];
     let infinite = R::Mask::default();
     let connection = Connection {
@@ -305,11 +311,14 @@ pub fn connect_s1_t1<R: Lanes<N>, const N: usize>(
         R::Vec3::select(distant, at.lens, point.position),
         R::Vec3::select(distant, black, point.normal),
     ];
-    let length = context.timing.map_or(R::Double::splat(0.0), |timing| {
-        let front = context.lights.front_distance(at.lens, at.dir);
-        let far = R::select(distant, front, at.distance);
-        camera_length(timing, start.emitted, far)
-    });
+    let length = match context.timing {
+        None => R::Double::splat(0.0),
+        Some(timing) => {
+            let front = context.lights.front_distance(at.lens, at.dir);
+            let far = R::select(distant, front, at.distance);
+            camera_length(timing, start.emitted, far)
+        }
+    };
     let connection = Connection {
         lanes,
         found: lanes,

@@ -310,31 +310,29 @@ impl SimdKernel for CameraKernel<'_> {
             states,
             starts,
         } = self;
-        for_each_group::<N>(tile.ids.len(), |lanes, count| {
+        for (lanes, count) in groups::<N>(tile.ids.len()) {
             let path = paths.load::<R, N>(tile, lanes);
             if let Some(time) = path.time {
                 starts.emitted.extend(&time.delays.store()[..count]);
             }
             let subpath = Subpath::from_camera(tile.context, path);
             states.store(paths, &subpath, lanes, R::Mask::first(count));
-        });
+        }
     }
 }
 
-/// Calls a function with each group of `N` consecutive paths and the number of those that exist;
-/// the other lanes repeat the first.
+/// Returns the groups of `N` consecutive paths, each with the number of those that exist; the other
+/// lanes repeat the first.
 #[inline(always)]
-fn for_each_group<const N: usize>(paths: usize, mut f: impl FnMut([usize; N], usize)) {
-    let mut first = 0;
-    while first < paths {
+fn groups<const N: usize>(paths: usize) -> impl Iterator<Item = ([usize; N], usize)> {
+    (0..paths).step_by(N).map(move |first| {
         let count = N.min(paths - first);
         let mut lanes = [first; N];
         for (i, lane) in lanes[..count].iter_mut().enumerate() {
             *lane = first + i;
         }
-        f(lanes, count);
-        first += N;
-    }
+        (lanes, count)
+    })
 }
 
 /// The subpaths of a tile while they are traced.
@@ -426,7 +424,7 @@ impl SimdKernel for LightKernel<'_, '_> {
             tile, wave, states, ..
         } = self.walk;
         let starts = self.starts;
-        for_each_group::<N>(tile.ids.len(), |lanes, count| {
+        for (lanes, count) in groups::<N>(tile.ids.len()) {
             let mask = R::Mask::first(count);
             let path = wave.paths.load::<R, N>(tile, lanes);
             let emitted = starts.emitted::<R, N>(lanes);
@@ -437,7 +435,7 @@ impl SimdKernel for LightKernel<'_, '_> {
             starts.records.extend(&records[..count]);
             wave.active
                 .extend(active_lanes(continues.bits()).map(|i| lanes[i] as u32));
-        });
+        }
     }
 }
 
