@@ -14,8 +14,6 @@ x:render(function(p)
     max_depth = p.depth,
     resolution = { p.size, p.size },
     sampler = p.sampler,
-    -- The same code path for both samplers, or times would compare vector instructions.
-    accel = { lanes = "never" },
   }
 end)
 

@@ -95,8 +95,8 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> OpticalLength<R> {
     }
 
     /// Returns the length for paths whose vertices at `from` are lit by light sampling, with the
-    /// given ratios of indices towards it. Infinitely distant light starts at its wave
-    /// front where that touches the bounding sphere of all surfaces.
+    /// given ratios of indices towards the light. Infinitely distant light starts at its wave front
+    /// where that touches the bounding sphere of all surfaces.
     #[inline(always)]
     pub fn direct_arrival<const N: usize>(
         &self,

@@ -67,37 +67,45 @@ impl Context<'_> {
     }
 }
 
-/// A computation for any technique that follows paths from the camera.
-pub trait CameraPathsVisitor {
+/// A computation for any technique whose steps are generic over the width of vectors.
+pub trait TechniqueVisitor {
     /// The result of the computation.
     type Output;
 
-    /// Runs the computation for a technique.
-    fn visit<T: CameraPaths>(self) -> Self::Output;
+    /// Runs the computation for a technique that follows paths from the camera.
+    fn camera_paths<T: CameraPaths>(self) -> Self::Output;
+
+    /// Runs the computation for [bidirectional path tracing](bdpt).
+    fn bidirectional(self) -> Self::Output;
 }
 
 /// Declares the integrators of this program: modules with a `ROW`, and the techniques of those that
-/// follow paths from the camera.
+/// follow paths from the camera. Others have no generic steps.
 macro_rules! integrators {
-    (camera paths: $($module:ident::$technique:ident),*; others: $($other:ident),*) => {
+    (
+        camera paths: $($module:ident::$technique:ident),*;
+        bidirectional: $subpaths:ident;
+        others: $($other:ident),*
+    ) => {
         /// All integrators of this program.
-        pub const INTEGRATORS: &[IntegratorRow] = &[$($module::ROW,)* $($other::ROW),*];
+        pub const INTEGRATORS: &[IntegratorRow] =
+            &[$($module::ROW,)* $subpaths::ROW, $($other::ROW),*];
 
-        /// Calls a visitor with the technique of an integrator; returns `None` if it does not
-        /// follow paths from the camera.
-        pub fn visit_camera_paths<V: CameraPathsVisitor>(
+        /// Calls a visitor with the technique of an integrator; returns `None` if it has no generic
+        /// steps.
+        pub fn visit_technique<V: TechniqueVisitor>(
             row: &IntegratorRow,
             visitor: V,
         ) -> Option<V::Output> {
             $(if row.name == $module::ROW.name {
-                return Some(visitor.visit::<$module::$technique>());
+                return Some(visitor.camera_paths::<$module::$technique>());
             })*
-            None
+            (row.name == $subpaths::ROW.name).then(|| visitor.bidirectional())
         }
     };
 }
 
-integrators!(camera paths: bpt::Bpt, nee::Nee; others: bdpt);
+integrators!(camera paths: bpt::Bpt, nee::Nee; bidirectional: bdpt; others:);
 
 /// Computes one sample of one pixel and passes every contribution to the sink.
 pub type SampleFn = fn(&Context, pixel: [u32; 2], &mut Sampler, sink: &mut dyn FnMut(Contribution));

@@ -8,7 +8,7 @@ use crate::cpu::films::contributions::{SampleId, TimedContributions};
 use crate::cpu::films::layers::LayerRowFilm;
 use crate::cpu::films::row_film::RowFilm;
 use lumbre_light::math::real::{Double, Mask, Vector};
-use lumbre_light::math::simd::{Lanes, active_lanes};
+use lumbre_light::math::simd::{F32x8, Lanes, active_lanes};
 use lumbre_light::transport::contribution::Contribution;
 use lumbre_light::transport::integrator::Context;
 use lumbre_light::transport::integrator::camera_path::{PathLight, PathSink, ShadowRay};
@@ -166,6 +166,24 @@ pub(super) fn needs_ray(distance: f32) -> bool {
     distance > 0.0 || distance.is_nan()
 }
 
+/// Stores shadow rays in rows, which [`stored_ray`] reads.
+#[inline(always)]
+pub(super) fn store_rays<R: Lanes<N>, const N: usize>(ray: &ShadowRay<R>) -> [F32x8; N] {
+    let (o, d, zero) = (ray.origin, ray.dir, R::splat(0.0));
+    R::transpose_store([o.x(), o.y(), o.z(), d.x(), d.y(), d.z(), ray.distance, zero])
+}
+
+/// Returns the ray and its length from a row of [`store_rays`].
+#[inline]
+pub(super) fn stored_ray(row: &F32x8) -> (Ray, f32) {
+    let [x, y, z, u, v, w, distance, _] = row.0;
+    let ray = Ray {
+        origin: Vec3::new(x, y, z),
+        dir: Vec3::new(u, v, w),
+    };
+    (ray, distance)
+}
+
 /// Returns a contribution as layers need it.
 fn contribution(pixel: [u32; 2], value: Vec3, details: &Details) -> Contribution {
     let Details { unweighted, s, t } = *details;
@@ -253,16 +271,9 @@ impl<R: Lanes<N>, const N: usize> PathSink<R> for LaneSink<'_, N> {
     #[inline(always)]
     fn add_unless_occluded(&mut self, lanes: R::Mask, ray: &ShadowRay<R>, light: &PathLight<R>) {
         let stored = Stored::new::<R>(self.context, self.light.has_layers, light);
-        let (o, d) = (ray.origin, ray.dir);
-        let zero = R::splat(0.0);
-        let columns = [o.x(), o.y(), o.z(), d.x(), d.y(), d.z(), ray.distance, zero];
-        let rows = R::transpose_store(columns);
+        let rows = store_rays(ray);
         for i in active_lanes(lanes.bits()) {
-            let [x, y, z, u, v, w, distance, _] = rows[i].0;
-            let ray = Ray {
-                origin: Vec3::new(x, y, z),
-                dir: Vec3::new(u, v, w),
-            };
+            let (ray, distance) = stored_ray(&rows[i]);
             self.light.pending.push(Pending {
                 ray,
                 distance,

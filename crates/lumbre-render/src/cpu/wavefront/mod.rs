@@ -30,7 +30,7 @@ use crate::hierarchy::LaneMode;
 use camera_paths::PathTile;
 use lumbre_light::math::simd::Width;
 use lumbre_light::transport::integrator::camera_path::CameraPaths;
-use lumbre_light::transport::integrator::{CameraPathsVisitor, Context, visit_camera_paths};
+use lumbre_light::transport::integrator::{Context, TechniqueVisitor, visit_technique};
 pub use small_scene::SmallScene;
 use wave::TileContext;
 
@@ -59,13 +59,13 @@ pub struct Wavefront {
     small_scene: Option<SmallScene>,
 }
 
-/// Selects the method for a technique that follows camera paths.
+/// Selects the method for a technique.
 struct SelectTiles;
 
-impl CameraPathsVisitor for SelectTiles {
+impl TechniqueVisitor for SelectTiles {
     type Output = Technique;
 
-    fn visit<T: CameraPaths>(self) -> Technique {
+    fn camera_paths<T: CameraPaths>(self) -> Technique {
         Technique {
             render_tile: |tile, buffers, film, layers| {
                 camera_paths::render_tile::<T>(tile, &mut buffers.paths, film, layers);
@@ -73,19 +73,21 @@ impl CameraPathsVisitor for SelectTiles {
             tile_samples: camera_paths::TILE_SAMPLES,
         }
     }
-}
 
-/// Method of bidirectional path tracing.
-const BIDIRECTIONAL: Technique = Technique {
-    render_tile: |tile, buffers, film, layers| {
-        bdpt::render_tile(tile, &mut buffers.subpaths, film, layers);
-    },
-    tile_samples: bdpt::TILE_SAMPLES,
-};
+    fn bidirectional(self) -> Technique {
+        Technique {
+            render_tile: |tile, buffers, film, layers| {
+                bdpt::render_tile(tile, &mut buffers.subpaths, film, layers);
+            },
+            tile_samples: bdpt::TILE_SAMPLES,
+        }
+    }
+}
 
 impl Wavefront {
     /// Creates the renderer for a job. Returns `None` if `lanes` is `never`, if the processor has no
-    /// vector instructions, or if the hierarchy was built without them.
+    /// vector instructions, if the hierarchy was built without them, or if the technique has no
+    /// steps that are generic over the width of vectors.
     pub fn new(job: &Job, accel: &Accel) -> Option<Wavefront> {
         let width = match accel.isa() {
             Isa::Portable => None,
@@ -95,10 +97,9 @@ impl Wavefront {
         if job.accel.lanes == LaneMode::Never {
             return None;
         }
-        let camera_paths = visit_camera_paths(job.integrator, SelectTiles);
         Some(Wavefront {
             width,
-            technique: camera_paths.unwrap_or(BIDIRECTIONAL),
+            technique: visit_technique(job.integrator, SelectTiles)?,
             small_scene: SmallScene::new_if_small(accel, width),
         })
     }

@@ -7,10 +7,10 @@ use super::lists::{
     ConnectionLists, EvaluatedPairs, LensConnection, LightConnection, OwnContributions, VertexPair,
 };
 use super::{SplatSink, Vertices};
-use crate::cpu::wavefront::light::{TileLight, needs_ray};
+use crate::cpu::wavefront::light::{TileLight, needs_ray, store_rays, stored_ray};
 use crate::cpu::wavefront::wave::{PathRecords, TileContext};
 use lumbre_light::math::real::{Double, Mask, Vector};
-use lumbre_light::math::simd::{Lanes, SimdKernel, active_lanes, map_array, padded};
+use lumbre_light::math::simd::{F32x8, Lanes, SimdKernel, active_lanes, map_array, padded};
 use lumbre_light::transport::contribution::Contribution;
 use lumbre_light::transport::integrator::Context;
 use lumbre_light::transport::integrator::bdpt::connect::{
@@ -61,31 +61,19 @@ impl ShadowQueue {
         target: impl Fn(usize) -> Target,
     ) {
         let Some(ray) = &c.ray else { return };
-        let black = R::Vec3::broadcast(Vec3::ZERO);
-        let weight = c.weight(context.settings).single();
-        let u = R::Vec3::select(c.found, c.unweighted, black);
-        let v = R::Vec3::select(c.found, c.unweighted * weight, black);
-        let zero = R::splat(0.0);
-        let light = R::transpose_store([v.x(), v.y(), v.z(), u.x(), u.y(), u.z(), zero, zero]);
-        let (o, d) = (ray.origin, ray.dir);
-        let columns = [o.x(), o.y(), o.z(), d.x(), d.y(), d.z(), ray.distance, zero];
-        let rays = R::transpose_store(columns);
+        let light = store_light(context, c);
+        let rays = store_rays(ray);
         if context.timing.is_some() {
             let lengths = R::store_doubles(c.length);
             let lanes = active_lanes(c.lanes.bits());
             self.lengths.extend(lanes.map(|i| lengths[i]));
         }
         for i in active_lanes(c.lanes.bits()) {
-            let [x, y, z, u, v, w, distance, _] = rays[i].0;
-            let ray = Ray {
-                origin: Vec3::new(x, y, z),
-                dir: Vec3::new(u, v, w),
-            };
-            self.rays.push((ray, distance));
-            let [r, g, b, x, y, z, ..] = light[i].0;
+            self.rays.push(stored_ray(&rays[i]));
+            let [value, unweighted] = stored_light(&light[i]);
             self.contributions.push(Queued {
-                value: Vec3::new(r, g, b),
-                unweighted: Vec3::new(x, y, z),
+                value,
+                unweighted,
                 target: target(i),
             });
         }
@@ -143,6 +131,27 @@ impl ShadowQueue {
         }
         lengths.clear();
     }
+}
+
+/// Stores the weighted and the unweighted light of connections in rows, which [`stored_light`]
+/// reads.
+#[inline(always)]
+pub(super) fn store_light<R: Lanes<N>, const N: usize>(
+    context: &Context,
+    c: &Connection<R, N>,
+) -> [F32x8; N] {
+    let (black, zero) = (R::Vec3::broadcast(Vec3::ZERO), R::splat(0.0));
+    let value = c.unweighted * c.weight(context.settings).single();
+    let v = R::Vec3::select(c.found, value, black);
+    let u = R::Vec3::select(c.found, c.unweighted, black);
+    R::transpose_store([v.x(), v.y(), v.z(), u.x(), u.y(), u.z(), zero, zero])
+}
+
+/// Returns the weighted and the unweighted light from a row of [`store_light`].
+#[inline]
+pub(super) fn stored_light(row: &F32x8) -> [Vec3; 2] {
+    let [r, g, b, x, y, z, ..] = row.0;
+    [Vec3::new(r, g, b), Vec3::new(x, y, z)]
 }
 
 /// Counts the rays of queued contributions, if a layer needs it.

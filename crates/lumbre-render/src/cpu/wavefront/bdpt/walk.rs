@@ -5,9 +5,10 @@ use std::mem::take;
 use glam::Vec3;
 
 use super::Vertices;
+use super::connect::{store_light, stored_light};
 use crate::cpu::wavefront::light::TileLight;
 use crate::cpu::wavefront::wave::{PathRecords, TileContext, Wave};
-use lumbre_light::math::real::{Double, Mask, Vector};
+use lumbre_light::math::real::Mask;
 use lumbre_light::math::simd::{Lanes, SimdKernel, active_lanes, dispatch, map_array, padded};
 use lumbre_light::scene::compile::NONE;
 use lumbre_light::transport::arrival::{Arrival, HitRecord};
@@ -195,18 +196,14 @@ impl Hits {
         connection: &Connection<R, N>,
         place: impl Fn(&mut Hits, usize, u32),
     ) {
-        let weight = connection.weight(context.settings).single();
-        let unweighted = connection.unweighted;
-        let value = unweighted * weight;
-        let (u, v, zero) = (unweighted, value, R::splat(0.0));
-        let rows = R::transpose_store([v.x(), v.y(), v.z(), u.x(), u.y(), u.z(), zero, zero]);
+        let rows = store_light(context, connection);
         let lengths = R::store_doubles(connection.length);
         for i in active_lanes(connection.found.bits()) {
-            let [r, g, b, x, y, z, ..] = rows[i].0;
+            let [value, unweighted] = stored_light(&rows[i]);
             place(self, paths[i], self.found.len() as u32);
             self.found.push(HitLight {
-                value: Vec3::new(r, g, b),
-                unweighted: Vec3::new(x, y, z),
+                value,
+                unweighted,
                 length: lengths[i],
                 t: edge + 1,
             });
