@@ -68,7 +68,8 @@ fn runs_have_the_lane_mode_auto_and_do_not_depend_on_each_other() {
     for change in CHANGES {
         let plan = lab(change).plan();
         assert_eq!(lanes(&plan), [LaneMode::Auto; 3]);
-        assert_eq!(plan.warnings, lab(|_, _| ()).plan().warnings);
+        let warns = |warning: &String| warning.contains("with vectors");
+        assert!(!plan.warnings.iter().any(warns), "{:?}", plan.warnings);
         let mut without = lab(change);
         without.spec.skips = vec!["special".into()];
         without.skip = Box::new(|_, point| Ok(at(point, "variant").as_str() == Some("special")));

@@ -20,7 +20,7 @@ use crate::transport::sampler::Sampler;
 /// A vertex of a subpath, with the event that led to the next one.
 #[derive(Clone, Copy)]
 pub struct SubpathVertex {
-    /// The vertex.
+    /// The vertex itself, with its BSDF.
     pub vertex: Vertex,
     /// Whether the event was a Dirac event.
     pub delta: bool,

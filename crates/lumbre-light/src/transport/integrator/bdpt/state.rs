@@ -39,17 +39,17 @@ record! {
         wo: Vec3,
         /// Throughput of the subpath up to this vertex, over the density of its generation.
         throughput: Vec3,
-        /// See [`MisEndpoint::back`].
+        /// Density of the way back: see [`MisEndpoint::back`].
         back: Real,
         /// Index of the material.
         material: Word,
-        /// See [`OpticalLength::path`].
+        /// Length of all segments: see [`OpticalLength::path`].
         path: Real,
-        /// See [`OpticalLength::delays`].
+        /// Delays of previous vertices: see [`OpticalLength::delays`].
         delays: Real,
-        /// See [`OpticalLength::delay`].
+        /// Delay of this vertex: see [`OpticalLength::delay`].
         delay: Real,
-        /// See [`OpticalLength::index`].
+        /// Index of the last medium: see [`OpticalLength::index`].
         index: Real,
     }
 }
@@ -57,19 +57,19 @@ record! {
 record! {
     /// Properties of a vertex that only some surfaces have; zero elsewhere.
     pub struct ShadingState => ShadingRecord {
-        /// See [`ShadingParameters::base_color`].
+        /// Base colour, with texture and tint: see [`ShadingParameters::base_color`].
         base_color: Vec3,
-        /// See [`ShadingParameters::roughness`].
+        /// Roughness, from 0 to 1: see [`ShadingParameters::roughness`].
         roughness: Real,
-        /// See [`ShadingParameters::metallic`].
+        /// Weight of the metallic lobes: see [`ShadingParameters::metallic`].
         metallic: Real,
-        /// See [`ShadingParameters::opacity`].
+        /// Weight of the opaque lobes: see [`ShadingParameters::opacity`].
         opacity: Real,
-        /// See [`Orientation::tangent`].
+        /// Direction of anisotropy: see [`Orientation::tangent`].
         tangent: Vec3,
-        /// See [`TerminatorOffset::lifted_point`].
+        /// Start of lifted edges: see [`TerminatorOffset::lifted_point`].
         lifted_point: Vec3,
-        /// See [`TerminatorOffset::up`].
+        /// Unit normal of the triangle: see [`TerminatorOffset::up`].
         up: Vec3,
         /// 1 if there is a terminator offset, else 0.
         lifts: Real,
@@ -79,9 +79,9 @@ record! {
 record! {
     /// Start of a light subpath.
     pub struct LightStart => LightStartRecord {
-        /// See [`LightPoint::position`].
+        /// Position in world space: see [`LightPoint::position`].
         position: Vec3,
-        /// See [`LightPoint::normal`].
+        /// Unit normal or direction: see [`LightPoint::normal`].
         normal: Vec3,
         /// Unit direction of the first edge.
         dir: Vec3,
@@ -104,11 +104,11 @@ record! {
 record! {
     /// BSDF of a camera vertex towards a light vertex.
     pub struct CameraEnd => CameraEndRecord {
-        /// See [`BsdfValue::f`](crate::transport::bsdf::BsdfValue::f).
+        /// Value without cosine: see [`BsdfValue::f`](crate::transport::bsdf::BsdfValue::f).
         f: Vec3,
-        /// See [`BsdfValue::pdf_w`](crate::transport::bsdf::BsdfValue::pdf_w).
+        /// Density of the connecting edge per solid angle.
         pdf_w: Real,
-        /// See [`BsdfValue::reverse_pdf_w`](crate::transport::bsdf::BsdfValue::reverse_pdf_w).
+        /// Density of the way back per solid angle.
         reverse_pdf_w: Real,
         /// Index of the connecting edge's medium over that of the last edge.
         ratio: Real,
@@ -200,7 +200,7 @@ pub struct Vertex<R: Real = f32> {
     pub partials: MisPartials<R::Double>,
     /// Offset against the shadow terminator for edges towards light; `None` if no lane has one.
     pub terminator: Option<TerminatorOffset<R>>,
-    /// The BSDF.
+    /// The BSDF at these points.
     pub bsdf: Bsdf<R>,
     /// Direction to the previous vertex, with everything that the BSDF derives from it.
     pub out: Outgoing<R>,

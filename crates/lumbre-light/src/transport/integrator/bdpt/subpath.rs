@@ -24,7 +24,7 @@ use crate::transport::vertex::towards;
 /// A step of subpaths.
 #[derive(Clone, Copy, Debug)]
 pub struct Step {
-    /// What the subpaths carry: radiance from the camera, importance from a light.
+    /// Quantity that the subpaths carry: radiance from the camera, importance from a light.
     pub mode: TransportMode,
     /// Number of the edge that led to the surfaces, counted from 1.
     pub edge: u32,
@@ -48,7 +48,7 @@ pub struct Scattering<'a, R: Real, const N: usize> {
 
 /// Vertices of subpaths that arrived at surfaces.
 pub struct ArrivedVertex<'a, R: Real, const N: usize> {
-    /// The vertices.
+    /// The vertices with their BSDFs.
     pub vertex: Vertex<R>,
     /// Properties that only some surfaces have.
     pub shading: ShadingState<R>,

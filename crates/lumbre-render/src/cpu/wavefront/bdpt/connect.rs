@@ -257,7 +257,7 @@ impl SimdKernel for ConnectKernel<'_, '_, '_> {
     }
 }
 
-/// What connections are evaluated from.
+/// Vertices and random numbers that connections are evaluated from.
 #[derive(Clone, Copy)]
 struct Connecting<'a> {
     tile: &'a TileContext<'a>,

@@ -73,7 +73,7 @@ pub(super) struct OwnContributions {
     pub values: Vec<(u32, Vec3)>,
     /// Optical length of each contribution; empty without a time axis.
     pub lengths: Vec<f64>,
-    /// What layers need of each contribution; empty without layers.
+    /// Details of each contribution for layers; empty without layers.
     pub details: Vec<Details>,
 }
 
@@ -95,7 +95,7 @@ pub(super) struct ConnectionLists {
     pub queue: ShadowQueue,
 }
 
-/// What determines the columns of [`OwnContributions`].
+/// Optional columns of [`OwnContributions`].
 #[derive(Clone, Copy)]
 struct Columns {
     timed: bool,

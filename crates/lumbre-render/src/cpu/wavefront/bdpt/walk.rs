@@ -64,7 +64,7 @@ pub(super) struct Hits {
 /// Light found with `s = 0`.
 #[derive(Clone, Copy)]
 pub(super) struct HitLight {
-    /// Weighted radiance.
+    /// Radiance, multiplied by its MIS weight.
     pub value: Vec3,
     pub unweighted: Vec3,
     /// Optical length; 0 without a time axis.
