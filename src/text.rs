@@ -1,4 +1,7 @@
-//! Text that several rooms write: counts with nouns, lines of limited width, and CSV.
+//! Text that several rooms write: counts with nouns, lines of limited width, CSV, and text from
+//! outside without characters that control a terminal.
+
+use std::borrow::Cow;
 
 /// Formats a count with its noun: `1 cell`, `3 cells`.
 pub fn counted(n: u64, noun: &str) -> String {
@@ -23,6 +26,27 @@ pub fn wrap(text: &str, fits: impl Fn(&str) -> bool) -> Vec<String> {
     }
     lines.push(line);
     lines
+}
+
+/// Whether a character controls the terminal or changes the order of the text around it. A line feed
+/// and a tab do not count.
+pub fn is_control(c: char) -> bool {
+    let reorders = matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    (c.is_control() && c != '\n' && c != '\t') || reorders
+}
+
+/// Makes characters visible that control the terminal: an escape character becomes `\u001b`. All text
+/// that reaches the terminal, a log or the data of a page passes here, since it may come from
+/// scripts, scenes, names of files and other programs. The result is valid JSON if the text is.
+pub fn visible(text: &str) -> Cow<'_, str> {
+    if !text.contains(is_control) {
+        return Cow::Borrowed(text);
+    }
+    let escaped = |c: char| match is_control(c) {
+        true => format!("\\u{:04x}", u32::from(c)),
+        false => c.to_string(),
+    };
+    Cow::Owned(text.chars().map(escaped).collect())
 }
 
 /// Formats one CSV field, quoted if necessary [RFC 4180].
@@ -78,6 +102,17 @@ mod tests {
         let line = csv_line(&fields);
         assert_eq!(line, "plain,\"a, b\",\"say \"\"hi\"\"\",\" \",\n");
         assert_eq!(csv_fields(line.trim_end_matches('\n')), fields);
+    }
+
+    #[test]
+    fn control_characters_become_visible_and_json_stays_valid() {
+        assert_eq!(visible("a\tb\n\u{e9}"), "a\tb\n\u{e9}");
+        assert_eq!(visible("\u{1b}]0;x\u{7}\r"), "\\u001b]0;x\\u0007\\u000d");
+        assert_eq!(visible("\u{9b}2J\u{7f}\u{202e}"), "\\u009b2J\\u007f\\u202e");
+        let text = "\u{1b} \u{85} \u{202e}";
+        let json = serde_json::to_string(text).unwrap();
+        let read: String = serde_json::from_str(&visible(&json)).unwrap();
+        assert_eq!(read, text);
     }
 
     #[test]

@@ -3,13 +3,15 @@
 use std::io::Write;
 use std::process::ExitCode;
 
+use crate::text;
+
 /// Text below the options of `--help`: exit codes, signals and output streams.
 pub const EXIT_CODES_HELP: &str = "\
 Exit codes:
     0  all done
     1  internal error
     2  usage, script or scene error, found before any work
-    3  some cells failed
+    3  some cells failed, or files of runs do not match their checksums and were left out
     4  a limit was reached with work left
     5  verification failed
     6  a second technique contradicts a reference
@@ -18,7 +20,8 @@ Exit codes:
 
 Every exit except the one by a second signal saves a checkpoint. Run the same command to resume; \
 the results are identical.
-If the terminal closes (SIGHUP), lumbre saves a checkpoint and keeps running without the dashboard.
+If the terminal closes (SIGHUP), lumbre saves a checkpoint and keeps running without the dashboard; \
+a SIGHUP more than a second later exits at once.
 
 Results go to stdout, status messages to stderr. Set NO_COLOR to disable colours.";
 
@@ -31,7 +34,7 @@ pub enum Exit {
     Internal,
     /// A usage, script or scene error was found before any work.
     Usage,
-    /// Some cells failed.
+    /// Some cells failed, or files of runs do not match their checksums.
     CellsFailed,
     /// A limit was reached with work left.
     WorkLeft,
@@ -46,6 +49,12 @@ pub enum Exit {
 }
 
 impl Exit {
+    /// Returns the exit of a command that left out what does not match its checksum, or of one that
+    /// found no such problems.
+    pub fn unless_problems(found: bool) -> Exit {
+        if found { Exit::CellsFailed } else { Exit::Done }
+    }
+
     /// Returns the exit code of the process.
     pub fn code(self) -> u8 {
         match self {
@@ -94,6 +103,14 @@ impl Failure {
         }
     }
 
+    /// Creates an error about a file that does not match its checksum.
+    pub fn damaged(error: impl std::fmt::Display) -> Failure {
+        Failure {
+            exit: Exit::CellsFailed,
+            report: miette::Report::msg(error.to_string()),
+        }
+    }
+
     /// Creates an error caused neither by the user nor by a cell, such as a failed write.
     pub fn internal(error: impl std::fmt::Display) -> Failure {
         Failure {
@@ -102,9 +119,18 @@ impl Failure {
         }
     }
 
-    /// Prints the error to stderr.
+    /// Prints the error to stderr, in colours if stderr is a terminal and the error has no
+    /// characters that control it.
     pub fn print(&self) {
-        print_status(&format!("{:?}", self.report));
+        let theme = miette::GraphicalTheme::unicode_nocolor();
+        let handler = miette::GraphicalReportHandler::new_themed(theme).with_wrap_lines(false);
+        let mut plain = String::new();
+        let rendered = handler.render_report(&mut plain, self.report.as_ref());
+        if rendered.is_ok() && !plain.contains(text::is_control) {
+            let _ = writeln!(std::io::stderr().lock(), "{:?}", self.report);
+        } else {
+            print_status(&plain);
+        }
     }
 }
 
@@ -117,19 +143,20 @@ pub fn install_report_hook() {
     }));
 }
 
-/// Prints a status line to stderr. Write errors, such as a closed stderr, are ignored.
+/// Prints a status line to stderr, with control characters made visible. Write errors, such as a
+/// closed stderr, are ignored.
 pub fn print_status(line: &str) {
-    let _ = writeln!(std::io::stderr().lock(), "{line}");
+    let _ = writeln!(std::io::stderr().lock(), "{}", text::visible(line));
 }
 
-/// Writes result text to stdout. A closed pipe, as in `lumbre ls | head`, is not an error.
+/// Writes result text to stdout, with control characters made visible. A closed pipe, as in `lumbre ls | head`, is not an error.
 ///
 /// # Errors
 /// Returns an error if stdout cannot be written for another reason, such as a full disk.
 pub fn print_result(text: &str) -> Result<(), Failure> {
     let mut stdout = std::io::stdout().lock();
     match stdout
-        .write_all(text.as_bytes())
+        .write_all(text::visible(text).as_bytes())
         .and_then(|()| stdout.flush())
     {
         Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {

@@ -25,11 +25,35 @@ pub use about::reference::reference;
 
 use args::{BenchArgs, Cli, Global, Verb};
 use exit::{Exit, Failure, print_result, print_status};
+use lumbre_light::scene::load::files;
+
+/// Size in bytes of the stack on which the program runs. That of the process may be limited to less.
+const STACK: usize = 16 << 20;
 
 /// Parses the arguments of this process, runs the requested verb and returns the exit code.
 pub fn main() -> ExitCode {
     exit::install_panic_hook();
     exit::install_report_hook();
+    if let Err(e) = night::signals::ignore_file_size_limit() {
+        print_status(&format!("warning: cannot install a signal handler: {e}"));
+    }
+    let thread = std::thread::Builder::new()
+        .name("main".to_owned())
+        .stack_size(STACK);
+    match thread.spawn(run) {
+        Ok(running) => running.join().unwrap_or(Exit::Internal).into(),
+        Err(e) => {
+            print_status(&format!(
+                "cannot start a thread: {e}; this process may use too little memory or too few \
+                 threads: raise the limits, `ulimit -v` and `ulimit -u`"
+            ));
+            Exit::Internal.into()
+        }
+    }
+}
+
+/// Runs the verb that the arguments of this process request.
+fn run() -> Exit {
     // The panic hook has already printed the message; a panic must not look like a result.
     let ended = std::panic::catch_unwind(|| match parse_arguments() {
         Ok(cli) => dispatch(&cli).unwrap_or_else(|failure| {
@@ -38,8 +62,13 @@ pub fn main() -> ExitCode {
         }),
         Err(error) => {
             // clap reports help and version this way too, and chooses stdout or stderr. A closed
-            // pipe is not an error.
-            let _ = error.print();
+            // pipe is not an error. Arguments may have control characters.
+            let shown = error.render().to_string();
+            if shown.contains(crate::text::is_control) {
+                print_status(&shown);
+            } else {
+                let _ = error.print();
+            }
             if error.use_stderr() {
                 Exit::Usage
             } else {
@@ -47,7 +76,7 @@ pub fn main() -> ExitCode {
             }
         }
     });
-    ended.unwrap_or(Exit::Internal).into()
+    ended.unwrap_or(Exit::Internal)
 }
 
 /// Parses the arguments of this process.
@@ -61,6 +90,10 @@ fn dispatch(cli: &Cli) -> Result<Exit, Failure> {
     let global = &cli.global;
     if let Verb::Worker = cli.verb {
         return worker::main();
+    }
+    if let Some(folder) = &global.confine {
+        files::confine(folder)
+            .map_err(|e| Failure::usage(format!("--confine {}: {e}", folder.display())))?;
     }
     let log = night::log::Log::install(global.quiet);
     worker::enable_worker_processes();

@@ -62,6 +62,8 @@ pub enum RunState {
     Unfinished,
     /// Has no measurements.
     Pending,
+    /// Left out, since a file does not match its checksum.
+    Damaged,
 }
 
 /// Result of one run of a cell.

@@ -10,6 +10,7 @@ local raw_pcall, raw_pairs, raw_setmetatable = pcall, pairs, setmetatable
 local error, getmetatable, next, rawget, tonumber, tostring, type =
   error, getmetatable, next, rawget, tonumber, tostring, type
 local concat, pack, sort = table.concat, table.pack, table.sort
+local find, gsub = string.find, string.gsub
 local within_limits, plain_table, quick_pattern = native.within_limits, native.plain_table, native.quick_pattern
 
 local MAX_ELEMENTS = 10000000 -- largest number of elements that one call may visit
@@ -119,6 +120,11 @@ guard(string, "rep", function(text, n, separator)
   n = tonumber(n)
   if n and n > 0 and (n > MAX_STRING or n * length > MAX_STRING) then
     error("string.rep would make more than " .. (MAX_STRING >> 20) .. " MiB", 3)
+  end
+end)
+guard(string, "format", function(text)
+  if type(text) == "string" and find(gsub(text, "%%%%", ""), "%%[-0-9]*p") then
+    error("string.format(\"%p\") would write an address, which differs in every process", 3)
   end
 end)
 for _, name in next, { "match", "gmatch", "gsub" } do

@@ -72,6 +72,9 @@ pub fn read(file: &Path) -> Result<String, ScriptError> {
             None,
         )
     };
+    if let Err(reason) = files::check(file) {
+        return fail(Problem::Unreadable { reason }, None);
+    }
     let metadata = std::fs::metadata(file).map_err(unreadable)?;
     if !metadata.is_file() {
         return fail(

@@ -56,6 +56,15 @@ pub(super) fn folders_in(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
+/// Lists everything in a folder that is no folder, ordered by name.
+pub(super) fn files_in(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let files = entries.filter(|e| e.file_type().is_ok_and(|t| !t.is_dir()));
+    let mut found: Vec<PathBuf> = files.map(|e| e.path()).collect();
+    found.sort();
+    found
+}
+
 /// Folder of a cell's run inside the experiment's folder.
 pub(super) fn run_folder(experiment: &Path, cell: &Cell) -> PathBuf {
     experiment

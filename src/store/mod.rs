@@ -26,6 +26,7 @@ mod follow;
 mod layout;
 pub mod lock;
 pub mod read;
+pub mod regular_file;
 pub mod schema;
 #[cfg(test)]
 mod tests;
@@ -41,6 +42,7 @@ pub use follow::event::{FollowEvent, TimedEvent};
 pub use lock::claim::LEASE;
 
 pub use read::archive::{Archive, Decode};
+pub use read::evidence::Evidence;
 pub use read::night_index::{
     ExperimentEntry, Listing, RunEntry, RunRecord, RunState, latest_experiment, list_experiments,
     read_run,
@@ -58,7 +60,7 @@ pub use worker::plan_snapshot::PlanCommand;
 pub use worker::registry::{WorkerInfo, WorkerStatus, list_workers};
 pub use worker::worker_store::PlanStatus;
 
-pub use write::atomic::{probe, write_atomically};
+pub use write::atomic::{probe, remove_temporaries, write_atomically};
 pub use write::experiment_folder::Store;
 pub use write::failure::LOG_LINES;
 pub use write::host::{Host, parse_utc, utc};
@@ -127,7 +129,7 @@ impl StoreError {
         StoreError::Io {
             action,
             path: path.to_owned(),
-            reason: error.to_string(),
+            reason: describe(error),
             full: is_disk_full(error),
         }
     }
@@ -136,7 +138,7 @@ impl StoreError {
     fn unwritable(path: &std::path::Path, error: &std::io::Error) -> StoreError {
         StoreError::Unwritable {
             path: path.to_owned(),
-            reason: error.to_string(),
+            reason: describe(error),
             full: is_disk_full(error),
         }
     }
@@ -147,6 +149,19 @@ impl StoreError {
             self,
             StoreError::Io { full: true, .. } | StoreError::Unwritable { full: true, .. }
         )
+    }
+}
+
+/// Describes an error of the operating system, with the limit of the process that it is due to.
+fn describe(error: &std::io::Error) -> String {
+    let text = error.to_string();
+    // The kind of the first error has no name in the standard library.
+    if text.contains("Too many open files") {
+        format!("{text}; this process may open too few files: raise the limit, `ulimit -n`")
+    } else if error.kind() == ErrorKind::FileTooLarge {
+        format!("{text}; this process may write no file of this size: raise the limit, `ulimit -f`")
+    } else {
+        text
     }
 }
 

@@ -126,7 +126,13 @@ pub fn scene_name(path: &str) -> String {
 pub fn clean(text: &str) -> String {
     let spaced: String = text
         .chars()
-        .map(|c| if c.is_control() { ' ' } else { c })
+        .map(|c| {
+            if text::is_control(c) || c.is_control() {
+                ' '
+            } else {
+                c
+            }
+        })
         .collect();
     spaced.trim().to_owned()
 }

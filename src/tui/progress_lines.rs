@@ -11,6 +11,7 @@ use crate::experiment::forecast::Forecast;
 use crate::experiment::outcome::Level;
 use crate::experiment::shards::Shard;
 use crate::experiment::{CellRef, Event, Outcome, Plan, Sink, SinkError, WaveRow};
+use crate::text;
 use lumbre_light::transport::integrator;
 
 /// Longest wall time in seconds without a line about a running cell.
@@ -99,7 +100,7 @@ impl ProgressLines {
             LineColor::Bad => "\x1b[1;31m",
         };
         let reset = if code.is_empty() { "" } else { "\x1b[0m" };
-        if writeln!(writer, "{code}{line}{reset}")
+        if writeln!(writer, "{code}{}{reset}", text::visible(line))
             .and_then(|()| writer.flush())
             .is_err()
         {

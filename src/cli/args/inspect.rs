@@ -40,6 +40,8 @@ pub enum StateName {
     Done,
     /// Finished in another folder of the same experiment.
     Elsewhere,
+    /// Its last file is damaged.
+    Damaged,
     /// The last attempt failed.
     Failed,
     /// Started but not ended: running or interrupted.

@@ -14,6 +14,7 @@ mod without_script;
 
 use std::path::PathBuf;
 
+use clap::builder::RangedU64ValueParser;
 use clap::{Args, Parser, Subcommand};
 
 pub use cluster::{CancelArgs, JobArgs, Scheduler, SubmitArgs, WorkArgs};
@@ -54,6 +55,8 @@ pub struct Cli {
 
 /// Default of `--out`.
 const DEFAULT_OUT: &str = "out";
+/// Largest accepted number of threads.
+const MAX_THREADS: u64 = 1024;
 
 /// Options that every verb accepts.
 #[derive(Args, Clone, Debug)]
@@ -69,7 +72,13 @@ pub struct Global {
     /// Use this many CPU threads (0 = one per core).
     ///
     /// The number of threads never changes a picture.
-    #[arg(long, global = true, value_name = "N", default_value_t = 0)]
+    #[arg(
+        long,
+        global = true,
+        value_name = "N",
+        default_value_t = 0,
+        value_parser = RangedU64ValueParser::<usize>::new().range(0..=MAX_THREADS)
+    )]
     pub threads: usize,
     /// Print progress lines instead of showing the dashboard.
     #[arg(long, global = true)]
@@ -77,6 +86,11 @@ pub struct Global {
     /// Print only results, warnings and errors.
     #[arg(long, short, global = true)]
     pub quiet: bool,
+    /// Refuse scenes, scripts and files that they name outside this folder.
+    ///
+    /// For scenes from strangers, which may name any file. Links are followed first.
+    #[arg(long, global = true, value_name = "DIR")]
+    pub confine: Option<PathBuf>,
     /// Continue if a texture cannot be read.
     ///
     /// Prints a warning and uses the material's constant value instead. Without this option, an

@@ -152,6 +152,9 @@ impl LocalWorker {
             "--threads",
             &global.threads.to_string(),
         ]);
+        if let Some(folder) = &global.confine {
+            command.arg("--confine").arg(folder);
+        }
         let process = command
             .stdin(Stdio::piped())
             .stdout(Stdio::null())

@@ -372,7 +372,13 @@ impl ClusterWorker<'_> {
             .ok()
             .and_then(|written| Some(written.as_ref()?.1.as_str()));
         self.store.end_closing(hash).map_err(Failure::internal)?;
-        Ok(written?.map(|(exit, _)| exit))
+        match written {
+            Err(failure) if control.stop_requested() => {
+                failure.print();
+                Ok(Some(stop_signal.exit()))
+            }
+            written => Ok(written?.map(|(exit, _)| exit)),
+        }
     }
 
     /// Returns a hash of the ids of all runs and whether each one failed.

@@ -1,8 +1,6 @@
 //! `lumbre metric` and `lumbre diff`: comparison of two picture files of any origin.
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value as Json, json};
@@ -14,11 +12,9 @@ use crate::metrics::map::ErrorMap;
 use crate::metrics::{METRICS, MetricError, MetricSpec};
 use crate::output::picture::{self, Picture};
 use crate::output::{exr, png};
+use crate::store::Evidence;
 use lumbre_light::film::Image;
 use lumbre_light::value::Value;
-
-/// Maximum number of bytes that are read of a picture file.
-const MAX_FILE_BYTES: u64 = 1 << 32;
 
 /// Runs `lumbre metric`: prints the error of a picture against a reference for one or more metrics.
 pub fn metric(args: &MetricArgs, global: &Global) -> Result<Exit, Failure> {
@@ -214,8 +210,15 @@ impl PicturePair {
     /// # Errors
     /// Returns an error if a file cannot be read, or the pictures differ in size.
     fn load(image: &Path, reference: &Path, global: &Global) -> Result<PicturePair, Failure> {
+        let evidence = Evidence::default();
         let read = |path: &Path| {
-            read_picture(path).map_err(|e| Failure::usage(format!("{}: {e}", path.display())))
+            read_picture(path, &evidence).map_err(|e| {
+                if evidence.problems().is_empty() {
+                    Failure::usage(e)
+                } else {
+                    Failure::damaged(e)
+                }
+            })
         };
         let pair = PicturePair {
             files: [image.to_owned(), reference.to_owned()],
@@ -321,17 +324,11 @@ impl PicturePair {
     }
 }
 
-/// Reads and decodes a picture file of any known format.
-fn read_picture(path: &Path) -> Result<Picture, String> {
-    let file = File::open(path).map_err(|e| e.to_string())?;
-    if !file.metadata().map_err(|e| e.to_string())?.is_file() {
-        return Err("not a regular file".to_owned());
-    }
-    let mut bytes = Vec::new();
-    file.take(MAX_FILE_BYTES)
-        .read_to_end(&mut bytes)
-        .map_err(|e| e.to_string())?;
-    picture::decode(&bytes).map_err(|e| e.to_string())
+/// Reads and decodes a picture file of any known format. A file of a finished run has to match its
+/// checksum.
+fn read_picture(path: &Path, evidence: &Evidence) -> Result<Picture, String> {
+    let bytes = evidence.read(path)?;
+    picture::decode(&bytes).map_err(|e| format!("{}: {e}", path.display()))
 }
 
 /// Parses a metric: `NAME` or `NAME:key=value,key=value`. `on=srgb` is short for

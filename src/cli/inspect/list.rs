@@ -30,6 +30,16 @@ pub fn ls(args: &LsArgs, global: &Global) -> Result<Exit, Failure> {
         let newest = latest_experiment(&global.out).and_then(|folder| folder.canonicalize().ok());
         experiments.retain(|e| newest.is_some() && e.folder.canonicalize().ok() == newest);
     }
+    let mut problems = !refused.is_empty();
+    for run in experiments
+        .iter()
+        .flat_map(|e| e.references.iter().chain(&e.runs))
+    {
+        if let RunState::Damaged(problem) = &run.state {
+            print_status(&format!("damaged: {problem}"));
+            problems = true;
+        }
+    }
     let filtered = filter_runs(&mut experiments, args);
     if args.json {
         print_result(&format!(
@@ -59,7 +69,7 @@ pub fn ls(args: &LsArgs, global: &Global) -> Result<Exit, Failure> {
                 .join("\n"),
         )?;
     }
-    Ok(Exit::Done)
+    Ok(Exit::unless_problems(problems))
 }
 
 /// Removes the runs that do not match the words and states of the arguments, and experiments
@@ -82,7 +92,9 @@ fn filter_runs(experiments: &mut Vec<ExperimentEntry>, args: &LsArgs) -> bool {
             .unwrap_or_default();
         let matches = |run: &RunEntry| {
             let reason = match &run.state {
-                RunState::Done(reason) | RunState::Failed(reason) => reason.as_str(),
+                RunState::Done(reason) | RunState::Failed(reason) | RunState::Damaged(reason) => {
+                    reason.as_str()
+                }
                 _ => "",
             };
             let path = if run.path.is_empty() {
@@ -104,7 +116,14 @@ fn filter_runs(experiments: &mut Vec<ExperimentEntry>, args: &LsArgs) -> bool {
 /// Formats an experiment with its runs. `filtered` means that these are not all of its runs.
 fn experiment_page(experiment: &ExperimentEntry, filtered: bool) -> String {
     let mut counts = Vec::new();
-    for word in ["done", "elsewhere", "failed", "unfinished", "pending"] {
+    for word in [
+        "done",
+        "elsewhere",
+        "damaged",
+        "failed",
+        "unfinished",
+        "pending",
+    ] {
         let n = experiment
             .runs
             .iter()
@@ -127,7 +146,7 @@ fn experiment_page(experiment: &ExperimentEntry, filtered: bool) -> String {
         let samples = run.samples.map(|n| format!("{n} spp")).unwrap_or_default();
         let time = run.render_s.map(format::duration).unwrap_or_default();
         let detail = match &run.state {
-            RunState::Failed(reason) => reason.clone(),
+            RunState::Failed(reason) | RunState::Damaged(reason) => reason.clone(),
             RunState::Elsewhere(folder) => format!("in {}", display_path(folder)),
             RunState::Done(_) | RunState::Unfinished | RunState::Pending => String::new(),
         };
@@ -153,7 +172,9 @@ fn experiment_page(experiment: &ExperimentEntry, filtered: bool) -> String {
 fn experiment_json(experiment: &ExperimentEntry) -> Json {
     let run = |run: &RunEntry| {
         let reason = match &run.state {
-            RunState::Done(reason) | RunState::Failed(reason) => Some(reason.clone()),
+            RunState::Done(reason) | RunState::Failed(reason) | RunState::Damaged(reason) => {
+                Some(reason.clone())
+            }
             RunState::Elsewhere(_) | RunState::Unfinished | RunState::Pending => None,
         };
         let folder = match &run.state {
@@ -177,12 +198,18 @@ fn experiment_json(experiment: &ExperimentEntry) -> Json {
 /// Runs `lumbre show`: prints one run.
 pub fn show(args: &ShowArgs, global: &Global) -> Result<Exit, Failure> {
     let run = read_run(&global.out, &args.run).map_err(Failure::usage)?;
+    for problem in &run.problems {
+        print_status(&format!(
+            "left out: {}: {problem}",
+            display_path(&run.folder)
+        ));
+    }
     if args.json {
         print_result(&format!("{:#}\n", run_json(&run)))?;
     } else {
         print_result(&run_page(&run))?;
     }
-    Ok(Exit::Done)
+    Ok(Exit::unless_problems(!run.problems.is_empty()))
 }
 
 /// Formats the configuration, last measurements and files of a run.
@@ -194,6 +221,7 @@ fn run_page(run: &RunRecord) -> String {
     lines.retain(|l| !l[0].starts_with("identity"));
     out += &format::aligned(&lines);
     let state = match &run.done {
+        None if !run.problems.is_empty() => format!("damaged: {}", run.problems.join("; ")),
         Some(DoneFile::Rendered(results)) => format!("done: {}", results.reason),
         Some(DoneFile::Imported(reference)) => {
             format!(
@@ -262,6 +290,7 @@ fn run_json(run: &RunRecord) -> Json {
         "folder": display_path(&run.folder),
         "config": run.config,
         "done": run.done,
+        "problems": run.problems,
         "columns": columns,
         "last": rows.last().map(|row| WaveRecord::new(row, columns)),
         "waves": rows.len(),

@@ -1,5 +1,6 @@
 //! `lumbre report`: figures, tables, data files and a page for nights, from their folders.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use crate::cli::args::{Global, ReportArgs};
@@ -11,15 +12,17 @@ use crate::output::picture;
 use crate::output::report::{
     self, ItemKind, Report, ReportContext, ReportError, ReportOptions, Study,
 };
-use crate::store;
+use crate::store::read::night_results::read_night;
+use crate::store::{self, Evidence};
 use lumbre_light::film::Image;
 
 /// Runs `lumbre report`: builds a report and writes its files.
 pub fn main(args: &ReportArgs, global: &Global) -> Result<Exit, Failure> {
+    let evidence = Evidence::default();
     let nights: Vec<NightResults> = args
         .nights
         .iter()
-        .map(|dir| store::read::night_results::read_night(dir))
+        .map(|dir| read_night(dir, &evidence))
         .collect::<Result<_, _>>()
         .map_err(Failure::usage)?;
     let to = match (&args.to, nights.as_slice()) {
@@ -32,10 +35,7 @@ pub fn main(args: &ReportArgs, global: &Global) -> Result<Exit, Failure> {
         .iter()
         .all(|night| night.runs.iter().all(|run| run.rows.is_empty()))
     {
-        return Err(Failure::usage(format!(
-            "{}: no run has been measured yet; render the experiment first",
-            display_path(&nights[0].folder)
-        )));
+        return Err(nothing_measured(&nights[0].folder, &evidence));
     }
     let study = Study::new(&nights, &options).map_err(report_failure)?;
     store::probe(&to).map_err(Failure::usage)?;
@@ -48,17 +48,42 @@ pub fn main(args: &ReportArgs, global: &Global) -> Result<Exit, Failure> {
         )
     };
     let context = ReportContext {
-        pictures: &read_picture,
+        pictures: &|path| read_picture(path, &evidence),
+        problems: &|| evidence.problems(),
         link: &link,
         command: &command,
     };
     let report = report::build(&study, &options, &context).map_err(report_failure)?;
     write_files(&report, &to)?;
+    let problems = evidence.problems();
+    print_problems(&problems);
     if !global.quiet {
         print_summary(&report, &nights);
     }
     print_result(&format!("{}\n", display_path(&to.join("index.html"))))?;
-    Ok(Exit::Done)
+    Ok(Exit::unless_problems(!problems.is_empty()))
+}
+
+/// Prints what is left out of a report because it does not match its checksum, even with `--quiet`.
+fn print_problems(problems: &[String]) {
+    for problem in problems {
+        print_status(&format!("left out: {problem}"));
+    }
+}
+
+/// Prints the problems of nights of which no run can be reported, and returns the error.
+fn nothing_measured(folder: &Path, evidence: &Evidence) -> Failure {
+    let problems = evidence.problems();
+    print_problems(&problems);
+    let folder = display_path(folder);
+    if problems.is_empty() {
+        return Failure::usage(format!(
+            "{folder}: no run has been measured yet; render the experiment first"
+        ));
+    }
+    Failure::damaged(format!(
+        "{folder}: no run is left to report; run the experiment again to repair it"
+    ))
 }
 
 /// Converts the options of the command line.
@@ -96,15 +121,15 @@ fn print_summary(report: &Report, nights: &[NightResults]) {
     ));
 }
 
-/// Writes all files of a report below the folder `to`.
+/// Writes all files of a report below the folder `to`, and removes what a killed report left there.
 fn write_files(report: &Report, to: &Path) -> Result<(), Failure> {
+    let mut cleaned = BTreeSet::new();
     for item in &report.items {
         for (name, bytes) in item.files().map_err(Failure::internal)? {
             let path: PathBuf = to.join(name);
-            if let Some(folder) = path.parent() {
-                std::fs::create_dir_all(folder).map_err(|e| {
-                    Failure::internal(format!("cannot create {}: {e}", folder.display()))
-                })?;
+            let folder = path.parent().unwrap_or(to);
+            if cleaned.insert(folder.to_owned()) {
+                store::remove_temporaries(folder);
             }
             store::write_atomically(&path, &bytes).map_err(Failure::internal)?;
         }
@@ -156,8 +181,8 @@ fn quoted(path: &str) -> String {
 }
 
 /// Reads a picture of a night, or a picture of any known format that a script uses as a reference.
-fn read_picture(path: &Path) -> Result<Image, String> {
-    let bytes = std::fs::read(path).map_err(|e| format!("{}: {e}", path.display()))?;
+fn read_picture(path: &Path, evidence: &Evidence) -> Result<Image, String> {
+    let bytes = evidence.read(path)?;
     decode_picture(&bytes)
         .or_else(|_| {
             picture::decode(&bytes)

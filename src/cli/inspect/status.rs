@@ -1,5 +1,6 @@
 //! `lumbre status`: progress of a night, read only from its files.
 
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::time::SystemTime;
 
@@ -8,7 +9,7 @@ use serde_json::{Value as Json, json};
 use super::watch::{apply_event, begin_model, open_follower};
 use crate::cli::args::{Global, StatusArgs};
 use crate::cli::cluster::WorkerList;
-use crate::cli::exit::{Exit, Failure, print_result};
+use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{self, counted, display_path};
 use crate::experiment::CellRef;
 use crate::store::utc;
@@ -42,8 +43,12 @@ pub fn main(args: &StatusArgs, global: &Global) -> Result<Exit, Failure> {
         now_s,
         silence_s,
         folder: display_path(follower.folder()),
+        problems: follower.problems(),
     };
     let workers = WorkerList::read(follower.folder());
+    for problem in night.problems {
+        print_status(&format!("left out: {problem}"));
+    }
     if args.json {
         let json = night.json(&workers);
         print_result(&format!("{json:#}\n"))?;
@@ -55,7 +60,7 @@ pub fn main(args: &StatusArgs, global: &Global) -> Result<Exit, Failure> {
         };
         print_result(&(night.page() + &workers_page))?;
     }
-    Ok(Exit::Done)
+    Ok(Exit::unless_problems(!night.problems.is_empty()))
 }
 
 /// State of a night at one point in time.
@@ -66,6 +71,8 @@ struct NightStatus<'a> {
     /// Time since a file of the night was last written, in seconds.
     silence_s: Option<f64>,
     folder: String,
+    /// Descriptions of runs that are left out, since they do not match their checksums.
+    problems: &'a BTreeSet<String>,
 }
 
 impl NightStatus<'_> {
@@ -268,6 +275,7 @@ impl NightStatus<'_> {
             "elapsed_s": (self.state() != "not started").then(|| model.night_s(self.now_s)),
             "left_s": self.eta().map(|eta| eta.seconds),
             "silent_s": self.silence_s,
+            "problems": self.problems,
             "current": current,
             "failures": self.failures().map(|(cell, reason)| json!({ "name": self.name(cell),
                 "reason": reason }))

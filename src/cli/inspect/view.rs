@@ -16,6 +16,12 @@ use lumbre_light::value::Value;
 /// Runs `lumbre view`: writes the requested files to a folder and prints their paths.
 pub fn main(args: &ViewArgs, global: &Global) -> Result<Exit, Failure> {
     let record = read_run(&global.out, &args.run).map_err(|e| Failure::usage(e.to_string()))?;
+    if let Some(problem) = record.problems.first() {
+        return Err(Failure::damaged(format!(
+            "{}: {problem}",
+            display_path(&record.folder)
+        )));
+    }
     let movie = read_movie(&record.folder, &record.config).map_err(Failure::usage)?;
     check_pixels(args, &movie)?;
     let name = folder_name(&record.folder);

@@ -9,6 +9,7 @@ use crate::cli::exit::Failure;
 use crate::cli::format::display_path;
 use crate::store::StoredFile;
 use crate::store::schema::plan::EnvFile;
+use lumbre_light::scene::load::files;
 
 /// Returns the script with its axis changes and the global options of the command that last ran an
 /// experiment. Changes the current folder to the one in which that command was given, since the
@@ -34,12 +35,17 @@ pub fn last_command(experiment: &Path, global: &Global) -> Result<(ScriptArgs, G
         .map_err(|e| unknown(&format!("{}: {e}", folder.display())))?;
     let backend = global.backend.clone().or(recorded.backend);
     let lenient = global.lenient || recorded.lenient;
+    let confine = global.confine.clone().or(recorded.confine);
+    if let Some(folder) = &confine {
+        files::confine(folder).map_err(|e| unknown(&format!("{}: {e}", folder.display())))?;
+    }
     Ok((
         script,
         Global {
             out,
             backend,
             lenient,
+            confine,
             ..global.clone()
         },
     ))

@@ -15,6 +15,7 @@ use tracing_subscriber::layer::{Context, SubscriberExt};
 
 use crate::cli::exit::print_status;
 use crate::store::utc;
+use crate::text::visible;
 
 /// Handle to the log, shared between the `tracing` layer and the code that sets the destinations.
 #[derive(Clone, Debug, Default)]
@@ -109,7 +110,7 @@ impl Log {
 
     /// Writes one line only to the log file of the current run.
     pub fn run_line(&self, level: Level, text: &str) {
-        let line = format!("{} {level:5} {text}\n", utc(SystemTime::now()));
+        let line = format!("{} {level:5} {}\n", utc(SystemTime::now()), visible(text));
         if let Some(file) = &mut self.state().run {
             // A lost log line must not fail a run. A full disk is reported by the result files.
             let _ = file.write_all(line.as_bytes());
@@ -141,7 +142,7 @@ impl<S: Subscriber> Layer<S> for RunLog {
     fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
         let mut message = EventMessage::default();
         event.record(&mut message);
-        let text = message.0;
+        let text = visible(&message.0).into_owned();
         let level = *event.metadata().level();
         self.log.run_line(level, &text);
         let line = match level {

@@ -195,6 +195,25 @@ pub(super) fn print_locations(store: &Store, plan: &Plan, night: &NightSummary) 
     ));
 }
 
+/// Returns the exit code of a night whose tables and figures were written, or not. A night that was
+/// stopped keeps the exit code of the stop, since the same command resumes it and writes them.
+///
+/// # Errors
+/// When a night that was not stopped could not write them.
+pub(in crate::cli) fn exit_after(
+    night: &NightSummary,
+    exit: Exit,
+    written: Result<(), Failure>,
+) -> Result<Exit, Failure> {
+    match written {
+        Err(failure) if night.interrupted => {
+            failure.print();
+            Ok(exit)
+        }
+        written => written.map(|()| exit),
+    }
+}
+
 /// Returns the exit code for a night. `interrupted` is the code if the night was interrupted.
 pub(in crate::cli) fn night_exit(plan: &Plan, night: &NightSummary, interrupted: Exit) -> Exit {
     let settled = |o: &Outcome| matches!(o, Outcome::Done(_) | Outcome::Cached(_));

@@ -189,7 +189,7 @@ fn finish_night(
     };
     let devices = results::timed_devices(store, plan, &night);
     let written = results::write_results(store, plan, &night, &devices);
-    results::print_tables(plan, &night, &devices)?;
+    let printed = results::print_tables(plan, &night, &devices);
     if !ended.failures_printed {
         results::print_failures(plan, &night);
     }
@@ -199,8 +199,8 @@ fn finish_night(
     if !global.quiet {
         results::print_locations(store, plan, &night);
     }
-    written?;
-    Ok(results::night_exit(plan, &night, ended.exit))
+    let exit = results::night_exit(plan, &night, ended.exit);
+    results::exit_after(&night, exit, written.and(printed))
 }
 
 /// Adds the finished runs of a plan that are missing in the results of a night.
@@ -340,9 +340,19 @@ fn render_night(
     // Restore the terminal before anything is printed to it.
     drop(view);
     log.resume_stderr();
+    let exit = stop_signal.exit();
+    let night = night.map_err(|error| Failure {
+        // The reason of the stop outranks that of the error, such as a full disk.
+        exit: if control.stop_requested() {
+            exit
+        } else {
+            Exit::Internal
+        },
+        ..Failure::internal(error)
+    })?;
     Ok(EndedNight {
-        night: night.map_err(Failure::internal)?,
-        exit: stop_signal.exit(),
+        night,
+        exit,
         failures_printed,
         control,
     })

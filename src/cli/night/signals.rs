@@ -23,28 +23,60 @@ impl StopSignal {
     }
 }
 
+/// Makes a write beyond the limit of file sizes an error. By default SIGXFSZ ends the process.
+///
+/// # Errors
+/// Returns an error if the system refuses the handler.
+pub fn ignore_file_size_limit() -> std::io::Result<()> {
+    #[cfg(unix)]
+    signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default())?;
+    Ok(())
+}
+
+/// Time within which several SIGHUP count as one: a terminal that closes may send it, and its shell
+/// too.
+#[cfg(unix)]
+const ONE_HANGUP: std::time::Duration = std::time::Duration::from_secs(1);
+
 /// Starts a thread that handles signals. `before_exit` restores the terminal before an immediate
 /// exit.
 ///
 /// SIGINT, SIGTERM and SIGUSR1 request a stop, which saves a checkpoint; a second one exits at once
 /// with 128 plus the number of the signal. Slurm sends SIGUSR1 before the time limit of a job.
-/// SIGHUP only requests a checkpoint, and the night continues without its terminal.
+/// The first SIGHUP only requests a checkpoint, and the night continues without its terminal; another
+/// one more than [`ONE_HANGUP`] later exits at once. SIGQUIT and SIGABRT restore the terminal before
+/// they do what they do by default.
 ///
 /// # Errors
 /// Returns an error if the system refuses the handlers or the thread.
 #[cfg(unix)]
 pub fn install(control: Arc<NightControls>, before_exit: fn()) -> std::io::Result<StopSignal> {
-    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
+    use signal_hook::consts::{SIGABRT, SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGUSR1};
 
-    let mut signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGUSR1, SIGHUP])?;
+    let handled = [SIGINT, SIGTERM, SIGUSR1, SIGHUP, SIGQUIT, SIGABRT];
+    let mut signals = signal_hook::iterator::Signals::new(handled)?;
     let stop_signal = StopSignal::default();
     let last = Arc::clone(&stop_signal.last);
     let handle_signals = move || {
+        let mut last_hangup: Option<std::time::Instant> = None;
         for signal in signals.forever() {
             if signal == SIGHUP {
-                tracing::info!("the terminal was closed; the night continues");
+                let before = last_hangup.replace(std::time::Instant::now());
+                if before.is_some_and(|at| at.elapsed() > ONE_HANGUP) {
+                    before_exit();
+                    std::process::exit(128 + signal);
+                }
+                if before.is_none() {
+                    tracing::info!("the terminal was closed; the night continues");
+                }
                 control.request_checkpoint();
                 continue;
+            }
+            if signal == SIGQUIT || signal == SIGABRT {
+                before_exit();
+                // Ends the process, with a core dump where these are enabled.
+                let _ = signal_hook::low_level::emulate_default_handler(signal);
+                std::process::exit(128 + signal);
             }
             last.store(signal, Ordering::SeqCst);
             if control.request_stop() > 1 {

@@ -44,18 +44,19 @@ enum Answer {
 /// Runs `lumbre reproduce` for all runs that a file names.
 pub fn main(args: &ReproduceArgs, global: &Global) -> Result<Exit, Failure> {
     let ids = run_ids::read(&args.file).map_err(Failure::usage)?;
-    let stored: Vec<Result<StoredRun, String>> = ids
+    let folders: Vec<Result<PathBuf, String>> = ids
         .runs
         .iter()
-        .map(|id| stored_run::find(id, &args.file, &global.out, ids.samples))
+        .map(|id| stored_run::find_folder(id, &args.file, &global.out))
         .collect();
-    if let [Err(reason)] = stored.as_slice() {
+    if let [Err(reason)] = folders.as_slice() {
         return Err(Failure::usage(reason));
     }
-    let tests = stored.len();
+    let tests = folders.len();
     let mut answers = Vec::new();
     let (mut differ, mut failed) = (0, 0);
-    for (id, stored) in ids.runs.iter().zip(stored) {
+    for (id, folder) in ids.runs.iter().zip(folders) {
+        let stored = folder.and_then(|folder| stored_run::read(id, &folder, ids.samples));
         let answer = match stored {
             Ok(stored) => {
                 if !global.quiet {

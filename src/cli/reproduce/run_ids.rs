@@ -4,6 +4,8 @@ use std::path::Path;
 
 use crate::output::report::Provenance;
 use crate::output::{exr, png};
+use crate::store::schema::run::ConfigFile;
+use crate::store::{StoredFile, regular_file};
 
 /// Runs that a file names.
 pub struct RunIds {
@@ -19,12 +21,16 @@ pub struct RunIds {
 /// # Errors
 /// Returns a message if the file cannot be read or names no run.
 pub fn read(file: &Path) -> Result<RunIds, String> {
-    let file = if file.is_dir() {
-        file.join("final.exr")
-    } else {
-        file.to_owned()
-    };
-    let bytes = std::fs::read(&file).map_err(|e| format!("cannot read {}: {e}", file.display()))?;
+    if file.join(ConfigFile::NAME).is_file() {
+        let folder = std::fs::canonicalize(file).unwrap_or_else(|_| file.to_owned());
+        let name = folder.file_name().unwrap_or_default();
+        return Ok(RunIds {
+            runs: vec![name.to_string_lossy().into_owned()],
+            samples: None,
+        });
+    }
+    let bytes =
+        regular_file::read(file).map_err(|e| format!("cannot read {}: {e}", file.display()))?;
     let extension = file
         .extension()
         .and_then(|e| e.to_str())

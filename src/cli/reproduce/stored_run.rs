@@ -7,11 +7,12 @@ use crate::backends::backend;
 use crate::cli::args::Global;
 use crate::cli::night::load::decode_picture;
 use crate::experiment::CellConfig;
+use crate::experiment::plan::identity;
 use crate::experiment::shards::split;
 use crate::script;
 use crate::store::schema::plan::{EnvFile, PlanFile};
 use crate::store::schema::run::{ConfigFile, DoneFile};
-use crate::store::{self, NightReader, RunReader, StoredFile, cell_config};
+use crate::store::{self, Evidence, NightReader, RunReader, StoredFile, cell_config};
 use lumbre_light::film::{Film, Image};
 use lumbre_light::scene::compile::compile_sharing;
 use lumbre_light::scene::desc::content_hash;
@@ -39,14 +40,20 @@ pub struct StoredRun {
     started_in: Option<PathBuf>,
 }
 
-/// Finds a run in the file's own folder, in the night that contains the file, or below `out`.
-/// `samples` selects a snapshot with this number of samples per pixel if there is one.
+/// Reads the run with this id from its folder. `samples` selects a snapshot with this number of
+/// samples per pixel if there is one.
 ///
 /// # Errors
-/// Returns a message if the run is not found, is not finished, or its picture cannot be read.
-pub fn find(id: &str, file: &Path, out: &Path, samples: Option<u64>) -> Result<StoredRun, String> {
-    let folder = find_folder(id, file, out)?;
-    let record = store::read_run(out, &folder.to_string_lossy()).map_err(|e| e.to_string())?;
+/// Returns a message if the run is not finished, a file of it does not match its checksum, or its
+/// configuration does not agree with its id.
+pub fn read(id: &str, folder: &Path, samples: Option<u64>) -> Result<StoredRun, String> {
+    let record = store::read_run(folder, &folder.to_string_lossy()).map_err(|e| e.to_string())?;
+    if let Some(problem) = record.problems.first() {
+        return Err(format!("{}: {problem}", folder.display()));
+    }
+    if record.config.run != id {
+        return Err(format!("{} holds another run", folder.display()));
+    }
     let results = record.done.as_ref().and_then(DoneFile::rendered);
     let total = results.map(|results| results.samples);
     let reference = folder.join("ref.exr");
@@ -64,13 +71,11 @@ pub fn find(id: &str, file: &Path, out: &Path, samples: Option<u64>) -> Result<S
         None => (last, total),
     };
     let samples = samples.ok_or_else(|| format!("{} is not finished", folder.display()))?;
-    let bytes = std::fs::read(&picture).map_err(|e| format!("{}: {e}", picture.display()))?;
+    let bytes = Evidence::default().read(&picture)?;
     let image = decode_picture(&bytes).map_err(|e| format!("{}: {e}", picture.display()))?;
     let name = record.config.path.as_deref().unwrap_or(id).to_owned();
-    let scene_hash = results
-        .map(|results| results.scene_hash.clone())
-        .filter(|hash| !hash.is_empty());
-    let started_in = started_in(&folder);
+    let scene_hash = identity::scene_hash(&record.config.identity).map(str::to_owned);
+    let started_in = started_in(folder);
     Ok(StoredRun {
         run: id.to_owned(),
         name,
@@ -82,8 +87,12 @@ pub fn find(id: &str, file: &Path, out: &Path, samples: Option<u64>) -> Result<S
     })
 }
 
-/// Returns the folder of a run, searched for as [`find`] describes.
-fn find_folder(id: &str, file: &Path, out: &Path) -> Result<PathBuf, String> {
+/// Returns the folder of a run: the file's own folder, one of the night that contains the file, or
+/// one below `out`.
+///
+/// # Errors
+/// Returns a message if there is no such run.
+pub fn find_folder(id: &str, file: &Path, out: &Path) -> Result<PathBuf, String> {
     let file = std::fs::canonicalize(file).map_err(|e| format!("{}: {e}", file.display()))?;
     for folder in file.ancestors() {
         if folder.file_name().is_some_and(|name| name == id)

@@ -13,8 +13,8 @@ use crate::cli::night::last_command::latest;
 use crate::cli::night::log::Log;
 use crate::cli::night::run;
 use crate::experiment::night_results::{NightResults, RunResult};
-use crate::store;
 use crate::store::read::night_results::read_night;
+use crate::store::{self, Evidence};
 
 /// Metric by which techniques are compared.
 const METRIC: &str = "relmse";
@@ -55,7 +55,12 @@ pub fn main(args: &CompareArgs, global: &Global, log: &Log) -> Result<Exit, Fail
     if exit != Exit::Done {
         return Ok(exit);
     }
-    let night = read_night(&latest(&global.out)?).map_err(Failure::internal)?;
+    let evidence = Evidence::default();
+    let night = read_night(&latest(&global.out)?, &evidence).map_err(Failure::internal)?;
+    let problems = evidence.problems();
+    for problem in &problems {
+        print_status(&format!("left out: {problem}"));
+    }
     let results = efficiencies(&night, &comparison.techniques);
     let found = verdicts(&results);
     let mut lines: Vec<String> = found.iter().map(sentence).collect();
@@ -66,7 +71,7 @@ pub fn main(args: &CompareArgs, global: &Global, log: &Log) -> Result<Exit, Fail
     } else {
         print_result(&format!("\n{}\n", lines.join("\n")))?;
     }
-    Ok(exit)
+    Ok(Exit::unless_problems(!problems.is_empty()))
 }
 
 /// Returns a warning if other programs keep this machine busy.

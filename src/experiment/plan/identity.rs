@@ -20,6 +20,7 @@ use crate::experiment::spec::{
 };
 use crate::experiment::stop::StopRule;
 use crate::metrics::MetricSpec;
+use lumbre_light::scene::load::files;
 use lumbre_light::transport::delay;
 use lumbre_light::transport::integrator::IntegratorRow;
 use lumbre_light::transport::integrator::external::PYTHON;
@@ -75,8 +76,9 @@ pub fn run_id(identity: &Value) -> RunId {
 /// Returns the hash of a file's content.
 ///
 /// # Errors
-/// When it cannot be read.
+/// When it cannot be read, or is outside the folder to which files are confined.
 pub fn file_hash(file: &Path) -> std::io::Result<blake3::Hash> {
+    files::check(file).map_err(std::io::Error::other)?;
     let mut hasher = blake3::Hasher::new();
     hasher.update_reader(std::fs::File::open(file)?)?;
     Ok(hasher.finalize())
@@ -119,7 +121,7 @@ pub(super) fn picture(
     let fields = [
         ("format", Value::Int(FORMAT)),
         (
-            "scene",
+            SCENE,
             Value::Str(blake3::Hash::from_bytes(*scene_hash).to_hex().to_string()),
         ),
         ("integrator", integrator),
@@ -225,6 +227,15 @@ pub(super) fn cell(
         reference.map_or(Value::Nil, |id| Value::Str(id.0.clone())),
     );
     Value::Map(run)
+}
+
+/// Key of the hash of the scene's content in the identity of a run.
+const SCENE: &str = "scene";
+
+/// Returns the hash of the scene's content in the identity of a run, in hexadecimal. Image files have
+/// none.
+pub fn scene_hash(identity: &Value) -> Option<&str> {
+    identity.as_map()?.get(SCENE)?.as_str()
 }
 
 /// Key of a file's content hash in the identity of a reference from a file.

@@ -10,6 +10,7 @@ mod error;
 mod estimate;
 mod expand;
 pub mod identity;
+pub mod identity_check;
 mod order;
 mod path;
 mod reach;

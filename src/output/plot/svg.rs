@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use super::axis::TickLabel;
 use super::style::{INK, Style};
+use crate::text::is_control;
 
 /// Horizontal alignment of text at its point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -360,7 +361,9 @@ pub fn escape(text: &str) -> String {
             '>' => out += "&gt;",
             '"' => out += "&quot;",
             '\n' => out.push('\n'),
-            c if c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}') => out.push(' '),
+            c if c.is_control() || is_control(c) || matches!(c, '\u{fffe}' | '\u{ffff}') => {
+                out.push(' ');
+            }
             c => out.push(c),
         }
     }

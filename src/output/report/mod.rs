@@ -79,6 +79,8 @@ pub type Pictures<'a> = dyn Fn(&Path) -> Result<Image, String> + 'a;
 pub struct ReportContext<'a> {
     /// Reads a picture.
     pub pictures: &'a Pictures<'a>,
+    /// Descriptions of everything read so far that does not match its checksum, which is left out.
+    pub problems: &'a dyn Fn() -> Vec<String>,
     /// Returns the relative URL of a file or folder as seen from the report's page.
     pub link: &'a dyn Fn(&Path) -> String,
     /// Returns the command that renders the run in a folder again.

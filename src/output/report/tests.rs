@@ -139,6 +139,7 @@ fn report(nights: &[NightResults], options: &ReportOptions) -> Report {
         options,
         &ReportContext {
             pictures: &picture,
+            problems: &Vec::new,
             link: &link,
             command: &command,
         },
@@ -535,6 +536,7 @@ fn each_series_is_compared_with_its_own_reference() {
     let (link, command) = (|_: &Path| String::new(), |_: &Path| String::new());
     let context = ReportContext {
         pictures: &brighter,
+        problems: &Vec::new,
         link: &link,
         command: &command,
     };

@@ -109,6 +109,7 @@ fn runs(study: &Study, axes: &[String]) -> String {
             RunState::Done(reason) => ("done", reason.clone()),
             RunState::Unfinished => ("unfinished", String::new()),
             RunState::Pending => ("pending", String::new()),
+            RunState::Damaged => ("damaged", String::new()),
         };
         fields.extend([state.to_owned(), reason]);
         match m.run.rows.last() {

@@ -438,6 +438,11 @@ fn bad_value(value: &Value) -> Option<String> {
         Value::Str(s) if s.chars().any(char::is_control) => {
             Some("the text has control characters".to_owned())
         }
+        Value::Str(s) if has_address(s) => Some(
+            "the text has an address in memory, which differs in every process, so the run would \
+             never be found again"
+                .to_owned(),
+        ),
         Value::Str(_) => None,
         Value::List(items) if items.is_empty() => Some("the list is empty".to_owned()),
         Value::List(items) => items.iter().find_map(bad_value),
@@ -446,6 +451,13 @@ fn bad_value(value: &Value) -> Option<String> {
             value.kind()
         )),
     }
+}
+
+/// Whether a text has an address as `tostring` writes it for functions and tables: `0x` and at least
+/// eight hexadecimal digits.
+fn has_address(text: &str) -> bool {
+    let digits = |rest: &str| rest.bytes().take_while(u8::is_ascii_hexdigit).count();
+    text.split("0x").skip(1).any(|rest| digits(rest) >= 8)
 }
 
 /// Checks that `name` is one of the axes.

@@ -127,8 +127,9 @@ impl Follower {
         for cell in cells {
             let outcome = end.outcome(self.night.run_folder(*cell));
             // In the first poll, the folders decide which runs are done; the journal adds numbers.
-            let confirmed = matches!(outcome, Outcome::Done(_)) == self.night.is_done(*cell);
-            if !first_poll || confirmed {
+            let is_done = matches!(outcome, Outcome::Done(_));
+            let confirmed = !first_poll || is_done == self.is_finished(*cell);
+            if confirmed {
                 let event = FollowEvent::CellFinished {
                     cell: *cell,
                     outcome,

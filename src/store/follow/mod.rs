@@ -22,7 +22,8 @@ use super::read::archive::Decode;
 use super::read::merged_journal::{MergedJournal, WorkerLine};
 use super::read::night_reader::NightReader;
 use super::read::outline;
-use super::read::run_reader::RunReader;
+use super::read::run_index::RunIndex;
+use super::read::run_reader::{RunReader, describe};
 use super::schema::journal::{JournalEvent, OutcomeKind, in_order};
 use super::worker::registry::list_workers;
 use crate::experiment::{CellRef, Outcome, PlanOutline, WaveRow};
@@ -43,6 +44,10 @@ pub struct Follower {
     /// Cells and references by the ids of their runs.
     ids: BTreeMap<String, Vec<CellRef>>,
     journals: MergedJournal,
+    /// Finished runs, whose last files match their checksums.
+    finished: RunIndex,
+    /// Descriptions of last files that do not match their checksums.
+    problems: BTreeSet<String>,
     /// Journal lines of runs and shards that started and have not ended, by run id or shard key.
     active: BTreeMap<String, WorkerLine>,
     /// Ids of runs that a journal line reported as done.
@@ -71,6 +76,8 @@ impl Follower {
             journals: MergedJournal::new(night.folder()),
             outline: Arc::new(outline::outline(night.plan())),
             ids: night.cells_by_run(),
+            finished: RunIndex::open(night.out()),
+            problems: BTreeSet::new(),
             night,
             decode,
             active: BTreeMap::new(),
@@ -91,6 +98,27 @@ impl Follower {
     /// Folder of the experiment.
     pub fn folder(&self) -> &Path {
         self.night.folder()
+    }
+
+    /// Descriptions of the runs that are left out because their last file does not match its
+    /// checksum.
+    pub fn problems(&self) -> &BTreeSet<String> {
+        &self.problems
+    }
+
+    /// Whether a run or reference is finished in its own folder, with a last file that matches its
+    /// checksum.
+    fn is_finished(&mut self, cell: CellRef) -> bool {
+        let folder = self.night.run_folder(cell);
+        let marker = NightReader::done_name(cell);
+        match self.finished.finished(&folder, marker) {
+            Ok(None) => self.night.is_done(cell),
+            Ok(Some(_)) => true,
+            Err(error) => {
+                self.problems.insert(error.to_string());
+                false
+            }
+        }
     }
 
     /// Time at which a journal or the measurements of a shown run were last written to.
@@ -216,7 +244,7 @@ impl Follower {
 
     /// Reports runs that are done without a line in the journal: the journal was lost, or they lie
     /// in a sibling folder.
-    fn report_finished_runs(&self, lines: &[WorkerLine], events: &mut Vec<TimedEvent>) {
+    fn report_finished_runs(&mut self, lines: &[WorkerLine], events: &mut Vec<TimedEvent>) {
         let done = |line: &WorkerLine| match &line.event {
             JournalEvent::CellFinished(end) if end.outcome == OutcomeKind::Done => {
                 Some(end.run.clone())
@@ -225,13 +253,21 @@ impl Follower {
         };
         let reported: BTreeSet<String> = lines.iter().filter_map(done).collect();
         let unreported = self.ids.iter().filter(|(id, _)| !reported.contains(*id));
-        for cell in unreported.flat_map(|(_, cells)| cells) {
-            let Some(folder) = self.night.finished_folder(*cell) else {
+        let unreported: Vec<CellRef> = unreported.flat_map(|(_, cells)| cells).copied().collect();
+        for cell in unreported {
+            let Some(folder) = self.night.finished_folder(cell) else {
                 continue;
             };
+            let last = match self.stored_last_row(&folder) {
+                Ok(last) => last,
+                Err(problem) => {
+                    self.problems.insert(problem);
+                    continue;
+                }
+            };
             let event = FollowEvent::CellFinished {
-                cell: *cell,
-                last: self.stored_last_row(&folder),
+                cell,
+                last,
                 outcome: Outcome::Cached(folder),
             };
             events.push(TimedEvent { at_s: 0.0, event });
@@ -239,11 +275,17 @@ impl Follower {
     }
 
     /// Last measurement of a finished run.
-    fn stored_last_row(&self, folder: &Path) -> Option<WaveRow> {
-        let done = RunReader::new(folder.to_owned()).done().ok()??;
-        let results = done.rendered()?;
+    ///
+    /// # Errors
+    /// When its last file does not match its checksum.
+    fn stored_last_row(&self, folder: &Path) -> Result<Option<WaveRow>, String> {
+        let done = RunReader::new(folder.to_owned()).done();
+        let done = done.map_err(|e| format!("{}: {}", folder.display(), describe(&e)))?;
+        let Some(results) = done.as_ref().and_then(|done| done.rendered()) else {
+            return Ok(None);
+        };
         let columns = self.outline.metrics.iter().map(|m| m.column.as_str());
-        Some(WaveRow {
+        Ok(Some(WaveRow {
             wave: results.waves,
             samples: results.samples,
             render_s: results.render_s,
@@ -254,7 +296,7 @@ impl Follower {
             invalid: results.invalid,
             first_invalid: results.first_invalid,
             metrics: in_order(&results.metrics, columns),
-        })
+        }))
     }
 
     /// Begins to follow a run, given the journal line of its start.

@@ -10,6 +10,7 @@ use super::FollowEvent;
 use crate::experiment::{CellRef, PlanOutline, WaveRow};
 use crate::store::FILMS;
 use crate::store::read::archive::Decode;
+use crate::store::read::evidence::Evidence;
 use crate::store::read::run_reader::{reordered, snapshots};
 use crate::store::read::tail::Tail;
 use crate::store::write::metrics_csv;
@@ -137,7 +138,7 @@ impl FollowedRun {
 
 /// Reads an image file. Returns `None` if it is missing or damaged.
 pub(super) fn read_image(file: &Path, decode: Decode) -> Option<Image> {
-    decode(&fs::read(file).ok()?).ok()
+    decode(&Evidence::default().read(file).ok()?).ok()
 }
 
 /// Finds the newest image in a run's folder, with its samples per pixel. The final image of a run

@@ -13,9 +13,9 @@ use crate::store::schema::journal::{
     ShardStart, WaveRecord,
 };
 use crate::store::schema::one_line;
-use crate::store::schema::run::BiasCheckFile;
+use crate::store::schema::run::{BiasCheckFile, DoneFile, RunResults};
 use crate::store::tests::{decode, finish_run, only_run_of, plan, results, row};
-use crate::store::{FILMS, LEASE, PlanSnapshot, RunWriter, Store, WorkerInfo};
+use crate::store::{FILMS, LEASE, PlanSnapshot, RunWriter, Store, StoredFile, WorkerInfo};
 use lumbre_light::film::time::TimeAxis;
 
 /// Polls once, and describes the events.
@@ -359,7 +359,12 @@ fn a_finished_reference_stays_so_when_lines_about_its_shards_come_in_the_same_se
         "its files are missing: {rendered_again:?}"
     );
     fs::create_dir_all(&folder).unwrap();
-    fs::write(folder.join("ref.json"), "{}").unwrap();
+    let done = DoneFile::Rendered(Box::new(RunResults {
+        run: id.to_owned(),
+        ..RunResults::default()
+    }));
+    let done = done.sealed(Default::default());
+    fs::write(folder.join("ref.json"), done.text()).unwrap();
     let events = poll_runs(&mut Follower::open(&home, decode).unwrap());
     assert!(
         events.contains(&"Reference(0) Done(\"\") after Some(4)".to_owned()),

@@ -18,6 +18,7 @@ use crate::store::schema::process::{AffinityFile, RenderDevice};
 use crate::store::schema::{StoredFile, one_line};
 use crate::store::worker::registry::{WorkerStatus, list_workers};
 use crate::store::write::atomic;
+use crate::store::{layout, regular_file};
 
 /// Name of the folder inside an experiment's folder.
 const FOLDER: &str = "affinity";
@@ -91,7 +92,7 @@ impl DeviceAffinity {
     /// Reads the file of a group once, and creates or replaces it if allowed. Returns `None` if
     /// another worker changed the file meanwhile.
     fn try_bind(&self, folder: &Path, path: &Path) -> io::Result<Option<AffinityDecision>> {
-        let bytes = match fs::read(path) {
+        let bytes = match regular_file::read(path) {
             Ok(bytes) => bytes,
             Err(e) if e.kind() == io::ErrorKind::NotFound => {
                 let created = self.create(folder, path)?;
@@ -167,6 +168,23 @@ impl DeviceAffinity {
 
 /// Parses the file of a group. Returns `None` if it is damaged. A file without a checksum, written
 /// by hand, is accepted.
+/// Removes the damaged files of groups in an experiment's folder, and names them. The next worker
+/// that renders a cell of such a group binds it again.
+pub(crate) fn remove_damaged(experiment: &Path) {
+    for path in layout::files_in(&experiment.join(FOLDER)) {
+        let is_group = path
+            .extension()
+            .is_some_and(|extension| extension == "json");
+        let intact = || regular_file::read(&path).is_ok_and(|bytes| parse_device(&bytes).is_some());
+        if is_group && !intact() && fs::remove_file(&path).is_ok() {
+            tracing::warn!(
+                "{} is damaged and has been removed: its comparison is bound to a device again",
+                path.display()
+            );
+        }
+    }
+}
+
 fn parse_device(bytes: &[u8]) -> Option<RenderDevice> {
     let AffinityFile { device, check, .. } = AffinityFile::parse(bytes).ok()?;
     let intact = check.is_none_or(|stored| stored == checksum(&device));

@@ -2,9 +2,9 @@
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::path::{Path, PathBuf};
 
+use super::evidence::Evidence;
 use super::run_reader::RunReader;
 use crate::experiment::event::{FinishedRun, History};
 use crate::experiment::noise_floor::HalfImages;
@@ -109,9 +109,9 @@ impl Archive {
         reference_sums::samples(&self.out, &stem.0, stop.sample_limit()?)
     }
 
-    fn read_image(&self, file: &Path) -> Result<Image, String> {
-        let bytes = fs::read(file).map_err(|e| format!("cannot read the file: {e}"))?;
-        (self.decode)(&bytes)
+    fn read_image(&self, file: &Path) -> Result<Image, SinkError> {
+        let bytes = Evidence::default().read(file).map_err(SinkError)?;
+        (self.decode)(&bytes).map_err(|problem| SinkError(format!("{}: {problem}", file.display())))
     }
 
     /// Returns a run that counts as finished. Warns once if it claims to be finished but is
@@ -214,7 +214,7 @@ impl History for Archive {
         };
         self.read_image(&file)
             .map(Some)
-            .map_err(|problem| SinkError(format!("{}: {problem}{advice}", file.display())))
+            .map_err(|SinkError(problem)| SinkError(problem + advice))
     }
 
     fn noise(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError> {
@@ -225,9 +225,7 @@ impl History for Archive {
         if !file.is_file() {
             return Ok(None);
         }
-        self.read_image(&file)
-            .map(Some)
-            .map_err(|problem| SinkError(format!("{}: {problem}", file.display())))
+        self.read_image(&file).map(Some)
     }
 
     fn halves(&self, plan: &Plan, reference: usize) -> Result<Option<HalfImages>, SinkError> {
@@ -241,11 +239,7 @@ impl History for Archive {
         let Some(samples) = known.and_then(|results| results.halves) else {
             return Ok(None);
         };
-        let read = |name: &str| {
-            let file = folder.join(name);
-            self.read_image(&file)
-                .map_err(|problem| SinkError(format!("{}: {problem}", file.display())))
-        };
+        let read = |name: &str| self.read_image(&folder.join(name));
         Ok(Some(HalfImages {
             means: [read(HALVES[0])?, read(HALVES[1])?],
             samples,
@@ -282,9 +276,7 @@ fn load_finished(
             return missing(&file);
         }
     }
-    let measurements = run
-        .measurements(Some(&done))
-        .map_err(|problem| format!("{} is damaged: {problem}", metrics_csv::FILE))?;
+    let measurements = run.measurements(Some(&done))?;
     let lacking = columns.iter().find(|c| !measurements.columns.contains(c));
     if let Some(column) = lacking {
         return Err(format!("{} has no column {column}", metrics_csv::FILE));

@@ -1,6 +1,8 @@
 //! Reading finished and running nights. Nothing here writes to a run's folder.
 
 pub(crate) mod archive;
+mod config_check;
+pub mod evidence;
 pub(crate) mod merged_journal;
 pub(crate) mod night_index;
 pub mod night_reader;

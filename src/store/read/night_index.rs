@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use super::config_check;
 use super::merged_journal::parse_lines;
 use super::night_reader::NightReader;
 use super::run_index::RunIndex;
@@ -13,8 +14,8 @@ use crate::store::schema::journal;
 use crate::store::schema::plan::{PlanFile, PlannedReference};
 use crate::store::schema::run::{ConfigFile, DONE, DoneFile};
 use crate::store::schema::{ReadError, StoredFile};
-use crate::store::write::{failure, metrics_csv};
-use crate::store::{StoreError, layout};
+use crate::store::write::failure;
+use crate::store::{StoreError, layout, regular_file};
 
 /// State of a run.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -23,6 +24,8 @@ pub enum RunState {
     Done(String),
     /// Finished in another folder of the same experiment.
     Elsewhere(PathBuf),
+    /// Its last file is damaged, as described.
+    Damaged(String),
     /// The last attempt failed, for this reason.
     Failed(String),
     /// Started, but neither finished nor failed: it is running or was interrupted.
@@ -32,11 +35,13 @@ pub enum RunState {
 }
 
 impl RunState {
-    /// Name of the state: `done`, `elsewhere`, `failed`, `unfinished` or `pending`.
+    /// Name of the state: `done`, `elsewhere`, `damaged`, `failed`, `unfinished` or
+    /// `pending`.
     pub fn name(&self) -> &'static str {
         match self {
             RunState::Done(_) => "done",
             RunState::Elsewhere(_) => "elsewhere",
+            RunState::Damaged(_) => "damaged",
             RunState::Failed(_) => "failed",
             RunState::Unfinished => "unfinished",
             RunState::Pending => "pending",
@@ -150,17 +155,22 @@ impl EntryReader<'_> {
     fn entry(&mut self, cell: CellRef, run: &str, path: &str) -> RunEntry {
         let folder = self.night.run_folder(cell);
         let marker = NightReader::done_name(cell);
-        let (state, finished) = if let Some(finished) = self.index.finished(&folder, marker) {
+        let damaged = |error: ReadError| (RunState::Damaged(error.to_string()), None);
+        let elsewhere = |other: &PathBuf, finished| (RunState::Elsewhere(other.clone()), finished);
+        let here = self.index.finished(&folder, marker);
+        let (state, finished) = if let Ok(Some(finished)) = here {
             self.finished_here
                 .entry(run.to_owned())
                 .or_insert_with(|| folder.clone());
             (RunState::Done(finished.reason.clone()), Some(finished))
+        } else if let Err(error) = here {
+            damaged(error)
         } else if let Some(other) = self.finished_here.get(run) {
             let finished = self.index.finished(other, marker);
-            (RunState::Elsewhere(other.clone()), finished)
+            finished.map_or_else(damaged, |finished| elsewhere(other, finished))
         } else if let Some(other) = self.night.elsewhere().get(run) {
             let finished = self.index.finished(other, DONE);
-            (RunState::Elsewhere(other.clone()), finished)
+            finished.map_or_else(damaged, |finished| elsewhere(other, finished))
         } else if let Some(failure) = failure::read(&folder) {
             (RunState::Failed(failure.reason), None)
         } else if folder.exists() {
@@ -186,7 +196,7 @@ pub fn latest_experiment(out: &Path) -> Option<PathBuf> {
     let target = match fs::read_link(&link) {
         Ok(target) => target,
         // On systems without links, it is a text file with the name.
-        Err(_) => PathBuf::from(fs::read_to_string(&link).ok()?.trim()),
+        Err(_) => PathBuf::from(regular_file::read_to_string(&link).ok()?.trim()),
     };
     let folder = out.join(target);
     folder.join(PlanFile::NAME).is_file().then_some(folder)
@@ -195,7 +205,7 @@ pub fn latest_experiment(out: &Path) -> Option<PathBuf> {
 /// Folder of the run that the latest experiment's journal names last.
 fn latest_run(out: &Path) -> Option<PathBuf> {
     let night = NightReader::at(latest_experiment(out)?).ok()?;
-    let journal = fs::read_to_string(night.folder().join(journal::FILE)).ok()?;
+    let journal = regular_file::read_to_string(&night.folder().join(journal::FILE)).ok()?;
     let cells = night.cells_by_run();
     let lines: Vec<_> = parse_lines(&journal).collect();
     let named = lines.iter().rev().filter_map(|line| line.event.run());
@@ -215,10 +225,13 @@ pub struct RunRecord {
     pub folder: PathBuf,
     /// Place of the run in its plan, and its settings.
     pub config: ConfigFile,
-    /// End of the run, if it is finished.
+    /// End of the run, if it is finished and every file matches its checksum.
     pub done: Option<DoneFile>,
-    /// Measurements of the run.
+    /// Measurements of the run; none if a file of it does not match its checksum.
     pub measurements: Measurements,
+    /// Descriptions of what does not agree: a file with its checksum, or the configuration with the
+    /// id of the run.
+    pub problems: Vec<String>,
     /// Names and sizes in bytes of the files, ordered by name.
     pub files: Vec<(String, u64)>,
 }
@@ -284,20 +297,23 @@ pub fn read_run(out: &Path, what: &str) -> Result<RunRecord, StoreError> {
 
 fn read_record(folder: &Path) -> Result<RunRecord, StoreError> {
     let run = RunReader::new(folder.to_owned());
-    let done = run.done()?;
-    let measurements = run
-        .measurements(done.as_ref())
-        .map_err(|reason| StoreError::Io {
-            action: "read",
-            path: folder.join(metrics_csv::FILE),
-            reason,
-            full: false,
-        })?;
+    let config = run.config()?;
+    let mut problems: Vec<String> = config_check::check(folder, &config)
+        .err()
+        .into_iter()
+        .collect();
+    let verified = run.verified(&config.run);
+    let measured = verified.and_then(|done| Ok((run.measurements(done.as_ref())?, done)));
+    let (measurements, done) = measured.unwrap_or_else(|problem| {
+        problems.push(problem);
+        Default::default()
+    });
     Ok(RunRecord {
-        config: run.config()?,
+        config,
         files: run.files()?,
         folder: folder.to_owned(),
         done,
         measurements,
+        problems,
     })
 }

@@ -160,17 +160,16 @@ impl NightReader {
             .get_or_init(|| finished_in_siblings(&self.out, &self.plan.name, &self.folder))
     }
 
-    /// Image file of a reference that is one: the original, or its copy if that is missing.
+    /// Image file of a reference that is one: the copy in `refs`, which has a checksum, or the
+    /// original if there is no copy.
     pub fn image_file(&self, reference: usize) -> Option<PathBuf> {
         match self.plan.references.get(reference)? {
             PlannedReference::Render(_) => None,
             PlannedReference::File(found) => {
                 let file = PathBuf::from(&found.source);
-                let copy = || {
-                    let folder = self.run_folder(CellRef::Reference(reference));
-                    folder.join(layout::imported_file_name(&file))
-                };
-                Some(if file.is_file() { file } else { copy() })
+                let folder = self.run_folder(CellRef::Reference(reference));
+                let copy = folder.join(layout::imported_file_name(&file));
+                Some(if copy.is_file() { copy } else { file })
             }
         }
     }

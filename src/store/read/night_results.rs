@@ -3,8 +3,9 @@
 
 use std::path::{Path, PathBuf};
 
+use super::evidence::Evidence;
 use super::night_reader::NightReader;
-use super::run_reader::RunReader;
+use super::run_reader::{RunReader, describe};
 use crate::experiment::night_results::{
     Machine, NightResults, ReferenceResult, RunResult, RunState,
 };
@@ -12,16 +13,16 @@ use crate::experiment::{CellRef, CellResult, Outcome, Plan, WaveRow};
 use crate::metrics::MetricSpec;
 use crate::store::schema::plan::{EnvFile, PlanFile, PlannedCell, PlannedReference};
 use crate::store::schema::run::{DoneFile, RunResults};
-use crate::store::write::metrics_csv;
 use crate::store::{Store, StoreError};
 
 /// Reads a night from its folder. References are read from the folder `refs` beside it, and runs
-/// that an earlier night of the same name finished from that night's folder.
+/// that an earlier night of the same name finished from that night's folder. Runs and references
+/// that do not match their checksums are left out, and `evidence` has the problems.
 ///
 /// # Errors
 /// When the folder holds no plan, or another version of the program wrote it. Everything else that
-/// is missing or damaged becomes a note.
-pub fn read_night(folder: &Path) -> Result<NightResults, StoreError> {
+/// is missing becomes a note.
+pub fn read_night(folder: &Path, evidence: &Evidence) -> Result<NightResults, StoreError> {
     let night = NightReader::open(folder)?;
     let plan = night.plan();
     let mut notes = missing_support(plan);
@@ -30,11 +31,11 @@ pub fn read_night(folder: &Path) -> Result<NightResults, StoreError> {
     // Duplicate cells of the A/A check are no results.
     let cells = cells.filter(|(_, cell)| cell.double_of.is_none());
     let runs = cells
-        .map(|(i, cell)| run_result(&night, i, cell, &metrics, &mut notes))
+        .map(|(i, cell)| run_result(&night, i, cell, &metrics, evidence))
         .collect();
     let references = plan.references.iter().enumerate();
     let references = references
-        .map(|(i, reference)| reference_result(&night, i, reference))
+        .map(|(i, reference)| reference_result(&night, i, reference, evidence))
         .collect();
     Ok(NightResults {
         folder: night.folder().to_owned(),
@@ -43,7 +44,7 @@ pub fn read_night(folder: &Path) -> Result<NightResults, StoreError> {
         seed: plan.seed,
         axes: plan.axes.clone(),
         metrics,
-        machine: night.env().ok().map(machine),
+        machine: read_machine(&night, evidence),
         runs,
         references,
         notes,
@@ -87,20 +88,19 @@ fn run_result(
     index: usize,
     cell: &PlannedCell,
     metrics: &[MetricSpec],
-    notes: &mut Vec<String>,
+    evidence: &Evidence,
 ) -> RunResult {
     let cell_ref = CellRef::Cell(index);
     let finished = night.finished_folder(cell_ref);
     let run = RunReader::new(finished.unwrap_or_else(|| night.run_folder(cell_ref)));
-    let done = run.checked().unwrap_or_else(|problem| {
-        notes.push(format!(
-            "{}: {problem}; the run is treated as unfinished",
-            run.folder().display()
-        ));
-        None
+    let found = evidence.run(run.folder(), &cell.run).and_then(|done| {
+        let rows = rows(&run, done.as_deref(), metrics);
+        let rows = rows.map_err(|problem| evidence.report(run.folder(), &problem))?;
+        Ok((rows, done))
     });
-    let rows = rows(&run, done.as_ref(), metrics, notes);
-    let results = done.as_ref().and_then(DoneFile::rendered);
+    let damaged = found.is_err();
+    let (rows, done) = found.unwrap_or_default();
+    let results = done.as_deref().and_then(DoneFile::rendered);
     RunResult {
         path: cell.path.clone(),
         point: cell.point.0.clone(),
@@ -114,7 +114,11 @@ fn run_result(
         accel: results.map(|results| (results.open.accel_build_s, results.open.accel_nodes)),
         accel_size: results.map(|results| (results.open.accel_bytes, results.open.accel_cost)),
         reference: cell.reference,
-        pictures: run.pictures(done.as_ref()),
+        pictures: if damaged {
+            Vec::new()
+        } else {
+            run.pictures(done.as_deref())
+        },
         films: results
             .map(|results| results.films.clone())
             .unwrap_or_default(),
@@ -130,6 +134,7 @@ fn run_result(
             .unwrap_or_default(),
         state: match results {
             Some(results) => RunState::Done(results.reason.clone()),
+            None if damaged => RunState::Damaged,
             None if rows.is_empty() => RunState::Pending,
             None => RunState::Unfinished,
         },
@@ -144,18 +149,9 @@ fn rows(
     run: &RunReader,
     done: Option<&DoneFile>,
     metrics: &[MetricSpec],
-    notes: &mut Vec<String>,
-) -> Vec<WaveRow> {
-    match run.measurements(done) {
-        Ok(found) => found.in_order(metrics.iter().map(|metric| metric.column.as_str())),
-        Err(problem) => {
-            notes.push(format!(
-                "{}: {problem}",
-                run.folder().join(metrics_csv::FILE).display()
-            ));
-            Vec::new()
-        }
-    }
+) -> Result<Vec<WaveRow>, String> {
+    let found = run.measurements(done)?;
+    Ok(found.in_order(metrics.iter().map(|metric| metric.column.as_str())))
 }
 
 /// Name and version of the external program that rendered a run: the last part of its device.
@@ -198,9 +194,14 @@ fn reference_result(
     night: &NightReader,
     index: usize,
     reference: &PlannedReference,
+    evidence: &Evidence,
 ) -> ReferenceResult {
+    let mut picture = night.reference_picture(index);
     let description = match reference {
         PlannedReference::File(found) => {
+            if let Some(picture) = picture.as_ref().filter(|_| !found.blake3.is_empty()) {
+                evidence.expect(picture, &found.blake3);
+            }
             let name = PathBuf::from(&found.source);
             let name = name.file_name().unwrap_or_default().to_string_lossy();
             let maker = match found.made_by.as_str() {
@@ -211,17 +212,34 @@ fn reference_result(
         }
         PlannedReference::Render(rendered) => {
             let integrator = &rendered.source.integrator;
-            let done = night.run(CellRef::Reference(index)).done();
-            match done.ok().flatten().as_ref().and_then(DoneFile::rendered) {
+            let folder = night.run_folder(CellRef::Reference(index));
+            let done = evidence.run(&folder, &rendered.run).ok().flatten();
+            match done.as_deref().and_then(DoneFile::rendered) {
                 Some(results) => format!("{integrator}, {} samples per pixel", results.samples),
-                None => format!("{integrator}, not finished"),
+                None => {
+                    picture = None;
+                    format!("{integrator}, not finished")
+                }
             }
         }
     };
     ReferenceResult {
         id: reference.run().to_owned(),
-        picture: night.reference_picture(index),
+        picture,
         description,
+    }
+}
+
+/// Reads the machine that last rendered a night. A damaged record of it is a problem.
+fn read_machine(night: &NightReader, evidence: &Evidence) -> Option<Machine> {
+    match night.env() {
+        Ok(env) => Some(machine(env)),
+        Err(error) => {
+            if !error.is_missing() {
+                evidence.report(night.folder(), &describe(&error));
+            }
+            None
+        }
     }
 }
 

@@ -19,13 +19,13 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use crate::store::layout;
 use crate::store::lock::filesystem_kind;
 use crate::store::schema::process::IndexHeader;
 use crate::store::schema::run::DoneFile;
-use crate::store::schema::{StoredFile, one_line};
+use crate::store::schema::{Problem, ReadError, StoredFile, one_line};
 use crate::store::worker::registry;
 use crate::store::write::atomic;
+use crate::store::{layout, regular_file};
 
 /// Fields of a line, in order: see [`Line`].
 const FIELDS: [&str; 5] = ["changed", "size", "reason", "samples", "render_s"];
@@ -106,11 +106,20 @@ impl RunIndex {
         }
     }
 
-    /// Results of a finished run, by its folder and the name of its last file. Returns `None` if it
-    /// is not finished.
-    pub(crate) fn finished(&mut self, folder: &Path, marker: &str) -> Option<FinishedSummary> {
+    /// Results of a finished run, by its folder and the name of its last file, which matches its
+    /// checksum. Returns `None` if the run is not finished.
+    ///
+    /// # Errors
+    /// When the last file is damaged, of another version, or of another run.
+    pub(crate) fn finished(
+        &mut self,
+        folder: &Path,
+        marker: &str,
+    ) -> Result<Option<FinishedSummary>, ReadError> {
         let file = folder.join(marker);
-        let facts = fs::metadata(&file).ok().filter(fs::Metadata::is_file)?;
+        let Ok(facts) = fs::metadata(&file) else {
+            return Ok(None);
+        };
         let stamp = file_stamp(&facts);
         let key = folder
             .strip_prefix(&self.out)
@@ -120,12 +129,19 @@ impl RunIndex {
         if let Some((known, finished)) = self.known.get(&key)
             && *known == stamp
         {
-            return Some(finished.clone());
+            return Ok(Some(finished.clone()));
         }
-        let finished = FinishedSummary::from_done(&DoneFile::read_from(&file).ok()?);
+        let done = DoneFile::read_from(&file)?;
+        if folder.file_name().is_none_or(|name| name != done.run()) {
+            return Err(ReadError {
+                path: file,
+                problem: Problem::Damaged("it belongs to another run".to_owned()),
+            });
+        }
+        let finished = FinishedSummary::from_done(&done);
         self.known.insert(key, (stamp, finished.clone()));
         self.new_entries += 1;
-        Some(finished)
+        Ok(Some(finished))
     }
 
     /// Replaces the file if there are new entries. A failure only costs the next reader time.
@@ -210,7 +226,7 @@ fn header(body: &str) -> IndexHeader {
 /// # Errors
 /// When it cannot be read, is damaged, or has another format or version; the text is a description.
 fn load(path: &Path) -> Result<Entries, String> {
-    let text = fs::read_to_string(path).map_err(|e| e.to_string())?;
+    let text = regular_file::read_to_string(path).map_err(|e| e.to_string())?;
     let (first, body) = text.split_once('\n').ok_or("it has no header")?;
     if IndexHeader::parse(first.as_bytes()) != Ok(header(body)) {
         return Err("it is damaged or of another version".to_owned());
@@ -246,12 +262,14 @@ mod tests {
             render_s: 0.5,
             ..RunResults::default()
         }));
+        let done = done.sealed(BTreeMap::new());
         write(folder.join(DONE), done.text()).unwrap();
         folder
     }
 
     fn reason(index: &mut RunIndex, folder: &Path) -> Option<String> {
-        index.finished(folder, "done.json").map(|f| f.reason)
+        let found = index.finished(folder, "done.json").ok()??;
+        Some(found.reason)
     }
 
     #[test]
@@ -263,7 +281,7 @@ mod tests {
         );
         let mut index = RunIndex::open(dir.path());
         assert_eq!(reason(&mut index, &a).unwrap(), "long enough");
-        let of_b = index.finished(&b, "done.json").unwrap();
+        let of_b = index.finished(&b, "done.json").unwrap().unwrap();
         assert_eq!((of_b.samples, of_b.render_s), (Some(4), Some(0.5)));
         assert_eq!(index.new_entries, 2);
         index.save();
@@ -322,7 +340,7 @@ mod tests {
             String::new(),
             intact.replace("samples", "simples"),
             intact[..intact.len() - 1].to_owned(),
-            intact.replace("\"version\":1", "\"version\":99"),
+            intact.replace("\"version\":2", "\"version\":99"),
             one_line(&header(body)) + body,
         ] {
             assert_ne!(damage, intact);

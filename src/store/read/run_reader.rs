@@ -9,7 +9,7 @@ use crate::experiment::WaveRow;
 use crate::store::schema::run::{ConfigFile, DoneFile, FailedFile};
 use crate::store::schema::{ReadError, StoredFile};
 use crate::store::write::{checkpoint, failure, manifest_checksum, metrics_csv};
-use crate::store::{FILMS, StoreError, layout};
+use crate::store::{FILMS, StoreError, layout, regular_file};
 
 /// Folder of a run or a reference.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -75,11 +75,33 @@ impl RunReader {
     /// # Errors
     /// Description of the first problem.
     pub fn checked(&self) -> Result<Option<DoneFile>, String> {
-        let Some(done) = self.done().map_err(|e| describe(&e))? else {
+        let Some(done) = self.manifest()? else {
             return Ok(None);
         };
         manifest_checksum::verify_sizes(&self.folder, &done)?;
         Ok(Some(done))
+    }
+
+    /// Results of the run with this id, if every file that they list matches its checksum; `None`
+    /// if it is not finished.
+    ///
+    /// # Errors
+    /// Description of the first problem.
+    pub fn verified(&self, id: &str) -> Result<Option<DoneFile>, String> {
+        let Some(done) = self.manifest()? else {
+            return Ok(None);
+        };
+        if done.run() != id {
+            let marker = layout::done_file(&self.folder).unwrap_or_default();
+            return Err(format!("{marker} belongs to another run"));
+        }
+        manifest_checksum::verify_hashes(&self.folder, &done)?;
+        Ok(Some(done))
+    }
+
+    /// Results of the run, or a description of why they cannot be read.
+    pub(super) fn manifest(&self) -> Result<Option<DoneFile>, String> {
+        self.done().map_err(|e| describe(&e))
     }
 
     /// Record of the last attempt, if it failed.
@@ -88,16 +110,21 @@ impl RunReader {
     }
 
     /// Measurements of the run; none if its file is missing or has no complete line. `done` is how
-    /// it ended, which names the first invalid sample.
+    /// it ended: it names the first invalid sample, and the file has to match its checksum.
     ///
     /// # Errors
-    /// When the file is damaged; the text is a description.
+    /// When the file is damaged; the text is a description that names it.
     pub fn measurements(&self, done: Option<&DoneFile>) -> Result<Measurements, String> {
-        let csv = match fs::read_to_string(self.folder.join(metrics_csv::FILE)) {
+        let csv = match done.and_then(|done| done.files().get(metrics_csv::FILE)) {
+            Some(sum) => manifest_checksum::read(&self.folder, metrics_csv::FILE, sum)?,
+            None => regular_file::read(&self.folder.join(metrics_csv::FILE)).unwrap_or_default(),
+        };
+        let csv = match String::from_utf8(csv) {
             Ok(csv) if csv.contains('\n') => csv,
             _ => return Ok(Measurements::default()),
         };
-        let (columns, mut rows) = metrics_csv::parse(&csv)?;
+        let damaged = |problem| format!("{} is damaged: {problem}", metrics_csv::FILE);
+        let (columns, mut rows) = metrics_csv::parse(&csv).map_err(damaged)?;
         let first_invalid = done
             .and_then(DoneFile::rendered)
             .and_then(|results| results.first_invalid);
@@ -108,14 +135,19 @@ impl RunReader {
     }
 
     /// Stored images of the run in ascending order of samples per pixel; the last one is its final
-    /// picture, if it is finished.
+    /// picture, if it is finished. Images that `done` does not list are no images of the run.
     pub fn pictures(&self, done: Option<&DoneFile>) -> Vec<(u64, PathBuf)> {
+        let is_listed = |path: &Path| {
+            let name = path.file_name().and_then(|name| name.to_str());
+            done.is_none_or(|done| name.is_some_and(|name| done.files().contains_key(name)))
+        };
         let mut found: BTreeMap<u64, PathBuf> = snapshots(&self.folder).into_iter().collect();
+        found.retain(|_, path| is_listed(path));
         let last = self.folder.join("final.exr");
         let samples = done
             .and_then(DoneFile::rendered)
             .map(|results| results.samples);
-        if let Some(samples) = samples.filter(|_| last.is_file()) {
+        if let Some(samples) = samples.filter(|_| is_listed(&last)) {
             found.insert(samples, last);
         }
         found.into_iter().collect()
@@ -143,23 +175,15 @@ impl RunReader {
 
     /// Checks every file of the run with this id against its checksum.
     pub fn integrity(&self, id: &str) -> Integrity {
-        let done = match self.done() {
-            Ok(None) => {
-                return Integrity::Unfinished {
-                    failure: self.failure(),
-                    checkpoint: checkpoint::samples(&self.folder, id),
-                };
-            }
-            Ok(Some(done)) => done,
-            Err(error) => return Integrity::Damaged(describe(&error)),
-        };
-        let marker = layout::done_file(&self.folder).unwrap_or_default();
-        match manifest_checksum::verify_hashes(&self.folder, &done) {
-            Ok(()) if done.run() == id => {
+        match self.verified(id) {
+            Ok(Some(done)) => {
                 let reason = done.rendered().map(|results| results.reason.clone());
                 Integrity::Intact(reason.unwrap_or_default())
             }
-            Ok(()) => Integrity::Damaged(format!("{marker} belongs to another run")),
+            Ok(None) => Integrity::Unfinished {
+                failure: self.failure(),
+                checkpoint: checkpoint::samples(&self.folder, id),
+            },
             Err(problem) => Integrity::Damaged(problem),
         }
     }

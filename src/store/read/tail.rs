@@ -1,8 +1,9 @@
 //! Reads a file that another process appends to, line by line, without reading anything twice.
 
-use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
+
+use crate::store::regular_file;
 
 /// Maximum number of bytes that one poll reads.
 const MAX_READ: u64 = 64 << 20;
@@ -43,7 +44,7 @@ impl Tail {
     }
 
     fn try_poll(&mut self) -> std::io::Result<TailUpdate> {
-        let mut file = File::open(&self.path)?;
+        let mut file = regular_file::open(&self.path)?;
         let length = file.metadata()?.len();
         let restarted = length < self.position;
         if restarted {

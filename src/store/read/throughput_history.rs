@@ -21,6 +21,7 @@ pub fn throughput_history(out: &Path) -> ThroughputHistory {
                 continue;
             };
             let finished = index.finished(&night.run_folder(CellRef::Cell(i)), DONE);
+            let finished = finished.ok().flatten();
             let Some((samples, render_s)) = finished.and_then(|f| f.samples.zip(f.render_s)) else {
                 continue;
             };

@@ -18,15 +18,14 @@ pub mod values;
 
 pub use reference::reference;
 
-use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use serde::de::{DeserializeOwned, Deserializer, Error as _};
 use serde::{Deserialize, Serialize, Serializer};
 
-use super::StoreError;
 use super::write::atomic;
+use super::{StoreError, regular_file};
 
 /// Name and version of this program, as files state them.
 pub const PROGRAM: &str = concat!("lumbre ", env!("CARGO_PKG_VERSION"));
@@ -85,7 +84,7 @@ pub trait StoredFile: Serialize + DeserializeOwned {
             path: path.to_owned(),
             problem,
         };
-        match fs::read(path) {
+        match regular_file::read(path) {
             Ok(bytes) => Self::parse(&bytes).map_err(error),
             Err(e) if e.kind() == ErrorKind::NotFound => Err(error(Problem::Missing)),
             Err(e) => Err(error(Problem::Unreadable(e.to_string()))),
@@ -97,16 +96,7 @@ pub trait StoredFile: Serialize + DeserializeOwned {
     /// # Errors
     /// When it is damaged or has another version.
     fn parse(bytes: &[u8]) -> Result<Self, Problem> {
-        serde_json::from_slice(bytes).map_err(|error| {
-            match serde_json::from_slice::<Head>(bytes) {
-                // This program writes no other version, so such a file of its own is damaged.
-                Ok(head) if head.is_foreign(Self::VERSION) => Problem::OtherVersion {
-                    version: head.version,
-                    program: head.program,
-                },
-                _ => Problem::Damaged(error.to_string()),
-            }
-        })
+        parse_fields(bytes)
     }
 
     /// Content of the file: indented, with a newline at the end.
@@ -121,6 +111,20 @@ pub trait StoredFile: Serialize + DeserializeOwned {
     fn write(&self, folder: &Path) -> Result<(), StoreError> {
         atomic::write_if_changed(&folder.join(Self::NAME), self.text().as_bytes())
     }
+}
+
+/// Parses the fields of a file, without a checksum that the file may have of itself.
+fn parse_fields<F: StoredFile>(bytes: &[u8]) -> Result<F, Problem> {
+    serde_json::from_slice(bytes).map_err(|error| {
+        match serde_json::from_slice::<Head>(bytes) {
+            // This program writes no other version, so such a file of its own is damaged.
+            Ok(head) if head.is_foreign(F::VERSION) => Problem::OtherVersion {
+                version: head.version,
+                program: head.program,
+            },
+            _ => Problem::Damaged(error.to_string()),
+        }
+    })
 }
 
 /// The fields that all files have, in any version.
@@ -139,7 +143,7 @@ impl Head {
 
 /// Name and version of the program that wrote a file of any version, if the file states it.
 pub(crate) fn writer_of(path: &Path) -> Option<String> {
-    serde_json::from_slice::<Head>(&fs::read(path).ok()?)
+    serde_json::from_slice::<Head>(&regular_file::read(path).ok()?)
         .ok()?
         .program
 }
@@ -192,6 +196,11 @@ impl From<ReadError> for StoreError {
     fn from(error: ReadError) -> StoreError {
         StoreError::Read(error)
     }
+}
+
+/// Problem of a file whose checksum of itself is not that of its content.
+fn wrong_checksum() -> Problem {
+    Problem::Damaged("its content does not match its checksum".to_owned())
 }
 
 /// Formats a structure as JSON with indentation and a newline at the end.

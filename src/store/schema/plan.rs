@@ -8,38 +8,10 @@ use serde::{Deserialize, Serialize};
 
 use super::run::RenderSettings;
 use super::values::Named;
-use super::{files, records};
+use super::{Problem, StoredFile, Version, files, pretty, records};
 use lumbre_light::value::Value;
 
 files! {
-    /// The plan of an experiment: every cell, every reference, and what is left out.
-    pub file PlanFile = "plan.json", 1 {
-        /// Name of the experiment.
-        pub name: String,
-        /// Hash of the plan, in hexadecimal.
-        pub hash: String,
-        /// Seed from which the seed of every run is derived.
-        pub seed: u64,
-        /// Names of the axes, slowest first.
-        pub axes: Vec<String>,
-        /// Settings of the night.
-        pub night: NightSettings,
-        /// Metrics and their interval.
-        pub measure: Measurement,
-        /// Stop rules of the cells, each once.
-        pub stops: Vec<StopRecord>,
-        /// Cells in the order of the plan.
-        pub cells: Vec<PlannedCell>,
-        /// References of the cells.
-        pub references: Vec<PlannedReference>,
-        /// Points of the sweep that are left out.
-        pub skipped: Vec<SkippedPoint>,
-        /// Warnings about the plan.
-        pub warnings: Vec<String>,
-        /// Notes about scene files.
-        pub notes: Vec<SceneNote>,
-    }
-
     /// The machine and the command that last rendered the night.
     pub file EnvFile = "env.json", 1 {
         /// Name of the machine; empty if unknown.
@@ -86,6 +58,40 @@ files! {
 }
 
 records! {
+    /// The plan of an experiment: every cell, every reference, and what is left out.
+    pub struct PlanFile {
+        /// Version of the format.
+        pub version: Version<2>,
+        /// Program that wrote the file, with its version.
+        pub program: super::Program,
+        /// Name of the experiment.
+        pub name: String,
+        /// Hash of the plan, in hexadecimal.
+        pub hash: String,
+        /// Seed from which the seed of every run is derived.
+        pub seed: u64,
+        /// Names of the axes, slowest first.
+        pub axes: Vec<String>,
+        /// Settings of the night.
+        pub night: NightSettings,
+        /// Metrics and their interval.
+        pub measure: Measurement,
+        /// Stop rules of the cells, each once.
+        pub stops: Vec<StopRecord>,
+        /// Cells in the order of the plan.
+        pub cells: Vec<PlannedCell>,
+        /// References of the cells.
+        pub references: Vec<PlannedReference>,
+        /// Points of the sweep that are left out.
+        pub skipped: Vec<SkippedPoint>,
+        /// Warnings about the plan.
+        pub warnings: Vec<String>,
+        /// Notes about scene files.
+        pub notes: Vec<SceneNote>,
+        /// First 32 digits of the BLAKE3 hash of this file with an empty `check`.
+        pub check: String,
+    }
+
     /// Settings of the nights of an experiment. None of them changes a result.
     pub struct NightSettings {
         /// Order of the runs: `sequential`, `shuffled` or `interleave`.
@@ -220,6 +226,48 @@ records! {
         /// Date of submission, UTC.
         pub date: String,
     }
+}
+
+impl StoredFile for PlanFile {
+    const NAME: &'static str = "plan.json";
+    const VERSION: u32 = 2;
+
+    /// Parses the plan and compares it with its checksum.
+    fn parse(bytes: &[u8]) -> Result<PlanFile, Problem> {
+        let plan: PlanFile = super::parse_fields(bytes)?;
+        let text = String::from_utf8_lossy(bytes);
+        let unchecked = with_check(&text, &plan.check, "");
+        if plan.check == checksum(&unchecked) {
+            Ok(plan)
+        } else {
+            Err(super::wrong_checksum())
+        }
+    }
+
+    /// Content of the file with its checksum, whatever `check` is.
+    fn text(&self) -> String {
+        let unchecked = PlanFile {
+            check: String::new(),
+            ..self.clone()
+        };
+        let text = pretty(&unchecked);
+        let check = checksum(&text);
+        with_check(&text, "", &check)
+    }
+}
+
+/// Replaces the value of the field `check`, which is the last of a plan.
+fn with_check(text: &str, from: &str, to: &str) -> String {
+    let [from, to] = [from, to].map(|check| format!("\"check\": \"{check}\""));
+    match text.rfind(&from) {
+        Some(at) => format!("{}{to}{}", &text[..at], &text[at + from.len()..]),
+        None => text.to_owned(),
+    }
+}
+
+/// Checksum of the text of a plan whose field `check` is empty.
+fn checksum(text: &str) -> String {
+    blake3::hash(text.as_bytes()).to_hex()[..32].to_owned()
 }
 
 /// A reference of the plan.

@@ -43,9 +43,9 @@ files! {
         pub check: Option<String>,
     }
 
-    /// First line of the index of finished runs, `index.jsonl`. Each further line is an object with
-    /// one run: its folder below the output folder, and the values of `fields`.
-    pub file IndexHeader = "index.jsonl", 1 {
+    /// First line of the index of finished runs, `index.jsonl`, whose last files match their
+    /// checksums. Each further line is an object with one run: its folder below the output folder, and the values of `fields`.
+    pub file IndexHeader = "index.jsonl", 2 {
         /// Names of the values of a line, in order: modification time of the run's last file in
         /// nanoseconds since 1970, its size in bytes, reason of the end, samples per pixel, render
         /// time in seconds.

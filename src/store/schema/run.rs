@@ -352,6 +352,16 @@ pub enum DoneFile {
 impl super::StoredFile for DoneFile {
     const NAME: &'static str = DONE;
     const VERSION: u32 = 1;
+
+    /// Parses the manifest and compares it with its checksum.
+    fn parse(bytes: &[u8]) -> Result<DoneFile, Problem> {
+        let done: DoneFile = super::parse_fields(bytes)?;
+        if done.check() == done.computed_check() {
+            Ok(done)
+        } else {
+            Err(super::wrong_checksum())
+        }
+    }
 }
 
 impl DoneFile {

@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
-use crate::store::StoreError;
+use crate::store::{StoreError, regular_file};
 
 /// Prefix of temporary files. The next owner of a folder removes those that a crash left.
 const TEMP_PREFIX: &str = ".lumbre-";
@@ -44,7 +44,7 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
 /// # Errors
 /// As [`write_atomically`].
 pub(crate) fn write_if_changed(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
-    match fs::read(path) {
+    match regular_file::read(path) {
         Ok(old) if old == bytes => Ok(()),
         _ => write_atomically(path, bytes),
     }
@@ -66,7 +66,7 @@ pub fn probe(folder: &Path) -> Result<(), StoreError> {
 }
 
 /// Removes all temporary files in a folder that no other process writes to.
-pub(crate) fn remove_temporaries(folder: &Path) {
+pub fn remove_temporaries(folder: &Path) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name();
         if is_temporary(&name.to_string_lossy()) {

@@ -16,8 +16,8 @@ use super::{atomic, metrics_csv};
 use crate::experiment::WaveRow;
 use crate::experiment::event::SaveState;
 use crate::experiment::run_progress::{Checkpoint, RunProgress};
-use crate::store::StoreError;
 use crate::store::schema::run::{CheckpointHead, WaveCounts};
+use crate::store::{StoreError, regular_file};
 use lumbre_render::WaveStats;
 
 /// File names of the slots.
@@ -134,7 +134,7 @@ pub(crate) fn write_slot(
 /// Reads a file in the format of a slot. Returns `None` if it is missing, damaged or of another
 /// run.
 pub(crate) fn read_slot(path: &Path, run: &str) -> Option<Checkpoint> {
-    Some(parse(fs::read(path).ok()?, run)?.1)
+    Some(parse(regular_file::read(path).ok()?, run)?.1)
 }
 
 /// Loads the newest valid checkpoint of a run. Returns it with the position in the alternation and
@@ -144,8 +144,11 @@ pub(crate) fn load(folder: &Path, run: &str) -> (Option<Checkpoint>, SlotCursor,
     let mut damaged = Vec::new();
     for (slot, name) in SLOTS.iter().enumerate() {
         let path = folder.join(name);
-        let Ok(bytes) = fs::read(&path) else { continue };
-        match parse(bytes, run) {
+        let bytes = match regular_file::read(&path) {
+            Err(e) if e.kind() == io::ErrorKind::NotFound => continue,
+            found => found.ok(),
+        };
+        match bytes.and_then(|bytes| parse(bytes, run)) {
             Some((sequence, checkpoint))
                 if newest.as_ref().is_none_or(|(best, ..)| sequence > *best) =>
             {

@@ -19,7 +19,7 @@ use crate::experiment::run_progress::{Checkpoint, Claim, ReportedOutcome, RunPro
 use crate::experiment::shards::{Shard, WorkUnit};
 use crate::experiment::{CellRef, Plan, SinkError};
 use crate::store::lock::claim::{self, Claims};
-use crate::store::lock::filesystem_kind;
+use crate::store::lock::{device_affinity, filesystem_kind};
 use crate::store::read::archive::{Archive, Decode};
 use crate::store::schema::journal::{self, JournalEvent};
 use crate::store::schema::plan::PlanSnapshot;
@@ -110,6 +110,11 @@ impl Store {
             lock,
         };
         store.repair_configs(plan)?;
+        device_affinity::remove_damaged(&store.folder);
+        let stems: BTreeSet<&str> = plan.references.iter().filter_map(Reference::stem).collect();
+        for stem in stems {
+            reference_sums::remove_damaged(&store.out, stem);
+        }
         Ok(store)
     }
 
@@ -123,9 +128,12 @@ impl Store {
                 self.remove_leftovers(&folder);
             }
             let path = folder.join(ConfigFile::NAME);
-            let Ok(found) = fs::read(&path) else { continue };
+            if !path.exists() {
+                continue;
+            }
             let config = config_file(plan, cell);
-            let intact = ConfigFile::parse(&found).is_ok_and(|stored| is_config(&stored, &config));
+            let stored = ConfigFile::read(&folder);
+            let intact = stored.is_ok_and(|stored| is_config(&stored, &config));
             if !intact {
                 tracing::warn!("{} was damaged and has been rewritten", path.display());
                 config.write(&folder)?;
@@ -486,7 +494,8 @@ fn is_config(stored: &ConfigFile, config: &ConfigFile) -> bool {
     if same_plan {
         return pretty(stored) == pretty(config);
     }
-    stored.run == config.run && pretty(&stored.identity) == pretty(&config.identity)
+    (&stored.run, &stored.plan) == (&config.run, &config.plan)
+        && pretty(&stored.identity) == pretty(&config.identity)
 }
 
 /// Stem of the reference that a shard belongs to.

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::store::schema::StoredFile;
 use crate::store::schema::run::FailedFile;
-use crate::store::{StoreError, utc};
+use crate::store::{StoreError, regular_file, utc};
 
 /// Number of log lines that are stored with the reason.
 pub const LOG_LINES: usize = 20;
@@ -15,7 +15,7 @@ pub const LOG_LINES: usize = 20;
 /// # Errors
 /// When the record cannot be written.
 pub(crate) fn record(folder: &Path, run: &str, reason: &str) -> Result<(), StoreError> {
-    let log = fs::read_to_string(folder.join("log.txt")).unwrap_or_default();
+    let log = regular_file::read_to_string(&folder.join("log.txt")).unwrap_or_default();
     let lines: Vec<&str> = log.lines().collect();
     let last = &lines[lines.len().saturating_sub(LOG_LINES)..];
     let failed = FailedFile {

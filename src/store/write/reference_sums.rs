@@ -87,6 +87,20 @@ pub(crate) fn save(
     Ok(true)
 }
 
+/// Removes the damaged sums of a stem, and names them.
+pub(crate) fn remove_damaged(out: &Path, stem: &str) {
+    for (samples, path) in list_stored(out, stem) {
+        let found = checkpoint::read_slot(&path, stem);
+        let intact = found.is_some_and(|found| found.progress.samples() == samples);
+        if !intact && fs::remove_file(&path).is_ok() {
+            tracing::warn!(
+                "{} is damaged and has been removed; a longer reference starts without it",
+                path.display()
+            );
+        }
+    }
+}
+
 /// Removes damaged sums of a reference.
 ///
 /// # Errors

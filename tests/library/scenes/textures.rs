@@ -336,7 +336,10 @@ fn unsupported_mtl_statements_are_noted_and_invalid_ones_are_errors() {
     assert_eq!(desc.materials[0].base_color, Vec3::X);
     assert_eq!(desc.materials[1], MaterialDesc::new("b"));
     for (mtl, problem) in [
-        ("Kd 1 1 1\n", "line 1: `kd` precedes the first `newmtl`"),
+        (
+            "Kd 1 1 1\n",
+            "line 1: this line precedes the first `newmtl`",
+        ),
         ("newmtl a\nKd 1 1\n", "line 2: expected 3 numbers"),
         ("newmtl a\nNi nan\n", "line 2: NaN"),
         ("newmtl a\nNs high\n", "line 2: `high` is not a number"),

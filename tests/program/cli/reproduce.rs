@@ -1,5 +1,8 @@
 //! Tests of `lumbre reproduce`: the three verdicts, and the cases without a verdict.
 
+use lumbre::store::StoredFile;
+use lumbre::store::schema::run::{DoneFile, FileSum};
+
 use super::workplace::Workplace;
 
 /// A small night on the CPU, whose pictures are reproducible to the bit.
@@ -105,32 +108,45 @@ fn pictures_figures_and_tables_are_identical_when_rendered_again() {
     );
 }
 
+/// Replaces the picture of a run by that of another night, with the manifest that a renderer would
+/// have written.
+fn replace_picture(place: &Workplace, run: &str, script: &str, out: &str) {
+    place.write("other.lua", script);
+    place.succeed(&["run", "other.lua", "--out", out, "-q"]);
+    let name = run.split_once("/runs/").unwrap().1;
+    let (path, _) = name.rsplit_once('/').unwrap();
+    let files = place.files(out);
+    let other = files
+        .iter()
+        .find(|f| f.contains(path) && f.ends_with("/final.exr"));
+    let bytes = std::fs::read(place.path(other.unwrap())).unwrap();
+    let folder = place.path(run);
+    let done = DoneFile::find(&folder).unwrap().unwrap();
+    let mut files = done.files().clone();
+    let sum = FileSum {
+        bytes: bytes.len() as u64,
+        blake3: blake3::hash(&bytes).to_hex().to_string(),
+    };
+    files.insert("final.exr".to_owned(), sum);
+    std::fs::write(folder.join("final.exr"), bytes).unwrap();
+    std::fs::write(folder.join("done.json"), done.sealed(files).text()).unwrap();
+}
+
 #[test]
 fn noise_is_distinguished_from_a_changed_scene() {
     let (place, run) = night();
-    let config = place.read(&format!("{run}/config.json"));
-    let seed = place.json(&format!("{run}/config.json"))["seed"].to_string();
     // Another seed gives another picture with the same expected values.
-    place.write(
-        &format!("{run}/config.json"),
-        &config.replace(&format!("\"seed\": {seed}"), "\"seed\": 12345"),
-    );
+    let script = NIGHT.replace("seed = 5", "seed = 6");
+    replace_picture(&place, &run, &script, "seed");
     let output = place.succeed(&["reproduce", &run]);
     assert!(
         output.stdout.contains("equal within noise, p = "),
         "{}",
         output.stdout
     );
-    // A brighter ball gives another picture. The scene's hash is removed, since it would reveal the
-    // change earlier.
-    let done = place.read(&format!("{run}/done.json"));
-    let facts = place.json(&format!("{run}/done.json"));
-    let hash = facts["scene_hash"].as_str().unwrap();
-    place.write(&format!("{run}/done.json"), &done.replace(hash, ""));
-    place.write(
-        &format!("{run}/config.json"),
-        &config.replace("[\n        0.25,", "[\n        0.95,"),
-    );
+    // A brighter ball gives another picture.
+    let script = NIGHT.replace("{ 0.25, 0.5, 0.75 }", "{ 0.95, 0.5, 0.75 }");
+    replace_picture(&place, &run, &script, "bright");
     let ended = place.run(&["reproduce", &run, "--maps", "maps"]);
     assert!(
         ended.status == 5 && ended.stdout.contains("differs here"),
@@ -139,6 +155,78 @@ fn noise_is_distinguished_from_a_changed_scene() {
         ended.stdout
     );
     assert_eq!(place.files("maps").len(), 1);
+}
+
+#[test]
+fn a_configuration_that_is_not_that_of_the_id_gives_no_verdict() {
+    let (place, run) = night();
+    let config = place.read(&format!("{run}/config.json"));
+    let facts = place.json(&format!("{run}/config.json"));
+    let text = |field: &str| facts[field].to_string();
+    let depth = facts["render"]["max_depth"].to_string();
+    let field = |name: &str, value: &str| format!("\"{name}\": {value}");
+    let other_id = format!("\"{}\"", "0".repeat(32));
+    for (from, to, said) in [
+        (
+            field("max_depth", &depth),
+            field("max_depth", "5"),
+            "max_depth is",
+        ),
+        (
+            field("seed", &text("seed")),
+            field("seed", "12345"),
+            "seed is",
+        ),
+        (
+            field("integrator", "\"bpt\""),
+            field("integrator", "\"nee\""),
+            "integrator is",
+        ),
+        (field("radius", "1.0"), field("radius", "2.0"), "filter is"),
+        (
+            field("plan", &text("plan")),
+            field("plan", &other_id),
+            "its plan is not",
+        ),
+        (
+            field("run", &text("run")),
+            field("run", &other_id),
+            "its run is not",
+        ),
+        (
+            field("reference", &text("reference")),
+            field("reference", &other_id),
+            "reference is",
+        ),
+    ] {
+        let changed = config.replacen(&from, &to, 1);
+        assert_ne!(changed, config, "{from}");
+        place.write(&format!("{run}/config.json"), &changed);
+        for command in [["reproduce", &run], ["show", &run]] {
+            let ended = place.run(&command);
+            let text = ended.stdout + &ended.stderr;
+            assert!(
+                ended.status == 3 && text.contains(said),
+                "{from}: {} {text}",
+                ended.status
+            );
+        }
+    }
+    // The identity is the last object of the file.
+    let at = config.find("\"identity\"").unwrap();
+    let changed = config[..at].to_owned() + &config[at..].replace("\"bpt\"", "\"nee\"");
+    assert_ne!(changed, config);
+    place.write(&format!("{run}/config.json"), &changed);
+    assert!(
+        place
+            .run(&["reproduce", &run])
+            .stdout
+            .contains("does not have the id")
+    );
+    // The plan determines these files, so `run` repairs them.
+    place.succeed(&["run", "again.lua", "-q"]);
+    assert_eq!(place.read(&format!("{run}/config.json")), config);
+    place.succeed(&["reproduce", &run]);
 }
 
 #[test]

@@ -80,6 +80,83 @@ fn sigusr1_ends_the_wave_and_exits_with_status_75() {
     assert_eq!(stop_and_resume("-USR1"), Some(75));
 }
 
+/// Starts a slow night, waits for its first cell, sends signals with pauses, and returns its exit
+/// code and its last signal.
+fn end_by(signals: &[(&str, u64)]) -> (Option<i32>, Option<i32>) {
+    use std::os::unix::process::ExitStatusExt;
+    let place = Workplace::new();
+    let script = SLOW.replace("repeats = 24", "repeats = 999");
+    let mut child = start(&place, &script);
+    wait_for_first(&place, &mut child);
+    for (signal, pause_ms) in signals {
+        send(&child, signal);
+        std::thread::sleep(Duration::from_millis(*pause_ms));
+    }
+    let status = child.wait().unwrap();
+    (status.code(), status.signal())
+}
+
+#[test]
+fn a_second_sighup_leaves_at_once() {
+    let twice = [("-HUP", 1500), ("-HUP", 0)];
+    assert_eq!(end_by(&twice), (Some(129), None));
+}
+
+#[test]
+fn sigquit_and_sigabrt_do_what_they_do_by_default() {
+    assert_eq!(end_by(&[("-QUIT", 0)]), (None, Some(3)));
+    assert_eq!(end_by(&[("-ABRT", 0)]), (None, Some(6)));
+}
+
+#[test]
+fn a_stopped_night_keeps_its_exit_code_when_figures_cannot_be_written() {
+    for (signal, code) in [("-TERM", 75), ("-INT", 130)] {
+        let place = Workplace::new();
+        let figure = "x:figure(\"rays\", { x = \"samples\", y = { \"rmse\" } })\nreturn x";
+        let measure = "x:reference { stop = stop.samples(64) }\n\
+                       x:measure { every = \"1s\", rmse = metric.rmse() }\n";
+        let script = SLOW.replace("return x", &format!("{measure}{figure}"));
+        let mut child = start(&place, &script);
+        wait_for_first(&place, &mut child);
+        // A file in place of the folder, as on a disk without space for one.
+        let night = std::fs::canonicalize(place.path("out/latest")).unwrap();
+        std::fs::write(night.join("figures"), "").unwrap();
+        send(&child, signal);
+        assert_eq!(child.wait().unwrap().code(), Some(code));
+        assert!(!place.files("out").iter().any(|f| f.ends_with(".svg")));
+    }
+}
+
+#[test]
+fn too_many_threads_are_refused() {
+    let error = Workplace::new().fail(2, &["plan", "night.lua", "--threads", "5000"]);
+    assert!(error.contains("5000 is not in 0..=1024"), "{error}");
+}
+
+#[test]
+fn limits_of_the_process_are_named() {
+    let place = Workplace::new();
+    let night = |limit: &str| {
+        let program = env!("CARGO_BIN_EXE_lumbre");
+        let command =
+            format!("ulimit {limit}; exec {program} run night.lua -q --out=\"out{limit}\"");
+        let mut shell = Command::new("bash");
+        shell.args(["-c", &command]).current_dir(place.path("."));
+        let ended = shell.output().unwrap();
+        (
+            ended.status.code(),
+            String::from_utf8(ended.stderr).unwrap(),
+        )
+    };
+    let (status, error) = night("-s 64");
+    assert_eq!(status, Some(0), "{error}");
+    for (limit, said) in [("-n 8", "`ulimit -n`"), ("-f 1", "`ulimit -f`")] {
+        let (status, error) = night(limit);
+        assert!(matches!(status, Some(1..=3)), "{limit}: {status:?} {error}");
+        assert!(error.contains(said), "{limit}: {error}");
+    }
+}
+
 #[test]
 fn ctrl_c_ends_the_wave_and_exits_with_status_130() {
     assert_eq!(stop_and_resume("-INT"), Some(130));

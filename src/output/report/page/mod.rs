@@ -23,6 +23,7 @@ use crate::output::format;
 use crate::output::plot::axis::Scale;
 use crate::output::plot::style::style;
 use crate::output::plot::svg::{base64, escape};
+use crate::text::visible;
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPTS: [&str; 3] = [
@@ -50,10 +51,11 @@ pub fn item(
         all => all.join(", "),
     };
     let views = views::all(study, context.pictures, notes);
-    let data = data(study, context, views)
-        .to_string()
-        .replace('<', "\\u003c");
-    let html = document(study, items, &title, notes, &data, &provenance);
+    let problems = (context.problems)();
+    notes.retain(|note| !problems.iter().any(|problem| note.ends_with(problem)));
+    let data = data(study, context, views).to_string();
+    let data = visible(&data).replace('<', "\\u003c");
+    let html = document(study, items, &title, [&problems, notes], &data, &provenance);
     ReportItem {
         kind: ItemKind::Data,
         stem: "index".to_owned(),
@@ -136,6 +138,7 @@ fn run_data(
         RunState::Done(_) => "done",
         RunState::Unfinished => "unfinished",
         RunState::Pending => "pending",
+        RunState::Damaged => "damaged",
     };
     let number = |x: Option<f64>| x.filter(|x| x.is_finite()).map_or(Json::Null, |x| json!(x));
     let values = |row: &WaveRow| -> Vec<Json> {
@@ -176,12 +179,19 @@ fn document(
     study: &Study,
     items: &[ReportItem],
     title: &str,
-    notes: &[String],
+    [problems, notes]: [&[String]; 2],
     data: &str,
     provenance: &Provenance,
 ) -> String {
     let mut out = head(title, provenance);
     out += &format!("<body>\n<h1>{}</h1>\n", escape(title));
+    if !problems.is_empty() {
+        out += &format!(
+            "<div class=\"note\" id=\"problems\"><b>Left out because it does not match its \
+             checksum:</b>\n{}</div>\n",
+            list(problems)
+        );
+    }
     for (night, name) in study.nights.iter().zip(&study.names) {
         let name = (study.nights.len() > 1).then_some(name.as_str());
         out += &night_facts(night, name);
@@ -205,11 +215,7 @@ fn document(
         out += &format!("<p>{}</p>\n", escape(&methods.caption));
     }
     if !notes.is_empty() {
-        let list: String = notes
-            .iter()
-            .map(|note| format!("<li>{}</li>\n", escape(note)))
-            .collect();
-        out += &format!("<h3>Notes</h3>\n<ul class=\"note\">\n{list}</ul>\n");
+        out += &format!("<h3>Notes</h3>\n{}", list(notes));
     }
     out += "</section>\n";
     out += &format!(
@@ -217,6 +223,13 @@ fn document(
         SCRIPTS.join("\n")
     );
     out + "</body>\n</html>\n"
+}
+
+/// Writes sentences as a list.
+fn list(sentences: &[String]) -> String {
+    let item = |sentence: &String| format!("<li>{}</li>\n", escape(sentence));
+    let items: String = sentences.iter().map(item).collect();
+    format!("<ul class=\"note\">\n{items}</ul>\n")
 }
 
 /// Writes the document up to the end of its head.

@@ -222,6 +222,7 @@ fn canonical(path: &Path) -> PathBuf {
 /// Opens a regular file and returns its length in bytes. Pipes and devices are refused, since they
 /// could block or never end.
 fn open(path: &Path) -> Result<(File, u64), SceneError> {
+    files::check(path).map_err(|e| unreadable(path, e))?;
     let meta = std::fs::metadata(path).map_err(|e| unreadable(path, e))?;
     if !meta.is_file() {
         return Err(unreadable(path, "it is not a regular file"));

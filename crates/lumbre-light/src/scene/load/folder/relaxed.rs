@@ -184,13 +184,7 @@ impl RelaxedParser<'_> {
                 Some(number) => Ok(Json::Number(number)),
                 None => {
                     self.at = start;
-                    let found = if word.is_empty() {
-                        self.peek().map(String::from)
-                    } else {
-                        Some(word)
-                    };
-                    let found: String = found.unwrap_or_default().chars().take(32).collect();
-                    Err(self.error(format!("expected a value, found `{found}`")))
+                    Err(self.error("expected a value".to_owned()))
                 }
             },
         }

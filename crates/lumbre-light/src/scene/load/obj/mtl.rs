@@ -26,6 +26,7 @@ use std::sync::Arc;
 
 use glam::{Affine2, Vec2, Vec3};
 
+use super::supported;
 use crate::scene::desc::material_params::MIN_IOR;
 use crate::scene::desc::{Lookup, MaterialDesc, NoInverse, TextureDesc, TextureSlot, Wrap};
 use crate::scene::load::images::{self, ImageCache};
@@ -142,10 +143,7 @@ impl MtlParser<'_> {
             return Ok(());
         }
         if self.materials.is_empty() {
-            return Err(self.error(
-                line,
-                format!("`{}` precedes the first `newmtl`", truncated(&keyword)),
-            ));
+            return Err(self.error(line, "this line precedes the first `newmtl`".to_owned()));
         }
         match keyword.as_str() {
             "kd" => self.color(line, rest, [0.0, 1.0], |m, _, c| m.base_color = c),
@@ -186,18 +184,21 @@ impl MtlParser<'_> {
         }
     }
 
-    /// Notes an unsupported statement, once for each keyword and at most 16 times.
+    /// Notes an unsupported statement, once for each keyword and at most 16 times. Keywords that the
+    /// format does not have are noted once and not quoted, since the file may be of another kind.
     fn note_unsupported(&mut self, line: usize, keyword: &str) {
-        if self.noted_keywords.iter().all(|k| k != keyword) && self.noted_keywords.len() < 16 {
-            self.note(
-                line,
-                format!(
-                    "statements `{}` are not supported; ignored",
-                    truncated(keyword)
-                ),
-            );
-            self.noted_keywords.push(keyword.to_owned());
+        let is_known = supported::is_unsupported(keyword);
+        let keyword = if is_known { keyword } else { "" };
+        if self.noted_keywords.iter().any(|k| k == keyword) || self.noted_keywords.len() >= 16 {
+            return;
         }
+        let problem = if is_known {
+            format!("statements `{keyword}` are not supported; ignored")
+        } else {
+            "this is no statement of the format; it and others like it are ignored".to_owned()
+        };
+        self.note(line, problem);
+        self.noted_keywords.push(keyword.to_owned());
     }
 
     /// Reads `N` numbers, clamped to a range with a note.

@@ -98,3 +98,14 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
         limits: "noted by name, such as `disp`",
     },
 ];
+
+/// Statements of OBJ and of its material files that are not supported.
+const UNSUPPORTED: &str = "bevel bmat bsp bzp c_interp call cdc con cstype csh ctech curv curv2 \
+                           d_interp decal deg disp end hole lod map_disp map_opacity map_pc map_pcr \
+                           map_ps map_refl map_tr maplib parm refl res rim scrv shadow_obj sp stech \
+                           step surf trace_obj trim usemap";
+
+/// Whether a keyword is that of a statement which the formats have and the reader does not support.
+pub(super) fn is_unsupported(keyword: &str) -> bool {
+    UNSUPPORTED.split(' ').any(|known| known == keyword)
+}

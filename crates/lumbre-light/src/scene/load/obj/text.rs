@@ -10,6 +10,7 @@ use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
+use super::supported;
 use crate::scene::desc::MAX_COORDINATE;
 
 /// Faces with the same material, where all vertices or none have texture coordinates, and the same
@@ -186,18 +187,27 @@ impl Checker {
             }
             _ if IGNORED.contains(&keyword) => Ok(()),
             other => {
-                if self.noted_keywords.iter().all(|k| k != other) && self.noted_keywords.len() < 16
-                {
-                    let shown: String = other.chars().take(24).collect();
-                    self.notes.push((
-                        format!("line {}", self.line),
-                        format!("statements `{shown}` are not supported; ignored"),
-                    ));
-                    self.noted_keywords.push(other.to_owned());
-                }
+                self.note_unsupported(other);
                 Ok(())
             }
         }
+    }
+
+    /// Notes an unsupported statement, once for each keyword and at most 16 times. Keywords that the
+    /// format does not have are noted once and not quoted, since the file may be of another kind.
+    fn note_unsupported(&mut self, keyword: &str) {
+        let is_known = supported::is_unsupported(keyword);
+        let keyword = if is_known { keyword } else { "" };
+        if self.noted_keywords.iter().any(|k| k == keyword) || self.noted_keywords.len() >= 16 {
+            return;
+        }
+        let problem = if is_known {
+            format!("statements `{keyword}` are not supported; ignored")
+        } else {
+            "this is no statement of the format; it and others like it are ignored".to_owned()
+        };
+        self.notes.push((format!("line {}", self.line), problem));
+        self.noted_keywords.push(keyword.to_owned());
     }
 
     /// Reads a `v` statement.

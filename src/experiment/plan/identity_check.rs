@@ -1,0 +1,90 @@
+//! Compares the settings with which a run would be rendered again with the identity of the run, so
+//! that a picture is never judged by settings that it was not rendered with.
+
+use std::collections::BTreeMap;
+
+use super::{RunId, identity};
+use crate::experiment::spec::CellConfig;
+use lumbre_light::transport::integrator::integrator;
+use lumbre_light::transport::sampler::sampler;
+use lumbre_light::value::Value;
+
+/// Settings that a stored configuration claims for a run.
+#[derive(Debug, Default)]
+pub struct ClaimedSettings<'a> {
+    /// Settings of the renderer; `None` for references that are image files.
+    pub config: Option<CellConfig>,
+    /// Seed, if it is a cell.
+    pub seed: Option<u64>,
+    /// Seeds of the halves, if it is a rendered reference.
+    pub seeds: Option<[u64; 2]>,
+    /// Samples per pixel of a shard, if it is rendered in shards.
+    pub shard_samples: Option<u64>,
+    /// Id of the reference that it is measured against.
+    pub reference: Option<&'a str>,
+    /// Whether it is a cell, whose time is measured.
+    pub is_cell: bool,
+}
+
+/// Checks that an identity has this id, and that the settings are those of the identity. The hash of
+/// the scene is compared where the scene is loaded. Revisions of techniques are not compared: a run
+/// of an earlier revision may be rendered again.
+///
+/// # Errors
+/// Description of the first difference.
+pub fn check(identity: &Value, id: &RunId, claimed: &ClaimedSettings) -> Result<(), String> {
+    if identity::run_id(identity) != *id {
+        return Err("its identity does not have the id of the run".to_owned());
+    }
+    let (Some(config), Some(fields)) = (&claimed.config, identity.as_map()) else {
+        return Ok(());
+    };
+    let row = integrator(&config.integrator)
+        .ok_or_else(|| format!("this version has no integrator `{}`", config.integrator))?;
+    let sampler = sampler(&config.sampler)
+        .ok_or_else(|| format!("this version has no sampler `{}`", config.sampler))?;
+    let mut expected = identity::picture(config, row, sampler, &[0; 32]);
+    if let Some(seed) = claimed.seed {
+        expected = identity::run(expected, seed, Value::Nil);
+    }
+    if let Some(seeds) = claimed.seeds {
+        expected = identity::stem(expected, seeds, claimed.shard_samples);
+    }
+    expected.insert(
+        "reference".to_owned(),
+        claimed.reference.map_or(Value::Nil, Value::from),
+    );
+    let keys = fields.keys().chain(expected.keys());
+    for key in keys.filter(|key| is_setting(key, claimed.is_cell)) {
+        let [wanted, found] = [fields, &expected].map(|map| map.get(key).unwrap_or(&Value::Nil));
+        let is_auto = key == "backend" && wanted.as_str() == Some("auto");
+        if !is_auto && without_revision(wanted) != without_revision(found) {
+            return Err(format!(
+                "{key} is {found}, but the run's id was made with {wanted}"
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Whether a field of an identity is compared. The others are the scene's hash, rules and
+/// measurements, which decide no pixel of a given number of samples, versions of what rendered the
+/// run, and the hierarchy of references, whose times are not compared.
+fn is_setting(key: &str, is_cell: bool) -> bool {
+    let other = [
+        "format", "scene", "stop", "measure", "peer", "shaders", "delays",
+    ];
+    !other.contains(&key) && (is_cell || key != "accel")
+}
+
+/// Returns a value without the revision that it may have.
+fn without_revision(value: &Value) -> Value {
+    match value {
+        Value::Map(map) => {
+            let fields = map.iter().filter(|(key, _)| *key != "revision");
+            let fields = fields.map(|(key, value)| (key.clone(), value.clone()));
+            Value::Map(fields.collect::<BTreeMap<String, Value>>())
+        }
+        other => other.clone(),
+    }
+}
