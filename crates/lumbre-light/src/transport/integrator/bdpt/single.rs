@@ -5,8 +5,8 @@ use std::cell::RefCell;
 use glam::Vec3;
 
 use super::connect::{self, Connection};
-use super::state::{LightStart, Subpath, Vertex};
-use super::subpath::Step;
+use super::state::{LightStart, ShadingState, Subpath, Vertex};
+use super::subpath::{Step, StepSink};
 use crate::scene::compile::NONE;
 use crate::transport::arrival::{Arrival, HitState};
 use crate::transport::bsdf::TransportMode;
@@ -63,6 +63,23 @@ pub struct ConnectedPath<'a> {
     pub wi: Vec3,
     /// The point of the lens.
     pub lens: Vec3,
+}
+
+/// The vertex and the light that a step found.
+#[derive(Default)]
+struct Found {
+    vertex: Option<Vertex>,
+    light: Option<Connection>,
+}
+
+impl StepSink<f32, 1> for Found {
+    fn add_vertices(&mut self, lanes: bool, vertex: &Vertex, _: &ShadingState<f32>) {
+        self.vertex = lanes.then_some(*vertex);
+    }
+
+    fn add_light(&mut self, light: &Connection) {
+        self.light = Some(*light);
+    }
 }
 
 thread_local! {
@@ -140,8 +157,9 @@ fn connect_camera_vertex(z: &Vertex, t: u32, sampler: &mut Sampler, reporter: &m
         return;
     }
     if context.settings.includes(1, t) {
-        let lifted = z.lifted().filter(|(_, lifted)| *lifted);
-        for z in std::iter::once(z).chain(lifted.as_ref().map(|(z, _)| z)) {
+        let mut lifted = *z;
+        let lifts = lifted.lift();
+        for z in std::iter::once(z).chain(lifts.then_some(&lifted)) {
             if let Some(c) = connect::connect_s1(context, z, sampler, true) {
                 reporter.report(&c, [1, t]);
             }
@@ -281,18 +299,19 @@ impl Subpaths {
                 edge,
                 max_edges,
             };
-            let scattering = subpath.scatter(context, step, &arrival, true);
+            let mut found = Found::default();
+            let departure = subpath.scatter(context, step, &arrival, true, &mut found);
             if from_camera {
-                self.hits.push(scattering.light);
+                self.hits.push(found.light);
             }
-            if let Some(arrived) = &scattering.vertex {
+            if let Some(vertex) = found.vertex {
                 vertices.push(SubpathVertex {
-                    vertex: arrived.vertex,
-                    delta: scattering.delta,
-                    eta: scattering.eta,
+                    vertex,
+                    delta: departure.delta,
+                    eta: departure.eta,
                 });
             }
-            if !scattering.continues {
+            if !departure.continues {
                 break;
             }
         }

@@ -400,22 +400,15 @@ impl<R: Real> Vertex<R> {
         self.state.endpoint(self.partials)
     }
 
-    /// Returns the vertices as starts of edges from their lifted points, if any lane has one, and
-    /// those lanes.
+    /// Makes the vertices starts of edges from their lifted points. Returns the lanes that have one.
     #[inline(always)]
-    pub fn lifted(&self) -> Option<(Vertex<R>, R::Mask)> {
-        let offset = self.terminator?;
-        let state = self.state.lifted(&offset, offset.exists);
-        let terminator = TerminatorOffset {
-            lifted: true,
-            ..offset
+    pub fn lift(&mut self) -> R::Mask {
+        let Some(offset) = &mut self.terminator else {
+            return R::Mask::default();
         };
-        let vertex = Vertex {
-            state,
-            terminator: Some(terminator),
-            ..*self
-        };
-        Some((vertex, offset.exists))
+        self.state = self.state.lifted(offset, offset.exists);
+        offset.lifted = true;
+        offset.exists
     }
 }
 

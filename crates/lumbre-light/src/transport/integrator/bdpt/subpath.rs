@@ -10,7 +10,7 @@ use crate::math::simd::Lanes;
 use crate::scene::compile::{NONE, Uv};
 use crate::transport::MAX_SURVIVAL;
 use crate::transport::arrival::Arrival;
-use crate::transport::bsdf::{BsdfSample, TransportMode};
+use crate::transport::bsdf::TransportMode;
 use crate::transport::integrator::Context;
 use crate::transport::integrator::camera_path::{
     Path, PathState, TerminatorState, TimeState, edge_counts,
@@ -32,30 +32,24 @@ pub struct Step {
     pub max_edges: u32,
 }
 
-/// The result of a step.
-pub struct Scattering<'a, R: Real, const N: usize> {
-    /// The vertices; `None` where nothing connects to them.
-    pub vertex: Option<ArrivedVertex<'a, R, N>>,
-    /// Light that camera subpaths hit.
-    pub light: Option<Connection<R, N>>,
-    /// Lanes whose subpath continues.
-    pub continues: R::Mask,
-    /// Whether the event that led to the next edge was a Dirac event.
-    pub delta: R::Mask,
-    /// Index ratio crossed by that event.
-    pub eta: R,
+/// Receives what a step of subpaths finds.
+pub trait StepSink<R: Real, const N: usize> {
+    /// Receives the vertices in the given lanes, with properties that only some surfaces have.
+    fn add_vertices(&mut self, lanes: R::Mask, vertices: &Vertex<R>, shading: &ShadingState<R>);
+
+    /// Receives light that camera subpaths hit.
+    fn add_light(&mut self, light: &Connection<R, N>);
 }
 
-/// Vertices of subpaths that arrived at surfaces.
-pub struct ArrivedVertex<'a, R: Real, const N: usize> {
-    /// The vertices with their BSDFs.
-    pub vertex: Vertex<R>,
-    /// Properties that only some surfaces have.
-    pub shading: ShadingState<R>,
-    /// Lanes that have a vertex; the subpath of others ends.
-    pub lanes: R::Mask,
-    surface: Surface<'a, R, N>,
-    optical: Option<OpticalLength<R>>,
+/// Events at vertices that lead to the next edges.
+#[derive(Clone, Copy)]
+pub struct Departure<R: Real> {
+    /// Lanes whose subpath continues.
+    pub continues: R::Mask,
+    /// Whether the event was a Dirac event.
+    pub delta: R::Mask,
+    /// Index ratio crossed by the event.
+    pub eta: R,
 }
 
 impl<R: Real> Subpath<R> {
@@ -131,50 +125,25 @@ impl<R: Real> Subpath<R> {
         (start, subpath, continues)
     }
 
-    /// Handles arrivals at surfaces of one class: finds the vertices and the light that camera
-    /// subpaths hit, and samples the next edges.
+    /// Handles arrivals at surfaces of one class: passes the vertices and the light that camera
+    /// subpaths hit to `sink`, and samples the next edges.
     #[inline(always)]
-    pub fn scatter<'a, const N: usize>(
+    pub fn scatter<const N: usize>(
         &mut self,
-        context: &Context<'a>,
+        context: &Context,
         step: Step,
         arrival: &Arrival<R, N>,
-        lanes: R::Mask,
-    ) -> Scattering<'a, R, N>
+        mut lanes: R::Mask,
+        sink: &mut impl StepSink<R, N>,
+    ) -> Departure<R>
     where
         R: Lanes<N>,
     {
-        let (light, vertex) = self.arrive(context, step, arrival, lanes);
-        let mut scattering = Scattering {
-            vertex,
-            light,
+        let end = Departure {
             continues: R::Mask::default(),
             delta: R::Mask::default(),
             eta: R::splat(1.0),
         };
-        if let Some(arrived) = &scattering.vertex
-            && step.edge < step.max_edges
-        {
-            let (sample, continues) = self.depart(context, step, arrived);
-            scattering.continues = continues;
-            (scattering.delta, scattering.eta) = (sample.delta, sample.eta);
-        }
-        scattering
-    }
-
-    /// Finds the vertices at which the edges arrive, unless no lane has any, and the light that
-    /// camera subpaths hit.
-    #[inline(always)]
-    fn arrive<'a, const N: usize>(
-        &mut self,
-        context: &Context<'a>,
-        step: Step,
-        arrival: &Arrival<R, N>,
-        mut lanes: R::Mask,
-    ) -> (Option<Connection<R, N>>, Option<ArrivedVertex<'a, R, N>>)
-    where
-        R: Lanes<N>,
-    {
         let from_camera = step.mode == TransportMode::Radiance;
         let surface = arrival.surface(context.scene);
         let counts = !from_camera || edge_counts(context, step.edge);
@@ -185,27 +154,27 @@ impl<R: Real> Subpath<R> {
         let at = [surface.position, surface.n_geometric];
         let (exist, endpoint) = self.endpoint(context, step, at, lanes);
         lanes = lanes & exist;
-        let mut light = None;
         if arrival.class.surface.emits {
             let length = optical.map_or(R::Double::splat(0.0), |optical| optical.arrival());
-            if from_camera && context.settings.includes(0, step.edge + 1) {
-                light = self.hit_light(context, step.edge, (&surface, &endpoint), length, lanes);
+            if from_camera
+                && context.settings.includes(0, step.edge + 1)
+                && let Some(light) =
+                    self.hit_light(context, step.edge, (&surface, &endpoint), length, lanes)
+            {
+                sink.add_light(&light);
             }
             lanes = lanes & !surface.ends_paths();
         }
         let unconnected = from_camera && step.edge == step.max_edges;
         if unconnected || !lanes.any() {
-            return (light, None);
+            return end;
         }
         let (vertex, shading) = self.vertex(context, arrival, &surface, optical, &endpoint);
-        let arrived = ArrivedVertex {
-            vertex,
-            shading,
-            lanes,
-            surface,
-            optical,
-        };
-        (light, Some(arrived))
+        sink.add_vertices(lanes, &vertex, &shading);
+        if step.edge == step.max_edges {
+            return end;
+        }
+        self.depart(context, step, (&vertex, &surface), optical, lanes)
     }
 
     /// Builds the vertices at surfaces, at which the subpaths have these optical lengths and MIS
@@ -284,32 +253,27 @@ impl<R: Real> Subpath<R> {
         LightEnd::new(&lights, edge.from, self.path.state.dir, at).endpoint(h)
     }
 
-    /// Samples the next edges at vertices. Returns the events and the lanes that continue.
+    /// Samples the next edges in the given lanes of vertices.
     #[inline(always)]
     fn depart<const N: usize>(
         &mut self,
         context: &Context,
         Step { mode, edge, .. }: Step,
-        arrived: &ArrivedVertex<R, N>,
-    ) -> (BsdfSample<R>, R::Mask)
+        (vertex, surface): (&Vertex<R>, &Surface<R, N>),
+        optical: Option<OpticalLength<R>>,
+        lanes: R::Mask,
+    ) -> Departure<R>
     where
         R: Lanes<N>,
     {
-        let ArrivedVertex {
-            vertex,
-            lanes,
-            surface,
-            optical,
-            ..
-        } = arrived;
         let path = &mut self.path;
         let before = path.sampler;
         let [choice, u, v] = path.sampler.next_three();
-        path.sampler.keep(*lanes, &before);
+        path.sampler.keep(lanes, &before);
         let (sampled, s, reverse) = vertex
             .bsdf
             .samples::<true>(&vertex.out, choice, [u, v], mode);
-        let lanes = *lanes & sampled & vertex.out.same_side;
+        let lanes = lanes & sampled & vertex.out.same_side;
         // Undo the scaling of radiance by refraction, so that roulette judges the expected
         // contribution.
         let rr_weight = match mode {
@@ -331,8 +295,12 @@ impl<R: Real> Subpath<R> {
             Some(offset) => R::Vec3::select(offset.exists, R::Vec3::broadcast(Vec3::ZERO), n),
             None => n,
         };
-        self.path.leave(surface, *optical, s.wi, s.eta);
-        (s, lanes)
+        self.path.leave(surface, optical, s.wi, s.eta);
+        Departure {
+            continues: lanes,
+            delta: s.delta,
+            eta: s.eta,
+        }
     }
 
     /// Multiplies the throughputs by the BSDF weights, and ends subpaths by Russian roulette after

@@ -283,8 +283,8 @@ impl Connecting<'_> {
         let mut sampler = self.paths.samplers::<R, N>(self.tile, paths, taken);
         let camera = &self.vertices.camera;
         let mut z = camera.load::<R, N>(context, class, map_array(connections, |c| c.z));
-        if lifted && let Some((from, _)) = z.lifted() {
-            z = from;
+        if lifted {
+            z.lift();
         }
         if let Some(c) = connect_s1::<R, N>(context, &z, &mut sampler, lanes) {
             queue.push(context, &c, |i| Target::Own(connections[i].index));

@@ -16,9 +16,10 @@ use lumbre_light::transport::bsdf::TransportMode;
 use lumbre_light::transport::integrator::Context;
 use lumbre_light::transport::integrator::bdpt::connect::Connection;
 use lumbre_light::transport::integrator::bdpt::state::{
-    LightStartRecord, MisRecord, PartialsRecord, ShadingRecord, Subpath, Vertex, VertexRecord,
+    LightStartRecord, MisRecord, PartialsRecord, ShadingRecord, ShadingState, Subpath, Vertex,
+    VertexRecord,
 };
-use lumbre_light::transport::integrator::bdpt::subpath::{Scattering, Step};
+use lumbre_light::transport::integrator::bdpt::subpath::{Step, StepSink};
 use lumbre_light::transport::ray::Ray;
 
 /// State of the subpaths of a tile beside that of their paths.
@@ -127,17 +128,15 @@ impl TileVertices {
         &mut self,
         class: usize,
         paths: [usize; N],
-        scattering: &Scattering<R, N>,
+        lanes: R::Mask,
+        (vertex, shading): (&Vertex<R>, &ShadingState<R>),
     ) {
-        let Some(arrived) = &scattering.vertex else {
-            return;
-        };
-        let (records, partials) = arrived.vertex.store::<N>();
-        let connected = arrived.vertex.bsdf.has_density().bits();
+        let (records, partials) = vertex.store::<N>();
+        let connected = vertex.bsdf.has_density().bits();
         let shading = self
             .has_shading
-            .then(|| ShadingRecord::store::<R, N>(arrived.shading));
-        for i in active_lanes(arrived.lanes.bits()) {
+            .then(|| ShadingRecord::store::<R, N>(*shading));
+        for i in active_lanes(lanes.bits()) {
             self.at.set(paths[i], self.records.len() as u32);
             self.records.push(records[i]);
             self.partials.push(partials[i]);
@@ -502,22 +501,53 @@ impl SimdKernel for StepKernel<'_, '_> {
             };
             let arrival = Arrival::new(&context.classes[class], ray, &hits);
             let lanes = R::Mask::first(group.len());
-            let scattering = subpath.scatter(context, step, &arrival, lanes);
-            if let Some(found) = &scattering.light {
-                vertices
-                    .hits
-                    .push(context, step.edge, paths, found, |hits, path, index| {
-                        hits.at.set(path, index);
-                    });
-            }
-            match step.mode {
-                TransportMode::Radiance => vertices.camera.push(class, paths, &scattering),
-                TransportMode::Importance => vertices.light.push(class, paths, &scattering),
-            }
+            let mut sink = LaneSink {
+                context,
+                step,
+                class,
+                paths,
+                vertices,
+            };
+            let departure = subpath.scatter(context, step, &arrival, lanes, &mut sink);
             // The samplers of all paths go on.
             states.store(&mut wave.paths, &subpath, paths, lanes);
-            let continues = active_lanes(scattering.continues.bits());
+            let continues = active_lanes(departure.continues.bits());
             wave.next.extend(continues.map(|i| paths[i] as u32));
         }
+    }
+}
+
+/// Sink of a step of the subpaths that are in the lanes of a vector.
+struct LaneSink<'a, const N: usize> {
+    context: &'a Context<'a>,
+    step: Step,
+    class: usize,
+    /// Index of each lane's path in the tile.
+    paths: [usize; N],
+    vertices: &'a mut Vertices,
+}
+
+impl<R: Lanes<N>, const N: usize> StepSink<R, N> for LaneSink<'_, N> {
+    #[inline(always)]
+    fn add_vertices(&mut self, lanes: R::Mask, vertex: &Vertex<R>, shading: &ShadingState<R>) {
+        let to = match self.step.mode {
+            TransportMode::Radiance => &mut self.vertices.camera,
+            TransportMode::Importance => &mut self.vertices.light,
+        };
+        to.push(self.class, self.paths, lanes, (vertex, shading));
+    }
+
+    #[inline(always)]
+    fn add_light(&mut self, light: &Connection<R, N>) {
+        let (hits, edge) = (&mut self.vertices.hits, self.step.edge);
+        hits.push(
+            self.context,
+            edge,
+            self.paths,
+            light,
+            |hits, path, index| {
+                hits.at.set(path, index);
+            },
+        );
     }
 }
