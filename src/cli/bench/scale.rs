@@ -16,7 +16,7 @@ use crate::store::schema::one_line;
 use crate::store::schema::plan::{PlanFile, PlannedCell};
 use crate::store::schema::run::{ConfigFile, DONE, DoneFile, RunResults};
 use crate::store::schema::values::{Named, Real};
-use crate::store::write::metrics_csv;
+use crate::store::write::{manifest_checksum, metrics_csv};
 use crate::store::{Follower, StoredFile, list_experiments, plan_file, utc};
 use crate::tui::model::night::NightModel;
 
@@ -126,7 +126,7 @@ impl ListingCost {
     }
 }
 
-/// Writes only the files that reading needs, without checksums of files or syncing.
+/// Writes only the files that reading needs, without syncing.
 fn write_night(plan: &Plan, folder: &Path) -> std::io::Result<()> {
     let plan = plan_file(plan);
     let date = utc(SystemTime::now());
@@ -152,6 +152,7 @@ fn write_night(plan: &Plan, folder: &Path) -> std::io::Result<()> {
              1,1,0.25,0.3,0,4096,20480,0\n",
         )?;
         let done = DoneFile::Rendered(Box::new(results(cell, &date)));
+        let done = manifest_checksum::add_checksums(&folder_of_run, &done)?;
         fs::write(folder_of_run.join(DONE), done.text())?;
         journal += &line(JournalEvent::CellStarted(RunStart {
             run: cell.run.clone(),

@@ -298,9 +298,11 @@ mod tests {
             samples: Some(1000),
             seconds: Some(1.0),
         };
-        assert_eq!(limits.next_wave(&done(90, 0.9)), 10);
-        assert_eq!(limits.next_wave(&done(99, 0.999)), 1);
-        assert_eq!(limits.next_wave(&done(100, 1.0)), 0);
+        // 128 samples per second; these times have no rounding.
+        assert_eq!(limits.next_wave(&done(64, 0.5)), 32);
+        assert_eq!(limits.next_wave(&done(112, 0.875)), 16);
+        assert_eq!(limits.next_wave(&done(127, 0.9921875)), 1);
+        assert_eq!(limits.next_wave(&done(128, 1.0)), 0);
         assert!((limits.seconds_left(&done(50, 0.5)) - 0.5).abs() < 1e-12);
     }
 }
