@@ -10,7 +10,7 @@ use lumbre_vulkan::context::{device::Device, physical_device::Caps};
 use lumbre_vulkan::error::VulkanError;
 use lumbre_vulkan::memory::buffer::Buffer;
 use lumbre_vulkan::pipelines::program::TracingMode;
-use lumbre_vulkan::pipelines::sources::{ShaderError, Sources};
+use lumbre_vulkan::pipelines::sources::{HAS_COMPILER, ShaderError, Sources};
 use lumbre_vulkan::renderer::{VulkanRenderer, into_render_error};
 
 use super::harness;
@@ -90,10 +90,9 @@ fn a_missing_feature_is_an_error_that_names_the_feature_and_the_device() {
     harness::assert_no_validation_messages();
 }
 
-#[cfg(not(feature = "shader-dev"))]
 #[test]
 fn a_folder_of_shaders_without_their_compiler_is_refused_with_the_remedy() {
-    let Some(device) = harness::device() else {
+    let Some(device) = harness::device().filter(|_| !HAS_COMPILER) else {
         return;
     };
     let sources = Sources::Folder("anywhere".into());
@@ -112,10 +111,9 @@ fn a_folder_of_shaders_without_their_compiler_is_refused_with_the_remedy() {
     );
 }
 
-#[cfg(feature = "shader-dev")]
 #[test]
 fn shaders_of_a_folder_replace_the_embedded_ones_and_their_errors_name_the_line() {
-    let Some(device) = harness::device() else {
+    let Some(device) = harness::device().filter(|_| HAS_COMPILER) else {
         return;
     };
     let folder = tempfile::tempdir().unwrap();

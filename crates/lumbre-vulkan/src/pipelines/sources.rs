@@ -57,6 +57,10 @@ pub enum ShaderError {
     },
 }
 
+/// Whether this program contains the compiler of shaders, which is the feature `shader-dev` of this
+/// crate. A build of the whole workspace has it, because `xtask` needs it.
+pub const HAS_COMPILER: bool = cfg!(feature = "shader-dev");
+
 impl Sources {
     /// Returns the sources that [`FOLDER_VARIABLE`] selects.
     pub fn from_env() -> Sources {
