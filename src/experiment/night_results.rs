@@ -126,6 +126,21 @@ impl RunResult {
             .map(|(_, value)| value.to_string())
     }
 
+    /// Noise floor of its reference for a column, if it is known.
+    pub fn floor(&self, column: &str) -> Option<f64> {
+        let mut floors = self.floors.iter();
+        floors
+            .find(|(name, _)| name == column)
+            .map(|(_, floor)| *floor)
+    }
+
+    /// Returns the error of a metric without the noise of the reference, where that is known.
+    pub fn net_error(&self, spec: &MetricSpec, error: f64) -> f64 {
+        self.floor(&spec.column)
+            .and_then(|floor| spec.net(error, floor))
+            .unwrap_or(error)
+    }
+
     /// Samples per pixel per second of render time over the whole run; `None` before the first
     /// wave.
     pub fn samples_per_s(&self) -> Option<f64> {
@@ -141,6 +156,12 @@ impl RunResult {
             .filter(|row| row.render_s > 0.0 && row.rays > 0)?;
         Some(last.rays as f64 / last.render_s / 1e6)
     }
+}
+
+/// Returns the efficiency of an estimator with a squared error after seconds of render time, its
+/// inverse product; `None` unless it is positive and finite.
+pub fn efficiency(squared_error: f64, render_s: f64) -> Option<f64> {
+    Some(1.0 / (squared_error * render_s)).filter(|e| e.is_finite() && *e > 0.0)
 }
 
 /// A reference that runs were measured against.

@@ -5,10 +5,10 @@ use std::io::{self, IsTerminal, Stderr, Write};
 use std::time::{Duration, Instant};
 
 use ratatui::backend::CrosstermBackend;
-use ratatui::layout::Rect;
+use ratatui::layout::Constraint;
 use ratatui::{Terminal, TerminalOptions, Viewport};
 
-use super::panes::picture;
+use super::panes::{self, picture};
 use super::terminal::terminal_caps::{OutputMode, TerminalCaps, output_mode};
 use crate::metrics::tonemap::Tonemap;
 use lumbre_light::film::Film;
@@ -82,8 +82,8 @@ impl LivePicture {
             Screen::Rows { terminal, caps } => {
                 let (image, display, caps) = (film.mean(), self.display, *caps);
                 let _ = terminal.draw(|frame| {
-                    let area = frame.area();
-                    let [picture_at, line_at] = split(area);
+                    let parts = [Constraint::Fill(1), Constraint::Length(1)];
+                    let [picture_at, line_at] = panes::rows(frame.area(), parts);
                     picture::draw_image(frame, picture_at, caps, &image, 0.0, display);
                     frame.render_widget(line, line_at);
                 });
@@ -116,17 +116,4 @@ fn open_rows() -> io::Result<Terminal<CrosstermBackend<Stderr>>> {
             viewport: Viewport::Inline(MAX_ROWS.min(rows.saturating_sub(2)).max(2)),
         },
     )
-}
-
-/// Splits an area into that of the picture and the last row.
-fn split(area: Rect) -> [Rect; 2] {
-    let height = area.height.saturating_sub(1);
-    [
-        Rect { height, ..area },
-        Rect {
-            y: area.y + height,
-            height: area.height - height,
-            ..area
-        },
-    ]
 }

@@ -121,6 +121,17 @@ pub struct WaveStats {
 }
 
 impl WaveStats {
+    /// Returns the number of samples per pixel that take about `seconds` at the rate so far: at
+    /// least 1, and 1 if the rate is not known.
+    pub fn samples_in(&self, seconds: f64) -> u64 {
+        let rate = self.samples as f64 / self.render_s;
+        if rate.is_finite() {
+            ((seconds * rate) as u64).max(1)
+        } else {
+            1
+        }
+    }
+
     /// Adds the statistics of a later wave.
     pub fn add(&mut self, later: &WaveStats) {
         self.samples += later.samples;

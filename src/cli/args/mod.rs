@@ -23,7 +23,7 @@ pub use measure::{BenchArgs, VerifyArgs};
 pub use night::{NightArgs, PlanArgs, RetryArgs, RunArgs, ScriptArgs};
 pub use output::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs, ViewArgs};
 pub use scene::{CheckArgs, ExportArgs, TraceArgs};
-pub use typed::{SceneArg, split, value};
+pub use typed::{SceneArg, split, unknown_name, value};
 pub use without_script::{CompareArgs, ComparisonArgs, NewArgs, PictureArgs, RenderArgs};
 
 use crate::cli::exit;

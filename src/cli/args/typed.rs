@@ -30,11 +30,17 @@ pub(super) fn integrator_name(text: &str) -> Result<String, String> {
     if integrator(text).is_some() {
         return Ok(text.to_owned());
     }
-    let names = INTEGRATORS.iter().map(|row| row.name);
-    Err(match suggest::nearest(text, names) {
-        Some(near) => format!("there is no integrator `{text}` (did you mean `{near}`?)"),
-        None => format!("there is no integrator `{text}`"),
-    })
+    let names: Vec<&str> = INTEGRATORS.iter().map(|row| row.name).collect();
+    Err(unknown_name("integrator", text, &names))
+}
+
+/// Describes the error of an unknown name, with the most similar name or all known ones.
+pub fn unknown_name(what: &str, name: &str, known: &[&str]) -> String {
+    let help = match suggest::nearest(name, known.iter().copied()) {
+        Some(near) => format!("did you mean `{near}`?"),
+        None => format!("known: {}", known.join(", ")),
+    };
+    format!("there is no {what} `{name}` ({help})")
 }
 
 /// Parses an option of the form `name=value`.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use serde_json::{Value as Json, json};
 
 use crate::backends::backend;
-use crate::cli::args::{Global, TraceArgs};
+use crate::cli::args::{Global, TraceArgs, unknown_name};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::night::load;
 use crate::cli::reproduce::stored_run;
@@ -15,7 +15,6 @@ use lumbre_light::scene::desc::MAX_SIDE;
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::integrator::{INTEGRATORS, integrator};
 use lumbre_light::transport::sampler::{SAMPLER_NAMES, sampler};
-use lumbre_light::value::suggest;
 use lumbre_render::Job;
 use lumbre_render::path_trace::{MAX_PATH_EVENTS, PathEvent, SampleAt};
 
@@ -98,21 +97,15 @@ fn without_instances(scene: Arc<CompiledScene>) -> Result<Arc<CompiledScene>, Fa
 fn scene_job(args: &TraceArgs, global: &Global) -> Result<(Arc<CompiledScene>, Job), Failure> {
     let (desc, _) = load::load_scene(&args.file, global.missing()).map_err(Failure::usage)?;
     let (scene, _) = compile(&desc).map_err(Failure::usage)?;
-    let unknown = |what: &str, name: &str, known: Vec<&'static str>| {
-        let near = suggest::nearest(name, known.iter().copied());
-        let help = near.map_or_else(
-            || format!("known: {}", known.join(", ")),
-            |n| format!("did you mean `{n}`?"),
-        );
-        Failure::usage(format!("there is no {what} `{name}` ({help})"))
-    };
-    let names = || INTEGRATORS.iter().map(|row| row.name).collect();
+    let unknown =
+        |what: &str, name: &str, known: &[&str]| Failure::usage(unknown_name(what, name, known));
+    let names: Vec<&str> = INTEGRATORS.iter().map(|row| row.name).collect();
     let technique = integrator(&args.integrator)
-        .ok_or_else(|| unknown("integrator", &args.integrator, names()))?;
+        .ok_or_else(|| unknown("integrator", &args.integrator, &names))?;
     let resolution = args.size.unwrap_or(scene.resolution);
     let job = Job {
         sampler: sampler(&args.sampler)
-            .ok_or_else(|| unknown("sampler", &args.sampler, SAMPLER_NAMES.to_vec()))?,
+            .ok_or_else(|| unknown("sampler", &args.sampler, &SAMPLER_NAMES))?,
         threads: global.threads,
         ..Job::plain(
             technique,

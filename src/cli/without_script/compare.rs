@@ -12,7 +12,8 @@ use crate::cli::format::{counted, display_path, rounded};
 use crate::cli::night::last_command::latest;
 use crate::cli::night::log::Log;
 use crate::cli::night::run;
-use crate::experiment::night_results::{NightResults, RunResult};
+use crate::experiment::night_results::{NightResults, RunResult, efficiency};
+use crate::metrics::MetricSpec;
 use crate::store::read::night_results::read_night;
 use crate::store::{self, Evidence};
 
@@ -89,26 +90,19 @@ fn load_warning() -> Option<String> {
     })
 }
 
-/// Returns the error of a finished run without the noise of its reference, and that noise over the
-/// measured error, if it is known.
-fn net_error(night: &NightResults, run: &RunResult) -> Option<(f64, Option<f64>)> {
+/// Returns the metric of the comparison and its last value in a run.
+fn last_error<'a>(night: &'a NightResults, run: &RunResult) -> Option<(&'a MetricSpec, f64)> {
     let index = night.metrics.iter().position(|m| m.column == METRIC)?;
     let value = *run.rows.last()?.metrics.get(index)?;
-    let floor = run.floors.iter().find(|(column, _)| column == METRIC);
-    let Some((_, floor)) = floor else {
-        return Some((value, None));
-    };
-    let net = night.metrics[index].net(value, *floor).unwrap_or(value);
-    Some((net, Some(floor / value)))
+    Some((&night.metrics[index], value))
 }
 
 /// Returns the efficiencies of all finished runs by technique. Runs whose error is not above the
 /// noise of the reference have none.
 fn efficiencies(night: &NightResults, techniques: &[String]) -> Vec<TechniqueResults> {
     let of_run = |run: &RunResult| {
-        let (error, _) = net_error(night, run)?;
-        let efficiency = 1.0 / (error * run.rows.last()?.render_s);
-        (efficiency.is_finite() && efficiency > 0.0).then_some(efficiency)
+        let (spec, error) = last_error(night, run)?;
+        efficiency(run.net_error(spec, error), run.rows.last()?.render_s)
     };
     techniques
         .iter()
@@ -157,7 +151,7 @@ fn floor_warning(night: &NightResults, reference: &str) -> Option<String> {
     let shares = night
         .runs
         .iter()
-        .filter_map(|run| net_error(night, run).and_then(|(_, share)| share));
+        .filter_map(|run| Some(run.floor(METRIC)? / last_error(night, run)?.1));
     let greatest = shares.fold(0.0, f64::max);
     (greatest > MAX_FLOOR_SHARE).then(|| {
         format!(

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use super::settings::picture_table;
 use crate::cli::args::ComparisonArgs;
 use crate::cli::format::rounded;
+use crate::cli::scene::builtin::scene_name;
 use crate::script::literal;
 use lumbre_light::value::Value;
 
@@ -17,14 +18,9 @@ const MEASUREMENTS: f64 = 20.0;
 /// Returns the name of the experiment that compares techniques on a scene: letters, digits, `_` and
 /// `-`.
 pub fn experiment_name(comparison: &ComparisonArgs) -> String {
-    let stem = comparison
-        .picture
-        .scene
-        .file
-        .file_stem()
-        .map_or("scene".into(), |stem| stem.to_string_lossy());
     let is_allowed = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
-    stem.chars()
+    scene_name(&comparison.picture.scene.file)
+        .chars()
         .map(|c| if is_allowed(c) { c } else { '_' })
         .collect()
 }

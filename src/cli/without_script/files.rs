@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use image::codecs::hdr::HdrEncoder;
 
+use crate::cli::scene::builtin::scene_name;
 use crate::metrics::tonemap::Tonemap;
 use crate::output::{exr, png};
 use lumbre_light::film::Image;
@@ -42,9 +43,7 @@ pub struct OutputFile {
 /// Returns a message if a file has an unknown extension, is a folder, or its folder does not exist.
 pub fn outputs(given: &[PathBuf], scene: &Path) -> Result<Vec<OutputFile>, String> {
     if given.is_empty() {
-        let stem = scene
-            .file_stem()
-            .map_or("picture".into(), |stem| stem.to_string_lossy());
+        let stem = scene_name(scene);
         return Ok(["exr", "png"]
             .map(|extension| PathBuf::from(format!("{stem}.{extension}")))
             .into_iter()

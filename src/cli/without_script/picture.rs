@@ -14,7 +14,7 @@ use crate::experiment::{Cell, NightControls};
 use crate::metrics::tonemap::Tonemap;
 use crate::tui::live_picture::LivePicture;
 use crate::tui::terminal::terminal_guard;
-use lumbre_light::film::Film;
+use lumbre_light::film::{Film, Image};
 use lumbre_light::scene::compile::compile_sharing;
 use lumbre_light::transport::integrator::external::is_external;
 use lumbre_render::{Job, Renderer, WaveStats, external};
@@ -57,15 +57,16 @@ pub fn main(args: &RenderArgs, global: &Global) -> Result<Exit, Failure> {
     } = session;
     drop(preview);
     let film = renderer.film();
+    let (image, metadata) = (film.mean(), metadata(args, cell, film));
     for output in &outputs {
-        write(output, film, display, &metadata(args, cell, film))?;
+        write(output, &image, display, &metadata)?;
     }
     let paths: String = outputs
         .iter()
         .map(|output| format!("{}\n", display_path(&output.path)))
         .collect();
     if !global.quiet {
-        print_status(&summary(cell, film, &done));
+        print_status(&summary(cell, film, &image, &done));
     }
     print_result(&paths)?;
     Ok(if controls.stop_requested() {
@@ -121,23 +122,15 @@ impl Limits {
     /// Returns the number of samples of the next wave: what is likely to take [`SLICE_S`], and no
     /// more than is left. 0 if a limit is reached.
     fn next_wave(self, done: &WaveStats) -> u64 {
-        let rate = done.samples as f64 / done.render_s;
-        let at_rate = |seconds: f64| {
-            if rate.is_finite() {
-                ((seconds * rate) as u64).max(1)
-            } else {
-                1
-            }
-        };
         let by_samples = self
             .samples
             .map_or(u64::MAX, |most| most.saturating_sub(done.samples));
         let by_time = match self.seconds {
             Some(most) if done.render_s >= most => 0,
-            Some(most) => at_rate(most - done.render_s),
+            Some(most) => done.samples_in(most - done.render_s),
             None => u64::MAX,
         };
-        at_rate(SLICE_S).min(by_samples).min(by_time)
+        done.samples_in(SLICE_S).min(by_samples).min(by_time)
     }
 
     /// Returns the estimated seconds of rendering that are left.
@@ -201,7 +194,7 @@ impl Session {
 }
 
 /// Describes a finished picture: its size, technique, samples, time, rate and noise.
-fn summary(cell: &Cell, film: &Film, done: &WaveStats) -> String {
+fn summary(cell: &Cell, film: &Film, image: &Image, done: &WaveStats) -> String {
     let mut text = format!(
         "{}x{} by {}: {} per pixel in {} s, {} million paths per second",
         film.width,
@@ -211,7 +204,7 @@ fn summary(cell: &Cell, film: &Film, done: &WaveStats) -> String {
         rounded(done.render_s),
         rounded(done.paths as f64 / done.render_s / 1e6)
     );
-    if let Some(noise) = relative_noise(film) {
+    if let Some(noise) = relative_noise(film, image) {
         text += &format!(", noise {} % of the mean", rounded(100.0 * noise));
     }
     if done.invalid > 0 {
@@ -223,12 +216,12 @@ fn summary(cell: &Cell, film: &Film, done: &WaveStats) -> String {
     text
 }
 
-/// Returns the root mean square standard error of all pixels over the mean of the picture; `None`
-/// if it cannot be estimated.
-fn relative_noise(film: &Film) -> Option<f64> {
+/// Returns the root mean square standard error of all pixels over the mean of the picture, which is
+/// `image`; `None` if it cannot be estimated.
+fn relative_noise(film: &Film, image: &Image) -> Option<f64> {
     let variances = film.variance_of_mean();
     let variance: f64 = variances.mean().iter().sum::<f64>() / 3.0;
-    let mean: f64 = film.mean().mean().iter().sum::<f64>() / 3.0;
+    let mean: f64 = image.mean().iter().sum::<f64>() / 3.0;
     (film.samples > 1 && mean > 0.0).then(|| variance.sqrt() / mean)
 }
 
@@ -258,12 +251,12 @@ fn metadata(args: &RenderArgs, cell: &Cell, film: &Film) -> Vec<(String, String)
 
 fn write(
     output: &files::OutputFile,
-    film: &Film,
+    image: &Image,
     display: Tonemap,
     metadata: &[(String, String)],
 ) -> Result<(), Failure> {
     let bytes = output
-        .encode(&film.mean(), display, metadata)
+        .encode(image, display, metadata)
         .map_err(Failure::internal)?;
     crate::store::write_atomically(&output.path, &bytes).map_err(Failure::internal)
 }

@@ -50,11 +50,7 @@ impl<'a> NightRunner<'a, '_> {
         let mut done = WaveStats::default();
         loop {
             let rate = done.samples as f64 / done.render_s;
-            let max_samples = if rate.is_finite() {
-                ((SLICE_S * rate) as u64).max(1)
-            } else {
-                1
-            };
+            let max_samples = done.samples_in(SLICE_S);
             let next = match warmup {
                 Warmup::Time(seconds) if done.render_s < seconds => {
                     max_samples.min(((seconds - done.render_s) * rate) as u64 + 1)

@@ -75,7 +75,7 @@ fn columns<const N: usize>(area: Rect, constraints: [Constraint; N]) -> [Rect; N
     Layout::horizontal(constraints).areas(area)
 }
 
-fn rows<const N: usize>(area: Rect, constraints: [Constraint; N]) -> [Rect; N] {
+pub(super) fn rows<const N: usize>(area: Rect, constraints: [Constraint; N]) -> [Rect; N] {
     Layout::vertical(constraints).areas(area)
 }
 

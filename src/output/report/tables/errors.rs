@@ -2,7 +2,7 @@
 
 use super::ranking::Ranking;
 use super::{empty_grid, fill_grid, with_devices};
-use crate::experiment::WaveRow;
+use crate::experiment::{WaveRow, night_results};
 use crate::metrics::Better;
 use crate::output::format;
 use crate::output::plot::axis::Scale;
@@ -78,19 +78,9 @@ pub(super) fn efficiency(study: &Study) -> Option<Grid> {
     Some(fill_grid(study, grid, Ranking::HigherRate, |_, m| {
         let last = m.run.rows.last()?;
         let error = m.value(last, metric)?;
-        let floor = m
-            .run
-            .floors
-            .iter()
-            .find(|(column, _)| *column == spec.column)
-            .map(|(_, floor)| *floor);
-        let error = floor
-            .and_then(|floor| spec.net(error, floor))
-            .unwrap_or(error);
-        let error = if is_root { error * error } else { error };
-        Some(1.0 / (error * last.render_s))
-            .filter(|e| e.is_finite() && *e > 0.0)
-            .map(RunValue::Exact)
+        let error = m.run.net_error(spec, error);
+        let squared = if is_root { error * error } else { error };
+        night_results::efficiency(squared, last.render_s).map(RunValue::Exact)
     }))
 }
 

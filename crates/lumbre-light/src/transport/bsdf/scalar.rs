@@ -54,20 +54,6 @@ impl Bsdf {
         self.values::<true>(&self.outgoing(wo), wi, mode, true)
     }
 
-    /// Returns value and both densities for one of many directions `wi`.
-    #[inline]
-    pub fn evaluate_from(&self, out: &Outgoing, wi: Vec3, mode: TransportMode) -> BsdfValue {
-        self.values::<true>(out, wi, mode, true)
-    }
-
-    /// Returns the value and the density of `wi` given `out`. Cheaper than [`Bsdf::evaluate_from`],
-    /// for integrators that do not need the reverse density.
-    #[inline]
-    pub fn evaluate_forward(&self, out: &Outgoing, wi: Vec3, mode: TransportMode) -> (Vec3, f32) {
-        let value = self.values::<false>(out, wi, mode, true);
-        (value.f, value.pdf_w)
-    }
-
     /// Samples a direction; `None` if nothing is reflected. See [`Bsdf::samples`].
     #[inline]
     pub fn sample(&self, wo: Vec3, u: f32, v: [f32; 2], mode: TransportMode) -> Option<BsdfSample> {
@@ -88,23 +74,6 @@ impl Bsdf {
         }
         let (some, sample, _) = self.samples::<false>(out, u, v, mode);
         some.then_some(sample)
-    }
-
-    /// Samples a direction and returns it with the density of `wo` given the direction, zero for a
-    /// Dirac lobe. Cheaper than evaluating that density separately.
-    #[inline]
-    pub fn sample_with_reverse(
-        &self,
-        out: &Outgoing,
-        u: f32,
-        v: [f32; 2],
-        mode: TransportMode,
-    ) -> Option<(BsdfSample, f32)> {
-        if !out.same_side {
-            return None;
-        }
-        let (some, sample, reverse) = self.samples::<true>(out, u, v, mode);
-        some.then_some((sample, reverse))
     }
 
     /// Returns both directions in the local frame if the geometric surface allows light between

@@ -89,14 +89,16 @@ impl Case {
         let [u, v, w] = self.u;
         let mut all = Vec::new();
         for mode in [TransportMode::Radiance, TransportMode::Importance] {
-            let value = b.evaluate_from(&out, self.wi, mode);
+            let value = b.values::<true>(&out, self.wi, mode, true);
             all.extend(value.f.to_array());
             all.extend([value.pdf_w, value.reverse_pdf_w]);
-            let (f, pdf_w) = b.evaluate_forward(&out, self.wi, mode);
-            all.extend(f.to_array());
-            all.push(pdf_w);
+            let forward = b.values::<false>(&out, self.wi, mode, true);
+            all.extend(forward.f.to_array());
+            all.push(forward.pdf_w);
             let forward = b.sample_from(&out, u, [v, w], mode).map(|s| (s, 0.0));
-            for sampled in [b.sample_with_reverse(&out, u, [v, w], mode), forward] {
+            let (some, s, reverse) = b.samples::<true>(&out, u, [v, w], mode);
+            let both = (out.same_side && some).then_some((s, reverse));
+            for sampled in [both, forward] {
                 let Some((s, reverse)) = sampled else {
                     all.extend([0.0; 11]);
                     continue;

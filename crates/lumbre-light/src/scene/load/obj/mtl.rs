@@ -26,7 +26,7 @@ use std::sync::Arc;
 
 use glam::{Affine2, Vec2, Vec3};
 
-use super::supported;
+use super::supported::NotedKeywords;
 use crate::scene::desc::material_params::MIN_IOR;
 use crate::scene::desc::{Lookup, MaterialDesc, NoInverse, TextureDesc, TextureSlot, Wrap};
 use crate::scene::load::images::{self, ImageCache};
@@ -87,7 +87,7 @@ pub(super) fn load(
         missing,
         notes,
         images,
-        noted_keywords: Vec::new(),
+        noted_keywords: NotedKeywords::default(),
         materials: Vec::new(),
     };
     for (i, line) in String::from_utf8_lossy(&bytes).lines().enumerate() {
@@ -102,8 +102,7 @@ struct MtlParser<'a> {
     missing: MissingTextures,
     notes: &'a mut Vec<Note>,
     images: &'a mut ImageCache,
-    /// Unsupported keywords that have been noted.
-    noted_keywords: Vec<String>,
+    noted_keywords: NotedKeywords,
     materials: Vec<(MaterialDesc, Statements)>,
 }
 
@@ -178,27 +177,12 @@ impl MtlParser<'_> {
             "bump" | "map_bump" => self.map(line, rest, TextureSlot::Bump),
             other if IGNORED.contains(&other) => Ok(()),
             other => {
-                self.note_unsupported(line, other);
+                if let Some(problem) = self.noted_keywords.note(other) {
+                    self.note(line, problem);
+                }
                 Ok(())
             }
         }
-    }
-
-    /// Notes an unsupported statement, once for each keyword and at most 16 times. Keywords that the
-    /// format does not have are noted once and not quoted, since the file may be of another kind.
-    fn note_unsupported(&mut self, line: usize, keyword: &str) {
-        let is_known = supported::is_unsupported(keyword);
-        let keyword = if is_known { keyword } else { "" };
-        if self.noted_keywords.iter().any(|k| k == keyword) || self.noted_keywords.len() >= 16 {
-            return;
-        }
-        let problem = if is_known {
-            format!("statements `{keyword}` are not supported; ignored")
-        } else {
-            "this is no statement of the format; it and others like it are ignored".to_owned()
-        };
-        self.note(line, problem);
-        self.noted_keywords.push(keyword.to_owned());
     }
 
     /// Reads `N` numbers, clamped to a range with a note.

@@ -105,7 +105,28 @@ const UNSUPPORTED: &str = "bevel bmat bsp bzp c_interp call cdc con cstype csh c
                            map_ps map_refl map_tr maplib parm refl res rim scrv shadow_obj sp stech \
                            step surf trace_obj trim usemap";
 
-/// Whether a keyword is that of a statement which the formats have and the reader does not support.
-pub(super) fn is_unsupported(keyword: &str) -> bool {
-    UNSUPPORTED.split(' ').any(|known| known == keyword)
+/// Greatest number of keywords that are noted in one file.
+const MAX_NOTED: usize = 16;
+
+/// Unsupported keywords of a file that have been noted.
+#[derive(Default)]
+pub(super) struct NotedKeywords(Vec<String>);
+
+impl NotedKeywords {
+    /// Returns the note about an unsupported statement: once for each keyword, and at most 16 times.
+    /// Keywords that the format does not have are noted once and not quoted, since the file may be
+    /// of another kind.
+    pub(super) fn note(&mut self, keyword: &str) -> Option<String> {
+        let is_known = UNSUPPORTED.split(' ').any(|known| known == keyword);
+        let keyword = if is_known { keyword } else { "" };
+        if self.0.iter().any(|k| k == keyword) || self.0.len() >= MAX_NOTED {
+            return None;
+        }
+        self.0.push(keyword.to_owned());
+        Some(if is_known {
+            format!("statements `{keyword}` are not supported; ignored")
+        } else {
+            "this is no statement of the format; it and others like it are ignored".to_owned()
+        })
+    }
 }

@@ -10,7 +10,7 @@ use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
-use super::supported;
+use super::supported::NotedKeywords;
 use crate::scene::desc::MAX_COORDINATE;
 
 /// Faces with the same material, where all vertices or none have texture coordinates, and the same
@@ -116,7 +116,7 @@ struct Checker {
     faces_since_material: bool,
     current: Option<usize>,
     counts: Occurrences,
-    noted_keywords: Vec<String>,
+    noted_keywords: NotedKeywords,
     libraries: Vec<String>,
     /// Set of the names in `libraries`.
     library_names: BTreeSet<String>,
@@ -187,27 +187,12 @@ impl Checker {
             }
             _ if IGNORED.contains(&keyword) => Ok(()),
             other => {
-                self.note_unsupported(other);
+                if let Some(problem) = self.noted_keywords.note(other) {
+                    self.notes.push((format!("line {}", self.line), problem));
+                }
                 Ok(())
             }
         }
-    }
-
-    /// Notes an unsupported statement, once for each keyword and at most 16 times. Keywords that the
-    /// format does not have are noted once and not quoted, since the file may be of another kind.
-    fn note_unsupported(&mut self, keyword: &str) {
-        let is_known = supported::is_unsupported(keyword);
-        let keyword = if is_known { keyword } else { "" };
-        if self.noted_keywords.iter().any(|k| k == keyword) || self.noted_keywords.len() >= 16 {
-            return;
-        }
-        let problem = if is_known {
-            format!("statements `{keyword}` are not supported; ignored")
-        } else {
-            "this is no statement of the format; it and others like it are ignored".to_owned()
-        };
-        self.notes.push((format!("line {}", self.line), problem));
-        self.noted_keywords.push(keyword.to_owned());
     }
 
     /// Reads a `v` statement.

@@ -306,7 +306,7 @@ impl<R: Real> Subpath<R> {
     /// Multiplies the throughputs by the BSDF weights, and ends subpaths by Russian roulette after
     /// edge number `edge`. Its survival probabilities follow from the product of the weights
     /// `rr_weight`; MIS weights do not involve it: see [`crate::transport::mis`]. Returns the lanes
-    /// of `lanes` that survive and carry something.
+    /// of `lanes` that survive with a throughput other than zero.
     #[inline(always)]
     fn roulette(
         &mut self,
