@@ -74,6 +74,9 @@ pub enum Builder {
     Plane,
     /// Splits at the bin border that is cheapest by the surface area heuristic [Wald 2007].
     Sah,
+    /// Splits at the median along the longest side of the centroids' box: the depth is the binary
+    /// logarithm of the number of primitives, whatever the scene.
+    Median,
     /// Locally ordered clustering [Meister and Bittner 2018a] with reinsertion [Meister and Bittner
     /// 2018b].
     Ploc,
@@ -84,16 +87,17 @@ pub enum Builder {
 
 impl Builder {
     /// All builders, in the order of [`Builder::WORDS`].
-    pub const ALL: [Builder; 5] = [
+    pub const ALL: [Builder; 6] = [
         Builder::None,
         Builder::Plane,
         Builder::Sah,
+        Builder::Median,
         Builder::Ploc,
         Builder::Cwbvh,
     ];
 
     /// Names of the builders in scripts.
-    pub const WORDS: &'static [&'static str] = &["none", "plane", "sah", "ploc", "cwbvh"];
+    pub const WORDS: &'static [&'static str] = &["none", "plane", "sah", "median", "ploc", "cwbvh"];
 
     /// Returns its name in scripts.
     pub fn name(self) -> &'static str {
@@ -163,9 +167,10 @@ pub const ACCEL: Table = Table {
             required: false,
             default: "ploc",
             doc: "none: no hierarchy, every ray is tested with every primitive; plane: boxes are \
-                  split in the middle; sah: binned surface area heuristic; ploc: locally ordered \
-                  clustering with reinsertion; cwbvh: the same with compressed nodes, and triangles \
-                  tested one at a time (on vulkan-compute identical to ploc)",
+                  split in the middle; sah: binned surface area heuristic; median: halves by number; \
+                  ploc: locally ordered clustering with reinsertion; cwbvh: the same with compressed \
+                  nodes, and triangles tested one at a time (on vulkan-compute identical to ploc). \
+                  Where ploc and cwbvh are too deep for traversal, median is used",
         },
         Field {
             key: "bins",
@@ -309,10 +314,19 @@ impl AccelSpec {
             .collect()
     }
 
+    /// Returns the settings to use instead where a tree of these is too deep for traversal, or
+    /// `None` if the builder is one that a user chose to study.
+    pub fn shallow(&self) -> Option<AccelSpec> {
+        matches!(self.builder, Builder::Ploc | Builder::Cwbvh).then_some(AccelSpec {
+            builder: Builder::Median,
+            ..*self
+        })
+    }
+
     /// Returns a short description for users: the builder and its settings.
     pub fn describe(&self) -> String {
         let own = match self.builder {
-            Builder::None => String::new(),
+            Builder::None | Builder::Median => String::new(),
             Builder::Plane => format!(" to {} levels", self.max_depth),
             Builder::Sah => format!(" with {} bins to {} levels", self.bins, self.max_depth),
             Builder::Ploc | Builder::Cwbvh => format!(" {}", self.quality.name().replace('_', " ")),

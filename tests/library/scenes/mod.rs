@@ -13,6 +13,7 @@ mod edit;
 mod export;
 mod folder;
 mod gltf;
+mod growth;
 mod hostile;
 mod hostile_cases;
 mod lights;

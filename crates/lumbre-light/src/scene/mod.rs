@@ -13,38 +13,14 @@ pub mod export;
 pub mod load;
 pub mod names;
 pub mod noise;
+mod note;
 pub mod shape;
 
 use std::path::PathBuf;
 
 pub use compile::{CompiledScene, compile};
 pub use desc::SceneDesc;
-
-/// A part of a scene file that was ignored, or interpreted differently than the file specifies.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Note {
-    /// File that the note refers to; empty if the note concerns a whole scene of any origin.
-    pub file: PathBuf,
-    /// Location in the file: a key path such as `materials[2].displacementtexture`, or a line.
-    pub place: String,
-    /// Description of the problem and of what was done instead.
-    pub message: String,
-}
-
-impl std::fmt::Display for Note {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        if self.file.as_os_str().is_empty() {
-            return write!(f, "{}: {}", self.place, self.message);
-        }
-        write!(
-            f,
-            "{}: {}: {}",
-            self.file.display(),
-            self.place,
-            self.message
-        )
-    }
-}
+pub use note::Note;
 
 /// Reason why a scene cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

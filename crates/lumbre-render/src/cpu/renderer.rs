@@ -109,12 +109,7 @@ impl CpuRenderer {
             accel_nodes: accel.node_count() as u64,
             accel_bytes: accel.bytes() as u64,
             accel_cost: accel.cost(),
-            device: device_line(
-                &accel,
-                &job.accel,
-                pool.current_num_threads(),
-                wavefront.is_some(),
-            ),
+            device: device_line(&accel, pool.current_num_threads(), wavefront.is_some()),
             ..OpenStats::default()
         };
         Ok(CpuRenderer {
@@ -173,8 +168,8 @@ impl CpuRenderer {
 
 /// Returns a line for users that states the number of threads, the hierarchy and the instruction
 /// set.
-fn device_line(accel: &Accel, spec: &AccelSpec, threads: usize, vectorised: bool) -> String {
-    let plain = AccelSpec::default();
+fn device_line(accel: &Accel, threads: usize, vectorised: bool) -> String {
+    let (spec, plain) = (&accel.spec, AccelSpec::default());
     let tree = match spec.builder {
         Builder::None => "no hierarchy".to_owned(),
         Builder::Cwbvh => format!("compressed BVH by {}", spec.describe()),

@@ -52,8 +52,12 @@ impl DeviceBvh {
         spec: &AccelSpec,
     ) -> Result<DeviceBvh, VulkanError> {
         let start = Instant::now();
-        let trees = SceneTrees::new(scene, spec);
-        if trees.stack > BVH_STACK as usize {
+        let fits = |trees: &SceneTrees| trees.stack <= BVH_STACK as usize;
+        let mut trees = SceneTrees::new(scene, spec);
+        if let Some(shallow) = spec.shallow().filter(|_| !fits(&trees)) {
+            trees = SceneTrees::new(scene, &shallow);
+        }
+        if !fits(&trees) {
             let needed = format!(
                 "this scene's BVH: it needs a traversal stack of {} entries (at most {BVH_STACK})",
                 trees.stack

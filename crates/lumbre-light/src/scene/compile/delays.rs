@@ -7,7 +7,7 @@ use super::materials::TextureBank;
 use super::{Material, NONE, Texture, UvMap};
 use crate::math::piecewise::Piecewise;
 use crate::scene::desc::delay::{check_mean_and_width, check_value};
-use crate::scene::desc::{DelayKind, MaterialDesc, SceneDesc, delay};
+use crate::scene::desc::{DelayKind, MaterialDesc, MaterialNames, SceneDesc, delay};
 use crate::scene::{Note, SceneError};
 
 /// Components and temporal profiles of the materials of a scene. Empty if no material is composed
@@ -124,11 +124,13 @@ pub(super) fn compile(
         .iter()
         .map(|m| compile_profile(m, bank, notes))
         .collect::<Result<_, _>>()?;
+    let names = desc.material_names();
     for (index, m) in desc.materials.iter().enumerate() {
         let first = delays.components.len();
         if !plain(m) {
             let mut flattener = Flattener {
                 desc,
+                names: &names,
                 profiles: &profiles,
                 delays: &mut delays,
                 weight_sum: 0.0,
@@ -159,6 +161,7 @@ pub(super) fn compile(
 /// Recursive flattening of one composed material.
 struct Flattener<'a> {
     desc: &'a SceneDesc,
+    names: &'a MaterialNames<'a>,
     /// The material's own profile, for every material of the scene.
     profiles: &'a [Option<DelayProfile>],
     delays: &'a mut Delays,
@@ -189,7 +192,7 @@ impl Flattener<'_> {
         }
         for (name, share) in m.parts.iter().zip(&m.weights) {
             // `delay::check` has found every name.
-            if let Some(component) = self.desc.material_index(name) {
+            if let Some(component) = self.names.index(name) {
                 self.add(component, weight * f64::from(*share), outer);
             }
         }

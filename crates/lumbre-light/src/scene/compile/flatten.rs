@@ -11,9 +11,9 @@ use super::mesh::{add_mesh, in_range, mesh_entities, push_emitter, with_own_dire
 use super::{CompiledScene, NONE, Sphere, bounds, lights, materials};
 use crate::math::distribution::AliasTable;
 use crate::scene::desc::{
-    CameraDesc, EntityDesc, MAX_COORDINATE, SceneDesc, ShapeDesc, content_hash,
+    CameraDesc, EntityDesc, MAX_COORDINATE, MaterialNames, SceneDesc, ShapeDesc, content_hash,
 };
-use crate::scene::{Note, SceneError};
+use crate::scene::{Note, SceneError, note};
 use crate::value::schema::SchemaError;
 
 /// Greatest number of primitives in a scene: more would exceed the memory of the machines that this
@@ -50,7 +50,11 @@ pub fn compile_sharing(
 ) -> Result<(CompiledScene, Vec<Note>), SceneError> {
     let mut notes = Vec::new();
     let mut scene = without_surfaces(desc, &mut notes)?;
-    let mut resolver = MaterialResolver { desc, notes };
+    let mut resolver = MaterialResolver {
+        desc,
+        names: desc.material_names(),
+        notes,
+    };
     let mut entities = mesh_entities(&mut scene, &mut resolver)?;
     let instances = instancing::extract_instances(&scene, &mut entities, sharing);
     let spheres = desc
@@ -83,7 +87,7 @@ pub fn compile_sharing(
     let mut notes = resolver.notes;
     scene.bounds = bounds::bounds(&scene);
     check_lights(&scene, &mut notes)?;
-    Ok((scene, notes))
+    Ok((scene, note::summed_up(notes)))
 }
 
 /// Returns the compiled scene before any surface is added.
@@ -207,13 +211,14 @@ fn checked_camera(camera: &CameraDesc, notes: &mut Vec<Note>) -> Result<CameraDe
 /// Finds materials by name, and notes each unknown name.
 pub(super) struct MaterialResolver<'a> {
     pub desc: &'a SceneDesc,
+    names: MaterialNames<'a>,
     pub notes: Vec<Note>,
 }
 
 impl MaterialResolver<'_> {
     /// Returns the index of the material, or 0 with a note if the name is unknown.
     pub fn index(&mut self, name: &str, file: &Path, place: &str) -> u32 {
-        if let Some(i) = self.desc.material_index(name) {
+        if let Some(i) = self.names.index(name) {
             return i as u32;
         }
         self.notes.push(Note {

@@ -8,7 +8,7 @@
 
 use super::TextureSlot;
 use super::material_params::MaterialParam;
-use super::{MaterialDesc, SceneDesc};
+use super::{MaterialDesc, MaterialNames, SceneDesc};
 use crate::value::Value;
 use crate::value::schema::{SchemaError, Ty};
 
@@ -327,9 +327,10 @@ fn param_error(m: &MaterialDesc, param: &str, problem: String, help: &str) -> Sc
 /// do not sum to one or do not match the components, a component that does not exist, emits light,
 /// or contains itself.
 pub fn check(desc: &SceneDesc) -> Result<(), SchemaError> {
+    let names = desc.material_names();
     for m in &desc.materials {
         check_profile(m)?;
-        check_composition(desc, m)?;
+        check_composition(desc, &names, m)?;
     }
     Ok(())
 }
@@ -425,7 +426,11 @@ fn check_table(m: &MaterialDesc) -> Result<(), SchemaError> {
     Ok(())
 }
 
-fn check_composition(desc: &SceneDesc, m: &MaterialDesc) -> Result<(), SchemaError> {
+fn check_composition(
+    desc: &SceneDesc,
+    names: &MaterialNames,
+    m: &MaterialDesc,
+) -> Result<(), SchemaError> {
     if m.parts.is_empty() && m.weights.is_empty() {
         return Ok(());
     }
@@ -459,13 +464,14 @@ fn check_composition(desc: &SceneDesc, m: &MaterialDesc) -> Result<(), SchemaErr
         ));
     }
     let mut components = 0;
-    check_components(desc, m, m, 0, &mut components)
+    check_components(desc, names, m, m, 0, &mut components)
 }
 
 /// Checks the components of `m`, which is at nesting level `depth` below `root`, and adds their
 /// number to `components`.
 fn check_components(
     desc: &SceneDesc,
+    names: &MaterialNames,
     root: &MaterialDesc,
     m: &MaterialDesc,
     depth: usize,
@@ -486,7 +492,7 @@ fn check_components(
                 "",
             ));
         }
-        let Some(index) = desc.material_index(name) else {
+        let Some(index) = names.index(name) else {
             let known: Vec<&str> = desc.materials.iter().map(|m| m.name.as_str()).collect();
             let path = format!("materials.{}.parts", m.name);
             return Err(crate::value::schema::unknown_name(
@@ -502,7 +508,7 @@ fn check_components(
                 "use materials without emission",
             ));
         }
-        check_components(desc, root, component, depth + 1, components)?;
+        check_components(desc, names, root, component, depth + 1, components)?;
     }
     Ok(())
 }

@@ -11,8 +11,8 @@ use glam::{Vec2, Vec3};
 
 use super::material_params::{MaterialParam, SURFACE};
 use super::{
-    EntityDesc, EnvironmentSource, LightKind, MATERIAL_PARAMS, MaterialDesc, MeshDesc, SceneDesc,
-    ShapeDesc, Texels,
+    EntityDesc, EnvironmentSource, LightKind, MATERIAL_PARAMS, MaterialDesc, MaterialNames,
+    MeshDesc, SceneDesc, ShapeDesc, Texels,
 };
 
 /// Version tags of the encodings below. A tag changes with its encoding, so that hashes of
@@ -40,14 +40,15 @@ pub fn content_hash(desc: &SceneDesc) -> [u8; 32] {
     float(&mut h, camera.lens_diameter());
     int(&mut h, u64::from(camera.focus_distance.is_some()));
     float(&mut h, camera.focus_distance.unwrap_or(0.0));
+    let names = desc.material_names();
     int(&mut h, desc.materials.len() as u64);
     desc.materials
         .iter()
-        .for_each(|m| hash_material(&mut h, desc, m));
+        .for_each(|m| hash_material(&mut h, &names, m));
     int(&mut h, desc.entities.len() as u64);
     desc.entities
         .iter()
-        .for_each(|e| hash_entity(&mut h, desc, e));
+        .for_each(|e| hash_entity(&mut h, &names, e));
     hash_lights(&mut h, desc);
     *h.finalize().as_bytes()
 }
@@ -100,7 +101,7 @@ fn hash_lights(h: &mut Hasher, desc: &SceneDesc) {
     float(h, environment.scale);
 }
 
-fn hash_material(h: &mut Hasher, desc: &SceneDesc, m: &MaterialDesc) {
+fn hash_material(h: &mut Hasher, names: &MaterialNames, m: &MaterialDesc) {
     let (surface, later) = MATERIAL_PARAMS.split_at(SURFACE.len());
     for param in surface {
         (param.get)(m).hash_into(h);
@@ -136,17 +137,13 @@ fn hash_material(h: &mut Hasher, desc: &SceneDesc, m: &MaterialDesc) {
     }
     // The indices of the components count, their names do not; the number of weights is the number
     // of components.
-    m.parts.iter().for_each(|name| {
-        int(
-            h,
-            desc.material_index(name)
-                .map_or(u64::MAX, |index| index as u64),
-        )
-    });
+    m.parts
+        .iter()
+        .for_each(|name| int(h, names.index(name).map_or(u64::MAX, |index| index as u64)));
 }
 
-fn hash_entity(h: &mut Hasher, desc: &SceneDesc, e: &EntityDesc) {
-    let index = |name: &str| desc.material_index(name).unwrap_or(0) as u64;
+fn hash_entity(h: &mut Hasher, names: &MaterialNames, e: &EntityDesc) {
+    let index = |name: &str| names.index(name).unwrap_or(0) as u64;
     vec3(h, e.transform.translate);
     e.transform
         .frame

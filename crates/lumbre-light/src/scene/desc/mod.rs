@@ -14,6 +14,7 @@ pub mod material_params;
 mod model;
 mod slot;
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -70,6 +71,15 @@ impl SceneDesc {
         self.materials.iter().position(|m| m.name == name)
     }
 
+    /// Returns the names of all materials, for looking up many.
+    pub fn material_names(&self) -> MaterialNames<'_> {
+        let mut indices = BTreeMap::new();
+        for (index, m) in self.materials.iter().enumerate() {
+            indices.entry(m.name.as_str()).or_insert(index);
+        }
+        MaterialNames(indices)
+    }
+
     /// Appends a white, rough material named [`DEFAULT_MATERIAL`] if a face or sphere refers to
     /// that name and no material has it.
     #[must_use]
@@ -87,6 +97,18 @@ impl SceneDesc {
             });
         }
         self
+    }
+}
+
+/// Names of the materials of a scene: the same as [`SceneDesc::material_index`] for each name, in
+/// logarithmic time.
+#[derive(Debug)]
+pub struct MaterialNames<'a>(BTreeMap<&'a str, usize>);
+
+impl MaterialNames<'_> {
+    /// Returns the index of the first material with this name.
+    pub fn index(&self, name: &str) -> Option<usize> {
+        self.0.get(name).copied()
     }
 }
 

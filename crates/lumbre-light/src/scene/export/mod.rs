@@ -23,8 +23,8 @@ use self::surface::SurfaceWriter;
 use self::texture::{TexelConversion, TextureWriter};
 use self::xml::Xml;
 use super::desc::{
-    CameraDesc, DEFAULT_MATERIAL, EntityDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc,
-    TextureSlot,
+    CameraDesc, DEFAULT_MATERIAL, EntityDesc, MaterialDesc, MaterialNames, MeshDesc, SceneDesc,
+    ShapeDesc, TextureSlot,
 };
 use super::names::UniqueNames;
 use super::{Note, SceneError};
@@ -63,6 +63,7 @@ pub fn can_replace(folder: &Path) -> bool {
 pub fn mitsuba(desc: &SceneDesc, folder: &Path) -> Result<Exported, SceneError> {
     let mut writer = SceneWriter {
         desc,
+        names: desc.material_names(),
         xml: Xml::default(),
         folder: OutputFolder {
             root: folder.to_owned(),
@@ -175,6 +176,7 @@ impl OutputFolder {
 /// State while a scene is exported.
 struct SceneWriter<'a> {
     desc: &'a SceneDesc,
+    names: MaterialNames<'a>,
     xml: Xml,
     folder: OutputFolder,
     textures: TextureWriter,
@@ -329,7 +331,7 @@ impl SceneWriter<'_> {
 
     /// Returns the material index of each slot; unknown names select the first material.
     fn material_indices(&self, entity: &EntityDesc, mesh: &MeshDesc) -> Vec<usize> {
-        let row = |name: &String| self.desc.material_index(name).unwrap_or(0);
+        let row = |name: &String| self.names.index(name).unwrap_or(0);
         mesh.slots
             .iter()
             .map(|slot| row(entity.material.as_ref().unwrap_or(slot)))
@@ -474,7 +476,7 @@ impl SceneWriter<'_> {
         let row = entity
             .material
             .as_ref()
-            .and_then(|name| self.desc.material_index(name))
+            .and_then(|name| self.names.index(name))
             .unwrap_or(0);
         let id = self.ids.allocate(&identifier(&entity.name));
         self.xml.open("shape", &[("type", "sphere"), ("id", &id)]);

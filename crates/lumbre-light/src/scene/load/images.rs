@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::Vec3;
-use image::{DynamicImage, ImageReader, Limits};
+use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
 
 use super::{canonical, openexr, read_file, unreadable};
 use crate::scene::desc::{Texels, TextureDesc};
@@ -220,9 +220,14 @@ pub(super) fn decode(
     limits.max_image_width = Some(MAX_TEXTURE_SIDE);
     limits.max_image_height = Some(MAX_TEXTURE_SIDE);
     limits.max_alloc = Some(budget);
-    reader.limits(limits);
-    let image = reader.decode().map_err(|e| malformed(e.to_string()))?;
-    let (width, height) = (image.width(), image.height());
+    let failed = |e: image::ImageError| malformed(e.to_string());
+    reader.limits(limits.clone());
+    let mut decoder = reader.into_decoder().map_err(failed)?;
+    limits.reserve(decoder.total_bytes()).map_err(failed)?;
+    decoder.set_limits(limits).map_err(failed)?;
+    let (width, height) = decoder.dimensions();
+    ensure_memory(width, height).map_err(malformed)?;
+    let image = DynamicImage::from_decoder(decoder).map_err(failed)?;
     if width == 0 || height == 0 {
         return Err(malformed("the image has no pixels".to_owned()));
     }
@@ -245,6 +250,18 @@ pub(super) fn decode(
         }
     };
     Ok(TextureDesc::new(path, width, height, texels))
+}
+
+/// Checks that the memory for decoding an image of 8-bit channels is available: the decoded image
+/// and two copies of it as texels. A failed allocation inside a decoder would end the program.
+fn ensure_memory(width: u32, height: u32) -> Result<(), String> {
+    let bytes = 3 * 4 * width as usize * height as usize;
+    Vec::<u8>::new().try_reserve_exact(bytes).map_err(|_| {
+        format!(
+            "an image of {width}x{height} pixels needs {} MiB of memory, which is not available",
+            bytes >> 20
+        )
+    })
 }
 
 /// Decodes an OpenEXR image.

@@ -21,7 +21,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use super::{Note, SceneDesc, SceneError};
+use super::{Note, SceneDesc, SceneError, note};
 
 /// A row of [`FORMATS`]: one scene format.
 #[derive(Debug)]
@@ -158,7 +158,8 @@ pub fn load(path: &Path) -> Result<(SceneDesc, Vec<Note>), SceneError> {
     load_with(path, MissingTextures::Fail)
 }
 
-/// Loads a scene file like [`load`], with a policy for textures that cannot be read.
+/// Loads a scene file like [`load`], with a policy for textures that cannot be read. Notes with
+/// equal messages beyond the first few are counted, not listed.
 ///
 /// # Errors
 /// Fails like [`load`]; `missing` may exempt textures of materials.
@@ -172,6 +173,12 @@ pub fn load_with(
     } else {
         path
     };
+    let (desc, notes) = (format_of(path)?.load)(path, missing)?;
+    Ok((desc, note::summed_up(notes)))
+}
+
+/// Returns the format of a file, by its extension or its first bytes.
+fn format_of(path: &Path) -> Result<&'static FormatRow, SceneError> {
     let extension = path
         .extension()
         .and_then(|e| e.to_str())
@@ -181,16 +188,17 @@ pub fn load_with(
         .iter()
         .find(|row| row.extensions.contains(&extension.as_str()))
     {
-        return (row.load)(path, missing);
+        return Ok(row);
     }
     let mut head = Vec::new();
     let (file, length) = open(path)?;
     file.take(SNIFF_BYTES.min(length))
         .read_to_end(&mut head)
         .map_err(|e| unreadable(path, e))?;
-    match FORMATS.iter().find(|row| (row.sniff)(&head)) {
-        Some(row) => (row.load)(path, missing),
-        None => Err(SceneError::UnknownFormat {
+    FORMATS
+        .iter()
+        .find(|row| (row.sniff)(&head))
+        .ok_or_else(|| SceneError::UnknownFormat {
             file: path.to_owned(),
             known: FORMATS
                 .iter()
@@ -198,8 +206,7 @@ pub fn load_with(
                 .map(|e| format!(".{e}"))
                 .collect::<Vec<_>>()
                 .join(", "),
-        }),
-    }
+        })
 }
 
 /// Returns whether a path is a folder that contains a scene.

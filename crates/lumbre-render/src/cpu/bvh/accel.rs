@@ -39,6 +39,8 @@ pub struct Accel {
     /// Scene that primitive indices of hits refer to: flattened if the builder does not support
     /// instances.
     pub(crate) scene: Arc<CompiledScene>,
+    /// Settings with which the tree was built.
+    pub(crate) spec: AccelSpec,
     /// Root node or leaf, as in [`Node::child`].
     pub(crate) root: u32,
     pub(crate) nodes: Vec<Node>,
@@ -62,7 +64,7 @@ pub enum AccelError {
     /// The tree is deeper than the traversal stack allows.
     #[error(
         "the scene's hierarchy is {levels} levels deep, more than the traversal stack allows; set \
-         another `builder` or a lower `max_depth` in `accel`"
+         `builder = \"median\"` or a lower `max_depth` in `accel`"
     )]
     TooDeep {
         /// Number of levels of eight-wide nodes.
@@ -89,19 +91,36 @@ impl Accel {
         Accel::build_as(scene, &AccelSpec::default(), Isa::detect())
     }
 
-    /// Builds the hierarchy of a scene with the given settings. `isa` should be one of
+    /// Builds the hierarchy of a scene with the given settings, or with [`AccelSpec::shallow`] if
+    /// its tree is too deep for the traversal stack. `isa` should be one of
     /// [`Isa::available`]; any other is replaced by the portable one. Hits have the same bits with
     /// all of them.
     ///
     /// # Errors
-    /// Returns an error if the tree is too deep for the traversal stack, or the flattened scene has
-    /// too many primitives.
+    /// Returns an error if the tree is too deep for the traversal stack and there is no shallow one,
+    /// or the flattened scene has too many primitives.
     pub fn build_as(
         scene: Arc<CompiledScene>,
         spec: &AccelSpec,
         isa: Isa,
     ) -> Result<Accel, AccelError> {
         let start = Instant::now();
+        let mut accel = match (Accel::build_tree(&scene, spec, isa), spec.shallow()) {
+            (Err(AccelError::TooDeep { .. }), Some(shallow)) => {
+                Accel::build_tree(&scene, &shallow, isa)?
+            }
+            (built, _) => built?,
+        };
+        accel.build_s = start.elapsed().as_secs_f64();
+        Ok(accel)
+    }
+
+    /// Builds the hierarchy with exactly these settings.
+    fn build_tree(
+        scene: &Arc<CompiledScene>,
+        spec: &AccelSpec,
+        isa: Isa,
+    ) -> Result<Accel, AccelError> {
         let flatten = matches!(spec.builder, Builder::None | Builder::Cwbvh)
             && !scene.instances.placements.is_empty();
         let scene = if flatten {
@@ -111,9 +130,10 @@ impl Accel {
                     .map_err(|count| AccelError::TooMany { count })?,
             )
         } else {
-            scene
+            Arc::clone(scene)
         };
         let mut accel = Accel {
+            spec: *spec,
             masked: scene.materials.iter().any(|m| m.mask_texture != NONE),
             root: LEAF,
             nodes: Vec::new(),
@@ -134,7 +154,6 @@ impl Accel {
         } else {
             accel.build_bvh8(spec)?;
         }
-        accel.build_s = start.elapsed().as_secs_f64();
         Ok(accel)
     }
 

@@ -71,6 +71,9 @@ pub(crate) fn build_binary(
             TopDownBuilder::new(primitives, max_leaf as usize, spec.max_depth)
                 .split_by(|primitives, members| sah_split(primitives, members, bins))
         }
+        Builder::Median => {
+            TopDownBuilder::new(primitives, max_leaf as usize, u32::MAX).split_by(median_split)
+        }
         Builder::Ploc | Builder::Cwbvh => {
             let (radius, reinserted) = preset(spec.quality);
             let mut tree = build_clusters(primitives, radius, max_leaf);
@@ -184,6 +187,26 @@ fn plane_split(primitives: &[BuildPrimitive], members: &mut [u32]) -> Option<usi
     Some(partition(members, |i| {
         primitives[i as usize].centroid[axis] > middle
     }))
+}
+
+/// Splits into two halves of equal number by the centroids along the longest side of their box.
+fn median_split(primitives: &[BuildPrimitive], members: &mut [u32]) -> Option<usize> {
+    let centroid = |i: u32| primitives[i as usize].centroid;
+    let start = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+    let (low, high) = members.iter().fold(start, |(low, high), i| {
+        (low.min(centroid(*i)), high.max(centroid(*i)))
+    });
+    let size = high - low;
+    let axis = (0..3)
+        .max_by(|a, b| size[*a].total_cmp(&size[*b]))
+        .unwrap_or(2);
+    let middle = members.len() / 2;
+    // Equal centroids are ordered by index, so that the tree does not depend on the selection.
+    members.select_nth_unstable_by(middle, |a, b| {
+        let by_place = centroid(*a)[axis].total_cmp(&centroid(*b)[axis]);
+        by_place.then(a.cmp(b))
+    });
+    Some(middle)
 }
 
 /// Splits at the bin border of least cost by the surface area heuristic: the sum over both sides of

@@ -45,7 +45,7 @@ pub fn build_packed(spec: &AccelSpec, primitives: &[BuildPrimitive], max_leaf: u
         Builder::Ploc | Builder::Cwbvh => {
             PackedTree::collapse(&build_binary(spec, primitives, max_child), max_child)
         }
-        Builder::None | Builder::Plane | Builder::Sah => {
+        Builder::None | Builder::Plane | Builder::Sah | Builder::Median => {
             let mut binary = build_binary(spec, primitives, max_leaf);
             split_leaves(&mut binary, max_child);
             PackedTree::collapse(&binary, max_child)

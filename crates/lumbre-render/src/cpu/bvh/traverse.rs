@@ -21,8 +21,9 @@ use lumbre_light::transport::surface::is_masked_out;
 const SLAB_SLACK: f32 = 1.000_000_5;
 
 /// Factor on the distance of the best hit, beyond which boxes are skipped. It is above 1 so that
-/// rounding never skips a box with an equally near hit, whose indices may be less.
-const LIMIT_SLACK: f32 = 1.0 + 1.0 / (1 << 20) as f32;
+/// rounding never skips a box with an equally near hit, whose indices may be less. Distances of
+/// triangles that are much larger than the distance have the greatest errors.
+const LIMIT_SLACK: f32 = 1.0 + 1.0 / (1 << 17) as f32;
 
 /// Stack entry that marks the end of an instance's tree, after which traversal returns to world
 /// space. No node, leaf or instance has this number.

@@ -310,3 +310,38 @@ fn equal_centroids_give_one_leaf_and_deep_trees_are_traversed() {
         assert_eq!(hit.map(|h| h.primitive), Some(i as u32));
     }
 }
+
+#[test]
+fn scenes_whose_clustered_tree_is_too_deep_get_a_shallow_one() {
+    let mut b = SceneBuilder::new(Vec3::Z, Vec3::ZERO, 40.0);
+    for i in 0..20_000 {
+        let size = 1.0 + i as f32 * 1e-3;
+        let corners = [
+            Vec3::new(size, 0.0, 0.0),
+            Vec3::new(-0.5 * size, 0.866 * size, 0.0),
+            Vec3::new(-0.5 * size, -0.866 * size, 0.0),
+        ];
+        b = b.triangle(corners, [glam::Vec2::ZERO; 3], grey(0.5));
+    }
+    let scene = b.build();
+    for builder in [Builder::Ploc, Builder::Cwbvh] {
+        let spec = AccelSpec {
+            builder,
+            ..AccelSpec::default()
+        };
+        let built = accel(&scene, &spec);
+        assert_eq!(
+            built.node_count(),
+            accel(&scene, &spec.shallow().unwrap()).node_count(),
+            "{builder:?}"
+        );
+        // All triangles lie in one plane. The last 1,000 contain this point, and the tie goes to
+        // one of them.
+        let ray = lumbre_light::transport::ray::Ray {
+            origin: Vec3::new(20.0, 0.0, 1.0),
+            dir: Vec3::NEG_Z,
+        };
+        let hit = built.closest(&ray, f32::INFINITY).map(|hit| hit.primitive);
+        assert!(hit.is_some_and(|i| i >= 19_000), "{hit:?}");
+    }
+}

@@ -1,5 +1,6 @@
 //! glTF meshes: triangles of primitives with their vertex attributes.
 
+use std::collections::BTreeMap;
 use std::rc::Rc;
 
 use glam::{Affine2, DVec3, Vec2, Vec3};
@@ -103,17 +104,18 @@ impl GltfLoader<'_> {
     pub(super) fn mesh(&mut self, i: usize, mesh: &Json) -> Result<Option<MeshDesc>, SceneError> {
         let mut merged = Shape::default();
         let (mut slots, mut triangle_slot): (Vec<String>, Vec<u32>) = (Vec::new(), Vec::new());
+        let mut slot_indices: BTreeMap<String, u32> = BTreeMap::new();
         for (k, primitive) in list(&mesh["primitives"]).iter().enumerate() {
             let Some((shape, slot)) =
                 self.primitive(&format!("meshes[{i}].primitives[{k}]"), primitive)?
             else {
                 continue;
             };
-            let index = slots.iter().position(|s| *s == slot).unwrap_or(slots.len());
-            if index == slots.len() {
-                slots.push(slot);
-            }
-            triangle_slot.resize(triangle_slot.len() + shape.triangles.len(), index as u32);
+            let index = *slot_indices.entry(slot).or_insert_with_key(|slot| {
+                slots.push(slot.clone());
+                slots.len() as u32 - 1
+            });
+            triangle_slot.resize(triangle_slot.len() + shape.triangles.len(), index);
             merged.merge(shape);
         }
         if merged.triangles.is_empty() {
