@@ -11,6 +11,7 @@ mod files;
 mod formats;
 mod imports;
 mod lanes;
+mod licences;
 mod records;
 mod reference;
 #[cfg(feature = "vulkan")]
