@@ -80,6 +80,12 @@ pub struct Global {
         value_parser = RangedU64ValueParser::<usize>::new().range(0..=MAX_THREADS)
     )]
     pub threads: usize,
+    /// Let runs take at most this much memory at a time, as in `8GiB`.
+    ///
+    /// A run that needs more fails, and the night goes on. Without this option, the limits are what
+    /// is free on the machine, in the control group of the process, and in its address space.
+    #[arg(long, global = true, value_name = "BYTES", value_parser = typed::bytes)]
+    pub memory: Option<u64>,
     /// Print progress lines instead of showing the dashboard.
     #[arg(long, global = true)]
     pub no_tui: bool,

@@ -25,6 +25,34 @@ pub(super) fn seconds(text: &str) -> Result<f64, String> {
         .ok_or_else(|| format!("expected a duration such as 30s or 5min, found `{text}`"))
 }
 
+/// Units of [`bytes`].
+const BYTE_UNITS: [(&str, u64); 9] = [
+    ("KiB", 1 << 10),
+    ("MiB", 1 << 20),
+    ("GiB", 1 << 30),
+    ("TiB", 1 << 40),
+    ("kB", 1_000),
+    ("MB", 1_000_000),
+    ("GB", 1_000_000_000),
+    ("TB", 1_000_000_000_000),
+    ("B", 1),
+];
+
+/// Parses a positive number of bytes with a unit, such as `8GiB` or `512 MB`.
+pub(super) fn bytes(text: &str) -> Result<u64, String> {
+    let expected = || format!("expected a size such as 8GiB or 512MB, found `{text}`");
+    let (number, factor) = BYTE_UNITS
+        .iter()
+        .find_map(|(unit, factor)| Some((text.strip_suffix(unit)?, *factor)))
+        .ok_or_else(expected)?;
+    let bytes = number.trim().parse::<f64>().map_err(|_| expected())? * factor as f64;
+    if bytes.is_finite() && bytes >= 1.0 {
+        Ok(bytes as u64)
+    } else {
+        Err(expected())
+    }
+}
+
 /// Parses the name of an integrator.
 pub(super) fn integrator_name(text: &str) -> Result<String, String> {
     if integrator(text).is_some() {
@@ -159,6 +187,22 @@ mod tests {
             expected.map(|(name, value)| (name.to_owned(), value))
         );
         assert!(scene_arg("b.lua?lamps").unwrap_err().contains("NAME=VALUE"));
+    }
+
+    #[test]
+    fn sizes_have_units() {
+        let cases = [
+            ("8GiB", 8 << 30),
+            ("512 MB", 512_000_000),
+            ("1.5kB", 1500),
+            ("7B", 7),
+        ];
+        for (text, expected) in cases {
+            assert_eq!(bytes(text), Ok(expected), "{text}");
+        }
+        for text in ["8", "GiB", "-1MB", "0B", "1e400GiB", "8 gib"] {
+            assert!(bytes(text).unwrap_err().contains(text), "{text}");
+        }
     }
 
     #[test]

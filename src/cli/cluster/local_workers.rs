@@ -152,6 +152,9 @@ impl LocalWorker {
             "--threads",
             &global.threads.to_string(),
         ]);
+        if let Some(bytes) = global.memory {
+            command.arg("--memory").arg(format!("{bytes}B"));
+        }
         if let Some(folder) = &global.confine {
             command.arg("--confine").arg(folder);
         }

@@ -273,7 +273,7 @@ impl ClusterWorker<'_> {
             only: selected,
             throughput: ThroughputHistory::default(),
             done: BTreeSet::new(),
-            memory: None,
+            memory: self.global.memory,
             start: Some(if self.args.affinity == Affinity::None {
                 StartOffset::Cell(offset)
             } else {

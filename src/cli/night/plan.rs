@@ -82,6 +82,8 @@ struct Outlook<'a> {
     /// Folders of the finished references; `None` for references to render.
     references: Vec<Option<String>>,
     estimate: Estimate,
+    /// Limit of the option `--memory`, in bytes.
+    memory: Option<u64>,
     forecast: Forecast,
     /// For each reference, the samples per pixel of a shorter one from which it would resume.
     resume_samples: Vec<Option<u64>>,
@@ -108,6 +110,7 @@ impl<'a> Outlook<'a> {
         };
         Outlook {
             estimate: plan.estimate(&is_open),
+            memory: global.memory,
             forecast: forecast(plan, &throughput(plan, &runs, &global.out), &is_open),
             resume_samples: (0..plan.references.len())
                 .map(|i| archive.shorter_samples(plan, i))
@@ -298,15 +301,13 @@ impl<'a> Outlook<'a> {
         }
     }
 
-    /// Returns a warning if the runs of an interleave group do not fit into the memory of this
-    /// machine.
+    /// Returns a warning if a run, or the runs of an interleave group, do not fit into memory.
     fn memory_warning(&self) -> Option<String> {
-        let [_, total] = memory::available_and_total()?;
-        memory::shortage(
-            self.estimate.interleaved_runs,
-            self.estimate.interleaved_bytes,
-            memory::MemoryLimit::Machine(total),
-        )
+        let limit = memory::total(self.memory)?;
+        let estimate = &self.estimate;
+        let (runs, bytes) = (estimate.interleaved_runs, estimate.interleaved_bytes);
+        memory::shortage(1, estimate.run_bytes, &limit)
+            .or_else(|| memory::shortage(runs, bytes, &limit))
     }
 }
 
@@ -403,10 +404,14 @@ fn describe_estimate(estimate: &Estimate) -> String {
             counted(estimate.unbounded, "run")
         ));
     }
-    if estimate.layer_bytes > 0 {
+    if estimate.run_bytes > 0 {
+        let layers = match estimate.layer_bytes {
+            0 => String::new(),
+            bytes => format!(", {} of it for layers and time bins", format::size(bytes)),
+        };
         parts.push(format!(
-            "layers and time bins take up to {} of memory",
-            format::size(estimate.layer_bytes)
+            "a run takes up to {} of memory{layers}",
+            format::size(estimate.run_bytes)
         ));
     }
     if parts.is_empty() {

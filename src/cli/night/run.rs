@@ -167,7 +167,7 @@ fn night_options(
             throughput_history(&global.out)
         },
         done: remaining.done.clone(),
-        memory: None,
+        memory: global.memory,
         start: None,
     })
 }

@@ -10,7 +10,7 @@ use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{counted, display_path, duration, rounded};
 use crate::cli::night::load::print_notes_and_warnings;
 use crate::cli::night::signals;
-use crate::experiment::{Cell, NightControls};
+use crate::experiment::{Cell, NightControls, memory};
 use crate::metrics::tonemap::Tonemap;
 use crate::tui::live_picture::LivePicture;
 use crate::tui::terminal::terminal_guard;
@@ -79,6 +79,11 @@ pub fn main(args: &RenderArgs, global: &Global) -> Result<Exit, Failure> {
 /// Opens the renderer of a cell.
 fn open(cell: &Cell, seed: u64, global: &Global) -> Result<Box<dyn Renderer>, Failure> {
     let config = &cell.config;
+    let limit = memory::free(global.memory, 0);
+    let shortage = limit.and_then(|limit| memory::shortage(1, memory::run_bytes(config), &limit));
+    if let Some(shortage) = shortage {
+        return Err(Failure::usage(shortage));
+    }
     let (scene, notes) =
         compile_sharing(&cell.scene, config.accel.instances).map_err(Failure::usage)?;
     if !global.quiet {

@@ -23,6 +23,8 @@ pub struct Estimate {
     pub unbounded: usize,
     /// Greatest number of bytes of the layers and time bins of one run.
     pub layer_bytes: u64,
+    /// Greatest number of bytes of one run: film, layers, time bins and buffers of measuring.
+    pub run_bytes: u64,
     /// Greatest number of interleaved runs; 0 if none are.
     pub interleaved_runs: usize,
     /// Greatest total number of bytes of interleaved runs.
@@ -68,6 +70,7 @@ impl Estimate {
     fn add(&mut self, config: &CellConfig, stop: &StopRule) {
         let [width, height] = config.resolution.unwrap_or_default();
         let pixels = f64::from(width) * f64::from(height);
+        self.run_bytes = self.run_bytes.max(run_bytes(config));
         self.layer_bytes = self.layer_bytes.max(layer_and_bin_bytes(config));
         match (stop.time_limit_s(), stop.sample_limit()) {
             (Some(seconds), _) => {

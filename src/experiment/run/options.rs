@@ -34,8 +34,8 @@ pub struct Options {
     /// Time at which the night ends, finished or not. References are then rendered when a cell
     /// first needs them, and cells come from coarse to fine: [`Plan::coarse_to_fine`](crate::experiment::Plan::coarse_to_fine).
     pub deadline: Option<SystemTime>,
-    /// Bytes of memory that interleaved runs may take together; `None` for the free memory of the
-    /// machine.
+    /// Bytes of memory that runs may take at the same time; the limits of the machine, of control
+    /// groups and of the address space count, too.
     pub memory: Option<u64>,
     /// Cells and references to render; `None` for all of them.
     pub only: Option<BTreeSet<CellRef>>,

@@ -401,22 +401,18 @@ fn least_rendered(runs: &[(ActiveRun<'_>, NoiseFloors)]) -> Option<usize> {
     })
 }
 
-/// Returns an error message if interleaved runs do not fit into memory together. `free` is the
-/// number of free bytes; `None` to ask the system.
+/// Returns an error message if runs that are rendered in turns do not fit into memory together.
+/// `given` is the limit that the user set, in bytes.
 pub(super) fn memory_shortage(
     runs: &[(ActiveRun<'_>, NoiseFloors)],
-    free: Option<u64>,
+    given: Option<u64>,
 ) -> Option<String> {
-    if runs.len() < 2 {
-        return None;
-    }
-    let free =
-        free.or_else(|| memory::available_and_total().map(|[free, _]| free + kept_bytes()))?;
+    let limit = memory::free(given, kept_bytes())?;
     let need = runs
         .iter()
         .map(|(run, _)| memory::run_bytes(run.request.config))
         .sum();
-    memory::shortage(runs.len(), need, memory::MemoryLimit::Free(free))
+    memory::shortage(runs.len(), need, &limit)
 }
 
 /// Returns the images of a renderer's layers. Only one layer's sums at a time are copied.

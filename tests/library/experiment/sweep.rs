@@ -411,6 +411,8 @@ fn an_estimate_counts_every_run_once() {
         by_samples: 4,
         paths: references + 3200.0,
         unbounded: 1,
+        // Sums and the buffers of measuring of 8x4 pixels.
+        run_bytes: 32 * (48 + 80),
         ..Estimate::default()
     };
     assert_eq!(whole, expected);
@@ -420,6 +422,7 @@ fn an_estimate_counts_every_run_once() {
         Estimate {
             by_samples: 1,
             paths: 3200.0,
+            run_bytes: expected.run_bytes,
             ..Estimate::default()
         }
     );

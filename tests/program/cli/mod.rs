@@ -12,6 +12,7 @@ mod errors;
 mod evidence;
 mod external;
 mod kill;
+mod limits;
 mod nights;
 mod reading;
 mod readme;

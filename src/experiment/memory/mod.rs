@@ -1,5 +1,10 @@
-//! Memory requirements of runs, and the memory of the machine.
+//! Memory requirements of runs, and the memory that they may use.
 
+mod limit;
+
+pub use limit::{MemoryLimit, free, total};
+
+use self::limit::gibibytes;
 use super::spec::CellConfig;
 use lumbre_light::film::layer::{BYTES_PER_PIXEL, LayerLayout, SPLAT_BYTES_PER_PIXEL};
 use lumbre_light::film::time;
@@ -41,28 +46,22 @@ fn splats(config: &CellConfig) -> bool {
     integrator(&config.integrator).is_some_and(|row| row.splats)
 }
 
-/// Memory available to interleaved runs.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum MemoryLimit {
-    /// Bytes that are free now.
-    Free(u64),
-    /// All bytes of the machine, used or not.
-    Machine(u64),
-}
-
-/// Returns an error message if interleaved runs, which are in memory at the same time, need more
-/// bytes than the limit. `need` is the total of all `runs`.
-pub fn shortage(runs: usize, need: u64, limit: MemoryLimit) -> Option<String> {
-    let gib = |bytes: u64| format!("{:.1} GiB", bytes as f64 / (1u64 << 30) as f64);
-    let (limit, available) = match limit {
-        MemoryLimit::Free(bytes) => (bytes, format!("{} are free", gib(bytes))),
-        MemoryLimit::Machine(bytes) => (bytes, format!("this machine has {}", gib(bytes))),
-    };
-    (need > limit).then(|| {
+/// Returns an error message if `runs` runs that are in memory at the same time need more than the
+/// limit. `need` is the sum of their bytes.
+pub fn shortage(runs: usize, need: u64, limit: &MemoryLimit) -> Option<String> {
+    if need <= limit.bytes {
+        return None;
+    }
+    let need = gibibytes(need);
+    Some(if runs > 1 {
         format!(
-            "{runs} interleaved techniques need {} of memory together, and {available}: use \
-             another order than \"interleave\", a smaller picture, or fewer films",
-            gib(need)
+            "{runs} interleaved techniques need {need} of memory together, and {limit}: use \
+             another order than \"interleave\", a smaller picture, or fewer films"
+        )
+    } else {
+        format!(
+            "the run needs {need} of memory for its films and measurements, and {limit}: use a \
+             smaller picture, fewer bins, or fewer films"
         )
     })
 }
@@ -107,13 +106,17 @@ mod tests {
 
     #[test]
     fn a_shortage_is_reported_in_gibibytes() {
-        assert_eq!(shortage(3, 1 << 30, MemoryLimit::Free(1 << 30)), None);
-        for (limit, words) in [
-            (MemoryLimit::Free(1 << 30), "1.0 GiB are free"),
-            (MemoryLimit::Machine(1 << 30), "has 1.0 GiB"),
+        let limit = MemoryLimit {
+            bytes: 1 << 30,
+            source: "are free".to_owned(),
+        };
+        assert_eq!(shortage(3, 1 << 30, &limit), None);
+        for (runs, words) in [
+            (3, "3 interleaved techniques need 2.5 GiB"),
+            (1, "the run needs 2.5 GiB"),
         ] {
-            let reason = shortage(3, 5 << 29, limit).unwrap();
-            let words = ["3 interleaved techniques", "need 2.5 GiB", words];
+            let reason = shortage(runs, 5 << 29, &limit).unwrap();
+            let words = [words, "and 1.0 GiB are free: use"];
             assert!(words.iter().all(|part| reason.contains(part)), "{reason}");
         }
     }
