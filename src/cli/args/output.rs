@@ -42,6 +42,23 @@ pub struct DiffArgs {
     /// Default: the largest value of the metric, or the 99th percentile of the error.
     #[arg(long, value_name = "ERROR", value_parser = positive)]
     pub max: Option<f32>,
+    /// End with exit code 5 if a metric is worse than a value, or if the pictures differ by more
+    /// than their noise (repeatable).
+    ///
+    /// `relmse=0.01` limits a metric. `ztest=0.001` compares blocks of pixels with their noise at
+    /// this false discovery rate, as the bias check of a reference does.
+    #[arg(long, value_name = "NAME=VALUE")]
+    pub fail: Vec<String>,
+    /// Read the standard error of every pixel from this picture, for `--fail ztest`; repeat it for
+    /// the second picture.
+    ///
+    /// The variance `noise.exr` beside a reference of Lumbre is found without this option. A
+    /// picture without either counts as exact.
+    #[arg(long, value_name = "FILE")]
+    pub stderr: Vec<PathBuf>,
+    /// Write the results of `--fail` to this file in the format of JUnit.
+    #[arg(long, value_name = "FILE", requires = "fail")]
+    pub junit: Option<PathBuf>,
     /// Print as JSON.
     #[arg(long)]
     pub json: bool,

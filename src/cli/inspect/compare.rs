@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value as Json, json};
 
+use super::picture_limits::{Limit, LimitResult, junit};
 use crate::cli::args::{DiffArgs, Global, MetricArgs, split, value};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{self, counted, display_path};
@@ -12,7 +13,7 @@ use crate::metrics::map::ErrorMap;
 use crate::metrics::{METRICS, MetricError, MetricSpec};
 use crate::output::picture::{self, Picture};
 use crate::output::{exr, png};
-use crate::store::Evidence;
+use crate::store::{Evidence, NOISE};
 use lumbre_light::film::Image;
 use lumbre_light::value::Value;
 
@@ -74,7 +75,13 @@ pub fn metric(args: &MetricArgs, global: &Global) -> Result<Exit, Failure> {
 pub fn diff(args: &DiffArgs, global: &Global) -> Result<Exit, Failure> {
     let spec = parse_metric(&args.metric)?;
     let format = args.map_file().map(MapFormat::from_path).transpose()?;
+    let limits: Vec<Limit> = args
+        .fail
+        .iter()
+        .map(|text| Limit::parse(text, parse_metric))
+        .collect::<Result<_, _>>()?;
     let pair = PicturePair::load(&args.a, &args.b, global)?;
+    let limits = pair.check(&limits, &args.stderr)?;
     let map = spec
         .error_map(&pair.image.image, &pair.reference.image)
         .map_err(Failure::usage)?;
@@ -87,7 +94,17 @@ pub fn diff(args: &DiffArgs, global: &Global) -> Result<Exit, Failure> {
         spec,
         value,
         map,
+        limits,
     };
+    if let Some(path) = &args.junit {
+        let files = difference
+            .pair
+            .files
+            .each_ref()
+            .map(|file| display_path(file));
+        let xml = junit(files.each_ref().map(String::as_str), &difference.limits);
+        crate::store::write_atomically(path, xml.as_bytes()).map_err(Failure::usage)?;
+    }
     if let (Some(path), Some(format)) = (args.map_file(), format) {
         difference.write_map(path, format)?;
     }
@@ -96,7 +113,12 @@ pub fn diff(args: &DiffArgs, global: &Global) -> Result<Exit, Failure> {
     } else {
         difference.page(args.map_file())
     })?;
-    Ok(Exit::Done)
+    let all_hold = difference.limits.iter().all(|result| result.holds);
+    Ok(if all_hold {
+        Exit::Done
+    } else {
+        Exit::NotVerified
+    })
 }
 
 /// Result of the comparison of two pictures with one metric.
@@ -113,6 +135,8 @@ struct Difference {
     identical: bool,
     /// Number of pixels with an error other than 0.
     differing: usize,
+    /// Results of the limits that were given.
+    limits: Vec<LimitResult>,
 }
 
 impl Difference {
@@ -157,6 +181,10 @@ impl Difference {
                 "percentiles": Json::Object(percentiles.collect()),
             }),
         );
+        if !self.limits.is_empty() {
+            let limits: Vec<Json> = self.limits.iter().map(LimitResult::json).collect();
+            json.insert("limits".to_owned(), limits.into());
+        }
         format!("{:#}\n", Json::Object(json))
     }
 
@@ -191,6 +219,11 @@ impl Difference {
             let [low, high] = self.scale.map(|x| number(f64::from(x)));
             let colours = format!("{} from {low} to {high}", map.colours.name());
             lines.push(line("map", display_path(path), colours));
+        }
+        for result in &self.limits {
+            let verdict = if result.holds { "holds" } else { "fails" };
+            let limit = format!("{} {verdict}", result.limit);
+            lines.push(line("limit", limit, result.found.clone()));
         }
         format::aligned(&lines)
     }
@@ -259,6 +292,30 @@ impl PicturePair {
         Ok(pair)
     }
 
+    /// Checks limits of the difference. `errors` are pictures of the standard errors of the first
+    /// and of the second picture.
+    ///
+    /// # Errors
+    /// Returns an error if such a picture cannot be read or has another size, and if the noise is
+    /// needed and no picture has any.
+    fn check(&self, limits: &[Limit], errors: &[PathBuf]) -> Result<Vec<LimitResult>, Failure> {
+        let images = [&self.image.image, &self.reference.image];
+        let mut variances = [None, None];
+        if limits.iter().any(Limit::needs_noise) {
+            for (i, variance) in variances.iter_mut().enumerate() {
+                *variance = variance_of(&self.files[i], errors.get(i), images[i])?;
+            }
+            if variances.iter().all(Option::is_none) {
+                return Err(Failure::usage(
+                    "`--fail ztest` compares pictures with their noise: give a picture of standard \
+                     errors by `--stderr`",
+                ));
+            }
+        }
+        let results = limits.iter().map(|limit| limit.check(images, &variances));
+        results.collect()
+    }
+
     /// Returns whether all values of the two pictures have the same bits.
     fn is_identical(&self) -> bool {
         fn bits(image: &Image) -> impl Iterator<Item = u32> {
@@ -322,6 +379,42 @@ impl PicturePair {
             "settled": spec.settled(&self.reference.image),
         })
     }
+}
+
+/// Returns the variance of every pixel of a picture: the squares of the given standard errors, or
+/// the variance that Lumbre stores beside a reference.
+fn variance_of(
+    picture: &Path,
+    errors: Option<&PathBuf>,
+    image: &Image,
+) -> Result<Option<Image>, Failure> {
+    let beside = picture.with_file_name(NOISE);
+    let is_reference = picture.file_stem().is_some_and(|stem| stem == "ref");
+    let (file, is_variance) = match errors {
+        Some(file) => (file, false),
+        None if is_reference && beside.is_file() => (&beside, true),
+        None => return Ok(None),
+    };
+    let read = read_picture(file, &Evidence::default()).map_err(Failure::usage)?;
+    let mut variance = read.image;
+    if [variance.width, variance.height] != [image.width, image.height] {
+        return Err(Failure::usage(format!(
+            "{}: it has {}x{} pixels, but the picture has {}x{}",
+            file.display(),
+            variance.width,
+            variance.height,
+            image.width,
+            image.height
+        )));
+    }
+    if !is_variance {
+        variance
+            .data
+            .as_flattened_mut()
+            .iter_mut()
+            .for_each(|x| *x *= *x);
+    }
+    Ok(Some(variance))
 }
 
 /// Reads and decodes a picture file of any known format. A file of a finished run has to match its

@@ -4,6 +4,7 @@
 pub(in crate::cli) mod compare;
 pub(in crate::cli) mod explain;
 pub mod list;
+mod picture_limits;
 pub(in crate::cli) mod report;
 pub(in crate::cli) mod status;
 pub(in crate::cli) mod view;

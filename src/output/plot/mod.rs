@@ -21,6 +21,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 pub use raster::rasterize;
 pub use sheet::sheets;
+pub use svg::escape;
 
 use super::devices::{DEVICE, Devices};
 use super::format;

@@ -283,3 +283,62 @@ fn non_finite_pixels_are_reported_and_make_every_metric_nan() {
         "{report}"
     );
 }
+
+/// Returns a grey picture with noise of this standard error, equal for equal seeds, in which the
+/// left half is brighter by a factor.
+fn noisy(seed: u32, error: f32, factor: f32) -> Image {
+    Image::from_fn(64, 64, |x, y| {
+        let key = |salt| lumbre_light::math::rng::pcg4d([x, y, seed, salt])[0];
+        let uniform = |salt| key(salt) as f32 / u32::MAX as f32 - 0.5;
+        // The sum of twelve uniform numbers has variance one.
+        let normal: f32 = (0..12).map(uniform).sum();
+        let mean = if x < 32 { 0.5 * factor } else { 0.5 };
+        [mean + error * normal; 3]
+    })
+}
+
+#[test]
+fn limits_of_a_difference_decide_the_exit_code_and_are_written_for_other_tests() {
+    let place = Workplace::new();
+    let write = |name: &str, image: &Image| {
+        std::fs::write(place.path(name), exr::encode(image, &[]).unwrap()).unwrap();
+    };
+    write("a.exr", &noisy(1, 0.02, 1.0));
+    write("b.exr", &noisy(2, 0.02, 1.0));
+    write("biased.exr", &noisy(2, 0.02, 1.05));
+    write("error.exr", &Image::from_fn(64, 64, |_, _| [0.02; 3]));
+    let noise = ["--stderr", "error.exr", "--stderr", "error.exr"];
+    let diff = |image: &str, limits: &[&str]| {
+        let mut args = vec!["diff", image, "b.exr", "--junit", "result.xml"];
+        args.extend(limits.iter().flat_map(|limit| ["--fail", limit]));
+        args.extend(noise);
+        place.run(&args)
+    };
+    let same = diff("a.exr", &["ztest=1e-3", "rmse=0.1"]);
+    assert_eq!(same.status, 0, "{}", same.stdout);
+    let xml = place.read("result.xml");
+    assert!(xml.contains("tests=\"2\" failures=\"0\""), "{xml}");
+    // Equal seeds: the left half differs by the factor alone, and the error is half as great.
+    let biased = diff("biased.exr", &["ztest=1e-3", "rmse=0.1", "ssim=0.9999"]);
+    assert_eq!(biased.status, 5, "{}", biased.stdout);
+    let xml = place.read("result.xml");
+    assert!(xml.contains("tests=\"3\" failures=\"2\""), "{xml}");
+    assert!(
+        xml.contains("name=\"ztest=1e-3\">\n    <failure message=\"") && xml.contains("differ"),
+        "{xml}"
+    );
+    for (args, part) in [
+        (
+            vec!["diff", "a.exr", "b.exr", "--fail", "ztest=1e-3"],
+            "--stderr",
+        ),
+        (
+            vec!["diff", "a.exr", "b.exr", "--fail", "ztest=2"],
+            "expected ztest=RATE",
+        ),
+        (vec!["diff", "a.exr", "b.exr", "--fail", "rmsee=2"], "rmse"),
+    ] {
+        let error = place.fail(2, &args);
+        assert!(error.contains(part), "{args:?}: {error}");
+    }
+}

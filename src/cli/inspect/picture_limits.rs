@@ -1,0 +1,151 @@
+//! Limits of the difference of two pictures, and their results in the format of JUnit, which other
+//! programs' tests read.
+
+use serde_json::{Value as Json, json};
+
+use crate::cli::exit::Failure;
+use crate::cli::format::rounded;
+use crate::experiment::bias_check::check_bias;
+use crate::metrics::{Better, MetricSpec};
+use crate::output::plot::escape;
+use lumbre_light::film::Image;
+use lumbre_light::film::ztest::Estimate;
+
+/// Name of the limit of the noise.
+const ZTEST: &str = "ztest";
+
+/// A limit of the difference of two pictures.
+pub(super) enum Limit {
+    /// The pictures differ by no more than their noise, at this false discovery rate.
+    Noise {
+        /// Text on the command line.
+        text: String,
+        /// Greatest share of false alarms, in (0, 1).
+        rate: f64,
+    },
+    /// A metric is not worse than a value.
+    Metric {
+        /// Text on the command line.
+        text: String,
+        /// Metric with its options.
+        spec: MetricSpec,
+        /// Worst accepted value.
+        worst: f64,
+    },
+}
+
+/// Result of checking one limit.
+pub(super) struct LimitResult {
+    /// Limit as on the command line.
+    pub limit: String,
+    /// Measured value, or the result of the comparison, as text.
+    pub found: String,
+    /// Whether the limit holds.
+    pub holds: bool,
+}
+
+impl Limit {
+    /// Parses `ztest=RATE` or `METRIC=VALUE`, where `metric` parses the metric.
+    ///
+    /// # Errors
+    /// Returns an error for another form, an unknown metric, and a rate outside of (0, 1).
+    pub fn parse(
+        text: &str,
+        metric: impl Fn(&str) -> Result<MetricSpec, Failure>,
+    ) -> Result<Limit, Failure> {
+        let expected = || {
+            Failure::usage(format!(
+                "--fail {text}: expected {ZTEST}=RATE with a rate such as 0.001, or METRIC=VALUE"
+            ))
+        };
+        let (name, value) = text.rsplit_once('=').ok_or_else(expected)?;
+        let value: f64 = value.trim().parse().map_err(|_| expected())?;
+        let text = text.to_owned();
+        if name.trim() == ZTEST {
+            let is_rate = value > 0.0 && value < 1.0;
+            return is_rate
+                .then_some(Limit::Noise { text, rate: value })
+                .ok_or_else(expected);
+        }
+        let spec = metric(name)?;
+        Ok(Limit::Metric {
+            text,
+            spec,
+            worst: value,
+        })
+    }
+
+    /// Returns whether the limit compares the pictures with their noise.
+    pub fn needs_noise(&self) -> bool {
+        matches!(self, Limit::Noise { .. })
+    }
+
+    /// Checks the limit on pictures of equal size. `variances` are those of the pixels of both;
+    /// `None` for a picture without noise.
+    ///
+    /// # Errors
+    /// Returns an error if the metric does not apply to the pictures.
+    pub fn check(
+        &self,
+        images: [&Image; 2],
+        variances: &[Option<Image>; 2],
+    ) -> Result<LimitResult, Failure> {
+        let [image, reference] = images;
+        match self {
+            Limit::Noise { text, rate } => {
+                let exact = Image::new(image.width, image.height);
+                let [a, b] = [0, 1].map(|i| Estimate {
+                    mean: images[i],
+                    variance: variances[i].as_ref().unwrap_or(&exact),
+                });
+                let result = check_bias(a, b, *rate);
+                Ok(LimitResult {
+                    limit: text.clone(),
+                    found: result.describe(),
+                    holds: result.comparisons > 0 && result.agrees(),
+                })
+            }
+            Limit::Metric { text, spec, worst } => {
+                let value = spec.eval(image, reference).map_err(Failure::usage)?;
+                let holds = match spec.row.better {
+                    Better::Lower => value <= *worst,
+                    Better::Higher => value >= *worst,
+                    Better::NearZero => value.abs() <= worst.abs(),
+                };
+                Ok(LimitResult {
+                    limit: text.clone(),
+                    found: rounded(value),
+                    holds,
+                })
+            }
+        }
+    }
+}
+
+impl LimitResult {
+    /// Returns the result as JSON.
+    pub fn json(&self) -> Json {
+        json!({ "limit": self.limit, "found": self.found, "holds": self.holds })
+    }
+}
+
+/// Formats results in the XML format of JUnit, one test case for each limit.
+pub(super) fn junit(files: [&str; 2], results: &[LimitResult]) -> String {
+    let [image, reference] = files.map(escape);
+    let failures = results.iter().filter(|result| !result.holds).count();
+    let cases = results.iter().map(|result| {
+        let (limit, found) = (escape(&result.limit), escape(&result.found));
+        let head = format!("  <testcase classname=\"{image}\" name=\"{limit}\"");
+        if result.holds {
+            format!("{head}/>\n")
+        } else {
+            format!("{head}>\n    <failure message=\"{found}\"/>\n  </testcase>\n")
+        }
+    });
+    format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuite name=\"{image} against {reference}\" \
+         tests=\"{}\" failures=\"{failures}\">\n{}</testsuite>\n",
+        results.len(),
+        cases.collect::<String>()
+    )
+}
