@@ -427,6 +427,12 @@ fn integrator_params(page: &mut Page) {
             sentence(integrator.long_name).trim_end_matches('.'),
             sentence(integrator.doc)
         ));
+        if let Some(bias) = integrator.bias {
+            page.text(&format!(
+                "It is consistent and not unbiased: {bias}. `agree` refuses it, and a reference by \
+                 it raises a warning."
+            ));
+        }
         if !integrator.params.fields.is_empty() {
             let keys = fields_table(&integrator.params);
             page.text(keys.trim_end());

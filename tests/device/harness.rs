@@ -7,11 +7,17 @@ use lumbre_light::film::time::TimeAxis;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{DelayProfile, Delays, MaterialComponent};
 use lumbre_light::scene::desc::{DelayDesc, DelayKind};
+use lumbre_light::transport::integrator::IntegratorRow;
 use lumbre_light::transport::path_time::Timing;
 use lumbre_vulkan::context::instance;
 use lumbre_vulkan::context::physical_device;
 use lumbre_vulkan::context::{device::Device, physical_device::Caps};
 use lumbre_vulkan::pipelines::program::TracingMode;
+
+/// Returns whether devices render an integrator.
+pub fn renders(row: &IntegratorRow) -> bool {
+    (lumbre_vulkan::COMPUTE.refuses)(row, 1).is_none()
+}
 
 /// Returns the device of this process, or `None` after printing a line `SKIPPED` if there is none.
 pub fn device() -> Option<Arc<Device>> {

@@ -51,7 +51,7 @@ fn samples_have_the_same_steps_and_vertices_on_every_backend() {
     // are compared as well.
     let mut scene = room();
     add_delays(Arc::make_mut(&mut scene));
-    for row in INTEGRATORS {
+    for row in INTEGRATORS.iter().filter(|row| harness::renders(row)) {
         let job = Job {
             resolution: [16, 12],
             timing: Some(timing(0.0, 1.0, 1)),

@@ -86,6 +86,12 @@ const MAX_BDPT_DEPTH: u32 = 32;
 
 fn refuses(integrator: &IntegratorRow, max_depth: u32) -> Option<String> {
     let name = integrator.name;
+    if integrator.begin.is_some() {
+        return Some(format!(
+            "before each sample `{name}` computes data that all pixels share, which only the \
+             backend `cpu` does"
+        ));
+    }
     if !Sources::from_env().has_integrator(name) {
         return Some(format!("there is no shader for the integrator `{name}`"));
     }

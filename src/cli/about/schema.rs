@@ -30,7 +30,7 @@ fn tables() -> Json {
     json!({
         "integrators": INTEGRATORS.iter().map(|r| json!({
             "name": r.name, "long_name": r.long_name, "revision": r.revision, "doc": r.doc,
-            "params": table(&r.params),
+            "bias": r.bias, "params": table(&r.params),
         })).collect::<Vec<_>>(),
         "samplers": SAMPLERS.iter().map(|r| json!({ "name": r.name, "revision": r.revision,
             "doc": r.doc }))

@@ -54,7 +54,7 @@ struct HostWait {
     sync_ms: f64,
 }
 
-/// Measures every integrator on each of `backends`, at `resolution` and depth 5.
+/// Measures every integrator on each of `backends` that renders it, at `resolution` and depth 5.
 ///
 /// # Errors
 /// A message for the user if the scene cannot be loaded, or a backend is unknown or fails.
@@ -68,13 +68,18 @@ pub fn measure(
     let scene = Arc::new(compile(&desc).map_err(|e| e.to_string())?.0);
     let mut rows = Vec::new();
     for integrator in INTEGRATORS {
-        for name in backends {
+        for name in backends.iter().filter(|name| renders(name, integrator)) {
             rows.push(measure_one(
                 subject, &scene, integrator, name, resolution, repeats,
             )?);
         }
     }
     Ok(rows)
+}
+
+/// Returns whether a backend renders an integrator; an unknown backend is reported when it is opened.
+pub(super) fn renders(name: &str, integrator: &IntegratorRow) -> bool {
+    backend(name).is_none_or(|row| (row.refuses)(integrator, MAX_DEPTH).is_none())
 }
 
 fn measure_one(

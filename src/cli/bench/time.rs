@@ -10,6 +10,7 @@ use std::sync::Arc;
 
 use serde_json::{Value as Json, json};
 
+use super::backends::renders;
 use super::interleave::interleaved;
 use super::subject::Subject;
 use crate::backends::backend;
@@ -93,7 +94,7 @@ const VARIANTS: [Variant; 5] = [
     },
 ];
 
-/// Measures every integrator on a scene, on each of `backends`.
+/// Measures every integrator on a scene, on each of `backends` that renders it.
 ///
 /// # Errors
 /// A message for the user if the scene cannot be loaded or rendered.
@@ -105,7 +106,8 @@ pub fn measure(
     let desc = subject.load()?;
     let all = INTEGRATORS
         .iter()
-        .flat_map(|row| backends.iter().map(move |backend| (row, backend)));
+        .flat_map(|row| backends.iter().map(move |backend| (row, backend)))
+        .filter(|(row, backend)| renders(backend, row));
     all.map(|(row, backend)| cost(&desc, row, backend, repeats))
         .collect()
 }

@@ -1,4 +1,4 @@
-//! All techniques must render the same picture of every built-in scene. Integrators with default
+//! All unbiased techniques must render the same picture of every built-in scene. Integrators with default
 //! parameters are compared in pairs, and every variant with its default. Pictures are compared by
 //! blocks, or as a whole if the variance is unbounded.
 

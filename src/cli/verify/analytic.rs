@@ -1,4 +1,4 @@
-//! Scenes with radiance known in closed form, rendered by every integrator and variant. Pictures
+//! Scenes with radiance known in closed form, rendered by every unbiased integrator and variant. Pictures
 //! are compared as a whole: in blocks, a few rare splats next to noise-free areas would not follow
 //! a normal distribution.
 
@@ -22,11 +22,11 @@ use lumbre_light::scene::desc::{
 const SEED_FAMILY: u64 = 1;
 
 /// A scene with known radiance.
-struct KnownScene {
-    name: &'static str,
-    formula: &'static str,
-    scene: SceneDesc,
-    max_depth: u32,
+pub(super) struct KnownScene {
+    pub(super) name: &'static str,
+    pub(super) formula: &'static str,
+    pub(super) scene: SceneDesc,
+    pub(super) max_depth: u32,
     /// Radiance at a position in the picture; coordinates from -1 to 1, to the right and up.
     radiance: Box<dyn Fn(f64, f64) -> [f64; 3]>,
     /// Samples per pixel; large if light is only found by chance.
@@ -34,7 +34,7 @@ struct KnownScene {
 }
 
 /// Returns all scenes with known radiance.
-fn known_scenes() -> Vec<KnownScene> {
+pub(super) fn known_scenes() -> Vec<KnownScene> {
     vec![
         furnace(),
         glass(),
@@ -80,7 +80,7 @@ pub fn plan(request: &VerifyRequest) -> Result<Vec<Check>, String> {
 }
 
 /// Computes the exact picture of `side` pixels a side; each pixel is the mean over a grid.
-fn truth(case: &KnownScene, side: u32) -> NoisyPicture {
+pub(super) fn truth(case: &KnownScene, side: u32) -> NoisyPicture {
     const GRID: u32 = 8;
     let coordinate = |pixel: u32, i: u32| {
         (f64::from(pixel) + (f64::from(i) + 0.5) / f64::from(GRID)) / f64::from(side) * 2.0 - 1.0

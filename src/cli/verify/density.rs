@@ -74,6 +74,7 @@ fn report(
         rr_start: None,
         settings: &Settings::new(&technique.params),
         timing: None,
+        shared: None,
     };
     Ok(oracle::check(&context, samples, seed))
 }

@@ -8,6 +8,7 @@
 
 mod agreement;
 mod analytic;
+mod consistent;
 mod density;
 mod kill;
 pub(super) mod picture;
@@ -123,6 +124,10 @@ const FAMILIES: &[CheckFamily] = &[
     CheckFamily {
         name: "analytic",
         plan: analytic::plan,
+    },
+    CheckFamily {
+        name: "consistent",
+        plan: consistent::plan,
     },
     CheckFamily {
         name: "density",

@@ -6,7 +6,6 @@ use std::fmt;
 use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow};
 use lumbre_light::transport::mis;
 use lumbre_light::value::Value;
-use lumbre_light::value::schema::Ty;
 
 /// An integrator with parameters.
 #[derive(Clone, Debug)]
@@ -42,27 +41,18 @@ impl Technique {
         self.params.get(mis::FIELD.key).and_then(Value::as_str) == Some("none")
     }
 
-    /// Returns the same integrator with each non-default value of each enumerated parameter.
-    /// Enumerated parameters select how light is sampled; other parameters may change the picture.
+    /// Returns the same integrator with each of its [variants](IntegratorRow::variants).
     pub fn variants(&self) -> Vec<Technique> {
-        let mut variants = Vec::new();
-        for field in self.row.params.fields {
-            let Ty::Word(words) = field.ty else { continue };
-            for word in words.iter().filter(|word| **word != field.default) {
-                let params = BTreeMap::from([(field.key.to_owned(), Value::from(*word))]);
-                variants.push(Technique {
-                    row: self.row,
-                    params,
-                });
-            }
-        }
-        variants
+        let row = self.row;
+        let variants = row.variants().into_iter();
+        variants.map(|params| Technique { row, params }).collect()
     }
 }
 
-/// Returns every integrator with default parameters.
+/// Returns every unbiased integrator with default parameters.
 pub fn plain() -> Vec<Technique> {
-    INTEGRATORS.iter().map(Technique::plain).collect()
+    let unbiased = INTEGRATORS.iter().filter(|row| row.bias.is_none());
+    unbiased.map(Technique::plain).collect()
 }
 
 #[cfg(test)]
@@ -70,7 +60,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_integrator_is_listed_with_every_value_of_its_parameters() {
+    fn every_unbiased_integrator_is_listed_with_every_value_of_its_parameters() {
         let names: Vec<String> = plain().iter().map(Technique::to_string).collect();
         assert!(
             names.starts_with(&["bpt".to_owned(), "nee".to_owned()]),

@@ -204,6 +204,20 @@ pub enum PlanError {
         /// Width and height of the reference.
         reference: [u32; 2],
     },
+    /// The bias check cannot judge a technique.
+    #[error(
+        "`agree` of the reference at {point}: `{name}` is consistent but biased: {bias}. The bias \
+         check takes pictures to differ by independent noise only: use an unbiased technique, such \
+         as `bdpt`"
+    )]
+    BiasedCheck {
+        /// Description of the point.
+        point: String,
+        /// Name of the integrator.
+        name: String,
+        /// Source of its bias.
+        bias: &'static str,
+    },
     /// A reference cannot be split into shards.
     #[error("`parts` of the reference at {point}: {reason}")]
     Shards {

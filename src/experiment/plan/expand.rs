@@ -14,6 +14,7 @@ use crate::experiment::spec::{
     BiasCheckRequest, CellConfig, ExperimentSpec, HookError, Point, ReferenceRequest, ScriptHooks,
 };
 use crate::experiment::stop::StopRule;
+use lumbre_light::transport::integrator::integrator;
 use lumbre_light::value::Value;
 
 /// Expands an experiment to its plan.
@@ -229,6 +230,17 @@ impl<'a> Builder<'a> {
                 shards,
             }) => (config, stop, bias_check, shards),
         };
+        if let Some(check) = &bias_check {
+            for name in [&config.integrator, &check.config.integrator] {
+                if let Some(bias) = bias_of(name) {
+                    return Err(PlanError::BiasedCheck {
+                        point: describe(point),
+                        name: name.clone(),
+                        bias,
+                    });
+                }
+            }
+        }
         let seeds = identity::reference_seeds();
         let reference = self.rendered_reference(*config, stop, shards, seeds, cell, point)?;
         let index = self.add_reference(reference);
@@ -422,8 +434,27 @@ impl<'a> Builder<'a> {
                 "{cells} no reference, so {columns} will not be measured"
             ));
         }
+        warnings.extend(self.biased_references());
         warnings.extend(self.duplicate_warning());
         warnings
+    }
+
+    /// Returns a warning for each integrator of references that is consistent but biased.
+    fn biased_references(&self) -> Vec<String> {
+        let biased = self.references.iter().filter_map(|r| match &r.source {
+            ReferenceSource::Render { config, .. } => {
+                Some((config.integrator.as_str(), bias_of(&config.integrator)?))
+            }
+            ReferenceSource::File { .. } => None,
+        });
+        let warning = |(name, bias)| {
+            format!(
+                "the reference is rendered by `{name}`, which is consistent but biased: {bias}. Its \
+                 error bars contain neither; errors of techniques end at its bias"
+            )
+        };
+        let biased: BTreeSet<(&str, &str)> = biased.collect();
+        biased.into_iter().map(warning).collect()
     }
 
     /// Returns a warning if several cells are the same run, which means that axes have no effect.
@@ -456,6 +487,11 @@ impl<'a> Builder<'a> {
             groups.len()
         ))
     }
+}
+
+/// Returns the source of the bias of an integrator that is consistent but not unbiased.
+fn bias_of(name: &str) -> Option<&'static str> {
+    integrator(name).and_then(|row| row.bias)
 }
 
 /// Makes a planning error of a failed script function.

@@ -106,6 +106,7 @@ fn original(scene: &CompiledScene, job: &Job, row: &mut Row) {
         rr_start: job.rr_start,
         settings: &Settings::new(&job.params),
         timing: job.timing.as_ref(),
+        shared: None,
     };
     let (mut total, mut unweighted, mut strategies) = (Vec3::ZERO, Vec3::ZERO, 0u32);
     let mut lengths = 0.0f64;

@@ -72,6 +72,13 @@ fn integrators_have_names_long_names_and_docs() {
             row.long_name
         );
         assert!(row.revision >= 1);
+        assert_eq!(
+            row.bias.is_some(),
+            row.long_name.ends_with("biased"),
+            "{}: tables and plots must show whether it is biased: `{}`",
+            row.name,
+            row.long_name
+        );
         check_schema(row.name, &row.params);
     }
 }

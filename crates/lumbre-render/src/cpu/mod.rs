@@ -4,13 +4,15 @@
 //! Its films have the same bits for any number of threads, any instruction set, and with or without
 //! vectorisation.
 //!
-//! [`bvh`] builds and traverses hierarchies, [`renderer`] loops over pixels and samples, [`films`]
+//! [`bvh`] builds and traverses hierarchies, [`renderer`] loops over pixels and samples of
+//! a `prepared` job, [`films`]
 //! sums the samples, `wavefront` holds the SIMD path tracers, `path_trace` records the events of
 //! single samples, and [`rates`] measures the ray rates that `lumbre bench` prints.
 
 pub mod bvh;
 pub mod films;
 mod path_trace;
+mod prepared;
 pub mod rates;
 pub mod renderer;
 mod wavefront;

@@ -1,18 +1,17 @@
 //! Records the events of single samples on the CPU: every ray query with its result, and every
-//! contribution. It uses the scalar path, so the samples are those that a run adds to its film.
+//! contribution. It uses the scalar path, so the samples are those that a run adds to its film. Paths
+//! that belong to no pixel, such as photons, are traced first and not recorded.
 
 use std::cell::RefCell;
 use std::sync::Arc;
 
 use super::bvh::accel::{Accel, AccelError};
 use super::bvh::simd::Isa;
+use super::prepared::PreparedJob;
 use crate::path_trace::{PathEvent, SampleAt};
 use crate::{Job, RenderError};
 use lumbre_light::scene::CompiledScene;
-use lumbre_light::transport::arrival::SurfaceClasses;
-use lumbre_light::transport::camera::Camera;
-use lumbre_light::transport::integrator::{Context, Settings};
-use lumbre_light::transport::light::{LightSelection, Lights};
+use lumbre_light::transport::integrator::iteration::Shared;
 use lumbre_light::transport::ray::{Hit, Ray, Trace};
 
 /// Ray intersector that records every query and its result.
@@ -56,33 +55,28 @@ pub(super) fn paths(
         backend: "cpu",
         reason: e.to_string(),
     };
-    let accel =
-        Accel::build_as(Arc::clone(scene), &job.accel, Isa::detect()).map_err(build_error)?;
-    let scene = &accel.scene;
-    let camera = Camera::new(&scene.camera, job.resolution, job.filter);
-    let lights = Lights::with_select(scene, LightSelection::from_params(&job.params));
-    let classes = SurfaceClasses::new(scene);
-    let settings = Settings::new(&job.params);
-    let record_sample = |at: &SampleAt| {
+    let prepared =
+        PreparedJob::new(Arc::clone(scene), job.clone(), Isa::detect()).map_err(build_error)?;
+    let mut iteration: Option<(u64, Box<Shared>)> = None;
+    let mut record_sample = |at: &SampleAt| {
+        if let Some(begin) = job.integrator.begin
+            && iteration
+                .as_ref()
+                .is_none_or(|(index, _)| *index != at.sample)
+        {
+            iteration = Some((at.sample, prepared.begin(begin, at.sample).0));
+        }
         let events = RefCell::default();
-        let context = Context {
-            scene,
-            camera: &camera,
-            lights: &lights,
-            classes: &classes,
-            trace: &RecordingTrace {
-                accel: &accel,
-                events: &events,
-            },
-            max_depth: job.max_depth,
-            rr_start: job.rr_start,
-            settings: &settings,
-            timing: job.timing.as_ref(),
+        let trace = RecordingTrace {
+            accel: &prepared.accel,
+            events: &events,
         };
+        let shared = iteration.as_ref().map(|(_, shared)| &**shared);
+        let context = prepared.context(&trace, shared);
         let mut sampler = job.sampler.start(job.seed, at.pixel, at.sample);
         let mut sink = |c| events.borrow_mut().push(PathEvent::Light(c));
         (job.integrator.sample)(&context, at.pixel, &mut sampler, &mut sink);
         events.take()
     };
-    Ok(samples.iter().map(record_sample).collect())
+    Ok(samples.iter().map(&mut record_sample).collect())
 }

@@ -112,10 +112,18 @@ pub fn integrator(mode: TracingMode, name: &str, variant: Variant) -> Recipe {
     }
 }
 
+/// Returns whether the program has the text of an integrator's shader.
+fn has_shader(name: &str) -> bool {
+    let paths = ["", "/mod"].map(|file| format!("transport/integrator/{name}{file}.glsl"));
+    TEXTS
+        .iter()
+        .any(|(path, _)| paths.iter().any(|own| own == path))
+}
+
 /// Returns the recipes of all modules of the program, in the order of their files.
 pub fn recipes() -> Vec<Recipe> {
     let mut recipes: Vec<Recipe> = Vec::new();
-    for row in INTEGRATORS {
+    for row in INTEGRATORS.iter().filter(|row| has_shader(row.name)) {
         let all_splats: &[SplatMode] = match row.splats {
             false => &[SplatMode::None],
             true => &[SplatMode::Float, SplatMode::Fixed],

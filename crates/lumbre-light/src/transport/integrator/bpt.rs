@@ -19,6 +19,8 @@ pub const ROW: IntegratorRow = IntegratorRow {
         fields: &[],
     },
     splats: false,
+    bias: None,
+    begin: None,
     sample: camera_path::sample::<Bpt>,
 };
 

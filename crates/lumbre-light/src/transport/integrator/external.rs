@@ -46,6 +46,8 @@ pub const EXTERNALS: &[IntegratorRow] = &[IntegratorRow {
         fields: &[PYTHON, VARIANT, METHOD],
     },
     splats: false,
+    bias: None,
+    begin: None,
     sample: |_, _, _, _| {},
 }];
 

@@ -5,11 +5,16 @@ pub mod bdpt;
 pub mod bpt;
 pub mod camera_path;
 pub mod external;
+pub mod iteration;
 pub mod nee;
 pub mod oracle;
 pub mod settings;
+pub mod sppm;
+
+use std::collections::BTreeMap;
 
 use self::camera_path::CameraPaths;
+use self::iteration::{BeginFn, Shared};
 use super::arrival::SurfaceClasses;
 use super::camera::Camera;
 use super::contribution::Contribution;
@@ -19,7 +24,8 @@ use super::ray::{Hit, Trace};
 use super::sampler::Sampler;
 use crate::scene::CompiledScene;
 use crate::scene::compile::NONE;
-use crate::value::schema::Table;
+use crate::value::Value;
+use crate::value::schema::{Table, Ty};
 
 pub use settings::Settings;
 
@@ -43,6 +49,9 @@ pub struct Context<'a> {
     pub settings: &'a Settings,
     /// Settings of the film's time axis; without one, optical lengths are not computed.
     pub timing: Option<&'a Timing>,
+    /// Data that the samples of this iteration share, for integrators that have any: see
+    /// [`iteration`].
+    pub shared: Option<&'a Shared>,
 }
 
 impl Context<'_> {
@@ -105,7 +114,7 @@ macro_rules! integrators {
     };
 }
 
-integrators!(camera paths: bpt::Bpt, nee::Nee; bidirectional: bdpt; others:);
+integrators!(camera paths: bpt::Bpt, nee::Nee, sppm::Sppm; bidirectional: bdpt; others:);
 
 /// Computes one sample of one pixel and passes every contribution to the sink.
 pub type SampleFn = fn(&Context, pixel: [u32; 2], &mut Sampler, sink: &mut dyn FnMut(Contribution));
@@ -115,7 +124,7 @@ pub type SampleFn = fn(&Context, pixel: [u32; 2], &mut Sampler, sink: &mut dyn F
 pub struct IntegratorRow {
     /// Short name in scripts, columns and paths.
     pub name: &'static str,
-    /// Long name shown beside it in tables and plots.
+    /// Long name shown beside it in tables and plots; ends in `biased` if it is.
     pub long_name: &'static str,
     /// Revision, raised whenever the pictures change; part of every run's identity.
     pub revision: u32,
@@ -125,8 +134,35 @@ pub struct IntegratorRow {
     pub params: Table,
     /// Whether a sample can contribute to other pixels than its own.
     pub splats: bool,
+    /// Source of the bias of an integrator that is consistent but not unbiased: its error vanishes
+    /// with the number of samples, but the expected value of a picture is not the exact one. `None`
+    /// if it is unbiased.
+    pub bias: Option<&'static str>,
+    /// Computes the data that the samples of an iteration share; `None` if they share none.
+    pub begin: Option<BeginFn>,
     /// Computes one sample of one pixel on the CPU.
     pub sample: SampleFn,
+}
+
+impl IntegratorRow {
+    /// Returns the parameters with one enumerated parameter at a value that is not its default, for
+    /// each such parameter and value. Enumerated parameters select how light is sampled; other
+    /// parameters may change the picture.
+    pub fn variants(&self) -> Vec<BTreeMap<String, Value>> {
+        let enumerated = self
+            .params
+            .fields
+            .iter()
+            .filter_map(|field| match field.ty {
+                Ty::Word(words) => Some((field, words)),
+                _ => None,
+            });
+        let variants = enumerated.flat_map(|(field, words)| {
+            let others = words.iter().filter(|word| **word != field.default);
+            others.map(|word| BTreeMap::from([(field.key.to_owned(), Value::from(*word))]))
+        });
+        variants.collect()
+    }
 }
 
 /// Returns the integrator with this name, of this program or of [another one](external).

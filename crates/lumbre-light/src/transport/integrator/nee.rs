@@ -32,6 +32,8 @@ pub const ROW: IntegratorRow = IntegratorRow {
         fields: &[mis::FIELD, SELECT_FIELD, settings::LIGHTS],
     },
     splats: false,
+    bias: None,
+    begin: None,
     sample: camera_path::sample::<Nee>,
 };
 
@@ -157,9 +159,10 @@ pub(super) fn scatter<R: Lanes<N>, const N: usize, const LIGHTS: bool>(
     path.continue_from(context, edge, &surface, optical, &s, lanes & sampled)
 }
 
-/// Adds the emission of the surfaces that edges hit.
+/// Adds the emission of the surfaces that edges hit. With `LIGHTS` it is weighted against light
+/// sampling.
 #[inline(always)]
-fn add_emission<R: Lanes<N>, const N: usize, const LIGHTS: bool>(
+pub(super) fn add_emission<R: Lanes<N>, const N: usize, const LIGHTS: bool>(
     context: &Context,
     edge: u32,
     path: &Path<R>,

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::transport::mis::Heuristic;
 use crate::value::Value;
-use crate::value::schema::{Field, Ty};
+use crate::value::schema::{AUTO, Field, Ty};
 
 /// The parameter `lights` of integrators that sample lights from the vertices of camera paths.
 pub const LIGHTS: Field = Field {
@@ -40,8 +40,44 @@ pub const CONTRIBUTION: Field = Field {
     doc: "false leaves the strategy of `strategies` out instead, and keeps all others",
 };
 
+/// The parameter `photons` of integrators that trace photons.
+pub const PHOTONS: Field = Field {
+    key: "photons",
+    ty: Ty::OrAuto(&Ty::Int {
+        min: 1,
+        max: 1 << 28,
+    }),
+    required: false,
+    default: AUTO,
+    doc: "number of photons that each iteration (one sample of every pixel) traces from the \
+          lights; auto takes the number of pixels",
+};
+
+/// The parameter `radius` of integrators that gather photons.
+pub const RADIUS: Field = Field {
+    key: "radius",
+    ty: Ty::OrAuto(&Ty::Num {
+        min: 1e-6,
+        max: 1e6,
+    }),
+    required: false,
+    default: AUTO,
+    doc: "radius of the first iteration within which photons are gathered, in scene units; auto \
+          takes three times the median width of a pixel on the surfaces that the camera sees",
+};
+
+/// The parameter `alpha` of integrators that gather photons.
+pub const ALPHA: Field = Field {
+    key: "alpha",
+    ty: Ty::Num { min: 0.0, max: 1.0 },
+    required: false,
+    default: "2/3",
+    doc: "how slowly the radius shrinks: in iteration i it is radius * i^((alpha - 1) / 2); 1 \
+          keeps the radius and its bias, less gives less bias and more noise",
+};
+
 /// The parameters of all integrators; those that an integrator does not have keep their default.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Heuristic of the weights; `None` if strategies are not weighted by densities.
     pub mis: Option<Heuristic>,
@@ -51,6 +87,13 @@ pub struct Settings {
     pub one: Option<[u32; 2]>,
     /// Whether that strategy is kept rather than left out.
     pub keep: bool,
+    /// Number of photons of an iteration; `None` is the number of pixels.
+    pub photons: Option<u32>,
+    /// Radius of the first iteration within which photons are gathered, in scene units; `None`
+    /// derives it from the size of pixels.
+    pub radius: Option<f32>,
+    /// Exponent of the radius: see [`ALPHA`].
+    pub alpha: f32,
 }
 
 impl Settings {
@@ -63,11 +106,15 @@ impl Settings {
             }
             _ => None,
         };
+        let number = |field: Field| params.get(field.key).and_then(Value::as_f64);
         Settings {
             mis: Heuristic::from_params(params),
             all_lights: params.get(LIGHTS.key).and_then(Value::as_str) == Some("all"),
             one,
             keep: !matches!(params.get(CONTRIBUTION.key), Some(Value::Bool(false))),
+            photons: number(PHOTONS).map(|photons| photons as u32),
+            radius: number(RADIUS).map(|radius| radius as f32),
+            alpha: number(ALPHA).map_or(2.0 / 3.0, |alpha| alpha as f32),
         }
     }
 
@@ -103,7 +150,10 @@ mod tests {
                 mis: Some(Heuristic::Power),
                 all_lights: false,
                 one: None,
-                keep: true
+                keep: true,
+                photons: None,
+                radius: None,
+                alpha: 2.0 / 3.0,
             }
         );
         assert!(plain.includes(3, 4) && !plain.unweighted());
@@ -112,6 +162,9 @@ mod tests {
             ("mis", "none".into()),
             ("lights", "all".into()),
             ("strategies", pair),
+            ("photons", Value::Int(5)),
+            ("radius", Value::Num(0.25)),
+            ("alpha", Value::Num(0.5)),
         ];
         let mut params: BTreeMap<String, Value> =
             given.map(|(k, v): (&str, Value)| (k.to_owned(), v)).into();
@@ -122,7 +175,10 @@ mod tests {
                 mis: None,
                 all_lights: true,
                 one: Some([2, 3]),
-                keep: true
+                keep: true,
+                photons: Some(5),
+                radius: Some(0.25),
+                alpha: 0.5,
             }
         );
         assert!(one.unweighted() && one.includes(2, 3) && !one.includes(3, 2));

@@ -13,7 +13,8 @@ use lumbre_light::scene::compile::{
 };
 use lumbre_light::scene::desc::{ConeDesc, ConeEdge};
 use lumbre_light::transport::contribution::Contribution;
-use lumbre_light::transport::integrator::{Context, IntegratorRow, integrator};
+use lumbre_light::transport::integrator::{Context, INTEGRATORS, IntegratorRow, integrator};
+use lumbre_light::transport::light::SELECT_FIELD;
 use lumbre_light::transport::sampler::Sampler;
 use lumbre_light::value::Value;
 
@@ -47,15 +48,35 @@ pub fn technique(name: &str, pairs: &[(&str, Value)]) -> Technique {
 }
 
 /// Returns every configuration that must agree with `bpt`, and with `nee` for light that `bpt`
-/// cannot find.
+/// cannot find: all other unbiased integrators with their variants. How a light is chosen is left
+/// out: it is compared in tests of its own.
 pub fn variants() -> Vec<Technique> {
-    let mut all = vec![technique("nee", &[("lights", "all".into())])];
-    for mis in ["power", "balance", "none"] {
-        for name in ["nee", "bdpt"] {
-            all.push(technique(name, &[("mis", mis.into())]));
-        }
+    let others = INTEGRATORS.iter().skip(1);
+    let unbiased = others.filter(|row| row.bias.is_none());
+    unbiased
+        .flat_map(|row| {
+            let variants = row.variants().into_iter();
+            let variants = variants.filter(|params| !params.contains_key(SELECT_FIELD.key));
+            std::iter::once(Params::new())
+                .chain(variants)
+                .map(move |params| (row, params))
+        })
+        .collect()
+}
+
+#[test]
+fn variants_are_all_ways_of_finding_the_light() {
+    let names: Vec<String> = variants()
+        .iter()
+        .map(|(row, params)| format!("{} {params:?}", row.name))
+        .collect();
+    assert_eq!(names.len(), 7, "{names:?}");
+    for expected in ["nee {}", "nee {\"lights\"", "bdpt {\"mis\": Str(\"none\")"] {
+        assert!(
+            names.iter().any(|name| name.starts_with(expected)),
+            "{expected}: {names:?}"
+        );
     }
-    all
 }
 
 /// Settings that all techniques of one comparison share.

@@ -96,6 +96,7 @@ fn weights_of_light_from_the_rim_of_a_sphere_are_finite() {
         rr_start: None,
         settings,
         timing: None,
+        shared: None,
     };
     let mut sampler = Sampler::new(3016, [7, 5], 15207);
     let mut found = 0;

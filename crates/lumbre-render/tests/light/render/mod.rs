@@ -37,6 +37,7 @@ mod lights_emission;
 mod lights_truth;
 mod oracle;
 mod sampling;
+mod sppm;
 mod surface;
 mod surface_bumps;
 mod wavefront;

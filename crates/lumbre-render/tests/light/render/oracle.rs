@@ -62,6 +62,7 @@ fn check(
         rr_start: None,
         settings: &settings,
         timing: None,
+        shared: None,
     };
     oracle::check(&context, samples, seed)
 }

@@ -16,7 +16,7 @@ use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
 use crate::common::{SceneBuilder, grey, light};
 use crate::render::wavefront_fixtures::{
     DISNEY, assert_same_bits, assert_same_film_bits, interfaces, materials, nee_job, room,
-    with_bdpt, with_bpt, with_time_axis,
+    with_bdpt, with_bpt, with_sppm, with_time_axis,
 };
 
 #[test]
@@ -26,6 +26,7 @@ fn every_material_has_the_same_bits_in_lanes() {
         assert_same_bits(name, &scene, nee_job([29, 17], 6), 11);
         assert_same_bits(name, &scene, with_bpt(nee_job([29, 17], 6)), 11);
         assert_same_bits(name, &scene, with_bdpt(nee_job([29, 17], 6)), 5);
+        assert_same_bits(name, &scene, with_sppm(nee_job([29, 17], 6)), 2);
     }
 }
 

@@ -9,6 +9,7 @@ use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{Distribution, Interface, Material, Model, diffuse_reflectance};
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::path_time::Timing;
+use lumbre_light::value::Value;
 use lumbre_render::cpu::bvh::simd::Isa;
 use lumbre_render::hierarchy::{AccelSpec, LaneMode};
 use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
@@ -326,6 +327,16 @@ pub fn with_bpt(job: Job) -> Job {
 pub fn with_bdpt(job: Job) -> Job {
     Job {
         integrator: integrator("bdpt").unwrap(),
+        ..job
+    }
+}
+
+/// Returns the job with `sppm`, of which a surface gathers several photons.
+pub fn with_sppm(job: Job) -> Job {
+    let params = [("radius", Value::Num(0.2)), ("photons", Value::Int(700))];
+    Job {
+        integrator: integrator("sppm").unwrap(),
+        params: params.map(|(key, value)| (key.to_owned(), value)).into(),
         ..job
     }
 }

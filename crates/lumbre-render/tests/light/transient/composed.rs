@@ -218,6 +218,7 @@ fn weights_and_densities_equal_their_definition_with_components_and_delays() {
             rr_start: None,
             settings: &settings,
             timing: Some(&timing),
+            shared: None,
         };
         let report = check(&context, 3000, 5);
         assert!(

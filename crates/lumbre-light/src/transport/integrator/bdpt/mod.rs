@@ -39,5 +39,7 @@ pub const ROW: IntegratorRow = IntegratorRow {
         ],
     },
     splats: true,
+    bias: None,
+    begin: None,
     sample: single::sample,
 };

@@ -1,0 +1,162 @@
+//! A job prepared for the samples of an integrator: everything that stays the same from sample to
+//! sample, and the data that an iteration shares.
+
+use std::cell::Cell;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use rayon::prelude::*;
+
+use super::bvh::accel::{Accel, AccelError};
+use super::bvh::simd::Isa;
+use super::wavefront::SmallScene;
+use crate::Job;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::transport::arrival::SurfaceClasses;
+use lumbre_light::transport::camera::Camera;
+use lumbre_light::transport::integrator::iteration::{BeginFn, Iteration, Shared, Workers};
+use lumbre_light::transport::integrator::{Context, Settings};
+use lumbre_light::transport::light::{LightSelection, Lights};
+use lumbre_light::transport::ray::{Hit, Ray, Trace};
+
+/// A job with its scene, hierarchy, camera, lights and parsed parameters.
+pub(super) struct PreparedJob {
+    pub scene: Arc<CompiledScene>,
+    pub accel: Accel,
+    camera: Camera,
+    lights: Lights,
+    classes: SurfaceClasses,
+    settings: Settings,
+    pub job: Job,
+}
+
+impl PreparedJob {
+    /// Builds the hierarchy and prepares camera, lights and surfaces.
+    ///
+    /// # Errors
+    /// Returns an error if the scene's hierarchy cannot be used.
+    pub fn new(scene: Arc<CompiledScene>, job: Job, isa: Isa) -> Result<PreparedJob, AccelError> {
+        let accel = Accel::build_as(scene, &job.accel, isa)?;
+        // If the builder does not support instances, the hierarchy has a flattened copy of the
+        // scene, whose primitive indices hits refer to.
+        let scene = Arc::clone(&accel.scene);
+        Ok(PreparedJob {
+            camera: Camera::new(&scene.camera, job.resolution, job.filter),
+            lights: Lights::with_select(&scene, LightSelection::from_params(&job.params)),
+            classes: SurfaceClasses::new(&scene),
+            settings: Settings::new(&job.params),
+            scene,
+            accel,
+            job,
+        })
+    }
+
+    /// Returns the context of samples that trace their rays with `trace` and read `shared`.
+    pub fn context<'a>(&'a self, trace: &'a dyn Trace, shared: Option<&'a Shared>) -> Context<'a> {
+        Context {
+            scene: &self.scene,
+            camera: &self.camera,
+            lights: &self.lights,
+            classes: &self.classes,
+            trace,
+            max_depth: self.job.max_depth,
+            rr_start: self.job.rr_start,
+            settings: &self.settings,
+            timing: self.job.timing.as_ref(),
+            shared,
+        }
+    }
+
+    /// Computes the data that the samples with an index share, on all threads of the pool that it
+    /// runs in. Returns them with the number of rays traced.
+    pub fn begin(&self, begin: BeginFn, index: u64) -> (Box<Shared>, u64) {
+        let workers = CountingWorkers {
+            prepared: self,
+            rays: AtomicU64::new(0),
+        };
+        let shared = begin(&Iteration {
+            index,
+            seed: self.job.seed,
+            sampler: self.job.sampler,
+            workers: &workers,
+        });
+        (shared, workers.rays.into_inner())
+    }
+}
+
+/// The threads of a pool, with the number of rays that they traced.
+struct CountingWorkers<'a> {
+    prepared: &'a PreparedJob,
+    rays: AtomicU64,
+}
+
+impl Workers for CountingWorkers<'_> {
+    fn for_each(&self, count: usize, work: &(dyn Fn(&Context, usize) + Sync)) {
+        (0..count)
+            .into_par_iter()
+            .with_max_len(1)
+            .for_each(|index| {
+                let trace = CountingTrace::new(&self.prepared.accel, None);
+                work(&self.prepared.context(&trace, None), index);
+                self.rays.fetch_add(trace.rays(), Ordering::Relaxed);
+            });
+    }
+}
+
+/// Ray intersector that counts its rays. Each row has its own, so that threads share no counter.
+pub(super) struct CountingTrace<'a> {
+    accel: &'a Accel,
+    /// Tracer of many rays at once, if the scene is small.
+    small: Option<&'a SmallScene>,
+    rays: Cell<u64>,
+}
+
+impl<'a> CountingTrace<'a> {
+    /// Creates an intersector that has traced no ray.
+    pub fn new(accel: &'a Accel, small: Option<&'a SmallScene>) -> CountingTrace<'a> {
+        CountingTrace {
+            accel,
+            small,
+            rays: Cell::new(0),
+        }
+    }
+
+    /// Returns the number of rays traced so far.
+    pub fn rays(&self) -> u64 {
+        self.rays.get()
+    }
+}
+
+impl Trace for CountingTrace<'_> {
+    fn closest(&self, ray: &Ray, t_max: f32) -> Option<Hit> {
+        self.rays.set(self.rays.get() + 1);
+        self.accel.closest(ray, t_max)
+    }
+
+    fn occluded(&self, ray: &Ray, t_max: f32) -> bool {
+        self.rays.set(self.rays.get() + 1);
+        self.accel.occluded(ray, t_max)
+    }
+
+    fn closest_each(&self, rays: &[(Ray, f32)], hits: &mut Vec<Option<Hit>>) {
+        self.rays.set(self.rays.get() + rays.len() as u64);
+        match self.small {
+            Some(small) => small.closest(rays, hits),
+            None => hits.extend(
+                rays.iter()
+                    .map(|(ray, t_max)| self.accel.closest(ray, *t_max)),
+            ),
+        }
+    }
+
+    fn occluded_each(&self, rays: &[(Ray, f32)], occluded: &mut Vec<bool>) {
+        self.rays.set(self.rays.get() + rays.len() as u64);
+        match self.small {
+            Some(small) => small.occluded(rays, occluded),
+            None => occluded.extend(
+                rays.iter()
+                    .map(|(ray, t_max)| self.accel.occluded(ray, *t_max)),
+            ),
+        }
+    }
+}
