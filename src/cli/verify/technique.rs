@@ -41,10 +41,11 @@ impl Technique {
         self.params.get(mis::FIELD.key).and_then(Value::as_str) == Some("none")
     }
 
-    /// Returns the same integrator with each of its [variants](IntegratorRow::variants).
+    /// Returns the same integrator with each non-default value of each enumerated parameter.
+    /// Enumerated parameters select how light is sampled; other parameters may change the picture.
     pub fn variants(&self) -> Vec<Technique> {
         let row = self.row;
-        let variants = row.variants().into_iter();
+        let variants = row.params.variants().into_iter();
         variants.map(|params| Technique { row, params }).collect()
     }
 }

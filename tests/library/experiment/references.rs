@@ -384,28 +384,56 @@ fn a_metric_that_cannot_be_computed_has_no_floor() {
 
 /// Returns an experiment whose reference has a bias check by `nee`.
 fn compared() -> Lab {
+    compared_by("bpt", Some("nee"))
+}
+
+/// Returns an experiment whose reference is by one technique, with a bias check by another.
+fn compared_by(first: &'static str, second: Option<&'static str>) -> Lab {
     let mut lab = lab(256);
-    lab.reference = Box::new(|_| {
+    lab.reference = Box::new(move |_| {
         let mut config = config();
         config.resolution = Some([64, 48]);
-        let second = CellConfig {
-            integrator: "nee".into(),
-            ..config.clone()
-        };
-        let bias_check = BiasCheckRequest {
-            config: second,
-            stop: StopRule::Samples(64),
-            rate: 0.01,
-        };
+        config.integrator = first.into();
+        let bias_check = second.map(|second| {
+            Box::new(BiasCheckRequest {
+                config: CellConfig {
+                    integrator: second.into(),
+                    ..config.clone()
+                },
+                stop: StopRule::Samples(64),
+                rate: 0.01,
+            })
+        });
         let stop = StopRule::Samples(256);
         Ok(Some(ReferenceRequest::Render {
             config: Box::new(config),
             stop,
-            bias_check: Some(Box::new(bias_check)),
+            bias_check,
             shards: 1,
         }))
     });
     lab
+}
+
+#[test]
+fn a_bias_check_refuses_a_technique_that_is_not_unbiased_and_a_reference_by_it_is_noted() {
+    for pair in [("bpt", "sppm"), ("sppm", "bpt")] {
+        let refusal = compared_by(pair.0, Some(pair.1)).try_plan().unwrap_err();
+        let refusal = refusal.to_string();
+        assert!(
+            refusal.contains("`sppm` is consistent but biased") && refusal.contains("unbiased"),
+            "{refusal}"
+        );
+    }
+    let noted = |technique| compared_by(technique, None).plan().warnings;
+    let warnings = noted("sppm");
+    assert!(
+        warnings
+            .iter()
+            .any(|w| w.starts_with("the reference is rendered by `sppm`, which is consistent")),
+        "{warnings:?}"
+    );
+    assert!(noted("bpt").is_empty(), "{:?}", noted("bpt"));
 }
 
 /// Opens a renderer that is biased for `nee`: its paths may have one more edge, which adds light.

@@ -157,6 +157,22 @@ impl Table {
     }
 }
 
+impl Table {
+    /// Returns a map with one enumerated field at a value that is not its default, for each such
+    /// field and value.
+    pub fn variants(&self) -> Vec<BTreeMap<String, Value>> {
+        let enumerated = self.fields.iter().filter_map(|field| match field.ty {
+            Ty::Word(words) => Some((field, words)),
+            _ => None,
+        });
+        let variants = enumerated.flat_map(|(field, words)| {
+            let others = words.iter().filter(|word| **word != field.default);
+            others.map(|word| BTreeMap::from([(field.key.to_owned(), Value::from(*word))]))
+        });
+        variants.collect()
+    }
+}
+
 /// Returns the error for an unknown key, with the most similar name or the list of valid ones.
 pub fn unknown_key<'a>(
     path: &str,

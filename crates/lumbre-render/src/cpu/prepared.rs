@@ -21,7 +21,7 @@ use lumbre_light::transport::ray::{Hit, Ray, Trace};
 
 /// A job with its scene, hierarchy, camera, lights and parsed parameters.
 pub(super) struct PreparedJob {
-    pub scene: Arc<CompiledScene>,
+    scene: Arc<CompiledScene>,
     pub accel: Accel,
     camera: Camera,
     lights: Lights,

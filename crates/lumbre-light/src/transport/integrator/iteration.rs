@@ -43,7 +43,7 @@ pub struct Iteration<'a> {
     pub seed: u64,
     /// Generator of random numbers.
     pub sampler: &'static SamplerRow,
-    /// The threads.
+    /// Threads of the renderer.
     pub workers: &'a dyn Workers,
 }
 

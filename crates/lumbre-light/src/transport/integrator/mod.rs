@@ -11,8 +11,6 @@ pub mod oracle;
 pub mod settings;
 pub mod sppm;
 
-use std::collections::BTreeMap;
-
 use self::camera_path::CameraPaths;
 use self::iteration::{BeginFn, Shared};
 use super::arrival::SurfaceClasses;
@@ -24,8 +22,7 @@ use super::ray::{Hit, Trace};
 use super::sampler::Sampler;
 use crate::scene::CompiledScene;
 use crate::scene::compile::NONE;
-use crate::value::Value;
-use crate::value::schema::{Table, Ty};
+use crate::value::schema::Table;
 
 pub use settings::Settings;
 
@@ -142,27 +139,6 @@ pub struct IntegratorRow {
     pub begin: Option<BeginFn>,
     /// Computes one sample of one pixel on the CPU.
     pub sample: SampleFn,
-}
-
-impl IntegratorRow {
-    /// Returns the parameters with one enumerated parameter at a value that is not its default, for
-    /// each such parameter and value. Enumerated parameters select how light is sampled; other
-    /// parameters may change the picture.
-    pub fn variants(&self) -> Vec<BTreeMap<String, Value>> {
-        let enumerated = self
-            .params
-            .fields
-            .iter()
-            .filter_map(|field| match field.ty {
-                Ty::Word(words) => Some((field, words)),
-                _ => None,
-            });
-        let variants = enumerated.flat_map(|(field, words)| {
-            let others = words.iter().filter(|word| **word != field.default);
-            others.map(|word| BTreeMap::from([(field.key.to_owned(), Value::from(*word))]))
-        });
-        variants.collect()
-    }
 }
 
 /// Returns the integrator with this name, of this program or of [another one](external).

@@ -55,7 +55,7 @@ pub fn variants() -> Vec<Technique> {
     let unbiased = others.filter(|row| row.bias.is_none());
     unbiased
         .flat_map(|row| {
-            let variants = row.variants().into_iter();
+            let variants = row.params.variants().into_iter();
             let variants = variants.filter(|params| !params.contains_key(SELECT_FIELD.key));
             std::iter::once(Params::new())
                 .chain(variants)

@@ -72,7 +72,7 @@ pub struct PlacedPhoton {
     pub position: Vec3,
     /// Hash of its cube.
     hash: u32,
-    /// The photon.
+    /// The photon with its direction and flux.
     pub photon: PhotonRecord,
 }
 
@@ -143,11 +143,6 @@ impl PhotonMap {
     /// of photons and the area over which they are gathered.
     pub fn scale(&self) -> f32 {
         self.scale
-    }
-
-    /// Returns the radius within which photons are gathered, in scene units.
-    pub fn radius(&self) -> f32 {
-        self.grid.radius
     }
 
     /// Appends the photons with at most `max_edges` edges near a point of a surface with the unit
