@@ -212,15 +212,18 @@ fn the_automatic_radius_is_three_pixels() {
 /// Radius that is small beside all scenes here, in scene units.
 const SMALL: f64 = 0.03;
 
+/// Side of compared pictures in pixels.
+const SIDE: u32 = 20;
+
 /// Compares `sppm` of a small radius with an unbiased integrator, over the picture and its quarters:
 /// they may differ by 2 % of the light and by noise.
 fn agrees_with(name: &str, scene: &Arc<CompiledScene>, depth: u32, photons: i64) {
     let truth_job = Job {
         integrator: integrator(name).unwrap(),
-        ..job([12; 2], depth, 99)
+        ..job([SIDE; 2], depth, 99)
     };
-    let truth = spread(scene, &truth_job, 12, 256);
-    let found = spread(scene, &sppm_job(12, depth, SMALL, photons, 1), 12, 24);
+    let truth = spread(scene, &truth_job, 12, 96);
+    let found = spread(scene, &sppm_job(SIDE, depth, SMALL, photons, 1), 12, 24);
     // Dark quarters need not be more precise than a quarter of the mean.
     let least = 0.25 * mean_and_error(&column(&truth, 0)).0;
     for place in 0..5 {
@@ -235,7 +238,7 @@ fn assert_close(what: &str, found: &[f64], truth: &[f64], least: f64, tests: usi
     let ((a, ea), (b, eb)) = (mean_and_error(found), mean_and_error(truth));
     let (error, light) = (ea.hypot(eb), b.max(least));
     let what = format!("{what}: {a} +- {ea} instead of {b} +- {eb}");
-    assert!(error < 0.04 * light, "{what} is too noisy");
+    assert!(error < 0.05 * light, "{what} is too noisy");
     let beyond = ((a - b).abs() - 0.02 * light).max(0.0);
     let p = two_sided_p(beyond / error, found.len() as f64 - 1.0);
     assert!(p > sidak(SIGNIFICANCE, tests), "{what}: {p}");
@@ -324,16 +327,16 @@ fn polished() -> Material {
 fn it_agrees_under_lights_that_no_camera_path_hits() {
     let high = Vec3::new(0.5, 2.0, 1.0);
     let point = stage(GLASS).point(high, Vec3::splat(6.0)).build();
-    agrees_with("bdpt", &point, 5, 24_000);
+    agrees_with("bdpt", &point, 5, 20_000);
     let cone = ConeDesc {
         beam_deg: 25.0,
         cutoff_deg: 40.0,
         edge: ConeEdge::Linear,
     };
     let spot = stage(polished()).spot(high, Vec3::Y * 0.5 - high, Vec3::splat(9.0), cone);
-    agrees_with("bdpt", &spot.build(), 5, 24_000);
+    agrees_with("bdpt", &spot.build(), 5, 20_000);
     let sun = stage(polished()).directional(Vec3::new(-0.3, -1.0, -0.5), Vec3::splat(3.0));
-    agrees_with("bdpt", &sun.build(), 5, 24_000);
+    agrees_with("bdpt", &sun.build(), 5, 20_000);
 }
 
 #[test]
