@@ -432,6 +432,16 @@ impl NightControls {
         self.checkpoint.swap(false, Ordering::SeqCst)
     }
 
+    /// Whether the current cell should be abandoned.
+    pub fn skip_requested(&self) -> bool {
+        self.skip.load(Ordering::SeqCst)
+    }
+
+    /// Whether the current cell should be rendered again from its first sample.
+    pub fn restart_requested(&self) -> bool {
+        self.restart.load(Ordering::SeqCst)
+    }
+
     /// Returns whether the current cell should be abandoned, and clears the request.
     pub fn take_skip(&self) -> bool {
         self.skip.swap(false, Ordering::SeqCst)

@@ -42,6 +42,8 @@ pub fn plan(axes: &[AxisValues], repeats: u32) -> Plan {
         .map(|(i, (point, repeat))| cell(i, point.clone(), repeat))
         .collect();
     Plan {
+        commands: Vec::new(),
+        commands_allowed: false,
         name: "night".to_owned(),
         hash: "3f9a5b".to_owned(),
         seed: 1,

@@ -12,11 +12,13 @@ use lumbre_light::scene::desc::{MATERIAL_PARAMS, TextureSlot};
 use lumbre_light::transport::integrator::external::EXTERNALS;
 use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow};
 use lumbre_light::value::schema::{AUTO, Field, Table, Ty};
+use lumbre_render::external::technique::EXTERNAL;
 
 /// Option tables, in the order of the annotations; nested tables are printed before them.
 const TABLES: &[&Table] = &[
     &experiment::EXPERIMENT,
     &render_schema::RENDER,
+    &EXTERNAL,
     &reference::REFERENCE,
     &measure::MEASURE,
     &stop::WHEN,
@@ -270,6 +272,7 @@ fn lua_type(ty: &Ty) -> String {
             .map(|w| format!("\"{w}\""))
             .collect::<Vec<_>>()
             .join("|"),
+        Ty::WordOrDeclared(words) => lua_type(&Ty::Word(words)) + "|string",
         Ty::Duration => "number|string".to_owned(),
         Ty::Nums { .. } => "number[]".to_owned(),
         Ty::List(item) => format!("({})[]", lua_type(item)),

@@ -15,9 +15,8 @@ use super::state::{Shared, missing_name};
 use super::{Script, strict};
 use crate::experiment::spec::{BiasCheckRequest, HookError, Point, ReferenceRequest, ScriptHooks};
 use crate::experiment::{CellConfig, StopRule, WaveRow};
-use lumbre_light::transport::integrator::{INTEGRATORS, integrator};
 use lumbre_light::value::Value;
-use lumbre_light::value::schema::{SchemaError, unknown_name};
+use lumbre_light::value::schema::SchemaError;
 
 /// Creates the metatable of points. Reading an axis that does not exist, and changing a point, are
 /// errors.
@@ -225,29 +224,12 @@ impl Script {
         point: &Point,
     ) -> Result<ReferenceRequest, ScriptError> {
         let place = &reference.place;
-        let config = self.reference_config(reference.from.as_ref(), point)?;
+        let (table, config) = self.reference_config(reference.from.as_ref(), point)?;
         let stop = self.rule(&reference.stop, place, point, true)?;
         let bias_check = match &reference.bias_check {
             None => None,
-            Some(check) if integrator(&check.integrator).is_none() => {
-                let known = INTEGRATORS.iter().map(|row| row.name);
-                let mut error = unknown_name(
-                    "reference.agree.with",
-                    &check.integrator,
-                    "integrator",
-                    known,
-                );
-                error.key = "with".to_owned();
-                return Err(self.locate_error(place, error));
-            }
             Some(check) => Some(Box::new(BiasCheckRequest {
-                config: CellConfig {
-                    integrator: check.integrator.clone(),
-                    params: BTreeMap::new(),
-                    films: Vec::new(),
-                    timing: None,
-                    ..config.clone()
-                },
+                config: self.second_config(&table, &check.changes, place)?,
                 stop: check.stop.clone().unwrap_or_else(|| stop.clone()),
                 rate: check.rate,
             })),
@@ -260,19 +242,52 @@ impl Script {
         })
     }
 
-    /// Returns the configuration of a rendered reference: the cell's render table with the
-    /// overrides of `from`.
+    /// Converts a render table to the settings of a cell. Error paths begin with `path`.
+    fn cell_config(
+        &self,
+        table: &BTreeMap<String, Value>,
+        path: &str,
+    ) -> Result<CellConfig, SchemaError> {
+        let externals = &self.shared.builder.borrow().externals;
+        render::cell_config(table, &self.shared.folder, externals, path)
+    }
+
+    /// Returns the configuration of the second picture of a bias check: the reference's render
+    /// table, without its integrator's own parameters, with the changes of `agree.with`.
+    fn second_config(
+        &self,
+        reference: &BTreeMap<String, Value>,
+        changes: &BTreeMap<String, Value>,
+        place: &SourcePlace,
+    ) -> Result<CellConfig, ScriptError> {
+        const PATH: &str = "reference.agree.with";
+        let mut common = reference.clone();
+        common.retain(|key, _| render::is_common(key));
+        if let Some(Value::Str(name)) = changes.get("integrator") {
+            let externals = &self.shared.builder.borrow().externals;
+            render::check_integrator(name, externals, PATH).map_err(|mut error| {
+                error.key = "with".to_owned();
+                self.locate_error(place, error)
+            })?;
+        }
+        self.cell_config(&render::merge(&common, changes), PATH)
+            .map_err(|e| self.locate_error(place, e))
+    }
+
+    /// Returns the render table of a rendered reference, which is the cell's with the overrides of
+    /// `from`, and its configuration.
     fn reference_config(
         &self,
         from: Option<&Function>,
         point: &Point,
-    ) -> Result<CellConfig, ScriptError> {
+    ) -> Result<(BTreeMap<String, Value>, CellConfig), ScriptError> {
         const PATH: &str = "reference.from";
         let (own, own_place) = self.render_table(point)?;
         let Some(from) = from else {
             let own = render::merge(&own, &BTreeMap::new());
-            return render::cell_config(&own, &self.shared.folder, "render")
-                .map_err(|e| self.locate_error(&own_place, e));
+            let config = self.cell_config(&own, "render");
+            let config = config.map_err(|e| self.locate_error(&own_place, e))?;
+            return Ok((own, config));
         };
         let place = self.shared.function_place(from);
         let overrides = self.returned_fields(
@@ -281,7 +296,7 @@ impl Script {
             &place,
         )?;
         let merged = render::merge(&own, &overrides);
-        render::cell_config(&merged, &self.shared.folder, PATH).map_err(|e| {
+        let config = self.cell_config(&merged, PATH).map_err(|e| {
             // A field that is not in the overrides comes from the render function.
             let field = e
                 .path
@@ -291,7 +306,8 @@ impl Script {
             let is_override =
                 field.is_none_or(|f| overrides.contains_key(f) || overrides.contains_key(&e.key));
             self.locate_error(if is_override { &place } else { &own_place }, e)
-        })
+        })?;
+        Ok((merged, config))
     }
 
     /// Returns the stop rule of a cell.
@@ -513,7 +529,7 @@ impl ScriptHooks for Script {
 
     fn render(&self, point: &Point) -> Result<CellConfig, HookError> {
         hook_result(self.render_table(point).and_then(|(map, place)| {
-            render::cell_config(&map, &self.shared.folder, "render")
+            self.cell_config(&map, "render")
                 .map_err(|e| self.locate_error(&place, e))
         }))
     }

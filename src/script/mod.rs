@@ -43,7 +43,7 @@ pub use literal::literal;
 pub use reference::reference;
 
 use crate::experiment::{CellConfig, ExperimentSpec};
-use api::builder::Builder;
+use api::builder::{Builder, Externals};
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::SchemaError;
 use state::{Purpose, Shared};
@@ -58,7 +58,7 @@ pub fn render_settings(
     table: &BTreeMap<String, Value>,
     folder: &Path,
 ) -> Result<CellConfig, SchemaError> {
-    api::render::cell_config(table, folder, "render")
+    api::render::cell_config(table, folder, &Externals::new(), "render")
 }
 
 /// Loaded script: its experiment, and the Lua state with its functions.

@@ -65,6 +65,13 @@ const SECTIONS: &[Section] = &[
         extra: Some(integrator_params),
     },
     Section {
+        title: "Other renderers",
+        intro: "Any renderer can be a technique; [other renderers](external.md) explains commands, \
+                placeholders, the protocol of servers, and permission.",
+        functions: &["external"],
+        extra: None,
+    },
+    Section {
         title: "Camera",
         intro: "`camera` in the render table changes the camera of the scene.",
         functions: &[],

@@ -96,6 +96,8 @@ pub(super) fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
         shard_samples: None,
     };
     Plan {
+        commands: Vec::new(),
+        commands_allowed: false,
         name: name.into(),
         hash: hash.into(),
         seed: 1,

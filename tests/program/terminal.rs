@@ -21,6 +21,12 @@ impl Terminal {
     /// Runs `lumbre` with these arguments in a terminal of this size, and then a shell line that
     /// prints its exit status.
     fn start(place: &Workplace, name: &str, size: (u16, u16), args: &str) -> Option<Terminal> {
+        let program = env!("CARGO_BIN_EXE_lumbre");
+        Terminal::start_line(place, name, size, &format!("'{program}' {args}"))
+    }
+
+    /// Runs a shell line as [`Terminal::start`] does.
+    fn start_line(place: &Workplace, name: &str, size: (u16, u16), line: &str) -> Option<Terminal> {
         if Command::new("tmux").arg("-V").output().is_err() {
             println!("SKIPPED: tmux is not installed");
             return None;
@@ -28,8 +34,7 @@ impl Terminal {
         let terminal = Terminal {
             server: format!("lumbre-test-{name}-{}", std::process::id()),
         };
-        let program = env!("CARGO_BIN_EXE_lumbre");
-        let line = format!("'{program}' {args}; echo ended with $?; sleep 600");
+        let line = format!("{line}; echo ended with $?; sleep 600");
         let (width, height) = (size.0.to_string(), size.1.to_string());
         let folder = place.path(".");
         let started = Command::new("tmux")
@@ -245,4 +250,54 @@ fn the_time_bins_of_a_finished_night_can_be_played() {
     watcher.wait_for(&["play time bins"]);
     watcher.press(&["q"]);
     watcher.wait_for_end(0);
+}
+
+/// A technique whose command always fails, so that it is known to have run.
+const ASKS: &str = r#"
+local x = experiment("asks", { seed = 1 })
+local failing = external { name = "failing", command = "sh -c 'exit 5' {scene} {spp} {seed} {out}" }
+x:render(function() return { scene = "ball.scn", integrator = failing, resolution = { 24, 16 } } end)
+x:stop(stop.samples(2))
+return x
+"#;
+
+#[test]
+fn the_question_about_commands_is_asked_once_for_a_script() {
+    let place = Workplace::new();
+    place.write("asks.lua", ASKS);
+    let program = env!("CARGO_BIN_EXE_lumbre");
+    let line = format!("XDG_CONFIG_HOME=config '{program}' run asks.lua --no-tui -q");
+    let size = (120, 40);
+    let Some(refused) = Terminal::start_line(&place, "ask-no", size, &line) else {
+        return;
+    };
+    let question = refused.wait_for(&["Allow them for this script?"]);
+    assert!(
+        question.contains("external:failing  sh -c \"exit 5\" {scene}"),
+        "{question}"
+    );
+    refused.press(&["n", "Enter"]);
+    refused.wait_for(&["ended with 2"]);
+    assert!(!place.path("out").exists() && !place.path("config").exists());
+    if let Some(allowed) = Terminal::start_line(&place, "ask-yes", size, &line) {
+        allowed.wait_for(&["Allow them for this script?"]);
+        allowed.press(&["y", "Enter"]);
+        allowed.wait_for(&["ended with 3"]);
+    }
+    let remembered = place.read("config/lumbre/allowed-commands");
+    assert_eq!(remembered.lines().count(), 1, "{remembered}");
+    let without_terminal = || {
+        let mut command = place.command(&["run", "asks.lua", "-q"]);
+        let status = command
+            .env("XDG_CONFIG_HOME", place.path("config"))
+            .output();
+        status.unwrap().status.code()
+    };
+    assert_eq!(without_terminal(), Some(3), "the answer was forgotten");
+    place.write("asks.lua", &format!("{ASKS}-- edited"));
+    assert_eq!(
+        without_terminal(),
+        Some(2),
+        "the answer was for another script"
+    );
 }

@@ -193,6 +193,13 @@ pub enum RenderError {
         /// Description of what happened.
         reason: String,
     },
+    /// The caller did not want to wait any longer, as by [`Renderer::advance_unless`]. The film is as
+    /// it was before.
+    #[error("backend `{backend}` was cancelled")]
+    Cancelled {
+        /// Name of the backend.
+        backend: &'static str,
+    },
 }
 
 /// Run of a job in progress on a backend.
@@ -215,6 +222,26 @@ pub trait Renderer: Send {
         _more: u64,
     ) -> Result<WaveStats, RenderError> {
         self.advance(samples)
+    }
+
+    /// Does the same as [`Renderer::advance_with_lookahead`]. A renderer that waits for another
+    /// program gives up as soon as `cancelled` returns true; others ignore it.
+    ///
+    /// # Errors
+    /// Returns an error in the cases of [`Renderer::advance`], and [`RenderError::Cancelled`].
+    fn advance_unless(
+        &mut self,
+        samples: u64,
+        more: u64,
+        _cancelled: &dyn Fn() -> bool,
+    ) -> Result<WaveStats, RenderError> {
+        self.advance_with_lookahead(samples, more)
+    }
+
+    /// Whether each wave should be rendered by one call, since every call has a cost of its own that
+    /// is part of the render time or outside of all clocks.
+    fn whole_waves(&self) -> bool {
+        false
     }
 
     /// Returns the film with all samples so far.

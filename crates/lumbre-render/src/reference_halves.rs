@@ -48,17 +48,35 @@ impl ReferenceHalves {
 
 impl Renderer for ReferenceHalves {
     fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
+        self.advance_unless(samples, 0, &|| false)
+    }
+
+    fn advance_unless(
+        &mut self,
+        samples: u64,
+        _more: u64,
+        cancelled: &dyn Fn() -> bool,
+    ) -> Result<WaveStats, RenderError> {
         let wanted = ReferenceHalves::split(self.joint.samples + samples);
         let mut wave = WaveStats::default();
         for (half, wanted) in self.halves.iter_mut().zip(wanted) {
-            let missing = wanted - half.film().samples;
+            // A program with a time limit of its own may have rendered more than was requested.
+            let missing = wanted.saturating_sub(half.film().samples);
             if missing == 0 {
                 continue;
             }
-            wave.add(&half.advance(missing)?);
+            match half.advance_unless(missing, 0, cancelled) {
+                // The first half's samples are kept; the next call completes the second half.
+                Err(RenderError::Cancelled { .. }) if wave.samples > 0 => break,
+                rendered => wave.add(&rendered?),
+            }
         }
         self.joint = Film::pooled(self.halves[0].film(), self.halves[1].film());
         Ok(wave)
+    }
+
+    fn whole_waves(&self) -> bool {
+        self.halves.iter().any(|half| half.whole_waves())
     }
 
     fn film(&self) -> &Film {
@@ -108,7 +126,8 @@ impl Renderer for ReferenceHalves {
             rest = after;
         }
         let counts = [0, 1].map(|i: usize| self.halves[i].film().samples);
-        if !rest.is_empty() || counts != ReferenceHalves::split(counts[0] + counts[1]) {
+        // The first half is ahead if a wave was cancelled between the two.
+        if !rest.is_empty() || counts[0] < counts[1] {
             return Err(mismatch());
         }
         self.joint = Film::pooled(self.halves[0].film(), self.halves[1].film());

@@ -97,6 +97,12 @@ pub struct Global {
     /// For scenes from strangers, which may name any file. Links are followed first.
     #[arg(long, global = true, value_name = "DIR")]
     pub confine: Option<PathBuf>,
+    /// Run the commands of the script's `external` techniques.
+    ///
+    /// `lumbre plan` shows them. Without this option, a question in the terminal asks once for each
+    /// script.
+    #[arg(long, global = true)]
+    pub allow_commands: bool,
     /// Continue if a texture cannot be read.
     ///
     /// Prints a warning and uses the material's constant value instead. Without this option, an

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use lumbre_light::transport::integrator::external::is_declared;
 use lumbre_light::transport::integrator::{INTEGRATORS, integrator};
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::duration_s;
@@ -55,7 +56,7 @@ pub(super) fn bytes(text: &str) -> Result<u64, String> {
 
 /// Parses the name of an integrator.
 pub(super) fn integrator_name(text: &str) -> Result<String, String> {
-    if integrator(text).is_some() {
+    if integrator(text).is_some_and(|row| !is_declared(row)) {
         return Ok(text.to_owned());
     }
     let names: Vec<&str> = INTEGRATORS.iter().map(|row| row.name).collect();

@@ -81,6 +81,8 @@ pub struct JobScript<'a> {
     pub program: &'a Path,
     /// Number of graphics devices of each job.
     pub gpus: u32,
+    /// Whether its workers may run commands of the script.
+    pub allow_commands: bool,
     /// Options of `lumbre submit`.
     pub args: &'a JobArgs,
 }
@@ -172,6 +174,11 @@ impl JobScript<'_> {
         };
         let processes = self.gpus.max(1) - 1;
         let affinity = self.args.affinity.name();
+        let commands = if self.allow_commands {
+            " --allow-commands"
+        } else {
+            ""
+        };
         format!(
             r#"#
 # Runs one lumbre worker per device. Each worker renders cells that no other worker has claimed,
@@ -185,7 +192,7 @@ trap 'kill -s USR1 "${{workers[@]}}" 2>/dev/null' USR1
 # If the job is cancelled, its workers get the signal too. Wait for their checkpoints.
 trap 'stopped=1' TERM
 {first}for device in $(seq 0 {processes}); do
-  "${{lumbre[@]}}" work "$night" --no-tui --affinity {affinity}{device} &
+  "${{lumbre[@]}}" work "$night" --no-tui --affinity {affinity}{device}{commands} &
   workers+=($!)
 done
 for worker in "${{workers[@]}}"; do
@@ -251,6 +258,7 @@ mod tests {
             home,
             program,
             gpus,
+            allow_commands: false,
             args: submit.scheduler.job(),
         }
         .text(kind)
@@ -306,6 +314,7 @@ mod tests {
             home,
             program,
             gpus: 0,
+            allow_commands: true,
             args: submit.scheduler.job(),
         }
         .text(SchedulerKind::Hq);

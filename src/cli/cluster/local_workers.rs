@@ -72,9 +72,10 @@ impl LocalWorkers {
         let mut workers = LocalWorkers::default();
         let useful = max_parallel_workers(plan, night.affinity, is_open).saturating_sub(1);
         for device in devices.iter().take(useful) {
-            let worker = LocalWorker::start(device, home, night, global).map_err(|e| {
-                Failure::internal(format!("cannot start the worker for device {device}: {e}"))
-            })?;
+            let worker = LocalWorker::start(device, home, night, global, plan.commands_allowed)
+                .map_err(|e| {
+                    Failure::internal(format!("cannot start the worker for device {device}: {e}"))
+                })?;
             workers.0.push(worker);
             if !global.quiet {
                 print_status(&format!("started a worker process for device {device}"));
@@ -128,12 +129,13 @@ impl Drop for LocalWorkers {
 }
 
 impl LocalWorker {
-    /// Starts `lumbre work` on one device. Its stderr is appended to a log in the night's folder.
+    /// Starts `lumbre work` on one device; `commands` is whether commands of the script may run. Its stderr is appended to a log in the night's folder.
     fn start(
         device: &str,
         home: &Path,
         night: &NightArgs,
         global: &Global,
+        commands: bool,
     ) -> std::io::Result<LocalWorker> {
         let home = home.canonicalize()?;
         let log = job::log_file(&home, &format!("device-{device}"));
@@ -154,6 +156,9 @@ impl LocalWorker {
         ]);
         if let Some(bytes) = global.memory {
             command.arg("--memory").arg(format!("{bytes}B"));
+        }
+        if commands {
+            command.arg("--allow-commands");
         }
         if let Some(folder) = &global.confine {
             command.arg("--confine").arg(folder);

@@ -9,6 +9,7 @@ use crate::cli::exit::Failure;
 use crate::cli::format::display_path;
 use crate::cli::night::last_command::parse;
 use crate::cli::night::load;
+use crate::cli::night::permission::PlanUse;
 use crate::experiment::Plan;
 use crate::script::{self, Limits, Script};
 use crate::store::schema::{PROGRAM, Program};
@@ -91,11 +92,11 @@ pub fn restore_plan(home: &Path, global: &Global) -> Result<RestoredPlan, Failur
         lenient: recorded.lenient,
         ..global.clone()
     };
-    let rebuilt = script::load_text(&snapshot.script, text, Limits::default())
-        .map_err(Failure::diagnostic)
-        .and_then(|script| {
-            load::expand_plan(&script, &script_args, &global).map(|plan| (script, plan))
-        });
+    let load = || {
+        script::load_text(&snapshot.script, text.clone(), Limits::default())
+            .map_err(Failure::diagnostic)
+    };
+    let rebuilt = load::plan_of(&load, &script_args, PlanUse::Render, &global, false);
     let (script, plan) = rebuilt.map_err(|failure| {
         let changes = changed_files(&snapshot);
         if changes.is_empty() {

@@ -12,6 +12,7 @@ use crate::cli::format::{counted, display_path};
 use crate::cli::inspect::watch::find_night;
 use crate::cli::night::load;
 use crate::cli::night::load::decode_picture;
+use crate::cli::night::permission::PlanUse;
 use crate::experiment::Plan;
 use crate::store::{Store, write_atomically};
 
@@ -22,7 +23,12 @@ pub fn submit(args: &SubmitArgs, global: &Global) -> Result<Exit, Failure> {
         Scheduler::Hq(_) => SchedulerKind::Hq,
     };
     let job = args.scheduler.job();
-    let (_, plan) = load::load_plan_for_cluster(&job.script, global)?;
+    let usage = if job.dry_run {
+        PlanUse::Show
+    } else {
+        PlanUse::Render
+    };
+    let (_, plan) = load::load_plan_for_cluster(&job.script, usage, global)?;
     let program = std::env::current_exe().map_err(Failure::internal)?;
     let gpus = gpus_per_job(job, &plan);
     let job_script = |home: &Path| {
@@ -31,6 +37,8 @@ pub fn submit(args: &SubmitArgs, global: &Global) -> Result<Exit, Failure> {
             home,
             program: &program,
             gpus,
+            // Permission was given here; a job cannot ask.
+            allow_commands: !plan.commands.is_empty() && plan.commands_allowed,
             args: job,
         }
         .text(kind)

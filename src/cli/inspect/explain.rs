@@ -9,6 +9,7 @@ use crate::cli::exit::{Exit, Failure, print_result};
 use crate::cli::format::display_path;
 use crate::cli::night::last_command::last_command;
 use crate::cli::night::load;
+use crate::cli::night::permission::PlanUse;
 use crate::experiment::{CellRef, Plan};
 use crate::store::schema::plan::PlanFile;
 use crate::store::{Integrity, RunReader, RunRecord, StoredFile, read_run};
@@ -39,7 +40,7 @@ pub fn main(args: &ExplainArgs, global: &Global) -> Result<Exit, Failure> {
             last_command(experiment, global)?
         }
     };
-    let (_, plan) = load::load_plan(&script, &global)?;
+    let (_, plan) = load::load_plan(&script, PlanUse::Show, &global)?;
     let id = record.config.run.as_str();
     let verdict = match find_run(&plan, id) {
         Some(cell) => explain_planned_run(&plan, cell, &folder, id),

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use miette::{Report, WrapErr};
 
+use super::permission::{PlanUse, commands_allowed};
 use crate::cli::args::{Global, ScriptArgs};
 use crate::cli::exit::{Exit, Failure, print_status};
 use crate::cli::format::display_path;
@@ -18,15 +19,19 @@ use lumbre_light::scene::load::{FORMATS, MissingTextures, files};
 use lumbre_light::scene::{Note, SceneDesc, SceneError};
 use lumbre_light::value::{Value, suggest};
 
-/// Loads a script and expands its plan without rendering.
+/// Loads a script and expands its plan without rendering. Commands of the script run only with
+/// permission; see [`permission`](super::permission).
 ///
 /// # Errors
 /// Returns an error if the script or one of its scenes cannot be read, or the plan is invalid.
-pub fn load_plan(args: &ScriptArgs, global: &Global) -> Result<(Script, Arc<Plan>), Failure> {
+pub fn load_plan(
+    args: &ScriptArgs,
+    usage: PlanUse,
+    global: &Global,
+) -> Result<(Script, Arc<Plan>), Failure> {
     expect_script(&args.script)?;
-    let script = script::load(&args.script).map_err(Failure::diagnostic)?;
-    let plan = expand_plan(&script, args, global)?;
-    Ok((script, plan))
+    let load = || script::load(&args.script).map_err(Failure::diagnostic);
+    plan_of(&load, args, usage, global, false)
 }
 
 /// Loads a script and expands its plan for other machines, whose devices this one may lack.
@@ -35,15 +40,45 @@ pub fn load_plan(args: &ScriptArgs, global: &Global) -> Result<(Script, Arc<Plan
 /// Returns the same errors as [`load_plan`].
 pub fn load_plan_for_cluster(
     args: &ScriptArgs,
+    usage: PlanUse,
     global: &Global,
 ) -> Result<(Script, Arc<Plan>), Failure> {
     expect_script(&args.script)?;
-    let script = script::load(&args.script).map_err(Failure::diagnostic)?;
-    let plan = expand_plan_for(&script, args, global, true)?;
-    Ok((script, plan))
+    let load = || script::load(&args.script).map_err(Failure::diagnostic);
+    plan_of(&load, args, usage, global, true)
 }
 
-/// Expands the plan of a loaded script.
+/// Expands the plan of a script that `load` loads. With `elsewhere`, its backends need not be
+/// available on this machine.
+///
+/// # Errors
+/// Returns an error if the script or one of its scenes cannot be read, the plan is invalid, or its
+/// commands are not allowed.
+pub fn plan_of(
+    load: &dyn Fn() -> Result<Script, Failure>,
+    args: &ScriptArgs,
+    usage: PlanUse,
+    global: &Global,
+    elsewhere: bool,
+) -> Result<(Script, Arc<Plan>), Failure> {
+    let script = load()?;
+    let plan = expand_plan(&script, args, global, elsewhere, global.allow_commands)?;
+    if plan.commands_allowed || !commands_allowed(&script, &plan.commands, usage, global)? {
+        return Ok((script, plan));
+    }
+    // The script is loaded again, so that its functions are called once for each plan.
+    let script = load()?;
+    let allowed = expand_plan(&script, args, global, elsewhere, true)?;
+    if allowed.commands != plan.commands {
+        return Err(Failure::usage(
+            "the commands of the script changed meanwhile: try again",
+        ));
+    }
+    Ok((script, allowed))
+}
+
+/// Expands the plan of a loaded script. With `elsewhere`, its backends need not be available on this
+/// machine; `commands` is whether commands of the script may run.
 ///
 /// # Errors
 /// Returns an error if a scene cannot be read or the plan is invalid.
@@ -51,16 +86,8 @@ pub fn expand_plan(
     script: &Script,
     args: &ScriptArgs,
     global: &Global,
-) -> Result<Arc<Plan>, Failure> {
-    expand_plan_for(script, args, global, false)
-}
-
-/// Expands a plan. With `elsewhere`, its backends need not be available on this machine.
-fn expand_plan_for(
-    script: &Script,
-    args: &ScriptArgs,
-    global: &Global,
     elsewhere: bool,
+    commands: bool,
 ) -> Result<Arc<Plan>, Failure> {
     let pairs = |(axis, values): &(String, Vec<Value>)| -> Vec<(String, Value)> {
         values
@@ -73,6 +100,7 @@ fn expand_plan_for(
         only: args.only.iter().flat_map(pairs).collect(),
         backend: global.backend.clone(),
         elsewhere,
+        commands,
     };
     let mut load = |path: &Path, options: &BTreeMap<String, Value>| {
         script::scene::read(path, options, global.missing())

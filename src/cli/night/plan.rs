@@ -7,6 +7,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::load::{self, decode_picture};
+use super::permission::{self, PlanUse};
 use crate::cli::args::{Global, PlanArgs};
 use crate::cli::exit::{Exit, Failure, print_result};
 use crate::cli::format::{self, counted, display_path};
@@ -14,7 +15,7 @@ use crate::experiment::event::{FinishedRun, History};
 use crate::experiment::forecast::{Forecast, Throughput, ThroughputHistory, WorkloadKey, forecast};
 use crate::experiment::memory;
 use crate::experiment::noise_floor::floors;
-use crate::experiment::plan::{Estimate, ReferenceSource, unreachable_thresholds};
+use crate::experiment::plan::{Estimate, PlannedCommand, ReferenceSource, unreachable_thresholds};
 use crate::experiment::spec::Order;
 use crate::experiment::{Cell, CellRef, Plan, StopRule};
 use crate::store::schema::plan::PlanFile;
@@ -22,7 +23,7 @@ use crate::store::{Archive, plan_file, throughput_history};
 
 /// Runs `lumbre plan`: prints the plan of a script.
 pub fn main(args: &PlanArgs, global: &Global) -> Result<Exit, Failure> {
-    let (_, plan) = load::load_plan(&args.script, global)?;
+    let (_, plan) = load::load_plan(&args.script, PlanUse::Show, global)?;
     print(&plan, global, args.json)
 }
 
@@ -47,6 +48,10 @@ struct PlanOutput<'a> {
     cell_states: Vec<StateOutput<'a>>,
     /// States of the references, in their order.
     reference_states: Vec<StateOutput<'a>>,
+    /// Commands of external techniques, as words.
+    commands: &'a [PlannedCommand],
+    /// Whether these commands may run.
+    commands_allowed: bool,
     estimate: &'a Estimate,
     forecast: &'a Forecast,
     /// For each reference, the samples per pixel of a shorter one from which it would resume.
@@ -138,6 +143,8 @@ impl<'a> Outlook<'a> {
                 .zip(files)
                 .map(|(found, is_file)| StateOutput::new(found, is_file))
                 .collect(),
+            commands: &self.plan.commands,
+            commands_allowed: self.plan.commands_allowed,
             estimate: &self.estimate,
             forecast: &self.forecast,
             resumes_from: &self.resume_samples,
@@ -193,6 +200,15 @@ impl<'a> Outlook<'a> {
         if doubles > 0 {
             let cells = counted(doubles, "cell");
             let _ = writeln!(out, "A/A check: {cells} repeat other cells");
+        }
+        if !plan.commands.is_empty() {
+            let allowed = if plan.commands_allowed {
+                "allowed"
+            } else {
+                "not allowed yet: `lumbre run` asks, or runs them with --allow-commands"
+            };
+            let commands = permission::listing(&plan.commands);
+            let _ = write!(out, "commands of other programs ({allowed}):\n{commands}");
         }
         for note in &plan.notes {
             let _ = writeln!(out, "note: {note}");

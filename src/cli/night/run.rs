@@ -7,6 +7,7 @@ use std::sync::Arc;
 use super::last_command::{last_command, latest};
 use super::load::{self, decode_picture};
 use super::log::Log;
+use super::permission::PlanUse;
 use super::progress_view::ProgressView;
 use super::recorder::Recorder;
 use super::{deadline, results, signals};
@@ -26,7 +27,12 @@ use crate::tui;
 /// Runs `lumbre run`: renders an experiment and writes its results.
 pub fn main(args: &RunArgs, global: &Global, log: &Log) -> Result<Exit, Failure> {
     use_first_device(&args.night);
-    let (script, plan) = load::load_plan(&args.script, global)?;
+    let usage = if args.dry_run {
+        PlanUse::Show
+    } else {
+        PlanUse::Render
+    };
+    let (script, plan) = load::load_plan(&args.script, usage, global)?;
     if args.dry_run {
         return crate::cli::night::plan::print(&plan, global, false);
     }
@@ -45,7 +51,7 @@ pub fn retry(args: &RetryArgs, global: &Global, log: &Log) -> Result<Exit, Failu
         Some(script) => (script, global.clone()),
         None => last_command(&latest(&global.out)?, global)?,
     };
-    let (script, plan) = load::load_plan(&script_args, &global)?;
+    let (script, plan) = load::load_plan(&script_args, PlanUse::Render, &global)?;
     let named = args.script();
     let request = NightRequest {
         night: &args.night,

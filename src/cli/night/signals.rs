@@ -42,7 +42,8 @@ const ONE_HANGUP: std::time::Duration = std::time::Duration::from_secs(1);
 /// exit.
 ///
 /// SIGINT, SIGTERM and SIGUSR1 request a stop, which saves a checkpoint; a second one exits at once
-/// with 128 plus the number of the signal. Slurm sends SIGUSR1 before the time limit of a job.
+/// with 128 plus the number of the signal, and ends the external programs that this process started.
+/// Slurm sends SIGUSR1 before the time limit of a job.
 /// The first SIGHUP only requests a checkpoint, and the night continues without its terminal; another
 /// one more than [`ONE_HANGUP`] later exits at once. SIGQUIT and SIGABRT restore the terminal before
 /// they do what they do by default.
@@ -51,6 +52,7 @@ const ONE_HANGUP: std::time::Duration = std::time::Duration::from_secs(1);
 /// Returns an error if the system refuses the handlers or the thread.
 #[cfg(unix)]
 pub fn install(control: Arc<NightControls>, before_exit: fn()) -> std::io::Result<StopSignal> {
+    use lumbre_render::external::end_all;
     use signal_hook::consts::{SIGABRT, SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGUSR1};
 
     let handled = [SIGINT, SIGTERM, SIGUSR1, SIGHUP, SIGQUIT, SIGABRT];
@@ -64,6 +66,7 @@ pub fn install(control: Arc<NightControls>, before_exit: fn()) -> std::io::Resul
                 let before = last_hangup.replace(std::time::Instant::now());
                 if before.is_some_and(|at| at.elapsed() > ONE_HANGUP) {
                     before_exit();
+                    end_all();
                     std::process::exit(128 + signal);
                 }
                 if before.is_none() {
@@ -74,6 +77,7 @@ pub fn install(control: Arc<NightControls>, before_exit: fn()) -> std::io::Resul
             }
             if signal == SIGQUIT || signal == SIGABRT {
                 before_exit();
+                end_all();
                 // Ends the process, with a core dump where these are enabled.
                 let _ = signal_hook::low_level::emulate_default_handler(signal);
                 std::process::exit(128 + signal);
@@ -81,6 +85,7 @@ pub fn install(control: Arc<NightControls>, before_exit: fn()) -> std::io::Resul
             last.store(signal, Ordering::SeqCst);
             if control.request_stop() > 1 {
                 before_exit();
+                end_all();
                 std::process::exit(128 + signal);
             }
             tracing::info!("stopping after this wave with a checkpoint; repeat to exit at once");

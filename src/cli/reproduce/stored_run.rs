@@ -17,9 +17,10 @@ use lumbre_light::film::{Film, Image};
 use lumbre_light::scene::compile::compile_sharing;
 use lumbre_light::scene::desc::content_hash;
 use lumbre_light::scene::{CompiledScene, SceneDesc, edit};
-use lumbre_light::transport::integrator::external::is_external;
+use lumbre_light::transport::integrator::external::{is_declared, is_external};
+use lumbre_render::external::{self, Access, words};
 use lumbre_render::reference_halves::ReferenceHalves;
-use lumbre_render::{Job, Renderer, external};
+use lumbre_render::{Job, Renderer};
 
 /// Maximum number of samples per pixel rendered in one call.
 const SAMPLES_PER_STEP: u64 = 64;
@@ -34,6 +35,9 @@ pub struct StoredRun {
     pub image: Image,
     /// Number of samples per pixel of the picture.
     pub samples: u64,
+    /// Samples per pixel at the end of each measured wave, ascending. Other programs render a wave
+    /// at a time, with a seed for each.
+    waves: Vec<u64>,
     config: ConfigFile,
     scene_hash: Option<String>,
     /// Folder in which the night was started; paths in the configuration are relative to it.
@@ -76,7 +80,10 @@ pub fn read(id: &str, folder: &Path, samples: Option<u64>) -> Result<StoredRun, 
     let name = record.config.path.as_deref().unwrap_or(id).to_owned();
     let scene_hash = identity::scene_hash(&record.config.identity).map(str::to_owned);
     let started_in = started_in(folder);
+    let measured = RunReader::new(folder.to_owned()).measurements(record.done.as_ref())?;
+    let rows = measured.in_order(std::iter::empty());
     Ok(StoredRun {
+        waves: rows.iter().map(|row| row.samples).collect(),
         run: id.to_owned(),
         name,
         image,
@@ -180,7 +187,7 @@ pub fn render(stored: &StoredRun, global: &Global) -> Result<Film, String> {
     let backend_name = global.backend.as_deref().unwrap_or(&render.backend);
     let compiled = Arc::new(compiled);
     let row = if is_external(job.integrator) {
-        external::probe(&job.params)?;
+        probe_external(render, &job, global)?;
         None
     } else {
         let row =
@@ -197,18 +204,48 @@ pub fn render(stored: &StoredRun, global: &Global) -> Result<Film, String> {
             ..job.clone()
         };
         let opened = match row {
-            None => external::open(&scene, &job),
+            None => {
+                let access = Access {
+                    commands: global.allow_commands,
+                    cancelled: &|| false,
+                };
+                external::open(&scene, &render.integrator, &job, &access)
+            }
             Some(row) => (row.open)(Arc::clone(&compiled), job),
         };
         opened.map_err(|e| e.to_string())
     };
+    let waves = if row.is_none() {
+        stored.waves.as_slice()
+    } else {
+        &[]
+    };
     if let Some(seeds) = stored.config.seeds {
-        return render_reference(stored, seeds, &open);
+        return render_reference(stored, seeds, waves, &open);
     }
     let seed = stored.config.seed;
     let renderer = open(seed.ok_or("config.json of the run has no seed")?, 0)?;
-    let renderer = advance_to(renderer, stored.samples)?;
+    let renderer = advance_to(renderer, stored.samples, waves)?;
     Ok(renderer.film().clone())
+}
+
+/// Checks that the program of an external technique may run and is the one that rendered the run.
+fn probe_external(render: &CellConfig, job: &Job, global: &Global) -> Result<(), String> {
+    let technique = external::technique_of(job.integrator, &render.integrator, &job.params)?;
+    if is_declared(job.integrator) && !global.allow_commands {
+        return Err(format!(
+            "it was rendered by a command, `{}`; add --allow-commands to run it",
+            words::line(&technique.command_lines().0)
+        ));
+    }
+    let version = external::probe(&technique)?.unwrap_or_default();
+    if !technique.found_version.is_empty() && technique.found_version != version {
+        return Err(format!(
+            "{} has another version: it was `{}` and is now `{version}`",
+            render.integrator, technique.found_version
+        ));
+    }
+    Ok(())
 }
 
 /// Renders a reference again: its two halves, shard by shard if it was rendered in shards. `open`
@@ -216,6 +253,7 @@ pub fn render(stored: &StoredRun, global: &Global) -> Result<Film, String> {
 fn render_reference(
     stored: &StoredRun,
     [first, second]: [u64; 2],
+    waves: &[u64],
     open: &dyn Fn(u64, u64) -> Result<Box<dyn Renderer>, String>,
 ) -> Result<Film, String> {
     let size = stored.config.shard_samples.unwrap_or(stored.samples).max(2);
@@ -223,7 +261,7 @@ fn render_reference(
     for shard in split(0, size, stored.samples) {
         let at = shard.first / 2;
         let halves = ReferenceHalves::new([open(first, at)?, open(second, at)?]);
-        let renderer = advance_to(Box::new(halves), shard.end - shard.first)?;
+        let renderer = advance_to(Box::new(halves), shard.end - shard.first, waves)?;
         let Some(films) = renderer.halves() else {
             return Ok(renderer.film().clone());
         };
@@ -236,12 +274,22 @@ fn render_reference(
     Ok(Film::pooled(&a, &b))
 }
 
-/// Renders until there are `samples` samples per pixel.
-fn advance_to(mut renderer: Box<dyn Renderer>, samples: u64) -> Result<Box<dyn Renderer>, String> {
+/// Renders until there are `samples` samples per pixel. Calls of the renderer end at `waves`, if there
+/// are any.
+fn advance_to(
+    mut renderer: Box<dyn Renderer>,
+    samples: u64,
+    waves: &[u64],
+) -> Result<Box<dyn Renderer>, String> {
     while renderer.film().samples < samples {
-        let left = samples - renderer.film().samples;
+        let before = renderer.film().samples;
+        let step = match waves.iter().find(|end| **end > before) {
+            Some(end) => end - before,
+            None if waves.is_empty() => SAMPLES_PER_STEP,
+            None => samples,
+        };
         let stats = renderer
-            .advance(left.min(SAMPLES_PER_STEP))
+            .advance(step.min(samples - before))
             .map_err(|e| e.to_string())?;
         if stats.samples == 0 {
             return Err("the renderer added no samples".to_owned());

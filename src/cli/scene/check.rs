@@ -42,7 +42,7 @@ fn check_lua(file: &Path, global: &Global) -> Result<String, Failure> {
         axes: Vec::new(),
         only: Vec::new(),
     };
-    let plan = load::expand_plan(&script, &args, global)?;
+    let plan = load::expand_plan(&script, &args, global, false, global.allow_commands)?;
     load::print_notes_and_warnings(&plan);
     Ok(format!(
         "experiment `{}`, {}, {}, {} skipped",

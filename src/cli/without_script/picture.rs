@@ -17,7 +17,8 @@ use crate::tui::terminal::terminal_guard;
 use lumbre_light::film::{Film, Image};
 use lumbre_light::scene::compile::compile_sharing;
 use lumbre_light::transport::integrator::external::is_external;
-use lumbre_render::{Job, Renderer, WaveStats, external};
+use lumbre_render::external::{self, Access};
+use lumbre_render::{Job, Renderer, WaveStats};
 
 /// Samples per pixel if neither `--spp` nor `--time` is given.
 const DEFAULT_SAMPLES: u64 = 64;
@@ -96,7 +97,11 @@ fn open(cell: &Cell, seed: u64, global: &Global) -> Result<Box<dyn Renderer>, Fa
         .map_err(Failure::usage)?;
     let job = Job { seed, ..job };
     let opened = if is_external(job.integrator) {
-        external::open(&cell.scene, &job)
+        let access = Access {
+            commands: false,
+            cancelled: &|| false,
+        };
+        external::open(&cell.scene, &config.integrator, &job, &access)
     } else {
         backends::open(&config.backend, Arc::new(scene), job)
     };

@@ -20,6 +20,9 @@ pub struct Overrides {
     pub backend: Option<String>,
     /// Whether the plan is for other machines, so that backends need not be usable on this one.
     pub elsewhere: bool,
+    /// Whether commands of the script may run. Otherwise the versions of its external techniques
+    /// remain unknown, and nothing of them can be rendered.
+    pub commands: bool,
 }
 
 /// Applies overrides and selections to the axes and checks the result.

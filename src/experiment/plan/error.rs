@@ -230,7 +230,7 @@ pub enum PlanError {
     #[error("{technique} is not installed: {reason}")]
     Absent {
         /// Name of the technique that needs it.
-        technique: &'static str,
+        technique: String,
         /// Description of what is missing.
         reason: String,
     },

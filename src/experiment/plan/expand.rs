@@ -7,7 +7,8 @@ use super::axes::{self, Overrides, describe};
 use super::path::Paths;
 use super::resolve::{LoadScene, Renderable, Resolver};
 use super::{
-    BiasCheck, Cell, Plan, PlanError, Reference, ReferenceSource, RunId, Skipped, identity,
+    BiasCheck, Cell, Plan, PlanError, PlannedCommand, Reference, ReferenceSource, RunId, Skipped,
+    identity,
 };
 use crate::experiment::shards;
 use crate::experiment::spec::{
@@ -85,7 +86,7 @@ impl<'a> Builder<'a> {
             spec,
             hooks,
             overrides,
-            resolver: Resolver::new(load, overrides.elsewhere),
+            resolver: Resolver::new(load, overrides),
             columns: spec
                 .measure
                 .metrics
@@ -387,6 +388,14 @@ impl<'a> Builder<'a> {
             warnings
                 .push("x:control checks no cell: its function returned true for none".to_owned());
         }
+        let has_version = |command: &PlannedCommand| command.version.is_some();
+        if !self.overrides.commands && self.resolver.commands.iter().any(has_version) {
+            warnings.push(
+                "commands of external techniques are not allowed yet, so the versions of their \
+                 programs are unknown and their finished runs are not recognised"
+                    .to_owned(),
+            );
+        }
         let mut plan = Plan {
             name: self.spec.name.clone(),
             hash: String::new(),
@@ -401,6 +410,8 @@ impl<'a> Builder<'a> {
             references: self.references,
             skipped: self.skipped,
             notes: self.resolver.notes.into_iter().collect(),
+            commands: self.resolver.commands.into_iter().collect(),
+            commands_allowed: self.overrides.commands,
             warnings,
             measure: self.spec.measure.clone(),
             night: self.spec.night.clone(),

@@ -23,9 +23,10 @@ use crate::metrics::MetricSpec;
 use lumbre_light::scene::load::files;
 use lumbre_light::transport::delay;
 use lumbre_light::transport::integrator::IntegratorRow;
-use lumbre_light::transport::integrator::external::PYTHON;
+use lumbre_light::transport::integrator::external::{PYTHON, is_declared};
 use lumbre_light::transport::sampler::SamplerRow;
 use lumbre_light::value::Value;
+use lumbre_render::external::technique;
 use lumbre_render::hierarchy::AccelSpec;
 
 /// Version of the identity format. Raising it makes all earlier runs unreachable.
@@ -93,10 +94,15 @@ pub(super) fn picture(
     scene_hash: &[u8; 32],
 ) -> BTreeMap<String, Value> {
     let kind = config.filter.kind.name();
-    let mut params = config.params.clone();
-    params.remove(PYTHON.key);
+    let params = if is_declared(row) {
+        technique::identity(&config.params)
+    } else {
+        let mut params = config.params.clone();
+        params.remove(PYTHON.key);
+        params
+    };
     let integrator = map([
-        ("name", row.name.into()),
+        ("name", config.integrator.as_str().into()),
         ("revision", Value::Int(i64::from(row.revision))),
         ("params", Value::Map(params)),
     ]);

@@ -32,6 +32,7 @@ use super::shards::{Shard, split};
 use super::spec::{CellConfig, FigureSpec, MeasureSpec, NightSpec, Point, TableSpec};
 use super::stop::StopRule;
 use lumbre_light::scene::{Note, SceneDesc};
+use serde::Serialize;
 
 /// Id of a run: BLAKE3 hash of everything that determines its picture and its measurements, as 32
 /// hex digits.
@@ -171,6 +172,17 @@ pub struct Skipped {
     pub absent: bool,
 }
 
+/// Commands of an external technique that a script declares, as words.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+pub struct PlannedCommand {
+    /// Name of the technique.
+    pub technique: String,
+    /// Command that renders; placeholders of runs and waves are in braces.
+    pub command: Vec<String>,
+    /// Command that prints the version, if there is one.
+    pub version: Option<Vec<String>>,
+}
+
 /// Plan of a night.
 #[derive(Clone, Debug)]
 pub struct Plan {
@@ -196,6 +208,10 @@ pub struct Plan {
     pub warnings: Vec<String>,
     /// Metrics, their interval, and what is stored of each run.
     pub measure: MeasureSpec,
+    /// Commands that its runs need, without repetition.
+    pub commands: Vec<PlannedCommand>,
+    /// Whether these commands may run.
+    pub commands_allowed: bool,
     /// Settings of its nights.
     pub night: NightSpec,
     /// Figures to draw.

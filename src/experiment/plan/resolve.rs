@@ -6,16 +6,18 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::axes::{describe, help};
-use super::{PlanError, RunId, identity};
+use super::{Overrides, PlanError, PlannedCommand, RunId, identity};
 use crate::experiment::spec::{CellConfig, Point};
 use lumbre_light::film::layer::LayerLayout;
 use lumbre_light::film::time;
 use lumbre_light::scene::{Note, SceneDesc, SceneError, desc, edit};
-use lumbre_light::transport::integrator::external::{EXTERNALS, is_external};
+use lumbre_light::transport::integrator::external::{EXTERNALS, is_declared, is_external};
 use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow, integrator};
 use lumbre_light::transport::sampler::{SAMPLER_NAMES, SamplerRow, sampler};
 use lumbre_light::value::Value;
-use lumbre_render::{BackendRow, external};
+use lumbre_render::BackendRow;
+use lumbre_render::external::technique::FOUND_VERSION;
+use lumbre_render::external::{self, Technique};
 
 /// Greatest number of pixels of a picture; its film takes 12 GiB.
 const MAX_PIXELS: u64 = 1 << 28;
@@ -54,27 +56,32 @@ pub(super) struct Resolver<'a> {
     load: &'a mut LoadScene<'a>,
     /// Whether other machines render the plan, so that backends are not probed here.
     elsewhere: bool,
+    /// Whether commands of the script may run.
+    allow_commands: bool,
     /// Scenes by file and hash of their options.
     files: BTreeMap<(PathBuf, [u8; 32]), Arc<SceneDesc>>,
     /// Scenes with changes applied, by file, hash of options and hash of changes.
     edited: BTreeMap<(PathBuf, [u8; 32], [u8; 32]), Edited>,
     /// Usable backends by their name as written.
     backends: BTreeMap<String, &'static str>,
-    /// Versions of external programs by hash of their parameters, or why they cannot be used.
-    external_versions: BTreeMap<[u8; 32], Result<String, String>>,
+    /// Versions of external programs by the command that prints them, or why they cannot be used.
+    external_versions: BTreeMap<Vec<String>, Result<Option<String>, String>>,
     /// Hash of the modified shaders of each backend, by its name; `None` if they are unmodified.
     modified_shaders: BTreeMap<&'static str, Option<String>>,
     /// Ids and identities of reference files.
     reference_files: BTreeMap<PathBuf, (RunId, Value)>,
     /// Notes on contents of scene files that are not supported.
     pub(super) notes: BTreeSet<Note>,
+    /// Commands of the script's external techniques.
+    pub(super) commands: BTreeSet<PlannedCommand>,
 }
 
 impl<'a> Resolver<'a> {
-    pub(super) fn new(load: &'a mut LoadScene<'a>, elsewhere: bool) -> Resolver<'a> {
+    pub(super) fn new(load: &'a mut LoadScene<'a>, overrides: &Overrides) -> Resolver<'a> {
         Resolver {
             load,
-            elsewhere,
+            elsewhere: overrides.elsewhere,
+            allow_commands: overrides.commands,
             files: BTreeMap::new(),
             edited: BTreeMap::new(),
             backends: BTreeMap::new(),
@@ -82,6 +89,7 @@ impl<'a> Resolver<'a> {
             modified_shaders: BTreeMap::new(),
             reference_files: BTreeMap::new(),
             notes: BTreeSet::new(),
+            commands: BTreeSet::new(),
         }
     }
 
@@ -97,12 +105,12 @@ impl<'a> Resolver<'a> {
     ) -> Result<Renderable, PlanError> {
         let row = integrator_row(&config.integrator, point)?;
         let sampler = sampler_row(&config.sampler, point)?;
-        let external_version = if is_external(row) {
-            Some(self.external_version(row, &config, point)?)
+        let peer = if is_external(row) {
+            Some(self.peer(row, &mut config, point)?)
         } else {
             None
         };
-        self.resolve_backend(&mut config, external_version.is_some(), point)?;
+        self.resolve_backend(&mut config, peer.is_some(), point)?;
         let (scene, hash) = self.scene(&config, point)?;
         let (resolution, max_depth) = size_and_depth(&config, &scene, point)?;
         check_backend(&mut config, row, max_depth, &scene, point)?;
@@ -115,7 +123,7 @@ impl<'a> Resolver<'a> {
         config.resolution = Some(resolution);
         config.max_depth = Some(max_depth);
         let mut picture = identity::picture(&config, row, sampler, &hash);
-        picture.extend(external_version.map(|version| ("peer".to_owned(), Value::Str(version))));
+        picture.extend(peer.map(|peer| ("peer".to_owned(), peer)));
         if let Some(Some(modified)) = self.modified_shaders.get(config.backend.as_str()) {
             picture.insert("shaders".to_owned(), modified.as_str().into());
         }
@@ -146,30 +154,77 @@ impl<'a> Resolver<'a> {
         Ok(())
     }
 
-    /// Returns the version of the external program of a technique.
-    fn external_version(
+    /// Returns what identifies the external program of a technique: its version and the content of
+    /// the script's files that its commands name. Sets the version in the parameters.
+    fn peer(
         &mut self,
         row: &'static IntegratorRow,
-        config: &CellConfig,
+        config: &mut CellConfig,
         point: &Point,
-    ) -> Result<String, PlanError> {
-        let films = !config.films.is_empty() || config.timing.is_some();
-        if let Some(reason) =
-            external::refusal(config.filter, &config.sampler, films, config.rr_start)
-        {
-            let (backend, reason) = (row.name.to_owned(), reason.to_owned());
-            return Err(PlanError::Refused {
-                point: describe(point),
-                backend,
-                reason,
-            });
+    ) -> Result<Value, PlanError> {
+        let refused = |reason: String| PlanError::Refused {
+            point: describe(point),
+            backend: config.integrator.clone(),
+            reason,
+        };
+        let technique =
+            external::technique_of(row, &config.integrator, &config.params).map_err(refused)?;
+        let reason = external::refusal(
+            &technique,
+            config.filter,
+            &config.sampler,
+            &config.films,
+            config.timing.is_some(),
+            config.rr_start,
+        );
+        if let Some(reason) = reason {
+            return Err(refused(reason));
         }
-        let version = self
-            .external_versions
-            .entry(hash_of(&config.params))
-            .or_insert_with(|| external::probe(&config.params));
+        let may_run = !is_declared(row) || self.allow_commands;
+        let (command, version) = technique.command_lines();
+        let found = match &version {
+            Some(words) if may_run => self.version(words, &technique, config)?,
+            _ => None,
+        };
+        if !is_declared(row) {
+            return Ok(found.map_or(Value::Nil, Value::Str));
+        }
+        self.commands.insert(PlannedCommand {
+            technique: config.integrator.clone(),
+            command,
+            version,
+        });
+        let mut peer = BTreeMap::new();
+        if let Some(found) = found {
+            config
+                .params
+                .insert(FOUND_VERSION.to_owned(), Value::Str(found.clone()));
+            peer.insert("version".to_owned(), Value::Str(found));
+        }
+        let mut files = BTreeMap::new();
+        for (word, path) in technique.files() {
+            let hash = identity::file_hash(&path).map_err(|e| PlanError::Refused {
+                point: describe(point),
+                backend: config.integrator.clone(),
+                reason: format!("{}: {e}", path.display()),
+            })?;
+            files.insert(word, Value::Str(hash.to_hex().to_string()));
+        }
+        peer.insert("files".to_owned(), Value::Map(files));
+        Ok(Value::Map(peer))
+    }
+
+    /// Returns the version that a command prints. Each command runs once.
+    fn version(
+        &mut self,
+        words: &[String],
+        technique: &Technique,
+        config: &CellConfig,
+    ) -> Result<Option<String>, PlanError> {
+        let known = self.external_versions.entry(words.to_vec());
+        let version = known.or_insert_with(|| external::probe(technique));
         version.clone().map_err(|reason| PlanError::Absent {
-            technique: row.name,
+            technique: config.integrator.clone(),
             reason,
         })
     }
@@ -355,7 +410,9 @@ fn check_films(
     max_depth: u32,
 ) -> Result<(), String> {
     if !config.films.is_empty() {
-        if !crate::backends::backend(&config.backend).is_some_and(|row| row.layers) {
+        // The layers of external techniques were checked with their other settings.
+        let layers = crate::backends::backend(&config.backend).map(|row| row.layers);
+        if layers != Some(true) && config.backend != external::BACKEND {
             return Err(format!(
                 "backend `{}` does not support layers: leave out `films` or use another backend",
                 config.backend

@@ -37,6 +37,8 @@ impl CheckpointState {
 pub(super) enum AttemptError {
     /// The device or the worker process was lost; another attempt may succeed.
     DeviceLost(String),
+    /// The caller did not want to wait any longer; the film is as it was before.
+    Cancelled,
     /// The backend failed or does not support the run.
     Backend(String),
     /// Any other error.
@@ -54,6 +56,7 @@ impl From<RenderError> for AttemptError {
         let reason = error.to_string();
         match error {
             RenderError::Lost { .. } => AttemptError::DeviceLost(reason),
+            RenderError::Cancelled { .. } => AttemptError::Cancelled,
             RenderError::Unsupported { .. } | RenderError::Failed { .. } => {
                 AttemptError::Backend(reason)
             }
@@ -64,10 +67,12 @@ impl From<RenderError> for AttemptError {
 impl AttemptError {
     /// Returns the error message.
     pub(super) fn into_reason(self) -> String {
-        let (AttemptError::DeviceLost(reason)
-        | AttemptError::Backend(reason)
-        | AttemptError::Other(reason)) = self;
-        reason
+        match self {
+            AttemptError::Cancelled => "it was cancelled".to_owned(),
+            AttemptError::DeviceLost(reason)
+            | AttemptError::Backend(reason)
+            | AttemptError::Other(reason) => reason,
+        }
     }
 }
 

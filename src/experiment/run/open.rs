@@ -3,6 +3,7 @@
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
+use std::time::SystemTime;
 
 use super::active_run::RunRequest;
 use super::attempt::{AttemptError, RetryState};
@@ -15,9 +16,10 @@ use crate::experiment::spec::Warmup;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::compile_sharing;
 use lumbre_light::transport::integrator::external::is_external;
+use lumbre_render::external::{self, Access};
 use lumbre_render::hierarchy::LaneMode;
 use lumbre_render::reference_halves::ReferenceHalves;
-use lumbre_render::{Job, RenderError, Renderer, WaveStats, external};
+use lumbre_render::{Job, RenderError, Renderer, WaveStats};
 
 /// Point from which a newly opened run continues.
 #[derive(Default)]
@@ -61,7 +63,7 @@ impl<'a> NightRunner<'a, '_> {
             if next == 0 || self.control.stop_requested() || self.deadline_passed() {
                 break;
             }
-            done.add(&advance(&mut renderer, next)?);
+            done.add(&advance(&mut renderer, next, &self.cancellation())?);
         }
         catch_panic("closing the backend", || drop(renderer))?;
         let text = format!(
@@ -169,7 +171,11 @@ impl<'a> NightRunner<'a, '_> {
             };
             let open = || {
                 if is_external(job.integrator) {
-                    external::open(request.scene, &job)
+                    let access = Access {
+                        commands: self.plan.commands_allowed,
+                        cancelled: &self.cancellation(),
+                    };
+                    external::open(request.scene, &request.config.integrator, &job, &access)
                 } else {
                     (self.seams.open)(backend, Arc::clone(&scene), job.clone())
                 }
@@ -186,6 +192,13 @@ impl<'a> NightRunner<'a, '_> {
                 .to_owned()
                 .into()),
         }
+    }
+
+    /// Returns a function that tells whether the night is to stop, for renderers that wait for
+    /// another program.
+    pub(super) fn cancellation(&self) -> impl Fn() -> bool + use<'a> {
+        let (control, deadline) = (self.control, self.options.deadline);
+        move || control.stop_requested() || deadline.is_some_and(|until| SystemTime::now() >= until)
     }
 
     /// Makes the job of a run, with seed 0.
@@ -208,22 +221,24 @@ impl<'a> NightRunner<'a, '_> {
 pub(super) fn advance(
     slot: &mut Option<Box<dyn Renderer>>,
     samples: u64,
+    cancelled: &dyn Fn() -> bool,
 ) -> Result<WaveStats, AttemptError> {
-    advance_with_lookahead(slot, samples, 0)
+    advance_with_lookahead(slot, samples, 0, cancelled)
 }
 
 /// Renders samples per pixel, like [`advance`]; `more` further samples are likely to be requested
-/// next.
+/// next. A renderer that waits for another program gives up when `cancelled` returns true.
 pub(super) fn advance_with_lookahead(
     slot: &mut Option<Box<dyn Renderer>>,
     samples: u64,
     more: u64,
+    cancelled: &dyn Fn() -> bool,
 ) -> Result<WaveStats, AttemptError> {
     let Some(mut renderer) = slot.take() else {
         return Err("the renderer is not open".to_owned().into());
     };
     let stats = catch_panic("rendering", || {
-        renderer.advance_with_lookahead(samples, more)
+        renderer.advance_unless(samples, more, cancelled)
     })?;
     *slot = Some(renderer);
     match stats {

@@ -12,6 +12,10 @@ use crate::experiment::event::Event;
 use crate::experiment::forecast::WorkloadKey;
 use crate::experiment::outcome::{CellRef, Level};
 use crate::experiment::plan::ReferenceSource;
+use crate::experiment::spec::CellConfig;
+use lumbre_light::transport::integrator::external::is_external;
+use lumbre_light::transport::integrator::integrator;
+use lumbre_render::external::technique_of;
 
 /// Greatest width and height of the rendered pictures in pixels. The pass detects errors, not slow
 /// runs or lack of memory.
@@ -43,8 +47,9 @@ impl NightRunner<'_, '_> {
                 continue;
             };
             // A lost device may recover, and a run may have a fallback: the night decides then.
+            // A cancelled sample shows nothing.
             let may_succeed = match error {
-                AttemptError::DeviceLost(_) => true,
+                AttemptError::DeviceLost(_) | AttemptError::Cancelled => true,
                 AttemptError::Backend(_) => self.has_fallback(*cell),
                 AttemptError::Other(_) => false,
             };
@@ -127,7 +132,8 @@ impl NightRunner<'_, '_> {
         };
         let [width, height] = config.resolution.unwrap_or(scene.resolution);
         let shrink = width.max(height).div_ceil(MAX_SIDE).max(1);
-        let resolution = Some([width.div_ceil(shrink), height.div_ceil(shrink)]);
+        let small = [width.div_ceil(shrink), height.div_ceil(shrink)];
+        let resolution = (!has_fixed_size(config)).then_some(small);
         let seeds = &[seed];
         let request = RunRequest {
             cell,
@@ -141,11 +147,19 @@ impl NightRunner<'_, '_> {
         };
         let scene = self.compiled(&request)?;
         let mut renderer = Some(self.open(&request, scene, None)?);
-        let stats = advance(&mut renderer, 1)?;
+        let stats = advance(&mut renderer, 1, &self.cancellation())?;
         self.throughput.record_smoke_sample(
             WorkloadKey::from_config(config),
             stats.paths as f64 / stats.render_s,
         );
         Ok(catch_panic("closing the backend", || drop(renderer))?)
     }
+}
+
+/// Whether a run is rendered by another program whose pictures have one size only.
+fn has_fixed_size(config: &CellConfig) -> bool {
+    integrator(&config.integrator)
+        .filter(|row| is_external(row))
+        .and_then(|row| technique_of(row, &config.integrator, &config.params).ok())
+        .is_some_and(|technique| technique.has_fixed_size())
 }

@@ -145,6 +145,7 @@ impl<'a> NightRunner<'a, '_> {
                 run.retry.from_scratch = true;
                 None
             }
+            Err(AttemptError::Cancelled) => Some(Outcome::Interrupted),
             Err(error) => match self.prepare_retry(run, error) {
                 Ok(retry) => {
                     run.discard_attempt();
@@ -261,14 +262,25 @@ impl<'a> NightRunner<'a, '_> {
             .night
             .checkpoint_s
             .map_or(slice_s, |every_s| every_s.min(slice_s));
-        let samples = slice_samples(&attempt.progress, slice_s);
+        let samples = match &attempt.renderer {
+            Some(renderer) if renderer.whole_waves() => attempt.progress.samples_left,
+            _ => slice_samples(&attempt.progress, slice_s),
+        };
         // An interleaved run must not keep the device busy during the turn of another.
         let waves = run.waves.as_ref().filter(|_| alone);
         let more = waves.map_or(0, |waves| {
             waves.lookahead(&attempt.progress, samples, &run.request.stop)
         });
         let more = more.min(max_lookahead(&attempt.progress, slice_s));
-        let stats = advance_with_lookahead(&mut attempt.renderer, samples, more)?;
+        let (control, stops) = (self.control, self.cancellation());
+        let cancelled =
+            || stops() || (leads && (control.skip_requested() || control.restart_requested()));
+        let stats = match advance_with_lookahead(&mut attempt.renderer, samples, more, &cancelled) {
+            Err(AttemptError::Cancelled) => {
+                return Ok(self.handle_requests(cell, &attempt.progress, leads)?);
+            }
+            stats => stats?,
+        };
         let first_invalid = stats.invalid > 0
             && attempt.progress.current_wave.invalid == 0
             && attempt.progress.rows.iter().all(|row| row.invalid == 0);

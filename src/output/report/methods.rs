@@ -5,6 +5,7 @@ use super::latex;
 use super::study::Study;
 use crate::experiment::night_results::NightResults;
 use crate::metrics::MetricSpec;
+use lumbre_render::external::WALL_CLOCK;
 
 /// Builds `methods.tex` and `methods.md`: hardware, versions, seeds, references and definitions of
 /// the metrics.
@@ -112,10 +113,17 @@ fn external_renderers(study: &Study) -> Vec<String> {
         .all()
         .filter_map(|m| Some((m.run, m.run.peer.as_ref()?)))
     {
-        let sentence = format!(
-            "{} was rendered by {program}, which measures its render time itself.",
-            run.integrator
-        );
+        let sentence = match program.strip_suffix(WALL_CLOCK) {
+            Some(program) => format!(
+                "{} was rendered by {program}; its render time is the wall-clock time of its \
+                 processes, which includes starting them and loading the scene.",
+                run.integrator
+            ),
+            None => format!(
+                "{} was rendered by {program}, which measures its render time itself.",
+                run.integrator
+            ),
+        };
         if !out.contains(&sentence) {
             out.push(sentence);
         }

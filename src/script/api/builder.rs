@@ -1,17 +1,22 @@
 //! Declarations of a script so far, each with its position for errors that are found later.
 
+use std::collections::BTreeMap;
+
 use mlua::Function;
 
 use super::stop_rule::RuleObject;
 use crate::experiment::StopRule;
 use crate::experiment::spec::{Axis, FigureSpec, MeasureSpec, NightSpec, TableSpec};
 use crate::script::source::SourcePlace;
+use lumbre_light::value::Value;
 
 /// Declarations of an experiment, collected while its script runs.
 #[derive(Debug, Default)]
 pub struct Builder {
     /// Name, seed and repeats from `experiment(..)`.
     pub head: Option<Head>,
+    /// Techniques from `external(..)`: their parameters by the name of the integrator.
+    pub externals: Externals,
     /// Axes from `x:axis(..)`, in order.
     pub axes: Vec<Axis>,
     /// Reasons and rules from `x:skip(..)`, in order.
@@ -34,6 +39,9 @@ pub struct Builder {
     /// Tables from `x:table(..)`, in order.
     pub tables: Vec<(TableSpec, SourcePlace)>,
 }
+
+/// Parameters of techniques that a script declares, by the name of the integrator.
+pub type Externals = BTreeMap<String, BTreeMap<String, Value>>;
 
 /// Values from `experiment(..)`.
 #[derive(Debug)]
@@ -91,8 +99,8 @@ pub struct RenderedReference {
 /// Option `agree` of `x:reference(..)`.
 #[derive(Clone, Debug)]
 pub struct BiasCheck {
-    /// Name of the second integrator.
-    pub integrator: String,
+    /// Changes to the reference's render table, with the second integrator and its parameters.
+    pub changes: BTreeMap<String, Value>,
     /// Stop rule of the second picture; `None` uses that of the reference.
     pub stop: Option<StopRule>,
     /// Accepted rate of false discoveries.

@@ -5,6 +5,7 @@
 pub mod axis;
 pub mod builder;
 pub mod experiment;
+pub mod external;
 pub mod measure;
 pub mod night;
 pub mod reference;
@@ -55,6 +56,7 @@ pub struct ApiFn {
 pub const FUNCTIONS: &[&[ApiFn]] = &[
     experiment::GLOBALS,
     axis::GLOBALS,
+    external::GLOBALS,
     report::GLOBALS,
     stop::RULES,
     GLOBALS,

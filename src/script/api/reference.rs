@@ -23,11 +23,12 @@ pub const AGREE: Table = Table {
     fields: &[
         Field {
             key: "with",
-            ty: Ty::Str,
+            ty: Ty::Any("string|RenderChanges"),
             required: true,
             default: "",
-            doc: "integrator of the second picture; everything else is as in the reference, except \
-                  the integrator's own parameters, which have their defaults",
+            doc: "integrator of the second picture, or a table with it, its parameters and other \
+                  differences from the reference's render table; parameters of the reference's own \
+                  integrator are not inherited",
         },
         Field {
             key: "time",
@@ -224,7 +225,9 @@ fn rendered_reference(
         .values
         .get("agree")
         .and_then(Value::as_map)
-        .map(bias_check);
+        .map(bias_check)
+        .transpose()
+        .map_err(fail)?;
     let shards = fields
         .values
         .get("parts")
@@ -267,7 +270,7 @@ fn overrides(from: Option<&LuaValue>) -> Result<Option<Function>, SchemaError> {
 }
 
 /// Converts the option `agree`, which was checked against its schema.
-fn bias_check(map: &BTreeMap<String, Value>) -> BiasCheck {
+fn bias_check(map: &BTreeMap<String, Value>) -> Result<BiasCheck, SchemaError> {
     let mut stops = Vec::new();
     stops.extend(map.get("time").and_then(duration_s).map(StopRule::Time));
     stops.extend(
@@ -280,13 +283,22 @@ fn bias_check(map: &BTreeMap<String, Value>) -> BiasCheck {
     } else {
         stops.pop()
     };
-    BiasCheck {
-        integrator: map
-            .get("with")
-            .and_then(Value::as_str)
-            .unwrap_or_default()
-            .to_owned(),
+    let changes = match map.get("with") {
+        Some(name @ Value::Str(_)) => BTreeMap::from([("integrator".to_owned(), name.clone())]),
+        Some(Value::Map(changes)) if changes.contains_key("integrator") => changes.clone(),
+        _ => {
+            let mut error = option_error(
+                "agree.with",
+                "expected the name of an integrator, or a table with `integrator`",
+                Some("with = { integrator = \"bdpt\", mis = \"balance\" }"),
+            );
+            error.key = "with".to_owned();
+            return Err(error);
+        }
+    };
+    Ok(BiasCheck {
+        changes,
         stop,
         rate: map.get("rate").and_then(Value::as_f64).unwrap_or(0.01),
-    }
+    })
 }

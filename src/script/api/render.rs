@@ -3,16 +3,19 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use super::builder::Externals;
 use super::render_schema::{BACKEND_NAMES, INTEGRATOR_NAMES, RENDER};
 use crate::experiment::CellConfig;
 use lumbre_light::film::layer::Layer;
 use lumbre_light::scene::desc::TextureSlot;
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
+use lumbre_light::transport::integrator::external::is_declared;
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::path_time::Timing;
 use lumbre_light::transport::sampler::SAMPLER_NAMES;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{SchemaError, unknown_key, unknown_name};
+use lumbre_render::external::technique::VALUES;
 use lumbre_render::hierarchy::AccelSpec;
 
 /// Searches a file that a script names, relative to the current folder and then to the script's
@@ -45,7 +48,8 @@ pub fn find_file(name: &str, folder: &Path, path: &str, key: &str) -> Result<Pat
     })
 }
 
-/// Checks a render table and converts it. Error paths begin with `path`.
+/// Checks a render table and converts it. `externals` are the techniques that the script declares.
+/// Error paths begin with `path`.
 ///
 /// # Errors
 /// Returns an error for the first field that is unknown, missing, of a wrong type, out of range, or
@@ -53,34 +57,43 @@ pub fn find_file(name: &str, folder: &Path, path: &str, key: &str) -> Result<Pat
 pub fn cell_config(
     map: &BTreeMap<String, Value>,
     folder: &Path,
+    externals: &Externals,
     path: &str,
 ) -> Result<CellConfig, SchemaError> {
     let at = |key: &str| format!("{path}.{key}");
-    check_names(map, path)?;
-    let row = map
-        .get("integrator")
-        .and_then(Value::as_str)
-        .and_then(integrator);
+    check_names(map, externals, path)?;
+    let name = map.get("integrator").and_then(Value::as_str);
+    let row = name.and_then(integrator);
+    let declared = name.and_then(|name| externals.get(name));
     let (common, params): (BTreeMap<_, _>, BTreeMap<_, _>) = map
         .iter()
         .map(|(k, v)| (k.clone(), v.clone()))
         .partition(|(k, _)| is_common(k));
-    let own = row.map(|r| r.params.fields).unwrap_or_default();
-    if let Some(key) = params
-        .keys()
-        .find(|key| !own.iter().any(|f| f.key == **key))
-    {
-        return Err(unknown_key(
-            &at(key),
-            key,
-            RENDER.fields.iter().chain(own).map(|f| f.key),
-        ));
+    let fields = row.map(|r| r.params.fields).unwrap_or_default();
+    let values = declared
+        .and_then(|technique| technique.get(VALUES))
+        .and_then(Value::as_map);
+    let mut own: Vec<&str> = fields.iter().map(|f| f.key).collect();
+    own.extend(
+        values
+            .into_iter()
+            .flat_map(|v| v.keys().map(String::as_str)),
+    );
+    if let Some(key) = params.keys().find(|key| !own.contains(&key.as_str())) {
+        let known = RENDER.fields.iter().map(|f| f.key);
+        return Err(unknown_key(&at(key), key, known.chain(own)));
     }
     RENDER.check(path, &common)?;
-    let Some(row) = row else {
+    let (Some(row), Some(name)) = (row, name) else {
         return Err(missing(path, "integrator"));
     };
-    row.params.check(path, &params)?;
+    let params = match declared {
+        Some(technique) => with_values(technique, params, path)?,
+        None => {
+            row.params.check(path, &params)?;
+            params
+        }
+    };
     let Some(scene) = text(&common, "scene") else {
         return Err(missing(path, "scene"));
     };
@@ -88,7 +101,7 @@ pub fn cell_config(
         scene_file: find_file(&scene, folder, &at("scene"), "scene")?,
         scene,
         scene_options: scene_options(common.get("scene_options"), &at("scene_options"))?,
-        integrator: row.name.to_owned(),
+        integrator: name.to_owned(),
         params,
         max_depth: integer(common.get("max_depth")),
         resolution: resolution(&common, path)?,
@@ -108,20 +121,62 @@ pub fn cell_config(
     })
 }
 
-/// Checks the names of integrator and backend, so that errors list the known ones.
-fn check_names(map: &BTreeMap<String, Value>, path: &str) -> Result<(), SchemaError> {
-    if let Some(Value::Str(name)) = map.get("integrator")
-        && integrator(name).is_none()
+/// Returns the parameters of a declared technique with the values that a render table gives.
+fn with_values(
+    technique: &BTreeMap<String, Value>,
+    given: BTreeMap<String, Value>,
+    path: &str,
+) -> Result<BTreeMap<String, Value>, SchemaError> {
+    if let Some((key, value)) = given
+        .iter()
+        .find(|(_, value)| matches!(value, Value::Nil | Value::List(_) | Value::Map(_)))
     {
-        return Err(with_key(
-            unknown_name(
-                &format!("{path}.integrator"),
-                name,
-                "integrator",
-                INTEGRATOR_NAMES,
+        return Err(SchemaError {
+            path: format!("{path}.{key}"),
+            problem: format!(
+                "expected text, a number or a boolean, found {}",
+                value.kind()
             ),
-            "integrator",
+            help: None,
+            key: key.clone(),
+        });
+    }
+    let mut technique = technique.clone();
+    if let Some(Value::Map(values)) = technique.get_mut(VALUES) {
+        values.extend(given);
+    }
+    Ok(technique)
+}
+
+/// Returns the error if an integrator is neither in the table nor declared by the script.
+///
+/// # Errors
+/// Returns an error with the most similar name, or the known ones.
+pub fn check_integrator(name: &str, externals: &Externals, path: &str) -> Result<(), SchemaError> {
+    let is_known = integrator(name).is_some_and(|row| !is_declared(row));
+    if is_known || externals.contains_key(name) {
+        return Ok(());
+    }
+    let known = INTEGRATOR_NAMES
+        .into_iter()
+        .chain(externals.keys().map(String::as_str));
+    let mut error = with_key(unknown_name(path, name, "integrator", known), "integrator");
+    if let Some(name) = name.strip_prefix("external:") {
+        error.help = Some(format!(
+            "declare another renderer by external {{ name = \"{name}\", command = .. }}"
         ));
+    }
+    Err(error)
+}
+
+/// Checks the names of integrator and backend, so that errors list the known ones.
+fn check_names(
+    map: &BTreeMap<String, Value>,
+    externals: &Externals,
+    path: &str,
+) -> Result<(), SchemaError> {
+    if let Some(Value::Str(name)) = map.get("integrator") {
+        check_integrator(name, externals, &format!("{path}.integrator"))?;
     }
     if let Some(Value::Str(name)) = map.get("backend")
         && !BACKEND_NAMES.contains(&name.as_str())
@@ -209,7 +264,7 @@ pub fn merge(
 }
 
 /// Returns whether a key belongs to the render table itself, not to an integrator.
-fn is_common(key: &str) -> bool {
+pub fn is_common(key: &str) -> bool {
     RENDER.fields.iter().any(|f| f.key == key)
 }
 

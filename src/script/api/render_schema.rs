@@ -216,10 +216,11 @@ pub const RENDER: Table = Table {
         },
         Field {
             key: "integrator",
-            ty: Ty::Word(&INTEGRATOR_NAMES),
+            ty: Ty::WordOrDeclared(&INTEGRATOR_NAMES),
             required: true,
             default: "",
-            doc: "integrator (technique); its own parameters are keys of this table",
+            doc: "integrator (technique), or another renderer that `external` returned; its own \
+                  parameters are keys of this table",
         },
         Field {
             key: "max_depth",

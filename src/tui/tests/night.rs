@@ -106,6 +106,8 @@ pub fn plan_over(depths: &[u32], radii: &[f32]) -> Plan {
         ("range".to_owned(), Value::Int(1)),
     ]);
     Plan {
+        commands: Vec::new(),
+        commands_allowed: false,
         name: "first_light".to_owned(),
         hash: "3f9a2b1c00".to_owned(),
         seed: 1,

@@ -35,8 +35,7 @@ fn cells_of_an_absent_renderer_are_left_out_with_the_reason() {
     let place = Workplace::new();
     place.write("peers.lua", NIGHT);
     let planned = place.succeed(&["plan", "peers.lua", "python=/nowhere/python"]);
-    let reason =
-        "external:mitsuba is not installed: the interpreter `/nowhere/python` cannot be started";
+    let reason = "external:mitsuba is not installed: `/nowhere/python` cannot be started";
     assert!(
         planned.stdout.contains(reason) && planned.stdout.contains("1 cell"),
         "{}",

@@ -11,6 +11,8 @@ mod damage;
 mod errors;
 mod evidence;
 mod external;
+mod external_commands;
+mod external_pictures;
 mod kill;
 mod limits;
 mod nights;

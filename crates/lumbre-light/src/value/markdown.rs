@@ -76,7 +76,7 @@ pub fn type_text(ty: &Ty) -> String {
         Ty::Int { min, max } => format!("integer{}", integer_range(*min, *max)),
         Ty::Num { min, max } => format!("number{}", range(*min, *max)),
         Ty::Str => "string".to_owned(),
-        Ty::Word(words) => {
+        Ty::Word(words) | Ty::WordOrDeclared(words) => {
             let words: Vec<String> = words.iter().map(|word| format!("`{word}`")).collect();
             words.join(", ")
         }

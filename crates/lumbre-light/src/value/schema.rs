@@ -29,6 +29,8 @@ pub enum Ty {
     Str,
     /// One of the given names.
     Word(&'static [&'static str]),
+    /// One of the given names, or a name that the script declares; the script module checks it.
+    WordOrDeclared(&'static [&'static str]),
     /// A duration: a number of seconds, or text such as `"500ms"`, `"30s"`, `"5min"`, `"8h"`.
     Duration,
     /// Exactly `len` finite numbers in `min..=max`.
@@ -231,7 +233,7 @@ impl Ty {
         match (self, value) {
             (Ty::Any(_) | Ty::Object(_), _)
             | (Ty::Bool, Value::Bool(_))
-            | (Ty::Str, Value::Str(_)) => Ok(()),
+            | (Ty::Str | Ty::WordOrDeclared(_), Value::Str(_)) => Ok(()),
             (Ty::Int { min, max }, Value::Int(i)) if (min..=max).contains(&i) => Ok(()),
             (Ty::Int { .. }, Value::Int(i)) => out_of_range(&i),
             (Ty::Num { min, max }, Value::Int(_) | Value::Num(_)) => {
@@ -299,6 +301,9 @@ impl Ty {
             Ty::Num { min, max } => format!("a number{}", range(*min, *max, *max >= f64::MAX)),
             Ty::Str => "a string".to_owned(),
             Ty::Word(words) => format!("one of {}", words.join(", ")),
+            Ty::WordOrDeclared(words) => {
+                format!("one of {}, or a declared name", words.join(", "))
+            }
             Ty::Duration => {
                 "a duration in seconds or as text such as \"500ms\", \"30s\", \"5min\", \"8h\""
                     .to_owned()

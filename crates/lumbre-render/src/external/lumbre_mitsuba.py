@@ -1,9 +1,6 @@
-"""Renders one scene with Mitsuba 3, once for each request from Lumbre.
+"""Renders one scene with Mitsuba 3, once for each request from Lumbre: a server of its protocol for external renderers.
 
-Arguments: variant, integrator, scene file, width, height, max_depth, rr_depth, threads (0 means all). When the scene
-is loaded, the line `ready VERSION THREADS` is written to standard output. Each line `SPP SEED FILE` on standard input
-requests a picture, which is written to FILE (EXR, linear radiance, 32-bit floats); the reply is the time in seconds
-that Mitsuba spent inside its renderer.
+Arguments: variant, integrator, scene file, width, height, max_depth, threads.
 """
 
 import os
@@ -19,11 +16,12 @@ import drjit as dr
 import mitsuba as mi
 
 variant, method, scene_file = sys.argv[1:4]
-width, height, max_depth, rr_depth, threads = map(int, sys.argv[4:9])
+width, height, max_depth, threads = map(int, sys.argv[4:8])
+# Roulette starts beyond the last edge, so it has no effect.
+rr_depth = max_depth + 1
 mi.set_variant(variant)
 mi.set_log_level(mi.LogLevel.Warn)
-if threads > 0:
-    dr.set_thread_count(threads)
+dr.set_thread_count(threads)
 scene = mi.load_file(scene_file, width=width, height=height, max_depth=max_depth, rr_depth=rr_depth, filter="box")
 integrator = mi.load_dict({"type": method, "max_depth": max_depth, "rr_depth": rr_depth})
 
@@ -45,7 +43,8 @@ def render(spp, seed):
 # Compile kernels before the first timed wave.
 if not variant.startswith("scalar"):
     render(1, 0)
-reply(f"ready {mi.__version__} {dr.thread_count()}")
+device = "cuda" if variant.startswith("cuda") else f"cpu, {dr.thread_count()} threads"
+reply(f"ready 1 {device}, Mitsuba {mi.__version__} {variant} {method}")
 for line in sys.stdin:
     spp, seed, file = line.rstrip("\n").split(" ", 2)
     image, seconds = render(int(spp), int(seed))

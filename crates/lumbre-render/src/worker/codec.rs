@@ -391,12 +391,13 @@ impl Wire for Job {
 impl Wire for RenderError {
     fn write_to(&self, to: &mut Vec<u8>) {
         let (kind, reason) = match self {
-            RenderError::Unsupported { reason, .. } => (0u8, reason),
-            RenderError::Failed { reason, .. } => (1, reason),
-            RenderError::Lost { reason, .. } => (2, reason),
+            RenderError::Unsupported { reason, .. } => (0u8, reason.as_str()),
+            RenderError::Failed { reason, .. } => (1, reason.as_str()),
+            RenderError::Lost { reason, .. } => (2, reason.as_str()),
+            RenderError::Cancelled { .. } => (3, ""),
         };
         kind.write_to(to);
-        reason.write_to(to);
+        reason.to_owned().write_to(to);
     }
 
     fn read_from(from: &mut Reader<'_>) -> Result<RenderError, CorruptMessage> {
@@ -408,6 +409,7 @@ impl Wire for RenderError {
             0 => Ok(RenderError::Unsupported { backend, reason }),
             1 => Ok(RenderError::Failed { backend, reason }),
             2 => Ok(RenderError::Lost { backend, reason }),
+            3 => Ok(RenderError::Cancelled { backend }),
             _ => Err(CorruptMessage),
         }
     }

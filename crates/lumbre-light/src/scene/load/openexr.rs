@@ -12,16 +12,84 @@ use crate::film::Image;
 /// The first bytes of every OpenEXR file.
 pub const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
-/// Decodes the first layer with channels R, G and B, and returns it with all text attributes by
-/// name.
+/// Names that the channels of a group may have behind the group's name.
+const COMPONENTS: [[&str; 3]; 4] = [
+    ["R", "G", "B"],
+    ["X", "Y", "Z"],
+    ["r", "g", "b"],
+    ["x", "y", "z"],
+];
+
+/// Decodes groups of channels, each to an image: `albedo` is the channels `albedo.R`, `albedo.G` and
+/// `albedo.B`, or with X, Y and Z, or the single channel `albedo`. The name of an EXR layer may
+/// precede the group.
 ///
 /// # Errors
-/// Returns a message for data that is not an EXR with RGB channels, is damaged, or has more than
-/// `max_pixels`.
-pub fn decode(
+/// Returns a message for damaged data, for more than `max_pixels`, and for a group that the file does
+/// not have.
+pub fn decode_channels(
     bytes: &[u8],
     max_pixels: usize,
-) -> Result<(Image, BTreeMap<String, String>), String> {
+    groups: &[&str],
+) -> Result<Vec<Image>, String> {
+    check_sizes(bytes, max_pixels)?;
+    let file = read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .all_layers()
+        .all_attributes()
+        .non_parallel()
+        .from_buffered(Cursor::new(bytes))
+        .map_err(|e| e.to_string())?;
+    let mut channels = BTreeMap::new();
+    for layer in &file.layer_data {
+        let prefix = layer
+            .attributes
+            .layer_name
+            .as_ref()
+            .map(ToString::to_string);
+        for channel in &layer.channel_data.list {
+            let name = channel.name.to_string();
+            if let Some(prefix) = &prefix {
+                channels.insert(
+                    format!("{prefix}.{name}"),
+                    (layer.size, &channel.sample_data),
+                );
+            }
+            channels.insert(name, (layer.size, &channel.sample_data));
+        }
+    }
+    let image = |group: &&str| -> Result<Image, String> {
+        let names = COMPONENTS
+            .iter()
+            .map(|names| names.map(|c| format!("{group}.{c}")))
+            .chain([[0; 3].map(|_| (*group).to_owned())])
+            .find(|names| names.iter().all(|name| channels.contains_key(name)));
+        let names = names.ok_or_else(|| {
+            let known: Vec<&str> = channels.keys().map(String::as_str).collect();
+            format!(
+                "it has no channels of `{group}`; its channels are {}",
+                known.join(", ")
+            )
+        })?;
+        let (size, _) = channels[&names[0]];
+        let mut image = Image::new(size.0 as u32, size.1 as u32);
+        for (c, name) in names.iter().enumerate() {
+            let values = channels[name].1.values_as_f32();
+            image
+                .data
+                .iter_mut()
+                .zip(values)
+                .for_each(|(pixel, value)| pixel[c] = value);
+        }
+        Ok(image)
+    };
+    groups.iter().map(image).collect()
+}
+
+/// Checks the sizes of all layers from their headers, before memory is allocated for the pixels.
+fn check_sizes(bytes: &[u8], max_pixels: usize) -> Result<(), String> {
     let headers = MetaData::read_from_buffered(Cursor::new(bytes), false)
         .map_err(|e| e.to_string())?
         .headers;
@@ -37,6 +105,20 @@ pub fn decode(
             ));
         }
     }
+    Ok(())
+}
+
+/// Decodes the first layer with channels R, G and B, and returns it with all text attributes by
+/// name.
+///
+/// # Errors
+/// Returns a message for data that is not an EXR with RGB channels, is damaged, or has more than
+/// `max_pixels`.
+pub fn decode(
+    bytes: &[u8],
+    max_pixels: usize,
+) -> Result<(Image, BTreeMap<String, String>), String> {
+    check_sizes(bytes, max_pixels)?;
     let file = read()
         .no_deep_data()
         .largest_resolution_level()

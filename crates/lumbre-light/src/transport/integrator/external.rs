@@ -1,6 +1,9 @@
 //! Techniques of other programs, which an experiment may compare with the integrators of this one.
 //! They are run by `lumbre_render::external`; no backend of this program
 //! accepts them.
+//!
+//! [`EXTERNALS`] are bridges to programs that this one knows. All others are declared by a script,
+//! which gives the command to run; they share the row [`DECLARED`].
 
 use super::IntegratorRow;
 use crate::value::schema::{Field, Table, Ty};
@@ -51,7 +54,75 @@ pub const EXTERNALS: &[IntegratorRow] = &[IntegratorRow {
     sample: |_, _, _, _| {},
 }];
 
+/// Start of the names of all techniques of other programs.
+pub const PREFIX: &str = "external:";
+
+/// Row of all techniques that scripts declare by `external`. Their parameters are those that the
+/// script declares, so the row has none.
+pub const DECLARED: IntegratorRow = IntegratorRow {
+    name: "external",
+    long_name: "another renderer",
+    revision: 1,
+    doc: "A command of the script renders the scene, or a scene file of its own format.",
+    params: Table {
+        name: "ExternalParams",
+        doc: "Parameters of techniques that the script declares by `external`.",
+        fields: &[],
+    },
+    splats: false,
+    bias: None,
+    begin: None,
+    sample: |_, _, _, _| {},
+};
+
 /// Returns whether another program renders this technique.
 pub fn is_external(row: &IntegratorRow) -> bool {
-    EXTERNALS.iter().any(|external| external.name == row.name)
+    is_declared(row) || EXTERNALS.iter().any(|external| external.name == row.name)
+}
+
+/// Returns whether this is the row of techniques that scripts declare.
+pub fn is_declared(row: &IntegratorRow) -> bool {
+    row.name == DECLARED.name
+}
+
+/// Returns whether a declared technique may have this name, which follows [`PREFIX`] in the names
+/// of integrators: at most 40 letters, digits, `_`, `-` and `.`, not that of a bridge.
+pub fn is_free_name(name: &str) -> bool {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "_-.".contains(c);
+    let is_bridge = EXTERNALS
+        .iter()
+        .any(|row| row.name.strip_prefix(PREFIX) == Some(name));
+    let starts_well = name.starts_with(|c: char| c.is_ascii_alphanumeric());
+    starts_well && name.len() <= 40 && name.chars().all(plain) && !is_bridge
+}
+
+/// Returns the row of techniques that scripts declare, if an integrator's name is one of theirs.
+pub(super) fn declared(name: &str) -> Option<&'static IntegratorRow> {
+    name.strip_prefix(PREFIX)
+        .is_some_and(is_free_name)
+        .then_some(&DECLARED)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::transport::integrator::integrator;
+
+    #[test]
+    fn declared_techniques_have_one_row_and_bridges_their_own() {
+        let row = |name: &str| integrator(name).map(|row| row.name);
+        assert_eq!(row("external:mitsuba"), Some("external:mitsuba"));
+        assert_eq!(row("external:pbrt-v4.1"), Some("external"));
+        for name in [
+            "external:",
+            "external:a b",
+            "external:../x",
+            "external",
+            "pbrt",
+        ] {
+            assert_eq!(row(name), None, "{name}");
+        }
+        assert!(is_external(integrator("external:x").unwrap()));
+        assert!(!is_free_name("mitsuba") && is_free_name("mitsuba2"));
+    }
 }

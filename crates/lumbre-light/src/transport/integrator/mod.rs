@@ -147,4 +147,5 @@ pub fn integrator(name: &str) -> Option<&'static IntegratorRow> {
         .iter()
         .chain(external::EXTERNALS)
         .find(|row| row.name == name)
+        .or_else(|| external::declared(name))
 }
