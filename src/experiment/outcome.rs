@@ -18,8 +18,8 @@ pub struct WaveRow {
     pub samples: u64,
     /// Seconds inside the renderer so far.
     pub render_s: f64,
-    /// Wall-clock seconds so far, measuring included. For an interleaved run only its own turns
-    /// count.
+    /// Wall-clock seconds so far, with measuring and without pauses. For an interleaved run only
+    /// its own turns count.
     pub wall_s: f64,
     /// Seconds spent measuring so far; not included in `render_s`.
     pub measure_s: f64,

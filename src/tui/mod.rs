@@ -7,6 +7,7 @@
 
 pub mod axis;
 mod command;
+mod confirmation;
 mod dashboard;
 pub mod format;
 pub mod live_picture;

@@ -6,6 +6,7 @@ use crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use ratatui::layout::Rect;
 
 use super::command::{self, Action};
+use super::confirmation::{Confirmation, question};
 use super::model::night::NightModel;
 use super::model::plan_rows::PlanRows;
 use super::model::time_preview::TimePreview;
@@ -113,6 +114,8 @@ pub struct View {
     pub prompt: Option<Prompt>,
     /// Reply to the last command.
     pub notice: Option<Notice>,
+    /// Request that is made if it is repeated.
+    pub(super) confirmation: Option<Confirmation>,
     /// Current time in seconds on the model's clock.
     pub now_s: f64,
     /// Pending requests to the night.
@@ -152,6 +155,7 @@ impl View {
             log_back: 0,
             prompt: None,
             notice: None,
+            confirmation: None,
             now_s: 0.0,
             requests: PendingRequests::default(),
             skipping: None,
@@ -394,6 +398,9 @@ impl View {
             }
             Action::Night(command @ (NightRequest::Skip | NightRequest::Restart)) => {
                 let current = model.current.as_ref().filter(|current| current.running)?;
+                if self.asks_again(command, current.cell, model) {
+                    return None;
+                }
                 if command == NightRequest::Skip {
                     self.skipping = Some(current.cell);
                 }
@@ -437,6 +444,23 @@ impl View {
             Action::Help => self.help = !self.help,
         }
         None
+    }
+
+    /// Asks the user to repeat a request that loses rendered work. Returns whether it is to wait.
+    fn asks_again(&mut self, request: NightRequest, cell: CellRef, model: &NightModel) -> bool {
+        let asked = self.confirmation.take().is_some_and(|asked| {
+            (asked.request, asked.cell) == (request, cell) && self.now_s < asked.until_s
+        });
+        let Some(question) = question(request, cell, model).filter(|_| !asked) else {
+            return false;
+        };
+        self.confirmation = Some(Confirmation {
+            request,
+            cell,
+            until_s: self.now_s + NOTICE_S,
+        });
+        self.notify(question);
+        true
     }
 
     fn notify(&mut self, text: String) {

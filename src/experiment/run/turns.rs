@@ -252,10 +252,14 @@ impl<'a> NightRunner<'a, '_> {
     ) -> Result<Option<AfterTurn>, AttemptError> {
         let cell = run.request.cell;
         run.attempt.progress.wall_s = run.wall_s();
-        let attempt = &mut run.attempt;
-        if let Some(next) = self.handle_requests(cell, &attempt.progress, leads)? {
-            return Ok(Some(next));
+        let asked = Instant::now();
+        let request = self.handle_requests(cell, &run.attempt.progress, leads)?;
+        // Pauses are not part of the run's time, from which forecasts are made.
+        run.turn_start.0 += asked.elapsed();
+        if request.is_some() {
+            return Ok(request);
         }
+        let attempt = &mut run.attempt;
         let slice_s = if alone { SLICE_S } else { INTERLEAVED_SLICE_S };
         let slice_s = self
             .plan

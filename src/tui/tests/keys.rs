@@ -69,6 +69,39 @@ fn nothing_is_skipped_if_no_cell_renders() {
 }
 
 #[test]
+fn requests_that_lose_rendered_work_are_made_when_repeated() {
+    let mut night = NightBuilder::new(night::plan());
+    let (model, _) = night.render(CellRef::Reference(0), 8).model();
+    let mut view = View::new(RICH);
+    assert_eq!(press(&mut view, &model, KeyCode::Char('s')), None);
+    let question = view.notice.clone().unwrap().text;
+    for part in ["s gives up", "after 16.0 s", "cells need it", "repeat it"] {
+        assert!(question.contains(part), "{part}: {question}");
+    }
+    assert_eq!(
+        press(&mut view, &model, KeyCode::Char('R')),
+        None,
+        "another request asks for itself"
+    );
+    assert_eq!(press(&mut view, &model, KeyCode::Char('s')), None);
+    assert_eq!(
+        press(&mut view, &model, KeyCode::Char('s')),
+        Some(NightRequest::Skip)
+    );
+    assert_eq!(press(&mut view, &model, KeyCode::Char('R')), None);
+    view.now_s += 60.0;
+    assert_eq!(
+        press(&mut view, &model, KeyCode::Char('R')),
+        None,
+        "the question has gone"
+    );
+    assert_eq!(
+        press(&mut view, &model, KeyCode::Char('R')),
+        Some(NightRequest::Restart)
+    );
+}
+
+#[test]
 fn keys_change_the_view_and_escape_resets_it() {
     let (model, _) = in_the_middle().model();
     let mut view = View::new(RICH);

@@ -2,6 +2,7 @@
 
 use std::cell::Cell;
 use std::sync::Arc;
+use std::time::Duration;
 
 use lumbre::experiment::outcome::Level;
 use lumbre::experiment::run::{Seams, run_with};
@@ -10,6 +11,9 @@ use lumbre::experiment::{
 };
 
 use crate::experiment::fixtures::{Lab, Night, Recorder, depths, label};
+
+/// Length of the pause in a test; all runs of the test together take a hundredth of it.
+const PAUSE: Duration = Duration::from_secs(2);
 
 /// A listener that calls `act` at every event with the label `at`.
 struct ActAt<'a> {
@@ -340,6 +344,7 @@ fn a_pause_limit_pauses_the_night_once_at_the_first_measurement_after_it() {
     let wait = || {
         waits.set(waits.get() + 1);
         assert!(control.paused() && control.pause_at().is_none());
+        std::thread::sleep(PAUSE);
         control.set_paused(false);
     };
     let mut recorder = Recorder::default();
@@ -348,7 +353,7 @@ fn a_pause_limit_pauses_the_night_once_at_the_first_measurement_after_it() {
         wait: &wait,
     };
     let sinks: &mut [&mut dyn Sink] = &mut [&mut recorder];
-    run_with(
+    let summary = run_with(
         &seams,
         &Arc::new(lab.plan()),
         &lab,
@@ -358,6 +363,10 @@ fn a_pause_limit_pauses_the_night_once_at_the_first_measurement_after_it() {
         1,
     )
     .unwrap();
+    for result in &summary.results {
+        let wall_s = result.rows.last().unwrap().wall_s;
+        assert!(wall_s < PAUSE.as_secs_f64(), "{wall_s} s with the pause");
+    }
     assert_eq!(
         waits.get(),
         1,

@@ -1,0 +1,51 @@
+//! Requests that throw rendered work away, which are made only if they are repeated.
+
+use super::format;
+use super::model::night::NightModel;
+use super::modes::NightRequest;
+use crate::experiment::CellRef;
+
+/// Render time in seconds from which a run is not given up without being asked twice.
+const ASK_FROM_S: f64 = 10.0;
+
+/// A request that is waiting to be repeated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Confirmation {
+    /// Request to repeat.
+    pub request: NightRequest,
+    /// Run that it concerns.
+    pub cell: CellRef,
+    /// Time until which repeating it counts, in seconds on the model's clock.
+    pub until_s: f64,
+}
+
+/// Returns the question to ask before a request is made to the run that renders `cell`, or `None` if
+/// too little has been rendered to ask.
+pub(super) fn question(request: NightRequest, cell: CellRef, model: &NightModel) -> Option<String> {
+    let (entries, index) = match cell {
+        CellRef::Reference(index) => (&model.references, index),
+        CellRef::Cell(index) => (&model.cells, index),
+    };
+    let render_s = entries.get(index)?.last.as_ref()?.render_s;
+    if render_s < ASK_FROM_S {
+        return None;
+    }
+    let plan = model.plan.as_ref()?;
+    let name = format::cell_name(plan, cell);
+    let time = format::duration(render_s);
+    let (key, action) = match request {
+        NightRequest::Restart => ("R", format!("renders {name} from its first sample again")),
+        _ => ("s", format!("gives up {name}")),
+    };
+    let waiting = match (cell, request) {
+        (CellRef::Reference(index), NightRequest::Skip) => {
+            let cells = plan.cells.iter();
+            let count = cells.filter(|cell| cell.reference == Some(index)).count();
+            format!("; {} need it", crate::text::counted(count as u64, "cell"))
+        }
+        _ => String::new(),
+    };
+    Some(format!(
+        "{key} {action} after {time} of rendering{waiting}: repeat it to do so"
+    ))
+}
