@@ -8,14 +8,132 @@ use crate::experiment::{CellResult, WaveRow};
 use crate::metrics::Better;
 use lumbre_render::OpenStats;
 
+/// Relation of a number to the true one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Bound {
+    /// The number itself.
+    #[default]
+    Exact,
+    /// A lower bound: a run ended after this many seconds without reaching the threshold.
+    Lower,
+    /// An upper bound: the first measurement, after this many seconds, had reached the threshold.
+    Upper,
+    /// The mean of lower and upper bounds, which may be off to either side.
+    Either,
+}
+
+impl Bound {
+    /// Returns the relation of a mean of numbers to the true mean.
+    pub fn of_mean(bounds: impl Iterator<Item = Bound>) -> Bound {
+        bounds.fold(Bound::Exact, |all, next| match (all, next) {
+            (Bound::Exact, bound) | (bound, Bound::Exact) => bound,
+            (all, next) if all == next => all,
+            _ => Bound::Either,
+        })
+    }
+
+    /// Returns the sign before the number in tables; empty for an exact one.
+    pub fn sign(self) -> &'static str {
+        match self {
+            Bound::Exact => "",
+            Bound::Lower => "> ",
+            Bound::Upper => "≤ ",
+            Bound::Either => "~ ",
+        }
+    }
+
+    /// Returns the name in CSV files; empty for an exact number.
+    pub fn name(self) -> &'static str {
+        match self {
+            Bound::Exact => "",
+            Bound::Lower => "lower",
+            Bound::Upper => "upper",
+            Bound::Either => "either",
+        }
+    }
+
+    /// Returns a sentence that explains the sign; empty for an exact number.
+    pub fn explanation(self) -> &'static str {
+        match self {
+            Bound::Exact => "",
+            Bound::Lower => "`> t`: not reached within t seconds.",
+            Bound::Upper => "`≤ t`: reached at the first measurement, after t seconds.",
+            Bound::Either => {
+                "`~ t`: some runs reached it at the first measurement, and others not at all."
+            }
+        }
+    }
+
+    /// Returns the explanations of the signs that occur among `bounds`, each once, joined by
+    /// spaces.
+    pub fn explanations(bounds: &[Bound]) -> String {
+        let occurring = [Bound::Lower, Bound::Upper, Bound::Either]
+            .into_iter()
+            .filter(|bound| bounds.contains(bound));
+        occurring
+            .map(Bound::explanation)
+            .collect::<Vec<_>>()
+            .join(" ")
+    }
+}
+
 /// Value of one run.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum RunValue {
-    /// The value itself.
-    Exact(f64),
-    /// Lower bound of the value: the run ended after this many seconds without reaching the
-    /// threshold.
-    LowerBound(f64),
+pub struct RunValue {
+    /// Number in the unit of the value.
+    pub number: f64,
+    /// Relation of the number to the true one.
+    pub bound: Bound,
+}
+
+impl RunValue {
+    /// Creates a value that is known.
+    pub fn exact(number: f64) -> RunValue {
+        RunValue {
+            number,
+            bound: Bound::Exact,
+        }
+    }
+}
+
+/// Returns the time at which a curve of (time, value) first reached a threshold, or `None` for an
+/// empty curve. `reached` says whether a value is at least as good, `scale` the scale on which
+/// values are nearly linear in the logarithm of time, as an error is on a logarithmic one.
+///
+/// Between measurements the time is interpolated. It is a bound if the first measurement had
+/// reached the threshold, or the last had not.
+pub fn crossing(
+    curve: &[(f64, f64)],
+    threshold: f64,
+    reached: impl Fn(f64) -> bool,
+    scale: impl Fn(f64) -> f64,
+) -> Option<RunValue> {
+    let (last_time, _) = *curve.last()?;
+    let bound = |number, bound| Some(RunValue { number, bound });
+    let Some(index) = curve.iter().position(|(_, value)| reached(*value)) else {
+        return bound(last_time, Bound::Lower);
+    };
+    let (after, value_after) = curve[index];
+    let Some((before, value_before)) = index.checked_sub(1).map(|i| curve[i]) else {
+        return bound(after, Bound::Upper);
+    };
+    let [from, to, at] = [value_before, value_after, threshold].map(scale);
+    let share = (at - from) / (to - from);
+    let time = before * (after / before).powf(share);
+    // A value that the scale does not accept, such as an error of 0, gives no time between.
+    let is_between = share < 1.0 && (before..after).contains(&time);
+    Some(RunValue::exact(if is_between { time } else { after }))
+}
+
+/// Returns the time at which a metric first reached a threshold, as [`crossing`] does. `curve` has
+/// the render time in seconds and the metric's value of each measurement.
+pub fn time_to(better: Better, curve: &[(f64, f64)], threshold: f64) -> Option<RunValue> {
+    let magnitude = |value: f64| match better {
+        Better::Lower | Better::NearZero => value.abs().ln(),
+        Better::Higher => value,
+    };
+    let reached = |value| reaches(better, value, threshold);
+    crossing(curve, threshold, reached, magnitude)
 }
 
 /// Returns the value of one finished run, or `None` if the run has no such value.
@@ -23,21 +141,16 @@ pub fn run_value(plan: &Plan, value: &TableValue, result: &CellResult) -> Option
     let last = result.rows.last()?;
     Some(match value {
         TableValue::Metric(name) => {
-            RunValue::Exact(*last.metrics.get(format::column(plan, name)?.0)?)
+            RunValue::exact(*last.metrics.get(format::column(plan, name)?.0)?)
         }
         TableValue::TimeTo { column, threshold } => {
             let (index, metric) = format::column(plan, column)?;
             last.metrics.get(index)?;
-            let reached = |row: &&WaveRow| {
-                let value = row.metrics.get(index);
-                value.is_some_and(|x| reaches(metric.row.better, *x, *threshold))
-            };
-            let first = result.rows.iter().find(reached);
-            first.map_or(RunValue::LowerBound(last.render_s), |row| {
-                RunValue::Exact(row.render_s)
-            })
+            let point = |row: &WaveRow| Some((row.render_s, *row.metrics.get(index)?));
+            let curve: Vec<(f64, f64)> = result.rows.iter().filter_map(point).collect();
+            time_to(metric.row.better, &curve, *threshold)?
         }
-        plain => RunValue::Exact(metric_free_value(plain, last, &result.open)?),
+        plain => RunValue::exact(metric_free_value(plain, last, &result.open)?),
     })
 }
 
@@ -115,7 +228,7 @@ pub fn title(plan: &Plan, value: &TableValue) -> String {
             Some((_, m)) => {
                 let sign = threshold_sign(m.row.better);
                 format!(
-                    "Render time in seconds until the first measurement with {} {sign} {threshold}",
+                    "Render time in seconds until {} {sign} {threshold}",
                     format::metric_description(m)
                 )
             }

@@ -6,7 +6,7 @@ use super::style::style;
 use super::{Figure, FigureData, HorizontalAxis, MetricPanel, PlotCurve, metric_panel, subtitle};
 use crate::experiment::spec::{Point, TableValue};
 use crate::output::format;
-use crate::output::quantity::{self, RunValue};
+use crate::output::quantity::{self, Bound, RunValue};
 use crate::output::report::metric_display::MetricDisplay;
 use crate::output::report::repeats::{BandKind, Spread};
 use lumbre_light::value::Value;
@@ -231,12 +231,14 @@ fn line_points(
         _ => None,
     };
     // The inner `None` is a value that cannot be drawn, the outer one a run without the value.
-    let drawn = |cell: &usize| match quantity::run_value(data.plan, value, data.measured[cell])? {
-        RunValue::Exact(x) => Some(match display {
-            Some(display) => display.drawn_value(x),
-            None => Some(x).filter(|x| x.is_finite()),
-        }),
-        RunValue::LowerBound(_) => Some(None),
+    let drawn = |cell: &usize| {
+        let RunValue { number, bound } =
+            quantity::run_value(data.plan, value, data.measured[cell])?;
+        Some(match display {
+            _ if bound != Bound::Exact => None,
+            Some(display) => display.drawn_value(number),
+            None => Some(number).filter(|x| x.is_finite()),
+        })
     };
     let repeats = |(position, cells): &(usize, Vec<usize>)| -> (usize, usize, Vec<f64>) {
         let values: Option<Vec<f64>> = cells.iter().filter_map(drawn).collect();

@@ -3,6 +3,7 @@
 use super::item::{ItemKind, Provenance, ReportItem};
 use super::latex;
 use crate::output::format::{exact, significant};
+use crate::output::quantity::Bound;
 use crate::output::table::export::markdown_table;
 use crate::text::csv_line;
 
@@ -23,8 +24,8 @@ pub enum Digits {
 pub struct GridCell {
     /// The number; `None` is written as a dash.
     pub value: Option<f64>,
-    /// Whether the number is a lower bound, since a threshold was not reached.
-    pub is_lower_bound: bool,
+    /// Whether the number is a bound of a time.
+    pub bound: Bound,
     /// Half-width of the 95 % confidence interval.
     pub ci95_half: Option<f64>,
     /// Whether the number is significantly better than all others of its group.
@@ -95,8 +96,8 @@ impl Grid {
             return "–".to_owned();
         };
         let text = self.number(value);
-        let Some(half) = cell.ci95_half.filter(|_| !cell.is_lower_bound) else {
-            return format!("{}{text}", if cell.is_lower_bound { "> " } else { "" });
+        let Some(half) = cell.ci95_half.filter(|_| cell.bound == Bound::Exact) else {
+            return format!("{}{text}", cell.bound.sign());
         };
         if text.contains('e') {
             return format!("{text} ± {}", significant(half, 1));
@@ -180,7 +181,7 @@ impl Grid {
                 "column",
                 "value",
                 "ci95_half",
-                "lower_bound",
+                "bound",
                 "best",
                 "runs",
                 "unit",
@@ -196,7 +197,10 @@ impl Grid {
                 fields.extend([(*group).clone(), column.clone()]);
                 fields.push(cell.value.map(exact).unwrap_or_default());
                 fields.push(cell.ci95_half.map(exact).unwrap_or_default());
-                fields.extend([cell.is_lower_bound, cell.best].map(|b| u8::from(b).to_string()));
+                fields.extend([
+                    cell.bound.name().to_owned(),
+                    u8::from(cell.best).to_string(),
+                ]);
                 fields.extend([
                     cell.runs.to_string(),
                     self.unit.clone(),

@@ -5,7 +5,8 @@ use std::collections::BTreeSet;
 use super::{CellValue, TableCell, TableRow};
 use crate::experiment::plan::Plan;
 use crate::experiment::spec::TableSpec;
-use crate::output::{format, quantity};
+use crate::output::format;
+use crate::output::quantity::{self, Bound};
 
 /// Builds the caption: the value, the number of runs averaged, notation, runs and points that are
 /// left out, and long names. `unfinished` is the number of runs that have not finished.
@@ -26,8 +27,13 @@ pub(super) fn caption(
                 .to_owned(),
         );
     }
-    if cells(rows).any(|c| matches!(c.value, CellValue::LowerBound(_))) {
-        sentences.push("`> t`: not reached within t seconds.".to_owned());
+    let bounds = cells(rows).filter_map(|c| match c.value {
+        CellValue::Bounded(_, bound) => Some(bound),
+        CellValue::Empty | CellValue::Mean(_) => None,
+    });
+    let explanations = Bound::explanations(&bounds.collect::<Vec<_>>());
+    if !explanations.is_empty() {
+        sentences.push(explanations);
     }
     if unfinished > 0 {
         sentences.push(match unfinished {

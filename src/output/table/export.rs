@@ -88,7 +88,7 @@ fn markdown_number(cell: &TableCell) -> String {
             Some(half) => format!("{} ± {}", number(x), significant(half, 2)),
             None => number(x),
         },
-        CellValue::LowerBound(x) => format!("> {}", number(x)),
+        CellValue::Bounded(x, bound) => format!("{}{}", bound.sign(), number(x)),
     }
 }
 

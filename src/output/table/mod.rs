@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::devices::Devices;
 use super::format;
-use super::quantity::{self, RunValue};
+use super::quantity::{self, Bound, RunValue};
 use crate::experiment::plan::Plan;
 use crate::experiment::spec::TableSpec;
 use crate::experiment::{CellRef, CellResult, Outcome};
@@ -59,9 +59,10 @@ pub enum CellValue {
     Empty,
     /// Mean over the runs.
     Mean(f64),
-    /// Lower bound of the mean time in seconds: at least one run did not reach the threshold and
-    /// enters the mean with its total render time.
-    LowerBound(f64),
+    /// Bound of the mean time in seconds, not exact: a run that did not reach the threshold enters
+    /// the mean with its total render time, and one that had reached it at its first measurement
+    /// with the time of that.
+    Bounded(f64, Bound),
 }
 
 /// Labels of a row and of a column.
@@ -215,24 +216,19 @@ fn column_header(plan: &Plan, spec: &TableSpec, values: &[String]) -> String {
 /// Averages the values of some runs, given with their cell indices.
 fn average(plan: &Plan, samples: &[(usize, RunValue)]) -> TableCell {
     let runs = samples.len();
-    let values: Vec<f64> = samples
-        .iter()
-        .map(|(_, RunValue::Exact(x) | RunValue::LowerBound(x))| *x)
-        .collect();
+    let values: Vec<f64> = samples.iter().map(|(_, value)| value.number).collect();
     let mean = values.iter().sum::<f64>() / runs.max(1) as f64;
-    let bounded = samples
-        .iter()
-        .any(|(_, s)| matches!(s, RunValue::LowerBound(_)));
+    let bound = Bound::of_mean(samples.iter().map(|(_, value)| value.bound));
     let are_repeats = samples
         .windows(2)
         .all(|two| plan.cells[two[0].0].point == plan.cells[two[1].0].point);
     let ci95_half = mean_and_interval(&values)
         .1
-        .filter(|half| are_repeats && !bounded && half.is_finite());
-    let value = match (runs, bounded) {
+        .filter(|half| are_repeats && bound == Bound::Exact && half.is_finite());
+    let value = match (runs, bound) {
         (0, _) => CellValue::Empty,
-        (_, true) => CellValue::LowerBound(mean),
-        (_, false) => CellValue::Mean(mean),
+        (_, Bound::Exact) => CellValue::Mean(mean),
+        (_, bound) => CellValue::Bounded(mean, bound),
     };
     TableCell {
         value,

@@ -206,12 +206,29 @@ fn time_to_follows_the_direction_of_the_metric() {
     );
     assert!(table.caption.contains("≤ 0.2"), "{}", table.caption);
     // ssim is 1 - rmse / 2 here: 0.75, 0.9, 0.975
+    // Two thirds of the way from 0.9 to 0.975, in logarithms of the time from 2 s to 4 s.
+    let CellValue::Mean(between) = time_to("ssim", 0.95).rows[0].cells[0].value else {
+        panic!("a time was expected")
+    };
+    assert!(
+        (between - 2.0 * 2f64.powf(2.0 / 3.0)).abs() < 1e-9,
+        "{between}"
+    );
+    let at_once = time_to("rmse", 0.6);
     assert_eq!(
-        time_to("ssim", 0.95).rows[0].cells[0].value,
-        CellValue::Mean(4.0)
+        at_once.rows[0].cells[0].value,
+        CellValue::Bounded(1.0, Bound::Upper)
+    );
+    assert!(
+        at_once.to_markdown().contains("≤ 1 |") && at_once.caption.contains("`≤ t`"),
+        "{}",
+        at_once.to_markdown()
     );
     let never = time_to("ssim", 0.99);
-    assert_eq!(never.rows[0].cells[0].value, CellValue::LowerBound(4.0));
+    assert_eq!(
+        never.rows[0].cells[0].value,
+        CellValue::Bounded(4.0, Bound::Lower)
+    );
     assert!(
         never.to_markdown().contains("> 4 |"),
         "{}",
@@ -226,7 +243,7 @@ fn time_to_follows_the_direction_of_the_metric() {
 }
 
 #[test]
-fn a_mean_with_a_run_below_the_threshold_is_a_lower_bound() {
+fn a_mean_of_runs_that_did_not_cross_the_threshold_is_no_exact_number() {
     let value = TableValue::TimeTo {
         column: "rmse".to_owned(),
         threshold: 0.1,
@@ -236,7 +253,7 @@ fn a_mean_with_a_run_below_the_threshold_is_a_lower_bound() {
     assert_eq!(
         table.rows[0].cells[0],
         TableCell {
-            value: CellValue::LowerBound(2.0),
+            value: CellValue::Bounded(2.0, Bound::Either),
             runs: 2,
             ci95_half: None
         }

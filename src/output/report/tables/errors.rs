@@ -6,7 +6,7 @@ use crate::experiment::{WaveRow, night_results};
 use crate::metrics::Better;
 use crate::output::format;
 use crate::output::plot::axis::Scale;
-use crate::output::quantity::{self, RunValue};
+use crate::output::quantity::{self, RunValue, crossing};
 use crate::output::report::grid::{Digits, Grid};
 use crate::output::report::metric_display::MetricDisplay;
 use crate::output::report::repeats::MetricCurve;
@@ -36,7 +36,7 @@ pub(super) fn final_values(study: &Study, metric: usize) -> Grid {
         Digits::Significant(4),
     );
     fill_grid(study, grid, metric_ranking(study, metric), |_, m| {
-        Some(RunValue::Exact(m.value(m.run.rows.last()?, metric)?))
+        Some(RunValue::exact(m.value(m.run.rows.last()?, metric)?))
     })
 }
 
@@ -80,7 +80,7 @@ pub(super) fn efficiency(study: &Study) -> Option<Grid> {
         let error = m.value(last, metric)?;
         let error = m.run.net_error(spec, error);
         let squared = if is_root { error * error } else { error };
-        night_results::efficiency(squared, last.render_s).map(RunValue::Exact)
+        night_results::efficiency(squared, last.render_s).map(RunValue::exact)
     }))
 }
 
@@ -133,7 +133,7 @@ pub(super) fn equal_time(study: &Study, options: &ReportOptions, metric: usize) 
     let ranking = metric_ranking(study, metric);
     let mut grid = fill_grid(study, grid, ranking, |facet, m| {
         let value = curve_over_time(study, m, metric).at(times[facet]?)?;
-        Some(RunValue::Exact(display.metric_value(value)))
+        Some(RunValue::exact(display.metric_value(value)))
     });
     grid.label_headers.push("time (s)".to_owned());
     for ((labels, _), time) in grid.rows.iter_mut().zip(times) {
@@ -161,16 +161,12 @@ pub(in crate::output::report) fn common_error(
     }
 }
 
-/// Returns the first x at which a curve is at least as good as a drawn value.
-fn first_reached(curve: &MetricCurve, drawn: f64, scale: Scale) -> Option<f64> {
-    let is_reached = |(_, y): &&(f64, f64)| {
-        if scale == Scale::Log {
-            *y <= drawn
-        } else {
-            *y >= drawn
-        }
-    };
-    curve.points.iter().find(is_reached).map(|p| p.0)
+/// Returns the time at which a curve first was at least as good as a drawn value.
+fn first_reached(curve: &MetricCurve, drawn: f64, scale: Scale) -> Option<RunValue> {
+    match scale {
+        Scale::Log => crossing(&curve.points, drawn, |y| y <= drawn, f64::ln),
+        Scale::Linear => crossing(&curve.points, drawn, |y| y >= drawn, |y| y),
+    }
 }
 
 /// Builds the table of render times to an equal value of a metric.
@@ -186,7 +182,8 @@ pub(super) fn equal_error(study: &Study, metric: usize) -> Option<Grid> {
     errors.iter().flatten().next()?;
     let caption = format!(
         "Render time in seconds until {} first reached the value in the row's label, which is the \
-         worst final value of the row's runs. Mean over repeats.",
+         worst final value of the row's runs. Times between measurements are interpolated. Mean \
+         over repeats.",
         format::metric_description(spec)
     );
     let grid = empty_grid(
@@ -199,10 +196,7 @@ pub(super) fn equal_error(study: &Study, metric: usize) -> Option<Grid> {
     );
     let mut grid = fill_grid(study, grid, Ranking::ShorterTime, |facet, m| {
         let curve = curve_over_time(study, m, metric);
-        Some(match first_reached(&curve, errors[facet]?, display.scale) {
-            Some(time) => RunValue::Exact(time),
-            None => RunValue::LowerBound(curve.span()?.1),
-        })
+        first_reached(&curve, errors[facet]?, display.scale)
     });
     grid.label_headers.push(spec.row.label.to_owned());
     for ((labels, _), error) in grid.rows.iter_mut().zip(errors) {
@@ -219,8 +213,8 @@ pub(super) fn time_to(study: &Study, metric: usize, threshold: f64) -> Grid {
     let better = spec.row.better;
     let sign = quantity::threshold_sign(better);
     let caption = format!(
-        "Render time in seconds until the first measurement with {} {sign} {threshold}. Mean over \
-         repeats.",
+        "Render time in seconds until {} {sign} {threshold}. Times between measurements are \
+         interpolated. Mean over repeats.",
         format::metric_description(spec)
     );
     let grid = empty_grid(
@@ -232,14 +226,8 @@ pub(super) fn time_to(study: &Study, metric: usize, threshold: f64) -> Grid {
         Digits::Significant(3),
     );
     fill_grid(study, grid, Ranking::ShorterTime, |_, m| {
-        m.value(m.run.rows.first()?, metric)?;
-        let reached = |row: &&WaveRow| {
-            m.value(row, metric)
-                .is_some_and(|x| quantity::reaches(better, x, threshold))
-        };
-        Some(match m.run.rows.iter().find(reached) {
-            Some(row) => RunValue::Exact(row.render_s),
-            None => RunValue::LowerBound(m.run.rows.last()?.render_s),
-        })
+        let point = |row: &WaveRow| Some((row.render_s, m.value(row, metric)?));
+        let curve: Vec<(f64, f64)> = m.run.rows.iter().filter_map(point).collect();
+        quantity::time_to(better, &curve, threshold)
     })
 }

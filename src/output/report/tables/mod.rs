@@ -12,7 +12,7 @@ use super::ReportError;
 use super::grid::{Digits, Grid, GridCell};
 use super::item::{Provenance, ReportItem};
 use super::study::{Member, ReportOptions, Study};
-use crate::output::quantity::RunValue;
+use crate::output::quantity::{Bound, RunValue};
 pub(super) use errors::{common_error, common_time};
 use lumbre_light::math::t_test::mean_and_interval;
 use ranking::{Ranking, significant_best};
@@ -168,32 +168,26 @@ fn fill_grid(
         grid.caption += " ";
         grid.caption += TEST;
     }
-    let has_bounds = grid
-        .rows
-        .iter()
-        .flat_map(|(_, cells)| cells)
-        .any(|cell| cell.is_lower_bound);
-    if has_bounds {
-        grid.caption += " `> t`: not reached within t seconds.";
+    let cells = grid.rows.iter().flat_map(|(_, cells)| cells);
+    let bounds: Vec<Bound> = cells.map(|cell| cell.bound).collect();
+    let explanations = Bound::explanations(&bounds);
+    if !explanations.is_empty() {
+        grid.caption += " ";
+        grid.caption += &explanations;
     }
     grid
 }
 
-/// Averages the values of some runs. The mean is a lower bound if any value is one.
+/// Averages the values of some runs. The mean is a bound if any value is one.
 fn mean_cell(samples: &[RunValue]) -> GridCell {
-    let values: Vec<f64> = samples
-        .iter()
-        .map(|s| match s {
-            RunValue::Exact(x) | RunValue::LowerBound(x) => *x,
-        })
-        .collect();
+    let values: Vec<f64> = samples.iter().map(|sample| sample.number).collect();
     if values.is_empty() {
         return GridCell::default();
     }
     let (mean, half) = mean_and_interval(&values);
     GridCell {
         value: Some(mean),
-        is_lower_bound: samples.iter().any(|s| matches!(s, RunValue::LowerBound(_))),
+        bound: Bound::of_mean(samples.iter().map(|sample| sample.bound)),
         ci95_half: half.filter(|h| h.is_finite()),
         runs: values.len(),
         ..GridCell::default()
@@ -214,8 +208,15 @@ mod tests {
 
     #[test]
     fn a_mean_with_a_run_below_the_threshold_is_a_bound() {
-        let cell = mean_cell(&[RunValue::Exact(1.0), RunValue::LowerBound(3.0)]);
-        assert!(cell.is_lower_bound && cell.value == Some(2.0) && cell.runs == 2);
+        let bounded = |number, bound| RunValue { number, bound };
+        let lower = bounded(3.0, Bound::Lower);
+        let cell = mean_cell(&[RunValue::exact(1.0), lower]);
+        assert_eq!(
+            (cell.bound, cell.value, cell.runs),
+            (Bound::Lower, Some(2.0), 2)
+        );
+        let cell = mean_cell(&[lower, bounded(1.0, Bound::Upper)]);
+        assert_eq!((cell.bound, cell.value), (Bound::Either, Some(2.0)));
         assert_eq!(mean_cell(&[]), GridCell::default());
     }
 }

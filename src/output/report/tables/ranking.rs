@@ -5,7 +5,7 @@
 //! with Holm's correction.
 
 use crate::output::plot::axis::Scale;
-use crate::output::quantity::RunValue;
+use crate::output::quantity::{Bound, RunValue};
 use crate::output::report::metric_display::MetricDisplay;
 use lumbre_light::math::t_test::welch_p;
 
@@ -27,11 +27,12 @@ pub(super) enum Ranking {
 
 impl Ranking {
     /// Converts a value to the scale of the test, on which smaller is better. Returns `None` for
-    /// lower bounds and for values that the scale does not accept.
+    /// bounds and for values that the scale does not accept.
     fn score(self, value: &RunValue) -> Option<f64> {
-        let RunValue::Exact(x) = value else {
+        let x = &value.number;
+        if value.bound != Bound::Exact {
             return None;
-        };
+        }
         match self {
             Ranking::Unranked => None,
             Ranking::LowerError(display) => display.drawn_value(*x).map(|y| {
@@ -48,7 +49,8 @@ impl Ranking {
 }
 
 /// Returns the index of the best of several samples if it is significantly better than every other.
-/// Samples with a value that has no score are ignored.
+/// Samples with a value that has no score are ignored. With an upper bound, which may be better than
+/// any other value, there is no best one.
 pub(super) fn significant_best(samples: &[Vec<RunValue>], ranking: Ranking) -> Option<usize> {
     let scores = |list: &Vec<RunValue>| -> Option<Vec<f64>> {
         list.iter().map(|value| ranking.score(value)).collect()
@@ -59,7 +61,8 @@ pub(super) fn significant_best(samples: &[Vec<RunValue>], ranking: Ranking) -> O
         .filter(|(_, list)| !list.is_empty())
         .filter_map(|(i, list)| Some((i, scores(list)?)))
         .collect();
-    if columns.len() < 2 {
+    let is_open = |value: &RunValue| matches!(value.bound, Bound::Upper | Bound::Either);
+    if columns.len() < 2 || samples.iter().flatten().any(is_open) {
         return None;
     }
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
@@ -84,7 +87,7 @@ mod tests {
     use super::*;
 
     fn exact(values: &[f64]) -> Vec<RunValue> {
-        values.iter().map(|v| RunValue::Exact(*v)).collect()
+        values.iter().map(|v| RunValue::exact(*v)).collect()
     }
 
     #[test]

@@ -19,7 +19,7 @@ pub(super) fn sampling_rates(study: &Study) -> Grid {
         Digits::Significant(4),
     );
     fill_grid(study, grid, Ranking::HigherRate, |_, m| {
-        m.run.samples_per_s().map(RunValue::Exact)
+        m.run.samples_per_s().map(RunValue::exact)
     })
 }
 
@@ -185,7 +185,7 @@ fn structure_cells(study: &Study, facet: usize, group: &str) -> Vec<GridCell> {
         let members = study.members(facet, series);
         let finished = members.iter().filter(|m| m.run.is_done());
         let (run_ids, rates): (Vec<String>, Vec<RunValue>) = finished
-            .filter_map(|m| Some((m.run.id.clone(), RunValue::Exact(m.run.mrays_per_s()?))))
+            .filter_map(|m| Some((m.run.id.clone(), RunValue::exact(m.run.mrays_per_s()?))))
             .unzip();
         cells.push(GridCell {
             run_ids,
