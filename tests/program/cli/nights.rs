@@ -301,7 +301,7 @@ return x
     );
     let plan = place.succeed(&["plan", "layers.lua"]);
     assert!(
-        plan.stdout.contains("layers and time bins take up to "),
+        plan.stdout.contains("of it for layers and time bins"),
         "{}",
         plan.stdout
     );
