@@ -129,7 +129,8 @@ impl Drop for LocalWorkers {
 }
 
 impl LocalWorker {
-    /// Starts `lumbre work` on one device; `commands` is whether commands of the script may run. Its stderr is appended to a log in the night's folder.
+    /// Starts `lumbre work` on one device; `commands` is whether commands of the script may run.
+    /// Its stderr is appended to a log in the night's folder.
     fn start(
         device: &str,
         home: &Path,

@@ -1,7 +1,7 @@
-//! Integrators that gather photons, which are consistent but biased, against radiance known in closed form. Their
-//! pictures may differ from it by [`BOUND`] besides noise, which is estimated from [`PARTS`]
-//! pictures with different seeds, since their pixels have common noise. They take part in no check
-//! that tests for equal expectations.
+//! Integrators that gather photons, which are consistent but biased, against radiance known in
+//! closed form. Their pictures may differ from it by [`BOUND`] besides noise, which is estimated
+//! from [`PARTS`] pictures with different seeds, since their pixels have common noise. They take
+//! part in no check that tests for equal expectations.
 
 use std::rc::Rc;
 use std::sync::Arc;
