@@ -33,6 +33,7 @@ pub const WHITE: Material = Material {
     bump_height: 1.0,
     mask_threshold: 0.5,
     mask_mode: MaskMode::Threshold,
+    one_sided: false,
     shadow_terminator: false,
     roughness_texture: NONE,
     metallic_texture: NONE,

@@ -321,6 +321,9 @@ pub struct BackendRow {
     /// Whether it supports time-resolved films and composed materials. If not, plans that request a
     /// time axis or use a scene with such materials on it are refused.
     pub times: bool,
+    /// Whether the weights of composed materials may have textures. If not, plans that use a scene with
+    /// such materials on it are refused.
+    pub blends: bool,
     /// Material models that it supports. Plans that use a scene with others on it are refused.
     pub models: &'static [Model],
     /// Returns why it cannot run an integrator with paths of up to this number of edges, or `None`

@@ -32,6 +32,7 @@ pub const ROW: BackendRow = BackendRow {
     // It simulates neither paths nor surfaces.
     layers: false,
     times: false,
+    blends: true,
     models: &Model::ALL,
     refuses: |_, _| None,
     edited: || Ok(None),

@@ -14,11 +14,18 @@ use lumbre_light::scene::compile::{MAX_FLATTENED_PRIMITIVES, NONE};
 use lumbre_render::Job;
 
 /// Returns the scene as the device can render it: flattened if it has instances and the device no
-/// double precision, in which instances are placed as on the CPU.
+/// double precision, in which instances are placed as on the CPU. Fails if weights of a composed
+/// material have a texture.
 pub(super) fn supported_scene<'a>(
     device: &Device,
     scene: &'a CompiledScene,
 ) -> Result<Cow<'a, CompiledScene>, VulkanError> {
+    if !scene.delays.blends.is_empty() {
+        return Err(VulkanError::Lacks {
+            device: device.info.line(),
+            needed: "a texture as the weights of a composed material".to_owned(),
+        });
+    }
     if scene.instances.placements.is_empty() || device.info.caps.extended() {
         return Ok(Cow::Borrowed(scene));
     }

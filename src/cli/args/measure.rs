@@ -28,6 +28,23 @@ pub struct VerifyArgs {
     /// Takes seconds and finds only large errors.
     #[arg(long)]
     pub quick: bool,
+    /// Compare with Mitsuba 3 instead: every plugin and parameter that is read or exported.
+    ///
+    /// Both programs render small scenes. Each case must agree up to noise, or differ as a note
+    /// states. Takes some minutes; with --quick, seconds. Needs the Python package `mitsuba`.
+    #[arg(long, conflicts_with_all = ["scenes", "references", "kill"])]
+    pub mitsuba: bool,
+    /// Python interpreter that has the package (with --mitsuba).
+    #[arg(
+        long,
+        value_name = "FILE",
+        default_value = "python3",
+        requires = "mitsuba"
+    )]
+    pub python: String,
+    /// Write the results as a page in Markdown (with --mitsuba).
+    #[arg(long, value_name = "FILE", requires = "mitsuba")]
+    pub page: Option<PathBuf>,
     /// Test crash recovery instead: kill a small night this many times.
     ///
     /// Kills the night at random moments, restarts it, and compares its files with those of an

@@ -1,5 +1,5 @@
 //! `lumbre verify`: checks of the program's light transport, among its techniques and against
-//! images of other programs.
+//! images of other programs, and with `--mitsuba` of scenes against Mitsuba.
 //!
 //! A check compares pictures and ends in a verdict. All checks of a run share one significance
 //! level, [`SIGNIFICANCE`]. It is split among the checks and, within each check, among the blocks
@@ -11,6 +11,7 @@ mod analytic;
 mod consistent;
 mod density;
 mod kill;
+mod mitsuba;
 pub(super) mod picture;
 pub mod pictures;
 pub mod references;
@@ -40,6 +41,8 @@ pub struct VerifyRequest {
     pub scenes: Option<PathBuf>,
     /// Folder of the references.
     pub references: Option<PathBuf>,
+    /// Python interpreter with the package `mitsuba`.
+    pub python: String,
 }
 
 impl VerifyRequest {
@@ -147,6 +150,12 @@ const FAMILIES: &[CheckFamily] = &[
     },
 ];
 
+/// The family of checks against Mitsuba, which replaces the others.
+const MITSUBA: &[CheckFamily] = &[CheckFamily {
+    name: "mitsuba",
+    plan: mitsuba::plan,
+}];
+
 /// Runs the kill test and reports its result.
 fn run_kill_test(kills: u32, args: &VerifyArgs, global: &Global) -> Result<Exit, Failure> {
     let start = Instant::now();
@@ -204,10 +213,11 @@ fn run_kill_test(kills: u32, args: &VerifyArgs, global: &Global) -> Result<Exit,
 /// Returns the checks whose rows contain all texts of `only`, with the names of their families.
 fn selected_checks(
     request: &VerifyRequest,
+    families: &'static [CheckFamily],
     only: &[String],
 ) -> Result<Vec<(&'static str, Check)>, Failure> {
     let mut checks = Vec::new();
-    for family in FAMILIES {
+    for family in families {
         let planned = (family.plan)(request).map_err(Failure::usage)?;
         checks.extend(planned.into_iter().map(|check| (family.name, check)));
     }
@@ -235,13 +245,15 @@ pub fn main(args: &VerifyArgs, global: &Global) -> Result<Exit, Failure> {
         threads: global.threads,
         scenes: args.scenes.clone(),
         references: args.references.clone(),
+        python: args.python.clone(),
     };
     let progress = |line: &str| {
         if !global.quiet {
             print_status(line);
         }
     };
-    let checks = selected_checks(&request, &args.only)?;
+    let families = if args.mitsuba { MITSUBA } else { FAMILIES };
+    let checks = selected_checks(&request, families, &args.only)?;
     let count = checks.len();
     let mut report = VerifyReport::new(
         &request,
@@ -269,6 +281,11 @@ pub fn main(args: &VerifyArgs, global: &Global) -> Result<Exit, Failure> {
     } else {
         report.tail()
     })?;
+    if let Some(file) = &args.page {
+        let page = mitsuba::page::markdown(report.json()).map_err(Failure::internal)?;
+        std::fs::write(file, page)
+            .map_err(|e| Failure::usage(format!("cannot write `{}`: {e}", file.display())))?;
+    }
     progress(&format!("took {}", duration(report.seconds())));
     Ok(if report.failed() > 0 {
         Exit::NotVerified

@@ -455,6 +455,16 @@ fn refusal(
             ));
         }
     }
+    if !backend.blends {
+        let has_texture = |m: &&desc::MaterialDesc| m.texture(desc::TextureSlot::Weights).is_some();
+        if let Some(m) = scene.materials.iter().find(has_texture) {
+            return Some(format!(
+                "it does not support a texture as the weights of a composed material, as in `{}`: \
+                 use `cpu`",
+                m.name
+            ));
+        }
+    }
     let unsupported = scene
         .materials
         .iter()

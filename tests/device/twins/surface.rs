@@ -74,6 +74,7 @@ fn material(d: &mut RandomInputs, textures: u32) -> Material {
         } else {
             MaskMode::Blend
         },
+        one_sided: d.word().is_multiple_of(2),
         shadow_terminator: d.word().is_multiple_of(2),
         base_color_texture: texture(d),
         emission_texture: texture(d),

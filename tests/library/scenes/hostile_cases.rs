@@ -266,9 +266,9 @@ pub fn scenes_in_xml() -> Vec<Case> {
     let instances = many(1000, "", |_| {
         "<shape type=\"instance\"><ref id=\"g\"/></shape>".to_owned()
     });
-    let balls = many(40, "", |i| {
+    let tubes = many(2100, "", |i| {
         format!(
-            "<shape type=\"sphere\"><float name=\"radius\" value=\"{}\"/><boolean name=\"flip_normals\" value=\"true\"/></shape>",
+            "<shape type=\"cylinder\"><float name=\"radius\" value=\"{}\"/></shape>",
             i + 1
         )
     });
@@ -316,8 +316,8 @@ pub fn scenes_in_xml() -> Vec<Case> {
             "entities",
         ),
         (
-            "40 balls of triangles",
-            vec![("a.xml", xml(&balls))],
+            "2100 cylinders of triangles",
+            vec![("a.xml", xml(&tubes))],
             "triangles in total",
         ),
         (

@@ -124,7 +124,7 @@ fn bsdf_plugins_become_the_matching_models() {
         (m.eta, m.base_color),
         (Vec3::new(0.200438, 0.924033, 1.10221), Vec3::splat(0.3))
     );
-    assert!(notes.contains("both sides"), "{notes}");
+    assert!(m.one_sided && notes.is_empty(), "{notes}");
     let (m, _) = surface(r#"<bsdf type="conductor" id="s"/>"#);
     assert_eq!(
         (m.roughness, m.eta, m.k),
@@ -175,6 +175,7 @@ fn bsdf_plugins_become_the_matching_models() {
         r#"<bsdf type="mask" id="s"><float name="opacity" value="0.25"/><bsdf type="twosided"><bsdf type="diffuse"/></bsdf></bsdf>"#,
     );
     assert!(m.mask_mode == MaskMode::Blend && m.texture(TextureSlot::Mask).is_some());
+    assert!(!m.one_sided, "it is two-sided inside of the mask");
     assert_eq!(m.base_color, Vec3::splat(0.5));
     let (m, notes) = surface(
         r#"<bsdf type="bumpmap" id="s"><texture type="checkerboard" name="any"><transform name="to_uv"><scale value="4"/></transform>
@@ -185,7 +186,7 @@ fn bsdf_plugins_become_the_matching_models() {
         (Model::Plastic, 0.02, 4.0)
     );
     assert!(
-        m.texture(TextureSlot::Bump).is_some() && notes.is_empty(),
+        m.texture(TextureSlot::Bump).is_some() && notes.contains("by up to 6 %"),
         "{notes}"
     );
     let (m, notes) = surface(r#"<bsdf type="hair" id="s"><float name="x" value="1"/></bsdf>"#);
@@ -193,6 +194,82 @@ fn bsdf_plugins_become_the_matching_models() {
         m.model == Model::Lambert && notes.contains("`hair` is not supported"),
         "{notes}"
     );
+}
+
+#[test]
+fn a_blend_is_composed_of_its_two_surfaces() {
+    let (desc, notes) = read(
+        r#"<bsdf type="bumpmap" id="s"><texture type="checkerboard" name="any"/>
+<bsdf type="blendbsdf"><float name="weight" value="0.25"/>
+<bsdf type="twosided"><bsdf type="diffuse"/></bsdf><bsdf type="conductor"/></bsdf></bsdf>
+<bsdf type="blendbsdf" id="t"><texture type="checkerboard" name="weight"/>
+<ref id="s"/><bsdf type="diffuse"/></bsdf>"#,
+    );
+    assert!(notes.contains("perfectly smooth lobe"), "{notes}");
+    let [first, second, whole] =
+        ["s_1", "s_2", "s"].map(|name| &desc.materials[desc.material_index(name).unwrap()]);
+    assert_eq!(whole.parts, ["s_1", "s_2"]);
+    assert_eq!(whole.weights, [0.75, 0.25]);
+    assert_eq!(
+        [first.model, second.model],
+        [Model::Lambert, Model::Conductor]
+    );
+    assert!(!first.one_sided && second.one_sided);
+    assert!(
+        [first, second]
+            .iter()
+            .all(|m| m.texture(TextureSlot::Bump).is_some())
+    );
+    let textured = &desc.materials[desc.material_index("t").unwrap()];
+    assert!(textured.texture(TextureSlot::Weights).is_some() && textured.parts.len() == 2);
+    let (scene, _) = compile(&desc).unwrap();
+    let root = desc.material_index("t").unwrap() as u32;
+    let leaf = |u: f32, weight: f32| {
+        let (m, _) = scene.delays.choose_component(root, || u, |_| weight);
+        desc.materials[m as usize].name.as_str()
+    };
+    // The second surface has the weight of the texture; the first is itself a blend.
+    assert_eq!(
+        [leaf(0.95, 0.1), leaf(0.6, 0.1), leaf(0.8, 0.1)],
+        ["t_2", "t_1_1", "t_1_2"]
+    );
+    assert_eq!(scene.delays.leaves(root).len(), 3);
+    let one = refused(r#"<bsdf type="blendbsdf" id="s"><bsdf type="diffuse"/></bsdf>"#);
+    assert!(one.contains("exactly two surfaces"), "{one}");
+}
+
+#[test]
+fn a_light_without_a_surface_is_black_and_a_shape_without_one_is_grey_at_its_front() {
+    let (desc, _) =
+        read(r#"<shape type="rectangle"><emitter type="area"/></shape><shape type="rectangle"/>"#);
+    let material = |i: usize| {
+        let name = desc.entities[i].material.as_deref().unwrap();
+        &desc.materials[desc.material_index(name).unwrap()]
+    };
+    assert!(material(0).emission == Vec3::ONE && !material(0).emitter_reflects);
+    assert!(material(1).one_sided && material(1).base_color == Vec3::splat(0.5));
+}
+
+#[test]
+fn textured_and_anisotropic_spheres_have_the_coordinates_of_mitsuba() {
+    let sphere = |surface: &str| {
+        let (desc, notes) = read(&format!(
+            r#"<shape type="sphere"><float name="radius" value="2"/>{surface}</shape>"#
+        ));
+        let is_mesh = matches!(desc.entities[0].shape, ShapeDesc::Mesh(_));
+        assert_eq!(is_mesh, notes.contains("becomes a mesh"), "{notes}");
+        is_mesh
+    };
+    assert!(!sphere(r#"<bsdf type="diffuse"/>"#));
+    assert!(sphere(
+        r#"<bsdf type="diffuse"><texture type="checkerboard" name="reflectance"/></bsdf>"#
+    ));
+    assert!(sphere(
+        r#"<bsdf type="principled"><float name="anisotropic" value="0.5"/></bsdf>"#
+    ));
+    assert!(sphere(
+        r#"<emitter type="area"><texture type="checkerboard" name="radiance"/></emitter>"#
+    ));
 }
 
 #[test]

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use glam::Vec3;
 use lumbre::cli::verify::pictures;
 use lumbre::script::scene;
-use lumbre_light::scene::compile;
 use lumbre_light::scene::compile::NONE;
 use lumbre_light::scene::desc::TextureSlot;
 use lumbre_light::scene::load::{MissingTextures, load, load_with};
+use lumbre_light::scene::{Note, compile};
 use lumbre_light::value::Value;
 
 /// Returns a path in the folder of shared third-party data, if this machine has it.
@@ -182,7 +182,10 @@ fn third_party_mitsuba_scenes_load_without_notes() {
         ("bedroom/scene_local.xml", 449_344, 4, 65),
     ] {
         let (desc, notes) = load(&folder.join(file)).unwrap_or_else(|e| panic!("{e}"));
-        assert!(notes.is_empty(), "{file}: {notes:?}");
+        // The rough plastic of Mitsuba loses light, and its masks count as edges.
+        let is_model =
+            |note: &Note| note.message.contains(" %") || note.message.contains("holes of a mask");
+        assert!(notes.iter().all(is_model), "{file}: {notes:?}");
         let (scene, _) = compile(&desc).unwrap();
         assert_eq!(
             (scene.triangles.len(), scene.emitters.len(), scene.max_depth),

@@ -70,6 +70,55 @@ fn cells_of_an_absent_renderer_are_left_out_with_the_reason() {
 }
 
 #[test]
+fn quick_cases_agree_with_mitsuba_and_make_a_page() {
+    let Some(python) = interpreter() else {
+        println!("SKIPPED: no interpreter with the package mitsuba");
+        return;
+    };
+    let place = Workplace::new();
+    let output = place.succeed(&[
+        "verify",
+        "--mitsuba",
+        "--quick",
+        "--python",
+        &python,
+        "--json",
+        "--page",
+        "page.md",
+        "-q",
+    ]);
+    let report: serde_json::Value = serde_json::from_str(&output.stdout).unwrap();
+    assert_eq!(
+        (&report["failed"], &report["skipped"]),
+        (&0.into(), &0.into()),
+        "{report:#}"
+    );
+    let checks = report["checks"].as_array().unwrap();
+    assert!(checks.len() >= 25, "{}", checks.len());
+    let is_noted = |check: &&serde_json::Value| check["figures"]["result"] == "noted";
+    assert!(checks.iter().filter(is_noted).count() <= 3);
+    let page = place.read("page.md");
+    assert!(
+        page.contains("| `diffuse reflectance=0.7,0.4,0.2` |"),
+        "{page}"
+    );
+}
+
+#[test]
+fn the_comparison_with_mitsuba_is_skipped_where_it_is_absent() {
+    let output =
+        Workplace::new().succeed(&["verify", "--mitsuba", "--python", "/nowhere/python", "-q"]);
+    assert!(
+        output.stdout.contains("0 passed, 0 failed, 1 skipped")
+            && output
+                .stdout
+                .contains("`/nowhere/python` cannot be started"),
+        "{}",
+        output.stdout
+    );
+}
+
+#[test]
 fn mitsuba_renders_the_same_picture_and_reports_its_own_render_time() {
     let Some(python) = interpreter() else {
         println!(

@@ -11,6 +11,7 @@ pub mod desc;
 pub mod edit;
 pub mod export;
 pub mod load;
+mod model_differences;
 pub mod names;
 pub mod noise;
 mod note;

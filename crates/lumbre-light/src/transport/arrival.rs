@@ -4,7 +4,7 @@ use std::ops::Index;
 
 use super::bsdf::{Bsdf, Orientation, PackedBsdf, PackedClass};
 use super::ray::{Hit, Ray, RayHits};
-use super::surface::{PrimitiveKind, ShadingParameters, Surface, SurfaceTraits};
+use super::surface::{PrimitiveKind, ShadingParameters, Surface, SurfaceTraits, lookup, uv_at};
 use crate::math::real::Real;
 use crate::math::simd::{Lanes, map_array};
 use crate::record;
@@ -182,15 +182,23 @@ impl Index<usize> for SurfaceClasses {
 }
 
 impl HitState<f32> {
-    /// Returns the state of a hit. If the material is composed, `choose` draws a component: it
-    /// returns a number in `[0, 1)`.
+    /// Returns the state of a hit of `ray`. If the material is composed, `choose` draws a component:
+    /// it returns a number in `[0, 1)`.
     #[inline]
-    pub fn new(scene: &CompiledScene, hit: &Hit, choose: impl FnOnce() -> f32) -> HitState<f32> {
+    pub fn new(
+        scene: &CompiledScene,
+        ray: &Ray,
+        hit: &Hit,
+        choose: impl FnOnce() -> f32,
+    ) -> HitState<f32> {
         let row = scene.material_of(hit.primitive, hit.instance);
         let (material, component) = if scene.delays.is_empty() {
             (row, NONE)
         } else {
-            scene.delays.choose_component(row, choose)
+            scene.delays.choose_component(row, choose, |blend| {
+                let uv = uv_at(scene, ray, hit);
+                lookup(&scene.textures, blend.texture, uv, blend.tiling).x
+            })
         };
         HitState {
             t: hit.t,

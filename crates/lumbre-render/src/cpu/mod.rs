@@ -32,6 +32,7 @@ pub const ROW: BackendRow = BackendRow {
     },
     layers: true,
     times: true,
+    blends: true,
     models: &Model::ALL,
     refuses: |_, _| None,
     edited: || Ok(None),

@@ -12,9 +12,10 @@ use lumbre_light::film::time::{TimeAxis, TimeCube, TimeFilter};
 use lumbre_light::math::piecewise::Piecewise;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{
-    Cone, DelayKind, DelayParam, DelayProfile, Delays, DirectionalLight, Distribution, Emitter,
-    Environment, Instance, Instances, Interface, Lookup, MaskMode, Material, MaterialComponent,
-    Model, PointLight, SharedMesh, Sphere, Texture, TriangleAttributes, UvMap, Wrap,
+    Blend, Cone, DelayKind, DelayParam, DelayProfile, Delays, DirectionalLight, Distribution,
+    Emitter, Environment, Instance, Instances, Interface, Lookup, MaskMode, Material,
+    MaterialComponent, Model, PointLight, SharedMesh, Sphere, Texture, TriangleAttributes, UvMap,
+    Wrap,
 };
 use lumbre_light::scene::desc::{CameraDesc, Optics};
 use lumbre_light::transport::camera::{FILTERS, FilterKind, FilterSpec};
@@ -31,7 +32,7 @@ structs! {
         base_color, emission, model, roughness, metallic, opacity, ior, subsurface, specular_tint,
         anisotropic,
         anisotropic_direction, sheen, sheen_tint, clearcoat, clearcoat_gloss, smooth_below,
-        normal_strength,
+        one_sided, normal_strength,
         bump_height, mask_threshold, mask_mode, shadow_terminator, base_color_texture,
         emission_texture, mask_texture, roughness_texture, metallic_texture, opacity_texture,
         anisotropic_texture, normal_texture, bump_texture, tiling,
@@ -51,7 +52,8 @@ structs! {
     CameraDesc { position, target, up, fov_deg, aperture, focus_distance, optics }
     Optics { f_number, focal_length, sensor_height }
     FilterSpec { kind, radius }
-    Delays { rows, components, profiles }
+    Delays { rows, components, profiles, blends }
+    Blend { material, parts, texture, tiling }
     MaterialComponent { cumulative_weight, material, profiles }
     DelayProfile { kind, params, tiling, table }
     DelayParam { value, offset, texture }

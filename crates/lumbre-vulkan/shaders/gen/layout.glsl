@@ -93,6 +93,7 @@ struct Material {
     float clearcoat; // Strength of the clear coat.
     float clearcoat_gloss; // Gloss of the clear coat.
     float smooth_below; // Roughness below which specular lobes are Dirac lobes.
+    uint one_sided; // 1 if opaque lobes are missing at the back, else 0.
     float normal_strength; // Factor on the slope of the normal map.
     float bump_height; // Displacement of the value 1 in the bump map, in scene units.
     float mask_threshold; // Mask values below this are holes.

@@ -170,9 +170,11 @@ bool traverse(Ray ray, float t_max, bool any, out Hit best) {
                     found = hit.t > 0.0 && hit.t < best.t;
                 }
             } else {
-                found = intersect_sphere(
-                    spheres[hit.primitive - job.triangle_count], ray, best.t, hit.t
-                );
+                Sphere sphere = spheres[hit.primitive - job.triangle_count];
+                found = intersect_sphere(sphere, ray, best.t, hit.t);
+                if (found && is_masked_out(ray, hit)) {
+                    found = intersect_sphere_exit(sphere, ray, best.t, hit.t);
+                }
             }
             if (found && !is_masked_out(ray, hit)) {
                 best = hit;

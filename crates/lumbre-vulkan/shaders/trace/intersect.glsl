@@ -90,22 +90,34 @@ bool intersect_triangle(ShearedRay ray, Triangle corners, float t_max, out float
     return !outside && det != 0.0 && t > 0.0 && t < t_max;
 }
 
-// Tests whether a sphere is hit with 0 < t < t_max [Haines et al. 2019].
-bool intersect_sphere(Sphere sphere, Ray ray, float t_max, out float t) {
+// Returns the distances, positive or not, at which the line of a ray enters and leaves a sphere
+// [Haines et al. 2019]; zeros if it misses the sphere.
+vec2 sphere_crossings(Sphere sphere, Ray ray) {
     vec3 f = ray.origin - sphere.center;
     float b = -dot(f, ray.dir);
     vec3 nearest = f + ray.dir * b;
     float r2 = sphere.radius * sphere.radius;
     float discriminant = r2 - dot(nearest, nearest);
     float q = b + (b < 0.0 ? -1.0 : 1.0) * sqrt(max(discriminant, 0.0));
-    t = 0.0;
     if (discriminant < 0.0 || q == 0.0) {
-        return false;
+        return vec2(0.0);
     }
     float other = (dot(f, f) - r2) / q;
-    float near = min(other, q);
-    t = near > 0.0 ? near : max(other, q);
+    return vec2(min(other, q), max(other, q));
+}
+
+// Tests whether a sphere is hit with 0 < t < t_max.
+bool intersect_sphere(Sphere sphere, Ray ray, float t_max, out float t) {
+    vec2 crossings = sphere_crossings(sphere, ray);
+    t = crossings.x > 0.0 ? crossings.x : crossings.y;
     return t > 0.0 && t < t_max;
+}
+
+// Tests whether the ray leaves a sphere that it has entered with t > 0, at t < t_max.
+bool intersect_sphere_exit(Sphere sphere, Ray ray, float t_max, out float t) {
+    vec2 crossings = sphere_crossings(sphere, ray);
+    t = crossings.y;
+    return crossings.x > 0.0 && t < t_max;
 }
 
 #endif

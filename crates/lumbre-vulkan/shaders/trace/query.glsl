@@ -31,8 +31,12 @@ bool traversal_query(Ray ray, float t_max, uint flags, out Hit hit) {
                 != gl_RayQueryCommittedIntersectionNoneEXT;
             float before = nearer ? rayQueryGetIntersectionTEXT(query, true) : t_max;
             Hit candidate = Hit(0.0, job.triangle_count + i, NONE, vec2(0.0));
-            if (intersect_sphere(spheres[i], ray, before, candidate.t)
-                && !is_masked_out(ray, candidate)) {
+            bool found = intersect_sphere(spheres[i], ray, before, candidate.t);
+            if (found && is_masked_out(ray, candidate)) {
+                found = intersect_sphere_exit(spheres[i], ray, before, candidate.t)
+                    && !is_masked_out(ray, candidate);
+            }
+            if (found) {
                 rayQueryGenerateIntersectionEXT(query, candidate.t);
             }
         }

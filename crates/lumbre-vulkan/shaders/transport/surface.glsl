@@ -171,8 +171,17 @@ float coverage(uint material, Uv uv) {
     return mask >= materials[material].mask_threshold ? 1.0 : 0.0;
 }
 
+// Returns whether a hit is the one at which the ray leaves a sphere.
+bool leaves_sphere(Ray ray, Hit hit) {
+    if (hit.primitive < job.triangle_count) {
+        return false;
+    }
+    vec3 center = spheres[hit.primitive - job.triangle_count].center;
+    return dot(ray.origin + ray.dir * hit.t - center, ray.dir) > 0.0;
+}
+
 // Returns whether the mask of the hit material leaves a hole at the hit; in blend mode a hash of
-// ray and primitive decides.
+// ray and primitive decides, for each crossing of a sphere.
 bool is_masked_out(Ray ray, Hit hit) {
     uint material = material_of(hit.primitive, hit.instance);
     if (materials[material].mask_texture == NONE) {
@@ -182,7 +191,8 @@ bool is_masked_out(Ray ray, Hit hit) {
     if (materials[material].mask_mode == MASK_THRESHOLD) {
         return covered == 0.0;
     }
-    uvec4 directed = pcg4d(uvec4(floatBitsToUint(ray.dir), number_of(hit.primitive, hit.instance)));
+    uint number = number_of(hit.primitive, hit.instance) ^ (leaves_sphere(ray, hit) ? 0x80000000u : 0u);
+    uvec4 directed = pcg4d(uvec4(floatBitsToUint(ray.dir), number));
     uvec4 placed = uvec4(floatBitsToUint(ray.origin) ^ directed.xyz, directed.w);
     return unit(pcg4d(placed).x) >= covered;
 }

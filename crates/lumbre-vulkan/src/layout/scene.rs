@@ -87,6 +87,8 @@ super::gpu_structs! {
         clearcoat_gloss: f32,
         /// Roughness below which specular lobes are Dirac lobes.
         smooth_below: f32,
+        /// 1 if opaque lobes are missing at the back, else 0.
+        one_sided: u32,
         /// Factor on the slope of the normal map.
         normal_strength: f32,
         /// Displacement of the value 1 in the bump map, in scene units.

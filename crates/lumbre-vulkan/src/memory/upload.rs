@@ -300,6 +300,7 @@ fn material(m: &compile::Material) -> layout::Material {
         clearcoat: m.clearcoat,
         clearcoat_gloss: m.clearcoat_gloss,
         smooth_below: m.smooth_below,
+        one_sided: m.one_sided.into(),
         normal_strength: m.normal_strength,
         bump_height: m.bump_height,
         mask_threshold: m.mask_threshold,

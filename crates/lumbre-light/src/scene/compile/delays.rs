@@ -7,7 +7,7 @@ use super::materials::TextureBank;
 use super::{Material, NONE, Texture, UvMap};
 use crate::math::piecewise::Piecewise;
 use crate::scene::desc::delay::{check_mean_and_width, check_value};
-use crate::scene::desc::{DelayKind, MaterialDesc, MaterialNames, SceneDesc, delay};
+use crate::scene::desc::{DelayKind, MaterialDesc, MaterialNames, SceneDesc, TextureSlot, delay};
 use crate::scene::{Note, SceneError};
 
 /// Components and temporal profiles of the materials of a scene. Empty if no material is composed
@@ -21,6 +21,21 @@ pub struct Delays {
     pub components: Vec<MaterialComponent>,
     /// Temporal profiles of all components.
     pub profiles: Vec<DelayProfile>,
+    /// Materials of two parts whose weights have a texture. They have no components.
+    pub blends: Vec<Blend>,
+}
+
+/// A material of two parts whose weights have a texture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Blend {
+    /// Index into [`CompiledScene::materials`](super::CompiledScene::materials).
+    pub material: u32,
+    /// Indices of the parts, which may be composed or blends themselves.
+    pub parts: [u32; 2],
+    /// Texture whose red channel is the weight of the second part.
+    pub texture: u32,
+    /// Map from surface texture coordinates to those of the texture.
+    pub tiling: UvMap,
 }
 
 /// A component of a composed or delayed material: a plain material and the profiles that delay its
@@ -77,23 +92,109 @@ impl Delays {
             })
     }
 
-    /// Chooses a component of a material. `choose` returns a number in `[0, 1)`, and is called only
-    /// if there are several. Returns the index of its material and its index in
-    /// [`Delays::components`], which is [`NONE`] for a plain material.
+    /// Returns the blend that a material is, if it is one.
     #[inline]
-    pub fn choose_component(&self, material: u32, choose: impl FnOnce() -> f32) -> (u32, u32) {
+    fn blend(&self, material: u32) -> Option<&Blend> {
+        self.blends.iter().find(|blend| blend.material == material)
+    }
+
+    /// Returns the plain materials of which a material is composed: itself if it is plain.
+    pub fn leaves(&self, material: u32) -> Vec<u32> {
+        if let Some(blend) = self.blend(material) {
+            return blend.parts.map(|part| self.leaves(part)).concat();
+        }
+        match self.components(material) {
+            [] => vec![material],
+            [component] if component.material == material => vec![material],
+            components => components
+                .iter()
+                .flat_map(|component| self.leaves(component.material))
+                .collect(),
+        }
+    }
+
+    /// Chooses a component of a material. `choose` returns a number in `[0, 1)`, and is called once,
+    /// if there are several; `weight` returns the weight of a blend's second part. Returns the index
+    /// of the component's material and its index in [`Delays::components`], which is [`NONE`] for a
+    /// plain material.
+    #[inline]
+    pub fn choose_component(
+        &self,
+        material: u32,
+        choose: impl FnOnce() -> f32,
+        weight: impl Fn(&Blend) -> f32,
+    ) -> (u32, u32) {
         let components = self.components(material);
-        let chosen = match components.len() {
-            0 => return (material, NONE),
-            1 => 0,
-            count => {
-                let u = choose();
-                let below = components.partition_point(|c| c.cumulative_weight <= u);
-                below.min(count - 1)
+        let is_blend = |m: u32| self.blend(m).is_some();
+        match components {
+            [] if !is_blend(material) => return (material, NONE),
+            [only] if !is_blend(only.material) => {
+                return (only.material, self.rows[material as usize][0]);
             }
-        };
-        let [first, _] = self.rows[material as usize];
-        (components[chosen].material, first + chosen as u32)
+            _ => {}
+        }
+        let u = choose();
+        if !components.is_empty() {
+            let chosen = self.choose_constant(material, u);
+            let material = self.components[chosen].material;
+            if !is_blend(material) {
+                return (material, chosen as u32);
+            }
+        }
+        self.choose_nested(material, u, weight)
+    }
+
+    /// Returns the index of the component that `u` selects among those of a composed material.
+    #[inline]
+    fn choose_constant(&self, material: u32, u: f32) -> usize {
+        let [first, count] = self.rows[material as usize].map(|n| n as usize);
+        let below = self
+            .components(material)
+            .partition_point(|c| c.cumulative_weight <= u);
+        first + below.min(count - 1)
+    }
+
+    /// Chooses a component below blends; `u` is spread again after each choice.
+    fn choose_nested(
+        &self,
+        mut material: u32,
+        mut u: f32,
+        weight: impl Fn(&Blend) -> f32,
+    ) -> (u32, u32) {
+        // The greatest number below 1 in single precision.
+        let below_one = 1.0 - f32::EPSILON / 2.0;
+        loop {
+            let mut component = NONE;
+            let share;
+            if let Some(blend) = self.blend(material) {
+                let second = weight(blend).clamp(0.0, 1.0);
+                let first = 1.0 - second;
+                let to_second = u >= first;
+                share = if to_second {
+                    [first, second]
+                } else {
+                    [0.0, first]
+                };
+                material = blend.parts[usize::from(to_second)];
+            } else if self.components(material).is_empty() {
+                return (material, NONE);
+            } else {
+                let chosen = self.choose_constant(material, u);
+                let start = match chosen.checked_sub(1) {
+                    Some(before) if chosen as u32 > self.rows[material as usize][0] => {
+                        self.components[before].cumulative_weight
+                    }
+                    _ => 0.0,
+                };
+                share = [start, self.components[chosen].cumulative_weight - start];
+                component = chosen as u32;
+                material = self.components[chosen].material;
+            }
+            u = ((u - share[0]) / share[1].max(f32::MIN_POSITIVE)).clamp(0.0, below_one);
+            if component != NONE && self.blend(material).is_none() {
+                return (material, component);
+            }
+        }
     }
 
     /// Returns the profiles of a component.
@@ -127,7 +228,15 @@ pub(super) fn compile(
     let names = desc.material_names();
     for (index, m) in desc.materials.iter().enumerate() {
         let first = delays.components.len();
-        if !plain(m) {
+        if m.texture(TextureSlot::Weights).is_some() && m.parts.len() == 2 {
+            delays
+                .blends
+                .push(compile_blend(desc, &names, index, bank, notes));
+            let parts = delays.blends[delays.blends.len() - 1].parts;
+            let [a, b] = parts.map(|part| materials[part as usize].base_color);
+            materials[index].base_color = (a + b) / 2.0;
+            materials[index].base_color_texture = NONE;
+        } else if !plain(m) {
             let mut flattener = Flattener {
                 desc,
                 names: &names,
@@ -158,6 +267,28 @@ pub(super) fn compile(
     Ok(delays)
 }
 
+/// Compiles a material of two parts whose weights have a texture.
+fn compile_blend(
+    desc: &SceneDesc,
+    names: &MaterialNames,
+    index: usize,
+    bank: &mut TextureBank,
+    notes: &mut Vec<Note>,
+) -> Blend {
+    let m = &desc.materials[index];
+    // `delay::check` has found every name.
+    let part = |i: usize| names.index(&m.parts[i]).unwrap_or(index) as u32;
+    Blend {
+        material: index as u32,
+        parts: [part(0), part(1)],
+        texture: bank.index(m, TextureSlot::Weights, notes),
+        tiling: UvMap {
+            scale: m.tiling,
+            offset: m.uv_offset,
+        },
+    }
+}
+
 /// Recursive flattening of one composed material.
 struct Flattener<'a> {
     desc: &'a SceneDesc,
@@ -177,7 +308,8 @@ impl Flattener<'_> {
         if delayed {
             outer.push(index);
         }
-        if m.parts.is_empty() && weight > 0.0 {
+        let is_blend = m.texture(TextureSlot::Weights).is_some() && m.parts.len() == 2;
+        if (m.parts.is_empty() || is_blend) && weight > 0.0 {
             self.weight_sum += weight;
             let first = self.delays.profiles.len() as u32;
             self.delays
@@ -190,7 +322,8 @@ impl Flattener<'_> {
                 profiles,
             });
         }
-        for (name, share) in m.parts.iter().zip(&m.weights) {
+        let parts = if is_blend { &[][..] } else { &m.parts };
+        for (name, share) in parts.iter().zip(&m.weights) {
             // `delay::check` has found every name.
             if let Some(component) = self.names.index(name) {
                 self.add(component, weight * f64::from(*share), outer);

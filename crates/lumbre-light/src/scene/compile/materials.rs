@@ -96,6 +96,7 @@ fn compile_material(m: &MaterialDesc, bank: &mut TextureBank, notes: &mut Vec<No
         clearcoat: m.clearcoat,
         clearcoat_gloss: m.clearcoat_gloss,
         smooth_below: m.smooth_below,
+        one_sided: m.one_sided,
         normal_strength: m.normal_strength,
         bump_height: m.bump_height,
         mask_threshold: m.mask_threshold,

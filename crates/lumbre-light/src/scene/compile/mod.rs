@@ -14,7 +14,7 @@ mod texture;
 
 use glam::{Vec2, Vec3, Vec4};
 
-pub use delays::{DelayParam, DelayProfile, Delays, MaterialComponent};
+pub use delays::{Blend, DelayParam, DelayProfile, Delays, MaterialComponent};
 pub use flatten::{MAX_PRIMITIVES, compile, compile_sharing};
 pub use instance::{Instance, Instances, MAX_FLATTENED_PRIMITIVES, SharedMesh};
 pub use lights::{Cone, DirectionalLight, Environment, PointLight};
@@ -153,6 +153,8 @@ pub struct Material {
     pub clearcoat_gloss: f32,
     /// Roughness below which specular lobes are Dirac lobes.
     pub smooth_below: f32,
+    /// Whether opaque lobes reflect on the front side only, and the back is black.
+    pub one_sided: bool,
     /// Factor on the slope of the normal map.
     pub normal_strength: f32,
     /// Height of the value 1 of the bump map, in scene units.
@@ -244,12 +246,7 @@ impl CompiledScene {
     /// Returns whether shading a material, or one of its components, needs tangents.
     pub fn uses_tangents(&self, material: u32) -> bool {
         let uses = |row: u32| self.materials[row as usize].uses_tangents();
-        uses(material)
-            || self
-                .delays
-                .components(material)
-                .iter()
-                .any(|component| uses(component.material))
+        uses(material) || self.delays.leaves(material).into_iter().any(uses)
     }
 
     /// Returns the number of stored primitives; a shared mesh counts once. See also

@@ -291,13 +291,14 @@ pub(super) const DELAY_PARAMS: [MaterialParam; 12] = [
     MaterialParam {
         name: "weights",
         scn_key: "weights",
-        scn_texture_key: "",
+        scn_texture_key: "weightstexture",
         ty: Ty::List(&Ty::Num { min: 0.0, max: 1.0 }),
         unit: "",
-        doc: "Weights of `parts`, one for each; they must sum to one.",
+        doc: "Weights of `parts`, one for each; they must sum to one. With two parts, the red channel of \
+              a texture can replace them: it is the weight of the second part.",
         get: |m| list(&m.weights),
         set_checked: |m, v| m.weights = numbers(v),
-        texture: None,
+        texture: Some(TextureSlot::Weights),
     },
 ];
 
@@ -324,8 +325,9 @@ fn param_error(m: &MaterialDesc, param: &str, problem: String, help: &str) -> Sc
 /// # Errors
 /// Names the material and the parameter: a negative constant delay, a rate or width that is not
 /// positive, a mean below the width, a table without area or with decreasing delays, weights that
-/// do not sum to one or do not match the components, a component that does not exist, emits light,
-/// or contains itself.
+/// do not sum to one or do not match the components, a texture of weights for other than two
+/// components, a component that does not exist, emits light, contains itself, or has a texture of
+/// weights inside a delayed material.
 pub fn check(desc: &SceneDesc) -> Result<(), SchemaError> {
     let names = desc.material_names();
     for m in &desc.materials {
@@ -463,8 +465,28 @@ fn check_composition(
             "set emission to 0, or remove parts and weights",
         ));
     }
+    if m.texture(TextureSlot::Weights).is_some() {
+        check_blend(m)?;
+    }
     let mut components = 0;
     check_components(desc, names, m, m, 0, &mut components)
+}
+
+/// Checks a material whose weights have a texture.
+fn check_blend(m: &MaterialDesc) -> Result<(), SchemaError> {
+    let slot = TextureSlot::Weights.name();
+    if m.parts.len() != 2 {
+        let problem = format!(
+            "a texture of weights needs two parts, found {}",
+            m.parts.len()
+        );
+        return Err(param_error(m, slot, problem, ""));
+    }
+    if m.delay.kind != DelayKind::None {
+        let problem = "a material with a texture of weights cannot have a delay".to_owned();
+        return Err(param_error(m, slot, problem, "give its parts the delay"));
+    }
+    Ok(())
 }
 
 /// Checks the components of `m`, which is at nesting level `depth` below `root`, and adds their
@@ -506,6 +528,16 @@ fn check_components(
                 "parts",
                 format!("the part `{name}` emits light"),
                 "use materials without emission",
+            ));
+        }
+        if root.delay.kind != DelayKind::None && component.texture(TextureSlot::Weights).is_some() {
+            let problem =
+                format!("the part `{name}` of a delayed material has a texture of weights");
+            return Err(param_error(
+                root,
+                "parts",
+                problem,
+                "give its parts the delay",
             ));
         }
         check_components(desc, names, root, component, depth + 1, components)?;

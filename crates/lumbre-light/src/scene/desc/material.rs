@@ -60,6 +60,8 @@ pub struct MaterialDesc {
     pub thin: bool,
     /// Whether light that plastic reflects internally is coloured at each reflection.
     pub nonlinear: bool,
+    /// Whether opaque lobes reflect on the front side only, and the back is black.
+    pub one_sided: bool,
     /// Factor on the slope of the normal map.
     pub normal_strength: f32,
     /// Height of the value 1 of the bump map, in scene units.
@@ -118,6 +120,7 @@ impl MaterialDesc {
             distribution: Distribution::Ggx,
             thin: false,
             nonlinear: false,
+            one_sided: false,
             normal_strength: 1.0,
             bump_height: 1.0,
             mask_threshold: MASK_THRESHOLD,

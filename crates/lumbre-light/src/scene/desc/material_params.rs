@@ -154,9 +154,9 @@ pub const MIN_IOR: f64 = 0.01;
 /// Every material parameter. Defaults are those of [`MaterialDesc::new`]. The order is part of the
 /// content hash.
 pub const MATERIAL_PARAMS: &[MaterialParam] = &{
-    let mut params = [BUMP_HEIGHT; SURFACE.len() + DELAY_PARAMS.len() + 1];
+    let mut params = [BUMP_HEIGHT; SURFACE.len() + DELAY_PARAMS.len() + 2];
     let mut i = 0;
-    while i < params.len() - 1 {
+    while i < params.len() - 2 {
         params[i] = if i < SURFACE.len() {
             SURFACE[i]
         } else {
@@ -164,10 +164,11 @@ pub const MATERIAL_PARAMS: &[MaterialParam] = &{
         };
         i += 1;
     }
+    params[i + 1] = ONE_SIDED;
     params
 };
 
-/// Parameter of bump maps. It is the last one, since hashes depend on the positions of parameters.
+/// Parameter of bump maps. It follows the others, since hashes depend on the positions of parameters.
 const BUMP_HEIGHT: MaterialParam = scalar!(
     bump_height,
     "bump_height",
@@ -179,6 +180,13 @@ const BUMP_HEIGHT: MaterialParam = scalar!(
     "Height of the value 1 of the bump map along the normal; negative values make dents. Only \
      normals are perturbed, by the gradient of the map on the surface, however texture coordinates \
      are stretched [Blinn 1978; Mikkelsen 2010]."
+);
+
+/// Parameter of surfaces with a black back. It is the last one for the same reason.
+const ONE_SIDED: MaterialParam = flag!(
+    one_sided,
+    "Whether opaque lobes reflect on the front side only: the back is black, as in Mitsuba without \
+     `twosided`. Refraction is not affected."
 );
 
 /// Parameters of the surface's scattering; [`DELAY_PARAMS`] holds those of delays and compositions.

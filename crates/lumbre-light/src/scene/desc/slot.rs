@@ -30,11 +30,13 @@ pub enum TextureSlot {
     DelayWidth,
     /// Height of the surface along its normal: the red channel times the bump height; linear.
     Bump,
+    /// Weight of the second of two parts: the red channel replaces the weights; linear.
+    Weights,
 }
 
 impl TextureSlot {
     /// Every slot, in declaration order.
-    pub const ALL: [TextureSlot; 13] = [
+    pub const ALL: [TextureSlot; 14] = [
         TextureSlot::BaseColor,
         TextureSlot::Emission,
         TextureSlot::Mask,
@@ -48,6 +50,7 @@ impl TextureSlot {
         TextureSlot::DelayMean,
         TextureSlot::DelayWidth,
         TextureSlot::Bump,
+        TextureSlot::Weights,
     ];
 
     /// Returns the slot's name in scripts: `set = { ["materials.NAME.<name>"] = FILE }`.
@@ -66,6 +69,7 @@ impl TextureSlot {
             TextureSlot::DelayMean => "delay_mean_texture",
             TextureSlot::DelayWidth => "delay_width_texture",
             TextureSlot::Bump => "bump_texture",
+            TextureSlot::Weights => "weights_texture",
         }
     }
 

@@ -15,7 +15,7 @@ use super::texture::{TexelConversion, TextureWriter};
 use super::xml::Xml;
 use super::{OutputFolder, scene_note};
 use crate::scene::desc::{DelayKind, Distribution, MaskMode, MaterialDesc, Model, TextureSlot};
-use crate::scene::{Note, SceneError};
+use crate::scene::{Note, SceneError, model_differences};
 
 /// Writer of one material as a surface with an id.
 pub(super) struct SurfaceWriter<'a> {
@@ -54,6 +54,9 @@ impl SurfaceWriter<'_> {
         let bump = m
             .texture(TextureSlot::Bump)
             .filter(|_| reflects && m.bump_height != 0.0);
+        if bump.is_some() {
+            self.note(model_differences::BUMPS);
+        }
         if normal.is_some() && bump.is_some() {
             self.note(
                 "Mitsuba applies the normal map in the frame of the bump map; here their slopes \
@@ -62,7 +65,7 @@ impl SurfaceWriter<'_> {
         }
         let adapters = [
             ("mask", mask.is_some()),
-            ("twosided", !reflects || self.is_opaque()),
+            ("twosided", (!reflects || self.is_opaque()) && !m.one_sided),
             ("bumpmap", bump.is_some()),
             ("normalmap", normal.is_some()),
         ];
@@ -162,8 +165,8 @@ impl SurfaceWriter<'_> {
             MaskMode::Blend => TexelConversion::Number,
             MaskMode::Threshold => {
                 self.note(
-                    "`mask_mode` is a threshold, which is applied to texels; edges are soft in \
-                     Mitsuba",
+                    "a threshold as `mask_mode` is not supported by Mitsuba; it is applied to \
+                     texels, and edges are soft",
                 );
                 TexelConversion::Threshold(self.material.mask_threshold)
             }
@@ -238,10 +241,8 @@ impl SurfaceWriter<'_> {
         self.xml.value("boolean", "nonlinear", m.nonlinear);
         self.facets(false)?;
         if rough {
-            self.note(
-                "rough plastic transmits through its rough interface in Mitsuba, through a smooth \
-                 one here",
-            );
+            let message = model_differences::rough_plastic(m.distribution, m.roughness.powi(2));
+            self.note(message);
         }
         Ok(())
     }
@@ -326,8 +327,11 @@ impl SurfaceWriter<'_> {
                 TextureSlot::Opacity,
                 TexelConversion::OneMinus,
             )?;
-            if m.opacity > 0.0 || m.metallic > 0.0 {
-                self.note("the opaque part of `principled` reflects on the front side only");
+            if !m.one_sided && (m.opacity > 0.0 || m.metallic > 0.0) {
+                self.note(
+                    "opaque lobes at the back are not supported by `principled`, which has them at \
+                     the front only",
+                );
             }
         }
         self.xml.value("float", "eta", m.ior);
@@ -347,6 +351,9 @@ impl SurfaceWriter<'_> {
             self.xml
                 .value("float", "clearcoat_gloss", m.clearcoat_gloss);
         }
+        for message in model_differences::principled(m) {
+            self.note(message);
+        }
         if m.roughness < m.smooth_below && m.texture(TextureSlot::Roughness).is_none() {
             self.note("smooth lobes become rough ones of the least roughness in Mitsuba");
         }
@@ -360,6 +367,16 @@ impl SurfaceWriter<'_> {
             m.texture(TextureSlot::Metallic),
             m.texture(TextureSlot::Opacity),
         );
+        if metal.is_some() || m.metallic > 0.0 {
+            self.note(
+                "the mirror of the model `lambert`, which brightens towards grazing angles, is not \
+                 supported by Mitsuba",
+            );
+        }
+        let is_share = |x: f32| x > 0.0 && x < 1.0;
+        if metal.is_some() || opaque.is_some() || is_share(m.metallic) || is_share(m.opacity) {
+            self.note(model_differences::SMOOTH_BLEND);
+        }
         let mut blends = 0;
         let blend =
             |surface: &mut Self, id: &mut Vec<(&str, &str)>, slot: TextureSlot, value: f32| {
@@ -382,14 +399,15 @@ impl SurfaceWriter<'_> {
                 self.xml.close();
             }
             if both || m.opacity >= 1.0 {
-                let wrapped = self.open_inside(both, id, "diffuse");
+                let wrapped = self.open_inside(both && !m.one_sided, id, "diffuse");
                 self.color("reflectance", m.base_color, TexelConversion::Color)?;
                 (0..wrapped).for_each(|_| self.xml.close());
             }
             (0..usize::from(both)).for_each(|_| self.xml.close());
         }
         if mixed || m.metallic >= 1.0 {
-            let wrapped = self.open_inside(!self.is_opaque(), id, "conductor");
+            let two_sided = !self.is_opaque() && !m.one_sided;
+            let wrapped = self.open_inside(two_sided, id, "conductor");
             self.metal(m.base_color, Vec3::ZERO, Vec3::ONE)?;
             (0..wrapped).for_each(|_| self.xml.close());
         }

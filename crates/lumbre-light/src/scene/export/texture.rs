@@ -33,7 +33,7 @@ pub(super) enum TexelConversion {
     OneMinus,
     /// One if the red channel is at least this value, else zero.
     Threshold(f32),
-    /// Normal, with its slope scaled by a factor.
+    /// Normal, with its slope scaled by a factor and its second component reversed.
     Normal(f32),
 }
 
@@ -66,7 +66,6 @@ impl TexelConversion {
     fn as_stored(self) -> bool {
         match self {
             TexelConversion::Color(c) | TexelConversion::Light(c) => c == Vec3::ONE,
-            TexelConversion::Normal(by) => by == 1.0,
             TexelConversion::Number | TexelConversion::Height => true,
             _ => false,
         }
@@ -88,7 +87,8 @@ impl TexelConversion {
             TexelConversion::Normal(by) => {
                 let n = unit(c) * 2.0 - 1.0;
                 // The same scale for all texels, so that interpolated normals keep their slope.
-                (Vec3::new(n.x * by, n.y * by, n.z) / by.max(1.0) * 0.5 + 0.5).to_array()
+                // The second component is along growing v, which grows from the top in Mitsuba.
+                (Vec3::new(n.x * by, -n.y * by, n.z) / by.max(1.0) * 0.5 + 0.5).to_array()
             }
         }
     }
@@ -347,12 +347,14 @@ mod tests {
 
     #[test]
     fn normals_have_the_requested_slope() {
-        let n = Vec3::new(0.6, 0.0, 0.8) * 0.5 + 0.5;
+        let n = Vec3::new(0.6, 0.2, 0.8) * 0.5 + 0.5;
         let t = texture(Texels::RgbaF32(vec![[n.x, n.y, n.z, 1.0]]));
         for by in [2.0, 0.5] {
             let found = Vec3::from(read_back(&t, TexelConversion::Normal(by)).0) * 2.0 - 1.0;
+            // Green points down in Mitsuba.
             assert!(
-                (found.x / found.z - by * 0.75).abs() < 1e-5 && found.y.abs() < 1e-6,
+                (found.x / found.z - by * 0.75).abs() < 1e-5
+                    && (found.y / found.z + by * 0.25).abs() < 1e-5,
                 "{found}"
             );
         }

@@ -1,7 +1,8 @@
 //! The adapted Disney BSDF: a dielectric that is opaque or refractive, a metal, and a clear coat.
 //!
 //! All computations place `wo` on the upper side: opaque lobes are the same on both sides of a
-//! surface, and the refractive one sees the inverse index from inside.
+//! surface, or missing at the back of a one-sided one, and the refractive one sees the inverse index
+//! from inside.
 //!
 //! With [vector types](crate::math::real), all lanes hold surfaces of one
 //! [class](super::material::BsdfClass): whether reflectance is tinted is the same in every lane.
@@ -47,6 +48,8 @@ pub struct Disney<V: Vector = Vec3> {
     pub ggx: Ggx<V::Scalar>,
     /// Whether the microfacets may be anisotropic; otherwise both widths are equal in every lane.
     pub anisotropic: bool,
+    /// Whether the opaque lobes and the coat are missing at the back.
+    pub one_sided: bool,
     /// Whether the microfacets are Dirac lobes.
     pub smooth: <V::Scalar as Real>::Mask,
     /// The clear coat.
@@ -157,6 +160,30 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
         f
     }
 
+    /// Returns the BSDF without the lobes that are missing where `wo` is `below` the surface;
+    /// `None` if none is.
+    #[inline(always)]
+    fn at_back(&self, below: R::Mask) -> Option<Disney<V>> {
+        if !(self.one_sided && below.any()) {
+            return None;
+        }
+        let at_front = |weight: R| R::select(below, R::splat(0.0), weight);
+        Some(Disney {
+            opaque: at_front(self.opaque),
+            metallic: at_front(self.metallic),
+            coat: Clearcoat {
+                strength: at_front(self.coat.strength),
+                ..self.coat
+            },
+            estimate: LobeEstimate {
+                diffuse: at_front(self.estimate.diffuse),
+                reflection: at_front(self.estimate.reflection),
+                rise: at_front(self.estimate.rise),
+            },
+            ..*self
+        })
+    }
+
     /// Returns whether a lobe of this weight is present.
     #[inline(always)]
     fn has(&self, weight: R) -> bool {
@@ -228,7 +255,10 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
             } else {
                 self.ior
             },
-            choice: self.lobe_probabilities(o.z()),
+            choice: match self.at_back(below) {
+                Some(side) => side.lobe_probabilities(o.z()),
+                None => self.lobe_probabilities(o.z()),
+            },
             masking: if (!self.smooth).any() {
                 self.ggx.masking_over_cos(o)
             } else {
@@ -371,33 +401,35 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
     ) -> (V, [R; 2]) {
         let [cos_o, cos_i] = pair.cos;
         let zero = R::splat(0.0);
+        let back = self.at_back(out.below);
+        let side = back.as_ref().unwrap_or(self);
         let from_o = &out.choice;
         let from_i = if REVERSE {
-            self.lobe_probabilities(cos_i)
+            side.lobe_probabilities(cos_i)
         } else {
             LobeProbabilities::none()
         };
         let mut f = V::splat(zero);
         let mut pdf = [zero; 2];
-        if self.has(self.opaque) {
-            f = self.diffuse.eval_at(cos_o, cos_i, pair.cos_d) * self.opaque;
+        if side.has(side.opaque) {
+            f = side.diffuse.eval_at(cos_o, cos_i, pair.cos_d) * side.opaque;
             let (to_i, to_o) = (
                 warp::cosine_hemisphere_pdf_w(cos_i),
                 warp::cosine_hemisphere_pdf_w(cos_o),
             );
             pdf = [from_o.diffuse * to_i, from_i.diffuse * to_o];
         }
-        let rough = !self.smooth;
+        let rough = !side.smooth;
         if rough.any() {
-            let d = R::splat(0.25) * self.ggx.d_at(&pair.half);
+            let d = R::splat(0.25) * side.ggx.d_at(&pair.half);
             let masking = [out.masking * d, pair.masking * d];
-            let mut reflectance = self.opaque_reflectance(pair.cos_d);
+            let mut reflectance = side.opaque_reflectance(pair.cos_d);
             let mut r = zero;
-            let glass = self.rough_glass();
+            let glass = side.rough_glass();
             if glass.any() {
                 let exact = fresnel::dielectric(pair.cos_d, out.eta).reflectance;
                 r = R::select(glass, exact, zero);
-                reflectance = reflectance + V::splat(self.refractive * r);
+                reflectance = reflectance + V::splat(side.refractive * r);
             }
             let value = f + reflectance * (masking[0] * pair.masking);
             let to_i = pdf[0] + (from_o.reflection + from_o.glass * r) * masking[0];
@@ -408,10 +440,10 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
                 R::select(rough, to_o, pdf[1]),
             ];
         }
-        if self.has(self.coat.strength) {
-            let density = self.coat.pdf_w(&pair.half, pair.cos_d);
-            f = f * self.coat.transmittance(cos_o, cos_i)
-                + V::splat(self.coat.eval(cos_o, cos_i, &pair.half, pair.cos_d));
+        if side.has(side.coat.strength) {
+            let density = side.coat.pdf_w(&pair.half, pair.cos_d);
+            f = f * side.coat.transmittance(cos_o, cos_i)
+                + V::splat(side.coat.eval(cos_o, cos_i, &pair.half, pair.cos_d));
             pdf[0] = pdf[0] + from_o.coat * density;
             pdf[1] = pdf[1] + from_i.coat * density;
         }

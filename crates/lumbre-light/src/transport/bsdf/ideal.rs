@@ -14,19 +14,32 @@ pub struct Ideal<V: Vector = Vec3> {
     pub ior: V::Scalar,
     /// Probabilities of Lambert, mirror and dielectric; also the weights of the mixture.
     pub mix: [V::Scalar; 3],
+    /// Whether Lambert and mirror are missing at the back.
+    pub one_sided: bool,
 }
 
 impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Ideal<V> {
     /// Evaluates the diffuse part.
     #[inline(always)]
     pub fn eval(&self, wo: V, wi: V) -> V {
-        lambert::eval(self.base_color, wo, wi) * self.mix[0]
+        lambert::eval(self.base_color, wo, wi) * self.mix_at(wo)[0]
     }
 
     /// Returns the density of the diffuse part.
     #[inline(always)]
     pub fn pdf_w(&self, wo: V, wi: V) -> R {
-        lambert::pdf_w(wo, wi) * self.mix[0]
+        lambert::pdf_w(wo, wi) * self.mix_at(wo)[0]
+    }
+
+    /// Returns the probabilities of the lobes for light that leaves towards `wo`.
+    #[inline(always)]
+    fn mix_at(&self, wo: V) -> [R; 3] {
+        let [diffuse, metal, glass] = self.mix;
+        if !self.one_sided {
+            return self.mix;
+        }
+        let at_front = |weight: R| R::select(wo.z().lt(R::splat(0.0)), R::splat(0.0), weight);
+        [at_front(diffuse), at_front(metal), glass]
     }
 
     /// Samples a direction of one lobe; the mask is set where there is one. Its weight equals that
@@ -39,7 +52,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Ideal<V> {
         v: [R; 2],
         mode: TransportMode,
     ) -> (R::Mask, MixtureSample<V>) {
-        let [diffuse, metal, glass] = self.mix;
+        let [diffuse, metal, glass] = self.mix_at(wo);
         let (to_diffuse, no_glass) = (u.lt(diffuse), glass.le(R::splat(0.0)));
         let to_metal = !to_diffuse & (u.lt(diffuse + metal) | no_glass);
         let to_glass = !(to_diffuse | to_metal);
@@ -62,6 +75,11 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Ideal<V> {
             valid = valid | to_glass & some;
             let s = MixtureSample::new(s, glass * probability, R::Mask::splat(true));
             sample = MixtureSample::select(to_glass, s, sample);
+        }
+        if self.one_sided {
+            // At the back, only the refractive share of the light is not absorbed.
+            let behind = wo.z().lt(R::splat(0.0));
+            valid = valid & (!behind | u.lt(glass));
         }
         (valid, sample)
     }

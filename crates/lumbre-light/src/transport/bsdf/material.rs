@@ -20,6 +20,8 @@ pub struct BsdfClass {
     pub thin: bool,
     /// Whether light that plastic reflects internally is coloured at each reflection.
     pub nonlinear: bool,
+    /// Whether opaque lobes reflect on the front side only.
+    pub one_sided: bool,
     /// Whether highlights may be anisotropic.
     pub anisotropic: bool,
     /// Whether the reflectance of the Disney model's dielectric at normal incidence is tinted.
@@ -64,6 +66,7 @@ impl BsdfClass {
             distribution: m.interface.distribution,
             thin: m.interface.thin,
             nonlinear: m.interface.nonlinear,
+            one_sided: m.one_sided,
             anisotropic: m.anisotropic != 0.0,
             tinted: m.specular_tint > 0.0,
         }

@@ -15,8 +15,8 @@
 //! Below the roughness `smooth_below`, microfacet lobes are Dirac lobes.
 //!
 //! Directions are in the local frame whose z axis is the shading normal on the front side, and
-//! whose x axis is the direction in which anisotropic highlights are stretched. Opaque surfaces are
-//! two-sided.
+//! whose x axis is the direction in which anisotropic highlights are stretched. Opaque lobes are the
+//! same on both sides, unless the material is `one_sided`: then they are missing at the back.
 //!
 //! # Differences from the sources
 //! The model is that of sections 2.1.3 and 4.8 of S0, with the clear coat that only
@@ -125,6 +125,8 @@ pub struct Bsdf<R: Real = f32> {
     /// Whether the shading normal equals the geometric normal.
     flat: R::Mask,
     terminator: R::Mask,
+    /// Whether all lobes are missing at the back.
+    front_only: bool,
     model: BsdfModel<R::Vec3>,
 }
 
@@ -153,17 +155,19 @@ impl<R: Real> Bsdf<R> {
         constants: &MaterialConstants<R::Vec3>,
         parameters: &ShadingParameters<R>,
     ) -> Bsdf<R> {
-        Bsdf::with_model(at, BsdfModel::new(class, constants, parameters))
+        let model = BsdfModel::new(class, constants, parameters);
+        Bsdf::with_model(at, class.one_sided, model)
     }
 
-    /// Builds the BSDF of a model.
+    /// Builds the BSDF of a model. If `one_sided`, its opaque lobes are missing at the back.
     #[inline(always)]
-    fn with_model(at: &Orientation<R>, model: BsdfModel<R::Vec3>) -> Bsdf<R> {
+    fn with_model(at: &Orientation<R>, one_sided: bool, model: BsdfModel<R::Vec3>) -> Bsdf<R> {
         Bsdf {
             frame: at.frame(),
             n_geometric: at.n_geometric,
             flat: at.n_shading.same(at.n_geometric),
             terminator: at.terminator,
+            front_only: one_sided && model.is_opaque_interface(),
             model,
         }
     }
@@ -335,13 +339,20 @@ impl<R: Real> Bsdf<R> {
     /// Returns whether a direction, with cosine `cos` to the shading normal, is on the same side of
     /// the geometric surface and of the surface that the shading normal suggests. Directions on
     /// different sides are black: light would leak through, or the inside be taken for the outside.
+    /// So is the back of a surface whose lobes are all missing there.
     ///
     /// A surface with a terminator offset also reflects radiance that arrives from below the
     /// geometric surface and above the one that the shading normal suggests.
     #[inline(always)]
     fn same_side(&self, w: R::Vec3, cos: R) -> R::Mask {
         let zero = R::splat(0.0);
-        self.flat & !cos.eq(zero) | !self.flat & (w.dot(self.n_geometric) * cos).gt(zero)
+        let same =
+            self.flat & !cos.eq(zero) | !self.flat & (w.dot(self.n_geometric) * cos).gt(zero);
+        if self.front_only {
+            same & cos.gt(zero)
+        } else {
+            same
+        }
     }
 
     /// Returns the factor [`adjoint`] of this surface for directions with these cosines to the

@@ -35,13 +35,14 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> BsdfModel<V> {
         ];
         if class.model == Model::Disney {
             let (color, roughness) = (p.base_color, p.roughness);
-            return BsdfModel::Disney(Disney::new(m, class.anisotropic, color, roughness, mix));
+            return BsdfModel::Disney(Disney::new(m, class, color, roughness, mix));
         }
         match InterfaceBsdf::new(class, m, p.base_color, p.roughness) {
             Some(interface) => BsdfModel::Interface(interface),
             None => BsdfModel::Ideal(Ideal {
                 base_color: p.base_color,
                 ior: m.ior,
+                one_sided: class.one_sided,
                 mix: if class.model == Model::Lambert {
                     mix
                 } else {
@@ -137,6 +138,13 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> BsdfModel<V> {
             BsdfModel::Disney(k) => k.sample::<REVERSE>(&out.disney, u, v, mode),
             BsdfModel::Interface(k) => k.sample::<REVERSE>(&out.interface, u, v, mode),
         }
+    }
+
+    /// Returns whether this is a metal or plastic, whose lobes are all opaque.
+    #[inline(always)]
+    pub fn is_opaque_interface(&self) -> bool {
+        use InterfaceBsdf::{Conductor, Plastic};
+        matches!(self, BsdfModel::Interface(Conductor(_) | Plastic(_)))
     }
 
     /// Returns the index of the inside relative to the outside.

@@ -130,7 +130,7 @@ impl<R: Lanes<N>, const N: usize> Outlined for Unpacking<'_, R, N> {
             }
             None => load_model(self.class, &numbers),
         };
-        Bsdf::with_model(self.at, model)
+        Bsdf::with_model(self.at, self.class.bsdf.one_sided, model)
     }
 }
 
@@ -262,6 +262,7 @@ fn load_model<R: Real>(class: &PackedClass, n: &[R; NUMBERS]) -> BsdfModel<R::Ve
             base_color: vector(n, 0),
             mix: [n[3], n[4], n[5]],
             ior: n[6],
+            one_sided: class.bsdf.one_sided,
         }),
         Model::Conductor => BsdfModel::Interface(InterfaceBsdf::Conductor(Conductor {
             tint: vector(n, 2),
@@ -293,6 +294,7 @@ fn load_disney<R: Real>(class: &PackedClass, n: &[R; NUMBERS]) -> Disney<R::Vec3
     let BsdfClass {
         anisotropic,
         tinted,
+        one_sided,
         ..
     } = class.bsdf;
     Disney {
@@ -311,6 +313,7 @@ fn load_disney<R: Real>(class: &PackedClass, n: &[R; NUMBERS]) -> Disney<R::Vec3
             alpha: [n[12], if anisotropic { n[13] } else { n[12] }],
         },
         anisotropic,
+        one_sided,
         smooth: R::Mask::splat(class.smooth),
         tinted_f0: tinted.then(|| vector(n, 14)),
         coat: Clearcoat {

@@ -8,7 +8,7 @@ use crate::transport::ray::{Hit, Ray};
 
 /// Returns the texture coordinates at a hit of `ray`.
 #[inline]
-fn uv_at(scene: &CompiledScene, ray: &Ray, hit: &Hit) -> Uv {
+pub fn uv_at(scene: &CompiledScene, ray: &Ray, hit: &Hit) -> Uv {
     match (hit.primitive as usize).checked_sub(scene.attributes.len()) {
         None => scene.uv_at(hit.primitive, hit.uv),
         Some(i) => {
@@ -18,6 +18,16 @@ fn uv_at(scene: &CompiledScene, ray: &Ray, hit: &Hit) -> Uv {
             ))
         }
     }
+}
+
+/// Returns whether a hit is the one at which the ray leaves a sphere.
+#[inline]
+fn leaves_sphere(scene: &CompiledScene, ray: &Ray, hit: &Hit) -> bool {
+    (hit.primitive as usize)
+        .checked_sub(scene.attributes.len())
+        .is_some_and(|i| {
+            (ray.origin + ray.dir * hit.t - scene.spheres[i].center).dot(ray.dir) > 0.0
+        })
 }
 
 /// Returns the coverage of a material's mask at texture coordinates: 0 or 1 if the mask is compared
@@ -38,7 +48,8 @@ pub fn coverage(textures: &[Texture], m: &Material, uv: Uv) -> f32 {
 /// Returns whether the mask of the hit material leaves a hole at the hit.
 ///
 /// In blend mode a hash of the ray and of the primitive decides, so that the same ray always finds
-/// the same holes on any thread, while rays of different samples see the mask's value on average.
+/// the same holes on any thread, while rays of different samples see the mask's value on average. A
+/// ray crosses a sphere twice; both crossings are decided independently.
 pub fn is_masked_out(scene: &CompiledScene, ray: &Ray, hit: &Hit) -> bool {
     let m = &scene.materials[scene.material_of(hit.primitive, hit.instance) as usize];
     if m.mask_texture == NONE {
@@ -49,7 +60,11 @@ pub fn is_masked_out(scene: &CompiledScene, ray: &Ray, hit: &Hit) -> bool {
         MaskMode::Threshold => covered == 0.0,
         MaskMode::Blend => {
             let [x, y, z] = ray.dir.to_array().map(f32::to_bits);
-            let directed = pcg4d([x, y, z, scene.unique_id(hit.primitive, hit.instance)]);
+            let mut id = scene.unique_id(hit.primitive, hit.instance);
+            if leaves_sphere(scene, ray, hit) {
+                id ^= 1 << 31;
+            }
+            let directed = pcg4d([x, y, z, id]);
             let [x, y, z] = ray.origin.to_array().map(f32::to_bits);
             unit(
                 pcg4d([

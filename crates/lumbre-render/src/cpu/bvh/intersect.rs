@@ -201,10 +201,26 @@ pub fn triangle(corners: &[Vec3; 3], ray: &ShearedRay, t_max: f32) -> Option<(f3
     (0.0 < t && t <= t_max).then(|| (t, [v / det, w / det]))
 }
 
-/// Returns the distance to a sphere, if the ray hits it with `0 < t <= t_max`. The formula stays
-/// accurate for small and for distant spheres [Haines et al. 2019].
+/// Returns the distance to a sphere, if the ray hits it with `0 < t <= t_max`.
 #[inline]
 pub fn sphere(sphere: &Sphere, ray: &Ray, t_max: f32) -> Option<f32> {
+    let [near, far] = sphere_crossings(sphere, ray)?;
+    let t = if near > 0.0 { near } else { far };
+    (t > 0.0 && t <= t_max).then_some(t)
+}
+
+/// Returns the distance at which the ray leaves a sphere that it has entered with `t > 0`, if that
+/// is at most `t_max`.
+#[inline]
+pub fn sphere_exit(sphere: &Sphere, ray: &Ray, t_max: f32) -> Option<f32> {
+    let [near, far] = sphere_crossings(sphere, ray)?;
+    (near > 0.0 && far <= t_max).then_some(far)
+}
+
+/// Returns the distances, positive or not, at which the line of a ray enters and leaves a sphere. The
+/// formula stays accurate for small and for distant spheres [Haines et al. 2019].
+#[inline]
+fn sphere_crossings(sphere: &Sphere, ray: &Ray) -> Option<[f32; 2]> {
     let f = ray.origin - sphere.center;
     let b = -f.dot(ray.dir);
     let nearest = f + ray.dir * b;
@@ -219,7 +235,5 @@ pub fn sphere(sphere: &Sphere, ray: &Ray, t_max: f32) -> Option<f32> {
         return None;
     }
     let (t0, t1) = (c / q, q);
-    let (near, far) = if t0 < t1 { (t0, t1) } else { (t1, t0) };
-    let t = if near > 0.0 { near } else { far };
-    (t > 0.0 && t <= t_max).then_some(t)
+    Some(if t0 < t1 { [t0, t1] } else { [t1, t0] })
 }

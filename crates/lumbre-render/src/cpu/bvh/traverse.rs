@@ -249,16 +249,14 @@ impl Accel {
                     } else {
                         continue;
                     };
-                    better |= self.accept(
-                        ray,
-                        Hit {
-                            t,
-                            primitive,
-                            instance,
-                            uv,
-                        },
-                        best,
-                    );
+                    let hit = Hit {
+                        t,
+                        primitive,
+                        instance,
+                        uv,
+                    };
+                    better |= self.accept(ray, hit, best)
+                        || self.masked && self.accept_exit(ray, hit, best);
                     if ANY && better {
                         return true;
                     }
@@ -269,6 +267,15 @@ impl Accel {
             }
         }
         better
+    }
+
+    /// Accepts the hit at which the ray leaves a sphere, after its mask has removed `entry`. Returns
+    /// whether it was accepted; false for triangles.
+    fn accept_exit(&self, ray: &Ray, entry: Hit, best: &mut BestHit) -> bool {
+        let sphere = (entry.primitive as usize).checked_sub(self.scene.triangles.len());
+        sphere
+            .and_then(|i| intersect::sphere_exit(&self.scene.spheres[i], ray, best.t))
+            .is_some_and(|t| self.accept(ray, Hit { t, ..entry }, best))
     }
 
     /// Accepts a hit with `t <= best.t`, unless it loses a tie or a mask removes it. Returns
@@ -314,7 +321,9 @@ impl Accel {
                 instance: NONE,
                 uv,
             };
-            self.accept(ray, hit, &mut best).then_some(best.limit)
+            let accepted = self.accept(ray, hit, &mut best)
+                || self.masked && self.accept_exit(ray, hit, &mut best);
+            accepted.then_some(best.limit)
         });
         best.hit
     }

@@ -92,7 +92,8 @@ impl Wave {
     pub fn sort_hits(&mut self, tile: &TileContext, ends: impl Fn(&Hit) -> bool) {
         let context = tile.context;
         let (scene, classes) = (context.scene, context.classes);
-        for (path, hit) in self.active.iter().zip(&self.traced) {
+        let rays = self.rays.iter().map(|(ray, _)| ray);
+        for ((path, hit), ray) in self.active.iter().zip(&self.traced).zip(rays) {
             let Some(hit) = hit else {
                 if scene.environment.is_some() {
                     self.escaped.push(*path);
@@ -103,7 +104,7 @@ impl Wave {
                 continue;
             }
             let i = *path as usize;
-            let hit = HitState::new(scene, hit, || self.paths.next_auxiliary(tile, i));
+            let hit = HitState::new(scene, ray, hit, || self.paths.next_auxiliary(tile, i));
             self.by_class[classes.index_of(scene, &hit)].push(*path);
             [self.paths.hits[i]] = HitRecord::store::<f32, 1>(hit);
         }

@@ -8,15 +8,15 @@ use lumbre_light::transport::bsdf::{Bsdf, TransportMode};
 
 use crate::common::WHITE;
 use crate::render::bsdf_grid::{
-    DISNEY, Mix, NORMAL, Sphere, albedo, bsdf, grid, grids, interfaces, narrowest, outgoing,
-    surface, uniform,
+    DISNEY, Mix, NORMAL, Sphere, albedo, bsdf, grid, grids, interfaces, narrowest, one_sided,
+    outgoing, surface, uniform,
 };
 
 /// Significance of all chi-square tests of this file together.
 const SIGNIFICANCE: f64 = 0.01;
-/// Greatest number of chi-square tests: 4 mixtures of 20 materials, 18 ideal materials and 32
-/// interfaces from 5 directions.
-const TESTS: usize = (4 * 20 + 18 + 32) * 5;
+/// Greatest number of chi-square tests: 4 mixtures of 20 materials, 18 ideal materials, 32
+/// interfaces and 32 one-sided materials from 5 directions.
+const TESTS: usize = (4 * 20 + 18 + 32 + 32) * 5;
 
 /// Samples of each test.
 const SAMPLES: u32 = 16_000;
@@ -146,10 +146,16 @@ fn metals_plastic_and_glass_of_both_distributions_follow_their_density() {
 }
 
 #[test]
+fn one_sided_surfaces_follow_their_density() {
+    assert_samples_follow_density(&one_sided());
+}
+
+#[test]
 fn the_mean_weight_of_samples_is_the_integral_of_the_value() {
     // Sampling must cover all directions that the quadrature of the value covers.
     let n = 8000;
-    let cases: Vec<Material> = grids().into_iter().chain(interfaces()).step_by(3).collect();
+    let all = grids().into_iter().chain(interfaces()).chain(one_sided());
+    let cases: Vec<Material> = all.step_by(3).collect();
     let level = sidak(0.01, cases.len() * outgoing().len() * 3);
     for material in cases {
         let b = bsdf(&material);

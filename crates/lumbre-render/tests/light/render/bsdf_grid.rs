@@ -131,6 +131,23 @@ pub fn grids() -> Vec<Material> {
         .collect()
 }
 
+/// Returns one-sided materials of all models: mixtures that also refract, and opaque ones.
+pub fn one_sided() -> Vec<Material> {
+    let mut all = grid(Mix::All);
+    all.extend(grid(Mix::Opaque).into_iter().step_by(7));
+    all.extend(interfaces().into_iter().step_by(5));
+    for opacity in [0.4, 1.0] {
+        all.push(Material {
+            model: Model::Lambert,
+            metallic: 0.3,
+            opacity,
+            ..DISNEY
+        });
+    }
+    all.iter_mut().for_each(|m| m.one_sided = true);
+    all
+}
+
 /// Returns metals, plastic and glass of both distributions, anisotropic and isotropic. `opacity`
 /// has no effect in these models; glass has 0, by which the tests recognise transmission.
 pub fn interfaces() -> Vec<Material> {

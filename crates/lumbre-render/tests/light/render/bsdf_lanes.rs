@@ -10,7 +10,7 @@ use lumbre_light::transport::bsdf::{Bsdf, Orientation, PackedBsdf, TransportMode
 use lumbre_light::transport::surface::{ShadingParameters, Surface, TerminatorOffset};
 
 use crate::common::WHITE;
-use crate::render::bsdf_grid::{DISNEY, NORMAL, grids, interfaces, surface, uniform};
+use crate::render::bsdf_grid::{DISNEY, NORMAL, grids, interfaces, one_sided, surface, uniform};
 
 /// Numbers that a case yields: for each mode 5 of the value, 4 without the reverse density, 2 x 11
 /// of samples; index ratio, and whether there is a density.
@@ -229,7 +229,7 @@ fn assert_same_bits(cases: &[Case], varies: bool) {
     }
 }
 
-/// Returns smooth and ideal materials, which the grids lack, and thin panes.
+/// Returns smooth and ideal materials, which the grids lack, thin panes, and one-sided materials.
 fn more() -> Vec<Material> {
     let mut all = Vec::new();
     for (metallic, opacity) in [(0.0, 1.0), (1.0, 1.0), (0.0, 0.0), (0.3, 0.4)] {
@@ -255,6 +255,7 @@ fn more() -> Vec<Material> {
         };
         all.push(Material { interface, ..m });
     }
+    all.extend(one_sided());
     all
 }
 

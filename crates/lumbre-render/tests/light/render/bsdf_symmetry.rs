@@ -8,7 +8,8 @@ use lumbre_light::transport::bsdf::{Bsdf, TransportMode};
 use lumbre_light::transport::surface::Surface;
 
 use crate::render::bsdf_grid::{
-    DISNEY, NORMAL, bsdf, direction, grids, interfaces, narrowest, outgoing, surface, uniform,
+    DISNEY, NORMAL, bsdf, direction, grids, interfaces, narrowest, one_sided, outgoing, surface,
+    uniform,
 };
 
 /// Returns pairs of directions: half at random, half sampled so that narrow lobes are hit.
@@ -46,6 +47,7 @@ fn tolerance(m: &Material, wo: Vec3, wi: Vec3) -> f32 {
 fn materials() -> Vec<Material> {
     let mut all = grids();
     all.extend(interfaces());
+    all.extend(one_sided());
     for opacity in [0.0, 0.5, 1.0] {
         all.push(Material {
             model: Model::Lambert,
@@ -282,6 +284,40 @@ fn radiance_and_importance_agree_for_shading_normals() {
         }
     }
     assert!(tested > 5_000, "{tested}");
+}
+
+#[test]
+fn a_one_sided_surface_lacks_its_opaque_lobes_at_the_back_alone() {
+    for m in one_sided() {
+        let (b, both) = (
+            bsdf(&m),
+            bsdf(&Material {
+                one_sided: false,
+                ..m
+            }),
+        );
+        let glass = Material {
+            metallic: 0.0,
+            opacity: 0.0,
+            clearcoat: 0.0,
+            ..m
+        };
+        let share = (1.0 - m.metallic) * (1.0 - m.opacity);
+        for (wo, wi) in pairs(&both, 100) {
+            let f = b.eval(wo, wi, TransportMode::Radiance);
+            if cos(wo) > 0.0 || cos(wi) > 0.0 {
+                assert_eq!(f, both.eval(wo, wi, TransportMode::Radiance), "{m:?}");
+            } else if matches!(m.model, Model::Disney | Model::Dielectric) {
+                // Only the refractive share is left.
+                let share = if m.model == Model::Disney { share } else { 1.0 };
+                let left = bsdf(&glass).eval(wo, wi, TransportMode::Radiance) * share;
+                let most = tolerance(&m, wo, wi) * left.max_element() + 1e-6;
+                assert!((f - left).abs().max_element() <= most, "{f} {left} {m:?}");
+            } else {
+                assert_eq!(f, Vec3::ZERO, "{m:?}");
+            }
+        }
+    }
 }
 
 #[test]

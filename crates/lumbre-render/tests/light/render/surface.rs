@@ -15,6 +15,7 @@ use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::ray::{Hit, Ray};
 use lumbre_light::transport::surface::Surface;
+use lumbre_render::hierarchy::Builder;
 
 use crate::common::{SceneBuilder, WHITE, grey, job, light, mean_and_error, render};
 
@@ -306,6 +307,44 @@ fn a_blended_mask_transmits_the_same_share_of_camera_and_shadow_rays() {
                 "{name}: too noisy for this test: {sigma}"
             );
         }
+    }
+}
+
+/// Returns a black sphere of coverage `value` in a white environment, with as many further triangles
+/// behind the camera.
+fn masked_sphere(value: f32, more: usize) -> Arc<CompiledScene> {
+    let mut builder = SceneBuilder::new(Vec3::new(0.0, 0.0, 5.0), Vec3::ZERO, 8.0);
+    let mask = builder.texture(Texture::new(1, 1, vec![[value, 1.0, 1.0]]));
+    let black = Material {
+        mask_texture: mask,
+        mask_mode: MaskMode::Blend,
+        ..grey(0.0)
+    };
+    let mut builder = builder
+        .sphere(Vec3::ZERO, 1.0, black)
+        .environment(None, Vec3::ONE, 0.0);
+    for i in 0..more {
+        let corner = Vec3::new(i as f32, 0.0, 20.0);
+        builder = builder.quad(corner, Vec3::X, Vec3::Y, grey(0.0));
+    }
+    builder.build()
+}
+
+#[test]
+fn a_ray_crosses_the_mask_of_a_sphere_twice() {
+    for (more, builder) in [
+        (0, Builder::Ploc),
+        (200, Builder::Ploc),
+        (200, Builder::Cwbvh),
+    ] {
+        let mut job = job([8, 8], 2, 3);
+        job.accel.builder = builder;
+        let film = render(&masked_sphere(0.4, more), job, 4000);
+        let (mean, error) = mean_and_error(&film, 0);
+        assert!(
+            (mean - 0.36).abs() <= 4.0 * error && error < 2e-3,
+            "{mean} +- {error} with {more} quads: 0.6 squared was expected"
+        );
     }
 }
 

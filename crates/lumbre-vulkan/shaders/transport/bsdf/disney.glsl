@@ -29,6 +29,7 @@ struct Disney {
     Diffuse diffuse;
     Ggx ggx;
     bool is_smooth;
+    bool one_sided;
     Clearcoat coat;
 };
 
@@ -68,6 +69,16 @@ vec3 disney_opaque_reflectance(Disney k, float cos_theta) {
         f += fresnel_schlick(k.base_color, cos_theta) * k.metallic;
     }
     return f;
+}
+
+// Returns the BSDF without the lobes that are missing if `wo` is below the surface.
+Disney disney_seen_from(Disney k, bool below) {
+    if (k.one_sided && below) {
+        k.opaque = 0.0;
+        k.metallic = 0.0;
+        k.coat.strength = 0.0;
+    }
+    return k;
 }
 
 // Returns whether the refractive lobe is a Dirac lobe.
@@ -187,10 +198,11 @@ Densities disney_evaluate(Disney k, vec3 wo, vec3 wi, uint mode) {
         return NO_DENSITIES;
     }
     LobeProbabilities from_o, from_i;
-    disney_lobe_probabilities(k, o.z, from_o);
-    disney_lobe_probabilities(k, i.z, from_i);
+    Disney at_o = disney_seen_from(k, wo.z < 0.0);
+    disney_lobe_probabilities(at_o, o.z, from_o);
+    disney_lobe_probabilities(disney_seen_from(k, wi.z < 0.0), abs(i.z), from_i);
     if (i.z > 0.0) {
-        return disney_reflected(k, o, i, eta, from_o, from_i);
+        return disney_reflected(at_o, o, i, eta, from_o, from_i);
     }
     Densities d;
     d.f = disney_transmitted(k, o, i, eta, mode, from_o, d.pdf_w);
@@ -207,7 +219,8 @@ bool disney_sample(Disney k, vec3 wo, float u, vec2 v, uint mode, out MixtureSam
     float eta = disney_upper(k, o, unused);
     s = MixtureSample(LobeSample(o, vec3(0.0), 1.0), 0.0, false);
     LobeProbabilities c;
-    if (o.z <= 0.0 || !disney_lobe_probabilities(k, o.z, c)) {
+    Disney side = disney_seen_from(k, wo.z < 0.0);
+    if (o.z <= 0.0 || !disney_lobe_probabilities(side, o.z, c)) {
         return false;
     }
     vec3 i;
@@ -229,8 +242,13 @@ bool disney_sample(Disney k, vec3 wo, float u, vec2 v, uint mode, out MixtureSam
             if (!dielectric_sample(k.base_color, eta, o, rest, mode, s.lobe, probability)) {
                 return false;
             }
+            // Light that is reflected at the back of a one-sided surface does not pass the coat.
+            Clearcoat coat = k.coat;
+            if (s.lobe.wi.z > 0.0) {
+                coat = side.coat;
+            }
             s.lobe.weight *= k.refractive / c.glass
-                * clearcoat_transmittance(k.coat, o.z, s.lobe.wi.z);
+                * clearcoat_transmittance(coat, o.z, s.lobe.wi.z);
             s.pdf_w = c.glass * probability;
             s.delta = true;
         } else {
@@ -255,7 +273,7 @@ bool disney_sample(Disney k, vec3 wo, float u, vec2 v, uint mode, out MixtureSam
         // Compute the weight and density of the whole mixture.
         Densities d = NO_DENSITIES;
         if (i.z > 0.0) {
-            d = disney_reflected(k, o, i, eta, c, LobeProbabilities(0.0, 0.0, 0.0, 0.0));
+            d = disney_reflected(side, o, i, eta, c, LobeProbabilities(0.0, 0.0, 0.0, 0.0));
         } else if (i.z < 0.0) {
             d.f = disney_transmitted(k, o, i, eta, mode, c, d.pdf_w);
         }

@@ -60,7 +60,7 @@ InterfaceBsdf bsdf_interface(Bsdf b) {
 Ideal bsdf_ideal(Bsdf b) {
     return Ideal(
         b.disney.base_color, b.disney.ior,
-        vec3(b.disney.opaque, b.disney.metallic, b.disney.refractive)
+        vec3(b.disney.opaque, b.disney.metallic, b.disney.refractive), b.disney.one_sided
     );
 }
 
@@ -104,6 +104,7 @@ Bsdf bsdf_new(Surface s) {
     b.disney.metallic = metallic;
     b.disney.refractive = (1.0 - metallic) * (1.0 - opacity);
     b.disney.ior = m.ior;
+    b.disney.one_sided = m.one_sided != 0u;
     if (m.model == MODEL_LAMBERT) {
         return b;
     }
@@ -122,9 +123,11 @@ Bsdf bsdf_new(Surface s) {
 }
 
 // Returns whether a direction is on the same side of the geometric surface and of the surface that
-// the shading normal suggests.
+// the shading normal suggests, and not at the back of a surface whose lobes are all missing there.
 bool bsdf_same_side(Bsdf b, vec3 w, vec3 local) {
-    return dot(w, b.n_geometric) * local.z > 0.0;
+    bool front_only = b.disney.one_sided
+        && (b.model == MODEL_CONDUCTOR || b.model == MODEL_PLASTIC);
+    return dot(w, b.n_geometric) * local.z > 0.0 && !(front_only && local.z < 0.0);
 }
 
 // Returns whether light may pass between `wi` and an allowed outgoing direction.

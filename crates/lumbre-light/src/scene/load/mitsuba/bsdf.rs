@@ -1,42 +1,53 @@
 //! Surfaces of Mitsuba scenes: plugins of the class `bsdf`, converted to materials.
 
+mod adapters;
+
 use std::rc::Rc;
-use std::sync::Arc;
 
 use glam::Vec3;
 
+use super::MitsubaLoader;
 use super::metals;
 use super::texture::{LoadedTexture, TextureReader};
 use super::tree::{Property, PropertyValue, XmlObject};
 use crate::scene::desc::material::SMOOTH_ROUGHNESS;
 use crate::scene::desc::material_params::MIN_IOR;
-use crate::scene::desc::{Distribution, MaskMode, MaterialDesc, Model, TextureDesc, TextureSlot};
+use crate::scene::desc::{Distribution, MaterialDesc, Model, TextureSlot};
+use crate::scene::model_differences;
+use crate::scene::names::UniqueNames;
 use crate::scene::{Note, SceneError};
 
 /// Greatest nesting depth of surfaces.
 const MAX_NESTING: usize = 8;
 
-/// Converts a surface to a material with the given name.
+/// Converts a surface to a material with the given name, which is returned last, after the parts of
+/// which it is composed. `two_sided` is set inside of `twosided`.
 pub(super) fn read(
     object: &Rc<XmlObject>,
     name: &str,
-    textures: &mut TextureReader,
-    notes: &mut Vec<Note>,
-) -> Result<MaterialDesc, SceneError> {
+    two_sided: bool,
+    loader: &mut MitsubaLoader,
+) -> Result<Vec<MaterialDesc>, SceneError> {
     let mut reader = BsdfReader {
         m: MaterialDesc::new(name),
-        textures,
-        notes,
+        parts: Vec::new(),
+        names: &mut loader.names,
+        textures: &mut loader.textures,
+        notes: &mut loader.notes,
     };
-    reader.surface(object, false, 0)?;
-    Ok(reader.m)
+    reader.surface(object, two_sided, 0)?;
+    let BsdfReader { m, mut parts, .. } = reader;
+    parts.push(m);
+    Ok(parts)
 }
 
-/// Returns the grey surface of shapes without one.
-pub(super) fn default_surface(name: &str) -> MaterialDesc {
+/// Returns the surface of shapes without one: grey on the front side, or black if they `emit`.
+pub(super) fn default_surface(name: &str, emits: bool) -> MaterialDesc {
     MaterialDesc {
         model: Model::Lambert,
         base_color: Vec3::splat(0.5),
+        one_sided: true,
+        emitter_reflects: !emits,
         ..MaterialDesc::new(name)
     }
 }
@@ -44,6 +55,9 @@ pub(super) fn default_surface(name: &str) -> MaterialDesc {
 /// Conversion of one surface.
 struct BsdfReader<'a> {
     m: MaterialDesc,
+    /// Materials of which it is composed.
+    parts: Vec<MaterialDesc>,
+    names: &'a mut UniqueNames,
     textures: &'a mut TextureReader,
     notes: &'a mut Vec<Note>,
 }
@@ -76,70 +90,13 @@ impl BsdfReader<'_> {
                 self.nested(o, two_sided, depth)?;
                 self.normal_map(o)
             }
-            "blendbsdf" => {
-                self.notes
-                    .push(o.note("blending of surfaces is not supported"));
-                o.mark_read(&["weight"]);
-                self.nested(o, two_sided, depth)
-            }
+            "blendbsdf" => self.blend(o, two_sided, depth),
             _ => {
-                let opaque = !matches!(
-                    o.plugin.as_str(),
-                    "dielectric" | "thindielectric" | "roughdielectric" | "null"
-                );
-                if !two_sided && opaque && o.plugin != "principled" {
-                    self.notes.push(
-                        o.note("opaque surfaces reflect on both sides, as if they were `twosided`"),
-                    );
-                }
-                self.plugin(o)
+                self.plugin(o)?;
+                self.m.one_sided = !two_sided && self.m.model != Model::Dielectric;
+                Ok(())
             }
         }
-    }
-
-    /// Converts the first surface inside an adapter.
-    fn nested(&mut self, o: &XmlObject, two_sided: bool, depth: usize) -> Result<(), SceneError> {
-        let inside: Vec<_> = o.children("bsdf").cloned().collect();
-        if inside.len() > 1 {
-            self.notes.push(o.note(format!(
-                "only the first of the {} surfaces of `{}` is used",
-                inside.len(),
-                o.plugin
-            )));
-        }
-        match inside.first() {
-            Some(first) => self.surface(first, two_sided, depth + 1),
-            None => Err(o.error(format!("a `{}` needs a surface inside", o.plugin))),
-        }
-    }
-
-    /// Reads the height map of a `bumpmap`, whose texture may have any name.
-    fn bump_map(&mut self, o: &XmlObject) -> Result<(), SceneError> {
-        let map = o.children("texture").next().cloned();
-        let height = o.number("scale", 1.0)?;
-        if height.abs() > 1e6 {
-            return Err(o.error(format!(
-                "`scale` must be between -1e6 and 1e6, found {height}"
-            )));
-        }
-        if let Some(texture) = self.optional_texture(map)? {
-            self.m.bump_height = height as f32;
-            let heights = self.textures.heights(o, texture)?;
-            self.set_texture(o, TextureSlot::Bump, heights);
-        }
-        Ok(())
-    }
-
-    /// Reads the texture of a `normalmap`. Its texels are used as stored, whatever `raw` is.
-    fn normal_map(&mut self, o: &XmlObject) -> Result<(), SceneError> {
-        let map = match o.property("normalmap").or_else(|| o.property("")) {
-            Some(Property::Object(t)) if t.class == "texture" => Some(t.clone()),
-            _ => o.children("texture").next().cloned(),
-        };
-        if let Some(texture) = self.optional_texture(map)? {
-            self.set_texture(o, TextureSlot::Normal, texture);
-        }
-        Ok(())
     }
 
     /// Reads a texture, if there is one.
@@ -177,7 +134,9 @@ impl BsdfReader<'_> {
             "plastic" => self.plastic(o),
             "roughplastic" => {
                 self.plastic(o)?;
-                self.rough(o)
+                self.rough(o)?;
+                self.note_rough_plastic(o);
+                Ok(())
             }
             "principled" => self.principled(o),
             "null" => {
@@ -191,7 +150,7 @@ impl BsdfReader<'_> {
                     "the surface `{shown}` is not supported; a grey diffuse one is used"
                 )));
                 o.mark_all_read();
-                self.m = default_surface(&self.m.name);
+                self.m = default_surface(&self.m.name, false);
                 Ok(())
             }
         }
@@ -258,9 +217,12 @@ impl BsdfReader<'_> {
         };
         o.mark_read(&["sample_visible"]);
         if let Some(Property::Object(t)) = o.property("alpha") {
-            if let Some(read) = self.textures.read(t, self.notes)? {
+            if let Some(read) = self.number_texture(t)? {
                 // The texture contains alpha; roughness is its square root.
-                let read = self.textures.linear(t, read)?;
+                self.notes.push(t.note(
+                    "square roots of alpha are interpolated between texels, in Mitsuba alpha itself: a \
+                     difference of up to 3 %",
+                ));
                 let read = self
                     .textures
                     .mapped(t, read, "root", |x| x.clamp(0.0, 1.0).sqrt())?;
@@ -368,6 +330,31 @@ impl BsdfReader<'_> {
         Ok(())
     }
 
+    /// Notes the light that Mitsuba's rough plastic loses.
+    fn note_rough_plastic(&mut self, o: &XmlObject) {
+        let alpha = if self.m.texture(TextureSlot::Roughness).is_some() {
+            1.0
+        } else {
+            self.m.roughness.powi(2)
+        };
+        let message = model_differences::rough_plastic(self.m.distribution, alpha);
+        self.notes.push(o.note(message));
+    }
+
+    /// Reads a texture of numbers.
+    fn number_texture(&mut self, o: &Rc<XmlObject>) -> Result<Option<LoadedTexture>, SceneError> {
+        let Some(read) = self.textures.read(o, self.notes)? else {
+            return Ok(None);
+        };
+        if o.plugin == "checkerboard" {
+            self.notes.push(o.note(
+                "Mitsuba exchanges the colours of a checkerboard that is used as a number, which is \
+                 not supported",
+            ));
+        }
+        self.textures.linear(o, read).map(Some)
+    }
+
     /// Reads the `principled` surface.
     fn principled(&mut self, o: &XmlObject) -> Result<(), SceneError> {
         self.base(o, "base_color", 0.5)?;
@@ -376,8 +363,7 @@ impl BsdfReader<'_> {
         self.m.opacity = 1.0;
         match o.property("spec_trans") {
             Some(Property::Object(t)) => {
-                if let Some(read) = self.textures.read(t, self.notes)? {
-                    let read = self.textures.linear(t, read)?;
+                if let Some(read) = self.number_texture(t)? {
                     let read = self.textures.mapped(t, read, "inverse", |x| 1.0 - x)?;
                     self.set_texture(o, TextureSlot::Opacity, read);
                 }
@@ -403,6 +389,9 @@ impl BsdfReader<'_> {
             "main_specular_sampling_rate",
             "clearcoat_sampling_rate",
         ]);
+        for message in model_differences::principled(&self.m) {
+            self.notes.push(o.note(message));
+        }
         Ok(())
     }
 
@@ -415,9 +404,8 @@ impl BsdfReader<'_> {
         slot: Option<TextureSlot>,
     ) -> Result<f32, SceneError> {
         if let Some(Property::Object(t)) = o.property(key) {
-            match (slot, self.textures.read(t, self.notes)?) {
+            match (slot, self.number_texture(t)?) {
                 (Some(slot), Some(read)) => {
-                    let read = self.textures.linear(t, read)?;
                     self.set_texture(o, slot, read);
                 }
                 _ => self.notes.push(t.note(format!(
@@ -432,28 +420,5 @@ impl BsdfReader<'_> {
                 .push(o.note(format!("`{key}` is {value}, outside 0 to 1; it is clamped")));
         }
         Ok(value.clamp(0.0, 1.0) as f32)
-    }
-
-    /// Reads the opacity of a `mask`. A constant becomes a mask texture of one texel, which accepts
-    /// a hit with that probability.
-    fn mask(&mut self, o: &XmlObject) -> Result<(), SceneError> {
-        self.m.mask_mode = MaskMode::Blend;
-        if let Some(Property::Object(t)) = o.property("opacity") {
-            if let Some(read) = self.textures.read(t, self.notes)? {
-                let read = self.textures.linear(t, read)?;
-                self.set_texture(o, TextureSlot::Mask, read);
-            }
-            return Ok(());
-        }
-        let opacity = o.color("opacity")?.unwrap_or(Vec3::splat(0.5));
-        if opacity.max_element() != opacity.min_element() {
-            self.notes.push(
-                o.note("coloured opacity is not supported; the mean of its channels is used"),
-            );
-        }
-        let grey = (opacity.element_sum() / 3.0).clamp(0.0, 1.0);
-        self.m
-            .set_texture(TextureSlot::Mask, Some(Arc::new(TextureDesc::grey(grey))));
-        Ok(())
     }
 }

@@ -22,15 +22,17 @@ pub(super) fn is_delayed(o: &XmlObject) -> bool {
     )
 }
 
-/// Converts such a surface to a material with the given name.
+/// Converts such a surface to a material with the given name, the last one returned. `two_sided`
+/// is set inside of `twosided`.
 pub(super) fn read(
     loader: &mut MitsubaLoader,
     o: &Rc<XmlObject>,
     name: &str,
-) -> Result<MaterialDesc, SceneError> {
+    two_sided: bool,
+) -> Result<Vec<MaterialDesc>, SceneError> {
     let inside: Vec<Rc<XmlObject>> = o.children("bsdf").cloned().collect();
     if o.plugin.eq_ignore_ascii_case("composed") {
-        return composed(loader, o, name, &inside);
+        return composed(loader, o, name, &inside, two_sided).map(|material| vec![material]);
     }
     let [inner] = &inside[..] else {
         return Err(o.error(format!(
@@ -39,15 +41,15 @@ pub(super) fn read(
             inside.len()
         )));
     };
-    let mut material = if is_delayed(inner) {
-        let part = loader.surface(inner, Some(name))?;
-        MaterialDesc {
+    let mut materials = if is_delayed(inner) {
+        let part = loader.surface(inner, Some(name), two_sided)?;
+        vec![MaterialDesc {
             parts: vec![part],
             weights: vec![1.0],
             ..MaterialDesc::new(name)
-        }
+        }]
     } else {
-        super::bsdf::read(inner, name, &mut loader.textures, &mut loader.notes)?
+        super::bsdf::read(inner, name, two_sided, loader)?
     };
     let profiles = o
         .children("TemporalProfile")
@@ -55,8 +57,10 @@ pub(super) fn read(
     let Some(profile) = profiles.last().cloned() else {
         return Err(o.error(format!("a `{}` needs a `TemporalProfile`", o.plugin)));
     };
-    read_profile(loader, &profile, &mut material)?;
-    Ok(material)
+    if let Some(material) = materials.last_mut() {
+        read_profile(loader, &profile, material)?;
+    }
+    Ok(materials)
 }
 
 /// Converts a `Composed` surface.
@@ -65,13 +69,16 @@ fn composed(
     o: &Rc<XmlObject>,
     name: &str,
     inside: &[Rc<XmlObject>],
+    two_sided: bool,
 ) -> Result<MaterialDesc, SceneError> {
     if inside.is_empty() {
         return Err(o.error("a `Composed` needs surfaces inside"));
     }
     let mut material = MaterialDesc::new(name);
     for part in inside {
-        material.parts.push(loader.surface(part, Some(name))?);
+        material
+            .parts
+            .push(loader.surface(part, Some(name), two_sided)?);
     }
     material.weights = match o.text("weights")? {
         Some(text) => {

@@ -121,6 +121,14 @@ fn environment_map(
     }
     let rotation_deg = rotation_about_y(o, &o.transform("to_world")?, notes) as f32;
     let map = textures.image(o, file, false, notes)?;
+    if let Some(map) = &map {
+        // Measured at 8 rows: 5.3 % of a channel's mean.
+        let size = (450.0 / map.height as f32).ceil() / 10.0;
+        notes.push(o.note(format!(
+            "the first and the last row of an environment map are at the poles in Mitsuba, and half a \
+             texel from them here: a difference of up to {size} %"
+        )));
+    }
     Ok(map.map(|map| {
         SceneLight::Environment(EnvironmentDesc {
             source: EnvironmentSource::Map(map),
@@ -166,8 +174,8 @@ fn rotation_about_y(o: &XmlObject, map: &DAffine3, notes: &mut Vec<Note>) -> f64
     let straight = (0..3).all(|i| (upright.matrix3.col(i) - map.matrix3.col(i)).length() < 1e-4);
     if !straight {
         notes.push(o.note(
-            "an environment can be rotated about the vertical axis only; the rest of `to_world` is \
-             ignored",
+            "rotations of an environment about other axes than the vertical one are not supported; the \
+             rest of `to_world` is ignored",
         ));
     }
     angle.to_degrees()

@@ -9,7 +9,7 @@
 //! - Meshes without normals get smooth ones, unless `face_normals` is set; the front of a face with
 //!   normals is their side.
 //! - Texture coordinates start at the top left of an image; those of OBJ files at the bottom left.
-//! - Area lights emit on their front side and reflect like their surface.
+//! - Area lights emit on their front side and reflect like their surface; without one they are black.
 //! - `dielectric`, `conductor`, `plastic` and their rough forms become materials of those models;
 //!   `diffuse` becomes `lambert`.
 //!
@@ -111,8 +111,9 @@ fn affine(map: &DAffine3) -> Affine3A {
 struct MitsubaLoader {
     textures: TextureReader,
     meshes: MeshLoader,
-    /// Name of the material of each surface, by the address of its object.
-    surfaces: BTreeMap<*const XmlObject, String>,
+    /// Name of the material of each surface, by the address of its object and whether it is inside of
+    /// `twosided`.
+    surfaces: BTreeMap<(*const XmlObject, bool), String>,
     materials: Vec<MaterialDesc>,
     entities: Vec<EntityDesc>,
     lights: Vec<LightDesc>,
@@ -129,7 +130,7 @@ impl MitsubaLoader {
         root.mark_read(&["version"]);
         // Surfaces are read first, in the order of the file, so that their names are their ids.
         for o in root.children("bsdf") {
-            self.surface(o, None)?;
+            self.surface(o, None, false)?;
         }
         for o in root.children("shape") {
             self.shape(o, &DAffine3::IDENTITY, 0)?;
@@ -186,29 +187,34 @@ impl MitsubaLoader {
         Ok(depth.clamp(1.0, f64::from(MAX_EDGES)) as u32)
     }
 
-    /// Returns the name of the material of a surface, which is converted once.
-    fn surface(&mut self, o: &Rc<XmlObject>, stem: Option<&str>) -> Result<String, SceneError> {
-        if let Some(known) = self.surfaces.get(&Rc::as_ptr(o)) {
+    /// Returns the name of the material of a surface, which is converted once. `two_sided` is set inside
+    /// of `twosided`.
+    fn surface(
+        &mut self,
+        o: &Rc<XmlObject>,
+        stem: Option<&str>,
+        two_sided: bool,
+    ) -> Result<String, SceneError> {
+        // Surfaces with delays are always two-sided.
+        let two_sided = two_sided || delay::is_delayed(o);
+        let key = (Rc::as_ptr(o), two_sided);
+        if let Some(known) = self.surfaces.get(&key) {
             return Ok(known.clone());
         }
         let name = self
             .names
             .allocate(o.id.as_deref().or(stem).unwrap_or("surface"));
-        // `twosided` around a delayed surface has no effect: opaque surfaces are always two-sided.
-        let inner = if o.plugin == "twosided" {
-            o.children("bsdf").next().filter(|b| delay::is_delayed(b))
-        } else {
-            None
+        let inside = o
+            .children("bsdf")
+            .next()
+            .filter(|inside| o.plugin == "twosided" && delay::is_delayed(inside));
+        let materials = match inside {
+            Some(delayed) => delay::read(self, &delayed.clone(), &name, true)?,
+            None if delay::is_delayed(o) => delay::read(self, o, &name, two_sided)?,
+            None => bsdf::read(o, &name, two_sided, self)?,
         };
-        let material = match inner
-            .cloned()
-            .or_else(|| delay::is_delayed(o).then(|| o.clone()))
-        {
-            Some(delayed) => delay::read(self, &delayed, &name)?,
-            None => bsdf::read(o, &name, &mut self.textures, &mut self.notes)?,
-        };
-        self.materials.push(material);
-        self.surfaces.insert(Rc::as_ptr(o), name.clone());
+        self.materials.extend(materials);
+        self.surfaces.insert(key, name.clone());
         Ok(name)
     }
 
@@ -228,14 +234,17 @@ impl MitsubaLoader {
         let stem = o.id.clone();
         let surface = o.children("bsdf").next().cloned();
         let mut material = match &surface {
-            Some(s) => self.surface(s, stem.as_deref())?,
+            Some(s) => self.surface(s, stem.as_deref(), false)?,
             None => String::new(),
         };
+        let emits_texture =
+            |light: &Rc<XmlObject>| as_texture(light.property("radiance")).is_some();
+        let oriented = o.children("emitter").any(emits_texture) || self.is_oriented(&material);
         let Some(TransformedShape {
             shape,
             transform,
             stem: kind,
-        }) = self.meshes.read(o, &mut self.notes)?
+        }) = self.meshes.read(o, oriented, &mut self.notes)?
         else {
             o.mark_all_read();
             return Ok(());
@@ -247,11 +256,12 @@ impl MitsubaLoader {
             )));
         }
         let name = self.names.allocate(stem.as_deref().unwrap_or(&kind));
+        let emitters: Vec<Rc<XmlObject>> = o.children("emitter").cloned().collect();
         if surface.is_none() {
             material = self.names.allocate("grey");
-            self.materials.push(bsdf::default_surface(&material));
+            let grey = bsdf::default_surface(&material, !emitters.is_empty());
+            self.materials.push(grey);
         }
-        let emitters: Vec<Rc<XmlObject>> = o.children("emitter").cloned().collect();
         if let Some(light) = emitters.first() {
             material = self.area_light(light, &material, &name)?;
         }
@@ -263,6 +273,17 @@ impl MitsubaLoader {
             shape,
         });
         Ok(())
+    }
+
+    /// Returns whether a material, or a part of it, has textures of more than one texel, or is
+    /// anisotropic.
+    fn is_oriented(&self, material: &str) -> bool {
+        let Some(m) = self.materials.iter().find(|m| m.name == material) else {
+            return false;
+        };
+        m.anisotropic > 0.0
+            || m.textures.iter().any(|(_, t)| t.width * t.height > 1)
+            || m.parts.iter().any(|part| self.is_oriented(part))
     }
 
     /// Returns the name of a copy of a material with the emission of an area light.
@@ -281,8 +302,15 @@ impl MitsubaLoader {
         let base = self.materials.iter().find(|m| m.name == material);
         let mut emissive = base
             .cloned()
-            .unwrap_or_else(|| bsdf::default_surface(material));
+            .unwrap_or_else(|| bsdf::default_surface(material, true));
         emissive.name = self.names.allocate(&format!("{shape}_light"));
+        if !emissive.parts.is_empty() {
+            (emissive.parts, emissive.weights) = (Vec::new(), Vec::new());
+            emissive.emitter_reflects = false;
+            self.notes.push(light.note(
+                "a light on a blended surface reflects nothing here; in Mitsuba it reflects",
+            ));
+        }
         emitter::set_emission(&mut emissive, light, &mut self.textures, &mut self.notes)?;
         let name = emissive.name.clone();
         self.materials.push(emissive);

@@ -5,20 +5,21 @@ use std::f32::consts::TAU;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use glam::{DAffine3, Vec2, Vec3};
+use glam::{DAffine3, DVec3, Vec2, Vec3};
 
 use super::tree::XmlObject;
 use crate::scene::desc::{MeshDesc, ShapeDesc, Transform, mesh_hash};
 use crate::scene::load::default_scene;
 use crate::scene::load::obj::Front;
 use crate::scene::load::{canonical, obj, ply};
-use crate::scene::shape::{Shape, icosphere};
+use crate::scene::shape::Shape;
 use crate::scene::{Note, SceneError};
 
 /// Segments of the outline of a disk or cylinder: the area is too small by a factor of 1e-4.
 const SEGMENTS: u32 = 256;
-/// Subdivisions of the icosahedron that replaces spheres that cannot be analytic: 81,920 triangles.
-const SPHERE_SPLITS: u32 = 6;
+/// Rings of the mesh that replaces spheres that cannot be analytic, each of twice as many fields:
+/// 65,024 triangles.
+const SPHERE_RINGS: u32 = 128;
 /// Greatest number of triangles of all different generated shapes.
 const MAX_GENERATED_TRIANGLES: usize = 1 << 20;
 
@@ -59,10 +60,12 @@ pub(super) struct MeshLoader {
 }
 
 impl MeshLoader {
-    /// Returns the geometry of a shape; `None`, with a note, if its plugin is not supported.
+    /// Returns the geometry of a shape; `None`, with a note, if its plugin is not supported. `oriented`
+    /// is set if its surface needs texture coordinates or a direction of anisotropy.
     pub fn read(
         &mut self,
         o: &XmlObject,
+        oriented: bool,
         notes: &mut Vec<Note>,
     ) -> Result<Option<TransformedShape>, SceneError> {
         let transform = o.transform("to_world")?;
@@ -98,7 +101,7 @@ impl MeshLoader {
                     Ok(cylinder(p0, p1, radius))
                 })
             }
-            "sphere" => self.sphere(o, transform, flipped, notes),
+            "sphere" => self.sphere(o, transform, [flipped, oriented], notes),
             other => {
                 let shown = super::values::truncated(other);
                 notes.push(o.note(format!("the shape `{shown}` is not supported; ignored")));
@@ -141,12 +144,12 @@ impl MeshLoader {
     }
 
     /// Returns an analytic sphere, or a mesh, with a note, if the sphere is stretched or inside
-    /// out.
+    /// out, or needs the coordinates of Mitsuba, which run about its z axis.
     fn sphere(
         &mut self,
         o: &XmlObject,
         transform: DAffine3,
-        flipped: bool,
+        [flipped, oriented]: [bool; 2],
         notes: &mut Vec<Note>,
     ) -> Result<Option<TransformedShape>, SceneError> {
         let radius = o.number("radius", 1.0)? as f32;
@@ -157,17 +160,23 @@ impl MeshLoader {
         let transform = transform * DAffine3::from_translation(center.as_dvec3());
         let frame = super::affine(&transform);
         let round = Transform::framed(frame).sphere_scale().is_some();
-        if round && !flipped {
+        if round && !flipped && !oriented {
             return Ok(Some(TransformedShape {
                 shape: ShapeDesc::Sphere { radius },
                 transform,
                 stem: "sphere".to_owned(),
             }));
         }
-        notes.push(o.note("a sphere that is stretched or inside out becomes a mesh of triangles"));
-        let params = [radius, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-        let ball = || icosphere(radius, SPHERE_SPLITS).map_err(|e| o.error(e.to_string()));
-        self.generate(o, "sphere", params, transform, &ball)
+        notes.push(o.note(
+            "a sphere that is textured, anisotropic, stretched or inside out becomes a mesh of triangles",
+        ));
+        if !round {
+            notes.push(o.note(
+                "stretched spheres are not supported by Mitsuba, which scales them equally along all axes",
+            ));
+        }
+        let scaled = transform * DAffine3::from_scale(DVec3::splat(f64::from(radius)));
+        self.generate(o, "sphere", [0.0; 7], scaled, &|| Ok(sphere()))
     }
 
     /// Loads a mesh from a file, once for each set of options.
@@ -249,29 +258,64 @@ fn rectangle() -> Shape {
     }
 }
 
+/// Corners of the faces of a cube in the order of Mitsuba: positions whose texture coordinates are the
+/// lower left, lower right, upper right and upper left corner of the image.
+const CUBE: [[[i8; 3]; 4]; 6] = [
+    [[1, -1, -1], [1, -1, 1], [-1, -1, 1], [-1, -1, -1]],
+    [[1, 1, -1], [-1, 1, -1], [-1, 1, 1], [1, 1, 1]],
+    [[1, -1, -1], [1, 1, -1], [1, 1, 1], [1, -1, 1]],
+    [[1, -1, 1], [1, 1, 1], [-1, 1, 1], [-1, -1, 1]],
+    [[-1, -1, 1], [-1, 1, 1], [-1, 1, -1], [-1, -1, -1]],
+    [[1, 1, -1], [1, -1, -1], [-1, -1, -1], [-1, 1, -1]],
+];
+
 /// Returns the cube from -1 to 1, with the whole texture on every face.
 fn cube() -> Shape {
     let mut cube = Shape::default();
-    for n in [
-        Vec3::X,
-        Vec3::NEG_X,
-        Vec3::Y,
-        Vec3::NEG_Y,
-        Vec3::Z,
-        Vec3::NEG_Z,
-    ] {
-        let across = if n.y == 0.0 { Vec3::Y } else { Vec3::Z };
-        let (a, b) = (across.cross(n), across);
+    for face in CUBE {
+        let corners = face.map(|corner| Vec3::from_array(corner.map(f32::from)));
+        let n = corners.iter().sum::<Vec3>() / 4.0;
         let first = cube.positions.len() as u32;
-        let face = rectangle();
-        cube.positions
-            .extend(face.positions.iter().map(|p| n + a * p.x + b * p.y));
+        cube.positions.extend(corners);
         cube.normals.extend([n; 4]);
-        cube.uvs.extend(face.uvs);
+        cube.uvs.extend([Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y]);
         cube.triangles
-            .extend(face.triangles.iter().map(|t| t.map(|i| i + first)));
+            .extend([[0, 1, 2], [3, 0, 2]].map(|t| t.map(|i| first + i)));
     }
     cube
+}
+
+/// Returns the sphere of radius 1. Texture coordinates are the angle about z and the angle to it.
+fn sphere() -> Shape {
+    let (rings, fields) = (SPHERE_RINGS, 2 * SPHERE_RINGS);
+    let mut sphere = Shape::default();
+    for i in 0..=rings {
+        for j in 0..=fields {
+            let (down, turn) = (i as f32 / rings as f32, j as f32 / fields as f32);
+            let (sin, cos) = (down * 0.5 * TAU).sin_cos();
+            let (y, x) = (turn * TAU).sin_cos();
+            let n = match i {
+                0 => Vec3::Z,
+                _ if i == rings => Vec3::NEG_Z,
+                _ => Vec3::new(sin * x, sin * y, cos),
+            };
+            sphere.positions.push(n);
+            sphere.normals.push(n);
+            sphere.uvs.push(Vec2::new(turn, 1.0 - down));
+            if i == rings || j == fields {
+                continue;
+            }
+            let a = i * (fields + 1) + j;
+            let (b, c, d) = (a + fields + 1, a + fields + 2, a + 1);
+            if i + 1 < rings {
+                sphere.triangles.push([a, b, c]);
+            }
+            if i > 0 {
+                sphere.triangles.push([a, c, d]);
+            }
+        }
+    }
+    sphere
 }
 
 /// Returns the disk of radius 1 in x and y, facing +z. Texture coordinates are radius and angle.
@@ -328,6 +372,7 @@ mod tests {
             (rectangle(), 4.0),
             (cube(), 24.0),
             (disk(), TAU / 2.0),
+            (sphere(), 2.0 * TAU),
             (cylinder, 3.0 * TAU / 2.0),
         ] {
             let mut found = 0.0;

@@ -33,7 +33,8 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
     },
     SupportedElement {
         name: "`sphere`",
-        support: "an analytic sphere, or a mesh if it is stretched or has `flip_normals`",
+        support: "an analytic sphere, or a mesh if it is textured, anisotropic or stretched, or has \
+                  `flip_normals`",
         limits: "meshes are noted",
     },
     SupportedElement {
@@ -76,8 +77,8 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
     },
     SupportedElement {
         name: "`twosided`",
-        support: "no effect: opaque surfaces are always two-sided",
-        limits: "opaque surfaces without it are noted",
+        support: "opaque surfaces reflect on both sides; without it their back is black",
+        limits: "a second surface inside is noted",
     },
     SupportedElement {
         name: "`mask`",
@@ -101,8 +102,8 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
     },
     SupportedElement {
         name: "`blendbsdf`",
-        support: "",
-        limits: "its first surface is used, with a note",
+        support: "`weight` of the second surface: one of the two is drawn at every vertex",
+        limits: "a mask inside is noted",
     },
     SupportedElement {
         name: "`Separable`, `Composed`, `TemporalProfile`",

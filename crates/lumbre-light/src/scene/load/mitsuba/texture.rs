@@ -19,6 +19,7 @@ const CHECKERBOARD_SIZE: u32 = 256;
 const MAX_CHECKERBOARDS: usize = 64;
 
 /// A texture in the conventions of Mitsuba: coordinates start at the top left, before `to_uv`.
+#[derive(Clone)]
 pub(super) struct LoadedTexture {
     /// Image of the texture.
     pub image: Arc<TextureDesc>,
@@ -109,6 +110,20 @@ impl TextureReader {
         Ok(LoadedTexture { image, ..linear })
     }
 
+    /// Reverses the second component of the normals of a map.
+    pub fn green_reversed(
+        &mut self,
+        o: &XmlObject,
+        read: LoadedTexture,
+    ) -> Result<LoadedTexture, SceneError> {
+        let reverse = |[r, g, b, a]: [f32; 4]| [r, 1.0 - g, b, a];
+        let image = self
+            .images
+            .derived(&read.image, "green reversed", reverse)
+            .map_err(|problem| o.error(problem))?;
+        Ok(LoadedTexture { image, ..read })
+    }
+
     /// Applies a function to every channel; `how` names it.
     pub fn mapped(
         &mut self,
@@ -165,7 +180,7 @@ impl TextureReader {
         if o.text("filter_type")?
             .is_some_and(|filter| !["bilinear", "trilinear", "ewa"].contains(&filter))
         {
-            notes.push(o.note("textures are always bilinear; `filter_type` is ignored"));
+            notes.push(o.note("this `filter_type` is not supported; textures are always bilinear"));
         }
         let wrap = match o.text("wrap_mode")? {
             None => Wrap::Repeat,

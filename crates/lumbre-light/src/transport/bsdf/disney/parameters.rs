@@ -5,7 +5,7 @@ use glam::Vec3;
 
 use super::super::diffuse::Diffuse;
 use super::super::ggx::Ggx;
-use super::super::material::MaterialConstants;
+use super::super::material::{BsdfClass, MaterialConstants};
 use super::{Disney, LobeEstimate, f0_of};
 use crate::math::real::{Mask, Real, Vector};
 
@@ -15,12 +15,12 @@ const MIN_ROUGH: f32 = 0.02;
 
 impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
     /// Builds the BSDF at points whose textures give this base colour and roughness, with the
-    /// weights of the opaque dielectric, the metal and the refractive dielectric. `anisotropic` is
-    /// unset only if both widths of the microfacets are equal.
+    /// weights of the opaque dielectric, the metal and the refractive dielectric. The class is
+    /// anisotropic unless both widths of the microfacets are equal.
     #[inline(always)]
     pub fn new(
         m: &MaterialConstants<V>,
-        anisotropic: bool,
+        class: &BsdfClass,
         base_color: V,
         roughness: R,
         [opaque, metallic, refractive]: [R; 3],
@@ -56,7 +56,8 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
                 sheen,
             },
             ggx: Ggx::new(roughness, m.aspect),
-            anisotropic,
+            anisotropic: class.anisotropic,
+            one_sided: class.one_sided,
             smooth: roughness.lt(m.smooth_below),
             coat: m.coat,
             estimate: LobeEstimate::none(),

@@ -204,7 +204,13 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
     ) -> (R::Mask, MixtureSample<V>) {
         let (o, glass) = (out.o, out.choice.glass);
         let (some, mut s, probability) = dielectric::sample(self.base_color, out.eta, o, u, mode);
-        s.weight = s.weight * (self.refractive / glass * self.coat.transmittance(o.z(), s.wi.z()));
+        let mut coat = self.coat.transmittance(o.z(), s.wi.z());
+        if self.one_sided {
+            // Light that is reflected at the back does not pass the coat.
+            let inside = out.below & s.wi.z().gt(R::splat(0.0));
+            coat = R::select(inside, R::splat(1.0), coat);
+        }
+        s.weight = s.weight * (self.refractive / glass * coat);
         (
             some,
             MixtureSample::new(s, glass * probability, R::Mask::splat(true)),

@@ -291,7 +291,7 @@ impl Subpaths {
             if from_camera && context.ends_unlit(edge, &hit) {
                 break;
             }
-            let hit = HitState::new(context.scene, &hit, || subpath.path.next_auxiliary());
+            let hit = HitState::new(context.scene, &ray, &hit, || subpath.path.next_auxiliary());
             let class = &context.classes[context.classes.index_of(context.scene, &hit)];
             let arrival = Arrival::<f32, 1>::new(class, ray, &hit);
             let step = Step {

@@ -46,7 +46,7 @@ fn follow<T: CameraPaths>(
         if context.ends_unlit(edge, &hit) {
             return;
         }
-        let hit = HitState::new(context.scene, &hit, || path.next_auxiliary());
+        let hit = HitState::new(context.scene, &ray, &hit, || path.next_auxiliary());
         let class = &context.classes[context.classes.index_of(context.scene, &hit)];
         let arrival = Arrival::<f32, 1>::new(class, ray, &hit);
         if !T::scatter::<f32, 1>(context, edge, &arrival, &mut path, true, sink) {

@@ -121,7 +121,7 @@ fn trace(context: &Context, sampler: Sampler, mut store: impl FnMut(Vec3, Photon
         let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else {
             return;
         };
-        let hit = HitState::new(context.scene, &hit, || subpath.path.next_auxiliary());
+        let hit = HitState::new(context.scene, &ray, &hit, || subpath.path.next_auxiliary());
         let class = &context.classes[context.classes.index_of(context.scene, &hit)];
         let arrival = Arrival::<f32, 1>::new(class, ray, &hit);
         let step = Step {

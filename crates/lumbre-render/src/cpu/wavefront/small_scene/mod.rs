@@ -28,7 +28,7 @@ use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::NONE;
 use lumbre_light::transport::ray::{Hit, Ray};
 use nearest::NearestHits;
-use sphere::intersect_sphere;
+use sphere::{intersect_sphere, intersect_sphere_twice};
 use triangle::{CornerBuffer, ShearedRays, corners_of};
 
 /// Primitives of a small scene, prepared for vectorised tests: at most [`ONE_LEAF`].
@@ -168,8 +168,10 @@ impl SmallScene {
             }
         }
         for (center, radius, id) in &self.masked.spheres {
-            let candidate = intersect_sphere([origin, dir], R::Vec3::broadcast(*center), *radius);
-            self.update_masked::<R, N, ANY>(group, candidate, *id, &mut best);
+            let center = R::Vec3::broadcast(*center);
+            for candidate in intersect_sphere_twice([origin, dir], center, *radius) {
+                self.update_masked::<R, N, ANY>(group, candidate, *id, &mut best);
+            }
         }
         best
     }

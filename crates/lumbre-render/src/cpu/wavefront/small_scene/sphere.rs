@@ -4,13 +4,25 @@
 use super::nearest::Candidates;
 use lumbre_light::math::real::{Real, Vector};
 
-/// Intersects the rays with a sphere. The caller compares `t` with the maximum distances.
+/// Intersects the rays with a sphere; returns the nearest hits. The caller compares `t` with the
+/// maximum distances.
 #[inline(always)]
 pub(super) fn intersect_sphere<R: Real>(
-    [origin, dir]: [R::Vec3; 2],
+    rays: [R::Vec3; 2],
     center: R::Vec3,
     radius: f32,
 ) -> Candidates<R> {
+    intersect_sphere_twice(rays, center, radius)[0]
+}
+
+/// Intersects the rays with a sphere; returns the nearest hits, and those at which the rays leave
+/// the sphere that they have entered.
+#[inline(always)]
+pub(super) fn intersect_sphere_twice<R: Real>(
+    [origin, dir]: [R::Vec3; 2],
+    center: R::Vec3,
+    radius: f32,
+) -> [Candidates<R>; 2] {
     let zero = R::splat(0.0);
     let f = origin - center;
     let b = -f.dot(dir);
@@ -23,11 +35,13 @@ pub(super) fn intersect_sphere<R: Real>(
     let ordered = t0.lt(t1);
     let (near, far) = (R::select(ordered, t0, t1), R::select(ordered, t1, t0));
     let missed = discriminant.lt(zero) | Real::eq(q, zero);
-    let t = R::select(missed, zero, R::select(near.gt(zero), near, far));
-    Candidates {
+    let enters = near.gt(zero);
+    let first = R::select(missed, zero, R::select(enters, near, far));
+    let second = R::select(missed | !enters, zero, far);
+    [first, second].map(|t| Candidates {
         t: R::select(t.gt(zero), t, R::splat(f32::INFINITY)),
         v: zero,
         w: zero,
         divisor: R::splat(1.0),
-    }
+    })
 }

@@ -320,13 +320,24 @@ impl XmlReader<'_> {
     }
 
     /// Returns one step of a transform.
-    fn transform_step(&self, element: &Element) -> Result<DAffine3, SceneError> {
+    fn transform_step(&mut self, element: &Element) -> Result<DAffine3, SceneError> {
         let fail = |problem: String| element.error(problem);
         Ok(match element.node.tag_name().name() {
             "translate" => DAffine3::from_translation(self.vector(element, Vec3::ZERO)?.as_dvec3()),
             "scale" => DAffine3::from_scale(self.vector(element, Vec3::ONE)?.as_dvec3()),
             "rotate" => {
-                let axis = self.vector(element, Vec3::ZERO)?.as_dvec3().try_normalize();
+                let axis = self.vector(element, Vec3::ZERO)?.as_dvec3();
+                if (axis.length() - 1.0).abs() > 1e-4 {
+                    self.notes.push(Note {
+                        file: element.file.to_path_buf(),
+                        place: format!("line {}", element.line()),
+                        message:
+                            "Mitsuba shears by an axis of rotation that is no unit vector, which \
+                                  is not supported; the axis is normalised"
+                                .to_owned(),
+                    });
+                }
+                let axis = axis.try_normalize();
                 let axis = axis.ok_or_else(|| fail("a rotation needs an axis".to_owned()))?;
                 let degrees = values::number(&self.required(element, "angle")?).map_err(fail)?;
                 DAffine3::from_axis_angle(axis, degrees.to_radians())
