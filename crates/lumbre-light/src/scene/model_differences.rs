@@ -12,6 +12,11 @@ pub(super) const SMOOTH_BLEND: &str = "Mitsuba loses light where it blends a per
 pub(super) const BUMPS: &str = "slopes of height maps are differences over one texel here and \
                                 derivatives in Mitsuba: steep maps of few texels differ by up to 7 %";
 
+/// Normals of normal maps that face away from the viewer or the light.
+pub(super) const NORMALS: &str = "bent normals that face away are turned and shadowed in Mitsuba \
+                                  (`flip_invalid_normals`, `use_shadowing_function`), but not here: \
+                                  steep maps differ by up to 3 %";
+
 /// Returns the note about a rough plastic. The bounds are the greatest losses of a white body with
 /// `nonlinear`, at alpha of 0.1, 0.3 and 0.6.
 pub(super) fn rough_plastic(distribution: Distribution, alpha: f32) -> String {

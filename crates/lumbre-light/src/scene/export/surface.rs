@@ -57,6 +57,9 @@ impl SurfaceWriter<'_> {
         if bump.is_some() {
             self.note(model_differences::BUMPS);
         }
+        if normal.is_some() {
+            self.note(model_differences::NORMALS);
+        }
         if normal.is_some() && bump.is_some() {
             self.note(
                 "Mitsuba applies the normal map in the frame of the bump map; here their slopes \

@@ -116,6 +116,7 @@ impl BsdfReader<'_> {
             _ => o.children("texture").next().cloned(),
         };
         if let Some(texture) = self.optional_texture(map)? {
+            self.notes.push(o.note(model_differences::NORMALS));
             let linear = self.textures.linear(o, texture)?;
             let texture = self.textures.green_reversed(o, linear)?;
             self.set_texture_of_parts(o, TextureSlot::Normal, &texture);
