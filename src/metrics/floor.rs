@@ -132,6 +132,16 @@ impl MetricSpec {
         }
     }
 
+    /// Returns the expected value between two pictures of the same scene, given what the true image
+    /// would have against each. Returns `None` for metrics in which noise does not add up.
+    pub fn sum_of_noise(&self, [a, b]: [f64; 2]) -> Option<f64> {
+        match self.row.noise {
+            Noise::Adds => Some(a + b),
+            Noise::AddsSquared => Some(a.hypot(b)),
+            Noise::Decibels | Noise::Similarity | Noise::Bounds | Noise::Silent => None,
+        }
+    }
+
     /// Returns whether a value is dominated by the noise of the reference: at least half of a
     /// squared error is the reference's own, or the value is better than that of the true image.
     pub fn is_at_floor(&self, value: f64, floor: f64) -> bool {

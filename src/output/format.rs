@@ -2,7 +2,7 @@
 
 use crate::experiment::plan::Plan;
 use crate::metrics::MetricSpec;
-use lumbre_light::transport::integrator::integrator;
+use lumbre_light::transport::integrator::{canonical_name, integrator};
 use lumbre_light::value::Value;
 
 /// Returns the index of a metric column in the plan, and its metric.
@@ -29,8 +29,8 @@ pub fn axis_value<'a>(plan: &'a Plan, index: usize, axis: &str) -> Option<&'a Va
 pub fn is_integrator_axis(plan: &Plan, axis: &str) -> bool {
     !plan.cells.is_empty()
         && plan.cells.iter().enumerate().all(|(i, cell)| {
-            axis_value(plan, i, axis).and_then(Value::as_str)
-                == Some(cell.config.integrator.as_str())
+            let value = axis_value(plan, i, axis).and_then(Value::as_str);
+            value.is_some_and(|value| canonical_name(value) == cell.config.integrator)
         })
 }
 

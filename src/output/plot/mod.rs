@@ -153,6 +153,9 @@ pub fn figures(
             None => facets.push((facet, vec![(cell, style_index)])),
         }
     }
+    if matches!(spec.kind, FigureKind::Convergence { .. }) && !split_devices {
+        keep_compared(&mut facets);
+    }
     let mut taken = BTreeSet::new();
     facets
         .iter()
@@ -177,6 +180,17 @@ pub fn figures(
             }
         })
         .collect()
+}
+
+/// Removes the facets in which nothing is compared, since all curves have one style, unless all
+/// facets are of this kind.
+fn keep_compared(facets: &mut Vec<(AxisPairs, Vec<(usize, usize)>)>) {
+    let is_compared = |(_, cells): &(AxisPairs, Vec<(usize, usize)>)| {
+        cells.iter().any(|(_, style)| *style != cells[0].1)
+    };
+    if facets.iter().any(is_compared) {
+        facets.retain(is_compared);
+    }
 }
 
 /// Returns the results to draw by cell. Duplicate runs of the A/A check are left out, and for a
@@ -273,7 +287,7 @@ impl FigureData<'_> {
         text
     }
 
-    /// Returns the legend text of a style, such as `depth = 5`, or `bpt (backward path tracing)` if
+    /// Returns the legend text of a style, such as `depth = 5`, or `bpt (path tracing)` if
     /// the axis selects the integrator. If no axis distinguishes curves, returns the integrator, or
     /// an empty text if there are several.
     fn legend_text(&self, style_index: usize) -> String {

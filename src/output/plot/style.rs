@@ -19,7 +19,8 @@ pub const FINE_GRID: &str = "#ededed";
 const COLOURS: [&str; 8] = [
     "#0072b2", "#d55e00", "#117733", "#cc79a7", "#332288", "#e69f00", "#882255", "#56b4e9",
 ];
-const DASHES: [&str; 5] = ["", "7 3", "2 2.4", "9 3 2 3", "4 2 1 2 1 2"];
+/// No curve is dotted: dots are the noise of references.
+const DASHES: [&str; 5] = ["", "7 3", "9 3 2 3", "4 2 1 2 1 2", "13 2.5 5 2.5"];
 
 /// Style of one curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -126,12 +126,9 @@ fn the_integrator_has_its_long_name() {
     let results = [done(0, &waves(0))];
     let by = &drawn(&plan, &spec(&["psnr"], Some("technique"), &[]), &results)[0];
     assert_eq!(by.stem, "convergence");
-    assert!(
-        by.svg.contains(">bpt (backward path tracing)</text>")
-            && by.svg.contains(">PSNR (dB)</text>")
-    );
+    assert!(by.svg.contains(">bpt (path tracing)</text>") && by.svg.contains(">PSNR (dB)</text>"));
     let none = &drawn(&plan, &spec(&["psnr"], None, &[]), &results)[0];
-    assert!(none.svg.contains(">bpt (backward path tracing)</text>"));
+    assert!(none.svg.contains(">bpt (path tracing)</text>"));
 }
 
 #[test]

@@ -9,11 +9,11 @@ use super::item::{Provenance, ReportItem};
 use super::metric_display::MetricDisplay;
 use super::sizes::{COLUMN, FULL, SCREEN};
 use super::snapshots;
-use super::snapshots::{FacetReferences, Moment, Snapshot};
+use super::snapshots::{Disagreement, FacetReferences, Moment, Snapshot};
 use super::study::{ReportOptions, Study};
 use super::tables::{common_error, common_time};
+use crate::metrics::MetricSpec;
 use crate::metrics::tonemap::Tonemap;
-use crate::metrics::{Better, MetricSpec};
 use crate::output::format::significant;
 use crate::output::plot::style::{FAINT, INK};
 use crate::output::plot::svg::{Anchor, Drawing, Font, text_width};
@@ -38,6 +38,8 @@ const UNDER: f64 = 10.5;
 const NAME: Font = Font::strong(8.0);
 const SMALL: Font = Font::new(7.0, FAINT);
 const NUMBER: Font = Font::new(7.2, INK);
+/// Font of a warning below the figure.
+const WARNING: Font = Font::new(7.0, "#b3261e");
 
 /// Draws the figures of all facets that have a reference and stored pictures.
 pub fn all(
@@ -47,7 +49,7 @@ pub fn all(
     notes: &mut Vec<String>,
 ) -> Result<Vec<ReportItem>, OutputError> {
     let mut items = Vec::new();
-    let error_metric = error_metric(study);
+    let error_metric = study.error_metric();
     for facet in 0..study.facets.len() {
         let Some(references) = snapshots::references(study, facet, pictures, notes) else {
             continue;
@@ -72,13 +74,16 @@ pub fn all(
             if snapshots.is_empty() {
                 continue;
             }
-            let (reference, description) = &references.all[0];
+            let disagreements = error_metric
+                .map(|metric| references.disagreements(&study.metrics[metric]))
+                .unwrap_or_default();
             let figure = CropFigure {
                 study,
                 facet,
                 references: &references,
-                reference,
-                description,
+                reference: &references.all[0].image,
+                description: &references.all[0].description,
+                disagreements: &disagreements,
                 snapshots: &snapshots,
                 moment,
                 error_metric,
@@ -89,28 +94,17 @@ pub fn all(
     Ok(items)
 }
 
-/// Returns the metric of equal-error comparisons and of the numbers below crops: the first of
-/// relative MSE, RMSE, MSE and MAE that is measured, or else any error. FLIP has a separate row.
-fn error_metric(study: &Study) -> Option<usize> {
-    let find = |name: &&str| study.metrics.iter().position(|m| m.row.name == *name);
-    let known = ["relmse", "rmse", "mse", "mae"].iter().find_map(find);
-    known.or_else(|| {
-        study
-            .metrics
-            .iter()
-            .position(|m| m.row.better == Better::Lower)
-    })
-}
-
 /// Content of one figure.
 struct CropFigure<'a> {
     study: &'a Study<'a>,
     facet: usize,
     references: &'a FacetReferences,
-    /// Reference shown, which is the first one of the facet.
+    /// Reference shown: the one with the least noise.
     reference: &'a Image,
     /// Description of the reference shown.
     description: &'a str,
+    /// References that differ from the one shown by more than their noise.
+    disagreements: &'a [Disagreement],
     snapshots: &'a [Snapshot],
     moment: Moment,
     /// Metric of the numbers below crops, as index into the study's metrics.
@@ -178,6 +172,7 @@ impl CropFigure<'_> {
         };
         let svg = self.draw(&windows, tonemap, &title, &provenance.text())?;
         Ok(ReportItem::figure(
+            &format!("Crops at {moment}"),
             format!("figures/crops-{name}{}", file_suffix(&label)),
             title,
             self.caption(tonemap),
@@ -220,12 +215,37 @@ impl CropFigure<'_> {
         sentences.push(format!("Tone map: {tonemap}."));
         if let Some(series) = self.references.owner(0) {
             sentences.push(format!(
-                "Each series is compared with its own reference; the one shown is that of {}.",
+                "Each series is compared with its own reference; the one shown is that of {}, which \
+                 has the least noise if it is known.",
                 self.study.series[series].label
             ));
         }
+        sentences.extend(self.disagreements.iter().map(|d| self.disagreement(d)));
         sentences.extend(self.study.device_sentence("Rendered"));
         sentences.join(" ")
+    }
+
+    /// Returns the name of the reference shown.
+    fn reference_name(&self) -> String {
+        self.references.name(self.study, 0)
+    }
+
+    /// Returns a sentence on a reference that differs from the one shown by more than their noise.
+    fn disagreement(&self, disagreement: &Disagreement) -> String {
+        let name = |reference: usize| {
+            let owner = self.references.owner(reference);
+            owner.map_or("another series", |series| &self.study.series[series].label)
+        };
+        let metric = self.error_metric.map(|m| self.study.metrics[m].row.label);
+        format!(
+            "The references of {} and {} differ by more than their noise: {} {}, where {} is \
+             expected.",
+            name(disagreement.reference),
+            name(0),
+            metric.unwrap_or_default(),
+            significant(disagreement.error, 2),
+            significant(disagreement.expected, 2)
+        )
     }
 
     /// Returns the requested windows that are inside of the picture, or two windows where the
@@ -327,7 +347,13 @@ impl CropFigure<'_> {
             y += height + UNDER + GAP;
         }
         let bottom = self.draw_flip_row(&mut drawing, &layout, tonemap, y + 1.0)?;
-        let height = bottom.max(HEAD + reference_height + 2.0);
+        let mut height = bottom.max(HEAD + reference_height + 2.0);
+        for disagreement in self.disagreements {
+            height += WARNING.size + 3.0;
+            let text = self.disagreement(disagreement);
+            let text = shorten(&text, WARNING.size, layout.width);
+            drawing.text((0.0, height - 2.0), WARNING, Anchor::Start, &text);
+        }
         draw_flip_scale(
             &mut drawing,
             layout.left,
@@ -346,7 +372,8 @@ impl CropFigure<'_> {
         windows: &[[u32; 4]],
         tonemap: Tonemap,
     ) -> Result<(), OutputError> {
-        drawing.text((0.0, 8.0), NAME, Anchor::Start, "reference");
+        let name = shorten(&self.reference_name(), NAME.size, layout.left);
+        drawing.text((0.0, 8.0), NAME, Anchor::Start, &name);
         drawing.text(
             (0.0, 17.0),
             SMALL,
@@ -383,7 +410,8 @@ impl CropFigure<'_> {
             drawing.text((layout.x(i), 17.0), SMALL, Anchor::Start, &facts);
         }
         let last = layout.x(self.snapshots.len());
-        drawing.text((last, 8.0), NAME, Anchor::Start, "reference");
+        let name = shorten(&self.reference_name(), NAME.size, layout.column);
+        drawing.text((last, 8.0), NAME, Anchor::Start, &name);
     }
 
     /// Draws the crops of one window in all columns, with their errors.

@@ -158,6 +158,7 @@ fn sheets(
              Tone map: {display}."
         );
         items.push(ReportItem::figure(
+            "Light by length and strategy",
             format!("figures/{name}{}", file_suffix(&label)),
             title,
             caption,
@@ -358,6 +359,7 @@ fn bounce_maps(
         significant(f64::from(top), 3)
     );
     Ok(ReportItem::figure(
+        "Path lengths",
         format!("figures/bounces{}", file_suffix(&label)),
         title,
         caption,

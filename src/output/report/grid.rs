@@ -19,6 +19,28 @@ pub enum Digits {
     Percent,
 }
 
+/// The 95 % confidence interval of a mean.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Interval {
+    /// The mean minus and plus this half-width.
+    Half(f64),
+    /// From the mean divided by this factor to the mean times it: the interval of a geometric mean.
+    Factor(f64),
+    /// Lower and upper end.
+    Ends(f64, f64),
+}
+
+impl Interval {
+    /// Returns the lower and the upper end for a mean.
+    pub fn ends(self, mean: f64) -> (f64, f64) {
+        match self {
+            Interval::Half(half) => (mean - half, mean + half),
+            Interval::Factor(factor) => (mean / factor, mean * factor),
+            Interval::Ends(low, high) => (low, high),
+        }
+    }
+}
+
 /// One number of a table, with its uncertainty and its runs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GridCell {
@@ -26,10 +48,12 @@ pub struct GridCell {
     pub value: Option<f64>,
     /// Whether the number is a bound of a time.
     pub bound: Bound,
-    /// Half-width of the 95 % confidence interval.
-    pub ci95_half: Option<f64>,
+    /// Its 95 % confidence interval.
+    pub interval: Option<Interval>,
     /// Whether the number is significantly better than all others of its group.
     pub best: bool,
+    /// Whether the number of a run is dominated by the noise of its reference.
+    pub at_floor: bool,
     /// Number of runs averaged.
     pub runs: usize,
     /// Identities of the runs.
@@ -41,6 +65,8 @@ pub struct GridCell {
 pub struct Grid {
     /// Name of the table's files.
     pub name: String,
+    /// Heading of the page under which it is listed: the metric or the subject.
+    pub section: String,
     /// Short title of the table.
     pub title: String,
     /// Description of the numbers.
@@ -71,6 +97,7 @@ impl Grid {
         ];
         ReportItem {
             kind: ItemKind::Table,
+            section: self.section.clone(),
             stem: format!("tables/{}", self.name),
             title: self.title.clone(),
             caption: self.caption.clone(),
@@ -81,6 +108,11 @@ impl Grid {
         }
     }
 
+    /// Returns all cells, row by row.
+    pub fn cells(&self) -> Vec<&GridCell> {
+        self.rows.iter().flat_map(|(_, cells)| cells).collect()
+    }
+
     fn number(&self, x: f64) -> String {
         match self.digits {
             Digits::Significant(_) if x.fract() == 0.0 && x.abs() < 1e9 => x.to_string(),
@@ -89,32 +121,52 @@ impl Grid {
         }
     }
 
-    /// Formats a cell as number, lower bound or number with interval, such as `> 12.3` or
-    /// `4.56 ± 0.07`.
+    /// Formats a cell as number, bound or number with interval, such as `> 12.3`, `4.56 ± 0.07` or
+    /// `4.56 ×÷ 1.02`. A dagger follows a number that is dominated by the noise of its reference.
     pub fn cell(&self, cell: &GridCell) -> String {
+        let mark = if cell.at_floor { "†" } else { "" };
         let Some(value) = cell.value else {
             return "–".to_owned();
         };
+        match cell.interval.filter(|_| cell.bound == Bound::Exact) {
+            None => format!("{}{}{mark}", cell.bound.sign(), self.number(value)),
+            Some(interval) => self.number_with_interval(value, interval, mark),
+        }
+    }
+
+    fn number_with_interval(&self, value: f64, interval: Interval, mark: &str) -> String {
         let text = self.number(value);
-        let Some(half) = cell.ci95_half.filter(|_| cell.bound == Bound::Exact) else {
-            return format!("{}{text}", cell.bound.sign());
-        };
-        if text.contains('e') {
-            return format!("{text} ± {}", significant(half, 1));
-        }
         if self.digits == Digits::Percent {
-            return format!("{text} ± {:.0}", 100.0 * half);
+            let (low, high) = interval.ends(value);
+            return format!("{text}{mark} ± {:.0}", 50.0 * (high - low));
         }
-        // The interval has two significant digits. The number has the same decimals, but no more
-        // than the table's format allows.
-        let decimals = text.split_once('.').map_or(0, |(_, digits)| digits.len());
-        let half_decimals = if half > 0.0 {
-            1 - half.log10().floor() as i32
-        } else {
-            decimals as i32
+        // The number has no more decimals than the second significant digit of its interval, and no
+        // more than the table's format allows.
+        let (low, high) = interval.ends(value);
+        let own_decimals = text.split_once('.').map_or(0, |(_, digits)| digits.len());
+        let decimals = decimals_of_two_digits(0.5 * (high - low))
+            .map_or(own_decimals, |d| own_decimals.min(d));
+        let rounded = |x: f64| {
+            if text.contains('e') {
+                self.number(x)
+            } else {
+                format!("{x:.decimals$}")
+            }
         };
-        let decimals = decimals.min(usize::try_from(half_decimals).unwrap_or(0));
-        format!("{value:.decimals$} ± {half:.decimals$}")
+        let mean = rounded(value);
+        match interval {
+            Interval::Half(half) if text.contains('e') => {
+                format!("{mean}{mark} ± {}", significant(half, 1))
+            }
+            Interval::Half(half) => format!("{mean}{mark} ± {half:.decimals$}"),
+            Interval::Factor(factor) => {
+                let decimals = decimals_of_two_digits(factor - 1.0).map_or(0, |d| d.min(4));
+                format!("{mean}{mark} ×÷ {factor:.decimals$}")
+            }
+            Interval::Ends(low, high) => {
+                format!("{mean}{mark} ({} to {})", rounded(low), rounded(high))
+            }
+        }
     }
 
     /// Returns the heading of the group of each number column.
@@ -171,8 +223,8 @@ impl Grid {
     }
 
     /// Formats the table as CSV in full precision, with one line for each cell: labels, group,
-    /// column, value, half-width of the interval, whether it is a lower bound, whether it is the
-    /// best, number of runs, unit, and identities of the runs. Missing values are empty.
+    /// column, value, ends of the interval, kind of bound, whether it is the best, whether it is at
+    /// the noise floor, number of runs, unit, and identities of the runs. Missing values are empty.
     pub fn to_csv(&self) -> String {
         let mut header = self.label_headers.clone();
         header.extend(
@@ -180,9 +232,11 @@ impl Grid {
                 "group",
                 "column",
                 "value",
-                "ci95_half",
+                "ci95_low",
+                "ci95_high",
                 "bound",
                 "best",
+                "at_floor",
                 "runs",
                 "unit",
                 "run_ids",
@@ -196,10 +250,13 @@ impl Grid {
                 let mut fields = labels.clone();
                 fields.extend([(*group).clone(), column.clone()]);
                 fields.push(cell.value.map(exact).unwrap_or_default());
-                fields.push(cell.ci95_half.map(exact).unwrap_or_default());
+                let ends = cell.value.zip(cell.interval).map(|(v, i)| i.ends(v));
+                fields.push(ends.map(|e| exact(e.0)).unwrap_or_default());
+                fields.push(ends.map(|e| exact(e.1)).unwrap_or_default());
                 fields.extend([
                     cell.bound.name().to_owned(),
                     u8::from(cell.best).to_string(),
+                    u8::from(cell.at_floor).to_string(),
                 ]);
                 fields.extend([
                     cell.runs.to_string(),
@@ -300,5 +357,59 @@ impl Grid {
         } else {
             text
         }
+    }
+}
+
+/// Returns the number of decimals that show two significant digits of a positive number; `None`
+/// for any other number.
+fn decimals_of_two_digits(x: f64) -> Option<usize> {
+    let decimals = (x > 0.0 && x.is_finite()).then(|| 1 - x.log10().floor() as i32)?;
+    Some(usize::try_from(decimals).unwrap_or(0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_the_digits_that_their_interval_leaves() {
+        let grid = |digits| Grid {
+            name: String::new(),
+            section: String::new(),
+            title: String::new(),
+            caption: String::new(),
+            unit: String::new(),
+            label_headers: Vec::new(),
+            groups: Vec::new(),
+            columns: Vec::new(),
+            rows: Vec::new(),
+            digits,
+            provenance: Provenance::default(),
+        };
+        let four = grid(Digits::Significant(4));
+        let written = |value, interval| {
+            four.cell(&GridCell {
+                value: Some(value),
+                interval: Some(interval),
+                ..GridCell::default()
+            })
+        };
+        assert_eq!(written(0.43215, Interval::Half(0.0123)), "0.432 ± 0.012");
+        assert_eq!(written(0.43215, Interval::Factor(1.0284)), "0.432 ×÷ 1.028");
+        assert_eq!(written(125.0, Interval::Factor(2.513)), "125 ×÷ 2.5");
+        assert_eq!(written(125.3, Interval::Factor(14.2)), "125 ×÷ 14");
+        assert_eq!(
+            written(0.95312, Interval::Ends(0.9501, 0.9555)),
+            "0.9531 (0.9501 to 0.9555)"
+        );
+        assert_eq!(written(3.25e-7, Interval::Factor(1.25)), "3.250e-7 ×÷ 1.25");
+        assert_eq!(written(2.0, Interval::Factor(1.0)), "2 ×÷ 1");
+        let cell = GridCell {
+            value: Some(0.5),
+            at_floor: true,
+            ..GridCell::default()
+        };
+        assert_eq!(four.cell(&cell), "0.5000†");
+        assert_eq!(grid(Digits::Percent).cell(&cell), "50 %†");
     }
 }

@@ -160,6 +160,7 @@ impl<'a> HeatMap<'a> {
             mean_name(self.scale),
         );
         ReportItem::figure(
+            "Heat maps",
             format!("figures/heat-{}", spec.column),
             title,
             caption,

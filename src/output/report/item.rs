@@ -27,6 +27,8 @@ pub enum ItemKind {
 pub struct ReportItem {
     /// Kind of the item.
     pub kind: ItemKind,
+    /// Heading of the page under which a figure or table is listed; empty for data.
+    pub section: String,
     /// Path of its files without extension, relative to the report's folder, with `/` as separator.
     pub stem: String,
     /// Short title of the item.
@@ -46,6 +48,7 @@ pub struct ReportItem {
 impl ReportItem {
     /// Creates a figure without further files.
     pub fn figure(
+        section: &str,
         stem: String,
         title: String,
         caption: String,
@@ -54,6 +57,7 @@ impl ReportItem {
     ) -> ReportItem {
         ReportItem {
             kind: ItemKind::Figure,
+            section: section.to_owned(),
             stem,
             title,
             caption,

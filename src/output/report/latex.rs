@@ -3,9 +3,12 @@
 use crate::output::plot::style::Style;
 
 /// Escapes text for LaTeX. Special characters are escaped. Symbols that captions use become
-/// commands, so that the text compiles without a Unicode engine.
+/// commands, so that the text compiles without a Unicode engine. Text between two backticks is set
+/// in a typewriter font.
 pub fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
+    let mut marks = text.matches('`').count() / 2 * 2;
+    let mut in_code = false;
     for c in text.chars() {
         match c {
             '\\' => out += "\\textbackslash{}",
@@ -17,6 +20,8 @@ pub fn escape(text: &str) -> String {
             '^' => out += "\\textasciicircum{}",
             '−' => out += "$-$",
             '×' => out += "$\\times$",
+            '÷' => out += "$\\div$",
+            '†' => out += "$^\\dagger$",
             '–' => out += "--",
             '²' => out += "$^2$",
             'µ' => out += "$\\mu$",
@@ -26,6 +31,11 @@ pub fn escape(text: &str) -> String {
             '<' => out += "\\textless{}",
             '>' => out += "\\textgreater{}",
             '|' => out += "\\textbar{}",
+            '`' if marks > 0 => {
+                marks -= 1;
+                in_code = !in_code;
+                out += if in_code { "\\texttt{" } else { "}" };
+            }
             '\n' | '\r' => out.push(' '),
             c => out.push(c),
         }
@@ -66,6 +76,7 @@ mod tests {
             "a\\_b \\& 5 \\% of \\{x\\} \\textasciitilde{} 1 $-$ SSIM"
         );
         assert_eq!(escape("\\input"), "\\textbackslash{}input");
+        assert_eq!(escape("`a_b` and `"), "\\texttt{a\\_b} and `");
     }
 
     #[test]

@@ -2,10 +2,13 @@
 
 use super::item::{ItemKind, PROGRAM, Provenance, ReportItem};
 use super::latex;
-use super::study::Study;
-use crate::experiment::night_results::NightResults;
+use super::study::{Member, Study};
+use crate::experiment::night_results::{NightResults, RunState};
 use crate::metrics::MetricSpec;
 use lumbre_render::external::WALL_CLOCK;
+
+/// Maximum number of different ends of runs that the paragraph lists.
+const MOST_REASONS: usize = 4;
 
 /// Builds `methods.tex` and `methods.md`: hardware, versions, seeds, references and definitions of
 /// the metrics.
@@ -21,6 +24,7 @@ pub fn item(study: &Study) -> ReportItem {
     let tex = format!("{}{tex}", provenance.comment("% "));
     ReportItem {
         kind: ItemKind::Data,
+        section: String::new(),
         stem: "methods".to_owned(),
         title: "Methods".to_owned(),
         caption: sentences.join(" "),
@@ -42,6 +46,7 @@ fn sentences(study: &Study) -> Vec<String> {
             night.seed
         ));
     }
+    out.extend(scenes_and_sizes(study));
     out.push(run_count(study));
     out.extend(external_renderers(study));
     let references = study
@@ -91,6 +96,41 @@ fn experiment(night: &NightResults, name: Option<&str>) -> String {
         night.name,
         night.plan.get(..8).unwrap_or(&night.plan)
     )
+}
+
+/// Returns sentences on the scenes of all runs, the sizes of their pictures and the clauses that
+/// ended them, where these are known.
+fn scenes_and_sizes(study: &Study) -> Vec<String> {
+    let distinct = |texts: Vec<String>| {
+        let mut distinct: Vec<String> = Vec::new();
+        for text in texts {
+            if !text.is_empty() && !distinct.contains(&text) {
+                distinct.push(text);
+            }
+        }
+        distinct
+    };
+    let scenes = distinct(study.all().map(|m| m.run.scene.clone()).collect());
+    let size = |[width, height]: [u32; 2]| format!("{width} × {height}");
+    let sizes = study.all().filter_map(|m| m.run.resolution.map(size));
+    let sizes = distinct(sizes.collect());
+    let reason = |member: Member| match &member.run.state {
+        RunState::Done(reason) => reason.clone(),
+        _ => String::new(),
+    };
+    let ends = distinct(study.all().map(reason).collect());
+    let mut out = Vec::new();
+    if !scenes.is_empty() {
+        let noun = if scenes.len() == 1 { "scene" } else { "scenes" };
+        out.push(format!("It renders the {noun} {}.", scenes.join(", ")));
+    }
+    if !sizes.is_empty() {
+        out.push(format!("Pictures have {} pixels.", sizes.join(" or ")));
+    }
+    if !ends.is_empty() && ends.len() <= MOST_REASONS {
+        out.push(format!("Runs ended at: {}.", ends.join("; ")));
+    }
+    out
 }
 
 fn run_count(study: &Study) -> String {

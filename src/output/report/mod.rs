@@ -25,6 +25,7 @@ mod sweep;
 mod tables;
 mod tidy;
 mod times;
+mod verdict;
 
 use std::path::{Path, PathBuf};
 
@@ -121,7 +122,9 @@ pub fn build(
     items.extend(tables::all(study, options, &mut notes)?);
     items.extend(tidy::all(study));
     items.push(methods::item(study));
-    let page = page::item(study, &items, context, &mut notes);
+    let verdict = verdict::Verdict::new(study, &items);
+    items.extend(verdict.item(study));
+    let page = page::item(study, &items, &verdict, context, &mut notes)?;
     items.push(page);
     Ok(Report { items, notes })
 }

@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 
 use super::ReportError;
 use crate::experiment::night_results::{NightResults, RunResult};
-use crate::metrics::MetricSpec;
+use crate::metrics::{Better, MetricSpec};
 use crate::output::dependent_axes;
 use crate::output::format;
+use lumbre_light::transport::integrator::canonical_name;
 
 /// Options of a report. All have defaults that suit most nights.
 #[derive(Clone, Debug, Default)]
@@ -379,6 +380,15 @@ impl<'a> Study<'a> {
             })
     }
 
+    /// Returns the metric of comparisons at equal error and of the numbers below crops: the first
+    /// of relative MSE, RMSE, MSE and MAE that is measured, or else any error.
+    pub fn error_metric(&self) -> Option<usize> {
+        let find = |name: &&str| self.metrics.iter().position(|m| m.row.name == *name);
+        let known = ["relmse", "rmse", "mse", "mae"].iter().find_map(find);
+        let is_error = |m: &MetricSpec| m.row.better == Better::Lower;
+        known.or_else(|| self.metrics.iter().position(is_error))
+    }
+
     /// Returns the indices of night, facet and series of every run, in the order of [`Study::all`].
     pub fn run_positions(&self) -> Vec<(usize, usize, usize)> {
         let mut positions: BTreeMap<(usize, usize), (usize, usize)> = BTreeMap::new();
@@ -444,7 +454,10 @@ impl<'a> Study<'a> {
 /// Returns whether an axis selects the integrator of all runs.
 fn is_integrator_axis(nights: &[NightResults], axis: &str) -> bool {
     let mut runs = nights.iter().flat_map(|n| &n.runs);
-    runs.all(|run| run.axis_value(axis).as_deref() == Some(run.integrator.as_str()))
+    runs.all(|run| {
+        let value = run.axis_value(axis);
+        value.is_some_and(|value| canonical_name(&value) == run.integrator)
+    })
 }
 
 /// Returns the distinct axes of all nights, in order.

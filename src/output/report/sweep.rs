@@ -295,6 +295,7 @@ fn item(
     let extra = latex.files(&stem, &caption, &provenance);
     ReportItem {
         kind: ItemKind::Figure,
+        section: format!("Final values over {}", over.name),
         stem,
         title,
         caption,

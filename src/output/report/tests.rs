@@ -1,6 +1,7 @@
 //! Reports of hand-made nights.
 
 mod sweep;
+mod verdict;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -560,7 +561,10 @@ fn each_series_is_compared_with_its_own_reference() {
     let data = page_data(&page);
     let images = data["views"][0]["images"].as_array().unwrap();
     let names: Vec<&str> = images.iter().map(|i| i["name"].as_str().unwrap()).collect();
-    assert_eq!(names, ["reference", "bpt", "nee", "reference of nee"]);
+    assert_eq!(
+        names,
+        ["reference of bpt", "bpt", "nee", "reference of nee"]
+    );
     let truths: Vec<u64> = images
         .iter()
         .map(|i| i["truth"].as_u64().unwrap())

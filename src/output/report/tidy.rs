@@ -17,6 +17,7 @@ pub fn all(study: &Study) -> Vec<ReportItem> {
     let provenance = Provenance::from_members(study.all());
     let item = |name: &str, title: &str, caption: &str, csv: String| ReportItem {
         kind: ItemKind::Data,
+        section: String::new(),
         stem: format!("data/{name}"),
         title: title.to_owned(),
         caption: caption.to_owned(),

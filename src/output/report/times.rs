@@ -126,6 +126,7 @@ fn figure(study: &Study, facet: usize, rows: &[FrameRow]) -> Result<ReportItem, 
          Tone map of all frames: {display}."
     );
     Ok(ReportItem::figure(
+        "Light over time",
         format!("figures/times{}", file_suffix(&label)),
         title,
         caption,

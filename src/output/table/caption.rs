@@ -86,7 +86,7 @@ fn averaging(plan: &Plan, spec: &TableSpec, rows: &[TableRow]) -> String {
     }
 }
 
-/// Returns long names such as `bpt: backward path tracing.` of the integrators in the labels.
+/// Returns long names such as `bpt: path tracing.` of the integrators in the labels.
 fn long_names(plan: &Plan, spec: &TableSpec) -> Option<String> {
     let axis = spec
         .rows

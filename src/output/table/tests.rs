@@ -46,7 +46,7 @@ fn other_axes_and_repeats_are_averaged_and_counted() {
     assert_eq!(
         table.to_markdown(),
         "table: RMSE (root mean square error) in radiance after the last wave, mean of 4 runs (over radius,\n\
-         repeats). bpt: backward path tracing.\n\
+         repeats). bpt: path tracing.\n\
          \n\
          | depth | technique = bpt |\n\
          |-------|----------------:|\n\

@@ -102,9 +102,7 @@ fn names_have_evenly_spaced_positions_and_long_ones_are_rotated() {
         4 + 1,
         "four names and the vertical axis"
     );
-    assert!(
-        figure.svg.contains("bpt (backward path tracing)") && !figure.svg.contains("one thin line")
-    );
+    assert!(figure.svg.contains("bpt (path tracing)") && !figure.svg.contains("one thin line"));
     let lines = fields(&figure);
     assert_eq!(
         lines[1],
@@ -258,10 +256,7 @@ fn axes_determined_by_the_horizontal_one_distinguish_no_lines() {
     let made = draw(over("depth", &y, None, &[]));
     // One line and one legend line for each technique, not one line for each radius.
     assert_eq!((made.len(), lines(&made[0])), (1, 2 + 2));
-    for text in [
-        "radius and filter change with depth",
-        "bpt (backward path tracing)",
-    ] {
+    for text in ["radius and filter change with depth", "bpt (path tracing)"] {
         assert!(made[0].svg.contains(&format!(">{text}</text>")), "{text}");
     }
     let third: Vec<String> = fields(&made[0])[2].clone();

@@ -116,6 +116,7 @@ impl FigurePage<'_> {
         let extra = latex.files(&stem, &caption, &provenance);
         Some(ReportItem {
             kind: ItemKind::Figure,
+            section: format!("Error against {x_name}"),
             stem,
             title,
             caption,

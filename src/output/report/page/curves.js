@@ -95,7 +95,7 @@ function curves(data, showRuns) {
     box.prepend(svg);
     const all = found.flatMap((l) => l.points);
     if (!all.length) {
-      const none = element("text", { x: width / 2, y: height / 2, "text-anchor": "middle", fill: "#6b6b6b" });
+      const none = element("text", { x: width / 2, y: height / 2, "text-anchor": "middle", fill: "var(--faint)" });
       none.textContent = "no measurements";
       svg.append(none);
       return;
@@ -112,14 +112,14 @@ function curves(data, showRuns) {
     const X = (v) => left + ((f(v, true) - f(x0, true)) / (f(x1, true) - f(x0, true))) * (width - left - right);
     const Y = (v) => height - bottom - ((f(v, metric.log) - f(y0, metric.log)) / (f(y1, metric.log) - f(y0, metric.log))) * (height - top - bottom);
     for (const v of ticks(x0, x1, true)) {
-      svg.append(element("line", { x1: X(v), x2: X(v), y1: top, y2: height - bottom, stroke: "#e6e6e6" }));
-      const label = element("text", { x: X(v), y: height - bottom + 18, "text-anchor": "middle", "font-size": 12, fill: "#1f1f1f" });
+      svg.append(element("line", { x1: X(v), x2: X(v), y1: top, y2: height - bottom, stroke: "var(--line)" }));
+      const label = element("text", { x: X(v), y: height - bottom + 18, "text-anchor": "middle", "font-size": 12, fill: "var(--ink)" });
       label.textContent = text(v);
       svg.append(label);
     }
     for (const v of ticks(y0, y1, metric.log)) {
-      svg.append(element("line", { x1: left, x2: width - right, y1: Y(v), y2: Y(v), stroke: "#e6e6e6" }));
-      const label = element("text", { x: left - 8, y: Y(v) + 4, "text-anchor": "end", "font-size": 12, fill: "#1f1f1f" });
+      svg.append(element("line", { x1: left, x2: width - right, y1: Y(v), y2: Y(v), stroke: "var(--line)" }));
+      const label = element("text", { x: left - 8, y: Y(v) + 4, "text-anchor": "end", "font-size": 12, fill: "var(--ink)" });
       label.textContent = text(v);
       svg.append(label);
     }
@@ -132,13 +132,14 @@ function curves(data, showRuns) {
     const floors = found.map((l) => [l.run.series, drawnValue(metric, l.run.floors[metric.index])]).filter((f) => metric.log && f[1] > 0);
     const floor = Math.max(...floors.map((f) => f[1])), shared = floors.every((f) => f[1] > floor * (1 - 1e-9));
     for (const [series, own] of shared ? [] : floors) if (own > y0) inside.append(element("line", {
-      x1: left, x2: width - right, y1: Y(own), y2: Y(own), stroke: data.series[series].colour, "stroke-dasharray": "2 3", class: "floor",
+      x1: left, x2: width - right, y1: Y(own), y2: Y(own), stroke: data.series[series].colour, "stroke-width": 1.2, "stroke-dasharray": "1.2 3.4", class: "floor",
     }));
+    pick("floors").hidden = shared || !floors.length;
     if (shared && floor > y0) {
       const at = Math.max(Y(floor), top);
-      inside.append(element("rect", { x: left, y: at, width: width - left - right, height: height - bottom - at, fill: "#d9d9d9", "fill-opacity": 0.55, class: "floor" }));
-      inside.append(element("line", { x1: left, x2: width - right, y1: at, y2: at, stroke: "#6b6b6b", "stroke-dasharray": "2 3" }));
-      const label = element("text", { x: left + 6, y: Math.min(at + 15, height - bottom - 5), "font-size": 12, fill: "#6b6b6b" });
+      inside.append(element("rect", { x: left, y: at, width: width - left - right, height: height - bottom - at, fill: "var(--line)", "fill-opacity": 0.55, class: "floor" }));
+      inside.append(element("line", { x1: left, x2: width - right, y1: at, y2: at, stroke: "var(--faint)", "stroke-dasharray": "1.2 3.4" }));
+      const label = element("text", { x: left + 6, y: Math.min(at + 15, height - bottom - 5), "font-size": 12, fill: "var(--faint)" });
       label.textContent = "noise of the reference";
       inside.append(label);
     }
@@ -149,12 +150,12 @@ function curves(data, showRuns) {
         "stroke-width": 1.6, "stroke-dasharray": s.dash, "stroke-linejoin": "round", "data-run": run.id,
       }));
       const end = points[points.length - 1];
-      if (run.state === "done") inside.append(element("circle", { cx: X(end[0]), cy: Y(end[1]), r: 3.4, fill: s.colour, stroke: "#fff" }));
+      if (run.state === "done") inside.append(element("circle", { cx: X(end[0]), cy: Y(end[1]), r: 3.4, fill: s.colour, stroke: "var(--paper)" }));
     }
-    svg.append(element("path", { d: `M${left},${top}V${height - bottom}H${width - right}`, fill: "none", stroke: "#4d4d4d" }));
-    const xName = element("text", { x: (left + width) / 2, y: height - 8, "text-anchor": "middle", "font-size": 13, fill: "#1f1f1f" });
+    svg.append(element("path", { d: `M${left},${top}V${height - bottom}H${width - right}`, fill: "none", stroke: "var(--faint)" }));
+    const xName = element("text", { x: (left + width) / 2, y: height - 8, "text-anchor": "middle", "font-size": 13, fill: "var(--ink)" });
     xName.textContent = pick("x").selectedOptions[0].textContent + (Number(pick("x").value) === 0 ? data.clock : "");
-    const yName = element("text", { x: left + 6, y: top + 12, "font-size": 13, fill: "#6b6b6b" });
+    const yName = element("text", { x: left + 6, y: top + 12, "font-size": 13, fill: "var(--faint)" });
     yName.textContent = metric.shown + (metric.unit ? " (" + metric.unit + ")" : "");
     svg.append(xName, yName);
     interact(svg, found, { X, Y, left, right, top, bottom, width, height, x0, x1, y0, y1, log: metric.log });

@@ -4,26 +4,25 @@
 //! drawings as in the report's files. Every number of a table links to its runs. Every run links to
 //! its folder and shows the command that renders it again.
 
+mod sections;
 mod views;
-
-use std::collections::BTreeMap;
 
 use serde_json::{Value as Json, json};
 
 use super::ReportContext;
-use super::grid::{Grid, GridCell};
 use super::item::{ItemKind, PROGRAM, Provenance, ReportItem};
 use super::metric_display::MetricDisplay;
 use super::study::{Member, Study};
-use super::tables::TEST;
+use super::verdict::Verdict;
 use crate::experiment::WaveRow;
 use crate::experiment::night_results::{NightResults, RunState};
 use crate::metrics::map::Colours;
-use crate::output::format;
 use crate::output::plot::axis::Scale;
 use crate::output::plot::style::style;
 use crate::output::plot::svg::{base64, escape};
+use crate::output::{OutputError, format};
 use crate::text::visible;
+use views::View;
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPTS: [&str; 3] = [
@@ -37,12 +36,16 @@ const SECURITY_POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; \
                                style-src 'unsafe-inline'; img-src data:; font-src data:";
 
 /// Builds the page as the report's `index.html`.
+///
+/// # Errors
+/// Returns an error if a thumbnail cannot be encoded.
 pub fn item(
     study: &Study,
     items: &[ReportItem],
+    verdict: &Verdict,
     context: &ReportContext,
     notes: &mut Vec<String>,
-) -> ReportItem {
+) -> Result<ReportItem, OutputError> {
     let provenance = Provenance::from_members(study.all());
     let names: Vec<&str> = study.nights.iter().map(|n| n.name.as_str()).collect();
     let title = match names.as_slice() {
@@ -50,14 +53,22 @@ pub fn item(
         [first, rest @ ..] if rest.iter().all(|name| name == first) => (*first).to_owned(),
         all => all.join(", "),
     };
-    let views = views::all(study, context.pictures, notes);
+    let views = views::all(study, context.pictures, notes)?;
     let problems = (context.problems)();
     notes.retain(|note| !problems.iter().any(|problem| note.ends_with(problem)));
-    let data = data(study, context, views).to_string();
+    let data = data(study, context, &views).to_string();
     let data = visible(&data).replace('<', "\\u003c");
-    let html = document(study, items, &title, [&problems, notes], &data, &provenance);
-    ReportItem {
+    let text = PageText {
+        title: &title,
+        problems: &problems,
+        notes,
+        data: &data,
+        provenance: &provenance,
+    };
+    let html = document(study, items, verdict, &views, &text);
+    Ok(ReportItem {
         kind: ItemKind::Data,
+        section: String::new(),
         stem: "index".to_owned(),
         title,
         caption: "Complete report on one page.".to_owned(),
@@ -65,11 +76,11 @@ pub fn item(
         grid: None,
         extra: vec![("html", html.into_bytes())],
         provenance,
-    }
+    })
 }
 
 /// Collects the data of the page's scripts.
-fn data(study: &Study, context: &ReportContext, views: Vec<Json>) -> Json {
+fn data(study: &Study, context: &ReportContext, views: &[View]) -> Json {
     let axes = study.axes();
     let metrics: Vec<Json> = study
         .metrics
@@ -113,6 +124,7 @@ fn data(study: &Study, context: &ReportContext, views: Vec<Json>) -> Json {
     let magma: Vec<[u8; 3]> = (0..=255u8)
         .map(|i| Colours::Magma.at(f32::from(i) / 255.0))
         .collect();
+    let views: Vec<&Json> = views.iter().map(|view| &view.data).collect();
     let clock = if study.devices.len() == 1 {
         format!(" on {}", study.devices[0])
     } else {
@@ -174,38 +186,47 @@ fn run_data(
     })
 }
 
-/// Writes the HTML document.
+/// Texts of the page beside the report's items.
+struct PageText<'a> {
+    title: &'a str,
+    problems: &'a [String],
+    notes: &'a [String],
+    /// Data of the scripts as JSON.
+    data: &'a str,
+    provenance: &'a Provenance,
+}
+
+/// Writes the HTML document: the answer, then pictures, curves, tables and figures, then the runs
+/// and the methods.
 fn document(
     study: &Study,
     items: &[ReportItem],
-    title: &str,
-    [problems, notes]: [&[String]; 2],
-    data: &str,
-    provenance: &Provenance,
+    verdict: &Verdict,
+    views: &[View],
+    text: &PageText,
 ) -> String {
-    let mut out = head(title, provenance);
-    out += &format!("<body>\n<h1>{}</h1>\n", escape(title));
-    if !problems.is_empty() {
+    let mut out = head(text.title, text.provenance);
+    out += &format!("<body>\n<h1>{}</h1>\n", escape(text.title));
+    if !text.problems.is_empty() {
         out += &format!(
             "<div class=\"note\" id=\"problems\"><b>Left out because it does not match its \
              checksum:</b>\n{}</div>\n",
-            list(problems)
+            list(text.problems)
         );
     }
     for (night, name) in study.nights.iter().zip(&study.names) {
         let name = (study.nights.len() > 1).then_some(name.as_str());
         out += &night_facts(night, name);
     }
-    out += "<nav><a href=\"#curves\">Curves</a><a href=\"#viewer\">Pictures</a>\
-            <a href=\"#tables\">Tables</a><a href=\"#figures\">Figures</a>\
-            <a href=\"#run-table\">Runs</a><a href=\"#methods\">Methods</a></nav>\n";
+    out += &sections::answer(study, verdict, views, text.notes.len());
+    out += "<nav><a href=\"#answer\">Answer</a><a href=\"#viewer\">Pictures</a>\
+            <a href=\"#curves\">Curves</a><a href=\"#tables\">Tables</a>\
+            <a href=\"#figures\">Figures</a><a href=\"#run-table\">Runs</a>\
+            <a href=\"#methods\">Methods</a></nav>\n";
     out += include_str!("parts.html");
-    out += &tables_section(study, items);
-    out += "<section id=\"figures\">\n<h2>Figures</h2>\n";
-    for item in items.iter().filter(|item| item.kind == ItemKind::Figure) {
-        out += &figure(item);
-    }
-    out += "</section>\n<section id=\"run-table\">\n<h2>Runs</h2>\n\
+    out += &sections::tables(study, items);
+    out += &sections::figures(items);
+    out += "<section id=\"run-table\">\n<h2>Runs</h2>\n\
             <div class=\"bar\"><input id=\"words\" size=\"34\" \
             placeholder=\"technique=bdpt repeat=0\" aria-label=\"filter runs by words\">\
             <span id=\"count\"></span><button id=\"every\" hidden>show all runs</button></div>\n\
@@ -214,12 +235,13 @@ fn document(
     if let Some(methods) = items.iter().find(|item| item.stem == "methods") {
         out += &format!("<p>{}</p>\n", escape(&methods.caption));
     }
-    if !notes.is_empty() {
-        out += &format!("<h3>Notes</h3>\n{}", list(notes));
+    if !text.notes.is_empty() {
+        out += &format!("<h3 id=\"notes\">Notes</h3>\n{}", list(text.notes));
     }
     out += "</section>\n";
     out += &format!(
-        "<script type=\"application/json\" id=\"data\">{data}</script>\n<script>\n{}</script>\n",
+        "<script type=\"application/json\" id=\"data\">{}</script>\n<script>\n{}</script>\n",
+        text.data,
         SCRIPTS.join("\n")
     );
     out + "</body>\n</html>\n"
@@ -270,119 +292,6 @@ fn night_facts(night: &NightResults, name: Option<&str>) -> String {
         .map(|f| escape(f))
         .collect();
     format!("<p class=\"meta\">{name}{}</p>\n", facts.join(" · "))
-}
-
-fn tables_section(study: &Study, items: &[ReportItem]) -> String {
-    let run_index: BTreeMap<&str, usize> = study
-        .all()
-        .enumerate()
-        .map(|(i, m)| (m.run.id.as_str(), i))
-        .collect();
-    let grids = || items.iter().filter_map(|item| item.grid.as_deref());
-    let mut out = "<section id=\"tables\">\n<h2>Tables</h2>\n".to_owned();
-    if grids().any(|grid| grid.caption.contains(TEST)) {
-        out += &format!(
-            "<p class=\"note\">{} Click a number to list its runs.</p>\n",
-            escape(TEST)
-        );
-    }
-    for grid in grids() {
-        out += &table(grid, &run_index);
-    }
-    out + "</section>\n"
-}
-
-/// Returns links to the files of an item.
-fn file_links(item: &ReportItem) -> String {
-    let drawn = item.svg.iter().flat_map(|_| ["svg", "png", "pdf"]);
-    let all = drawn.chain(item.extra.iter().map(|(extension, _)| *extension));
-    let link = |extension: &str| {
-        format!(
-            "<a href=\"{}.{extension}\">{extension}</a>",
-            escape(&item.stem)
-        )
-    };
-    all.map(link).collect::<Vec<_>>().join(" ")
-}
-
-fn figure(item: &ReportItem) -> String {
-    let svg = item.svg.as_deref().unwrap_or_default();
-    // All drawings use the font embedded in the page.
-    let svg = svg.replacen("font-family=\"Ubuntu,", "font-family=\"Lumbre, Ubuntu,", 1);
-    format!(
-        "<figure id=\"{}\">\n<h3>{}</h3>\n{svg}<figcaption>{} {}</figcaption>\n</figure>\n",
-        escape(&item.stem),
-        escape(&item.title),
-        escape(&item.caption),
-        file_links(item)
-    )
-}
-
-/// Writes a table. `run_index` maps identities of runs to their index in the page's data.
-fn table(grid: &Grid, run_index: &BTreeMap<&str, usize>) -> String {
-    let mut out = format!(
-        "<h3 id=\"tables/{}\">{}</h3>\n<div class=\"scroll\"><table><thead>",
-        escape(&grid.name),
-        escape(&grid.title)
-    );
-    if grid.groups.iter().any(|(group, _)| !group.is_empty()) {
-        out += "<tr>";
-        out += &"<th></th>".repeat(grid.label_headers.len());
-        for (group, span) in &grid.groups {
-            out += &format!("<th class=\"g\" colspan=\"{span}\">{}</th>", escape(group));
-        }
-        out += "</tr>";
-    }
-    out += "<tr>";
-    for header in &grid.label_headers {
-        out += &format!("<th>{}</th>", escape(header));
-    }
-    for header in &grid.columns {
-        out += &format!("<th class=\"n\">{}</th>", escape(header));
-    }
-    out += "</tr></thead><tbody>\n";
-    for (labels, cells) in &grid.rows {
-        out += "<tr>";
-        for label in labels {
-            out += &format!("<td>{}</td>", escape(label));
-        }
-        for cell in cells {
-            out += &table_cell(grid, cell, run_index);
-        }
-        out += "</tr>\n";
-    }
-    let stem = format!("tables/{}", grid.name);
-    let links = ["md", "csv", "tex"]
-        .map(|e| format!("<a href=\"{}.{e}\">{e}</a>", escape(&stem)))
-        .join(" ");
-    let caption = grid.caption.replace(&format!(" {TEST}"), "");
-    out + &format!(
-        "</tbody></table></div>\n<p class=\"note\">{} {links}</p>\n",
-        escape(&caption)
-    )
-}
-
-/// Writes a number with a link to its runs.
-fn table_cell(grid: &Grid, cell: &GridCell, run_index: &BTreeMap<&str, usize>) -> String {
-    let text = escape(&grid.cell(cell));
-    let text = if cell.best {
-        format!("<b>{text}</b>")
-    } else {
-        text
-    };
-    let runs: Vec<String> = cell
-        .run_ids
-        .iter()
-        .filter_map(|id| run_index.get(id.as_str()))
-        .map(usize::to_string)
-        .collect();
-    let text = if runs.is_empty() {
-        text
-    } else {
-        let runs = runs.join(" ");
-        format!("<a href=\"#run-table\" data-runs=\"{runs}\">{text}</a>")
-    };
-    format!("<td class=\"n\">{text}</td>")
 }
 
 /// Formats a number below a picture with three significant digits.

@@ -1,3 +1,20 @@
+// Copies a text, or shows it where a page may not copy.
+function copy(button, text) {
+  const name = button.textContent;
+  const done = () => { button.textContent = "copied"; setTimeout(() => { button.textContent = name; }, 1200); };
+  const ask = () => window.prompt(name, text);
+  navigator.clipboard ? navigator.clipboard.writeText(text).then(done, ask) : ask();
+}
+
+// Opens the folded section of the item that the address names.
+function unfold() {
+  const item = document.getElementById(decodeURIComponent(location.hash.slice(1)));
+  const section = item && item.closest("details");
+  if (!section || section.open) return;
+  section.open = true;
+  item.scrollIntoView();
+}
+
 // Table of runs. It can be sorted by any column, and filtered by words or by a click on a number
 // or curve.
 function runs(data) {
@@ -63,10 +80,7 @@ function runs(data) {
           const button = document.createElement("button");
           button.textContent = "copy command";
           button.title = value;
-          button.addEventListener("click", () => {
-            const done = () => { button.textContent = "copied"; setTimeout(() => { button.textContent = "copy command"; }, 1200); };
-            navigator.clipboard ? navigator.clipboard.writeText(value).then(done, () => window.prompt("command", value)) : window.prompt("command", value);
-          });
+          button.addEventListener("click", () => copy(button, value));
           cell.append(button);
         } else {
           cell.textContent = column.numeric ? number(value) : value;
@@ -93,6 +107,11 @@ function runs(data) {
   return show;
 }
 
+for (const button of document.querySelectorAll("button.copy")) {
+  button.addEventListener("click", () => copy(button, button.dataset.text));
+}
+window.addEventListener("hashchange", unfold);
+unfold();
 const data = JSON.parse(document.getElementById("data").textContent);
 const showRuns = runs(data);
 curves(data, showRuns);

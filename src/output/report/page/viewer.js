@@ -151,5 +151,8 @@ function viewer(data) {
     const { width, height } = current();
     showReadout(at[0] >= 0 && at[1] >= 0 && at[0] < width && at[1] < height ? at : null);
   });
+  for (const link of document.querySelectorAll("a[data-view]")) {
+    link.addEventListener("click", () => { pick("scene").value = link.dataset.view; choose(Number(link.dataset.view)); });
+  }
   choose(0);
 }

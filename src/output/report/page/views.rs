@@ -11,16 +11,37 @@ use crate::output::plot::svg::base64;
 use crate::output::report::Pictures;
 use crate::output::report::crops::flip_metric;
 use crate::output::report::snapshots;
-use crate::output::report::snapshots::{FacetReferences, Moment, Snapshot};
+use crate::output::report::snapshots::{FacetReferences, Moment, Reference, Snapshot};
 use crate::output::report::study::Study;
+use crate::output::{OutputError, png};
 use lumbre_light::film::Image;
 
 /// Maximum size of the half floats of all pictures together, in bytes.
 const MOST_BYTES: usize = 48 << 20;
 
+/// Maximum width of thumbnails in pixels.
+const THUMBNAIL: u32 = 128;
+
+/// Pictures of one facet on the page.
+pub struct View {
+    /// Index of the facet.
+    pub facet: usize,
+    /// Data of the viewer.
+    pub data: Json,
+    /// The reference in small, as a PNG file.
+    pub thumbnail: Vec<u8>,
+}
+
 /// Builds one view for each facet with a reference: its references and the final picture of every
 /// series. All pictures are reduced by the same power of two if they would exceed [`MOST_BYTES`].
-pub fn all(study: &Study, pictures: &Pictures, notes: &mut Vec<String>) -> Vec<Json> {
+///
+/// # Errors
+/// Returns an error if a thumbnail cannot be encoded.
+pub fn all(
+    study: &Study,
+    pictures: &Pictures,
+    notes: &mut Vec<String>,
+) -> Result<Vec<View>, OutputError> {
     let mut views = Vec::new();
     for facet in 0..study.facets.len() {
         let Some(references) = snapshots::references(study, facet, pictures, notes) else {
@@ -42,7 +63,14 @@ pub fn all(study: &Study, pictures: &Pictures, notes: &mut Vec<String>) -> Vec<J
     while bytes / (shrink * shrink) as usize > MOST_BYTES {
         shrink *= 2;
     }
-    views.iter().map(|view| view.data(shrink)).collect()
+    let finished = |view: &FacetView| {
+        Ok(View {
+            facet: view.facet,
+            data: view.data(shrink),
+            thumbnail: view.thumbnail()?,
+        })
+    };
+    views.iter().map(finished).collect()
 }
 
 /// Pictures of one facet.
@@ -56,14 +84,21 @@ struct FacetView<'a> {
 impl FacetView<'_> {
     /// Returns the size of all pictures without reduction.
     fn half_float_bytes(&self) -> usize {
-        let pixels = self.references.all[0].0.data.len();
+        let pixels = self.references.all[0].image.data.len();
         pixels * 6 * (self.snapshots.len() + self.references.all.len())
+    }
+
+    /// Returns the first reference, reduced to at most [`THUMBNAIL`] pixels of width, as PNG.
+    fn thumbnail(&self) -> Result<Vec<u8>, OutputError> {
+        let image = &self.references.all[0].image;
+        let small = reduced(image, image.width.div_ceil(THUMBNAIL).max(1));
+        png::encode(&small, snapshots::exposure(image), &[])
     }
 
     /// Returns the data of the view: the first reference, every series, then the other references.
     /// The key `truth` of an image is the index of the reference that it is compared with.
     fn data(&self, shrink: u32) -> Json {
-        let display = snapshots::exposure(&self.references.all[0].0);
+        let display = snapshots::exposure(&self.references.all[0].image);
         let Tonemap::Srgb { exposure } = display else {
             return Json::Null;
         };
@@ -75,7 +110,7 @@ impl FacetView<'_> {
         for index in 1..self.references.all.len() {
             images.push(self.reference_data(index, shrink));
         }
-        let first = reduced(&self.references.all[0].0, shrink);
+        let first = reduced(&self.references.all[0].image, shrink);
         json!({
             "name": self.study.facet_label(self.facet), "width": first.width,
             "height": first.height, "exposure": exposure, "shrunk": shrink, "images": images,
@@ -92,11 +127,10 @@ impl FacetView<'_> {
     }
 
     fn reference_data(&self, index: usize, shrink: u32) -> Json {
-        let (image, description) = &self.references.all[index];
-        let owner = self.references.owner(index).filter(|_| index > 0);
-        let name = owner.map_or("reference".to_owned(), |series| {
-            format!("reference of {}", self.study.series[series].full_label())
-        });
+        let Reference {
+            image, description, ..
+        } = &self.references.all[index];
+        let name = self.references.name(self.study, index);
         json!({
             "name": name, "words": description, "samples": Json::Null, "metrics": [],
             "half": half_floats(&reduced(image, shrink)), "truth": self.image_index(index),

@@ -6,6 +6,7 @@ use super::Pictures;
 use super::metric_display::MetricDisplay;
 use super::study::{Member, Study};
 use crate::experiment::WaveRow;
+use crate::metrics::MetricSpec;
 use crate::metrics::tonemap::Tonemap;
 use lumbre_light::film::Image;
 
@@ -37,18 +38,79 @@ pub enum Moment {
     End,
 }
 
+/// Picture of a reference.
+pub struct Reference {
+    /// Pixels in linear sRGB.
+    pub image: Image,
+    /// Integrator and samples per pixel, or the name of the file.
+    pub description: String,
+    /// Expected value of the study's error metric between the true picture and this one, if known.
+    floor: Option<f64>,
+}
+
 /// References of a facet. Techniques may share one or have different ones.
 pub struct FacetReferences {
-    /// Pictures of equal size with their descriptions; at least one.
-    pub all: Vec<(Image, String)>,
+    /// References of equal size, with the least noise first; those of unknown noise are last. At
+    /// least one.
+    pub all: Vec<Reference>,
     /// For each series of the study, the index of its reference, if it could be read.
     pub by_series: Vec<Option<usize>>,
+}
+
+/// Two references that differ by more than their noise explains.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Disagreement {
+    /// Index of the reference with the larger noise; the other one is the first.
+    pub reference: usize,
+    /// Error of one against the other.
+    pub error: f64,
+    /// Expected error of two pictures of the same scene with the noise of these.
+    pub expected: f64,
 }
 
 impl FacetReferences {
     /// Returns the reference that a snapshot is compared with.
     pub fn for_snapshot(&self, snapshot: &Snapshot) -> &Image {
-        &self.all[self.by_series[snapshot.series].unwrap_or(0)].0
+        &self.all[self.by_series[snapshot.series].unwrap_or(0)].image
+    }
+
+    /// Returns the name of a reference, with its series if there are several references.
+    pub fn name(&self, study: &Study, reference: usize) -> String {
+        let series = self.owner(reference).map(|s| study.series[s].full_label());
+        series.map_or("reference".to_owned(), |s| format!("reference of {s}"))
+    }
+
+    /// Returns the references whose squared error against the first one is more than twice the sum
+    /// of both noises.
+    pub fn disagreements(&self, metric: &MetricSpec) -> Vec<Disagreement> {
+        let first = &self.all[0];
+        let compared = |(index, other): (usize, &Reference)| {
+            let both = [first.floor?, other.floor?];
+            let expected = metric.sum_of_noise(both)?;
+            let error = metric.eval(&other.image, &first.image).ok()?;
+            (!metric.is_at_floor(error, expected)).then_some(Disagreement {
+                reference: index,
+                error,
+                expected,
+            })
+        };
+        let others = self.all.iter().enumerate().skip(1);
+        others.filter_map(compared).collect()
+    }
+
+    /// Sorts the references by noise.
+    fn sort_by_noise(&mut self) {
+        let mut order: Vec<usize> = (0..self.all.len()).collect();
+        let noise = |index: &usize| self.all[*index].floor.unwrap_or(f64::INFINITY);
+        order.sort_by(|a, b| noise(a).total_cmp(&noise(b)));
+        let mut all: Vec<Option<Reference>> = self.all.drain(..).map(Some).collect();
+        self.all = order
+            .iter()
+            .filter_map(|index| all[*index].take())
+            .collect();
+        for reference in self.by_series.iter_mut().flatten() {
+            *reference = order.iter().position(|i| i == reference).unwrap_or(0);
+        }
     }
 
     /// Returns the first series that uses a reference, or `None` if there is only one reference.
@@ -95,7 +157,7 @@ pub fn references(
                 let size = references
                     .all
                     .first()
-                    .map(|(first, _)| [first.width, first.height]);
+                    .map(|first| [first.image.width, first.image.height]);
                 if size.is_some_and(|size| size != [image.width, image.height]) {
                     notes.push(format!(
                         "{} is left out: its size differs from that of the other references",
@@ -104,12 +166,19 @@ pub fn references(
                     continue;
                 }
                 references.by_series[series] = Some(references.all.len());
-                references.all.push((image, reference.description.clone()));
+                let noise_metric = study.error_metric();
+                let floor = noise_metric.and_then(|m| member.run.floor(&study.metrics[m].column));
+                references.all.push(Reference {
+                    image,
+                    description: reference.description.clone(),
+                    floor,
+                });
                 paths.push(path);
             }
             break;
         }
     }
+    references.sort_by_noise();
     (!references.all.is_empty()).then_some(references)
 }
 
@@ -124,7 +193,8 @@ pub fn nearest_snapshots(
     pictures: &Pictures,
     notes: &mut Vec<String>,
 ) -> Vec<Snapshot> {
-    let size = [references.all[0].0.width, references.all[0].0.height];
+    let first = &references.all[0].image;
+    let size = [first.width, first.height];
     let mut snapshots = Vec::new();
     for series in (0..study.series.len()).filter(|s| references.by_series[*s].is_some()) {
         let members = study.members(facet, series);

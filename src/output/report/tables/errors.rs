@@ -1,7 +1,8 @@
 //! Tables of errors and of times to reach an error.
 
 use super::ranking::Ranking;
-use super::{empty_grid, fill_grid, with_devices};
+use super::rates::SPEED;
+use super::{empty_grid, fill_grid, mark_noise_floors, with_devices};
 use crate::experiment::{WaveRow, night_results};
 use crate::metrics::Better;
 use crate::output::format;
@@ -29,15 +30,19 @@ pub(super) fn final_values(study: &Study, metric: usize) -> Grid {
     );
     let grid = empty_grid(
         study,
+        spec.row.label,
         &format!("final-{}", spec.column),
         &format!("Final {}", spec.row.label),
         caption,
         &spec.unit(),
         Digits::Significant(4),
     );
-    fill_grid(study, grid, metric_ranking(study, metric), |_, m| {
-        Some(RunValue::exact(m.value(m.run.rows.last()?, metric)?))
-    })
+    let last = |_: usize, m: &Member| m.value(m.run.rows.last()?, metric);
+    let mut grid = fill_grid(study, grid, metric_ranking(study, metric), |facet, m| {
+        last(facet, m).map(RunValue::exact)
+    });
+    mark_noise_floors(study, &mut grid, metric, last);
+    grid
 }
 
 /// Builds the table of efficiency, the reciprocal of squared error times render time. For an
@@ -69,19 +74,24 @@ pub(super) fn efficiency(study: &Study) -> Option<Grid> {
     };
     let grid = empty_grid(
         study,
+        SPEED,
         "efficiency",
         "Efficiency",
         with_devices(study, &caption),
         &unit,
         Digits::Significant(3),
     );
-    Some(fill_grid(study, grid, Ranking::HigherRate, |_, m| {
+    let mut grid = fill_grid(study, grid, Ranking::HigherRate, |_, m| {
         let last = m.run.rows.last()?;
         let error = m.value(last, metric)?;
         let error = m.run.net_error(spec, error);
         let squared = if is_root { error * error } else { error };
         night_results::efficiency(squared, last.render_s).map(RunValue::exact)
-    }))
+    });
+    mark_noise_floors(study, &mut grid, metric, |_, m| {
+        m.value(m.run.rows.last()?, metric)
+    });
+    Some(grid)
 }
 
 /// Returns the curve of a run's metric over render time.
@@ -123,6 +133,7 @@ pub(super) fn equal_time(study: &Study, options: &ReportOptions, metric: usize) 
     );
     let grid = empty_grid(
         study,
+        spec.row.label,
         &format!("equal-time-{}", spec.column),
         &format!("{} at equal time", spec.row.label),
         with_devices(study, &caption),
@@ -131,10 +142,14 @@ pub(super) fn equal_time(study: &Study, options: &ReportOptions, metric: usize) 
     );
     let display = MetricDisplay::for_metric(spec);
     let ranking = metric_ranking(study, metric);
+    let at_time = |facet: usize, m: &Member| {
+        let drawn = curve_over_time(study, m, metric).at(times[facet]?)?;
+        Some(display.metric_value(drawn))
+    };
     let mut grid = fill_grid(study, grid, ranking, |facet, m| {
-        let value = curve_over_time(study, m, metric).at(times[facet]?)?;
-        Some(RunValue::exact(display.metric_value(value)))
+        at_time(facet, m).map(RunValue::exact)
     });
+    mark_noise_floors(study, &mut grid, metric, at_time);
     grid.label_headers.push("time (s)".to_owned());
     for ((labels, _), time) in grid.rows.iter_mut().zip(times) {
         labels.push(time.map_or("–".to_owned(), |t| format::significant(t, 3)));
@@ -188,6 +203,7 @@ pub(super) fn equal_error(study: &Study, metric: usize) -> Option<Grid> {
     );
     let grid = empty_grid(
         study,
+        spec.row.label,
         &format!("equal-error-{}", spec.column),
         &format!("Time to equal {}", spec.row.label),
         with_devices(study, &caption),
@@ -219,6 +235,7 @@ pub(super) fn time_to(study: &Study, metric: usize, threshold: f64) -> Grid {
     );
     let grid = empty_grid(
         study,
+        spec.row.label,
         &format!("time-to-{}-{threshold}", spec.column),
         &format!("Time to {} {sign} {threshold}", spec.row.label),
         with_devices(study, &caption),

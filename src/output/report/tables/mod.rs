@@ -14,13 +14,17 @@ use super::item::{Provenance, ReportItem};
 use super::study::{Member, ReportOptions, Study};
 use crate::output::quantity::{Bound, RunValue};
 pub(super) use errors::{common_error, common_time};
-use lumbre_light::math::t_test::mean_and_interval;
 use ranking::{Ranking, significant_best};
 
 /// Explanation of bold and ± at the end of captions. The HTML page shows it once.
 pub(super) const TEST: &str = "Bold: best value of its row and group, significantly better than \
-    every other at 5 % (Welch's test over repeats, Holm's correction). ±: half-width of the 95 % \
-    confidence interval of the mean.";
+    every other at 5 % (Welch's test over repeats, Holm's correction). Means and intervals are on \
+    the scale of the test. ×÷: geometric mean, and the factor by which its 95 % confidence \
+    interval reaches down and up. ±, and ends in parentheses: 95 % confidence interval of the \
+    mean.";
+
+/// Explanation of the dagger at the end of captions.
+const AT_FLOOR: &str = "†: at least half of the squared error can be noise of the reference.";
 
 /// SSIM threshold of the default time-to-threshold table [S0].
 const SSIM_THRESHOLD: f64 = 0.95;
@@ -34,16 +38,17 @@ pub fn all(
     options: &ReportOptions,
     notes: &mut Vec<String>,
 ) -> Result<Vec<ReportItem>, ReportError> {
-    let mut grids = vec![rates::sampling_rates(study)];
-    grids.extend(rates::relative_rates(study));
+    let mut grids = Vec::new();
     for metric in 0..study.metrics.len() {
+        grids.extend(errors::equal_time(study, options, metric));
+        grids.extend(
+            errors::equal_error(study, metric).filter(|grid| !repeats_one_of(&grids, grid)),
+        );
         grids.push(errors::final_values(study, metric));
     }
     grids.extend(errors::efficiency(study));
-    for metric in 0..study.metrics.len() {
-        grids.extend(errors::equal_time(study, options, metric));
-        grids.extend(errors::equal_error(study, metric));
-    }
+    grids.push(rates::sampling_rates(study));
+    grids.extend(rates::relative_rates(study));
     for (column, threshold) in thresholds(study, options)? {
         let metric = study
             .metrics
@@ -73,6 +78,26 @@ pub fn all(
         .collect())
 }
 
+/// Returns whether a table of times to an equal error has the numbers of another one in every cell,
+/// as that of MSE has those of RMSE.
+fn repeats_one_of(grids: &[Grid], grid: &Grid) -> bool {
+    let mut times = grids
+        .iter()
+        .filter(|other| other.name.starts_with("equal-error-"));
+    times.any(|other| {
+        let (own, theirs) = (grid.cells(), other.cells());
+        own.len() == theirs.len() && own.iter().zip(theirs).all(|(a, b)| is_same_number(a, b))
+    })
+}
+
+/// Returns whether two cells have the same number up to rounding, or none.
+fn is_same_number(a: &GridCell, b: &GridCell) -> bool {
+    match (a.value, b.value) {
+        (Some(x), Some(y)) => a.bound == b.bound && (x - y).abs() <= 1e-9 * x.abs(),
+        (x, y) => x == y,
+    }
+}
+
 /// Returns the thresholds of the options, and the default threshold of every SSIM column without
 /// one.
 fn thresholds(study: &Study, options: &ReportOptions) -> Result<Vec<(String, f64)>, ReportError> {
@@ -99,6 +124,7 @@ fn thresholds(study: &Study, options: &ReportOptions) -> Result<Vec<(String, f64
 /// Creates a table over facets and series without rows.
 fn empty_grid(
     study: &Study,
+    section: &str,
     name: &str,
     title: &str,
     caption: String,
@@ -109,6 +135,7 @@ fn empty_grid(
     let span = |group: &String| study.series.iter().filter(|s| s.group == *group).count();
     Grid {
         name: name.to_owned(),
+        section: section.to_owned(),
         title: title.to_owned(),
         caption,
         unit: unit.to_owned(),
@@ -143,7 +170,7 @@ fn fill_grid(
             complete.push(values.len() == finished().count());
             cells.push(GridCell {
                 run_ids,
-                ..mean_cell(&values)
+                ..mean_cell(&values, ranking)
             });
             samples.push(values);
         }
@@ -178,19 +205,49 @@ fn fill_grid(
     grid
 }
 
-/// Averages the values of some runs. The mean is a bound if any value is one.
-fn mean_cell(samples: &[RunValue]) -> GridCell {
+/// Averages the values of some runs on the scale on which they are compared. The mean is a bound if
+/// any value is one.
+fn mean_cell(samples: &[RunValue], ranking: Ranking) -> GridCell {
     let values: Vec<f64> = samples.iter().map(|sample| sample.number).collect();
     if values.is_empty() {
         return GridCell::default();
     }
-    let (mean, half) = mean_and_interval(&values);
+    let (mean, interval) = ranking.mean(&values);
     GridCell {
         value: Some(mean),
         bound: Bound::of_mean(samples.iter().map(|sample| sample.bound)),
-        ci95_half: half.filter(|h| h.is_finite()),
+        interval,
         runs: values.len(),
         ..GridCell::default()
+    }
+}
+
+/// Marks the cells in which a finished run's value of a metric is dominated by the noise of its
+/// reference. `value` returns the metric's value of a run in a facet.
+fn mark_noise_floors(
+    study: &Study,
+    grid: &mut Grid,
+    metric: usize,
+    value: impl Fn(usize, &Member) -> Option<f64>,
+) {
+    let spec = &study.metrics[metric];
+    let is_at_floor = |facet: usize, member: &Member| {
+        let floor = member.run.floor(&spec.column);
+        let both = value(facet, member).zip(floor);
+        both.is_some_and(|(value, floor)| spec.is_at_floor(value, floor))
+    };
+    let mut any = false;
+    for (facet, (_, cells)) in grid.rows.iter_mut().enumerate() {
+        for (series, cell) in cells.iter_mut().enumerate() {
+            let members = study.members(facet, series);
+            let mut finished = members.iter().filter(|m| m.run.is_done());
+            cell.at_floor = finished.any(|member| is_at_floor(facet, member));
+            any |= cell.at_floor;
+        }
+    }
+    if any {
+        grid.caption += " ";
+        grid.caption += AT_FLOOR;
     }
 }
 
@@ -210,13 +267,15 @@ mod tests {
     fn a_mean_with_a_run_below_the_threshold_is_a_bound() {
         let bounded = |number, bound| RunValue { number, bound };
         let lower = bounded(3.0, Bound::Lower);
-        let cell = mean_cell(&[RunValue::exact(1.0), lower]);
+        let cell = mean_cell(&[RunValue::exact(1.0), lower], Ranking::Unranked);
         assert_eq!(
             (cell.bound, cell.value, cell.runs),
             (Bound::Lower, Some(2.0), 2)
         );
-        let cell = mean_cell(&[lower, bounded(1.0, Bound::Upper)]);
+        let both = [lower, bounded(1.0, Bound::Upper)];
+        let cell = mean_cell(&both, Ranking::Unranked);
         assert_eq!((cell.bound, cell.value), (Bound::Either, Some(2.0)));
-        assert_eq!(mean_cell(&[]), GridCell::default());
+        let cell = mean_cell(&[], Ranking::ShorterTime);
+        assert_eq!(cell, GridCell::default());
     }
 }

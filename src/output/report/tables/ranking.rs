@@ -2,12 +2,13 @@
 //!
 //! The best mean is compared with every other by Welch's test over repeats, on logarithms for
 //! metrics with a logarithmic axis and for times and rates. All tests must be significant at 5 %
-//! with Holm's correction.
+//! with Holm's correction. Means and their intervals are computed on the same scale.
 
 use crate::output::plot::axis::Scale;
 use crate::output::quantity::{Bound, RunValue};
+use crate::output::report::grid::Interval;
 use crate::output::report::metric_display::MetricDisplay;
-use lumbre_light::math::t_test::welch_p;
+use lumbre_light::math::t_test::{mean_and_interval, welch_p};
 
 /// Significance level of bold values.
 const ALPHA: f64 = 0.05;
@@ -26,24 +27,73 @@ pub(super) enum Ranking {
 }
 
 impl Ranking {
-    /// Converts a value to the scale of the test, on which smaller is better. Returns `None` for
-    /// bounds and for values that the scale does not accept.
+    /// Converts a value to the scale on which it is averaged and compared: a logarithm for rates,
+    /// times and errors with a logarithmic axis. Returns `None` if the scale does not accept it.
+    pub(super) fn scaled(self, value: f64) -> Option<f64> {
+        match self {
+            Ranking::Unranked => Some(value),
+            Ranking::LowerError(display) => display.drawn_value(value).map(|drawn| {
+                if display.scale == Scale::Log {
+                    drawn.ln()
+                } else {
+                    drawn
+                }
+            }),
+            Ranking::HigherRate | Ranking::ShorterTime => (value > 0.0).then(|| value.ln()),
+        }
+    }
+
+    /// Converts a number on the scale of [`Ranking::scaled`] back to a value.
+    fn unscaled(self, scaled: f64) -> f64 {
+        match self {
+            Ranking::Unranked => scaled,
+            Ranking::LowerError(display) if display.scale == Scale::Log => {
+                display.metric_value(scaled.exp())
+            }
+            Ranking::LowerError(display) => display.metric_value(scaled),
+            Ranking::HigherRate | Ranking::ShorterTime => scaled.exp(),
+        }
+    }
+
+    /// Returns the mean of some values on the scale of comparison with its 95 % confidence interval
+    /// by Student's t, both converted back. There is no interval for a single value. If the scale
+    /// does not accept a value, such as an error of 0, returns the arithmetic mean without an
+    /// interval.
+    pub(super) fn mean(self, values: &[f64]) -> (f64, Option<Interval>) {
+        let scaled: Option<Vec<f64>> = values.iter().map(|value| self.scaled(*value)).collect();
+        let Some(scaled) = scaled else {
+            return (values.iter().sum::<f64>() / values.len() as f64, None);
+        };
+        let (mean, half) = mean_and_interval(&scaled);
+        let interval = half.filter(|half| half.is_finite()).map(|half| {
+            let ends = [self.unscaled(mean - half), self.unscaled(mean + half)];
+            match self {
+                Ranking::Unranked => Interval::Half(half),
+                Ranking::HigherRate | Ranking::ShorterTime => Interval::Factor(half.exp()),
+                Ranking::LowerError(display) => match (display.scale, display.complement()) {
+                    (Scale::Linear, _) => Interval::Half(half),
+                    (Scale::Log, None) => Interval::Factor(half.exp()),
+                    (Scale::Log, Some(_)) => {
+                        Interval::Ends(ends[0].min(ends[1]), ends[0].max(ends[1]))
+                    }
+                },
+            }
+        });
+        (self.unscaled(mean), interval)
+    }
+
+    /// Converts a value to a number of which smaller is better. Returns `None` for bounds and for
+    /// values that the scale of comparison does not accept.
     fn score(self, value: &RunValue) -> Option<f64> {
-        let x = &value.number;
         if value.bound != Bound::Exact {
             return None;
         }
+        let scaled = self.scaled(value.number)?;
         match self {
             Ranking::Unranked => None,
-            Ranking::LowerError(display) => display.drawn_value(*x).map(|y| {
-                if display.scale == Scale::Log {
-                    y.ln()
-                } else {
-                    -y
-                }
-            }),
-            Ranking::HigherRate => (*x > 0.0).then(|| -x.ln()),
-            Ranking::ShorterTime => (*x > 0.0).then(|| x.ln()),
+            Ranking::HigherRate => Some(-scaled),
+            Ranking::LowerError(display) if display.scale == Scale::Linear => Some(-scaled),
+            Ranking::LowerError(_) | Ranking::ShorterTime => Some(scaled),
         }
     }
 }
@@ -84,10 +134,37 @@ pub(super) fn significant_best(samples: &[Vec<RunValue>], ranking: Ranking) -> O
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use super::*;
+    use crate::metrics::MetricSpec;
 
     fn exact(values: &[f64]) -> Vec<RunValue> {
         values.iter().map(|v| RunValue::exact(*v)).collect()
+    }
+
+    #[test]
+    fn a_mean_and_its_interval_are_on_the_scale_of_the_test() {
+        // Logarithms -ln 2, 0 and ln 2: standard deviation ln 2, t = 4.30265.
+        let factor = (4.302_652_73 * 2f64.ln() / 3f64.sqrt()).exp();
+        let (mean, interval) = Ranking::HigherRate.mean(&[0.5, 1.0, 2.0]);
+        assert!((mean - 1.0).abs() < 1e-12);
+        assert!(matches!(interval, Some(Interval::Factor(f)) if (f - factor).abs() < 1e-5));
+        let ssim = MetricSpec::new("ssim", "ssim", BTreeMap::new()).unwrap();
+        let ranking = Ranking::LowerError(MetricDisplay::for_metric(&ssim));
+        let (mean, interval) = ranking.mean(&[0.5, 0.75, 0.875]);
+        assert!((mean - 0.75).abs() < 1e-12);
+        let Some(Interval::Ends(low, high)) = interval else {
+            panic!("{interval:?} is not symmetric around the mean");
+        };
+        assert!((1.0 - low - 0.25 * factor).abs() < 1e-5);
+        assert!((1.0 - high - 0.25 / factor).abs() < 1e-5);
+        assert_eq!(Ranking::Unranked.mean(&[3.0]), (3.0, None));
+        assert_eq!(
+            Ranking::ShorterTime.mean(&[0.0, 1.0]),
+            (0.5, None),
+            "a logarithm of zero has no mean"
+        );
     }
 
     #[test]

@@ -6,12 +6,16 @@ use crate::output::quantity::RunValue;
 use crate::output::report::grid::{Digits, Grid, GridCell};
 use crate::output::report::study::Study;
 
+/// Heading of the tables of speed.
+pub(super) const SPEED: &str = "Speed and efficiency";
+
 /// Builds the table of samples per pixel and second [S0, table 5.2].
 pub(super) fn sampling_rates(study: &Study) -> Grid {
     let caption = "Samples per pixel per second of render time (FPS: a frame is one sample of \
-                   every pixel). Mean over repeats.";
+                   every pixel). Geometric mean over repeats.";
     let grid = empty_grid(
         study,
+        SPEED,
         "fps-absolute",
         "Sampling rate",
         with_devices(study, caption),
@@ -46,6 +50,7 @@ pub(super) fn relative_rates(study: &Study) -> Option<Grid> {
     };
     let mut grid = empty_grid(
         study,
+        SPEED,
         "fps-relative",
         "Relative sampling rate",
         with_devices(study, &columns.caption),
@@ -131,9 +136,11 @@ fn series_ratios(study: &Study) -> RatioColumns {
 /// shading.
 pub(super) fn acceleration_structures(study: &Study) -> Option<Grid> {
     let caption = "Number of nodes, build time in milliseconds (minimum over runs), and million \
-                   rays per second of render time, including shading (mean over repeats).";
+                   rays per second of render time, including shading (geometric mean over repeats; ×÷: \
+                   factor of its 95 % confidence interval).";
     let mut grid = empty_grid(
         study,
+        SPEED,
         "bvh",
         "Acceleration structures",
         with_devices(study, caption),
@@ -189,7 +196,7 @@ fn structure_cells(study: &Study, facet: usize, group: &str) -> Vec<GridCell> {
             .unzip();
         cells.push(GridCell {
             run_ids,
-            ..mean_cell(&rates)
+            ..mean_cell(&rates, Ranking::HigherRate)
         });
     }
     cells

@@ -1,0 +1,228 @@
+//! Sections of the page: the answer, the tables and the figures.
+
+use std::collections::BTreeMap;
+
+use super::views::View;
+use crate::output::plot::svg::{base64, escape};
+use crate::output::report::grid::{Grid, GridCell};
+use crate::output::report::item::{ItemKind, ReportItem};
+use crate::output::report::study::Study;
+use crate::output::report::tables::TEST;
+use crate::output::report::verdict::{EXPLANATION, Verdict, Winner};
+
+/// Writes the answer: sentences, the winners of every facet with a thumbnail of its reference, and
+/// what weakens them. `notes` is the number of notes at the end of the page.
+pub fn answer(study: &Study, verdict: &Verdict, views: &[View], notes: usize) -> String {
+    let mut out = "<section id=\"answer\">\n".to_owned();
+    for sentence in &verdict.sentences {
+        out += &format!("<p class=\"answer\">{}</p>\n", escape(sentence));
+    }
+    if !verdict.columns.is_empty() {
+        out += "<div class=\"scroll\"><table id=\"verdict\"><thead><tr><th></th><th></th>";
+        for column in &verdict.columns {
+            out += &format!("<th>{}</th>", escape(&column.heading));
+        }
+        out += "</tr></thead><tbody>\n";
+        for facet in 0..study.facets.len().min(verdict.rows.len()) {
+            out += &winners(verdict, facet, views);
+        }
+        out += &format!("</tbody></table></div>\n<p class=\"note\">{EXPLANATION}</p>\n");
+    }
+    let mut caveats: Vec<String> = verdict.caveats.iter().map(|c| escape(c)).collect();
+    if notes > 0 {
+        let plural = if notes == 1 { "note" } else { "notes" };
+        caveats.push(format!(
+            "<a href=\"#notes\">{notes} {plural} on what was left out</a>"
+        ));
+    }
+    if !caveats.is_empty() {
+        let items: String = caveats.iter().map(|c| format!("<li>{c}</li>\n")).collect();
+        out += &format!(
+            "<div id=\"caveats\"><b>Before you believe it</b>\n<ul>\n{items}</ul></div>\n"
+        );
+    }
+    out + "</section>\n"
+}
+
+/// Writes one row of the table of winners.
+fn winners(verdict: &Verdict, facet: usize, views: &[View]) -> String {
+    let view = views.iter().position(|view| view.facet == facet);
+    let thumbnail = view.map_or(String::new(), |index| {
+        let png = base64(&views[index].thumbnail);
+        format!(
+            "<a href=\"#viewer\" data-view=\"{index}\"><img alt=\"reference\" \
+             src=\"data:image/png;base64,{png}\"></a>"
+        )
+    });
+    let mut out = format!(
+        "<tr><td>{thumbnail}</td><td>{}</td>",
+        escape(&verdict.rows[facet])
+    );
+    for column in &verdict.columns {
+        let winner = column.winners[facet].as_ref();
+        let text = winner.map_or("–".to_owned(), Winner::text);
+        out += &if winner.is_some_and(|w| w.is_significant) {
+            format!("<td><b>{}</b></td>", escape(&text))
+        } else {
+            format!("<td class=\"open\">{}</td>", escape(&text))
+        };
+    }
+    out + "</tr>\n"
+}
+
+/// Writes items below one heading for each section, folded except the first.
+fn folded(items: &[(&str, String)]) -> String {
+    let mut sections: Vec<(&str, String)> = Vec::new();
+    for (section, html) in items {
+        match sections.iter_mut().find(|(name, _)| name == section) {
+            Some((_, all)) => *all += html,
+            None => sections.push((section, html.clone())),
+        }
+    }
+    let fold = |(index, (section, html)): (usize, &(&str, String))| {
+        let open = if index == 0 { " open" } else { "" };
+        format!(
+            "<details{open}><summary>{}</summary>\n<div class=\"items\">\n{html}</div>\n</details>\n",
+            escape(section)
+        )
+    };
+    sections.iter().enumerate().map(fold).collect()
+}
+
+/// Writes all tables.
+pub fn tables(study: &Study, items: &[ReportItem]) -> String {
+    let run_index: BTreeMap<&str, usize> = study
+        .all()
+        .enumerate()
+        .map(|(i, m)| (m.run.id.as_str(), i))
+        .collect();
+    let grids = || {
+        items
+            .iter()
+            .filter_map(|item| Some((item, item.grid.as_deref()?)))
+    };
+    let mut out = "<section id=\"tables\">\n<h2>Tables</h2>\n".to_owned();
+    if grids().any(|(_, grid)| grid.caption.contains(TEST)) {
+        out += &format!(
+            "<p class=\"note\">{} Click a number to list its runs.</p>\n",
+            escape(TEST)
+        );
+    }
+    let written: Vec<(&str, String)> = grids()
+        .map(|(item, grid)| (item.section.as_str(), table(item, grid, &run_index)))
+        .collect();
+    out + &folded(&written) + "</section>\n"
+}
+
+/// Writes all figures.
+pub fn figures(items: &[ReportItem]) -> String {
+    let figures = items.iter().filter(|item| item.kind == ItemKind::Figure);
+    let written: Vec<(&str, String)> = figures
+        .map(|item| (item.section.as_str(), figure(item)))
+        .collect();
+    format!(
+        "<section id=\"figures\">\n<h2>Figures</h2>\n{}</section>\n",
+        folded(&written)
+    )
+}
+
+/// Returns links to the files of an item.
+fn file_links(item: &ReportItem) -> String {
+    let drawn = item.svg.iter().flat_map(|_| ["svg", "png", "pdf"]);
+    let all = drawn.chain(item.extra.iter().map(|(extension, _)| *extension));
+    let link = |extension: &str| {
+        format!(
+            "<a href=\"{}.{extension}\">{extension}</a>",
+            escape(&item.stem)
+        )
+    };
+    all.map(link).collect::<Vec<_>>().join(" ")
+}
+
+/// Writes the title of an item with a link to itself.
+fn heading(item: &ReportItem) -> String {
+    let stem = escape(&item.stem);
+    format!(
+        "<h3>{} <a class=\"self\" href=\"#{stem}\">#</a></h3>\n",
+        escape(&item.title)
+    )
+}
+
+fn figure(item: &ReportItem) -> String {
+    let svg = item.svg.as_deref().unwrap_or_default();
+    // All drawings use the font embedded in the page.
+    let svg = svg.replacen("font-family=\"Ubuntu,", "font-family=\"Lumbre, Ubuntu,", 1);
+    format!(
+        "<figure id=\"{}\">\n{}{svg}<figcaption>{} {}</figcaption>\n</figure>\n",
+        escape(&item.stem),
+        heading(item),
+        escape(&item.caption),
+        file_links(item)
+    )
+}
+
+/// Writes a table. `run_index` maps identities of runs to their index in the page's data.
+fn table(item: &ReportItem, grid: &Grid, run_index: &BTreeMap<&str, usize>) -> String {
+    let mut out = format!(
+        "<div class=\"table\" id=\"{}\">\n{}<div class=\"scroll\"><table><thead>",
+        escape(&item.stem),
+        heading(item)
+    );
+    if grid.groups.iter().any(|(group, _)| !group.is_empty()) {
+        out += "<tr>";
+        out += &"<th></th>".repeat(grid.label_headers.len());
+        for (group, span) in &grid.groups {
+            out += &format!("<th class=\"g\" colspan=\"{span}\">{}</th>", escape(group));
+        }
+        out += "</tr>";
+    }
+    out += "<tr>";
+    for header in &grid.label_headers {
+        out += &format!("<th>{}</th>", escape(header));
+    }
+    for header in &grid.columns {
+        out += &format!("<th class=\"n\">{}</th>", escape(header));
+    }
+    out += "</tr></thead><tbody>\n";
+    for (labels, cells) in &grid.rows {
+        out += "<tr>";
+        for label in labels {
+            out += &format!("<td>{}</td>", escape(label));
+        }
+        for cell in cells {
+            out += &table_cell(grid, cell, run_index);
+        }
+        out += "</tr>\n";
+    }
+    let caption = grid.caption.replace(&format!(" {TEST}"), "");
+    out + &format!(
+        "</tbody></table></div>\n<p class=\"note\">{} {} <button class=\"copy\" \
+         data-text=\"{}\">copy LaTeX</button></p>\n</div>\n",
+        escape(&caption),
+        file_links(item),
+        escape(&grid.to_latex())
+    )
+}
+
+/// Writes a number with a link to its runs.
+fn table_cell(grid: &Grid, cell: &GridCell, run_index: &BTreeMap<&str, usize>) -> String {
+    let text = escape(&grid.cell(cell));
+    let text = if cell.best {
+        format!("<b>{text}</b>")
+    } else {
+        text
+    };
+    let runs: Vec<String> = cell
+        .run_ids
+        .iter()
+        .filter_map(|id| run_index.get(id.as_str()))
+        .map(usize::to_string)
+        .collect();
+    let text = if runs.is_empty() {
+        text
+    } else {
+        let runs = runs.join(" ");
+        format!("<a href=\"#run-table\" data-runs=\"{runs}\">{text}</a>")
+    };
+    format!("<td class=\"n\">{text}</td>")
+}

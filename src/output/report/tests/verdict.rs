@@ -1,0 +1,136 @@
+//! The answer at the top of the page, its caveats, and the reference that crops show.
+
+use super::*;
+
+fn verdict(night: NightResults) -> String {
+    let made = report(&[night], &ReportOptions::default());
+    text(&made, "verdict", "md")
+}
+
+#[test]
+fn the_page_begins_with_the_winners() {
+    let made = one();
+    let expected = "RMSE at equal time: nee is significantly best in 2 of 2 rows.";
+    let markdown = text(&made, "verdict", "md");
+    assert!(markdown.starts_with(expected), "{markdown}");
+    assert!(markdown.contains("| box, after 1.28 s"), "{markdown}");
+    assert!(markdown.contains("| **nee (1.6×)** |"), "{markdown}");
+    let page = text(&made, "index", "html");
+    let (answer, rest) = page.split_once("<nav>").unwrap();
+    assert!(answer.contains(expected) && answer.contains("<b>nee (1.6×)</b>"));
+    assert!(answer.contains("data:image/png;base64,"), "thumbnails");
+    assert!(!answer.contains("Before you believe it"), "{answer}");
+    assert!(rest.contains("<summary>RMSE</summary>"));
+}
+
+#[test]
+fn equal_techniques_have_no_winner() {
+    let mut same = night("Sample GPU", 1.0);
+    let (of_bpt, of_nee): (Vec<_>, Vec<_>) = same
+        .runs
+        .iter()
+        .cloned()
+        .partition(|run| run.integrator == "bpt");
+    for run in &mut same.runs {
+        let all = if run.scene == "box.scn" {
+            &of_bpt
+        } else {
+            &of_nee
+        };
+        let is_twin = |other: &&RunResult| other.repeat == run.repeat && other.scene == run.scene;
+        run.rows = all.iter().find(is_twin).unwrap().rows.clone();
+    }
+    let markdown = verdict(same);
+    assert!(
+        markdown.starts_with(
+            "RMSE at equal time: no series is significantly better than every other in any row."
+        ),
+        "{markdown}"
+    );
+    assert!(markdown.contains("| no clear winner |"), "{markdown}");
+}
+
+#[test]
+fn weak_evidence_is_named() {
+    let mut single = night("Sample GPU", 1.0);
+    single.runs.retain(|run| run.repeat == 0);
+    let markdown = verdict(single);
+    assert!(markdown.contains("from 1 finished repeat:"), "{markdown}");
+
+    let mut noisy = night("Sample GPU", 1.0);
+    for run in &mut noisy.runs {
+        run.floors = vec![("rmse".to_owned(), 0.012)];
+    }
+    let made = report(&[noisy], &ReportOptions::default());
+    // The errors of the box are 0.018 with bpt and 0.009 with nee: below 0.012 times the root of 2
+    // for the latter only.
+    let table = text(&made, "tables/final-rmse", "md");
+    let row = table
+        .lines()
+        .find(|line| line.starts_with("| box"))
+        .unwrap();
+    assert_eq!(row.matches('†').count(), 1, "{table}");
+    assert!(table.contains("†: at least half"), "{table}");
+    let markdown = text(&made, "verdict", "md");
+    assert!(
+        markdown.contains("Final RMSE: 1 of 4 numbers can be noise"),
+        "{markdown}"
+    );
+
+    let mut easy = night("Sample GPU", 1.0);
+    for row in easy.runs.iter_mut().flat_map(|run| &mut run.rows) {
+        row.metrics[1] = 0.99;
+    }
+    let markdown = verdict(easy);
+    let passed = "Time to SSIM ≥ 0.95: 4 of 4 times are of the first measurement";
+    assert!(markdown.contains(passed), "{markdown}");
+}
+
+#[test]
+fn crops_show_the_least_noisy_reference_and_warn_if_references_differ() {
+    let mut own = night("Sample GPU", 1.0);
+    own.references.push(ReferenceResult {
+        picture: Some(PathBuf::from("second.exr")),
+        ..own.references[0].clone()
+    });
+    for run in &mut own.runs {
+        let is_bpt = run.integrator == "bpt";
+        run.reference = Some(usize::from(!is_bpt));
+        run.floors = vec![("rmse".to_owned(), if is_bpt { 0.02 } else { 0.001 })];
+    }
+    let caption_with = |factor: f32| {
+        let pictures = |path: &Path| {
+            let image = picture(path)?;
+            let is_second = path.ends_with("second.exr");
+            let factor = if is_second { factor } else { 1.0 };
+            Ok(Image {
+                data: image.data.iter().map(|p| p.map(|x| x * factor)).collect(),
+                ..image
+            })
+        };
+        let nights = [own.clone()];
+        let study = Study::new(&nights, &ReportOptions::default()).unwrap();
+        let (link, command) = (|_: &Path| String::new(), |_: &Path| String::new());
+        let context = ReportContext {
+            pictures: &pictures,
+            problems: &Vec::new,
+            link: &link,
+            command: &command,
+        };
+        let made = build(&study, &ReportOptions::default(), &context).unwrap();
+        let svg = text(&made, "figures/crops-equal-time-box", "svg");
+        assert!(svg.contains(">reference of nee</text>"));
+        let caption = item(&made, "figures/crops-equal-time-box").caption.clone();
+        (caption, svg)
+    };
+    let (caption, _) = caption_with(1.0);
+    assert!(
+        caption.contains("the one shown is that of nee"),
+        "{caption}"
+    );
+    assert!(!caption.contains("differ by more"), "{caption}");
+    let (caption, svg) = caption_with(1.5);
+    let warning = "The references of bpt and nee differ by more than their noise: RMSE 0.";
+    assert!(caption.contains(warning), "{caption}");
+    assert!(svg.contains("#b3261e"), "the figure warns too");
+}

@@ -1,0 +1,295 @@
+//! The answer of a study in short: which series is best at equal render time, for every facet and
+//! metric, and what weakens the answer. Everything is read from the report's tables.
+
+use super::grid::{Grid, GridCell};
+use super::item::{ItemKind, Provenance, ReportItem};
+use super::metric_display::MetricDisplay;
+use super::study::Study;
+use crate::output::format::significant;
+use crate::output::plot::axis::Scale;
+use crate::output::quantity::Bound;
+use crate::output::table::export::markdown_table;
+
+/// Number of repeats below which a test over repeats rarely finds a difference.
+const FEW_REPEATS: usize = 3;
+
+/// The best series of one facet by one metric.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Winner {
+    /// Label of the series with the best mean.
+    pub label: String,
+    /// Whether it is significantly better than every other one.
+    pub is_significant: bool,
+    /// The next best error divided by this one's; `None` for metrics without a logarithmic scale.
+    pub ratio: Option<f64>,
+}
+
+impl Winner {
+    /// Formats the winner, such as `bdpt (2.3x)`, or says that there is none.
+    pub fn text(&self) -> String {
+        match (self.is_significant, self.ratio) {
+            (false, _) => "no clear winner".to_owned(),
+            (true, Some(ratio)) => format!("{} ({}×)", self.label, significant(ratio, 2)),
+            (true, None) => self.label.clone(),
+        }
+    }
+}
+
+/// The winners of all facets by one metric among the series of one group.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Column {
+    /// Name of the metric, with the group if there are several.
+    pub heading: String,
+    /// Winner of each facet; `None` where fewer than two series can be compared.
+    pub winners: Vec<Option<Winner>>,
+}
+
+/// Answer of a study.
+#[derive(Clone, Debug, Default)]
+pub struct Verdict {
+    /// One sentence for every column.
+    pub sentences: Vec<String>,
+    /// Labels of the facets, with the render time of the comparison.
+    pub rows: Vec<String>,
+    /// Winners by metric.
+    pub columns: Vec<Column>,
+    /// Sentences on what weakens the answer.
+    pub caveats: Vec<String>,
+}
+
+impl Verdict {
+    /// Reads the answer from the report's tables. Without two series it has no columns.
+    pub fn new(study: &Study, items: &[ReportItem]) -> Verdict {
+        let grids: Vec<&Grid> = items.iter().filter_map(|i| i.grid.as_deref()).collect();
+        let mut verdict = Verdict::default();
+        for metric in 0..study.metrics.len() {
+            let name = format!("equal-time-{}", study.metrics[metric].column);
+            let Some(grid) = grids.iter().find(|grid| grid.name == name) else {
+                continue;
+            };
+            let columns = columns(study, metric, grid);
+            if columns.is_empty() || is_root_of_shown(study, metric) {
+                continue;
+            }
+            verdict.rows = row_labels(study, grid);
+            verdict.columns.extend(columns);
+        }
+        verdict.sentences = verdict.columns.iter().map(sentence).collect();
+        verdict.caveats = caveats(study, &grids);
+        verdict
+    }
+
+    /// Converts the answer to an item of the report with a Markdown file. Returns `None` if nothing
+    /// is compared.
+    pub fn item(&self, study: &Study) -> Option<ReportItem> {
+        if self.columns.is_empty() {
+            return None;
+        }
+        let mut header = vec![String::new()];
+        header.extend(self.columns.iter().map(|c| c.heading.clone()));
+        let row = |facet: usize| {
+            let mut fields = vec![self.rows[facet].clone()];
+            let winner = |column: &Column| match &column.winners[facet] {
+                Some(winner) if winner.is_significant => format!("**{}**", winner.text()),
+                Some(winner) => winner.text(),
+                None => "–".to_owned(),
+            };
+            fields.extend(self.columns.iter().map(winner));
+            fields
+                .iter()
+                .map(|field| field.replace('|', "\\|"))
+                .collect()
+        };
+        let rows: Vec<Vec<String>> = (0..self.rows.len()).map(row).collect();
+        let sentences = self.sentences.join("\n");
+        let caveats: String = self.caveats.iter().map(|c| format!("- {c}\n")).collect();
+        let table = markdown_table(&header, &rows, 1);
+        let text = format!("{sentences}\n\n{table}\n{EXPLANATION}\n\n{caveats}");
+        Some(ReportItem {
+            kind: ItemKind::Data,
+            section: String::new(),
+            stem: "verdict".to_owned(),
+            title: "Answer".to_owned(),
+            caption: self.sentences.join(" "),
+            svg: None,
+            grid: None,
+            extra: vec![("md", text.into_bytes())],
+            provenance: Provenance::from_members(study.all().filter(|m| m.run.is_done())),
+        })
+    }
+}
+
+/// Explanation of the table of winners.
+pub const EXPLANATION: &str = "The best mean at equal render time, where it is significantly \
+    better than every other at 5 % (Welch's test over repeats, Holm's correction). In parentheses: \
+    the next best error divided by it.";
+
+/// Returns whether a metric is the root of another one that is shown: it has the same winners.
+fn is_root_of_shown(study: &Study, metric: usize) -> bool {
+    study.metrics[metric].row.name == "mse" && study.metrics.iter().any(|m| m.row.name == "rmse")
+}
+
+/// Returns the labels of the rows of a table: facet and render time.
+fn row_labels(study: &Study, grid: &Grid) -> Vec<String> {
+    let label = |(facet, (labels, _)): (usize, &(Vec<String>, Vec<GridCell>))| {
+        let time = labels.last().map_or("–", String::as_str);
+        match study.facet_label(facet).as_str() {
+            "" => format!("after {time} s"),
+            facet => format!("{facet}, after {time} s"),
+        }
+    };
+    grid.rows.iter().enumerate().map(label).collect()
+}
+
+/// Returns one column of winners for each group of series with at least two of them; none for a
+/// metric that does not rank.
+fn columns(study: &Study, metric: usize, grid: &Grid) -> Vec<Column> {
+    let spec = &study.metrics[metric];
+    let display = MetricDisplay::for_metric(spec);
+    if display.is_magnitude() {
+        return Vec::new();
+    }
+    let mut first = 0;
+    let mut columns = Vec::new();
+    for (group, span) in &grid.groups {
+        let range = first..first + span;
+        first += span;
+        if *span < 2 {
+            continue;
+        }
+        let winner = |(_, cells): &(Vec<String>, Vec<GridCell>)| {
+            winner(display, &grid.columns[range.clone()], &cells[range.clone()])
+        };
+        let heading = match group.as_str() {
+            "" => spec.row.label.to_owned(),
+            group => format!("{} ({group})", spec.row.label),
+        };
+        columns.push(Column {
+            heading,
+            winners: grid.rows.iter().map(winner).collect(),
+        });
+    }
+    columns
+}
+
+/// Returns the best of the cells of one row and group.
+fn winner(display: MetricDisplay, labels: &[String], cells: &[GridCell]) -> Option<Winner> {
+    let scored = labels.iter().zip(cells).filter_map(|(label, cell)| {
+        let drawn = display.drawn_value(cell.value?)?;
+        let score = if display.scale == Scale::Log {
+            drawn
+        } else {
+            -drawn
+        };
+        Some((score, label, cell.best))
+    });
+    let mut scored: Vec<(f64, &String, bool)> = scored.collect();
+    scored.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let [first, second, ..] = scored.as_slice() else {
+        return None;
+    };
+    Some(Winner {
+        label: first.1.clone(),
+        is_significant: first.2,
+        ratio: (display.scale == Scale::Log).then(|| second.0 / first.0),
+    })
+}
+
+/// Returns how often each series is best, most often first.
+fn sentence(column: &Column) -> String {
+    let compared: Vec<&Winner> = column.winners.iter().flatten().collect();
+    let mut counts: Vec<(&str, usize)> = Vec::new();
+    for winner in compared.iter().filter(|w| w.is_significant) {
+        match counts.iter_mut().find(|(label, _)| *label == winner.label) {
+            Some((_, count)) => *count += 1,
+            None => counts.push((&winner.label, 1)),
+        }
+    }
+    counts.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+    let heading = &column.heading;
+    let total = compared.len();
+    match (total, counts.as_slice()) {
+        (0, _) => format!("{heading} at equal time: nothing can be compared."),
+        (1, [(label, _)]) => {
+            let ratio = compared[0].ratio.map_or(String::new(), |ratio| {
+                format!(
+                    "; the next best is {} times as large",
+                    significant(ratio, 2)
+                )
+            });
+            format!("{heading} at equal time: {label} is significantly best{ratio}.")
+        }
+        (_, []) => format!(
+            "{heading} at equal time: no series is significantly better than every other{}.",
+            if total > 1 { " in any row" } else { "" }
+        ),
+        (_, [(label, count), others @ ..]) => {
+            let mut text = format!(
+                "{heading} at equal time: {label} is significantly best in {count} of {total} rows"
+            );
+            for (label, count) in others {
+                text += &format!(", {label} in {count}");
+            }
+            let open = total - counts.iter().map(|(_, count)| count).sum::<usize>();
+            if open > 0 {
+                text += &format!("; {open} have no clear winner");
+            }
+            text + "."
+        }
+    }
+}
+
+/// Returns what weakens the answer: few repeats, numbers at the noise of their reference, and
+/// thresholds that the first measurement had passed.
+fn caveats(study: &Study, grids: &[&Grid]) -> Vec<String> {
+    let mut caveats = Vec::new();
+    let finals = |grid: &&&Grid| grid.name.starts_with("final-");
+    let runs = grids
+        .iter()
+        .filter(finals)
+        .flat_map(|grid| &grid.rows)
+        .flat_map(|(_, cells)| cells)
+        .filter(|cell| cell.runs > 0)
+        .map(|cell| cell.runs);
+    if let Some(least) = runs.min().filter(|least| *least < FEW_REPEATS) {
+        caveats.push(format!(
+            "Some numbers are from {least} finished repeat{}: differences between techniques can \
+             hardly be tested. Set `repeats` in experiment(name, {{ repeats = 5 }}).",
+            if least == 1 { "" } else { "s" }
+        ));
+    }
+    for grid in grids.iter().filter(finals) {
+        let (at_floor, all) = count(grid, |cell| cell.at_floor);
+        if at_floor > 0 {
+            caveats.push(format!(
+                "{}: {at_floor} of {all} numbers can be noise of the reference by half or more \
+                 (†). References with more samples would tell.",
+                grid.title
+            ));
+        }
+    }
+    for grid in grids
+        .iter()
+        .filter(|grid| grid.name.starts_with("time-to-"))
+    {
+        let (passed, all) = count(grid, |cell| cell.bound == Bound::Upper);
+        if passed > 0 {
+            caveats.push(format!(
+                "{}: {passed} of {all} times are of the first measurement, which had passed the \
+                 threshold. Choose a harder threshold or measure earlier.",
+                grid.title
+            ));
+        }
+    }
+    if study.series.len() < 2 {
+        caveats.push("There is only one series, so nothing is compared.".to_owned());
+    }
+    caveats
+}
+
+/// Counts the cells with a number for which `is` holds, and all cells with a number.
+fn count(grid: &Grid, is: impl Fn(&GridCell) -> bool) -> (usize, usize) {
+    let mut known = grid.cells();
+    known.retain(|cell| cell.value.is_some());
+    (known.iter().filter(|cell| is(cell)).count(), known.len())
+}
