@@ -18,6 +18,10 @@ use crate::experiment::stop::StopRule;
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::value::Value;
 
+/// Samples of a reference divided by those of a cell below which its noise is a large part of the
+/// cell's error: at 4, a fifth of a squared error.
+const SAMPLES_OF_A_REFERENCE: u64 = 4;
+
 /// Expands an experiment to its plan.
 ///
 /// Points follow the order of the axes, with the first axis slowest; the repeats of a point follow
@@ -136,7 +140,7 @@ impl<'a> Builder<'a> {
             .hooks
             .stop(&point)
             .map_err(|e| hook("`stop`", &point, e))?;
-        stop.validate(&self.columns, reference.is_some())
+        stop.validate(&self.spec.measure.metrics, reference.is_some())
             .map_err(|error| PlanError::Stop {
                 rule: "stop rule",
                 point: describe(&point),
@@ -446,8 +450,32 @@ impl<'a> Builder<'a> {
             ));
         }
         warnings.extend(self.biased_references());
+        warnings.extend(self.short_references());
         warnings.extend(self.duplicate_warning());
         warnings
+    }
+
+    /// Returns a warning about references with hardly more samples than the cells measured against
+    /// them, by the same integrator: their own noise would be a large part of every error.
+    fn short_references(&self) -> Option<String> {
+        let is_short = |cell: &&Cell| {
+            let reference = cell.reference.map(|index| &self.references[index].source);
+            let Some(ReferenceSource::Render { config, stop, .. }) = reference else {
+                return false;
+            };
+            let samples = cell.stop.sample_limit().zip(stop.sample_limit());
+            config.integrator == cell.config.integrator
+                && samples.is_some_and(|(cell, own)| own < SAMPLES_OF_A_REFERENCE * cell)
+        };
+        let short = self.cells.iter().filter(is_short).count();
+        (short > 0).then(|| {
+            format!(
+                "{short} of {} cells have a reference with less than {SAMPLES_OF_A_REFERENCE} \
+                 times their samples: much of their error will be its noise. Give references more \
+                 samples",
+                self.cells.len()
+            )
+        })
     }
 
     /// Returns a warning for each integrator of references that is consistent but biased.

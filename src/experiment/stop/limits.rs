@@ -1,6 +1,7 @@
 //! Static analysis of stop rules: whether a rule is valid, whether it must end a run, and when.
 
-use super::StopRule;
+use super::{Comparison, StopRule};
+use crate::metrics::{Better, METRICS, MetricSpec};
 use lumbre_light::value::suggest;
 
 /// Why a stop rule is invalid.
@@ -34,31 +35,51 @@ pub enum StopError {
         /// Description of the rule.
         rule: String,
         /// Reason why it cannot hold.
-        reason: &'static str,
+        reason: String,
     },
 }
 
 impl StopRule {
-    /// Checks the rule for a run that measures `columns`; `measured` is whether it has a reference
+    /// Checks the rule for a run that measures `metrics`; `measured` is whether it has a reference
     /// to measure them against.
     ///
     /// # Errors
     /// When a combination is empty, an argument is out of range, a column is unknown, or the rule
     /// can never hold.
-    pub fn validate(&self, columns: &[String], measured: bool) -> Result<(), StopError> {
-        self.validate_parts(columns)?;
-        if self.is_possible(measured) {
+    pub fn validate(&self, metrics: &[MetricSpec], measured: bool) -> Result<(), StopError> {
+        let columns: Vec<String> = metrics.iter().map(|m| m.column.clone()).collect();
+        self.validate_parts(&columns)?;
+        let reason = if let Some(reason) = self.unreachable(metrics) {
+            reason
+        } else if self.is_possible(measured.then_some(metrics)) {
             return Ok(());
-        }
-        let reason = if measured {
-            "its clauses exclude one another"
+        } else if measured {
+            "its clauses exclude one another".to_owned()
         } else {
-            "there is no reference to measure against"
+            "there is no reference to measure against".to_owned()
         };
         Err(StopError::Never {
             rule: self.describe(),
             reason,
         })
+    }
+
+    /// Returns a sentence on the first threshold in the rule that no value of its metric reaches.
+    /// Beside other clauses it is a mistake too, since it never ends a run.
+    fn unreachable(&self, metrics: &[MetricSpec]) -> Option<String> {
+        match self {
+            StopRule::When { column, .. } if !self.is_possible(Some(metrics)) => {
+                let metric = metrics.iter().find(|m| m.column == *column)?;
+                Some(format!(
+                    "the best value of `{column}` is {}",
+                    metric.row.perfect
+                ))
+            }
+            StopRule::Any(parts) | StopRule::All(parts) => {
+                parts.iter().find_map(|part| part.unreachable(metrics))
+            }
+            _ => None,
+        }
     }
 
     /// Checks arguments and columns of the rule and of all rules within it.
@@ -133,25 +154,31 @@ impl StopRule {
         }
     }
 
-    /// Whether the rule can hold for some measurements.
-    fn is_possible(&self, measured: bool) -> bool {
+    /// Whether the rule can hold for some measurements. Without metrics nothing is measured.
+    fn is_possible(&self, metrics: Option<&[MetricSpec]>) -> bool {
         match self {
-            StopRule::When { .. } | StopRule::Plateau { .. } => measured,
-            StopRule::Any(parts) => parts.iter().any(|p| p.is_possible(measured)),
-            StopRule::All(parts) => parts.iter().all(|p| p.is_possible(measured)),
-            StopRule::Not(part) => !part.is_certain(measured),
+            StopRule::When {
+                column, op, value, ..
+            } => {
+                let metric = metrics.and_then(|all| all.iter().find(|m| m.column == *column));
+                metric.is_some_and(|metric| is_reachable(metric, *op, *value))
+            }
+            StopRule::Plateau { .. } => metrics.is_some(),
+            StopRule::Any(parts) => parts.iter().any(|p| p.is_possible(metrics)),
+            StopRule::All(parts) => parts.iter().all(|p| p.is_possible(metrics)),
+            StopRule::Not(part) => !part.is_certain(metrics),
             _ => true,
         }
     }
 
     /// Whether the rule holds for all measurements.
-    fn is_certain(&self, measured: bool) -> bool {
+    fn is_certain(&self, metrics: Option<&[MetricSpec]>) -> bool {
         match self {
             StopRule::Time(s) => *s <= 0.0,
             StopRule::Samples(n) | StopRule::Waves(n) => *n <= 1,
-            StopRule::Any(parts) => parts.iter().any(|p| p.is_certain(measured)),
-            StopRule::All(parts) => parts.iter().all(|p| p.is_certain(measured)),
-            StopRule::Not(part) => !part.is_possible(measured),
+            StopRule::Any(parts) => parts.iter().any(|p| p.is_certain(metrics)),
+            StopRule::All(parts) => parts.iter().all(|p| p.is_certain(metrics)),
+            StopRule::Not(part) => !part.is_possible(metrics),
             _ => false,
         }
     }
@@ -227,10 +254,25 @@ impl StopRule {
     }
 }
 
+/// Returns whether some value of a metric compares with a threshold as asked. Values end at the
+/// perfect one.
+fn is_reachable(metric: &MetricSpec, op: Comparison, threshold: f64) -> bool {
+    let perfect = metric.row.perfect;
+    let reaches_best = op.holds(perfect, threshold);
+    match (metric.row.better, op) {
+        (Better::Lower, Comparison::Less | Comparison::LessEqual)
+        | (Better::Higher, Comparison::Greater | Comparison::GreaterEqual) => reaches_best,
+        _ => true,
+    }
+}
+
 /// Makes the error for a column that is not measured, with a suggestion.
 fn unknown_column(column: &str, columns: &[String]) -> StopError {
     let help = match suggest::nearest(column, columns.iter().map(String::as_str)) {
         Some(near) => format!("did you mean `{near}`?"),
+        None if !columns.is_empty() && METRICS.iter().any(|metric| metric.name == column) => {
+            format!("add `{column} = metric.{column}()` to x:measure")
+        }
         None if columns.is_empty() => "no metrics are measured here".to_owned(),
         None => format!("measured: {}", columns.join(", ")),
     };
@@ -242,15 +284,20 @@ fn unknown_column(column: &str, columns: &[String]) -> StopError {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Comparison;
+    use std::collections::BTreeMap;
+
     use super::*;
     use StopRule::{All, Any, Nan, Predicate, Samples, Time, Waves};
 
     fn when(column: &str) -> StopRule {
+        threshold(column, Comparison::Less, 0.1)
+    }
+
+    fn threshold(column: &str, op: Comparison, value: f64) -> StopRule {
         StopRule::When {
             column: column.into(),
-            op: Comparison::Less,
-            value: 0.1,
+            op,
+            value,
             hold: 1,
         }
     }
@@ -330,7 +377,8 @@ mod tests {
 
     #[test]
     fn invalid_rules_are_rejected_with_a_reason() {
-        let columns = ["rmse".to_owned(), "ssim".to_owned()];
+        let metric = |name: &str| MetricSpec::new(name, name, BTreeMap::new()).unwrap();
+        let columns = [metric("rmse"), metric("ssim")];
         let cases: &[(StopRule, bool, &str)] = &[
             (
                 Any(vec![]),
@@ -350,7 +398,25 @@ mod tests {
             (
                 when("flip"),
                 true,
-                "uses `flip`, which is not measured (measured: rmse, ssim)",
+                "uses `flip`, which is not measured (add `flip = metric.flip()` to x:measure)",
+            ),
+            (
+                when("noise"),
+                true,
+                "uses `noise`, which is not measured (measured: rmse, ssim)",
+            ),
+            (
+                threshold("rmse", Comparison::Less, 0.0),
+                true,
+                "`rmse < 0` can never hold: the best value of `rmse` is 0",
+            ),
+            (
+                Any(vec![
+                    Time(1.0),
+                    threshold("ssim", Comparison::GreaterEqual, 1.5),
+                ]),
+                true,
+                "can never hold: the best value of `ssim` is 1",
             ),
             (
                 when("rmse"),
@@ -387,6 +453,8 @@ mod tests {
             when("rmse"),
             Any(vec![when("rmse"), Time(1.0)]),
             not(when("ssim")),
+            threshold("rmse", Comparison::LessEqual, 0.0),
+            threshold("ssim", Comparison::Less, 2.0),
             Time(0.0),
             Predicate(3),
         ] {
