@@ -14,6 +14,7 @@ use super::stop::StopRule;
 use crate::metrics::MetricSpec;
 use crate::metrics::tonemap::Tonemap;
 use lumbre_light::scene::SceneDesc;
+use lumbre_light::value::Value;
 
 /// A stop rule and its description.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,6 +55,8 @@ pub struct CellOutline {
 /// Outline of a reference.
 #[derive(Clone, Debug, Default)]
 pub struct ReferenceOutline {
+    /// Names and values of the axes that distinguish it from other references.
+    pub values: Vec<(String, String)>,
     /// Image file, if it is not rendered.
     pub file: Option<PathBuf>,
     /// Render settings, if it is rendered.
@@ -119,6 +122,7 @@ impl PlanOutline {
                     stop,
                     ..
                 } => ReferenceOutline {
+                    values: Vec::new(),
                     file: None,
                     config: Some(Arc::clone(config)),
                     scene: Some(Arc::clone(scene)),
@@ -139,6 +143,72 @@ impl PlanOutline {
             skipped: plan.skipped.len(),
             metrics: plan.measure.metrics.clone(),
             display: plan.measure.display,
+        }
+        .with_reference_values()
+    }
+
+    /// Fills in the axis values that distinguish each reference from the others: those that all
+    /// cells measured against it share, of axes in which references differ.
+    pub(crate) fn with_reference_values(mut self) -> PlanOutline {
+        let axes = self.axes.len();
+        // The value that the cells of a reference share on each axis: not seen, one, or several.
+        let mut shared: Vec<Vec<Option<Option<&Value>>>> =
+            vec![vec![None; axes]; self.references.len()];
+        for cell in &self.cells {
+            let Some(row) = cell.reference.and_then(|i| shared.get_mut(i)) else {
+                continue;
+            };
+            for (known, (_, value)) in row.iter_mut().zip(&cell.point) {
+                *known = match known {
+                    None => Some(Some(value)),
+                    Some(Some(same)) if *same == value => Some(Some(value)),
+                    Some(_) => Some(None),
+                };
+            }
+        }
+        let differs = |axis: &usize| {
+            shared
+                .windows(2)
+                .any(|pair| pair[0][*axis] != pair[1][*axis])
+        };
+        let differing: Vec<usize> = (0..axes).filter(differs).collect();
+        let values_of = |row: &Vec<Option<Option<&Value>>>| -> Vec<(String, String)> {
+            let known = differing
+                .iter()
+                .filter_map(|axis| Some((self.axes[*axis].clone(), row[*axis]??.to_string())));
+            known.collect()
+        };
+        let values: Vec<Vec<(String, String)>> = shared.iter().map(values_of).collect();
+        for (reference, values) in self.references.iter_mut().zip(values) {
+            reference.values = values;
+        }
+        self
+    }
+
+    /// Returns the name of a reference for people: integrator and scene or the file, and the axis
+    /// values that distinguish it, such as `bpt of cornell.scn, depth=5`.
+    pub fn reference_name(&self, reference: usize) -> String {
+        let Some(outline) = self.references.get(reference) else {
+            return String::new();
+        };
+        let file_name = |path: &str| {
+            let mut parts = path.rsplit(['/', '\\']);
+            parts
+                .find(|part| !part.is_empty())
+                .unwrap_or(path)
+                .to_owned()
+        };
+        let source = match (&outline.config, &outline.file) {
+            (Some(config), _) => format!("{} of {}", config.integrator, file_name(&config.scene)),
+            (None, Some(file)) => file_name(&file.to_string_lossy()),
+            (None, None) => String::new(),
+        };
+        let value = |(axis, value): &(String, String)| format!("{axis}={value}");
+        let values: Vec<String> = outline.values.iter().map(value).collect();
+        if values.is_empty() {
+            source
+        } else {
+            format!("{source}, {}", values.join(" "))
         }
     }
 

@@ -101,15 +101,7 @@ pub fn cell_name(plan: &PlanOutline, cell: CellRef) -> String {
                 clean(&parts.join(" "))
             }
         }),
-        CellRef::Reference(i) => match plan.references.get(i).map(|r| (&r.config, &r.file)) {
-            Some((Some(config), _)) => clean(&format!(
-                "{} of {}",
-                config.integrator,
-                scene_name(&config.scene)
-            )),
-            Some((_, Some(file))) => scene_name(&file.to_string_lossy()),
-            _ => String::new(),
-        },
+        CellRef::Reference(i) => clean(&plan.reference_name(i)),
     }
 }
 

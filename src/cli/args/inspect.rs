@@ -60,9 +60,13 @@ pub struct LsArgs {
     /// Show only runs in this state (repeatable).
     #[arg(long, value_name = "STATE")]
     pub state: Vec<StateName>,
-    /// Show only the latest experiment.
+    /// Show only the latest experiment, with its runs.
     #[arg(long)]
     pub latest: bool,
+    /// List the runs of every experiment; without words or a state there is one line for each
+    /// experiment.
+    #[arg(long)]
+    pub runs: bool,
     /// Print as JSON.
     #[arg(long)]
     pub json: bool,

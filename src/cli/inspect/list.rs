@@ -16,7 +16,7 @@ use crate::store::{
     list_experiments, read_run,
 };
 
-/// Runs `lumbre ls`: lists experiments and their runs.
+/// Runs `lumbre ls`: lists experiments, and their runs if they are asked for.
 pub fn ls(args: &LsArgs, global: &Global) -> Result<Exit, Failure> {
     let Listing {
         mut experiments,
@@ -61,13 +61,13 @@ pub fn ls(args: &LsArgs, global: &Global) -> Result<Exit, Failure> {
             ));
         }
     } else {
-        print_result(
-            &experiments
-                .iter()
-                .map(|e| experiment_page(e, filtered))
-                .collect::<Vec<_>>()
-                .join("\n"),
-        )?;
+        let text = if filtered || args.runs || args.latest {
+            let page = |e: &ExperimentEntry| headline(e, filtered) + &run_lines(e);
+            experiments.iter().map(page).collect::<Vec<_>>().join("\n")
+        } else {
+            experiments.iter().map(|e| headline(e, false)).collect()
+        };
+        print_result(&text)?;
     }
     Ok(Exit::unless_problems(problems))
 }
@@ -97,12 +97,7 @@ fn filter_runs(experiments: &mut Vec<ExperimentEntry>, args: &LsArgs) -> bool {
                 }
                 _ => "",
             };
-            let path = if run.path.is_empty() {
-                "reference"
-            } else {
-                &run.path
-            };
-            let text = format!("{folder} {path} {} {reason}", run.run).to_lowercase();
+            let text = format!("{folder} {} {} {reason}", run.path, run.run).to_lowercase();
             (states.is_empty() || states.iter().any(|state| state == run.state.name()))
                 && words.iter().all(|word| text.contains(word))
         };
@@ -113,8 +108,9 @@ fn filter_runs(experiments: &mut Vec<ExperimentEntry>, args: &LsArgs) -> bool {
     true
 }
 
-/// Formats an experiment with its runs. `filtered` means that these are not all of its runs.
-fn experiment_page(experiment: &ExperimentEntry, filtered: bool) -> String {
+/// Formats folder and number of runs of an experiment. `filtered` means that these are not all of
+/// its runs.
+fn headline(experiment: &ExperimentEntry, filtered: bool) -> String {
     let mut counts = Vec::new();
     for word in [
         "done",
@@ -137,11 +133,15 @@ fn experiment_page(experiment: &ExperimentEntry, filtered: bool) -> String {
         experiment.runs.len(),
         if filtered { "matching cell" } else { "cell" },
     );
-    let mut out = format!(
+    format!(
         "{}  {cells}: {}\n",
         display_path(&experiment.folder),
         counts.join(", ")
-    );
+    )
+}
+
+/// Formats the references and runs of an experiment, one line each.
+fn run_lines(experiment: &ExperimentEntry) -> String {
     let line = |run: &RunEntry, name: &str| {
         let samples = run.samples.map(|n| format!("{n} spp")).unwrap_or_default();
         let time = run.render_s.map(format::duration).unwrap_or_default();
@@ -160,12 +160,11 @@ fn experiment_page(experiment: &ExperimentEntry, filtered: bool) -> String {
             detail,
         ]
     };
-    let references = experiment.references.iter().map(|r| line(r, "(reference)"));
+    let references = experiment.references.iter().map(|r| line(r, &r.path));
     let lines: Vec<Vec<String>> = references
         .chain(experiment.runs.iter().map(|r| line(r, &r.path)))
         .collect();
-    out += &format::aligned(&lines);
-    out
+    format::aligned(&lines)
 }
 
 /// Returns an experiment and its runs as JSON.

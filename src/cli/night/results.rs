@@ -7,7 +7,7 @@ use crate::cli::format::{counted, display_path};
 use crate::experiment::aa_check;
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::spec::{FigureSpec, TableFormat};
-use crate::experiment::{CellRef, NightSummary, Outcome, Plan};
+use crate::experiment::{CellRef, NightSummary, Outcome, Plan, PlanOutline};
 use crate::output::devices::Devices;
 use crate::output::{plot, summary, table};
 use crate::store::Store;
@@ -119,7 +119,10 @@ pub(in crate::cli) fn print_failures(plan: &Plan, night: &NightSummary) {
         if let Outcome::Failed(reason) = &result.outcome {
             let name = match result.cell {
                 CellRef::Cell(i) => plan.cells[i].path.clone(),
-                CellRef::Reference(i) => format!("reference {}", plan.references[i].id),
+                CellRef::Reference(i) => {
+                    let name = PlanOutline::from_plan(plan).reference_name(i);
+                    format!("reference {name}")
+                }
             };
             print_status(&format!("failed: {name}: {reason}"));
         }

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use super::config_check;
 use super::merged_journal::parse_lines;
 use super::night_reader::NightReader;
+use super::outline::outline;
 use super::run_index::RunIndex;
 use super::run_reader::{Measurements, RunReader};
 use crate::experiment::CellRef;
@@ -54,7 +55,7 @@ impl RunState {
 pub struct RunEntry {
     /// Id of the run.
     pub run: String,
-    /// Readable path; empty for references.
+    /// Readable path, or the name of a reference.
     pub path: String,
     /// Folder of the run, which need not exist.
     pub folder: PathBuf,
@@ -119,6 +120,7 @@ pub(crate) fn finished_in_siblings(
 
 fn experiment_entry(night: &NightReader, index: &mut RunIndex) -> ExperimentEntry {
     let plan = night.plan();
+    let outline = outline(plan);
     let mut reader = EntryReader {
         night,
         index,
@@ -131,7 +133,10 @@ fn experiment_entry(night: &NightReader, index: &mut RunIndex) -> ExperimentEntr
     let references = plan.references.iter().enumerate();
     let rendered = references.filter(|(_, r)| matches!(r, PlannedReference::Render(_)));
     let references = rendered
-        .map(|(i, reference)| reader.entry(CellRef::Reference(i), reference.run(), ""))
+        .map(|(i, reference)| {
+            let name = format!("reference {}", outline.reference_name(i));
+            reader.entry(CellRef::Reference(i), reference.run(), &name)
+        })
         .collect();
     ExperimentEntry {
         folder: night.folder().to_owned(),

@@ -54,6 +54,7 @@ pub(crate) fn outline(plan: &PlanFile) -> PlanOutline {
         metrics: metrics.collect(),
         display: display.unwrap_or(Tonemap::Srgb { exposure: 0.0 }),
     }
+    .with_reference_values()
 }
 
 fn stop_outline(record: &StopRecord) -> Arc<StopOutline> {

@@ -1,6 +1,7 @@
 //! State of a night as the dashboard shows it, folded from events. Nothing here draws.
 
 pub mod column;
+pub mod comparison;
 pub mod curve;
 pub mod entry;
 pub mod eta;

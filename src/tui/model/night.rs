@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
 use super::column::{Column, columns};
+use super::comparison::Comparison;
 use super::curve::Curve;
 use super::entry::{EntryState, PlanEntry};
 use super::strategy_thumbnails::{StrategyThumbnail, StrategyThumbnails};
@@ -22,7 +23,7 @@ use lumbre_render::OpenStats;
 /// Number of log messages that are stored.
 pub const MESSAGES: usize = 500;
 /// Number of finished cells whose curves are stored beside the current one.
-pub const PAST: usize = 6;
+pub const PAST: usize = 16;
 
 /// State of a run that renders, or of the one that rendered last.
 #[derive(Clone, Debug)]
@@ -69,6 +70,8 @@ pub struct NightModel {
     pub cells: Vec<PlanEntry>,
     /// Columns that distinguish cells from each other.
     pub columns: Arc<Vec<Column>>,
+    /// Selection of the cells that the chart compares; `None` if no axis varies.
+    pub comparison: Option<Arc<Comparison>>,
     /// The run that renders or rendered last; among interleaved runs, the first that is not done.
     pub current: Option<CurrentRun>,
     /// Other runs that are interleaved with the current one.
@@ -166,10 +169,12 @@ impl NightModel {
 
     /// Begins a night. Earlier messages are kept.
     pub fn begin_night(&mut self, plan: Arc<PlanOutline>, at_s: f64) {
+        let columns = columns(&plan);
         *self = NightModel {
             references: vec![PlanEntry::default(); plan.references.len()],
             cells: vec![PlanEntry::default(); plan.cells.len()],
-            columns: Arc::new(columns(&plan)),
+            comparison: Comparison::new(&plan, &columns).map(Arc::new),
+            columns: Arc::new(columns),
             plan: Some(plan),
             started_s: Some(at_s),
             messages: std::mem::take(&mut self.messages),

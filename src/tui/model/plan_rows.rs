@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::entry::EntryState;
+use super::entry::{EntryState, PlanEntry};
 use super::night::NightModel;
 use crate::experiment::{CellRef, PlanOutline};
 use crate::tui::format;
@@ -13,11 +13,16 @@ use crate::tui::view::View;
 /// Smallest number of cells that is shown as a tree.
 const SMALLEST_TREE: usize = 25;
 
+/// Smallest number of finished references that share one row.
+const FOLDED_REFERENCES: usize = 4;
+
 /// A row of the plan pane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlanRow {
     /// A reference or a cell.
     Run(CellRef),
+    /// All references in one row, once they are finished.
+    References,
     /// A group of cells: its index, and whether its cells follow.
     Group(usize, bool),
 }
@@ -29,6 +34,7 @@ struct RowsKey {
     filter: String,
     layout: PlanLayout,
     open: Option<usize>,
+    references_are_done: bool,
     /// Revision of the model; zero without a filter, since only a filter depends on states.
     revision: u64,
 }
@@ -78,6 +84,7 @@ impl PlanRows {
             filter: view.filter.clone(),
             layout: view.layout,
             open,
+            references_are_done: references_are_done(model),
             revision: if view.filter.is_empty() {
                 0
             } else {
@@ -134,7 +141,12 @@ impl PlanRows {
         let entry = |i: usize| PlanRow::Run(CellRef::Cell(i));
         let mut rows: Vec<PlanRow> = Vec::new();
         if wanted.is_empty() {
-            rows.extend((0..self.references).map(|i| PlanRow::Run(CellRef::Reference(i))));
+            let fold = self.references >= FOLDED_REFERENCES && references_are_done(model);
+            if fold && view.layout != PlanLayout::Open {
+                rows.push(PlanRow::References);
+            } else {
+                rows.extend((0..self.references).map(|i| PlanRow::Run(CellRef::Reference(i))));
+            }
         }
         if self.groups.is_empty() || view.layout == PlanLayout::Flat {
             rows.extend((0..self.labels.len()).filter(shown).map(entry));
@@ -178,13 +190,21 @@ impl PlanRows {
             CellRef::Reference(_) => None,
         };
         let own = self.rows.iter().position(|row| *row == PlanRow::Run(cell));
-        let shared = || {
-            self.rows
-                .iter()
-                .position(|row| matches!(row, PlanRow::Group(g, _) if Some(*g) == group))
+        let is_shared = |row: &PlanRow| match row {
+            PlanRow::Group(g, _) => Some(*g) == group,
+            PlanRow::References => group.is_none(),
+            PlanRow::Run(_) => false,
         };
+        let shared = || self.rows.iter().position(is_shared);
         own.or_else(shared).unwrap_or(0)
     }
+}
+
+/// Returns whether every reference is finished.
+fn references_are_done(model: &NightModel) -> bool {
+    let is_done =
+        |entry: &PlanEntry| matches!(entry.state, EntryState::Done(_) | EntryState::Cached);
+    model.references.iter().all(is_done)
 }
 
 /// Returns the word with which a filter matches a state.

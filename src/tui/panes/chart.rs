@@ -56,32 +56,77 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
         .stop_rule(current.cell)
         .and_then(|rule| threshold(rule, &spec.column));
     let lines = Lines {
-        points,
-        past: other_points(model, current, view),
+        current: ChartCurve {
+            series: series(model, current.cell, current.cell),
+            points,
+        },
+        others: other_curves(model, current, view),
         threshold,
         floor: model.noise_floor(view.metric),
     };
     plot(frame, inner, caps, spec, &lines);
 }
 
-/// Returns the points of earlier and interleaved cells. They are drawn behind the current curve,
-/// so that techniques can be compared while they render.
-fn other_points(model: &NightModel, current: &CurrentRun, view: &View) -> Vec<Vec<(f64, f64)>> {
+/// Returns the curves of earlier and interleaved cells. They are drawn behind the current curve, so
+/// that techniques can be compared while they render.
+fn other_curves(model: &NightModel, current: &CurrentRun, view: &View) -> Vec<ChartCurve> {
     let past = model
         .past_curves
         .iter()
-        .filter(|(cell, _)| *cell != current.cell);
-    let interleaved = model.interleaved.values().map(|run| &run.curve);
-    let others = past.map(|(_, curve)| curve.as_ref()).chain(interleaved);
-    others.map(|curve| points(curve, view)).collect()
+        .filter(|(cell, _)| *cell != current.cell)
+        .map(|(cell, curve)| (*cell, curve.as_ref()));
+    let interleaved = model
+        .interleaved
+        .iter()
+        .map(|(cell, run)| (*cell, &run.curve));
+    let others = past.chain(interleaved);
+    let mut curves: Vec<ChartCurve> = others
+        .map(|(cell, curve)| ChartCurve {
+            series: series(model, current.cell, cell),
+            points: points(curve, view),
+        })
+        .collect();
+    // Curves that are not compared are drawn first, behind the others.
+    curves.sort_by_key(|curve| curve.series.is_some());
+    curves
+}
+
+/// Returns index and name of the series of a cell, if it is compared with the current one.
+fn series(model: &NightModel, current: CellRef, cell: CellRef) -> Option<(usize, String)> {
+    let (CellRef::Cell(current), CellRef::Cell(cell)) = (current, cell) else {
+        return None;
+    };
+    let comparison = model.comparison.as_ref()?;
+    if !comparison.are_comparable(&model.columns, current, cell) {
+        return None;
+    }
+    let (index, name) = comparison.series(&model.columns, cell)?;
+    Some((index, name.to_owned()))
+}
+
+/// One curve of the chart.
+struct ChartCurve {
+    /// Index and name of its series, if it is compared with the current cell.
+    series: Option<(usize, String)>,
+    points: Vec<(f64, f64)>,
+}
+
+impl ChartCurve {
+    /// Returns the colour of the curve; `None` without colours.
+    fn colour(&self, caps: TerminalCaps) -> Option<Color> {
+        match &self.series {
+            Some((index, _)) => caps.series(*index),
+            None => caps.behind(),
+        }
+    }
 }
 
 /// Curves and lines of the chart.
 struct Lines {
-    /// Points of the current cell.
-    points: Vec<(f64, f64)>,
-    /// Points of earlier and interleaved cells.
-    past: Vec<Vec<(f64, f64)>>,
+    /// Curve of the current cell.
+    current: ChartCurve,
+    /// Curves of earlier and interleaved cells.
+    others: Vec<ChartCurve>,
     /// Value at which the stop rule is met.
     threshold: Option<f64>,
     /// Noise floor of the reference.
@@ -211,7 +256,7 @@ fn threshold(rule: &StopRule, column: &str) -> Option<f64> {
 
 /// Draws axes, threshold, noise floor and curves.
 fn plot(frame: &mut Frame, area: Rect, caps: TerminalCaps, spec: &MetricSpec, lines: &Lines) {
-    let points = &lines.points[..];
+    let points = &lines.current.points[..];
     if area.width < 16 || area.height < 4 {
         return;
     }
@@ -224,7 +269,10 @@ fn plot(frame: &mut Frame, area: Rect, caps: TerminalCaps, spec: &MetricSpec, li
     };
     let threshold = lines.threshold.filter(|t| near(*t, points, scale_y));
     let floor = lines.floor.filter(|f| near(*f, points, scale_y));
-    let all = || points.iter().chain(lines.past.iter().flatten());
+    let all = || {
+        let others = lines.others.iter().flat_map(|curve| &curve.points);
+        points.iter().chain(others)
+    };
     let values = all().map(|p| p.1).chain(threshold).chain(floor);
     let y = ChartAxis::covering(values, scale_y, usize::from(area.height - 2) / 2);
     let x = ChartAxis::covering(
@@ -284,14 +332,16 @@ fn curves(
             .filter_map(|p| Some((x.position(p.0)?, y.position(p.1)?)))
             .collect()
     };
-    let dots = placed(&lines.points);
-    let ink = caps.glow().fg.unwrap_or(Color::Reset);
+    let current = &lines.current;
+    let ink = current.colour(caps).filter(|_| current.series.is_some());
+    let ink = ink.or(caps.glow().fg).unwrap_or(Color::Reset);
+    let dots = placed(&current.points);
     // Without colours the curves could not be distinguished.
-    let past: Vec<Vec<(f64, f64)>> = match caps.behind() {
-        Some(_) => lines.past.iter().map(|points| placed(points)).collect(),
-        None => Vec::new(),
-    };
-    let behind = caps.behind().unwrap_or(Color::Reset);
+    let others: Vec<(Vec<(f64, f64)>, Color)> = lines
+        .others
+        .iter()
+        .filter_map(|curve| Some((placed(&curve.points), curve.colour(caps)?)))
+        .collect();
     let canvas = Canvas::default()
         .marker(if caps.ascii {
             Marker::Custom('*')
@@ -301,10 +351,60 @@ fn curves(
         .x_bounds([0.0, 1.0])
         .y_bounds([0.0, 1.0])
         .paint(|ctx| {
-            past.iter().for_each(|dots| polyline(ctx, dots, behind));
+            for (dots, colour) in &others {
+                polyline(ctx, dots, *colour);
+            }
             polyline(ctx, &dots, ink);
         });
     frame.render_widget(canvas, plot);
+    let shown = lines.others.iter().filter(|_| caps.behind().is_some());
+    let named: Vec<(&ChartCurve, Vec<(f64, f64)>)> = std::iter::once(current)
+        .chain(shown)
+        .map(|curve| (curve, placed(&curve.points)))
+        .collect();
+    // A single series needs no name.
+    let first = named[0].0.series.as_ref().map(|(index, _)| *index);
+    let is_other = |curve: &ChartCurve| {
+        let index = curve.series.as_ref().map(|(index, _)| *index);
+        index.is_some() && index != first
+    };
+    if named.iter().any(|(curve, _)| is_other(curve)) {
+        series_names(frame, plot, caps, &named);
+    }
+}
+
+/// Writes the name of each series once, beside the end of one of its curves.
+fn series_names(
+    frame: &mut Frame,
+    plot: Rect,
+    caps: TerminalCaps,
+    curves: &[(&ChartCurve, Vec<(f64, f64)>)],
+) {
+    let mut named: Vec<usize> = Vec::new();
+    let mut taken: Vec<u16> = Vec::new();
+    for (curve, dots) in curves {
+        let (Some((index, name)), Some(end)) = (&curve.series, dots.last()) else {
+            continue;
+        };
+        let width = format::width(name) as u16;
+        if named.contains(index) || width + 2 > plot.width {
+            continue;
+        }
+        let wanted = row_at(plot, end.1);
+        let below = (wanted..plot.bottom()).find(|row| !taken.contains(row));
+        let above = || (plot.top()..wanted).rev().find(|row| !taken.contains(row));
+        let Some(row) = below.or_else(above) else {
+            continue;
+        };
+        let column = plot.x + (end.0 * f64::from(plot.width)) as u16 + 1;
+        let column = column.min(plot.right() - width);
+        let style = caps
+            .series(*index)
+            .map_or(Style::new(), |c| Style::new().fg(c));
+        frame.buffer_mut().set_string(column, row, name, style);
+        named.push(*index);
+        taken.push(row);
+    }
 }
 
 /// Draws points and the lines between them.

@@ -122,6 +122,7 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
     let mut lines = vec![table.header()];
     lines.extend(rows.all().iter().skip(top).take(page).map(|row| match row {
         PlanRow::Run(cell) => table.row(*cell),
+        PlanRow::References => table.references(),
         PlanRow::Group(group, open) => table.group(rows.group(*group), *open),
     }));
     if all == 0 {
@@ -233,6 +234,18 @@ impl<'m> Table<'m> {
         Line::styled(line, self.view.caps.dim())
     }
 
+    /// PlanRow of all references, which are finished.
+    fn references(&self) -> Line<'static> {
+        let (caps, glyphs) = (self.view.caps, self.view.caps.glyphs());
+        let count = self.model.references.len();
+        Line::from(vec![
+            Span::styled(glyphs.closed, caps.accent()),
+            Span::raw(" references  "),
+            Span::styled(format!("{count}/{count} "), caps.dim()),
+            Span::styled(glyphs.done, caps.good()),
+        ])
+    }
+
     /// PlanRow of a group: its value, and the number of its finished and failed cells.
     fn group(&self, group: Option<&CellGroup>, open: bool) -> Line<'static> {
         let Some(group) = group else {
@@ -333,8 +346,19 @@ impl<'m> Table<'m> {
                 // The number of finished shards is more useful than the full name.
                 let shards = self.shards(cell).map_or(0, |text| 2 + text.len());
                 let room = self.label.saturating_sub(shards);
+                let plan = self.model.plan.as_ref();
+                let values = plan
+                    .and_then(|plan| plan.references.get(i))
+                    .map(|reference| {
+                        let values = reference.values.iter().map(|(_, value)| value.as_str());
+                        std::iter::once(technique)
+                            .chain(values)
+                            .collect::<Vec<_>>()
+                            .join(" ")
+                    });
                 let names = [
                     format!("reference {name}"),
+                    format!("reference {}", values.unwrap_or_default()),
                     format!("reference {technique}"),
                     format!("reference {}", i + 1),
                 ];

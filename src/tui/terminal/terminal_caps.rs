@@ -273,6 +273,22 @@ impl TerminalCaps {
         self.color(Color::Rgb(255, 158, 61), Color::Indexed(215))
     }
 
+    /// Colour of the curves of a compared technique; `None` without colours. The colours are those
+    /// of Okabe and Ito [2008] that are light enough for a dark terminal.
+    pub(in crate::tui) fn series(&self, index: usize) -> Option<Color> {
+        const COLOURS: [((u8, u8, u8), u8); 6] = [
+            ((86, 180, 233), 74),
+            ((230, 159, 0), 178),
+            ((0, 178, 130), 36),
+            ((214, 134, 178), 175),
+            ((240, 228, 66), 221),
+            ((228, 108, 36), 166),
+        ];
+        let ((red, green, blue), plain) = COLOURS[index % COLOURS.len()];
+        self.color(Color::Rgb(red, green, blue), Color::Indexed(plain))
+            .fg
+    }
+
     /// Colour of the curves behind the current one; `None` without colours.
     pub(in crate::tui) fn behind(&self) -> Option<Color> {
         self.color(Color::Rgb(98, 98, 104), Color::Indexed(240)).fg

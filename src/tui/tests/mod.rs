@@ -1,5 +1,6 @@
 //! Tests of screens, keys and progress lines with the events of a synthetic night.
 
+mod comparison;
 mod fold;
 mod graphics;
 mod keys;

@@ -38,7 +38,8 @@ pub fn screen(size: (u16, u16), model: &NightModel, view: &View) -> String {
     terminal.backend().to_string()
 }
 
-fn view(caps: TerminalCaps, now_s: f64) -> View {
+/// Returns a view at `now_s` seconds.
+pub fn view(caps: TerminalCaps, now_s: f64) -> View {
     View {
         now_s,
         ..View::new(caps)

@@ -207,7 +207,7 @@ fn a_failed_cell_is_recorded_and_the_night_continues() {
         2,
         "the cells of the other depth are done"
     );
-    let listed = place.succeed(&["ls"]).stdout;
+    let listed = place.succeed(&["ls", "--latest"]).stdout;
     assert!(
         listed.contains("2 done, 2 failed") && listed.contains("lens fell off"),
         "{listed}"

@@ -98,7 +98,12 @@ fn ls_and_show_print_the_stored_results() {
         nothing.stderr
     );
     place.succeed(&["run", "night.lua", "-q"]);
-    let page = place.succeed(&["ls"]).stdout;
+    let line = place.succeed(&["ls"]).stdout;
+    assert!(
+        line.contains("4 cells: 4 done") && line.lines().count() == 1,
+        "an experiment is one line:\n{line}"
+    );
+    let page = place.succeed(&["ls", "--runs"]).stdout;
     assert!(
         page.contains("4 cells: 4 done") && page.contains("16 spp"),
         "{page}"

@@ -1,0 +1,60 @@
+//! Selection of the cells that the chart compares: those that differ only in their technique, as in
+//! the report.
+
+use super::column::Column;
+use crate::experiment::PlanOutline;
+use lumbre_light::transport::integrator::{INTEGRATORS, canonical_name, external};
+
+/// The compared column of the plan and its values.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Comparison {
+    /// Index of the compared column.
+    column: usize,
+    /// Number of columns of axes; the repeat number, if there is one, follows.
+    axes: usize,
+    /// Distinct values of the compared column in plan order.
+    values: Vec<String>,
+}
+
+impl Comparison {
+    /// Chooses the column: the axis whose values are techniques, or else the last axis that varies.
+    /// Returns `None` if no axis varies.
+    pub fn new(plan: &PlanOutline, columns: &[Column]) -> Option<Comparison> {
+        let axes = columns.len() - usize::from(plan.repeated && !columns.is_empty());
+        let is_technique = |value: &String| {
+            value.starts_with(external::PREFIX)
+                || INTEGRATORS
+                    .iter()
+                    .any(|row| row.name == canonical_name(value))
+        };
+        let names_techniques = |column: &Column| column.values.iter().all(is_technique);
+        let column = columns[..axes].iter().position(names_techniques);
+        let column = column.or(axes.checked_sub(1))?;
+        let mut values: Vec<String> = Vec::new();
+        for value in &columns[column].values {
+            if !values.contains(value) {
+                values.push(value.clone());
+            }
+        }
+        Some(Comparison {
+            column,
+            axes,
+            values,
+        })
+    }
+
+    /// Returns the index and the name of a cell's series.
+    pub fn series(&self, columns: &[Column], cell: usize) -> Option<(usize, &str)> {
+        let value = columns.get(self.column)?.values.get(cell)?;
+        let index = self.values.iter().position(|known| known == value)?;
+        Some((index, &self.values[index]))
+    }
+
+    /// Returns whether two cells differ in nothing but series and repeat number.
+    pub fn are_comparable(&self, columns: &[Column], a: usize, b: usize) -> bool {
+        let mut others = columns.iter().take(self.axes).enumerate();
+        others.all(|(index, column)| {
+            index == self.column || column.values.get(a) == column.values.get(b)
+        })
+    }
+}
