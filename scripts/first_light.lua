@@ -38,7 +38,7 @@ x:axis("radius", { 0.5, 1.5 })
 x:render(function(p)
   return {
     scene = "scenes/cornell/cornell.scn",
-    integrator = "bpt", -- backward path tracing: from the camera until a path meets the light
+    integrator = "bpt", -- path tracing: from the camera until a path meets the light
     max_depth = p.depth,
     resolution = { 128, 128 },
     aa = { filter = "gauss", radius = p.radius },
@@ -48,7 +48,9 @@ end)
 -- The reference that cells are measured against: the same picture with far more samples. It is
 -- rendered first and kept in out/refs for later experiments. A function `from` could change what it
 -- renders, for example to a better integrator: from = function(p) return { integrator = ".." } end.
-x:reference { stop = stop.samples(1024) }
+-- `agree` renders it a second time with another technique and compares the two block by block: a
+-- biased reference raises an alarm.
+x:reference { stop = stop.samples(1024), agree = { with = "nee" } }
 
 -- Metrics, measured at least every quarter of a second of render time. Each key is a column. RMSE
 -- and relMSE compare radiance; SSIM compares displayed pictures, so it needs a tone map that

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use lumbre_light::transport::integrator::external::is_declared;
-use lumbre_light::transport::integrator::{INTEGRATORS, integrator};
+use lumbre_light::transport::integrator::{INTEGRATORS, canonical_name, integrator};
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::duration_s;
 use lumbre_light::value::suggest;
@@ -57,7 +57,7 @@ pub(super) fn bytes(text: &str) -> Result<u64, String> {
 /// Parses the name of an integrator.
 pub(super) fn integrator_name(text: &str) -> Result<String, String> {
     if integrator(text).is_some_and(|row| !is_declared(row)) {
-        return Ok(text.to_owned());
+        return Ok(canonical_name(text).to_owned());
     }
     let names: Vec<&str> = INTEGRATORS.iter().map(|row| row.name).collect();
     Err(unknown_name("integrator", text, &names))

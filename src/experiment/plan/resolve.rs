@@ -12,7 +12,7 @@ use lumbre_light::film::layer::LayerLayout;
 use lumbre_light::film::time;
 use lumbre_light::scene::{Note, SceneDesc, SceneError, desc, edit};
 use lumbre_light::transport::integrator::external::{EXTERNALS, is_declared, is_external};
-use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow, integrator};
+use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow, canonical_name, integrator};
 use lumbre_light::transport::sampler::{SAMPLER_NAMES, SamplerRow, sampler};
 use lumbre_light::value::Value;
 use lumbre_render::BackendRow;
@@ -104,6 +104,7 @@ impl<'a> Resolver<'a> {
         point: &Point,
     ) -> Result<Renderable, PlanError> {
         let row = integrator_row(&config.integrator, point)?;
+        config.integrator = canonical_name(&config.integrator).to_owned();
         let sampler = sampler_row(&config.sampler, point)?;
         let peer = if is_external(row) {
             Some(self.peer(row, &mut config, point)?)

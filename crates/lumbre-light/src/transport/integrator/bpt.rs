@@ -1,4 +1,4 @@
-//! Backward path tracing: a path starts at the camera, continues by BSDF sampling, and finds light
+//! Path tracing: a path starts at the camera, continues by BSDF sampling, and finds light
 //! only by hitting an emitter [Kajiya 1986]. Slow if lights are small, but simple enough to serve
 //! as the reference for all other integrators.
 
@@ -10,7 +10,7 @@ use crate::value::schema::Table;
 /// The table entry of this integrator.
 pub const ROW: IntegratorRow = IntegratorRow {
     name: "bpt",
-    long_name: "backward path tracing",
+    long_name: "path tracing",
     revision: 3,
     doc: "Paths start at the camera and find light only by hitting it [Kajiya 1986].",
     params: Table {
@@ -24,7 +24,7 @@ pub const ROW: IntegratorRow = IntegratorRow {
     sample: camera_path::sample::<Bpt>,
 };
 
-/// Backward path tracing.
+/// Path tracing that finds light by chance.
 pub struct Bpt;
 
 impl CameraPaths for Bpt {

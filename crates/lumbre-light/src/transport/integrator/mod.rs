@@ -141,11 +141,22 @@ pub struct IntegratorRow {
     pub sample: SampleFn,
 }
 
+/// Other names of integrators, with the name in the table: `pt` is what most of the literature calls
+/// path tracing, where BPT is bidirectional path tracing.
+const ALIASES: &[(&str, &str)] = &[("pt", "bpt")];
+
+/// Returns the name in the table of an integrator that may be given by another name; any other text
+/// is returned as it is.
+pub fn canonical_name(name: &str) -> &str {
+    let alias = ALIASES.iter().find(|(alias, _)| *alias == name);
+    alias.map_or(name, |(_, name)| name)
+}
+
 /// Returns the integrator with this name, of this program or of [another one](external).
 pub fn integrator(name: &str) -> Option<&'static IntegratorRow> {
     INTEGRATORS
         .iter()
         .chain(external::EXTERNALS)
-        .find(|row| row.name == name)
+        .find(|row| row.name == canonical_name(name))
         .or_else(|| external::declared(name))
 }

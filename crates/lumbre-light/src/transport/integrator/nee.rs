@@ -1,4 +1,4 @@
-//! Backward path tracing with next event estimation: at every vertex whose BSDF has a density, the
+//! Path tracing with next event estimation: at every vertex whose BSDF has a density, the
 //! path is also connected to a sampled point of a light. Light that the path hits by itself is
 //! weighted against it.
 
@@ -20,7 +20,7 @@ use crate::value::schema::Table;
 /// The table entry of this integrator.
 pub const ROW: IntegratorRow = IntegratorRow {
     name: "nee",
-    long_name: "backward path tracing with next event estimation",
+    long_name: "path tracing with next event estimation",
     revision: 3,
     doc: "Paths start at the camera and are connected to a light at every vertex that is not \
           specular; light that they hit by themselves is weighted against it [Veach 1997, 9.2]. \
@@ -37,7 +37,7 @@ pub const ROW: IntegratorRow = IntegratorRow {
     sample: camera_path::sample::<Nee>,
 };
 
-/// Backward path tracing with next event estimation.
+/// Path tracing with next event estimation.
 pub struct Nee;
 
 impl CameraPaths for Nee {
