@@ -20,11 +20,11 @@ use lumbre_render::cpu::renderer::CpuRenderer;
 use lumbre_render::{Job, Renderer};
 use lumbre_vulkan::context::device::Device;
 use lumbre_vulkan::pipelines::program::TracingMode;
-use lumbre_vulkan::pipelines::sources::Sources;
 use lumbre_vulkan::renderer::VulkanRenderer;
 
 use super::harness;
 use super::images::{render, supported_modes, technique_job};
+use super::verdict::compare_loosely;
 use crate::common::{self, SceneBuilder, WHITE, grey, light};
 
 /// Returns materials at the extremes of every model.
@@ -265,42 +265,11 @@ fn both(
             .collect::<Vec<Film>>()
     };
     let found =
-        films(&mut VulkanRenderer::new(device, kind, &Sources::Embedded, scene, job).unwrap());
+        films(&mut VulkanRenderer::new(device, kind, &harness::sources(), scene, job).unwrap());
     (
         found,
         films(&mut CpuRenderer::new(Arc::clone(scene), job.clone()).unwrap()),
     )
-}
-
-/// Compares films with small lobes and few pixels, where a diverging path changes more than in
-/// [`compare`].
-pub fn compare_loosely(name: &str, found: &Film, expected: &Film) {
-    let (a, b) = (found.mean(), expected.mean());
-    let mean = b
-        .data
-        .as_flattened()
-        .iter()
-        .map(|x| f64::from(*x))
-        .sum::<f64>()
-        / (3 * b.data.len()) as f64;
-    let far =
-        |(x, y): &(&f32, &f32)| f64::from((*x - *y).abs()) > 0.01 * f64::from(y.abs()).max(mean);
-    let off = a
-        .data
-        .as_flattened()
-        .iter()
-        .zip(b.data.as_flattened())
-        .filter(far)
-        .count();
-    println!(
-        "{name}: mean {mean:.4}, {off} of {} values off by more than 1 %",
-        3 * b.data.len()
-    );
-    assert!(mean > 0.0, "{name}: black");
-    assert!(
-        off as f64 <= 0.01 * (3 * b.data.len()) as f64,
-        "{name}: {off} values are off"
-    );
 }
 
 #[test]

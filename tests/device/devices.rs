@@ -8,10 +8,9 @@ use std::process::{Command, Output};
 
 use lumbre_render::{Job, Renderer};
 use lumbre_vulkan::pipelines::program::TracingMode;
-use lumbre_vulkan::pipelines::sources::Sources;
 use lumbre_vulkan::renderer::VulkanRenderer;
 
-use super::{harness, images};
+use super::{harness, images, verdict};
 use crate::common;
 
 const SCENE: &str = include_str!("../common/ball.scn");
@@ -217,16 +216,8 @@ fn every_device_has_a_worker_and_every_comparison_group_stays_on_one_device() {
         means
     };
     for (found, expected) in means("single_worker").iter().zip(&means("cpu")) {
-        let off = found
-            .iter()
-            .zip(expected)
-            .filter(|(a, b)| (**a - **b).abs() > 1e-3 * b.abs().max(1e-3))
-            .count();
-        assert!(
-            off <= 3 && found.len() == 16 * 12 * 3,
-            "{off} of {} values differ",
-            found.len()
-        );
+        assert_eq!(found.len(), 16 * 12 * 3);
+        verdict::compare_values("a reference", found, expected);
     }
     if !two {
         return println!("SKIPPED: the loader does not list a driver twice");
@@ -311,7 +302,7 @@ fn a_shard_with_splats_has_the_same_bits_in_any_waves_and_the_samples_of_the_cpu
     let mut waves = VulkanRenderer::new(
         &device,
         TracingMode::Compute,
-        &Sources::Embedded,
+        &harness::sources(),
         &scene,
         &shard,
     )
@@ -323,7 +314,7 @@ fn a_shard_with_splats_has_the_same_bits_in_any_waves_and_the_samples_of_the_cpu
         *waves.film() == once,
         "other waves change the bits of the shard"
     );
-    images::compare("samples 4 to 7", &once, &common::render(&scene, shard, 4));
+    verdict::compare("samples 4 to 7", &once, &common::render(&scene, shard, 4));
     harness::assert_no_validation_messages();
 }
 

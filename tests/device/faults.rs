@@ -14,6 +14,7 @@ use lumbre_vulkan::pipelines::sources::{HAS_COMPILER, ShaderError, Sources};
 use lumbre_vulkan::renderer::{VulkanRenderer, into_render_error};
 
 use super::harness;
+use super::images::supported_modes;
 use crate::common::{SceneBuilder, grey, job};
 
 fn scene() -> Arc<lumbre_light::scene::CompiledScene> {
@@ -151,12 +152,8 @@ fn shaders_of_a_folder_replace_the_embedded_ones_and_their_errors_name_the_line(
 /// Returns sources in which `bpt` is the integrator of `parity/constant.integrator`, and a seed with
 /// which it returns `value`, and `odd` at pixel (5, 6).
 fn constant(value: f32, odd: f32) -> (Sources, u64) {
-    let module = include_bytes!("parity/spirv/constant.spv").as_slice();
     let seed = u64::from(odd.to_bits()) << 32 | u64::from(value.to_bits());
-    (
-        Sources::Replaced(Arc::new([("bpt.comp.spv", module)])),
-        seed,
-    )
+    (harness::replaced_integrator!("constant"), seed)
 }
 
 #[test]
@@ -166,15 +163,41 @@ fn invalid_samples_are_counted_and_the_first_is_named() {
     };
     let (sources, seed) = constant(1.0, f32::INFINITY);
     let job = job([8, 8], 2, seed);
-    let mut renderer = open(&device, TracingMode::Compute, &sources, &job).unwrap();
-    let stats = renderer.advance(3).unwrap();
-    assert_eq!((stats.invalid, stats.first_invalid), (3, Some([5, 6, 0])));
-    assert_eq!(
-        renderer.film().sum[6 * 8 + 5],
-        [0.0; 3],
-        "invalid samples must count as black"
-    );
-    assert_eq!(renderer.film().sum[0], [3.0; 3]);
+    for kind in supported_modes(&device) {
+        let mut renderer = open(&device, kind, &sources, &job).unwrap();
+        let stats = renderer.advance(3).unwrap();
+        assert_eq!((stats.invalid, stats.first_invalid), (3, Some([5, 6, 0])));
+        assert_eq!(
+            renderer.film().sum[6 * 8 + 5],
+            [0.0; 3],
+            "invalid samples must count as black"
+        );
+        assert_eq!(renderer.film().sum[0], [3.0; 3]);
+    }
+    harness::assert_no_validation_messages();
+}
+
+/// Rays with NaN, infinite origins or directions of no length are undefined in ray-tracing
+/// hardware: they must not reach it.
+#[test]
+fn rays_that_are_undefined_for_devices_hit_nothing() {
+    let Some(device) = harness::device() else {
+        return;
+    };
+    let ball = SceneBuilder::new(Vec3::Z * 3.0, Vec3::ZERO, 50.0)
+        .sphere(Vec3::ZERO, 0.5, grey(0.5))
+        .build();
+    let seed = u64::from(f32::INFINITY.to_bits()) << 32 | u64::from(f32::NAN.to_bits());
+    let sources = harness::replaced_integrator!("odd_rays");
+    let traces = |kind: &TracingMode| *kind != TracingMode::Compute;
+    for kind in supported_modes(&device).into_iter().filter(traces) {
+        let job = job([8, 1], 2, seed);
+        let mut renderer = VulkanRenderer::new(&device, kind, &sources, &ball, &job).unwrap();
+        renderer.advance(1).unwrap();
+        let hits: Vec<f64> = renderer.film().sum.iter().map(|sum| sum[0]).collect();
+        let expected = [3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        assert_eq!(hits, expected, "{}", kind.backend());
+    }
     harness::assert_no_validation_messages();
 }
 
@@ -197,6 +220,62 @@ fn a_buffer_beyond_the_limit_is_an_error_with_both_sizes() {
         RenderError::Unsupported { .. }
     ));
     harness::assert_no_validation_messages();
+}
+
+/// Returns the error of a buffer of `bytes` bytes that is never bound.
+fn unbound_buffer(device: &Arc<Device>, bytes: u64) -> String {
+    let error = Buffer::by_address(device, "a large array", bytes, Default::default())
+        .err()
+        .unwrap();
+    assert!(matches!(error, VulkanError::TooLarge { .. }), "{error:?}");
+    error.to_string()
+}
+
+#[test]
+fn memory_is_asked_for_before_it_is_allocated() {
+    let Some(device) = harness::device() else {
+        return;
+    };
+    let mut info = device.info.clone();
+    info.limits.allocation = 1 << 20;
+    let limited = Device::open(info, device.info.caps).unwrap();
+    let message = unbound_buffer(&limited, (1 << 20) + 4);
+    assert!(message.contains("no larger buffer"), "{message}");
+    if !device.info.caps.memory_budget {
+        return println!(
+            "SKIPPED: {} does not report free memory",
+            device.info.line()
+        );
+    }
+    let (left, heap) = (device.info.memory_left(), device.info.limits.heap);
+    assert!(0 < left && left < heap, "{left} of {heap} bytes are left");
+    let mut info = device.info.clone();
+    info.limits.allocation = u64::MAX;
+    let unlimited = Device::open(info, device.info.caps).unwrap();
+    let message = unbound_buffer(&unlimited, heap);
+    assert!(message.contains("is in use"), "{message}");
+    harness::assert_no_validation_messages();
+}
+
+#[test]
+fn more_arrays_than_a_shader_of_the_device_can_access_are_refused() {
+    let Some(device) = harness::device() else {
+        return;
+    };
+    let mut info = device.info.clone();
+    info.limits.storage_buffers = 31;
+    let limited = Device::open(info, device.info.caps).unwrap();
+    let error = open(
+        &limited,
+        TracingMode::Compute,
+        &Sources::Embedded,
+        &job([8, 8], 2, 1),
+    );
+    let error = error.err().unwrap().to_string();
+    assert!(
+        error.contains("32 storage buffers in one shader (at most 31)"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -232,7 +311,9 @@ fn a_lost_device_is_an_error_to_retry_that_names_the_pass() {
     let lost = VulkanError::Lost {
         device: device.clone(),
         pass: pass.clone(),
+        fault: Some("invalid read at 0x10".to_owned()),
     };
+    assert!(lost.to_string().ends_with("`render`: invalid read at 0x10"));
     let stuck = VulkanError::Stuck {
         device,
         pass,

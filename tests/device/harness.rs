@@ -13,6 +13,9 @@ use lumbre_vulkan::context::instance;
 use lumbre_vulkan::context::physical_device;
 use lumbre_vulkan::context::{device::Device, physical_device::Caps};
 use lumbre_vulkan::pipelines::program::TracingMode;
+use lumbre_vulkan::pipelines::sources::Sources;
+
+use super::rounding;
 
 /// Returns whether devices render an integrator.
 pub fn renders(row: &IntegratorRow) -> bool {
@@ -125,6 +128,17 @@ pub fn add_delays(scene: &mut CompiledScene) {
     scene.delays = delays;
 }
 
+/// Returns the shaders that tests of pictures run: those of the program or, if the environment
+/// variable `LUMBRE_TEST_ROUNDING` is `1`, the same with noise of a few units in the last place.
+pub fn sources() -> Sources {
+    let noisy = std::env::var("LUMBRE_TEST_ROUNDING").is_ok_and(|v| v == "1");
+    if noisy {
+        rounding::noisy_sources()
+    } else {
+        Sources::Embedded
+    }
+}
+
 /// Returns whether a missing device is a failure.
 pub fn required() -> bool {
     std::env::var("REQUIRE_DEVICE").is_ok_and(|v| v == "1")
@@ -145,3 +159,23 @@ pub fn assert_no_validation_messages() {
         );
     }
 }
+
+/// Returns sources in which `bpt` is another integrator: `parity/NAME.integrator`.
+macro_rules! replaced_integrator {
+    ($name:literal) => {{
+        macro_rules! module {
+            ($file:literal, $extension:literal) => {
+                (
+                    concat!("bpt.", $extension),
+                    include_bytes!(concat!("parity/spirv/", $file, ".", $extension)).as_slice(),
+                )
+            };
+        }
+        lumbre_vulkan::pipelines::sources::Sources::Replaced(std::sync::Arc::new([
+            module!($name, "comp.spv"),
+            module!($name, "query.comp.spv"),
+            module!($name, "rgen.spv"),
+        ]))
+    }};
+}
+pub(crate) use replaced_integrator;

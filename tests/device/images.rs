@@ -18,8 +18,9 @@ use lumbre_vulkan::pipelines::program::TracingMode;
 use lumbre_vulkan::pipelines::sources::Sources;
 use lumbre_vulkan::renderer::VulkanRenderer;
 
-use super::corners::{balls, compare_loosely};
+use super::corners::balls;
 use super::harness;
+use super::verdict::{compare, compare_loosely};
 use crate::common::{self, SceneBuilder, WHITE, grey, job, light};
 
 /// Returns the tracing modes that the device supports.
@@ -42,7 +43,7 @@ pub fn render(
     job: &Job,
     samples: u64,
 ) -> Film {
-    let mut renderer = VulkanRenderer::new(device, kind, &Sources::Embedded, scene, job).unwrap();
+    let mut renderer = VulkanRenderer::new(device, kind, &harness::sources(), scene, job).unwrap();
     let stats = renderer.advance(samples).unwrap();
     assert_eq!(
         stats.invalid, 0,
@@ -51,45 +52,6 @@ pub fn render(
     );
     assert!(stats.rays >= stats.paths && stats.device_s > 0.0);
     renderer.film().clone()
-}
-
-/// Panics if two films of the same samples differ by more than rounding explains.
-pub fn compare(name: &str, found: &Film, expected: &Film) {
-    assert_eq!(found.samples, expected.samples);
-    let (a, b) = (found.mean(), expected.mean());
-    let mean = b
-        .data
-        .as_flattened()
-        .iter()
-        .map(|x| f64::from(*x))
-        .sum::<f64>()
-        / (3 * b.data.len()) as f64;
-    let mut squares = 0.0;
-    let mut off = 0;
-    for (x, y) in a.data.as_flattened().iter().zip(b.data.as_flattened()) {
-        let d = f64::from(x - y);
-        squares += d * d;
-        off += usize::from(d.abs() > 0.01 * f64::from(y.abs()).max(mean));
-    }
-    let rmse = (squares / (3 * b.data.len()) as f64).sqrt() / mean;
-    let means: f64 = a
-        .data
-        .as_flattened()
-        .iter()
-        .map(|x| f64::from(*x))
-        .sum::<f64>()
-        / (3 * a.data.len()) as f64;
-    println!("{name}: mean {mean:.5}, relative RMSE {rmse:.1e}, {off} values off by more than 1 %");
-    assert!(mean > 0.0, "{name}: black");
-    assert!(
-        (means / mean - 1.0).abs() < 1e-3,
-        "{name}: mean {means} instead of {mean}"
-    );
-    assert!(rmse < 1e-3, "{name}: relative RMSE {rmse:e}");
-    assert!(
-        off as f64 <= 0.001 * (3 * b.data.len()) as f64,
-        "{name}: {off} values are off by more than 1 %"
-    );
 }
 
 /// Returns a closed room with an area light, a glossy ball, a glass ball and a rough one.
@@ -229,6 +191,40 @@ fn bpt_renders_the_samples_of_the_cpu_in_every_tracing_mode() {
     );
 }
 
+/// Replaces the any-hit shader by one that ignores every hit: where it runs, a surface is invisible.
+#[test]
+fn only_triangles_with_masks_call_the_any_hit_shader() {
+    let Some(device) = harness::device() else {
+        return;
+    };
+    if !supported_modes(&device).contains(&TracingMode::Pipeline) {
+        return;
+    }
+    let mut builder = SceneBuilder::new(Vec3::Z * 3.0, Vec3::ZERO, 40.0);
+    let whole = builder.texture(Texture::new(1, 1, vec![[1.0; 3]]));
+    let masked = Material {
+        mask_texture: whole,
+        ..light(1.0)
+    };
+    let (left, right, edge) = (Vec3::new(-2.0, -2.0, 0.0), Vec3::NEG_Y * 2.0, Vec3::X * 2.0);
+    let scene = builder
+        .quad(left, edge, Vec3::Y * 4.0, light(1.0))
+        .quad(right, edge, Vec3::Y * 4.0, masked)
+        .sphere(Vec3::Z * 0.5, 0.2, masked)
+        .build();
+    let module = include_bytes!("parity/spirv/ignore_all.rahit.spv").as_slice();
+    let ignoring = Sources::Replaced(Arc::new([("mask.rahit.spv", module)]));
+    let job = job([9, 9], 2, 1);
+    for (sources, right) in [(Sources::Embedded, 1.0), (ignoring, 0.0)] {
+        let mut renderer =
+            VulkanRenderer::new(&device, TracingMode::Pipeline, &sources, &scene, &job).unwrap();
+        renderer.advance(1).unwrap();
+        let seen = [1, 4, 7].map(|x| renderer.film().mean().at(x, 4)[0]);
+        assert_eq!(seen, [1.0, 1.0, right], "left, on the sphere, right");
+    }
+    harness::assert_no_validation_messages();
+}
+
 #[test]
 fn nee_renders_the_samples_of_the_cpu_with_all_lights_masks_textures_and_a_lens() {
     let filter = FilterSpec {
@@ -260,7 +256,7 @@ fn bdpt_renders_the_samples_of_the_cpu_with_float_and_integer_splats() {
     let mut waves = VulkanRenderer::new(
         &whole,
         TracingMode::Compute,
-        &Sources::Embedded,
+        &harness::sources(),
         &scene,
         &job,
     )
@@ -293,7 +289,7 @@ fn layers_and_sobol_samples_are_those_of_the_cpu() {
     cpu.advance(4).unwrap();
     let kind = harness::fastest_to_compile(&device);
     let mut renderer =
-        VulkanRenderer::new(&device, kind, &Sources::Embedded, &scene, &job).unwrap();
+        VulkanRenderer::new(&device, kind, &harness::sources(), &scene, &job).unwrap();
     renderer.advance(1).unwrap();
     renderer.advance(3).unwrap();
     compare_loosely("picture with layers", renderer.film(), cpu.film());
@@ -393,7 +389,7 @@ fn a_run_resumed_from_a_checkpoint_has_the_same_bits() {
         } else {
             harness::fastest_to_compile(&exact)
         };
-        VulkanRenderer::new(&exact, kind, &Sources::Embedded, &scene, job).unwrap()
+        VulkanRenderer::new(&exact, kind, &harness::sources(), &scene, job).unwrap()
     };
     let small = |name: &str, layers: &[Layer]| Job {
         layers: layers.to_vec(),

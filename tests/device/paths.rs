@@ -7,7 +7,6 @@ use lumbre_render::Job;
 use lumbre_render::cpu;
 use lumbre_render::path_trace::{PathEvent, SampleAt};
 use lumbre_vulkan::pipelines::program::TracingMode;
-use lumbre_vulkan::pipelines::sources::Sources;
 use lumbre_vulkan::renderer::VulkanRenderer;
 
 use super::harness::{self, add_delays, timing};
@@ -83,7 +82,8 @@ fn samples_have_the_same_steps_and_vertices_on_every_backend() {
         };
         for kind in supported_modes(&device).into_iter().filter(able) {
             let mut renderer =
-                VulkanRenderer::recording(&device, kind, &Sources::Embedded, &scene, &job).unwrap();
+                VulkanRenderer::recording(&device, kind, &harness::sources(), &scene, &job)
+                    .unwrap();
             let found = renderer.paths(&samples).unwrap();
             let same = |(a, b): &(&Vec<PathEvent>, &Vec<PathEvent>)| {
                 a.len() == b.len() && a.iter().zip(b.iter()).all(|(a, b)| same_step(a, b))

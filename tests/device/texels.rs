@@ -9,10 +9,7 @@ use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{NONE, Texture};
 use lumbre_light::transport::integrator::integrator;
 use lumbre_render::{Job, RenderError};
-use lumbre_vulkan::context::{
-    device::Device,
-    physical_device::{Caps, Limits},
-};
+use lumbre_vulkan::context::{device::Device, limits::Limits, physical_device::Caps};
 use lumbre_vulkan::error::VulkanError;
 use lumbre_vulkan::layout::Specialization;
 use lumbre_vulkan::memory::upload::{JobBuffers, SceneBuffers};
@@ -21,7 +18,8 @@ use lumbre_vulkan::pipelines::test_kernel;
 use lumbre_vulkan::renderer::into_render_error;
 
 use super::harness;
-use super::images::{compare, render, scene_with_all_lights, supported_modes};
+use super::images::{render, scene_with_all_lights, supported_modes};
+use super::verdict::compare;
 use crate::common::{self, SceneBuilder, grey, job};
 
 /// Returns the device with other limits and capabilities.

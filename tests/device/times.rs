@@ -11,11 +11,11 @@ use lumbre_render::{Job, Renderer};
 use lumbre_vulkan::context::device::Device;
 use lumbre_vulkan::error::VulkanError;
 use lumbre_vulkan::pipelines::program::TracingMode;
-use lumbre_vulkan::pipelines::sources::Sources;
 use lumbre_vulkan::renderer::VulkanRenderer;
 
 use super::harness::{self, add_delays, timing};
-use super::images::{compare, render, room, supported_modes, technique_job};
+use super::images::{render, room, supported_modes, technique_job};
+use super::verdict::compare;
 use crate::common;
 
 /// Returns the room of glass and metal, with delayed and composed materials of every kind.
@@ -31,7 +31,7 @@ fn open(
     scene: &CompiledScene,
     job: &Job,
 ) -> VulkanRenderer {
-    VulkanRenderer::new(device, kind, &Sources::Embedded, scene, job).unwrap()
+    VulkanRenderer::new(device, kind, &harness::sources(), scene, job).unwrap()
 }
 
 /// Checks that the bins of both hold the same light: the histogram of the whole picture, and each
@@ -236,7 +236,7 @@ fn bins_that_do_not_fit_are_refused_with_both_sizes() {
     let error = VulkanRenderer::new(
         &small,
         TracingMode::Compute,
-        &Sources::Embedded,
+        &harness::sources(),
         &room(),
         &job,
     )
@@ -263,7 +263,7 @@ fn bins_that_do_not_fit_are_refused_with_both_sizes() {
     let error = VulkanRenderer::new(
         &limited,
         TracingMode::Compute,
-        &Sources::Embedded,
+        &harness::sources(),
         &room(),
         &job,
     )

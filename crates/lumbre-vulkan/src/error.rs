@@ -39,12 +39,26 @@ pub enum VulkanError {
         remedy: &'static str,
     },
     /// The device was lost with all data on it.
-    #[error("{device} was lost during the pass `{pass}`")]
+    #[error("{device} was lost during the pass `{pass}`{}", suffix(.fault))]
     Lost {
         /// Name of the device.
         device: String,
         /// Name of the last submitted pass.
         pass: String,
+        /// Reason that the driver reports, if it does.
+        fault: Option<String>,
+    },
+    /// The driver cannot create a pipeline. Some drivers lose the device with it.
+    #[error("{device} cannot create the pipeline `{pipeline}` ({result:?}): {remedy}")]
+    PipelineRefused {
+        /// Name of the device.
+        device: String,
+        /// Name of the pipeline.
+        pipeline: String,
+        /// Result code of the driver.
+        result: vk::Result,
+        /// Advice for the user.
+        remedy: String,
     },
     /// The device did not finish a pass in time.
     #[error("{device} did not finish the pass `{pass}` within {seconds} s")]
@@ -81,6 +95,13 @@ pub enum VulkanError {
     /// A shader does not compile.
     #[error(transparent)]
     Shader(#[from] ShaderError),
+}
+
+/// Returns a reason as the end of a message.
+fn suffix(reason: &Option<String>) -> String {
+    reason
+        .as_ref()
+        .map_or_else(String::new, |r| format!(": {r}"))
 }
 
 /// Converts bytes to MiB.

@@ -25,6 +25,7 @@ pub mod schedule;
 
 use std::sync::Arc;
 
+use context::physical_device::DeviceInfo;
 use error::VulkanError;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::transport::integrator::IntegratorRow;
@@ -130,11 +131,14 @@ fn paths(
     job: &Job,
     samples: &[SampleAt],
 ) -> Result<Vec<Vec<PathEvent>>, RenderError> {
-    let events = || {
-        let device = context::session::device()?;
-        VulkanRenderer::recording(&device, kind, &Sources::from_env(), scene, job)?.paths(samples)
-    };
-    events().map_err(|e| renderer::into_render_error(kind, e))
+    let into_error = |e| renderer::into_render_error(kind, e);
+    let device = context::session::device().map_err(into_error)?;
+    VulkanRenderer::recording(&device, kind, &Sources::from_env(), scene, job)
+        .and_then(|mut renderer| renderer.paths(samples))
+        .map_err(|e| {
+            context::session::forget(&device);
+            into_error(e)
+        })
 }
 
 /// Returns the device that a mode would run on, or why none can.
@@ -208,20 +212,29 @@ pub fn resolve_devices(names: &[String]) -> Result<Vec<String>, String> {
 /// Returns the backend that suits this machine's device and why, or why none does.
 pub fn auto_backend() -> Result<(&'static str, String), String> {
     let device = context::physical_device::choose().map_err(|e| e.to_string())?;
+    let (kind, why) = suitable_mode(&device)?;
+    Ok((kind.backend(), why))
+}
+
+/// Returns the tracing mode that suits a device and why, or why none does.
+fn suitable_mode(device: &DeviceInfo) -> Result<(TracingMode, String), String> {
+    let line = device.line();
     if device.software {
-        return Err(format!("{} is a software implementation", device.line()));
+        return Err(format!("{line} is a software implementation"));
     }
-    let kind = [TracingMode::Pipeline, TracingMode::Compute]
-        .into_iter()
-        .find(|kind| kind.lacking(&device.caps).is_none());
-    let kind =
-        kind.ok_or_else(|| format!("{} supports none of the Vulkan backends", device.line()))?;
-    let why = if kind == TracingMode::Pipeline {
-        "it supports hardware ray tracing"
-    } else {
-        "it has no hardware ray tracing"
+    let able = |kind: TracingMode| kind.lacking(&device.caps).is_none();
+    if able(TracingMode::Pipeline) && !device.emulates_tracing() {
+        let why = format!("{line}: it supports hardware ray tracing");
+        return Ok((TracingMode::Pipeline, why));
+    }
+    if !able(TracingMode::Compute) {
+        return Err(format!("{line} supports none of the Vulkan backends"));
+    }
+    let why = match device.emulates_tracing() {
+        true => "its driver emulates ray tracing",
+        false => "it has no hardware ray tracing",
     };
-    Ok((kind.backend(), format!("{}: {why}", device.line())))
+    Ok((TracingMode::Compute, format!("{line}: {why}")))
 }
 
 /// Lists the devices of this machine for users: name and driver, and which backends each supports.
@@ -230,28 +243,76 @@ pub fn devices() -> Vec<(String, String)> {
         Ok(devices) => devices,
         Err(e) => return vec![("devices".to_owned(), e.to_string())],
     };
-    let line = |d: &context::physical_device::DeviceInfo| {
-        let able = |kind: &TracingMode| kind.lacking(&d.caps).is_none();
-        let backends: Vec<&str> = TracingMode::ALL
-            .iter()
-            .filter(|kind| able(kind))
-            .map(|kind| kind.backend())
-            .collect();
-        let splats = if d.caps.float_atomics {
-            "splats by float atomics"
-        } else {
-            "splats in fixed point"
-        };
-        let sort = if d.software { "software" } else { "hardware" };
-        let heap = error::mib(d.limits.heap);
-        (
-            format!("device {}", d.index),
-            format!(
-                "{}: {sort}, {heap:.0} MiB, {splats}; {}",
-                d.line(),
-                backends.join(", ")
-            ),
-        )
-    };
+    let line = |d: &DeviceInfo| (format!("device {}", d.index), describe_device(d));
     listed.iter().map(line).collect()
+}
+
+/// Returns a line about a device for users: memory, how splats are summed, how rays are traced, and
+/// which backends it supports.
+fn describe_device(d: &DeviceInfo) -> String {
+    let able = |kind: &TracingMode| kind.lacking(&d.caps).is_none();
+    let backends: Vec<&str> = TracingMode::ALL
+        .iter()
+        .filter(|kind| able(kind))
+        .map(|kind| kind.backend())
+        .collect();
+    let sort = if d.software { "software" } else { "hardware" };
+    let splats = if d.caps.float_atomics {
+        "splats by float atomics"
+    } else {
+        "splats in fixed point"
+    };
+    let tracing = match d.caps.traces() {
+        true if d.software || d.emulates_tracing() => "ray tracing emulated",
+        true => "ray tracing in hardware",
+        false => "no ray tracing",
+    };
+    let [heap, left, at_once] = [d.limits.heap, d.memory_left(), d.limits.allocation]
+        .map(|bytes| format!("{:.0} MiB", error::mib(bytes)));
+    let memory = format!("{heap} ({left} free, {at_once} at once)");
+    let backends = backends.join(", ");
+    format!(
+        "{}: {sort}, {memory}, {splats}, {tracing}; {backends}",
+        d.line()
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use context::limits::Limits;
+    use context::physical_device::Caps;
+
+    use super::*;
+
+    #[test]
+    fn auto_chooses_own_traversal_where_ray_tracing_is_emulated() {
+        let device = |vendor: u32, pipeline: bool, query: bool| {
+            let caps = Caps {
+                scalar_layout: true,
+                pipeline,
+                query,
+                ..Caps::default()
+            };
+            DeviceInfo::made_up("card", vendor, caps, Limits::default())
+        };
+        let chosen = |device: &DeviceInfo| suitable_mode(device).unwrap();
+        let (nvidia, amd) = (0x10de, 0x1002);
+        for (device, expected) in [
+            (device(nvidia, true, true), TracingMode::Pipeline),
+            (device(amd, true, false), TracingMode::Pipeline),
+            (device(nvidia, true, false), TracingMode::Compute),
+            (device(amd, false, false), TracingMode::Compute),
+        ] {
+            assert_eq!(chosen(&device).0, expected, "{:?}", device.caps);
+        }
+        let emulated = device(nvidia, true, false);
+        assert!(chosen(&emulated).1.contains("emulates ray tracing"));
+        assert!(describe_device(&emulated).contains("ray tracing emulated; vulkan, "));
+        let traced = describe_device(&device(nvidia, true, true));
+        assert!(traced.contains("ray tracing in hardware"), "{traced}");
+        let mut software = device(nvidia, true, true);
+        software.software = true;
+        assert!(suitable_mode(&software).is_err());
+        assert!(describe_device(&software).contains("ray tracing emulated"));
+    }
 }

@@ -476,6 +476,7 @@ pub fn into_render_error(kind: TracingMode, error: VulkanError) -> RenderError {
         | VulkanError::NoDevice(_)
         | VulkanError::Lacks { .. }
         | VulkanError::OverLimit(_)
+        | VulkanError::PipelineRefused { .. }
         | VulkanError::TooLarge { .. } => RenderError::Unsupported { backend, reason },
         VulkanError::Lost { .. } | VulkanError::Stuck { .. } => {
             RenderError::Lost { backend, reason }

@@ -12,6 +12,6 @@ hitAttributeEXT vec2 weights;
 void main() {
     payload.hit = hit_of_instance(
         gl_WorldRayOriginEXT, gl_WorldRayDirectionEXT, gl_HitTEXT,
-        uint(gl_InstanceCustomIndexEXT), gl_PrimitiveID, weights
+        uint(gl_InstanceCustomIndexEXT), uint(gl_GeometryIndexEXT), uint(gl_PrimitiveID), weights
     );
 }

@@ -7,11 +7,22 @@
 #include "instance_transform.glsl"
 #include "transport/ray.glsl"
 
-// Returns the hit of a triangle of an instance. For an instance of a mesh the distance is that to
-// the triangle in world space, which is not positive if the ray leaves that very triangle.
-Hit hit_of_instance(vec3 origin, vec3 dir, float t, uint custom, int primitive, vec2 uv) {
-    Hit hit = Hit(t, uint(primitive), NONE, uv);
-    if (INSTANCES && custom >= INSTANCE_MESHES) {
+// The first triangle of each geometry of the structure over the triangles outside of instances:
+// opaque triangles and those with masks are in different geometries.
+layout(set = 0, binding = 30, scalar) restrict readonly buffer GeometryStarts {
+    uint geometry_starts[];
+};
+
+// Returns the hit of a triangle of an instance: `primitive` counts from its geometry's first. For an
+// instance of a mesh the distance is that to the triangle in world space, which is not positive if
+// the ray leaves that very triangle.
+Hit hit_of_instance(
+    vec3 origin, vec3 dir, float t, uint custom, uint geometry, uint primitive, vec2 uv
+) {
+    Hit hit = Hit(t, primitive, NONE, uv);
+    if (custom == INSTANCE_TRIANGLES) {
+        hit.primitive += geometry_starts[geometry];
+    } else if (INSTANCES) {
         hit.instance = custom - INSTANCE_MESHES;
         hit.primitive += places[hit.instance].start;
         hit.t = instance_distance(origin, dir, hit.primitive, hit.instance);

@@ -6,11 +6,16 @@
 
 #include "trace/instances.glsl"
 #include "trace/intersect.glsl"
+#include "trace/valid.glsl"
 #include "transport/surface.glsl"
 
 layout(set = 0, binding = 29) uniform accelerationStructureEXT structure;
 
 bool traversal_query(Ray ray, float t_max, uint flags, out Hit hit) {
+    hit = Hit(t_max, NONE, NONE, vec2(0.0));
+    if (!is_traceable(ray, t_max)) {
+        return false;
+    }
     rayQueryEXT query;
     rayQueryInitializeEXT(query, structure, flags, 0xffu, ray.origin, 0.0, ray.dir, t_max);
     while (rayQueryProceedEXT(query)) {
@@ -20,7 +25,8 @@ bool traversal_query(Ray ray, float t_max, uint flags, out Hit hit) {
             vec2 uv = rayQueryGetIntersectionBarycentricsEXT(query, false);
             Hit candidate = hit_of_instance(
                 ray.origin, ray.dir, rayQueryGetIntersectionTEXT(query, false),
-                uint(rayQueryGetIntersectionInstanceCustomIndexEXT(query, false)), int(i), uv
+                uint(rayQueryGetIntersectionInstanceCustomIndexEXT(query, false)),
+                uint(rayQueryGetIntersectionGeometryIndexEXT(query, false)), i, uv
             );
             if (candidate.t > 0.0 && !is_masked_out(ray, candidate)) {
                 rayQueryConfirmIntersectionEXT(query);
@@ -41,18 +47,18 @@ bool traversal_query(Ray ray, float t_max, uint flags, out Hit hit) {
             }
         }
     }
-    hit = Hit(t_max, NONE, NONE, vec2(0.0));
     if (rayQueryGetIntersectionTypeEXT(query, true) == gl_RayQueryCommittedIntersectionNoneEXT) {
         return false;
     }
     float t = rayQueryGetIntersectionTEXT(query, true);
     uint custom = uint(rayQueryGetIntersectionInstanceCustomIndexEXT(query, true));
-    int i = rayQueryGetIntersectionPrimitiveIndexEXT(query, true);
+    uint i = uint(rayQueryGetIntersectionPrimitiveIndexEXT(query, true));
     if (custom == INSTANCE_SPHERES) {
-        hit = Hit(t, job.triangle_count + uint(i), NONE, vec2(0.0));
+        hit = Hit(t, job.triangle_count + i, NONE, vec2(0.0));
     } else {
         vec2 uv = rayQueryGetIntersectionBarycentricsEXT(query, true);
-        hit = hit_of_instance(ray.origin, ray.dir, t, custom, i, uv);
+        uint geometry = uint(rayQueryGetIntersectionGeometryIndexEXT(query, true));
+        hit = hit_of_instance(ray.origin, ray.dir, t, custom, geometry, i, uv);
     }
     return true;
 }

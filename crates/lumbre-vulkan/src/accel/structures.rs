@@ -2,6 +2,10 @@
 //! boxes of all spheres, and one over each shared mesh, all compacted; and a top-level structure
 //! with an instance of the first two and one for every instance of a mesh.
 //!
+//! The triangles outside instances are divided into geometries that are opaque and geometries that
+//! have masks: a ray-tracing device then calls an any-hit shader only where masks are. Spheres apply
+//! their masks in their intersection shader and are opaque.
+//!
 //! Instances are placed in single precision here, which decides only which triangle a ray hits;
 //! where on the triangle, and at what distance, shaders compute from the triangle in world space.
 //! Hits on instances therefore always invoke an any-hit shader, which rejects those behind the
@@ -14,6 +18,7 @@ use std::time::Instant;
 use ash::{khr, vk};
 use glam::DAffine3;
 
+use super::geometries::{MAX_GEOMETRIES, TriangleRun, triangle_runs};
 use crate::context::device::Device;
 use crate::error::VulkanError;
 use crate::layout::{INSTANCE_MESHES, INSTANCE_SPHERES, INSTANCE_TRIANGLES, Triangle};
@@ -52,6 +57,8 @@ pub struct AccelerationStructures {
     top: Structure,
     _bottom: Vec<Structure>,
     _boxes: Option<Buffer>,
+    /// First triangle of every geometry of the structure over the triangles outside instances.
+    pub geometry_starts: Buffer,
     /// Build time in seconds.
     pub build_s: f64,
     /// Size of all structures in bytes.
@@ -60,6 +67,9 @@ pub struct AccelerationStructures {
 
 /// Maximum number of instances, since custom indices have 24 bits.
 const MAX_INSTANCES: usize = (1 << 24) - INSTANCE_MESHES as usize;
+
+/// Alignment of the addresses of instances in bytes, as Vulkan requires it.
+const INSTANCE_ALIGNMENT: u64 = 16;
 
 impl AccelerationStructures {
     /// Builds the structures of a scene whose buffers are on the device.
@@ -74,29 +84,33 @@ impl AccelerationStructures {
         let start = Instant::now();
         let accel = check_limits(device, scene)?;
         let placements = &scene.instances.placements;
-        let masked = scene.materials.iter().any(|m| m.mask_texture != NONE);
-        // Without masks no hit needs an any-hit shader.
-        let flags = if masked {
-            vk::GeometryFlagsKHR::empty()
-        } else {
-            vk::GeometryFlagsKHR::OPAQUE
-        };
         let mut bottom = BottomLevel {
             device,
             accel,
             structures: Vec::new(),
         };
         let mut instances = Vec::new();
-        let world = scene.world_triangles() as u32;
-        if world > 0 {
-            let made = bottom.add_triangles("triangles", buffers, 0..world, flags)?;
+        let max_geometries = (device.info.limits.geometries as usize).min(MAX_GEOMETRIES);
+        let has_mask = |row: usize| {
+            let material = scene.attributes[row].material as usize;
+            scene.materials[material].mask_texture != NONE
+        };
+        let masked: Vec<bool> = (0..scene.world_triangles()).map(has_mask).collect();
+        let runs = triangle_runs(&masked, max_geometries);
+        if !runs.is_empty() {
+            let made = bottom.add_triangles("triangles", buffers, &runs)?;
             instances.push(instance(made, INSTANCE_TRIANGLES, 0, DAffine3::IDENTITY));
         }
+        let starts: Vec<u32> = runs.iter().map(|run| run.rows.start).collect();
+        let none = vk::BufferUsageFlags::empty();
+        let geometry_starts = Buffer::with(device, "geometry starts", &starts, none)?;
+        // Every hit on an instance calls the any-hit shader, with masks or without.
+        let mesh = |rows: &Range<u32>| TriangleRun {
+            rows: rows.clone(),
+            opaque: false,
+        };
         let meshes: Vec<u64> = (scene.instances.meshes.iter())
-            .map(|m| {
-                let rows = m.triangles.clone();
-                bottom.add_triangles("mesh", buffers, rows, vk::GeometryFlagsKHR::empty())
-            })
+            .map(|m| bottom.add_triangles("mesh", buffers, &[mesh(&m.triangles)]))
             .collect::<Result<_, _>>()?;
         for (row, placement) in (0..).zip(placements) {
             instances.push(instance(
@@ -108,7 +122,7 @@ impl AccelerationStructures {
         }
         let boxes = sphere_boxes(device, scene)?;
         if let Some(boxes) = &boxes {
-            let made = bottom.add_boxes("spheres", boxes, scene.spheres.len() as u32, flags)?;
+            let made = bottom.add_boxes("spheres", boxes, scene.spheres.len() as u32)?;
             instances.push(instance(made, INSTANCE_SPHERES, 1, DAffine3::IDENTITY));
         }
         let bottom = bottom.structures;
@@ -119,6 +133,7 @@ impl AccelerationStructures {
             top,
             _bottom: bottom,
             _boxes: boxes,
+            geometry_starts,
             build_s: start.elapsed().as_secs_f64(),
             bytes,
         })
@@ -166,19 +181,26 @@ fn build_top(
     instances: &[vk::AccelerationStructureInstanceKHR],
 ) -> Result<(Structure, Buffer), VulkanError> {
     let words: Vec<u8> = instances.iter().flat_map(bytes_of_instance).collect();
-    let rows = Buffer::with(device, "instances", &words, BUILD_INPUT)?;
+    let size = words.len() as u64 + INSTANCE_ALIGNMENT;
+    let rows = Buffer::new(device, "instances", size, BUILD_INPUT)?;
+    let start = rows.address().next_multiple_of(INSTANCE_ALIGNMENT);
+    let padding = vec![0; (start - rows.address()) as usize];
+    rows.write(&[padding, words].concat())?;
     let data = vk::AccelerationStructureGeometryInstancesDataKHR::default().data(
         vk::DeviceOrHostAddressConstKHR {
-            device_address: rows.address(),
+            device_address: start,
         },
     );
     let geometry = vk::AccelerationStructureGeometryKHR::default()
         .geometry_type(vk::GeometryTypeKHR::INSTANCES)
         .geometry(vk::AccelerationStructureGeometryDataKHR { instances: data });
     let count = instances.len() as u32;
-    let top = build(device, accel, "scene", geometry, count, false)?;
+    let top = build(device, accel, "scene", &[(geometry, count)], false)?;
     Ok((top, rows))
 }
+
+/// Geometry with its number of primitives or instances.
+type CountedGeometry<'a> = (vk::AccelerationStructureGeometryKHR<'a>, u32);
 
 /// Builds bottom-level structures one by one.
 struct BottomLevel<'a> {
@@ -188,40 +210,42 @@ struct BottomLevel<'a> {
 }
 
 impl BottomLevel<'_> {
-    /// Builds a structure over some rows of the scene's triangles and returns its device address.
+    /// Builds a structure over runs of the scene's triangles, with a geometry for each, and returns
+    /// its device address.
     fn add_triangles(
         &mut self,
         name: &str,
         buffers: &SceneBuffers,
-        rows: Range<u32>,
-        flags: vk::GeometryFlagsKHR,
+        runs: &[TriangleRun],
     ) -> Result<u64, VulkanError> {
-        let count = rows.len() as u32;
-        let first =
-            buffers.triangles.address() + u64::from(rows.start) * size_of::<Triangle>() as u64;
-        let triangles = vk::AccelerationStructureGeometryTrianglesDataKHR::default()
-            .vertex_format(vk::Format::R32G32B32_SFLOAT)
-            .vertex_data(vk::DeviceOrHostAddressConstKHR {
-                device_address: first,
-            })
-            .vertex_stride(size_of::<Triangle>() as u64 / 3)
-            .max_vertex(3 * count - 1)
-            .index_type(vk::IndexType::NONE_KHR);
-        let geometry = vk::AccelerationStructureGeometryKHR::default()
-            .geometry_type(vk::GeometryTypeKHR::TRIANGLES)
-            .geometry(vk::AccelerationStructureGeometryDataKHR { triangles })
-            .flags(flags);
-        self.add(name, geometry, count)
+        let address = buffers.triangles.address();
+        let geometry = |run: &TriangleRun| {
+            let count = run.rows.len() as u32;
+            let first = address + u64::from(run.rows.start) * size_of::<Triangle>() as u64;
+            let triangles = vk::AccelerationStructureGeometryTrianglesDataKHR::default()
+                .vertex_format(vk::Format::R32G32B32_SFLOAT)
+                .vertex_data(vk::DeviceOrHostAddressConstKHR {
+                    device_address: first,
+                })
+                .vertex_stride(size_of::<Triangle>() as u64 / 3)
+                .max_vertex(3 * count - 1)
+                .index_type(vk::IndexType::NONE_KHR);
+            let flags = match run.opaque {
+                true => vk::GeometryFlagsKHR::OPAQUE,
+                false => vk::GeometryFlagsKHR::empty(),
+            };
+            let geometry = vk::AccelerationStructureGeometryKHR::default()
+                .geometry_type(vk::GeometryTypeKHR::TRIANGLES)
+                .geometry(vk::AccelerationStructureGeometryDataKHR { triangles })
+                .flags(flags);
+            (geometry, count)
+        };
+        let geometries: Vec<_> = runs.iter().map(geometry).collect();
+        self.add(name, &geometries)
     }
 
     /// Builds a structure over boxes and returns its device address.
-    fn add_boxes(
-        &mut self,
-        name: &str,
-        boxes: &Buffer,
-        count: u32,
-        flags: vk::GeometryFlagsKHR,
-    ) -> Result<u64, VulkanError> {
+    fn add_boxes(&mut self, name: &str, boxes: &Buffer, count: u32) -> Result<u64, VulkanError> {
         let aabbs = vk::AccelerationStructureGeometryAabbsDataKHR::default()
             .data(vk::DeviceOrHostAddressConstKHR {
                 device_address: boxes.address(),
@@ -230,17 +254,12 @@ impl BottomLevel<'_> {
         let geometry = vk::AccelerationStructureGeometryKHR::default()
             .geometry_type(vk::GeometryTypeKHR::AABBS)
             .geometry(vk::AccelerationStructureGeometryDataKHR { aabbs })
-            .flags(flags);
-        self.add(name, geometry, count)
+            .flags(vk::GeometryFlagsKHR::OPAQUE);
+        self.add(name, &[(geometry, count)])
     }
 
-    fn add(
-        &mut self,
-        name: &str,
-        geometry: vk::AccelerationStructureGeometryKHR,
-        count: u32,
-    ) -> Result<u64, VulkanError> {
-        let structure = build(self.device, self.accel, name, geometry, count, true)?;
+    fn add(&mut self, name: &str, geometries: &[CountedGeometry]) -> Result<u64, VulkanError> {
+        let structure = build(self.device, self.accel, name, geometries, true)?;
         let info = vk::AccelerationStructureDeviceAddressInfoKHR::default()
             .acceleration_structure(structure.raw);
         // SAFETY: the structure was built.
@@ -305,13 +324,12 @@ fn bytes_of_instance(
     unsafe { std::mem::transmute_copy(i) }
 }
 
-/// Builds a structure over `count` primitives; bottom-level ones are compacted.
+/// Builds a structure over geometries; bottom-level ones are compacted.
 fn build(
     device: &Arc<Device>,
     accel: &khr::acceleration_structure::Device,
     name: &str,
-    geometry: vk::AccelerationStructureGeometryKHR,
-    count: u32,
+    counted: &[CountedGeometry],
     bottom: bool,
 ) -> Result<Structure, VulkanError> {
     let kind = if bottom {
@@ -323,7 +341,7 @@ fn build(
     if bottom {
         flags |= vk::BuildAccelerationStructureFlagsKHR::ALLOW_COMPACTION;
     }
-    let geometries = [geometry];
+    let (geometries, counts): (Vec<_>, Vec<u32>) = counted.iter().copied().unzip();
     let info = vk::AccelerationStructureBuildGeometryInfoKHR::default()
         .ty(kind)
         .flags(flags)
@@ -335,7 +353,7 @@ fn build(
         accel.get_acceleration_structure_build_sizes(
             vk::AccelerationStructureBuildTypeKHR::DEVICE,
             &info,
-            &[count],
+            &counts,
             &mut sizes,
         );
     }
@@ -352,7 +370,7 @@ fn build(
             .scratch_data(vk::DeviceOrHostAddressKHR {
                 device_address: scratch.address().next_multiple_of(alignment),
             });
-    let compacted = run_build(device, accel, name, info, count, &built, bottom)?;
+    let compacted = run_build(device, accel, name, info, &counts, &built, bottom)?;
     if !bottom || compacted == 0 || compacted >= sizes.acceleration_structure_size {
         return Ok(built);
     }
@@ -366,7 +384,7 @@ fn run_build(
     accel: &khr::acceleration_structure::Device,
     name: &str,
     info: vk::AccelerationStructureBuildGeometryInfoKHR,
-    count: u32,
+    counts: &[u32],
     built: &Structure,
     bottom: bool,
 ) -> Result<u64, VulkanError> {
@@ -380,7 +398,7 @@ fn run_build(
     let done = device.run(&format!("build {name}"), |commands| {
         // SAFETY: as above.
         unsafe { device.raw.cmd_reset_query_pool(commands, queries, 0, 1) };
-        record_build(device, accel, commands, info, count);
+        record_build(device, accel, commands, info, counts);
         if bottom {
             // SAFETY: as above.
             unsafe {
@@ -419,10 +437,11 @@ fn record_build(
     accel: &khr::acceleration_structure::Device,
     commands: vk::CommandBuffer,
     info: vk::AccelerationStructureBuildGeometryInfoKHR,
-    count: u32,
+    counts: &[u32],
 ) {
-    let range = [vk::AccelerationStructureBuildRangeInfoKHR::default().primitive_count(count)];
-    let stage = vk::PipelineStageFlags::ACCELERATION_STRUCTURE_BUILD_KHR;
+    let range =
+        |count: &u32| vk::AccelerationStructureBuildRangeInfoKHR::default().primitive_count(*count);
+    let ranges: Vec<_> = counts.iter().map(range).collect();
     device.barrier(
         commands,
         (
@@ -430,16 +449,26 @@ fn record_build(
             vk::AccessFlags::TRANSFER_WRITE,
         ),
         (
-            stage,
+            vk::PipelineStageFlags::ACCELERATION_STRUCTURE_BUILD_KHR,
             vk::AccessFlags::SHADER_READ | vk::AccessFlags::ACCELERATION_STRUCTURE_READ_KHR,
         ),
     );
     // SAFETY: the commands are being recorded, and everything lives until they are done.
-    unsafe { accel.cmd_build_acceleration_structures(commands, &[info], &[&range]) };
+    unsafe { accel.cmd_build_acceleration_structures(commands, &[info], &[&ranges]) };
+    record_visibility(device, commands);
+}
+
+/// Records a barrier: later builds, copies of structures and rays wait for the structures that are
+/// built or copied so far.
+fn record_visibility(device: &Device, commands: vk::CommandBuffer) {
+    let build = vk::PipelineStageFlags::ACCELERATION_STRUCTURE_BUILD_KHR;
     device.barrier(
         commands,
-        (stage, vk::AccessFlags::ACCELERATION_STRUCTURE_WRITE_KHR),
-        (stage, vk::AccessFlags::ACCELERATION_STRUCTURE_READ_KHR),
+        (build, vk::AccessFlags::ACCELERATION_STRUCTURE_WRITE_KHR),
+        (
+            build | device.info.caps.tracing_stages(),
+            vk::AccessFlags::ACCELERATION_STRUCTURE_READ_KHR,
+        ),
     );
 }
 
@@ -460,12 +489,7 @@ fn compact(
             .mode(vk::CopyAccelerationStructureModeKHR::COMPACT);
         // SAFETY: both structures live until the commands are done.
         unsafe { accel.cmd_copy_acceleration_structure(commands, &copy) };
-        let stage = vk::PipelineStageFlags::ACCELERATION_STRUCTURE_BUILD_KHR;
-        device.barrier(
-            commands,
-            (stage, vk::AccessFlags::ACCELERATION_STRUCTURE_WRITE_KHR),
-            (stage, vk::AccessFlags::ACCELERATION_STRUCTURE_READ_KHR),
-        );
+        record_visibility(device, commands);
     })?;
     Ok(compact)
 }

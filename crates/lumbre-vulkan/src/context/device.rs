@@ -8,6 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use ash::{ext, khr, vk};
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 
+use super::fault;
 use super::instance;
 use super::instance::Instance;
 use super::physical_device::{Caps, DeviceInfo};
@@ -25,6 +26,9 @@ pub struct Device {
     pub accel: Option<khr::acceleration_structure::Device>,
     /// Functions of ray-tracing pipelines, if supported.
     pub tracing: Option<khr::ray_tracing_pipeline::Device>,
+    /// Functions of statistics of pipelines, if supported.
+    pub statistics: Option<khr::pipeline_executable_properties::Device>,
+    fault: Option<ext::device_fault::Device>,
     debug: Option<ext::debug_utils::Device>,
     pub(crate) queue: vk::Queue,
     pub(crate) pool: vk::CommandPool,
@@ -84,6 +88,12 @@ impl Device {
             tracing: caps
                 .pipeline
                 .then(|| khr::ray_tracing_pipeline::Device::new(&instance.raw, &raw)),
+            statistics: caps
+                .pipeline_statistics
+                .then(|| khr::pipeline_executable_properties::Device::new(&instance.raw, &raw)),
+            fault: caps
+                .fault_report
+                .then(|| ext::device_fault::Device::new(&instance.raw, &raw)),
             debug: instance
                 .debug
                 .then(|| ext::debug_utils::Device::new(&instance.raw, &raw)),
@@ -128,6 +138,8 @@ impl Device {
             vk::Result::ERROR_DEVICE_LOST => VulkanError::Lost {
                 device: self.info.line(),
                 pass,
+                fault: (self.fault.as_ref())
+                    .and_then(|functions| fault::report(functions, self.raw.handle())),
             },
             result => VulkanError::Call { call, result, pass },
         }
@@ -281,6 +293,12 @@ fn create_device(instance: &Instance, info: &DeviceInfo) -> Result<ash::Device, 
         (caps.pipeline, khr::ray_tracing_pipeline::NAME),
         (caps.query, khr::ray_query::NAME),
         (caps.float_atomics, ext::shader_atomic_float::NAME),
+        (caps.memory_budget, ext::memory_budget::NAME),
+        (caps.fault_report, ext::device_fault::NAME),
+        (
+            caps.pipeline_statistics,
+            khr::pipeline_executable_properties::NAME,
+        ),
     ] {
         names.extend(there.then_some(name));
     }
@@ -295,6 +313,9 @@ fn create_device(instance: &Instance, info: &DeviceInfo) -> Result<ash::Device, 
     let mut query = vk::PhysicalDeviceRayQueryFeaturesKHR::default().ray_query(true);
     let mut atomics = vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default()
         .shader_buffer_float32_atomic_add(true);
+    let mut fault = vk::PhysicalDeviceFaultFeaturesEXT::default().device_fault(true);
+    let mut statistics = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default()
+        .pipeline_executable_info(true);
     let priorities = [1.0];
     let queues = [vk::DeviceQueueCreateInfo::default()
         .queue_family_index(info.queue_family)
@@ -316,6 +337,12 @@ fn create_device(instance: &Instance, info: &DeviceInfo) -> Result<ash::Device, 
     }
     if caps.float_atomics {
         create = create.push_next(&mut atomics);
+    }
+    if caps.fault_report {
+        create = create.push_next(&mut fault);
+    }
+    if caps.pipeline_statistics {
+        create = create.push_next(&mut statistics);
     }
     // SAFETY: the physical device comes from this instance, and the structures live through the
     // call.

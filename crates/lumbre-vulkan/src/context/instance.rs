@@ -11,7 +11,8 @@ use crate::error::VulkanError;
 const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
 
 /// Environment variable that, set to anything but `0`, enables the validation layer if it is
-/// installed; its messages are logged as warnings.
+/// installed; its messages are logged as warnings. `gpu` enables its checks of the accesses of
+/// shaders, which make pipelines slow to create, instead of those of synchronisation.
 pub const VALIDATION_VARIABLE: &str = "LUMBRE_VALIDATION";
 
 static VALIDATE: AtomicBool = AtomicBool::new(false);
@@ -80,9 +81,15 @@ fn create() -> Result<Instance, VulkanError> {
         .then_some(ext::debug_utils::NAME.as_ptr())
         .into_iter()
         .collect();
-    // Synchronisation validation finds missing barriers, which lenient drivers hide.
-    let enabled = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
-    let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enabled);
+    // Lenient drivers hide missing barriers, and accesses outside of buffers.
+    let enabled: &[vk::ValidationFeatureEnableEXT] = match std::env::var(VALIDATION_VARIABLE) {
+        Ok(kind) if kind == "gpu" => &[
+            vk::ValidationFeatureEnableEXT::GPU_ASSISTED,
+            vk::ValidationFeatureEnableEXT::GPU_ASSISTED_RESERVE_BINDING_SLOT,
+        ],
+        _ => &[vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION],
+    };
+    let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(enabled);
     let mut info = vk::InstanceCreateInfo::default()
         .application_info(&application)
         .enabled_layer_names(&layer_names)

@@ -6,12 +6,16 @@ use ash::{ext, khr, vk};
 
 use super::instance;
 use super::instance::Instance;
+use super::limits::{self, Limits};
 use crate::error::VulkanError;
 use lumbre_render::backend_choice;
 
 /// Environment variable that selects a device by its index or a part of its name, as listed by
 /// `lumbre doctor`.
 pub const DEVICE_VARIABLE: &str = "LUMBRE_DEVICE";
+
+/// Number of the vendor NVIDIA.
+const VENDOR_NVIDIA: u32 = 0x10de;
 
 /// Capabilities of a device that the backends use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -28,6 +32,12 @@ pub struct Caps {
     pub float_atomics: bool,
     /// Double precision in shaders.
     pub doubles: bool,
+    /// Report of the memory that is left (VK_EXT_memory_budget).
+    pub memory_budget: bool,
+    /// Report of the reason of a lost device (VK_EXT_device_fault).
+    pub fault_report: bool,
+    /// Statistics of compiled pipelines (VK_KHR_pipeline_executable_properties).
+    pub pipeline_statistics: bool,
 }
 
 impl Caps {
@@ -36,35 +46,22 @@ impl Caps {
         self.pipeline || self.query
     }
 
+    /// Returns the stages of shaders that trace rays through acceleration structures.
+    pub fn tracing_stages(&self) -> vk::PipelineStageFlags {
+        let mut stages = vk::PipelineStageFlags::empty();
+        if self.pipeline {
+            stages |= vk::PipelineStageFlags::RAY_TRACING_SHADER_KHR;
+        }
+        if self.query {
+            stages |= vk::PipelineStageFlags::COMPUTE_SHADER;
+        }
+        stages
+    }
+
     /// Returns whether the device supports extended shader modules.
     pub fn extended(&self) -> bool {
         self.doubles && self.addresses
     }
-}
-
-/// Limits of a device that the backends respect.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Limits {
-    /// Maximum size of a storage buffer that a shader can access, in bytes.
-    pub storage_range: u64,
-    /// Maximum size of a texel buffer in bytes: the same, unless a test forces smaller blocks.
-    pub texels: u64,
-    /// Size of the largest device-local heap in bytes.
-    pub heap: u64,
-    /// Period of the device's clock in nanoseconds; 0 if it has none.
-    pub timestamp_ns: f64,
-    /// Mask of the valid bits of a timestamp, which wraps around beyond them.
-    pub timestamp_mask: u64,
-    /// Size of a shader group's handle in bytes.
-    pub handle: u64,
-    /// Alignment of handles inside a shader binding table in bytes.
-    pub handle_alignment: u64,
-    /// Alignment of a shader binding table in bytes.
-    pub base_alignment: u64,
-    /// Alignment of scratch memory of acceleration structures in bytes.
-    pub scratch_alignment: u64,
-    /// Maximum number of primitives of an acceleration structure.
-    pub primitives: u64,
 }
 
 /// Physical device of this machine.
@@ -78,6 +75,8 @@ pub struct DeviceInfo {
     pub driver: String,
     /// Whether it is a software implementation.
     pub software: bool,
+    /// Number of its vendor, as assigned by the PCI-SIG.
+    pub vendor: u32,
     /// Capabilities of the device.
     pub caps: Caps,
     /// Limits of the device.
@@ -91,9 +90,47 @@ pub struct DeviceInfo {
 }
 
 impl DeviceInfo {
+    /// Returns the description of a device that does not exist, for tests.
+    #[cfg(test)]
+    pub(crate) fn made_up(name: &str, vendor: u32, caps: Caps, limits: Limits) -> DeviceInfo {
+        DeviceInfo {
+            index: 0,
+            name: name.to_owned(),
+            driver: "driver".to_owned(),
+            software: false,
+            vendor,
+            caps,
+            limits,
+            cache_key: String::new(),
+            uuid: [1; vk::UUID_SIZE],
+            physical: vk::PhysicalDevice::null(),
+            queue_family: 0,
+        }
+    }
+
     /// Returns a line for users: name and driver.
     pub fn line(&self) -> String {
         format!("{} ({})", self.name, self.driver)
+    }
+
+    /// Returns whether its driver most likely emulates ray-tracing pipelines by shaders: NVIDIA's
+    /// offers them on cards without ray-tracing units (GTX 10 and 16, A100, H100), but ray queries
+    /// only on cards with them [an engineer of NVIDIA in KhronosGroup/Vulkan-Docs issue 1241].
+    pub fn emulates_tracing(&self) -> bool {
+        self.vendor == VENDOR_NVIDIA && self.caps.pipeline && !self.caps.query
+    }
+
+    /// Returns the bytes that this process can still allocate in the largest memory of the device,
+    /// as its driver estimates; the size of that memory if the driver does not report it.
+    pub fn memory_left(&self) -> u64 {
+        if !self.caps.memory_budget {
+            return self.limits.heap;
+        }
+        let left = match instance::shared() {
+            Ok(instance) => limits::memory_left(&instance.raw, self.physical),
+            Err(_) => u64::MAX,
+        };
+        left.min(self.limits.heap)
     }
 
     /// Returns the indices of the listed devices that are of the same model but other hardware. A
@@ -142,6 +179,10 @@ struct Extensions {
     pipeline: bool,
     query: bool,
     atomics: bool,
+    budget: bool,
+    fault: bool,
+    statistics: bool,
+    maintenance4: bool,
 }
 
 impl Extensions {
@@ -159,8 +200,25 @@ impl Extensions {
             pipeline: has(khr::ray_tracing_pipeline::NAME),
             query: has(khr::ray_query::NAME),
             atomics: has(ext::shader_atomic_float::NAME),
+            budget: has(ext::memory_budget::NAME),
+            fault: has(ext::device_fault::NAME),
+            statistics: has(khr::pipeline_executable_properties::NAME),
+            maintenance4: has(khr::maintenance4::NAME),
         }
     }
+}
+
+/// Returns the index of the queue family to use: one for computation only if there is one with a
+/// clock, because graphics queues also serve the desktop, which would wait for long dispatches;
+/// otherwise the first one that can compute.
+fn choose_queue_family(families: &[vk::QueueFamilyProperties]) -> Option<usize> {
+    let computes = |f: &vk::QueueFamilyProperties| f.queue_flags.contains(vk::QueueFlags::COMPUTE);
+    let apart = |f: &vk::QueueFamilyProperties| {
+        let graphics = f.queue_flags.contains(vk::QueueFlags::GRAPHICS);
+        computes(f) && !graphics && f.timestamp_valid_bits > 0
+    };
+    let found = families.iter().position(apart);
+    found.or_else(|| families.iter().position(computes))
 }
 
 /// Describes a physical device, or returns `None` if it lacks Vulkan 1.2 or a compute queue.
@@ -169,22 +227,26 @@ fn describe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> 
     // SAFETY: the physical device comes from this instance; here and below every structure lives
     // through its call.
     let families = unsafe { raw.get_physical_device_queue_family_properties(physical) };
-    let queue_family = families
-        .iter()
-        .position(|f| f.queue_flags.contains(vk::QueueFlags::COMPUTE))?;
+    let queue_family = choose_queue_family(&families)?;
     let extensions = Extensions::query(raw, physical);
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
     let mut identity = vk::PhysicalDeviceIDProperties::default();
-    let mut pipeline_limits = vk::PhysicalDeviceRayTracingPipelinePropertiesKHR::default();
-    let mut accel_limits = vk::PhysicalDeviceAccelerationStructurePropertiesKHR::default();
+    let mut pipeline = vk::PhysicalDeviceRayTracingPipelinePropertiesKHR::default();
+    let mut accel = vk::PhysicalDeviceAccelerationStructurePropertiesKHR::default();
+    let mut maintenance3 = vk::PhysicalDeviceMaintenance3Properties::default();
+    let mut maintenance4 = vk::PhysicalDeviceMaintenance4Properties::default();
     let mut properties = vk::PhysicalDeviceProperties2::default()
         .push_next(&mut driver)
-        .push_next(&mut identity);
+        .push_next(&mut identity)
+        .push_next(&mut maintenance3);
     if extensions.pipeline {
-        properties = properties.push_next(&mut pipeline_limits);
+        properties = properties.push_next(&mut pipeline);
     }
     if extensions.accel {
-        properties = properties.push_next(&mut accel_limits);
+        properties = properties.push_next(&mut accel);
+    }
+    if extensions.maintenance4 {
+        properties = properties.push_next(&mut maintenance4);
     }
     // SAFETY: as above.
     unsafe { raw.get_physical_device_properties2(physical, &mut properties) };
@@ -192,14 +254,18 @@ fn describe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> 
     if core.api_version < vk::API_VERSION_1_2 {
         return None;
     }
-    let caps = capabilities(raw, physical, &extensions);
     let limits = Limits {
-        heap: largest_local_heap(raw, physical),
-        ..device_limits(
+        heap: limits::largest_local_heap(raw, physical),
+        // A device without the extension does not state its limit of a buffer.
+        allocation: match maintenance4.max_buffer_size {
+            0 => maintenance3.max_memory_allocation_size,
+            buffer => maintenance3.max_memory_allocation_size.min(buffer),
+        },
+        ..Limits::from_properties(
             &core.limits,
             families[queue_family].timestamp_valid_bits,
-            &pipeline_limits,
-            &accel_limits,
+            &pipeline,
+            &accel,
         )
     };
     let uuid = core
@@ -215,7 +281,8 @@ fn describe(instance: &Instance, index: usize, physical: vk::PhysicalDevice) -> 
             text(driver.driver_info_as_c_str())
         ),
         software: core.device_type == vk::PhysicalDeviceType::CPU,
-        caps,
+        vendor: core.vendor_id,
+        caps: capabilities(raw, physical, &extensions),
         limits,
         cache_key: format!("{:04x}-{:04x}-{uuid}", core.vendor_id, core.device_id),
         uuid: identity.device_uuid,
@@ -241,6 +308,8 @@ fn capabilities(
     let mut pipeline = vk::PhysicalDeviceRayTracingPipelineFeaturesKHR::default();
     let mut query = vk::PhysicalDeviceRayQueryFeaturesKHR::default();
     let mut atomics = vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default();
+    let mut fault = vk::PhysicalDeviceFaultFeaturesEXT::default();
+    let mut statistics = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default();
     let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut vulkan12);
     if extensions.accel {
         features = features.push_next(&mut accel);
@@ -253,6 +322,12 @@ fn capabilities(
     }
     if extensions.atomics {
         features = features.push_next(&mut atomics);
+    }
+    if extensions.fault {
+        features = features.push_next(&mut fault);
+    }
+    if extensions.statistics {
+        features = features.push_next(&mut statistics);
     }
     // SAFETY: the physical device comes from this instance; the structures live through the call.
     unsafe { raw.get_physical_device_features2(physical, &mut features) };
@@ -267,50 +342,10 @@ fn capabilities(
         float_atomics: atomics.shader_buffer_float32_atomic_add == vk::TRUE
             && !backend_choice::fixed_point_splats(),
         doubles,
+        memory_budget: extensions.budget,
+        fault_report: fault.device_fault == vk::TRUE,
+        pipeline_statistics: statistics.pipeline_executable_info == vk::TRUE,
     }
-}
-
-/// Returns the limits of a device except the size of its memory; `bits` is the number of valid
-/// timestamp bits.
-fn device_limits(
-    core: &vk::PhysicalDeviceLimits,
-    bits: u32,
-    pipeline_limits: &vk::PhysicalDeviceRayTracingPipelinePropertiesKHR,
-    accel_limits: &vk::PhysicalDeviceAccelerationStructurePropertiesKHR,
-) -> Limits {
-    Limits {
-        storage_range: u64::from(core.max_storage_buffer_range),
-        texels: u64::from(core.max_storage_buffer_range),
-        heap: 0,
-        timestamp_ns: if bits > 0 {
-            f64::from(core.timestamp_period)
-        } else {
-            0.0
-        },
-        timestamp_mask: u64::MAX.checked_shr(64 - bits.min(64)).unwrap_or(0),
-        handle: u64::from(pipeline_limits.shader_group_handle_size),
-        handle_alignment: u64::from(pipeline_limits.shader_group_handle_alignment),
-        base_alignment: u64::from(pipeline_limits.shader_group_base_alignment),
-        scratch_alignment: u64::from(
-            accel_limits.min_acceleration_structure_scratch_offset_alignment,
-        )
-        .max(1),
-        primitives: accel_limits.max_primitive_count,
-    }
-}
-
-/// Returns the size of the largest device-local memory heap in bytes.
-fn largest_local_heap(raw: &ash::Instance, physical: vk::PhysicalDevice) -> u64 {
-    // SAFETY: the physical device comes from this instance.
-    let memory = unsafe { raw.get_physical_device_memory_properties(physical) };
-    let local = |h: &&vk::MemoryHeap| h.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL);
-    memory
-        .memory_heaps_as_slice()
-        .iter()
-        .filter(local)
-        .map(|h| h.size)
-        .max()
-        .unwrap_or(0)
 }
 
 /// Returns the device to use: the one that [`DEVICE_VARIABLE`] selects, otherwise the first
@@ -362,15 +397,10 @@ mod tests {
     fn listed(index: usize, name: &str, driver: &str, uuid: u8) -> DeviceInfo {
         DeviceInfo {
             index,
-            name: name.to_owned(),
             driver: driver.to_owned(),
             software: driver == "llvmpipe",
-            caps: Caps::default(),
-            limits: Limits::default(),
-            cache_key: String::new(),
             uuid: [uuid; vk::UUID_SIZE],
-            physical: vk::PhysicalDevice::null(),
-            queue_family: 0,
+            ..DeviceInfo::made_up(name, 0, Caps::default(), Limits::default())
         }
     }
 
@@ -400,5 +430,65 @@ mod tests {
         assert_eq!(find(&all, "2").unwrap().index, 2);
         let error = find(&all, "7").unwrap_err().to_string();
         assert!(error.contains("`7`") && error.contains("4 A100"), "{error}");
+    }
+
+    #[test]
+    fn only_nvidias_pipelines_without_queries_are_emulated() {
+        let device = |vendor: u32, pipeline: bool, query: bool| DeviceInfo {
+            vendor,
+            caps: Caps {
+                pipeline,
+                query,
+                ..Caps::default()
+            },
+            ..listed(0, "card", "driver", 1)
+        };
+        assert!(device(VENDOR_NVIDIA, true, false).emulates_tracing());
+        assert!(!device(VENDOR_NVIDIA, true, true).emulates_tracing());
+        assert!(!device(VENDOR_NVIDIA, false, false).emulates_tracing());
+        assert!(!device(0x1002, true, false).emulates_tracing());
+    }
+
+    #[test]
+    fn queues_apart_from_graphics_are_preferred_if_they_have_a_clock() {
+        let (graphics, compute, copy) = (
+            vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE,
+            vk::QueueFlags::COMPUTE | vk::QueueFlags::TRANSFER,
+            vk::QueueFlags::TRANSFER,
+        );
+        let chosen = |families: &[(vk::QueueFlags, u32)]| {
+            let family = |(flags, bits): &(vk::QueueFlags, u32)| {
+                vk::QueueFamilyProperties::default()
+                    .queue_flags(*flags)
+                    .timestamp_valid_bits(*bits)
+            };
+            choose_queue_family(&families.iter().map(family).collect::<Vec<_>>())
+        };
+        assert_eq!(
+            chosen(&[(graphics, 64), (copy, 64), (compute, 64)]),
+            Some(2)
+        );
+        assert_eq!(chosen(&[(copy, 64), (graphics, 64), (compute, 0)]), Some(1));
+        assert_eq!(chosen(&[(copy, 64), (compute, 0)]), Some(1));
+        assert_eq!(chosen(&[(copy, 64)]), None);
+    }
+
+    #[test]
+    fn rays_of_every_kind_of_shader_wait_for_builds() {
+        let stages = |pipeline: bool, query: bool| {
+            let caps = Caps {
+                pipeline,
+                query,
+                ..Caps::default()
+            };
+            caps.tracing_stages()
+        };
+        let (tracing, compute) = (
+            vk::PipelineStageFlags::RAY_TRACING_SHADER_KHR,
+            vk::PipelineStageFlags::COMPUTE_SHADER,
+        );
+        assert_eq!(stages(true, true), tracing | compute);
+        assert_eq!(stages(true, false), tracing);
+        assert_eq!(stages(false, true), compute);
     }
 }

@@ -37,7 +37,7 @@ impl DeviceTimeFilm {
     ) -> Result<DeviceTimeFilm, VulkanError> {
         let slots = axis.map_or(0, |axis| pixels.saturating_mul(axis.slots() as u64));
         let row = size_of::<SlotSums>() as u64;
-        let [storage_range, heap] = [device.info.limits.storage_range, device.info.limits.heap];
+        let (storage_range, free) = (device.info.limits.storage_range, device.info.memory_left());
         let all = slots.saturating_mul(BYTES_PER_SLOT + splat_bytes);
         let largest = slots.saturating_mul(row.max(splat_bytes));
         for (needed, found, remedy) in [
@@ -49,7 +49,7 @@ impl DeviceTimeFilm {
             ),
             (
                 all,
-                heap,
+                free,
                 "the device must hold the sums of all pixels and bins: use fewer or wider bins, \
                  or a lower resolution",
             ),

@@ -55,8 +55,7 @@ impl Buffer {
         size: u64,
         usage: vk::BufferUsageFlags,
     ) -> Result<Buffer, VulkanError> {
-        let remedy = "the scene and its films must fit into the device's memory";
-        check_size(device, name, size, device.info.limits.heap, remedy)?;
+        check_memory(device, name, size)?;
         Buffer::make(device, name, size, STORAGE | usage, MemoryLocation::GpuOnly)
     }
 
@@ -207,6 +206,26 @@ impl Buffer {
         // SAFETY: the buffer has memory.
         unsafe { self.device.raw.get_buffer_device_address(&info) }
     }
+}
+
+/// Size in bytes from which the free memory of a device is asked before it is allocated; smaller
+/// buffers usually fit into memory that the allocator holds already.
+const LARGE: u64 = 16 << 20;
+
+/// Returns an error if a buffer exceeds the memory of the device, what its driver allocates at
+/// once, or what is left of the memory.
+pub(crate) fn check_memory(device: &Device, what: &str, size: u64) -> Result<(), VulkanError> {
+    let limits = &device.info.limits;
+    let remedy = "the scene and its films must fit into the device's memory";
+    check_size(device, what, size, limits.heap, remedy)?;
+    let remedy = "the driver allocates no larger buffer; use smaller meshes, textures or films";
+    check_size(device, what, size, limits.allocation, remedy)?;
+    if size < LARGE {
+        return Ok(());
+    }
+    let remedy = "the rest of its memory is in use, by this program or by others; close those, or \
+                  use smaller meshes, textures or films";
+    check_size(device, what, size, device.info.memory_left(), remedy)
 }
 
 /// Returns an error if a size exceeds a limit.

@@ -1,11 +1,12 @@
 //! Descriptor sets, shader modules, the registry of pipelines, and compute pipelines.
 
-use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use ash::vk;
 use bytemuck::Pod;
 
+use super::once_per_key::OncePerKey;
+use super::statistics;
 use crate::context::device::Device;
 use crate::error::VulkanError;
 use crate::layout::Specialization;
@@ -33,12 +34,13 @@ impl Bindings {
     /// Binds resources, which must outlive every use, for shaders of the given stages.
     ///
     /// # Errors
-    /// Returns an error if the device has no room for them.
+    /// Returns an error if a shader of the device cannot access so many, or it has no room for them.
     pub fn new(
         device: &Arc<Device>,
         stages: vk::ShaderStageFlags,
         bound: &[BoundResource],
     ) -> Result<Bindings, VulkanError> {
+        check_count(device, bound)?;
         let bindings: Vec<_> = (0u32..)
             .zip(bound)
             .map(|(i, b)| {
@@ -140,6 +142,22 @@ impl Bindings {
                 .cmd_bind_descriptor_sets(commands, point, layout, 0, &[self.set], &[])
         };
     }
+}
+
+/// Returns an error if there are more storage buffers than one shader can access.
+fn check_count(device: &Device, bound: &[BoundResource]) -> Result<(), VulkanError> {
+    let is_storage = |b: &&BoundResource| matches!(b, BoundResource::Storage(_));
+    let (count, max) = (
+        bound.iter().filter(is_storage).count(),
+        device.info.limits.storage_buffers,
+    );
+    if count as u64 <= u64::from(max) {
+        return Ok(());
+    }
+    Err(VulkanError::Lacks {
+        device: device.info.line(),
+        needed: format!("{count} storage buffers in one shader (at most {max})"),
+    })
 }
 
 fn descriptor_type(resource: &BoundResource) -> vk::DescriptorType {
@@ -256,7 +274,7 @@ impl Drop for Module {
 /// Pipelines of a device by the hash of everything they are made of, shared by all runs. A new
 /// scene, seed or resolution needs no new pipeline, nor does a return to an earlier technique.
 #[derive(Default)]
-pub struct PipelineRegistry(Mutex<BTreeMap<[u8; 32], Pipeline>>);
+pub struct PipelineRegistry(OncePerKey<Pipeline>);
 
 /// Pipeline with its layout. Owned by the device.
 #[derive(Clone, Copy)]
@@ -270,12 +288,14 @@ pub struct Pipeline {
 impl PipelineRegistry {
     /// Returns the number of pipelines created so far.
     pub fn count(&self) -> usize {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).len()
+        self.0.values().len()
     }
 
     /// Removes all pipelines, before their device is destroyed.
     pub fn drain(&self) -> impl Iterator<Item = Pipeline> {
-        std::mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner)).into_values()
+        let all = self.0.values();
+        self.0.clear();
+        all.into_iter()
     }
 }
 
@@ -313,41 +333,81 @@ impl Pipeline {
             .update(data)
             .update(&stages.as_raw().to_le_bytes())
             .update(&push.to_le_bytes());
-        // Locked during creation, so that no other thread creates it a second time.
-        let mut pipeline_registry = device
-            .pipeline_registry
-            .0
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
         let key = *hasher.finalize().as_bytes();
-        if let Some(made) = pipeline_registry.get(&key) {
-            return Ok(*made);
-        }
-        let layouts = [bindings.layout];
-        let ranges = [vk::PushConstantRange::default()
-            .stage_flags(stages)
-            .size(push)];
-        let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&layouts);
-        if push > 0 {
-            info = info.push_constant_ranges(&ranges);
-        }
-        // SAFETY: the device is open and the structures live through the call.
-        let layout = unsafe { device.raw.create_pipeline_layout(&info, None) }
-            .map_err(|r| device.failed("vkCreatePipelineLayout", r))?;
-        let entries = Specialization::entries();
-        let specialization = vk::SpecializationInfo::default()
-            .map_entries(&entries)
-            .data(data);
-        let raw = create(device, layout, &specialization).inspect_err(|_| {
-            // SAFETY: nothing was made with it.
-            unsafe { device.raw.destroy_pipeline_layout(layout, None) };
-        })?;
-        device.name(raw, name);
-        device.name(layout, name);
-        device.save_pipeline_cache();
-        let made = Pipeline { layout, raw };
-        pipeline_registry.insert(key, made);
-        Ok(made)
+        device.pipeline_registry.0.get_or_create(key, || {
+            let layout = create_layout(bindings, stages, push)?;
+            let entries = Specialization::entries();
+            let specialization = vk::SpecializationInfo::default()
+                .map_entries(&entries)
+                .data(data);
+            let raw = create(device, layout, &specialization).inspect_err(|_| {
+                // SAFETY: nothing was made with it.
+                unsafe { device.raw.destroy_pipeline_layout(layout, None) };
+            })?;
+            device.name(raw, name);
+            device.name(layout, name);
+            device.save_pipeline_cache();
+            statistics::append(device, name, raw);
+            Ok(Pipeline { layout, raw })
+        })
+    }
+}
+
+/// Creates the layout of a pipeline with a descriptor set and push constants of `push` bytes.
+fn create_layout(
+    bindings: &Bindings,
+    stages: vk::ShaderStageFlags,
+    push: u32,
+) -> Result<vk::PipelineLayout, VulkanError> {
+    let device = &bindings.device;
+    let layouts = [bindings.layout];
+    let ranges = [vk::PushConstantRange::default()
+        .stage_flags(stages)
+        .size(push)];
+    let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&layouts);
+    if push > 0 {
+        info = info.push_constant_ranges(&ranges);
+    }
+    // SAFETY: the device is open and the structures live through the call.
+    unsafe { device.raw.create_pipeline_layout(&info, None) }
+        .map_err(|r| device.failed("vkCreatePipelineLayout", r))
+}
+
+/// Bytes of a path vertex of bidirectional integrators in the private memory of an invocation,
+/// rounded up.
+const VERTEX_BYTES: u32 = 400;
+
+/// Returns the error of a pipeline that the driver could not create: it states the private memory
+/// that its shaders need, which is the most likely reason.
+pub(super) fn refused(
+    device: &Device,
+    call: &'static str,
+    pipeline: &str,
+    constants: &Specialization,
+    result: vk::Result,
+) -> VulkanError {
+    match result {
+        vk::Result::ERROR_DEVICE_LOST => device.failed(call, result),
+        _ => refusal(device.info.line(), pipeline, constants.max_depth, result),
+    }
+}
+
+/// Returns the error of a driver that cannot create a pipeline whose shaders store the vertices of
+/// paths of up to `max_depth` edges; 0 if they store none.
+fn refusal(device: String, pipeline: &str, max_depth: u32, result: vk::Result) -> VulkanError {
+    let remedy = match max_depth {
+        0 => "update the driver, or use another backend or integrator".to_owned(),
+        depth => format!(
+            "paths of up to {depth} edges take up to {} KiB of private memory in every \
+             invocation; lower `max_depth`, or use another backend or integrator",
+            (2 * depth * VERTEX_BYTES).div_ceil(1024)
+        ),
+    };
+    VulkanError::PipelineRefused {
+        device,
+        pipeline: pipeline.to_owned(),
+        result,
+        remedy,
     }
 }
 
@@ -379,6 +439,7 @@ impl ComputePipeline {
                 let module = Module::new(device, name, words)?;
                 let stage = module.stage(vk::ShaderStageFlags::COMPUTE, specialization);
                 let info = vk::ComputePipelineCreateInfo::default()
+                    .flags(statistics::flags(device))
                     .stage(stage)
                     .layout(layout);
                 // SAFETY: module and layout live through the call.
@@ -387,8 +448,9 @@ impl ComputePipeline {
                         .raw
                         .create_compute_pipelines(device.pipelines, &[info], None)
                 };
+                let call = "vkCreateComputePipelines";
                 let made =
-                    made.map_err(|(_, result)| device.failed("vkCreateComputePipelines", result));
+                    made.map_err(|(_, result)| refused(device, call, name, constants, result));
                 made.map(|pipelines| pipelines[0])
             },
         )?;
@@ -429,9 +491,36 @@ impl ComputePipeline {
 
 #[cfg(test)]
 mod tests {
-    use super::{ADDRESSES, FLOAT64, needs};
+    use ash::vk;
+    use lumbre_render::RenderError;
+
+    use super::{ADDRESSES, FLOAT64, needs, refusal};
     use crate::pipelines::modules;
+    use crate::pipelines::program::TracingMode;
     use crate::pipelines::sources::Sources;
+    use crate::renderer::into_render_error;
+
+    #[test]
+    fn a_pipeline_that_a_driver_refuses_is_an_error_with_the_likely_reason() {
+        let refused = |max_depth: u32| {
+            let result = vk::Result::ERROR_UNKNOWN;
+            let error = refusal("a card".to_owned(), "bdpt by vulkan", max_depth, result);
+            into_render_error(TracingMode::Pipeline, error)
+        };
+        let message = refused(32).to_string();
+        assert!(matches!(refused(32), RenderError::Unsupported { .. }));
+        for part in [
+            "a card",
+            "bdpt by vulkan",
+            "UNKNOWN",
+            "25 KiB",
+            "lower `max_depth`",
+        ] {
+            assert!(message.contains(part), "{message}");
+        }
+        let message = refused(0).to_string();
+        assert!(message.contains("another backend") && !message.contains("max_depth"));
+    }
 
     #[test]
     fn only_extended_modules_need_doubles_and_addresses() {

@@ -1,6 +1,7 @@
 //! Pipelines: [`modules`] lists the shader modules, [`sources`] provides their SPIR-V, [`compute`]
 //! and `ray_tracing` create pipelines, [`program`] combines entry, traversal and integrator for a
-//! run, `cache` stores the driver's pipeline cache, and [`test_kernel`] runs single GLSL functions
+//! run, `cache` stores the driver's pipeline cache, [`statistics`] what drivers report of compiled
+//! pipelines, `once_per_key` creates every pipeline once, and [`test_kernel`] runs single GLSL functions
 //! in tests. With the feature `shader-dev`, `glsl` compiles modules, which `shrink` makes smaller.
 
 pub mod cache;
@@ -9,10 +10,12 @@ pub mod compute;
 #[cfg(feature = "shader-dev")]
 pub mod glsl;
 pub mod modules;
+mod once_per_key;
 pub mod program;
 pub mod ray_tracing;
 #[cfg(feature = "shader-dev")]
 mod shrink;
 pub mod sources;
+pub mod statistics;
 pub mod test_kernel;
 pub mod texts;

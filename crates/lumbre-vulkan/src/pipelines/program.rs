@@ -104,7 +104,10 @@ impl Traversal {
             Traversal::Bvh(bvh) => [&bvh.nodes, &bvh.primitives, &bvh.transforms]
                 .map(BoundResource::Storage)
                 .into(),
-            Traversal::Structures(accel) => vec![BoundResource::Acceleration(accel.top())],
+            Traversal::Structures(accel) => vec![
+                BoundResource::Acceleration(accel.top()),
+                BoundResource::Storage(&accel.geometry_starts),
+            ],
         }
     }
 

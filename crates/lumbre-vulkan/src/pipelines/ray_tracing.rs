@@ -5,7 +5,8 @@ use std::sync::Arc;
 use ash::vk;
 use bytemuck::Pod;
 
-use super::compute::{Bindings, Module, Pipeline};
+use super::compute::{Bindings, Module, Pipeline, refused};
+use super::statistics;
 use crate::context::device::Device;
 use crate::error::VulkanError;
 use crate::layout::Specialization;
@@ -126,6 +127,7 @@ impl RayTracingPipeline {
                 .map(|(module, stage)| module.stage(*stage, specialization))
                 .collect();
             let info = vk::RayTracingPipelineCreateInfoKHR::default()
+                .flags(statistics::flags(device))
                 .stages(&stages)
                 .groups(groups)
                 .max_pipeline_ray_recursion_depth(1)
@@ -139,8 +141,8 @@ impl RayTracingPipeline {
                     None,
                 )
             };
-            let made =
-                made.map_err(|(_, result)| device.failed("vkCreateRayTracingPipelinesKHR", result));
+            let call = "vkCreateRayTracingPipelinesKHR";
+            let made = made.map_err(|(_, result)| refused(device, call, name, constants, result));
             made.map(|pipelines| pipelines[0])
         };
         let pipeline =

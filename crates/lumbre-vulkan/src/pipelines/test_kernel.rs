@@ -133,8 +133,9 @@ const EXTENDED: [&str; 5] = ["bdpt", "bpt", "delay", "nee", "texels"];
 const COMPUTE: [&str; 2] = ["echo", "texels"];
 
 /// Returns the recipes of the test modules in a folder, in the order of their files: those of each
-/// kernel `NAME.comp`, and one for each integrator `NAME.integrator`, which takes the place of `bpt`
-/// in `vulkan-compute`. Files with the extension `glsl` may be included.
+/// kernel `NAME.comp`; one for each tracing mode of an integrator `NAME.integrator`, which takes the
+/// place of `bpt`; and one for each any-hit shader `NAME.rahit`. Files with the extension `glsl` may
+/// be included.
 ///
 /// # Errors
 /// Returns an error if the folder or one of its files cannot be read.
@@ -144,7 +145,7 @@ pub fn recipes(folder: &Path) -> io::Result<Vec<Recipe>> {
         let path = entry?.path();
         let part = |part: Option<&OsStr>| part.unwrap_or_default().to_string_lossy().into_owned();
         let (name, extension) = (part(path.file_stem()), part(path.extension()));
-        if ["comp", "glsl", "integrator"].contains(&extension.as_str()) {
+        if ["comp", "glsl", "integrator", "rahit"].contains(&extension.as_str()) {
             files.push((name, extension, std::fs::read_to_string(&path)?));
         }
     }
@@ -165,11 +166,23 @@ pub fn recipes(folder: &Path) -> io::Result<Vec<Recipe>> {
         splats: SplatMode::None,
     };
     for (name, _, text) in of("integrator") {
-        let mut replaced = modules::integrator(TracingMode::Compute, "bpt", variant);
-        let renamed = format!("{text}\n#define INTEGRATOR_SAMPLE {name}_sample\n");
-        replaced.file = format!("{name}.spv");
-        replaced.generated = vec![("generated/integrator.glsl".to_owned(), renamed)];
-        recipes.push(replaced);
+        for mode in TracingMode::ALL {
+            let mut replaced = modules::integrator(mode, "bpt", variant);
+            let renamed = format!("{text}\n#define INTEGRATOR_SAMPLE {name}_sample\n");
+            replaced.file = replaced.file.replacen("bpt", name, 1);
+            replaced.generated = vec![("generated/integrator.glsl".to_owned(), renamed)];
+            recipes.push(replaced);
+        }
+    }
+    for (name, extension, text) in of("rahit") {
+        let entry = format!("{name}.{extension}");
+        recipes.push(Recipe {
+            file: format!("{entry}.spv"),
+            entry,
+            text: Some(text.clone()),
+            defines: Vec::new(),
+            generated: included.clone(),
+        });
     }
     recipes.sort_by(|a, b| a.file.cmp(&b.file));
     Ok(recipes)

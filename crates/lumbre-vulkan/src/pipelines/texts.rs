@@ -42,6 +42,7 @@ embed![
     "trace/payload.glsl",
     "trace/pipeline.glsl",
     "trace/query.glsl",
+    "trace/valid.glsl",
     "transport/bsdf/beckmann.glsl",
     "transport/bsdf/clearcoat.glsl",
     "transport/bsdf/conductor.glsl",
