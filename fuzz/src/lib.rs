@@ -7,9 +7,9 @@
     reason = "an error ends the target"
 )]
 
-#[path = "../../tests/scenes/meter.rs"]
+#[path = "../../tests/library/scenes/meter.rs"]
 mod meter;
-#[path = "../../tests/scenes/samples.rs"]
+#[path = "../../tests/library/scenes/samples.rs"]
 pub mod samples;
 
 use std::fs;

@@ -190,7 +190,7 @@ pub enum Verb {
     ///
     /// Meshes become PLY files, textures PNG or OpenEXR. A note names each feature that the other
     /// renderer does not support, and what replaces it. Prints the path of the scene file. Samples,
-    /// depth and size are parameters of the file: mitsuba -D spp=64 -D max_depth=5 scene.xml
+    /// depth and size are parameters of the XML: mitsuba -D spp=64 -D max_depth=5 scene.xml
     Export(ExportArgs),
     /// Show a running or finished night in the dashboard.
     ///

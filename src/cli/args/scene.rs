@@ -21,9 +21,12 @@ pub struct ExportArgs {
     /// Scene file of any known format, or a Lua file that returns a scene.
     pub file: PathBuf,
     /// Write an XML scene for Mitsuba 3.
-    #[arg(long, required = true)]
+    #[arg(long, required_unless_present = "pbrt", conflicts_with = "pbrt")]
     pub mitsuba: bool,
-    /// Write to this folder [default: NAME-mitsuba].
+    /// Write a scene for pbrt-v4.
+    #[arg(long)]
+    pub pbrt: bool,
+    /// Write to this folder [default: NAME-mitsuba or NAME-pbrt].
     ///
     /// The folder must be new, empty, or contain an earlier export.
     #[arg(short = 'o', long = "folder", value_name = "DIR")]

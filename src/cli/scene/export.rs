@@ -13,7 +13,7 @@ pub fn main(args: &ExportArgs, global: &Global) -> Result<Exit, Failure> {
     let folder = args
         .folder
         .clone()
-        .unwrap_or_else(|| default_folder(&args.file));
+        .unwrap_or_else(|| default_folder(&args.file, args.pbrt));
     if !export::can_replace(&folder) {
         return Err(Failure::usage(format!(
             "{} contains files that are not from an export; choose another folder with -o",
@@ -26,7 +26,12 @@ pub fn main(args: &ExportArgs, global: &Global) -> Result<Exit, Failure> {
     for (path, value) in &args.set {
         edit::set(&mut desc, path, value).map_err(Failure::usage)?;
     }
-    let exported = export::mitsuba(&desc, &folder).map_err(Failure::usage)?;
+    let write = if args.pbrt {
+        export::pbrt
+    } else {
+        export::mitsuba
+    };
+    let exported = write(&desc, &folder).map_err(Failure::usage)?;
     notes.extend(exported.notes);
     if !global.quiet {
         notes
@@ -42,10 +47,10 @@ pub fn main(args: &ExportArgs, global: &Global) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// Returns the default folder, `NAME-mitsuba` in the current folder.
-fn default_folder(file: &Path) -> PathBuf {
+/// Returns the default folder, `NAME-mitsuba` or `NAME-pbrt` in the current folder.
+fn default_folder(file: &Path, pbrt: bool) -> PathBuf {
     let stem = file
         .file_stem()
         .map_or("scene".into(), |s| s.to_string_lossy().into_owned());
-    PathBuf::from(format!("{stem}-mitsuba"))
+    PathBuf::from(format!("{stem}-{}", if pbrt { "pbrt" } else { "mitsuba" }))
 }

@@ -56,7 +56,12 @@ pub(super) fn picture(desc: &SceneDesc) -> Image {
 }
 
 /// Renders a picture by `nee`.
-fn render_nee(desc: &SceneDesc, resolution: [u32; 2], max_depth: u32, samples: u64) -> Image {
+pub(super) fn render_nee(
+    desc: &SceneDesc,
+    resolution: [u32; 2],
+    max_depth: u32,
+    samples: u64,
+) -> Image {
     let (scene, _) = compile(desc).unwrap();
     let job = Job {
         integrator: integrator("nee").unwrap(),
@@ -75,7 +80,7 @@ fn assert_same_picture(a: &SceneDesc, b: &SceneDesc) {
     assert!(wrong <= 15, "{wrong} of 1536 pixels differ");
 }
 
-fn different_pixels(a: &SceneDesc, b: &SceneDesc) -> usize {
+pub(super) fn different_pixels(a: &SceneDesc, b: &SceneDesc) -> usize {
     let (a, b) = (picture(a), picture(b));
     let scale = a.data.as_flattened().iter().sum::<f32>() / a.data.as_flattened().len() as f32;
     assert!(scale > 0.0, "the picture is black");
@@ -89,12 +94,12 @@ fn texture(name: &str, texels: Texels) -> Arc<TextureDesc> {
     Arc::new(TextureDesc::new(name, 2, 2, texels))
 }
 
-fn stored(texels: [[u8; 4]; 4]) -> Arc<TextureDesc> {
+pub(super) fn stored(texels: [[u8; 4]; 4]) -> Arc<TextureDesc> {
     texture("stored.png", Texels::Rgba8(texels.to_vec()))
 }
 
 /// Returns a room with one wall of each material, lit by every kind of light.
-fn gallery(materials: Vec<MaterialDesc>) -> SceneDesc {
+pub(super) fn gallery(materials: Vec<MaterialDesc>) -> SceneDesc {
     let (mut desc, _) = scn(r#"{"maxdepth": 5}"#).unwrap();
     desc.camera.position = Vec3::new(0.0, 1.0, 9.0);
     desc.camera.target = Vec3::new(0.0, 0.0, 0.0);
@@ -172,7 +177,7 @@ fn gallery(materials: Vec<MaterialDesc>) -> SceneDesc {
     desc
 }
 
-fn material(name: &str, change: impl FnOnce(&mut MaterialDesc)) -> MaterialDesc {
+pub(super) fn material(name: &str, change: impl FnOnce(&mut MaterialDesc)) -> MaterialDesc {
     let mut m = MaterialDesc::new(name);
     change(&mut m);
     m

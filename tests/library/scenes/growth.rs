@@ -42,6 +42,12 @@ fn xml(head: &str, n: usize, part: impl Fn(usize) -> String) -> Vec<(&'static st
     vec![("a.xml", text)]
 }
 
+/// Returns a scene of pbrt of `n` parts.
+fn pbrt(n: usize, part: impl Fn(usize) -> String) -> Vec<(&'static str, String)> {
+    let parts = parts(n, "\n", part);
+    vec![("a.pbrt", format!("WorldBegin\n{parts}\n"))]
+}
+
 /// Returns a glTF of `n` nodes, each with the mesh that `mesh` states, and the meshes.
 fn gltf(n: usize, mesh: fn(usize) -> usize) -> Vec<(&'static str, String)> {
     let nodes = parts(n, ",", |i| format!(r#"{{"mesh":{}}}"#, mesh(i)));
@@ -117,6 +123,41 @@ const KINDS: &[Kind] = &[
         xml(group, n, |_| {
             "<shape type=\"instance\"><ref id=\"g\"/></shape>".to_owned()
         })
+    }),
+    ("pbrt, a material for each shape", |n| {
+        let part = |i| {
+            format!(
+                "MakeNamedMaterial \"m{i}\" \"string type\" \"diffuse\"\nNamedMaterial \"m{i}\"\n\
+                 AreaLightSource \"diffuse\" \"float power\" 1\nShape \"sphere\""
+            )
+        };
+        pbrt(n, part)
+    }),
+    ("pbrt, notes", |n| {
+        pbrt(n, |i| {
+            format!("Material \"x{i}\" \"float y{i}\" 1\nShape \"sphere\"")
+        })
+    }),
+    ("pbrt, one directive with many parameters", |n| {
+        let parameters = parts(n, " ", |i| format!("\"float y{i}\" 1"));
+        let text = format!("WorldBegin\nShape \"sphere\" {parameters}");
+        vec![("a.pbrt", text)]
+    }),
+    ("pbrt, blocks and instances", |n| {
+        let head = "ObjectBegin \"o\"\nShape \"sphere\"\nObjectEnd\n";
+        let part = |i| {
+            let object = if i == 0 { head } else { "" };
+            format!("{object}AttributeBegin\nObjectInstance \"o\"")
+        };
+        pbrt(n, part)
+    }),
+    ("pbrt, one mesh", |n| {
+        let indices = parts(n, " ", |_| "0 1 2".to_owned());
+        let text = format!(
+            "WorldBegin\nShape \"trianglemesh\" \"integer indices\" [{indices}] \"point3 P\" [0 0 \
+             0 1 0 0 0 1 0]"
+        );
+        vec![("a.pbrt", text)]
     }),
     ("folder, a material for each object", |n| {
         let materials = parts(n, ",", |i| format!("{{'name':'m{i}'}}"));

@@ -10,6 +10,7 @@ use lumbre_light::scene::{SceneError, compile};
 
 use super::Folder;
 use super::hostile_cases::{Case, documents, meshes, places, scenes_in_xml, textures};
+use super::hostile_pbrt::scenes_of_pbrt;
 use super::meter::peak;
 use super::samples::{QUAD, Sample, samples};
 
@@ -187,7 +188,14 @@ fn damaged_files_of_every_format_are_read_or_refused() {
 
 #[test]
 fn hostile_files_are_refused_or_read_within_their_limits() {
-    let groups: [fn() -> Vec<Case>; 5] = [meshes, documents, scenes_in_xml, places, textures];
+    let groups: [fn() -> Vec<Case>; 6] = [
+        meshes,
+        documents,
+        scenes_in_xml,
+        scenes_of_pbrt,
+        places,
+        textures,
+    ];
     let mut wrong = Vec::new();
     for (what, files, expected) in groups.iter().flat_map(|group| group()) {
         let folder = Folder::new(&files);

@@ -17,7 +17,7 @@ fn json(inside: &str) -> Vec<u8> {
 }
 
 /// Returns `n` numbered items joined by `comma`.
-fn many(n: usize, comma: &str, one: impl Fn(usize) -> String) -> String {
+pub(super) fn many(n: usize, comma: &str, one: impl Fn(usize) -> String) -> String {
     (0..n).map(one).collect::<Vec<_>>().join(comma)
 }
 

@@ -149,6 +149,66 @@ pub const FOLDER: &str = "{
   'pointLights' : [{position' : {'x' : 1, 'y': 2, 'z': 3}, 'radiance' {'r' : 1, 'g' : 0, 'b' : 0}}]
 }";
 
+/// Many of the directives of pbrt, version 4.
+pub const PBRT: &str = r#"# a scene
+Integrator "volpath" "integer maxdepth" [ 5 ]
+Film "rgb" "integer xresolution" 64 "integer yresolution" 32 "float iso" 150
+Scale -1 1 1
+LookAt 0 1 5  0 1 0  0 1 0
+Camera "perspective" "float fov" 40 "float lensradius" 0.1 "float focaldistance" 4
+WorldBegin
+LightSource "infinite" "rgb L" [ 0.1 0.2 0.3 ] "float scale" 2
+AttributeBegin
+  Rotate -90 1 0 0
+  LightSource "spot" "blackbody I" 3000 "point3 from" [ 0 0 4 ] "float coneangle" 40
+AttributeEnd
+Texture "t" "spectrum" "imagemap" "string filename" "t.png" "float uscale" 2 "string encoding" "linear"
+Texture "c" "spectrum" "checkerboard" "rgb tex1" [ 1 0 0 ] "float uscale" 4
+Texture "half" "float" "imagemap" "string filename" "t.png" "bool invert" true
+MakeNamedMaterial "a" "string type" "coateddiffuse" "texture reflectance" "t" "float roughness" 0.3
+MakeNamedMaterial "b" "string type" "conductor" "spectrum eta" "metal-Au-eta" "spectrum k" "metal-Au-k"
+MakeNamedMaterial "m" "string type" "mix" "string materials" [ "a" "b" ] "texture amount" "half"
+NamedMaterial "m"
+Shape "plymesh" "string filename" "m.ply"
+ObjectBegin "o"
+  Material "diffuse" "texture reflectance" "c"
+  Translate 1 0 0
+  Shape "sphere" "float radius" 0.5 "float zmax" 0.4
+  Shape "disk" "float alpha" 0.5
+ObjectEnd
+AttributeBegin
+  ConcatTransform [ 2 0 0 0  0 2 0 0  0 0 2 0  1 0 0 1 ]
+  ObjectInstance "o"
+  Attribute "shape" "float radius" 0.25
+  AreaLightSource "diffuse" "rgb L" [ 3 2 1 ] "float power" 10
+  Shape "sphere"
+AttributeEnd
+Material "dielectric" "spectrum eta" "glass-BK7" "float roughness" 0.1
+Shape "loopsubdiv" "integer levels" 2 "integer indices" [ 0 1 2 0 2 3 ] "point3 P" [ 0 0 0 1 0 0 1 1 0 0 1 0 ]
+Include "i.pbrt"
+"#;
+
+/// A file that [`PBRT`] includes.
+const PBRT_INCLUDED: &str = "ReverseOrientation\nMaterial \"diffuse\" \"spectrum reflectance\" [ 400 0.2 700 0.8 ]\n\
+    Shape \"bilinearmesh\" \"point3 P\" [ 0 0 0 1 0 0 0 1 0 1 1 1 ] \"point2 uv\" [ 0 0 2 0 0 2 2 2 ]\n";
+
+/// Directives of version 3.
+const PBRT_OLD: &str = r#"LookAt 0 1 -5  0 1 0  0 1 0
+Camera "perspective" "float fov" [ 50 ] "float screenwindow" [ -1 1 -1 1 ]
+Film "image" "integer xresolution" [ 16 ] "integer yresolution" [ 16 ] "float scale" [ 2 ]
+WorldBegin
+  LightSource "infinite" "string mapname" [ "t.png" ] "color L" [ 1 2 1 ]
+  LightSource "distant" "point from" [ 0 1 0 ] "point to" [ 0 0 0 ] "xyz L" [ 1 1 1 ]
+  TransformBegin
+    Transform [ 1 0 0 0 0 1 0 0 0 0 1 0 -0.5 0 0 1 ]
+    Material "uber" "rgb Kd" [ 0.5 0.4 0.3 ] "rgb opacity" [ 0.5 0.5 0.5 ] "float roughness" [ 0.2 ]
+    Shape "trianglemesh" "integer indices" [ 0 1 2 ] "point P" [ 0 0 0 1 0 0 0 1 0 ] "normal N" [ 0 0 1 0 0 1 0 0 1 ]
+  TransformEnd
+  Material "substrate" "rgb Ks" [ 0.04 0.04 0.04 ] "float uroughness" 0.1 "float vroughness" 0.3
+  Shape "cylinder" "float radius" [ 0.5 ] "float phimax" [ 180 ]
+WorldEnd
+"#;
+
 const LUA: &str = "local s = scene { resolution = { 64, 32 }, max_depth = 3 }
 s:camera { position = { 0, 1, 5 }, target = { 0, 1, 0 } }
 s:view(\"above\", { position = { 0, 4, 0.1 }, target = { 0, 0, 0 }, fov = 40 })
@@ -269,6 +329,22 @@ pub fn samples() -> Vec<Sample> {
                 ("m.ply", &plain),
                 ("t.png", &png),
             ],
+        ),
+        one(
+            "pbrt",
+            "a.pbrt",
+            PBRT.as_bytes(),
+            &[
+                ("i.pbrt", PBRT_INCLUDED.as_bytes()),
+                ("m.ply", &plain),
+                ("t.png", &png),
+            ],
+        ),
+        one(
+            "pbrt, old",
+            "a.pbrt",
+            PBRT_OLD.as_bytes(),
+            &[("t.png", &png)],
         ),
         one(
             "folder",

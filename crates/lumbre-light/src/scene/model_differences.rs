@@ -1,6 +1,7 @@
-//! Notes about models that differ from those of Mitsuba, with the size of the difference, for scenes
-//! that are loaded or exported. The sizes were measured with Mitsuba 3.9.1, and `lumbre verify
-//! --mitsuba` compares pictures with them.
+//! Notes about models that differ from those of Mitsuba and pbrt, with the size of the difference,
+//! for scenes that are loaded or exported. The sizes for Mitsuba were measured with version 3.9.1,
+//! and `lumbre verify --mitsuba` compares pictures with them. Those for pbrt are integrals of the
+//! models, as docs/reference/formats.md describes.
 
 use super::desc::{Distribution, MaterialDesc};
 
@@ -10,7 +11,8 @@ pub(super) const SMOOTH_BLEND: &str = "Mitsuba loses light where it blends a per
 
 /// Slopes of bump maps.
 pub(super) const BUMPS: &str = "slopes of height maps are differences over one texel here and \
-                                derivatives in Mitsuba: steep maps of few texels differ by up to 7 %";
+                                derivatives in Mitsuba: steep maps of few texels differ by up to \
+                                7 %";
 
 /// Normals of normal maps that face away from the viewer or the light.
 pub(super) const NORMALS: &str = "bent normals that face away are turned and shadowed in Mitsuba \
@@ -25,14 +27,14 @@ pub(super) fn rough_plastic(distribution: Distribution, alpha: f32) -> String {
         Distribution::Beckmann => 0.56 * alpha,
     };
     format!(
-        "Mitsuba's rough plastic loses light in its body, by up to {:.0} % at this roughness; here it \
-         loses none",
+        "Mitsuba's rough plastic loses light in its body, by up to {:.0} % at this roughness; here \
+         it loses none",
         (100.0 * lost).ceil()
     )
 }
 
-/// Returns the notes about the lobes of a `principled` surface. The bounds are those of the mean over
-/// a sphere under an environment and an area light.
+/// Returns the notes about the lobes of a `principled` surface. The bounds are those of the mean
+/// over a sphere under an environment and an area light.
 pub(super) fn principled(m: &MaterialDesc) -> Vec<String> {
     let rows = [
         (m.clearcoat, 9.0, "a clear coat darkens the lobes below it"),
@@ -49,4 +51,69 @@ pub(super) fn principled(m: &MaterialDesc) -> Vec<String> {
             format!("{difference}, but not in Mitsuba: a difference of up to {size:.0} %")
         })
         .collect()
+}
+
+/// Slopes of pbrt's displacement textures.
+pub(super) const PBRT_BUMPS: &str = "slopes of height maps are differences over one texel here and \
+                                     over half a pixel in pbrt: steep maps of few texels differ";
+
+/// Surfaces that transmit light diffusely.
+pub(super) const DIFFUSE_TRANSMISSION: &str =
+    "diffuse transmission is not supported: what is transmitted is lost";
+
+/// A coat over a conductor.
+pub(super) const COATED_CONDUCTOR: &str = "a coated conductor is the conductor alone here, with \
+     its index relative to the coat: by 1 to 4 % brighter if both are smooth, by up to 30 % if the \
+     conductor has an alpha of 0.3, and by up to 65 % if both have, where pbrt loses light";
+
+/// The plastic of version 3 of pbrt.
+pub(super) const PBRT_PLASTIC: &str = "the diffuse part is lit through the interface here and \
+     added to its reflection in pbrt: by 4 % darker at normal incidence, by 9 % under even light";
+
+/// The substrate of version 3 of pbrt.
+pub(super) const PBRT_SUBSTRATE: &str = "the diffuse part is lit through an interface here and by \
+     the formula of Ashikhmin and Shirley in pbrt: for `Ks` of 0.04 by 3 % brighter at normal \
+     incidence, by 15 % under even light";
+
+/// Spot lights of version 4 of pbrt.
+pub(super) const PBRT_SPOT: &str = "the falloff of the cone is linear in the angle here and smooth \
+                                    in the cosine in pbrt: a difference of up to 17 % of the \
+                                    intensity at the edge, and up to 8 % less light if the edge \
+                                    is wide";
+
+/// Spot lights of version 3 of pbrt.
+pub(super) const PBRT3_SPOT: &str = "the falloff of the cone is a square here and a fourth power \
+                                     in pbrt: the light is the same in all, but differs by up to \
+                                     31 % of the intensity at the edge";
+
+/// Spot lights whose falloff is a square, in version 4 of pbrt.
+pub(super) const PBRT_SMOOTH_SPOT: &str = "the falloff of the cone is a square here and smooth in \
+                                           pbrt: a difference of up to 25 % of the intensity at \
+                                           the edge";
+
+/// Environment maps of version 4 of pbrt.
+pub(super) const EQUAL_AREA: &str = "the map of equal areas is resampled to longitude and \
+                                     latitude: edges of texels are blurred";
+
+/// Alpha of a coat over a diffuse surface of reflectance 0.5 or 1, and by how many percent it
+/// reflects more here than in pbrt.
+const COATED_DIFFUSE: [[f32; 3]; 5] = [
+    [0.0, 0.1, 7.4],
+    [0.1, 1.7, 13.0],
+    [0.3, 10.5, 41.6],
+    [0.6, 32.7, 98.2],
+    [1.0, 71.7, 181.7],
+];
+
+/// Returns the note about a diffuse surface under a coat of index 1.5.
+pub(super) fn coated_diffuse(alpha: f32) -> String {
+    let after = COATED_DIFFUSE.iter().position(|row| row[0] >= alpha);
+    let after = after.unwrap_or(COATED_DIFFUSE.len() - 1).max(1);
+    let (a, b) = (COATED_DIFFUSE[after - 1], COATED_DIFFUSE[after]);
+    let t = ((alpha - a[0]) / (b[0] - a[0])).clamp(0.0, 1.0);
+    let [half, white] = [1, 2].map(|i| (a[i] + (b[i] - a[i]) * t).ceil());
+    format!(
+        "pbrt loses light between the layers of a coated surface, here none is lost: under even \
+         light by {half} % brighter at this roughness for a reflectance of 0.5, by {white} % for 1"
+    )
 }

@@ -1,5 +1,5 @@
-//! Export of a scene as a folder of files for Mitsuba 3: `scene.xml`, `meshes/*.ply`,
-//! `textures/*.{png,exr}`.
+//! Export of a scene as a folder of files for Mitsuba 3, and in [`pbrt`] for pbrt-v4: `scene.xml`,
+//! `meshes/*.ply`, `textures/*.{png,exr}`.
 //!
 //! Used to compare Lumbre with Mitsuba. `spp`, `max_depth`, `rr_depth`, `width`, `height` and
 //! `filter` are parameters of the file (`mitsuba -D spp=64 scene.xml`), so that one export serves a
@@ -9,6 +9,7 @@
 
 mod lights;
 mod mesh;
+mod pbrt;
 mod surface;
 mod texture;
 mod xml;
@@ -19,6 +20,7 @@ use std::path::{Path, PathBuf};
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use self::mesh::MeshWriter;
+pub use self::pbrt::pbrt;
 use self::surface::SurfaceWriter;
 use self::texture::{TexelConversion, TextureWriter};
 use self::xml::Xml;
@@ -26,6 +28,7 @@ use super::desc::{
     CameraDesc, DEFAULT_MATERIAL, EntityDesc, MaterialDesc, MaterialNames, MeshDesc, SceneDesc,
     ShapeDesc, TextureSlot,
 };
+
 use super::names::UniqueNames;
 use super::{Note, SceneError};
 
@@ -50,8 +53,13 @@ pub struct Exported {
 /// export.
 pub fn can_replace(folder: &Path) -> bool {
     let empty = std::fs::read_dir(folder).map_or(true, |mut entries| entries.next().is_none());
+    let ours = |(file, mark): (&str, &str)| {
+        std::fs::read_to_string(folder.join(file)).is_ok_and(|text| text.starts_with(mark))
+    };
     empty
-        || std::fs::read_to_string(folder.join(SCENE_FILE)).is_ok_and(|text| text.starts_with(MARK))
+        || [(SCENE_FILE, MARK), (pbrt::SCENE_FILE, pbrt::MARK)]
+            .into_iter()
+            .any(ours)
 }
 
 /// Exports a scene for Mitsuba 3 to a folder, which is created; files with the same names are
@@ -65,11 +73,7 @@ pub fn mitsuba(desc: &SceneDesc, folder: &Path) -> Result<Exported, SceneError> 
         desc,
         names: desc.material_names(),
         xml: Xml::default(),
-        folder: OutputFolder {
-            root: folder.to_owned(),
-            files: Vec::new(),
-            names: UniqueNames::default(),
-        },
+        folder: OutputFolder::new(folder),
         textures: TextureWriter::default(),
         meshes: MeshWriter::default(),
         ids: UniqueNames::default(),
@@ -106,6 +110,26 @@ fn scene_note(place: &str, message: impl Into<String>) -> Note {
     }
 }
 
+/// Returns the centre and the radius of a sphere in the world.
+///
+/// # Errors
+/// Fails if the transform makes it an ellipsoid.
+fn sphere_place(entity: &EntityDesc, radius: f32) -> Result<(Vec3, f32), SceneError> {
+    let Some(scale) = entity.transform.sphere_scale() else {
+        let problem =
+            "the transform makes the sphere an ellipsoid; only uniform scales are supported"
+                .to_owned();
+        return Err(SceneError::Malformed {
+            file: PathBuf::new(),
+            place: format!("entities.{}", entity.name),
+            problem,
+        });
+    };
+    let frame = entity.transform.frame;
+    let center = frame.transform_point3(entity.transform.translate);
+    Ok((center, radius * scale))
+}
+
 /// Returns a name that is valid as an id and as part of a file name.
 fn identifier(name: &str) -> String {
     let plain: String = name
@@ -134,6 +158,15 @@ struct OutputFolder {
 }
 
 impl OutputFolder {
+    /// Creates an output folder without files.
+    fn new(root: &Path) -> OutputFolder {
+        OutputFolder {
+            root: root.to_owned(),
+            files: Vec::new(),
+            names: UniqueNames::default(),
+        }
+    }
+
     /// Writes a file under a free name; returns its path relative to the folder.
     fn write_unique(
         &mut self,
@@ -458,21 +491,7 @@ impl SceneWriter<'_> {
 
     /// Writes a sphere.
     fn sphere(&mut self, entity: &EntityDesc, radius: f32) -> Result<(), SceneError> {
-        let place = format!("entities.{}", entity.name);
-        let Some(scale) = entity.transform.sphere_scale() else {
-            let problem =
-                "the transform makes the sphere an ellipsoid; only uniform scales are supported"
-                    .to_owned();
-            return Err(SceneError::Malformed {
-                file: PathBuf::new(),
-                place,
-                problem,
-            });
-        };
-        let center = entity
-            .transform
-            .frame
-            .transform_point3(entity.transform.translate);
+        let (center, radius) = sphere_place(entity, radius)?;
         let row = entity
             .material
             .as_ref()
@@ -480,7 +499,7 @@ impl SceneWriter<'_> {
             .unwrap_or(0);
         let id = self.ids.allocate(&identifier(&entity.name));
         self.xml.open("shape", &[("type", "sphere"), ("id", &id)]);
-        self.xml.value("float", "radius", radius * scale);
+        self.xml.value("float", "radius", radius);
         let material = self.desc.materials.get(row);
         if material.is_some_and(|m| !m.textures.is_empty() || m.anisotropic > 0.0) {
             // In Mitsuba, the poles are on z and longitude starts at x; here on y, and at -z.

@@ -35,6 +35,8 @@ pub(super) enum TexelConversion {
     Threshold(f32),
     /// Normal, with its slope scaled by a factor and its second component reversed.
     Normal(f32),
+    /// Normal, with its slope scaled by a factor.
+    NormalUp(f32),
 }
 
 impl TexelConversion {
@@ -51,6 +53,7 @@ impl TexelConversion {
             TexelConversion::Threshold(at) => [6, at.to_bits(), 0, 0],
             TexelConversion::Normal(by) => [7, by.to_bits(), 0, 0],
             TexelConversion::Height => [8, 0, 0, 0],
+            TexelConversion::NormalUp(by) => [9, by.to_bits(), 0, 0],
         }
     }
 
@@ -67,6 +70,7 @@ impl TexelConversion {
         match self {
             TexelConversion::Color(c) | TexelConversion::Light(c) => c == Vec3::ONE,
             TexelConversion::Number | TexelConversion::Height => true,
+            TexelConversion::NormalUp(by) => by == 1.0,
             _ => false,
         }
     }
@@ -84,11 +88,13 @@ impl TexelConversion {
             TexelConversion::Square => [r.clamp(0.0, 1.0).powi(2); 3],
             TexelConversion::OneMinus => [1.0 - r.clamp(0.0, 1.0); 3],
             TexelConversion::Threshold(at) => [if r < at { 0.0 } else { 1.0 }; 3],
-            TexelConversion::Normal(by) => {
+            TexelConversion::Normal(by) | TexelConversion::NormalUp(by) => {
                 let n = unit(c) * 2.0 - 1.0;
-                // The same scale for all texels, so that interpolated normals keep their slope.
                 // The second component is along growing v, which grows from the top in Mitsuba.
-                (Vec3::new(n.x * by, -n.y * by, n.z) / by.max(1.0) * 0.5 + 0.5).to_array()
+                let up = matches!(self, TexelConversion::NormalUp(_));
+                let y = if up { n.y } else { -n.y };
+                // The same scale for all texels, so that interpolated normals keep their slope.
+                (Vec3::new(n.x * by, y * by, n.z) / by.max(1.0) * 0.5 + 0.5).to_array()
             }
         }
     }
@@ -171,7 +177,7 @@ impl TextureWriter {
     }
 
     /// Returns the file of a converted image, writing it if it is new.
-    fn file(
+    pub fn file(
         &mut self,
         image: &TextureDesc,
         conversion: TexelConversion,

@@ -9,13 +9,16 @@ pub mod files;
 mod folder;
 mod gltf;
 mod images;
+mod metals;
 mod mitsuba;
 mod obj;
 pub mod openexr;
+mod pbrt;
 mod ply;
 mod scn;
 
 pub use images::load as texture;
+pub(in crate::scene) use pbrt::environment_square;
 
 use std::fs::File;
 use std::io::Read;
@@ -137,6 +140,15 @@ pub const FORMATS: &[FormatRow] = &[
         sniff: mitsuba::sniff,
         load: mitsuba::load,
         supported: mitsuba::SUPPORTED,
+    },
+    FormatRow {
+        name: "pbrt",
+        extensions: &["pbrt"],
+        doc: "Scenes of pbrt, versions 4 and 3: cameras, shapes, instances, materials, textures, \
+              lights.",
+        sniff: pbrt::sniff,
+        load: pbrt::load,
+        supported: pbrt::SUPPORTED,
     },
 ];
 
@@ -295,7 +307,7 @@ mod tests {
         let text = dir.path().join("text.txt");
         std::fs::write(&text, "hello").unwrap();
         let e = load(&text).unwrap_err().to_string();
-        assert!(e.contains(".json, .scn, .obj, .ply, .xml"), "{e}");
+        assert!(e.contains(".json, .scn, .obj, .ply, .xml, .pbrt"), "{e}");
     }
 
     #[test]

@@ -75,12 +75,22 @@ pub(super) fn load_mesh(
     notes: &mut Vec<Note>,
 ) -> Result<MeshDesc, SceneError> {
     let bytes = read_file(path, MAX_PLY_BYTES)?;
+    decode_mesh(path, &bytes, slot, notes)
+}
+
+/// Decodes the bytes of a mesh like [`load_mesh`]; the path is for messages.
+pub(super) fn decode_mesh(
+    path: &Path,
+    bytes: &[u8],
+    slot: &str,
+    notes: &mut Vec<Note>,
+) -> Result<MeshDesc, SceneError> {
     let fail = |(place, problem)| SceneError::Malformed {
         file: path.to_owned(),
         place,
         problem,
     };
-    let (elements, mut source) = header(&bytes).map_err(fail)?;
+    let (elements, mut source) = header(bytes).map_err(fail)?;
     let mut mesh = MeshDesc {
         file: path.to_owned(),
         positions: Vec::new(),
@@ -131,7 +141,7 @@ pub(super) fn load_mesh(
 
 /// Orients every triangle to the side of its normals; normals without a direction become the
 /// triangle's own.
-fn orient_by_normals(mesh: &mut MeshDesc) {
+pub(super) fn orient_by_normals(mesh: &mut MeshDesc) {
     if mesh.normals.is_empty() {
         return;
     }

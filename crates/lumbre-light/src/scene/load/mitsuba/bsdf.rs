@@ -6,8 +6,8 @@ use std::rc::Rc;
 
 use glam::Vec3;
 
+use super::super::metals;
 use super::MitsubaLoader;
-use super::metals;
 use super::texture::{LoadedTexture, TextureReader};
 use super::tree::{Property, PropertyValue, XmlObject};
 use crate::scene::desc::material::SMOOTH_ROUGHNESS;

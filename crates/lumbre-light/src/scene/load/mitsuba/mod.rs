@@ -19,7 +19,6 @@
 mod bsdf;
 mod delay;
 mod emitter;
-mod metals;
 mod sensor;
 mod shape;
 mod supported;

@@ -1,6 +1,5 @@
 //! Textures of Mitsuba scenes: `bitmap` and `checkerboard`.
 
-use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -12,11 +11,6 @@ use crate::scene::desc::{Lookup, MaterialDesc, NoInverse, Texels, TextureDesc, T
 use crate::scene::load::images::ImageCache;
 use crate::scene::load::{MissingTextures, with_lenient_hint};
 use crate::scene::{Note, SceneError};
-
-/// Side of the image of a checkerboard in texels: edges are blurred over a 128th of a field.
-const CHECKERBOARD_SIZE: u32 = 256;
-/// Greatest number of checkerboards with different colours in a scene: each takes a megabyte.
-const MAX_CHECKERBOARDS: usize = 64;
 
 /// A texture in the conventions of Mitsuba: coordinates start at the top left, before `to_uv`.
 #[derive(Clone)]
@@ -68,8 +62,6 @@ impl LoadedTexture {
 /// Reader of textures: the images read or generated so far.
 pub(super) struct TextureReader {
     images: ImageCache,
-    /// Checkerboards by the bits of their colours.
-    checkerboards: BTreeMap<[u32; 6], Arc<TextureDesc>>,
     missing: MissingTextures,
 }
 
@@ -78,7 +70,6 @@ impl TextureReader {
     pub fn new(missing: MissingTextures) -> TextureReader {
         TextureReader {
             images: ImageCache::default(),
-            checkerboards: BTreeMap::new(),
             missing,
         }
     }
@@ -224,21 +215,9 @@ impl TextureReader {
                 *color = given;
             }
         }
-        let key = [
-            colors[0].to_array().map(f32::to_bits),
-            colors[1].to_array().map(f32::to_bits),
-        ];
-        let key = std::array::from_fn(|i| key[i / 3][i % 3]);
-        if !self.checkerboards.contains_key(&key) && self.checkerboards.len() >= MAX_CHECKERBOARDS {
-            return Err(o.error(format!(
-                "more than {MAX_CHECKERBOARDS} checkerboards with different colours"
-            )));
-        }
-        Ok(self
-            .checkerboards
-            .entry(key)
-            .or_insert_with(|| checkerboard_image(colors))
-            .clone())
+        self.images
+            .checkerboard(colors)
+            .map_err(|problem| o.error(problem))
     }
 
     /// Returns the image of a file beside the scene. Raw images are converted to floats, which no
@@ -268,21 +247,4 @@ impl TextureReader {
         }
         Ok(Some(image))
     }
-}
-
-/// Returns the image of a checkerboard of 2 by 2 fields; the first colour is at the origin of
-/// texture coordinates.
-fn checkerboard_image(colors: [Vec3; 2]) -> Arc<TextureDesc> {
-    let field =
-        |x: u32, y: u32| usize::from((x < CHECKERBOARD_SIZE / 2) != (y < CHECKERBOARD_SIZE / 2));
-    let at = |i: u32| {
-        let c = colors[field(i % CHECKERBOARD_SIZE, i / CHECKERBOARD_SIZE)];
-        [c.x, c.y, c.z, 1.0]
-    };
-    Arc::new(TextureDesc::new(
-        "",
-        CHECKERBOARD_SIZE,
-        CHECKERBOARD_SIZE,
-        Texels::RgbaF32((0..CHECKERBOARD_SIZE * CHECKERBOARD_SIZE).map(at).collect()),
-    ))
 }

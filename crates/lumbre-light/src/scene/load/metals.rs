@@ -148,7 +148,7 @@ const DIELECTRICS: &[(&str, f64)] = &[
 ];
 
 /// Returns eta and k of a metal; `none` is a perfect mirror. Suffixes such as `_palik` are ignored.
-pub(super) fn metal(name: &str) -> Option<(Vec3, Vec3)> {
+pub(in crate::scene::load) fn metal(name: &str) -> Option<(Vec3, Vec3)> {
     if name.eq_ignore_ascii_case("none") {
         return Some((Vec3::ZERO, Vec3::ONE));
     }
@@ -158,7 +158,7 @@ pub(super) fn metal(name: &str) -> Option<(Vec3, Vec3)> {
 }
 
 /// Returns the names of the metals, separated by commas.
-pub(super) fn metal_names() -> String {
+pub(in crate::scene::load) fn metal_names() -> String {
     METALS
         .iter()
         .map(|row| row.0)
@@ -167,7 +167,7 @@ pub(super) fn metal_names() -> String {
 }
 
 /// Returns the index of a dielectric, or `None` if the name is unknown.
-pub(super) fn dielectric(name: &str) -> Option<f64> {
+pub(in crate::scene::load) fn dielectric(name: &str) -> Option<f64> {
     DIELECTRICS
         .iter()
         .find(|row| row.0.eq_ignore_ascii_case(name.trim()))

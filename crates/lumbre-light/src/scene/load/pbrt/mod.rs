@@ -1,0 +1,571 @@
+//! Scenes of pbrt, versions 4 and 3.
+//!
+//! Conventions that affect the image:
+//! - Camera space has x to the right, y up and z forward. With a camera that only moves and turns,
+//!   the world is left-handed, and the world here is its mirror image: x is negated in the
+//!   transform of every object. `Scale -1 1 1` before the camera makes the world right-handed, and
+//!   nothing is negated.
+//! - `fov` is that of the smaller side of the image.
+//! - The front of a triangle is the side of its normals, or of the cross product of its edges in
+//!   the coordinates of the file. Texture coordinates start at the bottom left of an image.
+//! - `maxdepth` counts scattering events; a path has one edge more. Integrator, sampler and filter
+//!   are set by the script.
+//! - In version 4 lights are normalised as its `scale` and `power` define; exposure time and ISO of
+//!   the film, and `scale` in version 3, become a factor on all lights.
+//!
+//! `docs/reference/formats.md` lists the supported directives; everything else becomes a [`Note`].
+
+mod camera;
+mod directives;
+mod environment;
+mod light;
+mod material;
+mod params;
+mod shape;
+mod spectrum;
+mod state;
+mod supported;
+mod texture;
+mod token;
+
+pub(in crate::scene) use self::environment::to_equal_area as environment_square;
+pub(super) use self::supported::SUPPORTED;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+
+use glam::{Affine3A, DAffine3, DMat3, DVec3, Mat3A, Vec3A};
+
+use self::light::{AreaSource, Areas, LightReader, SceneLight};
+use self::material::MaterialSource;
+use self::params::Params;
+use self::shape::{LoadedShape, ShapeLoader, ShapeOptions};
+use self::spectrum::Spectra;
+use self::state::{MaterialRef, State};
+use self::texture::{TextureContext, TextureReader, TextureValue};
+use super::{MissingTextures, default_scene};
+use crate::scene::desc::{
+    EntityDesc, EnvironmentDesc, LightDesc, MAX_EDGES, MaterialDesc, SceneDesc, ShapeDesc,
+    Transform,
+};
+use crate::scene::names::UniqueNames;
+use crate::scene::{Note, SceneError};
+
+/// Number of entities that a file of any size may create by instances; each byte of the file allows
+/// one more.
+const SMALL_ENTITIES: usize = 4096;
+
+/// Default `maxdepth` of the integrators.
+const DEFAULT_MAX_DEPTH: u32 = 5;
+
+/// Version of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Version {
+    V3,
+    V4,
+}
+
+/// Beginnings of lines that only version 3 has.
+const VERSION_3: [&str; 12] = [
+    "WorldEnd",
+    "Film \"image\"",
+    "Material \"matte\"",
+    "Material \"plastic\"",
+    "Material \"metal\"",
+    "Material \"glass\"",
+    "Material \"mirror\"",
+    "Material \"uber\"",
+    "Material \"substrate\"",
+    "Material \"translucent\"",
+    "Material \"disney\"",
+    "Material \"kdsubsurface\"",
+];
+
+impl Version {
+    /// Returns the version of a file by its directives.
+    fn of(text: &str) -> Version {
+        let is_old = |line: &str| {
+            let line = line.trim_start();
+            VERSION_3.iter().any(|start| line.starts_with(start))
+        };
+        if text.lines().any(is_old) {
+            Version::V3
+        } else {
+            Version::V4
+        }
+    }
+}
+
+/// Returns whether the first bytes of a file look like a scene of pbrt.
+pub(super) fn sniff(head: &[u8]) -> bool {
+    let starts = [
+        "LookAt ",
+        "Camera \"",
+        "Film \"",
+        "Integrator \"",
+        "Sampler \"",
+        "WorldBegin",
+    ];
+    String::from_utf8_lossy(head).lines().any(|line| {
+        starts
+            .iter()
+            .any(|start| line.trim_start().starts_with(start))
+    })
+}
+
+/// Loads a scene and everything that it refers to.
+pub(super) fn load(
+    path: &Path,
+    missing: MissingTextures,
+) -> Result<(SceneDesc, Vec<Note>), SceneError> {
+    directives::read(path, missing)
+}
+
+/// Rounds a map to single precision.
+fn affine(map: &DAffine3) -> Affine3A {
+    Affine3A {
+        matrix3: Mat3A::from(map.matrix3.as_mat3()),
+        translation: Vec3A::from(map.translation.as_vec3()),
+    }
+}
+
+/// A shape of an object definition, in the space of the object.
+struct ObjectShape {
+    shape: ShapeDesc,
+    to_object: DAffine3,
+    material: String,
+    stem: String,
+}
+
+/// A `Camera` directive and the map from camera space to the file's world.
+struct CameraSource {
+    class: String,
+    params: Params,
+    to_world: DAffine3,
+}
+
+/// State while a scene is loaded.
+struct Loader {
+    version: Version,
+    /// Folder of the main file, that all names of files are relative to.
+    folder: PathBuf,
+    textures: TextureReader,
+    shapes: ShapeLoader,
+    /// Materials by name in the file.
+    named: BTreeMap<String, Rc<MaterialSource>>,
+    /// Converted materials by the address of their source, which is kept.
+    converted: BTreeMap<usize, (Rc<MaterialSource>, String)>,
+    /// Material of shapes without one.
+    default_material: Option<String>,
+    /// Copies of materials with the light and the alpha of a shape, by material and both.
+    variants: BTreeMap<(String, usize, String), String>,
+    materials: Vec<MaterialDesc>,
+    /// Index of each material by its name.
+    material_index: BTreeMap<String, usize>,
+    objects: BTreeMap<String, Vec<ObjectShape>>,
+    entities: Vec<EntityDesc>,
+    lights: Vec<LightDesc>,
+    environment: Option<EnvironmentDesc>,
+    camera: Option<CameraSource>,
+    film: Option<Params>,
+    max_depth: u32,
+    /// Map from the world of the file to that of the scene.
+    world: DAffine3,
+    /// Factor of the film on all light.
+    exposure: f32,
+    names: UniqueNames,
+    notes: Vec<Note>,
+    /// Greatest number of entities.
+    max_entities: usize,
+}
+
+impl Loader {
+    /// Creates a loader that has read nothing yet.
+    fn new(version: Version, folder: PathBuf, missing: MissingTextures) -> Loader {
+        Loader {
+            version,
+            folder,
+            textures: TextureReader::new(missing),
+            shapes: ShapeLoader::default(),
+            named: BTreeMap::new(),
+            converted: BTreeMap::new(),
+            default_material: None,
+            variants: BTreeMap::new(),
+            materials: Vec::new(),
+            material_index: BTreeMap::new(),
+            objects: BTreeMap::new(),
+            entities: Vec::new(),
+            lights: Vec::new(),
+            environment: None,
+            camera: None,
+            film: None,
+            max_depth: DEFAULT_MAX_DEPTH,
+            world: DAffine3::IDENTITY,
+            exposure: 1.0,
+            names: UniqueNames::default(),
+            notes: Vec::new(),
+            max_entities: SMALL_ENTITIES,
+        }
+    }
+
+    /// Determines the handedness of the world and the exposure, when the world begins.
+    fn begin_world(&mut self) -> Result<(), SceneError> {
+        let mirrored = match &self.camera {
+            None => true,
+            Some(camera) => camera.to_world.matrix3.determinant() > 0.0,
+        };
+        if mirrored {
+            let mirror = DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0));
+            self.world = DAffine3::from_mat3(mirror);
+        }
+        if let Some(camera) = self.camera.as_ref().filter(|_| mirrored) {
+            self.notes.push(camera.params.note(
+                "the world of the file is left-handed; here x is negated, which gives the same \
+                picture",
+            ));
+        }
+        let camera = self.camera.as_ref().map(|c| &c.params);
+        self.exposure =
+            camera::exposure(self.film.as_ref(), camera, self.version, &mut self.notes)?;
+        Ok(())
+    }
+
+    /// Returns the scene after the last directive.
+    fn finish(mut self) -> Result<(SceneDesc, Vec<Note>), SceneError> {
+        let resolution = camera::resolution(self.film.as_ref(), &mut self.notes)?;
+        let camera = match &self.camera {
+            Some(source) => {
+                let to_world = self.world * source.to_world;
+                camera::read(
+                    &source.class,
+                    &source.params,
+                    &to_world,
+                    resolution,
+                    &mut self.notes,
+                )?
+            }
+            None => {
+                self.notes.push(Note {
+                    file: self.folder.clone(),
+                    place: "Camera".to_owned(),
+                    message: "the scene has no camera; one that frames the origin is used"
+                        .to_owned(),
+                });
+                default_scene::framing_camera(None)
+            }
+        };
+        if let Some(film) = &self.film {
+            film.note_unread(&mut self.notes);
+        }
+        let desc = SceneDesc {
+            views: Vec::new(),
+            resolution,
+            max_depth: self.max_depth.saturating_add(1).min(MAX_EDGES),
+            camera,
+            materials: self.materials,
+            entities: self.entities,
+            lights: self.lights,
+            environment: self.environment,
+        };
+        Ok((desc, self.notes))
+    }
+
+    /// Returns the meaning of spectra in a state.
+    fn spectra(&self, state: &State) -> Spectra {
+        Spectra {
+            version: self.version,
+            color_space: state.color_space,
+            folder: self.folder.clone(),
+        }
+    }
+
+    /// Returns a material by its name in the file.
+    fn named_material(
+        &self,
+        name: &str,
+        params: &Params,
+    ) -> Result<Rc<MaterialSource>, SceneError> {
+        self.named.get(name).cloned().ok_or_else(|| {
+            let shown = token::truncated(name);
+            params.error(format!("no material with the name `{shown}` precedes"))
+        })
+    }
+
+    /// Returns the name of a converted material.
+    fn material(
+        &mut self,
+        source: &Rc<MaterialSource>,
+        depth: usize,
+    ) -> Result<String, SceneError> {
+        let key = Rc::as_ptr(source) as usize;
+        if let Some((_, name)) = self.converted.get(&key) {
+            return Ok(name.clone());
+        }
+        let stem = if source.name.is_empty() {
+            &source.class
+        } else {
+            &source.name
+        };
+        let name = self.names.allocate(stem);
+        let material = material::read(source, &name, self, depth)?;
+        self.add_material(material);
+        self.converted.insert(key, (source.clone(), name.clone()));
+        Ok(name)
+    }
+
+    /// Returns the name of the material of a state.
+    fn current_material(&mut self, state: &State, params: &Params) -> Result<String, SceneError> {
+        match &state.material {
+            MaterialRef::Own(source) => self.material(&source.clone(), 0),
+            MaterialRef::Named(name) => {
+                let source = self.named_material(name, params)?;
+                self.material(&source, 0)
+            }
+            MaterialRef::None => {
+                if let Some(name) = &self.default_material {
+                    return Ok(name.clone());
+                }
+                let name = self.names.allocate("default");
+                self.add_material(material::default_material(&name));
+                self.default_material = Some(name.clone());
+                Ok(name)
+            }
+        }
+    }
+
+    /// Adds a material, whose name is unique.
+    fn add_material(&mut self, m: MaterialDesc) {
+        self.material_index
+            .insert(m.name.clone(), self.materials.len());
+        self.materials.push(m);
+    }
+
+    /// Returns a converted material.
+    fn found(&self, name: &str) -> Option<&MaterialDesc> {
+        self.material_index.get(name).map(|i| &self.materials[*i])
+    }
+
+    /// Returns whether a material, or a part of it, has textures of more than one texel, or is
+    /// anisotropic.
+    fn is_oriented(&self, material: &str) -> bool {
+        let Some(m) = self.found(material) else {
+            return false;
+        };
+        m.anisotropic > 0.0
+            || m.textures.iter().any(|(_, t)| t.width * t.height > 1)
+            || m.parts.iter().any(|part| self.is_oriented(part))
+    }
+
+    /// Returns the `alpha` of a shape, unless it is opaque.
+    fn alpha(&self, params: &Params, state: &State) -> Result<Option<TextureValue>, SceneError> {
+        let Some(p) = params.get("alpha") else {
+            return Ok(None);
+        };
+        let purpose = spectrum::Use::Reflectance;
+        let value = self
+            .textures
+            .value_of(p, false, purpose, &self.spectra(state))?;
+        let opaque = matches!(&value, TextureValue::Constant(c) if c.x >= 1.0);
+        Ok((!opaque).then_some(value))
+    }
+
+    /// Adds a `Shape`, to the scene or to the object that is being defined.
+    fn shape(
+        &mut self,
+        class: &str,
+        params: &Params,
+        state: &State,
+        object: Option<&str>,
+    ) -> Result<(), SceneError> {
+        let base = self.current_material(state, params)?;
+        let alpha = self.alpha(params, state)?;
+        let mut area = state.area_light.clone();
+        if object.is_some() && area.take().is_some() {
+            self.notes
+                .push(params.note("pbrt ignores area lights in object definitions"));
+        }
+        let textured_light = area
+            .as_ref()
+            .is_some_and(|a| a.params.get("filename").is_some());
+        let options = ShapeOptions {
+            reversed: state.reversed,
+            oriented: textured_light
+                || matches!(alpha, Some(TextureValue::Image(_)))
+                || self.is_oriented(&base),
+            version: self.version,
+        };
+        let to_world = self.world * state.ctm;
+        if !affine(&to_world).is_finite() {
+            return Err(params.error("the transform is not finite in single precision"));
+        }
+        let folder = self.folder.clone();
+        let read = self.shapes.read(
+            class,
+            params,
+            options,
+            (&folder, &to_world),
+            &mut self.notes,
+        )?;
+        let Some(LoadedShape { shape, own, stem }) = read else {
+            return Ok(());
+        };
+        params.note_unread(&mut self.notes);
+        let placed = state.ctm * own;
+        let material = match (&area, alpha) {
+            (None, None) => base,
+            (area, alpha) => {
+                let areas = Areas::of(&shape, &(self.world * placed));
+                self.variant(&base, area.as_ref(), alpha, areas, params)?
+            }
+        };
+        let shape = ObjectShape {
+            shape,
+            to_object: placed,
+            material,
+            stem,
+        };
+        let Some(name) = object else {
+            return self.entity(&shape, &DAffine3::IDENTITY, params);
+        };
+        self.objects.entry(name.to_owned()).or_default().push(shape);
+        Ok(())
+    }
+
+    /// Adds the entity of a shape, whose object space is mapped to the world of the file.
+    fn entity(
+        &mut self,
+        s: &ObjectShape,
+        to_world: &DAffine3,
+        params: &Params,
+    ) -> Result<(), SceneError> {
+        if self.entities.len() >= self.max_entities {
+            return Err(params.error(format!(
+                "instances create more than {} entities, too many for the size of the files",
+                self.max_entities
+            )));
+        }
+        let frame = affine(&(self.world * *to_world * s.to_object));
+        if !frame.is_finite() {
+            return Err(params.error("the transform is not finite in single precision"));
+        }
+        let name = self.names.allocate(&s.stem);
+        self.entities.push(EntityDesc {
+            name,
+            transform: Transform::framed(frame),
+            material: Some(s.material.clone()),
+            anisotropic_direction: None,
+            shape: s.shape.clone(),
+        });
+        Ok(())
+    }
+
+    /// Returns the name of a copy of a material with the light and the alpha of a shape. Shapes
+    /// with the same light share it, unless it states its power.
+    fn variant(
+        &mut self,
+        base: &str,
+        area: Option<&Rc<AreaSource>>,
+        alpha: Option<TextureValue>,
+        areas: Areas,
+        params: &Params,
+    ) -> Result<String, SceneError> {
+        let address = area.map_or(0, |a| Rc::as_ptr(a) as usize);
+        let key = (
+            base.to_owned(),
+            address,
+            format!("{:?}", alpha.as_ref().map(texture::key)),
+        );
+        let shared = area.is_none_or(|a| a.params.get("power").is_none());
+        if let Some(known) = self.variants.get(&key).filter(|_| shared) {
+            return Ok(known.clone());
+        }
+        let mut m = match self.found(base) {
+            Some(found) => found.clone(),
+            None => material::default_material(base),
+        };
+        m.name = self.names.allocate(&if area.is_some() {
+            format!("{base}_light")
+        } else {
+            base.to_owned()
+        });
+        if let Some(alpha) = alpha {
+            material::set_mask(&mut m, alpha);
+        }
+        if let Some(source) = area {
+            material::without_parts(&mut m, params, &mut self.notes);
+            let mut reader = LightReader {
+                spectra: &source.spectra,
+                textures: &mut self.textures,
+                notes: &mut self.notes,
+                exposure: self.exposure,
+            };
+            reader.set_emission(&mut m, source, areas)?;
+        }
+        let name = m.name.clone();
+        self.add_material(m);
+        if shared {
+            self.variants.insert(key, name.clone());
+        }
+        Ok(name)
+    }
+
+    /// Adds the shapes of an object at the place of an `ObjectInstance`.
+    fn instance(&mut self, name: &str, params: &Params, state: &State) -> Result<(), SceneError> {
+        let Some(shapes) = self.objects.remove(name) else {
+            let shown = token::truncated(name);
+            return Err(params.error(format!("no object with the name `{shown}` precedes")));
+        };
+        let added = shapes
+            .iter()
+            .try_for_each(|s| self.entity(s, &state.ctm, params));
+        self.objects.insert(name.to_owned(), shapes);
+        added
+    }
+
+    /// Adds a `LightSource`; of several environments the first is used.
+    fn light(&mut self, class: &str, params: &Params, state: &State) -> Result<(), SceneError> {
+        let to_world = self.world * state.ctm;
+        if !affine(&to_world).is_finite() {
+            return Err(params.error("the transform is not finite in single precision"));
+        }
+        let infinite = class == "infinite" || class == "exinfinite";
+        if infinite && self.environment.is_some() {
+            self.notes
+                .push(params.note("only the first environment is used; this one is ignored"));
+            return Ok(());
+        }
+        let spectra = self.spectra(state);
+        let mut reader = LightReader {
+            spectra: &spectra,
+            textures: &mut self.textures,
+            notes: &mut self.notes,
+            exposure: self.exposure,
+        };
+        match reader.read(class, params, &to_world)? {
+            Some(SceneLight::Environment(environment)) => self.environment = Some(environment),
+            Some(SceneLight::Light(kind)) => {
+                let name = self.names.allocate(class);
+                self.lights.push(LightDesc { name, kind });
+            }
+            None => {}
+        }
+        Ok(())
+    }
+
+    /// Reads a `Texture`.
+    fn texture(
+        &mut self,
+        name: &str,
+        [ty, class]: [&str; 2],
+        params: &Params,
+        state: &State,
+    ) -> Result<(), SceneError> {
+        let spectra = self.spectra(state);
+        let mut context = TextureContext {
+            spectra: &spectra,
+            notes: &mut self.notes,
+        };
+        self.textures.define(name, ty, class, params, &mut context)
+    }
+}
