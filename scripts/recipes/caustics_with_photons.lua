@@ -1,8 +1,8 @@
--- scripts/recipes/caustics_with_photons.lua: photon mapping against path tracing, the same time for each.
+-- scripts/recipes/caustics_with_photons.lua: photon mapping and path tracing, alone and together, the same time for each.
 
 local x = experiment("caustics_with_photons", { seed = 21, repeats = 3, order = "interleave" })
 
-x:axis("technique", { "nee", "bdpt", "sppm" })
+x:axis("technique", { "nee", "bdpt", "sppm", "vcm" })
 x:axis("size", { 96 })
 x:axis("seconds", { 2 })
 x:axis("reference", { 1024 })
@@ -17,7 +17,7 @@ x:render(function(p)
   }
 end)
 
--- `sppm` is biased, so the reference is by an unbiased technique.
+-- `sppm` and `vcm` are biased, so the reference is by an unbiased technique.
 x:reference {
   from = function() return { integrator = "bdpt" } end,
   stop = function(p) return stop.samples(p.reference) end,

@@ -90,7 +90,7 @@ const MAX_BDPT_DEPTH: u32 = 32;
 
 fn refuses(integrator: &IntegratorRow, max_depth: u32) -> Option<String> {
     let name = integrator.name;
-    if integrator.begin.is_some() {
+    if integrator.sharing.is_some() {
         return Some(format!(
             "before each sample `{name}` computes data that all pixels share, which only the \
              backend `cpu` does"

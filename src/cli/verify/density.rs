@@ -1,4 +1,4 @@
-//! MIS weights and densities of `bdpt`, path by path, compared with the products that define them.
+//! MIS weights and densities of `bdpt` and `vcm`, path by path, compared with the products that define them.
 //! The comparison is deterministic: differences are rounding errors, so a wrong weight is found
 //! even if it hardly changes a picture.
 
@@ -16,9 +16,10 @@ use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::{Camera, FilterSpec};
 use lumbre_light::transport::integrator::oracle::{self, COARSE, OracleReport, TOLERANCE};
-use lumbre_light::transport::integrator::{Context, Settings, bdpt, integrator};
+use lumbre_light::transport::integrator::{Context, Settings, bdpt, integrator, settings, vcm};
 use lumbre_light::transport::light::Lights;
 use lumbre_light::transport::mis;
+use lumbre_light::value::Value;
 use lumbre_render::cpu::bvh::accel::Accel;
 
 /// Identifies the seeds of these checks.
@@ -26,6 +27,9 @@ const SEED_FAMILY: u64 = 4;
 
 /// Resolution of the pictures whose paths are checked.
 const RESOLUTION: [u32; 2] = [64, 64];
+
+/// Number of light subpaths of `vcm`, so that a camera vertex merges with few vertices.
+const LIGHT_SUBPATHS: i64 = 256;
 
 /// Lists the checks of densities.
 ///
@@ -39,6 +43,12 @@ pub fn plan(request: &VerifyRequest) -> Result<Vec<Check>, String> {
     let mut techniques = default.variants();
     techniques.retain(|technique| technique.params.contains_key(mis::FIELD.key));
     techniques.insert(0, default);
+    let mut merging = integrator(vcm::ROW.name)
+        .map(Technique::plain)
+        .ok_or("no integrator `vcm`")?;
+    let few = (settings::PHOTONS.key.to_owned(), Value::Int(LIGHT_SUBPATHS));
+    merging.params.extend([few]);
+    techniques.push(merging);
     let built_in = BuiltIn::unpack()?;
     let mut checks = Vec::new();
     for file in built_in.scenes() {
@@ -64,19 +74,29 @@ fn report(
     seed: u64,
 ) -> Result<OracleReport, String> {
     let accel = Accel::build(Arc::clone(scene)).map_err(|e| e.to_string())?;
-    let context = Context {
-        scene,
-        camera: &Camera::new(&scene.camera, RESOLUTION, FilterSpec::PIXEL),
-        lights: &Lights::new(scene),
-        classes: &SurfaceClasses::new(scene),
-        trace: &accel,
-        max_depth: scene.max_depth,
-        rr_start: None,
-        settings: &Settings::new(&technique.params),
-        timing: None,
-        shared: None,
+    let camera = Camera::new(&scene.camera, RESOLUTION, FilterSpec::PIXEL);
+    let (lights, classes) = (Lights::new(scene), SurfaceClasses::new(scene));
+    let settings = Settings::new(&technique.params);
+    let lend = |run: &mut dyn FnMut(&Context)| {
+        run(&Context {
+            scene,
+            camera: &camera,
+            lights: &lights,
+            classes: &classes,
+            trace: &accel,
+            max_depth: scene.max_depth,
+            rr_start: None,
+            settings: &settings,
+            timing: None,
+            shared: None,
+        });
     };
-    Ok(oracle::check(&context, samples, seed))
+    if technique.row.name == vcm::ROW.name {
+        return Ok(oracle::check_vcm(lend, samples, seed));
+    }
+    let mut report = OracleReport::default();
+    lend(&mut |context| report = oracle::check(context, samples, seed));
+    Ok(report)
 }
 
 /// Whether errors are within the expected rounding.
@@ -88,12 +108,18 @@ fn report(
 /// missing or duplicated factor is wrong in every path of its strategy, not rough: at most one
 /// path in a hundred may differ by more than [`COARSE`] (several, because the paths of one sample
 /// share edges). Weights are ratios and keep their digits: at most one in a thousand may be rough.
+/// Merging takes two vertices for one, so half of the merged paths may be coarse.
 fn is_right(report: &OracleReport) -> bool {
     report.paths > 0
         && report.rough_weights * 1000 <= report.paths
         && report.worst_sum <= TOLERANCE
         && report.rough_densities * 2 <= report.paths
         && report.coarse_densities * 100 <= report.paths
+        && report.rough_merge_weights * 1000 <= report.paths
+        && report
+            .median_merge_errors()
+            .iter()
+            .all(|error| *error <= COARSE)
 }
 
 fn outcome(report: &OracleReport) -> Outcome {
@@ -107,6 +133,8 @@ fn outcome(report: &OracleReport) -> Outcome {
         ..
     } = report;
     let coarse_densities = report.coarse_densities;
+    let merges = report.merges.iter().sum::<u64>();
+    let [merged_weight, merged_density] = report.median_merge_errors();
     Outcome {
         verdict: if is_right(report) {
             Verdict::Passed
@@ -127,6 +155,10 @@ fn outcome(report: &OracleReport) -> Outcome {
             "worst_density": worst_density,
             "rough_densities": rough_densities,
             "coarse_densities": coarse_densities,
+            "merges": merges,
+            "rough_merge_weights": report.rough_merge_weights,
+            "median_merged_weight": merged_weight,
+            "median_merged_density": merged_density,
         }),
     }
 }

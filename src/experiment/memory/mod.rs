@@ -14,12 +14,6 @@ use lumbre_light::transport::integrator::{Settings, integrator};
 /// copies of both, and FLIP's filtered reference.
 const MEASURING_BYTES: u64 = 80;
 
-/// Bytes of a photon while the map of an iteration is built: in its unit of work and in the map.
-const PHOTON_BYTES: u64 = 176;
-
-/// Number of surfaces at which a photon is taken to be stored at most.
-const PHOTON_VERTICES: u32 = 8;
-
 /// Upper bound of the bytes taken by the layers and time bins of a run.
 pub fn layer_and_bin_bytes(config: &CellConfig) -> u64 {
     let pixels = pixels(config);
@@ -34,25 +28,22 @@ pub fn layer_and_bin_bytes(config: &CellConfig) -> u64 {
 }
 
 /// Upper bound of the bytes that a run takes while it renders: film, layers, time bins, and the
-/// buffers of measuring; the photons of an iteration are estimated. The scene with its hierarchy,
-/// material and light tables is not included.
+/// buffers of measuring, and the photons or light subpaths of an iteration. The scene with its
+/// hierarchy, material and light tables is not included.
 pub fn run_bytes(config: &CellConfig) -> u64 {
     let each =
         BYTES_PER_PIXEL + u64::from(splats(config)) * SPLAT_BYTES_PER_PIXEL + MEASURING_BYTES;
-    pixels(config) * each + layer_and_bin_bytes(config) + photon_bytes(config)
+    pixels(config) * each + layer_and_bin_bytes(config) + shared_bytes(config)
 }
 
-/// Estimate of the bytes taken by the photons that the samples of an iteration share.
-fn photon_bytes(config: &CellConfig) -> u64 {
-    let traces = integrator(&config.integrator).is_some_and(|row| row.begin.is_some());
-    if !traces {
-        return 0;
-    }
-    let given = Settings::new(&config.params).photons.map(u64::from);
-    let vertices = config.max_depth.unwrap_or(1).saturating_sub(1);
-    given.unwrap_or_else(|| pixels(config))
-        * u64::from(vertices.min(PHOTON_VERTICES))
-        * PHOTON_BYTES
+/// Upper bound of the bytes taken by the data that the samples of an iteration share.
+fn shared_bytes(config: &CellConfig) -> u64 {
+    let sharing = integrator(&config.integrator).and_then(|row| row.sharing);
+    sharing.map_or(0, |sharing| {
+        let max_depth = config.max_depth.unwrap_or(1);
+        let settings = Settings::new(&config.params);
+        sharing.bytes(&settings, pixels(config), max_depth, config.rr_start)
+    })
 }
 
 /// Number of pixels of the picture; 0 if its size is not set.

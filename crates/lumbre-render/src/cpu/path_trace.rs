@@ -59,12 +59,10 @@ pub(super) fn paths(
         PreparedJob::new(Arc::clone(scene), job.clone(), Isa::detect()).map_err(build_error)?;
     let mut iteration: Option<(u64, Box<Shared>)> = None;
     let mut record_sample = |at: &SampleAt| {
-        if let Some(begin) = job.integrator.begin
-            && iteration
-                .as_ref()
-                .is_none_or(|(index, _)| *index != at.sample)
-        {
-            iteration = Some((at.sample, prepared.begin(begin, at.sample).0));
+        let begun = iteration.as_ref().map(|(index, _)| *index);
+        if begun != Some(at.sample) {
+            let shared = prepared.begin(at.sample);
+            iteration = shared.map(|(shared, _)| (at.sample, shared));
         }
         let events = RefCell::default();
         let trace = RecordingTrace {

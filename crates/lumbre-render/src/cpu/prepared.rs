@@ -14,7 +14,7 @@ use crate::Job;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::Camera;
-use lumbre_light::transport::integrator::iteration::{BeginFn, Iteration, Shared, Workers};
+use lumbre_light::transport::integrator::iteration::{Iteration, Resources, Shared, Workers};
 use lumbre_light::transport::integrator::{Context, Settings};
 use lumbre_light::transport::light::{LightSelection, Lights};
 use lumbre_light::transport::ray::{Hit, Ray, Trace};
@@ -28,10 +28,12 @@ pub(super) struct PreparedJob {
     classes: SurfaceClasses,
     settings: Settings,
     pub job: Job,
+    /// What all iterations need, for integrators whose samples share data.
+    iterations: Option<Box<Shared>>,
 }
 
 impl PreparedJob {
-    /// Builds the hierarchy and prepares camera, lights and surfaces.
+    /// Builds the hierarchy and prepares camera, lights, surfaces, and what all iterations need.
     ///
     /// # Errors
     /// Returns an error if the scene's hierarchy cannot be used.
@@ -40,7 +42,7 @@ impl PreparedJob {
         // If the builder does not support instances, the hierarchy has a flattened copy of the
         // scene, whose primitive indices hits refer to.
         let scene = Arc::clone(&accel.scene);
-        Ok(PreparedJob {
+        let mut prepared = PreparedJob {
             camera: Camera::new(&scene.camera, job.resolution, job.filter),
             lights: Lights::with_select(&scene, LightSelection::from_params(&job.params)),
             classes: SurfaceClasses::new(&scene),
@@ -48,7 +50,23 @@ impl PreparedJob {
             scene,
             accel,
             job,
-        })
+            iterations: None,
+        };
+        if let Some(sharing) = prepared.job.integrator.sharing {
+            let workers = CountingWorkers::new(&prepared);
+            let iterations = (sharing.prepare)(&prepared.resources(&workers));
+            prepared.iterations = Some(iterations);
+        }
+        Ok(prepared)
+    }
+
+    /// Returns the threads with the random numbers of the job.
+    fn resources<'a>(&self, workers: &'a CountingWorkers) -> Resources<'a> {
+        Resources {
+            seed: self.job.seed,
+            sampler: self.job.sampler,
+            workers,
+        }
     }
 
     /// Returns the context of samples that trace their rays with `trace` and read `shared`.
@@ -68,19 +86,21 @@ impl PreparedJob {
     }
 
     /// Computes the data that the samples with an index share, on all threads of the pool that it
-    /// runs in. Returns them with the number of rays traced.
-    pub fn begin(&self, begin: BeginFn, index: u64) -> (Box<Shared>, u64) {
-        let workers = CountingWorkers {
-            prepared: self,
-            rays: AtomicU64::new(0),
-        };
-        let shared = begin(&Iteration {
+    /// runs in. Returns them with the number of rays traced; `None` if samples share no data.
+    pub fn begin(&self, index: u64) -> Option<(Box<Shared>, u64)> {
+        let sharing = self.job.integrator.sharing?;
+        let workers = CountingWorkers::new(self);
+        let shared = (sharing.begin)(&Iteration {
             index,
-            seed: self.job.seed,
-            sampler: self.job.sampler,
-            workers: &workers,
+            resources: self.resources(&workers),
+            prepared: self.iterations.as_deref()?,
         });
-        (shared, workers.rays.into_inner())
+        Some((shared, workers.rays.into_inner()))
+    }
+
+    /// Returns whether the samples of an iteration share data.
+    pub fn shares(&self) -> bool {
+        self.iterations.is_some()
     }
 }
 
@@ -88,6 +108,15 @@ impl PreparedJob {
 struct CountingWorkers<'a> {
     prepared: &'a PreparedJob,
     rays: AtomicU64,
+}
+
+impl<'a> CountingWorkers<'a> {
+    fn new(prepared: &'a PreparedJob) -> CountingWorkers<'a> {
+        CountingWorkers {
+            prepared,
+            rays: AtomicU64::new(0),
+        }
+    }
 }
 
 impl Workers for CountingWorkers<'_> {

@@ -352,16 +352,18 @@ impl Renderer for CpuRenderer {
         self.film_of_slots = OnceLock::new();
         let first = self.prepared.job.first_sample + self.own.samples;
         let range = first..first + samples;
-        let stats = match self.prepared.job.integrator.begin {
-            None => self.render_samples(range, None),
-            Some(begin) => range.fold(RowStats::default(), |stats, index| {
-                let (shared, rays) = self.pool.install(|| self.prepared.begin(begin, index));
-                let own = self.render_samples(index..index + 1, Some(&*shared));
+        let stats = if self.prepared.shares() {
+            range.fold(RowStats::default(), |stats, index| {
+                let begun = self.pool.install(|| self.prepared.begin(index));
+                let shared = begun.as_ref().map(|(shared, _)| &**shared);
+                let own = self.render_samples(index..index + 1, shared);
                 stats.merge(own).merge(RowStats {
-                    rays,
+                    rays: begun.as_ref().map_or(0, |(_, rays)| *rays),
                     ..RowStats::default()
                 })
-            }),
+            })
+        } else {
+            self.render_samples(range, None)
         };
         self.combine_splats();
         Ok(WaveStats {

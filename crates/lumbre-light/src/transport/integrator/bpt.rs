@@ -20,7 +20,7 @@ pub const ROW: IntegratorRow = IntegratorRow {
     },
     splats: false,
     bias: None,
-    begin: None,
+    sharing: None,
     sample: camera_path::sample::<Bpt>,
 };
 

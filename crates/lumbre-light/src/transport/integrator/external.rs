@@ -50,7 +50,7 @@ pub const EXTERNALS: &[IntegratorRow] = &[IntegratorRow {
     },
     splats: false,
     bias: None,
-    begin: None,
+    sharing: None,
     sample: |_, _, _, _| {},
 }];
 
@@ -71,7 +71,7 @@ pub const DECLARED: IntegratorRow = IntegratorRow {
     },
     splats: false,
     bias: None,
-    begin: None,
+    sharing: None,
     sample: |_, _, _, _| {},
 };
 

@@ -10,9 +10,10 @@ pub mod nee;
 pub mod oracle;
 pub mod settings;
 pub mod sppm;
+pub mod vcm;
 
 use self::camera_path::CameraPaths;
-use self::iteration::{BeginFn, Shared};
+use self::iteration::{Shared, Sharing};
 use super::arrival::SurfaceClasses;
 use super::camera::Camera;
 use super::contribution::Contribution;
@@ -111,7 +112,7 @@ macro_rules! integrators {
     };
 }
 
-integrators!(camera paths: bpt::Bpt, nee::Nee, sppm::Sppm; bidirectional: bdpt; others:);
+integrators!(camera paths: bpt::Bpt, nee::Nee, sppm::Sppm; bidirectional: bdpt; others: vcm);
 
 /// Computes one sample of one pixel and passes every contribution to the sink.
 pub type SampleFn = fn(&Context, pixel: [u32; 2], &mut Sampler, sink: &mut dyn FnMut(Contribution));
@@ -135,8 +136,8 @@ pub struct IntegratorRow {
     /// with the number of samples, but the expected value of a picture is not the exact one. `None`
     /// if it is unbiased.
     pub bias: Option<&'static str>,
-    /// Computes the data that the samples of an iteration share; `None` if they share none.
-    pub begin: Option<BeginFn>,
+    /// How the samples of an iteration share data; `None` if they share none.
+    pub sharing: Option<Sharing>,
     /// Computes one sample of one pixel on the CPU.
     pub sample: SampleFn,
 }

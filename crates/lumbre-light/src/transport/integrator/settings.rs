@@ -40,7 +40,7 @@ pub const CONTRIBUTION: Field = Field {
     doc: "false leaves the strategy of `strategies` out instead, and keeps all others",
 };
 
-/// The parameter `photons` of integrators that trace photons.
+/// The parameter `photons` of integrators that trace photons or share light subpaths.
 pub const PHOTONS: Field = Field {
     key: "photons",
     ty: Ty::OrAuto(&Ty::Int {
@@ -49,8 +49,8 @@ pub const PHOTONS: Field = Field {
     }),
     required: false,
     default: AUTO,
-    doc: "number of photons that each iteration (one sample of every pixel) traces from the \
-          lights; auto takes the number of pixels",
+    doc: "number of photons (light subpaths) that each iteration (one sample of every pixel) \
+          traces from the lights; auto takes the number of pixels",
 };
 
 /// The parameter `radius` of integrators that gather photons.
@@ -76,6 +76,39 @@ pub const ALPHA: Field = Field {
           keeps the radius and its bias, less gives less bias and more noise",
 };
 
+/// The parameter `join` of integrators that connect and merge vertices.
+pub const JOIN: Field = Field {
+    key: "join",
+    ty: Ty::Word(&["both", "connect", "merge"]),
+    required: false,
+    default: "both",
+    doc: "how light subpaths are joined with camera subpaths: \"connect\" gives the samples of \
+          bdpt, \"merge\" only gathers their vertices, as photon mapping does, and adds light that \
+          camera paths hit",
+};
+
+/// Ways of joining light subpaths with camera subpaths.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Join {
+    /// By connections and by merging.
+    Both,
+    /// By connections.
+    Connect,
+    /// By merging.
+    Merge,
+}
+
+impl Join {
+    /// Returns the value that the parameter [`JOIN`] names.
+    fn from_params(params: &BTreeMap<String, Value>) -> Join {
+        match params.get(JOIN.key).and_then(Value::as_str) {
+            Some("connect") => Join::Connect,
+            Some("merge") => Join::Merge,
+            _ => Join::Both,
+        }
+    }
+}
+
 /// The parameters of all integrators; those that an integrator does not have keep their default.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
@@ -94,6 +127,8 @@ pub struct Settings {
     pub radius: Option<f32>,
     /// Exponent of the radius: see [`ALPHA`].
     pub alpha: f32,
+    /// How light subpaths are joined with camera subpaths.
+    pub join: Join,
 }
 
 impl Settings {
@@ -115,6 +150,7 @@ impl Settings {
             photons: number(PHOTONS).map(|photons| photons as u32),
             radius: number(RADIUS).map(|radius| radius as f32),
             alpha: number(ALPHA).map_or(2.0 / 3.0, |alpha| alpha as f32),
+            join: Join::from_params(params),
         }
     }
 
@@ -154,6 +190,7 @@ mod tests {
                 photons: None,
                 radius: None,
                 alpha: 2.0 / 3.0,
+                join: Join::Both,
             }
         );
         assert!(plain.includes(3, 4) && !plain.unweighted());
@@ -165,6 +202,7 @@ mod tests {
             ("photons", Value::Int(5)),
             ("radius", Value::Num(0.25)),
             ("alpha", Value::Num(0.5)),
+            ("join", "merge".into()),
         ];
         let mut params: BTreeMap<String, Value> =
             given.map(|(k, v): (&str, Value)| (k.to_owned(), v)).into();
@@ -179,6 +217,7 @@ mod tests {
                 photons: Some(5),
                 radius: Some(0.25),
                 alpha: 0.5,
+                join: Join::Merge,
             }
         );
         assert!(one.unweighted() && one.includes(2, 3) && !one.includes(3, 2));

@@ -1,4 +1,5 @@
-//! The weights of `bdpt` compared with their definition, over its paths in scenes of every kind.
+//! The weights of `bdpt` and `vcm` compared with their definition, over their paths in scenes of every
+//! kind.
 
 use std::sync::Arc;
 
@@ -13,10 +14,11 @@ use lumbre_light::transport::camera::{Camera, FilterKind, FilterSpec};
 use lumbre_light::transport::integrator::oracle::{self, OracleReport};
 use lumbre_light::transport::integrator::{Context, Settings};
 use lumbre_light::transport::light::Lights;
+use lumbre_light::value::Value;
 use lumbre_render::cpu::bvh::accel::Accel;
 
 use crate::common::{SceneBuilder, WHITE, grey, light};
-use crate::render::agreement::params;
+use crate::render::agreement::{Params, params};
 
 /// Compares the weights of a scene with their definition for every heuristic, and returns the last
 /// report.
@@ -34,8 +36,46 @@ fn assert_weights_are_exact(scene: &Arc<CompiledScene>, depth: u32) -> OracleRep
             "{mis}: {report:?}"
         );
         last = report;
+        assert_merging_is_exact(scene, mis, depth, seed as u64);
     }
     last
+}
+
+/// Compares the weights of `vcm` with their definition, with fewer and more light subpaths than
+/// pixels, and with merging alone.
+fn assert_merging_is_exact(scene: &Arc<CompiledScene>, mis: &str, depth: u32, seed: u64) {
+    // The vertices of merged paths differ by the radius, and so do weights and densities.
+    for (join, photons, radius) in [
+        ("both", 500, 0.06),
+        ("both", 20_000, 0.02),
+        ("merge", 768, 0.06),
+    ] {
+        let given = params(&[
+            ("mis", mis.into()),
+            ("join", join.into()),
+            ("photons", Value::Int(photons)),
+            ("radius", Value::Num(radius)),
+        ]);
+        let samples = 4000;
+        let lend = |run: &mut dyn FnMut(&Context)| {
+            with_context(scene, FilterSpec::PIXEL, &given, depth, |context| {
+                run(context)
+            });
+        };
+        let report = oracle::check_vcm(lend, samples, seed);
+        let what = format!("{mis} {join} {photons}");
+        assert!(
+            report.is_exact() && report.worst_weight < 1e-4 && report.worst_merge_weight < 1e-4,
+            "{what}: {report:?}"
+        );
+        let merges = report.merges.iter().sum::<u64>();
+        assert!(merges > 100, "{what}: too few merges: {:?}", report.merges);
+        let [weights, densities] = report.median_merge_errors();
+        assert!(
+            weights < 2.0 * radius && densities < 2.0 * radius,
+            "{what}: {weights} {densities}"
+        );
+    }
 }
 
 fn check(
@@ -46,12 +86,23 @@ fn check(
     samples: u64,
     seed: u64,
 ) -> OracleReport {
+    let given = params(&[("mis", mis.into())]);
+    with_context(scene, filter, &given, max_depth, |context| {
+        oracle::check(context, samples, seed)
+    })
+}
+
+/// Calls a function with a context for these parameters.
+fn with_context<T>(
+    scene: &Arc<CompiledScene>,
+    filter: FilterSpec,
+    given: &Params,
+    max_depth: u32,
+    run: impl FnOnce(&Context) -> T,
+) -> T {
     let accel = Accel::build(Arc::clone(scene)).unwrap();
     let camera = Camera::new(&scene.camera, [32, 24], filter);
-    let (lights, settings) = (
-        Lights::new(scene),
-        Settings::new(&params(&[("mis", mis.into())])),
-    );
+    let (lights, settings) = (Lights::new(scene), Settings::new(given));
     let context = Context {
         scene,
         camera: &camera,
@@ -64,7 +115,7 @@ fn check(
         timing: None,
         shared: None,
     };
-    oracle::check(&context, samples, seed)
+    run(&context)
 }
 
 /// Returns a floor, a wall, an emitting triangle and a textured emitting quad.

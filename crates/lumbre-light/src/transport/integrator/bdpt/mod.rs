@@ -40,6 +40,6 @@ pub const ROW: IntegratorRow = IntegratorRow {
     },
     splats: true,
     bias: None,
-    begin: None,
+    sharing: None,
     sample: single::sample,
 };

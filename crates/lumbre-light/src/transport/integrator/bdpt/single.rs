@@ -7,12 +7,14 @@ use glam::Vec3;
 use super::connect::{self, Connection};
 use super::state::{LightStart, ShadingState, Subpath, Vertex};
 use super::subpath::{Step, StepSink};
+use super::weights::StrategyCounts;
 use crate::scene::compile::NONE;
 use crate::transport::arrival::{Arrival, HitState};
 use crate::transport::bsdf::TransportMode;
 use crate::transport::contribution::Contribution;
 use crate::transport::integrator::Context;
 use crate::transport::integrator::camera_path::{Path, TerminatorState, unoccluded};
+use crate::transport::integrator::iteration::light_paths::VertexId;
 use crate::transport::light::LightPoint;
 use crate::transport::ray::Ray;
 use crate::transport::sampler::Sampler;
@@ -40,11 +42,11 @@ pub struct Subpaths {
     /// The point on the lens.
     pub lens: Vec3,
     /// Light that each edge of the camera subpath hit.
-    hits: Vec<Option<Connection>>,
+    pub hits: Vec<Option<Connection>>,
     /// Light outside the scene, and the number of camera vertices of its path.
-    escape: Option<(Connection, u32)>,
+    pub escape: Option<(Connection, u32)>,
     /// Time of emission of this sample's light, as an optical length.
-    emitted: f32,
+    pub emitted: f32,
 }
 
 /// Light found by one connection, with the path that it was found along.
@@ -63,6 +65,9 @@ pub struct ConnectedPath<'a> {
     pub wi: Vec3,
     /// The point of the lens.
     pub lens: Vec3,
+    /// The vertex of another light subpath with which the camera subpath was merged, if it was not
+    /// connected.
+    pub merged: Option<VertexId>,
 }
 
 /// The vertex and the light that a step found.
@@ -109,90 +114,114 @@ pub fn for_each_path(
     subpaths: &mut Subpaths,
     visit: &mut dyn FnMut(ConnectedPath),
 ) {
-    subpaths.trace(context, pixel, sampler);
+    let counts = StrategyCounts::ONE_EACH;
+    subpaths.trace(context, &counts, pixel, sampler);
     let subpaths = &*subpaths;
-    let settings = context.settings;
     let mut reporter = Reporter {
         context,
+        counts,
         subpaths,
         pixel,
         visit,
     };
-    if let Some((connection, t)) = &subpaths.escape {
-        reporter.report(connection, [0, *t]);
-    }
-    for (i, hit) in subpaths.hits.iter().enumerate() {
-        let t = i as u32 + 2;
-        if let Some(connection) = hit {
-            reporter.report(connection, [0, t]);
-        }
-        if let Some(z) = subpaths.camera.get(i) {
-            connect_camera_vertex(&z.vertex, t, sampler, &mut reporter);
+    reporter.report_escape();
+    for edge in 0..subpaths.hits.len() {
+        reporter.report_hit(edge);
+        if let Some(z) = subpaths.camera.get(edge) {
+            reporter.connect_camera_vertex(&z.vertex, edge as u32 + 2, sampler);
         }
     }
-    if settings.includes(1, 1)
-        && let Some(start) = &subpaths.start
-        && let Some((c, lens)) = connect::connect_s1_t1(context, start, sampler, true)
-    {
-        reporter.report_at(&c, [1, 1], lens.pixels[0], lens.at.lens);
-    }
-    for (y, s) in subpaths.light.iter().zip(2..) {
-        let (y, emitted) = (&y.vertex, subpaths.emitted);
-        if y.bsdf.has_density()
-            && settings.includes(s, 1)
-            && let Some((c, lens)) = connect::connect_t1(context, y, emitted, sampler, true)
-        {
-            reporter.report_at(&c, [s, 1], lens.pixels[0], lens.at.lens);
-        }
-    }
-}
-
-/// Connects the camera vertex number `t` to a sampled light and to every vertex of the light
-/// subpath.
-fn connect_camera_vertex(z: &Vertex, t: u32, sampler: &mut Sampler, reporter: &mut Reporter) {
-    let Reporter {
-        context, subpaths, ..
-    } = *reporter;
-    if !z.bsdf.has_density() {
-        return;
-    }
-    if context.settings.includes(1, t) {
-        let mut lifted = *z;
-        let lifts = lifted.lift();
-        for z in std::iter::once(z).chain(lifts.then_some(&lifted)) {
-            if let Some(c) = connect::connect_s1(context, z, sampler, true) {
-                reporter.report(&c, [1, t]);
-            }
-        }
-    }
-    let max = context.max_depth;
-    for (y, s) in subpaths
-        .light
-        .iter()
-        .zip(2..)
-        .take_while(|(_, s)| s + t - 1 <= max)
-    {
-        let y = &y.vertex;
-        if !y.bsdf.has_density() || !context.settings.includes(s, t) {
-            continue;
-        }
-        let (lit, end) = connect::camera_end(context, z, y.state.position, true);
-        let from = z.state.towards_light(&z.terminator, y.state.position);
-        if lit && let Some(c) = connect::connect(context, y, (&from, z.partials), &end, true) {
-            reporter.report(&c, [s, t]);
-        }
-    }
+    reporter.connect_lens(sampler);
 }
 
 /// Traces the shadow rays of connections, and passes contributions to a visitor.
-struct Reporter<'a, 'v> {
-    context: &'a Context<'a>,
-    subpaths: &'a Subpaths,
-    pixel: [u32; 2],
-    visit: &'v mut dyn FnMut(ConnectedPath),
+pub struct Reporter<'a, 'v> {
+    /// Everything that stays the same from sample to sample.
+    pub context: &'a Context<'a>,
+    /// Numbers of samples of the strategies that the weights combine.
+    pub counts: StrategyCounts,
+    /// The subpaths that are connected.
+    pub subpaths: &'a Subpaths,
+    /// The sample's own pixel.
+    pub pixel: [u32; 2],
+    /// Receives the paths.
+    pub visit: &'v mut dyn FnMut(ConnectedPath),
 }
 
 impl Reporter<'_, '_> {
+    /// Reports the light that the camera subpath found outside the scene.
+    pub fn report_escape(&mut self) {
+        if let Some((connection, t)) = &self.subpaths.escape {
+            self.report(connection, [0, *t]);
+        }
+    }
+
+    /// Reports the light that an edge of the camera subpath hit, counted from 0.
+    pub fn report_hit(&mut self, edge: usize) {
+        if let Some(Some(connection)) = self.subpaths.hits.get(edge) {
+            self.report(connection, [0, edge as u32 + 2]);
+        }
+    }
+
+    /// Connects the camera vertex number `t` to a sampled light and to every vertex of the light
+    /// subpath.
+    pub fn connect_camera_vertex(&mut self, z: &Vertex, t: u32, sampler: &mut Sampler) {
+        let Reporter {
+            context, subpaths, ..
+        } = *self;
+        if !z.bsdf.has_density() {
+            return;
+        }
+        if context.settings.includes(1, t) {
+            let mut lifted = *z;
+            let lifts = lifted.lift();
+            for z in std::iter::once(z).chain(lifts.then_some(&lifted)) {
+                if let Some(c) = connect::connect_s1(context, z, sampler, true) {
+                    self.report(&c, [1, t]);
+                }
+            }
+        }
+        let max = context.max_depth;
+        for (y, s) in subpaths
+            .light
+            .iter()
+            .zip(2..)
+            .take_while(|(_, s)| s + t - 1 <= max)
+        {
+            let y = &y.vertex;
+            if !y.bsdf.has_density() || !context.settings.includes(s, t) {
+                continue;
+            }
+            let (lit, end) = connect::camera_end(context, z, y.state.position, true);
+            let from = z.state.towards_light(&z.terminator, y.state.position);
+            if lit && let Some(c) = connect::connect(context, y, (&from, z.partials), &end, true) {
+                self.report(&c, [s, t]);
+            }
+        }
+    }
+
+    /// Connects the light subpath to the lens: its start and all its vertices.
+    pub fn connect_lens(&mut self, sampler: &mut Sampler) {
+        let Reporter {
+            context, subpaths, ..
+        } = *self;
+        if context.settings.includes(1, 1)
+            && let Some(start) = &subpaths.start
+            && let Some((c, lens)) = connect::connect_s1_t1(context, start, sampler, true)
+        {
+            self.report_at(&c, [1, 1], lens.pixels[0], lens.at.lens);
+        }
+        for (y, s) in subpaths.light.iter().zip(2..) {
+            let (y, emitted) = (&y.vertex, subpaths.emitted);
+            if y.bsdf.has_density()
+                && context.settings.includes(s, 1)
+                && let Some((c, lens)) = connect::connect_t1(context, y, emitted, sampler, true)
+            {
+                self.report_at(&c, [s, 1], lens.pixels[0], lens.at.lens);
+            }
+        }
+    }
+
     /// Reports a connection that contributes to the sample's own pixel.
     fn report(&mut self, c: &Connection, strategy: [u32; 2]) {
         self.report_at(c, strategy, self.pixel, self.subpaths.lens);
@@ -207,11 +236,16 @@ impl Reporter<'_, '_> {
         if !lit || !c.found {
             return;
         }
-        let weight = c.weight(self.context.settings);
+        let settings = self.context.settings;
+        let count = self.counts.of(s, t);
+        let others = c.others / settings.heuristic().term(count);
+        let weight = Connection { others, ..*c }.weight(settings);
+        // Each of several samples has its share of the estimate.
+        let unweighted = c.unweighted / count as f32;
         let contribution = Contribution {
             pixel,
-            value: c.unweighted * weight as f32,
-            unweighted: c.unweighted,
+            value: unweighted * weight as f32,
+            unweighted,
             s,
             t,
             length: c.length,
@@ -223,15 +257,46 @@ impl Reporter<'_, '_> {
             point: c.point,
             wi: c.wi,
             lens,
+            merged: None,
         });
     }
 }
 
 impl Subpaths {
     /// Traces both subpaths of a sample, with up to [`Context::max_depth`] edges each.
-    fn trace(&mut self, context: &Context, pixel: [u32; 2], sampler: &mut Sampler) {
+    fn trace(
+        &mut self,
+        context: &Context,
+        counts: &StrategyCounts,
+        pixel: [u32; 2],
+        sampler: &mut Sampler,
+    ) {
+        let mut subpath = self.trace_camera(context, counts, pixel, sampler);
+        if context.max_depth > 0 {
+            let (start, light, continues) =
+                Subpath::from_light(context, subpath.path, self.emitted, true);
+            subpath = light;
+            self.start = (start.light != NONE).then_some(start);
+            if continues {
+                let max_edges = context.max_depth - 1;
+                let mode = TransportMode::Importance;
+                self.walk(context, counts, mode, max_edges, &mut subpath);
+            }
+        }
+        *sampler = subpath.path.sampler;
+    }
+
+    /// Traces the camera subpath of a sample, with up to [`Context::max_depth`] edges, and removes
+    /// the light subpath. Returns its last edge.
+    pub fn trace_camera(
+        &mut self,
+        context: &Context,
+        counts: &StrategyCounts,
+        pixel: [u32; 2],
+        sampler: &mut Sampler,
+    ) -> Subpath<f32> {
         let path = Path::<f32>::from_camera(context, pixel.map(|n| n as f32), *sampler);
-        let mut subpath = Subpath::from_camera(context, path);
+        let mut subpath = Subpath::from_camera(context, counts, path);
         subpath.path.terminator = context
             .classes
             .have_terminators()
@@ -242,29 +307,17 @@ impl Subpaths {
         self.escape = None;
         self.start = None;
         self.light.clear();
-        let max_edges = context.max_depth;
-        self.walk(context, TransportMode::Radiance, max_edges, &mut subpath);
-        if max_edges > 0 {
-            let (start, light, continues) =
-                Subpath::from_light(context, subpath.path, self.emitted, true);
-            subpath = light;
-            self.start = (start.light != NONE).then_some(start);
-            if continues {
-                self.walk(
-                    context,
-                    TransportMode::Importance,
-                    max_edges - 1,
-                    &mut subpath,
-                );
-            }
-        }
+        let mode = TransportMode::Radiance;
+        self.walk(context, counts, mode, context.max_depth, &mut subpath);
         *sampler = subpath.path.sampler;
+        subpath
     }
 
     /// Traces a subpath until it ends.
     fn walk(
         &mut self,
         context: &Context,
+        counts: &StrategyCounts,
         mode: TransportMode,
         max_edges: u32,
         subpath: &mut Subpath<f32>,
@@ -283,7 +336,7 @@ impl Subpaths {
             };
             let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else {
                 if from_camera {
-                    let escape = subpath.escape(context, edge, true);
+                    let escape = subpath.escape(context, counts, edge, true);
                     self.escape = escape.map(|connection| (connection, edge + 1));
                 }
                 break;
@@ -298,6 +351,7 @@ impl Subpaths {
                 mode,
                 edge,
                 max_edges,
+                counts: *counts,
             };
             let mut found = Found::default();
             let departure = subpath.scatter(context, step, &arrival, true, &mut found);

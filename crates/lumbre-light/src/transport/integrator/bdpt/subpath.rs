@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::connect::Connection;
 use super::state::{LightStart, MisState, ShadingState, Subpath, Vertex, VertexState};
-use super::weights::{EdgePartials, LightEnd, MisEdge, MisEndpoint, others_s0};
+use super::weights::{EdgePartials, LightEnd, MisEdge, MisEndpoint, StrategyCounts, others_s0};
 use crate::math::real::{Double, Mask, Real, Vector, Word};
 use crate::math::simd::Lanes;
 use crate::scene::compile::{NONE, Uv};
@@ -30,6 +30,8 @@ pub struct Step {
     pub edge: u32,
     /// Greatest number of edges.
     pub max_edges: u32,
+    /// Numbers of samples of the strategies that the weights combine.
+    pub counts: StrategyCounts,
 }
 
 /// Receives what a step of subpaths finds.
@@ -55,9 +57,13 @@ pub struct Departure<R: Real> {
 impl<R: Real> Subpath<R> {
     /// Starts camera subpaths on the first edges of paths.
     #[inline(always)]
-    pub fn from_camera(context: &Context, mut path: Path<R>) -> Subpath<R> {
+    pub fn from_camera(
+        context: &Context,
+        counts: &StrategyCounts,
+        mut path: Path<R>,
+    ) -> Subpath<R> {
         let PathState { origin, dir, .. } = path.state;
-        let edge = MisEdge::from_lens(context, origin, dir);
+        let edge = MisEdge::from_lens(context, counts, origin, dir);
         path.state.last_pdf_w = edge.pdf_w;
         Subpath {
             path,
@@ -159,7 +165,7 @@ impl<R: Real> Subpath<R> {
             if from_camera
                 && context.settings.includes(0, step.edge + 1)
                 && let Some(light) =
-                    self.hit_light(context, step.edge, (&surface, &endpoint), length, lanes)
+                    self.hit_light(context, &step, (&surface, &endpoint), length, lanes)
             {
                 sink.add_light(&light);
             }
@@ -250,7 +256,7 @@ impl<R: Real> Subpath<R> {
         }
         let indices = R::store_words(self.mis.light);
         let lights = context.lights.with_indices::<R, N>(indices, lanes);
-        LightEnd::new(&lights, edge.from, self.path.state.dir, at).endpoint(h)
+        LightEnd::new(&lights, edge.from, self.path.state.dir, at).endpoint(h, &step.counts)
     }
 
     /// Samples the next edges in the given lanes of vertices.
@@ -258,7 +264,9 @@ impl<R: Real> Subpath<R> {
     fn depart<const N: usize>(
         &mut self,
         context: &Context,
-        Step { mode, edge, .. }: Step,
+        Step {
+            mode, edge, counts, ..
+        }: Step,
         (vertex, surface): (&Vertex<R>, &Surface<R, N>),
         optical: Option<OpticalLength<R>>,
         lanes: R::Mask,
@@ -283,7 +291,7 @@ impl<R: Real> Subpath<R> {
         let lanes = self.roulette(context, edge, [s.weight, rr_weight], lanes);
         let n = surface.n_geometric;
         let (pdf_w, partials) = vertex.endpoint().next_edge(
-            context.settings.heuristic(),
+            (context.settings.heuristic(), &counts),
             mode,
             [vertex.state.wo, s.wi, n],
             [s.pdf_w, reverse],
@@ -333,12 +341,12 @@ impl<R: Real> Subpath<R> {
         lanes & !throughput.same(R::Vec3::broadcast(Vec3::ZERO))
     }
 
-    /// Finds light with `s = 0`: emissive surfaces that edge number `edge` of camera subpaths hit.
+    /// Finds light with `s = 0`: emissive surfaces that camera subpaths hit.
     #[inline(always)]
     fn hit_light<const N: usize>(
         &self,
         context: &Context,
-        edge: u32,
+        step: &Step,
         (surface, endpoint): (&Surface<R, N>, &MisEndpoint<R>),
         length: R::Double,
         lanes: R::Mask,
@@ -361,7 +369,7 @@ impl<R: Real> Subpath<R> {
             lanes,
             ray: None,
             unweighted: self.path.state.throughput * radiance,
-            others: others_s0(h, &endpoint.partials, &end, edge + 1),
+            others: others_s0((h, &step.counts), &endpoint.partials, &end, step.edge + 1),
             found: lanes,
             length,
             wi: dir,
@@ -380,6 +388,7 @@ impl<R: Real> Subpath<R> {
     pub fn escape<const N: usize>(
         &self,
         context: &Context,
+        counts: &StrategyCounts,
         edge: u32,
         lanes: R::Mask,
     ) -> Option<Connection<R, N>>
@@ -405,7 +414,7 @@ impl<R: Real> Subpath<R> {
             lanes,
             ray: None,
             unweighted: self.path.state.throughput * radiance,
-            others: others_s0(h, &partials, &end, edge + 1),
+            others: others_s0((h, counts), &partials, &end, edge + 1),
             found: lanes,
             length: self.path.escape_length(context, edge),
             wi: dir,

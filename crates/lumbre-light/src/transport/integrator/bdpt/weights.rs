@@ -41,6 +41,54 @@ use crate::transport::light::{EmissionPdf, SelectedLights};
 use crate::transport::mis::Heuristic;
 use crate::transport::vertex;
 
+/// Expected numbers of samples that each kind of strategy takes for a pixel, relative to that of
+/// camera paths. Light that camera paths hit has the number one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StrategyCounts {
+    /// Number of connections of two vertices on surfaces: `s >= 2`, `t >= 2`; 0 without any.
+    pub connecting: f64,
+    /// Number of lights sampled from a camera vertex: `s = 1`, `t >= 2`; 0 without any.
+    pub direct: f64,
+    /// Number of light subpaths connected to the lens: `t = 1`; 0 without any.
+    pub lens: f64,
+    /// Expected number of light vertices that a camera vertex merges with, for each unit of the
+    /// density per area of light subpaths: `n pi r^2` [Georgiev 2012, equation 20]; 0 without
+    /// merging.
+    pub merging: f64,
+}
+
+impl StrategyCounts {
+    /// The counts of `bdpt`: one of each, and no merging.
+    pub const ONE_EACH: StrategyCounts = StrategyCounts {
+        connecting: 1.0,
+        direct: 1.0,
+        lens: 1.0,
+        merging: 0.0,
+    };
+
+    /// Returns the count of the strategy of `s` light vertices and `t` camera vertices that are
+    /// connected.
+    pub fn of(&self, s: u32, t: u32) -> f64 {
+        match (s, t) {
+            (0, _) => 1.0,
+            (_, 1) => self.lens,
+            (1, _) => self.direct,
+            _ => self.connecting,
+        }
+    }
+
+    /// Returns the term that replaces the number of connections by that of sampled lights.
+    #[inline(always)]
+    fn direct_over_connecting<D: Double>(&self, h: Heuristic) -> D {
+        let ratio = if self.connecting > 0.0 {
+            self.direct / self.connecting
+        } else {
+            0.0
+        };
+        h.term(D::splat(ratio))
+    }
+}
+
 /// Partial sums of the MIS terms of all strategies that split the path nearer to this side's end,
 /// relative to the term of the density with which this side generated this vertex: `dVCM` and `dVC`
 /// of [Georgiev 2012] with densities per area.
@@ -94,15 +142,24 @@ impl<R: Real> MisEdge<R> {
     /// points: then no other strategy can find the path, and the density, the same for all
     /// strategies that can, does not matter.
     #[inline(always)]
-    pub fn from_lens(context: &Context, lens: R::Vec3, dir: R::Vec3) -> MisEdge<R> {
+    pub fn from_lens(
+        context: &Context,
+        counts: &StrategyCounts,
+        lens: R::Vec3,
+        dir: R::Vec3,
+    ) -> MisEdge<R> {
         let pdf_w: R = context.camera.pdf_w(dir);
         let some = pdf_w.gt(R::splat(0.0));
-        let [zero, one] = [0.0, 1.0].map(R::Double::splat);
+        let zero = R::Double::splat(0.0);
+        let count = context
+            .settings
+            .heuristic()
+            .term(R::Double::splat(counts.lens));
         MisEdge {
             from: [lens, R::Vec3::broadcast(Vec3::ZERO)],
             pdf_w: R::select(some, pdf_w, R::splat(1.0)),
             partials: EdgePartials {
-                d_vcm: R::Double::select(some, one, zero),
+                d_vcm: R::Double::select(some, count, zero),
                 d_vc: zero,
             },
         }
@@ -160,19 +217,33 @@ impl<D: Double> MisPartials<D> {
         self.d_vcm * h.term(last) + self.d_vc * h.term(here) * h.term(before)
     }
 
+    /// Returns the partials for a connection of this vertex, where paths can be merged as well.
+    #[inline(always)]
+    pub fn with_merging(&self, h: Heuristic, counts: &StrategyCounts) -> MisPartials<D> {
+        MisPartials {
+            d_vcm: self.d_vcm + h.term(D::splat(counts.merging)),
+            d_vc: self.d_vc,
+        }
+    }
+
     /// Returns the partials of the next edge, after an event at this vertex that was a Dirac event
     /// where `delta`; `before` is the other side's density of the previous vertex.
+    ///
+    /// These are equations 34 to 36 of [Georgiev 2012]. His third sum dVM is `d_vc` over the term of
+    /// [`StrategyCounts::merging`], at every vertex.
     #[inline(always)]
     pub fn next_edge(
         &self,
         h: Heuristic,
+        counts: &StrategyCounts,
         delta: <D::Real as Real>::Mask,
         before: D,
     ) -> EdgePartials<D> {
-        let (zero, one) = (D::splat(0.0), D::splat(1.0));
-        let d_vcm = D::select(delta, zero, self.d_vcm);
+        let zero = D::splat(0.0);
+        let here = self.with_merging(h, counts).d_vcm;
+        let d_vcm = D::select(delta, zero, here);
         EdgePartials {
-            d_vcm: D::select(delta, zero, one),
+            d_vcm: D::select(delta, zero, h.term(D::splat(counts.connecting))),
             d_vc: d_vcm + self.d_vc * h.term(before),
         }
     }
@@ -206,7 +277,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> MisEndpoint<R> {
     #[inline(always)]
     pub fn next_edge(
         &self,
-        h: Heuristic,
+        (h, counts): (Heuristic, &StrategyCounts),
         mode: TransportMode,
         [wo, wi, n]: [V; 3],
         [pdf_w, reverse_pdf_w]: [R; 2],
@@ -222,7 +293,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> MisEndpoint<R> {
             density = R::select(delta, out, density);
             before = R::Double::select(delta, back.double() * self.back.double(), before);
         }
-        (density, self.partials.next_edge(h, delta, before))
+        (density, self.partials.next_edge(h, counts, delta, before))
     }
 }
 
@@ -263,9 +334,10 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> LightEnd<R> {
     /// Returns the MIS quantities of the first vertices of light paths after the light. The mask is
     /// unset where rounding leaves a point without a density.
     #[inline(always)]
-    pub fn endpoint(&self, h: Heuristic) -> (R::Mask, MisEndpoint<R>) {
+    pub fn endpoint(&self, h: Heuristic, counts: &StrategyCounts) -> (R::Mask, MisEndpoint<R>) {
+        let count = h.term(R::Double::splat(counts.direct));
         let edge = EdgePartials {
-            d_vcm: h.term(self.direct / self.start),
+            d_vcm: h.term(self.direct / self.start) * count,
             d_vc: R::Double::splat(1.0) / h.term(self.start),
         };
         let (some, partials) = MisPartials::new(h, edge, self.next);
@@ -337,15 +409,21 @@ impl<R: Real> LightEnd<R> {
 /// camera's at the light.
 #[inline(always)]
 pub fn others_s0<R: Real>(
-    h: Heuristic,
+    (h, counts): (Heuristic, &StrategyCounts),
     partials: &MisPartials<R::Double>,
     end: &LightEnd<R>,
     t: u32,
 ) -> R::Double {
     // If the camera sees the light directly, its point is the start of a light path; otherwise it
     // is sampled from a surface.
-    let last = if t == 2 { end.start } else { end.direct };
-    partials.others_at_end(h, last, end.start, end.next)
+    if t == 2 {
+        return partials.others_at_end(h, end.start, end.start, end.next);
+    }
+    let partials = MisPartials {
+        d_vcm: partials.d_vcm * counts.direct_over_connecting(h),
+        ..*partials
+    };
+    partials.others_at_end(h, end.direct, end.start, end.next)
 }
 
 /// Returns the sum for `s = 1`, `t >= 2`: light sampled from the end of the camera path, whose BSDF
@@ -377,6 +455,21 @@ pub fn others_interior<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(
     let density_y = at_z.pdf_w.double() * to_y.double();
     let density_z = at_y.pdf_w.double() * to_z.double();
     y.others(h, density_y, at_y) + z.others(h, density_z, at_z)
+}
+
+/// Returns the sum for merging the end `y` of a light path with the end `z` of a camera path, whose
+/// BSDF towards the previous vertex of the light path is `at_z`; relative to the term of merging
+/// them [Georgiev 2012, equations 38 and 39].
+pub fn others_merging(
+    h: Heuristic,
+    counts: &StrategyCounts,
+    [y, z]: [&MisEndpoint; 2],
+    at_z: &BsdfValue,
+) -> f64 {
+    let side = |end: &MisEndpoint, pdf_w: f32| {
+        end.partials.d_vcm + end.partials.d_vc * h.term(end.density_before(pdf_w))
+    };
+    (side(y, at_z.pdf_w) + side(z, at_z.reverse_pdf_w)) / h.term(counts.merging)
 }
 
 /// Returns the sum for `s >= 2`, `t = 1`: the end of a light path connected to a lens point,

@@ -1,17 +1,31 @@
-//! A slow reference for the MIS weights of `bdpt`: computes the density of every strategy of a path
-//! as the product that defines it, and the weights that follow. It shares with `bdpt` only the
+//! A slow reference for the MIS weights of `bdpt` and `vcm`: computes the density of every strategy of
+//! a path as the product that defines it, and the weights that follow. It shares with them only the
 //! densities of single events.
 
 mod path;
 mod split;
 
-pub use path::{Path, ScatterVertex};
+pub use path::{ByStrategy, Path, ScatterVertex};
 pub use split::fast_weights;
 
 use super::Context;
-use super::bdpt::single::{ConnectedPath, Subpaths, for_each_path};
+use super::bdpt::single::{self, ConnectedPath, Subpaths};
+use super::bdpt::weights::StrategyCounts;
+use super::iteration::{Iteration, Resources, Workers};
+use super::vcm::{self, shared::SharedVertices};
 use crate::math::rng::pcg4d;
-use crate::transport::sampler::Sampler;
+use crate::math::stats::median;
+use crate::transport::mis::Heuristic;
+use crate::transport::sampler::{INDEPENDENT, Sampler};
+
+/// What weights are computed from, besides the path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rule {
+    /// The heuristic.
+    pub heuristic: Heuristic,
+    /// Numbers of samples of the strategies.
+    pub counts: StrategyCounts,
+}
 
 /// The results of [`check`]. All errors are relative; zero is exact.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -22,7 +36,7 @@ pub struct OracleReport {
     pub dirac_paths: u64,
     /// Number of comparisons of each strategy, `[s][t]`.
     pub strategies: Vec<Vec<u64>>,
-    /// Largest error of the weight that `bdpt` used.
+    /// Largest error of the weight that a connection used.
     pub worst_weight: f64,
     /// Number of paths whose weight has an error above [`TOLERANCE`]. With the uniform heuristic, a
     /// density that rounding makes zero changes the number of strategies, and with it the weight.
@@ -38,6 +52,18 @@ pub struct OracleReport {
     pub rough_densities: u64,
     /// Number of paths whose density has an error above [`COARSE`].
     pub coarse_densities: u64,
+    /// Number of paths found by merging, for each number of edges of their light subpath. They count
+    /// in `paths` and `worst_sum`, and not in the other numbers above.
+    pub merges: Vec<u64>,
+    /// Largest error of the weight of merging, for any vertex of any path.
+    pub worst_merge_weight: f64,
+    /// Number of such weights with an error above [`TOLERANCE`].
+    pub rough_merge_weights: u64,
+    /// Errors of the weight that merging used for each path that it found. They are of the order of
+    /// the radius over the length of an edge, since two vertices are taken for one.
+    pub merged_weights: Vec<f64>,
+    /// Errors of the density that merging divides by, likewise.
+    pub merged_densities: Vec<f64>,
 }
 
 impl OracleReport {
@@ -50,6 +76,19 @@ impl OracleReport {
             && self.worst_sum <= TOLERANCE
             && self.worst_density <= COARSE
             && self.rough_densities * 100 <= self.paths
+            && self.worst_merge_weight <= TOLERANCE
+    }
+
+    /// Returns the medians of [`OracleReport::merged_weights`] and
+    /// [`OracleReport::merged_densities`]; 0 without any.
+    pub fn median_merge_errors(&self) -> [f64; 2] {
+        [&self.merged_weights, &self.merged_densities].map(|errors| {
+            if errors.is_empty() {
+                0.0
+            } else {
+                median(errors.clone())
+            }
+        })
     }
 }
 
@@ -67,6 +106,71 @@ pub const COARSE: f64 = 0.25;
 pub fn check(context: &Context, samples: u64, seed: u64) -> OracleReport {
     let mut report = OracleReport::default();
     let mut subpaths = Subpaths::default();
+    let rule = Rule {
+        heuristic: context.settings.heuristic(),
+        counts: StrategyCounts::ONE_EACH,
+    };
+    for_each_sample(context, samples, seed, |pixel, sampler| {
+        single::for_each_path(context, pixel, sampler, &mut subpaths, &mut |found| {
+            report.compare(context, &rule, &found);
+        });
+    });
+    report
+}
+
+/// Compares `samples` samples of an iteration of `vcm` with the definition, as [`check`] does for
+/// `bdpt`. `lend` calls a function with the context, which has no shared data.
+pub fn check_vcm(
+    lend: impl Fn(&mut dyn FnMut(&Context)) + Sync,
+    samples: u64,
+    seed: u64,
+) -> OracleReport {
+    let resources = Resources {
+        seed,
+        sampler: &INDEPENDENT,
+        workers: &OneThread(&lend),
+    };
+    let shared = vcm::shared::begin(&Iteration {
+        index: 0,
+        resources,
+        prepared: &*vcm::shared::prepare(&resources),
+    });
+    let mut report = OracleReport::default();
+    let mut buffers = vcm::Buffers::default();
+    lend(&mut |context| {
+        let context = &Context {
+            shared: Some(&*shared),
+            ..*context
+        };
+        let rule = Rule {
+            heuristic: context.settings.heuristic(),
+            counts: context.shared::<SharedVertices>().counts,
+        };
+        for_each_sample(context, samples, seed, |pixel, sampler| {
+            vcm::for_each_path(context, pixel, sampler, &mut buffers, &mut |found| {
+                report.compare(context, &rule, &found);
+            });
+        });
+    });
+    report
+}
+
+/// The calling thread, with the function that lends a context.
+struct OneThread<'a, F>(&'a F);
+
+impl<F: Fn(&mut dyn FnMut(&Context)) + Sync> Workers for OneThread<'_, F> {
+    fn for_each(&self, count: usize, work: &(dyn Fn(&Context, usize) + Sync)) {
+        (self.0)(&mut |context| (0..count).for_each(|index| work(context, index)));
+    }
+}
+
+/// Visits pixels and samplers of samples, distributed randomly over the picture.
+fn for_each_sample(
+    context: &Context,
+    samples: u64,
+    seed: u64,
+    mut visit: impl FnMut([u32; 2], &mut Sampler),
+) {
     let [width, height] = context.camera.resolution();
     for sample in 0..samples {
         let [x, y, ..] = pcg4d([
@@ -76,37 +180,45 @@ pub fn check(context: &Context, samples: u64, seed: u64) -> OracleReport {
             (seed >> 32) as u32,
         ]);
         let pixel = [x % width, y % height];
-        let mut sampler = Sampler::new(seed, pixel, sample);
-        for_each_path(context, pixel, &mut sampler, &mut subpaths, &mut |found| {
-            report.compare(context, &found)
-        });
+        visit(pixel, &mut Sampler::new(seed, pixel, sample));
     }
-    report
 }
 
 impl OracleReport {
     /// Compares one path with the definition and updates the report.
-    fn compare(&mut self, context: &Context, found: &ConnectedPath) {
+    fn compare(&mut self, context: &Context, rule: &Rule, found: &ConnectedPath) {
         let Some(path) = Path::new(context, found) else {
             return;
         };
-        let h = context.settings.heuristic();
+        let expected = path.weights(context, rule);
+        let fast = fast_weights(context, rule, &path);
+        self.paths += 1;
+        self.worst_sum = worst(self.worst_sum, (fast.sum() - 1.0).abs());
+        for (fast, expected) in fast.merges.iter().zip(&expected.merges) {
+            if *expected > 0.0 || *fast > 0.0 {
+                let error = (fast / expected - 1.0).abs();
+                self.worst_merge_weight = worst(self.worst_merge_weight, error);
+                self.rough_merge_weights += u64::from(error.is_nan() || error > TOLERANCE);
+            }
+        }
+        if found.merged.is_some() {
+            self.compare_merged(context, rule, found, (&path, &expected));
+            return;
+        }
         let (s, t) = (found.contribution.s as usize, found.contribution.t as usize);
         let weight = if context.settings.unweighted() {
             f64::NAN
         } else {
-            path.weights(context, h)[s]
+            expected.connections[s]
         };
         let weight_error = (found.weight / weight - 1.0).abs();
-        let sum_error = (fast_weights(context, h, &path).iter().sum::<f64>() - 1.0).abs();
-        self.paths += 1;
         let density_error = match path.contribution(context) {
             None => {
                 self.dirac_paths += 1;
                 0.0
             }
             Some(carried) => {
-                let p = path.densities(context)[s];
+                let p = path.densities(context, &rule.counts).connections[s];
                 let estimated = found.contribution.unweighted.as_dvec3() * p;
                 (estimated - carried).abs().max_element() / carried.abs().max_element()
             }
@@ -115,7 +227,6 @@ impl OracleReport {
         self.rough_densities += u64::from(density_error.is_nan() || density_error > TOLERANCE);
         self.coarse_densities += u64::from(density_error.is_nan() || density_error > COARSE);
         self.worst_weight = worst(self.worst_weight, weight_error);
-        self.worst_sum = worst(self.worst_sum, sum_error);
         self.worst_density = worst(self.worst_density, density_error);
         if self.strategies.len() <= s {
             self.strategies.resize(s + 1, Vec::new());
@@ -125,6 +236,32 @@ impl OracleReport {
             row.resize(t + 1, 0);
         }
         row[t] += 1;
+    }
+
+    /// Compares the weight and the density of a path that merging found with those of the path
+    /// through the vertex of the camera subpath.
+    fn compare_merged(
+        &mut self,
+        context: &Context,
+        rule: &Rule,
+        found: &ConnectedPath,
+        (path, expected): (&Path, &ByStrategy),
+    ) {
+        let s = found.contribution.s as usize;
+        if self.merges.len() <= s {
+            self.merges.resize(s + 1, 0);
+        }
+        self.merges[s] += 1;
+        self.merged_weights
+            .push((found.weight / expected.merges[s] - 1.0).abs());
+        if let Some(carried) = path.contribution(context) {
+            let p = path.densities(context, &rule.counts).merges[s];
+            let estimated = found.contribution.unweighted.as_dvec3() * p;
+            let error = (estimated - carried).abs().max_element() / carried.abs().max_element();
+            self.merged_densities.push(error);
+        } else {
+            self.dirac_paths += 1;
+        }
     }
 }
 

@@ -2,12 +2,14 @@
 
 use glam::{DVec3, Vec3};
 
+use super::Rule;
 use crate::transport::bsdf::{Bsdf, TransportMode};
 use crate::transport::integrator::Context;
 use crate::transport::integrator::bdpt::single::ConnectedPath;
 use crate::transport::integrator::bdpt::state::Vertex;
+use crate::transport::integrator::bdpt::weights::StrategyCounts;
+use crate::transport::integrator::vcm::shared::SharedVertices;
 use crate::transport::light::{LightId, LightPoint};
-use crate::transport::mis::Heuristic;
 
 /// A vertex between the light and the lens.
 #[derive(Clone, Copy, Debug)]
@@ -51,25 +53,61 @@ pub struct Path {
     pub dirs: Vec<Vec3>,
 }
 
+/// A number for each strategy that may find a path.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ByStrategy {
+    /// Connections of the first `s = 0 ..= k` vertices with the others.
+    pub connections: Vec<f64>,
+    /// Merging at `x_i`, for `0 <= i < k`.
+    pub merges: Vec<f64>,
+}
+
+impl ByStrategy {
+    /// Returns the sum over all strategies.
+    pub fn sum(&self) -> f64 {
+        self.connections.iter().chain(&self.merges).sum()
+    }
+
+    /// Applies a function to all numbers.
+    pub fn map(&self, f: impl Fn(f64) -> f64) -> ByStrategy {
+        let all = |numbers: &[f64]| numbers.iter().map(|n| f(*n)).collect();
+        ByStrategy {
+            connections: all(&self.connections),
+            merges: all(&self.merges),
+        }
+    }
+}
+
 impl Path {
-    /// Builds the path that a strategy of `bdpt` found; `None` if the record is incomplete.
+    /// Builds the path that a strategy found; `None` if the record is incomplete. A merged path has
+    /// the vertex of its camera subpath.
     pub fn new(context: &Context, found: &ConnectedPath) -> Option<Path> {
         let (s, t) = (found.contribution.s as usize, found.contribution.t as usize);
         let subpaths = found.subpaths;
-        let light = match (found.point, subpaths.start) {
+        let mut loaded = Vec::new();
+        let (all_light, start) = match found.merged {
+            None => (&subpaths.light, subpaths.start),
+            Some(id) => {
+                let paths = &context.shared::<SharedVertices>().paths;
+                let start = paths.load(context, paths.path_of(id), &mut loaded);
+                (&loaded, start)
+            }
+        };
+        let light = match (found.point, start) {
             (Some(point), _) => point,
             (None, start) => {
                 let start = start?;
                 start.point(&context.lights.with_indices([start.light], true))
             }
         };
-        let light_vertices = &subpaths.light[..s.saturating_sub(1)];
+        let light_vertices = &all_light[..s.saturating_sub(1)];
         // A light that a camera subpath hits by chance is its last vertex, or outside the scene.
         let camera_vertices = &subpaths.camera[..if s == 0 { t - 2 } else { t - 1 }];
         let mut surfaces = Vec::with_capacity(s + t);
         let mut dirs = Vec::with_capacity(s + t);
         for (i, y) in light_vertices.iter().enumerate() {
-            let turns = y.delta && i + 1 < light_vertices.len();
+            let connected = found.merged.is_none() && i + 1 == light_vertices.len();
+            let turns = y.delta && !connected;
             surfaces.push(ScatterVertex::new(&y.vertex, turns.then_some(1.0 / y.eta)));
             dirs.push(-y.vertex.out.wo);
         }
@@ -219,13 +257,16 @@ impl Path {
         per_solid_angle * self.spread(i + 1, i)
     }
 
-    /// Returns the densities of the path under the strategies `s = 0 ..= k`: the product of the
-    /// densities of its vertices, the first `s` as light paths generate them and the others as
-    /// camera paths do, without the lens; zero for strategies that cannot find it.
+    /// Returns the densities of the path under all strategies, times their numbers of samples. That
+    /// of connecting is the product of the densities of the vertices, the first `s` as light paths
+    /// generate them and the others as camera paths do, without the lens. That of merging at `x_i`
+    /// is the product of those of `x_0 .. x_i` as a light path generates them and of those of `x_i
+    /// .. x_(k-1)` as a camera path does, times the area of the disk. Zero for strategies that
+    /// cannot find the path.
     ///
     /// A Dirac event has no density. Its place is taken by `|cos| eta^2` of the outgoing side,
     /// which makes the ratio of both directions correct, and with it the ratios of strategies.
-    pub fn densities(&self, context: &Context) -> Vec<f64> {
+    pub fn densities(&self, context: &Context, counts: &StrategyCounts) -> ByStrategy {
         let k = self.depth();
         let possible = |s: usize| match s {
             0 => !self.light_is_dirac(),
@@ -245,18 +286,35 @@ impl Path {
             }
             p
         };
-        (0..=k)
-            .map(|s| if possible(s) { density(s) } else { 0.0 })
-            .collect()
+        let connection = |s: usize| {
+            if possible(s) {
+                counts.of(s as u32, (k + 1 - s) as u32) * density(s)
+            } else {
+                0.0
+            }
+        };
+        let merge = |i: usize| {
+            if i == 0 || self.is_dirac(i) {
+                return 0.0;
+            }
+            let light = (1..=i).map(|j| self.light_density(context, j));
+            let camera = (i..k).map(|j| self.camera_density(context, j));
+            counts.merging * self.start(context) * light.chain(camera).product::<f64>()
+        };
+        ByStrategy {
+            connections: (0..=k).map(connection).collect(),
+            merges: (0..k).map(merge).collect(),
+        }
     }
 
-    /// Returns the weights of the strategies `s = 0 ..= k` [Veach 1997, 9.2].
-    pub fn weights(&self, context: &Context, h: Heuristic) -> Vec<f64> {
-        let densities = self.densities(context);
-        let greatest = densities.iter().copied().fold(0.0, f64::max);
-        let terms: Vec<f64> = densities.iter().map(|p| h.term(p / greatest)).collect();
-        let sum: f64 = terms.iter().sum();
-        terms.iter().map(|t| t / sum).collect()
+    /// Returns the weights of all strategies [Veach 1997, 9.2].
+    pub fn weights(&self, context: &Context, rule: &Rule) -> ByStrategy {
+        let densities = self.densities(context, &rule.counts);
+        let all = densities.connections.iter().chain(&densities.merges);
+        let greatest = all.copied().fold(0.0, f64::max);
+        let terms = densities.map(|p| rule.heuristic.term(p / greatest));
+        let sum = terms.sum();
+        terms.map(|t| t / sum)
     }
 
     /// Returns the contribution of the path to a pixel of a box filter, per unit of all its

@@ -3,14 +3,14 @@
 
 use glam::Vec3;
 
-use super::{Path, ScatterVertex};
+use super::{ByStrategy, Path, Rule, ScatterVertex};
 use crate::transport::bsdf::{Bsdf, TransportMode};
 use crate::transport::integrator::Context;
 use crate::transport::integrator::bdpt::weights::{
-    LightEnd, MisEdge, MisEndpoint, others_interior, others_s0, others_s1, others_s1_t1, others_t1,
+    LightEnd, MisEdge, MisEndpoint, others_interior, others_merging, others_s0, others_s1,
+    others_s1_t1, others_t1,
 };
 use crate::transport::light::LightId;
-use crate::transport::mis::Heuristic;
 use crate::transport::vertex;
 
 /// A surface vertex of a subpath.
@@ -46,16 +46,29 @@ impl Vertex {
     }
 
     /// Returns the edge that leaves the vertex in direction `wi`.
-    fn next_edge(&self, h: Heuristic, mode: TransportMode, wi: Vec3) -> MisEdge {
+    fn next_edge(&self, rule: &Rule, mode: TransportMode, wi: Vec3) -> MisEdge {
         let densities = [self.bsdf.pdf_w(self.wo, wi), self.bsdf.pdf_w(wi, self.wo)];
         let directions = [self.wo, wi, self.n_geometric];
-        let (pdf_w, partials) = self
-            .endpoint
-            .next_edge(h, mode, directions, densities, self.event);
+        let (pdf_w, partials) = self.endpoint.next_edge(
+            (rule.heuristic, &rule.counts),
+            mode,
+            directions,
+            densities,
+            self.event,
+        );
         MisEdge {
             from: [self.position, self.n_geometric],
             pdf_w,
             partials,
+        }
+    }
+
+    /// Returns the quantities of the vertex for a connection.
+    fn connected(&self, rule: &Rule) -> MisEndpoint {
+        let MisEndpoint { partials, back } = self.endpoint;
+        MisEndpoint {
+            partials: partials.with_merging(rule.heuristic, &rule.counts),
+            back,
         }
     }
 }
@@ -65,17 +78,43 @@ fn existing<T>((exists, result): (bool, T)) -> Option<T> {
     exists.then_some(result)
 }
 
-/// Returns the weights of the strategies `s = 0 ..= k` as `bdpt` computes them when it finds the
-/// path that way.
-pub fn fast_weights(context: &Context, h: Heuristic, path: &Path) -> Vec<f64> {
-    (0..=path.depth())
-        .map(|s| others(context, h, path, s).map_or(0.0, |others| 1.0 / (1.0 + others)))
-        .collect()
+/// Returns the weights of all strategies as `bdpt` and `vcm` compute them when they find the path
+/// that way.
+pub fn fast_weights(context: &Context, rule: &Rule, path: &Path) -> ByStrategy {
+    let k = path.depth();
+    let weight = |others: Option<f64>| others.map_or(0.0, |others| 1.0 / (1.0 + others));
+    let connection = |s: usize| {
+        let count = rule.counts.of(s as u32, (k + 1 - s) as u32);
+        // Strategies that take no samples have no weight.
+        let others = others(context, rule, path, s).filter(|_| count > 0.0);
+        weight(others.map(|others| others / rule.heuristic.term(count)))
+    };
+    ByStrategy {
+        connections: (0..=k).map(connection).collect(),
+        merges: (0..k)
+            .map(|i| weight(others_merged(context, rule, path, i)))
+            .collect(),
+    }
+}
+
+/// Returns the sum of the terms of all other strategies over that of merging at `x_i`; `None` if
+/// that cannot find the path.
+fn others_merged(context: &Context, rule: &Rule, path: &Path, i: usize) -> Option<f64> {
+    if i == 0 || path.is_dirac(i) || rule.counts.merging == 0.0 {
+        return None;
+    }
+    let y = light_side(context, rule, path, i + 1)?;
+    let z = camera_side(context, rule, path, i)?.0?;
+    let wi = -path.dirs[i - 1];
+    let at_z = z.bsdf.evaluate(z.wo, wi, TransportMode::Radiance);
+    let ends = [&y.endpoint, &z.endpoint];
+    Some(others_merging(rule.heuristic, &rule.counts, ends, &at_z))
 }
 
 /// Returns the sum of the terms of all other strategies over that of `s`; `None` if `s` cannot find
 /// the path.
-fn others(context: &Context, h: Heuristic, path: &Path, s: usize) -> Option<f64> {
+fn others(context: &Context, rule: &Rule, path: &Path, s: usize) -> Option<f64> {
+    let h = rule.heuristic;
     let k = path.depth();
     if s >= 1 && (path.is_dirac(s - 1) || path.is_dirac(s)) {
         return None;
@@ -85,8 +124,8 @@ fn others(context: &Context, h: Heuristic, path: &Path, s: usize) -> Option<f64>
         return None;
     }
     let end = |next: [Vec3; 2]| light_end(context, path, next);
-    let (camera, edge) = camera_side(context, h, path, s.max(1))?;
-    let light = light_side(context, h, path, s);
+    let (camera, edge) = camera_side(context, rule, path, s.max(1))?;
+    let light = light_side(context, rule, path, s);
     Some(match (s, light, camera) {
         (0, _, _) => {
             let partials = match path.light.light() {
@@ -96,7 +135,7 @@ fn others(context: &Context, h: Heuristic, path: &Path, s: usize) -> Option<f64>
                     existing(edge.endpoint(h, at))?.partials
                 }
             };
-            others_s0(h, &partials, &end(edge.from), k as u32 + 1)
+            others_s0((h, &rule.counts), &partials, &end(edge.from), k as u32 + 1)
         }
         (1, _, None) => others_s1_t1(h, &end([path.lens, Vec3::ZERO]), seen_pdf_w),
         (1, _, Some(z)) => {
@@ -104,14 +143,14 @@ fn others(context: &Context, h: Heuristic, path: &Path, s: usize) -> Option<f64>
                 .bsdf
                 .evaluate(z.wo, -path.dirs[0], TransportMode::Radiance);
             let end = end([z.position, z.n_geometric]);
-            others_s1(h, &z.endpoint, &end, &at_z)
+            others_s1(h, &z.connected(rule), &end, &at_z)
         }
-        (_, Some(y), Some(z)) => others_between(h, &y, &z, path.dirs[s - 1]),
+        (_, Some(y), Some(z)) => others_between(rule, &y, &z, path.dirs[s - 1]),
         (_, Some(y), None) => {
             let to = path.dirs[k - 1];
             let at_y = y.bsdf.evaluate(y.wo, to, TransportMode::Importance);
             let spread = vertex::area_factor(path.lens, y.position, y.n_geometric);
-            others_t1(h, &y.endpoint, &at_y, [seen_pdf_w, spread])
+            others_t1(h, &y.connected(rule), &at_y, [seen_pdf_w, spread])
         }
         (_, None, _) => return None,
     })
@@ -127,7 +166,7 @@ fn light_end(context: &Context, path: &Path, next: [Vec3; 2]) -> LightEnd {
 
 /// Returns the sum for the strategy that connects two surface vertices; `dir` is the traced
 /// direction from `y` to `z`.
-fn others_between(h: Heuristic, y: &Vertex, z: &Vertex, dir: Vec3) -> f64 {
+fn others_between(rule: &Rule, y: &Vertex, z: &Vertex, dir: Vec3) -> f64 {
     let at_y = y.bsdf.evaluate(y.wo, dir, TransportMode::Importance);
     let at_z = z.bsdf.evaluate(z.wo, -dir, TransportMode::Radiance);
     // Use the direction between the points, as all strategies do; the traced direction starts off
@@ -137,23 +176,26 @@ fn others_between(h: Heuristic, y: &Vertex, z: &Vertex, dir: Vec3) -> f64 {
     let wi = edge / distance2.sqrt();
     let to = |v: &Vertex| wi.dot(v.n_geometric).abs() / distance2;
     others_interior(
-        h,
-        [&y.endpoint, &z.endpoint],
+        rule.heuristic,
+        [&y.connected(rule), &z.connected(rule)],
         [&at_y, &at_z],
         [to(y), to(z)],
     )
 }
 
 /// Returns the last vertex of the light subpath `x_0 .. x_(s-1)`, if it is a surface.
-fn light_side(context: &Context, h: Heuristic, path: &Path, s: usize) -> Option<Vertex> {
+fn light_side(context: &Context, rule: &Rule, path: &Path, s: usize) -> Option<Vertex> {
     let mut last: Option<Vertex> = None;
     for i in 1..s {
         let at = &path.surfaces[i - 1];
         let to = [at.position, at.n_geometric];
         let mode = TransportMode::Importance;
         let endpoint = existing(match &last {
-            None => light_end(context, path, to).endpoint(h),
-            Some(v) => v.next_edge(h, mode, path.dirs[i - 1]).endpoint(h, to),
+            None => light_end(context, path, to).endpoint(rule.heuristic, &rule.counts),
+            Some(v) => {
+                let edge = v.next_edge(rule, mode, path.dirs[i - 1]);
+                edge.endpoint(rule.heuristic, to)
+            }
         })?;
         last = Some(Vertex::new(at, -path.dirs[i - 1], endpoint, |eta| {
             1.0 / eta
@@ -166,18 +208,18 @@ fn light_side(context: &Context, h: Heuristic, path: &Path, s: usize) -> Option<
 /// after it; `None` if rounding leaves a vertex without a density.
 fn camera_side(
     context: &Context,
-    h: Heuristic,
+    rule: &Rule,
     path: &Path,
     last: usize,
 ) -> Option<(Option<Vertex>, MisEdge)> {
     let k = path.depth();
-    let mut edge = MisEdge::from_lens(context, path.lens, -path.dirs[k - 1]);
+    let mut edge = MisEdge::from_lens(context, &rule.counts, path.lens, -path.dirs[k - 1]);
     let mut end = None;
     for i in (last..k).rev() {
         let at = &path.surfaces[i - 1];
-        let endpoint = existing(edge.endpoint(h, [at.position, at.n_geometric]))?;
+        let endpoint = existing(edge.endpoint(rule.heuristic, [at.position, at.n_geometric]))?;
         let v = Vertex::new(at, path.dirs[i], endpoint, |eta| eta);
-        edge = v.next_edge(h, TransportMode::Radiance, -path.dirs[i - 1]);
+        edge = v.next_edge(rule, TransportMode::Radiance, -path.dirs[i - 1]);
         end = Some(v);
     }
     Some((end, edge))

@@ -7,7 +7,7 @@
 //!
 //! `r_i = r_1 i^((alpha - 1) / 2)`
 //!
-//! of that vertex ([`photon_map`]), so that the radiance is
+//! of that vertex ([`PhotonMap`]), so that the radiance is
 //! `sum of f(wo, wi) flux / (photons pi r_i^2)` [Jensen 1996]. The film averages the iterations.
 //! Iterations are independent, and each is an unbiased estimate of a picture whose irradiance is
 //! blurred over disks of radius `r_i`: its bias is proportional to `r_i^2` away from edges, its
@@ -29,11 +29,12 @@
 //! Direct light is gathered like all other: photons find it behind glass, where sampling a light
 //! fails, and from any number of lights; shadows are blurred by the radius of their iteration.
 
-pub mod photon_map;
 pub mod photons;
 
-use self::photon_map::{Photon, PhotonMap, PhotonRecord};
+use self::photons::{Photon, PhotonRecord};
 use super::camera_path::{self, CameraPaths, Path, PathLight, PathSink, edge_counts};
+use super::iteration::Sharing;
+use super::iteration::photon_map::{PhotonMap, same_surface};
 use super::{Context, IntegratorRow, nee, settings};
 use crate::math::real::{Double, Mask, Real, Vector};
 use crate::math::simd::{Lanes, active_lanes};
@@ -67,13 +68,21 @@ pub const ROW: IntegratorRow = IntegratorRow {
         "it blurs light over the radius within which photons are gathered, and pixels that \
          gather the same photons have common noise",
     ),
-    begin: Some(photons::begin),
+    sharing: Some(Sharing {
+        prepare: photons::prepare,
+        begin: photons::begin,
+        vertex_bytes: VERTEX_BYTES,
+    }),
     sample: camera_path::sample::<Sppm>,
 };
 
 /// Greatest density per solid angle of sampled directions for which photons are gathered instead of
 /// continuing the camera path. It is that of the mirror direction on a GGX surface of roughness 0.4.
 pub const MAX_GATHER_PDF_W: f32 = 4.0;
+
+/// Bytes of a photon while the map of an iteration is built: in its unit of work, whose lists have
+/// up to twice the capacity that they need, and in the map.
+const VERTEX_BYTES: usize = 5 * size_of::<PhotonRecord>() / 2 + 96;
 
 /// Stochastic progressive photon mapping.
 pub struct Sppm;
@@ -168,7 +177,7 @@ impl<R: Lanes<N>, const N: usize> GatherPoint<'_, R, N> {
         lanes: R::Mask,
         sink: &mut impl PathSink<R>,
     ) {
-        let map: &PhotonMap = context.shared();
+        let map: &PhotonMap<PhotonRecord> = context.shared();
         let max_edges = context.max_depth - self.edge;
         let [positions, normals] = [self.surface.position, self.surface.n_geometric].map(|v| {
             let (x, y, z) = (v.x().store(), v.y().store(), v.z().store());
@@ -176,7 +185,12 @@ impl<R: Lanes<N>, const N: usize> GatherPoint<'_, R, N> {
         });
         let mut near: [Vec<(u32, &PhotonRecord)>; N] = std::array::from_fn(|_| Vec::new());
         for i in active_lanes(lanes.bits()) {
-            map.collect(positions[i], normals[i], max_edges, &mut near[i]);
+            map.for_each_near(positions[i], |record| {
+                let photon = PhotonRecord::load::<f32, 1>([record]);
+                if photon.edges <= max_edges && same_surface(photon.normal, normals[i]) {
+                    near[i].push((photon.edges, record));
+                }
+            });
             near[i].sort_by_key(|(edges, _)| *edges);
         }
         let none = PhotonRecord::default();

@@ -1,23 +1,18 @@
 //! Tracing of photons: light subpaths whose vertices are stored where camera paths may gather them.
 
-use super::photon_map::{Grid, Photon, PhotonMap, PhotonRecord, SHARDS, UnitPhotons};
+use crate::math::real::Real;
 use crate::math::stats::median;
-use crate::scene::compile::NONE;
-use crate::transport::arrival::{Arrival, HitState};
-use crate::transport::bsdf::TransportMode;
+use crate::record;
 use crate::transport::integrator::Context;
-use crate::transport::integrator::bdpt::connect::Connection;
-use crate::transport::integrator::bdpt::state::{ShadingState, Subpath, Vertex};
-use crate::transport::integrator::bdpt::subpath::{Step, StepSink};
-use crate::transport::integrator::camera_path::Path;
-use crate::transport::integrator::iteration::{Iteration, Shared};
+use crate::transport::integrator::bdpt::weights::StrategyCounts;
+use crate::transport::integrator::iteration::light_paths::{UNIT, follow};
+use crate::transport::integrator::iteration::photon_map::{Grid, PhotonMap, UnitPoints};
+use crate::transport::integrator::iteration::{Iteration, Resources, Shared};
 use crate::transport::light::LightId;
+use crate::transport::path_time::OpticalLength;
 use crate::transport::ray::Ray;
 use crate::transport::sampler::Sampler;
 use glam::Vec3;
-
-/// Number of photons that a thread traces at a time.
-const UNIT: u64 = 1024;
 
 /// Greatest number of columns and of rows of the camera rays from which the radius is derived.
 const PROBES: u32 = 8;
@@ -28,29 +23,96 @@ const RADIUS_IN_PIXELS: f32 = 3.0;
 /// Automatic radius of a scene that no camera ray hits, in radii of the bounding sphere.
 const UNSEEN_RADIUS: f32 = 0.003;
 
+record! {
+    /// Photons that arrived at surfaces.
+    pub struct Photon => PhotonRecord {
+        /// Unit direction to the previous vertex of the light subpath.
+        wi: Vec3,
+        /// Emitted radiance times all cosines and BSDF values over all densities: the flux, times
+        /// the number of photons.
+        flux: Vec3,
+        /// Unit normal of the surface's front side.
+        normal: Vec3,
+        /// Number of edges from the light.
+        edges: Word,
+        /// 1 if camera paths could not hit the light, and all events on the way were Dirac events;
+        /// else 0.
+        unhittable: Real,
+        /// Length of all segments: see [`OpticalLength::path`].
+        path: Real,
+        /// Delays of the previous vertices: see [`OpticalLength::delays`].
+        delays: Real,
+        /// Index of the last medium: see [`OpticalLength::index`].
+        index: Real,
+    }
+}
+
+impl<R: Real> Photon<R> {
+    /// Returns the optical length up to the surface. Its delay is that of the camera path's vertex.
+    #[inline(always)]
+    pub fn optical(&self) -> OpticalLength<R> {
+        OpticalLength {
+            path: self.path,
+            delays: self.delays,
+            delay: R::splat(0.0),
+            index: self.index,
+        }
+    }
+}
+
+/// What all iterations of a job need to trace photons or light subpaths.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PhotonSetup {
+    /// Number of photons of an iteration.
+    pub count: u64,
+    /// Number of pixels of the picture.
+    pub pixels: u64,
+    /// Radius of the first iteration, in scene units.
+    first_radius: f32,
+    /// Exponent of the radius: see [`ALPHA`](crate::transport::integrator::settings::ALPHA).
+    alpha: f32,
+}
+
+impl PhotonSetup {
+    /// Computes it from the parameters, of which the camera and the scene complete the automatic
+    /// ones.
+    pub fn new(context: &Context) -> PhotonSetup {
+        let settings = context.settings;
+        let [width, height] = context.camera.resolution();
+        let pixels = u64::from(width) * u64::from(height);
+        PhotonSetup {
+            count: settings.photons.map_or(pixels, u64::from),
+            pixels,
+            first_radius: settings.radius.unwrap_or_else(|| automatic_radius(context)),
+            alpha: settings.alpha,
+        }
+    }
+
+    /// Returns the grid of the iteration with an index from 0.
+    pub fn grid(&self, index: u64) -> Grid {
+        Grid {
+            radius: radius(self.first_radius, self.alpha, index),
+        }
+    }
+}
+
+/// Computes the [`PhotonSetup`] of a job.
+pub fn prepare(resources: &Resources) -> Box<Shared> {
+    let setup = resources.map(1, |context, _| PhotonSetup::new(context));
+    Box::new(setup[0])
+}
+
 /// Traces the photons of an iteration and builds their map.
 pub fn begin(iteration: &Iteration) -> Box<Shared> {
-    let setup = iteration.map(1, |context, _| {
-        let [width, height] = context.camera.resolution;
-        let pixels = (width * height) as u64;
-        let count = context.settings.photons.map_or(pixels, u64::from);
-        let first = context
-            .settings
-            .radius
-            .unwrap_or_else(|| automatic_radius(context));
-        (count, first, context.settings.alpha)
-    });
-    let (count, first, alpha) = setup[0];
-    let grid = Grid {
-        radius: radius(first, alpha, iteration.index),
-    };
+    let setup: &PhotonSetup = iteration.prepared();
+    let (count, grid) = (setup.count, setup.grid(iteration.index));
     let units = iteration.map(count.div_ceil(UNIT) as usize, |context, unit| {
-        let mut photons: UnitPhotons = vec![Vec::new(); SHARDS];
+        let mut photons = UnitPoints::new(grid);
         let first = unit as u64 * UNIT;
         for path in first..(first + UNIT).min(count) {
             let sampler = iteration.path_sampler(path, count);
             trace(context, sampler, |position, photon| {
-                grid.push(&mut photons, position, photon);
+                photons.push(position, photon);
             });
         }
         photons
@@ -91,63 +153,29 @@ fn automatic_radius(context: &Context) -> f32 {
     radius.max(f32::MIN_POSITIVE.sqrt())
 }
 
-/// The vertex that a step found.
-#[derive(Default)]
-struct Found(Option<Vertex>);
-
-impl StepSink<f32, 1> for Found {
-    fn add_vertices(&mut self, lanes: bool, vertex: &Vertex, _: &ShadingState<f32>) {
-        self.0 = lanes.then_some(*vertex);
-    }
-
-    fn add_light(&mut self, _: &Connection) {}
-}
-
 /// Follows a light subpath and passes position and photon of every vertex that may scatter light
 /// from more than isolated directions.
 fn trace(context: &Context, sampler: Sampler, mut store: impl FnMut(Vec3, PhotonRecord)) {
-    let max_edges = context.max_depth.saturating_sub(1);
-    let path = Path::unplaced(context, sampler);
-    let (start, mut subpath, mut continues) = Subpath::from_light(context, path, 0.0, true);
-    let light = context.lights.id(start.light);
-    let mut unhittable = matches!(light, LightId::Point(_) | LightId::Directional(_));
-    let mut edge = 0;
-    while continues && edge < max_edges {
-        edge += 1;
-        let ray = Ray {
-            origin: subpath.path.state.origin,
-            dir: subpath.path.state.dir,
-        };
-        let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else {
-            return;
-        };
-        let hit = HitState::new(context.scene, &ray, &hit, || subpath.path.next_auxiliary());
-        let class = &context.classes[context.classes.index_of(context.scene, &hit)];
-        let arrival = Arrival::<f32, 1>::new(class, ray, &hit);
-        let step = Step {
-            mode: TransportMode::Importance,
-            edge,
-            max_edges,
-        };
-        let mut found = Found::default();
-        let departure = subpath.scatter(context, step, &arrival, true, &mut found);
+    // Whether all events were Dirac events.
+    let mut straight = true;
+    follow(context, StrategyCounts::ONE_EACH, sampler, |found| {
+        let light = context.lights.id(found.light);
+        let unhittable = matches!(light, LightId::Point(_) | LightId::Directional(_));
+        let state = &found.vertex.state;
         // Camera paths draw their own component of a composed material.
-        if let Found(Some(vertex)) = found
-            && (hit.component != NONE || vertex.bsdf.has_density())
-        {
+        if found.composed || found.vertex.bsdf.has_density() {
             let [photon] = PhotonRecord::store::<f32, 1>(Photon {
-                wi: vertex.state.wo,
-                flux: vertex.state.throughput,
-                normal: vertex.state.n_geometric,
-                edges: edge,
-                unhittable: f32::from(u8::from(unhittable)),
-                path: vertex.state.path,
-                delays: vertex.state.delays,
-                index: vertex.state.index,
+                wi: state.wo,
+                flux: state.throughput,
+                normal: state.n_geometric,
+                edges: found.edge,
+                unhittable: f32::from(u8::from(unhittable && straight)),
+                path: state.path,
+                delays: state.delays,
+                index: state.index,
             });
-            store(vertex.state.position, photon);
+            store(state.position, photon);
         }
-        continues = departure.continues;
-        unhittable &= departure.delta;
-    }
+        straight &= found.departure.delta;
+    });
 }

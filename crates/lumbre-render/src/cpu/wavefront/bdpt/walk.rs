@@ -20,6 +20,7 @@ use lumbre_light::transport::integrator::bdpt::state::{
     VertexRecord,
 };
 use lumbre_light::transport::integrator::bdpt::subpath::{Step, StepSink};
+use lumbre_light::transport::integrator::bdpt::weights::StrategyCounts;
 use lumbre_light::transport::ray::Ray;
 
 /// State of the subpaths of a tile beside that of their paths.
@@ -311,7 +312,7 @@ impl SimdKernel for CameraKernel<'_> {
             if let Some(time) = path.time {
                 starts.emitted.extend(&time.delays.store()[..count]);
             }
-            let subpath = Subpath::from_camera(tile.context, path);
+            let subpath = Subpath::from_camera(tile.context, &StrategyCounts::ONE_EACH, path);
             states.store(paths, &subpath, lanes, R::Mask::first(count));
         }
     }
@@ -369,6 +370,7 @@ impl Walk<'_> {
                 mode,
                 edge,
                 max_edges,
+                counts: StrategyCounts::ONE_EACH,
             };
             let mut escaped = take(&mut self.wave.escaped);
             if from_camera && !escaped.is_empty() {
@@ -456,7 +458,9 @@ impl SimdKernel for EscapeKernel<'_, '_> {
             let paths = map_array(padded(group), |path| path as usize);
             let subpath = states.load::<R, N>(tile, &wave.paths, paths);
             let lanes = R::Mask::first(group.len());
-            if let Some(found) = subpath.escape::<N>(context, self.edge, lanes) {
+            if let Some(found) =
+                subpath.escape::<N>(context, &StrategyCounts::ONE_EACH, self.edge, lanes)
+            {
                 self.hits
                     .push(context, self.edge, paths, &found, |hits, path, index| {
                         hits.escaped[path] = index;

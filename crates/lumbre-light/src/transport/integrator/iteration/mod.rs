@@ -1,0 +1,166 @@
+//! Data that the samples of an iteration share.
+//!
+//! An iteration renders one sample of every pixel: iteration `i` has the samples with index `i`. An
+//! integrator whose samples [share data](super::IntegratorRow::sharing) computes them before the
+//! samples of each iteration, from paths that belong to no pixel: photons, vertices of
+//! [light subpaths](light_paths). All samples of the iteration read them through
+//! [`Context::shared`]. What is the same in all iterations, such as the radius of the first one, is
+//! prepared once for each job.
+//!
+//! Invariant: shared data are a function of the scene, the job, its seed and the index of the
+//! iteration alone, never of earlier iterations. Pictures therefore have the same bits for any
+//! number of threads and any split into waves, a checkpoint needs nothing besides the film, and
+//! films of consecutive ranges of samples add up to the film of the whole. A method that shrinks a
+//! radius or grows a tree from one iteration to the next computes it from the index.
+
+pub mod light_paths;
+pub mod photon_map;
+
+use std::any::Any;
+use std::sync::OnceLock;
+
+use super::Context;
+use super::settings::Settings;
+use crate::transport::MAX_SURVIVAL;
+use crate::transport::sampler::{Sampler, SamplerRow};
+
+/// Data that all samples of an iteration read; integrators recover the type by
+/// [`Context::shared`].
+pub type Shared = dyn Any + Send + Sync;
+
+/// Computes what all iterations of a job need.
+pub type PrepareFn = fn(&Resources) -> Box<Shared>;
+
+/// Computes the data of an iteration.
+pub type BeginFn = fn(&Iteration) -> Box<Shared>;
+
+/// How the samples of an integrator share data.
+#[derive(Clone, Copy, Debug)]
+pub struct Sharing {
+    /// Computes what all iterations of a job need, once when the job is opened.
+    pub prepare: PrepareFn,
+    /// Computes the data of an iteration.
+    pub begin: BeginFn,
+    /// Upper bound of the bytes that a vertex of a light subpath takes while an iteration begins
+    /// and is rendered.
+    pub vertex_bytes: usize,
+}
+
+impl Sharing {
+    /// Returns an upper bound of the bytes that the data of an iteration take, for a picture with a
+    /// number of pixels. Where Russian roulette ends subpaths, it bounds their expected number of
+    /// vertices: after it starts, at most `1 / (1 - MAX_SURVIVAL)` follow on average.
+    pub fn bytes(
+        &self,
+        settings: &Settings,
+        pixels: u64,
+        max_depth: u32,
+        rr_start: Option<u32>,
+    ) -> u64 {
+        let paths = settings.photons.map_or(pixels, u64::from);
+        let after = (1.0 / (1.0 - f64::from(MAX_SURVIVAL))).ceil() as u32;
+        let by_roulette = rr_start.map_or(u32::MAX, |start| start.saturating_add(after));
+        let vertices = max_depth.saturating_sub(1).min(by_roulette);
+        let of_path = light_paths::PATH_BYTES + vertices as usize * self.vertex_bytes;
+        paths.saturating_mul(of_path as u64)
+    }
+}
+
+/// Column and row that key the random numbers of paths that belong to no pixel. No picture is that
+/// large.
+const NO_PIXEL: [u32; 2] = [u32::MAX; 2];
+
+/// Column and row that key the random numbers of paths from which a job is prepared.
+const PREPARED: [u32; 2] = [u32::MAX - 1; 2];
+
+/// The threads that a renderer lends to [`BeginFn`].
+pub trait Workers: Sync {
+    /// Calls `work` once for each index below `count`, on all threads and in any order.
+    fn for_each(&self, count: usize, work: &(dyn Fn(&Context, usize) + Sync));
+}
+
+/// Threads and random numbers for paths that belong to no pixel.
+#[derive(Clone, Copy)]
+pub struct Resources<'a> {
+    /// Seed of the run.
+    pub seed: u64,
+    /// Generator of random numbers.
+    pub sampler: &'static SamplerRow,
+    /// Threads of the renderer.
+    pub workers: &'a dyn Workers,
+}
+
+/// An iteration that begins.
+#[derive(Clone, Copy)]
+pub struct Iteration<'a> {
+    /// Index of the iteration: that of its samples.
+    pub index: u64,
+    /// Threads and random numbers.
+    pub resources: Resources<'a>,
+    /// What [`Sharing::prepare`] computed for the job.
+    pub prepared: &'a Shared,
+}
+
+impl Resources<'_> {
+    /// Returns the random numbers of a path from which the job is prepared.
+    pub fn path_sampler(&self, path: u64) -> Sampler {
+        self.sampler.start(self.seed, PREPARED, path)
+    }
+
+    /// Returns the results of `work` for each index below `count`, in the order of the indices. The
+    /// calls are distributed over all threads.
+    pub fn map<T: Send + Sync>(
+        &self,
+        count: usize,
+        work: impl Fn(&Context, usize) -> T + Sync,
+    ) -> Vec<T> {
+        let results: Vec<OnceLock<T>> = (0..count).map(|_| OnceLock::new()).collect();
+        self.workers.for_each(count, &|context, index| {
+            results[index].get_or_init(|| work(context, index));
+        });
+        results
+            .into_iter()
+            .filter_map(OnceLock::into_inner)
+            .collect()
+    }
+}
+
+impl<'a> Iteration<'a> {
+    /// Returns the results of `work` for each index below `count`: see [`Resources::map`].
+    pub fn map<T: Send + Sync>(
+        &self,
+        count: usize,
+        work: impl Fn(&Context, usize) -> T + Sync,
+    ) -> Vec<T> {
+        self.resources.map(count, work)
+    }
+
+    /// Returns what was prepared for the job.
+    ///
+    /// # Panics
+    /// Panics if it is of another type.
+    pub fn prepared<T: 'static>(&self) -> &'a T {
+        let data = self.prepared.downcast_ref();
+        data.expect("the job was prepared for another integrator")
+    }
+
+    /// Returns the random numbers of a path that belongs to no pixel, one of `paths` in each
+    /// iteration. All such paths of a run are samples of one sequence, so that Sobol's sequence
+    /// stratifies those of an iteration.
+    pub fn path_sampler(&self, path: u64, paths: u64) -> Sampler {
+        let sample = self.index.wrapping_mul(paths).wrapping_add(path);
+        let Resources { seed, sampler, .. } = self.resources;
+        sampler.start(seed, NO_PIXEL, sample)
+    }
+}
+
+impl<'a> Context<'a> {
+    /// Returns the data that the integrator computed for this iteration.
+    ///
+    /// # Panics
+    /// Panics if the renderer did not begin the iteration, or if the data are of another type.
+    pub fn shared<T: 'static>(&self) -> &'a T {
+        let data = self.shared.and_then(|shared| shared.downcast_ref());
+        data.expect("the data of the iteration were not computed")
+    }
+}

@@ -1,0 +1,59 @@
+//! The light subpaths of an iteration, with a grid of their vertices.
+
+use crate::transport::integrator::bdpt::weights::StrategyCounts;
+use crate::transport::integrator::iteration::light_paths::{self, LightPaths, VertexId};
+use crate::transport::integrator::iteration::photon_map::{PhotonMap, UnitPoints};
+use crate::transport::integrator::iteration::{Iteration, Resources, Shared};
+use crate::transport::integrator::settings::Join;
+use crate::transport::integrator::sppm::photons::PhotonSetup;
+
+/// Bytes of a vertex: as stored, in its unit of work, whose lists have up to twice the capacity that
+/// they need, and in the grid with its buckets.
+pub const VERTEX_BYTES: usize =
+    light_paths::VERTEX_BYTES + 5 * (size_of::<VertexId>() + 16) / 2 + 8;
+
+/// What all samples of an iteration read.
+pub struct SharedVertices {
+    /// The light subpaths.
+    pub paths: LightPaths,
+    /// The vertices with which camera vertices merge.
+    pub map: PhotonMap<VertexId>,
+    /// Numbers of samples of all strategies.
+    pub counts: StrategyCounts,
+}
+
+/// What all iterations of a job need; `None` if they share nothing.
+type Setup = Option<(PhotonSetup, Join)>;
+
+/// Computes what all iterations of a job need.
+pub fn prepare(resources: &Resources) -> Box<Shared> {
+    let setup = resources.map(1, |context, _| -> Setup {
+        let join = context.settings.join;
+        (join != Join::Connect).then(|| (PhotonSetup::new(context), join))
+    });
+    Box::new(setup[0])
+}
+
+/// Traces the light subpaths of an iteration and builds the grid.
+pub fn begin(iteration: &Iteration) -> Box<Shared> {
+    let Some((setup, join)) = *iteration.prepared::<Setup>() else {
+        return Box::new(());
+    };
+    let PhotonSetup { count, pixels, .. } = setup;
+    let grid = setup.grid(iteration.index);
+    let connects = if join == Join::Merge { 0.0 } else { 1.0 };
+    let counts = StrategyCounts {
+        connecting: connects,
+        direct: connects,
+        lens: connects * count as f64 / pixels as f64,
+        merging: grid.gathered(count),
+    };
+    let paths = LightPaths::trace(iteration, count, counts);
+    let units = iteration.map(paths.units(), |_, unit| {
+        let mut points = UnitPoints::new(grid);
+        paths.for_each_scattering(unit, |id, vertex| points.push(vertex.position, id));
+        points
+    });
+    let map = PhotonMap::new(iteration, grid, count, &units);
+    Box::new(SharedVertices { paths, map, counts })
+}
