@@ -67,12 +67,12 @@ pub fn shortage(runs: usize, need: u64, limit: &MemoryLimit) -> Option<String> {
     Some(if runs > 1 {
         format!(
             "{runs} interleaved techniques need {need} of memory together, and {limit}: use \
-             another order than \"interleave\", a smaller picture, or fewer films"
+             another order than \"interleave\", a smaller picture, or fewer films or photons"
         )
     } else {
         format!(
             "the run needs {need} of memory for its films and measurements, and {limit}: use a \
-             smaller picture, fewer bins, or fewer films"
+             smaller picture, or fewer bins, films or photons"
         )
     })
 }

@@ -157,7 +157,15 @@ const HOST: &[(&str, &str)] = &[
         "techniques of other programs",
     ),
     (
-        "crates/lumbre-light/src/transport/integrator/iteration.rs",
+        "crates/lumbre-light/src/transport/integrator/iteration/light_paths.rs",
+        "devices share no data between pixels",
+    ),
+    (
+        "crates/lumbre-light/src/transport/integrator/iteration/mod.rs",
+        "devices share no data between pixels",
+    ),
+    (
+        "crates/lumbre-light/src/transport/integrator/iteration/photon_map.rs",
         "devices share no data between pixels",
     ),
     (

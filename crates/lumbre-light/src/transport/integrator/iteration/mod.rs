@@ -164,3 +164,32 @@ impl<'a> Context<'a> {
         data.expect("the data of the iteration were not computed")
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+
+    #[test]
+    fn bytes_follow_the_number_of_vertices_that_paths_can_have() {
+        let sharing = Sharing {
+            prepare: |_| Box::new(()),
+            begin: |_| Box::new(()),
+            vertex_bytes: 100,
+        };
+        let automatic = Settings::new(&BTreeMap::new());
+        let given = Settings {
+            photons: Some(7),
+            ..automatic
+        };
+        let path = light_paths::PATH_BYTES as u64;
+        let bytes = |settings, depth, rr| sharing.bytes(settings, 50, depth, rr);
+        assert_eq!(bytes(&automatic, 1, None), 50 * path);
+        assert_eq!(bytes(&automatic, 9, None), 50 * (path + 800));
+        assert_eq!(bytes(&given, 9, None), 7 * (path + 800));
+        // Three vertices before roulette, and 20 after it.
+        assert_eq!(bytes(&given, 10_000, Some(3)), 7 * (path + 2300));
+        assert_eq!(bytes(&given, 4, Some(3)), 7 * (path + 300));
+    }
+}
