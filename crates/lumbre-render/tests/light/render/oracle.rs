@@ -65,7 +65,14 @@ fn assert_merging_is_exact(scene: &Arc<CompiledScene>, mis: &str, depth: u32, se
         let report = oracle::check_vcm(lend, samples, seed);
         let what = format!("{mis} {join} {photons}");
         assert!(
-            report.is_exact() && report.worst_weight < 1e-4 && report.worst_merge_weight < 1e-4,
+            report.worst_weight.max(report.worst_merge_weight) < oracle::TOLERANCE
+                && report.worst_sum < oracle::TOLERANCE,
+            "{what}: {report:?}"
+        );
+        // There are ten times as many paths as for `bdpt`, and more of them graze surfaces.
+        assert!(
+            report.rough_densities * 100 <= report.paths
+                && report.coarse_densities * 1000 <= report.paths,
             "{what}: {report:?}"
         );
         let merges = report.merges.iter().sum::<u64>();

@@ -55,7 +55,7 @@ pub struct OracleReport {
     /// Number of paths found by merging, for each number of edges of their light subpath. They count
     /// in `paths` and `worst_sum`, and not in the other numbers above.
     pub merges: Vec<u64>,
-    /// Largest error of the weight of merging, for any vertex of any path.
+    /// Largest error of the weight of merging, for any vertex of any connected path.
     pub worst_merge_weight: f64,
     /// Number of such weights with an error above [`TOLERANCE`].
     pub rough_merge_weights: u64,
@@ -194,16 +194,16 @@ impl OracleReport {
         let fast = fast_weights(context, rule, &path);
         self.paths += 1;
         self.worst_sum = worst(self.worst_sum, (fast.sum() - 1.0).abs());
+        if found.merged.is_some() {
+            self.compare_merged(context, rule, found, (&path, &expected));
+            return;
+        }
         for (fast, expected) in fast.merges.iter().zip(&expected.merges) {
             if *expected > 0.0 || *fast > 0.0 {
                 let error = (fast / expected - 1.0).abs();
                 self.worst_merge_weight = worst(self.worst_merge_weight, error);
                 self.rough_merge_weights += u64::from(error.is_nan() || error > TOLERANCE);
             }
-        }
-        if found.merged.is_some() {
-            self.compare_merged(context, rule, found, (&path, &expected));
-            return;
         }
         let (s, t) = (found.contribution.s as usize, found.contribution.t as usize);
         let weight = if context.settings.unweighted() {
