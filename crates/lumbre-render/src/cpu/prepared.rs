@@ -28,7 +28,7 @@ pub(super) struct PreparedJob {
     classes: SurfaceClasses,
     settings: Settings,
     pub job: Job,
-    /// What all iterations need, for integrators whose samples share data.
+    /// Data that all iterations need, for integrators whose samples share data.
     iterations: Option<Box<Shared>>,
 }
 

@@ -136,7 +136,7 @@ pub struct IntegratorRow {
     /// with the number of samples, but the expected value of a picture is not the exact one. `None`
     /// if it is unbiased.
     pub bias: Option<&'static str>,
-    /// How the samples of an iteration share data; `None` if they share none.
+    /// Functions by which the samples of an iteration share data; `None` if they share none.
     pub sharing: Option<Sharing>,
     /// Computes one sample of one pixel on the CPU.
     pub sample: SampleFn,

@@ -92,9 +92,9 @@ pub const JOIN: Field = Field {
 pub enum Join {
     /// By connections and by merging.
     Both,
-    /// By connections.
+    /// By connections alone.
     Connect,
-    /// By merging.
+    /// By merging alone.
     Merge,
 }
 
@@ -127,7 +127,7 @@ pub struct Settings {
     pub radius: Option<f32>,
     /// Exponent of the radius: see [`ALPHA`].
     pub alpha: f32,
-    /// How light subpaths are joined with camera subpaths.
+    /// Way of joining light subpaths with camera subpaths.
     pub join: Join,
 }
 

@@ -39,7 +39,7 @@ pub struct LightVertex<'a> {
     pub class: usize,
     /// Whether the material is one component of a composed material.
     pub composed: bool,
-    /// The vertex.
+    /// The vertex with its BSDF.
     pub vertex: &'a Vertex,
     /// Properties that only some surfaces have.
     pub shading: &'a ShadingState<f32>,
@@ -115,7 +115,7 @@ pub struct VertexId {
     index: u32,
 }
 
-/// What is stored of a vertex besides its state.
+/// Surface and event of a vertex, stored besides its state.
 #[derive(Clone, Copy, Debug)]
 struct Event {
     /// Index of the surface's class.

@@ -34,7 +34,7 @@ pub type PrepareFn = fn(&Resources) -> Box<Shared>;
 /// Computes the data of an iteration.
 pub type BeginFn = fn(&Iteration) -> Box<Shared>;
 
-/// How the samples of an integrator share data.
+/// The functions by which the samples of an integrator share data.
 #[derive(Clone, Copy, Debug)]
 pub struct Sharing {
     /// Computes what all iterations of a job need, once when the job is opened.
@@ -97,7 +97,7 @@ pub struct Iteration<'a> {
     pub index: u64,
     /// Threads and random numbers.
     pub resources: Resources<'a>,
-    /// What [`Sharing::prepare`] computed for the job.
+    /// Result of [`Sharing::prepare`] for the job.
     pub prepared: &'a Shared,
 }
 
@@ -135,7 +135,7 @@ impl<'a> Iteration<'a> {
         self.resources.map(count, work)
     }
 
-    /// Returns what was prepared for the job.
+    /// Returns the result of [`Sharing::prepare`].
     ///
     /// # Panics
     /// Panics if it is of another type.

@@ -33,7 +33,7 @@ pub struct PlacedPoint<T> {
     position: Vec3,
     /// Hash of its cube.
     hash: u32,
-    /// What is known of the point.
+    /// Properties of the point besides its position.
     data: T,
 }
 
@@ -61,6 +61,13 @@ struct Shard<T> {
     starts: Vec<u32>,
     positions: Vec<Vec3>,
     data: Vec<T>,
+}
+
+/// Returns an upper bound of the bytes of a point while the map is built: in its unit of work, whose
+/// lists have up to twice the capacity that they need, in the map, and in two lists of buckets, of
+/// which there are up to two for each point.
+pub const fn point_bytes<T>() -> usize {
+    2 * size_of::<PlacedPoint<T>>() + size_of::<Vec3>() + size_of::<T>() + 4 * size_of::<u32>()
 }
 
 /// Returns whether a point with this unit normal is on a surface that may gather at a point with

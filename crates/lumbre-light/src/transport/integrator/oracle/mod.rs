@@ -18,10 +18,10 @@ use crate::math::stats::median;
 use crate::transport::mis::Heuristic;
 use crate::transport::sampler::{INDEPENDENT, Sampler};
 
-/// What weights are computed from, besides the path.
+/// Parameters of the weights, besides the path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rule {
-    /// The heuristic.
+    /// Heuristic of the weights.
     pub heuristic: Heuristic,
     /// Numbers of samples of the strategies.
     pub counts: StrategyCounts,

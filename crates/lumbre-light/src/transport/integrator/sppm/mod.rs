@@ -34,7 +34,7 @@ pub mod photons;
 use self::photons::{Photon, PhotonRecord};
 use super::camera_path::{self, CameraPaths, Path, PathLight, PathSink, edge_counts};
 use super::iteration::Sharing;
-use super::iteration::photon_map::{PhotonMap, same_surface};
+use super::iteration::photon_map::{PhotonMap, point_bytes, same_surface};
 use super::{Context, IntegratorRow, nee, settings};
 use crate::math::real::{Double, Mask, Real, Vector};
 use crate::math::simd::{Lanes, active_lanes};
@@ -71,7 +71,7 @@ pub const ROW: IntegratorRow = IntegratorRow {
     sharing: Some(Sharing {
         prepare: photons::prepare,
         begin: photons::begin,
-        vertex_bytes: VERTEX_BYTES,
+        vertex_bytes: point_bytes::<PhotonRecord>(),
     }),
     sample: camera_path::sample::<Sppm>,
 };
@@ -79,10 +79,6 @@ pub const ROW: IntegratorRow = IntegratorRow {
 /// Greatest density per solid angle of sampled directions for which photons are gathered instead of
 /// continuing the camera path. It is that of the mirror direction on a GGX surface of roughness 0.4.
 pub const MAX_GATHER_PDF_W: f32 = 4.0;
-
-/// Bytes of a photon while the map of an iteration is built: in its unit of work, whose lists have
-/// up to twice the capacity that they need, and in the map.
-const VERTEX_BYTES: usize = 5 * size_of::<PhotonRecord>() / 2 + 96;
 
 /// Stochastic progressive photon mapping.
 pub struct Sppm;

@@ -60,7 +60,7 @@ impl<R: Real> Photon<R> {
     }
 }
 
-/// What all iterations of a job need to trace photons or light subpaths.
+/// Data that all iterations of a job need to trace photons or light subpaths.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PhotonSetup {
     /// Number of photons of an iteration.

@@ -2,17 +2,15 @@
 
 use crate::transport::integrator::bdpt::weights::StrategyCounts;
 use crate::transport::integrator::iteration::light_paths::{self, LightPaths, VertexId};
-use crate::transport::integrator::iteration::photon_map::{PhotonMap, UnitPoints};
+use crate::transport::integrator::iteration::photon_map::{PhotonMap, UnitPoints, point_bytes};
 use crate::transport::integrator::iteration::{Iteration, Resources, Shared};
 use crate::transport::integrator::settings::Join;
 use crate::transport::integrator::sppm::photons::PhotonSetup;
 
-/// Bytes of a vertex: as stored, in its unit of work, whose lists have up to twice the capacity that
-/// they need, and in the grid with its buckets.
-pub const VERTEX_BYTES: usize =
-    light_paths::VERTEX_BYTES + 5 * (size_of::<VertexId>() + 16) / 2 + 8;
+/// Upper bound of the bytes of a vertex: as stored, and in the grid.
+pub const VERTEX_BYTES: usize = light_paths::VERTEX_BYTES + point_bytes::<VertexId>();
 
-/// What all samples of an iteration read.
+/// Data that all samples of an iteration read.
 pub struct SharedVertices {
     /// The light subpaths.
     pub paths: LightPaths,
@@ -22,7 +20,7 @@ pub struct SharedVertices {
     pub counts: StrategyCounts,
 }
 
-/// What all iterations of a job need; `None` if they share nothing.
+/// Data that all iterations of a job need; `None` if they share nothing.
 type Setup = Option<(PhotonSetup, Join)>;
 
 /// Computes what all iterations of a job need.
