@@ -127,7 +127,7 @@ pub fn check_vcm(
 ) -> OracleReport {
     let resources = Resources {
         seed,
-        sampler: &INDEPENDENT,
+        sampler: INDEPENDENT,
         workers: &OneThread(&lend),
     };
     let shared = vcm::shared::begin(&Iteration {
