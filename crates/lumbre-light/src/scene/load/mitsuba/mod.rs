@@ -80,6 +80,7 @@ pub(super) fn load(
         meshes: MeshLoader::default(),
         surfaces: BTreeMap::new(),
         materials: Vec::new(),
+        material_indices: BTreeMap::new(),
         entities: Vec::new(),
         lights: Vec::new(),
         environment: None,
@@ -114,6 +115,8 @@ struct MitsubaLoader {
     /// `twosided`.
     surfaces: BTreeMap<(*const XmlObject, bool), String>,
     materials: Vec<MaterialDesc>,
+    /// Index of the first material of each name.
+    material_indices: BTreeMap<String, usize>,
     entities: Vec<EntityDesc>,
     lights: Vec<LightDesc>,
     environment: Option<EnvironmentDesc>,
@@ -212,7 +215,7 @@ impl MitsubaLoader {
             None if delay::is_delayed(o) => delay::read(self, o, &name, two_sided)?,
             None => bsdf::read(o, &name, two_sided, self)?,
         };
-        self.materials.extend(materials);
+        materials.into_iter().for_each(|m| self.add_material(m));
         self.surfaces.insert(key, name.clone());
         Ok(name)
     }
@@ -259,7 +262,7 @@ impl MitsubaLoader {
         if surface.is_none() {
             material = self.names.allocate("grey");
             let grey = bsdf::default_surface(&material, !emitters.is_empty());
-            self.materials.push(grey);
+            self.add_material(grey);
         }
         if let Some(light) = emitters.first() {
             material = self.area_light(light, &material, &name)?;
@@ -274,10 +277,23 @@ impl MitsubaLoader {
         Ok(())
     }
 
+    /// Returns the first material with a name.
+    fn material(&self, name: &str) -> Option<&MaterialDesc> {
+        let index = self.material_indices.get(name)?;
+        self.materials.get(*index)
+    }
+
+    fn add_material(&mut self, material: MaterialDesc) {
+        let name = material.name.clone();
+        let index = self.materials.len();
+        self.material_indices.entry(name).or_insert(index);
+        self.materials.push(material);
+    }
+
     /// Returns whether a material, or a part of it, has textures of more than one texel, or is
     /// anisotropic.
     fn is_oriented(&self, material: &str) -> bool {
-        let Some(m) = self.materials.iter().find(|m| m.name == material) else {
+        let Some(m) = self.material(material) else {
             return false;
         };
         m.anisotropic > 0.0
@@ -298,7 +314,7 @@ impl MitsubaLoader {
                 values::truncated(&light.plugin)
             )));
         }
-        let base = self.materials.iter().find(|m| m.name == material);
+        let base = self.material(material);
         let mut emissive = base
             .cloned()
             .unwrap_or_else(|| bsdf::default_surface(material, true));
@@ -312,7 +328,7 @@ impl MitsubaLoader {
         }
         emitter::set_emission(&mut emissive, light, &mut self.textures, &mut self.notes)?;
         let name = emissive.name.clone();
-        self.materials.push(emissive);
+        self.add_material(emissive);
         Ok(name)
     }
 
