@@ -108,7 +108,8 @@ fn report(
 /// missing or duplicated factor is wrong in every path of its strategy, not rough: at most one
 /// path in a hundred may differ by more than [`COARSE`] (several, because the paths of one sample
 /// share edges). Weights are ratios and keep their digits: at most one in a thousand may be rough.
-/// Merging takes two vertices for one, so half of the merged paths may be coarse.
+/// Merging takes two vertices for one, so half of the merged paths may be coarse, and the weights of
+/// one path in a thousand may not add up to one.
 fn is_right(report: &OracleReport) -> bool {
     report.paths > 0
         && report.rough_weights * 1000 <= report.paths
@@ -116,6 +117,7 @@ fn is_right(report: &OracleReport) -> bool {
         && report.rough_densities * 2 <= report.paths
         && report.coarse_densities * 100 <= report.paths
         && report.rough_merge_weights * 1000 <= report.paths
+        && report.rough_merged_sums * 1000 <= report.paths
         && report
             .median_merge_errors()
             .iter()
@@ -157,6 +159,7 @@ fn outcome(report: &OracleReport) -> Outcome {
             "coarse_densities": coarse_densities,
             "merges": merges,
             "rough_merge_weights": report.rough_merge_weights,
+            "rough_merged_sums": report.rough_merged_sums,
             "median_merged_weight": merged_weight,
             "median_merged_density": merged_density,
         }),

@@ -41,7 +41,8 @@ pub struct OracleReport {
     /// Number of paths whose weight has an error above [`TOLERANCE`]. With the uniform heuristic, a
     /// density that rounding makes zero changes the number of strategies, and with it the weight.
     pub rough_weights: u64,
-    /// Largest difference from one of the sum of the fast weights of all strategies of a path.
+    /// Largest difference from one of the sum of the fast weights of all strategies of a connected
+    /// path.
     pub worst_sum: f64,
     /// Largest error of the density that a strategy divides by.
     pub worst_density: f64,
@@ -53,8 +54,12 @@ pub struct OracleReport {
     /// Number of paths whose density has an error above [`COARSE`].
     pub coarse_densities: u64,
     /// Number of paths found by merging, for each number of edges of their light subpath. They count
-    /// in `paths` and `worst_sum`, and not in the other numbers above.
+    /// in `paths`, and not in the other numbers above.
     pub merges: Vec<u64>,
+    /// Number of paths found by merging whose fast weights differ from one in their sum by more
+    /// than [`TOLERANCE`]. Two vertices are taken for one there, and one of their two directions can
+    /// cross a horizon of the surface.
+    pub rough_merged_sums: u64,
     /// Largest error of the weight of merging, for any vertex of any connected path.
     pub worst_merge_weight: f64,
     /// Number of such weights with an error above [`TOLERANCE`].
@@ -193,11 +198,13 @@ impl OracleReport {
         let expected = path.weights(context, rule);
         let fast = fast_weights(context, rule, &path);
         self.paths += 1;
-        self.worst_sum = worst(self.worst_sum, (fast.sum() - 1.0).abs());
+        let sum_error = (fast.sum() - 1.0).abs();
         if found.merged.is_some() {
+            self.rough_merged_sums += u64::from(sum_error.is_nan() || sum_error > TOLERANCE);
             self.compare_merged(context, rule, found, (&path, &expected));
             return;
         }
+        self.worst_sum = worst(self.worst_sum, sum_error);
         for (fast, expected) in fast.merges.iter().zip(&expected.merges) {
             if *expected > 0.0 || *fast > 0.0 {
                 let error = (fast / expected - 1.0).abs();
