@@ -59,7 +59,6 @@ pub fn import(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, Scr
         .pause_for(|| load::load_with(&path, missing));
     let (other, mut notes) = read.map_err(|e| scene_error(shared, args, &e))?;
     let mut builder = shared.scene.borrow_mut();
-    notes.retain(|note| note.message != load::DARK_MESH);
     builder.notes.append(&mut notes);
     if let Some(material) = text(&fields, "material") {
         builder

@@ -37,8 +37,9 @@ use super::source::SourcePlace;
 use super::state::{Purpose, Shared};
 use super::{ExecutedFile, Limits, locate, source};
 use lumbre_light::scene::desc::{CameraDesc, SceneDesc};
-use lumbre_light::scene::load::{MissingTextures, load_with};
+use lumbre_light::scene::load::{MissingTextures, load_on_stage};
 use lumbre_light::scene::names::UniqueNames;
+use lumbre_light::scene::stage::{STAGES, Stage};
 use lumbre_light::scene::{Note, SceneError};
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::unknown_name;
@@ -117,29 +118,62 @@ pub fn is_lua(file: &Path) -> bool {
         .is_some_and(|e| e.eq_ignore_ascii_case("lua"))
 }
 
-/// Loads a scene file of any format, including Lua, with values for its options.
+/// Name of the only option of scene files that are not written in Lua.
+const STAGE: &str = "stage";
+
+/// Loads a scene file of any format, including Lua, with values for its options. Files of other
+/// formats have the option `stage`.
 ///
 /// # Errors
-/// Returns the first error in the file, or an error if options are given for a format without
-/// options.
+/// Returns the first error in the file, or an error for an unknown option or value.
 pub fn read(
     path: &Path,
     options: &BTreeMap<String, Value>,
     missing: MissingTextures,
 ) -> Result<(SceneDesc, Vec<Note>), SceneError> {
     if is_lua(path) {
-        return load(path, options, missing).map_err(|e| SceneError::Script(e.to_string()));
+        let loaded = load(path, options, missing);
+        let loaded = loaded.map_err(|e| SceneError::Script(e.to_string()))?;
+        return Ok((loaded.scene, loaded.notes));
     }
-    if let Some(option) = options.keys().next() {
-        let problem =
-            format!("only scenes written in Lua have options, but the option `{option}` is given");
-        return Err(SceneError::Malformed {
-            file: path.to_owned(),
-            place: "scene_options".to_owned(),
-            problem,
-        });
+    let stage = stage_option(options).map_err(|problem| SceneError::Malformed {
+        file: path.to_owned(),
+        place: "scene_options".to_owned(),
+        problem,
+    })?;
+    load_on_stage(path, missing, stage)
+}
+
+/// Returns the stage that the options of a scene file select, if any.
+fn stage_option(options: &BTreeMap<String, Value>) -> Result<Option<Stage>, String> {
+    if let Some(option) = options.keys().find(|key| *key != STAGE) {
+        return Err(format!(
+            "unknown option `{option}`: scenes that are not written in Lua have the option `stage` only"
+        ));
     }
-    load_with(path, missing)
+    let Some(value) = options.get(STAGE) else {
+        return Ok(None);
+    };
+    let named = STAGES.iter().find(|(name, _)| value.as_str() == Some(name));
+    let names: Vec<String> = STAGES.iter().map(|(name, _)| format!("`{name}`")).collect();
+    match named {
+        Some((_, stage)) => Ok(Some(*stage)),
+        None => Err(format!(
+            "`stage` is {}, found `{value}`",
+            names.join(" or ")
+        )),
+    }
+}
+
+/// A scene with its notes and the options that its file declares.
+#[derive(Debug)]
+pub struct LoadedScene {
+    /// The scene with the given options.
+    pub scene: SceneDesc,
+    /// Notes on what could not be represented.
+    pub notes: Vec<Note>,
+    /// Options that the file declares, with a description of their values.
+    pub options: BTreeMap<String, String>,
 }
 
 /// Runs a scene file in Lua with the given options.
@@ -150,7 +184,7 @@ pub fn load(
     path: &Path,
     options: &BTreeMap<String, Value>,
     missing: MissingTextures,
-) -> Result<(SceneDesc, Vec<Note>), ScriptError> {
+) -> Result<LoadedScene, ScriptError> {
     let text = source::read(path)?;
     let purpose = Purpose::Scene {
         options: options.clone(),
@@ -176,7 +210,7 @@ fn finish(
     returned: &LuaValue,
     options: &BTreeMap<String, Value>,
     text: &str,
-) -> Result<(SceneDesc, Vec<Note>), ScriptError> {
+) -> Result<LoadedScene, ScriptError> {
     let mut builder = shared.scene.borrow_mut();
     let sources = shared.sources.borrow();
     let (_, place) = match (&builder.head, returned) {
@@ -221,8 +255,17 @@ fn finish(
             return Err(sources.field(place, "material", error.problem, error.help));
         }
     }
-    let SceneBuilder { desc, notes, .. } = std::mem::take(&mut *builder);
-    Ok((desc, notes))
+    let SceneBuilder {
+        desc: scene,
+        notes,
+        options,
+        ..
+    } = std::mem::take(&mut *builder);
+    Ok(LoadedScene {
+        scene,
+        notes,
+        options,
+    })
 }
 
 /// Converts an error of the scene module to a script error at the line of the call.

@@ -5,7 +5,8 @@ use lumbre_light::scene::compile;
 use lumbre_light::scene::desc::{
     LightKind, Lookup, MaskMode, SceneDesc, ShapeDesc, Texels, TextureSlot, Wrap,
 };
-use lumbre_light::scene::load::load;
+use lumbre_light::scene::load::{MissingTextures, load_on_stage};
+use lumbre_light::scene::stage::Stage;
 use proptest::prelude::*;
 
 use super::samples::{GLTF as TEXT, gltf_as_glb, gltf_buffer as buffer};
@@ -323,13 +324,13 @@ fn a_binary_file_gives_the_same_scene_and_every_truncation_is_an_error() {
 }
 
 #[test]
-fn documents_without_lights_or_constant_emitters_get_an_environment() {
+fn documents_without_lights_or_constant_emitters_get_a_studio() {
     let folder = folder();
     let dark = TEXT.replace(
         r#""extensions": { "KHR_lights_punctual": { "light": 0 } } }"#,
         r#""extras": {} }"#,
     );
-    for (text, white) in [
+    for (text, unlit) in [
         (dark.clone(), false),
         (
             dark.replace(
@@ -342,14 +343,12 @@ fn documents_without_lights_or_constant_emitters_get_an_environment() {
         (TEXT.replace("\"emissiveFactor\": [1, 0, 0],", ""), false),
     ] {
         folder.write("a.gltf", text);
-        let (desc, notes) = folder.load("a.gltf").unwrap();
-        assert_eq!(
-            (
-                desc.environment.is_some(),
-                lines(&notes).contains("no lights")
-            ),
-            (white, white)
-        );
+        let file = folder.path("a.gltf");
+        let (desc, notes) = load_on_stage(&file, MissingTextures::Fail, None).unwrap();
+        let is_noted = lines(&notes).contains("it stands in a studio");
+        assert_eq!((desc.environment.is_some(), is_noted), (unlit, unlit));
+        let bare = load_on_stage(&file, MissingTextures::Fail, Some(Stage::Bare)).unwrap();
+        assert!(bare.0.environment.is_none() && !lines(&bare.1).contains("studio"));
     }
 }
 
@@ -471,7 +470,8 @@ fn third_party_assets_load_and_have_light() {
     }
     assert!(files.len() >= 7, "{files:?}");
     for file in files {
-        let (desc, _) = load(&file).unwrap_or_else(|e| panic!("{e}"));
+        let loaded = load_on_stage(&file, MissingTextures::Fail, None);
+        let (desc, _) = loaded.unwrap_or_else(|e| panic!("{e}"));
         let (scene, _) = compile(&desc).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
         assert!(!scene.triangles.is_empty(), "{}", file.display());
         assert!(

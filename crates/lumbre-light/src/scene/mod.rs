@@ -16,6 +16,7 @@ pub mod names;
 pub mod noise;
 mod note;
 pub mod shape;
+pub mod stage;
 
 use std::path::PathBuf;
 

@@ -1,63 +1,93 @@
 //! Default scene of a mesh file: a framing camera, and smooth normals for meshes without any.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::{BVec3, DVec3, Vec3};
 
-use super::{DARK_MESH, scn};
-use crate::scene::Note;
+use super::scn;
 use crate::scene::desc::{
     CameraDesc, EntityDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, Transform,
 };
 
+/// Number of vertices up to which a bounding box is computed from all vertices; beyond, bounding
+/// boxes of meshes are transformed instead.
+const MAX_VISITED: usize = 1 << 24;
+
 /// Returns a scene of one mesh with its materials, viewed by a camera that frames it.
-pub(super) fn scene(
-    path: &Path,
-    mesh: MeshDesc,
-    materials: Vec<MaterialDesc>,
-    notes: &mut Vec<Note>,
-) -> SceneDesc {
-    if materials.iter().all(|m| m.emission == Vec3::ZERO) {
-        notes.push(Note {
-            file: path.to_owned(),
-            place: "materials".to_owned(),
-            message: DARK_MESH.to_owned(),
-        });
-    }
-    let bounds = mesh
-        .positions
-        .iter()
-        .fold(None, |bounds, p| Some(extended(bounds, *p, *p)));
+pub fn scene(path: &Path, mesh: MeshDesc, materials: Vec<MaterialDesc>) -> SceneDesc {
     let name = path
         .file_stem()
         .map_or_else(|| "mesh".to_owned(), |s| s.to_string_lossy().into_owned());
+    let entities = vec![EntityDesc {
+        name,
+        transform: Transform::default(),
+        material: None,
+        anisotropic_direction: None,
+        shape: ShapeDesc::Mesh(Arc::new(mesh)),
+    }];
     SceneDesc {
         views: Vec::new(),
         resolution: scn::DEFAULT_RESOLUTION,
         max_depth: scn::DEFAULT_MAX_DEPTH,
-        camera: framing_camera(bounds),
+        camera: framing_camera(bounds(&entities)),
         materials,
-        entities: vec![EntityDesc {
-            name,
-            transform: Transform::default(),
-            material: None,
-            anisotropic_direction: None,
-            shape: ShapeDesc::Mesh(Arc::new(mesh)),
-        }],
+        entities,
         lights: Vec::new(),
         environment: None,
     }
 }
 
-/// Returns the bounding box extended to contain another box.
-pub(super) fn extended(bounds: Option<[Vec3; 2]>, low: Vec3, high: Vec3) -> [Vec3; 2] {
-    bounds.map_or([low, high], |[l, h]| [l.min(low), h.max(high)])
+/// Returns the bounding box of some entities in the world; `None` without any vertex. Of many
+/// vertices in all, only the corners of the bounding boxes of meshes are transformed.
+pub fn bounds(entities: &[EntityDesc]) -> Option<[Vec3; 2]> {
+    let mut bounds: Option<[Vec3; 2]> = None;
+    let mut visited = 0;
+    // Bounding boxes of meshes in object space, by address.
+    let mut boxes: BTreeMap<*const MeshDesc, [Vec3; 2]> = BTreeMap::new();
+    for entity in entities {
+        let world = entity.transform.to_world();
+        let mut extend = |low: Vec3, high: Vec3| {
+            bounds = Some(bounds.map_or([low, high], |[l, h]| [l.min(low), h.max(high)]));
+        };
+        let mesh = match &entity.shape {
+            ShapeDesc::Mesh(mesh) => mesh,
+            ShapeDesc::Sphere { radius } => {
+                let center = world.translation.as_vec3();
+                extend(center - *radius, center + *radius);
+                continue;
+            }
+        };
+        let mut extend_by = |p: Vec3| {
+            let p = world.transform_point3(p.as_dvec3()).as_vec3();
+            extend(p, p);
+        };
+        visited += mesh.positions.len();
+        if visited <= MAX_VISITED {
+            mesh.positions.iter().copied().for_each(extend_by);
+            continue;
+        }
+        let Some(first) = mesh.positions.first() else {
+            continue;
+        };
+        let around = |[low, high]: [Vec3; 2], p: &Vec3| [low.min(*p), high.max(*p)];
+        let own = || mesh.positions.iter().fold([*first; 2], around);
+        let box_of_mesh = boxes.entry(Arc::as_ptr(mesh)).or_insert_with(own);
+        corners(*box_of_mesh).for_each(&mut extend_by);
+    }
+    bounds
+}
+
+/// Returns the corners of a box.
+pub fn corners([low, high]: [Vec3; 2]) -> impl Iterator<Item = Vec3> {
+    let is_low = |i: u32| BVec3::new(i & 1 > 0, i & 2 > 0, i & 4 > 0);
+    (0..8).map(move |i| Vec3::select(is_low(i), low, high))
 }
 
 /// Returns a camera on the +z side of a box that sees all of it, or of the unit sphere if there is
 /// no box.
-pub(super) fn framing_camera(bounds: Option<[Vec3; 2]>) -> CameraDesc {
+pub fn framing_camera(bounds: Option<[Vec3; 2]>) -> CameraDesc {
     let fov_deg: f32 = 45.0;
     let (center, radius) = match bounds {
         None => (Vec3::ZERO, 1.0),
@@ -75,7 +105,7 @@ pub(super) fn framing_camera(bounds: Option<[Vec3; 2]>) -> CameraDesc {
 /// Returns smooth vertex normals: the mean of the normals of adjacent triangles, weighted by their
 /// angles at the vertex [Thürmer & Wüthrich 1998]. Vertices without a triangle of non-zero area get
 /// +y.
-pub(super) fn smooth_normals(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<Vec3> {
+pub fn smooth_normals(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<Vec3> {
     let mut sums = vec![DVec3::ZERO; positions.len()];
     for corners in triangles {
         let p = corners.map(|i| positions[i as usize].as_dvec3());

@@ -4,7 +4,7 @@
 //! represent. Sizes are checked before anything is read, and memory is bounded by the size of the
 //! files.
 
-mod default_scene;
+pub(super) mod default_scene;
 pub mod files;
 mod folder;
 mod gltf;
@@ -24,6 +24,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use super::stage::{self, Stage};
 use super::{Note, SceneDesc, SceneError, note};
 
 /// A row of [`FORMATS`]: one scene format.
@@ -39,6 +40,8 @@ pub struct FormatRow {
     pub sniff: fn(&[u8]) -> bool,
     /// Reads a file of this format.
     pub load: Loader,
+    /// Whether files are usually models without lights. Those get a [studio](super::stage).
+    pub is_model: bool,
     /// Supported elements or keys.
     pub supported: &'static [SupportedElement],
 }
@@ -95,6 +98,7 @@ pub const FORMATS: &[FormatRow] = &[
               metallic-roughness materials with extensions.",
         sniff: gltf::sniff,
         load: gltf::load,
+        is_model: true,
         supported: gltf::SUPPORTED,
     },
     FormatRow {
@@ -104,6 +108,7 @@ pub const FORMATS: &[FormatRow] = &[
               and HDRI/.",
         sniff: folder::sniff,
         load: folder::load,
+        is_model: false,
         supported: folder::SUPPORTED,
     },
     FormatRow {
@@ -113,6 +118,7 @@ pub const FORMATS: &[FormatRow] = &[
               spheres.",
         sniff: scn::sniff,
         load: scn::load,
+        is_model: false,
         supported: scn::SUPPORTED,
     },
     FormatRow {
@@ -122,6 +128,7 @@ pub const FORMATS: &[FormatRow] = &[
               frames it.",
         sniff: obj::sniff,
         load: obj::load,
+        is_model: true,
         supported: obj::SUPPORTED,
     },
     FormatRow {
@@ -130,6 +137,7 @@ pub const FORMATS: &[FormatRow] = &[
         doc: "A PLY mesh, ASCII or binary, viewed by a camera that frames it.",
         sniff: ply::sniff,
         load: ply::load,
+        is_model: true,
         supported: ply::SUPPORTED,
     },
     FormatRow {
@@ -139,6 +147,7 @@ pub const FORMATS: &[FormatRow] = &[
               textures, lights.",
         sniff: mitsuba::sniff,
         load: mitsuba::load,
+        is_model: false,
         supported: mitsuba::SUPPORTED,
     },
     FormatRow {
@@ -148,14 +157,15 @@ pub const FORMATS: &[FormatRow] = &[
               lights.",
         sniff: pbrt::sniff,
         load: pbrt::load,
+        is_model: false,
         supported: pbrt::SUPPORTED,
     },
 ];
 
-/// Note on a file that is only a mesh and contains no light. A scene that imports the mesh may have
-/// its own lights and drops the note.
-pub const DARK_MESH: &str = "nothing in this mesh emits light; set the emission of a material \
-                             (`materials.NAME.emission`), or use the mesh in a `.scn` or Lua scene";
+/// Note on a model in which nothing emits light.
+const STUDIO: &str = "nothing in this model emits light: it stands in a studio with a ground, an area \
+                      light and a dim environment. The scene option `stage` selects `studio`, \
+                      `white` (radiance 1 from everywhere) or `none`";
 
 /// Number of bytes that are read to recognise the format of a file.
 const SNIFF_BYTES: u64 = 4096;
@@ -187,6 +197,33 @@ pub fn load_with(
     };
     let (desc, notes) = (format_of(path)?.load)(path, missing)?;
     Ok((desc, note::summed_up(notes)))
+}
+
+/// Loads a scene file like [`load_with`] and puts a stage around it. Without one, a model in which
+/// nothing emits light gets a studio, with a note.
+///
+/// # Errors
+/// Fails like [`load_with`].
+pub fn load_on_stage(
+    path: &Path,
+    missing: MissingTextures,
+    stage: Option<Stage>,
+) -> Result<(SceneDesc, Vec<Note>), SceneError> {
+    let (mut desc, mut notes) = load_with(path, missing)?;
+    let is_model = !is_folder(path) && format_of(path)?.is_model;
+    match stage {
+        Some(stage) => stage::set_up(&mut desc, stage),
+        None if is_model && stage::is_unlit(&desc) => {
+            stage::set_up(&mut desc, Stage::Studio);
+            notes.push(Note {
+                file: path.to_owned(),
+                place: "lights".to_owned(),
+                message: STUDIO.to_owned(),
+            });
+        }
+        None => {}
+    }
+    Ok((desc, notes))
 }
 
 /// Returns the format of a file, by its extension or its first bytes.

@@ -58,12 +58,7 @@ pub(super) fn load(
     let mut notes = Vec::new();
     let mesh = load_mesh(path, DEFAULT_MATERIAL, &mut notes)?;
     Ok((
-        default_scene::scene(
-            path,
-            mesh,
-            vec![MaterialDesc::new(DEFAULT_MATERIAL)],
-            &mut notes,
-        ),
+        default_scene::scene(path, mesh, vec![MaterialDesc::new(DEFAULT_MATERIAL)]),
         notes,
     ))
 }

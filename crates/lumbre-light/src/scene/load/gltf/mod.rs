@@ -4,9 +4,7 @@
 //! camera of the default scene, point, spot and directional lights (`KHR_lights_punctual`), and
 //! materials ([`material`]). Intensities are used as radiometric values, without photometric
 //! factors. Texture coordinates start at the top left in the file and at the bottom left here.
-//! Triangles without normals are flat, as the format specifies. A document without lights gets
-//! white light from everywhere, as in most viewers; emissive textures do not count as lights.
-//! Surfaces are two-sided whatever `doubleSided` says.
+//! Triangles without normals are flat, as the format specifies. Surfaces are two-sided whatever `doubleSided` says.
 
 mod document;
 mod material;
@@ -19,7 +17,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
 
-use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Mat3A, Vec3, Vec3A};
+use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Mat3A, Vec3A};
 use serde_json::Value as Json;
 
 use self::document::{Document, GLB_MAGIC};
@@ -27,8 +25,8 @@ use self::material::{MaterialReader, UvSets};
 use super::default_scene;
 use super::{MissingTextures, scn};
 use crate::scene::desc::{
-    CameraDesc, ConeDesc, ConeEdge, EntityDesc, EnvironmentDesc, EnvironmentSource, LightDesc,
-    LightKind, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, TextureSlot, Transform,
+    CameraDesc, ConeDesc, ConeEdge, EntityDesc, LightDesc, LightKind, MaterialDesc, MeshDesc,
+    Optics, SceneDesc, ShapeDesc, Transform,
 };
 use crate::scene::names::UniqueNames;
 use crate::scene::{Note, SceneError};
@@ -45,9 +43,6 @@ const EXTENSIONS: &[&str] = &[
 ];
 /// Prefix of the names of material extensions.
 const MATERIAL_EXTENSION_PREFIX: &str = "KHR_materials_";
-/// Number of vertices up to which a framing camera is computed from all vertices; beyond, bounding
-/// boxes of meshes are used.
-const MAX_FRAMED: usize = 1 << 24;
 
 /// Returns whether the first bytes of a file are those of a .glb, or of a JSON with an `asset`.
 pub(super) fn sniff(head: &[u8]) -> bool {
@@ -74,7 +69,6 @@ pub(super) fn load(
         meshes: BTreeMap::new(),
         entities: Vec::new(),
         lights: Vec::new(),
-        transforms: Vec::new(),
         camera: None,
         visited: BTreeSet::new(),
         names: UniqueNames::default(),
@@ -86,18 +80,7 @@ pub(super) fn load(
     let camera = loader
         .camera
         .take()
-        .unwrap_or_else(|| default_scene::framing_camera(loader.bounds()));
-    // Emissive textures are signs and screens, which viewers show in their own light.
-    let is_light =
-        |m: &MaterialDesc| m.emission != Vec3::ZERO && m.texture(TextureSlot::Emission).is_none();
-    let dark = loader.lights.is_empty() && !loader.materials.iter().any(is_light);
-    if dark {
-        loader.note(
-            "scene",
-            "the scene has no lights; an environment of white light with radiance 1 is used (set \
-             `environment` to change it)",
-        );
-    }
+        .unwrap_or_else(|| default_scene::framing_camera(default_scene::bounds(&loader.entities)));
     let desc = SceneDesc {
         views: Vec::new(),
         resolution: scn::DEFAULT_RESOLUTION,
@@ -106,11 +89,7 @@ pub(super) fn load(
         materials: loader.materials,
         entities: loader.entities,
         lights: loader.lights,
-        environment: dark.then_some(EnvironmentDesc {
-            source: EnvironmentSource::Color(Vec3::ONE),
-            rotation_deg: 0.0,
-            scale: 1.0,
-        }),
+        environment: None,
     };
     notes.append(&mut loader.notes);
     Ok((desc.with_default_material(true), notes))
@@ -124,8 +103,6 @@ struct GltfLoader<'a> {
     materials_by_index: BTreeMap<usize, (String, UvSets)>,
     meshes: BTreeMap<usize, Option<Arc<MeshDesc>>>,
     entities: Vec<EntityDesc>,
-    /// Transform of each entity in double precision.
-    transforms: Vec<DAffine3>,
     lights: Vec<LightDesc>,
     camera: Option<CameraDesc>,
     /// Indices of the nodes read so far; a node may have at most one parent.
@@ -278,7 +255,6 @@ impl GltfLoader<'_> {
             matrix3: Mat3A::from(world.matrix3.as_mat3()),
             translation: Vec3A::from(world.translation.as_vec3()),
         };
-        self.transforms.push(world);
         self.entities.push(EntityDesc {
             name,
             transform: Transform::framed(frame),
@@ -287,44 +263,6 @@ impl GltfLoader<'_> {
             shape: ShapeDesc::Mesh(shape),
         });
         Ok(())
-    }
-
-    /// Returns the bounding box of all entities.
-    fn bounds(&self) -> Option<[Vec3; 2]> {
-        let (mut bounds, mut framed) = (None, 0);
-        // Bounding boxes of meshes in object space, by address.
-        let mut boxes: BTreeMap<*const MeshDesc, [Vec3; 2]> = BTreeMap::new();
-        for (entity, world) in self.entities.iter().zip(&self.transforms) {
-            let ShapeDesc::Mesh(mesh) = &entity.shape else {
-                continue;
-            };
-            framed += mesh.positions.len();
-            let mut widen = |p: Vec3| {
-                let p = world.transform_point3(p.as_dvec3()).as_vec3();
-                bounds = Some(default_scene::extended(bounds, p, p));
-            };
-            if framed <= MAX_FRAMED {
-                mesh.positions.iter().copied().for_each(widen);
-                continue;
-            }
-            // Many instances of one mesh: transform its bounding box only.
-            let Some(first) = mesh.positions.first() else {
-                continue;
-            };
-            let [low, high] = *boxes.entry(Arc::as_ptr(mesh)).or_insert_with(|| {
-                mesh.positions
-                    .iter()
-                    .fold([*first; 2], |[low, high], p| [low.min(*p), high.max(*p)])
-            });
-            (0..8).for_each(|i| {
-                widen(Vec3::select(
-                    glam::BVec3::new(i & 1 > 0, i & 2 > 0, i & 4 > 0),
-                    low,
-                    high,
-                ))
-            });
-        }
-        bounds
     }
 
     /// Reads the camera of a node, unless there is one already.

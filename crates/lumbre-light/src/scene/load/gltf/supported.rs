@@ -75,8 +75,7 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
     SupportedElement {
         name: "`KHR_lights_punctual`",
         support: "`point`, `spot` and `directional` lights; intensities are radiometric values, \
-                  without photometric factors. A document without lights gets white light from \
-                  everywhere",
+                  without photometric factors. A document without lights gets a studio",
         limits: "other types are noted",
     },
     SupportedElement {
@@ -97,7 +96,7 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
     },
     SupportedElement {
         name: "`emissiveFactor`, `emissiveTexture`",
-        support: "emission; emissive textures do not count as lights, so white light is added",
+        support: "emission; emissive textures do not count as lights, so a studio is added",
         limits: "",
     },
     SupportedElement {
