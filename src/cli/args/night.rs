@@ -35,6 +35,9 @@ pub struct RunArgs {
     /// Print the plan and exit.
     #[arg(long)]
     pub dry_run: bool,
+    /// Whether the tables at the end are left out, for verbs that print results of their own.
+    #[arg(skip)]
+    pub without_tables: bool,
 }
 
 /// Limits and devices of a night.

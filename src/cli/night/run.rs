@@ -39,6 +39,7 @@ pub fn main(args: &RunArgs, global: &Global, log: &Log) -> Result<Exit, Failure>
     let request = NightRequest {
         night: &args.night,
         only_failed: false,
+        without_tables: args.without_tables,
         script: Some(&args.script),
     };
     run_night(&script, &plan, &request, global, log)
@@ -56,6 +57,7 @@ pub fn retry(args: &RetryArgs, global: &Global, log: &Log) -> Result<Exit, Failu
     let request = NightRequest {
         night: &args.night,
         only_failed: args.failed,
+        without_tables: false,
         script: named.as_ref(),
     };
     run_night(&script, &plan, &request, &global, log)
@@ -73,6 +75,8 @@ struct NightRequest<'a> {
     night: &'a NightArgs,
     /// Whether only runs whose last attempt failed are rendered.
     only_failed: bool,
+    /// Whether no tables are printed at the end.
+    without_tables: bool,
     /// Script as given on the command line. If there is one, the command and a snapshot of the plan
     /// are saved, so that the night can be repeated and workers can join it.
     script: Option<&'a ScriptArgs>,
@@ -134,7 +138,7 @@ fn run_night(
         workers.wait(&ended.control);
     }
     workers.stop();
-    finish_night(plan, &store, ended, request.only_failed, global)
+    finish_night(plan, &store, ended, request, global)
 }
 
 /// Returns the runs of a plan whose last attempt failed.
@@ -183,19 +187,23 @@ fn finish_night(
     plan: &Plan,
     store: &Store,
     ended: EndedNight,
-    only_failed: bool,
+    request: &NightRequest<'_>,
     global: &Global,
 ) -> Result<Exit, Failure> {
     // Finished runs that this night did not render, or left to workers with other devices, also
     // belong in tables and figures.
-    let night = if only_failed || !ended.night.other_workers.is_empty() {
+    let night = if request.only_failed || !ended.night.other_workers.is_empty() {
         with_finished_runs(ended.night, plan, store)
     } else {
         ended.night
     };
     let devices = results::timed_devices(store, plan, &night);
     let written = results::write_results(store, plan, &night, &devices);
-    let printed = results::print_tables(plan, &night, &devices);
+    let printed = if request.without_tables {
+        Ok(())
+    } else {
+        results::print_tables(plan, &night, &devices)
+    };
     if !ended.failures_printed {
         results::print_failures(plan, &night);
     }

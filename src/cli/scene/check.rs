@@ -1,13 +1,21 @@
 //! `lumbre check`: validates scripts and scene files without rendering or writing anything.
 
+use std::collections::BTreeMap;
 use std::path::Path;
+
+use glam::Vec3;
 
 use crate::cli::args::{CheckArgs, Global, ScriptArgs};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
-use crate::cli::format::counted;
+use crate::cli::format::{counted, rounded};
 use crate::cli::night::load;
 use crate::script;
-use lumbre_light::scene::{self, Note};
+use crate::script::scene::LoadedScene;
+use crate::text::visible;
+use lumbre_light::scene::{self, CompiledScene, SceneDesc, SceneError};
+
+/// Maximum number of names that are listed.
+const MOST_NAMES: usize = 40;
 
 /// Runs `lumbre check`: checks all files, also after an error in one of them.
 pub fn main(args: &CheckArgs, global: &Global) -> Result<Exit, Failure> {
@@ -61,15 +69,15 @@ fn check_scene(file: &Path, global: &Global) -> Result<String, Failure> {
             file.display()
         )));
     }
-    let read = || -> Result<(scene::CompiledScene, Vec<Note>), Failure> {
-        let (desc, mut notes) = load::load_scene(file, global.missing()).map_err(Failure::usage)?;
-        // Errors of compilation do not name a file.
-        let (compiled, more) = scene::compile(&desc)
-            .map_err(|e| Failure::usage(format!("{}: {e}", file.display())))?;
-        notes.extend(more);
-        Ok((compiled, notes))
-    };
-    let (compiled, notes) = read()?;
+    let LoadedScene {
+        scene: desc,
+        mut notes,
+        options,
+    } = read_scene(file, global)?;
+    // Errors of compilation do not name a file.
+    let (compiled, more) =
+        scene::compile(&desc).map_err(|e| Failure::usage(format!("{}: {e}", file.display())))?;
+    notes.extend(more);
     for note in &notes {
         // Notes of compilation are about the whole scene and do not name a file.
         let has_no_file = note.file.as_os_str().is_empty();
@@ -80,12 +88,94 @@ fn check_scene(file: &Path, global: &Global) -> Result<String, Failure> {
         });
     }
     let [width, height] = compiled.resolution;
-    Ok(format!(
+    let counts = format!(
         "scene, {}, {}, {}, {}, {width}x{height} pixels, depth {}",
         counted(compiled.triangles.len(), "triangle"),
         counted(compiled.spheres.len(), "sphere"),
         counted(compiled.materials.len(), "material"),
         counted(compiled.emitters.len(), "emitter"),
         compiled.max_depth
-    ))
+    );
+    Ok(counts + &contents(&desc, &compiled, &options))
+}
+
+/// Reads a scene with the options that it declares.
+fn read_scene(file: &Path, global: &Global) -> Result<LoadedScene, Failure> {
+    if script::scene::is_lua(file) {
+        let loaded = script::scene::load(file, &BTreeMap::new(), global.missing());
+        return loaded.map_err(|e| Failure::usage(SceneError::Script(e.to_string())));
+    }
+    let (scene, notes) = load::load_scene(file, global.missing()).map_err(Failure::usage)?;
+    Ok(LoadedScene {
+        scene,
+        notes,
+        options: BTreeMap::new(),
+    })
+}
+
+/// Formats what a scene contains, one line for each kind: the box around all objects, camera, views,
+/// options, objects, materials and lights. Lines begin with a line break.
+fn contents(
+    desc: &SceneDesc,
+    compiled: &CompiledScene,
+    options: &BTreeMap<String, String>,
+) -> String {
+    let point = |p: Vec3| {
+        let [x, y, z] = p.to_array().map(|x| rounded(f64::from(x)));
+        format!("({x}, {y}, {z})")
+    };
+    let ([low, high], _) = compiled.bounds_and_radius();
+    let camera = &desc.camera;
+    let environment = desc.environment.iter().map(|_| "environment".to_owned());
+    let lights = desc.lights.iter().map(|light| light.name.clone());
+    let emitters = compiled.emitters.len();
+    let surfaces = (emitters > 0).then(|| counted(emitters, "emitting triangle or sphere"));
+    let lines = [
+        ("box", format!("{} to {}", point(low), point(high))),
+        (
+            "camera",
+            format!(
+                "at {}, towards {}, field of view {} degrees",
+                point(camera.position),
+                point(camera.target),
+                rounded(f64::from(camera.fov_deg))
+            ),
+        ),
+        (
+            "views",
+            listed(desc.views.iter().map(|(name, _)| name.clone())),
+        ),
+        (
+            "options",
+            listed(
+                options
+                    .iter()
+                    .map(|(name, values)| format!("{name} = {values}")),
+            ),
+        ),
+        (
+            "objects",
+            listed(desc.entities.iter().map(|e| e.name.clone())),
+        ),
+        (
+            "materials",
+            listed(desc.materials.iter().map(|m| m.name.clone())),
+        ),
+        ("lights", listed(lights.chain(environment).chain(surfaces))),
+    ];
+    let shown = lines.iter().filter(|(_, text)| !text.is_empty());
+    shown
+        .map(|(name, text)| format!("\n    {name:<10}{text}"))
+        .collect()
+}
+
+/// Joins names with commas; of many, the first ones and the number of the others.
+fn listed(names: impl Iterator<Item = String>) -> String {
+    let names: Vec<String> = names.collect();
+    let first = names.len().min(MOST_NAMES);
+    let mut text = names[..first].join(", ");
+    if names.len() > first {
+        text += &format!(", and {} more", names.len() - first);
+    }
+    visible(&text).into_owned()
 }

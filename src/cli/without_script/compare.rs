@@ -51,6 +51,7 @@ pub fn main(args: &CompareArgs, global: &Global, log: &Log) -> Result<Exit, Fail
         },
         night: NightArgs::default(),
         dry_run: false,
+        without_tables: args.json,
     };
     let exit = run::main(&request, global, log)?;
     if exit != Exit::Done {

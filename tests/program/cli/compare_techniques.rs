@@ -77,8 +77,7 @@ fn a_comparison_ends_with_a_verdict_and_its_interval() {
     let mut json = args.to_vec();
     json.extend(["--json", "-q"]);
     let output = place.succeed(&json);
-    let start = output.stdout.find("{\n").unwrap();
-    let verdict: Json = serde_json::from_str(&output.stdout[start..]).unwrap();
+    let verdict: Json = serde_json::from_str(&output.stdout).unwrap();
     let verdicts = verdict["verdicts"].as_array().unwrap();
     assert_eq!(verdicts.len(), 1);
     assert_eq!(verdicts[0]["better"], "nee");

@@ -82,8 +82,17 @@ fn check_reads_scripts_and_scenes_and_writes_nothing() {
         "{output}"
     );
     assert!(
-        output.contains("ok  quad.obj: scene, 2 triangles"),
+        output.contains("ok  quad.obj: scene, 6 triangles"),
+        "the quad in a studio: {output}"
+    );
+    assert!(
+        output.contains("\n    objects   quad, stage_ground, stage_light\n"),
         "{output}"
+    );
+    let bare = place.succeed(&["check", "ball.scn"]).stdout;
+    assert!(
+        bare.contains("\n    camera    at (") && bare.contains("\n    box       ("),
+        "{bare}"
     );
     assert_eq!(place.files("."), before);
 }
