@@ -1,5 +1,5 @@
-//! MIS weights and densities of `bdpt` and `vcm`, path by path, compared with the products that define them.
-//! The comparison is deterministic: differences are rounding errors, so a wrong weight is found
+//! MIS weights and densities of `bdpt`, `vcm` and `lvc`, path by path, compared with the products
+//! that define them. The comparison is deterministic: differences are rounding errors, so a wrong weight is found
 //! even if it hardly changes a picture.
 
 use std::rc::Rc;
@@ -16,7 +16,9 @@ use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::{Camera, FilterSpec};
 use lumbre_light::transport::integrator::oracle::{self, COARSE, OracleReport, TOLERANCE};
-use lumbre_light::transport::integrator::{Context, Settings, bdpt, integrator, settings, vcm};
+use lumbre_light::transport::integrator::{
+    Context, Settings, bdpt, integrator, lvc, settings, vcm,
+};
 use lumbre_light::transport::light::Lights;
 use lumbre_light::transport::mis;
 use lumbre_light::value::Value;
@@ -49,6 +51,8 @@ pub fn plan(request: &VerifyRequest) -> Result<Vec<Check>, String> {
     let few = (settings::PHOTONS.key.to_owned(), Value::Int(LIGHT_SUBPATHS));
     merging.params.extend([few]);
     techniques.push(merging);
+    let cached = integrator(lvc::ROW.name).map(Technique::plain);
+    techniques.push(cached.ok_or("no integrator `lvc`")?);
     let built_in = BuiltIn::unpack()?;
     let mut checks = Vec::new();
     for file in built_in.scenes() {
@@ -93,6 +97,9 @@ fn report(
     };
     if technique.row.name == vcm::ROW.name {
         return Ok(oracle::check_vcm(lend, samples, seed));
+    }
+    if technique.row.name == lvc::ROW.name {
+        return Ok(oracle::check_lvc(lend, samples, seed));
     }
     let mut report = OracleReport::default();
     lend(&mut |context| report = oracle::check(context, samples, seed));

@@ -70,6 +70,34 @@ impl NoisyPicture {
         }
     }
 
+    /// Multiplies the variances by that of the sum over pixels, relative to independent pixels, for a
+    /// picture whose pixels have common noise. The factor is that of the whole picture, which bounds
+    /// that of blocks, and at least one. `totals` are the sums over pixels after each iteration.
+    fn add_common_noise(&mut self, totals: &[[f64; 3]]) {
+        let n = totals.len() as f64;
+        let independent = self.variance.mean();
+        let pixels = self.variance.data.len() as f64;
+        let factors: [f64; 3] = std::array::from_fn(|c| {
+            let mean = totals.last().map_or(0.0, |total| total[c]) / n;
+            let before = std::iter::once(0.0).chain(totals.iter().map(|total| total[c]));
+            let each = totals
+                .iter()
+                .zip(before)
+                .map(|(total, before)| total[c] - before);
+            let squares: f64 = each.map(|value| (value - mean) * (value - mean)).sum();
+            let actual = squares / (n - 1.0) / n;
+            let factor = actual / (independent[c] * pixels);
+            if factor.is_finite() {
+                factor.max(1.0)
+            } else {
+                1.0
+            }
+        });
+        for variance in &mut self.variance.data {
+            *variance = std::array::from_fn(|c| (f64::from(variance[c]) * factors[c]) as f32);
+        }
+    }
+
     /// Returns the picture with all pixels black for which `keep` is false.
     pub fn masked(&self, keep: impl Fn(u32, u32) -> bool) -> NoisyPicture {
         let mask = |image: &Image| {
@@ -125,17 +153,35 @@ pub fn render(
         )
     };
     let mut renderer = CpuRenderer::new(Arc::clone(scene), job).map_err(|e| e.to_string())?;
-    let wave = renderer
-        .advance(setting.samples)
-        .map_err(|e| e.to_string())?;
-    match wave.first_invalid {
-        None => Ok(NoisyPicture::from_film(renderer.film())),
-        Some([x, y, sample]) => Err(format!(
-            "{technique} produced {} NaN or infinite samples, the first in pixel {x},{y}, \
-             sample {sample}",
-            wave.invalid
-        )),
+    // Iterations are independent; pixels whose samples share data are not.
+    let shares = technique.row.sharing.is_some();
+    let waves = if shares { setting.samples } else { 1 };
+    let mut totals = Vec::new();
+    for _ in 0..waves {
+        let wave = renderer
+            .advance(setting.samples / waves)
+            .map_err(|e| e.to_string())?;
+        if let Some([x, y, sample]) = wave.first_invalid {
+            return Err(format!(
+                "{technique} produced {} NaN or infinite samples, the first in pixel {x},{y}, \
+                 sample {sample}",
+                wave.invalid
+            ));
+        }
+        totals.push(column_sums(&renderer.film().sum));
     }
+    let mut picture = NoisyPicture::from_film(renderer.film());
+    if shares {
+        picture.add_common_noise(&totals);
+    }
+    Ok(picture)
+}
+
+/// Sums each channel over all pixels.
+fn column_sums(pixels: &[[f64; 3]]) -> [f64; 3] {
+    pixels.iter().fold([0.0; 3], |sum, pixel| {
+        std::array::from_fn(|c| sum[c] + pixel[c])
+    })
 }
 
 /// Result of testing whether two pictures have the same expectation, as one of several tests.

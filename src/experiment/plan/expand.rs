@@ -450,6 +450,7 @@ impl<'a> Builder<'a> {
             ));
         }
         warnings.extend(self.biased_references());
+        warnings.extend(self.checks_with_common_noise());
         warnings.extend(self.short_references());
         warnings.extend(self.duplicate_warning());
         warnings
@@ -494,6 +495,30 @@ impl<'a> Builder<'a> {
         };
         let biased: BTreeSet<(&str, &str)> = biased.collect();
         biased.into_iter().map(warning).collect()
+    }
+
+    /// Returns a warning for each integrator of bias checks whose samples share data.
+    fn checks_with_common_noise(&self) -> Vec<String> {
+        let checked = self.references.iter().filter_map(|r| {
+            let second = &self.references[r.bias_check.as_ref()?.with];
+            Some([&r.source, &second.source])
+        });
+        let shares = checked.flatten().filter_map(|source| match source {
+            ReferenceSource::Render { config, .. } => {
+                let name = config.integrator.as_str();
+                integrator(name)?.sharing.map(|_| name)
+            }
+            ReferenceSource::File { .. } => None,
+        });
+        let warning = |name| {
+            format!(
+                "the bias check takes pixels for independent, but those of `{name}` share light \
+                 subpaths: with fewer of them than pixels it may report noise as a bias. Give \
+                 `photons` at least the number of pixels, its default"
+            )
+        };
+        let shares: BTreeSet<&str> = shares.collect();
+        shares.into_iter().map(warning).collect()
     }
 
     /// Returns a warning if several cells are the same run, which means that axes have no effect.

@@ -436,6 +436,23 @@ fn a_bias_check_refuses_a_technique_that_is_not_unbiased_and_a_reference_by_it_i
     assert!(noted("bpt").is_empty(), "{:?}", noted("bpt"));
 }
 
+#[test]
+fn a_bias_check_of_a_technique_whose_pixels_share_noise_is_noted() {
+    for pair in [("bpt", "lvc"), ("lvc", "bpt")] {
+        let warnings = compared_by(pair.0, Some(pair.1)).plan().warnings;
+        assert!(
+            warnings
+                .iter()
+                .any(|w| w.contains("those of `lvc` share light subpaths")),
+            "{warnings:?}"
+        );
+    }
+    let warnings = compared_by("bpt", Some("nee")).plan().warnings;
+    assert!(warnings.is_empty(), "{warnings:?}");
+    let warnings = compared_by("lvc", None).plan().warnings;
+    assert!(warnings.is_empty(), "{warnings:?}");
+}
+
 /// Opens a renderer that is biased for `nee`: its paths may have one more edge, which adds light.
 fn biased(_: &str, scene: Arc<CompiledScene>, job: Job) -> Result<Box<dyn Renderer>, RenderError> {
     let max_depth = if job.integrator.name == "nee" {

@@ -6,6 +6,7 @@ pub mod bpt;
 pub mod camera_path;
 pub mod external;
 pub mod iteration;
+pub mod lvc;
 pub mod nee;
 pub mod oracle;
 pub mod settings;
@@ -112,7 +113,7 @@ macro_rules! integrators {
     };
 }
 
-integrators!(camera paths: bpt::Bpt, nee::Nee, sppm::Sppm; bidirectional: bdpt; others: vcm);
+integrators!(camera paths: bpt::Bpt, nee::Nee, sppm::Sppm; bidirectional: bdpt; others: vcm, lvc);
 
 /// Computes one sample of one pixel and passes every contribution to the sink.
 pub type SampleFn = fn(&Context, pixel: [u32; 2], &mut Sampler, sink: &mut dyn FnMut(Contribution));

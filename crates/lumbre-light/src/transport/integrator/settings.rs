@@ -53,6 +53,25 @@ pub const PHOTONS: Field = Field {
           traces from the lights; auto takes the number of pixels",
 };
 
+/// The parameter `connections` of integrators that choose vertices of light subpaths.
+pub const CONNECTIONS: Field = Field {
+    key: "connections",
+    ty: Ty::Int { min: 1, max: 1024 },
+    required: false,
+    default: "1",
+    doc: "number of vertices of light subpaths with which each camera vertex is connected",
+};
+
+/// The parameter `candidates` of integrators that choose vertices of light subpaths by resampling.
+pub const CANDIDATES: Field = Field {
+    key: "candidates",
+    ty: Ty::Int { min: 1, max: 1024 },
+    required: false,
+    default: "8",
+    doc: "number of vertices that are drawn for each connection, of which one is chosen in \
+          proportion to the light that it would bring without occlusion; 1 connects the drawn vertex",
+};
+
 /// The parameter `radius` of integrators that gather photons.
 pub const RADIUS: Field = Field {
     key: "radius",
@@ -129,6 +148,10 @@ pub struct Settings {
     pub alpha: f32,
     /// Way of joining light subpaths with camera subpaths.
     pub join: Join,
+    /// Number of connections of a camera vertex with chosen vertices of light subpaths.
+    pub connections: u32,
+    /// Number of vertices that are drawn for each such connection.
+    pub candidates: u32,
 }
 
 impl Settings {
@@ -151,6 +174,8 @@ impl Settings {
             radius: number(RADIUS).map(|radius| radius as f32),
             alpha: number(ALPHA).map_or(2.0 / 3.0, |alpha| alpha as f32),
             join: Join::from_params(params),
+            connections: number(CONNECTIONS).map_or(1, |connections| connections as u32),
+            candidates: number(CANDIDATES).map_or(8, |candidates| candidates as u32),
         }
     }
 
@@ -191,6 +216,8 @@ mod tests {
                 radius: None,
                 alpha: 2.0 / 3.0,
                 join: Join::Both,
+                connections: 1,
+                candidates: 8,
             }
         );
         assert!(plain.includes(3, 4) && !plain.unweighted());
@@ -203,6 +230,8 @@ mod tests {
             ("radius", Value::Num(0.25)),
             ("alpha", Value::Num(0.5)),
             ("join", "merge".into()),
+            ("connections", Value::Int(3)),
+            ("candidates", Value::Int(5)),
         ];
         let mut params: BTreeMap<String, Value> =
             given.map(|(k, v): (&str, Value)| (k.to_owned(), v)).into();
@@ -218,6 +247,8 @@ mod tests {
                 radius: Some(0.25),
                 alpha: 0.5,
                 join: Join::Merge,
+                connections: 3,
+                candidates: 5,
             }
         );
         assert!(one.unweighted() && one.includes(2, 3) && !one.includes(3, 2));

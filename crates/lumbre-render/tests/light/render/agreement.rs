@@ -17,6 +17,7 @@ use lumbre_light::transport::integrator::{Context, INTEGRATORS, IntegratorRow, i
 use lumbre_light::transport::light::SELECT_FIELD;
 use lumbre_light::transport::sampler::Sampler;
 use lumbre_light::value::Value;
+use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
 
 use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
 
@@ -70,7 +71,7 @@ fn variants_are_all_ways_of_finding_the_light() {
         .iter()
         .map(|(row, params)| format!("{} {params:?}", row.name))
         .collect();
-    assert_eq!(names.len(), 7, "{names:?}");
+    assert_eq!(names.len(), 10, "{names:?}");
     for expected in ["nee {}", "nee {\"lights\"", "bdpt {\"mis\": Str(\"none\")"] {
         assert!(
             names.iter().any(|name| name.starts_with(expected)),
@@ -103,7 +104,38 @@ fn picture(
 ) -> Vec<(f64, f64)> {
     let mut j = job([SIDE as u32; 2], setting.depth, seed);
     (j.integrator, j.params, j.rr_start) = (row, params.clone(), setting.rr_start);
+    if row.sharing.is_some() {
+        return blocks_by_iteration(setting.scene, j, samples);
+    }
     blocks(&render(setting.scene, j, samples))
+}
+
+/// Returns the result of [`blocks`] for a technique whose pixels have common noise: errors are those
+/// of independent iterations.
+fn blocks_by_iteration(scene: &Arc<CompiledScene>, job: Job, samples: u64) -> Vec<(f64, f64)> {
+    let mut renderer = CpuRenderer::new(Arc::clone(scene), job).unwrap();
+    let (mut sums, mut before) = (Vec::new(), Film::new(SIDE as u32, SIDE as u32));
+    for _ in 0..samples {
+        assert_eq!(renderer.advance(1).unwrap().invalid, 0);
+        let film = renderer.film().clone();
+        let mut one = film.clone();
+        one.samples = 2;
+        for (sum, before) in one.sum.iter_mut().zip(&before.sum) {
+            *sum = std::array::from_fn(|c| 2.0 * (sum[c] - before[c]));
+        }
+        let cells = blocks(&one);
+        sums.resize(cells.len(), (0.0, 0.0));
+        for (sum, (value, _)) in sums.iter_mut().zip(cells) {
+            *sum = (sum.0 + value, sum.1 + value * value);
+        }
+        before = film;
+    }
+    let n = samples as f64;
+    let moments = sums.iter().map(|(sum, squares)| {
+        let mean = sum / n;
+        (mean, (squares / n - mean * mean).max(0.0) / (n - 1.0))
+    });
+    moments.collect()
 }
 
 /// Returns the mean and squared standard error of every block and of the whole film, channel by

@@ -38,6 +38,7 @@ mod lights;
 mod lights_density;
 mod lights_emission;
 mod lights_truth;
+mod lvc;
 mod oracle;
 mod sampling;
 mod surface;

@@ -1,5 +1,5 @@
-//! The weights of `bdpt` and `vcm` compared with their definition, over their paths in scenes of every
-//! kind.
+//! The weights of `bdpt`, `vcm` and `lvc` compared with their definition, over their paths in scenes
+//! of every kind.
 
 use std::sync::Arc;
 
@@ -37,8 +37,37 @@ fn assert_weights_are_exact(scene: &Arc<CompiledScene>, depth: u32) -> OracleRep
         );
         last = report;
         assert_merging_is_exact(scene, mis, depth, seed as u64);
+        assert_cache_is_exact(scene, mis, depth, seed as u64);
     }
     last
+}
+
+/// Compares the weights of `lvc` with their definition, with fewer and more light subpaths than
+/// pixels, and with several connections.
+fn assert_cache_is_exact(scene: &Arc<CompiledScene>, mis: &str, depth: u32, seed: u64) {
+    for (connections, candidates, photons) in [(1, 8, 500), (3, 1, 2000)] {
+        let given = params(&[
+            ("mis", mis.into()),
+            ("connections", Value::Int(connections)),
+            ("candidates", Value::Int(candidates)),
+            ("photons", Value::Int(photons)),
+        ]);
+        let samples = 4000;
+        let lend = |run: &mut dyn FnMut(&Context)| {
+            with_context(scene, FilterSpec::PIXEL, &given, depth, |context| {
+                run(context)
+            });
+        };
+        let report = oracle::check_lvc(lend, samples, seed);
+        assert!(
+            report.paths > samples
+                && report.worst_weight < oracle::TOLERANCE
+                && report.worst_sum < oracle::TOLERANCE
+                && report.rough_densities * 100 <= report.paths
+                && report.coarse_densities * 1000 <= report.paths,
+            "{mis} {connections} {candidates} {photons}: {report:?}"
+        );
+    }
 }
 
 /// Compares the weights of `vcm` with their definition, with fewer and more light subpaths than

@@ -14,7 +14,7 @@ use crate::transport::bsdf::TransportMode;
 use crate::transport::contribution::Contribution;
 use crate::transport::integrator::Context;
 use crate::transport::integrator::camera_path::{Path, TerminatorState, unoccluded};
-use crate::transport::integrator::iteration::light_paths::VertexId;
+use crate::transport::integrator::iteration::light_paths::{LightPaths, VertexId};
 use crate::transport::light::LightPoint;
 use crate::transport::ray::Ray;
 use crate::transport::sampler::Sampler;
@@ -65,9 +65,29 @@ pub struct ConnectedPath<'a> {
     pub wi: Vec3,
     /// The point of the lens.
     pub lens: Vec3,
-    /// The vertex of another light subpath with which the camera subpath was merged, if it was not
-    /// connected.
-    pub merged: Option<VertexId>,
+    /// The shared vertex with which the camera subpath was joined, if it is not one of its own light
+    /// subpath.
+    pub shared: Option<SharedVertex>,
+    /// Number of samples by which the estimate was divided.
+    pub samples: f64,
+}
+
+/// A vertex of a light subpath that all pixels share.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SharedVertex {
+    /// Vertex that was connected with the last one of the camera subpath.
+    Connected(VertexId),
+    /// Vertex that was merged with the last one of the camera subpath.
+    Merged(VertexId),
+}
+
+/// Vertex of a light subpath that was drawn at random.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drawn {
+    /// Position of the vertex.
+    pub id: VertexId,
+    /// Number of samples by which its estimate is divided.
+    pub samples: f64,
 }
 
 /// The vertex and the light that a step found.
@@ -166,12 +186,21 @@ impl Reporter<'_, '_> {
     /// Connects the camera vertex number `t` to a sampled light and to every vertex of the light
     /// subpath.
     pub fn connect_camera_vertex(&mut self, z: &Vertex, t: u32, sampler: &mut Sampler) {
-        let Reporter {
-            context, subpaths, ..
-        } = *self;
+        let subpaths = self.subpaths;
         if !z.bsdf.has_density() {
             return;
         }
+        self.connect_light(z, t, sampler);
+        for (y, s) in subpaths.light.iter().zip(2..) {
+            if let Some(c) = self.connection(&y.vertex, z, [s, t]) {
+                self.report(&c, [s, t]);
+            }
+        }
+    }
+
+    /// Connects the camera vertex number `t` to a sampled light.
+    pub fn connect_light(&mut self, z: &Vertex, t: u32, sampler: &mut Sampler) {
+        let context = self.context;
         if context.settings.includes(1, t) {
             let mut lifted = *z;
             let lifts = lifted.lift();
@@ -181,22 +210,24 @@ impl Reporter<'_, '_> {
                 }
             }
         }
-        let max = context.max_depth;
-        for (y, s) in subpaths
-            .light
-            .iter()
-            .zip(2..)
-            .take_while(|(_, s)| s + t - 1 <= max)
+    }
+
+    /// Returns the connection of the camera vertex number `t` with vertex number `s` of a light
+    /// subpath; `None` if it finds no light or gives a path that is too long.
+    pub fn connection(&self, y: &Vertex, z: &Vertex, [s, t]: [u32; 2]) -> Option<Connection> {
+        let context = self.context;
+        if s + t - 1 > context.max_depth
+            || !y.bsdf.has_density()
+            || !context.settings.includes(s, t)
         {
-            let y = &y.vertex;
-            if !y.bsdf.has_density() || !context.settings.includes(s, t) {
-                continue;
-            }
-            let (lit, end) = connect::camera_end(context, z, y.state.position, true);
-            let from = z.state.towards_light(&z.terminator, y.state.position);
-            if lit && let Some(c) = connect::connect(context, y, (&from, z.partials), &end, true) {
-                self.report(&c, [s, t]);
-            }
+            return None;
+        }
+        let (lit, end) = connect::camera_end(context, z, y.state.position, true);
+        let from = z.state.towards_light(&z.terminator, y.state.position);
+        if lit {
+            connect::connect(context, y, (&from, z.partials), &end, true)
+        } else {
+            None
         }
     }
 
@@ -209,7 +240,7 @@ impl Reporter<'_, '_> {
             && let Some(start) = &subpaths.start
             && let Some((c, lens)) = connect::connect_s1_t1(context, start, sampler, true)
         {
-            self.report_at(&c, [1, 1], lens.pixels[0], lens.at.lens);
+            self.report_at(&c, [1, 1], lens.pixels[0], lens.at.lens, None);
         }
         for (y, s) in subpaths.light.iter().zip(2..) {
             let (y, emitted) = (&y.vertex, subpaths.emitted);
@@ -217,18 +248,37 @@ impl Reporter<'_, '_> {
                 && context.settings.includes(s, 1)
                 && let Some((c, lens)) = connect::connect_t1(context, y, emitted, sampler, true)
             {
-                self.report_at(&c, [s, 1], lens.pixels[0], lens.at.lens);
+                self.report_at(&c, [s, 1], lens.pixels[0], lens.at.lens, None);
             }
         }
     }
 
     /// Reports a connection that contributes to the sample's own pixel.
     fn report(&mut self, c: &Connection, strategy: [u32; 2]) {
-        self.report_at(c, strategy, self.pixel, self.subpaths.lens);
+        self.report_at(c, strategy, self.pixel, self.subpaths.lens, None);
+    }
+
+    /// Reports a connection with a drawn vertex.
+    pub fn report_drawn(&mut self, c: &Connection, strategy: [u32; 2], drawn: Drawn) {
+        self.report_at(c, strategy, self.pixel, self.subpaths.lens, Some(drawn));
+    }
+
+    /// Returns the MIS weight of a connection.
+    pub fn weight(&self, c: &Connection, [s, t]: [u32; 2]) -> f64 {
+        let settings = self.context.settings;
+        let others = c.others / settings.heuristic().term(self.counts.of(s, t));
+        Connection { others, ..*c }.weight(settings)
     }
 
     /// Reports a connection that contributes to `pixel` through the lens point `lens`.
-    fn report_at(&mut self, c: &Connection, [s, t]: [u32; 2], pixel: [u32; 2], lens: Vec3) {
+    fn report_at(
+        &mut self,
+        c: &Connection,
+        [s, t]: [u32; 2],
+        pixel: [u32; 2],
+        lens: Vec3,
+        drawn: Option<Drawn>,
+    ) {
         let lit = c
             .ray
             .as_ref()
@@ -236,12 +286,10 @@ impl Reporter<'_, '_> {
         if !lit || !c.found {
             return;
         }
-        let settings = self.context.settings;
-        let count = self.counts.of(s, t);
-        let others = c.others / settings.heuristic().term(count);
-        let weight = Connection { others, ..*c }.weight(settings);
+        let weight = self.weight(c, [s, t]);
         // Each of several samples has its share of the estimate.
-        let unweighted = c.unweighted / count as f32;
+        let samples = drawn.map_or(self.counts.of(s, t), |drawn| drawn.samples);
+        let unweighted = c.unweighted / samples as f32;
         let contribution = Contribution {
             pixel,
             value: unweighted * weight as f32,
@@ -257,7 +305,8 @@ impl Reporter<'_, '_> {
             point: c.point,
             wi: c.wi,
             lens,
-            merged: None,
+            shared: drawn.map(|drawn| SharedVertex::Connected(drawn.id)),
+            samples,
         });
     }
 }
@@ -311,6 +360,14 @@ impl Subpaths {
         self.walk(context, counts, mode, context.max_depth, &mut subpath);
         *sampler = subpath.path.sampler;
         subpath
+    }
+
+    /// Replaces the light subpath by a shared one.
+    pub fn load_light(&mut self, context: &Context, paths: &LightPaths, path: u64) {
+        self.start = paths.load(context, path, &mut self.light);
+        if let Some(start) = &mut self.start {
+            start.emitted = self.emitted;
+        }
     }
 
     /// Traces a subpath until it ends.

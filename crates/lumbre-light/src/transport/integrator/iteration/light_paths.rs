@@ -115,6 +115,14 @@ pub struct VertexId {
     index: u32,
 }
 
+impl VertexId {
+    /// Returns the vertex with an index in a unit of work.
+    pub fn new(unit: usize, index: u32) -> VertexId {
+        let unit = unit as u32;
+        VertexId { unit, index }
+    }
+}
+
 /// Surface and event of a vertex, stored besides its state.
 #[derive(Clone, Copy, Debug)]
 struct Event {
@@ -126,6 +134,8 @@ struct Event {
     edge: u16,
     /// Whether a surface may scatter light there from more than isolated directions.
     scatters: bool,
+    /// Whether the vertex can be connected: its own BSDF has a density.
+    connects: bool,
 }
 
 /// Light subpaths of one unit of work.
@@ -184,10 +194,28 @@ impl LightPaths {
         } = &self.units[unit];
         for (index, (record, event)) in vertices.iter().zip(events).enumerate() {
             if event.scatters {
-                let (unit, index) = (unit as u32, index as u32);
-                visit(VertexId { unit, index }, &VertexRecord::load([record]));
+                visit(
+                    VertexId::new(unit, index as u32),
+                    &VertexRecord::load([record]),
+                );
             }
         }
+    }
+
+    /// Returns the indices of the vertices of a unit that can be connected.
+    pub fn connected(&self, unit: usize) -> Vec<u32> {
+        let events = self.units[unit].events.iter().zip(0..);
+        let connected = events.filter(|(event, _)| event.connects);
+        connected.map(|(_, index)| index).collect()
+    }
+
+    /// Returns a vertex with its number of edges from the light.
+    pub fn vertex(&self, context: &Context, id: VertexId) -> (u32, SubpathVertex) {
+        let (unit, index) = (&self.units[id.unit as usize], id.index as usize);
+        (
+            u32::from(unit.events[index].edge),
+            unit.load(context, index),
+        )
     }
 
     /// Returns a vertex without its BSDF: the number of edges from the light, the state, and the
@@ -242,6 +270,7 @@ impl Unit {
                 edge: found.edge as u16,
                 // Camera paths draw their own component of a composed material.
                 scatters: found.composed || found.vertex.bsdf.has_density(),
+                connects: found.vertex.bsdf.has_density(),
             });
             if has_shading {
                 let [shading] = ShadingRecord::store::<f32, 1>(*found.shading);

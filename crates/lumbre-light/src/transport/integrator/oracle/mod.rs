@@ -1,6 +1,6 @@
-//! A slow reference for the MIS weights of `bdpt` and `vcm`: computes the density of every strategy of
-//! a path as the product that defines it, and the weights that follow. It shares with them only the
-//! densities of single events.
+//! A slow reference for the MIS weights of `bdpt`, `vcm` and `lvc`: computes the density of every
+//! strategy of a path as the product that defines it, and the weights that follow. It shares with
+//! them only the densities of single events.
 
 mod path;
 mod split;
@@ -9,9 +9,11 @@ pub use path::{ByStrategy, Path, ScatterVertex};
 pub use split::fast_weights;
 
 use super::Context;
-use super::bdpt::single::{self, ConnectedPath, Subpaths};
+use super::bdpt::single::{self, ConnectedPath, SharedVertex, Subpaths};
 use super::bdpt::weights::StrategyCounts;
-use super::iteration::{Iteration, Resources, Workers};
+use super::iteration::light_paths::LightPaths;
+use super::iteration::{Iteration, Resources, Shared, Sharing, Workers};
+use super::lvc::{self, cache::LightVertexCache};
 use super::vcm::{self, shared::SharedVertices};
 use crate::math::rng::pcg4d;
 use crate::math::stats::median;
@@ -117,7 +119,7 @@ pub fn check(context: &Context, samples: u64, seed: u64) -> OracleReport {
     };
     for_each_sample(context, samples, seed, |pixel, sampler| {
         single::for_each_path(context, pixel, sampler, &mut subpaths, &mut |found| {
-            report.compare(context, &rule, &found);
+            report.compare(context, &rule, None, &found);
         });
     });
     report
@@ -130,34 +132,74 @@ pub fn check_vcm(
     samples: u64,
     seed: u64,
 ) -> OracleReport {
-    let resources = Resources {
-        seed,
-        sampler: INDEPENDENT,
-        workers: &OneThread(&lend),
-    };
-    let shared = vcm::shared::begin(&Iteration {
-        index: 0,
-        resources,
-        prepared: &*vcm::shared::prepare(&resources),
-    });
+    let shared = first_iteration(&lend, vcm::ROW.sharing, seed);
     let mut report = OracleReport::default();
     let mut buffers = vcm::Buffers::default();
     lend(&mut |context| {
         let context = &Context {
-            shared: Some(&*shared),
+            shared: shared.as_deref(),
             ..*context
         };
+        let SharedVertices { paths, counts, .. } = context.shared();
         let rule = Rule {
             heuristic: context.settings.heuristic(),
-            counts: context.shared::<SharedVertices>().counts,
+            counts: *counts,
         };
         for_each_sample(context, samples, seed, |pixel, sampler| {
             vcm::for_each_path(context, pixel, sampler, &mut buffers, &mut |found| {
-                report.compare(context, &rule, &found);
+                report.compare(context, &rule, Some(paths), &found);
             });
         });
     });
     report
+}
+
+/// Compares `samples` samples of an iteration of `lvc` with the definition, as [`check_vcm`] does
+/// for `vcm`.
+pub fn check_lvc(
+    lend: impl Fn(&mut dyn FnMut(&Context)) + Sync,
+    samples: u64,
+    seed: u64,
+) -> OracleReport {
+    let shared = first_iteration(&lend, lvc::ROW.sharing, seed);
+    let mut report = OracleReport::default();
+    let mut buffers = lvc::Buffers::default();
+    lend(&mut |context| {
+        let context = &Context {
+            shared: shared.as_deref(),
+            ..*context
+        };
+        let LightVertexCache { paths, counts, .. } = context.shared();
+        let rule = Rule {
+            heuristic: context.settings.heuristic(),
+            counts: *counts,
+        };
+        for_each_sample(context, samples, seed, |pixel, sampler| {
+            lvc::for_each_path(context, pixel, sampler, &mut buffers, &mut |found| {
+                report.compare(context, &rule, Some(paths), &found);
+            });
+        });
+    });
+    report
+}
+
+/// Returns the data that the samples of the first iteration share, computed in one thread.
+fn first_iteration(
+    lend: &(impl Fn(&mut dyn FnMut(&Context)) + Sync),
+    sharing: Option<Sharing>,
+    seed: u64,
+) -> Option<Box<Shared>> {
+    let Sharing { prepare, begin, .. } = sharing?;
+    let resources = Resources {
+        seed,
+        sampler: INDEPENDENT,
+        workers: &OneThread(lend),
+    };
+    Some(begin(&Iteration {
+        index: 0,
+        resources,
+        prepared: &*prepare(&resources),
+    }))
 }
 
 /// The calling thread, with the function that lends a context.
@@ -191,15 +233,21 @@ fn for_each_sample(
 
 impl OracleReport {
     /// Compares one path with the definition and updates the report.
-    fn compare(&mut self, context: &Context, rule: &Rule, found: &ConnectedPath) {
-        let Some(path) = Path::new(context, found) else {
+    fn compare(
+        &mut self,
+        context: &Context,
+        rule: &Rule,
+        shared: Option<&LightPaths>,
+        found: &ConnectedPath,
+    ) {
+        let Some(path) = Path::new(context, shared, found) else {
             return;
         };
         let expected = path.weights(context, rule);
         let fast = fast_weights(context, rule, &path);
         self.paths += 1;
         let sum_error = (fast.sum() - 1.0).abs();
-        if found.merged.is_some() {
+        if matches!(found.shared, Some(SharedVertex::Merged(_))) {
             self.rough_merged_sums += u64::from(sum_error.is_nan() || sum_error > TOLERANCE);
             self.compare_merged(context, rule, found, (&path, &expected));
             return;
@@ -225,7 +273,10 @@ impl OracleReport {
                 0.0
             }
             Some(carried) => {
-                let p = path.densities(context, &rule.counts).connections[s];
+                // The estimate is divided by the number of samples, which drawing replaces by the
+                // actual one.
+                let actual = found.samples / rule.counts.of(s as u32, t as u32);
+                let p = path.densities(context, &rule.counts).connections[s] * actual;
                 let estimated = found.contribution.unweighted.as_dvec3() * p;
                 (estimated - carried).abs().max_element() / carried.abs().max_element()
             }

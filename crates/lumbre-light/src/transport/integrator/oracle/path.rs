@@ -5,10 +5,10 @@ use glam::{DVec3, Vec3};
 use super::Rule;
 use crate::transport::bsdf::{Bsdf, TransportMode};
 use crate::transport::integrator::Context;
-use crate::transport::integrator::bdpt::single::ConnectedPath;
+use crate::transport::integrator::bdpt::single::{ConnectedPath, SharedVertex};
 use crate::transport::integrator::bdpt::state::Vertex;
 use crate::transport::integrator::bdpt::weights::StrategyCounts;
-use crate::transport::integrator::vcm::shared::SharedVertices;
+use crate::transport::integrator::iteration::light_paths::LightPaths;
 use crate::transport::light::{LightId, LightPoint};
 
 /// A vertex between the light and the lens.
@@ -80,19 +80,25 @@ impl ByStrategy {
 
 impl Path {
     /// Builds the path that a strategy found; `None` if the record is incomplete. A merged path has
-    /// the vertex of its camera subpath.
-    pub fn new(context: &Context, found: &ConnectedPath) -> Option<Path> {
+    /// the vertex of its camera subpath. `shared` are the light subpaths of the iteration, if there
+    /// are any.
+    pub fn new(
+        context: &Context,
+        shared: Option<&LightPaths>,
+        found: &ConnectedPath,
+    ) -> Option<Path> {
         let (s, t) = (found.contribution.s as usize, found.contribution.t as usize);
         let subpaths = found.subpaths;
         let mut loaded = Vec::new();
-        let (all_light, start) = match found.merged {
+        let (all_light, start) = match found.shared {
             None => (&subpaths.light, subpaths.start),
-            Some(id) => {
-                let paths = &context.shared::<SharedVertices>().paths;
+            Some(SharedVertex::Connected(id) | SharedVertex::Merged(id)) => {
+                let paths = shared?;
                 let start = paths.load(context, paths.path_of(id), &mut loaded);
                 (&loaded, start)
             }
         };
+        let merged = matches!(found.shared, Some(SharedVertex::Merged(_)));
         let light = match (found.point, start) {
             (Some(point), _) => point,
             (None, start) => {
@@ -106,7 +112,7 @@ impl Path {
         let mut surfaces = Vec::with_capacity(s + t);
         let mut dirs = Vec::with_capacity(s + t);
         for (i, y) in light_vertices.iter().enumerate() {
-            let connected = found.merged.is_none() && i + 1 == light_vertices.len();
+            let connected = !merged && i + 1 == light_vertices.len();
             let turns = y.delta && !connected;
             surfaces.push(ScatterVertex::new(&y.vertex, turns.then_some(1.0 / y.eta)));
             dirs.push(-y.vertex.out.wo);

@@ -28,7 +28,7 @@ pub mod shared;
 use std::cell::RefCell;
 
 use self::shared::SharedVertices;
-use super::bdpt::single::{self, ConnectedPath, Reporter, SubpathVertex, Subpaths};
+use super::bdpt::single::{self, ConnectedPath, Reporter, SharedVertex, SubpathVertex, Subpaths};
 use super::bdpt::state::{Vertex, VertexState};
 use super::bdpt::weights::{MisPartials, others_merging};
 use super::iteration::Sharing;
@@ -175,10 +175,7 @@ pub fn for_each_path(
 
 /// Loads a light subpath whose vertices are to be connected.
 fn load(context: &Context, shared: &SharedVertices, path: u64, into: &mut Subpaths) {
-    into.start = shared.paths.load(context, path, &mut into.light);
-    if let Some(start) = &mut into.start {
-        start.emitted = into.emitted;
-    }
+    into.load_light(context, &shared.paths, path);
     for SubpathVertex { vertex, .. } in &mut into.light {
         *vertex = with_merging(context, shared, vertex);
     }
@@ -219,6 +216,8 @@ struct Merged {
     length: f64,
     /// Unit direction to the previous vertex of the light subpath.
     wi: Vec3,
+    /// Number of samples by which the estimate was divided.
+    samples: f64,
 }
 
 impl Merged {
@@ -250,6 +249,7 @@ impl Merged {
             others: others_merging(h, &shared.counts, ends, &at_z),
             length: optical_length(context, y, z),
             wi,
+            samples: f64::from(shared.map.scale()).recip(),
         })
     }
 
@@ -270,7 +270,8 @@ impl Merged {
             point: None,
             wi: self.wi,
             lens: reporter.subpaths.lens,
-            merged: Some(id),
+            shared: Some(SharedVertex::Merged(id)),
+            samples: self.samples,
         });
     }
 }
