@@ -1,4 +1,4 @@
-//! The command line. Connects the modules of level 5 and is the only module that prints.
+//! The command line. Connects the other modules and is the only module that prints.
 //!
 //! Results go to stdout, status messages to stderr. Errors arrive here as values and are printed
 //! once, with their position in the script if they have one. [`exit::Exit`] lists the exit codes.
@@ -105,6 +105,7 @@ fn dispatch(cli: &Cli) -> Result<Exit, Failure> {
         Verb::Cancel(args) => cluster::cancel(args, global),
         Verb::Explain(args) => inspect::explain::main(args, global),
         Verb::Render(args) => without_script::picture::main(args, global),
+        Verb::Explore(args) => without_script::explore::main(args, global),
         Verb::Compare(args) => without_script::compare::main(args, global, &log),
         Verb::New(args) => without_script::new::main(args, global),
         Verb::Plan(args) => night::plan::main(args, global),

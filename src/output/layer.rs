@@ -52,7 +52,7 @@ pub fn encode(
 }
 
 /// Returns display values in 0..=1, with the transfer curve of the display applied.
-pub(super) fn display_values(layer: &LayerImage, display: Tonemap) -> Image {
+pub fn display_values(layer: &LayerImage, display: Tonemap) -> Image {
     let image = &layer.image;
     let each = |f: &dyn Fn([f32; 3]) -> [f32; 3]| Image {
         width: image.width,

@@ -37,6 +37,7 @@ use std::rc::Rc;
 use mlua::chunk::ChunkMode;
 use mlua::{Lua, Value as LuaValue};
 
+pub use api::render_schema::RENDER;
 pub use error::{Problem, ScriptError};
 pub use limits::Limits;
 pub use literal::literal;

@@ -9,22 +9,20 @@
 //! times per second. A slow terminal loses frames, and a terminal that is gone ends the thread;
 //! neither affects the night.
 
-use std::fs::File;
-use std::io::{self, BufWriter, IsTerminal, Stdout, Write};
+use std::io::{self, Write};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
 
 use crossterm::event::{self, KeyEvent};
-use crossterm::{cursor, execute, queue, terminal};
-use ratatui::Terminal;
-use ratatui::backend::CrosstermBackend;
+use crossterm::{execute, queue, terminal};
 use ratatui::layout::Rect;
 
 use super::model::night::NightModel;
 use super::model::time_preview::TimePreview;
 use super::modes::NightRequest;
 use super::panes;
+use super::terminal::full_screen::{self, BufferedTerminal, InputEvents};
 use super::terminal::terminal_caps::{Graphics, TerminalCaps};
 use super::terminal::terminal_guard::TerminalGuard;
 use super::view::{PendingRequests, View};
@@ -113,9 +111,9 @@ impl Dashboard {
             Role::Run(_) => Clock::Since(Instant::now()),
             Role::Watch => Clock::Unix,
         };
-        let guard = TerminalGuard::acquire(enter, restore)?;
+        let guard = TerminalGuard::acquire(full_screen::enter, full_screen::restore)?;
         let caps = TerminalCaps::from_env(&|name| std::env::var(name).ok());
-        let terminal = open_terminal()?;
+        let terminal = full_screen::open()?;
         let view = View {
             watching: matches!(role, Role::Watch),
             ..View::new(caps)
@@ -124,7 +122,7 @@ impl Dashboard {
         let screen = Screen {
             terminal,
             guard,
-            keys: Keys::new(),
+            input: InputEvents::new(),
             view,
             graphics,
             role,
@@ -229,32 +227,6 @@ impl Sink for Dashboard {
     }
 }
 
-/// The terminal; a frame is buffered as a whole before it is written.
-type BufferedTerminal = Terminal<CrosstermBackend<BufWriter<Stdout>>>;
-
-fn open_terminal() -> io::Result<BufferedTerminal> {
-    Terminal::new(CrosstermBackend::new(BufWriter::with_capacity(
-        1 << 16,
-        io::stdout(),
-    )))
-}
-
-fn enter() -> io::Result<()> {
-    terminal::enable_raw_mode()?;
-    execute!(io::stdout(), terminal::EnterAlternateScreen, cursor::Hide)
-}
-
-/// Restores the terminal. Errors are ignored, since they cannot be displayed.
-fn restore() {
-    let _ = execute!(
-        io::stdout(),
-        terminal::EndSynchronizedUpdate,
-        terminal::LeaveAlternateScreen,
-        cursor::Show
-    );
-    let _ = terminal::disable_raw_mode();
-}
-
 /// Reason why the drawing thread ended.
 enum ExitReason {
     /// The dashboard was closed.
@@ -267,7 +239,7 @@ enum ExitReason {
 struct Screen {
     terminal: BufferedTerminal,
     guard: TerminalGuard,
-    keys: Keys,
+    input: InputEvents,
     view: View,
     graphics: Graphics,
     role: Role,
@@ -303,13 +275,16 @@ impl Screen {
                 if *lost_at.get_or_insert(revision) == revision {
                     continue;
                 }
-                self.guard.reacquire(enter)?;
+                self.guard.reacquire(full_screen::enter)?;
                 // Do not clear: that queries the terminal's cursor position and waits for a reply.
-                self.terminal = open_terminal()?;
+                self.terminal = full_screen::open()?;
                 (last, lost_at) = (None, None);
             }
             let mut touched = false;
-            for key in self.keys.pressed()? {
+            for event in self.input.pending(Duration::ZERO)? {
+                let event::Event::Key(key) = event else {
+                    continue;
+                };
                 touched = true;
                 if self.handle_key(key)? {
                     return Ok(ExitReason::Quit);
@@ -390,16 +365,8 @@ impl Screen {
                 .map_or("", |current| current.open.device.as_str());
             self.view.gauges.borrow_mut().refresh(device);
         }
-        if self.graphics != Graphics::Blocks {
-            // This queries the operating system, not the terminal. Without a size, use blocks.
-            let cell = terminal::window_size()
-                .ok()
-                .filter(|s| s.columns > 0 && s.rows > 0);
-            self.view.graphics = (
-                self.graphics,
-                cell.map_or([0, 0], |s| [s.width / s.columns, s.height / s.rows]),
-            );
-        }
+        // Without a size, pictures are blocks.
+        self.view.graphics = (self.graphics, full_screen::cell_size(self.graphics));
         let (terminal, view) = (&mut self.terminal, &self.view);
         let written = self.guard.write(|| {
             queue!(terminal.backend_mut(), terminal::BeginSynchronizedUpdate)?;
@@ -408,51 +375,5 @@ impl Screen {
             terminal.backend_mut().flush()
         });
         written.unwrap_or(Ok(()))
-    }
-}
-
-/// Source of key presses.
-struct Keys {
-    /// Whether standard input is the keyboard; otherwise it is the controlling terminal.
-    on_stdin: bool,
-}
-
-impl Keys {
-    fn new() -> Keys {
-        Keys {
-            on_stdin: io::stdin().is_terminal(),
-        }
-    }
-
-    /// Whether the terminal is still connected. crossterm 0.29 loops forever when it reads from a
-    /// terminal that has hung up, so it must not be polled then.
-    fn connected(&self) -> bool {
-        if self.on_stdin {
-            io::stdin().is_terminal()
-        } else {
-            cfg!(windows) || File::open("/dev/tty").is_ok()
-        }
-    }
-
-    /// Returns the keys pressed since the last call, without waiting.
-    ///
-    /// # Errors
-    /// If the terminal is gone.
-    fn pressed(&self) -> io::Result<Vec<KeyEvent>> {
-        let mut keys = Vec::new();
-        loop {
-            if !self.connected() {
-                return Err(io::Error::new(
-                    io::ErrorKind::BrokenPipe,
-                    "the terminal has hung up",
-                ));
-            }
-            if !event::poll(Duration::ZERO)? {
-                return Ok(keys);
-            }
-            if let event::Event::Key(key) = event::read()? {
-                keys.push(key);
-            }
-        }
     }
 }

@@ -301,3 +301,77 @@ fn the_question_about_commands_is_asked_once_for_a_script() {
         "the answer was for another script"
     );
 }
+
+#[test]
+fn a_scene_is_explored_by_keys_and_the_mouse() {
+    let place = Workplace::new();
+    std::fs::create_dir(place.path("rooms")).unwrap();
+    std::fs::copy(place.path("ball.scn"), place.path("rooms/ball.scn")).unwrap();
+    let Some(terminal) =
+        Terminal::start(&place, "explore", (100, 30), "explore rooms integrator=bpt")
+    else {
+        return;
+    };
+    terminal.wait_for(&["Scenes", "ball.scn"]);
+    terminal.press(&["ball", "Enter"]);
+    let screen = terminal.wait_for(&["Lumbre explore", "rendering", "Settings", "bpt", "Progress"]);
+    assert!(terminal.uses_alternate_screen());
+    assert_eq!(
+        screen.trim_end_matches('\n').lines().count(),
+        30,
+        "{screen}"
+    );
+    terminal.press(&["t"]);
+    terminal.wait_for(&["nee", "select"]);
+    terminal.press(&["d", "w"]);
+    // A wheel step up in the middle of the picture, as terminals report it.
+    terminal.press(&["-l", "\u{1b}[<64;30;12M"]);
+    terminal.press(&["Space"]);
+    terminal.wait_for(&["paused"]);
+    terminal.press(&["?"]);
+    terminal.wait_for(&["Keys", "write the settings as a script"]);
+    terminal.press(&["?"]);
+    terminal.press(&["x"]);
+    terminal.wait_for(&["wrote ball-1.lua"]);
+    terminal.press(&["p"]);
+    terminal.wait_for(&["wrote ball-1.exr"]);
+    terminal.tmux(&["resize-window", "-x", "200", "-y", "60"]);
+    let wide = terminal.wait_for(&["Display", "Limits", "paused"]);
+    assert_eq!(wide.trim_end_matches('\n').lines().count(), 60, "{wide}");
+    terminal.press(&["q"]);
+    terminal.wait_for_end(0);
+    let text = place.read("ball-1.lua");
+    assert!(
+        text.contains("integrator = \"nee\"") && text.contains("camera = "),
+        "{text}"
+    );
+    place.succeed(&["check", "ball-1.lua"]);
+    place.succeed(&["plan", "ball-1.lua"]);
+}
+
+#[test]
+fn without_a_terminal_the_commands_of_the_page_name_another_one() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let page = std::fs::read_to_string(root.join("docs/start/explore.md")).unwrap();
+    let commands: Vec<&str> = page
+        .lines()
+        .filter_map(|line| line.strip_prefix("lumbre explore"))
+        .collect();
+    assert!(commands.len() >= 3, "{commands:?}");
+    let place = Workplace::new();
+    let refused = |arguments: &str, expected: &str| {
+        let mut command = place.command(&["explore"]);
+        let command = command.args(arguments.split_whitespace());
+        let output = command.current_dir(root).output().unwrap();
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{arguments}: {text}");
+        assert!(text.contains(expected), "{arguments}: {text}");
+    };
+    // Files and settings are checked before the terminal.
+    for arguments in commands {
+        refused(arguments, "`lumbre render`");
+    }
+    refused("scenes/none.scn", "there is no file scenes/none.scn");
+    refused("scenes integrator=none", "unknown integrator `none`");
+    refused("scenes max_depth=0", "max_depth");
+}

@@ -202,6 +202,9 @@ pub enum RenderError {
     },
 }
 
+/// Function that tells whether a run is no longer wanted; called from many threads.
+pub type Abandoned<'a> = &'a (dyn Fn() -> bool + Sync);
+
 /// Run of a job in progress on a backend.
 pub trait Renderer: Send {
     /// Adds `samples` samples to every pixel.
@@ -236,6 +239,19 @@ pub trait Renderer: Send {
         _cancelled: &dyn Fn() -> bool,
     ) -> Result<WaveStats, RenderError> {
         self.advance_with_lookahead(samples, more)
+    }
+
+    /// Does the same as [`Renderer::advance`]. A renderer may give up as soon as `abandoned` returns
+    /// true. It must be dropped then, since only some pixels have the samples.
+    ///
+    /// # Errors
+    /// Returns an error in the cases of [`Renderer::advance`], and [`RenderError::Cancelled`].
+    fn advance_or_abandon(
+        &mut self,
+        samples: u64,
+        _abandoned: Abandoned,
+    ) -> Result<WaveStats, RenderError> {
+        self.advance(samples)
     }
 
     /// Whether each wave should be rendered by one call, since every call has a cost of its own that

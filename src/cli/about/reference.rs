@@ -8,7 +8,7 @@ use lumbre_light::value::markdown::{row, sentence, table_head};
 
 /// Verbs in groups, in the order of the page.
 const GROUPS: &[(&str, &[&str])] = &[
-    ("Without a script", &["render", "compare", "new"]),
+    ("Without a script", &["render", "explore", "compare", "new"]),
     ("Experiments", &["run", "retry", "plan", "check"]),
     ("Progress", &["watch", "status", "ls", "show", "explain"]),
     (
@@ -27,6 +27,7 @@ const GROUPS: &[(&str, &[&str])] = &[
 const START: &str = "\
 Start with:
   lumbre render scenes/cornell.lua      one picture of a scene
+  lumbre explore scenes/cornell.lua     the same while its settings change
   lumbre compare scenes/cornell.lua     which technique is better on it, and by how much
   lumbre run scripts/first_light.lua    an experiment";
 

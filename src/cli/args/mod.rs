@@ -24,7 +24,9 @@ pub use night::{NightArgs, PlanArgs, RetryArgs, RunArgs, ScriptArgs};
 pub use output::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs, ViewArgs};
 pub use scene::{CheckArgs, ExportArgs, TraceArgs};
 pub use typed::{SceneArg, split, unknown_name, value};
-pub use without_script::{CompareArgs, ComparisonArgs, NewArgs, PictureArgs, RenderArgs};
+pub use without_script::{
+    CompareArgs, ComparisonArgs, ExploreArgs, NewArgs, PictureArgs, RenderArgs,
+};
 
 use crate::cli::exit;
 use lumbre_light::scene::load::MissingTextures;
@@ -132,6 +134,14 @@ pub enum Verb {
     ///
     /// Example: lumbre render scenes/cornell.lua -i bdpt --spp 256 --size 640x480 -o box.exr
     Render(RenderArgs),
+    /// Change a scene's technique, camera and settings while it renders.
+    ///
+    /// Shows the picture in the terminal, in the resolution of its pane, beside all settings of a
+    /// script's render table. Keys and the mouse change them, and `x` writes them as a script that
+    /// renders the same bits. Without a file, a list of scenes is shown first. `?` lists the keys.
+    ///
+    /// Example: lumbre explore scenes/cornell.lua integrator=bdpt
+    Explore(ExploreArgs),
     /// Compare techniques on one scene at equal render time.
     ///
     /// Writes a script to out/scripts and runs it: every technique takes turns in several repeats,

@@ -63,6 +63,21 @@ pub struct RenderArgs {
     pub exposure: f32,
 }
 
+/// Options of `lumbre explore`.
+#[derive(Args, Debug)]
+pub struct ExploreArgs {
+    /// Scene file, or a folder of scenes [default: the built-in scenes and the current folder].
+    ///
+    /// Options of a Lua scene follow a question mark: `room.lua?light=lamps,size=3`.
+    #[arg(value_name = "FILE|DIR", value_parser = scene_arg)]
+    pub scene: Option<SceneArg>,
+    /// Keys of a script's render table, and paths of values in the scene.
+    ///
+    /// Example: `integrator=bdpt max_depth=5 materials.egg.ior=1.3`.
+    #[arg(value_name = "KEY=VALUE", value_parser = setting)]
+    pub settings: Vec<(String, Value)>,
+}
+
 /// Comparison of techniques.
 #[derive(Args, Clone, Debug)]
 pub struct ComparisonArgs {

@@ -1,8 +1,10 @@
-//! Verbs that take a scene instead of a script: `render` makes one picture, `compare` an experiment
-//! that compares techniques, and `new` the script of such an experiment.
+//! Verbs that take a scene instead of a script: `render` makes one picture, `explore` shows one whose
+//! settings change, `compare` makes an experiment that compares techniques, and `new` the script of
+//! such an experiment.
 
 pub(in crate::cli) mod compare;
 mod experiment_text;
+pub(in crate::cli) mod explore;
 mod files;
 pub(in crate::cli) mod new;
 pub(in crate::cli) mod picture;

@@ -67,7 +67,7 @@ pub fn main(args: &RenderArgs, global: &Global) -> Result<Exit, Failure> {
         .map(|output| format!("{}\n", display_path(&output.path)))
         .collect();
     if !global.quiet {
-        print_status(&summary(cell, film, &image, &done));
+        print_status(&summary(cell, film, &done));
     }
     print_result(&paths)?;
     Ok(if controls.stop_requested() {
@@ -204,7 +204,7 @@ impl Session {
 }
 
 /// Describes a finished picture: its size, technique, samples, time, rate and noise.
-fn summary(cell: &Cell, film: &Film, image: &Image, done: &WaveStats) -> String {
+fn summary(cell: &Cell, film: &Film, done: &WaveStats) -> String {
     let mut text = format!(
         "{}x{} by {}: {} per pixel in {} s, {} million paths per second",
         film.width,
@@ -214,7 +214,7 @@ fn summary(cell: &Cell, film: &Film, image: &Image, done: &WaveStats) -> String 
         rounded(done.render_s),
         rounded(done.paths as f64 / done.render_s / 1e6)
     );
-    if let Some(noise) = relative_noise(film, image) {
+    if let Some(noise) = film.relative_noise() {
         text += &format!(", noise {} % of the mean", rounded(100.0 * noise));
     }
     if done.invalid > 0 {
@@ -224,15 +224,6 @@ fn summary(cell: &Cell, film: &Film, image: &Image, done: &WaveStats) -> String 
         );
     }
     text
-}
-
-/// Returns the root mean square standard error of all pixels over the mean of the picture, which is
-/// `image`; `None` if it cannot be estimated.
-fn relative_noise(film: &Film, image: &Image) -> Option<f64> {
-    let variances = film.variance_of_mean();
-    let variance: f64 = variances.mean().iter().sum::<f64>() / 3.0;
-    let mean: f64 = image.mean().iter().sum::<f64>() / 3.0;
-    (film.samples > 1 && mean > 0.0).then(|| variance.sqrt() / mean)
 }
 
 /// Returns the metadata of a picture.

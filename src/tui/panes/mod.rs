@@ -257,7 +257,7 @@ pub fn draw(frame: &mut Frame, model: &NightModel, view: &View) {
 }
 
 /// Returns a bordered block with a title.
-fn pane<'a>(caps: TerminalCaps, title: impl Into<Line<'a>>) -> Block<'a> {
+pub(crate) fn pane<'a>(caps: TerminalCaps, title: impl Into<Line<'a>>) -> Block<'a> {
     Block::new()
         .borders(Borders::ALL)
         .border_set(caps.border())

@@ -299,13 +299,26 @@ pub(in crate::tui) fn draw_image(
         per_cell,
     );
     let shown = displayed(&box_average(linear, width, height), stops, display);
-    paint(
-        frame,
-        centred(area, &shown, per_cell),
-        caps,
-        &shown,
+    let at = centred(area, &shown, per_cell);
+    paint(frame, at, caps, &shown, per_cell);
+}
+
+/// Draws display values into `area` at their aspect ratio.
+pub(crate) fn draw_display(frame: &mut Frame, area: Rect, caps: TerminalCaps, shown: &Image) {
+    let per_cell = pixels_per_cell(caps);
+    let size = fitted(
+        [shown.width, shown.height],
+        area.width,
+        area.height,
         per_cell,
     );
+    if size == [shown.width, shown.height] {
+        paint(frame, centred(area, shown, per_cell), caps, shown, per_cell);
+    } else {
+        let reduced = box_average(shown, size[0], size[1]);
+        let at = centred(area, &reduced, per_cell);
+        paint(frame, at, caps, &reduced, per_cell);
+    }
 }
 
 /// Draws display values as characters.

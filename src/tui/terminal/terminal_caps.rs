@@ -246,7 +246,7 @@ impl TerminalCaps {
     }
 
     /// Border of a pane.
-    pub(in crate::tui) fn border(&self) -> border::Set<'static> {
+    pub(crate) fn border(&self) -> border::Set<'static> {
         if self.ascii {
             ASCII_BORDER
         } else {
@@ -263,19 +263,19 @@ impl TerminalCaps {
     }
 
     /// Style of highlighted text.
-    pub(in crate::tui) fn accent(&self) -> Style {
+    pub(crate) fn accent(&self) -> Style {
         self.color(Color::Rgb(255, 158, 61), Color::Indexed(215))
             .add_modifier(Modifier::BOLD)
     }
 
     /// Style of the current curve and of gauges.
-    pub(in crate::tui) fn glow(&self) -> Style {
+    pub(crate) fn glow(&self) -> Style {
         self.color(Color::Rgb(255, 158, 61), Color::Indexed(215))
     }
 
     /// Colour of the curves of a compared technique; `None` without colours. The colours are those
     /// of Okabe and Ito [2008] that are light enough for a dark terminal.
-    pub(in crate::tui) fn series(&self, index: usize) -> Option<Color> {
+    pub(crate) fn series(&self, index: usize) -> Option<Color> {
         const COLOURS: [((u8, u8, u8), u8); 6] = [
             ((86, 180, 233), 74),
             ((230, 159, 0), 178),
@@ -290,33 +290,33 @@ impl TerminalCaps {
     }
 
     /// Colour of the curves behind the current one; `None` without colours.
-    pub(in crate::tui) fn behind(&self) -> Option<Color> {
+    pub(crate) fn behind(&self) -> Option<Color> {
         self.color(Color::Rgb(98, 98, 104), Color::Indexed(240)).fg
     }
 
     /// Style of success.
-    pub(in crate::tui) fn good(&self) -> Style {
+    pub(crate) fn good(&self) -> Style {
         self.color(Color::Rgb(126, 196, 110), Color::Green)
     }
 
     /// Style of warnings.
-    pub(in crate::tui) fn warn(&self) -> Style {
+    pub(crate) fn warn(&self) -> Style {
         self.color(Color::Rgb(236, 200, 80), Color::Yellow)
     }
 
     /// Style of errors.
-    pub(in crate::tui) fn bad(&self) -> Style {
+    pub(crate) fn bad(&self) -> Style {
         self.color(Color::Rgb(240, 96, 88), Color::Red)
             .add_modifier(Modifier::BOLD)
     }
 
     /// Style of labels, borders and units.
-    pub(in crate::tui) fn dim(&self) -> Style {
+    pub(crate) fn dim(&self) -> Style {
         Style::new().add_modifier(Modifier::DIM)
     }
 
     /// Style of values.
-    pub(in crate::tui) fn strong(&self) -> Style {
+    pub(crate) fn strong(&self) -> Style {
         Style::new().add_modifier(Modifier::BOLD)
     }
 }

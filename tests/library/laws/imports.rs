@@ -7,9 +7,9 @@ use super::source::{code_only, rust_files, text, words};
 /// Crates that only some modules may name, as paths below `src/`.
 const CONFINED: &[(&str, &[&str])] = &[
     ("mlua", &["script"]),
-    ("ratatui", &["tui"]),
+    ("ratatui", &["tui", "explore"]),
     ("base64", &["tui"]),
-    ("crossterm", &["tui"]),
+    ("crossterm", &["tui", "explore"]),
     ("clap", &["cli"]),
     ("clap_complete", &["cli"]),
     ("clap_mangen", &["cli"]),

@@ -180,6 +180,14 @@ impl Film {
         }
     }
 
+    /// Returns the root mean square standard error of all pixels over the mean of the picture;
+    /// `None` if it cannot be estimated.
+    pub fn relative_noise(&self) -> Option<f64> {
+        let variance: f64 = self.variance_of_mean().mean().iter().sum::<f64>() / 3.0;
+        let mean: f64 = self.mean().mean().iter().sum::<f64>() / 3.0;
+        (self.samples > 1 && mean > 0.0).then(|| variance.sqrt() / mean)
+    }
+
     /// Returns the estimated variance of each pixel's mean: sample variance divided by `samples`.
     /// Zero with fewer than two samples.
     ///

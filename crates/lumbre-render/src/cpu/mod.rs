@@ -4,8 +4,8 @@
 //! Its films have the same bits for any number of threads, any instruction set, and with or without
 //! vectorisation.
 //!
-//! [`bvh`] builds and traverses hierarchies, [`renderer`] loops over pixels and samples of
-//! a `prepared` job, [`films`]
+//! [`bvh`] builds and traverses hierarchies, [`prepared_scene`] is what jobs on one scene share,
+//! [`renderer`] loops over pixels and samples of a `prepared` job, [`films`]
 //! sums the samples, `wavefront` holds the SIMD path tracers, `path_trace` records the events of
 //! single samples, and [`rates`] measures the ray rates that `lumbre bench` prints.
 
@@ -13,6 +13,7 @@ pub mod bvh;
 pub mod films;
 mod path_trace;
 mod prepared;
+pub mod prepared_scene;
 pub mod rates;
 pub mod renderer;
 mod wavefront;

@@ -5,9 +5,9 @@
 use std::cell::RefCell;
 use std::sync::Arc;
 
-use super::bvh::accel::{Accel, AccelError};
-use super::bvh::simd::Isa;
+use super::bvh::accel::Accel;
 use super::prepared::PreparedJob;
+use super::prepared_scene::PreparedScene;
 use crate::path_trace::{PathEvent, SampleAt};
 use crate::{Job, RenderError};
 use lumbre_light::scene::CompiledScene;
@@ -51,12 +51,13 @@ pub(super) fn paths(
     job: &Job,
     samples: &[SampleAt],
 ) -> Result<Vec<Vec<PathEvent>>, RenderError> {
-    let build_error = |e: AccelError| RenderError::Failed {
-        backend: "cpu",
-        reason: e.to_string(),
-    };
-    let prepared =
-        PreparedJob::new(Arc::clone(scene), job.clone(), Isa::detect()).map_err(build_error)?;
+    // One sample uses one thread; only integrators with shared data use more.
+    let shared = PreparedScene::new(Arc::clone(scene), &job.accel, job.threads)?;
+    Ok(shared.paths(&scene.camera, job, samples))
+}
+
+/// Returns the events of each given sample of a prepared job.
+pub(super) fn record(prepared: &PreparedJob, samples: &[SampleAt]) -> Vec<Vec<PathEvent>> {
     let mut iteration: Option<(u64, Box<Shared>)> = None;
     let mut record_sample = |at: &SampleAt| {
         let begun = iteration.as_ref().map(|(index, _)| *index);
@@ -71,10 +72,11 @@ pub(super) fn paths(
         };
         let shared = iteration.as_ref().map(|(_, shared)| &**shared);
         let context = prepared.context(&trace, shared);
+        let job = &prepared.job;
         let mut sampler = job.sampler.start(job.seed, at.pixel, at.sample);
         let mut sink = |c| events.borrow_mut().push(PathEvent::Light(c));
         (job.integrator.sample)(&context, at.pixel, &mut sampler, &mut sink);
         events.take()
     };
-    Ok(samples.iter().map(&mut record_sample).collect())
+    samples.iter().map(&mut record_sample).collect()
 }

@@ -7,11 +7,11 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
-use super::bvh::accel::{Accel, AccelError};
-use super::bvh::simd::Isa;
+use super::bvh::accel::Accel;
+use super::prepared_scene::PreparedScene;
 use super::wavefront::SmallScene;
 use crate::Job;
-use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::desc::CameraDesc;
 use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::Camera;
 use lumbre_light::transport::integrator::iteration::{Iteration, Resources, Shared, Workers};
@@ -21,11 +21,10 @@ use lumbre_light::transport::ray::{Hit, Ray, Trace};
 
 /// A job with its scene, hierarchy, camera, lights and parsed parameters.
 pub(super) struct PreparedJob {
-    scene: Arc<CompiledScene>,
-    pub accel: Accel,
+    pub accel: Arc<Accel>,
     camera: Camera,
-    lights: Lights,
-    classes: SurfaceClasses,
+    lights: Arc<Lights>,
+    classes: Arc<SurfaceClasses>,
     settings: Settings,
     pub job: Job,
     /// Data that all iterations need, for integrators whose samples share data.
@@ -33,22 +32,14 @@ pub(super) struct PreparedJob {
 }
 
 impl PreparedJob {
-    /// Builds the hierarchy and prepares camera, lights, surfaces, and what all iterations need.
-    ///
-    /// # Errors
-    /// Returns an error if the scene's hierarchy cannot be used.
-    pub fn new(scene: Arc<CompiledScene>, job: Job, isa: Isa) -> Result<PreparedJob, AccelError> {
-        let accel = Accel::build_as(scene, &job.accel, isa)?;
-        // If the builder does not support instances, the hierarchy has a flattened copy of the
-        // scene, whose primitive indices hits refer to.
-        let scene = Arc::clone(&accel.scene);
+    /// Prepares camera, lights, and what all iterations need.
+    pub fn new(scene: &PreparedScene, camera: &CameraDesc, job: Job) -> PreparedJob {
         let mut prepared = PreparedJob {
-            camera: Camera::new(&scene.camera, job.resolution, job.filter),
-            lights: Lights::with_select(&scene, LightSelection::from_params(&job.params)),
-            classes: SurfaceClasses::new(&scene),
+            accel: Arc::clone(&scene.accel),
+            camera: Camera::new(camera, job.resolution, job.filter),
+            lights: scene.lights(LightSelection::from_params(&job.params)),
+            classes: Arc::clone(&scene.classes),
             settings: Settings::new(&job.params),
-            scene,
-            accel,
             job,
             iterations: None,
         };
@@ -57,7 +48,7 @@ impl PreparedJob {
             let iterations = (sharing.prepare)(&prepared.resources(&workers));
             prepared.iterations = Some(iterations);
         }
-        Ok(prepared)
+        prepared
     }
 
     /// Returns the threads with the random numbers of the job.
@@ -72,7 +63,7 @@ impl PreparedJob {
     /// Returns the context of samples that trace their rays with `trace` and read `shared`.
     pub fn context<'a>(&'a self, trace: &'a dyn Trace, shared: Option<&'a Shared>) -> Context<'a> {
         Context {
-            scene: &self.scene,
+            scene: &self.accel.scene,
             camera: &self.camera,
             lights: &self.lights,
             classes: &self.classes,

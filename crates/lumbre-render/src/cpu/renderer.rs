@@ -22,22 +22,24 @@ use super::films::layers::{LayerFilms, LayerRowFilm, LayerSpec, Moments};
 use super::films::row_film::{RowFilm, RowStats, SplatTarget};
 use super::films::time_film::{SlotRow, TimeFilm, TimeRowFilm};
 use super::prepared::{CountingTrace, PreparedJob};
+use super::prepared_scene::PreparedScene;
 use super::wavefront::Wavefront;
 use crate::hierarchy::{AccelSpec, Builder};
-use crate::{Job, OpenStats, RenderError, Renderer, WaveStats};
+use crate::{Abandoned, Job, OpenStats, RenderError, Renderer, WaveStats};
 use lumbre_light::film::Film;
 use lumbre_light::film::layer::LayerFilm;
 use lumbre_light::film::splat::{SplatBuffer, SplatSums};
 use lumbre_light::film::state::StateReader;
 use lumbre_light::film::time::TimeCube;
 use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::desc::CameraDesc;
 use lumbre_light::transport::integrator::Context;
 use lumbre_light::transport::integrator::iteration::Shared;
 
 /// Renderer of one job on the CPU.
 pub struct CpuRenderer {
     prepared: PreparedJob,
-    pool: rayon::ThreadPool,
+    pool: Arc<rayon::ThreadPool>,
     /// Sums of the samples' contributions to their own pixels. With a time axis `sum` is unused,
     /// since the sums are in the slots of `times`.
     own: Film,
@@ -78,21 +80,26 @@ impl CpuRenderer {
         job: Job,
         isa: Isa,
     ) -> Result<CpuRenderer, RenderError> {
-        let backend = "cpu";
-        let failed = |reason: String| RenderError::Failed { backend, reason };
-        let unsupported = |reason: String| RenderError::Unsupported { backend, reason };
+        let shared = PreparedScene::with_isa(Arc::clone(&scene), &job.accel, job.threads, isa)?;
+        CpuRenderer::open(&shared, &scene.camera, job)
+    }
+
+    /// Starts a run on a prepared scene: allocates the films and prepares the technique.
+    pub(super) fn open(
+        scene: &PreparedScene,
+        camera: &CameraDesc,
+        job: Job,
+    ) -> Result<CpuRenderer, RenderError> {
+        let unsupported = |reason: String| RenderError::Unsupported {
+            backend: "cpu",
+            reason,
+        };
+        let pool = Arc::clone(&scene.pool);
         let layers = LayerFilms::for_job(&job).map_err(unsupported)?;
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(job.threads)
-            .thread_name(|i| format!("render-{i}"))
-            .build()
-            .map_err(|e| failed(format!("cannot start render threads: {e}")))?;
         let times = pool
             .install(|| TimeFilm::for_job(&job))
             .map_err(unsupported)?;
-        let prepared = pool
-            .install(|| PreparedJob::new(scene, job, isa))
-            .map_err(|e| failed(e.to_string()))?;
+        let prepared = pool.install(|| PreparedJob::new(scene, camera, job));
         let PreparedJob { accel, job, .. } = &prepared;
         let wavefront = Wavefront::new(job, accel);
         let open_stats = OpenStats {
@@ -134,8 +141,14 @@ impl CpuRenderer {
     }
 
     /// Adds samples with consecutive indices to every pixel; all read the data `shared`. Splats are
-    /// not combined with the other sums yet.
-    fn render_samples(&mut self, samples: Range<u64>, shared: Option<&Shared>) -> RowStats {
+    /// not combined with the other sums yet. Rows that begin after `abandoned` returns true are left
+    /// out.
+    fn render_samples(
+        &mut self,
+        samples: Range<u64>,
+        shared: Option<&Shared>,
+        abandoned: Abandoned,
+    ) -> RowStats {
         let [width, height] = [self.own.width, self.own.height];
         let count = samples.end - samples.start;
         let (time_rows, timed) = TimeFilm::rows(&mut self.times, height);
@@ -169,7 +182,12 @@ impl CpuRenderer {
             // of another at the end of a wave: 1.84 to 1.94 of 2 processors were busy, now 1.99.
             rows.zip(extra)
                 .with_max_len(1)
-                .map(|((y, (sum, sum2)), extra)| wave.render_row(y as u32, [sum, sum2], extra))
+                .map(|((y, (sum, sum2)), extra)| {
+                    if abandoned() {
+                        return RowStats::default();
+                    }
+                    wave.render_row(y as u32, [sum, sum2], extra)
+                })
                 .reduce(RowStats::default, RowStats::merge)
         });
         let (overflowed, locks) = wave.flush(&self.pool);
@@ -178,6 +196,38 @@ impl CpuRenderer {
         RowStats {
             invalid: stats.invalid + overflowed,
             ..stats
+        }
+    }
+
+    /// Adds samples to every pixel, or to some if `abandoned` returns true before the end.
+    fn wave(&mut self, samples: u64, abandoned: Abandoned) -> WaveStats {
+        let start = Instant::now();
+        self.film_of_slots = OnceLock::new();
+        let first = self.prepared.job.first_sample + self.own.samples;
+        let range = first..first + samples;
+        let stats = if self.prepared.shares() {
+            let iterations = range.take_while(|_| !abandoned());
+            iterations.fold(RowStats::default(), |stats, index| {
+                let begun = self.pool.install(|| self.prepared.begin(index));
+                let shared = begun.as_ref().map(|(shared, _)| &**shared);
+                let own = self.render_samples(index..index + 1, shared, abandoned);
+                stats.merge(own).merge(RowStats {
+                    rays: begun.as_ref().map_or(0, |(_, rays)| *rays),
+                    ..RowStats::default()
+                })
+            })
+        } else {
+            self.render_samples(range, None, abandoned)
+        };
+        self.combine_splats();
+        WaveStats {
+            samples,
+            render_s: start.elapsed().as_secs_f64(),
+            paths: samples * self.own.sum.len() as u64,
+            rays: stats.rays,
+            invalid: stats.invalid,
+            first_invalid: stats.first_invalid.map(|[sample, y, x]| [x, y, sample]),
+            ..WaveStats::default()
         }
     }
 
@@ -348,33 +398,19 @@ fn render_sample(
 
 impl Renderer for CpuRenderer {
     fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
-        let start = Instant::now();
-        self.film_of_slots = OnceLock::new();
-        let first = self.prepared.job.first_sample + self.own.samples;
-        let range = first..first + samples;
-        let stats = if self.prepared.shares() {
-            range.fold(RowStats::default(), |stats, index| {
-                let begun = self.pool.install(|| self.prepared.begin(index));
-                let shared = begun.as_ref().map(|(shared, _)| &**shared);
-                let own = self.render_samples(index..index + 1, shared);
-                stats.merge(own).merge(RowStats {
-                    rays: begun.as_ref().map_or(0, |(_, rays)| *rays),
-                    ..RowStats::default()
-                })
-            })
-        } else {
-            self.render_samples(range, None)
-        };
-        self.combine_splats();
-        Ok(WaveStats {
-            samples,
-            render_s: start.elapsed().as_secs_f64(),
-            paths: samples * self.own.sum.len() as u64,
-            rays: stats.rays,
-            invalid: stats.invalid,
-            first_invalid: stats.first_invalid.map(|[sample, y, x]| [x, y, sample]),
-            ..WaveStats::default()
-        })
+        Ok(self.wave(samples, &|| false))
+    }
+
+    fn advance_or_abandon(
+        &mut self,
+        samples: u64,
+        abandoned: Abandoned,
+    ) -> Result<WaveStats, RenderError> {
+        let stats = self.wave(samples, abandoned);
+        if abandoned() {
+            return Err(RenderError::Cancelled { backend: "cpu" });
+        }
+        Ok(stats)
     }
 
     fn film(&self) -> &Film {

@@ -32,7 +32,7 @@ const LIFETIME_FACTOR: u32 = 50;
 const ONE_COLUMN: CellDiffOption = CellDiffOption::ForcedWidth(NonZeroU16::MIN);
 
 /// Pixels with 8 bits for each channel.
-pub(in crate::tui) struct Picture {
+pub(crate) struct Picture {
     /// Width in pixels.
     pub width: u32,
     /// Height in pixels.
@@ -43,7 +43,7 @@ pub(in crate::tui) struct Picture {
 
 impl Picture {
     /// Rounds display values between 0 and 1.
-    fn from_display(shown: &Image) -> Picture {
+    pub(crate) fn from_display(shown: &Image) -> Picture {
         let byte = |x: f32| (x.clamp(0.0, 1.0) * 255.0).round() as u8;
         Picture {
             width: shown.width,
@@ -76,7 +76,7 @@ impl EncodedPicture {
     /// Encodes a picture that fills `cells` columns and rows. `number` distinguishes pictures in
     /// the memory of the terminal. Returns `None` for blocks, for a picture without pixels, and if
     /// encoding fails.
-    pub(in crate::tui) fn new(
+    pub(crate) fn new(
         graphics: Graphics,
         cells: [u16; 2],
         picture: &Picture,

@@ -1,0 +1,128 @@
+//! A scene with everything that does not depend on a job: its hierarchy, surfaces, lights and
+//! threads. Runs of several jobs share it, so that a change of technique, camera or resolution
+//! neither builds a hierarchy nor starts threads.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use glam::Vec3;
+
+use super::bvh::accel::Accel;
+use super::bvh::simd::Isa;
+use super::path_trace;
+use super::prepared::PreparedJob;
+use super::renderer::CpuRenderer;
+use crate::hierarchy::AccelSpec;
+use crate::path_trace::{PathEvent, SampleAt};
+use crate::{Job, RenderError};
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::desc::CameraDesc;
+use lumbre_light::transport::arrival::SurfaceClasses;
+use lumbre_light::transport::camera::{Camera, FilterSpec};
+use lumbre_light::transport::light::{LightSelection, Lights};
+use lumbre_light::transport::ray::{Hit, Ray};
+
+/// A scene with its hierarchy, surfaces, lights and threads.
+pub struct PreparedScene {
+    pub(super) accel: Arc<Accel>,
+    pub(super) pool: Arc<rayon::ThreadPool>,
+    pub(super) classes: Arc<SurfaceClasses>,
+    /// Lights for the selection that was used last.
+    lights: Mutex<Option<(LightSelection, Arc<Lights>)>>,
+}
+
+impl PreparedScene {
+    /// Starts the threads and builds the hierarchy. 0 threads mean one for each core.
+    ///
+    /// # Errors
+    /// Returns an error if threads cannot be started or the scene's hierarchy cannot be used.
+    pub fn new(
+        scene: Arc<CompiledScene>,
+        accel: &AccelSpec,
+        threads: usize,
+    ) -> Result<PreparedScene, RenderError> {
+        PreparedScene::with_isa(scene, accel, threads, Isa::detect())
+    }
+
+    /// Prepares a scene for a given instruction set, which must be one of [`Isa::available`].
+    ///
+    /// # Errors
+    /// Returns an error in the cases of [`PreparedScene::new`].
+    pub fn with_isa(
+        scene: Arc<CompiledScene>,
+        accel: &AccelSpec,
+        threads: usize,
+        isa: Isa,
+    ) -> Result<PreparedScene, RenderError> {
+        let failed = |reason: String| RenderError::Failed {
+            backend: "cpu",
+            reason,
+        };
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .thread_name(|i| format!("render-{i}"))
+            .build()
+            .map_err(|e| failed(format!("cannot start render threads: {e}")))?;
+        let accel = pool
+            .install(|| Accel::build_as(scene, accel, isa))
+            .map_err(|e| failed(e.to_string()))?;
+        Ok(PreparedScene {
+            classes: Arc::new(SurfaceClasses::new(&accel.scene)),
+            accel: Arc::new(accel),
+            pool: Arc::new(pool),
+            lights: Mutex::default(),
+        })
+    }
+
+    /// Returns the scene that hits refer to.
+    pub fn scene(&self) -> &Arc<CompiledScene> {
+        &self.accel.scene
+    }
+
+    /// Starts a run of a job with a camera instead of the scene's. The settings of the hierarchy and
+    /// the number of threads are those of the prepared scene.
+    ///
+    /// # Errors
+    /// Returns an error if layers or bins exceed their limits.
+    pub fn open(&self, camera: &CameraDesc, job: Job) -> Result<CpuRenderer, RenderError> {
+        CpuRenderer::open(self, camera, job)
+    }
+
+    /// Returns the lights, of which one is chosen by the given probabilities.
+    pub(super) fn lights(&self, selection: LightSelection) -> Arc<Lights> {
+        let mut known = self.lights.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*known {
+            Some((of, lights)) if *of == selection => Arc::clone(lights),
+            _ => {
+                let lights = Arc::new(Lights::with_select(self.scene(), selection));
+                *known = Some((selection, Arc::clone(&lights)));
+                lights
+            }
+        }
+    }
+
+    /// Returns the ray through the centre of a pixel and of the lens, and what it hits first.
+    pub fn center_hit(
+        &self,
+        camera: &CameraDesc,
+        resolution: [u32; 2],
+        pixel: [u32; 2],
+    ) -> (Ray, Option<Hit>) {
+        let camera = Camera::new(camera, resolution, FilterSpec::PIXEL);
+        let center = [0.5; 2];
+        let [origin, dir] = camera.ray::<Vec3>(pixel.map(|n| n as f32), center, center);
+        let ray = Ray { origin, dir };
+        (ray, self.accel.closest(&ray, f32::INFINITY))
+    }
+
+    /// Records the events of single samples of a job, as [`BackendRow::paths`](crate::BackendRow::paths)
+    /// does.
+    pub fn paths(
+        &self,
+        camera: &CameraDesc,
+        job: &Job,
+        samples: &[SampleAt],
+    ) -> Vec<Vec<PathEvent>> {
+        let prepared = PreparedJob::new(self, camera, job.clone());
+        path_trace::record(&prepared, samples)
+    }
+}

@@ -1,0 +1,136 @@
+//! `lumbre explore`: a picture that renders while its settings change.
+
+use std::collections::BTreeMap;
+use std::io::{self, IsTerminal};
+use std::path::Path;
+use std::sync::Arc;
+
+use crate::cli::args::{ExploreArgs, Global};
+use crate::cli::exit::{Exit, Failure};
+use crate::cli::night::signals;
+use crate::cli::scene::builtin::{BuiltIn, scene_name};
+use crate::experiment::NightControls;
+use crate::explore::explorer::ExploreOptions;
+use crate::explore::picker::scenes_in;
+use crate::explore::session::SessionOptions;
+use crate::explore::settings::SceneFile;
+use crate::explore::terminal;
+use crate::script;
+use crate::tui::terminal::terminal_guard;
+use crate::tui::{OutputMode, output_mode};
+use lumbre_light::scene::load::is_folder;
+use lumbre_render::cpu;
+
+/// Runs `lumbre explore`.
+pub fn main(args: &ExploreArgs, global: &Global) -> Result<Exit, Failure> {
+    let backend = global.backend.as_deref().unwrap_or(cpu::ROW.name);
+    let backend = match backend {
+        "auto" => crate::backends::auto_backend().0,
+        name => name,
+    };
+    let row = crate::backends::backend(backend)
+        .ok_or_else(|| Failure::usage(format!("there is no backend `{backend}`")))?;
+    (row.probe)().map_err(|e| Failure::usage(format!("backend `{backend}`: {e}")))?;
+    // Keeps the files of the built-in scenes until the program ends.
+    let built_in = BuiltIn::unpack().map_err(Failure::internal)?;
+    let (scene, scenes) = choose(args, &built_in)?;
+    check_settings(args, scene.as_ref(), &scenes)?;
+    expect_terminal(global)?;
+    let controls = Arc::new(NightControls::default());
+    let stop_signal = signals::install(Arc::clone(&controls), terminal_guard::restore_now)
+        .map_err(Failure::internal)?;
+    let options = ExploreOptions {
+        scene,
+        scenes,
+        settings: args.settings.clone(),
+        session: SessionOptions {
+            backend: backend.to_owned(),
+            threads: global.threads,
+            missing: global.missing(),
+        },
+        folder: ".".into(),
+    };
+    terminal::run(options, &|| controls.stop_requested())
+        .map_err(|e| Failure::internal(format!("cannot use the terminal: {e}")))?;
+    Ok(if controls.stop_requested() {
+        stop_signal.exit()
+    } else {
+        Exit::Done
+    })
+}
+
+/// Returns an error if there is no terminal to draw on.
+fn expect_terminal(global: &Global) -> Result<(), Failure> {
+    let env = |name: &str| std::env::var(name).ok();
+    let both = io::stdout().is_terminal() && io::stdin().is_terminal();
+    if global.no_tui || output_mode(both, &env) != OutputMode::Dashboard {
+        return Err(Failure::usage(
+            "`lumbre explore` needs a terminal for input and output; without one, `lumbre render` \
+             renders a picture with the same settings",
+        ));
+    }
+    Ok(())
+}
+
+/// Returns the scene to show first, if one was named, and the scenes of the list.
+fn choose(
+    args: &ExploreArgs,
+    built_in: &BuiltIn,
+) -> Result<(Option<SceneFile>, Vec<SceneFile>), Failure> {
+    let Some(given) = &args.scene else {
+        let mut scenes: Vec<SceneFile> =
+            built_in.scenes().into_iter().map(built_in_scene).collect();
+        scenes.extend(scenes_in(Path::new(".")));
+        return Ok((None, scenes));
+    };
+    let path = &given.file;
+    if path.is_dir() && !is_folder(path) {
+        let mut scenes = scenes_in(path);
+        if scenes.is_empty() {
+            let text = format!("there are no scenes in {}", path.display());
+            return Err(Failure::usage(text));
+        }
+        scenes.sort_by(|a, b| a.name.cmp(&b.name));
+        return Ok((None, scenes));
+    }
+    if !path.exists() {
+        return Err(Failure::usage(format!(
+            "there is no file {}",
+            path.display()
+        )));
+    }
+    let scene = SceneFile {
+        name: given.text.clone(),
+        path: path.clone(),
+        options: given.settings.iter().cloned().collect(),
+        built_in: false,
+    };
+    let folder = path
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty());
+    Ok((Some(scene), scenes_in(folder.unwrap_or(Path::new(".")))))
+}
+
+fn built_in_scene(path: std::path::PathBuf) -> SceneFile {
+    SceneFile {
+        name: scene_name(&path),
+        path,
+        options: BTreeMap::new(),
+        built_in: true,
+    }
+}
+
+/// Checks the settings of the command line before the terminal is used.
+fn check_settings(
+    args: &ExploreArgs,
+    scene: Option<&SceneFile>,
+    scenes: &[SceneFile],
+) -> Result<(), Failure> {
+    let Some(scene) = scene.or(scenes.first()) else {
+        return Ok(());
+    };
+    let settings = crate::explore::settings::Settings::new(&args.settings);
+    let table = settings.request_table(scene, [1, 1]);
+    script::render_settings(&table, Path::new(".")).map_err(Failure::usage)?;
+    Ok(())
+}

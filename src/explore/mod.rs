@@ -1,0 +1,25 @@
+//! The interactive program of `lumbre explore`: a picture of a scene that renders in the terminal
+//! while its settings change.
+//!
+//! Data flows one way. [`input`] turns keys and the mouse into changes of the [`state`] and into
+//! commands. The state holds the [`settings`], which are a render table as scripts write it; the
+//! rows of the panel are made from the schemas of that table ([`parameters`]), so a new parameter
+//! of a technique appears here without further code. A thread ([`session`]) renders what the
+//! settings request and publishes the mean of its film. [`view`] draws a frame from the state and
+//! from what was published, and [`script`] writes the settings as an experiment. [`explorer`]
+//! connects the parts, and [`terminal`] runs them on a terminal.
+
+pub mod camera;
+pub mod explorer;
+pub mod input;
+pub mod parameters;
+pub mod picker;
+pub mod script;
+pub mod session;
+pub mod settings;
+pub mod state;
+pub mod terminal;
+pub mod view;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,142 @@
+//! Snapshots of whole screens.
+
+use std::cell::RefCell;
+use std::sync::Arc;
+
+use insta::assert_snapshot;
+use ratatui::Terminal;
+use ratatui::backend::TestBackend;
+use ratatui::layout::Rect;
+
+use super::{facts, scene};
+use crate::explore::picker::Picker;
+use crate::explore::session::{Frame, Published, Status};
+use crate::explore::settings::Settings;
+use crate::explore::state::{Overlay, State};
+use crate::explore::view::{self, Screen};
+use crate::tui::terminal::terminal_caps::{Colors, Graphics, TerminalCaps};
+use lumbre_light::film::Image;
+use lumbre_light::value::Value;
+
+const SIZES: [(u16, u16); 3] = [(80, 24), (120, 40), (200, 60)];
+
+const RICH: TerminalCaps = TerminalCaps {
+    colors: Colors::True,
+    ascii: false,
+};
+
+/// Without colours, pictures are characters, which snapshots show.
+const PLAIN: TerminalCaps = TerminalCaps {
+    colors: Colors::None,
+    ascii: true,
+};
+
+fn screen(size: (u16, u16), state: &State, published: &Published, caps: TerminalCaps) -> String {
+    let area = Rect::new(0, 0, size.0, size.1);
+    let graphics = (Graphics::Blocks, [0, 0]);
+    let mut state = state.clone();
+    state.resolution = view::picture_area(area, state.panel_hidden, graphics).resolution;
+    let mut terminal = Terminal::new(TestBackend::new(size.0, size.1)).unwrap();
+    let screen = Screen {
+        state: &state,
+        published,
+        caps,
+        graphics,
+        cache: &RefCell::default(),
+    };
+    terminal.draw(|frame| view::draw(frame, &screen)).unwrap();
+    terminal.backend().to_string()
+}
+
+/// A picture whose brightness rises to the right.
+fn published() -> Published {
+    let mut published = Published::default();
+    let live = &mut published.slots[0];
+    live.status = Status::Rendering;
+    live.first_picture_s = Some(0.021);
+    live.device = "cpu, 2 threads, eight-wide BVH, avx2".to_owned();
+    live.frame = Some(Arc::new(Frame {
+        image: Arc::new(Image::from_fn(80, 60, |x, y| {
+            let shade = x as f32 / 80.0;
+            if y < 8 { [0.0; 3] } else { [shade * shade; 3] }
+        })),
+        samples: 96,
+        render_s: 1.5,
+        paths: 460_800,
+        rays: 4_000_000,
+        invalid: 0,
+        noise: Some(0.0312),
+        layers: Vec::new(),
+    }));
+    published
+}
+
+fn state() -> State {
+    State {
+        scene: Some(scene("cornell_spheres")),
+        facts: Some(facts()),
+        settings: Settings::new(&[("max_depth".to_owned(), Value::Int(5))]),
+        ..State::default()
+    }
+}
+
+#[test]
+fn a_picture_with_its_settings() {
+    let mut state = state();
+    state.select("max_depth");
+    for size in SIZES {
+        assert_snapshot!(
+            format!("picture-{}", size.0),
+            screen(size, &state, &published(), PLAIN)
+        );
+    }
+    state.settings.put("integrator", Some("bdpt".into()));
+    state.select("camera.aperture");
+    assert_snapshot!("colours-80", screen((80, 24), &state, &published(), RICH));
+}
+
+#[test]
+fn the_list_of_scenes_and_the_list_of_keys() {
+    let mut state = state();
+    let names = ["cornell", "edges", "lamp_row", "veach_lamps"];
+    let mut picker = Picker {
+        scenes: names.map(scene).into(),
+        ..Picker::default()
+    };
+    picker.scenes[0].built_in = true;
+    picker.set_filter("e".to_owned());
+    picker.select(1);
+    state.overlay = Overlay::Picker(picker);
+    assert_snapshot!(
+        "picker-80",
+        screen((80, 24), &state, &Published::default(), PLAIN)
+    );
+    state.overlay = Overlay::Help;
+    assert_snapshot!("help-80", screen((80, 24), &state, &published(), PLAIN));
+}
+
+#[test]
+fn an_error_and_a_value_that_is_typed() {
+    let mut state = state();
+    let mut failed = Published::default();
+    failed.slots[0].status = Status::Failed("camera.fov: 200 is out of range".to_owned());
+    state.select("camera.fov");
+    state.overlay = Overlay::Edit("200".to_owned());
+    state.fail("200 is out of range");
+    let text = screen((80, 24), &state, &failed, PLAIN);
+    assert_snapshot!("error-80", text);
+}
+
+#[test]
+fn small_screens_show_what_fits() {
+    let mut state = state();
+    state.panel_hidden = true;
+    assert_snapshot!("hidden-60", screen((60, 15), &state, &published(), PLAIN));
+    let tiny = screen((20, 6), &state, &published(), PLAIN);
+    assert!(tiny.contains("too small"), "{tiny}");
+    for width in 24..90 {
+        for height in [8, 13, 21] {
+            screen((width, height), &state, &published(), RICH);
+        }
+    }
+}
