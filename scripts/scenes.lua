@@ -24,6 +24,8 @@ local scenes = {
   material_ball = { view = "front", samples = 512, height = upright },
   atrium = { view = "atrium", samples = 96 },
   bedroom = { view = "door", samples = 128 },
+  -- Guided: light enters through a gap.
+  door_ajar = { view = "room", samples = 256, integrator = "guided" },
   forest = { view = "glade", samples = 96 },
   many_lights = { view = "row", samples = 512 },
   instances = { view = "tray", samples = 256 },

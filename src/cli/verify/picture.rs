@@ -154,7 +154,7 @@ pub fn render(
     };
     let mut renderer = CpuRenderer::new(Arc::clone(scene), job).map_err(|e| e.to_string())?;
     // Iterations are independent; pixels whose samples share data are not.
-    let shares = technique.row.sharing.is_some();
+    let shares = technique.row.has_common_noise();
     let waves = if shares { setting.samples } else { 1 };
     let mut totals = Vec::new();
     for _ in 0..waves {

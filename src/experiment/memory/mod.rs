@@ -28,7 +28,7 @@ pub fn layer_and_bin_bytes(config: &CellConfig) -> u64 {
 }
 
 /// Upper bound of the bytes that a run takes while it renders: film, layers, time bins, and the
-/// buffers of measuring, and the photons or light subpaths of an iteration. The scene with its
+/// buffers of measuring, and the photons, light subpaths or tree of an iteration. The scene with its
 /// hierarchy, material and light tables is not included.
 pub fn run_bytes(config: &CellConfig) -> u64 {
     let each =
@@ -67,12 +67,13 @@ pub fn shortage(runs: usize, need: u64, limit: &MemoryLimit) -> Option<String> {
     Some(if runs > 1 {
         format!(
             "{runs} interleaved techniques need {need} of memory together, and {limit}: use \
-             another order than \"interleave\", a smaller picture, or fewer films or photons"
+             another order than \"interleave\", a smaller picture, fewer films or photons, or less \
+             tree_memory"
         )
     } else {
         format!(
             "the run needs {need} of memory for its films and measurements, and {limit}: use a \
-             smaller picture, or fewer bins, films or photons"
+             smaller picture, fewer bins, films or photons, or less tree_memory"
         )
     })
 }

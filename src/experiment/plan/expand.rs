@@ -506,7 +506,7 @@ impl<'a> Builder<'a> {
         let shares = checked.flatten().filter_map(|source| match source {
             ReferenceSource::Render { config, .. } => {
                 let name = config.integrator.as_str();
-                integrator(name)?.sharing.map(|_| name)
+                integrator(name)?.has_common_noise().then_some(name)
             }
             ReferenceSource::File { .. } => None,
         });

@@ -89,6 +89,17 @@ impl PreparedJob {
         Some((shared, workers.rays.into_inner()))
     }
 
+    /// Returns the number of samples of every pixel, at most `samples` and at least 1, that share
+    /// the same data.
+    pub fn samples_at_once(&self, samples: u64) -> u64 {
+        let sharing = self.job.integrator.sharing;
+        if sharing.is_some_and(|sharing| sharing.constant) {
+            samples.max(1)
+        } else {
+            1
+        }
+    }
+
     /// Returns whether the samples of an iteration share data.
     pub fn shares(&self) -> bool {
         self.iterations.is_some()

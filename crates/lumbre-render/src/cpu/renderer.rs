@@ -206,11 +206,14 @@ impl CpuRenderer {
         let first = self.prepared.job.first_sample + self.own.samples;
         let range = first..first + samples;
         let stats = if self.prepared.shares() {
-            let iterations = range.take_while(|_| !abandoned());
-            iterations.fold(RowStats::default(), |stats, index| {
+            let step = self.prepared.samples_at_once(samples);
+            let starts = range.clone().step_by(step as usize);
+            let starts = starts.take_while(|_| !abandoned());
+            starts.fold(RowStats::default(), |stats, index| {
                 let begun = self.pool.install(|| self.prepared.begin(index));
                 let shared = begun.as_ref().map(|(shared, _)| &**shared);
-                let own = self.render_samples(index..index + 1, shared, abandoned);
+                let end = (index + step).min(range.end);
+                let own = self.render_samples(index..end, shared, abandoned);
                 stats.merge(own).merge(RowStats {
                     rays: begun.as_ref().map_or(0, |(_, rays)| *rays),
                     ..RowStats::default()

@@ -3,7 +3,8 @@
 //! as the reference for all other integrators.
 
 use super::camera_path::{self, Arrival, CameraPaths, Path, PathSink};
-use super::{Context, IntegratorRow, nee};
+use super::nee::{self, BsdfDirections};
+use super::{Context, IntegratorRow};
 use crate::math::simd::Lanes;
 use crate::value::schema::Table;
 
@@ -37,7 +38,7 @@ impl CameraPaths for Bpt {
         lanes: R::Mask,
         sink: &mut impl PathSink<R>,
     ) -> R::Mask {
-        nee::scatter::<R, N, false>(context, edge, arrival, path, lanes, sink)
+        nee::scatter::<R, N, BsdfDirections, false>(context, edge, arrival, path, lanes, sink)
     }
 
     #[inline(always)]

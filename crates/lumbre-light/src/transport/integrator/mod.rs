@@ -5,6 +5,7 @@ pub mod bdpt;
 pub mod bpt;
 pub mod camera_path;
 pub mod external;
+pub mod guided;
 pub mod iteration;
 pub mod lvc;
 pub mod nee;
@@ -113,7 +114,11 @@ macro_rules! integrators {
     };
 }
 
-integrators!(camera paths: bpt::Bpt, nee::Nee, sppm::Sppm; bidirectional: bdpt; others: vcm, lvc);
+integrators!(
+    camera paths: bpt::Bpt, nee::Nee, guided::Guided, sppm::Sppm;
+    bidirectional: bdpt;
+    others: vcm, lvc
+);
 
 /// Computes one sample of one pixel and passes every contribution to the sink.
 pub type SampleFn = fn(&Context, pixel: [u32; 2], &mut Sampler, sink: &mut dyn FnMut(Contribution));
@@ -141,6 +146,14 @@ pub struct IntegratorRow {
     pub sharing: Option<Sharing>,
     /// Computes one sample of one pixel on the CPU.
     pub sample: SampleFn,
+}
+
+impl IntegratorRow {
+    /// Returns whether pixels have common noise, because the samples of an iteration share data that
+    /// differ between iterations.
+    pub fn has_common_noise(&self) -> bool {
+        self.sharing.is_some_and(|sharing| !sharing.constant)
+    }
 }
 
 /// Other names of integrators, with the name in the table: `pt` is what most of the literature calls

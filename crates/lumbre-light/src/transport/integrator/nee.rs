@@ -10,7 +10,7 @@ use super::camera_path::{
 use super::{Context, IntegratorRow, settings};
 use crate::math::real::{Double, Mask, Real, Vector};
 use crate::math::simd::Lanes;
-use crate::transport::bsdf::{Bsdf, Outgoing, TransportMode};
+use crate::transport::bsdf::{Bsdf, BsdfSample, Outgoing, TransportMode};
 use crate::transport::light::{DirectSample, SELECT_FIELD};
 use crate::transport::mis;
 use crate::transport::path_time::OpticalLength;
@@ -50,7 +50,7 @@ impl CameraPaths for Nee {
         lanes: R::Mask,
         sink: &mut impl PathSink<R>,
     ) -> R::Mask {
-        scatter::<R, N, true>(context, edge, arrival, path, lanes, sink)
+        scatter::<R, N, BsdfDirections, true>(context, edge, arrival, path, lanes, sink)
     }
 
     #[inline(always)]
@@ -113,9 +113,9 @@ pub(super) fn escape<R: Lanes<N>, const N: usize, const LIGHTS: bool>(
 }
 
 /// Handles hits: see [`CameraPaths::scatter`]. With `LIGHTS` vertices are connected to sampled
-/// lights; without, paths find light only by hitting it.
+/// lights; without, paths find light only by hitting it. Paths continue in directions of `D`.
 #[inline(always)]
-pub(super) fn scatter<R: Lanes<N>, const N: usize, const LIGHTS: bool>(
+pub(super) fn scatter<R: Lanes<N>, const N: usize, D: Directions<R, N>, const LIGHTS: bool>(
     context: &Context,
     edge: u32,
     arrival: &Arrival<R, N>,
@@ -142,6 +142,7 @@ pub(super) fn scatter<R: Lanes<N>, const N: usize, const LIGHTS: bool>(
     let parameters = arrival.parameters(context.scene, &surface);
     let bsdf = arrival.bsdf(context.classes, &surface, parameters.as_ref());
     let out = bsdf.outgoing(wo);
+    let directions = D::at(context, surface.position, lanes & bsdf.has_density());
     if LIGHTS {
         let connected = lanes & bsdf.has_density();
         if connected.any() {
@@ -149,14 +150,66 @@ pub(super) fn scatter<R: Lanes<N>, const N: usize, const LIGHTS: bool>(
                 edge,
                 bsdf: &bsdf,
                 out: &out,
+                directions: &directions,
                 optical: optical.as_ref(),
             };
             vertex.connect_to_lights(context, surface, path, connected, sink);
         }
     }
-    let [choice, u, v] = path.sampler.next_three();
-    let (sampled, s, _) = bsdf.samples::<false>(&out, choice, [u, v], TransportMode::Radiance);
+    let numbers = path.sampler.next_three();
+    let n = surface.n_shading;
+    let (sampled, s) = directions.sample(context, (&bsdf, &out, n), numbers, lanes);
     path.continue_from(context, edge, &surface, optical, &s, lanes & sampled)
+}
+
+/// Distribution of the directions in which paths continue from vertices.
+pub(super) trait Directions<R: Lanes<N>, const N: usize>: Copy {
+    /// Returns the distribution at vertices, of whose BSDFs those in the lanes of `smooth` have a
+    /// density.
+    fn at(context: &Context, position: R::Vec3, smooth: R::Mask) -> Self;
+
+    /// Returns the density per solid angle of the unit directions `wi`, which the BSDFs sample with
+    /// the density `bsdf_pdf_w`, in the given lanes.
+    fn pdf_w(&self, context: &Context, wi: R::Vec3, bsdf_pdf_w: R, lanes: R::Mask) -> R;
+
+    /// Samples directions by three numbers in `[0, 1)`, in the given lanes. The BSDF comes with the
+    /// direction to the previous vertex and the shading normal. The mask is set where there is a
+    /// sample.
+    fn sample(
+        &self,
+        context: &Context,
+        vertex: (&Bsdf<R>, &Outgoing<R>, R::Vec3),
+        numbers: [R; 3],
+        lanes: R::Mask,
+    ) -> (R::Mask, BsdfSample<R>);
+}
+
+/// Directions that the BSDF samples.
+#[derive(Clone, Copy)]
+pub(super) struct BsdfDirections;
+
+impl<R: Lanes<N>, const N: usize> Directions<R, N> for BsdfDirections {
+    #[inline(always)]
+    fn at(_: &Context, _: R::Vec3, _: R::Mask) -> BsdfDirections {
+        BsdfDirections
+    }
+
+    #[inline(always)]
+    fn pdf_w(&self, _: &Context, _: R::Vec3, bsdf_pdf_w: R, _: R::Mask) -> R {
+        bsdf_pdf_w
+    }
+
+    #[inline(always)]
+    fn sample(
+        &self,
+        _: &Context,
+        (bsdf, out, _): (&Bsdf<R>, &Outgoing<R>, R::Vec3),
+        [choice, u, v]: [R; 3],
+        _: R::Mask,
+    ) -> (R::Mask, BsdfSample<R>) {
+        let (sampled, s, _) = bsdf.samples::<false>(out, choice, [u, v], TransportMode::Radiance);
+        (sampled, s)
+    }
 }
 
 /// Adds the emission of the surfaces that edges hit. With `LIGHTS` it is weighted against light
@@ -195,14 +248,15 @@ pub(super) fn add_emission<R: Lanes<N>, const N: usize, const LIGHTS: bool>(
 }
 
 /// Vertices at the end of edge number `edge`, which are connected to lights.
-struct Vertex<'a, R: Real> {
+struct Vertex<'a, R: Real, D> {
     edge: u32,
     bsdf: &'a Bsdf<R>,
     out: &'a Outgoing<R>,
+    directions: &'a D,
     optical: Option<&'a OpticalLength<R>>,
 }
 
-impl<R: Real> Vertex<'_, R> {
+impl<R: Real, D> Vertex<'_, R, D> {
     /// Connects vertices to sampled lights: to one each, or to each light in turn; first from the
     /// surface, then from the lifted point of surfaces that have one.
     #[inline(always)]
@@ -215,6 +269,7 @@ impl<R: Real> Vertex<'_, R> {
         sink: &mut impl PathSink<R>,
     ) where
         R: Lanes<N>,
+        D: Directions<R, N>,
     {
         let all_lights = context.settings.all_lights;
         let count = if all_lights {
@@ -268,6 +323,7 @@ impl<R: Real> Vertex<'_, R> {
         sink: &mut impl PathSink<R>,
     ) where
         R: Lanes<N>,
+        D: Directions<R, N>,
     {
         let mut lanes = lanes & direct.arrives() & self.out.same_side;
         if let Some(offset) = &surface.terminator {
@@ -288,7 +344,10 @@ impl<R: Real> Vertex<'_, R> {
         }
         let one = R::splat(1.0);
         let weight = match context.settings.mis {
-            Some(h) => R::select(direct.delta, one, h.weight(direct.pdf_w, value.pdf_w)),
+            Some(h) => {
+                let pdf_w = self.directions.pdf_w(context, wi, value.pdf_w, lit);
+                R::select(direct.delta, one, h.weight(direct.pdf_w, pdf_w))
+            }
             None => one,
         };
         let ray = ShadowRay::between(

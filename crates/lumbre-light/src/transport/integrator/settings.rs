@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::guided::settings::Guiding;
 use crate::transport::mis::Heuristic;
 use crate::value::Value;
 use crate::value::schema::{AUTO, Field, Ty};
@@ -152,6 +153,8 @@ pub struct Settings {
     pub connections: u32,
     /// Number of vertices that are drawn for each such connection.
     pub candidates: u32,
+    /// Parameters of [`guided`](super::guided).
+    pub guiding: Guiding,
 }
 
 impl Settings {
@@ -176,6 +179,7 @@ impl Settings {
             join: Join::from_params(params),
             connections: number(CONNECTIONS).map_or(1, |connections| connections as u32),
             candidates: number(CANDIDATES).map_or(8, |candidates| candidates as u32),
+            guiding: Guiding::from_params(params),
         }
     }
 
@@ -218,6 +222,7 @@ mod tests {
                 join: Join::Both,
                 connections: 1,
                 candidates: 8,
+                guiding: Guiding::from_params(&BTreeMap::new()),
             }
         );
         assert!(plain.includes(3, 4) && !plain.unweighted());
@@ -249,6 +254,7 @@ mod tests {
                 join: Join::Merge,
                 connections: 3,
                 candidates: 5,
+                guiding: plain.guiding,
             }
         );
         assert!(one.unweighted() && one.includes(2, 3) && !one.includes(3, 2));

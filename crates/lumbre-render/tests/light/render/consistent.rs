@@ -148,7 +148,7 @@ fn any_number_of_threads_and_any_waves_give_the_same_bits() {
 }
 
 /// Compares a technique on one thread with other numbers of threads, and with other waves.
-fn assert_same_bits(technique: &Technique, sampler: &'static SamplerRow) {
+pub fn assert_same_bits(technique: &Technique, sampler: &'static SamplerRow) {
     let scene = varied();
     {
         let job = |threads| Job {
@@ -180,7 +180,7 @@ fn a_checkpoint_and_ranges_of_samples_give_the_picture_of_the_whole() {
 }
 
 /// Compares a run with one that is restored from a checkpoint, and with two ranges of samples.
-fn assert_splits(technique: &Technique) {
+pub fn assert_splits(technique: &Technique) {
     let scene = varied();
     let open = |first_sample| {
         let job = Job {

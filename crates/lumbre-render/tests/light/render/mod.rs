@@ -28,6 +28,7 @@ mod consistent_fixtures;
 mod determinism;
 mod film;
 mod furnace;
+mod guided;
 mod instances;
 mod instances_compile;
 mod instructions;

@@ -16,7 +16,7 @@ use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
 use crate::common::{SceneBuilder, grey, light};
 use crate::render::wavefront_fixtures::{
     DISNEY, assert_same_bits, assert_same_film_bits, interfaces, materials, nee_job, room,
-    with_bdpt, with_bpt, with_sppm, with_time_axis,
+    with_bdpt, with_bpt, with_guided, with_sppm, with_time_axis,
 };
 
 #[test]
@@ -27,6 +27,7 @@ fn every_material_has_the_same_bits_in_lanes() {
         assert_same_bits(name, &scene, with_bpt(nee_job([29, 17], 6)), 11);
         assert_same_bits(name, &scene, with_bdpt(nee_job([29, 17], 6)), 5);
         assert_same_bits(name, &scene, with_sppm(nee_job([29, 17], 6)), 2);
+        assert_same_bits(name, &scene, with_guided(nee_job([29, 17], 6)), 5);
     }
 }
 
@@ -37,6 +38,7 @@ fn every_model_of_an_interface_has_the_same_bits_in_lanes() {
         let job = nee_job([19, 11], 6);
         assert_same_bits(&name, &scene, job.clone(), 5);
         assert_same_film_bits(&name, &scene, with_bpt(job.clone()), 5);
+        assert_same_film_bits(&name, &scene, with_guided(job.clone()), 5);
         assert_same_bits(&name, &scene, with_bdpt(job), 3);
     }
 }

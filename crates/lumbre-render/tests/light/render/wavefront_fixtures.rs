@@ -341,6 +341,16 @@ pub fn with_sppm(job: Job) -> Job {
     }
 }
 
+/// Returns the job with `guided` and a tree of several leaves.
+pub fn with_guided(job: Job) -> Job {
+    let params = [("training", Value::Int(12)), ("split", Value::Num(500.0))];
+    Job {
+        integrator: integrator("guided").unwrap(),
+        params: params.map(|(key, value)| (key.to_owned(), value)).into(),
+        ..job
+    }
+}
+
 /// Returns the job with a time axis on which most light arrives, and some before it and after it.
 pub fn with_time_axis(job: &Job) -> Job {
     Job {

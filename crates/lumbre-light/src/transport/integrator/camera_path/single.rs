@@ -20,15 +20,17 @@ pub fn sample<T: CameraPaths>(
         pixel,
         sink,
     };
-    follow::<T>(context, pixel, *sampler, &mut sink);
+    follow::<T, _>(context, pixel, *sampler, &mut sink, |_, _, _| ());
 }
 
-/// Follows one path to its end.
-fn follow<T: CameraPaths>(
+/// Follows one path of a pixel to its end. `leaves` is called with the sink, the number of the edge
+/// that led to a vertex, and the path, for every vertex from which the path continues.
+pub fn follow<T: CameraPaths, S: PathSink<f32>>(
     context: &Context,
     pixel: [u32; 2],
     sampler: Sampler,
-    sink: &mut SingleSink,
+    sink: &mut S,
+    leaves: impl Fn(&mut S, u32, &Path<f32>),
 ) {
     let mut path = Path::<f32>::from_camera(context, pixel.map(|n| n as f32), sampler);
     path.terminator = context
@@ -52,6 +54,7 @@ fn follow<T: CameraPaths>(
         if !T::scatter::<f32, 1>(context, edge, &arrival, &mut path, true, sink) {
             return;
         }
+        leaves(sink, edge, &path);
     }
 }
 

@@ -44,6 +44,13 @@ pub struct Sharing {
     /// Upper bound of the bytes that a vertex of a light subpath takes while an iteration begins
     /// and is rendered.
     pub vertex_bytes: usize,
+    /// Greatest number of paths whose vertices are in memory at a time; `None` for all of an
+    /// iteration.
+    pub batch: Option<u64>,
+    /// Returns an upper bound of the bytes that do not depend on the number of paths.
+    pub fixed_bytes: fn(&Settings) -> u64,
+    /// Whether all iterations share the same data, so that their samples can be rendered at once.
+    pub constant: bool,
 }
 
 impl Sharing {
@@ -58,17 +65,22 @@ impl Sharing {
         rr_start: Option<u32>,
     ) -> u64 {
         let paths = settings.photons.map_or(pixels, u64::from);
+        let paths = paths.min(self.batch.unwrap_or(u64::MAX));
         let after = (1.0 / (1.0 - f64::from(MAX_SURVIVAL))).ceil() as u32;
         let by_roulette = rr_start.map_or(u32::MAX, |start| start.saturating_add(after));
         let vertices = max_depth.saturating_sub(1).min(by_roulette);
         let of_path = light_paths::PATH_BYTES + vertices as usize * self.vertex_bytes;
-        paths.saturating_mul(of_path as u64)
+        let fixed = (self.fixed_bytes)(settings);
+        fixed.saturating_add(paths.saturating_mul(of_path as u64))
     }
 }
 
 /// Column and row that key the random numbers of paths that belong to no pixel. No picture is that
 /// large.
 const NO_PIXEL: [u32; 2] = [u32::MAX; 2];
+
+/// Bit that columns and rows of training paths have. No picture is that large.
+const TRAINING: u32 = 1 << 31;
 
 /// Column and row that key the random numbers of paths from which a job is prepared.
 const PREPARED: [u32; 2] = [u32::MAX - 1; 2];
@@ -105,6 +117,13 @@ impl Resources<'_> {
     /// Returns the random numbers of a path from which the job is prepared.
     pub fn path_sampler(&self, path: u64) -> Sampler {
         self.sampler.start(self.seed, PREPARED, path)
+    }
+
+    /// Returns the random numbers of a training path of a pixel. They are independent of those of
+    /// the picture's samples.
+    pub fn training_sampler(&self, pixel: [u32; 2], path: u64) -> Sampler {
+        let pixel = pixel.map(|n| n | TRAINING);
+        self.sampler.start(self.seed, pixel, path)
     }
 
     /// Returns the results of `work` for each index below `count`, in the order of the indices. The
@@ -177,6 +196,9 @@ mod tests {
             prepare: |_| Box::new(()),
             begin: |_| Box::new(()),
             vertex_bytes: 100,
+            batch: None,
+            fixed_bytes: |_| 0,
+            constant: false,
         };
         let automatic = Settings::new(&BTreeMap::new());
         let given = Settings {
@@ -191,5 +213,12 @@ mod tests {
         // Three vertices before roulette, and 20 after it.
         assert_eq!(bytes(&given, 10_000, Some(3)), 7 * (path + 2300));
         assert_eq!(bytes(&given, 4, Some(3)), 7 * (path + 300));
+        let batched = Sharing {
+            batch: Some(5),
+            fixed_bytes: |settings| settings.guiding.tree_bytes(),
+            ..sharing
+        };
+        let fixed = automatic.guiding.tree_bytes();
+        assert_eq!(batched.bytes(&given, 50, 9, None), fixed + 5 * (path + 800));
     }
 }

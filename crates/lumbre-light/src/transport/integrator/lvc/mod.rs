@@ -59,6 +59,9 @@ pub const ROW: IntegratorRow = IntegratorRow {
         prepare: cache::prepare,
         begin: cache::begin,
         vertex_bytes: cache::VERTEX_BYTES,
+        batch: None,
+        fixed_bytes: |_| 0,
+        constant: false,
     }),
     sample,
 };

@@ -72,6 +72,9 @@ pub const ROW: IntegratorRow = IntegratorRow {
         prepare: photons::prepare,
         begin: photons::begin,
         vertex_bytes: point_bytes::<PhotonRecord>(),
+        batch: None,
+        fixed_bytes: |_| 0,
+        constant: false,
     }),
     sample: camera_path::sample::<Sppm>,
 };

@@ -74,6 +74,9 @@ pub const ROW: IntegratorRow = IntegratorRow {
         prepare: shared::prepare,
         begin: shared::begin,
         vertex_bytes: shared::VERTEX_BYTES,
+        batch: None,
+        fixed_bytes: |_| 0,
+        constant: false,
     }),
     sample,
 };

@@ -1,0 +1,200 @@
+//! Practical path guiding [Mueller et al. 2017]: [`nee`](super::nee) whose paths continue in
+//! directions from which light was found before.
+//!
+//! Before the first sample, training paths fill an [SD-tree](sd_tree): at every point of the scene a
+//! density of directions ([`training`]). A vertex samples its next edge by the BSDF or by the tree,
+//! and the density is that of the mixture,
+//!
+//! `p(wi) = a p_bsdf(wi) + (1 - a) p_tree(wi)`,
+//!
+//! also in the weights of light sampling. Dirac lobes are sampled by the BSDF alone, and so are
+//! surfaces that have no other lobes and regions that no training path brought light to.
+//!
+//! - The tree's density is that of the least variance of the picture, given light sampling [Rath et
+//!   al. 2020]: proportional to the root of the mean square of what paths contribute by going on in
+//!   a direction. Light that the vertex finds by its own shadow ray is not part of it.
+//! - Pictures are unbiased: their samples have other random numbers than training paths.
+//! - All samples use the same tree, so they have the same variance and equal weights. The pictures
+//!   of training paths are not used: they would have to be weighted by the inverse of their
+//!   variance [Mueller 2019], and the best of them has about as many paths as half of `training`.
+//! - Light subpaths are not guided.
+
+pub mod direction_tree;
+pub mod sd_tree;
+pub mod settings;
+#[cfg(test)]
+mod tests;
+pub mod training;
+
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use self::sd_tree::SdTree;
+use super::camera_path::{self, Arrival, CameraPaths, Path, PathSink};
+use super::iteration::Sharing;
+use super::nee::{self, Directions};
+use super::{Context, IntegratorRow, settings as common};
+use crate::math::real::{Mask, Vector};
+use crate::math::simd::{Lanes, active_lanes, map_vectors};
+use crate::transport::bsdf::{Bsdf, BsdfSample, Outgoing, TransportMode};
+use crate::transport::light::SELECT_FIELD;
+use crate::transport::mis;
+use crate::value::schema::Table;
+
+/// The table entry of this integrator.
+pub const ROW: IntegratorRow = IntegratorRow {
+    name: "guided",
+    long_name: "guided path tracing with next event estimation",
+    revision: 1,
+    doc: "nee whose paths continue in directions where training paths found light, as a tree over \
+          space and directions remembers [Mueller et al. 2017; Rath et al. 2020].",
+    params: Table {
+        name: "GuidedParams",
+        doc: "Parameters of `guided`.",
+        fields: &[
+            settings::TRAINING,
+            settings::TARGET,
+            settings::BSDF_FRACTION,
+            settings::SPLIT,
+            settings::TREE_MEMORY,
+            mis::FIELD,
+            SELECT_FIELD,
+            common::LIGHTS,
+        ],
+    },
+    splats: false,
+    bias: None,
+    sharing: Some(Sharing {
+        prepare: training::prepare,
+        begin: training::begin,
+        vertex_bytes: training::VERTEX_BYTES,
+        batch: Some(training::BATCH),
+        fixed_bytes: |settings| settings.guiding.tree_bytes(),
+        constant: true,
+    }),
+    sample: camera_path::sample::<Guided>,
+};
+
+/// Guided path tracing.
+pub struct Guided;
+
+impl CameraPaths for Guided {
+    #[inline(always)]
+    fn scatter<R: Lanes<N>, const N: usize>(
+        context: &Context,
+        edge: u32,
+        arrival: &Arrival<R, N>,
+        path: &mut Path<R>,
+        lanes: R::Mask,
+        sink: &mut impl PathSink<R>,
+    ) -> R::Mask {
+        type D<R, const N: usize> = MixedDirections<R, N>;
+        nee::scatter::<R, N, D<R, N>, true>(context, edge, arrival, path, lanes, sink)
+    }
+
+    #[inline(always)]
+    fn escape<R: Lanes<N>, const N: usize>(
+        context: &Context,
+        edge: u32,
+        path: &Path<R>,
+        lanes: R::Mask,
+        sink: &mut impl PathSink<R>,
+    ) {
+        nee::escape::<R, N, true>(context, edge, path, lanes, sink);
+    }
+}
+
+/// Mixture of the directions of the BSDF and of the tree, in each lane.
+#[derive(Clone, Copy)]
+struct MixedDirections<R, const N: usize> {
+    /// Leaves of the tree.
+    leaves: [u32; N],
+    /// Probability of sampling the BSDF: one in lanes that the tree does not guide.
+    fraction: R,
+}
+
+/// Returns the tree of the samples.
+fn tree<'a>(context: &Context<'a>) -> &'a SdTree {
+    context.shared::<Arc<SdTree>>()
+}
+
+impl<R: Lanes<N>, const N: usize> Directions<R, N> for MixedDirections<R, N> {
+    #[inline(always)]
+    fn at(context: &Context, position: R::Vec3, smooth: R::Mask) -> MixedDirections<R, N> {
+        let tree = tree(context);
+        let (x, y, z) = (
+            position.x().store(),
+            position.y().store(),
+            position.z().store(),
+        );
+        let (mut leaves, mut fraction) = ([0; N], [1.0; N]);
+        for i in active_lanes(smooth.bits()) {
+            leaves[i] = tree.leaf_at(Vec3::new(x[i], y[i], z[i]));
+            if tree.directions(leaves[i]).is_some() {
+                fraction[i] = context.settings.guiding.bsdf_fraction;
+            }
+        }
+        MixedDirections {
+            leaves,
+            fraction: R::load(&fraction),
+        }
+    }
+
+    #[inline(always)]
+    fn pdf_w(&self, context: &Context, wi: R::Vec3, bsdf_pdf_w: R, lanes: R::Mask) -> R {
+        let one = R::splat(1.0);
+        let tree = tree(context);
+        let guided = lanes & self.fraction.lt(one);
+        let [pdf_w] = map_vectors::<R, N, 1>(wi, guided, |i, wi| {
+            let directions = tree.directions(self.leaves[i]);
+            [directions.map_or(0.0, |directions| directions.pdf_w(wi))]
+        });
+        self.fraction * bsdf_pdf_w + (one - self.fraction) * pdf_w
+    }
+
+    #[inline(always)]
+    fn sample(
+        &self,
+        context: &Context,
+        (bsdf, out, n): (&Bsdf<R>, &Outgoing<R>, R::Vec3),
+        [choice, u, v]: [R; 3],
+        lanes: R::Mask,
+    ) -> (R::Mask, BsdfSample<R>) {
+        let one = R::splat(1.0);
+        let mode = TransportMode::Radiance;
+        let stretched = (choice / self.fraction).min(R::splat(BELOW_ONE));
+        let (some, s, _) = bsdf.samples::<false>(out, stretched, [u, v], mode);
+        let guided = lanes & self.fraction.lt(one);
+        if !guided.any() {
+            return (some, s);
+        }
+        let by_tree = guided & !choice.lt(self.fraction);
+        let tree = tree(context);
+        let [x, y, z] = map_vectors::<R, N, 3>(R::Vec3::new(u, v, u), by_tree, |i, u| {
+            let directions = tree.directions(self.leaves[i]);
+            let dir = directions.map(|directions| directions.sample([u.x, u.y]));
+            dir.unwrap_or_default().to_array()
+        });
+        let wi = R::Vec3::select(by_tree, R::Vec3::new(x, y, z), s.wi);
+        let value = bsdf.values::<false>(out, wi, mode, by_tree);
+        let of_tree = value.f * wi.dot(n).abs();
+        let f_cos = R::Vec3::select(by_tree, of_tree, s.weight * s.pdf_w);
+        let bsdf_pdf_w = R::select(by_tree, value.pdf_w, s.pdf_w);
+        let delta = s.delta & !by_tree;
+        let smooth = guided & !delta & (by_tree & out.same_side | !by_tree & some);
+        let pdf_w = self.pdf_w(context, wi, bsdf_pdf_w, smooth);
+        let some = smooth & pdf_w.gt(R::splat(0.0)) | !smooth & !by_tree & some;
+        let sample = BsdfSample {
+            wi,
+            weight: R::Vec3::select(smooth, f_cos / pdf_w, s.weight / self.fraction),
+            pdf_w: R::select(smooth, pdf_w, s.pdf_w),
+            delta,
+            eta: R::select(by_tree, bsdf.index_ratio(out.wo, wi), s.eta),
+        };
+        (some, sample)
+    }
+}
+
+/// Greatest number below one.
+const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;

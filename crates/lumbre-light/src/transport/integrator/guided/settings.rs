@@ -1,0 +1,173 @@
+//! The parameters of [`guided`](super).
+
+use std::collections::BTreeMap;
+
+use crate::value::Value;
+use crate::value::schema::{Field, Ty};
+
+/// The parameter `training`.
+pub const TRAINING: Field = Field {
+    key: "training",
+    ty: Ty::Int {
+        min: 1,
+        max: 1 << 20,
+    },
+    required: false,
+    default: "32",
+    doc: "number of training paths of every pixel, which are traced before the first sample and \
+          only shape the tree; their time counts as render time",
+};
+
+/// The parameter `bsdf_fraction`.
+pub const BSDF_FRACTION: Field = Field {
+    key: "bsdf_fraction",
+    ty: Ty::Num {
+        min: 0.05,
+        max: 1.0,
+    },
+    required: false,
+    default: "0.5",
+    doc: "fraction of directions that are sampled by the BSDF; the others are sampled by the tree, \
+          and the density is that of the mixture",
+};
+
+/// The parameter `target`.
+pub const TARGET: Field = Field {
+    key: "target",
+    ty: Ty::Word(&["variance", "mean"]),
+    required: false,
+    default: "variance",
+    doc: "what the tree's density is proportional to: \"variance\" is the root of the mean square \
+          of what paths in a direction contribute to the picture, which has the least variance \
+          [Rath et al. 2020]; \"mean\" is their mean contribution",
+};
+
+/// The parameter `split`.
+pub const SPLIT: Field = Field {
+    key: "split",
+    ty: Ty::Num { min: 1.0, max: 1e9 },
+    required: false,
+    default: "4000",
+    doc: "a region of space is divided if more than split * sqrt(2^k) vertices of training \
+          iteration k lie in it [Mueller et al. 2017]",
+};
+
+/// The parameter `tree_memory`.
+pub const TREE_MEMORY: Field = Field {
+    key: "tree_memory",
+    ty: Ty::Int {
+        min: 1,
+        max: 1 << 16,
+    },
+    required: false,
+    default: "64",
+    doc: "greatest memory of the tree in MiB, while it is trained; a tree that would take more is \
+          divided less",
+};
+
+/// What the density of directions is proportional to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Target {
+    /// The root of the mean square of contributions.
+    Variance,
+    /// The mean contribution.
+    Mean,
+}
+
+/// The parameters of [`guided`](super).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Guiding {
+    /// Number of training paths of every pixel.
+    pub training: u64,
+    /// Fraction of directions that are sampled by the BSDF.
+    pub bsdf_fraction: f32,
+    /// What the density of directions is proportional to.
+    pub target: Target,
+    /// Number of vertices above which a leaf is divided in the first training iteration.
+    pub split: f64,
+    /// Greatest memory of the tree in MiB.
+    pub tree_memory: u64,
+}
+
+impl Guiding {
+    /// Parses parameters that satisfy their schema.
+    pub fn from_params(params: &BTreeMap<String, Value>) -> Guiding {
+        let number = |field: Field, default: f64| {
+            let given = params.get(field.key).and_then(Value::as_f64);
+            given.unwrap_or(default)
+        };
+        let mean = params.get(TARGET.key).and_then(Value::as_str) == Some("mean");
+        Guiding {
+            training: number(TRAINING, 32.0) as u64,
+            bsdf_fraction: number(BSDF_FRACTION, 0.5) as f32,
+            target: if mean { Target::Mean } else { Target::Variance },
+            split: number(SPLIT, 4000.0),
+            tree_memory: number(TREE_MEMORY, 64.0) as u64,
+        }
+    }
+
+    /// Returns the greatest number of bytes that the tree takes.
+    pub fn tree_bytes(&self) -> u64 {
+        self.tree_memory << 20
+    }
+}
+
+impl Target {
+    /// Returns the value of a direction whose path contributed `light` to a pixel, and whose density
+    /// was `pdf_w`. Its mean over samples estimates the integral of the squared or of the plain
+    /// product of throughput, BSDF, cosine and radiance. Of the three channels, the square is the
+    /// sum of squares.
+    pub fn value(self, light: glam::Vec3, pdf_w: f32) -> f32 {
+        let square = light.length_squared();
+        match self {
+            Target::Variance => square * pdf_w,
+            Target::Mean => square.sqrt(),
+        }
+    }
+
+    /// Returns the function from the sum of a cell's values and its area to its mass.
+    pub fn mass_of(self) -> fn(f64, f64) -> f64 {
+        match self {
+            Target::Variance => |sum, area| (sum * area).sqrt(),
+            Target::Mean => |sum, _| sum,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn defaults_are_those_of_the_schema() {
+        let fields = [TRAINING, BSDF_FRACTION, TARGET, SPLIT, TREE_MEMORY];
+        let given = fields.map(|field| {
+            let value = match field.ty {
+                Ty::Word(_) => Value::from(field.default),
+                _ => Value::Num(field.default.parse().expect("a number")),
+            };
+            (field.key.to_owned(), value)
+        });
+        let plain = Guiding::from_params(&BTreeMap::new());
+        assert_eq!(plain, Guiding::from_params(&given.into()));
+        let other = [("training", Value::Int(7)), ("target", "mean".into())];
+        let other = other.map(|(key, value): (&str, Value)| (key.to_owned(), value));
+        let other = Guiding::from_params(&other.into());
+        assert_eq!((other.training, other.target), (7, Target::Mean));
+    }
+
+    #[test]
+    fn masses_follow_from_values_as_the_least_variance_demands() {
+        // Two cells of one area with contributions 1 and 3, sampled equally often with density 2.
+        for (target, expected) in [(Target::Variance, 3.0), (Target::Mean, 3.0)] {
+            let mass = |light: f32| {
+                let value = target.value(glam::Vec3::new(light, 0.0, 0.0), 2.0);
+                (target.mass_of())(f64::from(value), 0.25)
+            };
+            assert!(
+                (mass(3.0) / mass(1.0) - expected).abs() < 1e-6,
+                "{target:?}"
+            );
+        }
+    }
+}

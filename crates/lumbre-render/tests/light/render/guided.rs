@@ -1,0 +1,150 @@
+//! Guided path tracing: less noise where light is hard to find, the same bits however a run is
+//! split, and scenes without light. That its pictures are right is tested with all other
+//! integrators ([`super::agreement`]).
+
+use std::sync::Arc;
+
+use glam::{Vec2, Vec3};
+use lumbre_light::film::Film;
+use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::Material;
+use lumbre_light::transport::sampler::{INDEPENDENT, SOBOL};
+use lumbre_light::value::Value;
+use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
+
+use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
+use crate::render::agreement::{Technique, technique};
+use crate::render::consistent::{assert_same_bits, assert_splits};
+
+/// Returns guided path tracing with a tree that has leaves in small pictures too.
+fn trained(training: i64, split: f64) -> Technique {
+    let pairs = [
+        ("training", Value::Int(training)),
+        ("split", Value::Num(split)),
+    ];
+    technique("guided", &pairs)
+}
+
+/// Returns a room whose lamp is behind a wall with a gap at its upper end.
+fn hidden_lamp() -> Arc<CompiledScene> {
+    // The camera sees neither the lamp nor the gap, whose edges would be noise of the filter.
+    SceneBuilder::new(Vec3::new(0.3, 0.6, 0.9), Vec3::new(-0.7, -0.7, -0.7), 50.0)
+        .room(1.0, grey(0.7))
+        .quad(
+            Vec3::new(0.4, -1.0, 1.0),
+            Vec3::Y * 1.85,
+            Vec3::Z * -2.0,
+            grey(0.7),
+        )
+        .quad(
+            Vec3::new(0.55, -0.6, -0.3),
+            Vec3::Z * 0.6,
+            Vec3::X * 0.3,
+            light(30.0),
+        )
+        .build()
+}
+
+/// Returns the mean over pixels of the variance of their mean.
+fn variance(film: &Film) -> f64 {
+    let variance = film.variance_of_mean();
+    let pixels = variance.data.len() as f64;
+    variance.data.iter().map(|p| f64::from(p[1])).sum::<f64>() / pixels
+}
+
+/// Returns a job of a technique.
+fn job_of((row, params): &Technique, side: u32, depth: u32) -> Job {
+    Job {
+        integrator: row,
+        params: params.clone(),
+        ..job([side; 2], depth, 5)
+    }
+}
+
+#[test]
+fn a_hidden_lamp_is_found_with_less_noise_than_by_nee() {
+    let scene = hidden_lamp();
+    let film = |technique: &Technique| render(&scene, job_of(technique, 16, 6), 256);
+    let plain = film(&technique("nee", &[]));
+    for target in ["variance", "mean"] {
+        let (row, mut params) = trained(2000, 1000.0);
+        params.insert("target".to_owned(), target.into());
+        let [guided, plain] = [&film(&(row, params)), &plain].map(variance);
+        assert!(guided < 0.65 * plain, "{target}: {guided} and {plain}");
+    }
+    let all_by_bsdf = technique("guided", &[("bsdf_fraction", Value::Num(1.0))]);
+    assert_eq!(film(&all_by_bsdf).sum, plain.sum);
+}
+
+#[test]
+fn any_number_of_threads_and_any_waves_give_the_same_bits() {
+    for sampler in [INDEPENDENT, SOBOL] {
+        assert_same_bits(&trained(61, 40.0), sampler);
+    }
+}
+
+#[test]
+fn a_checkpoint_and_ranges_of_samples_give_the_picture_of_the_whole() {
+    assert_splits(&trained(20, 40.0));
+}
+
+#[test]
+fn the_tree_depends_on_the_seed_and_the_training() {
+    let scene = hidden_lamp();
+    let film = |seed, training| {
+        let job = Job {
+            seed,
+            ..job_of(&trained(training, 40.0), 9, 4)
+        };
+        render(&scene, job, 4).sum
+    };
+    assert_eq!(film(1, 8), film(1, 8));
+    assert_ne!(film(1, 8), film(2, 8));
+    assert_ne!(film(1, 8), film(1, 9));
+}
+
+#[test]
+fn training_counts_its_rays_once() {
+    let scene = hidden_lamp();
+    let mut renderer = CpuRenderer::new(scene, job_of(&trained(100, 40.0), 8, 4)).unwrap();
+    let waves = [4, 4].map(|samples| renderer.advance(samples).unwrap().rays);
+    assert!(waves[0] > 10 * waves[1], "{waves:?}");
+}
+
+#[test]
+fn scenes_without_light_are_black() {
+    let triangle = |material| {
+        let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        SceneBuilder::new(Vec3::new(0.2, 0.2, 2.0), Vec3::ZERO, 40.0).triangle(
+            corners,
+            [Vec2::ZERO; 3],
+            material,
+        )
+    };
+    let black = Material {
+        base_color: Vec3::ZERO,
+        ..WHITE
+    };
+    let guided = trained(6, 2.0);
+    for (scene, lit) in [
+        (triangle(grey(0.5)).build(), false),
+        (triangle(black).build(), false),
+        (triangle(light(2.0)).build(), true),
+        (
+            triangle(black).environment(None, Vec3::ONE, 0.0).build(),
+            true,
+        ),
+        (SceneBuilder::new(Vec3::Z, Vec3::ZERO, 40.0).build(), false),
+        (
+            SceneBuilder::new(Vec3::Z, Vec3::ZERO, 40.0)
+                .room(2.0, grey(0.8))
+                .build(),
+            false,
+        ),
+    ] {
+        for depth in [1, 2, 7] {
+            let film = render(&scene, job_of(&guided, 6, depth), 3);
+            assert_eq!(film.sum.iter().any(|s| s[0] > 0.0), lit);
+        }
+    }
+}
