@@ -228,13 +228,12 @@ impl DirectionTree<'_> {
     ) -> u32 {
         let old = from.map_or(Node::uniform(), |index| self.nodes[index as usize]);
         let index = nodes.len();
-        let mass_of = old.mass;
         nodes.push(Node {
-            mass: mass_of,
+            mass: old.mass,
             child: [0; 4],
         });
-        for quadrant in 0..4 {
-            let cell = mass * f64::from(mass_of[quadrant]);
+        for (quadrant, share) in old.mass.into_iter().enumerate() {
+            let cell = mass * f64::from(share);
             if levels > 1 && cell > greatest {
                 let from = Some(old.child[quadrant]).filter(|child| *child != 0);
                 let child = self.refine(from, cell, levels - 1, greatest, nodes);

@@ -34,12 +34,12 @@ pub const BSDF_FRACTION: Field = Field {
 /// The parameter `target`.
 pub const TARGET: Field = Field {
     key: "target",
-    ty: Ty::Word(&["variance", "mean"]),
+    ty: Ty::Word(&["mean", "variance"]),
     required: false,
-    default: "variance",
-    doc: "what the tree's density is proportional to: \"variance\" is the root of the mean square \
-          of what paths in a direction contribute to the picture, which has the least variance \
-          [Rath et al. 2020]; \"mean\" is their mean contribution",
+    default: "mean",
+    doc: "what the tree's density is proportional to: \"mean\" is what paths in a direction \
+          contribute to the picture on average; \"variance\" is the root of their mean square, \
+          which has the least variance but needs longer training [Rath et al. 2020]",
 };
 
 /// The parameter `split`.
@@ -96,7 +96,7 @@ impl Guiding {
             let given = params.get(field.key).and_then(Value::as_f64);
             given.unwrap_or(default)
         };
-        let mean = params.get(TARGET.key).and_then(Value::as_str) == Some("mean");
+        let variance = params.get(TARGET.key).and_then(Value::as_str) == Some("variance");
         Guiding {
             training: number(TRAINING, 32.0) as u64,
             bsdf_fraction: number(BSDF_FRACTION, 0.5) as f32,
