@@ -10,9 +10,10 @@
 //! also in the weights of light sampling. Dirac lobes are sampled by the BSDF alone, and so are
 //! surfaces that have no other lobes and regions that no training path brought light to.
 //!
-//! - The tree's density is that of the least variance of the picture, given light sampling [Rath et
-//!   al. 2020]: proportional to the root of the mean square of what paths contribute by going on in
-//!   a direction. Light that the vertex finds by its own shadow ray is not part of it.
+//! - The tree's density is proportional to what paths contribute to the picture on average by going
+//!   on in a direction. With `target = "variance"` it is the root of their mean square, which has
+//!   the least variance of the picture, given light sampling [Rath et al. 2020]. Light that the
+//!   vertex finds by its own shadow ray is not part of it.
 //! - Pictures are unbiased: their samples have other random numbers than training paths.
 //! - All samples use the same tree, so they have the same variance and equal weights. The pictures
 //!   of training paths are not used: they would have to be weighted by the inverse of their

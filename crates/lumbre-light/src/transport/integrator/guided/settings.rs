@@ -100,7 +100,11 @@ impl Guiding {
         Guiding {
             training: number(TRAINING, 32.0) as u64,
             bsdf_fraction: number(BSDF_FRACTION, 0.5) as f32,
-            target: if mean { Target::Mean } else { Target::Variance },
+            target: if variance {
+                Target::Variance
+            } else {
+                Target::Mean
+            },
             split: number(SPLIT, 4000.0),
             tree_memory: number(TREE_MEMORY, 64.0) as u64,
         }
@@ -150,10 +154,10 @@ mod tests {
         });
         let plain = Guiding::from_params(&BTreeMap::new());
         assert_eq!(plain, Guiding::from_params(&given.into()));
-        let other = [("training", Value::Int(7)), ("target", "mean".into())];
+        let other = [("training", Value::Int(7)), ("target", "variance".into())];
         let other = other.map(|(key, value): (&str, Value)| (key.to_owned(), value));
         let other = Guiding::from_params(&other.into());
-        assert_eq!((other.training, other.target), (7, Target::Mean));
+        assert_eq!((other.training, other.target), (7, Target::Variance));
     }
 
     #[test]
