@@ -48,8 +48,8 @@ pub const ROW: IntegratorRow = IntegratorRow {
     name: "guided",
     long_name: "guided path tracing with next event estimation",
     revision: 1,
-    doc: "nee whose paths continue in directions where training paths found light, as a tree over \
-          space and directions remembers [Mueller et al. 2017; Rath et al. 2020].",
+    doc: "Paths are those of nee, but continue in directions where training paths found light, by a \
+          tree over space and directions [Mueller et al. 2017; Rath et al. 2020].",
     params: Table {
         name: "GuidedParams",
         doc: "Parameters of `guided`.",

@@ -47,7 +47,7 @@ pub struct SdTree {
     nodes: Vec<Node>,
 }
 
-/// What paths of an iteration left in the region of a leaf.
+/// Sums over the vertices of an iteration in the region of a leaf.
 #[derive(Clone, Debug, Default)]
 pub struct LeafSums {
     /// Number of vertices.

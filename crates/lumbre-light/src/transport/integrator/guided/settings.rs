@@ -65,7 +65,7 @@ pub const TREE_MEMORY: Field = Field {
           divided less",
 };
 
-/// What the density of directions is proportional to.
+/// Quantity to which the density of directions is proportional.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Target {
     /// The root of the mean square of contributions.
@@ -81,7 +81,7 @@ pub struct Guiding {
     pub training: u64,
     /// Fraction of directions that are sampled by the BSDF.
     pub bsdf_fraction: f32,
-    /// What the density of directions is proportional to.
+    /// Quantity to which the density of directions is proportional.
     pub target: Target,
     /// Number of vertices above which a leaf is divided in the first training iteration.
     pub split: f64,

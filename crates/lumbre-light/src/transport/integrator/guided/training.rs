@@ -42,7 +42,7 @@ struct Record {
     leaf: u32,
     /// Direction of the next edge on the unit square.
     point: [f32; 2],
-    /// See [`Target::value`].
+    /// Value of the direction: see [`Target::value`].
     value: f32,
 }
 
