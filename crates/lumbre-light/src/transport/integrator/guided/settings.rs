@@ -47,7 +47,7 @@ pub const SPLIT: Field = Field {
     key: "split",
     ty: Ty::Num { min: 1.0, max: 1e9 },
     required: false,
-    default: "4000",
+    default: "1000",
     doc: "a region of space is divided if more than split * sqrt(2^k) vertices of training \
           iteration k lie in it [Mueller et al. 2017]",
 };
@@ -105,7 +105,7 @@ impl Guiding {
             } else {
                 Target::Mean
             },
-            split: number(SPLIT, 4000.0),
+            split: number(SPLIT, 1000.0),
             tree_memory: number(TREE_MEMORY, 64.0) as u64,
         }
     }
