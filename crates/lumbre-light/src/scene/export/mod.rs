@@ -12,21 +12,23 @@ mod mesh;
 mod pbrt;
 mod surface;
 mod texture;
+mod uses;
 mod xml;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use glam::{DAffine3, DMat3, DVec3, Vec3};
+use glam::{DAffine3, Vec3};
 
 use self::mesh::MeshWriter;
 pub use self::pbrt::pbrt;
 use self::surface::SurfaceWriter;
 use self::texture::{TexelConversion, TextureWriter};
+use self::uses::{InstanceKey, MeshUses};
 use self::xml::Xml;
 use super::desc::{
-    CameraDesc, DEFAULT_MATERIAL, EntityDesc, MaterialDesc, MaterialNames, MeshDesc, SceneDesc,
-    ShapeDesc, TextureSlot,
+    CameraDesc, DEFAULT_MATERIAL, EntityDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc,
+    TextureSlot,
 };
 
 use super::names::UniqueNames;
@@ -71,7 +73,7 @@ pub fn can_replace(folder: &Path) -> bool {
 pub fn mitsuba(desc: &SceneDesc, folder: &Path) -> Result<Exported, SceneError> {
     let mut writer = SceneWriter {
         desc,
-        names: desc.material_names(),
+        uses: MeshUses::new(desc),
         xml: Xml::default(),
         folder: OutputFolder::new(folder),
         textures: TextureWriter::default(),
@@ -209,7 +211,7 @@ impl OutputFolder {
 /// State while a scene is exported.
 struct SceneWriter<'a> {
     desc: &'a SceneDesc,
-    names: MaterialNames<'a>,
+    uses: MeshUses<'a>,
     xml: Xml,
     folder: OutputFolder,
     textures: TextureWriter,
@@ -221,10 +223,6 @@ struct SceneWriter<'a> {
     groups: BTreeMap<InstanceKey, String>,
     notes: Vec<Note>,
 }
-
-/// Properties that entities must share to be instances: the content hash of the mesh, and material
-/// indices.
-type InstanceKey = ([u8; 32], Vec<usize>);
 
 impl SceneWriter<'_> {
     /// Writes the scene.
@@ -362,15 +360,6 @@ impl SceneWriter<'_> {
         Ok(())
     }
 
-    /// Returns the material index of each slot; unknown names select the first material.
-    fn material_indices(&self, entity: &EntityDesc, mesh: &MeshDesc) -> Vec<usize> {
-        let row = |name: &String| self.names.index(name).unwrap_or(0);
-        mesh.slots
-            .iter()
-            .map(|slot| row(entity.material.as_ref().unwrap_or(slot)))
-            .collect()
-    }
-
     /// Returns whether a material emits light.
     fn emits(&self, row: usize) -> bool {
         self.desc
@@ -383,30 +372,16 @@ impl SceneWriter<'_> {
     /// light.
     fn entities(&mut self) -> Result<(), SceneError> {
         let desc = self.desc;
-        let mut counts: BTreeMap<InstanceKey, usize> = BTreeMap::new();
         for entity in &desc.entities {
-            if let ShapeDesc::Mesh(mesh) = &entity.shape {
-                *counts
-                    .entry((mesh.content_hash, self.material_indices(entity, mesh)))
-                    .or_default() += 1;
-            }
-        }
-        for entity in &desc.entities {
-            if entity.anisotropic_direction.is_some() {
-                let place = format!("entities.{}", entity.name);
-                self.notes.push(scene_note(
-                    &place,
-                    "`anisotropic_direction` is not supported by Mitsuba; increasing u is used",
-                ));
-            }
+            self.notes.extend(uses::direction_note(entity, "Mitsuba"));
             match &entity.shape {
                 ShapeDesc::Sphere { radius } => self.sphere(entity, *radius)?,
                 ShapeDesc::Mesh(mesh) => {
-                    let key = (mesh.content_hash, self.material_indices(entity, mesh));
+                    let key = self.uses.key(entity, mesh);
                     let map = entity.transform.to_world();
                     let emits = key.1.iter().any(|row| self.emits(*row));
                     let stem = identifier(&entity.name);
-                    if counts[&key] > 1 && !emits && map.matrix3.determinant() != 0.0 {
+                    if self.uses.is_shared(&key) && !emits && map.matrix3.determinant() != 0.0 {
                         self.instance(mesh, key, &map, &stem)?;
                     } else {
                         let id = self.ids.allocate(&stem);
@@ -492,18 +467,11 @@ impl SceneWriter<'_> {
     /// Writes a sphere.
     fn sphere(&mut self, entity: &EntityDesc, radius: f32) -> Result<(), SceneError> {
         let (center, radius) = sphere_place(entity, radius)?;
-        let row = entity
-            .material
-            .as_ref()
-            .and_then(|name| self.names.index(name))
-            .unwrap_or(0);
+        let row = self.uses.sphere_row(entity);
         let id = self.ids.allocate(&identifier(&entity.name));
         self.xml.open("shape", &[("type", "sphere"), ("id", &id)]);
         self.xml.value("float", "radius", radius);
-        let material = self.desc.materials.get(row);
-        if material.is_some_and(|m| !m.textures.is_empty() || m.anisotropic > 0.0) {
-            // In Mitsuba, the poles are on z and longitude starts at x; here on y, and at -z.
-            let rotation = DMat3::from_cols(DVec3::NEG_Z, DVec3::NEG_X, DVec3::Y);
+        if let Some(rotation) = uses::sphere_rotation(self.desc.materials.get(row)) {
             self.xml.transform(
                 "to_world",
                 &DAffine3::from_mat3_translation(rotation, center.as_dvec3()),

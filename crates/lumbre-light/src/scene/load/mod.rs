@@ -9,6 +9,7 @@ pub mod files;
 mod folder;
 mod gltf;
 mod images;
+mod materials;
 mod metals;
 mod mitsuba;
 mod obj;
@@ -189,14 +190,20 @@ pub fn load_with(
     path: &Path,
     missing: MissingTextures,
 ) -> Result<(SceneDesc, Vec<Note>), SceneError> {
+    let (_, desc, notes) = load_any(path, missing)?;
+    Ok((desc, notes))
+}
+
+/// Loads a scene file like [`load_with`]; also returns its format.
+fn load_any(
+    path: &Path,
+    missing: MissingTextures,
+) -> Result<(&'static FormatRow, SceneDesc, Vec<Note>), SceneError> {
     let inside = path.join(folder::SCENE_FILE);
-    let path = if is_folder(path) {
-        inside.as_path()
-    } else {
-        path
-    };
-    let (desc, notes) = (format_of(path)?.load)(path, missing)?;
-    Ok((desc, note::summed_up(notes)))
+    let file = if is_folder(path) { &inside } else { path };
+    let format = format_of(file)?;
+    let (desc, notes) = (format.load)(file, missing)?;
+    Ok((format, desc, note::summed_up(notes)))
 }
 
 /// Loads a scene file like [`load_with`] and puts a stage around it. Without one, a model in which
@@ -209,11 +216,10 @@ pub fn load_on_stage(
     missing: MissingTextures,
     stage: Option<Stage>,
 ) -> Result<(SceneDesc, Vec<Note>), SceneError> {
-    let (mut desc, mut notes) = load_with(path, missing)?;
-    let is_model = !is_folder(path) && format_of(path)?.is_model;
+    let (format, mut desc, mut notes) = load_any(path, missing)?;
     match stage {
         Some(stage) => stage::set_up(&mut desc, stage),
-        None if is_model && stage::is_unlit(&desc) => {
+        None if format.is_model && stage::is_unlit(&desc) => {
             stage::set_up(&mut desc, Stage::Studio);
             notes.push(Note {
                 file: path.to_owned(),

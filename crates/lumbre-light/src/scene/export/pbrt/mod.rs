@@ -12,16 +12,16 @@ mod text;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use glam::{DAffine3, DMat3, DVec3, Vec3};
+use glam::{DAffine3, DMat3, Vec3};
 
 use self::surface::{Surfaces, Written};
 use self::text::Text;
 use super::mesh::MeshWriter;
 use super::texture::TextureWriter;
-use super::{Exported, InstanceKey, OutputFolder, identifier, scene_note, sphere_place};
+use super::uses::{self, InstanceKey, MeshUses};
+use super::{Exported, OutputFolder, identifier, scene_note, sphere_place};
 use crate::scene::desc::{
-    CameraDesc, ConeEdge, EntityDesc, EnvironmentSource, LightKind, MaterialNames, MeshDesc,
-    SceneDesc, ShapeDesc,
+    CameraDesc, ConeEdge, EntityDesc, EnvironmentSource, LightKind, MeshDesc, SceneDesc, ShapeDesc,
 };
 use crate::scene::load::environment_square;
 use crate::scene::names::UniqueNames;
@@ -36,7 +36,7 @@ pub(super) const MARK: &str = "# Written by Lumbre";
 /// State while a scene is exported.
 struct PbrtWriter<'a> {
     desc: &'a SceneDesc,
-    names: MaterialNames<'a>,
+    uses: MeshUses<'a>,
     text: Text,
     folder: OutputFolder,
     textures: TextureWriter,
@@ -58,7 +58,7 @@ struct PbrtWriter<'a> {
 pub fn pbrt(desc: &SceneDesc, folder: &Path) -> Result<Exported, SceneError> {
     let mut writer = PbrtWriter {
         desc,
-        names: desc.material_names(),
+        uses: MeshUses::new(desc),
         text: Text::default(),
         folder: OutputFolder::new(folder),
         textures: TextureWriter::default(),
@@ -150,43 +150,20 @@ impl PbrtWriter<'_> {
         Ok(())
     }
 
-    /// Returns the material index of each slot; unknown names select the first material.
-    fn material_indices(&self, entity: &EntityDesc, mesh: &MeshDesc) -> Vec<usize> {
-        let row = |name: &String| self.names.index(name).unwrap_or(0);
-        mesh.slots
-            .iter()
-            .map(|slot| row(entity.material.as_ref().unwrap_or(slot)))
-            .collect()
-    }
-
     /// Writes the entities: meshes that several entities share as instances, unless they emit
     /// light.
     fn entities(&mut self) -> Result<(), SceneError> {
         let desc = self.desc;
-        let mut counts: BTreeMap<InstanceKey, usize> = BTreeMap::new();
         for entity in &desc.entities {
-            if let ShapeDesc::Mesh(mesh) = &entity.shape {
-                let rows = self.material_indices(entity, mesh);
-                *counts.entry((mesh.content_hash, rows)).or_default() += 1;
-            }
-        }
-        for entity in &desc.entities {
-            if entity.anisotropic_direction.is_some() {
-                let place = format!("entities.{}", entity.name);
-                self.notes.push(scene_note(
-                    &place,
-                    "`anisotropic_direction` is not supported by pbrt; increasing u is used",
-                ));
-            }
+            self.notes.extend(uses::direction_note(entity, "pbrt"));
             match &entity.shape {
                 ShapeDesc::Sphere { radius } => self.sphere(entity, *radius)?,
                 ShapeDesc::Mesh(mesh) => {
-                    let rows = self.material_indices(entity, mesh);
+                    let key = self.uses.key(entity, mesh);
                     let map = entity.transform.to_world();
-                    let emits = rows.iter().any(|row| self.surfaces[*row].light.is_some());
-                    let key = (mesh.content_hash, rows);
+                    let emits = key.1.iter().any(|row| self.surfaces[*row].light.is_some());
                     let stem = identifier(&entity.name);
-                    if counts[&key] > 1 && !emits {
+                    if self.uses.is_shared(&key) && !emits {
                         self.instance(mesh, key, &map, &stem)?;
                     } else {
                         self.text.begin("Attribute");
@@ -276,14 +253,9 @@ impl PbrtWriter<'_> {
     /// Writes a sphere.
     fn sphere(&mut self, entity: &EntityDesc, radius: f32) -> Result<(), SceneError> {
         let (center, radius) = sphere_place(entity, radius)?;
-        let row = entity.material.as_ref();
-        let row = row.and_then(|name| self.names.index(name)).unwrap_or(0);
-        let material = self.desc.materials.get(row);
-        let mut linear = DMat3::IDENTITY;
-        if material.is_some_and(|m| !m.textures.is_empty() || m.anisotropic > 0.0) {
-            // In pbrt, the poles are on z and longitude starts at x; here on y, and at -z.
-            linear = DMat3::from_cols(DVec3::NEG_Z, DVec3::NEG_X, DVec3::Y);
-        }
+        let row = self.uses.sphere_row(entity);
+        let rotation = uses::sphere_rotation(self.desc.materials.get(row));
+        let linear = rotation.unwrap_or(DMat3::IDENTITY);
         self.text.begin("Attribute");
         let map = DAffine3::from_mat3_translation(linear, center.as_dvec3());
         self.text.transform(&map);

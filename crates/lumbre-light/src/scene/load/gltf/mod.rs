@@ -17,7 +17,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
 
-use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Mat3A, Vec3A};
+use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
 use serde_json::Value as Json;
 
 use self::document::{Document, GLB_MAGIC};
@@ -251,13 +251,9 @@ impl GltfLoader<'_> {
             &mesh["name"]
         };
         let name = self.name(given, "mesh");
-        let frame = glam::Affine3A {
-            matrix3: Mat3A::from(world.matrix3.as_mat3()),
-            translation: Vec3A::from(world.translation.as_vec3()),
-        };
         self.entities.push(EntityDesc {
             name,
-            transform: Transform::framed(frame),
+            transform: Transform::framed(world.as_affine3a()),
             material: None,
             anisotropic_direction: None,
             shape: ShapeDesc::Mesh(shape),

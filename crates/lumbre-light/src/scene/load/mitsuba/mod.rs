@@ -32,16 +32,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-use glam::{Affine3A, DAffine3, Mat3A, Vec3A};
+use glam::DAffine3;
 
 use self::shape::{MeshLoader, TransformedShape};
 use self::texture::TextureReader;
 use self::tree::{Property, XmlObject};
-use super::default_scene;
-use super::{MissingTextures, scn};
-use crate::scene::desc::{
-    EntityDesc, EnvironmentDesc, LightDesc, MAX_EDGES, MaterialDesc, SceneDesc, Transform,
-};
+use super::materials::Materials;
+use super::{MissingTextures, default_scene, scn};
+use crate::scene::desc::{EntityDesc, EnvironmentDesc, LightDesc, MAX_EDGES, SceneDesc, Transform};
 use crate::scene::names::UniqueNames;
 use crate::scene::{Note, SceneError};
 
@@ -79,8 +77,7 @@ pub(super) fn load(
         textures: TextureReader::new(missing),
         meshes: MeshLoader::default(),
         surfaces: BTreeMap::new(),
-        materials: Vec::new(),
-        material_indices: BTreeMap::new(),
+        materials: Materials::default(),
         entities: Vec::new(),
         lights: Vec::new(),
         environment: None,
@@ -99,14 +96,6 @@ fn relative_path(o: &XmlObject, file: &str) -> PathBuf {
         .join(file.replace('\\', "/"))
 }
 
-/// Rounds a map to single precision.
-fn affine(map: &DAffine3) -> Affine3A {
-    Affine3A {
-        matrix3: Mat3A::from(map.matrix3.as_mat3()),
-        translation: Vec3A::from(map.translation.as_vec3()),
-    }
-}
-
 /// State while a scene is loaded.
 struct MitsubaLoader {
     textures: TextureReader,
@@ -114,9 +103,7 @@ struct MitsubaLoader {
     /// Name of the material of each surface, by the address of its object and whether it is inside of
     /// `twosided`.
     surfaces: BTreeMap<(*const XmlObject, bool), String>,
-    materials: Vec<MaterialDesc>,
-    /// Index of the first material of each name.
-    material_indices: BTreeMap<String, usize>,
+    materials: Materials,
     entities: Vec<EntityDesc>,
     lights: Vec<LightDesc>,
     environment: Option<EnvironmentDesc>,
@@ -166,7 +153,7 @@ impl MitsubaLoader {
             resolution,
             max_depth,
             camera,
-            materials: self.materials,
+            materials: self.materials.into_vec(),
             entities: self.entities,
             lights: self.lights,
             environment: self.environment,
@@ -215,7 +202,7 @@ impl MitsubaLoader {
             None if delay::is_delayed(o) => delay::read(self, o, &name, two_sided)?,
             None => bsdf::read(o, &name, two_sided, self)?,
         };
-        materials.into_iter().for_each(|m| self.add_material(m));
+        materials.into_iter().for_each(|m| self.materials.push(m));
         self.surfaces.insert(key, name.clone());
         Ok(name)
     }
@@ -241,7 +228,8 @@ impl MitsubaLoader {
         };
         let emits_texture =
             |light: &Rc<XmlObject>| as_texture(light.property("radiance")).is_some();
-        let oriented = o.children("emitter").any(emits_texture) || self.is_oriented(&material);
+        let oriented =
+            o.children("emitter").any(emits_texture) || self.materials.is_oriented(&material);
         let Some(TransformedShape {
             shape,
             transform,
@@ -262,43 +250,19 @@ impl MitsubaLoader {
         if surface.is_none() {
             material = self.names.allocate("grey");
             let grey = bsdf::default_surface(&material, !emitters.is_empty());
-            self.add_material(grey);
+            self.materials.push(grey);
         }
         if let Some(light) = emitters.first() {
             material = self.area_light(light, &material, &name)?;
         }
         self.entities.push(EntityDesc {
             name,
-            transform: Transform::framed(affine(&(*parent * transform))),
+            transform: Transform::framed((*parent * transform).as_affine3a()),
             material: Some(material),
             anisotropic_direction: None,
             shape,
         });
         Ok(())
-    }
-
-    /// Returns the first material with a name.
-    fn material(&self, name: &str) -> Option<&MaterialDesc> {
-        let index = self.material_indices.get(name)?;
-        self.materials.get(*index)
-    }
-
-    fn add_material(&mut self, material: MaterialDesc) {
-        let name = material.name.clone();
-        let index = self.materials.len();
-        self.material_indices.entry(name).or_insert(index);
-        self.materials.push(material);
-    }
-
-    /// Returns whether a material, or a part of it, has textures of more than one texel, or is
-    /// anisotropic.
-    fn is_oriented(&self, material: &str) -> bool {
-        let Some(m) = self.material(material) else {
-            return false;
-        };
-        m.anisotropic > 0.0
-            || m.textures.iter().any(|(_, t)| t.width * t.height > 1)
-            || m.parts.iter().any(|part| self.is_oriented(part))
     }
 
     /// Returns the name of a copy of a material with the emission of an area light.
@@ -314,7 +278,7 @@ impl MitsubaLoader {
                 values::truncated(&light.plugin)
             )));
         }
-        let base = self.material(material);
+        let base = self.materials.get(material);
         let mut emissive = base
             .cloned()
             .unwrap_or_else(|| bsdf::default_surface(material, true));
@@ -328,7 +292,7 @@ impl MitsubaLoader {
         }
         emitter::set_emission(&mut emissive, light, &mut self.textures, &mut self.notes)?;
         let name = emissive.name.clone();
-        self.add_material(emissive);
+        self.materials.push(emissive);
         Ok(name)
     }
 

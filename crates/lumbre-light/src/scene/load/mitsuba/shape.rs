@@ -158,7 +158,7 @@ impl MeshLoader {
             return Err(o.error(format!("a sphere needs a positive radius, found {radius}")));
         }
         let transform = transform * DAffine3::from_translation(center.as_dvec3());
-        let frame = super::affine(&transform);
+        let frame = transform.as_affine3a();
         let round = Transform::framed(frame).sphere_scale().is_some();
         if round && !flipped && !oriented {
             return Ok(Some(TransformedShape {

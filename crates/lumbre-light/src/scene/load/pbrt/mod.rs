@@ -35,7 +35,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-use glam::{Affine3A, DAffine3, DMat3, DVec3, Mat3A, Vec3A};
+use glam::{DAffine3, DMat3, DVec3};
 
 use self::light::{AreaSource, Areas, LightReader, SceneLight};
 use self::material::MaterialSource;
@@ -44,10 +44,10 @@ use self::shape::{LoadedShape, ShapeLoader, ShapeOptions};
 use self::spectrum::Spectra;
 use self::state::{MaterialRef, State};
 use self::texture::{TextureContext, TextureReader, TextureValue};
+use super::materials::Materials;
 use super::{MissingTextures, default_scene};
 use crate::scene::desc::{
-    EntityDesc, EnvironmentDesc, LightDesc, MAX_EDGES, MaterialDesc, SceneDesc, ShapeDesc,
-    Transform,
+    EntityDesc, EnvironmentDesc, LightDesc, MAX_EDGES, SceneDesc, ShapeDesc, Transform,
 };
 use crate::scene::names::UniqueNames;
 use crate::scene::{Note, SceneError};
@@ -122,14 +122,6 @@ pub(super) fn load(
     directives::read(path, missing)
 }
 
-/// Rounds a map to single precision.
-fn affine(map: &DAffine3) -> Affine3A {
-    Affine3A {
-        matrix3: Mat3A::from(map.matrix3.as_mat3()),
-        translation: Vec3A::from(map.translation.as_vec3()),
-    }
-}
-
 /// A shape of an object definition, in the space of the object.
 struct ObjectShape {
     shape: ShapeDesc,
@@ -160,9 +152,7 @@ struct Loader {
     default_material: Option<String>,
     /// Copies of materials with the light and the alpha of a shape, by material and both.
     variants: BTreeMap<(String, usize, String), String>,
-    materials: Vec<MaterialDesc>,
-    /// Index of each material by its name.
-    material_index: BTreeMap<String, usize>,
+    materials: Materials,
     objects: BTreeMap<String, Vec<ObjectShape>>,
     entities: Vec<EntityDesc>,
     lights: Vec<LightDesc>,
@@ -192,8 +182,7 @@ impl Loader {
             converted: BTreeMap::new(),
             default_material: None,
             variants: BTreeMap::new(),
-            materials: Vec::new(),
-            material_index: BTreeMap::new(),
+            materials: Materials::default(),
             objects: BTreeMap::new(),
             entities: Vec::new(),
             lights: Vec::new(),
@@ -263,7 +252,7 @@ impl Loader {
             resolution,
             max_depth: self.max_depth.saturating_add(1).min(MAX_EDGES),
             camera,
-            materials: self.materials,
+            materials: self.materials.into_vec(),
             entities: self.entities,
             lights: self.lights,
             environment: self.environment,
@@ -309,7 +298,7 @@ impl Loader {
         };
         let name = self.names.allocate(stem);
         let material = material::read(source, &name, self, depth)?;
-        self.add_material(material);
+        self.materials.push(material);
         self.converted.insert(key, (source.clone(), name.clone()));
         Ok(name)
     }
@@ -327,34 +316,11 @@ impl Loader {
                     return Ok(name.clone());
                 }
                 let name = self.names.allocate("default");
-                self.add_material(material::default_material(&name));
+                self.materials.push(material::default_material(&name));
                 self.default_material = Some(name.clone());
                 Ok(name)
             }
         }
-    }
-
-    /// Adds a material, whose name is unique.
-    fn add_material(&mut self, m: MaterialDesc) {
-        self.material_index
-            .insert(m.name.clone(), self.materials.len());
-        self.materials.push(m);
-    }
-
-    /// Returns a converted material.
-    fn found(&self, name: &str) -> Option<&MaterialDesc> {
-        self.material_index.get(name).map(|i| &self.materials[*i])
-    }
-
-    /// Returns whether a material, or a part of it, has textures of more than one texel, or is
-    /// anisotropic.
-    fn is_oriented(&self, material: &str) -> bool {
-        let Some(m) = self.found(material) else {
-            return false;
-        };
-        m.anisotropic > 0.0
-            || m.textures.iter().any(|(_, t)| t.width * t.height > 1)
-            || m.parts.iter().any(|part| self.is_oriented(part))
     }
 
     /// Returns the `alpha` of a shape, unless it is opaque.
@@ -392,11 +358,11 @@ impl Loader {
             reversed: state.reversed,
             oriented: textured_light
                 || matches!(alpha, Some(TextureValue::Image(_)))
-                || self.is_oriented(&base),
+                || self.materials.is_oriented(&base),
             version: self.version,
         };
         let to_world = self.world * state.ctm;
-        if !affine(&to_world).is_finite() {
+        if !to_world.as_affine3a().is_finite() {
             return Err(params.error("the transform is not finite in single precision"));
         }
         let folder = self.folder.clone();
@@ -445,7 +411,7 @@ impl Loader {
                 self.max_entities
             )));
         }
-        let frame = affine(&(self.world * *to_world * s.to_object));
+        let frame = (self.world * *to_world * s.to_object).as_affine3a();
         if !frame.is_finite() {
             return Err(params.error("the transform is not finite in single precision"));
         }
@@ -480,7 +446,7 @@ impl Loader {
         if let Some(known) = self.variants.get(&key).filter(|_| shared) {
             return Ok(known.clone());
         }
-        let mut m = match self.found(base) {
+        let mut m = match self.materials.get(base) {
             Some(found) => found.clone(),
             None => material::default_material(base),
         };
@@ -503,7 +469,7 @@ impl Loader {
             reader.set_emission(&mut m, source, areas)?;
         }
         let name = m.name.clone();
-        self.add_material(m);
+        self.materials.push(m);
         if shared {
             self.variants.insert(key, name.clone());
         }
@@ -526,7 +492,7 @@ impl Loader {
     /// Adds a `LightSource`; of several environments the first is used.
     fn light(&mut self, class: &str, params: &Params, state: &State) -> Result<(), SceneError> {
         let to_world = self.world * state.ctm;
-        if !affine(&to_world).is_finite() {
+        if !to_world.as_affine3a().is_finite() {
             return Err(params.error("the transform is not finite in single precision"));
         }
         let infinite = class == "infinite" || class == "exinfinite";

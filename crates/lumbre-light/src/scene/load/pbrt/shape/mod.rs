@@ -160,7 +160,7 @@ impl ShapeLoader {
         if low == high || turn == 0.0 {
             return Err(params.error("the sphere is cut away as a whole"));
         }
-        let round = Transform::framed(super::affine(to_world))
+        let round = Transform::framed(to_world.as_affine3a())
             .sphere_scale()
             .is_some();
         let stem = "sphere".to_owned();
