@@ -115,14 +115,13 @@ pub(in crate::cli) fn print_tables(
 
 /// Prints the failed runs of a night and the reasons.
 pub(in crate::cli) fn print_failures(plan: &Plan, night: &NightSummary) {
+    let mut outline = None;
     for result in &night.results {
         if let Outcome::Failed(reason) = &result.outcome {
+            let outline = outline.get_or_insert_with(|| PlanOutline::from_plan(plan));
             let name = match result.cell {
                 CellRef::Cell(i) => plan.cells[i].path.clone(),
-                CellRef::Reference(i) => {
-                    let name = PlanOutline::from_plan(plan).reference_name(i);
-                    format!("reference {name}")
-                }
+                CellRef::Reference(i) => format!("reference {}", outline.reference_name(i)),
             };
             print_status(&format!("failed: {name}: {reason}"));
         }

@@ -335,13 +335,12 @@ fn curves(
     let current = &lines.current;
     let ink = current.colour(caps).filter(|_| current.series.is_some());
     let ink = ink.or(caps.glow().fg).unwrap_or(Color::Reset);
-    let dots = placed(&current.points);
-    // Without colours the curves could not be distinguished.
-    let others: Vec<(Vec<(f64, f64)>, Color)> = lines
-        .others
-        .iter()
-        .filter_map(|curve| Some((placed(&curve.points), curve.colour(caps)?)))
-        .collect();
+    let mut drawn = vec![(current, placed(&current.points), ink)];
+    // Without colours the other curves could not be distinguished.
+    drawn.extend(lines.others.iter().filter_map(|curve| {
+        let colour = curve.colour(caps)?;
+        Some((curve, placed(&curve.points), colour))
+    }));
     let canvas = Canvas::default()
         .marker(if caps.ascii {
             Marker::Custom('*')
@@ -351,25 +350,17 @@ fn curves(
         .x_bounds([0.0, 1.0])
         .y_bounds([0.0, 1.0])
         .paint(|ctx| {
-            for (dots, colour) in &others {
+            for (_, dots, colour) in drawn[1..].iter().chain(&drawn[..1]) {
                 polyline(ctx, dots, *colour);
             }
-            polyline(ctx, &dots, ink);
         });
     frame.render_widget(canvas, plot);
-    let shown = lines.others.iter().filter(|_| caps.behind().is_some());
-    let named: Vec<(&ChartCurve, Vec<(f64, f64)>)> = std::iter::once(current)
-        .chain(shown)
-        .map(|curve| (curve, placed(&curve.points)))
-        .collect();
     // A single series needs no name.
-    let first = named[0].0.series.as_ref().map(|(index, _)| *index);
-    let is_other = |curve: &ChartCurve| {
-        let index = curve.series.as_ref().map(|(index, _)| *index);
-        index.is_some() && index != first
-    };
-    if named.iter().any(|(curve, _)| is_other(curve)) {
-        series_names(frame, plot, caps, &named);
+    let series = |curve: &ChartCurve| curve.series.as_ref().map(|(index, _)| *index);
+    let first = series(current);
+    let is_other = |curve: &ChartCurve| series(curve).is_some() && series(curve) != first;
+    if drawn.iter().any(|(curve, ..)| is_other(curve)) {
+        series_names(frame, plot, caps, &drawn);
     }
 }
 
@@ -378,11 +369,11 @@ fn series_names(
     frame: &mut Frame,
     plot: Rect,
     caps: TerminalCaps,
-    curves: &[(&ChartCurve, Vec<(f64, f64)>)],
+    curves: &[(&ChartCurve, Vec<(f64, f64)>, Color)],
 ) {
     let mut named: Vec<usize> = Vec::new();
     let mut taken: Vec<u16> = Vec::new();
-    for (curve, dots) in curves {
+    for (curve, dots, _) in curves {
         let (Some((index, name)), Some(end)) = (&curve.series, dots.last()) else {
             continue;
         };

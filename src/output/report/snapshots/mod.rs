@@ -136,6 +136,7 @@ pub fn references(
         all: Vec::new(),
         by_series: vec![None; study.series.len()],
     };
+    let noise_metric = study.error_metric();
     let mut paths: Vec<&Path> = Vec::new();
     for series in 0..study.series.len() {
         for member in study.members(facet, series) {
@@ -166,7 +167,6 @@ pub fn references(
                     continue;
                 }
                 references.by_series[series] = Some(references.all.len());
-                let noise_metric = study.error_metric();
                 let floor = noise_metric.and_then(|m| member.run.floor(&study.metrics[m].column));
                 references.all.push(Reference {
                     image,
