@@ -16,7 +16,9 @@
 //! Errors in Rendered High Dynamic Range Images. [Abasi 2020] Distance Metrics for Very Large Color
 //! Differences. [Hunt 2004] The Reproduction of Colour. [Hampel 1974] The Influence Curve and Its
 //! Role in Robust Estimation. [Moreland 2009] Diverging Color Maps for Scientific Visualization.
-//! [Reinhard 2002] Photographic Tone Reproduction for Digital Images.
+//! [Reinhard 2002] Photographic Tone Reproduction for Digital Images. [Vogels et al. 2018] Denoising
+//! with Kernel Prediction and Asymmetric Loss Functions. [Müller et al. 2019] Neural Importance
+//! Sampling.
 
 mod bias;
 pub mod colour;
@@ -26,6 +28,7 @@ mod flip;
 pub mod floor;
 mod mae;
 pub mod map;
+mod mape;
 mod mse;
 mod pixels;
 mod psnr;
@@ -34,6 +37,7 @@ mod relmse;
 mod rmse;
 mod ssim;
 pub mod tonemap;
+mod trimmed;
 
 use std::collections::BTreeMap;
 
@@ -192,6 +196,9 @@ pub const METRICS: &[MetricRow] = &[
     rmse::ROW,
     mae::ROW,
     relmse::ROW,
+    trimmed::ROW,
+    mape::ROW,
+    mape::SYMMETRIC_ROW,
     psnr::ROW,
     ssim::ROW,
     flip::ROW,

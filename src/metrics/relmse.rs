@@ -18,34 +18,33 @@ pub const ROW: MetricRow = MetricRow {
     options: Table {
         name: "RelMseOptions",
         doc: "Options of `relmse`.",
-        fields: &[
-            Field {
-                key: "eps",
-                ty: Ty::Num {
-                    min: 1e-9,
-                    max: f64::MAX,
-                },
-                required: false,
-                default: "0.01",
-                doc: "added to the squared reference, in squared radiance; bounds the weight of black pixels",
-            },
-            ON,
-        ],
+        fields: &[EPS, ON],
     },
     smallest: |_| 1,
-    eval: |image, reference, spec| {
-        let eps = spec.number("eps");
-        pixels::mean(image, reference, |i, r| (i - r) * (i - r) / (r * r + eps))
-    },
+    eval: |image, reference, spec| pixels::mean(image, reference, error(spec.number("eps"))),
     prepare: None,
     map: Some(PixelMap {
-        eval: |image, reference, spec| {
-            let eps = spec.number("eps");
-            pixels::each(image, reference, |i, r| (i - r) * (i - r) / (r * r + eps))
-        },
+        eval: |image, reference, spec| pixels::each(image, reference, error(spec.number("eps"))),
         colours: Colours::Magma,
         top: None,
     }),
     noise: Noise::Adds,
     settle: None,
 };
+
+/// Option that bounds the weight of black pixels.
+pub(super) const EPS: Field = Field {
+    key: "eps",
+    ty: Ty::Num {
+        min: 1e-9,
+        max: f64::MAX,
+    },
+    required: false,
+    default: "0.01",
+    doc: "added to the squared reference, in squared radiance; bounds the weight of black pixels",
+};
+
+/// Returns the squared error in proportion to the squared reference.
+pub(super) fn error(eps: f64) -> impl Fn(f64, f64) -> f64 + Sync {
+    move |i, r| (i - r) * (i - r) / (r * r + eps)
+}

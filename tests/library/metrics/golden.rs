@@ -121,7 +121,29 @@ fn pixel_errors_equal_numpy() {
             "relmse_eps_1",
             eval(pair, "relmse", &[("eps", Value::Int(1))]),
         );
+        relative("mape", eval(pair, "mape", &[]));
+        relative("mape_eps_1", eval(pair, "mape", &[("eps", Value::Int(1))]));
+        relative("smape", eval(pair, "smape", &[]));
         relative("psnr", eval(pair, "psnr", &[("range", range)]));
+    }
+}
+
+#[test]
+fn trimmed_errors_equal_numpy() {
+    for pair in &pairs() {
+        let trimmed = |worst: f64| {
+            let options = [("worst", Value::number(worst))];
+            eval(pair, "relmse_trimmed", &options)
+        };
+        // Errors of pixels are single numbers of single precision.
+        let near = |what: &str, value: f64| {
+            assert_near(pair, what, value, 1e-6 * pair.expected[what].abs())
+        };
+        near("relmse_trimmed", eval(pair, "relmse_trimmed", &[]));
+        near("relmse_trimmed_percent", trimmed(0.01));
+        near("relmse_trimmed_half", trimmed(0.5));
+        near("relmse", trimmed(0.0));
+        assert!(trimmed(0.5) < trimmed(0.01) && trimmed(0.01) < trimmed(0.0));
     }
 }
 

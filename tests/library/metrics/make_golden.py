@@ -135,6 +135,12 @@ def fireflies(image, reference, deviations, excess):
     return int(np.sum(e > max(np.median(e) + deviations * spread, excess)))
 
 
+def relmse_trimmed(image, reference, worst):
+    """Returns the mean relative squared error without a fraction of the worst pixels."""
+    errors = np.sort(((image - reference) ** 2 / (reference**2 + 0.01)).mean(axis=2).ravel())
+    return float(np.mean(errors[: errors.size - int(worst * errors.size)]))
+
+
 def expected(image, reference, data_range):
     difference = image - reference
     mse = float(np.mean(difference**2))
@@ -145,6 +151,14 @@ def expected(image, reference, data_range):
         "mae": float(np.mean(np.abs(difference))),
         "relmse": float(np.mean(difference**2 / (reference**2 + 0.01))),
         "relmse_eps_1": float(np.mean(difference**2 / (reference**2 + 1.0))),
+        "relmse_trimmed": relmse_trimmed(image, reference, 0.001),
+        "relmse_trimmed_percent": relmse_trimmed(image, reference, 0.01),
+        "relmse_trimmed_half": relmse_trimmed(image, reference, 0.5),
+        "mape": float(np.mean(np.abs(difference) / (np.abs(reference) + 0.01))),
+        "mape_eps_1": float(np.mean(np.abs(difference) / (np.abs(reference) + 1.0))),
+        "smape": float(
+            np.mean(np.abs(difference) / (np.abs(image) + np.abs(reference) + 0.01))
+        ),
         "psnr": 10.0 * math.log10(data_range**2 / mse),
         "ssim_uniform": ssim(image, reference, data_range, **UNIFORM),
         "ssim_gauss": ssim(image, reference, data_range, **GAUSS),
