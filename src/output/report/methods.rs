@@ -1,18 +1,19 @@
 //! Methods paragraph for a paper: how the numbers were obtained.
 
+use super::cite;
 use super::item::{ItemKind, PROGRAM, Provenance, ReportItem};
-use super::latex;
 use super::study::{Member, Study};
 use crate::experiment::night_results::{NightResults, RunState};
 use crate::metrics::MetricSpec;
+use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow};
 use lumbre_render::external::WALL_CLOCK;
 
 /// Maximum number of different ends of runs that the paragraph lists.
 const MOST_REASONS: usize = 4;
 
-/// Builds `methods.tex` and `methods.md`: hardware, versions, seeds, references and definitions of
-/// the metrics.
-pub fn item(study: &Study) -> ReportItem {
+/// Builds `methods.tex` and `methods.md`: hardware, versions, seeds, references, and sources of the
+/// techniques and metrics; and `references.bib`, the works that the paragraph cites.
+pub fn items(study: &Study) -> [ReportItem; 2] {
     let provenance = Provenance::from_members(study.all());
     let sentences = sentences(study);
     let markdown = format!(
@@ -20,19 +21,30 @@ pub fn item(study: &Study) -> ReportItem {
         sentences.join(" "),
         provenance.text().replace("--", "- -")
     );
-    let tex: String = sentences.iter().map(|s| latex::escape(s) + "\n").collect();
+    let tex: String = sentences.iter().map(|s| cite::latex(s) + "\n").collect();
     let tex = format!("{}{tex}", provenance.comment("% "));
-    ReportItem {
+    let cited = cite::bibliography(sentences.iter().map(String::as_str));
+    let item = |stem: &str, title: &str, caption: String, extra| ReportItem {
         kind: ItemKind::Data,
         section: String::new(),
-        stem: "methods".to_owned(),
-        title: "Methods".to_owned(),
-        caption: sentences.join(" "),
+        stem: stem.to_owned(),
+        title: title.to_owned(),
+        caption,
         svg: None,
         grid: None,
-        extra: vec![("md", markdown.into_bytes()), ("tex", tex.into_bytes())],
-        provenance,
-    }
+        extra,
+        provenance: provenance.clone(),
+    };
+    let texts = vec![("md", markdown.into_bytes()), ("tex", tex.into_bytes())];
+    [
+        item("methods", "Methods", sentences.join(" "), texts),
+        item(
+            "references",
+            "References",
+            "Works that the methods cite, as BibTeX.".to_owned(),
+            vec![("bib", cited.into_bytes())],
+        ),
+    ]
 }
 
 fn sentences(study: &Study) -> Vec<String> {
@@ -48,6 +60,7 @@ fn sentences(study: &Study) -> Vec<String> {
     }
     out.extend(scenes_and_sizes(study));
     out.push(run_count(study));
+    out.extend(techniques(study));
     out.extend(external_renderers(study));
     let references = study
         .nights
@@ -67,7 +80,7 @@ fn sentences(study: &Study) -> Vec<String> {
     out.push("Curves are means over repeats with 95 % confidence intervals.".to_owned());
     out.push(
         "In tables, the best value of a row is bold only if it is significantly better than every \
-         other value at 5 % (Welch's test with Holm's correction)."
+         other value at 5 % (Welch's test [Welch 1947] with Holm's correction [Holm 1979])."
             .to_owned(),
     );
     out.push(format!("Figures and tables were made with {PROGRAM}."));
@@ -144,6 +157,17 @@ fn run_count(study: &Study) -> String {
     } else {
         format!("{finished} runs finished, one for each configuration.")
     }
+}
+
+/// Returns a sentence for each technique of this program, with its sources.
+fn techniques(study: &Study) -> Vec<String> {
+    let is_used = |row: &&IntegratorRow| study.all().any(|m| m.run.integrator == row.name);
+    let sentence = |row: &IntegratorRow| {
+        let sources = cite::in_brackets(row.doc);
+        let space = if sources.is_empty() { "" } else { " " };
+        format!("`{}` is {}{space}{sources}.", row.name, row.long_name)
+    };
+    INTEGRATORS.iter().filter(is_used).map(sentence).collect()
 }
 
 /// Returns a sentence for each technique that was rendered by an external program.

@@ -6,6 +6,7 @@
 //! from it. Pictures are read through the callback [`Pictures`], since nothing in this module
 //! accesses the disk.
 
+mod cite;
 mod convergence;
 mod crops;
 mod films;
@@ -121,7 +122,7 @@ pub fn build(
     items.extend(heat::all(study, options)?);
     items.extend(tables::all(study, options, &mut notes)?);
     items.extend(tidy::all(study));
-    items.push(methods::item(study));
+    items.extend(methods::items(study));
     let verdict = verdict::Verdict::new(study, &items);
     items.extend(verdict.item(study));
     let page = page::item(study, &items, &verdict, context, &mut notes)?;

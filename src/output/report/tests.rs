@@ -488,6 +488,12 @@ fn data_is_tidy_and_the_page_is_self_contained() {
         tex.contains("Sample GPU") && tex.contains("experiment seed 11") && tex.contains("RMSE"),
         "{tex}"
     );
+    assert!(
+        tex.contains("\\texttt{bpt} is path tracing \\cite{kajiya1986}."),
+        "{tex}"
+    );
+    let bib = text(&made, "references", "bib");
+    assert!(bib.contains("@inproceedings{kajiya1986,") && !bib.contains("hachisuka"));
 }
 
 #[test]

@@ -283,18 +283,28 @@ fn tables_figures_and_methods_compile_in_latex() {
     let document = format!(
         "\\documentclass[twocolumn]{{article}}\n\\usepackage{{booktabs,pgfplots}}\n\
          \\usepgfplotslibrary{{groupplots,fillbetween}}\n\\pgfplotsset{{compat=1.18, table/search path={{figures}}}}\n\
-         \\begin{{document}}\n{inputs}\\end{{document}}\n"
+         \\begin{{document}}\n{inputs}\\bibliographystyle{{plain}}\\bibliography{{references}}\n\\end{{document}}\n"
     );
     place.write("r/paper.tex", &document);
-    let output = Command::new("pdflatex")
-        .args(["-interaction=nonstopmode", "-halt-on-error", "paper.tex"])
-        .current_dir(place.path("r"))
-        .output()
-        .unwrap();
-    let log = String::from_utf8_lossy(&output.stdout);
-    assert!(
-        output.status.success() && !log.contains("Missing character"),
-        "{log}"
-    );
+    let run = |program: &str, arguments: &[&str]| {
+        let mut command = Command::new(program);
+        let output = command
+            .args(arguments)
+            .current_dir(place.path("r"))
+            .output()
+            .unwrap_or_else(|e| panic!("{program}: {e}"));
+        let log = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(output.status.success(), "{program}: {log}");
+        log
+    };
+    let latex = ["-interaction=nonstopmode", "-halt-on-error", "paper.tex"];
+    run("pdflatex", &latex);
+    let log = run("bibtex", &["paper"]);
+    assert!(!log.contains("Warning"), "{log}");
+    run("pdflatex", &latex);
+    let log = run("pdflatex", &latex);
+    for fault in ["Missing character", "undefined citations", "Citation `"] {
+        assert!(!log.contains(fault), "{log}");
+    }
     assert!(place.path("r/paper.pdf").is_file());
 }
