@@ -80,6 +80,8 @@ pub struct Axis {
 const PADDING: f64 = 0.04;
 /// Minimum length of a logarithmic axis, in decades.
 const FEWEST_DECADES: f64 = 0.3;
+/// Numbers that are labelled without a power of ten.
+const PLAIN: std::ops::Range<f64> = 1e-4..1e5;
 /// Minimum length of a linear axis, as a fraction of its largest absolute value.
 const SHORTEST_LINEAR: f64 = 0.02;
 
@@ -110,7 +112,7 @@ impl Axis {
         };
         let plain = at
             .iter()
-            .all(|v| *v == 0.0 || (1e-3..1e5).contains(&rounded(v.abs())));
+            .all(|v| *v == 0.0 || PLAIN.contains(&rounded(v.abs())));
         let ticks = at.iter().map(|v| (*v, label(*v, plain))).collect();
         Some(Axis {
             scale,
@@ -156,6 +158,19 @@ impl Axis {
             widest
         } else {
             0.0
+        }
+    }
+
+    /// Labels several axes in one format: all with powers of ten if one of them needs these.
+    pub fn share_format(axes: &mut [&mut Axis]) {
+        let is_power = |(_, label): &(f64, TickLabel)| matches!(label, TickLabel::Power { .. });
+        if !axes.iter().any(|axis| axis.ticks.iter().any(is_power)) {
+            return;
+        }
+        for axis in axes.iter_mut().filter(|axis| !axis.named) {
+            for (value, text) in &mut axis.ticks {
+                *text = label(*value, false);
+            }
         }
     }
 
@@ -292,8 +307,24 @@ mod tests {
             ["10^-7", "10^-6", "10^-5", "10^-4", "10^-3"]
         );
         assert_eq!(log(2e-5, 3e-4), ["2x10^-5", "5x10^-5", "10^-4", "2x10^-4"]);
+        assert_eq!(log(1e-4, 0.1), ["0.0001", "0.001", "0.01", "0.1"]);
         assert_eq!(log(1e-20, 1e20).len(), 7);
         assert_eq!(log(1.1, 1.9), ["1", "1.2", "1.4", "1.6", "1.8", "2"]);
+    }
+
+    #[test]
+    fn axes_of_one_figure_share_their_format() {
+        let axis = |low, high| Axis::new(Scale::Log, [low, high]).unwrap();
+        let (mut wide, mut near) = (axis(1e-7, 1e-3), axis(0.03, 1.1));
+        Axis::share_format(&mut [&mut wide, &mut near]);
+        assert_eq!(labels(&wide)[0], "10^-7");
+        assert_eq!(
+            labels(&near),
+            ["5x10^-2", "10^-1", "2x10^-1", "5x10^-1", "10^0"]
+        );
+        let (mut far, mut near) = (axis(0.01, 100.0), axis(0.03, 1.1));
+        Axis::share_format(&mut [&mut far, &mut near]);
+        assert_eq!(labels(&near)[0], "0.05");
     }
 
     #[test]

@@ -84,6 +84,8 @@ struct HeatMap<'a> {
     cells: Vec<Vec<Option<f64>>>,
     /// Fewest and most runs of a cell that has any.
     runs: (usize, usize),
+    /// Other axes with several values, over which cells are averaged.
+    averaged: Vec<String>,
     scale: Scale,
     /// Smallest and largest value on the scale.
     low: f64,
@@ -123,7 +125,9 @@ impl<'a> HeatMap<'a> {
             });
         let counts = counts.iter().copied().filter(|n| *n > 0);
         let runs = counts.fold((usize::MAX, 0), |(a, b), n| (a.min(n), b.max(n)));
+        let varies = |axis: &String| !axes.contains(axis) && study.values(axis).len() > 1;
         (low <= high).then_some(HeatMap {
+            averaged: study.axes().into_iter().filter(varies).collect(),
             metric,
             axes,
             columns,
@@ -154,10 +158,10 @@ impl<'a> HeatMap<'a> {
             ""
         };
         let caption = format!(
-            "{} at the end of each run. {} of {count} finished runs per cell, over all other axes \
-             and repeats.{scale}",
+            "{} at the end of each run. {} of {count} finished runs per cell, over {}.{scale}",
             format::metric_description(spec),
             mean_name(self.scale),
+            self.averaged_over(),
         );
         ReportItem::figure(
             "Heat maps",
@@ -167,6 +171,14 @@ impl<'a> HeatMap<'a> {
             svg,
             provenance,
         )
+    }
+
+    /// Names the axes over which cells are averaged, such as `depth and repeats`.
+    fn averaged_over(&self) -> String {
+        match self.averaged.as_slice() {
+            [] => "repeats".to_owned(),
+            axes => format!("{} and repeats", axes.join(", ")),
+        }
     }
 
     fn draw(&self, heading: &str, title: &str, description: &str) -> String {
@@ -184,7 +196,12 @@ impl<'a> HeatMap<'a> {
             (left, 18.5),
             SMALL,
             Anchor::Start,
-            &format!("columns: {}, rows: {}", self.axes[0], self.axes[1]),
+            &format!(
+                "columns: {}, rows: {}; means over {}",
+                self.axes[0],
+                self.axes[1],
+                self.averaged_over()
+            ),
         );
         for (i, column) in self.columns.iter().enumerate() {
             let x = left + (i as f64 + 0.5) * width;
@@ -265,6 +282,13 @@ impl<'a> HeatMap<'a> {
             SMALL,
             Anchor::Start,
             &label(self.low),
+        );
+        // The value in the middle shows whether the scale is logarithmic.
+        drawing.text(
+            (x + 8.0, TOP + height / 2.0 + 3.0),
+            SMALL,
+            Anchor::Start,
+            &label((self.low + self.high) / 2.0),
         );
     }
 }

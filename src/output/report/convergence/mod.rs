@@ -15,7 +15,7 @@ use super::study::Study;
 use crate::experiment::spec::FigureX;
 use crate::metrics::MetricSpec;
 use crate::output::format;
-use crate::output::plot::axis::Scale;
+use crate::output::plot::axis::{Axis, Scale};
 pub(super) use draw::{draw, labelled_ticks};
 use panel::panel;
 pub(super) use panel::{FacetPanel, SeriesLine};
@@ -70,11 +70,16 @@ impl FigurePage<'_> {
         let spec = &study.metrics[self.metric];
         let display = MetricDisplay::for_metric(spec);
         let device = self.device.map(|i| study.devices[i].as_str());
-        let panels: Vec<FacetPanel> = self
+        let mut panels: Vec<FacetPanel> = self
             .facets
             .iter()
             .map(|facet| panel(study, *facet, self.metric, self.x, device))
             .collect();
+        let axes = panels.iter_mut().filter_map(|panel| panel.axes.as_mut());
+        let (mut across, mut upwards): (Vec<&mut Axis>, Vec<&mut Axis>) =
+            axes.map(|(x, y)| (x, y)).unzip();
+        Axis::share_format(&mut across);
+        Axis::share_format(&mut upwards);
         if panels.iter().all(|panel| panel.axes.is_none()) {
             return None;
         }
@@ -157,6 +162,9 @@ fn caption(study: &Study, spec: &MetricSpec, panels: &[FacetPanel], x: FigureX) 
         averaging(spec, panels),
         "Filled markers: ends of runs.".to_owned(),
     ];
+    if panels.len() > 1 {
+        sentences.push("Each panel has ranges of its own.".to_owned());
+    }
     if panels.iter().any(|p| p.floor.is_some()) {
         sentences.push(
             "Grey: below the noise of the reference, where a curve measures the error of the \
