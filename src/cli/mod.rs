@@ -13,6 +13,7 @@ mod inspect;
 pub mod night;
 mod reproduce;
 pub mod scene;
+mod tev;
 pub mod verify;
 mod without_script;
 mod worker;

@@ -68,6 +68,9 @@ pub struct NightArgs {
     /// on any device.
     #[arg(long, value_name = "WHAT", default_value = "device", value_parser = cluster::affinity)]
     pub affinity: Affinity,
+    /// Send pictures to the image viewer tev, which listens at 127.0.0.1:14158 by default.
+    #[arg(long, value_name = "HOST:PORT")]
+    pub tev: Option<String>,
 }
 
 /// Options of `lumbre retry`.

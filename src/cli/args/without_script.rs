@@ -50,6 +50,9 @@ pub struct RenderArgs {
     /// Write the picture to this file: .exr, .hdr or .png (repeatable) [default: NAME.exr, NAME.png].
     #[arg(short, long = "output", value_name = "FILE")]
     pub output: Vec<PathBuf>,
+    /// Send pictures to the image viewer tev, which listens at 127.0.0.1:14158 by default.
+    #[arg(long, value_name = "HOST:PORT")]
+    pub tev: Option<String>,
     /// Seed of the random numbers.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,

@@ -15,7 +15,8 @@ use crate::cli::args::{Global, NightArgs, RetryArgs, RunArgs, ScriptArgs};
 use crate::cli::cluster::{LocalWorkers, save_plan_snapshot, worker_info};
 use crate::cli::exit::{Exit, Failure, print_status};
 use crate::cli::format::{counted, display_path};
-use crate::experiment::event::History;
+use crate::cli::tev::{Tev, TevSink};
+use crate::experiment::event::{History, Sink};
 use crate::experiment::forecast::ThroughputHistory;
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::run::Options;
@@ -93,6 +94,7 @@ fn run_night(
     if !global.quiet {
         load::print_notes_and_warnings(plan);
     }
+    let tev = request.night.tev.as_deref().map(Tev::connect).transpose()?;
     let devices = if request.only_failed {
         Vec::new()
     } else {
@@ -127,7 +129,13 @@ fn run_night(
         let folder = store.folder();
         workers = LocalWorkers::start(&devices, plan, folder, request.night, global, &is_open)?;
     }
-    let ended = render_night(script, plan, &store, global, log, &remaining, options)?;
+    let viewer = tev.map(|tev| TevSink::new(tev, Arc::clone(plan)));
+    let displays = Displays {
+        global,
+        log,
+        viewer,
+    };
+    let ended = render_night(script, plan, &store, displays, &remaining, options)?;
     // Local workers finish the runs that are reserved for their devices, unless the night ended
     // early.
     let night = &ended.night;
@@ -308,16 +316,28 @@ struct EndedNight {
     control: Arc<NightControls>,
 }
 
+/// Where a night is shown while it runs.
+struct Displays<'a> {
+    global: &'a Global,
+    log: &'a Log,
+    /// Viewer of pictures, if there is one.
+    viewer: Option<TevSink>,
+}
+
 /// Renders the remaining work and collects the results of runs that were done before.
 fn render_night(
     script: &Script,
     plan: &Arc<Plan>,
     store: &Store,
-    global: &Global,
-    log: &Log,
+    displays: Displays<'_>,
     remaining: &RemainingWork,
     options: Options,
 ) -> Result<EndedNight, Failure> {
+    let Displays {
+        global,
+        log,
+        mut viewer,
+    } = displays;
     let control = Arc::new(NightControls::default());
     if remaining.is_empty() {
         let options = Options {
@@ -342,14 +362,9 @@ fn render_night(
     .map_err(|e| Failure::internal(format!("cannot install signal handlers: {e}")))?;
     let mut recorder = Recorder::new(store, Arc::clone(plan), log.clone(), Arc::clone(&control));
     let mut view = ProgressView::new(&control, global, log);
-    let night = run::run(
-        plan,
-        script,
-        store,
-        &mut [&mut recorder, view.sink()],
-        &control,
-        options,
-    );
+    let mut sinks: Vec<&mut dyn Sink> = vec![&mut recorder, view.sink()];
+    sinks.extend(viewer.iter_mut().map(|viewer| viewer as &mut dyn Sink));
+    let night = run::run(plan, script, store, &mut sinks, &control, options);
     let failures_printed = matches!(view, ProgressView::Lines(_));
     // Restore the terminal before anything is printed to it.
     drop(view);

@@ -1,7 +1,7 @@
 //! `lumbre render`: one picture of one scene, without a script.
 
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use super::{files, settings};
 use crate::backends;
@@ -10,6 +10,7 @@ use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{counted, display_path, duration, rounded};
 use crate::cli::night::load::print_notes_and_warnings;
 use crate::cli::night::signals;
+use crate::cli::tev::Tev;
 use crate::experiment::{Cell, NightControls, memory};
 use crate::metrics::tonemap::Tonemap;
 use crate::tui::live_picture::LivePicture;
@@ -25,6 +26,9 @@ const DEFAULT_SAMPLES: u64 = 64;
 
 /// Seconds of rendering between two updates of the preview, about.
 const SLICE_S: f64 = 0.25;
+
+/// Shortest time between two pictures in another program's viewer.
+const VIEWER_PAUSE: Duration = Duration::from_secs(1);
 
 /// Runs `lumbre render`: renders a picture, shows its progress, and writes it to files.
 pub fn main(args: &RenderArgs, global: &Global) -> Result<Exit, Failure> {
@@ -47,6 +51,7 @@ pub fn main(args: &RenderArgs, global: &Global) -> Result<Exit, Failure> {
         limits: Limits::new(args),
         done: WaveStats::default(),
         preview: (!global.quiet).then(|| LivePicture::open(display, global.no_tui)),
+        viewer: args.tev.as_deref().map(Viewer::connect).transpose()?,
         started: Instant::now(),
     };
     session.render(&controls)?;
@@ -162,7 +167,30 @@ struct Session {
     done: WaveStats,
     /// Preview and line of progress; `None` with `--quiet`.
     preview: Option<LivePicture>,
+    viewer: Option<Viewer>,
     started: Instant,
+}
+
+/// Image viewer that shows the picture in progress.
+struct Viewer {
+    tev: Tev,
+    shown: Option<Instant>,
+}
+
+impl Viewer {
+    fn connect(address: &str) -> Result<Viewer, Failure> {
+        let tev = Tev::connect(address)?;
+        Ok(Viewer { tev, shown: None })
+    }
+
+    /// Shows the picture, unless it was shown a moment ago and is not the last one.
+    fn show(&mut self, film: &Film, is_last: bool) {
+        let recent = |shown: Instant| shown.elapsed() < VIEWER_PAUSE;
+        if is_last || !self.shown.is_some_and(recent) {
+            self.tev.show("lumbre render", &film.mean());
+            self.shown = Some(Instant::now());
+        }
+    }
 }
 
 impl Session {
@@ -175,6 +203,9 @@ impl Session {
                 if let Some(preview) = &mut self.preview {
                     preview.draw(self.renderer.film(), &line);
                 }
+                if let Some(viewer) = &mut self.viewer {
+                    viewer.show(self.renderer.film(), true);
+                }
                 return Ok(());
             }
             let stats = self.renderer.advance(wave).map_err(Failure::internal)?;
@@ -185,6 +216,9 @@ impl Session {
             let line = self.progress_line();
             if let Some(preview) = &mut self.preview {
                 preview.show(self.renderer.film(), &line);
+            }
+            if let Some(viewer) = &mut self.viewer {
+                viewer.show(self.renderer.film(), false);
             }
         }
     }

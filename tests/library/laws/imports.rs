@@ -15,6 +15,7 @@ const CONFINED: &[(&str, &[&str])] = &[
     ("clap_mangen", &["cli"]),
     ("signal_hook", &["cli"]),
     ("tracing_subscriber", &["cli"]),
+    ("tev_client", &["cli"]),
     ("miette", &["script", "cli"]),
     ("resvg", &["output"]),
     ("epaint_default_fonts", &["output"]),

@@ -27,6 +27,7 @@ mod reproduce;
 mod signals;
 mod survive;
 mod terminal_text;
+mod tev;
 mod trace;
 mod verify;
 pub mod workplace;
