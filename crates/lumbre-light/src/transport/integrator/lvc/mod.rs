@@ -1,4 +1,4 @@
-//! Bidirectional path tracing with a light vertex cache [Davidovic et al. 2014] and resampled
+//! Bidirectional path tracing with a light vertex cache [Davidovič et al. 2014] and resampled
 //! connections [Nabata et al. 2020].
 //!
 //! Before the samples of an iteration, light subpaths are traced, and all their vertices that can be
@@ -41,7 +41,7 @@ pub const ROW: IntegratorRow = IntegratorRow {
     long_name: "bidirectional path tracing with a light vertex cache",
     revision: 1,
     doc: "Vertices of camera paths are connected with vertices from a cache of all light subpaths \
-          of a sample [Davidovic et al. 2014], which are chosen by resampling [Nabata et al. 2020].",
+          of a sample [Davidovič et al. 2014], which are chosen by resampling [Nabata et al. 2020].",
     params: Table {
         name: "LvcParams",
         doc: "Parameters of `lvc`.",
