@@ -316,7 +316,7 @@ struct EndedNight {
     control: Arc<NightControls>,
 }
 
-/// Where a night is shown while it runs.
+/// Displays of a night while it runs.
 struct Displays<'a> {
     global: &'a Global,
     log: &'a Log,

@@ -129,10 +129,10 @@ mod tests {
 
     #[test]
     fn known_works_are_cited_and_other_brackets_stay() {
-        let text = "a_b [Veach 1997, 9.2; Kajiya 1986] in [0, 1] and [Nobody 1900]";
+        let text = "a_b [Veach 1997, 9.2; Kajiya 1986] in [0, 1] and [Unknown 1900]";
         assert_eq!(
             latex(text),
-            "a\\_b \\cite[9.2]{veach1997}, \\cite{kajiya1986} in [0, 1] and [Nobody 1900]"
+            "a\\_b \\cite[9.2]{veach1997}, \\cite{kajiya1986} in [0, 1] and [Unknown 1900]"
         );
         assert_eq!(in_brackets(text), "[Veach 1997, 9.2; Kajiya 1986]");
         assert_eq!(in_brackets("a [b"), "");

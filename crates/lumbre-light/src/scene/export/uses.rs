@@ -1,4 +1,4 @@
-//! How the entities of a scene use meshes and materials, which every exported format needs.
+//! Meshes and materials of entities, and which entities share them, for all exported formats.
 
 use std::collections::BTreeMap;
 
