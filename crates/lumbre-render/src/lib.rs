@@ -340,6 +340,8 @@ pub struct BackendRow {
     /// Whether the weights of composed materials may have textures. If not, plans that use a scene with
     /// such materials on it are refused.
     pub blends: bool,
+    /// Whether a tree can choose lights. If not, plans that request it are refused.
+    pub light_trees: bool,
     /// Material models that it supports. Plans that use a scene with others on it are refused.
     pub models: &'static [Model],
     /// Returns why it cannot run an integrator with paths of up to this number of edges, or `None`

@@ -33,6 +33,7 @@ pub const ROW: BackendRow = BackendRow {
     layers: false,
     times: false,
     blends: true,
+    light_trees: true,
     models: &Model::ALL,
     refuses: |_, _| None,
     edited: || Ok(None),

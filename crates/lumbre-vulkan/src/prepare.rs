@@ -11,19 +11,27 @@ use lumbre_light::film::layer::LayerLayout;
 use lumbre_light::film::time;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{MAX_FLATTENED_PRIMITIVES, NONE};
+use lumbre_light::transport::light::LightSelection;
 use lumbre_render::Job;
 
 /// Returns the scene as the device can render it: flattened if it has instances and the device no
 /// double precision, in which instances are placed as on the CPU. Fails if weights of a composed
-/// material have a texture.
+/// material have a texture, or if the job chooses lights by a tree.
 pub(super) fn supported_scene<'a>(
     device: &Device,
     scene: &'a CompiledScene,
+    job: &Job,
 ) -> Result<Cow<'a, CompiledScene>, VulkanError> {
     if !scene.delays.blends.is_empty() {
         return Err(VulkanError::Lacks {
             device: device.info.line(),
             needed: "a texture as the weights of a composed material".to_owned(),
+        });
+    }
+    if LightSelection::from_params(&job.params) == LightSelection::Tree {
+        return Err(VulkanError::Lacks {
+            device: device.info.line(),
+            needed: "a tree over lights".to_owned(),
         });
     }
     if scene.instances.placements.is_empty() || device.info.caps.extended() {

@@ -134,7 +134,7 @@ impl VulkanRenderer {
         job: &Job,
         record_events: bool,
     ) -> Result<VulkanRenderer, VulkanError> {
-        let scene = &*supported_scene(device, scene)?;
+        let scene = &*supported_scene(device, scene, job)?;
         let layout = check_films(job)?;
         let splat_mode = SplatMode::select(job.integrator.splats, device.info.caps.float_atomics);
         let start = Instant::now();

@@ -13,6 +13,7 @@ use lumbre_light::film::time;
 use lumbre_light::scene::{Note, SceneDesc, SceneError, desc, edit};
 use lumbre_light::transport::integrator::external::{EXTERNALS, is_declared, is_external};
 use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow, canonical_name, integrator};
+use lumbre_light::transport::light::LightSelection;
 use lumbre_light::transport::sampler::{SAMPLER_NAMES, SamplerRow, sampler};
 use lumbre_light::value::Value;
 use lumbre_render::BackendRow;
@@ -465,6 +466,12 @@ fn refusal(
                 m.name
             ));
         }
+    }
+    if !backend.light_trees && LightSelection::from_params(&config.params) == LightSelection::Tree {
+        return Some(
+            "it does not choose lights by a tree: leave out `select = \"tree\"`, or use `cpu`"
+                .to_owned(),
+        );
     }
     let unsupported = scene
         .materials

@@ -43,6 +43,18 @@ const HOST: &[(&str, &str)] = &[
         "GLSL invocations replace SIMD lanes",
     ),
     (
+        "crates/lumbre-light/src/transport/light/tree/mod.rs",
+        "devices do not choose lights by a tree",
+    ),
+    (
+        "crates/lumbre-light/src/transport/light/tree/bounds.rs",
+        "devices do not choose lights by a tree",
+    ),
+    (
+        "crates/lumbre-light/src/transport/light/tree/build.rs",
+        "devices do not choose lights by a tree",
+    ),
+    (
         "crates/lumbre-light/src/transport/arrival.rs",
         "GLSL invocations replace SIMD lanes",
     ),

@@ -34,6 +34,7 @@ pub const ROW: BackendRow = BackendRow {
     layers: true,
     times: true,
     blends: true,
+    light_trees: true,
     models: &Model::ALL,
     refuses: |_, _| None,
     edited: || Ok(None),

@@ -286,12 +286,13 @@ impl<R: Real, D> Vertex<'_, R, D> {
                 (context.lights.with_indices([light; N], lanes), u)
             } else {
                 let [choice, u, v] = path.sampler.next_three();
-                (context.lights.select(choice, lanes), [u, v])
+                let from = surface.position;
+                (context.lights.select_for(from, choice, lanes), [u, v])
             };
             path.sampler.keep(lanes, &before);
             let mut direct = lights.sample_direct_one(context.scene, surface.position, u);
             if !all_lights {
-                direct.pdf_w = direct.pdf_w * lights.probability;
+                direct.pdf_w = direct.pdf_w * lights.chosen;
             }
             self.connect(
                 context,

@@ -58,7 +58,7 @@ impl<R: Lanes<N>, const N: usize> DirectSample<R, N> {
 }
 
 impl<R: Lanes<N>, const N: usize> SelectedLights<'_, R, N> {
-    /// Samples light that arrives at `from`.
+    /// Samples light that arrives at `from`, for which the lights were selected.
     #[inline(always)]
     pub fn sample_direct(
         &self,
@@ -68,7 +68,7 @@ impl<R: Lanes<N>, const N: usize> SelectedLights<'_, R, N> {
     ) -> DirectSample<R, N> {
         let one = self.sample_direct_one(scene, from, u);
         DirectSample {
-            pdf_w: one.pdf_w * self.probability,
+            pdf_w: one.pdf_w * self.chosen,
             ..one
         }
     }
@@ -204,7 +204,7 @@ impl<R: Lanes<N>, const N: usize> SelectedLights<'_, R, N> {
     /// has the unit normal `normal` there; zero from behind.
     #[inline(always)]
     pub fn pdf_direct_w(&self, from: R::Vec3, at: R::Vec3, normal: R::Vec3) -> R {
-        self.probability * self.pdf_direct_one_w(from, at, normal)
+        self.probability_for(from) * self.pdf_direct_one_w(from, at, normal)
     }
 
     /// Returns the same density for [`SelectedLights::sample_direct_one`], without the choice.
@@ -249,7 +249,8 @@ impl Lights {
         choice: f32,
         u: [f32; 2],
     ) -> Option<DirectSample> {
-        let sample = self.select(choice, true).sample_direct(scene, from, u);
+        let lights = self.select_for(from, choice, true);
+        let sample = lights.sample_direct(scene, from, u);
         sample.arrives().then_some(sample)
     }
 
@@ -299,7 +300,12 @@ impl Lights {
         &self,
         dir: V,
     ) -> V::Scalar {
-        V::Scalar::splat(self.pdf_index(self.first[2])) * self.pdf_environment_one_w(dir)
+        let index = self.first[2];
+        let probability = match &self.tree {
+            None => self.pdf_index(index),
+            Some(tree) => tree.distant_probability(index),
+        };
+        V::Scalar::splat(probability) * self.pdf_environment_one_w(dir)
     }
 
     /// Returns the same density for [`Lights::sample_direct_from`], without the choice.

@@ -5,6 +5,9 @@
 //! Radiance itself is [`Surface::emitted`](super::surface::Surface::emitted) for surfaces and
 //! [`Lights::environment`] for rays that leave the scene.
 //!
+//! Light that arrives at a point may be chosen by a [tree](LightTree), whose probabilities depend on
+//! the point; starts of paths are chosen by the same table everywhere.
+//!
 //! A density includes the probability of choosing the light, except where a name contains `one`:
 //! those serve integrators that sample every light in turn ([`Lights::indices`]).
 //!
@@ -51,6 +54,7 @@ mod point;
 mod select;
 mod sphere;
 mod table;
+mod tree;
 
 use std::ops::Range;
 
@@ -68,6 +72,7 @@ pub use direct::DirectSample;
 pub use emission::{EmissionPdf, EmissionSample};
 pub use select::{FIELD as SELECT_FIELD, LightSelection};
 pub use table::SelectedLights;
+pub use tree::LightTree;
 
 /// All light sources of a scene, with indices: emissive primitives first, then points, directions,
 /// and the environment.
@@ -75,6 +80,8 @@ pub use table::SelectedLights;
 pub struct Lights {
     /// Distribution over all indices; `None` if nothing emits.
     pub choice: Option<AliasTable>,
+    /// Tree that chooses lights for points instead; `None` if the distribution does.
+    pub tree: Option<LightTree>,
     /// Parameters of all lights.
     rows: Vec<LightRows>,
     /// Index of the first light of a kind: points, directions, environment.
@@ -152,8 +159,13 @@ impl Lights {
         let ids = || (0..count).map(|index| light_id(first, index));
         let ball = BoundingSphere::for_scene(scene);
         let weights = select::weights(scene, select, ids(), &ball, environment_light.as_ref());
+        let tree = match select {
+            LightSelection::Tree => LightTree::new(scene, &ids().collect::<Vec<_>>(), &weights),
+            _ => None,
+        };
         Lights {
             choice: AliasTable::new(weights),
+            tree,
             rows: ids().map(|id| light_rows(scene, id)).collect(),
             first,
             environment_light,
@@ -194,7 +206,8 @@ impl Lights {
         self.total_area
     }
 
-    /// Returns the probability of choosing a light; zero for one that the scene does not have.
+    /// Returns the probability of choosing a light as the start of a path; zero for one that the
+    /// scene does not have.
     #[inline]
     pub fn pdf_choice(&self, light: LightId) -> f32 {
         self.pdf_index(self.index(light))
@@ -208,6 +221,17 @@ impl Lights {
         match &self.choice {
             Some(choice) if index < self.rows.len() => choice.pmf(index),
             _ => 0.0,
+        }
+    }
+
+    /// Returns the probability of choosing a light for the point `from`; zero for one that the scene
+    /// does not have.
+    #[inline]
+    pub fn pdf_direct_choice(&self, light: LightId, from: Vec3) -> f32 {
+        let index = self.index(light);
+        match &self.tree {
+            None => self.pdf_index(index),
+            Some(tree) => tree.probability(from, index),
         }
     }
 

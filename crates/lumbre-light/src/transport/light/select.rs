@@ -14,11 +14,13 @@ use crate::value::schema::{Field, Ty};
 /// The parameter `select` of every integrator that chooses among lights.
 pub const FIELD: Field = Field {
     key: "select",
-    ty: Ty::Word(&["uniform", "area", "power"]),
+    ty: Ty::Word(&["uniform", "area", "power", "tree"]),
     required: false,
     default: "power",
     doc: "how likely each light is chosen: all alike, in proportion to its area (as in S0, see \
-          docs/inside/transport.md), or to the power that it sends into the scene",
+          docs/inside/transport.md), or to the power that it sends into the scene; or by a tree \
+          over the lights, in about proportion to the light that each may send to the shaded point \
+          [Conty Estevez and Kulla 2018], on the CPU",
 };
 
 /// The probability with which each light is chosen.
@@ -33,14 +35,18 @@ pub enum LightSelection {
     /// power that enters the bounding sphere of the scene.
     #[default]
     Power,
+    /// By a tree over the lights, for each point: see [`LightTree`](super::tree::LightTree). Paths
+    /// that start at lights choose them by power.
+    Tree,
 }
 
 impl LightSelection {
     /// Names in scripts with their strategies.
-    pub const NAMES: [(&'static str, LightSelection); 3] = [
+    pub const NAMES: [(&'static str, LightSelection); 4] = [
         ("uniform", LightSelection::Uniform),
         ("area", LightSelection::Area),
         ("power", LightSelection::Power),
+        ("tree", LightSelection::Tree),
     ];
 
     /// Returns the strategy with this name.
@@ -68,7 +74,7 @@ const PROBES: u32 = 16;
 /// no probe hit is still chosen.
 const MEAN_SHARE: f64 = 0.1;
 
-/// Returns the weights of all lights, by index. Every light that emits has a positive weight.
+/// Returns the weights of all lights, by index; for a tree, their powers. Every light that emits has a positive weight.
 pub(super) fn weights(
     scene: &CompiledScene,
     select: LightSelection,
@@ -90,17 +96,13 @@ pub(super) fn weights(
         (LightSelection::Uniform, _) => 1.0,
         (LightSelection::Area, LightId::Emitter(i)) => f64::from(scene.emitters[i as usize].area),
         (LightSelection::Area, _) => without_area,
-        (LightSelection::Power, LightId::Emitter(i)) => emitter_power(scene, i, &brightness),
-        (LightSelection::Power, LightId::Point(i)) => {
+        (_, LightId::Emitter(i)) => emitter_power(scene, i, &brightness),
+        (_, LightId::Point(i)) => {
             let light = &scene.points[i as usize];
             4.0 * std::f64::consts::PI * light.cone.mean_falloff() * luminance(light.intensity)
         }
-        (LightSelection::Power, LightId::Directional(i)) => {
-            disk * luminance(scene.directionals[i as usize].irradiance)
-        }
-        (LightSelection::Power, LightId::Environment) => {
-            disk * environment_light.map_or(0.0, EnvironmentLight::power)
-        }
+        (_, LightId::Directional(i)) => disk * luminance(scene.directionals[i as usize].irradiance),
+        (_, LightId::Environment) => disk * environment_light.map_or(0.0, EnvironmentLight::power),
     })
     .collect()
 }

@@ -39,8 +39,11 @@ pub struct SelectedLights<'a, R: Real, const N: usize> {
     pub(super) lights: &'a Lights,
     /// Indices of the lights: see [`Lights::id`].
     pub indices: [u32; N],
-    /// Probability with which each light is selected; 0 in lanes without a light.
+    /// Probability with which each light is selected as the start of a path; 0 in lanes without a
+    /// light.
     pub probability: R,
+    /// Probability with which each light was selected.
+    pub chosen: R,
     pub(super) rows: [[R; 8]; 2],
 }
 
@@ -99,7 +102,30 @@ pub(super) fn light_rows(scene: &CompiledScene, light: LightId) -> LightRows {
 }
 
 impl Lights {
-    /// Selects a light for each lane of `wanted` from a random number.
+    /// Selects a light that may send light to the point `from`, for each lane of `wanted` from a
+    /// random number.
+    #[inline(always)]
+    pub fn select_for<R: Lanes<N>, const N: usize>(
+        &self,
+        from: R::Vec3,
+        choice: R,
+        wanted: R::Mask,
+    ) -> SelectedLights<'_, R, N> {
+        let Some(tree) = &self.tree else {
+            return self.select(choice, wanted);
+        };
+        let (choices, points) = (choice.store(), store_points::<R, N>(from));
+        let (mut indices, mut chosen) = ([0; N], [0.0; N]);
+        for i in active_lanes(wanted.bits()) {
+            (indices[i], chosen[i]) = tree.choose(points[i], choices[i]);
+        }
+        SelectedLights {
+            chosen: R::load(&chosen),
+            ..self.with_indices(indices, wanted)
+        }
+    }
+
+    /// Selects the start of a path for each lane of `wanted` from a random number.
     #[inline(always)]
     pub fn select<R: Lanes<N>, const N: usize>(
         &self,
@@ -147,6 +173,7 @@ impl Lights {
             lights: self,
             indices,
             probability,
+            chosen: probability,
             rows: [
                 R::transpose_load(map_array(rows, |r| &r[0])),
                 R::transpose_load(map_array(rows, |r| &r[1])),
@@ -155,7 +182,31 @@ impl Lights {
     }
 }
 
+/// Returns the point of each lane.
+#[inline(always)]
+fn store_points<R: Lanes<N>, const N: usize>(points: R::Vec3) -> [Vec3; N] {
+    let [x, y, z] = [points.x().store(), points.y().store(), points.z().store()];
+    std::array::from_fn(|i| Vec3::new(x[i], y[i], z[i]))
+}
+
 impl<R: Lanes<N>, const N: usize> SelectedLights<'_, R, N> {
+    /// Returns the probability with which [`Lights::select_for`] selects each light for the point
+    /// `from`.
+    #[inline(always)]
+    pub fn probability_for(&self, from: R::Vec3) -> R {
+        let Some(tree) = &self.lights.tree else {
+            return self.probability;
+        };
+        let (exist, points) = (self.probability.store(), store_points::<R, N>(from));
+        let mut probabilities = [0.0; N];
+        for i in 0..N {
+            if exist[i] > 0.0 {
+                probabilities[i] = tree.probability(points[i], self.indices[i]);
+            }
+        }
+        R::load(&probabilities)
+    }
+
     /// Returns the lanes whose light is of a kind.
     #[inline(always)]
     pub(super) fn are(&self, kind: f32) -> R::Mask {

@@ -420,7 +420,7 @@ fn ten_thousand_lights_are_selected_with_their_probabilities() {
     let weight = |select: LightSelection, i: usize| match select {
         LightSelection::Uniform => 1.0,
         LightSelection::Area => f64::from(lit.emitters[i].area),
-        LightSelection::Power => {
+        LightSelection::Power | LightSelection::Tree => {
             f64::from(lit.emitters[i].area) * f64::from(lit.materials[i].emission.x)
         }
     };

@@ -35,6 +35,7 @@ mod instructions;
 mod intersection;
 mod lanes;
 mod layers;
+mod light_tree;
 mod lights;
 mod lights_density;
 mod lights_emission;

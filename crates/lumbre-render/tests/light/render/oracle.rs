@@ -13,7 +13,7 @@ use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::{Camera, FilterKind, FilterSpec};
 use lumbre_light::transport::integrator::oracle::{self, OracleReport};
 use lumbre_light::transport::integrator::{Context, Settings};
-use lumbre_light::transport::light::Lights;
+use lumbre_light::transport::light::{LightSelection, Lights};
 use lumbre_light::value::Value;
 use lumbre_render::cpu::bvh::accel::Accel;
 
@@ -36,6 +36,11 @@ fn assert_weights_are_exact(scene: &Arc<CompiledScene>, depth: u32) -> OracleRep
             "{mis}: {report:?}"
         );
         last = report;
+        let tree = params(&[("mis", mis.into()), ("select", "tree".into())]);
+        let report = with_context(scene, FilterSpec::PIXEL, &tree, depth, |context| {
+            oracle::check(context, samples, seed as u64)
+        });
+        assert!(report.is_exact(), "{mis} with a tree: {report:?}");
         assert_merging_is_exact(scene, mis, depth, seed as u64);
         assert_cache_is_exact(scene, mis, depth, seed as u64);
     }
@@ -141,7 +146,8 @@ fn with_context<T>(
 ) -> T {
     let accel = Accel::build(Arc::clone(scene)).unwrap();
     let camera = Camera::new(&scene.camera, [32, 24], filter);
-    let (lights, settings) = (Lights::new(scene), Settings::new(given));
+    let lights = Lights::with_select(scene, LightSelection::from_params(given));
+    let settings = Settings::new(given);
     let context = Context {
         scene,
         camera: &camera,

@@ -79,7 +79,9 @@ pub fn connect_s1<R: Lanes<N>, const N: usize>(
 ) -> Option<Connection<R, N>> {
     let lanes = lanes & z.out.same_side;
     let [choice, u, v] = sampler.next_three();
-    let lights = context.lights.select::<R, N>(choice, lanes);
+    let lights = context
+        .lights
+        .select_for::<R, N>(z.state.position, choice, lanes);
     let d = lights.sample_direct(context.scene, z.state.position, [u, v]);
     let mut lanes = lanes & d.arrives();
     if let Some(offset) = &z.terminator {

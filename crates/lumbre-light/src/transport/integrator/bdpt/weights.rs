@@ -361,7 +361,8 @@ impl<R: Real> LightEnd<R> {
         R: Lanes<N>,
     {
         let EmissionPdf { pdf_a, pdf_w } = lights.pdf_emission(n, dir);
-        let direct_w = lights.pdf_direct_w(next, at, n);
+        let chosen = lights.probability_for(next);
+        let direct_w = chosen * lights.pdf_direct_one_w(next, at, n);
         let mut end = LightEnd::on_surface([at, n], [next, n_next], [pdf_a, pdf_w, direct_w]);
         let zero = R::splat(0.0);
         let points = lights.are_points();
@@ -369,7 +370,7 @@ impl<R: Real> LightEnd<R> {
             let spread = vertex::area_factor(at, next, n_next).double();
             let point = LightEnd {
                 start: pdf_a.double(),
-                direct: pdf_a.double(),
+                direct: chosen.double(),
                 next: pdf_w.double() * spread,
                 back: zero,
             };
@@ -383,7 +384,7 @@ impl<R: Real> LightEnd<R> {
             let disk = R::Double::select(some, pdf_a.double() / choice, R::Double::splat(0.0));
             let distant = LightEnd {
                 start,
-                direct: start,
+                direct: chosen.double() * pdf_w.double(),
                 next: disk * dir.dot(n_next).abs().double(),
                 back: R::select(lights.are_environments(), R::splat(1.0), zero),
             };

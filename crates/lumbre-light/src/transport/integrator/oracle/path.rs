@@ -192,29 +192,37 @@ impl Path {
         match self.light.light() {
             LightId::Emitter(i) => choice / f64::from(context.scene.emitters[i as usize].area),
             LightId::Point(_) | LightId::Directional(_) => choice,
-            LightId::Environment => f64::from(context.lights.pdf_environment_w(-self.dirs[0])),
+            LightId::Environment => choice * self.environment(context),
         }
+    }
+
+    /// Returns the density per solid angle of the direction of the environment, given its choice.
+    fn environment(&self, context: &Context) -> f64 {
+        f64::from(context.lights.pdf_environment_one_w(-self.dirs[0]))
     }
 
     /// Returns the density with which `x_0` is sampled as the light of `x_1`.
     fn direct(&self, context: &Context) -> f64 {
-        let scene = context.scene;
-        let LightId::Emitter(i) = self.light.light() else {
-            return self.start(context);
+        let (scene, light) = (context.scene, self.light.light());
+        let from = self.surfaces[0].position;
+        let choice = f64::from(context.lights.pdf_direct_choice(light, from));
+        let i = match light {
+            LightId::Emitter(i) => i,
+            LightId::Point(_) | LightId::Directional(_) => return choice,
+            LightId::Environment => return choice * self.environment(context),
         };
         let primitive = scene.emitters[i as usize].primitive as usize;
         let Some(sphere) = primitive
             .checked_sub(scene.triangles.len())
             .map(|s| &scene.spheres[s])
         else {
-            return self.start(context);
+            return choice / f64::from(scene.emitters[i as usize].area);
         };
         let sin = f64::from(sphere.radius) / (self.position(1) - sphere.center.as_dvec3()).length();
         if sin >= 1.0 {
             return 0.0;
         }
         let one_minus_cos = sin * sin / (1.0 + (1.0 - sin * sin).sqrt());
-        let choice = f64::from(context.lights.pdf_choice(self.light.light()));
         choice / (std::f64::consts::TAU * one_minus_cos) * self.spread(1, 0)
     }
 
