@@ -2,7 +2,7 @@
 //!
 //! A direction is a point of the unit square in cylindrical coordinates,
 //! `((z + 1) / 2, azimuth / (2 pi))`. This map preserves area: a density per area of the square is
-//! `4 pi` times a density per solid angle, everywhere on the sphere [Mueller et al. 2017].
+//! `4 pi` times a density per solid angle, everywhere on the sphere [Müller et al. 2017].
 
 use std::f32::consts::{PI, TAU};
 
@@ -126,7 +126,7 @@ impl DirectionTree<'_> {
     }
 
     /// Distributes a value over a square around a point of the unit square that is as large as the
-    /// cell there [Mueller 2019]: `add` gets every cell with its share. Azimuths wrap around; the
+    /// cell there [Müller 2019]: `add` gets every cell with its share. Azimuths wrap around; the
     /// square is moved inside at the poles.
     pub fn distribute(&self, [x, y]: [f32; 2], value: f32, add: &mut impl FnMut(Cell, f32)) {
         let side = self.side_at([x, y]);

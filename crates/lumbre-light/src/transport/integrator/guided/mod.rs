@@ -1,4 +1,4 @@
-//! Practical path guiding [Mueller et al. 2017]: [`nee`](super::nee) whose paths continue in
+//! Practical path guiding [Müller et al. 2017]: [`nee`](super::nee) whose paths continue in
 //! directions from which light was found before.
 //!
 //! Before the first sample, training paths fill an [SD-tree](sd_tree): at every point of the scene a
@@ -17,7 +17,7 @@
 //! - Pictures are unbiased: their samples have other random numbers than training paths.
 //! - All samples use the same tree, so they have the same variance and equal weights. The pictures
 //!   of training paths are not used: they would have to be weighted by the inverse of their
-//!   variance [Mueller 2019], and the best of them has about as many paths as half of `training`.
+//!   variance [Müller 2019], and the best of them has about as many paths as half of `training`.
 //! - Light subpaths are not guided.
 
 pub mod direction_tree;
@@ -49,7 +49,7 @@ pub const ROW: IntegratorRow = IntegratorRow {
     long_name: "guided path tracing with next event estimation",
     revision: 1,
     doc: "Paths are those of nee, but continue in directions where training paths found light, by a \
-          tree over space and directions [Mueller et al. 2017; Rath et al. 2020].",
+          tree over space and directions [Müller et al. 2017; Rath et al. 2020].",
     params: Table {
         name: "GuidedParams",
         doc: "Parameters of `guided`.",

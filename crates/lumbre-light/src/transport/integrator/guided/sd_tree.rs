@@ -1,4 +1,4 @@
-//! The SD-tree [Mueller et al. 2017]: a binary tree over space with a quadtree over directions in
+//! The SD-tree [Müller et al. 2017]: a binary tree over space with a quadtree over directions in
 //! each leaf.
 //!
 //! Levels of the spatial tree divide a cube around the scene in the middle, along x, y and z in
@@ -95,7 +95,7 @@ impl SdTree {
     }
 
     /// Returns a leaf near a point: that of a point chosen by three numbers in `[0, 1)` from a box
-    /// around it, as large as the region of its own leaf [Mueller 2019].
+    /// around it, as large as the region of its own leaf [Müller 2019].
     pub fn leaf_near(&self, point: Vec3, numbers: [f32; 3]) -> u32 {
         let size = self.leaf_and_size_at(point).1;
         self.leaf_at(point + size * (Vec3::from(numbers) - 0.5))

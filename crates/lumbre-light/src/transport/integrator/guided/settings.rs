@@ -49,7 +49,7 @@ pub const SPLIT: Field = Field {
     required: false,
     default: "1000",
     doc: "a region of space is divided if more than split * sqrt(2^k) vertices of training \
-          iteration k lie in it [Mueller et al. 2017]",
+          iteration k lie in it [Müller et al. 2017]",
 };
 
 /// The parameter `tree_memory`.

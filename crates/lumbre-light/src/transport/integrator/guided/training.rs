@@ -2,7 +2,7 @@
 //!
 //! Iteration `k` traces `2^k` paths of every pixel, as samples are, guided by the tree of the
 //! iteration before. Their vertices train a tree that was refined for the vertices of that
-//! iteration, whose own samples are then forgotten [Mueller et al. 2017]. The last iteration takes
+//! iteration, whose own samples are then forgotten [Müller et al. 2017]. The last iteration takes
 //! all paths that are left.
 //!
 //! The tree depends on the scene, the job and its seed alone: paths have random numbers of their
