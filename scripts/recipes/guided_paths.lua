@@ -17,7 +17,7 @@ x:render(function(p)
   }
 end)
 
--- Guiding is unbiased, and has the least noise here.
+-- Guiding is unbiased, and its samples have less noise than those of nee here.
 x:reference {
   from = function() return { integrator = "guided", training = 256 } end,
   stop = function(p) return stop.samples(p.reference) end,
