@@ -193,17 +193,27 @@ fn leaves_with_many_vertices_are_divided_in_the_middle() {
 }
 
 #[test]
-fn leaves_guide_only_where_light_was_found() {
+fn leaves_guide_to_where_light_was_found() {
     let mut tree = SdTree::new([Vec3::ZERO, Vec3::ONE]);
     assert!(tree.directions(0).is_none());
     let none = tree.sums();
     tree.set_densities(&none, |sum, _| sum);
     assert!(tree.directions(0).is_none());
-    let some = filled(&tree, 10);
-    tree.set_densities(&some, |sum, _| sum);
+    // The first cells are so large that their filter spreads light over all directions.
+    let limits = Limits {
+        vertices: f64::MAX,
+        bytes: u64::MAX,
+    };
+    for _ in 0..5 {
+        tree = tree.refined(&filled(&tree, 10), &limits);
+        let some = filled(&tree, 10);
+        tree.set_densities(&some, |sum, _| sum);
+    }
+    assert_eq!(tree.leaves(), 1);
     let found = tree.directions(0).expect("light was found");
     let [lit, dark] = [[0.3, 0.05], [0.3, 0.6]].map(|p| found.pdf_w(direction_of(p)));
-    assert!(lit > 0.0 && dark == 0.0);
+    // The filter moves a little light across the seam of azimuths into large cells.
+    assert!(lit > 0.1 && dark < 0.01 * lit, "{lit} {dark}");
 }
 
 #[test]
