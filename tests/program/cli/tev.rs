@@ -123,7 +123,7 @@ fn a_night_shows_pictures_references_and_error_maps() {
           return { scene = "ball.scn", integrator = p.technique, resolution = { 12, 8 }, backend = "cpu" }
         end)
         x:reference { from = function() return { integrator = "nee" } end, stop = stop.samples(64) }
-        x:measure { metrics = { psnr = metric.psnr(), mse = metric.mse() } }
+        x:measure { psnr = metric.psnr(), mse = metric.mse() }
         x:stop(stop.samples(4))
         return x"#,
     );
