@@ -364,13 +364,11 @@ fn curves(
     }
 }
 
+/// A curve with its points, as fractions of the plot, and its colour.
+type DrawnCurve<'a> = (&'a ChartCurve, Vec<(f64, f64)>, Color);
+
 /// Writes the name of each series once, beside the end of one of its curves.
-fn series_names(
-    frame: &mut Frame,
-    plot: Rect,
-    caps: TerminalCaps,
-    curves: &[(&ChartCurve, Vec<(f64, f64)>, Color)],
-) {
+fn series_names(frame: &mut Frame, plot: Rect, caps: TerminalCaps, curves: &[DrawnCurve<'_>]) {
     let mut named: Vec<usize> = Vec::new();
     let mut taken: Vec<u16> = Vec::new();
     for (curve, dots, _) in curves {

@@ -87,11 +87,17 @@ fn receive(mut stream: TcpStream) -> Images {
     images
 }
 
+/// Starts the viewer's side.
+fn background<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> JoinHandle<T> {
+    let thread = std::thread::Builder::new().name("tev".to_owned());
+    thread.spawn(work).unwrap()
+}
+
 /// Listens for one connection; returns the address.
 fn listen() -> (String, JoinHandle<Images>) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
-    let images = std::thread::spawn(move || receive(listener.accept().unwrap().0));
+    let images = background(move || receive(listener.accept().unwrap().0));
     (address, images)
 }
 
@@ -166,7 +172,7 @@ fn a_viewer_that_is_missing_or_closed_is_named() {
         "render", "ball.scn", "--size", "512x512", "--spp", "8", "-o", "a.exr", "--tev", &address,
     ];
     // The first connection is closed at once: the picture is rendered all the same.
-    let closed = std::thread::spawn(move || drop(listener.accept()));
+    let closed = background(move || drop(listener.accept()));
     let output = place.succeed(&args);
     closed.join().unwrap();
     assert!(

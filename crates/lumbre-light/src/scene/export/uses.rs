@@ -69,7 +69,7 @@ pub(super) fn direction_note(entity: &EntityDesc, program: &str) -> Option<Note>
     entity.anisotropic_direction.map(|_| {
         scene_note(
             &format!("entities.{}", entity.name),
-            &format!("`anisotropic_direction` is not supported by {program}; increasing u is used"),
+            format!("`anisotropic_direction` is not supported by {program}; increasing u is used"),
         )
     })
 }
