@@ -22,7 +22,7 @@ local scenes = {
   veach_lamps = { view = "room", samples = 96, integrator = "bdpt" },
   veach_mis = { view = "plates", samples = 512 },
   material_ball = { view = "front", samples = 512, height = upright },
-  atrium = { view = "atrium", samples = 96 },
+  atrium = { view = "atrium", samples = 512 },
   bedroom = { view = "door", samples = 512 },
   -- Guided: light enters through a gap.
   door_ajar = { view = "room", samples = 256, integrator = "guided" },
