@@ -24,8 +24,8 @@ local scenes = {
   material_ball = { view = "front", samples = 512, height = upright },
   atrium = { view = "atrium", samples = 512 },
   bedroom = { view = "door", samples = 512 },
-  -- Guided: light enters through a gap.
-  door_ajar = { view = "room", samples = 256, integrator = "guided" },
+  -- Bidirectional: light enters through a gap.
+  door_ajar = { view = "room", samples = 640, integrator = "bdpt" },
   forest = { view = "glade", samples = 96 },
   many_lights = { view = "row", samples = 512 },
   instances = { view = "tray", samples = 256 },

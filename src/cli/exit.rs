@@ -1,9 +1,13 @@
 //! Exit codes of the program, errors that end it, and the functions that print.
 
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
 
+use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
+
+use crate::script::ScriptError;
 use crate::text;
+use crate::tui;
 
 /// Text below the options of `--help`: exit codes, signals and output streams.
 pub const EXIT_CODES_HELP: &str = "\
@@ -82,65 +86,84 @@ impl From<Exit> for ExitCode {
 pub struct Failure {
     /// Exit code of the program.
     pub exit: Exit,
-    /// Message to print. An error in a script includes the source line.
-    pub report: miette::Report,
+    /// The error in one text, as logs contain it.
+    pub message: String,
+    /// Error in a script, whose source line is printed below the message.
+    script: Option<ScriptError>,
 }
 
 impl Failure {
-    /// Creates a usage error, found before any work.
-    pub fn usage(error: impl std::fmt::Display) -> Failure {
+    fn new(exit: Exit, error: impl std::fmt::Display) -> Failure {
         Failure {
-            exit: Exit::Usage,
-            report: miette::Report::msg(error.to_string()),
+            exit,
+            message: error.to_string(),
+            script: None,
         }
     }
 
-    /// Creates a usage error that marks its position in the source.
-    pub fn diagnostic(error: impl miette::Diagnostic + Send + Sync + 'static) -> Failure {
+    /// Creates a usage error, found before any work.
+    pub fn usage(error: impl std::fmt::Display) -> Failure {
+        Failure::new(Exit::Usage, error)
+    }
+
+    /// Creates a usage error that shows its position in a script.
+    pub fn script(error: ScriptError) -> Failure {
         Failure {
-            exit: Exit::Usage,
-            report: miette::Report::new(error),
+            script: Some(error.clone()),
+            ..Failure::usage(error)
+        }
+    }
+
+    /// Creates a usage error inside a call of a function of a script. `call` names the function and
+    /// the point at which it was called.
+    pub fn script_call(call: &str, error: ScriptError) -> Failure {
+        Failure {
+            message: format!("{call}: {error}"),
+            ..Failure::script(error)
         }
     }
 
     /// Creates an error about a file that does not match its checksum.
     pub fn damaged(error: impl std::fmt::Display) -> Failure {
-        Failure {
-            exit: Exit::CellsFailed,
-            report: miette::Report::msg(error.to_string()),
-        }
+        Failure::new(Exit::CellsFailed, error)
     }
 
     /// Creates an error caused neither by the user nor by a cell, such as a failed write.
     pub fn internal(error: impl std::fmt::Display) -> Failure {
-        Failure {
-            exit: Exit::Internal,
-            report: miette::Report::msg(error.to_string()),
-        }
+        Failure::new(Exit::Internal, error)
     }
 
-    /// Prints the error to stderr, in colours if stderr is a terminal and the error has no
-    /// characters that control it.
+    /// Prints the error to stderr, in colours if stderr shows them and the error has no characters
+    /// that control a terminal.
     pub fn print(&self) {
-        let theme = miette::GraphicalTheme::unicode_nocolor();
-        let handler = miette::GraphicalReportHandler::new_themed(theme).with_wrap_lines(false);
-        let mut plain = String::new();
-        let rendered = handler.render_report(&mut plain, self.report.as_ref());
-        if rendered.is_ok() && !plain.contains(text::is_control) {
-            let _ = writeln!(std::io::stderr().lock(), "{:?}", self.report);
+        let plain = self.render(Renderer::plain());
+        let colours = tui::use_colors(std::io::stderr().is_terminal(), &|name| {
+            std::env::var(name).ok()
+        });
+        if colours && !plain.contains(text::is_control) {
+            let styled = self.render(Renderer::styled());
+            let _ = writeln!(std::io::stderr().lock(), "{styled}");
         } else {
             print_status(&plain);
         }
     }
-}
 
-/// Configures error reports without line wrapping, so that paths can be copied and messages can be
-/// searched for.
-pub fn install_report_hook() {
-    // If another hook is already installed, it prints the errors.
-    let _ = miette::set_hook(Box::new(|_| {
-        Box::new(miette::MietteHandlerOpts::new().wrap_lines(false).build())
-    }));
+    /// Returns the message, and for an error in a script the source line with a mark. Lines are not
+    /// wrapped, so that paths can be copied and messages can be searched for.
+    fn render(&self, renderer: Renderer) -> String {
+        let title = Level::ERROR.primary_title(self.message.as_str());
+        let Some((error, highlight)) = self
+            .script
+            .as_ref()
+            .and_then(|error| Some((error, error.highlight()?)))
+        else {
+            return renderer.render(&[Group::with_title(title)]);
+        };
+        let snippet = Snippet::source(highlight.text.as_ref())
+            .path(error.file().to_string_lossy())
+            .annotation(AnnotationKind::Primary.span(highlight.span.clone()));
+        renderer.render(&[title.element(snippet)])
+    }
 }
 
 /// Prints a status line to stderr, with control characters made visible. Write errors, such as a
@@ -222,5 +245,34 @@ mod tests {
                 "{code} in the help"
             );
         }
+    }
+
+    #[test]
+    fn a_script_error_shows_its_line_with_a_mark() {
+        let text = "local x = experiment(\"t\", {})\nx:axis(\"depth\", { 1, \t2 }, \"é\" .. nil)\n";
+        let error = crate::script::load_text(
+            std::path::Path::new("folder/t.lua"),
+            text.to_owned(),
+            crate::script::Limits::default(),
+        )
+        .unwrap_err();
+        let shown = Failure::script_call("`render` at depth = 1", error).render(Renderer::plain());
+        let lines: Vec<&str> = shown.lines().collect();
+        assert!(
+            lines[0].starts_with("error: `render` at depth = 1: folder/t.lua:2: "),
+            "{shown}"
+        );
+        assert!(lines[1].ends_with("--> folder/t.lua:2:1"), "{shown}");
+        assert!(lines[3].starts_with("2 | x:axis(\"depth\""), "{shown}");
+        assert!(lines[4].contains("^^^"), "{shown}");
+    }
+
+    #[test]
+    fn a_long_message_stays_on_one_line_and_controls_nothing() {
+        let path = "a/long/path/".repeat(40);
+        let shown = Failure::usage(format!("no file {path}")).render(Renderer::plain());
+        assert_eq!(shown, format!("error: no file {path}"));
+        let shown = Failure::usage("bell \u{7} and \u{1b}[31m").render(Renderer::plain());
+        assert!(!shown.contains(text::is_control), "{shown:?}");
     }
 }

@@ -34,7 +34,6 @@ const STACK: usize = 16 << 20;
 /// Parses the arguments of this process, runs the requested verb and returns the exit code.
 pub fn main() -> ExitCode {
     exit::install_panic_hook();
-    exit::install_report_hook();
     if let Err(e) = night::signals::ignore_file_size_limit() {
         print_status(&format!("warning: cannot install a signal handler: {e}"));
     }

@@ -2,10 +2,9 @@
 //! causes, [`Problem`].
 
 use std::fmt;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode, SourceSpan};
 
 /// Cause of a script error.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -81,9 +80,7 @@ pub enum Problem {
     },
 }
 
-/// Error in a script: cause, file, line and help.
-///
-/// The [`Diagnostic`] shows the source line; the text form starts with `file:line:`.
+/// Error in a script: cause, file, line and help. Its text form starts with `file:line:`.
 #[derive(Clone)]
 pub struct ScriptError(Box<Inner>);
 
@@ -97,10 +94,13 @@ struct Inner {
 
 /// Part of a source text that an error report marks.
 #[derive(Clone)]
-pub(super) struct Highlight {
-    pub(super) text: Arc<NamedSource<String>>,
-    pub(super) span: SourceSpan,
-    pub(super) line: usize,
+pub struct Highlight {
+    /// The whole text.
+    pub text: Arc<str>,
+    /// Marked bytes of the text.
+    pub span: Range<usize>,
+    /// Line in which the marked bytes begin, from 1.
+    pub line: usize,
 }
 
 impl ScriptError {
@@ -138,13 +138,16 @@ impl ScriptError {
         self.0.help.as_deref()
     }
 
+    /// Returns the source text with the range that the error marks; `None` if the file could not be
+    /// read or the error has no line.
+    pub fn highlight(&self) -> Option<&Highlight> {
+        self.0.highlight.as_ref()
+    }
+
     /// Returns the part of the source text that the error marks.
     pub fn pointed_at(&self) -> Option<&str> {
-        let highlight = self.0.highlight.as_ref()?;
-        highlight
-            .text
-            .inner()
-            .get(highlight.span.offset()..highlight.span.offset() + highlight.span.len())
+        let highlight = self.highlight()?;
+        highlight.text.get(highlight.span.clone())
     }
 }
 
@@ -169,22 +172,3 @@ impl fmt::Debug for ScriptError {
 }
 
 impl std::error::Error for ScriptError {}
-
-/// Diagnostic without a help text: the message already contains the help, since logs print only the
-/// message.
-impl Diagnostic for ScriptError {
-    fn source_code(&self) -> Option<&dyn SourceCode> {
-        self.0
-            .highlight
-            .as_ref()
-            .map(|s| s.text.as_ref() as &dyn SourceCode)
-    }
-
-    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
-        let highlight = self.0.highlight.as_ref()?;
-        Some(Box::new(std::iter::once(LabeledSpan::new_with_span(
-            Some("here".to_owned()),
-            highlight.span,
-        ))))
-    }
-}

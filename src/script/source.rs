@@ -5,8 +5,6 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use miette::NamedSource;
-
 use super::error::{Highlight, Problem, ScriptError};
 use super::locate;
 use lumbre_light::scene::load::files;
@@ -37,8 +35,8 @@ pub struct Source {
     pub chunk: String,
     /// File that contains the text.
     pub file: PathBuf,
-    /// The text itself, with the path that error reports print.
-    pub text: Arc<NamedSource<String>>,
+    /// The text itself.
+    pub text: Arc<str>,
 }
 
 /// All source texts of one script; the script itself is the first.
@@ -136,11 +134,10 @@ impl Sources {
         } else {
             short
         };
-        let text = Arc::new(NamedSource::new(file.to_string_lossy(), text));
         self.texts.push(Source {
             chunk,
             file: file.to_owned(),
-            text,
+            text: text.into(),
         });
         index
     }
@@ -202,7 +199,7 @@ impl Sources {
         help: Option<String>,
     ) -> ScriptError {
         let source = self.get(place.source);
-        let span = locate::line_span(source.text.inner(), place.line);
+        let span = locate::line_span(&source.text, place.line);
         self.error_at(source, span, place.line, problem, help)
     }
 
@@ -228,7 +225,7 @@ impl Sources {
     /// be found from `place`, the line of `place` is marked.
     pub fn locate_error(&self, place: &SourcePlace, error: SchemaError) -> ScriptError {
         let source = self.get(place.source);
-        let text = source.text.inner().as_str();
+        let text = source.text.as_ref();
         let steps = keys_of(&error);
         let keys: Vec<&str> = steps.iter().map(String::as_str).collect();
         let missing = error.key.is_empty();
@@ -271,7 +268,7 @@ impl Sources {
     ) -> ScriptError {
         let highlight = Highlight {
             text: Arc::clone(&source.text),
-            span: span.into(),
+            span: span.0..span.0 + span.1,
             line,
         };
         ScriptError::new(&source.file, problem, help, Some(highlight))
@@ -284,7 +281,7 @@ impl Sources {
         let mut order: Vec<(&str, &str)> = self
             .texts
             .iter()
-            .map(|s| (s.chunk.as_str(), s.text.inner().as_str()))
+            .map(|s| (s.chunk.as_str(), s.text.as_ref()))
             .collect();
         if let Some(script) = order.first_mut() {
             script.0 = "";

@@ -94,7 +94,7 @@ pub fn restore_plan(home: &Path, global: &Global) -> Result<RestoredPlan, Failur
     };
     let load = || {
         script::load_text(&snapshot.script, text.clone(), Limits::default())
-            .map_err(Failure::diagnostic)
+            .map_err(Failure::script)
     };
     let rebuilt = load::plan_of(&load, &script_args, PlanUse::Render, &global, false);
     let (script, plan) = rebuilt.map_err(|failure| {
@@ -103,7 +103,7 @@ pub fn restore_plan(home: &Path, global: &Global) -> Result<RestoredPlan, Failur
             failure
         } else {
             // The changed files are the likely cause of the error.
-            Failure::usage(format!("{}{changes}", failure.report))
+            Failure::usage(format!("{}{changes}", failure.message))
         }
     })?;
     if plan.hash != snapshot.plan {

@@ -82,7 +82,7 @@ pub fn work(args: &WorkArgs, global: &Global, log: &Log) -> Result<Exit, Failure
     let exit = worker.work();
     store.leave(&match &exit {
         Ok(exit) => exit_reason(*exit).to_owned(),
-        Err(failure) => failure.report.to_string(),
+        Err(failure) => failure.message.clone(),
     });
     exit
 }

@@ -559,7 +559,7 @@ mod tests {
             options("flip: ppd=30 ,on={\"kind\":\"srgb\",\"exposure\":-1}"),
             "ppd 30, on srgb (exposure -1)"
         );
-        let wrong = |text: &str| parse_metric(text).unwrap_err().report.to_string();
+        let wrong = |text: &str| parse_metric(text).unwrap_err().message;
         assert!(wrong("filp").contains("did you mean `flip`?"));
         assert!(wrong("flip:pdp=3").contains("did you mean `ppd`?"));
         assert!(wrong("flip:ppd").contains("key=value"));

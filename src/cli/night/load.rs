@@ -4,11 +4,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use miette::{Report, WrapErr};
-
 use super::permission::{PlanUse, commands_allowed};
 use crate::cli::args::{Global, ScriptArgs};
-use crate::cli::exit::{Exit, Failure, print_status};
+use crate::cli::exit::{Failure, print_status};
 use crate::cli::format::display_path;
 use crate::experiment::Plan;
 use crate::experiment::plan::{Overrides, PlanError, expand};
@@ -30,7 +28,7 @@ pub fn load_plan(
     global: &Global,
 ) -> Result<(Script, Arc<Plan>), Failure> {
     expect_script(&args.script)?;
-    let load = || script::load(&args.script).map_err(Failure::diagnostic);
+    let load = || script::load(&args.script).map_err(Failure::script);
     plan_of(&load, args, usage, global, false)
 }
 
@@ -44,7 +42,7 @@ pub fn load_plan_for_cluster(
     global: &Global,
 ) -> Result<(Script, Arc<Plan>), Failure> {
     expect_script(&args.script)?;
-    let load = || script::load(&args.script).map_err(Failure::diagnostic);
+    let load = || script::load(&args.script).map_err(Failure::script);
     plan_of(&load, args, usage, global, true)
 }
 
@@ -140,17 +138,7 @@ fn plan_failure(error: PlanError) -> Failure {
             point,
             error,
         } => match error.0.downcast::<ScriptError>() {
-            Ok(script) => {
-                let report: Result<(), Report> = Err(Report::new(*script));
-                let report = report.wrap_err(format!("{function} at {point}"));
-                report.map_or_else(
-                    |report| Failure {
-                        exit: Exit::Usage,
-                        report,
-                    },
-                    |()| Failure::usage(""),
-                )
-            }
+            Ok(script) => Failure::script_call(&format!("{function} at {point}"), *script),
             Err(other) => Failure::usage(format!("{function} at {point}: {other}")),
         },
         other => Failure::usage(other),

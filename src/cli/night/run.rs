@@ -370,14 +370,13 @@ fn render_night(
     drop(view);
     log.resume_stderr();
     let exit = stop_signal.exit();
-    let night = night.map_err(|error| Failure {
+    let night = night.map_err(|error| {
+        let mut failure = Failure::internal(error);
         // The reason of the stop outranks that of the error, such as a full disk.
-        exit: if control.stop_requested() {
-            exit
-        } else {
-            Exit::Internal
-        },
-        ..Failure::internal(error)
+        if control.stop_requested() {
+            failure.exit = exit;
+        }
+        failure
     })?;
     Ok(EndedNight {
         night,

@@ -43,7 +43,7 @@ fn check_lua(file: &Path, global: &Global) -> Result<String, Failure> {
     load::expect_script(file)?;
     let script = match script::load(file) {
         Err(error) if script::scene::is_scene(&error) => return check_scene(file, global),
-        loaded => loaded.map_err(Failure::diagnostic)?,
+        loaded => loaded.map_err(Failure::script)?,
     };
     let args = ScriptArgs {
         script: file.to_owned(),

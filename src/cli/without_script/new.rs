@@ -28,8 +28,7 @@ pub fn main(args: &NewArgs, global: &Global) -> Result<Exit, Failure> {
         ask(&mut comparison, &mut io::stdin().lock()).map_err(Failure::usage)?;
     }
     let text = script_text(&comparison, &display_path(&path));
-    script::load_text(&path, text.clone(), script::Limits::default())
-        .map_err(Failure::diagnostic)?;
+    script::load_text(&path, text.clone(), script::Limits::default()).map_err(Failure::script)?;
     crate::store::write_atomically(&path, text.as_bytes()).map_err(Failure::internal)?;
     if !global.quiet {
         print_status(&format!(

@@ -16,7 +16,7 @@ const CONFINED: &[(&str, &[&str])] = &[
     ("signal_hook", &["cli"]),
     ("tracing_subscriber", &["cli"]),
     ("tev_client", &["cli"]),
-    ("miette", &["script", "cli"]),
+    ("annotate_snippets", &["cli"]),
     ("resvg", &["output"]),
     ("epaint_default_fonts", &["output"]),
     ("roxmltree", &["output", "scene"]),

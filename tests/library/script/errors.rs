@@ -509,18 +509,11 @@ fn errors_in_render_tables_have_the_line_of_their_key() {
 }
 
 #[test]
-fn diagnostics_show_the_source_line_and_mark_the_key() {
+fn an_error_points_at_the_key() {
     let e = error_of(&edited(
         MEASURE,
         "x:measure { rmse = metric.rmse(),\n  keep = { exr = \"pow3\" } }",
     ));
+    assert_eq!(e.line(), Some(8));
     assert_eq!(e.pointed_at(), Some("exr"));
-    let mut shown = String::new();
-    let theme = miette::GraphicalTheme::unicode_nocolor();
-    miette::GraphicalReportHandler::new_themed(theme)
-        .render_report(&mut shown, &e)
-        .unwrap();
-    assert!(shown.contains("t.lua:8:12"), "{shown}");
-    assert_eq!(shown.matches("known: last, pow2").count(), 1, "{shown}");
-    assert!(shown.contains("keep = { exr = \"pow3\" } }"), "{shown}");
 }
