@@ -5,11 +5,11 @@
 
 pub mod about;
 mod args;
-mod bench;
+pub mod bench;
 mod cluster;
 mod exit;
-mod format;
-mod inspect;
+pub mod format;
+pub mod inspect;
 pub mod night;
 mod reproduce;
 pub mod scene;
@@ -140,12 +140,8 @@ fn run_bench(args: &BenchArgs, global: &Global) -> Result<Exit, Failure> {
             print_status(line);
         }
     };
-    let report = if args.cluster_sim {
-        bench::cluster(&global.out, &mut print_progress)
-    } else {
-        bench::measure(args, global.threads, global.missing(), &mut print_progress)
-    };
-    let report = report.map_err(Failure::usage)?;
+    let report = bench::measure(args, global.threads, global.missing(), &mut print_progress)
+        .map_err(Failure::usage)?;
     let json = format!("{:#}\n", report.json());
     crate::store::write_atomically(&file, json.as_bytes()).map_err(Failure::internal)?;
     print_result(if args.json { &json } else { report.text() })?;

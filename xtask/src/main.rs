@@ -1,4 +1,4 @@
-//! Chores of developers: `cargo run -p xtask -- --help` lists them. Not part of the product and not
+//! Chores of developers: `cargo xtask --help` lists them. Not part of the product and not
 //! built with it.
 #![allow(
     clippy::print_stdout,
@@ -6,6 +6,8 @@
     reason = "a program for terminals"
 )]
 
+mod bench;
+#[cfg(feature = "shader-dev")]
 mod shaders;
 
 use std::path::{Path, PathBuf};
@@ -23,12 +25,18 @@ struct Args {
 /// A chore is a module of this program with a function `run`.
 #[derive(Subcommand)]
 enum Chore {
-    /// Compile the shaders to the SPIR-V that is committed
+    /// Measure the program itself: overheads of a night, loading, metrics, dashboard
+    Bench(bench::Args),
+    /// Compile the shaders to the SPIR-V that is committed; needs `--features shader-dev` and a C++
+    /// compiler
+    #[cfg(feature = "shader-dev")]
     Shaders(shaders::Args),
 }
 
 fn main() -> ExitCode {
     let done = match Args::parse().chore {
+        Chore::Bench(args) => bench::run(&args),
+        #[cfg(feature = "shader-dev")]
         Chore::Shaders(args) => shaders::run(&args),
     };
     match done {

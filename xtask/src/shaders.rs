@@ -66,7 +66,7 @@ pub fn run(args: &Args) -> Result<(), String> {
         (false, changed) => println!("written or removed:\n  {}", changed.join("\n  ")),
         (true, changed) => {
             return Err(format!(
-                "outdated, to be made by `cargo run -p xtask -- shaders`:\n  {}",
+                "outdated, to be made by `cargo shaders`:\n  {}",
                 changed.join("\n  ")
             ));
         }
@@ -118,7 +118,7 @@ fn remove_others(folder: &str, recipes: &[Recipe], check: bool) -> Result<Vec<St
 /// Returns the text of the Rust file that embeds the program's modules.
 fn embedding(recipes: &[Recipe]) -> String {
     let mut text = String::from(
-        "//! SPIR-V of the shaders. Written by `cargo run -p xtask -- shaders`; do not edit.\n\n\
+        "//! SPIR-V of the shaders. Written by `cargo shaders`; do not edit.\n\n\
          /// Embeds files of `spirv/`.\n\
          macro_rules! embed {\n    \
          ($($file:literal),* $(,)?) => {\n        \

@@ -85,7 +85,7 @@ pub struct BenchArgs {
     /// A Lua scene may be followed by options and a view: `atrium.lua?light=lamps,camera=gallery`
     #[arg(value_name = "SCENE", value_parser = scene_arg)]
     pub scenes: Vec<SceneArg>,
-    /// Measure only the given scenes, without the built-in ones and the program's own overheads.
+    /// Measure only the given scenes, without the built-in ones.
     #[arg(long, requires = "scenes")]
     pub only: bool,
     /// Measure this backend with every integrator at depth 5 instead (repeat to compare backends).
@@ -107,38 +107,12 @@ pub struct BenchArgs {
         value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SIDE))
     )]
     pub height: u32,
-    /// Simulate a night of 10,000 cells on 1,000 cluster workers with failures instead.
-    ///
-    /// Time is simulated, but claims are real lock files in a folder below --out.
-    #[arg(long, conflicts_with_all = ["traversal", "mpaths", "only", "backend"])]
-    pub cluster_sim: bool,
-    /// Measure only the program's own overheads.
-    #[arg(long, conflicts_with_all = ["traversal", "mpaths", "only", "backend", "cluster_sim"])]
-    pub overheads: bool,
     /// Measure only ray traversal.
     #[arg(long, conflicts_with = "mpaths")]
     pub traversal: bool,
     /// Measure only the integrators.
     #[arg(long)]
     pub mpaths: bool,
-    /// Measure only the loading of a mesh of a million triangles.
-    #[arg(long, conflicts_with_all = ["traversal", "mpaths", "backend"])]
-    pub loading: bool,
-    /// Measure only the cost of time axes, delays and composed materials.
-    ///
-    /// Uses the first scene, on the backend of `--backend` if given.
-    #[arg(long, conflicts_with_all = ["traversal", "mpaths", "loading"])]
-    pub time: bool,
-    /// Measure only cost ratios: alpha masks, 10,000 instances, 10,000 lights, and a second thread.
-    ///
-    /// Each is measured beside the same scene without it.
-    #[arg(
-        long,
-        conflicts_with_all = [
-            "scenes", "traversal", "mpaths", "backend", "loading", "time", "overheads"
-        ]
-    )]
-    pub ratios: bool,
     /// Repeat every measurement this many times and report medians and spreads.
     #[arg(
         long,

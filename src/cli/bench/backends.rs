@@ -1,14 +1,15 @@
 //! Start-up cost and speed of backends: `lumbre bench --backend NAME`, repeatable.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
 use serde_json::{Value as Json, json};
 
-use super::metrics::protocol_metrics;
 use super::subject::Subject;
 use crate::backends::backend;
 use crate::cli::format::aligned;
+use crate::metrics::MetricSpec;
 use crate::metrics::evaluator::Evaluator;
 use lumbre_light::math::stats::median;
 use lumbre_light::scene::{CompiledScene, compile};
@@ -20,6 +21,15 @@ const MAX_DEPTH: u32 = 5;
 
 /// Shortest measured wave in seconds: the interval at which a night measures errors.
 const WAVE_S: f64 = 0.5;
+
+/// Metrics of the first source's protocol, measured every half second by `scripts/overnight.lua`.
+pub const PROTOCOL: [&str; 4] = ["mse", "rmse", "ssim", "flip"];
+
+/// Returns the metrics of [`PROTOCOL`] with default options.
+pub fn protocol_metrics() -> Vec<MetricSpec> {
+    let spec = |name: &str| MetricSpec::new(name, name, BTreeMap::new()).ok();
+    PROTOCOL.into_iter().filter_map(spec).collect()
+}
 
 /// Figures of one scene, integrator and backend.
 pub struct BackendRates {
@@ -78,7 +88,7 @@ pub fn measure(
 }
 
 /// Returns whether a backend renders an integrator; an unknown backend is reported when it is opened.
-pub(super) fn renders(name: &str, integrator: &IntegratorRow) -> bool {
+pub fn renders(name: &str, integrator: &IntegratorRow) -> bool {
     backend(name).is_none_or(|row| (row.refuses)(integrator, MAX_DEPTH).is_none())
 }
 

@@ -8,4 +8,4 @@ mod picture_limits;
 pub(in crate::cli) mod report;
 pub(in crate::cli) mod status;
 pub(in crate::cli) mod view;
-pub(in crate::cli) mod watch;
+pub mod watch;

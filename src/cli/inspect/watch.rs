@@ -128,14 +128,14 @@ fn only_experiment(folder: &Path) -> Option<PathBuf> {
 }
 
 /// Initializes a model with the plan of a night, before any event.
-pub(in crate::cli) fn begin_model(model: &mut NightModel, follower: &Follower) {
+pub fn begin_model(model: &mut NightModel, follower: &Follower) {
     model.begin_night(Arc::clone(follower.outline()), 0.0);
     // The start time is set by an event of the journal, if the night was started.
     model.started_s = None;
 }
 
 /// Applies an event that the follower found in the files to the model.
-pub(in crate::cli) fn apply_event(model: &mut NightModel, TimedEvent { at_s, event }: TimedEvent) {
+pub fn apply_event(model: &mut NightModel, TimedEvent { at_s, event }: TimedEvent) {
     match event {
         FollowEvent::NightStarted => model.begin_next_night(at_s),
         FollowEvent::CellStarted {

@@ -3,7 +3,7 @@
 pub(in crate::cli) mod deadline;
 pub(in crate::cli) mod disk_full_retry;
 pub(in crate::cli) mod last_command;
-pub(in crate::cli) mod load;
+pub mod load;
 pub(in crate::cli) mod log;
 pub(in crate::cli) mod permission;
 pub(in crate::cli) mod plan;

@@ -33,7 +33,7 @@ pub const BIAS_CHECK_PREFIX: &str = "bias-check-";
 ///
 /// # Errors
 /// When a file cannot be read.
-pub(crate) fn add_checksums(folder: &Path, done: &DoneFile) -> io::Result<DoneFile> {
+pub fn add_checksums(folder: &Path, done: &DoneFile) -> io::Result<DoneFile> {
     let mut files = BTreeMap::new();
     let mut names = names_in(folder, "")?;
     names.extend(names_in(&folder.join(FILMS), &format!("{FILMS}/")).unwrap_or_default());

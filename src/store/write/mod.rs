@@ -6,7 +6,7 @@ pub(crate) mod experiment_folder;
 pub(crate) mod failure;
 pub(crate) mod host;
 pub(crate) mod journal;
-pub(crate) mod manifest_checksum;
+pub mod manifest_checksum;
 pub mod metrics_csv;
 pub(crate) mod plan_files;
 pub(crate) mod plan_folder;

@@ -12,7 +12,7 @@
 //! }
 //! ```
 //!
-//! `cargo run -p xtask -- shaders` then makes its module in `tests/device/parity/spirv/`.
+//! `cargo shaders` then makes its module in `tests/device/parity/spirv/`.
 //!
 //! `in_word`, `in_float`, `in_vec2`, `in_vec3` and `in_vec4` take the next words of this
 //! invocation's row of inputs; `out_word`, `out_words`, `out_float`, `out_vec2`, `out_vec3` and

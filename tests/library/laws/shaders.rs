@@ -18,8 +18,8 @@ fn stale(folder: &Path, recipes: &[Recipe]) -> Option<String> {
     let made = manifest(recipes, &modules);
     let differing = made.lines().find(|line| !committed.contains(line))?;
     Some(format!(
-        "the SPIR-V in {} does not belong to the shaders, make it by `cargo run -p xtask -- \
-         shaders`: {differing}",
+        "the SPIR-V in {} does not belong to the shaders, make it by `cargo shaders`: \
+         {differing}",
         folder.display()
     ))
 }

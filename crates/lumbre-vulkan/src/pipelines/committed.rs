@@ -1,4 +1,4 @@
-//! SPIR-V of the shaders. Written by `cargo run -p xtask -- shaders`; do not edit.
+//! SPIR-V of the shaders. Written by `cargo shaders`; do not edit.
 
 /// Embeds files of `spirv/`.
 macro_rules! embed {

@@ -167,9 +167,8 @@ pub fn manifest(recipes: &[Recipe], modules: &[(String, Vec<u8>)]) -> String {
             add(text);
         }
     }
-    let mut text = String::from(
-        "Made by `cargo run -p xtask -- shaders`; do not edit. A test compares the hashes.\n\n",
-    );
+    let mut text =
+        String::from("Made by `cargo shaders`; do not edit. A test compares the hashes.\n\n");
     // Writing to a string cannot fail.
     let _ = writeln!(text, "{} sources", hasher.finalize().to_hex());
     for (file, bytes) in modules {
@@ -192,7 +191,7 @@ mod tests {
             .iter()
             .map(|(file, _)| (*file).to_owned())
             .collect();
-        assert_eq!(made, committed, "run `cargo run -p xtask -- shaders`");
+        assert_eq!(made, committed, "run `cargo shaders`");
     }
 
     #[test]

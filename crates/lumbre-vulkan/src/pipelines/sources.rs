@@ -34,7 +34,7 @@ pub enum ShaderError {
     )]
     NoCompiler,
     /// The program has no module of this name.
-    #[error("the program has no shader module `{0}`; make it with `cargo run -p xtask -- shaders`")]
+    #[error("the program has no shader module `{0}`; make it with `cargo shaders`")]
     NoModule(String),
     /// The file does not exist.
     #[error("the shader `{0}` does not exist, neither in {FOLDER_VARIABLE} nor in the program")]

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use serde_json::{Value as Json, json};
 
-use crate::experiment::memory;
+use lumbre::experiment::memory;
 use lumbre_light::math::stats::median;
 use lumbre_light::scene::desc::{SceneDesc, ShapeDesc, Texels};
 use lumbre_light::scene::{CompiledScene, compile, load};

@@ -6,19 +6,19 @@ use std::time::{Instant, SystemTime};
 
 use serde_json::{Value as Json, json};
 
-use crate::cli::inspect::watch::{apply_event, begin_model};
-use crate::cli::night::load::decode_picture;
-use crate::experiment::{Plan, memory};
-use crate::store::schema::journal::{
+use lumbre::cli::inspect::watch::{apply_event, begin_model};
+use lumbre::cli::night::load::decode_picture;
+use lumbre::experiment::{Plan, memory};
+use lumbre::store::schema::journal::{
     self, JournalEvent, JournalLine, NightStart, OutcomeKind, RunEnd, RunStart, WaveRecord,
 };
-use crate::store::schema::one_line;
-use crate::store::schema::plan::{PlanFile, PlannedCell};
-use crate::store::schema::run::{ConfigFile, DONE, DoneFile, RunResults};
-use crate::store::schema::values::{Named, Real};
-use crate::store::write::{manifest_checksum, metrics_csv};
-use crate::store::{Follower, StoredFile, list_experiments, plan_file, utc};
-use crate::tui::model::night::NightModel;
+use lumbre::store::schema::one_line;
+use lumbre::store::schema::plan::{PlanFile, PlannedCell};
+use lumbre::store::schema::run::{ConfigFile, DONE, DoneFile, RunResults};
+use lumbre::store::schema::values::{Named, Real};
+use lumbre::store::write::{manifest_checksum, metrics_csv};
+use lumbre::store::{Follower, StoredFile, list_experiments, plan_file, utc};
+use lumbre::tui::model::night::NightModel;
 
 /// Reason of the end of every run.
 const REASON: &str = "1 sample per pixel";
@@ -211,8 +211,8 @@ fn resident() -> Option<u64> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::night::plan_10_000_cells;
     use super::*;
-    use crate::cli::bench::night::plan_10_000_cells;
 
     #[test]
     fn a_night_of_many_cells_is_listed_and_followed_to_its_end() {

@@ -10,10 +10,10 @@ use std::sync::Arc;
 
 use serde_json::{Value as Json, json};
 
-use super::backends::renders;
-use super::interleave::interleaved;
-use super::subject::Subject;
-use crate::backends::backend;
+use lumbre::backends::backend;
+use lumbre::cli::bench::backends::renders;
+use lumbre::cli::bench::interleave::interleaved;
+use lumbre::cli::bench::subject::Subject;
 use lumbre_light::film::time::TimeAxis;
 use lumbre_light::math::stats::median;
 use lumbre_light::scene::compile;
@@ -264,5 +264,5 @@ pub fn table(costs: &[TimeFilmCost]) -> String {
             ]);
         }
     }
-    crate::cli::format::aligned(&rows)
+    lumbre::cli::format::aligned(&rows)
 }

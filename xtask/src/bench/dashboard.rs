@@ -6,10 +6,11 @@ use std::time::Duration;
 use serde_json::{Value as Json, json};
 
 use super::{metrics, night};
-use crate::experiment::processor_time;
-use crate::experiment::{CellRef, PlanOutline, WaveRow};
-use crate::tui::model::night::NightModel;
-use crate::tui::terminal::offscreen::{DrawStats, draw_for};
+use lumbre::cli::bench::backends::PROTOCOL;
+use lumbre::experiment::processor_time;
+use lumbre::experiment::{CellRef, PlanOutline, WaveRow};
+use lumbre::tui::model::night::NightModel;
+use lumbre::tui::terminal::offscreen::{DrawStats, draw_for};
 use lumbre_render::OpenStats;
 
 /// Duration of a measurement.
@@ -37,7 +38,7 @@ pub fn measure() -> Result<Vec<DashboardCost>, String> {
 }
 
 fn measure_one(size: (u16, u16)) -> Result<DashboardCost, String> {
-    let plan = night::plan_of_one_cell(metrics::SIZE, &metrics::PROTOCOL)?;
+    let plan = night::plan_of_one_cell(metrics::SIZE, &PROTOCOL)?;
     let pictures = [1, 2, 3].map(|seed| Arc::new(metrics::picture(seed)));
     let draw = move || -> Result<DashboardCost, String> {
         // As in the dashboard's own thread, tone mapping must not use other threads.

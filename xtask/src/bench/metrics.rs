@@ -6,18 +6,16 @@ use std::time::Instant;
 
 use serde_json::{Value as Json, json};
 
-use crate::experiment::processor_time;
-use crate::metrics::evaluator::Evaluator;
-use crate::metrics::{METRICS, MetricSpec};
+use lumbre::cli::bench::backends::{PROTOCOL, protocol_metrics};
+use lumbre::experiment::processor_time;
+use lumbre::metrics::evaluator::Evaluator;
+use lumbre::metrics::{METRICS, MetricSpec};
 use lumbre_light::film::Image;
 use lumbre_light::math::rng::{pcg4d, unit};
 use lumbre_light::math::stats::median;
 
 /// Width and height of the images in pixels.
 pub(super) const SIZE: [u32; 2] = [1280, 720];
-
-/// Metrics of the first source's protocol, measured every half second by `scripts/overnight.lua`.
-pub(super) const PROTOCOL: [&str; 4] = ["mse", "rmse", "ssim", "flip"];
 
 /// Evaluation time of one metric, or of several together.
 pub struct MetricCost {
@@ -74,11 +72,6 @@ pub fn measure(repeats: usize) -> Vec<MetricCost> {
 
 fn spec(name: &str) -> Option<MetricSpec> {
     MetricSpec::new(name, name, BTreeMap::new()).ok()
-}
-
-/// Returns the metrics of [`PROTOCOL`] with default options.
-pub(super) fn protocol_metrics() -> Vec<MetricSpec> {
-    PROTOCOL.iter().filter_map(|name| spec(name)).collect()
 }
 
 /// Returns an image of colour patches with noise of a given seed.

@@ -7,11 +7,11 @@ use std::sync::Arc;
 use glam::Vec3;
 use serde_json::{Value as Json, json};
 
-use super::interleave::interleaved;
-use super::subject::Subject;
-use crate::backends::backend;
-use crate::cli::format::aligned;
-use crate::script::scene;
+use lumbre::backends::backend;
+use lumbre::cli::bench::interleave::interleaved;
+use lumbre::cli::bench::subject::Subject;
+use lumbre::cli::format::aligned;
+use lumbre::script::scene;
 use lumbre_light::math::stats::median;
 use lumbre_light::scene::compile::{Sharing, compile_sharing};
 use lumbre_light::scene::desc::{MaterialDesc, SceneDesc, TextureSlot};
@@ -401,7 +401,6 @@ fn open(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::scene::builtin::BuiltIn;
     use lumbre_light::scene::compile::NONE;
     use std::collections::BTreeMap;
 
@@ -451,12 +450,7 @@ mod tests {
 
     #[test]
     fn interleaved_runs_are_compared_by_cost() {
-        let built_in = BuiltIn::unpack().unwrap();
-        let file = built_in
-            .scenes()
-            .into_iter()
-            .find(|f| f.ends_with("cornell_spheres.scn"))
-            .unwrap();
+        let file = crate::root().join("scenes/cornell_spheres/cornell_spheres.scn");
         let (mut desc, _) = scene::read(&file, &BTreeMap::new(), MissingTextures::Fail).unwrap();
         desc.resolution = [32, 24];
         let small = compiled(&desc).unwrap();

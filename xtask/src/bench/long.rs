@@ -9,7 +9,7 @@ use std::time::Duration;
 use serde_json::{Value as Json, json};
 
 use super::night::BALL;
-use crate::experiment::memory;
+use lumbre::experiment::memory;
 
 /// Number of cells of the night.
 const CELLS: usize = 400;
@@ -28,8 +28,7 @@ impl ShortCellCost {
     ///
     /// # Errors
     /// A message for the user if the night cannot be rendered.
-    pub fn measure() -> Result<ShortCellCost, String> {
-        let program = std::env::current_exe().map_err(|e| e.to_string())?;
+    pub fn measure(program: &Path) -> Result<ShortCellCost, String> {
         let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
         let (scene, script, out) = (
             folder.path().join("ball.scn"),

@@ -1,13 +1,14 @@
 //! Cost of transferring an image from a worker process after every wave.
 
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
 use serde_json::{Value as Json, json};
 
-use super::subject::Subject;
-use crate::backends::backend;
-use crate::experiment::processor_time;
+use lumbre::backends::backend;
+use lumbre::cli::bench::subject::Subject;
+use lumbre::experiment::processor_time;
 use lumbre_light::math::stats::median;
 use lumbre_light::scene::compile;
 use lumbre_light::transport::integrator::INTEGRATORS;
@@ -30,11 +31,14 @@ impl ImageTransfer {
     ///
     /// # Errors
     /// A message for the user if the scene cannot be loaded or the worker cannot be started.
-    pub fn measure(subject: &Subject, repeats: usize) -> Result<ImageTransfer, String> {
+    pub fn measure(
+        program: &Path,
+        subject: &Subject,
+        repeats: usize,
+    ) -> Result<ImageTransfer, String> {
         let desc = subject.load()?;
         let scene = Arc::new(compile(&desc).map_err(|e| e.to_string())?.0);
-        let program = std::env::current_exe().map_err(|e| e.to_string())?;
-        let launcher = Launcher::new(program, ["worker"]);
+        let launcher = Launcher::new(program.to_owned(), ["worker"]);
         let job = || Job::plain(&INTEGRATORS[0], RESOLUTION, 1, 1);
         let mock = backend("mock").ok_or("no such backend")?;
         let mut local = (mock.open)(Arc::clone(&scene), job()).map_err(|e| e.to_string())?;

@@ -4,11 +4,11 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::experiment::event::FinishedRun;
-use crate::experiment::plan::{Overrides, expand};
-use crate::experiment::run::run;
-use crate::experiment::{CellRef, Event, History, NightControls, Plan, Sink, SinkError};
-use crate::script;
+use lumbre::experiment::event::FinishedRun;
+use lumbre::experiment::plan::{Overrides, expand};
+use lumbre::experiment::run::run;
+use lumbre::experiment::{CellRef, Event, History, NightControls, Plan, Sink, SinkError};
+use lumbre::script;
 use lumbre_light::film::Image;
 use lumbre_light::scene::load;
 

@@ -2,13 +2,13 @@
 
 use std::time::Instant;
 
-use crate::backends::backend;
-use crate::experiment::event::History;
-use crate::experiment::plan::{Overrides, expand};
-use crate::experiment::run_progress::RunProgress;
-use crate::experiment::{CellRef, Plan};
-use crate::script;
-use crate::store::Store;
+use lumbre::backends::backend;
+use lumbre::experiment::event::History;
+use lumbre::experiment::plan::{Overrides, expand};
+use lumbre::experiment::run_progress::RunProgress;
+use lumbre::experiment::{CellRef, Plan};
+use lumbre::script;
+use lumbre::store::Store;
 use lumbre_light::film::Image;
 use lumbre_light::math::stats::median;
 use lumbre_light::scene::{compile, load};

@@ -1,0 +1,220 @@
+//! Measures the program itself. Reports figures and never passes or fails, since machines are shared
+//! and noisy. Rates of techniques on scenes and backends are measured by `lumbre bench`.
+
+mod checkpoint;
+mod cluster;
+mod dashboard;
+mod handover;
+mod loading;
+mod long;
+mod metrics;
+mod night;
+mod ratios;
+mod scale;
+mod time;
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+use clap::Subcommand;
+use lumbre::cli::bench::processor_line;
+use lumbre::cli::bench::subject::Subject;
+use lumbre_light::math::stats::median;
+use serde_json::{Value as Json, json};
+
+use crate::root;
+
+/// Number of program starts whose median is reported.
+const STARTS: usize = 11;
+
+/// Scene of the measurements that need any scene.
+const SCENE: &str = "scenes/cornell/cornell.scn";
+
+/// Options of the chore.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    subject: Measured,
+    /// Repeat every measurement this many times and report medians
+    #[arg(long, global = true, value_name = "N", default_value_t = 5)]
+    repeats: usize,
+    /// Program to start where a process of its own is measured; by default the one that was built
+    /// beside this program
+    #[arg(long, global = true, value_name = "FILE")]
+    program: Option<PathBuf>,
+    /// Print as JSON
+    #[arg(long, global = true)]
+    json: bool,
+}
+
+/// What is measured. The variants are in alphabetical order, as the help prints them.
+#[derive(Subcommand)]
+enum Measured {
+    /// A simulated night of 10,000 cells on 1,000 cluster workers with failures
+    ///
+    /// Time is simulated, but claims are real lock files in a temporary folder.
+    Cluster,
+    /// Processor time of the dashboard on two screens
+    Dashboard,
+    /// Transfer of images from a worker process
+    Handover,
+    /// Loading of a mesh of a million triangles
+    Loading,
+    /// Every metric on pictures of 1280x720
+    Metrics,
+    /// Start-up, planning, bookkeeping, checkpoints, listing, and a night of short cells
+    Overheads,
+    /// Cost ratios: alpha masks, 10,000 instances, 10,000 lights, and a second thread
+    ///
+    /// Each is measured beside the same scene without it.
+    Ratios,
+    /// Cost of time axes, delays and composed materials
+    Time {
+        /// Backend to measure (repeat to compare backends)
+        #[arg(long, value_name = "NAME", default_value = "cpu")]
+        backend: Vec<String>,
+    },
+}
+
+/// Figures as text and as JSON.
+struct Figures {
+    text: String,
+    json: Json,
+}
+
+/// Measures and prints.
+///
+/// # Errors
+/// Returns a message if a scene of the repository cannot be rendered, the program cannot be started
+/// or a temporary file cannot be written.
+pub fn run(args: &Args) -> Result<(), String> {
+    let figures = measure(args)?;
+    if args.json {
+        println!("{:#}", figures.json);
+    } else {
+        println!("{}\n\n{}", processor_line(), figures.text);
+    }
+    Ok(())
+}
+
+fn measure(args: &Args) -> Result<Figures, String> {
+    let repeats = args.repeats.max(1);
+    let scene = Subject::built_in(root().join(SCENE));
+    Ok(match &args.subject {
+        Measured::Cluster => {
+            let cost = cluster::ClusterCost::measure(&std::env::temp_dir())?;
+            Figures {
+                text: cost.table(),
+                json: cost.to_json(),
+            }
+        }
+        Measured::Dashboard => {
+            let screens = dashboard::measure()?;
+            Figures {
+                text: dashboard::table(&screens),
+                json: dashboard::to_json(&screens),
+            }
+        }
+        Measured::Handover => {
+            let transfer = handover::ImageTransfer::measure(&program(args)?, &scene, repeats)?;
+            Figures {
+                text: transfer.table(),
+                json: transfer.to_json(),
+            }
+        }
+        Measured::Loading => {
+            let loading = loading::Loading::measure(repeats)?;
+            Figures {
+                text: loading.table(),
+                json: loading.to_json(),
+            }
+        }
+        Measured::Metrics => {
+            let times = metrics::measure(repeats);
+            Figures {
+                text: metrics::table(&times),
+                json: metrics::to_json(&times),
+            }
+        }
+        Measured::Overheads => overheads(&program(args)?, &scene, repeats)?,
+        Measured::Ratios => {
+            let subject =
+                |name: &str| Subject::built_in(root().join(format!("scenes/{name}/{name}.scn")));
+            let (masked, plain) = (subject("masked_leaves"), subject("cornell_spheres"));
+            let mut progress = |line: &str| eprintln!("{line}");
+            let ratios = ratios::Ratios::measure(&masked, &plain, repeats, &mut progress)?;
+            Figures {
+                text: ratios.table(),
+                json: ratios.to_json(),
+            }
+        }
+        Measured::Time { backend } => {
+            let costs = time::measure(&scene, backend, repeats)?;
+            Figures {
+                text: time::table(&costs),
+                json: time::to_json(&costs),
+            }
+        }
+    })
+}
+
+/// Returns the program to start: that of the options, or the one beside this program.
+fn program(args: &Args) -> Result<PathBuf, String> {
+    let beside = || {
+        let own = std::env::current_exe().map_err(|e| e.to_string())?;
+        Ok::<_, String>(own.with_file_name(format!("lumbre{}", std::env::consts::EXE_SUFFIX)))
+    };
+    let program = args.program.clone().map_or_else(beside, Ok)?;
+    if program.is_file() {
+        Ok(program)
+    } else {
+        Err(format!(
+            "there is no program {}: run `cargo build` with the same profile, or use --program",
+            program.display()
+        ))
+    }
+}
+
+/// Measures the overheads of a night: start-up, planning, bookkeeping, checkpoints and listing.
+fn overheads(program: &Path, scene: &Subject, repeats: usize) -> Result<Figures, String> {
+    let (plan, plan_s) = night::plan_10_000_cells()?;
+    let start_up_s = start_up_s(program);
+    let outside = night::share_outside_advance(&scene.file, 0)?;
+    let checkpoint_s = checkpoint::checkpoint_s(&scene.file, 0, repeats)?;
+    let listing = scale::ListingCost::measure(&plan)?;
+    let short_cells = long::ShortCellCost::measure(program)?;
+    let text = format!(
+        "start-up (--version)                 {:>9.1} ms\n\
+         plan of 10,000 cells                 {plan_s:>9.3} s\n\
+         time outside `advance`, 4 s cell     {:>9.2} %\n\
+         checkpoint of bdpt at 1280x720       {:>9.1} ms\n\
+         \x20 share of the 60 s interval         {:>9.2} %\n{}{}",
+        start_up_s * 1e3,
+        outside * 100.0,
+        checkpoint_s * 1e3,
+        checkpoint_s / 60.0 * 100.0,
+        listing.table(),
+        short_cells.table(),
+    );
+    let json = json!({
+        "start_up_s": start_up_s,
+        "plan_10000_cells_s": plan_s,
+        "share_outside_advance": outside,
+        "checkpoint_s": checkpoint_s,
+        "scale_10000_runs": listing.to_json(),
+        "night_of_short_cells": short_cells.to_json(),
+    });
+    Ok(Figures { text, json })
+}
+
+/// Median seconds from starting the program to its end when it has nothing to do.
+fn start_up_s(program: &Path) -> f64 {
+    median((0..STARTS).map(|_| {
+        let start = Instant::now();
+        match Command::new(program).arg("--version").output() {
+            Ok(_) => start.elapsed().as_secs_f64(),
+            Err(_) => f64::NAN,
+        }
+    }))
+}
