@@ -25,7 +25,7 @@ local scenes = {
   atrium = { view = "atrium", samples = 512 },
   bedroom = { view = "door", samples = 512 },
   -- Bidirectional: light enters through a gap.
-  door_ajar = { view = "room", samples = 640, integrator = "bdpt" },
+  door_ajar = { view = "room", samples = 2560, integrator = "bdpt", options = { opening = 30 } },
   forest = { view = "glade", samples = 96 },
   many_lights = { view = "row", samples = 512 },
   instances = { view = "tray", samples = 256 },
