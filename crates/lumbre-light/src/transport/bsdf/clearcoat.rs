@@ -17,7 +17,8 @@ const F0: f32 = 0.04;
 /// GGX alpha used for the coat's masking [Burley 2012].
 const MASKING: f32 = 0.25;
 
-/// A clear coat.
+/// A clear coat over a material: the GTR1 lobe of [Burley 2012], isotropic, with the index of
+/// refraction 1.5.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clearcoat<R = f32> {
     /// Scale of the lobe: a quarter of the material's parameter `clearcoat`.
