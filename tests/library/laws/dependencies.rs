@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use super::source::{root, text};
+use super::source::text;
 
 /// Manifests of the workspace.
 const MANIFESTS: [&str; 5] = [
