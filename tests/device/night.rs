@@ -1,6 +1,6 @@
 //! A script whose axis is the backend, run by the program: both backends give the same pictures.
 
-use assert_cmd::Command;
+use std::process::Command;
 
 use super::{harness, verdict};
 
@@ -48,8 +48,7 @@ fn a_sweep_over_backends_gives_the_same_pictures_and_bins() {
     let place = tempfile::tempdir().unwrap();
     std::fs::write(place.path().join("ball.scn"), SCENE).unwrap();
     std::fs::write(place.path().join("night.lua"), SCRIPT).unwrap();
-    let mut command = Command::cargo_bin("lumbre").unwrap();
-    let output = command
+    let output = Command::new(env!("CARGO_BIN_EXE_lumbre"))
         .current_dir(place.path())
         .args(["run", "night.lua"])
         .output()

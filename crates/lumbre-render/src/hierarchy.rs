@@ -4,12 +4,14 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
+
 use lumbre_light::scene::compile::Sharing;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{Field, Table, Ty};
 
 /// Settings of a scene's bounding volume hierarchy.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct AccelSpec {
     /// Builder of the hierarchy.
     pub builder: Builder,
@@ -43,7 +45,7 @@ impl Default for AccelSpec {
 }
 
 /// Use of the vectorised integrators of the CPU. Pictures have the same bits either way.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum LaneMode {
     /// Only if all techniques of a night can use them, so that times compare techniques and not
     /// their degree of vectorisation.
@@ -65,7 +67,7 @@ impl LaneMode {
 }
 
 /// Builder of a hierarchy.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Builder {
     /// No hierarchy: every ray is tested with every primitive, eight at a time.
     None,
@@ -107,7 +109,7 @@ impl Builder {
 
 /// Effort of the builders `ploc` and `cwbvh`: how many neighbours the clustering searches, and how
 /// many nodes are candidates for reinsertion.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Quality {
     /// Clustering with 2 neighbours on each side, without reinsertion.
     Fastest,

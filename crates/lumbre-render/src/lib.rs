@@ -20,6 +20,8 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use self::hierarchy::AccelSpec;
 use lumbre_light::film::Film;
 use lumbre_light::film::layer::{Layer, LayerFilm};
@@ -34,11 +36,13 @@ use lumbre_light::value::Value;
 use path_trace::{PathEvent, SampleAt};
 
 /// Everything besides the scene that determines a picture.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Job {
     /// Integrator to run.
+    #[serde(with = "worker::codec::integrator_name")]
     pub integrator: &'static IntegratorRow,
     /// Parameters of the integrator, checked against its row's schema.
+    #[serde(with = "worker::codec::json_text")]
     pub params: BTreeMap<String, Value>,
     /// Width and height in pixels.
     pub resolution: [u32; 2],
@@ -53,6 +57,7 @@ pub struct Job {
     /// Time axis of the film, if it has one.
     pub timing: Option<Timing>,
     /// Generator of the samples' random numbers.
+    #[serde(with = "worker::codec::sampler_name")]
     pub sampler: &'static SamplerRow,
     /// Settings of the acceleration structure, for backends that build their own. Never changes the
     /// picture.
@@ -94,7 +99,7 @@ impl Job {
 }
 
 /// Statistics of one wave.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct WaveStats {
     /// Number of samples added to every pixel.
     pub samples: u64,
@@ -146,7 +151,7 @@ impl WaveStats {
 }
 
 /// Statistics of opening a renderer, before its first wave.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct OpenStats {
     /// Time spent on copying scene and job to a device, in seconds; 0 without one.
     pub upload_s: f64,
@@ -166,12 +171,13 @@ pub struct OpenStats {
 }
 
 /// Reason why a backend cannot render.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error, Serialize, Deserialize)]
 pub enum RenderError {
     /// The backend lacks a feature that the job needs.
     #[error("backend `{backend}` cannot do this: {reason}")]
     Unsupported {
         /// Name of the backend.
+        #[serde(skip, default = "worker::codec::backend_of_worker")]
         backend: &'static str,
         /// Description of what is missing.
         reason: String,
@@ -181,6 +187,7 @@ pub enum RenderError {
     #[error("backend `{backend}` is lost: {reason}")]
     Lost {
         /// Name of the backend.
+        #[serde(skip, default = "worker::codec::backend_of_worker")]
         backend: &'static str,
         /// Description of what happened.
         reason: String,
@@ -189,6 +196,7 @@ pub enum RenderError {
     #[error("backend `{backend}` failed: {reason}")]
     Failed {
         /// Name of the backend.
+        #[serde(skip, default = "worker::codec::backend_of_worker")]
         backend: &'static str,
         /// Description of what happened.
         reason: String,
@@ -198,6 +206,7 @@ pub enum RenderError {
     #[error("backend `{backend}` was cancelled")]
     Cancelled {
         /// Name of the backend.
+        #[serde(skip, default = "worker::codec::backend_of_worker")]
         backend: &'static str,
     },
 }

@@ -7,10 +7,12 @@
 
 use std::iter::once;
 
+use serde::{Deserialize, Serialize};
+
 use super::{Film, Image};
 
 /// Kind of a layer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Layer {
     /// Radiance by path length.
     Depth,

@@ -14,6 +14,8 @@ pub mod ztest;
 
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 /// Image of `f32` RGB triples, `[y][x][rgb]`, origin at the top left, linear sRGB.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
@@ -78,7 +80,7 @@ impl Image {
 /// `sum2` is stored such that [`Film::variance_of_mean`] is the sum of both variances: with the
 /// pixel's own sums `s`, `s2`, the total sum `S` and `n` samples, it is `s2 + q (n - 1) / n + (S^2
 /// - s^2) / n`.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Film {
     /// Width in pixels.
     pub width: u32,

@@ -10,13 +10,15 @@
 use std::borrow::Borrow;
 use std::ops::{Add, Div};
 
+use serde::{Deserialize, Serialize};
+
 use super::Image;
 
 /// Name of the file with the mean radiance of every bin, a NumPy array `[row][column][bin][rgb]`.
 pub const CUBE_FILE: &str = "time-cube.npy";
 
 /// Layout of the bins on the axis of optical length.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TimeAxis {
     /// Start of the first bin in scene units.
     pub start: f64,
@@ -76,7 +78,7 @@ impl TimeAxis {
 }
 
 /// Reconstruction filter along the time axis. Every filter conserves energy.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum TimeFilter {
     /// The whole contribution goes to the bin in which it arrives.
     None,
@@ -215,7 +217,7 @@ pub fn time_unit(seconds: f64) -> (f64, &'static str) {
 }
 
 /// Light of every pixel by its time of arrival.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TimeCube {
     /// Time axis of the film.
     pub axis: TimeAxis,

@@ -2,14 +2,16 @@
 
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 /// A piecewise linear density that integrates to 1. Clones share the knots.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Piecewise {
     knots: Arc<[Knot]>,
 }
 
 /// A point of the density, with the cumulative probability up to it.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Knot {
     x: f64,
     density: f64,
@@ -67,14 +69,6 @@ impl Piecewise {
     /// Returns position, normalised density and cumulative probability of each knot.
     pub fn knots(&self) -> impl Iterator<Item = [f64; 3]> {
         self.knots.iter().map(|k| [k.x, k.density, k.cdf])
-    }
-
-    /// Rebuilds a density from [`Piecewise::knots`].
-    pub fn from_knots(knots: impl IntoIterator<Item = [f64; 3]>) -> Piecewise {
-        let knot = |[x, density, cdf]: [f64; 3]| Knot { x, density, cdf };
-        Piecewise {
-            knots: knots.into_iter().map(knot).collect(),
-        }
     }
 
     /// Returns the knots before and after a position, or `None` outside the knots.

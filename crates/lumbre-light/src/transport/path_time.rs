@@ -21,6 +21,8 @@
 //! whichever strategy generated it; they also occur in the path's contribution. They cancel in
 //! every estimator and in every weight [Veach 1997, 9.2]: only the choice itself has to be made.
 
+use serde::{Deserialize, Serialize};
+
 use super::delay::Profile;
 use super::integrator::Context;
 use super::light::DirectSample;
@@ -29,7 +31,7 @@ use crate::math::real::{Mask, Real, Vector};
 use crate::math::simd::Lanes;
 
 /// Settings of a film's time axis that affect light transport.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Timing {
     /// The time bins.
     pub axis: TimeAxis,

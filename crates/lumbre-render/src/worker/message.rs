@@ -2,14 +2,16 @@
 
 use std::sync::Arc;
 
-use super::wire::{Blob, CorruptMessage, Reader, Wire, decode, encode};
+use serde::{Deserialize, Serialize};
+
+use super::codec::{CorruptMessage, decode, encode};
 use crate::{Job, OpenStats, RenderError, WaveStats};
 use lumbre_light::film::Film;
 use lumbre_light::film::time::TimeCube;
 use lumbre_light::scene::CompiledScene;
 
 /// Request to a worker.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub enum Request {
     /// Caches a scene until the next one arrives.
     Scene(Arc<CompiledScene>),
@@ -26,13 +28,13 @@ pub enum Request {
     /// Requests the checkpoint state of a run.
     Save(u64),
     /// Restores a checkpoint state.
-    Restore(u64, Blob),
+    Restore(u64, Vec<u8>),
     /// Ends a run; there is no reply.
     Close(u64),
 }
 
 /// Reply of a worker.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub enum Reply {
     /// First message of a worker: its version.
     Ready(String),
@@ -47,7 +49,7 @@ pub enum Reply {
     /// Time-resolved film, if the run has a time axis.
     Times(Option<TimeCube>),
     /// Checkpoint state of a run, if its backend supports checkpoints.
-    Saved(Option<Blob>),
+    Saved(Option<Vec<u8>>),
     /// The state was restored; the current film is attached.
     Restored(Film),
     /// The state could not be written.
@@ -55,44 +57,7 @@ pub enum Reply {
     /// The request failed.
     Failed(RenderError),
     /// Heartbeat, sent every [`HEARTBEAT`](super::process::HEARTBEAT); not a reply.
-    Heartbeat(),
-}
-
-/// Implements [`Wire`] for enums as a number followed by the fields of the variant.
-macro_rules! enums {
-    ($($ty:ident {
-        $($number:literal: $variant:ident($($field:ident),*)),+ $(,)?
-    })+) => { $(impl Wire for $ty {
-        fn write_to(&self, to: &mut Vec<u8>) {
-            match self {
-                $($ty::$variant($($field),*) => { $number.write_to(to); $($field.write_to(to);)* })+
-            }
-        }
-
-        fn read_from(from: &mut Reader<'_>) -> Result<$ty, CorruptMessage> {
-            match u8::read_from(from)? {
-                $($number => {
-                    $(let $field = Wire::read_from(from)?;)*
-                    Ok($ty::$variant($($field),*))
-                })+
-                _ => Err(CorruptMessage),
-            }
-        }
-    })+ };
-}
-
-enums! {
-    Request {
-        0u8: Scene(scene), 1u8: Open(run, backend, job, film), 2u8: Advance(run, samples, more),
-        3u8: Layer(run, index), 4u8: Save(run), 5u8: Restore(run, state), 6u8: Close(run),
-        7u8: Times(run),
-    }
-    Reply {
-        0u8: Ready(version), 1u8: Opened(stats), 2u8: Advanced(stats, film), 3u8: Layer(film),
-        4u8: Saved(state), 5u8: Restored(film), 6u8: SaveFailed(problem), 7u8: Failed(error),
-        8u8: Times(cube), 9u8: Heartbeat(),
-        10u8: AdvancedShared(stats, samples),
-    }
+    Heartbeat,
 }
 
 impl Request {

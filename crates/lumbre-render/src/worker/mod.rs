@@ -12,13 +12,12 @@
 //! the pipe. The film after each wave does not go through the pipe either but through shared memory
 //! ([`shared`]).
 
-mod codec;
+pub(crate) mod codec;
 mod frame;
 mod message;
 mod process;
 mod serve;
 mod shared;
-mod wire;
 
 use std::io::{self, Write};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
@@ -29,7 +28,6 @@ pub use serve::serve;
 
 use self::message::{Reply, Request};
 use self::shared::SharedFilm;
-use self::wire::Blob;
 use super::{Job, OpenStats, RenderError, Renderer, WaveStats};
 use lumbre_light::film::Film;
 use lumbre_light::film::layer::{LayerFilm, LayerLayout};
@@ -297,7 +295,7 @@ impl Renderer for WorkerRenderer {
             .request(&Request::Save(self.run))
             .map_err(io::Error::other)?
         {
-            Reply::Saved(Some(Blob(state))) => to.write_all(&state).map(|()| true),
+            Reply::Saved(Some(state)) => to.write_all(&state).map(|()| true),
             Reply::Saved(None) => Ok(false),
             Reply::SaveFailed(problem) => Err(io::Error::other(problem)),
             _ => Err(io::Error::other(self.protocol_error())),
@@ -305,7 +303,7 @@ impl Renderer for WorkerRenderer {
     }
 
     fn restore(&mut self, state: &[u8]) -> Result<(), RenderError> {
-        match self.request(&Request::Restore(self.run, Blob(state.to_vec())))? {
+        match self.request(&Request::Restore(self.run, state.to_vec()))? {
             Reply::Restored(film) => {
                 self.film = film;
                 Ok(())

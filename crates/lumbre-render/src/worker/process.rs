@@ -186,7 +186,7 @@ impl WorkerProcess {
         let mut missed = 0;
         loop {
             match self.replies.recv_timeout(HEARTBEAT) {
-                Ok(Ok(Some(Reply::Heartbeat()))) => missed = 0,
+                Ok(Ok(Some(Reply::Heartbeat))) => missed = 0,
                 Ok(Ok(Some(reply))) => return Ok(reply),
                 Ok(Ok(None)) | Err(RecvTimeoutError::Disconnected) => {
                     return Err(self.end("it exited"));
@@ -303,7 +303,7 @@ fn spawn_reader(pipe: ChildStdout) -> io::Result<Receiver<io::Result<Option<Repl
             let continues = matches!(reply, Ok(Some(_)));
             // Between requests no caller reads: a heartbeat may be dropped, a reply waits.
             let sent = match reply {
-                Ok(Some(Reply::Heartbeat())) => {
+                Ok(Some(Reply::Heartbeat)) => {
                     !matches!(replies.try_send(reply), Err(TrySendError::Disconnected(_)))
                 }
                 reply => replies.send(reply).is_ok(),

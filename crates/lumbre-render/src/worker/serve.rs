@@ -13,7 +13,6 @@ use super::frame;
 use super::message::{Reply, Request};
 use super::process::HEARTBEAT;
 use super::shared::SharedFilm;
-use super::wire::Blob;
 use crate::{Job, RenderError, Renderer};
 use lumbre_light::scene::CompiledScene;
 
@@ -55,7 +54,7 @@ pub fn serve(requests: impl Read, replies: impl Write + Send, open: Open<'_>) ->
         let beats = move || {
             while ended.recv_timeout(HEARTBEAT) == Err(RecvTimeoutError::Timeout) {
                 // A broken pipe also ends the work itself.
-                if reply_with(&Reply::Heartbeat()).is_err() {
+                if reply_with(&Reply::Heartbeat).is_err() {
                     break;
                 }
             }
@@ -167,11 +166,11 @@ impl WorkerSession<'_> {
             Request::Save(run) => {
                 let mut state = Vec::new();
                 match self.renderer(run)?.save(&mut state) {
-                    Ok(saved) => Reply::Saved(saved.then_some(Blob(state))),
+                    Ok(saved) => Reply::Saved(saved.then_some(state)),
                     Err(problem) => Reply::SaveFailed(problem.to_string()),
                 }
             }
-            Request::Restore(run, Blob(state)) => {
+            Request::Restore(run, state) => {
                 let renderer = self.renderer(run)?;
                 renderer.restore(&state)?;
                 Reply::Restored(renderer.film().clone())

@@ -2,6 +2,7 @@
 //! profiles.
 
 use glam::Vec2;
+use serde::{Deserialize, Serialize};
 
 use super::materials::TextureBank;
 use super::{Material, NONE, Texture, UvMap};
@@ -12,7 +13,7 @@ use crate::scene::{Note, SceneError};
 
 /// Components and temporal profiles of the materials of a scene. Empty if no material is composed
 /// or delayed.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Delays {
     /// For each material, the index and the number of its components; zero components for a plain
     /// material.
@@ -26,7 +27,7 @@ pub struct Delays {
 }
 
 /// A material of two parts whose weights have a texture.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Blend {
     /// Index into [`CompiledScene::materials`](super::CompiledScene::materials).
     pub material: u32,
@@ -40,7 +41,7 @@ pub struct Blend {
 
 /// A component of a composed or delayed material: a plain material and the profiles that delay its
 /// light.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MaterialComponent {
     /// Sum of the weights up to and including this component; exactly 1 for the last one.
     pub cumulative_weight: f32,
@@ -51,7 +52,7 @@ pub struct MaterialComponent {
 }
 
 /// A temporal profile whose parameters may come from textures.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DelayProfile {
     /// Type of the profile.
     pub kind: DelayKind,
@@ -64,7 +65,7 @@ pub struct DelayProfile {
 }
 
 /// A parameter of a profile: `offset + value * texture`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DelayParam {
     /// Factor on the texture, or the value itself without a texture.
     pub value: f32,

@@ -10,6 +10,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use glam::{DAffine3, DMat3, Mat3, Vec3, Vec4};
+use serde::{Deserialize, Serialize};
 
 use super::mesh::on_front_side;
 use super::{CompiledScene, Emitter, NONE, TriangleAttributes};
@@ -22,7 +23,7 @@ pub const MAX_FLATTENED_PRIMITIVES: usize = 1 << 24;
 /// Shared meshes and their instances. A triangle is identified by a primitive id, an index into
 /// [`CompiledScene::triangles`], and an instance, an index into [`Instances::placements`], or
 /// [`NONE`] for a primitive that is not shared.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Instances {
     /// Shared meshes; their triangles follow one another after those in world space.
     pub meshes: Vec<SharedMesh>,
@@ -34,7 +35,7 @@ pub struct Instances {
 }
 
 /// A mesh that is stored once.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SharedMesh {
     /// Range of its triangles in [`CompiledScene::triangles`], [`CompiledScene::attributes`] and,
     /// if present, tangents and colours.
@@ -45,7 +46,7 @@ pub struct SharedMesh {
 }
 
 /// A placement of a shared mesh.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Instance {
     /// Index into [`Instances::meshes`].
     pub mesh: u32,

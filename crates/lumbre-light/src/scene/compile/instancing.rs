@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use glam::{DVec3, Mat3, Vec2, Vec3};
+use serde::{Deserialize, Serialize};
 
 use super::flatten::malformed;
 use super::instance::{Instance, SharedMesh, cofactor};
@@ -15,7 +16,7 @@ use crate::math::distribution::AliasTable;
 use crate::scene::{Note, SceneError};
 
 /// Policy for a mesh that several entities use.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Sharing {
     /// Stores a mesh once if it has at least [`MIN_SHARED_TRIANGLES`] triangles and the scene would
     /// otherwise have more than [`SHARED_FROM`] primitives. Smaller scenes use plain triangles,

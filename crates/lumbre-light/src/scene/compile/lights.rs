@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::Vec3;
+use serde::{Deserialize, Serialize};
 
 use super::Texture;
 use crate::scene::desc::{
@@ -13,7 +14,7 @@ use crate::scene::desc::{
 use crate::scene::{Note, SceneError};
 
 /// A point or spot light.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PointLight {
     /// Position in world space.
     pub position: Vec3,
@@ -25,7 +26,7 @@ pub struct PointLight {
 
 /// Directions into which a point emits. Angles are stored as heights, one minus the cosine with the
 /// axis, which stays precise for narrow cones.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cone {
     /// Axis of the cone, a unit vector.
     pub axis: Vec3,
@@ -87,7 +88,7 @@ impl Cone {
 }
 
 /// Parallel light from infinitely far away.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DirectionalLight {
     /// Unit direction in which the light travels.
     pub direction: Vec3,
@@ -96,7 +97,7 @@ pub struct DirectionalLight {
 }
 
 /// Light that surrounds the scene; never black everywhere.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Environment {
     /// Equirectangular map with finite texels of at least 0; `None` is a constant environment. Its
     /// orientation is that of [`EnvironmentDesc`].

@@ -9,10 +9,12 @@ mod instancing;
 mod lights;
 mod materials;
 mod mesh;
+mod shared_texels;
 mod tangents;
 mod texture;
 
 use glam::{Vec2, Vec3, Vec4};
+use serde::{Deserialize, Serialize};
 
 pub use delays::{Blend, DelayParam, DelayProfile, Delays, MaterialComponent};
 pub use flatten::{MAX_PRIMITIVES, compile, compile_sharing};
@@ -31,7 +33,7 @@ pub const NONE: u32 = u32::MAX;
 
 /// A scene that is ready to be rendered. Primitive ids count triangles first, then spheres; a
 /// triangle of a shared mesh is identified by its id and its [`Instance`].
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct CompiledScene {
     /// blake3 hash of the description: equal scenes have equal hashes, whatever files they came
     /// from.
@@ -60,6 +62,7 @@ pub struct CompiledScene {
     /// Components and temporal profiles of the materials.
     pub delays: Delays,
     /// Textures, indexed by materials.
+    #[serde(with = "shared_texels")]
     pub textures: Vec<Texture>,
     /// Emissive primitives: world-space triangles in order of id, then those of each instance in
     /// turn, then spheres.
@@ -81,7 +84,7 @@ pub struct CompiledScene {
 }
 
 /// Shading attributes of a triangle.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TriangleAttributes {
     /// Unit shading normals at the vertices, on the front side.
     pub normals: [Vec3; 3],
@@ -106,7 +109,7 @@ impl TriangleAttributes {
 }
 
 /// An analytic sphere; its front is the outside.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sphere {
     /// Centre in world space.
     pub center: Vec3,
@@ -119,7 +122,7 @@ pub struct Sphere {
 }
 
 /// A compiled material; ranges as in [`super::desc::MATERIAL_PARAMS`].
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Material {
     /// Base colour, linear.
     pub base_color: Vec3,
@@ -193,7 +196,7 @@ pub struct Material {
 }
 
 /// Parameters used only by the models `conductor`, `plastic` and `dielectric`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Interface {
     /// Factor on the reflection at the interface.
     pub specular: Vec3,
@@ -225,7 +228,7 @@ impl Interface {
 }
 
 /// An emissive primitive.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Emitter {
     /// Id of the primitive.
     pub primitive: u32,

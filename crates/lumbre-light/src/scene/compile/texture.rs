@@ -3,13 +3,14 @@
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
+use serde::{Deserialize, Serialize};
 
 use crate::math::real::Real;
 use crate::math::simd::Lanes;
 use crate::scene::desc::{Lookup, Texels, TextureDesc, Wrap};
 
 /// Map from surface texture coordinates to those of a texture: a factor, then an offset.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct UvMap {
     /// Factor on the coordinates: number of repeats.
     pub scale: f32,
@@ -106,7 +107,7 @@ impl<R: Real> Uv<R> {
 }
 
 /// A texture in linear colour, and its mapping.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Texture {
     /// Number of columns.
     pub width: u32,

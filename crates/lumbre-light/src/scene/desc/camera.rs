@@ -1,9 +1,10 @@
 //! Camera description: position, view angle, lens and sensor.
 
 use glam::Vec3;
+use serde::{Deserialize, Serialize};
 
 /// A pinhole or thin-lens camera.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CameraDesc {
     /// Centre of projection, or of the lens.
     pub position: Vec3,
@@ -31,7 +32,7 @@ pub struct CameraDesc {
 /// the focus distance. (A real lens moves away from its sensor to focus on a near object, which
 /// narrows the view slightly.) S1 states focal length and sensor in metres; here they are in scene
 /// units, like all lengths.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Optics {
     /// Focal length divided by lens diameter, positive.
     pub f_number: Option<f32>,

@@ -6,6 +6,8 @@
 //! of the scene, each with its own profile, nested to any depth. A composed material with a profile
 //! of its own adds its delay to those of its components.
 
+use serde::{Deserialize, Serialize};
+
 use super::TextureSlot;
 use super::material_params::MaterialParam;
 use super::{MaterialDesc, MaterialNames, SceneDesc};
@@ -13,7 +15,7 @@ use crate::value::Value;
 use crate::value::schema::{SchemaError, Ty};
 
 /// Type of a temporal profile.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum DelayKind {
     /// Light is returned without delay.
     None,

@@ -1,9 +1,10 @@
 //! Mapping of a texture onto a surface: wrap modes, texture coordinate set and affine map.
 
 use glam::Affine2;
+use serde::{Deserialize, Serialize};
 
 /// Continuation of a texture beyond its edges, along one axis.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Wrap {
     /// Repeats the texture.
     #[default]
@@ -37,7 +38,7 @@ impl Wrap {
 pub struct NoInverse;
 
 /// Mapping of one texture of a material that differs from the material's other textures.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Lookup {
     /// Wrap modes along u and v.
     pub wrap: [Wrap; 2],

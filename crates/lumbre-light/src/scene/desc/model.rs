@@ -1,7 +1,9 @@
 //! Enumerated material parameters and their names in scripts and scene files.
 
+use serde::{Deserialize, Serialize};
+
 /// Scattering model of a material.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Model {
     /// The adapted Disney BSDF.
     Disney,
@@ -39,7 +41,7 @@ impl Model {
 }
 
 /// Distribution of microfacet normals for the models `conductor`, `plastic` and `dielectric`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Distribution {
     /// Trowbridge-Reitz (GGX) distribution, with long tails.
     Ggx,
@@ -61,7 +63,7 @@ impl Distribution {
 }
 
 /// Effect of a mask texture on a hit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum MaskMode {
     /// Discards hits where the mask is below the threshold.
     Threshold,

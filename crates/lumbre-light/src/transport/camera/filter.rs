@@ -8,10 +8,12 @@
 
 use std::f32::consts::{PI, TAU};
 
+use serde::{Deserialize, Serialize};
+
 use crate::math::real::Real;
 
 /// A pixel filter.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FilterSpec {
     /// The shape of the filter.
     pub kind: FilterKind,
@@ -21,7 +23,7 @@ pub struct FilterSpec {
 }
 
 /// The shape of a pixel filter.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FilterKind {
     /// Constant density up to the radius.
     Box,

@@ -1,12 +1,14 @@
 //! Delay profiles, and the profiles of a surface point.
 
+use serde::{Deserialize, Serialize};
+
 use crate::math::piecewise::Piecewise;
 use crate::scene::compile::{DelayKind, DelayProfile, Texture, Uv};
 use crate::transport::sampler::Sampler;
 use crate::transport::surface::lookup_scalar;
 
 /// A distribution of delays, each an optical length of at least 0 in scene units.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Profile {
     /// Always the same delay, at least 0.
     Constant(f32),
