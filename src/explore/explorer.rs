@@ -13,11 +13,11 @@ use ratatui::layout::Rect;
 
 use super::camera;
 use super::input::{Command, Input};
-use super::picker::Picker;
+use super::picker::SceneList;
 use super::script::{experiment_name, script_text};
 use super::session::{Frame as Picture, Published, Request, Session, SessionOptions, Slot};
 use super::settings::{SceneFile, Settings};
-use super::state::{Overlay, State};
+use super::state::State;
 use super::view::picture::PictureCache;
 use super::view::{self, Screen};
 use crate::output::{exr, png};
@@ -31,7 +31,7 @@ pub struct ExploreOptions {
     /// Scene that is shown first; the list of scenes if there is none.
     pub scene: Option<SceneFile>,
     /// Scenes of the list.
-    pub scenes: Vec<SceneFile>,
+    pub scenes: SceneList,
     /// Keys of the render table, and paths of values in the scene.
     pub settings: Vec<(String, Value)>,
     /// Backend and threads that render.
@@ -78,10 +78,7 @@ impl Explorer {
             ..State::default()
         };
         if state.scene.is_none() {
-            state.overlay = Overlay::Picker(Picker {
-                scenes: state.scenes.clone(),
-                ..Picker::default()
-            });
+            state.open_picker();
         }
         Ok(Explorer {
             state,

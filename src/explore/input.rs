@@ -353,10 +353,7 @@ fn character(c: char, state: &mut State) -> Option<Command> {
         'p' => Some(Command::Save),
         'x' => Some(Command::WriteScript),
         'o' => {
-            state.overlay = Overlay::Picker(Picker {
-                scenes: state.scenes.clone(),
-                ..Picker::default()
-            });
+            state.open_picker();
             None
         }
         '?' => {

@@ -16,6 +16,37 @@ const MOST: usize = 2000;
 /// Largest number of files and folders that are looked at.
 const MOST_ENTRIES: usize = 100_000;
 
+/// Extensions of formats that are seldom scenes of their own: meshes that scenes of other formats
+/// refer to.
+const MESHES: [&str; 1] = ["ply"];
+
+/// The scenes from which one is picked. The folder is searched when they are needed first.
+#[derive(Clone, Debug, Default)]
+pub struct SceneList {
+    /// Scenes that are listed before those of the folder.
+    pub built_in: Vec<SceneFile>,
+    /// Folder that is searched.
+    pub folder: PathBuf,
+    found: Option<Vec<SceneFile>>,
+}
+
+impl SceneList {
+    /// Creates a list of the given scenes and those of a folder.
+    pub fn new(built_in: Vec<SceneFile>, folder: PathBuf) -> SceneList {
+        SceneList {
+            built_in,
+            folder,
+            found: None,
+        }
+    }
+
+    /// Returns all scenes.
+    pub fn scenes(&mut self) -> Vec<SceneFile> {
+        let found = self.found.get_or_insert_with(|| scenes_in(&self.folder));
+        self.built_in.iter().chain(found.iter()).cloned().collect()
+    }
+}
+
 /// The list of scenes while it is shown.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Picker {
@@ -61,7 +92,7 @@ impl Picker {
 
 /// Returns the scenes of a folder and of the folders in it, sorted by name. Lua files that call
 /// `experiment` are not listed.
-pub fn scenes_in(folder: &Path) -> Vec<SceneFile> {
+fn scenes_in(folder: &Path) -> Vec<SceneFile> {
     let (mut found, mut entries_left) = (Vec::new(), MOST_ENTRIES);
     collect(folder, DEPTH, &mut entries_left, &mut found);
     found.sort();
@@ -115,9 +146,12 @@ fn is_scene(path: &Path) -> bool {
             .is_ok_and(|text| text.contains("scene") && !text.contains("experiment(")),
         // The format of folders has a fixed file name; any other file of this type is data.
         "json" => path.file_name().is_some_and(|name| name == "scene.json"),
-        other => FORMATS
-            .iter()
-            .any(|format| format.extensions.contains(&other)),
+        other => {
+            let known = FORMATS
+                .iter()
+                .any(|format| format.extensions.contains(&other));
+            known && !MESHES.contains(&other)
+        }
     }
 }
 
@@ -138,9 +172,11 @@ mod tests {
         write("night.lua", "local x = experiment(\"scene\")");
         write("data.json", "{}");
         write("model/duck.glb", "");
+        write("model/part.ply", "");
         write("model/.cache/hidden.scn", "");
+        let mut list = SceneList::new(Vec::new(), folder.path().to_owned());
         let mut picker = Picker {
-            scenes: scenes_in(folder.path()),
+            scenes: list.scenes(),
             ..Picker::default()
         };
         let names = |picker: &Picker| {

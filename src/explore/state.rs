@@ -2,7 +2,7 @@
 
 use super::camera::focus_distance;
 use super::parameters::{self, INTEGRATOR, MAX_DEPTH, Parameter};
-use super::picker::Picker;
+use super::picker::{Picker, SceneList};
 use super::settings::{SceneFacts, SceneFile, Settings};
 use crate::metrics::tonemap::Tonemap;
 use lumbre_light::value::Value;
@@ -34,7 +34,7 @@ pub struct Message {
 #[derive(Clone, Debug, Default)]
 pub struct State {
     /// Scenes of the picker.
-    pub scenes: Vec<SceneFile>,
+    pub scenes: SceneList,
     /// The scene; `None` until one is picked.
     pub scene: Option<SceneFile>,
     /// Camera, views and depth of the scene; `None` until it is loaded.
@@ -73,6 +73,14 @@ impl State {
         let mut parameters = self.parameters();
         let row = self.row.min(parameters.len().checked_sub(1)?);
         Some(parameters.swap_remove(row))
+    }
+
+    /// Shows the list of scenes.
+    pub fn open_picker(&mut self) {
+        self.overlay = Overlay::Picker(Picker {
+            scenes: self.scenes.scenes(),
+            ..Picker::default()
+        });
     }
 
     /// Selects the row of a path.

@@ -11,7 +11,7 @@ use crate::cli::night::signals;
 use crate::cli::scene::builtin::{BuiltIn, scene_name};
 use crate::experiment::NightControls;
 use crate::explore::explorer::ExploreOptions;
-use crate::explore::picker::scenes_in;
+use crate::explore::picker::SceneList;
 use crate::explore::session::SessionOptions;
 use crate::explore::settings::SceneFile;
 use crate::explore::terminal;
@@ -32,9 +32,12 @@ pub fn main(args: &ExploreArgs, global: &Global) -> Result<Exit, Failure> {
         .ok_or_else(|| Failure::usage(format!("there is no backend `{backend}`")))?;
     (row.probe)().map_err(|e| Failure::usage(format!("backend `{backend}`: {e}")))?;
     // Keeps the files of the built-in scenes until the program ends.
-    let built_in = BuiltIn::unpack().map_err(Failure::internal)?;
-    let (scene, scenes) = choose(args, &built_in)?;
-    check_settings(args, scene.as_ref(), &scenes)?;
+    let built_in = match args.scene {
+        Some(_) => None,
+        None => Some(BuiltIn::unpack().map_err(Failure::internal)?),
+    };
+    let (scene, mut scenes) = choose(args, built_in.as_ref())?;
+    check_settings(args, scene.as_ref(), &mut scenes)?;
     expect_terminal(global)?;
     let controls = Arc::new(NightControls::default());
     let stop_signal = signals::install(Arc::clone(&controls), terminal_guard::restore_now)
@@ -75,22 +78,20 @@ fn expect_terminal(global: &Global) -> Result<(), Failure> {
 /// Returns the scene to show first, if one was named, and the scenes of the list.
 fn choose(
     args: &ExploreArgs,
-    built_in: &BuiltIn,
-) -> Result<(Option<SceneFile>, Vec<SceneFile>), Failure> {
+    built_in: Option<&BuiltIn>,
+) -> Result<(Option<SceneFile>, SceneList), Failure> {
+    let paths = built_in.map(BuiltIn::scenes).unwrap_or_default();
+    let built_in: Vec<SceneFile> = paths.into_iter().map(built_in_scene).collect();
     let Some(given) = &args.scene else {
-        let mut scenes: Vec<SceneFile> =
-            built_in.scenes().into_iter().map(built_in_scene).collect();
-        scenes.extend(scenes_in(Path::new(".")));
-        return Ok((None, scenes));
+        return Ok((None, SceneList::new(built_in, ".".into())));
     };
     let path = &given.file;
     if path.is_dir() && !is_folder(path) {
-        let mut scenes = scenes_in(path);
-        if scenes.is_empty() {
+        let mut scenes = SceneList::new(built_in, path.clone());
+        if scenes.scenes().is_empty() {
             let text = format!("there are no scenes in {}", path.display());
             return Err(Failure::usage(text));
         }
-        scenes.sort_by(|a, b| a.name.cmp(&b.name));
         return Ok((None, scenes));
     }
     if !path.exists() {
@@ -108,7 +109,8 @@ fn choose(
     let folder = path
         .parent()
         .filter(|folder| !folder.as_os_str().is_empty());
-    Ok((Some(scene), scenes_in(folder.unwrap_or(Path::new(".")))))
+    let folder = folder.unwrap_or(Path::new(".")).to_owned();
+    Ok((Some(scene), SceneList::new(built_in, folder)))
 }
 
 fn built_in_scene(path: std::path::PathBuf) -> SceneFile {
@@ -124,9 +126,13 @@ fn built_in_scene(path: std::path::PathBuf) -> SceneFile {
 fn check_settings(
     args: &ExploreArgs,
     scene: Option<&SceneFile>,
-    scenes: &[SceneFile],
+    scenes: &mut SceneList,
 ) -> Result<(), Failure> {
-    let Some(scene) = scene.or(scenes.first()) else {
+    let first = match scene {
+        Some(_) => None,
+        None => scenes.scenes().into_iter().next(),
+    };
+    let Some(scene) = scene.or(first.as_ref()) else {
         return Ok(());
     };
     let settings = crate::explore::settings::Settings::new(&args.settings);

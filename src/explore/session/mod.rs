@@ -173,6 +173,12 @@ struct Wanted {
     closed: bool,
 }
 
+/// Locks a mutex. A panic while it was locked is ignored: every change of the shared state is
+/// complete in itself.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 /// State that the thread shares with the user interface.
 #[derive(Default)]
 struct Shared {
@@ -185,15 +191,12 @@ struct Shared {
 
 impl Shared {
     fn wanted(&self) -> MutexGuard<'_, Wanted> {
-        self.wanted.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.wanted)
     }
 
     /// Changes the state of one picture and counts the change.
     fn publish(&self, slot: usize, change: impl FnOnce(&mut SlotView)) {
-        let mut published = self
-            .published
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
+        let mut published = lock(&self.published);
         change(&mut published.slots[slot]);
         published.revision += 1;
     }
@@ -247,20 +250,12 @@ impl Session {
 
     /// Returns what was published last.
     pub fn published(&self) -> Published {
-        self.shared
-            .published
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .clone()
+        lock(&self.shared.published).clone()
     }
 
     /// Returns the number of changes published so far.
     pub fn revision(&self) -> u64 {
-        self.shared
-            .published
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .revision
+        lock(&self.shared.published).revision
     }
 }
 

@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use super::scenes::{Opened, Scenes};
-use super::{Frame, Request, SLOTS, SessionOptions, Shared, Status, Wanted};
+use super::{Frame, Request, SLOTS, SessionOptions, Shared, Status, Wanted, lock};
 use crate::explore::settings::Limits;
 use lumbre_light::film::layer::LayerImage;
 use lumbre_render::{Job, RenderError, Renderer, WaveStats};
@@ -287,12 +287,7 @@ impl Worker {
 impl Shared {
     /// Publishes the state of a picture, if it changed.
     fn publish_status(&self, slot: usize, status: Status) {
-        let is_same = {
-            let published = self.published.lock();
-            let published = published.unwrap_or_else(std::sync::PoisonError::into_inner);
-            published.slots[slot].status == status
-        };
-        if !is_same {
+        if lock(&self.published).slots[slot].status != status {
             self.publish(slot, |view| view.status = status);
         }
     }

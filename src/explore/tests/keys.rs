@@ -6,6 +6,7 @@ use ratatui::layout::Rect;
 use super::{character, facts, key, scene};
 use crate::explore::input::{Command, Input, PictureArea};
 use crate::explore::parameters::{Group, parameters};
+use crate::explore::picker::SceneList;
 use crate::explore::settings::Settings;
 use crate::explore::state::{Overlay, State};
 use lumbre_light::transport::integrator::{INTEGRATORS, integrator};
@@ -254,7 +255,10 @@ fn a_click_selects_a_pixel_and_the_right_button_focuses_on_it() {
 #[test]
 fn a_scene_is_picked_by_typing() {
     let mut fixture = Fixture::new();
-    fixture.state.scenes = vec![scene("cornell"), scene("edges"), scene("veach_lamps")];
+    fixture.state.scenes = SceneList::new(
+        ["cornell", "edges", "veach_lamps"].map(scene).into(),
+        std::path::PathBuf::from("no such folder"),
+    );
     fixture.press('o');
     fixture.type_text("veach");
     assert_eq!(fixture.send(&key(KeyCode::Enter)), Some(Command::Open));

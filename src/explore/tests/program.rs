@@ -7,6 +7,7 @@ use ratatui::layout::Rect;
 
 use super::{character, key, scene, session_options, wait_until};
 use crate::explore::explorer::{ExploreOptions, Explorer};
+use crate::explore::picker::SceneList;
 use crate::explore::session::Slot;
 use crate::output::picture;
 use crate::script;
@@ -23,7 +24,7 @@ fn explorer(folder: &std::path::Path) -> Explorer {
     scenes[1].built_in = true;
     let options = ExploreOptions {
         scene: None,
-        scenes,
+        scenes: SceneList::new(scenes, folder.to_owned()),
         settings: vec![("integrator".to_owned(), INTEGRATORS[0].name.into())],
         session: session_options(),
         folder: folder.to_owned(),
