@@ -6,20 +6,25 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Instant;
 
 use crossterm::event::Event;
 use ratatui::Frame;
 use ratatui::layout::Rect;
 
 use super::camera;
+use super::comparison::{Arrangement, FLICKER_S};
 use super::input::{Command, Input};
+use super::measure::Meter;
 use super::picker::SceneList;
+use super::reference::Reference;
 use super::script::{experiment_name, script_text};
-use super::session::{Frame as Picture, Published, Request, Session, SessionOptions, Slot};
+use super::session::{Frame as Picture, Published, Request, SLOTS, Session, SessionOptions, Slot};
 use super::settings::{SceneFile, Settings};
 use super::state::State;
 use super::view::picture::PictureCache;
 use super::view::{self, Screen};
+use crate::metrics::METRICS;
 use crate::output::{exr, png};
 use crate::store::write_atomically;
 use crate::tui::terminal::terminal_caps::{Graphics, TerminalCaps};
@@ -40,6 +45,9 @@ pub struct ExploreOptions {
     pub folder: PathBuf,
 }
 
+/// Metric of comparisons and curves at the start.
+const FIRST_METRIC: &str = "rmse";
+
 /// Greatest number of files of one name in a folder.
 const MOST_FILES: u32 = 10_000;
 
@@ -48,6 +56,7 @@ pub struct Explorer {
     /// State of the screen.
     pub state: State,
     session: Session,
+    meter: Meter,
     published: Published,
     input: Input,
     caps: TerminalCaps,
@@ -57,8 +66,9 @@ pub struct Explorer {
     folder: PathBuf,
     /// Size of the screen.
     area: Rect,
-    /// Number of the newest request.
-    requested: u64,
+    /// Number of references so far.
+    references: u64,
+    start: Instant,
 }
 
 impl Explorer {
@@ -75,6 +85,10 @@ impl Explorer {
             settings: Settings::new(&options.settings),
             scene: options.scene,
             scenes: options.scenes,
+            metric: METRICS
+                .iter()
+                .position(|row| row.name == FIRST_METRIC)
+                .unwrap_or(0),
             ..State::default()
         };
         if state.scene.is_none() {
@@ -83,6 +97,7 @@ impl Explorer {
         Ok(Explorer {
             state,
             session: Session::start(options.session)?,
+            meter: Meter::start()?,
             published: Published::default(),
             input: Input::default(),
             caps,
@@ -90,23 +105,26 @@ impl Explorer {
             cache: RefCell::default(),
             folder: options.folder,
             area: Rect::default(),
-            requested: 0,
+            references: 0,
+            start: Instant::now(),
         })
     }
 
-    /// Sets the size of the screen. The picture is rendered anew if its pane changes.
+    /// Sets the size of the screen. The pictures are rendered anew if their pane changes, unless
+    /// they are compared with a reference of another size.
     pub fn resize(&mut self, area: Rect) {
         self.area = area;
         self.fit_picture();
     }
 
-    /// Renders the picture in the resolution of its pane.
+    /// Renders the pictures in the resolution of their pane.
     fn fit_picture(&mut self) {
-        let picture = view::picture_area(self.area, self.state.panel_hidden, self.graphics);
-        if picture.resolution != self.state.resolution {
-            self.state.resolution = picture.resolution;
+        let pane = view::picture_pane(self.area, self.state.panel_hidden);
+        let resolution = view::resolution(pane, self.graphics);
+        if resolution != self.state.resolution && self.state.reference.is_none() {
+            self.state.resolution = resolution;
             self.state.cursor = None;
-            self.restart();
+            self.restart_all();
         }
     }
 
@@ -116,16 +134,28 @@ impl Explorer {
             self.resize(Rect::new(0, 0, *width, *height));
             return false;
         }
-        let picture = view::picture_area(self.area, self.state.panel_hidden, self.graphics);
+        let picture = view::picture_area(self.area, &self.state, self.graphics);
         let command = self.input.event(event, &mut self.state, picture);
         self.fit_picture();
         match command {
             None => {}
             Some(Command::Quit) => return true,
-            Some(Command::Restart | Command::Open) => self.restart(),
+            Some(Command::Restart) => self.restart(self.state.side),
+            Some(Command::RestartAll | Command::Open) => self.restart_all(),
             Some(Command::Limits) => self
                 .session
-                .set_limits(Slot::Live, self.state.settings.limits()),
+                .set_limits(self.state.side, self.state.settings.limits()),
+            Some(Command::EndComparison) => {
+                self.session.request(self.state.side.other(), None);
+                self.state.difference = None;
+            }
+            Some(Command::Metric) => self.compare(),
+            Some(Command::Freeze) => self.report(Explorer::freeze),
+            Some(Command::Unfreeze) => {
+                self.state.reference = None;
+                self.meter.set_reference(None);
+                self.fit_picture();
+            }
             Some(Command::Pause) => self.session.set_paused(self.state.paused),
             Some(Command::Save) => self.report(Explorer::save),
             Some(Command::WriteScript) => self.report(Explorer::write_script),
@@ -134,13 +164,16 @@ impl Explorer {
         false
     }
 
-    /// Takes what the session published. Returns whether anything changed.
+    /// Takes what was published and measured. Returns whether anything changed.
     pub fn poll(&mut self) -> bool {
+        let measured = self.take_measured();
+        let flickered = self.flicker();
         if self.session.revision() == self.published.revision {
-            return false;
+            return measured || flickered;
         }
-        self.published = self.session.published();
-        if let Some(scene) = &self.published.slot(Slot::Live).scene
+        let before = std::mem::replace(&mut self.published, self.session.published());
+        self.measure(&before);
+        if let Some(scene) = &self.published.slot(self.state.side).scene
             && Some(&scene.file) == self.state.scene.as_ref()
             && self.state.facts.as_ref() != Some(&scene.facts)
         {
@@ -156,16 +189,80 @@ impl Explorer {
         true
     }
 
+    /// Shows the other picture of a comparison if it is time. Returns whether it did.
+    fn flicker(&mut self) -> bool {
+        let Some(comparison) = &mut self.state.comparison else {
+            return false;
+        };
+        let turn = (self.start.elapsed().as_secs_f64() / FLICKER_S) as usize;
+        let visible = Slot::ALL[turn % SLOTS];
+        let changed = comparison.arrangement == Arrangement::Flicker;
+        std::mem::replace(&mut comparison.visible, visible) != visible && changed
+    }
+
+    /// Takes what was measured. Returns whether there was anything.
+    fn take_measured(&mut self) -> bool {
+        let measured = self.meter.take();
+        let reference = self.state.reference.as_ref();
+        let number = reference.map(|reference| reference.number);
+        let any =
+            !measured.rows.is_empty() || measured.floors.is_some() || measured.difference.is_some();
+        for (slot, request, row) in measured.rows {
+            self.state.curves.push(slot, request, row);
+        }
+        if let Some((of, floors)) = measured.floors
+            && Some(of) == number
+        {
+            self.state.floors = floors;
+        }
+        if measured.difference.is_some() && self.state.comparison.is_some() {
+            self.state.difference = measured.difference;
+        }
+        any
+    }
+
+    /// Measures the pictures that are newer than those published before.
+    fn measure(&mut self, before: &Published) {
+        let mut any = false;
+        for slot in Slot::ALL {
+            let Some(frame) = self.current(slot) else {
+                continue;
+            };
+            let known = before.slot(slot).frame.as_ref();
+            if known.is_some_and(|known| Arc::ptr_eq(known, &frame)) {
+                continue;
+            }
+            any = true;
+            if self.state.curve(slot).is_some() {
+                let request = self.state.requests[slot.index()];
+                self.meter.measure(slot, request, frame);
+            }
+        }
+        if any {
+            self.compare();
+        }
+    }
+
+    /// Measures the difference of the compared pictures.
+    fn compare(&mut self) {
+        let frames = Slot::ALL.map(|slot| self.current(slot));
+        if let ([Some(a), Some(b)], Some(_)) = (frames, &self.state.comparison) {
+            self.meter.compare(self.state.metric, [a, b]);
+        }
+    }
+
     /// Returns what the session published last.
     pub fn published(&self) -> &Published {
         &self.published
     }
 
-    /// Returns the picture with the current settings in full resolution, if it has a sample.
-    pub fn current(&self) -> Option<Arc<Picture>> {
-        let live = self.published.slot(Slot::Live);
-        let frame = live.frame.as_ref().filter(|frame| frame.samples > 0);
-        frame.filter(|_| live.request == self.requested).cloned()
+    /// Returns the picture of a slot with the current settings in full resolution, if it has a
+    /// sample.
+    pub fn current(&self, slot: Slot) -> Option<Arc<Picture>> {
+        let view = self.published.slot(slot);
+        let frame = view.frame.as_ref().filter(|frame| frame.samples > 0);
+        let newest = view.request == self.state.requests[slot.index()];
+        frame.filter(|_| newest).cloned()
     }
 
     /// Draws a frame.
@@ -180,24 +277,55 @@ impl Explorer {
         view::draw(frame, &screen);
     }
 
-    fn restart(&mut self) {
-        let Some(scene) = &self.state.scene else {
+    /// Renders all pictures anew.
+    fn restart_all(&mut self) {
+        for slot in Slot::ALL {
+            self.restart(slot);
+        }
+    }
+
+    /// Renders the picture of a slot anew, if it has one.
+    fn restart(&mut self, slot: Slot) {
+        let (Some(scene), Some(settings)) = (&self.state.scene, self.state.settings_of(slot))
+        else {
             return;
         };
         if self.state.resolution.contains(&0) {
             return;
         }
-        self.session
-            .set_limits(Slot::Live, self.state.settings.limits());
+        self.session.set_limits(slot, settings.limits());
         let request = Request {
             scene: scene.clone(),
-            table: self
-                .state
-                .settings
-                .request_table(scene, self.state.resolution),
-            seed: self.state.settings.random_seed(),
+            table: settings.request_table(scene, self.state.resolution),
+            seed: settings.random_seed(),
         };
-        self.requested = self.session.request(Slot::Live, Some(request));
+        self.state.requests[slot.index()] = self.session.request(slot, Some(request));
+        self.state.begin_curve(slot);
+    }
+
+    /// Makes the picture that the panel edits the reference of all following ones.
+    fn freeze(&mut self) -> Result<String, String> {
+        let (scene, frame) = self.shown()?;
+        self.references += 1;
+        let samples = frame.samples;
+        let reference = Reference {
+            number: self.references,
+            frame,
+            scene,
+            settings: self.state.settings.clone(),
+        };
+        let restarted = self.state.freeze(reference);
+        self.meter.set_reference(self.state.reference.clone());
+        for slot in Slot::ALL {
+            if restarted.contains(&slot) {
+                self.restart(slot);
+            } else {
+                self.state.begin_curve(slot);
+            }
+        }
+        Ok(format!(
+            "the reference has {samples} samples; other pictures have other seeds"
+        ))
     }
 
     /// Runs an action and shows its message.
@@ -210,7 +338,7 @@ impl Explorer {
 
     /// Puts the plane in focus on what a pixel shows.
     fn focus(&mut self, pixel: [u32; 2]) -> Result<String, String> {
-        let scene = self.published.slot(Slot::Live).scene.clone();
+        let scene = self.published.slot(self.state.side).scene.clone();
         let scene = scene.ok_or("the scene is not loaded yet")?;
         let prepared = scene
             .prepared
@@ -223,7 +351,7 @@ impl Explorer {
         let distance = camera::depth(&camera, point).ok_or("the point is behind the camera")?;
         camera.focus_distance = Some(distance);
         self.state.settings.set_camera(&scene.facts, &camera)?;
-        self.restart();
+        self.restart(self.state.side);
         let pinhole = if camera.lens_diameter() > 0.0 {
             ""
         } else {
@@ -293,7 +421,7 @@ impl Explorer {
     /// Returns the scene and its picture with the current settings.
     fn shown(&self) -> Result<(SceneFile, Arc<Picture>), String> {
         let scene = self.state.scene.clone().ok_or("there is no scene yet")?;
-        let frame = self.current();
+        let frame = self.current(self.state.side);
         Ok((
             scene,
             frame.ok_or("there is no picture with these settings yet")?,

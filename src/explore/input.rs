@@ -9,6 +9,7 @@ use super::camera::{self, Motion};
 use super::parameters::{EXPOSURE, INTEGRATOR, Step};
 use super::picker::Picker;
 use super::state::{Overlay, State};
+use crate::tui::modes::ChartX;
 
 /// Rotation of the camera by one key press, in radians.
 const TURN: f32 = 0.1;
@@ -22,8 +23,18 @@ const NEARER: f32 = 0.9;
 /// An action that follows from an event.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Command {
-    /// Render anew with the current settings.
+    /// Render the edited picture anew with its current settings.
     Restart,
+    /// Render both pictures anew.
+    RestartAll,
+    /// End the comparison.
+    EndComparison,
+    /// Measure with the selected metric.
+    Metric,
+    /// Make the picture the reference.
+    Freeze,
+    /// Remove the reference.
+    Unfreeze,
     /// Apply the limits.
     Limits,
     /// Pause or resume.
@@ -43,28 +54,27 @@ pub enum Command {
 /// Position of the picture on the screen, for the mouse.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PictureArea {
-    /// Cells of the picture.
-    pub cells: Rect,
-    /// Width and height of the picture in pixels.
+    /// Cells of the whole pane, without its border.
+    pub pane: Rect,
+    /// Cells of the visible pictures; the second one is empty if there is only one.
+    pub tiles: [Rect; 2],
+    /// Width and height of the pictures in pixels.
     pub resolution: [u32; 2],
 }
 
 impl PictureArea {
-    /// Returns the pixel in the middle of a cell, if the picture covers it.
+    /// Returns the pixel in the middle of a cell, if a picture covers it.
     pub fn pixel(&self, column: u16, row: u16) -> Option<[u32; 2]> {
-        let cells = self.cells;
-        let inside = (cells.left()..cells.right()).contains(&column)
-            && (cells.top()..cells.bottom()).contains(&row);
+        let covers = |cells: &&Rect| cells.contains((column, row).into());
+        let cells = self.tiles.iter().find(covers)?;
         let scale = |offset: u16, cells: u16, pixels: u32| {
             (((f64::from(offset) + 0.5) / f64::from(cells) * f64::from(pixels)) as u32)
                 .min(pixels.saturating_sub(1))
         };
-        inside.then(|| {
-            [
-                scale(column - cells.x, cells.width, self.resolution[0]),
-                scale(row - cells.y, cells.height, self.resolution[1]),
-            ]
-        })
+        Some([
+            scale(column - cells.x, cells.width, self.resolution[0]),
+            scale(row - cells.y, cells.height, self.resolution[1]),
+        ])
     }
 }
 
@@ -134,7 +144,7 @@ impl Input {
                 moved(
                     state,
                     if pans {
-                        let width = f32::from(picture.cells.width.max(1));
+                        let width = f32::from(picture.tiles[0].width.max(1));
                         Motion::Pan([-x / width, y / width])
                     } else {
                         Motion::Orbit([-DRAG_TURN * x, DRAG_TURN * y])
@@ -154,13 +164,27 @@ impl Input {
     }
 }
 
+/// Gives both sides of a comparison the same view. Returns what has to be rendered after a change
+/// of the edited side.
+fn changed(state: &mut State) -> Option<Command> {
+    let both = match &mut state.comparison {
+        Some(comparison) => comparison.share_view(&state.settings),
+        None => false,
+    };
+    Some(if both {
+        Command::RestartAll
+    } else {
+        Command::Restart
+    })
+}
+
 /// Moves the camera.
 fn moved(state: &mut State, motion: Motion) -> Option<Command> {
     let facts = state.facts.as_ref()?;
     let now = state.settings.camera(facts).ok()?;
     let next = camera::moved(&now, motion);
     state.settings.set_camera(facts, &next).ok()?;
-    Some(Command::Restart)
+    changed(state)
 }
 
 fn key_pressed(key: KeyEvent, state: &mut State) -> Option<Command> {
@@ -204,8 +228,12 @@ fn picker_key(key: KeyEvent, state: &mut State, mut picker: Picker) -> Option<Co
 /// Opens a scene. Settings stay, but for the camera and other changes of the scene.
 pub fn open(state: &mut State, scene: super::settings::SceneFile) {
     if state.scene.as_ref() != Some(&scene) && state.scene.is_some() {
-        state.settings.put("view", None);
-        state.settings.set.clear();
+        let other = state.comparison.as_mut();
+        let other = other.map(|comparison| &mut comparison.other);
+        for settings in [Some(&mut state.settings), other].into_iter().flatten() {
+            settings.put("view", None);
+            settings.set.clear();
+        }
     }
     state.scene = Some(scene);
     state.facts = None;
@@ -247,7 +275,7 @@ fn put(
     match path.split('.').next() {
         Some("display") => None,
         Some("limit") => Some(Command::Limits),
-        _ => Some(Command::Restart),
+        _ => changed(state),
     }
 }
 
@@ -321,7 +349,7 @@ fn character(c: char, state: &mut State) -> Option<Command> {
     match c {
         '0' => {
             state.settings.reset_camera();
-            Some(Command::Restart)
+            changed(state)
         }
         'g' => match state.cursor {
             Some(pixel) => Some(Command::Focus(pixel)),
@@ -346,6 +374,31 @@ fn character(c: char, state: &mut State) -> Option<Command> {
             Some(Command::Pause)
         }
         'r' => Some(Command::Restart),
+        'c' => {
+            // The other side of a comparison in progress has its picture already.
+            state.compare().then_some(Command::Restart)
+        }
+        'C' => state.comparison.take().map(|_| Command::EndComparison),
+        'v' => {
+            match &mut state.comparison {
+                Some(comparison) => comparison.arrangement = comparison.arrangement.next(),
+                None => state.fail("press c to compare two settings first"),
+            }
+            None
+        }
+        'm' | 'M' => {
+            state.select_metric(if c == 'm' { 1 } else { -1 });
+            Some(Command::Metric)
+        }
+        'h' => {
+            state.chart_x = match state.chart_x {
+                ChartX::RenderS => ChartX::Samples,
+                ChartX::Samples => ChartX::RenderS,
+            };
+            None
+        }
+        'f' => Some(Command::Freeze),
+        'F' => state.reference.is_some().then_some(Command::Unfreeze),
         'l' => {
             state.layer += 1;
             None

@@ -8,12 +8,18 @@
 //! settings request and publishes the mean of its film. [`view`] draws a frame from the state and
 //! from what was published, and [`script`] writes the settings as an experiment. [`explorer`]
 //! connects the parts, and [`terminal`] runs them on a terminal.
+//!
+//! Two settings can be rendered in turn ([`comparison`]), and a picture can be kept as [`reference`]
+//! of the following ones. Another thread ([`measure`]) computes the metrics of both.
 
 pub mod camera;
+pub mod comparison;
 pub mod explorer;
 pub mod input;
+pub mod measure;
 pub mod parameters;
 pub mod picker;
+pub mod reference;
 pub mod script;
 pub mod session;
 pub mod settings;

@@ -1,7 +1,7 @@
 //! Settings of a picture: a render table as scripts write it, flattened to paths, with the tone
 //! map, the limits and the seed.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 use glam::Vec3;
@@ -247,6 +247,29 @@ impl Settings {
             table.insert("set".to_owned(), Value::Map(self.set.clone()));
         }
         table
+    }
+
+    /// Returns the settings that decide what the camera sees: the view and all changes of the
+    /// camera.
+    pub fn view(&self) -> Vec<(&str, &Value)> {
+        let shows = |path: &str| path == "view" || path.starts_with("camera.");
+        let values = self.values.iter().filter(|(path, _)| shows(path));
+        values.map(|(path, value)| (path.as_str(), value)).collect()
+    }
+
+    /// Returns the values that differ from those of other settings, by path; `None` is the default.
+    pub fn changes_from<'a>(&'a self, other: &'a Settings) -> Vec<(&'a str, Option<&'a Value>)> {
+        let paths: BTreeSet<&str> = self
+            .values
+            .keys()
+            .chain(other.values.keys())
+            .map(String::as_str)
+            .collect();
+        paths
+            .into_iter()
+            .map(|path| (path, self.get(path)))
+            .filter(|(path, value)| other.get(path) != *value)
+            .collect()
     }
 
     /// Returns the whole render table of a picture of a scene.

@@ -1,10 +1,18 @@
 //! The state of the screen: settings, selection, overlay and messages.
 
+use std::sync::Arc;
+
 use super::camera::focus_distance;
-use super::parameters::{self, INTEGRATOR, MAX_DEPTH, Parameter};
+use super::comparison::{Arrangement, Comparison, seed_value};
+use super::measure::Difference;
+use super::parameters::{self, INTEGRATOR, MAX_DEPTH, Parameter, SEED};
 use super::picker::{Picker, SceneList};
+use super::reference::{Curves, Mismatch, Reference, SettingCurve, label};
+use super::session::{SLOTS, Slot};
 use super::settings::{SceneFacts, SceneFile, Settings};
+use crate::metrics::METRICS;
 use crate::metrics::tonemap::Tonemap;
+use crate::tui::modes::ChartX;
 use lumbre_light::value::Value;
 
 /// Content that covers the screen.
@@ -39,8 +47,26 @@ pub struct State {
     pub scene: Option<SceneFile>,
     /// Camera, views and depth of the scene; `None` until it is loaded.
     pub facts: Option<SceneFacts>,
-    /// Settings of the picture.
+    /// Settings of the picture that the panel edits.
     pub settings: Settings,
+    /// Slot of the picture that the panel edits.
+    pub side: Slot,
+    /// The comparison with other settings, if there is one.
+    pub comparison: Option<Comparison>,
+    /// Index of the metric of comparisons and curves in [`METRICS`].
+    pub metric: usize,
+    /// Newest difference of the compared pictures.
+    pub difference: Option<Difference>,
+    /// The frozen picture, if there is one.
+    pub reference: Option<Arc<Reference>>,
+    /// Noise floors of the reference by metric; empty until they are known.
+    pub floors: Vec<Option<f64>>,
+    /// Errors against the reference.
+    pub curves: Curves,
+    /// Horizontal axis of the curves.
+    pub chart_x: ChartX,
+    /// Numbers of the newest requests, by slot.
+    pub requests: [u64; SLOTS],
     /// Whether rendering is paused.
     pub paused: bool,
     /// Width and height of the picture in pixels.
@@ -73,6 +99,95 @@ impl State {
         let mut parameters = self.parameters();
         let row = self.row.min(parameters.len().checked_sub(1)?);
         Some(parameters.swap_remove(row))
+    }
+
+    /// Returns the settings of a slot, if it has a picture.
+    pub fn settings_of(&self, slot: Slot) -> Option<&Settings> {
+        match &self.comparison {
+            _ if slot == self.side => Some(&self.settings),
+            Some(comparison) => Some(&comparison.other),
+            None => None,
+        }
+    }
+
+    /// Returns the slots whose pictures are visible at the moment.
+    pub fn visible(&self) -> Vec<Slot> {
+        match &self.comparison {
+            None => vec![self.side],
+            Some(comparison) if comparison.arrangement == Arrangement::Flicker => {
+                vec![comparison.visible]
+            }
+            Some(_) => Slot::ALL.into(),
+        }
+    }
+
+    /// Starts a comparison, in which the panel edits the new side, or edits the other side of the
+    /// one in progress. Returns whether a picture is new.
+    pub fn compare(&mut self) -> bool {
+        self.side = self.side.other();
+        match &mut self.comparison {
+            Some(comparison) => {
+                std::mem::swap(&mut self.settings, &mut comparison.other);
+                false
+            }
+            None => {
+                let (comparison, edited) = Comparison::begin(self.settings.clone(), self.side);
+                (self.comparison, self.settings) = (Some(comparison), edited);
+                self.difference = None;
+                true
+            }
+        }
+    }
+
+    /// Selects the metric a number of rows further.
+    pub fn select_metric(&mut self, by: isize) {
+        let count = METRICS.len() as isize;
+        self.metric = (self.metric as isize + by).rem_euclid(count) as usize;
+    }
+
+    /// Makes a picture the reference of all following ones. Their seeds become different from its
+    /// own. Returns the slots whose pictures are rendered anew for it.
+    pub fn freeze(&mut self, reference: Reference) -> Vec<Slot> {
+        let taken = reference.settings.seed();
+        let seeds = Slot::ALL.map(|slot| self.settings_of(slot).map_or(0, Settings::seed));
+        let free = seeds.into_iter().fold(taken, u64::max) + 1;
+        self.reference = Some(Arc::new(reference));
+        self.floors.clear();
+        self.curves = Curves::default();
+        let mut changed = Vec::new();
+        if self.settings.seed() == taken {
+            self.settings.put(SEED, Some(seed_value(free)));
+            changed.push(self.side);
+        }
+        if let Some(comparison) = &mut self.comparison
+            && comparison.other.seed() == taken
+        {
+            comparison.other.put(SEED, Some(seed_value(free + 1)));
+            changed.push(self.side.other());
+        }
+        changed
+    }
+
+    /// Returns why the picture of a slot is not measured against the reference, if so.
+    pub fn mismatch(&self, slot: Slot) -> Option<Mismatch> {
+        let (reference, scene) = (self.reference.as_ref()?, self.scene.as_ref()?);
+        reference.mismatch(scene, self.settings_of(slot)?, self.resolution)
+    }
+
+    /// Starts the curve of the newest request of a slot, if its picture is measured.
+    pub fn begin_curve(&mut self, slot: Slot) {
+        let (Some(reference), Some(settings)) = (&self.reference, self.settings_of(slot)) else {
+            return;
+        };
+        if self.mismatch(slot).is_none() {
+            let label = label(settings, &reference.settings);
+            self.curves.begin(slot, self.requests[slot.index()], label);
+        }
+    }
+
+    /// Returns the curve of the picture in a slot.
+    pub fn curve(&self, slot: Slot) -> Option<&SettingCurve> {
+        self.curves.of(slot, self.requests[slot.index()])
     }
 
     /// Shows the list of scenes.

@@ -12,7 +12,7 @@ mod dashboard;
 pub mod format;
 pub mod live_picture;
 pub mod model;
-mod modes;
+pub(crate) mod modes;
 pub mod panes;
 pub mod preview;
 pub mod progress_lines;

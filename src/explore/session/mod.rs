@@ -15,8 +15,8 @@ use std::thread::JoinHandle;
 use std::time::Instant;
 
 use super::settings::{Limits, SceneFacts, SceneFile};
-use lumbre_light::film::SharedImage;
 use lumbre_light::film::layer::LayerImage;
+use lumbre_light::film::{Image, SharedImage};
 use lumbre_light::scene::load::MissingTextures;
 use lumbre_light::value::Value;
 use lumbre_render::cpu::prepared_scene::PreparedScene;
@@ -28,21 +28,38 @@ pub const SLOTS: usize = 2;
 /// One of the pictures of a session.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Slot {
-    /// The picture whose settings the panel changes.
+    /// The first picture; the only one without a comparison.
     #[default]
-    Live,
-    /// The picture with which it is compared.
-    Other,
+    A,
+    /// The second picture.
+    B,
 }
 
 impl Slot {
     /// Both slots, in order.
-    pub const ALL: [Slot; SLOTS] = [Slot::Live, Slot::Other];
+    pub const ALL: [Slot; SLOTS] = [Slot::A, Slot::B];
 
-    fn index(self) -> usize {
+    /// Returns the slot of the picture with which this one is compared.
+    pub fn other(self) -> Slot {
         match self {
-            Slot::Live => 0,
-            Slot::Other => 1,
+            Slot::A => Slot::B,
+            Slot::B => Slot::A,
+        }
+    }
+
+    /// Returns the name on the screen.
+    pub fn name(self) -> &'static str {
+        match self {
+            Slot::A => "A",
+            Slot::B => "B",
+        }
+    }
+
+    /// Returns the index in arrays with an element for each slot.
+    pub fn index(self) -> usize {
+        match self {
+            Slot::A => 0,
+            Slot::B => 1,
         }
     }
 }
@@ -105,8 +122,33 @@ pub struct Frame {
     pub invalid: u64,
     /// Root mean square standard error over the mean of the picture, if it can be estimated.
     pub noise: Option<f64>,
+    /// Variance of the mean of every pixel, as estimated last, with the samples that it had then.
+    pub variance: Option<(SharedImage, u64)>,
+    /// Mean of the first samples, with their number; the other samples are independent of them.
+    pub part: Option<(SharedImage, u64)>,
     /// Films of the requested layers.
     pub layers: Vec<LayerImage>,
+}
+
+impl Frame {
+    /// Returns the means of two parts of the samples and the numbers of samples in them; `None` if
+    /// the picture was published only once so far. The parts are independent, except with the
+    /// sampler `sobol`, which distributes the samples of both together.
+    pub fn halves(&self) -> Option<([Image; 2], [u64; 2])> {
+        let (part, first) = self.part.as_ref()?;
+        let rest = self.samples.checked_sub(*first).filter(|rest| *rest > 0)?;
+        let [n, m] = [self.samples, *first].map(|count| count as f64);
+        let pixel = |(all, part): (&[f32; 3], &[f32; 3])| {
+            let other = |c: usize| (n * f64::from(all[c]) - m * f64::from(part[c])) / rest as f64;
+            [0, 1, 2].map(|c| other(c) as f32)
+        };
+        let second = Image {
+            data: self.image.data.iter().zip(&part.data).map(pixel).collect(),
+            width: part.width,
+            height: part.height,
+        };
+        Some(([(**part).clone(), second], [*first, rest]))
+    }
 }
 
 /// State of one picture, as published.
@@ -175,7 +217,7 @@ struct Wanted {
 
 /// Locks a mutex. A panic while it was locked is ignored: every change of the shared state is
 /// complete in itself.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 

@@ -8,6 +8,7 @@ use super::scenes::{Opened, Scenes};
 use super::{Frame, Request, SLOTS, SessionOptions, Shared, Status, Wanted, lock};
 use crate::explore::settings::Limits;
 use lumbre_light::film::layer::LayerImage;
+use lumbre_light::film::{Image, SharedImage};
 use lumbre_render::{Job, RenderError, Renderer, WaveStats};
 
 /// Time that a wave should take, in seconds. A change of the settings abandons a wave anyway on the
@@ -46,7 +47,10 @@ struct OpenRun {
     opened: Opened,
     done: WaveStats,
     published: Option<Instant>,
+    /// Pictures that were published at about half and a quarter of the samples, oldest first.
+    parts: Vec<(SharedImage, u64)>,
     noise: Option<f64>,
+    variance: Option<(SharedImage, u64)>,
     /// Time that the last estimate of the noise took, and when it was made.
     noise_cost_s: f64,
     noise_at: Option<Instant>,
@@ -220,7 +224,7 @@ impl Worker {
         {
             return Ok(());
         }
-        let frame = Arc::new(open.frame()?);
+        let frame = Arc::new(open.frame(ends)?);
         open.published = Some(Instant::now());
         let waited = run.asked.elapsed().as_secs_f64();
         shared.publish(slot, |view| {
@@ -273,6 +277,8 @@ impl Worker {
             rays: 0,
             invalid: 0,
             noise: None,
+            variance: None,
+            part: None,
             layers: Vec::new(),
         });
         let waited = run.asked.elapsed().as_secs_f64();
@@ -291,6 +297,13 @@ impl Shared {
             self.publish(slot, |view| view.status = status);
         }
     }
+}
+
+/// Returns the root mean square standard error over the mean of a picture; NaN or infinite if the
+/// picture is black.
+fn relative_noise(image: &Image, variance: &Image) -> f64 {
+    let mean = |image: &Image| image.mean().iter().sum::<f64>() / 3.0;
+    mean(variance).sqrt() / mean(image)
 }
 
 impl Run {
@@ -316,7 +329,9 @@ impl OpenRun {
             opened,
             done: WaveStats::default(),
             published: None,
+            parts: Vec::new(),
             noise: None,
+            variance: None,
             noise_cost_s: 0.0,
             noise_at: None,
         }
@@ -337,19 +352,25 @@ impl OpenRun {
                 .is_some_and(|most| self.done.render_s >= most)
     }
 
-    /// Returns the picture with all samples so far.
-    fn frame(&mut self) -> Result<Frame, String> {
-        let renderer = &self.opened.renderer;
-        let film = renderer.film();
+    /// Returns the picture with all samples so far. `last` is whether no more follow for now, so
+    /// that its noise is estimated whatever that costs.
+    fn frame(&mut self, last: bool) -> Result<Frame, String> {
+        let film = self.opened.renderer.film();
+        let (image, samples) = (Arc::new(film.mean()), self.done.samples);
         let due = self
             .noise_at
             .is_none_or(|at| at.elapsed().as_secs_f64() * NOISE_SHARE > self.noise_cost_s);
-        if due {
+        if due || last {
             let start = Instant::now();
-            self.noise = film.relative_noise();
+            let variance = film.variance_of_mean();
+            self.noise = Some(relative_noise(&image, &variance));
+            self.noise = self.noise.filter(|noise| samples > 1 && noise.is_finite());
+            self.variance = (samples > 1).then(|| (Arc::new(variance), samples));
             self.noise_cost_s = start.elapsed().as_secs_f64();
             self.noise_at = Some(Instant::now());
         }
+        let part = self.part_of(&image, samples);
+        let renderer = &self.opened.renderer;
         let mut layers = Vec::new();
         for (index, film) in renderer.layers().iter().enumerate() {
             let sums = renderer.layer(index).map_err(|e| e.to_string())?;
@@ -359,14 +380,30 @@ impl OpenRun {
             });
         }
         Ok(Frame {
-            image: Arc::new(film.mean()),
-            samples: self.done.samples,
+            image,
+            samples,
             render_s: self.done.render_s,
             paths: self.done.paths,
             rays: self.done.rays,
             invalid: self.done.invalid,
             noise: self.noise,
+            variance: self.variance.clone(),
+            part,
             layers,
         })
+    }
+
+    /// Remembers a picture if it has twice the samples of the one before. Returns the one with the
+    /// most samples up to a half of all.
+    fn part_of(&mut self, image: &SharedImage, samples: u64) -> Option<(SharedImage, u64)> {
+        let half = self.parts.iter().rev().find(|(_, n)| 2 * n <= samples);
+        let part = half.or(self.parts.first()).cloned();
+        if self.parts.last().is_none_or(|(_, n)| samples >= 2 * n) {
+            if self.parts.len() > 1 {
+                self.parts.remove(0);
+            }
+            self.parts.push((Arc::clone(image), samples));
+        }
+        part.filter(|(_, n)| *n < samples)
     }
 }

@@ -13,7 +13,8 @@ use lumbre_light::transport::integrator::{INTEGRATORS, integrator};
 use lumbre_light::value::Value;
 
 const AREA: PictureArea = PictureArea {
-    cells: Rect::new(1, 2, 40, 20),
+    pane: Rect::new(1, 2, 40, 20),
+    tiles: [Rect::new(1, 2, 40, 20), Rect::ZERO],
     resolution: [40, 40],
 };
 

@@ -1,5 +1,6 @@
 //! Tests of keys, of the session, of whole screens, and of the program driven by events.
 
+mod comparing;
 mod keys;
 mod program;
 mod screens;

@@ -19,7 +19,7 @@ const CAPS: TerminalCaps = TerminalCaps {
     ascii: false,
 };
 
-fn explorer(folder: &std::path::Path) -> Explorer {
+pub(super) fn explorer(folder: &std::path::Path) -> Explorer {
     let mut scenes: Vec<_> = ["edges", "cornell_spheres"].map(scene).into();
     scenes[1].built_in = true;
     let options = ExploreOptions {
@@ -34,21 +34,21 @@ fn explorer(folder: &std::path::Path) -> Explorer {
     explorer
 }
 
-fn send(explorer: &mut Explorer, text: &str) {
+pub(super) fn send(explorer: &mut Explorer, text: &str) {
     for c in text.chars() {
         assert!(!explorer.event(&character(c)));
     }
 }
 
-fn wait_for_samples(explorer: &mut Explorer, samples: u64) {
+pub(super) fn wait_for_samples(explorer: &mut Explorer, samples: u64) {
     wait_until("samples", || {
         explorer.poll();
-        let frame = explorer.current();
+        let frame = explorer.current(explorer.state.side);
         frame.is_some_and(|frame| frame.samples >= samples)
     });
 }
 
-fn screen(explorer: &Explorer) -> String {
+pub(super) fn screen(explorer: &Explorer) -> String {
     let mut terminal = Terminal::new(TestBackend::new(80, 24)).unwrap();
     terminal.draw(|frame| explorer.draw(frame)).unwrap();
     terminal.backend().to_string()
@@ -117,7 +117,7 @@ fn the_picture_follows_the_size_of_its_pane() {
     assert_eq!(explorer.state.resolution, [118, 72]);
     wait_until("the new resolution", || {
         explorer.poll();
-        let live = explorer.published().slot(Slot::Live);
+        let live = explorer.published().slot(Slot::A);
         live.frame
             .as_ref()
             .is_some_and(|frame| frame.image.width == 118)

@@ -9,8 +9,12 @@ use ratatui::backend::TestBackend;
 use ratatui::layout::Rect;
 
 use super::{facts, scene};
+use crate::experiment::WaveRow;
+use crate::explore::comparison::Arrangement;
+use crate::explore::measure::Difference;
 use crate::explore::picker::Picker;
-use crate::explore::session::{Frame, Published, Status};
+use crate::explore::reference::Reference;
+use crate::explore::session::{Frame, Published, Slot, Status};
 use crate::explore::settings::Settings;
 use crate::explore::state::{Overlay, State};
 use crate::explore::view::{self, Screen};
@@ -35,7 +39,10 @@ fn screen(size: (u16, u16), state: &State, published: &Published, caps: Terminal
     let area = Rect::new(0, 0, size.0, size.1);
     let graphics = (Graphics::Blocks, [0, 0]);
     let mut state = state.clone();
-    state.resolution = view::picture_area(area, state.panel_hidden, graphics).resolution;
+    let pane = view::picture_pane(area, state.panel_hidden);
+    if state.reference.is_none() {
+        state.resolution = view::resolution(pane, graphics);
+    }
     let mut terminal = Terminal::new(TestBackend::new(size.0, size.1)).unwrap();
     let screen = Screen {
         state: &state,
@@ -66,6 +73,8 @@ fn published() -> Published {
         rays: 4_000_000,
         invalid: 0,
         noise: Some(0.0312),
+        variance: None,
+        part: None,
         layers: Vec::new(),
     }));
     published
@@ -127,6 +136,70 @@ fn an_error_and_a_value_that_is_typed() {
     assert_snapshot!("error-80", text);
 }
 
+/// A comparison of the picture with one of `bdpt`, and a reference with curves of both.
+fn compared() -> (State, Published) {
+    let (mut state, mut published) = (state(), published());
+    let mut second = published.slots[0].clone();
+    let frame = second.frame.take().unwrap();
+    second.frame = Some(Arc::new(Frame {
+        samples: 40,
+        noise: Some(0.021),
+        ..(*frame).clone()
+    }));
+    published.slots[1] = second;
+    let reference = Reference {
+        number: 1,
+        frame: Arc::clone(published.slots[0].frame.as_ref().unwrap()),
+        scene: scene("cornell_spheres"),
+        settings: state.settings.clone(),
+    };
+    state.metric = 1;
+    assert!(state.compare());
+    state.settings.put("integrator", Some("bdpt".into()));
+    state.resolution = [80, 60];
+    state.freeze(reference);
+    state.floors = vec![Some(0.0001), Some(0.01)];
+    for (slot, factor) in [(Slot::A, 0.2), (Slot::B, 0.09)] {
+        state.begin_curve(slot);
+        for step in 0..8u32 {
+            let samples = 1u64 << step;
+            let error = factor / (samples as f64).sqrt();
+            let row = WaveRow {
+                samples,
+                render_s: samples as f64 * 0.015,
+                metrics: vec![error * error, error],
+                ..WaveRow::default()
+            };
+            state.curves.push(slot, 0, row);
+        }
+    }
+    state.difference = Some(Difference {
+        metric: 1,
+        value: Ok(0.0345),
+        noise: Some(0.0338),
+        samples: [96, 40],
+    });
+    (state, published)
+}
+
+#[test]
+fn two_settings_with_their_difference_and_their_errors() {
+    let (mut state, published) = compared();
+    for size in SIZES {
+        assert_snapshot!(
+            format!("compared-{}", size.0),
+            screen(size, &state, &published, PLAIN)
+        );
+    }
+    assert_snapshot!(
+        "compared-colours-120",
+        screen((120, 40), &state, &published, RICH)
+    );
+    state.reference = None;
+    state.comparison.as_mut().unwrap().arrangement = Arrangement::Flicker;
+    assert_snapshot!("flicker-80", screen((80, 24), &state, &published, PLAIN));
+}
+
 #[test]
 fn small_screens_show_what_fits() {
     let mut state = state();
@@ -137,6 +210,8 @@ fn small_screens_show_what_fits() {
     for width in 24..90 {
         for height in [8, 13, 21] {
             screen((width, height), &state, &published(), RICH);
+            let (compared, pictures) = compared();
+            screen((width, height), &compared, &pictures, RICH);
         }
     }
 }

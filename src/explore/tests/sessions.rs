@@ -34,7 +34,7 @@ fn request(settings: &Settings, resolution: [u32; 2]) -> Request {
 fn wait_for(session: &Session, number: u64, samples: u64) -> SlotView {
     let mut view = SlotView::default();
     wait_until("a picture", || {
-        view = session.published().slot(Slot::Live).clone();
+        view = session.published().slot(Slot::A).clone();
         if let Status::Failed(reason) = &view.status {
             assert!(view.request != number, "{reason}");
         }
@@ -55,13 +55,13 @@ fn settings(pairs: &[(&str, Value)]) -> Settings {
 fn rendered(settings: &Settings, samples: u64) -> Arc<Frame> {
     let session = Session::start(session_options()).unwrap();
     session.set_limits(
-        Slot::Live,
+        Slot::A,
         Limits {
             samples: Some(samples),
             seconds: None,
         },
     );
-    let number = session.request(Slot::Live, Some(request(settings, RESOLUTION)));
+    let number = session.request(Slot::A, Some(request(settings, RESOLUTION)));
     let view = wait_for(&session, number, samples);
     assert_eq!(view.status, Status::Finished);
     view.frame.unwrap()
@@ -148,7 +148,7 @@ fn render_threads() -> usize {
 fn switching_techniques_reloads_and_leaks_nothing() {
     let session = Session::start(session_options()).unwrap();
     let mut settings = Settings::new(&[]);
-    let number = session.request(Slot::Live, Some(request(&settings, RESOLUTION)));
+    let number = session.request(Slot::A, Some(request(&settings, RESOLUTION)));
     let first = wait_for(&session, number, 1).scene.unwrap();
     #[cfg(target_os = "linux")]
     let threads = render_threads();
@@ -156,7 +156,7 @@ fn switching_techniques_reloads_and_leaks_nothing() {
         let technique = &INTEGRATORS[step % INTEGRATORS.len()];
         settings.put("integrator", Some(technique.name.into()));
         settings.put("camera.fov", Some(Value::number(30.0 + step as f64 / 10.0)));
-        let number = session.request(Slot::Live, Some(request(&settings, RESOLUTION)));
+        let number = session.request(Slot::A, Some(request(&settings, RESOLUTION)));
         if step % 20 == 19 {
             let view = wait_for(&session, number, 1);
             assert!(
@@ -184,14 +184,14 @@ fn a_change_abandons_the_picture_in_progress() {
     let session = Session::start(session_options()).unwrap();
     let settings = settings(&[("integrator", "bdpt".into()), ("max_depth", Value::Int(20))]);
     // One sample of every pixel of this picture takes far longer than the wait below.
-    session.request(Slot::Live, Some(request(&settings, [6000, 4000])));
+    session.request(Slot::A, Some(request(&settings, [6000, 4000])));
     wait_until("the start of the large picture", || {
         let published = session.published();
-        published.slot(Slot::Live).status == Status::Rendering
+        published.slot(Slot::A).status == Status::Rendering
     });
     std::thread::sleep(Duration::from_millis(300));
     let start = Instant::now();
-    let number = session.request(Slot::Live, Some(request(&settings, RESOLUTION)));
+    let number = session.request(Slot::A, Some(request(&settings, RESOLUTION)));
     let view = wait_for(&session, number, 1);
     assert!(start.elapsed() < MAX_WAIT / 12, "{:?}", start.elapsed());
     let image = &view.frame.unwrap().image;
@@ -202,7 +202,7 @@ fn a_change_abandons_the_picture_in_progress() {
 fn a_large_picture_is_shown_in_reduced_resolution_first() {
     let session = Session::start(session_options()).unwrap();
     let settings = settings(&[("max_depth", Value::Int(3))]);
-    let number = session.request(Slot::Live, Some(request(&settings, [1600, 1200])));
+    let number = session.request(Slot::A, Some(request(&settings, [1600, 1200])));
     let view = wait_for(&session, number, 0);
     let frame = view.frame.unwrap();
     if frame.samples == 0 {
@@ -217,18 +217,18 @@ fn a_paused_picture_has_one_sample_and_goes_on_when_resumed() {
     let session = Session::start(session_options()).unwrap();
     session.set_paused(true);
     let settings = Settings::new(&[]);
-    let number = session.request(Slot::Live, Some(request(&settings, RESOLUTION)));
+    let number = session.request(Slot::A, Some(request(&settings, RESOLUTION)));
     let view = wait_for(&session, number, 1);
     wait_until("the pause", || {
-        session.published().slot(Slot::Live).status == Status::Paused
+        session.published().slot(Slot::A).status == Status::Paused
     });
     let done = view.frame.unwrap().samples;
     assert_eq!(done, 1);
     session.set_paused(false);
     wait_for(&session, number, 2);
-    session.request(Slot::Live, None);
+    session.request(Slot::A, None);
     wait_until("the end", || {
-        session.published().slot(Slot::Live).status == Status::Idle
+        session.published().slot(Slot::A).status == Status::Idle
     });
 }
 
@@ -239,8 +239,8 @@ fn the_pictures_of_both_slots_take_turns_on_one_scene() {
         settings(&[("integrator", "nee".into())]),
         settings(&[("integrator", "bdpt".into())]),
     );
-    session.request(Slot::Live, Some(request(&first, RESOLUTION)));
-    session.request(Slot::Other, Some(request(&second, RESOLUTION)));
+    session.request(Slot::A, Some(request(&first, RESOLUTION)));
+    session.request(Slot::B, Some(request(&second, RESOLUTION)));
     wait_until("both pictures", || {
         let published = session.published();
         Slot::ALL.iter().all(|slot| {
@@ -257,11 +257,11 @@ fn the_pictures_of_both_slots_take_turns_on_one_scene() {
 fn an_error_is_published_and_the_next_request_is_rendered() {
     let session = Session::start(session_options()).unwrap();
     let bad = settings(&[("materials.none.roughness", Value::Int(1))]);
-    session.request(Slot::Live, Some(request(&bad, RESOLUTION)));
+    session.request(Slot::A, Some(request(&bad, RESOLUTION)));
     wait_until("the error", || {
-        matches!(&session.published().slot(Slot::Live).status,
+        matches!(&session.published().slot(Slot::A).status,
             Status::Failed(reason) if reason.contains("none"))
     });
-    let number = session.request(Slot::Live, Some(request(&Settings::new(&[]), RESOLUTION)));
+    let number = session.request(Slot::A, Some(request(&Settings::new(&[]), RESOLUTION)));
     wait_for(&session, number, 1);
 }

@@ -3,6 +3,7 @@
 //! The picture is on the left and the panel on the right, under a title and above a line of hints.
 //! Below 64 columns there is only one of them at a time.
 
+mod errors;
 mod facts;
 mod overlays;
 mod panel;
@@ -16,7 +17,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
 use super::input::PictureArea;
-use super::session::{Published, Slot, Status};
+use super::session::{Published, Status};
 use super::state::{Overlay, State};
 use crate::tui::format;
 use crate::tui::terminal::terminal_caps::{Graphics, TerminalCaps};
@@ -51,14 +52,16 @@ pub struct Regions {
     pub picture: Rect,
     /// The list of parameters with its border.
     pub panel: Rect,
+    /// Errors against the reference.
+    pub errors: Rect,
     /// Facts about the picture.
     pub facts: Rect,
     /// The line at the bottom: hints, or a message.
     pub hints: Rect,
 }
 
-/// Divides the screen into panes.
-pub fn regions(area: Rect, panel_hidden: bool) -> Regions {
+/// Divides the screen into panes. `has_errors` is whether there are error curves to show.
+pub fn regions(area: Rect, panel_hidden: bool, has_errors: bool) -> Regions {
     let lines = [
         Constraint::Length(1),
         Constraint::Fill(1),
@@ -85,36 +88,93 @@ pub fn regions(area: Rect, panel_hidden: bool) -> Regions {
     let columns = [Constraint::Fill(1), Constraint::Length(width)];
     let [picture, side] = Layout::horizontal(columns).areas(body);
     let facts_rows = if side.height >= 20 { 7 } else { 0 };
-    let rows = [Constraint::Fill(1), Constraint::Length(facts_rows)];
-    let [panel, facts] = Layout::vertical(rows).areas(side);
+    let free = side.height.saturating_sub(facts_rows);
+    let errors_rows = if has_errors { free * 6 / 10 } else { 0 };
+    let rows = [
+        Constraint::Fill(1),
+        Constraint::Length(errors_rows),
+        Constraint::Length(facts_rows),
+    ];
+    let [panel, errors, facts] = Layout::vertical(rows).areas(side);
     Regions {
         picture,
         panel,
+        errors,
         facts,
         ..regions
     }
 }
 
-/// Returns the cells of the picture and its resolution: two pixels in every cell, or the pixels of
-/// the cells if the terminal has a graphics protocol.
-pub fn picture_area(area: Rect, panel_hidden: bool, graphics: (Graphics, [u16; 2])) -> PictureArea {
-    let outer = regions(area, panel_hidden).picture;
-    let cells = Rect {
+/// Returns the cells of the picture pane without its border.
+pub fn picture_pane(area: Rect, panel_hidden: bool) -> Rect {
+    let outer = regions(area, panel_hidden, false).picture;
+    Rect {
         x: outer.x + 1,
         y: outer.y + 1,
         width: outer.width.saturating_sub(2),
         height: outer.height.saturating_sub(2),
-    };
-    let [wide, high] = match graphics {
+    }
+}
+
+/// Returns the width and height in pixels of a character cell: the pixels of the terminal if it has
+/// a graphics protocol, else two, one above the other.
+fn cell_pixels(graphics: (Graphics, [u16; 2])) -> [u32; 2] {
+    match graphics {
         (Graphics::Blocks, _) | (_, [0, _] | [_, 0]) => [1, 2],
-        (_, size) => size,
+        (_, size) => size.map(u32::from),
+    }
+}
+
+/// Returns the width and height in pixels of a picture that fills a pane.
+pub fn resolution(pane: Rect, graphics: (Graphics, [u16; 2])) -> [u32; 2] {
+    let [wide, high] = cell_pixels(graphics);
+    [u32::from(pane.width) * wide, u32::from(pane.height) * high]
+}
+
+/// Returns the cells in the middle of an area that a picture of some resolution fills at its aspect
+/// ratio.
+fn tile(area: Rect, resolution: [u32; 2], cell: [u32; 2]) -> Rect {
+    let [wide, high] = resolution.map(|side| f64::from(side.max(1)));
+    let [cell_wide, cell_high] = cell.map(f64::from);
+    let scale =
+        (f64::from(area.width) * cell_wide / wide).min(f64::from(area.height) * cell_high / high);
+    let cells = |pixels: f64, cell: f64, most: u16| {
+        ((pixels * scale / cell).round() as u16).clamp(most.min(1), most)
+    };
+    let (width, height) = (
+        cells(wide, cell_wide, area.width),
+        cells(high, cell_high, area.height),
+    );
+    Rect {
+        x: area.x + (area.width - width) / 2,
+        y: area.y + (area.height - height) / 2,
+        width,
+        height,
+    }
+}
+
+/// Returns the positions of the visible pictures.
+pub fn picture_area(area: Rect, state: &State, graphics: (Graphics, [u16; 2])) -> PictureArea {
+    let pane = picture_pane(area, state.panel_hidden);
+    let cell = cell_pixels(graphics);
+    let place = |area| tile(area, state.resolution, cell);
+    let tiles = if state.visible().len() > 1 {
+        let half = Rect {
+            width: pane.width.saturating_sub(1) / 2,
+            ..pane
+        };
+        let right = Rect {
+            x: pane.right() - half.width,
+            ..half
+        };
+        [place(half), place(right)]
+    } else {
+        [place(pane), Rect::ZERO]
     };
     PictureArea {
-        cells,
-        resolution: [
-            u32::from(cells.width) * u32::from(wide),
-            u32::from(cells.height) * u32::from(high),
-        ],
+        pane,
+        tiles,
+        resolution: state.resolution,
     }
 }
 
@@ -125,7 +185,8 @@ pub fn draw(frame: &mut Frame, screen: &Screen) {
         frame.render_widget(Paragraph::new("too small"), area);
         return;
     }
-    let regions = regions(area, screen.state.panel_hidden);
+    let state = screen.state;
+    let regions = regions(area, state.panel_hidden, state.reference.is_some());
     title(frame, regions.title, screen);
     hints(frame, regions.hints, screen);
     if regions.picture.width > 2 {
@@ -133,6 +194,9 @@ pub fn draw(frame: &mut Frame, screen: &Screen) {
     }
     if regions.panel.width > 2 {
         panel::draw(frame, regions.panel, screen);
+    }
+    if regions.errors.height > 2 {
+        errors::draw(frame, regions.errors, screen);
     }
     if regions.facts.height > 2 {
         facts::draw(frame, regions.facts, screen);
@@ -146,7 +210,7 @@ pub fn draw(frame: &mut Frame, screen: &Screen) {
 
 fn title(frame: &mut Frame, area: Rect, screen: &Screen) {
     let (state, caps) = (screen.state, screen.caps);
-    let live = screen.published.slot(Slot::Live);
+    let live = screen.published.slot(state.side);
     let scene = state.scene.as_ref().map_or("", |scene| scene.name.as_str());
     let (text, style) = match &live.status {
         Status::Idle => ("", caps.dim()),
@@ -160,11 +224,18 @@ fn title(frame: &mut Frame, area: Rect, screen: &Screen) {
     let spans = vec![
         Span::styled(" Lumbre explore  ", caps.accent()),
         Span::styled(format::clean(scene), caps.strong()),
+        Span::styled(side_name(state), caps.accent()),
         Span::raw(format!("  {}  ", state.settings.technique().name)),
         Span::raw(format!("{samples} spp  ")),
         Span::styled(text, style),
     ];
     frame.render_widget(Line::from(spans), area);
+}
+
+/// Name of the side that the panel edits, if there are two.
+fn side_name(state: &State) -> String {
+    let name = state.comparison.as_ref().map(|_| state.side.name());
+    name.map_or_else(String::new, |name| format!("  {name}:"))
 }
 
 fn hints(frame: &mut Frame, area: Rect, screen: &Screen) {
@@ -197,7 +268,7 @@ fn hints(frame: &mut Frame, area: Rect, screen: &Screen) {
         }
         _ => {
             let text = " ? keys  q quit  arrows change  Enter type  wasd orbit  +- dolly  \
-                        t technique  space pause  p save  x script  o scenes";
+                        t technique  space pause  c compare  f reference  p save  x script";
             Line::styled(format::fit(text, columns, ellipsis), caps.dim())
         }
     };

@@ -8,7 +8,8 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
 use super::Screen;
-use crate::explore::session::{Frame as Published, Slot, Status};
+use crate::explore::input::PictureArea;
+use crate::explore::session::{Frame as Published, SLOTS, Slot, Status};
 use crate::explore::state::Overlay;
 use crate::metrics::tonemap::Tonemap;
 use crate::output::layer::display_values;
@@ -37,16 +38,22 @@ impl Source {
     }
 }
 
-/// The picture that was drawn last.
+/// The picture that was drawn last in one of the tiles.
 #[derive(Default)]
-pub struct PictureCache {
+struct CachedTile {
     shown: Option<(Source, Image)>,
     encoded: Option<(Graphics, [u16; 2], EncodedPicture)>,
-    /// Number of encoded pictures so far; distinguishes them in the memory of the terminal.
+    /// Number of encoded pictures so far.
     count: u8,
 }
 
-impl PictureCache {
+/// The pictures that were drawn last, by tile.
+#[derive(Default)]
+pub struct PictureCache {
+    tiles: [CachedTile; SLOTS],
+}
+
+impl CachedTile {
     /// Returns the display values of a source.
     fn display(&mut self, source: Source) -> &Image {
         let same = self
@@ -66,16 +73,22 @@ impl PictureCache {
         image
     }
 
-    /// Returns the picture that was passed to [`PictureCache::display`] last, encoded.
-    fn encode(&mut self, graphics: Graphics, cells: [u16; 2]) -> Option<&EncodedPicture> {
+    /// Returns the picture that was passed to [`CachedTile::display`] last, encoded. `first` is the
+    /// first of two numbers that distinguish the pictures of this tile in the memory of the
+    /// terminal; two suffice, since the terminal shows one while the next one is sent.
+    fn encode(
+        &mut self,
+        graphics: Graphics,
+        cells: [u16; 2],
+        first: u8,
+    ) -> Option<&EncodedPicture> {
         let (_, image) = self.shown.as_ref()?;
         let known = self.encoded.as_ref();
         let same = known.is_some_and(|(g, c, _)| *g == graphics && *c == cells);
         if !same {
-            // Two numbers suffice: the terminal shows one picture while the next one is sent.
             self.count = (self.count + 1) % 2;
             let picture = Picture::from_display(image);
-            let encoded = EncodedPicture::new(graphics, cells, &picture, self.count)?;
+            let encoded = EncodedPicture::new(graphics, cells, &picture, first + self.count)?;
             self.encoded = Some((graphics, cells, encoded));
         }
         self.encoded.as_ref().map(|(.., encoded)| encoded)
@@ -109,12 +122,25 @@ fn shown_layer(screen: &Screen, frame: &Published) -> usize {
 
 /// Draws the pane.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {
-    let caps = screen.caps;
-    let live = screen.published.slot(Slot::Live);
-    let block = pane(caps, title(screen));
-    let inner = block.inner(area);
+    let block = pane(screen.caps, title(screen));
     frame.render_widget(block, area);
-    if let Status::Failed(reason) = &live.status {
+    let place = super::picture_area(frame.area(), screen.state, screen.graphics);
+    for (index, slot) in screen.state.visible().into_iter().enumerate() {
+        let at = place.tiles[index];
+        if at.width > 0 && at.height > 0 {
+            draw_tile(frame, at, screen, (index, slot));
+        }
+    }
+    if screen.state.comparison.is_some() {
+        names(frame, area, screen, &place);
+    }
+}
+
+/// Draws the picture of a slot, or why there is none.
+fn draw_tile(frame: &mut Frame, inner: Rect, screen: &Screen, (index, slot): (usize, Slot)) {
+    let caps = screen.caps;
+    let view = screen.published.slot(slot);
+    if let Status::Failed(reason) = &view.status {
         let lines: Vec<Line> = format::wrap(&format::clean(reason), usize::from(inner.width))
             .into_iter()
             .map(Line::from)
@@ -122,8 +148,8 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {
         frame.render_widget(Paragraph::new(lines).style(caps.bad()), inner);
         return;
     }
-    let Some(published) = &live.frame else {
-        let text = match live.status {
+    let Some(published) = &view.frame else {
+        let text = match view.status {
             Status::Loading => "loading the scene",
             _ => "no picture yet",
         };
@@ -134,26 +160,44 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {
         frame: Arc::clone(published),
         layer: shown_layer(screen, published),
         tonemap: screen.state.tonemap(),
-        resolution: screen.state.resolution,
+        resolution: super::resolution(inner, screen.graphics),
     };
-    if source.resolution.contains(&0) {
-        return;
-    }
     let mut cache = screen.cache.borrow_mut();
+    let cache = &mut cache.tiles[index];
     let (graphics, cell) = screen.graphics;
     // Text cannot be drawn over such a picture, so overlays are shown over blocks.
     let blocks = graphics == Graphics::Blocks
         || cell.contains(&0)
         || caps.colors == Colors::None
-        || matches!(screen.state.overlay, Overlay::Help | Overlay::Picker(_));
+        || !matches!(screen.state.overlay, Overlay::None | Overlay::Edit(_));
     let image = cache.display(source);
     if blocks {
         picture::draw_display(frame, inner, caps, image);
-    } else if let Some(encoded) = cache.encode(graphics, [inner.width, inner.height]) {
+        cursor(frame, inner, screen);
+    } else if let Some(encoded) =
+        cache.encode(graphics, [inner.width, inner.height], 2 * index as u8)
+    {
         frame.render_widget(encoded, inner);
     }
-    if blocks {
-        cursor(frame, inner, screen);
+}
+
+/// Writes the names of compared pictures into the border above them; that of the edited one is
+/// highlighted.
+fn names(frame: &mut Frame, area: Rect, screen: &Screen, place: &PictureArea) {
+    let (state, caps) = (screen.state, screen.caps);
+    for (slot, at) in state.visible().into_iter().zip(place.tiles) {
+        let technique = state.settings_of(slot).map_or("", |s| s.technique().name);
+        let samples = screen.published.slot(slot).frame.as_ref();
+        let samples = samples.map_or(0, |frame| frame.samples);
+        let text = format!(" {} {technique} {samples} spp ", slot.name());
+        let style = if slot == state.side {
+            caps.accent()
+        } else {
+            caps.strong()
+        };
+        let room = usize::from(at.width);
+        let text = format::fit(&text, room, caps.glyphs().ellipsis);
+        frame.buffer_mut().set_string(at.x, area.y, text, style);
     }
 }
 
@@ -170,10 +214,13 @@ fn cursor(frame: &mut Frame, inner: Rect, screen: &Screen) {
     }
 }
 
-/// Title of the pane: what is shown.
+/// Title of the pane: what is shown. The names of compared pictures take its place.
 fn title(screen: &Screen) -> Line<'static> {
     let caps = screen.caps;
-    let live = screen.published.slot(Slot::Live);
+    if screen.state.comparison.is_some() {
+        return Line::default();
+    }
+    let live = screen.published.slot(screen.state.side);
     let layer = live.frame.as_ref().and_then(|frame| {
         let index = shown_layer(screen, frame).checked_sub(1)?;
         Some(frame.layers.get(index)?.film.name())

@@ -47,7 +47,7 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
         frame.render_widget(Paragraph::new(note).style(caps.dim()), inner);
         return;
     };
-    let points = points(&current.curve, view);
+    let points = points(&current.curve, view.chart_x, view.metric);
     if points.is_empty() {
         super::draw_note(frame, inner, caps, note(current));
         return;
@@ -83,7 +83,7 @@ fn other_curves(model: &NightModel, current: &CurrentRun, view: &View) -> Vec<Ch
     let mut curves: Vec<ChartCurve> = others
         .map(|(cell, curve)| ChartCurve {
             series: series(model, current.cell, cell),
-            points: points(curve, view),
+            points: points(curve, view.chart_x, view.metric),
         })
         .collect();
     // Curves that are not compared are drawn first, behind the others.
@@ -105,10 +105,11 @@ fn series(model: &NightModel, current: CellRef, cell: CellRef) -> Option<(usize,
 }
 
 /// One curve of the chart.
-struct ChartCurve {
+pub(crate) struct ChartCurve {
     /// Index and name of its series, if it is compared with the current cell.
-    series: Option<(usize, String)>,
-    points: Vec<(f64, f64)>,
+    pub series: Option<(usize, String)>,
+    /// Positive horizontal coordinates with values.
+    pub points: Vec<(f64, f64)>,
 }
 
 impl ChartCurve {
@@ -122,15 +123,15 @@ impl ChartCurve {
 }
 
 /// Curves and lines of the chart.
-struct Lines {
+pub(crate) struct Lines {
     /// Curve of the current cell.
-    current: ChartCurve,
+    pub current: ChartCurve,
     /// Curves of earlier and interleaved cells.
-    others: Vec<ChartCurve>,
+    pub others: Vec<ChartCurve>,
     /// Value at which the stop rule is met.
-    threshold: Option<f64>,
+    pub threshold: Option<f64>,
     /// Noise floor of the reference.
-    floor: Option<f64>,
+    pub floor: Option<f64>,
 }
 
 /// Explains why there is no curve.
@@ -216,7 +217,8 @@ fn tabs(metrics: &[MetricSpec], view: &View, width: u16) -> Line<'static> {
     line
 }
 
-fn axis_unit(axis: ChartX) -> &'static str {
+/// Returns quantity and unit of the horizontal axis.
+pub(crate) fn axis_unit(axis: ChartX) -> &'static str {
     match axis {
         ChartX::RenderS => "render time, s",
         ChartX::Samples => "samples, spp",
@@ -224,17 +226,17 @@ fn axis_unit(axis: ChartX) -> &'static str {
 }
 
 /// Horizontal coordinate of a measurement.
-fn x_of(row: &WaveRow, axis: ChartX) -> f64 {
+pub(crate) fn x_of(row: &WaveRow, axis: ChartX) -> f64 {
     match axis {
         ChartX::RenderS => row.render_s,
         ChartX::Samples => row.samples as f64,
     }
 }
 
-/// Returns the finite points with a positive horizontal coordinate.
-fn points(curve: &Curve, view: &View) -> Vec<(f64, f64)> {
+/// Returns the finite points of a metric with a positive horizontal coordinate.
+pub(crate) fn points(curve: &Curve, axis: ChartX, metric: usize) -> Vec<(f64, f64)> {
     let point = |row: &WaveRow| {
-        let (x, y) = (x_of(row, view.chart_x), *row.metrics.get(view.metric)?);
+        let (x, y) = (x_of(row, axis), *row.metrics.get(metric)?);
         (x > 0.0 && x.is_finite() && y.is_finite()).then_some((x, y))
     };
     curve.rows().filter_map(point).collect()
@@ -255,7 +257,13 @@ fn threshold(rule: &StopRule, column: &str) -> Option<f64> {
 }
 
 /// Draws axes, threshold, noise floor and curves.
-fn plot(frame: &mut Frame, area: Rect, caps: TerminalCaps, spec: &MetricSpec, lines: &Lines) {
+pub(crate) fn plot(
+    frame: &mut Frame,
+    area: Rect,
+    caps: TerminalCaps,
+    spec: &MetricSpec,
+    lines: &Lines,
+) {
     let points = &lines.current.points[..];
     if area.width < 16 || area.height < 4 {
         return;

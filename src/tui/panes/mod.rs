@@ -266,7 +266,7 @@ pub(crate) fn pane<'a>(caps: TerminalCaps, title: impl Into<Line<'a>>) -> Block<
 }
 
 /// Draws a dim text, broken into lines.
-fn draw_note(frame: &mut Frame, area: Rect, caps: TerminalCaps, text: &str) {
+pub(crate) fn draw_note(frame: &mut Frame, area: Rect, caps: TerminalCaps, text: &str) {
     let lines: Vec<Line> = format::wrap(text, usize::from(area.width))
         .into_iter()
         .map(Line::from)
