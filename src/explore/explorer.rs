@@ -15,6 +15,8 @@ use ratatui::layout::Rect;
 use super::camera;
 use super::comparison::{Arrangement, FLICKER_S};
 use super::input::{Command, Input};
+use super::inspect::{Inspection, Query, Target, inspect};
+use super::latest::Latest;
 use super::measure::Meter;
 use super::picker::SceneList;
 use super::reference::Reference;
@@ -57,6 +59,9 @@ pub struct Explorer {
     pub state: State,
     session: Session,
     meter: Meter,
+    inspections: Latest<Query, Inspection>,
+    /// What the inspector asked last.
+    asked: Option<Target>,
     published: Published,
     input: Input,
     caps: TerminalCaps,
@@ -98,6 +103,8 @@ impl Explorer {
             state,
             session: Session::start(options.session)?,
             meter: Meter::start()?,
+            inspections: Latest::start("inspect", |query| inspect(&query))?,
+            asked: None,
             published: Published::default(),
             input: Input::default(),
             caps,
@@ -166,10 +173,11 @@ impl Explorer {
 
     /// Takes what was published and measured. Returns whether anything changed.
     pub fn poll(&mut self) -> bool {
-        let measured = self.take_measured();
-        let flickered = self.flicker();
+        let mut changed = self.take_measured();
+        changed |= self.flicker();
+        changed |= self.inspect();
         if self.session.revision() == self.published.revision {
-            return measured || flickered;
+            return changed;
         }
         let before = std::mem::replace(&mut self.published, self.session.published());
         self.measure(&before);
@@ -198,6 +206,35 @@ impl Explorer {
         let visible = Slot::ALL[turn % SLOTS];
         let changed = comparison.arrangement == Arrangement::Flicker;
         std::mem::replace(&mut comparison.visible, visible) != visible && changed
+    }
+
+    /// Asks about the pixel under the cursor if it is another one, and takes what was found out.
+    /// Returns whether there was anything.
+    fn inspect(&mut self) -> bool {
+        if self.state.inspector.is_none() {
+            self.asked = None;
+        }
+        let view = self.published.slot(self.state.side);
+        let target = self
+            .state
+            .target()
+            .filter(|target| view.request == target.request);
+        if let (Some(target), Some(scene), Some(run)) = (target, &view.scene, &view.run)
+            && self.asked != Some(target)
+        {
+            self.asked = Some(target);
+            self.inspections.ask(Query {
+                target,
+                scene: Arc::clone(scene),
+                run: Arc::clone(run),
+            });
+        }
+        let found = self.inspections.take();
+        let any = found.is_some();
+        if let (Some(inspector), Some(found)) = (&mut self.state.inspector, found) {
+            inspector.found = Some(Arc::new(found));
+        }
+        any
     }
 
     /// Takes what was measured. Returns whether there was anything.

@@ -192,11 +192,50 @@ fn key_pressed(key: KeyEvent, state: &mut State) -> Option<Command> {
         return Some(Command::Quit);
     }
     match std::mem::take(&mut state.overlay) {
+        Overlay::None if inspector_key(key, state) => None,
         Overlay::None => panel_key(key, state),
-        Overlay::Help => None,
+        Overlay::Help(first) => {
+            // Other keys close the list.
+            state.overlay = match key.code {
+                KeyCode::Down => Overlay::Help(first + 1),
+                KeyCode::Up => Overlay::Help(first.saturating_sub(1)),
+                _ => Overlay::None,
+            };
+            None
+        }
         Overlay::Picker(picker) => picker_key(key, state, picker),
         Overlay::Edit(text) => edit_key(key, state, text),
     }
+}
+
+/// Handles the keys of the inspector while it is open. Returns whether the key is one of them.
+fn inspector_key(key: KeyEvent, state: &mut State) -> bool {
+    let Some(inspector) = &mut state.inspector else {
+        return false;
+    };
+    let far = if key.modifiers.contains(KeyModifiers::SHIFT) {
+        10
+    } else {
+        1
+    };
+    match key.code {
+        KeyCode::Enter => inspector.window = !inspector.window,
+        KeyCode::Esc if inspector.window => inspector.window = false,
+        KeyCode::Esc => state.toggle_inspector(),
+        KeyCode::Up if inspector.window => inspector.scroll = inspector.scroll.saturating_sub(1),
+        KeyCode::Down if inspector.window => inspector.scroll += 1,
+        KeyCode::Char('n') => (inspector.sample, inspector.scroll) = (inspector.sample + 1, 0),
+        KeyCode::Char('N') => {
+            inspector.sample = inspector.sample.saturating_sub(1);
+            inspector.scroll = 0;
+        }
+        KeyCode::Up => state.move_cursor([0, -far]),
+        KeyCode::Down => state.move_cursor([0, far]),
+        KeyCode::Left => state.move_cursor([-far, 0]),
+        KeyCode::Right => state.move_cursor([far, 0]),
+        _ => return false,
+    }
+    true
 }
 
 fn picker_key(key: KeyEvent, state: &mut State, mut picker: Picker) -> Option<Command> {
@@ -397,6 +436,10 @@ fn character(c: char, state: &mut State) -> Option<Command> {
             };
             None
         }
+        'i' => {
+            state.toggle_inspector();
+            None
+        }
         'f' => Some(Command::Freeze),
         'F' => state.reference.is_some().then_some(Command::Unfreeze),
         'l' => {
@@ -410,7 +453,7 @@ fn character(c: char, state: &mut State) -> Option<Command> {
             None
         }
         '?' => {
-            state.overlay = Overlay::Help;
+            state.overlay = Overlay::Help(0);
             None
         }
         'q' => Some(Command::Quit),

@@ -10,12 +10,16 @@
 //! connects the parts, and [`terminal`] runs them on a terminal.
 //!
 //! Two settings can be rendered in turn ([`comparison`]), and a picture can be kept as [`reference`]
-//! of the following ones. Another thread ([`measure`]) computes the metrics of both.
+//! of the following ones. Another thread ([`measure`]) computes the metrics of both. A pixel can be
+//! inspected ([`inspect`]), with the [`lobe`] of its material.
 
 pub mod camera;
 pub mod comparison;
 pub mod explorer;
 pub mod input;
+pub mod inspect;
+pub mod latest;
+pub mod lobe;
 pub mod measure;
 pub mod parameters;
 pub mod picker;

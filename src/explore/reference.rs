@@ -132,12 +132,12 @@ pub struct Curves {
 }
 
 impl Curves {
-    /// Starts the curve of a request. It replaces that of the same settings, and a curve of this
-    /// slot without measurements.
+    /// Starts the curve of a request. It replaces that of the same settings in this slot, and one
+    /// without measurements.
     pub fn begin(&mut self, slot: Slot, request: u64, label: String) {
         self.list.retain(|known| {
-            let replaced = known.slot == slot && known.curve.last().is_none();
-            known.label != label && !replaced
+            let replaced = known.label == label || known.curve.last().is_none();
+            known.slot != slot || !replaced
         });
         if self.list.len() >= MOST_CURVES {
             self.list.remove(0);

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::camera::focus_distance;
 use super::comparison::{Arrangement, Comparison, seed_value};
+use super::inspect::{Inspector, Target};
 use super::measure::Difference;
 use super::parameters::{self, INTEGRATOR, MAX_DEPTH, Parameter, SEED};
 use super::picker::{Picker, SceneList};
@@ -21,8 +22,8 @@ pub enum Overlay {
     /// The screen is not covered.
     #[default]
     None,
-    /// The list of keys.
-    Help,
+    /// The list of keys, from a row on.
+    Help(usize),
     /// The list of scenes.
     Picker(Picker),
     /// A line in which the value of the selected parameter is typed.
@@ -81,6 +82,8 @@ pub struct State {
     pub layer: usize,
     /// Pixel under the cursor.
     pub cursor: Option<[u32; 2]>,
+    /// The inspector of the pixel under the cursor, if it is open.
+    pub inspector: Option<Inspector>,
     /// Message that was shown last.
     pub message: Option<Message>,
 }
@@ -183,6 +186,36 @@ impl State {
             let label = label(settings, &reference.settings);
             self.curves.begin(slot, self.requests[slot.index()], label);
         }
+    }
+
+    /// Opens or closes the inspector. Without a cursor it starts in the middle of the picture.
+    pub fn toggle_inspector(&mut self) {
+        self.inspector = match self.inspector {
+            Some(_) => None,
+            None => Some(Inspector::default()),
+        };
+        let middle = self.resolution.map(|side| side / 2);
+        self.cursor.get_or_insert(middle);
+    }
+
+    /// Moves the cursor by columns and rows of pixels.
+    pub fn move_cursor(&mut self, by: [i64; 2]) {
+        if let Some(pixel) = &mut self.cursor {
+            *pixel = [0, 1].map(|i| {
+                let last = i64::from(self.resolution[i].max(1)) - 1;
+                (i64::from(pixel[i]) + by[i]).clamp(0, last) as u32
+            });
+        }
+    }
+
+    /// Returns what the inspector asks about.
+    pub fn target(&self) -> Option<Target> {
+        Some(Target {
+            slot: self.side,
+            request: self.requests[self.side.index()],
+            pixel: self.cursor?,
+            sample: self.inspector.as_ref()?.sample,
+        })
     }
 
     /// Returns the curve of the picture in a slot.

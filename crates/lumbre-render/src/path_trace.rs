@@ -6,6 +6,7 @@
 
 use glam::Vec3;
 
+use lumbre_light::scene::CompiledScene;
 use lumbre_light::transport::contribution::Contribution;
 use lumbre_light::transport::ray::{Hit, Ray};
 
@@ -47,6 +48,63 @@ impl PathEvent {
                 ..
             } => Some(ray.origin + ray.dir * hit.t),
             _ => None,
+        }
+    }
+
+    /// Formats the event as one line. `pixel` is the pixel of the sample.
+    pub fn line(&self, scene: &CompiledScene, pixel: [u32; 2]) -> String {
+        let point = |v: Vec3| format!("({}, {}, {})", v.x, v.y, v.z);
+        match self {
+            PathEvent::Closest { ray, hit: None, .. } => {
+                format!(
+                    "ray    {} -> {}: nothing",
+                    point(ray.origin),
+                    point(ray.dir)
+                )
+            }
+            PathEvent::Closest {
+                ray,
+                hit: Some(hit),
+                ..
+            } => {
+                let vertex = point(ray.origin + ray.dir * hit.t);
+                format!(
+                    "ray    {} -> vertex {vertex}: {}, t {}",
+                    point(ray.origin),
+                    scene.primitive_name(hit.primitive, hit.instance),
+                    hit.t
+                )
+            }
+            PathEvent::Shadow {
+                ray,
+                t_max,
+                blocked,
+            } => {
+                let end = if t_max.is_finite() {
+                    point(ray.origin + ray.dir * *t_max)
+                } else {
+                    "outside".to_owned()
+                };
+                format!(
+                    "shadow {} -> {end}: {}",
+                    point(ray.origin),
+                    if *blocked { "blocked" } else { "free" }
+                )
+            }
+            PathEvent::Light(c) => {
+                let target = if c.pixel == pixel {
+                    String::new()
+                } else {
+                    format!(" for pixel {},{}", c.pixel[0], c.pixel[1])
+                };
+                format!(
+                    "light  s {} t {}: {} of {}{target}",
+                    c.s,
+                    c.t,
+                    point(c.value),
+                    point(c.unweighted)
+                )
+            }
         }
     }
 }

@@ -10,7 +10,7 @@ use crate::cli::args::{Global, TraceArgs, unknown_name};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::night::load;
 use crate::cli::reproduce::stored_run;
-use lumbre_light::scene::compile::{MAX_FLATTENED_PRIMITIVES, NONE};
+use lumbre_light::scene::compile::MAX_FLATTENED_PRIMITIVES;
 use lumbre_light::scene::desc::MAX_SIDE;
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::integrator::{INTEGRATORS, integrator};
@@ -117,18 +117,6 @@ fn scene_job(args: &TraceArgs, global: &Global) -> Result<(Arc<CompiledScene>, J
     Ok((Arc::new(scene), job))
 }
 
-/// Returns the name of a primitive: its kind, number and the model of its material.
-fn primitive_name(scene: &CompiledScene, id: u32) -> String {
-    let material = &scene.materials[scene.material_of(id, NONE) as usize];
-    let i = id as usize;
-    let (kind, i) = if i < scene.triangles.len() {
-        ("triangle", i)
-    } else {
-        ("sphere", i - scene.triangles.len())
-    };
-    format!("{kind} {i} ({})", material.model.name())
-}
-
 /// Returns a step as JSON.
 fn step_json(step: &PathEvent, scene: &CompiledScene) -> Json {
     match step {
@@ -137,7 +125,7 @@ fn step_json(step: &PathEvent, scene: &CompiledScene) -> Json {
             "within": t_max.is_finite().then_some(t_max),
             "hit": hit.map(|hit| json!({
                 "t": hit.t, "primitive": hit.primitive, "uv": hit.uv,
-                "what": primitive_name(scene, hit.primitive),
+                "what": scene.primitive_name(hit.primitive, hit.instance),
                 "vertex": (ray.origin + ray.dir * hit.t).to_array(),
             })),
         }),
@@ -162,69 +150,12 @@ fn page(steps: &[PathEvent], scene: &CompiledScene, pixel: [u32; 2]) -> String {
     let mut text = String::new();
     for (i, step) in steps.iter().enumerate() {
         // Writing to a String cannot fail.
-        let _ = writeln!(text, "{i:>3} {}", step_line(step, scene, pixel));
+        let _ = writeln!(text, "{i:>3} {}", step.line(scene, pixel));
     }
     if steps.is_empty() {
         "nothing\n".to_owned()
     } else {
         text
-    }
-}
-
-/// Formats a step as one line. `pixel` is the pixel of the sample.
-fn step_line(step: &PathEvent, scene: &CompiledScene, pixel: [u32; 2]) -> String {
-    let point = |v: glam::Vec3| format!("({}, {}, {})", v.x, v.y, v.z);
-    match step {
-        PathEvent::Closest { ray, hit: None, .. } => {
-            format!(
-                "ray    {} -> {}: nothing",
-                point(ray.origin),
-                point(ray.dir)
-            )
-        }
-        PathEvent::Closest {
-            ray,
-            hit: Some(hit),
-            ..
-        } => {
-            let vertex = point(ray.origin + ray.dir * hit.t);
-            format!(
-                "ray    {} -> vertex {vertex}: {}, t {}",
-                point(ray.origin),
-                primitive_name(scene, hit.primitive),
-                hit.t
-            )
-        }
-        PathEvent::Shadow {
-            ray,
-            t_max,
-            blocked,
-        } => {
-            let end = if t_max.is_finite() {
-                point(ray.origin + ray.dir * *t_max)
-            } else {
-                "outside".to_owned()
-            };
-            format!(
-                "shadow {} -> {end}: {}",
-                point(ray.origin),
-                if *blocked { "blocked" } else { "free" }
-            )
-        }
-        PathEvent::Light(c) => {
-            let target = if c.pixel == pixel {
-                String::new()
-            } else {
-                format!(" for pixel {},{}", c.pixel[0], c.pixel[1])
-            };
-            format!(
-                "light  s {} t {}: {} of {}{target}",
-                c.s,
-                c.t,
-                point(c.value),
-                point(c.unweighted)
-            )
-        }
     }
 }
 

@@ -17,8 +17,10 @@ use std::time::Instant;
 use super::settings::{Limits, SceneFacts, SceneFile};
 use lumbre_light::film::layer::LayerImage;
 use lumbre_light::film::{Image, SharedImage};
+use lumbre_light::scene::desc::CameraDesc;
 use lumbre_light::scene::load::MissingTextures;
 use lumbre_light::value::Value;
+use lumbre_render::Job;
 use lumbre_render::cpu::prepared_scene::PreparedScene;
 use run::Worker;
 
@@ -164,6 +166,8 @@ pub struct SlotView {
     pub first_picture_s: Option<f64>,
     /// Description of the device that renders.
     pub device: String,
+    /// Camera and job of the request.
+    pub run: Option<Arc<(CameraDesc, Job)>>,
     /// The scene of the request, with the hierarchy if the CPU renders it.
     pub scene: Option<Arc<LoadedScene>>,
 }
@@ -176,10 +180,19 @@ pub struct LoadedScene {
     pub facts: SceneFacts,
     /// Notes of the loader.
     pub notes: Vec<String>,
-    /// Names of the materials, in the order of the compiled scene.
+    /// Names of the materials, in the order of the compiled scene, in which unnamed ones may follow.
     pub materials: Vec<String>,
     /// The scene with its hierarchy; `None` on other backends.
     pub prepared: Option<Arc<PreparedScene>>,
+}
+
+impl LoadedScene {
+    /// Returns the name of a material, or its number if it has none.
+    pub fn material_name(&self, material: u32) -> String {
+        let name = self.materials.get(material as usize);
+        name.cloned()
+            .unwrap_or_else(|| format!("number {material}"))
+    }
 }
 
 impl std::fmt::Debug for LoadedScene {

@@ -8,7 +8,7 @@ use super::scenes::{Opened, Scenes};
 use super::{Frame, Request, SLOTS, SessionOptions, Shared, Status, Wanted, lock};
 use crate::explore::settings::Limits;
 use lumbre_light::film::layer::LayerImage;
-use lumbre_light::film::{Image, SharedImage};
+use lumbre_light::film::{SharedImage, relative_noise};
 use lumbre_render::{Job, RenderError, Renderer, WaveStats};
 
 /// Time that a wave should take, in seconds. A change of the settings abandons a wave anyway on the
@@ -166,6 +166,7 @@ impl Worker {
                 opened.map(|opened| {
                     self.shared.publish(slot, |view| {
                         view.scene = Some(Arc::clone(&opened.scene));
+                        view.run = Some(Arc::new((opened.camera.clone(), opened.job.clone())));
                         view.device = opened.renderer.open_stats().device.clone();
                         view.status = Status::Rendering;
                     });
@@ -299,13 +300,6 @@ impl Shared {
     }
 }
 
-/// Returns the root mean square standard error over the mean of a picture; NaN or infinite if the
-/// picture is black.
-fn relative_noise(image: &Image, variance: &Image) -> f64 {
-    let mean = |image: &Image| image.mean().iter().sum::<f64>() / 3.0;
-    mean(variance).sqrt() / mean(image)
-}
-
 impl Run {
     fn is_open(&self) -> bool {
         matches!(self.state, RunState::Open(_))
@@ -363,8 +357,7 @@ impl OpenRun {
         if due || last {
             let start = Instant::now();
             let variance = film.variance_of_mean();
-            self.noise = Some(relative_noise(&image, &variance));
-            self.noise = self.noise.filter(|noise| samples > 1 && noise.is_finite());
+            self.noise = relative_noise(&image, &variance).filter(|_| samples > 1);
             self.variance = (samples > 1).then(|| (Arc::new(variance), samples));
             self.noise_cost_s = start.elapsed().as_secs_f64();
             self.noise_at = Some(Instant::now());

@@ -227,7 +227,7 @@ fn a_comparison_and_a_reference_are_measured_while_they_render() {
         Slot::ALL.into_iter().all(measured) && !explorer.state.floors.is_empty()
     });
     assert!(explorer.state.floors[1].is_some_and(|floor| floor > 0.0));
-    assert!(screen(&explorer).contains("over render time"));
+    assert!(screen(&explorer).contains("╭ rmse"));
     // The size of the picture stays, so that it can still be measured.
     explorer.event(&key(KeyCode::Tab));
     assert_eq!(explorer.state.resolution, resolution);

@@ -269,7 +269,7 @@ fn a_scene_is_picked_by_typing() {
     fixture.press('o');
     assert_eq!(fixture.send(&key(KeyCode::Esc)), None);
     fixture.press('?');
-    assert_eq!(fixture.state.overlay, Overlay::Help);
+    assert_eq!(fixture.state.overlay, Overlay::Help(0));
     fixture.press('?');
     assert_eq!(fixture.press('q'), Some(Command::Quit));
 }

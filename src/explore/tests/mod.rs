@@ -1,6 +1,7 @@
 //! Tests of keys, of the session, of whole screens, and of the program driven by events.
 
 mod comparing;
+mod inspecting;
 mod keys;
 mod program;
 mod screens;

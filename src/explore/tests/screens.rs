@@ -11,6 +11,8 @@ use ratatui::layout::Rect;
 use super::{facts, scene};
 use crate::experiment::WaveRow;
 use crate::explore::comparison::Arrangement;
+use crate::explore::inspect::{Inspection, SurfaceFacts, Target};
+use crate::explore::lobe::{BINS, Lobe, STEPS, angle_of};
 use crate::explore::measure::Difference;
 use crate::explore::picker::Picker;
 use crate::explore::reference::Reference;
@@ -120,7 +122,7 @@ fn the_list_of_scenes_and_the_list_of_keys() {
         "picker-80",
         screen((80, 24), &state, &Published::default(), PLAIN)
     );
-    state.overlay = Overlay::Help;
+    state.overlay = Overlay::Help(0);
     assert_snapshot!("help-80", screen((80, 24), &state, &published(), PLAIN));
 }
 
@@ -200,6 +202,82 @@ fn two_settings_with_their_difference_and_their_errors() {
     assert_snapshot!("flicker-80", screen((80, 24), &state, &published, PLAIN));
 }
 
+/// A pixel of a glossy surface with the steps of a sample.
+fn inspected() -> (State, Published) {
+    let (mut state, mut published) = (state(), published());
+    state.cursor = Some([20, 14]);
+    let frame = published.slots[0].frame.take().unwrap();
+    published.slots[0].frame = Some(Arc::new(Frame {
+        variance: Some((Arc::new(Image::from_fn(80, 60, |_, _| [1e-4; 3])), 96)),
+        ..(*frame).clone()
+    }));
+    let values: Vec<f64> = (0..=STEPS)
+        .map(|step| {
+            let angle = f64::from(angle_of(step));
+            let bump = (-((angle - 0.6) / 0.3).powi(2)).exp();
+            angle.cos().max(0.0) * (0.2 + bump)
+        })
+        .collect();
+    let histogram: Vec<f64> = (0..BINS)
+        .map(|bin| values[(bin * STEPS + STEPS / 2) / BINS])
+        .collect();
+    let lobe = Lobe {
+        angle: 0.6,
+        densities: histogram.iter().map(|x| 1.1 * x).collect(),
+        histogram,
+        values,
+        delta: 0.0,
+        lost: 0.05,
+        albedo: 0.62,
+    };
+    let target = state_target(&mut state);
+    let steps = [
+        "ray    (0, 0, 4) -> vertex (0.25, -0.5, 0): triangle 12 (disney), t 4.03",
+        "shadow (0.25, -0.5, 0) -> (0, 1, 0.5): free",
+        "light  s 1 t 2: (0.75, 0.5, 0.25) of (0.75, 0.5, 0.25)",
+    ];
+    state.inspector.as_mut().unwrap().found = Some(Arc::new(Inspection {
+        target,
+        surface: Some(SurfaceFacts {
+            material: "floor".to_owned(),
+            model: "disney",
+            primitive: "triangle 12 (disney)".to_owned(),
+            position: [0.25, -0.5, 0.0],
+            distance: 4.03,
+            light: None,
+            lobe: Some(lobe),
+        }),
+        steps: steps.map(str::to_owned).into(),
+        depths: vec![(2, [0.75, 0.5, 0.25])],
+        rays: 2,
+    }));
+    (state, published)
+}
+
+/// Opens the inspector and returns its target.
+fn state_target(state: &mut State) -> Target {
+    state.toggle_inspector();
+    state.target().unwrap()
+}
+
+#[test]
+fn a_pixel_with_its_surface_and_the_window_with_its_lobe() {
+    let (mut state, published) = inspected();
+    for size in SIZES {
+        assert_snapshot!(
+            format!("pixel-{}", size.0),
+            screen(size, &state, &published, PLAIN)
+        );
+    }
+    state.inspector.as_mut().unwrap().window = true;
+    for size in SIZES {
+        assert_snapshot!(
+            format!("lobe-{}", size.0),
+            screen(size, &state, &published, PLAIN)
+        );
+    }
+}
+
 #[test]
 fn small_screens_show_what_fits() {
     let mut state = state();
@@ -210,6 +288,10 @@ fn small_screens_show_what_fits() {
     for width in 24..90 {
         for height in [8, 13, 21] {
             screen((width, height), &state, &published(), RICH);
+            let (mut inspected, picture) = inspected();
+            screen((width, height), &inspected, &picture, RICH);
+            inspected.inspector.as_mut().unwrap().window = true;
+            screen((width, height), &inspected, &picture, RICH);
             let (compared, pictures) = compared();
             screen((width, height), &compared, &pictures, RICH);
         }

@@ -22,12 +22,19 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {
         .and_then(|known| known.curve.last())
         .and_then(|row| row.metrics.get(state.metric))
         .copied();
+    let block = pane(caps, headline(screen, &spec, value));
+    let warning = value.and_then(|value| warning(screen, &spec, value, floor));
     let unit = format!(" over {} ", chart::axis_unit(state.chart_x));
-    let unit = Line::styled(unit, caps.dim()).right_aligned();
-    let block = pane(caps, headline(screen, &spec, value)).title_bottom(unit);
-    let block = match value.and_then(|value| warning(screen, &spec, value, floor)) {
+    let room = usize::from(area.width).saturating_sub(unit.len() + 4);
+    let fits = warning.as_ref().is_none_or(|line| line.width() <= room);
+    let block = match warning {
         Some(line) => block.title_bottom(line),
         None => block,
+    };
+    let block = if fits {
+        block.title_bottom(Line::styled(unit, caps.dim()).right_aligned())
+    } else {
+        block
     };
     let inner = block.inner(area);
     frame.render_widget(block, area);
@@ -87,8 +94,8 @@ fn warning(
 ) -> Option<Line<'static>> {
     let text = match floor_distance(spec, value, floor) {
         FloorDistance::Far => return None,
-        FloorDistance::Near => " < 2 floors ",
-        FloorDistance::AtFloor => " at the floor ",
+        FloorDistance::Near => " below twice the floor ",
+        FloorDistance::AtFloor => " half is the floor ",
     };
     Some(Line::styled(text, screen.caps.warn()))
 }

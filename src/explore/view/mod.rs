@@ -5,9 +5,11 @@
 
 mod errors;
 mod facts;
+mod lobe;
 mod overlays;
 mod panel;
 pub mod picture;
+mod pixel;
 
 use std::cell::RefCell;
 
@@ -52,16 +54,17 @@ pub struct Regions {
     pub picture: Rect,
     /// The list of parameters with its border.
     pub panel: Rect,
-    /// Errors against the reference.
-    pub errors: Rect,
+    /// Errors against the reference, or the inspector.
+    pub lower: Rect,
     /// Facts about the picture.
     pub facts: Rect,
     /// The line at the bottom: hints, or a message.
     pub hints: Rect,
 }
 
-/// Divides the screen into panes. `has_errors` is whether there are error curves to show.
-pub fn regions(area: Rect, panel_hidden: bool, has_errors: bool) -> Regions {
+/// Divides the screen into panes. `has_lower` is whether there is a pane below the parameters:
+/// errors or the inspector.
+pub fn regions(area: Rect, panel_hidden: bool, has_lower: bool) -> Regions {
     let lines = [
         Constraint::Length(1),
         Constraint::Fill(1),
@@ -89,17 +92,17 @@ pub fn regions(area: Rect, panel_hidden: bool, has_errors: bool) -> Regions {
     let [picture, side] = Layout::horizontal(columns).areas(body);
     let facts_rows = if side.height >= 20 { 7 } else { 0 };
     let free = side.height.saturating_sub(facts_rows);
-    let errors_rows = if has_errors { free * 6 / 10 } else { 0 };
+    let lower_rows = if has_lower { free * 6 / 10 } else { 0 };
     let rows = [
         Constraint::Fill(1),
-        Constraint::Length(errors_rows),
+        Constraint::Length(lower_rows),
         Constraint::Length(facts_rows),
     ];
-    let [panel, errors, facts] = Layout::vertical(rows).areas(side);
+    let [panel, lower, facts] = Layout::vertical(rows).areas(side);
     Regions {
         picture,
         panel,
-        errors,
+        lower,
         facts,
         ..regions
     }
@@ -186,7 +189,8 @@ pub fn draw(frame: &mut Frame, screen: &Screen) {
         return;
     }
     let state = screen.state;
-    let regions = regions(area, state.panel_hidden, state.reference.is_some());
+    let has_lower = state.reference.is_some() || state.inspector.is_some();
+    let regions = regions(area, state.panel_hidden, has_lower);
     title(frame, regions.title, screen);
     hints(frame, regions.hints, screen);
     if regions.picture.width > 2 {
@@ -195,15 +199,26 @@ pub fn draw(frame: &mut Frame, screen: &Screen) {
     if regions.panel.width > 2 {
         panel::draw(frame, regions.panel, screen);
     }
-    if regions.errors.height > 2 {
-        errors::draw(frame, regions.errors, screen);
+    if regions.lower.height > 2 {
+        match &state.inspector {
+            Some(inspector) => pixel::draw(frame, regions.lower, screen, inspector),
+            None => errors::draw(frame, regions.lower, screen),
+        }
     }
     if regions.facts.height > 2 {
         facts::draw(frame, regions.facts, screen);
     }
-    match &screen.state.overlay {
+    if let Some(inspector) = state.inspector.as_ref().filter(|known| known.window) {
+        let inner = Rect {
+            y: area.y + 1,
+            height: area.height - 2,
+            ..area
+        };
+        lobe::draw(frame, inner, screen, inspector);
+    }
+    match &state.overlay {
         Overlay::None | Overlay::Edit(_) => {}
-        Overlay::Help => overlays::help(frame, area, screen.caps),
+        Overlay::Help(first) => overlays::help(frame, area, screen.caps, *first),
         Overlay::Picker(picker) => overlays::picker(frame, area, screen.caps, picker),
     }
 }

@@ -24,11 +24,13 @@ const KEYS: &[(&str, &str)] = &[
     ("l", "next film of the layers"),
     ("Space", "pause, resume"),
     ("r", "restart"),
-    ("c C", "compare two settings, edit the other one; end"),
+    ("c C", "compare settings, edit the other ones; end"),
     ("v", "side by side, or flicker"),
     ("m M", "metric of comparisons and curves"),
-    ("f F", "freeze the picture as reference; remove it"),
+    ("f F", "freeze as reference for curves; remove it"),
     ("h", "curves over time, or samples"),
+    ("i", "inspect a pixel; arrows move, with Shift by ten"),
+    ("", "n N: sample; Enter: its steps and the lobe"),
     ("p", "save the picture as EXR and PNG"),
     ("x", "write the settings as a script"),
     ("o", "choose another scene"),
@@ -57,11 +59,19 @@ fn window(frame: &mut Frame, area: Rect, caps: TerminalCaps, title: &str, size: 
     inner
 }
 
-/// Draws the list of keys.
-pub fn help(frame: &mut Frame, area: Rect, caps: TerminalCaps) {
-    let inner = window(frame, area, caps, "Keys", [54, KEYS.len() as u16 + 2]);
+/// Draws the list of keys, from a row on if it does not fit.
+pub fn help(frame: &mut Frame, area: Rect, caps: TerminalCaps, first: usize) {
+    let fits = usize::from(area.height) >= KEYS.len() + 2;
+    let title = if fits {
+        "Keys"
+    } else {
+        "Keys, more with up and down"
+    };
+    let inner = window(frame, area, caps, title, [54, KEYS.len() as u16 + 2]);
+    let shown = usize::from(inner.height);
     let lines: Vec<Line> = KEYS
         .iter()
+        .skip(first.min(KEYS.len().saturating_sub(shown)))
         .map(|(keys, doc)| {
             Line::from(vec![
                 Span::styled(format!(" {keys:<KEY$}"), caps.strong()),

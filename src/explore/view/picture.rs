@@ -169,7 +169,12 @@ fn draw_tile(frame: &mut Frame, inner: Rect, screen: &Screen, (index, slot): (us
     let blocks = graphics == Graphics::Blocks
         || cell.contains(&0)
         || caps.colors == Colors::None
-        || !matches!(screen.state.overlay, Overlay::None | Overlay::Edit(_));
+        || !matches!(screen.state.overlay, Overlay::None | Overlay::Edit(_))
+        || screen
+            .state
+            .inspector
+            .as_ref()
+            .is_some_and(|known| known.window);
     let image = cache.display(source);
     if blocks {
         picture::draw_display(frame, inner, caps, image);

@@ -185,9 +185,8 @@ impl Film {
     /// Returns the root mean square standard error of all pixels over the mean of the picture;
     /// `None` if it cannot be estimated.
     pub fn relative_noise(&self) -> Option<f64> {
-        let variance: f64 = self.variance_of_mean().mean().iter().sum::<f64>() / 3.0;
-        let mean: f64 = self.mean().mean().iter().sum::<f64>() / 3.0;
-        (self.samples > 1 && mean > 0.0).then(|| variance.sqrt() / mean)
+        let noise = relative_noise(&self.mean(), &self.variance_of_mean());
+        noise.filter(|_| self.samples > 1)
     }
 
     /// Returns the estimated variance of each pixel's mean: sample variance divided by `samples`.
@@ -213,6 +212,14 @@ impl Film {
             data: self.sum.iter().zip(&self.sum2).map(pixel).collect(),
         }
     }
+}
+
+/// Returns the root mean square standard error of all pixels over the mean of the picture, given the
+/// variance of its pixels; `None` if the picture is black.
+pub fn relative_noise(image: &Image, variance: &Image) -> Option<f64> {
+    let mean = |image: &Image| image.mean().iter().sum::<f64>() / 3.0;
+    let level = mean(image);
+    (level > 0.0).then(|| mean(variance).sqrt() / level)
 }
 
 /// Shared immutable image, cheap to pass to several receivers.

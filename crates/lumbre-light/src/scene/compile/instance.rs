@@ -180,6 +180,19 @@ impl CompiledScene {
         }
     }
 
+    /// Returns the name of a primitive: its kind, number and the model of its material, as in
+    /// `triangle 12 (disney)`. `instance` is the index of its instance, or [`NONE`].
+    pub fn primitive_name(&self, primitive: u32, instance: u32) -> String {
+        let material = &self.materials[self.material_of(primitive, instance) as usize];
+        let i = primitive as usize;
+        let (kind, i) = if i < self.triangles.len() {
+            ("triangle", i)
+        } else {
+            ("sphere", i - self.triangles.len())
+        };
+        format!("{kind} {i} ({})", material.model.name())
+    }
+
     /// Returns the emitter index of a primitive, or [`NONE`].
     #[inline]
     pub fn emitter_of(&self, primitive: u32, instance: u32) -> u32 {
