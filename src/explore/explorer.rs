@@ -60,7 +60,7 @@ pub struct Explorer {
     session: Session,
     meter: Meter,
     inspections: Latest<Query, Inspection>,
-    /// What the inspector asked last.
+    /// Latest query of the inspector.
     asked: Option<Target>,
     published: Published,
     input: Input,

@@ -36,15 +36,15 @@ pub struct Inspector {
     pub window: bool,
     /// Number of lines of the steps that are scrolled away.
     pub scroll: usize,
-    /// What was found out last.
+    /// Latest answer of the inspector.
     pub found: Option<Arc<Inspection>>,
 }
 
 /// A question of the inspector.
 pub struct Query {
-    /// The pixel.
+    /// Pixel that is inspected.
     pub target: Target,
-    /// The scene.
+    /// Scene in which the pixel is inspected.
     pub scene: Arc<LoadedScene>,
     /// Camera and job of the picture.
     pub run: Arc<(CameraDesc, Job)>,

@@ -38,7 +38,7 @@ pub struct Difference {
 /// A picture to measure, with the number of its request.
 type Measurable = (u64, Arc<Frame>);
 
-/// What is to be measured next.
+/// Next comparison to measure.
 #[derive(Default)]
 struct Wanted {
     reference: Option<Arc<Reference>>,
@@ -47,14 +47,14 @@ struct Wanted {
     closed: bool,
 }
 
-/// What was measured since the last look.
+/// Results since they were last taken.
 #[derive(Debug, Default)]
 pub struct Measured {
     /// New measurements: slot, number of the request, and the values of all metrics.
     pub rows: Vec<(Slot, u64, WaveRow)>,
     /// Number of a reference with its noise floors by metric.
     pub floors: Option<(u64, Vec<Option<f64>>)>,
-    /// Newest difference.
+    /// Latest difference of the two settings.
     pub difference: Option<Difference>,
 }
 

@@ -24,7 +24,7 @@ pub fn metrics() -> Vec<MetricSpec> {
 pub struct Reference {
     /// Number that distinguishes references.
     pub number: u64,
-    /// The picture.
+    /// Picture that was frozen as reference.
     pub frame: Arc<Frame>,
     /// Scene of the picture.
     pub scene: SceneFile,
@@ -85,7 +85,7 @@ impl Reference {
     }
 }
 
-/// How near a measured error is to the noise floor of its reference.
+/// Class of the ratio of a measured error to the noise floor of its reference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FloorDistance {
     /// At least twice the floor, or there is no floor.
