@@ -1,7 +1,6 @@
 //! Makes the SPIR-V that is committed, or compares it with what would be made.
 
 use std::collections::BTreeSet;
-use std::fmt::Write;
 use std::path::Path;
 
 use lumbre_vulkan::pipelines::modules::{Recipe, manifest, recipes};
@@ -12,9 +11,6 @@ use crate::root;
 
 /// Folder of the program's modules.
 const PROGRAM: &str = "crates/lumbre-vulkan/spirv";
-
-/// Rust file that embeds them.
-const EMBEDDING: &str = "crates/lumbre-vulkan/src/pipelines/committed.rs";
 
 /// Folder of the texts of test modules; the modules are in its folder `spirv`.
 const TESTS: &str = "tests/device/parity";
@@ -57,7 +53,6 @@ pub fn run(args: &Args) -> Result<(), String> {
             bytes.div_ceil(1024)
         );
     }
-    put(EMBEDDING, embedding(&program).as_bytes())?;
     for (folder, recipes) in [(PROGRAM, &program), (&format!("{TESTS}/spirv"), &tests)] {
         outdated.extend(remove_others(folder, recipes, args.check)?);
     }
@@ -113,25 +108,4 @@ fn remove_others(folder: &str, recipes: &[Recipe], check: bool) -> Result<Vec<St
         }
     }
     Ok(others)
-}
-
-/// Returns the text of the Rust file that embeds the program's modules.
-fn embedding(recipes: &[Recipe]) -> String {
-    let mut text = String::from(
-        "//! SPIR-V of the shaders. Written by `cargo shaders`; do not edit.\n\n\
-         /// Embeds files of `spirv/`.\n\
-         macro_rules! embed {\n    \
-         ($($file:literal),* $(,)?) => {\n        \
-         /// File name and bytes of every module.\n        \
-         pub(super) static MODULES: &[(&str, &[u8])] = &[$((\n            \
-         $file,\n            \
-         include_bytes!(concat!(env!(\"CARGO_MANIFEST_DIR\"), \"/spirv/\", $file)),\n        \
-         )),*];\n    };\n}\n\nembed![\n",
-    );
-    for recipe in recipes {
-        // Writing to a string cannot fail.
-        let _ = writeln!(text, "    \"{}\",", recipe.file);
-    }
-    text.push_str("];\n");
-    text
 }

@@ -1,41 +1,40 @@
-//! SPIR-V of the shaders. Written by `cargo shaders`; do not edit.
+//! The committed SPIR-V, of which the program contains compressed copies (`build.rs`).
 
-/// Embeds files of `spirv/`.
-macro_rules! embed {
-    ($($file:literal),* $(,)?) => {
-        /// File name and bytes of every module.
-        pub(super) static MODULES: &[(&str, &[u8])] = &[$((
-            $file,
-            include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/spirv/", $file)),
-        )),*];
-    };
+use std::io::Read;
+
+use flate2::read::DeflateDecoder;
+
+/// File name and raw deflate stream of every module of `spirv/`.
+static MODULES: &[(&str, &[u8])] = include!(concat!(env!("OUT_DIR"), "/modules.rs"));
+
+/// Returns the file names of the modules.
+pub(super) fn files() -> impl Iterator<Item = &'static str> {
+    MODULES.iter().map(|(file, _)| *file)
 }
 
-embed![
-    "bdpt.floats.comp.spv",
-    "bdpt.floats.query.comp.spv",
-    "bdpt.floats.rgen.spv",
-    "bdpt.integers.comp.spv",
-    "bdpt.integers.query.comp.spv",
-    "bdpt.integers.rgen.spv",
-    "bpt.comp.spv",
-    "bpt.extended.comp.spv",
-    "bpt.extended.query.comp.spv",
-    "bpt.extended.rgen.spv",
-    "bpt.query.comp.spv",
-    "bpt.rgen.spv",
-    "mask.extended.rahit.spv",
-    "mask.rahit.spv",
-    "miss.rmiss.spv",
-    "nee.comp.spv",
-    "nee.extended.comp.spv",
-    "nee.extended.query.comp.spv",
-    "nee.extended.rgen.spv",
-    "nee.query.comp.spv",
-    "nee.rgen.spv",
-    "sphere.extended.rint.spv",
-    "sphere.rchit.spv",
-    "sphere.rint.spv",
-    "triangle.extended.rchit.spv",
-    "triangle.rchit.spv",
-];
+/// Returns the bytes of a module, or `None` if the program has none of this name.
+pub(super) fn module(name: &str) -> Option<Vec<u8>> {
+    let (_, packed) = MODULES.iter().find(|(file, _)| *file == name)?;
+    let mut bytes = Vec::new();
+    DeflateDecoder::new(*packed).read_to_end(&mut bytes).ok()?;
+    Some(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn modules_are_those_of_the_folder_to_the_byte() {
+        assert!(files().count() > 20);
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("spirv");
+        for file in files() {
+            assert_eq!(
+                module(file),
+                std::fs::read(folder.join(file)).ok(),
+                "{file}"
+            );
+        }
+        assert_eq!(module("absent.spv"), None);
+    }
+}

@@ -81,12 +81,9 @@ impl Sources {
             Sources::Folder(_) => return Err(ShaderError::NoCompiler),
             Sources::Replaced(modules) => modules.iter().find(|(file, _)| *file == recipe.file),
         };
-        let found = replaced.or_else(|| {
-            let mut modules = committed::MODULES.iter();
-            modules.find(|(file, _)| *file == recipe.file)
-        });
-        found
+        replaced
             .map(|(_, bytes)| words(bytes))
+            .or_else(|| committed::module(&recipe.file).map(|bytes| words(&bytes)))
             .ok_or_else(|| ShaderError::NoModule(recipe.file.clone()))
     }
 }
@@ -113,6 +110,6 @@ impl Sources {
     /// Returns whether there is a shader of this integrator.
     pub fn has_integrator(&self, name: &str) -> bool {
         let of = |file: &str| file.split('.').next() == Some(name);
-        committed::MODULES.iter().any(|(file, _)| of(file))
+        committed::files().any(of)
     }
 }
