@@ -38,7 +38,7 @@ fn modules(folder: &Path) -> io::Result<Vec<PathBuf>> {
 
 /// Returns the raw deflate stream of bytes.
 fn deflate(bytes: &[u8]) -> io::Result<Vec<u8>> {
-    let mut encoder = DeflateEncoder::new(Vec::new(), Compression::best());
+    let mut encoder = DeflateEncoder::new(Vec::new(), Compression::default());
     encoder.write_all(bytes)?;
     encoder.finish()
 }

@@ -1,5 +1,6 @@
-//! Reads regular files only. A named pipe, a socket or a device in place of a file would block its
-//! reader for ever, so every reader of the store opens files here.
+//! Reads and writes regular files only. A named pipe, a socket or a device in place of a file would
+//! block its reader or writer for ever, so every reader of the store opens files here, and every
+//! writer that opens a file of a known name clears its place first.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -19,6 +20,24 @@ pub fn open(path: &Path) -> io::Result<File> {
         ));
     }
     File::open(path)
+}
+
+/// Removes what is neither a regular file, a folder nor a link from the place of a file that is to
+/// be opened for writing.
+///
+/// # Errors
+/// When it cannot be removed.
+pub fn clear_place(path: &Path) -> io::Result<()> {
+    match std::fs::symlink_metadata(path) {
+        Ok(found) if !found.is_file() && !found.is_dir() && !found.is_symlink() => {
+            tracing::warn!(
+                "{} is not a regular file and has been removed",
+                path.display()
+            );
+            std::fs::remove_file(path)
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Reads a whole regular file.
@@ -45,6 +64,19 @@ pub fn read_to_string(path: &Path) -> io::Result<String> {
 #[cfg(all(test, unix))]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_pipes_are_removed_from_the_place_of_a_file() {
+        let dir = tempfile::tempdir().unwrap();
+        let (pipe, file) = (dir.path().join("pipe"), dir.path().join("file"));
+        let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+        assert!(made.unwrap().success());
+        std::fs::write(&file, "content").unwrap();
+        for path in [&pipe, &file, dir.path(), &dir.path().join("nothing")] {
+            clear_place(path).unwrap();
+        }
+        assert!(!pipe.exists() && file.exists());
+    }
 
     #[test]
     fn pipes_devices_and_folders_are_refused_without_waiting() {

@@ -9,6 +9,8 @@
 mod bench;
 #[cfg(feature = "shader-dev")]
 mod shaders;
+#[cfg(unix)]
+mod torture;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -31,6 +33,10 @@ enum Chore {
     /// compiler
     #[cfg(feature = "shader-dev")]
     Shaders(shaders::Args),
+    /// Attack the program by kills, damage, limits, hostile scripts and scenes, and count what it
+    /// noticed
+    #[cfg(unix)]
+    Torture(torture::Args),
 }
 
 fn main() -> ExitCode {
@@ -38,6 +44,8 @@ fn main() -> ExitCode {
         Chore::Bench(args) => bench::run(&args),
         #[cfg(feature = "shader-dev")]
         Chore::Shaders(args) => shaders::run(&args),
+        #[cfg(unix)]
+        Chore::Torture(args) => torture::run(&args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -2,6 +2,7 @@
 //! files with those of the same night run without interruption.
 
 use std::collections::BTreeMap;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -135,7 +136,7 @@ impl NightLauncher {
         command
             .stdin(Stdio::null())
             .stdout(Stdio::null())
-            .stderr(Stdio::null());
+            .stderr(Stdio::piped());
         command
             .spawn()
             .map_err(|e| format!("cannot start the program: {e}"))
@@ -163,7 +164,7 @@ impl NightLauncher {
             let child = &mut children[victim];
             match child.try_wait().map_err(|e| e.to_string())? {
                 Some(status) if status.success() => break,
-                Some(status) => return Err(format!("the night failed with {status}")),
+                Some(_) => return Err(failure(child)),
                 None => {}
             }
             child
@@ -193,11 +194,27 @@ impl NightLauncher {
         for child in children {
             let status = child.wait().map_err(|e| e.to_string())?;
             if !status.success() {
-                return Err(format!("the night failed with {status}"));
+                return Err(failure(child));
             }
         }
         Ok(())
     }
+}
+
+/// Describes a process that failed: its status and what it printed last.
+fn failure(child: &mut Child) -> String {
+    let status = match child.wait() {
+        Ok(status) => status.to_string(),
+        Err(e) => e.to_string(),
+    };
+    let mut printed = String::new();
+    if let Some(stderr) = &mut child.stderr {
+        // What cannot be read is not printed.
+        let _ = stderr.read_to_string(&mut printed);
+    }
+    let last: Vec<&str> = printed.lines().rev().take(3).collect();
+    let last: Vec<&str> = last.into_iter().rev().collect();
+    format!("the night failed with {status}: {}", last.join(" / "))
 }
 
 /// Pseudo-random numbers from 0 to 1, reproducible from the seed.

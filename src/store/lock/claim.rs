@@ -27,7 +27,7 @@ use crate::experiment::run_progress::Claim;
 use crate::store::schema::StoredFile;
 use crate::store::schema::process::{ClaimFile, Owner};
 use crate::store::write::atomic;
-use crate::store::{StoreError, layout};
+use crate::store::{StoreError, layout, regular_file};
 
 /// Name of the claim file in a run's folder.
 pub(crate) const FILE: &str = ClaimFile::NAME;
@@ -182,6 +182,7 @@ impl Claims {
 
     /// Examines an existing claim, and takes it over if its owner is dead.
     fn take_over(&self, folder: &Path, path: &Path, text: &str) -> io::Result<TakeOver> {
+        regular_file::clear_place(path)?;
         let mut file = match OpenOptions::new().read(true).write(true).open(path) {
             Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(TakeOver::Released),
             opened => opened?,

@@ -119,16 +119,17 @@ impl Store {
     }
 
     /// Rewrites the damaged `config.json` files of the plan's runs, which the plan determines, and
-    /// removes leftovers beside finished runs.
+    /// those that are missing beside results. Removes leftovers beside finished runs.
     fn repair_configs(&self, plan: &Plan) -> Result<(), StoreError> {
         let cells = (0..plan.cells.len()).map(CellRef::Cell);
         for cell in cells.chain((0..plan.references.len()).map(CellRef::Reference)) {
             let folder = self.run_folder(plan, cell);
-            if layout::is_done(&folder) {
+            let is_done = layout::is_done(&folder);
+            if is_done {
                 self.remove_leftovers(&folder);
             }
             let path = folder.join(ConfigFile::NAME);
-            if !path.exists() {
+            if !is_done && !path.exists() {
                 continue;
             }
             let config = config_file(plan, cell);

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use crate::store::schema::journal::{JournalEvent, JournalLine};
 use crate::store::schema::one_line;
-use crate::store::{StoreError, utc};
+use crate::store::{StoreError, regular_file, utc};
 
 /// Journal open for appending.
 #[derive(Debug)]
@@ -21,6 +21,7 @@ impl Journal {
     /// separate.
     pub(crate) fn open(path: PathBuf) -> Result<Journal, StoreError> {
         let attempt = || -> std::io::Result<File> {
+            regular_file::clear_place(&path)?;
             let mut file = OpenOptions::new()
                 .create(true)
                 .read(true)

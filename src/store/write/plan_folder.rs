@@ -8,7 +8,7 @@ use crate::store::read::night_reader::with_writer;
 use crate::store::schema::plan::PlanFile;
 use crate::store::schema::run::ConfigFile;
 use crate::store::schema::{Problem, StoredFile};
-use crate::store::{StoreError, layout};
+use crate::store::{StoreError, layout, regular_file};
 
 /// Plan that a folder belongs to, compared with the plan at hand.
 enum FolderPlan {
@@ -76,6 +76,7 @@ pub(super) fn find_or_create(out: &Path, plan: &Plan) -> Result<(PathBuf, File, 
 pub(crate) fn lock_folder(folder: &Path) -> Result<(File, bool), StoreError> {
     let path = folder.join("lock");
     let unwritable = |e: &std::io::Error| StoreError::unwritable(&path, e);
+    regular_file::clear_place(&path).map_err(|e| unwritable(&e))?;
     let file = OpenOptions::new()
         .create(true)
         .read(true)

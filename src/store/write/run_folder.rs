@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 
 use super::{atomic, checkpoint, failure, manifest_checksum, metrics_csv};
 use crate::experiment::WaveRow;
-use crate::store::StoreError;
 use crate::store::schema::StoredFile;
 use crate::store::schema::run::{ConfigFile, DONE, DoneFile};
+use crate::store::{StoreError, regular_file};
 
 /// Name of the folder of layer images inside a run's folder.
 pub const FILMS: &str = "films";
@@ -89,7 +89,9 @@ impl RunWriter {
     /// When the file cannot be written.
     pub fn open_metrics(&mut self, columns: &[&str], before: &[WaveRow]) -> Result<(), StoreError> {
         let path = self.folder.join(metrics_csv::FILE);
-        let mut file = File::create(&path).map_err(|e| StoreError::io("create", &path, &e))?;
+        let mut file = regular_file::clear_place(&path)
+            .and_then(|()| File::create(&path))
+            .map_err(|e| StoreError::io("create", &path, &e))?;
         let text = metrics_csv::header(columns.iter().copied())
             + &before.iter().map(metrics_csv::line).collect::<String>();
         file.write_all(text.as_bytes())
@@ -166,10 +168,8 @@ impl RunWriter {
     /// When it cannot be opened.
     pub fn open_log(&self) -> Result<File, StoreError> {
         let path = self.folder.join("log.txt");
-        OpenOptions::new()
-            .create(true)
-            .append(true)
-            .open(&path)
+        regular_file::clear_place(&path)
+            .and_then(|()| OpenOptions::new().create(true).append(true).open(&path))
             .map_err(|e| StoreError::io("write", &path, &e))
     }
 

@@ -1,0 +1,67 @@
+//! Scenes and pictures of every format, changed and read.
+
+#[path = "../../../tests/library/scenes/samples.rs"]
+#[allow(dead_code, reason = "tests use more of the samples")]
+mod samples;
+
+use std::sync::OnceLock;
+
+use samples::{Sample, samples};
+
+use super::night::Site;
+use super::{Random, Verdict, mutation};
+
+/// Bytes of memory that the program may take to read small files: what the page about hostile files
+/// promises, and what the program takes for itself.
+const MEMORY: u64 = (384 + 128) << 20;
+
+/// Changes one file of a sample and reads it.
+pub fn changed(site: &Site, random: &mut Random) -> Result<Verdict, String> {
+    static SAMPLES: OnceLock<Vec<Sample>> = OnceLock::new();
+    let sample = random.pick(SAMPLES.get_or_init(samples));
+    let room = site.empty_room()?;
+    let victim = random.below(sample.files.len());
+    for (i, (name, bytes)) in sample.files.iter().enumerate() {
+        let path = room.file(name);
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder).map_err(|e| e.to_string())?;
+        }
+        let bytes = if i == victim {
+            change(bytes, random)
+        } else {
+            bytes.clone()
+        };
+        room.write(name, &bytes)?;
+    }
+    let (main, _) = sample.files[0];
+    let is_picture = ["exr", "png", "jpg", "bmp", "hdr", "tga"]
+        .iter()
+        .any(|end| main.ends_with(end));
+    let verb: &[&str] = match is_picture {
+        true => &["metric", main, main],
+        false => &["check", main],
+    };
+    let ended = room.run(verb)?;
+    let name = sample.name;
+    let problem = match ended.crash() {
+        Some(crash) => crash,
+        None if ended.memory > MEMORY => format!("it took {} MiB", ended.memory >> 20),
+        None if ended.text.contains('\u{1b}') => "it printed a control character".to_owned(),
+        None => {
+            return Ok(match ended.code {
+                Some(0) => Verdict::Harmless,
+                _ => Verdict::Noticed,
+            });
+        }
+    };
+    Ok(Verdict::Failed(format!("{name}: {problem}")))
+}
+
+/// Changes text by tokens and lines, and other files by bytes.
+fn change(bytes: &[u8], random: &mut Random) -> Vec<u8> {
+    match std::str::from_utf8(bytes) {
+        Ok(text) if !text.contains('\0') => mutation::of_text(text, random).into_bytes(),
+        _ if bytes.is_empty() => Vec::new(),
+        _ => mutation::of_bytes(bytes, random),
+    }
+}

@@ -1,0 +1,313 @@
+//! Attacks the program and counts what it noticed, what did no harm, and what got past it: kills,
+//! damaged files, limits, terminals, clocks, hostile scripts and scenes. Needs Unix, no network
+//! and no privileges; everything happens below one temporary folder.
+
+mod damage;
+mod files;
+mod kills;
+mod limits;
+mod mutation;
+mod night;
+mod program;
+mod scripts;
+
+use std::fmt::Write;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use lumbre_light::math::rng::pcg4d;
+
+use crate::root;
+use night::Site;
+
+/// Page with the table of the last long run, between [`MARKERS`].
+const PAGE: &str = "docs/inside/hostile-files.md";
+
+/// Lines around the table on [`PAGE`].
+const MARKERS: [&str; 2] = ["<!-- torture -->", "<!-- end of torture -->"];
+
+/// Number of failures of an attack that are printed.
+const PRINTED: usize = 10;
+
+/// Options of the chore.
+#[derive(clap::Args)]
+pub struct Args {
+    /// Minutes to spend, divided evenly among the attacks
+    #[arg(long, default_value_t = 60.0)]
+    minutes: f64,
+    /// Seed of all random choices; an attempt is a function of seed, attack and number
+    #[arg(long, default_value_t = 1)]
+    seed: u32,
+    /// Number of the first attempt, to repeat one that failed
+    #[arg(long, default_value_t = 0)]
+    first: u32,
+    /// Attack only with those whose name contains this text
+    #[arg(long, value_name = "TEXT")]
+    only: Option<String>,
+    /// Program to attack; by default the one that was built beside this program
+    #[arg(long, value_name = "FILE")]
+    program: Option<PathBuf>,
+    /// Write the table into the page about hostile files
+    #[arg(long)]
+    page: bool,
+}
+
+/// Result of an attempt.
+enum Verdict {
+    /// The program said what is wrong, and the results of a repair are those of an undisturbed
+    /// night.
+    Noticed,
+    /// All results are those of an undisturbed night.
+    Harmless,
+    /// The attack is impossible on this machine, for this reason.
+    Skipped(&'static str),
+    /// The program crashed, hung, or took or gave other results in silence.
+    Failed(String),
+}
+
+/// A way to attack the program.
+struct Attack {
+    name: &'static str,
+    /// What an attempt does, for the table.
+    description: &'static str,
+    /// Makes one attempt. An error is a fault of the machine, and ends the chore.
+    attempt: fn(&Site, &mut Random) -> Result<Verdict, String>,
+}
+
+/// All attacks.
+const ATTACKS: &[Attack] = &[
+    Attack {
+        name: "kill",
+        description: "20 kills of one to four processes, all orders; every file compared",
+        attempt: kills::kill,
+    },
+    Attack {
+        name: "signal",
+        description: "a signal at a random instant, then the night again",
+        attempt: kills::signal,
+    },
+    Attack {
+        name: "clock",
+        description: "a night killed under a clock that is days off, then resumed",
+        attempt: kills::clock,
+    },
+    Attack {
+        name: "changed bytes",
+        description: "one to eight bytes of a file of a night, its size kept",
+        attempt: damage::changed,
+    },
+    Attack {
+        name: "cut file",
+        description: "a file of a night cut at a random place",
+        attempt: damage::cut,
+    },
+    Attack {
+        name: "removed file",
+        description: "a file of a night removed",
+        attempt: damage::removed,
+    },
+    Attack {
+        name: "exchanged files",
+        description: "two files of one name exchanged",
+        attempt: damage::exchanged,
+    },
+    Attack {
+        name: "pipe",
+        description: "a pipe in place of a file",
+        attempt: damage::pipe,
+    },
+    Attack {
+        name: "full disk",
+        description: "a limit on the size of files, then the night again without it",
+        attempt: limits::file_size,
+    },
+    Attack {
+        name: "open files",
+        description: "a limit on open files, then the night again without it",
+        attempt: limits::open_files,
+    },
+    Attack {
+        name: "terminal",
+        description: "a terminal of 0 to 65,535 rows and columns",
+        attempt: limits::terminal,
+    },
+    Attack {
+        name: "script",
+        description: "a hostile script, planned",
+        attempt: scripts::hostile,
+    },
+    Attack {
+        name: "changed script",
+        description: "a shipped script with changed tokens and lines, planned",
+        attempt: scripts::changed,
+    },
+    Attack {
+        name: "scene",
+        description: "a scene or picture of any format with changed tokens, lines or bytes, read",
+        attempt: files::changed,
+    },
+];
+
+/// Pseudo-random numbers of an attempt.
+struct Random {
+    key: [u32; 3],
+    drawn: u32,
+}
+
+impl Random {
+    /// Returns a number below `end`, which must not be zero.
+    fn below(&mut self, end: usize) -> usize {
+        self.drawn += 1;
+        let [seed, attack, attempt] = self.key;
+        let [high, low, ..] = pcg4d([seed, attack, attempt, self.drawn]);
+        let word = u64::from(high) << 32 | u64::from(low);
+        (word % end as u64) as usize
+    }
+
+    /// Returns one of the items, of which there must be one.
+    fn pick<'a, T>(&mut self, items: &'a [T]) -> &'a T {
+        &items[self.below(items.len())]
+    }
+
+    /// Returns a duration below a number of milliseconds.
+    fn pause(&mut self, below_ms: usize) -> Duration {
+        Duration::from_micros(self.below(below_ms * 1000) as u64)
+    }
+}
+
+/// Counts of the attempts of an attack.
+#[derive(Default)]
+struct Tally {
+    tried: u32,
+    noticed: u32,
+    harmless: u32,
+    skipped: Option<&'static str>,
+    failed: Vec<String>,
+    spent: Duration,
+}
+
+impl Tally {
+    fn add(&mut self, attempt: u32, verdict: Verdict) {
+        self.tried += 1;
+        match verdict {
+            Verdict::Noticed => self.noticed += 1,
+            Verdict::Harmless => self.harmless += 1,
+            Verdict::Skipped(reason) => {
+                self.tried -= 1;
+                self.skipped = Some(reason);
+            }
+            Verdict::Failed(problem) => self.failed.push(format!("attempt {attempt}: {problem}")),
+        }
+    }
+}
+
+/// Attacks until the time is over, and prints the table.
+///
+/// # Errors
+/// Returns a message if the program cannot be started or something got past it.
+pub fn run(args: &Args) -> Result<(), String> {
+    let site = Site::new(&program::beside(args.program.as_deref())?)?;
+    let chosen = |attack: &&Attack| {
+        let only = args.only.as_deref();
+        only.is_none_or(|text| attack.name.contains(text))
+    };
+    let attacks: Vec<&Attack> = ATTACKS.iter().filter(chosen).collect();
+    if attacks.is_empty() {
+        return Err("no attack has such a name".to_owned());
+    }
+    let mut tallies: Vec<Tally> = attacks.iter().map(|_| Tally::default()).collect();
+    let time = Duration::from_secs_f64((args.minutes * 60.0).clamp(0.0, 1e9));
+    let start = Instant::now();
+    while start.elapsed() < time {
+        let open = (0..attacks.len()).filter(|i| tallies[*i].skipped.is_none());
+        let Some(next) = open.min_by_key(|i| tallies[*i].spent) else {
+            break;
+        };
+        let tally = &mut tallies[next];
+        let index = ATTACKS.iter().position(|a| a.name == attacks[next].name);
+        let attempt = args.first + tally.tried;
+        let mut random = Random {
+            key: [args.seed, index.unwrap_or_default() as u32, attempt],
+            drawn: 0,
+        };
+        let begun = Instant::now();
+        let verdict = (attacks[next].attempt)(&site, &mut random)?;
+        tally.spent += begun.elapsed();
+        tally.add(attempt, verdict);
+    }
+    let table = table(&attacks, &tallies);
+    println!("{table}");
+    if args.page {
+        write_page(&table, args)?;
+    }
+    failures(&attacks, &tallies)
+}
+
+/// Returns the table in Markdown.
+fn table(attacks: &[&Attack], tallies: &[Tally]) -> String {
+    let mut text = String::from(
+        "| attack | an attempt | tried | noticed | harmless | failed |\n\
+         |---|---|--:|--:|--:|--:|\n",
+    );
+    for (attack, tally) in attacks.iter().zip(tallies) {
+        let counts = match tally.skipped {
+            Some(reason) => format!("skipped: {reason} | | |"),
+            None => format!(
+                "{} | {} | {} | {}",
+                tally.tried,
+                tally.noticed,
+                tally.harmless,
+                tally.failed.len()
+            ),
+        };
+        // Writing to a string cannot fail.
+        let _ = writeln!(
+            text,
+            "| {} | {} | {counts} |",
+            attack.name, attack.description
+        );
+    }
+    text
+}
+
+/// Writes the table between the markers of the page, with its date and commit.
+fn write_page(table: &str, args: &Args) -> Result<(), String> {
+    let path = root().join(PAGE);
+    let text = std::fs::read_to_string(&path).map_err(|e| format!("{PAGE}: {e}"))?;
+    let parts = text
+        .split_once(MARKERS[0])
+        .and_then(|(head, rest)| Some((head, rest.split_once(MARKERS[1])?.1)));
+    let (head, tail) = parts.ok_or_else(|| format!("{PAGE} has no `{}`", MARKERS[0]))?;
+    let output = |command: &str, arguments: &[&str]| {
+        let mut command = std::process::Command::new(command);
+        let output = command.args(arguments).current_dir(root()).output();
+        let bytes = output.map(|o| o.stdout).unwrap_or_default();
+        String::from_utf8_lossy(&bytes).trim().to_owned()
+    };
+    let caption = format!(
+        "`cargo xtask torture --minutes {} --seed {}`, {}, commit {}:",
+        args.minutes,
+        args.seed,
+        output("date", &["-u", "+%Y-%m-%d"]),
+        output("git", &["rev-parse", "--short", "HEAD"]),
+    );
+    let [begin, end] = MARKERS;
+    let text = format!("{head}{begin}\n{caption}\n\n{table}{end}{tail}");
+    std::fs::write(&path, text).map_err(|e| format!("{PAGE}: {e}"))
+}
+
+/// Returns an error that lists what got past the program.
+fn failures(attacks: &[&Attack], tallies: &[Tally]) -> Result<(), String> {
+    let mut text = String::new();
+    for (attack, tally) in attacks.iter().zip(tallies) {
+        for problem in tally.failed.iter().take(PRINTED) {
+            // Writing to a string cannot fail.
+            let _ = write!(text, "\n{}, {problem}", attack.name);
+        }
+    }
+    if text.is_empty() {
+        Ok(())
+    } else {
+        Err(format!("attacks that got past the program:{text}"))
+    }
+}

@@ -1,0 +1,137 @@
+//! Changes of valid files that leave most of their structure intact, so that they get past parsers.
+
+use super::Random;
+
+/// Numbers that readers must expect.
+const NUMBERS: [&str; 22] = [
+    "0",
+    "-0",
+    "-1",
+    "1",
+    "2",
+    "1e-45",
+    "1e38",
+    "-1e39",
+    "1e999",
+    "nan",
+    "inf",
+    "0.1",
+    "255",
+    "256",
+    "65535",
+    "65536",
+    "2147483647",
+    "-2147483648",
+    "4294967296",
+    "9007199254740993",
+    "18446744073709551616",
+    "1e",
+];
+
+/// Copies of a line that a repetition inserts, at most.
+const COPIES: usize = 500;
+
+/// Returns a text with one to four changes.
+pub fn of_text(text: &str, random: &mut Random) -> String {
+    let mut text = text.to_owned();
+    for _ in 0..=random.below(4) {
+        text = match random.below(8) {
+            0 => change_line(&text, random, |lines, at, _| {
+                lines.remove(at);
+            }),
+            1 => change_line(&text, random, |lines, at, random| {
+                let line = lines[at].clone();
+                let copies = 1 + random.below(COPIES);
+                lines.splice(at..at, std::iter::repeat_n(line, copies));
+            }),
+            2 => change_line(&text, random, |lines, at, random| {
+                let other = random.below(lines.len());
+                lines.swap(at, other);
+            }),
+            3 => change_token(&text, random, |_, _| String::new()),
+            4 => change_token(&text, random, |tokens, random| random.pick(tokens).clone()),
+            _ => change_number(&text, random),
+        };
+    }
+    text
+}
+
+/// Returns bytes with one to eight of them changed, or a part repeated or removed.
+pub fn of_bytes(bytes: &[u8], random: &mut Random) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    let at = random.below(bytes.len());
+    match random.below(4) {
+        0 => bytes.truncate(at),
+        1 => {
+            let end = at + random.below(bytes.len() - at);
+            let part = bytes[at..end].to_vec();
+            bytes.splice(at..at, part);
+        }
+        _ => {
+            for _ in 0..=random.below(8) {
+                let at = random.below(bytes.len());
+                bytes[at] = *random.pick(&[0, 1, 127, 128, 255, b'0', b' ', bytes[at] ^ 16]);
+            }
+        }
+    }
+    bytes
+}
+
+fn change_line(
+    text: &str,
+    random: &mut Random,
+    change: impl Fn(&mut Vec<String>, usize, &mut Random),
+) -> String {
+    let mut lines: Vec<String> = text.split('\n').map(str::to_owned).collect();
+    let at = random.below(lines.len());
+    change(&mut lines, at, random);
+    lines.join("\n")
+}
+
+fn change_token(
+    text: &str,
+    random: &mut Random,
+    change: impl Fn(&[String], &mut Random) -> String,
+) -> String {
+    let mut tokens = tokens(text);
+    let at = random.below(tokens.len());
+    tokens[at] = change(&tokens, random);
+    tokens.concat()
+}
+
+/// Replaces a number by another one, or a token if there is no number.
+fn change_number(text: &str, random: &mut Random) -> String {
+    let mut tokens = tokens(text);
+    let is_number = |token: &String| token.starts_with(|c: char| c.is_ascii_digit());
+    let places: Vec<usize> = (0..tokens.len())
+        .filter(|i| is_number(&tokens[*i]))
+        .collect();
+    let at = match places.as_slice() {
+        [] => random.below(tokens.len()),
+        places => *random.pick(places),
+    };
+    tokens[at] = (*random.pick(&NUMBERS)).to_owned();
+    tokens.concat()
+}
+
+/// Cuts a text into words and numbers, single other characters, and runs of spaces. Never empty.
+fn tokens(text: &str) -> Vec<String> {
+    let kind = |c: char| match c {
+        c if c.is_alphanumeric() || "._-".contains(c) => 0,
+        c if c.is_whitespace() => 1,
+        _ => 2,
+    };
+    let mut tokens: Vec<String> = Vec::new();
+    let mut last = None;
+    for c in text.chars() {
+        match tokens.last_mut() {
+            Some(token) if last == Some(kind(c)) && kind(c) != 2 => token.push(c),
+            _ => tokens.push(c.to_string()),
+        }
+        last = Some(kind(c));
+    }
+    if tokens.is_empty() {
+        tokens.push(String::new());
+    }
+    tokens
+}
