@@ -49,6 +49,8 @@ pub trait Real:
     fn sqrt(self) -> Self;
     /// Returns the absolute value.
     fn abs(self) -> Self;
+    /// Returns the greatest integer that is not above the number.
+    fn floor(self) -> Self;
     /// Returns the number with the sign of `sign`.
     fn copysign(self, sign: Self) -> Self;
     /// Returns the lesser number; `bound` if `self` is NaN. `bound` must not be NaN.
@@ -401,6 +403,18 @@ impl Real for f32 {
     #[inline(always)]
     fn abs(self) -> f32 {
         f32::abs(self)
+    }
+    #[inline(always)]
+    fn floor(self) -> f32 {
+        // The baseline instruction set has no instruction for it, and the library's function is a
+        // call. Greater numbers are integers; the sign is that of zero.
+        if self.abs() < 8_388_608.0 {
+            let truncated = self as i32 as f32;
+            let below = truncated - f32::from(u8::from(truncated > self));
+            below.copysign(self)
+        } else {
+            self
+        }
     }
     #[inline(always)]
     fn copysign(self, sign: f32) -> f32 {

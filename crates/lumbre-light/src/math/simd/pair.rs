@@ -93,6 +93,7 @@ impl<T: Real> Real for Pair<T> {
     receiver_methods! {
         sqrt() -> Pair<T>;
         abs() -> Pair<T>;
+        floor() -> Pair<T>;
         copysign(sign: Pair<T>) -> Pair<T>;
         min(bound: Pair<T>) -> Pair<T>;
         max(bound: Pair<T>) -> Pair<T>;

@@ -263,6 +263,8 @@ impl Real for F32xN {
             _mm512_mask_blend_ps(mask.0, no.0, yes.0);
         sqrt(self) -> F32xN = _mm512_sqrt_ps(self.0);
         abs(self) -> F32xN = _mm512_andnot_ps(_mm512_set1_ps(-0.0), self.0);
+        floor(self) -> F32xN =
+            _mm512_roundscale_ps::<{ _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC }>(self.0);
         copysign(self, sign: F32xN) -> F32xN =
             _mm512_or_ps(self.abs().0, _mm512_and_ps(_mm512_set1_ps(-0.0), sign.0));
         min(self, bound: F32xN) -> F32xN = _mm512_min_ps(self.0, bound.0);

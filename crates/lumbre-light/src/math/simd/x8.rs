@@ -218,6 +218,7 @@ impl Real for F32xN {
         select(mask: MaskN, yes: F32xN, no: F32xN) -> F32xN = _mm256_blendv_ps(no.0, yes.0, mask.0);
         sqrt(self) -> F32xN = _mm256_sqrt_ps(self.0);
         abs(self) -> F32xN = _mm256_andnot_ps(_mm256_set1_ps(-0.0), self.0);
+        floor(self) -> F32xN = _mm256_floor_ps(self.0);
         copysign(self, sign: F32xN) -> F32xN =
             _mm256_or_ps(self.abs().0, _mm256_and_ps(_mm256_set1_ps(-0.0), sign.0));
         min(self, bound: F32xN) -> F32xN = _mm256_min_ps(self.0, bound.0);
