@@ -104,6 +104,10 @@ pub trait Double: Copy + Add<Output = Self> + Mul<Output = Self> + Div<Output = 
 
     /// Returns the same number in every lane.
     fn splat(x: f64) -> Self;
+    /// Returns the square root.
+    fn sqrt(self) -> Self;
+    /// Returns the entries of a table at the indices of which the lowest five bits are given.
+    fn lookup(table: &[f64; 32], indices: <Self::Real as Real>::Word) -> Self;
     /// Rounds to the nearest single-precision number.
     fn single(self) -> Self::Real;
     /// Returns where `self > other`.
@@ -484,6 +488,14 @@ impl Double for f64 {
     #[inline(always)]
     fn splat(x: f64) -> f64 {
         x
+    }
+    #[inline(always)]
+    fn sqrt(self) -> f64 {
+        f64::sqrt(self)
+    }
+    #[inline(always)]
+    fn lookup(table: &[f64; 32], indices: u32) -> f64 {
+        table[indices as usize % 32]
     }
     #[inline(always)]
     fn single(self) -> f32 {

@@ -326,6 +326,24 @@ impl Double for F64xN {
         F64xN(all, all)
     }
     #[inline(always)]
+    fn sqrt(self) -> F64xN {
+        // SAFETY: see `splat`.
+        unsafe { F64xN(_mm512_sqrt_pd(self.0), _mm512_sqrt_pd(self.1)) }
+    }
+    #[inline(always)]
+    fn lookup(table: &[f64; 32], indices: U32xN) -> F64xN {
+        let table = table.as_ptr();
+        // SAFETY: as in `splat`; the indices are below the length of the table.
+        unsafe {
+            let indices = _mm512_and_si512(indices.0, _mm512_set1_epi32(31));
+            let last = _mm512_extracti64x4_epi64::<1>(indices);
+            F64xN(
+                _mm512_i32gather_pd::<8>(_mm512_castsi512_si256(indices), table),
+                _mm512_i32gather_pd::<8>(last, table),
+            )
+        }
+    }
+    #[inline(always)]
     fn select(mask: MaskN, yes: F64xN, no: F64xN) -> F64xN {
         let [first, last] = mask.0.to_le_bytes();
         // SAFETY: see `splat`.

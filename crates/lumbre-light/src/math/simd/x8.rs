@@ -272,6 +272,24 @@ impl Double for F64xN {
         F64xN(all, all)
     }
     #[inline(always)]
+    fn sqrt(self) -> F64xN {
+        // SAFETY: see `splat`.
+        unsafe { F64xN(_mm256_sqrt_pd(self.0), _mm256_sqrt_pd(self.1)) }
+    }
+    #[inline(always)]
+    fn lookup(table: &[f64; 32], indices: U32xN) -> F64xN {
+        let table = table.as_ptr();
+        // SAFETY: as in `splat`; the indices are below the length of the table.
+        unsafe {
+            let indices = _mm256_and_si256(indices.0, _mm256_set1_epi32(31));
+            let last = _mm256_extracti128_si256::<1>(indices);
+            F64xN(
+                _mm256_i32gather_pd::<8>(table, _mm256_castsi256_si128(indices)),
+                _mm256_i32gather_pd::<8>(table, last),
+            )
+        }
+    }
+    #[inline(always)]
     fn gt(self, other: F64xN) -> MaskN {
         // SAFETY: see `splat`.
         unsafe {

@@ -221,7 +221,29 @@ impl Accel {
         }
         (self.root, self.cost) = (root.index, root.cost);
         (self.nodes, self.blocks) = (bvh8.nodes, bvh8.blocks);
+        if self.masked {
+            self.mark_masked();
+        }
         Ok(())
+    }
+
+    /// Marks the primitives whose material has a mask. The material of an instanced primitive
+    /// depends on the instance, so all of those are marked.
+    fn mark_masked(&mut self) {
+        let scene = &self.scene;
+        let instanced = scene.world_triangles()..scene.triangles.len();
+        let has_mask = |primitive: u32| {
+            let row = scene.material_of(primitive, NONE);
+            scene.materials[row as usize].mask_texture != NONE
+        };
+        for block in &mut self.blocks {
+            let occupied = block.primitives.iter().enumerate();
+            block.masked = occupied
+                .filter(|(_, primitive)| **primitive != NONE)
+                .filter(|(_, i)| instanced.contains(&(**i as usize)) || has_mask(**i))
+                .map(|(lane, _)| 1 << lane)
+                .sum();
+        }
     }
 
     /// Returns whether the hierarchy is a single leaf, so that every ray is tested with every

@@ -255,8 +255,9 @@ impl Accel {
                         instance,
                         uv,
                     };
-                    better |= self.accept(ray, hit, best)
-                        || self.masked && self.accept_exit(ray, hit, best);
+                    let masked = block.masked & (1 << lane) != 0;
+                    better |= self.accept(ray, hit, masked, best)
+                        || masked && self.accept_exit(ray, hit, best);
                     if ANY && better {
                         return true;
                     }
@@ -275,15 +276,15 @@ impl Accel {
         let sphere = (entry.primitive as usize).checked_sub(self.scene.triangles.len());
         sphere
             .and_then(|i| intersect::sphere_exit(&self.scene.spheres[i], ray, best.t))
-            .is_some_and(|t| self.accept(ray, Hit { t, ..entry }, best))
+            .is_some_and(|t| self.accept(ray, Hit { t, ..entry }, true, best))
     }
 
-    /// Accepts a hit with `t <= best.t`, unless it loses a tie or a mask removes it. Returns
-    /// whether it was accepted.
+    /// Accepts a hit with `t <= best.t`, unless it loses a tie or a mask removes it. `masked` is
+    /// false only if the material has no mask. Returns whether it was accepted.
     #[inline(always)]
-    fn accept(&self, ray: &Ray, hit: Hit, best: &mut BestHit) -> bool {
+    fn accept(&self, ray: &Ray, hit: Hit, masked: bool, best: &mut BestHit) -> bool {
         if hit.t == best.t && !best.loses_tie_to(&hit)
-            || self.masked && is_masked_out(&self.scene, ray, &hit)
+            || masked && is_masked_out(&self.scene, ray, &hit)
         {
             return false;
         }
@@ -321,7 +322,7 @@ impl Accel {
                 instance: NONE,
                 uv,
             };
-            let accepted = self.accept(ray, hit, &mut best)
+            let accepted = self.accept(ray, hit, self.masked, &mut best)
                 || self.masked && self.accept_exit(ray, hit, &mut best);
             accepted.then_some(best.limit)
         });
