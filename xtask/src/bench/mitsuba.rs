@@ -36,7 +36,7 @@ const SCENES: [&str; 10] = [
     "door_ajar.lua",
 ];
 
-/// Side of the picture in pixels; pictures are square, since programs disagree on the axis of `fov`.
+/// Side of the picture in pixels. It is square, since programs disagree on the axis of `fov`.
 const SIDE: u32 = 256;
 
 /// Path depth in edges.
@@ -120,8 +120,8 @@ impl BesideMitsuba {
         }));
         let ratio = median(self.rows.iter().map(|row| row.ratio));
         format!(
-            "Mitsuba {}, {SIDE}x{SIDE}, depth {MAX_DEPTH}, processor time per path, one thread\n\n{}\n\n\
-             median ratio {ratio:.2}\n",
+            "Mitsuba {}, {SIDE}x{SIDE}, depth {MAX_DEPTH}, processor time per path, one thread\n\n\
+             {}\n\nmedian ratio {ratio:.2}\n",
             self.version,
             aligned(&lines)
         )

@@ -1,9 +1,9 @@
 //! The exponential function and the hypotenuse, in lanes.
 //!
-//! [`exp`] is the algorithm of the C library of GNU and of Arm's optimized routines: 2^(k/32) from a
-//! table times a polynomial, in double precision. It has the same bits in every lane and on every
-//! machine, and differs from that library, which fuses multiplications and additions where the
-//! processor can, in the last place of about one number in ten million.
+//! [`exp`] is the algorithm of GNU's C library and of Arm's optimized routines: 2^(k/32) from a table
+//! times a polynomial, in double precision. It has the same bits in every lane and on every machine.
+//! That library fuses multiplications and additions where the processor can; the results differ in
+//! the last place for less than one number in a million.
 
 use super::real::{Double, Real, Word};
 

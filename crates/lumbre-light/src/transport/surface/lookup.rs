@@ -125,3 +125,89 @@ impl<R: Lanes<N>, const N: usize> Lookup<'_, R, N> {
         R::Vec3::new(r, g, b)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::Affine2;
+
+    use super::*;
+    use crate::math::rng::{pcg4d, unit};
+    use crate::math::simd::{SimdKernel, Width, dispatch};
+    use crate::scene::desc::Wrap;
+
+    /// Returns textures of several sizes, wrap modes and mappings.
+    fn textures() -> Vec<Texture> {
+        let texels = |n: u32| -> Vec<[f32; 3]> {
+            let texel = |i| pcg4d([i, n, 1, 2]).map(unit);
+            (0..n).map(texel).map(|[r, g, b, _]| [r, g, b]).collect()
+        };
+        let mut textures = Vec::new();
+        for wrap_u in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
+            for wrap_v in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
+                for [width, height] in [[1, 1], [2, 5], [7, 3]] {
+                    let mut texture = Texture::new(width, height, texels(width * height));
+                    texture.lookup.wrap = [wrap_u, wrap_v];
+                    texture.lookup.second = height == 5;
+                    texture.lookup.map = (width == 7).then(|| {
+                        Affine2::from_angle(0.3) * Affine2::from_scale(Vec2::new(1.5, 0.7))
+                    });
+                    textures.push(texture);
+                }
+            }
+        }
+        textures
+    }
+
+    /// Compares lookups in lanes with one by one, each lane with another texture.
+    #[derive(Clone, Copy)]
+    struct Comparison<'a>(&'a [Texture]);
+
+    impl SimdKernel for Comparison<'_> {
+        type Output = ();
+
+        #[inline(always)]
+        fn run<R: Lanes<N>, const N: usize>(self) {
+            let count = self.0.len() as u32;
+            for round in 0..400u32 {
+                let numbers = |i: usize| pcg4d([i as u32, round, 3, 4]).map(unit);
+                let ids = std::array::from_fn(|i| match (i as u32 + round) % (count + 1) {
+                    k if k == count => NONE,
+                    k => k,
+                });
+                let coordinate = |i: usize, k: usize| match (round as usize + i + k) % 97 {
+                    0 => f32::INFINITY,
+                    1 => f32::NAN,
+                    2 => -1e-9,
+                    3 => 1.0,
+                    _ => 8.0 * numbers(i)[k] - 4.0,
+                };
+                let column = |k: usize| std::array::from_fn(|i| coordinate(i, k));
+                let [a, b, c, d] = [column(0), column(1), column(2), column(3)];
+                let tilings = std::array::from_fn(|i| UvMap {
+                    scale: 1.0 + i as f32,
+                    offset: Vec2::new(0.25, -0.5),
+                });
+                let uv = Uv::from_array([R::load(&a), R::load(&b), R::load(&c), R::load(&d)]);
+                let found: R::Vec3 = lookup_in_lanes(self.0, ids, &uv, tilings);
+                let found = [found.x().store(), found.y().store(), found.z().store()];
+                for i in 0..N {
+                    let own = Uv::from_array([a[i], b[i], c[i], d[i]]);
+                    let expected = match self.0.get(ids[i] as usize) {
+                        None => Vec3::ONE,
+                        Some(texture) => texture.bilinear(texture.image_uv(own, tilings[i])),
+                    };
+                    let found = Vec3::new(found[0][i], found[1][i], found[2][i]);
+                    assert_eq!(found, expected, "{N} lanes, texture {}", ids[i]);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn lookups_in_lanes_are_those_of_each_texture() {
+        let textures = textures();
+        for width in Width::all() {
+            dispatch(width, Comparison(&textures));
+        }
+    }
+}
