@@ -143,6 +143,7 @@ impl EnvironmentMap {
     }
 
     /// Returns the colour at fractions of width and height.
+    #[inline(always)]
     fn bilinear(&self, [u, v]: [f32; 2]) -> Vec3 {
         let (width, height) = (self.texture.width as i64, self.texture.height as i64);
         let (x, y) = (u * width as f32 - 0.5, v * height as f32 - 0.5);
