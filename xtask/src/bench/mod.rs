@@ -8,6 +8,7 @@ mod handover;
 mod loading;
 mod long;
 mod metrics;
+mod mitsuba;
 mod night;
 mod ratios;
 mod scale;
@@ -63,6 +64,8 @@ enum Measured {
     Loading,
     /// Every metric on pictures of 1280x720
     Metrics,
+    /// Processor time of a path of `nee` beside Mitsuba 3's `path`, on the same scenes
+    Mitsuba(mitsuba::MitsubaArgs),
     /// Start-up, planning, bookkeeping, checkpoints, listing, and a night of short cells
     Overheads,
     /// Cost ratios: alpha masks, 10,000 instances, 10,000 lights, and a second thread
@@ -135,6 +138,13 @@ fn measure(args: &Args) -> Result<Figures, String> {
             Figures {
                 text: metrics::table(&times),
                 json: metrics::to_json(&times),
+            }
+        }
+        Measured::Mitsuba(options) => {
+            let beside = mitsuba::BesideMitsuba::measure(options, repeats)?;
+            Figures {
+                text: beside.table(),
+                json: beside.to_json(),
             }
         }
         Measured::Overheads => overheads(&program(args)?, &scene, repeats)?,

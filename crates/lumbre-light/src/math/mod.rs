@@ -2,6 +2,7 @@
 //! vectors, and statistical tests.
 
 pub mod distribution;
+pub mod exponential;
 pub mod false_discovery_rate;
 pub mod frame;
 pub mod piecewise;

@@ -49,6 +49,8 @@ pub trait Real:
     fn sqrt(self) -> Self;
     /// Returns the absolute value.
     fn abs(self) -> Self;
+    /// Returns the greatest integer that is not above the number.
+    fn floor(self) -> Self;
     /// Returns the number with the sign of `sign`.
     fn copysign(self, sign: Self) -> Self;
     /// Returns the lesser number; `bound` if `self` is NaN. `bound` must not be NaN.
@@ -102,6 +104,10 @@ pub trait Double: Copy + Add<Output = Self> + Mul<Output = Self> + Div<Output = 
 
     /// Returns the same number in every lane.
     fn splat(x: f64) -> Self;
+    /// Returns the square root.
+    fn sqrt(self) -> Self;
+    /// Returns the entries of a table at the indices of which the lowest five bits are given.
+    fn lookup(table: &[f64; 32], indices: <Self::Real as Real>::Word) -> Self;
     /// Rounds to the nearest single-precision number.
     fn single(self) -> Self::Real;
     /// Returns where `self > other`.
@@ -403,6 +409,18 @@ impl Real for f32 {
         f32::abs(self)
     }
     #[inline(always)]
+    fn floor(self) -> f32 {
+        // The baseline instruction set has no instruction for it, and the library's function is a
+        // call. Greater numbers are integers; the sign is that of zero.
+        if self.abs() < 8_388_608.0 {
+            let truncated = self as i32 as f32;
+            let below = truncated - f32::from(u8::from(truncated > self));
+            below.copysign(self)
+        } else {
+            self
+        }
+    }
+    #[inline(always)]
     fn copysign(self, sign: f32) -> f32 {
         f32::copysign(self, sign)
     }
@@ -470,6 +488,14 @@ impl Double for f64 {
     #[inline(always)]
     fn splat(x: f64) -> f64 {
         x
+    }
+    #[inline(always)]
+    fn sqrt(self) -> f64 {
+        f64::sqrt(self)
+    }
+    #[inline(always)]
+    fn lookup(table: &[f64; 32], indices: u32) -> f64 {
+        table[indices as usize % 32]
     }
     #[inline(always)]
     fn single(self) -> f32 {

@@ -93,6 +93,7 @@ impl<T: Real> Real for Pair<T> {
     receiver_methods! {
         sqrt() -> Pair<T>;
         abs() -> Pair<T>;
+        floor() -> Pair<T>;
         copysign(sign: Pair<T>) -> Pair<T>;
         min(bound: Pair<T>) -> Pair<T>;
         max(bound: Pair<T>) -> Pair<T>;
@@ -132,6 +133,7 @@ impl<T: Double> Double for Pair<T> {
     type Real = Pair<T::Real>;
 
     receiver_methods! {
+        sqrt() -> Pair<T>;
         single() -> Pair<T::Real>;
         gt(other: Pair<T>) -> Pair<<T::Real as Real>::Mask>;
     }
@@ -141,6 +143,10 @@ impl<T: Double> Double for Pair<T> {
     #[inline(always)]
     fn splat(x: f64) -> Pair<T> {
         Pair(T::splat(x), T::splat(x))
+    }
+    #[inline(always)]
+    fn lookup(table: &[f64; 32], indices: Pair<<T::Real as Real>::Word>) -> Pair<T> {
+        Pair(T::lookup(table, indices.0), T::lookup(table, indices.1))
     }
 }
 

@@ -81,6 +81,7 @@ fn operations_equal_the_scalar_ones_in_every_lane() {
                 check("negative", -a, &|a, _| -a);
                 check("square root", a.sqrt(), &|a, _| f32::sqrt(a));
                 check("absolute value", a.abs(), &|a, _| f32::abs(a));
+                check("floor", a.floor(), &|a, _| f32::floor(a));
                 check("copysign", a.copysign(b), &|a, b| f32::copysign(a, b));
                 check("minimum", a.min(R::splat(0.5)), &|a, _| f32::min(a, 0.5));
                 check("maximum", a.max(R::splat(0.5)), &|a, _| f32::max(a, 0.5));
@@ -137,6 +138,15 @@ fn double_precision_operations_equal_the_scalar_ones_in_every_lane() {
                 check("sum", stored(a + b), both(|a, b| a + b));
                 check("product", stored(a * b), both(|a, b| a * b));
                 check("quotient", stored(a / b), both(|a, b| a / b));
+                check("square root", stored(a.sqrt()), x.map(f64::sqrt));
+                let table = std::array::from_fn(|i| i as f64);
+                let indices = std::array::from_fn(|i| (7 * i + 2048) as u32);
+                let entries = R::Double::lookup(&table, R::load_words(&indices));
+                check(
+                    "lookup",
+                    stored(entries),
+                    indices.map(|i| f64::from(i % 32)),
+                );
                 let third = R::Double::splat(1.0) / R::Double::splat(3.0);
                 let single = (a * third).single().store().map(f64::from);
                 check(

@@ -263,6 +263,8 @@ impl Real for F32xN {
             _mm512_mask_blend_ps(mask.0, no.0, yes.0);
         sqrt(self) -> F32xN = _mm512_sqrt_ps(self.0);
         abs(self) -> F32xN = _mm512_andnot_ps(_mm512_set1_ps(-0.0), self.0);
+        floor(self) -> F32xN =
+            _mm512_roundscale_ps::<{ _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC }>(self.0);
         copysign(self, sign: F32xN) -> F32xN =
             _mm512_or_ps(self.abs().0, _mm512_and_ps(_mm512_set1_ps(-0.0), sign.0));
         min(self, bound: F32xN) -> F32xN = _mm512_min_ps(self.0, bound.0);
@@ -322,6 +324,24 @@ impl Double for F64xN {
         // SAFETY: the caller enabled the instruction set; the same holds for all below.
         let all = unsafe { _mm512_set1_pd(x) };
         F64xN(all, all)
+    }
+    #[inline(always)]
+    fn sqrt(self) -> F64xN {
+        // SAFETY: see `splat`.
+        unsafe { F64xN(_mm512_sqrt_pd(self.0), _mm512_sqrt_pd(self.1)) }
+    }
+    #[inline(always)]
+    fn lookup(table: &[f64; 32], indices: U32xN) -> F64xN {
+        let table = table.as_ptr();
+        // SAFETY: as in `splat`; the indices are below the length of the table.
+        unsafe {
+            let indices = _mm512_and_si512(indices.0, _mm512_set1_epi32(31));
+            let last = _mm512_extracti64x4_epi64::<1>(indices);
+            F64xN(
+                _mm512_i32gather_pd::<8>(_mm512_castsi512_si256(indices), table),
+                _mm512_i32gather_pd::<8>(last, table),
+            )
+        }
     }
     #[inline(always)]
     fn select(mask: MaskN, yes: F64xN, no: F64xN) -> F64xN {

@@ -218,6 +218,7 @@ impl Real for F32xN {
         select(mask: MaskN, yes: F32xN, no: F32xN) -> F32xN = _mm256_blendv_ps(no.0, yes.0, mask.0);
         sqrt(self) -> F32xN = _mm256_sqrt_ps(self.0);
         abs(self) -> F32xN = _mm256_andnot_ps(_mm256_set1_ps(-0.0), self.0);
+        floor(self) -> F32xN = _mm256_floor_ps(self.0);
         copysign(self, sign: F32xN) -> F32xN =
             _mm256_or_ps(self.abs().0, _mm256_and_ps(_mm256_set1_ps(-0.0), sign.0));
         min(self, bound: F32xN) -> F32xN = _mm256_min_ps(self.0, bound.0);
@@ -269,6 +270,24 @@ impl Double for F64xN {
         // SAFETY: the caller enabled the instruction set; the same holds for all below.
         let all = unsafe { _mm256_set1_pd(x) };
         F64xN(all, all)
+    }
+    #[inline(always)]
+    fn sqrt(self) -> F64xN {
+        // SAFETY: see `splat`.
+        unsafe { F64xN(_mm256_sqrt_pd(self.0), _mm256_sqrt_pd(self.1)) }
+    }
+    #[inline(always)]
+    fn lookup(table: &[f64; 32], indices: U32xN) -> F64xN {
+        let table = table.as_ptr();
+        // SAFETY: as in `splat`; the indices are below the length of the table.
+        unsafe {
+            let indices = _mm256_and_si256(indices.0, _mm256_set1_epi32(31));
+            let last = _mm256_extracti128_si256::<1>(indices);
+            F64xN(
+                _mm256_i32gather_pd::<8>(table, _mm256_castsi256_si128(indices)),
+                _mm256_i32gather_pd::<8>(table, last),
+            )
+        }
     }
     #[inline(always)]
     fn gt(self, other: F64xN) -> MaskN {

@@ -21,7 +21,7 @@ pub use flatten::{MAX_PRIMITIVES, compile, compile_sharing};
 pub use instance::{Instance, Instances, MAX_FLATTENED_PRIMITIVES, SharedMesh};
 pub use lights::{Cone, DirectionalLight, Environment, PointLight};
 pub(in crate::scene) use texture::srgb_to_linear;
-pub use texture::{Texture, Uv, UvMap};
+pub use texture::{Footprint, Texture, Uv, UvMap};
 
 use super::desc::CameraDesc;
 pub use super::desc::{DelayKind, Distribution, Lookup, MaskMode, Model, Wrap};

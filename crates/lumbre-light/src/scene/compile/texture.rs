@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 
-use crate::math::real::Real;
+use crate::math::real::{Mask, Real, Word};
 use crate::math::simd::Lanes;
 use crate::scene::desc::{Lookup, Texels, TextureDesc, Wrap};
 
@@ -169,41 +169,127 @@ impl Texture {
     /// (0, 0) is the bottom left corner and v points up; beyond the edges the wrap modes apply.
     /// Coordinates that are not finite count as 0.
     pub fn bilinear(&self, uv: Vec2) -> Vec3 {
-        let [wrap_u, wrap_v] = self.lookup.wrap;
-        let (x0, x1, fx) = neighbours(uv.x, self.width, wrap_u);
+        let [width, height, wrap_u, wrap_v] = self.grid();
+        let footprint = Footprint::new(uv.to_array(), [width, height], [wrap_u, wrap_v]);
+        self.blend(footprint.texels, footprint.weights).truncate()
+    }
+
+    /// Returns width, height and the codes of the wrap modes along u and v, as [`Footprint::new`]
+    /// takes them.
+    #[inline(always)]
+    pub fn grid(&self) -> [f32; 4] {
+        let [u, v] = self.lookup.wrap;
+        [
+            self.width as f32,
+            self.height as f32,
+            wrap_code(u),
+            wrap_code(v),
+        ]
+    }
+
+    /// Interpolates between the four texels of one lane of a [`Footprint`]; the last component is 0.
+    #[inline(always)]
+    pub fn blend(&self, texels: [u32; 4], [fx, fy]: [f32; 2]) -> Vec4 {
+        let [a, b, c, d] = texels;
+        let (upper, lower) = (
+            self.texel(a).lerp(self.texel(b), fx),
+            self.texel(c).lerp(self.texel(d), fx),
+        );
+        upper.lerp(lower, fy)
+    }
+
+    #[inline(always)]
+    fn texel(&self, index: u32) -> Vec4 {
+        let [r, g, b] = self.texels[index as usize];
+        Vec4::new(r, g, b, 0.0)
+    }
+}
+
+/// Wrap modes as numbers in lanes.
+const MIRROR: f32 = 1.0;
+const CLAMP: f32 = 2.0;
+
+/// Returns the code of a wrap mode; 0 repeats.
+#[inline(always)]
+fn wrap_code(wrap: Wrap) -> f32 {
+    match wrap {
+        Wrap::Repeat => 0.0,
+        Wrap::Mirror => MIRROR,
+        Wrap::Clamp => CLAMP,
+    }
+}
+
+/// The four texels around points of images, an image in each lane.
+#[derive(Clone, Copy, Debug)]
+pub struct Footprint<R: Real> {
+    /// Indices of the texels: upper left, upper right, lower left, lower right.
+    pub texels: [R::Word; 4],
+    /// Weights of the right and of the lower texels.
+    pub weights: [R; 2],
+}
+
+impl<R: Real> Footprint<R> {
+    /// Finds the texels around image coordinates, given sizes below 2^23 and codes of wrap modes:
+    /// see [`Texture::grid`].
+    #[inline(always)]
+    pub fn new([u, v]: [R; 2], [width, height]: [R; 2], [wrap_u, wrap_v]: [R; 2]) -> Footprint<R> {
+        let (zero, one) = (R::splat(0.0), R::splat(1.0));
         // Row 0 is the top of the image, v = 0 its bottom; for repeated textures these coincide.
-        let top = if wrap_v == Wrap::Repeat { 0.0 } else { 1.0 };
-        let (y0, y1, fy) = neighbours(top - uv.y, self.height, wrap_v);
-        let at = |x: u32, y: u32| {
-            Vec3::from_array(self.texels[y as usize * self.width as usize + x as usize])
-        };
-        at(x0, y0)
-            .lerp(at(x1, y0), fx)
-            .lerp(at(x0, y1).lerp(at(x1, y1), fx), fy)
+        let top = R::select(wrap_v.eq(zero), zero, one);
+        let ([left, right], fx) = neighbours(u, width, wrap_u);
+        let ([upper, lower], fy) = neighbours(top - v, height, wrap_v);
+        let width = width.truncated();
+        let (upper, lower) = (upper.mul(width), lower.mul(width));
+        Footprint {
+            texels: [
+                upper.add(left),
+                upper.add(right),
+                lower.add(left),
+                lower.add(right),
+            ],
+            weights: [fx, fy],
+        }
     }
 }
 
 /// Returns the two texels around a coordinate in which the image has length 1, and the weight of
 /// the second.
-#[inline]
-fn neighbours(coordinate: f32, size: u32, wrap: Wrap) -> (u32, u32, f32) {
-    let wrapped = match wrap {
-        Wrap::Repeat => coordinate - coordinate.floor(),
+#[inline(always)]
+fn neighbours<R: Real>(coordinate: R, size: R, wrap: R) -> ([R::Word; 2], R) {
+    let (zero, one, half) = (R::splat(0.0), R::splat(1.0), R::splat(0.5));
+    let (mirror, clamp) = (wrap.eq(R::splat(MIRROR)), wrap.eq(R::splat(CLAMP)));
+    let others = mirror | clamp;
+    let mut wrapped = coordinate - coordinate.floor();
+    if others.any() {
         // Forward, then backward.
-        Wrap::Mirror => coordinate - 2.0 * (coordinate * 0.5).floor(),
-        Wrap::Clamp if coordinate.is_finite() => coordinate.clamp(0.0, 1.0),
-        Wrap::Clamp => 0.0,
-    };
-    let x = if wrapped.is_finite() { wrapped } else { 0.0 } * size as f32 - 0.5;
+        let folded = coordinate - R::splat(2.0) * (coordinate * half).floor();
+        let clamped = R::select(coordinate.is_finite(), coordinate.clamp(0.0, 1.0), zero);
+        wrapped = R::select(mirror, folded, R::select(clamp, clamped, wrapped));
+    }
+    let x = R::select(wrapped.is_finite(), wrapped, zero) * size - half;
     let low = x.floor();
-    let at = low as i64;
-    let (size, last) = (i64::from(size), i64::from(size) - 1);
-    let texel = |i: i64| match wrap {
-        Wrap::Repeat => i.rem_euclid(size),
-        Wrap::Mirror if i > last => (2 * size - 1 - i).max(0),
-        _ => i.clamp(0, last),
-    } as u32;
-    (texel(at), texel(at + 1), x - low)
+    let (next, last) = (low + one, size - one);
+    let mut texels = [
+        R::select(low.lt(zero), last, low),
+        R::select(next.gt(last), zero, next),
+    ];
+    if others.any() {
+        texels = [
+            R::select(others, inside(low, size, mirror), texels[0]),
+            R::select(others, inside(next, size, mirror), texels[1]),
+        ];
+    }
+    ([texels[0].truncated(), texels[1].truncated()], x - low)
+}
+
+/// Returns the texel at a position of an image that is mirrored, in the lanes of `mirror`, or
+/// extended.
+#[inline(always)]
+fn inside<R: Real>(position: R, size: R, mirror: R::Mask) -> R {
+    let last = size - R::splat(1.0);
+    let beyond = mirror & position.gt(last);
+    let reflected = R::select(beyond, size + last - position, position);
+    reflected.min(last).max(R::splat(0.0))
 }
 
 /// Decodes sRGB [IEC 61966-2-1], from 0..=1 to 0..=1.

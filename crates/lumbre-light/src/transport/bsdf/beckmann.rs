@@ -5,6 +5,7 @@ use std::f32::consts::{FRAC_1_PI, PI};
 
 use glam::Vec3;
 
+use crate::math::exponential::{exp, hypot};
 use crate::math::real::{Mask, Real, Vector};
 
 /// 1 / sqrt(pi).
@@ -38,7 +39,7 @@ impl<R: Real> Beckmann<R> {
     /// z / r`, `G1 = 2 / (1 + erf a + exp(-a^2) / (a sqrt pi))`.
     #[inline(always)]
     pub fn masking_over_cos(&self, w: R::Vec3) -> R {
-        let r = (self.alpha[0] * w.x()).zip_lanes(self.alpha[1] * w.y(), f32::hypot);
+        let r = hypot(self.alpha[0] * w.x(), self.alpha[1] * w.y());
         let a = w.z() / r.max(R::splat(1e-20));
         let gauss = exp(-a * a);
         R::splat(2.0)
@@ -52,7 +53,7 @@ impl<R: Real> Beckmann<R> {
         let (zero, one) = (R::splat(0.0), R::splat(1.0));
         let up = R::Vec3::broadcast(Vec3::Z);
         let stretched = R::Vec3::new(ax * wo.x(), ay * wo.y(), wo.z()).normalize_or(up);
-        let across = stretched.x().zip_lanes(stretched.y(), f32::hypot);
+        let across = hypot(stretched.x(), stretched.y());
         let inclined = across.gt(R::splat(1e-9));
         let cos = R::select(inclined, stretched.x() / across, one);
         let sin = R::select(inclined, stretched.y() / across, zero);
@@ -110,12 +111,6 @@ fn visible_slope<R: Real>(cot: R, u: R) -> R {
 fn cumulative<R: Real>(cot: R, x: R, gauss: R) -> R {
     let half = R::splat(0.5);
     half * cot * (R::splat(1.0) + erf(x, gauss)) + R::splat(0.5 * INV_SQRT_PI) * gauss
-}
-
-/// Returns the exponential function.
-#[inline(always)]
-fn exp<R: Real>(x: R) -> R {
-    x.map_lanes(f32::exp)
 }
 
 /// The error function, with absolute error below 2e-7 [Abramowitz & Stegun 1964, 7.1.26]. `gauss`

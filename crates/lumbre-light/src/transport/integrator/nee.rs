@@ -66,19 +66,21 @@ impl CameraPaths for Nee {
 }
 
 /// Returns the weight of light that paths hit, given the density per solid angle with which light
-/// sampling samples it from a point.
+/// sampling samples it from their last vertices, which is used only if it [is
+/// needed](needs_density).
 #[inline(always)]
-fn hit_weight<R: Real>(context: &Context, path: &Path<R>, pdf_w: impl Fn(R::Vec3) -> R) -> R {
-    let (zero, one) = (R::splat(0.0), R::splat(1.0));
-    let specular = path.is_specular();
-    if !(!specular).any() {
-        return one;
-    }
+fn hit_weight<R: Real>(context: &Context, path: &Path<R>, pdf_w: R) -> R {
     let weight = match context.settings.mis {
-        None => zero,
-        Some(h) => h.weight(path.state.last_pdf_w, pdf_w(path.state.last)),
+        None => R::splat(0.0),
+        Some(h) => h.weight(path.state.last_pdf_w, pdf_w),
     };
-    R::select(specular, one, weight)
+    R::select(path.is_specular(), R::splat(1.0), weight)
+}
+
+/// Returns whether the weight of light that paths hit depends on the density of light sampling.
+#[inline(always)]
+fn needs_density<R: Real>(context: &Context, path: &Path<R>) -> bool {
+    context.settings.mis.is_some() && (!path.is_specular()).any()
 }
 
 /// Handles paths that left the scene: see [`CameraPaths::escape`]. With `LIGHTS` the light is
@@ -97,17 +99,19 @@ pub(super) fn escape<R: Lanes<N>, const N: usize, const LIGHTS: bool>(
     if !lit.any() {
         return;
     }
-    let weight = if LIGHTS {
-        hit_weight(context, path, |_| {
-            if context.settings.all_lights {
+    // No closure here: it would not be compiled for the instructions of the vectors.
+    let mut weight = R::splat(1.0);
+    if LIGHTS {
+        let mut pdf_w = R::splat(0.0);
+        if needs_density(context, path) {
+            pdf_w = if context.settings.all_lights {
                 lights.pdf_environment_one_w::<R::Vec3, N>(dir)
             } else {
                 lights.pdf_environment_w::<R::Vec3, N>(dir)
-            }
-        })
-    } else {
-        R::splat(1.0)
-    };
+            };
+        }
+        weight = hit_weight(context, path, pdf_w);
+    }
     let length = path.escape_length(context, edge);
     path.add_hit_light(edge, radiance, weight, length, lit, sink);
 }
@@ -132,7 +136,10 @@ pub(super) fn scatter<R: Lanes<N>, const N: usize, D: Directions<R, N>, const LI
     let optical = path.arrive(context, counts, arrival, &surface, lanes);
     let wo = -path.state.dir;
     if arrival.class.surface.emits {
-        let length = optical.map_or(R::Double::splat(0.0), |optical| optical.arrival());
+        let length = match &optical {
+            None => R::Double::splat(0.0),
+            Some(optical) => optical.arrival(),
+        };
         add_emission::<R, N, LIGHTS>(context, edge, path, &surface, length, lanes, sink);
     }
     lanes = lanes & !surface.ends_paths();
@@ -229,21 +236,21 @@ pub(super) fn add_emission<R: Lanes<N>, const N: usize, const LIGHTS: bool>(
     if !lit.any() {
         return;
     }
-    let weight = if LIGHTS {
-        let lights = context
-            .lights
-            .with_indices(R::store_words(surface.emitter), lit);
-        let (at, n) = (surface.position, surface.n_geometric);
-        hit_weight(context, path, |from| {
-            if context.settings.all_lights {
+    let mut weight = R::splat(1.0);
+    if LIGHTS {
+        let mut pdf_w = R::splat(0.0);
+        if needs_density(context, path) {
+            let emitters = R::store_words(surface.emitter);
+            let lights = context.lights.with_indices(emitters, lit);
+            let (from, at, n) = (path.state.last, surface.position, surface.n_geometric);
+            pdf_w = if context.settings.all_lights {
                 lights.pdf_direct_one_w(from, at, n)
             } else {
                 lights.pdf_direct_w(from, at, n)
-            }
-        })
-    } else {
-        R::splat(1.0)
-    };
+            };
+        }
+        weight = hit_weight(context, path, pdf_w);
+    }
     path.add_hit_light(edge, radiance, weight, length, lit, sink);
 }
 

@@ -14,7 +14,7 @@ use glam::Vec3;
 
 use super::luminance;
 use crate::math::distribution::Grid;
-use crate::math::real::Vector;
+use crate::math::real::{Real, Vector};
 use crate::math::simd::{Lanes, map_vectors};
 use crate::math::warp;
 use crate::scene::compile::{Environment, Texture};
@@ -143,12 +143,21 @@ impl EnvironmentMap {
     }
 
     /// Returns the colour at fractions of width and height.
+    #[inline(always)]
     fn bilinear(&self, [u, v]: [f32; 2]) -> Vec3 {
         let (width, height) = (self.texture.width as i64, self.texture.height as i64);
         let (x, y) = (u * width as f32 - 0.5, v * height as f32 - 0.5);
-        let (left, top) = (x.floor(), y.floor());
+        let (left, top) = (Real::floor(x), Real::floor(y));
         let at = |dx: i64, dy: i64| {
-            let column = (left as i64 + dx).rem_euclid(width);
+            // At most one column beyond either edge; a division would be slower.
+            let column = left as i64 + dx;
+            let column = if column < 0 {
+                column + width
+            } else if column >= width {
+                column - width
+            } else {
+                column
+            };
             let row = (top as i64 + dy).clamp(0, height - 1);
             Vec3::from_array(self.texture.texels[(row * width + column) as usize])
         };

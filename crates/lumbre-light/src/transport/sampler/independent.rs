@@ -26,7 +26,11 @@ fn block<W: Word>(key: [W; 4], taken: W, after: u32) -> [W; 4] {
 #[inline(always)]
 fn places<W: Word>(taken: W) -> [<W::Real as Real>::Mask; 3] {
     let within = taken.and(W::splat(3));
-    [1, 2, 3].map(|i| within.eq(W::splat(i)))
+    [
+        within.eq(W::splat(1)),
+        within.eq(W::splat(2)),
+        within.eq(W::splat(3)),
+    ]
 }
 
 /// Returns number `taken` of each key.

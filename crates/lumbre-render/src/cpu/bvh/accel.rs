@@ -29,11 +29,6 @@ use lumbre_light::scene::compile::{MAX_PRIMITIVES, NONE};
 /// 36 levels fit; [`Accel::build`] rejects deeper trees.
 pub(crate) const STACK: usize = 256;
 
-/// Number of primitives up to which a scene without instances is one leaf. Vectorised paths are
-/// then 1.2 to 1.4 times as fast as with a limit of 16, and scalar paths as fast
-/// (docs/notes/vectorisation.md).
-pub(crate) const ONE_LEAF: usize = 5 * LANES;
-
 /// Hierarchy of a scene.
 pub struct Accel {
     /// Scene that primitive indices of hits refer to: flattened if the builder does not support
@@ -204,7 +199,8 @@ impl Accel {
         if primitives.is_empty() {
             return Ok(());
         }
-        let spec = top_level_spec(spec, self.instances.is_empty(), primitives.len());
+        let one_leaf = self.instances.is_empty() && primitives.len() <= self.isa.one_leaf();
+        let spec = top_level_spec(spec, self.instances.is_empty(), one_leaf);
         let binary = build::build_binary(&spec, &primitives, spec.max_leaf);
         let root = bvh8.add_tree(&binary, &primitives, &item);
         let mesh_levels = self
@@ -221,7 +217,29 @@ impl Accel {
         }
         (self.root, self.cost) = (root.index, root.cost);
         (self.nodes, self.blocks) = (bvh8.nodes, bvh8.blocks);
+        if self.masked {
+            self.mark_masked();
+        }
         Ok(())
+    }
+
+    /// Marks the primitives whose material has a mask. The material of an instanced primitive
+    /// depends on the instance, so all of those are marked.
+    fn mark_masked(&mut self) {
+        let scene = &self.scene;
+        let instanced = scene.world_triangles()..scene.triangles.len();
+        let has_mask = |primitive: u32| {
+            let row = scene.material_of(primitive, NONE);
+            scene.materials[row as usize].mask_texture != NONE
+        };
+        for block in &mut self.blocks {
+            let occupied = block.primitives.iter().enumerate();
+            block.masked = occupied
+                .filter(|(_, primitive)| **primitive != NONE)
+                .filter(|(_, i)| instanced.contains(&(**i as usize)) || has_mask(**i))
+                .map(|(lane, _)| 1 << lane)
+                .sum();
+        }
     }
 
     /// Returns whether the hierarchy is a single leaf, so that every ray is tested with every
@@ -272,11 +290,11 @@ pub fn world_primitives(scene: &CompiledScene) -> Vec<BuildPrimitive> {
     triangles.chain(spheres).collect()
 }
 
-/// Returns the settings of the scene's own tree. Without instances, a scene of at most [`ONE_LEAF`]
-/// primitives is a single leaf. With instances, every leaf has one primitive or instance.
-fn top_level_spec(spec: &AccelSpec, without_instances: bool, primitives: usize) -> AccelSpec {
+/// Returns the settings of the scene's own tree, which may be a single leaf. With instances, every
+/// leaf has one primitive or instance.
+fn top_level_spec(spec: &AccelSpec, without_instances: bool, one_leaf: bool) -> AccelSpec {
     AccelSpec {
-        builder: if without_instances && primitives <= ONE_LEAF {
+        builder: if one_leaf {
             Builder::None
         } else {
             spec.builder

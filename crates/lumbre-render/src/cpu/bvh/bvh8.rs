@@ -70,6 +70,8 @@ pub(crate) struct Block {
     pub primitives: [u32; LANES],
     /// Mask of the lanes that hold a sphere.
     pub spheres: u32,
+    /// Mask of the lanes whose primitive may have a material with a mask.
+    pub masked: u32,
     /// Whether this is the last block of its leaf.
     pub last: bool,
 }
@@ -264,6 +266,7 @@ impl Bvh8 {
                 spheres: (0..LANES)
                     .map(|lane| u32::from(is_sphere(lane)) << lane)
                     .sum(),
+                masked: 0,
                 last: false,
             });
         }

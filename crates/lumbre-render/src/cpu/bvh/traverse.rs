@@ -6,7 +6,7 @@
 use std::mem::MaybeUninit;
 
 use super::accel::{Accel, STACK};
-use super::bvh8::{INSTANCE, LEAF};
+use super::bvh8::{INSTANCE, LEAF, Node};
 use super::instances;
 use super::intersect;
 use super::intersect::ShearedRay;
@@ -149,8 +149,12 @@ impl Accel {
                     let mesh = &self.instances[instance as usize];
                     let local = mesh.to_mesh_space(ray);
                     (sheared, slabs) = (ShearedRay::new(&local), Slabs::new(&local));
-                    // Its distance is below every limit, so it is never skipped.
-                    stack.push(RETURN_TO_WORLD, f32::NEG_INFINITY);
+                    if ANY {
+                        stack.push_children(RETURN_TO_WORLD, 1);
+                    } else {
+                        // Its distance is below every limit, so it is never skipped.
+                        stack.push(RETURN_TO_WORLD, f32::NEG_INFINITY);
+                    }
                     current = mesh.root;
                     continue;
                 } else if self.test_leaf::<L, ANY, INSTANCES>(
@@ -165,38 +169,34 @@ impl Accel {
                 }
             } else {
                 let node = &self.nodes[current as usize];
-                let (mut hits, near) = slabs.intersect(&node.bounds, best.limit);
-                if ANY && hits != 0 {
-                    // Any hit ends the search, so the order is irrelevant.
-                    current = node.child[hits.trailing_zeros() as usize % LANES];
-                    hits &= hits - 1;
-                    while hits != 0 {
-                        stack.push(node.child[hits.trailing_zeros() as usize % LANES], 0.0);
-                        hits &= hits - 1;
-                    }
-                    continue;
-                }
+                let (hits, near) = slabs.intersect(&node.bounds, best.limit);
                 if hits != 0 {
-                    // Continue with the nearest child; push the others, farthest first.
                     let first = hits.trailing_zeros() as usize % LANES;
-                    hits &= hits - 1;
-                    if hits == 0 {
+                    let others = hits & (hits - 1);
+                    if ANY {
+                        // Any hit ends the search, so the order is irrelevant.
+                        stack.push_children(current, others);
                         current = node.child[first];
-                        continue;
+                    } else if others == 0 {
+                        current = node.child[first];
+                    } else {
+                        current = stack.push_all_but_nearest(node, first, others, &near.store());
                     }
-                    let near = near.store();
-                    let base = stack.depth;
-                    stack.push(node.child[first], near.0[first]);
-                    while hits != 0 {
-                        let lane = hits.trailing_zeros() as usize % LANES;
-                        hits &= hits - 1;
-                        stack.insert(base, node.child[lane], near.0[lane]);
-                    }
-                    current = stack.pop_top();
                     continue;
                 }
             }
-            match stack.pop(best.limit) {
+            let next = if ANY {
+                stack.pop_child().map(|(node, lane)| {
+                    if INSTANCES && node == RETURN_TO_WORLD {
+                        node
+                    } else {
+                        self.nodes[node as usize].child[lane]
+                    }
+                })
+            } else {
+                stack.pop(best.limit)
+            };
+            match next {
                 Some(next) => current = next,
                 None => return best.hit,
             }
@@ -255,8 +255,9 @@ impl Accel {
                         instance,
                         uv,
                     };
-                    better |= self.accept(ray, hit, best)
-                        || self.masked && self.accept_exit(ray, hit, best);
+                    let masked = block.masked & (1 << lane) != 0;
+                    better |= self.accept(ray, hit, masked, best)
+                        || masked && self.accept_exit(ray, hit, best);
                     if ANY && better {
                         return true;
                     }
@@ -275,15 +276,15 @@ impl Accel {
         let sphere = (entry.primitive as usize).checked_sub(self.scene.triangles.len());
         sphere
             .and_then(|i| intersect::sphere_exit(&self.scene.spheres[i], ray, best.t))
-            .is_some_and(|t| self.accept(ray, Hit { t, ..entry }, best))
+            .is_some_and(|t| self.accept(ray, Hit { t, ..entry }, true, best))
     }
 
-    /// Accepts a hit with `t <= best.t`, unless it loses a tie or a mask removes it. Returns
-    /// whether it was accepted.
+    /// Accepts a hit with `t <= best.t`, unless it loses a tie or a mask removes it. `masked` is
+    /// false only if the material has no mask. Returns whether it was accepted.
     #[inline(always)]
-    fn accept(&self, ray: &Ray, hit: Hit, best: &mut BestHit) -> bool {
+    fn accept(&self, ray: &Ray, hit: Hit, masked: bool, best: &mut BestHit) -> bool {
         if hit.t == best.t && !best.loses_tie_to(&hit)
-            || self.masked && is_masked_out(&self.scene, ray, &hit)
+            || masked && is_masked_out(&self.scene, ray, &hit)
         {
             return false;
         }
@@ -321,7 +322,7 @@ impl Accel {
                 instance: NONE,
                 uv,
             };
-            let accepted = self.accept(ray, hit, &mut best)
+            let accepted = self.accept(ray, hit, self.masked, &mut best)
                 || self.masked && self.accept_exit(ray, hit, &mut best);
             accepted.then_some(best.limit)
         });
@@ -455,7 +456,9 @@ impl<L: Simd8> Slabs<L> {
     }
 }
 
-/// Traversal stack: children, each with the distance at which the ray enters its box.
+/// Traversal stack. For the nearest hit its entries are children, each with the distance at which
+/// the ray enters its box; for any hit they are nodes, each with the mask of the children that are
+/// still to be visited.
 struct Stack {
     entries: [MaybeUninit<(u32, f32)>; STACK],
     depth: usize,
@@ -475,6 +478,60 @@ impl Stack {
     fn push(&mut self, child: u32, near: f32) {
         self.entries[self.depth].write((child, near));
         self.depth += 1;
+    }
+
+    /// Pushes the children of a node in the lanes of a mask, in one entry; nothing if the mask is
+    /// zero. There is no branch, which the processor could not predict.
+    #[inline(always)]
+    fn push_children(&mut self, node: u32, lanes: u32) {
+        self.entries[self.depth].write((node, f32::from_bits(lanes)));
+        self.depth += usize::from(lanes != 0);
+    }
+
+    /// Pops one child of an entry of [`Stack::push_children`]: its node and its lane.
+    #[inline(always)]
+    fn pop_child(&mut self) -> Option<(u32, usize)> {
+        let top = self.depth.checked_sub(1)?;
+        // SAFETY: every entry below the depth was written when the depth passed it.
+        let (node, lanes) = unsafe { self.entries[top].assume_init() };
+        let lanes = lanes.to_bits();
+        let others = lanes & lanes.wrapping_sub(1);
+        self.entries[top].write((node, f32::from_bits(others)));
+        self.depth -= usize::from(others == 0);
+        Some((node, lanes.trailing_zeros() as usize % LANES))
+    }
+
+    /// Pushes the children of a node in lane `first` and in the lanes of the mask `others`, the
+    /// farthest first, except for the nearest one, which it returns.
+    #[inline(always)]
+    fn push_all_but_nearest(
+        &mut self,
+        node: &Node,
+        first: usize,
+        mut others: u32,
+        near: &LaneArray,
+    ) -> u32 {
+        let second = others.trailing_zeros() as usize % LANES;
+        others &= others - 1;
+        if others == 0 {
+            let swapped = near.0[second] < near.0[first];
+            let (nearer, farther) = if swapped {
+                (second, first)
+            } else {
+                (first, second)
+            };
+            self.push(node.child[farther], near.0[farther]);
+            return node.child[nearer];
+        }
+        let base = self.depth;
+        self.push(node.child[first], near.0[first]);
+        self.insert(base, node.child[second], near.0[second]);
+        while others != 0 {
+            let lane = others.trailing_zeros() as usize % LANES;
+            others &= others - 1;
+            self.insert(base, node.child[lane], near.0[lane]);
+        }
+        self.pop_top()
     }
 
     /// Inserts a child below the nearer ones of the entries from `base` on.

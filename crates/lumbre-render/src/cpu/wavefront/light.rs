@@ -219,12 +219,14 @@ impl<const N: usize> Stored<N> {
     #[inline(always)]
     fn new<R: Lanes<N>>(context: &Context, has_layers: bool, light: &PathLight<R>) -> Stored<N> {
         let store = |v: R::Vec3| [v.x().store(), v.y().store(), v.z().store()];
-        let positions = |timing: &Timing| {
-            R::store_doubles(timing.axis.bin_positions(light.length, R::Double::splat))
-        };
         Stored {
             values: store(light.value()),
-            positions: context.timing.map_or([0.0; N], positions),
+            positions: match context.timing {
+                None => [0.0; N],
+                Some(timing) => {
+                    R::store_doubles(timing.axis.bin_positions(light.length, R::Double::splat))
+                }
+            },
             unweighted: if has_layers {
                 store(light.unweighted)
             } else {

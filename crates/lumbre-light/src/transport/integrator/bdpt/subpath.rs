@@ -161,7 +161,10 @@ impl<R: Real> Subpath<R> {
         let (exist, endpoint) = self.endpoint(context, step, at, lanes);
         lanes = lanes & exist;
         if arrival.class.surface.emits {
-            let length = optical.map_or(R::Double::splat(0.0), |optical| optical.arrival());
+            let length = match &optical {
+                None => R::Double::splat(0.0),
+                Some(optical) => optical.arrival(),
+            };
             if from_camera
                 && context.settings.includes(0, step.edge + 1)
                 && let Some(light) =

@@ -44,7 +44,13 @@ impl<R: Real> Path<R> {
             optical.add_segment(time.from, surface.position);
         }
         if !context.scene.delays.is_empty() {
-            let keys = self.auxiliary(&time).key().map(R::store_words);
+            let [a, b, c, d] = self.auxiliary(&time).key();
+            let keys = [
+                R::store_words(a),
+                R::store_words(b),
+                R::store_words(c),
+                R::store_words(d),
+            ];
             let taken = &mut time.auxiliary_taken;
             optical.delay = sample_delays::<R, N>(context, arrival, surface, lanes, keys, taken);
             self.time = Some(time);

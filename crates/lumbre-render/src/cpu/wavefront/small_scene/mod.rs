@@ -21,7 +21,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use crate::cpu::bvh::accel::{Accel, ONE_LEAF};
+use crate::cpu::bvh::accel::Accel;
 use lumbre_light::math::real::{Mask, Vector};
 use lumbre_light::math::simd::{F32x8, Lanes, SimdKernel, Width, active_lanes, dispatch};
 use lumbre_light::scene::CompiledScene;
@@ -31,7 +31,8 @@ use nearest::NearestHits;
 use sphere::{intersect_sphere, intersect_sphere_twice};
 use triangle::{CornerBuffer, ShearedRays, corners_of};
 
-/// Primitives of a small scene, prepared for vectorised tests: at most [`ONE_LEAF`].
+/// Primitives of a small scene, prepared for vectorised tests: at most
+/// [`Isa::one_leaf`](crate::cpu::bvh::simd::Isa::one_leaf).
 pub struct SmallScene {
     width: Width,
     scene: Arc<CompiledScene>,
@@ -58,7 +59,7 @@ impl SmallScene {
     pub fn new_if_small(accel: &Accel, width: Width) -> Option<SmallScene> {
         let scene = &accel.scene;
         let is_small = accel.is_one_leaf()
-            && scene.primitive_count() <= ONE_LEAF
+            && scene.primitive_count() <= accel.isa().one_leaf()
             && scene.instances.placements.is_empty();
         is_small.then(|| SmallScene::new(width, Arc::clone(scene)))
     }
