@@ -3,19 +3,18 @@
 
 use super::ReportError;
 use super::convergence::mean_name;
-use super::crops::shorten;
 use super::films::colour_bar;
 use super::item::{Provenance, ReportItem};
 use super::metric_display::MetricDisplay;
-use super::sizes::{FULL, SCREEN};
 use super::study::{ReportOptions, Study};
 use crate::metrics::colour::luminance;
 use crate::metrics::map::Colours;
 use crate::output::format;
 use crate::output::format::significant;
 use crate::output::plot::axis::Scale;
+use crate::output::plot::sizes::{FULL, SCREEN};
 use crate::output::plot::style::{FAINT, INK};
-use crate::output::plot::svg::{Anchor, Drawing, Font, text_width};
+use crate::output::plot::svg::{Anchor, Drawing, Font, shorten, text_width};
 
 /// Width and height of a cell in points. The width is up to 1.5 times as large if there is space.
 const CELL: (f64, f64) = (46.0, 22.0);

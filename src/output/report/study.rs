@@ -4,9 +4,14 @@ use std::collections::BTreeMap;
 
 use super::ReportError;
 use crate::experiment::night_results::{NightResults, RunResult};
+use crate::metrics::tonemap::Tonemap;
 use crate::metrics::{Better, MetricSpec};
 use crate::output::dependent_axes;
+use crate::output::exposure;
 use crate::output::format;
+use crate::output::plot::figure::SeriesEntry;
+use crate::output::plot::style::{Colour, style};
+use lumbre_light::film::Image;
 use lumbre_light::transport::integrator::canonical_name;
 
 /// Options of a report. All have defaults that suit most nights.
@@ -41,6 +46,8 @@ pub struct ReportOptions {
 pub struct Series {
     /// Label within its group, such as `bdpt` or `mis = power`.
     pub label: String,
+    /// Colour that the script gives to it.
+    pub colour: Option<Colour>,
     /// Group of series of the same night and device, named after the night or the device. Empty if
     /// there is only one group.
     pub group: String,
@@ -241,9 +248,10 @@ impl<'a> Study<'a> {
                     group.extend(device.clone());
                 }
                 group.dedup();
-                let (label, long) = self.series_label(run, &integrator_axes, mixed);
+                let (label, long) = self.series_label(night, run, &integrator_axes, mixed);
                 let series = self.find_or_add_series(Series {
                     label,
+                    colour: self.series_colour(night, run),
                     group: group.join(", "),
                     device,
                     long,
@@ -262,12 +270,13 @@ impl<'a> Study<'a> {
     /// `mixed` is whether the night has several integrators.
     fn series_label(
         &self,
+        night: &NightResults,
         run: &RunResult,
         integrator_axes: &[bool],
         mixed: bool,
     ) -> (String, Option<&'static str>) {
         let part = |(axis, is_integrator): (&String, &bool)| {
-            let value = run.axis_value(axis)?;
+            let value = night.report.name(&run.axis_value(axis)?);
             Some(if *is_integrator {
                 value
             } else {
@@ -280,17 +289,43 @@ impl<'a> Study<'a> {
             .zip(integrator_axes)
             .filter_map(part)
             .collect();
-        let long = if parts.len() == 1 {
-            format::integrator_long_name(&parts[0])
+        let long = if parts.len() == 1 && integrator_axes.contains(&true) {
+            format::integrator_long_name(&run.integrator)
         } else {
             None
         };
         let label = match parts.as_slice() {
             [] if mixed => "all techniques".to_owned(),
-            [] => run.integrator.clone(),
+            [] => night.report.name(&run.integrator),
             parts => parts.join(", "),
         };
         (label, long)
+    }
+
+    /// Returns the colour that the script gives to a run's series by one of its compared values.
+    fn series_colour(&self, night: &NightResults, run: &RunResult) -> Option<Colour> {
+        let compared = self.by.iter().filter_map(|axis| run.axis_value(axis));
+        let mut values = compared.chain([run.integrator.clone()]);
+        values.find_map(|value| night.report.colour(&value).and_then(Colour::parse))
+    }
+
+    /// Returns the tone map of pictures in figures, if the script sets one.
+    pub fn display(&self) -> Option<Tonemap> {
+        self.nights.first().and_then(|night| night.report.display)
+    }
+
+    /// Returns the tone map at which a figure shows a picture and those beside it.
+    pub fn display_of(&self, image: &Image) -> Tonemap {
+        self.display().unwrap_or_else(|| exposure::automatic(image))
+    }
+
+    /// Returns the series as figures show them.
+    pub fn entries(&self) -> Vec<SeriesEntry> {
+        let entry = |(index, series): (usize, &Series)| SeriesEntry {
+            label: series.full_label(),
+            style: style(index).coloured(series.colour),
+        };
+        self.series.iter().enumerate().map(entry).collect()
     }
 
     /// Returns the index of a series. Runs that have not finished have no known device; they join
