@@ -118,7 +118,7 @@ fn ls_and_show_print_the_stored_results() {
         "{page}"
     );
     let listed = json(&place.succeed(&["ls", "--json"]).stdout);
-    let run = &listed[0]["runs"][0];
+    let run = &listed["experiments"][0]["runs"][0];
     assert_eq!(run["state"], "done");
     let id = run["run"].as_str().unwrap();
 
@@ -162,17 +162,21 @@ fn ls_filters_by_words_states_and_the_latest_night() {
     let runs = |args: &[&str]| -> Vec<String> {
         let all: Vec<&str> = ["ls", "--json"].iter().chain(args).copied().collect();
         let listed = json(&place.succeed(&all).stdout);
-        let runs = listed.as_array().unwrap().iter().flat_map(|e| {
-            let name = e["name"].as_str().unwrap().to_owned();
-            let runs = e["runs"].as_array().unwrap().iter();
-            runs.map(move |r| {
-                format!(
-                    "{name} {} {}",
-                    r["path"].as_str().unwrap(),
-                    r["state"].as_str().unwrap()
-                )
-            })
-        });
+        let runs = listed["experiments"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .flat_map(|e| {
+                let name = e["name"].as_str().unwrap().to_owned();
+                let runs = e["runs"].as_array().unwrap().iter();
+                runs.map(move |r| {
+                    format!(
+                        "{name} {} {}",
+                        r["path"].as_str().unwrap(),
+                        r["state"].as_str().unwrap()
+                    )
+                })
+            });
         runs.collect()
     };
     assert_eq!(runs(&[]).len(), 6);
