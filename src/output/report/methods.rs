@@ -160,7 +160,10 @@ fn scenes_and_sizes(study: &Study) -> Vec<String> {
         out.push(format!("Pictures have {} pixels.", sizes.join(" or ")));
     }
     if !ends.is_empty() && ends.len() <= MOST_REASONS {
-        out.push(format!("The stop rule of runs: {}.", ends.join("; ")));
+        out.push(format!(
+            "Each run ended by its stop rule: {}.",
+            ends.join("; ")
+        ));
     }
     out
 }

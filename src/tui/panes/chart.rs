@@ -89,7 +89,7 @@ fn reference_noise(frame: &mut Frame, area: Rect, run: &CurrentRun, view: &View)
     if points.is_empty() {
         let note = if view.watching {
             "This is a reference: cells are measured against it, so it has no error of its own. \
-             Its noise is known to the process that renders it, and here when it ends."
+             Its noise is shown by the process that renders it."
         } else {
             "This is a reference: cells are measured against it, so it has no error of its own. \
              Its noise is estimated from its second sample on."
