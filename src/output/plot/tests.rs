@@ -96,10 +96,7 @@ fn each_facet_has_a_picture_with_a_panel_for_each_metric() {
         "1 − SSIM",
         "render time (s)",
     ] {
-        assert!(
-            svg.contains(&format!(">{text}</text>")),
-            "{text} is missing"
-        );
+        assert!(svg.contains(&format!(">{text}")), "{text} is missing");
     }
     // Means of three depths in two panels, with bands.
     assert_eq!(
