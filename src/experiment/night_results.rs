@@ -25,7 +25,7 @@ pub struct NightResults {
     pub axes: Vec<String>,
     /// Metrics with their definitions, in the order of [`WaveRow::metrics`] of every run here.
     pub metrics: Vec<MetricSpec>,
-    /// How the script presents the results.
+    /// Presentation of the results that the script sets.
     pub report: Presentation,
     /// The machine on which the night last rendered, if recorded.
     pub machine: Option<Machine>,

@@ -48,11 +48,12 @@ pub struct ExperimentSpec {
     pub figures: Vec<FigureSpec>,
     /// Tables to write.
     pub tables: Vec<TableSpec>,
-    /// How figures, tables and reports present the results.
+    /// Presentation of the results in figures, tables and reports.
     pub report: Presentation,
 }
 
-/// How figures, tables and reports present the results. Nothing of it changes a result or an id.
+/// Presentation of the results in figures, tables and reports. Nothing of it changes a result or an
+/// id.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Presentation {
     /// Tone map of the pictures in figures; `None` is sRGB with an exposure for each figure.

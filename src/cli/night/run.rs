@@ -86,7 +86,7 @@ fn use_first_device(night: &NightArgs) {
 
 /// Night that was requested on the command line.
 struct NightRequest<'a> {
-    /// Whether runs are to be retried, so that it is said which.
+    /// Whether the runs to be retried are stated first.
     retries: bool,
     night: &'a NightArgs,
     /// Whether only runs whose last attempt failed are rendered.

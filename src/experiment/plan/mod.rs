@@ -218,7 +218,7 @@ pub struct Plan {
     pub figures: Vec<FigureSpec>,
     /// Tables to write.
     pub tables: Vec<TableSpec>,
-    /// How figures, tables and reports present the results; not part of `hash`.
+    /// Presentation of the results in figures, tables and reports; not part of `hash`.
     pub report: Presentation,
     /// Text of the script.
     pub script_text: String,

@@ -32,7 +32,7 @@ const SMALL: Font = Font::new(7.0, FAINT);
 pub struct Sheet {
     /// File name without extension: `pyramid-weighted`, `pyramid-raw` or `depths`.
     pub stem: &'static str,
-    /// What it shows.
+    /// Title of the sheet.
     pub heading: &'static str,
     /// Explanation of its symbols, brightening and tone map.
     pub notes: String,

@@ -18,6 +18,7 @@ mod methods;
 pub(super) mod metric_display;
 mod page;
 mod pgfplots;
+mod presentation;
 pub(super) mod repeats;
 mod snapshots;
 pub(super) mod study;

@@ -4,14 +4,10 @@ use std::collections::BTreeMap;
 
 use super::ReportError;
 use crate::experiment::night_results::{NightResults, RunResult};
-use crate::metrics::tonemap::Tonemap;
 use crate::metrics::{Better, MetricSpec};
 use crate::output::dependent_axes;
-use crate::output::exposure;
 use crate::output::format;
-use crate::output::plot::figure::SeriesEntry;
-use crate::output::plot::style::{Colour, style};
-use lumbre_light::film::Image;
+use crate::output::plot::style::Colour;
 use lumbre_light::transport::integrator::canonical_name;
 
 /// Options of a report. All have defaults that suit most nights.
@@ -300,32 +296,6 @@ impl<'a> Study<'a> {
             parts => parts.join(", "),
         };
         (label, long)
-    }
-
-    /// Returns the colour that the script gives to a run's series by one of its compared values.
-    fn series_colour(&self, night: &NightResults, run: &RunResult) -> Option<Colour> {
-        let compared = self.by.iter().filter_map(|axis| run.axis_value(axis));
-        let mut values = compared.chain([run.integrator.clone()]);
-        values.find_map(|value| night.report.colour(&value).and_then(Colour::parse))
-    }
-
-    /// Returns the tone map of pictures in figures, if the script sets one.
-    pub fn display(&self) -> Option<Tonemap> {
-        self.nights.first().and_then(|night| night.report.display)
-    }
-
-    /// Returns the tone map at which a figure shows a picture and those beside it.
-    pub fn display_of(&self, image: &Image) -> Tonemap {
-        self.display().unwrap_or_else(|| exposure::automatic(image))
-    }
-
-    /// Returns the series as figures show them.
-    pub fn entries(&self) -> Vec<SeriesEntry> {
-        let entry = |(index, series): (usize, &Series)| SeriesEntry {
-            label: series.full_label(),
-            style: style(index).coloured(series.colour),
-        };
-        self.series.iter().enumerate().map(entry).collect()
     }
 
     /// Returns the index of a series. Runs that have not finished have no known device; they join

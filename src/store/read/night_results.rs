@@ -59,7 +59,7 @@ pub fn read_night(folder: &Path, evidence: &Evidence) -> Result<NightResults, St
     })
 }
 
-/// Reads how the script presents the results. A tone map that this version does not know is left
+/// Reads the presentation of the results. A tone map that this version does not know is left
 /// out.
 fn presentation(record: &PresentationRecord) -> Presentation {
     Presentation {

@@ -88,7 +88,7 @@ records! {
         pub warnings: Vec<String>,
         /// Notes about scene files.
         pub notes: Vec<SceneNote>,
-        /// How reports present the results. Only of scripts that set it.
+        /// Presentation of the results in reports. Only of scripts that set it.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pub report: Option<PresentationRecord>,
         /// First 32 digits of the BLAKE3 hash of this file with an empty `check`.
@@ -113,7 +113,7 @@ records! {
         pub display: Value,
     }
 
-    /// How figures, tables and reports present the results.
+    /// Presentation of the results in figures, tables and reports.
     pub struct PresentationRecord {
         /// Tone map of pictures in figures; `null` for sRGB with an exposure for each figure.
         pub display: Value,

@@ -12,13 +12,13 @@ use crate::hierarchy::{AccelSpec, LaneMode};
 use crate::{Job, RenderError};
 use lumbre_light::scene::CompiledScene;
 
-/// Scenes with a keeper, and what was built for them.
+/// Scenes with a keeper, and their prepared forms.
 static KEPT: Mutex<Vec<KeptScene>> = Mutex::new(Vec::new());
 
 /// A scene with a keeper.
 struct KeptScene {
     scene: Arc<CompiledScene>,
-    /// What was built, by the settings of the hierarchy and the number of threads.
+    /// Prepared scenes by the settings of the hierarchy and the number of threads.
     prepared: Vec<(AccelSpec, usize, Arc<PreparedScene>)>,
 }
 
