@@ -30,7 +30,7 @@ pub fn night(what: Option<&Path>, out: &Path) -> Result<PathBuf, Failure> {
         return Ok(given.to_owned());
     }
     let is_latest = given == Path::new(LATEST);
-    if given.is_dir() || is_latest {
+    if given.is_dir() || is_latest || what.is_none() {
         let results = if given.is_dir() { given } else { out };
         return newest(results).ok_or_else(|| {
             let results = display_path(results);
