@@ -207,7 +207,7 @@ impl FigureData<'_> {
         let facet: Vec<String> = self
             .facet
             .iter()
-            .map(|(axis, value)| format!("{axis} = {value}"))
+            .map(|(axis, value)| format!("{axis} = {}", self.plan.report.name(value)))
             .collect();
         let facet = facet.join(", ");
         let name = self.plan.name.clone();

@@ -125,6 +125,8 @@ impl<'a> HeatMap<'a> {
         let counts = counts.iter().copied().filter(|n| *n > 0);
         let runs = counts.fold((usize::MAX, 0), |(a, b), n| (a.min(n), b.max(n)));
         let varies = |axis: &String| !axes.contains(axis) && study.values(axis).len() > 1;
+        let named = |values: &[String]| values.iter().map(|value| study.name(value)).collect();
+        let (columns, rows) = (named(&columns), named(&rows));
         (low <= high).then_some(HeatMap {
             averaged: study.axes().into_iter().filter(varies).collect(),
             metric,

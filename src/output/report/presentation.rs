@@ -17,6 +17,18 @@ impl Study<'_> {
         values.find_map(|value| night.report.colour(&value).and_then(Colour::parse))
     }
 
+    /// Returns the name that the script gives to an axis value, or the value.
+    pub fn name(&self, value: &str) -> String {
+        let night = self.nights.first();
+        night.map_or_else(|| value.to_owned(), |night| night.report.name(value))
+    }
+
+    /// Returns the names of the values of a facet.
+    pub fn facet_values(&self, facet: usize) -> Vec<String> {
+        let values = self.facets[facet].iter();
+        values.map(|value| self.name(value)).collect()
+    }
+
     /// Returns the tone map of pictures in figures, if the script sets one.
     pub fn display(&self) -> Option<Tonemap> {
         self.nights.first().and_then(|night| night.report.display)

@@ -409,15 +409,16 @@ impl<'a> Study<'a> {
     /// Returns the label of a facet, such as `scene = box, depth = 5`. It is empty if there are no
     /// facet axes.
     pub fn facet_label(&self, facet: usize) -> String {
-        let pairs = self.facet_axes.iter().zip(&self.facets[facet]);
+        let values = self.facet_values(facet);
         // The values of a single axis of names are clear without the axis name, numbers are not.
-        if let [value] = self.facets[facet].as_slice()
+        if let [value] = values.as_slice()
             && value.parse::<f64>().is_err()
             && value != "true"
             && value != "false"
         {
             return value.clone();
         }
+        let pairs = self.facet_axes.iter().zip(&values);
         pairs
             .map(|(axis, value)| format!("{axis} = {value}"))
             .collect::<Vec<_>>()
