@@ -1,6 +1,7 @@
 //! `lumbre trace`: the steps of one sample of one pixel, on any backend.
 
 use std::fmt::Write as _;
+use std::path::Path;
 use std::sync::Arc;
 
 use serde_json::{Value as Json, json};
@@ -14,15 +15,26 @@ use crate::cli::reproduce::stored_run;
 use crate::cli::selector;
 use lumbre_light::scene::compile::MAX_FLATTENED_PRIMITIVES;
 use lumbre_light::scene::desc::MAX_SIDE;
-use lumbre_light::scene::{self, CompiledScene, compile};
+use lumbre_light::scene::load::{FORMATS, is_folder};
+use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::integrator::{INTEGRATORS, integrator};
 use lumbre_light::transport::sampler::{SAMPLER_NAMES, sampler};
 use lumbre_render::Job;
 use lumbre_render::path_trace::{MAX_PATH_EVENTS, PathEvent, SampleAt};
 
+/// Returns whether an argument means a scene, which need not exist, and not a run.
+fn is_scene(file: &Path) -> bool {
+    let extension = file.extension().and_then(|extension| extension.to_str());
+    let is_known = |extension: &str| {
+        let mut formats = FORMATS.iter();
+        extension == "lua" || formats.any(|format| format.extensions.contains(&extension))
+    };
+    file.is_file() || is_folder(file) || extension.is_some_and(is_known)
+}
+
 /// Runs `lumbre trace`: prints the steps of one sample.
 pub fn main(args: &TraceArgs, global: &Global) -> Result<Exit, Failure> {
-    let (scene, job, run_backend) = if args.file.is_file() || scene::load::is_folder(&args.file) {
+    let (scene, job, run_backend) = if is_scene(&args.file) {
         let (scene, job) = scene_job(args, global)?;
         (scene, job, None)
     } else {
