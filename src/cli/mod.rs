@@ -10,9 +10,11 @@ mod cluster;
 mod exit;
 pub mod format;
 pub mod inspect;
+mod json;
 pub mod night;
 mod reproduce;
 pub mod scene;
+mod selector;
 mod tev;
 pub mod verify;
 mod without_script;
@@ -82,6 +84,9 @@ fn run() -> Exit {
 /// Parses the arguments of this process.
 fn parse_arguments() -> Result<Cli, clap::Error> {
     let matches = about::reference::command().try_get_matches()?;
+    for warning in about::reference::options_without_effect(&matches) {
+        print_status(&warning);
+    }
     Cli::from_arg_matches(&matches)
 }
 
@@ -142,7 +147,7 @@ fn run_bench(args: &BenchArgs, global: &Global) -> Result<Exit, Failure> {
     };
     let report = bench::measure(args, global.threads, global.missing(), &mut print_progress)
         .map_err(Failure::usage)?;
-    let json = format!("{:#}\n", report.json());
+    let json = format!("{:#}\n", json::versioned(report.json().clone()));
     crate::store::write_atomically(&file, json.as_bytes()).map_err(Failure::internal)?;
     print_result(if args.json { &json } else { report.text() })?;
     print_progress(&format!("written to {}", format::display_path(&file)));

@@ -59,6 +59,9 @@ pub enum Event {
         measure_s: f64,
         /// The picture so far.
         image: SharedImage,
+        /// For references, the [noise](lumbre_light::film::Film::relative_noise) of the picture
+        /// relative to its mean.
+        noise: Option<f64>,
         /// Whether the samples per pixel have just reached a power of two.
         pow2: bool,
     },

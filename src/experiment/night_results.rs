@@ -6,6 +6,7 @@
 use std::path::PathBuf;
 
 use super::WaveRow;
+use super::spec::Presentation;
 use crate::metrics::MetricSpec;
 use lumbre_light::value::Value;
 
@@ -24,6 +25,8 @@ pub struct NightResults {
     pub axes: Vec<String>,
     /// Metrics with their definitions, in the order of [`WaveRow::metrics`] of every run here.
     pub metrics: Vec<MetricSpec>,
+    /// Presentation of the results that the script sets.
+    pub report: Presentation,
     /// The machine on which the night last rendered, if recorded.
     pub machine: Option<Machine>,
     /// Runs of all cells in the order of the plan, finished or not.
@@ -85,6 +88,8 @@ pub struct RunResult {
     pub integrator: String,
     /// Scene as written in the script.
     pub scene: String,
+    /// Greatest number of path edges, if the script sets it.
+    pub max_depth: Option<u32>,
     /// Width and height in pixels, if known.
     pub resolution: Option<[u32; 2]>,
     /// Device that rendered the run, if it is finished.

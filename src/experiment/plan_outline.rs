@@ -76,6 +76,8 @@ pub struct PlanOutline {
     pub hash: String,
     /// Axis names, slowest first.
     pub axes: Vec<String>,
+    /// Whether cells differ in each axis, in the same order.
+    pub varying: Vec<bool>,
     /// Cells in the order of the plan.
     pub cells: Vec<CellOutline>,
     /// References in the order of the plan.
@@ -137,6 +139,7 @@ impl PlanOutline {
             name: plan.name.clone(),
             hash: plan.hash.clone(),
             axes: plan.axes.clone(),
+            varying: Vec::new(),
             repeated: cells.iter().any(|cell| cell.repeat > 0),
             references: references.collect(),
             cells,
@@ -144,13 +147,20 @@ impl PlanOutline {
             metrics: plan.measure.metrics.clone(),
             display: plan.measure.display,
         }
-        .with_reference_values()
+        .with_distinctions()
     }
 
-    /// Fills in the axis values that distinguish each reference from the others: those that all
-    /// cells measured against it share, of axes in which references differ.
-    pub(crate) fn with_reference_values(mut self) -> PlanOutline {
+    /// Fills in which axes vary, and the axis values that distinguish each reference from the
+    /// others: those that all cells measured against it share, of axes in which references differ.
+    pub(crate) fn with_distinctions(mut self) -> PlanOutline {
         let axes = self.axes.len();
+        let value = |cell: &CellOutline, axis: usize| cell.point.get(axis).map(|p| p.1.clone());
+        let varies = |axis: usize| {
+            let mut values = self.cells.iter().map(|cell| value(cell, axis));
+            let first = values.next();
+            values.any(|value| Some(value) != first)
+        };
+        self.varying = (0..axes).map(varies).collect();
         // The value that the cells of a reference share on each axis: not seen, one, or several.
         let mut shared: Vec<Vec<Option<Option<&Value>>>> =
             vec![vec![None; axes]; self.references.len()];

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use super::outcome::WaveRow;
 use super::stop::StopRule;
 use crate::metrics::MetricSpec;
+use crate::metrics::tonemap::Tonemap;
 use lumbre_light::film::layer::Layer;
 use lumbre_light::transport::camera::FilterSpec;
 use lumbre_light::transport::path_time::Timing;
@@ -47,6 +48,35 @@ pub struct ExperimentSpec {
     pub figures: Vec<FigureSpec>,
     /// Tables to write.
     pub tables: Vec<TableSpec>,
+    /// Presentation of the results in figures, tables and reports.
+    pub report: Presentation,
+}
+
+/// Presentation of the results in figures, tables and reports. Nothing of it changes a result or an
+/// id.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Presentation {
+    /// Tone map of the pictures in figures; `None` is sRGB with an exposure for each figure.
+    pub display: Option<Tonemap>,
+    /// Names of techniques and of other axis values.
+    pub names: BTreeMap<String, String>,
+    /// Colours as `#rrggbb` of techniques and of other axis values.
+    pub colours: BTreeMap<String, String>,
+}
+
+impl Presentation {
+    /// Returns the name of a technique or of an axis value.
+    pub fn name(&self, value: &str) -> String {
+        self.names
+            .get(value)
+            .map_or(value, String::as_str)
+            .to_owned()
+    }
+
+    /// Returns the colour of a technique or of an axis value, if the script sets one.
+    pub fn colour(&self, value: &str) -> Option<&str> {
+        self.colours.get(value).map(String::as_str)
+    }
 }
 
 /// An axis of the sweep, or several that vary together (`zip`).
@@ -181,7 +211,7 @@ pub struct MeasureSpec {
     /// Whether the picture is stored as PNG at every measurement.
     pub captures: bool,
     /// Tone map of PNG files and of the live picture.
-    pub display: crate::metrics::tonemap::Tonemap,
+    pub display: Tonemap,
 }
 
 /// Snapshots that are stored besides the final picture.

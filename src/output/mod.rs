@@ -7,6 +7,7 @@
 
 mod dependent_axes;
 pub mod devices;
+mod exposure;
 pub mod exr;
 mod format;
 pub mod layer;

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::fmt::Write;
 
 use super::api::{ApiFn, FUNCTIONS, Param, experiment, measure, reference, render_schema};
-use super::api::{report, stop, stop_rule};
+use super::api::{presentation, report, stop, stop_rule};
 use super::scene;
 use crate::metrics::METRICS;
 use crate::metrics::tonemap::TONEMAPS;
@@ -25,6 +25,7 @@ const TABLES: &[&Table] = &[
     &stop::PLATEAU,
     &report::FIGURE,
     &report::TABLE,
+    &presentation::PRESENTATION,
     &scene::PLACE,
     &scene::PART,
     &scene::PAINT,

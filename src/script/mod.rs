@@ -238,5 +238,9 @@ fn finish(
         aa_check: builder.aa_check.is_some(),
         figures: builder.figures.iter().map(|(f, _)| f.clone()).collect(),
         tables: builder.tables.iter().map(|(t, _)| t.clone()).collect(),
+        report: builder
+            .report
+            .as_ref()
+            .map_or_else(Default::default, |(report, _)| report.clone()),
     })
 }

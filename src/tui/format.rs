@@ -78,14 +78,18 @@ pub fn measured(spec: &MetricSpec, value: f64) -> String {
     }
 }
 
-/// Name of a cell or reference: `depth=5 aa=0.5 rep=1`, or `bpt of cornell.scn`.
+/// Name of a cell or reference: `depth=5 aa=0.5 rep=1`, or `bpt of cornell.scn`. Axes in which no
+/// two cells differ are left out.
 pub fn cell_name(plan: &PlanOutline, cell: CellRef) -> String {
     match cell {
         CellRef::Cell(i) => plan.cells.get(i).map_or_else(String::new, |cell| {
+            let differs = |axis: usize| plan.varying.get(axis) == Some(&true);
             let mut parts: Vec<String> = cell
                 .point
                 .iter()
-                .map(|(name, value)| format!("{name}={value}"))
+                .enumerate()
+                .filter(|(axis, _)| differs(*axis))
+                .map(|(_, (name, value))| format!("{name}={value}"))
                 .collect();
             if plan.repeated {
                 parts.push(format!("rep={}", cell.repeat));

@@ -18,6 +18,28 @@ pub enum Focus {
     Plan,
 }
 
+impl Focus {
+    /// All panes in the order of the Tab key.
+    pub const ORDER: [Focus; 5] = [
+        Focus::Overview,
+        Focus::Picture,
+        Focus::Chart,
+        Focus::Log,
+        Focus::Plan,
+    ];
+
+    /// Returns what the Tab key enlarges next.
+    pub fn next(self) -> Focus {
+        self.moved(1)
+    }
+
+    /// Returns what is enlarged after some presses of the Tab key.
+    pub fn moved(self, by: usize) -> Focus {
+        let now = Focus::ORDER.iter().position(|focus| *focus == self);
+        Focus::ORDER[(now.unwrap_or(0) + by) % Focus::ORDER.len()]
+    }
+}
+
 /// Horizontal axis of the chart.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ChartX {
@@ -56,6 +78,14 @@ impl PictureMode {
         PictureMode::Strategies,
         PictureMode::Time,
     ];
+
+    /// Whether the mode compares with a reference.
+    pub fn needs_reference(self) -> bool {
+        matches!(
+            self,
+            PictureMode::Reference | PictureMode::Difference | PictureMode::Flip
+        )
+    }
 
     /// Name of the mode in the command bar.
     pub fn name(self) -> &'static str {

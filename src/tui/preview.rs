@@ -1,8 +1,8 @@
 //! Pictures reduced to the size of a pane, cached until their inputs change.
 //!
 //! Reducing a picture costs time that the renderer could use. A cached preview is therefore
-//! rebuilt only after fifty times its cost has passed; this bounds the load to two per cent of
-//! one core for any size of picture.
+//! rebuilt only after a multiple of its cost has passed, so that the three previews of a wide
+//! screen together take at most two per cent of one core, whatever the size of the picture.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -11,10 +11,10 @@ use super::modes::PictureMode;
 use crate::metrics::{MetricError, MetricSpec};
 use lumbre_light::film::{Image, SharedImage};
 
-/// Number of cached previews: two that flicker, and one more.
-const CAPACITY: usize = 3;
+/// Number of cached previews: the three of a wide screen, of which one may flicker, and one more.
+const CAPACITY: usize = 5;
 /// Shortest lifetime of a preview, in multiples of its cost.
-const LIFETIME_FACTOR: u32 = 50;
+const LIFETIME_FACTOR: u32 = 150;
 
 /// Content of a preview.
 #[derive(Clone, Debug, PartialEq)]

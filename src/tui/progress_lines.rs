@@ -196,7 +196,7 @@ impl ProgressLines {
     fn print_run_finished(&mut self, cell: CellRef, outcome: &Outcome, row: Option<&WaveRow>) {
         let facts = row.map_or_else(String::new, |row| format!("{}  ", self.measurements(row)));
         let (color, how) = match outcome {
-            Outcome::Done(reason) => (LineColor::Good, format!("done: {reason}")),
+            Outcome::Done(reason) => (LineColor::Good, format!("done (stop rule: {reason})")),
             Outcome::Cached(folder) => (LineColor::Dim, format!("cached: {}", folder.display())),
             Outcome::Failed(reason) => (LineColor::Bad, format!("failed: {reason}")),
             Outcome::Interrupted => (LineColor::Warn, "interrupted".to_owned()),

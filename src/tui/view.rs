@@ -313,8 +313,8 @@ impl View {
                 (self.flicker, self.notice) = (false, None);
                 self.filter.clear();
             }
-            KeyCode::Tab => self.cycle_focus(1),
-            KeyCode::BackTab => self.cycle_focus(4),
+            KeyCode::Tab => self.focus = self.focus.next(),
+            KeyCode::BackTab => self.focus = self.focus.moved(4),
             KeyCode::Char('x') => {
                 self.chart_x = match self.chart_x {
                     ChartX::RenderS => ChartX::Samples,
@@ -409,12 +409,10 @@ impl View {
             Action::Night(command) => return Some(command),
             Action::Filter(words) => (self.filter, self.plan_top) = (words, None),
             Action::Metric(index) => {
-                if model
-                    .plan
-                    .as_ref()
-                    .is_some_and(|plan| index < plan.metrics.len())
-                {
-                    self.metric = index;
+                match model.plan.as_ref().map_or(0, |plan| plan.metrics.len()) {
+                    0 => self.notify("this plan has no metrics".to_owned()),
+                    n if index >= n => self.notify(format!("the last metric is number {n}")),
+                    _ => self.metric = index,
                 }
             }
             Action::ChartX(axis) => self.chart_x = axis,
@@ -481,21 +479,6 @@ impl View {
     /// Index of the row of a cell or reference, or of its group.
     pub(super) fn row_of(&self, cell: CellRef, model: &NightModel) -> usize {
         self.rows.borrow_mut().update(model, self).index_of(cell)
-    }
-
-    fn cycle_focus(&mut self, by: usize) {
-        const ORDER: [Focus; 5] = [
-            Focus::Overview,
-            Focus::Picture,
-            Focus::Chart,
-            Focus::Log,
-            Focus::Plan,
-        ];
-        let now = ORDER
-            .iter()
-            .position(|focus| *focus == self.focus)
-            .unwrap_or(0);
-        self.focus = ORDER[(now + by) % ORDER.len()];
     }
 
     fn page(&self, model: &NightModel, area: Rect) -> isize {

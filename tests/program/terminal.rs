@@ -145,7 +145,7 @@ fn the_dashboard_handles_keys_commands_and_resizes_while_another_terminal_watche
     let Some(night) = Terminal::start(&place, "run", (80, 24), "run slow.lua") else {
         return;
     };
-    let screen = night.wait_for(&["Lumbre", "slow-", "running", "Cell", "? help"]);
+    let screen = night.wait_for(&["Lumbre", "slow-", "running", "Cell", "? all keys"]);
     assert!(night.uses_alternate_screen());
     assert_eq!(
         screen.trim_end_matches('\n').lines().count(),

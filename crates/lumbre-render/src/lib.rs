@@ -157,7 +157,8 @@ pub struct OpenStats {
     pub upload_s: f64,
     /// Time spent on compiling shaders and creating pipelines, in seconds; 0 without any.
     pub pipeline_s: f64,
-    /// Time spent on building acceleration structures, in seconds.
+    /// Time spent on building acceleration structures, in seconds; for one that was kept from an
+    /// earlier run, the time that it took then.
     pub accel_build_s: f64,
     /// Number of nodes of the acceleration structures.
     pub accel_nodes: u64,

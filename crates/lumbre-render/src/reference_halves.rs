@@ -14,8 +14,8 @@ use lumbre_light::film::layer::LayerFilm;
 use lumbre_light::film::state::{CheckpointMismatch, write_u64s};
 
 /// Two runs of one job with different seeds, presented as one run whose samples are split evenly;
-/// the first half gets the odd one. Both are open at the same time, so a scene's hierarchy is in
-/// memory twice while its reference is rendered.
+/// the first half gets the odd one. Both are open at the same time: unless the scene has a
+/// [`SceneKeeper`](crate::cpu::kept_scenes::SceneKeeper), its hierarchy is in memory twice.
 pub struct ReferenceHalves {
     halves: [Box<dyn Renderer>; 2],
     joint: Film,
@@ -26,10 +26,13 @@ impl ReferenceHalves {
     /// Combines two runs that have equally many samples, or of which the first has one more.
     pub fn new(halves: [Box<dyn Renderer>; 2]) -> ReferenceHalves {
         let [first, second] = [0, 1].map(|i: usize| halves[i].open_stats());
+        // Equal to the bit, it is the time of one hierarchy that both use.
+        let shared = first.accel_build_s == second.accel_build_s;
+        let second_build_s = if shared { 0.0 } else { second.accel_build_s };
         let open_stats = OpenStats {
             upload_s: first.upload_s + second.upload_s,
             pipeline_s: first.pipeline_s + second.pipeline_s,
-            accel_build_s: first.accel_build_s + second.accel_build_s,
+            accel_build_s: first.accel_build_s + second_build_s,
             ..first.clone()
         };
         let joint = Film::pooled(halves[0].film(), halves[1].film());

@@ -1,22 +1,19 @@
 //! `lumbre completions` and `lumbre man`, generated from the definition of the command line.
 
-use clap::CommandFactory;
-
-use crate::cli::args::Cli;
+use super::reference::command;
 use crate::cli::exit::{Exit, Failure, print_result};
 
 /// Runs `lumbre completions`: prints the completion script for a shell.
 pub fn completions(shell: clap_complete::Shell) -> Result<Exit, Failure> {
     let mut script = Vec::new();
-    clap_complete::generate(shell, &mut Cli::command(), "lumbre", &mut script);
+    clap_complete::generate(shell, &mut command(), "lumbre", &mut script);
     print_result(&String::from_utf8_lossy(&script))?;
     Ok(Exit::Done)
 }
 
 /// Runs `lumbre man`: prints the manual page of the program, followed by a page for each verb.
 pub fn man() -> Result<Exit, Failure> {
-    let mut command = Cli::command();
-    command.build();
+    let command = command();
     let mut page = Vec::new();
     let verbs = command
         .get_subcommands()

@@ -9,8 +9,9 @@ use crate::backends::BACKENDS;
 use crate::cli::args::{DoctorArgs, Global};
 use crate::cli::exit::{Exit, Failure, print_result};
 use crate::cli::format::{self, display_path};
+use crate::cli::json;
+use crate::store::schema::PROGRAM;
 use crate::store::schema::values::Named;
-use crate::store::schema::{PROGRAM, pretty};
 use crate::store::{Host, probe};
 use crate::tui;
 
@@ -71,7 +72,7 @@ struct TerminalFacts {
 pub fn main(args: &DoctorArgs, global: &Global) -> Result<Exit, Failure> {
     let facts = MachineFacts::collect(global);
     if args.json {
-        print_result(&pretty(&facts))?;
+        json::print(serde_json::json!(facts))?;
     } else {
         print_result(&facts.page())?;
     }
@@ -274,6 +275,14 @@ impl TerminalFacts {
             "standard output".to_owned(),
             format!("{kind}; progress is shown as {}, {color}", self.shows),
         ]];
+        let truecolor = |name: &str, value: &str| {
+            name == "COLORTERM" && (value == "truecolor" || value == "24bit")
+        };
+        let mut environment = self.environment.0.iter();
+        if self.colors && !environment.any(|(name, value)| truecolor(name, value)) {
+            let hint = "pictures in 256 colours; if the terminal has more, set COLORTERM=truecolor";
+            lines.push(vec![String::new(), hint.to_owned()]);
+        }
         for (name, value) in &self.environment.0 {
             lines.push(vec![format!("  {name}"), value.clone()]);
         }

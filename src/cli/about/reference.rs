@@ -1,6 +1,7 @@
 //! Reference page of the command line, generated from its definition.
 
-use clap::{Arg, Command, CommandFactory};
+use clap::parser::ValueSource;
+use clap::{Arg, ArgMatches, Command, CommandFactory};
 
 use crate::cli::args::Cli;
 use crate::cli::exit::EXIT_CODES_HELP;
@@ -20,6 +21,91 @@ const GROUPS: &[(&str, &[&str])] = &[
     (
         "The program itself",
         &["doctor", "verify", "bench", "schema", "completions", "man"],
+    ),
+];
+
+/// Global options that have no effect on some verbs, with the verbs on which they have one.
+const OPTIONS: &[(&str, &[&str])] = &[
+    (
+        "backend",
+        &[
+            "render",
+            "explore",
+            "compare",
+            "run",
+            "retry",
+            "plan",
+            "check",
+            "explain",
+            "submit",
+            "work",
+            "trace",
+            "reproduce",
+            "verify",
+            "bench",
+        ],
+    ),
+    (
+        "threads",
+        &[
+            "render",
+            "explore",
+            "compare",
+            "run",
+            "retry",
+            "work",
+            "trace",
+            "reproduce",
+            "verify",
+            "bench",
+        ],
+    ),
+    (
+        "memory",
+        &[
+            "render", "compare", "run", "retry", "plan", "check", "work", "submit",
+        ],
+    ),
+    (
+        "no_tui",
+        &[
+            "render", "explore", "compare", "run", "retry", "watch", "work",
+        ],
+    ),
+    (
+        "allow_commands",
+        &[
+            "compare",
+            "run",
+            "retry",
+            "plan",
+            "check",
+            "explain",
+            "submit",
+            "work",
+            "reproduce",
+        ],
+    ),
+    (
+        "lenient",
+        &[
+            "render",
+            "explore",
+            "compare",
+            "new",
+            "run",
+            "retry",
+            "plan",
+            "check",
+            "explain",
+            "submit",
+            "work",
+            "trace",
+            "export",
+            "reproduce",
+            "verify",
+            "bench",
+        ],
     ),
 ];
 
@@ -44,10 +130,47 @@ pub fn command() -> Command {
             verbs += &format!("  {verb:<12} {about}\n");
         }
     }
-    command.help_template(format!(
+    let mut command = command.help_template(format!(
         "{{about-with-newline}}\n{START}\n\n{{usage-heading}} {{usage}}\n{verbs}\nOptions of every verb:\n\
          {{options}}{{after-help}}"
-    ))
+    ));
+    // Building passes the global options on to the verbs.
+    command.build();
+    command.mut_subcommands(|verb| {
+        let name = verb.get_name().to_owned();
+        verb.mut_args(|arg| {
+            if has_effect(arg.get_id().as_str(), &name) {
+                arg
+            } else {
+                arg.hide(true)
+            }
+        })
+    })
+}
+
+/// Returns a warning for each global option that is given to a verb on which it has no effect.
+pub fn options_without_effect(matches: &ArgMatches) -> Vec<String> {
+    let Some((verb, given)) = matches.subcommand() else {
+        return Vec::new();
+    };
+    let is_given = |option: &&str| given.value_source(option) == Some(ValueSource::CommandLine);
+    OPTIONS
+        .iter()
+        .map(|(option, _)| *option)
+        .filter(|option| !has_effect(option, verb))
+        .filter(is_given)
+        .map(|option| {
+            let option = option.replace('_', "-");
+            format!("note: `--{option}` has no effect on `lumbre {verb}`")
+        })
+        .collect()
+}
+
+/// Returns whether an option has an effect on a verb. Options of single verbs do.
+fn has_effect(option: &str, verb: &str) -> bool {
+    let mut rows = OPTIONS.iter();
+    rows.find(|(name, _)| *name == option)
+        .is_none_or(|(_, verbs)| verbs.contains(&verb))
 }
 
 /// Returns the generated part of docs/reference/command-line.md: verbs by group, the options of

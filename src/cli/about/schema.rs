@@ -19,7 +19,7 @@ pub fn main(args: &SchemaArgs) -> Result<Exit, Failure> {
     if args.lua {
         print_result(&docgen::lua())?;
     } else {
-        print_result(&format!("{:#}\n", tables()))?;
+        crate::cli::json::print(tables())?;
     }
     Ok(Exit::Done)
 }

@@ -13,7 +13,7 @@ use lumbre_light::value::Value;
 /// Options of `lumbre work`.
 #[derive(Args, Debug)]
 pub struct WorkArgs {
-    /// Folder of the night.
+    /// Night: its folder, `latest`, or words of its name.
     pub folder: PathBuf,
     /// Render on this device.
     ///
@@ -119,7 +119,7 @@ pub struct JobArgs {
 /// Options of `lumbre cancel`.
 #[derive(Args, Debug)]
 pub struct CancelArgs {
-    /// Folder of the night, or a results folder to use its latest night [default: --out].
+    /// Night: its folder, `latest`, or words of its name [default: the latest one].
     pub folder: Option<PathBuf>,
 }
 

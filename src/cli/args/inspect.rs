@@ -7,7 +7,7 @@ use clap::Args;
 /// Options of `lumbre explain`.
 #[derive(Args, Debug)]
 pub struct ExplainArgs {
-    /// Folder of the run, or the first digits of its id.
+    /// Run: its folder, first digits of its id, `latest`, or words of its path.
     pub run: String,
     /// Script to compare the run with [default: the script its experiment was last run with].
     pub script: Option<PathBuf>,
@@ -19,7 +19,7 @@ pub struct ExplainArgs {
 /// Options of `lumbre watch`.
 #[derive(Args, Debug)]
 pub struct WatchArgs {
-    /// Folder of an experiment, or a results folder to use its latest experiment [default: --out].
+    /// Night: its folder, `latest`, or words of its name [default: the latest one].
     pub folder: Option<PathBuf>,
 }
 
@@ -75,7 +75,9 @@ pub struct LsArgs {
 /// Options of `lumbre show`.
 #[derive(Args, Debug)]
 pub struct ShowArgs {
-    /// Folder of the run, the first digits of its id, or `latest` for the last run to start or end.
+    /// Run: its folder, first digits of its id, `latest`, or words of its path.
+    ///
+    /// `latest` is the last run to start or end. Example: `"depth=5 technique=nee rep=0"`
     pub run: String,
     /// Print as JSON.
     #[arg(long)]

@@ -82,7 +82,7 @@ pub struct VerifyArgs {
 pub struct BenchArgs {
     /// Scene files to measure besides the built-in scenes.
     ///
-    /// A Lua scene may be followed by options and a view: `atrium.lua?light=lamps,camera=gallery`
+    /// A Lua scene may be followed by options and a view: `atrium.lua?light=lamps,view=gallery`
     #[arg(value_name = "SCENE", value_parser = scene_arg)]
     pub scenes: Vec<SceneArg>,
     /// Measure only the given scenes, without the built-in ones.

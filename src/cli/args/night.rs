@@ -1,6 +1,6 @@
 //! Options of the verbs that plan and render nights: `run`, `retry` and `plan`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
@@ -11,7 +11,7 @@ use crate::experiment::spec::Deadline;
 use lumbre_light::value::Value;
 
 /// Script of an experiment, with changes of its axes.
-#[derive(Args, Clone, Debug)]
+#[derive(Args, Clone, Debug, Default)]
 pub struct ScriptArgs {
     /// Script of the experiment (.lua).
     pub script: PathBuf,
@@ -76,7 +76,8 @@ pub struct NightArgs {
 /// Options of `lumbre retry`.
 #[derive(Args, Debug)]
 pub struct RetryArgs {
-    /// Script of the experiment [default: that of the last command].
+    /// Script of the experiment, or a night: its folder, `latest`, or words of its name [default:
+    /// the latest night].
     script: Option<PathBuf>,
     /// Replace the values of an axis, as in `depth=5,9`.
     #[arg(value_name = "AXIS=V,V", value_parser = axis_values)]
@@ -92,18 +93,34 @@ pub struct RetryArgs {
     /// Without it, everything that is not done is run, as by `lumbre run`.
     #[arg(long)]
     pub failed: bool,
+    /// Print what would be run and exit.
+    #[arg(long)]
+    pub dry_run: bool,
 }
 
 impl RetryArgs {
+    /// Returns the selection of a night, or `None` if a script was given.
+    pub fn night_selection(&self) -> Option<Option<&Path>> {
+        match &self.script {
+            Some(script) if is_script(script) => None,
+            selection => Some(selection.as_deref()),
+        }
+    }
+
     /// Returns the script and its changes, or `None` if no script was given.
     pub fn script(&self) -> Option<ScriptArgs> {
-        let script = self.script.clone()?;
+        let script = self.script.clone().filter(|script| is_script(script))?;
         Some(ScriptArgs {
             script,
             axes: self.axes.clone(),
             only: self.only.clone(),
         })
     }
+}
+
+/// Whether an argument names a script and not a night.
+fn is_script(argument: &Path) -> bool {
+    argument.is_file() || argument.extension().is_some_and(|e| e == "lua")
 }
 
 /// Options of `lumbre plan`.

@@ -77,8 +77,8 @@ impl DiffArgs {
 /// Options of `lumbre report`.
 #[derive(Args, Debug)]
 pub struct ReportArgs {
-    /// Folders of nights, such as out/latest.
-    #[arg(required = true, value_name = "DIR")]
+    /// Nights: folders, `latest`, or words of their names.
+    #[arg(required = true, value_name = "NIGHT")]
     pub nights: Vec<PathBuf>,
     /// Write the report to this folder [default: `report` in the folder of the first night].
     #[arg(long, value_name = "DIR")]
@@ -112,12 +112,15 @@ pub struct ReportArgs {
     /// Default: all axes with at least three numeric values.
     #[arg(long, value_name = "AXIS,..", value_delimiter = ',')]
     pub sweep: Vec<String>,
+    /// Print titles, captions and files of the report as JSON.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Options of `lumbre reproduce`.
 #[derive(Args, Debug)]
 pub struct ReproduceArgs {
-    /// Result file, or the folder of a run.
+    /// Result file, or a run: its folder, first digits of its id, `latest`, or words of its path.
     pub file: PathBuf,
     /// Write maps of differences to this folder [default: the current folder].
     #[arg(long, value_name = "DIR")]
@@ -194,7 +197,7 @@ fn positive(text: &str) -> Result<f32, String> {
 /// Options of `lumbre view`.
 #[derive(Args, Debug)]
 pub struct ViewArgs {
-    /// Folder of the run, or the first digits of its id.
+    /// Run: its folder, first digits of its id, `latest`, or words of its path.
     pub run: String,
     /// Draw the time bins at these optical lengths, as in `4.6,6.4`.
     #[arg(

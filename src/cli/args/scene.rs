@@ -13,6 +13,9 @@ pub struct CheckArgs {
     /// Scripts (.lua) and scene files.
     #[arg(required = true)]
     pub files: Vec<PathBuf>,
+    /// Print as JSON.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Options of `lumbre export`.
@@ -42,7 +45,7 @@ pub struct ExportArgs {
 /// Options of `lumbre trace`.
 #[derive(Args, Debug)]
 pub struct TraceArgs {
-    /// Scene file, or the folder of a run.
+    /// Scene file, or a run: its folder, first digits of its id, `latest`, or words of its path.
     pub file: PathBuf,
     /// Column and row of the pixel, from the top left.
     #[arg(long, value_name = "X,Y", value_parser = crate::cli::scene::trace::pixel)]

@@ -169,11 +169,11 @@ mod tests {
         let read = |t: &str| scene_arg(t).unwrap();
         let plain = read("a/b.scn");
         assert_eq!((plain.file, plain.settings), ("a/b.scn".into(), vec![]));
-        let with_options = read("a/b.lua?light=lamps,size=[2, 3],camera=gallery");
+        let with_options = read("a/b.lua?light=lamps,size=[2, 3],view=gallery");
         assert_eq!(
             (with_options.text.as_str(), with_options.file),
             (
-                "a/b.lua?light=lamps,size=[2, 3],camera=gallery",
+                "a/b.lua?light=lamps,size=[2, 3],view=gallery",
                 "a/b.lua".into()
             )
         );
@@ -181,7 +181,7 @@ mod tests {
         let expected = [
             ("light", Value::from("lamps")),
             ("size", size),
-            ("camera", Value::from("gallery")),
+            ("view", Value::from("gallery")),
         ];
         assert_eq!(
             with_options.settings,

@@ -9,8 +9,8 @@ use lumbre_light::scene::load::MissingTextures;
 use lumbre_light::scene::{SceneDesc, edit};
 use lumbre_light::value::Value;
 
-/// Setting that selects a view of the scene, as in scripts.
-const CAMERA: &str = "camera";
+/// Settings that select a view of the scene: the key of scripts, and the value that it changes.
+const VIEW: [&str; 2] = ["view", "camera"];
 
 /// A scene to measure.
 pub struct Subject {
@@ -20,7 +20,7 @@ pub struct Subject {
     pub label: String,
     /// Path of the scene file.
     pub file: PathBuf,
-    /// Options of a Lua scene, and `camera` to select one of its views.
+    /// Options of a Lua scene, and `view` to select one of its views.
     settings: Vec<(String, Value)>,
     missing: MissingTextures,
 }
@@ -74,11 +74,11 @@ impl Subject {
             .settings
             .iter()
             .cloned()
-            .partition(|(name, _)| name == CAMERA);
+            .partition(|(name, _)| VIEW.contains(&name.as_str()));
         let read = script::scene::read(&self.file, &options.into_iter().collect(), self.missing);
         let (mut desc, _) = read.map_err(|e| e.to_string())?;
-        for (path, view) in &views {
-            edit::set(&mut desc, path, view).map_err(|e| format!("{}: {e}", self.name))?;
+        for (_, view) in &views {
+            edit::set(&mut desc, "camera", view).map_err(|e| format!("{}: {e}", self.name))?;
         }
         Ok(desc)
     }

@@ -9,10 +9,10 @@ use super::work::local_disk_warning;
 use crate::cli::args::{CancelArgs, Global, JobArgs, Scheduler, ScriptArgs, SubmitArgs};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{counted, display_path};
-use crate::cli::inspect::watch::find_night;
 use crate::cli::night::load;
 use crate::cli::night::load::decode_picture;
 use crate::cli::night::permission::PlanUse;
+use crate::cli::selector;
 use crate::experiment::Plan;
 use crate::store::{Store, write_atomically};
 
@@ -164,7 +164,7 @@ fn submit_script(
 
 /// Runs `lumbre cancel`: cancels the cluster jobs of a night.
 pub fn cancel(args: &CancelArgs, global: &Global) -> Result<Exit, Failure> {
-    let home: PathBuf = find_night(args.folder.as_deref(), global)?;
+    let home: PathBuf = selector::night(args.folder.as_deref(), &global.out)?;
     let jobs = submitted_jobs(&home);
     if jobs.is_empty() {
         return Err(Failure::usage(format!(

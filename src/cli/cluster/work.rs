@@ -18,6 +18,7 @@ use crate::cli::night::progress_view::ProgressView;
 use crate::cli::night::recorder::Recorder;
 use crate::cli::night::results;
 use crate::cli::night::signals::{self, StopSignal};
+use crate::cli::selector;
 use crate::experiment::comparison_groups::{Affinity, StartOffset};
 use crate::experiment::event::Event;
 use crate::experiment::forecast::ThroughputHistory;
@@ -47,7 +48,10 @@ pub fn work(args: &WorkArgs, global: &Global, log: &Log) -> Result<Exit, Failure
     if let Some(device) = &args.device {
         backend_choice::use_device(device);
     }
-    let home = args.folder.canonicalize().map_err(|e| {
+    // A night that is not found is named as it was given.
+    let night = selector::night(Some(&args.folder), &global.out);
+    let home = night.unwrap_or_else(|_| args.folder.clone());
+    let home = home.canonicalize().map_err(|e| {
         Failure::usage(format!(
             "there is no folder {} on {}: {e} (all workers need access to the night's folder on a \
              shared file system)",

@@ -9,6 +9,7 @@ use super::picture_limits::{Limit, LimitResult, junit};
 use crate::cli::args::{DiffArgs, Global, MetricArgs, split, value};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{self, counted, display_path};
+use crate::cli::json;
 use crate::metrics::map::ErrorMap;
 use crate::metrics::{METRICS, MetricError, MetricSpec};
 use crate::output::picture::{self, Picture};
@@ -53,7 +54,7 @@ pub fn metric(args: &MetricArgs, global: &Global) -> Result<Exit, Failure> {
             .collect();
         let mut json = pair.json();
         json.insert("metrics".to_owned(), metrics.into());
-        print_result(&format!("{:#}\n", Json::Object(json)))?;
+        json::print(Json::Object(json))?;
         return Ok(Exit::Done);
     }
     let line = |(spec, value): &(MetricSpec, f64)| {
@@ -185,7 +186,7 @@ impl Difference {
             let limits: Vec<Json> = self.limits.iter().map(LimitResult::json).collect();
             json.insert("limits".to_owned(), limits.into());
         }
-        format!("{:#}\n", Json::Object(json))
+        format!("{:#}\n", json::versioned(Json::Object(json)))
     }
 
     /// Formats the result as text. `file` is the file of the error map.

@@ -10,14 +10,15 @@ use crate::cli::format::display_path;
 use crate::cli::night::last_command::last_command;
 use crate::cli::night::load;
 use crate::cli::night::permission::PlanUse;
+use crate::cli::{json, selector};
 use crate::experiment::{CellRef, Plan};
 use crate::store::schema::plan::PlanFile;
-use crate::store::{Integrity, RunReader, RunRecord, StoredFile, read_run};
+use crate::store::{Integrity, RunReader, RunRecord, StoredFile};
 use lumbre_light::value::Value;
 
 /// Runs `lumbre explain` for one run.
 pub fn main(args: &ExplainArgs, global: &Global) -> Result<Exit, Failure> {
-    let record = read_run(&global.out, &args.run).map_err(Failure::usage)?;
+    let record = selector::run(&args.run, &global.out)?;
     let folder = std::path::absolute(&record.folder).map_err(Failure::usage)?;
     let (script, global) = match &args.script {
         Some(script) => (
@@ -54,7 +55,7 @@ pub fn main(args: &ExplainArgs, global: &Global) -> Result<Exit, Failure> {
         let fields: Vec<Json> = fields.collect();
         let json = json!({ "run": id, "again": verdict.again, "reasons": verdict.reasons,
             "fields": fields });
-        print_result(&format!("{json:#}\n"))?;
+        json::print(json)?;
     } else {
         let mut page = format!(
             "{id}  {}\n",

@@ -9,11 +9,12 @@ use serde_json::{Value as Json, json};
 use crate::cli::args::{Global, LsArgs, ShowArgs};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{self, counted, display_path};
+use crate::cli::{json, selector};
 use crate::store::schema::journal::WaveRecord;
 use crate::store::schema::run::DoneFile;
 use crate::store::{
     ExperimentEntry, Listing, Measurements, RunEntry, RunRecord, RunState, latest_experiment,
-    list_experiments, read_run,
+    list_experiments,
 };
 
 /// Runs `lumbre ls`: lists experiments, and their runs if they are asked for.
@@ -42,10 +43,8 @@ pub fn ls(args: &LsArgs, global: &Global) -> Result<Exit, Failure> {
     }
     let filtered = filter_runs(&mut experiments, args);
     if args.json {
-        print_result(&format!(
-            "{:#}\n",
-            Json::from(experiments.iter().map(experiment_json).collect::<Vec<_>>())
-        ))?;
+        let experiments: Vec<Json> = experiments.iter().map(experiment_json).collect();
+        json::print(json!({ "experiments": experiments }))?;
     } else if all == 0 {
         if !global.quiet {
             print_status(&format!(
@@ -196,7 +195,7 @@ fn experiment_json(experiment: &ExperimentEntry) -> Json {
 
 /// Runs `lumbre show`: prints one run.
 pub fn show(args: &ShowArgs, global: &Global) -> Result<Exit, Failure> {
-    let run = read_run(&global.out, &args.run).map_err(Failure::usage)?;
+    let run = selector::run(&args.run, &global.out)?;
     for problem in &run.problems {
         print_status(&format!(
             "left out: {}: {problem}",
@@ -204,7 +203,7 @@ pub fn show(args: &ShowArgs, global: &Global) -> Result<Exit, Failure> {
         ));
     }
     if args.json {
-        print_result(&format!("{:#}\n", run_json(&run)))?;
+        json::print(run_json(&run))?;
     } else {
         print_result(&run_page(&run))?;
     }

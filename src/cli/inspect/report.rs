@@ -3,14 +3,17 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+use serde_json::{Value as Json, json};
+
 use crate::cli::args::{Global, ReportArgs};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{counted, display_path};
 use crate::cli::night::load::decode_picture;
+use crate::cli::{json, selector};
 use crate::experiment::night_results::NightResults;
 use crate::output::picture;
 use crate::output::report::{
-    self, ItemKind, Report, ReportContext, ReportError, ReportOptions, Study,
+    self, ItemKind, Report, ReportContext, ReportError, ReportItem, ReportOptions, Study,
 };
 use crate::store::read::night_results::read_night;
 use crate::store::{self, Evidence};
@@ -22,9 +25,11 @@ pub fn main(args: &ReportArgs, global: &Global) -> Result<Exit, Failure> {
     let nights: Vec<NightResults> = args
         .nights
         .iter()
-        .map(|dir| read_night(dir, &evidence))
-        .collect::<Result<_, _>>()
-        .map_err(Failure::usage)?;
+        .map(|dir| {
+            let folder = selector::night(Some(dir), &global.out)?;
+            read_night(&folder, &evidence).map_err(Failure::usage)
+        })
+        .collect::<Result<_, _>>()?;
     let to = match (&args.to, nights.as_slice()) {
         (Some(to), _) => to.clone(),
         (None, [first, ..]) => first.folder.join("report"),
@@ -47,11 +52,19 @@ pub fn main(args: &ReportArgs, global: &Global) -> Result<Exit, Failure> {
             quoted(&display_path(&run.join("final.exr")))
         )
     };
+    let folders = nights
+        .iter()
+        .map(|night| quoted(&display_path(&night.folder)));
+    let mut again = format!("lumbre report {}", folders.collect::<Vec<_>>().join(" "));
+    if args.to.is_some() {
+        again += &format!(" --to {}", quoted(&display_path(&to)));
+    }
     let context = ReportContext {
         pictures: &|path| read_picture(path, &evidence),
         problems: &|| evidence.problems(),
         link: &link,
         command: &command,
+        again: &again,
     };
     let report = report::build(&study, &options, &context).map_err(report_failure)?;
     write_files(&report, &to)?;
@@ -60,8 +73,36 @@ pub fn main(args: &ReportArgs, global: &Global) -> Result<Exit, Failure> {
     if !global.quiet {
         print_summary(&report, &nights);
     }
-    print_result(&format!("{}\n", display_path(&to.join("index.html"))))?;
+    if args.json {
+        json::print(report_json(&report, &to))?;
+    } else {
+        print_result(&format!("{}\n", display_path(&to.join("index.html"))))?;
+    }
     Ok(Exit::unless_problems(!problems.is_empty()))
+}
+
+/// Returns the items of a report with their files, and its notes, as JSON.
+fn report_json(report: &Report, to: &Path) -> Json {
+    let item = |item: &ReportItem| {
+        let drawn = if item.svg.is_some() {
+            &["svg", "png", "pdf"][..]
+        } else {
+            &[]
+        };
+        let extensions = drawn
+            .iter()
+            .chain(item.extra.iter().map(|(extension, _)| extension));
+        let file = |extension: &&str| display_path(&to.join(format!("{}.{extension}", item.stem)));
+        json!({
+            "title": item.title, "section": item.section, "caption": item.caption,
+            "files": extensions.map(file).collect::<Vec<_>>(),
+        })
+    };
+    json!({
+        "folder": display_path(to),
+        "items": report.items.iter().map(item).collect::<Vec<_>>(),
+        "notes": report.notes,
+    })
 }
 
 /// Prints what is left out of a report because it does not match its checksum, even with `--quiet`.

@@ -5,17 +5,18 @@ use std::path::{Path, PathBuf};
 use crate::cli::args::{Global, ViewArgs};
 use crate::cli::exit::{Exit, Failure, print_result};
 use crate::cli::format::display_path;
+use crate::cli::selector;
 use crate::output::time::{self, Movie, TimeCurve, TimeFile};
 use crate::output::{exr, png};
+use crate::store::FILMS;
 use crate::store::schema::run::ConfigFile;
-use crate::store::{FILMS, read_run};
 use lumbre_light::film::time::CUBE_FILE;
 use lumbre_light::transport::path_time::Timing;
 use lumbre_light::value::Value;
 
 /// Runs `lumbre view`: writes the requested files to a folder and prints their paths.
 pub fn main(args: &ViewArgs, global: &Global) -> Result<Exit, Failure> {
-    let record = read_run(&global.out, &args.run).map_err(|e| Failure::usage(e.to_string()))?;
+    let record = selector::run(&args.run, &global.out)?;
     if let Some(problem) = record.problems.first() {
         return Err(Failure::damaged(format!(
             "{}: {problem}",

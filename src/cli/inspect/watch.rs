@@ -2,22 +2,20 @@
 
 use std::fs::File;
 use std::io::{BufReader, IsTerminal};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
 use super::status;
 use crate::cli::args::{Global, StatusArgs, WatchArgs};
 use crate::cli::exit::{Exit, Failure};
-use crate::cli::format::display_path;
 use crate::cli::night::load::decode_picture;
 use crate::cli::night::log::Log;
 use crate::cli::night::signals;
+use crate::cli::selector;
 use crate::experiment::NightControls;
 use crate::output::time;
-use crate::store::{
-    FollowEvent, Follower, TimedEvent, WorkerState, WorkerStatus, latest_experiment,
-};
+use crate::store::{FollowEvent, Follower, TimedEvent, WorkerState, WorkerStatus};
 use crate::tui::model::night::NightModel;
 use crate::tui::model::strategy_thumbnails::StrategyThumbnail;
 use crate::tui::model::time_preview::{TimePreview, TimePreviewBuilder};
@@ -84,47 +82,13 @@ pub fn main(args: &WatchArgs, global: &Global, log: &Log) -> Result<Exit, Failur
     Ok(Exit::Done)
 }
 
-/// Opens a follower on the files of the night that [`find_night`] returns.
+/// Opens a follower on the files of the selected night.
 pub(in crate::cli) fn open_follower(
-    folder: Option<&Path>,
+    night: Option<&Path>,
     global: &Global,
 ) -> Result<Follower, Failure> {
-    Follower::open(&find_night(folder, global)?, decode_picture).map_err(Failure::usage)
-}
-
-/// Returns the folder of a night. `folder` is the folder itself, or a results folder whose latest
-/// night is used; the default is `--out`.
-///
-/// # Errors
-/// Returns an error if there is no night.
-pub(in crate::cli) fn find_night(
-    folder: Option<&Path>,
-    global: &Global,
-) -> Result<PathBuf, Failure> {
-    let given = folder.unwrap_or(&global.out);
-    if given.join("plan.json").is_file() {
-        return Ok(given.to_owned());
-    }
-    let missing = || {
-        format!(
-            "there is no night in {} (`lumbre ls` lists experiments)",
-            display_path(given)
-        )
-    };
-    latest_experiment(given)
-        .or_else(|| only_experiment(given))
-        .ok_or_else(missing)
-        .map_err(Failure::usage)
-}
-
-/// Returns the experiment of a folder that contains exactly one, but no `latest`, such as a copy.
-fn only_experiment(folder: &Path) -> Option<PathBuf> {
-    let entries = std::fs::read_dir(folder)
-        .ok()?
-        .flatten()
-        .map(|entry| entry.path());
-    let mut experiments = entries.filter(|path| path.join("plan.json").is_file());
-    experiments.next().filter(|_| experiments.next().is_none())
+    let folder = selector::night(night, &global.out)?;
+    Follower::open(&folder, decode_picture).map_err(Failure::usage)
 }
 
 /// Initializes a model with the plan of a night, before any event.

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::last_command::{last_command, latest};
+use super::last_command::last_command;
 use super::load::{self, decode_picture};
 use super::log::Log;
 use super::permission::PlanUse;
@@ -13,8 +13,9 @@ use super::recorder::Recorder;
 use super::{deadline, results, signals};
 use crate::cli::args::{Global, NightArgs, RetryArgs, RunArgs, ScriptArgs};
 use crate::cli::cluster::{LocalWorkers, save_plan_snapshot, worker_info};
-use crate::cli::exit::{Exit, Failure, print_status};
+use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{counted, display_path};
+use crate::cli::selector;
 use crate::cli::tev::{Tev, TevSink};
 use crate::experiment::event::{History, Sink};
 use crate::experiment::forecast::ThroughputHistory;
@@ -22,7 +23,7 @@ use crate::experiment::plan::ReferenceSource;
 use crate::experiment::run::Options;
 use crate::experiment::{CellRef, CellResult, NightControls, NightSummary, Outcome, Plan, run};
 use crate::script::Script;
-use crate::store::{Store, throughput_history};
+use crate::store::{RunState, Store, list_experiments, throughput_history};
 use crate::tui;
 
 /// Runs `lumbre run`: renders an experiment and writes its results.
@@ -38,6 +39,7 @@ pub fn main(args: &RunArgs, global: &Global, log: &Log) -> Result<Exit, Failure>
         return crate::cli::night::plan::print(&plan, global, false);
     }
     let request = NightRequest {
+        retries: false,
         night: &args.night,
         only_failed: false,
         without_tables: args.without_tables,
@@ -49,13 +51,24 @@ pub fn main(args: &RunArgs, global: &Global, log: &Log) -> Result<Exit, Failure>
 /// Runs `lumbre retry`: renders all unfinished runs of an experiment, or only those that failed.
 pub fn retry(args: &RetryArgs, global: &Global, log: &Log) -> Result<Exit, Failure> {
     use_first_device(&args.night);
-    let (script_args, global) = match args.script() {
-        Some(script) => (script, global.clone()),
-        None => last_command(&latest(&global.out)?, global)?,
+    let (script_args, global) = match args.night_selection() {
+        Some(night) => last_command(&selector::night(night, &global.out)?, global)?,
+        None => (args.script().unwrap_or_default(), global.clone()),
     };
-    let (script, plan) = load::load_plan(&script_args, PlanUse::Render, &global)?;
+    let usage = if args.dry_run {
+        PlanUse::Show
+    } else {
+        PlanUse::Render
+    };
+    let (script, plan) = load::load_plan(&script_args, usage, &global)?;
+    if args.dry_run {
+        let intention = intention(&plan, &global.out, args.failed);
+        print_result(&format!("{intention}\n"))?;
+        return Ok(Exit::Done);
+    }
     let named = args.script();
     let request = NightRequest {
+        retries: true,
         night: &args.night,
         only_failed: args.failed,
         without_tables: false,
@@ -73,6 +86,8 @@ fn use_first_device(night: &NightArgs) {
 
 /// Night that was requested on the command line.
 struct NightRequest<'a> {
+    /// Whether the runs to be retried are stated first.
+    retries: bool,
     night: &'a NightArgs,
     /// Whether only runs whose last attempt failed are rendered.
     only_failed: bool,
@@ -111,6 +126,9 @@ fn run_night(
         }
         return Ok(Exit::Done);
     }
+    if request.retries && !global.quiet {
+        print_status(&intention(plan, &global.out, request.only_failed));
+    }
     if let Some(script) = request.script {
         store.write_env().map_err(Failure::usage)?;
         save_plan_snapshot(&store, plan, script).map_err(Failure::usage)?;
@@ -147,6 +165,30 @@ fn run_night(
     }
     workers.stop();
     finish_night(plan, &store, ended, request, global)
+}
+
+/// Describes what `lumbre retry` runs and what it keeps.
+fn intention(plan: &Plan, out: &Path, only_failed: bool) -> String {
+    let nights = list_experiments(out).experiments;
+    let Some(night) = nights.iter().find(|night| night.hash == plan.hash) else {
+        return format!("{} has not been run yet: runs all of it", plan.name);
+    };
+    let states = night.runs.iter().chain(&night.references);
+    let (mut failed, mut done, mut others) = (0, 0, 0);
+    for run in states {
+        match run.state {
+            RunState::Failed(_) => failed += 1,
+            RunState::Done(_) | RunState::Elsewhere(_) => done += 1,
+            RunState::Damaged(_) | RunState::Unfinished | RunState::Pending => others += 1,
+        }
+    }
+    let folder = display_path(&night.folder);
+    let failed = counted(failed, "failed run");
+    if only_failed {
+        format!("{folder}: runs {failed} again; {done} done and {others} unfinished are left alone")
+    } else {
+        format!("{folder}: runs {failed} and {others} unfinished; {done} done are kept")
+    }
 }
 
 /// Returns the runs of a plan whose last attempt failed.

@@ -15,6 +15,7 @@ use super::args::{Global, ReproduceArgs};
 use super::exit::{Exit, Failure, print_result, print_status};
 use super::verify::picture::{NoisyPicture, judge};
 use crate::cli::format::{counted, display_path};
+use crate::cli::{json, selector};
 use crate::metrics::MetricSpec;
 use crate::output::png;
 use crate::store;
@@ -43,11 +44,16 @@ enum Answer {
 
 /// Runs `lumbre reproduce` for all runs that a file names.
 pub fn main(args: &ReproduceArgs, global: &Global) -> Result<Exit, Failure> {
-    let ids = run_ids::read(&args.file).map_err(Failure::usage)?;
+    let file = if args.file.exists() {
+        args.file.clone()
+    } else {
+        selector::run(&args.file.to_string_lossy(), &global.out)?.folder
+    };
+    let ids = run_ids::read(&file).map_err(Failure::usage)?;
     let folders: Vec<Result<PathBuf, String>> = ids
         .runs
         .iter()
-        .map(|id| stored_run::find_folder(id, &args.file, &global.out))
+        .map(|id| stored_run::find_folder(id, &file, &global.out))
         .collect();
     if let [Err(reason)] = folders.as_slice() {
         return Err(Failure::usage(reason));
@@ -78,8 +84,8 @@ pub fn main(args: &ReproduceArgs, global: &Global) -> Result<Exit, Failure> {
         }
     }
     if args.json {
-        let json = json!({ "file": display_path(&args.file), "runs": answers });
-        print_result(&format!("{json:#}\n"))?;
+        let json = json!({ "file": display_path(&file), "runs": answers });
+        json::print(json)?;
     } else if tests > 1 && !global.quiet {
         print_status(&format!(
             "{}: {differ} differ, {failed} cannot be compared",

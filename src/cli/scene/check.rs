@@ -4,10 +4,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use glam::Vec3;
+use serde_json::json;
 
 use crate::cli::args::{CheckArgs, Global, ScriptArgs};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{counted, rounded};
+use crate::cli::json;
 use crate::cli::night::load;
 use crate::script;
 use crate::script::scene::LoadedScene;
@@ -20,20 +22,32 @@ const MOST_NAMES: usize = 40;
 /// Runs `lumbre check`: checks all files, also after an error in one of them.
 pub fn main(args: &CheckArgs, global: &Global) -> Result<Exit, Failure> {
     let mut exit = Exit::Done;
+    let mut checks = Vec::new();
     for file in &args.files {
         let checked = if script::scene::is_lua(file) {
             check_lua(file, global)
         } else {
             check_scene(file, global)
         };
+        if args.json {
+            let (ok, text) = match &checked {
+                Ok(line) => (true, line),
+                Err(failure) => (false, &failure.message),
+            };
+            let file = file.display().to_string();
+            checks.push(json!({ "file": file, "ok": ok, "text": text }));
+        }
         match checked {
-            Ok(_) if global.quiet => {}
+            Ok(_) if global.quiet || args.json => {}
             Ok(line) => print_result(&format!("ok  {}: {line}\n", file.display()))?,
             Err(failure) => {
                 failure.print();
                 exit = Exit::Usage;
             }
         }
+    }
+    if args.json {
+        json::print(json!({ "files": checks }))?;
     }
     Ok(exit)
 }

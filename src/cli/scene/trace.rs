@@ -1,6 +1,7 @@
 //! `lumbre trace`: the steps of one sample of one pixel, on any backend.
 
 use std::fmt::Write as _;
+use std::path::Path;
 use std::sync::Arc;
 
 use serde_json::{Value as Json, json};
@@ -8,25 +9,39 @@ use serde_json::{Value as Json, json};
 use crate::backends::backend;
 use crate::cli::args::{Global, TraceArgs, unknown_name};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
+use crate::cli::json;
 use crate::cli::night::load;
 use crate::cli::reproduce::stored_run;
+use crate::cli::selector;
 use lumbre_light::scene::compile::MAX_FLATTENED_PRIMITIVES;
 use lumbre_light::scene::desc::MAX_SIDE;
+use lumbre_light::scene::load::{FORMATS, is_folder};
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::integrator::{INTEGRATORS, integrator};
 use lumbre_light::transport::sampler::{SAMPLER_NAMES, sampler};
 use lumbre_render::Job;
 use lumbre_render::path_trace::{MAX_PATH_EVENTS, PathEvent, SampleAt};
 
+/// Returns whether an argument means a scene, which need not exist, and not a run.
+fn is_scene(file: &Path) -> bool {
+    let extension = file.extension().and_then(|extension| extension.to_str());
+    let is_known = |extension: &str| {
+        let mut formats = FORMATS.iter();
+        extension == "lua" || formats.any(|format| format.extensions.contains(&extension))
+    };
+    file.is_file() || is_folder(file) || extension.is_some_and(is_known)
+}
+
 /// Runs `lumbre trace`: prints the steps of one sample.
 pub fn main(args: &TraceArgs, global: &Global) -> Result<Exit, Failure> {
-    let (scene, job, run_backend) = if args.file.join("config.json").is_file() {
-        let (scene, job, backend) =
-            stored_run::load_job(&args.file, global).map_err(Failure::usage)?;
-        (scene, job, Some(backend))
-    } else {
+    let (scene, job, run_backend) = if is_scene(&args.file) {
         let (scene, job) = scene_job(args, global)?;
         (scene, job, None)
+    } else {
+        let run = selector::run(&args.file.to_string_lossy(), &global.out)?;
+        let (scene, job, backend) =
+            stored_run::load_job(&run.folder, global).map_err(Failure::usage)?;
+        (scene, job, Some(backend))
     };
     let scene = without_instances(scene)?;
     let [width, height] = job.resolution;
@@ -58,7 +73,7 @@ pub fn main(args: &TraceArgs, global: &Global) -> Result<Exit, Failure> {
             "pixel": args.pixel,
             "sample": args.sample, "steps": rows,
         });
-        print_result(&format!("{json:#}\n"))?;
+        json::print(json)?;
     } else {
         print_result(&format!(
             "pixel {x},{y} sample {} of {} by {}, seed {}\n{}",

@@ -175,7 +175,7 @@ fn run_kill_test(kills: u32, args: &VerifyArgs, global: &Global) -> Result<Exit,
             "files": result.files, "problems": result.problems, "passed": passed,
             "seconds": start.elapsed().as_secs_f64(),
         });
-        print_result(&format!("{json:#}\n"))?;
+        crate::cli::json::print(json)?;
     } else {
         let kill::KillReport {
             kills,
@@ -277,7 +277,7 @@ pub fn main(args: &VerifyArgs, global: &Global) -> Result<Exit, Failure> {
         }
     }
     print_result(&if args.json {
-        format!("{:#}\n", report.json())
+        format!("{:#}\n", crate::cli::json::versioned(report.json()))
     } else {
         report.tail()
     })?;

@@ -69,7 +69,7 @@ pub fn main(args: &CompareArgs, global: &Global, log: &Log) -> Result<Exit, Fail
     lines.extend(floor_warning(&night, reference_technique(comparison)));
     lines.push(format!("script: {}", display_path(&script)));
     if args.json {
-        print_result(&format!("{:#}\n", as_json(&results, &found)))?;
+        crate::cli::json::print(as_json(&results, &found))?;
     } else {
         print_result(&format!("\n{}\n", lines.join("\n")))?;
     }
@@ -177,5 +177,5 @@ fn as_json(results: &[TechniqueResults], found: &[Verdict]) -> serde_json::Value
             })
         })
         .collect();
-    json!({ "version": 1, "metric": METRIC, "techniques": techniques, "verdicts": verdicts })
+    json!({ "metric": METRIC, "techniques": techniques, "verdicts": verdicts })
 }

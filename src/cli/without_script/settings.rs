@@ -96,6 +96,7 @@ fn experiment() -> ExperimentSpec {
         aa_check: false,
         figures: Vec::new(),
         tables: Vec::new(),
+        report: Default::default(),
     }
 }
 

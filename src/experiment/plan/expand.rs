@@ -421,6 +421,7 @@ impl<'a> Builder<'a> {
             night: self.spec.night.clone(),
             figures: self.spec.figures.clone(),
             tables: self.spec.tables.clone(),
+            report: self.spec.report.clone(),
             script_text: self.spec.script_text.clone(),
             files: BTreeSet::new(),
         };

@@ -29,7 +29,7 @@ pub use resolve::{LoadScene, LoadedScene};
 
 use super::outcome::CellRef;
 use super::shards::{Shard, split};
-use super::spec::{CellConfig, FigureSpec, MeasureSpec, NightSpec, Point, TableSpec};
+use super::spec::{CellConfig, FigureSpec, MeasureSpec, NightSpec, Point, Presentation, TableSpec};
 use super::stop::StopRule;
 use lumbre_light::scene::{Note, SceneDesc};
 use serde::Serialize;
@@ -218,6 +218,8 @@ pub struct Plan {
     pub figures: Vec<FigureSpec>,
     /// Tables to write.
     pub tables: Vec<TableSpec>,
+    /// Presentation of the results in figures, tables and reports; not part of `hash`.
+    pub report: Presentation,
     /// Text of the script.
     pub script_text: String,
     /// Files of its scenes and modules of its script, if known to the caller that expanded

@@ -52,7 +52,13 @@ impl<'a> NightRunner<'a, '_> {
             // A failed message is no reason not to render.
             let _ = self.emit_message(Level::Info, first.0.request.cell, text);
         }
-        match memory_shortage(&runs, self.options.memory) {
+        let mut shortage = memory_shortage(&runs, self.options.memory);
+        if shortage.is_some() {
+            // A scene can be compiled again; a run without memory fails.
+            self.scenes.clear();
+            shortage = memory_shortage(&runs, self.options.memory);
+        }
+        match shortage {
             Some(reason) => {
                 for (run, _) in runs {
                     self.finish(run.request.cell, EndedRun::failed(reason.clone()));

@@ -24,6 +24,7 @@ mod open;
 mod options;
 mod references;
 mod retry;
+mod scenes;
 mod smoke;
 mod state;
 mod summary;

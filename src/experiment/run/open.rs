@@ -14,7 +14,6 @@ use crate::experiment::plan::identity;
 use crate::experiment::run_progress::RunProgress;
 use crate::experiment::spec::Warmup;
 use lumbre_light::scene::CompiledScene;
-use lumbre_light::scene::compile::compile_sharing;
 use lumbre_light::transport::integrator::external::is_external;
 use lumbre_render::external::{self, Access};
 use lumbre_render::hierarchy::LaneMode;
@@ -124,35 +123,6 @@ impl<'a> NightRunner<'a, '_> {
                 message: Some((Level::Info, text)),
             },
         ))
-    }
-
-    /// Returns the compiled scene of a run. The last one is cached, for consecutive cells that
-    /// differ only in technique, depth or seed.
-    pub(super) fn compiled(
-        &mut self,
-        request: &RunRequest<'_>,
-    ) -> Result<Arc<CompiledScene>, String> {
-        let sharing = request.config.accel.instances;
-        if let Some((desc, cached_sharing, compiled)) = &self.compiled
-            && Arc::ptr_eq(desc, request.scene)
-            && *cached_sharing == sharing
-        {
-            return Ok(Arc::clone(compiled));
-        }
-        // Dropped first, so that two large scenes need not fit into memory.
-        self.compiled = None;
-        let (compiled, notes) = catch_panic("compiling the scene", || {
-            compile_sharing(request.scene, sharing)
-        })?
-        .map_err(|e| e.to_string())?;
-        let compiled = Arc::new(compiled);
-        self.compiled = Some((Arc::clone(request.scene), sharing, Arc::clone(&compiled)));
-        for note in notes {
-            if self.reported_notes.insert(note.clone()) {
-                self.emit_message(Level::Warn, request.cell, note.to_string())?;
-            }
-        }
-        Ok(compiled)
     }
 
     /// Opens the renderer of a run on `backend`, or on the run's own backend if that is `None`.

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::options::{Options, Seams};
+use super::scenes::SceneCache;
 use super::summary::NightSummary;
 use crate::experiment::event::{History, NightControls, Sink};
 use crate::experiment::forecast::ThroughputHistory;
@@ -14,8 +15,7 @@ use crate::experiment::plan::Plan;
 use crate::experiment::run_progress::Checkpoint;
 use crate::experiment::spec::ScriptHooks;
 use lumbre_light::film::SharedImage;
-use lumbre_light::scene::compile::Sharing;
-use lumbre_light::scene::{CompiledScene, Note, SceneDesc};
+use lumbre_light::scene::Note;
 
 /// State of a night in progress.
 pub(super) struct NightRunner<'a, 's> {
@@ -38,8 +38,8 @@ pub(super) struct NightRunner<'a, 's> {
     pub(super) shards_in_memory: BTreeMap<(usize, usize), Arc<Checkpoint>>,
     /// Noise floors of every reference, if known.
     pub(super) floors: Vec<Option<NoiseFloors>>,
-    /// The scene that was compiled last, with its description and instancing mode.
-    pub(super) compiled: Option<(Arc<SceneDesc>, Sharing, Arc<CompiledScene>)>,
+    /// Compiled scenes with their hierarchies.
+    pub(super) scenes: SceneCache,
     /// Notes of scene compilation that were reported already.
     pub(super) reported_notes: BTreeSet<Note>,
     pub(super) summary: NightSummary,
@@ -85,7 +85,7 @@ impl<'a, 's> NightRunner<'a, 's> {
             estimates: BTreeMap::new(),
             shards_in_memory: BTreeMap::new(),
             floors: vec![None; plan.references.len()],
-            compiled: None,
+            scenes: SceneCache::new(plan),
             reported_notes: BTreeSet::new(),
             summary: NightSummary::default(),
             checkpoint_requests: 0,

@@ -317,6 +317,10 @@ impl<'a> NightRunner<'a, '_> {
         };
         let start = Instant::now();
         let image = Arc::new(renderer.film().mean());
+        let noise = match run.request.cell {
+            CellRef::Reference(_) => renderer.film().relative_noise(),
+            CellRef::Cell(_) => None,
+        };
         let metrics = match &run.evaluator {
             Some(evaluator) => {
                 catch_panic("measuring", || evaluator.eval(&image))?.map_err(|e| e.to_string())?
@@ -341,6 +345,7 @@ impl<'a> NightRunner<'a, '_> {
             row,
             measure_s,
             image,
+            noise,
             pow2,
         })?;
         if samples >= 2 * run.times_samples && self.wants_times(&run.request) {

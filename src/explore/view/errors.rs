@@ -63,7 +63,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {
         threshold: None,
         floor,
     };
-    chart::plot(frame, inner, caps, &spec, &lines);
+    chart::plot(frame, inner, caps, spec.row.better, &lines);
 }
 
 /// Name of the metric, its newest value, and the slope of the error.

@@ -1,43 +1,69 @@
 //! Figures of metrics against render time or samples.
 
-use super::axis::Scale;
-use super::style::style;
-use super::{Figure, FigureData, HorizontalAxis, MetricPanel, PlotCurve, metric_panel, subtitle};
+use super::axis::{Axis, Scale};
+use super::figure::{Line, Panel};
+use super::{
+    FigureContent, FigureData, MetricPanel, mark_shared, metric_labels, set_axes, subtitle,
+};
 use crate::experiment::WaveRow;
 use crate::experiment::plan::Plan;
 use crate::experiment::spec::FigureX;
 use crate::metrics::MetricSpec;
 use crate::output::format;
 use crate::output::report::metric_display::MetricDisplay;
-use crate::output::report::repeats::{Band, BandKind, MetricCurve, band};
+use crate::output::report::repeats::{BandKind, MetricCurve, band};
+use crate::output::table::is_finished;
 
 /// Builds the figure of the metric columns `y`, and its data as CSV.
-pub(super) fn figure(data: &FigureData, x: FigureX, y: &[String]) -> (Figure, String) {
+pub(super) fn figure(data: &FigureData, x: FigureX, y: &[String]) -> (FigureContent, String) {
     let groups = repeat_groups(data);
-    let panels = y.iter().filter_map(|column| {
-        let (index, metric) = format::column(data.plan, column)?;
-        let curves = groups.iter().map(|(style_index, cells)| {
-            let is_shared = groups.iter().filter(|(s, _)| s == style_index).count() > 1;
-            PlotCurve {
-                style: style(*style_index),
-                shared: is_shared,
-                ..curve(data, cells, x, index, metric)
-            }
-        });
-        Some(metric_panel(column, metric, curves.collect()))
+    let columns: Vec<(&String, usize, &MetricSpec)> = y
+        .iter()
+        .filter_map(|column| {
+            let (index, metric) = format::column(data.plan, column)?;
+            Some((column, index, metric))
+        })
+        .collect();
+    let panel = |(column, index, metric): &(&String, usize, &MetricSpec)| {
+        let [heading, y_label] = metric_labels(column, metric);
+        let mut lines: Vec<Line> = groups
+            .iter()
+            .map(|(series, cells)| line(data, (*series, cells), x, *index, metric))
+            .collect();
+        mark_shared(&mut lines);
+        MetricPanel {
+            column: (*column).clone(),
+            panel: Panel {
+                heading,
+                y_label,
+                axes: None,
+                lines,
+                floor: None,
+            },
+            runs: groups
+                .iter()
+                .map(|(_, cells)| (cells[0], cells.len()))
+                .collect(),
+        }
+    };
+    let mut panels: Vec<MetricPanel> = columns.iter().map(panel).collect();
+    let scale =
+        |(_, _, metric): &(&String, usize, &MetricSpec)| MetricDisplay::for_metric(metric).scale;
+    let scales: Vec<Scale> = columns.iter().map(scale).collect();
+    set_axes(&mut panels, &scales, |values| {
+        Axis::new(Scale::Log, values.iter().copied())
     });
     let x_label = match x {
         FigureX::RenderS => "render time (s)",
         FigureX::Samples => "samples per pixel",
     };
-    let figure = data.figure(
-        panels.collect(),
-        subtitle(&groups),
-        x_label.to_owned(),
-        HorizontalAxis::Numbers(Scale::Log),
-    );
-    let text = csv(data.plan, &figure.panels);
-    (figure, text)
+    let text = csv(data.plan, &panels);
+    let content = FigureContent {
+        notes: subtitle(&groups),
+        x_label: x_label.to_owned(),
+        panels,
+    };
+    (content, text)
 }
 
 /// Groups the cells that are repeats of one point, each group with its style index.
@@ -56,60 +82,35 @@ fn repeat_groups(data: &FigureData) -> Vec<(usize, Vec<usize>)> {
     groups
 }
 
-/// Builds the curve of a group of repeats: their mean and its band, or the measurements of a single
-/// run.
-fn curve(
+/// Builds the line of a group of repeats of one metric.
+fn line(
     data: &FigureData,
-    cells: &[usize],
+    (series, cells): (usize, &[usize]),
     x: FigureX,
     index: usize,
     metric: &MetricSpec,
-) -> PlotCurve {
-    let band = if cells.len() > 1 {
-        repeats_band(data, cells, x, index, metric)
-    } else {
-        None
-    };
-    let (points, ends, kind) = match band {
-        Some(band) => (band.mean, band.ends, band.kind),
-        None => {
-            let display = MetricDisplay::for_metric(metric);
-            let rows = data.rows(cells[0]).iter();
-            let points = rows.filter_map(|row| {
-                let value = display.drawn_value(*row.metrics.get(index)?)?;
-                Some((x_value(x, row), value))
-            });
-            let points = points.filter(|(x, _)| Scale::Log.accepts(*x)).collect();
-            (points, Vec::new(), BandKind::Single)
-        }
-    };
-    PlotCurve {
-        style: style(0),
-        shared: false,
-        points,
-        ends,
-        kind,
-        cell: cells[0],
-        runs: cells.len(),
-    }
-}
-
-/// Computes mean and band of several repeats of one metric.
-fn repeats_band(
-    data: &FigureData,
-    cells: &[usize],
-    x: FigureX,
-    index: usize,
-    metric: &MetricSpec,
-) -> Option<Band> {
+) -> Line {
+    let display = MetricDisplay::for_metric(metric);
     let curve = |cell: &usize| {
-        let points = data
-            .rows(*cell)
-            .iter()
-            .filter_map(|row| Some((x_value(x, row), *row.metrics.get(index)?)));
-        MetricCurve::new(MetricDisplay::for_metric(metric), points)
+        let point = |row: &WaveRow| Some((x_value(x, row), *row.metrics.get(index)?));
+        MetricCurve::new(display, data.rows(*cell).iter().filter_map(point))
     };
-    band(&cells.iter().map(curve).collect::<Vec<_>>())
+    let all = cells.iter().map(|cell| (cell, curve(cell)));
+    let all: Vec<(&usize, MetricCurve)> = all.filter(|(_, c)| !c.points.is_empty()).collect();
+    let finished =
+        |(cell, _): &&(&usize, MetricCurve)| is_finished(data.plan, data.measured[*cell]);
+    let stops = all.iter().filter(finished);
+    let stops = stops.filter_map(|(_, curve)| curve.points.last().copied());
+    let stops = stops.collect();
+    let curves: Vec<MetricCurve> = all.into_iter().map(|(_, curve)| curve).collect();
+    Line {
+        series,
+        band: band(&curves),
+        curves,
+        stops,
+        floor: None,
+        thin: false,
+    }
 }
 
 fn x_value(x: FigureX, row: &WaveRow) -> f64 {
@@ -123,23 +124,21 @@ fn x_value(x: FigureX, row: &WaveRow) -> f64 {
 fn csv(plan: &Plan, panels: &[MetricPanel]) -> String {
     let mut text = crate::text::csv_line(&super::csv_header(plan));
     for panel in panels {
-        for curve in &panel.curves {
-            for (index, (x, mean)) in curve.points.iter().enumerate() {
-                let mut line = super::axis_fields(plan, curve.cell);
-                let ends = curve
-                    .ends
-                    .get(index)
-                    .filter(|_| curve.kind != BandKind::Single);
+        for (line, (cell, runs)) in panel.panel.lines.iter().zip(&panel.runs) {
+            let band = line.band.as_ref().filter(|b| b.kind != BandKind::Single);
+            for (index, (x, mean)) in line.points().iter().enumerate() {
+                let mut fields = super::axis_fields(plan, *cell);
+                let ends = band.and_then(|band| band.ends.get(index));
                 let bound = |bound: Option<f64>| bound.map(format::exact).unwrap_or_default();
-                line.extend([
+                fields.extend([
                     panel.column.clone(),
                     format::exact(*x),
                     format::exact(*mean),
                     bound(ends.map(|e| e.0)),
                     bound(ends.map(|e| e.1)),
-                    curve.runs.to_string(),
+                    runs.to_string(),
                 ]);
-                text += &crate::text::csv_line(&line);
+                text += &crate::text::csv_line(&fields);
             }
         }
     }

@@ -1,17 +1,20 @@
 //! Figures of a night as SVG, one for each combination of facet values: error against render time
 //! or samples (module `convergence`), and final values over an axis of the sweep (module `sweep`).
 //!
-//! [`figures`] collects the data of each figure as a [`Figure`], which the module `layout` draws.
+//! [`figures`] collects the data of each figure as a [`figure::Figure`], which reports use as well;
+//! the module `draw` draws it.
 //! Only cells are drawn, since references have no metrics. Curves of interrupted and failed cells
 //! show the measurements up to that point. Repeats of a cell are drawn as their mean with its
 //! confidence interval, over the range that all of them cover.
 
 pub(super) mod axis;
 mod convergence;
+pub(super) mod draw;
+pub(super) mod figure;
 mod grouping;
-mod layout;
 pub(super) mod raster;
 pub(super) mod sheet;
+pub(super) mod sizes;
 pub(super) mod style;
 pub(super) mod svg;
 mod sweep;
@@ -20,21 +23,21 @@ mod text_outlines;
 use std::collections::{BTreeMap, BTreeSet};
 
 pub use raster::rasterize;
-pub use sheet::sheets;
+pub use sheet::files as sheets;
 pub use svg::escape;
 
 use super::devices::{DEVICE, Devices};
 use super::format;
 use super::report::metric_display::MetricDisplay;
-use super::report::repeats::BandKind;
 use super::table::is_finished;
 use crate::experiment::plan::Plan;
 use crate::experiment::spec::{FigureKind, FigureSpec};
 use crate::experiment::{CellRef, CellResult, WaveRow};
 use crate::metrics::MetricSpec;
-use axis::Scale;
+use axis::{Axis, Scale};
+use figure::{Figure, Line, Panel, SeriesEntry, covered};
 use grouping::{axis_pairs, group_axes};
-use style::{Style, style};
+use style::{Colour, style};
 
 /// Maximum length of a file stem in bytes, so that all file systems accept it with its extension.
 const LONGEST_STEM: usize = 120;
@@ -42,54 +45,20 @@ const LONGEST_STEM: usize = 120;
 /// Names of axes and the text of their values.
 type AxisPairs = Vec<(String, String)>;
 
-/// Content of one picture.
-struct Figure {
-    title: String,
-    /// Small text below the title; may be empty.
-    subtitle: String,
-    description: String,
+/// Data of a figure, before it is drawn.
+struct FigureContent {
+    /// Notes on what lines average, and on axes; may be empty.
+    notes: String,
     x_label: String,
-    across: HorizontalAxis,
     panels: Vec<MetricPanel>,
-    legend: Vec<(String, Style)>,
 }
 
-/// Kind of the horizontal axis.
-enum HorizontalAxis {
-    /// Real numbers on a scale.
-    Numbers(Scale),
-    /// Integers, with ticks at integers only.
-    Integers(Scale),
-    /// Names, each at its index.
-    Names(Vec<String>),
-}
-
-/// Panel of one metric.
+/// Panel of one quantity with the runs of its lines.
 struct MetricPanel {
     column: String,
-    heading: String,
-    /// Column of the metric, if its name differs, and the metric's options.
-    details: String,
-    y_label: String,
-    scale: Scale,
-    curves: Vec<PlotCurve>,
-}
-
-/// Measurements of one cell, or the mean of its repeats.
-struct PlotCurve {
-    style: Style,
-    /// Whether other curves have the same style. The curve is then drawn thin.
-    shared: bool,
-    /// Drawable points in the order of measurement.
-    points: Vec<(f64, f64)>,
-    /// Lower and upper end of the band at each point; empty for a single run.
-    ends: Vec<(f64, f64)>,
-    /// Meaning of the ends.
-    kind: BandKind,
-    /// Index of the first cell.
-    cell: usize,
-    /// Number of runs.
-    runs: usize,
+    panel: Panel,
+    /// First cell and number of runs of each line.
+    runs: Vec<(usize, usize)>,
 }
 
 /// Files of one figure.
@@ -167,7 +136,7 @@ pub fn figures(
                 facet,
                 cells,
             };
-            let (figure, csv) = match &spec.kind {
+            let (content, csv) = match &spec.kind {
                 FigureKind::Convergence { x, y } => convergence::figure(&data, *x, y),
                 FigureKind::Sweep { over, y } => {
                     sweep::figure(&data, over, y, &grouping.dependent, &grouping.remarks)
@@ -175,7 +144,7 @@ pub fn figures(
             };
             FigureFiles {
                 stem: unique_stem(&spec.name, facet, &mut taken),
-                svg: layout::draw(&figure),
+                svg: draw::draw(&data.figure(content)),
                 csv,
             }
         })
@@ -233,37 +202,46 @@ impl FigureData<'_> {
         &self.measured[&cell].rows
     }
 
-    /// Builds the figure of the given panels, with title, description and legend.
-    fn figure(
-        &self,
-        panels: Vec<MetricPanel>,
-        subtitle: String,
-        x_label: String,
-        across: HorizontalAxis,
-    ) -> Figure {
-        let mut style_indices: Vec<usize> = self.cells.iter().map(|(_, index)| *index).collect();
-        style_indices.sort_unstable();
-        style_indices.dedup();
+    /// Builds the figure, with title, provenance and series.
+    fn figure(&self, content: FigureContent) -> Figure {
         let facet: Vec<String> = self
             .facet
             .iter()
-            .map(|(axis, value)| format!("{axis} = {value}"))
+            .map(|(axis, value)| format!("{axis} = {}", self.plan.report.name(value)))
             .collect();
-        let entry = |index: &usize| {
-            let text = self.legend_text(*index);
-            (!text.is_empty()).then(|| (text, style(*index)))
+        let facet = facet.join(", ");
+        let name = self.plan.name.clone();
+        let title = if facet.is_empty() {
+            name
+        } else {
+            format!("{name}: {facet}")
         };
+        let is_drawn = |index: usize| self.cells.iter().any(|(_, style)| *style == index);
+        let mut notes = vec![content.notes];
+        let entries = (0..self.styles.len()).map(|index| {
+            let (label, long) = self.label(index);
+            if let Some(long) = long.filter(|_| is_drawn(index)) {
+                notes.push(format!("{label}: {long}"));
+            }
+            SeriesEntry {
+                label: if is_drawn(index) {
+                    label
+                } else {
+                    String::new()
+                },
+                style: style(index).coloured(self.colour(index)),
+            }
+        });
+        let series = entries.collect();
+        notes.retain(|note| !note.is_empty());
         Figure {
-            title: std::iter::once(self.plan.name.clone())
-                .chain((!facet.is_empty()).then(|| facet.join(", ")))
-                .collect::<Vec<_>>()
-                .join(": "),
-            subtitle,
+            title,
+            heading: facet,
+            notes: notes.join("; "),
             description: self.description(),
-            x_label,
-            across,
-            panels,
-            legend: style_indices.iter().filter_map(entry).collect(),
+            x_label: content.x_label,
+            panels: content.panels.into_iter().map(|p| p.panel).collect(),
+            series,
         }
     }
 
@@ -287,45 +265,51 @@ impl FigureData<'_> {
         text
     }
 
-    /// Returns the legend text of a style, such as `depth = 5`, or `bpt (path tracing)` if
-    /// the axis selects the integrator. If no axis distinguishes curves, returns the integrator, or
-    /// an empty text if there are several.
-    fn legend_text(&self, style_index: usize) -> String {
-        let with_long_name = |short: &str| match format::integrator_long_name(short) {
-            Some(long) => format!("{short} ({long})"),
-            None => short.to_owned(),
-        };
-        let pair = |(axis, value): &(String, String)| {
-            if format::is_integrator_axis(self.plan, axis) {
-                with_long_name(value)
-            } else {
-                format!("{axis} = {value}")
+    /// Returns the label of a series, such as `depth = 5` or `bpt`, and the long name of its
+    /// integrator if that is all that the label says. If no axis distinguishes series, it is the
+    /// integrator, or empty if there are several.
+    fn label(&self, index: usize) -> (String, Option<&'static str>) {
+        let report = &self.plan.report;
+        let values = &self.styles[index];
+        let integrator = |short: &str| (report.name(short), format::integrator_long_name(short));
+        match values.as_slice() {
+            [] => {
+                let mut integrators = self
+                    .cells
+                    .iter()
+                    .filter(|(_, style)| *style == index)
+                    .map(|(cell, _)| &self.plan.cells[*cell].config.integrator);
+                let first = integrators
+                    .next()
+                    .filter(|first| integrators.all(|other| other == *first));
+                first.map_or((String::new(), None), |name| integrator(name))
             }
-        };
-        let values = &self.styles[style_index];
-        if values.is_empty() {
-            let mut integrators = self
-                .cells
-                .iter()
-                .filter(|(_, index)| *index == style_index)
-                .map(|(cell, _)| &self.plan.cells[*cell].config.integrator);
-            let first = integrators
-                .next()
-                .filter(|first| integrators.all(|other| other == *first));
-            return first.map_or(String::new(), |integrator| with_long_name(integrator));
+            [(axis, value)] if format::is_integrator_axis(self.plan, axis) => integrator(value),
+            values => {
+                let pair = |(axis, value): &(String, String)| {
+                    if format::is_integrator_axis(self.plan, axis) {
+                        report.name(value)
+                    } else {
+                        format!("{axis} = {}", report.name(value))
+                    }
+                };
+                let pairs: Vec<String> = values.iter().map(pair).collect();
+                (pairs.join(", "), None)
+            }
         }
-        values.iter().map(pair).collect::<Vec<_>>().join(", ")
+    }
+
+    /// Returns the colour that the script gives to a series by one of its values.
+    fn colour(&self, index: usize) -> Option<Colour> {
+        let mut values = self.styles[index].iter();
+        values.find_map(|(_, value)| self.plan.report.colour(value).and_then(Colour::parse))
     }
 }
 
-/// Builds the panel of a metric column.
-fn metric_panel(column: &str, metric: &MetricSpec, curves: Vec<PlotCurve>) -> MetricPanel {
+/// Returns the heading of a panel of a metric column, and the label of its axis.
+fn metric_labels(column: &str, metric: &MetricSpec) -> [String; 2] {
     let (display, row) = (MetricDisplay::for_metric(metric), metric.row);
     let named = (column != row.name).then(|| format!("column {column}"));
-    let details = named
-        .into_iter()
-        .chain([metric.describe_options()])
-        .filter(|d| !d.is_empty());
     let (heading, label) = match display.complement() {
         Some(best) => (
             format!("{best} − {}", row.long_name),
@@ -337,13 +321,17 @@ fn metric_panel(column: &str, metric: &MetricSpec, curves: Vec<PlotCurve>) -> Me
         ),
         None => (capitalised(row.long_name), row.label.to_owned()),
     };
-    MetricPanel {
-        column: column.to_owned(),
-        heading,
-        details: details.collect::<Vec<_>>().join(", "),
-        y_label: format::with_unit(&label, &metric.unit()),
-        scale: display.scale,
-        curves,
+    let details = [named.unwrap_or_default(), metric.describe_options()];
+    let parts = [heading].into_iter().chain(details);
+    let parts: Vec<String> = parts.filter(|part| !part.is_empty()).collect();
+    [parts.join(", "), format::with_unit(&label, &metric.unit())]
+}
+
+/// Marks the lines that share a series with another line as thin.
+fn mark_shared(lines: &mut [Line]) {
+    let series: Vec<usize> = lines.iter().map(|line| line.series).collect();
+    for line in lines {
+        line.thin = series.iter().filter(|s| **s == line.series).count() > 1;
     }
 }
 
@@ -366,6 +354,21 @@ fn subtitle(groups: &[(usize, Vec<usize>)]) -> String {
             "mean of {count} repeats; band: 95 % confidence interval of the mean \
              (of two repeats: their range)"
         ),
+    }
+}
+
+/// Gives all panels the horizontal axis that covers them all, and each its vertical axis.
+fn set_axes(panels: &mut [MetricPanel], scales: &[Scale], x_axis: impl Fn(&[f64]) -> Option<Axis>) {
+    let lines = panels.iter().flat_map(|panel| &panel.panel.lines);
+    let runs = lines.flat_map(|line| {
+        let curves = line.curves.iter().flat_map(|curve| &curve.points);
+        curves.chain(line.points())
+    });
+    let values: Vec<f64> = runs.map(|(x, _)| *x).collect();
+    let x_axis = x_axis(&values);
+    for (panel, scale) in panels.iter_mut().zip(scales) {
+        let values = covered(&panel.panel.lines, None, *scale);
+        panel.panel.axes = x_axis.clone().zip(Axis::new(*scale, values));
     }
 }
 

@@ -13,20 +13,43 @@ pub const FAINT: &str = "#6b6b6b";
 pub const FRAME: &str = "#4d4d4d";
 /// Colour of the grid at labelled ticks.
 pub const GRID: &str = "#d4d4d4";
-/// Colour of the fine grid.
-pub const FINE_GRID: &str = "#ededed";
 
-const COLOURS: [&str; 8] = [
-    "#0072b2", "#d55e00", "#117733", "#cc79a7", "#332288", "#e69f00", "#882255", "#56b4e9",
+const COLOURS: [Colour; 8] = [
+    Colour(*b"#0072b2"),
+    Colour(*b"#d55e00"),
+    Colour(*b"#117733"),
+    Colour(*b"#cc79a7"),
+    Colour(*b"#332288"),
+    Colour(*b"#e69f00"),
+    Colour(*b"#882255"),
+    Colour(*b"#56b4e9"),
 ];
 /// No curve is dotted: dots are the noise of references.
 const DASHES: [&str; 5] = ["", "7 3", "9 3 2 3", "4 2 1 2 1 2", "13 2.5 5 2.5"];
+
+/// A colour as hexadecimal text, such as `#0072b2`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Colour([u8; 7]);
+
+impl Colour {
+    /// Parses `#` with six hexadecimal digits; `None` for any other text.
+    pub fn parse(text: &str) -> Option<Colour> {
+        let bytes: [u8; 7] = text.as_bytes().try_into().ok()?;
+        let is_hex = bytes[0] == b'#' && bytes[1..].iter().all(u8::is_ascii_hexdigit);
+        is_hex.then_some(Colour(bytes))
+    }
+
+    /// Returns the text.
+    pub fn text(&self) -> &str {
+        std::str::from_utf8(&self.0).unwrap_or(INK)
+    }
+}
 
 /// Style of one curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Style {
     /// Colour of line and marker.
-    pub colour: &'static str,
+    pub colour: Colour,
     /// Dash pattern as in SVG's `stroke-dasharray`; empty for a solid line.
     pub dash: &'static str,
     marker: usize,
@@ -76,6 +99,14 @@ const MARKERS: [Marker; 7] = [
 ];
 
 impl Style {
+    /// Returns the style with another colour, if one is given.
+    pub fn coloured(self, colour: Option<Colour>) -> Style {
+        Style {
+            colour: colour.unwrap_or(self.colour),
+            ..self
+        }
+    }
+
     /// Returns the style with a solid line.
     pub fn solid(self) -> Style {
         Style { dash: "", ..self }
@@ -115,14 +146,18 @@ mod tests {
                 a.colour != b.colour && a.dash != b.dash && a.marker != b.marker,
                 "{i}"
             );
-            let (la, lb) = (luminance(a.colour), luminance(b.colour));
+            let (la, lb) = (luminance(a.colour.text()), luminance(b.colour.text()));
             assert!(
                 (la - lb).abs() > 0.05,
                 "{} and {} are the same grey",
-                a.colour,
-                b.colour
+                a.colour.text(),
+                b.colour.text()
             );
-            assert!(1.05 / (la + 0.05) > 2.0, "{} fades on white", a.colour);
+            assert!(
+                1.05 / (la + 0.05) > 2.0,
+                "{} fades on white",
+                a.colour.text()
+            );
         }
     }
 

@@ -29,18 +29,18 @@ impl Anchor {
 
 /// Size, colour and weight of text.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Font {
+pub struct Font<'a> {
     /// Font size in pixels.
     pub size: f64,
     /// Colour of the text.
-    pub fill: &'static str,
+    pub fill: &'a str,
     /// Whether the text is a heading. Only a light weight is embedded, so headings are outlined.
     pub strong: bool,
 }
 
-impl Font {
+impl<'a> Font<'a> {
     /// Creates the font of body text.
-    pub const fn new(size: f64, fill: &'static str) -> Font {
+    pub const fn new(size: f64, fill: &'a str) -> Font<'a> {
         Font {
             size,
             fill,
@@ -49,7 +49,7 @@ impl Font {
     }
 
     /// Creates the font of a heading.
-    pub const fn strong(size: f64) -> Font {
+    pub const fn strong(size: f64) -> Font<'a> {
         Font {
             size,
             fill: INK,
@@ -101,7 +101,7 @@ impl Drawing {
         self.push(format_args!(
             r#"<polyline points="{}" fill="none" stroke="{}" stroke-width="{width}" stroke-linejoin="round"{dash}/>"#,
             points.join(" "),
-            style.colour
+            style.colour.text()
         ));
     }
 
@@ -172,31 +172,6 @@ impl Drawing {
                     format!("{},{}", number(x + dx * size), number(y + dy * size))
                 };
                 let corners: Vec<String> = corners.iter().map(corner).collect();
-                self.push(format_args!(
-                    r#"<polygon points="{}" {look}/>"#,
-                    corners.join(" ")
-                ));
-            }
-        }
-    }
-
-    /// Draws a marker with a white edge, so that it stands out from crossing lines.
-    pub fn marker(&mut self, (x, y): (f64, f64), style: Style) {
-        let look = format!(
-            r##"fill="{}" stroke="#ffffff" stroke-width="0.8""##,
-            style.colour
-        );
-        match style.marker() {
-            None => self.push(format_args!(
-                r#"<circle cx="{}" cy="{}" r="3.3" {look}/>"#,
-                number(x),
-                number(y)
-            )),
-            Some(corners) => {
-                let corners: Vec<String> = corners
-                    .iter()
-                    .map(|(dx, dy)| format!("{},{}", number(x + dx), number(y + dy)))
-                    .collect();
                 self.push(format_args!(
                     r#"<polygon points="{}" {look}/>"#,
                     corners.join(" ")
@@ -378,6 +353,18 @@ pub fn unescape(text: &str) -> String {
         .replace("&amp;", "&")
 }
 
+/// Cuts text with an ellipsis so that it fits into `width`.
+pub fn shorten(text: &str, size: f64, width: f64) -> String {
+    if text_width(text, size) <= width {
+        return text.to_owned();
+    }
+    let mut short: String = text.to_owned();
+    while !short.is_empty() && text_width(&short, size) + 0.64 * size > width {
+        short.pop();
+    }
+    short.trim_end().to_owned() + "…"
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -423,5 +410,12 @@ mod tests {
         assert_eq!(lines, ["one two three", "four"]);
         assert_eq!(wrap("", 10.0, 50.0), [""]);
         assert_eq!(wrap("unbreakable word", 10.0, 1.0), ["unbreakable", "word"]);
+    }
+
+    #[test]
+    fn long_names_are_cut_to_the_width_of_their_column() {
+        assert_eq!(shorten("bdpt", 8.0, 100.0), "bdpt");
+        let cut = shorten("a very long name of a series", 8.0, 60.0);
+        assert!(cut.ends_with('…') && text_width(&cut, 8.0) <= 61.0, "{cut}");
     }
 }

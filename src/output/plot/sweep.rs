@@ -1,14 +1,16 @@
 //! Figures over an axis of the sweep: final values of finished runs, with one line for each
 //! combination of the other axes. Axes that are determined by the swept one are ignored.
 
-use super::axis::Scale;
-use super::style::style;
-use super::{Figure, FigureData, HorizontalAxis, MetricPanel, PlotCurve, metric_panel, subtitle};
+use super::axis::{Axis, Scale};
+use super::figure::{Line, Panel};
+use super::{
+    FigureContent, FigureData, MetricPanel, mark_shared, metric_labels, set_axes, subtitle,
+};
 use crate::experiment::spec::{Point, TableValue};
 use crate::output::format;
 use crate::output::quantity::{self, Bound, RunValue};
 use crate::output::report::metric_display::MetricDisplay;
-use crate::output::report::repeats::{BandKind, Spread};
+use crate::output::report::repeats::{Band, BandKind, Spread};
 use lumbre_light::value::Value;
 
 /// Runs of one line.
@@ -54,16 +56,18 @@ impl SweptValues {
         SweptValues { values, numbers }
     }
 
-    fn axis(&self) -> HorizontalAxis {
+    /// Returns the axis that covers the drawn values.
+    fn axis(&self, drawn: &[f64]) -> Option<Axis> {
         let Some(numbers) = &self.numbers else {
-            return HorizontalAxis::Names(self.values.iter().map(ToString::to_string).collect());
+            let names: Vec<String> = self.values.iter().map(ToString::to_string).collect();
+            return Axis::named(&names);
         };
         let scale = Scale::for_values(numbers.iter().copied());
+        let mut axis = Axis::new(scale, drawn.iter().copied())?;
         if numbers.iter().all(|x| x.fract() == 0.0) {
-            HorizontalAxis::Integers(scale)
-        } else {
-            HorizontalAxis::Numbers(scale)
+            axis.keep_integer_ticks();
         }
+        Some(axis)
     }
 
     /// Returns the position on the horizontal axis: the number, or the index of a name.
@@ -82,11 +86,12 @@ pub(super) fn figure(
     y: &[TableValue],
     dependent: &[String],
     remarks: &[String],
-) -> (Figure, String) {
+) -> (FigureContent, String) {
     let swept = SweptValues::new(data, over);
     let lines = lines(data, over, dependent, &swept.values);
     let mut csv = crate::text::csv_line(&super::csv_header(data.plan));
     let mut panels = Vec::new();
+    let mut scales = Vec::new();
     for value in y {
         let Some((scale, points)) = line_points(data, value, &lines) else {
             continue;
@@ -94,22 +99,31 @@ pub(super) fn figure(
         for point in points.iter().flatten() {
             csv += &csv_row(data, &swept.values[point.position], value, point);
         }
-        let curves = curves(&swept, &lines, points);
-        panels.push(match value {
+        let (drawn, runs) = drawn_lines(&swept, &lines, points);
+        let [heading, y_label] = match value {
             TableValue::Metric(column) => match format::column(data.plan, column) {
-                Some((_, metric)) => metric_panel(column, metric, curves),
+                Some((_, metric)) => metric_labels(column, metric),
                 None => continue,
             },
-            other => MetricPanel {
-                column: other.name(),
-                heading: quantity::title(data.plan, other),
-                details: String::new(),
-                y_label: quantity::label(data.plan, other),
-                scale,
-                curves,
+            other => [
+                quantity::title(data.plan, other),
+                quantity::label(data.plan, other),
+            ],
+        };
+        scales.push(scale);
+        panels.push(MetricPanel {
+            column: value.name(),
+            panel: Panel {
+                heading,
+                y_label,
+                axes: None,
+                lines: drawn,
+                floor: None,
             },
+            runs,
         });
     }
+    set_axes(&mut panels, &scales, |drawn| swept.axis(drawn));
     let subtitle = sweep_subtitle(&lines, &panels);
     let remarks: Vec<&str> = remarks
         .iter()
@@ -117,8 +131,12 @@ pub(super) fn figure(
         .chain([subtitle.as_str()])
         .filter(|s| !s.is_empty())
         .collect();
-    let figure = data.figure(panels, remarks.join("; "), over.to_owned(), swept.axis());
-    (figure, csv)
+    let content = FigureContent {
+        notes: remarks.join("; "),
+        x_label: over.to_owned(),
+        panels,
+    };
+    (content, csv)
 }
 
 /// Describes what the lines average. Empty if every point is a single run.
@@ -134,8 +152,9 @@ fn sweep_subtitle(lines: &[SweepLine], panels: &[MetricPanel]) -> String {
     }
     let has_line_without_band = panels
         .iter()
-        .flat_map(|p| &p.curves)
-        .any(|c| c.kind == BandKind::Single);
+        .flat_map(|p| &p.panel.lines)
+        .filter_map(|line| line.band.as_ref())
+        .any(|band| band.kind == BandKind::Single);
     if has_line_without_band {
         text + "; no band for lines with a single run at any point"
     } else {
@@ -143,39 +162,40 @@ fn sweep_subtitle(lines: &[SweepLine], panels: &[MetricPanel]) -> String {
     }
 }
 
-/// Builds the curves of a panel from the points of every line.
-fn curves(
+/// Builds the lines of a panel from the points of every line, with the first cell and the number of
+/// runs of each. Lines without points are left out.
+fn drawn_lines(
     swept: &SweptValues,
     lines: &[SweepLine],
     points: Vec<Vec<SweepPoint>>,
-) -> Vec<PlotCurve> {
-    let curve = |(line, points): (&SweepLine, Vec<SweepPoint>)| {
-        let same_style = lines.iter().filter(|l| l.style_index == line.style_index);
-        let kind = BandKind::for_runs(points.iter().map(|point| point.runs).min().unwrap_or(0));
+) -> (Vec<Line>, Vec<(usize, usize)>) {
+    let drawn = |(line, points): (&SweepLine, Vec<SweepPoint>)| {
+        let kind = BandKind::for_runs(points.iter().map(|point| point.runs).min()?);
         let mut points: Vec<(f64, SweepPoint)> = points
             .into_iter()
             .map(|point| (swept.x(point.position), point))
             .collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         let ends = points.iter().map(|(_, point)| point.spread.ends);
-        PlotCurve {
-            style: style(line.style_index),
-            shared: same_style.count() > 1,
+        let band = Band {
             ends: if kind == BandKind::Single {
                 Vec::new()
             } else {
                 ends.collect()
             },
-            points: points
+            mean: points
                 .iter()
                 .map(|(x, point)| (*x, point.spread.mean))
                 .collect(),
             kind,
-            cell: line.positions[0].1[0],
-            runs: points.iter().map(|(_, point)| point.runs).sum(),
-        }
+        };
+        let runs = points.iter().map(|(_, point)| point.runs).sum();
+        let line_of_values = Line::of_values(line.style_index, band);
+        Some((line_of_values, (line.positions[0].1[0], runs)))
     };
-    lines.iter().zip(points).map(curve).collect()
+    let (mut drawn, runs): (Vec<Line>, Vec<_>) = lines.iter().zip(points).filter_map(drawn).unzip();
+    mark_shared(&mut drawn);
+    (drawn, runs)
 }
 
 /// Groups the cells into lines.

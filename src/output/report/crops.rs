@@ -7,7 +7,6 @@ use super::Pictures;
 use super::films::{colour_bar, file_suffix};
 use super::item::{Provenance, ReportItem};
 use super::metric_display::MetricDisplay;
-use super::sizes::{COLUMN, FULL, SCREEN};
 use super::snapshots;
 use super::snapshots::{Disagreement, FacetReferences, Moment, Snapshot};
 use super::study::{ReportOptions, Study};
@@ -15,8 +14,9 @@ use super::tables::{common_error, common_time};
 use crate::metrics::MetricSpec;
 use crate::metrics::tonemap::Tonemap;
 use crate::output::format::significant;
+use crate::output::plot::sizes::{COLUMN, FULL, SCREEN};
 use crate::output::plot::style::{FAINT, INK};
-use crate::output::plot::svg::{Anchor, Drawing, Font, text_width};
+use crate::output::plot::svg::{Anchor, Drawing, Font, shorten};
 use crate::output::{OutputError, png};
 use lumbre_light::film::Image;
 
@@ -154,7 +154,7 @@ impl CropFigure<'_> {
         notes: &mut Vec<String>,
     ) -> Result<ReportItem, OutputError> {
         let windows = self.windows(options, notes);
-        let tonemap = snapshots::exposure(self.reference);
+        let tonemap = self.study.display_of(self.reference);
         let runs: Vec<&str> = self.snapshots.iter().map(|s| s.run.as_str()).collect();
         let members = (0..self.study.series.len()).flat_map(|s| self.study.members(self.facet, s));
         let provenance =
@@ -347,7 +347,10 @@ impl CropFigure<'_> {
             y += height + UNDER + GAP;
         }
         let bottom = self.draw_flip_row(&mut drawing, &layout, tonemap, y + 1.0)?;
-        let mut height = bottom.max(HEAD + reference_height + 2.0);
+        let under = HEAD + reference_height + 8.0;
+        let words = shorten(&tonemap.to_string(), SMALL.size, layout.left);
+        drawing.text((0.0, under), SMALL, Anchor::Start, &words);
+        let mut height = bottom.max(under + 2.0);
         for disagreement in self.disagreements {
             height += WARNING.size + 3.0;
             let text = self.disagreement(disagreement);
@@ -357,7 +360,7 @@ impl CropFigure<'_> {
         draw_flip_scale(
             &mut drawing,
             layout.left,
-            HEAD + reference_height,
+            under,
             y + 1.0,
             layout.column * layout.aspect,
         );
@@ -512,28 +515,4 @@ pub(super) fn flip_metric(study: &Study, tonemap: Tonemap) -> Option<MetricSpec>
     let measured = study.metrics.iter().find(|m| m.row.name == "flip").cloned();
     let options = || BTreeMap::from([("on".to_owned(), tonemap.to_value())]);
     measured.or_else(|| MetricSpec::new("flip", "flip", options()).ok())
-}
-
-/// Cuts text with an ellipsis so that it fits into `width`.
-pub(super) fn shorten(text: &str, size: f64, width: f64) -> String {
-    if text_width(text, size) <= width {
-        return text.to_owned();
-    }
-    let mut short: String = text.to_owned();
-    while !short.is_empty() && text_width(&short, size) + 0.64 * size > width {
-        short.pop();
-    }
-    short.trim_end().to_owned() + "…"
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn long_names_are_cut_to_the_width_of_their_column() {
-        assert_eq!(shorten("bdpt", 8.0, 100.0), "bdpt");
-        let cut = shorten("a very long name of a series", 8.0, 60.0);
-        assert!(cut.ends_with('…') && text_width(&cut, 8.0) <= 61.0, "{cut}");
-    }
 }

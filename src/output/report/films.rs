@@ -3,17 +3,14 @@
 //! by path length, and maps of the number of bounces.
 
 use super::Pictures;
-use super::crops::shorten;
 use super::item::{Provenance, ReportItem};
-use super::sizes::{FULL, SCREEN};
-use super::snapshots;
 use super::study::{Member, Study};
 use crate::metrics::map::{Colours, ErrorMap};
-use crate::metrics::tonemap::Tonemap;
 use crate::output::format::significant;
-use crate::output::plot::sheet;
-use crate::output::plot::style::{FAINT, FRAME, INK};
-use crate::output::plot::svg::{Anchor, Drawing, Font};
+use crate::output::plot::sheet::{Sheet, Sheets};
+use crate::output::plot::sizes::{FULL, SCREEN};
+use crate::output::plot::style::{FAINT, FRAME};
+use crate::output::plot::svg::{Anchor, Drawing, Font, shorten};
 use crate::output::{OutputError, png};
 use lumbre_light::film::Image;
 use lumbre_light::film::layer::{Layer, LayerFilm, LayerImage, PathSubset};
@@ -21,21 +18,10 @@ use lumbre_light::film::layer::{Layer, LayerFilm, LayerImage, PathSubset};
 /// Space between pictures.
 const GAP: f64 = 3.0;
 const NAME: Font = Font::strong(8.0);
-const LABEL: Font = Font::new(7.6, INK);
 const SMALL: Font = Font::new(7.0, FAINT);
 
 /// Maximum width of a picture, in points.
 const WIDEST: f64 = 96.0;
-
-/// A film with its position in a figure.
-struct FilmTile<'a> {
-    layer: &'a LayerImage,
-    column: u32,
-    row: u32,
-    /// Path length, which determines the brightening.
-    length: u32,
-    label: String,
-}
 
 /// Draws the films of the first finished repeat with films of every series and facet.
 pub fn all(
@@ -123,190 +109,21 @@ fn sheets(
     member: Member,
     layers: &[LayerImage],
 ) -> Result<Vec<ReportItem>, OutputError> {
-    let sheets = [
-        (
-            "pyramid-weighted",
-            "Light by strategy, weighted",
-            strategy_tiles(layers, true),
-        ),
-        (
-            "pyramid-raw",
-            "Light by strategy, unweighted",
-            strategy_tiles(layers, false),
-        ),
-        ("depths", "Light by path length", depth_tiles(layers)),
-    ];
     let label = facet_and_series_label(study, facet, Some(series));
-    let display = snapshots::exposure(&total_radiance(layers));
-    let stops = sheet::stops(layers);
-    let mut items = Vec::new();
-    for (name, heading, tiles) in sheets {
-        if tiles.is_empty() {
-            continue;
-        }
+    let sheets = Sheets::new(layers, study.display())?;
+    let item = |sheet: &Sheet| {
         let provenance = Provenance::from_members([member]);
-        let title = titled(heading, &label);
-        let svg = draw_tiles(&tiles, &stops, display, &title, &provenance.text())?;
-        let notation = if name == "depths" {
-            "k: number of edges from the camera to the light."
-        } else {
-            "s: number of vertices of the light subpath; t: number of vertices of the camera \
-             subpath. Each row has one path length k = s + t − 1."
-        };
-        let caption = format!(
-            "{title}. {notation} Longer paths are brightened by the power of two in their label. \
-             Tone map: {display}."
-        );
-        items.push(ReportItem::figure(
+        let title = titled(sheet.heading, &label);
+        Ok(ReportItem::figure(
             "Light by length and strategy",
-            format!("figures/{name}{}", file_suffix(&label)),
-            title,
-            caption,
-            svg,
+            format!("figures/{}{}", sheet.stem, file_suffix(&label)),
+            title.clone(),
+            format!("{title}. {}", sheet.notes),
+            sheets.draw(sheet, "", &title, &provenance.text())?,
             provenance,
-        ));
-    }
-    Ok(items)
-}
-
-/// Returns the tiles of the films by strategy. Paths of length 1, which show the lights directly,
-/// are left out.
-fn strategy_tiles(layers: &[LayerImage], wanted: bool) -> Vec<FilmTile<'_>> {
-    let tile = |layer| match path_subset(layer) {
-        PathSubset::Strategy { s, t, weighted } if weighted == wanted => Some(FilmTile {
-            layer,
-            column: s,
-            row: (s + t).saturating_sub(3),
-            length: s + t - 1,
-            label: format!("s = {s}, t = {t}"),
-        }),
-        _ => None,
+        ))
     };
-    layers
-        .iter()
-        .filter_map(tile)
-        .filter(|tile| tile.length >= 2)
-        .collect()
-}
-
-/// Returns the tiles of the films by path length.
-fn depth_tiles(layers: &[LayerImage]) -> Vec<FilmTile<'_>> {
-    let tile = |layer| match path_subset(layer) {
-        PathSubset::Depth(k) => Some(FilmTile {
-            layer,
-            column: k - 1,
-            row: 0,
-            length: k,
-            label: format!("k = {k}"),
-        }),
-        _ => None,
-    };
-    layers.iter().filter_map(tile).collect()
-}
-
-fn path_subset(layer: &LayerImage) -> PathSubset {
-    layer.film.subset
-}
-
-/// Sums all weighted films, for the exposure.
-fn total_radiance(layers: &[LayerImage]) -> Image {
-    let by_depth = layers
-        .iter()
-        .any(|l| matches!(path_subset(l), PathSubset::Depth(_)));
-    let is_counted = |l: &&LayerImage| match path_subset(l) {
-        PathSubset::Depth(_) => true,
-        PathSubset::Strategy { weighted, .. } => weighted && !by_depth,
-        PathSubset::Whole => false,
-    };
-    let mut counted = layers.iter().filter(is_counted);
-    let Some(first) = counted.next() else {
-        return Image::new(1, 1);
-    };
-    counted.fold(first.image.clone(), |mut total, layer| {
-        for (to, from) in total.data.iter_mut().zip(&layer.image.data) {
-            (0..3).for_each(|c| to[c] += from[c]);
-        }
-        total
-    })
-}
-
-/// Returns the brightening factor of a path length.
-fn gain(stops: &[f64], length: u32) -> f64 {
-    stops
-        .get(length as usize - 1)
-        .copied()
-        .unwrap_or(0.0)
-        .exp2()
-}
-
-/// Draws tiles with their labels. Figures of several rows have the path length at the left.
-/// `description` is the description of the SVG.
-fn draw_tiles(
-    tiles: &[FilmTile],
-    stops: &[f64],
-    display: Tonemap,
-    title: &str,
-    description: &str,
-) -> Result<String, OutputError> {
-    let columns = tiles.iter().map(|t| t.column + 1).max().unwrap_or(1);
-    let rows = tiles.iter().map(|t| t.row + 1).max().unwrap_or(1);
-    let left = if rows > 1 { 34.0 } else { 0.0 };
-    let columns = f64::from(columns);
-    let width = ((FULL - left - GAP * (columns - 1.0)) / columns).min(WIDEST);
-    let image = &tiles[0].layer.image;
-    let height = width * f64::from(image.height) / f64::from(image.width);
-    let step = height + 9.5 + GAP;
-    let mut drawing = Drawing::default();
-    for tile in tiles {
-        let (x, y) = (
-            left + f64::from(tile.column) * (width + GAP),
-            f64::from(tile.row) * step,
-        );
-        let factor = gain(stops, tile.length) as f32;
-        let pixels = &tile.layer.image.data;
-        let brightened = Image {
-            data: pixels.iter().map(|p| p.map(|v| v * factor)).collect(),
-            ..tile.layer.image
-        };
-        drawing.image(
-            [x, y, width, height],
-            &png::encode(&brightened, display, &[])?,
-        );
-        let label = match (rows, factor) {
-            (1, f) if f > 1.0 => format!("{}, ×{f}", tile.label),
-            _ => tile.label.clone(),
-        };
-        drawing.text(
-            (x + width / 2.0, y + height + 7.5),
-            SMALL,
-            Anchor::Middle,
-            &label,
-        );
-    }
-    if rows > 1 {
-        for row in 0..rows {
-            if let Some(tile) = tiles.iter().find(|t| t.row == row) {
-                let y = f64::from(row) * step + height / 2.0;
-                draw_row_label(&mut drawing, y, tile.length, gain(stops, tile.length));
-            }
-        }
-    }
-    Ok(drawing.finish_scaled(
-        left + columns * width + (columns - 1.0) * GAP,
-        f64::from(rows) * step - GAP + 1.0,
-        SCREEN,
-        title,
-        description,
-    ))
-}
-
-/// Writes the path length of a row and its brightening factor.
-fn draw_row_label(drawing: &mut Drawing, y: f64, length: u32, factor: f64) {
-    drawing.text((0.0, y), LABEL, Anchor::Start, &format!("k = {length}"));
-    if factor > 1.0 {
-        let text = format!("×{factor}");
-        drawing.text((0.0, y + 9.0), SMALL, Anchor::Start, &text);
-    }
+    sheets.sheets.iter().map(item).collect()
 }
 
 /// Draws the bounce maps of a facet's series on a common scale.

@@ -3,19 +3,18 @@
 
 use super::ReportError;
 use super::convergence::mean_name;
-use super::crops::shorten;
 use super::films::colour_bar;
 use super::item::{Provenance, ReportItem};
 use super::metric_display::MetricDisplay;
-use super::sizes::{FULL, SCREEN};
 use super::study::{ReportOptions, Study};
 use crate::metrics::colour::luminance;
 use crate::metrics::map::Colours;
 use crate::output::format;
 use crate::output::format::significant;
 use crate::output::plot::axis::Scale;
+use crate::output::plot::sizes::{FULL, SCREEN};
 use crate::output::plot::style::{FAINT, INK};
-use crate::output::plot::svg::{Anchor, Drawing, Font, text_width};
+use crate::output::plot::svg::{Anchor, Drawing, Font, shorten, text_width};
 
 /// Width and height of a cell in points. The width is up to 1.5 times as large if there is space.
 const CELL: (f64, f64) = (46.0, 22.0);
@@ -126,6 +125,8 @@ impl<'a> HeatMap<'a> {
         let counts = counts.iter().copied().filter(|n| *n > 0);
         let runs = counts.fold((usize::MAX, 0), |(a, b), n| (a.min(n), b.max(n)));
         let varies = |axis: &String| !axes.contains(axis) && study.values(axis).len() > 1;
+        let named = |values: &[String]| values.iter().map(|value| study.name(value)).collect();
+        let (columns, rows) = (named(&columns), named(&rows));
         (low <= high).then_some(HeatMap {
             averaged: study.axes().into_iter().filter(varies).collect(),
             metric,

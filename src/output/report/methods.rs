@@ -75,6 +75,7 @@ fn sentences(study: &Study) -> Vec<String> {
         ));
     }
     out.extend(study.metrics.iter().map(definition));
+    out.push(shown_by(study));
     out.push("Render time is the time spent inside the renderer.".to_owned());
     out.push("Measuring, encoding and writing between its waves are excluded.".to_owned());
     out.push("Curves are means over repeats with 95 % confidence intervals.".to_owned());
@@ -111,6 +112,16 @@ fn experiment(night: &NightResults, name: Option<&str>) -> String {
     )
 }
 
+/// Describes how pictures in figures are shown.
+fn shown_by(study: &Study) -> String {
+    match study.display() {
+        Some(display) => format!("Pictures in figures are shown by the tone map {display}."),
+        None => "Pictures in figures are shown in sRGB; the exposure of each figure, in whole \
+                 stops, is chosen from its reference and stated in it."
+            .to_owned(),
+    }
+}
+
 /// Returns sentences on the scenes of all runs, the sizes of their pictures and the clauses that
 /// ended them, where these are known.
 fn scenes_and_sizes(study: &Study) -> Vec<String> {
@@ -137,11 +148,22 @@ fn scenes_and_sizes(study: &Study) -> Vec<String> {
         let noun = if scenes.len() == 1 { "scene" } else { "scenes" };
         out.push(format!("It renders the {noun} {}.", scenes.join(", ")));
     }
+    let depths = study.all().filter_map(|m| m.run.max_depth);
+    let mut depths: Vec<u32> = depths.collect();
+    depths.sort_unstable();
+    depths.dedup();
+    let depths: Vec<String> = depths.iter().map(u32::to_string).collect();
+    if !depths.is_empty() {
+        out.push(format!("Paths have at most {} edges.", depths.join(" or ")));
+    }
     if !sizes.is_empty() {
         out.push(format!("Pictures have {} pixels.", sizes.join(" or ")));
     }
     if !ends.is_empty() && ends.len() <= MOST_REASONS {
-        out.push(format!("Runs ended at: {}.", ends.join("; ")));
+        out.push(format!(
+            "Each run ended by its stop rule: {}.",
+            ends.join("; ")
+        ));
     }
     out
 }

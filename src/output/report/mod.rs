@@ -18,8 +18,8 @@ mod methods;
 pub(super) mod metric_display;
 mod page;
 mod pgfplots;
+mod presentation;
 pub(super) mod repeats;
-mod sizes;
 mod snapshots;
 pub(super) mod study;
 mod sweep;
@@ -87,6 +87,8 @@ pub struct ReportContext<'a> {
     pub link: &'a dyn Fn(&Path) -> String,
     /// Returns the command that renders the run in a folder again.
     pub command: &'a dyn Fn(&Path) -> String,
+    /// Command that makes the report again, to which the page appends options of crops.
+    pub again: &'a str,
 }
 
 /// A complete report.

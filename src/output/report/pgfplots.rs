@@ -1,13 +1,13 @@
 //! Exports convergence and sweep figures to LaTeX: a `.tex` file with the axes and a `.dat` file
 //! with the points.
 
-use super::convergence::{FacetPanel, SeriesLine, labelled_ticks};
 use super::item::Provenance;
 use super::latex;
-use super::sizes::MOST_COLUMNS;
-use super::study::Study;
 use crate::output::plot::axis::{Axis, Scale, TickLabel};
-use crate::output::plot::style::style;
+use crate::output::plot::draw::labelled_ticks;
+use crate::output::plot::figure::{Figure, Line};
+use crate::output::plot::sizes::MOST_COLUMNS;
+use crate::output::plot::style::Style;
 
 /// Width and height of a plot in points. Three plots with their gaps fill the width of a page.
 const PLOT: [f64; 2] = [118.0, 92.0];
@@ -19,9 +19,7 @@ type DataColumns = Vec<(String, Vec<f64>)>;
 
 /// A figure to export.
 pub(super) struct PgfFigure<'a> {
-    pub(super) study: &'a Study<'a>,
-    pub(super) panels: &'a [FacetPanel],
-    pub(super) y_label: &'a str,
+    pub(super) figure: &'a Figure,
     pub(super) x_label: &'a str,
     /// Scales of the horizontal and the vertical axis.
     pub(super) scales: [Scale; 2],
@@ -38,15 +36,19 @@ impl PgfFigure<'_> {
     ) -> Vec<(&'static str, Vec<u8>)> {
         let name = stem.rsplit('/').next().unwrap_or(stem);
         let mut columns = DataColumns::new();
-        let bodies: String = (0..self.panels.len())
+        let Figure { panels, series, .. } = self.figure;
+        let y_label = panels.first().map_or("", |panel| &panel.y_label);
+        let bodies: String = (0..panels.len())
             .map(|p| self.panel(p, name, &mut columns))
             .collect();
-        let per_row = self.panels.len().min(MOST_COLUMNS);
-        let colours: String = (0..self.study.series.len())
-            .map(|s| {
+        let per_row = panels.len().min(MOST_COLUMNS);
+        let colours: String = series
+            .iter()
+            .enumerate()
+            .map(|(s, entry)| {
                 format!(
                     "\\definecolor{{lumbre{s}}}{{HTML}}{{{}}}\n",
-                    style(s).colour[1..].to_uppercase()
+                    entry.style.colour.text()[1..].to_uppercase()
                 )
             })
             .collect();
@@ -74,12 +76,12 @@ impl PgfFigure<'_> {
              title style={{font=\\footnotesize, yshift=-3pt}}]\n{bodies}\\end{{groupplot}}\n\
              \\end{{tikzpicture}}\n% Caption: {caption}\n",
             provenance.comment("% "),
-            self.panels.len().div_ceil(per_row),
+            panels.len().div_ceil(per_row),
             GAPS[0],
             GAPS[1],
             PLOT[0],
             PLOT[1],
-            latex::escape(self.y_label),
+            latex::escape(y_label),
         );
         vec![
             ("tex", tex.into_bytes()),
@@ -88,7 +90,8 @@ impl PgfFigure<'_> {
     }
 
     fn panel(&self, p: usize, name: &str, columns: &mut DataColumns) -> String {
-        let panel = &self.panels[p];
+        let Figure { panels, series, .. } = self.figure;
+        let panel = &panels[p];
         let title = latex::escape(&panel.heading);
         let Some((x_axis, y_axis)) = &panel.axes else {
             return format!("\\nextgroupplot[group/empty plot, title={{{title}}}]\n");
@@ -116,13 +119,14 @@ impl PgfFigure<'_> {
                      cs:{x1:e},{floor:e});\n"
                 );
             }
-            body += &line_commands(p, line, name, columns);
+            let style = self.figure.entry(line).style;
+            body += &line_commands(p, (line, style), name, columns);
         }
         // All panels share one legend, below the first panel of the last row.
-        if p == (self.panels.len() - 1) / MOST_COLUMNS * MOST_COLUMNS {
-            for (s, series) in self.study.series.iter().enumerate() {
-                let dash = latex::dash(&style(s));
-                let title = latex::escape(&series.full_label());
+        if p == (panels.len() - 1) / MOST_COLUMNS * MOST_COLUMNS {
+            for (s, entry) in series.iter().enumerate() {
+                let dash = latex::dash(&entry.style);
+                let title = latex::escape(&entry.label);
                 body += &format!(
                     "\\addlegendimage{{lumbre{s}, thick{dash}}}\n\\addlegendentry{{{title}}}\n"
                 );
@@ -133,7 +137,12 @@ impl PgfFigure<'_> {
 }
 
 /// Returns the commands that draw a line of panel `p`, and appends its points to `columns`.
-fn line_commands(p: usize, line: &SeriesLine, name: &str, columns: &mut DataColumns) -> String {
+fn line_commands(
+    p: usize,
+    (line, style): (&Line, Style),
+    name: &str,
+    columns: &mut DataColumns,
+) -> String {
     let colour = format!("lumbre{}", line.series);
     let stops: String = line
         .stops
@@ -163,7 +172,7 @@ fn line_commands(p: usize, line: &SeriesLine, name: &str, columns: &mut DataColu
             "\\addplot[{colour}, opacity=0.16, forget plot] fill between[of={key}l and {key}u];\n"
         );
     }
-    let dash = latex::dash(&line.style);
+    let dash = latex::dash(&style);
     body += &format!(
         "\\addplot[{colour}, thick{dash}, forget plot] table[x={key}x, y={key}y] {{{name}.dat}};\n"
     );

@@ -7,6 +7,7 @@ use crate::experiment::night_results::{NightResults, RunResult};
 use crate::metrics::{Better, MetricSpec};
 use crate::output::dependent_axes;
 use crate::output::format;
+use crate::output::plot::style::Colour;
 use lumbre_light::transport::integrator::canonical_name;
 
 /// Options of a report. All have defaults that suit most nights.
@@ -41,6 +42,8 @@ pub struct ReportOptions {
 pub struct Series {
     /// Label within its group, such as `bdpt` or `mis = power`.
     pub label: String,
+    /// Colour that the script gives to it.
+    pub colour: Option<Colour>,
     /// Group of series of the same night and device, named after the night or the device. Empty if
     /// there is only one group.
     pub group: String,
@@ -241,9 +244,10 @@ impl<'a> Study<'a> {
                     group.extend(device.clone());
                 }
                 group.dedup();
-                let (label, long) = self.series_label(run, &integrator_axes, mixed);
+                let (label, long) = self.series_label(night, run, &integrator_axes, mixed);
                 let series = self.find_or_add_series(Series {
                     label,
+                    colour: self.series_colour(night, run),
                     group: group.join(", "),
                     device,
                     long,
@@ -262,12 +266,13 @@ impl<'a> Study<'a> {
     /// `mixed` is whether the night has several integrators.
     fn series_label(
         &self,
+        night: &NightResults,
         run: &RunResult,
         integrator_axes: &[bool],
         mixed: bool,
     ) -> (String, Option<&'static str>) {
         let part = |(axis, is_integrator): (&String, &bool)| {
-            let value = run.axis_value(axis)?;
+            let value = night.report.name(&run.axis_value(axis)?);
             Some(if *is_integrator {
                 value
             } else {
@@ -280,14 +285,14 @@ impl<'a> Study<'a> {
             .zip(integrator_axes)
             .filter_map(part)
             .collect();
-        let long = if parts.len() == 1 {
-            format::integrator_long_name(&parts[0])
+        let long = if parts.len() == 1 && integrator_axes.contains(&true) {
+            format::integrator_long_name(&run.integrator)
         } else {
             None
         };
         let label = match parts.as_slice() {
             [] if mixed => "all techniques".to_owned(),
-            [] => run.integrator.clone(),
+            [] => night.report.name(&run.integrator),
             parts => parts.join(", "),
         };
         (label, long)
@@ -404,15 +409,16 @@ impl<'a> Study<'a> {
     /// Returns the label of a facet, such as `scene = box, depth = 5`. It is empty if there are no
     /// facet axes.
     pub fn facet_label(&self, facet: usize) -> String {
-        let pairs = self.facet_axes.iter().zip(&self.facets[facet]);
+        let values = self.facet_values(facet);
         // The values of a single axis of names are clear without the axis name, numbers are not.
-        if let [value] = self.facets[facet].as_slice()
+        if let [value] = values.as_slice()
             && value.parse::<f64>().is_err()
             && value != "true"
             && value != "false"
         {
             return value.clone();
         }
+        let pairs = self.facet_axes.iter().zip(&values);
         pairs
             .map(|(axis, value)| format!("{axis} = {value}"))
             .collect::<Vec<_>>()

@@ -2,17 +2,19 @@
 //! acceleration structures.
 
 use super::ReportError;
-use super::convergence::{FacetPanel, SeriesLine, draw, mean_name, provenance, separate_devices};
+use super::convergence::{mean_name, provenance, separate_devices};
 use super::item::{ItemKind, ReportItem};
 use super::metric_display::MetricDisplay;
 use super::pgfplots::PgfFigure;
 use super::repeats::{Band, BandKind, Spread};
-use super::sizes::MOST_PANELS;
 use super::study::{Member, ReportOptions, Study};
 use crate::experiment::spec::TableValue;
 use crate::output::dependent_axes;
 use crate::output::format;
 use crate::output::plot::axis::{Axis, Scale};
+use crate::output::plot::draw::draw;
+use crate::output::plot::figure::{Figure, Line, Panel, covered};
+use crate::output::plot::sizes::MOST_PANELS;
 use crate::output::quantity;
 use lumbre_render::OpenStats;
 
@@ -229,7 +231,7 @@ fn figures(study: &Study, over: &SweepAxis, quantity: &SweepQuantity) -> Vec<Rep
     let mut items = Vec::new();
     for device_index in separate_devices(study, timed) {
         let device = device_index.map(|i| study.devices[i].as_str());
-        let panels: Vec<(usize, FacetPanel)> = (0..study.facets.len())
+        let panels: Vec<(usize, Panel)> = (0..study.facets.len())
             .filter_map(|facet| {
                 let panel = panel(study, over, quantity, (facet, scale), device)?;
                 Some((facet, panel))
@@ -238,7 +240,7 @@ fn figures(study: &Study, over: &SweepAxis, quantity: &SweepQuantity) -> Vec<Rep
         let pages = panels.len().div_ceil(MOST_PANELS);
         let mut panels = panels.into_iter();
         for page in 0..pages {
-            let (facets, panels): (Vec<usize>, Vec<FacetPanel>) =
+            let (facets, panels): (Vec<usize>, Vec<Panel>) =
                 panels.by_ref().take(MOST_PANELS).unzip();
             let mut suffix =
                 device_index.map_or_else(String::new, |i| format!("-device-{}", i + 1));
@@ -249,7 +251,8 @@ fn figures(study: &Study, over: &SweepAxis, quantity: &SweepQuantity) -> Vec<Rep
                 study,
                 over,
                 quantity,
-                (&facets, &panels),
+                &facets,
+                panels,
                 (scale, &suffix),
                 device,
             ));
@@ -262,7 +265,8 @@ fn item(
     study: &Study,
     over: &SweepAxis,
     quantity: &SweepQuantity,
-    (facets, panels): (&[usize], &[FacetPanel]),
+    facets: &[usize],
+    panels: Vec<Panel>,
     (scale, suffix): (Scale, &str),
     device: Option<&str>,
 ) -> ReportItem {
@@ -272,7 +276,7 @@ fn item(
     if let Some(change) = dependent_axes::change_phrase(&over.dependent) {
         caption += &format!(" With it, {change}.");
     }
-    caption += &averaging(study, panels, scale);
+    caption += &averaging(study, &panels, scale);
     match (quantity, device) {
         (_, Some(device)) => caption += &format!(" Only runs on {device}."),
         (SweepQuantity::Plain(value), None) if value.is_clock() => {
@@ -283,12 +287,18 @@ fn item(
         _ => {}
     }
     let provenance = provenance(study, facets);
-    let svg = draw(study, panels, &label, over.name, &title, &provenance.text());
+    let figure = Figure {
+        title: title.clone(),
+        heading: String::new(),
+        notes: String::new(),
+        description: provenance.text(),
+        x_label: over.name.to_owned(),
+        panels,
+        series: study.entries(),
+    };
     let stem = format!("figures/sweep-{}-{column}{suffix}", over.name);
     let latex = PgfFigure {
-        study,
-        panels,
-        y_label: &label,
+        figure: &figure,
         x_label: over.name,
         scales: [over.scale(), scale],
     };
@@ -299,7 +309,7 @@ fn item(
         stem,
         title,
         caption,
-        svg: Some(svg),
+        svg: Some(draw(&figure)),
         grid: None,
         extra,
         provenance,
@@ -307,7 +317,7 @@ fn item(
 }
 
 /// Describes what the lines average and what the bands show, with a leading space.
-fn averaging(study: &Study, panels: &[FacetPanel], scale: Scale) -> String {
+fn averaging(study: &Study, panels: &[Panel], scale: Scale) -> String {
     let kinds = || {
         panels
             .iter()
@@ -354,6 +364,16 @@ fn value(study: &Study, quantity: &SweepQuantity, member: &Member) -> Option<f64
     }
 }
 
+/// Returns the values that were measured independently. Runs of a night share hierarchies, so build
+/// times that are equal to the bit are one measurement.
+fn measurements(quantity: &SweepQuantity, mut values: Vec<f64>) -> Vec<f64> {
+    if let SweepQuantity::Plain(TableValue::AccelBuildS) = quantity {
+        values.sort_by(f64::total_cmp);
+        values.dedup();
+    }
+    values
+}
+
 /// Returns the vertical scale of all panels.
 fn scale(study: &Study, quantity: &SweepQuantity) -> Scale {
     match quantity {
@@ -371,32 +391,25 @@ fn panel(
     quantity: &SweepQuantity,
     (facet, scale): (usize, Scale),
     device: Option<&str>,
-) -> Option<FacetPanel> {
-    let lines: Vec<SeriesLine> = (0..study.series.len())
+) -> Option<Panel> {
+    let lines: Vec<Line> = (0..study.series.len())
         .filter(|series| device.is_none() || study.series[*series].device.as_deref() == device)
         .filter_map(|series| {
             let members = study.members(facet, series);
             let band = sweep_band(study, over, quantity, &members, scale)?;
-            Some(SeriesLine::from_band(series, band))
+            Some(Line::of_values(series, band))
         })
         .collect();
     let bands = || lines.iter().filter_map(|line| line.band.as_ref());
     if bands().map(|band| band.mean.len()).max().unwrap_or(0) < 2 {
         return None;
     }
-    let mean = || bands().flat_map(|band| &band.mean).map(|(_, y)| *y);
-    // Ends of bands far from the lines do not extend the range, since they would compress it.
-    let (low, high) = mean().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), y| {
-        (a.min(y), b.max(y))
-    });
-    let is_close = |y: &f64| scale == Scale::Linear || (*y > low / 1.6 && *y < high * 1.6);
-    let ends = bands()
-        .flat_map(|band| &band.ends)
-        .flat_map(|(a, b)| [*a, *b])
-        .filter(is_close);
-    let axes = over.axis().zip(Axis::new(scale, mean().chain(ends)));
-    Some(FacetPanel {
+    let axes = over
+        .axis()
+        .zip(Axis::new(scale, covered(&lines, None, scale)));
+    Some(Panel {
         heading: study.facet_label(facet),
+        y_label: quantity.describe(study).1,
         axes,
         lines,
         floor: None,
@@ -423,6 +436,7 @@ fn sweep_band(
             .filter(|m| m.run.is_done())
             .map(|m| value(study, quantity, m))
             .collect();
+        let values = values.map(|values| measurements(quantity, values));
         if let Some((count, spread)) =
             values.and_then(|v| Some((v.len(), Spread::from_values(scale, &v)?)))
         {

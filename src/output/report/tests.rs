@@ -1,5 +1,6 @@
 //! Reports of hand-made nights.
 
+mod presentation;
 mod sweep;
 mod verdict;
 
@@ -36,6 +37,7 @@ fn night(device: &str, speed: f64) -> NightResults {
         seed: 11,
         axes: vec!["scene".to_owned(), "technique".to_owned()],
         metrics: vec![metric("rmse"), metric("ssim")],
+        report: Default::default(),
         machine: Some(Machine {
             host: "host".to_owned(),
             os: "linux x86_64".to_owned(),
@@ -89,6 +91,7 @@ fn run(
         seed: 100 + repeat,
         integrator: technique.to_owned(),
         scene: format!("{scene}.scn"),
+        max_depth: Some(5),
         resolution: Some([40, 30]),
         device: Some(device.to_owned()),
         peer: None,
@@ -143,6 +146,7 @@ fn report(nights: &[NightResults], options: &ReportOptions) -> Report {
             problems: &Vec::new,
             link: &link,
             command: &command,
+            again: "lumbre report out/latest",
         },
     )
     .unwrap()
@@ -546,6 +550,7 @@ fn each_series_is_compared_with_its_own_reference() {
         problems: &Vec::new,
         link: &link,
         command: &command,
+        again: "lumbre report out/latest",
     };
     let made = build(&study, &ReportOptions::default(), &context).unwrap();
     let caption = &item(&made, "figures/crops-equal-time-box").caption;

@@ -2,15 +2,14 @@
 //! for each series.
 
 use super::Pictures;
-use super::crops::shorten;
 use super::films::{facet_and_series_label, file_suffix, titled};
 use super::item::{Provenance, ReportItem};
-use super::sizes::{FULL, SCREEN};
 use super::study::{Member, Study};
 use crate::metrics::tonemap::Tonemap;
 use crate::output::format;
+use crate::output::plot::sizes::{FULL, SCREEN};
 use crate::output::plot::style::{FAINT, INK};
-use crate::output::plot::svg::{Anchor, Drawing, Font};
+use crate::output::plot::svg::{Anchor, Drawing, Font, shorten};
 use crate::output::time::still_length;
 use crate::output::{OutputError, png};
 use lumbre_light::film::Image;

@@ -232,7 +232,8 @@ fn sentence(column: &Column) -> String {
             }
             let open = total - counts.iter().map(|(_, count)| count).sum::<usize>();
             if open > 0 {
-                text += &format!("; {open} have no clear winner");
+                let verb = if open == 1 { "has" } else { "have" };
+                text += &format!("; {open} {verb} no clear winner");
             }
             text + "."
         }

@@ -164,7 +164,7 @@ fn build_from<'a>(
         };
         TableRow {
             cells: column_keys.iter().map(cell).collect(),
-            labels,
+            labels: labels.iter().map(|label| plan.report.name(label)).collect(),
         }
     };
     let rows: Vec<TableRow> = distinct_labels(plan, &spec.rows)
@@ -208,7 +208,7 @@ fn column_header(plan: &Plan, spec: &TableSpec, values: &[String]) -> String {
         .cols
         .iter()
         .zip(values)
-        .map(|(axis, v)| format!("{axis} = {v}"))
+        .map(|(axis, v)| format!("{axis} = {}", plan.report.name(v)))
         .collect();
     pairs.join(", ")
 }

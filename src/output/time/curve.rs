@@ -109,7 +109,7 @@ pub fn curves_figure(
             drawing.curve(&steps.collect::<Vec<_>>(), style(i).solid(), 1.1);
             drawing.line(
                 [legend_x, 12.0, legend_x + 14.0, 12.0],
-                style(i).colour,
+                style(i).colour.text(),
                 1.6,
             );
             drawing.text((legend_x + 18.0, 15.0), NAME, Anchor::Start, &curve.name);

@@ -6,7 +6,7 @@ use mlua::Function;
 
 use super::stop_rule::RuleObject;
 use crate::experiment::StopRule;
-use crate::experiment::spec::{Axis, FigureSpec, MeasureSpec, NightSpec, TableSpec};
+use crate::experiment::spec::{Axis, FigureSpec, MeasureSpec, NightSpec, Presentation, TableSpec};
 use crate::script::source::SourcePlace;
 use lumbre_light::value::Value;
 
@@ -38,6 +38,8 @@ pub struct Builder {
     pub figures: Vec<(FigureSpec, SourcePlace)>,
     /// Tables from `x:table(..)`, in order.
     pub tables: Vec<(TableSpec, SourcePlace)>,
+    /// Presentation from `x:report(..)`.
+    pub report: Option<(Presentation, SourcePlace)>,
 }
 
 /// Parameters of techniques that a script declares, by the name of the integrator.

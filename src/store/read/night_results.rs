@@ -9,9 +9,13 @@ use super::run_reader::{RunReader, describe};
 use crate::experiment::night_results::{
     Machine, NightResults, ReferenceResult, RunResult, RunState,
 };
+use crate::experiment::spec::Presentation;
 use crate::experiment::{CellRef, CellResult, Outcome, Plan, WaveRow};
 use crate::metrics::MetricSpec;
-use crate::store::schema::plan::{EnvFile, PlanFile, PlannedCell, PlannedReference};
+use crate::metrics::tonemap::Tonemap;
+use crate::store::schema::plan::{
+    EnvFile, PlanFile, PlannedCell, PlannedReference, PresentationRecord,
+};
 use crate::store::schema::run::{DoneFile, RunResults};
 use crate::store::{Store, StoreError};
 
@@ -44,11 +48,25 @@ pub fn read_night(folder: &Path, evidence: &Evidence) -> Result<NightResults, St
         seed: plan.seed,
         axes: plan.axes.clone(),
         metrics,
+        report: plan
+            .report
+            .as_ref()
+            .map_or_else(Presentation::default, presentation),
         machine: read_machine(&night, evidence),
         runs,
         references,
         notes,
     })
+}
+
+/// Reads the presentation of the results. A tone map that this version does not know is left
+/// out.
+fn presentation(record: &PresentationRecord) -> Presentation {
+    Presentation {
+        display: Tonemap::from_value("report.display", &record.display).ok(),
+        names: record.names.clone(),
+        colours: record.colours.clone(),
+    }
 }
 
 /// Describes points that were skipped because the machine lacks support, each reason once.
@@ -108,6 +126,7 @@ fn run_result(
         seed: cell.seed,
         integrator: cell.integrator.clone(),
         scene: cell.scene.clone(),
+        max_depth: cell.max_depth,
         resolution: cell.resolution,
         device: results.map(device),
         peer: results.and_then(|results| external_program(&cell.integrator, results)),

@@ -47,6 +47,7 @@ pub(crate) fn outline(plan: &PlanFile) -> PlanOutline {
         name: plan.name.clone(),
         hash: plan.hash.clone(),
         axes: plan.axes.clone(),
+        varying: Vec::new(),
         references: references.collect(),
         repeated: plan.cells.iter().any(|cell| cell.repeat > 0),
         cells: cells.collect(),
@@ -54,7 +55,7 @@ pub(crate) fn outline(plan: &PlanFile) -> PlanOutline {
         metrics: metrics.collect(),
         display: display.unwrap_or(Tonemap::Srgb { exposure: 0.0 }),
     }
-    .with_reference_values()
+    .with_distinctions()
 }
 
 fn stop_outline(record: &StopRecord) -> Arc<StopOutline> {

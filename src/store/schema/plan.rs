@@ -88,6 +88,9 @@ records! {
         pub warnings: Vec<String>,
         /// Notes about scene files.
         pub notes: Vec<SceneNote>,
+        /// Presentation of the results in reports. Only of scripts that set it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub report: Option<PresentationRecord>,
         /// First 32 digits of the BLAKE3 hash of this file with an empty `check`.
         pub check: String,
     }
@@ -108,6 +111,16 @@ records! {
         pub metrics: Vec<MetricRecord>,
         /// Tone map of PNG files.
         pub display: Value,
+    }
+
+    /// Presentation of the results in figures, tables and reports.
+    pub struct PresentationRecord {
+        /// Tone map of pictures in figures; `null` for sRGB with an exposure for each figure.
+        pub display: Value,
+        /// Names of techniques and of other axis values.
+        pub names: BTreeMap<String, String>,
+        /// Colours as `#rrggbb` of techniques and of other axis values.
+        pub colours: BTreeMap<String, String>,
     }
 
     /// A metric with its options.

@@ -7,8 +7,8 @@ use super::journal::{
 };
 use super::plan::{
     BiasCheckPlan, EnvFile, FileReference, JobFile, Measurement, MetricRecord, NightSettings,
-    PlanFile, PlanSnapshot, PlannedCell, RenderedReference, SceneNote, SkippedPoint, StopRecord,
-    SubmittedJob,
+    PlanFile, PlanSnapshot, PlannedCell, PresentationRecord, RenderedReference, SceneNote,
+    SkippedPoint, StopRecord, SubmittedJob,
 };
 use super::process::{AffinityFile, ClaimFile, HeartbeatFile, IndexHeader, Owner, RenderDevice};
 use super::run::{
@@ -48,6 +48,7 @@ const FILES: &[(&str, &[RecordRow])] = &[
             NightSettings::ROW,
             Measurement::ROW,
             MetricRecord::ROW,
+            PresentationRecord::ROW,
             StopRecord::ROW,
             PlannedCell::ROW,
             RenderedReference::ROW,

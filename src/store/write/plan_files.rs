@@ -1,12 +1,13 @@
 //! Plans and cells as files: the content of `plan.json` and of `config.json`.
 
 use crate::experiment::plan::{Reference, ReferenceSource};
+use crate::experiment::spec::Presentation;
 use crate::experiment::{Cell, CellConfig, CellRef, Plan, Point, StopRule};
 use crate::metrics::MetricSpec;
 use crate::store::layout;
 use crate::store::schema::plan::{
     BiasCheckPlan, FileReference, Measurement, MetricRecord, NightSettings, PlanFile, PlannedCell,
-    PlannedReference, RenderedReference, SceneNote, SkippedPoint, StopRecord,
+    PlannedReference, PresentationRecord, RenderedReference, SceneNote, SkippedPoint, StopRecord,
 };
 use crate::store::schema::run::{ConfigFile, PixelFilter, RenderSettings};
 use crate::store::schema::values::Named;
@@ -69,6 +70,11 @@ pub fn plan_file(plan: &Plan) -> PlanFile {
                 message: note.message.clone(),
             })
             .collect(),
+        report: (plan.report != Presentation::default()).then(|| PresentationRecord {
+            display: plan.report.display.map_or(Value::Nil, |d| d.to_value()),
+            names: plan.report.names.clone(),
+            colours: plan.report.colours.clone(),
+        }),
         ..PlanFile::default()
     }
 }

@@ -23,8 +23,7 @@ pub fn columns(plan: &PlanOutline) -> Vec<Column> {
     let mut columns = Vec::new();
     for (i, axis) in plan.axes.iter().enumerate() {
         let at = |cell: &CellOutline| cell.point.get(i).map(|(_, value)| value.clone());
-        let first = plan.cells.first().and_then(at);
-        if plan.cells.iter().any(|cell| at(cell) != first) {
+        if plan.varying.get(i) == Some(&true) {
             let values = plan
                 .cells
                 .iter()

@@ -3,6 +3,7 @@
 pub mod column;
 pub mod comparison;
 pub mod curve;
+pub mod end_message;
 pub mod entry;
 pub mod eta;
 pub mod night;

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use super::column::{Column, columns};
 use super::comparison::Comparison;
 use super::curve::Curve;
+use super::end_message::end_message;
 use super::entry::{EntryState, PlanEntry};
 use super::strategy_thumbnails::{StrategyThumbnail, StrategyThumbnails};
 use super::time_preview::TimePreview;
@@ -38,6 +39,9 @@ pub struct CurrentRun {
     pub image: Option<SharedImage>,
     /// Its measurements so far.
     pub curve: Curve,
+    /// Relative noise of a reference after each of its measurements, oldest first, thinned like a
+    /// curve; empty for cells.
+    pub noise: Curve,
     /// Seconds spent measuring it so far.
     pub measure_s: f64,
     /// Time of its last event, in seconds on the receiver's clock.
@@ -130,10 +134,12 @@ impl NightModel {
                 row,
                 measure_s,
                 image,
+                noise,
                 pow2: _,
             } => {
                 self.add_wave(*cell, row, *measure_s, at_s);
                 self.set_image(*cell, image.clone());
+                self.add_noise(*cell, row, *noise);
             }
             Event::NoiseFloors { reference, floors } => {
                 self.set_noise_floors(*reference, Arc::clone(floors))
@@ -282,6 +288,18 @@ impl NightModel {
         current.measure_s += measure_s;
         current.updated_s = at_s;
         current.running = true;
+    }
+
+    /// Adds the relative noise of a reference after a measurement, if it is known.
+    fn add_noise(&mut self, cell: CellRef, row: &WaveRow, noise: Option<f64>) {
+        let current = self.current.as_mut().filter(|current| current.cell == cell);
+        let run = current.or(self.interleaved.get_mut(&cell));
+        if let (Some(run), Some(noise)) = (run, noise) {
+            run.noise.push(Arc::new(WaveRow {
+                metrics: vec![noise],
+                ..row.clone()
+            }));
+        }
     }
 
     /// Replaces the picture of a run that renders.
@@ -545,29 +563,6 @@ impl NightModel {
     }
 }
 
-/// Formats the log message about the end of a run; cached runs have none.
-fn end_message(outcome: &Outcome, last: Option<&WaveRow>) -> (Level, Option<String>) {
-    let progress = last.map(|row| {
-        format!(
-            "{} spp in {}",
-            format::count(row.samples),
-            format::duration(row.render_s)
-        )
-    });
-    let after = progress
-        .as_ref()
-        .map_or_else(String::new, |text| format!(" after {text}"));
-    match outcome {
-        Outcome::Done(reason) => {
-            let total = progress.map_or_else(String::new, |text| format!(" ({text})"));
-            (Level::Info, Some(format!("done: {reason}{total}")))
-        }
-        Outcome::Failed(reason) => (Level::Error, Some(format!("failed{after}: {reason}"))),
-        Outcome::Interrupted => (Level::Warn, Some(format!("interrupted{after}"))),
-        Outcome::Cached(_) => (Level::Info, None),
-    }
-}
-
 impl CurrentRun {
     fn new(cell: CellRef, at_s: f64) -> CurrentRun {
         CurrentRun {
@@ -576,6 +571,7 @@ impl CurrentRun {
             reference: None,
             image: None,
             curve: Curve::default(),
+            noise: Curve::default(),
             measure_s: 0.0,
             updated_s: at_s,
             running: true,

@@ -183,6 +183,11 @@ impl PlanRows {
             .any(|row| matches!(row, PlanRow::Group(..)))
     }
 
+    /// Whether a cell or reference has a row of its own.
+    pub fn contains(&self, cell: CellRef) -> bool {
+        self.rows.contains(&PlanRow::Run(cell))
+    }
+
     /// Index of the row of a cell or reference, or of its group; 0 if neither is shown.
     pub fn index_of(&self, cell: CellRef) -> usize {
         let group = match cell {

@@ -50,10 +50,12 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
     let inner = block.inner(area);
     frame.render_widget(block, area);
     let width = usize::from(inner.width);
+    let device = super::regions(frame.area(), view.focus, model).device;
     let sheet = Sheet {
         caps,
         width,
         height: usize::from(inner.height),
+        has_device_pane: device.height > 2,
     };
     let mut lines = sheet.lines(plan, model, view, current);
     // For a rendered reference, the first line already describes it.
@@ -87,6 +89,8 @@ struct Sheet {
     caps: TerminalCaps,
     width: usize,
     height: usize,
+    /// Whether another pane shows the device.
+    has_device_pane: bool,
 }
 
 impl Sheet {
@@ -107,7 +111,11 @@ impl Sheet {
             let set: Vec<String> = config
                 .set
                 .iter()
-                .map(|(path, value)| format!("{path}={value}"))
+                .map(|(path, value)| match path.as_str() {
+                    // Scripts select a view of the scene's cameras by `view`.
+                    "camera" => format!("view={value}"),
+                    _ => format!("{path}={value}"),
+                })
                 .collect();
             let params = config
                 .params
@@ -121,7 +129,7 @@ impl Sheet {
         if let Some(scene) = plan.scene(current.cell) {
             lines.push((10, self.camera(scene)));
         }
-        if !current.open.device.is_empty() {
+        if !current.open.device.is_empty() && !self.has_device_pane {
             lines.push((8, self.device(&current.open)));
         }
         lines.push((1, self.speed(row)));

@@ -28,6 +28,9 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
         .map_or(&[][..], |plan| &plan.metrics[..]);
     let spec = metrics.get(view.metric);
     let current = model.current.as_ref();
+    if let Some(reference) = current.filter(|c| matches!(c.cell, CellRef::Reference(_))) {
+        return reference_noise(frame, area, reference, view);
+    }
     let mut block = pane(caps, headline(spec, current, view, area.width));
     if metrics.len() > 1 {
         block = block.title_bottom(tabs(metrics, view, area.width));
@@ -64,7 +67,45 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
         threshold,
         floor: model.noise_floor(view.metric),
     };
-    plot(frame, inner, caps, spec, &lines);
+    plot(frame, inner, caps, spec.row.better, &lines);
+}
+
+/// Draws the noise of a reference that renders: what the errors of its cells cannot fall below.
+fn reference_noise(frame: &mut Frame, area: Rect, run: &CurrentRun, view: &View) {
+    let caps = view.caps;
+    let mut title = vec![Span::styled(" Noise of the reference ", caps.strong())];
+    if let Some(noise) = run.noise.last().and_then(|row| row.metrics.first()) {
+        let value = format!("{} of its mean ", format::number(*noise));
+        title.push(Span::styled(value, caps.accent()));
+        if let Some(slope) = run.noise.slope(0, |row| x_of(row, view.chart_x)) {
+            title.push(Span::styled(format!(" slope {slope:.2} "), caps.strong()));
+        }
+    }
+    let unit = Line::styled(format!(" over {} ", axis_unit(view.chart_x)), caps.dim());
+    let block = pane(caps, Line::from(title)).title_bottom(unit.right_aligned());
+    let inner = block.inner(area);
+    frame.render_widget(block, area);
+    let points = points(&run.noise, view.chart_x, 0);
+    if points.is_empty() {
+        let note = if view.watching {
+            "This is a reference: cells are measured against it, so it has no error of its own. \
+             Its noise is shown by the process that renders it."
+        } else {
+            "This is a reference: cells are measured against it, so it has no error of its own. \
+             Its noise is estimated from its second sample on."
+        };
+        return super::draw_note(frame, inner, caps, note);
+    }
+    let lines = Lines {
+        current: ChartCurve {
+            series: None,
+            points,
+        },
+        others: Vec::new(),
+        threshold: None,
+        floor: None,
+    };
+    plot(frame, inner, caps, Better::Lower, &lines);
 }
 
 /// Returns the curves of earlier and interleaved cells. They are drawn behind the current curve, so
@@ -136,17 +177,11 @@ pub(crate) struct Lines {
 
 /// Explains why there is no curve.
 fn note(current: &CurrentRun) -> &'static str {
-    match current.cell {
-        CellRef::Reference(_) => {
-            "This is a reference: cells are measured against it, so it has no error of its own."
-        }
-        CellRef::Cell(_)
-            if current.reference.is_none()
-                && current.curve.rows().all(|r| r.metrics.is_empty()) =>
-        {
-            "This cell has no reference, so there is no error to show."
-        }
-        CellRef::Cell(_) => "There is no measurement to plot yet.",
+    let measured = current.curve.rows().any(|row| !row.metrics.is_empty());
+    if current.reference.is_none() && !measured {
+        "This cell has no reference, so there is no error to show."
+    } else {
+        "There is no measurement to plot yet."
     }
 }
 
@@ -261,7 +296,7 @@ pub(crate) fn plot(
     frame: &mut Frame,
     area: Rect,
     caps: TerminalCaps,
-    spec: &MetricSpec,
+    better: Better,
     lines: &Lines,
 ) {
     let points = &lines.current.points[..];
@@ -269,7 +304,7 @@ pub(crate) fn plot(
         return;
     }
     // Errors follow power laws. A quality such as SSIM or PSNR does not, and may be <= 0.
-    let log_y = spec.row.better == Better::Lower && points.iter().any(|p| p.1 > 0.0);
+    let log_y = better == Better::Lower && points.iter().any(|p| p.1 > 0.0);
     let scale_y = if log_y {
         AxisScale::Log
     } else {

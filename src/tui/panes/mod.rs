@@ -2,8 +2,9 @@
 //! ([`View`]).
 //!
 //! There are three layouts: a stack below 80 columns or 24 rows, two columns of panes up to 160
-//! columns and 40 rows, and three columns from there on. Below 40 columns or 12 rows there is
-//! only one line.
+//! columns and 40 rows, and from there on three columns above a strip of picture, reference and
+//! error map. While a reference renders, which has neither of the last two, the chart is in their
+//! place. Below 40 columns or 12 rows there is only one line.
 
 pub mod cell;
 pub mod chart;
@@ -22,10 +23,11 @@ use ratatui::text::Line;
 use ratatui::widgets::{Block, Borders, Paragraph};
 
 use super::format;
-use super::model::night::NightModel;
+use super::model::night::{CurrentRun, NightModel};
 use super::modes::Focus;
 use super::terminal::terminal_caps::TerminalCaps;
 use super::view::View;
+use lumbre_light::film::Image;
 
 /// Smallest screen with panes: columns and rows.
 pub const SMALLEST: [u16; 2] = [40, 12];
@@ -43,6 +45,10 @@ pub struct Regions {
     pub chart: Rect,
     /// The picture of the current cell.
     pub picture: Rect,
+    /// Its reference, on wide screens.
+    pub reference: Rect,
+    /// Its error map, on wide screens.
+    pub error_map: Rect,
     /// The device pane.
     pub device: Rect,
     /// The log pane.
@@ -59,9 +65,11 @@ pub fn regions(area: Rect, focus: Focus, model: &NightModel) -> Regions {
         Constraint::Length(1),
     ])
     .areas(area);
+    let current = model.current.as_ref();
+    let image = current.and_then(|current| current.image.as_deref());
     let panes = match (area.width, area.height) {
-        (160.., 40..) => three_columns(body, focus, device::rows(model, area.height)),
-        (80.., 24..) => two_columns(body, focus, device::rows(model, area.height)),
+        (160.., 40..) => wide(body, focus, current, device::rows(model, area.height)),
+        (80.., 24..) => two_columns(body, focus, image, device::rows(model, area.height)),
         _ => stack(body, focus),
     };
     Regions {
@@ -131,7 +139,7 @@ fn stack(body: Rect, focus: Focus) -> Regions {
     }
 }
 
-fn two_columns(body: Rect, focus: Focus, device_rows: u16) -> Regions {
+fn two_columns(body: Rect, focus: Focus, image: Option<&Image>, device_rows: u16) -> Regions {
     let left_width = (body.width * 2 / 5).clamp(32, 56);
     let [left, right] = columns(body, [Constraint::Length(left_width), Constraint::Fill(1)]);
     let cell_height = if body.height >= 34 { 12 } else { 9 };
@@ -155,9 +163,7 @@ fn two_columns(body: Rect, focus: Focus, device_rows: u16) -> Regions {
     }
     let log_height = (body.height / 5).clamp(4, 10);
     let [chart, log] = rows(rest, [Constraint::Fill(1), Constraint::Length(log_height)]);
-    // Half blocks make square pixels, so a square picture is half as many rows high as it is
-    // columns wide.
-    let picture_height = (left_width / 2 + 1).min(body.height / 2);
+    let picture_height = picture_rows(image, left_width).min(body.height / 2);
     let device_height = if body.height >= 34 { device_rows } else { 0 };
     let heights = [
         Constraint::Fill(1),
@@ -176,54 +182,72 @@ fn two_columns(body: Rect, focus: Focus, device_rows: u16) -> Regions {
     }
 }
 
-fn three_columns(body: Rect, focus: Focus, device_rows: u16) -> Regions {
-    let [left, middle, right] = columns(
-        body,
-        [
-            Constraint::Fill(5),
-            Constraint::Fill(6),
-            Constraint::Fill(6),
-        ],
-    );
-    let [cell, chart] = rows(middle, [Constraint::Length(12), Constraint::Fill(1)]);
-    let [plan, device] = rows(left, [Constraint::Fill(1), Constraint::Length(device_rows)]);
+/// Divides a wide screen: plan, cell and log above a strip of pictures.
+fn wide(body: Rect, focus: Focus, current: Option<&CurrentRun>, device_rows: u16) -> Regions {
+    let thirds = [Constraint::Fill(1); 3];
     if focus == Focus::Plan {
         return large(focus, body, Regions::default());
     }
-    if focus != Focus::Overview {
-        let wide = Rect {
-            width: middle.width + right.width,
-            ..chart
-        };
-        let cell = Rect {
-            width: middle.width + right.width,
-            ..cell
-        };
-        return large(
-            focus,
-            wide,
-            Regions {
-                plan,
-                device,
-                cell,
-                ..Regions::default()
-            },
-        );
-    }
-    let picture_height = (right.width / 2 + 1).min(body.height.saturating_sub(12));
-    let [picture, log] = rows(
-        right,
-        [Constraint::Length(picture_height), Constraint::Fill(1)],
+    let image = current.and_then(|current| current.image.as_deref());
+    let most = body.height * 11 / 20;
+    let strip_height = if focus == Focus::Overview {
+        picture_rows(image, body.width / 3).clamp(most / 2, most)
+    } else {
+        0
+    };
+    let [upper, strip] = rows(
+        body,
+        [Constraint::Fill(1), Constraint::Length(strip_height)],
     );
-    Regions {
-        plan,
+    let [left, middle, right] = columns(upper, thirds);
+    let [device, log] = rows(
+        right,
+        [Constraint::Length(device_rows), Constraint::Fill(1)],
+    );
+    let [cell, below] = rows(middle, [Constraint::Length(12), Constraint::Fill(1)]);
+    if focus != Focus::Overview {
+        let width = middle.width + right.width;
+        let panes = Regions {
+            plan: left,
+            cell: Rect { width, ..cell },
+            ..Regions::default()
+        };
+        return large(focus, Rect { width, ..below }, panes);
+    }
+    let regions = Regions {
+        plan: left,
         cell,
-        chart,
         device,
-        picture,
         log,
         ..Regions::default()
+    };
+    let [picture, reference, error_map] = columns(strip, thirds);
+    if current.is_some_and(|current| current.reference.is_some()) {
+        Regions {
+            chart: below,
+            picture,
+            reference,
+            error_map,
+            ..regions
+        }
+    } else {
+        Regions {
+            cell: middle,
+            chart: reference.union(error_map),
+            picture,
+            ..regions
+        }
     }
+}
+
+/// Rows of a pane of `width` columns that its picture fills, both with the border. A character cell
+/// is twice as high as wide. Without a picture yet, it is taken to be a square.
+fn picture_rows(image: Option<&Image>, width: u16) -> u16 {
+    let aspect = image.map_or(1.0, |image| {
+        f64::from(image.height.max(1)) / f64::from(image.width.max(1))
+    });
+    let inside = f64::from(width.saturating_sub(2)) * aspect / 2.0;
+    (inside.ceil() as u16).saturating_add(2)
 }
 
 /// Function that draws one pane.
@@ -245,6 +269,8 @@ pub fn draw(frame: &mut Frame, model: &NightModel, view: &View) {
         (regions.chart, chart::draw),
         (regions.device, device::draw),
         (regions.picture, picture::draw),
+        (regions.reference, picture::draw_reference),
+        (regions.error_map, picture::draw_error_map),
         (regions.log, log::draw),
     ] {
         if area.width > 2 && area.height > 2 {

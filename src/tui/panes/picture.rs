@@ -10,7 +10,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
 use super::pane;
-use crate::experiment::PlanOutline;
+use crate::experiment::{CellRef, PlanOutline};
 use crate::metrics::colour::luminance_f32;
 use crate::metrics::tonemap::Tonemap;
 use crate::tui::format;
@@ -64,13 +64,32 @@ fn indexed(rgb: [u8; 3]) -> u8 {
     index as u8
 }
 
-/// Terminal colour of display values.
-fn color(caps: TerminalCaps, display: [f32; 3]) -> Color {
-    let rgb = display.map(|x| (x.clamp(0.0, 1.0) * 255.0).round() as u8);
+/// Terminal colour of display values at a pixel. Indexed colours are dithered.
+fn color(caps: TerminalCaps, display: [f32; 3], pixel: [u32; 2]) -> Color {
+    let rgb = |display: [f32; 3]| display.map(|x| (x.clamp(0.0, 1.0) * 255.0).round() as u8);
     match caps.colors {
-        Colors::True => Color::Rgb(rgb[0], rgb[1], rgb[2]),
-        _ => Color::Indexed(indexed(rgb)),
+        Colors::True => {
+            let [r, g, b] = rgb(display);
+            Color::Rgb(r, g, b)
+        }
+        _ => Color::Indexed(indexed(rgb(dithered(display, pixel)))),
     }
+}
+
+/// Adds the threshold of a 4x4 ordered dither, as large as the distance of indexed colours: a quarter
+/// of that for greys, of which there are more.
+fn dithered(display: [f32; 3], [x, y]: [u32; 2]) -> [f32; 3] {
+    const BAYER: [[f32; 4]; 4] = [
+        [0.0, 8.0, 2.0, 10.0],
+        [12.0, 4.0, 14.0, 6.0],
+        [3.0, 11.0, 1.0, 9.0],
+        [15.0, 7.0, 13.0, 5.0],
+    ];
+    let threshold = (BAYER[y as usize % 4][x as usize % 4] + 0.5) / 16.0 - 0.5;
+    let [low, high] =
+        [f32::min, f32::max].map(|end| display.into_iter().reduce(end).unwrap_or(0.0));
+    let step = if high - low < 0.05 { 10.0 } else { 40.0 };
+    display.map(|value| value + threshold * step / 255.0)
 }
 
 /// Character for the brightness of display values.
@@ -82,13 +101,42 @@ fn shade(display: [f32; 3]) -> char {
 
 /// Draws the picture pane.
 pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
-    let caps = view.caps;
-    let kind = view.visible_mode();
-    match kind {
-        PictureMode::Strategies => return super::strategies::draw(frame, area, model, view),
-        PictureMode::Time => return super::time::draw(frame, area, model, view),
-        _ => {}
+    match view.visible_mode() {
+        PictureMode::Strategies => super::strategies::draw(frame, area, model, view),
+        PictureMode::Time => super::time::draw(frame, area, model, view),
+        // What is shown instead is not a choice: the mode returns with the next cell.
+        kind if kind.needs_reference() && is_reference(model) => {
+            draw_mode(frame, area, model, view, PictureMode::Live)
+        }
+        kind => draw_mode(frame, area, model, view, kind),
     }
+}
+
+/// Draws the reference beside the picture.
+pub fn draw_reference(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
+    draw_mode(frame, area, model, view, PictureMode::Reference);
+}
+
+/// Draws the error map beside the picture: FLIP, or the difference where the picture pane shows
+/// FLIP.
+pub fn draw_error_map(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
+    let kind = if view.visible_mode() == PictureMode::Flip {
+        PictureMode::Difference
+    } else {
+        PictureMode::Flip
+    };
+    draw_mode(frame, area, model, view, kind);
+}
+
+/// Returns whether the current run is a reference.
+fn is_reference(model: &NightModel) -> bool {
+    let current = model.current.as_ref();
+    current.is_some_and(|current| matches!(current.cell, CellRef::Reference(_)))
+}
+
+/// Draws the current run in one mode.
+fn draw_mode(frame: &mut Frame, area: Rect, model: &NightModel, view: &View, kind: PictureMode) {
+    let caps = view.caps;
     let current = model
         .current
         .as_ref()
@@ -328,18 +376,20 @@ fn paint(frame: &mut Frame, at: Rect, caps: TerminalCaps, display: &Image, per_c
         for (column, x) in (at.left()..at.right()).enumerate() {
             let (column, row) = (column as u32, row as u32 * per_cell);
             let pixel = display.at(column, row);
+            let at_pixel = [column, row];
             let cell = &mut buffer[(x, y)];
             if caps.colors == Colors::None {
                 cell.set_char(shade(pixel));
             } else if per_cell == 1 {
                 cell.set_char(' ')
-                    .set_style(Style::new().bg(color(caps, pixel)));
+                    .set_style(Style::new().bg(color(caps, pixel, at_pixel)));
             } else {
-                let upper = color(caps, pixel);
+                let upper = color(caps, pixel, at_pixel);
                 cell.set_char('▀').set_fg(upper);
                 // With an odd number of pixel rows, the last lower half stays unset.
                 if row + 1 < display.height {
-                    cell.set_bg(color(caps, display.at(column, row + 1)));
+                    let lower = display.at(column, row + 1);
+                    cell.set_bg(color(caps, lower, [column, row + 1]));
                 }
             }
         }

@@ -118,6 +118,17 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
     let top = top(model, view, page);
     let rows = view.rows.borrow();
     let all = rows.all().len();
+    let running = model.current.as_ref().filter(|current| current.running);
+    if !view.filter.is_empty() && running.is_some_and(|current| !rows.contains(current.cell)) {
+        let note = Span::styled(" the running one is filtered out ", caps.warn());
+        let at = Rect {
+            x: area.x + 1,
+            y: area.bottom() - 1,
+            width: note.width() as u16,
+            height: 1,
+        };
+        frame.render_widget(note, at.intersection(area));
+    }
     let table = Table::new(model, view, usize::from(inner.width), rows.is_tree());
     let mut lines = vec![table.header()];
     lines.extend(rows.all().iter().skip(top).take(page).map(|row| match row {

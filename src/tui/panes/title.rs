@@ -165,25 +165,26 @@ pub fn hints(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
         frame.render_widget(Line::from(spans), area);
         return;
     }
-    let keys = key_hints(view);
     // The key of the help is always shown.
-    let help = [("?", "help")];
-    let mut room = usize::from(area.width).saturating_sub(8);
-    let fitting = keys.iter().take_while(|(key, text)| {
-        let needed = key.len() + text.len() + 3;
-        let fits = needed <= room;
-        room = room.saturating_sub(needed);
-        fits
-    });
-    for (key, text) in fitting.chain(&help) {
-        spans.push(Span::styled(*key, caps.accent()));
+    let help = [("?".to_owned(), "all keys")];
+    let mut room = usize::from(area.width).saturating_sub(12);
+    let fitting = key_hints(model, view)
+        .into_iter()
+        .take_while(|(key, text)| {
+            let needed = key.len() + text.len() + 3;
+            let fits = needed <= room;
+            room = room.saturating_sub(needed);
+            fits
+        });
+    for (key, text) in fitting.chain(help) {
+        spans.push(Span::styled(key, caps.accent()));
         spans.push(Span::styled(format!(" {text}  "), caps.dim()));
     }
     frame.render_widget(Line::from(spans), area);
 }
 
 /// Returns the keys and their meaning, most important first.
-fn key_hints(view: &View) -> Vec<(&'static str, &'static str)> {
+fn key_hints(model: &NightModel, view: &View) -> Vec<(String, &'static str)> {
     let scroll = if view.focus == Focus::Log {
         "log"
     } else {
@@ -199,10 +200,16 @@ fn key_hints(view: &View) -> Vec<(&'static str, &'static str)> {
         };
         &[("q", "stop"), ("p", pause), ("s", "skip"), ("R", "restart")]
     };
+    let enlarge = match view.focus.next() {
+        Focus::Overview => "all panes",
+        Focus::Picture => "zoom picture",
+        Focus::Chart => "zoom chart",
+        Focus::Log => "zoom log",
+        Focus::Plan => "zoom plan",
+    };
     let screen = [
-        ("Tab", "zoom pane"),
-        ("1-9", "metric"),
-        ("v", "picture"),
+        ("Tab", enlarge),
+        ("v", "view"),
         ("f", "flicker"),
         ("/", "filter"),
         (":", "command"),
@@ -210,7 +217,13 @@ fn key_hints(view: &View) -> Vec<(&'static str, &'static str)> {
         ("e/E", "exposure"),
         ("g", "tree"),
     ];
-    night.iter().copied().chain(screen).collect()
+    let metrics = model.plan.as_ref().map_or(0, |plan| plan.metrics.len());
+    let digits = (metrics > 1).then(|| (format!("1-{}", metrics.min(9)), "metric"));
+    let owned = |(key, text): &(&str, &'static str)| ((*key).to_owned(), *text);
+    let screen = screen.iter().map(owned);
+    let mut hints: Vec<_> = night.iter().map(owned).chain(screen).collect();
+    hints.splice(night.len() + 1..night.len() + 1, digits);
+    hints
 }
 
 /// Draws the prompt so that its end is visible.

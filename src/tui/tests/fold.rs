@@ -50,7 +50,7 @@ fn any_event() -> impl Strategy<Value = Event> {
         8 => (any_cell(), rows).prop_map(|(cell, (k, metrics))| {
             let mut row = night::row(k);
             row.metrics = metrics;
-            Event::Wave { cell, row, measure_s: 0.0, image: night::picture(1), pow2: k % 2 == 0 }
+            Event::Wave { cell, row, measure_s: 0.0, image: night::picture(1), noise: None, pow2: k % 2 == 0 }
         }),
         4 => (any_cell(), any_outcome(), proptest::option::of(0u32..10)).prop_map(|parts| {
             let (cell, outcome, last) = parts;
@@ -186,6 +186,7 @@ fn memory_stays_flat() {
                 row,
                 measure_s: 0.0,
                 image: image.clone(),
+                noise: None,
                 pow2: false,
             },
             i as f64,

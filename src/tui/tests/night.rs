@@ -147,6 +147,7 @@ pub fn plan_over(depths: &[u32], radii: &[f32]) -> Plan {
         night: Default::default(),
         figures: Vec::new(),
         tables: Vec::new(),
+        report: Default::default(),
         script_text: String::new(),
         files: Default::default(),
     }
@@ -270,6 +271,7 @@ impl NightBuilder {
                 row,
                 measure_s: 0.001,
                 image,
+                noise: None,
                 pow2: true,
             };
             self.events.push((wave, self.clock_s));

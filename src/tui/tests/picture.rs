@@ -29,6 +29,7 @@ fn drawn(
         row: night::row(0),
         measure_s: 0.0,
         image: Arc::new(image),
+        noise: None,
         pow2: true,
     };
     model.receive(&wave, 1.0);

@@ -164,6 +164,7 @@ fn invalid_samples_are_shown_with_their_position() {
         row,
         measure_s: 0.0,
         image,
+        noise: None,
         pow2: true,
     };
     model.receive(&wave, 70.0);

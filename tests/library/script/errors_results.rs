@@ -272,3 +272,26 @@ fn invalid_figures_and_tables_are_reported_with_line_and_hint() {
         error_of(&edited(REFERENCE, "").replace(STOP, &after("x:figure(\"f\", { y = \"rmse\" })")));
     assert!(e.to_string().contains("metrics need a reference"), "{e}");
 }
+
+#[test]
+fn an_invalid_presentation_is_reported_with_line_and_key() {
+    let with = |options: &str| format!("{STOP} x:report {options}");
+    let cases = [
+        ("{ name = { bpt = \"a\" } }", "did you mean `names`"),
+        (
+            "{ colours = { bpt = \"red\" } }",
+            "report.colours.bpt: expected a colour",
+        ),
+        (
+            "{ names = { bpt = \"\" } }",
+            "report.names.bpt: expected a name",
+        ),
+        ("{ names = \"a\" }", "report.names: expected a name"),
+        ("{ display = 3 }", "report.display"),
+        ("{} x:report {}", "called twice"),
+    ];
+    let texts = cases.map(|(options, _)| with(options));
+    for (text, (_, message)) in texts.iter().zip(cases) {
+        expect(&[(STOP, text, 8, message)]);
+    }
+}

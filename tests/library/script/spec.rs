@@ -284,3 +284,18 @@ fn order_warm_up_and_aa_check_are_read() {
         );
     }
 }
+
+#[test]
+fn the_presentation_changes_no_plan() {
+    let plain = load(GOOD);
+    assert_eq!(plain.spec.report, Default::default());
+    let report = "x:report { names = { bpt = \"paths\" }, colours = { bpt = \"#a1B2c3\" }, \
+                  display = tonemap.srgb { exposure = 2 } }";
+    let script = load(&edited("return x", &format!("{report}\nreturn x")));
+    let shown = &script.spec.report;
+    assert_eq!(shown.name("bpt"), "paths");
+    assert_eq!(shown.name("nee"), "nee");
+    assert_eq!(shown.colour("bpt"), Some("#a1B2c3"));
+    assert_eq!(shown.display, Some(Tonemap::Srgb { exposure: 2.0 }));
+    assert_eq!(script.spec.figures, plain.spec.figures);
+}

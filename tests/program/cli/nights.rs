@@ -166,7 +166,7 @@ fn overrides_and_selections_reuse_shared_runs() {
     );
     let listed: serde_json::Value =
         serde_json::from_str(&place.succeed(&["ls", "--json"]).stdout).unwrap();
-    let states: Vec<&str> = listed
+    let states: Vec<&str> = listed["experiments"]
         .as_array()
         .unwrap()
         .iter()

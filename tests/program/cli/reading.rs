@@ -118,7 +118,7 @@ fn ls_and_show_print_the_stored_results() {
         "{page}"
     );
     let listed = json(&place.succeed(&["ls", "--json"]).stdout);
-    let run = &listed[0]["runs"][0];
+    let run = &listed["experiments"][0]["runs"][0];
     assert_eq!(run["state"], "done");
     let id = run["run"].as_str().unwrap();
 
@@ -162,17 +162,21 @@ fn ls_filters_by_words_states_and_the_latest_night() {
     let runs = |args: &[&str]| -> Vec<String> {
         let all: Vec<&str> = ["ls", "--json"].iter().chain(args).copied().collect();
         let listed = json(&place.succeed(&all).stdout);
-        let runs = listed.as_array().unwrap().iter().flat_map(|e| {
-            let name = e["name"].as_str().unwrap().to_owned();
-            let runs = e["runs"].as_array().unwrap().iter();
-            runs.map(move |r| {
-                format!(
-                    "{name} {} {}",
-                    r["path"].as_str().unwrap(),
-                    r["state"].as_str().unwrap()
-                )
-            })
-        });
+        let runs = listed["experiments"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .flat_map(|e| {
+                let name = e["name"].as_str().unwrap().to_owned();
+                let runs = e["runs"].as_array().unwrap().iter();
+                runs.map(move |r| {
+                    format!(
+                        "{name} {} {}",
+                        r["path"].as_str().unwrap(),
+                        r["state"].as_str().unwrap()
+                    )
+                })
+            });
         runs.collect()
     };
     assert_eq!(runs(&[]).len(), 6);
@@ -204,6 +208,55 @@ fn ls_filters_by_words_states_and_the_latest_night() {
     let latest = json(&place.succeed(&["show", "latest", "--json"]).stdout);
     assert_eq!(latest["config"]["experiment"], "other");
     assert_eq!(latest["config"]["path"], "depth=4/rep=1");
+    assert_eq!(latest["version"], 1);
+    // Words select a run of any night, and of the latest one where several nights have it.
+    let path = |what: &str| {
+        let shown = json(&place.succeed(&["show", what, "--json"]).stdout);
+        let config = &shown["config"];
+        format!("{} {}", config["experiment"], config["path"])
+    };
+    assert_eq!(path("depth=2 rep=1"), "\"other\" \"depth=2/rep=1\"");
+    assert_eq!(path("night depth=2 rep=1"), "\"night\" \"depth=2/rep=1\"");
+    let several = place.fail(2, &["show", "depth=2"]);
+    assert!(
+        several.contains("2 runs") && several.contains("depth=2/rep=0"),
+        "{several}"
+    );
+    assert!(
+        place
+            .fail(2, &["show", "depth=20 rep=0"])
+            .contains("no run matches")
+    );
+    let report = json(&place.succeed(&["report", "night-", "-q", "--json"]).stdout);
+    assert_eq!(report["version"], 1);
+    let folder = report["folder"].as_str().unwrap();
+    assert!(folder.contains("night-"), "{folder}");
+    let first = report["items"][0]["files"][0].as_str().unwrap();
+    assert!(place.path(first).exists(), "{first}");
+    assert!(
+        place
+            .fail(2, &["report", "zebra"])
+            .contains("no night `zebra`")
+    );
+    let noted = place.succeed(&["ls", "--threads", "2"]).stderr;
+    assert!(
+        noted.contains("`--threads` has no effect on `lumbre ls`"),
+        "{noted}"
+    );
+    assert!(
+        !place
+            .succeed(&["ls", "--help"])
+            .stdout
+            .contains("--threads")
+    );
+    assert!(
+        place
+            .succeed(&["run", "--help"])
+            .stdout
+            .contains("--threads")
+    );
+    let checked = json(&place.succeed(&["check", "night.lua", "--json"]).stdout);
+    assert_eq!(checked["files"][0]["ok"], true);
 }
 
 #[test]

@@ -104,7 +104,7 @@ fn every_file_of_a_report_names_its_runs_plan_and_program() {
 fn invalid_folders_axes_crops_and_thresholds_are_refused() {
     let place = reported();
     let error = place.fail(2, &["report", "scenes"]);
-    assert!(error.contains("cannot read"), "{error}");
+    assert!(error.contains("no night `scenes`"), "{error}");
     let error = place.fail(2, &["report", "out/latest", "--by", "tecnique"]);
     assert!(
         error.contains("unknown axis `tecnique`; the axes are: technique"),

@@ -59,6 +59,8 @@ fn failures_are_recorded_counted_and_limited() {
         "{explanation}"
     );
     // Only the two failed cells are retried, and only on request.
+    let intended = place.succeed(&["retry", "--failed", "--dry-run"]).stdout;
+    assert!(intended.contains("runs 2 failed runs again"), "{intended}");
     assert_eq!(place.run(&["retry", "--failed", "-q"]).status, 3);
     assert_eq!(
         place

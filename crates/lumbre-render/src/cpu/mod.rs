@@ -5,12 +5,13 @@
 //! vectorisation.
 //!
 //! [`bvh`] builds and traverses hierarchies, [`prepared_scene`] is what jobs on one scene share,
-//! [`renderer`] loops over pixels and samples of a `prepared` job, [`films`]
+//! [`kept_scenes`] holds it between the runs of a night, [`renderer`] loops over pixels and samples of a `prepared` job, [`films`]
 //! sums the samples, `wavefront` holds the SIMD path tracers, `path_trace` records the events of
 //! single samples, and [`rates`] measures the ray rates that `lumbre bench` prints.
 
 pub mod bvh;
 pub mod films;
+pub mod kept_scenes;
 mod path_trace;
 mod prepared;
 pub mod prepared_scene;
@@ -39,6 +40,6 @@ pub const ROW: BackendRow = BackendRow {
     refuses: |_, _| None,
     edited: || Ok(None),
     accel: true,
-    open: |scene, job| Ok(Box::new(renderer::CpuRenderer::new(scene, job)?)),
+    open: |scene, job| Ok(Box::new(kept_scenes::open(scene, job)?)),
     paths: path_trace::paths,
 };

@@ -90,8 +90,8 @@ impl Recorder<'_> {
             let preview = layer::encode(layer, display, &metadata).map_err(sink_error)?;
             self.retry_while_full(|| writer.write(&format!("{FILMS}/{name}.png"), &preview))?;
         }
-        let sheets =
-            plot::sheets(layers, display, self.path(cell), metadata).map_err(sink_error)?;
+        let sheets = plot::sheets(layers, self.plan.report.display, self.path(cell), metadata)
+            .map_err(sink_error)?;
         for (stem, bytes) in sheets {
             self.retry_while_full(|| writer.write(&format!("{FILMS}/{stem}.png"), &bytes))?;
         }

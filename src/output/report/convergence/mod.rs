@@ -1,24 +1,23 @@
 //! Figures of error against render time and against samples: one panel for each facet, one line
 //! with a band for each series.
 //!
-//! The module `panel` collects the data, `draw` draws it as SVG. Sweep figures use both.
+//! The module `panel` collects the data.
 
-mod draw;
 mod panel;
 
 use super::item::{ItemKind, Provenance, ReportItem};
 use super::metric_display::MetricDisplay;
 use super::pgfplots::PgfFigure;
 use super::repeats::BandKind;
-use super::sizes::MOST_PANELS;
 use super::study::Study;
 use crate::experiment::spec::FigureX;
 use crate::metrics::MetricSpec;
 use crate::output::format;
 use crate::output::plot::axis::{Axis, Scale};
-pub(super) use draw::{draw, labelled_ticks};
+use crate::output::plot::draw::draw;
+use crate::output::plot::figure::{Figure, Panel};
+use crate::output::plot::sizes::MOST_PANELS;
 use panel::panel;
-pub(super) use panel::{FacetPanel, SeriesLine};
 
 /// One figure of a metric: a page of facets, on all devices or on one.
 struct FigurePage<'a> {
@@ -70,7 +69,7 @@ impl FigurePage<'_> {
         let spec = &study.metrics[self.metric];
         let display = MetricDisplay::for_metric(spec);
         let device = self.device.map(|i| study.devices[i].as_str());
-        let mut panels: Vec<FacetPanel> = self
+        let mut panels: Vec<Panel> = self
             .facets
             .iter()
             .map(|facet| panel(study, *facet, self.metric, self.x, device))
@@ -91,7 +90,6 @@ impl FigurePage<'_> {
             FigureX::RenderS => ("time", "render time", "render time (s)"),
             FigureX::Samples => ("samples", "samples", "samples per pixel"),
         };
-        let y_label = format::with_unit(&display.label(spec), &spec.unit());
         let x_label = device.map_or_else(
             || x_label(study, self.x),
             |device| format!("render time (s) on {device}"),
@@ -102,19 +100,18 @@ impl FigurePage<'_> {
             caption += &format!(" Only runs on {device}.");
         }
         let provenance = provenance(study, self.facets);
-        let svg = draw(
-            study,
-            &panels,
-            &y_label,
-            &x_label,
-            &title,
-            &provenance.text(),
-        );
+        let figure = Figure {
+            title: title.clone(),
+            heading: String::new(),
+            notes: String::new(),
+            description: provenance.text(),
+            x_label,
+            panels,
+            series: study.entries(),
+        };
         let stem = format!("figures/error-{file}-{}{suffix}", spec.column);
         let latex = PgfFigure {
-            study,
-            panels: &panels,
-            y_label: &y_label,
+            figure: &figure,
             x_label: x_name,
             scales: [Scale::Log, display.scale],
         };
@@ -125,7 +122,7 @@ impl FigurePage<'_> {
             stem,
             title,
             caption,
-            svg: Some(svg),
+            svg: Some(draw(&figure)),
             grid: None,
             extra,
             provenance,
@@ -151,7 +148,7 @@ fn x_label(study: &Study, x: FigureX) -> String {
     }
 }
 
-fn caption(study: &Study, spec: &MetricSpec, panels: &[FacetPanel], x: FigureX) -> String {
+fn caption(study: &Study, spec: &MetricSpec, panels: &[Panel], x: FigureX) -> String {
     let x_name = if x == FigureX::RenderS {
         "render time in seconds"
     } else {
@@ -200,7 +197,7 @@ fn caption(study: &Study, spec: &MetricSpec, panels: &[FacetPanel], x: FigureX) 
 }
 
 /// Describes what the lines average and what the bands show.
-fn averaging(spec: &MetricSpec, panels: &[FacetPanel]) -> String {
+fn averaging(spec: &MetricSpec, panels: &[Panel]) -> String {
     let bands = || {
         panels
             .iter()

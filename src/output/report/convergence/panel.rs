@@ -2,49 +2,12 @@
 
 use crate::experiment::WaveRow;
 use crate::experiment::spec::FigureX;
+use crate::output::format;
 use crate::output::plot::axis::{Axis, Scale};
-use crate::output::plot::style::{Style, style};
+use crate::output::plot::figure::{Line, Panel, covered};
 use crate::output::report::metric_display::MetricDisplay;
-use crate::output::report::repeats::{Band, MetricCurve, band};
+use crate::output::report::repeats::{MetricCurve, band};
 use crate::output::report::study::{Member, Study};
-
-/// Data of one panel.
-pub(in crate::output::report) struct FacetPanel {
-    pub(in crate::output::report) heading: String,
-    /// Horizontal and vertical axis; `None` if nothing can be drawn.
-    pub(in crate::output::report) axes: Option<(Axis, Axis)>,
-    pub(in crate::output::report) lines: Vec<SeriesLine>,
-    /// Drawn noise floor of the reference that all series share, if known.
-    pub(in crate::output::report) floor: Option<f64>,
-}
-
-/// One series in a panel.
-pub(in crate::output::report) struct SeriesLine {
-    pub(in crate::output::report) series: usize,
-    pub(in crate::output::report) style: Style,
-    pub(in crate::output::report) band: Option<Band>,
-    /// Curves of the runs; empty for a line of single values.
-    pub(super) curves: Vec<MetricCurve>,
-    /// End point of each finished run.
-    pub(in crate::output::report) stops: Vec<(f64, f64)>,
-    /// Drawn noise floor of the series' reference, if series have different references.
-    pub(in crate::output::report) floor: Option<f64>,
-}
-
-impl SeriesLine {
-    /// Creates a line of single values, each with a filled marker.
-    pub(in crate::output::report) fn from_band(series: usize, band: Band) -> SeriesLine {
-        let stops = band.mean.clone();
-        SeriesLine {
-            series,
-            style: style(series),
-            band: Some(band),
-            curves: Vec::new(),
-            stops,
-            floor: None,
-        }
-    }
-}
 
 /// Collects the data of one facet. If `device` is given, only runs on it are included.
 pub(super) fn panel(
@@ -53,9 +16,9 @@ pub(super) fn panel(
     metric: usize,
     x: FigureX,
     device: Option<&str>,
-) -> FacetPanel {
+) -> Panel {
     let display = MetricDisplay::for_metric(&study.metrics[metric]);
-    let mut lines: Vec<SeriesLine> = (0..study.series.len())
+    let mut lines: Vec<Line> = (0..study.series.len())
         .filter(|series| device.is_none() || study.series[*series].device.as_deref() == device)
         .filter_map(|series| series_line(study, facet, series, metric, x))
         .collect();
@@ -75,9 +38,11 @@ pub(super) fn panel(
         // Numbers of samples are integers.
         axis.ticks.retain(|(value, _)| value.fract() == 0.0);
     }
-    let y_values = y_values(&lines, shared_floor, display.scale);
-    FacetPanel {
+    let y_values = covered(&lines, shared_floor, display.scale);
+    let spec = &study.metrics[metric];
+    Panel {
         heading: study.facet_label(facet),
+        y_label: format::with_unit(&display.label(spec), &spec.unit()),
         axes: x_axis.zip(Axis::new(display.scale, y_values)),
         lines,
         floor: shared_floor,
@@ -91,7 +56,7 @@ fn series_line(
     series: usize,
     metric: usize,
     x: FigureX,
-) -> Option<SeriesLine> {
+) -> Option<Line> {
     let display = MetricDisplay::for_metric(&study.metrics[metric]);
     let members = study.members(facet, series);
     let curve = |member: &Member| {
@@ -120,39 +85,12 @@ fn series_line(
         .into_iter()
         .filter(|c| !c.points.is_empty())
         .collect();
-    (!curves.is_empty()).then(|| SeriesLine {
+    (!curves.is_empty()).then(|| Line {
         series,
-        style: style(series),
+        thin: false,
         band: band(&curves),
         curves,
         stops,
         floor,
     })
-}
-
-/// Returns the values that the vertical axis covers: all points, and those ends of bands and noise
-/// floors that are close to them. A wide band of few repeats would compress the curves.
-fn y_values(lines: &[SeriesLine], shared_floor: Option<f64>, scale: Scale) -> Vec<f64> {
-    let points = || {
-        let curves = lines.iter().flat_map(|l| &l.curves);
-        curves.flat_map(|c| &c.points).map(|p| p.1)
-    };
-    let ends = lines
-        .iter()
-        .filter_map(|l| l.band.as_ref())
-        .flat_map(|b| &b.ends)
-        .flat_map(|(a, b)| [*a, *b]);
-    match scale {
-        Scale::Log => {
-            let (low, high) =
-                points().fold((f64::INFINITY, 0.0f64), |(a, b), y| (a.min(y), b.max(y)));
-            let is_close = |y: &f64| *y > low / 1.6 && *y < high * 1.6;
-            let floors = lines.iter().filter_map(|l| l.floor).chain(shared_floor);
-            points()
-                .chain(ends.filter(is_close))
-                .chain(floors.filter(|f| *f > low / 4.0))
-                .collect()
-        }
-        Scale::Linear => points().chain(ends).collect(),
-    }
 }

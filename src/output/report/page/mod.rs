@@ -18,7 +18,7 @@ use crate::experiment::WaveRow;
 use crate::experiment::night_results::{NightResults, RunState};
 use crate::metrics::map::Colours;
 use crate::output::plot::axis::Scale;
-use crate::output::plot::style::style;
+
 use crate::output::plot::svg::{base64, escape};
 use crate::output::{OutputError, format};
 use crate::text::visible;
@@ -99,11 +99,11 @@ fn data(study: &Study, context: &ReportContext, views: &[View]) -> Json {
     let series: Vec<Json> = study
         .series
         .iter()
-        .enumerate()
-        .map(|(i, s)| {
+        .zip(study.entries())
+        .map(|(s, entry)| {
             json!({
-                "full": s.full_label(), "long": s.long, "colour": style(i).colour,
-                "dash": style(i).dash,
+                "full": entry.label, "long": s.long, "colour": entry.style.colour.text(),
+                "dash": entry.style.dash,
             })
         })
         .collect();
@@ -132,7 +132,7 @@ fn data(study: &Study, context: &ReportContext, views: &[View]) -> Json {
     };
     json!({
         "program": PROGRAM, "axes": axes, "metrics": metrics, "series": series, "nights": nights,
-        "facets": facets, "clock": clock, "magma": magma, "runs": runs, "views": views,
+        "command": context.again, "facets": facets, "clock": clock, "magma": magma, "runs": runs, "views": views,
     })
 }
 

@@ -37,8 +37,9 @@ function viewer(data) {
   const current = () => data.views[state.view];
   const shown = () => current().images[state.image];
 
-  function paint() {
-    const view = current(), image = shown(), truth = view.images[image.truth];
+  // Draws an image of the current view in the current mode at its size.
+  function drawn(image, canvas) {
+    const view = current(), truth = view.images[image.truth];
     const { width, height } = view;
     canvas.width = width;
     canvas.height = height;
@@ -56,7 +57,13 @@ function viewer(data) {
       to[k + 3] = 255;
     }
     context.putImageData(out, 0, 0);
+    return canvas;
+  }
+
+  function paint() {
+    drawn(shown(), canvas);
     place();
+    showCrops();
     for (const [i, button] of [...pick("names").children].entries()) button.setAttribute("aria-pressed", i === state.image);
     for (const button of pick("modes").children) button.setAttribute("aria-pressed", button.dataset.mode === state.mode);
     pick("exposure").value = state.stops;
@@ -83,11 +90,69 @@ function viewer(data) {
     state.x = (stage.clientWidth - width * state.zoom) / 2;
     state.y = (stage.clientHeight - height * state.zoom) / 2;
   }
-  function place() { canvas.style.transform = `translate(${state.x}px,${state.y}px) scale(${state.zoom})`; }
+  function place() {
+    canvas.style.transform = `translate(${state.x}px,${state.y}px) scale(${state.zoom})`;
+    for (const frame of stage.querySelectorAll(".window")) {
+      const [x, y, w, h] = frame.crop;
+      frame.style.left = state.x + x * state.zoom + "px";
+      frame.style.top = state.y + y * state.zoom + "px";
+      frame.style.width = w * state.zoom + "px";
+      frame.style.height = h * state.zoom + "px";
+    }
+  }
+
+  // Windows of crops in pixels of the view: left, top, width, height.
+  const MOST_CROPS = 4;
+  let crops = [], cropping = false;
+  function frames(list) {
+    for (const frame of stage.querySelectorAll(".window")) frame.remove();
+    for (const crop of list) {
+      const frame = document.createElement("div");
+      frame.className = "window";
+      frame.crop = crop;
+      stage.append(frame);
+    }
+    place();
+  }
+  function showCrops() {
+    frames(crops);
+    pick("crops").hidden = !crops.length;
+    const full = current().shrunk;
+    pick("command").textContent = data.command + crops.map((c) => " --crop " + c.map((v) => v * full).join(",")).join("");
+    if (!crops.length) return;
+    const buffer = document.createElement("canvas");
+    pick("cropped").replaceChildren(...crops.flatMap((crop) => current().images.map((image) => {
+      drawn(image, buffer);
+      const part = document.createElement("canvas"), [x, y, w, h] = crop;
+      part.width = w;
+      part.height = h;
+      part.getContext("2d").drawImage(buffer, x, y, w, h, 0, 0, w, h);
+      const figure = document.createElement("figure"), caption = document.createElement("figcaption");
+      caption.textContent = image.name;
+      figure.append(part, caption);
+      return figure;
+    })));
+  }
+  function setCropping(on) {
+    cropping = on;
+    stage.classList.toggle("cropping", on);
+    pick("crop").setAttribute("aria-pressed", on);
+  }
+  // The window between two points of the stage, inside of the picture; null if it is a click.
+  function between(from, to) {
+    const { width, height } = current();
+    const side = (a, b, offset, most) => {
+      const ends = [a, b].map((v) => Math.min(Math.max((v - offset) / state.zoom, 0), most)).sort((p, q) => p - q);
+      return [Math.floor(ends[0]), Math.ceil(ends[1]) - Math.floor(ends[0])];
+    };
+    const [x, w] = side(from[0], to[0], state.x, width), [y, h] = side(from[1], to[1], state.y, height);
+    return w > 1 && h > 1 ? [x, y, w, h] : null;
+  }
 
   function choose(index) {
     state.view = index;
     const view = current();
+    crops = [];
     state.image = Math.min(state.image, view.images.length - 1);
     state.stops = view.exposure;
     pick("names").replaceChildren(...view.images.map((image, i) => {
@@ -109,6 +174,9 @@ function viewer(data) {
   for (const button of pick("modes").children) button.addEventListener("click", () => { state.mode = button.dataset.mode; paint(); });
   pick("exposure").addEventListener("input", () => { state.stops = Number(pick("exposure").value); paint(); });
   pick("fit").addEventListener("click", () => { fit(); place(); });
+  pick("crop").addEventListener("click", () => setCropping(!cropping));
+  pick("nocrops").addEventListener("click", () => { crops = []; showCrops(); });
+  pick("copycrop").addEventListener("click", () => navigator.clipboard.writeText(pick("command").textContent));
 
   document.addEventListener("keydown", (e) => {
     if (e.ctrlKey || e.metaKey || e.altKey || ["INPUT", "SELECT", "TEXTAREA"].includes(e.target.tagName)) return;
@@ -119,6 +187,7 @@ function viewer(data) {
     else if (e.key === "p") state.mode = "picture";
     else if (e.key === "d") state.mode = "difference";
     else if (e.key === "f") state.mode = "flip";
+    else if (e.key === "c") { setCropping(!cropping); return; }
     else return;
     paint();
   });
@@ -127,7 +196,7 @@ function viewer(data) {
     const r = stage.getBoundingClientRect();
     return [e.clientX - r.left, e.clientY - r.top];
   };
-  let drag = null;
+  let drag = null, corner = null;
   stage.addEventListener("wheel", (e) => {
     e.preventDefault();
     const [px, py] = spot(e), factor = Math.exp(-e.deltaY * 0.0015);
@@ -137,10 +206,24 @@ function viewer(data) {
     state.zoom = zoom;
     place();
   }, { passive: false });
-  stage.addEventListener("pointerdown", (e) => { drag = [...spot(e), state.x, state.y]; stage.setPointerCapture(e.pointerId); });
-  stage.addEventListener("pointerup", () => { drag = null; });
+  stage.addEventListener("pointerdown", (e) => {
+    if (cropping || e.shiftKey) corner = spot(e);
+    else drag = [...spot(e), state.x, state.y];
+    stage.setPointerCapture(e.pointerId);
+  });
+  stage.addEventListener("pointerup", (e) => {
+    const crop = corner && between(corner, spot(e));
+    if (crop) crops = [...crops, crop].slice(-MOST_CROPS);
+    if (corner) showCrops();
+    drag = corner = null;
+  });
   stage.addEventListener("pointermove", (e) => {
     const [px, py] = spot(e);
+    if (corner) {
+      const crop = between(corner, [px, py]);
+      frames(crop ? [...crops, crop] : crops);
+      return;
+    }
     if (drag) {
       state.x = drag[2] + px - drag[0];
       state.y = drag[3] + py - drag[1];

@@ -7,6 +7,7 @@ use serde_json::{Value as Json, json};
 use super::brief;
 use crate::metrics::MetricSpec;
 use crate::metrics::tonemap::Tonemap;
+use crate::output::exposure;
 use crate::output::plot::svg::base64;
 use crate::output::report::Pictures;
 use crate::output::report::crops::flip_metric;
@@ -92,13 +93,13 @@ impl FacetView<'_> {
     fn thumbnail(&self) -> Result<Vec<u8>, OutputError> {
         let image = &self.references.all[0].image;
         let small = reduced(image, image.width.div_ceil(THUMBNAIL).max(1));
-        png::encode(&small, snapshots::exposure(image), &[])
+        png::encode(&small, self.study.display_of(image), &[])
     }
 
     /// Returns the data of the view: the first reference, every series, then the other references.
     /// The key `truth` of an image is the index of the reference that it is compared with.
     fn data(&self, shrink: u32) -> Json {
-        let display = snapshots::exposure(&self.references.all[0].image);
+        let display = exposure::automatic(&self.references.all[0].image);
         let Tonemap::Srgb { exposure } = display else {
             return Json::Null;
         };

@@ -184,7 +184,7 @@ fn fill_grid(
             }
             first += span;
         }
-        grid.rows.push((study.facets[facet].clone(), cells));
+        grid.rows.push((study.facet_values(facet), cells));
     }
     let has_repeats = grid
         .rows

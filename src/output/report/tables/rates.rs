@@ -166,7 +166,7 @@ pub(super) fn acceleration_structures(study: &Study) -> Option<Grid> {
             .iter()
             .flat_map(|group| structure_cells(study, facet, group))
             .collect();
-        grid.rows.push((study.facets[facet].clone(), cells));
+        grid.rows.push((study.facet_values(facet), cells));
     }
     Some(grid)
 }

@@ -116,6 +116,7 @@ fn crops_show_the_least_noisy_reference_and_warn_if_references_differ() {
             problems: &Vec::new,
             link: &link,
             command: &command,
+            again: "lumbre report out/latest",
         };
         let made = build(&study, &ReportOptions::default(), &context).unwrap();
         let svg = text(&made, "figures/crops-equal-time-box", "svg");

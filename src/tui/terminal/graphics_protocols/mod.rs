@@ -24,9 +24,9 @@ use crate::tui::preview::PreviewContent;
 use lumbre_light::film::Image;
 
 /// Number of cached pictures: the two that flicker.
-const CAPACITY: usize = 2;
+const CAPACITY: usize = 4;
 /// Shortest lifetime of a cached picture, in multiples of its cost: see [`crate::tui::preview`].
-const LIFETIME_FACTOR: u32 = 50;
+const LIFETIME_FACTOR: u32 = 150;
 
 /// Width of a cell that contains control sequences besides its character.
 const ONE_COLUMN: CellDiffOption = CellDiffOption::ForcedWidth(NonZeroU16::MIN);

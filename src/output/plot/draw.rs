@@ -1,12 +1,10 @@
-//! Draws the panels of convergence and sweep figures as SVG.
+//! Draws figures of curves as SVG.
 
-use super::panel::{FacetPanel, SeriesLine};
-use crate::output::plot::axis::{Axis, TickLabel};
-use crate::output::plot::style::{FAINT, FRAME, INK, style};
-use crate::output::plot::svg::{Anchor, Drawing, Font, text_width, wrap};
-use crate::output::report::crops::shorten;
-use crate::output::report::sizes::{COLUMN, FULL, MOST_COLUMNS, SCREEN};
-use crate::output::report::study::Study;
+use super::axis::{Axis, TickLabel};
+use super::figure::{Figure, Line, Panel};
+use super::style::{FAINT, FRAME, INK, Style};
+use super::svg::{Anchor, Drawing, Font, shorten, text_width, wrap};
+use crate::output::plot::sizes::{COLUMN, FULL, MOST_COLUMNS, SCREEN};
 
 const PLOT_HEIGHT: f64 = 118.0;
 /// Space left of a plot for tick labels.
@@ -17,6 +15,8 @@ const GAP: f64 = 12.0;
 const HEAD: f64 = 24.0;
 /// Space below a plot for tick labels and the axis label.
 const FOOT: f64 = 31.0;
+/// Space below the heading of a figure.
+const HEADING_GAP: f64 = 5.0;
 /// Maximum width of series labels right of a panel; wider labels are moved to a legend.
 const WIDEST_LABEL: f64 = 44.0;
 /// Maximum height of rotated names below an axis; longer names are shortened.
@@ -62,22 +62,16 @@ impl PlotArea<'_> {
 }
 
 /// Draws the panels in rows of at most [`MOST_COLUMNS`].
-pub(in crate::output::report) fn draw(
-    study: &Study,
-    panels: &[FacetPanel],
-    y_label: &str,
-    x_label: &str,
-    title: &str,
-    description: &str,
-) -> String {
-    let columns = panels.len().min(MOST_COLUMNS);
+pub fn draw(figure: &Figure) -> String {
+    let panels = &figure.panels;
+    let columns = panels.len().clamp(1, MOST_COLUMNS);
     let rows = panels.len().div_ceil(columns);
-    let widest = study
+    let widest = figure
         .series
         .iter()
-        .map(|s| text_width(&s.full_label(), LABEL.size))
+        .map(|entry| text_width(&entry.label, LABEL.size))
         .fold(0.0, f64::max);
-    let direct = widest <= WIDEST_LABEL && study.series.len() <= 8;
+    let direct = widest <= WIDEST_LABEL && figure.series.len() <= 8;
     let right = if direct { widest + 9.0 } else { 6.0 };
     let width = if columns == 1 { COLUMN } else { FULL };
     let plot =
@@ -90,19 +84,23 @@ pub(in crate::output::report) fn draw(
         .min(LONGEST_NAME);
     let foot = FOOT + name_height;
     let mut drawing = Drawing::default();
+    let mut first = draw_lines(&mut drawing, HEADING, &figure.heading, [0.0, width]);
+    if first > 0.0 {
+        first += HEADING_GAP;
+    }
     let has_headings = panels.iter().any(|p| !p.heading.is_empty());
     let head = if has_headings { HEAD } else { HEAD - 10.0 };
     for (i, panel) in panels.iter().enumerate() {
         let left = LEFT + (i % columns) as f64 * (LEFT + plot + right + GAP);
-        let top = head + (i / columns) as f64 * (head + PLOT_HEIGHT + foot);
+        let top = first + head + (i / columns) as f64 * (head + PLOT_HEIGHT + foot);
         if has_headings {
             let line = wrap(&panel.heading, HEADING.size, plot + right).swap_remove(0);
             drawing.text((left, top - 14.0), HEADING, Anchor::Start, &line);
         }
-        drawing.text((left, top - 4.5), SMALL, Anchor::Start, y_label);
+        drawing.text((left, top - 4.5), SMALL, Anchor::Start, &panel.y_label);
         draw_panel(
             &mut drawing,
-            study,
+            figure,
             panel,
             [left, top, plot, PLOT_HEIGHT],
             (direct, name_height > 0.0),
@@ -112,23 +110,46 @@ pub(in crate::output::report) fn draw(
                 (left + plot / 2.0, top + PLOT_HEIGHT + 22.0 + name_height),
                 LABEL,
                 Anchor::Middle,
-                x_label,
+                &figure.x_label,
             );
         }
     }
-    let mut height = rows as f64 * (head + PLOT_HEIGHT + foot);
-    if !direct {
-        height = legend(&mut drawing, study, panels, height + 8.0, width);
+    let mut height = first + rows as f64 * (head + PLOT_HEIGHT + foot);
+    if panels.is_empty() {
+        let text = "none of this figure's metrics was measured";
+        height = draw_lines(&mut drawing, SMALL, text, [height, width]);
     }
-    drawing.finish_scaled(width, height + 2.0, SCREEN, title, description)
+    if !direct {
+        height = legend(&mut drawing, figure, height + 8.0, width);
+    }
+    height = draw_lines(&mut drawing, SMALL, &figure.notes, [height, width]);
+    drawing.finish_scaled(
+        width,
+        height + 2.0,
+        SCREEN,
+        &figure.title,
+        &figure.description,
+    )
+}
+
+/// Writes text in lines below `top` and returns the bottom, which is `top` for an empty text.
+fn draw_lines(drawing: &mut Drawing, font: Font, text: &str, [top, width]: [f64; 2]) -> f64 {
+    let mut bottom = top;
+    for line in wrap(text, font.size, width) {
+        if !line.is_empty() {
+            bottom += font.size + 2.0;
+            drawing.text((0.0, bottom), font, Anchor::Start, &line);
+        }
+    }
+    bottom
 }
 
 /// Draws one panel. `direct` is whether series are labelled at their right ends, `rotated` whether
 /// names on the horizontal axis are rotated.
 fn draw_panel(
     drawing: &mut Drawing,
-    study: &Study,
-    panel: &FacetPanel,
+    figure: &Figure,
+    panel: &Panel,
     [left, top, width, height]: [f64; 4],
     (direct, rotated): (bool, bool),
 ) {
@@ -138,7 +159,7 @@ fn draw_panel(
             (left + width / 2.0, top + height / 2.0),
             SMALL,
             Anchor::Middle,
-            "nothing measured yet",
+            "nothing to draw: no value is positive and finite",
         );
         return;
     };
@@ -153,17 +174,18 @@ fn draw_panel(
         y_axis,
     };
     draw_grid(drawing, &area, rotated);
-    draw_floors(drawing, &area, panel);
+    draw_floors(drawing, &area, figure, panel);
+    let style = |line: &Line| figure.entry(line).style;
     for line in &panel.lines {
-        draw_band(drawing, &area, line);
+        draw_band(drawing, &area, line, style(line));
     }
     for line in &panel.lines {
-        draw_line(drawing, &area, line);
+        draw_line(drawing, &area, line, style(line));
     }
     drawing.line([left, top, left, area.bottom], FRAME, 0.6);
     drawing.line([left, area.bottom, area.right, area.bottom], FRAME, 0.6);
     if direct {
-        direct_labels(drawing, study, panel, &area);
+        direct_labels(drawing, figure, panel, &area);
     }
 }
 
@@ -199,7 +221,7 @@ fn draw_grid(drawing: &mut Drawing, area: &PlotArea, rotated: bool) {
 }
 
 /// Draws the noise floor that all series share, and those of single series.
-fn draw_floors(drawing: &mut Drawing, area: &PlotArea, panel: &FacetPanel) {
+fn draw_floors(drawing: &mut Drawing, area: &PlotArea, figure: &Figure, panel: &Panel) {
     let &PlotArea {
         left,
         right,
@@ -230,13 +252,14 @@ fn draw_floors(drawing: &mut Drawing, area: &PlotArea, panel: &FacetPanel) {
     for line in &panel.lines {
         if let Some(floor) = line.floor.filter(is_inside) {
             let y = area.y(floor);
-            drawing.dashed([left, y, right, y], line.style.colour, 0.7, FLOOR_DASH);
+            let style = figure.entry(line).style;
+            drawing.dashed([left, y, right, y], style.colour.text(), 0.7, FLOOR_DASH);
         }
     }
 }
 
 /// Fills the band of a line.
-fn draw_band(drawing: &mut Drawing, area: &PlotArea, line: &SeriesLine) {
+fn draw_band(drawing: &mut Drawing, area: &PlotArea, line: &Line, style: Style) {
     let Some(band) = line.band.as_ref().filter(|b| !b.ends.is_empty()) else {
         return;
     };
@@ -247,18 +270,18 @@ fn draw_band(drawing: &mut Drawing, area: &PlotArea, line: &SeriesLine) {
         .map(|((x, _), (low, _))| area.point((*x, *low)));
     drawing.area(
         &upper.chain(lower).collect::<Vec<_>>(),
-        line.style.colour,
+        style.colour.text(),
         0.16,
     );
 }
 
 /// Draws the mean of a line, thin curves of the runs outside of the common range, and a filled
 /// marker where each run stopped.
-fn draw_line(drawing: &mut Drawing, area: &PlotArea, line: &SeriesLine) {
-    let colour = line.style.colour;
+fn draw_line(drawing: &mut Drawing, area: &PlotArea, line: &Line, style: Style) {
+    let colour = style.colour.text();
     if let Some(band) = &line.band {
         let points: Vec<(f64, f64)> = band.mean.iter().map(|p| area.point(*p)).collect();
-        drawing.curve(&points, line.style, 1.2);
+        drawing.curve(&points, style, if line.thin { 0.7 } else { 1.2 });
         // Lines of single values have a filled marker at every value instead.
         let mut last = if line.curves.is_empty() {
             f64::INFINITY
@@ -268,7 +291,7 @@ fn draw_line(drawing: &mut Drawing, area: &PlotArea, line: &SeriesLine) {
         let offset = 6.0 * line.series as f64;
         for at in points.iter().filter(|p| p.0 > area.left + offset + 4.0) {
             if at.0 - last >= 34.0 && area.right - at.0 > 7.0 {
-                drawing.sized_marker(*at, line.style, 0.56, "#ffffff", colour);
+                drawing.sized_marker(*at, style, 0.56, "#ffffff", colour);
                 last = at.0;
             }
         }
@@ -288,18 +311,18 @@ fn draw_line(drawing: &mut Drawing, area: &PlotArea, line: &SeriesLine) {
             .collect();
         for points in [before, after] {
             if points.len() > 1 {
-                drawing.curve(&points, line.style, 0.5);
+                drawing.curve(&points, style, 0.5);
             }
         }
     }
     for stop in &line.stops {
-        drawing.sized_marker(area.point(*stop), line.style, 0.62, colour, "#ffffff");
+        drawing.sized_marker(area.point(*stop), style, 0.62, colour, "#ffffff");
     }
 }
 
 /// Returns which ticks of a horizontal axis have labels. Tries all ticks, then powers of ten, then
 /// every n-th tick, until the labels do not overlap.
-pub(in crate::output::report) fn labelled_ticks(axis: &Axis, x: &impl Fn(f64) -> f64) -> Vec<bool> {
+pub fn labelled_ticks(axis: &Axis, x: &impl Fn(f64) -> f64) -> Vec<bool> {
     let is_power = |i: usize| {
         let exponent = axis.ticks[i].0.log10();
         !axis.named && (exponent - exponent.round()).abs() < 1e-9
@@ -326,15 +349,14 @@ pub(in crate::output::report) fn labelled_ticks(axis: &Axis, x: &impl Fn(f64) ->
 
 /// Writes the label of every series at its right end, moved vertically so that labels do not
 /// overlap.
-fn direct_labels(drawing: &mut Drawing, study: &Study, panel: &FacetPanel, area: &PlotArea) {
+fn direct_labels(drawing: &mut Drawing, figure: &Figure, panel: &Panel, area: &PlotArea) {
     let step = LABEL.size + 1.4;
-    let mut ends: Vec<(&SeriesLine, (f64, f64))> = Vec::new();
+    let mut ends: Vec<(&Line, (f64, f64))> = Vec::new();
     for line in &panel.lines {
-        let points = line
-            .band
-            .as_ref()
-            .map_or_else(|| &line.curves[0].points, |band| &band.mean);
-        ends.extend(points.last().map(|end| (line, area.point(*end))));
+        let is_labelled = ends.iter().any(|(other, _)| other.series == line.series);
+        if !is_labelled && !figure.entry(line).label.is_empty() {
+            ends.extend(line.points().last().map(|end| (line, area.point(*end))));
+        }
     }
     ends.sort_by(|a, b| a.1.1.total_cmp(&b.1.1));
     let mut labels: Vec<f64> = ends
@@ -351,43 +373,40 @@ fn direct_labels(drawing: &mut Drawing, study: &Study, panel: &FacetPanel, area:
         labels[i - 1] = labels[i - 1].min(labels[i] - step);
     }
     for ((line, (x, y)), label) in ends.iter().zip(labels) {
+        let entry = figure.entry(line);
+        let colour = entry.style.colour.text();
         if (label - y).abs() > 2.5 || area.right - x > 6.0 {
             drawing.dashed(
                 [x + 3.5, *y, area.right + 4.0, label],
-                line.style.colour,
+                colour,
                 0.4,
                 "0.7 1.3",
             );
         }
         let font = Font {
             size: LABEL.size,
-            fill: line.style.colour,
+            fill: colour,
             strong: true,
         };
         drawing.text(
             (area.right + 5.5, label + 2.5),
             font,
             Anchor::Start,
-            &study.series[line.series].full_label(),
+            &entry.label,
         );
     }
 }
 
 /// Draws a legend in columns below the panels and returns its bottom.
-fn legend(
-    drawing: &mut Drawing,
-    study: &Study,
-    panels: &[FacetPanel],
-    top: f64,
-    width: f64,
-) -> f64 {
+fn legend(drawing: &mut Drawing, figure: &Figure, top: f64, width: f64) -> f64 {
     let is_drawn = |s: &usize| {
-        panels
-            .iter()
-            .any(|p| p.lines.iter().any(|l| l.series == *s))
+        let lines = figure.panels.iter().flat_map(|panel| &panel.lines);
+        let mut of_series = lines.filter(|line| line.series == *s);
+        of_series.next().is_some() && !figure.series[*s].label.is_empty()
     };
-    let drawn: Vec<usize> = (0..study.series.len()).filter(is_drawn).collect();
-    let entry_width = |s: usize| text_width(&study.series[s].full_label(), LABEL.size) + 26.0;
+    let drawn: Vec<usize> = (0..figure.series.len()).filter(is_drawn).collect();
+    let label = |s: usize| shorten(&figure.series[s].label, LABEL.size, width - LEFT - 26.0);
+    let entry_width = |s: usize| text_width(&label(s), LABEL.size) + 26.0;
     let column = drawn.iter().map(|s| entry_width(*s)).fold(40.0, f64::max) + 10.0;
     let columns = (((width - LEFT) / column) as usize).max(1);
     for (i, series) in drawn.iter().enumerate() {
@@ -396,15 +415,10 @@ fn legend(
             top + (i / columns) as f64 * 11.0,
         );
         let y = baseline - 2.5;
-        let style = style(*series);
+        let style = figure.series[*series].style;
         drawing.curve(&[(x, y), (x + 20.0, y)], style, 1.2);
-        drawing.sized_marker((x + 10.0, y), style, 0.56, "#ffffff", style.colour);
-        drawing.text(
-            (x + 24.0, baseline),
-            LABEL,
-            Anchor::Start,
-            &study.series[*series].full_label(),
-        );
+        drawing.sized_marker((x + 10.0, y), style, 0.56, "#ffffff", style.colour.text());
+        drawing.text((x + 24.0, baseline), LABEL, Anchor::Start, &label(*series));
     }
     top + drawn.len().div_ceil(columns) as f64 * 11.0
 }

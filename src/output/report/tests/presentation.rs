@@ -1,0 +1,37 @@
+//! Names, colours and the tone map that a script sets.
+
+use super::*;
+use crate::experiment::spec::Presentation;
+use crate::metrics::tonemap::Tonemap;
+
+#[test]
+fn the_script_names_and_colours_series_and_sets_the_tone_map() {
+    let mut own = night("Sample GPU", 1.0);
+    let map = |value: &str| [("nee".to_owned(), value.to_owned())].into();
+    own.report = Presentation {
+        display: Some(Tonemap::Gamma {
+            gamma: 2.2,
+            exposure: 1.5,
+        }),
+        names: map("two ends"),
+        colours: map("#123456"),
+    };
+    let made = report(&[own], &ReportOptions::default());
+    let svg = text(&made, "figures/error-time-rmse", "svg");
+    assert!(svg.contains(">two ends</text>") && svg.contains("#123456"));
+    assert!(!svg.contains(">nee</text>"));
+    let tex = text(&made, "figures/error-time-rmse", "tex");
+    assert!(tex.contains("{HTML}{123456}") && tex.contains("{two ends}"));
+    assert!(text(&made, "tables/equal-time-rmse", "md").contains("two ends"));
+    let crops = item(&made, "figures/crops-equal-time-box");
+    assert!(crops.svg.as_ref().unwrap().contains(">gamma ("));
+    let methods = text(&made, "methods", "md");
+    assert!(methods.contains("shown by the tone map gamma"), "{methods}");
+    assert!(methods.contains("Paths have at most 5 edges."), "{methods}");
+    let page = text(&made, "index", "html");
+    let series = &page_data(&page)["series"];
+    assert!(series.to_string().contains("#123456"), "{series}");
+    // Without it, each figure states its own exposure.
+    let plain = item(&one(), "figures/crops-equal-time-box").svg.clone();
+    assert!(plain.unwrap().contains(">srgb (exposure"));
+}

@@ -1,0 +1,27 @@
+//! Log messages about the ends of runs.
+
+use crate::experiment::outcome::Level;
+use crate::experiment::{Outcome, WaveRow};
+use crate::tui::format;
+
+/// Formats the log message about the end of a run; cached runs have none.
+pub fn end_message(outcome: &Outcome, last: Option<&WaveRow>) -> (Level, Option<String>) {
+    let after = last.map_or_else(String::new, |row| {
+        let (samples, time) = (format::count(row.samples), format::duration(row.render_s));
+        format!(" after {samples} spp in {time}")
+    });
+    match outcome {
+        Outcome::Done(reason) => {
+            // A limit of time or samples is what the line begins with.
+            let is_limit = [" of render time", " per pixel"].map(|end| reason.ends_with(end));
+            let rule = match is_limit.contains(&true) && !reason.contains(", ") {
+                true if last.is_some() => String::new(),
+                _ => format!(" (stop rule: {reason})"),
+            };
+            (Level::Info, Some(format!("done{after}{rule}")))
+        }
+        Outcome::Failed(reason) => (Level::Error, Some(format!("failed{after}: {reason}"))),
+        Outcome::Interrupted => (Level::Warn, Some(format!("interrupted{after}"))),
+        Outcome::Cached(_) => (Level::Info, None),
+    }
+}
