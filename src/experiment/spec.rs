@@ -12,6 +12,7 @@ use lumbre_light::transport::camera::FilterSpec;
 use lumbre_light::transport::path_time::Timing;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::duration_s;
+use lumbre_render::denoise::{Denoise, rendered_layers};
 use lumbre_render::hierarchy::AccelSpec;
 
 /// A point of the sweep: axis names and values in the order in which the axes were declared.
@@ -385,6 +386,8 @@ pub struct CellConfig {
     pub films: Vec<Layer>,
     /// Time axis of the film, if it is time-resolved.
     pub timing: Option<Timing>,
+    /// Denoiser of the picture, if any.
+    pub denoise: Option<Denoise>,
     /// Name of a table row of [`SAMPLERS`](lumbre_light::transport::sampler::SAMPLERS).
     pub sampler: String,
     /// Settings of the bounding volume hierarchy and its traversal.
@@ -395,6 +398,13 @@ pub struct CellConfig {
     pub backend: String,
     /// Backend that takes over if `backend` fails; present if the script asked for `auto`.
     pub fallback: Option<&'static str>,
+}
+
+impl CellConfig {
+    /// Returns the layers that are rendered: those that are stored, and the guides of a denoiser.
+    pub fn rendered_layers(&self) -> Vec<Layer> {
+        rendered_layers(&self.films, self.denoise.as_ref())
+    }
 }
 
 /// The reference that a cell is measured against.

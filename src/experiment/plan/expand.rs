@@ -172,7 +172,7 @@ impl<'a> Builder<'a> {
             .map_err(|e| hook("`control`", point, e))?;
         Ok(requested.unwrap_or_else(|| {
             let mut picture = renderable.picture.clone();
-            for technique in ["integrator", "sampler", "rr_start", "films"] {
+            for technique in ["integrator", "sampler", "rr_start", "films", "denoise"] {
                 picture.remove(technique);
             }
             self.pictures_with_doubles
@@ -235,6 +235,13 @@ impl<'a> Builder<'a> {
                 shards,
             }) => (config, stop, bias_check, shards),
         };
+        let second = bias_check.as_ref().map(|check| &check.config);
+        let denoised = |config: &CellConfig| config.denoise.is_some();
+        if denoised(&config) || second.is_some_and(denoised) {
+            return Err(PlanError::DenoisedReference {
+                point: describe(point),
+            });
+        }
         if let Some(check) = &bias_check {
             for name in [&config.integrator, &check.config.integrator] {
                 if let Some(bias) = bias_of(name) {

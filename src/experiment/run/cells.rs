@@ -165,6 +165,7 @@ impl<'a> NightRunner<'a, '_> {
                 cell,
                 outcome,
                 film: None,
+                denoised: None,
                 layers,
                 times: None,
                 rows,
@@ -189,6 +190,7 @@ impl<'a> NightRunner<'a, '_> {
         let EndedRun {
             mut outcome,
             film,
+            denoised,
             layers,
             times,
             rows,
@@ -210,6 +212,7 @@ impl<'a> NightRunner<'a, '_> {
             cell,
             outcome: outcome.clone(),
             film,
+            denoised,
             layers,
             times,
             rows: Arc::clone(&rows),

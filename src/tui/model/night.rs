@@ -154,6 +154,7 @@ impl NightModel {
                 cell,
                 outcome,
                 film: _,
+                denoised: _,
                 layers,
                 times: _,
                 rows,
