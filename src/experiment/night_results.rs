@@ -83,6 +83,8 @@ pub struct RunResult {
     pub seed: u64,
     /// Name of the integrator.
     pub integrator: String,
+    /// Name of the denoiser of its pictures, if any.
+    pub denoise: Option<String>,
     /// Scene as written in the script.
     pub scene: String,
     /// Width and height in pixels, if known.

@@ -458,6 +458,7 @@ impl<'a> Builder<'a> {
         }
         warnings.extend(self.biased_references());
         warnings.extend(self.checks_with_common_noise());
+        warnings.extend(self.denoised_cells());
         warnings.extend(self.short_references());
         warnings.extend(self.duplicate_warning());
         warnings
@@ -481,6 +482,19 @@ impl<'a> Builder<'a> {
                 "{short} of {} cells have a reference with less than {SAMPLES_OF_A_REFERENCE} \
                  times their samples: much of their error will be its noise. Give references more \
                  samples",
+                self.cells.len()
+            )
+        })
+    }
+
+    /// Returns a warning about cells whose pictures are denoised.
+    fn denoised_cells(&self) -> Option<String> {
+        let denoised = |cell: &&Cell| cell.config.denoise.is_some();
+        let count = self.cells.iter().filter(denoised).count();
+        (count > 0).then(|| {
+            format!(
+                "{count} of {} cells are denoised, which makes them biased: part of their error does \
+                 not vanish with more samples",
                 self.cells.len()
             )
         })

@@ -27,6 +27,7 @@ use super::devices::{DEVICE, Devices};
 use super::format;
 use super::report::metric_display::MetricDisplay;
 use super::report::repeats::BandKind;
+use super::report::study::BIASED;
 use super::table::is_finished;
 use crate::experiment::plan::Plan;
 use crate::experiment::spec::{FigureKind, FigureSpec};
@@ -302,6 +303,9 @@ impl FigureData<'_> {
                 format!("{axis} = {value}")
             }
         };
+        let denoised = |(cell, _): &(usize, usize)| self.plan.cells[*cell].config.denoise.is_some();
+        let mut cells = self.cells.iter().filter(|(_, index)| *index == style_index);
+        let mark = if cells.all(denoised) { BIASED } else { "" };
         let values = &self.styles[style_index];
         if values.is_empty() {
             let mut integrators = self
@@ -312,9 +316,9 @@ impl FigureData<'_> {
             let first = integrators
                 .next()
                 .filter(|first| integrators.all(|other| other == *first));
-            return first.map_or(String::new(), |integrator| with_long_name(integrator));
+            return first.map_or(String::new(), |name| with_long_name(name) + mark);
         }
-        values.iter().map(pair).collect::<Vec<_>>().join(", ")
+        values.iter().map(pair).collect::<Vec<_>>().join(", ") + mark
     }
 }
 

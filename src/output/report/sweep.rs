@@ -282,6 +282,9 @@ fn item(
         }
         _ => {}
     }
+    if let Some(sentence) = study.bias_sentence() {
+        caption += &format!(" {sentence}");
+    }
     let provenance = provenance(study, facets);
     let svg = draw(study, panels, &label, over.name, &title, &provenance.text());
     let stem = format!("figures/sweep-{}-{column}{suffix}", over.name);

@@ -88,6 +88,7 @@ fn run(
         repeat,
         seed: 100 + repeat,
         integrator: technique.to_owned(),
+        denoise: None,
         scene: format!("{scene}.scn"),
         resolution: Some([40, 30]),
         device: Some(device.to_owned()),

@@ -107,6 +107,7 @@ fn run_result(
         repeat: u64::from(cell.repeat),
         seed: cell.seed,
         integrator: cell.integrator.clone(),
+        denoise: cell.denoise.clone(),
         scene: cell.scene.clone(),
         resolution: cell.resolution,
         device: results.map(device),

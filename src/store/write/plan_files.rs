@@ -135,6 +135,7 @@ fn planned_cell(cell: &Cell, stop: usize) -> PlannedCell {
         reference: cell.reference,
         stop,
         double_of: cell.double_of,
+        denoise: cell.config.denoise.as_ref().map(|d| d.name().to_owned()),
     }
 }
 
