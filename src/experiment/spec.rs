@@ -71,6 +71,53 @@ pub struct NightSpec {
     pub order: Order,
     /// Warm-up of every cell before its clock starts.
     pub warmup: Option<Warmup>,
+    /// Commands that tell somebody about the night.
+    pub notices: Vec<Notice>,
+}
+
+/// A command that is run at events of a night (`x:notify` in scripts).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Notice {
+    /// Program and arguments, with [`NOTICE_PLACEHOLDERS`] in braces.
+    pub command: Vec<String>,
+    /// Events that it is run for.
+    pub events: Vec<NoticeEvent>,
+    /// Seconds after which it is ended.
+    pub timeout_s: f64,
+}
+
+/// Placeholders in the command of a notice.
+pub const NOTICE_PLACEHOLDERS: [&str; 4] = ["event", "text", "name", "folder"];
+
+/// Event of a night that a notice is sent for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NoticeEvent {
+    /// The night is over.
+    End,
+    /// A run failed.
+    Failure,
+    /// A bias check found a difference.
+    Alarm,
+}
+
+impl NoticeEvent {
+    /// All events.
+    pub const ALL: [NoticeEvent; 3] = [NoticeEvent::End, NoticeEvent::Failure, NoticeEvent::Alarm];
+
+    /// Names in scripts, in the order of [`NoticeEvent::ALL`].
+    pub const NAMES: [&'static str; 3] = ["end", "failure", "alarm"];
+
+    /// Returns the name in scripts.
+    pub fn name(self) -> &'static str {
+        NoticeEvent::NAMES[self as usize]
+    }
+
+    /// Returns the event of this name.
+    pub fn from_name(name: &str) -> Option<NoticeEvent> {
+        NoticeEvent::ALL
+            .into_iter()
+            .find(|event| event.name() == name)
+    }
 }
 
 /// The order in which the cells of a night are rendered.

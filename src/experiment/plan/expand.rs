@@ -12,7 +12,8 @@ use super::{
 };
 use crate::experiment::shards;
 use crate::experiment::spec::{
-    BiasCheckRequest, CellConfig, ExperimentSpec, HookError, Point, ReferenceRequest, ScriptHooks,
+    BiasCheckRequest, CellConfig, ExperimentSpec, HookError, Notice, Point, ReferenceRequest,
+    ScriptHooks,
 };
 use crate::experiment::stop::StopRule;
 use lumbre_light::transport::integrator::integrator;
@@ -421,7 +422,12 @@ impl<'a> Builder<'a> {
             references: self.references,
             skipped: self.skipped,
             notes: self.resolver.notes.into_iter().collect(),
-            commands: self.resolver.commands.into_iter().collect(),
+            commands: self
+                .resolver
+                .commands
+                .into_iter()
+                .chain(self.spec.night.notices.iter().map(notice_command))
+                .collect(),
             commands_allowed: self.overrides.commands,
             warnings,
             measure: self.spec.measure.clone(),
@@ -571,6 +577,16 @@ impl<'a> Builder<'a> {
             self.cells.len(),
             groups.len()
         ))
+    }
+}
+
+/// Returns the command of a notice as the plan shows it.
+fn notice_command(notice: &Notice) -> PlannedCommand {
+    let events: Vec<&str> = notice.events.iter().map(|event| event.name()).collect();
+    PlannedCommand {
+        technique: format!("notify ({})", events.join(", ")),
+        command: notice.command.clone(),
+        version: None,
     }
 }
 

@@ -172,12 +172,12 @@ pub struct Skipped {
     pub absent: bool,
 }
 
-/// Commands of an external technique that a script declares, as words.
+/// Commands of an external technique or of a notice that a script declares, as words.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 pub struct PlannedCommand {
-    /// Name of the technique.
+    /// Name of the technique, or the events of the notice.
     pub technique: String,
-    /// Command that renders; placeholders of runs and waves are in braces.
+    /// Command that renders or is run at the events; placeholders of runs and waves are in braces.
     pub command: Vec<String>,
     /// Command that prints the version, if there is one.
     pub version: Option<Vec<String>>,
@@ -208,7 +208,7 @@ pub struct Plan {
     pub warnings: Vec<String>,
     /// Metrics, their interval, and what is stored of each run.
     pub measure: MeasureSpec,
-    /// Commands that its runs need, without repetition.
+    /// Commands that its runs need, without repetition, and those of its notices.
     pub commands: Vec<PlannedCommand>,
     /// Whether these commands may run.
     pub commands_allowed: bool,

@@ -267,7 +267,9 @@ impl<'a> Study<'a> {
     fn mark_biased_series(&mut self) {
         for series in 0..self.series.len() {
             let members = (0..self.facets.len()).flat_map(|facet| self.members(facet, series));
-            let mut denoised = members.map(|member| member.run.denoise.is_some()).peekable();
+            let mut denoised = members
+                .map(|member| member.run.denoise.is_some())
+                .peekable();
             if denoised.peek().is_some() && denoised.all(|denoised| denoised) {
                 self.series[series].label += BIASED;
             }

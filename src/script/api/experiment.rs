@@ -7,7 +7,7 @@ use mlua::{Lua, Value as LuaValue};
 
 use super::builder::{Builder, Head, Reference, Stop};
 use super::stop_rule::{cell_rules, reference_rules, rule_from_value};
-use super::{ApiFn, Args, Param, axis, measure, night, reference, report, report_checks};
+use super::{ApiFn, Args, Param, axis, measure, night, notify, reference, report, report_checks};
 use crate::experiment::spec::Order;
 use crate::script::error::ScriptError;
 use crate::script::source::SourcePlace;
@@ -92,6 +92,7 @@ pub const METHODS: &[&[ApiFn]] = &[
     reference::METHODS,
     RULE_METHODS,
     night::METHODS,
+    notify::METHODS,
     measure::METHODS,
     report::METHODS,
 ];
