@@ -71,7 +71,7 @@ pub struct NightSpec {
     pub order: Order,
     /// Warm-up of every cell before its clock starts.
     pub warmup: Option<Warmup>,
-    /// Commands that tell somebody about the night.
+    /// Commands that are run at events of the night.
     pub notices: Vec<Notice>,
 }
 
@@ -101,7 +101,7 @@ pub enum NoticeEvent {
 }
 
 impl NoticeEvent {
-    /// All events.
+    /// All events, in the order of their names.
     pub const ALL: [NoticeEvent; 3] = [NoticeEvent::End, NoticeEvent::Failure, NoticeEvent::Alarm];
 
     /// Names in scripts, in the order of [`NoticeEvent::ALL`].

@@ -215,7 +215,7 @@ pub enum RenderError {
 /// Picture of a run in progress, made of all samples so far.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
-    /// Pixels.
+    /// Pixels in linear radiance.
     pub image: SharedImage,
     /// Seconds by which making the picture changes the render time of the run so far, of which it is
     /// part. Negative if an earlier picture took longer; never below the time rendered since then.

@@ -111,7 +111,7 @@ impl Sink for Notifier {
                 self.tell(NoticeEvent::Alarm, text);
             }
             Event::NightFinished => {
-                // The end is told even if failures have filled the queue.
+                // The end is reported even if failures have filled the queue.
                 let text = self.ending();
                 if let Some(queue) = self.queue.take() {
                     let _ = queue.send((NoticeEvent::End, text));

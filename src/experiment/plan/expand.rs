@@ -8,20 +8,15 @@ use super::path::Paths;
 use super::resolve::{LoadScene, Renderable, Resolver};
 use super::{
     BiasCheck, Cell, Plan, PlanError, PlannedCommand, Reference, ReferenceSource, RunId, Skipped,
-    identity,
+    identity, warnings,
 };
 use crate::experiment::shards;
 use crate::experiment::spec::{
-    BiasCheckRequest, CellConfig, ExperimentSpec, HookError, Notice, Point, ReferenceRequest,
-    ScriptHooks,
+    BiasCheckRequest, CellConfig, ExperimentSpec, HookError, Point, ReferenceRequest, ScriptHooks,
 };
 use crate::experiment::stop::StopRule;
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::value::Value;
-
-/// Samples of a reference divided by those of a cell below which its noise is a large part of the
-/// cell's error: at 4, a fifth of a squared error.
-const SAMPLES_OF_A_REFERENCE: u64 = 4;
 
 /// Expands an experiment to its plan.
 ///
@@ -426,7 +421,13 @@ impl<'a> Builder<'a> {
                 .resolver
                 .commands
                 .into_iter()
-                .chain(self.spec.night.notices.iter().map(notice_command))
+                .chain(
+                    self.spec
+                        .night
+                        .notices
+                        .iter()
+                        .map(PlannedCommand::of_notice),
+                )
                 .collect(),
             commands_allowed: self.overrides.commands,
             warnings,
@@ -450,7 +451,7 @@ impl<'a> Builder<'a> {
             };
             format!("{runs} only at `{rule}`, which may never hold: add stop.time or stop.samples")
         };
-        let mut warnings: Vec<String> = self.endless.iter().map(endless).collect();
+        let mut found: Vec<String> = self.endless.iter().map(endless).collect();
         if self.unmeasured > 0 && !self.columns.is_empty() {
             let cells = if self.unmeasured == 1 {
                 "1 cell has".to_owned()
@@ -458,52 +459,16 @@ impl<'a> Builder<'a> {
                 format!("{} cells have", self.unmeasured)
             };
             let columns = self.columns.join(", ");
-            warnings.push(format!(
+            found.push(format!(
                 "{cells} no reference, so {columns} will not be measured"
             ));
         }
-        warnings.extend(self.biased_references());
-        warnings.extend(self.checks_with_common_noise());
-        warnings.extend(self.denoised_cells());
-        warnings.extend(self.short_references());
-        warnings.extend(self.duplicate_warning());
-        warnings
-    }
-
-    /// Returns a warning about references with hardly more samples than the cells measured against
-    /// them, by the same integrator: their own noise would be a large part of every error.
-    fn short_references(&self) -> Option<String> {
-        let is_short = |cell: &&Cell| {
-            let reference = cell.reference.map(|index| &self.references[index].source);
-            let Some(ReferenceSource::Render { config, stop, .. }) = reference else {
-                return false;
-            };
-            let samples = cell.stop.sample_limit().zip(stop.sample_limit());
-            config.integrator == cell.config.integrator
-                && samples.is_some_and(|(cell, own)| own < SAMPLES_OF_A_REFERENCE * cell)
-        };
-        let short = self.cells.iter().filter(is_short).count();
-        (short > 0).then(|| {
-            format!(
-                "{short} of {} cells have a reference with less than {SAMPLES_OF_A_REFERENCE} \
-                 times their samples: much of their error will be its noise. Give references more \
-                 samples",
-                self.cells.len()
-            )
-        })
-    }
-
-    /// Returns a warning about cells whose pictures are denoised.
-    fn denoised_cells(&self) -> Option<String> {
-        let denoised = |cell: &&Cell| cell.config.denoise.is_some();
-        let count = self.cells.iter().filter(denoised).count();
-        (count > 0).then(|| {
-            format!(
-                "{count} of {} cells are denoised, which makes them biased: part of their error does \
-                 not vanish with more samples",
-                self.cells.len()
-            )
-        })
+        found.extend(self.biased_references());
+        found.extend(self.checks_with_common_noise());
+        found.extend(warnings::denoised_cells(&self.cells));
+        found.extend(warnings::short_references(&self.cells, &self.references));
+        found.extend(warnings::duplicates(&self.cells));
+        found
     }
 
     /// Returns a warning for each integrator of references that is consistent but biased.
@@ -546,47 +511,6 @@ impl<'a> Builder<'a> {
         };
         let shares: BTreeSet<&str> = shares.collect();
         shares.into_iter().map(warning).collect()
-    }
-
-    /// Returns a warning if several cells are the same run, which means that axes have no effect.
-    fn duplicate_warning(&self) -> Option<String> {
-        let mut by_id: BTreeMap<&RunId, Vec<&Cell>> = BTreeMap::new();
-        for cell in &self.cells {
-            by_id.entry(&cell.id).or_default().push(cell);
-        }
-        let groups: Vec<&Vec<&Cell>> = by_id.values().filter(|cells| cells.len() > 1).collect();
-        let mut idle: BTreeSet<usize> = BTreeSet::new();
-        for cells in &groups {
-            let differs = |axis: &usize| {
-                cells
-                    .iter()
-                    .any(|cell| cell.point[*axis].1 != cells[0].point[*axis].1)
-            };
-            idle.extend((0..cells[0].point.len()).filter(differs));
-        }
-        let name = |axis: usize| format!("`{}`", self.cells[0].point[axis].0);
-        let names: Vec<String> = idle.into_iter().map(name).collect();
-        let subject = match names.as_slice() {
-            [] => return None,
-            [one] => format!("axis {one} has"),
-            _ => format!("axes {} have", names.join(", ")),
-        };
-        let cells: usize = groups.iter().map(|cells| cells.len()).sum();
-        Some(format!(
-            "{subject} no effect in {cells} of {} cells, which share {} run ids",
-            self.cells.len(),
-            groups.len()
-        ))
-    }
-}
-
-/// Returns the command of a notice as the plan shows it.
-fn notice_command(notice: &Notice) -> PlannedCommand {
-    let events: Vec<&str> = notice.events.iter().map(|event| event.name()).collect();
-    PlannedCommand {
-        technique: format!("notify ({})", events.join(", ")),
-        command: notice.command.clone(),
-        version: None,
     }
 }
 

@@ -15,6 +15,7 @@ mod order;
 mod path;
 mod reach;
 mod resolve;
+mod warnings;
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -181,6 +182,18 @@ pub struct PlannedCommand {
     pub command: Vec<String>,
     /// Command that prints the version, if there is one.
     pub version: Option<Vec<String>>,
+}
+
+impl PlannedCommand {
+    /// Returns the command of a notice as the plan shows it.
+    pub(super) fn of_notice(notice: &crate::experiment::spec::Notice) -> PlannedCommand {
+        let events: Vec<&str> = notice.events.iter().map(|event| event.name()).collect();
+        PlannedCommand {
+            technique: format!("notify ({})", events.join(", ")),
+            command: notice.command.clone(),
+            version: None,
+        }
+    }
 }
 
 /// Plan of a night.

@@ -266,11 +266,8 @@ impl<'a> Study<'a> {
     /// Marks the labels of the series whose pictures are all denoised.
     fn mark_biased_series(&mut self) {
         for series in 0..self.series.len() {
-            let members = (0..self.facets.len()).flat_map(|facet| self.members(facet, series));
-            let mut denoised = members
-                .map(|member| member.run.denoise.is_some())
-                .peekable();
-            if denoised.peek().is_some() && denoised.all(|denoised| denoised) {
+            let mut members = (0..self.facets.len()).flat_map(|facet| self.members(facet, series));
+            if members.all(|m| m.run.denoise.is_some()) {
                 self.series[series].label += BIASED;
             }
         }
@@ -278,8 +275,8 @@ impl<'a> Study<'a> {
 
     /// Returns a sentence for captions if pictures of the study are denoised.
     pub fn bias_sentence(&self) -> Option<&'static str> {
-        let denoised = self.all().any(|member| member.run.denoise.is_some());
-        denoised.then_some(denoise::BIAS)
+        let is_denoised = self.all().any(|m| m.run.denoise.is_some());
+        is_denoised.then_some(denoise::BIAS)
     }
 
     /// Returns the label of a run's series, and the long name if the label is an integrator.

@@ -19,8 +19,8 @@ const TIMEOUT_S: f64 = 30.0;
 /// Options of `x:notify`.
 pub const NOTIFY: Table = Table {
     name: "Notify",
-    doc: "A command that tells somebody about the night. It runs beside the night, which never waits \
-          for it except at the end.",
+    doc: "A command that is run at events of the night, beside it: the night waits for it only at \
+          its end.",
     fields: &[
         Field::required(
             "command",

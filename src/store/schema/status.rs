@@ -1,4 +1,4 @@
-//! What `lumbre status --json` prints: progress of a night, in a form that programs may rely on. A
+//! Output of `lumbre status --json`: progress of a night, in a form that programs may rely on. A
 //! field that is added keeps the version; one that is removed or changes its meaning raises it.
 
 use std::collections::BTreeSet;
@@ -38,7 +38,7 @@ files! {
 records! {
     /// Number of cells by state.
     pub struct CellCounts {
-        /// All cells.
+        /// Number of all cells.
         pub total: usize,
         /// Finished cells, those of earlier nights included.
         pub done: usize,
@@ -54,7 +54,7 @@ records! {
 
     /// Number of references by state.
     pub struct ReferenceCounts {
-        /// All references.
+        /// Number of all references.
         pub total: usize,
         /// References that are finished or failed.
         pub settled: usize,
@@ -66,7 +66,7 @@ records! {
     pub struct ShardCounts {
         /// Shards that are done.
         pub done: usize,
-        /// All shards.
+        /// Number of all shards.
         pub total: usize,
     }
 

@@ -6,20 +6,25 @@ use lumbre_light::film::Image;
 use super::workplace::Workplace;
 
 /// Night that renders a ball as it is and denoised. Axes are in the order of the paths of its runs.
-const NIGHT: &str = r#"
+const NIGHT: &str = concat!(
+    r#"
 local x = experiment("clean", { seed = 5 })
+local scene = ""#,
+    env!("CARGO_MANIFEST_DIR"),
+    r#"/scenes/cornell.lua"
 x:axis("denoise", { "none", "atrous" })
 x:render(function(p)
-  return { scene = "ball.scn", integrator = "nee", resolution = { 32, 24 }, backend = "cpu",
+  return { scene = scene, integrator = "nee", resolution = { 32, 24 }, backend = "cpu",
     denoise = p.denoise, atrous = { levels = 3 } }
 end)
-x:reference { stop = stop.samples(1024) }
+x:reference { stop = stop.samples(512) }
 x:measure { every = "1s", rmse = metric.rmse(), keep = { exr = "pow2" } }
 x:stop(function(p) return stop.samples(8) end)
 x:figure("convergence", { x = "samples", y = "rmse", by = "denoise" })
 x:table("rmse", { value = "rmse", rows = "denoise" })
 return x
-"#;
+"#
+);
 
 /// Runs the night. Returns the folders of its runs by the value of `denoise`.
 fn night(text: &str) -> (Workplace, impl Fn(&str) -> String) {
@@ -62,7 +67,7 @@ fn the_denoised_picture_is_measured_and_the_raw_one_is_kept() {
     // The guides are rendered but not stored.
     assert!(!place.path(&format!("{denoised}/films")).exists());
     let [before, after] = [&plain, &denoised].map(|run| rmse(&place, run));
-    assert!(after < 0.7 * before, "{before} {after}");
+    assert!(after < 0.6 * before, "{before} {after}");
 }
 
 #[test]
@@ -84,11 +89,8 @@ fn denoised_series_are_marked_as_biased_everywhere() {
     let (place, folder) = night(NIGHT);
     let planned = place.succeed(&["plan", "clean.lua"]).stdout;
     assert!(planned.contains("1 of 2 cells are denoised"), "{planned}");
-    assert!(
-        place
-            .read("out/latest/tables/rmse.md")
-            .contains("Denoised pictures are biased")
-    );
+    let table = place.read("out/latest/tables/rmse.md").replace('\n', " ");
+    assert!(table.contains("Denoised pictures are biased"), "{table}");
     let figure = place.read("out/latest/figures/convergence.svg");
     assert!(figure.contains("denoise = atrous (biased)"), "{figure}");
     assert!(!figure.contains("none (biased)"));
@@ -125,14 +127,14 @@ fn references_and_bias_checks_refuse_denoised_pictures() {
         "from = function(p) return { denoise = \"atrous\" } end, stop = stop.samples(8)",
         "stop = stop.samples(8), agree = { with = { integrator = \"bdpt\", denoise = \"atrous\" } }",
     ] {
-        let text = NIGHT.replace("stop = stop.samples(1024)", options);
+        let text = NIGHT.replace("stop = stop.samples(512)", options);
         place.write("clean.lua", &text);
         let error = place.fail(2, &["plan", "clean.lua"]);
         assert!(error.contains("denoised pictures are biased"), "{error}");
     }
     // The cell's denoiser is not inherited.
     let agree = NIGHT.replace(
-        "stop = stop.samples(1024)",
+        "stop = stop.samples(512)",
         "stop = stop.samples(8), agree = { with = \"bdpt\" }",
     );
     place.write("clean.lua", &agree);
@@ -223,7 +225,7 @@ fn open_image_denoise_is_loaded_where_it_is_named_and_left_out_elsewhere() {
     let (place, folder) = night(&text);
     let denoised = folder("oidn");
     let [before, after] = [&folder("none"), &denoised].map(|run| rmse(&place, run));
-    assert!(after < 0.8 * before, "{before} {after}");
+    assert!(after < 0.6 * before, "{before} {after}");
     let config = place.json(&format!("{denoised}/config.json"));
     let version = config["render"]["denoise"]["version"].as_str().unwrap();
     assert!(version.starts_with("2."), "{version}");

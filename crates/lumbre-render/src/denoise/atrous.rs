@@ -161,7 +161,7 @@ struct Pixel {
     variance: f32,
 }
 
-/// What distinguishes the surfaces of two pixels.
+/// Features by which the surfaces of two pixels are distinguished.
 #[derive(Clone, Copy, Debug, Default)]
 struct Surface {
     albedo: [f32; 3],

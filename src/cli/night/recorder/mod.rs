@@ -41,7 +41,7 @@ pub struct Recorder<'a> {
     floors: BTreeMap<usize, NoiseFloors>,
 }
 
-/// What a finished run has besides its film: the denoised picture, layers and time bins.
+/// Results of a finished run besides its film: the denoised picture, layers and time bins.
 struct ExtraFilms<'a> {
     denoised: Option<&'a Image>,
     layers: &'a [LayerImage],
