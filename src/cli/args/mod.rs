@@ -99,7 +99,7 @@ pub struct Global {
     /// For scenes from strangers, which may name any file. Links are followed first.
     #[arg(long, global = true, value_name = "DIR")]
     pub confine: Option<PathBuf>,
-    /// Run the commands of the script's `external` techniques.
+    /// Run the commands of the script's `external` techniques and notices.
     ///
     /// `lumbre plan` shows them. Without this option, a question in the terminal asks once for each
     /// script.

@@ -9,7 +9,7 @@ use super::spec::CellConfig;
 use lumbre_light::film::layer::{BYTES_PER_PIXEL, LayerLayout, SPLAT_BYTES_PER_PIXEL};
 use lumbre_light::film::time;
 use lumbre_light::transport::integrator::{Settings, integrator};
-use lumbre_render::denoise;
+use lumbre_render::denoise::Denoise;
 
 /// Bytes per pixel that measuring needs beside the film: the picture, the reference, tone-mapped
 /// copies of both, and FLIP's filtered reference.
@@ -38,10 +38,7 @@ pub fn layer_and_bin_bytes(config: &CellConfig) -> u64 {
 pub fn run_bytes(config: &CellConfig) -> u64 {
     let each =
         BYTES_PER_PIXEL + u64::from(splats(config)) * SPLAT_BYTES_PER_PIXEL + MEASURING_BYTES;
-    let denoising = config
-        .denoise
-        .as_ref()
-        .map_or(0, |_| denoise::BYTES_PER_PIXEL);
+    let denoising = config.denoise.as_ref().map_or(0, Denoise::bytes_per_pixel);
     pixels(config) * (each + denoising) + layer_and_bin_bytes(config) + shared_bytes(config)
 }
 

@@ -31,10 +31,6 @@ pub const GUIDES: [Layer; 2] = [Layer::Albedo, Layer::Normal];
 pub const BIAS: &str = "Denoised pictures are biased: part of their error does not vanish with more \
                         samples.";
 
-/// Bytes per pixel that a denoiser takes besides the film and its guides, at most: images for the
-/// filter, and the network of Open Image Denoise.
-pub const BYTES_PER_PIXEL: u64 = 1024;
-
 /// A denoiser and its settings.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Denoise {
@@ -73,6 +69,15 @@ impl Denoise {
         match self {
             Denoise::Atrous(_) => "à-trous wavelet filter".to_owned(),
             Denoise::Oidn { version } => format!("Open Image Denoise {version}"),
+        }
+    }
+
+    /// Returns the bytes per pixel that it takes besides the film and the guides, at most. Measured
+    /// at 1920 x 1080: 83 for the built-in filter, 656 for Open Image Denoise 2.5.1 on the processor.
+    pub fn bytes_per_pixel(&self) -> u64 {
+        match self {
+            Denoise::Atrous(_) => 160,
+            Denoise::Oidn { .. } => 1024,
         }
     }
 
