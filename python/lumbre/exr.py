@@ -1,5 +1,5 @@
-"""Reads the OpenEXR files that Lumbre writes: one part of scan lines with R, G and B as 32-bit
-floats, compressed by ZIP or not at all. For other files use a library such as OpenEXR."""
+"""Reads the OpenEXR files that Lumbre writes: one part of tiles or scan lines with R, G and B as
+32-bit floats, compressed by ZIP or not at all. For other files use a library such as OpenEXR."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ def _decode(path: Path) -> Tuple["np.ndarray", Dict[str, str]]:
 def _header(data: bytes) -> Tuple[Dict[str, Tuple[str, bytes]], int]:
     """Returns the attributes by name, as type and bytes, and where they end."""
     magic, version = struct.unpack_from("<II", data, 0)
-    if magic != _MAGIC or version & 0xFF != 2 or version & 0x1A00:
-        raise ValueError("no OpenEXR file of one part with scan lines")
+    if magic != _MAGIC or version & 0xFF != 2 or version & 0x1800:
+        raise ValueError("no OpenEXR file of one part")
     attributes: Dict[str, Tuple[str, bytes]] = {}
     at = 8
     while data[at] != 0:
@@ -91,21 +91,30 @@ def _pixels(
     compression = attributes["compression"][1][0]
     if compression not in _ROWS:
         raise ValueError("another compression than ZIP")
-    rows = _ROWS[compression]
-    blocks = -(-height // rows)
-    offsets = struct.unpack_from(f"<{blocks}Q", data, start)
+    tiled = "tiles" in attributes
+    if tiled:
+        columns, rows, mode = struct.unpack("<IIB", attributes["tiles"][1])
+        if mode & 0xF:
+            raise ValueError("several levels of resolution")
+    else:
+        columns, rows = width, _ROWS[compression]
+    blocks = -(-height // rows) * -(-width // columns)
     planes = np.empty((height, len(names), width), dtype="<f4")
-    for offset in offsets:
-        row, size = struct.unpack_from("<ii", data, offset)
-        row -= top
-        count = min(rows, height - row)
-        raw = data[offset + 8 : offset + 8 + size]
-        expected = count * len(names) * width * 4
+    for offset in struct.unpack_from(f"<{blocks}Q", data, start):
+        if tiled:
+            column, row, _, _, size = struct.unpack_from("<iiiii", data, offset)
+            x, y, offset = column * columns, row * rows, offset + 20
+        else:
+            row, size = struct.unpack_from("<ii", data, offset)
+            x, y, offset = 0, row - top, offset + 8
+        shape = (min(rows, height - y), len(names), min(columns, width - x))
+        raw = data[offset : offset + size]
+        expected = 4 * shape[0] * shape[1] * shape[2]
         if compression and size < expected:
             raw = _unzip(raw)
-        if len(raw) != expected:
+        if min(shape) < 1 or len(raw) != expected:
             raise ValueError("a block of pixels has the wrong size")
-        planes[row : row + count] = np.frombuffer(raw, "<f4").reshape(count, len(names), width)
+        planes[y : y + shape[0], :, x : x + shape[2]] = np.frombuffer(raw, "<f4").reshape(shape)
     order = [names.index(channel) for channel in ("R", "G", "B")]
     return np.ascontiguousarray(planes[:, order, :].transpose(0, 2, 1), dtype=np.float32)
 

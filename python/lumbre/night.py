@@ -149,7 +149,8 @@ class Run(_Rendered):
         cubes = sorted((self.folder / "films").glob("*.npy"))
         if not cubes:
             raise FileNotFoundError(f"{self.path} has no time axis")
-        return np.load(cubes[0], mmap_mode="r")
+        cube: np.ndarray = np.load(cubes[0], mmap_mode="r")
+        return cube
 
     def error_map(self, metric: str = "relmse") -> "np.ndarray":
         """Returns the error of every pixel against the reference, ``[row, column]``.
@@ -261,7 +262,7 @@ class Night:
         return {file.parent.name: file.parent for file in done if self.folder not in file.parents}
 
     def _reference(self, planned: Dict[str, Any]) -> Path:
-        run = planned["run"]
+        run: str = planned["run"]
         return self.folder.parent / "refs" / run[:2] / run
 
 

@@ -24,7 +24,7 @@ local x = experiment("small", { seed = 3, repeats = 2 })
 x:axis("technique", { "nee", "bdpt" })
 x:axis("samples", { 4 })
 x:render(function(p)
-  return { scene = "scenes/cornell.lua", integrator = p.technique, resolution = { 24, 16 }, max_depth = 3,
+  return { scene = "scenes/cornell.lua", integrator = p.technique, resolution = { 80, 70 }, max_depth = 3,
     films = { "albedo" }, denoise = p.technique == "bdpt" and "atrous" or "none" }
 end)
 x:reference { from = function() return { integrator = "nee" } end, stop = stop.samples(256) }
@@ -76,7 +76,7 @@ class NightTest(Workplace):
     def test_pictures_are_arrays_and_their_errors_are_those_of_the_night(self):
         for run in self.night.runs:
             picture, reference = run.picture, run.reference.picture
-            self.assertEqual((picture.shape, picture.dtype), ((16, 24, 3), np.float32))
+            self.assertEqual((picture.shape, picture.dtype), ((70, 80, 3), np.float32))
             error = np.sqrt(np.mean((picture.astype(float) - reference) ** 2))
             self.assertAlmostEqual(error, run.results["metrics"]["rmse"], places=9)
             self.assertEqual(run.metadata["samples"], "8")
