@@ -14,6 +14,9 @@ pub struct Args {
     /// Folder in which the archive and its checksum are written
     #[arg(long, value_name = "DIR", default_value = "target/dist")]
     out: PathBuf,
+    /// Profile with which the program is built; `dev` tries the packing without a release build
+    #[arg(long, value_name = "NAME", default_value = "release")]
+    profile: String,
 }
 
 /// Shells with completions, and the names of their files.
@@ -40,10 +43,22 @@ const TERMS: [&str; 6] = [
 /// Builds the program and packs it.
 pub fn run(args: &Args) -> Result<(), String> {
     let root = crate::root();
-    execute(cargo().args(["build", "--release", "--locked", "-p", "lumbre"]))?;
+    execute(cargo().args([
+        "build",
+        "--locked",
+        "-p",
+        "lumbre",
+        "--profile",
+        &args.profile,
+    ]))?;
     let metadata = metadata()?;
     let target = metadata["target_directory"].as_str().unwrap_or("target");
-    let program = Path::new(target).join("release/lumbre");
+    // The profile `dev` has another name as a folder.
+    let build = match args.profile.as_str() {
+        "dev" => "debug",
+        profile => profile,
+    };
+    let program = Path::new(target).join(build).join("lumbre");
     let name = format!(
         "lumbre-{}-{}-{}",
         env!("CARGO_PKG_VERSION"),
@@ -143,27 +158,34 @@ fn write_licences(metadata: &Value, folder: &Path) -> Result<(), String> {
     write(&folder.join("README.txt"), list.as_bytes())
 }
 
-/// Returns the files with the terms of a package, in its folder.
+/// Returns the files with the terms of a package, in its folder, and of the fonts in it.
 fn terms(folder: &Path) -> Result<Vec<PathBuf>, String> {
-    let entries = fs::read_dir(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    let entries = |folder: &Path| -> Result<Vec<PathBuf>, String> {
+        let entries = fs::read_dir(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+        Ok(entries
+            .filter_map(|entry| Some(entry.ok()?.path()))
+            .collect())
+    };
     let is_terms = |path: &PathBuf| {
-        let name = path
-            .file_name()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .to_uppercase();
+        let name = path.file_name().unwrap_or_default();
+        let name = name.to_string_lossy().to_uppercase();
         path.is_file() && TERMS.iter().any(|start| name.starts_with(start))
     };
-    let mut files: Vec<PathBuf> = entries
-        .filter_map(|entry| Some(entry.ok()?.path()))
-        .filter(is_terms)
-        .collect();
+    let mut files = entries(folder)?;
+    files.retain(is_terms);
+    let fonts = folder.join("fonts");
+    if fonts.is_dir() {
+        let mut texts = entries(&fonts)?;
+        texts.retain(|path| path.extension().is_some_and(|extension| extension == "txt"));
+        files.extend(texts);
+    }
     files.sort();
     Ok(files)
 }
 
-/// Returns the packages from elsewhere that the program is linked with, by name and version, found
-/// by following the dependencies of the program that are not for tests or builds alone.
+/// Returns the packages from elsewhere that the program contains, by name and version, found by
+/// following the dependencies of the program that are not for tests alone. Those of builds count,
+/// since they may bring sources in C: the package with Lua is one.
 fn linked_packages(metadata: &Value) -> Result<Vec<&Value>, String> {
     let list = |value: &'_ Value| value.as_array().cloned().unwrap_or_default();
     let packages: BTreeMap<&str, &Value> = metadata["packages"]
@@ -190,7 +212,7 @@ fn linked_packages(metadata: &Value) -> Result<Vec<&Value>, String> {
         let node = nodes.get(id.as_str());
         for dependency in node.map(|node| list(&node["deps"])).unwrap_or_default() {
             let kinds = list(&dependency["dep_kinds"]);
-            if kinds.iter().any(|kind| kind["kind"].is_null()) {
+            if kinds.iter().any(|kind| kind["kind"] != "dev") {
                 open.extend(dependency["pkg"].as_str().map(str::to_owned));
             }
         }
@@ -255,7 +277,7 @@ mod tests {
         let names: BTreeSet<&str> = linked.iter().filter_map(|p| p["name"].as_str()).collect();
         // Direct, through a crate of the workspace, and through another package.
         assert!(
-            ["mlua", "ash", "simd-adler32"]
+            ["mlua", "ash", "simd-adler32", "lua-src"]
                 .iter()
                 .all(|name| names.contains(name))
         );
