@@ -36,7 +36,7 @@ pub const ATROUS: Table = Table {
                 min: 0.01,
                 max: 1000.0,
             },
-            "4",
+            "3",
             "difference of luminance at which a tap counts 1/e, in standard errors of the pixel",
         ),
         Field::optional(
@@ -45,7 +45,7 @@ pub const ATROUS: Table = Table {
                 min: 0.001,
                 max: 1000.0,
             },
-            "0.2",
+            "0.1",
             "difference of albedo at which a tap counts 1/e",
         ),
         Field::optional(
@@ -78,8 +78,8 @@ impl Default for AtrousSettings {
     fn default() -> AtrousSettings {
         AtrousSettings {
             levels: 5,
-            sigma_luminance: 4.0,
-            sigma_albedo: 0.2,
+            sigma_luminance: 3.0,
+            sigma_albedo: 0.1,
             normal_power: 128.0,
         }
     }
@@ -323,15 +323,15 @@ fn pass(
                 };
                 let other = &pixels[tap];
                 let difference = (dot(other.light, LUMINANCE) - luminance).abs();
-                let exponent = difference * per_luminance
+                let relative = difference * per_luminance;
+                let exponent = relative * relative
                     + settings.surface_exponent(&surfaces[centre], &surfaces[tap]);
                 if exponent < NEGLIGIBLE {
                     let spline =
                         SPLINE[dx.unsigned_abs() as usize] * SPLINE[dy.unsigned_abs() as usize];
                     let weight = spline * (-exponent).exp();
-                    for c in 0..3 {
-                        change[c] += weight * (other.light[c] - pixel.light[c]);
-                    }
+                    change =
+                        [0, 1, 2].map(|c| change[c] + weight * (other.light[c] - pixel.light[c]));
                     variance += weight * weight * other.variance;
                     weights += weight;
                 }

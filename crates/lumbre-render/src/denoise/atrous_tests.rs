@@ -130,7 +130,11 @@ fn edges_of_albedo_are_kept() {
 #[test]
 fn fine_texture_is_kept_while_its_noise_falls() {
     let texture = |x: u32, y: u32| {
-        let value = if (x + y) % 2 == 0 { 0.45 } else { 0.55 };
+        let value = if (x + y).is_multiple_of(2) {
+            0.45
+        } else {
+            0.55
+        };
         [value; 3]
     };
     let scene = Scene::noisy(0.2, |_, _| 1.0, texture);
