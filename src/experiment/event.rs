@@ -120,6 +120,8 @@ pub enum Event {
         /// The film; `None` if it was cached, ended before its first wave, or panicked while
         /// rendering.
         film: Option<Arc<Film>>,
+        /// The picture, if it is not the mean of the film but was denoised.
+        denoised: Option<SharedImage>,
         /// Images of the requested layers; empty unless it is done.
         layers: Arc<Vec<LayerImage>>,
         /// The time-resolved film, if requested; `None` unless it is done.

@@ -318,6 +318,7 @@ mod tests {
             },
             films: Vec::new(),
             timing: None,
+            denoise: None,
             accel: Default::default(),
             sampler: "independent".to_owned(),
             set: BTreeMap::new(),

@@ -86,6 +86,8 @@ pub struct RunResult {
     pub seed: u64,
     /// Name of the integrator.
     pub integrator: String,
+    /// Name of the denoiser of its pictures, if any.
+    pub denoise: Option<String>,
     /// Scene as written in the script.
     pub scene: String,
     /// Greatest number of path edges, if the script sets it.

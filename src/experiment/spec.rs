@@ -13,6 +13,7 @@ use lumbre_light::transport::camera::FilterSpec;
 use lumbre_light::transport::path_time::Timing;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::duration_s;
+use lumbre_render::denoise::{Denoise, rendered_layers};
 use lumbre_render::hierarchy::AccelSpec;
 
 /// A point of the sweep: axis names and values in the order in which the axes were declared.
@@ -100,6 +101,53 @@ pub struct NightSpec {
     pub order: Order,
     /// Warm-up of every cell before its clock starts.
     pub warmup: Option<Warmup>,
+    /// Commands that are run at events of the night.
+    pub notices: Vec<Notice>,
+}
+
+/// A command that is run at events of a night (`x:notify` in scripts).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Notice {
+    /// Program and arguments, with [`NOTICE_PLACEHOLDERS`] in braces.
+    pub command: Vec<String>,
+    /// Events that it is run for.
+    pub events: Vec<NoticeEvent>,
+    /// Seconds after which it is ended.
+    pub timeout_s: f64,
+}
+
+/// Placeholders in the command of a notice.
+pub const NOTICE_PLACEHOLDERS: [&str; 4] = ["event", "text", "name", "folder"];
+
+/// Event of a night that a notice is sent for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NoticeEvent {
+    /// The night is over.
+    End,
+    /// A run failed.
+    Failure,
+    /// A bias check found a difference.
+    Alarm,
+}
+
+impl NoticeEvent {
+    /// All events, in the order of their names.
+    pub const ALL: [NoticeEvent; 3] = [NoticeEvent::End, NoticeEvent::Failure, NoticeEvent::Alarm];
+
+    /// Names in scripts, in the order of [`NoticeEvent::ALL`].
+    pub const NAMES: [&'static str; 3] = ["end", "failure", "alarm"];
+
+    /// Returns the name in scripts.
+    pub fn name(self) -> &'static str {
+        NoticeEvent::NAMES[self as usize]
+    }
+
+    /// Returns the event of this name.
+    pub fn from_name(name: &str) -> Option<NoticeEvent> {
+        NoticeEvent::ALL
+            .into_iter()
+            .find(|event| event.name() == name)
+    }
 }
 
 /// The order in which the cells of a night are rendered.
@@ -415,6 +463,8 @@ pub struct CellConfig {
     pub films: Vec<Layer>,
     /// Time axis of the film, if it is time-resolved.
     pub timing: Option<Timing>,
+    /// Denoiser of the picture, if any.
+    pub denoise: Option<Denoise>,
     /// Name of a table row of [`SAMPLERS`](lumbre_light::transport::sampler::SAMPLERS).
     pub sampler: String,
     /// Settings of the bounding volume hierarchy and its traversal.
@@ -425,6 +475,13 @@ pub struct CellConfig {
     pub backend: String,
     /// Backend that takes over if `backend` fails; present if the script asked for `auto`.
     pub fallback: Option<&'static str>,
+}
+
+impl CellConfig {
+    /// Returns the layers that are rendered: those that are stored, and the guides of a denoiser.
+    pub fn rendered_layers(&self) -> Vec<Layer> {
+        rendered_layers(&self.films, self.denoise.as_ref())
+    }
 }
 
 /// The reference that a cell is measured against.

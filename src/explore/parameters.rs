@@ -54,14 +54,16 @@ pub struct Parameter {
 }
 
 /// Keys of the render table without a row: the scene has a list of its own, the resolution is that
-/// of the pane, the backend is an option of the command line, and the others do not affect the
-/// picture or have no value that fits into a row.
-const WITHOUT_ROW: [&str; 7] = [
+/// of the pane, the backend is an option of the command line, pictures are not denoised, and the
+/// others do not affect the picture or have no value that fits into a row.
+const WITHOUT_ROW: [&str; 9] = [
     "scene",
     "scene_options",
     "resolution",
     "set",
     "film",
+    "denoise",
+    "atrous",
     "accel",
     "backend",
 ];

@@ -1,6 +1,6 @@
 //! OpenEXR files: linear `f32` RGB with metadata as text attributes.
 //!
-//! Files are written as scan lines with ZIP compression in blocks of 16 lines. Equal input gives
+//! Files are written as tiles of 64 x 64 pixels with ZIP compression. Equal input gives
 //! equal bytes. Reading uses [`openexr`], which scenes use too.
 
 use std::collections::BTreeMap;

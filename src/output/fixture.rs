@@ -110,6 +110,7 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
             films: Vec::new(),
             accel: Default::default(),
             timing: None,
+            denoise: None,
             sampler: "independent".to_owned(),
             set: BTreeMap::new(),
             backend: "mock".to_owned(),

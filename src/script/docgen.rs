@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::fmt::Write;
 
 use super::api::{ApiFn, FUNCTIONS, Param, experiment, measure, reference, render_schema};
-use super::api::{presentation, report, stop, stop_rule};
+use super::api::{notify, presentation, report, stop, stop_rule};
 use super::scene;
 use crate::metrics::METRICS;
 use crate::metrics::tonemap::TONEMAPS;
@@ -20,6 +20,7 @@ const TABLES: &[&Table] = &[
     &render_schema::RENDER,
     &EXTERNAL,
     &reference::REFERENCE,
+    &notify::NOTIFY,
     &measure::MEASURE,
     &stop::WHEN,
     &stop::PLATEAU,

@@ -46,6 +46,7 @@ fn config() -> Arc<CellConfig> {
         films: Vec::new(),
         accel: Default::default(),
         timing: None,
+        denoise: None,
         sampler: "independent".to_owned(),
         set: Default::default(),
         backend: "mock".into(),

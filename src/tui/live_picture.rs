@@ -11,7 +11,7 @@ use ratatui::{Terminal, TerminalOptions, Viewport};
 use super::panes::{self, picture};
 use super::terminal::terminal_caps::{OutputMode, TerminalCaps, output_mode};
 use crate::metrics::tonemap::Tonemap;
-use lumbre_light::film::Film;
+use lumbre_light::film::Image;
 
 /// Rows of the terminal that the picture takes at most.
 const MAX_ROWS: u16 = 24;
@@ -58,9 +58,9 @@ impl LivePicture {
         }
     }
 
-    /// Shows a film and a line, unless the last ones were shown a moment ago. Errors of the
+    /// Shows a picture and a line, unless the last ones were shown a moment ago. Errors of the
     /// terminal are ignored.
-    pub fn show(&mut self, film: &Film, line: &str) {
+    pub fn show(&mut self, image: &Image, line: &str) {
         let pause = match self.screen {
             Screen::Rows { .. } => PICTURE_PAUSE,
             Screen::Lines => LINE_PAUSE,
@@ -73,18 +73,18 @@ impl LivePicture {
             return;
         }
         self.shown = Some(now);
-        self.draw(film, line);
+        self.draw(image, line);
     }
 
-    /// Shows a film and a line at once.
-    pub fn draw(&mut self, film: &Film, line: &str) {
+    /// Shows a picture and a line at once.
+    pub fn draw(&mut self, image: &Image, line: &str) {
         match &mut self.screen {
             Screen::Rows { terminal, caps } => {
-                let (image, display, caps) = (film.mean(), self.display, *caps);
+                let (display, caps) = (self.display, *caps);
                 let _ = terminal.draw(|frame| {
                     let parts = [Constraint::Fill(1), Constraint::Length(1)];
                     let [picture_at, line_at] = panes::rows(frame.area(), parts);
-                    picture::draw_image(frame, picture_at, caps, &image, 0.0, display);
+                    picture::draw_image(frame, picture_at, caps, image, 0.0, display);
                     frame.render_widget(line, line_at);
                 });
             }

@@ -7,6 +7,7 @@
 )]
 
 mod bench;
+mod release;
 #[cfg(feature = "shader-dev")]
 mod shaders;
 #[cfg(unix)]
@@ -29,6 +30,8 @@ struct Args {
 enum Chore {
     /// Measure the program itself: overheads of a night, loading, metrics, dashboard
     Bench(bench::Args),
+    /// Pack the program, its manual page, completions and licences into an archive with a checksum
+    Release(release::Args),
     /// Compile the shaders to the SPIR-V that is committed; needs `--features shader-dev` and a C++
     /// compiler
     #[cfg(feature = "shader-dev")]
@@ -42,6 +45,7 @@ enum Chore {
 fn main() -> ExitCode {
     let done = match Args::parse().chore {
         Chore::Bench(args) => bench::run(&args),
+        Chore::Release(args) => release::run(&args),
         #[cfg(feature = "shader-dev")]
         Chore::Shaders(args) => shaders::run(&args),
         #[cfg(unix)]

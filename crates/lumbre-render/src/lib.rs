@@ -1,13 +1,14 @@
 //! Rendering of light transport in waves of samples: [`Job`] is what to render, [`Renderer`] a run
 //! in progress, and [`BackendRow`] the description of a backend. The crate contains the CPU backend
 //! ([`cpu`]), a backend for tests ([`mock`]), other renderers as techniques ([`external`]) and
-//! rendering in a child process ([`worker`]).
+//! rendering in a child process ([`worker`]). [`denoise`] filters the pictures of any of them.
 //!
 //! No integrator is named in this crate: a [`Job`] carries a row of
 //! [`INTEGRATORS`](lumbre_light::transport::integrator::INTEGRATORS).
 
 pub mod backend_choice;
 pub mod cpu;
+pub mod denoise;
 pub mod external;
 pub mod hierarchy;
 pub mod instance_transform;
@@ -23,9 +24,9 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use self::hierarchy::AccelSpec;
-use lumbre_light::film::Film;
 use lumbre_light::film::layer::{Layer, LayerFilm};
 use lumbre_light::film::time::TimeCube;
+use lumbre_light::film::{Film, SharedImage};
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::desc::Model;
 use lumbre_light::transport::camera::FilterSpec;
@@ -212,6 +213,18 @@ pub enum RenderError {
     },
 }
 
+/// Picture of a run in progress, made of all samples so far.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// Pixels in linear radiance.
+    pub image: SharedImage,
+    /// Seconds by which making the picture changes the render time of the run so far, of which it is
+    /// part. Negative if an earlier picture took longer; never below the time rendered since then.
+    pub extra_s: f64,
+    /// Whether it differs from the mean of the film.
+    pub denoised: bool,
+}
+
 /// Function that tells whether a run is no longer wanted; called from many threads.
 pub type Abandoned<'a> = &'a (dyn Fn() -> bool + Sync);
 
@@ -272,6 +285,19 @@ pub trait Renderer: Send {
 
     /// Returns the film with all samples so far.
     fn film(&self) -> &Film;
+
+    /// Returns the picture that is measured and stored: the mean of the film, unless a filter makes
+    /// another one from it.
+    ///
+    /// # Errors
+    /// Returns an error if the filter fails.
+    fn picture(&mut self) -> Result<Picture, RenderError> {
+        Ok(Picture {
+            image: Arc::new(self.film().mean()),
+            extra_s: 0.0,
+            denoised: false,
+        })
+    }
 
     /// Returns the two independent halves of the film, if it consists of two and both have samples;
     /// see [`reference_halves`].

@@ -99,7 +99,7 @@ pub struct Global {
     /// For scenes from strangers, which may name any file. Links are followed first.
     #[arg(long, global = true, value_name = "DIR")]
     pub confine: Option<PathBuf>,
-    /// Run the commands of the script's `external` techniques.
+    /// Run the commands of the script's `external` techniques and notices.
     ///
     /// `lumbre plan` shows them. Without this option, a question in the terminal asks once for each
     /// script.
@@ -196,11 +196,13 @@ pub enum Verb {
     ///
     /// Accepts every known format. Renders and writes nothing.
     Check(CheckArgs),
-    /// Export a scene of any known format for another renderer.
+    /// Export a scene for another renderer, or a night for a viewer.
     ///
-    /// Meshes become PLY files, textures PNG or OpenEXR. A note names each feature that the other
+    /// Of a scene, meshes become PLY files, textures PNG or OpenEXR. A note names each feature that the other
     /// renderer does not support, and what replaces it. Prints the path of the scene file. Samples,
     /// depth and size are parameters of the XML: mitsuba -D spp=64 -D max_depth=5 scene.xml
+    /// Of a night, final pictures and references are copied: `--jeri` writes `data.js` with the tree of the viewer's
+    /// component, `--figuregen` a script with its data, `--csv` tables.
     Export(ExportArgs),
     /// Show a running or finished night in the dashboard.
     ///

@@ -20,18 +20,28 @@ pub struct CheckArgs {
 
 /// Options of `lumbre export`.
 #[derive(Args, Debug)]
+#[command(group(clap::ArgGroup::new("format").required(true)))]
 pub struct ExportArgs {
-    /// Scene file of any known format, or a Lua file that returns a scene.
+    /// Scene file of any known format, or a Lua file that returns a scene; or the folder of a night.
     pub file: PathBuf,
     /// Write an XML scene for Mitsuba 3.
-    #[arg(long, required_unless_present = "pbrt", conflicts_with = "pbrt")]
+    #[arg(long, group = "format")]
     pub mitsuba: bool,
     /// Write a scene for pbrt-v4.
-    #[arg(long)]
+    #[arg(long, group = "format")]
     pub pbrt: bool,
-    /// Write to this folder [default: NAME-mitsuba or NAME-pbrt].
+    /// Write the pictures of a night for the viewer JERI.
+    #[arg(long, group = "format")]
+    pub jeri: bool,
+    /// Write the pictures and errors of a night, and a script that draws them with figuregen.
+    #[arg(long, group = "format")]
+    pub figuregen: bool,
+    /// Write the runs and measurements of a night as CSV files.
+    #[arg(long, group = "format")]
+    pub csv: bool,
+    /// Write to this folder [default: NAME-FORMAT].
     ///
-    /// The folder must be new, empty, or contain an earlier export.
+    /// For a scene, the folder must be new, empty, or contain an earlier export.
     #[arg(short = 'o', long = "folder", value_name = "DIR")]
     pub folder: Option<PathBuf>,
     /// Set an option of a Lua scene (repeatable).

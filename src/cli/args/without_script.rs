@@ -53,6 +53,16 @@ pub struct RenderArgs {
     /// Send pictures to the image viewer tev, which listens at 127.0.0.1:14158 by default.
     #[arg(long, value_name = "HOST:PORT")]
     pub tev: Option<String>,
+    /// Denoise the picture, which biases it: atrous, or oidn (Open Image Denoise) [default: none,
+    /// and atrous if no name follows].
+    #[arg(
+        long,
+        value_name = "NAME",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "atrous"
+    )]
+    pub denoise: Option<String>,
     /// Seed of the random numbers.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,

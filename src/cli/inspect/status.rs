@@ -4,15 +4,16 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::time::SystemTime;
 
-use serde_json::{Value as Json, json};
-
 use super::watch::{apply_event, begin_model, open_follower};
 use crate::cli::args::{Global, StatusArgs};
 use crate::cli::cluster::WorkerList;
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{self, counted, display_path};
 use crate::experiment::CellRef;
-use crate::store::utc;
+use crate::store::schema::status::{
+    CellCounts, CurrentRun, FailureRecord, ReferenceCounts, ShardCounts, StatusReport,
+};
+use crate::store::{StoredFile, utc};
 use crate::tui::format as tui_format;
 use crate::tui::model::entry::{EntryState, PlanEntry, StateCounts};
 use crate::tui::model::eta::Eta;
@@ -50,8 +51,7 @@ pub fn main(args: &StatusArgs, global: &Global) -> Result<Exit, Failure> {
         print_status(&format!("left out: {problem}"));
     }
     if args.json {
-        let json = night.json(&workers);
-        print_result(&format!("{json:#}\n"))?;
+        print_result(&night.report(&workers).text())?;
     } else {
         let workers_page = if workers.is_empty() {
             String::new()
@@ -243,44 +243,51 @@ impl NightStatus<'_> {
         open.reduce(|(done, of), more| (done + more.0, of + more.1))
     }
 
-    /// Returns the status as JSON.
-    fn json(&self, workers: &WorkerList) -> Json {
+    /// Returns the status as a record for programs.
+    fn report(&self, workers: &WorkerList) -> StatusReport {
         let model = self.model;
         let counts = StateCounts::from_entries(&model.cells);
-        let current = model
-            .current
-            .as_ref()
-            .filter(|current| current.running)
-            .map(|current| {
-                let row = current.curve.last();
-                json!({
-                    "name": self.name(current.cell), "device": current.open.device,
-                    "samples": row.map(|r| r.samples), "render_s": row.map(|r| r.render_s),
-                })
-            });
-        json!({
-            "folder": self.folder,
-            "state": self.state(),
-            "cells": {
-                "total": counts.total(), "done": counts.done + counts.cached,
-                "failed": counts.failed,
-                "interrupted": counts.interrupted, "running": counts.running,
-                "waiting": counts.waiting,
+        let running = model.current.as_ref().filter(|current| current.running);
+        let current = running.map(|current| {
+            let row = current.curve.last();
+            CurrentRun {
+                name: self.name(current.cell),
+                device: current.open.device.clone(),
+                samples: row.map(|r| r.samples),
+                render_s: row.map(|r| r.render_s),
+            }
+        });
+        let shards = self
+            .shards()
+            .map(|(done, total)| ShardCounts { done, total });
+        let failures = self.failures().map(|(cell, reason)| FailureRecord {
+            name: self.name(cell),
+            reason: reason.to_owned(),
+        });
+        StatusReport {
+            folder: self.folder.clone(),
+            state: self.state().to_owned(),
+            cells: CellCounts {
+                total: counts.total(),
+                done: counts.done + counts.cached,
+                failed: counts.failed,
+                interrupted: counts.interrupted,
+                running: counts.running,
+                waiting: counts.waiting,
             },
-            "references": {
-                "total": model.references.len(),
-                "settled": StateCounts::from_entries(&model.references).settled(),
-                "shards": self.shards().map(|(done, of)| json!({ "done": done, "total": of })),
+            references: ReferenceCounts {
+                total: model.references.len(),
+                settled: StateCounts::from_entries(&model.references).settled(),
+                shards,
             },
-            "elapsed_s": (self.state() != "not started").then(|| model.night_s(self.now_s)),
-            "left_s": self.eta().map(|eta| eta.seconds),
-            "silent_s": self.silence_s,
-            "problems": self.problems,
-            "current": current,
-            "failures": self.failures().map(|(cell, reason)| json!({ "name": self.name(cell),
-                "reason": reason }))
-                .collect::<Vec<_>>(),
-            "cluster": (!workers.is_empty()).then(|| workers.json()),
-        })
+            elapsed_s: (self.state() != "not started").then(|| model.night_s(self.now_s)),
+            left_s: self.eta().map(|eta| eta.seconds),
+            silent_s: self.silence_s,
+            problems: self.problems.clone(),
+            current,
+            failures: failures.collect(),
+            cluster: (!workers.is_empty()).then(|| workers.json()),
+            ..StatusReport::default()
+        }
     }
 }

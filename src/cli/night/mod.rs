@@ -5,6 +5,7 @@ pub(in crate::cli) mod disk_full_retry;
 pub(in crate::cli) mod last_command;
 pub mod load;
 pub(in crate::cli) mod log;
+pub(in crate::cli) mod notices;
 pub(in crate::cli) mod permission;
 pub(in crate::cli) mod plan;
 pub(in crate::cli) mod progress_view;

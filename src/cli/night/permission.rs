@@ -1,4 +1,4 @@
-//! Permission to run the commands of a script's external techniques: by `--allow-commands`, or by a
+//! Permission to run the commands of a script's external techniques and notices: by `--allow-commands`, or by a
 //! question in the terminal that is answered once for a script and its commands.
 //!
 //! The answer is remembered in the user's configuration, never in a folder of results, which may

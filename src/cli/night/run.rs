@@ -7,6 +7,7 @@ use std::sync::Arc;
 use super::last_command::last_command;
 use super::load::{self, decode_picture};
 use super::log::Log;
+use super::notices::Notifier;
 use super::permission::PlanUse;
 use super::progress_view::ProgressView;
 use super::recorder::Recorder;
@@ -148,10 +149,12 @@ fn run_night(
         workers = LocalWorkers::start(&devices, plan, folder, request.night, global, &is_open)?;
     }
     let viewer = tev.map(|tev| TevSink::new(tev, Arc::clone(plan)));
+    let notifier = (!remaining.is_empty()).then(|| Notifier::start(plan, store.folder()));
     let displays = Displays {
         global,
         log,
         viewer,
+        notifier: notifier.flatten(),
     };
     let ended = render_night(script, plan, &store, displays, &remaining, options)?;
     // Local workers finish the runs that are reserved for their devices, unless the night ended
@@ -364,6 +367,8 @@ struct Displays<'a> {
     log: &'a Log,
     /// Viewer of pictures, if there is one.
     viewer: Option<TevSink>,
+    /// Sender of notices, if the script asks for some.
+    notifier: Option<Notifier>,
 }
 
 /// Renders the remaining work and collects the results of runs that were done before.
@@ -379,6 +384,7 @@ fn render_night(
         global,
         log,
         mut viewer,
+        mut notifier,
     } = displays;
     let control = Arc::new(NightControls::default());
     if remaining.is_empty() {
@@ -406,11 +412,18 @@ fn render_night(
     let mut view = ProgressView::new(&control, global, log);
     let mut sinks: Vec<&mut dyn Sink> = vec![&mut recorder, view.sink()];
     sinks.extend(viewer.iter_mut().map(|viewer| viewer as &mut dyn Sink));
+    sinks.extend(
+        notifier
+            .iter_mut()
+            .map(|notifier| notifier as &mut dyn Sink),
+    );
     let night = run::run(plan, script, store, &mut sinks, &control, options);
     let failures_printed = matches!(view, ProgressView::Lines(_));
     // Restore the terminal before anything is printed to it.
     drop(view);
     log.resume_stderr();
+    // Waits for notices that are still to be sent.
+    drop(notifier);
     let exit = stop_signal.exit();
     let night = night.map_err(|error| {
         let mut failure = Failure::internal(error);

@@ -19,9 +19,9 @@ use crate::cli::{json, selector};
 use crate::metrics::MetricSpec;
 use crate::output::png;
 use crate::store;
-use lumbre_light::film::Image;
+use lumbre_light::film::{Film, Image};
 use lumbre_light::math::stats::normal_two_sided_p;
-use stored_run::StoredRun;
+use stored_run::{Rendered, StoredRun};
 
 /// Result of reproducing one run.
 enum Answer {
@@ -102,78 +102,121 @@ pub fn main(args: &ReproduceArgs, global: &Global) -> Result<Exit, Failure> {
 /// Renders a run again and compares the picture with the stored one. `tests` is the number of runs
 /// that are compared, for the correction of multiple tests.
 fn reproduce(stored: &StoredRun, args: &ReproduceArgs, global: &Global, tests: usize) -> Answer {
-    let film = match stored_run::render(stored, global) {
-        Ok(film) => film,
+    let Rendered { film, denoised } = match stored_run::render(stored, global) {
+        Ok(rendered) => rendered,
         Err(reason) => return Answer::Impossible(reason),
     };
-    let image = film.mean();
-    let bits = |image: &Image| {
-        image
-            .data
-            .iter()
-            .flatten()
-            .map(|x| x.to_bits())
-            .collect::<Vec<u32>>()
+    let comparison = Comparison {
+        run: &stored.run,
+        maps: args.maps.as_deref().unwrap_or(Path::new(".")),
+        tests,
     };
-    if [image.width, image.height] != [stored.image.width, stored.image.height] {
-        return Answer::Impossible(format!(
-            "the stored picture has {}x{} pixels, but the new one has {}x{}",
-            stored.image.width, stored.image.height, image.width, image.height
-        ));
-    }
-    if bits(&image) == bits(&stored.image) {
+    let Some(denoised) = denoised else {
+        return comparison.answer(&film, &stored.image);
+    };
+    if has_same_bits(&denoised, &stored.image) {
         return Answer::Identical;
     }
-    // The stored picture has equally many samples of the same kind, so both have the same noise.
-    let new = NoisyPicture::from_film(&film);
-    let old = NoisyPicture {
-        mean: stored.image.clone(),
-        ..new.clone()
-    };
-    let side = image.width.min(image.height).div_ceil(16).max(1);
-    let judged = judge(&new, &old, side, tests);
-    let statement = judged.statement();
-    if judged.too_dark() || film.samples < 2 {
+    // The noise of a denoised picture is not known, so the pictures before it are judged.
+    let Some(raw) = &stored.raw else {
         return Answer::Impossible(
-            "the pictures differ, but too few samples found light to distinguish noise from a \
-             change"
+            "the denoised pictures differ, and the picture before denoising is not stored"
                 .to_owned(),
         );
-    }
-    if judged.agrees {
-        // Bonferroni correction: the smallest p-value times the number of tests, one for each block
-        // and one for each of the three channels of the whole picture.
-        let least = judged
-            .result
-            .worst_p
-            .min(normal_two_sided_p(judged.result.z));
-        let p = (least * (judged.result.comparisons + 3) as f64).min(1.0);
-        return Answer::Noise { p, statement };
-    }
-    let maps = args.maps.clone().unwrap_or_else(|| PathBuf::from("."));
-    Answer::Differs {
-        statement,
-        at: judged.result.worst_at,
-        map: write_map(&image, &stored.image, &stored.run, &maps),
+    };
+    match comparison.answer(&film, raw) {
+        Answer::Identical => Answer::Differs {
+            statement: "the samples are identical, but the denoiser gives another picture"
+                .to_owned(),
+            at: None,
+            map: comparison.write_map(&denoised, &stored.image),
+        },
+        answer => answer,
     }
 }
 
-/// Writes a map of the relative squared error. Returns its path, or `None` if it cannot be computed
-/// or written.
-fn write_map(new: &Image, old: &Image, run: &str, folder: &Path) -> Option<PathBuf> {
-    let metric = MetricSpec::new("relmse", "relmse", Default::default()).ok()?;
-    let map = metric.error_map(new, old).ok()?;
-    let meta = [
-        ("run".to_owned(), run.to_owned()),
-        ("metric".to_owned(), "relmse".to_owned()),
-    ];
-    let bytes = png::encode_map(&map, map.scale(None), &meta).ok()?;
-    let path = folder.join(format!("differs-{}.png", run.get(..8).unwrap_or(run)));
-    std::fs::create_dir_all(folder).ok()?;
-    store::write_atomically(&path, &bytes)
-        .map_err(|e| print_status(&format!("warning: {e}")))
-        .ok()?;
-    Some(path)
+fn has_same_bits(a: &Image, b: &Image) -> bool {
+    let bits = |image: &Image| -> Vec<u32> {
+        let values = image.data.as_flattened().iter();
+        values.map(|x| x.to_bits()).collect()
+    };
+    [a.width, a.height] == [b.width, b.height] && bits(a) == bits(b)
+}
+
+/// Comparison of a run that was rendered again with its stored picture.
+struct Comparison<'a> {
+    /// Id of the run.
+    run: &'a str,
+    /// Folder of error maps.
+    maps: &'a Path,
+    /// Number of runs that are compared, for the correction of multiple tests.
+    tests: usize,
+}
+
+impl Comparison<'_> {
+    /// Compares the mean of a film with a stored picture of equally many samples.
+    fn answer(&self, film: &Film, stored: &Image) -> Answer {
+        let image = film.mean();
+        if [image.width, image.height] != [stored.width, stored.height] {
+            return Answer::Impossible(format!(
+                "the stored picture has {}x{} pixels, but the new one has {}x{}",
+                stored.width, stored.height, image.width, image.height
+            ));
+        }
+        if has_same_bits(&image, stored) {
+            return Answer::Identical;
+        }
+        // The stored picture has equally many samples of the same kind, so both have the same noise.
+        let new = NoisyPicture::from_film(film);
+        let old = NoisyPicture {
+            mean: stored.clone(),
+            ..new.clone()
+        };
+        let side = image.width.min(image.height).div_ceil(16).max(1);
+        let judged = judge(&new, &old, side, self.tests);
+        let statement = judged.statement();
+        if judged.too_dark() || film.samples < 2 {
+            return Answer::Impossible(
+                "the pictures differ, but too few samples found light to distinguish noise from a \
+             change"
+                    .to_owned(),
+            );
+        }
+        if judged.agrees {
+            // Bonferroni correction: the smallest p-value times the number of tests, one for each block
+            // and one for each of the three channels of the whole picture.
+            let least = judged
+                .result
+                .worst_p
+                .min(normal_two_sided_p(judged.result.z));
+            let p = (least * (judged.result.comparisons + 3) as f64).min(1.0);
+            return Answer::Noise { p, statement };
+        }
+        Answer::Differs {
+            statement,
+            at: judged.result.worst_at,
+            map: self.write_map(&image, stored),
+        }
+    }
+
+    /// Writes a map of the relative squared error. Returns its path, or `None` if it cannot be computed
+    /// or written.
+    fn write_map(&self, new: &Image, old: &Image) -> Option<PathBuf> {
+        let (run, folder) = (self.run, self.maps);
+        let metric = MetricSpec::new("relmse", "relmse", Default::default()).ok()?;
+        let map = metric.error_map(new, old).ok()?;
+        let meta = [
+            ("run".to_owned(), run.to_owned()),
+            ("metric".to_owned(), "relmse".to_owned()),
+        ];
+        let bytes = png::encode_map(&map, map.scale(None), &meta).ok()?;
+        let path = folder.join(format!("differs-{}.png", run.get(..8).unwrap_or(run)));
+        std::fs::create_dir_all(folder).ok()?;
+        store::write_atomically(&path, &bytes)
+            .map_err(|e| print_status(&format!("warning: {e}")))
+            .ok()?;
+        Some(path)
+    }
 }
 
 impl Answer {

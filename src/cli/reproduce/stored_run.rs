@@ -13,14 +13,15 @@ use crate::script;
 use crate::store::schema::plan::{EnvFile, PlanFile};
 use crate::store::schema::run::{ConfigFile, DoneFile};
 use crate::store::{self, Evidence, NightReader, RunReader, StoredFile, cell_config};
-use lumbre_light::film::{Film, Image};
+use lumbre_light::film::{Film, Image, SharedImage};
 use lumbre_light::scene::compile::compile_sharing;
 use lumbre_light::scene::desc::content_hash;
 use lumbre_light::scene::{CompiledScene, SceneDesc, edit};
 use lumbre_light::transport::integrator::external::{is_declared, is_external};
+use lumbre_render::denoise::{self, Denoise, oidn};
 use lumbre_render::external::{self, Access, words};
 use lumbre_render::reference_halves::ReferenceHalves;
-use lumbre_render::{Job, Renderer};
+use lumbre_render::{Job, RenderError, Renderer};
 
 /// Maximum number of samples per pixel rendered in one call.
 const SAMPLES_PER_STEP: u64 = 64;
@@ -33,6 +34,8 @@ pub struct StoredRun {
     pub name: String,
     /// Picture to reproduce.
     pub image: Image,
+    /// Mean of the samples of the picture, if the picture is denoised and its mean is stored.
+    pub raw: Option<Image>,
     /// Number of samples per pixel of the picture.
     pub samples: u64,
     /// Samples per pixel at the end of each measured wave, ascending. Other programs render a wave
@@ -75,8 +78,13 @@ pub fn read(id: &str, folder: &Path, samples: Option<u64>) -> Result<StoredRun, 
         None => (last, total),
     };
     let samples = samples.ok_or_else(|| format!("{} is not finished", folder.display()))?;
-    let bytes = Evidence::default().read(&picture)?;
-    let image = decode_picture(&bytes).map_err(|e| format!("{}: {e}", picture.display()))?;
+    let decoded = |file: &Path| {
+        let bytes = Evidence::default().read(file)?;
+        decode_picture(&bytes).map_err(|e| format!("{}: {e}", file.display()))
+    };
+    let image = decoded(&picture)?;
+    let raw = folder.join(store::RAW);
+    let raw = (Some(samples) == total && raw.is_file()).then(|| decoded(&raw));
     let name = record.config.path.as_deref().unwrap_or(id).to_owned();
     let scene_hash = identity::scene_hash(&record.config.identity).map(str::to_owned);
     let started_in = started_in(folder);
@@ -87,6 +95,7 @@ pub fn read(id: &str, folder: &Path, samples: Option<u64>) -> Result<StoredRun, 
         run: id.to_owned(),
         name,
         image,
+        raw: raw.transpose()?,
         samples,
         config: record.config,
         scene_hash,
@@ -164,13 +173,22 @@ fn render_config(config: &ConfigFile) -> Result<CellConfig, String> {
     })
 }
 
+/// A run that was rendered again.
+pub struct Rendered {
+    /// Sums of its samples.
+    pub film: Film,
+    /// The picture, if it is denoised.
+    pub denoised: Option<SharedImage>,
+}
+
 /// Renders a run again.
 ///
 /// # Errors
 /// Returns a message if a file that the configuration names is missing or has changed, or the run
 /// cannot be rendered on this machine.
-pub fn render(stored: &StoredRun, global: &Global) -> Result<Film, String> {
+pub fn render(stored: &StoredRun, global: &Global) -> Result<Rendered, String> {
     let render = &render_config(&stored.config)?;
+    check_denoiser(render)?;
     let scene = load_scene(render, stored.started_in.as_deref(), global)?;
     let hash = blake3::Hash::from(content_hash(&scene))
         .to_hex()
@@ -203,7 +221,7 @@ pub fn render(stored: &StoredRun, global: &Global) -> Result<Film, String> {
             first_sample,
             ..job.clone()
         };
-        let opened = match row {
+        let start = |job: Job| match row {
             None => {
                 let access = Access {
                     commands: global.allow_commands,
@@ -213,6 +231,7 @@ pub fn render(stored: &StoredRun, global: &Global) -> Result<Film, String> {
             }
             Some(row) => (row.open)(Arc::clone(&compiled), job),
         };
+        let opened = denoise::open::<RenderError>(render.denoise.as_ref(), job, start);
         opened.map_err(|e| e.to_string())
     };
     let waves = if row.is_none() {
@@ -221,12 +240,35 @@ pub fn render(stored: &StoredRun, global: &Global) -> Result<Film, String> {
         &[]
     };
     if let Some(seeds) = stored.config.seeds {
-        return render_reference(stored, seeds, waves, &open);
+        let film = render_reference(stored, seeds, waves, &open)?;
+        return Ok(Rendered {
+            film,
+            denoised: None,
+        });
     }
     let seed = stored.config.seed;
     let renderer = open(seed.ok_or("config.json of the run has no seed")?, 0)?;
-    let renderer = advance_to(renderer, stored.samples, waves)?;
-    Ok(renderer.film().clone())
+    let mut renderer = advance_to(renderer, stored.samples, waves)?;
+    let picture = renderer.picture().map_err(|e| e.to_string())?;
+    Ok(Rendered {
+        film: renderer.film().clone(),
+        denoised: picture.denoised.then_some(picture.image),
+    })
+}
+
+/// Checks that the library of a denoiser is the one that denoised the run.
+fn check_denoiser(render: &CellConfig) -> Result<(), String> {
+    let Some(Denoise::Oidn { version }) = &render.denoise else {
+        return Ok(());
+    };
+    let found = oidn::version()?;
+    if found == *version {
+        return Ok(());
+    }
+    Err(format!(
+        "it was denoised by Open Image Denoise {version}, and {} names version {found}",
+        oidn::VARIABLE
+    ))
 }
 
 /// Checks that the program of an external technique may run and is the one that rendered the run.

@@ -1,15 +1,19 @@
-//! `lumbre export`: writes a scene as files for another renderer.
+//! `lumbre export`: writes a scene as files for another renderer, or a night for programs of others.
 
 use std::path::{Path, PathBuf};
 
 use crate::cli::args::{ExportArgs, Global};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{counted, display_path};
+use crate::cli::inspect::export_night;
 use crate::script;
 use lumbre_light::scene::{edit, export};
 
 /// Runs `lumbre export`: reads a scene, applies its options and settings, and writes it.
 pub fn main(args: &ExportArgs, global: &Global) -> Result<Exit, Failure> {
+    if args.jeri || args.figuregen || args.csv {
+        return export_night::main(args, global);
+    }
     let folder = args
         .folder
         .clone()

@@ -18,8 +18,9 @@ use crate::tui::terminal::terminal_guard;
 use lumbre_light::film::{Film, Image};
 use lumbre_light::scene::compile::compile_sharing;
 use lumbre_light::transport::integrator::external::is_external;
+use lumbre_render::denoise::{self, Denoise};
 use lumbre_render::external::{self, Access};
-use lumbre_render::{Job, Renderer, WaveStats};
+use lumbre_render::{Job, Picture, RenderError, Renderer, WaveStats};
 
 /// Samples per pixel if neither `--spp` nor `--time` is given.
 const DEFAULT_SAMPLES: u64 = 64;
@@ -36,6 +37,9 @@ pub fn main(args: &RenderArgs, global: &Global) -> Result<Exit, Failure> {
     let plan = settings::plan(args, global)?;
     if !global.quiet {
         print_notes_and_warnings(&plan);
+    }
+    if let Some(skipped) = plan.skipped.first() {
+        return Err(Failure::usage(&skipped.reason));
     }
     let [cell] = &plan.cells[..] else {
         return Err(Failure::internal("the plan has more than one cell"));
@@ -54,7 +58,7 @@ pub fn main(args: &RenderArgs, global: &Global) -> Result<Exit, Failure> {
         viewer: args.tev.as_deref().map(Viewer::connect).transpose()?,
         started: Instant::now(),
     };
-    session.render(&controls)?;
+    let picture = session.render(&controls)?;
     let Session {
         renderer,
         done,
@@ -62,8 +66,9 @@ pub fn main(args: &RenderArgs, global: &Global) -> Result<Exit, Failure> {
         ..
     } = session;
     drop(preview);
+    let image = picture.image;
     let film = renderer.film();
-    let (image, metadata) = (film.mean(), metadata(args, cell, film));
+    let metadata = metadata(args, cell, film);
     for output in &outputs {
         write(output, &image, display, &metadata)?;
     }
@@ -101,16 +106,18 @@ fn open(cell: &Cell, seed: u64, global: &Global) -> Result<Box<dyn Renderer>, Fa
         .job(scene.resolution, scene.max_depth, global.threads)
         .map_err(Failure::usage)?;
     let job = Job { seed, ..job };
-    let opened = if is_external(job.integrator) {
-        let access = Access {
-            commands: false,
-            cancelled: &|| false,
-        };
-        external::open(&cell.scene, &config.integrator, &job, &access)
-    } else {
-        backends::open(&config.backend, Arc::new(scene), job)
+    let start = |job: Job| {
+        if is_external(job.integrator) {
+            let access = Access {
+                commands: false,
+                cancelled: &|| false,
+            };
+            external::open(&cell.scene, &config.integrator, &job, &access)
+        } else {
+            backends::open(&config.backend, Arc::new(scene), job)
+        }
     };
-    opened.map_err(Failure::usage)
+    denoise::open::<RenderError>(config.denoise.as_ref(), job, start).map_err(Failure::usage)
 }
 
 /// When rendering stops.
@@ -184,29 +191,31 @@ impl Viewer {
     }
 
     /// Shows the picture, unless it was shown a moment ago and is not the last one.
-    fn show(&mut self, film: &Film, is_last: bool) {
+    fn show(&mut self, image: &Image, is_last: bool) {
         let recent = |shown: Instant| shown.elapsed() < VIEWER_PAUSE;
         if is_last || !self.shown.is_some_and(recent) {
-            self.tev.show("lumbre render", &film.mean());
+            self.tev.show("lumbre render", image);
             self.shown = Some(Instant::now());
         }
     }
 }
 
 impl Session {
-    /// Renders until a limit is reached or a stop is requested.
-    fn render(&mut self, controls: &NightControls) -> Result<(), Failure> {
+    /// Renders until a limit is reached or a stop is requested. Returns the last picture.
+    fn render(&mut self, controls: &NightControls) -> Result<Picture, Failure> {
         loop {
             let wave = self.limits.next_wave(&self.done);
             if wave == 0 || (controls.stop_requested() && self.done.samples > 0) {
+                let picture = self.renderer.picture().map_err(Failure::internal)?;
+                self.done.render_s += picture.extra_s;
                 let line = self.progress_line();
                 if let Some(preview) = &mut self.preview {
-                    preview.draw(self.renderer.film(), &line);
+                    preview.draw(&picture.image, &line);
                 }
                 if let Some(viewer) = &mut self.viewer {
-                    viewer.show(self.renderer.film(), true);
+                    viewer.show(&picture.image, true);
                 }
-                return Ok(());
+                return Ok(picture);
             }
             let stats = self.renderer.advance(wave).map_err(Failure::internal)?;
             if stats.samples == 0 {
@@ -215,10 +224,10 @@ impl Session {
             self.done.add(&stats);
             let line = self.progress_line();
             if let Some(preview) = &mut self.preview {
-                preview.show(self.renderer.film(), &line);
+                preview.show(&self.renderer.film().mean(), &line);
             }
             if let Some(viewer) = &mut self.viewer {
-                viewer.show(self.renderer.film(), false);
+                viewer.show(&self.renderer.film().mean(), false);
             }
         }
     }
@@ -248,8 +257,14 @@ fn summary(cell: &Cell, film: &Film, done: &WaveStats) -> String {
         rounded(done.render_s),
         rounded(done.paths as f64 / done.render_s / 1e6)
     );
-    if let Some(noise) = film.relative_noise() {
-        text += &format!(", noise {} % of the mean", rounded(100.0 * noise));
+    match (denoised_by(cell), film.relative_noise()) {
+        (Some(denoiser), _) => {
+            text += &format!(", denoised by {denoiser}, which makes it biased");
+        }
+        (None, Some(noise)) => {
+            text += &format!(", noise {} % of the mean", rounded(100.0 * noise));
+        }
+        (None, None) => {}
     }
     if done.invalid > 0 {
         text += &format!(
@@ -280,8 +295,15 @@ fn metadata(args: &RenderArgs, cell: &Cell, film: &Film) -> Vec<(String, String)
         ("samples", film.samples.to_string()),
         ("seed", args.seed.to_string()),
     ]
+    .into_iter()
+    .chain(denoised_by(cell).map(|denoiser| ("denoised by", denoiser)))
     .map(|(key, value)| (key.to_owned(), value))
-    .into()
+    .collect()
+}
+
+/// Describes the denoiser of a picture, if it has one.
+fn denoised_by(cell: &Cell) -> Option<String> {
+    cell.config.denoise.as_ref().map(Denoise::describe)
 }
 
 fn write(

@@ -23,6 +23,9 @@ use lumbre_light::value::Value;
 pub fn plan(args: &RenderArgs, global: &Global) -> Result<Plan, Failure> {
     let mut table = picture_table(&args.picture);
     table.insert("integrator".to_owned(), args.integrator.as_str().into());
+    if let Some(denoise) = &args.denoise {
+        table.insert("denoise".to_owned(), denoise.as_str().into());
+    }
     let config = script::render_settings(&table, Path::new(".")).map_err(Failure::usage)?;
     let overrides = Overrides {
         backend: global.backend.clone(),

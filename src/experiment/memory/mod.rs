@@ -9,6 +9,7 @@ use super::spec::CellConfig;
 use lumbre_light::film::layer::{BYTES_PER_PIXEL, LayerLayout, SPLAT_BYTES_PER_PIXEL};
 use lumbre_light::film::time;
 use lumbre_light::transport::integrator::{Settings, integrator};
+use lumbre_render::denoise::Denoise;
 
 /// Bytes per pixel that measuring needs beside the film: the picture, the reference, tone-mapped
 /// copies of both, and FLIP's filtered reference.
@@ -18,8 +19,12 @@ const MEASURING_BYTES: u64 = 80;
 pub fn layer_and_bin_bytes(config: &CellConfig) -> u64 {
     let pixels = pixels(config);
     // The planner has already rejected layouts that are too large.
-    let layers = LayerLayout::new(&config.films, config.max_depth.unwrap_or(1), pixels)
-        .map_or(0, |layout| layout.bytes());
+    let layers = LayerLayout::new(
+        &config.rendered_layers(),
+        config.max_depth.unwrap_or(1),
+        pixels,
+    )
+    .map_or(0, |layout| layout.bytes());
     let timing = config.timing.as_ref();
     let bins = timing
         .and_then(|timing| time::bytes(&timing.axis, pixels, splats(config)).ok())
@@ -27,13 +32,14 @@ pub fn layer_and_bin_bytes(config: &CellConfig) -> u64 {
     layers + bins
 }
 
-/// Upper bound of the bytes that a run takes while it renders: film, layers, time bins, and the
-/// buffers of measuring, and the photons, light subpaths or tree of an iteration. The scene with its
+/// Upper bound of the bytes that a run takes while it renders: film, layers, time bins, the buffers
+/// of measuring and denoising, and the photons, light subpaths or tree of an iteration. The scene with its
 /// hierarchy, material and light tables is not included.
 pub fn run_bytes(config: &CellConfig) -> u64 {
     let each =
         BYTES_PER_PIXEL + u64::from(splats(config)) * SPLAT_BYTES_PER_PIXEL + MEASURING_BYTES;
-    pixels(config) * each + layer_and_bin_bytes(config) + shared_bytes(config)
+    let denoising = config.denoise.as_ref().map_or(0, Denoise::bytes_per_pixel);
+    pixels(config) * (each + denoising) + layer_and_bin_bytes(config) + shared_bytes(config)
 }
 
 /// Upper bound of the bytes taken by the data that the samples of an iteration share.

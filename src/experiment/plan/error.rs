@@ -218,6 +218,16 @@ pub enum PlanError {
         /// Source of its bias.
         bias: &'static str,
     },
+    /// A reference, or the second picture of its bias check, is denoised.
+    #[error(
+        "the reference at {point} has `denoise`: denoised pictures are biased, so errors against \
+         them and bias checks with them mean nothing. Leave `denoise` out of `from` and `agree`; a \
+         reference does not inherit it from the cell"
+    )]
+    DenoisedReference {
+        /// Description of the point.
+        point: String,
+    },
     /// A reference cannot be split into shards.
     #[error("`parts` of the reference at {point}: {reason}")]
     Shards {

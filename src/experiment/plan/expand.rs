@@ -8,7 +8,7 @@ use super::path::Paths;
 use super::resolve::{LoadScene, Renderable, Resolver};
 use super::{
     BiasCheck, Cell, Plan, PlanError, PlannedCommand, Reference, ReferenceSource, RunId, Skipped,
-    identity,
+    identity, warnings,
 };
 use crate::experiment::shards;
 use crate::experiment::spec::{
@@ -17,10 +17,6 @@ use crate::experiment::spec::{
 use crate::experiment::stop::StopRule;
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::value::Value;
-
-/// Samples of a reference divided by those of a cell below which its noise is a large part of the
-/// cell's error: at 4, a fifth of a squared error.
-const SAMPLES_OF_A_REFERENCE: u64 = 4;
 
 /// Expands an experiment to its plan.
 ///
@@ -172,7 +168,7 @@ impl<'a> Builder<'a> {
             .map_err(|e| hook("`control`", point, e))?;
         Ok(requested.unwrap_or_else(|| {
             let mut picture = renderable.picture.clone();
-            for technique in ["integrator", "sampler", "rr_start", "films"] {
+            for technique in ["integrator", "sampler", "rr_start", "films", "denoise"] {
                 picture.remove(technique);
             }
             self.pictures_with_doubles
@@ -235,6 +231,13 @@ impl<'a> Builder<'a> {
                 shards,
             }) => (config, stop, bias_check, shards),
         };
+        let second = bias_check.as_ref().map(|check| &check.config);
+        let denoised = |config: &CellConfig| config.denoise.is_some();
+        if denoised(&config) || second.is_some_and(denoised) {
+            return Err(PlanError::DenoisedReference {
+                point: describe(point),
+            });
+        }
         if let Some(check) = &bias_check {
             for name in [&config.integrator, &check.config.integrator] {
                 if let Some(bias) = bias_of(name) {
@@ -414,7 +417,18 @@ impl<'a> Builder<'a> {
             references: self.references,
             skipped: self.skipped,
             notes: self.resolver.notes.into_iter().collect(),
-            commands: self.resolver.commands.into_iter().collect(),
+            commands: self
+                .resolver
+                .commands
+                .into_iter()
+                .chain(
+                    self.spec
+                        .night
+                        .notices
+                        .iter()
+                        .map(PlannedCommand::of_notice),
+                )
+                .collect(),
             commands_allowed: self.overrides.commands,
             warnings,
             measure: self.spec.measure.clone(),
@@ -438,7 +452,7 @@ impl<'a> Builder<'a> {
             };
             format!("{runs} only at `{rule}`, which may never hold: add stop.time or stop.samples")
         };
-        let mut warnings: Vec<String> = self.endless.iter().map(endless).collect();
+        let mut found: Vec<String> = self.endless.iter().map(endless).collect();
         if self.unmeasured > 0 && !self.columns.is_empty() {
             let cells = if self.unmeasured == 1 {
                 "1 cell has".to_owned()
@@ -446,38 +460,16 @@ impl<'a> Builder<'a> {
                 format!("{} cells have", self.unmeasured)
             };
             let columns = self.columns.join(", ");
-            warnings.push(format!(
+            found.push(format!(
                 "{cells} no reference, so {columns} will not be measured"
             ));
         }
-        warnings.extend(self.biased_references());
-        warnings.extend(self.checks_with_common_noise());
-        warnings.extend(self.short_references());
-        warnings.extend(self.duplicate_warning());
-        warnings
-    }
-
-    /// Returns a warning about references with hardly more samples than the cells measured against
-    /// them, by the same integrator: their own noise would be a large part of every error.
-    fn short_references(&self) -> Option<String> {
-        let is_short = |cell: &&Cell| {
-            let reference = cell.reference.map(|index| &self.references[index].source);
-            let Some(ReferenceSource::Render { config, stop, .. }) = reference else {
-                return false;
-            };
-            let samples = cell.stop.sample_limit().zip(stop.sample_limit());
-            config.integrator == cell.config.integrator
-                && samples.is_some_and(|(cell, own)| own < SAMPLES_OF_A_REFERENCE * cell)
-        };
-        let short = self.cells.iter().filter(is_short).count();
-        (short > 0).then(|| {
-            format!(
-                "{short} of {} cells have a reference with less than {SAMPLES_OF_A_REFERENCE} \
-                 times their samples: much of their error will be its noise. Give references more \
-                 samples",
-                self.cells.len()
-            )
-        })
+        found.extend(self.biased_references());
+        found.extend(self.checks_with_common_noise());
+        found.extend(warnings::denoised_cells(&self.cells));
+        found.extend(warnings::short_references(&self.cells, &self.references));
+        found.extend(warnings::duplicates(&self.cells));
+        found
     }
 
     /// Returns a warning for each integrator of references that is consistent but biased.
@@ -520,37 +512,6 @@ impl<'a> Builder<'a> {
         };
         let shares: BTreeSet<&str> = shares.collect();
         shares.into_iter().map(warning).collect()
-    }
-
-    /// Returns a warning if several cells are the same run, which means that axes have no effect.
-    fn duplicate_warning(&self) -> Option<String> {
-        let mut by_id: BTreeMap<&RunId, Vec<&Cell>> = BTreeMap::new();
-        for cell in &self.cells {
-            by_id.entry(&cell.id).or_default().push(cell);
-        }
-        let groups: Vec<&Vec<&Cell>> = by_id.values().filter(|cells| cells.len() > 1).collect();
-        let mut idle: BTreeSet<usize> = BTreeSet::new();
-        for cells in &groups {
-            let differs = |axis: &usize| {
-                cells
-                    .iter()
-                    .any(|cell| cell.point[*axis].1 != cells[0].point[*axis].1)
-            };
-            idle.extend((0..cells[0].point.len()).filter(differs));
-        }
-        let name = |axis: usize| format!("`{}`", self.cells[0].point[axis].0);
-        let names: Vec<String> = idle.into_iter().map(name).collect();
-        let subject = match names.as_slice() {
-            [] => return None,
-            [one] => format!("axis {one} has"),
-            _ => format!("axes {} have", names.join(", ")),
-        };
-        let cells: usize = groups.iter().map(|cells| cells.len()).sum();
-        Some(format!(
-            "{subject} no effect in {cells} of {} cells, which share {} run ids",
-            self.cells.len(),
-            groups.len()
-        ))
     }
 }
 

@@ -138,8 +138,8 @@ pub(super) fn picture(
         ("sampler", sampler),
         ("backend", backend.into()),
     ];
-    // Omitted if empty, so that runs without layers and bins keep the ids from before these
-    // existed.
+    // Omitted if empty, so that runs without layers, bins and denoisers keep the ids from before
+    // these existed.
     let films: Vec<Value> = config
         .films
         .iter()
@@ -150,6 +150,8 @@ pub(super) fn picture(
         .timing
         .as_ref()
         .map(|timing| ("film", timing.to_film(false)));
+    let denoise = config.denoise.as_ref();
+    let denoise = denoise.map(|denoise| ("denoise", denoise.to_value()));
     let delays = film
         .is_some()
         .then_some(("delays", Value::Int(i64::from(delay::REVISION))));
@@ -158,6 +160,7 @@ pub(super) fn picture(
         .chain(films)
         .chain(film)
         .chain(delays)
+        .chain(denoise)
         .map(|(key, value)| (key.to_owned(), value))
         .collect();
     set_accel(&mut picture, &config.accel);

@@ -15,6 +15,7 @@ mod order;
 mod path;
 mod reach;
 mod resolve;
+mod warnings;
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -172,15 +173,27 @@ pub struct Skipped {
     pub absent: bool,
 }
 
-/// Commands of an external technique that a script declares, as words.
+/// Commands of an external technique or of a notice that a script declares, as words.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 pub struct PlannedCommand {
-    /// Name of the technique.
+    /// Name of the technique, or the events of the notice.
     pub technique: String,
-    /// Command that renders; placeholders of runs and waves are in braces.
+    /// Command that renders or is run at the events; placeholders of runs and waves are in braces.
     pub command: Vec<String>,
     /// Command that prints the version, if there is one.
     pub version: Option<Vec<String>>,
+}
+
+impl PlannedCommand {
+    /// Returns the command of a notice as the plan shows it.
+    pub(super) fn of_notice(notice: &crate::experiment::spec::Notice) -> PlannedCommand {
+        let events: Vec<&str> = notice.events.iter().map(|event| event.name()).collect();
+        PlannedCommand {
+            technique: format!("notify ({})", events.join(", ")),
+            command: notice.command.clone(),
+            version: None,
+        }
+    }
 }
 
 /// Plan of a night.
@@ -208,7 +221,7 @@ pub struct Plan {
     pub warnings: Vec<String>,
     /// Metrics, their interval, and what is stored of each run.
     pub measure: MeasureSpec,
-    /// Commands that its runs need, without repetition.
+    /// Commands that its runs need, without repetition, and those of its notices.
     pub commands: Vec<PlannedCommand>,
     /// Whether these commands may run.
     pub commands_allowed: bool,

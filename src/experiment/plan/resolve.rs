@@ -17,6 +17,7 @@ use lumbre_light::transport::light::LightSelection;
 use lumbre_light::transport::sampler::{SAMPLER_NAMES, SamplerRow, sampler};
 use lumbre_light::value::Value;
 use lumbre_render::BackendRow;
+use lumbre_render::denoise::{Denoise, oidn};
 use lumbre_render::external::technique::FOUND_VERSION;
 use lumbre_render::external::{self, Technique};
 
@@ -67,6 +68,8 @@ pub(super) struct Resolver<'a> {
     backends: BTreeMap<String, &'static str>,
     /// Versions of external programs by the command that prints them, or why they cannot be used.
     external_versions: BTreeMap<Vec<String>, Result<Option<String>, String>>,
+    /// Version of Open Image Denoise, or why it cannot be used.
+    oidn_version: Option<Result<String, String>>,
     /// Hash of the modified shaders of each backend, by its name; `None` if they are unmodified.
     modified_shaders: BTreeMap<&'static str, Option<String>>,
     /// Ids and identities of reference files.
@@ -87,6 +90,7 @@ impl<'a> Resolver<'a> {
             edited: BTreeMap::new(),
             backends: BTreeMap::new(),
             external_versions: BTreeMap::new(),
+            oidn_version: None,
             modified_shaders: BTreeMap::new(),
             reference_files: BTreeMap::new(),
             notes: BTreeSet::new(),
@@ -112,6 +116,9 @@ impl<'a> Resolver<'a> {
         } else {
             None
         };
+        if let Some(denoise) = &mut config.denoise {
+            self.resolve_denoiser(denoise)?;
+        }
         self.resolve_backend(&mut config, peer.is_some(), point)?;
         let (scene, hash) = self.scene(&config, point)?;
         let (resolution, max_depth) = size_and_depth(&config, &scene, point)?;
@@ -156,6 +163,18 @@ impl<'a> Resolver<'a> {
         Ok(())
     }
 
+    /// Sets the version of the library of a denoiser.
+    fn resolve_denoiser(&mut self, denoise: &mut Denoise) -> Result<(), PlanError> {
+        if let Denoise::Oidn { version } = denoise {
+            let found = self.oidn_version.get_or_insert_with(oidn::version);
+            *version = found.clone().map_err(|reason| PlanError::Absent {
+                technique: "the denoiser `oidn`".to_owned(),
+                reason,
+            })?;
+        }
+        Ok(())
+    }
+
     /// Returns what identifies the external program of a technique: its version and the content of
     /// the script's files that its commands name. Sets the version in the parameters.
     fn peer(
@@ -175,7 +194,7 @@ impl<'a> Resolver<'a> {
             &technique,
             config.filter,
             &config.sampler,
-            &config.films,
+            &config.rendered_layers(),
             config.timing.is_some(),
             config.rr_start,
         );
@@ -411,16 +430,18 @@ fn check_films(
     pixels: u64,
     max_depth: u32,
 ) -> Result<(), String> {
-    if !config.films.is_empty() {
+    let layers = config.rendered_layers();
+    if !layers.is_empty() {
         // The layers of external techniques were checked with their other settings.
-        let layers = crate::backends::backend(&config.backend).map(|row| row.layers);
-        if layers != Some(true) && config.backend != external::BACKEND {
+        let supported = crate::backends::backend(&config.backend).map(|row| row.layers);
+        if supported != Some(true) && config.backend != external::BACKEND {
             return Err(format!(
-                "backend `{}` does not support layers: leave out `films` or use another backend",
+                "backend `{}` does not support layers: leave out `films` and `denoise`, or use \
+                 another backend",
                 config.backend
             ));
         }
-        LayerLayout::new(&config.films, max_depth, pixels)?;
+        LayerLayout::new(&layers, max_depth, pixels)?;
     }
     if let Some(timing) = &config.timing {
         time::bytes(&timing.axis, pixels, row.splats)?;

@@ -52,6 +52,8 @@ pub(super) struct EndedRun {
     pub(super) outcome: Outcome,
     /// The film, if anything was rendered.
     pub(super) film: Option<Arc<Film>>,
+    /// The denoised picture, if it has a denoiser and is done.
+    pub(super) denoised: Option<SharedImage>,
     /// Images of the requested layers, if it is done.
     pub(super) layers: Arc<Vec<LayerImage>>,
     /// The time-resolved film, if requested and done.
@@ -93,6 +95,7 @@ impl EndedRun {
         EndedRun {
             outcome,
             film: None,
+            denoised: None,
             layers: Arc::default(),
             times: None,
             rows: Vec::new(),
@@ -117,6 +120,8 @@ pub(super) struct ActiveRun<'a> {
     pub(super) retry: RetryState,
     /// Images of its layers, once it is done.
     pub(super) layers: Vec<LayerImage>,
+    /// The denoised picture at the last measurement, if it has a denoiser.
+    pub(super) denoised: Option<SharedImage>,
     /// Samples per pixel at the last [`Event::Times`](crate::experiment::Event::Times).
     pub(super) times_samples: u64,
     /// Number of turns so far.
@@ -135,6 +140,7 @@ impl<'a> ActiveRun<'a> {
             evaluator: None,
             retry: RetryState::default(),
             layers: Vec::new(),
+            denoised: None,
             times_samples: 0,
             turns: 0,
             turn_start: (Instant::now(), 0.0),

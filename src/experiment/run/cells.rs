@@ -171,6 +171,7 @@ impl<'a> NightRunner<'a, '_> {
                 cell,
                 outcome,
                 film: None,
+                denoised: None,
                 layers,
                 times: None,
                 rows,
@@ -195,6 +196,7 @@ impl<'a> NightRunner<'a, '_> {
         let EndedRun {
             mut outcome,
             film,
+            denoised,
             layers,
             times,
             rows,
@@ -216,6 +218,7 @@ impl<'a> NightRunner<'a, '_> {
             cell,
             outcome: outcome.clone(),
             film,
+            denoised,
             layers,
             times,
             rows: Arc::clone(&rows),

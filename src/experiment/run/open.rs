@@ -15,6 +15,7 @@ use crate::experiment::run_progress::RunProgress;
 use crate::experiment::spec::Warmup;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::transport::integrator::external::is_external;
+use lumbre_render::denoise;
 use lumbre_render::external::{self, Access};
 use lumbre_render::hierarchy::LaneMode;
 use lumbre_render::reference_halves::ReferenceHalves;
@@ -139,7 +140,7 @@ impl<'a> NightRunner<'a, '_> {
                 seed,
                 ..job.clone()
             };
-            let open = || {
+            let start = |job: Job| {
                 if is_external(job.integrator) {
                     let access = Access {
                         commands: self.plan.commands_allowed,
@@ -147,9 +148,10 @@ impl<'a> NightRunner<'a, '_> {
                     };
                     external::open(request.scene, &request.config.integrator, &job, &access)
                 } else {
-                    (self.seams.open)(backend, Arc::clone(&scene), job.clone())
+                    (self.seams.open)(backend, Arc::clone(&scene), job)
                 }
             };
+            let open = || denoise::open(request.config.denoise.as_ref(), job.clone(), start);
             Ok(catch_panic("opening the backend", open)??)
         };
         match request.seeds {

@@ -83,6 +83,7 @@ impl<'a> NightRunner<'a, '_> {
             request,
             mut attempt,
             layers,
+            denoised,
             ..
         } = run;
         if outcome == Outcome::Interrupted {
@@ -103,6 +104,7 @@ impl<'a> NightRunner<'a, '_> {
         EndedRun {
             outcome,
             film,
+            denoised,
             layers: Arc::new(layers),
             times,
             rows,
@@ -128,9 +130,12 @@ impl<'a> NightRunner<'a, '_> {
         let next = next.and_then(|next| {
             // Only finished runs record their layers.
             if let (AfterTurn::End(Outcome::Done(_)), Some(renderer)) =
-                (&next, &run.attempt.renderer)
+                (&next, &mut run.attempt.renderer)
             {
                 run.layers = layer_images(renderer.as_ref())?;
+                // A run that ends where an earlier process left it was not measured by this one.
+                let picture = catch_panic("denoising", || renderer.picture())??;
+                run.denoised = picture.denoised.then_some(picture.image);
             }
             Ok(next)
         });
@@ -311,12 +316,15 @@ impl<'a> NightRunner<'a, '_> {
     }
 
     /// Measures a complete wave.
-    fn measure_wave(&mut self, run: &mut ActiveRun<'a>) -> Result<(), String> {
-        let Some(renderer) = &run.attempt.renderer else {
-            return Err("the renderer is not open".to_owned());
+    fn measure_wave(&mut self, run: &mut ActiveRun<'a>) -> Result<(), AttemptError> {
+        let Some(renderer) = &mut run.attempt.renderer else {
+            return Err("the renderer is not open".to_owned().into());
         };
+        let picture = catch_panic("denoising", || renderer.picture())??;
+        run.attempt.progress.current_wave.render_s += picture.extra_s;
+        run.denoised = picture.denoised.then(|| Arc::clone(&picture.image));
+        let image = picture.image;
         let start = Instant::now();
-        let image = Arc::new(renderer.film().mean());
         let noise = match run.request.cell {
             CellRef::Reference(_) => renderer.film().relative_noise(),
             CellRef::Cell(_) => None,

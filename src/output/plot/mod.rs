@@ -29,6 +29,7 @@ pub use svg::escape;
 use super::devices::{DEVICE, Devices};
 use super::format;
 use super::report::metric_display::MetricDisplay;
+use super::report::study::BIASED;
 use super::table::is_finished;
 use crate::experiment::plan::Plan;
 use crate::experiment::spec::{FigureKind, FigureSpec};
@@ -219,7 +220,10 @@ impl FigureData<'_> {
         let is_drawn = |index: usize| self.cells.iter().any(|(_, style)| *style == index);
         let mut notes = vec![content.notes];
         let entries = (0..self.styles.len()).map(|index| {
-            let (label, long) = self.label(index);
+            let (mut label, long) = self.label(index);
+            if !label.is_empty() && self.is_denoised(index) {
+                label += BIASED;
+            }
             if let Some(long) = long.filter(|_| is_drawn(index)) {
                 notes.push(format!("{label}: {long}"));
             }
@@ -297,6 +301,12 @@ impl FigureData<'_> {
                 (pairs.join(", "), None)
             }
         }
+    }
+
+    /// Whether all cells of a series are denoised, which makes its pictures biased.
+    fn is_denoised(&self, index: usize) -> bool {
+        let mut cells = self.cells.iter().filter(|(_, style)| *style == index);
+        cells.all(|(cell, _)| self.plan.cells[*cell].config.denoise.is_some())
     }
 
     /// Returns the colour that the script gives to a series by one of its values.

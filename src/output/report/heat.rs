@@ -158,12 +158,15 @@ impl<'a> HeatMap<'a> {
         } else {
             ""
         };
-        let caption = format!(
+        let mut caption = format!(
             "{} at the end of each run. {} of {count} finished runs per cell, over {}.{scale}",
             format::metric_description(spec),
             mean_name(self.scale),
             self.averaged_over(),
         );
+        if let Some(sentence) = study.bias_sentence() {
+            caption += &format!(" {sentence}");
+        }
         ReportItem::figure(
             "Heat maps",
             format!("figures/heat-{}", spec.column),

@@ -6,6 +6,7 @@ use super::study::{Member, Study};
 use crate::experiment::night_results::{NightResults, RunState};
 use crate::metrics::MetricSpec;
 use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow};
+use lumbre_render::denoise::BIAS;
 use lumbre_render::external::WALL_CLOCK;
 
 /// Maximum number of different ends of runs that the paragraph lists.
@@ -62,6 +63,7 @@ fn sentences(study: &Study) -> Vec<String> {
     out.push(run_count(study));
     out.extend(techniques(study));
     out.extend(external_renderers(study));
+    out.extend(denoisers(study));
     let references = study
         .nights
         .iter()
@@ -213,6 +215,35 @@ fn external_renderers(study: &Study) -> Vec<String> {
         if !out.contains(&sentence) {
             out.push(sentence);
         }
+    }
+    out
+}
+
+/// Returns sentences on the denoisers of pictures.
+fn denoisers(study: &Study) -> Vec<String> {
+    let is_used = |name: &str| {
+        let mut runs = study.all();
+        runs.any(|m| m.run.denoise.as_deref() == Some(name))
+    };
+    let mut out = Vec::new();
+    if is_used("atrous") {
+        out.push(
+            "Pictures of `denoise = atrous` were filtered by an edge-avoiding à-trous wavelet \
+             filter with variance guidance [Dammertz et al. 2010; Schied et al. 2017]."
+                .to_owned(),
+        );
+    }
+    if is_used("oidn") {
+        out.push(
+            "Pictures of `denoise = oidn` were filtered by Open Image Denoise [Áfra 2019]."
+                .to_owned(),
+        );
+    }
+    if !out.is_empty() {
+        out.push(format!(
+            "Denoisers were guided by albedo and normals, and one denoising is part of each render \
+             time. {BIAS}"
+        ));
     }
     out
 }

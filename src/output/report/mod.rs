@@ -100,6 +100,11 @@ pub struct Report {
     pub notes: Vec<String>,
 }
 
+/// Returns the data of a study as CSV files: its runs, their measurements, and what the columns mean.
+pub fn data(study: &Study) -> Vec<ReportItem> {
+    tidy::all(study)
+}
+
 /// Builds a report of a study.
 ///
 /// # Errors

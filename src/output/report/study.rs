@@ -9,6 +9,10 @@ use crate::output::dependent_axes;
 use crate::output::format;
 use crate::output::plot::style::Colour;
 use lumbre_light::transport::integrator::canonical_name;
+use lumbre_render::denoise;
+
+/// Mark at the end of the label of a series whose pictures are denoised.
+pub const BIASED: &str = " (biased)";
 
 /// Options of a report. All have defaults that suit most nights.
 #[derive(Clone, Debug, Default)]
@@ -260,6 +264,23 @@ impl<'a> Study<'a> {
             }
         }
         self.sort_series();
+        self.mark_biased_series();
+    }
+
+    /// Marks the labels of the series whose pictures are all denoised.
+    fn mark_biased_series(&mut self) {
+        for series in 0..self.series.len() {
+            let mut members = (0..self.facets.len()).flat_map(|facet| self.members(facet, series));
+            if members.all(|m| m.run.denoise.is_some()) {
+                self.series[series].label += BIASED;
+            }
+        }
+    }
+
+    /// Returns a sentence for captions if pictures of the study are denoised.
+    pub fn bias_sentence(&self) -> Option<&'static str> {
+        let is_denoised = self.all().any(|m| m.run.denoise.is_some());
+        is_denoised.then_some(denoise::BIAS)
     }
 
     /// Returns the label of a run's series, and the long name if the label is an integrator.

@@ -286,6 +286,9 @@ fn item(
         }
         _ => {}
     }
+    if let Some(sentence) = study.bias_sentence() {
+        caption += &format!(" {sentence}");
+    }
     let provenance = provenance(study, facets);
     let figure = Figure {
         title: title.clone(),

@@ -90,6 +90,7 @@ fn run(
         repeat,
         seed: 100 + repeat,
         integrator: technique.to_owned(),
+        denoise: None,
         scene: format!("{scene}.scn"),
         max_depth: Some(5),
         resolution: Some([40, 30]),

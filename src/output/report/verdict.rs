@@ -282,6 +282,13 @@ fn caveats(study: &Study, grids: &[&Grid]) -> Vec<String> {
             ));
         }
     }
+    if study.bias_sentence().is_some() {
+        caveats.push(
+            "Denoised series are biased: they lead while noise is the larger part of the error, \
+             and other series may pass them with more time."
+                .to_owned(),
+        );
+    }
     if study.series.len() < 2 {
         caveats.push("There is only one series, so nothing is compared.".to_owned());
     }

@@ -3,10 +3,11 @@
 use std::collections::BTreeSet;
 
 use super::{CellValue, TableCell, TableRow};
-use crate::experiment::plan::Plan;
+use crate::experiment::plan::{Cell, Plan};
 use crate::experiment::spec::TableSpec;
 use crate::output::format;
 use crate::output::quantity::{self, Bound};
+use lumbre_render::denoise::BIAS;
 
 /// Builds the caption: the value, the number of runs averaged, notation, runs and points that are
 /// left out, and long names. `unfinished` is the number of runs that have not finished.
@@ -45,6 +46,10 @@ pub(super) fn caption(
         1 => format!("1 point is left out: {reason}."),
         _ => format!("{count} points are left out: {reason}."),
     }));
+    let denoised = |cell: &Cell| cell.config.denoise.is_some();
+    if plan.cells.iter().any(denoised) {
+        sentences.push(BIAS.to_owned());
+    }
     sentences.extend(long_names(plan, spec));
     sentences.join(" ")
 }

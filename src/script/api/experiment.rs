@@ -8,7 +8,8 @@ use mlua::{Lua, Value as LuaValue};
 use super::builder::{Builder, Head, Reference, Stop};
 use super::stop_rule::{cell_rules, reference_rules, rule_from_value};
 use super::{
-    ApiFn, Args, Param, axis, measure, night, presentation, reference, report, report_checks,
+    ApiFn, Args, Param, axis, measure, night, notify, presentation, reference, report,
+    report_checks,
 };
 use crate::experiment::spec::Order;
 use crate::script::error::ScriptError;
@@ -94,6 +95,7 @@ pub const METHODS: &[&[ApiFn]] = &[
     reference::METHODS,
     RULE_METHODS,
     night::METHODS,
+    notify::METHODS,
     measure::METHODS,
     report::METHODS,
     presentation::METHODS,

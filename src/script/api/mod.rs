@@ -8,6 +8,7 @@ pub mod experiment;
 pub mod external;
 pub mod measure;
 pub mod night;
+pub mod notify;
 pub mod presentation;
 pub mod reference;
 pub mod render;

@@ -15,6 +15,7 @@ use lumbre_light::transport::path_time::Timing;
 use lumbre_light::transport::sampler::SAMPLER_NAMES;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{SchemaError, unknown_key, unknown_name};
+use lumbre_render::denoise::Denoise;
 use lumbre_render::external::technique::VALUES;
 use lumbre_render::hierarchy::AccelSpec;
 
@@ -110,6 +111,7 @@ pub fn cell_config(
         set: scene_changes(&common, folder, path)?,
         films: films(common.get("films")),
         timing: timing(common.get("film"), &at("film"))?,
+        denoise: denoise(&common),
         sampler: text(&common, "sampler").unwrap_or_else(|| SAMPLER_NAMES[0].to_owned()),
         accel: common
             .get("accel")
@@ -231,10 +233,14 @@ fn scene_options(
     }
 }
 
+/// Keys of a cell's render table that its reference does not inherit.
+const NOT_INHERITED: [&str; 5] = ["films", "film", "denoise", "atrous", "accel"];
+
 /// Returns the render table of a reference: the cell's own with the fields of `overrides`. Nested
 /// tables (`set`, `aa`, `camera`, `rr`, `accel`, `scene_options`) are merged key by key. A
 /// different integrator does not inherit the parameters of the cell's integrator. Layers, time axis
-/// and acceleration structure are never inherited, since they do not affect the picture.
+/// and acceleration structure are never inherited, since they do not affect the picture, and no
+/// denoiser, since its bias would be that of the reference.
 pub fn merge(
     own: &BTreeMap<String, Value>,
     overrides: &BTreeMap<String, Value>,
@@ -244,9 +250,7 @@ pub fn merge(
         .is_some_and(|i| own.get("integrator") != Some(i));
     let mut merged: BTreeMap<String, Value> = own
         .iter()
-        .filter(|(k, _)| {
-            (!other || is_common(k)) && !matches!(k.as_str(), "films" | "film" | "accel")
-        })
+        .filter(|(k, _)| (!other || is_common(k)) && !NOT_INHERITED.contains(&k.as_str()))
         .map(|(k, v)| (k.clone(), v.clone()))
         .collect();
     for (key, value) in overrides {
@@ -352,6 +356,13 @@ fn timing(value: Option<&Value>, path: &str) -> Result<Option<Timing>, SchemaErr
     value
         .and_then(Value::as_map)
         .map_or(Ok(None), |film| Timing::from_film(film, path))
+}
+
+/// Returns the denoiser of a checked table.
+fn denoise(map: &BTreeMap<String, Value>) -> Option<Denoise> {
+    let none = BTreeMap::new();
+    let parameters = map.get("atrous").and_then(Value::as_map).unwrap_or(&none);
+    Denoise::from_name(map.get("denoise")?.as_str()?, parameters)
 }
 
 /// Returns the changes to the scene from `set`, `view` and `camera`, by path.

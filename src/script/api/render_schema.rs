@@ -9,6 +9,8 @@ use lumbre_light::transport::integrator::external::EXTERNALS;
 use lumbre_light::transport::sampler::SAMPLER_NAMES;
 use lumbre_light::transport::time_settings::FILM;
 use lumbre_light::value::schema::{Field, Table, Ty};
+use lumbre_render::denoise;
+use lumbre_render::denoise::atrous::ATROUS;
 use lumbre_render::hierarchy::ACCEL;
 
 /// Names of the integrators, for the annotations.
@@ -295,6 +297,22 @@ pub const RENDER: Table = Table {
             required: false,
             default: "never",
             doc: "Russian roulette",
+        },
+        Field {
+            key: "denoise",
+            ty: Ty::Word(&denoise::NAMES),
+            required: false,
+            default: "none",
+            doc: "denoiser of the picture before it is measured and stored, on the clock of the run: \
+                  the built-in wavelet filter `atrous`, or `oidn`, Open Image Denoise, which \
+                  LUMBRE_OIDN names; denoised pictures are biased, and references are never denoised",
+        },
+        Field {
+            key: "atrous",
+            ty: Ty::Table(&ATROUS),
+            required: false,
+            default: "its defaults",
+            doc: "parameters of `denoise = \"atrous\"`",
         },
         Field {
             key: "accel",

@@ -125,6 +125,7 @@ fn run_result(
         repeat: u64::from(cell.repeat),
         seed: cell.seed,
         integrator: cell.integrator.clone(),
+        denoise: cell.denoise.clone(),
         scene: cell.scene.clone(),
         max_depth: cell.max_depth,
         resolution: cell.resolution,

@@ -14,6 +14,7 @@ use lumbre_light::film::layer::Layer;
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::transport::path_time::Timing;
 use lumbre_light::value::Value;
+use lumbre_render::denoise::Denoise;
 use lumbre_render::hierarchy::AccelSpec;
 
 /// Reads the outline of a plan. Metrics that this version does not know, or defines otherwise, are
@@ -89,6 +90,10 @@ pub fn cell_config(render: &RenderSettings) -> Option<CellConfig> {
             .collect::<Option<_>>()?,
         timing: match film {
             Some(film) => Timing::from_film(film, "film").ok()?,
+            None => None,
+        },
+        denoise: match &render.denoise {
+            Some(denoise) => Some(Denoise::from_value(denoise)?),
             None => None,
         },
         sampler: render.sampler.clone(),

@@ -14,6 +14,7 @@ pub mod plan;
 pub mod process;
 mod reference;
 pub mod run;
+pub mod status;
 pub mod values;
 
 pub use reference::reference;

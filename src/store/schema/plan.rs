@@ -172,6 +172,9 @@ records! {
         /// Repeat of the same point that it doubles for the A/A check. Only of such cells.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pub double_of: Option<u32>,
+        /// Name of its denoiser. Only of cells that have one.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub denoise: Option<String>,
     }
 
     /// A reference that is rendered.

@@ -15,6 +15,9 @@ use super::run::{
     BiasCheckFile, CheckpointHead, ConfigFile, DifferingBlock, FailedFile, FileSum,
     ImportedReference, OpenCost, PixelFilter, RenderSettings, RunResults, WaveCounts,
 };
+use super::status::{
+    CellCounts, CurrentRun, FailureRecord, ReferenceCounts, ShardCounts, StatusReport,
+};
 use lumbre_light::value::markdown::{row, sentence, table_head};
 
 /// Structures of each file: that of the file first, then those of its parts.
@@ -68,6 +71,17 @@ const FILES: &[(&str, &[RecordRow])] = &[
     ),
     ("`affinity/<group>.json`", &[AffinityFile::ROW]),
     ("`job/job.json`", &[JobFile::ROW, SubmittedJob::ROW]),
+    (
+        "Output of `lumbre status --json`",
+        &[
+            StatusReport::ROW,
+            CellCounts::ROW,
+            ReferenceCounts::ROW,
+            ShardCounts::ROW,
+            CurrentRun::ROW,
+            FailureRecord::ROW,
+        ],
+    ),
 ];
 
 /// Events of a journal by their names, with their fields.

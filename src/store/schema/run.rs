@@ -43,6 +43,9 @@ records! {
         pub films: Vec<String>,
         /// Time axis of the film; `null` without one.
         pub film: Option<Value>,
+        /// Denoiser with its settings. Only of runs that have one.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub denoise: Option<Value>,
         /// Name of the sampler.
         pub sampler: String,
         /// Settings of the bounding volume hierarchy.

@@ -12,6 +12,7 @@ use crate::store::schema::plan::{
 use crate::store::schema::run::{ConfigFile, PixelFilter, RenderSettings};
 use crate::store::schema::values::Named;
 use lumbre_light::value::Value;
+use lumbre_render::denoise::Denoise;
 
 /// Returns the content of `plan.json`.
 pub fn plan_file(plan: &Plan) -> PlanFile {
@@ -140,6 +141,7 @@ fn planned_cell(cell: &Cell, stop: usize) -> PlannedCell {
         reference: cell.reference,
         stop,
         double_of: cell.double_of,
+        denoise: cell.config.denoise.as_ref().map(|d| d.name().to_owned()),
     }
 }
 
@@ -221,6 +223,7 @@ fn render_settings(config: &CellConfig) -> RenderSettings {
             .map(|layer| layer.row().name.to_owned())
             .collect(),
         film: config.timing.as_ref().map(|timing| timing.to_film(true)),
+        denoise: config.denoise.as_ref().map(Denoise::to_value),
         sampler: config.sampler.clone(),
         accel: config.accel.identity(),
         set: config.set.clone(),

@@ -20,6 +20,9 @@ pub const HALVES: [&str; 2] = ["half-a.exr", "half-b.exr"];
 /// mean.
 pub const NOISE: &str = "noise.exr";
 
+/// File name of the mean of the samples of a run whose pictures are denoised.
+pub const RAW: &str = "raw.exr";
+
 /// Writer of one run's files. [`RunWriter::finish`] comes last; without it the run is incomplete.
 #[derive(Debug)]
 pub struct RunWriter {

@@ -160,6 +160,7 @@ impl NightModel {
                 cell,
                 outcome,
                 film: _,
+                denoised: _,
                 layers,
                 times: _,
                 rows,

@@ -56,7 +56,7 @@ fn any_event() -> impl Strategy<Value = Event> {
             let (cell, outcome, last) = parts;
             let rows = last.map_or_else(Vec::new, |k| vec![night::row(k)]);
             Event::CellFinished {
-                cell, outcome, film: None, layers: Arc::default(), times: None,
+                cell, outcome, film: None, denoised: None, layers: Arc::default(), times: None,
                 rows: Arc::new(rows),
             }
         }),

@@ -454,6 +454,7 @@ fn a_sharded_reference_shows_its_finished_shards() {
             cell,
             outcome,
             film: None,
+            denoised: None,
             layers: Arc::default(),
             times: None,
             rows,

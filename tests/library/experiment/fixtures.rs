@@ -187,6 +187,7 @@ pub fn config() -> CellConfig {
         films: Vec::new(),
         accel: Default::default(),
         timing: None,
+        denoise: None,
         sampler: "independent".to_owned(),
         set: BTreeMap::new(),
         backend: "mock".into(),

@@ -8,6 +8,7 @@
 mod compare;
 mod compare_techniques;
 mod damage;
+mod denoise;
 mod errors;
 mod evidence;
 mod external;
@@ -16,6 +17,8 @@ mod external_pictures;
 mod kill;
 mod limits;
 mod nights;
+#[cfg(unix)]
+mod notices;
 mod reading;
 mod readme;
 mod recipes;

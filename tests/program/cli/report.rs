@@ -27,6 +27,62 @@ fn reported() -> Workplace {
 }
 
 #[test]
+fn a_night_is_exported_for_viewers_and_scripts() {
+    let place = reported();
+    let export = |format: &str| {
+        let printed = place.succeed(&["export", "out/latest", format]).stdout;
+        place.read(printed.trim())
+    };
+    let data = export("--jeri");
+    let tree: serde_json::Value = serde_json::from_str(
+        data.trim_start_matches("const data = ")
+            .trim_end_matches(";\n"),
+    )
+    .unwrap();
+    let pictures = tree["children"][0]["children"].as_array().unwrap();
+    let titles: Vec<&str> = pictures
+        .iter()
+        .map(|p| p["title"].as_str().unwrap())
+        .collect();
+    assert_eq!(titles, ["Reference", "bpt", "nee"]);
+    let image = |value: &serde_json::Value| format!("study-jeri/{}", value.as_str().unwrap());
+    for picture in pictures {
+        assert!(place.path(&image(&picture["image"])).is_file(), "{picture}");
+    }
+    assert_eq!(pictures[1]["compareTo"]["reference"], pictures[0]["image"]);
+    // The first repeat of each technique, as it is stored.
+    let run = place
+        .files("out")
+        .into_iter()
+        .find(|f| f.contains("technique=nee/rep=0/") && f.ends_with("/final.exr"));
+    let bytes = |file: &str| std::fs::read(place.path(file)).unwrap();
+    assert!(bytes(&run.unwrap()) == bytes(&image(&pictures[2]["image"])));
+
+    assert!(export("--figuregen").contains("import figuregen"));
+    let figure = place.json("study-figuregen/figure.json");
+    let nee = &figure["rows"][0]["series"][1];
+    assert_eq!(
+        (&nee["title"], &nee["samples"]),
+        (&"nee".into(), &16.into())
+    );
+    assert!(nee["errors"]["rmse"].as_f64().unwrap() > 0.0);
+    assert!(
+        place
+            .path(&format!(
+                "study-figuregen/{}",
+                nee["image"].as_str().unwrap()
+            ))
+            .is_file()
+    );
+
+    assert_eq!(export("--csv").lines().count(), 1 + 4);
+    assert!(place.read("study-csv/waves.csv").lines().count() > 5);
+    let error = place.fail(2, &["export", "out/latest"]);
+    assert!(error.contains("--jeri"), "{error}");
+    place.fail(2, &["export", "ball.scn", "--jeri"]);
+}
+
+#[test]
 fn a_report_depends_only_on_the_night_folder_and_is_reproducible() {
     let place = reported();
     let output = place.succeed(&["report", "out/latest"]);

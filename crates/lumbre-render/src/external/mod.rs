@@ -24,7 +24,7 @@ pub mod technique;
 pub mod words;
 
 use std::collections::BTreeMap;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use super::{Job, RenderError, Renderer};
 use lumbre_light::film::layer::Layer;
@@ -134,6 +134,42 @@ pub fn refusal(
     }
 }
 
+/// Why a command failed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CommandFailure {
+    /// Description for people, with the last output of the command.
+    pub reason: String,
+    /// Whether it was ended because it took too long.
+    pub timed_out: bool,
+}
+
+/// Runs a command to its end. Its output is discarded.
+///
+/// # Errors
+/// Returns an error if it cannot be started, takes longer than `limit` or does not exit with status
+/// 0.
+pub fn run_once(command: &[String], limit: Duration) -> Result<(), CommandFailure> {
+    let failure = |reason: String, timed_out: bool| CommandFailure { reason, timed_out };
+    let mut process = Process::start(command, Talk::None).map_err(|e| failure(e, false))?;
+    let patience = Patience {
+        until: Instant::now() + limit,
+        cancelled: &|| false,
+    };
+    let reason = match process.wait(&patience) {
+        Ok((status, _)) if status.success() => return Ok(()),
+        Ok((status, _)) => format!("it failed ({status})"),
+        Err(_) => format!("it was ended after {} s", limit.as_secs_f64()),
+    };
+    let output = process.last_lines();
+    let output = if output.is_empty() {
+        output
+    } else {
+        format!(": {output}")
+    };
+    let timed_out = reason.starts_with("it was ended");
+    Err(failure(reason + &output, timed_out))
+}
+
 /// Starts a run of an external program. `integrator` is the name of the technique.
 ///
 /// # Errors
@@ -167,7 +203,7 @@ fn failed(reason: impl std::fmt::Display) -> RenderError {
 }
 
 /// Returns the error for a program that was not waited for any longer.
-fn interrupted(why: Interruption, limit: std::time::Duration, process: &Process) -> RenderError {
+fn interrupted(why: Interruption, limit: Duration, process: &Process) -> RenderError {
     match why {
         Interruption::Cancelled => RenderError::Cancelled { backend: BACKEND },
         Interruption::Timeout => failed(with_output(

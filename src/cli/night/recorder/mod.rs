@@ -41,8 +41,9 @@ pub struct Recorder<'a> {
     floors: BTreeMap<usize, NoiseFloors>,
 }
 
-/// Layers and time bins of a finished run.
+/// Results of a finished run besides its film: the denoised picture, layers and time bins.
 struct ExtraFilms<'a> {
+    denoised: Option<&'a Image>,
     layers: &'a [LayerImage],
     times: Option<&'a TimeCube>,
 }
@@ -324,11 +325,13 @@ impl Sink for Recorder<'_> {
                 cell,
                 outcome,
                 film,
+                denoised,
                 layers,
                 times,
                 rows,
             } => {
                 let extra = ExtraFilms {
+                    denoised: denoised.as_deref(),
                     layers,
                     times: times.as_deref(),
                 };

@@ -14,6 +14,7 @@ use crate::store::schema::{PROGRAM, Program, Version};
 use crate::store::{Host, utc};
 use lumbre_light::scene::desc::content_hash;
 use lumbre_render::OpenStats;
+use lumbre_render::denoise::Denoise;
 
 /// Facts about a run that are written to the metadata of all its pictures.
 pub(super) struct RunFacts {
@@ -27,7 +28,12 @@ pub(super) struct RunFacts {
     seed: u64,
     /// Name of the device that renders it.
     device: String,
+    /// Description of its denoiser; empty without one.
+    denoise: String,
 }
+
+/// Key of the denoiser in the metadata of a picture.
+pub(super) const DENOISE: &str = "denoised by";
 
 impl RunFacts {
     /// Collects the facts about a run of a plan.
@@ -38,6 +44,10 @@ impl RunFacts {
                 ReferenceSource::Render { seeds, scene, .. } => (seeds[0], Some(scene)),
                 ReferenceSource::File { .. } => (0, None),
             },
+        };
+        let denoise = match cell {
+            CellRef::Cell(i) => plan.cells[i].config.denoise.as_ref(),
+            CellRef::Reference(_) => None,
         };
         let hex = |hash: [u8; 32]| blake3::Hash::from(hash).to_hex().to_string();
         RunFacts {
@@ -50,6 +60,7 @@ impl RunFacts {
             scene_hash: scene.map(|s| hex(content_hash(s))).unwrap_or_default(),
             seed,
             device: open.device.clone(),
+            denoise: denoise.map(Denoise::describe).unwrap_or_default(),
         }
     }
 
@@ -57,6 +68,7 @@ impl RunFacts {
     /// same pictures write the same bytes.
     pub(super) fn metadata(&self, samples: u64) -> Vec<(String, String)> {
         let plan = (!self.plan.is_empty()).then(|| ("plan", self.plan.clone()));
+        let denoise = (!self.denoise.is_empty()).then(|| (DENOISE, self.denoise.clone()));
         let pairs = [
             ("run", self.run.clone()),
             ("scene_hash", self.scene_hash.clone()),
@@ -68,6 +80,7 @@ impl RunFacts {
         pairs
             .into_iter()
             .chain(plan)
+            .chain(denoise)
             .map(|(name, value)| (name.to_owned(), value))
             .collect()
     }

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::records::DENOISE;
 use super::{ExtraFilms, OpenRun, Recorder, sink_error};
 use crate::cli::night::disk_full_retry::{retry_while_disk_full, sleep_before_retry};
 use crate::experiment::bias_check::{BiasCheckResult, MAP_TOP};
@@ -10,13 +11,14 @@ use crate::experiment::{CellRef, SinkError};
 use crate::output::{exr, layer, plot, png, time};
 use crate::store::schema::PROGRAM;
 use crate::store::schema::run::BiasCheckFile;
-use crate::store::{BIAS_CHECK_PREFIX, FILMS, HALVES, NOISE, RunWriter, StoredFile};
+use crate::store::{BIAS_CHECK_PREFIX, FILMS, HALVES, NOISE, RAW, RunWriter, StoredFile};
 use lumbre_light::film::Film;
 use lumbre_light::film::layer::LayerImage;
 use lumbre_light::film::time::TimeCube;
 
 impl Recorder<'_> {
-    /// Writes the final picture of a run, its layers and the files of its time axis. Returns the
+    /// Writes the final picture of a run, the mean of its film if that was denoised, its layers and
+    /// the files of its time axis. Returns the
     /// names of the layers, followed by those of the stills of the time axis.
     pub(super) fn write_pictures(
         &self,
@@ -27,15 +29,22 @@ impl Recorder<'_> {
     ) -> Result<Vec<String>, SinkError> {
         let writer = &run.writer;
         let metadata = run.facts.metadata(film.samples);
-        let image = film.mean();
+        let mean = film.mean();
+        let image = extra.denoised.unwrap_or(&mean);
+        if extra.denoised.is_some() {
+            let mut metadata = metadata.clone();
+            metadata.retain(|(key, _)| key != DENOISE);
+            let raw = exr::encode(&mean, &metadata).map_err(sink_error)?;
+            self.retry_while_full(|| writer.write(RAW, &raw))?;
+        }
         let name = match cell {
             CellRef::Cell(_) => "final",
             CellRef::Reference(_) => "ref",
         };
-        let linear = exr::encode(&image, &metadata).map_err(sink_error)?;
+        let linear = exr::encode(image, &metadata).map_err(sink_error)?;
         self.retry_while_full(|| writer.write(&format!("{name}.exr"), &linear))?;
         let display = self.plan.measure.display;
-        let preview = png::encode(&image, display, &metadata).map_err(sink_error)?;
+        let preview = png::encode(image, display, &metadata).map_err(sink_error)?;
         self.retry_while_full(|| writer.write(&format!("{name}.png"), &preview))?;
         self.write_layers(cell, writer, extra.layers, &metadata)?;
         let mut films: Vec<String> = extra.layers.iter().map(|layer| layer.film.name()).collect();

@@ -183,6 +183,7 @@ fn caption(study: &Study, spec: &MetricSpec, panels: &[Panel], x: FigureX) -> St
     if x == FigureX::RenderS {
         sentences.extend(study.device_sentence("Measured"));
     }
+    sentences.extend(study.bias_sentence().map(str::to_owned));
     let mut names: Vec<String> = study
         .series
         .iter()

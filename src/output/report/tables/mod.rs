@@ -58,6 +58,11 @@ pub fn all(
         grids.push(errors::time_to(study, metric, threshold));
     }
     grids.extend(rates::acceleration_structures(study));
+    if let Some(sentence) = study.bias_sentence() {
+        for grid in &mut grids {
+            grid.caption += &format!(" {sentence}");
+        }
+    }
     let unfinished = study.all().filter(|m| !m.run.is_done()).count();
     if unfinished > 0 {
         notes.push(format!(

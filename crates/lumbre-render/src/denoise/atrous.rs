@@ -1,0 +1,384 @@
+//! Edge-avoiding à-trous wavelet filter with variance guidance [Dammertz et al. 2010; Schied et al.
+//! 2017, the spatial part].
+//!
+//! A pixel becomes the weighted mean of its neighbourhood, in several passes whose taps are twice as
+//! far apart each time. A tap counts less the more its albedo or normal differs, and the more its
+//! luminance differs in units of the noise of the pixel. Radiance is divided by the albedo before and
+//! multiplied by it afterwards, so that textures stay. Each output pixel is a function of the input
+//! alone: the result has the same bits for any number of threads.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+
+use lumbre_light::film::Image;
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::{Field, Table, Ty};
+
+/// Version of the filter; part of the identity of a run.
+pub const REVISION: i64 = 1;
+
+/// Parameters of the filter as a table of scripts.
+pub const ATROUS: Table = Table {
+    name: "Atrous",
+    doc: "Parameters of the denoiser `atrous`, an edge-avoiding à-trous wavelet filter with variance \
+          guidance [Dammertz et al. 2010; Schied et al. 2017].",
+    fields: &[
+        Field::optional(
+            "levels",
+            Ty::Int { min: 1, max: 10 },
+            "5",
+            "number of passes; the last one reaches 2^levels pixels to each side",
+        ),
+        Field::optional(
+            "sigma_luminance",
+            Ty::Num {
+                min: 0.01,
+                max: 1000.0,
+            },
+            "3",
+            "difference of luminance at which a tap counts 1/e, in standard errors of the pixel",
+        ),
+        Field::optional(
+            "sigma_albedo",
+            Ty::Num {
+                min: 0.001,
+                max: 1000.0,
+            },
+            "0.1",
+            "difference of albedo at which a tap counts 1/e",
+        ),
+        Field::optional(
+            "normal_power",
+            Ty::Num {
+                min: 0.0,
+                max: 10_000.0,
+            },
+            "128",
+            "sharpness for normals: a tap whose normal differs by the angle a counts about cos(a) to \
+             this power",
+        ),
+    ],
+};
+
+/// Parameters of the filter, see [`ATROUS`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AtrousSettings {
+    /// Number of passes.
+    pub levels: u32,
+    /// Scale of differences of luminance, in standard errors.
+    pub sigma_luminance: f32,
+    /// Scale of differences of albedo.
+    pub sigma_albedo: f32,
+    /// Exponent of the cosine between normals.
+    pub normal_power: f32,
+}
+
+impl Default for AtrousSettings {
+    fn default() -> AtrousSettings {
+        AtrousSettings {
+            levels: 5,
+            sigma_luminance: 3.0,
+            sigma_albedo: 0.1,
+            normal_power: 128.0,
+        }
+    }
+}
+
+impl AtrousSettings {
+    /// Returns the settings of a table that [`ATROUS`] has accepted.
+    pub fn from_map(map: &BTreeMap<String, Value>) -> AtrousSettings {
+        let default = AtrousSettings::default();
+        let number = |key: &str, default: f32| {
+            let value = map.get(key).and_then(Value::as_f64);
+            value.map_or(default, |x| x as f32)
+        };
+        let levels = map.get("levels").and_then(Value::as_i64);
+        AtrousSettings {
+            levels: levels
+                .and_then(|n| u32::try_from(n).ok())
+                .unwrap_or(default.levels),
+            sigma_luminance: number("sigma_luminance", default.sigma_luminance),
+            sigma_albedo: number("sigma_albedo", default.sigma_albedo),
+            normal_power: number("normal_power", default.normal_power),
+        }
+    }
+
+    /// Returns all settings by their keys.
+    pub fn to_map(self) -> BTreeMap<String, Value> {
+        let number = |x: f32| Value::number(f64::from(x));
+        [
+            ("levels", Value::Int(i64::from(self.levels))),
+            ("sigma_luminance", number(self.sigma_luminance)),
+            ("sigma_albedo", number(self.sigma_albedo)),
+            ("normal_power", number(self.normal_power)),
+        ]
+        .map(|(key, value)| (key.to_owned(), value))
+        .into()
+    }
+}
+
+/// Picture to filter, with what guides the filter. All images have the same size.
+#[derive(Clone, Copy, Debug)]
+pub struct Guided<'a> {
+    /// Mean of the samples.
+    pub mean: &'a Image,
+    /// Variance of the mean.
+    pub variance: &'a Image,
+    /// Number of samples per pixel that the variance is estimated from.
+    pub samples: u64,
+    /// Reflectance of the first surface.
+    pub albedo: &'a Image,
+    /// Shading normal of the first surface.
+    pub normal: &'a Image,
+}
+
+/// Smallest albedo by which radiance is divided.
+const LEAST_ALBEDO: f32 = 0.01;
+
+/// Number of samples below which the variance is estimated from neighbouring pixels too.
+const FEW_SAMPLES: u64 = 4;
+
+/// Radius in pixels of the neighbourhood of that estimate.
+const RADIUS: i64 = 3;
+
+/// Exponent beyond which a tap is left out: its weight is below 1e-9.
+const NEGLIGIBLE: f32 = 20.0;
+
+/// Weights of a B3 spline at distances of 0, 1 and 2 taps.
+const SPLINE: [f32; 3] = [3.0 / 8.0, 1.0 / 4.0, 1.0 / 16.0];
+
+/// Weights of a 3 x 3 Gaussian at distances of 0 and 1 pixel.
+const BLUR: [f32; 2] = [1.0 / 2.0, 1.0 / 4.0];
+
+/// Weights of linear sRGB in luminance.
+const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
+
+/// Irradiance of a pixel relative to white, and the variance of its luminance.
+#[derive(Clone, Copy, Debug, Default)]
+struct Pixel {
+    light: [f32; 3],
+    variance: f32,
+}
+
+/// Features by which the surfaces of two pixels are distinguished.
+#[derive(Clone, Copy, Debug, Default)]
+struct Surface {
+    albedo: [f32; 3],
+    /// Unit vector, or zero where nothing is hit.
+    normal: [f32; 3],
+}
+
+/// Filters a picture on the threads of the current pool.
+pub fn filter(settings: &AtrousSettings, input: Guided<'_>) -> Image {
+    let size = Size {
+        width: i64::from(input.mean.width),
+        height: i64::from(input.mean.height),
+    };
+    let surfaces = surfaces(input);
+    let first = demodulated(input, &surfaces);
+    let mut pixels = first.clone();
+    if input.samples < FEW_SAMPLES {
+        pixels = with_spatial_variance(settings, size, &first, &surfaces);
+    }
+    for level in 0..settings.levels {
+        pixels = pass(settings, size, 1 << level, &pixels, &surfaces);
+    }
+    // Only what the passes changed is multiplied, so that a pixel which they leave alone keeps its
+    // bits.
+    let data = input.mean.data.par_iter().zip(&surfaces);
+    let data = data.zip(pixels.par_iter().zip(&first));
+    let data = data.map(|((mean, surface), (last, first))| {
+        [0, 1, 2].map(|c| {
+            let change = last.light[c] - first.light[c];
+            (mean[c] + divisor(surface, c) * change).max(0.0)
+        })
+    });
+    Image {
+        width: input.mean.width,
+        height: input.mean.height,
+        data: data.collect(),
+    }
+}
+
+/// Size of a picture in pixels.
+#[derive(Clone, Copy)]
+struct Size {
+    width: i64,
+    height: i64,
+}
+
+impl Size {
+    /// Returns the index of a pixel, or `None` outside of the picture.
+    fn index(self, x: i64, y: i64) -> Option<usize> {
+        let inside = (0..self.width).contains(&x) && (0..self.height).contains(&y);
+        inside.then(|| (y * self.width + x) as usize)
+    }
+
+    /// Computes every pixel from its column and row, in parallel by rows.
+    fn map<T: Send + Default + Clone>(self, f: impl Fn(i64, i64) -> T + Sync) -> Vec<T> {
+        let mut out = vec![T::default(); (self.width * self.height) as usize];
+        let rows = out.par_chunks_mut(self.width.max(1) as usize).enumerate();
+        rows.for_each(|(y, row)| {
+            for (x, pixel) in row.iter_mut().enumerate() {
+                *pixel = f(x as i64, y as i64);
+            }
+        });
+        out
+    }
+}
+
+fn surfaces(input: Guided<'_>) -> Vec<Surface> {
+    let guides = input.albedo.data.par_iter().zip(&input.normal.data);
+    let surface = |(albedo, normal): (&[f32; 3], &[f32; 3])| {
+        let length = dot(*normal, *normal).sqrt();
+        let scale = if length > 0.0 { 1.0 / length } else { 0.0 };
+        Surface {
+            albedo: *albedo,
+            normal: normal.map(|x| x * scale),
+        }
+    };
+    guides.map(surface).collect()
+}
+
+/// Number by which channel `c` of a pixel's radiance is divided.
+fn divisor(surface: &Surface, c: usize) -> f32 {
+    surface.albedo[c].max(LEAST_ALBEDO)
+}
+
+/// Divides radiance by albedo. The channels of a sample are taken to be fully correlated, which
+/// overestimates the variance of luminance where they are not.
+fn demodulated(input: Guided<'_>, surfaces: &[Surface]) -> Vec<Pixel> {
+    let pixels = input.mean.data.par_iter().zip(&input.variance.data);
+    let pixel = |((mean, variance), surface): ((&[f32; 3], &[f32; 3]), &Surface)| {
+        let light = [0, 1, 2].map(|c| mean[c] / divisor(surface, c));
+        let deviations = [0, 1, 2].map(|c| variance[c].sqrt() / divisor(surface, c));
+        let deviation = dot(deviations, LUMINANCE);
+        Pixel {
+            light,
+            variance: deviation * deviation,
+        }
+    };
+    pixels.zip(surfaces).map(pixel).collect()
+}
+
+/// Raises the variance of each pixel to that of its neighbours on the same surface, for pictures of
+/// so few samples that their own variances say little.
+fn with_spatial_variance(
+    settings: &AtrousSettings,
+    size: Size,
+    pixels: &[Pixel],
+    surfaces: &[Surface],
+) -> Vec<Pixel> {
+    size.map(|x, y| {
+        let centre = (y * size.width + x) as usize;
+        let [mut sum, mut sum2, mut weights] = [0.0f32; 3];
+        for dy in -RADIUS..=RADIUS {
+            for dx in -RADIUS..=RADIUS {
+                let Some(tap) = size.index(x + dx, y + dy) else {
+                    continue;
+                };
+                let exponent = settings.surface_exponent(&surfaces[centre], &surfaces[tap]);
+                if exponent < NEGLIGIBLE {
+                    let weight = (-exponent).exp();
+                    let luminance = dot(pixels[tap].light, LUMINANCE);
+                    sum += weight * luminance;
+                    sum2 += weight * luminance * luminance;
+                    weights += weight;
+                }
+            }
+        }
+        let mean = sum / weights;
+        let spatial = (sum2 / weights - mean * mean).max(0.0);
+        Pixel {
+            light: pixels[centre].light,
+            variance: pixels[centre].variance.max(spatial),
+        }
+    })
+}
+
+/// One pass, with `step` pixels between two taps.
+fn pass(
+    settings: &AtrousSettings,
+    size: Size,
+    step: i64,
+    pixels: &[Pixel],
+    surfaces: &[Surface],
+) -> Vec<Pixel> {
+    size.map(|x, y| {
+        let centre = (y * size.width + x) as usize;
+        let pixel = pixels[centre];
+        let luminance = dot(pixel.light, LUMINANCE);
+        let deviation = blurred_variance(size, pixels, x, y).sqrt();
+        let per_luminance = 1.0 / (settings.sigma_luminance * deviation + f32::MIN_POSITIVE);
+        // Differences are summed, not values: taps equal to the pixel leave its bits alone.
+        let own = SPLINE[0] * SPLINE[0];
+        let (mut change, mut weights) = ([0.0f32; 3], own);
+        let mut variance = own * own * pixel.variance;
+        for dy in -2..=2i64 {
+            for dx in -2..=2i64 {
+                let tap = size.index(x + dx * step, y + dy * step);
+                let Some(tap) = tap.filter(|_| (dx, dy) != (0, 0)) else {
+                    continue;
+                };
+                let other = &pixels[tap];
+                let difference = (dot(other.light, LUMINANCE) - luminance).abs();
+                let relative = difference * per_luminance;
+                let exponent = relative * relative
+                    + settings.surface_exponent(&surfaces[centre], &surfaces[tap]);
+                if exponent < NEGLIGIBLE {
+                    let spline =
+                        SPLINE[dx.unsigned_abs() as usize] * SPLINE[dy.unsigned_abs() as usize];
+                    let weight = spline * (-exponent).exp();
+                    change =
+                        [0, 1, 2].map(|c| change[c] + weight * (other.light[c] - pixel.light[c]));
+                    variance += weight * weight * other.variance;
+                    weights += weight;
+                }
+            }
+        }
+        Pixel {
+            light: [0, 1, 2].map(|c| pixel.light[c] + change[c] / weights),
+            variance: variance / (weights * weights),
+        }
+    })
+}
+
+/// Returns the variance around a pixel, blurred because that of a single pixel is itself noisy.
+fn blurred_variance(size: Size, pixels: &[Pixel], x: i64, y: i64) -> f32 {
+    let (mut sum, mut weights) = (0.0, 0.0);
+    for dy in -1..=1i64 {
+        for dx in -1..=1i64 {
+            if let Some(tap) = size.index(x + dx, y + dy) {
+                let weight = BLUR[dx.unsigned_abs() as usize] * BLUR[dy.unsigned_abs() as usize];
+                sum += weight * pixels[tap].variance;
+                weights += weight;
+            }
+        }
+    }
+    sum / weights
+}
+
+impl AtrousSettings {
+    /// Returns the negative logarithm of the weight that two surfaces give a tap.
+    fn surface_exponent(&self, a: &Surface, b: &Surface) -> f32 {
+        let albedo = [0, 1, 2].map(|c| a.albedo[c] - b.albedo[c]);
+        let albedo = dot(albedo, albedo) / (self.sigma_albedo * self.sigma_albedo);
+        // Where neither pixel has a surface, both normals are zero and nothing differs.
+        let nothing = a.normal == [0.0; 3] && b.normal == [0.0; 3];
+        let angle = if nothing {
+            0.0
+        } else {
+            1.0 - dot(a.normal, b.normal)
+        };
+        albedo + self.normal_power * angle.max(0.0)
+    }
+}
+
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[cfg(test)]
+#[path = "atrous_tests.rs"]
+mod tests;

@@ -1,0 +1,224 @@
+use super::*;
+
+const SIZE: [u32; 2] = [48, 40];
+
+/// Uniform random numbers in 0..1, by a linear congruential generator.
+fn noise() -> impl FnMut() -> f32 {
+    let mut state = 1u32;
+    move || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 8) as f32 / (1 << 24) as f32
+    }
+}
+
+/// Pictures of a flat wall that faces the camera, with what guides the filter.
+struct Scene {
+    truth: Image,
+    mean: Image,
+    variance: Image,
+    albedo: Image,
+    normal: Image,
+}
+
+impl Scene {
+    /// Adds uniform noise with this standard deviation, relative to the value, to `light` times
+    /// `albedo`.
+    fn noisy(
+        deviation: f32,
+        light: impl Fn(u32, u32) -> f32,
+        albedo: impl Fn(u32, u32) -> [f32; 3],
+    ) -> Scene {
+        let [width, height] = SIZE;
+        let albedo = Image::from_fn(width, height, &albedo);
+        let truth = Image::from_fn(width, height, |x, y| {
+            albedo.at(x, y).map(|a| a * light(x, y))
+        });
+        let mut random = noise();
+        let factors = Image::from_fn(width, height, |_, _| {
+            // A uniform distribution of width w has the standard deviation w / sqrt(12).
+            [1.0 + deviation * 12f32.sqrt() * (random() - 0.5); 3]
+        });
+        let product = |x: u32, y: u32| {
+            let (value, factor) = (truth.at(x, y), factors.at(x, y));
+            [0, 1, 2].map(|c| value[c] * factor[c])
+        };
+        let variance = |x: u32, y: u32| truth.at(x, y).map(|v| (v * deviation).powi(2));
+        Scene {
+            mean: Image::from_fn(width, height, product),
+            variance: Image::from_fn(width, height, variance),
+            normal: Image::from_fn(width, height, |_, _| [0.0, 0.0, 1.0]),
+            albedo,
+            truth,
+        }
+    }
+
+    fn filtered(&self) -> Image {
+        filter(
+            &AtrousSettings::default(),
+            Guided {
+                mean: &self.mean,
+                variance: &self.variance,
+                samples: 16,
+                albedo: &self.albedo,
+                normal: &self.normal,
+            },
+        )
+    }
+
+    /// Root mean square error over pixels whose column `keeps`, relative to the true value.
+    fn error(&self, image: &Image, keeps: impl Fn(u32) -> bool) -> f32 {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for (i, (value, truth)) in image.data.iter().zip(&self.truth.data).enumerate() {
+            if keeps(i as u32 % SIZE[0]) {
+                sum += (value[1] / truth[1] - 1.0).powi(2);
+                count += 1.0;
+            }
+        }
+        (sum / count).sqrt()
+    }
+}
+
+fn grey(_: u32, _: u32) -> [f32; 3] {
+    [0.5, 0.4, 0.3]
+}
+
+/// The two columns beside the middle.
+fn beside_the_middle(x: u32) -> bool {
+    x == SIZE[0] / 2 - 1 || x == SIZE[0] / 2
+}
+
+#[test]
+fn a_constant_picture_keeps_its_bits() {
+    let scene = Scene::noisy(0.0, |_, _| 1.7, grey);
+    let spread = Image::from_fn(SIZE[0], SIZE[1], |x, _| [0.3 * x as f32; 3]);
+    let scene = Scene {
+        variance: spread,
+        ..scene
+    };
+    assert_eq!(scene.filtered(), scene.mean);
+}
+
+#[test]
+fn a_picture_without_variance_keeps_its_bits() {
+    let scene = Scene::noisy(0.0, |x, y| 1.0 + 0.01 * (x * y) as f32, grey);
+    assert_eq!(scene.filtered(), scene.mean);
+}
+
+#[test]
+fn noise_falls_by_the_root_of_the_pixels_that_are_averaged() {
+    let scene = Scene::noisy(0.2, |_, _| 1.0, grey);
+    let [before, after] =
+        [&scene.mean, &scene.filtered()].map(|image| scene.error(image, |_| true));
+    assert!((before / 0.2 - 1.0).abs() < 0.05, "{before}");
+    assert!(after < 0.1 * before, "{before} {after}");
+}
+
+#[test]
+fn edges_of_albedo_are_kept() {
+    let checks = |x: u32, _: u32| {
+        if x < SIZE[0] / 2 {
+            [0.8, 0.7, 0.1]
+        } else {
+            [0.1, 0.2, 0.9]
+        }
+    };
+    let scene = Scene::noisy(0.2, |_, _| 1.0, checks);
+    let after = scene.error(&scene.filtered(), beside_the_middle);
+    assert!(after < 0.04, "{after}");
+}
+
+#[test]
+fn fine_texture_is_kept_while_its_noise_falls() {
+    let texture = |x: u32, y: u32| {
+        let value = if (x + y).is_multiple_of(2) {
+            0.45
+        } else {
+            0.55
+        };
+        [value; 3]
+    };
+    let scene = Scene::noisy(0.2, |_, _| 1.0, texture);
+    let after = scene.error(&scene.filtered(), |_| true);
+    assert!(after < 0.03, "{after}");
+}
+
+#[test]
+fn an_edge_of_light_is_kept_where_it_exceeds_the_noise() {
+    let light = |x: u32, _: u32| if x < SIZE[0] / 2 { 1.0 } else { 5.0 };
+    let scene = Scene::noisy(0.02, light, grey);
+    let [before, after] =
+        [&scene.mean, &scene.filtered()].map(|image| scene.error(image, beside_the_middle));
+    assert!(after < before, "{before} {after}");
+}
+
+#[test]
+fn surfaces_with_other_normals_are_not_mixed() {
+    let light = |x: u32, _: u32| if x < SIZE[0] / 2 { 1.0 } else { 1.3 };
+    let mut scene = Scene::noisy(0.3, light, grey);
+    let blurred = scene.error(&scene.filtered(), beside_the_middle);
+    scene.normal = Image::from_fn(SIZE[0], SIZE[1], |x, _| {
+        if x < SIZE[0] / 2 {
+            [0.0, 0.0, 1.0]
+        } else {
+            [0.6, 0.0, 0.8]
+        }
+    });
+    let kept = scene.error(&scene.filtered(), beside_the_middle);
+    assert!(blurred > 0.08 && kept < 0.04, "{blurred} {kept}");
+}
+
+#[test]
+fn few_samples_take_the_noise_from_their_neighbours() {
+    let mut scene = Scene::noisy(0.2, |_, _| 1.0, grey);
+    scene.variance = Image::new(SIZE[0], SIZE[1]);
+    let after = |samples: u64| {
+        let input = Guided {
+            mean: &scene.mean,
+            variance: &scene.variance,
+            samples,
+            albedo: &scene.albedo,
+            normal: &scene.normal,
+        };
+        scene.error(&filter(&AtrousSettings::default(), input), |_| true)
+    };
+    assert!(after(1) < 0.03, "{}", after(1));
+    assert_eq!(after(FEW_SAMPLES), scene.error(&scene.mean, |_| true));
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_bits() {
+    let light = |x: u32, y: u32| 1.0 + (x as f32 * 0.3).sin() * (y as f32 * 0.2).cos();
+    let scene = Scene::noisy(0.3, light, grey);
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+        pool.build().unwrap().install(|| scene.filtered())
+    };
+    let bits = |image: &Image| -> Vec<u32> {
+        let values = image.data.as_flattened().iter();
+        values.map(|x| x.to_bits()).collect()
+    };
+    let one = bits(&on(1));
+    assert!([2, 7].iter().all(|threads| bits(&on(*threads)) == one));
+}
+
+#[test]
+fn settings_read_back_and_the_table_has_their_defaults() {
+    let changed = AtrousSettings {
+        levels: 3,
+        sigma_luminance: 1.5,
+        sigma_albedo: 0.25,
+        normal_power: 0.0,
+    };
+    assert_eq!(AtrousSettings::from_map(&changed.to_map()), changed);
+    let default = AtrousSettings::default().to_map();
+    for field in ATROUS.fields {
+        let value = default[field.key].as_f64().unwrap();
+        assert_eq!(
+            value as f32,
+            field.default.parse::<f32>().unwrap(),
+            "{}",
+            field.key
+        );
+    }
+    ATROUS.check("atrous", &default).unwrap();
+}

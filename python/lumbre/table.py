@@ -1,0 +1,92 @@
+"""Tables of numbers and text, as CSV files hold them."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Any, Dict, Iterator, List, Sequence, Union
+
+import numpy as np
+
+#: Value of a field: a number, text, or ``None`` where nothing was measured.
+Value = Union[float, str, None]
+
+
+class Table:
+    """Rows with named columns.
+
+    Attributes:
+        columns: Names of the columns in order.
+        rows: One dictionary for each row.
+    """
+
+    def __init__(self, columns: Sequence[str], rows: Sequence[Dict[str, Value]]) -> None:
+        self.columns: List[str] = list(columns)
+        self.rows: List[Dict[str, Value]] = list(rows)
+
+    @classmethod
+    def read(cls, path: Union[str, Path]) -> "Table":
+        """Reads a CSV file with a header. A column whose fields are all numbers or empty has
+        numbers; an empty field is ``None``."""
+        with open(path, newline="", encoding="utf-8") as file:
+            lines = list(csv.reader(file))
+        header, fields = (lines[0], lines[1:]) if lines else ([], [])
+        columns = []
+        for index in range(len(header)):
+            texts = [line[index] for line in fields]
+            try:
+                values: List[Value] = [float(text) if text else None for text in texts]
+            except ValueError:
+                values = [text or None for text in texts]
+            columns.append(values)
+        rows = [dict(zip(header, row)) for row in zip(*columns)]
+        return cls(header, rows)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __iter__(self) -> Iterator[Dict[str, Value]]:
+        return iter(self.rows)
+
+    def __getitem__(self, index: int) -> Dict[str, Value]:
+        return self.rows[index]
+
+    def __repr__(self) -> str:
+        return f"<Table of {len(self.rows)} rows: {', '.join(self.columns)}>"
+
+    def column(self, name: str) -> "np.ndarray":
+        """Returns a column as an array: of ``float64``, with NaN where nothing was measured, or of
+        objects if it has text.
+
+        Raises:
+            KeyError: There is no such column.
+        """
+        if name not in self.columns:
+            raise KeyError(f"no column `{name}`; there are {', '.join(self.columns)}")
+        values = [row[name] for row in self.rows]
+        if any(isinstance(value, str) for value in values):
+            return np.array(values, dtype=object)
+        return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
+
+    def where(self, **values: Any) -> "Table":
+        """Returns the rows in which the columns have these values."""
+        rows = [row for row in self.rows if all(row.get(key) == v for key, v in values.items())]
+        return Table(self.columns, rows)
+
+    def to_pandas(self) -> Any:
+        """Returns a ``pandas.DataFrame``; pandas has to be installed."""
+        import pandas
+
+        return pandas.DataFrame(self.rows, columns=self.columns)
+
+    def _repr_html_(self) -> str:
+        def cell(value: Value) -> str:
+            text = "" if value is None else f"{value:g}" if isinstance(value, float) else value
+            return text.replace("&", "&amp;").replace("<", "&lt;")
+
+        head = "".join(f"<th>{cell(name)}</th>" for name in self.columns)
+        body = "".join(
+            "<tr>" + "".join(f"<td>{cell(row[name])}</td>" for name in self.columns) + "</tr>"
+            for row in self.rows
+        )
+        return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"

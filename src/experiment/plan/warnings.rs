@@ -1,0 +1,76 @@
+//! Warnings about a plan that are probable mistakes of a script.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::{Cell, Reference, ReferenceSource, RunId};
+
+/// Samples of a reference divided by those of a cell below which its noise is a large part of the
+/// cell's error: at 4, a fifth of a squared error.
+const SAMPLES_OF_A_REFERENCE: u64 = 4;
+
+/// Returns a warning about references with hardly more samples than the cells measured against
+/// them, by the same integrator: their own noise would be a large part of every error.
+pub(super) fn short_references(cells: &[Cell], references: &[Reference]) -> Option<String> {
+    let is_short = |cell: &&Cell| {
+        let reference = cell.reference.map(|index| &references[index].source);
+        let Some(ReferenceSource::Render { config, stop, .. }) = reference else {
+            return false;
+        };
+        let samples = cell.stop.sample_limit().zip(stop.sample_limit());
+        config.integrator == cell.config.integrator
+            && samples.is_some_and(|(cell, own)| own < SAMPLES_OF_A_REFERENCE * cell)
+    };
+    let short = cells.iter().filter(is_short).count();
+    (short > 0).then(|| {
+        format!(
+            "{short} of {} cells have a reference with less than {SAMPLES_OF_A_REFERENCE} \
+             times their samples: much of their error will be its noise. Give references more \
+             samples",
+            cells.len()
+        )
+    })
+}
+
+/// Returns a warning about cells whose pictures are denoised.
+pub(super) fn denoised_cells(cells: &[Cell]) -> Option<String> {
+    let denoised = |cell: &&Cell| cell.config.denoise.is_some();
+    let count = cells.iter().filter(denoised).count();
+    (count > 0).then(|| {
+        format!(
+            "{count} of {} cells are denoised, which makes them biased: part of their error does \
+             not vanish with more samples",
+            cells.len()
+        )
+    })
+}
+
+/// Returns a warning if several cells are the same run, which means that axes have no effect.
+pub(super) fn duplicates(cells: &[Cell]) -> Option<String> {
+    let mut by_id: BTreeMap<&RunId, Vec<&Cell>> = BTreeMap::new();
+    for cell in cells {
+        by_id.entry(&cell.id).or_default().push(cell);
+    }
+    let groups: Vec<&Vec<&Cell>> = by_id.values().filter(|cells| cells.len() > 1).collect();
+    let mut idle: BTreeSet<usize> = BTreeSet::new();
+    for cells in &groups {
+        let differs = |axis: &usize| {
+            cells
+                .iter()
+                .any(|cell| cell.point[*axis].1 != cells[0].point[*axis].1)
+        };
+        idle.extend((0..cells[0].point.len()).filter(differs));
+    }
+    let name = |axis: usize| format!("`{}`", cells[0].point[axis].0);
+    let names: Vec<String> = idle.into_iter().map(name).collect();
+    let subject = match names.as_slice() {
+        [] => return None,
+        [one] => format!("axis {one} has"),
+        _ => format!("axes {} have", names.join(", ")),
+    };
+    let same: usize = groups.iter().map(|cells| cells.len()).sum();
+    Some(format!(
+        "{subject} no effect in {same} of {} cells, which share {} run ids",
+        cells.len(),
+        groups.len()
+    ))
+}
