@@ -220,7 +220,7 @@ impl FigureData<'_> {
         let mut notes = vec![content.notes];
         let entries = (0..self.styles.len()).map(|index| {
             let (label, long) = self.label(index);
-            if let Some(long) = long.filter(|_| is_drawn(index)) {
+            if let Some(long) = long.filter(|long| is_drawn(index) && *long != label) {
                 notes.push(format!("{label}: {long}"));
             }
             SeriesEntry {
