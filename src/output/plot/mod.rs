@@ -221,11 +221,11 @@ impl FigureData<'_> {
         let mut notes = vec![content.notes];
         let entries = (0..self.styles.len()).map(|index| {
             let (mut label, long) = self.label(index);
+            if let Some(long) = long.filter(|long| is_drawn(index) && *long != label) {
+                notes.push(format!("{label}: {long}"));
+            }
             if !label.is_empty() && self.is_denoised(index) {
                 label += BIASED;
-            }
-            if let Some(long) = long.filter(|_| is_drawn(index)) {
-                notes.push(format!("{label}: {long}"));
             }
             SeriesEntry {
                 label: if is_drawn(index) {

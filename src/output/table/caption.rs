@@ -103,7 +103,9 @@ fn long_names(plan: &Plan, spec: &TableSpec) -> Option<String> {
         (0..plan.cells.len()).filter_map(|cell| format::axis_value(plan, cell, axis)?.as_str());
     let named: Vec<String> = values
         .filter(|name| seen.insert(*name))
-        .filter_map(|name| format::integrator_long_name(name).map(|long| format!("{name}: {long}")))
+        .filter_map(|name| Some((plan.report.name(name), format::integrator_long_name(name)?)))
+        .filter(|(name, long)| name != long)
+        .map(|(name, long)| format!("{name}: {long}"))
         .collect();
     (!named.is_empty()).then(|| named.join("; ") + ".")
 }

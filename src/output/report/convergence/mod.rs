@@ -187,7 +187,9 @@ fn caption(study: &Study, spec: &MetricSpec, panels: &[Panel], x: FigureX) -> St
     let mut names: Vec<String> = study
         .series
         .iter()
-        .filter_map(|s| s.long.map(|long| format!("{}: {long}", s.label)))
+        .filter_map(|s| Some((&s.label, s.long?)))
+        .filter(|(label, long)| label != long)
+        .map(|(label, long)| format!("{label}: {long}"))
         .collect();
     names.sort();
     names.dedup();
