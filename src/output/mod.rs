@@ -10,6 +10,7 @@ pub mod devices;
 pub mod exr;
 mod format;
 pub mod layer;
+pub mod lobe;
 pub mod pdf;
 pub mod picture;
 pub mod plot;

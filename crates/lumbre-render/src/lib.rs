@@ -11,6 +11,7 @@ pub mod cpu;
 pub mod external;
 pub mod hierarchy;
 pub mod instance_transform;
+pub mod lobe;
 pub mod mock;
 pub mod path_trace;
 pub mod reference_halves;
