@@ -63,7 +63,7 @@ impl<R: Lanes<N>, const N: usize> Outlined for Lookup<'_, R, N> {
         for i in 0..N {
             if let Some(texture) = self.textures.get(self.ids[i] as usize) {
                 let at = texture.image_uv(uv[i], self.tilings[i]);
-                [colors[0][i], colors[1][i], colors[2][i]] = texture.bilinear(at).to_array();
+                [colors[0][i], colors[1][i], colors[2][i]] = texture.filtered(at).to_array();
             }
         }
         let [r, g, b] = &colors;
