@@ -130,6 +130,7 @@ fn dispatch(cli: &Cli) -> Result<Exit, Failure> {
         Verb::View(args) => inspect::view::main(args, global),
         Verb::Report(args) => inspect::report::main(args, global),
         Verb::Trace(args) => scene::trace::main(args, global),
+        Verb::Bsdf(args) => scene::bsdf::main(args, global),
         Verb::Completions { shell } => about::completions::completions(*shell),
         Verb::Man => about::completions::man(),
         Verb::Worker => worker::main(),

@@ -5,13 +5,13 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::lobe::Lobe;
 use super::session::{LoadedScene, Slot};
 use lumbre_light::scene::compile::NONE;
 use lumbre_light::scene::desc::CameraDesc;
 use lumbre_light::transport::bsdf::Bsdf;
 use lumbre_light::transport::surface::Surface;
 use lumbre_render::Job;
+use lumbre_render::lobe::Lobe;
 use lumbre_render::path_trace::{PathEvent, SampleAt};
 
 /// The pixel that is inspected, and a sample of it.

@@ -11,7 +11,7 @@
 //!
 //! Two settings can be rendered in turn ([`comparison`]), and a picture can be kept as [`reference`]
 //! of the following ones. Another thread ([`measure`]) computes the metrics of both. A pixel can be
-//! inspected ([`inspect`]), with the [`lobe`] of its material.
+//! inspected ([`inspect`]), with the [`Lobe`](lumbre_render::lobe::Lobe) of its material.
 
 pub mod camera;
 pub mod comparison;
@@ -19,7 +19,6 @@ pub mod explorer;
 pub mod input;
 pub mod inspect;
 pub mod latest;
-pub mod lobe;
 pub mod measure;
 pub mod parameters;
 pub mod picker;

@@ -11,6 +11,7 @@ mod exposure;
 pub mod exr;
 mod format;
 pub mod layer;
+pub mod lobe;
 pub mod pdf;
 pub mod picture;
 pub mod plot;

@@ -35,6 +35,7 @@ pub const WHITE: Material = Material {
     mask_mode: MaskMode::Threshold,
     one_sided: false,
     shadow_terminator: false,
+    flat_normals: false,
     roughness_texture: NONE,
     metallic_texture: NONE,
     opacity_texture: NONE,
@@ -264,6 +265,7 @@ impl SceneBuilder {
                 map: map.map(Arc::new),
                 radiance,
                 rotation_rad,
+                sampling: Default::default(),
             })
         })
     }

@@ -137,6 +137,7 @@ fn balls(count: u32, rows: u32) -> CompiledScene {
             source: EnvironmentSource::Color(Vec3::splat(0.2)),
             rotation_deg: 0.0,
             scale: 1.0,
+            sampling: Default::default(),
         }),
     };
     compile_sharing(&desc, Sharing::Always).unwrap().0

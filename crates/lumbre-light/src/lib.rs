@@ -31,6 +31,7 @@
 //!     source: EnvironmentSource::Color(Vec3::ONE),
 //!     rotation_deg: 0.0,
 //!     scale: 1.0,
+//!     sampling: EnvironmentSampling::Luminance,
 //! };
 //! let (scene, _notes) = compile(&SceneDesc {
 //!     resolution: [64, 64],

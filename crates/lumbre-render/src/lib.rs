@@ -12,6 +12,7 @@ pub mod denoise;
 pub mod external;
 pub mod hierarchy;
 pub mod instance_transform;
+pub mod lobe;
 pub mod mock;
 pub mod path_trace;
 pub mod reference_halves;
@@ -378,6 +379,11 @@ pub struct BackendRow {
     pub blends: bool,
     /// Whether a tree can choose lights. If not, plans that request it are refused.
     pub light_trees: bool,
+    /// Whether textures may have the filter `nearest`. If not, plans that use a scene with such
+    /// textures on it are refused.
+    pub nearest: bool,
+    /// Whether paths may continue in uniform directions. If not, plans that request it are refused.
+    pub uniform_directions: bool,
     /// Material models that it supports. Plans that use a scene with others on it are refused.
     pub models: &'static [Model],
     /// Returns why it cannot run an integrator with paths of up to this number of edges, or `None`

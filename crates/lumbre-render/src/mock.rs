@@ -34,6 +34,8 @@ pub const ROW: BackendRow = BackendRow {
     times: false,
     blends: true,
     light_trees: true,
+    nearest: true,
+    uniform_directions: true,
     models: &Model::ALL,
     refuses: |_, _| None,
     edited: || Ok(None),

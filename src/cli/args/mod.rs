@@ -22,7 +22,7 @@ pub use inspect::{ExplainArgs, LsArgs, ShowArgs, StatusArgs, WatchArgs};
 pub use measure::{BenchArgs, VerifyArgs};
 pub use night::{NightArgs, PlanArgs, RetryArgs, RunArgs, ScriptArgs};
 pub use output::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs, ViewArgs};
-pub use scene::{CheckArgs, ExportArgs, TraceArgs};
+pub use scene::{BsdfArgs, CheckArgs, ExportArgs, TraceArgs};
 pub use typed::{SceneArg, split, unknown_name, value};
 pub use without_script::{
     CompareArgs, ComparisonArgs, ExploreArgs, NewArgs, PictureArgs, RenderArgs,
@@ -282,6 +282,15 @@ pub enum Verb {
     /// `config.json`. The steps are the same on every backend except for rounding; choose one with
     /// `--backend`.
     Trace(TraceArgs),
+    /// Draw the lobe of a material, and what it samples beside the density that it states.
+    ///
+    /// Writes a figure as SVG and PNG: the value times the cosine in the plane of normal and viewer,
+    /// the density on the sphere beside that of samples, and delays beside their density. Prints
+    /// the p-values of chi-square tests of the samples. Exits with code 5 if samples do not follow
+    /// the density (p below 1e-4).
+    ///
+    /// Example: lumbre bsdf scenes/material_ball.lua ball --at 60 --set materials.ball.metallic=1
+    Bsdf(BsdfArgs),
     /// Draw frames, animations and curves from the time axis of a run.
     ///
     /// Redraws frames, animations, streak images, curves and arrival times for the given moments,

@@ -1,4 +1,4 @@
-//! Options of the verbs about scenes: `check`, `export` and `trace`.
+//! Options of the verbs about scenes: `check`, `export`, `trace` and `bsdf`.
 
 use std::path::PathBuf;
 
@@ -79,6 +79,46 @@ pub struct TraceArgs {
     #[arg(long, value_name = "WxH", value_parser = crate::cli::scene::trace::size)]
     pub size: Option<[u32; 2]>,
     /// Print as JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Options of `lumbre bsdf`.
+#[derive(Args, Debug)]
+pub struct BsdfArgs {
+    /// Scene file of any known format, or a Lua file that returns a scene.
+    pub file: PathBuf,
+    /// Name of the material.
+    pub material: String,
+    /// Direction to the viewer: angle from the normal and azimuth, in degrees.
+    ///
+    /// Angles above 90 are inside of the surface. The azimuth is counted from the direction of
+    /// increasing u.
+    #[arg(
+        long,
+        value_name = "ANGLE[,AZIMUTH]",
+        default_value = "45",
+        value_parser = crate::cli::scene::bsdf::direction
+    )]
+    pub at: [f32; 2],
+    /// Texture coordinates at which textures are looked up.
+    #[arg(
+        long,
+        value_name = "U,V",
+        default_value = "0.5,0.5",
+        value_parser = crate::cli::scene::bsdf::texture_coordinates
+    )]
+    pub uv: [f32; 2],
+    /// Write TO.svg and TO.png [default: bsdf-MATERIAL].
+    #[arg(short = 'o', long = "to", value_name = "TO")]
+    pub to: Option<PathBuf>,
+    /// Set an option of a Lua scene (repeatable).
+    #[arg(long, value_name = "NAME=VALUE", value_parser = setting)]
+    pub option: Vec<(String, Value)>,
+    /// Change a value in the scene (repeatable): `materials.egg.ior=1.3`.
+    #[arg(long, value_name = "PATH=VALUE", value_parser = setting)]
+    pub set: Vec<(String, Value)>,
+    /// Print as JSON, with all densities.
     #[arg(long)]
     pub json: bool,
 }

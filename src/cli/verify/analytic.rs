@@ -177,6 +177,7 @@ fn uniform_environment() -> KnownScene {
         source: EnvironmentSource::Color(Vec3::splat(2.0)),
         rotation_deg: 0.0,
         scale: 1.0,
+        sampling: Default::default(),
     });
     KnownScene {
         name: "environment",

@@ -12,6 +12,7 @@ use lumbre_light::film::layer::LayerLayout;
 use lumbre_light::film::time;
 use lumbre_light::scene::{Note, SceneDesc, SceneError, desc, edit};
 use lumbre_light::transport::integrator::external::{EXTERNALS, is_declared, is_external};
+use lumbre_light::transport::integrator::settings::has_uniform_directions;
 use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow, canonical_name, integrator};
 use lumbre_light::transport::light::LightSelection;
 use lumbre_light::transport::sampler::{SAMPLER_NAMES, SamplerRow, sampler};
@@ -491,6 +492,22 @@ fn refusal(
     if !backend.light_trees && LightSelection::from_params(&config.params) == LightSelection::Tree {
         return Some(
             "it does not choose lights by a tree: leave out `select = \"tree\"`, or use `cpu`"
+                .to_owned(),
+        );
+    }
+    if !backend.nearest
+        && let Some(m) = scene.materials.iter().find(|m| m.has_nearest_texture())
+    {
+        return Some(format!(
+            "it does not support the texture filter `nearest`, as in `{}`: set its \
+             `texture_filter` to `bilinear`, or use `cpu`",
+            m.name
+        ));
+    }
+    if !backend.uniform_directions && has_uniform_directions(&config.params) {
+        return Some(
+            "it does not continue paths in uniform directions: leave out `directions = \
+             \"uniform\"`, or use `cpu`"
                 .to_owned(),
         );
     }

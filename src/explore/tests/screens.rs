@@ -12,7 +12,6 @@ use super::{facts, scene};
 use crate::experiment::WaveRow;
 use crate::explore::comparison::Arrangement;
 use crate::explore::inspect::{Inspection, SurfaceFacts, Target};
-use crate::explore::lobe::{BINS, Lobe, STEPS, angle_of};
 use crate::explore::measure::Difference;
 use crate::explore::picker::Picker;
 use crate::explore::reference::Reference;
@@ -23,6 +22,7 @@ use crate::explore::view::{self, Screen};
 use crate::tui::terminal::terminal_caps::{Colors, Graphics, TerminalCaps};
 use lumbre_light::film::Image;
 use lumbre_light::value::Value;
+use lumbre_render::lobe::{BINS, Lobe, STEPS, angle_of};
 
 const SIZES: [(u16, u16); 3] = [(80, 24), (120, 40), (200, 60)];
 

@@ -11,10 +11,10 @@ use ratatui::widgets::{Clear, Paragraph};
 
 use super::Screen;
 use crate::explore::inspect::{Inspection, Inspector, SurfaceFacts};
-use crate::explore::lobe::{BINS, Lobe, STEPS, angle_of};
 use crate::tui::format::{self, number};
 use crate::tui::panes::{draw_note, pane};
 use crate::tui::terminal::terminal_caps::TerminalCaps;
+use lumbre_render::lobe::{BINS, Lobe, STEPS, angle_of};
 
 /// Draws the window.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, inspector: &Inspector) {

@@ -150,6 +150,7 @@ pub fn environment(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue
         source,
         rotation_deg,
         scale,
+        sampling: Default::default(),
     });
     Ok(LuaValue::Nil)
 }

@@ -11,7 +11,7 @@ use crate::script::api::{ApiFn, Args, Param};
 use crate::script::error::ScriptError;
 use crate::script::state::Shared;
 use crate::script::strict;
-use lumbre_light::scene::desc::{Lookup, Texels, TextureDesc, Wrap};
+use lumbre_light::scene::desc::{Lookup, Texels, TextureDesc, TextureFilter, Wrap};
 use lumbre_light::scene::load;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{Field, Table, Ty};
@@ -62,6 +62,12 @@ pub const LAY: Table = Table {
             Ty::OneOrMany(&Ty::Word(Wrap::NAMES)),
             "repeat",
             "treatment of coordinates outside 0 to 1; one word, or a list of those of u and v",
+        ),
+        Field::optional(
+            "filter",
+            Ty::Word(TextureFilter::NAMES),
+            "bilinear",
+            "interpolation between the centres of four texels, or the texel that is `nearest`",
         ),
         Field::optional(
             "scale",
@@ -249,8 +255,12 @@ fn lay(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptEr
     let map = Affine2::from_scale_angle_translation(Vec2::ONE, angle, pair("offset", 0.0))
         * Affine2::from_scale(pair("scale", 1.0));
     let second = value("second") == Some(&Value::Bool(true));
+    let filter = TextureFilter::ALL
+        .into_iter()
+        .find(|filter| value("filter").and_then(Value::as_str) == Some(filter.name()));
     let lookup = Lookup {
         wrap,
+        filter: filter.unwrap_or_default(),
         second,
         map: (map != Affine2::IDENTITY).then_some(map),
     };

@@ -130,16 +130,19 @@ fn many_materials() -> (Arc<CompiledScene>, Job) {
     let lookups = [
         Lookup {
             wrap: [Wrap::Mirror, Wrap::Clamp],
+            filter: Default::default(),
             second: false,
             map: None,
         },
         Lookup {
             wrap: [Wrap::Repeat; 2],
+            filter: Default::default(),
             second: true,
             map: Some(map),
         },
         Lookup {
             wrap: [Wrap::Clamp, Wrap::Mirror],
+            filter: Default::default(),
             second: true,
             map: Some(map),
         },

@@ -67,6 +67,10 @@ const HOST: &[(&str, &str)] = &[
         "GLSL invocations follow one path each",
     ),
     (
+        "crates/lumbre-light/src/transport/integrator/directions.rs",
+        "devices continue paths in directions of the BSDF alone",
+    ),
+    (
         "crates/lumbre-light/src/transport/integrator/camera_path/mod.rs",
         "GLSL invocations follow one path each",
     ),

@@ -2,8 +2,12 @@
 
 use std::collections::BTreeMap;
 
+use glam::Vec3;
 use lumbre_light::scene::SceneDesc;
-use lumbre_light::scene::desc::{MATERIAL_PARAMS, ShapeDesc, TextureSlot, content_hash};
+use lumbre_light::scene::desc::{
+    EnvironmentDesc, EnvironmentSampling, EnvironmentSource, MATERIAL_PARAMS, ShapeDesc,
+    TextureSlot, content_hash,
+};
 use lumbre_light::scene::edit::{apply, paths, set};
 use lumbre_light::scene::load::load;
 use lumbre_light::value::Value;
@@ -76,6 +80,39 @@ fn a_star_selects_every_material_that_does_not_emit() {
         .to_string();
     assert!(e.contains("did you mean `metallic`?"), "{e}");
     assert!(set(&mut s, "materials.*.metallic", &Value::Int(2)).is_err());
+}
+
+/// The choices of filter and normals count for the identity only where they differ from the default.
+#[test]
+fn switches_of_studies_change_the_hash_only_away_from_their_defaults() {
+    let before = content_hash(&scene());
+    for (param, default, other) in [
+        ("texture_filter", "given", "nearest"),
+        ("shading_normals", "smooth", "flat"),
+    ] {
+        let path = format!("materials.*.{param}");
+        let mut s = scene();
+        set(&mut s, &path, &default.into()).unwrap();
+        assert_eq!(content_hash(&s), before, "{param}");
+        set(&mut s, &path, &other.into()).unwrap();
+        assert_ne!(content_hash(&s), before, "{param}");
+        let e = set(&mut s, &path, &"smoth".into()).unwrap_err().to_string();
+        assert!(e.contains(default), "{e}");
+    }
+    let mut s = scene();
+    let missing = set(&mut s, "environment.sampling", &"uniform".into());
+    assert!(missing.unwrap_err().to_string().contains("no environment"));
+    s.environment = Some(EnvironmentDesc {
+        source: EnvironmentSource::Color(Vec3::ONE),
+        rotation_deg: 0.0,
+        scale: 1.0,
+        sampling: EnvironmentSampling::Luminance,
+    });
+    let before = content_hash(&s);
+    set(&mut s, "environment.sampling", &"luminance".into()).unwrap();
+    assert_eq!(content_hash(&s), before);
+    set(&mut s, "environment.sampling", &"uniform".into()).unwrap();
+    assert_ne!(content_hash(&s), before);
 }
 
 #[test]

@@ -172,6 +172,7 @@ pub(super) fn gallery(materials: Vec<MaterialDesc>) -> SceneDesc {
         source: EnvironmentSource::Map(sky),
         rotation_deg: 70.0,
         scale: 0.5,
+        sampling: Default::default(),
     });
     desc.materials = materials;
     desc
@@ -219,6 +220,7 @@ fn surfaces_give_the_same_picture_after_export_and_import() {
             );
             let lookup = Lookup {
                 wrap: [Wrap::Mirror; 2],
+                filter: Default::default(),
                 second: false,
                 map: Some(map),
             };

@@ -115,6 +115,7 @@ fn plain_gallery(materials: Vec<MaterialDesc>) -> SceneDesc {
         source: EnvironmentSource::Color(Vec3::new(0.3, 0.4, 0.5)),
         rotation_deg: 0.0,
         scale: 2.0,
+        sampling: Default::default(),
     });
     desc
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 use lumbre::script::scene;
 use lumbre_light::scene::desc::{
-    EnvironmentSource, Lookup, ShapeDesc, TextureSlot, Wrap, content_hash,
+    EnvironmentSource, Lookup, ShapeDesc, TextureFilter, TextureSlot, Wrap, content_hash,
 };
 use lumbre_light::scene::load::MissingTextures;
 use lumbre_light::scene::{SceneDesc, compile, edit};
@@ -280,7 +280,7 @@ s:add { shape = shape.grid { size = { 2, 2 } }, material = \"painted\" }",
 fn lay_sets_wrap_and_transform_of_a_texture_and_its_set_of_coordinates() {
     let s = made(
         "local t = texture.paint { size = { 2, 2 }, color = function(u, v) return u end }
-s:material(\"m\", { base_color_texture = t, mask_texture = texture.lay(t, { wrap = { \"mirror\", \"clamp\" }, scale = { 2, 3 },
+s:material(\"m\", { base_color_texture = t, mask_texture = texture.lay(t, { wrap = { \"mirror\", \"clamp\" }, filter = \"nearest\", scale = { 2, 3 },
   rotation = 90, offset = { 1, 0 }, second = true }), roughness_texture = texture.lay(texture.lay(t, { wrap = \"clamp\" }), {}) })
 s:add { shape = shape.mesh { positions = { { 0, 0, 0 }, { 1, 0, 0 }, { 0, 1, 0 } }, triangles = { { 1, 2, 3 } },
   uvs = { { 0, 0 }, { 1, 0 }, { 0, 1 } }, second_uvs = { { 0, 0 }, { 0.5, 0 }, { 0, 0.5 } } }, material = \"m\" }",
@@ -289,7 +289,13 @@ s:add { shape = shape.mesh { positions = { { 0, 0, 0 }, { 1, 0, 0 }, { 0, 1, 0 }
     assert!(
         m.lookup(TextureSlot::BaseColor).is_plain() && m.lookup(TextureSlot::Roughness).is_plain()
     );
-    let Lookup { wrap, second, map } = m.lookup(TextureSlot::Mask);
+    let Lookup {
+        wrap,
+        filter,
+        second,
+        map,
+    } = m.lookup(TextureSlot::Mask);
+    assert_eq!(filter, TextureFilter::Nearest);
     assert_eq!((wrap, second), ([Wrap::Mirror, Wrap::Clamp], true));
     let found = map.unwrap().transform_point2(Vec2::new(1.0, 1.0));
     assert!(

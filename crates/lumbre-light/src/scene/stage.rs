@@ -76,6 +76,7 @@ fn constant_environment(radiance: f32) -> EnvironmentDesc {
         source: EnvironmentSource::Color(Vec3::splat(radiance)),
         rotation_deg: 0.0,
         scale: 1.0,
+        sampling: Default::default(),
     }
 }
 

@@ -8,7 +8,9 @@ use super::materials::TextureBank;
 use super::{Material, NONE, Texture, UvMap};
 use crate::math::piecewise::Piecewise;
 use crate::scene::desc::delay::{check_mean_and_width, check_value};
-use crate::scene::desc::{DelayKind, MaterialDesc, MaterialNames, SceneDesc, TextureSlot, delay};
+use crate::scene::desc::{
+    DelayKind, MaterialDesc, MaterialNames, SceneDesc, TextureFilter, TextureSlot, delay,
+};
 use crate::scene::{Note, SceneError};
 
 /// Components and temporal profiles of the materials of a scene. Empty if no material is composed
@@ -390,9 +392,9 @@ fn check_texels(
         return Ok(());
     }
     if let [mean, width] = used[..]
-        && mean.lookup != width.lookup
+        && (mean.lookup != width.lookup || mean.lookup.filter == TextureFilter::Nearest)
     {
-        // The mappings differ, so any two texels may coincide.
+        // The mappings differ, or nothing is interpolated, so any two texels may coincide.
         for value in extremes(&params[0], mean) {
             for other in extremes(&params[1], width) {
                 check_value(m, named[0].0, value)?;
@@ -416,7 +418,7 @@ fn check_texels(
         for u in &columns {
             let at = |p: &DelayParam| match p.texture {
                 NONE => p.offset + p.value,
-                t => p.offset + p.value * textures[t as usize].bilinear(Vec2::new(*u, v)).x,
+                t => p.offset + p.value * textures[t as usize].filtered(Vec2::new(*u, v)).x,
             };
             let values = [at(&params[0]), at(&params[1])];
             for ((name, ..), value) in named.iter().zip(values) {

@@ -53,19 +53,22 @@ struct SharingKey {
     mirrors: bool,
     /// Whether the material of each slot emits light.
     emits: Vec<bool>,
+    /// Whether the material of each slot has flat normals.
+    flat: Vec<bool>,
     tangents: bool,
 }
 
 impl SharingKey {
     fn new(entity: &MeshEntity, scene: &CompiledScene) -> SharingKey {
+        let materials = || {
+            let indices = entity.materials.iter();
+            indices.map(|index| &scene.materials[*index as usize])
+        };
         SharingKey {
             mesh: entity.mesh.content_hash,
             mirrors: entity.mirrors(),
-            emits: entity
-                .materials
-                .iter()
-                .map(|index| scene.materials[*index as usize].emission != Vec3::ZERO)
-                .collect(),
+            emits: materials().map(|m| m.emission != Vec3::ZERO).collect(),
+            flat: materials().map(|m| m.flat_normals).collect(),
             tangents: entity
                 .materials
                 .iter()
@@ -308,9 +311,11 @@ fn add_shared_mesh(
         if emits {
             emissive.push(scene.triangles.len() as u32);
         }
+        let flat = key.flat[*slot as usize];
         let normals = indices.map(|i| {
             mesh.normals
                 .get(i as usize)
+                .filter(|_| !flat)
                 .map_or(front, |n| n.normalize_or(front))
         });
         scene.attributes.push(TriangleAttributes {

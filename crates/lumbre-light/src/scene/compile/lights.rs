@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 
 use super::Texture;
 use crate::scene::desc::{
-    ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightKind, MAX_COORDINATE, SceneDesc,
-    TextureDesc,
+    ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSampling, EnvironmentSource, LightKind,
+    MAX_COORDINATE, SceneDesc, TextureDesc,
 };
 use crate::scene::{Note, SceneError};
 
@@ -106,6 +106,8 @@ pub struct Environment {
     pub radiance: Vec3,
     /// Rotation of the map about +y in radians, counter-clockwise seen from above.
     pub rotation_rad: f32,
+    /// Distribution with which directions towards the map are sampled.
+    pub sampling: EnvironmentSampling,
 }
 
 /// The lights of a scene that have no surface.
@@ -286,6 +288,7 @@ fn compile_environment(
         map,
         radiance,
         rotation_rad,
+        sampling: desc.sampling,
     }))
 }
 
@@ -430,6 +433,7 @@ mod tests {
                 source: EnvironmentSource::Color(Vec3::ONE),
                 rotation_deg,
                 scale,
+                sampling: Default::default(),
             };
             assert!(compile(&scene(vec![], Some(e)), &mut Vec::new()).is_err());
         }
@@ -442,6 +446,7 @@ mod tests {
                 source,
                 rotation_deg: 370.0,
                 scale,
+                sampling: Default::default(),
             })
         };
         let black = [

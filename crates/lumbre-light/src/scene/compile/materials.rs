@@ -8,8 +8,8 @@ use glam::Vec3;
 use super::delays::{self, Delays};
 use super::{Interface, Material, NONE, Texture, UvMap};
 use crate::scene::desc::{
-    DEFAULT_MATERIAL, MATERIAL_PARAMS, MaterialDesc, Model, SceneDesc, Texels, TextureDesc,
-    TextureSlot,
+    DEFAULT_MATERIAL, Lookup, MATERIAL_PARAMS, MaterialDesc, Model, SceneDesc, ShadingNormals,
+    Texels, TextureDesc, TextureSlot,
 };
 use crate::scene::{Note, SceneError};
 use crate::value::Value;
@@ -72,6 +72,7 @@ fn check(m: &MaterialDesc) -> Result<(), SchemaError> {
 fn compile_material(m: &MaterialDesc, bank: &mut TextureBank, notes: &mut Vec<Note>) -> Material {
     let emits = m.emission != Vec3::ZERO;
     let reflects = !emits || m.emitter_reflects;
+    let smooth = m.shading_normals == ShadingNormals::Smooth;
     let mut texture = |slot: TextureSlot, used: bool| {
         if used {
             bank.index(m, slot, notes)
@@ -101,7 +102,8 @@ fn compile_material(m: &MaterialDesc, bank: &mut TextureBank, notes: &mut Vec<No
         bump_height: m.bump_height,
         mask_threshold: m.mask_threshold,
         mask_mode: m.mask_mode,
-        shadow_terminator: m.shadow_terminator,
+        shadow_terminator: m.shadow_terminator && smooth,
+        flat_normals: !smooth,
         base_color_texture: texture(TextureSlot::BaseColor, reflects),
         emission_texture: texture(TextureSlot::Emission, emits),
         mask_texture: texture(TextureSlot::Mask, true),
@@ -115,8 +117,14 @@ fn compile_material(m: &MaterialDesc, bank: &mut TextureBank, notes: &mut Vec<No
             TextureSlot::AnisotropicDirection,
             reflects && m.anisotropic > 0.0,
         ),
-        normal_texture: texture(TextureSlot::Normal, reflects && m.normal_strength > 0.0),
-        bump_texture: texture(TextureSlot::Bump, reflects && m.bump_height != 0.0),
+        normal_texture: texture(
+            TextureSlot::Normal,
+            reflects && smooth && m.normal_strength > 0.0,
+        ),
+        bump_texture: texture(
+            TextureSlot::Bump,
+            reflects && smooth && m.bump_height != 0.0,
+        ),
         tiling: UvMap {
             scale: m.tiling,
             offset: m.uv_offset,
@@ -189,7 +197,11 @@ impl TextureBank {
         let Some(desc) = material.texture(slot) else {
             return NONE;
         };
-        let lookup = material.lookup(slot);
+        let own = material.lookup(slot);
+        let lookup = Lookup {
+            filter: material.texture_filter.apply(own.filter),
+            ..own
+        };
         // 8-bit texels are in range for every slot, so that two colour slots share one texture.
         let float = matches!(desc.texels, Texels::RgbaF32(_));
         let bounded = match slot {

@@ -110,11 +110,12 @@ pub(super) fn add_mesh(
             dropped[usize::from(emits)] += 1;
             continue;
         };
+        let flat = scene.materials[material as usize].flat_normals;
         let normals = indices.map(|i| match mesh.normals.get(i as usize) {
-            Some(n) => (to_world_normal * n.as_dvec3())
+            Some(n) if !flat => (to_world_normal * n.as_dvec3())
                 .try_normalize()
                 .map_or(front, DVec3::as_vec3),
-            None => front,
+            _ => front,
         });
         let emitter = if emits {
             push_emitter(scene, scene.triangles.len(), NONE, area)

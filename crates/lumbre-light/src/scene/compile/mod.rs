@@ -168,6 +168,9 @@ pub struct Material {
     pub mask_mode: MaskMode,
     /// Whether paths leave opaque triangles from the smooth surface that their normals suggest.
     pub shadow_terminator: bool,
+    /// Whether triangles are shaded with their geometric normals: the shading normals at their
+    /// vertices are these.
+    pub flat_normals: bool,
     /// Texture that multiplies `base_color`, or [`NONE`].
     pub base_color_texture: u32,
     /// Texture that multiplies `emission`, or [`NONE`].

@@ -1,4 +1,4 @@
-//! Decoded textures and their bilinear lookup.
+//! Decoded textures and their lookup.
 
 use std::sync::Arc;
 
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::math::real::{Mask, Real, Word};
 use crate::math::simd::Lanes;
-use crate::scene::desc::{Lookup, Texels, TextureDesc, Wrap};
+use crate::scene::desc::{Lookup, Texels, TextureDesc, TextureFilter, Wrap};
 
 /// Map from surface texture coordinates to those of a texture: a factor, then an offset.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -164,11 +164,12 @@ impl Texture {
             .map_or(surface, |map| map.transform_point2(surface))
     }
 
-    /// Returns the colour at image coordinates, interpolated between the centres of four texels.
+    /// Returns the colour at image coordinates: interpolated between the centres of four texels, or
+    /// that of the texel that contains them, as the filter states.
     ///
     /// (0, 0) is the bottom left corner and v points up; beyond the edges the wrap modes apply.
     /// Coordinates that are not finite count as 0.
-    pub fn bilinear(&self, uv: Vec2) -> Vec3 {
+    pub fn filtered(&self, uv: Vec2) -> Vec3 {
         let [width, height, wrap_u, wrap_v] = self.grid();
         let footprint = Footprint::new(uv.to_array(), [width, height], [wrap_u, wrap_v]);
         self.blend(footprint.texels, footprint.weights).truncate()
@@ -187,9 +188,13 @@ impl Texture {
         ]
     }
 
-    /// Interpolates between the four texels of one lane of a [`Footprint`]; the last component is 0.
+    /// Interpolates between the four texels of one lane of a [`Footprint`], or returns the nearest,
+    /// as the filter says; the last component is 0.
     #[inline(always)]
     pub fn blend(&self, texels: [u32; 4], [fx, fy]: [f32; 2]) -> Vec4 {
+        if self.lookup.filter == TextureFilter::Nearest {
+            return self.texel(texels[2 * usize::from(fy >= 0.5) + usize::from(fx >= 0.5)]);
+        }
         let [a, b, c, d] = texels;
         let (upper, lower) = (
             self.texel(a).lerp(self.texel(b), fx),
@@ -344,7 +349,7 @@ mod tests {
     fn the_first_row_is_the_top_and_v_points_up() {
         let t = Texture::decode(&grey(&[0, 51, 102, 255], 2), false);
         let near = |uv: [f32; 2], v: f32| {
-            let found = t.bilinear(Vec2::from_array(uv)).x;
+            let found = t.filtered(Vec2::from_array(uv)).x;
             assert!((found - v).abs() < 1e-6, "{uv:?}: {found} instead of {v}");
         };
         near([0.25, 0.75], 0.0);
@@ -389,8 +394,8 @@ mod tests {
             for i in 0..441 {
                 let uv = Vec2::new((i % 21) as f32, (i / 21) as f32) * 0.17 - Vec2::splat(1.4);
                 let (found, expected) = (
-                    wrapped.bilinear(uv),
-                    wrapped_image.bilinear((uv + 2.0) / 5.0),
+                    wrapped.filtered(uv),
+                    wrapped_image.filtered((uv + 2.0) / 5.0),
                 );
                 assert!(
                     (found - expected).abs().max_element() < 1e-5,
@@ -406,8 +411,42 @@ mod tests {
                 1.0,
                 2.0,
             ] {
-                let c = wrapped.bilinear(Vec2::new(x, -x));
+                let c = wrapped.filtered(Vec2::new(x, -x));
                 assert!(c.is_finite() && c.max_element() <= 1.0, "{x}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_nearest_filter_returns_the_texel_that_contains_the_point() {
+        let plain = Texture::decode(&grey(&[0, 51, 102, 255, 30, 60], 3), false);
+        for wrap in Wrap::ALL {
+            let nearest = Texture {
+                lookup: Lookup {
+                    wrap: [wrap; 2],
+                    filter: TextureFilter::Nearest,
+                    ..Lookup::default()
+                },
+                ..plain.clone()
+            };
+            for i in 0..961 {
+                let uv = Vec2::new((i % 31) as f32, (i / 31) as f32) * 0.131 - Vec2::splat(1.7);
+                // Column and row from the left and the top, each folded into the image.
+                let texel = |x: f64, size: i64| {
+                    let i = (x * size as f64).floor() as i64;
+                    match wrap {
+                        Wrap::Repeat => i.rem_euclid(size),
+                        Wrap::Mirror if i.div_euclid(size) % 2 != 0 => {
+                            size - 1 - i.rem_euclid(size)
+                        }
+                        Wrap::Mirror => i.rem_euclid(size),
+                        Wrap::Clamp => i.clamp(0, size - 1),
+                    }
+                };
+                let column = texel(f64::from(uv.x), 3);
+                let row = texel(1.0 - f64::from(uv.y), 2);
+                let expected = plain.texels[(row * 3 + column) as usize];
+                assert_eq!(nearest.filtered(uv).to_array(), expected, "{wrap:?} {uv}");
             }
         }
     }
@@ -422,7 +461,7 @@ mod tests {
         ] {
             for shift in [Vec2::new(1.0, 0.0), Vec2::new(-3.0, 7.0)] {
                 assert!(
-                    (t.bilinear(uv) - t.bilinear(uv + shift))
+                    (t.filtered(uv) - t.filtered(uv + shift))
                         .abs()
                         .max_element()
                         < 1e-5
@@ -438,7 +477,7 @@ mod tests {
             -f32::MIN_POSITIVE,
             1.0,
         ] {
-            let c = t.bilinear(Vec2::new(x, -x));
+            let c = t.filtered(Vec2::new(x, -x));
             assert!(c.is_finite() && c.max_element() <= 1.0, "{x}");
         }
     }

@@ -11,8 +11,8 @@ use glam::{Vec2, Vec3};
 
 use super::material_params::{MaterialParam, SURFACE};
 use super::{
-    EntityDesc, EnvironmentSource, LightKind, MATERIAL_PARAMS, MaterialDesc, MaterialNames,
-    MeshDesc, SceneDesc, ShapeDesc, Texels,
+    EntityDesc, EnvironmentSampling, EnvironmentSource, LightKind, MATERIAL_PARAMS, MaterialDesc,
+    MaterialNames, MeshDesc, SceneDesc, ShapeDesc, Texels,
 };
 
 /// Version tags of the encodings below. A tag changes with its encoding, so that hashes of
@@ -99,6 +99,11 @@ fn hash_lights(h: &mut Hasher, desc: &SceneDesc) {
     }
     float(h, environment.rotation_deg);
     float(h, environment.scale);
+    // Omitted at its default, so that older hashes stay.
+    if environment.sampling != EnvironmentSampling::default() {
+        h.update(b"sampling");
+        int(h, environment.sampling as u64);
+    }
 }
 
 fn hash_material(h: &mut Hasher, names: &MaterialNames, m: &MaterialDesc) {
@@ -342,10 +347,14 @@ mod tests {
                 source,
                 rotation_deg: 0.0,
                 scale: 1.0,
+                sampling: Default::default(),
             });
             s
         };
-        let changes: [fn(&mut SceneDesc); 8] = [
+        let changes: [fn(&mut SceneDesc); 9] = [
+            |s| {
+                s.environment.as_mut().unwrap().sampling = EnvironmentSampling::Uniform;
+            },
             |s| {
                 s.lights[0].kind = LightKind::Point {
                     position: Vec3::X,

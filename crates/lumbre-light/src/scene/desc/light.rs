@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use glam::Vec3;
+use serde::{Deserialize, Serialize};
 
 use super::TextureDesc;
 
@@ -93,6 +94,32 @@ pub struct EnvironmentDesc {
     pub rotation_deg: f32,
     /// Factor on the radiance, at least 0.
     pub scale: f32,
+    /// Distribution with which directions towards a map are sampled.
+    pub sampling: EnvironmentSampling,
+}
+
+/// Distribution with which directions towards an environment map are sampled.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum EnvironmentSampling {
+    /// In proportion to the luminance of the map.
+    #[default]
+    Luminance,
+    /// The same density in every direction.
+    Uniform,
+}
+
+impl EnvironmentSampling {
+    /// Both distributions, in the order of [`EnvironmentSampling::NAMES`].
+    pub const ALL: [EnvironmentSampling; 2] =
+        [EnvironmentSampling::Luminance, EnvironmentSampling::Uniform];
+
+    /// Names of the distributions in scripts.
+    pub const NAMES: &'static [&'static str] = &["luminance", "uniform"];
+
+    /// Returns the name of the distribution.
+    pub fn name(self) -> &'static str {
+        EnvironmentSampling::NAMES[self as usize]
+    }
 }
 
 /// Source of an environment's radiance.

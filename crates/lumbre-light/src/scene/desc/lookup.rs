@@ -28,6 +28,29 @@ impl Wrap {
     }
 }
 
+/// Interpolation between the texels of a texture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub enum TextureFilter {
+    /// Interpolates linearly between the centres of four texels.
+    #[default]
+    Bilinear,
+    /// Takes the texel that contains the point.
+    Nearest,
+}
+
+impl TextureFilter {
+    /// Every filter, in the order of [`TextureFilter::NAMES`].
+    pub const ALL: [TextureFilter; 2] = [TextureFilter::Bilinear, TextureFilter::Nearest];
+
+    /// Names of the filters in scripts.
+    pub const NAMES: &'static [&'static str] = &["bilinear", "nearest"];
+
+    /// Returns the name of the filter.
+    pub fn name(self) -> &'static str {
+        TextureFilter::NAMES[self as usize]
+    }
+}
+
 /// Error: a texture maps all coordinates to one point or one line, so that no other map can be
 /// expressed relative to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -42,6 +65,8 @@ pub struct NoInverse;
 pub struct Lookup {
     /// Wrap modes along u and v.
     pub wrap: [Wrap; 2],
+    /// Interpolation between texels.
+    pub filter: TextureFilter,
     /// Whether the texture uses the mesh's second set of texture coordinates.
     pub second: bool,
     /// Map from texture coordinates, after the material's `tiling` and `uv_offset`, to image
@@ -81,7 +106,7 @@ impl Lookup {
         [
             u,
             v,
-            u32::from(self.second) | u32::from(self.map.is_some()) << 1,
+            u32::from(self.second) | u32::from(self.map.is_some()) << 1 | (self.filter as u32) << 2,
             a,
             b,
             c,

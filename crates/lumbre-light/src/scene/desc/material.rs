@@ -5,7 +5,10 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 
 use super::delay::DelayDesc;
-use super::{Distribution, Lookup, MaskMode, Model, TextureDesc, TextureSlot};
+use super::{
+    Distribution, FilterChoice, Lookup, MaskMode, Model, ShadingNormals, TextureDesc,
+    TextureFilter, TextureSlot,
+};
 
 /// A material as specified by its file.
 #[derive(Clone, Debug, PartialEq)]
@@ -82,6 +85,10 @@ pub struct MaterialDesc {
     /// Mappings of the textures in these slots, sorted by slot. Textures in other slots repeat and
     /// use the first set of coordinates.
     pub lookups: Vec<(TextureSlot, Lookup)>,
+    /// Filter of the textures.
+    pub texture_filter: FilterChoice,
+    /// Normals with which the surface is shaded.
+    pub shading_normals: ShadingNormals,
     /// Whether an emitting surface also reflects: false in `.scn` files, true in Lumbre's own
     /// scenes.
     pub emitter_reflects: bool,
@@ -130,6 +137,8 @@ impl MaterialDesc {
             uv_offset: Vec2::ZERO,
             textures: Vec::new(),
             lookups: Vec::new(),
+            texture_filter: FilterChoice::Given,
+            shading_normals: ShadingNormals::Smooth,
             emitter_reflects: true,
             delay: DelayDesc::default(),
             parts: Vec::new(),
@@ -158,6 +167,13 @@ impl MaterialDesc {
             .iter()
             .find(|(s, _)| *s == slot)
             .map_or_else(Lookup::default, |(_, lookup)| *lookup)
+    }
+
+    /// Returns whether any texture takes the nearest texel.
+    pub fn has_nearest_texture(&self) -> bool {
+        let filter = |slot| self.texture_filter.apply(self.lookup(slot).filter);
+        let mut slots = self.textures.iter().map(|(slot, _)| *slot);
+        slots.any(|slot| filter(slot) == TextureFilter::Nearest)
     }
 
     /// Sets the texture of a slot and its mapping.

@@ -2,7 +2,9 @@
 //! path in scripts, the `.scn` key, the range check and the documentation all follow from it.
 
 use super::delay::DELAY_PARAMS;
-use super::{Distribution, MaskMode, MaterialDesc, Model, TextureSlot};
+use super::{
+    Distribution, FilterChoice, MaskMode, MaterialDesc, Model, ShadingNormals, TextureSlot,
+};
 use crate::value::Value;
 use crate::value::schema::{SchemaError, Ty};
 
@@ -154,9 +156,10 @@ pub const MIN_IOR: f64 = 0.01;
 /// Every material parameter. Defaults are those of [`MaterialDesc::new`]. The order is part of the
 /// content hash.
 pub const MATERIAL_PARAMS: &[MaterialParam] = &{
-    let mut params = [BUMP_HEIGHT; SURFACE.len() + DELAY_PARAMS.len() + 2];
+    const LATER: usize = SURFACE.len() + DELAY_PARAMS.len();
+    let mut params = [BUMP_HEIGHT; LATER + 4];
     let mut i = 0;
-    while i < params.len() - 2 {
+    while i < LATER {
         params[i] = if i < SURFACE.len() {
             SURFACE[i]
         } else {
@@ -164,7 +167,9 @@ pub const MATERIAL_PARAMS: &[MaterialParam] = &{
         };
         i += 1;
     }
-    params[i + 1] = ONE_SIDED;
+    params[LATER + 1] = ONE_SIDED;
+    params[LATER + 2] = TEXTURE_FILTER;
+    params[LATER + 3] = SHADING_NORMALS;
     params
 };
 
@@ -182,11 +187,29 @@ const BUMP_HEIGHT: MaterialParam = scalar!(
      are stretched [Blinn 1978; Mikkelsen 2010]."
 );
 
-/// Parameter of surfaces with a black back. It is the last one for the same reason.
+/// Parameter of surfaces with a black back. It follows the older ones for the same reason.
 const ONE_SIDED: MaterialParam = flag!(
     one_sided,
     "Whether opaque lobes reflect on the front side only: the back is black, as in Mitsuba without \
      `twosided`. Refraction is not affected."
+);
+
+/// Parameter of all textures of a material. New parameters follow here, each after the last one.
+const TEXTURE_FILTER: MaterialParam = choice!(
+    texture_filter,
+    FilterChoice,
+    "Interpolation of the material's textures: `bilinear` between the centres of four texels, \
+     `nearest` without; `given` leaves to each texture what its file or script gives, which is \
+     `bilinear` unless stated."
+);
+
+/// Parameter of the normals of a surface.
+const SHADING_NORMALS: MaterialParam = choice!(
+    shading_normals,
+    ShadingNormals,
+    "`smooth` shades with the interpolated normals of the vertices and with normal and bump maps, \
+     `flat` with the normal of each triangle alone, which also leaves the shadow terminator \
+     without effect."
 );
 
 /// Parameters of the surface's scattering; [`DELAY_PARAMS`] holds those of delays and compositions.

@@ -23,11 +23,14 @@ use glam::{Affine3A, DAffine3, DMat3, Vec2, Vec3};
 pub use camera::{CameraDesc, Optics};
 pub use delay::{DelayDesc, DelayKind};
 pub use hash::{content_hash, mesh_hash, texture_hash};
-pub use light::{ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind};
-pub use lookup::{Lookup, NoInverse, Wrap};
+pub use light::{
+    ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSampling, EnvironmentSource, LightDesc,
+    LightKind,
+};
+pub use lookup::{Lookup, NoInverse, TextureFilter, Wrap};
 pub use material::MaterialDesc;
 pub use material_params::MATERIAL_PARAMS;
-pub use model::{Distribution, MaskMode, Model};
+pub use model::{Distribution, FilterChoice, MaskMode, Model, ShadingNormals};
 pub use slot::TextureSlot;
 
 /// Name of the material of faces that name none; see [`SceneDesc::with_default_material`].

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::TextureFilter;
+
 /// Scattering model of a material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Model {
@@ -81,5 +83,66 @@ impl MaskMode {
     /// Returns the name of the mode.
     pub fn name(self) -> &'static str {
         MaskMode::NAMES[self as usize]
+    }
+}
+
+/// Filter of a material's textures, or the choice of each texture's own.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum FilterChoice {
+    /// Every texture has the filter that its file or script gives.
+    #[default]
+    Given,
+    /// All textures are [bilinear](TextureFilter::Bilinear).
+    Bilinear,
+    /// All textures take the [nearest](TextureFilter::Nearest) texel.
+    Nearest,
+}
+
+impl FilterChoice {
+    /// Every choice, in the order of [`FilterChoice::NAMES`].
+    pub const ALL: [FilterChoice; 3] = [
+        FilterChoice::Given,
+        FilterChoice::Bilinear,
+        FilterChoice::Nearest,
+    ];
+
+    /// Names of the choices in scripts and scene files.
+    pub const NAMES: &'static [&'static str] = &["given", "bilinear", "nearest"];
+
+    /// Returns the name of the choice.
+    pub fn name(self) -> &'static str {
+        FilterChoice::NAMES[self as usize]
+    }
+
+    /// Returns the filter of a texture whose own filter is `given`.
+    pub fn apply(self, given: TextureFilter) -> TextureFilter {
+        match self {
+            FilterChoice::Given => given,
+            FilterChoice::Bilinear => TextureFilter::Bilinear,
+            FilterChoice::Nearest => TextureFilter::Nearest,
+        }
+    }
+}
+
+/// Normals with which a surface is shaded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ShadingNormals {
+    /// Normals of the vertices, interpolated, with normal and bump maps.
+    #[default]
+    Smooth,
+    /// The geometric normal of each triangle.
+    Flat,
+}
+
+impl ShadingNormals {
+    /// Both kinds, in the order of [`ShadingNormals::NAMES`].
+    pub const ALL: [ShadingNormals; 2] = [ShadingNormals::Smooth, ShadingNormals::Flat];
+
+    /// Names of the kinds in scripts and scene files.
+    pub const NAMES: &'static [&'static str] = &["smooth", "flat"];
+
+    /// Returns the name of the kind.
+    pub fn name(self) -> &'static str {
+        ShadingNormals::NAMES[self as usize]
     }
 }

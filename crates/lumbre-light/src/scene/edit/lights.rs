@@ -2,7 +2,9 @@
 
 use super::{COORDINATE, POINT, name_and_param, problem, scalar, vector};
 use crate::scene::desc::light::CUTOFF_RANGE;
-use crate::scene::desc::{EnvironmentDesc, EnvironmentSource, LightDesc, LightKind, SceneDesc};
+use crate::scene::desc::{
+    EnvironmentDesc, EnvironmentSampling, EnvironmentSource, LightDesc, LightKind, SceneDesc,
+};
 use crate::value::Value;
 use crate::value::schema::{SchemaError, Ty, unknown_key, unknown_name};
 
@@ -154,6 +156,18 @@ pub const ENVIRONMENT_PARAMS: &[EnvironmentParam] = &[
         ty: COLOR,
         doc: "The same radiance from every direction; replaces a map.",
         set_checked: |e, v| e.source = EnvironmentSource::Color(vector(v)),
+    },
+    EnvironmentParam {
+        name: "sampling",
+        ty: Ty::Word(EnvironmentSampling::NAMES),
+        doc: "Distribution with which directions towards a map are sampled: in proportion to its \
+              `luminance`, or `uniform` over the sphere, which has the same mean and more noise.",
+        set_checked: |e, v| {
+            let chosen = EnvironmentSampling::ALL
+                .into_iter()
+                .find(|sampling| v.as_str() == Some(sampling.name()));
+            e.sampling = chosen.unwrap_or(e.sampling);
+        },
     },
 ];
 

@@ -27,8 +27,8 @@ use self::texture::{TexelConversion, TextureWriter};
 use self::uses::{InstanceKey, MeshUses};
 use self::xml::Xml;
 use super::desc::{
-    CameraDesc, DEFAULT_MATERIAL, EntityDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc,
-    TextureSlot,
+    CameraDesc, DEFAULT_MATERIAL, EntityDesc, MaterialDesc, MeshDesc, SceneDesc, ShadingNormals,
+    ShapeDesc, TextureSlot,
 };
 
 use super::names::UniqueNames;
@@ -71,6 +71,7 @@ pub fn can_replace(folder: &Path) -> bool {
 /// Fails if the folder or a file cannot be written, or if a sphere's transform makes it an
 /// ellipsoid.
 pub fn mitsuba(desc: &SceneDesc, folder: &Path) -> Result<Exported, SceneError> {
+    let desc = &*uses::with_resolved_choices(desc);
     let mut writer = SceneWriter {
         desc,
         uses: MeshUses::new(desc),
@@ -430,15 +431,17 @@ impl SceneWriter<'_> {
         id: Option<&str>,
         stem: &str,
     ) -> Result<(), SceneError> {
-        // In Mitsuba, a transform that mirrors reverses the front of a mesh without normals.
-        let flat = mesh.normals.is_empty();
-        let reversed = flat && map.matrix3.determinant() < 0.0;
         let mut first = id;
         for (slot, row) in rows.iter().enumerate() {
             let slot = slot as u32;
             if !mesh.triangle_slot.contains(&slot) {
                 continue;
             }
+            let material = self.desc.materials.get(*row);
+            let flat = mesh.normals.is_empty()
+                || material.is_some_and(|m| m.shading_normals == ShadingNormals::Flat);
+            // In Mitsuba, a transform that mirrors reverses the front of a mesh without normals.
+            let reversed = flat && map.matrix3.determinant() < 0.0;
             let file = self
                 .meshes
                 .file(mesh, slot, reversed, stem, &mut self.folder)?;

@@ -11,7 +11,9 @@ use image::ExtendedColorType;
 use super::OutputFolder;
 use crate::scene::SceneError;
 use crate::scene::compile::srgb_to_linear;
-use crate::scene::desc::{Lookup, MaterialDesc, Texels, TextureDesc, TextureSlot, Wrap};
+use crate::scene::desc::{
+    Lookup, MaterialDesc, Texels, TextureDesc, TextureFilter, TextureSlot, Wrap,
+};
 use crate::scene::export::xml::Xml;
 
 /// Conversion of a texture's texels for a parameter of a surface or light.
@@ -129,11 +131,15 @@ impl TextureWriter {
         }
         let Lookup {
             wrap: [wrap, _],
+            filter,
             map,
             ..
         } = material.lookup(slot);
         if wrap != Wrap::Repeat {
             xml.value("string", "wrap_mode", wrap.name());
+        }
+        if filter == TextureFilter::Nearest {
+            xml.value("string", "filter_type", filter.name());
         }
         let (scale, offset) = (material.tiling, material.uv_offset);
         if let Some(map) = map {

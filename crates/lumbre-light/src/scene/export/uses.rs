@@ -1,12 +1,16 @@
 //! Meshes and materials of entities, and which entities share them, for all exported formats.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use glam::{DMat3, DVec3};
 
 use super::scene_note;
 use crate::scene::Note;
-use crate::scene::desc::{EntityDesc, MaterialDesc, MaterialNames, MeshDesc, SceneDesc, ShapeDesc};
+use crate::scene::desc::{
+    EntityDesc, FilterChoice, Lookup, MaterialDesc, MaterialNames, MeshDesc, SceneDesc,
+    ShadingNormals, ShapeDesc, TextureSlot,
+};
 
 /// Properties that instances share: hash of the mesh, and material index of each slot.
 pub(super) type InstanceKey = ([u8; 32], Vec<usize>);
@@ -72,4 +76,34 @@ pub(super) fn direction_note(entity: &EntityDesc, program: &str) -> Option<Note>
             format!("`anisotropic_direction` is not supported by {program}; increasing u is used"),
         )
     })
+}
+
+/// Returns the scene with the filter of each material's textures as their own, and without the
+/// normal and bump maps and the terminator offset of materials with flat normals.
+pub(super) fn with_resolved_choices(desc: &SceneDesc) -> Cow<'_, SceneDesc> {
+    let chooses = |m: &MaterialDesc| {
+        m.texture_filter != FilterChoice::Given || m.shading_normals != ShadingNormals::Smooth
+    };
+    if !desc.materials.iter().any(chooses) {
+        return Cow::Borrowed(desc);
+    }
+    let mut resolved = desc.clone();
+    for m in &mut resolved.materials {
+        let textured = |slot: &TextureSlot| m.texture(*slot).is_some();
+        for slot in TextureSlot::ALL
+            .into_iter()
+            .filter(textured)
+            .collect::<Vec<_>>()
+        {
+            let own = m.lookup(slot);
+            let filter = m.texture_filter.apply(own.filter);
+            m.set_lookup(slot, Lookup { filter, ..own });
+        }
+        if m.shading_normals == ShadingNormals::Flat {
+            m.set_texture(TextureSlot::Normal, None);
+            m.set_texture(TextureSlot::Bump, None);
+            m.shadow_terminator = false;
+        }
+    }
+    Cow::Owned(resolved)
 }

@@ -336,6 +336,18 @@ impl<R: Real> Bsdf<R> {
         self.model.has_density()
     }
 
+    /// Returns whether any lobe is a Dirac lobe.
+    #[inline(always)]
+    pub fn has_dirac_lobe(&self) -> R::Mask {
+        self.model.has_dirac_lobe()
+    }
+
+    /// Returns whether any lobe transmits light.
+    #[inline(always)]
+    pub fn transmits(&self) -> R::Mask {
+        self.model.transmits()
+    }
+
     /// Returns whether a direction, with cosine `cos` to the shading normal, is on the same side of
     /// the geometric surface and of the surface that the shading normal suggests. Directions on
     /// different sides are black: light would leak through, or the inside be taken for the outside.

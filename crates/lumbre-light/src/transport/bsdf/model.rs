@@ -166,4 +166,29 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> BsdfModel<V> {
             BsdfModel::Interface(k) => k.has_density(),
         }
     }
+
+    /// Returns where any lobe is a Dirac lobe.
+    #[inline(always)]
+    pub fn has_dirac_lobe(&self) -> R::Mask {
+        let zero = R::splat(0.0);
+        match self {
+            BsdfModel::Ideal(k) => k.mix[1].gt(zero) | k.mix[2].gt(zero),
+            BsdfModel::Disney(k) => {
+                k.smooth & (k.opaque.gt(zero) | k.metallic.gt(zero))
+                    | k.refractive.gt(zero) & k.smooth_glass()
+            }
+            BsdfModel::Interface(k) => k.facets().smooth,
+        }
+    }
+
+    /// Returns where any lobe transmits light.
+    #[inline(always)]
+    pub fn transmits(&self) -> R::Mask {
+        let zero = R::splat(0.0);
+        match self {
+            BsdfModel::Ideal(k) => k.mix[2].gt(zero),
+            BsdfModel::Disney(k) => k.refractive.gt(zero),
+            BsdfModel::Interface(k) => R::Mask::splat(matches!(k, InterfaceBsdf::Glass(_))),
+        }
+    }
 }

@@ -1,10 +1,10 @@
-//! Path tracing: a path starts at the camera, continues by BSDF sampling, and finds light
-//! only by hitting an emitter [Kajiya 1986]. Slow if lights are small, but simple enough to serve
+//! Path tracing: a path starts at the camera, continues by BSDF sampling (or, for a comparison, in
+//! uniform directions), and finds light only by hitting an emitter [Kajiya 1986]. Slow if lights are small, but simple enough to serve
 //! as the reference for all other integrators.
 
 use super::camera_path::{self, Arrival, CameraPaths, Path, PathSink};
-use super::nee::{self, BsdfDirections};
-use super::{Context, IntegratorRow};
+use super::directions::SurfaceDirections;
+use super::{Context, IntegratorRow, nee, settings};
 use crate::math::simd::Lanes;
 use crate::value::schema::Table;
 
@@ -16,8 +16,8 @@ pub const ROW: IntegratorRow = IntegratorRow {
     doc: "Paths start at the camera and find light only by hitting it [Kajiya 1986].",
     params: Table {
         name: "BptParams",
-        doc: "Parameters of `bpt`: none.",
-        fields: &[],
+        doc: "Parameters of `bpt`.",
+        fields: &[settings::DIRECTIONS],
     },
     splats: false,
     bias: None,
@@ -38,7 +38,7 @@ impl CameraPaths for Bpt {
         lanes: R::Mask,
         sink: &mut impl PathSink<R>,
     ) -> R::Mask {
-        nee::scatter::<R, N, BsdfDirections, false>(context, edge, arrival, path, lanes, sink)
+        nee::scatter::<R, N, SurfaceDirections<R>, false>(context, edge, arrival, path, lanes, sink)
     }
 
     #[inline(always)]

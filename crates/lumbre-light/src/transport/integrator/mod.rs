@@ -4,6 +4,7 @@
 pub mod bdpt;
 pub mod bpt;
 pub mod camera_path;
+mod directions;
 pub mod external;
 pub mod guided;
 pub mod iteration;

@@ -7,10 +7,11 @@ use glam::Vec3;
 use super::camera_path::{
     self, Arrival, CameraPaths, Path, PathLight, PathSink, ShadowRay, edge_counts,
 };
+use super::directions::{Directions, SurfaceDirections};
 use super::{Context, IntegratorRow, settings};
 use crate::math::real::{Double, Mask, Real, Vector};
 use crate::math::simd::Lanes;
-use crate::transport::bsdf::{Bsdf, BsdfSample, Outgoing, TransportMode};
+use crate::transport::bsdf::{Bsdf, Outgoing, TransportMode};
 use crate::transport::light::{DirectSample, SELECT_FIELD};
 use crate::transport::mis;
 use crate::transport::path_time::OpticalLength;
@@ -29,7 +30,12 @@ pub const ROW: IntegratorRow = IntegratorRow {
     params: Table {
         name: "NeeParams",
         doc: "Parameters of `nee`.",
-        fields: &[mis::FIELD, SELECT_FIELD, settings::LIGHTS],
+        fields: &[
+            mis::FIELD,
+            SELECT_FIELD,
+            settings::LIGHTS,
+            settings::DIRECTIONS,
+        ],
     },
     splats: false,
     bias: None,
@@ -50,7 +56,7 @@ impl CameraPaths for Nee {
         lanes: R::Mask,
         sink: &mut impl PathSink<R>,
     ) -> R::Mask {
-        scatter::<R, N, BsdfDirections, true>(context, edge, arrival, path, lanes, sink)
+        scatter::<R, N, SurfaceDirections<R>, true>(context, edge, arrival, path, lanes, sink)
     }
 
     #[inline(always)]
@@ -149,74 +155,30 @@ pub(super) fn scatter<R: Lanes<N>, const N: usize, D: Directions<R, N>, const LI
     let parameters = arrival.parameters(context.scene, &surface);
     let bsdf = arrival.bsdf(context.classes, &surface, parameters.as_ref());
     let out = bsdf.outgoing(wo);
-    let directions = D::at(context, surface.position, lanes & bsdf.has_density());
+    let n = surface.n_shading;
+    let vertex = (&bsdf, &out, n);
+    let directions = D::at(
+        context,
+        surface.position,
+        vertex,
+        lanes & bsdf.has_density(),
+    );
     if LIGHTS {
         let connected = lanes & bsdf.has_density();
         if connected.any() {
-            let vertex = Vertex {
+            let connections = Vertex {
                 edge,
                 bsdf: &bsdf,
                 out: &out,
                 directions: &directions,
                 optical: optical.as_ref(),
             };
-            vertex.connect_to_lights(context, surface, path, connected, sink);
+            connections.connect_to_lights(context, surface, path, connected, sink);
         }
     }
     let numbers = path.sampler.next_three();
-    let n = surface.n_shading;
-    let (sampled, s) = directions.sample(context, (&bsdf, &out, n), numbers, lanes);
+    let (sampled, s) = directions.sample(context, vertex, numbers, lanes);
     path.continue_from(context, edge, &surface, optical, &s, lanes & sampled)
-}
-
-/// Distribution of the directions in which paths continue from vertices.
-pub(super) trait Directions<R: Lanes<N>, const N: usize>: Copy {
-    /// Returns the distribution at vertices, of whose BSDFs those in the lanes of `smooth` have a
-    /// density.
-    fn at(context: &Context, position: R::Vec3, smooth: R::Mask) -> Self;
-
-    /// Returns the density per solid angle of the unit directions `wi`, which the BSDFs sample with
-    /// the density `bsdf_pdf_w`, in the given lanes.
-    fn pdf_w(&self, context: &Context, wi: R::Vec3, bsdf_pdf_w: R, lanes: R::Mask) -> R;
-
-    /// Samples directions by three numbers in `[0, 1)`, in the given lanes. The BSDF comes with the
-    /// direction to the previous vertex and the shading normal. The mask is set where there is a
-    /// sample.
-    fn sample(
-        &self,
-        context: &Context,
-        vertex: (&Bsdf<R>, &Outgoing<R>, R::Vec3),
-        numbers: [R; 3],
-        lanes: R::Mask,
-    ) -> (R::Mask, BsdfSample<R>);
-}
-
-/// Directions that the BSDF samples.
-#[derive(Clone, Copy)]
-pub(super) struct BsdfDirections;
-
-impl<R: Lanes<N>, const N: usize> Directions<R, N> for BsdfDirections {
-    #[inline(always)]
-    fn at(_: &Context, _: R::Vec3, _: R::Mask) -> BsdfDirections {
-        BsdfDirections
-    }
-
-    #[inline(always)]
-    fn pdf_w(&self, _: &Context, _: R::Vec3, bsdf_pdf_w: R, _: R::Mask) -> R {
-        bsdf_pdf_w
-    }
-
-    #[inline(always)]
-    fn sample(
-        &self,
-        _: &Context,
-        (bsdf, out, _): (&Bsdf<R>, &Outgoing<R>, R::Vec3),
-        [choice, u, v]: [R; 3],
-        _: R::Mask,
-    ) -> (R::Mask, BsdfSample<R>) {
-        let (sampled, s, _) = bsdf.samples::<false>(out, choice, [u, v], TransportMode::Radiance);
-        (sampled, s)
-    }
 }
 
 /// Adds the emission of the surfaces that edges hit. With `LIGHTS` it is weighted against light

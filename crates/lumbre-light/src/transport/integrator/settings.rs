@@ -18,6 +18,17 @@ pub const LIGHTS: Field = Field {
           emissive triangles, spheres and other lights",
 };
 
+/// The parameter `directions` of integrators that continue paths from surfaces by one direction.
+pub const DIRECTIONS: Field = Field {
+    key: "directions",
+    ty: Ty::Word(&["bsdf", "uniform"]),
+    required: false,
+    default: "bsdf",
+    doc: "distribution of the directions in which paths continue: that of the BSDF, or `uniform` \
+          over the hemisphere of the side, and over the sphere where light is transmitted; Dirac \
+          lobes are sampled in any case",
+};
+
 /// The parameter `strategies` of integrators that combine strategies.
 pub const STRATEGIES: Field = Field {
     key: "strategies",
@@ -129,6 +140,11 @@ impl Join {
     }
 }
 
+/// Returns whether parameters ask for uniform directions: see [`DIRECTIONS`].
+pub fn has_uniform_directions(params: &BTreeMap<String, Value>) -> bool {
+    params.get(DIRECTIONS.key).and_then(Value::as_str) == Some("uniform")
+}
+
 /// The parameters of all integrators; those that an integrator does not have keep their default.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
@@ -136,6 +152,8 @@ pub struct Settings {
     pub mis: Option<Heuristic>,
     /// Whether every light is sampled at every vertex.
     pub all_lights: bool,
+    /// Whether paths continue in uniform directions instead of those of the BSDF.
+    pub uniform_directions: bool,
     /// The strategy `[s, t]` that is kept or left out.
     pub one: Option<[u32; 2]>,
     /// Whether that strategy is kept rather than left out.
@@ -171,6 +189,7 @@ impl Settings {
         Settings {
             mis: Heuristic::from_params(params),
             all_lights: params.get(LIGHTS.key).and_then(Value::as_str) == Some("all"),
+            uniform_directions: has_uniform_directions(params),
             one,
             keep: !matches!(params.get(CONTRIBUTION.key), Some(Value::Bool(false))),
             photons: number(PHOTONS).map(|photons| photons as u32),
@@ -214,6 +233,7 @@ mod tests {
             Settings {
                 mis: Some(Heuristic::Power),
                 all_lights: false,
+                uniform_directions: false,
                 one: None,
                 keep: true,
                 photons: None,
@@ -230,6 +250,7 @@ mod tests {
         let given = [
             ("mis", "none".into()),
             ("lights", "all".into()),
+            ("directions", "uniform".into()),
             ("strategies", pair),
             ("photons", Value::Int(5)),
             ("radius", Value::Num(0.25)),
@@ -246,6 +267,7 @@ mod tests {
             Settings {
                 mis: None,
                 all_lights: true,
+                uniform_directions: true,
                 one: Some([2, 3]),
                 keep: true,
                 photons: Some(5),

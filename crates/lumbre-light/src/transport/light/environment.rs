@@ -5,7 +5,8 @@
 //! poles. Directions are sampled from cells of one texel each, in proportion to the cell's mean
 //! luminance of that same interpolation times its solid angle, and uniformly per solid angle inside
 //! the cell. So every direction with radiance has a density, no density has the singularity of 1 /
-//! sin theta at a pole, and none exceeds that of 16 times its luminance.
+//! sin theta at a pole, and none exceeds that of 16 times its luminance. With the sampling
+//! `uniform` all cells have the probability of their solid angle.
 
 use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
@@ -18,6 +19,7 @@ use crate::math::real::{Real, Vector};
 use crate::math::simd::{Lanes, map_vectors};
 use crate::math::warp;
 use crate::scene::compile::{Environment, Texture};
+use crate::scene::desc::EnvironmentSampling;
 
 /// The environment of a scene, prepared for evaluation and sampling.
 #[derive(Clone, Debug)]
@@ -64,6 +66,11 @@ impl EnvironmentLight {
             for w in row {
                 *w *= solid_angle;
                 power += *w;
+            }
+        }
+        if environment.sampling == EnvironmentSampling::Uniform && power > 0.0 {
+            for (row, edges) in weights.chunks_exact_mut(width).zip(row_cos.windows(2)) {
+                row.fill(edges[0] - edges[1]);
             }
         }
         let grid = Grid::new(width, &weights)?;

@@ -194,7 +194,7 @@ mod tests {
                     let own = Uv::from_array([a[i], b[i], c[i], d[i]]);
                     let expected = match self.0.get(ids[i] as usize) {
                         None => Vec3::ONE,
-                        Some(texture) => texture.bilinear(texture.image_uv(own, tilings[i])),
+                        Some(texture) => texture.filtered(texture.image_uv(own, tilings[i])),
                     };
                     let found = Vec3::new(found[0][i], found[1][i], found[2][i]);
                     assert_eq!(found, expected, "{N} lanes, texture {}", ids[i]);

@@ -169,7 +169,7 @@ fn bump_rises(scene: &CompiledScene, m: &Material, primitive: u32, uv: Uv) -> [f
     let map = &scene.textures[m.bump_texture as usize];
     let place = map.image_uv(uv, m.tiling);
     let texel = Vec2::new(1.0 / map.width as f32, 1.0 / map.height as f32);
-    let rise = |step: Vec2| map.bilinear(place + step * 0.5).x - map.bilinear(place - step * 0.5).x;
+    let rise = |step: Vec2| map.filtered(place + step * 0.5).x - map.filtered(place - step * 0.5).x;
     let slopes = Vec2::new(rise(Vec2::new(texel.x, 0.0)), rise(Vec2::new(0.0, texel.y))) / texel;
     // Slopes along the map's own coordinates, then along those of the surface.
     let slopes = map

@@ -83,7 +83,7 @@ fn variants_are_all_ways_of_finding_the_light() {
         .iter()
         .map(|(row, params)| format!("{} {params:?}", row.name))
         .collect();
-    assert_eq!(names.len(), 15, "{names:?}");
+    assert_eq!(names.len(), 16, "{names:?}");
     for expected in ["nee {}", "nee {\"lights\"", "bdpt {\"mis\": Str(\"none\")"] {
         assert!(
             names.iter().any(|name| name.starts_with(expected)),
@@ -474,6 +474,7 @@ fn integrators_agree_on_caustics_of_an_environment_map() {
         radiance: Vec3::ONE,
         map,
         rotation_rad: 2.5,
+        sampling: Default::default(),
     });
     (scene.camera.aperture, scene.camera.focus_distance) = (0.2, Some(2.5));
     agree_with_bpt(&Arc::new(scene), 6, None, 800);

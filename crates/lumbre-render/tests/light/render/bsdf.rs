@@ -7,9 +7,11 @@ use lumbre_light::scene::compile::{Distribution, Material, Model};
 use lumbre_light::transport::bsdf::{Bsdf, TransportMode};
 
 use crate::common::WHITE;
+use lumbre_render::lobe::cells::{SphereCells, narrowest};
+
 use crate::render::bsdf_grid::{
-    DISNEY, Mix, NORMAL, Sphere, albedo, bsdf, grid, grids, interfaces, narrowest, one_sided,
-    outgoing, surface, uniform,
+    DISNEY, Mix, NORMAL, albedo, bsdf, grid, grids, interfaces, one_sided, outgoing, surface,
+    uniform,
 };
 
 /// Significance of all chi-square tests of this file together.
@@ -90,7 +92,7 @@ fn assert_samples_follow_density(materials: &[Material]) {
                 );
                 assert!((s.wi.dot(NORMAL) * wo.dot(NORMAL) > 0.0) == (s.eta == 1.0));
             }
-            let sphere = Sphere::for_lobes(material, wo);
+            let sphere = SphereCells::for_lobes(material, NORMAL, wo);
             let mut observed = vec![0.0; sphere.cells() + 1];
             for s in &samples {
                 observed[s.map_or(sphere.cells(), |s| sphere.cell(s.wi))] += 1.0;

@@ -7,9 +7,10 @@ use lumbre_light::scene::compile::{Material, Model};
 use lumbre_light::transport::bsdf::{Bsdf, TransportMode};
 use lumbre_light::transport::surface::Surface;
 
+use lumbre_render::lobe::cells::narrowest;
+
 use crate::render::bsdf_grid::{
-    DISNEY, NORMAL, bsdf, direction, grids, interfaces, narrowest, one_sided, outgoing, surface,
-    uniform,
+    DISNEY, NORMAL, bsdf, direction, grids, interfaces, one_sided, outgoing, surface, uniform,
 };
 
 /// Returns pairs of directions: half at random, half sampled so that narrow lobes are hit.

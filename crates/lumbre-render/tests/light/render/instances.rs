@@ -415,6 +415,7 @@ fn pictures_of_instances_equal_those_of_the_flattened_scene() {
             source: EnvironmentSource::Color(Vec3::splat(0.2)),
             rotation_deg: 0.0,
             scale: 1.0,
+            sampling: Default::default(),
         }),
         ..mixed_scene(50, 60)
     };

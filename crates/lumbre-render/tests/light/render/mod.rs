@@ -43,6 +43,7 @@ mod lights_truth;
 mod lvc;
 mod oracle;
 mod sampling;
+mod studies;
 mod surface;
 mod surface_bumps;
 mod vcm;

@@ -309,6 +309,7 @@ fn sky() -> Environment {
         radiance: Vec3::ONE,
         map,
         rotation_rad: 0.7,
+        sampling: Default::default(),
     }
 }
 

@@ -56,6 +56,7 @@ struct PbrtWriter<'a> {
 /// Fails if the folder or a file cannot be written, or if a sphere's transform makes it an
 /// ellipsoid.
 pub fn pbrt(desc: &SceneDesc, folder: &Path) -> Result<Exported, SceneError> {
+    let desc = &*uses::with_resolved_choices(desc);
     let mut writer = PbrtWriter {
         desc,
         uses: MeshUses::new(desc),

@@ -15,7 +15,7 @@ use super::super::{OutputFolder, identifier, scene_note};
 use super::text::{Text, vector};
 use crate::scene::desc::{
     DEFAULT_MATERIAL, DelayKind, Distribution, MaskMode, MaterialDesc, Model, SceneDesc,
-    TextureSlot, Wrap,
+    ShadingNormals, TextureFilter, TextureSlot, Wrap,
 };
 use crate::scene::names::UniqueNames;
 use crate::scene::{Note, SceneError, model_differences};
@@ -130,6 +130,10 @@ impl Surfaces<'_> {
             (
                 m.shadow_terminator,
                 "`shadow_terminator`: shadows end at the triangles",
+            ),
+            (
+                m.shading_normals == ShadingNormals::Flat,
+                "`shading_normals` of `flat`: the normals of vertices are used",
             ),
             (
                 m.delay.kind != DelayKind::None,
@@ -423,6 +427,9 @@ impl Surfaces<'_> {
                 m,
                 "pbrt supports one set of texture coordinates; the first is used",
             );
+        }
+        if lookup.filter == TextureFilter::Nearest {
+            self.text.string("string filter", "point");
         }
         match lookup.wrap {
             [Wrap::Repeat, Wrap::Repeat] => {}

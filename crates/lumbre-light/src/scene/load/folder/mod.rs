@@ -504,6 +504,7 @@ impl FolderLoader<'_> {
             source,
             rotation_deg,
             scale: 1.0,
+            sampling: Default::default(),
         }))
     }
 

@@ -9,7 +9,9 @@ use serde_json::Value as Json;
 
 use super::document::Document;
 use crate::scene::desc::material_params::MIN_IOR;
-use crate::scene::desc::{Lookup, MaskMode, MaterialDesc, TextureDesc, TextureSlot, Wrap};
+use crate::scene::desc::{
+    Lookup, MaskMode, MaterialDesc, TextureDesc, TextureFilter, TextureSlot, Wrap,
+};
 use crate::scene::load::images::ImageCache;
 use crate::scene::load::{MissingTextures, with_lenient_hint};
 use crate::scene::{Note, SceneError};
@@ -53,8 +55,8 @@ struct TexturePlacement {
     map: Affine2,
 }
 
-/// An image and its wrap modes.
-type WrappedImage = (Arc<TextureDesc>, [Wrap; 2]);
+/// An image with the wrap modes and the filter of its sampler.
+type SampledImage = (Arc<TextureDesc>, [Wrap; 2], TextureFilter);
 
 /// Reader of materials and of the images that they refer to, each read once.
 pub(super) struct MaterialReader<'a> {
@@ -212,11 +214,11 @@ impl<'a> MaterialReader<'a> {
                 let placement = self.placement(&place, reference)?;
                 *texture = self
                     .texture(&place, reference)?
-                    .map(|(image, wrap)| (image, wrap, placement, place));
+                    .map(|sampled| (sampled, placement, place));
             }
         }
         let normal = textures[2].as_ref();
-        if let Some((_, _, placement, _)) = normal.or(textures.iter().flatten().next()) {
+        if let Some((_, placement, _)) = normal.or(textures.iter().flatten().next()) {
             loaded.uv_sets = UvSets {
                 first: placement.set,
                 map: placement.map,
@@ -225,9 +227,10 @@ impl<'a> MaterialReader<'a> {
         }
         let mut mapped = [const { None }; 5];
         for (texture, mapped) in textures.into_iter().zip(&mut mapped) {
-            if let Some((image, wrap, placement, place)) = texture {
+            if let Some(((image, wrap, filter), placement, place)) = texture {
                 let lookup = Lookup {
                     wrap,
+                    filter,
                     ..self.lookup(&place, placement, &mut loaded.uv_sets)
                 };
                 *mapped = Some((image, lookup));
@@ -373,12 +376,12 @@ impl<'a> MaterialReader<'a> {
         }
     }
 
-    /// Reads the image and the wrap modes of a texture reference.
+    /// Reads the image and the sampler of a texture reference.
     fn texture(
         &mut self,
         place: &str,
         reference: &Json,
-    ) -> Result<Option<WrappedImage>, SceneError> {
+    ) -> Result<Option<SampledImage>, SceneError> {
         let (i, texture) = self
             .document
             .resolve(place, "textures", &reference["index"])?;
@@ -393,17 +396,15 @@ impl<'a> MaterialReader<'a> {
             Some(33648) => Wrap::Mirror,
             _ => Wrap::Repeat,
         };
-        if sampler["magFilter"].as_u64() == Some(9728) {
-            self.note(
-                &place,
-                "the sampler asks for NEAREST, but all textures are bilinear",
-            );
-        }
+        let filter = match sampler["magFilter"].as_u64() {
+            Some(9728) => TextureFilter::Nearest,
+            _ => TextureFilter::Bilinear,
+        };
         // Flipping v leaves every wrap mode unchanged.
         let wraps = [wrap("wrapS"), wrap("wrapT")];
         Ok(self
             .image(&place, &texture["source"])?
-            .map(|image| (image, wraps)))
+            .map(|image| (image, wraps, filter)))
     }
 
     /// Returns a grey image computed from every texel, with channels as stored, from 0 to 1. `how`

@@ -67,6 +67,7 @@ pub(super) fn read(
                 source,
                 rotation_deg: 0.0,
                 scale: 1.0,
+                sampling: Default::default(),
             })))
         }
         "envmap" => environment_map(o, textures, notes),
@@ -134,6 +135,7 @@ fn environment_map(
             source: EnvironmentSource::Map(map),
             rotation_deg,
             scale: scale as f32,
+            sampling: Default::default(),
         })
     }))
 }

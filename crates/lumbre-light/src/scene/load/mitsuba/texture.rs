@@ -7,7 +7,9 @@ use glam::{Affine2, DAffine3, Mat2, Vec2, Vec3};
 
 use super::tree::{Property, XmlObject};
 use crate::scene::compile::srgb_to_linear;
-use crate::scene::desc::{Lookup, MaterialDesc, NoInverse, Texels, TextureDesc, TextureSlot, Wrap};
+use crate::scene::desc::{
+    Lookup, MaterialDesc, NoInverse, Texels, TextureDesc, TextureFilter, TextureSlot, Wrap,
+};
 use crate::scene::load::images::ImageCache;
 use crate::scene::load::{MissingTextures, with_lenient_hint};
 use crate::scene::{Note, SceneError};
@@ -19,6 +21,7 @@ pub(super) struct LoadedTexture {
     pub image: Arc<TextureDesc>,
     to_uv: DAffine3,
     wrap: Wrap,
+    filter: TextureFilter,
 }
 
 impl LoadedTexture {
@@ -51,6 +54,7 @@ impl LoadedTexture {
             slot,
             Lookup {
                 wrap: [self.wrap; 2],
+                filter: self.filter,
                 second: false,
                 map: map.unwrap_or(None),
             },
@@ -146,6 +150,7 @@ impl TextureReader {
                     image,
                     to_uv,
                     wrap: Wrap::Repeat,
+                    filter: TextureFilter::Bilinear,
                 }))
             }
             other => {
@@ -168,11 +173,14 @@ impl TextureReader {
             return Err(o.error("a bitmap needs a `filename`"));
         };
         let raw = o.flag("raw", false)?;
-        if o.text("filter_type")?
-            .is_some_and(|filter| !["bilinear", "trilinear", "ewa"].contains(&filter))
-        {
-            notes.push(o.note("this `filter_type` is not supported; textures are always bilinear"));
-        }
+        let filter = match o.text("filter_type")? {
+            Some("nearest") => TextureFilter::Nearest,
+            None | Some("bilinear" | "trilinear" | "ewa") => TextureFilter::Bilinear,
+            Some(_) => {
+                notes.push(o.note("this `filter_type` is not supported; `bilinear` is used"));
+                TextureFilter::Bilinear
+            }
+        };
         let wrap = match o.text("wrap_mode")? {
             None => Wrap::Repeat,
             Some(mode) => Wrap::ALL
@@ -194,9 +202,12 @@ impl TextureReader {
             "wrap_mode_u",
             "wrap_mode_v",
         ]);
-        Ok(self
-            .image(o, file, raw, notes)?
-            .map(|image| LoadedTexture { image, to_uv, wrap }))
+        Ok(self.image(o, file, raw, notes)?.map(|image| LoadedTexture {
+            image,
+            to_uv,
+            wrap,
+            filter,
+        }))
     }
 
     /// Returns the image of a `checkerboard`, generated once for each pair of colours.

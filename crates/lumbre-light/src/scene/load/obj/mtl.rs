@@ -28,7 +28,9 @@ use glam::{Affine2, Vec2, Vec3};
 
 use super::supported::NotedKeywords;
 use crate::scene::desc::material_params::MIN_IOR;
-use crate::scene::desc::{Lookup, MaterialDesc, NoInverse, TextureDesc, TextureSlot, Wrap};
+use crate::scene::desc::{
+    Lookup, MaterialDesc, NoInverse, TextureDesc, TextureFilter, TextureSlot, Wrap,
+};
 use crate::scene::load::images::{self, ImageCache};
 use crate::scene::load::{MissingTextures, read_file, with_lenient_hint};
 use crate::scene::{Note, SceneError};
@@ -304,6 +306,7 @@ impl MtlParser<'_> {
                 texture,
                 Lookup {
                     wrap: [wrap; 2],
+                    filter: TextureFilter::Bilinear,
                     second: false,
                     map: map.unwrap_or(None),
                 },

@@ -338,6 +338,7 @@ impl LightReader<'_> {
                 source: EnvironmentSource::Color(Self::limited(params, color, by)?),
                 rotation_deg: 0.0,
                 scale: 1.0,
+                sampling: Default::default(),
             }));
         };
         let Some((image, map, rotation_deg)) = self.map(params, file, to_world)? else {
@@ -354,6 +355,7 @@ impl LightReader<'_> {
             source: EnvironmentSource::Map(Arc::new(if grey { map } else { tinted(&map, scale) })),
             rotation_deg,
             scale: if grey { scale.x } else { 1.0 },
+            sampling: Default::default(),
         }))
     }
 }

@@ -13,7 +13,9 @@ use super::params::{Param, Params};
 use super::spectrum::{Spectra, Use};
 use super::token::truncated;
 use crate::scene::compile::srgb_to_linear;
-use crate::scene::desc::{Lookup, MaterialDesc, Texels, TextureDesc, TextureSlot, Wrap};
+use crate::scene::desc::{
+    Lookup, MaterialDesc, Texels, TextureDesc, TextureFilter, TextureSlot, Wrap,
+};
 use crate::scene::load::images::ImageCache;
 use crate::scene::load::{MissingTextures, with_lenient_hint};
 use crate::scene::{Note, SceneError};
@@ -34,6 +36,7 @@ impl ImageTexture {
     pub fn apply_to(self, m: &mut MaterialDesc, slot: TextureSlot) {
         let lookup = Lookup {
             wrap: [self.wrap; 2],
+            filter: TextureFilter::Bilinear,
             second: false,
             map: (self.map != Affine2::IDENTITY).then_some(self.map),
         };

@@ -153,6 +153,7 @@ pub(super) fn environment(
         source,
         rotation_deg,
         scale,
+        sampling: Default::default(),
     })
 }
 

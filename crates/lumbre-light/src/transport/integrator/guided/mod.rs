@@ -33,12 +33,13 @@ use glam::Vec3;
 
 use self::sd_tree::SdTree;
 use super::camera_path::{self, Arrival, CameraPaths, Path, PathSink};
+use super::directions::{Directions, SurfaceVertex};
 use super::iteration::Sharing;
-use super::nee::{self, Directions};
+use super::nee;
 use super::{Context, IntegratorRow, settings as common};
 use crate::math::real::{Mask, Vector};
 use crate::math::simd::{Lanes, active_lanes, map_vectors};
-use crate::transport::bsdf::{Bsdf, BsdfSample, Outgoing, TransportMode};
+use crate::transport::bsdf::{BsdfSample, TransportMode};
 use crate::transport::light::SELECT_FIELD;
 use crate::transport::mis;
 use crate::value::schema::Table;
@@ -122,7 +123,12 @@ fn tree<'a>(context: &Context<'a>) -> &'a SdTree {
 
 impl<R: Lanes<N>, const N: usize> Directions<R, N> for MixedDirections<R, N> {
     #[inline(always)]
-    fn at(context: &Context, position: R::Vec3, smooth: R::Mask) -> MixedDirections<R, N> {
+    fn at(
+        context: &Context,
+        position: R::Vec3,
+        _: SurfaceVertex<'_, R>,
+        smooth: R::Mask,
+    ) -> MixedDirections<R, N> {
         let tree = tree(context);
         let (x, y, z) = (
             position.x().store(),
@@ -158,7 +164,7 @@ impl<R: Lanes<N>, const N: usize> Directions<R, N> for MixedDirections<R, N> {
     fn sample(
         &self,
         context: &Context,
-        (bsdf, out, n): (&Bsdf<R>, &Outgoing<R>, R::Vec3),
+        (bsdf, out, n): SurfaceVertex<'_, R>,
         [choice, u, v]: [R; 3],
         lanes: R::Mask,
     ) -> (R::Mask, BsdfSample<R>) {

@@ -5,9 +5,9 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
-use crate::metrics::colour::luminance;
 use lumbre_light::math::rng::{pcg4d, unit};
 use lumbre_light::transport::bsdf::{Bsdf, TransportMode};
+use lumbre_light::transport::light::luminance;
 
 /// Number of intervals of the curves between -180 and 180 degrees.
 pub const STEPS: usize = 360;
@@ -110,7 +110,7 @@ impl Lobe {
             let wi = plane.direction(angle_of(step), 0.0);
             let f = bsdf.eval(wo, wi, TransportMode::Radiance);
             let cos = f64::from(wi.dot(normal).abs());
-            luminance(f.to_array().map(f64::from)) * cos
+            luminance(f) * cos
         };
         let mut lobe = Lobe {
             angle: wo.dot(normal).clamp(-1.0, 1.0).acos(),
@@ -136,7 +136,7 @@ impl Lobe {
                 self.lost += share;
                 continue;
             };
-            self.albedo += share * luminance(sample.weight.to_array().map(f64::from));
+            self.albedo += share * luminance(sample.weight);
             if sample.delta {
                 self.delta += share;
                 continue;
@@ -169,15 +169,18 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
+    use crate::cpu::prepared_scene::PreparedScene;
+    use crate::hierarchy::AccelSpec;
     use lumbre_light::scene::desc::Model;
     use lumbre_light::scene::{compile, load};
     use lumbre_light::transport::surface::Surface;
-    use lumbre_render::cpu::prepared_scene::PreparedScene;
-    use lumbre_render::hierarchy::AccelSpec;
 
     /// Returns the lobe at a pixel of a wall of the Cornell box, made of another material.
     fn lobe(model: Model, metallic: f32, roughness: f32) -> Lobe {
-        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell/cornell.scn");
+        let path = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../scenes/cornell/cornell.scn"
+        );
         let (desc, _) = load::load(path.as_ref()).unwrap();
         let (mut scene, _) = compile(&desc).unwrap();
         for material in &mut scene.materials {

@@ -1,0 +1,296 @@
+//! `lumbre bsdf`: figures of the lobe of a material, and of its samples beside their density.
+
+use std::path::{Path, PathBuf};
+
+use glam::{Vec2, Vec3};
+use serde_json::{Value as Json, json};
+
+use crate::cli::args::{BsdfArgs, Global, unknown_name};
+use crate::cli::exit::{Exit, Failure, print_result, print_status};
+use crate::cli::format::{display_path, rounded};
+use crate::output::lobe::{LobeFigure, draw};
+use crate::output::plot::rasterize;
+use crate::script;
+use crate::store;
+use lumbre_light::math::Frame;
+use lumbre_light::scene::compile::{Material, NONE, Uv};
+use lumbre_light::scene::{CompiledScene, compile, edit};
+use lumbre_light::transport::bsdf::Bsdf;
+use lumbre_light::transport::delay::profile_at;
+use lumbre_light::transport::surface::Surface;
+use lumbre_render::lobe::Lobe;
+use lumbre_render::lobe::fit::{DelayFit, DirectionFit};
+
+/// P-value below which samples do not follow the stated density, so that the verb fails.
+const SIGNIFICANCE: f64 = 1e-4;
+
+/// What is found out about a material.
+struct Found {
+    lobe: Lobe,
+    directions: DirectionFit,
+    delays: Vec<(String, DelayFit)>,
+}
+
+/// Runs `lumbre bsdf`.
+pub fn main(args: &BsdfArgs, global: &Global) -> Result<Exit, Failure> {
+    let options = args.option.iter().cloned().collect();
+    let (mut desc, _) =
+        script::scene::read(&args.file, &options, global.missing()).map_err(Failure::usage)?;
+    for (path, value) in &args.set {
+        edit::set(&mut desc, path, value).map_err(Failure::usage)?;
+    }
+    let names: Vec<&str> = desc.materials.iter().map(|m| m.name.as_str()).collect();
+    let Some(index) = names.iter().position(|name| *name == args.material) else {
+        let message = unknown_name("material", &args.material, &names);
+        return Err(Failure::usage(message));
+    };
+    let (scene, _) = compile(&desc).map_err(Failure::usage)?;
+    let leaves = scene.delays.leaves(index as u32);
+    if leaves != [index as u32] {
+        let parts: Vec<&str> = leaves.iter().map(|leaf| names[*leaf as usize]).collect();
+        return Err(Failure::usage(format!(
+            "material `{}` is composed of others: name one of {}",
+            args.material,
+            parts.join(", ")
+        )));
+    }
+    let found = find(args, &scene, index);
+    let [theta, phi] = args.at;
+    let heading = format!(
+        "{} ({}) from {theta}° to the normal, azimuth {phi}°",
+        args.material,
+        scene.materials[index].model.name()
+    );
+    let description = format!(
+        "lumbre {}\nscene {}\nmaterial {}",
+        env!("CARGO_PKG_VERSION"),
+        args.file.display(),
+        args.material
+    );
+    let svg = draw(&LobeFigure {
+        heading: &heading,
+        description: &description,
+        lobe: &found.lobe,
+        directions: &found.directions,
+        delays: &found.delays,
+    })
+    .map_err(Failure::internal)?;
+    let files = write(&stem(args), &svg)?;
+    let text = if args.json {
+        format!("{:#}\n", report(args, &found, &files))
+    } else {
+        page(&heading, &found)
+    };
+    print_result(&text)?;
+    if !global.quiet {
+        let shown: Vec<String> = files.iter().map(|file| display_path(file)).collect();
+        print_status(&format!("wrote {}", shown.join(" and ")));
+    }
+    Ok(if found.disagrees() {
+        Exit::NotVerified
+    } else {
+        Exit::Done
+    })
+}
+
+impl Found {
+    /// Returns whether samples do not follow the stated density.
+    fn disagrees(&self) -> bool {
+        let delays = self.delays.iter().map(|(_, fit)| fit.p_value);
+        delays
+            .chain([self.directions.p_value])
+            .any(|p| p < SIGNIFICANCE)
+    }
+}
+
+/// Evaluates and samples the BSDF and the delays of a material on a surface with the normal +z.
+fn find(args: &BsdfArgs, scene: &CompiledScene, index: usize) -> Found {
+    let material = &scene.materials[index];
+    let uv = Uv::same(Vec2::from_array(args.uv));
+    let surface = surface(material, uv);
+    let bsdf = Bsdf::new(&surface, &scene.textures);
+    let frame = Frame {
+        s: Vec3::X,
+        t: Vec3::Y,
+        n: Vec3::Z,
+    };
+    let [theta, phi] = args.at.map(f32::to_radians);
+    let wo = frame.to_world(Vec3::new(
+        theta.sin() * phi.cos(),
+        theta.sin() * phi.sin(),
+        theta.cos(),
+    ));
+    let components = scene.delays.components(index as u32);
+    let profiles = components.iter().flat_map(|c| scene.delays.profiles(c));
+    let delays = profiles
+        .map(|profile| {
+            let fit = DelayFit::new(&profile_at(profile, &scene.textures, uv));
+            (format!("delay, {}", profile.kind.name()), fit)
+        })
+        .collect();
+    Found {
+        lobe: Lobe::new(&bsdf, Vec3::Z, wo),
+        directions: DirectionFit::new(&bsdf, material, &frame, wo),
+        delays,
+    }
+}
+
+/// Returns a point of a plane with the normal +z and texture coordinates along +x and +y. Normal and
+/// bump maps are not applied.
+fn surface(material: &Material, uv: Uv) -> Surface<'_> {
+    let own = material.anisotropic_direction;
+    Surface {
+        position: Vec3::ZERO,
+        n_geometric: Vec3::Z,
+        n_shading: Vec3::Z,
+        tangent: if own == Vec3::ZERO { Vec3::X } else { own },
+        uv,
+        tint: Vec3::ONE,
+        materials: [material],
+        emitter: NONE,
+        terminator: None,
+    }
+}
+
+/// Returns the path of the figures without an extension.
+fn stem(args: &BsdfArgs) -> PathBuf {
+    args.to.clone().unwrap_or_else(|| {
+        let safe = |c: char| {
+            if c.is_ascii_alphanumeric() || "-_.".contains(c) {
+                c
+            } else {
+                '_'
+            }
+        };
+        PathBuf::from(format!(
+            "bsdf-{}",
+            args.material.chars().map(safe).collect::<String>()
+        ))
+    })
+}
+
+/// Writes the figure as SVG and PNG; returns the paths of the files.
+fn write(stem: &Path, svg: &str) -> Result<[PathBuf; 2], Failure> {
+    let png = rasterize(svg).map_err(Failure::internal)?;
+    let file = |extension: &str| {
+        let mut name = stem.as_os_str().to_owned();
+        name.push(extension);
+        PathBuf::from(name)
+    };
+    let files = [file(".svg"), file(".png")];
+    for (file, bytes) in files.iter().zip([svg.as_bytes(), &png]) {
+        store::write_atomically(file, bytes).map_err(Failure::usage)?;
+    }
+    Ok(files)
+}
+
+/// Formats what was found for people.
+fn page(heading: &str, found: &Found) -> String {
+    let Found {
+        lobe,
+        directions,
+        delays,
+    } = found;
+    let mut lines = vec![
+        heading.to_owned(),
+        format!(
+            "value times cosine: at most {} /sr; albedo {}",
+            rounded(lobe.greatest_value()),
+            rounded(lobe.albedo)
+        ),
+        format!(
+            "samples: {} % in Dirac lobes, {} % without a direction",
+            rounded(100.0 * lobe.delta),
+            rounded(100.0 * lobe.lost)
+        ),
+        format!(
+            "density: integrates to {}; {} samples follow it with p = {}",
+            rounded(directions.mass),
+            directions.samples,
+            rounded(directions.p_value)
+        ),
+    ];
+    lines.extend(delays.iter().map(|(name, fit)| {
+        format!(
+            "{name}: mean {} ({} stated); {} samples follow the density with p = {}",
+            rounded(fit.drawn_mean),
+            rounded(fit.mean),
+            fit.samples,
+            rounded(fit.p_value)
+        )
+    }));
+    lines.push(String::new());
+    lines.join("\n")
+}
+
+/// Returns what was found as JSON.
+fn report(args: &BsdfArgs, found: &Found, files: &[PathBuf; 2]) -> Json {
+    let Found {
+        lobe,
+        directions,
+        delays,
+    } = found;
+    let delay = |(name, fit): &(String, DelayFit)| {
+        json!({
+            "name": name, "samples": fit.samples, "range": fit.range, "p": fit.p_value,
+            "mean": fit.mean, "drawn_mean": fit.drawn_mean,
+            "stated": fit.stated, "drawn": fit.drawn,
+        })
+    };
+    json!({
+        "scene": args.file, "material": args.material, "at_deg": args.at, "uv": args.uv,
+        "files": files,
+        "slice": {
+            "value_times_cosine": lobe.values, "stated": lobe.densities, "drawn": lobe.histogram,
+        },
+        "albedo": lobe.albedo, "dirac_share": lobe.delta, "lost_share": lobe.lost,
+        "sphere": {
+            "samples": directions.samples, "without_density": directions.without_density,
+            "mass": directions.mass, "p": directions.p_value,
+            "stated": directions.stated, "drawn": directions.drawn,
+        },
+        "delays": delays.iter().map(delay).collect::<Vec<_>>(),
+    })
+}
+
+/// Parses `theta` or `theta,phi` in degrees.
+pub fn direction(text: &str) -> Result<[f32; 2], String> {
+    let numbers: Vec<f32> = text
+        .split(',')
+        .filter_map(|part| part.trim().parse().ok())
+        .filter(|x: &f32| x.is_finite())
+        .collect();
+    match (numbers.as_slice(), text.split(',').count()) {
+        (&[theta], 1) if (0.0..=180.0).contains(&theta) => Ok([theta, 0.0]),
+        (&[theta, phi], 2) if (0.0..=180.0).contains(&theta) => Ok([theta, phi]),
+        _ => Err(format!(
+            "expected an angle from the normal of 0 to 180 degrees and optionally an azimuth, such \
+             as 60 or 60,45, found `{text}`"
+        )),
+    }
+}
+
+/// Parses texture coordinates `u,v`.
+pub fn texture_coordinates(text: &str) -> Result<[f32; 2], String> {
+    let pair = text.split_once(',').and_then(|(u, v)| {
+        let [u, v]: [f32; 2] = [u.trim().parse().ok()?, v.trim().parse().ok()?];
+        (u.is_finite() && v.is_finite()).then_some([u, v])
+    });
+    pair.ok_or_else(|| format!("expected texture coordinates such as 0.5,0.25, found `{text}`"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn directions_are_one_or_two_angles_within_their_range() {
+        assert_eq!(direction("60"), Ok([60.0, 0.0]));
+        assert_eq!(direction("120, 45"), Ok([120.0, 45.0]));
+        for wrong in ["", "a", "60,", "-1", "181", "1,2,3", "nan"] {
+            assert!(direction(wrong).is_err(), "{wrong}");
+        }
+        assert_eq!(texture_coordinates("0.5,0.25"), Ok([0.5, 0.25]));
+        assert!(texture_coordinates("0.5").is_err());
+    }
+}
