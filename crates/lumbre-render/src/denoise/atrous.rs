@@ -3,9 +3,10 @@
 //!
 //! A pixel becomes the weighted mean of its neighbourhood, in several passes whose taps are twice as
 //! far apart each time. A tap counts less the more its albedo or normal differs, and the more its
-//! luminance differs in units of the noise of the pixel. Radiance is divided by the albedo before and
-//! multiplied by it afterwards, so that textures stay. Each output pixel is a function of the input
-//! alone: the result has the same bits for any number of threads.
+//! luminance differs in units of the noise of the pixel: by the square of this difference, as in the
+//! former source, since weights by the difference itself darken the edges of lamps. Radiance is
+//! divided by the albedo before and multiplied by it afterwards, so that textures stay. Each output
+//! pixel is a function of the input alone: the result has the same bits for any number of threads.
 
 use std::collections::BTreeMap;
 
