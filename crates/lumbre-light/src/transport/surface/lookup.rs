@@ -60,12 +60,12 @@ impl<R: Lanes<N>, const N: usize> Outlined for Lookup<'_, R, N> {
     fn run(self) -> R::Vec3 {
         let mut fields = [F32x8::default(); N];
         let mut mapped = false;
-        for i in 0..N {
+        for (i, fields) in fields.iter_mut().enumerate() {
             if let Some(texture) = self.textures.get(self.ids[i] as usize) {
                 let UvMap { scale, offset } = self.tilings[i];
                 let [width, height, wrap_u, wrap_v] = texture.grid();
                 let second = f32::from(u8::from(texture.lookup.second));
-                fields[i] = F32x8([
+                *fields = F32x8([
                     scale, offset.x, offset.y, second, width, height, wrap_u, wrap_v,
                 ]);
                 mapped |= texture.lookup.map.is_some();
@@ -95,8 +95,8 @@ impl<R: Lanes<N>, const N: usize> Lookup<'_, R, N> {
     #[inline(always)]
     fn map(&self, [u, v]: [R; 2]) -> [R; 2] {
         let (mut u, mut v) = (u.store(), v.store());
-        for i in 0..N {
-            let texture = self.textures.get(self.ids[i] as usize);
+        for (i, id) in self.ids.iter().enumerate() {
+            let texture = self.textures.get(*id as usize);
             if let Some(map) = texture.and_then(|texture| texture.lookup.map) {
                 [u[i], v[i]] = map.transform_point2(Vec2::new(u[i], v[i])).to_array();
             }
@@ -115,10 +115,10 @@ impl<R: Lanes<N>, const N: usize> Lookup<'_, R, N> {
         let (c, d) = (R::store_words(c), R::store_words(d));
         let (fx, fy) = (fx.store(), fy.store());
         let mut colors = [F32x8([1.0; 8]); N];
-        for i in 0..N {
+        for (i, row) in colors.iter_mut().enumerate() {
             if let Some(texture) = self.textures.get(self.ids[i] as usize) {
                 let color = texture.blend([a[i], b[i], c[i], d[i]], [fx[i], fy[i]]);
-                colors[i].0[..4].copy_from_slice(&color.to_array());
+                row.0[..4].copy_from_slice(&color.to_array());
             }
         }
         let [r, g, b, ..] = R::transpose_load(colors.each_ref());
@@ -190,14 +190,14 @@ mod tests {
                 let uv = Uv::from_array([R::load(&a), R::load(&b), R::load(&c), R::load(&d)]);
                 let found: R::Vec3 = lookup_in_lanes(self.0, ids, &uv, tilings);
                 let found = [found.x().store(), found.y().store(), found.z().store()];
-                for i in 0..N {
+                for (i, id) in ids.iter().enumerate() {
                     let own = Uv::from_array([a[i], b[i], c[i], d[i]]);
-                    let expected = match self.0.get(ids[i] as usize) {
+                    let expected = match self.0.get(*id as usize) {
                         None => Vec3::ONE,
                         Some(texture) => texture.filtered(texture.image_uv(own, tilings[i])),
                     };
                     let found = Vec3::new(found[0][i], found[1][i], found[2][i]);
-                    assert_eq!(found, expected, "{N} lanes, texture {}", ids[i]);
+                    assert_eq!(found, expected, "{N} lanes, texture {id}");
                 }
             }
         }
