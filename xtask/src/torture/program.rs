@@ -58,7 +58,7 @@ pub fn end(command: &mut Command) -> Result<Ended, String> {
     let mut child = command
         .spawn()
         .map_err(|e| format!("cannot start {command:?}: {e}"))?;
-    let (out, error) = (gather(child.stdout.take()), gather(child.stderr.take()));
+    let (out, error) = (gather(child.stdout.take())?, gather(child.stderr.take())?);
     let start = Instant::now();
     let mut memory = 0;
     let (status, hung) = loop {
@@ -82,8 +82,8 @@ pub fn end(command: &mut Command) -> Result<Ended, String> {
 }
 
 /// Reads an output to its end on a thread, and returns its first [`KEPT`] bytes.
-fn gather(output: Option<impl Read + Send + 'static>) -> JoinHandle<Vec<u8>> {
-    std::thread::spawn(move || {
+fn gather(output: Option<impl Read + Send + 'static>) -> Result<JoinHandle<Vec<u8>>, String> {
+    let read = move || {
         let mut kept = Vec::new();
         if let Some(mut output) = output {
             // An output that cannot be read has nothing to tell.
@@ -91,7 +91,9 @@ fn gather(output: Option<impl Read + Send + 'static>) -> JoinHandle<Vec<u8>> {
             let _ = std::io::copy(&mut output, &mut std::io::sink());
         }
         kept
-    })
+    };
+    let thread = std::thread::Builder::new().name("output".to_owned());
+    thread.spawn(read).map_err(|e| e.to_string())
 }
 
 /// Returns the largest resident memory of a process so far in bytes, or 0 where the system does
