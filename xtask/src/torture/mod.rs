@@ -35,15 +35,18 @@ pub struct Args {
     /// Minutes to spend, divided evenly among the attacks
     #[arg(long, default_value_t = 60.0)]
     minutes: f64,
+    /// Make this many attempts with each attack instead, however long they take
+    #[arg(long, value_name = "N", conflicts_with = "minutes")]
+    attempts: Option<u32>,
     /// Seed of all random choices; an attempt is a function of seed, attack and number
     #[arg(long, default_value_t = 1)]
     seed: u32,
     /// Number of the first attempt, to repeat one that failed
     #[arg(long, default_value_t = 0)]
     first: u32,
-    /// Attack only with those whose name contains this text
+    /// Attack only with those whose name contains this text (repeat for more)
     #[arg(long, value_name = "TEXT")]
-    only: Option<String>,
+    only: Vec<String>,
     /// Program to attack; by default the one that was built beside this program
     #[arg(long, value_name = "FILE")]
     program: Option<PathBuf>,
@@ -208,18 +211,25 @@ impl Tally {
 pub fn run(args: &Args) -> Result<(), String> {
     let site = Site::new(&program::beside(args.program.as_deref())?)?;
     let chosen = |attack: &&Attack| {
-        let only = args.only.as_deref();
-        only.is_none_or(|text| attack.name.contains(text))
+        let mut only = args.only.iter();
+        args.only.is_empty() || only.any(|text| attack.name.contains(text.as_str()))
     };
     let attacks: Vec<&Attack> = ATTACKS.iter().filter(chosen).collect();
     if attacks.is_empty() {
         return Err("no attack has such a name".to_owned());
     }
     let mut tallies: Vec<Tally> = attacks.iter().map(|_| Tally::default()).collect();
-    let time = Duration::from_secs_f64((args.minutes * 60.0).clamp(0.0, 1e9));
+    let time = match args.attempts {
+        Some(_) => Duration::MAX,
+        None => Duration::from_secs_f64((args.minutes * 60.0).clamp(0.0, 1e9)),
+    };
+    let is_open = |tally: &Tally| {
+        let is_short = args.attempts.is_none_or(|attempts| tally.tried < attempts);
+        tally.skipped.is_none() && is_short
+    };
     let start = Instant::now();
     while start.elapsed() < time {
-        let open = (0..attacks.len()).filter(|i| tallies[*i].skipped.is_none());
+        let open = (0..attacks.len()).filter(|i| is_open(&tallies[*i]));
         let Some(next) = open.min_by_key(|i| tallies[*i].spent) else {
             break;
         };
