@@ -39,6 +39,7 @@ const SECTIONS: &[Section] = &[
             "x:checkpoint",
             "x:deadline",
             "x:control",
+            "x:notify",
             "require",
         ],
         extra: None,
