@@ -6,6 +6,7 @@
 pub mod about;
 mod args;
 pub mod bench;
+mod benchmark;
 mod cluster;
 mod exit;
 pub mod format;
@@ -124,6 +125,7 @@ fn dispatch(cli: &Cli) -> Result<Exit, Failure> {
         Verb::Doctor(args) => about::doctor::main(args, global),
         Verb::Verify(args) => verify::main(args, global),
         Verb::Bench(args) => run_bench(args, global),
+        Verb::Benchmark(args) => benchmark::main(args, global),
         Verb::Metric(args) => inspect::compare::metric(args, global),
         Verb::Diff(args) => inspect::compare::diff(args, global),
         Verb::Reproduce(args) => reproduce::main(args, global),

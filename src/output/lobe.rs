@@ -109,7 +109,7 @@ fn polar(drawing: &mut Drawing, [x, y, w, h]: Area, lobe: &Lobe) {
     drawing.line([cx, cy, cx, cy - radius], GRID, 0.8);
     let (vx, vy) = at(-f64::from(lobe.angle), 1.0);
     drawing.dashed([cx, cy, vx, vy], FRAME, 1.0, "4 3");
-    drawing.text((vx - 4.0, vy - 4.0), SMALL, Anchor::End, "to the viewer");
+    drawing.text((vx, vy - 5.0), SMALL, Anchor::Middle, "to the viewer");
     drawing.text((cx + radius, cy + 12.0), SMALL, Anchor::End, "90°");
     if most <= 0.0 {
         let text = "Dirac lobes only";
@@ -223,7 +223,7 @@ fn sphere(
     drawing.image([x, y, w, h], &png::encode_map(&map, [0.0, top], &[])?);
     drawing.frame([x, y, w, h], FRAME);
     drawing.text((x, y - 6.0), NAME, Anchor::Start, name);
-    let scale = format!("black 0, white {} /sr", significant(most, 3));
+    let scale = format!("0 to {} /sr", significant(most, 3));
     drawing.text((x + w, y - 6.0), SMALL, Anchor::End, &scale);
     for (share, text) in [(0.0, "-180°"), (0.5, "0°"), (1.0, "180°")] {
         drawing.text((x + share * w, y + h + 13.0), SMALL, Anchor::Middle, text);
@@ -231,7 +231,7 @@ fn sphere(
     let most = 180 * rows / ROWS;
     drawing.text((x - 4.0, y + 8.0), SMALL, Anchor::End, "0°");
     drawing.text((x - 4.0, y + h), SMALL, Anchor::End, &format!("{most}°"));
-    let label = "azimuth; downwards: angle from the normal";
+    let label = "azimuth from the mirror direction; downwards: angle from the normal";
     drawing.text((x + w / 2.0, y + h + 26.0), SMALL, Anchor::Middle, label);
     Ok(())
 }

@@ -5,6 +5,7 @@
 //! is used. The caller passes metadata as key-value pairs. They are embedded in every file format
 //! that supports it.
 
+pub mod benchmark;
 mod dependent_axes;
 pub mod devices;
 mod exposure;

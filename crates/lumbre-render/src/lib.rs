@@ -29,6 +29,7 @@ use lumbre_light::film::layer::{Layer, LayerFilm};
 use lumbre_light::film::time::TimeCube;
 use lumbre_light::film::{Film, SharedImage};
 use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::SceneMemory;
 use lumbre_light::scene::desc::Model;
 use lumbre_light::transport::camera::FilterSpec;
 use lumbre_light::transport::integrator::IntegratorRow;
@@ -169,6 +170,8 @@ pub struct OpenStats {
     /// Expected cost of a ray that meets the scene's box, by the surface area heuristic: visited
     /// nodes plus tested primitives; 0 if unknown.
     pub accel_cost: f64,
+    /// Memory of the scene's geometry and textures; zero if unknown.
+    pub scene: SceneMemory,
     /// Line for users: device, builder, threads.
     pub device: String,
 }

@@ -181,6 +181,7 @@ impl VulkanRenderer {
                 upload_s,
                 pipeline_s,
                 device: device.info.line(),
+                scene: scene.memory(),
                 ..built
             },
             any_invalid: false,

@@ -16,11 +16,19 @@ const GROUPS: &[(&str, &[&str])] = &[
         "Results",
         &["report", "view", "metric", "diff", "reproduce"],
     ),
-    ("Scenes", &["trace", "export"]),
+    ("Scenes", &["trace", "bsdf", "export"]),
     ("Clusters", &["submit", "work", "cancel"]),
     (
         "The program itself",
-        &["doctor", "verify", "bench", "schema", "completions", "man"],
+        &[
+            "doctor",
+            "verify",
+            "bench",
+            "benchmark",
+            "schema",
+            "completions",
+            "man",
+        ],
     ),
 ];
 

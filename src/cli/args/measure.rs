@@ -1,10 +1,10 @@
-//! Options of the verbs that test and measure the program itself: `verify` and `bench`.
+//! Options of the verbs that test and measure the program itself: `verify`, `bench` and `benchmark`.
 
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, Subcommand};
 
-use super::typed::{SceneArg, scene_arg};
+use super::typed::{SceneArg, scene_arg, seconds};
 use crate::experiment::spec::Order;
 use lumbre_light::scene::desc::MAX_SIDE;
 
@@ -124,4 +124,52 @@ pub struct BenchArgs {
     /// Print as JSON.
     #[arg(long)]
     pub json: bool,
+}
+
+/// Options of `lumbre benchmark`.
+#[derive(Args, Debug)]
+#[command(args_conflicts_with_subcommands = true)]
+pub struct BenchmarkArgs {
+    /// Verb about results.
+    #[command(subcommand)]
+    pub verb: Option<BenchmarkVerb>,
+    /// Measure for a minute instead of twenty.
+    #[arg(long)]
+    pub quick: bool,
+    /// Measure only this backend (repeatable) [default: all that this machine can use].
+    #[arg(long, value_name = "NAME")]
+    pub backend: Vec<String>,
+    /// Name of the machine in tables [default: the model of its processor].
+    #[arg(long, value_name = "NAME")]
+    pub name: Option<String>,
+    /// Write the result to this file [default: benchmark-1.json].
+    #[arg(short = 'o', long = "to", value_name = "FILE")]
+    pub to: Option<PathBuf>,
+    /// Width and height in pixels, for tests; results of other sizes are not compared.
+    #[arg(long, hide = true, value_parser = crate::cli::scene::trace::size)]
+    pub size: Option<[u32; 2]>,
+    /// Duration of the whole benchmark, for tests.
+    #[arg(long, hide = true, value_parser = seconds)]
+    pub time: Option<f64>,
+}
+
+/// Verbs about results of the benchmark.
+#[derive(Debug, Subcommand)]
+pub enum BenchmarkVerb {
+    /// Compare the results of several machines in tables.
+    ///
+    /// Prints the sampling rate of every technique on every scene and backend, the same relative to
+    /// the first one, and which pictures have the same bits.
+    Compare(BenchmarkCompareArgs),
+}
+
+/// Options of `lumbre benchmark compare`.
+#[derive(Args, Debug)]
+pub struct BenchmarkCompareArgs {
+    /// Results of `lumbre benchmark`; the first one is the base of ratios.
+    #[arg(required = true, value_name = "FILE")]
+    pub files: Vec<PathBuf>,
+    /// Also write the tables as Markdown, CSV and LaTeX to this folder.
+    #[arg(long, value_name = "DIR")]
+    pub to: Option<PathBuf>,
 }

@@ -19,7 +19,7 @@ use clap::{Args, Parser, Subcommand};
 
 pub use cluster::{CancelArgs, JobArgs, Scheduler, SubmitArgs, WorkArgs};
 pub use inspect::{ExplainArgs, LsArgs, ShowArgs, StatusArgs, WatchArgs};
-pub use measure::{BenchArgs, VerifyArgs};
+pub use measure::{BenchArgs, BenchmarkArgs, BenchmarkCompareArgs, BenchmarkVerb, VerifyArgs};
 pub use night::{NightArgs, PlanArgs, RetryArgs, RunArgs, ScriptArgs};
 pub use output::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs, ViewArgs};
 pub use scene::{BsdfArgs, CheckArgs, ExportArgs, TraceArgs};
@@ -254,6 +254,16 @@ pub enum Verb {
     /// picture). The last three are a dash if an integrator found light too rarely to estimate its
     /// variance.
     Bench(BenchArgs),
+    /// Measure this machine by a fixed suite, for comparisons with other machines.
+    ///
+    /// Renders six built-in scenes by every technique on every backend of this machine, in twenty
+    /// minutes, and writes one file with machine, drivers, rates with their spread, and checksums of
+    /// pictures. Scenes, sizes and seeds belong to the version of the suite and cannot be changed;
+    /// `lumbre bench` measures other scenes, and rays and variances. Leave the machine alone
+    /// meanwhile.
+    ///
+    /// Example: lumbre benchmark --name laptop -o laptop.json
+    Benchmark(BenchmarkArgs),
     /// Measure the error of a picture against a reference picture.
     ///
     /// Accepts EXR, HDR, PNG, JPEG and BMP files of any origin. Files with 8 or 16 bits are decoded

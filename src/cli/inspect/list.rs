@@ -231,6 +231,9 @@ fn run_page(run: &RunRecord) -> String {
     };
     // Writing to a String cannot fail.
     let _ = writeln!(out, "\n{state}");
+    if let Some(line) = memory_line(run) {
+        let _ = writeln!(out, "{line}");
+    }
     let measured = &run.measurements;
     if let Some(row) = measured.rows.last() {
         let _ = writeln!(
@@ -262,6 +265,20 @@ fn run_page(run: &RunRecord) -> String {
         .map(|(name, bytes)| vec![name.clone(), format::size(*bytes)]);
     out += &format::aligned(&files.collect::<Vec<_>>());
     out
+}
+
+/// Returns the memory of a finished run's scene and hierarchy; `None` if it is not known.
+fn memory_line(run: &RunRecord) -> Option<String> {
+    let Some(DoneFile::Rendered(results)) = &run.done else {
+        return None;
+    };
+    let open = &results.open;
+    Some(format!(
+        "memory: geometry {}, textures {}, hierarchy {}",
+        format::size(open.geometry_bytes?),
+        format::size(open.texture_bytes?),
+        format::size(open.accel_bytes)
+    ))
 }
 
 /// Appends a line of path and value for every leaf of a JSON value, except nulls.

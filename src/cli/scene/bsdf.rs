@@ -109,17 +109,15 @@ fn find(args: &BsdfArgs, scene: &CompiledScene, index: usize) -> Found {
     let uv = Uv::same(Vec2::from_array(args.uv));
     let surface = surface(material, uv);
     let bsdf = Bsdf::new(&surface, &scene.textures);
+    let [theta, phi] = args.at.map(f32::to_radians);
+    let around = Vec3::new(phi.cos(), phi.sin(), 0.0);
+    let wo = around * theta.sin() + Vec3::Z * theta.cos();
+    // Away from the viewer, so that mirror reflection is in the middle of the map.
     let frame = Frame {
-        s: Vec3::X,
-        t: Vec3::Y,
+        s: -around,
+        t: Vec3::Z.cross(-around),
         n: Vec3::Z,
     };
-    let [theta, phi] = args.at.map(f32::to_radians);
-    let wo = frame.to_world(Vec3::new(
-        theta.sin() * phi.cos(),
-        theta.sin() * phi.sin(),
-        theta.cos(),
-    ));
     let components = scene.delays.components(index as u32);
     let profiles = components.iter().flat_map(|c| scene.delays.profiles(c));
     let delays = profiles

@@ -10,6 +10,7 @@ use crate::experiment::forecast::Forecast;
 use crate::experiment::outcome::Level;
 use crate::experiment::shards::Shard;
 use crate::experiment::{CellRef, Event, Outcome, Plan, WaveRow};
+use lumbre_light::scene::compile::SceneMemory;
 use lumbre_render::OpenStats;
 
 /// Fields of [`Forecast`], which the journal stores as it is.
@@ -320,6 +321,8 @@ impl From<&OpenStats> for OpenCost {
             accel_nodes: open.accel_nodes,
             accel_bytes: open.accel_bytes,
             accel_cost: open.accel_cost,
+            geometry_bytes: (open.scene.geometry > 0).then_some(open.scene.geometry),
+            texture_bytes: (open.scene.geometry > 0).then_some(open.scene.textures),
         }
     }
 }
@@ -333,6 +336,10 @@ impl OpenCost {
             accel_nodes: self.accel_nodes,
             accel_bytes: self.accel_bytes,
             accel_cost: self.accel_cost,
+            scene: SceneMemory {
+                geometry: self.geometry_bytes.unwrap_or(0),
+                textures: self.texture_bytes.unwrap_or(0),
+            },
             ..OpenStats::default()
         }
     }

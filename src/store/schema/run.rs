@@ -184,6 +184,12 @@ records! {
         pub accel_bytes: u64,
         /// Expected cost of a ray by the surface area heuristic; 0 if unknown.
         pub accel_cost: f64,
+        /// Bytes of triangles, spheres, their attributes and instances; absent if unknown.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub geometry_bytes: Option<u64>,
+        /// Bytes of texels, of the environment map too; absent if unknown.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub texture_bytes: Option<u64>,
     }
 
     /// `done.json` of a run, and `ref.json` of a rendered reference: how it ended.

@@ -55,7 +55,17 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
             format::count(current.open.accel_nodes),
             format::duration(current.open.accel_build_s),
         );
-        let text = format!("{nodes} BVH nodes built in {build}");
+        let open = &current.open;
+        let text = if open.scene.geometry == 0 {
+            format!("{nodes} BVH nodes built in {build}")
+        } else {
+            format!(
+                "geometry {}, textures {}, BVH {} in {build}",
+                size(open.scene.geometry),
+                size(open.scene.textures),
+                size(open.accel_bytes)
+            )
+        };
         lines.push(Line::styled(
             format::fit(&text, width, ellipsis),
             caps.dim(),
@@ -140,7 +150,9 @@ fn gauge(caps: TerminalCaps, width: usize, name: &str, share: f64, text: &str) -
 fn size(bytes: u64) -> String {
     const MIB: f64 = 1_048_576.0;
     let mib = bytes as f64 / MIB;
-    if mib < 1000.0 {
+    if mib < 1.0 {
+        format!("{:.0} KiB", mib * 1024.0)
+    } else if mib < 1000.0 {
         format!("{mib:.0} MiB")
     } else {
         format!("{:.1} GiB", mib / 1024.0)

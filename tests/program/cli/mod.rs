@@ -5,6 +5,7 @@
     reason = "test helpers may panic and print, as tests do"
 )]
 
+mod anisotropy;
 mod compare;
 mod compare_techniques;
 mod damage;
@@ -28,6 +29,7 @@ mod render;
 mod report;
 mod reproduce;
 mod signals;
+mod studies;
 mod survive;
 mod terminal_text;
 mod tev;

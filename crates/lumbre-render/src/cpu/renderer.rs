@@ -107,6 +107,7 @@ impl CpuRenderer {
             accel_nodes: accel.node_count() as u64,
             accel_bytes: accel.bytes() as u64,
             accel_cost: accel.cost(),
+            scene: accel.scene.memory(),
             device: device_line(accel, pool.current_num_threads(), wavefront.is_some()),
             ..OpenStats::default()
         };

@@ -8,6 +8,7 @@ mod instance;
 mod instancing;
 mod lights;
 mod materials;
+mod memory;
 mod mesh;
 mod shared_texels;
 mod tangents;
@@ -20,6 +21,7 @@ pub use delays::{Blend, DelayParam, DelayProfile, Delays, MaterialComponent};
 pub use flatten::{MAX_PRIMITIVES, compile, compile_sharing};
 pub use instance::{Instance, Instances, MAX_FLATTENED_PRIMITIVES, SharedMesh};
 pub use lights::{Cone, DirectionalLight, Environment, PointLight};
+pub use memory::SceneMemory;
 pub(in crate::scene) use texture::srgb_to_linear;
 pub use texture::{Footprint, Texture, Uv, UvMap};
 

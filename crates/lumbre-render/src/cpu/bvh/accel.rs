@@ -20,6 +20,7 @@ use super::compressed;
 use super::instances;
 use super::instances::MeshInstance;
 use super::packed::{PackedTree, build_packed};
+use super::progress::BuildProgress;
 use super::simd::{Isa, LANES};
 use crate::hierarchy::{AccelSpec, Builder};
 use lumbre_light::scene::CompiledScene;
@@ -100,12 +101,20 @@ impl Accel {
         isa: Isa,
     ) -> Result<Accel, AccelError> {
         let start = Instant::now();
-        let mut accel = match (Accel::build_tree(&scene, spec, isa), spec.shallow()) {
-            (Err(AccelError::TooDeep { .. }), Some(shallow)) => {
-                Accel::build_tree(&scene, &shallow, isa)?
+        let progress = BuildProgress::default();
+        let log = |line: &str| tracing::info!("{line}");
+        let built = progress.watch(scene.primitive_count(), &log, || {
+            match (
+                Accel::build_tree(&scene, spec, isa, &progress),
+                spec.shallow(),
+            ) {
+                (Err(AccelError::TooDeep { .. }), Some(shallow)) => {
+                    Accel::build_tree(&scene, &shallow, isa, &progress)
+                }
+                (built, _) => built,
             }
-            (built, _) => built?,
-        };
+        });
+        let mut accel = built?;
         accel.build_s = start.elapsed().as_secs_f64();
         Ok(accel)
     }
@@ -115,6 +124,7 @@ impl Accel {
         scene: &Arc<CompiledScene>,
         spec: &AccelSpec,
         isa: Isa,
+        progress: &BuildProgress,
     ) -> Result<Accel, AccelError> {
         let flatten = matches!(spec.builder, Builder::None | Builder::Cwbvh)
             && !scene.instances.placements.is_empty();
@@ -145,9 +155,10 @@ impl Accel {
             scene,
         };
         if spec.builder == Builder::Cwbvh {
+            progress.begin("compressed nodes");
             accel.build_compressed(spec)?;
         } else {
-            accel.build_bvh8(spec)?;
+            accel.build_bvh8(spec, progress)?;
         }
         Ok(accel)
     }
@@ -164,8 +175,9 @@ impl Accel {
         }
     }
 
-    fn build_bvh8(&mut self, spec: &AccelSpec) -> Result<(), AccelError> {
+    fn build_bvh8(&mut self, spec: &AccelSpec, progress: &BuildProgress) -> Result<(), AccelError> {
         let scene = Arc::clone(&self.scene);
+        progress.begin("trees of shared meshes");
         let mut bvh8 = Bvh8::default();
         let meshes: Vec<TreeRoot> = scene
             .instances
@@ -201,7 +213,9 @@ impl Accel {
         }
         let one_leaf = self.instances.is_empty() && primitives.len() <= self.isa.one_leaf();
         let spec = top_level_spec(spec, self.instances.is_empty(), one_leaf);
+        progress.begin("the binary tree");
         let binary = build::build_binary(&spec, &primitives, spec.max_leaf);
+        progress.begin("nodes with eight children");
         let root = bvh8.add_tree(&binary, &primitives, &item);
         let mesh_levels = self
             .scene

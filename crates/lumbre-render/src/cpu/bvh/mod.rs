@@ -38,6 +38,7 @@ pub mod morton;
 pub mod packed;
 pub mod packed_node;
 pub mod ploc;
+mod progress;
 pub mod reinsertion;
 pub mod simd;
 #[cfg(test)]

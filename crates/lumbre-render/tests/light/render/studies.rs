@@ -244,7 +244,7 @@ fn octahedra(mesh: Arc<MeshDesc>, kind: ShadingNormals, maps: bool, count: u32) 
             translate: Vec3::new(2.2 * (i % 2) as f32 - 1.1, 2.2 * (i / 2) as f32 - 1.1, 0.0),
             ..Transform::default()
         },
-        material: Some(if i % 2 == 0 { "m" } else { "other" }.to_owned()),
+        material: Some(if i.is_multiple_of(2) { "m" } else { "other" }.to_owned()),
         anisotropic_direction: None,
         shape: ShapeDesc::Mesh(Arc::clone(&mesh)),
     };

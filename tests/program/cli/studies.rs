@@ -1,0 +1,242 @@
+//! The scripts of studies in small, `lumbre bsdf`, and `lumbre benchmark`.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde_json::Value as Json;
+
+use super::workplace::{ProgramOutput, Workplace};
+
+/// Runs the program from the root of the repository, with results in the workplace.
+fn run(place: &Workplace, args: &[&str]) -> ProgramOutput {
+    let mut command = place.command(args);
+    command.current_dir(env!("CARGO_MANIFEST_DIR"));
+    let output = command.output().unwrap();
+    ProgramOutput {
+        status: output.status.code().unwrap_or(-1),
+        stdout: String::from_utf8(output.stdout).unwrap(),
+        stderr: String::from_utf8(output.stderr).unwrap(),
+    }
+}
+
+/// Runs a script with small pictures, and returns its tables: the numbers of each row by its labels.
+fn study(place: &Workplace, name: &str, more: &[&str], table: &str) -> BTreeMap<String, Vec<f64>> {
+    let (script, out) = (format!("scripts/{name}.lua"), place.path("out"));
+    let out = out.to_str().unwrap();
+    let base = ["run", &script, "--out", out, "--backend", "cpu", "-q"];
+    let ended = run(place, &[&base, more].concat());
+    assert_eq!(ended.status, 0, "{name}: {}", ended.stderr);
+    let text = std::fs::read_to_string(Path::new(out).join(format!("latest/tables/{table}.md")));
+    let text = text.unwrap();
+    let rows = text.lines().filter(|line| line.starts_with('|')).skip(2);
+    rows.map(|row| {
+        let fields: Vec<&str> = row.trim_matches('|').split('|').map(str::trim).collect();
+        let number = |text: &&str| text.split([' ', '*']).find_map(|part| part.parse().ok());
+        let numbers = fields[1..].iter().filter_map(number).collect();
+        (fields[0].to_owned(), numbers)
+    })
+    .collect()
+}
+
+#[test]
+fn a_filter_and_flat_normals_change_pictures_and_not_their_noise() {
+    let place = Workplace::new();
+    let rmse = study(&place, "texture_filter", &["size=32", "samples=4"], "rmse");
+    let [bilinear, nearest] = ["bilinear", "nearest"].map(|filter| rmse[filter][0]);
+    assert!((bilinear / nearest - 1.0).abs() < 0.3, "{rmse:?}");
+    let place = Workplace::new();
+    let rates = study(&place, "smooth_normals", &["size=32", "samples=4"], "rate");
+    assert_eq!(rates.len(), 3, "{rates:?}");
+    let pictures: Vec<Vec<u8>> = place
+        .finished()
+        .iter()
+        .map(|(done, _)| {
+            let run = done.trim_end_matches("/done.json");
+            std::fs::read(place.path(&format!("{run}/final.exr"))).unwrap()
+        })
+        .map(|bytes| lumbre::output::exr::decode(&bytes).unwrap().0)
+        .map(|image| {
+            image
+                .data
+                .as_flattened()
+                .iter()
+                .flat_map(|x| x.to_le_bytes())
+                .collect()
+        })
+        .collect();
+    assert_eq!(pictures.len(), 3);
+    assert!(pictures[0] != pictures[1] && pictures[1] != pictures[2] && pictures[0] != pictures[2]);
+}
+
+#[test]
+fn importance_sampling_has_less_error_in_the_studies() {
+    let place = Workplace::new();
+    let rmse = study(
+        &place,
+        "environment_sampling",
+        &["size=24", "samples=8"],
+        "rmse",
+    );
+    for column in 0..2 {
+        let [uniform, luminance] = ["uniform", "luminance"].map(|name| rmse[name][column]);
+        assert!(uniform > 2.0 * luminance, "{rmse:?}");
+    }
+    let place = Workplace::new();
+    let rmse = study(&place, "bsdf_sampling", &["size=24", "samples=32"], "rmse");
+    assert!(rmse["0.1"][0] > 2.0 * rmse["0.1"][1], "{rmse:?}");
+    let gain = |roughness: &str| rmse[roughness][0] / rmse[roughness][1];
+    assert!(gain("0.1") > gain("1"), "{rmse:?}");
+}
+
+#[test]
+fn devices_refuse_what_they_lack_when_planned() {
+    let place = Workplace::new();
+    let plan = |script: &str, words: &[&str]| {
+        let script = format!("scripts/{script}.lua");
+        let base = ["plan", &script, "--backend", "vulkan-compute"];
+        let ended = run(&place, &[&base, words].concat());
+        let text = ended
+            .stderr
+            .split_whitespace()
+            .collect::<Vec<_>>()
+            .join(" ");
+        (ended.status, text)
+    };
+    let (status, error) = plan("texture_filter", &[]);
+    assert!(
+        status == 2 && error.contains("does not support the texture filter `nearest`"),
+        "{error}"
+    );
+    let (status, error) = plan("bsdf_sampling", &[]);
+    assert!(
+        status == 2 && error.contains("paths in uniform directions"),
+        "{error}"
+    );
+    for script in ["smooth_normals", "environment_sampling"] {
+        let (status, error) = plan(script, &[]);
+        assert_eq!(status, 0, "{script}: {error}");
+    }
+}
+
+#[test]
+fn a_lobe_is_drawn_and_its_samples_follow_its_density() {
+    let place = Workplace::new();
+    let draw = |more: &[&str]| {
+        let to = place.path("lobe");
+        let base = [
+            "bsdf",
+            "scenes/material_ball.lua",
+            "ball",
+            "--to",
+            to.to_str().unwrap(),
+        ];
+        run(&place, &[&base, more].concat())
+    };
+    let ended = draw(&[
+        "--json",
+        "--at",
+        "60,30",
+        "--set",
+        "materials.ball.metallic=1",
+    ]);
+    assert_eq!(ended.status, 0, "{}", ended.stderr);
+    let json: Json = serde_json::from_str(&ended.stdout).unwrap();
+    assert!(
+        json["sphere"]["p"].as_f64().unwrap() > 1e-3,
+        "{}",
+        json["sphere"]["p"]
+    );
+    assert!((json["sphere"]["mass"].as_f64().unwrap() - 1.0).abs() < 0.1);
+    assert_eq!(json["delays"].as_array().unwrap().len(), 0);
+    let svg = std::fs::read_to_string(place.path("lobe.svg")).unwrap();
+    assert!(svg.starts_with("<svg") && svg.contains("chi-square test"));
+    assert!(image::open(place.path("lobe.png")).unwrap().width() > 1000);
+    let set = |path: &str| format!("materials.ball.{path}");
+    let delay = [set("delay=exponential"), set("delay_rate=2")];
+    let ended = draw(&["--set", &delay[0], "--set", &delay[1]]);
+    assert_eq!(ended.status, 0, "{}", ended.stderr);
+    assert!(
+        ended.stdout.contains("delay, exponential: mean 0.5"),
+        "{}",
+        ended.stdout
+    );
+    let ended = run(&place, &["bsdf", "scenes/material_ball.lua", "bal"]);
+    assert!(
+        ended.status == 2 && ended.stderr.contains("ball"),
+        "{}",
+        ended.stderr
+    );
+    let ended = draw(&["--at", "200"]);
+    assert!(
+        ended.status == 2 && ended.stderr.contains("0 to 180"),
+        "{}",
+        ended.stderr
+    );
+}
+
+#[test]
+fn a_benchmark_is_one_file_and_files_of_machines_are_compared() {
+    let place = Workplace::new();
+    let measure = |name: &str| {
+        let file = format!("{name}.json");
+        place.succeed(&[
+            "benchmark",
+            "--name",
+            name,
+            "-o",
+            &file,
+            "--size",
+            "16x9",
+            "--time",
+            "0.1s",
+            "--backend",
+            "cpu",
+        ]);
+        let text = std::fs::read_to_string(place.path(&file)).unwrap();
+        serde_json::from_str::<Json>(&text).unwrap()
+    };
+    let [a, b] = ["first", "second"].map(measure);
+    let cells = a["cells"].as_array().unwrap();
+    assert_eq!(cells.len(), 6 * 7, "six scenes by all techniques");
+    for (cell, twin) in cells.iter().zip(b["cells"].as_array().unwrap()) {
+        assert_eq!(cell["checksum"], twin["checksum"], "{cell}");
+        assert_eq!(cell["frames_per_s"].as_array().unwrap().len(), 5);
+        assert!(cell["mpaths_per_s"][0].as_f64().unwrap() > 0.0);
+        assert!(cell["picture_mean"][0].as_f64().unwrap() >= 0.0);
+    }
+    assert!(
+        a["machine"]["cpu"]
+            .as_str()
+            .is_some_and(|cpu| !cpu.is_empty())
+    );
+    let args = [
+        "benchmark",
+        "compare",
+        "first.json",
+        "second.json",
+        "--to",
+        "tables",
+    ];
+    let page = place.succeed(&args).stdout;
+    assert!(
+        page.contains("42 of 42 pictures have the bits of first, cpu"),
+        "{page}"
+    );
+    for name in ["benchmark-fps", "benchmark-relative"] {
+        for extension in ["md", "csv", "tex"] {
+            let text = std::fs::read_to_string(place.path(&format!("tables/{name}.{extension}")));
+            let text = text.unwrap();
+            assert!(
+                text.contains("lamp") && text.contains("bdpt"),
+                "{name}.{extension}: {text}"
+            );
+        }
+    }
+    place.write("other.json", "{ \"benchmark\": 99 }");
+    let ended = place.run(&["benchmark", "compare", "first.json", "other.json"]);
+    assert!(
+        ended.status == 2 && ended.stderr.contains("version 99"),
+        "{}",
+        ended.stderr
+    );
+}
