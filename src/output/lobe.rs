@@ -13,7 +13,7 @@ use crate::metrics::map::{Colours, ErrorMap};
 use lumbre_render::lobe::fit::{COLUMNS, DelayFit, DirectionFit, ROWS};
 use lumbre_render::lobe::{BINS, Lobe, STEPS, angle_of};
 
-/// What a figure shows.
+/// Content of a figure.
 pub struct LobeFigure<'a> {
     /// Heading: the material and the direction from which it is seen.
     pub heading: &'a str,

@@ -24,7 +24,7 @@ use lumbre_render::lobe::fit::{DelayFit, DirectionFit};
 /// P-value below which samples do not follow the stated density, so that the verb fails.
 const SIGNIFICANCE: f64 = 1e-4;
 
-/// What is found out about a material.
+/// Lobe of a material, and its samples beside their density.
 struct Found {
     lobe: Lobe,
     directions: DirectionFit,

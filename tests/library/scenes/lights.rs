@@ -292,21 +292,20 @@ fn every_parameter_of_a_light_can_be_set_and_changes_the_hash() {
         "environment.rotation",
         "environment.scale",
         "environment.color",
+        "environment.sampling",
     ];
     assert_eq!(all, expected);
     for path in all {
         let mut s = base.clone();
         let scalar = path.ends_with("rotation") || path.ends_with("scale");
-        set(
-            &mut s,
-            &path,
-            &if scalar {
-                Value::Num(7.5)
-            } else {
-                nums(&[0.25, 0.75, 0.125])
-            },
-        )
-        .unwrap();
+        let value = if scalar {
+            Value::Num(7.5)
+        } else if path.ends_with("sampling") {
+            "uniform".into()
+        } else {
+            nums(&[0.25, 0.75, 0.125])
+        };
+        set(&mut s, &path, &value).unwrap();
         if let Some(other) = seen.insert(content_hash(&s), path.clone()) {
             panic!("{path} and {other} have the same hash");
         }
