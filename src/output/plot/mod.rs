@@ -29,7 +29,7 @@ pub use svg::escape;
 use super::devices::{DEVICE, Devices};
 use super::format;
 use super::report::metric_display::MetricDisplay;
-use super::report::study::BIASED;
+use super::report::series::BIASED;
 use super::table::is_finished;
 use crate::experiment::plan::Plan;
 use crate::experiment::spec::{FigureKind, FigureSpec};

@@ -20,6 +20,7 @@ mod page;
 mod pgfplots;
 mod presentation;
 pub(super) mod repeats;
+pub(super) mod series;
 mod snapshots;
 pub(super) mod study;
 mod sweep;

@@ -1,7 +1,8 @@
 //! Presentation of a study as its script sets it: labels and styles of series, and the tone map of
 //! pictures.
 
-use super::study::{Series, Study};
+use super::series::Series;
+use super::study::Study;
 use crate::experiment::night_results::{NightResults, RunResult};
 use crate::metrics::tonemap::Tonemap;
 use crate::output::exposure;

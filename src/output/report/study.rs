@@ -3,16 +3,13 @@
 use std::collections::BTreeMap;
 
 use super::ReportError;
+use super::series::{BIASED, Series};
 use crate::experiment::night_results::{NightResults, RunResult};
 use crate::metrics::{Better, MetricSpec};
 use crate::output::dependent_axes;
 use crate::output::format;
-use crate::output::plot::style::Colour;
 use lumbre_light::transport::integrator::canonical_name;
 use lumbre_render::denoise;
-
-/// Mark at the end of the label of a series whose pictures are denoised.
-pub const BIASED: &str = " (biased)";
 
 /// Options of a report. All have defaults that suit most nights.
 #[derive(Clone, Debug, Default)]
@@ -39,33 +36,6 @@ pub struct ReportOptions {
     /// Axes over which final values are drawn. If empty, all axes with at least three different
     /// numbers.
     pub sweep: Vec<String>,
-}
-
-/// One of the compared series: a curve of a figure, a column of a table.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Series {
-    /// Label within its group, such as `bdpt` or `mis = power`.
-    pub label: String,
-    /// Colour that the script gives to it.
-    pub colour: Option<Colour>,
-    /// Group of series of the same night and device, named after the night or the device. Empty if
-    /// there is only one group.
-    pub group: String,
-    /// Device, if known.
-    pub device: Option<String>,
-    /// Long name of the integrator, if the label is its short name.
-    pub long: Option<&'static str>,
-}
-
-impl Series {
-    /// Returns the label with the group.
-    pub fn full_label(&self) -> String {
-        if self.group.is_empty() {
-            self.label.clone()
-        } else {
-            format!("{}, {}", self.label, self.group)
-        }
-    }
 }
 
 /// A run and its night.

@@ -15,6 +15,10 @@ const OTHER_ORIGINAL: &[(&str, &str)] = &[(
 /// Originals without a twin, with the reason.
 const HOST: &[(&str, &str)] = &[
     (
+        "crates/lumbre-light/src/math/exponential.rs",
+        "GLSL has the function `exp`",
+    ),
+    (
         "crates/lumbre-light/src/math/false_discovery_rate.rs",
         "statistics of nights",
     ),
