@@ -173,9 +173,17 @@ impl DelayFit {
         let low = f64::from(profile.sample(0.0));
         let high = f64::from(profile.sample(0.995));
         let margin = (0.05 * (high - low)).max(0.05 * high.abs()).max(1e-6);
-        let range = [(low - margin).max(0.0), high + margin];
+        // A profile of one delay needs an edge below it, which no other profile has below zero.
+        let first = if high > low {
+            (low - margin).max(0.0)
+        } else {
+            low - margin
+        };
+        let range = [first, high + margin];
         let width = (range[1] - range[0]) / DELAY_BINS as f64;
-        let edge = |bin: usize| range[0] + width * bin as f64;
+        let edges: Vec<f64> = (0..=DELAY_BINS)
+            .map(|bin| first + width * bin as f64)
+            .collect();
         let n = f64::from(DELAYS);
         let mut observed = vec![0.0; DELAY_BINS + 2];
         let mut sum = 0.0;
@@ -183,11 +191,11 @@ impl DelayFit {
             let [u, ..] = pcg4d([i, 2, 0, 0]).map(unit::<u32>);
             let delay = f64::from(profile.sample(u));
             sum += delay;
-            let bin = ((delay - range[0]) / width).floor() + 1.0;
-            observed[bin.clamp(0.0, (DELAY_BINS + 1) as f64) as usize] += 1.0;
+            // A delay on an edge belongs to the bin below, as in the distribution function.
+            observed[edges.partition_point(|edge| *edge < delay)] += 1.0;
         }
         let mut below = vec![0.0];
-        below.extend((0..=DELAY_BINS).map(|bin| profile.cdf(edge(bin))));
+        below.extend(edges.iter().map(|edge| profile.cdf(*edge)));
         below.push(1.0);
         let expected: Vec<f64> = below.windows(2).map(|two| n * (two[1] - two[0])).collect();
         let bins = |counts: &[f64]| {
