@@ -54,23 +54,16 @@ impl KeptScene {
     }
 }
 
-/// Returns the bytes of the arrays of a scene, and of the hierarchies that are kept for it.
+/// Returns the bytes of the geometry and textures of a scene, and of the hierarchies that are kept
+/// for it.
 pub fn scene_bytes(scene: &Arc<CompiledScene>) -> u64 {
     let kept = kept();
     let of_scene = kept.iter().filter(|known| known.is(scene));
     let hierarchies = of_scene
         .flat_map(|known| &known.prepared)
         .map(|(_, _, prepared)| prepared.accel.bytes());
-    let arrays = size_of_val(scene.triangles.as_slice())
-        + size_of_val(scene.attributes.as_slice())
-        + size_of_val(scene.tangents.as_slice())
-        + size_of_val(scene.colors.as_slice())
-        + size_of_val(scene.second_uvs.as_slice())
-        + size_of_val(scene.spheres.as_slice())
-        + size_of_val(scene.emitters.as_slice())
-        + size_of_val(scene.materials.as_slice());
-    let texels = |texture: &lumbre_light::scene::compile::Texture| size_of_val(&*texture.texels);
-    (arrays + scene.textures.iter().map(texels).sum::<usize>() + hierarchies.sum::<usize>()) as u64
+    let arrays = scene.memory();
+    arrays.geometry + arrays.textures + hierarchies.sum::<usize>() as u64
 }
 
 /// Opens a run, with the kept hierarchy of the scene if it has a keeper.
