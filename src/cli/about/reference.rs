@@ -51,6 +51,7 @@ const OPTIONS: &[(&str, &[&str])] = &[
             "reproduce",
             "verify",
             "bench",
+            "benchmark",
         ],
     ),
     (
@@ -66,6 +67,7 @@ const OPTIONS: &[(&str, &[&str])] = &[
             "reproduce",
             "verify",
             "bench",
+            "benchmark",
         ],
     ),
     (
@@ -110,6 +112,7 @@ const OPTIONS: &[(&str, &[&str])] = &[
             "work",
             "trace",
             "export",
+            "bsdf",
             "reproduce",
             "verify",
             "bench",
