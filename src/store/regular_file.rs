@@ -1,8 +1,8 @@
 //! Reads and writes regular files only. A named pipe, a socket or a device in place of a file would
 //! block its reader or writer for ever, so every reader of the store opens files here, and every
-//! writer that opens a file of a known name clears its place first.
+//! writer that opens a file of a known name opens it here, too.
 
-use std::fs::File;
+use std::fs::{File, OpenOptions};
 use std::io::{self, Read};
 use std::path::Path;
 
@@ -22,12 +22,17 @@ pub fn open(path: &Path) -> io::Result<File> {
     File::open(path)
 }
 
-/// Removes what is neither a regular file, a folder nor a link from the place of a file that is to
-/// be opened for writing.
+/// Opens a file for writing, after removing a pipe, socket or device from its place.
 ///
 /// # Errors
-/// When it cannot be removed.
-pub fn clear_place(path: &Path) -> io::Result<()> {
+/// When that cannot be removed, or the file cannot be opened.
+pub fn open_with(options: &OpenOptions, path: &Path) -> io::Result<File> {
+    clear_place(path)?;
+    options.open(path)
+}
+
+/// Removes what is neither a regular file, a folder nor a link.
+fn clear_place(path: &Path) -> io::Result<()> {
     match std::fs::symlink_metadata(path) {
         Ok(found) if !found.is_file() && !found.is_dir() && !found.is_symlink() => {
             tracing::warn!(

@@ -182,11 +182,11 @@ impl Claims {
 
     /// Examines an existing claim, and takes it over if its owner is dead.
     fn take_over(&self, folder: &Path, path: &Path, text: &str) -> io::Result<TakeOver> {
-        regular_file::clear_place(path)?;
-        let mut file = match OpenOptions::new().read(true).write(true).open(path) {
-            Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(TakeOver::Released),
-            opened => opened?,
-        };
+        let mut file =
+            match regular_file::open_with(OpenOptions::new().read(true).write(true), path) {
+                Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(TakeOver::Released),
+                opened => opened?,
+            };
         let lock = self.try_lock(&file, path);
         let content = read_all(&mut file);
         let owner = Owner::parse(&content);

@@ -21,12 +21,10 @@ impl Journal {
     /// separate.
     pub(crate) fn open(path: PathBuf) -> Result<Journal, StoreError> {
         let attempt = || -> std::io::Result<File> {
-            regular_file::clear_place(&path)?;
-            let mut file = OpenOptions::new()
-                .create(true)
-                .read(true)
-                .append(true)
-                .open(&path)?;
+            let mut file = regular_file::open_with(
+                OpenOptions::new().create(true).read(true).append(true),
+                &path,
+            )?;
             if file.metadata()?.len() > 0 {
                 let mut last = [0];
                 file.seek(SeekFrom::End(-1))?;

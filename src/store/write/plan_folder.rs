@@ -76,14 +76,15 @@ pub(super) fn find_or_create(out: &Path, plan: &Plan) -> Result<(PathBuf, File, 
 pub(crate) fn lock_folder(folder: &Path) -> Result<(File, bool), StoreError> {
     let path = folder.join("lock");
     let unwritable = |e: &std::io::Error| StoreError::unwritable(&path, e);
-    regular_file::clear_place(&path).map_err(|e| unwritable(&e))?;
-    let file = OpenOptions::new()
-        .create(true)
-        .read(true)
-        .write(true)
-        .truncate(false)
-        .open(&path)
-        .map_err(|e| unwritable(&e))?;
+    let file = regular_file::open_with(
+        OpenOptions::new()
+            .create(true)
+            .read(true)
+            .write(true)
+            .truncate(false),
+        &path,
+    )
+    .map_err(|e| unwritable(&e))?;
     let alone = match file.try_lock() {
         Ok(()) => true,
         Err(TryLockError::WouldBlock) => {

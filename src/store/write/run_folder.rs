@@ -92,9 +92,11 @@ impl RunWriter {
     /// When the file cannot be written.
     pub fn open_metrics(&mut self, columns: &[&str], before: &[WaveRow]) -> Result<(), StoreError> {
         let path = self.folder.join(metrics_csv::FILE);
-        let mut file = regular_file::clear_place(&path)
-            .and_then(|()| File::create(&path))
-            .map_err(|e| StoreError::io("create", &path, &e))?;
+        let mut file = regular_file::open_with(
+            OpenOptions::new().write(true).create(true).truncate(true),
+            &path,
+        )
+        .map_err(|e| StoreError::io("create", &path, &e))?;
         let text = metrics_csv::header(columns.iter().copied())
             + &before.iter().map(metrics_csv::line).collect::<String>();
         file.write_all(text.as_bytes())
@@ -171,8 +173,7 @@ impl RunWriter {
     /// When it cannot be opened.
     pub fn open_log(&self) -> Result<File, StoreError> {
         let path = self.folder.join("log.txt");
-        regular_file::clear_place(&path)
-            .and_then(|()| OpenOptions::new().create(true).append(true).open(&path))
+        regular_file::open_with(OpenOptions::new().create(true).append(true), &path)
             .map_err(|e| StoreError::io("write", &path, &e))
     }
 
