@@ -64,3 +64,21 @@ fn main() -> ExitCode {
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
+
+/// Returns the program to start: the given one, or the one that was built beside this program.
+///
+/// # Errors
+/// Returns a message if there is none.
+fn program(given: Option<&Path>) -> Result<PathBuf, String> {
+    let own = std::env::current_exe().map_err(|e| e.to_string())?;
+    let beside = own.with_file_name(format!("lumbre{}", std::env::consts::EXE_SUFFIX));
+    let program = given.map_or(beside, Path::to_owned);
+    if program.is_file() {
+        Ok(program)
+    } else {
+        Err(format!(
+            "there is no program {}: run `cargo build` with the same profile, or use --program",
+            program.display()
+        ))
+    }
+}

@@ -23,19 +23,7 @@ pub struct ProgramOutput {
 const SCENE: &str = include_str!("../../common/ball.scn");
 
 /// Two depths, two seeds, a reference for each depth, metrics, a figure and a table.
-const SCRIPT: &str = r#"
-local x = experiment("night", { seed = 7, repeats = 2 })
-x:axis("depth", { 2, 4 })
-x:render(function(p)
-  return { scene = "ball.scn", integrator = "bpt", max_depth = p.depth, resolution = { 24, 16 }, backend = "mock" }
-end)
-x:reference { from = function(p) return { integrator = "bpt" } end, stop = stop.samples(4096) }
-x:measure { every = "1s", rmse = metric.rmse(), psnr = metric.psnr(), keep = { exr = "pow2" } }
-x:stop(function(p) return stop.samples(16) end)
-x:figure("convergence", { x = "samples", y = { "rmse" }, facet = { "depth" } })
-x:table("errors", { value = "rmse", rows = "depth", format = { "md", "csv" } })
-return x
-"#;
+const SCRIPT: &str = include_str!("../../common/night.lua");
 
 /// Many cells that each take real time, independent of the fake clock: the predicate keeps the
 /// processor busy.

@@ -24,7 +24,7 @@ use lumbre::cli::bench::subject::Subject;
 use lumbre_light::math::stats::median;
 use serde_json::{Value as Json, json};
 
-use crate::root;
+use crate::{program, root};
 
 /// Number of program starts whose median is reported.
 const STARTS: usize = 11;
@@ -120,7 +120,11 @@ fn measure(args: &Args) -> Result<Figures, String> {
             }
         }
         Measured::Handover => {
-            let transfer = handover::ImageTransfer::measure(&program(args)?, &scene, repeats)?;
+            let transfer = handover::ImageTransfer::measure(
+                &program(args.program.as_deref())?,
+                &scene,
+                repeats,
+            )?;
             Figures {
                 text: transfer.table(),
                 json: transfer.to_json(),
@@ -147,7 +151,7 @@ fn measure(args: &Args) -> Result<Figures, String> {
                 json: beside.to_json(),
             }
         }
-        Measured::Overheads => overheads(&program(args)?, &scene, repeats)?,
+        Measured::Overheads => overheads(&program(args.program.as_deref())?, &scene, repeats)?,
         Measured::Ratios => {
             let subject =
                 |name: &str| Subject::built_in(root().join(format!("scenes/{name}/{name}.scn")));
@@ -167,23 +171,6 @@ fn measure(args: &Args) -> Result<Figures, String> {
             }
         }
     })
-}
-
-/// Returns the program to start: that of the options, or the one beside this program.
-fn program(args: &Args) -> Result<PathBuf, String> {
-    let beside = || {
-        let own = std::env::current_exe().map_err(|e| e.to_string())?;
-        Ok::<_, String>(own.with_file_name(format!("lumbre{}", std::env::consts::EXE_SUFFIX)))
-    };
-    let program = args.program.clone().map_or_else(beside, Ok)?;
-    if program.is_file() {
-        Ok(program)
-    } else {
-        Err(format!(
-            "there is no program {}: run `cargo build` with the same profile, or use --program",
-            program.display()
-        ))
-    }
 }
 
 /// Measures the overheads of a night: start-up, planning, bookkeeping, checkpoints and listing.

@@ -6,7 +6,6 @@ use std::process::{Command, Stdio};
 use lumbre::experiment::spec::Order;
 
 use super::night::{Room, Site, difference};
-use super::program;
 use super::{Random, Verdict};
 
 /// Signals that may end a night.
@@ -105,7 +104,7 @@ fn interrupt(
 
 /// Runs an interrupted night to its end and compares its results.
 fn resume(site: &Site, room: &Room, cause: &str) -> Result<Verdict, String> {
-    let ended = program::end(&mut room.command(&["run", "night.lua", "-q"]))?;
+    let ended = room.run(&["run", "night.lua", "-q"])?;
     if ended.code != Some(0) {
         return Ok(Verdict::Failed(format!(
             "after {cause}: {}",

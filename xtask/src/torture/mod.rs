@@ -209,7 +209,9 @@ impl Tally {
 /// # Errors
 /// Returns a message if the program cannot be started or something got past it.
 pub fn run(args: &Args) -> Result<(), String> {
-    let site = Site::new(&program::beside(args.program.as_deref())?)?;
+    // Absolute, since it is started in other folders.
+    let program = crate::program(args.program.as_deref())?;
+    let site = Site::new(&program.canonicalize().map_err(|e| e.to_string())?)?;
     let chosen = |attack: &&Attack| {
         let mut only = args.only.iter();
         args.only.is_empty() || only.any(|text| attack.name.contains(text.as_str()))

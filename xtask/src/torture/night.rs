@@ -10,20 +10,7 @@ use super::program::{self, Ended};
 const SCENE: &str = include_str!("../../../tests/common/ball.scn");
 
 /// Two depths, two repeats, references, figures and a table. Results do not depend on clocks.
-const SCRIPT: &str = r#"
-local x = experiment("night", { seed = 7, repeats = 2 })
-x:axis("depth", { 2, 4 })
-x:render(function(p)
-  return { scene = "ball.scn", integrator = "bpt", max_depth = p.depth, resolution = { 24, 16 },
-    backend = "mock" }
-end)
-x:reference { from = function(p) return { integrator = "bpt" } end, stop = stop.samples(4096) }
-x:measure { every = "1s", rmse = metric.rmse(), psnr = metric.psnr(), keep = { exr = "pow2" } }
-x:stop(function(p) return stop.samples(16) end)
-x:figure("convergence", { x = "samples", y = { "rmse" }, facet = { "depth" } })
-x:table("errors", { value = "rmse", rows = "depth", format = { "md", "csv" } })
-return x
-"#;
+const SCRIPT: &str = include_str!("../../../tests/common/night.lua");
 
 /// Name of the folder of a night.
 const NIGHT: &str = "night";

@@ -1,7 +1,6 @@
 //! Starts the program with limits on its time and memory, and tells how it ended.
 
 use std::io::Read;
-use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -104,22 +103,4 @@ fn resident_memory(child: &Child) -> u64 {
     let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"));
     let kib = line.and_then(|l| l.trim().trim_end_matches(" kB").parse::<u64>().ok());
     kib.unwrap_or_default() * 1024
-}
-
-/// Returns the program to attack: the given one, or the one beside this program.
-///
-/// # Errors
-/// Returns a message if there is none.
-pub fn beside(given: Option<&Path>) -> Result<PathBuf, String> {
-    let own = std::env::current_exe().map_err(|e| e.to_string())?;
-    let beside = own.with_file_name(format!("lumbre{}", std::env::consts::EXE_SUFFIX));
-    let program = given.map_or(beside, Path::to_owned);
-    if program.is_file() {
-        program.canonicalize().map_err(|e| e.to_string())
-    } else {
-        Err(format!(
-            "there is no program {}: run `cargo build` with the same profile, or use --program",
-            program.display()
-        ))
-    }
 }
