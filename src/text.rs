@@ -49,6 +49,19 @@ pub fn visible(text: &str) -> Cow<'_, str> {
     Cow::Owned(text.chars().map(escaped).collect())
 }
 
+/// Describes an error of the operating system, with the limit of the process that it is due to.
+pub fn describe_io(error: &std::io::Error) -> String {
+    let text = error.to_string();
+    // The kind of the first error has no name in the standard library.
+    if text.contains("Too many open files") {
+        format!("{text}; this process may open too few files: raise the limit, `ulimit -n`")
+    } else if error.kind() == std::io::ErrorKind::FileTooLarge {
+        format!("{text}; this process may write no file of this size: raise the limit, `ulimit -f`")
+    } else {
+        text
+    }
+}
+
 /// Formats one CSV field, quoted if necessary [RFC 4180].
 pub fn csv_field(text: &str) -> String {
     if text.contains(['"', ',', '\n', '\r']) || text.trim() != text {

@@ -2,4 +2,4 @@
 
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| lumbre_fuzz::scene("obj", "a.mtl", bytes));
+lumbre_fuzz::target!(|bytes| lumbre_fuzz::scene("obj", "a.mtl", bytes));

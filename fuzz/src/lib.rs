@@ -1,5 +1,5 @@
 //! Shared code of the fuzz targets: a sample folder in which one file is replaced by the fuzzer's
-//! input, and a limit on memory.
+//! input, a limit on memory, and changes of valid inputs that keep most of their structure.
 
 #![allow(
     clippy::expect_used,
@@ -9,22 +9,27 @@
 
 #[path = "../../tests/library/scenes/meter.rs"]
 mod meter;
+#[path = "../../xtask/src/torture/mutation.rs"]
+mod mutation;
+#[path = "../../xtask/src/torture/random.rs"]
+mod random;
 #[path = "../../tests/library/scenes/samples.rs"]
 pub mod samples;
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use lumbre_light::film::time::TimeAxis;
-use lumbre_render::{Job, Renderer};
-use lumbre_light::scene::load::{self, MissingTextures};
-use lumbre_light::scene::{CompiledScene, compile};
 use lumbre::script::scene;
 use lumbre::store::write::metrics_csv;
+use lumbre_light::film::time::TimeAxis;
+use lumbre_light::scene::load::{self, MissingTextures};
+use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::path_time::Timing;
 use lumbre_light::transport::sampler::SOBOL;
+use lumbre_render::{Job, Renderer};
+use random::Random;
 
 #[global_allocator]
 static METER: meter::Meter = meter::Meter;
@@ -35,6 +40,77 @@ static METER: meter::Meter = meter::Meter;
 const SMALL: usize = 96 << 20;
 /// Additional bytes of memory that reading may take per byte of the files.
 const GROWTH: usize = 8192;
+
+/// Greatest number of accepted inputs that are kept to make further ones from.
+const KEPT: usize = 256;
+/// Greatest number of changes of a text.
+const CHANGES: usize = 2;
+/// Number of inputs after which the part that was accepted is printed.
+const INTERVAL: u64 = 1 << 16;
+
+/// Inputs that a target accepted, and counts.
+#[derive(Default)]
+struct Accepted {
+    kept: Vec<Vec<u8>>,
+    accepted: u64,
+    tried: u64,
+}
+
+static ACCEPTED: Mutex<Accepted> = Mutex::new(Accepted {
+    kept: Vec::new(),
+    accepted: 0,
+    tried: 0,
+});
+
+/// Defines a target by a function of the input that returns whether it was accepted. Its inputs are
+/// made by [`mutate`].
+#[macro_export]
+macro_rules! target {
+    (|$bytes:ident| $read:expr) => {
+        libfuzzer_sys::fuzz_target!(|$bytes: &[u8]| $crate::count($bytes, $read));
+        libfuzzer_sys::fuzz_mutator!(|data: &mut [u8], size: usize, max_size: usize, seed: u32| {
+            $crate::mutate(data, size, max_size, seed)
+        });
+    };
+}
+
+/// Counts an input and keeps it if it was accepted.
+pub fn count(bytes: &[u8], is_accepted: bool) {
+    let mut all = ACCEPTED.lock().unwrap_or_else(PoisonError::into_inner);
+    all.tried += 1;
+    if is_accepted {
+        all.accepted += 1;
+        if all.kept.len() < KEPT {
+            all.kept.push(bytes.to_vec());
+        } else {
+            // Every kept input is replaced in turn, so that structure drifts.
+            let at = all.accepted as usize % KEPT;
+            all.kept[at] = bytes.to_vec();
+        }
+    }
+    if all.tried % INTERVAL == 0 {
+        eprintln!("accepted: {} of {}", all.accepted, all.tried);
+    }
+}
+
+/// Makes the next input in `data`, which has `size` bytes of another one, and returns its size. Most
+/// are made from an input that was accepted, by changes of tokens, numbers and lines; the rest by
+/// libFuzzer's changes of bytes.
+pub fn mutate(data: &mut [u8], size: usize, max_size: usize, seed: u32) -> usize {
+    let mut random = Random::new([seed, 0, 0]);
+    let kept = &ACCEPTED.lock().unwrap_or_else(PoisonError::into_inner).kept;
+    if kept.is_empty() || random.below(8) == 0 {
+        return libfuzzer_sys::fuzzer_mutate(data, size, max_size);
+    }
+    let from = match random.below(4) {
+        0 => &data[..size],
+        _ => random.pick(kept),
+    };
+    let made = mutation::of_file(from, CHANGES, &mut random);
+    let size = made.len().min(max_size);
+    data[..size].copy_from_slice(&made[..size]);
+    size
+}
 
 /// The sample folder of one target.
 struct SampleFolder {
@@ -85,28 +161,36 @@ fn check_memory(bytes: usize, run: impl FnOnce()) {
     );
 }
 
-/// Reads and compiles the scene of a sample with one of its files replaced.
-pub fn scene(sample: &str, replaced: &str, bytes: &[u8]) {
+/// Reads and compiles the scene of a sample with one of its files replaced. Returns whether it was
+/// read.
+pub fn scene(sample: &str, replaced: &str, bytes: &[u8]) -> bool {
     let folder = sample_folder(sample, replaced);
     write(folder.directory.path(), replaced, bytes);
+    let mut is_read = false;
     check_memory(folder.other_bytes + bytes.len(), || {
         match scene::read(&folder.main, &Default::default(), MissingTextures::Note) {
-            Ok((desc, _)) => drop(compile(&desc)),
+            Ok((desc, _)) => {
+                is_read = true;
+                drop(compile(&desc));
+            }
             Err(e) => assert!(
                 e.to_string().len() < 20_000,
                 "the error text is longer than 20,000 bytes"
             ),
         }
     });
+    is_read
 }
 
-/// Reads a texture file.
-pub fn texture(bytes: &[u8]) {
+/// Reads a texture file. Returns whether it was read.
+pub fn texture(bytes: &[u8]) -> bool {
     let folder = sample_folder("tga", "a.tga");
     write(folder.directory.path(), "a.tga", bytes);
+    let mut is_read = false;
     check_memory(bytes.len(), || {
-        drop(load::texture(&folder.main, &mut Vec::new()))
+        is_read = load::texture(&folder.main, &mut Vec::new()).is_ok();
     });
+    is_read
 }
 
 /// The scene of the checkpoint target, and a valid state of each technique.
@@ -143,10 +227,11 @@ fn save_state(renderer: &dyn Renderer) -> Vec<u8> {
 
 /// Restores a renderer with a time axis from a checkpoint; if it accepts the state, saves it again.
 /// The first byte selects the technique. The second is the offset, in units of 8 bytes, at which
-/// the rest overwrites a valid state; 0 means that the rest is the complete state.
-pub fn checkpoint(bytes: &[u8]) {
+/// the rest overwrites a valid state; 0 means that the rest is the complete state. Returns whether it
+/// was restored.
+pub fn checkpoint(bytes: &[u8]) -> bool {
     let [technique, at, rest @ ..] = bytes else {
-        return;
+        return false;
     };
     let technique = usize::from(technique % 2);
     let states = STATES.get_or_init(|| {
@@ -185,18 +270,21 @@ pub fn checkpoint(bytes: &[u8]) {
             .expect("a saved state is accepted");
         let _ = (restored.film(), restored.times());
     }
+    accepted
 }
 
-/// Reads the rows of a `metrics.csv`, writes them, and reads them again.
-pub fn rows(bytes: &[u8]) {
+/// Reads the rows of a `metrics.csv`, writes them, and reads them again. Returns whether they were
+/// read.
+pub fn rows(bytes: &[u8]) -> bool {
     let text = String::from_utf8_lossy(bytes);
     let _ = metrics_csv::parse_more(&text);
     let Ok((columns, read)) = metrics_csv::parse(&text) else {
-        return;
+        return false;
     };
     let mut again = metrics_csv::header(columns.iter().map(String::as_str));
     read.iter()
         .for_each(|row| again.push_str(&metrics_csv::line(row)));
     let (_, twice) = metrics_csv::parse(&again).expect("written rows can be read");
     assert_eq!(format!("{read:?}"), format!("{twice:?}"));
+    true
 }

@@ -32,17 +32,17 @@ pub fn run(options: ExploreOptions, stop_requested: &dyn Fn() -> bool) -> io::Re
     let graphics = (protocol, full_screen::cell_size(protocol));
     let mut explorer = Explorer::new(options, TerminalCaps::from_env(&env), graphics)?;
     let input = InputEvents::new();
-    let (mut size, mut drawn) = ((0, 0), None::<Instant>);
+    let (mut area, mut drawn) = (Rect::ZERO, None::<Instant>);
     let mut dirty = true;
     loop {
         if stop_requested() {
             return Ok(());
         }
-        let now = terminal::size()?;
-        if now != size {
-            size = now;
+        let now = full_screen::area()?;
+        if now != area {
+            area = now;
             explorer.graphics.1 = full_screen::cell_size(protocol);
-            explorer.resize(Rect::new(0, 0, size.0, size.1));
+            explorer.resize(area);
             dirty = true;
         }
         for event in input.pending(POLL)? {
@@ -57,6 +57,7 @@ pub fn run(options: ExploreOptions, stop_requested: &dyn Fn() -> bool) -> io::Re
         }
         let written = guard.write(|| {
             queue!(screen.backend_mut(), terminal::BeginSynchronizedUpdate)?;
+            full_screen::fit(&mut screen)?;
             screen.draw(|frame| explorer.draw(frame))?;
             execute!(screen.backend_mut(), terminal::EndSynchronizedUpdate)?;
             screen.backend_mut().flush()

@@ -36,6 +36,8 @@ pub mod write;
 use std::io::ErrorKind;
 use std::path::PathBuf;
 
+use crate::text;
+
 pub use follow::Follower;
 pub use follow::event::{FollowEvent, TimedEvent};
 
@@ -129,7 +131,7 @@ impl StoreError {
         StoreError::Io {
             action,
             path: path.to_owned(),
-            reason: describe(error),
+            reason: text::describe_io(error),
             full: is_disk_full(error),
         }
     }
@@ -138,7 +140,7 @@ impl StoreError {
     fn unwritable(path: &std::path::Path, error: &std::io::Error) -> StoreError {
         StoreError::Unwritable {
             path: path.to_owned(),
-            reason: describe(error),
+            reason: text::describe_io(error),
             full: is_disk_full(error),
         }
     }
@@ -149,19 +151,6 @@ impl StoreError {
             self,
             StoreError::Io { full: true, .. } | StoreError::Unwritable { full: true, .. }
         )
-    }
-}
-
-/// Describes an error of the operating system, with the limit of the process that it is due to.
-fn describe(error: &std::io::Error) -> String {
-    let text = error.to_string();
-    // The kind of the first error has no name in the standard library.
-    if text.contains("Too many open files") {
-        format!("{text}; this process may open too few files: raise the limit, `ulimit -n`")
-    } else if error.kind() == ErrorKind::FileTooLarge {
-        format!("{text}; this process may write no file of this size: raise the limit, `ulimit -f`")
-    } else {
-        text
     }
 }
 

@@ -252,7 +252,7 @@ struct Screen {
 struct FrameKey {
     revision: u64,
     tick: u64,
-    size: (u16, u16),
+    area: Rect,
     requests: PendingRequests,
 }
 
@@ -306,13 +306,13 @@ impl Screen {
     }
 
     fn frame_key(&self) -> io::Result<FrameKey> {
-        let size = terminal::size()?;
+        let area = full_screen::area()?;
         let now_s = self.clock.now_s();
         let model = self.shared.model();
         Ok(FrameKey {
             revision: model.revision,
             tick: self.view.tick(&model, now_s),
-            size,
+            area,
             requests: self.requests(),
         })
     }
@@ -326,8 +326,7 @@ impl Screen {
 
     /// Handles a key; returns whether to quit at once.
     fn handle_key(&mut self, key: KeyEvent) -> io::Result<bool> {
-        let (width, height) = terminal::size()?;
-        let area = Rect::new(0, 0, width, height);
+        let area = full_screen::area()?;
         self.view.now_s = self.clock.now_s();
         self.view.requests = self.requests();
         let Some(command) = self.view.key(key, &self.shared.model(), area) else {
@@ -370,6 +369,7 @@ impl Screen {
         let (terminal, view) = (&mut self.terminal, &self.view);
         let written = self.guard.write(|| {
             queue!(terminal.backend_mut(), terminal::BeginSynchronizedUpdate)?;
+            full_screen::fit(terminal)?;
             terminal.draw(|frame| panes::draw(frame, &model, view))?;
             execute!(terminal.backend_mut(), terminal::EndSynchronizedUpdate)?;
             terminal.backend_mut().flush()

@@ -30,7 +30,6 @@ use crate::experiment::{
 use crate::script::Script;
 use crate::store::schema::journal::JournalEvent;
 use crate::store::{Host, PlanStatus, RenderDevice, Store, WorkerInfo};
-use crate::tui;
 use lumbre_render::backend_choice;
 
 /// Number of passes over the plan before a worker gives up on a night that is still not done.
@@ -202,11 +201,7 @@ impl ClusterWorker<'_> {
     /// Renders until no work is left for this worker.
     fn work(&self) -> Result<Exit, Failure> {
         let control = Arc::new(NightControls::default());
-        let stop_signal = signals::install(
-            Arc::clone(&control),
-            tui::terminal::terminal_guard::restore_now,
-        )
-        .map_err(|e| Failure::internal(format!("cannot install signal handlers: {e}")))?;
+        let stop_signal = signals::install(Arc::clone(&control))?;
         if self.args.while_stdin {
             stop_with_stdin(&control).map_err(Failure::internal)?;
         }

@@ -45,11 +45,7 @@ pub fn main(args: &WatchArgs, global: &Global, log: &Log) -> Result<Exit, Failur
     let mut follower = open_follower(args.folder.as_deref(), global)?;
     // Signals end only this dashboard; the process that renders the night handles its own.
     let control = Arc::new(NightControls::default());
-    signals::install(
-        Arc::clone(&control),
-        tui::terminal::terminal_guard::restore_now,
-    )
-    .map_err(|e| Failure::internal(format!("cannot install signal handlers: {e}")))?;
+    signals::install(Arc::clone(&control))?;
     log.defer_stderr();
     let dashboard = Dashboard::start(Role::Watch, Box::new(|| {})).map_err(Failure::internal)?;
     dashboard.update_model(|model| begin_model(model, &follower));

@@ -25,7 +25,6 @@ use crate::experiment::run::Options;
 use crate::experiment::{CellRef, CellResult, NightControls, NightSummary, Outcome, Plan, run};
 use crate::script::Script;
 use crate::store::{RunState, Store, list_experiments, throughput_history};
-use crate::tui;
 
 /// Runs `lumbre run`: renders an experiment and writes its results.
 pub fn main(args: &RunArgs, global: &Global, log: &Log) -> Result<Exit, Failure> {
@@ -403,11 +402,7 @@ fn render_night(
     if !global.quiet {
         results::print_backends(plan);
     }
-    let stop_signal = signals::install(
-        Arc::clone(&control),
-        tui::terminal::terminal_guard::restore_now,
-    )
-    .map_err(|e| Failure::internal(format!("cannot install signal handlers: {e}")))?;
+    let stop_signal = signals::install(Arc::clone(&control))?;
     let mut recorder = Recorder::new(store, Arc::clone(plan), log.clone(), Arc::clone(&control));
     let mut view = ProgressView::new(&control, global, log);
     let mut sinks: Vec<&mut dyn Sink> = vec![&mut recorder, view.sink()];

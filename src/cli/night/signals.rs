@@ -3,8 +3,12 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI32, Ordering};
 
-use crate::cli::exit::Exit;
+use crate::cli::exit::{Exit, Failure};
 use crate::experiment::NightControls;
+#[cfg(unix)]
+use crate::text;
+#[cfg(unix)]
+use crate::tui::terminal::terminal_guard::restore_now;
 
 /// Number of the last signal that stopped the night; 0 if there was none.
 #[derive(Clone, Debug, Default)]
@@ -38,8 +42,7 @@ pub fn ignore_file_size_limit() -> std::io::Result<()> {
 #[cfg(unix)]
 const ONE_HANGUP: std::time::Duration = std::time::Duration::from_secs(1);
 
-/// Starts a thread that handles signals. `before_exit` restores the terminal before an immediate
-/// exit.
+/// Starts a thread that handles signals. It restores the terminal before an immediate exit.
 ///
 /// SIGINT, SIGTERM and SIGUSR1 request a stop, which saves a checkpoint; a second one exits at once
 /// with 128 plus the number of the signal, and ends the external programs that this process started.
@@ -51,7 +54,16 @@ const ONE_HANGUP: std::time::Duration = std::time::Duration::from_secs(1);
 /// # Errors
 /// Returns an error if the system refuses the handlers or the thread.
 #[cfg(unix)]
-pub fn install(control: Arc<NightControls>, before_exit: fn()) -> std::io::Result<StopSignal> {
+pub fn install(control: Arc<NightControls>) -> Result<StopSignal, Failure> {
+    handle(control).map_err(|e| {
+        let reason = text::describe_io(&e);
+        Failure::internal(format!("cannot install signal handlers: {reason}"))
+    })
+}
+
+/// Does what [`install`] describes.
+#[cfg(unix)]
+fn handle(control: Arc<NightControls>) -> std::io::Result<StopSignal> {
     use lumbre_render::external::end_all;
     use signal_hook::consts::{SIGABRT, SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGUSR1};
 
@@ -65,7 +77,7 @@ pub fn install(control: Arc<NightControls>, before_exit: fn()) -> std::io::Resul
             if signal == SIGHUP {
                 let before = last_hangup.replace(std::time::Instant::now());
                 if before.is_some_and(|at| at.elapsed() > ONE_HANGUP) {
-                    before_exit();
+                    restore_now();
                     end_all();
                     std::process::exit(128 + signal);
                 }
@@ -76,7 +88,7 @@ pub fn install(control: Arc<NightControls>, before_exit: fn()) -> std::io::Resul
                 continue;
             }
             if signal == SIGQUIT || signal == SIGABRT {
-                before_exit();
+                restore_now();
                 end_all();
                 // Ends the process, with a core dump where these are enabled.
                 let _ = signal_hook::low_level::emulate_default_handler(signal);
@@ -84,7 +96,7 @@ pub fn install(control: Arc<NightControls>, before_exit: fn()) -> std::io::Resul
             }
             last.store(signal, Ordering::SeqCst);
             if control.request_stop() > 1 {
-                before_exit();
+                restore_now();
                 end_all();
                 std::process::exit(128 + signal);
             }
@@ -102,6 +114,6 @@ pub fn install(control: Arc<NightControls>, before_exit: fn()) -> std::io::Resul
 /// # Errors
 /// Never returns an error on these systems.
 #[cfg(not(unix))]
-pub fn install(_: Arc<NightControls>, _: fn()) -> std::io::Result<StopSignal> {
+pub fn install(_: Arc<NightControls>) -> Result<StopSignal, Failure> {
     Ok(StopSignal::default())
 }

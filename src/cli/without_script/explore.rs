@@ -16,7 +16,6 @@ use crate::explore::session::SessionOptions;
 use crate::explore::settings::SceneFile;
 use crate::explore::terminal;
 use crate::script;
-use crate::tui::terminal::terminal_guard;
 use crate::tui::{OutputMode, output_mode};
 use lumbre_light::scene::load::is_folder;
 use lumbre_render::cpu;
@@ -40,8 +39,7 @@ pub fn main(args: &ExploreArgs, global: &Global) -> Result<Exit, Failure> {
     check_settings(args, scene.as_ref(), &mut scenes)?;
     expect_terminal(global)?;
     let controls = Arc::new(NightControls::default());
-    let stop_signal = signals::install(Arc::clone(&controls), terminal_guard::restore_now)
-        .map_err(Failure::internal)?;
+    let stop_signal = signals::install(Arc::clone(&controls))?;
     let options = ExploreOptions {
         scene,
         scenes,

@@ -14,7 +14,6 @@ use crate::cli::tev::Tev;
 use crate::experiment::{Cell, NightControls, memory};
 use crate::metrics::tonemap::Tonemap;
 use crate::tui::live_picture::LivePicture;
-use crate::tui::terminal::terminal_guard;
 use lumbre_light::film::{Film, Image};
 use lumbre_light::scene::compile::compile_sharing;
 use lumbre_light::transport::integrator::external::is_external;
@@ -45,8 +44,7 @@ pub fn main(args: &RenderArgs, global: &Global) -> Result<Exit, Failure> {
         return Err(Failure::internal("the plan has more than one cell"));
     };
     let controls = Arc::new(NightControls::default());
-    let stop_signal = signals::install(Arc::clone(&controls), terminal_guard::restore_now)
-        .map_err(Failure::internal)?;
+    let stop_signal = signals::install(Arc::clone(&controls))?;
     let display = Tonemap::Srgb {
         exposure: args.exposure,
     };

@@ -41,6 +41,21 @@ impl Evidence {
         checked.map_err(|problem| self.report(folder, &problem))
     }
 
+    /// Does what [`Evidence::run`] does. A run that is `expected` to be finished must have its last
+    /// file, `done`.
+    ///
+    /// # Errors
+    /// Description of what does not agree, or of what is missing.
+    pub fn expected(&self, folder: &Path, id: &str, done: &str, expected: bool) -> Manifest {
+        match self.run(folder, id)? {
+            None if expected => Err(self.report(
+                folder,
+                &format!("{done} is missing, although the run was finished; run the night again"),
+            )),
+            found => Ok(found),
+        }
+    }
+
     /// Reads a file. A file of a finished run has to match the checksum in the manifest of the run,
     /// and an image file that a plan names has to be the one that it was planned with.
     ///

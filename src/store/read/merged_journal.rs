@@ -1,13 +1,13 @@
 //! Reads the journals of an experiment's folder as one: the journal of a process that renders the
 //! night alone, and those of all workers.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use super::tail::Tail;
-use crate::store::schema::journal::{self, JournalEvent, JournalLine};
+use crate::store::schema::journal::{self, JournalEvent, JournalLine, OutcomeKind};
 use crate::store::worker::registry;
 
 /// Maximum number of workers' journals that one poll reads. The first poll reads all.
@@ -123,6 +123,24 @@ impl MergedJournal {
         all.filter_map(|tail| fs::metadata(tail.path()).and_then(|m| m.modified()).ok())
             .max()
     }
+}
+
+/// Returns the ids of the runs and references that the journals of a night's folder state as
+/// finished.
+pub(crate) fn finished_runs(folder: &Path) -> BTreeSet<String> {
+    let mut finished = BTreeSet::new();
+    for line in MergedJournal::new(folder).poll().lines {
+        match line.event {
+            JournalEvent::CellFinished(end) if end.outcome == OutcomeKind::Done => {
+                finished.insert(end.run);
+            }
+            JournalEvent::CellStarted(start) => {
+                finished.remove(&start.run);
+            }
+            _ => {}
+        }
+    }
+    finished
 }
 
 /// Name of the worker that writes a journal.

@@ -1,9 +1,11 @@
 //! Reads the results of a whole night from its folder, finished or not, for reports. Nothing here
 //! writes or locks.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::evidence::Evidence;
+use super::merged_journal::finished_runs;
 use super::night_reader::NightReader;
 use super::run_reader::{RunReader, describe};
 use crate::experiment::night_results::{
@@ -16,7 +18,7 @@ use crate::metrics::tonemap::Tonemap;
 use crate::store::schema::plan::{
     EnvFile, PlanFile, PlannedCell, PlannedReference, PresentationRecord,
 };
-use crate::store::schema::run::{DoneFile, RunResults};
+use crate::store::schema::run::{DONE, DoneFile, REFERENCE, RunResults};
 use crate::store::{Store, StoreError};
 
 /// Reads a night from its folder. References are read from the folder `refs` beside it, and runs
@@ -34,12 +36,22 @@ pub fn read_night(folder: &Path, evidence: &Evidence) -> Result<NightResults, St
     let cells = plan.cells.iter().enumerate();
     // Duplicate cells of the A/A check are no results.
     let cells = cells.filter(|(_, cell)| cell.double_of.is_none());
-    let runs = cells
-        .map(|(i, cell)| run_result(&night, i, cell, &metrics, evidence))
+    let finished = finished_runs(night.folder());
+    let runs: Vec<RunResult> = cells
+        .map(|(i, cell)| run_result(&night, i, cell, &metrics, &finished, evidence))
+        .collect();
+    let is_measured = |run: &&RunResult| run.rows.iter().any(|row| !row.metrics.is_empty());
+    let used: BTreeSet<usize> = runs
+        .iter()
+        .filter(is_measured)
+        .filter_map(|run| run.reference)
         .collect();
     let references = plan.references.iter().enumerate();
     let references = references
-        .map(|(i, reference)| reference_result(&night, i, reference, evidence))
+        .map(|(i, reference)| {
+            let expected = used.contains(&i) || finished.contains(reference.run());
+            reference_result(&night, i, reference, expected, evidence)
+        })
         .collect();
     Ok(NightResults {
         folder: night.folder().to_owned(),
@@ -100,18 +112,21 @@ fn metrics(plan: &PlanFile, notes: &mut Vec<String>) -> Vec<MetricSpec> {
     metrics
 }
 
-/// Reads the run of a cell.
+/// Reads the run of a cell. `finished` has the runs that the journal states as finished.
 fn run_result(
     night: &NightReader,
     index: usize,
     cell: &PlannedCell,
     metrics: &[MetricSpec],
+    finished: &BTreeSet<String>,
     evidence: &Evidence,
 ) -> RunResult {
     let cell_ref = CellRef::Cell(index);
-    let finished = night.finished_folder(cell_ref);
-    let run = RunReader::new(finished.unwrap_or_else(|| night.run_folder(cell_ref)));
-    let found = evidence.run(run.folder(), &cell.run).and_then(|done| {
+    let folder = night.finished_folder(cell_ref);
+    let run = RunReader::new(folder.unwrap_or_else(|| night.run_folder(cell_ref)));
+    let expected = finished.contains(&cell.run);
+    let found = evidence.expected(run.folder(), &cell.run, DONE, expected);
+    let found = found.and_then(|done| {
         let rows = rows(&run, done.as_deref(), metrics);
         let rows = rows.map_err(|problem| evidence.report(run.folder(), &problem))?;
         Ok((rows, done))
@@ -210,10 +225,12 @@ fn device(results: &RunResults) -> String {
     }
 }
 
+/// Reads a reference. `expected` is whether it must be finished.
 fn reference_result(
     night: &NightReader,
     index: usize,
     reference: &PlannedReference,
+    expected: bool,
     evidence: &Evidence,
 ) -> ReferenceResult {
     let mut picture = night.reference_picture(index);
@@ -233,8 +250,8 @@ fn reference_result(
         PlannedReference::Render(rendered) => {
             let integrator = &rendered.source.integrator;
             let folder = night.run_folder(CellRef::Reference(index));
-            let done = evidence.run(&folder, &rendered.run).ok().flatten();
-            match done.as_deref().and_then(DoneFile::rendered) {
+            let found = evidence.expected(&folder, &rendered.run, REFERENCE, expected);
+            match found.ok().flatten().as_deref().and_then(DoneFile::rendered) {
                 Some(results) => format!("{integrator}, {} samples per pixel", results.samples),
                 None => {
                     picture = None;
@@ -250,17 +267,12 @@ fn reference_result(
     }
 }
 
-/// Reads the machine that last rendered a night. A damaged record of it is a problem.
+/// Reads the machine that last rendered a night. Without an intact record of it, that is a problem.
 fn read_machine(night: &NightReader, evidence: &Evidence) -> Option<Machine> {
-    match night.env() {
-        Ok(env) => Some(machine(env)),
-        Err(error) => {
-            if !error.is_missing() {
-                evidence.report(night.folder(), &describe(&error));
-            }
-            None
-        }
-    }
+    let env = night.env();
+    env.map_err(|error| evidence.report(night.folder(), &describe(&error)))
+        .ok()
+        .map(machine)
 }
 
 fn machine(env: EnvFile) -> Machine {

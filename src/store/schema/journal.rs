@@ -1,5 +1,6 @@
 //! The journal, `journal.jsonl` and `workers/<worker>.jsonl`: one line for each event of a night, in
-//! the vocabulary of [`Event`]. The journal is informative; no decision depends on it.
+//! the vocabulary of [`Event`]. The journal is informative: no decision about what is rendered
+//! depends on it. Reports notice by it that the last file of a finished run was removed.
 
 use serde::{Deserialize, Serialize};
 

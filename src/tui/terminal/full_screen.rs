@@ -7,23 +7,54 @@ use std::time::Duration;
 
 use crossterm::event::{self, DisableMouseCapture, EnableMouseCapture, Event};
 use crossterm::{cursor, execute, terminal};
-use ratatui::Terminal;
 use ratatui::backend::CrosstermBackend;
+use ratatui::layout::Rect;
+use ratatui::{Terminal, TerminalOptions, Viewport};
 
 use super::terminal_caps::Graphics;
 
 /// The terminal; a frame is buffered as a whole before it is written.
 pub type BufferedTerminal = Terminal<CrosstermBackend<BufWriter<Stdout>>>;
 
-/// Opens standard output for drawing.
+/// Greatest numbers of columns and rows that are drawn on. A terminal may claim to have 65,535 of
+/// both, and a frame takes about 80 bytes for each character.
+const MAX_SIZE: [u16; 2] = [1000, 500];
+
+/// Returns the part of the terminal that is drawn on: all of it, up to [`MAX_SIZE`].
+///
+/// # Errors
+/// If the size of the terminal cannot be determined.
+pub fn area() -> io::Result<Rect> {
+    let (columns, rows) = terminal::size()?;
+    let [max_columns, max_rows] = MAX_SIZE;
+    Ok(Rect::new(
+        0,
+        0,
+        columns.min(max_columns),
+        rows.min(max_rows),
+    ))
+}
+
+/// Opens standard output for drawing on the [area](area).
 ///
 /// # Errors
 /// If the size of the terminal cannot be determined.
 pub fn open() -> io::Result<BufferedTerminal> {
-    Terminal::new(CrosstermBackend::new(BufWriter::with_capacity(
-        1 << 16,
-        io::stdout(),
-    )))
+    let stdout = BufWriter::with_capacity(1 << 16, io::stdout());
+    let viewport = Viewport::Fixed(area()?);
+    Terminal::with_options(CrosstermBackend::new(stdout), TerminalOptions { viewport })
+}
+
+/// Follows a change of the terminal's size.
+///
+/// # Errors
+/// If the size of the terminal cannot be determined, or the terminal cannot be written to.
+pub fn fit(screen: &mut BufferedTerminal) -> io::Result<()> {
+    let area = area()?;
+    if screen.get_frame().area() != area {
+        screen.resize(area)?;
+    }
+    Ok(())
 }
 
 /// Switches to raw mode and to the alternate screen, and hides the cursor.

@@ -60,6 +60,34 @@ fn a_report_leaves_out_what_does_not_match_its_checksum_and_says_so_at_the_top()
 }
 
 #[test]
+fn a_report_says_which_file_of_a_finished_night_was_removed() {
+    let (place, run, reference) = night();
+    for (name, state) in [
+        (format!("{run}/done.json"), "damaged"),
+        (format!("{reference}/ref.json"), "done"),
+        ("out/latest/env.json".to_owned(), "done"),
+    ] {
+        let before = std::fs::read(place.path(&name)).unwrap();
+        std::fs::remove_file(place.path(&name)).unwrap();
+        let ended = place.run(&["report", "out/latest", "-q"]);
+        let said = format!("{} is missing", name.rsplit('/').next().unwrap());
+        assert_eq!(ended.status, 3, "{name}: {}", ended.stderr);
+        assert!(ended.stderr.contains(&said), "{name}: {}", ended.stderr);
+        let page = place.read("out/latest/report/index.html");
+        let top = page.split("<nav>").next().unwrap();
+        assert!(top.contains(&said), "{name}");
+        let runs = place.read("out/latest/report/data/runs.csv");
+        let unfinished = runs.contains(",unfinished,");
+        assert!(
+            !unfinished && runs.contains(&format!(",{state},")),
+            "{name}: {runs}"
+        );
+        std::fs::write(place.path(&name), before).unwrap();
+        place.succeed(&["report", "out/latest", "-q"]);
+    }
+}
+
+#[test]
 fn lists_and_measurements_name_what_does_not_match_its_checksum() {
     let (place, run, reference) = night();
     let picture = format!("{run}/final.exr");

@@ -9,7 +9,7 @@ use std::sync::OnceLock;
 use samples::{Sample, samples};
 
 use super::night::Site;
-use super::{Random, Verdict, mutation};
+use super::{CHANGES, Random, Verdict, mutation};
 
 /// Bytes of memory that the program may take to read small files: what the page about hostile files
 /// promises, and what the program takes for itself.
@@ -27,7 +27,7 @@ pub fn changed(site: &Site, random: &mut Random) -> Result<Verdict, String> {
             std::fs::create_dir_all(folder).map_err(|e| e.to_string())?;
         }
         let bytes = if i == victim {
-            change(bytes, random)
+            mutation::of_file(bytes, CHANGES, random)
         } else {
             bytes.clone()
         };
@@ -55,13 +55,4 @@ pub fn changed(site: &Site, random: &mut Random) -> Result<Verdict, String> {
         }
     };
     Ok(Verdict::Failed(format!("{name}: {problem}")))
-}
-
-/// Changes text by tokens and lines, and other files by bytes.
-fn change(bytes: &[u8], random: &mut Random) -> Vec<u8> {
-    match std::str::from_utf8(bytes) {
-        Ok(text) if !text.contains('\0') => mutation::of_text(text, random).into_bytes(),
-        _ if bytes.is_empty() => Vec::new(),
-        _ => mutation::of_bytes(bytes, random),
-    }
 }

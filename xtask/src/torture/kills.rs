@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
+use std::time::Duration;
 
 use lumbre::experiment::spec::Order;
 
@@ -90,7 +91,7 @@ fn interrupt(
     let mut child = command
         .spawn()
         .map_err(|e| format!("cannot start the program in {}: {e}", room.path().display()))?;
-    std::thread::sleep(random.pause(PAUSE_MS));
+    std::thread::sleep(Duration::from_micros(random.below(PAUSE_MS * 1000) as u64));
     let id = child.id().to_string();
     let mut kill = Command::new("kill");
     // The night may have ended before the signal.

@@ -9,16 +9,16 @@ mod limits;
 mod mutation;
 mod night;
 mod program;
+mod random;
 mod scripts;
 
 use std::fmt::Write;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use lumbre_light::math::rng::pcg4d;
-
 use crate::root;
 use night::Site;
+use random::Random;
 
 /// Page with the table of the last long run, between [`MARKERS`].
 const PAGE: &str = "docs/inside/hostile-files.md";
@@ -28,6 +28,9 @@ const MARKERS: [&str; 2] = ["<!-- torture -->", "<!-- end of torture -->"];
 
 /// Number of failures of an attack that are printed.
 const PRINTED: usize = 10;
+
+/// Greatest number of changes of a text.
+const CHANGES: usize = 4;
 
 /// Options of the chore.
 #[derive(clap::Args)]
@@ -151,33 +154,6 @@ const ATTACKS: &[Attack] = &[
     },
 ];
 
-/// Pseudo-random numbers of an attempt.
-struct Random {
-    key: [u32; 3],
-    drawn: u32,
-}
-
-impl Random {
-    /// Returns a number below `end`, which must not be zero.
-    fn below(&mut self, end: usize) -> usize {
-        self.drawn += 1;
-        let [seed, attack, attempt] = self.key;
-        let [high, low, ..] = pcg4d([seed, attack, attempt, self.drawn]);
-        let word = u64::from(high) << 32 | u64::from(low);
-        (word % end as u64) as usize
-    }
-
-    /// Returns one of the items, of which there must be one.
-    fn pick<'a, T>(&mut self, items: &'a [T]) -> &'a T {
-        &items[self.below(items.len())]
-    }
-
-    /// Returns a duration below a number of milliseconds.
-    fn pause(&mut self, below_ms: usize) -> Duration {
-        Duration::from_micros(self.below(below_ms * 1000) as u64)
-    }
-}
-
 /// Counts of the attempts of an attack.
 #[derive(Default)]
 struct Tally {
@@ -238,10 +214,7 @@ pub fn run(args: &Args) -> Result<(), String> {
         let tally = &mut tallies[next];
         let index = ATTACKS.iter().position(|a| a.name == attacks[next].name);
         let attempt = args.first + tally.tried;
-        let mut random = Random {
-            key: [args.seed, index.unwrap_or_default() as u32, attempt],
-            drawn: 0,
-        };
+        let mut random = Random::new([args.seed, index.unwrap_or_default() as u32, attempt]);
         let begun = Instant::now();
         let verdict = (attacks[next].attempt)(&site, &mut random)?;
         tally.spent += begun.elapsed();

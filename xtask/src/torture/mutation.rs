@@ -1,6 +1,7 @@
 //! Changes of valid files that leave most of their structure intact, so that they get past parsers.
+//! The fuzz targets use this file too.
 
-use super::Random;
+use super::random::Random;
 
 /// Numbers that readers must expect.
 const NUMBERS: [&str; 22] = [
@@ -31,10 +32,20 @@ const NUMBERS: [&str; 22] = [
 /// Copies of a line that a repetition inserts, at most.
 const COPIES: usize = 500;
 
-/// Returns a text with one to four changes.
-pub fn of_text(text: &str, random: &mut Random) -> String {
+/// Returns a file with at least one change: text by tokens and lines, at most `most` of them, and
+/// other files by bytes.
+pub fn of_file(bytes: &[u8], most: usize, random: &mut Random) -> Vec<u8> {
+    match std::str::from_utf8(bytes) {
+        Ok(text) if !text.contains('\0') => of_text(text, most, random).into_bytes(),
+        _ if bytes.is_empty() => Vec::new(),
+        _ => of_bytes(bytes, random),
+    }
+}
+
+/// Returns a text with at least one and at most `most` changes.
+pub fn of_text(text: &str, most: usize, random: &mut Random) -> String {
     let mut text = text.to_owned();
-    for _ in 0..=random.below(4) {
+    for _ in 0..=random.below(most) {
         text = match random.below(8) {
             0 => change_line(&text, random, |lines, at, _| {
                 lines.remove(at);
@@ -57,7 +68,7 @@ pub fn of_text(text: &str, random: &mut Random) -> String {
 }
 
 /// Returns bytes with one to eight of them changed, or a part repeated or removed.
-pub fn of_bytes(bytes: &[u8], random: &mut Random) -> Vec<u8> {
+fn of_bytes(bytes: &[u8], random: &mut Random) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     let at = random.below(bytes.len());
     match random.below(4) {
