@@ -60,7 +60,11 @@ fn leftovers_beside_the_last_file_are_removed() {
     let reference = store.start(&plan, CellRef::Reference(0), None).unwrap();
     reference.write("ref.exr", b"I\x05").unwrap();
     reference.write_rows(&[row(1, 0)]).unwrap();
+    // Left by a process that was killed while it tried to claim the run.
+    let temporary = dir.path().join("refs/ee/ee00/.lumbre-7Q.tmp");
+    fs::write(&temporary, "claim").unwrap();
     reference.finish(&results("ee00", 64)).unwrap();
+    assert!(!temporary.exists());
     let home = store.folder().to_owned();
     drop(store);
     let folders = [
@@ -69,7 +73,9 @@ fn leftovers_beside_the_last_file_are_removed() {
     ];
     let left: Vec<_> = folders
         .iter()
-        .flat_map(|f| ["claim", "ckpt.a", "ckpt.b", "failed.json"].map(|name| f.join(name)))
+        .flat_map(|f| {
+            ["claim", "ckpt.a", "ckpt.b", "failed.json", ".lumbre-1a.tmp"].map(|name| f.join(name))
+        })
         .collect();
     // Child processes of other tests may hold a lock for a moment, so try repeatedly.
     let is_removed = |mut clean_up: Box<dyn FnMut() + '_>| {

@@ -1,7 +1,7 @@
 //! Atomic file writes: a reader finds either the old file or the complete new one.
 
 use std::fs::{self, File};
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
@@ -11,6 +11,10 @@ use crate::store::{StoreError, regular_file};
 const TEMP_PREFIX: &str = ".lumbre-";
 /// Suffix of temporary files.
 const TEMP_SUFFIX: &str = ".tmp";
+
+/// Greatest number of attempts to create a file in a folder that other processes remove while it is
+/// empty.
+const MAX_ATTEMPTS: u32 = 16;
 
 /// Age after which a temporary file counts as abandoned.
 const ABANDONED: Duration = Duration::from_secs(3600);
@@ -27,15 +31,30 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
         .parent()
         .filter(|p| !p.as_os_str().is_empty())
         .unwrap_or(Path::new("."));
-    fs::create_dir_all(folder).map_err(|e| StoreError::io("create", folder, &e))?;
-    let attempt = || -> std::io::Result<()> {
-        let mut file = temporary(folder)?;
+    let mut file = temporary_in_new(folder)?;
+    let mut attempt = || -> std::io::Result<()> {
         file.write_all(bytes)?;
-        file.as_file().sync_all()?;
+        file.as_file().sync_all()
+    };
+    let written = attempt().and_then(|()| {
         file.persist(path).map_err(|e| e.error)?;
         sync_folder(folder)
-    };
-    attempt().map_err(|e| StoreError::io("write", path, &e))
+    });
+    written.map_err(|e| StoreError::io("write", path, &e))
+}
+
+/// Creates a folder, and a temporary file in it. Another process may remove the folder while it is
+/// empty.
+fn temporary_in_new(folder: &Path) -> Result<tempfile::NamedTempFile, StoreError> {
+    let mut attempts = 0;
+    loop {
+        fs::create_dir_all(folder).map_err(|e| StoreError::io("create", folder, &e))?;
+        attempts += 1;
+        match temporary(folder) {
+            Err(e) if e.kind() == ErrorKind::NotFound && attempts < MAX_ATTEMPTS => {}
+            made => return made.map_err(|e| StoreError::io("write into", folder, &e)),
+        }
+    }
 }
 
 /// Writes a file atomically if its content would change, so that a night with nothing to do leaves
@@ -148,6 +167,26 @@ mod tests {
         let error = write_atomically(&path, b"x").unwrap_err();
         assert!(error.to_string().contains("taken"), "{error}");
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_folder_that_is_removed_while_it_is_empty_is_created_again() {
+        let dir = tempfile::tempdir().unwrap();
+        let folder = dir.path().join("planners");
+        let is_over = std::sync::atomic::AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                while !is_over.load(std::sync::atomic::Ordering::Relaxed) {
+                    let _ = fs::remove_dir(&folder);
+                }
+            });
+            for i in 0..200 {
+                let file = folder.join(i.to_string());
+                write_atomically(&file, b"x").unwrap();
+                fs::remove_file(file).unwrap();
+            }
+            is_over.store(true, std::sync::atomic::Ordering::Relaxed);
+        });
     }
 
     #[test]

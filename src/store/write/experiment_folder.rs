@@ -143,9 +143,10 @@ impl Store {
         Ok(())
     }
 
-    /// Removes what a process left that died after writing a run's last file: claim, checkpoints
-    /// and failure record.
+    /// Removes what a process left that died after writing a run's last file, or while it tried to
+    /// claim the run: claim, checkpoints, failure record and temporary files.
     pub(crate) fn remove_leftovers(&self, folder: &Path) {
+        atomic::remove_temporaries(folder);
         if folder.join(claim::FILE).exists()
             && matches!(self.claims.acquire(folder), Ok(Claim::Granted))
         {

@@ -178,8 +178,8 @@ impl RunWriter {
     }
 
     /// Finishes the run: syncs the measurements, then writes `done.json` (`ref.json` for a
-    /// reference) with sizes and hashes of all files. Removes checkpoints and the record of an
-    /// earlier failure.
+    /// reference) with sizes and hashes of all files. Removes checkpoints, the record of
+    /// an earlier failure and temporary files.
     ///
     /// # Errors
     /// When a file cannot be written; the run is then incomplete.
@@ -194,6 +194,8 @@ impl RunWriter {
         self.write(self.marker, manifest.text().as_bytes())?;
         checkpoint::remove(&self.folder);
         failure::remove(&self.folder);
+        // A process that was killed while it tried to claim the run left one.
+        atomic::remove_temporaries(&self.folder);
         Ok(())
     }
 }

@@ -37,7 +37,10 @@ pub fn kill(site: &Site, random: &mut Random) -> Result<Verdict, String> {
     let ended = room.run(&arguments)?;
     Ok(match ended.code {
         Some(0) => Verdict::Harmless,
-        _ => Verdict::Failed(format!("`{}`: {}", arguments.join(" "), ended.excerpt())),
+        _ => {
+            let problem = ended.crash().unwrap_or_else(|| ended.excerpt());
+            Verdict::Failed(format!("`{}`: {problem}", arguments.join(" ")))
+        }
     })
 }
 
