@@ -29,6 +29,7 @@ use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::path_time::Timing;
 use lumbre_light::transport::sampler::SOBOL;
 use lumbre_render::{Job, Renderer};
+use mutation::Extent;
 use random::Random;
 
 #[global_allocator]
@@ -43,10 +44,13 @@ const GROWTH: usize = 8192;
 
 /// Greatest number of accepted inputs that are kept to make further ones from.
 const KEPT: usize = 256;
-/// Greatest number of changes of a text.
-const CHANGES: usize = 2;
+/// Extent of the changes of a text: few, since most results should be accepted, and small.
+const EXTENT: Extent = Extent {
+    changes: 2,
+    copies: 4,
+};
 /// Number of inputs after which the part that was accepted is printed.
-const INTERVAL: u64 = 1 << 16;
+const INTERVAL: u64 = 1 << 12;
 
 /// Inputs that a target accepted, and counts.
 #[derive(Default)]
@@ -106,7 +110,7 @@ pub fn mutate(data: &mut [u8], size: usize, max_size: usize, seed: u32) -> usize
         0 => &data[..size],
         _ => random.pick(kept),
     };
-    let made = mutation::of_file(from, CHANGES, &mut random);
+    let made = mutation::of_file(from, &EXTENT, &mut random);
     let size = made.len().min(max_size);
     data[..size].copy_from_slice(&made[..size]);
     size

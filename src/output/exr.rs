@@ -13,12 +13,10 @@ use exr::prelude::{
     WritableImage,
 };
 
+use super::picture::max_pixels;
 use super::{OutputError, PREFIX, check_shape};
 use lumbre_light::film::Image;
 use lumbre_light::scene::load::openexr;
-
-/// Maximum number of pixels of an image that is read: 2^28, which is 3 GiB of `f32` RGB.
-const MAX_PIXELS: usize = 1 << 28;
 
 /// Encodes an image as EXR with the channels R, G and B as `f32`. Each pair of `meta` becomes a
 /// text attribute `lumbre.<key>`. Keys must be unique and not empty.
@@ -136,10 +134,10 @@ fn sort_attributes(bytes: &mut [u8]) -> Option<()> {
 ///
 /// # Errors
 /// Returns an error if the file is not an EXR with RGB channels, is damaged, or has more than 2^28
-/// pixels.
+/// pixels, or more than 2^20 and 2048 for each byte of the file.
 pub fn decode(bytes: &[u8]) -> Result<(Image, Vec<(String, String)>), OutputError> {
-    let (image, texts) =
-        openexr::decode(bytes, MAX_PIXELS).map_err(|reason| OutputError::ExrRead { reason })?;
+    let (image, texts) = openexr::decode(bytes, max_pixels(bytes.len()))
+        .map_err(|reason| OutputError::ExrRead { reason })?;
     let without_prefix = |(name, text): (String, String)| match name.strip_prefix(PREFIX) {
         Some(key) => (key.to_owned(), text),
         None => (name, text),

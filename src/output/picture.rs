@@ -18,6 +18,18 @@ use lumbre_light::scene::load::openexr;
 
 /// Maximum number of pixels of a picture: 2^28, which is 3 GiB of `f32` RGB.
 const MAX_PIXELS: usize = 1 << 28;
+/// Number of pixels that a file of any size may have.
+const SMALL_PIXELS: usize = 1 << 20;
+/// Further pixels that it may have for each byte: twice what a PNG of one grey value achieves.
+const PIXELS_PER_BYTE: usize = 2048;
+
+/// Returns the greatest number of pixels of a file, so that a small file takes little memory.
+pub(super) fn max_pixels(file_bytes: usize) -> usize {
+    file_bytes
+        .saturating_mul(PIXELS_PER_BYTE)
+        .saturating_add(SMALL_PIXELS)
+        .min(MAX_PIXELS)
+}
 
 /// A decoded picture.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,7 +51,7 @@ pub struct Picture {
 ///
 /// # Errors
 /// Returns an error if the format is unknown, the file is damaged, or it has no or more than 2^28
-/// pixels.
+/// pixels, or more than 2^20 and 2048 for each byte of the file.
 pub fn decode(bytes: &[u8]) -> Result<Picture, OutputError> {
     let decoded = if bytes.starts_with(&openexr::MAGIC) {
         decode_exr(bytes)
@@ -55,11 +67,13 @@ pub fn decode(bytes: &[u8]) -> Result<Picture, OutputError> {
     decoded.map_err(|reason| OutputError::PictureRead { reason })
 }
 
-fn check_size(width: u32, height: u32) -> Result<(), String> {
+fn check_size(width: u32, height: u32, file: &[u8]) -> Result<(), String> {
     let pixels = width as usize * height as usize;
-    if pixels == 0 || pixels > MAX_PIXELS {
+    let max = max_pixels(file.len());
+    if pixels == 0 || pixels > max {
         return Err(format!(
-            "it has {width}x{height} pixels; 1 to {MAX_PIXELS} are supported"
+            "it has {width}x{height} pixels; 1 to {max} are supported in a file of {} bytes",
+            file.len()
         ));
     }
     Ok(())
@@ -81,7 +95,7 @@ fn decode_display(
     reader.limits(limits());
     let mut decoder = reader.into_decoder().map_err(|e| e.to_string())?;
     let (width, height) = decoder.dimensions();
-    check_size(width, height)?;
+    check_size(width, height, bytes)?;
     let mut notes = Vec::new();
     if format == ImageFormat::Png {
         notes.extend(other_curve(bytes));
@@ -146,7 +160,7 @@ fn other_curve(bytes: &[u8]) -> Option<String> {
 fn decode_hdr(bytes: &[u8]) -> Result<Picture, String> {
     let decoder = HdrDecoder::new(Cursor::new(bytes)).map_err(|e| e.to_string())?;
     let meta = decoder.metadata();
-    check_size(meta.width, meta.height)?;
+    check_size(meta.width, meta.height, bytes)?;
     let exposure = meta.exposure.unwrap_or(1.0);
     let [r, g, b] = meta
         .color_correction
@@ -235,9 +249,10 @@ fn check_exr_sizes(bytes: &[u8]) -> Result<(), String> {
         .map_err(|e| e.to_string())?
         .headers;
     let side = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
-    headers
-        .iter()
-        .try_for_each(|header| check_size(side(header.layer_size.0), side(header.layer_size.1)))
+    headers.iter().try_for_each(|header| {
+        let (width, height) = (side(header.layer_size.0), side(header.layer_size.1));
+        check_size(width, height, bytes)
+    })
 }
 
 fn channel_names(layer: &Layer<AnyChannels<FlatSamples>>) -> Vec<String> {
@@ -345,6 +360,25 @@ mod tests {
         let mut bytes = Vec::new();
         file.write().to_buffered(Cursor::new(&mut bytes)).unwrap();
         bytes
+    }
+
+    #[test]
+    fn a_small_file_has_few_pixels() {
+        let mut bytes = Vec::new();
+        image::RgbImage::new(8, 8)
+            .write_to(&mut Cursor::new(&mut bytes), ImageFormat::Jpeg)
+            .unwrap();
+        assert_eq!(decode(&bytes).unwrap().image.data.len(), 64);
+        let frame = bytes.windows(2).position(|w| w == [0xff, 0xc0]).unwrap();
+        bytes[frame + 5..frame + 9].copy_from_slice(&[0x3f; 4]);
+        let error = decode(&bytes).unwrap_err().to_string();
+        assert!(error.contains("16191x16191 pixels"), "{error}");
+        // A large picture of one grey value is an ordinary file.
+        let mut bytes = Vec::new();
+        image::GrayImage::new(3000, 2000)
+            .write_to(&mut Cursor::new(&mut bytes), ImageFormat::Png)
+            .unwrap();
+        assert_eq!(decode(&bytes).unwrap().image.data.len(), 6_000_000);
     }
 
     #[test]

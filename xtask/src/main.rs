@@ -36,6 +36,9 @@ enum Chore {
     /// compiler
     #[cfg(feature = "shader-dev")]
     Shaders(shaders::Args),
+    /// Measure the memory that verbs take for the worst files of every format
+    #[cfg(unix)]
+    Memory(torture::memory::Args),
     /// Attack the program by kills, damage, limits, hostile scripts and scenes, and count what it
     /// noticed
     #[cfg(unix)]
@@ -48,6 +51,8 @@ fn main() -> ExitCode {
         Chore::Release(args) => release::run(&args),
         #[cfg(feature = "shader-dev")]
         Chore::Shaders(args) => shaders::run(&args),
+        #[cfg(unix)]
+        Chore::Memory(args) => torture::memory::run(&args),
         #[cfg(unix)]
         Chore::Torture(args) => torture::run(&args),
     };

@@ -15,6 +15,7 @@ mod export_pbrt;
 mod folder;
 mod gltf;
 mod growth;
+mod growth_files;
 mod hostile;
 mod hostile_cases;
 mod hostile_pbrt;

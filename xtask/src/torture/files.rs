@@ -1,15 +1,10 @@
 //! Scenes and pictures of every format, changed and read.
 
-#[path = "../../../tests/library/scenes/samples.rs"]
-#[allow(dead_code, reason = "tests use more of the samples")]
-mod samples;
-
 use std::sync::OnceLock;
 
-use samples::{Sample, samples};
-
 use super::night::Site;
-use super::{CHANGES, Random, Verdict, mutation};
+use super::worst_files::samples::{Sample, samples};
+use super::{EXTENT, Random, Verdict, mutation};
 
 /// Bytes of memory that the program may take to read small files: what the page about hostile files
 /// promises, and what the program takes for itself.
@@ -27,7 +22,7 @@ pub fn changed(site: &Site, random: &mut Random) -> Result<Verdict, String> {
             std::fs::create_dir_all(folder).map_err(|e| e.to_string())?;
         }
         let bytes = if i == victim {
-            mutation::of_file(bytes, CHANGES, random)
+            mutation::of_file(bytes, &EXTENT, random)
         } else {
             bytes.clone()
         };

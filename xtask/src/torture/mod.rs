@@ -6,31 +6,34 @@ mod damage;
 mod files;
 mod kills;
 mod limits;
+pub mod memory;
 mod mutation;
 mod night;
+mod page;
 mod program;
 mod random;
 mod scripts;
+mod worst_files;
 
 use std::fmt::Write;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use crate::root;
+use mutation::Extent;
 use night::Site;
 use random::Random;
 
-/// Page with the table of the last long run, between [`MARKERS`].
-const PAGE: &str = "docs/inside/hostile-files.md";
-
-/// Lines around the table on [`PAGE`].
+/// Lines around the table of the last long run on the page about hostile files.
 const MARKERS: [&str; 2] = ["<!-- torture -->", "<!-- end of torture -->"];
 
 /// Number of failures of an attack that are printed.
 const PRINTED: usize = 10;
 
-/// Greatest number of changes of a text.
-const CHANGES: usize = 4;
+/// Extent of the changes of a text.
+const EXTENT: Extent = Extent {
+    changes: 4,
+    copies: 500,
+};
 
 /// Options of the chore.
 #[derive(clap::Args)]
@@ -223,7 +226,8 @@ pub fn run(args: &Args) -> Result<(), String> {
     let table = table(&attacks, &tallies);
     println!("{table}");
     if args.page {
-        write_page(&table, args)?;
+        let command = format!("torture --minutes {} --seed {}", args.minutes, args.seed);
+        page::write(MARKERS, &command, &table)?;
     }
     failures(&attacks, &tallies)
 }
@@ -253,32 +257,6 @@ fn table(attacks: &[&Attack], tallies: &[Tally]) -> String {
         );
     }
     text
-}
-
-/// Writes the table between the markers of the page, with its date and commit.
-fn write_page(table: &str, args: &Args) -> Result<(), String> {
-    let path = root().join(PAGE);
-    let text = std::fs::read_to_string(&path).map_err(|e| format!("{PAGE}: {e}"))?;
-    let parts = text
-        .split_once(MARKERS[0])
-        .and_then(|(head, rest)| Some((head, rest.split_once(MARKERS[1])?.1)));
-    let (head, tail) = parts.ok_or_else(|| format!("{PAGE} has no `{}`", MARKERS[0]))?;
-    let output = |command: &str, arguments: &[&str]| {
-        let mut command = std::process::Command::new(command);
-        let output = command.args(arguments).current_dir(root()).output();
-        let bytes = output.map(|o| o.stdout).unwrap_or_default();
-        String::from_utf8_lossy(&bytes).trim().to_owned()
-    };
-    let caption = format!(
-        "`cargo xtask torture --minutes {} --seed {}`, {}, commit {}:",
-        args.minutes,
-        args.seed,
-        output("date", &["-u", "+%Y-%m-%d"]),
-        output("git", &["rev-parse", "--short", "HEAD"]),
-    );
-    let [begin, end] = MARKERS;
-    let text = format!("{head}{begin}\n{caption}\n\n{table}{end}{tail}");
-    std::fs::write(&path, text).map_err(|e| format!("{PAGE}: {e}"))
 }
 
 /// Returns an error that lists what got past the program.

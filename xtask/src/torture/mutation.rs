@@ -29,30 +29,34 @@ const NUMBERS: [&str; 22] = [
     "1e",
 ];
 
-/// Copies of a line that a repetition inserts, at most.
-const COPIES: usize = 500;
+/// Extent of the changes of a text.
+pub struct Extent {
+    /// Greatest number of changes.
+    pub changes: usize,
+    /// Greatest number of copies of a line that a repetition inserts.
+    pub copies: usize,
+}
 
-/// Returns a file with at least one change: text by tokens and lines, at most `most` of them, and
-/// other files by bytes.
-pub fn of_file(bytes: &[u8], most: usize, random: &mut Random) -> Vec<u8> {
+/// Returns a file with at least one change: text by tokens and lines, other files by bytes.
+pub fn of_file(bytes: &[u8], extent: &Extent, random: &mut Random) -> Vec<u8> {
     match std::str::from_utf8(bytes) {
-        Ok(text) if !text.contains('\0') => of_text(text, most, random).into_bytes(),
+        Ok(text) if !text.contains('\0') => of_text(text, extent, random).into_bytes(),
         _ if bytes.is_empty() => Vec::new(),
         _ => of_bytes(bytes, random),
     }
 }
 
-/// Returns a text with at least one and at most `most` changes.
-pub fn of_text(text: &str, most: usize, random: &mut Random) -> String {
+/// Returns a text with at least one change.
+pub fn of_text(text: &str, extent: &Extent, random: &mut Random) -> String {
     let mut text = text.to_owned();
-    for _ in 0..=random.below(most) {
+    for _ in 0..=random.below(extent.changes) {
         text = match random.below(8) {
             0 => change_line(&text, random, |lines, at, _| {
                 lines.remove(at);
             }),
             1 => change_line(&text, random, |lines, at, random| {
                 let line = lines[at].clone();
-                let copies = 1 + random.below(COPIES);
+                let copies = 1 + random.below(extent.copies);
                 lines.splice(at..at, std::iter::repeat_n(line, copies));
             }),
             2 => change_line(&text, random, |lines, at, random| {

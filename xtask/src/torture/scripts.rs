@@ -1,7 +1,7 @@
 //! Scripts that want too much time or memory, or what they must not have.
 
 use super::night::Site;
-use super::{CHANGES, Random, Verdict, mutation};
+use super::{EXTENT, Random, Verdict, mutation};
 use crate::root;
 
 /// Ends of scripts. None may be planned; `SIZE` is replaced by a large number.
@@ -83,7 +83,7 @@ pub fn changed(site: &Site, random: &mut Random) -> Result<Verdict, String> {
     let name = *random.pick(&SHIPPED);
     let path = root().join("scripts").join(name);
     let text = std::fs::read_to_string(&path).map_err(|e| format!("{name}: {e}"))?;
-    let text = mutation::of_text(&text, CHANGES, random).replace("\"scenes/", "\"SCENES/");
+    let text = mutation::of_text(&text, &EXTENT, random).replace("\"scenes/", "\"SCENES/");
     let scenes = format!("\"{}/", root().join("scenes").display());
     let text = text.replace("\"SCENES/", &scenes);
     room.write("changed.lua", text.as_bytes())?;
