@@ -217,6 +217,7 @@ fn weights_and_densities_equal_their_definition_with_components_and_delays() {
             max_depth: 5,
             rr_start: None,
             settings: &settings,
+            params: &BTreeMap::new(),
             timing: Some(&timing),
             shared: None,
         };
