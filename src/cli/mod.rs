@@ -118,6 +118,11 @@ fn dispatch(cli: &Cli) -> Result<Exit, Failure> {
     }
     let log = night::log::Log::install(global.quiet);
     worker::enable_worker_processes();
+    if !global.quiet && matches!(cli.verb, Verb::Run(_) | Verb::Plan(_) | Verb::Work(_)) {
+        for library in own_techniques::libraries() {
+            print_status(&library);
+        }
+    }
     match &cli.verb {
         Verb::Run(args) => night::run::main(args, global, &log),
         Verb::Retry(args) => night::run::retry(args, global, &log),

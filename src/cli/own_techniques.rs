@@ -1,15 +1,39 @@
 //! Registration of the techniques of a program of one's own.
 
+use std::sync::OnceLock;
+
+use crate::cli::format::display_path;
 use crate::script::RENDER;
 use lumbre_light::transport::integrator::IntegratorRow;
 use lumbre_render::own_technique::{self, OwnTechnique};
+use lumbre_render::plugin::{self, Plugin};
 
-/// Checks and registers techniques. Returns the reason if one cannot be used.
+/// The techniques of shared libraries.
+static PLUGINS: OnceLock<Vec<Plugin>> = OnceLock::new();
+
+/// Checks and registers techniques, and those of shared libraries. Returns the reason if one cannot be used.
 pub(super) fn register(techniques: &[OwnTechnique]) -> Result<(), String> {
-    techniques
-        .iter()
-        .try_for_each(|technique| check(technique.row()))?;
-    own_technique::register(techniques).map_err(|e| e.to_string())
+    let plugins = plugin::load_named()?;
+    let rows = techniques.iter().map(OwnTechnique::row);
+    rows.chain(plugins.iter().map(|plugin| &plugin.row))
+        .try_for_each(check)?;
+    own_technique::register(techniques, &plugins).map_err(|e| e.to_string())?;
+    let _ = PLUGINS.set(plugins);
+    Ok(())
+}
+
+/// Returns a line for each technique of a shared library: its name, file and hash.
+pub(super) fn libraries() -> Vec<String> {
+    let plugins = PLUGINS.get().map_or(&[][..], Vec::as_slice);
+    let line = |plugin: &Plugin| {
+        format!(
+            "technique {} of the library {} ({})",
+            plugin.row.name,
+            display_path(&plugin.file),
+            &plugin.hash[..8]
+        )
+    };
+    plugins.iter().map(line).collect()
 }
 
 /// Returns the error if a parameter of a technique is a key of the render table, or occurs twice, or

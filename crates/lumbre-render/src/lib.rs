@@ -2,7 +2,7 @@
 //! in progress, and [`BackendRow`] the description of a backend. The crate contains the CPU backend
 //! ([`cpu`]), a backend for tests ([`mock`]), other renderers as techniques ([`external`]) and
 //! rendering in a child process ([`worker`]). [`denoise`] filters the pictures of any of them;
-//! [`own_technique`] makes integrators of other crates known.
+//! [`own_technique`] makes integrators of other crates known, [`plugin`] those of C libraries.
 //!
 //! No integrator is named in this crate: a [`Job`] carries a row of
 //! [`INTEGRATORS`](lumbre_light::transport::integrator::INTEGRATORS).
@@ -17,6 +17,7 @@ pub mod lobe;
 pub mod mock;
 pub mod own_technique;
 pub mod path_trace;
+pub mod plugin;
 pub mod reference_halves;
 pub mod trial;
 pub mod worker;

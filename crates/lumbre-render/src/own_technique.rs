@@ -4,8 +4,9 @@
 use std::sync::OnceLock;
 
 use crate::cpu::wavefront::TileMethod;
+use crate::plugin::Plugin;
 use lumbre_light::transport::integrator::camera_path::CameraPaths;
-use lumbre_light::transport::integrator::own::{self, RegistrationError};
+use lumbre_light::transport::integrator::own::{self, Registered, RegistrationError};
 use lumbre_light::transport::integrator::{IntegratorRow, camera_path};
 
 /// The registered techniques of this process.
@@ -43,14 +44,22 @@ impl OwnTechnique {
     }
 }
 
-/// Makes techniques known to this process: they can be looked up as built-in ones are. Must be called
-/// at most once, before anything else of this crate and of `lumbre-light`.
+/// Makes techniques known to this process, and those of shared libraries: they can be looked up as
+/// built-in ones are. Must be called at most once, before anything else of this crate and of
+/// `lumbre-light`.
 ///
 /// # Errors
 /// Returns an error, and registers nothing, if a name is invalid or taken, or on a later call.
-pub fn register(techniques: &[OwnTechnique]) -> Result<(), RegistrationError> {
-    let rows = techniques.iter().map(|technique| technique.row);
-    own::register(rows.collect())?;
+pub fn register(techniques: &[OwnTechnique], plugins: &[Plugin]) -> Result<(), RegistrationError> {
+    let own = techniques.iter().map(|technique| Registered {
+        row: technique.row,
+        library: None,
+    });
+    let of_libraries = plugins.iter().map(|plugin| Registered {
+        row: plugin.row,
+        library: Some(plugin.hash.clone()),
+    });
+    own::register(own.chain(of_libraries).collect())?;
     OWN.set(techniques.to_vec())
         .map_err(|_| RegistrationError::TooLate)
 }

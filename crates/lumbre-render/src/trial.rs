@@ -55,7 +55,7 @@ impl Trial {
     pub fn new(technique: &OwnTechnique, params: &[(&str, Value)]) -> Result<Trial, String> {
         static REGISTERED: Once = Once::new();
         let mut registered = Ok(());
-        REGISTERED.call_once(|| registered = own_technique::register(&[*technique]));
+        REGISTERED.call_once(|| registered = own_technique::register(&[*technique], &[]));
         registered.map_err(|e| e.to_string())?;
         Trial::named(technique.row().name, params)
     }

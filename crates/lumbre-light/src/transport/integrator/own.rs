@@ -8,7 +8,17 @@ use super::{ALIASES, INTEGRATORS, IntegratorRow, external};
 const MAX_NAME: usize = 40;
 
 /// The registered integrators of this process.
-static OWN: OnceLock<Vec<IntegratorRow>> = OnceLock::new();
+static OWN: OnceLock<Vec<Registered>> = OnceLock::new();
+
+/// An integrator to register.
+#[derive(Clone, Debug)]
+pub struct Registered {
+    /// Its table entry.
+    pub row: IntegratorRow,
+    /// Hash of the shared library that computes its samples, if one does; part of the identity of
+    /// runs.
+    pub library: Option<String>,
+}
 
 /// Error of a registration.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -32,14 +42,15 @@ pub enum RegistrationError {
 ///
 /// # Errors
 /// Returns an error, and registers nothing, if a name is invalid or taken, or on a later call.
-pub fn register(rows: Vec<IntegratorRow>) -> Result<(), RegistrationError> {
+pub fn register(techniques: Vec<Registered>) -> Result<(), RegistrationError> {
+    let rows: Vec<&IntegratorRow> = techniques.iter().map(|own| &own.row).collect();
     for (i, row) in rows.iter().enumerate() {
         if !is_valid_name(row.name) {
             return Err(RegistrationError::InvalidName(row.name.to_owned()));
         }
         let mut taken = INTEGRATORS
             .iter()
-            .chain(&rows[..i])
+            .chain(rows[..i].iter().copied())
             .map(|row| row.name)
             .chain(ALIASES.iter().map(|(alias, _)| *alias))
             .chain([external::DECLARED.name]);
@@ -47,12 +58,18 @@ pub fn register(rows: Vec<IntegratorRow>) -> Result<(), RegistrationError> {
             return Err(RegistrationError::TakenName(row.name.to_owned()));
         }
     }
-    OWN.set(rows).map_err(|_| RegistrationError::TooLate)
+    OWN.set(techniques).map_err(|_| RegistrationError::TooLate)
 }
 
 /// Returns the registered integrators. Afterwards none can be registered.
-pub fn rows() -> &'static [IntegratorRow] {
-    OWN.get_or_init(Vec::new)
+pub fn rows() -> impl Iterator<Item = &'static IntegratorRow> + Clone {
+    OWN.get_or_init(Vec::new).iter().map(|own| &own.row)
+}
+
+/// Returns the hash of the shared library that computes the samples of an integrator, if one does.
+pub fn library(row: &IntegratorRow) -> Option<&'static str> {
+    let mut all = OWN.get_or_init(Vec::new).iter();
+    all.find(|own| own.row.name == row.name)?.library.as_deref()
 }
 
 /// Returns whether text can be the name of a registered integrator, which is part of the names of
@@ -70,8 +87,11 @@ mod tests {
     use crate::transport::integrator::{bpt, integrators};
 
     /// Returns the row of `bpt` with another name.
-    fn named(name: &'static str) -> IntegratorRow {
-        IntegratorRow { name, ..bpt::ROW }
+    fn named(name: &'static str) -> Registered {
+        Registered {
+            row: IntegratorRow { name, ..bpt::ROW },
+            library: None,
+        }
     }
 
     #[test]
