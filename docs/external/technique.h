@@ -5,8 +5,8 @@
  *     c++ -O2 -shared -fPIC nee.cpp -o nee.so
  *     LUMBRE_PLUGINS=$PWD/nee.so lumbre run script.lua
  *
- * Vectors are three floats in world space, directions are unit vectors, and colours are linear radiance in red, green and
- * blue. Functions may be called from many threads at a time, each with another sample. They must return, and must not
+ * Vectors are three floats in world space, directions are unit vectors, and colours are linear radiance in red, green
+ * and blue. Functions may be called from many threads at a time, each with another sample. They must return, and must not
  * throw exceptions. A sample must be a function of what the host returns and of the iteration alone: then pictures have
  * the same bits for any number of threads.
  */
@@ -52,7 +52,7 @@ typedef struct lumbre_light_sample {
     float wi[3];       /* direction from the vertex to the light */
     float distance;    /* infinite for infinitely distant lights */
     float radiance[3]; /* radiance that arrives; of a Dirac light, irradiance on a surface that faces it */
-    float pdf;         /* density per solid angle, with the probability of choosing the light; of a Dirac light that alone */
+    float pdf;         /* density per solid angle, times the probability of the light; of a Dirac light that alone */
     float position[3]; /* point on the light */
     float normal[3];   /* its normal; zero for points without a surface */
     int32_t delta;     /* whether only light sampling finds this light */

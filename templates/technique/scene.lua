@@ -20,7 +20,10 @@ wall("back", "white", { at = { 0, 0, -1 }, rotate = { 90, 0, 0 } })
 wall("left", "red", { at = { -1, 0, 0 }, rotate = { 0, 0, -90 } })
 wall("right", "white", { at = { 1, 0, 0 }, rotate = { 0, 0, 90 } })
 
-s:add { name = "lamp", shape = shape.grid { size = { 0.5, 0.5 } }, material = "lamp", at = { 0, 0.99, 0 }, rotate = { 180, 0, 0 } }
+s:add {
+  name = "lamp", shape = shape.grid { size = { 0.5, 0.5 } }, material = "lamp",
+  at = { 0, 0.99, 0 }, rotate = { 180, 0, 0 },
+}
 s:add { name = "matt", shape = shape.sphere { radius = 0.35 }, material = "white", at = { -0.5, -0.65, -0.3 } }
 s:add { name = "metal", shape = shape.sphere { radius = 0.35 }, material = "metal", at = { 0.45, -0.65, -0.45 } }
 s:add { name = "glass", shape = shape.sphere { radius = 0.25 }, material = "glass", at = { 0.1, -0.75, 0.35 } }
