@@ -6,8 +6,8 @@
  *     LUMBRE_PLUGINS=$PWD/nee.so lumbre run script.lua
  *
  * Vectors are three floats in world space, directions are unit vectors, and colours are linear radiance in red, green
- * and blue. Functions may be called from many threads at a time, each with another sample. They must return, and must not
- * throw exceptions. A sample must be a function of what the host returns and of the iteration alone: then pictures have
+ * and blue. Functions may be called from many threads at a time, each with another sample. They must return, and must
+ * not throw exceptions. A sample must be a function of what the host returns and of the iteration alone: then pictures have
  * the same bits for any number of threads.
  */
 #ifndef LUMBRE_TECHNIQUE_H
