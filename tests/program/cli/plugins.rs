@@ -98,8 +98,12 @@ fn the_example_in_cpp_renders_what_nee_renders() {
     assert_ne!(biased, EXAMPLE);
     let library = compile(&place, "biased", &biased).unwrap();
     let wrong = run(&place, &library, &["run", "plugin.lua", "--no-tui"]);
-    assert!(wrong.stderr.contains("differs"), "{}", wrong.stderr);
-    assert!(!wrong.stderr.contains("agrees with"), "{}", wrong.stderr);
+    assert_eq!(wrong.status, 6, "{}", wrong.stderr);
+    assert!(
+        wrong.stderr.contains("DISAGREES with `nee_cpp`"),
+        "{}",
+        wrong.stderr
+    );
 }
 
 /// Appends bytes to a file.
@@ -177,7 +181,7 @@ fn libraries_that_cannot_be_used_are_refused_with_the_reason() {
         &other,
         "implements version 7 of technique.h, and this program version 1",
     );
-    let named = replaced("named", "\"nee_cpp\"", "\"nee\"");
+    let named = replaced("named", "\"nee_cpp\",", "\"nee\",");
     refused(&named, "there are two techniques `nee`");
     let taken = replaced("taken", "\"exponent\"", "\"max_depth\"");
     refused(
