@@ -1,6 +1,12 @@
 //! The program of a technique of one's own: the technique goes through nights, files and verbs as the
 //! built-in ones do.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "test helpers may panic and print"
+)]
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Output};
 
@@ -134,7 +140,6 @@ fn vectors_and_single_samples_have_the_same_bits() {
 }
 
 #[test]
-#[allow(clippy::print_stdout, reason = "a skipped test is counted by its line")]
 fn device_backends_refuse_the_technique_when_the_plan_is_made() {
     let folder = folder();
     let output = run(

@@ -6,7 +6,7 @@ use own_technique::{CONNECT, TECHNIQUE};
 
 /// Returns the technique with a value of its parameter.
 fn trial(connect: f64) -> Trial {
-    Trial::new(&TECHNIQUE, &[(CONNECT.key, connect.into())]).unwrap()
+    Trial::new(&TECHNIQUE, &[(CONNECT.key, connect.into())]).expect("a value in the range")
 }
 
 #[test]
