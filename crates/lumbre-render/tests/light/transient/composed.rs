@@ -1,5 +1,6 @@
 //! Composed materials, each component with its own delay.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::sync::Arc;
 
