@@ -6,14 +6,14 @@ use std::ffi::{c_char, c_void};
 /// Version of the interface. Raised whenever a type or the meaning of a function changes.
 pub const ABI: u32 = 1;
 
-/// `lumbre_ray`.
+/// The C type `lumbre_ray`.
 #[repr(C)]
 pub struct CRay {
     pub origin: [f32; 3],
     pub dir: [f32; 3],
 }
 
-/// `lumbre_surface`.
+/// The C type `lumbre_surface`.
 #[repr(C)]
 pub struct CSurface {
     pub position: [f32; 3],
@@ -23,7 +23,7 @@ pub struct CSurface {
     pub has_density: i32,
 }
 
-/// `lumbre_bsdf_sample`.
+/// The C type `lumbre_bsdf_sample`.
 #[repr(C)]
 pub struct CBsdfSample {
     pub wi: [f32; 3],
@@ -33,7 +33,7 @@ pub struct CBsdfSample {
     pub delta: i32,
 }
 
-/// `lumbre_light_sample`.
+/// The C type `lumbre_light_sample`.
 #[repr(C)]
 pub struct CLightSample {
     pub wi: [f32; 3],
@@ -73,7 +73,7 @@ pub struct CHost {
     pub add: unsafe extern "C" fn(CSample, *const f32, u32, u32),
 }
 
-/// `lumbre_parameter`.
+/// The C type `lumbre_parameter`.
 #[repr(C)]
 pub struct CParameter {
     pub key: *const c_char,
