@@ -16,6 +16,8 @@
 //! Light transport itself is in the crates `lumbre-light` (scenes, materials, lights, samplers,
 //! integrators), `lumbre-render` (the CPU backend, worker processes) and `lumbre-vulkan`.
 //!
+//! A program of one's own with further techniques is [`main_with`] and an [`OwnTechnique`] for each.
+//!
 //! A *night* is a scheduled run of an experiment, usually unattended. The modules of level 2 never
 //! import one another.
 
@@ -29,3 +31,7 @@ pub mod script;
 pub mod store;
 pub mod text;
 pub mod tui;
+
+pub use cli::main_with;
+pub use lumbre_render::own_technique::OwnTechnique;
+pub use lumbre_render::trial::Trial;

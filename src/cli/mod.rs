@@ -13,6 +13,7 @@ pub mod format;
 pub mod inspect;
 mod json;
 pub mod night;
+mod own_techniques;
 mod reproduce;
 pub mod scene;
 mod selector;
@@ -30,12 +31,26 @@ pub use about::reference::reference;
 use args::{BenchArgs, Cli, Global, Verb};
 use exit::{Exit, Failure, print_result, print_status};
 use lumbre_light::scene::load::files;
+use lumbre_render::own_technique::OwnTechnique;
 
 /// Size in bytes of the stack on which the program runs. That of the process may be limited to less.
 const STACK: usize = 16 << 20;
 
 /// Parses the arguments of this process, runs the requested verb and returns the exit code.
 pub fn main() -> ExitCode {
+    main_with(&[])
+}
+
+/// Does the same as [`main()`] in a program of one's own, in which `techniques` are known wherever the
+/// built-in integrators are. Must be called before anything else of these crates, since techniques
+/// are registered once for the process. If one has a name or a parameter that is taken or invalid,
+/// the program prints which and exits with code 2.
+pub fn main_with(techniques: &[OwnTechnique]) -> ExitCode {
+    if let Err(reason) = own_techniques::register(techniques) {
+        let failure = Failure::usage(format!("cannot register the techniques: {reason}"));
+        failure.print();
+        return failure.exit.into();
+    }
     exit::install_panic_hook();
     if let Err(e) = night::signals::ignore_file_size_limit() {
         print_status(&format!("warning: cannot install a signal handler: {e}"));
@@ -103,6 +118,11 @@ fn dispatch(cli: &Cli) -> Result<Exit, Failure> {
     }
     let log = night::log::Log::install(global.quiet);
     worker::enable_worker_processes();
+    if !global.quiet && matches!(cli.verb, Verb::Run(_) | Verb::Plan(_) | Verb::Work(_)) {
+        for library in own_techniques::libraries() {
+            print_status(&library);
+        }
+    }
     match &cli.verb {
         Verb::Run(args) => night::run::main(args, global, &log),
         Verb::Retry(args) => night::run::retry(args, global, &log),

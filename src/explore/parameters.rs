@@ -4,7 +4,7 @@
 use crate::metrics::tonemap::TONEMAPS;
 use crate::script::RENDER;
 use lumbre_light::transport::integrator::settings::STRATEGIES;
-use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow};
+use lumbre_light::transport::integrator::{IntegratorRow, integrators};
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{AUTO, Field, Table, Ty};
 
@@ -187,7 +187,7 @@ fn parameter(path: String, field: Field, views: &[String]) -> Parameter {
     };
     let owned = |words: &[&str]| words.iter().map(|word| (*word).to_owned()).collect();
     let names = match (path.as_str(), field.ty) {
-        (INTEGRATOR, _) => INTEGRATORS.iter().map(|row| row.name.to_owned()).collect(),
+        (INTEGRATOR, _) => integrators().map(|row| row.name.to_owned()).collect(),
         (TONEMAP, _) => TONEMAPS
             .iter()
             .map(|(name, _)| (*name).to_owned())

@@ -10,7 +10,7 @@ use crate::metrics::METRICS;
 use crate::metrics::tonemap::TONEMAPS;
 use lumbre_light::scene::desc::{MATERIAL_PARAMS, TextureSlot};
 use lumbre_light::transport::integrator::external::EXTERNALS;
-use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow};
+use lumbre_light::transport::integrator::{self, IntegratorRow};
 use lumbre_light::value::schema::{AUTO, Field, Table, Ty};
 use lumbre_render::external::technique::EXTERNAL;
 
@@ -168,7 +168,7 @@ fn render_changes(out: &mut String, integrators: &[&str]) {
 
 /// Returns all integrators; those of other programs come last.
 pub(super) fn integrators() -> impl Iterator<Item = &'static IntegratorRow> {
-    INTEGRATORS.iter().chain(EXTERNALS)
+    integrator::integrators().chain(EXTERNALS)
 }
 
 /// Returns all option tables except those of integrators, metrics and tone maps.

@@ -1,7 +1,8 @@
 //! Rendering of light transport in waves of samples: [`Job`] is what to render, [`Renderer`] a run
 //! in progress, and [`BackendRow`] the description of a backend. The crate contains the CPU backend
 //! ([`cpu`]), a backend for tests ([`mock`]), other renderers as techniques ([`external`]) and
-//! rendering in a child process ([`worker`]). [`denoise`] filters the pictures of any of them.
+//! rendering in a child process ([`worker`]). [`denoise`] filters the pictures of any of them;
+//! [`own_technique`] makes integrators of other crates known, [`plugin`] those of C libraries.
 //!
 //! No integrator is named in this crate: a [`Job`] carries a row of
 //! [`INTEGRATORS`](lumbre_light::transport::integrator::INTEGRATORS).
@@ -14,8 +15,11 @@ pub mod hierarchy;
 pub mod instance_transform;
 pub mod lobe;
 pub mod mock;
+pub mod own_technique;
 pub mod path_trace;
+pub mod plugin;
 pub mod reference_halves;
+pub mod trial;
 pub mod worker;
 
 use std::collections::BTreeMap;

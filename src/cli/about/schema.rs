@@ -10,7 +10,7 @@ use crate::metrics::tonemap::TONEMAPS;
 use crate::script::docgen;
 use lumbre_light::scene::desc::{MATERIAL_PARAMS, TextureSlot};
 use lumbre_light::scene::load::FORMATS;
-use lumbre_light::transport::integrator::INTEGRATORS;
+use lumbre_light::transport::integrator::integrators;
 use lumbre_light::transport::sampler::SAMPLERS;
 use lumbre_light::value::schema::{Field, Table, Ty};
 
@@ -28,7 +28,7 @@ pub fn main(args: &SchemaArgs) -> Result<Exit, Failure> {
 /// and formats.
 fn tables() -> Json {
     json!({
-        "integrators": INTEGRATORS.iter().map(|r| json!({
+        "integrators": integrators().map(|r| json!({
             "name": r.name, "long_name": r.long_name, "revision": r.revision, "doc": r.doc,
             "bias": r.bias, "params": table(&r.params),
         })).collect::<Vec<_>>(),

@@ -25,7 +25,8 @@ pub use output::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs, ViewArgs};
 pub use scene::{BsdfArgs, CheckArgs, ExportArgs, TraceArgs};
 pub use typed::{SceneArg, split, unknown_name, value};
 pub use without_script::{
-    CompareArgs, ComparisonArgs, ExploreArgs, NewArgs, PictureArgs, RenderArgs,
+    CompareArgs, ComparisonArgs, ExploreArgs, NewArgs, NewExperimentArgs, NewTechniqueArgs,
+    PictureArgs, RenderArgs,
 };
 
 use crate::cli::exit;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use lumbre_light::transport::integrator::external::is_declared;
-use lumbre_light::transport::integrator::{INTEGRATORS, canonical_name, integrator};
+use lumbre_light::transport::integrator::{canonical_name, integrator, integrators};
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::duration_s;
 use lumbre_light::value::suggest;
@@ -59,7 +59,7 @@ pub(super) fn integrator_name(text: &str) -> Result<String, String> {
     if integrator(text).is_some_and(|row| !is_declared(row)) {
         return Ok(canonical_name(text).to_owned());
     }
-    let names: Vec<&str> = INTEGRATORS.iter().map(|row| row.name).collect();
+    let names: Vec<&str> = integrators().map(|row| row.name).collect();
     Err(unknown_name("integrator", text, &names))
 }
 

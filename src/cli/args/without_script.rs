@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{ArgMatches, Args, Command, FromArgMatches};
 
 use super::SceneArg;
 use super::typed::{integrator_name, scene_arg, seconds, setting};
@@ -125,9 +125,69 @@ pub struct CompareArgs {
     pub json: bool,
 }
 
-/// Options of `lumbre new`.
+/// Options of `lumbre new`: those of a script, or of a project with a technique.
+#[derive(Debug)]
+pub enum NewArgs {
+    /// A script for a scene.
+    Experiment(NewExperimentArgs),
+    /// A project, by the subcommand `technique`.
+    Technique(NewTechniqueArgs),
+}
+
+/// Name of the subcommand of `lumbre new`.
+const TECHNIQUE: &str = "technique";
+
+impl FromArgMatches for NewArgs {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<NewArgs, clap::Error> {
+        Ok(match matches.subcommand() {
+            Some((TECHNIQUE, inner)) => {
+                NewArgs::Technique(NewTechniqueArgs::from_arg_matches(inner)?)
+            }
+            _ => NewArgs::Experiment(NewExperimentArgs::from_arg_matches(matches)?),
+        })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = NewArgs::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+// Written by hand, since the derived subcommands would make the arguments of a script optional.
+impl Args for NewArgs {
+    fn augment_args(command: Command) -> Command {
+        let technique = NewTechniqueArgs::augment_args(Command::new(TECHNIQUE))
+            .about("Write a project with a technique of your own, and tests of it.")
+            .long_about(
+                "Write a project with a technique of your own, and tests of it.\n\n\
+                 The project is a folder NAME: a program that does all that this one does, and \
+                 knows the technique. It is built by cargo from the sources of this program.",
+            );
+        NewExperimentArgs::augment_args(command)
+            .args_conflicts_with_subcommands(true)
+            .subcommand_negates_reqs(true)
+            .subcommand(technique)
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        NewArgs::augment_args(command)
+    }
+}
+
+/// Options of `lumbre new technique`.
 #[derive(Args, Debug)]
-pub struct NewArgs {
+pub struct NewTechniqueArgs {
+    /// Name of the technique and of the folder: lower-case letters, digits and `_`.
+    #[arg(value_name = "NAME")]
+    pub name: String,
+    /// Folder with the sources of this program [default: the one it was built from].
+    #[arg(long, value_name = "FOLDER")]
+    pub lumbre: Option<PathBuf>,
+}
+
+/// Options of `lumbre new` for a script.
+#[derive(Args, Debug)]
+pub struct NewExperimentArgs {
     /// Techniques and picture.
     #[command(flatten)]
     pub comparison: ComparisonArgs,

@@ -13,7 +13,7 @@ use crate::metrics::MetricSpec;
 use crate::metrics::evaluator::Evaluator;
 use lumbre_light::math::stats::median;
 use lumbre_light::scene::{CompiledScene, compile};
-use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow};
+use lumbre_light::transport::integrator::{IntegratorRow, integrators};
 use lumbre_render::{Job, Renderer};
 
 /// Path depth in edges, as in the tables of thesis S0.
@@ -77,7 +77,7 @@ pub fn measure(
     let desc = subject.load()?;
     let scene = Arc::new(compile(&desc).map_err(|e| e.to_string())?.0);
     let mut rows = Vec::new();
-    for integrator in INTEGRATORS {
+    for integrator in integrators() {
         for name in backends.iter().filter(|name| renders(name, integrator)) {
             rows.push(measure_one(
                 subject, &scene, integrator, name, resolution, repeats,

@@ -8,7 +8,7 @@ use super::efficiency::{self, IntegratorRates, RELATIVE_RMSE};
 use super::subject::Subject;
 use crate::cli::format::{aligned, duration};
 use lumbre_light::scene::compile;
-use lumbre_light::transport::integrator::INTEGRATORS;
+use lumbre_light::transport::integrator;
 use lumbre_render::cpu::rates::{self, RayRates};
 
 /// Rates of one scene.
@@ -41,7 +41,7 @@ pub fn measure(
     let rays = rays
         .then(|| rates::measure(&scene, resolution, threads, repeats))
         .transpose()?;
-    let selected = INTEGRATORS.iter().filter(|_| integrators);
+    let selected = integrator::integrators().filter(|_| integrators);
     let integrators = selected
         .map(|row| efficiency::measure(&scene, row, threads, repeats))
         .collect::<Result<_, _>>()?;

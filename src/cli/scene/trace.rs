@@ -17,7 +17,7 @@ use lumbre_light::scene::compile::MAX_FLATTENED_PRIMITIVES;
 use lumbre_light::scene::desc::MAX_SIDE;
 use lumbre_light::scene::load::{FORMATS, is_folder};
 use lumbre_light::scene::{CompiledScene, compile};
-use lumbre_light::transport::integrator::{INTEGRATORS, integrator};
+use lumbre_light::transport::integrator::{integrator, integrators};
 use lumbre_light::transport::sampler::{SAMPLER_NAMES, sampler};
 use lumbre_render::Job;
 use lumbre_render::path_trace::{MAX_PATH_EVENTS, PathEvent, SampleAt};
@@ -114,7 +114,7 @@ fn scene_job(args: &TraceArgs, global: &Global) -> Result<(Arc<CompiledScene>, J
     let (scene, _) = compile(&desc).map_err(Failure::usage)?;
     let unknown =
         |what: &str, name: &str, known: &[&str]| Failure::usage(unknown_name(what, name, known));
-    let names: Vec<&str> = INTEGRATORS.iter().map(|row| row.name).collect();
+    let names: Vec<&str> = integrators().map(|row| row.name).collect();
     let technique = integrator(&args.integrator)
         .ok_or_else(|| unknown("integrator", &args.integrator, &names))?;
     let resolution = args.size.unwrap_or(scene.resolution);

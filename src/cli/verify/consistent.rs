@@ -15,7 +15,7 @@ use super::{Check, Outcome, SIGNIFICANCE, Verdict, VerifyRequest};
 use lumbre_light::math::stats::sidak;
 use lumbre_light::math::t_test::two_sided_p;
 use lumbre_light::scene::{CompiledScene, compile};
-use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow, settings};
+use lumbre_light::transport::integrator::{IntegratorRow, integrators, settings};
 use lumbre_light::value::Value;
 
 /// Identifies the seeds of these checks.
@@ -49,7 +49,7 @@ pub fn plan(request: &VerifyRequest) -> Result<Vec<Check>, String> {
         let (scene, _) = compile(&case.scene).map_err(|e| format!("{}: {e}", case.name))?;
         let scene = Arc::new(scene);
         let truth = Rc::new(truth(&case, SIDE));
-        for row in INTEGRATORS.iter().filter(|row| gathers(row)) {
+        for row in integrators().filter(|row| gathers(row)) {
             let precise = [
                 (settings::RADIUS.key, Value::Num(RADIUS)),
                 (settings::PHOTONS.key, Value::Int(PHOTONS)),

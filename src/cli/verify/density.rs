@@ -91,6 +91,7 @@ fn report(
             max_depth: scene.max_depth,
             rr_start: None,
             settings: &settings,
+            params: &technique.params,
             timing: None,
             shared: None,
         });

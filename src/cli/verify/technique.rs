@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
-use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow};
+use lumbre_light::transport::integrator::{IntegratorRow, integrators};
 use lumbre_light::transport::mis;
 use lumbre_light::value::Value;
 
@@ -52,7 +52,7 @@ impl Technique {
 
 /// Returns every unbiased integrator with default parameters.
 pub fn plain() -> Vec<Technique> {
-    let unbiased = INTEGRATORS.iter().filter(|row| row.bias.is_none());
+    let unbiased = integrators().filter(|row| row.bias.is_none());
     unbiased.map(Technique::plain).collect()
 }
 

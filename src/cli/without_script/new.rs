@@ -4,15 +4,24 @@ use std::io::{self, BufRead, IsTerminal, Write};
 use std::path::PathBuf;
 
 use super::experiment_text::{experiment_name, script_text};
-use crate::cli::args::{ComparisonArgs, Global, NewArgs};
+use super::new_technique;
+use crate::cli::args::{ComparisonArgs, Global, NewArgs, NewExperimentArgs};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{display_path, rounded};
 use crate::script;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::duration_s;
 
-/// Runs `lumbre new`: asks for techniques, time and repeats, and writes the script.
+/// Runs `lumbre new`.
 pub fn main(args: &NewArgs, global: &Global) -> Result<Exit, Failure> {
+    match args {
+        NewArgs::Experiment(args) => write_script(args, global),
+        NewArgs::Technique(args) => new_technique::main(args, global),
+    }
+}
+
+/// Asks for techniques, time and repeats, and writes the script.
+fn write_script(args: &NewExperimentArgs, global: &Global) -> Result<Exit, Failure> {
     let mut comparison = args.comparison.clone();
     let path = args
         .output

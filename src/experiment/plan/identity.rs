@@ -22,8 +22,8 @@ use crate::experiment::stop::StopRule;
 use crate::metrics::MetricSpec;
 use lumbre_light::scene::load::files;
 use lumbre_light::transport::delay;
-use lumbre_light::transport::integrator::IntegratorRow;
 use lumbre_light::transport::integrator::external::{PYTHON, is_declared};
+use lumbre_light::transport::integrator::{IntegratorRow, own};
 use lumbre_light::transport::sampler::SamplerRow;
 use lumbre_light::value::Value;
 use lumbre_render::external::technique;
@@ -101,11 +101,14 @@ pub(super) fn picture(
         params.remove(PYTHON.key);
         params
     };
-    let integrator = map([
+    // Omitted for all others, which keep their ids.
+    let library = own::library(row).map(|hash| ("library", hash.into()));
+    let fields = [
         ("name", config.integrator.as_str().into()),
         ("revision", Value::Int(i64::from(row.revision))),
         ("params", Value::Map(params)),
-    ]);
+    ];
+    let integrator = map(fields.into_iter().chain(library));
     let filter = map([
         ("kind", kind.into()),
         ("radius", Value::number(f64::from(config.filter.radius))),

@@ -13,7 +13,9 @@ use lumbre_light::film::time;
 use lumbre_light::scene::{Note, SceneDesc, SceneError, desc, edit};
 use lumbre_light::transport::integrator::external::{EXTERNALS, is_declared, is_external};
 use lumbre_light::transport::integrator::settings::has_uniform_directions;
-use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow, canonical_name, integrator};
+use lumbre_light::transport::integrator::{
+    IntegratorRow, canonical_name, integrator, integrators, own,
+};
 use lumbre_light::transport::light::LightSelection;
 use lumbre_light::transport::sampler::{SAMPLER_NAMES, SamplerRow, sampler};
 use lumbre_light::value::Value;
@@ -354,10 +356,7 @@ fn integrator_row(name: &str, point: &Point) -> Result<&'static IntegratorRow, P
     integrator(name).ok_or_else(|| PlanError::UnknownIntegrator {
         point: describe(point),
         name: name.to_owned(),
-        help: help(
-            name,
-            INTEGRATORS.iter().chain(EXTERNALS).map(|row| row.name),
-        ),
+        help: help(name, integrators().chain(EXTERNALS).map(|row| row.name)),
     })
 }
 
@@ -463,6 +462,13 @@ fn refusal(
             "it does not support the hierarchy `{}`: leave out `accel`, or use `cpu` or \
              `vulkan-compute`",
             config.accel.describe()
+        ));
+    }
+    if own::library(integrator).is_some() && config.timing.is_some() {
+        return Some(format!(
+            "`{}` is computed by a shared library, which returns no optical lengths: leave out \
+             `film.time`",
+            integrator.name
         ));
     }
     if !backend.times {

@@ -5,7 +5,7 @@ use super::item::{ItemKind, PROGRAM, Provenance, ReportItem};
 use super::study::{Member, Study};
 use crate::experiment::night_results::{NightResults, RunState};
 use crate::metrics::MetricSpec;
-use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow};
+use lumbre_light::transport::integrator::{IntegratorRow, integrators};
 use lumbre_render::denoise::BIAS;
 use lumbre_render::external::WALL_CLOCK;
 
@@ -191,7 +191,7 @@ fn techniques(study: &Study) -> Vec<String> {
         let space = if sources.is_empty() { "" } else { " " };
         format!("`{}` is {}{space}{sources}.", row.name, row.long_name)
     };
-    INTEGRATORS.iter().filter(is_used).map(sentence).collect()
+    integrators().filter(is_used).map(sentence).collect()
 }
 
 /// Returns a sentence for each technique that was rendered by an external program.

@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::builder::Externals;
-use super::render_schema::{BACKEND_NAMES, INTEGRATOR_NAMES, RENDER};
+use super::render_schema::{BACKEND_NAMES, RENDER};
 use crate::experiment::CellConfig;
 use lumbre_light::film::layer::Layer;
 use lumbre_light::scene::desc::TextureSlot;
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
-use lumbre_light::transport::integrator::external::is_declared;
-use lumbre_light::transport::integrator::integrator;
+use lumbre_light::transport::integrator::external::{EXTERNALS, is_declared};
+use lumbre_light::transport::integrator::{integrator, integrators};
 use lumbre_light::transport::path_time::Timing;
 use lumbre_light::transport::sampler::SAMPLER_NAMES;
 use lumbre_light::value::Value;
@@ -159,8 +159,9 @@ pub fn check_integrator(name: &str, externals: &Externals, path: &str) -> Result
     if is_known || externals.contains_key(name) {
         return Ok(());
     }
-    let known = INTEGRATOR_NAMES
-        .into_iter()
+    let known = integrators()
+        .chain(EXTERNALS)
+        .map(|row| row.name)
         .chain(externals.keys().map(String::as_str));
     let mut error = with_key(unknown_name(path, name, "integrator", known), "integrator");
     if let Some(name) = name.strip_prefix("external:") {
@@ -539,7 +540,11 @@ mod tests {
 
     #[test]
     fn names_in_the_schema_are_those_of_the_tables() {
-        assert!(INTEGRATOR_NAMES.iter().all(|n| integrator(n).is_some()));
+        assert!(
+            super::super::render_schema::INTEGRATOR_NAMES
+                .iter()
+                .all(|n| integrator(n).is_some())
+        );
         assert_eq!(BACKEND_NAMES[0], "auto");
         assert!(BACKENDS.iter().all(|b| BACKEND_NAMES.contains(&b.name)));
     }

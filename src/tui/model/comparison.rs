@@ -3,7 +3,7 @@
 
 use super::column::Column;
 use crate::experiment::PlanOutline;
-use lumbre_light::transport::integrator::{INTEGRATORS, canonical_name, external};
+use lumbre_light::transport::integrator::{canonical_name, external, integrators};
 
 /// The compared column of the plan and its values.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -23,9 +23,7 @@ impl Comparison {
         let axes = columns.len() - usize::from(plan.repeated && !columns.is_empty());
         let is_technique = |value: &String| {
             value.starts_with(external::PREFIX)
-                || INTEGRATORS
-                    .iter()
-                    .any(|row| row.name == canonical_name(value))
+                || integrators().any(|row| row.name == canonical_name(value))
         };
         let names_techniques = |column: &Column| column.values.iter().all(is_technique);
         let column = columns[..axes].iter().position(names_techniques);

@@ -105,6 +105,7 @@ fn original(scene: &CompiledScene, job: &Job, row: &mut Row) {
         max_depth: job.max_depth,
         rr_start: job.rr_start,
         settings: &Settings::new(&job.params),
+        params: &job.params,
         timing: job.timing.as_ref(),
         shared: None,
     };

@@ -6,11 +6,12 @@ use std::collections::BTreeSet;
 use super::source::text;
 
 /// Manifests of the workspace.
-const MANIFESTS: [&str; 5] = [
+const MANIFESTS: [&str; 6] = [
     "Cargo.toml",
     "crates/lumbre-light/Cargo.toml",
     "crates/lumbre-render/Cargo.toml",
     "crates/lumbre-vulkan/Cargo.toml",
+    "crates/own-technique/Cargo.toml",
     "xtask/Cargo.toml",
 ];
 

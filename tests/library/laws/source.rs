@@ -76,6 +76,7 @@ pub fn project_files() -> Vec<PathBuf> {
         "src",
         "crates",
         "xtask",
+        "templates",
         "tests",
         "docs",
         "scripts",

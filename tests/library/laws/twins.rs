@@ -193,6 +193,10 @@ const HOST: &[(&str, &str)] = &[
         "the table of integrators",
     ),
     (
+        "crates/lumbre-light/src/transport/integrator/own.rs",
+        "techniques of other crates, which render on the CPU",
+    ),
+    (
         "crates/lumbre-light/src/transport/integrator/oracle/mod.rs",
         "reference for MIS weights",
     ),

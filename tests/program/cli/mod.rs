@@ -20,6 +20,8 @@ mod limits;
 mod nights;
 #[cfg(unix)]
 mod notices;
+#[cfg(unix)]
+mod plugins;
 mod reading;
 mod readme;
 mod recipes;

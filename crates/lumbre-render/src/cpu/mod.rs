@@ -17,7 +17,7 @@ mod prepared;
 pub mod prepared_scene;
 pub mod rates;
 pub mod renderer;
-mod wavefront;
+pub(crate) mod wavefront;
 
 pub use films::bin_pool::kept_bytes;
 

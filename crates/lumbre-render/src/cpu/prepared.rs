@@ -71,6 +71,7 @@ impl PreparedJob {
             max_depth: self.job.max_depth,
             rr_start: self.job.rr_start,
             settings: &self.settings,
+            params: &self.job.params,
             timing: self.job.timing.as_ref(),
             shared,
         }

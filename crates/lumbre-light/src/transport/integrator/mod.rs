@@ -11,9 +11,12 @@ pub mod iteration;
 pub mod lvc;
 pub mod nee;
 pub mod oracle;
+pub mod own;
 pub mod settings;
 pub mod sppm;
 pub mod vcm;
+
+use std::collections::BTreeMap;
 
 use self::camera_path::CameraPaths;
 use self::iteration::{Shared, Sharing};
@@ -26,7 +29,8 @@ use super::ray::{Hit, Trace};
 use super::sampler::Sampler;
 use crate::scene::CompiledScene;
 use crate::scene::compile::NONE;
-use crate::value::schema::Table;
+use crate::value::Value;
+use crate::value::schema::{Field, Table};
 
 pub use settings::Settings;
 
@@ -46,8 +50,11 @@ pub struct Context<'a> {
     pub max_depth: u32,
     /// First path edge after which Russian roulette may end a path; `None` disables it.
     pub rr_start: Option<u32>,
-    /// The integrator's own parameters.
+    /// The parameters of the integrators of this program, parsed.
     pub settings: &'a Settings,
+    /// All parameters of the run by name, for [techniques of one's own](own); see
+    /// [`Context::number`].
+    pub params: &'a BTreeMap<String, Value>,
     /// Settings of the film's time axis; without one, optical lengths are not computed.
     pub timing: Option<&'a Timing>,
     /// Data that the samples of this iteration share, for integrators that have any: see
@@ -68,6 +75,16 @@ impl Context<'_> {
     #[inline]
     pub fn ends_unlit(&self, edge: u32, hit: &Hit) -> bool {
         edge == self.max_depth && self.scene.emitter_of(hit.primitive, hit.instance) == NONE
+    }
+
+    /// Returns the numeric parameter of a field: the given value, or else `default`, which should be
+    /// what the field states.
+    ///
+    /// Looks the name up, which costs some ten nanoseconds: call it once for each step or sample.
+    #[inline]
+    pub fn number(&self, field: &Field, default: f32) -> f32 {
+        let given = self.params.get(field.key).and_then(Value::as_f64);
+        given.map_or(default, |number| number as f32)
     }
 
     /// Returns the index of the medium around the camera.
@@ -97,7 +114,7 @@ macro_rules! integrators {
         bidirectional: $subpaths:ident;
         others: $($other:ident),*
     ) => {
-        /// All integrators of this program.
+        /// All built-in integrators. [`integrators`] has registered ones too.
         pub const INTEGRATORS: &[IntegratorRow] =
             &[$($module::ROW,)* $subpaths::ROW, $($other::ROW),*];
 
@@ -124,8 +141,8 @@ integrators!(
 /// Computes one sample of one pixel and passes every contribution to the sink.
 pub type SampleFn = fn(&Context, pixel: [u32; 2], &mut Sampler, sink: &mut dyn FnMut(Contribution));
 
-/// One entry of [`INTEGRATORS`].
-#[derive(Debug)]
+/// An integrator: one entry of [`INTEGRATORS`], or a [technique of one's own](own).
+#[derive(Clone, Copy, Debug)]
 pub struct IntegratorRow {
     /// Short name in scripts, columns and paths.
     pub name: &'static str,
@@ -168,10 +185,14 @@ pub fn canonical_name(name: &str) -> &str {
     alias.map_or(name, |(_, name)| name)
 }
 
+/// Returns all integrators of this program: the built-in ones, then those [registered](own).
+pub fn integrators() -> impl Iterator<Item = &'static IntegratorRow> + Clone {
+    INTEGRATORS.iter().chain(own::rows())
+}
+
 /// Returns the integrator with this name, of this program or of [another one](external).
 pub fn integrator(name: &str) -> Option<&'static IntegratorRow> {
-    INTEGRATORS
-        .iter()
+    integrators()
         .chain(external::EXTERNALS)
         .find(|row| row.name == canonical_name(name))
         .or_else(|| external::declared(name))

@@ -25,8 +25,8 @@ use super::bvh::simd::Isa;
 use super::films::contributions::SampleId;
 use super::films::layers::LayerRowFilm;
 use super::films::row_film::RowFilm;
-use crate::Job;
 use crate::hierarchy::LaneMode;
+use crate::{Job, own_technique};
 use camera_paths::PathTile;
 use lumbre_light::math::simd::Width;
 use lumbre_light::transport::integrator::camera_path::CameraPaths;
@@ -46,16 +46,28 @@ struct TileBuffers {
 
 /// Method of rendering the tiles of a technique.
 #[derive(Clone, Copy)]
-struct Technique {
+pub struct TileMethod {
     render_tile: RenderTile,
     /// Number of samples in a tile.
     tile_samples: usize,
 }
 
+impl TileMethod {
+    /// Returns the method for a technique that follows paths from the camera.
+    pub const fn camera_paths<T: CameraPaths>() -> TileMethod {
+        TileMethod {
+            render_tile: |tile, buffers, film, layers| {
+                camera_paths::render_tile::<T>(tile, &mut buffers.paths, film, layers);
+            },
+            tile_samples: camera_paths::TILE_SAMPLES,
+        }
+    }
+}
+
 /// Renderer of many paths at a time, for one job and scene.
 pub struct Wavefront {
     width: Width,
-    technique: Technique,
+    technique: TileMethod,
     small_scene: Option<SmallScene>,
 }
 
@@ -63,19 +75,14 @@ pub struct Wavefront {
 struct SelectTiles;
 
 impl TechniqueVisitor for SelectTiles {
-    type Output = Technique;
+    type Output = TileMethod;
 
-    fn camera_paths<T: CameraPaths>(self) -> Technique {
-        Technique {
-            render_tile: |tile, buffers, film, layers| {
-                camera_paths::render_tile::<T>(tile, &mut buffers.paths, film, layers);
-            },
-            tile_samples: camera_paths::TILE_SAMPLES,
-        }
+    fn camera_paths<T: CameraPaths>(self) -> TileMethod {
+        TileMethod::camera_paths::<T>()
     }
 
-    fn bidirectional(self) -> Technique {
-        Technique {
+    fn bidirectional(self) -> TileMethod {
+        TileMethod {
             render_tile: |tile, buffers, film, layers| {
                 bdpt::render_tile(tile, &mut buffers.subpaths, film, layers);
             },
@@ -99,7 +106,8 @@ impl Wavefront {
         }
         Some(Wavefront {
             width,
-            technique: visit_technique(job.integrator, SelectTiles)?,
+            technique: visit_technique(job.integrator, SelectTiles)
+                .or_else(|| own_technique::tile_method(job.integrator))?,
             small_scene: SmallScene::new_if_small(accel, width),
         })
     }
@@ -120,7 +128,7 @@ impl Wavefront {
         film: &mut RowFilm,
         mut layers: Option<&mut LayerRowFilm>,
     ) {
-        let Technique {
+        let TileMethod {
             render_tile,
             tile_samples,
         } = self.technique;

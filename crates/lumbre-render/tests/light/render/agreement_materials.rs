@@ -95,6 +95,7 @@ fn weights_of_light_from_the_rim_of_a_sphere_are_finite() {
         max_depth: 6,
         rr_start: None,
         settings,
+        params: &Params::new(),
         timing: None,
         shared: None,
     };

@@ -157,6 +157,7 @@ fn with_context<T>(
         max_depth,
         rr_start: None,
         settings: &settings,
+        params: given,
         timing: None,
         shared: None,
     };

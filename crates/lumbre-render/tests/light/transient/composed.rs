@@ -1,5 +1,6 @@
 //! Composed materials, each component with its own delay.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::sync::Arc;
 
@@ -217,6 +218,7 @@ fn weights_and_densities_equal_their_definition_with_components_and_delays() {
             max_depth: 5,
             rr_start: None,
             settings: &settings,
+            params: &BTreeMap::new(),
             timing: Some(&timing),
             shared: None,
         };

@@ -1,0 +1,127 @@
+//! Techniques of one's own: integrators of another crate, registered before anything else runs.
+
+use std::sync::OnceLock;
+
+use super::{ALIASES, INTEGRATORS, IntegratorRow, external};
+
+/// Greatest length of the name of a registered integrator.
+const MAX_NAME: usize = 40;
+
+/// The registered integrators of this process.
+static OWN: OnceLock<Vec<Registered>> = OnceLock::new();
+
+/// An integrator to register.
+#[derive(Clone, Debug)]
+pub struct Registered {
+    /// Its table entry.
+    pub row: IntegratorRow,
+    /// Hash of the shared library that computes its samples, if one does; part of the identity of
+    /// runs.
+    pub library: Option<String>,
+}
+
+/// Error of a registration.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum RegistrationError {
+    /// The name has other characters, or is too long.
+    #[error(
+        "`{0}` cannot be the name of a technique: use a lower-case letter, then lower-case letters, \
+         digits and `_`, at most {MAX_NAME} in all"
+    )]
+    InvalidName(String),
+    /// The name is taken.
+    #[error("there are two techniques `{0}`: give yours another name")]
+    TakenName(String),
+    /// Techniques were registered or looked up before.
+    #[error("techniques are registered once, before anything else")]
+    TooLate,
+}
+
+/// Registers integrators, which [`integrators`](super::integrators) then returns after the built-in
+/// ones. Must be called at most once, before any integrator is looked up.
+///
+/// # Errors
+/// Returns an error, and registers nothing, if a name is invalid or taken, or on a later call.
+pub fn register(techniques: Vec<Registered>) -> Result<(), RegistrationError> {
+    let rows: Vec<&IntegratorRow> = techniques.iter().map(|own| &own.row).collect();
+    for (i, row) in rows.iter().enumerate() {
+        if !is_valid_name(row.name) {
+            return Err(RegistrationError::InvalidName(row.name.to_owned()));
+        }
+        let mut taken = INTEGRATORS
+            .iter()
+            .chain(rows[..i].iter().copied())
+            .map(|row| row.name)
+            .chain(ALIASES.iter().map(|(alias, _)| *alias))
+            .chain([external::DECLARED.name]);
+        if taken.any(|name| name == row.name) {
+            return Err(RegistrationError::TakenName(row.name.to_owned()));
+        }
+    }
+    OWN.set(techniques).map_err(|_| RegistrationError::TooLate)
+}
+
+/// Returns the registered integrators. Afterwards none can be registered.
+pub fn rows() -> impl Iterator<Item = &'static IntegratorRow> + Clone {
+    OWN.get_or_init(Vec::new).iter().map(|own| &own.row)
+}
+
+/// Returns the hash of the shared library that computes the samples of an integrator, if one does.
+pub fn library(row: &IntegratorRow) -> Option<&'static str> {
+    let mut all = OWN.get_or_init(Vec::new).iter();
+    all.find(|own| own.row.name == row.name)?.library.as_deref()
+}
+
+/// Returns whether text can be the name of a registered integrator, which is part of the names of
+/// files and columns.
+pub fn is_valid_name(name: &str) -> bool {
+    let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
+    name.len() <= MAX_NAME
+        && name.starts_with(|c: char| c.is_ascii_lowercase())
+        && name.chars().all(plain)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::transport::integrator::{bpt, integrators};
+
+    /// Returns the row of `bpt` with another name.
+    fn named(name: &'static str) -> Registered {
+        Registered {
+            row: IntegratorRow { name, ..bpt::ROW },
+            library: None,
+        }
+    }
+
+    #[test]
+    fn invalid_and_taken_names_and_late_registrations_are_refused() {
+        for name in [
+            "",
+            "Mine",
+            "2d",
+            "a b",
+            "../x",
+            "external:mine",
+            "mine-2",
+            "caf\u{e9}",
+        ] {
+            let refused = register(vec![named(name)]);
+            assert_eq!(
+                refused,
+                Err(RegistrationError::InvalidName(name.to_owned()))
+            );
+        }
+        for name in ["bpt", "pt", "vcm", "external"] {
+            let refused = register(vec![named(name)]);
+            assert_eq!(refused, Err(RegistrationError::TakenName(name.to_owned())));
+        }
+        let twice = register(vec![named("mine"), named("mine")]);
+        assert_eq!(twice, Err(RegistrationError::TakenName("mine".to_owned())));
+        assert_eq!(integrators().count(), INTEGRATORS.len());
+        assert_eq!(
+            register(vec![named("mine")]),
+            Err(RegistrationError::TooLate)
+        );
+    }
+}

@@ -1,0 +1,287 @@
+//! The program of a technique of one's own: the technique goes through nights, files and verbs as the
+//! built-in ones do.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "test helpers may panic and print"
+)]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode, Output};
+
+use lumbre::OwnTechnique;
+use lumbre_light::transport::integrator::IntegratorRow;
+use lumbre_light::value::schema::{Field, Table, Ty};
+use own_technique::{ROW, Steps};
+
+/// A small night: two techniques, paths in vectors and one by one, in a folder with its scene.
+const NIGHT: &str = r#"
+local x = experiment("night", { seed = 3 })
+x:axis("connect", { 0.25, 1 })
+x:axis("lanes", { "never", "auto" })
+x:render(function(p)
+  return { scene = "scene.lua", integrator = "own_technique", connect = p.connect, max_depth = 4,
+    resolution = { 24, 24 }, backend = "cpu", accel = { lanes = p.lanes } }
+end)
+x:reference { from = function() return { integrator = "nee" } end, stop = stop.samples(256),
+  agree = { with = "own_technique", samples = 256 } }
+x:measure { rmse = metric.rmse() }
+x:stop(function(p) return stop.samples(64) end)
+return x
+"#;
+
+/// Returns a folder with the scene of the template and a night.
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let template = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../templates/technique");
+    std::fs::copy(template.join("scene.lua"), folder.path().join("scene.lua")).unwrap();
+    std::fs::copy(template.join("script.lua"), folder.path().join("own.lua")).unwrap();
+    std::fs::write(folder.path().join("night.lua"), NIGHT).unwrap();
+    folder
+}
+
+/// Runs the program in a folder.
+fn run(folder: &Path, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_own_technique"))
+        .current_dir(folder)
+        .env("NO_COLOR", "1")
+        .args(args)
+        .output()
+        .unwrap()
+}
+
+/// Runs the program, which must succeed, and returns what it prints.
+fn text(folder: &Path, args: &[&str]) -> String {
+    let output = run(folder, args);
+    let all = [output.stdout, output.stderr].concat();
+    let all = String::from_utf8_lossy(&all).into_owned();
+    assert!(output.status.success(), "{args:?}: {all}");
+    all
+}
+
+/// Returns all files of this name below a folder.
+fn files(folder: &Path, name: &str) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap().map(Result::unwrap) {
+        let path = entry.path();
+        if entry.file_type().unwrap().is_dir() {
+            found.extend(files(&path, name));
+        } else if path.file_name().is_some_and(|file| file == name) {
+            found.push(path);
+        }
+    }
+    found.sort();
+    found
+}
+
+#[test]
+fn a_night_with_an_own_technique_is_planned_rendered_explained_and_reproduced() {
+    let folder = folder();
+    let folder = folder.path();
+    let plan = text(folder, &["plan", "night.lua"]);
+    assert!(plan.contains("own_technique"), "{plan}");
+    text(folder, &["run", "night.lua", "--no-tui"]);
+    let again = text(folder, &["run", "night.lua", "--no-tui"]);
+    assert!(again.contains("nothing to do"), "{again}");
+
+    let pictures = files(&folder.join("out"), "final.exr");
+    let of_cells: Vec<&PathBuf> = pictures
+        .iter()
+        .filter(|path| path.with_file_name("metrics.csv").exists())
+        .collect();
+    assert!(of_cells.len() >= 4, "{pictures:?}");
+    let reproduced = text(folder, &["reproduce", &of_cells[0].to_string_lossy()]);
+    assert!(reproduced.contains("identical"), "{reproduced}");
+    let run_folder = of_cells[0].with_file_name("");
+    let explained = text(folder, &["explain", &run_folder.to_string_lossy()]);
+    assert!(
+        explained.contains("would not be rendered again"),
+        "{explained}"
+    );
+    let listed = text(folder, &["show", "latest"]);
+    assert!(listed.contains("connect"), "{listed}");
+}
+
+#[test]
+fn vectors_and_single_samples_have_the_same_bits() {
+    let folder = folder();
+    let folder = folder.path();
+    let args = ["run", "night.lua", "--no-tui", "--only", "connect=0.25"];
+    let printed = text(folder, &args);
+    let picture = |lanes: &str| {
+        let of_cell = |path: &PathBuf| path.to_string_lossy().contains(&format!("lanes={lanes}"));
+        let pictures = files(&folder.join("out"), "final.exr");
+        let found: Vec<&PathBuf> = pictures.iter().filter(|path| of_cell(path)).collect();
+        assert_eq!(found.len(), 1, "{pictures:?}");
+        found[0].to_string_lossy().into_owned()
+    };
+    let errors = text(
+        folder,
+        &[
+            "metric",
+            &picture("never"),
+            &picture("auto"),
+            "--metric",
+            "mse",
+        ],
+    );
+    assert_eq!(errors.split_whitespace().nth(1), Some("0"), "{errors}");
+    // Vectors are used where the built-in techniques use them.
+    let vectorised = |run: &str| {
+        let mut lines = printed.lines();
+        let started = lines.find(|line| line.contains(run) && line.contains("started"));
+        started
+            .unwrap_or_else(|| panic!("{run}: {printed}"))
+            .contains("vectorised")
+    };
+    assert_eq!(vectorised("lanes=auto"), vectorised("[ref 1/2] nee"));
+    assert!(!vectorised("lanes=never"));
+}
+
+#[test]
+fn device_backends_refuse_the_technique_when_the_plan_is_made() {
+    let folder = folder();
+    let output = run(
+        folder.path(),
+        &["plan", "night.lua", "--backend", "vulkan-compute"],
+    );
+    let error = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{error}");
+    if std::env::var_os("REQUIRE_DEVICE").is_none() && !error.contains("no shader") {
+        println!("SKIPPED: this machine has no Vulkan device: {error}");
+        return;
+    }
+    assert!(
+        error.contains("no shader for the integrator `own_technique`"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_new_project_names_the_sources_and_its_technique() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let sources = sources.to_string_lossy();
+    text(
+        folder,
+        &["new", "technique", "some_links", "--lumbre", &sources],
+    );
+    // Resolves the dependencies from the copied lock file, and compiles nothing.
+    let output = Command::new(env!("CARGO"))
+        .current_dir(folder.join("some_links"))
+        .args(["tree", "--offline", "--depth", "1", "--prefix", "none"])
+        .output()
+        .unwrap();
+    let tree = String::from_utf8_lossy(&output.stdout).into_owned();
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{error}");
+    assert!(
+        tree.contains("some_links v0.1.0") && tree.contains("lumbre-light v"),
+        "{tree}"
+    );
+
+    for (args, reason) in [
+        (
+            ["new", "technique", "some_links"],
+            "cannot create the folder",
+        ),
+        (["new", "technique", "fn"], "cannot be the name"),
+        (
+            ["new", "technique", "nee"],
+            "there is a technique `nee` already",
+        ),
+    ] {
+        let output = run(folder, &args);
+        let error = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{error}");
+        assert!(error.contains(reason), "{error}");
+    }
+}
+
+/// Builds all dependencies once more for a workspace of another root, which takes minutes: `.ci/run`
+/// builds the same files as a member of this workspace instead.
+#[test]
+#[ignore = "builds all crates again, which takes minutes"]
+fn a_new_project_builds_passes_its_tests_and_renders_its_night() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    text(folder, &["new", "technique", "some_links"]);
+    for args in [
+        &["test", "--offline"][..],
+        &[
+            "run",
+            "--offline",
+            "--",
+            "run",
+            "some_links.lua",
+            "time=0.2s",
+            "size=16",
+            "--no-tui",
+        ],
+    ] {
+        let output = Command::new(env!("CARGO"))
+            .current_dir(folder.join("some_links"))
+            .args(args)
+            .output()
+            .unwrap();
+        let error = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{args:?}: {error}");
+    }
+}
+
+#[test]
+fn the_technique_is_listed_and_its_parameters_are_checked() {
+    let folder = folder();
+    let folder = folder.path();
+    let annotations = text(folder, &["schema", "--lua"]);
+    assert!(
+        annotations.contains("---@class OwnTechniqueParams"),
+        "{annotations}"
+    );
+    let tables = text(folder, &["schema", "--json"]);
+    assert!(tables.contains("\"path tracing with some connections\""));
+    let script = NIGHT.replace("{ 0.25, 1 }", "{ 2 }");
+    std::fs::write(folder.join("wrong.lua"), script).unwrap();
+    let output = run(folder, &["plan", "wrong.lua"]);
+    let error = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{error}");
+    assert!(error.contains("connect"), "{error}");
+    let script = NIGHT.replace("\"own_technique\"", "\"own_techniqe\"");
+    std::fs::write(folder.join("wrong.lua"), script).unwrap();
+    let output = run(folder, &["plan", "wrong.lua"]);
+    let error = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(error.contains("did you mean `own_technique`"), "{error}");
+}
+
+#[test]
+fn the_experiment_of_the_template_runs() {
+    let folder = folder();
+    let folder = folder.path();
+    let small = ["run", "own.lua", "time=0.1s", "size=16", "--no-tui"];
+    let done = text(folder, &small);
+    assert!(done.contains("own_technique"), "{done}");
+}
+
+#[test]
+fn techniques_that_cannot_be_registered_are_refused() {
+    const RR: Field = Field::optional("rr", Ty::Bool, "false", "a key of every render table");
+    const NAMED: OwnTechnique =
+        OwnTechnique::camera_paths::<Steps>(IntegratorRow { name: "nee", ..ROW });
+    const INVALID: OwnTechnique = OwnTechnique::camera_paths::<Steps>(IntegratorRow {
+        name: "Mine",
+        ..ROW
+    });
+    const KEY: OwnTechnique = OwnTechnique::single_samples(IntegratorRow {
+        params: Table {
+            fields: &[RR],
+            ..ROW.params
+        },
+        ..ROW
+    });
+    for technique in [NAMED, INVALID, KEY] {
+        let code = lumbre::main_with(&[technique]);
+        assert_eq!(format!("{code:?}"), format!("{:?}", ExitCode::from(2)));
+    }
+}

@@ -1,0 +1,204 @@
+//! Techniques in shared libraries: the example in C++ beside the built-in technique, and libraries
+//! that are refused.
+
+use std::path::Path;
+use std::process::Command;
+
+use super::workplace::{ProgramOutput, Workplace};
+
+/// Header and example.
+const HEADER: &str = include_str!("../../../docs/external/technique.h");
+const EXAMPLE: &str = include_str!("../../../docs/external/nee.cpp");
+
+/// Night of the example, whose reference the built-in technique renders and the example checks.
+const NIGHT: &str = concat!(
+    r#"
+local x = experiment("plugin", { seed = 5 })
+local scene = ""#,
+    env!("CARGO_MANIFEST_DIR"),
+    r#"/scenes/cornell.lua"
+x:axis("exponent", { 1, 2 })
+x:render(function(p)
+  return { scene = scene, scene_options = { inside = "spheres" }, integrator = "nee_cpp", exponent = p.exponent,
+    max_depth = 5, resolution = { 48, 48 }, rr = { start = 3 } }
+end)
+x:reference { from = function() return { integrator = "nee" } end, stop = stop.samples(256),
+  agree = { with = "nee_cpp", samples = 256 } }
+x:measure { mse = metric.mse() }
+x:stop(function(p) return stop.samples(8) end)
+return x
+"#
+);
+
+/// Compiles a text as a shared library. Returns `None`, and prints `SKIPPED`, without a compiler.
+fn compile(place: &Workplace, name: &str, text: &str) -> Option<String> {
+    place.write("technique.h", HEADER);
+    place.write(&format!("{name}.cpp"), text);
+    let compiled = Command::new("c++")
+        .current_dir(place.path("."))
+        .args(["-O1", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC"])
+        .args([&format!("{name}.cpp"), "-o", &format!("{name}.so")])
+        .output();
+    let Ok(compiled) = compiled else {
+        println!("SKIPPED: there is no C++ compiler");
+        return None;
+    };
+    let errors = String::from_utf8_lossy(&compiled.stderr);
+    assert!(compiled.status.success(), "{errors}");
+    Some(
+        place
+            .path(&format!("{name}.so"))
+            .to_string_lossy()
+            .into_owned(),
+    )
+}
+
+/// Runs the program with libraries.
+fn run(place: &Workplace, libraries: &str, args: &[&str]) -> ProgramOutput {
+    let mut command = place.command(args);
+    let output = command.env("LUMBRE_PLUGINS", libraries).output().unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    ProgramOutput {
+        status: output.status.code().unwrap_or(-1),
+        stdout: text(&output.stdout),
+        stderr: text(&output.stderr),
+    }
+}
+
+#[test]
+fn the_example_in_cpp_renders_what_nee_renders() {
+    let place = Workplace::new();
+    place.write("plugin.lua", NIGHT);
+    let Some(library) = compile(&place, "nee", EXAMPLE) else {
+        return;
+    };
+    let done = run(&place, &library, &["run", "plugin.lua", "--no-tui"]);
+    assert_eq!(done.status, 0, "{}", done.stderr);
+    let all = format!("{}{}", done.stdout, done.stderr);
+    assert!(all.contains("technique nee_cpp of the library"), "{all}");
+    assert!(all.contains("agrees with `nee_cpp`"), "{all}");
+    let again = run(&place, &library, &["run", "plugin.lua", "--no-tui"]);
+    assert!(again.stderr.contains("nothing to do"), "{}", again.stderr);
+
+    // The content of the library is part of run ids; its name and folder are not.
+    let moved = place.path("moved.so");
+    std::fs::copy(&library, &moved).unwrap();
+    let moved = moved.to_string_lossy();
+    let same = run(&place, &moved, &["run", "plugin.lua", "--no-tui"]);
+    assert!(same.stderr.contains("nothing to do"), "{}", same.stderr);
+    append(Path::new(&*moved), b"changed");
+    let plan = run(&place, &moved, &["plan", "plugin.lua"]).stdout;
+    assert!(plan.contains("2 cells (0 cached)"), "{plan}");
+
+    // Another weight is another picture.
+    let biased = EXAMPLE.replace(
+        "light.delta ? 1 : weight(",
+        "light.delta ? 1 : 0.8f * weight(",
+    );
+    assert_ne!(biased, EXAMPLE);
+    let library = compile(&place, "biased", &biased).unwrap();
+    let wrong = run(&place, &library, &["run", "plugin.lua", "--no-tui"]);
+    assert_eq!(wrong.status, 6, "{}", wrong.stderr);
+    assert!(
+        wrong.stderr.contains("DISAGREES with `nee_cpp`"),
+        "{}",
+        wrong.stderr
+    );
+}
+
+/// Appends bytes to a file.
+fn append(file: &Path, bytes: &[u8]) {
+    let mut content = std::fs::read(file).unwrap();
+    content.extend_from_slice(bytes);
+    std::fs::write(file, content).unwrap();
+}
+
+#[test]
+fn pictures_have_the_same_bits_for_any_number_of_threads() {
+    let place = Workplace::new();
+    let script = NIGHT.replace("{ 1, 2 }", "{ 2 }");
+    place.write("plugin.lua", &script);
+    let Some(library) = compile(&place, "nee", EXAMPLE) else {
+        return;
+    };
+    let picture = |threads: &str| {
+        let args = [
+            "run",
+            "plugin.lua",
+            "--no-tui",
+            "--out",
+            threads,
+            "--threads",
+            threads,
+        ];
+        let done = run(&place, &library, &args);
+        assert_eq!(done.status, 0, "{}", done.stderr);
+        place.path(&format!("{threads}/latest/summary.csv"))
+    };
+    let errors = |file: &Path| {
+        let text = std::fs::read_to_string(file).unwrap();
+        let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+        let column = lines.next().unwrap().iter().position(|name| *name == "mse");
+        let row = lines.next().unwrap();
+        row[column.unwrap_or_else(|| panic!("{text}"))].to_owned()
+    };
+    assert_eq!(errors(&picture("1")), errors(&picture("3")));
+}
+
+#[test]
+fn libraries_that_cannot_be_used_are_refused_with_the_reason() {
+    let place = Workplace::new();
+    place.write("plugin.lua", NIGHT);
+    place.write("text.so", "this is no library");
+    let text = place.path("text.so").to_string_lossy().into_owned();
+    let refused = |library: &str, reason: &str| {
+        let output = run(&place, library, &["plan", "plugin.lua"]);
+        assert_eq!(output.status, 2, "{}", output.stderr);
+        assert!(output.stderr.contains(reason), "{}", output.stderr);
+    };
+    refused(&text, "no shared library that can be loaded");
+    refused("/nowhere/nee.so", "No such file");
+    refused(&[text.as_str(); 5].join(":"), "at most 4");
+
+    let Some(empty) = compile(
+        &place,
+        "empty",
+        "extern \"C\" int nothing() { return 0; }\n",
+    ) else {
+        return;
+    };
+    refused(&empty, "no function `lumbre_technique_abi`");
+    let half = "extern \"C\" unsigned lumbre_technique_abi() { return 1; }\n";
+    let half = compile(&place, "half", half).unwrap();
+    refused(&half, "no function `lumbre_technique_describe`");
+    let replaced = |name: &str, from: &str, to: &str| {
+        let text = EXAMPLE.replacen(from, to, 1);
+        assert_ne!(text, EXAMPLE);
+        compile(&place, name, &text).unwrap()
+    };
+    let other = replaced("other", "return LUMBRE_TECHNIQUE_ABI", "return 7");
+    refused(
+        &other,
+        "implements version 7 of technique.h, and this program version 1",
+    );
+    let named = replaced("named", "\"nee_cpp\",", "\"nee\",");
+    refused(&named, "there are two techniques `nee`");
+    let taken = replaced("taken", "\"exponent\"", "\"max_depth\"");
+    refused(
+        &taken,
+        "`max_depth` of `nee_cpp` is a key of every render table",
+    );
+    let range = replaced("range", "1, 4, 2}", "1, 4, 5}");
+    refused(
+        &range,
+        "the default 5 of the parameter `exponent` is not in its range 1 to 4",
+    );
+
+    let timed = NIGHT.replace(
+        "rr = {",
+        "film = { time = { bin = 0.1, bins = 9 } }, rr = {",
+    );
+    place.write("plugin.lua", &timed);
+    let library = compile(&place, "nee", EXAMPLE).unwrap();
+    refused(&library, "returns no optical lengths");
+}
