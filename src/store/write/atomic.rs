@@ -14,7 +14,7 @@ const TEMP_SUFFIX: &str = ".tmp";
 
 /// Greatest number of attempts to create a file in a folder that other processes remove while it is
 /// empty.
-const MAX_ATTEMPTS: u32 = 16;
+const MAX_ATTEMPTS: u32 = 100;
 
 /// Age after which a temporary file counts as abandoned.
 const ABANDONED: Duration = Duration::from_secs(3600);
@@ -47,12 +47,14 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
 /// empty.
 fn temporary_in_new(folder: &Path) -> Result<tempfile::NamedTempFile, StoreError> {
     let mut attempts = 0;
+    // A folder that is removed while it is created exists already, and then it does not.
+    let is_removal =
+        |e: &std::io::Error| matches!(e.kind(), ErrorKind::NotFound | ErrorKind::AlreadyExists);
     loop {
-        fs::create_dir_all(folder).map_err(|e| StoreError::io("create", folder, &e))?;
         attempts += 1;
-        match temporary(folder) {
-            Err(e) if e.kind() == ErrorKind::NotFound && attempts < MAX_ATTEMPTS => {}
-            made => return made.map_err(|e| StoreError::io("write into", folder, &e)),
+        match fs::create_dir_all(folder).and_then(|()| temporary(folder)) {
+            Err(e) if is_removal(&e) && attempts < MAX_ATTEMPTS => {}
+            made => return made.map_err(|e| StoreError::io("create a file in", folder, &e)),
         }
     }
 }
@@ -173,19 +175,18 @@ mod tests {
     fn a_folder_that_is_removed_while_it_is_empty_is_created_again() {
         let dir = tempfile::tempdir().unwrap();
         let folder = dir.path().join("planners");
-        let is_over = std::sync::atomic::AtomicBool::new(false);
+        let write = |i: usize| {
+            let file = folder.join(i.to_string());
+            write_atomically(&file, b"x").and_then(|()| {
+                fs::remove_file(&file).map_err(|e| StoreError::io("remove", &file, &e))
+            })
+        };
         std::thread::scope(|scope| {
-            scope.spawn(|| {
-                while !is_over.load(std::sync::atomic::Ordering::Relaxed) {
-                    let _ = fs::remove_dir(&folder);
-                }
-            });
-            for i in 0..200 {
-                let file = folder.join(i.to_string());
-                write_atomically(&file, b"x").unwrap();
-                fs::remove_file(file).unwrap();
+            let writing = scope.spawn(|| (0..200).try_for_each(write));
+            while !writing.is_finished() {
+                let _ = fs::remove_dir(&folder);
             }
-            is_over.store(true, std::sync::atomic::Ordering::Relaxed);
+            writing.join().unwrap().unwrap();
         });
     }
 
