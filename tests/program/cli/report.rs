@@ -216,17 +216,15 @@ fn nights_of_two_machines_are_compared_only_if_both_devices_are_named() {
         error.contains("cannot be compared with those of another night"),
         "{error}"
     );
-    place.succeed(&[
-        "report",
-        &night,
-        "other/night",
-        "--to",
-        "again",
-        "--name",
-        "A",
-        "--name",
-        "B",
-    ]);
+    let names = ["--name", "A", "--name", "B"];
+    let named = [
+        &["report", &night, "other/night", "--to", "again"],
+        &names[..],
+    ]
+    .concat();
+    let error = place.fail(3, &named);
+    assert!(error.contains("env.json is missing"), "{error}");
+    assert!(place.path("again/index.html").is_file());
 }
 
 #[test]
