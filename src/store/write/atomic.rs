@@ -185,6 +185,7 @@ mod tests {
             let writing = scope.spawn(|| (0..200).try_for_each(write));
             while !writing.is_finished() {
                 let _ = fs::remove_dir(&folder);
+                std::thread::sleep(Duration::from_micros(100));
             }
             writing.join().unwrap().unwrap();
         });
