@@ -165,7 +165,7 @@ fn the_dashboard_handles_keys_commands_and_resizes_while_another_terminal_watche
     night.press(&[":", "pause 2spp", "Enter"]);
     night.wait_for(&["paused as requested"]);
     night.tmux(&["resize-window", "-x", "200", "-y", "60"]);
-    let wide = night.wait_for(&["Device", "Plan 900 cells", "paused"]);
+    let wide = night.wait_for(&["Device", "Plan 900 cells", "paused", "? all keys"]);
     assert_eq!(wide.trim_end_matches('\n').lines().count(), 60, "{wide}");
     night.tmux(&["resize-window", "-x", "30", "-y", "8"]);
     night.wait_for(&["Lumbre"]);
