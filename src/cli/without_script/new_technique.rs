@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use crate::cli::args::{Global, NewTechniqueArgs};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::display_path;
+use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::integrator::own::is_valid_name;
-use lumbre_light::transport::integrator::{canonical_name, integrator};
 
 /// Name of the technique in the template, which is replaced by the one of the project.
 const PLACEHOLDER: &str = "own_technique";
@@ -85,7 +85,7 @@ fn check_name(name: &str) -> Result<(), String> {
              then at most 39 lower-case letters, digits and `_`, and no keyword of Rust"
         ));
     }
-    if integrator(canonical_name(name)).is_some() {
+    if integrator(name).is_some() {
         return Err(format!(
             "there is a technique `{name}` already: choose another name"
         ));

@@ -3,6 +3,7 @@
 use std::sync::OnceLock;
 
 use super::night::Site;
+use super::worst_files::is_picture;
 use super::worst_files::samples::{Sample, samples};
 use super::{EXTENT, Random, Verdict, mutation};
 
@@ -17,10 +18,6 @@ pub fn changed(site: &Site, random: &mut Random) -> Result<Verdict, String> {
     let room = site.empty_room()?;
     let victim = random.below(sample.files.len());
     for (i, (name, bytes)) in sample.files.iter().enumerate() {
-        let path = room.file(name);
-        if let Some(folder) = path.parent() {
-            std::fs::create_dir_all(folder).map_err(|e| e.to_string())?;
-        }
         let bytes = if i == victim {
             mutation::of_file(bytes, &EXTENT, random)
         } else {
@@ -29,10 +26,7 @@ pub fn changed(site: &Site, random: &mut Random) -> Result<Verdict, String> {
         room.write(name, &bytes)?;
     }
     let (main, _) = sample.files[0];
-    let is_picture = ["exr", "png", "jpg", "bmp", "hdr", "tga"]
-        .iter()
-        .any(|end| main.ends_with(end));
-    let verb: &[&str] = match is_picture {
+    let verb: &[&str] = match is_picture(main) {
         true => &["metric", main, main],
         false => &["check", main],
     };

@@ -115,10 +115,6 @@ fn title(verb: &[&'static str]) -> String {
 fn read(site: &Site, file: &WorstFile, verb: &[&str]) -> Result<Ended, String> {
     let room = site.empty_room()?;
     for (name, bytes) in &file.files {
-        let path = room.file(name);
-        if let Some(folder) = path.parent() {
-            std::fs::create_dir_all(folder).map_err(|e| e.to_string())?;
-        }
         room.write(name, bytes)?;
     }
     let (main, _) = &file.files[0];

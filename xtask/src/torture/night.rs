@@ -102,13 +102,16 @@ impl Room {
         self.folder.path().join(NIGHT)
     }
 
-    /// Writes a file.
+    /// Writes a file, and creates its folder.
     ///
     /// # Errors
     /// Returns a message if that fails.
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), String> {
         let path = self.path().join(name);
-        std::fs::write(&path, bytes).map_err(|e| format!("{}: {e}", path.display()))
+        let folder = path.parent().unwrap_or(&path);
+        std::fs::create_dir_all(folder)
+            .and_then(|()| std::fs::write(&path, bytes))
+            .map_err(|e| format!("{}: {e}", path.display()))
     }
 
     /// Returns the program as a command in this folder.

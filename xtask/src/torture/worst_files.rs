@@ -22,6 +22,12 @@ const PARTS: usize = 16_000;
 /// Extensions of pictures.
 const PICTURES: [&str; 6] = ["exr", "png", "jpg", "bmp", "hdr", "tga"];
 
+/// Whether a file is a picture, by its name.
+pub fn is_picture(name: &str) -> bool {
+    let end = name.rsplit('.').next();
+    end.is_some_and(|end| PICTURES.contains(&end))
+}
+
 /// A file with those that it refers to.
 pub struct WorstFile {
     /// What it is.
@@ -43,7 +49,7 @@ impl WorstFile {
             "json" => "folder",
             "scn" => "scn",
             "lua" => "Lua",
-            end if PICTURES.contains(&end) => "picture",
+            _ if is_picture(name) => "picture",
             _ => "other",
         }
     }
