@@ -233,7 +233,8 @@ pub struct Picture {
     pub denoised: bool,
 }
 
-/// Function that tells whether a run is no longer wanted; called from many threads.
+/// Function that tells whether a run is no longer wanted; called from many threads. Once it has
+/// returned true, it does so for ever.
 pub type Abandoned<'a> = &'a (dyn Fn() -> bool + Sync);
 
 /// Run of a job in progress on a backend.

@@ -62,7 +62,7 @@ pub(super) fn record(prepared: &PreparedJob, samples: &[SampleAt]) -> Vec<Vec<Pa
     let mut record_sample = |at: &SampleAt| {
         let begun = iteration.as_ref().map(|(index, _)| *index);
         if begun != Some(at.sample) {
-            let shared = prepared.begin(at.sample);
+            let shared = prepared.begin(at.sample, &|| false);
             iteration = shared.map(|(shared, _)| (at.sample, shared));
         }
         let events = RefCell::default();

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::bvh::accel::Accel;
 use super::prepared_scene::PreparedScene;
 use super::wavefront::SmallScene;
-use crate::Job;
+use crate::{Abandoned, Job};
 use lumbre_light::scene::desc::CameraDesc;
 use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::Camera;
@@ -44,7 +44,7 @@ impl PreparedJob {
             iterations: None,
         };
         if let Some(sharing) = prepared.job.integrator.sharing {
-            let workers = CountingWorkers::new(&prepared);
+            let workers = CountingWorkers::new(&prepared, &|| false);
             let iterations = (sharing.prepare)(&prepared.resources(&workers));
             prepared.iterations = Some(iterations);
         }
@@ -78,10 +78,11 @@ impl PreparedJob {
     }
 
     /// Computes the data that the samples with an index share, on all threads of the pool that it
-    /// runs in. Returns them with the number of rays traced; `None` if samples share no data.
-    pub fn begin(&self, index: u64) -> Option<(Box<Shared>, u64)> {
+    /// runs in. Returns them with the number of rays traced; `None` if samples share no data. Once
+    /// `abandoned` returns true, the rest is left out, and no sample may read the data.
+    pub fn begin(&self, index: u64, abandoned: Abandoned) -> Option<(Box<Shared>, u64)> {
         let sharing = self.job.integrator.sharing?;
-        let workers = CountingWorkers::new(self);
+        let workers = CountingWorkers::new(self, abandoned);
         let shared = (sharing.begin)(&Iteration {
             index,
             resources: self.resources(&workers),
@@ -110,13 +111,16 @@ impl PreparedJob {
 /// The threads of a pool, with the number of rays that they traced.
 struct CountingWorkers<'a> {
     prepared: &'a PreparedJob,
+    /// Tells whether their work is no longer wanted.
+    abandoned: Abandoned<'a>,
     rays: AtomicU64,
 }
 
 impl<'a> CountingWorkers<'a> {
-    fn new(prepared: &'a PreparedJob) -> CountingWorkers<'a> {
+    fn new(prepared: &'a PreparedJob, abandoned: Abandoned<'a>) -> CountingWorkers<'a> {
         CountingWorkers {
             prepared,
+            abandoned,
             rays: AtomicU64::new(0),
         }
     }
@@ -128,6 +132,9 @@ impl Workers for CountingWorkers<'_> {
             .into_par_iter()
             .with_max_len(1)
             .for_each(|index| {
+                if (self.abandoned)() {
+                    return;
+                }
                 let trace = CountingTrace::new(&self.prepared.accel, None);
                 work(&self.prepared.context(&trace, None), index);
                 self.rays.fetch_add(trace.rays(), Ordering::Relaxed);

@@ -211,7 +211,7 @@ impl CpuRenderer {
             let starts = range.clone().step_by(step as usize);
             let starts = starts.take_while(|_| !abandoned());
             starts.fold(RowStats::default(), |stats, index| {
-                let begun = self.pool.install(|| self.prepared.begin(index));
+                let begun = self.pool.install(|| self.prepared.begin(index, abandoned));
                 let shared = begun.as_ref().map(|(shared, _)| &**shared);
                 let end = (index + step).min(range.end);
                 let own = self.render_samples(index..end, shared, abandoned);

@@ -46,9 +46,10 @@ struct Record {
     value: f32,
 }
 
-/// Data that all iterations of a job need: the tree, once it is trained.
-#[derive(Default)]
+/// Data that all iterations of a job need.
 struct Setup {
+    task: Task,
+    /// The tree, once it is trained.
     tree: OnceLock<Arc<SdTree>>,
 }
 
@@ -61,14 +62,24 @@ struct Task {
 }
 
 /// Prepares a job: nothing is trained yet, so that training counts as render time.
-pub fn prepare(_: &Resources) -> Box<Shared> {
-    Box::new(Setup::default())
+pub fn prepare(resources: &Resources) -> Box<Shared> {
+    let tasks = resources.map(1, |context, _| Task {
+        guiding: context.settings.guiding,
+        bounds: context.scene.bounds_and_radius().0,
+        resolution: context.camera.resolution(),
+    });
+    Box::new(Setup {
+        task: tasks[0],
+        tree: OnceLock::new(),
+    })
 }
 
 /// Returns the tree, which the first iteration that is rendered trains.
 pub fn begin(iteration: &Iteration) -> Box<Shared> {
     let setup: &Setup = iteration.prepared();
-    let tree = setup.tree.get_or_init(|| train(&iteration.resources));
+    let tree = setup
+        .tree
+        .get_or_init(|| train(&iteration.resources, &setup.task));
     Box::new(Arc::clone(tree))
 }
 
@@ -85,13 +96,7 @@ pub fn schedule(training: u64) -> Vec<u64> {
 }
 
 /// Trains the tree of a job.
-pub fn train(resources: &Resources) -> Arc<SdTree> {
-    let tasks = resources.map(1, |context, _| Task {
-        guiding: context.settings.guiding,
-        bounds: context.scene.bounds_and_radius().0,
-        resolution: context.camera.resolution(),
-    });
-    let task = tasks[0];
+fn train(resources: &Resources, task: &Task) -> Arc<SdTree> {
     let mut tree = Arc::new(SdTree::new(task.bounds));
     let mut sums = tree.sums();
     let mut first = 0;
@@ -101,7 +106,7 @@ pub fn train(resources: &Resources) -> Arc<SdTree> {
             bytes: task.guiding.tree_bytes(),
         };
         let mut next = tree.refined(&sums, &limits);
-        sums = record(resources, &task, &tree, &next, first..first + passes);
+        sums = record(resources, task, &tree, &next, first..first + passes);
         next.set_densities(&sums, task.guiding.target.mass_of());
         tree = Arc::new(next);
         first += passes;

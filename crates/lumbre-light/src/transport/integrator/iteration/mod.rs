@@ -87,7 +87,9 @@ const PREPARED: [u32; 2] = [u32::MAX - 1; 2];
 
 /// The threads that a renderer lends to [`BeginFn`].
 pub trait Workers: Sync {
-    /// Calls `work` once for each index below `count`, on all threads and in any order.
+    /// Calls `work` once for each index below `count`, on all threads and in any order. While an
+    /// iteration [begins](BeginFn) that is no longer wanted, any indices may be left out; its data
+    /// are then dropped unread.
     fn for_each(&self, count: usize, work: &(dyn Fn(&Context, usize) + Sync));
 }
 
@@ -127,7 +129,8 @@ impl Resources<'_> {
     }
 
     /// Returns the results of `work` for each index below `count`, in the order of the indices. The
-    /// calls are distributed over all threads.
+    /// calls are distributed over all threads. Fewer results come back from an iteration that is no
+    /// longer wanted: see [`Workers::for_each`].
     pub fn map<T: Send + Sync>(
         &self,
         count: usize,
