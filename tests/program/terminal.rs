@@ -214,6 +214,32 @@ fn the_terminal_is_restored_when_sigterm_ends_the_program() {
     night.wait_for_end(75);
 }
 
+#[test]
+fn a_program_whose_terminal_hangs_up_while_it_waits_for_keys_ends() {
+    let place = Workplace::new();
+    let Some(terminal) = Terminal::start(&place, "hangup", (80, 24), "explore ball.scn") else {
+        return;
+    };
+    terminal.wait_for(&["rendering"]);
+    terminal.press(&["Space"]);
+    terminal.wait_for(&["paused"]);
+    let program = program_of(&terminal);
+    assert!(!program.is_empty());
+    drop(terminal);
+    let since = Instant::now();
+    while Command::new("kill")
+        .args(["-0", &program])
+        .output()
+        .is_ok_and(|o| o.status.success())
+    {
+        assert!(
+            since.elapsed() < MAX_WAIT,
+            "process {program} goes on without its terminal"
+        );
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
+
 /// An experiment whose film has a time axis, with an area light beside a ball.
 const LIGHT: &str = r#"
 local x = experiment("light", { seed = 1 })

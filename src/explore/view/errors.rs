@@ -94,8 +94,8 @@ fn warning(
 ) -> Option<Line<'static>> {
     let text = match floor_distance(spec, value, floor) {
         FloorDistance::Far => return None,
-        FloorDistance::Near => " below twice the floor ",
-        FloorDistance::AtFloor => " half is the floor ",
+        FloorDistance::Near => " below twice the reference noise ",
+        FloorDistance::AtFloor => " half of it is reference noise ",
     };
     Some(Line::styled(text, screen.caps.warn()))
 }

@@ -162,7 +162,8 @@ fn histogram(frame: &mut Frame, area: Rect, caps: TerminalCaps, lobe: &Lobe) {
     if most <= 0.0 {
         return draw_note(frame, inner, caps, "No direction has a density.");
     }
-    let rows = inner.height - 1;
+    // The first row has the note, the last one the axis.
+    let rows = inner.height - 2;
     let ink = caps.glow();
     for column in 0..columns {
         let bin = bins.start + column * range / columns;

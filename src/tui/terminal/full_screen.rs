@@ -107,26 +107,30 @@ pub fn cell_size(graphics: Graphics) -> [u16; 2] {
 
 /// Source of input events.
 pub struct InputEvents {
-    /// Whether standard input is the keyboard; otherwise it is the controlling terminal.
-    on_stdin: bool,
+    /// Terminal whose keyboard is read.
+    keyboard: Keyboard,
+}
+
+/// Terminal whose keyboard is read. crossterm 0.29 loops for ever when it reads from one that has
+/// hung up, so it must not be polled then, nor wait for a key itself.
+enum Keyboard {
+    /// Standard input.
+    Stdin,
+    /// The controlling terminal.
+    Controlling(File),
+    /// There is none.
+    None,
 }
 
 impl InputEvents {
     /// Creates the source for the terminal of this process.
     pub fn new() -> InputEvents {
-        InputEvents {
-            on_stdin: io::stdin().is_terminal(),
-        }
-    }
-
-    /// Whether the terminal is still connected. crossterm 0.29 loops forever when it reads from a
-    /// terminal that has hung up, so it must not be polled then.
-    fn connected(&self) -> bool {
-        if self.on_stdin {
-            io::stdin().is_terminal()
+        let keyboard = if io::stdin().is_terminal() {
+            Keyboard::Stdin
         } else {
-            cfg!(windows) || File::open("/dev/tty").is_ok()
-        }
+            File::open("/dev/tty").map_or(Keyboard::None, Keyboard::Controlling)
+        };
+        InputEvents { keyboard }
     }
 
     /// Returns the events since the last call. Waits for the first one at most as long as `wait`.
@@ -137,18 +141,53 @@ impl InputEvents {
         let mut events = Vec::new();
         let mut wait = wait;
         loop {
-            if !self.connected() {
-                return Err(io::Error::new(
-                    io::ErrorKind::BrokenPipe,
-                    "the terminal has hung up",
-                ));
-            }
+            wait = self.keyboard.wait(wait)?;
             if !event::poll(wait)? {
                 return Ok(events);
             }
             events.push(event::read()?);
             wait = Duration::ZERO;
         }
+    }
+}
+
+impl Keyboard {
+    /// Waits for a key, at most as long as `wait`. Returns how long the caller should go on waiting,
+    /// where the system cannot wait here.
+    ///
+    /// # Errors
+    /// If the terminal has hung up.
+    #[cfg(unix)]
+    fn wait(&self, wait: Duration) -> io::Result<Duration> {
+        use rustix::event::{PollFd, PollFlags, Timespec, poll};
+        use std::os::fd::AsFd;
+
+        let hung_up = || io::Error::new(io::ErrorKind::BrokenPipe, "the terminal has hung up");
+        let stdin = io::stdin();
+        let keyboard = match self {
+            Keyboard::Stdin => stdin.as_fd(),
+            Keyboard::Controlling(terminal) => terminal.as_fd(),
+            Keyboard::None => return Err(hung_up()),
+        };
+        let timeout = Timespec::try_from(wait).map_err(io::Error::other)?;
+        let mut polled = [PollFd::new(&keyboard, PollFlags::IN)];
+        match poll(&mut polled, Some(&timeout)) {
+            Ok(_) | Err(rustix::io::Errno::INTR) => {}
+            Err(e) => return Err(e.into()),
+        }
+        let state = polled[0].revents();
+        if state.intersects(PollFlags::HUP | PollFlags::ERR) {
+            return Err(hung_up());
+        }
+        // macOS cannot poll terminals.
+        let polls = !state.contains(PollFlags::NVAL);
+        Ok(if polls { Duration::ZERO } else { wait })
+    }
+
+    /// Returns `wait`, since crossterm waits for keys on Windows.
+    #[cfg(windows)]
+    fn wait(&self, wait: Duration) -> io::Result<Duration> {
+        Ok(wait)
     }
 }
 

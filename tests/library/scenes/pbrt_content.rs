@@ -6,7 +6,8 @@ use std::f32::consts::PI;
 use glam::{Vec2, Vec3};
 use lumbre_light::scene::compile;
 use lumbre_light::scene::desc::{
-    ConeEdge, EnvironmentSource, LightKind, MaskMode, MaterialDesc, Model, TextureSlot, Wrap,
+    ConeEdge, EnvironmentSource, LightKind, MaskMode, MaterialDesc, Model, TextureFilter,
+    TextureSlot, Wrap,
 };
 
 use super::pbrt::{TRIANGLE, VIEW, read, read_files, read_v3, refused};
@@ -206,13 +207,14 @@ fn textures_are_decoded_scaled_and_mapped() {
     let (m, notes) = with(
         &format!(
             "\"spectrum\" \"imagemap\" {file} \"float uscale\" 3 \"float vdelta\" 0.5 \
-             \"string wrap\" \"clamp\""
+             \"string wrap\" \"clamp\" \"string filter\" \"point\""
         ),
         color,
     );
     assert!(notes.is_empty() && texel(&m, base) == 128.0, "{notes}");
     let lookup = m.lookup(base);
     assert_eq!(lookup.wrap, [Wrap::Clamp; 2]);
+    assert_eq!(lookup.filter, TextureFilter::Nearest);
     let map = lookup.map.unwrap();
     assert_eq!(
         map.transform_point2(Vec2::new(1.0, 1.0)),

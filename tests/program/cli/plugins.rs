@@ -4,6 +4,8 @@
 use std::path::Path;
 use std::process::Command;
 
+use lumbre::output::exr;
+
 use super::workplace::{ProgramOutput, Workplace};
 
 /// Header and example.
@@ -143,6 +145,67 @@ fn pictures_have_the_same_bits_for_any_number_of_threads() {
         row[column.unwrap_or_else(|| panic!("{text}"))].to_owned()
     };
     assert_eq!(errors(&picture("1")), errors(&picture("3")));
+}
+
+/// Technique whose samples have the index of their iteration in red, one in green, and in blue the
+/// number of iterations that have begun and not ended.
+const ITERATIONS: &str = r#"
+#include "technique.h"
+#include <atomic>
+static std::atomic<int> open_iterations{0};
+static void *begin(const double *, uint64_t index) {
+    open_iterations++;
+    return new uint64_t(index);
+}
+static void end(void *iteration) {
+    open_iterations--;
+    delete static_cast<uint64_t *>(iteration);
+}
+static void sample(const lumbre_host *host, lumbre_sample *s, const void *iteration) {
+    const float index = static_cast<float>(*static_cast<const uint64_t *>(iteration));
+    const float value[3] = {index, 1, static_cast<float>(open_iterations)};
+    host->add(s, value, 0, 2);
+}
+static const lumbre_technique technique = {
+    "iterations", "iterations", "Counts iterations.", nullptr, 1, 0, nullptr, begin, end, sample};
+extern "C" uint32_t lumbre_technique_abi() { return LUMBRE_TECHNIQUE_ABI; }
+extern "C" const lumbre_technique *lumbre_technique_describe() { return &technique; }
+"#;
+
+#[test]
+fn iterations_of_a_library_begin_and_end_one_after_the_other() {
+    let place = Workplace::new();
+    let Some(library) = compile(&place, "iterations", ITERATIONS) else {
+        return;
+    };
+    for threads in ["1", "3"] {
+        let output = format!("mean-{threads}.exr");
+        let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell.lua");
+        let args = [
+            "render",
+            scene,
+            "-i",
+            "iterations",
+            "--spp",
+            "8",
+            "--size",
+            "16x9",
+            "--threads",
+            threads,
+            "-o",
+            &output,
+        ];
+        let done = run(&place, &library, &args);
+        assert_eq!(done.status, 0, "{}", done.stderr);
+        let file = std::fs::read(place.path(&output)).unwrap();
+        let mean = exr::decode(&file).unwrap().0;
+        // The mean of the indices 0 to 7.
+        assert!(
+            mean.data.iter().all(|rgb| *rgb == [3.5, 1.0, 1.0]),
+            "{:?}",
+            mean.data[0]
+        );
+    }
 }
 
 #[test]

@@ -8,7 +8,7 @@ use super::Picture;
 /// Returns the control sequence that shows a picture in `cells` character cells at the cursor, or
 /// `None` if it cannot be encoded as PNG.
 pub(super) fn encode(picture: &Picture, [columns, rows]: [u16; 2]) -> Option<String> {
-    let file = png(picture).ok()?;
+    let file = picture.png()?;
     // The size is given in cells, since terminals differ in what they call a pixel.
     let mut out = format!(
         "\u{1b}]1337;File=inline=1;size={};width={columns};height={rows};preserveAspectRatio=0;\
@@ -18,16 +18,4 @@ pub(super) fn encode(picture: &Picture, [columns, rows]: [u16; 2]) -> Option<Str
     STANDARD.encode_string(&file, &mut out);
     out.push('\u{7}');
     Some(out)
-}
-
-fn png(picture: &Picture) -> Result<Vec<u8>, png::EncodingError> {
-    let mut out = Vec::new();
-    let mut encoder = png::Encoder::new(&mut out, picture.width, picture.height);
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.set_depth(png::BitDepth::Eight);
-    encoder.set_compression(png::Compression::Fast);
-    let mut writer = encoder.write_header()?;
-    writer.write_image_data(picture.rgb.as_flattened())?;
-    writer.finish()?;
-    Ok(out)
 }

@@ -13,7 +13,7 @@ use ratatui::style::Color;
 
 use super::{Picture, passthrough};
 
-/// Number of bytes of pixel data in a chunk, which are 4096 bytes in base64.
+/// Number of bytes of a chunk, which are 4096 bytes in base64.
 const CHUNK: usize = 3072;
 /// Character for a part of a picture.
 const PLACEHOLDER: char = '\u{10eeee}';
@@ -44,15 +44,16 @@ pub(super) fn id(number: u8) -> u32 {
     FIRST_ID + u32::from(number)
 }
 
-/// Returns the sequences that transmit a picture under an id, for display in `cells` character
-/// cells, and ask the terminal not to reply. With `tmux`, each is wrapped for tmux.
+/// Returns the sequences that transmit a picture as PNG under an id, for display in `cells`
+/// character cells, and ask the terminal not to reply. With `tmux`, each is wrapped for tmux.
+/// Returns `None` if the picture cannot be encoded.
 pub(super) fn transmission(
     picture: &Picture,
     [columns, rows]: [u16; 2],
     id: u32,
     tmux: bool,
-) -> String {
-    let bytes = picture.rgb.as_flattened();
+) -> Option<String> {
+    let bytes = picture.png()?;
     let chunks = bytes.chunks(CHUNK);
     let count = chunks.len();
     let mut out = String::with_capacity(bytes.len() / 3 * 4 + count * 40 + 100);
@@ -62,18 +63,14 @@ pub(super) fn transmission(
         sequence.push_str("\u{1b}_Gq=2,");
         if number == 0 {
             // U=1: a virtual placement, which only placeholders display.
-            let _ = write!(
-                sequence,
-                "i={id},a=T,U=1,f=24,t=d,s={},v={},c={columns},r={rows},",
-                picture.width, picture.height
-            );
+            let _ = write!(sequence, "i={id},a=T,U=1,f=100,t=d,c={columns},r={rows},");
         }
         let _ = write!(sequence, "m={};", u8::from(number + 1 < count));
         STANDARD.encode_string(chunk, &mut sequence);
         sequence.push_str("\u{1b}\\");
         passthrough(&mut out, &sequence, tmux);
     }
-    out
+    Some(out)
 }
 
 /// Returns the foreground colour of placeholders, which contains the lower three bytes of the id.

@@ -51,6 +51,19 @@ impl Picture {
             rgb: shown.data.iter().map(|rgb| rgb.map(byte)).collect(),
         }
     }
+
+    /// Returns the picture as a PNG file, or `None` if it cannot be encoded.
+    fn png(&self) -> Option<Vec<u8>> {
+        let mut out = Vec::new();
+        let mut encoder = png::Encoder::new(&mut out, self.width, self.height);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(png::BitDepth::Eight);
+        encoder.set_compression(png::Compression::Fast);
+        let mut writer = encoder.write_header().ok()?;
+        writer.write_image_data(self.rgb.as_flattened()).ok()?;
+        writer.finish().ok()?;
+        Some(out)
+    }
 }
 
 /// A picture encoded for the terminal. As a widget it draws at the top left of its area, and only
@@ -89,7 +102,7 @@ impl EncodedPicture {
             Graphics::Blocks => return None,
             Graphics::Kitty { tmux } => {
                 let id = kitty::id(number);
-                let transmission = kitty::transmission(picture, cells, id, tmux);
+                let transmission = kitty::transmission(picture, cells, id, tmux)?;
                 Content::Placeholders {
                     id,
                     transmission: cell::Cell::new(Some(transmission)),

@@ -147,8 +147,8 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
     },
     SupportedElement {
         name: "`imagemap`",
-        support: "`filename`, `encoding` or `gamma`, `wrap`, `scale`, `invert`, `uscale`, \
-                  `vscale`, `udelta`, `vdelta`",
+        support: "`filename`, `encoding` or `gamma`, `wrap`, `filter`, `scale`, `invert`, \
+                  `uscale`, `vscale`, `udelta`, `vdelta`",
         limits: "other mappings are replaced by the mean, with a note",
     },
     SupportedElement {

@@ -27,6 +27,7 @@ pub(super) struct ImageTexture {
     /// linear.
     pub image: Arc<TextureDesc>,
     wrap: Wrap,
+    filter: TextureFilter,
     /// Map from the mesh's coordinates to those of the image, both with v pointing up.
     map: Affine2,
 }
@@ -36,7 +37,7 @@ impl ImageTexture {
     pub fn apply_to(self, m: &mut MaterialDesc, slot: TextureSlot) {
         let lookup = Lookup {
             wrap: [self.wrap; 2],
-            filter: TextureFilter::Bilinear,
+            filter: self.filter,
             second: false,
             map: (self.map != Affine2::IDENTITY).then_some(self.map),
         };
@@ -346,7 +347,8 @@ impl TextureReader {
         let Some(file) = params.text("filename")? else {
             return Err(params.error("an image map needs a `filename`"));
         };
-        params.mark_read(&["filter", "trilinear", "maxanisotropy"]);
+        params.mark_read(&["trilinear", "maxanisotropy"]);
+        let filter = Self::filter(params, c)?;
         let wrap = self.wrap(params, c)?;
         let map = Self::mapping(params)?;
         let scale = params.number("scale", 1.0)? as f32;
@@ -384,7 +386,28 @@ impl TextureReader {
             );
             return Ok(TextureValue::Constant(mean_texel(&image, of_color)));
         };
-        Ok(TextureValue::Image(ImageTexture { image, wrap, map }))
+        Ok(TextureValue::Image(ImageTexture {
+            image,
+            wrap,
+            filter,
+            map,
+        }))
+    }
+
+    /// Returns the filter of an image. Those that average over the footprint of a ray are bilinear
+    /// here, which a mean over many samples makes equal.
+    fn filter(params: &Params, c: &mut TextureContext<'_>) -> Result<TextureFilter, SceneError> {
+        Ok(match params.text("filter")? {
+            Some("point") => TextureFilter::Nearest,
+            None | Some("bilinear" | "trilinear" | "EWA" | "ewa") => TextureFilter::Bilinear,
+            Some(other) => {
+                c.notes.push(params.note(format!(
+                    "the filter `{}` is not supported; `bilinear` is used",
+                    truncated(other)
+                )));
+                TextureFilter::Bilinear
+            }
+        })
     }
 
     /// Returns the wrap mode of an image.
@@ -432,6 +455,7 @@ impl TextureReader {
         Ok(self.file(params, file, c)?.map(|image| ImageTexture {
             image,
             wrap: Wrap::Repeat,
+            filter: TextureFilter::Bilinear,
             map: Affine2::IDENTITY,
         }))
     }
@@ -482,6 +506,7 @@ impl TextureReader {
         Ok(TextureValue::Image(ImageTexture {
             image: image.map_err(|problem| params.error(problem))?,
             wrap: Wrap::Repeat,
+            filter: TextureFilter::Bilinear,
             map: Affine2::from_scale(Vec2::splat(0.5)) * map,
         }))
     }
