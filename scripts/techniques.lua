@@ -1,8 +1,8 @@
 -- scripts/techniques.lua: all techniques over eight scenes, at equal time and interleaved.
 --
---     lumbre run scripts/techniques.lua             16 repeats of 30 s: about 8 hours and references
---     lumbre run scripts/techniques.lua quick=true  small and noisy: some minutes on two cores
---     lumbre report out/latest                      verdicts, figures, tables and page
+--     lumbre run scripts/techniques.lua                       16 repeats of 30 s: about 8 hours and references
+--     lumbre run scripts/techniques.lua quick=true seconds=3  small pictures: about an hour
+--     lumbre report out/latest                                verdicts, figures, tables and page
 --
 -- Every technique renders every scene for the same render time, in turns of at most half a second,
 -- so that a machine that slows down slows down all of them. Training of `guided` and the photons
@@ -32,7 +32,8 @@ local stages = {
   lamps = { scene = "scenes/veach_lamps.lua", view = "room", reference = "bdpt" },
 }
 
--- Axes with one value can be replaced on the command line: `seconds=60`.
+-- Axes with one value can be replaced on the command line: `seconds=60`. A reference has forty times the render time of
+-- a picture. `guided` trains for about a second in small pictures, and half a minute in large ones.
 x:axis("quick", { false })
 x:axis("seconds", { 30 })
 x:axis("stage", { "diffuse", "caustics", "door", "lights", "sky", "glossy", "leaves", "lamps" })
@@ -59,7 +60,7 @@ x:render(function(p) return picture(p, p.technique) end)
 
 x:reference {
   from = function(p) return picture(p, stages[p.stage].reference) end,
-  stop = function(p) return p.quick and stop.samples(256) or stop.time("20min") end,
+  stop = function(p) return stop.time(40 * p.seconds) end,
 }
 
 x:measure {
@@ -72,7 +73,7 @@ x:measure {
   keep = { exr = "pow2" },
 }
 
-x:stop(function(p) return stop.time(p.quick and 1 or p.seconds) end)
+x:stop(function(p) return stop.time(p.seconds) end)
 
 x:figure("convergence", { x = "render_s", y = { "rmse", "smape" }, by = "technique", facet = "stage" })
 x:table("rmse", { value = "rmse", rows = "stage", cols = "technique", format = { "md", "csv" } })
