@@ -373,9 +373,9 @@ fn create_layout(
         .map_err(|r| device.failed("vkCreatePipelineLayout", r))
 }
 
-/// Bytes of a path vertex of bidirectional integrators in the private memory of an invocation,
-/// rounded up.
-const VERTEX_BYTES: u32 = 400;
+/// Bytes of a path vertex of bidirectional integrators in the private memory of an invocation with
+/// a time axis: `StoredVertex` of `shaders/transport/integrator/bdpt/subpath.glsl`.
+const VERTEX_BYTES: u32 = 92;
 
 /// Returns the error of a pipeline that the driver could not create: it states the private memory
 /// that its shaders need, which is the most likely reason.
@@ -513,7 +513,7 @@ mod tests {
             "a card",
             "bdpt by vulkan",
             "UNKNOWN",
-            "25 KiB",
+            "6 KiB",
             "lower `max_depth`",
         ] {
             assert!(message.contains(part), "{message}");
