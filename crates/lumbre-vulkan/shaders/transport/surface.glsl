@@ -116,7 +116,7 @@ vec3 texture_bilinear(uint index, vec2 place) {
 // Returns a texture's colour at texture coordinates of a material's surface, or white without a
 // texture.
 vec3 lookup(uint index, Uv uv, uint material) {
-    if (index == NONE) {
+    if (!TEXTURES || index == NONE) {
         return vec3(1.0);
     }
     vec2 place = texture_place(
@@ -127,7 +127,7 @@ vec3 lookup(uint index, Uv uv, uint material) {
 
 // Returns a texture's red channel, or `scalar` without a texture.
 float lookup_scalar(uint index, Uv uv, uint material, float scalar) {
-    return index == NONE ? scalar : lookup(index, uv, material).x;
+    return !TEXTURES || index == NONE ? scalar : lookup(index, uv, material).x;
 }
 
 // Returns texture coordinates on a sphere: longitude about y in u, from the south pole to the north
@@ -161,7 +161,7 @@ Uv uv_at(Ray ray, Hit hit) {
 // Returns the coverage of a material's mask at texture coordinates: see Rust.
 float coverage(uint material, Uv uv) {
     uint index = materials[material].mask_texture;
-    if (index == NONE) {
+    if (!MASKS || index == NONE) {
         return 1.0;
     }
     float mask = lookup(index, uv, material).x;
@@ -184,7 +184,7 @@ bool leaves_sphere(Ray ray, Hit hit) {
 // ray and primitive decides, for each crossing of a sphere.
 bool is_masked_out(Ray ray, Hit hit) {
     uint material = material_of(hit.primitive, hit.instance);
-    if (materials[material].mask_texture == NONE) {
+    if (!MASKS || materials[material].mask_texture == NONE) {
         return false;
     }
     float covered = coverage(material, uv_at(ray, hit));
@@ -317,7 +317,7 @@ void surface_orient(inout Surface s, Face face, Hit hit) {
 bool uses_tangents(uint material) {
     bool stretched = materials[material].model != MODEL_LAMBERT
         && materials[material].anisotropic > 0.0;
-    return stretched || materials[material].normal_texture != NONE;
+    return TANGENTS && (stretched || materials[material].normal_texture != NONE);
 }
 
 // Returns the factor on the base colour at barycentric coordinates of a triangle.
@@ -351,7 +351,7 @@ Surface surface_with_material(Ray ray, Hit hit, uint material) {
         s.uv = triangle_uv(hit.primitive, hit.uv);
         s.tint = tint_at(hit.primitive, hit.uv);
         s.emitter = emitter_of(hit.primitive, hit.instance);
-        if (materials[s.material].shadow_terminator != 0u) {
+        if (TERMINATORS && materials[s.material].shadow_terminator != 0u) {
             s.terminator = find_terminator_offset(s, face, ray, hit);
         }
     } else {
@@ -368,7 +368,7 @@ Surface surface_with_material(Ray ray, Hit hit, uint material) {
     if (uses_tangents(s.material)) {
         surface_orient(s, face, hit);
     }
-    if (materials[s.material].bump_texture != NONE) {
+    if (BUMPS && materials[s.material].bump_texture != NONE) {
         surface_emboss(s, face, hit, smooth_normal);
     }
     return s;

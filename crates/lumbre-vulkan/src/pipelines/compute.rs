@@ -14,6 +14,8 @@ use crate::memory::buffer::Buffer;
 
 /// Resource that is bound to a descriptor set.
 pub enum BoundResource<'a> {
+    /// A buffer of constants, which all invocations read at the same place.
+    Uniform(&'a Buffer),
     /// A storage buffer.
     Storage(&'a Buffer),
     /// An acceleration structure.
@@ -100,7 +102,7 @@ impl Bindings {
             .dst_binding(binding)
             .descriptor_type(descriptor_type(resource));
         match resource {
-            BoundResource::Storage(buffer) => {
+            BoundResource::Uniform(buffer) | BoundResource::Storage(buffer) => {
                 let info = [vk::DescriptorBufferInfo::default()
                     .buffer(buffer.raw)
                     .offset(0)
@@ -162,6 +164,7 @@ fn check_count(device: &Device, bound: &[BoundResource]) -> Result<(), VulkanErr
 
 fn descriptor_type(resource: &BoundResource) -> vk::DescriptorType {
     match resource {
+        BoundResource::Uniform(_) => vk::DescriptorType::UNIFORM_BUFFER,
         BoundResource::Storage(_) => vk::DescriptorType::STORAGE_BUFFER,
         BoundResource::Acceleration(_) => vk::DescriptorType::ACCELERATION_STRUCTURE_KHR,
     }

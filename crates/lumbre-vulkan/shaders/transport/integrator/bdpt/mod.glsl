@@ -19,18 +19,19 @@ void bdpt_sample(uvec2 pixel, inout Sampler numbers) {
             continue;
         }
         Vertex end_z;
-        // No light vertex, one, one again from a lifted point, then every vertex of the light
-        // subpath.
-        for (uint slot = 0u; slot < paths.light + 3u; ++slot) {
+        end_z.terminator = NO_TERMINATOR_OFFSET;
+        // No light vertex, one, one again from a lifted point if the camera vertex has one, then
+        // every vertex of the light subpath.
+        uint slot = 0u;
+        for (uint step = 1u; slot < paths.light + 3u; slot += step) {
+            step = slot == 1u && !end_z.terminator.present ? 2u : 1u;
             uint s = slot < 2u ? slot : slot - 1u;
             bool from_lifted = slot == 2u;
             if (slot > 0u
                 && (escaped || s + t - 1u > job.max_depth || (t >= 2u && !end_z.connectible))) {
                 break;
             }
-            bool possible = t >= 2u
-                ? !from_lifted || end_z.terminator.present
-                : s >= 2u || (slot == 1u && paths.started);
+            bool possible = t >= 2u || s >= 2u || (s == 1u && paths.started);
             bool used = possible && settings_includes(s, t);
             // The camera vertex is loaded first, then each light vertex: one call for both, since
             // compilers inline it.
