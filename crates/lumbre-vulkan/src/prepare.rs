@@ -81,18 +81,14 @@ pub(super) fn check_films(job: &Job) -> Result<LayerLayout, VulkanError> {
 /// vertices of subpaths; a sweep over depths then needs few pipelines.
 const DEPTH_STEP: u32 = 4;
 
-/// Returns whether a material has a texture.
+/// Returns whether a parameter of a material has a texture.
 fn has_texture(m: &Material) -> bool {
     let textures = [
         m.base_color_texture,
         m.emission_texture,
-        m.mask_texture,
         m.roughness_texture,
         m.metallic_texture,
         m.opacity_texture,
-        m.anisotropic_texture,
-        m.normal_texture,
-        m.bump_texture,
     ];
     textures.iter().any(|texture| *texture != NONE)
 }

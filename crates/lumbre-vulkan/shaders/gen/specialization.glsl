@@ -33,7 +33,7 @@ layout(constant_id = 9) const bool INSTANCES = false;
 #else
 const bool INSTANCES = false;
 #endif
-// Whether a material has a texture.
+// Whether a parameter of a material, such as its base colour, has a texture.
 layout(constant_id = 10) const bool TEXTURES = true;
 // Whether a material has a mask.
 layout(constant_id = 11) const bool MASKS = true;

@@ -113,16 +113,17 @@ vec3 texture_bilinear(uint index, vec2 place) {
     return mix(upper, lower, f.y);
 }
 
-// Returns a texture's colour at texture coordinates of a material's surface, or white without a
-// texture.
-vec3 lookup(uint index, Uv uv, uint material) {
-    if (!TEXTURES || index == NONE) {
-        return vec3(1.0);
-    }
+// Returns a texture's colour at texture coordinates of a material's surface.
+vec3 texture_color(uint index, Uv uv, uint material) {
     vec2 place = texture_place(
         index, uv, materials[material].tiling_scale, materials[material].tiling_offset
     );
     return texture_bilinear(index, place);
+}
+
+// Returns the colour of a texture of a parameter, or white without a texture.
+vec3 lookup(uint index, Uv uv, uint material) {
+    return !TEXTURES || index == NONE ? vec3(1.0) : texture_color(index, uv, material);
 }
 
 // Returns a texture's red channel, or `scalar` without a texture.
@@ -164,7 +165,7 @@ float coverage(uint material, Uv uv) {
     if (!MASKS || index == NONE) {
         return 1.0;
     }
-    float mask = lookup(index, uv, material).x;
+    float mask = texture_color(index, uv, material).x;
     if (materials[material].mask_mode == MASK_BLEND) {
         return clamp(mask, 0.0, 1.0);
     }
@@ -298,14 +299,14 @@ void surface_orient(inout Surface s, Face face, Hit hit) {
     }
     uint normal_map = materials[s.material].normal_texture;
     if (normal_map != NONE && u_axis != vec3(0.0)) {
-        vec3 texel = lookup(normal_map, s.uv, s.material) * 2.0 - 1.0;
+        vec3 texel = texture_color(normal_map, s.uv, s.material) * 2.0 - 1.0;
         texel.xy *= materials[s.material].normal_strength;
         vec3 n = normalize_or(u_axis * texel.x + v_axis * texel.y + n_axis * texel.z, s.n_shading);
         s.n_shading = surface_in_front(s, n);
     }
     uint directions = materials[s.material].anisotropic_texture;
     if (directions != NONE) {
-        vec3 texel = lookup(directions, s.uv, s.material) * 2.0 - 1.0;
+        vec3 texel = texture_color(directions, s.uv, s.material) * 2.0 - 1.0;
         s.tangent = u_axis * texel.x + v_axis * texel.y;
     } else {
         vec3 along = materials[s.material].anisotropic_direction;

@@ -70,7 +70,7 @@ specialization! {
     times: "TIMES" "bool" true = 0,
     /// Whether the scene has instances of meshes.
     instances: "INSTANCES" "bool" true = 0,
-    /// Whether a material has a texture.
+    /// Whether a parameter of a material, such as its base colour, has a texture.
     textures: "TEXTURES" "bool" false = 1,
     /// Whether a material has a mask.
     masks: "MASKS" "bool" false = 1,
