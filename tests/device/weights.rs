@@ -122,7 +122,7 @@ fn contributions(events: &[PathEvent]) -> Vec<Weighted> {
     events.iter().filter_map(weighted).collect()
 }
 
-/// How the weights of a device differ from their definition.
+/// Differences of the weights of a device from their definition.
 #[derive(Debug)]
 struct Errors {
     /// Number of samples whose contributions are others, since rounding made a path diverge.

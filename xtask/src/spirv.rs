@@ -33,7 +33,7 @@ pub struct Counts {
     pub private_bytes: u64,
 }
 
-/// What is known of the ids of a module.
+/// Sizes, pointers, constants and types by the ids of a module.
 #[derive(Default)]
 struct Ids {
     /// Bytes of types; 0 for those without a size, such as arrays that end a buffer.
