@@ -64,26 +64,17 @@ fn a_missing_feature_is_an_error_that_names_the_feature_and_the_device() {
             RenderError::Unsupported { .. }
         ));
     }
-    let bdpt = Job {
-        integrator: integrator("bdpt").unwrap(),
-        ..job([8, 8], 2, 1)
-    };
-    let error = open(&limited, TracingMode::Compute, &Sources::Embedded, &bdpt)
-        .err()
-        .unwrap()
-        .to_string();
-    assert!(error.contains("shaderFloat64"), "{error}");
     // The remaining features still work: the picture shows a grey square before a white sky.
-    let mut renderer = open(
-        &limited,
-        TracingMode::Compute,
-        &Sources::Embedded,
-        &job([8, 8], 2, 1),
-    )
-    .unwrap();
-    renderer.advance(4).unwrap();
-    let mean = renderer.film().mean().at(0, 0)[0];
-    assert!((0.4..=1.0).contains(&mean), "{mean}");
+    for name in ["bpt", "bdpt"] {
+        let job = Job {
+            integrator: integrator(name).unwrap(),
+            ..job([8, 8], 2, 1)
+        };
+        let mut renderer = open(&limited, TracingMode::Compute, &Sources::Embedded, &job).unwrap();
+        renderer.advance(4).unwrap();
+        let mean = renderer.film().mean().at(0, 0)[0];
+        assert!((0.4..=1.2).contains(&mean), "{name}: {mean}");
+    }
     assert!(
         Device::open(device.info.clone(), Caps::default()).is_err(),
         "scalar layouts must be required"
@@ -263,7 +254,7 @@ fn more_arrays_than_a_shader_of_the_device_can_access_are_refused() {
         return;
     };
     let mut info = device.info.clone();
-    info.limits.storage_buffers = 31;
+    info.limits.storage_buffers = 30;
     let limited = Device::open(info, device.info.caps).unwrap();
     let error = open(
         &limited,
@@ -273,7 +264,7 @@ fn more_arrays_than_a_shader_of_the_device_can_access_are_refused() {
     );
     let error = error.err().unwrap().to_string();
     assert!(
-        error.contains("32 storage buffers in one shader (at most 31)"),
+        error.contains("31 storage buffers in one shader (at most 30)"),
         "{error}"
     );
 }

@@ -41,4 +41,5 @@ mod times;
 mod twins;
 mod validation;
 mod verdict;
+mod weights;
 mod worker;

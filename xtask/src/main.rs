@@ -10,6 +10,8 @@ mod bench;
 mod release;
 #[cfg(feature = "shader-dev")]
 mod shaders;
+#[cfg(any(test, feature = "shader-dev"))]
+mod spirv;
 #[cfg(unix)]
 mod torture;
 

@@ -1,13 +1,13 @@
 //! Makes the SPIR-V that is committed, or compares it with what would be made.
 
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use lumbre_vulkan::pipelines::modules::{Recipe, manifest, recipes};
 use lumbre_vulkan::pipelines::sources::Sources;
 use lumbre_vulkan::pipelines::{glsl, test_kernel};
 
-use crate::root;
+use crate::{root, spirv};
 
 /// Folder of the program's modules.
 const PROGRAM: &str = "crates/lumbre-vulkan/spirv";
@@ -21,6 +21,10 @@ pub struct Args {
     /// Write nothing; fail if a committed file differs from what the shaders compile to
     #[arg(long)]
     check: bool,
+    /// Write nothing; print the static counts of the modules in a folder, by default the committed
+    /// ones
+    #[arg(long, value_name = "FOLDER", num_args = 0..=1, default_missing_value = PROGRAM)]
+    stats: Option<PathBuf>,
 }
 
 /// Makes all modules and their manifests.
@@ -29,6 +33,10 @@ pub struct Args {
 /// Returns a message if a shader does not compile, a file cannot be read or written or, with
 /// `--check`, differs.
 pub fn run(args: &Args) -> Result<(), String> {
+    if let Some(folder) = &args.stats {
+        print!("{}", spirv::table(&root().join(folder))?);
+        return Ok(());
+    }
     let program = recipes();
     let tests = test_kernel::recipes(&root().join(TESTS)).map_err(|e| format!("{TESTS}: {e}"))?;
     let mut outdated = Vec::new();

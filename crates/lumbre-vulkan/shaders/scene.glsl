@@ -10,7 +10,7 @@
 #include "gen/layout.glsl"
 #include "gen/specialization.glsl"
 
-layout(set = 0, binding = 0, scalar) restrict readonly buffer JobBlock { JobParams job; };
+layout(set = 0, binding = 0, scalar) uniform JobBlock { JobParams job; };
 layout(set = 0, binding = 1, scalar) restrict readonly buffer Triangles { Triangle triangles[]; };
 layout(set = 0, binding = 2, scalar) restrict readonly buffer Attributes {
     TriangleAttributes attributes[];

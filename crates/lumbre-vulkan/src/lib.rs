@@ -94,8 +94,9 @@ pub const COMPUTE: BackendRow = BackendRow {
 };
 
 /// Maximum number of path edges of bidirectional integrators: their shaders store two vertices of
-/// about 400 bytes for each edge in the private memory of every invocation, here 25 KiB.
-const MAX_BDPT_DEPTH: u32 = 32;
+/// 76 bytes, 92 with a time axis, for each edge in the private memory of every invocation, here up
+/// to 23 KiB.
+const MAX_BDPT_DEPTH: u32 = 128;
 
 fn refuses(integrator: &IntegratorRow, max_depth: u32) -> Option<String> {
     let name = integrator.name;

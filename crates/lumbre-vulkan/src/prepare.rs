@@ -10,7 +10,7 @@ use super::memory::upload;
 use lumbre_light::film::layer::LayerLayout;
 use lumbre_light::film::time;
 use lumbre_light::scene::CompiledScene;
-use lumbre_light::scene::compile::{MAX_FLATTENED_PRIMITIVES, NONE, Texture};
+use lumbre_light::scene::compile::{MAX_FLATTENED_PRIMITIVES, Material, NONE, Texture};
 use lumbre_light::scene::desc::TextureFilter;
 use lumbre_light::transport::integrator::settings::has_uniform_directions;
 use lumbre_light::transport::light::LightSelection;
@@ -81,6 +81,18 @@ pub(super) fn check_films(job: &Job) -> Result<LayerLayout, VulkanError> {
 /// vertices of subpaths; a sweep over depths then needs few pipelines.
 const DEPTH_STEP: u32 = 4;
 
+/// Returns whether a parameter of a material has a texture.
+fn has_texture(m: &Material) -> bool {
+    let textures = [
+        m.base_color_texture,
+        m.emission_texture,
+        m.roughness_texture,
+        m.metallic_texture,
+        m.opacity_texture,
+    ];
+    textures.iter().any(|texture| *texture != NONE)
+}
+
 /// Returns the specialisation constants of the shaders of a job; `texel_shift` as of
 /// [`upload::SceneBuffers::texel_shift`].
 pub fn specialization(
@@ -91,6 +103,9 @@ pub fn specialization(
 ) -> Specialization {
     let composed = is_composed(scene) || (job.timing.is_some() && !scene.delays.is_empty());
     let stores_vertices = job.integrator.splats;
+    let any = |has: fn(&Material) -> bool| u32::from(scene.materials.iter().any(has));
+    let only_surfaces =
+        scene.points.is_empty() && scene.directionals.is_empty() && scene.environment.is_none();
     Specialization {
         sampler_kind: u32::from(job.sampler.name == "sobol"),
         models: upload::models(scene),
@@ -106,5 +121,11 @@ pub fn specialization(
         texel_shift: texel_shift.unwrap_or(NONE),
         times: u32::from(job.timing.is_some()),
         instances: u32::from(!scene.instances.placements.is_empty()),
+        textures: any(has_texture),
+        masks: any(|m| m.mask_texture != NONE),
+        tangents: any(Material::uses_tangents),
+        bumps: any(|m| m.bump_texture != NONE),
+        terminators: any(|m| m.shadow_terminator),
+        other_lights: u32::from(!only_surfaces),
     }
 }

@@ -252,8 +252,7 @@ impl VulkanRenderer {
         let render = |commands| {
             self.films.start_counting(&self.device, commands);
             for (i, part) in dispatches.iter().enumerate() {
-                if i > 0 {
-                    // The same rows may be rendered again.
+                if i > 0 && part.overlaps(&dispatches[i - 1]) {
                     self.device.barrier_to_shaders(commands);
                 }
                 let first = self.first_sample + before + part.done;

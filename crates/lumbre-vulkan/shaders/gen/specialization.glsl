@@ -33,3 +33,15 @@ layout(constant_id = 9) const bool INSTANCES = false;
 #else
 const bool INSTANCES = false;
 #endif
+// Whether a parameter of a material, such as its base colour, has a texture.
+layout(constant_id = 10) const bool TEXTURES = true;
+// Whether a material has a mask.
+layout(constant_id = 11) const bool MASKS = true;
+// Whether shading needs tangents: for a normal map or for stretched highlights.
+layout(constant_id = 12) const bool TANGENTS = true;
+// Whether a material has a bump map.
+layout(constant_id = 13) const bool BUMPS = true;
+// Whether a material has offsets against the shadow terminator.
+layout(constant_id = 14) const bool TERMINATORS = true;
+// Whether there are lights other than emissive surfaces.
+layout(constant_id = 15) const bool OTHER_LIGHTS = true;

@@ -1,6 +1,5 @@
 // Twin of crates/lumbre-light/src/transport/mis.rs. A heuristic is one of MIS_POWER, MIS_BALANCE and MIS_UNIFORM. Its
-// `term`, in double precision, is in `transport/integrator/bdpt/weights.glsl`, so that shaders
-// without BDPT run on devices without doubles.
+// `term` is in `transport/integrator/bdpt/weights.glsl`.
 #ifndef TRANSPORT_MIS_GLSL
 #define TRANSPORT_MIS_GLSL
 

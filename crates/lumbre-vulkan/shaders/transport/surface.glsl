@@ -113,21 +113,22 @@ vec3 texture_bilinear(uint index, vec2 place) {
     return mix(upper, lower, f.y);
 }
 
-// Returns a texture's colour at texture coordinates of a material's surface, or white without a
-// texture.
-vec3 lookup(uint index, Uv uv, uint material) {
-    if (index == NONE) {
-        return vec3(1.0);
-    }
+// Returns a texture's colour at texture coordinates of a material's surface.
+vec3 texture_color(uint index, Uv uv, uint material) {
     vec2 place = texture_place(
         index, uv, materials[material].tiling_scale, materials[material].tiling_offset
     );
     return texture_bilinear(index, place);
 }
 
+// Returns the colour of a texture of a parameter, or white without a texture.
+vec3 lookup(uint index, Uv uv, uint material) {
+    return !TEXTURES || index == NONE ? vec3(1.0) : texture_color(index, uv, material);
+}
+
 // Returns a texture's red channel, or `scalar` without a texture.
 float lookup_scalar(uint index, Uv uv, uint material, float scalar) {
-    return index == NONE ? scalar : lookup(index, uv, material).x;
+    return !TEXTURES || index == NONE ? scalar : lookup(index, uv, material).x;
 }
 
 // Returns texture coordinates on a sphere: longitude about y in u, from the south pole to the north
@@ -161,10 +162,10 @@ Uv uv_at(Ray ray, Hit hit) {
 // Returns the coverage of a material's mask at texture coordinates: see Rust.
 float coverage(uint material, Uv uv) {
     uint index = materials[material].mask_texture;
-    if (index == NONE) {
+    if (!MASKS || index == NONE) {
         return 1.0;
     }
-    float mask = lookup(index, uv, material).x;
+    float mask = texture_color(index, uv, material).x;
     if (materials[material].mask_mode == MASK_BLEND) {
         return clamp(mask, 0.0, 1.0);
     }
@@ -184,7 +185,7 @@ bool leaves_sphere(Ray ray, Hit hit) {
 // ray and primitive decides, for each crossing of a sphere.
 bool is_masked_out(Ray ray, Hit hit) {
     uint material = material_of(hit.primitive, hit.instance);
-    if (materials[material].mask_texture == NONE) {
+    if (!MASKS || materials[material].mask_texture == NONE) {
         return false;
     }
     float covered = coverage(material, uv_at(ray, hit));
@@ -298,14 +299,14 @@ void surface_orient(inout Surface s, Face face, Hit hit) {
     }
     uint normal_map = materials[s.material].normal_texture;
     if (normal_map != NONE && u_axis != vec3(0.0)) {
-        vec3 texel = lookup(normal_map, s.uv, s.material) * 2.0 - 1.0;
+        vec3 texel = texture_color(normal_map, s.uv, s.material) * 2.0 - 1.0;
         texel.xy *= materials[s.material].normal_strength;
         vec3 n = normalize_or(u_axis * texel.x + v_axis * texel.y + n_axis * texel.z, s.n_shading);
         s.n_shading = surface_in_front(s, n);
     }
     uint directions = materials[s.material].anisotropic_texture;
     if (directions != NONE) {
-        vec3 texel = lookup(directions, s.uv, s.material) * 2.0 - 1.0;
+        vec3 texel = texture_color(directions, s.uv, s.material) * 2.0 - 1.0;
         s.tangent = u_axis * texel.x + v_axis * texel.y;
     } else {
         vec3 along = materials[s.material].anisotropic_direction;
@@ -317,7 +318,7 @@ void surface_orient(inout Surface s, Face face, Hit hit) {
 bool uses_tangents(uint material) {
     bool stretched = materials[material].model != MODEL_LAMBERT
         && materials[material].anisotropic > 0.0;
-    return stretched || materials[material].normal_texture != NONE;
+    return TANGENTS && (stretched || materials[material].normal_texture != NONE);
 }
 
 // Returns the factor on the base colour at barycentric coordinates of a triangle.
@@ -351,7 +352,7 @@ Surface surface_with_material(Ray ray, Hit hit, uint material) {
         s.uv = triangle_uv(hit.primitive, hit.uv);
         s.tint = tint_at(hit.primitive, hit.uv);
         s.emitter = emitter_of(hit.primitive, hit.instance);
-        if (materials[s.material].shadow_terminator != 0u) {
+        if (TERMINATORS && materials[s.material].shadow_terminator != 0u) {
             s.terminator = find_terminator_offset(s, face, ray, hit);
         }
     } else {
@@ -368,7 +369,7 @@ Surface surface_with_material(Ray ray, Hit hit, uint material) {
     if (uses_tangents(s.material)) {
         surface_orient(s, face, hit);
     }
-    if (materials[s.material].bump_texture != NONE) {
+    if (BUMPS && materials[s.material].bump_texture != NONE) {
         surface_emboss(s, face, hit, smooth_normal);
     }
     return s;

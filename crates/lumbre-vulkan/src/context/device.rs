@@ -200,7 +200,9 @@ impl Device {
             ),
             (
                 stages,
-                vk::AccessFlags::SHADER_READ | vk::AccessFlags::SHADER_WRITE,
+                vk::AccessFlags::SHADER_READ
+                    | vk::AccessFlags::SHADER_WRITE
+                    | vk::AccessFlags::UNIFORM_READ,
             ),
         );
     }

@@ -70,6 +70,18 @@ specialization! {
     times: "TIMES" "bool" true = 0,
     /// Whether the scene has instances of meshes.
     instances: "INSTANCES" "bool" true = 0,
+    /// Whether a parameter of a material, such as its base colour, has a texture.
+    textures: "TEXTURES" "bool" false = 1,
+    /// Whether a material has a mask.
+    masks: "MASKS" "bool" false = 1,
+    /// Whether shading needs tangents: for a normal map or for stretched highlights.
+    tangents: "TANGENTS" "bool" false = 1,
+    /// Whether a material has a bump map.
+    bumps: "BUMPS" "bool" false = 1,
+    /// Whether a material has offsets against the shadow terminator.
+    terminators: "TERMINATORS" "bool" false = 1,
+    /// Whether there are lights other than emissive surfaces.
+    other_lights: "OTHER_LIGHTS" "bool" false = 1,
 }
 
 impl Specialization {

@@ -151,7 +151,12 @@ impl JobBuffers {
         let delays = DelayRows::new(scene, job.timing.as_ref());
         let params = job_params(scene, job, &lights, layers, delays.emission);
         Ok(JobBuffers {
-            job: Buffer::with(device, "job", &[params], plain)?,
+            job: Buffer::with(
+                device,
+                "job",
+                &[params],
+                vk::BufferUsageFlags::UNIFORM_BUFFER,
+            )?,
             others: [
                 Buffer::with(
                     device,
@@ -177,11 +182,10 @@ pub fn bindings<'a>(scene: &'a SceneBuffers, job: &'a JobBuffers) -> Vec<BoundRe
         .chain(&scene.surfaces)
         .chain([&scene.texels.bound]);
     let scene_buffers = scene_buffers.chain(&scene.lights).chain(&scene.instances);
-    [&job.job]
+    let stored = scene_buffers.chain(&job.others).map(BoundResource::Storage);
+    [BoundResource::Uniform(&job.job)]
         .into_iter()
-        .chain(scene_buffers)
-        .chain(&job.others)
-        .map(BoundResource::Storage)
+        .chain(stored)
         .collect()
 }
 

@@ -14,6 +14,8 @@ use crate::memory::buffer::Buffer;
 
 /// Resource that is bound to a descriptor set.
 pub enum BoundResource<'a> {
+    /// A buffer of constants, which all invocations read at the same place.
+    Uniform(&'a Buffer),
     /// A storage buffer.
     Storage(&'a Buffer),
     /// An acceleration structure.
@@ -100,7 +102,7 @@ impl Bindings {
             .dst_binding(binding)
             .descriptor_type(descriptor_type(resource));
         match resource {
-            BoundResource::Storage(buffer) => {
+            BoundResource::Uniform(buffer) | BoundResource::Storage(buffer) => {
                 let info = [vk::DescriptorBufferInfo::default()
                     .buffer(buffer.raw)
                     .offset(0)
@@ -162,6 +164,7 @@ fn check_count(device: &Device, bound: &[BoundResource]) -> Result<(), VulkanErr
 
 fn descriptor_type(resource: &BoundResource) -> vk::DescriptorType {
     match resource {
+        BoundResource::Uniform(_) => vk::DescriptorType::UNIFORM_BUFFER,
         BoundResource::Storage(_) => vk::DescriptorType::STORAGE_BUFFER,
         BoundResource::Acceleration(_) => vk::DescriptorType::ACCELERATION_STRUCTURE_KHR,
     }
@@ -373,9 +376,9 @@ fn create_layout(
         .map_err(|r| device.failed("vkCreatePipelineLayout", r))
 }
 
-/// Bytes of a path vertex of bidirectional integrators in the private memory of an invocation,
-/// rounded up.
-const VERTEX_BYTES: u32 = 400;
+/// Bytes of a path vertex of bidirectional integrators in the private memory of an invocation with
+/// a time axis: `StoredVertex` of `shaders/transport/integrator/bdpt/subpath.glsl`.
+const VERTEX_BYTES: u32 = 92;
 
 /// Returns the error of a pipeline that the driver could not create: it states the private memory
 /// that its shaders need, which is the most likely reason.
@@ -513,7 +516,7 @@ mod tests {
             "a card",
             "bdpt by vulkan",
             "UNKNOWN",
-            "25 KiB",
+            "6 KiB",
             "lower `max_depth`",
         ] {
             assert!(message.contains(part), "{message}");

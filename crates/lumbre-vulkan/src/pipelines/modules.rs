@@ -86,20 +86,23 @@ impl HitStage {
     }
 }
 
-/// Returns the recipe of the module that runs an integrator; integrators with splats need double
-/// precision in any case.
+/// Returns the recipe of the module that runs an integrator.
 pub fn integrator(mode: TracingMode, name: &str, variant: Variant) -> Recipe {
     let (stem, extension) = match mode {
         TracingMode::Compute => ("compute.comp", "comp"),
         TracingMode::Query => ("query.comp", "query.comp"),
         TracingMode::Pipeline => ("generation.rgen", "rgen"),
     };
-    let (defines, suffix) = match variant.splats {
-        SplatMode::None if variant.extended => (vec!["SPLAT_NONE", "EXTENDED"], ".extended"),
-        SplatMode::None => (vec!["SPLAT_NONE"], ""),
-        SplatMode::Float => (vec!["SPLAT_FLOAT", "EXTENDED"], ".floats"),
-        SplatMode::Fixed => (vec!["SPLAT_FIXED", "EXTENDED"], ".integers"),
+    let (splats, mut suffix) = match variant.splats {
+        SplatMode::None => ("SPLAT_NONE", String::new()),
+        SplatMode::Float => ("SPLAT_FLOAT", ".floats".to_owned()),
+        SplatMode::Fixed => ("SPLAT_FIXED", ".integers".to_owned()),
     };
+    let mut defines = vec![splats];
+    if variant.extended {
+        defines.push("EXTENDED");
+        suffix.push_str(".extended");
+    }
     let text = format!(
         "#include \"transport/integrator/{name}\"\n#define INTEGRATOR_SAMPLE {name}_sample\n"
     );

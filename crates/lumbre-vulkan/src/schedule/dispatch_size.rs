@@ -39,6 +39,13 @@ impl DispatchRange {
     pub fn work(&self, width: u32) -> f64 {
         f64::from(width) * f64::from(self.rows) * f64::from(self.samples)
     }
+
+    /// Returns whether this dispatch renders rows that the `previous` one, or one before that, may
+    /// have rendered. Dispatches of the same samples have rows of their own and may run at the same
+    /// time: what they share is added atomically.
+    pub fn overlaps(&self, previous: &DispatchRange) -> bool {
+        self.done != previous.done
+    }
 }
 
 /// Splits a wave into dispatches: all rows of some samples, then of the next samples.
@@ -167,7 +174,21 @@ mod tests {
             if next_dispatches.is_empty() {
                 break;
             }
+            // Rows since the last barrier of the submission are rendered once.
+            let mut since_barrier: Vec<&DispatchRange> = Vec::new();
             for range in &next_dispatches {
+                if since_barrier
+                    .last()
+                    .is_some_and(|last| range.overlaps(last))
+                {
+                    since_barrier.clear();
+                }
+                let end = range.row + range.rows;
+                let is_apart = |other: &&DispatchRange| {
+                    end <= other.row || other.row + other.rows <= range.row
+                };
+                assert!(since_barrier.iter().all(is_apart), "{range:?}");
+                since_barrier.push(range);
                 durations.push(range.work(size[0]) * cost);
                 for row in &mut rows[range.row as usize..][..range.rows as usize] {
                     assert_eq!(*row, range.done, "samples come in order, each once");

@@ -48,6 +48,10 @@ struct EmissionPdf {
 
 // Returns the kind of the light with this index.
 uint light_kind(uint light) {
+    // The missing environment has another kind, but no radiance for which it would matter.
+    if (!OTHER_LIGHTS) {
+        return LIGHT_EMITTER;
+    }
     return light < job.light_first.x ? LIGHT_EMITTER
         : (light < job.light_first.y ? LIGHT_POINT
         : (light < job.light_first.z ? LIGHT_DIRECTIONAL : LIGHT_ENVIRONMENT));

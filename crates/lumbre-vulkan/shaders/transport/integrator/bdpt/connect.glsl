@@ -11,7 +11,8 @@
 struct Connection {
     uvec2 pixel;
     vec3 unweighted;
-    double others;
+    // Root of the MIS terms of the other strategies, as in weights.glsl.
+    float others;
     // Whether light arrives only if `ray` hits nothing up to `distance`.
     bool shadowed;
     Ray ray;
@@ -37,22 +38,14 @@ struct Aim {
     CameraConnection camera;
 };
 
-// Strategy `s = 0`: the camera subpath `z` has hit a light, or has left the scene.
-bool aim_at_hit(bool escaped, Departure escape, Vertex z, out Aim aim) {
-    if (escaped) {
-        vec3 dir = escape.edge.dir;
-        aim.point = LightPoint(job.light_first.z, escape.edge.from + dir, -dir, Uv(0.0));
-        aim.dir = -dir;
-        aim.next = escape.edge.from;
-        aim.n_next = escape.edge.normal;
-        aim.radiance = lights_environment(dir);
-    } else {
-        aim.point = LightPoint(z.emitter, z.position, z.n_geometric, z.uv);
-        aim.dir = z.wo;
-        aim.next = z.previous;
-        aim.n_next = z.n_previous;
-        aim.radiance = z.emitter == NONE ? vec3(0.0) : z.emitted;
-    }
+// Strategy `s = 0`: the camera subpath has left the scene.
+bool aim_at_escape(Departure escape, out Aim aim) {
+    vec3 dir = escape.edge.dir;
+    aim.point = LightPoint(job.light_first.z, escape.edge.from + dir, -dir, Uv(0.0));
+    aim.dir = -dir;
+    aim.next = escape.edge.from;
+    aim.n_next = escape.edge.normal;
+    aim.radiance = lights_environment(dir);
     return aim.radiance != vec3(0.0);
 }
 
@@ -140,7 +133,7 @@ bool connect(
     direct.distance = 0.0;
     bool aimed;
     if (s == 0u) {
-        aimed = aim_at_hit(escaped, paths.escape, z, aim);
+        aimed = escaped ? aim_at_escape(paths.escape, aim) : z.emitted != vec3(0.0);
     } else if (t == 1u) {
         aimed = aim_at_lens(s, paths.start, y, numbers, aim);
     } else if (s == 1u) {
@@ -152,11 +145,11 @@ bool connect(
         return false;
     }
     LightEnd end;
-    if (s <= 1u) {
+    if (s == 1u || escaped) {
         end = light_end_new(aim.point, aim.dir, aim.next, aim.n_next);
     }
     BsdfValue at_y, at_z;
-    double before_y = 0.0lf, before_z = 0.0lf;
+    float before_y = 0.0, before_z = 0.0;
     if (s >= 1u && t >= 2u) {
         at_z = bsdf_evaluate(z.bsdf, z.wo, aim.wi, RADIANCE);
         before_z = vertex_density_before(z, at_z.reverse_pdf_w);
@@ -172,13 +165,18 @@ bool connect(
     c.shadowed = true;
     c.optical_length = connection_length(s, t, escaped, paths, y, z, aim, direct.distance);
     if (s == 0u) {
-        MisPartials partials = z.partials;
-        if (escaped && !edge_partials_at(paths.escape.edge, h, 1.0lf, partials)) {
+        c.shadowed = false;
+        if (!escaped) {
+            c.unweighted = z.throughput * z.emitted;
+            c.others = z.hit_others;
+            return true;
+        }
+        MisPartials partials;
+        if (!edge_partials_at(paths.escape.edge, h, 1.0, partials)) {
             return false;
         }
-        c.unweighted = (escaped ? paths.escape.throughput : z.throughput) * aim.radiance;
+        c.unweighted = paths.escape.throughput * aim.radiance;
         c.others = others_s0(h, partials, end, t);
-        c.shadowed = false;
         return true;
     }
     if (t == 1u) {
@@ -189,7 +187,7 @@ bool connect(
             // The light emits towards the lens what it emitted along the path: from a surface the
             // same in all directions of its front, from the environment in the same direction.
             c.unweighted = paths.start.radiance * cos_light
-                * float(double(aim.camera.importance) / end.start);
+                * (aim.camera.importance / end.start);
             c.others = others_s1_t1(h, end, aim.camera.pdf_w);
             if (cos_light <= 0.0) {
                 return false;
@@ -205,8 +203,8 @@ bool connect(
             }
         } else {
             c.unweighted = y.throughput * at_y.f * vertex_cos(y, -aim.wi) * aim.camera.importance;
-            double here = double(aim.camera.pdf_w)
-                * double(area_factor(aim.camera.lens, y.position, y.n_geometric));
+            float here = aim.camera.pdf_w
+                * area_factor(aim.camera.lens, y.position, y.n_geometric);
             c.others = mis_partials_others(y.partials, h, here, before_y);
             c.shadowed = connection_ray(
                 y.position, y.n_geometric, aim.camera.lens, vec3(0.0), c.ray, c.distance
@@ -216,7 +214,7 @@ bool connect(
         c.unweighted = z.throughput * at_z.f * vertex_cos(z, aim.wi) * aim.radiance;
         // Rounding may place a point at the rim of a sphere on its hidden side, where no strategy
         // has a density.
-        if (!(end.direct > 0.0lf)) {
+        if (!(end.direct > 0.0)) {
             return false;
         }
         c.others = others_s1(h, z.partials, before_z, end, at_z);
@@ -224,12 +222,12 @@ bool connect(
     } else {
         c.unweighted = y.throughput * at_y.f * vertex_cos(y, -aim.wi) * at_z.f
             * vertex_cos(z, aim.wi) * z.throughput / aim.distance2;
-        double density_y = double(at_z.pdf_w)
-            * double(abs(dot(aim.wi, y.n_geometric)) / aim.distance2);
-        double density_z = double(at_y.pdf_w)
-            * double(abs(dot(aim.wi, z.n_geometric)) / aim.distance2);
-        c.others = mis_partials_others(y.partials, h, density_y, before_y)
-            + mis_partials_others(z.partials, h, density_z, before_z);
+        float density_y = at_z.pdf_w * (abs(dot(aim.wi, y.n_geometric)) / aim.distance2);
+        float density_z = at_y.pdf_w * (abs(dot(aim.wi, z.n_geometric)) / aim.distance2);
+        c.others = heuristic_add(
+            h, mis_partials_others(y.partials, h, density_y, before_y),
+            mis_partials_others(z.partials, h, density_z, before_z)
+        );
         c.shadowed = connection_ray(
             z.position, z.n_geometric, y.position, y.n_geometric, c.ray, c.distance
         );

@@ -19,31 +19,38 @@ void bdpt_sample(uvec2 pixel, inout Sampler numbers) {
             continue;
         }
         Vertex end_z;
-        if (!escaped && t >= 2u) {
-            end_z = vertices[t - 2u];
-        }
-        // No light vertex, one, one again from a lifted point, then every vertex of the light
-        // subpath.
-        for (uint slot = 0u; slot < paths.light + 3u; ++slot) {
+        end_z.terminator = NO_TERMINATOR_OFFSET;
+        // No light vertex, one, one again from a lifted point if the camera vertex has one, then
+        // every vertex of the light subpath.
+        uint slot = 0u;
+        for (uint step = 1u; slot < paths.light + 3u; slot += step) {
+            step = slot == 1u && !end_z.terminator.present ? 2u : 1u;
             uint s = slot < 2u ? slot : slot - 1u;
             bool from_lifted = slot == 2u;
             if (slot > 0u
                 && (escaped || s + t - 1u > job.max_depth || (t >= 2u && !end_z.connectible))) {
                 break;
             }
-            bool possible = t >= 2u
-                ? !from_lifted || end_z.terminator.present
-                : s >= 2u || (slot == 1u && paths.started);
-            if (!possible || !settings_includes(s, t)) {
-                continue;
-            }
-            Vertex y, z = end_z;
-            if (s >= 2u) {
-                y = vertices[MAX_DEPTH + s - 2u];
-                if (!y.connectible) {
+            bool possible = t >= 2u || s >= 2u || (s == 1u && paths.started);
+            bool used = possible && settings_includes(s, t);
+            // The camera vertex is loaded first, then each light vertex: one call for both, since
+            // compilers inline it.
+            bool loads_z = slot == 0u && !escaped && t >= 2u;
+            Vertex y;
+            if (loads_z || (used && s >= 2u)) {
+                uint index = loads_z ? t - 2u : MAX_DEPTH + s - 2u;
+                if (!loads_z && !vertex_is_connectible(index)) {
                     continue;
                 }
+                y = vertex_load(index, loads_z ? RADIANCE : IMPORTANCE);
+                if (loads_z) {
+                    end_z = y;
+                }
             }
+            if (!used) {
+                continue;
+            }
+            Vertex z = end_z;
             if (t >= 2u
                 && (from_lifted || (s >= 2u && z.terminator.present
                     && terminator_offset_has_below(z.terminator, y.position)))) {
@@ -56,7 +63,7 @@ void bdpt_sample(uvec2 pixel, inout Sampler numbers) {
             if (c.shadowed && trace_occluded(c.ray, c.distance)) {
                 continue;
             }
-            float weight = raw ? 1.0 : float(1.0lf / (1.0lf + c.others));
+            float weight = raw ? 1.0 : heuristic_weight_of_root(h, c.others);
             sink(
                 Contribution(c.pixel, c.unweighted * weight, c.unweighted, s, t, c.optical_length)
             );

@@ -20,19 +20,34 @@ struct Vertex {
     vec3 position;
     vec3 n_geometric;
     vec3 wo;
-    vec3 previous;
-    vec3 n_previous;
     float back;
     Bsdf bsdf;
     bool connectible;
     TerminatorOffset terminator;
-    uint emitter;
-    Uv uv;
+    // Of a camera vertex: emitted radiance, and the root of the MIS terms of the other strategies.
     vec3 emitted;
+    float hit_others;
     vec3 throughput;
     MisPartials partials;
     OpticalLength optical;
 };
+
+// What is stored of a vertex, 76 bytes, and 16 more with a time axis: the ray that hit the surface
+// and where, from which everything that depends only on the scene is derived again.
+struct StoredVertex {
+    Ray ray;
+    Hit hit;
+    // Row of the material, with NOT_CONNECTIBLE.
+    uint material;
+    float back;
+    float hit_others;
+    vec3 throughput;
+    MisPartials partials;
+    OpticalLength optical;
+};
+
+// Bit of `StoredVertex.material` of a vertex that cannot be connected.
+const uint NOT_CONNECTIBLE = 0x80000000u;
 
 // The vertex that an edge of a subpath leaves.
 const uint ORIGIN_LENS = 0u;
@@ -48,7 +63,7 @@ struct Edge {
     vec3 normal;
     vec3 from;
     vec3 dir;
-    double pdf_w;
+    float pdf_w;
     MisPartials partials;
 };
 
@@ -74,7 +89,7 @@ struct Subpaths {
 };
 
 // The vertices of both subpaths: camera vertices first, then light vertices.
-Vertex vertices[2u * MAX_DEPTH];
+StoredVertex vertices[2u * MAX_DEPTH];
 
 const LightPoint NO_POINT = LightPoint(NONE, vec3(0.0), vec3(0.0), Uv(0.0));
 
@@ -82,22 +97,22 @@ const LightPoint NO_POINT = LightPoint(NONE, vec3(0.0), vec3(0.0), Uv(0.0));
 Edge edge_from_lens(vec3 from, vec3 dir) {
     float pdf_w = camera_pdf_w(dir);
     bool found = pdf_w > 0.0;
-    MisPartials edge_partials = MisPartials(found ? 1.0lf : 0.0lf, 0.0lf);
+    MisPartials edge_partials = MisPartials(found ? 1.0 : 0.0, 0.0);
     return Edge(
-        ORIGIN_LENS, NO_POINT, vec3(0.0), from, dir, found ? double(pdf_w) : 1.0lf, edge_partials
+        ORIGIN_LENS, NO_POINT, vec3(0.0), from, dir, found ? pdf_w : 1.0, edge_partials
     );
 }
 
 // Returns an edge that leaves a light.
 Edge edge_from_light(LightPoint point, vec3 dir) {
     return Edge(
-        ORIGIN_LIGHT, point, point.normal, point.position, dir, 0.0lf, MisPartials(0.0lf, 0.0lf)
+        ORIGIN_LIGHT, point, point.normal, point.position, dir, 0.0, MisPartials(0.0, 0.0)
     );
 }
 
 // Computes the MIS partials at the end of an edge; `spread` converts its density to that of the end
 // point.
-bool edge_partials_at(Edge e, uint h, double spread, out MisPartials partials) {
+bool edge_partials_at(Edge e, uint h, float spread, out MisPartials partials) {
     return mis_partials_new(h, e.partials, e.pdf_w * spread, partials);
 }
 
@@ -109,7 +124,7 @@ bool edge_partials_at_surface(
     if (e.origin == ORIGIN_LIGHT) {
         LightEnd end = light_end_new(e.point, e.dir, position, n);
         MisPartials edge_partials = MisPartials(
-            heuristic_term(h, end.direct / end.start), 1.0lf / heuristic_term(h, end.start)
+            heuristic_root(h, end.direct / end.start), 1.0 / heuristic_root(h, end.start)
         );
         back = end.back;
         return mis_partials_new(h, edge_partials, end.next, partials);
@@ -118,7 +133,7 @@ bool edge_partials_at_surface(
     float distance2 = length_squared(edge);
     float scale = 1.0 / (distance2 * sqrt(distance2));
     back = abs(dot(edge, e.normal)) * scale;
-    return edge_partials_at(e, h, double(abs(dot(edge, n) * scale)), partials);
+    return edge_partials_at(e, h, abs(dot(edge, n) * scale), partials);
 }
 
 // Builds the vertex at the surface that an edge hits; false if rounding leaves it without a
@@ -127,18 +142,59 @@ bool edge_vertex_at(Edge e, uint h, Surface surface, uint mode, vec3 throughput,
     v.position = surface.position;
     v.n_geometric = surface.n_geometric;
     v.wo = -e.dir;
-    v.previous = e.from;
-    v.n_previous = e.normal;
     v.bsdf = bsdf_new(surface);
-    v.connectible = bsdf_has_density(v.bsdf);
+    v.connectible = bsdf_has_density(v.bsdf) && !surface_ends_paths(surface);
     v.terminator = surface.terminator;
-    v.emitter = surface.emitter;
-    v.uv = surface.uv;
     v.emitted = mode == RADIANCE ? surface_emitted(surface, v.wo) : vec3(0.0);
     v.throughput = throughput;
     return edge_partials_at_surface(
         e, h, surface.position, surface.n_geometric, v.partials, v.back
     );
+}
+
+// Stores a vertex at a hit of `ray` on a surface of the given material.
+void vertex_store(uint index, Vertex v, Ray ray, Hit hit, uint material) {
+    vertices[index] = StoredVertex(
+        ray, hit, v.connectible ? material : material | NOT_CONNECTIBLE, v.back, v.hit_others,
+        v.throughput, v.partials, v.optical
+    );
+}
+
+// Returns whether a stored vertex can be connected.
+bool vertex_is_connectible(uint index) {
+    return (vertices[index].material & NOT_CONNECTIBLE) == 0u;
+}
+
+// Returns a stored vertex, deriving its surface and BSDF again.
+Vertex vertex_load(uint index, uint mode) {
+    StoredVertex stored = vertices[index];
+    Surface surface = surface_with_material(
+        stored.ray, stored.hit, stored.material & ~NOT_CONNECTIBLE
+    );
+    Vertex v;
+    v.position = surface.position;
+    v.n_geometric = surface.n_geometric;
+    v.wo = -stored.ray.dir;
+    v.back = stored.back;
+    v.bsdf = bsdf_new(surface);
+    v.connectible = (stored.material & NOT_CONNECTIBLE) == 0u;
+    v.terminator = surface.terminator;
+    v.emitted = mode == RADIANCE ? surface_emitted(surface, v.wo) : vec3(0.0);
+    v.hit_others = stored.hit_others;
+    v.throughput = stored.throughput;
+    v.partials = stored.partials;
+    v.optical = stored.optical;
+    return v;
+}
+
+// Returns the root of the MIS terms of the other strategies if the camera subpath's vertex number
+// `t`, the end of this edge, is a light that the path has hit; 0 if it is none.
+float hit_others_of(Edge e, uint h, Surface surface, Vertex v, uint t) {
+    if (v.emitted == vec3(0.0)) {
+        return 0.0;
+    }
+    LightPoint point = LightPoint(surface.emitter, v.position, v.n_geometric, surface.uv);
+    return others_s0(h, v.partials, light_end_new(point, v.wo, e.from, e.normal), t);
 }
 
 // Returns the cosine by which a BSDF value towards `wi` is multiplied.
@@ -157,13 +213,13 @@ bool vertex_lifted(Vertex v, out Vertex lifted) {
 
 // Returns the other side's density of the previous vertex, if its BSDF samples that direction with
 // density `reverse_pdf_w`.
-double vertex_density_before(Vertex v, float reverse_pdf_w) {
-    return v.back > 0.0 ? double(reverse_pdf_w) * double(v.back) : 0.0lf;
+float vertex_density_before(Vertex v, float reverse_pdf_w) {
+    return v.back > 0.0 ? reverse_pdf_w * v.back : 0.0;
 }
 
 // Returns the edge of the sampled direction.
 Edge vertex_next_edge(Vertex v, uint h, uint mode, BsdfSample s) {
-    double pdf_w, before;
+    float pdf_w, before;
     if (s.delta) {
         float towards_next = abs(dot(s.wi, v.n_geometric)), back = abs(dot(v.wo, v.n_geometric));
         if (mode == RADIANCE) {
@@ -171,10 +227,10 @@ Edge vertex_next_edge(Vertex v, uint h, uint mode, BsdfSample s) {
         } else {
             towards_next *= s.eta * s.eta;
         }
-        pdf_w = double(towards_next);
-        before = double(back) * double(v.back);
+        pdf_w = towards_next;
+        before = back * v.back;
     } else {
-        pdf_w = double(s.pdf_w);
+        pdf_w = s.pdf_w;
         before = vertex_density_before(v, bsdf_pdf_w(v.bsdf, s.wi, v.wo));
     }
     MisPartials edge_partials = mis_partials_next_edge(v.partials, h, s.delta, before);
@@ -259,14 +315,11 @@ Subpaths trace_subpaths(uint h, uvec2 pixel, uint max_edges, inout Sampler numbe
                 || !edge_vertex_at(d.edge, h, surface, mode, d.throughput, v)) {
                 break;
             }
-            if (TIMES) {
-                v.optical = path_time.optical;
-            }
-            bool ends = surface_ends_paths(surface);
-            v.connectible = v.connectible && !ends;
-            vertices[(camera ? 0u : MAX_DEPTH) + count] = v;
+            v.optical = path_time.optical;
+            v.hit_others = hit_others_of(d.edge, h, surface, v, count + 2u);
+            vertex_store((camera ? 0u : MAX_DEPTH) + count, v, d.ray, hit, surface.material);
             count += 1u;
-            if (ends || count == edges) {
+            if (surface_ends_paths(surface) || count == edges) {
                 break;
             }
             float choice = next_1d(numbers);
