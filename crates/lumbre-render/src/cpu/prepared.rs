@@ -181,10 +181,7 @@ impl Trace for CountingTrace<'_> {
         self.rays.set(self.rays.get() + rays.len() as u64);
         match self.small {
             Some(small) => small.closest(rays, hits),
-            None => hits.extend(
-                rays.iter()
-                    .map(|(ray, t_max)| self.accel.closest(ray, *t_max)),
-            ),
+            None => self.accel.closest_each(rays, hits),
         }
     }
 
@@ -192,10 +189,7 @@ impl Trace for CountingTrace<'_> {
         self.rays.set(self.rays.get() + rays.len() as u64);
         match self.small {
             Some(small) => small.occluded(rays, occluded),
-            None => occluded.extend(
-                rays.iter()
-                    .map(|(ray, t_max)| self.accel.occluded(ray, *t_max)),
-            ),
+            None => self.accel.occluded_each(rays, occluded),
         }
     }
 }

@@ -7,7 +7,7 @@ use lumbre_light::transport::ray::Ray;
 use super::packed::PackedTree;
 use super::packed_node::{PackedNode, Slot, child_index};
 use super::simd::{LANES, Simd8};
-use super::traverse::nonzero_inverse;
+use super::slabs::nonzero_inverse;
 
 /// Greatest number of levels of nodes that fit the traversal stack.
 pub(crate) const MAX_LEVELS: usize = 64;

@@ -15,6 +15,8 @@
 //! | module | contents |
 //! |---|---|
 //! | `bvh8`, `traverse` | nodes and blocks of primitives of the CPU, and their traversal |
+//! | `slabs`, `stack` | tests of boxes, and the stack of the traversal |
+//! | `interleave` | traversal of several rays in turn |
 //! | [`packed`], [`packed_node`] | compressed nodes, which `vulkan-compute` traverses |
 //! | `compressed` | traversal of compressed nodes on the CPU, for the builder `cwbvh` |
 //!
@@ -33,6 +35,8 @@ pub mod bvh8;
 pub mod collapse;
 pub mod compressed;
 pub mod instances;
+#[cfg(target_arch = "x86_64")]
+mod interleave;
 pub mod intersect;
 pub mod morton;
 pub mod packed;
@@ -41,6 +45,8 @@ pub mod ploc;
 mod progress;
 pub mod reinsertion;
 pub mod simd;
+mod slabs;
+mod stack;
 #[cfg(test)]
 mod test_primitives;
 pub mod traverse;

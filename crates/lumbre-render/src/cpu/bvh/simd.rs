@@ -1,7 +1,7 @@
 //! Vectors of eight single-precision numbers for traversal, portable and with AVX2.
 //!
-//! Invariant: every operation of [`Simd8`] is the correctly rounded one of IEEE 754, and none is
-//! fused. All implementations therefore give the same bits, which
+//! Invariant: every operation of [`Simd8`] except `mul_add` is the correctly rounded one of IEEE 754.
+//! Hits of all implementations therefore have the same bits, which
 //! `crates/lumbre-render/tests/light/render/instructions.rs` checks. [`Isa`] selects the
 //! implementation once per hierarchy. The vectorised path tracer uses the vectors of `math::simd`
 //! instead.
@@ -93,6 +93,9 @@ pub trait Simd8: Copy {
     fn sub(self, other: Self) -> Self;
     /// Returns the products `self * other`.
     fn mul(self, other: Self) -> Self;
+    /// Returns `self * factor + offset`, rounded once or twice. Only box tests use it, since its
+    /// bits depend on the implementation.
+    fn mul_add(self, factor: Self, offset: Self) -> Self;
     /// Returns the quotients `self / other`.
     fn div(self, other: Self) -> Self;
     /// Returns the lesser numbers; either one if one is NaN.
@@ -161,6 +164,10 @@ impl Simd8 for Portable {
         self.zip_halves(other, |a, b| a * b)
     }
     #[inline(always)]
+    fn mul_add(self, factor: Portable, offset: Portable) -> Portable {
+        self.mul(factor).add(offset)
+    }
+    #[inline(always)]
     fn div(self, other: Portable) -> Portable {
         self.zip_halves(other, |a, b| a / b)
     }
@@ -199,8 +206,8 @@ mod x86 {
 
     use crate::cpu::bvh::simd::{LaneArray, Simd8};
 
-    /// Implementation with one vector of eight numbers. Only functions compiled for AVX2 may use
-    /// it; [`super::Isa`] ensures that they run only if the processor has it.
+    /// Implementation with one vector of eight numbers. Only functions compiled for AVX2
+    /// and FMA may use it; [`super::Isa`] ensures that they run only if the processor has it.
     #[derive(Clone, Copy, Debug)]
     pub struct Avx2(__m256);
 
@@ -251,6 +258,11 @@ mod x86 {
         fn splat(x: f32) -> Avx2 {
             // SAFETY: callers have AVX, as the type requires.
             Avx2(unsafe { _mm256_set1_ps(x) })
+        }
+        #[inline(always)]
+        fn mul_add(self, factor: Avx2, offset: Avx2) -> Avx2 {
+            // SAFETY: callers have FMA, as the type requires.
+            Avx2(unsafe { _mm256_fmadd_ps(self.0, factor.0, offset.0) })
         }
         instructions!(add => _mm256_add_ps, sub => _mm256_sub_ps, mul => _mm256_mul_ps);
         instructions!(div => _mm256_div_ps, min => _mm256_min_ps, max => _mm256_max_ps);

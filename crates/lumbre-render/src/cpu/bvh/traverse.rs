@@ -3,22 +3,18 @@
 //! Invariant: the result does not depend on the order in which nodes are visited. Boxes are tested
 //! conservatively, and ties in distance are resolved by the indices of the hits.
 
-use std::mem::MaybeUninit;
-
-use super::accel::{Accel, STACK};
-use super::bvh8::{INSTANCE, LEAF, Node};
+use super::accel::Accel;
+use super::bvh8::{INSTANCE, LEAF};
 use super::instances;
 use super::intersect;
 use super::intersect::ShearedRay;
 use super::packed::PackedTree;
-use super::simd::{Isa, LANES, LaneArray, Portable, Simd8};
+use super::simd::{Isa, LANES, Portable, Simd8};
+use super::slabs::Slabs;
+use super::stack::Stack;
 use lumbre_light::scene::compile::NONE;
 use lumbre_light::transport::ray::{Hit, Ray, Trace};
 use lumbre_light::transport::surface::is_masked_out;
-
-/// Factor on the far distance of a slab test, so that no box is missed because of rounding [Ize
-/// 2013].
-const SLAB_SLACK: f32 = 1.000_000_5;
 
 /// Factor on the distance of the best hit, beyond which boxes are skipped. It is above 1 so that
 /// rounding never skips a box with an equally near hit, whose indices may be less. Distances of
@@ -97,7 +93,7 @@ impl Accel {
     }
 
     #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt")]
     fn traverse_compressed_avx2<const ANY: bool>(
         &self,
         tree: &PackedTree,
@@ -108,7 +104,7 @@ impl Accel {
     }
 
     #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt")]
     fn traverse_avx2<const ANY: bool, const INSTANCES: bool>(
         &self,
         ray: &Ray,
@@ -127,7 +123,7 @@ impl Accel {
         t_max: f32,
     ) -> Option<Hit> {
         // With NaN every box test would succeed, even for missing children.
-        if !(ray.origin + ray.dir).element_sum().is_finite() {
+        if !is_finite(ray) {
             return None;
         }
         let mut best = BestHit::new(t_max);
@@ -180,7 +176,7 @@ impl Accel {
                     } else if others == 0 {
                         current = node.child[first];
                     } else {
-                        current = stack.push_all_but_nearest(node, first, others, &near.store());
+                        current = stack.push_all_but_nearest(node, hits, &near.store());
                     }
                     continue;
                 }
@@ -206,7 +202,7 @@ impl Accel {
     /// Tests the ray against the blocks of a leaf and returns whether a better hit was found. With
     /// `ANY` it returns at the first hit.
     #[inline(always)]
-    fn test_leaf<L: Simd8, const ANY: bool, const INSTANCES: bool>(
+    pub(super) fn test_leaf<L: Simd8, const ANY: bool, const INSTANCES: bool>(
         &self,
         first: u32,
         ray: &Ray,
@@ -302,7 +298,7 @@ impl Accel {
         ray: &Ray,
         t_max: f32,
     ) -> Option<Hit> {
-        if !(ray.origin + ray.dir).element_sum().is_finite() {
+        if !is_finite(ray) {
             return None;
         }
         let mut best = BestHit::new(t_max);
@@ -330,18 +326,24 @@ impl Accel {
     }
 }
 
+/// Returns whether all components of a ray are finite.
+#[inline(always)]
+pub(super) fn is_finite(ray: &Ray) -> bool {
+    (ray.origin + ray.dir).element_sum().is_finite()
+}
+
 /// Best hit so far.
-struct BestHit {
-    hit: Option<Hit>,
+pub(super) struct BestHit {
+    pub hit: Option<Hit>,
     /// Distance of the hit, or the maximum distance of the ray without a hit.
     t: f32,
     /// Distance beyond which boxes are skipped; `t` times [`LIMIT_SLACK`].
-    limit: f32,
+    pub limit: f32,
 }
 
 impl BestHit {
     #[inline(always)]
-    fn new(t_max: f32) -> BestHit {
+    pub fn new(t_max: f32) -> BestHit {
         BestHit {
             hit: None,
             t: t_max,
@@ -358,223 +360,29 @@ impl BestHit {
     }
 }
 
-/// Returns the inverse of a component of a direction. A zero component would give 0 * inf = NaN on
-/// a box's plane. A tiny one gives the same result and stays finite.
-#[inline(always)]
-pub(super) fn nonzero_inverse(d: f32) -> f32 {
-    1.0 / if d.abs() < 1e-20 {
-        1e-20f32.copysign(d)
-    } else {
-        d
-    }
-}
-
-/// Returns a component of the origin for the distances at which a ray leaves boxes. If it does not
-/// move along this axis, it stays inside a box whose bound it lies in, but with the tiny component
-/// of [`nonzero_inverse`] it would leave at distance 0. So it begins a little further inside.
-#[inline(always)]
-fn exit_origin(o: f32, d: f32) -> f32 {
-    if d.abs() < 1e-20 {
-        // At least 1e-7, so that the distance is at least 1e13, and a unit in the last place.
-        o - (1e-7 + o.abs() * 1.2e-7).copysign(d)
-    } else {
-        o
-    }
-}
-
-/// Ray with the precomputed values of the box test.
-struct Slabs<L> {
-    /// Origin for the distances at which the ray enters boxes.
-    origin: [L; 3],
-    /// Origin for the distances at which the ray leaves boxes; see [`exit_origin`].
-    exit_origin: [L; 3],
-    inverse: [L; 3],
-    /// Index of the bound that the ray meets first on each axis: 0 for the least, 1 for the
-    /// greatest.
-    first: [usize; 3],
-}
-
-impl<L: Simd8> Slabs<L> {
-    #[inline(always)]
-    fn new(ray: &Ray) -> Slabs<L> {
-        let (o, d) = (ray.origin, ray.dir);
-        let (x, y, z) = (
-            nonzero_inverse(d.x),
-            nonzero_inverse(d.y),
-            nonzero_inverse(d.z),
-        );
-        Slabs {
-            origin: [L::splat(o.x), L::splat(o.y), L::splat(o.z)],
-            exit_origin: [
-                L::splat(exit_origin(o.x, d.x)),
-                L::splat(exit_origin(o.y, d.y)),
-                L::splat(exit_origin(o.z, d.z)),
-            ],
-            inverse: [L::splat(x), L::splat(y), L::splat(z)],
-            first: [
-                usize::from(x < 0.0),
-                usize::from(y < 0.0),
-                usize::from(z < 0.0),
-            ],
-        }
-    }
-
-    /// Returns a bit mask of the boxes that the ray meets before `t_max`, and the distances at
-    /// which it enters them.
-    #[inline(always)]
-    fn intersect(&self, bounds: &[[LaneArray; 3]; 2], t_max: f32) -> (u32, L) {
-        let [x, y, z] = self.first;
-        let near = self
-            .enter(bounds, x, 0)
-            .max(self.enter(bounds, y, 1))
-            .max(self.enter(bounds, z, 2));
-        let far = self
-            .leave(bounds, 1 - x, 0)
-            .min(self.leave(bounds, 1 - y, 1))
-            .min(self.leave(bounds, 1 - z, 2));
-        let near = near.max(L::splat(0.0));
-        (
-            near.le(far.mul(L::splat(SLAB_SLACK)).min(L::splat(t_max))),
-            near,
-        )
-    }
-
-    /// Returns the distances to the bound of all boxes on one axis that the ray meets first.
-    #[inline(always)]
-    fn enter(&self, bounds: &[[LaneArray; 3]; 2], bound: usize, axis: usize) -> L {
-        L::load(&bounds[bound][axis])
-            .sub(self.origin[axis])
-            .mul(self.inverse[axis])
-    }
-
-    /// Returns the distances to the other bound.
-    #[inline(always)]
-    fn leave(&self, bounds: &[[LaneArray; 3]; 2], bound: usize, axis: usize) -> L {
-        L::load(&bounds[bound][axis])
-            .sub(self.exit_origin[axis])
-            .mul(self.inverse[axis])
-    }
-}
-
-/// Traversal stack. For the nearest hit its entries are children, each with the distance at which
-/// the ray enters its box; for any hit they are nodes, each with the mask of the children that are
-/// still to be visited.
-struct Stack {
-    entries: [MaybeUninit<(u32, f32)>; STACK],
-    depth: usize,
-}
-
-#[expect(unsafe_code, reason = "uninitialised entries are never read")]
-impl Stack {
-    #[inline(always)]
-    fn new() -> Stack {
-        Stack {
-            entries: [const { MaybeUninit::uninit() }; STACK],
-            depth: 0,
-        }
-    }
-
-    #[inline(always)]
-    fn push(&mut self, child: u32, near: f32) {
-        self.entries[self.depth].write((child, near));
-        self.depth += 1;
-    }
-
-    /// Pushes the children of a node in the lanes of a mask, in one entry; nothing if the mask is
-    /// zero. There is no branch, which the processor could not predict.
-    #[inline(always)]
-    fn push_children(&mut self, node: u32, lanes: u32) {
-        self.entries[self.depth].write((node, f32::from_bits(lanes)));
-        self.depth += usize::from(lanes != 0);
-    }
-
-    /// Pops one child of an entry of [`Stack::push_children`]: its node and its lane.
-    #[inline(always)]
-    fn pop_child(&mut self) -> Option<(u32, usize)> {
-        let top = self.depth.checked_sub(1)?;
-        // SAFETY: every entry below the depth was written when the depth passed it.
-        let (node, lanes) = unsafe { self.entries[top].assume_init() };
-        let lanes = lanes.to_bits();
-        let others = lanes & lanes.wrapping_sub(1);
-        self.entries[top].write((node, f32::from_bits(others)));
-        self.depth -= usize::from(others == 0);
-        Some((node, lanes.trailing_zeros() as usize % LANES))
-    }
-
-    /// Pushes the children of a node in lane `first` and in the lanes of the mask `others`, the
-    /// farthest first, except for the nearest one, which it returns.
-    #[inline(always)]
-    fn push_all_but_nearest(
-        &mut self,
-        node: &Node,
-        first: usize,
-        mut others: u32,
-        near: &LaneArray,
-    ) -> u32 {
-        let second = others.trailing_zeros() as usize % LANES;
-        others &= others - 1;
-        if others == 0 {
-            let swapped = near.0[second] < near.0[first];
-            let (nearer, farther) = if swapped {
-                (second, first)
-            } else {
-                (first, second)
-            };
-            self.push(node.child[farther], near.0[farther]);
-            return node.child[nearer];
-        }
-        let base = self.depth;
-        self.push(node.child[first], near.0[first]);
-        self.insert(base, node.child[second], near.0[second]);
-        while others != 0 {
-            let lane = others.trailing_zeros() as usize % LANES;
-            others &= others - 1;
-            self.insert(base, node.child[lane], near.0[lane]);
-        }
-        self.pop_top()
-    }
-
-    /// Inserts a child below the nearer ones of the entries from `base` on.
-    #[inline(always)]
-    fn insert(&mut self, base: usize, child: u32, near: f32) {
-        let mut index = self.depth;
-        self.depth += 1;
-        while index > base {
-            // SAFETY: the entry is below the previous depth, so it was written.
-            let before = unsafe { self.entries[index - 1].assume_init() };
-            if before.1 >= near {
-                break;
-            }
-            self.entries[index].write(before);
-            index -= 1;
-        }
-        self.entries[index].write((child, near));
-    }
-
-    /// Pops the top entry; the stack must not be empty.
-    #[inline(always)]
-    fn pop_top(&mut self) -> u32 {
-        self.depth -= 1;
-        // SAFETY: every entry below the depth was written when the depth passed it.
-        unsafe { self.entries[self.depth].assume_init() }.0
-    }
-
-    /// Pops entries until the box of one begins before `t_max`, and returns that one.
-    #[inline(always)]
-    fn pop(&mut self, t_max: f32) -> Option<u32> {
-        while self.depth > 0 {
-            self.depth -= 1;
-            // SAFETY: as in `pop_top`.
-            let (child, near) = unsafe { self.entries[self.depth].assume_init() };
-            if near < t_max {
-                return Some(child);
-            }
-        }
-        None
-    }
-}
-
 impl Trace for Accel {
+    fn closest_each(&self, rays: &[(Ray, f32)], hits: &mut Vec<Option<Hit>>) {
+        #[cfg(target_arch = "x86_64")]
+        if self.interleaves(false) {
+            let first = hits.len();
+            hits.resize(first + rays.len(), None);
+            self.trace_interleaved::<false>(rays, |i, hit| hits[first + i] = hit);
+            return;
+        }
+        hits.extend(rays.iter().map(|(ray, t_max)| self.closest(ray, *t_max)));
+    }
+
+    fn occluded_each(&self, rays: &[(Ray, f32)], hidden: &mut Vec<bool>) {
+        #[cfg(target_arch = "x86_64")]
+        if self.interleaves(true) {
+            let first = hidden.len();
+            hidden.resize(first + rays.len(), false);
+            self.trace_interleaved::<true>(rays, |i, hit| hidden[first + i] = hit.is_some());
+            return;
+        }
+        hidden.extend(rays.iter().map(|(ray, t_max)| self.occluded(ray, *t_max)));
+    }
+
     fn closest(&self, ray: &Ray, t_max: f32) -> Option<Hit> {
         Accel::closest(self, ray, t_max)
     }

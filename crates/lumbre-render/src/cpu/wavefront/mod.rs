@@ -2,8 +2,9 @@
 //! AVX2. [`Wavefront`] is the entry point.
 //!
 //! A tile is a run of consecutive samples of a row. All its paths advance by one step at a time:
-//! rays are traced one by one, or in vectors by [`small_scene`] in scenes of few primitives, hits
-//! are sorted by class of surface, and a step of the technique runs on full vectors of one class.
+//! rays are traced one by one or a few in turn, or in vectors by [`small_scene`] in scenes of few
+//! primitives, hits are sorted by class of surface, and a step of the technique runs on full vectors
+//! of one class.
 //! [`wave`] does what all techniques share. [`camera_paths`] schedules every technique that follows
 //! paths from the camera, none of which it knows by name; [`bdpt`](self::bdpt) schedules subpaths
 //! and their connections.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 use lumbre_light::math::warp::uniform_sphere;
 use lumbre_light::scene::CompiledScene;
-use lumbre_light::transport::ray::{Hit, Ray};
+use lumbre_light::transport::ray::{Hit, Ray, Trace};
 use lumbre_render::cpu::bvh::accel::Accel;
 use lumbre_render::cpu::bvh::simd::Isa;
 use lumbre_render::hierarchy::AccelSpec;
@@ -139,6 +139,50 @@ fn hits_have_the_same_bits_with_every_instruction_set() {
         }
     }
     assert!(hits > 5000, "{hits}");
+}
+
+#[test]
+fn many_rays_have_the_hits_of_single_rays() {
+    let mut found = [0; 2];
+    let scenes = [
+        (soup(7), Vec3::ZERO),
+        (stack(3e5), Vec3::new(3e5, 0.0, 3e5)),
+        (random_primitives(300), Vec3::ZERO),
+        // More than 2 MiB, from which rays are traversed in turn for any hit.
+        (random_primitives(40_000), Vec3::ZERO),
+    ];
+    for (scene, center) in scenes {
+        for isa in Isa::available() {
+            let accel = Accel::build_as(Arc::clone(&scene), &AccelSpec::default(), *isa).unwrap();
+            let limits = [f32::INFINITY, 0.7, 0.0, -1.0, 2.0];
+            let rays = rays(&scene, center, 9);
+            let queries: Vec<(Ray, f32)> =
+                rays.into_iter().zip(limits.into_iter().cycle()).collect();
+            // Fewer rays than are traversed in turn, as many, more, and all.
+            let mut rest = queries.as_slice();
+            for count in [0, 1, 2, 3, 4, 5, 6, 9, usize::MAX] {
+                let (some, others) = rest.split_at(count.min(rest.len()));
+                rest = others;
+                // The results are appended.
+                let (mut hits, mut hidden) = (vec![None; 2], vec![true; 2]);
+                accel.closest_each(some, &mut hits);
+                accel.occluded_each(some, &mut hidden);
+                assert_eq!([hits.len(), hidden.len()], [some.len() + 2; 2]);
+                assert!(hidden[0] && hits[0].is_none());
+                for (i, (ray, t_max)) in some.iter().enumerate() {
+                    assert_eq!(
+                        bits(hits[i + 2]),
+                        bits(accel.closest(ray, *t_max)),
+                        "{i} {ray:?}"
+                    );
+                    assert_eq!(hidden[i + 2], accel.occluded(ray, *t_max), "{i} {ray:?}");
+                    found[usize::from(hidden[i + 2])] += 1;
+                }
+            }
+            assert!(rest.is_empty());
+        }
+    }
+    assert!(found[0] > 1000 && found[1] > 1000, "{found:?}");
 }
 
 #[test]
