@@ -9,6 +9,7 @@
 mod errors;
 mod fairness;
 mod fixtures;
+mod golden_ids;
 mod identity;
 mod intervention;
 mod listeners;
