@@ -94,8 +94,8 @@ fn warning(
 ) -> Option<Line<'static>> {
     let text = match floor_distance(spec, value, floor) {
         FloorDistance::Far => return None,
-        FloorDistance::Near => " below twice the reference noise ",
-        FloorDistance::AtFloor => " half of it is reference noise ",
+        FloorDistance::Near => " below twice the noise ",
+        FloorDistance::AtFloor => " half of it is noise ",
     };
     Some(Line::styled(text, screen.caps.warn()))
 }

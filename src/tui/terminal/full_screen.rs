@@ -114,7 +114,7 @@ pub struct InputEvents {
 /// Terminal whose keyboard is read. crossterm 0.29 loops for ever when it reads from one that has
 /// hung up, so it must not be polled then, nor wait for a key itself.
 enum Keyboard {
-    /// Standard input.
+    /// Standard input of the process.
     Stdin,
     /// The controlling terminal.
     Controlling(File),

@@ -1,4 +1,4 @@
-//! Ids that runs of earlier versions have: whoever changes one makes finished runs unreachable.
+//! Ids that runs of earlier versions have: a change of one makes finished runs unreachable.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -72,7 +72,9 @@ return x
 /// Returns the first digits of the id of the first repeat of each case.
 fn ids(plan: &Plan) -> Vec<String> {
     let first = plan.cells.iter().filter(|cell| cell.repeat == 0);
-    first.map(|cell| cell.id.to_string()[..8].to_owned()).collect()
+    first
+        .map(|cell| cell.id.to_string()[..8].to_owned())
+        .collect()
 }
 
 #[test]

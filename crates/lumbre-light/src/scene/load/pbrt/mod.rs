@@ -16,6 +16,7 @@
 //! `docs/reference/formats.md` lists the supported directives; everything else becomes a [`Note`].
 
 mod camera;
+mod decoding;
 mod directives;
 mod environment;
 mod light;

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use glam::{Affine2, Vec2, Vec3};
 
-use super::Version;
+use super::decoding::{Decoding, decoding};
 use super::params::{Param, Params};
 use super::spectrum::{Spectra, Use};
 use super::token::truncated;
@@ -44,6 +44,19 @@ impl ImageTexture {
         m.set_mapped_texture(slot, self.image, lookup);
     }
 }
+
+/// Filters of images. Those that average over the footprint of a ray are bilinear here; the mean
+/// over the samples of a pixel averages over the footprint.
+const FILTERS: [(&str, TextureFilter); 5] = [
+    ("bilinear", TextureFilter::Bilinear),
+    ("point", TextureFilter::Nearest),
+    ("trilinear", TextureFilter::Bilinear),
+    ("ewa", TextureFilter::Bilinear),
+    ("EWA", TextureFilter::Bilinear),
+];
+
+/// Wrap modes of images.
+const WRAPS: [(&str, Wrap); 2] = [("repeat", Wrap::Repeat), ("clamp", Wrap::Clamp)];
 
 /// The value of a texture.
 #[derive(Clone, Debug)]
@@ -348,8 +361,8 @@ impl TextureReader {
             return Err(params.error("an image map needs a `filename`"));
         };
         params.mark_read(&["trilinear", "maxanisotropy"]);
-        let filter = Self::filter(params, c)?;
-        let wrap = self.wrap(params, c)?;
+        let filter = Self::word(params, "filter", &FILTERS, c)?;
+        let wrap = Self::word(params, "wrap", &WRAPS, c)?;
         let map = Self::mapping(params)?;
         let scale = params.number("scale", 1.0)? as f32;
         let invert = params.flag("invert", false)?;
@@ -394,35 +407,26 @@ impl TextureReader {
         }))
     }
 
-    /// Returns the filter of an image. Those that average over the footprint of a ray are bilinear
-    /// here, which a mean over many samples makes equal.
-    fn filter(params: &Params, c: &mut TextureContext<'_>) -> Result<TextureFilter, SceneError> {
-        Ok(match params.text("filter")? {
-            Some("point") => TextureFilter::Nearest,
-            None | Some("bilinear" | "trilinear" | "EWA" | "ewa") => TextureFilter::Bilinear,
-            Some(other) => {
-                c.notes.push(params.note(format!(
-                    "the filter `{}` is not supported; `bilinear` is used",
-                    truncated(other)
-                )));
-                TextureFilter::Bilinear
-            }
-        })
-    }
-
-    /// Returns the wrap mode of an image.
-    fn wrap(&self, params: &Params, c: &mut TextureContext<'_>) -> Result<Wrap, SceneError> {
-        Ok(match params.text("wrap")? {
-            None | Some("repeat") => Wrap::Repeat,
-            Some("clamp") => Wrap::Clamp,
-            Some(other) => {
-                c.notes.push(params.note(format!(
-                    "the wrap mode `{}` is not supported; `clamp` is used",
-                    truncated(other)
-                )));
-                Wrap::Clamp
-            }
-        })
+    /// Returns what the words of a parameter mean. The first word is the default, the last one
+    /// replaces unknown words, with a note.
+    fn word<T: Copy>(
+        params: &Params,
+        name: &str,
+        words: &[(&str, T)],
+        c: &mut TextureContext<'_>,
+    ) -> Result<T, SceneError> {
+        let Some(found) = params.text(name)? else {
+            return Ok(words[0].1);
+        };
+        if let Some((_, meaning)) = words.iter().find(|(word, _)| *word == found) {
+            return Ok(*meaning);
+        }
+        let (last, meaning) = words[words.len() - 1];
+        c.notes.push(params.note(format!(
+            "the {name} `{}` is not supported; `{last}` is used",
+            truncated(found)
+        )));
+        Ok(meaning)
     }
 
     /// Reads the image of a file. Returns `None`, with a note, if it cannot be read and the policy
@@ -520,54 +524,6 @@ const DEFAULTS: [(&str, f64); 4] = [
     ("vdelta", 0.0),
 ];
 
-/// Decoding of 8-bit texels.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Decoding {
-    Srgb,
-    /// A power; 1 is linear.
-    Power(f32),
-}
-
-impl Decoding {
-    /// Returns the linear value of a texel in 0..=1.
-    fn apply(self, x: f32) -> f32 {
-        match self {
-            Decoding::Srgb => srgb_to_linear(x),
-            Decoding::Power(gamma) => x.powf(gamma),
-        }
-    }
-}
-
-/// Returns the decoding of the 8-bit texels of an image map. Version 4 applies `encoding` to PNG
-/// files only.
-fn decoding(params: &Params, file: &str, version: Version) -> Result<Decoding, SceneError> {
-    if version == Version::V3 {
-        let coded = params.flag("gamma", true)?;
-        return Ok(if coded {
-            Decoding::Srgb
-        } else {
-            Decoding::Power(1.0)
-        });
-    }
-    let given = params.text("encoding")?.unwrap_or("sRGB");
-    let decoding = match given.split_whitespace().collect::<Vec<_>>().as_slice() {
-        ["sRGB"] => Decoding::Srgb,
-        ["linear"] => Decoding::Power(1.0),
-        ["gamma", number] => match number.parse::<f32>() {
-            Ok(gamma) if (0.01..=100.0).contains(&gamma) => Decoding::Power(gamma),
-            _ => return Err(params.error("`encoding`: expected a gamma from 0.01 to 100")),
-        },
-        _ => {
-            return Err(params.error(format!(
-                "`encoding` is `sRGB`, `linear` or `gamma NUMBER`, found `{}`",
-                truncated(given)
-            )));
-        }
-    };
-    let is_png = file.to_ascii_lowercase().ends_with(".png");
-    Ok(if is_png { decoding } else { Decoding::Srgb })
-}
-
 /// Returns the mean of a texture.
 pub(super) fn mean(value: &TextureValue, of_color: bool) -> Vec3 {
     match value {
@@ -605,7 +561,10 @@ pub(super) fn key(value: &TextureValue) -> String {
         TextureValue::Constant(c) => format!("{c}"),
         TextureValue::Image(image) => {
             let address = Arc::as_ptr(&image.image);
-            format!("{address:p} {:?} {}", image.wrap, image.map)
+            format!(
+                "{address:p} {:?} {:?} {}",
+                image.wrap, image.filter, image.map
+            )
         }
     }
 }
