@@ -12,7 +12,9 @@ use lumbre_light::film::Film;
 use lumbre_light::film::layer::Layer;
 use lumbre_light::film::ztest::{self, Estimate};
 use lumbre_light::scene::CompiledScene;
-use lumbre_light::scene::compile::{Distribution, Interface, MaskMode, Material, Model, Texture};
+use lumbre_light::scene::compile::{
+    Distribution, Interface, MaskMode, Material, Model, NONE, Texture,
+};
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::transport::integrator::{INTEGRATORS, integrator};
 use lumbre_light::transport::sampler::{INDEPENDENT, SOBOL};
@@ -287,41 +289,53 @@ fn extreme_materials_give_the_same_picture_in_compute_shaders() {
     harness::assert_no_validation_messages();
 }
 
+/// A leaf that stands on a floor, and one that shades it; `masked` makes them partly transparent.
+fn leaves(masked: bool) -> Arc<CompiledScene> {
+    let mut builder = SceneBuilder::new(Vec3::new(0.0, 0.5, 3.0), Vec3::new(0.0, 0.4, 0.0), 45.0);
+    let texels = vec![[0.2; 3], [0.8; 3], [0.5; 3], [0.35; 3]];
+    let half = builder.texture(Texture::new(2, 2, texels));
+    let leaf = Material {
+        mask_texture: if masked { half } else { NONE },
+        mask_mode: MaskMode::Blend,
+        // Dark, so that what shows through is brighter.
+        ..grey(0.1)
+    };
+    let floor = Vec3::new(-2.0, 0.0, 2.0);
+    let shade = Vec3::new(-1.0, 1.8, 0.4);
+    builder
+        .quad(floor, Vec3::X * 4.0, Vec3::Z * -4.0, grey(0.5))
+        .quad(Vec3::new(-1.0, 0.0, 0.6), Vec3::X * 2.0, Vec3::Y, leaf)
+        .quad(shade, Vec3::X * 2.0, Vec3::Z * -1.0, leaf)
+        .directional(Vec3::new(0.1, -1.0, -0.4), Vec3::splat(1.5))
+        .environment(None, Vec3::splat(0.4), 0.0)
+        .build()
+}
+
 #[test]
 fn pictures_with_blended_masks_agree_within_noise() {
     let Some(device) = harness::device() else {
         return;
     };
-    let mut builder = SceneBuilder::new(Vec3::new(0.0, 0.5, 3.0), Vec3::new(0.0, 0.4, 0.0), 45.0);
-    let texels = vec![[0.2; 3], [0.8; 3], [0.5; 3], [0.35; 3]];
-    let half = builder.texture(Texture::new(2, 2, texels));
-    let leaf = Material {
-        mask_texture: half,
-        mask_mode: MaskMode::Blend,
-        ..grey(0.7)
-    };
-    let scene = builder
-        .quad(
-            Vec3::new(-2.0, 0.0, 2.0),
-            Vec3::X * 4.0,
-            Vec3::Z * -4.0,
-            grey(0.5),
-        )
-        .quad(Vec3::new(-1.0, 0.0, 0.6), Vec3::X * 2.0, Vec3::Y, leaf)
-        .quad(
-            Vec3::new(-1.0, 1.8, 0.4),
-            Vec3::X * 2.0,
-            Vec3::Z * -1.0,
-            leaf,
-        )
-        .directional(Vec3::new(0.1, -1.0, -0.4), Vec3::splat(1.5))
-        .environment(None, Vec3::splat(0.4), 0.0)
-        .build();
+    let scene = leaves(true);
     let job = Job {
         integrator: integrator("nee").unwrap(),
         ..common::job([24, 16], 4, 5)
     };
     let expected = common::render(&scene, job.clone(), 256);
+    let compare = |found: &Film, expected: &Film| {
+        let (a, b) = (
+            [found.mean(), expected.mean()],
+            [found.variance_of_mean(), expected.variance_of_mean()],
+        );
+        let estimate = |i: usize| Estimate {
+            mean: &a[i],
+            variance: &b[i],
+        };
+        ztest::compare(estimate(0), estimate(1), 4, 0.0)
+    };
+    let ignored = common::render(&leaves(false), job.clone(), 256);
+    let test = compare(&ignored, &expected);
+    assert!(!test.agrees(1e-3, 1), "masks without effect: {test:?}");
     let kinds: Vec<TracingMode> = supported_modes(&device)
         .into_iter()
         .filter(|kind| *kind != TracingMode::Query)
@@ -338,15 +352,7 @@ fn pictures_with_blended_masks_agree_within_noise() {
             },
             256,
         );
-        let (a, b) = (
-            [found.mean(), expected.mean()],
-            [found.variance_of_mean(), expected.variance_of_mean()],
-        );
-        let estimate = |i: usize| Estimate {
-            mean: &a[i],
-            variance: &b[i],
-        };
-        let test = ztest::compare(estimate(0), estimate(1), 4, 0.0);
+        let test = compare(&found, &expected);
         println!("blended masks by {}: {test:?}", kind.backend());
         assert!(
             test.agrees(1e-3, kinds.len()),
