@@ -437,8 +437,7 @@ fn integrator_params(page: &mut Page) {
         ));
         if let Some(bias) = integrator.bias {
             page.text(&format!(
-                "It is consistent and not unbiased: {bias}. `agree` refuses it, and a reference by \
-                 it raises a warning."
+                "It is biased: {bias}. `agree` refuses it, and a reference by it raises a warning."
             ));
         }
         if !integrator.params.fields.is_empty() {

@@ -47,12 +47,11 @@ impl Default for AccelSpec {
 /// Use of the vectorised integrators of the CPU. Pictures have the same bits either way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum LaneMode {
-    /// Only if all techniques of a night can use them, so that times compare techniques and not
-    /// their degree of vectorisation.
+    /// Whenever an integrator has a vectorised implementation; the default.
     Auto,
     /// Never use them.
     Never,
-    /// Whenever an integrator has a vectorised implementation, even if others have none.
+    /// The same as [`LaneMode::Auto`], under a run id of its own.
     Always,
 }
 

@@ -38,7 +38,7 @@ pub struct RenderArgs {
     /// Picture to render.
     #[command(flatten)]
     pub picture: PictureArgs,
-    /// Technique: bpt, nee, guided, bdpt, sppm, vcm, lvc.
+    /// Technique, as `integrator` in scripts: nee, bdpt, ...
     #[arg(short, long, value_name = "NAME", default_value = "nee")]
     pub integrator: String,
     /// Stop after this many samples per pixel [default: 64, without a limit of time].

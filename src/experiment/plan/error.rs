@@ -206,7 +206,7 @@ pub enum PlanError {
     },
     /// The bias check cannot judge a technique.
     #[error(
-        "`agree` of the reference at {point}: `{name}` is consistent but biased: {bias}. The bias \
+        "`agree` of the reference at {point}: `{name}` is biased: {bias}. The bias \
          check takes pictures to differ by independent noise only: use an unbiased technique, such \
          as `bdpt`"
     )]

@@ -472,7 +472,7 @@ impl<'a> Builder<'a> {
         found
     }
 
-    /// Returns a warning for each integrator of references that is consistent but biased.
+    /// Returns a warning for each integrator of references that is biased.
     fn biased_references(&self) -> Vec<String> {
         let biased = self.references.iter().filter_map(|r| match &r.source {
             ReferenceSource::Render { config, .. } => {
@@ -482,8 +482,8 @@ impl<'a> Builder<'a> {
         });
         let warning = |(name, bias)| {
             format!(
-                "the reference is rendered by `{name}`, which is consistent but biased: {bias}. Its \
-                 error bars contain neither; errors of techniques end at its bias"
+                "the reference is rendered by `{name}`, which is biased: {bias}. Its error bars \
+                 contain none of that; errors of techniques end at its bias"
             )
         };
         let biased: BTreeSet<(&str, &str)> = biased.collect();
@@ -515,7 +515,7 @@ impl<'a> Builder<'a> {
     }
 }
 
-/// Returns the source of the bias of an integrator that is consistent but not unbiased.
+/// Returns the source of the bias of an integrator; `None` if it is unbiased.
 fn bias_of(name: &str) -> Option<&'static str> {
     integrator(name).and_then(|row| row.bias)
 }

@@ -49,3 +49,18 @@ fn the_page_of_formats_has_one_heading_for_every_loader() {
         "headings of docs/reference/formats.md and rows of scene::load::FORMATS"
     );
 }
+
+#[test]
+fn the_listing_of_an_integrator_is_the_file_that_tests_render() {
+    let path = "docs/inside/extending/integrator.md";
+    let page = text(path);
+    let (before, rest) = page.split_once("```rust\n").expect("no listing");
+    let (listing, after) = rest.split_once("```\n").expect("the listing has no end");
+    let file = text("crates/own-technique/tests/ambient_occlusion/technique.rs");
+    let inside = file.replace("lumbre_light::", "crate::");
+    if listing != inside {
+        let whole = format!("{before}```rust\n{inside}```\n{after}");
+        std::fs::write(root().join(path), whole).unwrap();
+        panic!("the listing of {path} was out of date and has been written again: commit it");
+    }
+}

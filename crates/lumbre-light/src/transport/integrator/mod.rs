@@ -52,7 +52,7 @@ pub struct Context<'a> {
     pub rr_start: Option<u32>,
     /// The parameters of the integrators of this program, parsed.
     pub settings: &'a Settings,
-    /// All parameters of the run by name, for [techniques of one's own](own); see
+    /// All parameters of the run by name, for those that one integrator alone reads; see
     /// [`Context::number`].
     pub params: &'a BTreeMap<String, Value>,
     /// Settings of the film's time axis; without one, optical lengths are not computed.
@@ -156,9 +156,9 @@ pub struct IntegratorRow {
     pub params: Table,
     /// Whether a sample can contribute to other pixels than its own.
     pub splats: bool,
-    /// Source of the bias of an integrator that is consistent but not unbiased: its error vanishes
-    /// with the number of samples, but the expected value of a picture is not the exact one. `None`
-    /// if it is unbiased.
+    /// Source of the bias, in a clause, of an integrator for which the expected value of a picture
+    /// is not the exact one, although its error may vanish with the number of samples; what it
+    /// shows, if that is no radiance. `None` if it is unbiased.
     pub bias: Option<&'static str>,
     /// Functions by which the samples of an iteration share data; `None` if they share none.
     pub sharing: Option<Sharing>,

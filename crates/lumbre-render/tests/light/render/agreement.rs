@@ -90,7 +90,7 @@ fn variants_are_all_ways_of_finding_the_light() {
         .iter()
         .map(|(row, params)| format!("{} {params:?}", row.name))
         .collect();
-    assert_eq!(names.len(), 15, "{names:?}");
+    assert!(names.len() >= 15, "{names:?}");
     for expected in ["nee {}", "nee {\"lights\"", "bdpt {\"mis\": Str(\"none\")"] {
         assert!(
             names.iter().any(|name| name.starts_with(expected)),
