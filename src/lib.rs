@@ -7,14 +7,15 @@
 //!
 //! | level | modules | what they contain |
 //! |---|---|---|
-//! | 0 | [`metrics`], [`backends`], [`text`] | image errors; the table of backends of this program; counts, lines, CSV |
+//! | 0 | [`backends`], [`text`] | the table of backends of this program; counts, lines, CSV |
 //! | 1 | [`experiment`] | sweeps, plans, stop rules, the state machine of a night |
 //! | 2 | [`script`], [`store`], [`output`], [`tui`] | Lua; result folders; files; screens |
 //! | 3 | [`explore`] | the interactive program: a picture that renders while its settings change |
 //! | 4 | [`cli`] | the command line, which connects the other modules |
 //!
 //! Light transport itself is in the crates `lumbre-light` (scenes, materials, lights, samplers,
-//! integrators), `lumbre-render` (the CPU backend, worker processes) and `lumbre-vulkan`.
+//! integrators), `lumbre-render` (the CPU backend, worker processes) and `lumbre-vulkan`, and the
+//! errors between images in `lumbre-metrics`.
 //!
 //! A program of one's own with further techniques is [`main_with`] and an [`OwnTechnique`] for each.
 //!
@@ -25,7 +26,6 @@ pub mod backends;
 pub mod cli;
 pub mod experiment;
 pub mod explore;
-pub mod metrics;
 pub mod output;
 pub mod script;
 pub mod store;

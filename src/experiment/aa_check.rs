@@ -25,7 +25,7 @@ pub struct Finding {
     /// Metric column, or `samples/s`.
     pub measure: String,
     /// Geometric mean over the pairs of the second run's value divided by the first's. Metrics
-    /// enter by their [distance](crate::metrics::MetricSpec::distance) from the best value.
+    /// enter by their [distance](lumbre_metrics::MetricSpec::distance) from the best value.
     pub ratio: f64,
     /// 95 % confidence interval of `ratio`, by Student's t on logarithms; `None` for a single pair.
     pub interval: Option<[f64; 2]>,

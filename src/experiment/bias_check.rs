@@ -6,11 +6,11 @@
 //! greatest probability of a false alarm. The noise of both pictures limits what can be detected,
 //! so the result includes the precision of the comparison.
 
-use crate::metrics::map::{Colours, ErrorMap};
 use lumbre_light::film::Image;
 use lumbre_light::film::ztest::{self, Blocks, Estimate, Judged};
 use lumbre_light::math::false_discovery_rate::discoveries;
 use lumbre_light::math::stats::normal_two_sided_p;
+use lumbre_metrics::map::{Colours, ErrorMap};
 
 /// Side of a block in pixels; small pictures use smaller blocks.
 const BLOCK: u32 = 16;

@@ -7,8 +7,8 @@ use std::path::PathBuf;
 
 use super::WaveRow;
 use super::spec::Presentation;
-use crate::metrics::MetricSpec;
 use lumbre_light::value::Value;
+use lumbre_metrics::MetricSpec;
 
 /// Contents of one night's folder.
 #[derive(Clone, Debug)]

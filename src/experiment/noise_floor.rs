@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use super::plan::Plan;
-use crate::metrics::MetricSpec;
-use crate::metrics::floor::Halves;
 use lumbre_light::film::Image;
+use lumbre_metrics::MetricSpec;
+use lumbre_metrics::floor::Halves;
 
 /// The value that the true picture would measure against one reference, for each metric in the
 /// order of the plan's columns; `None` for metrics without a floor. Empty if the noise of the

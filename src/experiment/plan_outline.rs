@@ -11,10 +11,10 @@ use super::outcome::CellRef;
 use super::plan::{Plan, ReferenceSource};
 use super::spec::{CellConfig, Point};
 use super::stop::StopRule;
-use crate::metrics::MetricSpec;
-use crate::metrics::tonemap::Tonemap;
 use lumbre_light::scene::SceneDesc;
 use lumbre_light::value::Value;
+use lumbre_metrics::MetricSpec;
+use lumbre_metrics::tonemap::Tonemap;
 
 /// A stop rule and its description.
 #[derive(Clone, Debug, PartialEq)]

@@ -6,13 +6,13 @@ use std::path::PathBuf;
 
 use super::outcome::WaveRow;
 use super::stop::StopRule;
-use crate::metrics::MetricSpec;
-use crate::metrics::tonemap::Tonemap;
 use lumbre_light::film::layer::Layer;
 use lumbre_light::transport::camera::FilterSpec;
 use lumbre_light::transport::path_time::Timing;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::duration_s;
+use lumbre_metrics::MetricSpec;
+use lumbre_metrics::tonemap::Tonemap;
 use lumbre_render::denoise::{Denoise, rendered_layers};
 use lumbre_render::hierarchy::AccelSpec;
 

@@ -26,11 +26,11 @@ use super::settings::{SceneFile, Settings};
 use super::state::State;
 use super::view::picture::PictureCache;
 use super::view::{self, Screen};
-use crate::metrics::METRICS;
 use crate::output::{exr, png};
 use crate::store::write_atomically;
 use crate::tui::terminal::terminal_caps::{Graphics, TerminalCaps};
 use lumbre_light::value::Value;
+use lumbre_metrics::METRICS;
 
 /// Scenes, settings and folder with which the program starts.
 #[derive(Clone, Debug)]

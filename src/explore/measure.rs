@@ -12,9 +12,9 @@ use std::time::{Duration, Instant};
 use super::reference::{Reference, metrics};
 use super::session::{Frame, SLOTS, Slot, lock};
 use crate::experiment::WaveRow;
-use crate::metrics::MetricSpec;
-use crate::metrics::evaluator::Evaluator;
-use crate::metrics::floor::Halves;
+use lumbre_metrics::MetricSpec;
+use lumbre_metrics::evaluator::Evaluator;
+use lumbre_metrics::floor::Halves;
 
 /// Time of rest after a measurement, in units of the time that it took.
 const REST: f64 = 2.0;

@@ -1,12 +1,12 @@
 //! The parameters of the panel, made from the schemas of the render table, of the technique and of
 //! the tone maps.
 
-use crate::metrics::tonemap::TONEMAPS;
 use crate::script::RENDER;
 use lumbre_light::transport::integrator::settings::STRATEGIES;
 use lumbre_light::transport::integrator::{IntegratorRow, integrators};
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{AUTO, Field, Table, Ty};
+use lumbre_metrics::tonemap::TONEMAPS;
 
 /// Group of parameters with a heading of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

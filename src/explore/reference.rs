@@ -6,9 +6,9 @@ use super::parameters::{self, INTEGRATOR, SEED};
 use super::session::{Frame, Slot};
 use super::settings::{SceneFile, Settings};
 use crate::experiment::WaveRow;
-use crate::metrics::floor::Halves;
-use crate::metrics::{METRICS, MetricSpec};
 use crate::tui::model::curve::Curve;
+use lumbre_metrics::floor::Halves;
+use lumbre_metrics::{METRICS, MetricSpec};
 
 /// Largest number of curves: as many as there are colours to distinguish them.
 const MOST_CURVES: usize = 6;

@@ -10,12 +10,12 @@ use super::parameters::{
     EXPOSURE, INTEGRATOR, LIMIT_SAMPLES, LIMIT_TIME, MAX_DEPTH, SEED, TONEMAP,
 };
 use crate::experiment::plan::identity;
-use crate::metrics::tonemap::Tonemap;
 use crate::script::RENDER;
 use lumbre_light::scene::desc::{CameraDesc, SceneDesc};
 use lumbre_light::scene::edit;
 use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow, integrator};
 use lumbre_light::value::Value;
+use lumbre_metrics::tonemap::Tonemap;
 
 /// Technique at the start, if the command line names none.
 const FIRST_TECHNIQUE: &str = "nee";

@@ -11,10 +11,10 @@ use super::picker::{Picker, SceneList};
 use super::reference::{Curves, Mismatch, Reference, SettingCurve, label};
 use super::session::{SLOTS, Slot};
 use super::settings::{SceneFacts, SceneFile, Settings};
-use crate::metrics::METRICS;
-use crate::metrics::tonemap::Tonemap;
 use crate::tui::modes::ChartX;
 use lumbre_light::value::Value;
+use lumbre_metrics::METRICS;
+use lumbre_metrics::tonemap::Tonemap;
 
 /// Content that covers the screen.
 #[derive(Clone, Debug, Default, PartialEq)]

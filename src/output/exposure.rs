@@ -1,7 +1,7 @@
 //! Exposure of pictures in figures.
 
-use crate::metrics::tonemap::Tonemap;
 use lumbre_light::film::Image;
+use lumbre_metrics::tonemap::Tonemap;
 
 /// Returns the sRGB tone map with a suitable exposure in whole stops, between -10 and 10. The 97th
 /// percentile of brightness becomes at most 0.9, but the median at least about 0.05, as for a room

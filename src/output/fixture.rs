@@ -9,12 +9,12 @@ use glam::Vec3;
 use crate::experiment::plan::{Cell, Plan, RunId};
 use crate::experiment::spec::{CellConfig, MeasureSpec, Snapshots};
 use crate::experiment::{CellRef, CellResult, Outcome, StopRule, WaveRow};
-use crate::metrics::MetricSpec;
-use crate::metrics::tonemap::Tonemap;
 use lumbre_light::scene::SceneDesc;
 use lumbre_light::scene::desc::CameraDesc;
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::value::Value;
+use lumbre_metrics::MetricSpec;
+use lumbre_metrics::tonemap::Tonemap;
 use lumbre_render::OpenStats;
 
 /// Name of an axis and its values.

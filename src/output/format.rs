@@ -1,9 +1,9 @@
 //! Formats names and numbers for tables, figures and CSV files.
 
 use crate::experiment::plan::Plan;
-use crate::metrics::MetricSpec;
 use lumbre_light::transport::integrator::{canonical_name, integrator};
 use lumbre_light::value::Value;
+use lumbre_metrics::MetricSpec;
 
 /// Returns the index of a metric column in the plan, and its metric.
 pub fn column<'a>(plan: &'a Plan, name: &str) -> Option<(usize, &'a MetricSpec)> {

@@ -1,9 +1,9 @@
 //! Encodes layers as PNG for viewing.
 
 use super::{OutputError, check_shape, png};
-use crate::metrics::tonemap::Tonemap;
 use lumbre_light::film::Image;
 use lumbre_light::film::layer::{LayerDisplay, LayerImage};
+use lumbre_metrics::tonemap::Tonemap;
 
 /// Colour map from 0 to the maximum as evenly spaced 8-bit sRGB values: black, violet, red, orange,
 /// white. Lightness increases monotonically, so that a greyscale print preserves the order.

@@ -9,7 +9,7 @@ use super::plot::axis::{Axis, Scale};
 use super::plot::style::{FAINT, FRAME, GRID, INK, style};
 use super::plot::svg::{Anchor, Drawing, Font};
 use super::png;
-use crate::metrics::map::{Colours, ErrorMap};
+use lumbre_metrics::map::{Colours, ErrorMap};
 use lumbre_render::lobe::fit::{COLUMNS, DelayFit, DirectionFit, ROWS};
 use lumbre_render::lobe::{BINS, Lobe, STEPS, angle_of};
 

@@ -12,9 +12,9 @@ use image::codecs::hdr::HdrDecoder;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use super::OutputError;
-use crate::metrics::tonemap::srgb_light;
 use lumbre_light::film::Image;
 use lumbre_light::scene::load::openexr;
+use lumbre_metrics::tonemap::srgb_light;
 
 /// Maximum number of pixels of a picture: 2^28, which is 3 GiB of `f32` RGB.
 const MAX_PIXELS: usize = 1 << 28;

@@ -1,9 +1,9 @@
 //! PNG files: tone-mapped pictures with 8 bits per channel and metadata as text chunks.
 
 use super::{OutputError, PREFIX, check_shape};
-use crate::metrics::map::ErrorMap;
-use crate::metrics::tonemap::Tonemap;
 use lumbre_light::film::Image;
+use lumbre_metrics::map::ErrorMap;
+use lumbre_metrics::tonemap::Tonemap;
 
 /// Encodes an image as 8-bit RGB PNG after applying `tonemap`, marked as sRGB. Each pair of `meta`
 /// becomes a text chunk `lumbre.<key>` (`tEXt`, or `iTXt` if the text is not Latin-1). NaN becomes
@@ -181,7 +181,7 @@ mod tests {
 
     #[test]
     fn error_maps_are_written_in_their_colours() {
-        let colours = crate::metrics::map::Colours::Magma;
+        let colours = lumbre_metrics::map::Colours::Magma;
         let mut map = ErrorMap {
             width: 3,
             height: 1,

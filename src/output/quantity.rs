@@ -5,7 +5,7 @@ use super::format;
 use crate::experiment::plan::Plan;
 use crate::experiment::spec::TableValue;
 use crate::experiment::{CellResult, WaveRow};
-use crate::metrics::Better;
+use lumbre_metrics::Better;
 use lumbre_render::OpenStats;
 
 /// Relation of a number to the true one.

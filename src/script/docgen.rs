@@ -6,12 +6,12 @@ use std::fmt::Write;
 use super::api::{ApiFn, FUNCTIONS, Param, experiment, measure, reference, render_schema};
 use super::api::{notify, presentation, report, stop, stop_rule};
 use super::scene;
-use crate::metrics::METRICS;
-use crate::metrics::tonemap::TONEMAPS;
 use lumbre_light::scene::desc::{MATERIAL_PARAMS, TextureSlot};
 use lumbre_light::transport::integrator::external::EXTERNALS;
 use lumbre_light::transport::integrator::{self, IntegratorRow};
 use lumbre_light::value::schema::{AUTO, Field, Table, Ty};
+use lumbre_metrics::METRICS;
+use lumbre_metrics::tonemap::TONEMAPS;
 use lumbre_render::external::technique::EXTERNAL;
 
 /// Option tables, in the order of the annotations; nested tables are printed before them.

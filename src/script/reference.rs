@@ -8,12 +8,12 @@ use std::collections::BTreeSet;
 use super::api::{ApiFn, FUNCTIONS, experiment, stop_rule};
 use super::docgen::{integrators, tables};
 use super::scene;
-use crate::metrics::METRICS;
-use crate::metrics::tonemap::TONEMAPS;
 use lumbre_light::scene::desc::{MATERIAL_PARAMS, TextureSlot};
 use lumbre_light::scene::edit::{ENTITY_PARAMS, ENVIRONMENT_PARAMS, LIGHT_PARAMS, SCENE_PARAMS};
 use lumbre_light::value::markdown::{fields_table, link, row, sentence, table_head, type_text};
 use lumbre_light::value::schema::{Table, Ty};
+use lumbre_metrics::METRICS;
+use lumbre_metrics::tonemap::TONEMAPS;
 
 /// Section of the page.
 struct Section {

@@ -15,12 +15,12 @@ use crate::experiment::plan::{Cell, Reference, ReferenceSource};
 use crate::experiment::run_progress::Claim;
 use crate::experiment::spec::{CellConfig, MeasureSpec, Snapshots};
 use crate::experiment::{CellRef, Plan, RunId, StopRule, WaveRow};
-use crate::metrics::tonemap::Tonemap;
 use lumbre_light::film::Image;
 use lumbre_light::scene::SceneDesc;
 use lumbre_light::scene::desc::CameraDesc;
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::value::Value;
+use lumbre_metrics::tonemap::Tonemap;
 
 pub(super) fn decode(bytes: &[u8]) -> Result<Image, String> {
     match bytes {

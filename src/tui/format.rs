@@ -1,8 +1,8 @@
 //! Human-readable numbers, durations and names, short enough for a table column.
 
 use crate::experiment::{CellRef, PlanOutline};
-use crate::metrics::MetricSpec;
 use crate::text;
+use lumbre_metrics::MetricSpec;
 
 /// Formats seconds with a unit, in at most seven columns: `2.1 ms`, `0.52 s`, `4m05s`, `3d04h`.
 pub fn duration(seconds: f64) -> String {

@@ -10,8 +10,8 @@ use ratatui::{Terminal, TerminalOptions, Viewport};
 
 use super::panes::{self, picture};
 use super::terminal::terminal_caps::{OutputMode, TerminalCaps, output_mode};
-use crate::metrics::tonemap::Tonemap;
 use lumbre_light::film::Image;
+use lumbre_metrics::tonemap::Tonemap;
 
 /// Rows of the terminal that the picture takes at most.
 const MAX_ROWS: u16 = 24;

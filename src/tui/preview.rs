@@ -8,8 +8,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::modes::PictureMode;
-use crate::metrics::{MetricError, MetricSpec};
 use lumbre_light::film::{Image, SharedImage};
+use lumbre_metrics::{MetricError, MetricSpec};
 
 /// Number of cached previews: the three of a wide screen, of which one may flicker, and one more.
 const CAPACITY: usize = 5;

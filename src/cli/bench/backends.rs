@@ -9,11 +9,11 @@ use serde_json::{Value as Json, json};
 use super::subject::Subject;
 use crate::backends::backend;
 use crate::cli::format::aligned;
-use crate::metrics::MetricSpec;
-use crate::metrics::evaluator::Evaluator;
 use lumbre_light::math::stats::median;
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::integrator::{IntegratorRow, integrators};
+use lumbre_metrics::MetricSpec;
+use lumbre_metrics::evaluator::Evaluator;
 use lumbre_render::{Job, Renderer};
 
 /// Path depth in edges, as in the tables of thesis S0.

@@ -10,13 +10,13 @@ use crate::cli::args::{DiffArgs, Global, MetricArgs, split, value};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{self, counted, display_path};
 use crate::cli::json;
-use crate::metrics::map::ErrorMap;
-use crate::metrics::{METRICS, MetricError, MetricSpec};
 use crate::output::picture::{self, Picture};
 use crate::output::{exr, png};
 use crate::store::{Evidence, NOISE};
 use lumbre_light::film::Image;
 use lumbre_light::value::Value;
+use lumbre_metrics::map::ErrorMap;
+use lumbre_metrics::{METRICS, MetricError, MetricSpec};
 
 /// Runs `lumbre metric`: prints the error of a picture against a reference for one or more metrics.
 pub fn metric(args: &MetricArgs, global: &Global) -> Result<Exit, Failure> {

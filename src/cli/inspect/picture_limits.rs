@@ -6,10 +6,10 @@ use serde_json::{Value as Json, json};
 use crate::cli::exit::Failure;
 use crate::cli::format::rounded;
 use crate::experiment::bias_check::check_bias;
-use crate::metrics::{Better, MetricSpec};
 use crate::output::plot::escape;
 use lumbre_light::film::Image;
 use lumbre_light::film::ztest::Estimate;
+use lumbre_metrics::{Better, MetricSpec};
 
 /// Name of the limit of the noise.
 const ZTEST: &str = "ztest";

@@ -13,9 +13,9 @@ use crate::cli::night::last_command::latest;
 use crate::cli::night::log::Log;
 use crate::cli::night::run;
 use crate::experiment::night_results::{NightResults, RunResult, efficiency};
-use crate::metrics::MetricSpec;
 use crate::store::read::night_results::read_night;
 use crate::store::{self, Evidence};
+use lumbre_metrics::MetricSpec;
 
 /// Metric by which techniques are compared.
 const METRIC: &str = "relmse";

@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use image::codecs::hdr::HdrEncoder;
 
 use crate::cli::scene::builtin::scene_name;
-use crate::metrics::tonemap::Tonemap;
 use crate::output::{exr, png};
 use lumbre_light::film::Image;
+use lumbre_metrics::tonemap::Tonemap;
 
 /// Format of a picture file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -12,9 +12,9 @@ use crate::experiment::spec::{HookError, MeasureSpec, ReferenceRequest, Snapshot
 use crate::experiment::{
     CellConfig, ExperimentSpec, Overrides, Plan, Point, ScriptHooks, StopRule,
 };
-use crate::metrics::tonemap::Tonemap;
 use crate::script;
 use lumbre_light::value::Value;
+use lumbre_metrics::tonemap::Tonemap;
 
 /// Plans the picture.
 ///

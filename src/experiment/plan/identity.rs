@@ -19,13 +19,13 @@ use crate::experiment::spec::{
     TableValue,
 };
 use crate::experiment::stop::StopRule;
-use crate::metrics::MetricSpec;
 use lumbre_light::scene::load::files;
 use lumbre_light::transport::delay;
 use lumbre_light::transport::integrator::external::{PYTHON, is_declared};
 use lumbre_light::transport::integrator::{IntegratorRow, own};
 use lumbre_light::transport::sampler::SamplerRow;
 use lumbre_light::value::Value;
+use lumbre_metrics::MetricSpec;
 use lumbre_render::external::technique;
 use lumbre_render::hierarchy::AccelSpec;
 

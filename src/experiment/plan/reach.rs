@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::Plan;
 use crate::experiment::stop::{Comparison, StopRule};
-use crate::metrics::Better;
+use lumbre_metrics::Better;
 
 /// Returns a warning for every threshold, in the stop rules of the cells measured against reference
 /// `reference`, that even the true picture would not reach. `floors` are the noise floors of the

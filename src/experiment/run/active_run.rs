@@ -11,11 +11,11 @@ use crate::experiment::outcome::{CellRef, Outcome, WaveRow};
 use crate::experiment::shards::{Shard, WorkUnit};
 use crate::experiment::spec::CellConfig;
 use crate::experiment::stop::StopRule;
-use crate::metrics::evaluator::Evaluator;
 use lumbre_light::film::layer::LayerImage;
 use lumbre_light::film::time::TimeCube;
 use lumbre_light::film::{Film, SharedImage};
 use lumbre_light::scene::SceneDesc;
+use lumbre_metrics::evaluator::Evaluator;
 use lumbre_render::OpenStats;
 
 /// Request to render a run.

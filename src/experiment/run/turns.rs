@@ -17,10 +17,10 @@ use crate::experiment::run_progress::RunProgress;
 use crate::experiment::shards::WorkUnit;
 use crate::experiment::spec::Snapshots;
 use crate::experiment::stop::StopRule;
-use crate::metrics::evaluator::Evaluator;
 use lumbre_light::film::layer::LayerImage;
 use lumbre_light::film::time::bytes;
 use lumbre_light::transport::path_time::Timing;
+use lumbre_metrics::evaluator::Evaluator;
 use lumbre_render::cpu::kept_bytes;
 use lumbre_render::{RenderError, Renderer};
 

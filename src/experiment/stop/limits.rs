@@ -1,8 +1,8 @@
 //! Static analysis of stop rules: whether a rule is valid, whether it must end a run, and when.
 
 use super::{Comparison, StopRule};
-use crate::metrics::{Better, METRICS, MetricSpec};
 use lumbre_light::value::suggest;
+use lumbre_metrics::{Better, METRICS, MetricSpec};
 
 /// Why a stop rule is invalid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

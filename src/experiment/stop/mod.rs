@@ -10,7 +10,7 @@ pub use limits::StopError;
 
 use super::outcome::WaveRow;
 use super::spec::HookError;
-use crate::metrics::MetricSpec;
+use lumbre_metrics::MetricSpec;
 use plateau::Slope;
 
 /// Comparison of a metric with a threshold.

@@ -6,10 +6,10 @@ use ratatui::text::{Line, Span};
 
 use super::Screen;
 use crate::explore::reference::{FloorDistance, SettingCurve, floor_distance, metrics};
-use crate::metrics::MetricSpec;
 use crate::tui::format;
 use crate::tui::panes::chart::{self, ChartCurve, Lines};
 use crate::tui::panes::{draw_note, pane};
+use lumbre_metrics::MetricSpec;
 
 /// Draws the pane.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {

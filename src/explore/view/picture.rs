@@ -11,7 +11,6 @@ use super::Screen;
 use crate::explore::input::PictureArea;
 use crate::explore::session::{Frame as Published, SLOTS, Slot, Status};
 use crate::explore::state::Overlay;
-use crate::metrics::tonemap::Tonemap;
 use crate::output::layer::display_values;
 use crate::tui::format;
 use crate::tui::panes::{pane, picture};
@@ -19,6 +18,7 @@ use crate::tui::preview::box_average;
 use crate::tui::terminal::graphics_protocols::{EncodedPicture, Picture};
 use crate::tui::terminal::terminal_caps::{Colors, Graphics};
 use lumbre_light::film::Image;
+use lumbre_metrics::tonemap::Tonemap;
 
 /// Inputs of a picture on the screen; equal sources give equal pictures.
 #[derive(Clone, Debug)]

@@ -8,11 +8,11 @@ use super::{
 use crate::experiment::WaveRow;
 use crate::experiment::plan::Plan;
 use crate::experiment::spec::FigureX;
-use crate::metrics::MetricSpec;
 use crate::output::format;
 use crate::output::report::metric_display::MetricDisplay;
 use crate::output::report::repeats::{BandKind, MetricCurve, band};
 use crate::output::table::is_finished;
+use lumbre_metrics::MetricSpec;
 
 /// Builds the figure of the metric columns `y`, and its data as CSV.
 pub(super) fn figure(data: &FigureData, x: FigureX, y: &[String]) -> (FigureContent, String) {

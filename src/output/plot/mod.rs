@@ -34,10 +34,10 @@ use super::table::is_finished;
 use crate::experiment::plan::Plan;
 use crate::experiment::spec::{FigureKind, FigureSpec};
 use crate::experiment::{CellRef, CellResult, WaveRow};
-use crate::metrics::MetricSpec;
 use axis::{Axis, Scale};
 use figure::{Figure, Line, Panel, SeriesEntry, covered};
 use grouping::{axis_pairs, group_axes};
+use lumbre_metrics::MetricSpec;
 use style::{Colour, style};
 
 /// Maximum length of a file stem in bytes, so that all file systems accept it with its extension.

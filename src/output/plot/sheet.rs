@@ -9,11 +9,11 @@
 use super::raster;
 use super::style::{FAINT, INK};
 use super::svg::{Anchor, Drawing, Font, wrap};
-use crate::metrics::tonemap::Tonemap;
 use crate::output::plot::sizes::{FULL, SCREEN};
 use crate::output::{OutputError, check_shape, exposure, png};
 use lumbre_light::film::Image;
 use lumbre_light::film::layer::{LayerImage, PathSubset};
+use lumbre_metrics::tonemap::Tonemap;
 
 /// Space between pictures, in points.
 const GAP: f64 = 3.0;

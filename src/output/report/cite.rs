@@ -123,8 +123,8 @@ pub fn bibliography<'a>(texts: impl Iterator<Item = &'a str>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metrics::METRICS;
     use lumbre_light::transport::integrator::INTEGRATORS;
+    use lumbre_metrics::METRICS;
     use std::collections::BTreeSet;
 
     #[test]

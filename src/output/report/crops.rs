@@ -11,14 +11,14 @@ use super::snapshots;
 use super::snapshots::{Disagreement, FacetReferences, Moment, Snapshot};
 use super::study::{ReportOptions, Study};
 use super::tables::{common_error, common_time};
-use crate::metrics::MetricSpec;
-use crate::metrics::tonemap::Tonemap;
 use crate::output::format::significant;
 use crate::output::plot::sizes::{COLUMN, FULL, SCREEN};
 use crate::output::plot::style::{FAINT, INK};
 use crate::output::plot::svg::{Anchor, Drawing, Font, shorten};
 use crate::output::{OutputError, png};
 use lumbre_light::film::Image;
+use lumbre_metrics::MetricSpec;
+use lumbre_metrics::tonemap::Tonemap;
 
 /// Maximum number of series in one figure; more crops would be too small.
 const MOST: usize = 7;

@@ -5,7 +5,6 @@
 use super::Pictures;
 use super::item::{Provenance, ReportItem};
 use super::study::{Member, Study};
-use crate::metrics::map::{Colours, ErrorMap};
 use crate::output::format::significant;
 use crate::output::plot::sheet::{Sheet, Sheets};
 use crate::output::plot::sizes::{FULL, SCREEN};
@@ -14,6 +13,7 @@ use crate::output::plot::svg::{Anchor, Drawing, Font, shorten};
 use crate::output::{OutputError, png};
 use lumbre_light::film::Image;
 use lumbre_light::film::layer::{Layer, LayerFilm, LayerImage, PathSubset};
+use lumbre_metrics::map::{Colours, ErrorMap};
 
 /// Space between pictures.
 const GAP: f64 = 3.0;

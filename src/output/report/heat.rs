@@ -7,14 +7,14 @@ use super::films::colour_bar;
 use super::item::{Provenance, ReportItem};
 use super::metric_display::MetricDisplay;
 use super::study::{ReportOptions, Study};
-use crate::metrics::colour::luminance;
-use crate::metrics::map::Colours;
 use crate::output::format;
 use crate::output::format::significant;
 use crate::output::plot::axis::Scale;
 use crate::output::plot::sizes::{FULL, SCREEN};
 use crate::output::plot::style::{FAINT, INK};
 use crate::output::plot::svg::{Anchor, Drawing, Font, shorten, text_width};
+use lumbre_metrics::colour::luminance;
+use lumbre_metrics::map::Colours;
 
 /// Width and height of a cell in points. The width is up to 1.5 times as large if there is space.
 const CELL: (f64, f64) = (46.0, 22.0);

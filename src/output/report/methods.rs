@@ -4,8 +4,8 @@ use super::cite;
 use super::item::{ItemKind, PROGRAM, Provenance, ReportItem};
 use super::study::{Member, Study};
 use crate::experiment::night_results::{NightResults, RunState};
-use crate::metrics::MetricSpec;
 use lumbre_light::transport::integrator::{IntegratorRow, integrators};
+use lumbre_metrics::MetricSpec;
 use lumbre_render::denoise::BIAS;
 use lumbre_render::external::WALL_CLOCK;
 

@@ -1,7 +1,7 @@
 //! Conversion of metrics to drawn values.
 
-use crate::metrics::{Better, MetricSpec};
 use crate::output::plot::axis::Scale;
+use lumbre_metrics::{Better, MetricSpec};
 
 /// Conversion of a metric to its drawn value. Errors have a logarithmic axis. A metric with a best
 /// value of 1 is drawn as 1 − value.

@@ -4,11 +4,11 @@
 use super::series::Series;
 use super::study::Study;
 use crate::experiment::night_results::{NightResults, RunResult};
-use crate::metrics::tonemap::Tonemap;
 use crate::output::exposure;
 use crate::output::plot::figure::SeriesEntry;
 use crate::output::plot::style::{Colour, style};
 use lumbre_light::film::Image;
+use lumbre_metrics::tonemap::Tonemap;
 
 impl Study<'_> {
     /// Returns the colour that the script gives to a run's series by one of its compared values.

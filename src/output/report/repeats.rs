@@ -193,7 +193,7 @@ mod tests {
     use std::collections::BTreeMap;
 
     use super::*;
-    use crate::metrics::MetricSpec;
+    use lumbre_metrics::MetricSpec;
 
     fn rmse(points: &[(f64, f64)]) -> MetricCurve {
         MetricCurve::new(

@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use super::ReportError;
 use super::series::{BIASED, Series};
 use crate::experiment::night_results::{NightResults, RunResult};
-use crate::metrics::{Better, MetricSpec};
 use crate::output::dependent_axes;
 use crate::output::format;
 use lumbre_light::transport::integrator::canonical_name;
+use lumbre_metrics::{Better, MetricSpec};
 use lumbre_render::denoise;
 
 /// Options of a report. All have defaults that suit most nights.

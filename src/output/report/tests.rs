@@ -12,8 +12,8 @@ use crate::experiment::WaveRow;
 use crate::experiment::night_results::{
     Machine, NightResults, ReferenceResult, RunResult, RunState,
 };
-use crate::metrics::MetricSpec;
 use lumbre_light::value::Value;
+use lumbre_metrics::MetricSpec;
 
 /// Builds a night of two scenes and two techniques with three repeats on one device. Errors fall
 /// with the square root of the samples. `nee` has half the error of `bpt` at equal samples and

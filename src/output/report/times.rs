@@ -5,7 +5,6 @@ use super::Pictures;
 use super::films::{facet_and_series_label, file_suffix, titled};
 use super::item::{Provenance, ReportItem};
 use super::study::{Member, Study};
-use crate::metrics::tonemap::Tonemap;
 use crate::output::format;
 use crate::output::plot::sizes::{FULL, SCREEN};
 use crate::output::plot::style::{FAINT, INK};
@@ -13,6 +12,7 @@ use crate::output::plot::svg::{Anchor, Drawing, Font, shorten};
 use crate::output::time::still_length;
 use crate::output::{OutputError, png};
 use lumbre_light::film::Image;
+use lumbre_metrics::tonemap::Tonemap;
 
 const GAP: f64 = 2.0;
 const NAME: Font = Font::new(7.6, INK);

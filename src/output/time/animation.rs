@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use super::{Movie, bytes, encode_error};
-use crate::metrics::tonemap::Tonemap;
 use crate::output::{OutputError, PREFIX};
+use lumbre_metrics::tonemap::Tonemap;
 
 /// Frames per second.
 const RATE: u16 = 20;

@@ -17,10 +17,10 @@ pub use still::{arrival, arrival_picture, sheet, streak_x, streak_y};
 use std::ops::Range;
 
 use super::OutputError;
-use crate::metrics::tonemap::Tonemap;
 use lumbre_light::film::Image;
 use lumbre_light::film::time::{CUBE_FILE, TimeAxis, TimeCube, time_unit};
 use lumbre_light::transport::light::luminance;
+use lumbre_metrics::tonemap::Tonemap;
 
 /// Maximum number of frames of an animation. If there are more bins, groups of bins are summed.
 pub const MAX_FRAMES: u32 = 240;

@@ -1,11 +1,11 @@
 //! Still pictures of films with a time axis: sheets of frames, streak images and arrival maps.
 
 use super::{Movie, pixel_luminance};
-use crate::metrics::map::{Colours, ErrorMap};
 use crate::output::plot::svg::{Anchor, Drawing, Font};
 use crate::output::plot::{rasterize, style::INK};
 use crate::output::{OutputError, png};
 use lumbre_light::film::Image;
+use lumbre_metrics::map::{Colours, ErrorMap};
 
 /// Number of columns of a sheet.
 const COLUMNS: u32 = 4;

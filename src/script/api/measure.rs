@@ -9,14 +9,14 @@ use mlua::{Lua, MultiValue, UserData, Value as LuaValue};
 use super::axis::is_name;
 use super::{ApiFn, Args, Param, kind};
 use crate::experiment::spec::{MeasureSpec, Snapshots};
-use crate::metrics::tonemap::{TONEMAPS, Tonemap};
-use crate::metrics::{METRICS, MetricSpec};
 use crate::script::error::ScriptError;
 use crate::script::source::SourcePlace;
 use crate::script::state::Shared;
 use crate::script::strict;
 use lumbre_light::value::schema::{Field, SchemaError, Table, Ty, duration_s, unknown_name};
 use lumbre_light::value::{Value, suggest};
+use lumbre_metrics::tonemap::{TONEMAPS, Tonemap};
+use lumbre_metrics::{METRICS, MetricSpec};
 
 /// Largest number of metric columns of one experiment.
 const MAX_COLUMNS: usize = 64;

@@ -8,12 +8,12 @@ use mlua::{Lua, Value as LuaValue};
 use super::experiment::only_once;
 use super::{ApiFn, Args, Param};
 use crate::experiment::spec::Presentation;
-use crate::metrics::tonemap::Tonemap;
 use crate::script::error::ScriptError;
 use crate::script::state::Shared;
 use crate::script::strict;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{Field, SchemaError, Table, Ty};
+use lumbre_metrics::tonemap::Tonemap;
 
 /// Longest name in characters.
 const LONGEST_NAME: usize = 60;

@@ -13,13 +13,13 @@ use crate::experiment::night_results::{
 };
 use crate::experiment::spec::Presentation;
 use crate::experiment::{CellRef, CellResult, Outcome, Plan, WaveRow};
-use crate::metrics::MetricSpec;
-use crate::metrics::tonemap::Tonemap;
 use crate::store::schema::plan::{
     EnvFile, PlanFile, PlannedCell, PlannedReference, PresentationRecord,
 };
 use crate::store::schema::run::{DONE, DoneFile, REFERENCE, RunResults};
 use crate::store::{Store, StoreError};
+use lumbre_metrics::MetricSpec;
+use lumbre_metrics::tonemap::Tonemap;
 
 /// Reads a night from its folder. References are read from the folder `refs` beside it, and runs
 /// that an earlier night of the same name finished from that night's folder. Runs and references

@@ -6,14 +6,14 @@ use std::sync::Arc;
 
 use crate::experiment::plan_outline::{CellOutline, PlanOutline, ReferenceOutline, StopOutline};
 use crate::experiment::{CellConfig, StopRule};
-use crate::metrics::MetricSpec;
-use crate::metrics::tonemap::Tonemap;
 use crate::store::schema::plan::{PlanFile, PlannedReference, StopRecord};
 use crate::store::schema::run::RenderSettings;
 use lumbre_light::film::layer::Layer;
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::transport::path_time::Timing;
 use lumbre_light::value::Value;
+use lumbre_metrics::MetricSpec;
+use lumbre_metrics::tonemap::Tonemap;
 use lumbre_render::denoise::Denoise;
 use lumbre_render::hierarchy::AccelSpec;
 

@@ -3,7 +3,6 @@
 use crate::experiment::plan::{Reference, ReferenceSource};
 use crate::experiment::spec::Presentation;
 use crate::experiment::{Cell, CellConfig, CellRef, Plan, Point, StopRule};
-use crate::metrics::MetricSpec;
 use crate::store::layout;
 use crate::store::schema::plan::{
     BiasCheckPlan, FileReference, Measurement, MetricRecord, NightSettings, PlanFile, PlannedCell,
@@ -12,6 +11,7 @@ use crate::store::schema::plan::{
 use crate::store::schema::run::{ConfigFile, PixelFilter, RenderSettings};
 use crate::store::schema::values::Named;
 use lumbre_light::value::Value;
+use lumbre_metrics::MetricSpec;
 use lumbre_render::denoise::Denoise;
 
 /// Returns the content of `plan.json`.

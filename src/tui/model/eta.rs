@@ -3,7 +3,7 @@
 use super::curve::Curve;
 use crate::experiment::stop::Comparison;
 use crate::experiment::{StopRule, WaveRow};
-use crate::metrics::{Better, MetricSpec};
+use lumbre_metrics::{Better, MetricSpec};
 
 /// Estimated remaining time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

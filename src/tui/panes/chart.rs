@@ -10,7 +10,6 @@ use ratatui::widgets::canvas::{Canvas, Context, Line as Stroke, Points};
 
 use super::pane;
 use crate::experiment::{CellRef, StopRule, WaveRow};
-use crate::metrics::{Better, MetricSpec};
 use crate::tui::axis::{AxisScale, ChartAxis};
 use crate::tui::format;
 use crate::tui::model::curve::Curve;
@@ -18,6 +17,7 @@ use crate::tui::model::night::{CurrentRun, NightModel};
 use crate::tui::modes::ChartX;
 use crate::tui::terminal::terminal_caps::TerminalCaps;
 use crate::tui::view::View;
+use lumbre_metrics::{Better, MetricSpec};
 
 /// Draws the chart pane.
 pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {

@@ -11,8 +11,6 @@ use ratatui::widgets::Paragraph;
 
 use super::pane;
 use crate::experiment::{CellRef, PlanOutline};
-use crate::metrics::colour::luminance_f32;
-use crate::metrics::tonemap::Tonemap;
 use crate::tui::format;
 use crate::tui::model::night::NightModel;
 use crate::tui::modes::PictureMode;
@@ -20,6 +18,8 @@ use crate::tui::preview::{PreviewContent, box_average};
 use crate::tui::terminal::terminal_caps::{Colors, Graphics, TerminalCaps};
 use crate::tui::view::View;
 use lumbre_light::film::Image;
+use lumbre_metrics::colour::luminance_f32;
+use lumbre_metrics::tonemap::Tonemap;
 
 /// Characters from dark to bright, for terminals without colours.
 const SHADES: &[u8] = b" .:-=+*#%@";

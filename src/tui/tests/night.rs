@@ -13,14 +13,14 @@ use crate::experiment::stop::Comparison;
 use crate::experiment::{
     Cell, CellConfig, CellRef, Event, Outcome, Plan, RunId, StopRule, WaveRow,
 };
-use crate::metrics::MetricSpec;
-use crate::metrics::tonemap::Tonemap;
 use crate::tui::model::night::NightModel;
 use lumbre_light::film::{Image, SharedImage};
 use lumbre_light::scene::SceneDesc;
 use lumbre_light::scene::desc::CameraDesc;
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::value::Value;
+use lumbre_metrics::MetricSpec;
+use lumbre_metrics::tonemap::Tonemap;
 use lumbre_render::OpenStats;
 
 fn scene() -> SceneDesc {

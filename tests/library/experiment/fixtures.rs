@@ -18,8 +18,6 @@ use lumbre::experiment::{
     CellRef, Event, ExperimentSpec, NightControls, NightSummary, Outcome, Overrides, Plan,
     PlanError, Point, RunError, RunId, ScriptHooks, Sink, SinkError, StopRule, WaveRow,
 };
-use lumbre::metrics::MetricSpec;
-use lumbre::metrics::tonemap::Tonemap;
 use lumbre_light::film::{Film, Image};
 use lumbre_light::scene::desc::{
     CameraDesc, EntityDesc, MaterialDesc, Optics, ShapeDesc, Transform,
@@ -27,6 +25,8 @@ use lumbre_light::scene::desc::{
 use lumbre_light::scene::{Note, SceneDesc, SceneError};
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::value::Value;
+use lumbre_metrics::MetricSpec;
+use lumbre_metrics::tonemap::Tonemap;
 use lumbre_render::mock::MockRenderer;
 
 pub type Hook<T> = Box<dyn Fn(&Point) -> Result<T, HookError>>;

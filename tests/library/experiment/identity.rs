@@ -8,12 +8,12 @@ use lumbre::experiment::spec::{
     TableSpec, TableValue,
 };
 use lumbre::experiment::{Plan, StopRule, stop::Comparison};
-use lumbre::metrics::MetricSpec;
-use lumbre::metrics::tonemap::Tonemap;
 use lumbre_light::film::layer::Layer;
 use lumbre_light::scene::compile::Sharing;
 use lumbre_light::transport::camera::FilterKind;
 use lumbre_light::value::Value;
+use lumbre_metrics::MetricSpec;
+use lumbre_metrics::tonemap::Tonemap;
 use lumbre_render::hierarchy::{Builder, Quality};
 
 use crate::experiment::fixtures::{Lab, at, config, ints};

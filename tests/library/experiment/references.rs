@@ -12,9 +12,9 @@ use lumbre::experiment::shards::Shard;
 use lumbre::experiment::spec::{BiasCheckRequest, CellConfig, ReferenceRequest};
 use lumbre::experiment::stop::Comparison;
 use lumbre::experiment::{CellRef, Event, Outcome, Plan, SinkError, StopRule};
-use lumbre::metrics::MetricSpec;
 use lumbre_light::film::Image;
 use lumbre_light::scene::CompiledScene;
+use lumbre_metrics::MetricSpec;
 use lumbre_render::mock::{MockRenderer, RELATIVE_SIGMA};
 use lumbre_render::{Job, RenderError, Renderer};
 

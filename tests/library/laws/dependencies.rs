@@ -6,9 +6,10 @@ use std::collections::BTreeSet;
 use super::source::text;
 
 /// Manifests of the workspace.
-const MANIFESTS: [&str; 6] = [
+const MANIFESTS: [&str; 7] = [
     "Cargo.toml",
     "crates/lumbre-light/Cargo.toml",
+    "crates/lumbre-metrics/Cargo.toml",
     "crates/lumbre-render/Cargo.toml",
     "crates/lumbre-vulkan/Cargo.toml",
     "crates/own-technique/Cargo.toml",

@@ -27,7 +27,7 @@ fn the_script_reference_is_up_to_date() {
 
 #[test]
 fn the_reference_of_metrics_is_up_to_date() {
-    check("docs/reference/metrics.md", &lumbre::metrics::reference());
+    check("docs/reference/metrics.md", &lumbre_metrics::reference());
 }
 
 #[test]

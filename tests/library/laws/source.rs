@@ -8,9 +8,10 @@ pub fn root() -> &'static Path {
 }
 
 /// Source folders of the crates of the workspace.
-pub const SOURCES: [&str; 4] = [
+pub const SOURCES: [&str; 5] = [
     "src",
     "crates/lumbre-light/src",
+    "crates/lumbre-metrics/src",
     "crates/lumbre-render/src",
     "crates/lumbre-vulkan/src",
 ];

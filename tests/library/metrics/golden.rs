@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use lumbre::metrics::MetricSpec;
 use lumbre_light::film::Image;
 use lumbre_light::value::Value;
+use lumbre_metrics::MetricSpec;
 
 struct Pair {
     name: String,

@@ -3,8 +3,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use lumbre::metrics::{Better, METRICS, MetricError, MetricRow, MetricSpec, metric};
 use lumbre_light::film::Image;
+use lumbre_metrics::{Better, METRICS, MetricError, MetricRow, MetricSpec, metric};
 
 const WIDTH: u32 = 32;
 const HEIGHT: u32 = 24;

@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use lumbre::metrics::MetricSpec;
-use lumbre::metrics::tonemap::srgb_light;
 use lumbre_light::film::Image;
 use lumbre_light::math::rng::{pcg4d, unit};
 use lumbre_light::value::Value;
+use lumbre_metrics::MetricSpec;
+use lumbre_metrics::tonemap::srgb_light;
 
 const WIDTH: u32 = 150;
 const HEIGHT: u32 = 101;

@@ -3,9 +3,9 @@
 use lumbre::experiment::spec::{
     FigureKind, FigureX, Order, Snapshots, TableFormat, TableValue, Warmup,
 };
-use lumbre::metrics::tonemap::Tonemap;
 use lumbre::script::Script;
 use lumbre_light::value::Value;
+use lumbre_metrics::tonemap::Tonemap;
 
 use crate::script::{Folder, GOOD, edited};
 

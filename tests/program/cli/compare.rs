@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use lumbre::metrics::tonemap::Tonemap;
 use lumbre::output::{exr, png};
 use lumbre_light::film::Image;
+use lumbre_metrics::tonemap::Tonemap;
 use serde_json::Value as Json;
 
 use super::workplace::Workplace;
@@ -51,7 +51,7 @@ fn json(text: &str) -> Json {
 fn every_metric_is_printed_unless_some_are_named() {
     let place = place();
     let page = place.succeed(&["metric", "a.exr", "b.exr"]).stdout;
-    for row in lumbre::metrics::METRICS {
+    for row in lumbre_metrics::METRICS {
         assert!(
             page.lines()
                 .any(|l| l.split_whitespace().next() == Some(row.name)),

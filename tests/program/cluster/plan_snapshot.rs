@@ -168,7 +168,7 @@ fn every_changed_file_of_a_plan_is_reported_by_name() {
     let write_texture = |shade: u8| {
         let bytes = lumbre::output::png::encode(
             &lumbre_light::film::Image::from_fn(2, 2, |_, _| [f32::from(shade) / 255.0; 3]),
-            lumbre::metrics::tonemap::Tonemap::Srgb { exposure: 0.0 },
+            lumbre_metrics::tonemap::Tonemap::Srgb { exposure: 0.0 },
             &[],
         );
         std::fs::write(place.path("paint.png"), bytes.unwrap()).unwrap();

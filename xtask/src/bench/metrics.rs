@@ -8,11 +8,11 @@ use serde_json::{Value as Json, json};
 
 use lumbre::cli::bench::backends::{PROTOCOL, protocol_metrics};
 use lumbre::experiment::processor_time;
-use lumbre::metrics::evaluator::Evaluator;
-use lumbre::metrics::{METRICS, MetricSpec};
 use lumbre_light::film::Image;
 use lumbre_light::math::rng::{pcg4d, unit};
 use lumbre_light::math::stats::median;
+use lumbre_metrics::evaluator::Evaluator;
+use lumbre_metrics::{METRICS, MetricSpec};
 
 /// Width and height of the images in pixels.
 pub(super) const SIZE: [u32; 2] = [1280, 720];

@@ -11,12 +11,12 @@ use super::pgfplots::PgfFigure;
 use super::repeats::BandKind;
 use super::study::Study;
 use crate::experiment::spec::FigureX;
-use crate::metrics::MetricSpec;
 use crate::output::format;
 use crate::output::plot::axis::{Axis, Scale};
 use crate::output::plot::draw::draw;
 use crate::output::plot::figure::{Figure, Panel};
 use crate::output::plot::sizes::MOST_PANELS;
+use lumbre_metrics::MetricSpec;
 use panel::panel;
 
 /// One figure of a metric: a page of facets, on all devices or on one.

@@ -16,8 +16,8 @@ use super::study::{Member, Study};
 use super::verdict::Verdict;
 use crate::experiment::WaveRow;
 use crate::experiment::night_results::{NightResults, RunState};
-use crate::metrics::map::Colours;
 use crate::output::plot::axis::Scale;
+use lumbre_metrics::map::Colours;
 
 use crate::output::plot::svg::{base64, escape};
 use crate::output::{OutputError, format};

@@ -5,8 +5,6 @@ use exr::prelude::f16;
 use serde_json::{Value as Json, json};
 
 use super::brief;
-use crate::metrics::MetricSpec;
-use crate::metrics::tonemap::Tonemap;
 use crate::output::exposure;
 use crate::output::plot::svg::base64;
 use crate::output::report::Pictures;
@@ -16,6 +14,8 @@ use crate::output::report::snapshots::{FacetReferences, Moment, Reference, Snaps
 use crate::output::report::study::Study;
 use crate::output::{OutputError, png};
 use lumbre_light::film::Image;
+use lumbre_metrics::MetricSpec;
+use lumbre_metrics::tonemap::Tonemap;
 
 /// Maximum size of the half floats of all pictures together, in bytes.
 const MOST_BYTES: usize = 48 << 20;

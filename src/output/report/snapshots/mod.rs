@@ -6,8 +6,8 @@ use super::Pictures;
 use super::metric_display::MetricDisplay;
 use super::study::{Member, Study};
 use crate::experiment::WaveRow;
-use crate::metrics::MetricSpec;
 use lumbre_light::film::Image;
+use lumbre_metrics::MetricSpec;
 
 /// Stored picture of a run with its measurements.
 #[derive(Debug)]

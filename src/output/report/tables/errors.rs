@@ -4,7 +4,6 @@ use super::ranking::Ranking;
 use super::rates::SPEED;
 use super::{empty_grid, fill_grid, mark_noise_floors, with_devices};
 use crate::experiment::{WaveRow, night_results};
-use crate::metrics::Better;
 use crate::output::format;
 use crate::output::plot::axis::Scale;
 use crate::output::quantity::{self, RunValue, crossing};
@@ -12,6 +11,7 @@ use crate::output::report::grid::{Digits, Grid};
 use crate::output::report::metric_display::MetricDisplay;
 use crate::output::report::repeats::MetricCurve;
 use crate::output::report::study::{Member, ReportOptions, Study};
+use lumbre_metrics::Better;
 
 /// Returns how values of a metric are ranked.
 fn metric_ranking(study: &Study, metric: usize) -> Ranking {

@@ -137,7 +137,7 @@ mod tests {
     use std::collections::BTreeMap;
 
     use super::*;
-    use crate::metrics::MetricSpec;
+    use lumbre_metrics::MetricSpec;
 
     fn exact(values: &[f64]) -> Vec<RunValue> {
         values.iter().map(|v| RunValue::exact(*v)).collect()

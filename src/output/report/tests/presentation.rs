@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::experiment::spec::Presentation;
-use crate::metrics::tonemap::Tonemap;
+use lumbre_metrics::tonemap::Tonemap;
 
 #[test]
 fn the_script_names_and_colours_series_and_sets_the_tone_map() {

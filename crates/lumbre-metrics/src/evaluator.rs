@@ -80,8 +80,8 @@ mod tests {
     use std::collections::BTreeMap;
     use std::sync::Arc;
 
-    use crate::metrics::METRICS;
-    use crate::metrics::evaluator::*;
+    use crate::METRICS;
+    use crate::evaluator::*;
     use lumbre_light::value::Value;
 
     #[test]

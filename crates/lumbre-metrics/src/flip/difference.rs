@@ -5,7 +5,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::filters::{Filters, Kernel};
-use crate::metrics::colour::{from_opponent, hunt_lab, hyab, largest_distance, opponent};
+use crate::colour::{from_opponent, hunt_lab, hyab, largest_distance, opponent};
 use lumbre_light::film::Image;
 
 /// Exponent of the colour distance.

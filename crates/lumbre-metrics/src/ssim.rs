@@ -262,7 +262,7 @@ mod tests {
     use std::collections::BTreeMap;
 
     use super::*;
-    use crate::metrics::MetricError;
+    use crate::MetricError;
 
     #[test]
     fn images_smaller_than_the_window_are_an_error() {

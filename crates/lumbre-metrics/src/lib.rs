@@ -1,4 +1,4 @@
-//! Metrics: errors between an image and its reference. This module depends on images only.
+//! Metrics: errors between an image and its reference. This crate depends on images only.
 //!
 //! Each metric is one file and one row of [`METRICS`]; columns, curves, stop rules and
 //! documentation follow from the row. Every metric sums in `f64`. A NaN in either image makes its

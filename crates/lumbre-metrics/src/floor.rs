@@ -161,7 +161,7 @@ mod tests {
     use std::collections::BTreeMap;
 
     use super::*;
-    use crate::metrics::METRICS;
+    use crate::METRICS;
     use lumbre_light::math::rng::{normal, pcg4d, unit};
 
     const SIZE: [u32; 2] = [96, 80];

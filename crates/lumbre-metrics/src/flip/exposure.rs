@@ -1,6 +1,6 @@
 //! Exposures and tone mappers of HDR-FLIP [Andersson et al. 2021].
 
-use crate::metrics::colour::luminance_f32;
+use crate::colour::luminance_f32;
 use lumbre_light::film::Image;
 
 /// A tone mapper as a rational function `(a x² + b x + c) / (d x² + e x + f)`.
