@@ -10,6 +10,7 @@ use glam::Vec3;
 use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
 
 use super::{canonical, openexr, read_file, unreadable};
+use crate::scene::compile::srgb_to_linear;
 use crate::scene::desc::{Texels, TextureDesc};
 use crate::scene::{Note, SceneError};
 
@@ -354,6 +355,30 @@ fn finite_texels(texels: Vec<[f32; 4]>) -> Result<Texels, String> {
 
 fn rgba8(image: DynamicImage) -> Texels {
     Texels::Rgba8(image.into_rgba8().pixels().map(|p| p.0).collect())
+}
+
+/// Returns the mean of the linear texels of an image. Those of 8 bits are decoded from sRGB if they are
+/// `of_color`.
+pub(super) fn mean_texel(image: &TextureDesc, of_color: bool) -> Vec3 {
+    let mut sum = [0.0f64; 3];
+    let mut add = |texel: [f32; 3]| {
+        sum.iter_mut()
+            .zip(texel)
+            .for_each(|(sum, x)| *sum += f64::from(x));
+    };
+    match &image.texels {
+        Texels::Rgba8(t) => t.iter().for_each(|[r, g, b, _]| {
+            let unit = [*r, *g, *b].map(|x| f32::from(x) / 255.0);
+            add(if of_color {
+                unit.map(srgb_to_linear)
+            } else {
+                unit
+            });
+        }),
+        Texels::RgbaF32(t) => t.iter().for_each(|[r, g, b, _]| add([*r, *g, *b])),
+    }
+    let count = f64::from(image.width) * f64::from(image.height);
+    Vec3::from_array(sum.map(|x| (x / count.max(1.0)) as f32))
 }
 
 #[cfg(test)]

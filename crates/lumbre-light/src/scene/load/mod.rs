@@ -5,6 +5,7 @@
 //! files.
 
 pub(super) mod default_scene;
+mod environment;
 pub mod files;
 mod folder;
 mod gltf;
@@ -17,6 +18,7 @@ pub mod openexr;
 mod pbrt;
 mod ply;
 mod scn;
+mod spectrum;
 
 pub use images::load as texture;
 pub(in crate::scene) use pbrt::environment_square;

@@ -13,6 +13,7 @@ use super::tree::{Property, PropertyValue, XmlObject};
 use crate::scene::desc::material::SMOOTH_ROUGHNESS;
 use crate::scene::desc::material_params::MIN_IOR;
 use crate::scene::desc::{Distribution, MaterialDesc, Model, TextureSlot};
+use crate::scene::load::images::mean_texel;
 use crate::scene::model_differences;
 use crate::scene::names::UniqueNames;
 use crate::scene::{Note, SceneError};
@@ -231,7 +232,10 @@ impl BsdfReader<'_> {
             return Ok(());
         }
         let alpha = o.number("alpha", 0.1)?;
-        let (u, v) = (o.number("alpha_u", alpha)?, o.number("alpha_v", alpha)?);
+        let (u, v) = (
+            self.number_or_mean(o, "alpha_u", alpha)?,
+            self.number_or_mean(o, "alpha_v", alpha)?,
+        );
         if !(u > 0.0 && v > 0.0 && u <= 1.0 && v <= 1.0) {
             return Err(o.error(format!(
                 "`alpha` must be above 0 and at most 1, found {u} and {v}"
@@ -250,6 +254,26 @@ impl BsdfReader<'_> {
         }
         self.m.anisotropic = stretch.clamp(0.0, 1.0) as f32;
         Ok(())
+    }
+
+    /// Reads a number, or the mean of its texture.
+    fn number_or_mean(
+        &mut self,
+        o: &XmlObject,
+        key: &str,
+        default: f64,
+    ) -> Result<f64, SceneError> {
+        let Some(Property::Object(t)) = o.property(key) else {
+            return o.number(key, default);
+        };
+        let Some(read) = self.number_texture(t)? else {
+            return Ok(default);
+        };
+        let mean = mean_texel(&read.image, false).x;
+        self.notes.push(t.note(format!(
+            "textures of `{key}` are not supported; their mean, {mean:.3}, is used"
+        )));
+        Ok(f64::from(mean))
     }
 
     /// Reads a conductor; a smooth one unless [`BsdfReader::rough`] follows.

@@ -1,16 +1,20 @@
 //! Lights of Mitsuba scenes: `area` on shapes, `constant`, `envmap`, `point`, `spot` and
 //! `directional`.
 
+use std::f64::consts::{PI, TAU};
 use std::rc::Rc;
+use std::sync::Arc;
 
-use glam::{DAffine3, DVec3, Vec3};
+use glam::{DMat3, DVec3, Vec3};
 
 use super::as_texture;
 use super::texture::TextureReader;
 use super::tree::XmlObject;
 use crate::scene::desc::{
-    ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightKind, MaterialDesc, TextureSlot,
+    ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightKind, MaterialDesc, TextureDesc,
+    TextureSlot,
 };
+use crate::scene::load::environment::{MAX_HEIGHT, bilinear, resampled};
 use crate::scene::{Note, SceneError};
 
 /// A light without a shape.
@@ -120,24 +124,45 @@ fn environment_map(
     if !(0.0..=1e9).contains(&scale) {
         return Err(o.error(format!("`scale` must be between 0 and 1e9, found {scale}")));
     }
-    let rotation_deg = rotation_about_y(o, &o.transform("to_world")?, notes) as f32;
-    let map = textures.image(o, file, false, notes)?;
-    if let Some(map) = &map {
+    let Some(mut map) = textures.image(o, file, false, notes)? else {
+        return Ok(None);
+    };
+    let to_world = o.transform("to_world")?.matrix3;
+    let mut rotation_deg = 0.0;
+    if let Some(angle) = rotation_about_y(&to_world) {
+        rotation_deg = angle.to_degrees() as f32;
         // Measured at 8 rows: 5.3 % of a channel's mean.
         let size = (450.0 / map.height as f32).ceil() / 10.0;
         notes.push(o.note(format!(
             "the first and the last row of an environment map are at the poles in Mitsuba, and half a \
              texel from them here: a difference of up to {size} %"
         )));
+    } else {
+        let to_map = to_world.inverse();
+        if !to_map.is_finite() {
+            return Err(o.error("`to_world` is not invertible"));
+        }
+        let size = [map.width.min(2 * MAX_HEIGHT), map.height.min(MAX_HEIGHT)];
+        map = Arc::new(resampled(&map, size, 2, &to_map, in_direction));
+        notes.push(o.note(
+            "the environment map is tilted; a map in the axes of the scene is computed, blurred by up \
+             to a texel",
+        ));
     }
-    Ok(map.map(|map| {
-        SceneLight::Environment(EnvironmentDesc {
-            source: EnvironmentSource::Map(map),
-            rotation_deg,
-            scale: scale as f32,
-            sampling: Default::default(),
-        })
-    }))
+    Ok(Some(SceneLight::Environment(EnvironmentDesc {
+        source: EnvironmentSource::Map(map),
+        rotation_deg,
+        scale: scale as f32,
+        sampling: Default::default(),
+    })))
+}
+
+/// Returns the colour of a map in a direction of its space. Its first and its last row are at the
+/// poles.
+fn in_direction(map: &TextureDesc, d: DVec3) -> [f32; 3] {
+    let x = d.x.atan2(-d.z) / TAU * f64::from(map.width) - 0.5;
+    let y = d.y.clamp(-1.0, 1.0).acos() / PI * f64::from(map.height - 1);
+    bilinear(map, x, y)
 }
 
 /// Reads a spot light.
@@ -168,17 +193,10 @@ fn spot(o: &XmlObject, notes: &mut Vec<Note>) -> Result<LightKind, SceneError> {
     })
 }
 
-/// Returns the angle of a rotation about +y in degrees, with a note if it is another rotation.
-fn rotation_about_y(o: &XmlObject, map: &DAffine3, notes: &mut Vec<Note>) -> f64 {
-    let z = map.transform_vector3(DVec3::Z);
-    let angle = z.x.atan2(z.z);
-    let upright = DAffine3::from_rotation_y(angle);
-    let straight = (0..3).all(|i| (upright.matrix3.col(i) - map.matrix3.col(i)).length() < 1e-4);
-    if !straight {
-        notes.push(o.note(
-            "rotations of an environment about other axes than the vertical one are not supported; the \
-             rest of `to_world` is ignored",
-        ));
-    }
-    angle.to_degrees()
+/// Returns the angle of a rotation about +y in radians; `None` for other maps.
+fn rotation_about_y(map: &DMat3) -> Option<f64> {
+    let angle = map.z_axis.x.atan2(map.z_axis.z);
+    let upright = DMat3::from_rotation_y(angle);
+    let straight = (0..3).all(|i| (upright.col(i) - map.col(i)).length() < 1e-4);
+    straight.then_some(angle)
 }

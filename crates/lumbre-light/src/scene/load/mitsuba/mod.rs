@@ -20,6 +20,7 @@ mod bsdf;
 mod delay;
 mod emitter;
 mod sensor;
+mod serialized;
 mod shape;
 mod supported;
 mod texture;
@@ -29,7 +30,7 @@ mod values;
 pub(super) use self::supported::SUPPORTED;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::rc::Rc;
 
 use glam::DAffine3;
@@ -86,14 +87,6 @@ pub(super) fn load(
         max_entities: bytes.saturating_add(SMALL_ENTITIES),
     };
     loader.scene(&root)
-}
-
-/// Returns the path of a file that an object refers to.
-fn relative_path(o: &XmlObject, file: &str) -> PathBuf {
-    o.file
-        .parent()
-        .unwrap_or(Path::new(""))
-        .join(file.replace('\\', "/"))
 }
 
 /// State while a scene is loaded.

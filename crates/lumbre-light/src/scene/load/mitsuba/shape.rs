@@ -1,12 +1,14 @@
 //! Shapes of Mitsuba scenes: meshes from files, generated meshes, and spheres.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::f32::consts::TAU;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::{DAffine3, DVec3, Vec2, Vec3};
 
+use super::serialized::{SerializedFile, SerializedMesh};
 use super::tree::XmlObject;
 use crate::scene::desc::{MeshDesc, ShapeDesc, Transform, mesh_hash};
 use crate::scene::load::default_scene;
@@ -37,6 +39,8 @@ pub(super) struct TransformedShape {
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct MeshKey {
     file: PathBuf,
+    /// Index of the mesh in a file of several.
+    index: u32,
     flat: bool,
     flipped: bool,
     /// Whether texture coordinates start at the bottom left, as in OBJ.
@@ -54,6 +58,8 @@ type GeneratedKey = (&'static str, [u32; 7], bool);
 #[derive(Default)]
 pub(super) struct MeshLoader {
     files: BTreeMap<MeshKey, Arc<MeshDesc>>,
+    /// Files of several meshes.
+    serialized: BTreeMap<PathBuf, SerializedFile>,
     generated: BTreeMap<GeneratedKey, Arc<MeshDesc>>,
     /// Number of triangles of all generated meshes.
     triangles: usize,
@@ -72,7 +78,7 @@ impl MeshLoader {
         let flipped = o.flag("flip_normals", false)?;
         let none = [0.0; 7];
         match o.plugin.as_str() {
-            "obj" | "ply" => {
+            "obj" | "ply" | "serialized" => {
                 let mesh = self.file(o, &transform, flipped, notes)?;
                 let stem = mesh
                     .file
@@ -190,11 +196,18 @@ impl MeshLoader {
         let Some(name) = o.text("filename")? else {
             return Err(o.error(format!("a shape `{}` needs a `filename`", o.plugin)));
         };
-        let path = super::relative_path(o, name);
+        let path = o.find_file(name);
         let is_obj = o.plugin == "obj";
         let mirrors = transform.matrix3.determinant() < 0.0;
-        let key = MeshKey {
+        let index = o.number("shape_index", 0.0)?;
+        if !(0.0..1e9).contains(&index) || index.fract() != 0.0 {
+            return Err(o.error(format!(
+                "`shape_index` must be a whole number of 0 or more, found {index}"
+            )));
+        }
+        let mut key = MeshKey {
             file: canonical(&path),
+            index: index as u32,
             flat: o.flag("face_normals", false)?,
             flipped,
             up: o.flag("flip_tex_coords", is_obj)?,
@@ -203,10 +216,14 @@ impl MeshLoader {
         if let Some(mesh) = self.files.get(&key) {
             return Ok(mesh.clone());
         }
-        let read = if is_obj {
-            obj::load_mesh(&path, "", Front::CounterClockwise, notes)
-        } else {
-            ply::load_mesh(&path, "", notes)
+        let known_as = key.clone();
+        let read = match o.plugin.as_str() {
+            "obj" => obj::load_mesh(&path, "", Front::CounterClockwise, notes),
+            "ply" => ply::load_mesh(&path, "", notes),
+            _ => self.serialized_mesh(&path, &key).map(|read| {
+                key.flat |= read.flat;
+                read.mesh
+            }),
         };
         let mut mesh = read.map_err(|e| o.error(e.to_string()))?;
         // Mitsuba uses vertex colours only through `mesh_attribute` textures. The surface of the
@@ -229,8 +246,23 @@ impl MeshLoader {
         }
         finish(&mut mesh, flipped);
         let mesh = Arc::new(mesh);
-        self.files.insert(key, mesh.clone());
+        self.files.insert(known_as, mesh.clone());
         Ok(mesh)
+    }
+
+    /// Reads a mesh of a file of several, which is read once.
+    fn serialized_mesh(
+        &mut self,
+        path: &Path,
+        key: &MeshKey,
+    ) -> Result<SerializedMesh, SceneError> {
+        let file = match self.serialized.entry(key.file.clone()) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(new) => new.insert(SerializedFile::read(path)?),
+        };
+        let mut read = file.mesh(key.index)?;
+        ply::orient_by_normals(&mut read.mesh);
+        Ok(read)
     }
 }
 

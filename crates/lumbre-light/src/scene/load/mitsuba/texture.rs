@@ -240,7 +240,7 @@ impl TextureReader {
         raw: bool,
         notes: &mut Vec<Note>,
     ) -> Result<Option<Arc<TextureDesc>>, SceneError> {
-        let path = super::relative_path(o, file);
+        let path = o.find_file(file);
         let image = match self.images.load(&path, notes) {
             Ok(image) => image,
             Err(e) if self.missing == MissingTextures::Note => {

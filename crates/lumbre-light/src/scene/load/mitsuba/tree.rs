@@ -2,16 +2,18 @@
 //! resolved, and old spellings converted.
 
 mod reader;
+mod references;
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use glam::{DAffine3, Vec3};
 
 pub(super) use self::reader::scene;
 
+use crate::scene::load::files;
 use crate::scene::{Note, SceneError};
 
 /// The value of a property.
@@ -23,7 +25,7 @@ pub(super) enum PropertyValue {
     Flag(bool),
     /// A `string` element.
     Text(String),
-    /// An `rgb` or `spectrum` element.
+    /// An `rgb` or `spectrum` element, in linear sRGB.
     Color(Vec3),
     /// A `point` or `vector` element.
     Vector(Vec3),
@@ -51,13 +53,31 @@ pub(super) struct XmlObject {
     pub file: Rc<Path>,
     /// Line in the file.
     pub line: u32,
+    /// Folders in which files are searched, in order.
+    folders: Rc<[PathBuf]>,
     /// Properties by name, in the order of the file; objects without a name have an empty one.
     pub properties: Vec<(String, Property)>,
     /// Names of the properties that were read.
     used: RefCell<BTreeSet<String>>,
 }
 
+/// Returns the path of a file that another file names: in the first of the folders that has it, else
+/// beside that file.
+fn find_file(folders: &[PathBuf], named_in: &Path, file: &str) -> PathBuf {
+    let file = file.replace('\\', "/");
+    let beside = named_in.parent().unwrap_or(Path::new("")).join(&file);
+    let mut found = folders.iter().map(|folder| folder.join(&file));
+    found
+        .find(|path| files::check(path).is_ok() && path.is_file())
+        .unwrap_or(beside)
+}
+
 impl XmlObject {
+    /// Returns the path of a file that this object names.
+    pub fn find_file(&self, file: &str) -> PathBuf {
+        find_file(&self.folders, &self.file, file)
+    }
+
     /// Returns the place for messages: `line N`.
     pub fn place(&self) -> String {
         format!("line {}", self.line)

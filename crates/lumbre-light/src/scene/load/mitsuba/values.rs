@@ -3,6 +3,7 @@
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use crate::scene::compile::srgb_to_linear;
+use crate::scene::load::spectrum::{Sampled, to_srgb, under_daylight, xyz};
 
 /// Returns the beginning of a text, for messages.
 pub(super) fn truncated(text: &str) -> String {
@@ -59,9 +60,8 @@ pub(super) fn vector(text: &str) -> Result<Vec3, String> {
     }
 }
 
-/// Parses a colour: one number, three, `#rrggbb` in sRGB, or a spectrum, whose mean is used. Also
-/// returns a note, if there is one.
-pub(super) fn color(text: &str) -> Result<(Vec3, Option<&'static str>), String> {
+/// Parses a colour: one number, three, or `#rrggbb` in sRGB.
+pub(super) fn color(text: &str) -> Result<Vec3, String> {
     let text = text.trim();
     if let Some(hex) = text.strip_prefix('#') {
         let bits = u32::from_str_radix(hex, 16)
@@ -74,22 +74,56 @@ pub(super) fn color(text: &str) -> Result<(Vec3, Option<&'static str>), String> 
             )
         })?;
         let channel = |shift: u32| srgb_to_linear(((bits >> shift) & 255) as f32 / 255.0);
-        return Ok((Vec3::new(channel(16), channel(8), channel(0)), None));
+        return Ok(Vec3::new(channel(16), channel(8), channel(0)));
     }
+    finite(vector(text)?)
+}
+
+/// A spectrum.
+#[derive(Clone, Debug)]
+pub(super) enum Spectrum {
+    /// The same value at all wavelengths.
+    Constant(f64),
+    /// Values at some wavelengths, 0 beyond them.
+    Sampled(Sampled),
+    /// A grey in RGB.
+    Grey(f64),
+    /// A colour that is no spectrum.
+    Color(Vec3),
+}
+
+impl Spectrum {
+    /// Returns the colour that the RGB variants of Mitsuba 3 use: that of light of equal energy for
+    /// emitters, and under D65 for everything else. Emission outside of sRGB is cut.
+    pub fn color(&self, emits: bool) -> Result<Vec3, String> {
+        let color = match self {
+            Spectrum::Constant(x) if emits => to_srgb() * xyz(|_| *x),
+            Spectrum::Constant(x) | Spectrum::Grey(x) => DVec3::splat(*x),
+            Spectrum::Sampled(samples) if emits => to_srgb() * xyz(|nm| samples.at_or_zero(nm)),
+            Spectrum::Sampled(samples) => under_daylight(|nm| samples.at_or_zero(nm)),
+            Spectrum::Color(color) => return Ok(*color),
+        };
+        finite(color.as_vec3().max(Vec3::ZERO))
+    }
+}
+
+/// Parses a spectrum: a number, pairs `wavelength:value`, or a colour as in old files.
+pub(super) fn spectrum(text: &str) -> Result<Spectrum, String> {
     if text.contains(':') {
-        let mut samples = Vec::new();
-        for pair in text.split([',', ' ']).filter(|p| !p.is_empty()).take(4096) {
-            let (wavelength, value) = pair
+        let words = text.split([',', ' ', '\t', '\n', '\r']);
+        let pairs = words.filter(|p| !p.is_empty()).map(|pair| {
+            let (nm, value) = pair
                 .split_once(':')
                 .ok_or("expected pairs of wavelength and value")?;
-            number(wavelength)?;
-            samples.push(number(value)?);
-        }
-        let mean = samples.iter().sum::<f64>() / samples.len().max(1) as f64;
-        let note = "spectra are not supported; the mean value is used as a grey";
-        return finite(Vec3::splat(mean as f32)).map(|c| (c, Some(note)));
+            Ok([number(nm)?, number(value)?])
+        });
+        let pairs: Vec<[f64; 2]> = pairs.collect::<Result<_, String>>()?;
+        return Ok(Spectrum::Sampled(Sampled::new(pairs)));
     }
-    finite(vector(text)?).map(|c| (c, None))
+    match text.trim().parse() {
+        Ok(x) => Ok(Spectrum::Constant(x)),
+        Err(_) => Ok(Spectrum::Color(color(text)?)),
+    }
 }
 
 /// Checks that a colour is finite.

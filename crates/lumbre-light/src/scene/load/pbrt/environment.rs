@@ -7,23 +7,8 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DMat3, DVec3};
 
-use crate::scene::compile::srgb_to_linear;
 use crate::scene::desc::{Texels, TextureDesc};
-
-/// Greatest height of a map that is computed.
-const MAX_HEIGHT: u32 = 2048;
-
-/// Linear colour of a texel.
-fn texel(image: &TextureDesc, x: u32, y: u32) -> [f32; 3] {
-    let at = y as usize * image.width as usize + x as usize;
-    match &image.texels {
-        Texels::Rgba8(t) => {
-            let [r, g, b, _] = t[at];
-            [r, g, b].map(|c| srgb_to_linear(f32::from(c) / 255.0))
-        }
-        Texels::RgbaF32(t) => [t[at][0], t[at][1], t[at][2]],
-    }
-}
+use crate::scene::load::environment::{MAX_HEIGHT, bilinear, resampled, texel};
 
 /// Returns the point in the unit square of a direction.
 fn to_square(d: DVec3) -> [f64; 2] {
@@ -65,61 +50,9 @@ fn equal_area(image: &TextureDesc, d: DVec3) -> [f32; 3] {
 
 /// Returns the colour of a map of version 3 in a direction of the light's space.
 fn equirectangular(image: &TextureDesc, d: DVec3) -> [f32; 3] {
-    let (w, h) = (i64::from(image.width), i64::from(image.height));
-    let x = d.y.atan2(d.x).rem_euclid(TAU) / TAU * w as f64 - 0.5;
-    let y = d.z.clamp(-1.0, 1.0).acos() / PI * h as f64 - 0.5;
-    let (fx, fy) = ((x - x.floor()) as f32, (y - y.floor()) as f32);
-    let at = |i: i64, j: i64| {
-        let (i, j) = (
-            (x.floor() as i64 + i).rem_euclid(w),
-            (y.floor() as i64 + j).clamp(0, h - 1),
-        );
-        texel(image, i as u32, j as u32)
-    };
-    let corners = [at(0, 0), at(1, 0), at(0, 1), at(1, 1)];
-    std::array::from_fn(|c| {
-        let row = |a: [f32; 3], b: [f32; 3]| a[c] + (b[c] - a[c]) * fx;
-        let (top, bottom) = (row(corners[0], corners[1]), row(corners[2], corners[3]));
-        top + (bottom - top) * fy
-    })
-}
-
-/// Returns the direction in the world of a point of an equirectangular map, both in 0..=1.
-fn direction(u: f64, v: f64) -> DVec3 {
-    let ((sin, cos), (x, z)) = ((PI * v).sin_cos(), (TAU * (u - 0.5)).sin_cos());
-    DVec3::new(-x * sin, cos, z * sin)
-}
-
-/// Computes a map of the world from one of a light, each texel as the mean of some directions in
-/// it.
-fn resampled(
-    image: &TextureDesc,
-    [width, height]: [u32; 2],
-    samples: u32,
-    to_light: &DMat3,
-    lookup: fn(&TextureDesc, DVec3) -> [f32; 3],
-) -> TextureDesc {
-    let mut texels = Vec::with_capacity(width as usize * height as usize);
-    let inside = |i: u32, k: u32, n: u32| {
-        (f64::from(i) + (f64::from(k) + 0.5) / f64::from(samples)) / f64::from(n)
-    };
-    for y in 0..height {
-        for x in 0..width {
-            let mut sum = [0.0f32; 3];
-            for k in 0..samples * samples {
-                let (u, v) = (
-                    inside(x, k % samples, width),
-                    inside(y, k / samples, height),
-                );
-                let d = (*to_light * direction(u, v)).normalize_or(DVec3::Z);
-                let c = lookup(image, d);
-                sum.iter_mut().zip(c).for_each(|(sum, c)| *sum += c);
-            }
-            let [r, g, b] = sum.map(|c| c / (samples * samples) as f32);
-            texels.push([r, g, b, 1.0]);
-        }
-    }
-    TextureDesc::new(&image.file, width, height, Texels::RgbaF32(texels))
+    let x = d.y.atan2(d.x).rem_euclid(TAU) / TAU * f64::from(image.width) - 0.5;
+    let y = d.z.clamp(-1.0, 1.0).acos() / PI * f64::from(image.height) - 0.5;
+    bilinear(image, x, y)
 }
 
 /// Returns the map of version 4 in the world. `to_world` is the linear map of the light.
@@ -212,6 +145,7 @@ pub(super) fn upper_illuminance(image: &TextureDesc) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::load::environment::direction;
 
     /// Returns a map whose texels contain their direction, mapped to 0..=1.
     fn directions(width: u32, height: u32, at: impl Fn(f64, f64) -> DVec3) -> TextureDesc {

@@ -15,6 +15,7 @@ use crate::scene::desc::{
     ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightKind, MaterialDesc, ShapeDesc,
     Texels, TextureDesc, TextureSlot,
 };
+use crate::scene::load::images::mean_texel;
 use crate::scene::{Note, SceneError, model_differences};
 
 /// An `AreaLightSource` directive, for the shapes after it.
@@ -378,6 +379,6 @@ fn tinted(map: &TextureDesc, by: Vec3) -> TextureDesc {
 
 /// Returns the mean luminance of an image.
 fn mean_luminance(image: &TextureDesc) -> f64 {
-    let mean = super::texture::mean_texel(image, true);
+    let mean = mean_texel(image, true);
     f64::from(mean.dot(Vec3::new(0.2126, 0.7152, 0.0722))).max(1e-30)
 }

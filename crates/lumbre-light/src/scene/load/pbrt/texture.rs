@@ -16,7 +16,7 @@ use crate::scene::compile::srgb_to_linear;
 use crate::scene::desc::{
     Lookup, MaterialDesc, Texels, TextureDesc, TextureFilter, TextureSlot, Wrap,
 };
-use crate::scene::load::images::ImageCache;
+use crate::scene::load::images::{ImageCache, mean_texel};
 use crate::scene::load::{MissingTextures, with_lenient_hint};
 use crate::scene::{Note, SceneError};
 
@@ -530,29 +530,6 @@ pub(super) fn mean(value: &TextureValue, of_color: bool) -> Vec3 {
         TextureValue::Constant(value) => *value,
         TextureValue::Image(texture) => mean_texel(&texture.image, of_color),
     }
-}
-
-/// Returns the mean of the linear texels of an image.
-pub(super) fn mean_texel(image: &TextureDesc, of_color: bool) -> Vec3 {
-    let mut sum = [0.0f64; 3];
-    let mut add = |texel: [f32; 3]| {
-        sum.iter_mut()
-            .zip(texel)
-            .for_each(|(sum, x)| *sum += f64::from(x));
-    };
-    match &image.texels {
-        Texels::Rgba8(t) => t.iter().for_each(|[r, g, b, _]| {
-            let unit = [*r, *g, *b].map(|x| f32::from(x) / 255.0);
-            add(if of_color {
-                unit.map(srgb_to_linear)
-            } else {
-                unit
-            });
-        }),
-        Texels::RgbaF32(t) => t.iter().for_each(|[r, g, b, _]| add([*r, *g, *b])),
-    }
-    let count = f64::from(image.width) * f64::from(image.height);
-    Vec3::from_array(sum.map(|x| (x / count.max(1.0)) as f32))
 }
 
 /// Returns text that is equal for equal textures of a scene.

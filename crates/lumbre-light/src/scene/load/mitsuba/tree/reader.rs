@@ -1,6 +1,5 @@
 //! Reading of XML files as a tree of [`XmlObject`]s.
 
-use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -8,15 +7,19 @@ use std::rc::Rc;
 use glam::{DAffine3, Vec3};
 use roxmltree::Node;
 
-use super::{Property, PropertyValue, XmlObject};
-use crate::scene::load::mitsuba::values;
+use super::references::{Draft, DraftProperty, Drafts, MAX_DEPTH, Reference};
+use super::{PropertyValue, XmlObject, find_file};
+use crate::scene::load::mitsuba::values::{self, Spectrum};
+use crate::scene::load::spectrum::Sampled;
 use crate::scene::load::{canonical, read_file};
 use crate::scene::{Note, SceneError};
 
 /// Greatest size of a scene file in bytes.
 const MAX_XML_BYTES: u64 = 64 << 20;
-/// Greatest nesting depth of objects, and of includes.
-const MAX_DEPTH: usize = 32;
+/// Greatest size of a file with a spectrum in bytes.
+const MAX_SPECTRUM_BYTES: u64 = 1 << 20;
+/// Greatest number of folders in which files are searched.
+const MAX_FOLDERS: usize = 16;
 /// Greatest number of bytes by which the variables in an attribute may lengthen it.
 const MAX_GROWTH: usize = 4096;
 /// Greatest ratio of the bytes read to the size of all files: how often files may be included on
@@ -51,8 +54,10 @@ pub(in crate::scene::load::mitsuba) fn scene(
     path: &Path,
     notes: &mut Vec<Note>,
 ) -> Result<(Rc<XmlObject>, usize), SceneError> {
+    let folder = path.parent().unwrap_or(Path::new("")).to_owned();
     let mut reader = XmlReader {
-        ids: BTreeMap::new(),
+        drafts: Drafts::default(),
+        folders: vec![folder],
         defaults: BTreeMap::new(),
         longest_name: 0,
         files: Vec::new(),
@@ -61,12 +66,15 @@ pub(in crate::scene::load::mitsuba) fn scene(
         notes,
     };
     let root = reader.file(path)?;
-    Ok((root, reader.sizes.values().sum()))
+    let bytes = reader.sizes.values().sum();
+    Ok((reader.drafts.object(root, reader.folders)?, bytes))
 }
 
 /// State while files are read.
 struct XmlReader<'n> {
-    ids: BTreeMap<String, Rc<XmlObject>>,
+    drafts: Drafts,
+    /// Folders in which files are searched, in order.
+    folders: Vec<PathBuf>,
     defaults: BTreeMap<String, String>,
     /// Length of the longest name in `defaults`.
     longest_name: usize,
@@ -119,8 +127,8 @@ impl Element<'_, '_> {
 }
 
 impl XmlReader<'_> {
-    /// Reads a file as an object.
-    fn file(&mut self, path: &Path) -> Result<Rc<XmlObject>, SceneError> {
+    /// Reads a file as an object, and returns its index.
+    fn file(&mut self, path: &Path) -> Result<usize, SceneError> {
         let malformed = |place: String, problem: String| SceneError::Malformed {
             file: path.to_owned(),
             place,
@@ -177,8 +185,8 @@ impl XmlReader<'_> {
         root
     }
 
-    /// Reads an element as an object.
-    fn object(&mut self, element: &Element, depth: usize) -> Result<Rc<XmlObject>, SceneError> {
+    /// Reads an element as an object, and returns its index.
+    fn object(&mut self, element: &Element, depth: usize) -> Result<usize, SceneError> {
         if depth > MAX_DEPTH {
             return Err(element.error(format!(
                 "objects are nested more than {MAX_DEPTH} levels deep"
@@ -186,32 +194,33 @@ impl XmlReader<'_> {
         }
         let node = element.node;
         let id = self.attribute(element, "id")?;
-        let mut object = XmlObject {
+        let mut object = Draft {
             class: node.tag_name().name().to_owned(),
             plugin: self.attribute(element, "type")?.unwrap_or_default(),
             id: id.clone(),
             file: element.file.clone(),
             line: element.line(),
             properties: Vec::new(),
-            used: RefCell::default(),
         };
         for child in node.children().filter(Node::is_element) {
             self.child(&element.with_node(child), &mut object, depth)?;
         }
-        let object = Rc::new(object);
+        let index = self.drafts.objects.len();
+        self.drafts.objects.push(object);
         if let Some(id) = id
-            && self.ids.insert(id.clone(), object.clone()).is_some()
+            && self.drafts.ids.insert(id.clone(), index).is_some()
         {
-            return Err(element.error(format!("two objects have the id `{id}`")));
+            let shown = values::truncated(&id);
+            return Err(element.error(format!("two objects have the id `{shown}`")));
         }
-        Ok(object)
+        Ok(index)
     }
 
     /// Reads a child element: a directive, a reference, an object or a value.
     fn child(
         &mut self,
         child: &Element,
-        object: &mut XmlObject,
+        object: &mut Draft,
         depth: usize,
     ) -> Result<(), SceneError> {
         let name = values::snake_case(&self.attribute(child, "name")?.unwrap_or_default());
@@ -226,50 +235,55 @@ impl XmlReader<'_> {
             }
             "include" => {
                 let file = self.required(child, "filename")?;
-                let folder = child.file.parent().unwrap_or(Path::new(""));
-                let included = self.file(&folder.join(file.replace('\\', "/")))?;
-                object
-                    .properties
-                    .extend(included.properties.iter().cloned());
+                let included = self.file(&find_file(&self.folders, &child.file, &file))?;
+                let inside = &mut self.drafts.objects[included].properties;
+                object.properties.append(inside);
             }
             "alias" => {
-                let (id, alias) = (self.required(child, "id")?, self.required(child, "as")?);
-                let target = self.target(child, &id)?;
-                self.ids.insert(alias, target);
+                let of = self.reference(child)?;
+                let alias = self.required(child, "as")?;
+                self.drafts.aliases.insert(alias, of);
             }
             "ref" => {
-                let id = self.required(child, "id")?;
-                let target = self.target(child, &id)?;
-                object.properties.push((name, Property::Object(target)));
+                let target = DraftProperty::Reference(self.reference(child)?);
+                object.properties.push((name, target));
             }
-            "path" => self.notes.push(Note {
-                file: child.file.to_path_buf(),
-                place: format!("line {}", child.line()),
-                message: "files are searched in the folder of the scene only; `path` is ignored"
-                    .to_owned(),
-            }),
+            "path" => self.search_path(child)?,
             class if CLASSES.contains(&class) => {
                 let inner = self.object(child, depth + 1)?;
-                object.properties.push((name, Property::Object(inner)));
+                object.properties.push((name, DraftProperty::Object(inner)));
             }
             _ => {
-                let value = self.value(child)?;
-                object.properties.push((name, Property::Value(value)));
+                let value = self.value(child, object.class == "emitter")?;
+                object.properties.push((name, DraftProperty::Value(value)));
             }
         }
         Ok(())
     }
 
-    /// Returns the object with an id.
-    fn target(&self, element: &Element, id: &str) -> Result<Rc<XmlObject>, SceneError> {
-        self.ids
-            .get(id)
-            .cloned()
-            .ok_or_else(|| element.error(format!("no earlier object has the id `{id}`")))
+    /// Reads a reference to an object.
+    fn reference(&self, element: &Element) -> Result<Reference, SceneError> {
+        Ok(Reference {
+            id: self.required(element, "id")?,
+            file: element.file.clone(),
+            line: element.line(),
+        })
     }
 
-    /// Reads an element as the value of a property.
-    fn value(&mut self, element: &Element) -> Result<PropertyValue, SceneError> {
+    /// Adds a folder in which files are searched before all others.
+    fn search_path(&mut self, element: &Element) -> Result<(), SceneError> {
+        let value = self.required(element, "value")?;
+        let own = element.file.parent().unwrap_or(Path::new(""));
+        let folder = own.join(value.replace('\\', "/"));
+        if self.folders.len() >= MAX_FOLDERS {
+            return Err(element.error(format!("more than {MAX_FOLDERS} folders are searched")));
+        }
+        self.folders.insert(0, folder);
+        Ok(())
+    }
+
+    /// Reads an element as the value of a property. `emits` is set inside of emitters.
+    fn value(&mut self, element: &Element, emits: bool) -> Result<PropertyValue, SceneError> {
         let fail = |problem: String| element.error(problem);
         let value = |reader: &Self| reader.required(element, "value");
         Ok(match element.node.tag_name().name() {
@@ -287,17 +301,10 @@ impl XmlReader<'_> {
                 }
             },
             "string" => PropertyValue::Text(value(self)?),
-            "rgb" | "srgb" | "spectrum" => {
-                let (color, note) = values::color(&value(self)?).map_err(fail)?;
-                if let Some(message) = note {
-                    let place = format!("line {}", element.line());
-                    self.notes.push(Note {
-                        file: element.file.to_path_buf(),
-                        place,
-                        message: message.to_owned(),
-                    });
-                }
-                PropertyValue::Color(color)
+            "rgb" | "srgb" => PropertyValue::Color(values::color(&value(self)?).map_err(fail)?),
+            "spectrum" => {
+                let spectrum = self.spectrum(element)?;
+                PropertyValue::Color(spectrum.color(emits).map_err(fail)?)
             }
             "point" | "vector" => PropertyValue::Vector(self.vector(element, Vec3::ZERO)?),
             "transform" => {
@@ -317,6 +324,41 @@ impl XmlReader<'_> {
                 )));
             }
         })
+    }
+
+    /// Reads a spectrum: its `value`, a file, or one of the plugins that are greys in RGB.
+    fn spectrum(&self, element: &Element) -> Result<Spectrum, SceneError> {
+        let fail = |problem: String| element.error(problem);
+        if let Some(file) = self.attribute(element, "filename")? {
+            let path = find_file(&self.folders, &element.file, &file);
+            let bytes = read_file(&path, MAX_SPECTRUM_BYTES)?;
+            let read = Sampled::from_text(&String::from_utf8_lossy(&bytes));
+            return read.map(Spectrum::Sampled).ok_or_else(|| {
+                let shown = path.display();
+                fail(format!("{shown}: expected pairs of wavelength and value"))
+            });
+        }
+        let plugin = self.attribute(element, "type")?;
+        let key = match plugin.as_deref() {
+            None => return values::spectrum(&self.required(element, "value")?).map_err(fail),
+            Some("uniform") => "value",
+            Some("d65") => "scale",
+            Some(other) => {
+                let shown = values::truncated(other);
+                return Err(fail(format!(
+                    "the spectrum `{shown}` is not supported; expected `uniform`, `d65`, a `value` or \
+                     a `filename`"
+                )));
+            }
+        };
+        for child in element.node.children().filter(Node::is_element) {
+            let child = element.with_node(child);
+            if child.node.attribute("name") == Some(key) {
+                let number = values::number(&self.required(&child, "value")?).map_err(fail)?;
+                return Ok(Spectrum::Grey(number));
+            }
+        }
+        Ok(Spectrum::Grey(1.0))
     }
 
     /// Returns one step of a transform.

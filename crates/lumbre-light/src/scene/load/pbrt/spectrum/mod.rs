@@ -12,15 +12,19 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec3, Vec3};
 
-use self::table::{FIRST, GLASSES, ILLUMINANTS, MATCHING, METALS, STEP};
+use self::table::{GLASSES, ILLUMINANTS, METALS};
 use super::Version;
 use super::params::{Param, Values};
 use super::token::truncated;
 use crate::scene::SceneError;
+use crate::scene::load::spectrum::{Sampled, to_srgb, under_daylight, xyz};
 use crate::scene::load::{metals, read_file};
 
 /// Greatest size of a file with a spectrum in bytes.
 const MAX_FILE_BYTES: u64 = 1 << 20;
+
+/// Wavelength of the helium d line in nanometres, at which an index is that of a glass.
+const HELIUM_D: f64 = 587.6;
 
 /// Use of a spectrum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -120,11 +124,11 @@ impl Spectra {
                 return Ok((*index, true));
             }
             let samples = self.file(p, name)?;
-            return Ok((at(&samples, 587.6), true));
+            return Ok((samples.at(HELIUM_D), true));
         }
         match p.numbers()? {
             [x] => Ok((*x, false)),
-            other if p.ty == "spectrum" => Ok((at(&samples(p, other)?, 587.6), true)),
+            other if p.ty == "spectrum" => Ok((samples(p, other)?.at(HELIUM_D), true)),
             other => Ok((other.iter().sum::<f64>() / other.len().max(1) as f64, true)),
         }
     }
@@ -196,7 +200,7 @@ impl Spectra {
     }
 
     /// Reads a file of pairs of wavelength and value.
-    fn file(&self, p: &Param, name: &str) -> Result<Vec<[f64; 2]>, SceneError> {
+    fn file(&self, p: &Param, name: &str) -> Result<Sampled, SceneError> {
         let path = self.folder.join(name.replace('\\', "/"));
         let bytes = read_file(&path, MAX_FILE_BYTES).map_err(|e| {
             p.error(format!(
@@ -204,60 +208,37 @@ impl Spectra {
                 truncated(name)
             ))
         })?;
-        let text = String::from_utf8_lossy(&bytes);
-        let words = text.lines().flat_map(|line| {
-            line.split('#')
-                .next()
-                .unwrap_or_default()
-                .split_whitespace()
-        });
-        let numbers: Result<Vec<f64>, _> = words.map(str::parse).collect();
-        match numbers {
-            Ok(numbers) if numbers.iter().all(|x| x.is_finite()) => samples(p, &numbers),
-            _ => Err(p.error(format!(
+        Sampled::from_text(&String::from_utf8_lossy(&bytes)).ok_or_else(|| {
+            p.error(format!(
                 "{}: expected pairs of wavelength and value",
                 path.display()
-            ))),
-        }
+            ))
+        })
     }
 
     /// Returns the colour of a sampled spectrum. Version 4 extends it by zero, version 3 by its
     /// ends.
-    fn sampled(&self, samples: Vec<[f64; 2]>, purpose: Use) -> DVec3 {
-        let ends = samples.first().zip(samples.last());
-        let range = ends.map(|(first, last)| first[0]..=last[0]);
-        let cut = self.version == Version::V4 && purpose != Use::Index;
-        self.integrated(
-            |nm| match &range {
-                Some(range) if cut && !range.contains(&nm) => 0.0,
-                _ => at(&samples, nm),
-            },
-            purpose,
-        )
+    fn sampled(&self, samples: Sampled, purpose: Use) -> DVec3 {
+        if self.version == Version::V4 && purpose != Use::Index {
+            self.integrated(|nm| samples.at_or_zero(nm), purpose)
+        } else {
+            self.integrated(|nm| samples.at(nm), purpose)
+        }
     }
 
     /// Returns the colour of a spectrum.
     fn integrated(&self, spectrum: impl Fn(f64) -> f64, purpose: Use) -> DVec3 {
-        let weighted = self.version == Version::V4 && purpose != Use::Light;
-        let (mut color, mut white) = (DVec3::ZERO, DVec3::ZERO);
-        for (i, [x, y, z, d65]) in MATCHING.iter().enumerate() {
-            let weight = if weighted { *d65 } else { 1.0 };
-            let matching = DVec3::new(*x, *y, *z) * weight;
-            white += matching;
-            color += matching * spectrum(FIRST + STEP * i as f64);
-        }
-        if weighted {
-            return (to_srgb() * color) / (to_srgb() * white);
-        }
-        let luminance = if self.version == Version::V4 {
-            color.y
-        } else {
-            white.y
-        };
-        if luminance > 0.0 {
-            to_srgb() * color / luminance
-        } else {
-            DVec3::ZERO
+        match (self.version, purpose) {
+            (Version::V3, _) => to_srgb() * xyz(spectrum),
+            (Version::V4, Use::Reflectance | Use::Index) => under_daylight(spectrum),
+            (Version::V4, Use::Light) => {
+                let xyz = xyz(spectrum);
+                if xyz.y > 0.0 {
+                    to_srgb() * xyz / xyz.y
+                } else {
+                    DVec3::ZERO
+                }
+            }
         }
     }
 }
@@ -270,36 +251,14 @@ pub(super) fn copper() -> (Vec3, Vec3) {
         .map_or((Vec3::ZERO, Vec3::ONE), |row| (row.1.into(), row.2.into()))
 }
 
-/// Returns the map from XYZ to linear sRGB [IEC 61966-2-1].
-fn to_srgb() -> DMat3 {
-    DMat3::from_cols_array_2d(&[
-        [3.240_454_2, -0.969_266, 0.055_643_4],
-        [-1.537_138_5, 1.876_010_8, -0.204_025_9],
-        [-0.498_531_4, 0.041_556, 1.057_225_2],
-    ])
-}
-
-/// Returns pairs of wavelength in nanometres and value, sorted by wavelength.
-fn samples(p: &Param, numbers: &[f64]) -> Result<Vec<[f64; 2]>, SceneError> {
-    if numbers.is_empty() || !numbers.len().is_multiple_of(2) {
-        return Err(p.error(format!(
+/// Returns the spectrum of pairs of wavelength in nanometres and value.
+fn samples(p: &Param, numbers: &[f64]) -> Result<Sampled, SceneError> {
+    match numbers.as_chunks::<2>() {
+        (pairs, []) if !pairs.is_empty() => Ok(Sampled::new(pairs.to_vec())),
+        _ => Err(p.error(format!(
             "expected pairs of wavelength and value, found {} numbers",
             numbers.len()
-        )));
-    }
-    let mut pairs: Vec<[f64; 2]> = numbers.chunks_exact(2).map(|c| [c[0], c[1]]).collect();
-    pairs.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    Ok(pairs)
-}
-
-/// Returns the value at a wavelength, interpolated linearly; beyond the ends that of the end.
-fn at(samples: &[[f64; 2]], nm: f64) -> f64 {
-    let after = samples.partition_point(|s| s[0] <= nm);
-    match (after.checked_sub(1).map(|i| samples[i]), samples.get(after)) {
-        (Some(a), Some(b)) => a[1] + (b[1] - a[1]) * (nm - a[0]) / (b[0] - a[0]),
-        (Some(only), None) => only[1],
-        (None, Some(only)) => only[1],
-        (None, None) => 0.0,
+        ))),
     }
 }
 
