@@ -31,9 +31,13 @@ pub struct VerifyArgs {
     /// Compare with Mitsuba 3 instead: every plugin and parameter that is read or exported.
     ///
     /// Both programs render small scenes. Each case must agree up to noise, or differ as a note
-    /// states. Takes some minutes; with --quick, seconds. Needs the Python package `mitsuba`.
+    /// states. Takes some minutes; with --quick, seconds. Needs the Python package `mitsuba`. With
+    /// FILEs, scenes in Mitsuba's XML, these are compared, in small pictures.
     #[arg(long, conflicts_with_all = ["scenes", "references", "kill"])]
     pub mitsuba: bool,
+    /// Scenes that are compared with Mitsuba (with --mitsuba) [default: a table of small scenes].
+    #[arg(value_name = "FILE", requires = "mitsuba")]
+    pub files: Vec<PathBuf>,
     /// Python interpreter that has the package (with --mitsuba).
     #[arg(
         long,

@@ -43,6 +43,8 @@ pub struct VerifyRequest {
     pub references: Option<PathBuf>,
     /// Python interpreter with the package `mitsuba`.
     pub python: String,
+    /// Scenes that are compared with Mitsuba instead of the table of cases.
+    pub files: Vec<PathBuf>,
 }
 
 impl VerifyRequest {
@@ -246,6 +248,7 @@ pub fn main(args: &VerifyArgs, global: &Global) -> Result<Exit, Failure> {
         scenes: args.scenes.clone(),
         references: args.references.clone(),
         python: args.python.clone(),
+        files: args.files.clone(),
     };
     let progress = |line: &str| {
         if !global.quiet {

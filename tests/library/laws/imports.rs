@@ -21,7 +21,7 @@ const CONFINED: &[(&str, &[&str])] = &[
     ("epaint_default_fonts", &["output"]),
     ("roxmltree", &["output", "scene"]),
     ("exr", &["output"]),
-    ("flate2", &["output"]),
+    ("flate2", &["cli", "output"]),
     ("pdf_writer", &["output"]),
     ("png", &["output", "tui"]),
     ("ttf_parser", &["output"]),

@@ -23,6 +23,7 @@ mod lights;
 mod meter;
 mod mitsuba;
 mod mitsuba_damaged;
+mod mitsuba_files;
 mod obj;
 mod pbrt;
 mod pbrt_content;

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
+use std::path::{Path, PathBuf};
 
 /// Text of the table.
 const TABLE: &str = include_str!("cases.txt");
@@ -11,6 +12,9 @@ const MAX_DEPTH: u32 = 12;
 
 /// Name of the list of exported materials.
 pub const MATERIALS: &str = "materials";
+
+/// Name of the list of scene files.
+pub const FILES: &str = "scenes";
 
 /// Name of the scene in which they are placed.
 const MATERIAL_SCENE: &str = "ball";
@@ -44,6 +48,20 @@ pub enum Subject {
     Scene(String),
     /// Parameters of a material, whose scene is exported.
     Material(Vec<(String, String)>),
+    /// A file, which is rendered in a small picture.
+    File(PathBuf),
+}
+
+impl Case {
+    /// Returns the case of a scene file.
+    pub fn of_file(file: &Path) -> Case {
+        Case {
+            list: FILES.to_owned(),
+            text: file.display().to_string(),
+            quick: true,
+            subject: Subject::File(file.to_owned()),
+        }
+    }
 }
 
 /// Returns all cases in the order of the table.
@@ -256,6 +274,9 @@ impl<'a> Parser<'a> {
             return Ok(format!(
                 "<{class} name=\"{key}\" x=\"{x}\" y=\"{y}\" z=\"{z}\"/>"
             ));
+        }
+        if let Some(spectrum) = word.strip_prefix('~') {
+            return Ok(format!("<spectrum name=\"{key}\" value=\"{spectrum}\"/>"));
         }
         let class = match word {
             "true" | "false" => "boolean",

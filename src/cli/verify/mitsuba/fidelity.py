@@ -1,8 +1,9 @@
 """Renders scenes with Mitsuba 3 for `lumbre verify --mitsuba`.
 
 The argument is the variant. The version is written to standard output. Each line on standard input is a request: a JSON
-object with `scene`, `out`, `pictures`, `spp` and `seed`; pictures with consecutive seeds are written to OUT_0.exr and so
-on (EXR, linear radiance, 32-bit floats). The reply is `done`, or `error` with a message.
+object with `scene`, `out`, `pictures`, `spp`, `seed` and `view`; pictures with consecutive seeds are written to OUT_0.exr
+and so on (EXR, linear radiance, 32-bit floats). A `view` that is not null replaces film, filter, field of view and depth
+of the scene. The reply is `done`, or `error` with a message.
 """
 
 import json
@@ -25,10 +26,35 @@ def reply(text):
     replies.flush()
 
 
+def small_view(scene, view):
+    """Returns a sensor like that of the scene, and an integrator, for a small picture."""
+    original = scene.sensors()[0]
+    params = mi.traverse(original)
+    width, height = view["size"]
+    sensor = {
+        "type": "thinlens" if "aperture_radius" in params else "perspective",
+        "to_world": original.world_transform(),
+        "fov": view["fov_y"],
+        "fov_axis": "y",
+        "near_clip": params["near_clip"],
+        "far_clip": params["far_clip"],
+        "film": {"type": "hdrfilm", "width": width, "height": height, "filter": {"type": "box"}},
+    }
+    if "aperture_radius" in params:
+        sensor["aperture_radius"] = params["aperture_radius"]
+        sensor["focus_distance"] = params["focus_distance"]
+    path = {"type": "path", "max_depth": view["max_depth"], "rr_depth": 1000}
+    return mi.load_dict(sensor), mi.load_dict(path)
+
+
 def render(request):
     scene = mi.load_file(request["scene"])
+    sensor, integrator = 0, None
+    if request["view"]:
+        sensor, integrator = small_view(scene, request["view"])
     for i in range(request["pictures"]):
-        image = mi.render(scene, spp=request["spp"], seed=request["seed"] + i)
+        seed = request["seed"] + i
+        image = mi.render(scene, sensor=sensor, integrator=integrator, spp=request["spp"], seed=seed)
         rgb = mi.Bitmap(image).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False)
         rgb.write(f"{request['out']}_{i}.exr")
 

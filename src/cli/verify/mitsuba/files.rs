@@ -1,7 +1,10 @@
-//! Files to which the cases refer: images, a map of the sky, and a mesh.
+//! Files to which the cases refer: images, a map of the sky, and meshes.
 
+use std::io::Write;
 use std::path::Path;
 
+use flate2::Compression;
+use flate2::write::ZlibEncoder;
 use lumbre_light::film::Image;
 use lumbre_light::math::rng::{pcg4d, unit};
 
@@ -53,7 +56,9 @@ pub fn write(folder: &Path) -> Result<(), String> {
     let bytes = exr::encode(&sky, &[]).map_err(|e| e.to_string())?;
     std::fs::write(folder.join("sky.exr"), bytes).map_err(text)?;
     std::fs::write(folder.join("tent.obj"), obj()).map_err(text)?;
-    std::fs::write(folder.join("tent.ply"), ply()).map_err(text)
+    std::fs::write(folder.join("tent.ply"), ply()).map_err(text)?;
+    let meshes = serialized().map_err(text)?;
+    std::fs::write(folder.join("tents.serialized"), meshes).map_err(text)
 }
 
 /// Returns the mesh as OBJ.
@@ -65,6 +70,37 @@ fn obj() -> String {
         format!("f {a}/{a} {b}/{b} {c}/{c}\n")
     });
     positions.chain(coordinates).chain(faces).collect()
+}
+
+/// Returns a file of two serialized meshes: the tent upside down with normals, and the tent.
+fn serialized() -> std::io::Result<Vec<u8>> {
+    let mut file = Vec::new();
+    let mut offsets = Vec::new();
+    for [flags, up] in [[0x1001, -1], [0x1002, 1]] {
+        offsets.push(file.len() as u64);
+        file.extend([0x1c, 0x04, 4, 0]);
+        let mut mesh = (flags as u32).to_le_bytes().to_vec();
+        mesh.extend(b"tent\0");
+        mesh.extend((TENT.len() as u64).to_le_bytes());
+        mesh.extend((FACES.len() as u64).to_le_bytes());
+        let positions = TENT.iter().map(|([x, y, z], _)| [*x, up as f32 * y, *z]);
+        mesh.extend(positions.flatten().flat_map(f32::to_le_bytes));
+        if up < 0 {
+            let normals = TENT.iter().map(|([x, ..], _)| [-0.4 * x, -0.8, 0.0]);
+            mesh.extend(normals.flatten().flat_map(f32::to_le_bytes));
+        } else {
+            let coordinates = TENT.iter().flat_map(|(_, uv)| uv);
+            mesh.extend(coordinates.flat_map(|x| x.to_le_bytes()));
+        }
+        let corners = FACES.iter().flatten().map(|i| *i as u32);
+        mesh.extend(corners.flat_map(u32::to_le_bytes));
+        let mut packer = ZlibEncoder::new(&mut file, Compression::default());
+        packer.write_all(&mesh)?;
+        packer.finish()?;
+    }
+    file.extend(offsets.iter().flat_map(|offset| offset.to_le_bytes()));
+    file.extend((offsets.len() as u32).to_le_bytes());
+    Ok(file)
 }
 
 /// Returns the mesh as PLY.

@@ -15,7 +15,7 @@ use serde_json::json;
 
 use self::cases::{Case, Subject};
 use self::page::CaseFigures;
-use self::peer::Peer;
+use self::peer::{Peer, PeerRequest, SmallView};
 use super::picture::{NoisyPicture, Setting, judge, render};
 use super::technique::Technique;
 use super::{Check, Outcome, Verdict, VerifyRequest};
@@ -29,6 +29,12 @@ const SEED_FAMILY: u64 = 5;
 
 /// Side in pixels of the compared blocks.
 const BLOCK: u32 = 8;
+
+/// Greatest side in pixels of the pictures of scene files.
+const MAX_SIDE: u32 = 96;
+
+/// Greatest number of path edges in pictures of scene files.
+const MAX_DEPTH: u32 = 16;
 
 /// Everything that the cases share.
 struct Workplace {
@@ -59,6 +65,10 @@ pub fn plan(request: &VerifyRequest) -> Result<Vec<Check>, String> {
     };
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
     files::write(folder.path())?;
+    let all = match request.files.as_slice() {
+        [] => cases::all()?,
+        files => files.iter().map(|file| Case::of_file(file)).collect(),
+    };
     let place = Rc::new(Workplace {
         version: peer.version.clone(),
         peer: RefCell::new(peer),
@@ -66,7 +76,6 @@ pub fn plan(request: &VerifyRequest) -> Result<Vec<Check>, String> {
         samples: if request.quick { 128 } else { 512 },
         threads: request.threads,
     });
-    let all = cases::all()?;
     let chosen = all.into_iter().enumerate();
     Ok(chosen
         .filter(|(_, case)| case.quick || !request.quick)
@@ -91,7 +100,18 @@ impl Workplace {
                 (desc, file, notes)
             }
             Subject::Material(settings) => self.export(settings, i)?,
+            Subject::File(file) => {
+                let (mut desc, notes) = load_file(file)?;
+                desc.resolution = small(desc.resolution);
+                desc.max_depth = desc.max_depth.min(MAX_DEPTH);
+                (desc, file.clone(), notes)
+            }
         };
+        let own_view = matches!(case.subject, Subject::File(_)).then(|| SmallView {
+            size: desc.resolution,
+            fov_y: desc.camera.view_deg(),
+            max_depth: desc.max_depth,
+        });
         let (scene, _) = compile(&desc).map_err(|e| e.to_string())?;
         let setting = Setting {
             resolution: scene.resolution,
@@ -104,7 +124,14 @@ impl Workplace {
         let technique = integrator("nee").map(Technique::plain);
         let technique = technique.ok_or("there is no integrator `nee`")?;
         let ours = render(&Arc::new(scene), &technique, setting)?;
-        let theirs = self.peer.borrow_mut().render(&file, self.samples, seed)?;
+        let request = PeerRequest {
+            scene: &file,
+            out: &self.folder.path().join(format!("picture_{i}")),
+            samples: self.samples,
+            seed,
+            view: own_view,
+        };
+        let theirs = self.peer.borrow_mut().render(&request)?;
         let messages: Vec<String> = notes.into_iter().map(|note| note.message).collect();
         Ok(self.outcome(&ours, &theirs, &messages, tests))
     }
@@ -180,6 +207,12 @@ impl Workplace {
             figures: json!(figures),
         }
     }
+}
+
+/// Returns a size of the same shape with sides of at most [`MAX_SIDE`].
+fn small(size: [u32; 2]) -> [u32; 2] {
+    let scale = f64::from(MAX_SIDE) / f64::from(size[0].max(size[1]));
+    size.map(|side| ((f64::from(side) * scale.min(1.0)).round() as u32).max(1))
 }
 
 /// Loads a scene of Mitsuba.

@@ -53,11 +53,17 @@ pub fn markdown(report: Json) -> Result<String, String> {
         let has = |row: &&Row| row.figures.as_ref().is_some_and(|f| f.result == result);
         rows.iter().filter(has).count()
     };
+    let scenes = if rows.iter().any(|row| row.check == super::cases::FILES) {
+        "The scenes are files, rendered in pictures of at most 96 pixels a side with a box filter, and \
+         paths have at most\n16 edges"
+    } else {
+        "The scenes are small pictures of one object with the given parameters, and paths have at most \
+         12 edges"
+    };
     let mut page = format!(
         "# Fidelity with Mitsuba\n\nMade by `lumbre verify --mitsuba --page FILE`; do not edit.\n\n\
          Each case is a scene that both programs render with {samples} samples per pixel: Lumbre {} \
-         with `nee`, Mitsuba\n{version} with `path`. The scenes are small pictures of one object with \
-         the given parameters, and paths have at most 12 edges.\nA case agrees if no block of 8 x 8 \
+         with `nee`, Mitsuba\n{version} with `path`. {scenes}.\nA case agrees if no block of 8 x 8 \
          pixels and no mean differs significantly: with equal expectations, the probability that\nany of \
          the {} cases fails is {}. A case that differs must have a note when its file is loaded or \
          exported: a size in the\nnote bounds the difference of the means. Ratios are means over the \

@@ -4,6 +4,7 @@ use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
+use serde::Serialize;
 use serde_json::json;
 
 use crate::cli::verify::picture::NoisyPicture;
@@ -18,6 +19,31 @@ const VARIANT: &str = "scalar_rgb";
 
 /// Number of pictures with different seeds, from which the variance is estimated.
 const PICTURES: u64 = 8;
+
+/// A picture to render.
+pub struct PeerRequest<'a> {
+    /// Scene file.
+    pub scene: &'a Path,
+    /// Beginning of the names of temporary files.
+    pub out: &'a Path,
+    /// Samples per pixel.
+    pub samples: u64,
+    /// Seed of the picture.
+    pub seed: u64,
+    /// What replaces film, filter and depth of the scene.
+    pub view: Option<SmallView>,
+}
+
+/// Film and depth of a small picture; its filter is a box.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct SmallView {
+    /// Width and height in pixels.
+    pub size: [u32; 2],
+    /// Vertical field of view in degrees.
+    pub fov_y: f32,
+    /// Greatest number of path edges.
+    pub max_depth: u32,
+}
 
 /// A running interpreter; it ends when this is dropped.
 pub struct Peer {
@@ -65,21 +91,16 @@ impl Peer {
         }
     }
 
-    /// Renders a scene file; temporary files are named after it.
+    /// Renders a scene file.
     ///
     /// # Errors
     /// Returns a message if Mitsuba rejects the scene or exits.
-    pub fn render(
-        &mut self,
-        scene: &Path,
-        samples: u64,
-        seed: u64,
-    ) -> Result<NoisyPicture, String> {
-        let out = scene.with_extension("");
-        let seed = (seed.wrapping_mul(PICTURES)) as u32 >> 1;
+    pub fn render(&mut self, request: &PeerRequest) -> Result<NoisyPicture, String> {
+        let out = request.out;
+        let seed = (request.seed.wrapping_mul(PICTURES)) as u32 >> 1;
         let request = json!({
-            "scene": scene, "out": out, "pictures": PICTURES,
-            "spp": (samples / PICTURES).max(1), "seed": seed,
+            "scene": request.scene, "out": out, "pictures": PICTURES,
+            "spp": (request.samples / PICTURES).max(1), "seed": seed, "view": request.view,
         });
         // If the interpreter has exited, reading the reply reports it.
         let _ = writeln!(self.requests, "{request}").and_then(|()| self.requests.flush());

@@ -3,6 +3,7 @@
 mod adapters;
 
 use std::rc::Rc;
+use std::sync::Arc;
 
 use glam::Vec3;
 
@@ -12,7 +13,7 @@ use super::texture::{LoadedTexture, TextureReader};
 use super::tree::{Property, PropertyValue, XmlObject};
 use crate::scene::desc::material::SMOOTH_ROUGHNESS;
 use crate::scene::desc::material_params::MIN_IOR;
-use crate::scene::desc::{Distribution, MaterialDesc, Model, TextureSlot};
+use crate::scene::desc::{Distribution, MaterialDesc, Model, Texels, TextureDesc, TextureSlot};
 use crate::scene::load::images::mean_texel;
 use crate::scene::model_differences;
 use crate::scene::names::UniqueNames;
@@ -51,6 +52,12 @@ pub(super) fn default_surface(name: &str, emits: bool) -> MaterialDesc {
         emitter_reflects: !emits,
         ..MaterialDesc::new(name)
     }
+}
+
+/// Returns the texture of a direction of anisotropy along v, which is rougher than u.
+fn along_v() -> Arc<TextureDesc> {
+    let texels = vec![[0.5, 1.0, 0.0, 1.0]];
+    Arc::new(TextureDesc::new("", 1, 1, Texels::RgbaF32(texels)))
 }
 
 /// Conversion of one surface.
@@ -245,14 +252,17 @@ impl BsdfReader<'_> {
             .sqrt()
             .sqrt()
             .clamp(f64::from(SMOOTH_ROUGHNESS), 1.0) as f32;
-        let stretch = (1.0 - v / u) / 0.9;
-        if !(0.0..=1.0).contains(&stretch) {
+        let stretch = (1.0 - u.min(v) / u.max(v)) / 0.9;
+        if stretch > 1.0 {
             self.notes.push(o.note(
-                "`alpha_u` must be at least `alpha_v` and at most ten times as large; it is \
-                 clamped",
+                "one of `alpha_u` and `alpha_v` may be at most ten times the other here; it is clamped",
             ));
         }
-        self.m.anisotropic = stretch.clamp(0.0, 1.0) as f32;
+        self.m.anisotropic = stretch.min(1.0) as f32;
+        if v > u {
+            self.m
+                .set_texture(TextureSlot::AnisotropicDirection, Some(along_v()));
+        }
         Ok(())
     }
 

@@ -118,6 +118,10 @@ impl MitsubaLoader {
             self.shape(o, &DAffine3::IDENTITY, 0)?;
         }
         for o in root.children("emitter") {
+            // Shapes refer to area lights of the scene.
+            if o.plugin == "area" && o.id.is_some() {
+                continue;
+            }
             self.emitter(o)?;
         }
         // Textures with an id are read where they are referenced.

@@ -5,9 +5,16 @@ use crate::scene::load::SupportedElement;
 /// One row for each element or plugin, from which `docs/reference/formats.md` is generated.
 pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
     SupportedElement {
-        name: "`default`, `include`, `alias`, `ref`",
-        support: "variables, included files, references",
+        name: "`default`, `include`, `path`, `alias`, `ref`",
+        support: "variables, included files, folders in which files are searched, references to \
+                  earlier and later objects",
         limits: "document types and entities are refused",
+    },
+    SupportedElement {
+        name: "`rgb`, `spectrum`",
+        support: "linear sRGB, `#rrggbb`; a number, pairs `nm:value`, a `filename`, `uniform` and \
+                  `d65` as in Mitsuba's RGB variants",
+        limits: "other spectra are refused",
     },
     SupportedElement {
         name: "`integrator`",
@@ -21,8 +28,8 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
         limits: "mirrored cameras and further sensors are noted",
     },
     SupportedElement {
-        name: "`obj`, `ply`",
-        support: "meshes; `face_normals`, `flip_normals`, `flip_tex_coords`. Texture coordinates \
+        name: "`obj`, `ply`, `serialized`",
+        support: "meshes; `shape_index`, `face_normals`, `flip_normals`, `flip_tex_coords`. Texture coordinates \
                   start at the top left, those of OBJ files at the bottom left",
         limits: "",
     },
@@ -56,7 +63,7 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
         name: "`conductor`, `roughconductor`",
         support: "`material`, or `eta` and `k`; `specular_reflectance`, `distribution`, `alpha`, \
                   `alpha_u`, `alpha_v`",
-        limits: "",
+        limits: "textures of the last two are replaced by their mean, with a note",
     },
     SupportedElement {
         name: "`dielectric`, `thindielectric`, `roughdielectric`",
@@ -137,8 +144,9 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
     },
     SupportedElement {
         name: "`constant`, `envmap`",
-        support: "`radiance`; `filename`, `scale`, and the rotation of `to_world` about +y",
-        limits: "other rotations and further environments are noted",
+        support: "`radiance`; `filename`, `scale`, `to_world`; for a tilted map one in the axes of the \
+                  scene is computed",
+        limits: "tilted maps and further environments are noted",
     },
     SupportedElement {
         name: "`point`, `directional`",
