@@ -13,6 +13,7 @@
 pub mod connect;
 pub mod single;
 pub mod state;
+pub mod store;
 pub mod subpath;
 pub mod weights;
 

@@ -6,7 +6,7 @@ use glam::Vec3;
 
 use super::connect::{self, Connection};
 use super::state::{LightStart, ShadingState, Subpath, Vertex};
-use super::subpath::{Step, StepSink};
+use super::subpath::{Departure, Step, StepSink};
 use super::weights::StrategyCounts;
 use crate::scene::compile::NONE;
 use crate::transport::arrival::{Arrival, HitState};
@@ -93,13 +93,22 @@ pub struct Drawn {
 /// The vertex and the light that a step found.
 #[derive(Default)]
 struct Found {
-    vertex: Option<Vertex>,
+    vertex: Option<SubpathVertex>,
     light: Option<Connection>,
 }
 
 impl StepSink<f32, 1> for Found {
-    fn add_vertices(&mut self, lanes: bool, vertex: &Vertex, _: &ShadingState<f32>) {
-        self.vertex = lanes.then_some(*vertex);
+    fn add_vertices(
+        &mut self,
+        lanes: bool,
+        (vertex, _): (&Vertex, &ShadingState<f32>),
+        departure: &Departure<f32>,
+    ) {
+        self.vertex = lanes.then_some(SubpathVertex {
+            vertex: *vertex,
+            delta: departure.delta,
+            eta: departure.eta,
+        });
     }
 
     fn add_light(&mut self, light: &Connection) {
@@ -415,13 +424,7 @@ impl Subpaths {
             if from_camera {
                 self.hits.push(found.light);
             }
-            if let Some(vertex) = found.vertex {
-                vertices.push(SubpathVertex {
-                    vertex,
-                    delta: departure.delta,
-                    eta: departure.eta,
-                });
-            }
+            vertices.extend(found.vertex);
             if !departure.continues {
                 break;
             }

@@ -1,14 +1,14 @@
 //! The light subpaths of an iteration, and the list of their vertices that can be connected.
 
 use crate::transport::integrator::bdpt::weights::StrategyCounts;
-use crate::transport::integrator::iteration::light_paths::{self, LightPaths, VertexId, follow};
+use crate::transport::integrator::iteration::light_paths::{self, LightPaths, VertexId};
 use crate::transport::integrator::iteration::{Iteration, Resources, Shared};
 
 /// Number of light subpaths from which the mean number of vertices is estimated.
-const PREPARED_PATHS: usize = 1024;
+const PREPARED_PATHS: u64 = 1024;
 
 /// Number of those that a thread traces at a time.
-const PREPARED_UNIT: usize = 64;
+const PREPARED_UNIT: u64 = 64;
 
 /// Bytes of a vertex: as stored, and in the list of those that can be connected.
 pub const VERTEX_BYTES: usize = light_paths::VERTEX_BYTES + 2 * size_of::<u32>();
@@ -42,18 +42,14 @@ struct Setup {
 /// Estimates the mean number of vertices of a light subpath.
 pub fn prepare(resources: &Resources) -> Box<Shared> {
     let units = PREPARED_PATHS / PREPARED_UNIT;
-    let vertices = resources.map(units, |context, unit| {
-        let mut vertices = 0u64;
-        for path in unit * PREPARED_UNIT..(unit + 1) * PREPARED_UNIT {
-            let sampler = resources.path_sampler(path as u64);
-            follow(context, StrategyCounts::ONE_EACH, sampler, |found| {
-                vertices += u64::from(found.vertex.bsdf.has_density());
-            });
-        }
-        vertices
+    let vertices = resources.map(units as usize, |context, unit| {
+        let (first, counts) = (unit as u64 * PREPARED_UNIT, StrategyCounts::ONE_EACH);
+        let paths = resources.trace_light(context, first, PREPARED_UNIT, counts);
+        let events = paths.store().events().iter();
+        events.filter(|event| event.connects).count()
     });
     // Where no vertex was found there may be some.
-    let vertices = vertices.iter().sum::<u64>().max(1) as f64;
+    let vertices = vertices.iter().sum::<usize>().max(1) as f64;
     let setup = resources.map(1, |context, _| {
         let [width, height] = context.camera.resolution().map(u64::from);
         let (pixels, settings) = (width * height, context.settings);

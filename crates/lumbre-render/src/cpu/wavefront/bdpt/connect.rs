@@ -3,10 +3,11 @@
 
 use glam::Vec3;
 
+use super::SplatSink;
 use super::lists::{
     ConnectionLists, EvaluatedPairs, LensConnection, LightConnection, OwnContributions, VertexPair,
 };
-use super::{SplatSink, Vertices};
+use super::vertices::Vertices;
 use crate::cpu::wavefront::light::{TileLight, needs_ray, store_rays, stored_ray};
 use crate::cpu::wavefront::wave::{PathRecords, TileContext};
 use lumbre_light::math::real::{Double, Mask, Vector};
@@ -17,7 +18,7 @@ use lumbre_light::transport::integrator::bdpt::connect::{
     Connection, LensPoints, camera_end, connect, connect_s1, connect_s1_t1, connect_t1,
 };
 use lumbre_light::transport::integrator::bdpt::state::{
-    CameraEnd, CameraEndRecord, LightStart, LightStartRecord, VertexRecord, VertexState,
+    CameraEnd, CameraEndRecord, LightStart, LightStartRecord, VertexState,
 };
 use lumbre_light::transport::ray::Ray;
 
@@ -282,7 +283,8 @@ impl Connecting<'_> {
         let paths = map_array(connections, |c| c.path as usize);
         let mut sampler = self.paths.samplers::<R, N>(self.tile, paths, taken);
         let camera = &self.vertices.camera;
-        let mut z = camera.load::<R, N>(context, class, map_array(connections, |c| c.z));
+        let z = map_array(connections, |c| c.z);
+        let mut z = camera.store.load::<R, N>(context, class, z);
         if lifted {
             z.lift();
         }
@@ -303,15 +305,15 @@ impl Connecting<'_> {
         let pairs: [VertexPair; N] = padded(group);
         let Vertices { camera, light, .. } = self.vertices;
         let context = self.tile.context;
-        let z = camera.load::<R, N>(context, class, map_array(pairs, |pair| pair.z));
-        let y: VertexState<R> =
-            VertexRecord::load::<R, N>(map_array(pairs, |pair| &light.records[pair.y as usize]));
+        let z = map_array(pairs, |pair| pair.z);
+        let z = camera.store.load::<R, N>(context, class, z);
+        let y: VertexState<R> = light.store.states::<R, N>(map_array(pairs, |pair| pair.y));
         let lanes = R::Mask::first(group.len());
         let (lit, end) = camera_end(context, &z, y.position, lanes);
         let ends = CameraEndRecord::store::<R, N>(end);
         for i in active_lanes(lit.bits()) {
-            let class = light.classes[pairs[i].y as usize];
-            let list = &mut evaluated[class as usize];
+            let event = &light.store.events()[pairs[i].y as usize];
+            let list = &mut evaluated[event.class as usize];
             list.pairs.push(pairs[i]);
             list.ends.push(ends[i]);
         }
@@ -330,16 +332,10 @@ impl Connecting<'_> {
         let ends: [CameraEndRecord; N] = padded(ends);
         let context = self.tile.context;
         let Vertices { camera, light, .. } = self.vertices;
-        let y = light.load::<R, N>(context, class, map_array(pairs, |pair| pair.y));
-        let (z, partials) = VertexState::load_towards::<N>(
-            map_array(pairs, |pair| &camera.records[pair.z as usize]),
-            map_array(pairs, |pair| &camera.partials[pair.z as usize]),
-            context
-                .classes
-                .have_terminators()
-                .then(|| map_array(pairs, |pair| &camera.shading[pair.z as usize])),
-            y.state.position,
-        );
+        let y = map_array(pairs, |pair| pair.y);
+        let y = light.store.load::<R, N>(context, class, y);
+        let z = map_array(pairs, |pair| pair.z);
+        let (z, partials) = camera.store.towards::<R, N>(context, z, y.state.position);
         let end: CameraEnd<R> = CameraEndRecord::load::<R, N>(ends.each_ref());
         let lanes = R::Mask::first(group.len());
         if let Some(c) = connect::<R, N>(context, &y, (&z, partials), &end, lanes) {
@@ -358,7 +354,8 @@ impl Connecting<'_> {
         let connections: [LensConnection; N] = padded(group);
         let context = self.tile.context;
         let light = &self.vertices.light;
-        let y = light.load::<R, N>(context, class, map_array(connections, |c| c.y));
+        let y = map_array(connections, |c| c.y);
+        let y = light.store.load::<R, N>(context, class, y);
         let taken = R::load_words(&map_array(connections, |c| c.taken));
         let paths = map_array(connections, |c| c.path as usize);
         let mut sampler = self.paths.samplers::<R, N>(self.tile, paths, taken);

@@ -7,17 +7,15 @@
 
 use glam::Vec3;
 
-use super::walk::HitLight;
-use super::{SplatSink, Vertices};
+use super::SplatSink;
+use super::vertices::{HitLight, Vertices};
 use crate::cpu::wavefront::bdpt::connect::{ConnectKernel, ShadowQueue};
 use crate::cpu::wavefront::light::{Details, TileLight};
 use crate::cpu::wavefront::wave::{PathRecords, TileContext};
 use lumbre_light::math::simd::dispatch;
 use lumbre_light::scene::compile::NONE;
 use lumbre_light::transport::integrator::Context;
-use lumbre_light::transport::integrator::bdpt::state::{
-    CameraEndRecord, LightStartRecord, ShadingRecord,
-};
+use lumbre_light::transport::integrator::bdpt::state::{CameraEndRecord, LightStartRecord};
 use lumbre_light::transport::sampler::Sampler;
 
 /// Number of listed contributions at which connections are evaluated before the whole tile is
@@ -209,16 +207,14 @@ impl ConnectionLists {
             let Some(z) = indices.next() else {
                 return;
             };
-            let class = camera.classes[z as usize];
-            if class == NONE {
+            let event = &camera.store.events()[z as usize];
+            if !event.connects {
                 continue;
             }
-            let class = class as usize;
+            let class = event.class as usize;
             if settings.includes(1, t) {
-                let lifts = context.classes[class].surface.terminator && {
-                    let shading = [&camera.shading[z as usize]];
-                    ShadingRecord::load::<f32, 1>(shading).lifts > 0.0
-                };
+                let lifts =
+                    context.classes[class].surface.terminator && camera.store.lifts(z as usize);
                 let lists = [&mut self.light_connections, &mut self.lifted_connections];
                 for list in lists.into_iter().take(1 + usize::from(lifts)) {
                     list[class].push(LightConnection {
@@ -236,7 +232,7 @@ impl ConnectionLists {
                 .zip(2..)
                 .take_while(|(_, s)| s + t - 1 <= max)
             {
-                if settings.includes(s, t) && light.classes[y as usize] != NONE {
+                if settings.includes(s, t) && light.store.events()[y as usize].connects {
                     let index = self.own.push(columns, path, [s, t]);
                     self.pairs[class].push(VertexPair { index, y, z });
                 }
@@ -268,9 +264,9 @@ impl ConnectionLists {
         }
         let light = &vertices.light;
         for (y, s) in light.of_path(path).zip(2..) {
-            let class = light.classes[y as usize];
-            if class != NONE && settings.includes(s, 1) {
-                self.lens_connections[class as usize].push(connection(y, s));
+            let event = &light.store.events()[y as usize];
+            if event.connects && settings.includes(s, 1) {
+                self.lens_connections[event.class as usize].push(connection(y, s));
             }
         }
     }

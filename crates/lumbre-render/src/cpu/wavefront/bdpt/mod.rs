@@ -10,18 +10,23 @@
 //! therefore be evaluated in any order.
 
 mod connect;
+mod light_paths;
 mod lists;
+mod vertices;
 mod walk;
 
 use super::light::TileLight;
-use super::wave::{TileContext, Wave};
+use super::wave::{Start, TileContext, Wave};
 use crate::cpu::films::contributions::SampleId;
 use crate::cpu::films::layers::LayerRowFilm;
 use crate::cpu::films::row_film::RowFilm;
 use lists::ConnectionLists;
 use lumbre_light::transport::bsdf::TransportMode;
 use lumbre_light::transport::contribution::Contribution;
-use walk::{Hits, LightStarts, TileVertices};
+use lumbre_light::transport::integrator::bdpt::weights::StrategyCounts;
+use vertices::Vertices;
+
+pub(super) use light_paths::trace as trace_light;
 
 /// Number of samples in a tile.
 pub(super) const TILE_SAMPLES: usize = 128;
@@ -34,15 +39,6 @@ pub(super) struct SubpathTile {
     vertices: Vertices,
     lists: ConnectionLists,
     light: TileLight,
-}
-
-/// Everything that the subpaths of a tile leave for connections.
-#[derive(Default)]
-struct Vertices {
-    camera: TileVertices,
-    light: TileVertices,
-    starts: LightStarts,
-    hits: Hits,
 }
 
 /// Receives the splats of a tile.
@@ -78,15 +74,16 @@ pub(super) fn render_tile(
     let context = tile.context;
     let count = tile.ids.len();
     light.reset(count, layers.is_some());
-    wave.start(tile);
+    wave.start(tile, Start::Camera);
     vertices.reset(context, count);
-    walk::start_at_camera(tile, wave, states, &mut vertices.starts);
     let mut walk = walk::Walk {
         tile,
         wave,
         states,
         light,
+        counts: StrategyCounts::ONE_EACH,
     };
+    walk.start_at_camera(&mut vertices.starts);
     let max_edges = context.max_depth;
     walk.trace(TransportMode::Radiance, max_edges, vertices);
     if max_edges > 0 {
