@@ -30,6 +30,7 @@ use crate::hierarchy::LaneMode;
 use crate::{Job, own_technique};
 use camera_paths::PathTile;
 use lumbre_light::math::simd::Width;
+use lumbre_light::transport::integrator::bdpt::joins::SubpathTechnique;
 use lumbre_light::transport::integrator::camera_path::CameraPaths;
 use lumbre_light::transport::integrator::iteration::light_paths::{LightBatch, LightUnit};
 use lumbre_light::transport::integrator::{Context, TechniqueVisitor, visit_technique};
@@ -85,10 +86,11 @@ impl TechniqueVisitor for SelectTiles {
         TileMethod::camera_paths::<T>()
     }
 
-    fn bidirectional(self) -> TileMethod {
+    fn subpaths<T: SubpathTechnique>(self) -> TileMethod {
         TileMethod {
             render_tile: |tile, buffers, film, layers| {
-                bdpt::render_tile(tile, &mut buffers.subpaths, film, layers);
+                let joins = T::joins(tile.context);
+                bdpt::render_tile(tile, &joins, &mut buffers.subpaths, film, layers);
             },
             tile_samples: bdpt::TILE_SAMPLES,
         }

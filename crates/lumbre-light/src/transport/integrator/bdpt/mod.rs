@@ -11,13 +11,17 @@
 //! the wavefront renderer of the CPU does for many.
 
 pub mod connect;
+pub mod draw;
+pub mod joins;
+pub mod merge;
 pub mod single;
 pub mod state;
 pub mod store;
 pub mod subpath;
 pub mod weights;
 
-use super::{IntegratorRow, settings};
+use self::joins::{Joins, SubpathTechnique};
+use super::{Context, IntegratorRow, settings};
 use crate::transport::light::SELECT_FIELD;
 use crate::transport::mis;
 use crate::value::schema::Table;
@@ -44,3 +48,12 @@ pub const ROW: IntegratorRow = IntegratorRow {
     sharing: None,
     sample: single::sample,
 };
+
+/// Bidirectional path tracing.
+pub struct Bdpt;
+
+impl SubpathTechnique for Bdpt {
+    fn joins<'a>(_: &Context<'a>) -> Joins<'a> {
+        Joins::EACH
+    }
+}

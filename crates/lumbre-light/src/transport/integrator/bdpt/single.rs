@@ -6,6 +6,7 @@ use glam::Vec3;
 
 use super::connect::{self, Connection};
 use super::state::{LightStart, ShadingState, Subpath, Vertex};
+use super::store::VertexId;
 use super::subpath::{Departure, Step, StepSink};
 use super::weights::StrategyCounts;
 use crate::scene::compile::NONE;
@@ -14,7 +15,7 @@ use crate::transport::bsdf::TransportMode;
 use crate::transport::contribution::Contribution;
 use crate::transport::integrator::Context;
 use crate::transport::integrator::camera_path::{Path, TerminatorState, unoccluded};
-use crate::transport::integrator::iteration::light_paths::{LightPaths, VertexId};
+use crate::transport::integrator::iteration::light_paths::LightPaths;
 use crate::transport::light::LightPoint;
 use crate::transport::ray::Ray;
 use crate::transport::sampler::Sampler;
@@ -274,9 +275,7 @@ impl Reporter<'_, '_> {
 
     /// Returns the MIS weight of a connection.
     pub fn weight(&self, c: &Connection, [s, t]: [u32; 2]) -> f64 {
-        let settings = self.context.settings;
-        let others = c.others / settings.heuristic().term(self.counts.of(s, t));
-        Connection { others, ..*c }.weight(settings)
+        c.weight(self.context.settings, self.counts.of(s, t))
     }
 
     /// Reports a connection that contributes to `pixel` through the lens point `lens`.
@@ -298,7 +297,7 @@ impl Reporter<'_, '_> {
         let weight = self.weight(c, [s, t]);
         // Each of several samples has its share of the estimate.
         let samples = drawn.map_or(self.counts.of(s, t), |drawn| drawn.samples);
-        let unweighted = c.unweighted / samples as f32;
+        let unweighted = c.share(samples);
         let contribution = Contribution {
             pixel,
             value: unweighted * weight as f32,

@@ -1,8 +1,12 @@
 //! Vertices of subpaths in memory.
 
+use std::slice;
+
+use glam::Vec3;
+
 use super::single::SubpathVertex;
 use super::state::{
-    PartialsRecord, ShadingRecord, ShadingState, Vertex, VertexRecord, VertexState,
+    PartialsRecord, ShadingRecord, ShadingState, Vertex, VertexRecord, VertexState, load_partials,
 };
 use super::subpath::Departure;
 use super::weights::MisPartials;
@@ -40,6 +44,31 @@ impl VertexEvent {
     /// Returns whether the event that leads to the next vertex is a Dirac event.
     pub fn is_delta(&self) -> bool {
         self.eta > 0.0
+    }
+}
+
+/// Position of a vertex in several stores.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct VertexId {
+    unit: u32,
+    index: u32,
+}
+
+impl VertexId {
+    /// Returns the vertex with an index in the store of a unit of work.
+    pub fn new(unit: usize, index: u32) -> VertexId {
+        let unit = unit as u32;
+        VertexId { unit, index }
+    }
+
+    /// Returns the index of the store.
+    pub fn unit(self) -> usize {
+        self.unit as usize
+    }
+
+    /// Returns the index in the store.
+    pub fn index(self) -> usize {
+        self.index as usize
     }
 }
 
@@ -171,10 +200,36 @@ impl VertexStore {
         ShadingRecord::load::<f32, 1>([&self.shading[index]]).lifts > 0.0
     }
 
+    /// Returns the surface and event of a vertex.
+    #[inline]
+    pub fn event(stores: &[VertexStore], id: VertexId) -> &VertexEvent {
+        &stores[id.unit()].events[id.index()]
+    }
+
+    /// Returns the unit normal of a vertex's surface.
+    #[inline]
+    pub fn normal(&self, index: usize) -> Vec3 {
+        VertexRecord::load::<f32, 1>([&self.records[index]]).n_geometric
+    }
+
     /// Loads vertices without their BSDFs.
     #[inline(always)]
-    pub fn states<R: Lanes<N>, const N: usize>(&self, indices: [u32; N]) -> VertexState<R> {
-        VertexRecord::load(map_array(indices, |i| &self.records[i as usize]))
+    pub fn states<R: Lanes<N>, const N: usize>(
+        stores: &[VertexStore],
+        ids: [VertexId; N],
+    ) -> VertexState<R> {
+        VertexRecord::load(map_array(ids, |id| &stores[id.unit()].records[id.index()]))
+    }
+
+    /// Loads the partial sums of vertices.
+    #[inline(always)]
+    pub fn partials<R: Lanes<N>, const N: usize>(
+        stores: &[VertexStore],
+        ids: [VertexId; N],
+    ) -> MisPartials<R::Double> {
+        let records = map_array(ids, |id| &stores[id.unit()].partials[id.index()]);
+        let [d_vcm, d_vc] = load_partials::<R, N>(records);
+        MisPartials { d_vcm, d_vc }
     }
 
     /// Loads camera vertices as starts of edges towards light at `point`: see
@@ -205,13 +260,28 @@ impl VertexStore {
         class: usize,
         indices: [u32; N],
     ) -> Vertex<R> {
+        let ids = map_array(indices, |index| VertexId::new(0, index));
+        VertexStore::load_from(slice::from_ref(self), context, class, ids)
+    }
+
+    /// Loads vertices of several stores on surfaces of the class with an index.
+    #[inline(always)]
+    pub fn load_from<R: Lanes<N>, const N: usize>(
+        stores: &[VertexStore],
+        context: &Context,
+        class: usize,
+        ids: [VertexId; N],
+    ) -> Vertex<R> {
+        let shading = context
+            .classes
+            .have_shading()
+            .then(|| map_array(ids, |id| &stores[id.unit()].shading[id.index()]));
         Vertex::load::<N>(
             context,
             class,
-            map_array(indices, |i| &self.records[i as usize]),
-            map_array(indices, |i| &self.partials[i as usize]),
-            self.has_shading
-                .then(|| map_array(indices, |i| &self.shading[i as usize])),
+            map_array(ids, |id| &stores[id.unit()].records[id.index()]),
+            map_array(ids, |id| &stores[id.unit()].partials[id.index()]),
+            shading,
         )
     }
 }

@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use glam::Vec3;
+
 use super::{Iteration, Resources};
 use crate::scene::compile::NONE;
 use crate::transport::arrival::{Arrival, HitState};
@@ -12,7 +14,7 @@ use crate::transport::integrator::bdpt::single::SubpathVertex;
 use crate::transport::integrator::bdpt::state::{
     LightStart, ShadingState, Subpath, Vertex, VertexState,
 };
-use crate::transport::integrator::bdpt::store::{ArrivedAt, VertexStore};
+use crate::transport::integrator::bdpt::store::{ArrivedAt, VertexId, VertexStore};
 use crate::transport::integrator::bdpt::subpath::{Departure, Step, StepSink};
 use crate::transport::integrator::bdpt::weights::{MisPartials, StrategyCounts};
 use crate::transport::integrator::camera_path::Path;
@@ -64,12 +66,17 @@ impl LightBatch {
     }
 }
 
-/// Light subpaths of one unit of work, with all their vertices on surfaces.
-pub struct LightUnit {
+/// Starts of light subpaths, and the places of their vertices in a store.
+struct PathTable {
     /// Starts of the subpaths; their light is [`NONE`] if there is none.
     starts: Vec<LightStart<f32>>,
     /// Index of the first vertex of each subpath, and the number of vertices.
     first: Vec<u32>,
+}
+
+/// Light subpaths of one unit of work, with all their vertices on surfaces.
+pub struct LightUnit {
+    table: PathTable,
     store: VertexStore,
 }
 
@@ -77,8 +84,10 @@ impl LightUnit {
     /// Creates a unit without subpaths.
     pub fn new(context: &Context) -> LightUnit {
         LightUnit {
-            starts: Vec::new(),
-            first: vec![0],
+            table: PathTable {
+                starts: Vec::new(),
+                first: vec![0],
+            },
             store: VertexStore::new(context),
         }
     }
@@ -96,8 +105,8 @@ impl LightUnit {
 
     /// Completes a subpath whose vertices were appended.
     fn end_path(&mut self, start: LightStart<f32>) {
-        self.first.push(self.store.count() as u32);
-        self.starts.push(start);
+        self.table.first.push(self.store.count() as u32);
+        self.table.starts.push(start);
     }
 
     /// Returns the vertices of all subpaths.
@@ -107,9 +116,9 @@ impl LightUnit {
 
     /// Returns the starts of all subpaths, each with the indices of its vertices.
     pub fn paths(&self) -> impl Iterator<Item = (&LightStart<f32>, Range<usize>)> {
-        let indices = self.first.windows(2);
+        let indices = self.table.first.windows(2);
         let ranges = indices.map(|pair| pair[0] as usize..pair[1] as usize);
-        self.starts.iter().zip(ranges)
+        self.table.starts.iter().zip(ranges)
     }
 }
 
@@ -182,25 +191,13 @@ fn follow(
     start
 }
 
-/// Position of a vertex in [`LightPaths`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct VertexId {
-    unit: u32,
-    index: u32,
-}
-
-impl VertexId {
-    /// Returns the vertex with an index in a unit of work.
-    pub fn new(unit: usize, index: u32) -> VertexId {
-        let unit = unit as u32;
-        VertexId { unit, index }
-    }
-}
-
 /// The light subpaths of an iteration, with all their vertices on surfaces.
 pub struct LightPaths {
     count: u64,
-    units: Vec<LightUnit>,
+    /// Starts of the subpaths, by unit of work.
+    tables: Vec<PathTable>,
+    /// Vertices by unit of work.
+    stores: Vec<VertexStore>,
 }
 
 impl LightPaths {
@@ -213,7 +210,15 @@ impl LightPaths {
             unit.store.shrink();
             unit
         });
-        LightPaths { count, units }
+        let (tables, stores) = units
+            .into_iter()
+            .map(|LightUnit { table, store }| (table, store))
+            .unzip();
+        LightPaths {
+            count,
+            tables,
+            stores,
+        }
     }
 
     /// Returns the number of subpaths.
@@ -221,9 +226,9 @@ impl LightPaths {
         self.count
     }
 
-    /// Returns the number of units of work.
-    pub fn units(&self) -> usize {
-        self.units.len()
+    /// Returns the vertices of all units of work.
+    pub fn stores(&self) -> &[VertexStore] {
+        &self.stores
     }
 
     /// Visits the vertices of a unit at which surfaces may scatter light from more than isolated
@@ -233,7 +238,7 @@ impl LightPaths {
         unit: usize,
         mut visit: impl FnMut(VertexId, &VertexState<f32>),
     ) {
-        let store = &self.units[unit].store;
+        let store = &self.stores[unit];
         for (index, event) in store.events().iter().enumerate() {
             if event.scatters() {
                 visit(VertexId::new(unit, index as u32), &store.state(index).0);
@@ -243,30 +248,46 @@ impl LightPaths {
 
     /// Returns the indices of the vertices of a unit that can be connected.
     pub fn connected(&self, unit: usize) -> Vec<u32> {
-        let events = self.units[unit].store.events().iter().zip(0..);
+        let events = self.stores[unit].events().iter().zip(0..);
         let connected = events.filter(|(event, _)| event.connects);
         connected.map(|(_, index)| index).collect()
     }
 
     /// Returns a vertex with its number of edges from the light.
     pub fn vertex(&self, context: &Context, id: VertexId) -> (u32, SubpathVertex) {
-        let (store, index) = (&self.units[id.unit as usize].store, id.index as usize);
-        (store.events()[index].edges(), store.vertex(context, index))
+        let edges = VertexStore::event(&self.stores, id).edges();
+        (edges, self.stores[id.unit()].vertex(context, id.index()))
     }
 
-    /// Returns a vertex without its BSDF: the number of edges from the light, the state, and the
-    /// partial sums of MIS terms.
-    pub fn state(&self, id: VertexId) -> (u32, VertexState<f32>, MisPartials) {
-        let (store, index) = (&self.units[id.unit as usize].store, id.index as usize);
-        let (state, partials) = store.state(index);
-        (store.events()[index].edges(), state, partials)
+    /// Returns the number of edges of a vertex from the light, and the unit normal of its surface.
+    #[inline]
+    pub fn surface(&self, id: VertexId) -> (u32, Vec3) {
+        let edges = VertexStore::event(&self.stores, id).edges();
+        (edges, self.stores[id.unit()].normal(id.index()))
+    }
+
+    /// Returns a vertex without its BSDF, with the partial sums of MIS terms.
+    pub fn state(&self, id: VertexId) -> (VertexState<f32>, MisPartials) {
+        self.stores[id.unit()].state(id.index())
     }
 
     /// Returns the subpath to which a vertex belongs.
     pub fn path_of(&self, id: VertexId) -> u64 {
-        let first = &self.units[id.unit as usize].first;
-        let after = first.partition_point(|first| *first <= id.index);
-        u64::from(id.unit) * UNIT + after as u64 - 1
+        let first = &self.tables[id.unit()].first;
+        let after = first.partition_point(|first| *first as usize <= id.index());
+        id.unit() as u64 * UNIT + after as u64 - 1
+    }
+
+    /// Returns the start of a subpath, whose light is [`NONE`] if there is none.
+    pub fn start(&self, path: u64) -> LightStart<f32> {
+        self.tables[(path / UNIT) as usize].starts[(path % UNIT) as usize]
+    }
+
+    /// Returns the vertices of a subpath, in order.
+    pub fn vertices(&self, path: u64) -> impl Iterator<Item = VertexId> + use<> {
+        let (unit, at) = ((path / UNIT) as usize, (path % UNIT) as usize);
+        let first = &self.tables[unit].first;
+        (first[at]..first[at + 1]).map(move |index| VertexId::new(unit, index))
     }
 
     /// Loads a subpath into `vertices` and returns its start, if it has one.
@@ -276,12 +297,9 @@ impl LightPaths {
         path: u64,
         vertices: &mut Vec<SubpathVertex>,
     ) -> Option<LightStart<f32>> {
-        let unit = &self.units[(path / UNIT) as usize];
-        let at = (path % UNIT) as usize;
         vertices.clear();
-        let range = unit.first[at] as usize..unit.first[at + 1] as usize;
-        vertices.extend(range.map(|index| unit.store.vertex(context, index)));
-        Some(unit.starts[at]).filter(|start| start.light != NONE)
+        vertices.extend(self.vertices(path).map(|id| self.vertex(context, id).1));
+        Some(self.start(path)).filter(|start| start.light != NONE)
     }
 }
 

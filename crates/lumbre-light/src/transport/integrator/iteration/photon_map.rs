@@ -10,6 +10,7 @@ use std::f64::consts::PI;
 use glam::Vec3;
 
 use super::Iteration;
+use crate::math::real::{Mask, Real, Vector};
 use crate::math::rng::pcg4d;
 
 /// Number of parts of the grid, which threads build independently.
@@ -74,6 +75,19 @@ pub const fn point_bytes<T>() -> usize {
 /// the unit normal `n`.
 pub fn same_surface(normal: Vec3, n: Vec3) -> bool {
     normal.dot(n).abs() > MIN_COSINE
+}
+
+/// Returns the cosine of `wi` with the shading normal over that with the geometric normal, on which
+/// light subpaths arrive [Veach 1997, 5.3].
+#[inline(always)]
+pub fn cosine_ratio<V: Vector>(n_shading: V, n_geometric: V, wi: V) -> V::Scalar {
+    let (zero, one) = (V::Scalar::splat(0.0), V::Scalar::splat(1.0));
+    let flat = n_shading.same(n_geometric);
+    if !(!flat).any() {
+        return one;
+    }
+    let ratio = wi.dot(n_shading).abs() / wi.dot(n_geometric).abs();
+    V::Scalar::select(flat, one, V::Scalar::select(ratio.is_finite(), ratio, zero))
 }
 
 impl Grid {

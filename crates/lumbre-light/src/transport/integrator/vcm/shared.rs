@@ -1,7 +1,9 @@
 //! The light subpaths of an iteration, with a grid of their vertices.
 
+use crate::transport::integrator::bdpt::merge::Merging;
+use crate::transport::integrator::bdpt::store::VertexId;
 use crate::transport::integrator::bdpt::weights::StrategyCounts;
-use crate::transport::integrator::iteration::light_paths::{self, LightPaths, VertexId};
+use crate::transport::integrator::iteration::light_paths::{self, LightPaths};
 use crate::transport::integrator::iteration::photon_map::{PhotonMap, UnitPoints, point_bytes};
 use crate::transport::integrator::iteration::{Iteration, Resources, Shared};
 use crate::transport::integrator::settings::Join;
@@ -18,6 +20,17 @@ pub struct SharedVertices {
     pub map: PhotonMap<VertexId>,
     /// Numbers of samples of all strategies.
     pub counts: StrategyCounts,
+}
+
+impl SharedVertices {
+    /// Returns the vertices as those that camera vertices are merged with.
+    pub fn merging(&self) -> Merging<'_> {
+        Merging {
+            paths: &self.paths,
+            map: &self.map,
+            counts: &self.counts,
+        }
+    }
 }
 
 /// Data that all iterations of a job need; `None` if they share nothing.
@@ -47,7 +60,7 @@ pub fn begin(iteration: &Iteration) -> Box<Shared> {
         merging: grid.gathered(count),
     };
     let paths = LightPaths::trace(iteration, count, counts);
-    let units = iteration.map(paths.units(), |_, unit| {
+    let units = iteration.map(paths.stores().len(), |_, unit| {
         let mut points = UnitPoints::new(grid);
         paths.for_each_scattering(unit, |id, vertex| points.push(vertex.position, id));
         points

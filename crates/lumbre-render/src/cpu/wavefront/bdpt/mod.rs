@@ -10,8 +10,11 @@
 //! therefore be evaluated in any order.
 
 mod connect;
+mod draws;
 mod light_paths;
 mod lists;
+mod merges;
+mod source;
 mod vertices;
 mod walk;
 
@@ -20,10 +23,12 @@ use super::wave::{Start, TileContext, Wave};
 use crate::cpu::films::contributions::SampleId;
 use crate::cpu::films::layers::LayerRowFilm;
 use crate::cpu::films::row_film::RowFilm;
-use lists::ConnectionLists;
+use connect::Connecting;
+use lists::{ConnectionLists, Lister};
 use lumbre_light::transport::bsdf::TransportMode;
 use lumbre_light::transport::contribution::Contribution;
-use lumbre_light::transport::integrator::bdpt::weights::StrategyCounts;
+use lumbre_light::transport::integrator::bdpt::joins::Joins;
+use source::LightSubpaths;
 use vertices::Vertices;
 
 pub(super) use light_paths::trace as trace_light;
@@ -60,6 +65,7 @@ impl SplatSink<'_, '_> {
 /// contributions to their own pixels.
 pub(super) fn render_tile(
     tile: &TileContext,
+    joins: &Joins,
     buffers: &mut SubpathTile,
     film: &mut RowFilm,
     layers: Option<&mut LayerRowFilm>,
@@ -81,30 +87,36 @@ pub(super) fn render_tile(
         wave,
         states,
         light,
-        counts: StrategyCounts::ONE_EACH,
+        counts: joins.counts,
     };
     walk.start_at_camera(&mut vertices.starts);
     let max_edges = context.max_depth;
     walk.trace(TransportMode::Radiance, max_edges, vertices);
-    if max_edges > 0 {
+    if joins.shared.is_none() && max_edges > 0 {
         walk.start_at_lights(&mut vertices.starts);
         if max_edges > 1 {
             walk.trace(TransportMode::Importance, max_edges - 1, vertices);
         }
     }
-    lists.reset(context.classes.count());
-    let mut splats = SplatSink {
+    let (paths, vertices) = (&wave.paths, &*vertices);
+    let connecting = Connecting {
         tile,
-        film,
-        layers: layers.as_deref(),
+        paths,
+        vertices,
+        light: LightSubpaths::new(tile, joins, vertices),
+        joins,
     };
-    for path in 0..count {
-        lists.list_path(tile, path, &wave.paths, vertices, light.has_layers());
-        if lists.are_full() {
-            lists.evaluate(tile, (&wave.paths, vertices), light, &mut splats);
-        }
-    }
-    lists.evaluate(tile, (&wave.paths, vertices), light, &mut splats);
+    let mut lister = Lister {
+        lists,
+        connecting,
+        light,
+        splats: SplatSink {
+            tile,
+            film,
+            layers: layers.as_deref(),
+        },
+    };
+    lister.list_all(paths);
     let job = tile.job;
     let sampler = |(x, sample): SampleId| job.sampler.start(job.seed, [x, tile.y], sample);
     light.add_to_film(context, (tile.ids, tile.y), film, layers, sampler);

@@ -146,7 +146,7 @@ impl Hits {
         connection: &Connection<R, N>,
         place: impl Fn(&mut Hits, usize, u32),
     ) {
-        let rows = store_light(context, connection);
+        let rows = store_light(context, connection, 1.0);
         let lengths = R::store_doubles(connection.length);
         for i in active_lanes(connection.found.bits()) {
             let [value, unweighted] = stored_light(&rows[i]);
