@@ -5,6 +5,15 @@ use super::store::VertexId;
 use super::weights::StrategyCounts;
 use crate::transport::integrator::iteration::light_paths::LightPaths;
 
+/// A vertex of a light subpath that can be connected.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CachedVertex {
+    /// The vertex.
+    pub id: VertexId,
+    /// Number of edges from the light.
+    pub edges: u32,
+}
+
 /// The light subpaths of an iteration, and the list of their vertices that can be connected.
 pub struct LightVertexCache {
     /// The light subpaths.
@@ -14,58 +23,36 @@ pub struct LightVertexCache {
     /// Number of samples by which the estimate of a connection with a drawn vertex is divided, if
     /// it is the only candidate: `n c / C`.
     samples: f64,
-    /// Indices of the vertices that can be connected, by unit of work.
-    connected: Vec<Vec<u32>>,
-    /// Number of such vertices in all units before each one, and in all.
-    before: Vec<u64>,
+    vertices: Vec<CachedVertex>,
 }
 
 impl LightVertexCache {
     /// Creates the cache of light subpaths for a number of connections of each camera vertex.
-    /// `connected` are the indices of the vertices that can be connected, by unit of work.
+    /// `vertices` are those that can be connected, in order.
     pub fn new(
         paths: LightPaths,
         counts: StrategyCounts,
         connections: u32,
-        connected: Vec<Vec<u32>>,
+        vertices: Vec<CachedVertex>,
     ) -> LightVertexCache {
-        let mut before = vec![0];
-        let mut vertices = 0;
-        for unit in &connected {
-            vertices += unit.len() as u64;
-            before.push(vertices);
-        }
         LightVertexCache {
-            samples: paths.count() as f64 * f64::from(connections) / vertices as f64,
+            samples: paths.count() as f64 * f64::from(connections) / vertices.len() as f64,
             paths,
             counts,
-            connected,
-            before,
+            vertices,
         }
-    }
-
-    /// Returns the number of vertices that can be connected.
-    pub fn count(&self) -> u64 {
-        self.before.last().copied().unwrap_or(0)
-    }
-
-    /// Returns the vertex with a number below [`LightVertexCache::count`].
-    pub fn vertex(&self, number: u64) -> VertexId {
-        let unit = self.before.partition_point(|before| *before <= number) - 1;
-        let index = self.connected[unit][(number - self.before[unit]) as usize];
-        VertexId::new(unit, index)
     }
 
     /// Draws `count` vertices, each uniformly from the cache, with equal steps between their numbers;
     /// none if the cache is empty. `u` are two numbers in `[0, 1)`; the second one continues the
     /// digits of the first, which has 24 of them.
-    pub fn draw(&self, [u, v]: [f32; 2], count: u32) -> impl Iterator<Item = VertexId> {
+    pub fn draw(&self, [u, v]: [f32; 2], count: u32) -> impl Iterator<Item = CachedVertex> {
         let first = f64::from(u) + f64::from(v) * (-24f64).exp2();
-        let (vertices, step) = (self.count(), f64::from(count).recip());
+        let (vertices, step) = (self.vertices.len(), f64::from(count).recip());
         let drawn = if vertices == 0 { 0 } else { count };
         (0..drawn).map(move |i| {
             let place = (first + f64::from(i) * step).fract();
-            self.vertex(((place * vertices as f64) as u64).min(vertices - 1))
+            self.vertices[((place * vertices as f64) as usize).min(vertices - 1)]
         })
     }
 
@@ -102,4 +89,40 @@ pub fn choose(targets: impl Iterator<Item = f64> + Clone, choice: f32) -> Option
         }
     }
     chosen
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn candidates_are_chosen_in_proportion_to_their_targets() {
+        let targets = [0.0, 1.0, 0.0, 3.0, 0.0];
+        let chosen = |choice| choose(targets.into_iter(), choice);
+        for (choice, expected) in [
+            (0.0, (1, 0.25)),
+            (0.249, (1, 0.25)),
+            (0.25, (3, 0.75)),
+            (0.999, (3, 0.75)),
+            // Rounding may leave a rest.
+            (1.0, (3, 0.75)),
+        ] {
+            assert_eq!(chosen(choice), Some(expected), "{choice}");
+        }
+        assert_eq!(choose([0.0; 3].into_iter(), 0.5), None);
+        assert_eq!(choose([].into_iter(), 0.5), None);
+    }
+
+    #[test]
+    fn candidates_without_light_have_no_target() {
+        assert_eq!(target(2.0, 0.25), 0.5);
+        for (luminance, weight) in [
+            (0.0, 1.0),
+            (f64::NAN, 1.0),
+            (f64::INFINITY, 1.0),
+            (-1.0, 1.0),
+        ] {
+            assert_eq!(target(luminance, weight), 0.0);
+        }
+    }
 }

@@ -14,13 +14,32 @@ use crate::transport::integrator::iteration::light_paths::LightPaths;
 use crate::transport::integrator::iteration::photon_map::{PhotonMap, cosine_ratio, same_surface};
 use crate::transport::path_time::OpticalLength;
 
+/// A light vertex in the map, with what decides whether a camera vertex near it is merged with it.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct MergePoint {
+    /// The vertex.
+    pub id: VertexId,
+    /// Number of edges from the light.
+    edges: u32,
+    /// Unit normal of its surface.
+    normal: Vec3,
+}
+
+impl MergePoint {
+    /// Creates the entry of a vertex.
+    pub fn new(id: VertexId, edges: u32, vertex: &VertexState<f32>) -> MergePoint {
+        let normal = vertex.n_geometric;
+        MergePoint { id, edges, normal }
+    }
+}
+
 /// Light vertices that camera vertices are merged with.
 #[derive(Clone, Copy)]
 pub struct Merging<'a> {
     /// The light subpaths.
     pub paths: &'a LightPaths,
     /// Their vertices by position.
-    pub map: &'a PhotonMap<VertexId>,
+    pub map: &'a PhotonMap<MergePoint>,
     /// Numbers of samples of the strategies that the weights combine.
     pub counts: &'a StrategyCounts,
 }
@@ -28,18 +47,18 @@ pub struct Merging<'a> {
 impl Merging<'_> {
     /// Visits the light vertices that merge with the camera vertex number `t`, in the order of the
     /// map, each with its number of edges from the light.
-    #[inline]
-    pub fn for_each_near(
+    #[inline(always)]
+    pub fn for_each_near<R: Lanes<N>, const N: usize>(
         &self,
         context: &Context,
         z: &VertexState<f32>,
         t: u32,
         mut visit: impl FnMut(VertexId, u32),
     ) {
-        self.map.for_each_near(z.position, |id| {
-            let (s, normal) = self.paths.surface(*id);
-            if s + t - 1 <= context.max_depth && same_surface(normal, z.n_geometric) {
-                visit(*id, s);
+        self.map.for_each_near::<R, N>(z.position, |point| {
+            let MergePoint { id, edges, normal } = *point;
+            if edges + t - 1 <= context.max_depth && same_surface(normal, z.n_geometric) {
+                visit(id, edges);
             }
         });
     }

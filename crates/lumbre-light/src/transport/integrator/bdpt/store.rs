@@ -2,8 +2,6 @@
 
 use std::slice;
 
-use glam::Vec3;
-
 use super::single::SubpathVertex;
 use super::state::{
     PartialsRecord, ShadingRecord, ShadingState, Vertex, VertexRecord, VertexState, load_partials,
@@ -204,12 +202,6 @@ impl VertexStore {
     #[inline]
     pub fn event(stores: &[VertexStore], id: VertexId) -> &VertexEvent {
         &stores[id.unit()].events[id.index()]
-    }
-
-    /// Returns the unit normal of a vertex's surface.
-    #[inline]
-    pub fn normal(&self, index: usize) -> Vec3 {
-        VertexRecord::load::<f32, 1>([&self.records[index]]).n_geometric
     }
 
     /// Loads vertices without their BSDFs.

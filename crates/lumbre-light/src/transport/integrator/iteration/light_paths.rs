@@ -2,14 +2,13 @@
 
 use std::ops::Range;
 
-use glam::Vec3;
-
 use super::{Iteration, Resources};
 use crate::scene::compile::NONE;
 use crate::transport::arrival::{Arrival, HitState};
 use crate::transport::bsdf::TransportMode;
 use crate::transport::integrator::Context;
 use crate::transport::integrator::bdpt::connect::Connection;
+use crate::transport::integrator::bdpt::draw::CachedVertex;
 use crate::transport::integrator::bdpt::single::SubpathVertex;
 use crate::transport::integrator::bdpt::state::{
     LightStart, ShadingState, Subpath, Vertex, VertexState,
@@ -232,38 +231,36 @@ impl LightPaths {
     }
 
     /// Visits the vertices of a unit at which surfaces may scatter light from more than isolated
-    /// directions.
+    /// directions, each with its number of edges from the light.
     pub fn for_each_scattering(
         &self,
         unit: usize,
-        mut visit: impl FnMut(VertexId, &VertexState<f32>),
+        mut visit: impl FnMut(VertexId, u32, &VertexState<f32>),
     ) {
         let store = &self.stores[unit];
         for (index, event) in store.events().iter().enumerate() {
             if event.scatters() {
-                visit(VertexId::new(unit, index as u32), &store.state(index).0);
+                let id = VertexId::new(unit, index as u32);
+                visit(id, event.edges(), &store.state(index).0);
             }
         }
     }
 
-    /// Returns the indices of the vertices of a unit that can be connected.
-    pub fn connected(&self, unit: usize) -> Vec<u32> {
+    /// Returns the vertices of a unit that can be connected.
+    pub fn connected(&self, unit: usize) -> Vec<CachedVertex> {
         let events = self.stores[unit].events().iter().zip(0..);
         let connected = events.filter(|(event, _)| event.connects);
-        connected.map(|(_, index)| index).collect()
+        connected
+            .map(|(event, index)| CachedVertex {
+                id: VertexId::new(unit, index),
+                edges: event.edges(),
+            })
+            .collect()
     }
 
-    /// Returns a vertex with its number of edges from the light.
-    pub fn vertex(&self, context: &Context, id: VertexId) -> (u32, SubpathVertex) {
-        let edges = VertexStore::event(&self.stores, id).edges();
-        (edges, self.stores[id.unit()].vertex(context, id.index()))
-    }
-
-    /// Returns the number of edges of a vertex from the light, and the unit normal of its surface.
-    #[inline]
-    pub fn surface(&self, id: VertexId) -> (u32, Vec3) {
-        let edges = VertexStore::event(&self.stores, id).edges();
-        (edges, self.stores[id.unit()].normal(id.index()))
+    /// Returns a vertex with its BSDF.
+    pub fn vertex(&self, context: &Context, id: VertexId) -> SubpathVertex {
+        self.stores[id.unit()].vertex(context, id.index())
     }
 
     /// Returns a vertex without its BSDF, with the partial sums of MIS terms.
@@ -298,7 +295,7 @@ impl LightPaths {
         vertices: &mut Vec<SubpathVertex>,
     ) -> Option<LightStart<f32>> {
         vertices.clear();
-        vertices.extend(self.vertices(path).map(|id| self.vertex(context, id).1));
+        vertices.extend(self.vertices(path).map(|id| self.vertex(context, id)));
         Some(self.start(path)).filter(|start| start.light != NONE)
     }
 }

@@ -1,6 +1,6 @@
 //! The light subpaths of an iteration, and the list of their vertices that can be connected.
 
-use crate::transport::integrator::bdpt::draw::LightVertexCache;
+use crate::transport::integrator::bdpt::draw::{CachedVertex, LightVertexCache};
 use crate::transport::integrator::bdpt::weights::StrategyCounts;
 use crate::transport::integrator::iteration::light_paths::{self, LightPaths};
 use crate::transport::integrator::iteration::{Iteration, Resources, Shared};
@@ -11,8 +11,9 @@ const PREPARED_PATHS: u64 = 1024;
 /// Number of those that a thread traces at a time.
 const PREPARED_UNIT: u64 = 64;
 
-/// Bytes of a vertex: as stored, and in the list of those that can be connected.
-pub const VERTEX_BYTES: usize = light_paths::VERTEX_BYTES + 2 * size_of::<u32>();
+/// Bytes of a vertex: as stored, in the list of those that can be connected, and in that of its unit
+/// of work, which has up to twice the capacity that it needs.
+pub const VERTEX_BYTES: usize = light_paths::VERTEX_BYTES + 3 * size_of::<CachedVertex>();
 
 /// Data that all iterations of a job need.
 #[derive(Clone, Copy, Debug)]
@@ -68,5 +69,6 @@ pub fn begin(iteration: &Iteration) -> Box<Shared> {
     let paths = LightPaths::trace(iteration, count, counts);
     let units = paths.stores().len();
     let connected = iteration.map(units, |_, unit| paths.connected(unit));
-    Box::new(LightVertexCache::new(paths, counts, connections, connected))
+    let vertices = connected.concat();
+    Box::new(LightVertexCache::new(paths, counts, connections, vertices))
 }

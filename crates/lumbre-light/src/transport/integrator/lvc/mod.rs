@@ -23,7 +23,7 @@ pub mod cache;
 use std::cell::RefCell;
 
 use super::bdpt::connect::Connection;
-use super::bdpt::draw::{LightVertexCache, choose, target};
+use super::bdpt::draw::{CachedVertex, LightVertexCache, choose, target};
 use super::bdpt::joins::{Joins, SubpathTechnique};
 use super::bdpt::single::{ConnectedPath, Drawn, Reporter, Subpaths};
 use super::bdpt::state::Vertex;
@@ -167,9 +167,9 @@ fn connect_cache(
     candidates.clear();
     let context = reporter.context;
     let count = context.settings.candidates;
-    for id in cache.draw([u, v], count) {
-        let (edge, y) = cache.paths.vertex(context, id);
-        let strategy = [edge + 1, t];
+    for CachedVertex { id, edges } in cache.draw([u, v], count) {
+        let y = cache.paths.vertex(context, id);
+        let strategy = [edges + 1, t];
         let Some(connection) = reporter.connection(&y.vertex, z, strategy) else {
             continue;
         };

@@ -184,7 +184,7 @@ impl<R: Lanes<N>, const N: usize> GatherPoint<'_, R, N> {
         });
         let mut near: [Vec<(u32, &PhotonRecord)>; N] = std::array::from_fn(|_| Vec::new());
         for i in active_lanes(lanes.bits()) {
-            map.for_each_near(positions[i], |record| {
+            map.for_each_near::<R, N>(positions[i], |record| {
                 let photon = PhotonRecord::load::<f32, 1>([record]);
                 if photon.edges <= max_edges && same_surface(photon.normal, normals[i]) {
                     near[i].push((photon.edges, record));

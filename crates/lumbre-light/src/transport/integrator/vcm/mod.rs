@@ -196,7 +196,7 @@ fn merge(reporter: &mut Reporter, merging: &Merging, z: &Vertex, t: u32) {
     }
     let samples = f64::from(merging.map.scale()).recip();
     let context = reporter.context;
-    merging.for_each_near(context, &z.state, t, |id, s| {
+    merging.for_each_near::<f32, 1>(context, &z.state, t, |id, s| {
         let (y, partials) = merging.paths.state(id);
         let Some(merged) = Merged::<f32>::new::<1>(context, merging, (&y, partials), z, true)
         else {

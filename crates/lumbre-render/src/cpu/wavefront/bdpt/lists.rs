@@ -5,6 +5,8 @@
 //! are stored at that index, so that sums do not depend on the order of evaluation. Splats are
 //! added in fixed point, in any order.
 
+use std::mem::take;
+
 use glam::Vec3;
 
 use super::SplatSink;
@@ -13,7 +15,7 @@ use super::draws::Draws;
 use super::vertices::{HitLight, Vertices};
 use crate::cpu::wavefront::light::{Details, TileLight};
 use crate::cpu::wavefront::wave::PathRecords;
-use lumbre_light::math::simd::dispatch;
+use lumbre_light::math::simd::{Lanes, SimdKernel, dispatch};
 use lumbre_light::transport::integrator::Context;
 use lumbre_light::transport::integrator::bdpt::draw::LightVertexCache;
 use lumbre_light::transport::integrator::bdpt::joins::Joins;
@@ -209,6 +211,8 @@ pub(super) struct Lister<'a, 's, 'f> {
     pub connecting: Connecting<'a>,
     pub light: &'a mut TileLight,
     pub splats: SplatSink<'s, 'f>,
+    /// Buffer for light vertices near a camera vertex.
+    pub near: Vec<(VertexId, u32)>,
 }
 
 /// A camera vertex whose contributions are listed.
@@ -221,6 +225,29 @@ struct CameraVertex {
     class: usize,
     /// Number of camera vertices.
     t: u32,
+}
+
+/// Kernel that finds the light vertices that merge with a camera vertex.
+struct NearKernel<'a> {
+    connecting: &'a Connecting<'a>,
+    merging: &'a Merging<'a>,
+    at: CameraVertex,
+    /// Receives the vertices with their numbers of edges from the light.
+    near: &'a mut Vec<(VertexId, u32)>,
+}
+
+impl SimdKernel for NearKernel<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<R: Lanes<N>, const N: usize>(self) {
+        let Connecting { tile, vertices, .. } = self.connecting;
+        let CameraVertex { z, t, .. } = self.at;
+        let (state, _) = vertices.camera.store.state(z as usize);
+        let (context, near) = (tile.context, self.near);
+        self.merging
+            .for_each_near::<R, N>(context, &state, t, |y, s| near.push((y, s)));
+    }
 }
 
 impl Lister<'_, '_, '_> {
@@ -345,15 +372,14 @@ impl Lister<'_, '_, '_> {
     /// Lists the connections of a camera vertex with drawn vertices.
     fn list_draws(&mut self, at: CameraVertex, cache: &LightVertexCache, sampler: &mut Sampler) {
         let CameraVertex { path, z, class, t } = at;
-        let Connecting { tile, light, .. } = self.connecting;
-        let context = tile.context;
+        let context = self.connecting.tile.context;
         for _ in 0..context.settings.connections {
             let [choice, u, v] = sampler.next_three();
             // The chosen vertex decides how many light vertices there are.
             let contribution = self.push(path, [1, t]);
             let lists = &mut *self.lists;
-            for y in cache.draw([u, v], context.settings.candidates) {
-                let s = VertexStore::event(light.stores, y).edges() + 1;
+            for vertex in cache.draw([u, v], context.settings.candidates) {
+                let (y, s) = (vertex.id, vertex.edges + 1);
                 if s + t - 1 <= context.max_depth {
                     let index = lists.draws.push_candidate(s);
                     lists.pairs[class].push(VertexPair { index, y, z });
@@ -366,12 +392,22 @@ impl Lister<'_, '_, '_> {
     /// Lists the mergings of a camera vertex.
     fn list_merges(&mut self, at: CameraVertex, merging: &Merging) {
         let CameraVertex { path, z, class, t } = at;
-        let Connecting { tile, vertices, .. } = self.connecting;
-        let (state, _) = vertices.camera.store.state(z as usize);
-        merging.for_each_near(tile.context, &state, t, |y, s| {
+        let width = self.connecting.tile.width;
+        let mut near = take(&mut self.near);
+        dispatch(
+            width,
+            NearKernel {
+                connecting: &self.connecting,
+                merging,
+                at,
+                near: &mut near,
+            },
+        );
+        for (y, s) in near.drain(..) {
             let index = self.push(path, [s, t]);
             self.lists.merges[class].push(VertexPair { index, y, z });
-        });
+        }
+        self.near = near;
     }
 
     /// Lists the connections of light subpaths to the lens.

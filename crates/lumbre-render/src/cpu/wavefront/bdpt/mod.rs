@@ -115,6 +115,7 @@ pub(super) fn render_tile(
             film,
             layers: layers.as_deref(),
         },
+        near: Vec::new(),
     };
     lister.list_all(paths);
     let job = tile.job;
