@@ -210,7 +210,7 @@ impl VertexStore {
         stores: &[VertexStore],
         ids: [VertexId; N],
     ) -> VertexState<R> {
-        VertexRecord::load(map_array(ids, |id| &stores[id.unit()].records[id.index()]))
+        VertexRecord::load(rows(stores, ids, |store| &store.records))
     }
 
     /// Loads the partial sums of vertices.
@@ -219,7 +219,7 @@ impl VertexStore {
         stores: &[VertexStore],
         ids: [VertexId; N],
     ) -> MisPartials<R::Double> {
-        let records = map_array(ids, |id| &stores[id.unit()].partials[id.index()]);
+        let records = rows(stores, ids, |store| &store.partials);
         let [d_vcm, d_vc] = load_partials::<R, N>(records);
         MisPartials { d_vcm, d_vc }
     }
@@ -267,13 +267,29 @@ impl VertexStore {
         let shading = context
             .classes
             .have_shading()
-            .then(|| map_array(ids, |id| &stores[id.unit()].shading[id.index()]));
+            .then(|| rows(stores, ids, |store| &store.shading));
         Vertex::load::<N>(
             context,
             class,
-            map_array(ids, |id| &stores[id.unit()].records[id.index()]),
-            map_array(ids, |id| &stores[id.unit()].partials[id.index()]),
+            rows(stores, ids, |store| &store.records),
+            rows(stores, ids, |store| &store.partials),
             shading,
         )
+    }
+}
+
+/// Returns the rows of a column of several stores.
+#[inline(always)]
+fn rows<'a, T, const N: usize>(
+    stores: &'a [VertexStore],
+    ids: [VertexId; N],
+    column: impl Fn(&'a VertexStore) -> &'a [T],
+) -> [&'a T; N] {
+    // Tiles that trace their own subpaths have one store.
+    if let [store] = stores {
+        let column = column(store);
+        map_array(ids, |id| &column[id.index()])
+    } else {
+        map_array(ids, |id| &column(&stores[id.unit()])[id.index()])
     }
 }

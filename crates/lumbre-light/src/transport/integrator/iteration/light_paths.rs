@@ -280,11 +280,11 @@ impl LightPaths {
         self.tables[(path / UNIT) as usize].starts[(path % UNIT) as usize]
     }
 
-    /// Returns the vertices of a subpath, in order.
-    pub fn vertices(&self, path: u64) -> impl Iterator<Item = VertexId> + use<> {
+    /// Returns the index of the store of a subpath's vertices, and their indices in it.
+    pub fn vertices(&self, path: u64) -> (usize, Range<u32>) {
         let (unit, at) = ((path / UNIT) as usize, (path % UNIT) as usize);
         let first = &self.tables[unit].first;
-        (first[at]..first[at + 1]).map(move |index| VertexId::new(unit, index))
+        (unit, first[at]..first[at + 1])
     }
 
     /// Loads a subpath into `vertices` and returns its start, if it has one.
@@ -295,7 +295,8 @@ impl LightPaths {
         vertices: &mut Vec<SubpathVertex>,
     ) -> Option<LightStart<f32>> {
         vertices.clear();
-        vertices.extend(self.vertices(path).map(|id| self.vertex(context, id)));
+        let (unit, indices) = self.vertices(path);
+        vertices.extend(indices.map(|index| self.vertex(context, VertexId::new(unit, index))));
         Some(self.start(path)).filter(|start| start.light != NONE)
     }
 }

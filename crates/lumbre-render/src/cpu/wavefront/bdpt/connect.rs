@@ -231,7 +231,6 @@ impl SimdKernel for ConnectKernel<'_, '_, '_> {
             light_connections,
             lifted_connections,
             pairs,
-            merges,
             draws,
             evaluated,
             lens_connections,
@@ -241,14 +240,6 @@ impl SimdKernel for ConnectKernel<'_, '_, '_> {
             ..
         } = lists;
         let (context, joins) = (connecting.tile.context, connecting.joins);
-        if let Some(merging) = &joins.merging {
-            for (class, pairs) in merges.iter_mut().enumerate() {
-                for group in pairs.chunks(N) {
-                    connecting.merge::<R, N>(merging, class, group, own);
-                }
-                pairs.clear();
-            }
-        }
         let mut resolve = |queue: &mut ShadowQueue, own: &mut OwnContributions, least: usize| {
             if queue.contributions.len() >= least {
                 queue.resolve(context, own, light, splats);

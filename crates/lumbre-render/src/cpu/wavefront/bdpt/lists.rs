@@ -12,6 +12,7 @@ use glam::Vec3;
 use super::SplatSink;
 use super::connect::{ConnectKernel, Connecting, ShadowQueue};
 use super::draws::Draws;
+use super::merges::MergeKernel;
 use super::vertices::{HitLight, Vertices};
 use crate::cpu::wavefront::light::{Details, TileLight};
 use crate::cpu::wavefront::wave::PathRecords;
@@ -175,7 +176,7 @@ impl OwnContributions {
 
 impl ConnectionLists {
     /// Prepares the lists for a tile; all must be empty.
-    pub fn reset(&mut self, classes: usize) {
+    fn reset(&mut self, classes: usize) {
         self.light_connections.resize_with(classes, Vec::new);
         self.lifted_connections.resize_with(classes, Vec::new);
         self.pairs.resize_with(classes, Vec::new);
@@ -193,13 +194,23 @@ impl ConnectionLists {
     /// Evaluates all listed connections, empties the lists, and adds the contributions to the
     /// samples' own pixels to `light`.
     fn evaluate(&mut self, connecting: &Connecting, light: &mut TileLight, splats: &mut SplatSink) {
+        let width = connecting.tile.width;
+        if let Some(merging) = &connecting.joins.merging {
+            let kernel = MergeKernel {
+                connecting,
+                merging,
+                lists: &mut self.merges,
+                own: &mut self.own,
+            };
+            dispatch(width, kernel);
+        }
         let kernel = ConnectKernel {
             lists: self,
             connecting,
             light,
             splats,
         };
-        dispatch(connecting.tile.width, kernel);
+        dispatch(width, kernel);
         self.splats = 0;
         self.own.add_to(connecting.tile.context, light);
     }
@@ -207,12 +218,13 @@ impl ConnectionLists {
 
 /// Lists the contributions of the samples of a tile, and evaluates them whenever the lists are full.
 pub(super) struct Lister<'a, 's, 'f> {
-    pub lists: &'a mut ConnectionLists,
-    pub connecting: Connecting<'a>,
-    pub light: &'a mut TileLight,
-    pub splats: SplatSink<'s, 'f>,
+    lists: &'a mut ConnectionLists,
+    connecting: Connecting<'a>,
+    light: &'a mut TileLight,
+    splats: SplatSink<'s, 'f>,
+    columns: Columns,
     /// Buffer for light vertices near a camera vertex.
-    pub near: Vec<(VertexId, u32)>,
+    near: Vec<(VertexId, u32)>,
 }
 
 /// A camera vertex whose contributions are listed.
@@ -250,11 +262,32 @@ impl SimdKernel for NearKernel<'_> {
     }
 }
 
-impl Lister<'_, '_, '_> {
+impl<'a, 's, 'f> Lister<'a, 's, 'f> {
+    /// Prepares lists, all of them empty, for a tile.
+    pub fn new(
+        lists: &'a mut ConnectionLists,
+        connecting: Connecting<'a>,
+        light: &'a mut TileLight,
+        splats: SplatSink<'s, 'f>,
+    ) -> Lister<'a, 's, 'f> {
+        let context = connecting.tile.context;
+        lists.reset(context.classes.count());
+        Lister {
+            columns: Columns {
+                timed: context.timing.is_some(),
+                layered: light.has_layers(),
+            },
+            lists,
+            connecting,
+            light,
+            splats,
+            near: Vec::new(),
+        }
+    }
+
     /// Lists all contributions of all samples and evaluates them.
     pub fn list_all(&mut self, paths: &PathRecords) {
         let tile = self.connecting.tile;
-        self.lists.reset(tile.context.classes.count());
         for path in 0..tile.ids.len() {
             let mut sampler = paths.sampler(tile, path);
             self.list_camera_path(path, &mut sampler);
@@ -273,20 +306,12 @@ impl Lister<'_, '_, '_> {
         if self.lists.are_full() {
             self.evaluate();
         }
-        let columns = self.columns();
-        self.lists.own.push(columns, path, strategy)
-    }
-
-    fn columns(&self) -> Columns {
-        Columns {
-            timed: self.connecting.tile.context.timing.is_some(),
-            layered: self.light.has_layers(),
-        }
+        self.lists.own.push(self.columns, path, strategy)
     }
 
     /// Lists all contributions of a sample to its own pixel.
     fn list_camera_path(&mut self, path: usize, sampler: &mut Sampler) {
-        let columns = self.columns();
+        let columns = self.columns;
         let Vertices { camera, hits, .. } = self.connecting.vertices;
         if let Some(hit) = hits.found.get(hits.escaped[path] as usize) {
             self.lists.own.push_hit(columns, path, hit);

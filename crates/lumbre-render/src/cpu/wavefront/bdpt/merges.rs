@@ -3,14 +3,43 @@
 use super::connect::{Connecting, store_colors, stored_light};
 use super::lists::{OwnContributions, VertexPair};
 use lumbre_light::math::real::{Double, Mask};
-use lumbre_light::math::simd::{Lanes, active_lanes, map_array, padded};
+use lumbre_light::math::simd::{Lanes, SimdKernel, active_lanes, map_array, padded};
 use lumbre_light::transport::integrator::bdpt::merge::{Merged, Merging};
 use lumbre_light::transport::integrator::bdpt::store::VertexStore;
+
+/// Kernel that evaluates the pairs to merge, listed by class of the camera vertex, and empties the
+/// lists.
+pub(super) struct MergeKernel<'a> {
+    pub connecting: &'a Connecting<'a>,
+    pub merging: &'a Merging<'a>,
+    pub lists: &'a mut [Vec<VertexPair>],
+    pub own: &'a mut OwnContributions,
+}
+
+impl SimdKernel for MergeKernel<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<R: Lanes<N>, const N: usize>(self) {
+        let MergeKernel {
+            connecting,
+            merging,
+            lists,
+            own,
+        } = self;
+        for (class, pairs) in lists.iter_mut().enumerate() {
+            for group in pairs.chunks(N) {
+                connecting.merge::<R, N>(merging, class, group, own);
+            }
+            pairs.clear();
+        }
+    }
+}
 
 impl Connecting<'_> {
     /// Merges light vertices with camera vertices on surfaces of one class.
     #[inline(always)]
-    pub(super) fn merge<R: Lanes<N>, const N: usize>(
+    fn merge<R: Lanes<N>, const N: usize>(
         &self,
         merging: &Merging,
         class: usize,

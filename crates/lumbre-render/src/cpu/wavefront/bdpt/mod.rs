@@ -106,18 +106,12 @@ pub(super) fn render_tile(
         light: LightSubpaths::new(tile, joins, vertices),
         joins,
     };
-    let mut lister = Lister {
-        lists,
-        connecting,
-        light,
-        splats: SplatSink {
-            tile,
-            film,
-            layers: layers.as_deref(),
-        },
-        near: Vec::new(),
+    let splats = SplatSink {
+        tile,
+        film,
+        layers: layers.as_deref(),
     };
-    lister.list_all(paths);
+    Lister::new(lists, connecting, light, splats).list_all(paths);
     let job = tile.job;
     let sampler = |(x, sample): SampleId| job.sampler.start(job.seed, [x, tile.y], sample);
     light.add_to_film(context, (tile.ids, tile.y), film, layers, sampler);

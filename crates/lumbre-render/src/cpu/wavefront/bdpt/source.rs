@@ -68,29 +68,58 @@ impl<'a> LightSubpaths<'a> {
     }
 
     /// Returns the vertices of a subpath, in order.
-    pub fn vertices(&self, number: u64) -> impl Iterator<Item = VertexId> + use<'a> {
-        let shared = self.shared.map(|paths| paths.vertices(number));
-        let traced = self.shared.is_none().then(|| {
-            let indices = self.traced.light.of_path(number as usize);
-            indices.map(|index| VertexId::new(0, index))
-        });
-        shared
-            .into_iter()
-            .flatten()
-            .chain(traced.into_iter().flatten())
+    pub fn vertices(&self, number: u64) -> VertexIds<'a> {
+        match self.shared {
+            Some(paths) => {
+                let (unit, indices) = paths.vertices(number);
+                VertexIds::Shared { unit, indices }
+            }
+            None => {
+                let (indices, step) = self.traced.light.edges_of(number as usize);
+                VertexIds::Traced { indices, step }
+            }
+        }
     }
 
     /// Returns the start of a subpath for the sample of a path; `None` if there is none.
     pub fn start(&self, number: u64, path: usize) -> Option<LightStartRecord> {
-        let mut start: LightStart<f32> = match self.shared {
-            Some(paths) => paths.start(number),
-            None => LightStartRecord::load([self.traced.starts.records.get(number as usize)?]),
+        let starts = &self.traced.starts;
+        let Some(paths) = self.shared else {
+            let record = starts.records.get(number as usize)?;
+            let exists = LightStartRecord::load::<f32, 1>([record]).light != NONE;
+            return exists.then_some(*record);
         };
-        if start.light == NONE {
-            return None;
-        }
-        start.emitted = self.traced.starts.emitted::<f32, 1>([path]);
+        let start = LightStart {
+            emitted: starts.emitted::<f32, 1>([path]),
+            ..paths.start(number)
+        };
         let [record] = LightStartRecord::store::<f32, 1>(start);
-        Some(record)
+        (start.light != NONE).then_some(record)
+    }
+}
+
+/// Vertices of a light subpath, in order.
+pub(super) enum VertexIds<'a> {
+    /// Consecutive vertices of a store.
+    Shared { unit: usize, indices: Range<u32> },
+    /// Indices of the vertices in the tile's store, one in each `step`, up to [`NONE`].
+    Traced { indices: &'a [u32], step: usize },
+}
+
+impl Iterator for VertexIds<'_> {
+    type Item = VertexId;
+
+    #[inline]
+    fn next(&mut self) -> Option<VertexId> {
+        match self {
+            VertexIds::Shared { unit, indices } => {
+                indices.next().map(|index| VertexId::new(*unit, index))
+            }
+            VertexIds::Traced { indices, step } => {
+                let index = *indices.first()?;
+                *indices = indices.get(*step..).unwrap_or_default();
+                (index != NONE).then(|| VertexId::new(0, index))
+            }
+        }
     }
 }

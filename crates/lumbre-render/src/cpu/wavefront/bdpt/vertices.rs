@@ -105,6 +105,13 @@ impl TileVertices {
         self.at.of_path(path).take_while(|index| *index != NONE)
     }
 
+    /// Returns the indices of the vertices by edge of this path and all that follow it, and the
+    /// number of indices of an edge.
+    pub fn edges_of(&self, path: usize) -> (&[u32], usize) {
+        let EdgeTable { indices, paths } = &self.at;
+        (indices.get(path..).unwrap_or_default(), *paths)
+    }
+
     /// Stores the vertices at which paths arrived.
     #[inline(always)]
     pub fn push<R: Lanes<N>, const N: usize>(
