@@ -6,8 +6,8 @@
 //! primitives, hits are sorted by class of surface, and a step of the technique runs on full vectors
 //! of one class.
 //! [`wave`] does what all techniques share. [`camera_paths`] schedules every technique that follows
-//! paths from the camera, none of which it knows by name; [`bdpt`](self::bdpt) schedules subpaths
-//! and their connections.
+//! paths from the camera, and [`bdpt`](self::bdpt) every one that joins subpaths from the camera with
+//! subpaths from lights; they know no technique by name.
 //!
 //! Invariant: results are bit-identical for any number of lanes, which tests check. The text of a
 //! technique is the same for all of them, and the contributions of a sample are added in the order

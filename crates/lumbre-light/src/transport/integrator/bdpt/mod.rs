@@ -8,7 +8,8 @@
 //!
 //! All steps are generic over the width of vectors: [`Subpath`](state::Subpath) traces the subpaths
 //! vertex by vertex, and [`connect`] evaluates connections. [`single`] combines them for one sample;
-//! the wavefront renderer of the CPU does for many.
+//! the wavefront renderer of the CPU does for many, as [`joins`] states. [`merge`] and [`draw`] are
+//! the parts that only other techniques use.
 
 pub mod connect;
 pub mod draw;

@@ -1,9 +1,11 @@
-//! Bidirectional path tracing: traces all camera subpaths of a tile, then all light subpaths, then
-//! evaluates all connections.
+//! Techniques that join subpaths from the camera with subpaths from lights: traces all camera
+//! subpaths of a tile, then the light subpaths, unless samples share those of an iteration, then
+//! evaluates all connections and mergings. [`Joins`] states which there are.
 //!
-//! [`walk`] advances the subpaths of a tile by one step at a time and stores their vertices.
-//! [`lists`] lists the connections of every sample in the order in which its contributions are
-//! added, and [`connect`] evaluates them by class of surface, one connection per lane.
+//! [`walk`] advances the subpaths of a tile by one step at a time and stores their vertices;
+//! [`light_paths`] does so for light subpaths that belong to no pixel. [`lists`] lists the
+//! connections of every sample in the order in which its contributions are added. [`connect`],
+//! [`merges`] and [`draws`] evaluate them by class of surface, one pair of vertices per lane.
 //!
 //! The number of random numbers that a connection draws does not depend on its result, and the
 //! order of a sample's contributions is known when connections are listed. Connections can
