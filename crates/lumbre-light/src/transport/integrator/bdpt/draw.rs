@@ -8,7 +8,7 @@ use crate::transport::integrator::iteration::light_paths::LightPaths;
 /// A vertex of a light subpath that can be connected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CachedVertex {
-    /// The vertex.
+    /// Place of the vertex in memory.
     pub id: VertexId,
     /// Number of edges from the light.
     pub edges: u32,

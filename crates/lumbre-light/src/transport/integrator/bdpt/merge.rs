@@ -17,7 +17,7 @@ use crate::transport::path_time::OpticalLength;
 /// A light vertex in the map, with what decides whether a camera vertex near it is merged with it.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MergePoint {
-    /// The vertex.
+    /// Place of the vertex in memory.
     pub id: VertexId,
     /// Number of edges from the light.
     edges: u32,
@@ -71,7 +71,7 @@ pub struct Merged<R: Real = f32> {
     pub lanes: R::Mask,
     /// Radiance, not yet weighted.
     pub unweighted: R::Vec3,
-    /// MIS weight.
+    /// Weight of multiple importance sampling.
     pub weight: R::Double,
     /// Optical length of the path; 0 without a time axis.
     pub length: R::Double,

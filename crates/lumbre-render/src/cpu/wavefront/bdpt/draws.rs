@@ -21,7 +21,7 @@ struct Candidate {
     s: u32,
     ray: (Ray, f32),
     unweighted: Vec3,
-    /// MIS weight.
+    /// Weight of multiple importance sampling.
     weight: f64,
     length: f64,
     /// Density of choosing it, up to a factor; 0 if it finds no light.

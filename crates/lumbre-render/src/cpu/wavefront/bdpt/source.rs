@@ -19,7 +19,7 @@ pub(super) struct LightSubpaths<'a> {
     tile: &'a TileContext<'a>,
     traced: &'a Vertices,
     shared: Option<&'a LightPaths>,
-    /// Their vertices.
+    /// Vertices of all subpaths.
     pub stores: &'a [VertexStore],
 }
 
