@@ -1,4 +1,5 @@
-//! How the samples of a technique join subpaths from the camera with subpaths from lights.
+//! The ways in which the samples of a technique join subpaths from the camera with subpaths from
+//! lights.
 
 use super::draw::LightVertexCache;
 use super::merge::Merging;
@@ -12,7 +13,7 @@ pub trait SubpathTechnique: Send + Sync + 'static {
     fn joins<'a>(context: &Context<'a>) -> Joins<'a>;
 }
 
-/// How the samples of an iteration join subpaths.
+/// The ways in which the samples of an iteration join subpaths.
 ///
 /// Every sample adds light that its camera subpath hits. Strategies whose
 /// [number of samples](StrategyCounts) is 0 are left out.

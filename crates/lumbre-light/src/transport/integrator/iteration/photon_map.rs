@@ -97,7 +97,7 @@ pub fn cosine_ratio<V: Vector>(n_shading: V, n_geometric: V, wi: V) -> V::Scalar
 
 impl Grid {
     /// Returns the cube that contains a point.
-    #[inline]
+    #[inline(always)]
     fn cube(&self, p: Vec3) -> [i32; 3] {
         let scaled = p / (2.0 * self.radius);
         scaled.to_array().map(|x| Real::floor(x) as i32)
