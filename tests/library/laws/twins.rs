@@ -71,6 +71,22 @@ const HOST: &[(&str, &str)] = &[
         "GLSL invocations follow one path each",
     ),
     (
+        "crates/lumbre-light/src/transport/integrator/bdpt/store.rs",
+        "GLSL invocations follow one path each",
+    ),
+    (
+        "crates/lumbre-light/src/transport/integrator/bdpt/joins.rs",
+        "GLSL invocations follow one path each",
+    ),
+    (
+        "crates/lumbre-light/src/transport/integrator/bdpt/merge.rs",
+        "devices share no data between pixels",
+    ),
+    (
+        "crates/lumbre-light/src/transport/integrator/bdpt/draw.rs",
+        "devices share no data between pixels",
+    ),
+    (
         "crates/lumbre-light/src/transport/integrator/directions.rs",
         "devices continue paths in directions of the BSDF alone",
     ),

@@ -9,11 +9,12 @@ use rayon::prelude::*;
 
 use super::bvh::accel::Accel;
 use super::prepared_scene::PreparedScene;
-use super::wavefront::SmallScene;
+use super::wavefront::{SmallScene, Wavefront};
 use crate::{Abandoned, Job};
 use lumbre_light::scene::desc::CameraDesc;
 use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::Camera;
+use lumbre_light::transport::integrator::iteration::light_paths::{LightBatch, LightUnit};
 use lumbre_light::transport::integrator::iteration::{Iteration, Resources, Shared, Workers};
 use lumbre_light::transport::integrator::{Context, Settings};
 use lumbre_light::transport::light::{LightSelection, Lights};
@@ -27,6 +28,8 @@ pub(super) struct PreparedJob {
     classes: Arc<SurfaceClasses>,
     settings: Settings,
     pub job: Job,
+    /// Renderer of many paths at a time, if the job can use it.
+    wavefront: Option<Wavefront>,
     /// Data that all iterations need, for integrators whose samples share data.
     iterations: Option<Box<Shared>>,
 }
@@ -40,6 +43,7 @@ impl PreparedJob {
             lights: scene.lights(LightSelection::from_params(&job.params)),
             classes: Arc::clone(&scene.classes),
             settings: Settings::new(&job.params),
+            wavefront: Wavefront::new(&job, &scene.accel),
             job,
             iterations: None,
         };
@@ -49,6 +53,13 @@ impl PreparedJob {
             prepared.iterations = Some(iterations);
         }
         prepared
+    }
+
+    /// Returns the renderer of many samples at a time, if the job's samples can be rendered so.
+    pub fn wavefront(&self) -> Option<&Wavefront> {
+        self.wavefront
+            .as_ref()
+            .filter(|wavefront| wavefront.renders_samples())
     }
 
     /// Returns the threads with the random numbers of the job.
@@ -135,10 +146,22 @@ impl Workers for CountingWorkers<'_> {
                 if (self.abandoned)() {
                     return;
                 }
-                let trace = CountingTrace::new(&self.prepared.accel, None);
+                let small = self
+                    .prepared
+                    .wavefront
+                    .as_ref()
+                    .and_then(Wavefront::small_scene);
+                let trace = CountingTrace::new(&self.prepared.accel, small);
                 work(&self.prepared.context(&trace, None), index);
                 self.rays.fetch_add(trace.rays(), Ordering::Relaxed);
             });
+    }
+
+    fn trace_light(&self, context: &Context, batch: &LightBatch) -> LightUnit {
+        match &self.prepared.wavefront {
+            Some(wavefront) => wavefront.trace_light(context, &self.prepared.job, batch),
+            None => batch.trace_single(context),
+        }
     }
 }
 

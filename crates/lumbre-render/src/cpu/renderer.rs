@@ -49,8 +49,6 @@ pub struct CpuRenderer {
     combined: Option<Film>,
     /// Films of the layers, if the job requests any.
     layers: Option<LayerFilms>,
-    /// Vectorised path tracer, if the job can use it.
-    wavefront: Option<Wavefront>,
     /// Film with a time axis, if the job requests one.
     times: Option<TimeFilm>,
     /// Main film computed from the slots of `times`; computed on demand, since it reads every slot.
@@ -101,14 +99,14 @@ impl CpuRenderer {
             .map_err(unsupported)?;
         let prepared = pool.install(|| PreparedJob::new(scene, camera, job));
         let PreparedJob { accel, job, .. } = &prepared;
-        let wavefront = Wavefront::new(job, accel);
+        let vectorised = prepared.wavefront().is_some();
         let open_stats = OpenStats {
             accel_build_s: accel.build_s,
             accel_nodes: accel.node_count() as u64,
             accel_bytes: accel.bytes() as u64,
             accel_cost: accel.cost(),
             scene: accel.scene.memory(),
-            device: device_line(accel, pool.current_num_threads(), wavefront.is_some()),
+            device: device_line(accel, pool.current_num_threads(), vectorised),
             ..OpenStats::default()
         };
         Ok(CpuRenderer {
@@ -116,7 +114,6 @@ impl CpuRenderer {
             splats: OnceLock::new(),
             combined: None,
             layers,
-            wavefront,
             times,
             film_of_slots: OnceLock::new(),
             shared_writes: 0,
@@ -131,7 +128,7 @@ impl CpuRenderer {
     /// Returns whether the run uses the vectorised path tracer. Films have the same bits either
     /// way.
     pub fn is_vectorised(&self) -> bool {
-        self.wavefront.is_some()
+        self.prepared.wavefront().is_some()
     }
 
     /// Returns the number of writes to memory that threads share, over all waves: rows taken, splat
@@ -164,7 +161,7 @@ impl CpuRenderer {
                 timed,
             },
             layers,
-            wavefront: self.wavefront.as_ref(),
+            wavefront: self.prepared.wavefront(),
             free_buffers: Mutex::default(),
         };
         let film = &mut self.own;

@@ -18,6 +18,7 @@ pub mod vcm;
 
 use std::collections::BTreeMap;
 
+use self::bdpt::joins::SubpathTechnique;
 use self::camera_path::CameraPaths;
 use self::iteration::{Shared, Sharing};
 use super::arrival::SurfaceClasses;
@@ -102,21 +103,19 @@ pub trait TechniqueVisitor {
     /// Runs the computation for a technique that follows paths from the camera.
     fn camera_paths<T: CameraPaths>(self) -> Self::Output;
 
-    /// Runs the computation for [bidirectional path tracing](bdpt).
-    fn bidirectional(self) -> Self::Output;
+    /// Runs the computation for a technique that joins subpaths from the camera with subpaths from
+    /// lights.
+    fn subpaths<T: SubpathTechnique>(self) -> Self::Output;
 }
 
-/// Declares the integrators of this program: modules with a `ROW`, and the techniques of those that
-/// follow paths from the camera. Others have no generic steps.
+/// Declares the integrators of this program: modules with a `ROW`, and their techniques.
 macro_rules! integrators {
     (
         camera paths: $($module:ident::$technique:ident),*;
-        bidirectional: $subpaths:ident;
-        others: $($other:ident),*
+        subpaths: $($joined:ident::$joining:ident),*
     ) => {
         /// All built-in integrators. [`integrators`] has registered ones too.
-        pub const INTEGRATORS: &[IntegratorRow] =
-            &[$($module::ROW,)* $subpaths::ROW, $($other::ROW),*];
+        pub const INTEGRATORS: &[IntegratorRow] = &[$($module::ROW,)* $($joined::ROW),*];
 
         /// Calls a visitor with the technique of an integrator; returns `None` if it has no generic
         /// steps.
@@ -127,15 +126,17 @@ macro_rules! integrators {
             $(if row.name == $module::ROW.name {
                 return Some(visitor.camera_paths::<$module::$technique>());
             })*
-            (row.name == $subpaths::ROW.name).then(|| visitor.bidirectional())
+            $(if row.name == $joined::ROW.name {
+                return Some(visitor.subpaths::<$joined::$joining>());
+            })*
+            None
         }
     };
 }
 
 integrators!(
     camera paths: bpt::Bpt, nee::Nee, guided::Guided, sppm::Sppm;
-    bidirectional: bdpt;
-    others: vcm, lvc
+    subpaths: bdpt::Bdpt, vcm::Vcm, lvc::Lvc
 );
 
 /// Computes one sample of one pixel and passes every contribution to the sink.

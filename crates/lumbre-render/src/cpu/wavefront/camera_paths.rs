@@ -6,7 +6,7 @@ use std::marker::PhantomData;
 use std::mem::take;
 
 use super::light::{LaneSink, TileLight};
-use super::wave::{PathRecords, TileContext, Wave};
+use super::wave::{PathRecords, Start, TileContext, Wave};
 use crate::cpu::films::contributions::SampleId;
 use crate::cpu::films::layers::LayerRowFilm;
 use crate::cpu::films::row_film::RowFilm;
@@ -36,7 +36,7 @@ pub(super) fn render_tile<T: CameraPaths>(
     let TileContext { width, context, .. } = *tile;
     let count = tile.ids.len();
     buffers.light.reset(count, layers.is_some());
-    buffers.wave.start(tile);
+    buffers.wave.start(tile, Start::Camera);
     for edge in 1..=context.max_depth {
         let PathTile { wave, light } = buffers;
         wave.trace(context, light);

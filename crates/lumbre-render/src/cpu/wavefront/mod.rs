@@ -6,8 +6,8 @@
 //! primitives, hits are sorted by class of surface, and a step of the technique runs on full vectors
 //! of one class.
 //! [`wave`] does what all techniques share. [`camera_paths`] schedules every technique that follows
-//! paths from the camera, none of which it knows by name; [`bdpt`](self::bdpt) schedules subpaths
-//! and their connections.
+//! paths from the camera, and [`bdpt`](self::bdpt) every one that joins subpaths from the camera with
+//! subpaths from lights; they know no technique by name.
 //!
 //! Invariant: results are bit-identical for any number of lanes, which tests check. The text of a
 //! technique is the same for all of them, and the contributions of a sample are added in the order
@@ -30,7 +30,9 @@ use crate::hierarchy::LaneMode;
 use crate::{Job, own_technique};
 use camera_paths::PathTile;
 use lumbre_light::math::simd::Width;
+use lumbre_light::transport::integrator::bdpt::joins::SubpathTechnique;
 use lumbre_light::transport::integrator::camera_path::CameraPaths;
+use lumbre_light::transport::integrator::iteration::light_paths::{LightBatch, LightUnit};
 use lumbre_light::transport::integrator::{Context, TechniqueVisitor, visit_technique};
 pub use small_scene::SmallScene;
 use wave::TileContext;
@@ -68,7 +70,9 @@ impl TileMethod {
 /// Renderer of many paths at a time, for one job and scene.
 pub struct Wavefront {
     width: Width,
-    technique: TileMethod,
+    /// Method of rendering samples; `None` if the technique has no steps that are generic over the
+    /// width of vectors.
+    technique: Option<TileMethod>,
     small_scene: Option<SmallScene>,
 }
 
@@ -82,10 +86,11 @@ impl TechniqueVisitor for SelectTiles {
         TileMethod::camera_paths::<T>()
     }
 
-    fn bidirectional(self) -> TileMethod {
+    fn subpaths<T: SubpathTechnique>(self) -> TileMethod {
         TileMethod {
             render_tile: |tile, buffers, film, layers| {
-                bdpt::render_tile(tile, &mut buffers.subpaths, film, layers);
+                let joins = T::joins(tile.context);
+                bdpt::render_tile(tile, &joins, &mut buffers.subpaths, film, layers);
             },
             tile_samples: bdpt::TILE_SAMPLES,
         }
@@ -94,8 +99,7 @@ impl TechniqueVisitor for SelectTiles {
 
 impl Wavefront {
     /// Creates the renderer for a job. Returns `None` if `lanes` is `never`, if the processor has no
-    /// vector instructions, if the hierarchy was built without them, or if the technique has no
-    /// steps that are generic over the width of vectors.
+    /// vector instructions, or if the hierarchy was built without them.
     pub fn new(job: &Job, accel: &Accel) -> Option<Wavefront> {
         let width = match accel.isa() {
             Isa::Portable => None,
@@ -108,7 +112,7 @@ impl Wavefront {
         Some(Wavefront {
             width,
             technique: visit_technique(job.integrator, SelectTiles)
-                .or_else(|| own_technique::tile_method(job.integrator))?,
+                .or_else(|| own_technique::tile_method(job.integrator)),
             small_scene: SmallScene::new_if_small(accel, width),
         })
     }
@@ -118,8 +122,19 @@ impl Wavefront {
         self.small_scene.as_ref()
     }
 
-    /// Renders the given samples of all pixels of row `y` and adds them to the films. Within a tile,
-    /// all splats are added before the contributions to the samples' own pixels.
+    /// Returns whether it renders the samples of the job's technique.
+    pub fn renders_samples(&self) -> bool {
+        self.technique.is_some()
+    }
+
+    /// Traces light subpaths that belong to no pixel.
+    pub fn trace_light(&self, context: &Context, job: &Job, batch: &LightBatch) -> LightUnit {
+        bdpt::trace_light(self.width, context, job, batch)
+    }
+
+    /// Renders the given samples of all pixels of row `y` and adds them to the films, if it
+    /// [renders samples](Self::renders_samples). Within a tile, all splats are added before the
+    /// contributions to the samples' own pixels.
     pub fn render_row(
         &self,
         context: &Context,
@@ -129,10 +144,13 @@ impl Wavefront {
         film: &mut RowFilm,
         mut layers: Option<&mut LayerRowFilm>,
     ) {
-        let TileMethod {
+        let Some(TileMethod {
             render_tile,
             tile_samples,
-        } = self.technique;
+        }) = self.technique
+        else {
+            return;
+        };
         let columns = 0..job.resolution[0];
         let mut ids = columns.flat_map(|x| samples.clone().map(move |sample| (x, sample)));
         let mut buffers = TileBuffers::default();

@@ -30,6 +30,14 @@ pub(super) struct TileContext<'a> {
     pub ids: &'a [SampleId],
 }
 
+/// Places at which the paths of a tile start.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Start {
+    Camera,
+    /// Paths that are not placed yet; their numbers belong to no pixel.
+    Nowhere,
+}
+
 /// Paths of a tile, with buffers that tiles reuse.
 #[derive(Default)]
 pub(super) struct Wave {
@@ -59,11 +67,11 @@ pub(super) struct PathRecords {
 }
 
 impl Wave {
-    /// Starts the camera paths of a tile, one for each sample. All are active.
-    pub fn start(&mut self, tile: &TileContext) {
+    /// Starts the paths of a tile, one for each sample. All are active.
+    pub fn start(&mut self, tile: &TileContext, start: Start) {
         let count = tile.ids.len();
         let paths = &mut self.paths;
-        dispatch(tile.width, StartKernel { tile, paths });
+        dispatch(tile.width, StartKernel { tile, start, paths });
         self.active.clear();
         self.active.extend(0..count as u32);
         self.by_class
@@ -208,6 +216,7 @@ impl PathRecords {
 /// Kernel that starts the paths of a tile.
 struct StartKernel<'a> {
     tile: &'a TileContext<'a>,
+    start: Start,
     paths: &'a mut PathRecords,
 }
 
@@ -216,7 +225,7 @@ impl SimdKernel for StartKernel<'_> {
 
     #[inline(always)]
     fn run<R: Lanes<N>, const N: usize>(self) {
-        let StartKernel { tile, paths } = self;
+        let StartKernel { tile, start, paths } = self;
         let TileContext {
             context,
             job,
@@ -236,11 +245,15 @@ impl SimdKernel for StartKernel<'_> {
             ];
             let pixel = [R::load_words(&columns), word(y)];
             let sampler = Sampler::<R>::start(job.sampler.sequence, job.seed, pixel, samples);
-            let pixel = [
-                R::load(&map_array(columns, |x| x as f32)),
-                R::splat(y as f32),
-            ];
-            let mut path = Path::<R>::from_camera(context, pixel, sampler);
+            let mut path = if start == Start::Camera {
+                let pixel = [
+                    R::load(&map_array(columns, |x| x as f32)),
+                    R::splat(y as f32),
+                ];
+                Path::<R>::from_camera(context, pixel, sampler)
+            } else {
+                Path::unplaced(context, sampler)
+            };
             path.terminator = has_terminators.then(TerminatorState::none);
             let indices = std::array::from_fn(|i| N * k + i);
             let samplers = SamplerRecord::store::<R, N>(SamplerState::of(&sampler));

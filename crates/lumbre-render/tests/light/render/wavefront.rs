@@ -16,7 +16,8 @@ use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
 use crate::common::{SceneBuilder, grey, light};
 use crate::render::wavefront_fixtures::{
     DISNEY, assert_same_bits, assert_same_film_bits, interfaces, materials, nee_job, room,
-    with_bdpt, with_bpt, with_guided, with_sppm, with_time_axis,
+    with_bdpt, with_bpt, with_guided, with_lvc, with_sppm, with_technique, with_time_axis,
+    with_vcm,
 };
 
 #[test]
@@ -27,6 +28,8 @@ fn every_material_has_the_same_bits_in_lanes() {
         assert_same_bits(name, &scene, with_bpt(nee_job([29, 17], 6)), 11);
         assert_same_bits(name, &scene, with_bdpt(nee_job([29, 17], 6)), 5);
         assert_same_bits(name, &scene, with_sppm(nee_job([29, 17], 6)), 2);
+        assert_same_bits(name, &scene, with_vcm(nee_job([29, 17], 6)), 2);
+        assert_same_bits(name, &scene, with_lvc(nee_job([29, 17], 6)), 2);
         assert_same_bits(name, &scene, with_guided(nee_job([29, 17], 6)), 5);
     }
 }
@@ -39,6 +42,8 @@ fn every_model_of_an_interface_has_the_same_bits_in_lanes() {
         assert_same_bits(&name, &scene, job.clone(), 5);
         assert_same_film_bits(&name, &scene, with_bpt(job.clone()), 5);
         assert_same_film_bits(&name, &scene, with_guided(job.clone()), 5);
+        assert_same_film_bits(&name, &scene, with_vcm(job.clone()), 2);
+        assert_same_film_bits(&name, &scene, with_lvc(job.clone()), 2);
         assert_same_bits(&name, &scene, with_bdpt(job), 3);
     }
 }
@@ -214,6 +219,8 @@ fn every_mask_has_the_same_bits_in_lanes() {
             nee_job([29, 17], 6),
             with_bpt(nee_job([29, 17], 6)),
             with_bdpt(nee_job([29, 17], 6)),
+            with_vcm(nee_job([29, 17], 6)),
+            with_lvc(nee_job([29, 17], 6)),
         ] {
             let sum = |scene: &Arc<CompiledScene>| {
                 let mut renderer = CpuRenderer::new(Arc::clone(scene), job.clone()).unwrap();
@@ -269,7 +276,9 @@ fn every_setting_has_the_same_bits_in_lanes() {
         ),
     ] {
         assert_same_bits(name, &scene, job.clone(), 5);
-        assert_same_bits(name, &scene, with_bdpt(job), 5);
+        assert_same_bits(name, &scene, with_bdpt(job.clone()), 5);
+        assert_same_bits(name, &scene, with_vcm(job.clone()), 2);
+        assert_same_bits(name, &scene, with_lvc(job), 2);
     }
     let one = |s: i64, t: i64, more: &[(&str, Value)]| {
         let mut params: BTreeMap<String, Value> = more
@@ -299,6 +308,31 @@ fn every_setting_has_the_same_bits_in_lanes() {
             one(s, t, &[("contribution", Value::Bool(false))]),
             5,
         );
+    }
+    for join in ["connect", "merge"] {
+        let job = with_vcm(nee_job([23, 13], 5));
+        let job = with_technique(job, "vcm", &[("join", join.into())]);
+        assert_same_bits(join, &scene, job, 3);
+    }
+    // Several pixels use the same light subpath, or one sample connects many to the lens.
+    for photons in [17, 9_000] {
+        for with in [with_vcm, with_lvc] {
+            let job = with(nee_job([23, 13], 4));
+            let name = job.integrator.name;
+            let job = with_technique(job, name, &[("photons", Value::Int(photons))]);
+            assert_same_bits("light subpaths", &scene, job, 2);
+        }
+    }
+    // One vertex has more candidates than one list holds, or merges with as many vertices.
+    let many = [
+        ("connections", Value::Int(90)),
+        ("candidates", Value::Int(100)),
+    ];
+    let drawn = with_technique(nee_job([5, 3], 4), "lvc", &many);
+    let wide = [("radius", Value::Num(3.0)), ("photons", Value::Int(9_000))];
+    let merged = with_technique(nee_job([5, 3], 4), "vcm", &wide);
+    for job in [drawn, merged] {
+        assert_same_film_bits("full lists", &scene, job, 2);
     }
     // Deep paths have more connections than one list holds.
     assert_same_bits("deep", &scene, with_bdpt(nee_job([8, 4], 30)), 5);
@@ -331,13 +365,17 @@ fn every_camera_has_the_same_bits_in_lanes() {
             ..nee_job([21, 13], 3)
         };
         assert_same_bits(name, &scene().build(), job.clone(), 5);
-        assert_same_bits(name, &scene().build(), with_bdpt(job), 5);
+        assert_same_bits(name, &scene().build(), with_bdpt(job.clone()), 5);
+        assert_same_film_bits(name, &scene().build(), with_vcm(job.clone()), 3);
+        assert_same_film_bits(name, &scene().build(), with_lvc(job), 3);
     }
     let lens = scene()
         .with(|s| (s.camera.aperture, s.camera.focus_distance) = (0.1, Some(0.7)))
         .build();
     assert_same_bits("lens", &lens, nee_job([21, 13], 3), 5);
     assert_same_bits("lens", &lens, with_bdpt(nee_job([21, 13], 3)), 5);
+    assert_same_bits("lens", &lens, with_vcm(nee_job([21, 13], 3)), 3);
+    assert_same_bits("lens", &lens, with_lvc(nee_job([21, 13], 3)), 3);
     // Columns beyond 2^16 are a separate part of a sample's key.
     assert_same_bits("very wide", &scene().build(), nee_job([65_600, 1], 2), 1);
 }
@@ -397,8 +435,12 @@ fn every_time_axis_has_the_same_bits_in_lanes() {
         ("all light after the axis", with(&|t| t.axis.start = -90.0)),
         ("threads and roulette", wave),
     ] {
+        let shared = [with_sppm, with_vcm, with_lvc].map(|with| with(job.clone()));
         for job in [job.clone(), with_bpt(job.clone()), with_bdpt(job)] {
             assert_same_film_bits(name, &scene, job, 5);
+        }
+        for job in shared {
+            assert_same_film_bits(name, &scene, job, 2);
         }
     }
     // The comparison is meaningful: more than 20 slots have light.
@@ -425,6 +467,8 @@ fn waves_and_checkpoints_of_a_film_with_a_time_axis_have_the_same_bits_in_lanes(
     for job in [
         with_time_axis(&nee_job([19, 11], 4)),
         with_time_axis(&with_bdpt(nee_job([19, 11], 4))),
+        with_time_axis(&with_vcm(nee_job([19, 11], 4))),
+        with_time_axis(&with_lvc(nee_job([19, 11], 4))),
     ] {
         let open = |threads: usize| {
             CpuRenderer::new(

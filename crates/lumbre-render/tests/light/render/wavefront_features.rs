@@ -18,14 +18,16 @@ use lumbre_render::cpu::renderer::CpuRenderer;
 
 use super::wavefront_fixtures::{
     DISNEY, FLOOR, assert_same_bits, assert_same_film_bits, interfaces, materials, nee_job, room,
-    with_bdpt, with_bpt, with_time_axis,
+    with_bdpt, with_bpt, with_lvc, with_sppm, with_time_axis, with_vcm,
 };
 use crate::common::{grey, render};
 use crate::transient::composed::{PARTS, desc};
 
 /// Returns the job with every technique.
-fn techniques(job: &Job) -> [Job; 3] {
-    [job.clone(), with_bpt(job.clone()), with_bdpt(job.clone())]
+fn techniques(job: &Job) -> [Job; 6] {
+    let with = [with_bpt, with_bdpt, with_sppm, with_vcm, with_lvc];
+    let [a, b, c, d, e] = with.map(|with| with(job.clone()));
+    [job.clone(), a, b, c, d, e]
 }
 
 #[test]

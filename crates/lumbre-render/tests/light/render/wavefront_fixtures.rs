@@ -331,24 +331,41 @@ pub fn with_bdpt(job: Job) -> Job {
     }
 }
 
-/// Returns the job with `sppm`, of which a surface gathers several photons.
+/// Returns the job with a technique and more parameters.
+pub fn with_technique(mut job: Job, name: &str, params: &[(&str, Value)]) -> Job {
+    job.integrator = integrator(name).unwrap();
+    let params = params
+        .iter()
+        .map(|(key, value)| ((*key).to_owned(), value.clone()));
+    job.params.extend(params);
+    job
+}
+
+/// Radius within which a surface gathers several photons, and a number of photons that is not that
+/// of the pixels.
+const PHOTONS: [(&str, Value); 2] = [("radius", Value::Num(0.2)), ("photons", Value::Int(700))];
+
+/// Returns the job with `sppm`.
 pub fn with_sppm(job: Job) -> Job {
-    let params = [("radius", Value::Num(0.2)), ("photons", Value::Int(700))];
-    Job {
-        integrator: integrator("sppm").unwrap(),
-        params: params.map(|(key, value)| (key.to_owned(), value)).into(),
-        ..job
-    }
+    with_technique(job, "sppm", &PHOTONS)
+}
+
+/// Returns the job with `vcm`.
+pub fn with_vcm(job: Job) -> Job {
+    with_technique(job, "vcm", &PHOTONS)
+}
+
+/// Returns the job with `lvc` and several connections of a vertex.
+pub fn with_lvc(job: Job) -> Job {
+    let params = [("connections", 2), ("candidates", 5), ("photons", 700)];
+    let params = params.map(|(key, value)| (key, Value::Int(value)));
+    with_technique(job, "lvc", &params)
 }
 
 /// Returns the job with `guided` and a tree of several leaves.
 pub fn with_guided(job: Job) -> Job {
     let params = [("training", Value::Int(12)), ("split", Value::Num(500.0))];
-    Job {
-        integrator: integrator("guided").unwrap(),
-        params: params.map(|(key, value)| (key.to_owned(), value)).into(),
-        ..job
-    }
+    with_technique(job, "guided", &params)
 }
 
 /// Returns the job with a time axis on which most light arrives, and some before it and after it.

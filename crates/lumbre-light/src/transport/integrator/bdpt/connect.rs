@@ -41,14 +41,29 @@ pub struct Connection<R: Real = f32, const N: usize = 1> {
 }
 
 impl<R: Real, const N: usize> Connection<R, N> {
-    /// Returns the MIS weight, or 1 if strategies are not weighted.
+    /// Returns the MIS weight of one of `count` samples of the strategy, or 1 if strategies are not
+    /// weighted.
     #[inline(always)]
-    pub fn weight(&self, settings: &Settings) -> R::Double {
+    pub fn weight(&self, settings: &Settings, count: f64) -> R::Double {
         let one = R::Double::splat(1.0);
         if settings.unweighted() {
-            one
+            return one;
+        }
+        let others = if count == 1.0 {
+            self.others
         } else {
-            one / (one + self.others)
+            self.others / settings.heuristic().term(R::Double::splat(count))
+        };
+        one / (one + others)
+    }
+
+    /// Returns the unweighted radiance of one of `count` samples.
+    #[inline(always)]
+    pub fn share(&self, count: f64) -> R::Vec3 {
+        if count == 1.0 {
+            self.unweighted
+        } else {
+            self.unweighted / R::splat(count as f32)
         }
     }
 }

@@ -8,15 +8,21 @@
 //!
 //! All steps are generic over the width of vectors: [`Subpath`](state::Subpath) traces the subpaths
 //! vertex by vertex, and [`connect`] evaluates connections. [`single`] combines them for one sample;
-//! the wavefront renderer of the CPU does for many.
+//! the wavefront renderer of the CPU does for many, as [`joins`] states. [`merge`] and [`draw`] are
+//! the parts that only other techniques use.
 
 pub mod connect;
+pub mod draw;
+pub mod joins;
+pub mod merge;
 pub mod single;
 pub mod state;
+pub mod store;
 pub mod subpath;
 pub mod weights;
 
-use super::{IntegratorRow, settings};
+use self::joins::{Joins, SubpathTechnique};
+use super::{Context, IntegratorRow, settings};
 use crate::transport::light::SELECT_FIELD;
 use crate::transport::mis;
 use crate::value::schema::Table;
@@ -43,3 +49,12 @@ pub const ROW: IntegratorRow = IntegratorRow {
     sharing: None,
     sample: single::sample,
 };
+
+/// Bidirectional path tracing.
+pub struct Bdpt;
+
+impl SubpathTechnique for Bdpt {
+    fn joins<'a>(_: &Context<'a>) -> Joins<'a> {
+        Joins::EACH
+    }
+}

@@ -6,7 +6,8 @@ use glam::Vec3;
 
 use super::connect::{self, Connection};
 use super::state::{LightStart, ShadingState, Subpath, Vertex};
-use super::subpath::{Step, StepSink};
+use super::store::VertexId;
+use super::subpath::{Departure, Step, StepSink};
 use super::weights::StrategyCounts;
 use crate::scene::compile::NONE;
 use crate::transport::arrival::{Arrival, HitState};
@@ -14,7 +15,7 @@ use crate::transport::bsdf::TransportMode;
 use crate::transport::contribution::Contribution;
 use crate::transport::integrator::Context;
 use crate::transport::integrator::camera_path::{Path, TerminatorState, unoccluded};
-use crate::transport::integrator::iteration::light_paths::{LightPaths, VertexId};
+use crate::transport::integrator::iteration::light_paths::LightPaths;
 use crate::transport::light::LightPoint;
 use crate::transport::ray::Ray;
 use crate::transport::sampler::Sampler;
@@ -93,13 +94,22 @@ pub struct Drawn {
 /// The vertex and the light that a step found.
 #[derive(Default)]
 struct Found {
-    vertex: Option<Vertex>,
+    vertex: Option<SubpathVertex>,
     light: Option<Connection>,
 }
 
 impl StepSink<f32, 1> for Found {
-    fn add_vertices(&mut self, lanes: bool, vertex: &Vertex, _: &ShadingState<f32>) {
-        self.vertex = lanes.then_some(*vertex);
+    fn add_vertices(
+        &mut self,
+        lanes: bool,
+        (vertex, _): (&Vertex, &ShadingState<f32>),
+        departure: &Departure<f32>,
+    ) {
+        self.vertex = lanes.then_some(SubpathVertex {
+            vertex: *vertex,
+            delta: departure.delta,
+            eta: departure.eta,
+        });
     }
 
     fn add_light(&mut self, light: &Connection) {
@@ -265,9 +275,7 @@ impl Reporter<'_, '_> {
 
     /// Returns the MIS weight of a connection.
     pub fn weight(&self, c: &Connection, [s, t]: [u32; 2]) -> f64 {
-        let settings = self.context.settings;
-        let others = c.others / settings.heuristic().term(self.counts.of(s, t));
-        Connection { others, ..*c }.weight(settings)
+        c.weight(self.context.settings, self.counts.of(s, t))
     }
 
     /// Reports a connection that contributes to `pixel` through the lens point `lens`.
@@ -289,7 +297,7 @@ impl Reporter<'_, '_> {
         let weight = self.weight(c, [s, t]);
         // Each of several samples has its share of the estimate.
         let samples = drawn.map_or(self.counts.of(s, t), |drawn| drawn.samples);
-        let unweighted = c.unweighted / samples as f32;
+        let unweighted = c.share(samples);
         let contribution = Contribution {
             pixel,
             value: unweighted * weight as f32,
@@ -415,13 +423,7 @@ impl Subpaths {
             if from_camera {
                 self.hits.push(found.light);
             }
-            if let Some(vertex) = found.vertex {
-                vertices.push(SubpathVertex {
-                    vertex,
-                    delta: departure.delta,
-                    eta: departure.eta,
-                });
-            }
+            vertices.extend(found.vertex);
             if !departure.continues {
                 break;
             }

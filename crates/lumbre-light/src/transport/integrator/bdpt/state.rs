@@ -120,7 +120,9 @@ pub type PartialsRecord = [f64; 2];
 
 /// Loads partial sums in each lane.
 #[inline(always)]
-fn load_partials<R: Lanes<N>, const N: usize>(records: [&PartialsRecord; N]) -> [R::Double; 2] {
+pub(super) fn load_partials<R: Lanes<N>, const N: usize>(
+    records: [&PartialsRecord; N],
+) -> [R::Double; 2] {
     let d_vcm = map_array(records, |record| record[0]);
     let d_vc = map_array(records, |record| record[1]);
     [R::load_doubles(&d_vcm), R::load_doubles(&d_vc)]

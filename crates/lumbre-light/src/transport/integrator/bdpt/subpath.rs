@@ -36,8 +36,14 @@ pub struct Step {
 
 /// Receives what a step of subpaths finds.
 pub trait StepSink<R: Real, const N: usize> {
-    /// Receives the vertices in the given lanes, with properties that only some surfaces have.
-    fn add_vertices(&mut self, lanes: R::Mask, vertices: &Vertex<R>, shading: &ShadingState<R>);
+    /// Receives the vertices in the given lanes, with properties that only some surfaces have, and
+    /// the events that lead to the next edges.
+    fn add_vertices(
+        &mut self,
+        lanes: R::Mask,
+        vertices: (&Vertex<R>, &ShadingState<R>),
+        departure: &Departure<R>,
+    );
 
     /// Receives light that camera subpaths hit.
     fn add_light(&mut self, light: &Connection<R, N>);
@@ -179,11 +185,13 @@ impl<R: Real> Subpath<R> {
             return end;
         }
         let (vertex, shading) = self.vertex(context, arrival, &surface, optical, &endpoint);
-        sink.add_vertices(lanes, &vertex, &shading);
-        if step.edge == step.max_edges {
-            return end;
-        }
-        self.depart(context, step, (&vertex, &surface), optical, lanes)
+        let departure = if step.edge == step.max_edges {
+            end
+        } else {
+            self.depart(context, step, (&vertex, &surface), optical, lanes)
+        };
+        sink.add_vertices(lanes, (&vertex, &shading), &departure);
+        departure
     }
 
     /// Builds the vertices at surfaces, at which the subpaths have these optical lengths and MIS

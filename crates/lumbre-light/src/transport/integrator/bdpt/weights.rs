@@ -270,6 +270,13 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> MisEndpoint<R> {
             .others(h, here, self.density_before(at.reverse_pdf_w))
     }
 
+    /// Returns the sum of the terms of other strategies that split on this side, where the vertex is
+    /// merged and the other side's density of the direction to the previous one is `pdf_w`.
+    #[inline(always)]
+    fn others_merged(&self, h: Heuristic, pdf_w: R) -> R::Double {
+        self.partials.d_vcm + self.partials.d_vc * h.term(self.density_before(pdf_w))
+    }
+
     /// Returns the density and the partials of the edge from `wo` into `wi` at points with the
     /// geometric normal `n`. The direction was sampled with density `pdf_w`, and `reverse_pdf_w`
     /// for the way back; or, where `delta`, by a Dirac event that crossed the index ratio `eta`,
@@ -461,16 +468,19 @@ pub fn others_interior<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(
 /// Returns the sum for merging the end `y` of a light path with the end `z` of a camera path, whose
 /// BSDF towards the previous vertex of the light path is `at_z`; relative to the term of merging
 /// them [Georgiev 2012, equations 38 and 39].
-pub fn others_merging(
+#[inline(always)]
+pub fn others_merging<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(
     h: Heuristic,
     counts: &StrategyCounts,
-    [y, z]: [&MisEndpoint; 2],
-    at_z: &BsdfValue,
-) -> f64 {
-    let side = |end: &MisEndpoint, pdf_w: f32| {
-        end.partials.d_vcm + end.partials.d_vc * h.term(end.density_before(pdf_w))
-    };
-    (side(y, at_z.pdf_w) + side(z, at_z.reverse_pdf_w)) / h.term(counts.merging)
+    [y, z]: [&MisEndpoint<R>; 2],
+    at_z: &BsdfValue<V>,
+) -> R::Double {
+    let merging = h.term(R::Double::splat(counts.merging));
+    let (y, z) = (
+        y.others_merged(h, at_z.pdf_w),
+        z.others_merged(h, at_z.reverse_pdf_w),
+    );
+    (y + z) / merging
 }
 
 /// Returns the sum for `s >= 2`, `t = 1`: the end of a light path connected to a lens point,

@@ -201,6 +201,37 @@ impl<R: Real> Path<R> {
         time
     }
 
+    /// Returns paths with the numbers of samplers that are nowhere yet:
+    /// [`Subpath::from_light`](crate::transport::integrator::bdpt::state::Subpath::from_light) places
+    /// them at lights.
+    #[inline(always)]
+    pub fn unplaced(context: &Context, sampler: Sampler<R>) -> Path<R> {
+        let zero = R::Vec3::broadcast(Vec3::ZERO);
+        Path {
+            state: PathState {
+                origin: zero,
+                dir: zero,
+                throughput: R::Vec3::broadcast(Vec3::ONE),
+                eta_scale: R::splat(1.0),
+                last: zero,
+                last_pdf_w: R::splat(SPECULAR),
+                taken: sampler.taken(),
+            },
+            sampler,
+            time: context.timed().then_some(TimeState {
+                from: zero,
+                path: R::splat(0.0),
+                delays: R::splat(0.0),
+                index: R::splat(1.0),
+                auxiliary_taken: R::Word::splat(0),
+            }),
+            terminator: context
+                .classes
+                .have_terminators()
+                .then(TerminatorState::none),
+        }
+    }
+
     /// Returns the auxiliary numbers of the paths, for components of materials and delays.
     #[inline(always)]
     pub fn auxiliary(&self, time: &TimeState<R>) -> Sampler<R> {
@@ -215,36 +246,6 @@ impl<R: Real> Path<R> {
 }
 
 impl Path<f32> {
-    /// Returns a path with the numbers of a sampler that is nowhere yet:
-    /// [`Subpath::from_light`](crate::transport::integrator::bdpt::state::Subpath::from_light) places
-    /// it at a light.
-    pub fn unplaced(context: &Context, sampler: Sampler) -> Path<f32> {
-        let zero = Vec3::ZERO;
-        Path {
-            state: PathState {
-                origin: zero,
-                dir: zero,
-                throughput: Vec3::ONE,
-                eta_scale: 1.0,
-                last: zero,
-                last_pdf_w: SPECULAR,
-                taken: sampler.taken(),
-            },
-            sampler,
-            time: context.timed().then_some(TimeState {
-                from: zero,
-                path: 0.0,
-                delays: 0.0,
-                index: 1.0,
-                auxiliary_taken: 0,
-            }),
-            terminator: context
-                .classes
-                .have_terminators()
-                .then(TerminatorState::none),
-        }
-    }
-
     /// Returns the next auxiliary number; 0 where optical lengths are not tracked.
     #[inline]
     pub fn next_auxiliary(&mut self) -> f32 {

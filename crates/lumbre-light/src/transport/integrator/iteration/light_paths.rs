@@ -1,21 +1,24 @@
 //! Light subpaths that belong to no pixel: their tracing, and their vertices in memory.
 
-use super::Iteration;
+use std::ops::Range;
+
+use super::{Iteration, Resources};
 use crate::scene::compile::NONE;
 use crate::transport::arrival::{Arrival, HitState};
 use crate::transport::bsdf::TransportMode;
 use crate::transport::integrator::Context;
 use crate::transport::integrator::bdpt::connect::Connection;
+use crate::transport::integrator::bdpt::draw::CachedVertex;
 use crate::transport::integrator::bdpt::single::SubpathVertex;
 use crate::transport::integrator::bdpt::state::{
-    LightStart, PartialsRecord, ShadingRecord, ShadingState, Subpath, Vertex, VertexRecord,
-    VertexState,
+    LightStart, ShadingState, Subpath, Vertex, VertexState,
 };
+use crate::transport::integrator::bdpt::store::{ArrivedAt, VertexId, VertexStore};
 use crate::transport::integrator::bdpt::subpath::{Departure, Step, StepSink};
 use crate::transport::integrator::bdpt::weights::{MisPartials, StrategyCounts};
 use crate::transport::integrator::camera_path::Path;
 use crate::transport::ray::Ray;
-use crate::transport::sampler::Sampler;
+use crate::transport::sampler::{Sampler, SamplerRow};
 
 /// Number of light subpaths that a thread traces at a time.
 pub const UNIT: u64 = 1024;
@@ -24,51 +27,135 @@ pub const UNIT: u64 = 1024;
 pub const PATH_BYTES: usize = size_of::<LightStart<f32>>() + size_of::<u32>();
 
 /// Bytes of a stored vertex.
-pub const VERTEX_BYTES: usize = size_of::<VertexRecord>()
-    + size_of::<PartialsRecord>()
-    + size_of::<ShadingRecord>()
-    + size_of::<Event>();
+pub const VERTEX_BYTES: usize = VertexStore::VERTEX_BYTES;
 
-/// A vertex at which a light subpath arrived.
-pub struct LightVertex<'a> {
-    /// Index of the light at which the subpath starts.
-    pub light: u32,
-    /// Number of edges from the light.
-    pub edge: u32,
-    /// Index of the surface's class.
-    pub class: usize,
-    /// Whether the material is one component of a composed material.
-    pub composed: bool,
-    /// The vertex with its BSDF.
-    pub vertex: &'a Vertex,
-    /// Properties that only some surfaces have.
-    pub shading: &'a ShadingState<f32>,
-    /// The event that leads to the next vertex.
-    pub departure: Departure<f32>,
+/// Light subpaths to be traced, whose random numbers are consecutive samples of one sequence.
+#[derive(Clone, Copy, Debug)]
+pub struct LightBatch {
+    /// Generator of random numbers.
+    pub sampler: &'static SamplerRow,
+    /// Seed of the random numbers.
+    pub seed: u64,
+    /// Column and row that key the random numbers; no pixel of the picture.
+    pub pixel: [u32; 2],
+    /// Index of the first sample.
+    pub first: u64,
+    /// Number of subpaths.
+    pub count: u64,
+    /// Numbers of samples of the strategies whose weights the vertices are for.
+    pub counts: StrategyCounts,
 }
 
-/// The vertex that a step found.
-#[derive(Default)]
-struct Found(Option<(Vertex, ShadingState<f32>)>);
+impl LightBatch {
+    /// Returns the indices of the samples.
+    pub fn samples(&self) -> impl Iterator<Item = u64> {
+        let first = self.first;
+        (0..self.count).map(move |i| first.wrapping_add(i))
+    }
 
-impl StepSink<f32, 1> for Found {
-    fn add_vertices(&mut self, lanes: bool, vertex: &Vertex, shading: &ShadingState<f32>) {
-        self.0 = lanes.then_some((*vertex, *shading));
+    /// Traces the subpaths one after the other.
+    pub fn trace_single(&self, context: &Context) -> LightUnit {
+        let mut unit = LightUnit::new(context);
+        for sample in self.samples() {
+            let sampler = self.sampler.start(self.seed, self.pixel, sample);
+            let start = follow(context, self.counts, sampler, &mut unit.store);
+            unit.end_path(start);
+        }
+        unit
+    }
+}
+
+/// Starts of light subpaths, and the places of their vertices in a store.
+struct PathTable {
+    /// Starts of the subpaths; their light is [`NONE`] if there is none.
+    starts: Vec<LightStart<f32>>,
+    /// Index of the first vertex of each subpath, and the number of vertices.
+    first: Vec<u32>,
+}
+
+/// Light subpaths of one unit of work, with all their vertices on surfaces.
+pub struct LightUnit {
+    table: PathTable,
+    store: VertexStore,
+}
+
+impl LightUnit {
+    /// Creates a unit without subpaths.
+    pub fn new(context: &Context) -> LightUnit {
+        LightUnit {
+            table: PathTable {
+                starts: Vec::new(),
+                first: vec![0],
+            },
+            store: VertexStore::new(context),
+        }
+    }
+
+    /// Appends a subpath whose vertices are in another store.
+    pub fn push_path(
+        &mut self,
+        start: LightStart<f32>,
+        from: &VertexStore,
+        vertices: impl Iterator<Item = u32>,
+    ) {
+        vertices.for_each(|index| self.store.push_from(from, index as usize));
+        self.end_path(start);
+    }
+
+    /// Completes a subpath whose vertices were appended.
+    fn end_path(&mut self, start: LightStart<f32>) {
+        self.table.first.push(self.store.count() as u32);
+        self.table.starts.push(start);
+    }
+
+    /// Returns the vertices of all subpaths.
+    pub fn store(&self) -> &VertexStore {
+        &self.store
+    }
+
+    /// Returns the starts of all subpaths, each with the indices of its vertices.
+    pub fn paths(&self) -> impl Iterator<Item = (&LightStart<f32>, Range<usize>)> {
+        let indices = self.table.first.windows(2);
+        let ranges = indices.map(|pair| pair[0] as usize..pair[1] as usize);
+        self.table.starts.iter().zip(ranges)
+    }
+}
+
+/// Appends the vertices that the steps of one subpath find.
+struct StoreSink<'a> {
+    at: ArrivedAt<1>,
+    store: &'a mut VertexStore,
+}
+
+impl StepSink<f32, 1> for StoreSink<'_> {
+    fn add_vertices(
+        &mut self,
+        lanes: bool,
+        vertices: (&Vertex, &ShadingState<f32>),
+        departure: &Departure<f32>,
+    ) {
+        self.store
+            .push::<f32, 1>(&self.at, lanes, vertices, departure);
     }
 
     fn add_light(&mut self, _: &Connection) {}
 }
 
-/// Follows a light subpath of up to `max_depth - 1` edges and visits its vertices on surfaces, in
-/// order. `counts` are those of the strategies whose weights its vertices are for. Returns the start
-/// of the subpath, whose light is [`NONE`] if there is none.
-pub fn follow(
+/// Returns the greatest number of edges of a light subpath.
+pub fn max_edges(context: &Context) -> u32 {
+    context.max_depth.saturating_sub(1)
+}
+
+/// Follows a light subpath and appends its vertices on surfaces to `store`, in order. `counts` are
+/// those of the strategies whose weights its vertices are for. Returns the start of the subpath,
+/// whose light is [`NONE`] if there is none.
+fn follow(
     context: &Context,
     counts: StrategyCounts,
     sampler: Sampler,
-    mut visit: impl FnMut(LightVertex),
+    store: &mut VertexStore,
 ) -> LightStart<f32> {
-    let max_edges = context.max_depth.saturating_sub(1);
+    let max_edges = max_edges(context);
     let path = Path::unplaced(context, sampler);
     let (start, mut subpath, mut continues) = Subpath::from_light(context, path, 0.0, true);
     let mut edge = 0;
@@ -90,71 +177,26 @@ pub fn follow(
             max_edges,
             counts,
         };
-        let mut found = Found::default();
-        let departure = subpath.scatter(context, step, &arrival, true, &mut found);
-        if let Found(Some((vertex, shading))) = &found {
-            visit(LightVertex {
-                light: start.light,
-                edge,
-                class,
-                composed: hit.component != NONE,
-                vertex,
-                shading,
-                departure,
-            });
-        }
+        let components = arrival.components;
+        let at = ArrivedAt {
+            class,
+            edge,
+            components,
+        };
+        let mut sink = StoreSink { at, store };
+        let departure = subpath.scatter(context, step, &arrival, true, &mut sink);
         continues = departure.continues;
     }
     start
 }
 
-/// Position of a vertex in [`LightPaths`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct VertexId {
-    unit: u32,
-    index: u32,
-}
-
-impl VertexId {
-    /// Returns the vertex with an index in a unit of work.
-    pub fn new(unit: usize, index: u32) -> VertexId {
-        let unit = unit as u32;
-        VertexId { unit, index }
-    }
-}
-
-/// Surface and event of a vertex, stored besides its state.
-#[derive(Clone, Copy, Debug)]
-struct Event {
-    /// Index of the surface's class.
-    class: u32,
-    /// Index ratio crossed by the Dirac event that leads to the next vertex; 0 for other events.
-    eta: f32,
-    /// Number of edges from the light.
-    edge: u16,
-    /// Whether a surface may scatter light there from more than isolated directions.
-    scatters: bool,
-    /// Whether the vertex can be connected: its own BSDF has a density.
-    connects: bool,
-}
-
-/// Light subpaths of one unit of work.
-#[derive(Default)]
-struct Unit {
-    starts: Vec<LightStart<f32>>,
-    /// Index of the first vertex of each subpath, and the number of vertices.
-    first: Vec<u32>,
-    vertices: Vec<VertexRecord>,
-    partials: Vec<PartialsRecord>,
-    events: Vec<Event>,
-    /// Empty in scenes where no surface has such properties.
-    shading: Vec<ShadingRecord>,
-}
-
 /// The light subpaths of an iteration, with all their vertices on surfaces.
 pub struct LightPaths {
     count: u64,
-    units: Vec<Unit>,
+    /// Starts of the subpaths, by unit of work.
+    tables: Vec<PathTable>,
+    /// Vertices by unit of work.
+    stores: Vec<VertexStore>,
 }
 
 impl LightPaths {
@@ -162,14 +204,20 @@ impl LightPaths {
     pub fn trace(iteration: &Iteration, count: u64, counts: StrategyCounts) -> LightPaths {
         let units = iteration.map(count.div_ceil(UNIT) as usize, |context, unit| {
             let first = unit as u64 * UNIT;
-            let mut paths = Unit::default();
-            for path in first..(first + UNIT).min(count) {
-                paths.push(context, counts, iteration.path_sampler(path, count));
-            }
-            paths.finish();
-            paths
+            let paths = first..(first + UNIT).min(count);
+            let mut unit = iteration.trace_light(context, paths, count, counts);
+            unit.store.shrink();
+            unit
         });
-        LightPaths { count, units }
+        let (tables, stores) = units
+            .into_iter()
+            .map(|LightUnit { table, store }| (table, store))
+            .unzip();
+        LightPaths {
+            count,
+            tables,
+            stores,
+        }
     }
 
     /// Returns the number of subpaths.
@@ -177,62 +225,66 @@ impl LightPaths {
         self.count
     }
 
-    /// Returns the number of units of work.
-    pub fn units(&self) -> usize {
-        self.units.len()
+    /// Returns the vertices of all units of work.
+    pub fn stores(&self) -> &[VertexStore] {
+        &self.stores
     }
 
     /// Visits the vertices of a unit at which surfaces may scatter light from more than isolated
-    /// directions.
+    /// directions, each with its number of edges from the light.
     pub fn for_each_scattering(
         &self,
         unit: usize,
-        mut visit: impl FnMut(VertexId, &VertexState<f32>),
+        mut visit: impl FnMut(VertexId, u32, &VertexState<f32>),
     ) {
-        let Unit {
-            vertices, events, ..
-        } = &self.units[unit];
-        for (index, (record, event)) in vertices.iter().zip(events).enumerate() {
-            if event.scatters {
-                visit(
-                    VertexId::new(unit, index as u32),
-                    &VertexRecord::load([record]),
-                );
+        let store = &self.stores[unit];
+        for (index, event) in store.events().iter().enumerate() {
+            if event.scatters() {
+                let id = VertexId::new(unit, index as u32);
+                visit(id, event.edges(), &store.state(index).0);
             }
         }
     }
 
-    /// Returns the indices of the vertices of a unit that can be connected.
-    pub fn connected(&self, unit: usize) -> Vec<u32> {
-        let events = self.units[unit].events.iter().zip(0..);
+    /// Returns the vertices of a unit that can be connected.
+    pub fn connected(&self, unit: usize) -> Vec<CachedVertex> {
+        let events = self.stores[unit].events().iter().zip(0..);
         let connected = events.filter(|(event, _)| event.connects);
-        connected.map(|(_, index)| index).collect()
+        connected
+            .map(|(event, index)| CachedVertex {
+                id: VertexId::new(unit, index),
+                edges: event.edges(),
+            })
+            .collect()
     }
 
-    /// Returns a vertex with its number of edges from the light.
-    pub fn vertex(&self, context: &Context, id: VertexId) -> (u32, SubpathVertex) {
-        let (unit, index) = (&self.units[id.unit as usize], id.index as usize);
-        (
-            u32::from(unit.events[index].edge),
-            unit.load(context, index),
-        )
+    /// Returns a vertex with its BSDF.
+    pub fn vertex(&self, context: &Context, id: VertexId) -> SubpathVertex {
+        self.stores[id.unit()].vertex(context, id.index())
     }
 
-    /// Returns a vertex without its BSDF: the number of edges from the light, the state, and the
-    /// partial sums of MIS terms.
-    pub fn state(&self, id: VertexId) -> (u32, VertexState<f32>, MisPartials) {
-        let (unit, index) = (&self.units[id.unit as usize], id.index as usize);
-        let [d_vcm, d_vc] = unit.partials[index];
-        let state = VertexRecord::load([&unit.vertices[index]]);
-        let edge = u32::from(unit.events[index].edge);
-        (edge, state, MisPartials { d_vcm, d_vc })
+    /// Returns a vertex without its BSDF, with the partial sums of MIS terms.
+    pub fn state(&self, id: VertexId) -> (VertexState<f32>, MisPartials) {
+        self.stores[id.unit()].state(id.index())
     }
 
     /// Returns the subpath to which a vertex belongs.
     pub fn path_of(&self, id: VertexId) -> u64 {
-        let first = &self.units[id.unit as usize].first;
-        let after = first.partition_point(|first| *first <= id.index);
-        u64::from(id.unit) * UNIT + after as u64 - 1
+        let first = &self.tables[id.unit()].first;
+        let after = first.partition_point(|first| *first as usize <= id.index());
+        id.unit() as u64 * UNIT + after as u64 - 1
+    }
+
+    /// Returns the start of a subpath, whose light is [`NONE`] if there is none.
+    pub fn start(&self, path: u64) -> LightStart<f32> {
+        self.tables[(path / UNIT) as usize].starts[(path % UNIT) as usize]
+    }
+
+    /// Returns the index of the store of a subpath's vertices, and their indices in it.
+    pub fn vertices(&self, path: u64) -> (usize, Range<u32>) {
+        let (unit, at) = ((path / UNIT) as usize, (path % UNIT) as usize);
+        let first = &self.tables[unit].first;
+        (unit, first[at]..first[at + 1])
     }
 
     /// Loads a subpath into `vertices` and returns its start, if it has one.
@@ -242,66 +294,59 @@ impl LightPaths {
         path: u64,
         vertices: &mut Vec<SubpathVertex>,
     ) -> Option<LightStart<f32>> {
-        let unit = &self.units[(path / UNIT) as usize];
-        let at = (path % UNIT) as usize;
         vertices.clear();
-        let range = unit.first[at] as usize..unit.first[at + 1] as usize;
-        vertices.extend(range.map(|index| unit.load(context, index)));
-        Some(unit.starts[at]).filter(|start| start.light != NONE)
+        let (unit, indices) = self.vertices(path);
+        vertices.extend(indices.map(|index| self.vertex(context, VertexId::new(unit, index))));
+        Some(self.start(path)).filter(|start| start.light != NONE)
     }
 }
 
-impl Unit {
-    /// Traces a subpath and appends it.
-    fn push(&mut self, context: &Context, counts: StrategyCounts, sampler: Sampler) {
-        let has_shading = context.classes.have_shading();
-        self.first.push(self.vertices.len() as u32);
-        let start = follow(context, counts, sampler, |found| {
-            let ([record], [partials]) = found.vertex.store::<1>();
-            self.vertices.push(record);
-            self.partials.push(partials);
-            self.events.push(Event {
-                class: found.class as u32,
-                eta: if found.departure.delta {
-                    found.departure.eta
-                } else {
-                    0.0
-                },
-                edge: found.edge as u16,
-                // Camera paths draw their own component of a composed material.
-                scatters: found.composed || found.vertex.bsdf.has_density(),
-                connects: found.vertex.bsdf.has_density(),
-            });
-            if has_shading {
-                let [shading] = ShadingRecord::store::<f32, 1>(*found.shading);
-                self.shading.push(shading);
-            }
-        });
-        self.starts.push(start);
+impl Resources<'_> {
+    /// Traces light subpaths from which the job is prepared; the first has the number `first`.
+    /// `context` is that of a unit of work.
+    pub fn trace_light(
+        &self,
+        context: &Context,
+        first: u64,
+        count: u64,
+        counts: StrategyCounts,
+    ) -> LightUnit {
+        let batch = LightBatch {
+            sampler: self.sampler,
+            seed: self.seed,
+            pixel: super::PREPARED,
+            first,
+            count,
+            counts,
+        };
+        self.workers.trace_light(context, &batch)
     }
+}
 
-    /// Completes the unit after its last subpath.
-    fn finish(&mut self) {
-        self.first.push(self.vertices.len() as u32);
-        self.vertices.shrink_to_fit();
-        self.partials.shrink_to_fit();
-        self.events.shrink_to_fit();
-        self.shading.shrink_to_fit();
-    }
-
-    /// Loads a vertex with its BSDF.
-    fn load(&self, context: &Context, index: usize) -> SubpathVertex {
-        let event = &self.events[index];
-        SubpathVertex {
-            vertex: Vertex::load::<1>(
-                context,
-                event.class as usize,
-                [&self.vertices[index]],
-                [&self.partials[index]],
-                self.shading.get(index).map(|shading| [shading]),
-            ),
-            delta: event.eta > 0.0,
-            eta: if event.eta > 0.0 { event.eta } else { 1.0 },
-        }
+impl Iteration<'_> {
+    /// Traces light subpaths with the given numbers below `count`, which is their number in the
+    /// iteration. `context` is that of a unit of work. All such paths of a run are samples of one
+    /// sequence, so that Sobol's sequence stratifies those of an iteration.
+    pub fn trace_light(
+        &self,
+        context: &Context,
+        paths: Range<u64>,
+        count: u64,
+        counts: StrategyCounts,
+    ) -> LightUnit {
+        let Resources {
+            seed,
+            sampler,
+            workers,
+        } = self.resources;
+        let batch = LightBatch {
+            sampler,
+            seed,
+            pixel: super::NO_PIXEL,
+            first: self.index.wrapping_mul(count).wrapping_add(paths.start),
+            count: paths.end - paths.start,
+            counts,
+        };
+        workers.trace_light(context, &batch)
     }
 }

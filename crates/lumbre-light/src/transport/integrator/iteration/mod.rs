@@ -19,6 +19,7 @@ pub mod photon_map;
 use std::any::Any;
 use std::sync::OnceLock;
 
+use self::light_paths::{LightBatch, LightUnit};
 use super::Context;
 use super::settings::Settings;
 use crate::transport::MAX_SURVIVAL;
@@ -91,6 +92,12 @@ pub trait Workers: Sync {
     /// iteration [begins](BeginFn) that is no longer wanted, any indices may be left out; its data
     /// are then dropped unread.
     fn for_each(&self, count: usize, work: &(dyn Fn(&Context, usize) + Sync));
+
+    /// Traces light subpaths in the calling thread, with the context of a call of `work`. A renderer
+    /// may trace many at a time; vertices have the same bits either way.
+    fn trace_light(&self, context: &Context, batch: &LightBatch) -> LightUnit {
+        batch.trace_single(context)
+    }
 }
 
 /// Threads and random numbers for paths that belong to no pixel.

@@ -10,7 +10,9 @@ use std::f64::consts::PI;
 use glam::Vec3;
 
 use super::Iteration;
+use crate::math::real::{Mask, Real, Vector};
 use crate::math::rng::pcg4d;
+use crate::math::simd::{Lanes, active_lanes};
 
 /// Number of parts of the grid, which threads build independently.
 pub const SHARDS: usize = 64;
@@ -59,9 +61,13 @@ struct Shard<T> {
     /// Index of the first point of each bucket, and the number of points. The number of buckets is
     /// a power of two.
     starts: Vec<u32>,
-    positions: Vec<Vec3>,
+    /// Coordinates of the points by axis, and as many zeros as a vector may have lanes.
+    positions: [Vec<f32>; 3],
     data: Vec<T>,
 }
+
+/// Greatest number of lanes of a vector.
+const MAX_LANES: usize = 16;
 
 /// Returns an upper bound of the bytes of a point while the map is built: in its unit of work, whose
 /// lists have up to twice the capacity that they need, in the map, and in two lists of buckets, of
@@ -76,13 +82,25 @@ pub fn same_surface(normal: Vec3, n: Vec3) -> bool {
     normal.dot(n).abs() > MIN_COSINE
 }
 
+/// Returns the cosine of `wi` with the shading normal over that with the geometric normal, on which
+/// light subpaths arrive [Veach 1997, 5.3].
+#[inline(always)]
+pub fn cosine_ratio<V: Vector>(n_shading: V, n_geometric: V, wi: V) -> V::Scalar {
+    let (zero, one) = (V::Scalar::splat(0.0), V::Scalar::splat(1.0));
+    let flat = n_shading.same(n_geometric);
+    if !(!flat).any() {
+        return one;
+    }
+    let ratio = wi.dot(n_shading).abs() / wi.dot(n_geometric).abs();
+    V::Scalar::select(flat, one, V::Scalar::select(ratio.is_finite(), ratio, zero))
+}
+
 impl Grid {
     /// Returns the cube that contains a point.
+    #[inline(always)]
     fn cube(&self, p: Vec3) -> [i32; 3] {
-        (p / (2.0 * self.radius))
-            .floor()
-            .to_array()
-            .map(|x| x as i32)
+        let scaled = p / (2.0 * self.radius);
+        scaled.to_array().map(|x| Real::floor(x) as i32)
     }
 
     /// Returns the shard of a cube and its hash within the shard.
@@ -143,8 +161,14 @@ impl<T: Copy + Default + Send + Sync> PhotonMap<T> {
         self.scale
     }
 
-    /// Visits the points within the radius of a point.
-    pub fn for_each_near<'a>(&'a self, p: Vec3, mut visit: impl FnMut(&'a T)) {
+    /// Visits the points within the radius of a point. Vectors test the distances of several points
+    /// at a time.
+    #[inline(always)]
+    pub fn for_each_near<'a, R: Lanes<N>, const N: usize>(
+        &'a self,
+        p: Vec3,
+        mut visit: impl FnMut(&'a T),
+    ) {
         let radius = self.grid.radius;
         let first = self.grid.cube(p - radius);
         let last = self.grid.cube(p + radius);
@@ -153,10 +177,10 @@ impl<T: Copy + Default + Send + Sync> PhotonMap<T> {
                 for z in first[2]..=last[2] {
                     let cube = [x, y, z];
                     let (shard, hash) = Grid::place(cube);
-                    self.shards[shard].for_each(hash, |position, data| {
-                        let within = (position - p).length_squared() < radius * radius;
+                    let shard = &self.shards[shard];
+                    shard.for_each_near::<R, N>(hash, (p, radius), |position, data| {
                         // Cubes may share a bucket.
-                        if within && self.grid.cube(position) == cube {
+                        if self.grid.cube(position) == cube {
                             visit(data);
                         }
                     });
@@ -182,11 +206,13 @@ impl<T: Copy + Default> Shard<T> {
             starts[bucket + 1] += starts[bucket];
         }
         let mut next = starts.clone();
-        let mut positions = vec![Vec3::ZERO; count];
+        let mut positions = [(); 3].map(|()| vec![0.0; count + MAX_LANES]);
         let mut data = vec![T::default(); count];
         for point in placed {
             let index = &mut next[Shard::<T>::bucket(point.hash, buckets)];
-            positions[*index as usize] = point.position;
+            for (to, x) in positions.iter_mut().zip(point.position.to_array()) {
+                to[*index as usize] = x;
+            }
             data[*index as usize] = point.data;
             *index += 1;
         }
@@ -202,11 +228,36 @@ impl<T: Copy + Default> Shard<T> {
         hash as usize & (buckets - 1)
     }
 
-    /// Visits the points in the bucket of a hash.
-    fn for_each<'a>(&'a self, hash: u32, mut visit: impl FnMut(Vec3, &'a T)) {
+    /// Visits the points in the bucket of a hash within a radius of a point.
+    #[inline(always)]
+    fn for_each_near<'a, R: Lanes<N>, const N: usize>(
+        &'a self,
+        hash: u32,
+        (p, radius): (Vec3, f32),
+        mut visit: impl FnMut(Vec3, &'a T),
+    ) {
         let bucket = Shard::<T>::bucket(hash, self.starts.len() - 1);
-        for i in self.starts[bucket] as usize..self.starts[bucket + 1] as usize {
-            visit(self.positions[i], &self.data[i]);
+        let (first, end) = (
+            self.starts[bucket] as usize,
+            self.starts[bucket + 1] as usize,
+        );
+        let at = R::Vec3::broadcast(p);
+        let limit = R::splat(radius * radius);
+        let [x, y, z] = &self.positions;
+        for first in (first..end).step_by(N) {
+            let rows = (
+                x[first..].first_chunk::<N>(),
+                y[first..].first_chunk::<N>(),
+                z[first..].first_chunk::<N>(),
+            );
+            let (Some(xs), Some(ys), Some(zs)) = rows else {
+                return;
+            };
+            let positions = R::Vec3::new(R::load(xs), R::load(ys), R::load(zs));
+            let near = (positions - at).length_squared().lt(limit).bits();
+            for i in active_lanes(near).take_while(|i| first + i < end) {
+                visit(Vec3::new(xs[i], ys[i], zs[i]), &self.data[first + i]);
+            }
         }
     }
 }

@@ -22,12 +22,13 @@ pub mod cache;
 
 use std::cell::RefCell;
 
-use self::cache::LightVertexCache;
 use super::bdpt::connect::Connection;
+use super::bdpt::draw::{CachedVertex, LightVertexCache, choose, target};
+use super::bdpt::joins::{Joins, SubpathTechnique};
 use super::bdpt::single::{ConnectedPath, Drawn, Reporter, Subpaths};
 use super::bdpt::state::Vertex;
+use super::bdpt::store::VertexId;
 use super::iteration::Sharing;
-use super::iteration::light_paths::VertexId;
 use super::{Context, IntegratorRow, settings};
 use crate::transport::contribution::Contribution;
 use crate::transport::light::{SELECT_FIELD, luminance};
@@ -80,7 +81,7 @@ struct Candidate {
     id: VertexId,
     strategy: [u32; 2],
     connection: Connection,
-    /// Target density up to a factor: luminance of the weighted contribution without occlusion.
+    /// Target density up to a factor: see [`target`].
     target: f64,
 }
 
@@ -166,34 +167,42 @@ fn connect_cache(
     candidates.clear();
     let context = reporter.context;
     let count = context.settings.candidates;
-    let mut total = 0.0;
-    for id in cache.draw([u, v], count) {
-        let (edge, y) = cache.paths.vertex(context, id);
-        let strategy = [edge + 1, t];
+    for CachedVertex { id, edges } in cache.draw([u, v], count) {
+        let y = cache.paths.vertex(context, id);
+        let strategy = [edges + 1, t];
         let Some(connection) = reporter.connection(&y.vertex, z, strategy) else {
             continue;
         };
-        let target = luminance(connection.unweighted) * reporter.weight(&connection, strategy);
-        if target > 0.0 && target.is_finite() {
-            total += target;
-            candidates.push(Candidate {
-                id,
-                strategy,
-                connection,
-                target,
-            });
-        }
+        let weight = reporter.weight(&connection, strategy);
+        candidates.push(Candidate {
+            id,
+            strategy,
+            connection,
+            target: target(luminance(connection.unweighted), weight),
+        });
     }
-    let mut rest = f64::from(choice) * total;
-    let chosen = candidates.iter().find(|candidate| {
-        rest -= candidate.target;
-        rest < 0.0
-    });
-    if let Some(chosen) = chosen.or(candidates.last()) {
+    let targets = candidates.iter().map(|candidate| candidate.target);
+    if let Some((chosen, probability)) = choose(targets, choice) {
+        let chosen = &candidates[chosen];
         let drawn = Drawn {
             id: chosen.id,
-            samples: cache.samples * f64::from(count) * (chosen.target / total),
+            samples: cache.samples_of(count, probability),
         };
         reporter.report_drawn(&chosen.connection, chosen.strategy, drawn);
+    }
+}
+
+/// Bidirectional path tracing with a light vertex cache.
+pub struct Lvc;
+
+impl SubpathTechnique for Lvc {
+    fn joins<'a>(context: &Context<'a>) -> Joins<'a> {
+        let cache: &LightVertexCache = context.shared();
+        Joins {
+            counts: cache.counts,
+            shared: Some(&cache.paths),
+            merging: None,
+            drawing: Some(cache),
+        }
     }
 }

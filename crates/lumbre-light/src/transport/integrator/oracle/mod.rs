@@ -9,11 +9,12 @@ pub use path::{ByStrategy, Path, ScatterVertex};
 pub use split::fast_weights;
 
 use super::Context;
+use super::bdpt::draw::LightVertexCache;
 use super::bdpt::single::{self, ConnectedPath, SharedVertex, Subpaths};
 use super::bdpt::weights::StrategyCounts;
 use super::iteration::light_paths::LightPaths;
 use super::iteration::{Iteration, Resources, Shared, Sharing, Workers};
-use super::lvc::{self, cache::LightVertexCache};
+use super::lvc;
 use super::vcm::{self, shared::SharedVertices};
 use crate::math::rng::pcg4d;
 use crate::math::stats::median;

@@ -34,7 +34,7 @@ pub mod photons;
 use self::photons::{Photon, PhotonRecord};
 use super::camera_path::{self, CameraPaths, Path, PathLight, PathSink, edge_counts};
 use super::iteration::Sharing;
-use super::iteration::photon_map::{PhotonMap, point_bytes, same_surface};
+use super::iteration::photon_map::{PhotonMap, cosine_ratio, point_bytes, same_surface};
 use super::{Context, IntegratorRow, nee, settings};
 use crate::math::real::{Double, Mask, Real, Vector};
 use crate::math::simd::{Lanes, active_lanes};
@@ -184,7 +184,7 @@ impl<R: Lanes<N>, const N: usize> GatherPoint<'_, R, N> {
         });
         let mut near: [Vec<(u32, &PhotonRecord)>; N] = std::array::from_fn(|_| Vec::new());
         for i in active_lanes(lanes.bits()) {
-            map.for_each_near(positions[i], |record| {
+            map.for_each_near::<R, N>(positions[i], |record| {
                 let photon = PhotonRecord::load::<f32, 1>([record]);
                 if photon.edges <= max_edges && same_surface(photon.normal, normals[i]) {
                     near[i].push((photon.edges, record));
@@ -231,7 +231,13 @@ impl<R: Lanes<N>, const N: usize> GatherPoint<'_, R, N> {
             .values::<false>(self.out, wi, TransportMode::Radiance, lanes);
         let unhittable = photon.unhittable.gt(R::splat(0.0));
         let lanes = lanes & (unhittable | gathers(self.surface, wi, value.pdf_w));
-        let unweighted = throughput * value.f * photon.flux * self.cosine_ratio(wi);
+        let Surface {
+            n_shading,
+            n_geometric,
+            ..
+        } = *self.surface;
+        let cosines = cosine_ratio(n_shading, n_geometric, wi);
+        let unweighted = throughput * value.f * photon.flux * cosines;
         let lanes = lanes & !unweighted.same(R::Vec3::broadcast(glam::Vec3::ZERO));
         if !lanes.any() {
             return;
@@ -254,27 +260,5 @@ impl<R: Lanes<N>, const N: usize> GatherPoint<'_, R, N> {
             length,
         };
         sink.add(lanes, &light);
-    }
-
-    /// Returns the cosine of `wi` with the shading normal over that with the geometric normal, on
-    /// which photons arrive [Veach 1997, 5.3].
-    #[inline(always)]
-    fn cosine_ratio(&self, wi: R::Vec3) -> R {
-        let Surface {
-            n_shading,
-            n_geometric,
-            ..
-        } = self.surface;
-        let one = R::splat(1.0);
-        let flat = n_shading.same(*n_geometric);
-        if !(!flat).any() {
-            return one;
-        }
-        let ratio = wi.dot(*n_shading).abs() / wi.dot(*n_geometric).abs();
-        R::select(
-            flat,
-            one,
-            R::select(ratio.is_finite(), ratio, R::splat(0.0)),
-        )
     }
 }

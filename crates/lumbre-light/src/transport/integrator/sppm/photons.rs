@@ -5,13 +5,12 @@ use crate::math::stats::median;
 use crate::record;
 use crate::transport::integrator::Context;
 use crate::transport::integrator::bdpt::weights::StrategyCounts;
-use crate::transport::integrator::iteration::light_paths::{UNIT, follow};
+use crate::transport::integrator::iteration::light_paths::{LightUnit, UNIT};
 use crate::transport::integrator::iteration::photon_map::{Grid, PhotonMap, UnitPoints};
 use crate::transport::integrator::iteration::{Iteration, Resources, Shared};
 use crate::transport::light::LightId;
 use crate::transport::path_time::OpticalLength;
 use crate::transport::ray::Ray;
-use crate::transport::sampler::Sampler;
 use glam::Vec3;
 
 /// Greatest number of columns and of rows of the camera rays from which the radius is derived.
@@ -109,12 +108,11 @@ pub fn begin(iteration: &Iteration) -> Box<Shared> {
     let units = iteration.map(count.div_ceil(UNIT) as usize, |context, unit| {
         let mut photons = UnitPoints::new(grid);
         let first = unit as u64 * UNIT;
-        for path in first..(first + UNIT).min(count) {
-            let sampler = iteration.path_sampler(path, count);
-            trace(context, sampler, |position, photon| {
-                photons.push(position, photon);
-            });
-        }
+        let (paths, counts) = (first..(first + UNIT).min(count), StrategyCounts::ONE_EACH);
+        let paths = iteration.trace_light(context, paths, count, counts);
+        for_each_photon(context, &paths, |position, photon| {
+            photons.push(position, photon);
+        });
         photons
     });
     Box::new(PhotonMap::new(iteration, grid, count, &units))
@@ -153,29 +151,36 @@ fn automatic_radius(context: &Context) -> f32 {
     radius.max(f32::MIN_POSITIVE.sqrt())
 }
 
-/// Follows a light subpath and passes position and photon of every vertex that may scatter light
-/// from more than isolated directions.
-fn trace(context: &Context, sampler: Sampler, mut store: impl FnMut(Vec3, PhotonRecord)) {
-    // Whether all events were Dirac events.
-    let mut straight = true;
-    follow(context, StrategyCounts::ONE_EACH, sampler, |found| {
-        let light = context.lights.id(found.light);
+/// Passes position and photon of every vertex of light subpaths that may scatter light from more
+/// than isolated directions.
+fn for_each_photon(
+    context: &Context,
+    paths: &LightUnit,
+    mut visit: impl FnMut(Vec3, PhotonRecord),
+) {
+    let store = paths.store();
+    for (start, vertices) in paths.paths().filter(|(_, vertices)| !vertices.is_empty()) {
+        let light = context.lights.id(start.light);
         let unhittable = matches!(light, LightId::Point(_) | LightId::Directional(_));
-        let state = &found.vertex.state;
-        // Camera paths draw their own component of a composed material.
-        if found.composed || found.vertex.bsdf.has_density() {
-            let [photon] = PhotonRecord::store::<f32, 1>(Photon {
-                wi: state.wo,
-                flux: state.throughput,
-                normal: state.n_geometric,
-                edges: found.edge,
-                unhittable: f32::from(u8::from(unhittable && straight)),
-                path: state.path,
-                delays: state.delays,
-                index: state.index,
-            });
-            store(state.position, photon);
+        // Whether all events were Dirac events.
+        let mut straight = true;
+        for index in vertices {
+            let event = &store.events()[index];
+            if event.scatters() {
+                let (state, _) = store.state(index);
+                let [photon] = PhotonRecord::store::<f32, 1>(Photon {
+                    wi: state.wo,
+                    flux: state.throughput,
+                    normal: state.n_geometric,
+                    edges: event.edges(),
+                    unhittable: f32::from(u8::from(unhittable && straight)),
+                    path: state.path,
+                    delays: state.delays,
+                    index: state.index,
+                });
+                visit(state.position, photon);
+            }
+            straight &= event.is_delta();
         }
-        straight &= found.departure.delta;
-    });
+    }
 }

@@ -28,22 +28,18 @@ pub mod shared;
 use std::cell::RefCell;
 
 use self::shared::SharedVertices;
+use super::bdpt::joins::{Joins, SubpathTechnique};
+use super::bdpt::merge::{Merged, Merging};
 use super::bdpt::single::{self, ConnectedPath, Reporter, SharedVertex, SubpathVertex, Subpaths};
-use super::bdpt::state::{Vertex, VertexState};
-use super::bdpt::weights::{MisPartials, others_merging};
+use super::bdpt::state::Vertex;
 use super::iteration::Sharing;
-use super::iteration::light_paths::VertexId;
-use super::iteration::photon_map::same_surface;
 use super::settings::Join;
 use super::{Context, IntegratorRow, settings};
-use crate::transport::bsdf::TransportMode;
 use crate::transport::contribution::Contribution;
 use crate::transport::light::SELECT_FIELD;
 use crate::transport::mis;
-use crate::transport::path_time::OpticalLength;
 use crate::transport::sampler::Sampler;
 use crate::value::schema::Table;
-use glam::Vec3;
 
 /// The table entry of this integrator.
 pub const ROW: IntegratorRow = IntegratorRow {
@@ -150,7 +146,7 @@ pub fn for_each_path(
                 let z = with_merging(context, shared, &z.vertex);
                 reporter.connect_camera_vertex(&z, t, sampler);
             }
-            merge(&mut reporter, shared, &z.vertex, t);
+            merge(&mut reporter, &shared.merging(), &z.vertex, t);
         }
     }
     if !connects {
@@ -194,112 +190,52 @@ fn with_merging(context: &Context, shared: &SharedVertices, vertex: &Vertex) -> 
 }
 
 /// Merges the camera vertex number `t` with all light vertices near it.
-fn merge(reporter: &mut Reporter, shared: &SharedVertices, z: &Vertex, t: u32) {
-    if !z.bsdf.has_density() || !z.out.same_side {
+fn merge(reporter: &mut Reporter, merging: &Merging, z: &Vertex, t: u32) {
+    if !z.bsdf.has_density() {
         return;
     }
-    shared.map.for_each_near(z.state.position, |id| {
-        let (s, y, partials) = shared.paths.state(*id);
-        if s + t - 1 <= reporter.context.max_depth
-            && same_surface(y.n_geometric, z.state.n_geometric)
-            && let Some(merged) = Merged::new(reporter.context, shared, (&y, partials), z)
-        {
-            merged.report(reporter, *id, [s, t]);
-        }
-    });
-}
-
-/// Light found by merging.
-struct Merged {
-    /// Radiance, not yet weighted.
-    unweighted: Vec3,
-    /// Sum of the MIS terms of all other strategies over that of this one.
-    others: f64,
-    /// Optical length of the path; 0 without a time axis.
-    length: f64,
-    /// Unit direction to the previous vertex of the light subpath.
-    wi: Vec3,
-    /// Number of samples by which the estimate was divided.
-    samples: f64,
-}
-
-impl Merged {
-    /// Merges the light vertex `y` with the camera vertex `z`; `None` if no light passes.
-    fn new(
-        context: &Context,
-        shared: &SharedVertices,
-        (y, partials): (&VertexState<f32>, MisPartials),
-        z: &Vertex,
-    ) -> Option<Merged> {
-        let wi = y.wo;
-        if z.terminator.is_some_and(|offset| offset.applies_to(wi)) {
-            return None;
-        }
-        let at_z = z
-            .bsdf
-            .values::<true>(&z.out, wi, TransportMode::Radiance, true);
-        let unweighted = z.state.throughput
-            * at_z.f
-            * y.throughput
-            * (cosine_ratio(&z.state, wi) * shared.map.scale());
-        if unweighted == Vec3::ZERO {
-            return None;
-        }
-        let ends = [&y.endpoint(partials), &z.endpoint()];
-        let h = context.settings.heuristic();
-        Some(Merged {
-            unweighted,
-            others: others_merging(h, &shared.counts, ends, &at_z),
-            length: optical_length(context, y, z),
-            wi,
-            samples: f64::from(shared.map.scale()).recip(),
-        })
-    }
-
-    /// Reports the path that merging at the vertex with `s` edges from the light found.
-    fn report(&self, reporter: &mut Reporter, id: VertexId, [s, t]: [u32; 2]) {
-        let weight = 1.0 / (1.0 + self.others);
+    let samples = f64::from(merging.map.scale()).recip();
+    let context = reporter.context;
+    merging.for_each_near::<f32, 1>(context, &z.state, t, |id, s| {
+        let (y, partials) = merging.paths.state(id);
+        let Some(merged) = Merged::<f32>::new::<1>(context, merging, (&y, partials), z, true)
+        else {
+            return;
+        };
         (reporter.visit)(ConnectedPath {
             contribution: Contribution {
                 pixel: reporter.pixel,
-                value: self.unweighted * weight as f32,
-                unweighted: self.unweighted,
+                value: merged.unweighted * merged.weight as f32,
+                unweighted: merged.unweighted,
                 s,
                 t,
-                length: self.length,
+                length: merged.length,
             },
-            weight,
+            weight: merged.weight,
             subpaths: reporter.subpaths,
             point: None,
-            wi: self.wi,
+            wi: merged.wi,
             lens: reporter.subpaths.lens,
             shared: Some(SharedVertex::Merged(id)),
-            samples: self.samples,
+            samples,
         });
-    }
+    });
 }
 
-/// Returns the cosine of `wi` with the shading normal over that with the geometric normal, on which
-/// light subpaths arrive [Veach 1997, 5.3].
-fn cosine_ratio(z: &VertexState<f32>, wi: Vec3) -> f32 {
-    if z.n_shading == z.n_geometric {
-        return 1.0;
-    }
-    let ratio = z.cos(wi) / wi.dot(z.n_geometric).abs();
-    if ratio.is_finite() { ratio } else { 0.0 }
-}
+/// Vertex connection and merging.
+pub struct Vcm;
 
-/// Returns the optical length of a merged path; 0 without a time axis. The vertex has the delay
-/// that the camera subpath drew.
-fn optical_length(context: &Context, y: &VertexState<f32>, z: &Vertex) -> f64 {
-    if context.timing.is_none() {
-        return 0.0;
+impl SubpathTechnique for Vcm {
+    fn joins<'a>(context: &Context<'a>) -> Joins<'a> {
+        if context.settings.join == Join::Connect {
+            return Joins::EACH;
+        }
+        let shared: &SharedVertices = context.shared();
+        Joins {
+            counts: shared.counts,
+            shared: Some(&shared.paths),
+            merging: Some(shared.merging()),
+            drawing: None,
+        }
     }
-    let near = z.state.optical();
-    let ratio = z.bsdf.index_ratio(z.out.wo, y.wo);
-    let far = OpticalLength {
-        delay: 0.0,
-        ..y.optical()
-    };
-    near.after_segment(ratio, 0.0) + far.from_light(1.0, near.index * ratio)
 }

@@ -1,23 +1,35 @@
 //! The light subpaths of an iteration, with a grid of their vertices.
 
+use crate::transport::integrator::bdpt::merge::{MergePoint, Merging};
 use crate::transport::integrator::bdpt::weights::StrategyCounts;
-use crate::transport::integrator::iteration::light_paths::{self, LightPaths, VertexId};
+use crate::transport::integrator::iteration::light_paths::{self, LightPaths};
 use crate::transport::integrator::iteration::photon_map::{PhotonMap, UnitPoints, point_bytes};
 use crate::transport::integrator::iteration::{Iteration, Resources, Shared};
 use crate::transport::integrator::settings::Join;
 use crate::transport::integrator::sppm::photons::PhotonSetup;
 
 /// Upper bound of the bytes of a vertex: as stored, and in the grid.
-pub const VERTEX_BYTES: usize = light_paths::VERTEX_BYTES + point_bytes::<VertexId>();
+pub const VERTEX_BYTES: usize = light_paths::VERTEX_BYTES + point_bytes::<MergePoint>();
 
 /// Data that all samples of an iteration read.
 pub struct SharedVertices {
     /// The light subpaths.
     pub paths: LightPaths,
     /// The vertices with which camera vertices merge.
-    pub map: PhotonMap<VertexId>,
+    pub map: PhotonMap<MergePoint>,
     /// Numbers of samples of all strategies.
     pub counts: StrategyCounts,
+}
+
+impl SharedVertices {
+    /// Returns the vertices as those that camera vertices are merged with.
+    pub fn merging(&self) -> Merging<'_> {
+        Merging {
+            paths: &self.paths,
+            map: &self.map,
+            counts: &self.counts,
+        }
+    }
 }
 
 /// Data that all iterations of a job need; `None` if they share nothing.
@@ -47,9 +59,11 @@ pub fn begin(iteration: &Iteration) -> Box<Shared> {
         merging: grid.gathered(count),
     };
     let paths = LightPaths::trace(iteration, count, counts);
-    let units = iteration.map(paths.units(), |_, unit| {
+    let units = iteration.map(paths.stores().len(), |_, unit| {
         let mut points = UnitPoints::new(grid);
-        paths.for_each_scattering(unit, |id, vertex| points.push(vertex.position, id));
+        paths.for_each_scattering(unit, |id, edges, vertex| {
+            points.push(vertex.position, MergePoint::new(id, edges, vertex));
+        });
         points
     });
     let map = PhotonMap::new(iteration, grid, count, &units);

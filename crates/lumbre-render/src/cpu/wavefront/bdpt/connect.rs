@@ -3,10 +3,13 @@
 
 use glam::Vec3;
 
+use super::SplatSink;
+use super::draws::Draws;
 use super::lists::{
     ConnectionLists, EvaluatedPairs, LensConnection, LightConnection, OwnContributions, VertexPair,
 };
-use super::{SplatSink, Vertices};
+use super::source::LightSubpaths;
+use super::vertices::Vertices;
 use crate::cpu::wavefront::light::{TileLight, needs_ray, store_rays, stored_ray};
 use crate::cpu::wavefront::wave::{PathRecords, TileContext};
 use lumbre_light::math::real::{Double, Mask, Vector};
@@ -16,9 +19,12 @@ use lumbre_light::transport::integrator::Context;
 use lumbre_light::transport::integrator::bdpt::connect::{
     Connection, LensPoints, camera_end, connect, connect_s1, connect_s1_t1, connect_t1,
 };
+use lumbre_light::transport::integrator::bdpt::joins::Joins;
 use lumbre_light::transport::integrator::bdpt::state::{
-    CameraEnd, CameraEndRecord, LightStart, LightStartRecord, VertexRecord, VertexState,
+    CameraEnd, CameraEndRecord, LightStart, LightStartRecord, Vertex,
 };
+use lumbre_light::transport::integrator::bdpt::store::{VertexId, VertexStore};
+use lumbre_light::transport::integrator::bdpt::weights::MisPartials;
 use lumbre_light::transport::ray::Ray;
 
 /// Number of queued contributions at which their shadow rays are traced.
@@ -26,7 +32,7 @@ const MAX_QUEUED: usize = 64;
 
 /// Destination of a contribution.
 #[derive(Clone, Copy)]
-enum Target {
+pub(super) enum Target {
     /// The sample's own pixel: index into [`OwnContributions`].
     Own(u32),
     /// Any pixel, by a splat: path, pixel, and number of light vertices.
@@ -52,16 +58,16 @@ pub(super) struct ShadowQueue {
 }
 
 impl ShadowQueue {
-    /// Appends the contributions of connections.
+    /// Appends the contributions of connections, each one of several: see [`store_light`].
     #[inline(always)]
     fn push<R: Lanes<N>, const N: usize>(
         &mut self,
         context: &Context,
-        c: &Connection<R, N>,
+        (c, count): (&Connection<R, N>, f64),
         target: impl Fn(usize) -> Target,
     ) {
         let Some(ray) = &c.ray else { return };
-        let light = store_light(context, c);
+        let light = store_light(context, c, count);
         let rays = store_rays(ray);
         if context.timing.is_some() {
             let lengths = R::store_doubles(c.length);
@@ -77,6 +83,23 @@ impl ShadowQueue {
                 target: target(i),
             });
         }
+    }
+
+    /// Appends a weighted and unweighted contribution with its optical length.
+    pub fn push_one(
+        &mut self,
+        ray: (Ray, f32),
+        [value, unweighted]: [Vec3; 2],
+        length: Option<f64>,
+        target: Target,
+    ) {
+        self.rays.push(ray);
+        self.lengths.extend(length);
+        self.contributions.push(Queued {
+            value,
+            unweighted,
+            target,
+        });
     }
 
     /// Traces the shadow rays, stores or splats the contributions that nothing blocks, and empties
@@ -134,16 +157,25 @@ impl ShadowQueue {
 }
 
 /// Stores the weighted and the unweighted light of connections in rows, which [`stored_light`]
-/// reads.
+/// reads. Each is one of `count` samples of its strategy.
 #[inline(always)]
 pub(super) fn store_light<R: Lanes<N>, const N: usize>(
     context: &Context,
     c: &Connection<R, N>,
+    count: f64,
 ) -> [F32x8; N] {
-    let (black, zero) = (R::Vec3::broadcast(Vec3::ZERO), R::splat(0.0));
-    let value = c.unweighted * c.weight(context.settings).single();
+    let black = R::Vec3::broadcast(Vec3::ZERO);
+    let unweighted = c.share(count);
+    let value = unweighted * c.weight(context.settings, count).single();
     let v = R::Vec3::select(c.found, value, black);
-    let u = R::Vec3::select(c.found, c.unweighted, black);
+    let u = R::Vec3::select(c.found, unweighted, black);
+    store_colors::<R, N>([v, u])
+}
+
+/// Stores two colours of each lane in rows, which [`stored_light`] reads.
+#[inline(always)]
+pub(super) fn store_colors<R: Lanes<N>, const N: usize>([v, u]: [R::Vec3; 2]) -> [F32x8; N] {
+    let zero = R::splat(0.0);
     R::transpose_store([v.x(), v.y(), v.z(), u.x(), u.y(), u.z(), zero, zero])
 }
 
@@ -178,9 +210,7 @@ fn count_rays(
 /// Kernel of [`ConnectionLists::evaluate`].
 pub(super) struct ConnectKernel<'a, 's, 'f> {
     pub lists: &'a mut ConnectionLists,
-    pub tile: &'a TileContext<'a>,
-    pub paths: &'a PathRecords,
-    pub vertices: &'a Vertices,
+    pub connecting: &'a Connecting<'a>,
     pub light: &'a mut TileLight,
     pub splats: &'a mut SplatSink<'s, 'f>,
 }
@@ -192,9 +222,7 @@ impl SimdKernel for ConnectKernel<'_, '_, '_> {
     fn run<R: Lanes<N>, const N: usize>(self) {
         let ConnectKernel {
             lists,
-            tile,
-            paths,
-            vertices,
+            connecting,
             light,
             splats,
         } = self;
@@ -203,26 +231,26 @@ impl SimdKernel for ConnectKernel<'_, '_, '_> {
             light_connections,
             lifted_connections,
             pairs,
+            draws,
             evaluated,
             lens_connections,
             start_connections,
+            starts,
             queue,
+            ..
         } = lists;
-        let connecting = Connecting {
-            tile,
-            paths,
-            vertices,
-        };
-        let mut resolve = |queue: &mut ShadowQueue, least: usize| {
+        let (context, joins) = (connecting.tile.context, connecting.joins);
+        let mut resolve = |queue: &mut ShadowQueue, own: &mut OwnContributions, least: usize| {
             if queue.contributions.len() >= least {
-                queue.resolve(tile.context, own, light, splats);
+                queue.resolve(context, own, light, splats);
             }
         };
-        for group in start_connections.chunks(N) {
-            connecting.connect_starts::<R, N>(group, queue);
-            resolve(queue, MAX_QUEUED);
+        for (group, starts) in start_connections.chunks(N).zip(starts.chunks(N)) {
+            connecting.connect_starts::<R, N>(group, starts, queue);
+            resolve(queue, own, MAX_QUEUED);
         }
         start_connections.clear();
+        starts.clear();
         for class in 0..pairs.len() {
             let lists = [
                 &mut light_connections[class],
@@ -231,7 +259,7 @@ impl SimdKernel for ConnectKernel<'_, '_, '_> {
             for (list, lifted) in lists.into_iter().zip([false, true]) {
                 for group in list.chunks(N) {
                     connecting.connect_lights::<R, N>(class, group, lifted, queue);
-                    resolve(queue, MAX_QUEUED);
+                    resolve(queue, own, MAX_QUEUED);
                 }
                 list.clear();
             }
@@ -241,28 +269,36 @@ impl SimdKernel for ConnectKernel<'_, '_, '_> {
             pairs[class].clear();
             for group in lens_connections[class].chunks(N) {
                 connecting.connect_lens::<R, N>(class, group, queue);
-                resolve(queue, MAX_QUEUED);
+                resolve(queue, own, MAX_QUEUED);
             }
             lens_connections[class].clear();
         }
         for (class, EvaluatedPairs { pairs, ends }) in evaluated.iter_mut().enumerate() {
             for (group, ends) in pairs.chunks(N).zip(ends.chunks(N)) {
-                connecting.connect_subpaths::<R, N>(class, group, ends, queue);
-                resolve(queue, MAX_QUEUED);
+                connecting.connect_subpaths::<R, N>(class, group, ends, (queue, draws));
+                resolve(queue, own, MAX_QUEUED);
             }
             pairs.clear();
             ends.clear();
         }
-        resolve(queue, 0);
+        if let Some(cache) = joins.drawing {
+            draws.choose(context, cache, own, queue, |queue, own| {
+                resolve(queue, own, MAX_QUEUED);
+            });
+        }
+        resolve(queue, own, 0);
     }
 }
 
 /// Vertices and random numbers that connections are evaluated from.
 #[derive(Clone, Copy)]
-struct Connecting<'a> {
-    tile: &'a TileContext<'a>,
-    paths: &'a PathRecords,
-    vertices: &'a Vertices,
+pub(super) struct Connecting<'a> {
+    pub tile: &'a TileContext<'a>,
+    pub paths: &'a PathRecords,
+    /// Vertices of the tile's own subpaths.
+    pub vertices: &'a Vertices,
+    pub light: LightSubpaths<'a>,
+    pub joins: &'a Joins<'a>,
 }
 
 impl Connecting<'_> {
@@ -282,12 +318,15 @@ impl Connecting<'_> {
         let paths = map_array(connections, |c| c.path as usize);
         let mut sampler = self.paths.samplers::<R, N>(self.tile, paths, taken);
         let camera = &self.vertices.camera;
-        let mut z = camera.load::<R, N>(context, class, map_array(connections, |c| c.z));
+        let z = map_array(connections, |c| c.z);
+        let mut z = camera.store.load::<R, N>(context, class, z);
+        z.partials = self.with_merging(z.partials);
         if lifted {
             z.lift();
         }
         if let Some(c) = connect_s1::<R, N>(context, &z, &mut sampler, lanes) {
-            queue.push(context, &c, |i| Target::Own(connections[i].index));
+            let count = self.joins.counts.direct;
+            queue.push(context, (&c, count), |i| Target::Own(connections[i].index));
         }
     }
 
@@ -301,17 +340,18 @@ impl Connecting<'_> {
         evaluated: &mut [EvaluatedPairs],
     ) {
         let pairs: [VertexPair; N] = padded(group);
-        let Vertices { camera, light, .. } = self.vertices;
+        let (camera, stores) = (&self.vertices.camera, self.light.stores);
         let context = self.tile.context;
-        let z = camera.load::<R, N>(context, class, map_array(pairs, |pair| pair.z));
-        let y: VertexState<R> =
-            VertexRecord::load::<R, N>(map_array(pairs, |pair| &light.records[pair.y as usize]));
+        let z = map_array(pairs, |pair| pair.z);
+        let z = camera.store.load::<R, N>(context, class, z);
+        let y = map_array(pairs, |pair| pair.y);
+        let y = VertexStore::states::<R, N>(stores, y);
         let lanes = R::Mask::first(group.len());
         let (lit, end) = camera_end(context, &z, y.position, lanes);
         let ends = CameraEndRecord::store::<R, N>(end);
         for i in active_lanes(lit.bits()) {
-            let class = light.classes[pairs[i].y as usize];
-            let list = &mut evaluated[class as usize];
+            let event = VertexStore::event(stores, pairs[i].y);
+            let list = &mut evaluated[event.class as usize];
             list.pairs.push(pairs[i]);
             list.ends.push(ends[i]);
         }
@@ -324,27 +364,49 @@ impl Connecting<'_> {
         class: usize,
         group: &[VertexPair],
         ends: &[CameraEndRecord],
-        queue: &mut ShadowQueue,
+        (queue, draws): (&mut ShadowQueue, &mut Draws),
     ) {
         let pairs: [VertexPair; N] = padded(group);
         let ends: [CameraEndRecord; N] = padded(ends);
         let context = self.tile.context;
-        let Vertices { camera, light, .. } = self.vertices;
-        let y = light.load::<R, N>(context, class, map_array(pairs, |pair| pair.y));
-        let (z, partials) = VertexState::load_towards::<N>(
-            map_array(pairs, |pair| &camera.records[pair.z as usize]),
-            map_array(pairs, |pair| &camera.partials[pair.z as usize]),
-            context
-                .classes
-                .have_terminators()
-                .then(|| map_array(pairs, |pair| &camera.shading[pair.z as usize])),
-            y.state.position,
-        );
+        let camera = &self.vertices.camera;
+        let y = self.load_light::<R, N>(class, map_array(pairs, |pair| pair.y));
+        let z = map_array(pairs, |pair| pair.z);
+        let (z, partials) = camera.store.towards::<R, N>(context, z, y.state.position);
+        let partials = self.with_merging(partials);
         let end: CameraEnd<R> = CameraEndRecord::load::<R, N>(ends.each_ref());
         let lanes = R::Mask::first(group.len());
         if let Some(c) = connect::<R, N>(context, &y, (&z, partials), &end, lanes) {
-            queue.push(context, &c, |i| Target::Own(pairs[i].index));
+            let count = self.joins.counts.connecting;
+            if self.joins.drawing.is_some() {
+                draws.set(context, (&c, count), &pairs);
+            } else {
+                queue.push(context, (&c, count), |i| Target::Own(pairs[i].index));
+            }
         }
+    }
+
+    /// Loads light vertices on surfaces of one class, for connections.
+    #[inline(always)]
+    fn load_light<R: Lanes<N>, const N: usize>(
+        &self,
+        class: usize,
+        ids: [VertexId; N],
+    ) -> Vertex<R> {
+        let (context, stores) = (self.tile.context, self.light.stores);
+        let mut y = VertexStore::load_from::<R, N>(stores, context, class, ids);
+        y.partials = self.with_merging(y.partials);
+        y
+    }
+
+    /// Returns the partial sums of vertices for their connections.
+    #[inline(always)]
+    fn with_merging<D: Double>(&self, partials: MisPartials<D>) -> MisPartials<D> {
+        if self.joins.merging.is_none() {
+            return partials;
+        }
+        let h = self.tile.context.settings.heuristic();
+        partials.with_merging(h, &self.joins.counts)
     }
 
     /// Connects light vertices on surfaces of one class to the lens.
@@ -357,15 +419,14 @@ impl Connecting<'_> {
     ) {
         let connections: [LensConnection; N] = padded(group);
         let context = self.tile.context;
-        let light = &self.vertices.light;
-        let y = light.load::<R, N>(context, class, map_array(connections, |c| c.y));
+        let y = self.load_light::<R, N>(class, map_array(connections, |c| c.y));
         let taken = R::load_words(&map_array(connections, |c| c.taken));
         let paths = map_array(connections, |c| c.path as usize);
         let mut sampler = self.paths.samplers::<R, N>(self.tile, paths, taken);
         let emitted = self.vertices.starts.emitted::<R, N>(paths);
         let lanes = R::Mask::first(group.len());
         let found = connect_t1::<R, N>(context, &y, emitted, &mut sampler, lanes);
-        push_splats(context, &connections, found, queue);
+        self.push_splats(&connections, found, queue);
     }
 
     /// Connects the starts of light subpaths to the lens.
@@ -373,34 +434,35 @@ impl Connecting<'_> {
     fn connect_starts<R: Lanes<N>, const N: usize>(
         &self,
         group: &[LensConnection],
+        starts: &[LightStartRecord],
         queue: &mut ShadowQueue,
     ) {
         let connections: [LensConnection; N] = padded(group);
+        let starts: [LightStartRecord; N] = padded(starts);
         let context = self.tile.context;
         let taken = R::load_words(&map_array(connections, |c| c.taken));
         let paths = map_array(connections, |c| c.path as usize);
         let mut sampler = self.paths.samplers::<R, N>(self.tile, paths, taken);
-        let records = &self.vertices.starts.records;
-        let start: LightStart<R> =
-            LightStartRecord::load::<R, N>(map_array(paths, |path| &records[path]));
+        let start: LightStart<R> = LightStartRecord::load::<R, N>(starts.each_ref());
         let lanes = R::Mask::first(group.len());
         let found = connect_s1_t1::<R, N>(context, &start, &mut sampler, lanes);
-        push_splats(context, &connections, found, queue);
+        self.push_splats(&connections, found, queue);
     }
-}
 
-/// Appends the contributions of connections to the lens.
-#[inline(always)]
-fn push_splats<R: Lanes<N>, const N: usize>(
-    context: &Context,
-    connections: &[LensConnection; N],
-    found: Option<(Connection<R, N>, LensPoints<R, N>)>,
-    queue: &mut ShadowQueue,
-) {
-    if let Some((c, lens)) = found {
-        queue.push(context, &c, |i| {
-            let LensConnection { path, s, .. } = connections[i];
-            Target::Splat(path, lens.pixels[i], s)
-        });
+    /// Appends the contributions of connections to the lens.
+    #[inline(always)]
+    fn push_splats<R: Lanes<N>, const N: usize>(
+        &self,
+        connections: &[LensConnection; N],
+        found: Option<(Connection<R, N>, LensPoints<R, N>)>,
+        queue: &mut ShadowQueue,
+    ) {
+        if let Some((c, lens)) = found {
+            let count = self.joins.counts.lens;
+            queue.push(self.tile.context, (&c, count), |i| {
+                let LensConnection { path, s, .. } = connections[i];
+                Target::Splat(path, lens.pixels[i], s)
+            });
+        }
     }
 }

@@ -1,27 +1,39 @@
-//! Bidirectional path tracing: traces all camera subpaths of a tile, then all light subpaths, then
-//! evaluates all connections.
+//! Techniques that join subpaths from the camera with subpaths from lights: traces all camera
+//! subpaths of a tile, then the light subpaths, unless samples share those of an iteration, then
+//! evaluates all connections and mergings. [`Joins`] states which there are.
 //!
-//! [`walk`] advances the subpaths of a tile by one step at a time and stores their vertices.
-//! [`lists`] lists the connections of every sample in the order in which its contributions are
-//! added, and [`connect`] evaluates them by class of surface, one connection per lane.
+//! [`walk`] advances the subpaths of a tile by one step at a time and stores their vertices;
+//! [`light_paths`] does so for light subpaths that belong to no pixel. [`lists`] lists the
+//! connections of every sample in the order in which its contributions are added. [`connect`],
+//! [`merges`] and [`draws`] evaluate them by class of surface, one pair of vertices per lane.
 //!
 //! The number of random numbers that a connection draws does not depend on its result, and the
 //! order of a sample's contributions is known when connections are listed. Connections can
 //! therefore be evaluated in any order.
 
 mod connect;
+mod draws;
+mod light_paths;
 mod lists;
+mod merges;
+mod source;
+mod vertices;
 mod walk;
 
 use super::light::TileLight;
-use super::wave::{TileContext, Wave};
+use super::wave::{Start, TileContext, Wave};
 use crate::cpu::films::contributions::SampleId;
 use crate::cpu::films::layers::LayerRowFilm;
 use crate::cpu::films::row_film::RowFilm;
-use lists::ConnectionLists;
+use connect::Connecting;
+use lists::{ConnectionLists, Lister};
 use lumbre_light::transport::bsdf::TransportMode;
 use lumbre_light::transport::contribution::Contribution;
-use walk::{Hits, LightStarts, TileVertices};
+use lumbre_light::transport::integrator::bdpt::joins::Joins;
+use source::LightSubpaths;
+use vertices::Vertices;
+
+pub(super) use light_paths::trace as trace_light;
 
 /// Number of samples in a tile.
 pub(super) const TILE_SAMPLES: usize = 128;
@@ -34,15 +46,6 @@ pub(super) struct SubpathTile {
     vertices: Vertices,
     lists: ConnectionLists,
     light: TileLight,
-}
-
-/// Everything that the subpaths of a tile leave for connections.
-#[derive(Default)]
-struct Vertices {
-    camera: TileVertices,
-    light: TileVertices,
-    starts: LightStarts,
-    hits: Hits,
 }
 
 /// Receives the splats of a tile.
@@ -64,6 +67,7 @@ impl SplatSink<'_, '_> {
 /// contributions to their own pixels.
 pub(super) fn render_tile(
     tile: &TileContext,
+    joins: &Joins,
     buffers: &mut SubpathTile,
     film: &mut RowFilm,
     layers: Option<&mut LayerRowFilm>,
@@ -78,36 +82,38 @@ pub(super) fn render_tile(
     let context = tile.context;
     let count = tile.ids.len();
     light.reset(count, layers.is_some());
-    wave.start(tile);
+    wave.start(tile, Start::Camera);
     vertices.reset(context, count);
-    walk::start_at_camera(tile, wave, states, &mut vertices.starts);
     let mut walk = walk::Walk {
         tile,
         wave,
         states,
         light,
+        counts: joins.counts,
     };
+    walk.start_at_camera(&mut vertices.starts);
     let max_edges = context.max_depth;
     walk.trace(TransportMode::Radiance, max_edges, vertices);
-    if max_edges > 0 {
+    if joins.shared.is_none() && max_edges > 0 {
         walk.start_at_lights(&mut vertices.starts);
         if max_edges > 1 {
             walk.trace(TransportMode::Importance, max_edges - 1, vertices);
         }
     }
-    lists.reset(context.classes.count());
-    let mut splats = SplatSink {
+    let (paths, vertices) = (&wave.paths, &*vertices);
+    let connecting = Connecting {
+        tile,
+        paths,
+        vertices,
+        light: LightSubpaths::new(tile, joins, vertices),
+        joins,
+    };
+    let splats = SplatSink {
         tile,
         film,
         layers: layers.as_deref(),
     };
-    for path in 0..count {
-        lists.list_path(tile, path, &wave.paths, vertices, light.has_layers());
-        if lists.are_full() {
-            lists.evaluate(tile, (&wave.paths, vertices), light, &mut splats);
-        }
-    }
-    lists.evaluate(tile, (&wave.paths, vertices), light, &mut splats);
+    Lister::new(lists, connecting, light, splats).list_all(paths);
     let job = tile.job;
     let sampler = |(x, sample): SampleId| job.sampler.start(job.seed, [x, tile.y], sample);
     light.add_to_film(context, (tile.ids, tile.y), film, layers, sampler);
