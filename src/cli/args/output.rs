@@ -77,8 +77,8 @@ impl DiffArgs {
 /// Options of `lumbre report`.
 #[derive(Args, Debug)]
 pub struct ReportArgs {
-    /// Nights: folders, `latest`, or words of their names.
-    #[arg(required = true, value_name = "NIGHT")]
+    /// Nights: folders, `latest`, or words of their names [default: the latest one].
+    #[arg(value_name = "NIGHT")]
     pub nights: Vec<PathBuf>,
     /// Write the report to this folder [default: `report` in the folder of the first night].
     #[arg(long, value_name = "DIR")]

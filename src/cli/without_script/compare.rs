@@ -29,16 +29,11 @@ const MAX_LOAD: f64 = 0.3;
 /// Runs `lumbre compare`: writes a script, runs it, and prints a verdict.
 pub fn main(args: &CompareArgs, global: &Global, log: &Log) -> Result<Exit, Failure> {
     let comparison = &args.comparison;
-    if comparison.techniques.len() < 2 {
-        return Err(Failure::usage(
-            "two techniques or more are compared, as in --technique nee,bdpt",
-        ));
-    }
     let folder = global.out.join("scripts");
+    let script: PathBuf = folder.join(format!("{}.lua", experiment_name(comparison)));
+    let text = script_text(comparison, &display_path(&script))?;
     std::fs::create_dir_all(&folder)
         .map_err(|e| Failure::usage(format!("cannot create {}: {e}", folder.display())))?;
-    let script: PathBuf = folder.join(format!("{}.lua", experiment_name(comparison)));
-    let text = script_text(comparison, &display_path(&script));
     store::write_atomically(&script, text.as_bytes()).map_err(Failure::internal)?;
     if let Some(warning) = load_warning() {
         print_status(&warning);

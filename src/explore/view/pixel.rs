@@ -8,9 +8,9 @@ use ratatui::widgets::Paragraph;
 use super::Screen;
 use crate::explore::inspect::{Inspection, Inspector};
 use crate::explore::session::Frame as Picture;
-use crate::metrics::colour::luminance;
 use crate::tui::format::{self, number};
 use crate::tui::panes::pane;
+use lumbre_light::math::luminance::luminance;
 
 /// Draws the pane.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, inspector: &Inspector) {

@@ -7,7 +7,6 @@ use super::films::colour_bar;
 use super::item::{Provenance, ReportItem};
 use super::metric_display::MetricDisplay;
 use super::study::{ReportOptions, Study};
-use crate::metrics::colour::luminance;
 use crate::metrics::map::Colours;
 use crate::output::format;
 use crate::output::format::significant;
@@ -15,6 +14,7 @@ use crate::output::plot::axis::Scale;
 use crate::output::plot::sizes::{FULL, SCREEN};
 use crate::output::plot::style::{FAINT, INK};
 use crate::output::plot::svg::{Anchor, Drawing, Font, shorten, text_width};
+use lumbre_light::math::luminance::luminance;
 
 /// Width and height of a cell in points. The width is up to 1.5 times as large if there is space.
 const CELL: (f64, f64) = (46.0, 22.0);

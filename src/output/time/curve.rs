@@ -1,12 +1,12 @@
 //! Light over time: curves of pixels and regions.
 
 use super::Movie;
-use crate::metrics::colour::luminance;
 use crate::output::OutputError;
 use crate::output::plot::axis::{Axis, Scale};
 use crate::output::plot::rasterize;
 use crate::output::plot::style::{FRAME, GRID, INK, style};
 use crate::output::plot::svg::{Anchor, Drawing, Font, text_width};
+use lumbre_light::math::luminance::luminance;
 
 /// Mean radiance of a region in every bin.
 #[derive(Clone, Debug, PartialEq)]

@@ -11,7 +11,6 @@ use ratatui::widgets::Paragraph;
 
 use super::pane;
 use crate::experiment::{CellRef, PlanOutline};
-use crate::metrics::colour::luminance_f32;
 use crate::metrics::tonemap::Tonemap;
 use crate::tui::format;
 use crate::tui::model::night::NightModel;
@@ -20,6 +19,7 @@ use crate::tui::preview::{PreviewContent, box_average};
 use crate::tui::terminal::terminal_caps::{Colors, Graphics, TerminalCaps};
 use crate::tui::view::View;
 use lumbre_light::film::Image;
+use lumbre_light::math::luminance::luminance_f32;
 
 /// Characters from dark to bright, for terminals without colours.
 const SHADES: &[u8] = b" .:-=+*#%@";

@@ -181,3 +181,127 @@ fn a_missing_texture_is_an_error_unless_lenient() {
         );
     }
 }
+
+#[test]
+fn a_picture_or_comparison_that_is_asked_for_wrongly_is_answered_with_the_remedy() {
+    let place = Workplace::new();
+    std::fs::create_dir(place.path("rooms")).unwrap();
+    for file in ["rooms/a.glb", "room.fbx", "room.zip", "notes.txt"] {
+        place.write(file, "?");
+    }
+    for (words, expected) in [
+        (
+            "render bal.scn",
+            "no file `bal.scn` (did you mean `ball.scn`?)",
+        ),
+        (
+            "compare bal.scn",
+            "no file `bal.scn` (did you mean `ball.scn`?)",
+        ),
+        ("render romms/a.glb", "there is no folder romms"),
+        ("render rooms", "`rooms` is a folder (scenes in it: a.glb)"),
+        ("render room.fbx", "export the scene as glTF"),
+        ("render room.zip", "unpack this archive"),
+        ("render notes.txt", "supported: .lua, .gltf"),
+        ("render ball.scn -i path", "path tracing is `nee`"),
+        ("render ball.scn bdpt", "a technique follows `-i`"),
+        (
+            "render ball.scn -i nee -i bdpt",
+            "lumbre compare FILE --technique",
+        ),
+        (
+            "render ball.scn -i nee integrator=bdpt",
+            "`integrator` is given twice",
+        ),
+        (
+            "render ball.scn --depth 3 max_depth=4",
+            "`max_depth` is given twice",
+        ),
+        ("render ball.scn -o none/a.exr", "no folder none: create it"),
+        ("compare ball.scn -t nee,nee", "names `nee` twice"),
+        (
+            "compare ball.scn integrator=nee",
+            "give techniques by --technique",
+        ),
+        ("compare ball.scn --spp 4", "`lumbre compare --help` lists"),
+        ("ball.scn", "`lumbre render ball.scn` renders a scene"),
+    ] {
+        let words: Vec<&str> = words.split(' ').collect();
+        let error = refused(&place, &words);
+        assert!(error.contains(expected), "{words:?}: {error}");
+    }
+    let error = refused(&place, &["render", "ball.scn", "camera.fov=400"]);
+    assert!(
+        error.starts_with("error: camera.fov: 400 is out of range"),
+        "{error}"
+    );
+}
+
+#[test]
+fn errors_of_a_plan_show_the_line_of_the_script_and_the_remedy_beside_it() {
+    let place = Workplace::new();
+    let script = place.read("night.lua");
+    for (from, to, cause, mark) in [
+        (
+            "max_depth = p.depth",
+            "max_dpeth = p.depth",
+            "error: render.max_dpeth: unknown key `max_dpeth`",
+            "^^^^^^^^^ did you mean `max_depth`?",
+        ),
+        (
+            "backend = \"mock\"",
+            "set = { [\"camera.apertur\"] = 1 }",
+            "error: set.camera.apertur: unknown key `apertur`",
+            "^^^^^^^^^^^^^^^^^^ did you mean `aperture`?",
+        ),
+        (
+            "stop.samples(16)",
+            "stop.when(\"rmse\", \"<\", -1)",
+            "error: stop rule at depth = 2: `rmse < -1` can never hold",
+            "^^^",
+        ),
+        (
+            "{ 24, 16 }",
+            "{ 32768, 32768 }",
+            "error: at depth = 2: a picture of 32768x32768 pixels is not possible",
+            "^^^^^^^^^^",
+        ),
+    ] {
+        assert!(script.contains(from), "{from}");
+        place.write("night.lua", &script.replace(from, to));
+        let error = refused(&place, &["plan", "night.lua"]);
+        assert!(error.starts_with(cause), "{error}");
+        assert!(
+            error.contains("--> night.lua:") && error.contains(mark),
+            "{error}"
+        );
+    }
+    let error = refused(&place, &["plan", "night.lua", "depth=2"]);
+    assert!(error.contains("--> night.lua:4:"), "{error}");
+}
+
+#[test]
+fn two_pictures_given_to_compare_are_compared() {
+    let place = Workplace::new();
+    for (file, seed) in [("a.exr", "1"), ("b.exr", "2")] {
+        place.succeed(&[
+            "render",
+            "ball.scn",
+            "--size",
+            "24x16",
+            "--backend",
+            "cpu",
+            "--spp",
+            "4",
+            "--seed",
+            seed,
+            "-q",
+            "-o",
+            file,
+        ]);
+    }
+    let output = place.succeed(&["compare", "a.exr", "b.exr", "--json", "--metric", "rmse"]);
+    let found: serde_json::Value = serde_json::from_str(&output.stdout).unwrap();
+    assert_eq!(found["metric"], "rmse", "{found}");
+    place.fail(5, &["compare", "a.exr", "b.exr", "--fail", "rmse=1e-9"]);
+}

@@ -34,9 +34,11 @@ const FOV_DEG: f32 = 35.0;
 const FILL: f32 = 0.8;
 /// Direction from the entities to the studio's camera.
 const VIEW: Vec3 = Vec3::new(0.5, 0.45, 1.0);
-/// Position of the area light from the centre, and its side, in radii of the entities.
-const LIGHT: Vec3 = Vec3::new(-1.8, 2.6, 1.4);
-const LIGHT_SIDE: f32 = 1.6;
+/// Position of the area light from the centre, and its side, in radii of the entities. It is as far
+/// away and as large as the ground, so that its power is a fair share of that of the environment on
+/// the whole stage: lights are selected by power.
+const LIGHT: Vec3 = Vec3::new(-21.6, 31.2, 16.8);
+const LIGHT_SIDE: f32 = 19.2;
 /// Radiance of the area light and of the environment.
 const LIGHT_RADIANCE: f32 = 12.0;
 const ENVIRONMENT_RADIANCE: f32 = 0.3;
