@@ -259,7 +259,15 @@ fn caveats(study: &Study, grids: &[&Grid]) -> Vec<String> {
             if least == 1 { "" } else { "s" }
         ));
     }
+    let repeats_another = |grid: &Grid| {
+        let column = grid.name.trim_start_matches("final-");
+        let metric = study.metrics.iter().position(|m| m.column == column);
+        metric.is_some_and(|metric| is_root_of_shown(study, metric))
+    };
     for grid in grids.iter().filter(finals) {
+        if repeats_another(grid) {
+            continue;
+        }
         let (at_floor, all) = count(grid, |cell| cell.at_floor);
         if at_floor > 0 {
             caveats.push(format!(

@@ -186,6 +186,20 @@ mod tests {
     }
 
     #[test]
+    fn the_area_light_of_a_studio_has_a_fair_share_of_the_power() {
+        use std::f32::consts::PI;
+        let mut scene = bare();
+        set_up(&mut scene, Stage::Studio);
+        let (compiled, _) = crate::scene::compile(&scene).unwrap();
+        let (_, radius) = compiled.bounds_and_radius();
+        let environment = PI * radius * radius * 4.0 * PI * ENVIRONMENT_RADIANCE;
+        let area: f32 = compiled.emitters.iter().map(|e| e.area).sum();
+        let light = PI * area * LIGHT_RADIANCE;
+        let share = light / (light + environment);
+        assert!((0.2..0.5).contains(&share), "{share}");
+    }
+
+    #[test]
     fn a_camera_of_the_file_stays_and_other_stages_add_no_entities() {
         let mut own = bare();
         own.camera.position = Vec3::new(0.0, 0.0, 9.0);

@@ -233,7 +233,7 @@ fn document(
             <div class=\"scroll\"><table id=\"runs\"></table></div>\n</section>\n";
     out += "<section id=\"methods\">\n<h2>Methods</h2>\n";
     if let Some(methods) = items.iter().find(|item| item.stem == "methods") {
-        out += &format!("<p>{}</p>\n", escape(&methods.caption));
+        out += &format!("<p>{}</p>\n", sections::prose(&methods.caption));
     }
     if !text.notes.is_empty() {
         out += &format!("<h3 id=\"notes\">Notes</h3>\n{}", list(text.notes));
@@ -249,7 +249,7 @@ fn document(
 
 /// Writes sentences as a list.
 fn list(sentences: &[String]) -> String {
-    let item = |sentence: &String| format!("<li>{}</li>\n", escape(sentence));
+    let item = |sentence: &String| format!("<li>{}</li>\n", sections::prose(sentence));
     let items: String = sentences.iter().map(item).collect();
     format!("<ul class=\"note\">\n{items}</ul>\n")
 }

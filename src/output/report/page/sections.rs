@@ -17,8 +17,9 @@ pub fn answer(study: &Study, verdict: &Verdict, views: &[View], notes: usize) ->
     for sentence in &verdict.sentences {
         out += &format!("<p class=\"answer\">{}</p>\n", escape(sentence));
     }
+    out += "<div id=\"findings\">\n";
     if !verdict.columns.is_empty() {
-        out += "<div class=\"scroll\"><table id=\"verdict\"><thead><tr><th></th><th></th>";
+        out += "<div class=\"scroll\">\n<table id=\"verdict\"><thead><tr><th></th><th></th>";
         for column in &verdict.columns {
             out += &format!("<th>{}</th>", escape(&column.heading));
         }
@@ -26,9 +27,9 @@ pub fn answer(study: &Study, verdict: &Verdict, views: &[View], notes: usize) ->
         for facet in 0..study.facets.len().min(verdict.rows.len()) {
             out += &winners(verdict, facet, views);
         }
-        out += &format!("</tbody></table></div>\n<p class=\"note\">{EXPLANATION}</p>\n");
+        out += &format!("</tbody></table>\n<p class=\"note\">{EXPLANATION}</p>\n</div>\n");
     }
-    let mut caveats: Vec<String> = verdict.caveats.iter().map(|c| escape(c)).collect();
+    let mut caveats: Vec<String> = verdict.caveats.iter().map(|c| prose(c)).collect();
     if notes > 0 {
         let plural = if notes == 1 { "note" } else { "notes" };
         caveats.push(format!(
@@ -41,7 +42,24 @@ pub fn answer(study: &Study, verdict: &Verdict, views: &[View], notes: usize) ->
             "<div id=\"caveats\"><b>Before you believe it</b>\n<ul>\n{items}</ul></div>\n"
         );
     }
-    out + "</section>\n"
+    out + "</div>\n</section>\n"
+}
+
+/// Escapes a sentence and marks what is between two backticks as code.
+pub fn prose(text: &str) -> String {
+    let escaped = escape(text);
+    let mut parts = escaped.split('`').peekable();
+    let (mut out, mut is_code) = (String::new(), false);
+    while let Some(part) = parts.next() {
+        // A backtick without a second one stays.
+        match (is_code, parts.peek()) {
+            (true, Some(_)) => out += &format!("<code>{part}</code>"),
+            (true, None) => out += &format!("`{part}"),
+            (false, _) => out += part,
+        }
+        is_code = !is_code;
+    }
+    out
 }
 
 /// Writes one row of the table of winners.
@@ -156,7 +174,7 @@ fn figure(item: &ReportItem) -> String {
         "<figure id=\"{}\">\n{}{svg}<figcaption>{} {}</figcaption>\n</figure>\n",
         escape(&item.stem),
         heading(item),
-        escape(&item.caption),
+        prose(&item.caption),
         file_links(item)
     )
 }
@@ -198,7 +216,7 @@ fn table(item: &ReportItem, grid: &Grid, run_index: &BTreeMap<&str, usize>) -> S
     out + &format!(
         "</tbody></table></div>\n<p class=\"note\">{} {} <button class=\"copy\" \
          data-text=\"{}\">copy LaTeX</button></p>\n</div>\n",
-        escape(&caption),
+        prose(&caption),
         file_links(item),
         escape(&grid.to_latex())
     )
@@ -225,4 +243,18 @@ fn table_cell(grid: &Grid, cell: &GridCell, run_index: &BTreeMap<&str, usize>) -
         format!("<a href=\"#run-table\" data-runs=\"{runs}\">{text}</a>")
     };
     format!("<td class=\"n\">{text}</td>")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::prose;
+
+    #[test]
+    fn words_between_backticks_are_code() {
+        assert_eq!(
+            prose("`≤ t`: reached; `a < b` and `c"),
+            "<code>≤ t</code>: reached; <code>a &lt; b</code> and `c"
+        );
+        assert_eq!(prose("plain"), "plain");
+    }
 }
