@@ -10,6 +10,9 @@ use crate::experiment::outcome::{CellRef, Level};
 use crate::experiment::plan::unreachable_thresholds;
 use lumbre_light::film::{Image, SharedImage};
 
+/// Share of pixels without noise in a reference above which a warning is given, once a night.
+const MOST_BACKGROUND: f64 = 0.5;
+
 impl NightRunner<'_, '_> {
     /// Returns the noise floors of a reference, computed from its stored halves; empty if there are
     /// none.
@@ -49,6 +52,16 @@ impl NightRunner<'_, '_> {
             floors(metrics, image, halves)
         })?);
         self.floors[reference] = Some(Arc::clone(&floors));
+        let blank = halves.share_without_noise();
+        if blank > MOST_BACKGROUND && !self.is_background_noted {
+            self.is_background_noted = true;
+            let text = format!(
+                "{:.0} % of the picture is background without noise: metrics are means over all \
+                 pixels, so they hardly see the rest. Use a closer camera or another resolution",
+                100.0 * blank
+            );
+            self.emit_message(Level::Warn, CellRef::Reference(reference), text)?;
+        }
         for text in unreachable_thresholds(self.plan, reference, &floors) {
             self.emit_message(Level::Warn, CellRef::Reference(reference), text)?;
         }

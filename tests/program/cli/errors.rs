@@ -305,3 +305,30 @@ fn two_pictures_given_to_compare_are_compared() {
     assert_eq!(found["metric"], "rmse", "{found}");
     place.fail(5, &["compare", "a.exr", "b.exr", "--fail", "rmse=1e-9"]);
 }
+
+#[test]
+fn experiments_that_can_tell_little_are_said_to() {
+    let place = Workplace::new();
+    let compared = |repeats: u32| {
+        let script = place
+            .read("night.lua")
+            .replace("repeats = 2", &format!("repeats = {repeats}"))
+            .replace(
+                "x:axis(\"depth\", { 2, 4 })",
+                "x:axis(\"technique\", { \"bpt\", \"nee\" })",
+            )
+            .replace(
+                "integrator = \"bpt\", max_depth = p.depth",
+                "integrator = p.technique",
+            )
+            .replace("stop.samples(4096)", "stop.samples(64)");
+        place.write("compared.lua", &script);
+        place.succeed(&["plan", "compared.lua"]).stdout
+    };
+    assert!(compared(1).contains("2 techniques are compared with 1 repeat, which can hardly"));
+    assert!(!compared(3).contains("techniques are compared with"));
+    // The ball covers a quarter of the picture, and nothing else can be seen.
+    let night = place.succeed(&["run", "compared.lua", "--backend", "cpu"]);
+    let noted = " % of the picture is background without noise";
+    assert_eq!(night.stderr.matches(noted).count(), 1, "{}", night.stderr);
+}
