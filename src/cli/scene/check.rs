@@ -59,7 +59,7 @@ pub fn main(args: &CheckArgs, global: &Global) -> Result<Exit, Failure> {
 struct Checked {
     /// Summary as text.
     text: String,
-    /// What the file describes: `scene` or `experiment`.
+    /// Kind of the file: `scene` or `experiment`.
     kind: &'static str,
     /// The summary as JSON.
     data: Json,

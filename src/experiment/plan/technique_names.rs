@@ -1,4 +1,4 @@
-//! What is said about integrators that do not exist, wherever one can be named.
+//! Remedies for names of integrators that do not exist, wherever one can be named.
 
 use super::axes::help;
 use lumbre_light::transport::integrator::external::EXTERNALS;

@@ -252,7 +252,7 @@ fn errors_of_a_plan_show_the_line_of_the_script_and_the_remedy_beside_it() {
             "backend = \"mock\"",
             "set = { [\"camera.apertur\"] = 1 }",
             "error: set.camera.apertur: unknown key `apertur`",
-            "^^^^^^^^^^^^^^^^^^ did you mean `aperture`?",
+            "^^^^^^^^^^^^^^^^ did you mean `aperture`?",
         ),
         (
             "stop.samples(16)",
@@ -302,7 +302,7 @@ fn two_pictures_given_to_compare_are_compared() {
     }
     let output = place.succeed(&["compare", "a.exr", "b.exr", "--json", "--metric", "rmse"]);
     let found: serde_json::Value = serde_json::from_str(&output.stdout).unwrap();
-    assert_eq!(found["metric"], "rmse", "{found}");
+    assert_eq!(found["measured"]["metric"], "rmse", "{found}");
     place.fail(5, &["compare", "a.exr", "b.exr", "--fail", "rmse=1e-9"]);
 }
 
@@ -331,4 +331,27 @@ fn experiments_that_can_tell_little_are_said_to() {
     let night = place.succeed(&["run", "compared.lua", "--backend", "cpu"]);
     let noted = " % of the picture is background without noise";
     assert_eq!(night.stderr.matches(noted).count(), 1, "{}", night.stderr);
+}
+
+#[test]
+fn the_help_of_a_verb_has_its_own_options_first() {
+    let place = Workplace::new();
+    let picture = [
+        "render", "ball.scn", "--out", "a.exr", "--spp", "1", "--size", "8x8",
+    ];
+    let noted = place.succeed(&picture).stderr;
+    assert!(
+        noted.contains("the file of the picture follows `-o`"),
+        "{noted}"
+    );
+    let help = place.succeed(&["render", "--help"]).stdout;
+    let (own, every) = help.split_once("Options of every verb:").unwrap();
+    assert!(
+        own.contains("--spp") && !own.contains("--threads"),
+        "{help}"
+    );
+    assert!(
+        every.contains("--threads") && !every.contains("--out "),
+        "{help}"
+    );
 }

@@ -243,24 +243,6 @@ fn ls_filters_by_words_states_and_the_latest_night() {
         noted.contains("`--threads` has no effect on `lumbre ls`"),
         "{noted}"
     );
-    let picture = [
-        "render", "ball.scn", "--out", "a.exr", "--spp", "1", "--size", "8x8",
-    ];
-    let noted = place.succeed(&picture).stderr;
-    assert!(
-        noted.contains("the file of the picture follows `-o`"),
-        "{noted}"
-    );
-    let help = place.succeed(&["render", "--help"]).stdout;
-    let (own, every) = help.split_once("Options of every verb:").unwrap();
-    assert!(
-        own.contains("--spp") && !own.contains("--threads"),
-        "{help}"
-    );
-    assert!(
-        every.contains("--threads") && !every.contains("--out "),
-        "{help}"
-    );
     assert!(
         !place
             .succeed(&["ls", "--help"])

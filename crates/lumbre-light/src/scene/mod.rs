@@ -58,7 +58,7 @@ pub enum SceneError {
     UnknownFormat {
         /// File with the unknown format.
         file: PathBuf,
-        /// What to do about the file, followed by `; `; empty if nothing is known about it.
+        /// Remedy, followed by `; `; empty if nothing is known about the file.
         help: String,
         /// Supported file extensions.
         known: String,
