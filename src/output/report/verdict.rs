@@ -125,7 +125,7 @@ pub const EXPLANATION: &str = "The best mean at equal render time, where it is s
     the next best error divided by it.";
 
 /// Returns whether a metric is the root of another one that is shown: it has the same winners.
-fn is_root_of_shown(study: &Study, metric: usize) -> bool {
+pub(super) fn is_root_of_shown(study: &Study, metric: usize) -> bool {
     study.metrics[metric].row.name == "mse" && study.metrics.iter().any(|m| m.row.name == "rmse")
 }
 

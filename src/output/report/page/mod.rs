@@ -225,7 +225,7 @@ fn document(
             <a href=\"#methods\">Methods</a></nav>\n";
     out += include_str!("parts.html");
     out += &sections::tables(study, items);
-    out += &sections::figures(items);
+    out += &sections::figures(study, items);
     out += "<section id=\"run-table\">\n<h2>Runs</h2>\n\
             <div class=\"bar\"><input id=\"words\" size=\"34\" \
             placeholder=\"technique=bdpt repeat=0\" aria-label=\"filter runs by words\">\

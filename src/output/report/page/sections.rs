@@ -8,7 +8,7 @@ use crate::output::report::grid::{Grid, GridCell};
 use crate::output::report::item::{ItemKind, ReportItem};
 use crate::output::report::study::Study;
 use crate::output::report::tables::TEST;
-use crate::output::report::verdict::{EXPLANATION, Verdict, Winner};
+use crate::output::report::verdict::{EXPLANATION, Verdict, Winner, is_root_of_shown};
 
 /// Writes the answer: sentences, the winners of every facet with a thumbnail of its reference, and
 /// what weakens them. `notes` is the number of notes at the end of the page.
@@ -132,9 +132,21 @@ pub fn tables(study: &Study, items: &[ReportItem]) -> String {
     out + &folded(&written) + "</section>\n"
 }
 
-/// Writes all figures.
-pub fn figures(items: &[ReportItem]) -> String {
-    let figures = items.iter().filter(|item| item.kind == ItemKind::Figure);
+/// Writes all figures, but for those of MSE where RMSE is measured: they are the same curves, with
+/// every number squared, and only files.
+pub fn figures(study: &Study, items: &[ReportItem]) -> String {
+    let repeated: Vec<String> = (0..study.metrics.len())
+        .filter(|metric| is_root_of_shown(study, *metric))
+        .map(|metric| format!("-{}", study.metrics[metric].column))
+        .collect();
+    let repeats = |item: &ReportItem| {
+        let stem = item.stem.trim_end_matches(|c: char| c.is_ascii_digit());
+        let stem = stem.trim_end_matches('-');
+        repeated.iter().any(|metric| stem.ends_with(metric))
+    };
+    let figures = items
+        .iter()
+        .filter(|item| item.kind == ItemKind::Figure && !repeats(item));
     let written: Vec<(&str, String)> = figures
         .map(|item| (item.section.as_str(), figure(item)))
         .collect();

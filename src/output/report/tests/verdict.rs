@@ -87,6 +87,25 @@ fn weak_evidence_is_named() {
 }
 
 #[test]
+fn the_page_does_not_repeat_rmse_as_mse() {
+    let mut squared = night("Sample GPU", 1.0);
+    squared.metrics[1] = MetricSpec::new("mse", "mse", BTreeMap::new()).unwrap();
+    for run in &mut squared.runs {
+        run.floors = vec![("rmse".to_owned(), 0.012), ("mse".to_owned(), 0.000_144)];
+        for row in &mut run.rows {
+            row.metrics[1] = row.metrics[0] * row.metrics[0];
+        }
+    }
+    let made = report(&[squared], &ReportOptions::default());
+    let caveats = text(&made, "verdict", "md");
+    assert_eq!(caveats.matches("can be noise").count(), 1, "{caveats}");
+    assert!(!text(&made, "figures/error-time-mse", "svg").is_empty());
+    let page = text(&made, "index", "html");
+    assert!(page.contains("id=\"figures/error-time-rmse\""));
+    assert!(!page.contains("id=\"figures/error-time-mse\""));
+}
+
+#[test]
 fn crops_show_the_least_noisy_reference_and_warn_if_references_differ() {
     let mut own = night("Sample GPU", 1.0);
     own.references.push(ReferenceResult {
