@@ -291,7 +291,7 @@ pub enum Verb {
     /// Render the runs behind a result file again and compare them.
     ///
     /// FILE is a picture, figure, table or data file written by lumbre, or the folder of a run.
-    /// Every run named in it is located in its night and rendered again with the same samples. For
+    /// Every run named in one of the files is located in its night and rendered again with the same samples. For
     /// each run the result is: identical (every bit of the picture), equal within noise (with the
     /// p-value), or differs here (with the position, and a map of the difference). Times are not
     /// compared. Exits with code 5 if a picture differs.

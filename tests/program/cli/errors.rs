@@ -313,10 +313,8 @@ fn experiments_that_can_tell_little_are_said_to() {
         let script = place
             .read("night.lua")
             .replace("repeats = 2", &format!("repeats = {repeats}"))
-            .replace(
-                "x:axis(\"depth\", { 2, 4 })",
-                "x:axis(\"technique\", { \"bpt\", \"nee\" })",
-            )
+            .replace("\"depth\"", "\"technique\"")
+            .replace("{ 2, 4 }", "{ \"bpt\", \"nee\" }")
             .replace(
                 "integrator = \"bpt\", max_depth = p.depth",
                 "integrator = p.technique",

@@ -65,7 +65,7 @@ pub fn item(
         data: &data,
         provenance: &provenance,
     };
-    let html = document(study, items, verdict, &views, &text);
+    let html = document(study, items, verdict, &views, &text, context);
     Ok(ReportItem {
         kind: ItemKind::Data,
         section: String::new(),
@@ -204,6 +204,7 @@ fn document(
     verdict: &Verdict,
     views: &[View],
     text: &PageText,
+    context: &ReportContext,
 ) -> String {
     let mut out = head(text.title, text.provenance);
     out += &format!("<body>\n<h1>{}</h1>\n", escape(text.title));
@@ -216,7 +217,7 @@ fn document(
     }
     for (night, name) in study.nights.iter().zip(&study.names) {
         let name = (study.nights.len() > 1).then_some(name.as_str());
-        out += &night_facts(night, name);
+        out += &night_facts(night, name, context);
     }
     out += &sections::answer(study, verdict, views, text.notes.len());
     out += "<nav><a href=\"#answer\">Answer</a><a href=\"#viewer\">Pictures</a>\
@@ -272,7 +273,7 @@ fn head(title: &str, provenance: &Provenance) -> String {
 }
 
 /// Writes a line of facts on a night. `name` is given if there are several nights.
-fn night_facts(night: &NightResults, name: Option<&str>) -> String {
+fn night_facts(night: &NightResults, name: Option<&str>, context: &ReportContext) -> String {
     let name = name.map_or(String::new(), |name| format!("<b>{}</b>: ", escape(name)));
     let finished = night.runs.iter().filter(|r| r.is_done()).count();
     let (program, date) = night
@@ -286,11 +287,13 @@ fn night_facts(night: &NightResults, name: Option<&str>) -> String {
         program.to_owned(),
         date.to_owned(),
     ];
-    let facts: Vec<String> = facts
+    let mut facts: Vec<String> = facts
         .iter()
         .filter(|f| !f.is_empty())
         .map(|f| escape(f))
         .collect();
+    let script = (context.link)(&night.folder.join("experiment.lua"));
+    facts.push(format!("<a href=\"{}\">script</a>", escape(&script)));
     format!("<p class=\"meta\">{name}{}</p>\n", facts.join(" · "))
 }
 

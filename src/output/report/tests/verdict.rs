@@ -20,6 +20,7 @@ fn the_page_begins_with_the_winners() {
     assert!(answer.contains(expected) && answer.contains("<b>nee (1.6×)</b>"));
     assert!(answer.contains("data:image/png;base64,"), "thumbnails");
     assert!(!answer.contains("Before you believe it"), "{answer}");
+    assert!(answer.contains("/experiment.lua\">script</a>"), "{answer}");
     assert!(rest.contains("<summary>RMSE</summary>"));
 }
 
