@@ -319,12 +319,16 @@ fn experiments_that_can_tell_little_are_said_to() {
                 "integrator = \"bpt\", max_depth = p.depth",
                 "integrator = p.technique",
             )
-            .replace("stop.samples(4096)", "stop.samples(64)");
+            .replace("stop.samples(4096)", "stop.samples(64)")
+            .replace(
+                "return stop.samples(16)",
+                "return stop.any { stop.samples(16), stop.time(\"9s\") }",
+            );
         place.write("compared.lua", &script);
         place.succeed(&["plan", "compared.lua"]).stdout
     };
-    assert!(compared(1).contains("2 techniques are compared with 1 repeat, which can hardly"));
-    assert!(!compared(3).contains("techniques are compared with"));
+    assert!(compared(1).contains("2 techniques are compared at equal time with 1 repeat, which"));
+    assert!(!compared(3).contains("techniques are compared"));
     // The ball covers a quarter of the picture, and nothing else can be seen.
     let night = place.succeed(&["run", "compared.lua", "--backend", "cpu"]);
     let noted = " % of the picture is background without noise";

@@ -314,7 +314,10 @@ impl Ty {
             Ty::List(item) => format!("a list, each item {}", item.describe()),
             Ty::OneOrMany(item) => format!("{} or a list of such", item.describe()),
             Ty::OrAuto(item) => format!("{} or \"{AUTO}\"", item.describe()),
-            Ty::Table(t) => format!("a table ({})", t.name),
+            Ty::Table(t) => {
+                let keys: Vec<&str> = t.fields.iter().map(|field| field.key).collect();
+                format!("a table ({}) with the keys {}", t.name, keys.join(", "))
+            }
             Ty::Object(name) | Ty::Any(name) => (*name).to_owned(),
         }
     }
