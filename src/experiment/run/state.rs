@@ -40,6 +40,8 @@ pub(super) struct NightRunner<'a, 's> {
     pub(super) floors: Vec<Option<NoiseFloors>>,
     /// Whether a picture that is mostly background was reported.
     pub(super) is_background_noted: bool,
+    /// Whether a threshold that the first measurement passed was reported.
+    pub(super) is_threshold_noted: bool,
     /// Compiled scenes with their hierarchies.
     pub(super) scenes: SceneCache,
     /// Notes of scene compilation that were reported already.
@@ -88,6 +90,7 @@ impl<'a, 's> NightRunner<'a, 's> {
             shards_in_memory: BTreeMap::new(),
             floors: vec![None; plan.references.len()],
             is_background_noted: false,
+            is_threshold_noted: false,
             scenes: SceneCache::new(plan),
             reported_notes: BTreeSet::new(),
             summary: NightSummary::default(),

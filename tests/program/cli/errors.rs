@@ -329,6 +329,14 @@ fn experiments_that_can_tell_little_are_said_to() {
     };
     assert!(compared(1).contains("2 techniques are compared at equal time with 1 repeat, which"));
     assert!(!compared(3).contains("techniques are compared"));
+    let easy = place.read("night.lua").replace(
+        "stop.samples(16)",
+        "stop.any { stop.when(\"psnr\", \">\", 1), stop.time(\"9s\") }",
+    );
+    place.write("easy.lua", &easy);
+    let passed = place.succeed(&["run", "easy.lua"]).stderr;
+    let noted = "`psnr > 1` held at the first measurement (";
+    assert_eq!(passed.matches(noted).count(), 1, "{passed}");
     // The ball covers a quarter of the picture, and nothing else can be seen.
     let night = place.succeed(&["run", "compared.lua", "--backend", "cpu"]);
     let noted = " % of the picture is background without noise";
