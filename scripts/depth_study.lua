@@ -22,7 +22,7 @@
 --     tables/rmse                final RMSE by depth and technique
 --     tables/samples             samples per pixel, in the same order
 
-local x = experiment("depth_study", { seed = 1 })
+local x = experiment("depth_study", { seed = 1, repeats = 3 })
 
 x:axis("technique", { "bpt", "nee" })
 x:axis("depth", { 5, 7, 10 })

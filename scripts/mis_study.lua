@@ -20,7 +20,7 @@
 --     tables/{relmse,rmse}        final error by technique and weights
 --     tables/time                 render time in seconds, in the same order
 
-local x = experiment("mis_study", { seed = 7 })
+local x = experiment("mis_study", { seed = 7, repeats = 3 })
 
 x:axis("technique", { "nee", "bdpt" })
 x:axis("mis", { "power", "balance", "none" })

@@ -90,6 +90,8 @@ pub struct Failure {
     pub message: String,
     /// Error in a script, whose source line is printed below the message.
     script: Option<ScriptError>,
+    /// Function of the script in which the error was found, and the point at which it was called.
+    call: Option<String>,
 }
 
 impl Failure {
@@ -98,6 +100,7 @@ impl Failure {
             exit,
             message: error.to_string(),
             script: None,
+            call: None,
         }
     }
 
@@ -119,6 +122,7 @@ impl Failure {
     pub fn script_call(call: &str, error: ScriptError) -> Failure {
         Failure {
             message: format!("{call}: {error}"),
+            call: Some(call.to_owned()),
             ..Failure::script(error)
         }
     }
@@ -148,21 +152,28 @@ impl Failure {
         }
     }
 
-    /// Returns the message, and for an error in a script the source line with a mark. Lines are not
-    /// wrapped, so that paths can be copied and messages can be searched for.
+    /// Returns the message. For an error in a script these are its cause, the source line with a mark
+    /// and the remedy beside it, and the call in which it was found. Lines are not wrapped, so that
+    /// paths can be copied and messages can be searched for.
     fn render(&self, renderer: Renderer) -> String {
-        let title = Level::ERROR.primary_title(self.message.as_str());
         let Some((error, highlight)) = self
             .script
             .as_ref()
             .and_then(|error| Some((error, error.highlight()?)))
         else {
+            let title = Level::ERROR.primary_title(self.message.as_str());
             return renderer.render(&[Group::with_title(title)]);
         };
+        let title = Level::ERROR.primary_title(error.problem().to_string());
+        let mark = AnnotationKind::Primary.span(highlight.span.clone());
         let snippet = Snippet::source(highlight.text.as_ref())
             .path(error.file().to_string_lossy())
-            .annotation(AnnotationKind::Primary.span(highlight.span.clone()));
-        renderer.render(&[title.element(snippet)])
+            .annotation(mark.label(error.help_text()));
+        let mut group = title.element(snippet);
+        if let Some(call) = &self.call {
+            group = group.element(Level::NOTE.message(format!("found in {call}")));
+        }
+        renderer.render(&[group])
     }
 }
 
@@ -258,13 +269,33 @@ mod tests {
         .unwrap_err();
         let shown = Failure::script_call("`render` at depth = 1", error).render(Renderer::plain());
         let lines: Vec<&str> = shown.lines().collect();
-        assert!(
-            lines[0].starts_with("error: `render` at depth = 1: folder/t.lua:2: "),
-            "{shown}"
-        );
+        assert!(lines[0].starts_with("error: attempt to "), "{shown}");
         assert!(lines[1].ends_with("--> folder/t.lua:2:1"), "{shown}");
         assert!(lines[3].starts_with("2 | x:axis(\"depth\""), "{shown}");
         assert!(lines[4].contains("^^^"), "{shown}");
+        assert!(
+            lines[6].ends_with("= note: found in `render` at depth = 1"),
+            "{shown}"
+        );
+    }
+
+    #[test]
+    fn the_remedy_of_a_script_error_is_beside_its_mark() {
+        let text = "local x = experiment(\"t\")\nx:measure { rmse = metric.rmse }\n";
+        let error = crate::script::load_text(
+            std::path::Path::new("t.lua"),
+            text.to_owned(),
+            crate::script::Limits::default(),
+        )
+        .unwrap_err();
+        let shown = Failure::script(error).render(Renderer::plain());
+        let lines: Vec<&str> = shown.lines().collect();
+        let cause = "error: measure.rmse: expected a metric, found a function";
+        assert_eq!(lines[0], cause, "{shown}");
+        assert!(
+            lines[4].ends_with("^^^^ add parentheses: metric.rmse()"),
+            "{shown}"
+        );
     }
 
     #[test]

@@ -59,6 +59,12 @@ pub fn rounded(x: f64) -> String {
     }
 }
 
+/// Formats a number with six significant digits, for tables in which numbers are compared.
+pub fn precise(x: f64) -> String {
+    let digits = format!("{x:.5e}");
+    digits.parse().map_or(digits, |x: f64| x.to_string())
+}
+
 /// Formats a size in bytes with decimal units: `12 B`, `3.4 kB`, `5.6 MB`.
 pub fn size(bytes: u64) -> String {
     match bytes {
@@ -109,6 +115,8 @@ mod tests {
         assert_eq!(duration(29_100.0), "8 h 5 min");
         assert_eq!(rounded(1234.5), "1234");
         assert_eq!(rounded(0.001_239), "0.00124");
+        assert_eq!(precise(0.043_725_339_960_965_17), "0.0437253");
+        assert_eq!(precise(f64::NAN), "NaN");
         assert_eq!(size(999), "999 B");
         assert_eq!(size(3_440), "3.44 kB");
     }

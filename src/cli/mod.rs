@@ -99,7 +99,11 @@ fn run() -> Exit {
 
 /// Parses the arguments of this process.
 fn parse_arguments() -> Result<Cli, clap::Error> {
-    let matches = about::reference::command().try_get_matches()?;
+    let arguments = about::usage::with_verb_of_pictures(std::env::args_os().collect());
+    let mut command = about::reference::command();
+    let matches = command
+        .try_get_matches_from_mut(&arguments)
+        .map_err(|error| about::usage::with_remedy(error, &command, &arguments))?;
     for warning in about::reference::options_without_effect(&matches) {
         print_status(&warning);
     }

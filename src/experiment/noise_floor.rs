@@ -21,6 +21,20 @@ pub struct HalfImages {
     pub samples: [u64; 2],
 }
 
+/// Relative difference of two halves up to which a pixel has no noise.
+const ROUNDING: f32 = 1e-5;
+
+impl HalfImages {
+    /// Returns the share of pixels without noise: background of one colour, and black.
+    pub fn share_without_noise(&self) -> f64 {
+        let [a, b] = &self.means;
+        let is_equal = |(a, b): (&f32, &f32)| (a - b).abs() <= ROUNDING * a.abs().max(b.abs());
+        let pixels = a.data.iter().zip(&b.data);
+        let equal = pixels.filter(|(a, b)| a.iter().zip(*b).all(is_equal));
+        equal.count() as f64 / a.data.len().max(1) as f64
+    }
+}
+
 /// Returns the noise floor of each metric against a reference. A metric that cannot be computed has
 /// none; its error is reported when it is measured.
 pub fn floors(metrics: &[MetricSpec], reference: &Image, halves: &HalfImages) -> Vec<Option<f64>> {
@@ -64,4 +78,25 @@ pub fn net_values(plan: &Plan, floors: &[Option<f64>], metrics: &[f64]) -> Vec<f
             .unwrap_or(f64::NAN)
     };
     net_columns(plan, floors).into_iter().map(net).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pixels_that_differ_by_rounding_only_have_no_noise() {
+        let half = |noise: f32| {
+            Image::from_fn(4, 1, |x, _| match x {
+                0 => [0.0; 3],
+                1 | 2 => [0.7 * (1.0 + 0.1 * noise * 1e-6), 0.2, 0.1],
+                _ => [1.0 + noise, 0.5, 0.5],
+            })
+        };
+        let halves = HalfImages {
+            means: [half(0.0), half(0.5)],
+            samples: [8, 9],
+        };
+        assert!((halves.share_without_noise() - 0.75).abs() < 1e-12);
+    }
 }

@@ -70,6 +70,12 @@ pub enum Problem {
         /// Kind of the value that it returned.
         found: String,
     },
+    /// No plan can be made of the experiment.
+    #[error("{message}")]
+    Plan {
+        /// Cause and remedy.
+        message: String,
+    },
     /// A field or an argument is invalid.
     #[error("{path}: {problem}")]
     Field {
@@ -116,6 +122,13 @@ impl ScriptError {
             help,
             highlight,
         }))
+    }
+
+    /// Returns the error with another cause and without help, at the same position.
+    pub(super) fn with_problem(mut self, problem: Problem) -> ScriptError {
+        self.0.problem = problem;
+        self.0.help = None;
+        self
     }
 
     /// Returns the file that contains the error.

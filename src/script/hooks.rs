@@ -7,6 +7,7 @@ use std::rc::Rc;
 use mlua::{Function, Lua, Value as LuaValue};
 
 use super::api::builder::{Reference, RenderedReference, Stop};
+use super::api::find::find_file;
 use super::api::stop_rule::{cell_rules, reference_rules, rule_from_value};
 use super::api::{kind, render};
 use super::error::ScriptError;
@@ -180,7 +181,7 @@ impl Script {
         source: String,
         place: &SourcePlace,
     ) -> Result<ReferenceRequest, ScriptError> {
-        render::find_file(file, &self.shared.folder, "reference.image", "image")
+        find_file(file, &self.shared.folder, "reference.image", "image")
             .map(|file| ReferenceRequest::File { file, source })
             .map_err(|e| self.locate_error(place, e))
     }

@@ -22,6 +22,7 @@ mod hooks;
 mod limits;
 mod literal;
 mod locate;
+mod plan_error;
 pub mod reference;
 mod require;
 pub mod scene;

@@ -23,20 +23,6 @@ const XYZ_FROM_RGB: [[f64; 3]; 3] = [
     ],
 ];
 
-/// Weights of linear sRGB in luminance, and of display values in luma [Rec. 709].
-const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
-
-/// Luminance of linear sRGB, or luma of display values.
-pub fn luminance(rgb: [f64; 3]) -> f64 {
-    LUMINANCE[0] * rgb[0] + LUMINANCE[1] * rgb[1] + LUMINANCE[2] * rgb[2]
-}
-
-/// [`luminance`] in single precision.
-pub fn luminance_f32(rgb: [f32; 3]) -> f32 {
-    let [r, g, b] = LUMINANCE.map(|weight| weight as f32);
-    r * rgb[0] + g * rgb[1] + b * rgb[2]
-}
-
 const TO_XYZ: [[f64; 3]; 3] = rows_sum_to_one(XYZ_FROM_RGB);
 const TO_XYZ_F32: [[f32; 3]; 3] = single(TO_XYZ);
 const TO_RGB_F32: [[f32; 3]; 3] = single(inverse(TO_XYZ));

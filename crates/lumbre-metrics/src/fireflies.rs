@@ -9,11 +9,11 @@
 //!
 //! If more than half of an image is still black, `s` is zero and `excess` alone decides.
 
-use super::colour::luminance;
 use super::floor::Noise;
 use super::map::{Colours, PixelMap};
 use super::{Better, MetricRow, MetricSpec, ON};
 use lumbre_light::film::Image;
+use lumbre_light::math::luminance::luminance;
 use lumbre_light::math::stats::median;
 use lumbre_light::value::schema::{Field, Table, Ty};
 

@@ -35,6 +35,30 @@ const GROUPS: &[(&str, &[&str])] = &[
 /// Global options that have no effect on some verbs, with the verbs on which they have one.
 const OPTIONS: &[(&str, &[&str])] = &[
     (
+        "out",
+        &[
+            "compare",
+            "run",
+            "retry",
+            "plan",
+            "watch",
+            "status",
+            "ls",
+            "show",
+            "explain",
+            "report",
+            "view",
+            "diff",
+            "reproduce",
+            "trace",
+            "submit",
+            "work",
+            "cancel",
+            "doctor",
+            "bench",
+        ],
+    ),
+    (
         "backend",
         &[
             "render",
@@ -120,6 +144,9 @@ const OPTIONS: &[(&str, &[&str])] = &[
     ),
 ];
 
+/// Heading of the options that every verb accepts.
+const EVERY_VERB: &str = "Options of every verb";
+
 /// First commands of a new user.
 const START: &str = "\
 Start with:
@@ -142,7 +169,7 @@ pub fn command() -> Command {
         }
     }
     let mut command = command.help_template(format!(
-        "{{about-with-newline}}\n{START}\n\n{{usage-heading}} {{usage}}\n{verbs}\nOptions of every verb:\n\
+        "{{about-with-newline}}\n{START}\n\n{{usage-heading}} {{usage}}\n{verbs}\n{EVERY_VERB}:\n\
          {{options}}{{after-help}}"
     ));
     // Building passes the global options on to the verbs.
@@ -150,6 +177,11 @@ pub fn command() -> Command {
     command.mut_subcommands(|verb| {
         let name = verb.get_name().to_owned();
         verb.mut_args(|arg| {
+            let arg = if arg.is_global_set() {
+                arg.help_heading(EVERY_VERB)
+            } else {
+                arg
+            };
             if has_effect(arg.get_id().as_str(), &name) {
                 arg
             } else {
@@ -171,8 +203,12 @@ pub fn options_without_effect(matches: &ArgMatches) -> Vec<String> {
         .filter(|option| !has_effect(option, verb))
         .filter(is_given)
         .map(|option| {
+            let remedy = match (verb, option) {
+                ("render", "out") => "; the file of the picture follows `-o`",
+                _ => "",
+            };
             let option = option.replace('_', "-");
-            format!("note: `--{option}` has no effect on `lumbre {verb}`")
+            format!("note: `--{option}` has no effect on `lumbre {verb}`{remedy}")
         })
         .collect()
 }

@@ -26,7 +26,7 @@ pub struct WatchArgs {
 /// Options of `lumbre status`.
 #[derive(Args, Debug)]
 pub struct StatusArgs {
-    /// Folder of an experiment, or a results folder to use its latest experiment [default: --out].
+    /// Night: its folder, `latest`, or words of its name [default: the latest one].
     pub folder: Option<PathBuf>,
     /// Print as JSON.
     #[arg(long)]
@@ -78,6 +78,7 @@ pub struct ShowArgs {
     /// Run: its folder, first digits of its id, `latest`, or words of its path.
     ///
     /// `latest` is the last run to start or end. Example: `"depth=5 technique=nee rep=0"`
+    #[arg(default_value = "latest")]
     pub run: String,
     /// Print as JSON.
     #[arg(long)]

@@ -14,7 +14,6 @@ mod without_script;
 
 use std::path::PathBuf;
 
-use clap::builder::RangedU64ValueParser;
 use clap::{Args, Parser, Subcommand};
 
 pub use cluster::{CancelArgs, JobArgs, Scheduler, SubmitArgs, WorkArgs};
@@ -23,7 +22,7 @@ pub use measure::{BenchArgs, BenchmarkArgs, BenchmarkCompareArgs, BenchmarkVerb,
 pub use night::{NightArgs, PlanArgs, RetryArgs, RunArgs, ScriptArgs};
 pub use output::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs, ViewArgs};
 pub use scene::{BsdfArgs, CheckArgs, ExportArgs, TraceArgs};
-pub use typed::{SceneArg, split, unknown_name, value};
+pub use typed::{SceneArg, integrator_row, split, unknown_name, value};
 pub use without_script::{
     CompareArgs, ComparisonArgs, ExploreArgs, NewArgs, NewExperimentArgs, NewTechniqueArgs,
     PictureArgs, RenderArgs,
@@ -59,7 +58,15 @@ pub struct Cli {
 /// Default of `--out`.
 const DEFAULT_OUT: &str = "out";
 /// Largest accepted number of threads.
-const MAX_THREADS: u64 = 1024;
+const MAX_THREADS: usize = 1024;
+
+/// Parses a number of threads.
+fn threads(text: &str) -> Result<usize, String> {
+    let number = text.parse().ok().filter(|number| *number <= MAX_THREADS);
+    number.ok_or_else(|| {
+        format!("expected a whole number of at most {MAX_THREADS}, 0 for all cores, found `{text}`")
+    })
+}
 
 /// Options that every verb accepts.
 #[derive(Args, Clone, Debug)]
@@ -80,7 +87,8 @@ pub struct Global {
         global = true,
         value_name = "N",
         default_value_t = 0,
-        value_parser = RangedU64ValueParser::<usize>::new().range(0..=MAX_THREADS)
+        value_parser = threads,
+        allow_negative_numbers = true
     )]
     pub threads: usize,
     /// Let runs take at most this much memory at a time, as in `8GiB`.
@@ -149,6 +157,8 @@ pub enum Verb {
     /// and its error is measured against a longer reference. Prints how many times as efficient the
     /// best technique is as each other one, with a confidence interval and its significance. The
     /// efficiency is 1 / (relMSE x render time).
+    ///
+    /// Two pictures in place of a scene are compared as by `lumbre diff`.
     ///
     /// Example: lumbre compare scenes/cornell.lua --technique nee,bdpt --time 10s
     Compare(CompareArgs),
@@ -281,7 +291,7 @@ pub enum Verb {
     /// Render the runs behind a result file again and compare them.
     ///
     /// FILE is a picture, figure, table or data file written by lumbre, or the folder of a run.
-    /// Every run named in it is located in its night and rendered again with the same samples. For
+    /// Every run named in one of the files is located in its night and rendered again with the same samples. For
     /// each run the result is: identical (every bit of the picture), equal within noise (with the
     /// p-value), or differs here (with the position, and a map of the difference). Times are not
     /// compared. Exits with code 5 if a picture differs.

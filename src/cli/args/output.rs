@@ -77,8 +77,8 @@ impl DiffArgs {
 /// Options of `lumbre report`.
 #[derive(Args, Debug)]
 pub struct ReportArgs {
-    /// Nights: folders, `latest`, or words of their names.
-    #[arg(required = true, value_name = "NIGHT")]
+    /// Nights: folders, `latest`, or words of their names [default: the latest one].
+    #[arg(value_name = "NIGHT")]
     pub nights: Vec<PathBuf>,
     /// Write the report to this folder [default: `report` in the folder of the first night].
     #[arg(long, value_name = "DIR")]
@@ -120,8 +120,10 @@ pub struct ReportArgs {
 /// Options of `lumbre reproduce`.
 #[derive(Args, Debug)]
 pub struct ReproduceArgs {
-    /// Result file, or a run: its folder, first digits of its id, `latest`, or words of its path.
-    pub file: PathBuf,
+    /// Result files, or runs: their folders, first digits of their ids, `latest`, or words of their
+    /// paths.
+    #[arg(required = true, value_name = "FILE")]
+    pub files: Vec<PathBuf>,
     /// Write maps of differences to this folder [default: the current folder].
     #[arg(long, value_name = "DIR")]
     pub maps: Option<PathBuf>,

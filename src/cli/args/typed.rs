@@ -2,8 +2,9 @@
 
 use std::path::PathBuf;
 
+use crate::experiment::plan::integrator_help;
 use lumbre_light::transport::integrator::external::is_declared;
-use lumbre_light::transport::integrator::{canonical_name, integrator, integrators};
+use lumbre_light::transport::integrator::{IntegratorRow, canonical_name, integrator};
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::duration_s;
 use lumbre_light::value::suggest;
@@ -24,6 +25,14 @@ pub(super) fn seconds(text: &str) -> Result<f64, String> {
     duration_s(&Value::from(text))
         .filter(|seconds| *seconds > 0.0)
         .ok_or_else(|| format!("expected a duration such as 30s or 5min, found `{text}`"))
+}
+
+/// Parses a whole number of at least 1 that fits into `T`.
+pub(super) fn count<T: TryFrom<u64>>(text: &str) -> Result<T, String> {
+    let number = text.parse::<u64>().ok().filter(|number| *number > 0);
+    number
+        .and_then(|number| T::try_from(number).ok())
+        .ok_or_else(|| format!("expected a whole number of at least 1, found `{text}`"))
 }
 
 /// Units of [`bytes`].
@@ -54,13 +63,22 @@ pub(super) fn bytes(text: &str) -> Result<u64, String> {
     }
 }
 
+/// Returns an integrator of this program, or a bridge to another one, by its name.
+///
+/// # Errors
+/// Returns a message with the most similar name, or all of them.
+pub fn integrator_row(name: &str) -> Result<&'static IntegratorRow, String> {
+    integrator(name)
+        .filter(|row| !is_declared(row))
+        .ok_or_else(|| {
+            let help = integrator_help(name, []);
+            format!("there is no integrator `{name}` ({help})")
+        })
+}
+
 /// Parses the name of an integrator.
 pub(super) fn integrator_name(text: &str) -> Result<String, String> {
-    if integrator(text).is_some_and(|row| !is_declared(row)) {
-        return Ok(canonical_name(text).to_owned());
-    }
-    let names: Vec<&str> = integrators().map(|row| row.name).collect();
-    Err(unknown_name("integrator", text, &names))
+    integrator_row(text).map(|_| canonical_name(text).to_owned())
 }
 
 /// Describes the error of an unknown name, with the most similar name or all known ones.
@@ -74,10 +92,17 @@ pub fn unknown_name(what: &str, name: &str, known: &[&str]) -> String {
 
 /// Parses an option of the form `name=value`.
 pub(super) fn setting(text: &str) -> Result<(String, Value), String> {
-    let (name, text) = text
-        .split_once('=')
-        .ok_or_else(|| format!("expected NAME=VALUE, found `{text}`"))?;
+    let (name, text) = text.split_once('=').ok_or_else(|| no_setting(text))?;
     Ok((name.trim().to_owned(), value(text)?))
+}
+
+/// Describes the error of a word where `name=value` is expected.
+fn no_setting(text: &str) -> String {
+    let help = match integrator_row(text) {
+        Ok(_) => " (a technique follows `-i`, several to compare follow `--technique`)",
+        Err(_) => "",
+    };
+    format!("expected NAME=VALUE such as max_depth=5, found `{text}`{help}")
 }
 
 /// Parses `file` or `file?name=value,name=value`. If a file with the whole text as its name exists,
@@ -188,6 +213,21 @@ mod tests {
             expected.map(|(name, value)| (name.to_owned(), value))
         );
         assert!(scene_arg("b.lua?lamps").unwrap_err().contains("NAME=VALUE"));
+    }
+
+    #[test]
+    fn counts_are_whole_and_positive() {
+        assert_eq!(count::<u64>("12"), Ok(12));
+        for text in ["0", "-3", "1e3", "4.5", "many", "99999999999"] {
+            let error = count::<u32>(text).unwrap_err();
+            assert!(error.contains("whole number of at least 1"), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_technique_without_its_option_is_explained() {
+        assert!(setting("bdpt").unwrap_err().contains("follows `-i`"));
+        assert!(!setting("zebra").unwrap_err().contains("`-i`"));
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{ArgMatches, Args, Command, FromArgMatches};
 
 use super::SceneArg;
-use super::typed::{integrator_name, scene_arg, seconds, setting};
+use super::typed::{count, integrator_name, scene_arg, seconds, setting};
 use lumbre_light::value::Value;
 
 /// Picture of a scene.
@@ -25,7 +25,7 @@ pub struct PictureArgs {
     #[arg(long, value_name = "WxH", value_parser = crate::cli::scene::trace::size)]
     pub size: Option<[u32; 2]>,
     /// Maximum number of path edges [default: the scene's].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count::<u32>, allow_hyphen_values = true)]
     pub depth: Option<u32>,
     /// View of the scene.
     #[arg(long, value_name = "NAME")]
@@ -38,14 +38,14 @@ pub struct RenderArgs {
     /// Picture to render.
     #[command(flatten)]
     pub picture: PictureArgs,
-    /// Technique, as `integrator` in scripts: nee, bdpt, ...
-    #[arg(short, long, value_name = "NAME", default_value = "nee")]
-    pub integrator: String,
+    /// Technique, as `integrator` in scripts: nee, bdpt, ... [default: nee].
+    #[arg(short, long, value_name = "NAME")]
+    pub integrator: Option<String>,
     /// Stop after this many samples per pixel [default: 64, without a limit of time].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", value_parser = count::<u64>, allow_hyphen_values = true)]
     pub spp: Option<u64>,
     /// Stop after this much render time: 30s, 5min.
-    #[arg(long, value_name = "TIME", value_parser = seconds)]
+    #[arg(long, value_name = "TIME", value_parser = seconds, allow_hyphen_values = true)]
     pub time: Option<f64>,
     /// Write the picture to this file: .exr, .hdr or .png (repeatable) [default: NAME.exr, NAME.png].
     #[arg(short, long = "output", value_name = "FILE")]
@@ -66,6 +66,9 @@ pub struct RenderArgs {
     /// Seed of the random numbers.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
+    /// Print size, samples, times, noise and files as JSON.
+    #[arg(long)]
+    pub json: bool,
     /// Make the preview and PNG files this many stops brighter.
     #[arg(
         long,
@@ -104,7 +107,10 @@ pub struct ComparisonArgs {
     )]
     pub techniques: Vec<String>,
     /// Render time of each repeat of each technique.
-    #[arg(long, value_name = "TIME", value_parser = seconds, default_value = "10s")]
+    #[arg(
+        long, value_name = "TIME", value_parser = seconds, default_value = "10s",
+        allow_hyphen_values = true
+    )]
     pub time: f64,
     /// Number of repeats, each with other random numbers.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(2..))]

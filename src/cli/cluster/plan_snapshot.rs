@@ -7,7 +7,7 @@ use crate::backends::auto_backend;
 use crate::cli::args::{Global, ScriptArgs};
 use crate::cli::exit::Failure;
 use crate::cli::format::display_path;
-use crate::cli::night::last_command::parse;
+use crate::cli::night::last_command::{SCRIPT, parse};
 use crate::cli::night::load;
 use crate::cli::night::permission::PlanUse;
 use crate::experiment::Plan;
@@ -78,13 +78,13 @@ pub fn restore_plan(home: &Path, global: &Global) -> Result<RestoredPlan, Failur
         ))
     };
     let (script_args, recorded) =
-        parse(snapshot.arguments.iter().map(String::as_str)).map_err(damaged)?;
+        parse(snapshot.arguments.iter().map(String::as_str), home).map_err(damaged)?;
     let script_args = ScriptArgs {
         script: snapshot.script.clone(),
         ..script_args
     };
     crate::backends::set_auto_backend(&snapshot.auto);
-    let file = home.join("experiment.lua");
+    let file = home.join(SCRIPT);
     let text = std::fs::read_to_string(&file)
         .map_err(|e| damaged(&format!("{}: {e}", display_path(&file))))?;
     let global = Global {

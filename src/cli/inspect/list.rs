@@ -255,7 +255,7 @@ fn run_page(run: &RunRecord) -> String {
             .columns
             .iter()
             .zip(&row.metrics)
-            .map(|(c, v)| vec![c.clone(), v.to_string()]);
+            .map(|(c, v)| vec![c.clone(), format::precise(*v)]);
         out += &format::aligned(&metrics.collect::<Vec<_>>());
     }
     out.push('\n');

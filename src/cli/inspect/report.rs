@@ -22,14 +22,16 @@ use lumbre_light::film::Image;
 /// Runs `lumbre report`: builds a report and writes its files.
 pub fn main(args: &ReportArgs, global: &Global) -> Result<Exit, Failure> {
     let evidence = Evidence::default();
-    let nights: Vec<NightResults> = args
-        .nights
-        .iter()
-        .map(|dir| {
-            let folder = selector::night(Some(dir), &global.out)?;
-            read_night(&folder, &evidence).map_err(Failure::usage)
-        })
-        .collect::<Result<_, _>>()?;
+    let read = |night: Option<&Path>| {
+        let folder = selector::night(night, &global.out)?;
+        read_night(&folder, &evidence).map_err(Failure::usage)
+    };
+    let nights: Vec<NightResults> = if args.nights.is_empty() {
+        vec![read(None)?]
+    } else {
+        let nights = args.nights.iter().map(|night| read(Some(night)));
+        nights.collect::<Result<_, _>>()?
+    };
     let to = match (&args.to, nights.as_slice()) {
         (Some(to), _) => to.clone(),
         (None, [first, ..]) => first.folder.join("report"),

@@ -194,7 +194,8 @@ fn read_movie(folder: &Path, config: &ConfigFile) -> Result<Movie, String> {
         .map_err(|e| e.to_string())?;
     let timing = timing.ok_or_else(|| {
         format!(
-            "{} has no time axis; set `film = {{ time = .. }}` in the script and render it again",
+            "{} has no time axis, which is what `view` draws: its picture is final.png there, and \
+             `film = {{ time = .. }}` in the script gives runs a time axis",
             folder.display()
         )
     })?;

@@ -11,6 +11,9 @@ use crate::store::StoredFile;
 use crate::store::schema::plan::EnvFile;
 use lumbre_light::scene::load::files;
 
+/// Copy of the script in the folder of an experiment.
+pub const SCRIPT: &str = "experiment.lua";
+
 /// Returns the script with its axis changes and the global options of the command that last ran an
 /// experiment. Changes the current folder to the one in which that command was given, since the
 /// paths in a script are relative to it.
@@ -28,7 +31,8 @@ pub fn last_command(experiment: &Path, global: &Global) -> Result<(ScriptArgs, G
     let env = EnvFile::read(experiment)
         .map_err(|e| unknown(&format!("{}{}", display_path(&e.path), e.problem)))?;
     let arguments = env.arguments.iter().map(String::as_str);
-    let (script, recorded) = parse(arguments).map_err(unknown)?;
+    let home = std::path::absolute(experiment).map_err(Failure::usage)?;
+    let (script, recorded) = parse(arguments, &home).map_err(unknown)?;
     let out = std::path::absolute(&global.out).map_err(Failure::usage)?;
     let folder = PathBuf::from(&env.folder);
     std::env::set_current_dir(&folder)
@@ -52,12 +56,14 @@ pub fn last_command(experiment: &Path, global: &Global) -> Result<(ScriptArgs, G
 }
 
 /// Parses the arguments of a command that made a plan. Returns its script with the axis changes,
-/// and its global options.
+/// and its global options. The script of `lumbre compare` is the copy in the folder `home` of the
+/// experiment, since the next comparison replaces the other one.
 ///
 /// # Errors
 /// Returns the reason if the arguments are not those of such a command.
 pub fn parse<'a>(
     arguments: impl Iterator<Item = &'a str>,
+    home: &Path,
 ) -> Result<(ScriptArgs, Global), &'static str> {
     let cli = Cli::try_parse_from(std::iter::once("lumbre").chain(arguments))
         .map_err(|_| "the recorded command is invalid")?;
@@ -67,6 +73,10 @@ pub fn parse<'a>(
         Verb::Retry(args) => args
             .script()
             .ok_or("it was last run by `lumbre retry` without a script")?,
+        Verb::Compare(_) => ScriptArgs {
+            script: home.join(SCRIPT),
+            ..ScriptArgs::default()
+        },
         _ => return Err("it was not run by `lumbre run`"),
     };
     Ok((script, cli.global))

@@ -106,7 +106,7 @@ pub fn expand_plan(
     let (plan, files) = files::opened_by(|| expand(&script.spec, script, &overrides, &mut load));
     let files = files.into_iter().chain(script.modules()).collect();
     plan.map(|plan| Arc::new(Plan { files, ..plan }))
-        .map_err(plan_failure)
+        .map_err(|error| plan_failure(error, script))
 }
 
 /// Loads a scene file of any format, including Lua.
@@ -130,17 +130,33 @@ pub fn print_notes_and_warnings(plan: &Plan) {
     }
 }
 
-/// Converts a plan error. An error inside a function of the script includes the source line.
-fn plan_failure(error: PlanError) -> Failure {
+/// Converts a plan error. An error in a declaration or a function of the script includes the source
+/// line.
+fn plan_failure(error: PlanError, script: &Script) -> Failure {
+    if let Some(located) = script.locate_plan_error(&error) {
+        return match &error {
+            PlanError::Set { point, .. } if !point.is_empty() => {
+                Failure::script_call(&format!("`render` at {point}"), located)
+            }
+            _ => Failure::script(located),
+        };
+    }
     match error {
         PlanError::Hook {
             function,
             point,
             error,
-        } => match error.0.downcast::<ScriptError>() {
-            Ok(script) => Failure::script_call(&format!("{function} at {point}"), *script),
-            Err(other) => Failure::usage(format!("{function} at {point}: {other}")),
-        },
+        } => {
+            let call = if point.is_empty() {
+                function
+            } else {
+                format!("{function} at {point}")
+            };
+            match error.0.downcast::<ScriptError>() {
+                Ok(script) => Failure::script_call(&call, *script),
+                Err(other) => Failure::usage(format!("{call}: {other}")),
+            }
+        }
         other => Failure::usage(other),
     }
 }

@@ -4,6 +4,7 @@ pub(in crate::cli) mod deadline;
 pub(in crate::cli) mod disk_full_retry;
 pub(in crate::cli) mod last_command;
 pub mod load;
+mod load_average;
 pub(in crate::cli) mod log;
 pub(in crate::cli) mod notices;
 pub(in crate::cli) mod permission;

@@ -11,7 +11,7 @@ use super::notices::Notifier;
 use super::permission::PlanUse;
 use super::progress_view::ProgressView;
 use super::recorder::Recorder;
-use super::{deadline, results, signals};
+use super::{deadline, load_average, results, signals};
 use crate::cli::args::{Global, NightArgs, RetryArgs, RunArgs, ScriptArgs};
 use crate::cli::cluster::{LocalWorkers, save_plan_snapshot, worker_info};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
@@ -136,6 +136,12 @@ fn run_night(
     let remaining = RemainingWork::new(plan, &store);
     if remaining.is_empty() && !global.quiet {
         print_status(&remaining.nothing_to_do(plan, store.folder()));
+    }
+    if !remaining.is_empty()
+        && !global.quiet
+        && let Some(warning) = load_average::warning(plan)
+    {
+        print_status(&format!("warning: {warning}"));
     }
     let options = night_options(plan, request.night, global, &remaining, failed)?;
     let mut workers = LocalWorkers::default();

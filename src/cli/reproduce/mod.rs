@@ -42,27 +42,64 @@ enum Answer {
     Impossible(String),
 }
 
-/// Runs `lumbre reproduce` for all runs that a file names.
+/// Run that a file names.
+struct NamedRun {
+    id: String,
+    /// Samples per pixel of the picture in the file, if it is not the last one.
+    samples: Option<u64>,
+    /// Folder of the run, or why it was not found.
+    folder: Result<PathBuf, String>,
+}
+
+/// Returns the runs that files name, each once.
+fn named_runs(files: &[PathBuf], global: &Global) -> Result<Vec<NamedRun>, Failure> {
+    let mut named: Vec<NamedRun> = Vec::new();
+    for given in files {
+        let file = if given.exists() {
+            given.clone()
+        } else {
+            selector::run(&given.to_string_lossy(), &global.out)?.folder
+        };
+        let ids = run_ids::read(&file).map_err(Failure::usage)?;
+        for id in ids.runs {
+            let is_same = |other: &NamedRun| other.id == id && other.samples == ids.samples;
+            if !named.iter().any(is_same) {
+                let folder = stored_run::find_folder(&id, &file, &global.out);
+                let samples = ids.samples;
+                named.push(NamedRun {
+                    id,
+                    samples,
+                    folder,
+                });
+            }
+        }
+    }
+    Ok(named)
+}
+
+/// Runs `lumbre reproduce` for all runs that the files name.
 pub fn main(args: &ReproduceArgs, global: &Global) -> Result<Exit, Failure> {
-    let file = if args.file.exists() {
-        args.file.clone()
-    } else {
-        selector::run(&args.file.to_string_lossy(), &global.out)?.folder
-    };
-    let ids = run_ids::read(&file).map_err(Failure::usage)?;
-    let folders: Vec<Result<PathBuf, String>> = ids
-        .runs
-        .iter()
-        .map(|id| stored_run::find_folder(id, &file, &global.out))
-        .collect();
-    if let [Err(reason)] = folders.as_slice() {
+    let runs = named_runs(&args.files, global)?;
+    if let [
+        NamedRun {
+            folder: Err(reason),
+            ..
+        },
+    ] = runs.as_slice()
+    {
         return Err(Failure::usage(reason));
     }
-    let tests = folders.len();
+    let tests = runs.len();
     let mut answers = Vec::new();
     let (mut differ, mut failed) = (0, 0);
-    for (id, folder) in ids.runs.iter().zip(folders) {
-        let stored = folder.and_then(|folder| stored_run::read(id, &folder, ids.samples));
+    for NamedRun {
+        id,
+        samples,
+        folder,
+    } in &runs
+    {
+        let folder = folder.clone();
+        let stored = folder.and_then(|folder| stored_run::read(id, &folder, *samples));
         let answer = match stored {
             Ok(stored) => {
                 if !global.quiet {
@@ -84,7 +121,8 @@ pub fn main(args: &ReproduceArgs, global: &Global) -> Result<Exit, Failure> {
         }
     }
     if args.json {
-        let json = json!({ "file": display_path(&file), "runs": answers });
+        let files: Vec<String> = args.files.iter().map(|file| display_path(file)).collect();
+        let json = json!({ "file": files[0], "files": files, "runs": answers });
         json::print(json)?;
     } else if tests > 1 && !global.quiet {
         print_status(&format!(

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use glam::Vec3;
-use serde_json::json;
+use serde_json::{Value as Json, json};
 
 use crate::cli::args::{CheckArgs, Global, ScriptArgs};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
@@ -30,16 +30,19 @@ pub fn main(args: &CheckArgs, global: &Global) -> Result<Exit, Failure> {
             check_scene(file, global)
         };
         if args.json {
-            let (ok, text) = match &checked {
-                Ok(line) => (true, line),
-                Err(failure) => (false, &failure.message),
-            };
             let file = file.display().to_string();
-            checks.push(json!({ "file": file, "ok": ok, "text": text }));
+            checks.push(match &checked {
+                Ok(Checked { text, kind, data }) => {
+                    json!({ "file": file, "ok": true, "text": text, *kind: data })
+                }
+                Err(failure) => json!({ "file": file, "ok": false, "text": failure.message }),
+            });
         }
         match checked {
             Ok(_) if global.quiet || args.json => {}
-            Ok(line) => print_result(&format!("ok  {}: {line}\n", file.display()))?,
+            Ok(Checked { text, .. }) => {
+                print_result(&format!("ok  {}: {text}\n", file.display()))?;
+            }
             Err(failure) => {
                 failure.print();
                 exit = Exit::Usage;
@@ -52,8 +55,18 @@ pub fn main(args: &CheckArgs, global: &Global) -> Result<Exit, Failure> {
     Ok(exit)
 }
 
-/// Checks a Lua file, which may be an experiment or a scene. Returns a summary.
-fn check_lua(file: &Path, global: &Global) -> Result<String, Failure> {
+/// Summary of a valid file.
+struct Checked {
+    /// Summary as text.
+    text: String,
+    /// Kind of the file: `scene` or `experiment`.
+    kind: &'static str,
+    /// The summary as JSON.
+    data: Json,
+}
+
+/// Checks a Lua file, which may be an experiment or a scene.
+fn check_lua(file: &Path, global: &Global) -> Result<Checked, Failure> {
     load::expect_script(file)?;
     let script = match script::load(file) {
         Err(error) if script::scene::is_scene(&error) => return check_scene(file, global),
@@ -66,17 +79,25 @@ fn check_lua(file: &Path, global: &Global) -> Result<String, Failure> {
     };
     let plan = load::expand_plan(&script, &args, global, false, global.allow_commands)?;
     load::print_notes_and_warnings(&plan);
-    Ok(format!(
-        "experiment `{}`, {}, {}, {} skipped",
-        plan.name,
-        counted(plan.cells.len(), "cell"),
-        counted(plan.references.len(), "reference"),
-        counted(plan.skipped.len(), "point")
-    ))
+    let [cells, references, skipped] =
+        [plan.cells.len(), plan.references.len(), plan.skipped.len()];
+    Ok(Checked {
+        text: format!(
+            "experiment `{}`, {}, {}, {} skipped",
+            plan.name,
+            counted(cells, "cell"),
+            counted(references, "reference"),
+            counted(skipped, "point")
+        ),
+        kind: "experiment",
+        data: json!({
+            "name": plan.name, "cells": cells, "references": references, "skipped": skipped,
+        }),
+    })
 }
 
-/// Checks a scene file of any format. Returns a summary.
-fn check_scene(file: &Path, global: &Global) -> Result<String, Failure> {
+/// Checks a scene file of any format.
+fn check_scene(file: &Path, global: &Global) -> Result<Checked, Failure> {
     if file.is_dir() && !scene::load::is_folder(file) {
         return Err(Failure::usage(format!(
             "{} is a folder; give the files in it",
@@ -110,7 +131,11 @@ fn check_scene(file: &Path, global: &Global) -> Result<String, Failure> {
         counted(compiled.emitters.len(), "emitter"),
         compiled.max_depth
     );
-    Ok(counts + &contents(&desc, &compiled, &options))
+    Ok(Checked {
+        text: counts + &contents(&desc, &compiled, &options),
+        kind: "scene",
+        data: contents_json(&desc, &compiled, &options),
+    })
 }
 
 /// Reads a scene with the options that it declares.
@@ -143,7 +168,7 @@ fn contents(
     let environment = desc.environment.iter().map(|_| "environment".to_owned());
     let lights = desc.lights.iter().map(|light| light.name.clone());
     let emitters = compiled.emitters.len();
-    let surfaces = (emitters > 0).then(|| counted(emitters, "emitting triangle or sphere"));
+    let surfaces = (emitters > 0).then(|| counted(emitters, "emitting surface"));
     let lines = [
         ("box", format!("{} to {}", point(low), point(high))),
         (
@@ -181,6 +206,32 @@ fn contents(
     shown
         .map(|(name, text)| format!("\n    {name:<10}{text}"))
         .collect()
+}
+
+/// Returns what a scene contains as JSON.
+fn contents_json(
+    desc: &SceneDesc,
+    compiled: &CompiledScene,
+    options: &BTreeMap<String, String>,
+) -> Json {
+    let ([low, high], _) = compiled.bounds_and_radius();
+    let camera = &desc.camera;
+    let views: Vec<&String> = desc.views.iter().map(|(name, _)| name).collect();
+    let objects: Vec<&String> = desc.entities.iter().map(|e| &e.name).collect();
+    let materials: Vec<&String> = desc.materials.iter().map(|m| &m.name).collect();
+    let lights: Vec<&String> = desc.lights.iter().map(|light| &light.name).collect();
+    json!({
+        "triangles": compiled.triangles.len(), "spheres": compiled.spheres.len(),
+        "resolution": compiled.resolution, "max_depth": compiled.max_depth,
+        "box": [low.to_array(), high.to_array()],
+        "camera": {
+            "position": camera.position.to_array(), "target": camera.target.to_array(),
+            "fov": camera.fov_deg,
+        },
+        "views": views, "options": options, "objects": objects, "materials": materials,
+        "lights": lights, "emitters": compiled.emitters.len(),
+        "environment": desc.environment.is_some(),
+    })
 }
 
 /// Joins names with commas; of many, the first ones and the number of the others.

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use serde_json::{Value as Json, json};
 
 use crate::backends::backend;
-use crate::cli::args::{Global, TraceArgs, unknown_name};
+use crate::cli::args::{Global, TraceArgs, integrator_row, unknown_name};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::json;
 use crate::cli::night::load;
@@ -17,7 +17,6 @@ use lumbre_light::scene::compile::MAX_FLATTENED_PRIMITIVES;
 use lumbre_light::scene::desc::MAX_SIDE;
 use lumbre_light::scene::load::{FORMATS, is_folder};
 use lumbre_light::scene::{CompiledScene, compile};
-use lumbre_light::transport::integrator::{integrator, integrators};
 use lumbre_light::transport::sampler::{SAMPLER_NAMES, sampler};
 use lumbre_render::Job;
 use lumbre_render::path_trace::{MAX_PATH_EVENTS, PathEvent, SampleAt};
@@ -112,15 +111,12 @@ fn without_instances(scene: Arc<CompiledScene>) -> Result<Arc<CompiledScene>, Fa
 fn scene_job(args: &TraceArgs, global: &Global) -> Result<(Arc<CompiledScene>, Job), Failure> {
     let (desc, _) = load::load_scene(&args.file, global.missing()).map_err(Failure::usage)?;
     let (scene, _) = compile(&desc).map_err(Failure::usage)?;
-    let unknown =
-        |what: &str, name: &str, known: &[&str]| Failure::usage(unknown_name(what, name, known));
-    let names: Vec<&str> = integrators().map(|row| row.name).collect();
-    let technique = integrator(&args.integrator)
-        .ok_or_else(|| unknown("integrator", &args.integrator, &names))?;
+    let technique = integrator_row(&args.integrator).map_err(Failure::usage)?;
     let resolution = args.size.unwrap_or(scene.resolution);
     let job = Job {
-        sampler: sampler(&args.sampler)
-            .ok_or_else(|| unknown("sampler", &args.sampler, &SAMPLER_NAMES))?,
+        sampler: sampler(&args.sampler).ok_or_else(|| {
+            Failure::usage(unknown_name("sampler", &args.sampler, &SAMPLER_NAMES))
+        })?,
         threads: global.threads,
         ..Job::plain(
             technique,
@@ -188,7 +184,11 @@ pub fn size(text: &str) -> Result<[u32; 2], String> {
         .split_once('x')
         .and_then(|(w, h)| Some([w.trim().parse().ok()?, h.trim().parse().ok()?]));
     pair.filter(|size: &[u32; 2]| size.iter().all(|n| (1..=MAX_SIDE).contains(n)))
-        .ok_or_else(|| format!("expected width and height such as 640x360, found `{text}`"))
+        .ok_or_else(|| {
+            format!(
+                "expected width and height such as 640x360, each at most {MAX_SIDE}, found `{text}`"
+            )
+        })
 }
 
 #[cfg(test)]

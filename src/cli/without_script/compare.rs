@@ -8,7 +8,7 @@ use super::experiment_text::{experiment_name, reference_technique, script_text};
 use super::verdict::{TechniqueResults, Verdict, verdicts};
 use crate::cli::args::{CompareArgs, Global, NightArgs, RunArgs, ScriptArgs};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
-use crate::cli::format::{counted, display_path, rounded};
+use crate::cli::format::{display_path, rounded};
 use crate::cli::night::last_command::latest;
 use crate::cli::night::log::Log;
 use crate::cli::night::run;
@@ -23,26 +23,15 @@ const METRIC: &str = "relmse";
 /// Share of the error of a run that the noise of the reference may make up without a warning.
 const MAX_FLOOR_SHARE: f64 = 0.5;
 
-/// Share of the machine that other programs may use without a warning.
-const MAX_LOAD: f64 = 0.3;
-
 /// Runs `lumbre compare`: writes a script, runs it, and prints a verdict.
 pub fn main(args: &CompareArgs, global: &Global, log: &Log) -> Result<Exit, Failure> {
     let comparison = &args.comparison;
-    if comparison.techniques.len() < 2 {
-        return Err(Failure::usage(
-            "two techniques or more are compared, as in --technique nee,bdpt",
-        ));
-    }
     let folder = global.out.join("scripts");
+    let script: PathBuf = folder.join(format!("{}.lua", experiment_name(comparison)));
+    let text = script_text(comparison, &display_path(&script))?;
     std::fs::create_dir_all(&folder)
         .map_err(|e| Failure::usage(format!("cannot create {}: {e}", folder.display())))?;
-    let script: PathBuf = folder.join(format!("{}.lua", experiment_name(comparison)));
-    let text = script_text(comparison, &display_path(&script));
     store::write_atomically(&script, text.as_bytes()).map_err(Failure::internal)?;
-    if let Some(warning) = load_warning() {
-        print_status(&warning);
-    }
     let request = RunArgs {
         script: ScriptArgs {
             script: script.clone(),
@@ -74,21 +63,6 @@ pub fn main(args: &CompareArgs, global: &Global, log: &Log) -> Result<Exit, Fail
         print_result(&format!("\n{}\n", lines.join("\n")))?;
     }
     Ok(Exit::unless_problems(!problems.is_empty()))
-}
-
-/// Returns a warning if other programs keep this machine busy.
-fn load_warning() -> Option<String> {
-    let text = std::fs::read_to_string("/proc/loadavg").ok()?;
-    let load: f64 = text.split_whitespace().next()?.parse().ok()?;
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    (load > MAX_LOAD * cores as f64).then(|| {
-        format!(
-            "warning: in the last minute, {} of {} were busy: times vary more than on an idle \
-             machine; techniques take turns, so that all are slowed alike",
-            rounded(load),
-            counted(cores, "core")
-        )
-    })
 }
 
 /// Returns the metric of the comparison and its last value in a run.

@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use super::settings::picture_table;
+use super::settings::{cell_config, picture_table};
 use crate::cli::args::ComparisonArgs;
+use crate::cli::exit::Failure;
 use crate::cli::format::rounded;
 use crate::cli::scene::builtin::scene_name;
 use crate::script::literal;
@@ -35,13 +36,22 @@ pub fn reference_technique(comparison: &ComparisonArgs) -> &str {
 }
 
 /// Returns the script. `file` is the name under which it is saved, for the comment at its top.
-pub fn script_text(comparison: &ComparisonArgs, file: &str) -> String {
+///
+/// # Errors
+/// Returns an error if fewer than two techniques, one twice, or a setting twice is given, or a setting
+/// is invalid.
+pub fn script_text(comparison: &ComparisonArgs, file: &str) -> Result<String, Failure> {
+    let table = picture_table(&comparison.picture)?;
+    check_techniques(&comparison.techniques, &table)?;
+    for technique in &comparison.techniques {
+        cell_config(table.clone(), technique)?;
+    }
     let names: Vec<Value> = comparison
         .techniques
         .iter()
         .map(|name| name.as_str().into())
         .collect();
-    format!(
+    Ok(format!(
         "-- {file}: which technique has less error at equal render time?
 --
 --     lumbre run {file}          render, measure, print the table
@@ -86,13 +96,36 @@ return x
         name = literal(&Value::Str(experiment_name(comparison))),
         repeats = comparison.repeats,
         techniques = literal(&Value::List(names)),
-        render = render_lines(picture_table(&comparison.picture)),
+        render = render_lines(table),
         factor = rounded(REFERENCE_FACTOR),
         reference = literal(&reference_technique(comparison).into()),
         reference_time = literal(&duration_text(REFERENCE_FACTOR * comparison.time)),
         every = literal(&duration_text(comparison.time / MEASUREMENTS)),
         time = literal(&duration_text(comparison.time)),
-    )
+    ))
+}
+
+/// Checks the techniques of a comparison; `table` are the other settings.
+fn check_techniques(techniques: &[String], table: &BTreeMap<String, Value>) -> Result<(), Failure> {
+    if techniques.len() < 2 {
+        return Err(Failure::usage(
+            "two techniques or more are compared, as in --technique nee,bdpt",
+        ));
+    }
+    if table.contains_key("integrator") {
+        return Err(Failure::usage(
+            "`integrator` is what is compared: give techniques by --technique, as in --technique \
+             nee,bdpt",
+        ));
+    }
+    let twice = (1..techniques.len()).find(|i| techniques[..*i].contains(&techniques[*i]));
+    match twice {
+        Some(i) => Err(Failure::usage(format!(
+            "--technique names `{}` twice: give each technique once; --repeats repeats all of them",
+            techniques[i]
+        ))),
+        None => Ok(()),
+    }
 }
 
 /// Returns a duration in seconds as scripts write it.

@@ -70,16 +70,27 @@ impl OutputFile {
         if path.is_dir() {
             return Err(format!("{} is a folder", path.display()));
         }
-        let folder = path
-            .parent()
-            .filter(|folder| !folder.as_os_str().is_empty());
-        if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
-            return Err(format!("there is no folder {}", folder.display()));
-        }
-        Ok(OutputFile {
+        let output = OutputFile {
             path,
             format: *format,
-        })
+        };
+        let folder = output.folder();
+        if folder.is_dir() {
+            Ok(output)
+        } else {
+            let folder = folder.display();
+            Err(format!(
+                "there is no folder {folder}: create it, or give another file with -o"
+            ))
+        }
+    }
+
+    /// Returns the folder of the file.
+    pub fn folder(&self) -> &Path {
+        self.path
+            .parent()
+            .filter(|folder| !folder.as_os_str().is_empty())
+            .unwrap_or(Path::new("."))
     }
 
     /// Encodes a picture in this file's format. `display` is the tone map of PNG files.

@@ -36,7 +36,7 @@ fn write_script(args: &NewExperimentArgs, global: &Global) -> Result<Exit, Failu
     if !args.yes && io::stdin().is_terminal() {
         ask(&mut comparison, &mut io::stdin().lock()).map_err(Failure::usage)?;
     }
-    let text = script_text(&comparison, &display_path(&path));
+    let text = script_text(&comparison, &display_path(&path))?;
     script::load_text(&path, text.clone(), script::Limits::default()).map_err(Failure::script)?;
     crate::store::write_atomically(&path, text.as_bytes()).map_err(Failure::internal)?;
     if !global.quiet {

@@ -3,11 +3,14 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use serde_json::{Value as Json, json};
+
 use super::{files, settings};
 use crate::backends;
 use crate::cli::args::{Global, RenderArgs};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{counted, display_path, duration, rounded};
+use crate::cli::json;
 use crate::cli::night::load::print_notes_and_warnings;
 use crate::cli::night::signals;
 use crate::cli::tev::Tev;
@@ -34,6 +37,10 @@ const VIEWER_PAUSE: Duration = Duration::from_secs(1);
 pub fn main(args: &RenderArgs, global: &Global) -> Result<Exit, Failure> {
     let outputs = files::outputs(&args.output, &args.picture.scene.file).map_err(Failure::usage)?;
     let plan = settings::plan(args, global)?;
+    for output in &outputs {
+        // Found before rendering, which may take hours.
+        crate::store::probe(output.folder()).map_err(Failure::usage)?;
+    }
     if !global.quiet {
         print_notes_and_warnings(&plan);
     }
@@ -70,14 +77,15 @@ pub fn main(args: &RenderArgs, global: &Global) -> Result<Exit, Failure> {
     for output in &outputs {
         write(output, &image, display, &metadata)?;
     }
-    let paths: String = outputs
-        .iter()
-        .map(|output| format!("{}\n", display_path(&output.path)))
-        .collect();
+    let paths: Vec<String> = outputs.iter().map(|o| display_path(&o.path)).collect();
     if !global.quiet {
         print_status(&summary(cell, film, &done));
     }
-    print_result(&paths)?;
+    if args.json {
+        json::print(summary_json(cell, film, &done, &paths))?;
+    } else {
+        print_result(&format!("{}\n", paths.join("\n")))?;
+    }
     Ok(if controls.stop_requested() {
         stop_signal.exit()
     } else {
@@ -271,6 +279,16 @@ fn summary(cell: &Cell, film: &Film, done: &WaveStats) -> String {
         );
     }
     text
+}
+
+/// Returns the same as [`summary`] as JSON, with the files of the picture.
+fn summary_json(cell: &Cell, film: &Film, done: &WaveStats, files: &[String]) -> Json {
+    json!({
+        "width": film.width, "height": film.height, "integrator": cell.config.integrator,
+        "backend": cell.config.backend, "samples": film.samples, "render_s": done.render_s,
+        "paths": done.paths, "relative_noise": film.relative_noise(), "invalid": done.invalid,
+        "denoised_by": denoised_by(cell), "files": files,
+    })
 }
 
 /// Returns the metadata of a picture.

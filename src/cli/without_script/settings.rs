@@ -16,17 +16,28 @@ use crate::script;
 use lumbre_light::value::Value;
 use lumbre_metrics::tonemap::Tonemap;
 
+/// Key of the technique in render tables.
+const INTEGRATOR: &str = "integrator";
+
+/// Technique of a picture, unless another one is given.
+const DEFAULT_INTEGRATOR: &str = "nee";
+
 /// Plans the picture.
 ///
 /// # Errors
 /// Returns an error if a setting is unknown or out of range, or the scene cannot be read.
 pub fn plan(args: &RenderArgs, global: &Global) -> Result<Plan, Failure> {
-    let mut table = picture_table(&args.picture);
-    table.insert("integrator".to_owned(), args.integrator.as_str().into());
+    let mut table = picture_table(&args.picture)?;
     if let Some(denoise) = &args.denoise {
-        table.insert("denoise".to_owned(), denoise.as_str().into());
+        insert(&mut table, "denoise", denoise.as_str().into())?;
     }
-    let config = script::render_settings(&table, Path::new(".")).map_err(Failure::usage)?;
+    let technique = match (&args.integrator, table.remove(INTEGRATOR)) {
+        (Some(_), Some(_)) => return Err(twice(INTEGRATOR)),
+        (Some(name), None) => name.clone(),
+        (None, Some(given)) => given.to_string(),
+        (None, None) => DEFAULT_INTEGRATOR.to_owned(),
+    };
+    let config = cell_config(table, &technique)?;
     let overrides = Overrides {
         backend: global.backend.clone(),
         ..Overrides::default()
@@ -37,44 +48,79 @@ pub fn plan(args: &RenderArgs, global: &Global) -> Result<Plan, Failure> {
     expand(&experiment(), &OneCell { config }, &overrides, &mut load).map_err(Failure::usage)
 }
 
-/// Returns the render table of a picture without the technique: options with a flag of their own,
-/// then `KEY=VALUE`. Keys with a dot are paths of values in the scene.
-pub fn picture_table(args: &PictureArgs) -> BTreeMap<String, Value> {
+/// Converts a render table with a technique.
+///
+/// # Errors
+/// Returns an error for a setting that is unknown or out of range, or names a missing file.
+pub fn cell_config(
+    mut table: BTreeMap<String, Value>,
+    technique: &str,
+) -> Result<CellConfig, Failure> {
+    table.insert(INTEGRATOR.to_owned(), technique.into());
+    script::render_settings(&table, Path::new(".")).map_err(|mut error| {
+        // The command line has no table `render`.
+        if let Some(path) = error.path.strip_prefix("render.") {
+            error.path = path.to_owned();
+        }
+        Failure::usage(error)
+    })
+}
+
+/// Returns the render table of a picture: options with a flag of their own, then `KEY=VALUE`. Keys
+/// with a dot are paths of values in the scene.
+///
+/// # Errors
+/// Returns an error if a setting is given twice.
+pub fn picture_table(args: &PictureArgs) -> Result<BTreeMap<String, Value>, Failure> {
     let mut table = BTreeMap::new();
     let mut set = BTreeMap::new();
-    let mut insert = |key: &str, value: Value| table.insert(key.to_owned(), value);
-    insert(
-        "scene",
-        Value::Str(args.scene.file.to_string_lossy().into_owned()),
-    );
+    let scene = args.scene.file.to_string_lossy().into_owned();
+    insert(&mut table, "scene", Value::Str(scene))?;
     if let Some(depth) = args.depth {
-        insert("max_depth", Value::Int(i64::from(depth)));
+        insert(&mut table, "max_depth", Value::Int(i64::from(depth)))?;
     }
     if let Some(size) = args.size {
         let sides = size.map(|side| Value::Int(i64::from(side)));
-        insert("resolution", Value::List(sides.into()));
+        insert(&mut table, "resolution", Value::List(sides.into()))?;
     }
     if let Some(view) = &args.view {
-        insert("view", view.as_str().into());
+        insert(&mut table, "view", view.as_str().into())?;
     }
     let options = &args.scene.settings;
     if !options.is_empty() {
-        insert(
-            "scene_options",
-            Value::Map(options.iter().cloned().collect()),
-        );
+        let options = Value::Map(options.iter().cloned().collect());
+        insert(&mut table, "scene_options", options)?;
     }
     for (key, value) in &args.settings {
-        if key.contains('.') {
-            set.insert(key.clone(), value.clone());
+        let to = if key.contains('.') {
+            &mut set
         } else {
-            insert(key, value.clone());
-        }
+            &mut table
+        };
+        insert(to, key, value.clone())?;
     }
     if !set.is_empty() {
-        insert("set", Value::Map(set));
+        insert(&mut table, "set", Value::Map(set))?;
     }
-    table
+    Ok(table)
+}
+
+/// Adds a setting to a table.
+///
+/// # Errors
+/// Returns an error if the table has it.
+fn insert(table: &mut BTreeMap<String, Value>, key: &str, value: Value) -> Result<(), Failure> {
+    match table.insert(key.to_owned(), value) {
+        None => Ok(()),
+        Some(_) => Err(twice(key)),
+    }
+}
+
+/// Returns the error for a setting that is given twice.
+fn twice(key: &str) -> Failure {
+    Failure::usage(format!(
+        "`{key}` is given twice: give it once, by its option or as {key}=VALUE"
+    ))
 }
 
 /// Returns an experiment without axes, metrics and results.

@@ -63,11 +63,8 @@ pub(super) fn points(axes: &[Axis]) -> impl Iterator<Item = Point> + '_ {
     })
 }
 
-/// Describes a point for messages.
+/// Describes a point for messages. The only point of a sweep has an empty description.
 pub(super) fn describe(point: &Point) -> String {
-    if point.is_empty() {
-        return "the only point".to_owned();
-    }
     let parts: Vec<String> = point
         .iter()
         .map(|(name, value)| format!("{name} = {value}"))

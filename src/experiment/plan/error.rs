@@ -7,9 +7,30 @@ use crate::experiment::stop::StopError;
 use lumbre_light::scene::SceneError;
 use lumbre_light::value::schema::SchemaError;
 
+/// Returns ` at ` and the description of a point; nothing for the only point of a sweep, which has
+/// no description.
+fn at(point: &str) -> String {
+    if point.is_empty() {
+        String::new()
+    } else {
+        format!(" at {point}")
+    }
+}
+
+/// Returns the beginning of a message about a point, and about `what` there; nothing for the only
+/// point of a sweep.
+fn start(what: &str, point: &str) -> String {
+    if point.is_empty() {
+        String::new()
+    } else {
+        format!("{what}at {point}: ")
+    }
+}
+
 /// Why no plan can be made of an experiment.
 ///
-/// `point` is a description of the point of the sweep where the error was found.
+/// `point` is a description of the point of the sweep where the error was found; empty if it is the
+/// only one.
 #[derive(Debug, thiserror::Error)]
 pub enum PlanError {
     /// An override or a selection names an axis that does not exist.
@@ -73,7 +94,7 @@ pub enum PlanError {
         limit: u64,
     },
     /// A function of the script failed.
-    #[error("{function} at {point}: {error}")]
+    #[error("{function}{}: {error}", at(point))]
     Hook {
         /// Name of the function.
         function: String,
@@ -83,7 +104,7 @@ pub enum PlanError {
         error: HookError,
     },
     /// A scene cannot be loaded.
-    #[error("scene at {point}: {error}")]
+    #[error("{}{error}", start("scene ", point))]
     Scene {
         /// Description of the point.
         point: String,
@@ -91,7 +112,7 @@ pub enum PlanError {
         error: Box<SceneError>,
     },
     /// A change to the scene has an unknown path or a value of the wrong kind.
-    #[error("`set` at {point}: {error}")]
+    #[error("{}{error}", start("`set` ", point))]
     Set {
         /// Description of the point.
         point: String,
@@ -99,7 +120,7 @@ pub enum PlanError {
         error: Box<SchemaError>,
     },
     /// An integrator does not exist.
-    #[error("at {point}: unknown integrator `{name}` ({help})")]
+    #[error("{}unknown integrator `{name}` ({help})", start("", point))]
     UnknownIntegrator {
         /// Description of the point.
         point: String,
@@ -109,7 +130,7 @@ pub enum PlanError {
         help: String,
     },
     /// A sampler does not exist.
-    #[error("at {point}: unknown sampler `{name}` ({help})")]
+    #[error("{}unknown sampler `{name}` ({help})", start("", point))]
     UnknownSampler {
         /// Description of the point.
         point: String,
@@ -119,7 +140,7 @@ pub enum PlanError {
         help: String,
     },
     /// A backend does not exist.
-    #[error("at {point}: unknown backend `{name}` ({help})")]
+    #[error("{}unknown backend `{name}` ({help})", start("", point))]
     UnknownBackend {
         /// Description of the point.
         point: String,
@@ -129,7 +150,10 @@ pub enum PlanError {
         help: String,
     },
     /// A backend cannot be used on this machine.
-    #[error("at {point}: backend `{name}` cannot be used on this machine: {reason}")]
+    #[error(
+        "{}backend `{name}` cannot be used on this machine: {reason}",
+        start("", point)
+    )]
     UnusableBackend {
         /// Description of the point.
         point: String,
@@ -140,8 +164,9 @@ pub enum PlanError {
     },
     /// A picture has no pixels, or too many.
     #[error(
-        "at {point}: a picture of {width}x{height} pixels is not possible: use sides of at least 1 \
-         and at most {limit} pixels in all"
+        "{}a picture of {width}x{height} pixels is not possible: use sides of at least 1 \
+         and at most {limit} pixels in all",
+        start("", point)
     )]
     Resolution {
         /// Description of the point.
@@ -154,7 +179,7 @@ pub enum PlanError {
         limit: u64,
     },
     /// Layers or time bins that the run cannot have.
-    #[error("`films` at {point}: {reason}")]
+    #[error("`films`{}: {reason}", at(point))]
     Films {
         /// Description of the point.
         point: String,
@@ -162,7 +187,7 @@ pub enum PlanError {
         reason: String,
     },
     /// The backend does not support something that the run needs.
-    #[error("at {point}: backend `{backend}` cannot render this: {reason}")]
+    #[error("{}backend `{backend}` cannot render this: {reason}", start("", point))]
     Refused {
         /// Description of the point.
         point: String,
@@ -173,15 +198,16 @@ pub enum PlanError {
     },
     /// The path length is limited to zero edges.
     #[error(
-        "at {point}: `max_depth` is 0: set it to at least 1, the number of edges of a path from \
-         the camera to a light"
+        "{}`max_depth` is 0: set it to at least 1, the number of edges of a path from \
+         the camera to a light",
+        start("", point)
     )]
     NoDepth {
         /// Description of the point.
         point: String,
     },
     /// A stop rule is invalid.
-    #[error("{rule} at {point}: {error}")]
+    #[error("{rule}{}: {error}", at(point))]
     Stop {
         /// Name of the rule: of the cell or of the reference.
         rule: &'static str,
@@ -192,8 +218,8 @@ pub enum PlanError {
     },
     /// A reference has another size than the cell's picture.
     #[error(
-        "at {point}: the picture has {}x{} pixels but its reference {}x{}: use the same \
-         `resolution`",
+        "{}the picture has {}x{} pixels but its reference {}x{}: use the same \
+         `resolution`", start("", point),
         cell[0], cell[1], reference[0], reference[1]
     )]
     ReferenceSize {
@@ -206,9 +232,10 @@ pub enum PlanError {
     },
     /// The bias check cannot judge a technique.
     #[error(
-        "`agree` of the reference at {point}: `{name}` is biased: {bias}. The bias \
+        "`agree` of the reference{}: `{name}` is biased: {bias}. The bias \
          check takes pictures to differ by independent noise only: use an unbiased technique, such \
-         as `bdpt`"
+         as `bdpt`",
+        at(point)
     )]
     BiasedCheck {
         /// Description of the point.
@@ -220,16 +247,17 @@ pub enum PlanError {
     },
     /// A reference, or the second picture of its bias check, is denoised.
     #[error(
-        "the reference at {point} has `denoise`: denoised pictures are biased, so errors against \
+        "the reference{} has `denoise`: denoised pictures are biased, so errors against \
          them and bias checks with them mean nothing. Leave `denoise` out of `from` and `agree`; a \
-         reference does not inherit it from the cell"
+         reference does not inherit it from the cell",
+        at(point)
     )]
     DenoisedReference {
         /// Description of the point.
         point: String,
     },
     /// A reference cannot be split into shards.
-    #[error("`parts` of the reference at {point}: {reason}")]
+    #[error("`parts` of the reference{}: {reason}", at(point))]
     Shards {
         /// Description of the point.
         point: String,
@@ -245,7 +273,7 @@ pub enum PlanError {
         reason: String,
     },
     /// A reference file cannot be read.
-    #[error("reference at {point}: cannot read {}: {reason}", file.display())]
+    #[error("reference{}: cannot read {}: {reason}", at(point), file.display())]
     ReferenceFile {
         /// Description of the point.
         point: String,

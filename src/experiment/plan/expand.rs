@@ -469,6 +469,7 @@ impl<'a> Builder<'a> {
         found.extend(warnings::denoised_cells(&self.cells));
         found.extend(warnings::short_references(&self.cells, &self.references));
         found.extend(warnings::duplicates(&self.cells));
+        found.extend(warnings::few_repeats(&self.cells, self.spec.repeats));
         found
     }
 

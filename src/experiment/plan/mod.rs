@@ -15,6 +15,7 @@ mod order;
 mod path;
 mod reach;
 mod resolve;
+mod technique_names;
 mod warnings;
 
 use std::collections::BTreeSet;
@@ -27,6 +28,7 @@ pub use estimate::Estimate;
 pub use expand::expand;
 pub use reach::unreachable_thresholds;
 pub use resolve::{LoadScene, LoadedScene};
+pub use technique_names::integrator_help;
 
 use super::outcome::CellRef;
 use super::shards::{Shard, split};

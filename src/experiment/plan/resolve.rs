@@ -6,16 +6,15 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::axes::{describe, help};
+use super::technique_names::integrator_help;
 use super::{Overrides, PlanError, PlannedCommand, RunId, identity};
 use crate::experiment::spec::{CellConfig, Point};
 use lumbre_light::film::layer::LayerLayout;
 use lumbre_light::film::time;
 use lumbre_light::scene::{Note, SceneDesc, SceneError, desc, edit};
-use lumbre_light::transport::integrator::external::{EXTERNALS, is_declared, is_external};
+use lumbre_light::transport::integrator::external::{is_declared, is_external};
 use lumbre_light::transport::integrator::settings::has_uniform_directions;
-use lumbre_light::transport::integrator::{
-    IntegratorRow, canonical_name, integrator, integrators, own,
-};
+use lumbre_light::transport::integrator::{IntegratorRow, canonical_name, integrator, own};
 use lumbre_light::transport::light::LightSelection;
 use lumbre_light::transport::sampler::{SAMPLER_NAMES, SamplerRow, sampler};
 use lumbre_light::value::Value;
@@ -356,7 +355,7 @@ fn integrator_row(name: &str, point: &Point) -> Result<&'static IntegratorRow, P
     integrator(name).ok_or_else(|| PlanError::UnknownIntegrator {
         point: describe(point),
         name: name.to_owned(),
-        help: help(name, integrators().chain(EXTERNALS).map(|row| row.name)),
+        help: integrator_help(name, []),
     })
 }
 

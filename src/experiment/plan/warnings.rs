@@ -31,6 +31,28 @@ pub(super) fn short_references(cells: &[Cell], references: &[Reference]) -> Opti
     })
 }
 
+/// Number of repeats below which a test over repeats rarely finds a difference.
+const FEW_REPEATS: u32 = 3;
+
+/// Returns a warning if integrators are compared at equal time with so few repeats that their
+/// differences can hardly be tested.
+pub(super) fn few_repeats(cells: &[Cell], repeats: u32) -> Option<String> {
+    let is_compared = |cell: &&Cell| cell.reference.is_some() && cell.stop.time_limit_s().is_some();
+    let integrators: BTreeSet<&str> = cells
+        .iter()
+        .filter(is_compared)
+        .map(|cell| cell.config.integrator.as_str())
+        .collect();
+    (integrators.len() > 1 && repeats < FEW_REPEATS).then(|| {
+        let plural = if repeats == 1 { "" } else { "s" };
+        format!(
+            "{} techniques are compared at equal time with {repeats} repeat{plural}, which can hardly tell whether \
+             one is better: experiment(name, {{ repeats = 5 }}) would",
+            integrators.len()
+        )
+    })
+}
+
 /// Returns a warning about cells whose pictures are denoised.
 pub(super) fn denoised_cells(cells: &[Cell]) -> Option<String> {
     let denoised = |cell: &&Cell| cell.config.denoise.is_some();

@@ -1,4 +1,4 @@
-//! Noise floors of references, and warnings about thresholds below them.
+//! Noise floors of references, and warnings about thresholds below them or passed at once.
 
 use std::sync::Arc;
 
@@ -6,9 +6,13 @@ use super::open::catch_panic;
 use super::state::NightRunner;
 use crate::experiment::event::Event;
 use crate::experiment::noise_floor::{HalfImages, NoiseFloors, floors};
-use crate::experiment::outcome::{CellRef, Level};
+use crate::experiment::outcome::{CellRef, Level, WaveRow};
 use crate::experiment::plan::unreachable_thresholds;
+use crate::experiment::stop::StopRule;
 use lumbre_light::film::{Image, SharedImage};
+
+/// Share of pixels without noise in a reference above which a warning is given, once a night.
+const MOST_BACKGROUND: f64 = 0.5;
 
 impl NightRunner<'_, '_> {
     /// Returns the noise floors of a reference, computed from its stored halves; empty if there are
@@ -34,6 +38,46 @@ impl NightRunner<'_, '_> {
         Ok(self.floors[reference].clone().unwrap_or_default())
     }
 
+    /// Warns, once a night, of a run that its first measurement ended, past a threshold of its rule:
+    /// such runs compare what the first samples cost.
+    pub(super) fn warn_of_threshold(
+        &mut self,
+        cell: CellRef,
+        rule: &StopRule,
+        rows: &[WaveRow],
+    ) -> Result<(), String> {
+        let [first] = rows else {
+            return Ok(());
+        };
+        let columns = self.plan.columns();
+        let mut passed = None;
+        rule.visit(&mut |rule| {
+            if let StopRule::When {
+                column, op, value, ..
+            } = rule
+                && let Some(metric) = columns.iter().position(|c| c == column)
+                && first
+                    .metrics
+                    .get(metric)
+                    .is_some_and(|x| op.holds(*x, *value))
+            {
+                passed = Some(format!("{column} {} {value}", op.symbol()));
+            }
+        });
+        match passed {
+            Some(threshold) if !self.is_threshold_noted => {
+                self.is_threshold_noted = true;
+                let text = format!(
+                    "`{threshold}` held at the first measurement ({} spp): the time to it is that of \
+                     these samples. Choose a stricter threshold",
+                    first.samples
+                );
+                self.emit_message(Level::Warn, cell, text)
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Computes the noise floors of a reference, and warns about thresholds below them.
     pub(super) fn compute_noise_floors(
         &mut self,
@@ -49,6 +93,16 @@ impl NightRunner<'_, '_> {
             floors(metrics, image, halves)
         })?);
         self.floors[reference] = Some(Arc::clone(&floors));
+        let blank = halves.share_without_noise();
+        if blank > MOST_BACKGROUND && !self.is_background_noted {
+            self.is_background_noted = true;
+            let text = format!(
+                "{:.0} % of the picture is background without noise: metrics are means over all \
+                 pixels, so they hardly see the rest. Use a closer camera or another resolution",
+                100.0 * blank
+            );
+            self.emit_message(Level::Warn, CellRef::Reference(reference), text)?;
+        }
         for text in unreachable_thresholds(self.plan, reference, &floors) {
             self.emit_message(Level::Warn, CellRef::Reference(reference), text)?;
         }

@@ -38,6 +38,10 @@ pub(super) struct NightRunner<'a, 's> {
     pub(super) shards_in_memory: BTreeMap<(usize, usize), Arc<Checkpoint>>,
     /// Noise floors of every reference, if known.
     pub(super) floors: Vec<Option<NoiseFloors>>,
+    /// Whether a picture that is mostly background was reported.
+    pub(super) is_background_noted: bool,
+    /// Whether a threshold that the first measurement passed was reported.
+    pub(super) is_threshold_noted: bool,
     /// Compiled scenes with their hierarchies.
     pub(super) scenes: SceneCache,
     /// Notes of scene compilation that were reported already.
@@ -85,6 +89,8 @@ impl<'a, 's> NightRunner<'a, 's> {
             estimates: BTreeMap::new(),
             shards_in_memory: BTreeMap::new(),
             floors: vec![None; plan.references.len()],
+            is_background_noted: false,
+            is_threshold_noted: false,
             scenes: SceneCache::new(plan),
             reported_notes: BTreeSet::new(),
             summary: NightSummary::default(),

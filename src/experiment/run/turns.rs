@@ -228,6 +228,7 @@ impl<'a> NightRunner<'a, '_> {
             if !rows.is_empty()
                 && let Some(reason) = self.stop_reason(&run.request.stop, rows)?
             {
+                self.warn_of_threshold(run.request.cell, &run.request.stop, rows)?;
                 return Ok(AfterTurn::End(Outcome::Done(reason)));
             }
             let Some(waves) = &mut run.waves else {

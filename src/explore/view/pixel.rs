@@ -10,7 +10,7 @@ use crate::explore::inspect::{Inspection, Inspector};
 use crate::explore::session::Frame as Picture;
 use crate::tui::format::{self, number};
 use crate::tui::panes::pane;
-use lumbre_metrics::colour::luminance;
+use lumbre_light::math::luminance::luminance;
 
 /// Draws the pane.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, inspector: &Inspector) {

@@ -13,7 +13,7 @@ use crate::output::plot::axis::Scale;
 use crate::output::plot::sizes::{FULL, SCREEN};
 use crate::output::plot::style::{FAINT, INK};
 use crate::output::plot::svg::{Anchor, Drawing, Font, shorten, text_width};
-use lumbre_metrics::colour::luminance;
+use lumbre_light::math::luminance::luminance;
 use lumbre_metrics::map::Colours;
 
 /// Width and height of a cell in points. The width is up to 1.5 times as large if there is space.

@@ -23,7 +23,8 @@ pub fn items(study: &Study) -> [ReportItem; 2] {
         provenance.text().replace("--", "- -")
     );
     let tex: String = sentences.iter().map(|s| cite::latex(s) + "\n").collect();
-    let tex = format!("{}{tex}", provenance.comment("% "));
+    // The text first: a night has hundreds of runs.
+    let tex = format!("{tex}{}", provenance.comment("% "));
     let cited = cite::bibliography(sentences.iter().map(String::as_str));
     let item = |stem: &str, title: &str, caption: String, extra| ReportItem {
         kind: ItemKind::Data,

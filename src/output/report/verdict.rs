@@ -125,7 +125,7 @@ pub const EXPLANATION: &str = "The best mean at equal render time, where it is s
     the next best error divided by it.";
 
 /// Returns whether a metric is the root of another one that is shown: it has the same winners.
-fn is_root_of_shown(study: &Study, metric: usize) -> bool {
+pub(super) fn is_root_of_shown(study: &Study, metric: usize) -> bool {
     study.metrics[metric].row.name == "mse" && study.metrics.iter().any(|m| m.row.name == "rmse")
 }
 
@@ -259,7 +259,15 @@ fn caveats(study: &Study, grids: &[&Grid]) -> Vec<String> {
             if least == 1 { "" } else { "s" }
         ));
     }
+    let repeats_another = |grid: &Grid| {
+        let column = grid.name.trim_start_matches("final-");
+        let metric = study.metrics.iter().position(|m| m.column == column);
+        metric.is_some_and(|metric| is_root_of_shown(study, metric))
+    };
     for grid in grids.iter().filter(finals) {
+        if repeats_another(grid) {
+            continue;
+        }
         let (at_floor, all) = count(grid, |cell| cell.at_floor);
         if at_floor > 0 {
             caveats.push(format!(

@@ -6,7 +6,7 @@ use crate::output::plot::axis::{Axis, Scale};
 use crate::output::plot::rasterize;
 use crate::output::plot::style::{FRAME, GRID, INK, style};
 use crate::output::plot::svg::{Anchor, Drawing, Font, text_width};
-use lumbre_metrics::colour::luminance;
+use lumbre_light::math::luminance::luminance;
 
 /// Mean radiance of a region in every bin.
 #[derive(Clone, Debug, PartialEq)]

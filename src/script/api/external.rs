@@ -5,8 +5,9 @@ use std::rc::Rc;
 
 use mlua::{Lua, Value as LuaValue};
 
+use super::find::find_file;
 use super::render_schema::RENDER;
-use super::{ApiFn, Args, Param, render};
+use super::{ApiFn, Args, Param};
 use crate::script::error::ScriptError;
 use crate::script::state::{Purpose, Shared};
 use crate::script::strict;
@@ -92,7 +93,7 @@ fn parameters(
         .and_then(Value::as_str)
         .and_then(raw_scene)
     {
-        let found = render::find_file(file, &shared.folder, "external.scene", "scene")?;
+        let found = find_file(file, &shared.folder, "external.scene", "scene")?;
         let found = std::path::absolute(found).map_err(|e| fail("scene", e.to_string()))?;
         params.insert(
             SCENE_FILE.to_owned(),

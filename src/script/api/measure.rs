@@ -288,6 +288,18 @@ fn read_measure(table: &mlua::Table) -> Result<MeasureSpec, SchemaError> {
     Ok(measure)
 }
 
+/// Returns the error for a name that is no metric column, or none of `known`. A metric that is not
+/// measured can be added.
+pub fn unknown_column(path: &str, name: &str, known: &[&str]) -> SchemaError {
+    let mut error = unknown_name(path, name, "metric column", known.iter().copied());
+    if METRICS.iter().any(|row| row.name == name) {
+        error.help = Some(format!("add {name} = metric.{name}() to x:measure"));
+    } else if known.is_empty() {
+        error.help = Some("x:measure declares no metric".to_owned());
+    }
+    error
+}
+
 /// Converts an entry of `x:measure` to a metric column.
 fn metric_column(column: &str, value: &LuaValue) -> Result<MetricSpec, SchemaError> {
     let path = format!("measure.{column}");

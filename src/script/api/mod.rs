@@ -6,6 +6,7 @@ pub mod axis;
 pub mod builder;
 pub mod experiment;
 pub mod external;
+pub mod find;
 pub mod measure;
 pub mod night;
 pub mod notify;

@@ -1,16 +1,18 @@
 //! Conversion of the table that a script's `render` function returns to a [`CellConfig`].
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::builder::Externals;
+use super::find::find_file;
 use super::render_schema::{BACKEND_NAMES, RENDER};
 use crate::experiment::CellConfig;
+use crate::experiment::plan::integrator_help;
 use lumbre_light::film::layer::Layer;
 use lumbre_light::scene::desc::TextureSlot;
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
-use lumbre_light::transport::integrator::external::{EXTERNALS, is_declared};
-use lumbre_light::transport::integrator::{integrator, integrators};
+use lumbre_light::transport::integrator::external::is_declared;
+use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::path_time::Timing;
 use lumbre_light::transport::sampler::SAMPLER_NAMES;
 use lumbre_light::value::Value;
@@ -18,36 +20,6 @@ use lumbre_light::value::schema::{SchemaError, unknown_key, unknown_name};
 use lumbre_render::denoise::Denoise;
 use lumbre_render::external::technique::VALUES;
 use lumbre_render::hierarchy::AccelSpec;
-
-/// Searches a file that a script names, relative to the current folder and then to the script's
-/// folder.
-///
-/// # Errors
-/// Returns an error with both paths if the file is in neither folder; `path` and `key` are those of
-/// the field.
-pub fn find_file(name: &str, folder: &Path, path: &str, key: &str) -> Result<PathBuf, SchemaError> {
-    let written = PathBuf::from(name);
-    let beside = folder.join(name);
-    if !name.is_empty() {
-        if written.is_file() {
-            return Ok(written);
-        }
-        if beside.is_file() {
-            return Ok(beside);
-        }
-    }
-    let tried = if written.is_absolute() || beside == written {
-        format!("{}", written.display())
-    } else {
-        format!("{} and {}", written.display(), beside.display())
-    };
-    Err(SchemaError {
-        path: path.to_owned(),
-        problem: format!("there is no file `{name}`"),
-        help: Some(format!("tried {tried}")),
-        key: key.to_owned(),
-    })
-}
 
 /// Checks a render table and converts it. `externals` are the techniques that the script declares.
 /// Error paths begin with `path`.
@@ -159,11 +131,13 @@ pub fn check_integrator(name: &str, externals: &Externals, path: &str) -> Result
     if is_known || externals.contains_key(name) {
         return Ok(());
     }
-    let known = integrators()
-        .chain(EXTERNALS)
-        .map(|row| row.name)
-        .chain(externals.keys().map(String::as_str));
-    let mut error = with_key(unknown_name(path, name, "integrator", known), "integrator");
+    let declared = externals.keys().map(String::as_str);
+    let mut error = SchemaError {
+        path: path.to_owned(),
+        problem: format!("unknown integrator `{name}`"),
+        help: Some(integrator_help(name, declared)),
+        key: "integrator".to_owned(),
+    };
     if let Some(name) = name.strip_prefix("external:") {
         error.help = Some(format!(
             "declare another renderer by external {{ name = \"{name}\", command = .. }}"

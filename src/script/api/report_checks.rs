@@ -2,12 +2,13 @@
 
 use super::axis::known_axis;
 use super::builder::Builder;
+use super::measure::unknown_column;
 use super::report::field_error;
 use crate::experiment::spec::{Axis, FigureKind, FigureSpec, TableSpec, TableValue};
 use crate::script::error::ScriptError;
 use crate::script::state::Shared;
 use lumbre_light::value::Value;
-use lumbre_light::value::schema::{SchemaError, unknown_name};
+use lumbre_light::value::schema::SchemaError;
 use lumbre_light::value::suggest;
 
 /// Checks every axis and column that figures and tables name, after the script has ended.
@@ -183,10 +184,7 @@ fn check_column(
         return Ok(());
     }
     let known: Vec<&str> = columns.iter().chain(plain).copied().collect();
-    let mut error = unknown_name(path, name, "metric column", known.iter().copied());
-    if known.is_empty() {
-        error.help = Some("x:measure declares no metric".to_owned());
-    }
+    let mut error = unknown_column(path, name, &known);
     error.key = key.to_owned();
     Err(error)
 }

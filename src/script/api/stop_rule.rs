@@ -6,11 +6,12 @@ use std::rc::Rc;
 use mlua::{Function, UserData, Value as LuaValue};
 
 use super::builder::Builder;
+use super::measure::unknown_column;
 use crate::experiment::StopRule;
 use crate::script::error::ScriptError;
 use crate::script::source::SourcePlace;
 use crate::script::state::Shared;
-use lumbre_light::value::schema::{Field, Table, Ty, unknown_name};
+use lumbre_light::value::schema::{Field, Table, Ty};
 
 /// Count without an upper limit.
 const INTEGER: Ty = Ty::Int {
@@ -175,8 +176,7 @@ impl RuleObject {
                 if allowed.columns.contains(&column.as_str()) {
                     return Ok(());
                 }
-                let error =
-                    unknown_name("", column, "metric column", allowed.columns.iter().copied());
+                let error = unknown_column("", column, allowed.columns);
                 fail(error.problem, error.help)
             }
         }

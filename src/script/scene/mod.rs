@@ -141,7 +141,14 @@ pub fn read(
         place: "scene_options".to_owned(),
         problem,
     })?;
-    load_on_stage(path, missing, stage)
+    load_on_stage(path, missing, stage).map_err(|error| match error {
+        SceneError::UnknownFormat { file, help, known } => SceneError::UnknownFormat {
+            file,
+            help,
+            known: format!(".lua, {known}"),
+        },
+        other => other,
+    })
 }
 
 /// Returns the stage that the options of a scene file select, if any.

@@ -258,7 +258,7 @@ pub fn read_run(out: &Path, what: &str) -> Result<RunRecord, StoreError> {
     };
     if given.join(PlanFile::NAME).is_file() {
         return Err(missing(
-            "this is an experiment's folder; `lumbre ls` lists its runs",
+            "this is an experiment's folder; `lumbre ls --runs` lists its runs",
         ));
     }
     if what == "latest" {
@@ -267,8 +267,8 @@ pub fn read_run(out: &Path, what: &str) -> Result<RunRecord, StoreError> {
     }
     if what.is_empty() || !what.bytes().all(|b| b.is_ascii_hexdigit()) {
         return Err(missing(
-            "expected a run's folder, the first digits of its id, or `latest`; `lumbre ls` lists \
-             all runs",
+            "give a run's folder, the first digits of its id, `latest`, or words of its path; \
+             `lumbre ls --runs` lists all runs",
         ));
     }
     let prefix = what.to_ascii_lowercase();
@@ -287,7 +287,7 @@ pub fn read_run(out: &Path, what: &str) -> Result<RunRecord, StoreError> {
         .filter(named)
         .collect();
     match found.as_slice() {
-        [] => Err(missing("`lumbre ls` lists all runs")),
+        [] => Err(missing("`lumbre ls --runs` lists all runs")),
         [one] => read_record(one),
         several => Err(StoreError::Ambiguous {
             what: what.to_owned(),

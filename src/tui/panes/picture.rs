@@ -18,7 +18,7 @@ use crate::tui::preview::{PreviewContent, box_average};
 use crate::tui::terminal::terminal_caps::{Colors, Graphics, TerminalCaps};
 use crate::tui::view::View;
 use lumbre_light::film::Image;
-use lumbre_metrics::colour::luminance_f32;
+use lumbre_light::math::luminance::luminance_f32;
 use lumbre_metrics::tonemap::Tonemap;
 
 /// Characters from dark to bright, for terminals without colours.

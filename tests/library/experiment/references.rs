@@ -364,10 +364,12 @@ fn thresholds_below_the_noise_floor_cause_a_warning() {
             .iter()
             .all(|w| !w.contains("rmse"))
     );
+    // Both cells pass it at once, which is reported for the first of them.
+    let passed = warnings(Comparison::Greater, 0.001);
+    let of_rmse: Vec<&String> = passed.iter().filter(|w| w.contains("rmse")).collect();
     assert!(
-        warnings(Comparison::Greater, 0.001)
-            .iter()
-            .all(|w| !w.contains("rmse"))
+        matches!(of_rmse[..], [one] if one.starts_with("`rmse > 0.001` held at the first")),
+        "{passed:?}"
     );
 }
 

@@ -84,3 +84,16 @@ fn no_file_names_a_home_or_work_folder() {
     }
     assert!(found.is_empty(), "{}", found.join("\n"));
 }
+
+/// The weights of luminance are constants of one module. Tests may have their own, as an
+/// independent statement.
+#[test]
+fn weights_of_luminance_are_written_once() {
+    let of_program = |path: &String| {
+        let text = text(path);
+        let end = text.find("#[cfg(test)]").unwrap_or(text.len());
+        code_only(&text[..end]).contains("0.7152")
+    };
+    let found: Vec<String> = sources().into_iter().filter(of_program).collect();
+    assert_eq!(found, ["crates/lumbre-light/src/math/luminance.rs"]);
+}

@@ -23,6 +23,10 @@ const HOST: &[(&str, &str)] = &[
         "statistics of nights",
     ),
     (
+        "crates/lumbre-light/src/math/luminance.rs",
+        "three constants, which shaders repeat",
+    ),
+    (
         "crates/lumbre-light/src/math/simd/x8.rs",
         "GLSL invocations replace SIMD lanes",
     ),

@@ -445,7 +445,12 @@ fn errors_in_render_tables_have_the_line_of_their_key() {
         (
             good.replace("\"s.scn\"", "\"t.scn\""),
             4,
-            "render.scene: there is no file `t.scn` (tried t.scn and ",
+            "render.scene: there is no file `t.scn` (did you mean `",
+        ),
+        (
+            good.replace("\"s.scn\"", "\"elephant.glb\""),
+            4,
+            "render.scene: there is no file `elephant.glb` (tried elephant.glb and ",
         ),
         (
             good.replace("scene = \"s.scn\",", ""),

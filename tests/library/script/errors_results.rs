@@ -228,12 +228,12 @@ fn invalid_figures_and_tables_are_reported_with_line_and_hint() {
         (
             "x:table(\"t\", { value = \"mse\", rows = \"depth\" })",
             9,
-            "table.t.value: unknown metric column `mse`",
+            "table.t.value: unknown metric column `mse` (add mse = metric.mse() to x:measure)",
         ),
         (
             "x:table(\"t\", { value = time_to(\"ssim\", 0.9), rows = \"depth\" })",
             9,
-            "unknown metric column `ssim`",
+            "unknown metric column `ssim` (add ssim = metric.ssim() to x:measure)",
         ),
         (
             "x:table(\"t\", { value = metric.rmse(), rows = \"depth\" })",

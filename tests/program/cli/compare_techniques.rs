@@ -86,6 +86,15 @@ fn a_comparison_ends_with_a_verdict_and_its_interval() {
     for technique in techniques {
         assert_eq!(technique["efficiencies"].as_array().unwrap().len(), 4);
     }
+    // The night is that of a script, which other verbs find.
+    let explained = place.succeed(&["explain", "latest"]).stdout;
+    assert!(explained.contains("technique="), "{explained}");
+    let retried = place.succeed(&["retry"]);
+    assert!(
+        retried.stderr.contains("nothing to do"),
+        "{}",
+        retried.stderr
+    );
     let single = place.fail(2, &["compare", "ball.scn", "--technique", "nee"]);
     assert!(single.contains("two techniques or more"), "{single}");
 }

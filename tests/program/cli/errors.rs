@@ -181,3 +181,187 @@ fn a_missing_texture_is_an_error_unless_lenient() {
         );
     }
 }
+
+#[test]
+fn a_picture_or_comparison_that_is_asked_for_wrongly_is_answered_with_the_remedy() {
+    let place = Workplace::new();
+    std::fs::create_dir(place.path("rooms")).unwrap();
+    for file in ["rooms/a.glb", "room.fbx", "room.zip", "notes.txt"] {
+        place.write(file, "?");
+    }
+    for (words, expected) in [
+        (
+            "render bal.scn",
+            "no file `bal.scn` (did you mean `ball.scn`?)",
+        ),
+        (
+            "compare bal.scn",
+            "no file `bal.scn` (did you mean `ball.scn`?)",
+        ),
+        ("render romms/a.glb", "there is no folder romms"),
+        ("render rooms", "`rooms` is a folder (scenes in it: a.glb)"),
+        ("render room.fbx", "export the scene as glTF"),
+        ("render room.zip", "unpack this archive"),
+        ("render notes.txt", "supported: .lua, .gltf"),
+        ("render ball.scn -i path", "path tracing is `nee`"),
+        ("render ball.scn bdpt", "a technique follows `-i`"),
+        (
+            "render ball.scn -i nee -i bdpt",
+            "lumbre compare FILE --technique",
+        ),
+        (
+            "render ball.scn -i nee integrator=bdpt",
+            "`integrator` is given twice",
+        ),
+        (
+            "render ball.scn --depth 3 max_depth=4",
+            "`max_depth` is given twice",
+        ),
+        ("render ball.scn -o none/a.exr", "no folder none: create it"),
+        ("compare ball.scn -t nee,nee", "names `nee` twice"),
+        (
+            "compare ball.scn integrator=nee",
+            "give techniques by --technique",
+        ),
+        ("compare ball.scn --spp 4", "`lumbre compare --help` lists"),
+        ("ball.scn", "`lumbre render ball.scn` renders a scene"),
+    ] {
+        let words: Vec<&str> = words.split(' ').collect();
+        let error = refused(&place, &words);
+        assert!(error.contains(expected), "{words:?}: {error}");
+    }
+    let error = refused(&place, &["render", "ball.scn", "camera.fov=400"]);
+    assert!(
+        error.starts_with("error: camera.fov: 400 is out of range"),
+        "{error}"
+    );
+}
+
+#[test]
+fn errors_of_a_plan_show_the_line_of_the_script_and_the_remedy_beside_it() {
+    let place = Workplace::new();
+    let script = place.read("night.lua");
+    for (from, to, cause, mark) in [
+        (
+            "max_depth = p.depth",
+            "max_dpeth = p.depth",
+            "error: render.max_dpeth: unknown key `max_dpeth`",
+            "^^^^^^^^^ did you mean `max_depth`?",
+        ),
+        (
+            "backend = \"mock\"",
+            "set = { [\"camera.apertur\"] = 1 }",
+            "error: set.camera.apertur: unknown key `apertur`",
+            "^^^^^^^^^^^^^^^^ did you mean `aperture`?",
+        ),
+        (
+            "stop.samples(16)",
+            "stop.when(\"rmse\", \"<\", -1)",
+            "error: stop rule at depth = 2: `rmse < -1` can never hold",
+            "^^^",
+        ),
+        (
+            "{ 24, 16 }",
+            "{ 32768, 32768 }",
+            "error: at depth = 2: a picture of 32768x32768 pixels is not possible",
+            "^^^^^^^^^^",
+        ),
+    ] {
+        assert!(script.contains(from), "{from}");
+        place.write("night.lua", &script.replace(from, to));
+        let error = refused(&place, &["plan", "night.lua"]);
+        assert!(error.starts_with(cause), "{error}");
+        assert!(
+            error.contains("--> night.lua:") && error.contains(mark),
+            "{error}"
+        );
+    }
+    let error = refused(&place, &["plan", "night.lua", "depth=2"]);
+    assert!(error.contains("--> night.lua:4:"), "{error}");
+}
+
+#[test]
+fn two_pictures_given_to_compare_are_compared() {
+    let place = Workplace::new();
+    for (file, seed) in [("a.exr", "1"), ("b.exr", "2")] {
+        place.succeed(&[
+            "render",
+            "ball.scn",
+            "--size",
+            "24x16",
+            "--backend",
+            "cpu",
+            "--spp",
+            "4",
+            "--seed",
+            seed,
+            "-q",
+            "-o",
+            file,
+        ]);
+    }
+    let output = place.succeed(&["compare", "a.exr", "b.exr", "--json", "--metric", "rmse"]);
+    let found: serde_json::Value = serde_json::from_str(&output.stdout).unwrap();
+    assert_eq!(found["measured"]["metric"], "rmse", "{found}");
+    place.fail(5, &["compare", "a.exr", "b.exr", "--fail", "rmse=1e-9"]);
+}
+
+#[test]
+fn experiments_that_can_tell_little_are_said_to() {
+    let place = Workplace::new();
+    let compared = |repeats: u32| {
+        let script = place
+            .read("night.lua")
+            .replace("repeats = 2", &format!("repeats = {repeats}"))
+            .replace("\"depth\"", "\"technique\"")
+            .replace("{ 2, 4 }", "{ \"bpt\", \"nee\" }")
+            .replace(
+                "integrator = \"bpt\", max_depth = p.depth",
+                "integrator = p.technique",
+            )
+            .replace("stop.samples(4096)", "stop.samples(64)")
+            .replace(
+                "return stop.samples(16)",
+                "return stop.any { stop.samples(16), stop.time(\"9s\") }",
+            );
+        place.write("compared.lua", &script);
+        place.succeed(&["plan", "compared.lua"]).stdout
+    };
+    assert!(compared(1).contains("2 techniques are compared at equal time with 1 repeat, which"));
+    assert!(!compared(3).contains("techniques are compared"));
+    let easy = place.read("night.lua").replace(
+        "stop.samples(16)",
+        "stop.any { stop.when(\"psnr\", \">\", 1), stop.time(\"9s\") }",
+    );
+    place.write("easy.lua", &easy);
+    let passed = place.succeed(&["run", "easy.lua"]).stderr;
+    let noted = "`psnr > 1` held at the first measurement (";
+    assert_eq!(passed.matches(noted).count(), 1, "{passed}");
+    // The ball covers a quarter of the picture, and nothing else can be seen.
+    let night = place.succeed(&["run", "compared.lua", "--backend", "cpu"]);
+    let noted = " % of the picture is background without noise";
+    assert_eq!(night.stderr.matches(noted).count(), 1, "{}", night.stderr);
+}
+
+#[test]
+fn the_help_of_a_verb_has_its_own_options_first() {
+    let place = Workplace::new();
+    let picture = [
+        "render", "ball.scn", "--out", "a.exr", "--spp", "1", "--size", "8x8",
+    ];
+    let noted = place.succeed(&picture).stderr;
+    assert!(
+        noted.contains("the file of the picture follows `-o`"),
+        "{noted}"
+    );
+    let help = place.succeed(&["render", "--help"]).stdout;
+    let (own, every) = help.split_once("Options of every verb:").unwrap();
+    assert!(
+        own.contains("--spp") && !own.contains("--threads"),
+        "{help}"
+    );
+    assert!(
+        every.contains("--threads") && !every.contains("--out "),
+        "{help}"
+    );
+}

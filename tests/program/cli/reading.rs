@@ -257,6 +257,11 @@ fn ls_filters_by_words_states_and_the_latest_night() {
     );
     let checked = json(&place.succeed(&["check", "night.lua", "--json"]).stdout);
     assert_eq!(checked["files"][0]["ok"], true);
+    assert_eq!(checked["files"][0]["experiment"]["cells"], 4);
+    let checked = json(&place.succeed(&["check", "ball.scn", "--json"]).stdout);
+    let scene = &checked["files"][0]["scene"];
+    assert_eq!(scene["camera"]["position"][2], 4.0, "{scene}");
+    assert_eq!(scene["spheres"], 2);
 }
 
 #[test]

@@ -45,6 +45,13 @@ fn a_picture_is_written_with_its_settings_and_has_the_same_bits_again() {
         let found = metadata.iter().find(|(name, _)| name.ends_with(key));
         assert_eq!(found.map(|(_, v)| v.as_str()), Some(value), "{key}");
     }
+    let mut as_json = settings.to_vec();
+    as_json.extend(["--json", "-q"]);
+    let found: serde_json::Value =
+        serde_json::from_str(&render(&place, &as_json).0.stdout).unwrap();
+    assert_eq!(found["samples"], 8, "{found}");
+    assert_eq!(found["files"][0], "a.exr");
+    assert!(found["relative_noise"].as_f64().unwrap() > 0.0 && found["version"] == 1);
     let mut threads = settings.to_vec();
     threads.extend(["--threads", "3"]);
     assert_eq!(render(&place, &threads).1, bytes);
@@ -66,6 +73,10 @@ fn settings_are_those_of_render_tables_and_of_the_scene() {
     );
     assert_ne!(picture(&["sampler=sobol"]).data, plain.data);
     assert_ne!(picture(&["camera.fov=20"]).data, plain.data);
+    // The default technique gives way to a setting as to an option.
+    let by_setting = picture(&["integrator=bpt"]);
+    assert_ne!(by_setting.data, plain.data);
+    assert_eq!(by_setting.data, picture(&["-i", "bpt"]).data);
 }
 
 #[test]
@@ -99,7 +110,8 @@ fn mistakes_are_reported_before_anything_renders() {
         (&["ball.scn", "materials.x.ior=2"], "unknown material `x`"),
         (&["ball.scn", "-o", "a.jpg"], ".exr, .hdr or .png"),
         (&["ball.scn", "--time", "soon"], "such as 30s"),
-        (&["ball.scn", "--spp", "0"], "0 is not in 1"),
+        (&["ball.scn", "--spp", "0"], "at least 1, found `0`"),
+        (&["ball.scn", "-o", "/proc/a.exr"], "cannot write to /proc"),
     ] {
         let mut all = vec!["render"];
         all.extend(args);

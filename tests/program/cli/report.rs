@@ -251,28 +251,28 @@ fn copy(from: &std::path::Path, to: &std::path::Path) {
     }
 }
 
-/// Runs the page's scripts in a browser and inspects the document afterwards.
-#[test]
-fn the_page_works_in_a_browser_without_a_network() {
-    let browsers = ["chromium", "chromium-browser", "google-chrome"];
-    let Some(browser) = browsers.iter().find(|b| {
-        Command::new(b)
-            .arg("--version")
-            .output()
-            .is_ok_and(|o| o.status.success())
-    }) else {
-        println!("SKIPPED: none of {} is installed", browsers.join(", "));
-        return;
-    };
-    let place = reported();
-    place.succeed(&["report", "out/latest", "--to", "r"]);
-    // A script of the test, after those of the page, reports keys, sorting and filtering in the
-    // title.
+/// Script that presses keys and buttons of the page.
+const KEYS: &str = include_str!("report_probe.js");
+
+/// Script that measures the page on a narrow screen: whether winners are wrapped and figures scroll,
+/// and the smallest distance of two labels below the curves, in pixels.
+const NARROW: &str = r##"
+const style = (selector) => getComputedStyle(document.querySelector(selector));
+const labels = [...document.querySelectorAll("#chart svg text[text-anchor=middle]")];
+const boxes = labels.map((label) => label.getBoundingClientRect());
+const lowest = boxes.filter((box) => Math.abs(box.top - boxes[0].top) < 2).sort((a, b) => a.left - b.left);
+document.documentElement.dataset.probe = JSON.stringify({
+  wraps: style("#verdict td").whiteSpace === "normal", scrolls: style("figure").overflowX === "auto",
+  apart: lowest.length > 2 && lowest.every((box, i) => !i || lowest[i - 1].right <= box.left),
+  answer: document.querySelector("#verdict").getBoundingClientRect().right <= innerWidth,
+});
+"##;
+
+/// Opens the page of `r/` in a browser of this width, and returns what a script found after those of
+/// the page.
+fn probed(place: &Workplace, browser: &str, width: u32, script: &str) -> serde_json::Value {
     let page = place.read("r/index.html");
-    let probe = format!(
-        "<script>{}</script></body>",
-        include_str!("report_probe.js")
-    );
+    let probe = format!("<script>{script}</script></body>");
     place.write("r/probe.html", &page.replace("</body>", &probe));
     let address = format!("file://{}", place.path("r/probe.html").display());
     let profile = format!("--user-data-dir={}", place.path("profile").display());
@@ -283,6 +283,7 @@ fn the_page_works_in_a_browser_without_a_network() {
             "--disable-gpu",
             "--virtual-time-budget=4000",
             "--dump-dom",
+            &format!("--window-size={width},900"),
             &profile,
             &address,
         ])
@@ -299,11 +300,31 @@ fn the_page_works_in_a_browser_without_a_network() {
             String::from_utf8_lossy(&output.stderr)
         )
     });
-    let probed: serde_json::Value = serde_json::from_str(&probed).unwrap();
+    serde_json::from_str(&probed).unwrap()
+}
+
+/// Runs the page's scripts in a browser and inspects the document afterwards.
+#[test]
+fn the_page_works_in_a_browser_without_a_network() {
+    let browsers = ["chromium", "chromium-browser", "google-chrome"];
+    let Some(browser) = browsers.iter().find(|b| {
+        Command::new(b)
+            .arg("--version")
+            .output()
+            .is_ok_and(|o| o.status.success())
+    }) else {
+        println!("SKIPPED: none of {} is installed", browsers.join(", "));
+        return;
+    };
+    let place = reported();
+    place.succeed(&["report", "out/latest", "--to", "r"]);
     let expected = serde_json::json!({
         "names": 3, "pressed": 2, "differs": 5, "zero": true, "sorted": true, "rows": 4, "narrowed": 2, "curves": 4,
     });
-    assert_eq!(probed, expected);
+    assert_eq!(probed(&place, browser, 800, KEYS), expected);
+    let expected =
+        serde_json::json!({ "wraps": true, "scrolls": true, "apart": true, "answer": true });
+    assert_eq!(probed(&place, browser, 500, NARROW), expected);
 }
 
 /// Compiles everything that a report writes for LaTeX in one document.

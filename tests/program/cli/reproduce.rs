@@ -57,6 +57,11 @@ fn pictures_figures_and_tables_are_identical_when_rendered_again() {
             .stderr
             .contains("4 samples per pixel")
     );
+    // Several files, one of them twice.
+    let other = place.finished()[1].0.clone();
+    let other = other.trim_end_matches("done.json").to_owned() + "final.exr";
+    let both = place.succeed(&["reproduce", &run, &other, &run]).stdout;
+    assert_eq!(both.matches("  identical\n").count(), 2, "{both}");
     place.succeed(&["report", "out/latest", "-q"]);
     let files = [
         "figures/error-samples-rmse.svg",

@@ -5,6 +5,7 @@ pub mod distribution;
 pub mod exponential;
 pub mod false_discovery_rate;
 pub mod frame;
+pub mod luminance;
 pub mod piecewise;
 pub mod real;
 pub mod rng;

@@ -54,10 +54,12 @@ pub enum SceneError {
         problem: String,
     },
     /// The file's name matches no supported format.
-    #[error("{}: unknown scene format; supported: {known}", file.display())]
+    #[error("{}: unknown scene format ({help}supported: {known})", file.display())]
     UnknownFormat {
         /// File with the unknown format.
         file: PathBuf,
+        /// Remedy, followed by `; `; empty if nothing is known about the file.
+        help: String,
         /// Supported file extensions.
         known: String,
     },

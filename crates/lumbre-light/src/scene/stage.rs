@@ -34,9 +34,11 @@ const FOV_DEG: f32 = 35.0;
 const FILL: f32 = 0.8;
 /// Direction from the entities to the studio's camera.
 const VIEW: Vec3 = Vec3::new(0.5, 0.45, 1.0);
-/// Position of the area light from the centre, and its side, in radii of the entities.
-const LIGHT: Vec3 = Vec3::new(-1.8, 2.6, 1.4);
-const LIGHT_SIDE: f32 = 1.6;
+/// Position of the area light from the centre, and its side, in radii of the entities. It is as far
+/// away and as large as the ground, so that its power is a fair share of that of the environment on
+/// the whole stage: lights are selected by power.
+const LIGHT: Vec3 = Vec3::new(-21.6, 31.2, 16.8);
+const LIGHT_SIDE: f32 = 19.2;
 /// Radiance of the area light and of the environment.
 const LIGHT_RADIANCE: f32 = 12.0;
 const ENVIRONMENT_RADIANCE: f32 = 0.3;
@@ -181,6 +183,20 @@ mod tests {
         });
         let highest = heights.iter().fold(0.0f32, |most, h| most.max(h.abs()));
         assert!((0.6..=FILL + 1e-4).contains(&highest), "{heights:?}");
+    }
+
+    #[test]
+    fn the_area_light_of_a_studio_has_a_fair_share_of_the_power() {
+        use std::f32::consts::PI;
+        let mut scene = bare();
+        set_up(&mut scene, Stage::Studio);
+        let (compiled, _) = crate::scene::compile(&scene).unwrap();
+        let (_, radius) = compiled.bounds_and_radius();
+        let environment = PI * radius * radius * 4.0 * PI * ENVIRONMENT_RADIANCE;
+        let area: f32 = compiled.emitters.iter().map(|e| e.area).sum();
+        let light = PI * area * LIGHT_RADIANCE;
+        let share = light / (light + environment);
+        assert!((0.2..0.5).contains(&share), "{share}");
     }
 
     #[test]

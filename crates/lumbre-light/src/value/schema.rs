@@ -213,7 +213,21 @@ fn join(path: &str, key: &str) -> String {
     }
 }
 
+impl Table {
+    /// Describes the keys, for messages.
+    fn keys(&self) -> String {
+        let keys: Vec<&str> = self.fields.iter().map(|field| field.key).collect();
+        format!("its keys are {}", keys.join(", "))
+    }
+}
+
 impl Ty {
+    /// Describes a value of another type.
+    fn mismatch(&self, value: &Value) -> String {
+        let expected = self.describe();
+        format!("expected {expected}, found {} `{value}`", value.kind())
+    }
+
     /// Checks one value; `key` is the last name on the path, for finding its line.
     ///
     /// # Errors
@@ -274,11 +288,13 @@ impl Ty {
             (Ty::Table(table), Value::List(items)) if items.is_empty() => {
                 table.check(path, &BTreeMap::new())
             }
-            _ => fail(format!(
-                "expected {}, found {} `{value}`",
-                self.describe(),
-                value.kind()
-            )),
+            (Ty::Table(table), _) => Err(SchemaError {
+                path: path.to_owned(),
+                problem: self.mismatch(value),
+                help: Some(table.keys()),
+                key: key.to_owned(),
+            }),
+            _ => fail(self.mismatch(value)),
         }
     }
 
@@ -441,6 +457,13 @@ mod tests {
             )
             .unwrap_err();
         assert!(e.help.unwrap().contains("gauss"));
+        let e = OUTER
+            .check(
+                "render",
+                &map(&[("scene", "a".into()), ("aa", "gauss".into())]),
+            )
+            .unwrap_err();
+        assert!(e.to_string().ends_with("(its keys are radius)"), "{e}");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Exposures and tone mappers of HDR-FLIP [Andersson et al. 2021].
 
-use crate::colour::luminance_f32;
 use lumbre_light::film::Image;
+use lumbre_light::math::luminance::luminance_f32;
 
 /// A tone mapper as a rational function `(a x² + b x + c) / (d x² + e x + f)`.
 #[derive(Clone, Copy, Debug, PartialEq)]

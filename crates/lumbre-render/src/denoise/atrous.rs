@@ -13,6 +13,7 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 
 use lumbre_light::film::Image;
+use lumbre_light::math::luminance::luminance_f32;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{Field, Table, Ty};
 
@@ -152,9 +153,6 @@ const SPLINE: [f32; 3] = [3.0 / 8.0, 1.0 / 4.0, 1.0 / 16.0];
 /// Weights of a 3 x 3 Gaussian at distances of 0 and 1 pixel.
 const BLUR: [f32; 2] = [1.0 / 2.0, 1.0 / 4.0];
 
-/// Weights of linear sRGB in luminance.
-const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
-
 /// Irradiance of a pixel relative to white, and the variance of its luminance.
 #[derive(Clone, Copy, Debug, Default)]
 struct Pixel {
@@ -254,7 +252,7 @@ fn demodulated(input: Guided<'_>, surfaces: &[Surface]) -> Vec<Pixel> {
     let pixel = |((mean, variance), surface): ((&[f32; 3], &[f32; 3]), &Surface)| {
         let light = [0, 1, 2].map(|c| mean[c] / divisor(surface, c));
         let deviations = [0, 1, 2].map(|c| variance[c].sqrt() / divisor(surface, c));
-        let deviation = dot(deviations, LUMINANCE);
+        let deviation = luminance_f32(deviations);
         Pixel {
             light,
             variance: deviation * deviation,
@@ -282,7 +280,7 @@ fn with_spatial_variance(
                 let exponent = settings.surface_exponent(&surfaces[centre], &surfaces[tap]);
                 if exponent < NEGLIGIBLE {
                     let weight = (-exponent).exp();
-                    let luminance = dot(pixels[tap].light, LUMINANCE);
+                    let luminance = luminance_f32(pixels[tap].light);
                     sum += weight * luminance;
                     sum2 += weight * luminance * luminance;
                     weights += weight;
@@ -309,7 +307,7 @@ fn pass(
     size.map(|x, y| {
         let centre = (y * size.width + x) as usize;
         let pixel = pixels[centre];
-        let luminance = dot(pixel.light, LUMINANCE);
+        let luminance = luminance_f32(pixel.light);
         let deviation = blurred_variance(size, pixels, x, y).sqrt();
         let per_luminance = 1.0 / (settings.sigma_luminance * deviation + f32::MIN_POSITIVE);
         // Differences are summed, not values: taps equal to the pixel leave its bits alone.
@@ -323,7 +321,7 @@ fn pass(
                     continue;
                 };
                 let other = &pixels[tap];
-                let difference = (dot(other.light, LUMINANCE) - luminance).abs();
+                let difference = (luminance_f32(other.light) - luminance).abs();
                 let relative = difference * per_luminance;
                 let exponent = relative * relative
                     + settings.surface_exponent(&surfaces[centre], &surfaces[tap]);

@@ -15,8 +15,9 @@ function curves(data, showRuns) {
   fill(pick("metric"), data.metrics.map((m) => m.shown));
   fill(pick("facet"), data.facets.map((f, i) => f || "all"));
   fill(pick("x"), ["render time (s)", "samples per pixel"]);
-  const preferred = data.metrics.findIndex((m) => ["relmse", "rmse", "mse"].includes(m.name));
-  if (preferred >= 0) pick("metric").value = preferred;
+  const columns = data.metrics.map((m) => m.name);
+  const preferred = ["relmse", "rmse", "mse"].find((name) => columns.includes(name));
+  if (preferred) pick("metric").value = columns.indexOf(preferred);
   pick("facet").parentElement.hidden = data.facets.length < 2;
 
   data.series.forEach((s, i) => {
@@ -111,8 +112,13 @@ function curves(data, showRuns) {
     const f = (v, log) => (log ? Math.log(v) : v);
     const X = (v) => left + ((f(v, true) - f(x0, true)) / (f(x1, true) - f(x0, true))) * (width - left - right);
     const Y = (v) => height - bottom - ((f(v, metric.log) - f(y0, metric.log)) / (f(y1, metric.log) - f(y0, metric.log))) * (height - top - bottom);
+    // Labels that would touch the one before are left out, as on the screen of a phone.
+    let free = 0;
     for (const v of ticks(x0, x1, true)) {
       svg.append(element("line", { x1: X(v), x2: X(v), y1: top, y2: height - bottom, stroke: "var(--line)" }));
+      const half = 3.5 * text(v).length;
+      if (X(v) - half < free) continue;
+      free = X(v) + half + 6;
       const label = element("text", { x: X(v), y: height - bottom + 18, "text-anchor": "middle", "font-size": 12, fill: "var(--ink)" });
       label.textContent = text(v);
       svg.append(label);

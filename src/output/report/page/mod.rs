@@ -65,7 +65,7 @@ pub fn item(
         data: &data,
         provenance: &provenance,
     };
-    let html = document(study, items, verdict, &views, &text);
+    let html = document(study, items, verdict, &views, &text, context);
     Ok(ReportItem {
         kind: ItemKind::Data,
         section: String::new(),
@@ -204,6 +204,7 @@ fn document(
     verdict: &Verdict,
     views: &[View],
     text: &PageText,
+    context: &ReportContext,
 ) -> String {
     let mut out = head(text.title, text.provenance);
     out += &format!("<body>\n<h1>{}</h1>\n", escape(text.title));
@@ -216,7 +217,7 @@ fn document(
     }
     for (night, name) in study.nights.iter().zip(&study.names) {
         let name = (study.nights.len() > 1).then_some(name.as_str());
-        out += &night_facts(night, name);
+        out += &night_facts(night, name, context);
     }
     out += &sections::answer(study, verdict, views, text.notes.len());
     out += "<nav><a href=\"#answer\">Answer</a><a href=\"#viewer\">Pictures</a>\
@@ -225,7 +226,7 @@ fn document(
             <a href=\"#methods\">Methods</a></nav>\n";
     out += include_str!("parts.html");
     out += &sections::tables(study, items);
-    out += &sections::figures(items);
+    out += &sections::figures(study, items);
     out += "<section id=\"run-table\">\n<h2>Runs</h2>\n\
             <div class=\"bar\"><input id=\"words\" size=\"34\" \
             placeholder=\"technique=bdpt repeat=0\" aria-label=\"filter runs by words\">\
@@ -233,7 +234,7 @@ fn document(
             <div class=\"scroll\"><table id=\"runs\"></table></div>\n</section>\n";
     out += "<section id=\"methods\">\n<h2>Methods</h2>\n";
     if let Some(methods) = items.iter().find(|item| item.stem == "methods") {
-        out += &format!("<p>{}</p>\n", escape(&methods.caption));
+        out += &format!("<p>{}</p>\n", sections::prose(&methods.caption));
     }
     if !text.notes.is_empty() {
         out += &format!("<h3 id=\"notes\">Notes</h3>\n{}", list(text.notes));
@@ -249,7 +250,7 @@ fn document(
 
 /// Writes sentences as a list.
 fn list(sentences: &[String]) -> String {
-    let item = |sentence: &String| format!("<li>{}</li>\n", escape(sentence));
+    let item = |sentence: &String| format!("<li>{}</li>\n", sections::prose(sentence));
     let items: String = sentences.iter().map(item).collect();
     format!("<ul class=\"note\">\n{items}</ul>\n")
 }
@@ -272,7 +273,7 @@ fn head(title: &str, provenance: &Provenance) -> String {
 }
 
 /// Writes a line of facts on a night. `name` is given if there are several nights.
-fn night_facts(night: &NightResults, name: Option<&str>) -> String {
+fn night_facts(night: &NightResults, name: Option<&str>, context: &ReportContext) -> String {
     let name = name.map_or(String::new(), |name| format!("<b>{}</b>: ", escape(name)));
     let finished = night.runs.iter().filter(|r| r.is_done()).count();
     let (program, date) = night
@@ -286,11 +287,13 @@ fn night_facts(night: &NightResults, name: Option<&str>) -> String {
         program.to_owned(),
         date.to_owned(),
     ];
-    let facts: Vec<String> = facts
+    let mut facts: Vec<String> = facts
         .iter()
         .filter(|f| !f.is_empty())
         .map(|f| escape(f))
         .collect();
+    let script = (context.link)(&night.folder.join("experiment.lua"));
+    facts.push(format!("<a href=\"{}\">script</a>", escape(&script)));
     format!("<p class=\"meta\">{name}{}</p>\n", facts.join(" · "))
 }
 

@@ -8,7 +8,7 @@ use crate::output::report::grid::{Grid, GridCell};
 use crate::output::report::item::{ItemKind, ReportItem};
 use crate::output::report::study::Study;
 use crate::output::report::tables::TEST;
-use crate::output::report::verdict::{EXPLANATION, Verdict, Winner};
+use crate::output::report::verdict::{EXPLANATION, Verdict, Winner, is_root_of_shown};
 
 /// Writes the answer: sentences, the winners of every facet with a thumbnail of its reference, and
 /// what weakens them. `notes` is the number of notes at the end of the page.
@@ -17,8 +17,9 @@ pub fn answer(study: &Study, verdict: &Verdict, views: &[View], notes: usize) ->
     for sentence in &verdict.sentences {
         out += &format!("<p class=\"answer\">{}</p>\n", escape(sentence));
     }
+    out += "<div id=\"findings\">\n";
     if !verdict.columns.is_empty() {
-        out += "<div class=\"scroll\"><table id=\"verdict\"><thead><tr><th></th><th></th>";
+        out += "<div class=\"scroll\">\n<table id=\"verdict\"><thead><tr><th></th><th></th>";
         for column in &verdict.columns {
             out += &format!("<th>{}</th>", escape(&column.heading));
         }
@@ -26,9 +27,9 @@ pub fn answer(study: &Study, verdict: &Verdict, views: &[View], notes: usize) ->
         for facet in 0..study.facets.len().min(verdict.rows.len()) {
             out += &winners(verdict, facet, views);
         }
-        out += &format!("</tbody></table></div>\n<p class=\"note\">{EXPLANATION}</p>\n");
+        out += &format!("</tbody></table>\n<p class=\"note\">{EXPLANATION}</p>\n</div>\n");
     }
-    let mut caveats: Vec<String> = verdict.caveats.iter().map(|c| escape(c)).collect();
+    let mut caveats: Vec<String> = verdict.caveats.iter().map(|c| prose(c)).collect();
     if notes > 0 {
         let plural = if notes == 1 { "note" } else { "notes" };
         caveats.push(format!(
@@ -41,7 +42,24 @@ pub fn answer(study: &Study, verdict: &Verdict, views: &[View], notes: usize) ->
             "<div id=\"caveats\"><b>Before you believe it</b>\n<ul>\n{items}</ul></div>\n"
         );
     }
-    out + "</section>\n"
+    out + "</div>\n</section>\n"
+}
+
+/// Escapes a sentence and marks what is between two backticks as code.
+pub fn prose(text: &str) -> String {
+    let escaped = escape(text);
+    let mut parts = escaped.split('`').peekable();
+    let (mut out, mut is_code) = (String::new(), false);
+    while let Some(part) = parts.next() {
+        // A backtick without a second one stays.
+        match (is_code, parts.peek()) {
+            (true, Some(_)) => out += &format!("<code>{part}</code>"),
+            (true, None) => out += &format!("`{part}"),
+            (false, _) => out += part,
+        }
+        is_code = !is_code;
+    }
+    out
 }
 
 /// Writes one row of the table of winners.
@@ -114,9 +132,21 @@ pub fn tables(study: &Study, items: &[ReportItem]) -> String {
     out + &folded(&written) + "</section>\n"
 }
 
-/// Writes all figures.
-pub fn figures(items: &[ReportItem]) -> String {
-    let figures = items.iter().filter(|item| item.kind == ItemKind::Figure);
+/// Writes all figures, but for those of MSE where RMSE is measured: they are the same curves, with
+/// every number squared, and only files.
+pub fn figures(study: &Study, items: &[ReportItem]) -> String {
+    let repeated: Vec<String> = (0..study.metrics.len())
+        .filter(|metric| is_root_of_shown(study, *metric))
+        .map(|metric| format!("-{}", study.metrics[metric].column))
+        .collect();
+    let repeats = |item: &ReportItem| {
+        let stem = item.stem.trim_end_matches(|c: char| c.is_ascii_digit());
+        let stem = stem.trim_end_matches('-');
+        repeated.iter().any(|metric| stem.ends_with(metric))
+    };
+    let figures = items
+        .iter()
+        .filter(|item| item.kind == ItemKind::Figure && !repeats(item));
     let written: Vec<(&str, String)> = figures
         .map(|item| (item.section.as_str(), figure(item)))
         .collect();
@@ -156,7 +186,7 @@ fn figure(item: &ReportItem) -> String {
         "<figure id=\"{}\">\n{}{svg}<figcaption>{} {}</figcaption>\n</figure>\n",
         escape(&item.stem),
         heading(item),
-        escape(&item.caption),
+        prose(&item.caption),
         file_links(item)
     )
 }
@@ -198,7 +228,7 @@ fn table(item: &ReportItem, grid: &Grid, run_index: &BTreeMap<&str, usize>) -> S
     out + &format!(
         "</tbody></table></div>\n<p class=\"note\">{} {} <button class=\"copy\" \
          data-text=\"{}\">copy LaTeX</button></p>\n</div>\n",
-        escape(&caption),
+        prose(&caption),
         file_links(item),
         escape(&grid.to_latex())
     )
@@ -225,4 +255,18 @@ fn table_cell(grid: &Grid, cell: &GridCell, run_index: &BTreeMap<&str, usize>) -
         format!("<a href=\"#run-table\" data-runs=\"{runs}\">{text}</a>")
     };
     format!("<td class=\"n\">{text}</td>")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::prose;
+
+    #[test]
+    fn words_between_backticks_are_code() {
+        assert_eq!(
+            prose("`≤ t`: reached; `a < b` and `c"),
+            "<code>≤ t</code>: reached; <code>a &lt; b</code> and `c"
+        );
+        assert_eq!(prose("plain"), "plain");
+    }
 }

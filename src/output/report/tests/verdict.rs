@@ -20,6 +20,7 @@ fn the_page_begins_with_the_winners() {
     assert!(answer.contains(expected) && answer.contains("<b>nee (1.6×)</b>"));
     assert!(answer.contains("data:image/png;base64,"), "thumbnails");
     assert!(!answer.contains("Before you believe it"), "{answer}");
+    assert!(answer.contains("/experiment.lua\">script</a>"), "{answer}");
     assert!(rest.contains("<summary>RMSE</summary>"));
 }
 
@@ -84,6 +85,25 @@ fn weak_evidence_is_named() {
     let markdown = verdict(easy);
     let passed = "Time to SSIM ≥ 0.95: 4 of 4 times are of the first measurement";
     assert!(markdown.contains(passed), "{markdown}");
+}
+
+#[test]
+fn the_page_does_not_repeat_rmse_as_mse() {
+    let mut squared = night("Sample GPU", 1.0);
+    squared.metrics[1] = MetricSpec::new("mse", "mse", BTreeMap::new()).unwrap();
+    for run in &mut squared.runs {
+        run.floors = vec![("rmse".to_owned(), 0.012), ("mse".to_owned(), 0.000_144)];
+        for row in &mut run.rows {
+            row.metrics[1] = row.metrics[0] * row.metrics[0];
+        }
+    }
+    let made = report(&[squared], &ReportOptions::default());
+    let caveats = text(&made, "verdict", "md");
+    assert_eq!(caveats.matches("can be noise").count(), 1, "{caveats}");
+    assert!(!text(&made, "figures/error-time-mse", "svg").is_empty());
+    let page = text(&made, "index", "html");
+    assert!(page.contains("id=\"figures/error-time-rmse\""));
+    assert!(!page.contains("id=\"figures/error-time-mse\""));
 }
 
 #[test]

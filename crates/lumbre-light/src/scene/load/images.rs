@@ -10,6 +10,7 @@ use glam::Vec3;
 use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
 
 use super::{canonical, openexr, read_file, unreadable};
+use crate::math::luminance::luminance_f32;
 use crate::scene::compile::srgb_to_linear;
 use crate::scene::desc::{Texels, TextureDesc};
 use crate::scene::{Note, SceneError};
@@ -184,7 +185,7 @@ impl ImageCache {
             return Ok(Arc::clone(image));
         }
         self.derived(image, "heights", |[r, g, b, _]| {
-            let y = 0.2126 * r + 0.7152 * g + 0.0722 * b;
+            let y = luminance_f32([r, g, b]);
             [y, y, y, 1.0]
         })
     }

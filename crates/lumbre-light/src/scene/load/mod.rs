@@ -19,6 +19,7 @@ mod pbrt;
 mod ply;
 mod scn;
 mod spectrum;
+mod unknown;
 
 pub use images::load as texture;
 pub(in crate::scene) use pbrt::environment_square;
@@ -255,15 +256,7 @@ fn format_of(path: &Path) -> Result<&'static FormatRow, SceneError> {
     FORMATS
         .iter()
         .find(|row| (row.sniff)(&head))
-        .ok_or_else(|| SceneError::UnknownFormat {
-            file: path.to_owned(),
-            known: FORMATS
-                .iter()
-                .flat_map(|row| row.extensions)
-                .map(|e| format!(".{e}"))
-                .collect::<Vec<_>>()
-                .join(", "),
-        })
+        .ok_or_else(|| unknown::unknown_format(path))
 }
 
 /// Returns whether a path is a folder that contains a scene.

@@ -95,9 +95,7 @@ pub struct Lights {
 
 /// Returns the relative luminance of linear sRGB [IEC 61966-2-1].
 pub fn luminance(color: Vec3) -> f64 {
-    color
-        .as_dvec3()
-        .dot(glam::DVec3::new(0.2126, 0.7152, 0.0722))
+    crate::math::luminance::luminance(color.as_dvec3().to_array())
 }
 
 /// A point of the light of each lane.

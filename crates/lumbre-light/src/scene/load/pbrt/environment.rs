@@ -7,6 +7,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DMat3, DVec3};
 
+use crate::math::luminance::luminance;
 use crate::scene::desc::{Texels, TextureDesc};
 use crate::scene::load::environment::{MAX_HEIGHT, bilinear, resampled, texel};
 
@@ -133,8 +134,7 @@ pub(super) fn upper_illuminance(image: &TextureDesc) -> f64 {
             let distance = 1.0 - (u.abs() + v.abs());
             if distance > 0.0 {
                 let cos = 1.0 - (1.0 - distance) * (1.0 - distance);
-                let [r, g, b] = texel(image, x, y).map(f64::from);
-                sum += cos * (0.2126 * r + 0.7152 * g + 0.0722 * b);
+                sum += cos * luminance(texel(image, x, y).map(f64::from));
             }
         }
     }

@@ -10,6 +10,7 @@ use super::spectrum::{Spectra, Use};
 use super::texture::{TextureContext, TextureReader};
 use super::token::truncated;
 use super::{Version, environment};
+use crate::math::luminance::luminance_f32;
 use crate::scene::desc::light::CUTOFF_RANGE;
 use crate::scene::desc::{
     ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightKind, MaterialDesc, ShapeDesc,
@@ -380,5 +381,5 @@ fn tinted(map: &TextureDesc, by: Vec3) -> TextureDesc {
 /// Returns the mean luminance of an image.
 fn mean_luminance(image: &TextureDesc) -> f64 {
     let mean = mean_texel(image, true);
-    f64::from(mean.dot(Vec3::new(0.2126, 0.7152, 0.0722))).max(1e-30)
+    f64::from(luminance_f32(mean.to_array())).max(1e-30)
 }

@@ -7,6 +7,7 @@ use super::super::diffuse::Diffuse;
 use super::super::ggx::Ggx;
 use super::super::material::{BsdfClass, MaterialConstants};
 use super::{Disney, LobeEstimate, f0_of};
+use crate::math::luminance::WEIGHTS_F32;
 use crate::math::real::{Mask, Real, Vector};
 
 /// Minimum sampling probability of a rough lobe relative to its weight: its reflectance at normals
@@ -109,7 +110,7 @@ fn tinted<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(color: V, amount: R) -> V {
 /// Returns a colour of luminance 1 with the hue of `c`; white for black.
 #[inline(always)]
 fn hue_of<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(c: V) -> V {
-    let luminance = c.dot(V::broadcast(Vec3::new(0.2126, 0.7152, 0.0722)));
+    let luminance = c.dot(V::broadcast(Vec3::from_array(WEIGHTS_F32)));
     V::select(
         luminance.gt(R::splat(0.0)),
         c / luminance,
