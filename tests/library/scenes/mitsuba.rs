@@ -59,6 +59,11 @@ fn the_camera_has_its_position_and_its_vertical_field_of_view() {
         desc.camera.fov_deg
     );
     assert!(notes.is_empty(), "{notes}");
+    // Without either a focal length of 50 mm is used.
+    let none = around("").replace("<float name=\"fov\" value=\"40\"/>", "");
+    let (desc, _) = Folder::new(&[("a.xml", &none)]).load("a.xml").unwrap();
+    let half = 36f32.hypot(24.0) / 100.0 / 5f32.sqrt();
+    assert!((desc.camera.fov_deg - 2.0 * half.atan().to_degrees()).abs() < 1e-3);
     let lens = around("").replace("perspective", "thinlens").replace(
         "<float name=\"fov\" value=\"40\"/>",
         "<string name=\"focalLength\" value=\"50mm\"/><float name=\"apertureRadius\" value=\"0.5\"/>\
@@ -70,7 +75,6 @@ fn the_camera_has_its_position_and_its_vertical_field_of_view() {
         (1.0, Some(3.0))
     );
     // The diagonal of 36 x 24 mm at 50 mm, of which the height is 1 / sqrt 5 here.
-    let half = 36f32.hypot(24.0) / 100.0 / 5f32.sqrt();
     assert!((desc.camera.fov_deg - 2.0 * half.atan().to_degrees()).abs() < 1e-3);
 }
 

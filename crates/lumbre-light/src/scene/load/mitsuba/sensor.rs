@@ -7,6 +7,9 @@ use super::tree::XmlObject;
 use crate::scene::desc::{CameraDesc, MAX_SIDE, Optics};
 use crate::scene::{Note, SceneError};
 
+/// Focal length of cameras that have neither one nor a field of view.
+const DEFAULT_FOCAL_LENGTH: &str = "50mm";
+
 /// Width and height in millimetres of the film to which `focal_length` refers.
 const FILM_35MM: [f64; 2] = [36.0, 24.0];
 
@@ -111,7 +114,8 @@ fn fov(o: &XmlObject, [width, height]: [u32; 2]) -> Result<f32, SceneError> {
     let aspect = f64::from(width) / f64::from(height);
     let diagonal = |half_height: f64| half_height * aspect.hypot(1.0);
     // Half the height of the image at distance one.
-    let half = if let Some(text) = o.text("focal_length")? {
+    let half = if o.property("fov").is_none() {
+        let text = o.text("focal_length")?.unwrap_or(DEFAULT_FOCAL_LENGTH);
         let length =
             super::values::number(text.trim().trim_end_matches("mm")).map_err(|e| o.error(e))?;
         if !(length > 0.0 && length < 1e6) {
@@ -119,7 +123,7 @@ fn fov(o: &XmlObject, [width, height]: [u32; 2]) -> Result<f32, SceneError> {
         }
         FILM_35MM[0].hypot(FILM_35MM[1]) / (2.0 * length) / diagonal(1.0)
     } else {
-        let degrees = o.number("fov", 50.0)?;
+        let degrees = o.number("fov", 0.0)?;
         if !(degrees > 0.0 && degrees < 179.9) {
             return Err(o.error(format!(
                 "`fov` must be between 0 and 180 degrees, found {degrees}"

@@ -445,7 +445,8 @@ impl XmlReader<'_> {
                 prefixes.find_map(|name| Some((name, self.defaults.get(name)?)))
             else {
                 return Err(element.error(format!(
-                    "no `default` defines `${}`",
+                    "no `default` defines `${}`; Mitsuba takes it from `-D`, add here `<default \
+                     name=\"NAME\" value=\"..\"/>` before this line",
                     values::truncated(rest)
                 )));
             };
