@@ -185,6 +185,34 @@ fn serialized_meshes_are_read_by_index_and_within_limits() {
 }
 
 #[test]
+fn damaged_serialized_meshes_are_refused_or_read_without_a_panic() {
+    let shape =
+        "<shape type=\"serialized\"><string name=\"filename\" value=\"m.serialized\"/></shape>";
+    let folder = Folder::new(&[("a.xml", scene(shape))]);
+    let good = file(&[packed(2.0, 1, false)]);
+    for cut in 0..good.len() {
+        folder.write("m.serialized", &good[..cut]);
+        assert!(folder.load("a.xml").is_err(), "cut at byte {cut}");
+    }
+    for i in 0..8 * good.len() {
+        let mut bytes = good.clone();
+        bytes[i / 8] ^= 1 << (i % 8);
+        folder.write("m.serialized", bytes);
+        if let Ok((desc, _)) = folder.load("a.xml") {
+            assert!(lumbre_light::scene::compile(&desc).is_ok(), "bit {i}");
+        }
+    }
+    // A mesh may not expand beyond 16 MiB and 64 times the file.
+    let mut bomb = vec![0x1c, 4, 4, 0];
+    let mut packer = ZlibEncoder::new(&mut bomb, Compression::best());
+    (0..32).for_each(|_| packer.write_all(&[0; 1 << 20]).unwrap());
+    packer.finish().unwrap();
+    folder.write("m.serialized", file(&[bomb]));
+    let e = folder.load("a.xml").unwrap_err().to_string();
+    assert!(e.contains("expand too far"), "{e}");
+}
+
+#[test]
 fn spectra_are_those_of_mitsuba_in_rgb() {
     let color = |inner: &str| {
         let xml = format!(
@@ -289,9 +317,9 @@ fn a_tilted_environment_map_is_computed_in_the_axes_of_the_scene() {
     let Texels::RgbaF32(texels) = &map.texels else {
         panic!("expected floats")
     };
-    let at = |x: usize, y: usize| texels[y * 16 + x][0];
+    let at = |x: usize, y: usize| texels[y * 1024 + x][0];
     // +y is turned to +z, which is in the middle of the map.
-    let [left, right, top, middle] = [at(0, 4), at(15, 3), at(0, 0), at(8, 4)];
+    let [left, right, top, middle] = [at(0, 256), at(1023, 255), at(0, 0), at(512, 256)];
     assert!(middle > 5.0, "{middle}");
     assert!(
         left < 1.5 && right < 1.5 && top < 1.5,

@@ -282,7 +282,7 @@ impl<'a> Parser<'a> {
             "true" | "false" => "boolean",
             _ if word.contains(',') => "rgb",
             _ if word.parse::<f64>().is_err() => "string",
-            _ if ["width", "height"].contains(&key) => "integer",
+            _ if ["width", "height", "shape_index"].contains(&key) => "integer",
             _ => "float",
         };
         Ok(format!("<{class} name=\"{key}\" value=\"{word}\"/>"))

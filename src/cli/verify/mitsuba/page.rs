@@ -46,39 +46,9 @@ struct Report {
 /// Returns a message if the report is none of cases.
 pub fn markdown(report: Json) -> Result<String, String> {
     let report: Report = serde_json::from_value(report).map_err(|e| e.to_string())?;
-    let rows = &report.checks;
-    let first = rows.iter().find_map(|row| row.figures.as_ref());
-    let (samples, version) = first.map_or((0, "3"), |f| (f.samples, f.mitsuba.as_str()));
-    let count = |result: &str| {
-        let has = |row: &&Row| row.figures.as_ref().is_some_and(|f| f.result == result);
-        rows.iter().filter(has).count()
-    };
-    let scenes = if rows.iter().any(|row| row.check == super::cases::FILES) {
-        "The scenes are files, rendered in pictures of at most 96 pixels a side with a box filter, and \
-         paths have at most\n16 edges"
-    } else {
-        "The scenes are small pictures of one object with the given parameters, and paths have at most \
-         12 edges"
-    };
-    let mut page = format!(
-        "# Fidelity with Mitsuba\n\nMade by `lumbre verify --mitsuba --page FILE`; do not edit.\n\n\
-         Each case is a scene that both programs render with {samples} samples per pixel: Lumbre {} \
-         with `nee`, Mitsuba\n{version} with `path`. {scenes}.\nA case agrees if no block of 8 x 8 \
-         pixels and no mean differs significantly: with equal expectations, the probability that\nany of \
-         the {} cases fails is {}. A case that differs must have a note when its file is loaded or \
-         exported: a size in the\nnote bounds the difference of the means. Ratios are means over the \
-         picture, Lumbre over Mitsuba, for red, green and blue.\n\n{} cases agree, {} differ as noted, \
-         {} fail, {} are skipped.\n",
-        env!("CARGO_PKG_VERSION"),
-        rows.len(),
-        report.significance,
-        count("agrees"),
-        count("noted"),
-        report.failed,
-        report.skipped,
-    );
+    let mut page = introduction(&report);
     let mut list = "";
-    for row in rows {
+    for row in &report.checks {
         if row.check != list {
             list = &row.check;
             _ = write!(
@@ -99,6 +69,49 @@ pub fn markdown(report: Json) -> Result<String, String> {
         );
     }
     Ok(page)
+}
+
+/// Returns the beginning of the page: what was compared, and how many cases agree.
+fn introduction(report: &Report) -> String {
+    let rows = &report.checks;
+    let first = rows.iter().find_map(|row| row.figures.as_ref());
+    let (samples, version) = first.map_or((0, "3"), |f| (f.samples, f.mitsuba.as_str()));
+    let count = |result: &str| {
+        let has = |row: &&Row| row.figures.as_ref().is_some_and(|f| f.result == result);
+        rows.iter().filter(has).count()
+    };
+    let (title, command, scenes) = if rows.iter().any(|row| row.check == super::cases::FILES) {
+        (
+            ": scene files",
+            "FILE.. --page PAGE",
+            "The scenes are files, rendered in pictures of at most 96 pixels a side with a box filter, \
+             and paths have\nat most 16 edges",
+        )
+    } else {
+        (
+            "",
+            "--page FILE",
+            "The scenes are small pictures of one object with the given parameters, and paths have at \
+             most 12 edges",
+        )
+    };
+    format!(
+        "# Fidelity with Mitsuba{title}\n\nMade by `lumbre verify --mitsuba {command}`; do not edit.\n\n\
+         Each case is a scene that both programs render with {samples} samples per pixel: Lumbre {} \
+         with `nee`, Mitsuba\n{version} with `path`. {scenes}.\nA case agrees if no block of 8 x 8 \
+         pixels and no mean differs significantly: with equal expectations, the probability that\nany of \
+         the {} cases fails is {}. A case that differs must have a note when its file is loaded or \
+         exported: a size in the\nnote bounds the difference of the means. Ratios are means over the \
+         picture, Lumbre over Mitsuba, for red, green and blue.\n\n{} cases agree, {} differ as noted, \
+         {} fail, {} are skipped.\n",
+        env!("CARGO_PKG_VERSION"),
+        rows.len(),
+        report.significance,
+        count("agrees"),
+        count("noted"),
+        report.failed,
+        report.skipped,
+    )
 }
 
 /// Returns the heading of a list of cases.

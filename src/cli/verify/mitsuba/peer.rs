@@ -22,7 +22,7 @@ const PICTURES: u64 = 8;
 
 /// A picture to render.
 pub struct PeerRequest<'a> {
-    /// Scene file.
+    /// Scene file in XML.
     pub scene: &'a Path,
     /// Beginning of the names of temporary files.
     pub out: &'a Path,
@@ -30,7 +30,7 @@ pub struct PeerRequest<'a> {
     pub samples: u64,
     /// Seed of the picture.
     pub seed: u64,
-    /// What replaces film, filter and depth of the scene.
+    /// Replaces film, filter and depth of the scene.
     pub view: Option<SmallView>,
 }
 

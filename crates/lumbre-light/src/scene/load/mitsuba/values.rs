@@ -79,7 +79,7 @@ pub(super) fn color(text: &str) -> Result<Vec3, String> {
     finite(vector(text)?)
 }
 
-/// A spectrum.
+/// Value of a `spectrum` element.
 #[derive(Clone, Debug)]
 pub(super) enum Spectrum {
     /// The same value at all wavelengths.

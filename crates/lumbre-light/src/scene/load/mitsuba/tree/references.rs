@@ -80,7 +80,7 @@ impl Drafts {
     }
 }
 
-/// Follows references.
+/// Follows the references between objects.
 struct Resolver {
     drafts: Drafts,
     states: RefCell<Vec<State>>,

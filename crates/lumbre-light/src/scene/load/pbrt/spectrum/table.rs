@@ -1,4 +1,4 @@
-//! Named spectra.
+//! Spectra that pbrt knows by name.
 
 /// Index of refraction of a metal by channel of linear sRGB, relative to air.
 type Metal = (&'static str, [f32; 3], [f32; 3]);
