@@ -310,7 +310,11 @@ fn a_tilted_environment_map_is_computed_in_the_axes_of_the_scene() {
     let folder = Folder::new(&[("e.hdr", hdr)]);
     folder.write("a.xml", xml("<rotate x=\"1\" angle=\"90\"/>"));
     let (desc, notes) = folder.load("a.xml").unwrap();
-    assert!(lines(&notes).contains("is tilted"), "{}", lines(&notes));
+    assert!(
+        lines(&notes).contains("in the axes of the scene"),
+        "{}",
+        lines(&notes)
+    );
     let Some(EnvironmentSource::Map(map)) = desc.environment.map(|e| e.source) else {
         panic!("expected a map")
     };

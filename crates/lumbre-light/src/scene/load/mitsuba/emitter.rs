@@ -17,7 +17,8 @@ use crate::scene::desc::{
 use crate::scene::load::environment::{MAX_HEIGHT, bilinear, resampled};
 use crate::scene::{Note, SceneError};
 
-/// Least height of a map that is computed, at which a coarse one keeps its interpolation.
+/// Least height of maps, at which the interpolation between rows hardly matters; coarser ones are
+/// computed anew.
 const MIN_HEIGHT: u32 = 512;
 
 /// A light without a shape.
@@ -131,25 +132,22 @@ fn environment_map(
         return Ok(None);
     };
     let to_world = o.transform("to_world")?.matrix3;
+    let angle = rotation_about_y(&to_world);
     let mut rotation_deg = 0.0;
-    if let Some(angle) = rotation_about_y(&to_world) {
+    if let (Some(angle), MIN_HEIGHT..) = (angle, map.height) {
         rotation_deg = angle.to_degrees() as f32;
-        // Measured at 8 rows: 5.3 % of a channel's mean.
-        let size = (450.0 / map.height as f32).ceil() / 10.0;
-        notes.push(o.note(format!(
+        notes.push(o.note(
             "the first and the last row of an environment map are at the poles in Mitsuba, and half a \
-             texel from them here: a difference of up to {size} %"
-        )));
+             texel from them here: a difference of up to 0.1 %",
+        ));
     } else {
         let to_map = to_world.inverse();
         if !to_map.is_finite() {
             return Err(o.error("`to_world` is not invertible"));
         }
-        map = Arc::new(tilted(&map, &to_map));
-        // Measured at 8 and at 256 rows: 0.3 % of a channel's mean.
+        map = Arc::new(in_axes_of_scene(&map, &to_map));
         notes.push(o.note(
-            "the environment map is tilted; a map in the axes of the scene is computed, which blurs edges: \
-             a difference of up to 0.5 %",
+            "a finer environment map in the axes of the scene is computed: a difference of up to 0.5 %",
         ));
     }
     Ok(Some(SceneLight::Environment(EnvironmentDesc {
@@ -161,7 +159,7 @@ fn environment_map(
 }
 
 /// Returns a map in the axes of the scene, of twice the resolution if it is not too large.
-fn tilted(map: &TextureDesc, to_map: &DMat3) -> TextureDesc {
+fn in_axes_of_scene(map: &TextureDesc, to_map: &DMat3) -> TextureDesc {
     let finer = 2 * map.height <= MAX_HEIGHT;
     let height = if finer {
         (2 * map.height).max(MIN_HEIGHT)

@@ -304,6 +304,16 @@ impl XmlReader<'_> {
             "rgb" | "srgb" => PropertyValue::Color(values::color(&value(self)?).map_err(fail)?),
             "spectrum" => {
                 let spectrum = self.spectrum(element)?;
+                if emits && spectrum.is_integrated() {
+                    self.notes.push(Note {
+                        file: element.file.to_path_buf(),
+                        place: format!("line {}", element.line()),
+                        message: "the matching functions with which the colour of a spectrum is \
+                                  computed are coarser than those of Mitsuba: a difference of up \
+                                  to 0.3 %"
+                            .to_owned(),
+                    });
+                }
                 PropertyValue::Color(spectrum.color(emits).map_err(fail)?)
             }
             "point" | "vector" => PropertyValue::Vector(self.vector(element, Vec3::ZERO)?),
