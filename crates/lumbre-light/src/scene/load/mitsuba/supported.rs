@@ -144,9 +144,9 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
     },
     SupportedElement {
         name: "`constant`, `envmap`",
-        support: "`radiance`; `filename`, `scale`, `to_world`; for tilted and for small maps finer ones in the \
-                  axes of the scene are computed",
-        limits: "further environments are noted",
+        support: "`radiance`; `filename`, `scale`, `to_world`; for a tilted map a finer one in the axes of the \
+                  scene is computed",
+        limits: "tilted maps and further environments are noted",
     },
     SupportedElement {
         name: "`point`, `directional`",
