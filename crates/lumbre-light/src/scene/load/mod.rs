@@ -15,6 +15,7 @@ mod metals;
 mod mitsuba;
 mod obj;
 pub mod openexr;
+mod packed;
 mod pbrt;
 mod ply;
 mod scn;

@@ -5,7 +5,6 @@
 //! coordinates, colours, and indices. At the end of the file are the offsets of all meshes and their
 //! number. All numbers are in little-endian order.
 
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use flate2::read::ZlibDecoder;
@@ -13,14 +12,11 @@ use glam::{Vec2, Vec3};
 
 use crate::scene::SceneError;
 use crate::scene::desc::MeshDesc;
+use crate::scene::load::packed::{budget, expand};
 use crate::scene::load::read_file;
 
 /// Greatest size of a file in bytes.
 const MAX_FILE_BYTES: u64 = 1 << 30;
-/// Bytes to which the meshes of a file of any size may expand together.
-const SMALL_MESHES: u64 = 16 << 20;
-/// Greatest ratio of these bytes to the size of the file, besides [`SMALL_MESHES`].
-const MAX_EXPANSION: u64 = 64;
 /// First two bytes of a mesh.
 const MAGIC: u16 = 0x041c;
 
@@ -50,7 +46,7 @@ impl SerializedFile {
         let bytes = read_file(path, MAX_FILE_BYTES)?;
         Ok(SerializedFile {
             path: path.to_owned(),
-            budget: SMALL_MESHES + MAX_EXPANSION * bytes.len() as u64,
+            budget: budget(bytes.len()),
             bytes,
         })
     }
@@ -89,13 +85,10 @@ impl SerializedFile {
         let start = start.ok_or_else(|| format!("the offset {offset} is beyond the meshes"))?;
         let mut stream = Numbers(&self.bytes[start..first]);
         let version = header(&mut stream)?;
-        let mut bytes = Vec::new();
-        let read = ZlibDecoder::new(stream.0)
-            .take(self.budget + 1)
-            .read_to_end(&mut bytes);
-        read.map_err(|e| format!("invalid compressed data: {e}"))?;
-        let left = self.budget.checked_sub(bytes.len() as u64);
-        self.budget = left.ok_or("the meshes expand too far for the size of the file")?;
+        let bytes = expand(ZlibDecoder::new(stream.0), self.budget)
+            .map_err(|e| format!("invalid compressed data: {e}"))?
+            .ok_or("the meshes expand too far for the size of the file")?;
+        self.budget -= bytes.len() as u64;
         Ok((version, bytes))
     }
 }

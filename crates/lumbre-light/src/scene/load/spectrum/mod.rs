@@ -2,9 +2,16 @@
 
 mod matching;
 
+use std::path::Path;
+
 use glam::{DMat3, DVec3};
 
 use self::matching::{FIRST, MATCHING, STEP};
+use super::read_file;
+use crate::scene::SceneError;
+
+/// Greatest size of a file with a spectrum in bytes.
+const MAX_FILE_BYTES: u64 = 1 << 20;
 
 /// Number of wavelengths at which a spectrum is read between two of the table.
 const SUBDIVISIONS: usize = 5;
@@ -20,9 +27,26 @@ impl Sampled {
         Sampled(pairs)
     }
 
+    /// Returns the spectrum of a list of wavelengths and values in turn; `None` if they are no pairs.
+    pub fn from_numbers(numbers: &[f64]) -> Option<Sampled> {
+        match numbers.as_chunks() {
+            (pairs, []) if !pairs.is_empty() => Some(Sampled::new(pairs.to_vec())),
+            _ => None,
+        }
+    }
+
+    /// Reads a file; `None` if its text has no pairs.
+    ///
+    /// # Errors
+    /// Fails if the file cannot be read.
+    pub fn read(path: &Path) -> Result<Option<Sampled>, SceneError> {
+        let bytes = read_file(path, MAX_FILE_BYTES)?;
+        Ok(Sampled::from_text(&String::from_utf8_lossy(&bytes)))
+    }
+
     /// Returns the spectrum in the text of a file: numbers between white space, with comments after
     /// `#`; `None` if they are no pairs of finite numbers.
-    pub fn from_text(text: &str) -> Option<Sampled> {
+    fn from_text(text: &str) -> Option<Sampled> {
         let words = text.lines().flat_map(|line| {
             line.split('#')
                 .next()
@@ -30,9 +54,8 @@ impl Sampled {
                 .split_whitespace()
         });
         let numbers: Vec<f64> = words.map(str::parse).collect::<Result<_, _>>().ok()?;
-        let (pairs, rest) = numbers.as_chunks::<2>();
-        let valid = rest.is_empty() && !pairs.is_empty() && numbers.iter().all(|x| x.is_finite());
-        valid.then(|| Sampled::new(pairs.to_vec()))
+        let finite = numbers.iter().all(|x| x.is_finite());
+        Sampled::from_numbers(&numbers).filter(|_| finite)
     }
 
     /// Returns the value at a wavelength, interpolated linearly; beyond the ends that of the end.

@@ -16,8 +16,6 @@ use crate::scene::{Note, SceneError};
 
 /// Greatest size of a scene file in bytes.
 const MAX_XML_BYTES: u64 = 64 << 20;
-/// Greatest size of a file with a spectrum in bytes.
-const MAX_SPECTRUM_BYTES: u64 = 1 << 20;
 /// Greatest number of folders in which files are searched.
 const MAX_FOLDERS: usize = 16;
 /// Greatest number of bytes by which the variables in an attribute may lengthen it.
@@ -341,8 +339,7 @@ impl XmlReader<'_> {
         let fail = |problem: String| element.error(problem);
         if let Some(file) = self.attribute(element, "filename")? {
             let path = find_file(&self.folders, &element.file, &file);
-            let bytes = read_file(&path, MAX_SPECTRUM_BYTES)?;
-            let read = Sampled::from_text(&String::from_utf8_lossy(&bytes));
+            let read = Sampled::read(&path)?;
             return read.map(Spectrum::Sampled).ok_or_else(|| {
                 let shown = path.display();
                 fail(format!("{shown}: expected pairs of wavelength and value"))

@@ -8,7 +8,6 @@ mod quadric;
 mod subdivision;
 
 use std::collections::BTreeMap;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -19,6 +18,7 @@ use super::Version;
 use super::params::Params;
 use super::token::truncated;
 use crate::scene::desc::{MeshDesc, ShapeDesc, Transform, mesh_hash};
+use crate::scene::load::packed::{budget, expand};
 use crate::scene::load::{canonical, ply, read_file};
 use crate::scene::shape::Shape;
 use crate::scene::{Note, SceneError};
@@ -27,10 +27,6 @@ use crate::scene::{Note, SceneError};
 const MAX_GENERATED_TRIANGLES: usize = 1 << 20;
 /// Greatest size of a compressed mesh in bytes.
 const MAX_GZIP_BYTES: u64 = 1 << 28;
-/// Greatest ratio of a mesh to its compressed file.
-const MAX_EXPANSION: u64 = 64;
-/// Size of a decompressed mesh that is allowed for a file of any size, in bytes.
-const SMALL_MESH_BYTES: u64 = 16 << 20;
 
 /// A shape in object space, before the transform of the file.
 pub(super) struct LoadedShape {
@@ -319,23 +315,21 @@ impl ShapeLoader {
 /// Reads and decompresses a file.
 fn decompressed(path: &Path) -> Result<Vec<u8>, SceneError> {
     let packed = read_file(path, MAX_GZIP_BYTES)?;
-    let most = (packed.len() as u64) * MAX_EXPANSION + SMALL_MESH_BYTES;
+    let most = budget(packed.len());
     let malformed = |problem: String| SceneError::Malformed {
         file: path.to_owned(),
         place: "gzip".to_owned(),
         problem,
     };
-    let mut bytes = Vec::new();
-    let mut decoder = GzDecoder::new(packed.as_slice()).take(most + 1);
-    let read = decoder.read_to_end(&mut bytes);
-    read.map_err(|e| malformed(e.to_string()))?;
-    if bytes.len() as u64 > most {
-        return Err(malformed(format!(
-            "the file expands to more than {} MiB, too much for its size",
-            most >> 20
-        )));
-    }
-    Ok(bytes)
+    let expanded = expand(GzDecoder::new(packed.as_slice()), most);
+    expanded
+        .map_err(|e| malformed(e.to_string()))?
+        .ok_or_else(|| {
+            malformed(format!(
+                "the file expands to more than {} MiB, too much for its size",
+                most >> 20
+            ))
+        })
 }
 
 /// Returns a length above 0.

@@ -17,11 +17,8 @@ use super::Version;
 use super::params::{Param, Values};
 use super::token::truncated;
 use crate::scene::SceneError;
+use crate::scene::load::metals;
 use crate::scene::load::spectrum::{Sampled, to_srgb, under_daylight, xyz};
-use crate::scene::load::{metals, read_file};
-
-/// Greatest size of a file with a spectrum in bytes.
-const MAX_FILE_BYTES: u64 = 1 << 20;
 
 /// Wavelength of the helium d line in nanometres, at which an index is that of a glass.
 const HELIUM_D: f64 = 587.6;
@@ -202,13 +199,13 @@ impl Spectra {
     /// Reads a file of pairs of wavelength and value.
     fn file(&self, p: &Param, name: &str) -> Result<Sampled, SceneError> {
         let path = self.folder.join(name.replace('\\', "/"));
-        let bytes = read_file(&path, MAX_FILE_BYTES).map_err(|e| {
+        let read = Sampled::read(&path).map_err(|e| {
             p.error(format!(
                 "`{}` is no name of a spectrum that is supported, and no file: {e}",
                 truncated(name)
             ))
         })?;
-        Sampled::from_text(&String::from_utf8_lossy(&bytes)).ok_or_else(|| {
+        read.ok_or_else(|| {
             p.error(format!(
                 "{}: expected pairs of wavelength and value",
                 path.display()
@@ -253,13 +250,12 @@ pub(super) fn copper() -> (Vec3, Vec3) {
 
 /// Returns the spectrum of pairs of wavelength in nanometres and value.
 fn samples(p: &Param, numbers: &[f64]) -> Result<Sampled, SceneError> {
-    match numbers.as_chunks::<2>() {
-        (pairs, []) if !pairs.is_empty() => Ok(Sampled::new(pairs.to_vec())),
-        _ => Err(p.error(format!(
+    Sampled::from_numbers(numbers).ok_or_else(|| {
+        p.error(format!(
             "expected pairs of wavelength and value, found {} numbers",
             numbers.len()
-        ))),
-    }
+        ))
+    })
 }
 
 #[cfg(test)]
