@@ -325,8 +325,8 @@ impl Resources<'_> {
 
 impl Iteration<'_> {
     /// Traces light subpaths with the given numbers below `count`, which is their number in the
-    /// iteration. `context` is that of a unit of work. All such paths of a run are samples of one
-    /// sequence, so that Sobol's sequence stratifies those of an iteration.
+    /// iteration. `context` is that of a unit of work. Their random numbers are those of
+    /// [`Iteration::path_sampler`].
     pub fn trace_light(
         &self,
         context: &Context,
@@ -343,7 +343,7 @@ impl Iteration<'_> {
             sampler,
             seed,
             pixel: super::NO_PIXEL,
-            first: self.index.wrapping_mul(count).wrapping_add(paths.start),
+            first: self.sample(paths.start, count),
             count: paths.end - paths.start,
             counts,
         };

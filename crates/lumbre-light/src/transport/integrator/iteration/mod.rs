@@ -123,11 +123,6 @@ pub struct Iteration<'a> {
 }
 
 impl Resources<'_> {
-    /// Returns the random numbers of a path from which the job is prepared.
-    pub fn path_sampler(&self, path: u64) -> Sampler {
-        self.sampler.start(self.seed, PREPARED, path)
-    }
-
     /// Returns the random numbers of a training path of a pixel. They are independent of those of
     /// the picture's samples.
     pub fn training_sampler(&self, pixel: [u32; 2], path: u64) -> Sampler {
@@ -177,9 +172,13 @@ impl<'a> Iteration<'a> {
     /// iteration. All such paths of a run are samples of one sequence, so that Sobol's sequence
     /// stratifies those of an iteration.
     pub fn path_sampler(&self, path: u64, paths: u64) -> Sampler {
-        let sample = self.index.wrapping_mul(paths).wrapping_add(path);
         let Resources { seed, sampler, .. } = self.resources;
-        sampler.start(seed, NO_PIXEL, sample)
+        sampler.start(seed, NO_PIXEL, self.sample(path, paths))
+    }
+
+    /// Returns the index of the sample of a path that belongs to no pixel, one of `paths`.
+    fn sample(&self, path: u64, paths: u64) -> u64 {
+        self.index.wrapping_mul(paths).wrapping_add(path)
     }
 }
 
