@@ -258,15 +258,16 @@ mod tests {
         }
     }
 
+    /// Returns the error of loading a script.
+    fn load_error(file: &str, text: &str) -> ScriptError {
+        let limits = crate::script::Limits::default();
+        crate::script::load_text(std::path::Path::new(file), text.to_owned(), limits).unwrap_err()
+    }
+
     #[test]
     fn a_script_error_shows_its_line_with_a_mark() {
         let text = "local x = experiment(\"t\", {})\nx:axis(\"depth\", { 1, \t2 }, \"é\" .. nil)\n";
-        let error = crate::script::load_text(
-            std::path::Path::new("folder/t.lua"),
-            text.to_owned(),
-            crate::script::Limits::default(),
-        )
-        .unwrap_err();
+        let error = load_error("folder/t.lua", text);
         let shown = Failure::script_call("`render` at depth = 1", error).render(Renderer::plain());
         let lines: Vec<&str> = shown.lines().collect();
         assert!(lines[0].starts_with("error: attempt to "), "{shown}");
@@ -282,12 +283,7 @@ mod tests {
     #[test]
     fn the_remedy_of_a_script_error_is_beside_its_mark() {
         let text = "local x = experiment(\"t\")\nx:measure { rmse = metric.rmse }\n";
-        let error = crate::script::load_text(
-            std::path::Path::new("t.lua"),
-            text.to_owned(),
-            crate::script::Limits::default(),
-        )
-        .unwrap_err();
+        let error = load_error("t.lua", text);
         let shown = Failure::script(error).render(Renderer::plain());
         let lines: Vec<&str> = shown.lines().collect();
         let cause = "error: measure.rmse: expected a metric, found a function";

@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 /// Text of the table.
 const TABLE: &str = include_str!("cases.txt");
 
-/// Greatest number of path edges of every scene.
-const MAX_DEPTH: u32 = 12;
+/// Greatest number of path edges of every scene of the table.
+pub const MAX_DEPTH: u32 = 12;
 
 /// Name of the list of exported materials.
 pub const MATERIALS: &str = "materials";

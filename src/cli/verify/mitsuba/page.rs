@@ -5,6 +5,8 @@ use std::fmt::Write;
 use serde::{Deserialize, Serialize};
 use serde_json::Value as Json;
 
+use super::{MAX_DEPTH, MAX_SIDE};
+
 /// Result of a case, as part of the report in JSON.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub struct CaseFigures {
@@ -84,15 +86,20 @@ fn introduction(report: &Report) -> String {
         (
             ": scene files",
             "FILE.. --page PAGE",
-            "The scenes are files, rendered in pictures of at most 96 pixels a side with a box filter, \
-             and paths have\nat most 16 edges",
+            format!(
+                "The scenes are files, rendered in pictures of at most {MAX_SIDE} pixels a side with a \
+                 box filter, and paths have\nat most {MAX_DEPTH} edges"
+            ),
         )
     } else {
         (
             "",
             "--page FILE",
-            "The scenes are small pictures of one object with the given parameters, and paths have at \
-             most 12 edges",
+            format!(
+                "The scenes are small pictures of one object with the given parameters, and paths have \
+                 at most {} edges",
+                super::cases::MAX_DEPTH
+            ),
         )
     };
     format!(
