@@ -1,4 +1,4 @@
-/* Techniques of Lumbre in shared libraries: the C interface, version 1.
+/* Techniques of Lumbre in shared libraries: the C interface, version 2.
  *
  * A library exports two functions. LUMBRE_PLUGINS names the libraries that a program loads:
  *
@@ -15,7 +15,7 @@
 
 #include <stdint.h>
 
-#define LUMBRE_TECHNIQUE_ABI 1
+#define LUMBRE_TECHNIQUE_ABI 2
 
 #ifdef __cplusplus
 extern "C" {
@@ -55,6 +55,7 @@ typedef struct lumbre_light_sample {
     float pdf;         /* density per solid angle, times the probability of the light; of a Dirac light that alone */
     float position[3]; /* point on the light */
     float normal[3];   /* its normal; zero for points without a surface */
+    float extent;      /* greatest coordinate of the primitive: a measure of the rounding errors of the position */
     int32_t delta;     /* whether only light sampling finds this light */
 } lumbre_light_sample;
 

@@ -54,6 +54,32 @@ Triangle triangle_corners(uint primitive, uint instance) {
     return corners;
 }
 
+// Returns the greatest absolute coordinate of a vector.
+float greatest_coordinate(vec3 v) {
+    v = abs(v);
+    return max(v.x, max(v.y, v.z));
+}
+
+// Returns the greatest absolute coordinate of a triangle with these world-space corners, and of how
+// far its instance was moved: a measure of the rounding errors of its points.
+float triangle_extent(Triangle corners, uint instance) {
+    float extent = max(
+        greatest_coordinate(corners.a),
+        max(greatest_coordinate(corners.b), greatest_coordinate(corners.c))
+    );
+#ifdef EXTENDED
+    if (INSTANCES && instance != NONE) {
+        extent = max(extent, greatest_coordinate(place_point(places[instance], vec3(0.0))));
+    }
+#endif
+    return extent;
+}
+
+// Returns the same of a sphere.
+float sphere_extent(Sphere ball) {
+    return greatest_coordinate(ball.center) + ball.radius;
+}
+
 // Returns the shading data of a triangle with these world-space corners: normals in world space.
 TriangleAttributes triangle_attributes(uint primitive, uint instance, Triangle corners) {
     TriangleAttributes a = attributes[primitive];

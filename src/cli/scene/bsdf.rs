@@ -140,6 +140,7 @@ fn surface(material: &Material, uv: Uv) -> Surface<'_> {
     Surface {
         position: Vec3::ZERO,
         n_geometric: Vec3::Z,
+        extent: 0.0,
         n_shading: Vec3::Z,
         tangent: if own == Vec3::ZERO { Vec3::X } else { own },
         uv,

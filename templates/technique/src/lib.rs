@@ -208,8 +208,8 @@ impl<R: Lanes<N>, const N: usize> Vertex<'_, R, N> {
         // Only connections can find the light of points and of single directions.
         let weight = R::select(light.delta, R::splat(1.0), own / (own + value.pdf_w));
         let ray = ShadowRay::between(
-            [position, self.surface.n_geometric],
-            [light.point.position, light.point.normal],
+            self.surface.end(),
+            light.point.end(),
             light.wi,
             light.is_infinite(),
         );

@@ -19,7 +19,7 @@ void twin() {
     out_word(found ? 1u : 0u);
     if (!found) {
         d = DirectSample(
-            vec3(0.0), 0.0, vec3(0.0), 0.0, false, LightPoint(0u, vec3(0.0), vec3(0.0), Uv(0.0))
+            vec3(0.0), 0.0, vec3(0.0), 0.0, false, LightPoint(0u, vec3(0.0), vec3(0.0), 0.0, Uv(0.0))
         );
     }
     out_vec3(d.wi);

@@ -20,7 +20,7 @@ void twin() {
     float probability;
     out_word(alias_sample(u.x, probability));
     out_float(probability);
-    out_vec3(offset_origin(p, n));
+    out_vec3(offset_origin(p, n, abs(q.x)));
     out_vec2(uniform_triangle(u));
     out_vec2(concentric_disk(u));
     out_vec3(cosine_hemisphere(u));

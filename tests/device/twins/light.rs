@@ -90,6 +90,7 @@ fn put_point(lights: &Lights, point: Option<LightPoint>, row: &mut Row) {
         lights: [LightId::Point(0)],
         position: Vec3::ZERO,
         normal: Vec3::ZERO,
+        extent: 0.0,
         uv: Uv::zero(),
     };
     let index = point

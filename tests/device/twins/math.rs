@@ -96,7 +96,7 @@ pub const MATH: Twin = Twin {
         let (item, probability) = table.sample(u[0]);
         row.push(item as u32);
         row.push_floats([probability]);
-        row.push_floats(offset_origin(p, n).to_array());
+        row.push_floats(offset_origin(p, n, q.x.abs()).to_array());
         row.push_floats(warp::uniform_triangle(u));
         row.push_floats(warp::concentric_disk(u).to_array());
         row.push_floats(warp::cosine_hemisphere(u).to_array());

@@ -10,8 +10,8 @@ mod traits;
 
 use glam::{Vec2, Vec3};
 
-use super::ray::{Hit, Ray, RayHits, offset_by_axis};
-use super::vertex::towards;
+use super::ray::{Hit, Ray, RayHits};
+use super::vertex::EdgeEnd;
 use crate::math::real::{Mask, Outlined, Real, Vector, Word};
 use crate::math::simd::{F32x8, Lanes, map_array, map_vectors};
 use crate::scene::CompiledScene;
@@ -30,6 +30,8 @@ pub struct Surface<'a, R: Real = f32, const N: usize = 1> {
     pub position: R::Vec3,
     /// Unit normal of the primitive's front side, whichever side was hit.
     pub n_geometric: R::Vec3,
+    /// Greatest absolute coordinate of the primitive: see [`EdgeEnd::extent`].
+    pub extent: R,
     /// Unit shading normal on the same side.
     pub n_shading: R::Vec3,
     /// World-space direction in which anisotropic highlights are stretched. Not normalised and not
@@ -175,6 +177,43 @@ impl<R: Real> Primitives<R> {
             }
         }
     }
+
+    /// Returns the greatest absolute coordinates of the primitives, which bound the rounding errors
+    /// of [`points`](Primitives::points). With instances they include how far these were moved.
+    #[inline(always)]
+    fn extent<const N: usize>(
+        &self,
+        scene: &CompiledScene,
+        traits: &SurfaceTraits,
+        hits: &RayHits<R, N>,
+    ) -> R
+    where
+        R: Lanes<N>,
+    {
+        match self {
+            Primitives::Triangles(Triangles { corners, .. }) => {
+                let extent = greatest_coordinate(corners);
+                if !traits.instanced {
+                    return extent;
+                }
+                let moved = map_array(hits.instances, |i| scene.instance_extent(i));
+                extent.max(R::load(&moved))
+            }
+            Primitives::Spheres(Spheres { center, radius }) => {
+                greatest_coordinate(&[*center]) + *radius
+            }
+        }
+    }
+}
+
+/// Returns the greatest absolute coordinate of points.
+#[inline(always)]
+fn greatest_coordinate<V: Vector>(points: &[V]) -> V::Scalar {
+    let mut greatest = V::Scalar::splat(0.0);
+    for p in points {
+        greatest = greatest.max(p.x().abs()).max(p.y().abs()).max(p.z().abs());
+    }
+    greatest
 }
 
 /// Loads three vectors per lane.
@@ -254,6 +293,7 @@ impl<'a, R: Lanes<N>, const N: usize> Surface<'a, R, N> {
         let mut surface = Surface {
             position,
             n_geometric,
+            extent: primitives.extent(scene, traits, hits),
             n_shading,
             tangent: R::Vec3::broadcast(Vec3::ZERO),
             uv: uv_at_hits(scene, traits, hits, n_shading),
@@ -304,11 +344,21 @@ impl<'a, R: Lanes<N>, const N: usize> Surface<'a, R, N> {
         emits & R::load(&reflects).eq(R::splat(0.0))
     }
 
+    /// Returns the point as an end of edges.
+    #[inline(always)]
+    pub fn end(&self) -> EdgeEnd<R> {
+        EdgeEnd {
+            position: self.position,
+            normal: self.n_geometric,
+            extent: self.extent,
+        }
+    }
+
     /// Returns a ray in direction `dir`, started off the surface on the side of `dir`, or from the
     /// lifted point.
     #[inline(always)]
     pub fn spawn(&self, dir: R::Vec3) -> Ray<R::Vec3> {
-        let mut origin = offset_by_axis(self.position, towards(self.n_geometric, dir));
+        let mut origin = self.end().off_surface(dir);
         if let Some(terminator) = self.terminator_into(dir) {
             origin = R::Vec3::select(terminator.exists, terminator.lifted_point, origin);
         }

@@ -1,9 +1,9 @@
-//! Edges between two vertices of a path: conversion of densities between measures, and shadow rays
-//! between surfaces.
+//! Edges between two vertices of a path: conversion of densities between measures, and ends off
+//! their surfaces.
 
 use glam::Vec3;
 
-use super::ray::{Ray, Trace, offset_origin};
+use super::ray::offset_origin;
 use crate::math::real::{Real, Vector};
 
 /// Returns the factor from a density per solid angle at `from` to one per area at `to`, where the
@@ -26,36 +26,44 @@ pub fn area_factors<V: Vector>([from, n_from]: [V; 2], [to, n_to]: [V; 2]) -> [V
     [edge.dot(n_to).abs() * scale, edge.dot(n_from).abs() * scale]
 }
 
-/// Returns whether nothing lies between two surface points.
-///
-/// Both ends are moved off their surfaces towards each other, so that neither surface hides the
-/// other point. A point without a surface has the normal zero.
-#[inline]
-pub fn visible(trace: &dyn Trace, from: Vec3, n_from: Vec3, to: Vec3, n_to: Vec3) -> bool {
-    let edge = to - from;
-    let origin = offset_origin(from, towards(n_from, edge));
-    let target = offset_origin(to, towards(n_to, -edge));
-    let edge = target - origin;
-    let distance = edge.length();
-    if distance <= 0.0 {
-        return true;
-    }
-    !trace.occluded(
-        &Ray {
-            origin,
-            dir: edge / distance,
-        },
-        distance,
-    )
+/// A point at which an edge of a path starts or ends; scalar or vectorised.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EdgeEnd<R: Real = f32> {
+    /// Position in world space.
+    pub position: R::Vec3,
+    /// Unit normal of the surface on either side; zero for a point without a surface.
+    pub normal: R::Vec3,
+    /// Greatest absolute coordinate of the primitive, in scene units, from which the rounding
+    /// errors of its points follow; any number for a point without a surface.
+    pub extent: R,
 }
 
-/// Returns a ray from a surface point in the unit direction `dir`, started off the surface on the
-/// side of `dir`.
-#[inline]
-pub fn spawn_ray(from: Vec3, n: Vec3, dir: Vec3) -> Ray {
-    Ray {
-        origin: offset_origin(from, towards(n, dir)),
-        dir,
+impl<R: Real> EdgeEnd<R> {
+    /// Returns a point without a surface.
+    #[inline(always)]
+    pub fn free(position: R::Vec3) -> EdgeEnd<R> {
+        EdgeEnd {
+            position,
+            normal: R::Vec3::broadcast(Vec3::ZERO),
+            extent: R::splat(0.0),
+        }
+    }
+
+    /// Returns the point moved off its surface to the side of `dir`, so that the surface does not
+    /// hide what is there: see [`offset_origin`].
+    #[inline(always)]
+    pub fn off_surface(&self, dir: R::Vec3) -> R::Vec3 {
+        offset_origin(self.position, towards(self.normal, dir), self.extent)
+    }
+
+    /// Returns `yes` where the mask is set, else `no`.
+    #[inline(always)]
+    pub fn select(mask: R::Mask, yes: Self, no: Self) -> Self {
+        EdgeEnd {
+            position: R::Vec3::select(mask, yes.position, no.position),
+            normal: R::Vec3::select(mask, yes.normal, no.normal),
+            extent: R::select(mask, yes.extent, no.extent),
+        }
     }
 }
 
@@ -68,36 +76,6 @@ pub fn towards<V: Vector>(n: V, dir: V) -> V {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::compile::NONE;
-    use crate::transport::ray::Hit;
-
-    /// The plane z = 0.
-    struct Plane;
-
-    impl Trace for Plane {
-        fn closest(&self, ray: &Ray, t_max: f32) -> Option<Hit> {
-            let t = -ray.origin.z / ray.dir.z;
-            (t > 0.0 && t < t_max).then_some(Hit {
-                t,
-                primitive: 0,
-                instance: NONE,
-                uv: [0.0; 2],
-            })
-        }
-
-        fn occluded(&self, ray: &Ray, t_max: f32) -> bool {
-            self.closest(ray, t_max).is_some()
-        }
-    }
-
-    #[test]
-    fn a_surface_does_not_hide_its_own_points_but_what_is_behind_it() {
-        let above = Vec3::new(3.0, -2.0, 5.0);
-        let on = Vec3::new(100.0, 50.0, 0.0);
-        assert!(visible(&Plane, above, Vec3::X, on, Vec3::Z));
-        assert!(visible(&Plane, on, -Vec3::Z, above, Vec3::ZERO));
-        assert!(!visible(&Plane, above, Vec3::X, -above, Vec3::X));
-    }
 
     #[test]
     fn area_of_a_cap_seen_from_its_centre_and_from_an_angle() {

@@ -4,7 +4,7 @@
 use std::ffi::{c_char, c_void};
 
 /// Version of the interface. Raised whenever a type or the meaning of a function changes.
-pub const ABI: u32 = 1;
+pub const ABI: u32 = 2;
 
 /// The C type `lumbre_ray`.
 #[repr(C)]
@@ -42,6 +42,7 @@ pub struct CLightSample {
     pub pdf: f32,
     pub position: [f32; 3],
     pub normal: [f32; 3],
+    pub extent: f32,
     pub delta: i32,
 }
 

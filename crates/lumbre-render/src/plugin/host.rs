@@ -16,6 +16,7 @@ use lumbre_light::transport::integrator::camera_path::{ShadowRay, unoccluded};
 use lumbre_light::transport::ray::Ray;
 use lumbre_light::transport::sampler::Sampler;
 use lumbre_light::transport::surface::Surface;
+use lumbre_light::transport::vertex::EdgeEnd;
 
 /// A sample in progress: what [`CSample`] points to.
 pub struct SampleState<'a> {
@@ -200,8 +201,12 @@ unsafe extern "C" fn occluded(sample: CSample, from: CVertex, to: *const CLightS
         return 1;
     };
     let ray = ShadowRay::<f32>::between(
-        [surface.position, surface.n_geometric],
-        [to.position.into(), to.normal.into()],
+        surface.end(),
+        EdgeEnd {
+            position: to.position.into(),
+            normal: to.normal.into(),
+            extent: to.extent,
+        },
         to.wi.into(),
         !to.distance.is_finite(),
     );
@@ -300,6 +305,7 @@ unsafe extern "C" fn light_sample(sample: CSample, at: CVertex, sampled: *mut CL
         pdf,
         position: direct.point.position.to_array(),
         normal: direct.point.normal.to_array(),
+        extent: direct.point.extent,
         delta: i32::from(direct.delta),
     };
     1

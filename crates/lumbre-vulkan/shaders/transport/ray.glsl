@@ -24,16 +24,22 @@ bool trace_closest(Ray ray, float t_max, out Hit hit);
 // Returns whether anything is hit with 0 < t < t_max.
 bool trace_occluded(Ray ray, float t_max);
 
-float offset_axis(float p, float n) {
+float offset_axis(float p, float n, float least) {
     int steps = int(256.0 * n);
     float moved = intBitsToFloat(floatBitsToInt(p) + (p < 0.0 ? -steps : steps));
-    return abs(p) < 1.0 / 32.0 ? p + n * (1.0 / 65536.0) : moved;
+    moved = abs(p) < 1.0 / 32.0 ? p + n * (1.0 / 65536.0) : moved;
+    least *= n;
+    return abs(moved - p) < abs(least) ? p + least : moved;
 }
 
 // Moves a point off its surface along `n` just far enough that a ray from there does not hit the
-// surface again [Waechter & Binder 2019].
-vec3 offset_origin(vec3 p, vec3 n) {
-    return vec3(offset_axis(p.x, n.x), offset_axis(p.y, n.y), offset_axis(p.z, n.z));
+// surface again; `extent` is the greatest absolute coordinate of the primitive
+// [Waechter & Binder 2019; see Rust].
+vec3 offset_origin(vec3 p, vec3 n, float extent) {
+    float least = (1.0 / 2097152.0) * extent;
+    return vec3(
+        offset_axis(p.x, n.x, least), offset_axis(p.y, n.y, least), offset_axis(p.z, n.z, least)
+    );
 }
 
 #endif

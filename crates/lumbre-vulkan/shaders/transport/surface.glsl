@@ -8,6 +8,7 @@
 #include "math/rng.glsl"
 #include "transport/light/types.glsl"
 #include "transport/ray.glsl"
+#include "transport/vertex.glsl"
 
 // A mapped normal that points behind the geometric surface is tilted until its cosine with the
 // geometric normal has this value.
@@ -30,6 +31,7 @@ const TerminatorOffset NO_TERMINATOR_OFFSET = TerminatorOffset(
 struct Surface {
     vec3 position;
     vec3 n_geometric;
+    float extent;
     vec3 n_shading;
     vec3 tangent;
     Uv uv;
@@ -222,7 +224,8 @@ TerminatorOffset find_terminator_offset(Surface s, Face face, Ray ray, Hit hit) 
     if (!(dot(lift, up) > 0.0)) {
         return NO_TERMINATOR_OFFSET;
     }
-    return TerminatorOffset(true, s.position, offset_origin(s.position + lift, up), up, false);
+    vec3 lifted_point = offset_origin(s.position + lift, up, s.extent);
+    return TerminatorOffset(true, s.position, lifted_point, up, false);
 }
 
 // Returns a unit normal tilted to the front of the triangle.
@@ -346,6 +349,7 @@ Surface surface_with_material(Ray ray, Hit hit, uint material) {
         vec3 weights = vec3(1.0 - hit.uv.x - hit.uv.y, hit.uv);
         s.position = corners.a * weights.x + corners.b * weights.y + corners.c * weights.z;
         s.n_geometric = normalize_or(cross(corners.b - corners.a, corners.c - corners.a), -ray.dir);
+        s.extent = triangle_extent(corners, hit.instance);
         s.n_shading = normalize_or(
             a.na * weights.x + a.nb * weights.y + a.nc * weights.z, s.n_geometric
         );
@@ -360,6 +364,7 @@ Surface surface_with_material(Ray ray, Hit hit, uint material) {
         vec3 n = normalize_or(ray.origin + ray.dir * hit.t - ball.center, -ray.dir);
         s.position = ball.center + n * ball.radius;
         s.n_geometric = n;
+        s.extent = sphere_extent(ball);
         s.n_shading = n;
         s.uv = uv_of(sphere_uv(n));
         s.tint = vec3(1.0);
@@ -417,13 +422,17 @@ bool surface_ends_paths(Surface s) {
     return s.emitter != NONE && materials[s.material].emitter_reflects == 0u;
 }
 
+// Returns a surface as an end of edges.
+EdgeEnd surface_end(Surface s) {
+    return EdgeEnd(s.position, s.n_geometric, s.extent);
+}
+
 // Returns a ray in direction `dir`, started off the surface on the side of `dir`.
 Ray surface_spawn(Surface s, vec3 dir) {
     if (terminator_offset_applies_to(s.terminator, dir)) {
         return Ray(s.terminator.lifted_point, dir);
     }
-    vec3 side = dot(dir, s.n_geometric) < 0.0 ? -s.n_geometric : s.n_geometric;
-    return Ray(offset_origin(s.position, side), dir);
+    return spawn_ray(surface_end(s), dir);
 }
 
 #endif

@@ -12,7 +12,7 @@ use crate::value::schema::Table;
 pub const ROW: IntegratorRow = IntegratorRow {
     name: "bpt",
     long_name: "path tracing",
-    revision: 3,
+    revision: 4,
     doc: "Paths start at the camera and find light only by hitting it [Kajiya 1986].",
     params: Table {
         name: "BptParams",

@@ -22,7 +22,7 @@ use crate::value::schema::Table;
 pub const ROW: IntegratorRow = IntegratorRow {
     name: "nee",
     long_name: "path tracing with next event estimation",
-    revision: 3,
+    revision: 4,
     doc: "Paths start at the camera and are connected to a light at every vertex that is not \
           specular; light that they hit by themselves is weighted against it [Veach 1997, 9.2]. \
           With `mis = \"none\"` such light counts only if no connection could find it: seen \
@@ -320,12 +320,8 @@ impl<R: Real, D> Vertex<'_, R, D> {
             }
             None => one,
         };
-        let ray = ShadowRay::between(
-            [surface.position, surface.n_geometric],
-            [direct.point.position, direct.point.normal],
-            wi,
-            direct.is_infinite(),
-        );
+        let infinite = direct.is_infinite();
+        let ray = ShadowRay::between(surface.end(), direct.point.end(), wi, infinite);
         let length = match self.optical {
             None => R::Double::splat(0.0),
             Some(optical) => {

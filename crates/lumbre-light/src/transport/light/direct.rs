@@ -132,6 +132,7 @@ impl<R: Lanes<N>, const N: usize> SelectedLights<'_, R, N> {
                 lights: self.ids(),
                 position,
                 normal,
+                extent: self.extent(),
                 uv: Uv::zero(),
             },
         }

@@ -67,6 +67,7 @@ use crate::math::distribution::AliasTable;
 use crate::math::real::{Real, Vector};
 use crate::scene::CompiledScene;
 use crate::scene::compile::Uv;
+use crate::transport::vertex::EdgeEnd;
 
 pub use direct::DirectSample;
 pub use emission::{EmissionPdf, EmissionSample};
@@ -108,8 +109,22 @@ pub struct LightPoint<R: Real = f32, const N: usize = 1> {
     pub position: R::Vec3,
     /// Unit normal on the emitting side; for lights without a surface, the direction of emission.
     pub normal: R::Vec3,
+    /// Greatest absolute coordinate of the primitive: see [`EdgeEnd::extent`].
+    pub extent: R,
     /// Texture coordinates before tiling; zero for lights without a texture.
     pub uv: Uv<R>,
+}
+
+impl<R: Real, const N: usize> LightPoint<R, N> {
+    /// Returns the point as an end of edges.
+    #[inline(always)]
+    pub fn end(&self) -> EdgeEnd<R> {
+        EdgeEnd {
+            position: self.position,
+            normal: self.normal,
+            extent: self.extent,
+        }
+    }
 }
 
 impl LightPoint {

@@ -17,7 +17,8 @@ pub(super) const DIRECTIONAL: f32 = 4.0;
 pub(super) const ENVIRONMENT: f32 = 5.0;
 
 /// Rows of one light. The second row ends with radiance (intensity of a point light, irradiance of a
-/// directional light), a flag, 0, and the kind.
+/// directional light), a flag, the extent
+/// ([`EdgeEnd::extent`]) of a primitive or 0, and the kind.
 ///
 /// | kind | first row | start of the second row | flag |
 /// |---|---|---|---|
@@ -59,6 +60,7 @@ pub(super) fn light_rows(scene: &CompiledScene, light: LightId) -> LightRows {
             let m = super::area::material(scene, i);
             set_radiance(m.emission);
             second[1] = emitter.area;
+            second[6] = scene.extent(emitter.primitive, emitter.instance);
             second[5] = flag(m.mask_texture != NONE || m.emission_texture != NONE);
             match super::area::sphere(scene, i) {
                 None => {
@@ -266,6 +268,12 @@ impl<R: Lanes<N>, const N: usize> SelectedLights<'_, R, N> {
     #[inline(always)]
     pub(super) fn sphere(&self) -> (R::Vec3, R) {
         (self.vector(0), self.rows[0][3])
+    }
+
+    /// Returns the extents of emissive primitives, and 0 for other lights.
+    #[inline(always)]
+    pub fn extent(&self) -> R {
+        self.rows[1][6]
     }
 
     /// Returns the area of emissive primitives.

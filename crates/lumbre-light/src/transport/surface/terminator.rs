@@ -6,7 +6,7 @@ use super::{Surface, Triangles};
 use crate::math::real::{Mask, Real, Vector};
 use crate::math::simd::Lanes;
 use crate::transport::light::DirectSample;
-use crate::transport::ray::{RayHits, offset_by_axis};
+use crate::transport::ray::{RayHits, offset_origin};
 
 /// An offset of shadow and path rays against the shadow terminator: the hard edge where light
 /// arrives from below the triangle's plane but above the tangent plane of the shading normal. The
@@ -90,7 +90,7 @@ impl<'a, R: Lanes<N>, const N: usize> Surface<'a, R, N> {
         exists.any().then(|| TerminatorOffset {
             exists,
             base: self.position,
-            lifted_point: offset_by_axis(self.position + lift, up),
+            lifted_point: offset_origin(self.position + lift, up, self.extent),
             up,
             lifted: false,
         })

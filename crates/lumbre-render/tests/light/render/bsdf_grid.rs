@@ -33,6 +33,7 @@ pub fn surface(material: &Material) -> Surface<'_> {
     Surface {
         position: Vec3::ZERO,
         n_geometric: NORMAL,
+        extent: 1.0,
         n_shading: NORMAL,
         tangent: TANGENT,
         uv: Uv::zero(),

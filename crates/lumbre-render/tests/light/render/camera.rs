@@ -11,10 +11,12 @@ use lumbre_light::transport::bsdf::{Bsdf, TransportMode};
 use lumbre_light::transport::camera::filter::FILTERS;
 use lumbre_light::transport::camera::{Camera, FilterKind, FilterSpec};
 use lumbre_light::transport::contribution::Contribution;
+use lumbre_light::transport::integrator::camera_path::{ShadowRay, unoccluded};
 use lumbre_light::transport::integrator::{Context, IntegratorRow, integrator};
+use lumbre_light::transport::ray::Ray;
 use lumbre_light::transport::sampler::Sampler;
 use lumbre_light::transport::surface::Surface;
-use lumbre_light::transport::vertex;
+use lumbre_light::transport::vertex::EdgeEnd;
 use lumbre_render::Job;
 
 use crate::common::{SceneBuilder, grey, job, light, render};
@@ -373,15 +375,16 @@ fn from_light(
     let Some(e) = context.lights.sample_emission(scene, choice, u, v) else {
         return;
     };
-    let mut connect_vertex = |position: Vec3, n: Vec3, s: u32, value: &dyn Fn(Vec3) -> Vec3| {
+    let mut connect_vertex = |end: EdgeEnd, s: u32, value: &dyn Fn(Vec3) -> Vec3| {
         let Some(c) = context
             .camera
-            .connect(position, sampler.next_2d(), sampler.next_2d())
+            .connect(end.position, sampler.next_2d(), sampler.next_2d())
         else {
             return;
         };
-        if vertex::visible(context.trace, position, n, c.lens, Vec3::ZERO) {
-            let value = value(-c.dir) * c.dir.dot(n).abs() * c.importance;
+        let ray = ShadowRay::between(end, EdgeEnd::free(c.lens), -c.dir, false);
+        if unoccluded(context, &ray) {
+            let value = value(-c.dir) * c.dir.dot(end.normal).abs() * c.importance;
             sink(Contribution {
                 pixel: c.pixel,
                 value,
@@ -393,14 +396,17 @@ fn from_light(
         }
     };
     // The light is Lambertian and one-sided.
-    connect_vertex(e.point.position, e.point.normal, 1, &|wo| {
+    connect_vertex(e.point.end(), 1, &|wo| {
         if wo.dot(e.point.normal) > 0.0 {
             e.radiance / e.pdf_a
         } else {
             Vec3::ZERO
         }
     });
-    let ray = vertex::spawn_ray(e.point.position, e.point.normal, e.dir);
+    let ray = Ray {
+        origin: e.point.end().off_surface(e.dir),
+        dir: e.dir,
+    };
     let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else {
         return;
     };
@@ -410,7 +416,7 @@ fn from_light(
         return;
     }
     let bsdf = Bsdf::new(&surface, &scene.textures);
-    connect_vertex(surface.position, surface.n_geometric, 2, &|wo| {
+    connect_vertex(surface.end(), 2, &|wo| {
         throughput * bsdf.eval(-ray.dir, wo, TransportMode::Importance)
     });
 }

@@ -13,7 +13,7 @@ use lumbre_light::scene::desc::{
     SceneDesc, ShapeDesc, Transform, mesh_hash,
 };
 use lumbre_light::transport::integrator::integrator;
-use lumbre_light::transport::ray::{Hit, Ray, offset_origin};
+use lumbre_light::transport::ray::{Hit, Ray};
 use lumbre_light::transport::surface::Surface;
 use lumbre_render::Job;
 use lumbre_render::cpu::bvh::accel::Accel;
@@ -375,12 +375,12 @@ fn rays_that_leave_an_instance_do_not_hit_the_surface_that_they_left() {
         let mut dir = uniform_sphere([next(), next()]);
         dir.z = dir.z.abs().max(1e-3);
         let away = Ray {
-            origin: offset_origin(surface.position, up),
+            origin: surface.end().off_surface(up),
             dir: dir.normalize_or_zero(),
         };
         assert!(!accel.occluded(&away, f32::INFINITY), "{away:?}");
         let down = Ray {
-            origin: offset_origin(surface.position, -up),
+            origin: surface.end().off_surface(-up),
             dir: Vec3::NEG_Z,
         };
         let below = accel.closest(&down, f32::INFINITY).unwrap();

@@ -190,6 +190,7 @@ fn emission_from_surfaces_and_point_lights_follows_its_density() {
         lights: [LightId::Point(0)],
         position: Vec3::Y * 3.0,
         normal: Vec3::Y,
+        extent: 0.0,
         uv: Uv::zero(),
     };
     assert!((f64::from(lights.pdf_emission_at(&at, Vec3::X).pdf_w) * 4.0 * PI - 1.0).abs() < 1e-6);
@@ -278,6 +279,7 @@ fn point(lights: &Lights) -> LightPoint {
         lights: [lights.id(0)],
         position: Vec3::ONE,
         normal: Vec3::Y,
+        extent: 0.0,
         uv: Uv::zero(),
     }
 }

@@ -42,6 +42,7 @@ mod lights_emission;
 mod lights_truth;
 mod lvc;
 mod oracle;
+mod own_shadow;
 mod sampling;
 mod studies;
 mod surface;

@@ -66,7 +66,7 @@ void nee_connect(
         }
         Ray ray;
         float distance;
-        if (shadow_ray(surface.position, surface.n_geometric, direct, ray, distance)
+        if (shadow_ray(surface_end(surface), direct, ray, distance)
             && trace_occluded(ray, distance)) {
             continue;
         }

@@ -27,12 +27,15 @@ LightPoint area_sample(uint i, vec2 u) {
             i,
             corners.a * rest + corners.b * vw.x + corners.c * vw.y,
             normalize_or(cross(corners.b - corners.a, corners.c - corners.a), vec3(0.0)),
+            triangle_extent(corners, emitters[i].instance),
             triangle_uv(p, vw)
         );
     }
     Sphere ball = area_sphere(i);
     vec3 normal = uniform_sphere(u);
-    return LightPoint(i, ball.center + normal * ball.radius, normal, uv_of(sphere_uv(normal)));
+    return LightPoint(
+        i, ball.center + normal * ball.radius, normal, sphere_extent(ball), uv_of(sphere_uv(normal))
+    );
 }
 
 // Returns the density per area with which `area_sample` samples any point of emitter `i`.

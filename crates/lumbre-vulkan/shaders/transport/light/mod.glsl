@@ -44,7 +44,7 @@ bool lights_sample_direct_from(uint light, vec3 from, vec2 u, out DirectSample s
             found = sphere_sample(ball, from, u, cone);
             vec3 position = ball.center + cone.normal * ball.radius;
             LightPoint point = LightPoint(
-                light, position, cone.normal, uv_of(sphere_uv(cone.normal))
+                light, position, cone.normal, sphere_extent(ball), uv_of(sphere_uv(cone.normal))
             );
             s = DirectSample(
                 cone.wi, distance(position, from), vec3(0.0), cone.pdf_w, false, point

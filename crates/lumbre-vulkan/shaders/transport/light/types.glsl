@@ -17,6 +17,7 @@ struct LightPoint {
     uint light;
     vec3 position;
     vec3 normal;
+    float extent;
     Uv uv;
 };
 

@@ -15,7 +15,7 @@ use crate::transport::integrator::{Context, Settings};
 use crate::transport::light::LightPoint;
 use crate::transport::path_time::Timing;
 use crate::transport::sampler::Sampler;
-use crate::transport::vertex;
+use crate::transport::vertex::{self, EdgeEnd};
 
 /// Light found by one strategy in each lane.
 #[derive(Clone, Copy)]
@@ -128,7 +128,12 @@ pub fn connect_s1<R: Lanes<N>, const N: usize>(
         // Rounding may place a point at the rim of a sphere on its hidden side, where no strategy
         // has a density.
         found: lanes & end.direct.gt(R::Double::splat(0.0)),
-        ray: Some(ShadowRay::between(from, at, d.wi, d.is_infinite())),
+        ray: Some(ShadowRay::between(
+            z.state.end(),
+            d.point.end(),
+            d.wi,
+            d.is_infinite(),
+        )),
         unweighted,
         others: others_s1(context.settings.heuristic(), &z.endpoint(), &end, &at_z),
         length,
@@ -217,7 +222,7 @@ pub fn connect<R: Lanes<N>, const N: usize>(
     Some(Connection {
         lanes,
         found: lanes,
-        ray: Some(ShadowRay::between(z.point(), y.state.point(), wi, infinite)),
+        ray: Some(ShadowRay::between(z.end(), y.state.end(), wi, infinite)),
         unweighted,
         others: others_interior(
             context.settings.heuristic(),
@@ -269,12 +274,12 @@ pub fn connect_t1<R: Lanes<N>, const N: usize>(
                 + optical.from_light(ratio, R::splat(timing.medium))
         }
     };
-    let lens = [at.lens, R::Vec3::broadcast(Vec3::ZERO)];
+    let lens = EdgeEnd::free(at.lens);
     let infinite = R::Mask::default();
     let connection = Connection {
         lanes,
         found: lanes,
-        ray: Some(ShadowRay::between([position, n], lens, at.dir, infinite)),
+        ray: Some(ShadowRay::between(y.state.end(), lens, at.dir, infinite)),
         unweighted,
         others: others_t1(h, &y.endpoint(), &at_y, [at.pdf_w, spread]),
         length,
@@ -324,10 +329,8 @@ pub fn connect_s1_t1<R: Lanes<N>, const N: usize>(
         return None;
     }
     // Rays to the environment start at the lens.
-    let from = [
-        R::Vec3::select(distant, at.lens, point.position),
-        R::Vec3::select(distant, black, point.normal),
-    ];
+    let lens = EdgeEnd::free(at.lens);
+    let from = EdgeEnd::select(distant, lens, point.end());
     let length = match context.timing {
         None => R::Double::splat(0.0),
         Some(timing) => {
@@ -339,7 +342,7 @@ pub fn connect_s1_t1<R: Lanes<N>, const N: usize>(
     let connection = Connection {
         lanes,
         found: lanes,
-        ray: Some(ShadowRay::between(from, [at.lens, black], at.dir, distant)),
+        ray: Some(ShadowRay::between(from, lens, at.dir, distant)),
         unweighted,
         others: others_s1_t1(context.settings.heuristic(), &end, at.pdf_w),
         length,

@@ -31,7 +31,7 @@ use crate::value::schema::Table;
 pub const ROW: IntegratorRow = IntegratorRow {
     name: "bdpt",
     long_name: "bidirectional path tracing",
-    revision: 5,
+    revision: 6,
     doc: "Paths from the camera and from the lights are connected in every way, with weights that \
           favour the strategy that finds a path best [Veach 1997, ch. 10].",
     params: Table {

@@ -13,6 +13,7 @@ use crate::transport::integrator::camera_path::Path;
 use crate::transport::light::{EmissionSample, LightPoint, SelectedLights};
 use crate::transport::path_time::OpticalLength;
 use crate::transport::surface::{ShadingParameters, TerminatorOffset};
+use crate::transport::vertex::EdgeEnd;
 
 record! {
     /// State of a subpath on an edge, beside that of its [`Path`] and the partial sums of MIS terms.
@@ -33,6 +34,8 @@ record! {
         position: Vec3,
         /// Unit normal on the front side; zero for a lifted point.
         n_geometric: Vec3,
+        /// Greatest absolute coordinate of the primitive: see [`EdgeEnd::extent`].
+        extent: Real,
         /// Unit shading normal on the same side.
         n_shading: Vec3,
         /// Unit direction to the previous vertex.
@@ -233,6 +236,16 @@ impl<R: Real> VertexState<R> {
     #[inline(always)]
     pub fn point(&self) -> [R::Vec3; 2] {
         [self.position, self.n_geometric]
+    }
+
+    /// Returns the vertex as an end of edges.
+    #[inline(always)]
+    pub fn end(&self) -> EdgeEnd<R> {
+        EdgeEnd {
+            position: self.position,
+            normal: self.n_geometric,
+            extent: self.extent,
+        }
     }
 
     /// Returns the cosine by which a BSDF value towards `wi` is multiplied.
@@ -446,6 +459,7 @@ impl<R: Real> LightStart<R> {
             lights: lights.ids(),
             position: self.position,
             normal: self.normal,
+            extent: lights.extent(),
             uv: Uv::from_array([self.u, self.v, self.second_u, self.second_v]),
         }
     }

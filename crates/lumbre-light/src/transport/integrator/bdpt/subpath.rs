@@ -17,9 +17,7 @@ use crate::transport::integrator::camera_path::{
 };
 use crate::transport::light::{LightId, LightPoint};
 use crate::transport::path_time::OpticalLength;
-use crate::transport::ray::offset_by_axis;
 use crate::transport::surface::Surface;
-use crate::transport::vertex::towards;
 
 /// A step of subpaths.
 #[derive(Clone, Copy, Debug)]
@@ -103,7 +101,7 @@ impl<R: Real> Subpath<R> {
         let (position, normal, dir) = (start.point.position, start.point.normal, start.dir);
         let throughput = start.radiance * start.cos / (start.pdf_a * start.pdf_w);
         path.state = PathState {
-            origin: offset_by_axis(position, towards(normal, dir)),
+            origin: start.point.end().off_surface(dir),
             dir,
             throughput,
             last: position,
@@ -228,6 +226,7 @@ impl<R: Real> Subpath<R> {
         let state = VertexState {
             position: surface.position,
             n_geometric: surface.n_geometric,
+            extent: surface.extent,
             n_shading: surface.n_shading,
             wo,
             throughput: self.path.state.throughput,
@@ -388,6 +387,7 @@ impl<R: Real> Subpath<R> {
                 lights: lights.ids(),
                 position: surface.position,
                 normal: surface.n_geometric,
+                extent: surface.extent,
                 uv: surface.uv,
             }),
         })
@@ -433,6 +433,7 @@ impl<R: Real> Subpath<R> {
                 lights: lights.ids(),
                 position,
                 normal: -dir,
+                extent: R::splat(0.0),
                 uv: Uv::zero(),
             }),
         })

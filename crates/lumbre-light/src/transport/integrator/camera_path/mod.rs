@@ -23,8 +23,7 @@ use super::Context;
 use crate::math::real::{Real, Vector};
 use crate::math::simd::Lanes;
 pub use crate::transport::arrival::Arrival;
-use crate::transport::ray::offset_by_axis;
-use crate::transport::vertex::towards;
+use crate::transport::vertex::EdgeEnd;
 
 /// A technique that follows paths from the camera.
 pub trait CameraPaths: Send + Sync + 'static {
@@ -87,22 +86,21 @@ pub struct ShadowRay<R: Real> {
 }
 
 impl<R: Real> ShadowRay<R> {
-    /// Returns the rays between two points, each given by position and normal; zero normals are
-    /// those of points without a surface. In the lanes of `infinite` rays go from the first point
+    /// Returns the rays between two points. In the lanes of `infinite` rays go from the first point
     /// in the unit direction `wi`.
     ///
     /// Both ends are moved off their surfaces towards each other, so that neither surface hides the
     /// other point.
     #[inline(always)]
     pub fn between(
-        [from, n]: [R::Vec3; 2],
-        [at, n_at]: [R::Vec3; 2],
+        from: EdgeEnd<R>,
+        at: EdgeEnd<R>,
         wi: R::Vec3,
         infinite: R::Mask,
     ) -> ShadowRay<R> {
-        let edge = at - from;
-        let origin = offset_by_axis(from, towards(n, R::Vec3::select(infinite, wi, edge)));
-        let target = offset_by_axis(at, towards(n_at, -edge));
+        let edge = at.position - from.position;
+        let origin = from.off_surface(R::Vec3::select(infinite, wi, edge));
+        let target = at.off_surface(-edge);
         let edge = target - origin;
         let distance = edge.length();
         ShadowRay {

@@ -48,7 +48,7 @@ use crate::value::schema::Table;
 pub const ROW: IntegratorRow = IntegratorRow {
     name: "guided",
     long_name: "guided path tracing with next event estimation",
-    revision: 1,
+    revision: 2,
     doc: "Paths are those of nee, but continue in directions where training paths found light, by a \
           tree over space and directions [Müller et al. 2017; Rath et al. 2020].",
     params: Table {

@@ -40,7 +40,7 @@ use crate::value::schema::Table;
 pub const ROW: IntegratorRow = IntegratorRow {
     name: "lvc",
     long_name: "bidirectional path tracing with a light vertex cache",
-    revision: 1,
+    revision: 2,
     doc: "Vertices of camera paths are connected with vertices from a cache of all light subpaths \
           of a sample [Davidovič et al. 2014], which are chosen by resampling [Nabata et al. 2020].",
     params: Table {

@@ -49,7 +49,7 @@ use crate::value::schema::Table;
 pub const ROW: IntegratorRow = IntegratorRow {
     name: "sppm",
     long_name: "stochastic progressive photon mapping, consistent but biased",
-    revision: 1,
+    revision: 2,
     doc: "Photons from the lights are gathered where camera paths meet the first surface that is \
           not nearly specular, within a radius that shrinks from sample to sample [Hachisuka & \
           Jensen 2009; Knaus & Zwicker 2011].",

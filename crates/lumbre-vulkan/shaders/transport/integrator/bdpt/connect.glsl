@@ -41,7 +41,7 @@ struct Aim {
 // Strategy `s = 0`: the camera subpath has left the scene.
 bool aim_at_escape(Departure escape, out Aim aim) {
     vec3 dir = escape.edge.dir;
-    aim.point = LightPoint(job.light_first.z, escape.edge.from + dir, -dir, Uv(0.0));
+    aim.point = LightPoint(job.light_first.z, escape.edge.from + dir, -dir, 0.0, Uv(0.0));
     aim.dir = -dir;
     aim.next = escape.edge.from;
     aim.n_next = escape.edge.normal;
@@ -193,12 +193,11 @@ bool connect(
                 return false;
             }
             if (far) {
-                c.ray = spawn_ray(aim.camera.lens, vec3(0.0), aim.wi);
+                c.ray = spawn_ray(edge_end_free(aim.camera.lens), aim.wi);
                 c.distance = INFINITY;
             } else {
                 c.shadowed = connection_ray(
-                    aim.point.position, aim.point.normal, aim.camera.lens, vec3(0.0), c.ray,
-                    c.distance
+                    edge_end_of(aim.point), edge_end_free(aim.camera.lens), c.ray, c.distance
                 );
             }
         } else {
@@ -207,7 +206,7 @@ bool connect(
                 * area_factor(aim.camera.lens, y.position, y.n_geometric);
             c.others = mis_partials_others(y.partials, h, here, before_y);
             c.shadowed = connection_ray(
-                y.position, y.n_geometric, aim.camera.lens, vec3(0.0), c.ray, c.distance
+                vertex_end(y), edge_end_free(aim.camera.lens), c.ray, c.distance
             );
         }
     } else if (s == 1u) {
@@ -218,7 +217,7 @@ bool connect(
             return false;
         }
         c.others = others_s1(h, z.partials, before_z, end, at_z);
-        c.shadowed = shadow_ray(z.position, z.n_geometric, direct, c.ray, c.distance);
+        c.shadowed = shadow_ray(vertex_end(z), direct, c.ray, c.distance);
     } else {
         c.unweighted = y.throughput * at_y.f * vertex_cos(y, -aim.wi) * at_z.f
             * vertex_cos(z, aim.wi) * z.throughput / aim.distance2;
@@ -228,9 +227,7 @@ bool connect(
             h, mis_partials_others(y.partials, h, density_y, before_y),
             mis_partials_others(z.partials, h, density_z, before_z)
         );
-        c.shadowed = connection_ray(
-            z.position, z.n_geometric, y.position, y.n_geometric, c.ray, c.distance
-        );
+        c.shadowed = connection_ray(vertex_end(z), vertex_end(y), c.ray, c.distance);
     }
     return c.unweighted != vec3(0.0);
 }

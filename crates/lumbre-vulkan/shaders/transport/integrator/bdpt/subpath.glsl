@@ -19,12 +19,13 @@
 struct Vertex {
     vec3 position;
     vec3 n_geometric;
+    float extent;
     vec3 wo;
     float back;
     Bsdf bsdf;
     bool connectible;
     TerminatorOffset terminator;
-    // Of a camera vertex: emitted radiance, and the root of the MIS terms of the other strategies.
+    // Radiance emitted at a camera vertex, and the root of the MIS terms of the other strategies.
     vec3 emitted;
     float hit_others;
     vec3 throughput;
@@ -91,7 +92,7 @@ struct Subpaths {
 // The vertices of both subpaths: camera vertices first, then light vertices.
 StoredVertex vertices[2u * MAX_DEPTH];
 
-const LightPoint NO_POINT = LightPoint(NONE, vec3(0.0), vec3(0.0), Uv(0.0));
+const LightPoint NO_POINT = LightPoint(NONE, vec3(0.0), vec3(0.0), 0.0, Uv(0.0));
 
 // Returns an edge that leaves a point of the lens.
 Edge edge_from_lens(vec3 from, vec3 dir) {
@@ -141,6 +142,7 @@ bool edge_partials_at_surface(
 bool edge_vertex_at(Edge e, uint h, Surface surface, uint mode, vec3 throughput, out Vertex v) {
     v.position = surface.position;
     v.n_geometric = surface.n_geometric;
+    v.extent = surface.extent;
     v.wo = -e.dir;
     v.bsdf = bsdf_new(surface);
     v.connectible = bsdf_has_density(v.bsdf) && !surface_ends_paths(surface);
@@ -174,6 +176,7 @@ Vertex vertex_load(uint index, uint mode) {
     Vertex v;
     v.position = surface.position;
     v.n_geometric = surface.n_geometric;
+    v.extent = surface.extent;
     v.wo = -stored.ray.dir;
     v.back = stored.back;
     v.bsdf = bsdf_new(surface);
@@ -193,8 +196,13 @@ float hit_others_of(Edge e, uint h, Surface surface, Vertex v, uint t) {
     if (v.emitted == vec3(0.0)) {
         return 0.0;
     }
-    LightPoint point = LightPoint(surface.emitter, v.position, v.n_geometric, surface.uv);
+    LightPoint point = LightPoint(surface.emitter, v.position, v.n_geometric, v.extent, surface.uv);
     return others_s0(h, v.partials, light_end_new(point, v.wo, e.from, e.normal), t);
+}
+
+// Returns a vertex as an end of edges.
+EdgeEnd vertex_end(Vertex v) {
+    return EdgeEnd(v.position, v.n_geometric, v.extent);
 }
 
 // Returns the cosine by which a BSDF value towards `wi` is multiplied.
@@ -261,7 +269,7 @@ bool depart_from_light(
     paths.start = e;
     vec3 throughput = e.radiance * e.cos_theta / (e.pdf_a * e.pdf_w);
     d = Departure(
-        spawn_ray(e.point.position, e.point.normal, e.dir), edge_from_light(e.point, e.dir),
+        spawn_ray(edge_end_of(e.point), e.dir), edge_from_light(e.point, e.dir),
         throughput
     );
     return paths.started && throughput != vec3(0.0) && max_edges > 1u;
