@@ -148,6 +148,13 @@ pub enum LightId {
     Environment,
 }
 
+impl LightId {
+    /// Returns whether the light is infinitely distant.
+    pub fn is_infinite(self) -> bool {
+        matches!(self, LightId::Directional(_) | LightId::Environment)
+    }
+}
+
 impl Lights {
     /// Collects the lights of a scene, chosen by their power.
     pub fn new(scene: &CompiledScene) -> Lights {

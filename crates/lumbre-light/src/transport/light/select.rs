@@ -18,8 +18,8 @@ pub const FIELD: Field = Field {
     required: false,
     default: "power",
     doc: "how likely each light is chosen: all alike, in proportion to its area (as in S0, see \
-          docs/inside/transport.md), or to the power that it sends into the scene; or by a tree \
-          over the lights, in about proportion to the light that each may send to the shaded point \
+          docs/inside/transport.md), or to the power that it sends into the scene, where lights at \
+          infinity and others have at least a third each; or by a tree over the lights, in about proportion to the light that each may send to the shaded point \
           [Conty Estevez and Kulla 2018], on the CPU",
 };
 
@@ -32,7 +32,8 @@ pub enum LightSelection {
     /// likely. A light without an area counts as the mean primitive.
     Area,
     /// In proportion to the luminance of the emitted power; for an infinitely distant light, of the
-    /// power that enters the bounding sphere of the scene.
+    /// power that enters the bounding sphere of the scene. Infinitely distant lights together, and
+    /// all others together, have at least a third where a scene has both.
     #[default]
     Power,
     /// By a tree over the lights, for each point: see [`LightTree`](super::tree::LightTree). Paths
@@ -74,7 +75,13 @@ const PROBES: u32 = 16;
 /// no probe hit is still chosen.
 const MEAN_SHARE: f64 = 0.1;
 
-/// Returns the weights of all lights, by index; for a tree, their powers. Every light that emits has a positive weight.
+/// Least share of the infinitely distant lights together, and of all others together, where power
+/// decides and a scene has both. The power of distant lights grows with the square of the scene:
+/// beside a large floor they would leave nothing to a lamp that lights most of the picture.
+const LEAST_SHARE: f64 = 1.0 / 3.0;
+
+/// Returns the weights of all lights, by index; for a tree, their powers. Every light that emits has
+/// a positive weight.
 pub(super) fn weights(
     scene: &CompiledScene,
     select: LightSelection,
@@ -92,19 +99,78 @@ pub(super) fn weights(
     let without_area = if mean_area > 0.0 { mean_area } else { 1.0 };
     let brightness: Vec<f64> = scene.textures.iter().map(mean_luminance).collect();
     let disk = f64::from(ball.disk_area());
-    ids.map(|id| match (select, id) {
-        (LightSelection::Uniform, _) => 1.0,
-        (LightSelection::Area, LightId::Emitter(i)) => f64::from(scene.emitters[i as usize].area),
-        (LightSelection::Area, _) => without_area,
-        (_, LightId::Emitter(i)) => emitter_power(scene, i, &brightness),
-        (_, LightId::Point(i)) => {
-            let light = &scene.points[i as usize];
-            4.0 * std::f64::consts::PI * light.cone.mean_falloff() * luminance(light.intensity)
+    let (ids, distant): (Vec<LightId>, Vec<bool>) = ids.map(|id| (id, id.is_infinite())).unzip();
+    let mut weights: Vec<f64> = ids
+        .into_iter()
+        .map(|id| match (select, id) {
+            (LightSelection::Uniform, _) => 1.0,
+            (LightSelection::Area, LightId::Emitter(i)) => {
+                f64::from(scene.emitters[i as usize].area)
+            }
+            (LightSelection::Area, _) => without_area,
+            (_, LightId::Emitter(i)) => emitter_power(scene, i, &brightness),
+            (_, LightId::Point(i)) => {
+                let light = &scene.points[i as usize];
+                4.0 * std::f64::consts::PI * light.cone.mean_falloff() * luminance(light.intensity)
+            }
+            (_, LightId::Directional(i)) => {
+                disk * luminance(scene.directionals[i as usize].irradiance)
+            }
+            (_, LightId::Environment) => {
+                disk * environment_light.map_or(0.0, EnvironmentLight::power)
+            }
+        })
+        .collect();
+    if matches!(select, LightSelection::Power | LightSelection::Tree) {
+        share(&mut weights, &distant);
+    }
+    weights
+}
+
+/// Raises the weights of distant lights, or those of all others, to [`LEAST_SHARE`] of the sum.
+/// Weights are unchanged if both shares are above, or if one is zero.
+fn share(weights: &mut [f64], distant: &[bool]) {
+    let sum_of = |which: bool| -> f64 {
+        let some = weights.iter().zip(distant).filter(|(_, d)| **d == which);
+        some.map(|(w, _)| w).sum()
+    };
+    let sums = [sum_of(false), sum_of(true)];
+    let total: f64 = sums.iter().sum();
+    for which in [false, true] {
+        let (own, other) = (sums[usize::from(which)], sums[usize::from(!which)]);
+        if 0.0 < own && own < LEAST_SHARE * total {
+            let factor = LEAST_SHARE / (1.0 - LEAST_SHARE) * other / own;
+            for (weight, _) in weights
+                .iter_mut()
+                .zip(distant)
+                .filter(|(_, d)| **d == which)
+            {
+                *weight *= factor;
+            }
         }
-        (_, LightId::Directional(i)) => disk * luminance(scene.directionals[i as usize].irradiance),
-        (_, LightId::Environment) => disk * environment_light.map_or(0.0, EnvironmentLight::power),
-    })
-    .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn neither_distant_lights_nor_others_fall_below_a_third() {
+        let distant = [false, false, true, true];
+        for (mut weights, expected) in [
+            ([1.0, 3.0, 100.0, 300.0], [50.0, 150.0, 100.0, 300.0]),
+            ([100.0, 300.0, 3.0, 1.0], [100.0, 300.0, 150.0, 50.0]),
+            ([1.0, 3.0, 4.0, 2.0], [1.0, 3.0, 4.0, 2.0]),
+            ([0.0, 0.0, 4.0, 2.0], [0.0, 0.0, 4.0, 2.0]),
+            ([2.0, 1.0, 0.0, 0.0], [2.0, 1.0, 0.0, 0.0]),
+        ] {
+            share(&mut weights, &distant);
+            for (weight, expected) in weights.into_iter().zip(expected) {
+                assert!((weight - expected).abs() < 1e-9, "{weights:?}");
+            }
+        }
+    }
 }
 
 /// Estimates the luminance of the power that an emissive primitive emits on its front.

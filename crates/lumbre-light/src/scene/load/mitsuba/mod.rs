@@ -127,7 +127,11 @@ impl MitsubaLoader {
         // Textures with an id are read where they are referenced.
         root.children("texture").for_each(drop);
         let (camera, resolution) = match root.children("sensor").next() {
-            Some(o) => sensor::read(o, &mut self.notes)?,
+            Some(o) => {
+                let (camera, resolution) = sensor::read(o, &mut self.notes)?;
+                sensor::note_clipping(o, &camera, &self.entities, &mut self.notes)?;
+                (camera, resolution)
+            }
             None => {
                 self.notes.push(
                     root.note("the scene has no sensor; a camera that frames the origin is used"),

@@ -4,11 +4,15 @@ use glam::DVec3;
 
 use super::DEFAULT_FILM;
 use super::tree::XmlObject;
-use crate::scene::desc::{CameraDesc, MAX_SIDE, Optics};
+use crate::scene::desc::{CameraDesc, EntityDesc, MAX_SIDE, Optics};
+use crate::scene::load::default_scene;
 use crate::scene::{Note, SceneError};
 
 /// Focal length of cameras that have neither one nor a field of view.
 const DEFAULT_FOCAL_LENGTH: &str = "50mm";
+
+/// Distance beyond which nothing is shown, of cameras that state none.
+const DEFAULT_FAR_CLIP: f64 = 1e4;
 
 /// Width and height in millimetres of the film to which `focal_length` refers.
 const FILM_35MM: [f64; 2] = [36.0, 24.0];
@@ -55,7 +59,7 @@ pub(super) fn read(
     if camera.position == camera.target {
         return Err(o.error("the position is too far from the origin for a view direction"));
     }
-    o.mark_read(&["near_clip", "far_clip", "shutter_open", "shutter_close"]);
+    o.mark_read(&["near_clip", "shutter_open", "shutter_close"]);
     o.children("sampler")
         .for_each(|s| s.mark_read(&["sample_count", "seed", "scramble", "jitter"]));
     if thin {
@@ -64,6 +68,31 @@ pub(super) fn read(
         o.mark_read(&["focus_distance"]);
     }
     Ok((camera, resolution))
+}
+
+/// Notes that Mitsuba cuts off what lies beyond `far_clip`, if anything may. Its camera rays end
+/// there, along the viewing direction; those of this program do not.
+pub(super) fn note_clipping(
+    o: &XmlObject,
+    camera: &CameraDesc,
+    entities: &[EntityDesc],
+    notes: &mut Vec<Note>,
+) -> Result<(), SceneError> {
+    let far = o.number("far_clip", DEFAULT_FAR_CLIP)?;
+    let Some(bounds) = default_scene::bounds(entities) else {
+        return Ok(());
+    };
+    let forward = (camera.target - camera.position).normalize_or_zero();
+    let reach = default_scene::corners(bounds)
+        .map(|corner| (corner - camera.position).dot(forward))
+        .fold(0.0, f32::max);
+    if f64::from(reach) > far {
+        notes.push(o.note(format!(
+            "Mitsuba shows nothing that is more than {far} units away (`far_clip`), which is not \
+             supported; the scene reaches {reach:.0} units"
+        )));
+    }
+    Ok(())
 }
 
 /// Reads the aperture and the focus distance of a thin lens.

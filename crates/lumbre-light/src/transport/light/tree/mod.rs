@@ -81,8 +81,8 @@ impl LightTree {
     /// Builds the tree over lights with these identities and powers. Infinitely distant lights are
     /// the last ones. Lights without power are never chosen. Returns `None` if no light has any.
     pub fn new(scene: &CompiledScene, ids: &[LightId], powers: &[f64]) -> Option<LightTree> {
-        let infinite = |id: &LightId| matches!(id, LightId::Directional(_) | LightId::Environment);
-        let first_distant = ids.iter().position(infinite).unwrap_or(ids.len());
+        let infinite = ids.iter().position(|id| id.is_infinite());
+        let first_distant = infinite.unwrap_or(ids.len());
         let total: f64 = powers[..first_distant].iter().sum();
         let lights = ids[..first_distant].iter().zip(powers).zip(0..);
         let lights = lights.filter(|((_, power), _)| **power > 0.0);
