@@ -3,6 +3,9 @@
 
 use std::borrow::Cow;
 
+/// Name and version of this program, as files state them.
+pub const PROGRAM: &str = concat!("lumbre ", env!("CARGO_PKG_VERSION"));
+
 /// Formats a count with its noun: `1 cell`, `3 cells`.
 pub fn counted(n: u64, noun: &str) -> String {
     format!("{n} {noun}{}", if n == 1 { "" } else { "s" })

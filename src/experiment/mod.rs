@@ -24,6 +24,7 @@ pub mod run_progress;
 pub mod shards;
 pub mod spec;
 pub mod stop;
+pub mod table_value;
 
 pub use event::{Event, History, NightControls, PauseAt, Sink, SinkError};
 pub use outcome::{CellRef, Outcome, WaveRow};

@@ -404,10 +404,7 @@ impl Explorer {
     fn save(&mut self) -> Result<String, String> {
         let (scene, frame) = self.shown()?;
         let metadata = [
-            (
-                "program",
-                concat!("lumbre ", env!("CARGO_PKG_VERSION")).to_owned(),
-            ),
+            ("program", crate::text::PROGRAM.to_owned()),
             ("scene", scene.path.display().to_string()),
             (
                 "settings",

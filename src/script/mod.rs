@@ -19,6 +19,7 @@ mod api;
 pub mod docgen;
 mod error;
 mod hooks;
+mod kind;
 mod limits;
 mod literal;
 mod locate;
@@ -46,6 +47,7 @@ pub use reference::reference;
 
 use crate::experiment::{CellConfig, ExperimentSpec};
 use api::builder::{Builder, Externals};
+use kind::kind;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::SchemaError;
 use state::{Purpose, Shared};
@@ -209,7 +211,7 @@ fn finish(
                 last: None,
             };
             let problem = Problem::NoExperiment {
-                found: api::kind(returned).to_owned(),
+                found: kind(returned),
             };
             return Err(shared
                 .sources

@@ -12,8 +12,9 @@ use crate::cli::night::load;
 use crate::cli::night::permission::PlanUse;
 use crate::experiment::Plan;
 use crate::script::{self, Limits, Script};
-use crate::store::schema::{PROGRAM, Program};
+use crate::store::schema::Program;
 use crate::store::{PlanCommand, PlanSnapshot, Store, StoreError, StoredFile};
+use crate::text::PROGRAM;
 
 /// Saves in a night's folder what workers need to rebuild its plan.
 ///

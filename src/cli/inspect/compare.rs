@@ -152,7 +152,7 @@ impl Difference {
             ("image", image),
             ("reference", reference),
             ("scale", format!("{low} to {high}")),
-            ("program", format!("lumbre {}", env!("CARGO_PKG_VERSION"))),
+            ("program", crate::text::PROGRAM.to_owned()),
         ];
         let metadata = metadata.map(|(key, value)| (key.to_owned(), value));
         let bytes = format.encode(&self.map, self.scale, &metadata)?;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::output::report::Provenance;
+use crate::output::provenance::Provenance;
 use crate::output::{exr, png};
 use crate::store::schema::run::ConfigFile;
 use crate::store::{StoredFile, regular_file};

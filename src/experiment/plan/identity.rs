@@ -389,15 +389,7 @@ fn figure(figure: &FigureSpec) -> Value {
 fn table_value(value: &TableValue) -> Value {
     match value {
         TableValue::Metric(column) => map([("metric", column.as_str().into())]),
-        TableValue::Samples => "samples".into(),
-        TableValue::RenderS => "render_s".into(),
-        TableValue::MpathsPerS => "mpaths_per_s".into(),
-        TableValue::Fps => "fps".into(),
-        TableValue::MraysPerS => "mrays_per_s".into(),
-        TableValue::AccelBuildS => "accel_build_s".into(),
-        TableValue::AccelNodes => "accel_nodes".into(),
-        TableValue::AccelMib => "accel_mib".into(),
-        TableValue::AccelCost => "accel_cost".into(),
+        TableValue::Run(column) => column.row().hashed.into(),
         TableValue::TimeTo { column, threshold } => map([
             ("time_to", column.as_str().into()),
             ("threshold", Value::number(*threshold)),

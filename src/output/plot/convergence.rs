@@ -9,9 +9,9 @@ use crate::experiment::WaveRow;
 use crate::experiment::plan::Plan;
 use crate::experiment::spec::FigureX;
 use crate::output::format;
-use crate::output::report::metric_display::MetricDisplay;
-use crate::output::report::repeats::{BandKind, MetricCurve, band};
-use crate::output::table::is_finished;
+use crate::output::metric_display::MetricDisplay;
+use crate::output::quantity::is_finished;
+use crate::output::repeats::{BandKind, MetricCurve, band};
 use lumbre_metrics::MetricSpec;
 
 /// Builds the figure of the metric columns `y`, and its data as CSV.

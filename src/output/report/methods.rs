@@ -1,9 +1,11 @@
 //! Methods paragraph for a paper: how the numbers were obtained.
 
 use super::cite;
-use super::item::{ItemKind, PROGRAM, Provenance, ReportItem};
+use super::item::{ItemKind, ReportItem};
 use super::study::{Member, Study};
 use crate::experiment::night_results::{NightResults, RunState};
+use crate::output::provenance::Provenance;
+use crate::text::PROGRAM;
 use lumbre_light::transport::integrator::{IntegratorRow, integrators};
 use lumbre_metrics::MetricSpec;
 use lumbre_render::denoise::BIAS;
@@ -33,7 +35,7 @@ pub fn items(study: &Study) -> [ReportItem; 2] {
         title: title.to_owned(),
         caption,
         svg: None,
-        grid: None,
+        table: None,
         extra,
         provenance: provenance.clone(),
     };

@@ -5,17 +5,18 @@
 
 mod panel;
 
-use super::item::{ItemKind, Provenance, ReportItem};
-use super::metric_display::MetricDisplay;
+use super::item::{ItemKind, ReportItem};
 use super::pgfplots::PgfFigure;
-use super::repeats::BandKind;
 use super::study::Study;
 use crate::experiment::spec::FigureX;
 use crate::output::format;
+use crate::output::metric_display::MetricDisplay;
 use crate::output::plot::axis::{Axis, Scale};
 use crate::output::plot::draw::draw;
 use crate::output::plot::figure::{Figure, Panel};
 use crate::output::plot::sizes::MOST_PANELS;
+use crate::output::provenance::Provenance;
+use crate::output::repeats::BandKind;
 use lumbre_metrics::MetricSpec;
 use panel::panel;
 
@@ -123,7 +124,7 @@ impl FigurePage<'_> {
             title,
             caption,
             svg: Some(draw(&figure)),
-            grid: None,
+            table: None,
             extra,
             provenance,
         })

@@ -3,10 +3,10 @@
 use crate::experiment::WaveRow;
 use crate::experiment::spec::FigureX;
 use crate::output::format;
+use crate::output::metric_display::MetricDisplay;
 use crate::output::plot::axis::{Axis, Scale};
 use crate::output::plot::figure::{Line, Panel, covered};
-use crate::output::report::metric_display::MetricDisplay;
-use crate::output::report::repeats::{MetricCurve, band};
+use crate::output::repeats::{MetricCurve, band};
 use crate::output::report::study::{Member, Study};
 
 /// Collects the data of one facet. If `device` is given, only runs on it are included.

@@ -10,13 +10,15 @@ mod views;
 use serde_json::{Value as Json, json};
 
 use super::ReportContext;
-use super::item::{ItemKind, PROGRAM, Provenance, ReportItem};
-use super::metric_display::MetricDisplay;
+use super::item::{ItemKind, ReportItem};
 use super::study::{Member, Study};
 use super::verdict::Verdict;
 use crate::experiment::WaveRow;
 use crate::experiment::night_results::{NightResults, RunState};
+use crate::output::metric_display::MetricDisplay;
 use crate::output::plot::axis::Scale;
+use crate::output::provenance::Provenance;
+use crate::text::PROGRAM;
 use lumbre_metrics::map::Colours;
 
 use crate::output::plot::svg::{base64, escape};
@@ -73,7 +75,7 @@ pub fn item(
         title,
         caption: "Complete report on one page.".to_owned(),
         svg: None,
-        grid: None,
+        table: None,
         extra: vec![("html", html.into_bytes())],
         provenance,
     })

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use super::Pictures;
-use super::metric_display::MetricDisplay;
 use super::study::{Member, Study};
 use crate::experiment::WaveRow;
+use crate::output::metric_display::MetricDisplay;
 use lumbre_light::film::Image;
 use lumbre_metrics::MetricSpec;
 
