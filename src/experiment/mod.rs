@@ -10,6 +10,7 @@ pub mod aa_check;
 pub mod bias_check;
 pub mod comparison_groups;
 pub mod event;
+pub mod figure_x;
 pub mod forecast;
 mod job;
 pub mod memory;
@@ -27,7 +28,7 @@ pub mod stop;
 pub mod table_value;
 
 pub use event::{Event, History, NightControls, PauseAt, Sink, SinkError};
-pub use outcome::{CellRef, Outcome, WaveRow};
+pub use outcome::{CellRef, EndCause, Outcome, WaveRow};
 pub use plan::{Cell, Overrides, Plan, PlanError, RunId};
 pub use plan_outline::PlanOutline;
 pub use run::{CellResult, NightSummary, RunError};

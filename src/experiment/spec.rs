@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+pub use super::figure_x::FigureX;
 use super::outcome::WaveRow;
 use super::stop::StopRule;
 pub use super::table_value::{RunColumn, TableValue};
@@ -272,15 +273,6 @@ pub enum Snapshots {
     Pow2,
 }
 
-/// Horizontal axis of a convergence figure.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FigureX {
-    /// Seconds inside the renderer.
-    RenderS,
-    /// Samples per pixel.
-    Samples,
-}
-
 /// A figure: one image for each combination of `facet` values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FigureSpec {
@@ -312,7 +304,7 @@ impl FigureSpec {
     /// Whether the figure shows any measured time.
     pub fn is_timed(&self) -> bool {
         match &self.kind {
-            FigureKind::Convergence { x, .. } => *x == FigureX::RenderS,
+            FigureKind::Convergence { x, .. } => x.row().is_clock,
             FigureKind::Sweep { y, .. } => y.iter().any(TableValue::is_clock),
         }
     }

@@ -46,6 +46,7 @@ pub use literal::literal;
 pub use reference::reference;
 
 use crate::experiment::{CellConfig, ExperimentSpec};
+use crate::paths::folder_of;
 use api::builder::{Builder, Externals};
 use kind::kind;
 use lumbre_light::value::Value;
@@ -155,7 +156,7 @@ fn run_file(
         limits,
         watchdog: limits::Watchdog::default(),
         sources: RefCell::new(sources),
-        folder: folder_of(path),
+        folder: folder_of(path).to_owned(),
         loading: Cell::new(true),
         purpose,
         builder: RefCell::new(Builder::default()),
@@ -178,14 +179,6 @@ fn run_file(
         lua,
         returned,
     })
-}
-
-/// Returns the folder of a script, in which its modules and files are searched.
-fn folder_of(path: &Path) -> PathBuf {
-    match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
-        _ => PathBuf::from("."),
-    }
 }
 
 /// Checks that the script returned its experiment and that its declarations are consistent, and

@@ -15,8 +15,7 @@ use std::path::Path;
 
 use super::{Plan, RunId};
 use crate::experiment::spec::{
-    CellConfig, FigureKind, FigureSpec, FigureX, MeasureSpec, Point, Snapshots, TableSpec,
-    TableValue,
+    CellConfig, FigureKind, FigureSpec, MeasureSpec, Point, Snapshots, TableSpec, TableValue,
 };
 use crate::experiment::stop::StopRule;
 use lumbre_light::scene::load::files;
@@ -357,10 +356,7 @@ pub(super) fn plan_hash(plan: &Plan) -> String {
 fn figure(figure: &FigureSpec) -> Value {
     let mut fields = match &figure.kind {
         FigureKind::Convergence { x, y } => {
-            let x = match x {
-                FigureX::RenderS => "render_s",
-                FigureX::Samples => "samples",
-            };
+            let x = x.row().name;
             vec![("x", x.into()), ("y", texts(y))]
         }
         FigureKind::Sweep { over, y } => {

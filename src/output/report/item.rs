@@ -9,6 +9,9 @@ use crate::output::provenance::Provenance;
 use crate::output::table::Table;
 use crate::output::{OutputError, pdf};
 
+/// Extensions of the files of a drawing.
+const DRAWN: [&str; 3] = ["svg", "png", "pdf"];
+
 /// Kind of an item of a report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ItemKind {
@@ -86,22 +89,31 @@ impl ReportItem {
         }
     }
 
+    /// Returns the extensions of all files, in the order of [`ReportItem::files`].
+    pub fn extensions(&self) -> Vec<&'static str> {
+        let drawn = self.svg.iter().flat_map(|_| DRAWN);
+        drawn.chain(self.extra.iter().map(|(e, _)| *e)).collect()
+    }
+
     /// Returns path and content of all files. A drawing is exported as SVG, PNG and PDF.
     ///
     /// # Errors
     /// Returns an error if the drawing cannot be converted to PNG or PDF.
     pub fn files(&self) -> Result<Vec<(String, Vec<u8>)>, OutputError> {
-        let mut files = Vec::new();
+        let mut contents = Vec::new();
         if let Some(svg) = &self.svg {
-            files.push((format!("{}.svg", self.stem), svg.as_bytes().to_vec()));
-            files.push((format!("{}.png", self.stem), plot::rasterize(svg)?));
-            files.push((format!("{}.pdf", self.stem), pdf::from_svg(svg)?));
+            contents = vec![
+                svg.as_bytes().to_vec(),
+                plot::rasterize(svg)?,
+                pdf::from_svg(svg)?,
+            ];
         }
-        let named = |(extension, bytes): &(&'static str, Vec<u8>)| {
-            (format!("{}.{extension}", self.stem), bytes.clone())
-        };
-        files.extend(self.extra.iter().map(named));
-        Ok(files)
+        contents.extend(self.extra.iter().map(|(_, bytes)| bytes.clone()));
+        let names = self
+            .extensions()
+            .into_iter()
+            .map(|e| format!("{}.{e}", self.stem));
+        Ok(names.zip(contents).collect())
     }
 }
 

@@ -114,7 +114,7 @@ pub fn build(
 ) -> Result<Report, ReportError> {
     let mut notes = study.notes.clone();
     let mut items = Vec::new();
-    for x in [FigureX::RenderS, FigureX::Samples] {
+    for x in FigureX::ALL.iter().copied() {
         for metric in 0..study.metrics.len() {
             items.extend(convergence::figures(study, metric, x));
         }

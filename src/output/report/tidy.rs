@@ -77,7 +77,7 @@ fn keys(m: &Member, axes: &[String]) -> Vec<String> {
         m.run.integrator.clone(),
         m.run.scene.clone(),
     ]);
-    fields.push(m.night.device(m.run).unwrap_or_default());
+    fields.push(m.run.device.clone().unwrap_or_default());
     fields
 }
 

@@ -73,7 +73,7 @@ pub struct TableCell {
     pub run_ids: Vec<String>,
 }
 
-/// A table.
+/// A table of numbers with labelled rows and columns.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     /// Name of the table's files.

@@ -29,8 +29,7 @@ pub const FIGURE: Table = Table {
             ty: Ty::Str,
             required: false,
             default: "render_s",
-            doc: "horizontal axis: `render_s` (render time in seconds), `samples` (per pixel), or \
-                  an axis of the sweep, over which the final values of finished runs are drawn",
+            doc: FigureX::X_DOC,
         },
         Field {
             key: "y",
@@ -262,17 +261,11 @@ fn figure(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptE
                 .map(|value| curve_column(value, &path))
                 .collect::<Result<Vec<_>, _>>()
         };
-        let kind = match word("x").unwrap_or("render_s") {
-            "render_s" => FigureKind::Convergence {
-                x: FigureX::RenderS,
-                y: columns(y)?,
-            },
-            "samples" => FigureKind::Convergence {
-                x: FigureX::Samples,
-                y: columns(y)?,
-            },
-            axis => FigureKind::Sweep {
-                over: axis.to_owned(),
+        let x = word("x").unwrap_or(FigureX::ALL[0].row().name);
+        let kind = match FigureX::named(x) {
+            Some(x) => FigureKind::Convergence { x, y: columns(y)? },
+            None => FigureKind::Sweep {
+                over: x.to_owned(),
                 y,
             },
         };

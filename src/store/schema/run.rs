@@ -190,6 +190,20 @@ records! {
         /// Bytes of texels, of the environment map too; absent if unknown.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pub texture_bytes: Option<u64>,
+        /// Threads of the processor that rendered; absent on another device, or if unknown.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub threads: Option<u32>,
+        /// External program that rendered; absent if there is none.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub peer: Option<PeerProgram>,
+    }
+
+    /// External program that rendered a run.
+    pub struct PeerProgram {
+        /// Name of the program, with its version if known.
+        pub program: String,
+        /// Whether its render time is the wall-clock time of its processes.
+        pub wall_clock: bool,
     }
 
     /// `done.json` of a run, and `ref.json` of a rendered reference: how it ended.

@@ -13,7 +13,7 @@ use super::process::{Patience, Process, Talk};
 use super::server::Server;
 use super::technique::{SceneSource, Technique};
 use super::{Access, failed, interrupted, with_output, words};
-use crate::{Job, OpenStats, RenderError, Renderer, WaveStats};
+use crate::{Job, OpenStats, Peer, RenderError, Renderer, WaveStats};
 use lumbre_light::film::Film;
 use lumbre_light::film::layer::{LayerFilm, LayerLayout};
 use lumbre_light::film::state::{StateReader, write_u64s};
@@ -88,17 +88,24 @@ impl ExternalRenderer {
         .map_err(failed)?;
         let channels = layer_channels(&job.layers, &technique.layers).map_err(failed)?;
         let channels = channels.into_iter().map(str::to_owned).collect();
-        let mut device = format!("cpu, {threads} threads, {}", program(&technique));
+        let mut peer = Peer {
+            program: program(&technique),
+            wall_clock: false,
+        };
+        let mut device = format!("cpu, {threads} threads, {}", peer.program);
+        let mut stated_threads = u32::try_from(threads).unwrap_or(0);
         let driver = if technique.serve {
             let words = words::fill(&technique.command, &values);
             let (server, line) = Server::start(&words, technique.timeout, access)?;
             if !line.is_empty() {
                 device = super::printable(&line);
+                stated_threads = 0;
             }
             Driver::Server(Box::new(server))
         } else {
             if technique.clock == Clock::Wall {
-                device += WALL_CLOCK;
+                device += " (wall clock)";
+                peer.wall_clock = true;
             }
             Driver::OneShot
         };
@@ -120,6 +127,8 @@ impl ExternalRenderer {
             render_s: 0.0,
             open_stats: OpenStats {
                 device,
+                threads: stated_threads,
+                peer: Some(peer),
                 ..OpenStats::default()
             },
         })
@@ -222,9 +231,6 @@ impl ExternalRenderer {
         from.finish()
     }
 }
-
-/// End of the device line of runs whose render time is the wall clock of their processes.
-pub const WALL_CLOCK: &str = " (wall clock)";
 
 impl Renderer for ExternalRenderer {
     fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {

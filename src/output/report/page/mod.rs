@@ -23,6 +23,7 @@ use lumbre_metrics::map::Colours;
 
 use crate::output::plot::svg::{base64, escape};
 use crate::output::{OutputError, format};
+use crate::paths::SCRIPT_COPY;
 use crate::text::visible;
 use views::View;
 
@@ -294,7 +295,7 @@ fn night_facts(night: &NightResults, name: Option<&str>, context: &ReportContext
         .filter(|f| !f.is_empty())
         .map(|f| escape(f))
         .collect();
-    let script = (context.link)(&night.folder.join("experiment.lua"));
+    let script = (context.link)(&night.folder.join(SCRIPT_COPY));
     facts.push(format!("<a href=\"{}\">script</a>", escape(&script)));
     format!("<p class=\"meta\">{name}{}</p>\n", facts.join(" · "))
 }

@@ -158,15 +158,14 @@ pub fn figures(study: &Study, items: &[ReportItem]) -> String {
 
 /// Returns links to the files of an item.
 fn file_links(item: &ReportItem) -> String {
-    let drawn = item.svg.iter().flat_map(|_| ["svg", "png", "pdf"]);
-    let all = drawn.chain(item.extra.iter().map(|(extension, _)| *extension));
     let link = |extension: &str| {
         format!(
             "<a href=\"{}.{extension}\">{extension}</a>",
             escape(&item.stem)
         )
     };
-    all.map(link).collect::<Vec<_>>().join(" ")
+    let links: Vec<String> = item.extensions().into_iter().map(link).collect();
+    links.join(" ")
 }
 
 /// Writes the title of an item with a link to itself.

@@ -169,7 +169,7 @@ pub fn references(
                 let floor = noise_metric.and_then(|m| member.run.floor(&study.metrics[m].column));
                 references.all.push(Reference {
                     image,
-                    description: reference.description.clone(),
+                    description: reference.origin.describe(),
                     floor,
                 });
                 paths.push(path);
