@@ -326,6 +326,18 @@ records! {
     }
 }
 
+impl RunResults {
+    /// Threads of the processor that rendered; `None` on another device, or if unknown. Files from
+    /// before the field `threads` state them in the line of the device only.
+    pub fn threads(&self) -> Option<u32> {
+        let stated = || {
+            let (threads, _) = self.device.strip_prefix("cpu, ")?.split_once(" threads")?;
+            threads.parse().ok()
+        };
+        self.open.threads.or_else(stated)
+    }
+}
+
 impl BiasCheckFile {
     /// Records the comparison of a reference with the picture `with`.
     pub fn new(plan: &Plan, reference: usize, with: usize, found: &BiasCheckResult) -> Self {
@@ -455,5 +467,26 @@ impl DoneFile {
             }
         }
         Ok(None)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn threads_of_older_files_are_those_of_their_device_line() {
+        let results = |device: &str, threads| RunResults {
+            device: device.to_owned(),
+            open: OpenCost {
+                threads,
+                ..OpenCost::default()
+            },
+            ..RunResults::default()
+        };
+        let threads = |device, threads| results(device, threads).threads();
+        assert_eq!(threads("cpu, 2 threads, eight-wide BVH", Some(3)), Some(3));
+        assert_eq!(threads("cpu, 2 threads, eight-wide BVH", None), Some(2));
+        assert_eq!(threads("NVIDIA H100, driver 1.2", None), None);
     }
 }
