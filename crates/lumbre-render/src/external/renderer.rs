@@ -99,7 +99,9 @@ impl ExternalRenderer {
             let (server, line) = Server::start(&words, technique.timeout, access)?;
             if !line.is_empty() {
                 device = super::printable(&line);
-                stated_threads = 0;
+                let stated = stated_facts(&device);
+                stated_threads = stated.0;
+                peer.program = stated.1.unwrap_or(peer.program);
             }
             Driver::Server(Box::new(server))
         } else {
@@ -299,6 +301,22 @@ impl Renderer for ExternalRenderer {
     }
 }
 
+/// Returns the threads of the processor, 0 on another device, and the program that the first line of
+/// a server states: `cpu, 8 threads, NAME VERSION`.
+fn stated_facts(line: &str) -> (u32, Option<String>) {
+    let threads = || {
+        line.strip_prefix("cpu, ")?
+            .split_once(" threads")?
+            .0
+            .parse()
+            .ok()
+    };
+    let program = line
+        .rsplit_once(", ")
+        .map(|(_, program)| program.to_owned());
+    (threads().unwrap_or(0), program)
+}
+
 /// Returns the name and version of a technique's program, without commas, which separate the parts of
 /// a device line.
 fn program(technique: &Technique) -> String {
@@ -380,5 +398,14 @@ mod tests {
         );
         assert_eq!(seeds.len(), 5);
         assert!(seeds.iter().all(|seed| i32::try_from(*seed).is_ok()));
+    }
+
+    #[test]
+    fn a_servers_line_states_threads_and_program() {
+        let facts = |line| stated_facts(line);
+        let program = || Some("Ray 2.1".to_owned());
+        assert_eq!(facts("cpu, 8 threads, Ray 2.1"), (8, program()));
+        assert_eq!(facts("NVIDIA H100, Ray 2.1"), (0, program()));
+        assert_eq!(facts("some machine"), (0, None));
     }
 }
