@@ -2,10 +2,28 @@
 //! outside without characters that control a terminal.
 
 use std::borrow::Cow;
+use std::ops::RangeInclusive;
+
+/// Name and version of this program, as files state them.
+pub const PROGRAM: &str = concat!("lumbre ", env!("CARGO_PKG_VERSION"));
 
 /// Formats a count with its noun: `1 cell`, `3 cells`.
 pub fn counted(n: u64, noun: &str) -> String {
     format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
+}
+
+/// Formats a number other than 0 with `digits` significant digits, with an exponent unless its power
+/// of ten, after rounding, is in `plain`.
+pub fn significant(x: f64, digits: usize, plain: RangeInclusive<i32>) -> String {
+    let scientific = format!("{x:.*e}", digits.saturating_sub(1));
+    let exponent = scientific.split_once('e').and_then(|(_, e)| e.parse().ok());
+    let exponent: i32 = exponent.unwrap_or(0);
+    if plain.contains(&exponent) {
+        let decimals = usize::try_from(digits as i32 - 1 - exponent);
+        format!("{x:.*}", decimals.unwrap_or(0))
+    } else {
+        scientific
+    }
 }
 
 /// Breaks text at spaces into lines that fit, except for single words. Returns at least one line.

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 
 use crate::script::ScriptError;
-use crate::text;
+use crate::text::{self, PROGRAM};
 use crate::tui;
 
 /// Text below the options of `--help`: exit codes, signals and output streams.
@@ -218,9 +218,9 @@ pub fn install_panic_hook() {
             .copied()
             .or(payload.downcast_ref::<String>().map(String::as_str));
         print_status(&format!(
-            "lumbre {} crashed because of a bug{place}: {}\n\
+            "{} crashed because of a bug{place}: {}\n\
              Finished runs are safe. Please report this message with the script and the command.",
-            env!("CARGO_PKG_VERSION"),
+            PROGRAM,
             what.unwrap_or("no message")
         ));
     }));

@@ -94,10 +94,11 @@ pub struct RunResult {
     pub max_depth: Option<u32>,
     /// Width and height in pixels, if known.
     pub resolution: Option<[u32; 2]>,
-    /// Device that rendered the run, if it is finished.
+    /// Device that rendered the run, for people, if it is finished and the device is known.
     pub device: Option<String>,
-    /// External program that rendered the run, with its version, if any.
-    pub peer: Option<String>,
+    /// External program that rendered the run, with its version, if any, and whether its render time
+    /// is the wall-clock time of its processes.
+    pub peer: Option<(String, bool)>,
     /// State of the run.
     pub state: RunState,
     /// Measurements, oldest first.
@@ -178,29 +179,38 @@ pub struct ReferenceResult {
     pub id: String,
     /// File of the picture, if it exists.
     pub picture: Option<PathBuf>,
-    /// Description: integrator and samples per pixel, or the name of the file.
-    pub description: String,
+    /// Origin of the picture.
+    pub origin: ReferenceOrigin,
+}
+
+/// Origin of the picture of a reference.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ReferenceOrigin {
+    /// It was rendered.
+    Rendered {
+        /// Name of the integrator.
+        integrator: String,
+        /// Samples per pixel.
+        samples: u64,
+    },
+    /// It is a file or is not finished, as this text describes.
+    Other(String),
+}
+
+impl ReferenceOrigin {
+    /// Description for people: `bpt, 16 samples per pixel`, or the name of a file.
+    pub fn describe(&self) -> String {
+        match self {
+            ReferenceOrigin::Rendered {
+                integrator,
+                samples,
+            } => format!("{integrator}, {samples} samples per pixel"),
+            ReferenceOrigin::Other(text) => text.clone(),
+        }
+    }
 }
 
 impl NightResults {
-    /// Device of a run for people: the processor model and number of threads for the `cpu` backend,
-    /// otherwise the device name of the backend. `None` if not recorded.
-    pub fn device(&self, run: &RunResult) -> Option<String> {
-        let device = run.device.as_deref().filter(|d| !d.is_empty())?;
-        match (&self.machine, device.starts_with("cpu")) {
-            (Some(machine), true) if !machine.cpu.is_empty() => {
-                let threads = device
-                    .split(',')
-                    .map(str::trim)
-                    .find(|part| part.contains("thread"));
-                Some(threads.map_or(machine.cpu.clone(), |threads| {
-                    format!("{}, {threads}", machine.cpu)
-                }))
-            }
-            _ => Some(device.to_owned()),
-        }
-    }
-
     /// Devices of all finished runs in the order of the plan, without repetition.
     pub fn devices(&self) -> Vec<String> {
         let mut devices: Vec<String> = Vec::new();
@@ -208,7 +218,7 @@ impl NightResults {
             .runs
             .iter()
             .filter(|run| run.is_done())
-            .filter_map(|run| self.device(run))
+            .filter_map(|run| run.device.clone())
         {
             if !devices.contains(&device) {
                 devices.push(device);

@@ -64,11 +64,38 @@ impl WaveRow {
     }
 }
 
+/// Clause of a stop rule that ended a run.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct EndCause {
+    /// The clause, for people: `ssim > 0.95`.
+    pub clause: String,
+    /// Whether it is a limit of render time or of samples, and nothing else.
+    pub is_limit: bool,
+}
+
+impl EndCause {
+    /// Creates a limit of render time or of samples.
+    pub fn limit(clause: impl Into<String>) -> EndCause {
+        EndCause {
+            clause: clause.into(),
+            is_limit: true,
+        }
+    }
+
+    /// Creates a clause that is no such limit.
+    pub fn other(clause: impl Into<String>) -> EndCause {
+        EndCause {
+            clause: clause.into(),
+            is_limit: false,
+        }
+    }
+}
+
 /// Outcome of a cell or reference.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outcome {
-    /// Finished by its stop rule; the text names the clause that held.
-    Done(String),
+    /// Finished by its stop rule, by the clause that held.
+    Done(EndCause),
     /// Found finished in this folder; nothing was rendered.
     Cached(std::path::PathBuf),
     /// Failed for this reason; the night continues.

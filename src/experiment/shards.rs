@@ -12,7 +12,6 @@ use super::outcome::{CellRef, WaveRow};
 use super::run_progress::{Checkpoint, RunProgress};
 use lumbre_light::film::Film;
 use lumbre_light::film::state::{CheckpointMismatch, StateReader, write_u64s};
-use lumbre_light::scene::compile::SceneMemory;
 use lumbre_render::{OpenStats, WaveStats};
 
 /// A shard of a reference. Its first sample is even, so that both halves start at the same sample.
@@ -131,8 +130,11 @@ impl ShardSums {
             accel_nodes,
             accel_bytes,
             accel_cost,
-            // Shards do not store the memory of their scene, which is that of every other run.
+            // Shards do not store the memory of their scene, which is that of every other run, nor
+            // what only the times of cells are labelled by.
             scene: _,
+            threads: _,
+            peer: _,
             device,
         } = &self.open;
         let seconds = [upload_s, pipeline_s, accel_build_s, accel_cost].map(|x| x.to_bits());
@@ -187,8 +189,8 @@ impl ShardSums {
             accel_nodes,
             accel_bytes,
             accel_cost,
-            scene: SceneMemory::default(),
             device,
+            ..OpenStats::default()
         };
         Ok(ShardSums { halves, open })
     }

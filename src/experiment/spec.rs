@@ -4,8 +4,10 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+pub use super::figure_x::FigureX;
 use super::outcome::WaveRow;
 use super::stop::StopRule;
+pub use super::table_value::{RunColumn, TableValue};
 use lumbre_light::film::layer::Layer;
 use lumbre_light::transport::camera::FilterSpec;
 use lumbre_light::transport::path_time::Timing;
@@ -271,15 +273,6 @@ pub enum Snapshots {
     Pow2,
 }
 
-/// Horizontal axis of a convergence figure.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FigureX {
-    /// Seconds inside the renderer.
-    RenderS,
-    /// Samples per pixel.
-    Samples,
-}
-
 /// A figure: one image for each combination of `facet` values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FigureSpec {
@@ -311,7 +304,7 @@ impl FigureSpec {
     /// Whether the figure shows any measured time.
     pub fn is_timed(&self) -> bool {
         match &self.kind {
-            FigureKind::Convergence { x, .. } => *x == FigureX::RenderS,
+            FigureKind::Convergence { x, .. } => x.row().is_clock,
             FigureKind::Sweep { y, .. } => y.iter().any(TableValue::is_clock),
         }
     }
@@ -334,82 +327,6 @@ pub enum FigureKind {
         /// Quantities, one panel for each.
         y: Vec<TableValue>,
     },
-}
-
-/// Quantity of a cell that a table or a sweep figure shows.
-#[derive(Clone, Debug, PartialEq)]
-pub enum TableValue {
-    /// Final value of a metric column.
-    Metric(String),
-    /// Samples per pixel at the end of the run.
-    Samples,
-    /// Render time at the end of the run, seconds.
-    RenderS,
-    /// Millions of camera paths per second of render time.
-    MpathsPerS,
-    /// Frames (samples of every pixel) per second of render time.
-    Fps,
-    /// Millions of rays per second of render time.
-    MraysPerS,
-    /// Seconds spent building the bounding volume hierarchy.
-    AccelBuildS,
-    /// Number of nodes of the hierarchy.
-    AccelNodes,
-    /// Mebibytes of the hierarchy and its primitives.
-    AccelMib,
-    /// Expected cost of a ray through the scene's bounding box by the surface area heuristic.
-    AccelCost,
-    /// Seconds of render time until a metric column first reached a threshold.
-    TimeTo {
-        /// Column of the metric.
-        column: String,
-        /// Threshold in units of the metric.
-        threshold: f64,
-    },
-}
-
-impl TableValue {
-    /// Quantities that need no metric, by their names in scripts.
-    pub const PLAIN: &[(&str, TableValue)] = &[
-        ("samples", TableValue::Samples),
-        ("render_s", TableValue::RenderS),
-        ("mpaths_s", TableValue::MpathsPerS),
-        ("fps", TableValue::Fps),
-        ("mrays_s", TableValue::MraysPerS),
-        ("accel_build_s", TableValue::AccelBuildS),
-        ("accel_nodes", TableValue::AccelNodes),
-        ("accel_mib", TableValue::AccelMib),
-        ("accel_cost", TableValue::AccelCost),
-    ];
-
-    /// Name in scripts: `accel_nodes`, a metric's column, or `time_to(column, threshold)`.
-    pub fn name(&self) -> String {
-        match self {
-            TableValue::Metric(column) => column.clone(),
-            TableValue::TimeTo { column, threshold } => format!("time_to({column}, {threshold})"),
-            plain => {
-                let named = TableValue::PLAIN.iter().find(|(_, value)| value == plain);
-                named.map_or_else(String::new, |(name, _)| (*name).to_owned())
-            }
-        }
-    }
-
-    /// Whether the quantity is a measured time or depends on one.
-    pub fn is_clock(&self) -> bool {
-        match self {
-            TableValue::RenderS
-            | TableValue::MpathsPerS
-            | TableValue::Fps
-            | TableValue::MraysPerS
-            | TableValue::AccelBuildS
-            | TableValue::TimeTo { .. } => true,
-            TableValue::Metric(_)
-            | TableValue::Samples
-            | TableValue::AccelNodes
-            | TableValue::AccelMib
-            | TableValue::AccelCost => false,
-        }
-    }
 }
 
 /// File format of a table.

@@ -27,6 +27,7 @@ use super::state::State;
 use super::view::picture::PictureCache;
 use super::view::{self, Screen};
 use crate::output::{exr, png};
+use crate::paths::folder_of;
 use crate::store::write_atomically;
 use crate::tui::terminal::terminal_caps::{Graphics, TerminalCaps};
 use lumbre_light::value::Value;
@@ -404,10 +405,7 @@ impl Explorer {
     fn save(&mut self) -> Result<String, String> {
         let (scene, frame) = self.shown()?;
         let metadata = [
-            (
-                "program",
-                concat!("lumbre ", env!("CARGO_PKG_VERSION")).to_owned(),
-            ),
+            ("program", crate::text::PROGRAM.to_owned()),
             ("scene", scene.path.display().to_string()),
             (
                 "settings",
@@ -484,7 +482,7 @@ impl Explorer {
 /// of the scene file.
 fn copy_scene(scene: &Path, into: &Path) -> Result<PathBuf, String> {
     let failed = |e: io::Error| format!("cannot write the files of the scene: {e}");
-    let folder = scene.parent().unwrap_or(Path::new("."));
+    let folder = folder_of(scene);
     let name = folder.file_name().unwrap_or_default();
     let target = into.join(name);
     fs::create_dir_all(&target).map_err(failed)?;

@@ -3,8 +3,8 @@
 
 use std::collections::BTreeMap;
 
-use super::report::grid::{Digits, Grid, GridCell, Interval};
-use super::report::item::Provenance;
+use super::provenance::Provenance;
+use super::table::{Digits, Interval, Table, TableCell};
 use lumbre_light::math::t_test::mean_and_interval;
 
 /// Rates of one backend of one machine.
@@ -51,16 +51,16 @@ pub fn tables(groups: &[RateGroup], scenes: &[String], techniques: &[String]) ->
     {
         grids.push(relative(base, others, scenes, techniques));
     }
-    let table = |grid: Grid| RateTable {
+    let table = |grid: Table| RateTable {
         markdown: grid.to_markdown(),
-        csv: grid.to_csv(),
+        csv: grid.to_long_csv(),
         latex: grid.to_latex(),
         name: grid.name,
     };
     grids.into_iter().map(table).collect()
 }
 
-fn absolute(groups: &[RateGroup], scenes: &[String], techniques: &[String]) -> Grid {
+fn absolute(groups: &[RateGroup], scenes: &[String], techniques: &[String]) -> Table {
     let shown: Vec<(&RateGroup, Vec<&String>)> = groups
         .iter()
         .map(|group| (group, group.techniques(techniques)))
@@ -68,14 +68,14 @@ fn absolute(groups: &[RateGroup], scenes: &[String], techniques: &[String]) -> G
     let cell = |scene: &String, group: &RateGroup, technique: &String| {
         let repeats = group.repeats(scene, technique);
         if repeats.is_empty() {
-            return GridCell::default();
+            return TableCell::default();
         }
         let (mean, half) = mean_and_interval(repeats);
-        GridCell {
+        TableCell {
             value: Some(mean),
             interval: half.map(Interval::Half),
             runs: repeats.len(),
-            ..GridCell::default()
+            ..TableCell::default()
         }
     };
     let caption = "Samples of every pixel per second (FPS). Mean of repeats with its 95 % \
@@ -95,7 +95,7 @@ fn relative(
     others: &[RateGroup],
     scenes: &[String],
     techniques: &[String],
-) -> Grid {
+) -> Table {
     let shared = |group: &RateGroup| {
         let own = base.techniques(techniques);
         let both = group.techniques(techniques).into_iter();
@@ -106,12 +106,12 @@ fn relative(
     let cell = |scene: &String, group: &RateGroup, technique: &String| {
         let [a, b] = [group, base].map(|group| group.repeats(scene, technique));
         if a.is_empty() || b.is_empty() {
-            return GridCell::default();
+            return TableCell::default();
         }
-        GridCell {
+        TableCell {
             value: Some(mean_and_interval(a).0 / mean_and_interval(b).0),
             runs: a.len().min(b.len()),
-            ..GridCell::default()
+            ..TableCell::default()
         }
     };
     let caption = format!(
@@ -135,8 +135,8 @@ fn grid(
     (unit, digits): (&str, Digits),
     shown: &[(&RateGroup, Vec<&String>)],
     scenes: &[String],
-    cell: &dyn Fn(&String, &RateGroup, &String) -> GridCell,
-) -> Grid {
+    cell: &dyn Fn(&String, &RateGroup, &String) -> TableCell,
+) -> Table {
     let row = |scene: &String| {
         let cells = shown.iter().flat_map(|(group, techniques)| {
             techniques
@@ -146,7 +146,7 @@ fn grid(
         (vec![scene.clone()], cells.collect())
     };
     let columns = shown.iter().flat_map(|(_, techniques)| techniques);
-    Grid {
+    Table {
         name: name.to_owned(),
         section: String::new(),
         title: title.to_owned(),

@@ -8,7 +8,7 @@ use glam::Vec3;
 
 use crate::experiment::plan::{Cell, Plan, RunId};
 use crate::experiment::spec::{CellConfig, MeasureSpec, Snapshots};
-use crate::experiment::{CellRef, CellResult, Outcome, StopRule, WaveRow};
+use crate::experiment::{CellRef, CellResult, EndCause, Outcome, StopRule, WaveRow};
 use lumbre_light::scene::SceneDesc;
 use lumbre_light::scene::desc::CameraDesc;
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
@@ -152,7 +152,7 @@ pub fn done(cell: usize, waves: &[(f64, f64)]) -> CellResult {
         });
     CellResult {
         cell: CellRef::Cell(cell),
-        outcome: Outcome::Done("64 samples".to_owned()),
+        outcome: Outcome::Done(EndCause::limit("64 samples")),
         rows: Arc::new(rows.collect()),
         floors: Arc::default(),
         open: OpenStats {

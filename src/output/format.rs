@@ -79,18 +79,7 @@ pub fn significant(x: f64, digits: usize) -> String {
             x.to_string()
         };
     }
-    let scientific = format!("{x:.*e}", digits.saturating_sub(1));
-    let exponent: i32 = scientific
-        .split_once('e')
-        .and_then(|(_, e)| e.parse().ok())
-        .unwrap_or(0);
-    match exponent {
-        -4..=6 => format!(
-            "{x:.*}",
-            usize::try_from(digits as i32 - 1 - exponent).unwrap_or(0)
-        ),
-        _ => scientific,
-    }
+    crate::text::significant(x, digits, -4..=6)
 }
 
 /// Formats a number for programs: the shortest text that parses to the same `f64`, or `nan`, `inf`,

@@ -143,13 +143,8 @@ mod tests {
 
     #[test]
     fn larger_values_are_lighter() {
-        let light = |i: i32| {
-            heat_colour(i as f32 / 600.0)
-                .iter()
-                .zip([0.2126, 0.7152, 0.0722])
-                .map(|(x, w)| x * w)
-                .sum()
-        };
+        let light =
+            |i: i32| lumbre_light::math::luminance::luminance_f32(heat_colour(i as f32 / 600.0));
         let lightness: Vec<f32> = (0..=600).map(light).collect();
         assert!(
             lightness.windows(2).all(|pair| pair[1] > pair[0]),

@@ -31,6 +31,9 @@ pub(super) fn max_pixels(file_bytes: usize) -> usize {
         .min(MAX_PIXELS)
 }
 
+/// File extensions of the formats that [`decode`] reads.
+pub const EXTENSIONS: [&str; 6] = ["bmp", "exr", "hdr", "jpeg", "jpg", "png"];
+
 /// A decoded picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {

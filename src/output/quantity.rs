@@ -4,9 +4,8 @@
 use super::format;
 use crate::experiment::plan::Plan;
 use crate::experiment::spec::TableValue;
-use crate::experiment::{CellResult, WaveRow};
+use crate::experiment::{CellRef, CellResult, Outcome, WaveRow};
 use lumbre_metrics::Better;
-use lumbre_render::OpenStats;
 
 /// Relation of a number to the true one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -136,6 +135,14 @@ pub fn time_to(better: Better, curve: &[(f64, f64)], threshold: f64) -> Option<R
     crossing(curve, threshold, reached, magnitude)
 }
 
+/// Returns whether a result is a finished run that tables and figures include. Duplicate runs of the A/A check
+/// are not included.
+pub fn is_finished(plan: &Plan, result: &CellResult) -> bool {
+    let is_result = |cell: usize| plan.cells.get(cell).is_some_and(|c| c.double_of.is_none());
+    matches!(result.cell, CellRef::Cell(cell) if is_result(cell))
+        && matches!(result.outcome, Outcome::Done(_) | Outcome::Cached(_))
+}
+
 /// Returns the value of one finished run, or `None` if the run has no such value.
 pub fn run_value(plan: &Plan, value: &TableValue, result: &CellResult) -> Option<RunValue> {
     let last = result.rows.last()?;
@@ -150,7 +157,7 @@ pub fn run_value(plan: &Plan, value: &TableValue, result: &CellResult) -> Option
             let curve: Vec<(f64, f64)> = result.rows.iter().filter_map(point).collect();
             time_to(metric.row.better, &curve, *threshold)?
         }
-        plain => RunValue::exact(metric_free_value(plain, last, &result.open)?),
+        TableValue::Run(column) => RunValue::exact((column.row().value)(last, &result.open)?),
     })
 }
 
@@ -172,26 +179,6 @@ pub fn threshold_sign(better: Better) -> &'static str {
     }
 }
 
-/// Returns a value that needs no metric, for a run with this last measurement. Returns `None` for
-/// metric values and for unknown values.
-pub fn metric_free_value(value: &TableValue, last: &WaveRow, open: &OpenStats) -> Option<f64> {
-    let known = |x: f64| (x > 0.0).then_some(x);
-    match value {
-        TableValue::Samples => Some(last.samples as f64),
-        TableValue::RenderS => Some(last.render_s),
-        TableValue::MpathsPerS => Some(last.mpaths_per_s()),
-        TableValue::Fps => Some(last.fps()),
-        TableValue::MraysPerS => {
-            (last.render_s > 0.0).then(|| last.rays as f64 / last.render_s / 1e6)
-        }
-        TableValue::AccelBuildS => known(open.accel_build_s),
-        TableValue::AccelNodes => known(open.accel_nodes as f64),
-        TableValue::AccelMib => known(open.accel_bytes as f64 / f64::from(1 << 20)),
-        TableValue::AccelCost => known(open.accel_cost),
-        TableValue::Metric(_) | TableValue::TimeTo { .. } => None,
-    }
-}
-
 /// Returns the axis label of a value, with its unit.
 pub fn label(plan: &Plan, value: &TableValue) -> String {
     match value {
@@ -202,7 +189,7 @@ pub fn label(plan: &Plan, value: &TableValue) -> String {
             })
         }
         TableValue::TimeTo { .. } => "time to threshold (s)".to_owned(),
-        plain => label_and_description(plain).0.to_owned(),
+        TableValue::Run(column) => column.row().label.to_owned(),
     }
 }
 
@@ -234,35 +221,6 @@ pub fn title(plan: &Plan, value: &TableValue) -> String {
             }
             None => format!("Render time until `{column}` (not measured)"),
         },
-        plain => label_and_description(plain).1.to_owned(),
-    }
-}
-
-/// Returns label and description of a value that needs no metric. Both are empty for metric values.
-pub fn label_and_description(value: &TableValue) -> (&'static str, &'static str) {
-    match value {
-        TableValue::Samples => ("samples per pixel", "Samples per pixel at the end"),
-        TableValue::RenderS => ("render time (s)", "Render time at the end in seconds"),
-        TableValue::MpathsPerS => ("Mpaths/s", "Million camera paths per second of render time"),
-        TableValue::Fps => (
-            "FPS (1/s)",
-            "Frames per second of render time (a frame is one sample of every pixel)",
-        ),
-        TableValue::MraysPerS => ("Mrays/s", "Million rays per second of render time"),
-        TableValue::AccelBuildS => (
-            "build (s)",
-            "Build time of the acceleration structure in seconds",
-        ),
-        TableValue::AccelNodes => ("nodes", "Number of nodes of the acceleration structure"),
-        TableValue::AccelMib => (
-            "acceleration structure (MiB)",
-            "Size of the acceleration structure in MiB, including its primitives",
-        ),
-        TableValue::AccelCost => (
-            "SAH cost",
-            "Expected number of nodes and primitives tested by a ray through the scene's \
-             bounding box (surface area heuristic)",
-        ),
-        TableValue::Metric(_) | TableValue::TimeTo { .. } => ("", ""),
+        TableValue::Run(column) => column.row().description.to_owned(),
     }
 }

@@ -99,7 +99,7 @@ fn identity_fields(plan: &Plan, cell: &Cell) -> Vec<String> {
 /// Returns the status of a cell and its reason.
 fn status_fields(result: Option<&CellResult>) -> [String; 2] {
     let (status, reason) = match result.map(|r| &r.outcome) {
-        Some(Outcome::Done(reason)) => ("done", reason.clone()),
+        Some(Outcome::Done(cause)) => ("done", cause.clause.clone()),
         Some(Outcome::Cached(folder)) => ("cached", folder.display().to_string()),
         Some(Outcome::Failed(reason)) => ("failed", reason.clone()),
         Some(Outcome::Interrupted) => ("interrupted", String::new()),

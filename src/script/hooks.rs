@@ -8,9 +8,10 @@ use mlua::{Function, Lua, Value as LuaValue};
 
 use super::api::builder::{Reference, RenderedReference, Stop};
 use super::api::find::find_file;
+use super::api::render;
 use super::api::stop_rule::{cell_rules, reference_rules, rule_from_value};
-use super::api::{kind, render};
 use super::error::ScriptError;
+use super::kind::kind;
 use super::source::SourcePlace;
 use super::state::{Shared, missing_name};
 use super::{Script, strict};

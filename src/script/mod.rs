@@ -19,6 +19,7 @@ mod api;
 pub mod docgen;
 mod error;
 mod hooks;
+mod kind;
 mod limits;
 mod literal;
 mod locate;
@@ -45,7 +46,9 @@ pub use literal::literal;
 pub use reference::reference;
 
 use crate::experiment::{CellConfig, ExperimentSpec};
+use crate::paths::folder_of;
 use api::builder::{Builder, Externals};
+use kind::kind;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::SchemaError;
 use state::{Purpose, Shared};
@@ -153,7 +156,7 @@ fn run_file(
         limits,
         watchdog: limits::Watchdog::default(),
         sources: RefCell::new(sources),
-        folder: folder_of(path),
+        folder: folder_of(path).to_owned(),
         loading: Cell::new(true),
         purpose,
         builder: RefCell::new(Builder::default()),
@@ -176,14 +179,6 @@ fn run_file(
         lua,
         returned,
     })
-}
-
-/// Returns the folder of a script, in which its modules and files are searched.
-fn folder_of(path: &Path) -> PathBuf {
-    match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
-        _ => PathBuf::from("."),
-    }
 }
 
 /// Checks that the script returned its experiment and that its declarations are consistent, and
@@ -209,7 +204,7 @@ fn finish(
                 last: None,
             };
             let problem = Problem::NoExperiment {
-                found: api::kind(returned).to_owned(),
+                found: kind(returned),
             };
             return Err(shared
                 .sources

@@ -8,8 +8,9 @@ use std::rc::Rc;
 use mlua::{HookTriggers, Lua, LuaOptions, StdLib, Value as LuaValue, VmState};
 
 use super::api::builder::Builder;
-use super::api::stop_rule::Predicates;
+use super::api::rule::Predicates;
 use super::error::{Problem, ScriptError};
+use super::kind::kind;
 use super::limits::{Limits, Watchdog, pattern_is_quick};
 use super::scene::SceneBuilder;
 use super::source::{SourcePlace, Sources};
@@ -404,7 +405,7 @@ pub fn missing_name(
     let key = match key {
         LuaValue::String(s) => s.to_string_lossy(),
         LuaValue::Integer(i) => i.to_string(),
-        other => super::api::kind(other).to_owned(),
+        other => kind(other),
     };
     let help = match suggest::nearest(&key, names.iter().map(String::as_str)) {
         Some(near) => format!("did you mean `{near}`?"),

@@ -10,7 +10,7 @@ use std::ffi::c_void;
 
 use mlua::Value as Lua;
 
-use super::api::kind;
+use super::kind::kind;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{SchemaError, Table, Ty, unknown_key};
 

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use super::schema::StoredFile;
 use super::schema::run::{ConfigFile, DONE, REFERENCE};
 use crate::experiment::{Cell, RunId};
+use crate::paths::extension;
 
 /// Minimum number of digits of the plan's hash in an experiment folder's name.
 pub(super) const HASH_DIGITS: usize = 4;
@@ -81,10 +82,7 @@ pub(super) fn reference_folder(out: &Path, id: &RunId) -> PathBuf {
 
 /// File name of an imported reference image: `ref.` and the original extension in lower case.
 pub(super) fn imported_file_name(file: &Path) -> String {
-    let extension = file
-        .extension()
-        .map(|e| e.to_string_lossy().to_lowercase())
-        .unwrap_or_default();
+    let extension = extension(file);
     format!(
         "ref.{}",
         if extension.is_empty() {

@@ -49,16 +49,7 @@ pub fn number(x: f64) -> String {
     if x == 0.0 || x.is_infinite() {
         return format!("{x}");
     }
-    // Use the exponent after rounding to three digits, so that 9.996 becomes 10.0, not 10.00.
-    let scientific = format!("{x:.2e}");
-    let exponent: i32 = scientific
-        .split_once('e')
-        .and_then(|(_, e)| e.parse().ok())
-        .unwrap_or(0);
-    match exponent {
-        -3..=4 => format!("{x:.*}", (2 - exponent).max(0) as usize),
-        _ => scientific,
-    }
+    text::significant(x, 3, -3..=4)
 }
 
 /// Formats a count in at most seven columns: digits, or `12.3M` from ten million on.

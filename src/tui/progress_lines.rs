@@ -11,7 +11,7 @@ use crate::experiment::forecast::Forecast;
 use crate::experiment::outcome::Level;
 use crate::experiment::shards::Shard;
 use crate::experiment::{CellRef, Event, Outcome, Plan, Sink, SinkError, WaveRow};
-use crate::text;
+use crate::text::{self, counted};
 use lumbre_light::transport::integrator;
 
 /// Longest wall time in seconds without a line about a running cell.
@@ -117,12 +117,15 @@ impl ProgressLines {
 
     fn print_start(&mut self, plan: &Plan) {
         let digits: String = plan.hash.chars().take(4).collect();
-        let mut parts = vec![plural(plan.cells.len(), "cell")];
+        let mut parts = vec![counted(plan.cells.len() as u64, "cell")];
         if !plan.references.is_empty() {
-            parts.push(plural(plan.references.len(), "reference"));
+            parts.push(counted(plan.references.len() as u64, "reference"));
         }
         if !plan.skipped.is_empty() {
-            parts.push(format!("{} skipped", plural(plan.skipped.len(), "point")));
+            parts.push(format!(
+                "{} skipped",
+                counted(plan.skipped.len() as u64, "point")
+            ));
         }
         self.print_unless_quiet(
             LineColor::Plain,
@@ -196,7 +199,10 @@ impl ProgressLines {
     fn print_run_finished(&mut self, cell: CellRef, outcome: &Outcome, row: Option<&WaveRow>) {
         let facts = row.map_or_else(String::new, |row| format!("{}  ", self.measurements(row)));
         let (color, how) = match outcome {
-            Outcome::Done(reason) => (LineColor::Good, format!("done (stop rule: {reason})")),
+            Outcome::Done(cause) => (
+                LineColor::Good,
+                format!("done (stop rule: {})", cause.clause),
+            ),
             Outcome::Cached(folder) => (LineColor::Dim, format!("cached: {}", folder.display())),
             Outcome::Failed(reason) => (LineColor::Bad, format!("failed: {reason}")),
             Outcome::Interrupted => (LineColor::Warn, "interrupted".to_owned()),
@@ -225,7 +231,7 @@ impl ProgressLines {
             let at_most = if eta.at_most { "at most " } else { "about " };
             let line = format!(
                 "{} left, {at_most}{}",
-                plural(waiting, "cell"),
+                counted(waiting as u64, "cell"),
                 format::duration(eta.seconds)
             );
             self.print_unless_quiet(LineColor::Dim, &line);
@@ -263,7 +269,7 @@ impl ProgressLines {
         }
         let open = left.unknown;
         let unknown = if open > 0 {
-            format!(", plus {} of unknown duration", plural(open, "run"))
+            format!(", plus {} of unknown duration", counted(open as u64, "run"))
         } else {
             String::new()
         };
@@ -271,7 +277,7 @@ impl ProgressLines {
         let line = format!(
             "forecast: {} {length} for {}{unknown}",
             left.qualifier(),
-            plural(left.known, "run")
+            counted(left.known as u64, "run")
         );
         self.print_unless_quiet(LineColor::Dim, &line);
     }
@@ -289,14 +295,14 @@ impl ProgressLines {
         let mut parts = vec![format!(
             "{} of {}",
             counts.settled(),
-            plural(counts.total(), "cell")
+            counted(counts.total() as u64, "cell")
         )];
         let references = StateCounts::from_entries(&self.model.references);
         if references.settled() < references.total() {
             parts.push(format!(
                 "{} of {}",
                 references.settled(),
-                plural(references.total(), "reference")
+                counted(references.total() as u64, "reference")
             ));
         }
         if counts.failed + references.failed > 0 {
@@ -342,7 +348,7 @@ impl ProgressLines {
             .map(|(n, word)| format!("{n} {word}"))
             .collect();
         if r.failed > 0 {
-            parts.push(format!("{} failed", plural(r.failed, "reference")));
+            parts.push(format!("{} failed", counted(r.failed as u64, "reference")));
         }
         if self.model.invalid() > 0 {
             parts.push(format!(
@@ -360,17 +366,9 @@ impl ProgressLines {
             &format!(
                 "night finished: {} of {}",
                 parts.join(", "),
-                plural(c.total(), "cell")
+                counted(c.total() as u64, "cell")
             ),
         );
-    }
-}
-
-fn plural(n: usize, noun: &str) -> String {
-    if n == 1 {
-        format!("{n} {noun}")
-    } else {
-        format!("{n} {noun}s")
     }
 }
 

@@ -178,6 +178,19 @@ pub struct OpenStats {
     pub scene: SceneMemory,
     /// Line for users: device, builder, threads.
     pub device: String,
+    /// Number of threads of the processor that render; 0 on another device, or if unknown.
+    pub threads: u32,
+    /// External program that renders, if any.
+    pub peer: Option<Peer>,
+}
+
+/// An external program that renders.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Peer {
+    /// Name of the program, with its version if known.
+    pub program: String,
+    /// Whether its render time is the wall-clock time of its processes.
+    pub wall_clock: bool,
 }
 
 /// Reason why a backend cannot render.

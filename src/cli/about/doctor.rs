@@ -10,9 +10,9 @@ use crate::cli::args::{DoctorArgs, Global};
 use crate::cli::exit::{Exit, Failure, print_result};
 use crate::cli::format::{self, display_path};
 use crate::cli::json;
-use crate::store::schema::PROGRAM;
 use crate::store::schema::values::Named;
 use crate::store::{Host, probe};
+use crate::text::PROGRAM;
 use crate::tui;
 
 /// Capabilities of this machine.

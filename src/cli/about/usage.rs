@@ -8,8 +8,8 @@ use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Command, Error};
 
-/// Extensions of pictures.
-const PICTURES: [&str; 6] = ["bmp", "exr", "hdr", "jpeg", "jpg", "png"];
+use crate::output::picture::EXTENSIONS;
+use crate::paths::extension;
 
 /// Returns the arguments with `diff` in place of `compare` if two pictures follow: `compare` takes a
 /// scene, and two pictures are compared by `diff`.
@@ -25,10 +25,7 @@ pub fn with_verb_of_pictures(mut arguments: Vec<OsString>) -> Vec<OsString> {
 }
 
 fn is_picture(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| {
-        let extension = extension.to_string_lossy().to_ascii_lowercase();
-        PICTURES.contains(&extension.as_str())
-    })
+    EXTENSIONS.contains(&extension(path).as_str())
 }
 
 /// Replaces the tips of an error of parsing `arguments` where others fit this program better.

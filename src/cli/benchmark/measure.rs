@@ -104,7 +104,7 @@ pub fn measure(
     };
     Ok(BenchmarkResult {
         benchmark: SUITE_VERSION,
-        program: concat!("lumbre ", env!("CARGO_PKG_VERSION")).to_owned(),
+        program: crate::text::PROGRAM.to_owned(),
         quick: args.quick,
         name: args.name.clone().unwrap_or_else(|| host.cpu.clone()),
         machine: Machine {

@@ -7,13 +7,15 @@ use crate::backends::auto_backend;
 use crate::cli::args::{Global, ScriptArgs};
 use crate::cli::exit::Failure;
 use crate::cli::format::display_path;
-use crate::cli::night::last_command::{SCRIPT, parse};
+use crate::cli::night::last_command::parse;
 use crate::cli::night::load;
 use crate::cli::night::permission::PlanUse;
 use crate::experiment::Plan;
+use crate::paths::SCRIPT_COPY;
 use crate::script::{self, Limits, Script};
-use crate::store::schema::{PROGRAM, Program};
+use crate::store::schema::Program;
 use crate::store::{PlanCommand, PlanSnapshot, Store, StoreError, StoredFile};
+use crate::text::PROGRAM;
 
 /// Saves in a night's folder what workers need to rebuild its plan.
 ///
@@ -84,7 +86,7 @@ pub fn restore_plan(home: &Path, global: &Global) -> Result<RestoredPlan, Failur
         ..script_args
     };
     crate::backends::set_auto_backend(&snapshot.auto);
-    let file = home.join(SCRIPT);
+    let file = home.join(SCRIPT_COPY);
     let text = std::fs::read_to_string(&file)
         .map_err(|e| damaged(&format!("{}: {e}", display_path(&file))))?;
     let global = Global {

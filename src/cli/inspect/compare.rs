@@ -12,6 +12,7 @@ use crate::cli::format::{self, counted, display_path};
 use crate::cli::json;
 use crate::output::picture::{self, Picture};
 use crate::output::{exr, png};
+use crate::paths::extension;
 use crate::store::{Evidence, NOISE};
 use lumbre_light::film::Image;
 use lumbre_light::value::Value;
@@ -152,7 +153,7 @@ impl Difference {
             ("image", image),
             ("reference", reference),
             ("scale", format!("{low} to {high}")),
-            ("program", format!("lumbre {}", env!("CARGO_PKG_VERSION"))),
+            ("program", crate::text::PROGRAM.to_owned()),
         ];
         let metadata = metadata.map(|(key, value)| (key.to_owned(), value));
         let bytes = format.encode(&self.map, self.scale, &metadata)?;
@@ -461,14 +462,9 @@ enum MapFormat {
 impl MapFormat {
     /// Returns the format for the extension of a path.
     fn from_path(path: &Path) -> Result<MapFormat, Failure> {
-        match path
-            .extension()
-            .and_then(|e| e.to_str())
-            .map(str::to_ascii_lowercase)
-            .as_deref()
-        {
-            Some("png") => Ok(MapFormat::Png),
-            Some("exr") => Ok(MapFormat::Exr),
+        match extension(path).as_str() {
+            "png" => Ok(MapFormat::Png),
+            "exr" => Ok(MapFormat::Exr),
             _ => Err(Failure::usage(format!(
                 "{}: unknown format for an error map; use .png (colours) or .exr (values)",
                 path.display()

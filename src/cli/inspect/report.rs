@@ -86,18 +86,11 @@ pub fn main(args: &ReportArgs, global: &Global) -> Result<Exit, Failure> {
 /// Returns the items of a report with their files, and its notes, as JSON.
 fn report_json(report: &Report, to: &Path) -> Json {
     let item = |item: &ReportItem| {
-        let drawn = if item.svg.is_some() {
-            &["svg", "png", "pdf"][..]
-        } else {
-            &[]
-        };
-        let extensions = drawn
-            .iter()
-            .chain(item.extra.iter().map(|(extension, _)| extension));
+        let extensions = item.extensions();
         let file = |extension: &&str| display_path(&to.join(format!("{}.{extension}", item.stem)));
         json!({
             "title": item.title, "section": item.section, "caption": item.caption,
-            "files": extensions.map(file).collect::<Vec<_>>(),
+            "files": extensions.iter().map(file).collect::<Vec<_>>(),
         })
     };
     json!({

@@ -7,12 +7,10 @@ use clap::Parser;
 use crate::cli::args::{Cli, Global, ScriptArgs, Verb};
 use crate::cli::exit::Failure;
 use crate::cli::format::display_path;
+use crate::paths::SCRIPT_COPY;
 use crate::store::StoredFile;
 use crate::store::schema::plan::EnvFile;
 use lumbre_light::scene::load::files;
-
-/// Copy of the script in the folder of an experiment.
-pub const SCRIPT: &str = "experiment.lua";
 
 /// Returns the script with its axis changes and the global options of the command that last ran an
 /// experiment. Changes the current folder to the one in which that command was given, since the
@@ -74,7 +72,7 @@ pub fn parse<'a>(
             .script()
             .ok_or("it was last run by `lumbre retry` without a script")?,
         Verb::Compare(_) => ScriptArgs {
-            script: home.join(SCRIPT),
+            script: home.join(SCRIPT_COPY),
             ..ScriptArgs::default()
         },
         _ => return Err("it was not run by `lumbre run`"),

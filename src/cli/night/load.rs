@@ -11,6 +11,7 @@ use crate::cli::format::display_path;
 use crate::experiment::Plan;
 use crate::experiment::plan::{Overrides, PlanError, expand};
 use crate::output::exr;
+use crate::paths::folder_of;
 use crate::script::{self, Script, ScriptError};
 use lumbre_light::film::Image;
 use lumbre_light::scene::load::{FORMATS, MissingTextures, files};
@@ -184,10 +185,7 @@ pub fn expect_script(path: &Path) -> Result<(), Failure> {
     if path.exists() {
         return Ok(());
     }
-    let folder = path
-        .parent()
-        .filter(|p| !p.as_os_str().is_empty())
-        .unwrap_or(Path::new("."));
+    let folder = folder_of(path);
     let help = match path.file_name().and_then(|n| n.to_str()) {
         _ if !folder.is_dir() => format!("there is no folder {}", folder.display()),
         Some(name) => {

@@ -9,7 +9,8 @@ use crate::experiment::plan::ReferenceSource;
 use crate::experiment::spec::{FigureSpec, TableFormat};
 use crate::experiment::{CellRef, NightSummary, Outcome, Plan, PlanOutline};
 use crate::output::devices::Devices;
-use crate::output::{plot, summary, table};
+use crate::output::table::by_axes;
+use crate::output::{plot, summary};
 use crate::store::Store;
 
 /// Prints the backends of a plan with their devices, and why `auto` selects one of them.
@@ -51,11 +52,11 @@ pub(in crate::cli) fn write_results(
     let write = |name: &str, bytes: &[u8]| store.write(name, bytes).map_err(Failure::internal);
     write("summary.csv", summary::csv(plan, &night.results).as_bytes())?;
     for spec in &plan.tables {
-        for table in table::tables(plan, spec, &night.results, devices) {
+        for table in by_axes::tables(plan, spec, &night.results, devices) {
             for format in &spec.formats {
                 let (extension, text) = match format {
-                    TableFormat::Md => ("md", table.to_markdown()),
-                    TableFormat::Csv => ("csv", table.to_csv()),
+                    TableFormat::Md => ("md", table.to_text()),
+                    TableFormat::Csv => ("csv", table.to_wide_csv()),
                 };
                 write(
                     &format!("tables/{}.{extension}", table.name),
@@ -104,10 +105,10 @@ pub(in crate::cli) fn print_tables(
     let tables = plan
         .tables
         .iter()
-        .flat_map(|spec| table::tables(plan, spec, &night.results, devices));
+        .flat_map(|spec| by_axes::tables(plan, spec, &night.results, devices));
     print_result(
         &tables
-            .map(|table| table.to_markdown())
+            .map(|table| table.to_text())
             .collect::<Vec<_>>()
             .join("\n"),
     )

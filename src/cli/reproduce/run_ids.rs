@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
-use crate::output::report::Provenance;
+use crate::output::provenance::Provenance;
 use crate::output::{exr, png};
+use crate::paths::extension;
 use crate::store::schema::run::ConfigFile;
 use crate::store::{StoredFile, regular_file};
 
@@ -31,12 +32,7 @@ pub fn read(file: &Path) -> Result<RunIds, String> {
     }
     let bytes =
         regular_file::read(file).map_err(|e| format!("cannot read {}: {e}", file.display()))?;
-    let extension = file
-        .extension()
-        .and_then(|e| e.to_str())
-        .unwrap_or_default()
-        .to_ascii_lowercase();
-    let ids = match extension.as_str() {
+    let ids = match extension(file).as_str() {
         "exr" => exr::decode(&bytes)
             .map(|(_, meta)| from_metadata(&meta))
             .map_err(|e| e.to_string()),

@@ -62,8 +62,8 @@ pub fn main(args: &BsdfArgs, global: &Global) -> Result<Exit, Failure> {
         scene.materials[index].model.name()
     );
     let description = format!(
-        "lumbre {}\nscene {}\nmaterial {}",
-        env!("CARGO_PKG_VERSION"),
+        "{}\nscene {}\nmaterial {}",
+        crate::text::PROGRAM,
         args.file.display(),
         args.material
     );

@@ -15,6 +15,7 @@ use crate::explore::picker::SceneList;
 use crate::explore::session::SessionOptions;
 use crate::explore::settings::SceneFile;
 use crate::explore::terminal;
+use crate::paths::folder_of;
 use crate::script;
 use crate::tui::{OutputMode, output_mode};
 use lumbre_light::scene::load::is_folder;
@@ -104,10 +105,7 @@ fn choose(
         options: given.settings.iter().cloned().collect(),
         built_in: false,
     };
-    let folder = path
-        .parent()
-        .filter(|folder| !folder.as_os_str().is_empty());
-    let folder = folder.unwrap_or(Path::new(".")).to_owned();
+    let folder = folder_of(path).to_owned();
     Ok((Some(scene), SceneList::new(built_in, folder)))
 }
 

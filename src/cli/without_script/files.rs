@@ -7,6 +7,7 @@ use image::codecs::hdr::HdrEncoder;
 
 use crate::cli::scene::builtin::scene_name;
 use crate::output::{exr, png};
+use crate::paths::{extension, folder_of};
 use lumbre_light::film::Image;
 use lumbre_metrics::tonemap::Tonemap;
 
@@ -55,12 +56,8 @@ pub fn outputs(given: &[PathBuf], scene: &Path) -> Result<Vec<OutputFile>, Strin
 
 impl OutputFile {
     fn new(path: PathBuf) -> Result<OutputFile, String> {
-        let extension = path
-            .extension()
-            .map(|extension| extension.to_string_lossy().to_ascii_lowercase());
-        let known = FORMATS
-            .iter()
-            .find(|(name, _)| Some(*name) == extension.as_deref());
+        let extension = extension(&path);
+        let known = FORMATS.iter().find(|(name, _)| *name == extension);
         let Some((_, format)) = known else {
             return Err(format!(
                 "{}: pictures are written as .exr, .hdr or .png",
@@ -87,10 +84,7 @@ impl OutputFile {
 
     /// Returns the folder of the file.
     pub fn folder(&self) -> &Path {
-        self.path
-            .parent()
-            .filter(|folder| !folder.as_os_str().is_empty())
-            .unwrap_or(Path::new("."))
+        folder_of(&self.path)
     }
 
     /// Encodes a picture in this file's format. `display` is the tone map of PNG files.

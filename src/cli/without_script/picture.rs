@@ -300,10 +300,7 @@ fn metadata(args: &RenderArgs, cell: &Cell, film: &Film) -> Vec<(String, String)
         .map(|(key, value)| format!("{key}={value}"))
         .collect();
     [
-        (
-            "program",
-            concat!("lumbre ", env!("CARGO_PKG_VERSION")).to_owned(),
-        ),
+        ("program", crate::text::PROGRAM.to_owned()),
         ("scene", args.picture.scene.text.clone()),
         ("settings", settings.join(" ")),
         ("integrator", cell.config.integrator.clone()),

@@ -15,8 +15,7 @@ use std::path::Path;
 
 use super::{Plan, RunId};
 use crate::experiment::spec::{
-    CellConfig, FigureKind, FigureSpec, FigureX, MeasureSpec, Point, Snapshots, TableSpec,
-    TableValue,
+    CellConfig, FigureKind, FigureSpec, MeasureSpec, Point, Snapshots, TableSpec, TableValue,
 };
 use crate::experiment::stop::StopRule;
 use lumbre_light::scene::load::files;
@@ -357,10 +356,7 @@ pub(super) fn plan_hash(plan: &Plan) -> String {
 fn figure(figure: &FigureSpec) -> Value {
     let mut fields = match &figure.kind {
         FigureKind::Convergence { x, y } => {
-            let x = match x {
-                FigureX::RenderS => "render_s",
-                FigureX::Samples => "samples",
-            };
+            let x = x.row().name;
             vec![("x", x.into()), ("y", texts(y))]
         }
         FigureKind::Sweep { over, y } => {
@@ -389,15 +385,7 @@ fn figure(figure: &FigureSpec) -> Value {
 fn table_value(value: &TableValue) -> Value {
     match value {
         TableValue::Metric(column) => map([("metric", column.as_str().into())]),
-        TableValue::Samples => "samples".into(),
-        TableValue::RenderS => "render_s".into(),
-        TableValue::MpathsPerS => "mpaths_per_s".into(),
-        TableValue::Fps => "fps".into(),
-        TableValue::MraysPerS => "mrays_per_s".into(),
-        TableValue::AccelBuildS => "accel_build_s".into(),
-        TableValue::AccelNodes => "accel_nodes".into(),
-        TableValue::AccelMib => "accel_mib".into(),
-        TableValue::AccelCost => "accel_cost".into(),
+        TableValue::Run(column) => column.row().hashed.into(),
         TableValue::TimeTo { column, threshold } => map([
             ("time_to", column.as_str().into()),
             ("threshold", Value::number(*threshold)),

@@ -66,15 +66,11 @@ pub fn unreachable_thresholds(
 
 /// Formats a number with three significant digits, or five decimals if it is just below 1.
 fn significant(x: f64) -> String {
-    let digits = if x > 0.0 && x.is_finite() {
-        (2 - x.log10().floor() as i32).clamp(0, 17)
+    if x > 0.9 && x < 1.0 {
+        format!("{x:.5}")
+    } else if x > 0.0 && x.is_finite() {
+        crate::text::significant(x, 3, i32::MIN..=i32::MAX)
     } else {
-        3
-    };
-    format!(
-        "{x:.*}",
-        usize::try_from(digits)
-            .unwrap_or(3)
-            .max(if x > 0.9 && x < 1.0 { 5 } else { 0 })
-    )
+        format!("{x:.3}")
+    }
 }

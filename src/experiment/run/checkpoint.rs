@@ -64,7 +64,7 @@ impl NightRunner<'_, '_> {
         let exact = limit == Some(shorter.progress.samples());
         // An error of a predicate occurs again when the run evaluates its stop rule.
         let continues = !matches!(
-            self.stop_reason(&request.stop, &shorter.progress.rows),
+            self.stop_cause(&request.stop, &shorter.progress.rows),
             Ok(Some(_))
         );
         (shorter.progress.between_waves() && (exact || continues)).then_some(shorter)

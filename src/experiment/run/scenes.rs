@@ -9,7 +9,7 @@ use super::state::NightRunner;
 use crate::experiment::memory;
 use crate::experiment::outcome::Level;
 use crate::experiment::plan::Plan;
-use crate::experiment::spec::{FigureKind, TableValue};
+use crate::experiment::spec::{FigureKind, RunColumn, TableValue};
 use lumbre_light::scene::compile::{Sharing, compile_sharing};
 use lumbre_light::scene::{CompiledScene, SceneDesc};
 use lumbre_render::cpu::kept_bytes;
@@ -46,7 +46,7 @@ impl SceneCache {
         let mut shown = plan.tables.iter().map(|table| &table.value).chain(swept);
         SceneCache {
             scenes: Vec::new(),
-            hierarchies: !shown.any(|value| *value == TableValue::AccelBuildS),
+            hierarchies: !shown.any(|value| *value == TableValue::Run(RunColumn::AccelBuildS)),
         }
     }
 

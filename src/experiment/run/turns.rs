@@ -12,7 +12,7 @@ use super::waves::{SLICE_S, WaveSizer, max_lookahead, slice_samples};
 use crate::experiment::event::Event;
 use crate::experiment::memory;
 use crate::experiment::noise_floor::NoiseFloors;
-use crate::experiment::outcome::{CellRef, Level, Outcome, WaveRow};
+use crate::experiment::outcome::{CellRef, EndCause, Level, Outcome, WaveRow};
 use crate::experiment::run_progress::RunProgress;
 use crate::experiment::shards::WorkUnit;
 use crate::experiment::spec::Snapshots;
@@ -226,10 +226,10 @@ impl<'a> NightRunner<'a, '_> {
             // Also evaluated for the last measurement of an earlier process, which may have been
             // killed before it evaluated the rule.
             if !rows.is_empty()
-                && let Some(reason) = self.stop_reason(&run.request.stop, rows)?
+                && let Some(cause) = self.stop_cause(&run.request.stop, rows)?
             {
                 self.warn_of_threshold(run.request.cell, &run.request.stop, rows)?;
-                return Ok(AfterTurn::End(Outcome::Done(reason)));
+                return Ok(AfterTurn::End(Outcome::Done(cause)));
             }
             let Some(waves) = &mut run.waves else {
                 return Err("the renderer is not open".to_owned().into());
@@ -304,12 +304,12 @@ impl<'a> NightRunner<'a, '_> {
         Ok(None)
     }
 
-    /// Returns why a run with these measurements is finished, or `None` if it is not.
-    pub(super) fn stop_reason(
+    /// Returns the clause by which a run with these measurements is finished, or `None` if it is not.
+    pub(super) fn stop_cause(
         &self,
         rule: &StopRule,
         rows: &[WaveRow],
-    ) -> Result<Option<String>, String> {
+    ) -> Result<Option<EndCause>, String> {
         let columns = self.plan.columns();
         let mut predicate = |id| self.hooks.predicate(id, &columns, rows);
         rule.check(rows, &self.plan.measure.metrics, &mut predicate)

@@ -224,8 +224,8 @@ impl<'a> NightRunner<'a, '_> {
             sums: ShardSums { halves, open },
             rows,
         } = joined;
-        let reason = self
-            .stop_reason(&request.stop, &rows)?
+        let cause = self
+            .stop_cause(&request.stop, &rows)?
             .ok_or("its shards do not contain all of its samples")?;
         let resumed = Some(Arc::new(rows.clone()));
         self.emit(&Event::CellStarted {
@@ -245,7 +245,7 @@ impl<'a> NightRunner<'a, '_> {
             rows,
             halves,
             open,
-            ..EndedRun::without_results(Outcome::Done(reason))
+            ..EndedRun::without_results(Outcome::Done(cause))
         })
     }
 

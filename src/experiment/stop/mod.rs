@@ -8,7 +8,7 @@ mod plateau;
 
 pub use limits::StopError;
 
-use super::outcome::WaveRow;
+use super::outcome::{EndCause, WaveRow};
 use super::spec::HookError;
 use lumbre_metrics::MetricSpec;
 use plateau::Slope;
@@ -107,8 +107,8 @@ impl StopRule {
         }
     }
 
-    /// Evaluates the rule after the measurements `rows`, oldest first. Returns the reason why it
-    /// holds, or `None` if it does not.
+    /// Evaluates the rule after the measurements `rows`, oldest first. Returns the clause that
+    /// holds, or `None` if none does.
     ///
     /// The result depends on the rows alone, so a run that is read back from disk is treated like a
     /// live one. A comparison with a metric that was not measured or is NaN is false. `metrics` are
@@ -122,7 +122,7 @@ impl StopRule {
         rows: &[WaveRow],
         metrics: &[MetricSpec],
         predicate: &mut dyn FnMut(usize) -> Result<bool, HookError>,
-    ) -> Result<Option<String>, HookError> {
+    ) -> Result<Option<EndCause>, HookError> {
         let Some(last) = rows.last() else {
             return Ok(None);
         };
@@ -161,25 +161,33 @@ impl StopRule {
             }
             StopRule::Any(parts) => {
                 for part in parts {
-                    if let Some(reason) = part.check(rows, metrics, predicate)? {
-                        return Ok(Some(reason));
+                    if let Some(cause) = part.check(rows, metrics, predicate)? {
+                        return Ok(Some(cause));
                     }
                 }
                 return Ok(None);
             }
             StopRule::All(parts) => {
-                let mut reasons = Vec::new();
+                let mut causes = Vec::new();
                 for part in parts {
                     match part.check(rows, metrics, predicate)? {
-                        Some(reason) => reasons.push(reason),
+                        Some(cause) => causes.push(cause),
                         None => return Ok(None),
                     }
                 }
-                return Ok((!reasons.is_empty()).then(|| reasons.join(", and ")));
+                let is_limit = causes.len() == 1 && causes[0].is_limit;
+                let clauses: Vec<String> = causes.into_iter().map(|c| c.clause).collect();
+                return Ok((!clauses.is_empty()).then(|| EndCause {
+                    clause: clauses.join(", and "),
+                    is_limit,
+                }));
             }
             StopRule::Not(part) => part.check(rows, metrics, predicate)?.is_none(),
         };
-        Ok(holds.then(|| self.describe()))
+        Ok(holds.then(|| EndCause {
+            clause: self.describe(),
+            is_limit: matches!(self, StopRule::Time(_) | StopRule::Samples(_)),
+        }))
     }
 }
 
@@ -219,8 +227,8 @@ mod tests {
     }
 
     fn reason(rule: &StopRule, ssim: &[f64]) -> Option<String> {
-        rule.check(&rows(ssim), &specs(["rmse", "ssim"]), &mut |id| Ok(id == 1))
-            .unwrap()
+        let cause = rule.check(&rows(ssim), &specs(["rmse", "ssim"]), &mut |id| Ok(id == 1));
+        cause.unwrap().map(|cause| cause.clause)
     }
 
     #[test]

@@ -9,9 +9,9 @@ use crate::experiment::WaveRow;
 use crate::experiment::plan::Plan;
 use crate::experiment::spec::FigureX;
 use crate::output::format;
-use crate::output::report::metric_display::MetricDisplay;
-use crate::output::report::repeats::{BandKind, MetricCurve, band};
-use crate::output::table::is_finished;
+use crate::output::metric_display::MetricDisplay;
+use crate::output::quantity::is_finished;
+use crate::output::repeats::{BandKind, MetricCurve, band};
 use lumbre_metrics::MetricSpec;
 
 /// Builds the figure of the metric columns `y`, and its data as CSV.
@@ -53,10 +53,7 @@ pub(super) fn figure(data: &FigureData, x: FigureX, y: &[String]) -> (FigureCont
     set_axes(&mut panels, &scales, |values| {
         Axis::new(Scale::Log, values.iter().copied())
     });
-    let x_label = match x {
-        FigureX::RenderS => "render time (s)",
-        FigureX::Samples => "samples per pixel",
-    };
+    let x_label = x.row().label;
     let text = csv(data.plan, &panels);
     let content = FigureContent {
         notes: subtitle(&groups),
@@ -92,7 +89,7 @@ fn line(
 ) -> Line {
     let display = MetricDisplay::for_metric(metric);
     let curve = |cell: &usize| {
-        let point = |row: &WaveRow| Some((x_value(x, row), *row.metrics.get(index)?));
+        let point = |row: &WaveRow| Some(((x.row().value)(row), *row.metrics.get(index)?));
         MetricCurve::new(display, data.rows(*cell).iter().filter_map(point))
     };
     let all = cells.iter().map(|cell| (cell, curve(cell)));
@@ -110,13 +107,6 @@ fn line(
         stops,
         floor: None,
         thin: false,
-    }
-}
-
-fn x_value(x: FigureX, row: &WaveRow) -> f64 {
-    match x {
-        FigureX::RenderS => row.render_s,
-        FigureX::Samples => row.samples as f64,
     }
 }
 

@@ -3,7 +3,7 @@
 
 use super::axis::{Axis, Scale};
 use super::style::Style;
-use crate::output::report::repeats::{Band, MetricCurve};
+use crate::output::repeats::{Band, MetricCurve};
 
 /// A figure: panels with curves of the same series.
 pub struct Figure {

@@ -28,9 +28,9 @@ pub use svg::escape;
 
 use super::devices::{DEVICE, Devices};
 use super::format;
-use super::report::metric_display::MetricDisplay;
+use super::metric_display::MetricDisplay;
+use super::quantity::is_finished;
 use super::report::series::BIASED;
-use super::table::is_finished;
 use crate::experiment::plan::Plan;
 use crate::experiment::spec::{FigureKind, FigureSpec};
 use crate::experiment::{CellRef, CellResult, WaveRow};
@@ -252,12 +252,7 @@ impl FigureData<'_> {
     /// Lists program, plan and runs for the picture's metadata.
     fn description(&self) -> String {
         let plan = self.plan;
-        let mut text = format!(
-            "lumbre {}\nplan {} {}",
-            env!("CARGO_PKG_VERSION"),
-            plan.name,
-            plan.hash
-        );
+        let mut text = format!("{}\nplan {} {}", crate::text::PROGRAM, plan.name, plan.hash);
         for (index, _) in self.cells {
             let cell = &plan.cells[*index];
             let samples = self.rows(*index).last().map_or(0, |r| r.samples);

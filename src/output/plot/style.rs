@@ -135,7 +135,7 @@ mod tests {
                 ((x + 0.055) / 1.055).powf(2.4)
             }
         };
-        0.2126 * channel(0) + 0.7152 * channel(1) + 0.0722 * channel(2)
+        lumbre_light::math::luminance::luminance([0, 1, 2].map(channel))
     }
 
     #[test]

@@ -8,9 +8,9 @@ use super::{
 };
 use crate::experiment::spec::{Point, TableValue};
 use crate::output::format;
+use crate::output::metric_display::MetricDisplay;
 use crate::output::quantity::{self, Bound, RunValue};
-use crate::output::report::metric_display::MetricDisplay;
-use crate::output::report::repeats::{Band, BandKind, Spread};
+use crate::output::repeats::{Band, BandKind, Spread};
 use lumbre_light::value::Value;
 
 /// Runs of one line.

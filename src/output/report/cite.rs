@@ -1,7 +1,7 @@
 //! Citations in the text of a report: `[Veach 1997, 9.2; Kajiya 1986]` becomes `\cite` in LaTeX,
 //! with the entries in `references.bib`.
 
-use super::latex;
+use crate::output::latex;
 
 /// All works that can be cited, as BibTeX entries below a comment with their citation.
 const LIBRARY: &str = include_str!("references.bib");

@@ -3,13 +3,14 @@
 //! by path length, and maps of the number of bounces.
 
 use super::Pictures;
-use super::item::{Provenance, ReportItem};
+use super::item::ReportItem;
 use super::study::{Member, Study};
 use crate::output::format::significant;
 use crate::output::plot::sheet::{Sheet, Sheets};
 use crate::output::plot::sizes::{FULL, SCREEN};
 use crate::output::plot::style::{FAINT, FRAME};
 use crate::output::plot::svg::{Anchor, Drawing, Font, shorten};
+use crate::output::provenance::Provenance;
 use crate::output::{OutputError, png};
 use lumbre_light::film::Image;
 use lumbre_light::film::layer::{Layer, LayerFilm, LayerImage, PathSubset};

@@ -4,15 +4,16 @@
 use super::ReportError;
 use super::convergence::mean_name;
 use super::films::colour_bar;
-use super::item::{Provenance, ReportItem};
-use super::metric_display::MetricDisplay;
+use super::item::ReportItem;
 use super::study::{ReportOptions, Study};
 use crate::output::format;
 use crate::output::format::significant;
+use crate::output::metric_display::MetricDisplay;
 use crate::output::plot::axis::Scale;
 use crate::output::plot::sizes::{FULL, SCREEN};
 use crate::output::plot::style::{FAINT, INK};
 use crate::output::plot::svg::{Anchor, Drawing, Font, shorten, text_width};
+use crate::output::provenance::Provenance;
 use lumbre_light::math::luminance::luminance;
 use lumbre_metrics::map::Colours;
 

@@ -1,13 +1,14 @@
 //! Methods paragraph for a paper: how the numbers were obtained.
 
 use super::cite;
-use super::item::{ItemKind, PROGRAM, Provenance, ReportItem};
+use super::item::{ItemKind, ReportItem};
 use super::study::{Member, Study};
-use crate::experiment::night_results::{NightResults, RunState};
+use crate::experiment::night_results::{NightResults, ReferenceOrigin, RunState};
+use crate::output::provenance::Provenance;
+use crate::text::PROGRAM;
 use lumbre_light::transport::integrator::{IntegratorRow, integrators};
 use lumbre_metrics::MetricSpec;
 use lumbre_render::denoise::BIAS;
-use lumbre_render::external::WALL_CLOCK;
 
 /// Maximum number of different ends of runs that the paragraph lists.
 const MOST_REASONS: usize = 4;
@@ -33,7 +34,7 @@ pub fn items(study: &Study) -> [ReportItem; 2] {
         title: title.to_owned(),
         caption,
         svg: None,
-        grid: None,
+        table: None,
         extra,
         provenance: provenance.clone(),
     };
@@ -70,7 +71,7 @@ fn sentences(study: &Study) -> Vec<String> {
         .iter()
         .flat_map(|n| &n.references)
         .filter(|reference| reference.picture.is_some());
-    let references = merged_references(references.map(|r| r.description.as_str()));
+    let references = merged_references(references.map(|r| &r.origin));
     if !references.is_empty() {
         out.push(format!(
             "Errors were measured against precomputed references: {}.",
@@ -198,21 +199,17 @@ fn techniques(study: &Study) -> Vec<String> {
 /// Returns a sentence for each technique that was rendered by an external program.
 fn external_renderers(study: &Study) -> Vec<String> {
     let mut out: Vec<String> = Vec::new();
-    for (run, program) in study
+    for (run, (program, wall_clock)) in study
         .all()
         .filter_map(|m| Some((m.run, m.run.peer.as_ref()?)))
     {
-        let sentence = match program.strip_suffix(WALL_CLOCK) {
-            Some(program) => format!(
-                "{} was rendered by {program}; its render time is the wall-clock time of its \
-                 processes, which includes starting them and loading the scene.",
-                run.integrator
-            ),
-            None => format!(
-                "{} was rendered by {program}, which measures its render time itself.",
-                run.integrator
-            ),
+        let clock = if *wall_clock {
+            "; its render time is the wall-clock time of its processes, which includes starting \
+             them and loading the scene"
+        } else {
+            ", which measures its render time itself"
         };
+        let sentence = format!("{} was rendered by {program}{clock}.", run.integrator);
         if !out.contains(&sentence) {
             out.push(sentence);
         }
@@ -268,21 +265,23 @@ fn definition(metric: &MetricSpec) -> String {
 
 /// Merges the descriptions of references that were rendered by the same technique, such as
 /// `bpt, 16 to 1024 samples per pixel (12 pictures)`. Other descriptions are listed once each.
-fn merged_references<'a>(descriptions: impl Iterator<Item = &'a str>) -> Vec<String> {
+fn merged_references<'a>(origins: impl Iterator<Item = &'a ReferenceOrigin>) -> Vec<String> {
     let mut others: Vec<String> = Vec::new();
     // Technique, fewest and most samples, number of pictures.
     let mut rendered: Vec<(&str, u64, u64, usize)> = Vec::new();
-    for description in descriptions {
-        let samples = description
-            .strip_suffix(" samples per pixel")
-            .and_then(|rest| rest.rsplit_once(", "));
-        match samples.and_then(|(technique, n)| Some((technique, n.parse::<u64>().ok()?))) {
-            Some((technique, n)) => match rendered.iter_mut().find(|r| r.0 == technique) {
-                Some(known) => *known = (technique, known.1.min(n), known.2.max(n), known.3 + 1),
-                None => rendered.push((technique, n, n, 1)),
+    for origin in origins {
+        match origin {
+            ReferenceOrigin::Rendered {
+                integrator,
+                samples: n,
+            } => match rendered.iter_mut().find(|r| r.0 == integrator) {
+                Some((_, least, most, count)) => {
+                    (*least, *most, *count) = ((*least).min(*n), (*most).max(*n), *count + 1);
+                }
+                None => rendered.push((integrator, *n, *n, 1)),
             },
-            None if !others.iter().any(|o| o == description) => others.push(description.to_owned()),
-            None => {}
+            ReferenceOrigin::Other(text) if !others.contains(text) => others.push(text.clone()),
+            ReferenceOrigin::Other(_) => {}
         }
     }
     let merged = rendered.into_iter().map(|(technique, least, most, count)| {
@@ -307,15 +306,20 @@ mod tests {
 
     #[test]
     fn references_of_one_technique_are_merged() {
-        let descriptions = [
-            "bpt, 16 samples per pixel",
-            "nee, 8 samples per pixel",
-            "sky.exr",
-            "bpt, 64 samples per pixel",
-            "sky.exr",
+        let rendered = |integrator: &str, samples| ReferenceOrigin::Rendered {
+            integrator: integrator.to_owned(),
+            samples,
+        };
+        let file = || ReferenceOrigin::Other("sky.exr".to_owned());
+        let origins = [
+            rendered("bpt", 16),
+            rendered("nee", 8),
+            file(),
+            rendered("bpt", 64),
+            file(),
         ];
         assert_eq!(
-            merged_references(descriptions.into_iter()),
+            merged_references(origins.iter()),
             [
                 "bpt, 16 to 64 samples per pixel (2 pictures)",
                 "nee, 8 samples per pixel",

@@ -10,16 +10,12 @@ mod cite;
 mod convergence;
 mod crops;
 mod films;
-pub(super) mod grid;
 mod heat;
 pub(super) mod item;
-mod latex;
 mod methods;
-pub(super) mod metric_display;
 mod page;
 mod pgfplots;
 mod presentation;
-pub(super) mod repeats;
 pub(super) mod series;
 mod snapshots;
 pub(super) mod study;
@@ -31,7 +27,7 @@ mod verdict;
 
 use std::path::{Path, PathBuf};
 
-pub use item::{ItemKind, PROGRAM, Provenance, ReportItem};
+pub use item::{ItemKind, ReportItem};
 pub use study::{Member, ReportOptions, Study};
 
 use crate::experiment::spec::FigureX;
@@ -118,7 +114,7 @@ pub fn build(
 ) -> Result<Report, ReportError> {
     let mut notes = study.notes.clone();
     let mut items = Vec::new();
-    for x in [FigureX::RenderS, FigureX::Samples] {
+    for x in FigureX::ALL.iter().copied() {
         for metric in 0..study.metrics.len() {
             items.extend(convergence::figures(study, metric, x));
         }

@@ -1,13 +1,13 @@
 //! Exports convergence and sweep figures to LaTeX: a `.tex` file with the axes and a `.dat` file
 //! with the points.
 
-use super::item::Provenance;
-use super::latex;
+use crate::output::latex;
 use crate::output::plot::axis::{Axis, Scale, TickLabel};
 use crate::output::plot::draw::labelled_ticks;
 use crate::output::plot::figure::{Figure, Line};
 use crate::output::plot::sizes::MOST_COLUMNS;
 use crate::output::plot::style::Style;
+use crate::output::provenance::Provenance;
 
 /// Width and height of a plot in points. Three plots with their gaps fill the width of a page.
 const PLOT: [f64; 2] = [118.0, 92.0];

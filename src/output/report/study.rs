@@ -209,7 +209,7 @@ impl<'a> Study<'a> {
             let mut others = night.runs.iter().skip(1);
             let mixed = others.any(|run| run.integrator != night.runs[0].integrator);
             for (r, run) in night.runs.iter().enumerate() {
-                let device = night.device(run);
+                let device = run.device.clone();
                 let mut group: Vec<String> = Vec::new();
                 if self.nights.len() > 1 {
                     group.push(self.names[n].clone());

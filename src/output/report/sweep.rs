@@ -4,18 +4,17 @@
 use super::ReportError;
 use super::convergence::{mean_name, provenance, separate_devices};
 use super::item::{ItemKind, ReportItem};
-use super::metric_display::MetricDisplay;
 use super::pgfplots::PgfFigure;
-use super::repeats::{Band, BandKind, Spread};
 use super::study::{Member, ReportOptions, Study};
-use crate::experiment::spec::TableValue;
+use crate::experiment::spec::RunColumn;
 use crate::output::dependent_axes;
 use crate::output::format;
+use crate::output::metric_display::MetricDisplay;
 use crate::output::plot::axis::{Axis, Scale};
 use crate::output::plot::draw::draw;
 use crate::output::plot::figure::{Figure, Line, Panel, covered};
 use crate::output::plot::sizes::MOST_PANELS;
-use crate::output::quantity;
+use crate::output::repeats::{Band, BandKind, Spread};
 use lumbre_render::OpenStats;
 
 /// Minimum number of different numbers on an axis for a figure that was not requested.
@@ -25,8 +24,8 @@ const FEWEST: usize = 3;
 enum SweepQuantity {
     /// Final value of a metric, as index into the study's metrics.
     Metric(usize),
-    /// Value that needs no metric.
-    Plain(TableValue),
+    /// Quantity that every run has.
+    Run(RunColumn),
 }
 
 impl SweepQuantity {
@@ -43,9 +42,11 @@ impl SweepQuantity {
                     format!("{description} at the end of each run"),
                 )
             }
-            SweepQuantity::Plain(value) => {
-                let (label, description) = quantity::label_and_description(value);
-                (value.name(), label.to_owned(), description.to_owned())
+            SweepQuantity::Run(column) => {
+                let row = column.row();
+                let [name, label, description] =
+                    [row.name, row.label, row.description].map(str::to_owned);
+                (name, label, description)
             }
         }
     }
@@ -191,15 +192,15 @@ fn axis_figures(
     let mut quantities: Vec<SweepQuantity> = (0..study.metrics.len())
         .map(SweepQuantity::Metric)
         .collect();
-    quantities.push(SweepQuantity::Plain(TableValue::MpathsPerS));
+    quantities.push(SweepQuantity::Run(RunColumn::MpathsPerS));
     if structures_vary(&regrouped) {
         let values = [
-            TableValue::AccelBuildS,
-            TableValue::AccelNodes,
-            TableValue::AccelMib,
-            TableValue::AccelCost,
+            RunColumn::AccelBuildS,
+            RunColumn::AccelNodes,
+            RunColumn::AccelMib,
+            RunColumn::AccelCost,
         ];
-        quantities.extend(values.map(SweepQuantity::Plain));
+        quantities.extend(values.map(SweepQuantity::Run));
     }
     quantities
         .iter()
@@ -226,7 +227,7 @@ fn structures_vary(study: &Study) -> bool {
 /// Draws the figures of one quantity: pages of panels, and for times separate figures for each
 /// device of a night.
 fn figures(study: &Study, over: &SweepAxis, quantity: &SweepQuantity) -> Vec<ReportItem> {
-    let timed = matches!(quantity, SweepQuantity::Plain(value) if value.is_clock());
+    let timed = matches!(quantity, SweepQuantity::Run(value) if value.row().is_clock);
     let scale = scale(study, quantity);
     let mut items = Vec::new();
     for device_index in separate_devices(study, timed) {
@@ -279,7 +280,7 @@ fn item(
     caption += &averaging(study, &panels, scale);
     match (quantity, device) {
         (_, Some(device)) => caption += &format!(" Only runs on {device}."),
-        (SweepQuantity::Plain(value), None) if value.is_clock() => {
+        (SweepQuantity::Run(value), None) if value.row().is_clock => {
             if let Some(sentence) = study.device_sentence("Measured") {
                 caption += &format!(" {sentence}");
             }
@@ -313,7 +314,7 @@ fn item(
         title,
         caption,
         svg: Some(draw(&figure)),
-        grid: None,
+        table: None,
         extra,
         provenance,
     }
@@ -352,7 +353,7 @@ fn value(study: &Study, quantity: &SweepQuantity, member: &Member) -> Option<f64
             let display = MetricDisplay::for_metric(&study.metrics[*metric]);
             display.drawn_value(member.value(last, *metric)?)
         }
-        SweepQuantity::Plain(value) => {
+        SweepQuantity::Run(value) => {
             let (accel_build_s, accel_nodes) = member.run.accel.unwrap_or_default();
             let (accel_bytes, accel_cost) = member.run.accel_size.unwrap_or_default();
             let open = OpenStats {
@@ -362,7 +363,7 @@ fn value(study: &Study, quantity: &SweepQuantity, member: &Member) -> Option<f64
                 accel_cost,
                 ..OpenStats::default()
             };
-            quantity::metric_free_value(value, last, &open).filter(|x| x.is_finite())
+            (value.row().value)(last, &open).filter(|x| x.is_finite())
         }
     }
 }
@@ -370,7 +371,7 @@ fn value(study: &Study, quantity: &SweepQuantity, member: &Member) -> Option<f64
 /// Returns the values that were measured independently. Runs of a night share hierarchies, so build
 /// times that are equal to the bit are one measurement.
 fn measurements(quantity: &SweepQuantity, mut values: Vec<f64>) -> Vec<f64> {
-    if let SweepQuantity::Plain(TableValue::AccelBuildS) = quantity {
+    if let SweepQuantity::Run(RunColumn::AccelBuildS) = quantity {
         values.sort_by(f64::total_cmp);
         values.dedup();
     }
@@ -381,7 +382,7 @@ fn measurements(quantity: &SweepQuantity, mut values: Vec<f64>) -> Vec<f64> {
 fn scale(study: &Study, quantity: &SweepQuantity) -> Scale {
     match quantity {
         SweepQuantity::Metric(metric) => MetricDisplay::for_metric(&study.metrics[*metric]).scale,
-        SweepQuantity::Plain(_) => {
+        SweepQuantity::Run(_) => {
             Scale::for_values(study.all().filter_map(|m| value(study, quantity, &m)))
         }
     }

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use super::*;
 use crate::experiment::WaveRow;
 use crate::experiment::night_results::{
-    Machine, NightResults, ReferenceResult, RunResult, RunState,
+    Machine, NightResults, ReferenceOrigin, ReferenceResult, RunResult, RunState,
 };
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
@@ -51,7 +51,10 @@ fn night(device: &str, speed: f64) -> NightResults {
         references: vec![ReferenceResult {
             id: "f".repeat(32),
             picture: Some(PathBuf::from("ref.exr")),
-            description: "bdpt, 4096 samples per pixel".to_owned(),
+            origin: ReferenceOrigin::Rendered {
+                integrator: "bdpt".to_owned(),
+                samples: 4096,
+            },
         }],
         notes: Vec::new(),
     }

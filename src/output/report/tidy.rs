@@ -1,10 +1,12 @@
 //! Exports all measurements as tidy CSV: one observation per line, one variable per column, units
 //! in the column names.
 
-use super::item::{ItemKind, PROGRAM, Provenance, ReportItem};
+use super::item::{ItemKind, ReportItem};
 use super::study::{Member, Study};
 use crate::experiment::night_results::RunState;
 use crate::output::format::exact;
+use crate::output::provenance::Provenance;
+use crate::text::PROGRAM;
 use crate::text::csv_line;
 
 /// Builds `data/runs.csv` with one line for each run, `data/waves.csv` with one line for each
@@ -22,7 +24,7 @@ pub fn all(study: &Study) -> Vec<ReportItem> {
         title: title.to_owned(),
         caption: caption.to_owned(),
         svg: None,
-        grid: None,
+        table: None,
         extra: vec![("csv", csv.into_bytes())],
         provenance: provenance.clone(),
     };
@@ -75,7 +77,7 @@ fn keys(m: &Member, axes: &[String]) -> Vec<String> {
         m.run.integrator.clone(),
         m.run.scene.clone(),
     ]);
-    fields.push(m.night.device(m.run).unwrap_or_default());
+    fields.push(m.run.device.clone().unwrap_or_default());
     fields
 }
 

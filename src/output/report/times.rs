@@ -3,12 +3,13 @@
 
 use super::Pictures;
 use super::films::{facet_and_series_label, file_suffix, titled};
-use super::item::{Provenance, ReportItem};
+use super::item::ReportItem;
 use super::study::{Member, Study};
 use crate::output::format;
 use crate::output::plot::sizes::{FULL, SCREEN};
 use crate::output::plot::style::{FAINT, INK};
 use crate::output::plot::svg::{Anchor, Drawing, Font, shorten};
+use crate::output::provenance::Provenance;
 use crate::output::time::still_length;
 use crate::output::{OutputError, png};
 use lumbre_light::film::Image;

@@ -1,14 +1,15 @@
 //! The answer of a study in short: which series is best at equal render time, for every facet and
 //! metric, and what weakens the answer. Everything is read from the report's tables.
 
-use super::grid::{Grid, GridCell};
-use super::item::{ItemKind, Provenance, ReportItem};
-use super::metric_display::MetricDisplay;
+use super::item::{ItemKind, ReportItem};
 use super::study::Study;
 use crate::output::format::significant;
+use crate::output::metric_display::MetricDisplay;
 use crate::output::plot::axis::Scale;
+use crate::output::provenance::Provenance;
 use crate::output::quantity::Bound;
-use crate::output::table::export::markdown_table;
+use crate::output::table::markdown::markdown_table;
+use crate::output::table::{Table, TableCell};
 
 /// Number of repeats below which a test over repeats rarely finds a difference.
 const FEW_REPEATS: usize = 3;
@@ -60,7 +61,7 @@ pub struct Verdict {
 impl Verdict {
     /// Reads the answer from the report's tables. Without two series it has no columns.
     pub fn new(study: &Study, items: &[ReportItem]) -> Verdict {
-        let grids: Vec<&Grid> = items.iter().filter_map(|i| i.grid.as_deref()).collect();
+        let grids: Vec<&Table> = items.iter().filter_map(|i| i.table.as_deref()).collect();
         let mut verdict = Verdict::default();
         for metric in 0..study.metrics.len() {
             let name = format!("equal-time-{}", study.metrics[metric].column);
@@ -103,8 +104,8 @@ impl Verdict {
         let rows: Vec<Vec<String>> = (0..self.rows.len()).map(row).collect();
         let sentences = self.sentences.join("\n");
         let caveats: String = self.caveats.iter().map(|c| format!("- {c}\n")).collect();
-        let table = markdown_table(&header, &rows, 1);
-        let text = format!("{sentences}\n\n{table}\n{EXPLANATION}\n\n{caveats}");
+        let winners = markdown_table(&header, &rows, 1);
+        let text = format!("{sentences}\n\n{winners}\n{EXPLANATION}\n\n{caveats}");
         Some(ReportItem {
             kind: ItemKind::Data,
             section: String::new(),
@@ -112,7 +113,7 @@ impl Verdict {
             title: "Answer".to_owned(),
             caption: self.sentences.join(" "),
             svg: None,
-            grid: None,
+            table: None,
             extra: vec![("md", text.into_bytes())],
             provenance: Provenance::from_members(study.all().filter(|m| m.run.is_done())),
         })
@@ -130,8 +131,8 @@ pub(super) fn is_root_of_shown(study: &Study, metric: usize) -> bool {
 }
 
 /// Returns the labels of the rows of a table: facet and render time.
-fn row_labels(study: &Study, grid: &Grid) -> Vec<String> {
-    let label = |(facet, (labels, _)): (usize, &(Vec<String>, Vec<GridCell>))| {
+fn row_labels(study: &Study, grid: &Table) -> Vec<String> {
+    let label = |(facet, (labels, _)): (usize, &(Vec<String>, Vec<TableCell>))| {
         let time = labels.last().map_or("–", String::as_str);
         match study.facet_label(facet).as_str() {
             "" => format!("after {time} s"),
@@ -143,7 +144,7 @@ fn row_labels(study: &Study, grid: &Grid) -> Vec<String> {
 
 /// Returns one column of winners for each group of series with at least two of them; none for a
 /// metric that does not rank.
-fn columns(study: &Study, metric: usize, grid: &Grid) -> Vec<Column> {
+fn columns(study: &Study, metric: usize, grid: &Table) -> Vec<Column> {
     let spec = &study.metrics[metric];
     let display = MetricDisplay::for_metric(spec);
     if display.is_magnitude() {
@@ -157,7 +158,7 @@ fn columns(study: &Study, metric: usize, grid: &Grid) -> Vec<Column> {
         if *span < 2 {
             continue;
         }
-        let winner = |(_, cells): &(Vec<String>, Vec<GridCell>)| {
+        let winner = |(_, cells): &(Vec<String>, Vec<TableCell>)| {
             winner(display, &grid.columns[range.clone()], &cells[range.clone()])
         };
         let heading = match group.as_str() {
@@ -173,7 +174,7 @@ fn columns(study: &Study, metric: usize, grid: &Grid) -> Vec<Column> {
 }
 
 /// Returns the best of the cells of one row and group.
-fn winner(display: MetricDisplay, labels: &[String], cells: &[GridCell]) -> Option<Winner> {
+fn winner(display: MetricDisplay, labels: &[String], cells: &[TableCell]) -> Option<Winner> {
     let scored = labels.iter().zip(cells).filter_map(|(label, cell)| {
         let drawn = display.drawn_value(cell.value?)?;
         let score = if display.scale == Scale::Log {
@@ -242,9 +243,9 @@ fn sentence(column: &Column) -> String {
 
 /// Returns what weakens the answer: few repeats, numbers at the noise of their reference, and
 /// thresholds that the first measurement had passed.
-fn caveats(study: &Study, grids: &[&Grid]) -> Vec<String> {
+fn caveats(study: &Study, grids: &[&Table]) -> Vec<String> {
     let mut caveats = Vec::new();
-    let finals = |grid: &&&Grid| grid.name.starts_with("final-");
+    let finals = |grid: &&&Table| grid.name.starts_with("final-");
     let runs = grids
         .iter()
         .filter(finals)
@@ -259,7 +260,7 @@ fn caveats(study: &Study, grids: &[&Grid]) -> Vec<String> {
             if least == 1 { "" } else { "s" }
         ));
     }
-    let repeats_another = |grid: &Grid| {
+    let repeats_another = |grid: &Table| {
         let column = grid.name.trim_start_matches("final-");
         let metric = study.metrics.iter().position(|m| m.column == column);
         metric.is_some_and(|metric| is_root_of_shown(study, metric))
@@ -304,7 +305,7 @@ fn caveats(study: &Study, grids: &[&Grid]) -> Vec<String> {
 }
 
 /// Counts the cells with a number for which `is` holds, and all cells with a number.
-fn count(grid: &Grid, is: impl Fn(&GridCell) -> bool) -> (usize, usize) {
+fn count(grid: &Table, is: impl Fn(&TableCell) -> bool) -> (usize, usize) {
     let mut known = grid.cells();
     known.retain(|cell| cell.value.is_some());
     (known.iter().filter(|cell| is(cell)).count(), known.len())

@@ -1,241 +1,265 @@
-//! Tables over axes: one number for each combination of row and column, averaged over all other
-//! axes and repeats.
+//! Tables of numbers with their uncertainty, and their writers for Markdown, CSV, LaTeX and HTML.
 //!
-//! [`tables`] computes [`TableData`] from the results of a night. It is written as Markdown or CSV.
+//! A [`Table`] is made by reports, by benchmarks, and, over axes of a script, by [`by_axes`].
 
-mod caption;
-pub(super) mod export;
+pub mod by_axes;
+mod csv;
+mod html;
+mod latex;
+pub(super) mod markdown;
+pub(super) mod ranking;
 
-use std::collections::{BTreeMap, BTreeSet};
+use super::format::significant;
+use super::provenance::Provenance;
+use super::quantity::{Bound, RunValue};
+use ranking::Ranking;
 
-use super::devices::Devices;
-use super::format;
-use super::quantity::{self, Bound, RunValue};
-use crate::experiment::plan::Plan;
-use crate::experiment::spec::TableSpec;
-use crate::experiment::{CellRef, CellResult, Outcome};
-use lumbre_light::math::t_test::mean_and_interval;
-
-/// A computed table.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TableData {
-    /// Name of the table and of its files.
-    pub name: String,
-    /// Description of the numbers, with long names, units, and the number of runs averaged.
-    pub caption: String,
-    /// Names of the axes that form the rows, which head the label columns.
-    pub row_axes: Vec<String>,
-    /// Headers of the value columns.
-    pub columns: Vec<String>,
-    /// Rows in plan order.
-    pub rows: Vec<TableRow>,
+/// Number format of a table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Digits {
+    /// Number of significant digits. Integers are written in full.
+    Significant(usize),
+    /// Percentage without decimals.
+    Percent,
 }
 
-/// One row of a table.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TableRow {
-    /// Values of the row's axes.
-    pub labels: Vec<String>,
-    /// One cell for each value column.
-    pub cells: Vec<TableCell>,
-}
-
-/// One number of a table.
+/// The 95 % confidence interval of a mean.
 #[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Interval {
+    /// The mean minus and plus this half-width.
+    Half(f64),
+    /// From the mean divided by this factor to the mean times it: the interval of a geometric mean.
+    Factor(f64),
+    /// Lower and upper end.
+    Ends(f64, f64),
+}
+
+impl Interval {
+    /// Returns the lower and the upper end for a mean.
+    pub fn ends(self, mean: f64) -> (f64, f64) {
+        match self {
+            Interval::Half(half) => (mean - half, mean + half),
+            Interval::Factor(factor) => (mean / factor, mean * factor),
+            Interval::Ends(low, high) => (low, high),
+        }
+    }
+
+    /// Returns half the distance of the ends.
+    fn half_width(self, mean: f64) -> f64 {
+        let (low, high) = self.ends(mean);
+        match self {
+            Interval::Half(half) => half,
+            _ => 0.5 * (high - low),
+        }
+    }
+}
+
+/// One number of a table, with its uncertainty and its runs.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct TableCell {
-    /// Mean of the runs' values.
-    pub value: CellValue,
-    /// Number of finished runs averaged.
+    /// The number; `None` is written as a dash.
+    pub value: Option<f64>,
+    /// Whether the number is a bound of a time.
+    pub bound: Bound,
+    /// Its 95 % confidence interval.
+    pub interval: Option<Interval>,
+    /// Whether the number is significantly better than all others of its group.
+    pub best: bool,
+    /// Whether the number of a run is dominated by the noise of its reference.
+    pub at_floor: bool,
+    /// Number of runs averaged.
     pub runs: usize,
-    /// Half-width of the 95 % confidence interval of the mean, by Student's t. `None` unless all
-    /// runs are repeats of one configuration, since otherwise the interval has no meaning.
-    pub ci95_half: Option<f64>,
+    /// Identities of the runs.
+    pub run_ids: Vec<String>,
 }
 
-/// Value of a cell of a table.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum CellValue {
-    /// No finished run has this value.
-    Empty,
-    /// Mean over the runs.
-    Mean(f64),
-    /// Bound of the mean time in seconds, not exact: a run that did not reach the threshold enters
-    /// the mean with its total render time, and one that had reached it at its first measurement
-    /// with the time of that.
-    Bounded(f64, Bound),
+/// A table of numbers with labelled rows and columns.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table {
+    /// Name of the table's files.
+    pub name: String,
+    /// Heading of the page under which it is listed: the metric or the subject.
+    pub section: String,
+    /// Short title of the table.
+    pub title: String,
+    /// Description of the numbers.
+    pub caption: String,
+    /// Unit of the numbers, for CSV files; empty if there is none.
+    pub unit: String,
+    /// Headers of the label columns.
+    pub label_headers: Vec<String>,
+    /// Groups of columns: a heading, which may be empty, and the number of columns.
+    pub groups: Vec<(String, usize)>,
+    /// Headers of the number columns.
+    pub columns: Vec<String>,
+    /// Labels and cells of each row.
+    pub rows: Vec<(Vec<String>, Vec<TableCell>)>,
+    /// Format of the numbers.
+    pub digits: Digits,
+    /// Runs and plans that the table is made from.
+    pub provenance: Provenance,
 }
 
-/// Labels of a row and of a column.
-type CellKey = (Vec<String>, Vec<String>);
-
-/// Computes the tables of a specification: one table, or one for each device if the value is a
-/// time and the night used several devices.
-pub fn tables(
-    plan: &Plan,
-    spec: &TableSpec,
-    results: &[CellResult],
-    devices: &Devices,
-) -> Vec<TableData> {
-    if !(devices.is_mixed() && spec.value.is_clock()) {
-        return vec![build(plan, spec, results)];
-    }
-    let missing = count_unfinished(plan, results);
-    let device_table = |(i, device): (usize, &str)| {
-        let is_on_device = |cell: usize| devices.device_of(cell) == device;
-        let on_device =
-            |r: &&CellResult| matches!(r.cell, CellRef::Cell(cell) if is_on_device(cell));
-        let table = build_from(plan, spec, results.iter().filter(on_device), missing);
-        let rows: Vec<TableRow> = table
-            .rows
-            .into_iter()
-            .filter(|row| row.cells.iter().any(|c| c.runs > 0))
-            .collect();
-        TableData {
-            name: format!("{}-device-{}", spec.name, i + 1),
-            caption: format!("{} Only runs on {device}.", table.caption),
-            rows,
-            ..table
+impl TableCell {
+    /// Averages the values of some runs on the scale on which they are compared. The mean is a bound
+    /// if any value is one.
+    pub fn mean(samples: &[RunValue], ranking: Ranking) -> TableCell {
+        let values: Vec<f64> = samples.iter().map(|sample| sample.number).collect();
+        if values.is_empty() {
+            return TableCell::default();
         }
-    };
-    devices
-        .names()
-        .into_iter()
-        .enumerate()
-        .map(device_table)
-        .collect()
+        let (mean, interval) = ranking.mean(&values);
+        TableCell {
+            value: Some(mean),
+            bound: Bound::of_mean(samples.iter().map(|sample| sample.bound)),
+            interval,
+            runs: values.len(),
+            ..TableCell::default()
+        }
+    }
 }
 
-/// Computes a table. Runs that failed, were interrupted or never started are left out. The caption
-/// reports their number.
-pub fn build(plan: &Plan, spec: &TableSpec, results: &[CellResult]) -> TableData {
-    build_from(plan, spec, results.iter(), count_unfinished(plan, results))
-}
+impl Table {
+    /// Returns all cells, row by row.
+    pub fn cells(&self) -> Vec<&TableCell> {
+        self.rows.iter().flat_map(|(_, cells)| cells).collect()
+    }
 
-/// Returns whether a result is a finished run that tables include. Duplicate runs of the A/A check
-/// are not included.
-pub(super) fn is_finished(plan: &Plan, result: &CellResult) -> bool {
-    let is_result = |cell: usize| plan.cells.get(cell).is_some_and(|c| c.double_of.is_none());
-    matches!(result.cell, CellRef::Cell(cell) if is_result(cell))
-        && matches!(result.outcome, Outcome::Done(_) | Outcome::Cached(_))
-}
+    fn number(&self, x: f64) -> String {
+        match self.digits {
+            Digits::Significant(_) if x.fract() == 0.0 && x.abs() < 1e9 => x.to_string(),
+            Digits::Significant(n) => significant(x, n),
+            Digits::Percent => format!("{:.0} %", 100.0 * x),
+        }
+    }
 
-/// Counts the runs of a plan that tables leave out because they have not finished.
-fn count_unfinished(plan: &Plan, results: &[CellResult]) -> usize {
-    let planned = plan
-        .cells
-        .iter()
-        .filter(|cell| cell.double_of.is_none())
-        .count();
-    planned.saturating_sub(
-        results
-            .iter()
-            .filter(|result| is_finished(plan, result))
-            .count(),
-    )
-}
-
-/// Computes a table from a subset of the results. `missing` is the number of unfinished runs.
-fn build_from<'a>(
-    plan: &Plan,
-    spec: &TableSpec,
-    results: impl Iterator<Item = &'a CellResult>,
-    missing: usize,
-) -> TableData {
-    let mut samples: BTreeMap<CellKey, Vec<(usize, RunValue)>> = BTreeMap::new();
-    for result in results.filter(|result| is_finished(plan, result)) {
-        let CellRef::Cell(cell) = result.cell else {
-            continue;
+    /// Formats a cell as number, bound or number with interval, such as `> 12.3`, `4.56 ± 0.07` or
+    /// `4.56 ×÷ 1.02`. A dagger follows a number that is dominated by the noise of its reference.
+    pub fn cell(&self, cell: &TableCell) -> String {
+        let mark = if cell.at_floor { "†" } else { "" };
+        let Some(value) = cell.value else {
+            return "–".to_owned();
         };
-        if let Some(value) = quantity::run_value(plan, &spec.value, result) {
-            samples
-                .entry((
-                    axis_labels(plan, &spec.rows, cell),
-                    axis_labels(plan, &spec.cols, cell),
-                ))
-                .or_default()
-                .push((cell, value));
+        match cell.interval.filter(|_| cell.bound == Bound::Exact) {
+            None => format!("{}{}{mark}", cell.bound.sign(), self.number(value)),
+            Some(interval) => self.number_with_interval(value, interval, mark),
         }
     }
-    let column_keys = distinct_labels(plan, &spec.cols);
-    let row = |labels: Vec<String>| {
-        let cell = |column: &Vec<String>| {
-            let values = samples.get(&(labels.clone(), column.clone()));
-            average(plan, values.map_or(&[], Vec::as_slice))
+
+    fn number_with_interval(&self, value: f64, interval: Interval, mark: &str) -> String {
+        let text = self.number(value);
+        let Digits::Significant(digits) = self.digits else {
+            return format!("{text}{mark} ± {:.0}", 100.0 * interval.half_width(value));
         };
-        TableRow {
-            cells: column_keys.iter().map(cell).collect(),
-            labels: labels.iter().map(|label| plan.report.name(label)).collect(),
+        // The number has no more decimals than the second significant digit of its interval, and no
+        // more than the table's format allows.
+        let decimals = decimals_of_two_digits(interval.half_width(value))
+            .map_or(decimals_of(&text), |d| {
+                d.min(decimals_of(&significant(value, digits)))
+            });
+        let rounded = |x: f64| {
+            if text.contains('e') {
+                self.number(x)
+            } else {
+                format!("{x:.decimals$}")
+            }
+        };
+        let mean = rounded(value);
+        match interval {
+            Interval::Half(half) if text.contains('e') => {
+                format!("{mean}{mark} ± {}", significant(half, 1))
+            }
+            Interval::Half(half) => format!("{mean}{mark} ± {half:.decimals$}"),
+            Interval::Factor(factor) => {
+                let decimals = decimals_of_two_digits(factor - 1.0).map_or(0, |d| d.min(4));
+                format!("{mean}{mark} ×÷ {factor:.decimals$}")
+            }
+            Interval::Ends(low, high) => {
+                format!("{mean}{mark} ({} to {})", rounded(low), rounded(high))
+            }
         }
-    };
-    let rows: Vec<TableRow> = distinct_labels(plan, &spec.rows)
-        .into_iter()
-        .map(row)
-        .collect();
-    TableData {
-        name: spec.name.clone(),
-        caption: caption::caption(plan, spec, &rows, missing),
-        row_axes: spec.rows.clone(),
-        columns: column_keys
+    }
+
+    /// Returns the heading of the group of each number column.
+    fn column_groups(&self) -> impl Iterator<Item = &String> {
+        self.groups
             .iter()
-            .map(|values| column_header(plan, spec, values))
-            .collect(),
-        rows,
+            .flat_map(|(group, n)| std::iter::repeat_n(group, *n))
+    }
+
+    /// Returns the headers of the number columns with their groups.
+    fn headers(&self) -> Vec<String> {
+        let joined = self
+            .column_groups()
+            .zip(&self.columns)
+            .map(
+                |(group, column)| match (group.is_empty(), column.is_empty()) {
+                    (true, _) => column.clone(),
+                    (_, true) => group.clone(),
+                    _ => format!("{group}: {column}"),
+                },
+            );
+        joined.collect()
     }
 }
 
-/// Returns the values of a cell on some axes; an en dash where the cell has no value.
-fn axis_labels(plan: &Plan, axes: &[String], cell: usize) -> Vec<String> {
-    let value = |axis: &String| {
-        format::axis_value(plan, cell, axis).map_or("–".to_owned(), ToString::to_string)
-    };
-    axes.iter().map(value).collect()
+/// Returns the number of decimals of a number without an exponent.
+fn decimals_of(number: &str) -> usize {
+    let decimals = number.split_once('.').filter(|_| !number.contains('e'));
+    decimals.map_or(0, |(_, digits)| digits.len())
 }
 
-/// Returns the distinct combinations of values on some axes, in plan order.
-fn distinct_labels(plan: &Plan, axes: &[String]) -> Vec<Vec<String>> {
-    let mut seen = BTreeSet::new();
-    (0..plan.cells.len())
-        .map(|cell| axis_labels(plan, axes, cell))
-        .filter(|labels| seen.insert(labels.clone()))
-        .collect()
-}
-
-fn column_header(plan: &Plan, spec: &TableSpec, values: &[String]) -> String {
-    if spec.cols.is_empty() {
-        return quantity::label(plan, &spec.value);
-    }
-    let pairs: Vec<String> = spec
-        .cols
-        .iter()
-        .zip(values)
-        .map(|(axis, v)| format!("{axis} = {}", plan.report.name(v)))
-        .collect();
-    pairs.join(", ")
-}
-
-/// Averages the values of some runs, given with their cell indices.
-fn average(plan: &Plan, samples: &[(usize, RunValue)]) -> TableCell {
-    let runs = samples.len();
-    let values: Vec<f64> = samples.iter().map(|(_, value)| value.number).collect();
-    let mean = values.iter().sum::<f64>() / runs.max(1) as f64;
-    let bound = Bound::of_mean(samples.iter().map(|(_, value)| value.bound));
-    let are_repeats = samples
-        .windows(2)
-        .all(|two| plan.cells[two[0].0].point == plan.cells[two[1].0].point);
-    let ci95_half = mean_and_interval(&values)
-        .1
-        .filter(|half| are_repeats && bound == Bound::Exact && half.is_finite());
-    let value = match (runs, bound) {
-        (0, _) => CellValue::Empty,
-        (_, Bound::Exact) => CellValue::Mean(mean),
-        (_, bound) => CellValue::Bounded(mean, bound),
-    };
-    TableCell {
-        value,
-        runs,
-        ci95_half,
-    }
+/// Returns the number of decimals that show two significant digits of a positive number; `None`
+/// for any other number.
+fn decimals_of_two_digits(x: f64) -> Option<usize> {
+    let decimals = (x > 0.0 && x.is_finite()).then(|| 1 - x.log10().floor() as i32)?;
+    Some(usize::try_from(decimals).unwrap_or(0))
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_the_digits_that_their_interval_leaves() {
+        let table = |digits| Table {
+            name: String::new(),
+            section: String::new(),
+            title: String::new(),
+            caption: String::new(),
+            unit: String::new(),
+            label_headers: Vec::new(),
+            groups: Vec::new(),
+            columns: Vec::new(),
+            rows: Vec::new(),
+            digits,
+            provenance: Provenance::default(),
+        };
+        let four = table(Digits::Significant(4));
+        let written = |value, interval| {
+            four.cell(&TableCell {
+                value: Some(value),
+                interval: Some(interval),
+                ..TableCell::default()
+            })
+        };
+        assert_eq!(written(0.43215, Interval::Half(0.0123)), "0.432 ± 0.012");
+        assert_eq!(written(0.43215, Interval::Factor(1.0284)), "0.432 ×÷ 1.028");
+        assert_eq!(written(125.0, Interval::Factor(2.513)), "125 ×÷ 2.5");
+        assert_eq!(written(125.3, Interval::Factor(14.2)), "125 ×÷ 14");
+        assert_eq!(
+            written(0.95312, Interval::Ends(0.9501, 0.9555)),
+            "0.9531 (0.9501 to 0.9555)"
+        );
+        assert_eq!(written(3.25e-7, Interval::Factor(1.25)), "3.250e-7 ×÷ 1.25");
+        assert_eq!(written(2.0, Interval::Factor(1.0)), "2 ×÷ 1");
+        assert_eq!(written(2.0, Interval::Half(2.48)), "2.0 ± 2.5");
+        let cell = TableCell {
+            value: Some(0.5),
+            at_floor: true,
+            ..TableCell::default()
+        };
+        assert_eq!(four.cell(&cell), "0.5000†");
+        assert_eq!(table(Digits::Percent).cell(&cell), "50 %†");
+    }
+}

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use mlua::Function;
 
-use super::stop_rule::RuleObject;
+use super::rule::RuleObject;
 use crate::experiment::StopRule;
 use crate::experiment::spec::{Axis, FigureSpec, MeasureSpec, NightSpec, Presentation, TableSpec};
 use crate::script::source::SourcePlace;

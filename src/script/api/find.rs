@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::paths::folder_of;
 use lumbre_light::scene::load::FORMATS;
 use lumbre_light::value::schema::SchemaError;
 use lumbre_light::value::suggest;
@@ -78,28 +79,21 @@ fn content_of(folder: &Path, scenes: bool) -> String {
 fn help_for_missing(places: &[PathBuf]) -> String {
     let near = places.iter().find_map(|place| {
         let name = place.file_name()?.to_str()?;
-        let files = files_in(parent(place));
+        let files = files_in(folder_of(place));
         let near = suggest::nearest(name, files.iter().map(String::as_str))?;
         Some(place.with_file_name(near))
     });
     if let Some(near) = near {
         return format!("did you mean `{}`?", near.display());
     }
-    if places.iter().all(|place| !parent(place).is_dir()) {
-        return format!("there is no folder {}", parent(&places[0]).display());
+    if places.iter().all(|place| !folder_of(place).is_dir()) {
+        return format!("there is no folder {}", folder_of(&places[0]).display());
     }
     let tried: Vec<String> = places.iter().map(|p| p.display().to_string()).collect();
     match tried.as_slice() {
         [_] => "give its path from the current folder".to_owned(),
         _ => format!("tried {}", tried.join(" and ")),
     }
-}
-
-/// Returns the folder of a path.
-fn parent(path: &Path) -> &Path {
-    path.parent()
-        .filter(|parent| !parent.as_os_str().is_empty())
-        .unwrap_or(Path::new("."))
 }
 
 /// Returns the sorted names of the files in a folder that are valid Unicode.

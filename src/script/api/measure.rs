@@ -4,12 +4,13 @@
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-use mlua::{Lua, MultiValue, UserData, Value as LuaValue};
+use mlua::{Lua, MultiValue, UserData, UserDataFields, Value as LuaValue};
 
 use super::axis::is_name;
-use super::{ApiFn, Args, Param, kind};
+use super::{ApiFn, Args, Param};
 use crate::experiment::spec::{MeasureSpec, Snapshots};
 use crate::script::error::ScriptError;
+use crate::script::kind::{KIND, kind};
 use crate::script::source::SourcePlace;
 use crate::script::state::Shared;
 use crate::script::strict;
@@ -114,7 +115,11 @@ pub const METHODS: &[ApiFn] = &[ApiFn {
 #[derive(Clone, Debug)]
 pub struct MetricObject(MetricSpec);
 
-impl UserData for MetricObject {}
+impl UserData for MetricObject {
+    fn add_fields<F: UserDataFields<Self>>(fields: &mut F) {
+        fields.add_meta_field(KIND, "a metric");
+    }
+}
 
 /// Adds the functions `metric.NAME` and `tonemap.NAME` to the globals, one for each row of their
 /// tables.

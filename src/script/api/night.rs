@@ -88,7 +88,7 @@ pub const METHODS: &[ApiFn] = &[
 /// Returns the only argument as plain data.
 fn one_value(args: &Args, shared: &Rc<Shared>) -> Result<Value, ScriptError> {
     args.at_most(shared, 1)?;
-    let found = args.values.first().cloned().unwrap_or(LuaValue::Nil);
+    let found = args.get(0);
     strict::read(&found, args.name, args.name).map_err(|e| args.locate_error(shared, e))
 }
 

@@ -7,9 +7,10 @@ use mlua::{Function, Lua, Value as LuaValue};
 
 use super::builder::{BiasCheck, Reference, RenderedReference, Stop};
 use super::stop_rule::rule_from_value;
-use super::{ApiFn, Args, Param, kind};
+use super::{ApiFn, Args, Param};
 use crate::experiment::StopRule;
 use crate::script::error::ScriptError;
+use crate::script::kind::kind;
 use crate::script::state::Shared;
 use crate::script::strict::{self, Fields};
 use lumbre_light::value::Value;

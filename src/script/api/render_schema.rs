@@ -174,16 +174,19 @@ pub const CAMERA: Table = Table {
     ],
 };
 
+/// Number of edges of a path.
+pub const EDGES: Ty = Ty::Int {
+    min: 1,
+    max: 10_000,
+};
+
 /// Option `rr` of the render table.
 pub const ROULETTE: Table = Table {
     name: "RussianRoulette",
     doc: "Russian roulette: terminates paths at random without changing the mean.",
     fields: &[Field {
         key: "start",
-        ty: Ty::Int {
-            min: 1,
-            max: 10_000,
-        },
+        ty: EDGES,
         required: true,
         default: "",
         doc: "first path edge after which a path may be terminated",
@@ -226,10 +229,7 @@ pub const RENDER: Table = Table {
         },
         Field {
             key: "max_depth",
-            ty: Ty::Int {
-                min: 1,
-                max: 10_000,
-            },
+            ty: EDGES,
             required: false,
             default: "the scene's",
             doc: "largest number of path edges from camera to light: 1 is emission only, 2 adds \

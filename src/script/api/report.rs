@@ -2,13 +2,14 @@
 
 use std::rc::Rc;
 
-use mlua::{Lua, UserData, Value as LuaValue};
+use mlua::{Lua, UserData, UserDataFields, Value as LuaValue};
 
-use super::{ApiFn, Args, Param, kind};
+use super::{ApiFn, Args, Param};
 use crate::experiment::spec::{
-    FigureKind, FigureSpec, FigureX, TableFormat, TableSpec, TableValue,
+    FigureKind, FigureSpec, FigureX, RunColumn, TableFormat, TableSpec, TableValue,
 };
 use crate::script::error::ScriptError;
+use crate::script::kind::{KIND, kind};
 use crate::script::source::SourcePlace;
 use crate::script::state::Shared;
 use crate::script::strict;
@@ -28,8 +29,7 @@ pub const FIGURE: Table = Table {
             ty: Ty::Str,
             required: false,
             default: "render_s",
-            doc: "horizontal axis: `render_s` (render time in seconds), `samples` (per pixel), or \
-                  an axis of the sweep, over which the final values of finished runs are drawn",
+            doc: FigureX::X_DOC,
         },
         Field {
             key: "y",
@@ -74,10 +74,7 @@ pub const TABLE: Table = Table {
             ty: Ty::Object("string|TimeTo"),
             required: true,
             default: "",
-            doc: "a metric column (final value), `samples` (per pixel), `render_s` (s), `mpaths_s` \
-                  (million paths per second), `fps` (samples of every pixel per second), `mrays_s` \
-                  (million rays per second), `accel_build_s` (s), `accel_nodes`, `accel_mib` \
-                  (MiB), `accel_cost`, or time_to(column, threshold)",
+            doc: RunColumn::VALUE_DOC,
         },
         Field {
             key: "rows",
@@ -174,7 +171,11 @@ pub struct TimeToObject {
     threshold: f64,
 }
 
-impl UserData for TimeToObject {}
+impl UserData for TimeToObject {
+    fn add_fields<F: UserDataFields<Self>>(fields: &mut F) {
+        fields.add_meta_field(KIND, "a time_to value");
+    }
+}
 
 fn time_to(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
     args.at_most(shared, 2)?;
@@ -260,17 +261,11 @@ fn figure(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptE
                 .map(|value| curve_column(value, &path))
                 .collect::<Result<Vec<_>, _>>()
         };
-        let kind = match word("x").unwrap_or("render_s") {
-            "render_s" => FigureKind::Convergence {
-                x: FigureX::RenderS,
-                y: columns(y)?,
-            },
-            "samples" => FigureKind::Convergence {
-                x: FigureX::Samples,
-                y: columns(y)?,
-            },
-            axis => FigureKind::Sweep {
-                over: axis.to_owned(),
+        let x = word("x").unwrap_or(FigureX::ALL[0].row().name);
+        let kind = match FigureX::named(x) {
+            Some(x) => FigureKind::Convergence { x, y: columns(y)? },
+            None => FigureKind::Sweep {
+                over: x.to_owned(),
                 y,
             },
         };
@@ -362,7 +357,7 @@ fn table(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptEr
         let fields = strict::fields(&options, &TABLE, &path, false)?;
         let value = match fields.objects.get("value") {
             Some(value) => table_value(value, &path, "value")?,
-            None => TableValue::Samples,
+            None => TableValue::Run(RunColumn::Samples),
         };
         let formats = match names(fields.values.get("format")) {
             words if words.is_empty() => vec![TableFormat::Md, TableFormat::Csv],
@@ -406,11 +401,7 @@ fn table_value(value: &LuaValue, path: &str, key: &str) -> Result<TableValue, Sc
         key: key.to_owned(),
     };
     match value {
-        LuaValue::String(s) => {
-            let name = s.to_string_lossy();
-            let plain = TableValue::PLAIN.iter().find(|(n, _)| *n == name);
-            Ok(plain.map_or(TableValue::Metric(name), |(_, v)| v.clone()))
-        }
+        LuaValue::String(s) => Ok(TableValue::named(s.to_string_lossy())),
         LuaValue::UserData(data) => match data.borrow::<TimeToObject>() {
             Ok(t) => Ok(TableValue::TimeTo {
                 column: t.column.clone(),

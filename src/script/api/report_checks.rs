@@ -4,7 +4,7 @@ use super::axis::known_axis;
 use super::builder::Builder;
 use super::measure::unknown_column;
 use super::report::field_error;
-use crate::experiment::spec::{Axis, FigureKind, FigureSpec, TableSpec, TableValue};
+use crate::experiment::spec::{Axis, FigureKind, FigureSpec, RunColumn, TableSpec, TableValue};
 use crate::script::error::ScriptError;
 use crate::script::state::Shared;
 use lumbre_light::value::Value;
@@ -19,7 +19,7 @@ use lumbre_light::value::suggest;
 pub fn check(builder: &Builder, shared: &Shared) -> Result<(), ScriptError> {
     let axes = builder.axis_names();
     let columns = builder.columns();
-    let plain: Vec<&str> = TableValue::PLAIN.iter().map(|(name, _)| *name).collect();
+    let plain: Vec<&str> = RunColumn::ALL.iter().map(|c| c.row().name).collect();
     let names = Names {
         builder,
         axes: &axes,

@@ -4,11 +4,13 @@ use std::rc::Rc;
 
 use mlua::{Lua, Value as LuaValue};
 
-use super::stop_rule::{Rule, RuleObject, rule_from_value};
-use super::{ApiFn, Args, Param, kind};
+use super::rule::{Rule, RuleObject};
+use super::stop_rule::rule_from_value;
+use super::{ApiFn, Args, Param};
 use crate::experiment::StopRule;
 use crate::experiment::stop::Comparison;
 use crate::script::error::ScriptError;
+use crate::script::kind::kind;
 use crate::script::state::Shared;
 use crate::script::strict;
 use lumbre_light::value::schema::{Field, Table, Ty, duration_s};

@@ -2,11 +2,12 @@
 
 use std::rc::Rc;
 
-use mlua::{Lua, UserData, UserDataMethods, Value as LuaValue};
+use mlua::{Lua, UserData, UserDataFields, UserDataMethods, Value as LuaValue};
 
-use super::object;
+use super::create_object;
 use crate::script::api::{ApiFn, Args, Param};
 use crate::script::error::ScriptError;
+use crate::script::kind::KIND;
 use crate::script::state::Shared;
 use crate::script::strict;
 use lumbre_light::math::rng::{pcg4d, unit};
@@ -131,6 +132,10 @@ impl RandomObject {
 }
 
 impl UserData for RandomObject {
+    fn add_fields<F: UserDataFields<Self>>(fields: &mut F) {
+        fields.add_meta_field(KIND, "a source of random numbers");
+    }
+
     fn add_methods<M: UserDataMethods<Self>>(methods: &mut M) {
         methods.add_method_mut("next", |_, this, ()| Ok(this.next()));
         methods.add_method_mut("between", |_, this, (a, b): (f64, f64)| {
@@ -159,7 +164,7 @@ impl UserData for RandomObject {
 fn random(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
     args.at_most(shared, 1)?;
     let seed = args.integer(shared, 0, "seed", 0, i64::from(u32::MAX))?;
-    object(
+    create_object(
         shared,
         lua,
         RandomObject {

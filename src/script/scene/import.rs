@@ -9,8 +9,9 @@ use mlua::{Lua, Value as LuaValue};
 
 use super::schema::IMPORT;
 use super::{SceneBuilder, part, scene_error};
-use crate::script::api::{Args, kind};
+use crate::script::api::Args;
 use crate::script::error::ScriptError;
+use crate::script::kind::kind;
 use crate::script::state::{Purpose, Shared};
 use crate::script::strict::{self, Fields};
 use lumbre_light::scene::desc::{

@@ -7,8 +7,9 @@ use mlua::{Lua, Value as LuaValue};
 
 use super::schema::{ENVIRONMENT, POINT_LIGHT};
 use super::{numbers, texture};
-use crate::script::api::{Args, kind};
+use crate::script::api::Args;
 use crate::script::error::ScriptError;
+use crate::script::kind::kind;
 use crate::script::state::Shared;
 use crate::script::strict::{self, Fields};
 use lumbre_light::scene::desc::{

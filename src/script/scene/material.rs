@@ -6,8 +6,9 @@ use std::rc::Rc;
 use mlua::{Lua, Value as LuaValue};
 
 use super::texture;
-use crate::script::api::{Args, kind};
+use crate::script::api::Args;
 use crate::script::error::ScriptError;
+use crate::script::kind::kind;
 use crate::script::state::Shared;
 use crate::script::strict;
 use lumbre_light::scene::desc::{MATERIAL_PARAMS, MaterialDesc, TextureSlot};

@@ -6,6 +6,7 @@
 //! added several times is one mesh with several instances. File names are relative to the folder of
 //! the scene file.
 
+mod builder;
 mod chance;
 mod import;
 mod lighting;
@@ -20,9 +21,9 @@ mod texture;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use glam::Vec3;
 use mlua::{Lua, UserData, Value as LuaValue};
 
+pub use builder::SceneBuilder;
 pub use chance::SCATTER;
 pub use material::MATERIAL_OPTIONS;
 pub use object::METHODS;
@@ -31,14 +32,14 @@ pub use schema::TABLES as OBJECT_TABLES;
 pub use shape_schema::TABLES as SHAPE_TABLES;
 pub use texture::{LAY, PAINT};
 
-use super::api::{self, ApiFn};
+use super::api::{ApiFn, Args};
 use super::error::{Problem, ScriptError};
+use super::kind::kind;
 use super::source::SourcePlace;
 use super::state::{Purpose, Shared};
 use super::{ExecutedFile, Limits, locate, source};
-use lumbre_light::scene::desc::{CameraDesc, SceneDesc};
+use lumbre_light::scene::desc::SceneDesc;
 use lumbre_light::scene::load::{MissingTextures, load_on_stage};
-use lumbre_light::scene::names::UniqueNames;
 use lumbre_light::scene::stage::{STAGES, Stage};
 use lumbre_light::scene::{Note, SceneError};
 use lumbre_light::value::Value;
@@ -52,65 +53,6 @@ pub const FUNCTIONS: &[&[ApiFn]] = &[
     texture::GLOBALS,
     chance::GLOBALS,
 ];
-
-/// Returns the kind of a Lua object of a scene, for messages; `None` for other objects.
-pub fn kind(value: &mlua::AnyUserData) -> Option<&'static str> {
-    let kinds: [(bool, &'static str); 4] = [
-        (value.is::<shapes::ShapeObject>(), "a shape"),
-        (value.is::<part::GroupObject>(), "a group"),
-        (value.is::<texture::TextureObject>(), "a texture"),
-        (
-            value.is::<chance::RandomObject>(),
-            "a source of random numbers",
-        ),
-    ];
-    kinds.into_iter().find(|(is, _)| *is).map(|(_, name)| name)
-}
-
-/// Scene under construction while its file runs.
-#[derive(Debug)]
-pub struct SceneBuilder {
-    /// Scene so far.
-    desc: SceneDesc,
-    /// Lua object that the file has to return, and the position of its creation.
-    head: Option<(mlua::Table, SourcePlace)>,
-    /// Position of the call that set the camera.
-    camera: Option<SourcePlace>,
-    /// Declared options, with a description of their values.
-    options: BTreeMap<String, String>,
-    /// Positions where materials were first used, by name.
-    requested_materials: BTreeMap<String, SourcePlace>,
-    names: UniqueNames,
-    notes: Vec<Note>,
-}
-
-impl Default for SceneBuilder {
-    fn default() -> SceneBuilder {
-        let camera = CameraDesc {
-            position: Vec3::Z,
-            target: Vec3::ZERO,
-            ..CameraDesc::default()
-        };
-        SceneBuilder {
-            desc: SceneDesc {
-                resolution: [1280, 720],
-                max_depth: 8,
-                camera,
-                views: Vec::new(),
-                materials: Vec::new(),
-                entities: Vec::new(),
-                lights: Vec::new(),
-                environment: None,
-            },
-            head: None,
-            camera: None,
-            options: BTreeMap::new(),
-            requested_materials: BTreeMap::new(),
-            names: UniqueNames::default(),
-            notes: Vec::new(),
-        }
-    }
-}
 
 /// Returns whether a file has the extension of Lua files.
 pub fn is_lua(file: &Path) -> bool {
@@ -233,7 +175,7 @@ fn finish(
                 last: None,
             };
             let problem = Problem::NoScene {
-                found: api::kind(returned).to_owned(),
+                found: kind(returned),
             };
             return Err(sources.error(&place, problem, Some(help.to_owned())));
         }
@@ -276,12 +218,12 @@ fn finish(
 }
 
 /// Converts an error of the scene module to a script error at the line of the call.
-fn scene_error(shared: &Shared, args: &api::Args, error: &SceneError) -> ScriptError {
+fn scene_error(shared: &Shared, args: &Args, error: &SceneError) -> ScriptError {
     args.error(shared, error.to_string(), None)
 }
 
 /// Creates a Lua object.
-fn object<T: UserData + 'static>(
+fn create_object<T: UserData + 'static>(
     shared: &Shared,
     lua: &Lua,
     value: T,

@@ -8,7 +8,7 @@ use mlua::{Lua, Value as LuaValue};
 use super::schema::{CAMERA, SCENE};
 use super::shapes::ShapeObject;
 use super::{import, lighting, material, numbers, part};
-use crate::script::api::{self, ApiFn, Args, Param};
+use crate::script::api::{ApiFn, Args, Param, method_object};
 use crate::script::error::{Problem, ScriptError};
 use crate::script::state::{Purpose, Shared};
 use crate::script::strict::{self, Fields};
@@ -186,7 +186,7 @@ fn scene(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, Script
             ));
         }
     };
-    let object = api::method_object(lua, shared, METHODS, "s").map_err(|e| shared.convert(&e))?;
+    let object = method_object(lua, shared, METHODS, "s").map_err(|e| shared.convert(&e))?;
     let mut builder = shared.scene.borrow_mut();
     if let Some(value) = fields.values.get("resolution") {
         builder.desc.resolution = numbers::<2>(value).map(|n| n as u32);

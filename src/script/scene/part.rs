@@ -4,12 +4,13 @@
 use std::rc::Rc;
 
 use glam::{Affine3A, EulerRot, Quat, Vec3};
-use mlua::{Lua, UserData, Value as LuaValue};
+use mlua::{Lua, UserData, UserDataFields, Value as LuaValue};
 
 use super::shapes::ShapeObject;
-use super::{numbers, object};
-use crate::script::api::{ApiFn, Args, Param, kind};
+use super::{create_object, numbers};
+use crate::script::api::{ApiFn, Args, Param};
 use crate::script::error::ScriptError;
+use crate::script::kind::{KIND, kind};
 use crate::script::state::Shared;
 use crate::script::strict::{self, Fields};
 use lumbre_light::scene::desc::Transform;
@@ -154,7 +155,11 @@ pub struct GroupObject {
     leaves: usize,
 }
 
-impl UserData for GroupObject {}
+impl UserData for GroupObject {
+    fn add_fields<F: UserDataFields<Self>>(fields: &mut F) {
+        fields.add_meta_field(KIND, "a group");
+    }
+}
 
 /// Shape of a part, with the properties that it inherits from groups.
 #[derive(Clone, Debug)]
@@ -418,7 +423,7 @@ fn group(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, Script
             None,
         ));
     }
-    object(
+    create_object(
         shared,
         lua,
         GroupObject {

@@ -1,5 +1,6 @@
 //! Schemas of `scene` and of the methods for cameras, lights, environment and import.
 
+use crate::script::api::render_schema::EDGES;
 use lumbre_light::scene::desc::MAX_SIDE;
 use lumbre_light::scene::desc::light::CUTOFF_RANGE;
 use lumbre_light::value::schema::{Field, Table, Ty};
@@ -34,10 +35,7 @@ pub const SCENE: Table = Table {
         ),
         Field::optional(
             "max_depth",
-            Ty::Int {
-                min: 1,
-                max: 10_000,
-            },
+            EDGES,
             "8",
             "largest number of path edges from camera to light: 1 is emission only, 2 adds direct \
              light",

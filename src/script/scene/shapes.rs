@@ -6,14 +6,15 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use mlua::{Lua, UserData, Value as LuaValue};
+use mlua::{Lua, UserData, UserDataFields, Value as LuaValue};
 
 use super::shape_schema::{
     BALL, BOX, CYLINDER, DISK, EXTRUDE, GRID, HEIGHTFIELD, LATHE, MESH, SPHERE, TORUS, TUBE,
 };
-use super::{numbers, object, part};
+use super::{create_object, numbers, part};
 use crate::script::api::{ApiFn, Args, Param};
 use crate::script::error::ScriptError;
+use crate::script::kind::KIND;
 use crate::script::state::Shared;
 use crate::script::strict::{self, Fields};
 use lumbre_light::scene::desc::MeshDesc;
@@ -34,7 +35,11 @@ pub enum ShapeObject {
     Sphere(f32),
 }
 
-impl UserData for ShapeObject {}
+impl UserData for ShapeObject {
+    fn add_fields<F: UserDataFields<Self>>(fields: &mut F) {
+        fields.add_meta_field(KIND, "a shape");
+    }
+}
 
 impl ShapeObject {
     /// Converts a shape to a mesh.
@@ -63,7 +68,7 @@ macro_rules! rows {
                 call: |shared, lua, args| {
                     let fields = options(shared, args, &$table, concat!("shape.", $name))?;
                     let shape = $make(shared, args, &fields)?;
-                    object(shared, lua, shape)
+                    create_object(shared, lua, shape)
                 },
             },)*
             ApiFn {
@@ -338,5 +343,5 @@ fn join(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptE
     if joined.triangles.is_empty() {
         return Err(args.error(shared, "there are no shapes to join", None));
     }
-    object(shared, lua, ShapeObject::new(joined))
+    create_object(shared, lua, ShapeObject::new(joined))
 }

@@ -4,11 +4,12 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use glam::{Affine2, Vec2};
-use mlua::{Lua, UserData, Value as LuaValue, Variadic};
+use mlua::{Lua, UserData, UserDataFields, Value as LuaValue, Variadic};
 
-use super::{object, scene_error};
+use super::{create_object, scene_error};
 use crate::script::api::{ApiFn, Args, Param};
 use crate::script::error::ScriptError;
+use crate::script::kind::KIND;
 use crate::script::state::Shared;
 use crate::script::strict;
 use lumbre_light::scene::desc::{Lookup, Texels, TextureDesc, TextureFilter, Wrap};
@@ -171,7 +172,11 @@ impl TextureObject {
     }
 }
 
-impl UserData for TextureObject {}
+impl UserData for TextureObject {
+    fn add_fields<F: UserDataFields<Self>>(fields: &mut F) {
+        fields.add_meta_field(KIND, "a texture");
+    }
+}
 
 /// Returns the texture of a Lua value: a texture object, or an image file named by a string. `None`
 /// for other values.
@@ -209,7 +214,7 @@ fn read_image(shared: &Shared, args: &Args, name: &str) -> Result<Arc<TextureDes
 fn file(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
     args.at_most(shared, 1)?;
     let name = args.text(shared, 0, "path")?;
-    object(
+    create_object(
         shared,
         lua,
         TextureObject::plain(read_image(shared, args, &name)?),
@@ -264,7 +269,7 @@ fn lay(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptEr
         second,
         map: (map != Affine2::IDENTITY).then_some(map),
     };
-    object(shared, lua, TextureObject { lookup, ..texture })
+    create_object(shared, lua, TextureObject { lookup, ..texture })
 }
 
 fn paint(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
@@ -313,7 +318,7 @@ fn paint(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, Script
         let byte = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
         Texels::Rgba8(texels.into_iter().map(|t| t.map(byte)).collect())
     };
-    object(
+    create_object(
         shared,
         lua,
         TextureObject::plain(TextureDesc::new("", width, height, texels)),

@@ -7,7 +7,7 @@ use serde_json::json;
 use super::{FollowEvent, Follower};
 use crate::experiment::event::History;
 use crate::experiment::run_progress::{Claim, ReportedOutcome};
-use crate::experiment::{CellRef, Plan, StopRule};
+use crate::experiment::{CellRef, Outcome, Plan, StopRule};
 use crate::store::schema::journal::{
     JournalEvent, JournalLine, NightStart, OutcomeKind, RunEnd, RunStart, ShardEnd, ShardRecord,
     ShardStart, WaveRecord,
@@ -39,10 +39,12 @@ fn poll(follower: &mut Follower) -> Vec<String> {
             outcome,
             last,
         } => {
-            format!(
-                "{cell:?} {outcome:?} after {:?}",
-                last.map(|row| row.samples)
-            )
+            let end = match &outcome {
+                Outcome::Done(cause) if cause.is_limit => format!("Limit({:?})", cause.clause),
+                Outcome::Done(cause) => format!("Done({:?})", cause.clause),
+                other => format!("{other:?}"),
+            };
+            format!("{cell:?} {end} after {:?}", last.map(|row| row.samples))
         }
         FollowEvent::ImageUpdated { cell, image } => {
             format!("{cell:?} shows {}", image.at(0, 0)[0])
@@ -104,6 +106,7 @@ fn finished(run: &str, reason: &str, samples: u64) -> JournalEvent {
         run: run.to_owned(),
         outcome: OutcomeKind::Done,
         reason: reason.to_owned(),
+        limit: reason == "samples",
         last: Some(WaveRecord {
             samples,
             ..WaveRecord::default()
@@ -145,7 +148,7 @@ fn a_night_is_followed_while_it_renders() {
         first,
         [
             "night started",
-            "Cell(0) Done(\"samples\") after Some(4)",
+            "Cell(0) Limit(\"samples\") after Some(4)",
             starts
         ],
         "only the end of the first run is reported"
@@ -166,7 +169,7 @@ fn a_night_is_followed_while_it_renders() {
     let last = [
         "Cell(1) has 8",
         "Cell(1) shows 7",
-        "Cell(1) Done(\"samples\") after Some(8)",
+        "Cell(1) Limit(\"samples\") after Some(8)",
         "night ended",
     ];
     assert_eq!(poll(&mut follower), last);

@@ -24,6 +24,7 @@ use std::time::{Duration, Instant, SystemTime};
 
 use super::exclusive_file::{is_file_at, persist_exclusively, remove_exclusively};
 use crate::experiment::run_progress::Claim;
+use crate::paths::folder_of;
 use crate::store::schema::StoredFile;
 use crate::store::schema::process::{ClaimFile, Owner};
 use crate::store::write::atomic;
@@ -264,7 +265,7 @@ impl Claims {
             }
             return Ok(false);
         }
-        let ended = age(file, path.parent().unwrap_or(Path::new(".")))? > LEASE;
+        let ended = age(file, folder_of(path))? > LEASE;
         if ended {
             alive.remove(path);
         } else {

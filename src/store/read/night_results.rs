@@ -9,7 +9,7 @@ use super::merged_journal::finished_runs;
 use super::night_reader::NightReader;
 use super::run_reader::{RunReader, describe};
 use crate::experiment::night_results::{
-    Machine, NightResults, ReferenceResult, RunResult, RunState,
+    Machine, NightResults, ReferenceOrigin, ReferenceResult, RunResult, RunState,
 };
 use crate::experiment::spec::Presentation;
 use crate::experiment::{CellRef, CellResult, Outcome, Plan, WaveRow};
@@ -146,8 +146,11 @@ fn run_result(
         scene: cell.scene.clone(),
         max_depth: cell.max_depth,
         resolution: cell.resolution,
-        device: results.map(device),
-        peer: results.and_then(|results| external_program(&cell.integrator, results)),
+        device: results.map(device).filter(|device| !device.is_empty()),
+        peer: results.and_then(|results| {
+            let peer = results.open.peer.as_ref()?;
+            Some((peer.program.clone(), peer.wall_clock))
+        }),
         accel: results.map(|results| (results.open.accel_build_s, results.open.accel_nodes)),
         accel_size: results.map(|results| (results.open.accel_bytes, results.open.accel_cost)),
         reference: cell.reference,
@@ -191,16 +194,6 @@ fn rows(
     Ok(found.in_order(metrics.iter().map(|metric| metric.column.as_str())))
 }
 
-/// Name and version of the external program that rendered a run: the last part of its device.
-fn external_program(integrator: &str, results: &RunResults) -> Option<String> {
-    let device = integrator
-        .starts_with("external:")
-        .then_some(&results.device)?;
-    device
-        .rsplit_once(", ")
-        .map(|(_, program)| program.to_owned())
-}
-
 impl Store {
     /// Device that a cell was rendered on, if it is done.
     pub fn device(&self, plan: &Plan, result: &CellResult) -> Option<String> {
@@ -214,16 +207,14 @@ impl Store {
     }
 }
 
-/// Device that a run was rendered on. The `cpu` backend reports its number of threads; the model of
-/// the processor is added, since workers of one night may differ.
+/// Device that a run was rendered on, for people. Of threads of a processor, the model of the
+/// processor is stated, since workers of one night may differ.
 fn device(results: &RunResults) -> String {
-    let device = &results.device;
-    let threads = device
-        .strip_prefix("cpu, ")
-        .and_then(|rest| rest.split(',').find(|part| part.contains("thread")));
-    match threads.filter(|_| !results.processor.is_empty()) {
-        Some(threads) => format!("{}, {}", results.processor, threads.trim()),
-        None => device.clone(),
+    match results.threads() {
+        Some(threads) if !results.processor.is_empty() => {
+            format!("{}, {threads} threads", results.processor)
+        }
+        _ => results.device.clone(),
     }
 }
 
@@ -236,7 +227,7 @@ fn reference_result(
     evidence: &Evidence,
 ) -> ReferenceResult {
     let mut picture = night.reference_picture(index);
-    let description = match reference {
+    let origin = match reference {
         PlannedReference::File(found) => {
             if let Some(picture) = picture.as_ref().filter(|_| !found.blake3.is_empty()) {
                 evidence.expect(picture, &found.blake3);
@@ -247,17 +238,20 @@ fn reference_result(
                 "" => String::new(),
                 by => format!(", {by}"),
             };
-            format!("{name}{maker}, its noise unknown")
+            ReferenceOrigin::Other(format!("{name}{maker}, its noise unknown"))
         }
         PlannedReference::Render(rendered) => {
             let integrator = &rendered.source.integrator;
             let folder = night.run_folder(CellRef::Reference(index));
             let found = evidence.expected(&folder, &rendered.run, REFERENCE, expected);
             match found.ok().flatten().as_deref().and_then(DoneFile::rendered) {
-                Some(results) => format!("{integrator}, {} samples per pixel", results.samples),
+                Some(results) => ReferenceOrigin::Rendered {
+                    integrator: integrator.clone(),
+                    samples: results.samples,
+                },
                 None => {
                     picture = None;
-                    format!("{integrator}, not finished")
+                    ReferenceOrigin::Other(format!("{integrator}, not finished"))
                 }
             }
         }
@@ -265,7 +259,7 @@ fn reference_result(
     ReferenceResult {
         id: reference.run().to_owned(),
         picture,
-        description,
+        origin,
     }
 }
 

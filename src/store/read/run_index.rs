@@ -19,6 +19,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
+use crate::paths::folder_of;
 use crate::store::lock::filesystem_kind;
 use crate::store::schema::process::IndexHeader;
 use crate::store::schema::run::DoneFile;
@@ -159,7 +160,7 @@ impl RunIndex {
 /// Replaces the file and removes what earlier processes left beside it. Without a sync: if a power
 /// failure damages the file, its hash is wrong and it is rebuilt.
 fn replace(path: &Path, text: &str) -> io::Result<()> {
-    let folder = path.parent().unwrap_or(Path::new("."));
+    let folder = folder_of(path);
     let mut file = atomic::temporary(folder)?;
     file.write_all(text.as_bytes())?;
     file.persist(path).map_err(|e| e.error)?;

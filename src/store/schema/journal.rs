@@ -4,15 +4,15 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::run::{BiasCheckFile, OpenCost};
+use super::run::{BiasCheckFile, OpenCost, PeerProgram};
 use super::values::{Named, Real};
 use super::{Field, RecordRow, Version, records};
 use crate::experiment::forecast::Forecast;
 use crate::experiment::outcome::Level;
 use crate::experiment::shards::Shard;
-use crate::experiment::{CellRef, Event, Outcome, Plan, WaveRow};
+use crate::experiment::{CellRef, EndCause, Event, Outcome, Plan, WaveRow};
 use lumbre_light::scene::compile::SceneMemory;
-use lumbre_render::OpenStats;
+use lumbre_render::{OpenStats, Peer};
 
 /// Fields of [`Forecast`], which the journal stores as it is.
 pub(crate) const FORECAST: RecordRow = RecordRow {
@@ -123,6 +123,9 @@ records! {
         pub outcome: OutcomeKind,
         /// Clause of the stop rule that held, or reason of the failure; else empty.
         pub reason: String,
+        /// Whether the clause is a limit of render time or of samples; absent if not.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        pub limit: bool,
         /// Its last measurement; `null` if no wave was measured.
         pub last: Option<WaveRecord>,
     }
@@ -217,7 +220,7 @@ impl OutcomeKind {
     /// Splits an outcome into its kind and its reason.
     fn split(outcome: &Outcome) -> (OutcomeKind, String) {
         match outcome {
-            Outcome::Done(reason) => (OutcomeKind::Done, reason.clone()),
+            Outcome::Done(cause) => (OutcomeKind::Done, cause.clause.clone()),
             Outcome::Cached(folder) => (OutcomeKind::Cached, folder.display().to_string()),
             Outcome::Failed(reason) => (OutcomeKind::Failed, reason.clone()),
             Outcome::Interrupted => (OutcomeKind::Interrupted, String::new()),
@@ -229,7 +232,10 @@ impl RunEnd {
     /// The outcome of the run, whose folder is `folder`.
     pub fn outcome(&self, folder: std::path::PathBuf) -> Outcome {
         match self.outcome {
-            OutcomeKind::Done => Outcome::Done(self.reason.clone()),
+            OutcomeKind::Done => Outcome::Done(EndCause {
+                clause: self.reason.clone(),
+                is_limit: self.limit,
+            }),
             OutcomeKind::Cached => Outcome::Cached(folder),
             OutcomeKind::Failed => Outcome::Failed(self.reason.clone()),
             OutcomeKind::Interrupted => Outcome::Interrupted,
@@ -324,6 +330,11 @@ impl From<&OpenStats> for OpenCost {
             accel_cost: open.accel_cost,
             geometry_bytes: (open.scene.geometry > 0).then_some(open.scene.geometry),
             texture_bytes: (open.scene.geometry > 0).then_some(open.scene.textures),
+            threads: (open.threads > 0).then_some(open.threads),
+            peer: open.peer.as_ref().map(|peer| PeerProgram {
+                program: peer.program.clone(),
+                wall_clock: peer.wall_clock,
+            }),
         }
     }
 }
@@ -341,6 +352,11 @@ impl OpenCost {
                 geometry: self.geometry_bytes.unwrap_or(0),
                 textures: self.texture_bytes.unwrap_or(0),
             },
+            threads: self.threads.unwrap_or(0),
+            peer: self.peer.as_ref().map(|peer| Peer {
+                program: peer.program.clone(),
+                wall_clock: peer.wall_clock,
+            }),
             ..OpenStats::default()
         }
     }
@@ -374,12 +390,14 @@ impl JournalEvent {
                 rows,
                 ..
             } => {
+                let limit = matches!(outcome, Outcome::Done(cause) if cause.is_limit);
                 let (outcome, reason) = OutcomeKind::split(outcome);
                 JournalEvent::CellFinished(RunEnd {
                     run: run(*cell),
                     path: path(plan, *cell).to_owned(),
                     outcome,
                     reason,
+                    limit,
                     last: rows.last().map(|row| WaveRecord::new(row, &plan.columns())),
                 })
             }

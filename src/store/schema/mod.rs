@@ -27,9 +27,7 @@ use serde::{Deserialize, Serialize, Serializer};
 
 use super::write::atomic;
 use super::{StoreError, regular_file};
-
-/// Name and version of this program, as files state them.
-pub const PROGRAM: &str = concat!("lumbre ", env!("CARGO_PKG_VERSION"));
+use crate::text::PROGRAM;
 
 /// Name of a program and its version. The default is this program.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

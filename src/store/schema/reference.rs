@@ -13,7 +13,7 @@ use super::plan::{
 use super::process::{AffinityFile, ClaimFile, HeartbeatFile, IndexHeader, Owner, RenderDevice};
 use super::run::{
     BiasCheckFile, CheckpointHead, ConfigFile, DifferingBlock, FailedFile, FileSum,
-    ImportedReference, OpenCost, PixelFilter, RenderSettings, RunResults, WaveCounts,
+    ImportedReference, OpenCost, PeerProgram, PixelFilter, RenderSettings, RunResults, WaveCounts,
 };
 use super::status::{
     CellCounts, CurrentRun, FailureRecord, ReferenceCounts, ShardCounts, StatusReport,
@@ -32,6 +32,7 @@ const FILES: &[(&str, &[RecordRow])] = &[
             RunResults::ROW,
             ImportedReference::ROW,
             OpenCost::ROW,
+            PeerProgram::ROW,
             FileSum::ROW,
         ],
     ),

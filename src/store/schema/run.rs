@@ -190,6 +190,20 @@ records! {
         /// Bytes of texels, of the environment map too; absent if unknown.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pub texture_bytes: Option<u64>,
+        /// Threads of the processor that rendered; absent on another device, or if unknown.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub threads: Option<u32>,
+        /// External program that rendered; absent if there is none.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub peer: Option<PeerProgram>,
+    }
+
+    /// External program that rendered a run.
+    pub struct PeerProgram {
+        /// Name of the program, with its version if known.
+        pub program: String,
+        /// Whether its render time is the wall-clock time of its processes.
+        pub wall_clock: bool,
     }
 
     /// `done.json` of a run, and `ref.json` of a rendered reference: how it ended.
@@ -309,6 +323,18 @@ records! {
         pub invalid: u64,
         /// Column, row and sample of the first invalid sample.
         pub first_invalid: Option<[u64; 3]>,
+    }
+}
+
+impl RunResults {
+    /// Threads of the processor that rendered; `None` on another device, or if unknown. Files from
+    /// before the field `threads` state them in the line of the device only.
+    pub fn threads(&self) -> Option<u32> {
+        let stated = || {
+            let (threads, _) = self.device.strip_prefix("cpu, ")?.split_once(" threads")?;
+            threads.parse().ok()
+        };
+        self.open.threads.or_else(stated)
     }
 }
 
@@ -441,5 +467,26 @@ impl DoneFile {
             }
         }
         Ok(None)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn threads_of_older_files_are_those_of_their_device_line() {
+        let results = |device: &str, threads| RunResults {
+            device: device.to_owned(),
+            open: OpenCost {
+                threads,
+                ..OpenCost::default()
+            },
+            ..RunResults::default()
+        };
+        let threads = |device, threads| results(device, threads).threads();
+        assert_eq!(threads("cpu, 2 threads, eight-wide BVH", Some(3)), Some(3));
+        assert_eq!(threads("cpu, 2 threads, eight-wide BVH", None), Some(2));
+        assert_eq!(threads("NVIDIA H100, driver 1.2", None), None);
     }
 }

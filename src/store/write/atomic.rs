@@ -5,6 +5,7 @@ use std::io::{ErrorKind, Write};
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
+use crate::paths::folder_of;
 use crate::store::{StoreError, regular_file};
 
 /// Prefix of temporary files. The next owner of a folder removes those that a crash left.
@@ -26,11 +27,7 @@ const ABANDONED: Duration = Duration::from_secs(3600);
 /// When the folder cannot be created or the file cannot be written; an existing file is then
 /// unchanged.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
-    // The parent of a bare file name is the empty path.
-    let folder = path
-        .parent()
-        .filter(|p| !p.as_os_str().is_empty())
-        .unwrap_or(Path::new("."));
+    let folder = folder_of(path);
     let mut file = temporary_in_new(folder)?;
     let mut attempt = || -> std::io::Result<()> {
         file.write_all(bytes)?;

@@ -16,6 +16,7 @@ use super::{atomic, metrics_csv};
 use crate::experiment::WaveRow;
 use crate::experiment::event::SaveState;
 use crate::experiment::run_progress::{Checkpoint, RunProgress};
+use crate::paths::folder_of;
 use crate::store::schema::run::{CheckpointHead, WaveCounts};
 use crate::store::{StoreError, regular_file};
 use lumbre_render::WaveStats;
@@ -100,7 +101,7 @@ pub(crate) fn write_slot(
     progress: &RunProgress,
     state: SaveState<'_>,
 ) -> Result<bool, StoreError> {
-    let folder = path.parent().unwrap_or(Path::new("."));
+    let folder = folder_of(path);
     let attempt = || -> io::Result<bool> {
         fs::create_dir_all(folder)?;
         let mut file = atomic::temporary(folder)?;

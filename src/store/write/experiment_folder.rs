@@ -18,6 +18,7 @@ use crate::experiment::plan::{Reference, ReferenceSource};
 use crate::experiment::run_progress::{Checkpoint, Claim, ReportedOutcome, RunProgress};
 use crate::experiment::shards::{Shard, WorkUnit};
 use crate::experiment::{CellRef, Plan, SinkError};
+use crate::paths::SCRIPT_COPY;
 use crate::store::lock::claim::{self, Claims};
 use crate::store::lock::{device_affinity, filesystem_kind};
 use crate::store::read::archive::{Archive, Decode};
@@ -77,7 +78,7 @@ impl Store {
             .iter()
             .for_each(|name| remove(&folder.join(name)));
         plan_file(plan).write(&folder)?;
-        atomic::write_if_changed(&folder.join("experiment.lua"), plan.script_text.as_bytes())?;
+        atomic::write_if_changed(&folder.join(SCRIPT_COPY), plan.script_text.as_bytes())?;
         let claims = Claims::new();
         // On a network file system, lines that two machines append at once may be lost.
         let shared =

@@ -11,12 +11,11 @@ pub fn end_message(outcome: &Outcome, last: Option<&WaveRow>) -> (Level, Option<
         format!(" after {samples} spp in {time}")
     });
     match outcome {
-        Outcome::Done(reason) => {
+        Outcome::Done(cause) => {
             // A limit of time or samples is what the line begins with.
-            let is_limit = [" of render time", " per pixel"].map(|end| reason.ends_with(end));
-            let rule = match is_limit.contains(&true) && !reason.contains(", ") {
-                true if last.is_some() => String::new(),
-                _ => format!(" (stop rule: {reason})"),
+            let rule = match cause.is_limit && last.is_some() {
+                true => String::new(),
+                false => format!(" (stop rule: {})", cause.clause),
             };
             (Level::Info, Some(format!("done{after}{rule}")))
         }

@@ -80,7 +80,7 @@ impl StateCounts {
 impl From<&Outcome> for EntryState {
     fn from(outcome: &Outcome) -> EntryState {
         match outcome {
-            Outcome::Done(reason) => EntryState::Done(format::clean(reason).into()),
+            Outcome::Done(cause) => EntryState::Done(format::clean(&cause.clause).into()),
             Outcome::Cached(_) => EntryState::Cached,
             Outcome::Failed(reason) => EntryState::Failed(format::clean(reason).into()),
             Outcome::Interrupted => EntryState::Interrupted,

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::night::{NightBuilder, plan_over};
 use super::screens::{RICH, screen, view};
 use crate::experiment::plan::Plan;
-use crate::experiment::{CellRef, Outcome, PlanOutline};
+use crate::experiment::{CellRef, EndCause, Outcome, PlanOutline};
 use crate::tui::modes::Focus;
 use crate::tui::view::View;
 use lumbre_light::value::Value;
@@ -27,7 +27,7 @@ fn chart(plan: Plan, past: usize, current: usize) -> String {
         (
             CellRef::Cell(cell),
             Some(9),
-            Outcome::Done("time".to_owned()),
+            Outcome::Done(EndCause::other("time")),
         )
     };
     let (cell, last, outcome) = done(past);
@@ -85,13 +85,13 @@ fn finished_references_share_a_row() {
     plan.references = vec![first; 4];
     let mut night = NightBuilder::new(Arc::new(plan));
     for index in 0..3 {
-        let outcome = Outcome::Done("time".to_owned());
+        let outcome = Outcome::Done(EndCause::other("time"));
         night.finish(CellRef::Reference(index), Some(8), outcome);
     }
     let (model, now_s) = night.model();
     let text = screen((120, 40), &model, &view(RICH, now_s));
     assert_eq!(text.matches("reference bpt   ").count(), 4, "{text}");
-    let outcome = Outcome::Done("time".to_owned());
+    let outcome = Outcome::Done(EndCause::other("time"));
     let (model, now_s) = night
         .finish(CellRef::Reference(3), Some(8), outcome)
         .model();

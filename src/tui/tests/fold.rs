@@ -9,7 +9,7 @@ use super::night::{self, NightBuilder, in_the_middle};
 use super::screens::{RICH, screen};
 use crate::experiment::outcome::Level;
 use crate::experiment::shards::Shard;
-use crate::experiment::{CellRef, Event, Outcome};
+use crate::experiment::{CellRef, EndCause, Event, Outcome};
 use crate::tui::model::curve::CAPACITY;
 use crate::tui::model::entry::{EntryState, StateCounts};
 use crate::tui::model::night::{MESSAGES, NightModel};
@@ -26,7 +26,7 @@ fn any_cell() -> impl Strategy<Value = CellRef> {
 
 fn any_outcome() -> impl Strategy<Value = Outcome> {
     prop_oneof![
-        Just(Outcome::Done("64 spp".to_owned())),
+        Just(Outcome::Done(EndCause::other("64 spp"))),
         Just(Outcome::Cached(PathBuf::from("out"))),
         Just(Outcome::Failed("why\nnot".to_owned())),
         Just(Outcome::Interrupted),

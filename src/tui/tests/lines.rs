@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 
 use super::night::{self, NightBuilder, in_the_middle};
 use crate::experiment::outcome::Level;
-use crate::experiment::{CellRef, Event, Outcome, Sink};
+use crate::experiment::{CellRef, EndCause, Event, Outcome, Sink};
 use crate::tui::progress_lines::{ProgressLineOptions, ProgressLines};
 
 /// A writer that records its text and optionally fails like a broken pipe after some writes.
@@ -159,7 +159,7 @@ fn a_summary_is_printed_once_a_minute() {
         night.render(CellRef::Cell(i), 8).finish(
             CellRef::Cell(i),
             Some(8),
-            Outcome::Done("256 spp".to_owned()),
+            Outcome::Done(EndCause::other("256 spp")),
         );
     }
     let text = lines_of(night.end(), ProgressLineOptions::default());

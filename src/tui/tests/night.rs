@@ -11,7 +11,7 @@ use crate::experiment::plan::{Reference, ReferenceSource, Skipped};
 use crate::experiment::spec::{MeasureSpec, Snapshots};
 use crate::experiment::stop::Comparison;
 use crate::experiment::{
-    Cell, CellConfig, CellRef, Event, Outcome, Plan, RunId, StopRule, WaveRow,
+    Cell, CellConfig, CellRef, EndCause, Event, Outcome, Plan, RunId, StopRule, WaveRow,
 };
 use crate::tui::model::night::NightModel;
 use lumbre_light::film::{Image, SharedImage};
@@ -334,13 +334,13 @@ pub fn in_the_middle() -> NightBuilder {
         .finish(
             CellRef::Reference(0),
             Some(8),
-            Outcome::Done("20 s of render time".to_owned()),
+            Outcome::Done(EndCause::limit("20 s of render time")),
         )
         .render(CellRef::Cell(0), 9)
         .finish(
             CellRef::Cell(0),
             Some(9),
-            Outcome::Done("rmse < 0.01".to_owned()),
+            Outcome::Done(EndCause::other("rmse < 0.01")),
         )
         .finish(
             CellRef::Cell(1),

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use super::night::{self, NightBuilder, in_the_middle};
 use crate::experiment::outcome::Level;
 use crate::experiment::shards::Shard;
-use crate::experiment::{CellRef, Event, Outcome};
+use crate::experiment::{CellRef, EndCause, Event, Outcome};
 use crate::tui::model::entry::EntryState;
 use crate::tui::model::night::NightModel;
 use crate::tui::model::strategy_thumbnails::StrategyThumbnail;
@@ -108,7 +108,7 @@ fn paused_and_stopping() {
 
 fn finished() -> NightBuilder {
     let mut night = in_the_middle();
-    let done = || Outcome::Done("1024 spp".to_owned());
+    let done = || Outcome::Done(EndCause::other("1024 spp"));
     night
         .finish(CellRef::Cell(2), Some(10), done())
         .render(CellRef::Cell(3), 10);
@@ -231,7 +231,7 @@ fn a_long_plan_scrolls_and_follows() {
         night.finish(
             CellRef::Cell(i),
             Some(10),
-            Outcome::Done("1024 spp".to_owned()),
+            Outcome::Done(EndCause::other("1024 spp")),
         );
     }
     let (model, now_s) = night.render(CellRef::Cell(60), 3).model();
@@ -437,7 +437,7 @@ fn a_sharded_reference_shows_its_finished_shards() {
         "{}",
         shown(&model)
     );
-    model.receive(&ended(1, Outcome::Done("8 spp".to_owned())), 2.0);
+    model.receive(&ended(1, Outcome::Done(EndCause::other("8 spp"))), 2.0);
     model.receive(&started(3), 2.0);
     model.receive(&ended(3, Outcome::Interrupted), 3.0);
     assert_eq!(
@@ -447,7 +447,7 @@ fn a_sharded_reference_shows_its_finished_shards() {
     assert!(shown(&model).contains("1/3 shards"), "{}", shown(&model));
     // A complete reference no longer shows its shards.
     let rows = Arc::default();
-    let outcome = Outcome::Done("24 spp".to_owned());
+    let outcome = Outcome::Done(EndCause::other("24 spp"));
     let cell = reference;
     model.receive(
         &Event::CellFinished {

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use lumbre::experiment::plan::{Overrides, ReferenceSource};
 use lumbre::experiment::spec::{
-    CellConfig, FigureKind, FigureSpec, FigureX, ReferenceRequest, Snapshots, TableFormat,
-    TableSpec, TableValue,
+    CellConfig, FigureKind, FigureSpec, FigureX, ReferenceRequest, RunColumn, Snapshots,
+    TableFormat, TableSpec, TableValue,
 };
 use lumbre::experiment::{Plan, StopRule, stop::Comparison};
 use lumbre_light::film::layer::Layer;
@@ -376,7 +376,7 @@ fn the_hash_of_a_plan_depends_on_its_name_cells_figures_and_tables() {
     };
     let table = || TableSpec {
         name: "t".into(),
-        value: TableValue::Samples,
+        value: TableValue::Run(RunColumn::Samples),
         rows: vec!["depth".into()],
         cols: vec![],
         formats: vec![TableFormat::Md],
@@ -394,7 +394,7 @@ fn the_hash_of_a_plan_depends_on_its_name_cells_figures_and_tables() {
         |lab, table| lab.spec.tables = vec![table],
         |lab, table| {
             lab.spec.tables = vec![TableSpec {
-                value: TableValue::RenderS,
+                value: TableValue::Run(RunColumn::RenderS),
                 ..table
             }]
         },
@@ -405,9 +405,9 @@ fn the_hash_of_a_plan_depends_on_its_name_cells_figures_and_tables() {
             }]
         },
         |lab, _| lab.spec.figures = vec![figure()],
-        |lab, _| lab.spec.figures = vec![over(vec![TableValue::Samples], "depth")],
-        |lab, _| lab.spec.figures = vec![over(vec![TableValue::RenderS], "depth")],
-        |lab, _| lab.spec.figures = vec![over(vec![TableValue::RenderS], "radius")],
+        |lab, _| lab.spec.figures = vec![over(vec![TableValue::Run(RunColumn::Samples)], "depth")],
+        |lab, _| lab.spec.figures = vec![over(vec![TableValue::Run(RunColumn::RenderS)], "depth")],
+        |lab, _| lab.spec.figures = vec![over(vec![TableValue::Run(RunColumn::RenderS)], "radius")],
         |lab, _| {
             let only = vec![("depth".to_owned(), vec![Value::Int(3)])];
             lab.spec.figures = vec![FigureSpec { only, ..figure() }];

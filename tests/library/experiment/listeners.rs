@@ -5,7 +5,7 @@ use std::sync::Arc;
 use lumbre::experiment::outcome::Level;
 use lumbre::experiment::run::{Open, RunError};
 use lumbre::experiment::spec::{CellConfig, HookError};
-use lumbre::experiment::{CellRef, Event, Outcome, Sink, SinkError, StopRule};
+use lumbre::experiment::{CellRef, EndCause, Event, Outcome, Sink, SinkError, StopRule};
 use lumbre_light::film::Film;
 use lumbre_light::transport::path_time::Timing;
 use lumbre_light::value::Value;
@@ -203,7 +203,7 @@ fn invalid_samples_are_counted_and_reported_once_with_their_position() {
     .record(&lab);
     assert_eq!(
         summary.results[0].outcome,
-        Outcome::Done("3 invalid samples".into())
+        Outcome::Done(EndCause::other("3 invalid samples"))
     );
 }
 

@@ -7,7 +7,7 @@ use lumbre::experiment::event::{FinishedRun, History};
 use lumbre::experiment::outcome::Level;
 use lumbre::experiment::spec::{ReferenceRequest, Snapshots};
 use lumbre::experiment::stop::Comparison;
-use lumbre::experiment::{CellRef, Event, Outcome, Plan, StopRule, WaveRow, run};
+use lumbre::experiment::{CellRef, EndCause, Event, Outcome, Plan, StopRule, WaveRow, run};
 use lumbre_light::film::Image;
 use lumbre_light::value::Value;
 use lumbre_render::mock::{MockRenderer, SECONDS_PER_PATH};
@@ -184,7 +184,7 @@ fn the_end_of_a_cell_has_its_film_and_the_reason() {
     assert_eq!(recorder.film(CELL).unwrap().samples, 16);
     assert_eq!(
         summary.results[0].outcome,
-        Outcome::Done("16 samples per pixel".into())
+        Outcome::Done(EndCause::limit("16 samples per pixel"))
     );
 }
 
@@ -211,7 +211,7 @@ fn a_metric_rule_must_hold_for_consecutive_measurements() {
     };
     let (first, reason) = stop_at(1);
     assert!((2..100).contains(&first), "{first}");
-    assert_eq!(reason, Outcome::Done("rmse < 0.02".into()));
+    assert_eq!(reason, Outcome::Done(EndCause::other("rmse < 0.02")));
     let (later, reason) = stop_at(4);
     assert_eq!(
         later,
@@ -220,7 +220,7 @@ fn a_metric_rule_must_hold_for_consecutive_measurements() {
     );
     assert_eq!(
         reason,
-        Outcome::Done("rmse < 0.02 held for 4 measurements".into())
+        Outcome::Done(EndCause::other("rmse < 0.02 held for 4 measurements"))
     );
 }
 
@@ -242,7 +242,7 @@ fn predicates_receive_the_rows_and_columns() {
     assert_eq!(recorder.totals(CELL), [1, 3, 7]);
     assert_eq!(
         summary.results[1].outcome,
-        Outcome::Done("a function of the script".into())
+        Outcome::Done(EndCause::other("a function of the script"))
     );
 }
 
@@ -575,6 +575,6 @@ fn run_opens_the_backend_by_its_name() {
     .unwrap();
     assert_eq!(
         summary.results[0].outcome,
-        Outcome::Done("16 samples per pixel".into())
+        Outcome::Done(EndCause::limit("16 samples per pixel"))
     );
 }

@@ -8,9 +8,6 @@ use super::source::{code_only, rust_files, text};
 /// Greatest number of files of a circle.
 const MOST_FILES: usize = 4;
 
-/// Rooms with larger circles: `script`, whose functions and objects share one state.
-const EXCEPTED: [&str; 1] = ["script"];
-
 /// Path of a module below `src`, without `mod`.
 type Module = Vec<String>;
 
@@ -29,7 +26,7 @@ fn module(file: &str) -> Option<Module> {
     let mut parts: Module = path.split('/').map(str::to_owned).collect();
     parts.pop_if(|last| last == "mod");
     let skipped = ["lib", "main"].contains(&path) || parts.iter().any(|p| p == "tests");
-    (!skipped && !EXCEPTED.contains(&parts[0].as_str())).then_some(parts)
+    (!skipped).then_some(parts)
 }
 
 /// Splits the tree of a `use` declaration into single paths, without new names.

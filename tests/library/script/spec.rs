@@ -1,7 +1,7 @@
 //! The experiment that a correct script describes.
 
 use lumbre::experiment::spec::{
-    FigureKind, FigureX, Order, Snapshots, TableFormat, TableValue, Warmup,
+    FigureKind, FigureX, Order, RunColumn, Snapshots, TableFormat, TableValue, Warmup,
 };
 use lumbre::script::Script;
 use lumbre_light::value::Value;
@@ -159,7 +159,7 @@ x:table(\"speed\", { value = \"mpaths_s\", rows = \"depth\", cols = {} })";
     );
     assert_eq!(plain.facet, ["depth".to_owned()]);
     let y = vec![
-        TableValue::Fps,
+        TableValue::Run(RunColumn::Fps),
         TableValue::Metric("rmse".into()),
         TableValue::TimeTo {
             column: "ssim".into(),
@@ -194,7 +194,7 @@ x:table(\"speed\", { value = \"mpaths_s\", rows = \"depth\", cols = {} })";
     );
     assert_eq!(
         (&speed.value, speed.formats.len()),
-        (&TableValue::MpathsPerS, 2)
+        (&TableValue::Run(RunColumn::MpathsPerS), 2)
     );
 }
 

@@ -191,6 +191,7 @@ fn end(cell: &PlannedCell) -> RunEnd {
         path: cell.path.clone(),
         outcome: OutcomeKind::Done,
         reason: REASON.to_owned(),
+        limit: true,
         last: Some(WaveRecord {
             wave: 1,
             samples: 1,

@@ -107,6 +107,7 @@ impl CpuRenderer {
             accel_cost: accel.cost(),
             scene: accel.scene.memory(),
             device: device_line(accel, pool.current_num_threads(), vectorised),
+            threads: u32::try_from(pool.current_num_threads()).unwrap_or(0),
             ..OpenStats::default()
         };
         Ok(CpuRenderer {

@@ -35,7 +35,6 @@ use lumbre_light::transport::integrator::external::is_declared;
 use lumbre_light::value::Value;
 
 pub use process::end_all;
-pub use renderer::WALL_CLOCK;
 pub use technique::Technique;
 
 use process::{Interruption, Patience, Process, Talk, printable};

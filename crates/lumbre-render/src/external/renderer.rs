@@ -13,7 +13,7 @@ use super::process::{Patience, Process, Talk};
 use super::server::Server;
 use super::technique::{SceneSource, Technique};
 use super::{Access, failed, interrupted, with_output, words};
-use crate::{Job, OpenStats, RenderError, Renderer, WaveStats};
+use crate::{Job, OpenStats, Peer, RenderError, Renderer, WaveStats};
 use lumbre_light::film::Film;
 use lumbre_light::film::layer::{LayerFilm, LayerLayout};
 use lumbre_light::film::state::{StateReader, write_u64s};
@@ -88,17 +88,26 @@ impl ExternalRenderer {
         .map_err(failed)?;
         let channels = layer_channels(&job.layers, &technique.layers).map_err(failed)?;
         let channels = channels.into_iter().map(str::to_owned).collect();
-        let mut device = format!("cpu, {threads} threads, {}", program(&technique));
+        let mut peer = Peer {
+            program: program(&technique),
+            wall_clock: false,
+        };
+        let mut device = format!("cpu, {threads} threads, {}", peer.program);
+        let mut stated_threads = u32::try_from(threads).unwrap_or(0);
         let driver = if technique.serve {
             let words = words::fill(&technique.command, &values);
             let (server, line) = Server::start(&words, technique.timeout, access)?;
             if !line.is_empty() {
                 device = super::printable(&line);
+                let stated = stated_facts(&device);
+                stated_threads = stated.0;
+                peer.program = stated.1.unwrap_or(peer.program);
             }
             Driver::Server(Box::new(server))
         } else {
             if technique.clock == Clock::Wall {
-                device += WALL_CLOCK;
+                device += " (wall clock)";
+                peer.wall_clock = true;
             }
             Driver::OneShot
         };
@@ -120,6 +129,8 @@ impl ExternalRenderer {
             render_s: 0.0,
             open_stats: OpenStats {
                 device,
+                threads: stated_threads,
+                peer: Some(peer),
                 ..OpenStats::default()
             },
         })
@@ -223,9 +234,6 @@ impl ExternalRenderer {
     }
 }
 
-/// End of the device line of runs whose render time is the wall clock of their processes.
-pub const WALL_CLOCK: &str = " (wall clock)";
-
 impl Renderer for ExternalRenderer {
     fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
         self.advance_unless(samples, 0, &|| false)
@@ -291,6 +299,22 @@ impl Renderer for ExternalRenderer {
     fn open_stats(&self) -> &OpenStats {
         &self.open_stats
     }
+}
+
+/// Returns the threads of the processor, 0 on another device, and the program that the first line of
+/// a server states: `cpu, 8 threads, NAME VERSION`.
+fn stated_facts(line: &str) -> (u32, Option<String>) {
+    let threads = || {
+        line.strip_prefix("cpu, ")?
+            .split_once(" threads")?
+            .0
+            .parse()
+            .ok()
+    };
+    let program = line
+        .rsplit_once(", ")
+        .map(|(_, program)| program.to_owned());
+    (threads().unwrap_or(0), program)
 }
 
 /// Returns the name and version of a technique's program, without commas, which separate the parts of
@@ -374,5 +398,14 @@ mod tests {
         );
         assert_eq!(seeds.len(), 5);
         assert!(seeds.iter().all(|seed| i32::try_from(*seed).is_ok()));
+    }
+
+    #[test]
+    fn a_servers_line_states_threads_and_program() {
+        let facts = |line| stated_facts(line);
+        let program = || Some("Ray 2.1".to_owned());
+        assert_eq!(facts("cpu, 8 threads, Ray 2.1"), (8, program()));
+        assert_eq!(facts("NVIDIA H100, Ray 2.1"), (0, program()));
+        assert_eq!(facts("some machine"), (0, None));
     }
 }

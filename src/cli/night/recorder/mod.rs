@@ -233,7 +233,9 @@ impl<'a> Recorder<'a> {
         rows: &[WaveRow],
     ) -> Result<(), SinkError> {
         let written = match (outcome, film) {
-            (Outcome::Done(reason), Some(film)) => self.finish_run(cell, reason, film, extra, rows),
+            (Outcome::Done(cause), Some(film)) => {
+                self.finish_run(cell, &cause.clause, film, extra, rows)
+            }
             (Outcome::Done(_), None) => {
                 Err(SinkError("the run is done without a picture".to_owned()))
             }

@@ -1,7 +1,7 @@
 //! Figures over an axis of the sweep.
 
 use super::*;
-use crate::experiment::spec::TableValue;
+use crate::experiment::spec::{RunColumn, TableValue};
 use lumbre_light::value::Value;
 
 /// Specification of a figure over an axis of the sweep.
@@ -33,7 +33,7 @@ fn final_values_are_drawn_over_an_axis_with_a_line_for_each_value_of_the_others(
         result.open.accel_build_s = (1 + i % 6 / 2) as f64 * if i % 2 == 0 { 1.0 } else { 1.2 };
     }
     let y = [
-        TableValue::AccelBuildS,
+        TableValue::Run(RunColumn::AccelBuildS),
         TableValue::Metric("rmse".to_owned()),
     ];
     let figures = drawn(&plan, &over("depth", &y, Some("scene"), &[]), &results);
@@ -90,7 +90,7 @@ fn names_have_evenly_spaced_positions_and_long_ones_are_rotated() {
     let results: Vec<_> = (0..4).map(|i| done(i, &[(1.0 + i as f64, 0.5)])).collect();
     let figure = drawn(
         &plan,
-        &over("accel", &[TableValue::RenderS], None, &[]),
+        &over("accel", &[TableValue::Run(RunColumn::RenderS)], None, &[]),
         &results,
     )
     .remove(0);
@@ -110,7 +110,7 @@ fn names_have_evenly_spaced_positions_and_long_ones_are_rotated() {
     let results: Vec<_> = (0..2).map(|i| done(i, &[(1.0, 0.5)])).collect();
     let figure = drawn(
         &short,
-        &over("accel", &[TableValue::RenderS], None, &[]),
+        &over("accel", &[TableValue::Run(RunColumn::RenderS)], None, &[]),
         &results,
     )
     .remove(0);
@@ -126,7 +126,12 @@ fn only_finished_and_requested_runs_are_drawn_over_an_axis() {
     let (plan, mut results) = night();
     results[0].outcome = Outcome::Interrupted;
     results[3].outcome = Outcome::Failed("lost".to_owned());
-    let one = over("depth", &[TableValue::Samples], None, &["scene"]);
+    let one = over(
+        "depth",
+        &[TableValue::Run(RunColumn::Samples)],
+        None,
+        &["scene"],
+    );
     let figures = drawn(&plan, &one, &results);
     let runs: Vec<String> = fields(&figures[0])
         .iter()
@@ -211,8 +216,8 @@ fn times_over_an_axis_have_separate_figures_for_each_device() {
         )
         .len()
     };
-    assert_eq!(count(TableValue::MpathsPerS), 2);
-    assert_eq!(count(TableValue::AccelCost), 1);
+    assert_eq!(count(TableValue::Run(RunColumn::MpathsPerS)), 2);
+    assert_eq!(count(TableValue::Run(RunColumn::AccelCost)), 1);
 }
 
 /// Night of two techniques and four depths. Each depth has a different radius; the first two and
@@ -248,7 +253,7 @@ fn zipped() -> (Plan, Vec<CellResult>) {
 #[test]
 fn axes_determined_by_the_horizontal_one_distinguish_no_lines() {
     let (plan, results) = zipped();
-    let y = [TableValue::RenderS];
+    let y = [TableValue::Run(RunColumn::RenderS)];
     let draw = |spec: FigureSpec| drawn(&plan, &spec, &results);
     let lines = |figure: &FigureFiles| drawn_lines(&figure.svg);
     let made = draw(over("depth", &y, None, &[]));
@@ -289,7 +294,12 @@ fn a_line_over_techniques_is_not_named_after_one() {
     let (plan, results) = zipped();
     let one = FigureSpec {
         only: vec![("depth".to_owned(), numbers(&[3.0]))],
-        ..over("technique", &[TableValue::RenderS], Some("filter"), &[])
+        ..over(
+            "technique",
+            &[TableValue::Run(RunColumn::RenderS)],
+            Some("filter"),
+            &[],
+        )
     };
     let svg = drawn(&plan, &one, &results).remove(0).svg;
     assert!(svg.contains("filter has a single value"), "{svg}");
@@ -299,7 +309,12 @@ fn a_line_over_techniques_is_not_named_after_one() {
     let results: Vec<CellResult> = (0..2).map(|i| done(i, &[(1.0 + i as f64, 0.5)])).collect();
     let svg = drawn(
         &only,
-        &over("technique", &[TableValue::RenderS], None, &[]),
+        &over(
+            "technique",
+            &[TableValue::Run(RunColumn::RenderS)],
+            None,
+            &[],
+        ),
         &results,
     )
     .remove(0)
@@ -310,7 +325,7 @@ fn a_line_over_techniques_is_not_named_after_one() {
     );
     let svg = drawn(
         &only,
-        &over("depth", &[TableValue::RenderS], None, &[]),
+        &over("depth", &[TableValue::Run(RunColumn::RenderS)], None, &[]),
         &results,
     )
     .remove(0)

@@ -5,17 +5,18 @@
 
 mod panel;
 
-use super::item::{ItemKind, Provenance, ReportItem};
-use super::metric_display::MetricDisplay;
+use super::item::{ItemKind, ReportItem};
 use super::pgfplots::PgfFigure;
-use super::repeats::BandKind;
 use super::study::Study;
 use crate::experiment::spec::FigureX;
 use crate::output::format;
+use crate::output::metric_display::MetricDisplay;
 use crate::output::plot::axis::{Axis, Scale};
 use crate::output::plot::draw::draw;
 use crate::output::plot::figure::{Figure, Panel};
 use crate::output::plot::sizes::MOST_PANELS;
+use crate::output::provenance::Provenance;
+use crate::output::repeats::BandKind;
 use lumbre_metrics::MetricSpec;
 use panel::panel;
 
@@ -38,7 +39,7 @@ pub fn figures(study: &Study, metric: usize, x: FigureX) -> Vec<ReportItem> {
     let facets: Vec<usize> = (0..study.facets.len()).collect();
     let pages: Vec<&[usize]> = facets.chunks(MOST_PANELS).collect();
     let mut items = Vec::new();
-    for device in separate_devices(study, x == FigureX::RenderS) {
+    for device in separate_devices(study, x.row().is_clock) {
         for (i, facets) in pages.iter().enumerate() {
             let page = FigurePage {
                 x,
@@ -86,15 +87,12 @@ impl FigurePage<'_> {
             .device
             .map_or_else(String::new, |i| format!("-device-{}", i + 1));
         suffix += &self.number.map_or_else(String::new, |n| format!("-{n}"));
-        let (file, quantity, x_name) = match self.x {
-            FigureX::RenderS => ("time", "render time", "render time (s)"),
-            FigureX::Samples => ("samples", "samples", "samples per pixel"),
-        };
+        let x = self.x.row();
         let x_label = device.map_or_else(
             || x_label(study, self.x),
-            |device| format!("render time (s) on {device}"),
+            |device| format!("{} on {device}", x.label),
         );
-        let title = format!("{} against {quantity}", display.label(spec));
+        let title = format!("{} against {}", display.label(spec), x.quantity);
         let mut caption = caption(study, spec, &panels, self.x);
         if let Some(device) = device {
             caption += &format!(" Only runs on {device}.");
@@ -109,21 +107,21 @@ impl FigurePage<'_> {
             panels,
             series: study.entries(),
         };
-        let stem = format!("figures/error-{file}-{}{suffix}", spec.column);
+        let stem = format!("figures/error-{}-{}{suffix}", x.file, spec.column);
         let latex = PgfFigure {
             figure: &figure,
-            x_label: x_name,
+            x_label: x.label,
             scales: [Scale::Log, display.scale],
         };
         let extra = latex.files(&stem, &caption, &provenance);
         Some(ReportItem {
             kind: ItemKind::Figure,
-            section: format!("Error against {x_name}"),
+            section: format!("Error against {}", x.label),
             stem,
             title,
             caption,
             svg: Some(draw(&figure)),
-            grid: None,
+            table: None,
             extra,
             provenance,
         })
@@ -139,23 +137,20 @@ pub(super) fn provenance(study: &Study, facets: &[usize]) -> Provenance {
 }
 
 fn x_label(study: &Study, x: FigureX) -> String {
-    match x {
-        FigureX::Samples => "samples per pixel".to_owned(),
-        FigureX::RenderS if study.devices.len() == 1 => {
-            format!("render time (s) on {}", study.devices[0])
-        }
-        FigureX::RenderS => "render time (s)".to_owned(),
+    let row = x.row();
+    match study.devices.as_slice() {
+        [device] if row.is_clock => format!("{} on {device}", row.label),
+        _ => row.label.to_owned(),
     }
 }
 
 fn caption(study: &Study, spec: &MetricSpec, panels: &[Panel], x: FigureX) -> String {
-    let x_name = if x == FigureX::RenderS {
-        "render time in seconds"
-    } else {
-        "samples per pixel"
-    };
     let mut sentences = vec![
-        format!("{} against {x_name}.", format::metric_description(spec)),
+        format!(
+            "{} against {}.",
+            format::metric_description(spec),
+            x.row().caption
+        ),
         averaging(spec, panels),
         "Filled markers: ends of runs.".to_owned(),
     ];
@@ -180,7 +175,7 @@ fn caption(study: &Study, spec: &MetricSpec, panels: &[Panel], x: FigureX) -> St
                 .to_owned(),
         );
     }
-    if x == FigureX::RenderS {
+    if x.row().is_clock {
         sentences.extend(study.device_sentence("Measured"));
     }
     sentences.extend(study.bias_sentence().map(str::to_owned));

@@ -3,10 +3,10 @@
 use crate::experiment::WaveRow;
 use crate::experiment::spec::FigureX;
 use crate::output::format;
+use crate::output::metric_display::MetricDisplay;
 use crate::output::plot::axis::{Axis, Scale};
 use crate::output::plot::figure::{Line, Panel, covered};
-use crate::output::report::metric_display::MetricDisplay;
-use crate::output::report::repeats::{MetricCurve, band};
+use crate::output::repeats::{MetricCurve, band};
 use crate::output::report::study::{Member, Study};
 
 /// Collects the data of one facet. If `device` is given, only runs on it are included.
@@ -34,8 +34,7 @@ pub(super) fn panel(
     }
     let points = lines.iter().flat_map(|l| &l.curves).flat_map(|c| &c.points);
     let mut x_axis = Axis::new(Scale::Log, points.map(|p| p.0));
-    if let (Some(axis), FigureX::Samples) = (&mut x_axis, x) {
-        // Numbers of samples are integers.
+    if let Some(axis) = x_axis.as_mut().filter(|_| x.row().is_whole) {
         axis.ticks.retain(|(value, _)| value.fract() == 0.0);
     }
     let y_values = covered(&lines, shared_floor, display.scale);
@@ -60,14 +59,7 @@ fn series_line(
     let display = MetricDisplay::for_metric(&study.metrics[metric]);
     let members = study.members(facet, series);
     let curve = |member: &Member| {
-        let point = |row: &WaveRow| {
-            let x = if x == FigureX::RenderS {
-                row.render_s
-            } else {
-                row.samples as f64
-            };
-            Some((x, member.value(row, metric)?))
-        };
+        let point = |row: &WaveRow| Some(((x.row().value)(row), member.value(row, metric)?));
         MetricCurve::new(display, member.run.rows.iter().filter_map(point))
     };
     let curves: Vec<MetricCurve> = members.iter().map(curve).collect();

@@ -10,17 +10,20 @@ mod views;
 use serde_json::{Value as Json, json};
 
 use super::ReportContext;
-use super::item::{ItemKind, PROGRAM, Provenance, ReportItem};
-use super::metric_display::MetricDisplay;
+use super::item::{ItemKind, ReportItem};
 use super::study::{Member, Study};
 use super::verdict::Verdict;
 use crate::experiment::WaveRow;
 use crate::experiment::night_results::{NightResults, RunState};
+use crate::output::metric_display::MetricDisplay;
 use crate::output::plot::axis::Scale;
+use crate::output::provenance::Provenance;
+use crate::text::PROGRAM;
 use lumbre_metrics::map::Colours;
 
 use crate::output::plot::svg::{base64, escape};
 use crate::output::{OutputError, format};
+use crate::paths::SCRIPT_COPY;
 use crate::text::visible;
 use views::View;
 
@@ -73,7 +76,7 @@ pub fn item(
         title,
         caption: "Complete report on one page.".to_owned(),
         svg: None,
-        grid: None,
+        table: None,
         extra: vec![("html", html.into_bytes())],
         provenance,
     })
@@ -292,7 +295,7 @@ fn night_facts(night: &NightResults, name: Option<&str>, context: &ReportContext
         .filter(|f| !f.is_empty())
         .map(|f| escape(f))
         .collect();
-    let script = (context.link)(&night.folder.join("experiment.lua"));
+    let script = (context.link)(&night.folder.join(SCRIPT_COPY));
     facts.push(format!("<a href=\"{}\">script</a>", escape(&script)));
     format!("<p class=\"meta\">{name}{}</p>\n", facts.join(" · "))
 }

@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 
 use super::views::View;
 use crate::output::plot::svg::{base64, escape};
-use crate::output::report::grid::{Grid, GridCell};
 use crate::output::report::item::{ItemKind, ReportItem};
 use crate::output::report::study::Study;
 use crate::output::report::tables::TEST;
 use crate::output::report::verdict::{EXPLANATION, Verdict, Winner, is_root_of_shown};
+use crate::output::table::Table;
 
 /// Writes the answer: sentences, the winners of every facet with a thumbnail of its reference, and
 /// what weakens them. `notes` is the number of notes at the end of the page.
@@ -114,20 +114,20 @@ pub fn tables(study: &Study, items: &[ReportItem]) -> String {
         .enumerate()
         .map(|(i, m)| (m.run.id.as_str(), i))
         .collect();
-    let grids = || {
+    let written = || {
         items
             .iter()
-            .filter_map(|item| Some((item, item.grid.as_deref()?)))
+            .filter_map(|item| Some((item, item.table.as_deref()?)))
     };
     let mut out = "<section id=\"tables\">\n<h2>Tables</h2>\n".to_owned();
-    if grids().any(|(_, grid)| grid.caption.contains(TEST)) {
+    if written().any(|(_, table)| table.caption.contains(TEST)) {
         out += &format!(
             "<p class=\"note\">{} Click a number to list its runs.</p>\n",
             escape(TEST)
         );
     }
-    let written: Vec<(&str, String)> = grids()
-        .map(|(item, grid)| (item.section.as_str(), table(item, grid, &run_index)))
+    let written: Vec<(&str, String)> = written()
+        .map(|(item, data)| (item.section.as_str(), table(item, data, &run_index)))
         .collect();
     out + &folded(&written) + "</section>\n"
 }
@@ -158,15 +158,14 @@ pub fn figures(study: &Study, items: &[ReportItem]) -> String {
 
 /// Returns links to the files of an item.
 fn file_links(item: &ReportItem) -> String {
-    let drawn = item.svg.iter().flat_map(|_| ["svg", "png", "pdf"]);
-    let all = drawn.chain(item.extra.iter().map(|(extension, _)| *extension));
     let link = |extension: &str| {
         format!(
             "<a href=\"{}.{extension}\">{extension}</a>",
             escape(&item.stem)
         )
     };
-    all.map(link).collect::<Vec<_>>().join(" ")
+    let links: Vec<String> = item.extensions().into_iter().map(link).collect();
+    links.join(" ")
 }
 
 /// Writes the title of an item with a link to itself.
@@ -191,70 +190,21 @@ fn figure(item: &ReportItem) -> String {
     )
 }
 
-/// Writes a table. `run_index` maps identities of runs to their index in the page's data.
-fn table(item: &ReportItem, grid: &Grid, run_index: &BTreeMap<&str, usize>) -> String {
-    let mut out = format!(
-        "<div class=\"table\" id=\"{}\">\n{}<div class=\"scroll\"><table><thead>",
+/// Writes a table with its title, caption and files. `run_index` maps identities of runs to their
+/// index in the page's data.
+fn table(item: &ReportItem, table: &Table, run_index: &BTreeMap<&str, usize>) -> String {
+    let caption = table.caption.replace(&format!(" {TEST}"), "");
+    format!(
+        "<div class=\"table\" id=\"{}\">\n{}<div class=\"scroll\">{}</div>\n\
+         <p class=\"note\">{} {} <button class=\"copy\" data-text=\"{}\">copy LaTeX</button></p>\n\
+         </div>\n",
         escape(&item.stem),
-        heading(item)
-    );
-    if grid.groups.iter().any(|(group, _)| !group.is_empty()) {
-        out += "<tr>";
-        out += &"<th></th>".repeat(grid.label_headers.len());
-        for (group, span) in &grid.groups {
-            out += &format!("<th class=\"g\" colspan=\"{span}\">{}</th>", escape(group));
-        }
-        out += "</tr>";
-    }
-    out += "<tr>";
-    for header in &grid.label_headers {
-        out += &format!("<th>{}</th>", escape(header));
-    }
-    for header in &grid.columns {
-        out += &format!("<th class=\"n\">{}</th>", escape(header));
-    }
-    out += "</tr></thead><tbody>\n";
-    for (labels, cells) in &grid.rows {
-        out += "<tr>";
-        for label in labels {
-            out += &format!("<td>{}</td>", escape(label));
-        }
-        for cell in cells {
-            out += &table_cell(grid, cell, run_index);
-        }
-        out += "</tr>\n";
-    }
-    let caption = grid.caption.replace(&format!(" {TEST}"), "");
-    out + &format!(
-        "</tbody></table></div>\n<p class=\"note\">{} {} <button class=\"copy\" \
-         data-text=\"{}\">copy LaTeX</button></p>\n</div>\n",
+        heading(item),
+        table.to_html(run_index),
         prose(&caption),
         file_links(item),
-        escape(&grid.to_latex())
+        escape(&table.to_latex())
     )
-}
-
-/// Writes a number with a link to its runs.
-fn table_cell(grid: &Grid, cell: &GridCell, run_index: &BTreeMap<&str, usize>) -> String {
-    let text = escape(&grid.cell(cell));
-    let text = if cell.best {
-        format!("<b>{text}</b>")
-    } else {
-        text
-    };
-    let runs: Vec<String> = cell
-        .run_ids
-        .iter()
-        .filter_map(|id| run_index.get(id.as_str()))
-        .map(usize::to_string)
-        .collect();
-    let text = if runs.is_empty() {
-        text
-    } else {
-        let runs = runs.join(" ");
-        format!("<a href=\"#run-table\" data-runs=\"{runs}\">{text}</a>")
-    };
-    format!("<td class=\"n\">{text}</td>")
 }
 
 #[cfg(test)]

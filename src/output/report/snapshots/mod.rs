@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use super::Pictures;
-use super::metric_display::MetricDisplay;
 use super::study::{Member, Study};
 use crate::experiment::WaveRow;
+use crate::output::metric_display::MetricDisplay;
 use lumbre_light::film::Image;
 use lumbre_metrics::MetricSpec;
 
@@ -169,7 +169,7 @@ pub fn references(
                 let floor = noise_metric.and_then(|m| member.run.floor(&study.metrics[m].column));
                 references.all.push(Reference {
                     image,
-                    description: reference.description.clone(),
+                    description: reference.origin.describe(),
                     floor,
                 });
                 paths.push(path);

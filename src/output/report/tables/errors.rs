@@ -1,16 +1,16 @@
 //! Tables of errors and of times to reach an error.
 
-use super::ranking::Ranking;
 use super::rates::SPEED;
 use super::{empty_grid, fill_grid, mark_noise_floors, with_devices};
 use crate::experiment::{WaveRow, night_results};
 use crate::output::format;
+use crate::output::metric_display::MetricDisplay;
 use crate::output::plot::axis::Scale;
 use crate::output::quantity::{self, RunValue, crossing};
-use crate::output::report::grid::{Digits, Grid};
-use crate::output::report::metric_display::MetricDisplay;
-use crate::output::report::repeats::MetricCurve;
+use crate::output::repeats::MetricCurve;
 use crate::output::report::study::{Member, ReportOptions, Study};
+use crate::output::table::ranking::Ranking;
+use crate::output::table::{Digits, Table};
 use lumbre_metrics::Better;
 
 /// Returns how values of a metric are ranked.
@@ -22,7 +22,7 @@ fn metric_ranking(study: &Study, metric: usize) -> Ranking {
 }
 
 /// Builds the table of a metric's final values.
-pub(super) fn final_values(study: &Study, metric: usize) -> Grid {
+pub(super) fn final_values(study: &Study, metric: usize) -> Table {
     let spec = &study.metrics[metric];
     let caption = format!(
         "{} at the end of each run. Mean over repeats.",
@@ -48,7 +48,7 @@ pub(super) fn final_values(study: &Study, metric: usize) -> Grid {
 /// Builds the table of efficiency, the reciprocal of squared error times render time. For an
 /// unbiased technique it does not depend on the render time [Veach 1997, 2.4.2]. The error of the
 /// reference is subtracted if it is known. Returns `None` if no squared error is measured.
-pub(super) fn efficiency(study: &Study) -> Option<Grid> {
+pub(super) fn efficiency(study: &Study) -> Option<Table> {
     let find = |name: &&str| study.metrics.iter().position(|m| m.row.name == *name);
     let metric = ["mse", "rmse", "relmse"].iter().find_map(find)?;
     let spec = &study.metrics[metric];
@@ -120,7 +120,7 @@ pub(in crate::output::report) fn common_time(
 }
 
 /// Builds the table of a metric at equal render time.
-pub(super) fn equal_time(study: &Study, options: &ReportOptions, metric: usize) -> Option<Grid> {
+pub(super) fn equal_time(study: &Study, options: &ReportOptions, metric: usize) -> Option<Table> {
     let spec = &study.metrics[metric];
     let times: Vec<Option<f64>> = (0..study.facets.len())
         .map(|f| common_time(study, options, f))
@@ -185,7 +185,7 @@ fn first_reached(curve: &MetricCurve, drawn: f64, scale: Scale) -> Option<RunVal
 }
 
 /// Builds the table of render times to an equal value of a metric.
-pub(super) fn equal_error(study: &Study, metric: usize) -> Option<Grid> {
+pub(super) fn equal_error(study: &Study, metric: usize) -> Option<Table> {
     let spec = &study.metrics[metric];
     if matches!(spec.row.better, Better::NearZero) {
         return None;
@@ -224,7 +224,7 @@ pub(super) fn equal_error(study: &Study, metric: usize) -> Option<Grid> {
 }
 
 /// Builds the table of render times to a threshold of a metric.
-pub(super) fn time_to(study: &Study, metric: usize, threshold: f64) -> Grid {
+pub(super) fn time_to(study: &Study, metric: usize, threshold: f64) -> Table {
     let spec = &study.metrics[metric];
     let better = spec.row.better;
     let sign = quantity::threshold_sign(better);

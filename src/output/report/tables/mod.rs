@@ -5,16 +5,16 @@
 //! module `ranking` describes the test.
 
 mod errors;
-mod ranking;
 mod rates;
 
 use super::ReportError;
-use super::grid::{Digits, Grid, GridCell};
-use super::item::{Provenance, ReportItem};
+use super::item::ReportItem;
 use super::study::{Member, ReportOptions, Study};
+use crate::output::provenance::Provenance;
 use crate::output::quantity::{Bound, RunValue};
+use crate::output::table::ranking::{Ranking, significant_best};
+use crate::output::table::{Digits, Table, TableCell};
 pub(super) use errors::{common_error, common_time};
-use ranking::{Ranking, significant_best};
 
 /// Explanation of bold and ± at the end of captions. The HTML page shows it once.
 pub(super) const TEST: &str = "Bold: best value of its row and group, significantly better than \
@@ -70,7 +70,7 @@ pub fn all(
             study.all().count()
         ));
     }
-    let has_values = |grid: &Grid| {
+    let has_values = |grid: &Table| {
         grid.rows
             .iter()
             .flat_map(|(_, cells)| cells)
@@ -79,13 +79,13 @@ pub fn all(
     Ok(grids
         .into_iter()
         .filter(has_values)
-        .map(Grid::item)
+        .map(ReportItem::table)
         .collect())
 }
 
 /// Returns whether a table of times to an equal error has the numbers of another one in every cell,
 /// as that of MSE has those of RMSE.
-fn repeats_one_of(grids: &[Grid], grid: &Grid) -> bool {
+fn repeats_one_of(grids: &[Table], grid: &Table) -> bool {
     let mut times = grids
         .iter()
         .filter(|other| other.name.starts_with("equal-error-"));
@@ -96,7 +96,7 @@ fn repeats_one_of(grids: &[Grid], grid: &Grid) -> bool {
 }
 
 /// Returns whether two cells have the same number up to rounding, or none.
-fn is_same_number(a: &GridCell, b: &GridCell) -> bool {
+fn is_same_number(a: &TableCell, b: &TableCell) -> bool {
     match (a.value, b.value) {
         (Some(x), Some(y)) => a.bound == b.bound && (x - y).abs() <= 1e-9 * x.abs(),
         (x, y) => x == y,
@@ -135,10 +135,10 @@ fn empty_grid(
     caption: String,
     unit: &str,
     digits: Digits,
-) -> Grid {
+) -> Table {
     let groups = study.groups();
     let span = |group: &String| study.series.iter().filter(|s| s.group == *group).count();
-    Grid {
+    Table {
         name: name.to_owned(),
         section: section.to_owned(),
         title: title.to_owned(),
@@ -159,12 +159,12 @@ fn empty_grid(
 /// Fills a table with means over finished repeats. `value` returns the value of a run in a facet.
 fn fill_grid(
     study: &Study,
-    mut grid: Grid,
+    mut grid: Table,
     ranking: Ranking,
     value: impl Fn(usize, &Member) -> Option<RunValue>,
-) -> Grid {
+) -> Table {
     for facet in 0..study.facets.len() {
-        let (mut samples, mut cells): (Vec<Vec<RunValue>>, Vec<GridCell>) = Default::default();
+        let (mut samples, mut cells): (Vec<Vec<RunValue>>, Vec<TableCell>) = Default::default();
         let mut complete = Vec::new();
         for series in 0..study.series.len() {
             let members = study.members(facet, series);
@@ -173,9 +173,9 @@ fn fill_grid(
                 .filter_map(|m| Some((m.run.id.clone(), value(facet, m)?)))
                 .unzip();
             complete.push(values.len() == finished().count());
-            cells.push(GridCell {
+            cells.push(TableCell {
                 run_ids,
-                ..mean_cell(&values, ranking)
+                ..TableCell::mean(&values, ranking)
             });
             samples.push(values);
         }
@@ -210,28 +210,11 @@ fn fill_grid(
     grid
 }
 
-/// Averages the values of some runs on the scale on which they are compared. The mean is a bound if
-/// any value is one.
-fn mean_cell(samples: &[RunValue], ranking: Ranking) -> GridCell {
-    let values: Vec<f64> = samples.iter().map(|sample| sample.number).collect();
-    if values.is_empty() {
-        return GridCell::default();
-    }
-    let (mean, interval) = ranking.mean(&values);
-    GridCell {
-        value: Some(mean),
-        bound: Bound::of_mean(samples.iter().map(|sample| sample.bound)),
-        interval,
-        runs: values.len(),
-        ..GridCell::default()
-    }
-}
-
 /// Marks the cells in which a finished run's value of a metric is dominated by the noise of its
 /// reference. `value` returns the metric's value of a run in a facet.
 fn mark_noise_floors(
     study: &Study,
-    grid: &mut Grid,
+    grid: &mut Table,
     metric: usize,
     value: impl Fn(usize, &Member) -> Option<f64>,
 ) {
@@ -272,15 +255,15 @@ mod tests {
     fn a_mean_with_a_run_below_the_threshold_is_a_bound() {
         let bounded = |number, bound| RunValue { number, bound };
         let lower = bounded(3.0, Bound::Lower);
-        let cell = mean_cell(&[RunValue::exact(1.0), lower], Ranking::Unranked);
+        let cell = TableCell::mean(&[RunValue::exact(1.0), lower], Ranking::Unranked);
         assert_eq!(
             (cell.bound, cell.value, cell.runs),
             (Bound::Lower, Some(2.0), 2)
         );
         let both = [lower, bounded(1.0, Bound::Upper)];
-        let cell = mean_cell(&both, Ranking::Unranked);
+        let cell = TableCell::mean(&both, Ranking::Unranked);
         assert_eq!((cell.bound, cell.value), (Bound::Either, Some(2.0)));
-        let cell = mean_cell(&[], Ranking::ShorterTime);
-        assert_eq!(cell, GridCell::default());
+        let cell = TableCell::mean(&[], Ranking::ShorterTime);
+        assert_eq!(cell, TableCell::default());
     }
 }

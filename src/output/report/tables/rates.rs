@@ -1,16 +1,16 @@
 //! Tables of sampling rates and acceleration structures.
 
-use super::ranking::Ranking;
-use super::{empty_grid, fill_grid, mean_cell, with_devices};
+use super::{empty_grid, fill_grid, with_devices};
 use crate::output::quantity::RunValue;
-use crate::output::report::grid::{Digits, Grid, GridCell};
 use crate::output::report::study::Study;
+use crate::output::table::ranking::Ranking;
+use crate::output::table::{Digits, Table, TableCell};
 
 /// Heading of the tables of speed.
 pub(super) const SPEED: &str = "Speed and efficiency";
 
 /// Builds the table of samples per pixel and second [S0, table 5.2].
-pub(super) fn sampling_rates(study: &Study) -> Grid {
+pub(super) fn sampling_rates(study: &Study) -> Table {
     let caption = "Samples per pixel per second of render time (FPS: a frame is one sample of \
                    every pixel). Geometric mean over repeats.";
     let grid = empty_grid(
@@ -40,7 +40,7 @@ struct RatioColumns {
 /// Builds the table of relative sampling rates [S0, table 5.3]: devices relative to the first one
 /// or, with a single device, series relative to the first one. Returns `None` if there is only one
 /// series.
-pub(super) fn relative_rates(study: &Study) -> Option<Grid> {
+pub(super) fn relative_rates(study: &Study) -> Option<Table> {
     let columns = if study.groups().len() > 1 {
         device_ratios(study)
     } else if study.series.len() > 1 {
@@ -61,11 +61,11 @@ pub(super) fn relative_rates(study: &Study) -> Option<Grid> {
     for (labels, cells) in sampling_rates(study).rows {
         let ratio = |(a, b): &(usize, usize)| {
             let (a, b) = (&cells[*a], &cells[*b]);
-            GridCell {
+            TableCell {
                 value: a.value.zip(b.value).map(|(a, b)| a / b),
                 runs: a.runs.min(b.runs),
                 run_ids: [a.run_ids.clone(), b.run_ids.clone()].concat(),
-                ..GridCell::default()
+                ..TableCell::default()
             }
         };
         let cells = columns.ratios.iter().map(ratio).collect();
@@ -134,7 +134,7 @@ fn series_ratios(study: &Study) -> RatioColumns {
 /// Builds the table of acceleration structures [S1, tables 4.2 and 5.1]: nodes, build time, and
 /// the rate at which rays were traced. The rate counts all time inside the renderer, including
 /// shading.
-pub(super) fn acceleration_structures(study: &Study) -> Option<Grid> {
+pub(super) fn acceleration_structures(study: &Study) -> Option<Table> {
     let caption = "Number of nodes, build time in milliseconds (minimum over runs), and million \
                    rays per second of render time, including shading (geometric mean over repeats; ×÷: \
                    factor of its 95 % confidence interval).";
@@ -172,17 +172,17 @@ pub(super) fn acceleration_structures(study: &Study) -> Option<Grid> {
 }
 
 /// Returns nodes, build time and ray rates of one group of series in a facet.
-fn structure_cells(study: &Study, facet: usize, group: &str) -> Vec<GridCell> {
+fn structure_cells(study: &Study, facet: usize, group: &str) -> Vec<TableCell> {
     let series = || (0..study.series.len()).filter(|s| study.series[*s].group == *group);
     let built: Vec<(f64, u64)> = series()
         .flat_map(|s| study.members(facet, s))
         .filter_map(|m| m.run.accel)
         .filter(|accel| accel.1 > 0)
         .collect();
-    let cell = |value: Option<f64>| GridCell {
+    let cell = |value: Option<f64>| TableCell {
         value,
         runs: built.len(),
-        ..GridCell::default()
+        ..TableCell::default()
     };
     let mut cells = vec![
         cell(built.iter().map(|a| a.1 as f64).reduce(f64::max)),
@@ -194,9 +194,9 @@ fn structure_cells(study: &Study, facet: usize, group: &str) -> Vec<GridCell> {
         let (run_ids, rates): (Vec<String>, Vec<RunValue>) = finished
             .filter_map(|m| Some((m.run.id.clone(), RunValue::exact(m.run.mrays_per_s()?))))
             .unzip();
-        cells.push(GridCell {
+        cells.push(TableCell {
             run_ids,
-            ..mean_cell(&rates, Ranking::HigherRate)
+            ..TableCell::mean(&rates, Ranking::HigherRate)
         });
     }
     cells

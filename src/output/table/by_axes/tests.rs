@@ -1,8 +1,10 @@
 //! Tables of hand-made nights.
 
 use super::*;
-use crate::experiment::spec::TableValue;
+use crate::experiment::Outcome;
+use crate::experiment::spec::{RunColumn, TableValue};
 use crate::output::fixture::{done, ended, numbers, plan, texts};
+use crate::output::table::Interval;
 
 fn spec(value: TableValue, rows: &[&str], cols: &[&str]) -> TableSpec {
     let owned = |names: &[&str]| names.iter().map(|n| (*n).to_owned()).collect();
@@ -44,7 +46,7 @@ fn other_axes_and_repeats_are_averaged_and_counted() {
         &results,
     );
     assert_eq!(
-        table.to_markdown(),
+        table.to_text(),
         "table: RMSE (root mean square error) in radiance after the last wave, mean of 4 runs (over radius,\n\
          repeats). bpt: path tracing.\n\
          \n\
@@ -54,7 +56,7 @@ fn other_axes_and_repeats_are_averaged_and_counted() {
          | 5     |         0.02500 |\n"
     );
     assert_eq!(
-        table.to_csv(),
+        table.to_wide_csv(),
         "depth,technique = bpt,runs: technique = bpt\n3,0.25,4\n5,0.025,4\n"
     );
 }
@@ -70,18 +72,18 @@ fn times_of_several_devices_have_separate_tables() {
     let devices = Devices::new(&plan, &results, name);
     let both = tables(
         &plan,
-        &spec(TableValue::RenderS, &["depth"], &[]),
+        &spec(TableValue::Run(RunColumn::RenderS), &["depth"], &[]),
         &results,
         &devices,
     );
     let names: Vec<&str> = both.iter().map(|table| table.name.as_str()).collect();
     assert_eq!(names, ["table-device-1", "table-device-2"]);
     assert_eq!(
-        both[0].to_csv().lines().skip(1).collect::<Vec<_>>(),
+        both[0].to_wide_csv().lines().skip(1).collect::<Vec<_>>(),
         ["3,2.5,4"]
     );
     assert_eq!(
-        both[1].to_csv().lines().skip(1).collect::<Vec<_>>(),
+        both[1].to_wide_csv().lines().skip(1).collect::<Vec<_>>(),
         ["5,6,3"]
     );
     assert!(
@@ -114,22 +116,24 @@ fn means_of_repeats_have_an_interval_and_a_a_duplicates_are_left_out() {
     let spec = spec(TableValue::Metric("rmse".to_owned()), &["depth"], &[]);
     let table = build(&plan, &spec, &results);
     // Standard deviation 1, three values, t = 4.30265.
-    let half = table.rows[0].cells[0].ci95_half.unwrap();
+    let Some(Interval::Half(half)) = table.rows[0].1[0].interval else {
+        panic!("an interval was expected")
+    };
     assert!((half - 4.302_652_73 / 3f64.sqrt()).abs() < 1e-6, "{half}");
-    assert_eq!(table.rows[1].cells[0].ci95_half, None, "one run");
+    assert_eq!(table.rows[1].1[0].interval, None, "one run");
     assert!(
-        table.to_markdown().contains("| 3     |         2 ± 2.5 |"),
+        table.to_text().contains("| 3     |       2.0 ± 2.5 |"),
         "{}",
-        table.to_markdown()
+        table.to_text()
     );
-    assert!(table.to_csv().starts_with(
+    assert!(table.to_wide_csv().starts_with(
         "depth,RMSE (radiance),runs: RMSE (radiance),±95 %: RMSE (radiance)\n3,2,3,2.48"
     ));
     plan.cells[2].double_of = Some(0);
     let table = build(&plan, &spec, &results);
     assert_eq!(
-        (table.rows[0].cells[0].runs, table.rows[0].cells[0].value),
-        (2, CellValue::Mean(1.5))
+        (table.rows[0].1[0].runs, table.rows[0].1[0].value),
+        (2, Some(1.5))
     );
     assert!(
         table.caption.contains("2 runs have not finished"),
@@ -158,20 +162,13 @@ fn gaps_show_as_dashes_and_unfinished_runs_are_left_out() {
         &results,
     );
     assert_eq!(table.columns, ["radius = 0.5", "radius = 1"]);
-    let first = table.rows[0].cells[0];
+    let first = &table.rows[0].1[0];
     assert_eq!(
-        (first.value, first.runs, first.ci95_half.is_some()),
-        (CellValue::Mean(0.5), 2, true)
+        (first.value, first.runs, first.interval.is_some()),
+        (Some(0.5), 2, true)
     );
-    assert_eq!(
-        table.rows[0].cells[1],
-        TableCell {
-            value: CellValue::Empty,
-            runs: 0,
-            ci95_half: None
-        }
-    );
-    let markdown = table.to_markdown();
+    assert_eq!(table.rows[0].1[1], TableCell::default());
+    let markdown = table.to_text();
     assert!(
         markdown.contains("| 5     |            – |          – |"),
         "{markdown}"
@@ -181,7 +178,7 @@ fn gaps_show_as_dashes_and_unfinished_runs_are_left_out() {
             && markdown.contains("6 runs have\nnot finished"),
         "{markdown}"
     );
-    assert_eq!(table.to_csv().lines().nth(2), Some("5,,0,,,0,"));
+    assert_eq!(table.to_wide_csv().lines().nth(2), Some("5,,0,,,0,"));
 }
 
 #[test]
@@ -195,19 +192,23 @@ fn time_to_follows_the_direction_of_the_metric() {
         };
         build(&night(), &spec(value, &[], &[]), &results)
     };
+    let value_and_bound = |table: &Table| {
+        let cell = &table.rows[0].1[0];
+        (cell.value, cell.bound)
+    };
     let table = time_to("rmse", 0.2);
     assert_eq!(
-        table.rows[0].cells[0],
+        table.rows[0].1[0],
         TableCell {
-            value: CellValue::Mean(2.0),
+            value: Some(2.0),
             runs: 8,
-            ci95_half: None
+            ..TableCell::default()
         }
     );
     assert!(table.caption.contains("≤ 0.2"), "{}", table.caption);
     // ssim is 1 - rmse / 2 here: 0.75, 0.9, 0.975
     // Two thirds of the way from 0.9 to 0.975, in logarithms of the time from 2 s to 4 s.
-    let CellValue::Mean(between) = time_to("ssim", 0.95).rows[0].cells[0].value else {
+    let Some(between) = time_to("ssim", 0.95).rows[0].1[0].value else {
         panic!("a time was expected")
     };
     assert!(
@@ -215,31 +216,21 @@ fn time_to_follows_the_direction_of_the_metric() {
         "{between}"
     );
     let at_once = time_to("rmse", 0.6);
-    assert_eq!(
-        at_once.rows[0].cells[0].value,
-        CellValue::Bounded(1.0, Bound::Upper)
-    );
+    assert_eq!(value_and_bound(&at_once), (Some(1.0), Bound::Upper));
     assert!(
-        at_once.to_markdown().contains("≤ 1 |") && at_once.caption.contains("`≤ t`"),
+        at_once.to_text().contains("≤ 1 |") && at_once.caption.contains("`≤ t`"),
         "{}",
-        at_once.to_markdown()
+        at_once.to_text()
     );
     let never = time_to("ssim", 0.99);
-    assert_eq!(
-        never.rows[0].cells[0].value,
-        CellValue::Bounded(4.0, Bound::Lower)
-    );
-    assert!(
-        never.to_markdown().contains("> 4 |"),
-        "{}",
-        never.to_markdown()
-    );
+    assert_eq!(value_and_bound(&never), (Some(4.0), Bound::Lower));
+    assert!(never.to_text().contains("> 4 |"), "{}", never.to_text());
     assert!(
         never.caption.contains("≥ 0.99") && never.caption.contains("`> t`"),
         "{}",
         never.caption
     );
-    assert_eq!(never.to_csv().lines().nth(1), Some(",8"));
+    assert_eq!(never.to_wide_csv().lines().nth(1), Some(",8"));
 }
 
 #[test]
@@ -251,11 +242,12 @@ fn a_mean_of_runs_that_did_not_cross_the_threshold_is_no_exact_number() {
     let results = [done(0, &[(1.0, 0.05)]), done(1, &[(3.0, 0.5)])];
     let table = build(&night(), &spec(value, &["depth"], &[]), &results);
     assert_eq!(
-        table.rows[0].cells[0],
+        table.rows[0].1[0],
         TableCell {
-            value: CellValue::Bounded(2.0, Bound::Either),
+            value: Some(2.0),
+            bound: Bound::Either,
             runs: 2,
-            ci95_half: None
+            ..TableCell::default()
         }
     );
 }
@@ -263,33 +255,27 @@ fn a_mean_of_runs_that_did_not_cross_the_threshold_is_no_exact_number() {
 #[test]
 fn other_values_and_nan() {
     let results = [done(0, &[(1.0, 0.5), (4.0, f64::NAN)])];
-    let value =
-        |v: TableValue| build(&night(), &spec(v, &[], &[]), &results).rows[0].cells[0].value;
-    assert_eq!(value(TableValue::Samples), CellValue::Mean(2.0));
-    assert_eq!(value(TableValue::RenderS), CellValue::Mean(4.0));
-    assert_eq!(value(TableValue::MpathsPerS), CellValue::Mean(1.0));
-    let CellValue::Mean(fps) = value(TableValue::Fps) else {
+    let value = |v: TableValue| build(&night(), &spec(v, &[], &[]), &results).rows[0].1[0].value;
+    assert_eq!(value(TableValue::Run(RunColumn::Samples)), Some(2.0));
+    assert_eq!(value(TableValue::Run(RunColumn::RenderS)), Some(4.0));
+    assert_eq!(value(TableValue::Run(RunColumn::MpathsPerS)), Some(1.0));
+    let Some(fps) = value(TableValue::Run(RunColumn::Fps)) else {
         panic!()
     };
-    let CellValue::Mean(samples) = value(TableValue::Samples) else {
+    let Some(samples) = value(TableValue::Run(RunColumn::Samples)) else {
         panic!()
     };
-    let CellValue::Mean(seconds) = value(TableValue::RenderS) else {
+    let Some(seconds) = value(TableValue::Run(RunColumn::RenderS)) else {
         panic!()
     };
     assert!((fps - samples / seconds).abs() < 1e-9 * fps, "{fps}");
-    assert_eq!(value(TableValue::MraysPerS), CellValue::Mean(4.0));
-    assert_eq!(value(TableValue::AccelBuildS), CellValue::Mean(0.25));
-    assert_eq!(value(TableValue::AccelNodes), CellValue::Mean(100.0));
-    assert_eq!(value(TableValue::AccelMib), CellValue::Mean(3.0));
-    assert_eq!(value(TableValue::AccelCost), CellValue::Mean(12.5));
-    assert!(
-        matches!(value(TableValue::Metric("rmse".to_owned())), CellValue::Mean(x) if x.is_nan())
-    );
-    assert_eq!(
-        value(TableValue::Metric("nothing".to_owned())),
-        CellValue::Empty
-    );
+    assert_eq!(value(TableValue::Run(RunColumn::MraysPerS)), Some(4.0));
+    assert_eq!(value(TableValue::Run(RunColumn::AccelBuildS)), Some(0.25));
+    assert_eq!(value(TableValue::Run(RunColumn::AccelNodes)), Some(100.0));
+    assert_eq!(value(TableValue::Run(RunColumn::AccelMib)), Some(3.0));
+    assert_eq!(value(TableValue::Run(RunColumn::AccelCost)), Some(12.5));
+    assert!(matches!(value(TableValue::Metric("rmse".to_owned())), Some(x) if x.is_nan()));
+    assert_eq!(value(TableValue::Metric("nothing".to_owned())), None);
 }
 
 #[test]
@@ -297,14 +283,14 @@ fn bars_in_names_do_not_break_the_table() {
     let plan = plan(&[("scene", texts(&["a|b"]))], 1);
     let table = build(
         &plan,
-        &spec(TableValue::Samples, &["scene"], &[]),
+        &spec(TableValue::Run(RunColumn::Samples), &["scene"], &[]),
         &[done(0, &[(1.0, 0.5)])],
     );
     assert!(
         table
-            .to_markdown()
+            .to_text()
             .ends_with("| a\\|b  |                 1 |\n"),
         "{}",
-        table.to_markdown()
+        table.to_text()
     );
 }

@@ -2,37 +2,32 @@
 
 use std::collections::BTreeSet;
 
-use super::{CellValue, TableCell, TableRow};
 use crate::experiment::plan::{Cell, Plan};
 use crate::experiment::spec::TableSpec;
 use crate::output::format;
 use crate::output::quantity::{self, Bound};
+use crate::output::table::TableCell;
 use lumbre_render::denoise::BIAS;
+
+/// Labels and cells of a row.
+type Row = (Vec<String>, Vec<TableCell>);
 
 /// Builds the caption: the value, the number of runs averaged, notation, runs and points that are
 /// left out, and long names. `unfinished` is the number of runs that have not finished.
-pub(super) fn caption(
-    plan: &Plan,
-    spec: &TableSpec,
-    rows: &[TableRow],
-    unfinished: usize,
-) -> String {
+pub(super) fn caption(plan: &Plan, spec: &TableSpec, rows: &[Row], unfinished: usize) -> String {
     let mut sentences = vec![format!(
         "{}, {}.",
         quantity::title(plan, &spec.value),
         averaging(plan, spec, rows)
     )];
-    if cells(rows).any(|c| c.ci95_half.is_some()) {
+    if cells(rows).any(|c| c.interval.is_some()) {
         sentences.push(
             "±: half-width of the 95 % confidence interval of the mean over repeats (Student's t)."
                 .to_owned(),
         );
     }
-    let bounds = cells(rows).filter_map(|c| match c.value {
-        CellValue::Bounded(_, bound) => Some(bound),
-        CellValue::Empty | CellValue::Mean(_) => None,
-    });
-    let explanations = Bound::explanations(&bounds.collect::<Vec<_>>());
+    let bounds: Vec<Bound> = cells(rows).map(|c| c.bound).collect();
+    let explanations = Bound::explanations(&bounds);
     if !explanations.is_empty() {
         sentences.push(explanations);
     }
@@ -54,12 +49,12 @@ pub(super) fn caption(
     sentences.join(" ")
 }
 
-fn cells(rows: &[TableRow]) -> impl Iterator<Item = &TableCell> {
-    rows.iter().flat_map(|r| &r.cells)
+fn cells(rows: &[Row]) -> impl Iterator<Item = &TableCell> {
+    rows.iter().flat_map(|(_, cells)| cells)
 }
 
 /// Describes what a cell averages, such as `mean of 4 runs (over radius, repeats)`.
-fn averaging(plan: &Plan, spec: &TableSpec, rows: &[TableRow]) -> String {
+fn averaging(plan: &Plan, spec: &TableSpec, rows: &[Row]) -> String {
     let runs = || cells(rows).map(|c| c.runs).filter(|n| *n > 0);
     let (least, most) = (runs().min().unwrap_or(0), runs().max().unwrap_or(0));
     let varies = |axis: &&String| {

@@ -4,10 +4,10 @@
 //! metrics with a logarithmic axis and for times and rates. All tests must be significant at 5 %
 //! with Holm's correction. Means and their intervals are computed on the same scale.
 
+use super::Interval;
+use crate::output::metric_display::MetricDisplay;
 use crate::output::plot::axis::Scale;
 use crate::output::quantity::{Bound, RunValue};
-use crate::output::report::grid::Interval;
-use crate::output::report::metric_display::MetricDisplay;
 use lumbre_light::math::t_test::{mean_and_interval, welch_p};
 
 /// Significance level of bold values.
@@ -15,7 +15,7 @@ const ALPHA: f64 = 0.05;
 
 /// Order of values and the scale on which they are compared.
 #[derive(Clone, Copy)]
-pub(super) enum Ranking {
+pub enum Ranking {
     /// No value is better than another.
     Unranked,
     /// A smaller error is better. Errors are compared on the scale of their axis.
@@ -29,7 +29,7 @@ pub(super) enum Ranking {
 impl Ranking {
     /// Converts a value to the scale on which it is averaged and compared: a logarithm for rates,
     /// times and errors with a logarithmic axis. Returns `None` if the scale does not accept it.
-    pub(super) fn scaled(self, value: f64) -> Option<f64> {
+    pub fn scaled(self, value: f64) -> Option<f64> {
         match self {
             Ranking::Unranked => Some(value),
             Ranking::LowerError(display) => display.drawn_value(value).map(|drawn| {
@@ -59,7 +59,7 @@ impl Ranking {
     /// by Student's t, both converted back. There is no interval for a single value. If the scale
     /// does not accept a value, such as an error of 0, returns the arithmetic mean without an
     /// interval.
-    pub(super) fn mean(self, values: &[f64]) -> (f64, Option<Interval>) {
+    pub fn mean(self, values: &[f64]) -> (f64, Option<Interval>) {
         let scaled: Option<Vec<f64>> = values.iter().map(|value| self.scaled(*value)).collect();
         let Some(scaled) = scaled else {
             return (values.iter().sum::<f64>() / values.len() as f64, None);
@@ -101,7 +101,7 @@ impl Ranking {
 /// Returns the index of the best of several samples if it is significantly better than every other.
 /// Samples with a value that has no score are ignored. With an upper bound, which may be better than
 /// any other value, there is no best one.
-pub(super) fn significant_best(samples: &[Vec<RunValue>], ranking: Ranking) -> Option<usize> {
+pub fn significant_best(samples: &[Vec<RunValue>], ranking: Ranking) -> Option<usize> {
     let scores = |list: &Vec<RunValue>| -> Option<Vec<f64>> {
         list.iter().map(|value| ranking.score(value)).collect()
     };
