@@ -8,7 +8,8 @@
 )]
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode, Output};
+use std::process::{Command, ExitCode, Output, Stdio};
+use std::time::{Duration, Instant};
 
 use lumbre::OwnTechnique;
 use lumbre_light::transport::integrator::IntegratorRow;
@@ -101,6 +102,96 @@ fn a_night_with_an_own_technique_is_planned_rendered_explained_and_reproduced() 
     );
     let listed = text(folder, &["show", "latest"]);
     assert!(listed.contains("connect"), "{listed}");
+}
+
+/// Returns the only picture of a night in a folder of results.
+fn only_picture(out: &Path) -> PathBuf {
+    let pictures = files(out, "final.exr");
+    assert_eq!(pictures.len(), 1, "{pictures:?}");
+    pictures[0].clone()
+}
+
+#[test]
+fn a_killed_run_resumes_with_the_same_bits() {
+    let folder = folder();
+    let folder = folder.path();
+    let script = NIGHT
+        .replace("{ 0.25, 1 }", "{ 0.25 }")
+        .replace("{ \"never\", \"auto\" }", "{ \"auto\" }")
+        .replace("stop.samples(64)", "stop.samples(8192)")
+        .replace("{ rmse = metric.rmse() }", "{ every = \"0.05s\" }");
+    let (before, rest) = script.split_once("x:reference").unwrap();
+    let (_, rest) = rest.split_once("x:measure").unwrap();
+    let long = format!("{before}x:checkpoint(\"0.05s\")\nx:measure{rest}");
+    std::fs::write(folder.join("long.lua"), long).unwrap();
+    let args = ["run", "long.lua", "--no-tui", "--no-smoke"];
+    let mut night = Command::new(env!("CARGO_BIN_EXE_own_technique"))
+        .current_dir(folder)
+        .args(args)
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let start = Instant::now();
+    while files(folder, "ckpt.a").is_empty() && files(folder, "ckpt.b").is_empty() {
+        assert!(start.elapsed() < Duration::from_secs(180), "no checkpoint");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    night.kill().unwrap();
+    night.wait().unwrap();
+    let resumed = text(folder, &args);
+    assert!(resumed.contains("resumes from its checkpoint"), "{resumed}");
+    text(folder, &[&args[..], &["--out", "whole"]].concat());
+    let [picture, whole] = ["out", "whole"].map(|out| {
+        let file = only_picture(&folder.join(out));
+        file.to_string_lossy().into_owned()
+    });
+    let errors = text(folder, &["metric", &picture, &whole, "--metric", "mse"]);
+    assert_eq!(errors.split_whitespace().nth(1), Some("0"), "{errors}");
+}
+
+#[test]
+fn techniques_take_turns_and_several_workers_render_them() {
+    let folder = folder();
+    let folder = folder.path();
+    let script = NIGHT
+        .replace(
+            "{ seed = 3 }",
+            "{ seed = 3, repeats = 2, order = \"interleave\" }",
+        )
+        .replace(
+            "x:axis(\"lanes\", { \"never\", \"auto\" })",
+            "x:axis(\"technique\", { \"own_technique\", \"nee\" })",
+        )
+        .replace(
+            "integrator = \"own_technique\", connect = p.connect",
+            "integrator = p.technique, connect = p.technique ~= \"nee\" and p.connect or nil",
+        )
+        .replace("accel = { lanes = p.lanes }", "rr = { start = 4 }");
+    std::fs::write(folder.join("turns.lua"), script).unwrap();
+    let alone = text(folder, &["run", "turns.lua", "--no-tui", "--out", "alone"]);
+    assert!(alone.contains("interleaving 2 techniques"), "{alone}");
+    assert!(alone.contains("agrees with `own_technique`"), "{alone}");
+    // Without the queue's program the plan is saved, and workers are started by hand.
+    run(folder, &["submit", "hq", "turns.lua", "-q"]);
+    let start = || {
+        Command::new(env!("CARGO_BIN_EXE_own_technique"))
+            .current_dir(folder)
+            .args(["work", "out/latest", "-q", "--no-tui", "--threads", "1"])
+            .args(["--affinity", "none"])
+            .spawn()
+            .unwrap()
+    };
+    for mut worker in [start(), start()] {
+        assert!(worker.wait().unwrap().success());
+    }
+    let pictures = |out: &str| files(&folder.join(out), "final.exr");
+    let (by_workers, by_one) = (pictures("out"), pictures("alone"));
+    assert_eq!((by_workers.len(), by_one.len()), (6, 6));
+    for (a, b) in by_workers.iter().zip(&by_one) {
+        let [a, b] = [a, b].map(|file| file.to_string_lossy().into_owned());
+        let errors = text(folder, &["metric", &a, &b, "--metric", "mse"]);
+        assert_eq!(errors.split_whitespace().nth(1), Some("0"), "{errors}");
+    }
 }
 
 #[test]
