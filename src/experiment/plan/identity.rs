@@ -133,7 +133,7 @@ pub(super) fn picture(
             SCENE,
             Value::Str(blake3::Hash::from_bytes(*scene_hash).to_hex().to_string()),
         ),
-        ("integrator", integrator),
+        (INTEGRATOR, integrator),
         ("resolution", resolution),
         ("max_depth", optional(config.max_depth)),
         ("rr_start", optional(config.rr_start)),
@@ -253,13 +253,16 @@ pub fn scene_hash(identity: &Value) -> Option<&str> {
     identity.as_map()?.get(SCENE)?.as_str()
 }
 
+/// Key of the integrator in the identity of a run.
+const INTEGRATOR: &str = "integrator";
+
 /// Key of the hash of a technique's library among the fields of the integrator.
 pub(super) const LIBRARY: &str = "library";
 
 /// Returns the hash of the library that rendered a run, in hexadecimal. Only techniques of shared
 /// libraries have one.
 pub fn library_hash(identity: &Value) -> Option<&str> {
-    let integrator = identity.as_map()?.get("integrator")?.as_map()?;
+    let integrator = identity.as_map()?.get(INTEGRATOR)?.as_map()?;
     integrator.get(LIBRARY)?.as_str()
 }
 
