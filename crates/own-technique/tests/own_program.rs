@@ -7,6 +7,8 @@
     reason = "test helpers may panic and print"
 )]
 
+use std::collections::BTreeMap;
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -169,7 +171,7 @@ fn techniques_take_turns_and_several_workers_render_them() {
         .replace("accel = { lanes = p.lanes }", "rr = { start = 4 }");
     std::fs::write(folder.join("turns.lua"), script).unwrap();
     let alone = text(folder, &["run", "turns.lua", "--no-tui", "--out", "alone"]);
-    assert!(alone.contains("interleaving 2 techniques"), "{alone}");
+    assert!(alone.contains("interleaving 3 techniques"), "{alone}");
     assert!(alone.contains("agrees with `own_technique`"), "{alone}");
     // Without the queue's program the plan is saved, and workers are started by hand.
     run(folder, &["submit", "hq", "turns.lua", "-q"]);
@@ -184,11 +186,17 @@ fn techniques_take_turns_and_several_workers_render_them() {
     for mut worker in [start(), start()] {
         assert!(worker.wait().unwrap().success());
     }
-    let pictures = |out: &str| files(&folder.join(out), "final.exr");
+    // By the id of the run, which is the name of its folder.
+    let pictures = |out: &str| -> BTreeMap<OsString, PathBuf> {
+        let pictures = files(&folder.join(out), "final.exr").into_iter();
+        let by_id =
+            pictures.map(|file| (file.parent().unwrap().file_name().unwrap().to_owned(), file));
+        by_id.collect()
+    };
     let (by_workers, by_one) = (pictures("out"), pictures("alone"));
     assert_eq!((by_workers.len(), by_one.len()), (6, 6));
-    for (a, b) in by_workers.iter().zip(&by_one) {
-        let [a, b] = [a, b].map(|file| file.to_string_lossy().into_owned());
+    for (id, file) in &by_workers {
+        let [a, b] = [file, &by_one[id]].map(|file| file.to_string_lossy().into_owned());
         let errors = text(folder, &["metric", &a, &b, "--metric", "mse"]);
         assert_eq!(errors.split_whitespace().nth(1), Some("0"), "{errors}");
     }
