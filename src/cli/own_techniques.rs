@@ -1,5 +1,6 @@
 //! Registration of the techniques of a program of one's own.
 
+use std::path::PathBuf;
 use std::sync::OnceLock;
 
 use crate::cli::format::display_path;
@@ -34,6 +35,12 @@ pub(super) fn libraries() -> Vec<String> {
         )
     };
     plugins.iter().map(line).collect()
+}
+
+/// Returns the absolute paths of the shared libraries with techniques.
+pub(super) fn files() -> Vec<PathBuf> {
+    let plugins = PLUGINS.get().map_or(&[][..], Vec::as_slice);
+    plugins.iter().map(|plugin| plugin.file.clone()).collect()
 }
 
 /// Returns the error if a parameter of a technique is a key of the render table, or occurs twice, or

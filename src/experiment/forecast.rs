@@ -320,6 +320,7 @@ mod tests {
             timing: None,
             denoise: None,
             accel: Default::default(),
+            shaders: Default::default(),
             sampler: "independent".to_owned(),
             set: BTreeMap::new(),
             backend: "cpu".to_owned(),

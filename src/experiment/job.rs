@@ -27,6 +27,7 @@ impl CellConfig {
             sampler: sampler(&self.sampler)
                 .ok_or_else(|| format!("there is no sampler `{}`", self.sampler))?,
             accel: self.accel,
+            shaders: self.shaders.clone(),
             seed: 0,
             first_sample: 0,
             threads,

@@ -17,6 +17,7 @@ use lumbre_metrics::MetricSpec;
 use lumbre_metrics::tonemap::Tonemap;
 use lumbre_render::denoise::{Denoise, rendered_layers};
 use lumbre_render::hierarchy::AccelSpec;
+use lumbre_render::shaders::Shaders;
 
 /// A point of the sweep: axis names and values in the order in which the axes were declared.
 pub type Point = Vec<(String, Value)>;
@@ -386,6 +387,8 @@ pub struct CellConfig {
     pub sampler: String,
     /// Settings of the bounding volume hierarchy and its traversal.
     pub accel: AccelSpec,
+    /// Shaders of backends of devices.
+    pub shaders: Shaders,
     /// Changes to the scene by path, including those of `camera`.
     pub set: BTreeMap<String, Value>,
     /// Name of a backend, or `auto`.

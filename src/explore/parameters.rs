@@ -56,7 +56,7 @@ pub struct Parameter {
 /// Keys of the render table without a row: the scene has a list of its own, the resolution is that
 /// of the pane, the backend is an option of the command line, pictures are not denoised, and the
 /// others do not affect the picture or have no value that fits into a row.
-const WITHOUT_ROW: [&str; 9] = [
+const WITHOUT_ROW: [&str; 10] = [
     "scene",
     "scene_options",
     "resolution",
@@ -65,6 +65,7 @@ const WITHOUT_ROW: [&str; 9] = [
     "denoise",
     "atrous",
     "accel",
+    "shaders",
     "backend",
 ];
 

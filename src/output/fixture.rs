@@ -109,6 +109,7 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
             },
             films: Vec::new(),
             accel: Default::default(),
+            shaders: Default::default(),
             timing: None,
             denoise: None,
             sampler: "independent".to_owned(),

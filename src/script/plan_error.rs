@@ -33,6 +33,7 @@ impl Script {
             PlanError::NoDepth { .. } => "max_depth",
             PlanError::UnknownBackend { .. } | PlanError::UnusableBackend { .. } => "backend",
             PlanError::Refused { .. } => "integrator",
+            PlanError::Shaders { .. } => "shaders",
             _ => return None,
         };
         let place = self.render_place()?;

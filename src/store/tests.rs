@@ -45,6 +45,7 @@ fn config() -> Arc<CellConfig> {
         },
         films: Vec::new(),
         accel: Default::default(),
+        shaders: Default::default(),
         timing: None,
         denoise: None,
         sampler: "independent".to_owned(),

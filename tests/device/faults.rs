@@ -98,7 +98,7 @@ fn a_folder_of_shaders_without_their_compiler_is_refused_with_the_remedy() {
     assert_eq!(sources.edited(), Err(ShaderError::NoCompiler));
     let message = error.to_string();
     assert!(
-        message.contains("LUMBRE_SHADERS is set") && message.contains("--features shader-dev"),
+        message.contains("unset LUMBRE_SHADERS") && message.contains("--features shader-dev"),
         "{message}"
     );
 }

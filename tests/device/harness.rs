@@ -9,6 +9,7 @@ use lumbre_light::scene::compile::{DelayProfile, Delays, MaterialComponent};
 use lumbre_light::scene::desc::{DelayDesc, DelayKind};
 use lumbre_light::transport::integrator::IntegratorRow;
 use lumbre_light::transport::path_time::Timing;
+use lumbre_render::shaders::Shaders;
 use lumbre_vulkan::context::instance;
 use lumbre_vulkan::context::physical_device;
 use lumbre_vulkan::context::{device::Device, physical_device::Caps};
@@ -19,7 +20,7 @@ use super::rounding;
 
 /// Returns whether devices render an integrator.
 pub fn renders(row: &IntegratorRow) -> bool {
-    (lumbre_vulkan::COMPUTE.refuses)(row, 1).is_none()
+    (lumbre_vulkan::COMPUTE.refuses)(row, 1, &Shaders::BuiltIn).is_none()
 }
 
 /// Returns the device of this process, or `None` after printing a line `SKIPPED` if there is none.

@@ -36,6 +36,7 @@ mod parity;
 mod paths;
 mod reports;
 mod rounding;
+mod shader_folder;
 mod texels;
 mod times;
 mod twins;

@@ -2,6 +2,7 @@
 //! in progress, and [`BackendRow`] the description of a backend. The crate contains the CPU backend
 //! ([`cpu`]), a backend for tests ([`mock`]), other renderers as techniques ([`external`]) and
 //! rendering in a child process ([`worker`]). [`denoise`] filters the pictures of any of them;
+//! [`shaders`] is the choice of the shaders of devices;
 //! [`own_technique`] makes integrators of other crates known, [`plugin`] those of C libraries.
 //!
 //! No integrator is named in this crate: a [`Job`] carries a row of
@@ -19,6 +20,7 @@ pub mod own_technique;
 pub mod path_trace;
 pub mod plugin;
 pub mod reference_halves;
+pub mod shaders;
 pub mod trial;
 pub mod worker;
 
@@ -29,6 +31,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use self::hierarchy::AccelSpec;
+use self::shaders::Shaders;
 use lumbre_light::film::layer::{Layer, LayerFilm};
 use lumbre_light::film::time::TimeCube;
 use lumbre_light::film::{Film, SharedImage};
@@ -69,6 +72,8 @@ pub struct Job {
     /// Settings of the acceleration structure, for backends that build their own. Never changes the
     /// picture.
     pub accel: AccelSpec,
+    /// Shaders of backends of devices.
+    pub shaders: Shaders,
     /// Seed of all random numbers of the run.
     pub seed: u64,
     /// Index of the first sample of every pixel. Samples are identified by their index, so films of
@@ -98,6 +103,7 @@ impl Job {
             timing: None,
             sampler: INDEPENDENT,
             accel: AccelSpec::default(),
+            shaders: Shaders::Unset,
             seed,
             first_sample: 0,
             threads: 0,
@@ -407,12 +413,14 @@ pub struct BackendRow {
     pub uniform_directions: bool,
     /// Material models that it supports. Plans that use a scene with others on it are refused.
     pub models: &'static [Model],
-    /// Returns why it cannot run an integrator with paths of up to this number of edges, or `None`
-    /// if it can. Plans that request it are refused with this reason. Must not touch a device.
-    pub refuses: fn(&IntegratorRow, u32) -> Option<String>,
-    /// Returns a hash of shaders that were modified after the build, which becomes part of a run's
-    /// identity, or `None` if there are none. The error describes an invalid modification.
-    pub edited: fn() -> Result<Option<String>, String>,
+    /// Returns why it cannot run an integrator with paths of up to this number of edges and these
+    /// shaders, or `None` if it can. Plans that request it are refused with this reason. Must not
+    /// touch a device.
+    pub refuses: fn(&IntegratorRow, u32, &Shaders) -> Option<String>,
+    /// Resolves a choice of shaders: the folder with the hash of its differences, which becomes part
+    /// of a run's identity, or [`Shaders::BuiltIn`] if nothing differs from the shaders of the
+    /// program. The error is the reason why a folder cannot be used. Must not touch a device.
+    pub shaders: fn(&Shaders) -> Result<Shaders, String>,
     /// Whether it builds its acceleration structure according to `accel`. If not, plans that
     /// request anything but the default are refused.
     pub accel: bool,

@@ -11,6 +11,7 @@ use std::f64::consts::TAU;
 use std::io::{self, Write};
 use std::sync::Arc;
 
+use super::shaders::Shaders;
 use super::{BackendRow, Job, OpenStats, RenderError, Renderer, WaveStats};
 use lumbre_light::film::Film;
 use lumbre_light::film::state::StateReader;
@@ -37,8 +38,8 @@ pub const ROW: BackendRow = BackendRow {
     nearest: true,
     uniform_directions: true,
     models: &Model::ALL,
-    refuses: |_, _| None,
-    edited: || Ok(None),
+    refuses: |_, _, _| None,
+    shaders: Shaders::without_device,
     accel: true,
     open: |scene, job| {
         if job.timing.is_some() {

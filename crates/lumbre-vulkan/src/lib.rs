@@ -31,6 +31,7 @@ use lumbre_light::scene::CompiledScene;
 use lumbre_light::transport::integrator::IntegratorRow;
 use lumbre_render::backend_choice;
 use lumbre_render::path_trace::{PathEvent, SampleAt};
+use lumbre_render::shaders::Shaders;
 use lumbre_render::{BackendRow, Job, RenderError, Renderer, worker};
 use pipelines::program::TracingMode;
 use pipelines::sources::Sources;
@@ -49,7 +50,7 @@ pub const PIPELINE: BackendRow = BackendRow {
     uniform_directions: false,
     models: memory::upload::MODELS,
     refuses,
-    edited,
+    shaders,
     accel: false,
     open: |scene, job| open(TracingMode::Pipeline, &scene, job),
     paths: |scene, job, samples| paths(TracingMode::Pipeline, scene, job, samples),
@@ -68,7 +69,7 @@ pub const QUERY: BackendRow = BackendRow {
     uniform_directions: false,
     models: memory::upload::MODELS,
     refuses,
-    edited,
+    shaders,
     accel: false,
     open: |scene, job| open(TracingMode::Query, &scene, job),
     paths: |scene, job, samples| paths(TracingMode::Query, scene, job, samples),
@@ -87,7 +88,7 @@ pub const COMPUTE: BackendRow = BackendRow {
     uniform_directions: false,
     models: memory::upload::MODELS,
     refuses,
-    edited,
+    shaders,
     accel: true,
     open: |scene, job| open(TracingMode::Compute, &scene, job),
     paths: |scene, job, samples| paths(TracingMode::Compute, scene, job, samples),
@@ -98,7 +99,7 @@ pub const COMPUTE: BackendRow = BackendRow {
 /// to 23 KiB.
 const MAX_BDPT_DEPTH: u32 = 128;
 
-fn refuses(integrator: &IntegratorRow, max_depth: u32) -> Option<String> {
+fn refuses(integrator: &IntegratorRow, max_depth: u32, shaders: &Shaders) -> Option<String> {
     let name = integrator.name;
     if integrator.sharing.is_some() {
         return Some(format!(
@@ -106,7 +107,7 @@ fn refuses(integrator: &IntegratorRow, max_depth: u32) -> Option<String> {
              backend `cpu` does"
         ));
     }
-    if !Sources::from_env().has_integrator(name) {
+    if !Sources::selected(shaders).has_integrator(name) {
         return Some(format!("there is no shader for the integrator `{name}`"));
     }
     (integrator.splats && max_depth > MAX_BDPT_DEPTH).then(|| {
@@ -117,9 +118,10 @@ fn refuses(integrator: &IntegratorRow, max_depth: u32) -> Option<String> {
     })
 }
 
-/// Returns a hash of the shaders if they were modified after the build.
-fn edited() -> Result<Option<String>, String> {
-    Sources::from_env().edited().map_err(|e| e.to_string())
+/// Resolves a choice of shaders.
+fn shaders(choice: &Shaders) -> Result<Shaders, String> {
+    let resolved = Sources::selected(choice).resolved();
+    resolved.map_err(|e| e.to_string())
 }
 
 /// Opens a run, in a worker process if this process uses any.
@@ -143,7 +145,9 @@ fn paths(
 ) -> Result<Vec<Vec<PathEvent>>, RenderError> {
     let into_error = |e| renderer::into_render_error(kind, e);
     let device = context::session::device().map_err(into_error)?;
-    VulkanRenderer::recording(&device, kind, &Sources::from_env(), scene, job)
+    Sources::of(&job.shaders)
+        .map_err(VulkanError::from)
+        .and_then(|sources| VulkanRenderer::recording(&device, kind, &sources, scene, job))
         .and_then(|mut renderer| renderer.paths(samples))
         .map_err(|e| {
             context::session::forget(&device);

@@ -81,10 +81,13 @@ impl VulkanRenderer {
         job: &Job,
     ) -> Result<VulkanRenderer, RenderError> {
         let device = session::device().map_err(|e| into_render_error(kind, e))?;
-        VulkanRenderer::new(&device, kind, &Sources::from_env(), scene, job).map_err(|e| {
-            session::forget(&device);
-            into_render_error(kind, e)
-        })
+        Sources::of(&job.shaders)
+            .map_err(VulkanError::from)
+            .and_then(|sources| VulkanRenderer::new(&device, kind, &sources, scene, job))
+            .map_err(|e| {
+                session::forget(&device);
+                into_render_error(kind, e)
+            })
     }
 
     /// Opens a run on a device.

@@ -7,8 +7,11 @@
     reason = "test helpers may panic and print"
 )]
 
+use std::collections::BTreeMap;
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode, Output};
+use std::process::{Command, ExitCode, Output, Stdio};
+use std::time::{Duration, Instant};
 
 use lumbre::OwnTechnique;
 use lumbre_light::transport::integrator::IntegratorRow;
@@ -101,6 +104,102 @@ fn a_night_with_an_own_technique_is_planned_rendered_explained_and_reproduced() 
     );
     let listed = text(folder, &["show", "latest"]);
     assert!(listed.contains("connect"), "{listed}");
+}
+
+/// Returns the only picture of a night in a folder of results.
+fn only_picture(out: &Path) -> PathBuf {
+    let pictures = files(out, "final.exr");
+    assert_eq!(pictures.len(), 1, "{pictures:?}");
+    pictures[0].clone()
+}
+
+#[test]
+fn a_killed_run_resumes_with_the_same_bits() {
+    let folder = folder();
+    let folder = folder.path();
+    let script = NIGHT
+        .replace("{ 0.25, 1 }", "{ 0.25 }")
+        .replace("{ \"never\", \"auto\" }", "{ \"auto\" }")
+        .replace("stop.samples(64)", "stop.samples(8192)")
+        .replace("{ rmse = metric.rmse() }", "{ every = \"0.05s\" }");
+    let (before, rest) = script.split_once("x:reference").unwrap();
+    let (_, rest) = rest.split_once("x:measure").unwrap();
+    let long = format!("{before}x:checkpoint(\"0.05s\")\nx:measure{rest}");
+    std::fs::write(folder.join("long.lua"), long).unwrap();
+    let args = ["run", "long.lua", "--no-tui", "--no-smoke"];
+    let mut night = Command::new(env!("CARGO_BIN_EXE_own_technique"))
+        .current_dir(folder)
+        .args(args)
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let start = Instant::now();
+    while files(folder, "ckpt.a").is_empty() && files(folder, "ckpt.b").is_empty() {
+        assert!(start.elapsed() < Duration::from_secs(180), "no checkpoint");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    night.kill().unwrap();
+    night.wait().unwrap();
+    let resumed = text(folder, &args);
+    assert!(resumed.contains("resumes from its checkpoint"), "{resumed}");
+    text(folder, &[&args[..], &["--out", "whole"]].concat());
+    let [picture, whole] = ["out", "whole"].map(|out| {
+        let file = only_picture(&folder.join(out));
+        file.to_string_lossy().into_owned()
+    });
+    let errors = text(folder, &["metric", &picture, &whole, "--metric", "mse"]);
+    assert_eq!(errors.split_whitespace().nth(1), Some("0"), "{errors}");
+}
+
+#[test]
+fn techniques_take_turns_and_several_workers_render_them() {
+    let folder = folder();
+    let folder = folder.path();
+    let script = NIGHT
+        .replace(
+            "{ seed = 3 }",
+            "{ seed = 3, repeats = 2, order = \"interleave\" }",
+        )
+        .replace(
+            "x:axis(\"lanes\", { \"never\", \"auto\" })",
+            "x:axis(\"technique\", { \"own_technique\", \"nee\" })",
+        )
+        .replace(
+            "integrator = \"own_technique\", connect = p.connect",
+            "integrator = p.technique, connect = p.technique ~= \"nee\" and p.connect or nil",
+        )
+        .replace("accel = { lanes = p.lanes }", "rr = { start = 4 }");
+    std::fs::write(folder.join("turns.lua"), script).unwrap();
+    let alone = text(folder, &["run", "turns.lua", "--no-tui", "--out", "alone"]);
+    assert!(alone.contains("interleaving 3 techniques"), "{alone}");
+    assert!(alone.contains("agrees with `own_technique`"), "{alone}");
+    // Without the queue's program the plan is saved, and workers are started by hand.
+    run(folder, &["submit", "hq", "turns.lua", "-q"]);
+    let start = || {
+        Command::new(env!("CARGO_BIN_EXE_own_technique"))
+            .current_dir(folder)
+            .args(["work", "out/latest", "-q", "--no-tui", "--threads", "1"])
+            .args(["--affinity", "none"])
+            .spawn()
+            .unwrap()
+    };
+    for mut worker in [start(), start()] {
+        assert!(worker.wait().unwrap().success());
+    }
+    // By the id of the run, which is the name of its folder.
+    let pictures = |out: &str| -> BTreeMap<OsString, PathBuf> {
+        let pictures = files(&folder.join(out), "final.exr").into_iter();
+        let by_id =
+            pictures.map(|file| (file.parent().unwrap().file_name().unwrap().to_owned(), file));
+        by_id.collect()
+    };
+    let (by_workers, by_one) = (pictures("out"), pictures("alone"));
+    assert_eq!((by_workers.len(), by_one.len()), (6, 6));
+    for (id, file) in &by_workers {
+        let [a, b] = [file, &by_one[id]].map(|file| file.to_string_lossy().into_owned());
+        let errors = text(folder, &["metric", &a, &b, "--metric", "mse"]);
+        assert_eq!(errors.split_whitespace().nth(1), Some("0"), "{errors}");
+    }
 }
 
 #[test]
@@ -200,35 +299,23 @@ fn a_new_project_names_the_sources_and_its_technique() {
     }
 }
 
-/// Builds all dependencies once more for a workspace of another root, which takes minutes: `.ci/run`
-/// builds the same files as a member of this workspace instead.
+/// Checks what only a project of its own has: the manifest and the lock file. The same sources are
+/// built and tested as a member of this workspace. `.ci/run` runs it; checks of the dependencies are
+/// kept below `target`, for the next time.
 #[test]
-#[ignore = "builds all crates again, which takes minutes"]
-fn a_new_project_builds_passes_its_tests_and_renders_its_night() {
+#[ignore = "checks all crates for another workspace, which takes minutes at first"]
+fn a_new_project_compiles_outside_of_this_workspace() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     text(folder, &["new", "technique", "some_links"]);
-    for args in [
-        &["test", "--offline"][..],
-        &[
-            "run",
-            "--offline",
-            "--",
-            "run",
-            "some_links.lua",
-            "time=0.2s",
-            "size=16",
-            "--no-tui",
-        ],
-    ] {
-        let output = Command::new(env!("CARGO"))
-            .current_dir(folder.join("some_links"))
-            .args(args)
-            .output()
-            .unwrap();
-        let error = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(output.status.success(), "{args:?}: {error}");
-    }
+    let output = Command::new(env!("CARGO"))
+        .current_dir(folder.join("some_links"))
+        .env("CARGO_TARGET_DIR", env!("CARGO_TARGET_TMPDIR"))
+        .args(["check", "--offline", "--all-targets"])
+        .output()
+        .unwrap();
+    let error = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{error}");
 }
 
 #[test]

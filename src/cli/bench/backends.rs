@@ -14,6 +14,7 @@ use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::integrator::{IntegratorRow, integrators};
 use lumbre_metrics::MetricSpec;
 use lumbre_metrics::evaluator::Evaluator;
+use lumbre_render::shaders::Shaders;
 use lumbre_render::{Job, Renderer};
 
 /// Path depth in edges, as in the tables of thesis S0.
@@ -89,7 +90,7 @@ pub fn measure(
 
 /// Returns whether a backend renders an integrator; an unknown backend is reported when it is opened.
 pub fn renders(name: &str, integrator: &IntegratorRow) -> bool {
-    backend(name).is_none_or(|row| (row.refuses)(integrator, MAX_DEPTH).is_none())
+    backend(name).is_none_or(|row| (row.refuses)(integrator, MAX_DEPTH, &Shaders::Unset).is_none())
 }
 
 fn measure_one(

@@ -15,6 +15,7 @@ use crate::store::{Host, utc};
 use lumbre_light::film::Film;
 use lumbre_light::scene::{CompiledScene, compile, load};
 use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow};
+use lumbre_render::shaders::Shaders;
 use lumbre_render::{BackendRow, Job, Renderer, WaveStats, mock};
 
 /// Scenes of the suite: the built-in ones, except for a chart of pixel filters.
@@ -172,7 +173,7 @@ fn tasks(backends: &[&'static BackendRow]) -> Result<Vec<Task>, String> {
         for technique in INTEGRATORS {
             let able = backends
                 .iter()
-                .filter(|row| (row.refuses)(technique, MAX_DEPTH).is_none());
+                .filter(|row| (row.refuses)(technique, MAX_DEPTH, &Shaders::Unset).is_none());
             tasks.extend(able.map(|backend| Task {
                 backend,
                 scene: Arc::clone(&scene),

@@ -7,6 +7,7 @@ use crate::cli::args::JobArgs;
 pub use crate::store::schema::plan::SchedulerKind;
 use crate::store::schema::plan::{JobFile, SubmittedJob};
 use crate::store::{StoreError, StoredFile, utc};
+use lumbre_render::plugin;
 
 /// Folder of job scripts, logs and the record below the night's folder.
 const FOLDER: &str = "job";
@@ -83,6 +84,8 @@ pub struct JobScript<'a> {
     pub gpus: u32,
     /// Whether its workers may run commands of the script.
     pub allow_commands: bool,
+    /// Absolute paths of the libraries with techniques of one's own.
+    pub libraries: &'a [PathBuf],
     /// Options of `lumbre submit`.
     pub args: &'a JobArgs,
 }
@@ -179,12 +182,19 @@ impl JobScript<'_> {
         } else {
             ""
         };
+        // Queues may start jobs with another environment than that of `submit`.
+        let libraries = if self.libraries.is_empty() {
+            String::new()
+        } else {
+            let paths: Vec<String> = self.libraries.iter().map(|path| quoted(path)).collect();
+            format!("export {}={}\n", plugin::VARIABLE, paths.join(":"))
+        };
         format!(
             r#"#
 # Runs one lumbre worker per device. Each worker renders cells that no other worker has claimed,
 # until all are done. Jobs are independent: any number of them may start and stop at any time.
 {about}set -u
-lumbre=({program})
+{libraries}lumbre=({program})
 night={night}
 
 workers=() requeue=0 stopped=0 worst=0
@@ -259,6 +269,7 @@ mod tests {
             program,
             gpus,
             allow_commands: false,
+            libraries: &[],
             args: submit.scheduler.job(),
         }
         .text(kind)
@@ -315,11 +326,16 @@ mod tests {
             program,
             gpus: 0,
             allow_commands: true,
+            libraries: &["/lib/it's.so".into(), "/lib/b.so".into()],
             args: submit.scheduler.job(),
         }
         .text(SchedulerKind::Hq);
         assert!(
             contained.contains("\nlumbre=(apptainer exec /apps/lumbre.sif lumbre)\n"),
+            "{contained}"
+        );
+        assert!(
+            contained.contains("\nexport LUMBRE_PLUGINS='/lib/it'\\''s.so':'/lib/b.so'\n"),
             "{contained}"
         );
         let text = job_script("lumbre submit hq a.lua --workers 3", SchedulerKind::Hq, 1);

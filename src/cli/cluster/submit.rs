@@ -12,6 +12,7 @@ use crate::cli::format::{counted, display_path};
 use crate::cli::night::load;
 use crate::cli::night::load::decode_picture;
 use crate::cli::night::permission::PlanUse;
+use crate::cli::own_techniques;
 use crate::cli::selector;
 use crate::experiment::Plan;
 use crate::store::{Store, write_atomically};
@@ -31,6 +32,7 @@ pub fn submit(args: &SubmitArgs, global: &Global) -> Result<Exit, Failure> {
     let (_, plan) = load::load_plan_for_cluster(&job.script, usage, global)?;
     let program = std::env::current_exe().map_err(Failure::internal)?;
     let gpus = gpus_per_job(job, &plan);
+    let libraries = own_techniques::files();
     let job_script = |home: &Path| {
         JobScript {
             name: &plan.name,
@@ -39,6 +41,7 @@ pub fn submit(args: &SubmitArgs, global: &Global) -> Result<Exit, Failure> {
             gpus,
             // Permission was given here; a job cannot ask.
             allow_commands: !plan.commands.is_empty() && plan.commands_allowed,
+            libraries: &libraries,
             args: job,
         }
         .text(kind)

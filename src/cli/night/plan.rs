@@ -1,6 +1,6 @@
 //! `lumbre plan`: what a script would render, what is cached and what is skipped.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -20,6 +20,7 @@ use crate::experiment::spec::Order;
 use crate::experiment::{Cell, CellRef, Plan, StopRule};
 use crate::store::schema::plan::PlanFile;
 use crate::store::{Archive, plan_file, throughput_history};
+use lumbre_render::shaders::ShaderFolder;
 
 /// Runs `lumbre plan`: prints the plan of a script.
 pub fn main(args: &PlanArgs, global: &Global) -> Result<Exit, Failure> {
@@ -201,6 +202,7 @@ impl<'a> Outlook<'a> {
             let cells = counted(doubles, "cell");
             let _ = writeln!(out, "A/A check: {cells} repeat other cells");
         }
+        out += &shader_lines(plan);
         if !plan.commands.is_empty() {
             let allowed = if plan.commands_allowed {
                 "allowed"
@@ -325,6 +327,31 @@ impl<'a> Outlook<'a> {
         memory::shortage(1, estimate.run_bytes, &limit)
             .or_else(|| memory::shortage(runs, bytes, &limit))
     }
+}
+
+/// Returns a line for each folder of shaders that runs of a plan use.
+fn shader_lines(plan: &Plan) -> String {
+    let mut folders: BTreeMap<&ShaderFolder, usize> = BTreeMap::new();
+    let cells = plan.cells.iter().map(|cell| &*cell.config);
+    let references = plan
+        .references
+        .iter()
+        .filter_map(|reference| match &reference.source {
+            ReferenceSource::Render { config, .. } => Some(&**config),
+            ReferenceSource::File { .. } => None,
+        });
+    for folder in cells.chain(references).filter_map(|c| c.shaders.folder()) {
+        *folders.entry(folder).or_default() += 1;
+    }
+    let line = |(folder, runs): (&ShaderFolder, &usize)| {
+        let path = display_path(&folder.path);
+        let hash = short_id(&folder.hash);
+        format!("shaders of {path} ({hash}): {}\n", counted(*runs, "run"))
+    };
+    folders
+        .iter()
+        .map(|(folder, runs)| line((folder, runs)))
+        .collect()
 }
 
 /// Returns the throughput of earlier runs: those of other nights below `out`, and the finished

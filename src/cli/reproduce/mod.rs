@@ -108,6 +108,9 @@ pub fn main(args: &ReproduceArgs, global: &Global) -> Result<Exit, Failure> {
                         stored.name, stored.samples
                     ));
                 }
+                if let Some(warning) = stored_run::library_warning(&stored) {
+                    print_status(&warning);
+                }
                 reproduce(&stored, args, global, tests)
             }
             Err(reason) => Answer::Impossible(reason),

@@ -18,9 +18,11 @@ use lumbre_light::scene::compile::compile_sharing;
 use lumbre_light::scene::desc::content_hash;
 use lumbre_light::scene::{CompiledScene, SceneDesc, edit};
 use lumbre_light::transport::integrator::external::{is_declared, is_external};
+use lumbre_light::transport::integrator::{integrator, own};
 use lumbre_render::denoise::{self, Denoise, oidn};
 use lumbre_render::external::{self, Access, words};
 use lumbre_render::reference_halves::ReferenceHalves;
+use lumbre_render::shaders::Shaders;
 use lumbre_render::{Job, RenderError, Renderer};
 
 /// Maximum number of samples per pixel rendered in one call.
@@ -154,11 +156,25 @@ pub fn load_job(
     let (compiled, _) =
         compile_sharing(&scene, render.accel.instances).map_err(|e| e.to_string())?;
     let seed = config.seed.or(config.seeds.map(|[first, _]| first));
-    let job = Job {
+    let mut job = Job {
         seed: seed.ok_or("config.json of the run has no seed")?,
         ..render.job(scene.resolution, scene.max_depth, global.threads)?
     };
+    find_shaders(&mut job.shaders, started_in(&folder).as_deref());
     Ok((Arc::new(compiled), job, render.backend))
+}
+
+/// Returns a warning if the technique of a run is of a shared library whose file has changed since.
+pub fn library_warning(stored: &StoredRun) -> Option<String> {
+    let before = identity::library_hash(&stored.config.identity)?;
+    let name = &stored.config.render.as_ref()?.integrator;
+    let now = own::library(integrator(name)?)?;
+    (now != before).then(|| {
+        format!(
+            "warning: the library of `{name}` has changed since: its hash is {now:.8}, but was \
+             {before:.8}"
+        )
+    })
 }
 
 /// Returns the settings with which a run was rendered.
@@ -201,7 +217,8 @@ pub fn render(stored: &StoredRun, global: &Global) -> Result<Rendered, String> {
     }
     let (compiled, _) =
         compile_sharing(&scene, render.accel.instances).map_err(|e| e.to_string())?;
-    let job = render.job(scene.resolution, scene.max_depth, global.threads)?;
+    let mut job = render.job(scene.resolution, scene.max_depth, global.threads)?;
+    find_shaders(&mut job.shaders, stored.started_in.as_deref());
     let backend_name = global.backend.as_deref().unwrap_or(&render.backend);
     let compiled = Arc::new(compiled);
     let row = if is_external(job.integrator) {
@@ -338,6 +355,17 @@ fn advance_to(
         }
     }
     Ok(renderer)
+}
+
+/// Makes the path of a folder of shaders relative to the folder in which the night was started, if
+/// it is not found from the current folder.
+fn find_shaders(shaders: &mut Shaders, started_in: Option<&Path>) {
+    if let Shaders::Folder(folder) = shaders
+        && !folder.path.is_dir()
+        && let Some(started_in) = started_in
+    {
+        folder.path = started_in.join(&folder.path);
+    }
 }
 
 /// Loads the scene of a run with its changes. Its path is relative to the current folder

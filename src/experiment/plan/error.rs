@@ -196,6 +196,14 @@ pub enum PlanError {
         /// The missing feature.
         reason: String,
     },
+    /// A folder of shaders cannot be used.
+    #[error("{}`shaders` cannot be used: {reason}", start("", point))]
+    Shaders {
+        /// Description of the point.
+        point: String,
+        /// The backend, and why it cannot use the folder.
+        reason: String,
+    },
     /// The path length is limited to zero edges.
     #[error(
         "{}`max_depth` is 0: set it to at least 1, the number of edges of a path from \

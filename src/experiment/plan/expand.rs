@@ -168,7 +168,14 @@ impl<'a> Builder<'a> {
             .map_err(|e| hook("`control`", point, e))?;
         Ok(requested.unwrap_or_else(|| {
             let mut picture = renderable.picture.clone();
-            for technique in ["integrator", "sampler", "rr_start", "films", "denoise"] {
+            for technique in [
+                "integrator",
+                "sampler",
+                "rr_start",
+                "films",
+                "denoise",
+                "shaders",
+            ] {
                 picture.remove(technique);
             }
             self.pictures_with_doubles

@@ -101,7 +101,7 @@ pub(super) fn picture(
         params
     };
     // Omitted for all others, which keep their ids.
-    let library = own::library(row).map(|hash| ("library", hash.into()));
+    let library = own::library(row).map(|hash| (LIBRARY, hash.into()));
     let fields = [
         ("name", config.integrator.as_str().into()),
         ("revision", Value::Int(i64::from(row.revision))),
@@ -132,7 +132,7 @@ pub(super) fn picture(
             SCENE,
             Value::Str(blake3::Hash::from_bytes(*scene_hash).to_hex().to_string()),
         ),
-        ("integrator", integrator),
+        (INTEGRATOR, integrator),
         ("resolution", resolution),
         ("max_depth", optional(config.max_depth)),
         ("rr_start", optional(config.rr_start)),
@@ -140,8 +140,8 @@ pub(super) fn picture(
         ("sampler", sampler),
         ("backend", backend.into()),
     ];
-    // Omitted if empty, so that runs without layers, bins and denoisers keep the ids from before
-    // these existed.
+    // Omitted if empty, so that runs without layers, bins, denoisers and modified shaders keep the ids
+    // from before these existed.
     let films: Vec<Value> = config
         .films
         .iter()
@@ -154,6 +154,8 @@ pub(super) fn picture(
         .map(|timing| ("film", timing.to_film(false)));
     let denoise = config.denoise.as_ref();
     let denoise = denoise.map(|denoise| ("denoise", denoise.to_value()));
+    let shaders = config.shaders.folder();
+    let shaders = shaders.map(|folder| ("shaders", folder.hash.as_str().into()));
     let delays = film
         .is_some()
         .then_some(("delays", Value::Int(i64::from(delay::REVISION))));
@@ -163,6 +165,7 @@ pub(super) fn picture(
         .chain(film)
         .chain(delays)
         .chain(denoise)
+        .chain(shaders)
         .map(|(key, value)| (key.to_owned(), value))
         .collect();
     set_accel(&mut picture, &config.accel);
@@ -247,6 +250,19 @@ const SCENE: &str = "scene";
 /// none.
 pub fn scene_hash(identity: &Value) -> Option<&str> {
     identity.as_map()?.get(SCENE)?.as_str()
+}
+
+/// Key of the integrator in the identity of a run.
+const INTEGRATOR: &str = "integrator";
+
+/// Key of the hash of a technique's library among the fields of the integrator.
+pub(super) const LIBRARY: &str = "library";
+
+/// Returns the hash of the library that rendered a run, in hexadecimal. Only techniques of shared
+/// libraries have one.
+pub fn library_hash(identity: &Value) -> Option<&str> {
+    let integrator = identity.as_map()?.get(INTEGRATOR)?.as_map()?;
+    integrator.get(LIBRARY)?.as_str()
 }
 
 /// Key of a file's content hash in the identity of a reference from a file.

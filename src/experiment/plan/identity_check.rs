@@ -27,8 +27,9 @@ pub struct ClaimedSettings<'a> {
 }
 
 /// Checks that an identity has this id, and that the settings are those of the identity. The hash of
-/// the scene is compared where the scene is loaded. Revisions of techniques are not compared: a run
-/// of an earlier revision may be rendered again.
+/// the scene is compared where the scene is loaded. Revisions of techniques and the content of their
+/// libraries are not compared: a run of an earlier revision may be rendered again. Nor are the
+/// settings of techniques that this program does not know, since it cannot render them.
 ///
 /// # Errors
 /// Description of the first difference.
@@ -39,8 +40,9 @@ pub fn check(identity: &Value, id: &RunId, claimed: &ClaimedSettings) -> Result<
     let (Some(config), Some(fields)) = (&claimed.config, identity.as_map()) else {
         return Ok(());
     };
-    let row = integrator(&config.integrator)
-        .ok_or_else(|| format!("this version has no integrator `{}`", config.integrator))?;
+    let Some(row) = integrator(&config.integrator) else {
+        return Ok(());
+    };
     let sampler = sampler(&config.sampler)
         .ok_or_else(|| format!("this version has no sampler `{}`", config.sampler))?;
     let mut expected = identity::picture(config, row, sampler, &[0; 32]);
@@ -58,7 +60,7 @@ pub fn check(identity: &Value, id: &RunId, claimed: &ClaimedSettings) -> Result<
     for key in keys.filter(|key| is_setting(key, claimed.is_cell)) {
         let [wanted, found] = [fields, &expected].map(|map| map.get(key).unwrap_or(&Value::Nil));
         let is_auto = key == "backend" && wanted.as_str() == Some("auto");
-        if !is_auto && without_revision(wanted) != without_revision(found) {
+        if !is_auto && without_versions(wanted) != without_versions(found) {
             return Err(format!(
                 "{key} is {found}, but the run's id was made with {wanted}"
             ));
@@ -77,11 +79,12 @@ fn is_setting(key: &str, is_cell: bool) -> bool {
     !other.contains(&key) && (is_cell || key != "accel")
 }
 
-/// Returns a value without the revision that it may have.
-fn without_revision(value: &Value) -> Value {
+/// Returns a value without the revision, and the hash of a library, that it may have.
+fn without_versions(value: &Value) -> Value {
     match value {
         Value::Map(map) => {
-            let fields = map.iter().filter(|(key, _)| *key != "revision");
+            let is_version = |key: &str| key == "revision" || key == identity::LIBRARY;
+            let fields = map.iter().filter(|(key, _)| !is_version(key));
             let fields = fields.map(|(key, value)| (key.clone(), value.clone()));
             Value::Map(fields.collect::<BTreeMap<String, Value>>())
         }

@@ -22,6 +22,7 @@ use lumbre_render::BackendRow;
 use lumbre_render::denoise::{Denoise, oidn};
 use lumbre_render::external::technique::FOUND_VERSION;
 use lumbre_render::external::{self, Technique};
+use lumbre_render::shaders::Shaders;
 
 /// Greatest number of pixels of a picture; its film takes 12 GiB.
 const MAX_PIXELS: u64 = 1 << 28;
@@ -72,8 +73,8 @@ pub(super) struct Resolver<'a> {
     external_versions: BTreeMap<Vec<String>, Result<Option<String>, String>>,
     /// Version of Open Image Denoise, or why it cannot be used.
     oidn_version: Option<Result<String, String>>,
-    /// Hash of the modified shaders of each backend, by its name; `None` if they are unmodified.
-    modified_shaders: BTreeMap<&'static str, Option<String>>,
+    /// Resolved choices of shaders, by the name of the backend and the choice.
+    shaders: BTreeMap<(&'static str, Shaders), Shaders>,
     /// Ids and identities of reference files.
     reference_files: BTreeMap<PathBuf, (RunId, Value)>,
     /// Notes on contents of scene files that are not supported.
@@ -93,7 +94,7 @@ impl<'a> Resolver<'a> {
             backends: BTreeMap::new(),
             external_versions: BTreeMap::new(),
             oidn_version: None,
-            modified_shaders: BTreeMap::new(),
+            shaders: BTreeMap::new(),
             reference_files: BTreeMap::new(),
             notes: BTreeSet::new(),
             commands: BTreeSet::new(),
@@ -135,9 +136,6 @@ impl<'a> Resolver<'a> {
         config.max_depth = Some(max_depth);
         let mut picture = identity::picture(&config, row, sampler, &hash);
         picture.extend(peer.map(|peer| ("peer".to_owned(), peer)));
-        if let Some(Some(modified)) = self.modified_shaders.get(config.backend.as_str()) {
-            picture.insert("shaders".to_owned(), modified.as_str().into());
-        }
         Ok(Renderable {
             config: Arc::new(config),
             scene,
@@ -146,23 +144,49 @@ impl<'a> Resolver<'a> {
         })
     }
 
-    /// Replaces the backend as written by the one that renders the run, and sets the fallback.
+    /// Replaces the backend as written by the one that renders the run, resolves the shaders, and sets
+    /// the fallback, which a run with a folder of shaders does not have.
     fn resolve_backend(
         &mut self,
         config: &mut CellConfig,
         external: bool,
         point: &Point,
     ) -> Result<(), PlanError> {
+        if external {
+            external::BACKEND.clone_into(&mut config.backend);
+            config.shaders = config.shaders.without_device().map_err(|_| {
+                let name = &config.integrator;
+                shader_error(point, format!("`{name}` is another program: leave it out"))
+            })?;
+            return Ok(());
+        }
         let requested = std::mem::take(&mut config.backend);
-        config.backend = if external {
-            external::BACKEND.to_owned()
-        } else {
-            self.backend(&requested, point)?.to_owned()
-        };
-        if !external && requested == "auto" && config.backend != lumbre_render::cpu::ROW.name {
+        let is_own = config.shaders.folder().is_none();
+        if let Some(row) = crate::backends::backend(&requested) {
+            config.shaders = self.resolved_shaders(row, &config.shaders, point)?;
+        }
+        config.backend = self.backend(&requested, point)?.to_owned();
+        if is_own && requested == "auto" && config.backend != lumbre_render::cpu::ROW.name {
             config.fallback = Some(lumbre_render::cpu::ROW.name);
         }
         Ok(())
+    }
+
+    /// Resolves a choice of shaders for a backend. Each folder is read once.
+    fn resolved_shaders(
+        &mut self,
+        row: &BackendRow,
+        choice: &Shaders,
+        point: &Point,
+    ) -> Result<Shaders, PlanError> {
+        let key = (row.name, choice.clone());
+        if let Some(known) = self.shaders.get(&key) {
+            return Ok(known.clone());
+        }
+        let resolved = (row.shaders)(choice)
+            .map_err(|reason| shader_error(point, format!("backend `{}`: {reason}", row.name)))?;
+        self.shaders.insert(key, resolved.clone());
+        Ok(resolved)
     }
 
     /// Sets the version of the library of a denoiser.
@@ -344,10 +368,16 @@ impl<'a> Resolver<'a> {
         if !self.elsewhere {
             (row.probe)().map_err(unusable)?;
         }
-        self.modified_shaders
-            .insert(row.name, (row.edited)().map_err(unusable)?);
         self.backends.insert(name.to_owned(), row.name);
         Ok(row.name)
+    }
+}
+
+/// Returns the error about a folder of shaders that cannot be used.
+fn shader_error(point: &Point, reason: String) -> PlanError {
+    PlanError::Shaders {
+        point: describe(point),
+        reason,
     }
 }
 
@@ -407,6 +437,7 @@ fn check_backend(
     };
     if let Some(fallback) = config.fallback.filter(|_| refused(config).is_some()) {
         (config.backend, config.fallback) = (fallback.to_owned(), None);
+        config.shaders = Shaders::BuiltIn;
     }
     if config.backend != lumbre_render::cpu::ROW.name {
         config.accel = config.accel.scalar();
@@ -527,7 +558,7 @@ fn refusal(
             m.name
         )
     };
-    (backend.refuses)(integrator, max_depth).or_else(|| unsupported.map(model))
+    (backend.refuses)(integrator, max_depth, &config.shaders).or_else(|| unsupported.map(model))
 }
 
 /// Hash of a table of values, used as a cache key.

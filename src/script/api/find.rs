@@ -13,6 +13,41 @@ const SCENE: &str = "scene";
 /// Largest number of files that a message lists.
 const MOST_LISTED: usize = 8;
 
+/// Searches a folder that a script names, relative to the current folder and then to the script's
+/// folder.
+///
+/// # Errors
+/// Returns an error with the paths that were tried if there is no such folder; `path` and `key` are
+/// those of the field.
+pub fn find_folder(
+    name: &str,
+    folder: &Path,
+    path: &str,
+    key: &str,
+) -> Result<PathBuf, SchemaError> {
+    let places = places(name, folder);
+    if !name.is_empty()
+        && let Some(found) = places.iter().find(|place| place.is_dir())
+    {
+        return Ok(found.clone());
+    }
+    let tried: Vec<String> = places.iter().map(|p| p.display().to_string()).collect();
+    Err(SchemaError {
+        path: path.to_owned(),
+        problem: format!("there is no folder `{name}`"),
+        help: Some(format!("tried {}", tried.join(" and "))),
+        key: key.to_owned(),
+    })
+}
+
+/// Returns the paths at which a name of a script is looked for.
+fn places(name: &str, folder: &Path) -> Vec<PathBuf> {
+    let written = PathBuf::from(name);
+    let is_current = folder.as_os_str().is_empty() || folder == Path::new(".");
+    let beside = (!written.is_absolute() && !is_current).then(|| folder.join(name));
+    std::iter::once(written).chain(beside).collect()
+}
+
 /// Searches a file that a script names, relative to the current folder and then to the script's
 /// folder.
 ///
@@ -20,12 +55,7 @@ const MOST_LISTED: usize = 8;
 /// Returns an error with the most similar file name, the scenes of a folder, or both paths, if the
 /// file is in neither folder; `path` and `key` are those of the field.
 pub fn find_file(name: &str, folder: &Path, path: &str, key: &str) -> Result<PathBuf, SchemaError> {
-    let written = PathBuf::from(name);
-    let mut places = vec![written.clone()];
-    let is_current = folder.as_os_str().is_empty() || folder == Path::new(".");
-    if !written.is_absolute() && !is_current {
-        places.push(folder.join(name));
-    }
+    let places = places(name, folder);
     if !name.is_empty()
         && let Some(found) = places.iter().find(|place| place.is_file())
     {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::builder::Externals;
-use super::find::find_file;
+use super::find::{find_file, find_folder};
 use super::render_schema::{BACKEND_NAMES, RENDER};
 use crate::experiment::CellConfig;
 use crate::experiment::plan::integrator_help;
@@ -20,6 +20,7 @@ use lumbre_light::value::schema::{SchemaError, unknown_key, unknown_name};
 use lumbre_render::denoise::Denoise;
 use lumbre_render::external::technique::VALUES;
 use lumbre_render::hierarchy::AccelSpec;
+use lumbre_render::shaders::{BUILT_IN, ShaderFolder, Shaders};
 
 /// Checks a render table and converts it. `externals` are the techniques that the script declares.
 /// Error paths begin with `path`.
@@ -90,6 +91,7 @@ pub fn cell_config(
             .and_then(Value::as_map)
             .map(AccelSpec::from_map)
             .unwrap_or_default(),
+        shaders: shaders(&common, folder, &at("shaders"))?,
         backend: text(&common, "backend").unwrap_or_else(|| "auto".to_owned()),
         fallback: None,
     })
@@ -209,13 +211,13 @@ fn scene_options(
 }
 
 /// Keys of a cell's render table that its reference does not inherit.
-const NOT_INHERITED: [&str; 5] = ["films", "film", "denoise", "atrous", "accel"];
+const NOT_INHERITED: [&str; 6] = ["films", "film", "denoise", "atrous", "accel", "shaders"];
 
 /// Returns the render table of a reference: the cell's own with the fields of `overrides`. Nested
 /// tables (`set`, `aa`, `camera`, `rr`, `accel`, `scene_options`) are merged key by key. A
 /// different integrator does not inherit the parameters of the cell's integrator. Layers, time axis
-/// and acceleration structure are never inherited, since they do not affect the picture, and no
-/// denoiser, since its bias would be that of the reference.
+/// and acceleration structure are never inherited, since they do not affect the picture; nor are a
+/// denoiser and modified shaders, since their bias would be that of the reference.
 pub fn merge(
     own: &BTreeMap<String, Value>,
     overrides: &BTreeMap<String, Value>,
@@ -338,6 +340,22 @@ fn denoise(map: &BTreeMap<String, Value>) -> Option<Denoise> {
     let none = BTreeMap::new();
     let parameters = map.get("atrous").and_then(Value::as_map).unwrap_or(&none);
     Denoise::from_name(map.get("denoise")?.as_str()?, parameters)
+}
+
+/// Returns the shaders of a table.
+fn shaders(
+    map: &BTreeMap<String, Value>,
+    folder: &Path,
+    path: &str,
+) -> Result<Shaders, SchemaError> {
+    match text(map, "shaders") {
+        None => Ok(Shaders::Unset),
+        Some(name) if name == BUILT_IN => Ok(Shaders::BuiltIn),
+        Some(name) => Ok(Shaders::Folder(ShaderFolder {
+            path: find_folder(&name, folder, path, "shaders")?,
+            hash: String::new(),
+        })),
+    }
 }
 
 /// Returns the changes to the scene from `set`, `view` and `camera`, by path.

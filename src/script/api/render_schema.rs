@@ -12,6 +12,7 @@ use lumbre_light::value::schema::{Field, Table, Ty};
 use lumbre_render::denoise;
 use lumbre_render::denoise::atrous::ATROUS;
 use lumbre_render::hierarchy::ACCEL;
+use lumbre_render::shaders;
 
 /// Names of the integrators, for the annotations.
 pub const INTEGRATOR_NAMES: [&str; INTEGRATORS.len() + EXTERNALS.len()] = {
@@ -320,6 +321,15 @@ pub const RENDER: Table = Table {
             required: false,
             default: "ploc",
             doc: "construction of the acceleration structure; affects only times, never pictures",
+        },
+        Field {
+            key: "shaders",
+            ty: Ty::Str,
+            required: false,
+            default: shaders::BUILT_IN,
+            doc: "folder whose shaders replace those of the program on Vulkan backends, relative to \
+                  the current folder or else to the script's; needs a program built with \
+                  `--features shader-dev`; a reference does not inherit it",
         },
         Field {
             key: "backend",

@@ -16,6 +16,7 @@ use lumbre_metrics::MetricSpec;
 use lumbre_metrics::tonemap::Tonemap;
 use lumbre_render::denoise::Denoise;
 use lumbre_render::hierarchy::AccelSpec;
+use lumbre_render::shaders::{ShaderFolder, Shaders};
 
 /// Reads the outline of a plan. Metrics that this version does not know, or defines otherwise, are
 /// left out; rows are matched by column names.
@@ -99,6 +100,13 @@ pub fn cell_config(render: &RenderSettings) -> Option<CellConfig> {
         sampler: render.sampler.clone(),
         accel: AccelSpec::from_identity(&render.accel),
         set: render.set.clone(),
+        shaders: match &render.shaders {
+            Some(shaders) => Shaders::Folder(ShaderFolder {
+                path: PathBuf::from(&shaders.folder),
+                hash: shaders.hash.clone(),
+            }),
+            None => Shaders::BuiltIn,
+        },
         backend: render.backend.clone(),
         fallback: None,
     })

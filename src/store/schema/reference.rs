@@ -13,7 +13,8 @@ use super::plan::{
 use super::process::{AffinityFile, ClaimFile, HeartbeatFile, IndexHeader, Owner, RenderDevice};
 use super::run::{
     BiasCheckFile, CheckpointHead, ConfigFile, DifferingBlock, FailedFile, FileSum,
-    ImportedReference, OpenCost, PeerProgram, PixelFilter, RenderSettings, RunResults, WaveCounts,
+    ImportedReference, ModifiedShaders, OpenCost, PeerProgram, PixelFilter, RenderSettings,
+    RunResults, WaveCounts,
 };
 use super::status::{
     CellCounts, CurrentRun, FailureRecord, ReferenceCounts, ShardCounts, StatusReport,
@@ -24,7 +25,12 @@ use lumbre_light::value::markdown::{row, sentence, table_head};
 const FILES: &[(&str, &[RecordRow])] = &[
     (
         "`config.json` of a run or reference",
-        &[ConfigFile::ROW, RenderSettings::ROW, PixelFilter::ROW],
+        &[
+            ConfigFile::ROW,
+            RenderSettings::ROW,
+            PixelFilter::ROW,
+            ModifiedShaders::ROW,
+        ],
     ),
     (
         "`done.json` of a run, `ref.json` of a reference",

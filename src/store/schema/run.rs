@@ -52,8 +52,19 @@ records! {
         pub accel: BTreeMap<String, Value>,
         /// Changes to the scene by path.
         pub set: BTreeMap<String, Value>,
+        /// Folder of shaders. Only of runs that have one.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub shaders: Option<ModifiedShaders>,
         /// Name of the backend.
         pub backend: String,
+    }
+
+    /// Folder of shaders that replaced those of the program.
+    pub struct ModifiedShaders {
+        /// Path of the folder.
+        pub folder: String,
+        /// Hash of the files that differed from those of the program.
+        pub hash: String,
     }
 
     /// Pixel reconstruction filter.

@@ -8,7 +8,7 @@ use crate::store::schema::plan::{
     BiasCheckPlan, FileReference, Measurement, MetricRecord, NightSettings, PlanFile, PlannedCell,
     PlannedReference, PresentationRecord, RenderedReference, SceneNote, SkippedPoint, StopRecord,
 };
-use crate::store::schema::run::{ConfigFile, PixelFilter, RenderSettings};
+use crate::store::schema::run::{ConfigFile, ModifiedShaders, PixelFilter, RenderSettings};
 use crate::store::schema::values::Named;
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
@@ -227,6 +227,10 @@ fn render_settings(config: &CellConfig) -> RenderSettings {
         sampler: config.sampler.clone(),
         accel: config.accel.identity(),
         set: config.set.clone(),
+        shaders: config.shaders.folder().map(|folder| ModifiedShaders {
+            folder: folder.path.display().to_string(),
+            hash: folder.hash.clone(),
+        }),
         backend: config.backend.clone(),
     }
 }

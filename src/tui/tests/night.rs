@@ -57,6 +57,7 @@ fn config(depth: u32, radius: f32) -> CellConfig {
         },
         films: Vec::new(),
         accel: Default::default(),
+        shaders: Default::default(),
         timing: None,
         denoise: None,
         sampler: "independent".to_owned(),

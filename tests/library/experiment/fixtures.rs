@@ -186,6 +186,7 @@ pub fn config() -> CellConfig {
         },
         films: Vec::new(),
         accel: Default::default(),
+        shaders: Default::default(),
         timing: None,
         denoise: None,
         sampler: "independent".to_owned(),

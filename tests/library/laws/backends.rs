@@ -4,6 +4,7 @@ use lumbre::backends::BACKENDS;
 use lumbre_light::film::layer::LAYERS;
 use lumbre_light::transport::integrator::INTEGRATORS;
 use lumbre_light::transport::sampler::SAMPLERS;
+use lumbre_render::shaders::Shaders;
 
 use super::source::{root, text};
 
@@ -23,7 +24,7 @@ fn table() -> String {
     for row in BACKENDS {
         let able = INTEGRATORS
             .iter()
-            .filter(|i| (row.refuses)(i, 1).is_none())
+            .filter(|i| (row.refuses)(i, 1, &Shaders::BuiltIn).is_none())
             .map(|i| i.name);
         let samplers = SAMPLERS.iter().map(|s| s.name);
         let layers = if row.layers {

@@ -159,7 +159,7 @@ fn none_leaves_run_ids_alone_and_parameters_change_them() {
     assert_ne!(three, plain);
     assert_ne!(id("denoise = \"atrous\""), three);
     assert_eq!(
-        id("denoise = \"atrous\", atrous = { levels = 5 }"),
+        id("denoise = \"atrous\", atrous = { levels = 4 }"),
         id("denoise = \"atrous\"")
     );
 }

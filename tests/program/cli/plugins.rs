@@ -2,11 +2,13 @@
 //! that are refused.
 
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 use lumbre::output::exr;
+use lumbre_light::film::Image;
 
 use super::workplace::{ProgramOutput, Workplace};
+use crate::cluster::night::{home, wait_until};
 
 /// Header and example.
 const HEADER: &str = include_str!("../../../docs/external/technique.h");
@@ -145,6 +147,123 @@ fn pictures_have_the_same_bits_for_any_number_of_threads() {
         row[column.unwrap_or_else(|| panic!("{text}"))].to_owned()
     };
     assert_eq!(errors(&picture("1")), errors(&picture("3")));
+}
+
+/// One run that is long enough to be killed after its first checkpoint.
+fn long_night() -> String {
+    let script = NIGHT.replace("{ 1, 2 }", "{ 2 }");
+    let (before, rest) = script.split_once("x:reference").unwrap();
+    let (_, rest) = rest.split_once("x:measure").unwrap();
+    let long = format!("{before}x:checkpoint(\"0.05s\")\nx:measure{rest}");
+    long.replace("{ mse = metric.mse() }", "{ every = \"0.05s\" }")
+        .replace("stop.samples(8)", "stop.samples(384)")
+}
+
+/// Returns the path and the picture of the only run of a night.
+fn final_picture(place: &Workplace, out: &str) -> (String, Image) {
+    let files = place.files(out);
+    let mut pictures = files.iter().filter(|file| file.ends_with("final.exr"));
+    let file = pictures.next().unwrap();
+    assert!(pictures.next().is_none(), "{files:?}");
+    let bytes = std::fs::read(place.path(file)).unwrap();
+    (file.clone(), exr::decode(&bytes).unwrap().0)
+}
+
+#[test]
+fn a_killed_run_resumes_with_the_same_bits_and_is_reproduced() {
+    let place = Workplace::new();
+    place.write("long.lua", &long_night());
+    let Some(library) = compile(&place, "nee", EXAMPLE) else {
+        return;
+    };
+    let args = ["run", "long.lua", "--no-tui", "--no-smoke"];
+    let mut night = place
+        .command(&args)
+        .env("LUMBRE_PLUGINS", &library)
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    wait_until("a checkpoint", || {
+        place.files("out").iter().any(|file| file.contains("ckpt."))
+    });
+    night.kill().unwrap();
+    night.wait().unwrap();
+    let resumed = run(&place, &library, &args);
+    assert_eq!(resumed.status, 0, "{}", resumed.stderr);
+    assert!(
+        resumed.stderr.contains("resumes from its checkpoint"),
+        "{}",
+        resumed.stderr
+    );
+    let whole = run(&place, &library, &[&args[..], &["--out", "whole"]].concat());
+    assert_eq!(whole.status, 0, "{}", whole.stderr);
+    let (file, picture) = final_picture(&place, "out");
+    assert_eq!(picture, final_picture(&place, "whole").1);
+    let reproduced = run(&place, &library, &["reproduce", &file]);
+    assert!(
+        reproduced.stdout.contains("identical"),
+        "{}",
+        reproduced.stdout
+    );
+}
+
+#[test]
+fn jobs_name_the_library_and_results_are_read_without_it_and_with_another() {
+    let place = Workplace::new();
+    place.write("plugin.lua", &NIGHT.replace("{ 1, 2 }", "{ 2 }"));
+    let Some(library) = compile(&place, "nee", EXAMPLE) else {
+        return;
+    };
+    // Without the queue's program the plan is saved, and workers are started by hand.
+    run(&place, &library, &["submit", "hq", "plugin.lua", "-q"]);
+    let home = home(&place, "out");
+    let job = place.read(&format!("{home}/job/hq.sh"));
+    let export = format!("\nexport LUMBRE_PLUGINS='{library}'\n");
+    assert!(job.contains(&export), "{job}");
+    let without = place.run(&["work", &home, "-q"]);
+    assert_eq!(without.status, 2, "{}", without.stderr);
+    assert!(
+        without.stderr.contains("unknown integrator `nee_cpp`"),
+        "{}",
+        without.stderr
+    );
+    let done = run(&place, &library, &["work", &home, "-q"]);
+    assert_eq!(done.status, 0, "{}", done.stderr);
+
+    // A library that was built again, or is not there, makes no stored run wrong.
+    let files = place.files(&home);
+    let file = files
+        .iter()
+        .find(|file| file.ends_with("final.exr"))
+        .unwrap();
+    let other = place.path("other.so").to_string_lossy().into_owned();
+    std::fs::copy(&library, &other).unwrap();
+    append(Path::new(&other), b"changed");
+    for library in [other.as_str(), ""] {
+        let shown = run(&place, library, &["show", "exponent=2"]);
+        let all = format!("{}{}", shown.stdout, shown.stderr);
+        assert!(shown.status == 0 && !all.contains("left out"), "{all}");
+    }
+    let reproduced = run(&place, &other, &["reproduce", file]);
+    assert!(
+        reproduced
+            .stderr
+            .contains("the library of `nee_cpp` has changed since"),
+        "{}",
+        reproduced.stderr
+    );
+    assert!(
+        reproduced.stdout.contains("identical"),
+        "{}",
+        reproduced.stdout
+    );
+    let without = run(&place, "", &["reproduce", file]);
+    assert_eq!(without.status, 3, "{}", without.stdout);
+    assert!(
+        without.stdout.contains("no integrator `nee_cpp`"),
+        "{}",
+        without.stdout
+    );
 }
 
 /// Technique whose samples have the index of their iteration in red, one in green, and in blue the

@@ -8,7 +8,7 @@
 )]
 
 mod disk_full;
-mod night;
+pub mod night;
 mod plan_snapshot;
 mod planner;
 mod queue;

@@ -22,6 +22,7 @@ pub(crate) mod wavefront;
 pub use films::bin_pool::kept_bytes;
 
 use super::BackendRow;
+use super::shaders::Shaders;
 use lumbre_light::scene::desc::Model;
 
 /// Entry of this backend in the table of backends.
@@ -39,8 +40,8 @@ pub const ROW: BackendRow = BackendRow {
     nearest: true,
     uniform_directions: true,
     models: &Model::ALL,
-    refuses: |_, _| None,
-    edited: || Ok(None),
+    refuses: |_, _, _| None,
+    shaders: Shaders::without_device,
     accel: true,
     open: |scene, job| Ok(Box::new(kept_scenes::open(scene, job)?)),
     paths: path_trace::paths,

@@ -29,7 +29,7 @@ pub const ATROUS: Table = Table {
         Field::optional(
             "levels",
             Ty::Int { min: 1, max: 10 },
-            "5",
+            "4",
             "number of passes; the last one reaches 2^levels pixels to each side",
         ),
         Field::optional(
@@ -38,7 +38,7 @@ pub const ATROUS: Table = Table {
                 min: 0.01,
                 max: 1000.0,
             },
-            "3",
+            "4",
             "difference of luminance at which a tap counts 1/e, in standard errors of the pixel",
         ),
         Field::optional(
@@ -47,7 +47,7 @@ pub const ATROUS: Table = Table {
                 min: 0.001,
                 max: 1000.0,
             },
-            "0.1",
+            "0.05",
             "difference of albedo at which a tap counts 1/e",
         ),
         Field::optional(
@@ -77,11 +77,12 @@ pub struct AtrousSettings {
 }
 
 impl Default for AtrousSettings {
+    /// Returns the settings that were chosen by measurement: `docs/notes/denoising.md`.
     fn default() -> AtrousSettings {
         AtrousSettings {
-            levels: 5,
-            sigma_luminance: 3.0,
-            sigma_albedo: 0.1,
+            levels: 4,
+            sigma_luminance: 4.0,
+            sigma_albedo: 0.05,
             normal_power: 128.0,
         }
     }

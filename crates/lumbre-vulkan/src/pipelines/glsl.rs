@@ -3,7 +3,8 @@
 //!
 //! Names in `#include` lines are paths from the root of the shader folder, wherever they appear.
 
-use std::path::Path;
+use std::collections::BTreeSet;
+use std::path::{Component, Path};
 
 use glslang::include::{IncludeHandler, IncludeResult, IncludeType};
 use glslang::{
@@ -13,21 +14,32 @@ use glslang::{
 
 use super::modules::Recipe;
 use super::shrink::shrink;
-use super::sources::{FOLDER_VARIABLE, ShaderError, Sources};
+use super::sources::{ShaderError, Sources};
 use super::texts::TEXTS;
+use lumbre_light::scene::load::files;
+
+/// Endings of the files that are shaders. Other files of a folder are not read.
+const ENDINGS: [&str; 7] = ["glsl", "comp", "rgen", "rchit", "rahit", "rint", "rmiss"];
+
+/// Greatest number of files and folders in a folder of shaders.
+const MAX_ENTRIES: usize = 10_000;
+
+/// Greatest depth of folders in a folder of shaders.
+const MAX_DEPTH: usize = 16;
 
 impl Sources {
     /// Returns a hash of the shaders that differ from those of the program, or `None` if none does.
+    /// Shaders that the program does not have count too, since others may include them.
     ///
     /// # Errors
-    /// Returns an error if the folder does not exist, one of its files cannot be read, or none of
-    /// them is a shader of this program.
+    /// Returns an error if the folder does not exist, one of its files cannot be read, none of them
+    /// is a shader of this program, or there are too many.
     pub fn edited(&self) -> Result<Option<String>, ShaderError> {
         let Sources::Folder(folder) = self else {
             return Ok(None);
         };
         let unreadable = |problem: &str| ShaderError::Unreadable {
-            file: format!("folder {} in {FOLDER_VARIABLE}", folder.display()),
+            file: format!("folder {}", folder.display()),
             problem: problem.to_owned(),
         };
         if !folder.is_dir() {
@@ -38,10 +50,16 @@ impl Sources {
                 "it contains none of the files of the program's shaders/ folder",
             ));
         }
+        let mut found = BTreeSet::new();
+        list(folder, "", &mut found, &mut 0).map_err(|problem| unreadable(&problem))?;
+        let embedded = TEXTS.iter().map(|(name, text)| (*name, Some(*text)));
+        let known: BTreeSet<&str> = TEXTS.iter().map(|(name, _)| *name).collect();
+        let further = found.iter().map(String::as_str);
+        let further = further.filter(|name| !known.contains(name));
         let (mut hasher, mut any) = (blake3::Hasher::new(), false);
-        for (name, embedded) in TEXTS {
+        for (name, embedded) in embedded.chain(further.map(|name| (name, None))) {
             let (_, text) = self.text(name)?;
-            if text != *embedded {
+            if Some(text.as_str()) != embedded {
                 any = true;
                 for part in [name.as_bytes(), &[0], text.as_bytes(), &[0]] {
                     hasher.update(part);
@@ -77,20 +95,62 @@ impl Sources {
 
     /// Returns the text of a file of the folder or, if it has none, of the program.
     fn file(&self, path: &str) -> Result<Option<String>, ShaderError> {
-        if let Sources::Folder(folder) = self {
+        if let Sources::Folder(folder) = self
+            && is_shader(path)
+        {
             let file = folder.join(path);
-            match std::fs::read_to_string(&file) {
-                Ok(text) => return Ok(Some(text)),
-                Err(e) if e.kind() == std::io::ErrorKind::NotFound => {}
-                Err(e) => {
-                    let (file, problem) = (file.display().to_string(), e.to_string());
-                    return Err(ShaderError::Unreadable { file, problem });
-                }
+            let unreadable = |problem: String| ShaderError::Unreadable {
+                file: file.display().to_string(),
+                problem,
+            };
+            if file.exists() {
+                files::check(&file).map_err(unreadable)?;
+                let text = std::fs::read_to_string(&file);
+                return text.map(Some).map_err(|e| unreadable(e.to_string()));
             }
         }
         let embedded = TEXTS.iter().find(|(name, _)| *name == path);
         Ok(embedded.map(|(_, text)| (*text).to_owned()))
     }
+}
+
+/// Returns whether a path is that of a shader below the root of a folder.
+fn is_shader(path: &str) -> bool {
+    let path = Path::new(path);
+    let ending = path.extension().and_then(|ending| ending.to_str());
+    let mut parts = path.components();
+    parts.all(|part| matches!(part, Component::Normal(_)))
+        && ending.is_some_and(|ending| ENDINGS.contains(&ending))
+}
+
+/// Adds the paths of the shaders in a folder, each after `prefix`, with slashes between the folders.
+/// `entries` counts what was looked at. The error is the reason why the folder cannot be listed.
+fn list(
+    folder: &Path,
+    prefix: &str,
+    found: &mut BTreeSet<String>,
+    entries: &mut usize,
+) -> Result<(), String> {
+    for entry in std::fs::read_dir(folder).map_err(|e| e.to_string())? {
+        let path = entry.map_err(|e| e.to_string())?.path();
+        *entries += 1;
+        let depth = prefix.matches('/').count();
+        if *entries > MAX_ENTRIES || depth > MAX_DEPTH {
+            return Err(format!(
+                "it has more than {MAX_ENTRIES} files, or folders deeper than {MAX_DEPTH}"
+            ));
+        }
+        let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
+            continue;
+        };
+        let below = format!("{prefix}{name}");
+        if path.is_dir() {
+            list(&path, &format!("{below}/"), found, entries)?;
+        } else if is_shader(&below) {
+            found.insert(below);
+        }
+    }
+    Ok(())
 }
 
 /// Makes a module: compiles it and removes what drivers do not need.

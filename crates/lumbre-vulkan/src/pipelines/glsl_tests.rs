@@ -89,6 +89,49 @@ fn a_folder_is_hashed_by_its_differences() {
 }
 
 #[test]
+fn shaders_that_the_program_does_not_have_are_hashed_and_other_files_are_not() {
+    assert!(TEXTS.iter().all(|(name, _)| is_shader(name)));
+    let dir = tempfile::tempdir().unwrap();
+    let sources = Sources::Folder(dir.path().to_owned());
+    let (_, embedded) = Sources::Embedded.text("scene.glsl").unwrap();
+    std::fs::write(dir.path().join("scene.glsl"), &embedded).unwrap();
+    std::fs::create_dir(dir.path().join("own")).unwrap();
+    std::fs::write(dir.path().join("own/notes.txt"), "nothing").unwrap();
+    assert_eq!(sources.edited(), Ok(None));
+    let light = dir.path().join("own/light.glsl");
+    std::fs::write(&light, "int bright;\n").unwrap();
+    let first = sources.edited().unwrap();
+    std::fs::write(&light, "int dark;\n").unwrap();
+    assert!(first.is_some() && sources.edited().unwrap() != first);
+    // What is not hashed cannot be included: other endings, and files outside of the folder.
+    let outside = dir.path().with_extension("glsl");
+    std::fs::write(&outside, "int outside;\n").unwrap();
+    let outside_name = format!("../{}", outside.file_name().unwrap().to_string_lossy());
+    for name in ["own/notes.txt", outside_name.as_str()] {
+        let text = format!("{HEAD}#include \"{name}\"\nvoid main() {{}}\n");
+        let error = compile_text(&sources, &text, &[]).unwrap_err();
+        assert_eq!(error, ShaderError::Missing(name.to_owned()));
+    }
+    std::fs::remove_file(outside).unwrap();
+}
+
+#[test]
+fn a_folder_that_changed_after_the_plan_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("scene.glsl");
+    std::fs::write(&file, "int first;\n").unwrap();
+    let sources = Sources::Folder(dir.path().to_owned());
+    let planned = sources.resolved().unwrap();
+    assert_eq!(Sources::of(&planned), Ok(sources));
+    std::fs::write(&file, "int second;\n").unwrap();
+    let changed = ShaderError::Changed(dir.path().to_owned());
+    assert_eq!(Sources::of(&planned), Err(changed.clone()));
+    let (_, embedded) = Sources::Embedded.text("scene.glsl").unwrap();
+    std::fs::write(&file, embedded).unwrap();
+    assert_eq!(Sources::of(&planned), Err(changed));
+}
+
+#[test]
 fn defines_reach_the_text() {
     let text = format!("{HEAD}#ifndef WIDE\nnonsense\n#endif\nvoid main() {{}}\n");
     assert!(compile_text(&Sources::Embedded, &text, &[]).is_err());

@@ -4,11 +4,13 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use lumbre_render::shaders::{ShaderFolder, Shaders};
+
 use super::committed;
 use super::modules::Recipe;
 
-/// Environment variable that names a folder of modified shaders; its contents are part of the
-/// identity of runs.
+/// Environment variable that names the folder of shaders of runs whose render table has no
+/// `shaders`.
 pub const FOLDER_VARIABLE: &str = "LUMBRE_SHADERS";
 
 /// Source of shader modules.
@@ -28,16 +30,22 @@ pub enum Sources {
 pub enum ShaderError {
     /// The folder of modified shaders cannot be compiled.
     #[error(
-        "{FOLDER_VARIABLE} is set, but this program was built without the compiler of shaders; \
-         build it with `--features shader-dev`, which needs a C++ compiler, or unset \
+        "this program was built without the compiler of shaders, which a folder of shaders needs; \
+         build it with `--features shader-dev` and a C++ compiler, or leave out `shaders` and unset \
          {FOLDER_VARIABLE}"
     )]
     NoCompiler,
+    /// The files of a folder are no longer those that the plan was made for.
+    #[error(
+        "the shaders in {} have changed since the plan was made; run the command again, which \
+         plans with the files as they are", .0.display()
+    )]
+    Changed(PathBuf),
     /// The program has no module of this name.
     #[error("the program has no shader module `{0}`; make it with `cargo shaders`")]
     NoModule(String),
     /// The file does not exist.
-    #[error("the shader `{0}` does not exist, neither in {FOLDER_VARIABLE} nor in the program")]
+    #[error("the shader `{0}` does not exist, neither in the folder of shaders nor in the program")]
     Missing(String),
     /// A file of the folder cannot be read.
     #[error("the shader {file} cannot be read: {problem}")]
@@ -62,10 +70,46 @@ pub enum ShaderError {
 pub const HAS_COMPILER: bool = cfg!(feature = "shader-dev");
 
 impl Sources {
-    /// Returns the sources that [`FOLDER_VARIABLE`] selects.
-    pub fn from_env() -> Sources {
-        let folder = std::env::var_os(FOLDER_VARIABLE).filter(|folder| !folder.is_empty());
-        folder.map_or(Sources::Embedded, |folder| Sources::Folder(folder.into()))
+    /// Returns the sources that a run selects, or else [`FOLDER_VARIABLE`].
+    pub fn selected(shaders: &Shaders) -> Sources {
+        match shaders {
+            Shaders::Folder(folder) => Sources::Folder(folder.path.clone()),
+            Shaders::BuiltIn => Sources::Embedded,
+            Shaders::Unset => {
+                let folder = std::env::var_os(FOLDER_VARIABLE).filter(|folder| !folder.is_empty());
+                folder.map_or(Sources::Embedded, |folder| Sources::Folder(folder.into()))
+            }
+        }
+    }
+
+    /// Returns the sources of a run, whose plan may have resolved them.
+    ///
+    /// # Errors
+    /// Returns an error if the files of a folder cannot be read, or are not those of the plan.
+    pub fn of(shaders: &Shaders) -> Result<Sources, ShaderError> {
+        let sources = Sources::selected(shaders);
+        match shaders.folder() {
+            Some(planned) if !planned.hash.is_empty() => match sources.resolved()? {
+                Shaders::Folder(found) if found == *planned => Ok(sources),
+                _ => Err(ShaderError::Changed(planned.path.clone())),
+            },
+            _ => Ok(sources),
+        }
+    }
+
+    /// Returns the choice that selects these sources on every machine: the folder with the hash of
+    /// its differences, or the shaders of the program if nothing differs.
+    ///
+    /// # Errors
+    /// Returns an error in the cases of [`Sources::edited`].
+    pub fn resolved(&self) -> Result<Shaders, ShaderError> {
+        Ok(match (self, self.edited()?) {
+            (Sources::Folder(path), Some(hash)) => Shaders::Folder(ShaderFolder {
+                path: path.clone(),
+                hash,
+            }),
+            _ => Shaders::BuiltIn,
+        })
     }
 
     /// Returns the words of a module.
