@@ -105,6 +105,39 @@ fn quick_cases_agree_with_mitsuba_and_make_a_page() {
 }
 
 #[test]
+fn random_scenes_load_and_agree_with_mitsuba() {
+    let place = Workplace::new();
+    let script = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/docs/external/random_scenes.py"
+    );
+    let written = std::process::Command::new("python3")
+        .args([script, "scenes", "12", "1"])
+        .current_dir(place.path(""))
+        .status();
+    assert!(written.is_ok_and(|status| status.success()));
+    let files: Vec<String> = (0..12).map(|i| format!("scenes/1-{i:02}.xml")).collect();
+    for file in &files {
+        let output = place.succeed(&["check", file]);
+        let notes = output.stdout.lines().chain(output.stderr.lines());
+        let other = |line: &&str| line.starts_with("note") && !line.contains("a mesh of triangles");
+        assert_eq!(notes.clone().find(other), None, "{file}");
+    }
+    let Some(python) = interpreter() else {
+        println!("SKIPPED: no interpreter with the package mitsuba");
+        return;
+    };
+    let mut words = vec!["verify", "--mitsuba", "--python", &python, "-q"];
+    words.extend(files.iter().map(String::as_str));
+    let output = place.succeed(&words);
+    assert!(
+        output.stdout.contains("12 passed, 0 failed, 0 skipped"),
+        "{}",
+        output.stdout
+    );
+}
+
+#[test]
 fn the_comparison_with_mitsuba_is_skipped_where_it_is_absent() {
     let output =
         Workplace::new().succeed(&["verify", "--mitsuba", "--python", "/nowhere/python", "-q"]);
